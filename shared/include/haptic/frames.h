@@ -1,0 +1,117 @@
+/* What the two processes say to one another: the slots of the two rings, in C, so that any simulator can fill them.
+ *
+ * haptic_contact_frame goes from the simulation to the real-time process: the contact planes that the hand may feel
+ * until the next frame comes. haptic_device_state goes the other way. Both are in the device's frame (right-handed, y
+ * up, origin at the centre of the frame of strings) and in SI units; times are nanoseconds of CLOCK_MONOTONIC;
+ * quaternions are (w, x, y, z). A change of layout or meaning raises HAPTIC_ABI_VERSION, and the ring refuses the other
+ * version.
+ */
+#ifndef HAPTIC_FRAMES_H
+#define HAPTIC_FRAMES_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define HAPTIC_ABI_VERSION 1u
+#define HAPTIC_MAX_PROXIES 64u
+#define HAPTIC_MAX_PLANES 3u
+#define HAPTIC_STRINGS 8u
+
+/* A half-space in which the centre of a proxy may be: dot(normal, x) >= offset + velocity * (t - plane_time_ns) * 1e-9.
+ * The radius of the proxy is already in the offset (configuration-space obstacle, Ruspini et al. 1997). */
+typedef struct haptic_plane {
+    double normal[3]; /* unit, out of the surface */
+    double offset;    /* m */
+    double velocity;  /* m/s, of the surface along its normal */
+} haptic_plane;
+
+/* One sphere of the haptic tool. A tool of one sphere has one, with rest_offset 0. */
+typedef struct haptic_proxy {
+    double rest_offset[3]; /* m, grip frame: where the particle is while nothing touches it */
+    double position[3];    /* m, where the simulation has it at plane_time_ns */
+    uint32_t in_contact;   /* 1 if the simulation found it touching, else 0 */
+    uint32_t plane_count;  /* 0..HAPTIC_MAX_PLANES; planes of surfaces in reach are sent before they touch */
+    haptic_plane planes[HAPTIC_MAX_PLANES];
+} haptic_proxy;
+
+/* Bits of haptic_contact_frame.flags. */
+enum {
+    HAPTIC_FRAME_SQUEEZED = 1u << 0, /* the surfaces leave some proxy no room; its position is the least bad one */
+    HAPTIC_FRAME_CLUTCHED = 1u << 1  /* the grip is uncoupled from the scene: no force */
+};
+
+typedef struct haptic_contact_frame {
+    uint64_t sequence;           /* written by the ring: 1, 2, 3, ... over all sessions of the ring */
+    uint64_t session;            /* written by the ring: differs each time a writer attaches */
+    uint64_t state_sequence;     /* of the device state that this frame answers; 0 if there was none yet */
+    int64_t state_time_ns;       /* its encoder latch time */
+    int64_t plane_time_ns;       /* the time at which the planes' offsets hold */
+    int64_t publish_time_ns;     /* when the frame was handed to the ring */
+    int64_t step_ns;             /* how long the simulation expects until its next frame */
+    double stiffness;            /* N/m, coupling as felt at the hand */
+    double rotational_stiffness; /* N*m/rad */
+    double damping;              /* N*s/m */
+    double rotational_damping;   /* N*m*s/rad */
+    uint32_t proxy_count;        /* 0..HAPTIC_MAX_PROXIES */
+    uint32_t flags;
+    haptic_proxy proxies[HAPTIC_MAX_PROXIES];
+} haptic_contact_frame;
+
+/* States of the safety machine (haptic_device_state.safety_state). */
+enum {
+    HAPTIC_DISARMED = 0,    /* motors carry zero */
+    HAPTIC_TENSIONING = 1,  /* ramp to minimum tension */
+    HAPTIC_CALIBRATING = 2, /* grip at the centre, lengths are set */
+    HAPTIC_RUNNING = 3,
+    HAPTIC_FAULTED = 4 /* force faded out; a fault bit says why */
+};
+
+/* Faults, latched until the process is armed again (haptic_device_state.faults). */
+enum {
+    HAPTIC_FAULT_EXCHANGE = 1u << 0,  /* transfer failed, short or late */
+    HAPTIC_FAULT_JUMP = 1u << 1,      /* an encoder moved faster than a hand can */
+    HAPTIC_FAULT_SLACK = 1u << 2,     /* a string lost its tension */
+    HAPTIC_FAULT_RESIDUAL = 1u << 3,  /* the eight lengths contradict each other */
+    HAPTIC_FAULT_OVERRUN = 1u << 4,   /* too many ticks in a row were late */
+    HAPTIC_FAULT_NONFINITE = 1u << 5, /* a value was not a number */
+    HAPTIC_FAULT_STOP = 1u << 6       /* stop input or signal */
+};
+
+/* What one tick dropped or limited (haptic_device_state.tick_flags). */
+enum {
+    HAPTIC_TICK_OVERRUN = 1u << 0,            /* woke after the next deadline had passed */
+    HAPTIC_TICK_FRAME_STALE = 1u << 1,        /* no fresh contact frame: the force fades */
+    HAPTIC_TICK_FRAME_REJECTED = 1u << 2,     /* a frame failed validation and was ignored */
+    HAPTIC_TICK_FORCE_LIMITED = 1u << 3,      /* the wrench met its limit of size */
+    HAPTIC_TICK_SLEW_LIMITED = 1u << 4,       /* the wrench met its limit of rate */
+    HAPTIC_TICK_WRENCH_UNREACHABLE = 1u << 5, /* strings within bounds cannot make the wrench; the closest was sent */
+    HAPTIC_TICK_EXCHANGE_FAILED = 1u << 6     /* no encoder packet: the last pose was kept */
+};
+
+typedef struct haptic_device_state {
+    uint64_t sequence;              /* written by the ring */
+    uint64_t session;               /* written by the ring */
+    int64_t latch_time_ns;          /* when the encoders were latched */
+    uint64_t frame_sequence;        /* of the contact frame that this tick rendered; 0 if none */
+    double position[3];             /* m, of the grip in the device frame */
+    double orientation[4];          /* device_from_grip (w, x, y, z) */
+    double linear_velocity[3];      /* m/s */
+    double angular_velocity[3];     /* rad/s */
+    double force[3];                /* N, that the strings really make */
+    double torque[3];               /* N*m, likewise */
+    double proxy_position[3];       /* m, local proxy of the first proxy particle */
+    double tension[HAPTIC_STRINGS]; /* N, sent to the motors */
+    uint32_t safety_state;
+    uint32_t faults;
+    uint32_t tick_flags;
+    uint32_t buttons; /* bit k: button k is held */
+} haptic_device_state;
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif /* HAPTIC_FRAMES_H */

@@ -1,0 +1,69 @@
+// The slots of the two rings for C++: names, layout proofs, and the check that a reader makes before it trusts one.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <type_traits>
+
+#include "haptic/frames.h"
+#include "haptic/realtime.hpp"
+#include "haptic/types.hpp"
+
+namespace haptic {
+
+using ContactPlane = haptic_plane;
+using ProxyContact = haptic_proxy;
+using ContactFrame = haptic_contact_frame;
+using DeviceState = haptic_device_state;
+
+inline constexpr std::size_t kMaxProxies = HAPTIC_MAX_PROXIES;
+inline constexpr std::size_t kMaxPlanes = HAPTIC_MAX_PLANES;
+inline constexpr std::size_t kStrings = HAPTIC_STRINGS;
+
+static_assert(std::is_trivially_copyable_v<ContactFrame> && std::is_trivially_copyable_v<DeviceState>);
+static_assert(sizeof(ContactPlane) == 40 && sizeof(ProxyContact) == 176);
+static_assert(sizeof(ContactFrame) == 96 + 64 * 176 && offsetof(ContactFrame, proxies) == 96);
+static_assert(sizeof(DeviceState) == 32 + 30 * 8 + 16 && offsetof(DeviceState, safety_state) == 272);
+
+/// Why a contact frame must not be rendered.
+enum class FrameDefect : std::uint8_t {
+    None,
+    ProxyCount,  // more than kMaxProxies
+    PlaneCount,  // more than kMaxPlanes
+    NonFinite,   // any number that is used is not finite
+    Normal,      // a normal's length differs from 1 by more than 1e-6
+    Coupling,    // a stiffness or damping is negative
+    Step         // step_ns is not positive, or longer than a second
+};
+
+/// Checks everything of a frame that a renderer would use. Bounded by kMaxProxies * kMaxPlanes.
+[[nodiscard]] FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT;
+
+/// One sentence that says what is wrong, for reports; not for the tick.
+[[nodiscard]] std::string_view describe(FrameDefect defect) noexcept;
+
+inline Vec3 to_vec3(const double (&v)[3]) HAPTIC_RT {
+    return {v[0], v[1], v[2]};
+}
+inline Quat to_quat(const double (&q)[4]) HAPTIC_RT {
+    return Quat(q[0], q[1], q[2], q[3]);
+}
+inline void store(const Vec3& from, double (&to)[3]) HAPTIC_RT {
+    to[0] = from.x;
+    to[1] = from.y;
+    to[2] = from.z;
+}
+inline void store(const Quat& from, double (&to)[4]) HAPTIC_RT {
+    to[0] = from.w;
+    to[1] = from.x;
+    to[2] = from.y;
+    to[3] = from.z;
+}
+
+/// Pose of a device state.
+inline Pose pose_of(const DeviceState& state) HAPTIC_RT {
+    return {to_vec3(state.position), to_quat(state.orientation)};
+}
+
+}  // namespace haptic

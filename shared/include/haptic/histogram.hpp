@@ -1,0 +1,51 @@
+// A histogram of durations for the tick: fixed memory, one increment to record, a known relative error.
+//
+// Buckets are logarithmic in powers of two, each divided into kSubBuckets linear ones, so that a percentile is within
+// 1/kSubBuckets of its true value at any magnitude (the idea of HdrHistogram, Tene 2012). Minimum, maximum and sum are
+// kept exactly. Negative durations count as zero; the largest bucket takes all that is longer than kLargest_ns.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "haptic/realtime.hpp"
+
+namespace haptic {
+
+class Histogram {
+  public:
+    static constexpr int kSubBucketBits = 6;
+    static constexpr std::uint64_t kSubBuckets = 1u << kSubBucketBits;
+    static constexpr int kMagnitudes = 30;  // up to 2^36 ns, about 69 s
+    static constexpr std::size_t kBuckets = (kMagnitudes + 1) * kSubBuckets;
+
+    void record(std::int64_t duration_ns) HAPTIC_RT;
+    void clear() HAPTIC_RT { *this = Histogram{}; }
+
+    [[nodiscard]] std::uint64_t count() const HAPTIC_RT { return count_; }
+    [[nodiscard]] std::int64_t min_ns() const HAPTIC_RT { return count_ == 0 ? 0 : min_ns_; }
+    [[nodiscard]] std::int64_t max_ns() const HAPTIC_RT { return max_ns_; }
+    [[nodiscard]] double mean_ns() const HAPTIC_RT;
+    /// The duration that a fraction of all records does not exceed; fraction in 0..1. The upper edge of its bucket, but
+    /// never more than the maximum. 0 when nothing was recorded.
+    [[nodiscard]] std::int64_t percentile_ns(double fraction) const HAPTIC_RT;
+
+    struct Bucket {
+        std::int64_t lower_ns;  // inclusive
+        std::int64_t upper_ns;  // exclusive
+        std::uint64_t count;
+    };
+    [[nodiscard]] Bucket bucket(std::size_t index) const HAPTIC_RT;
+
+  private:
+    [[nodiscard]] static std::size_t index_of(std::uint64_t duration_ns) HAPTIC_RT;
+
+    std::array<std::uint64_t, kBuckets> counts_{};
+    std::uint64_t count_ = 0;
+    std::int64_t min_ns_ = 0;
+    std::int64_t max_ns_ = 0;
+    std::int64_t sum_ns_ = 0;
+};
+
+}  // namespace haptic

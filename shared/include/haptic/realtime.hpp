@@ -1,0 +1,20 @@
+// The real-time contract, written so that the compiler can hold us to it.
+//
+// Every function that the tick of rt-core reaches carries HAPTIC_RT. To every compiler it says noexcept; clang 20 and
+// newer also check that such a function neither allocates, locks, throws nor calls anything that might
+// (-Wfunction-effects), and the real-time sanitizer checks the same while it runs (presets clang-rt and rtsan).
+//
+// HAPTIC_RT_EXCEPTION_BEGIN(reason) ... HAPTIC_RT_EXCEPTION_END bracket a call that the compiler cannot see through and
+// that we know to be bounded. The reason names the bound. There are few; `git grep HAPTIC_RT_EXCEPTION` lists them all.
+#pragma once
+
+#if defined(__clang__) && __clang_major__ >= 20
+#define HAPTIC_RT noexcept [[clang::nonblocking]]
+#define HAPTIC_RT_EXCEPTION_BEGIN(reason) \
+    _Pragma("clang diagnostic push") _Pragma("clang diagnostic ignored \"-Wfunction-effects\"")
+#define HAPTIC_RT_EXCEPTION_END _Pragma("clang diagnostic pop")
+#else
+#define HAPTIC_RT noexcept
+#define HAPTIC_RT_EXCEPTION_BEGIN(reason)
+#define HAPTIC_RT_EXCEPTION_END
+#endif

@@ -1,0 +1,69 @@
+# The two ways in which this project makes a target, so that no folder repeats them:
+#   haptic_library(NAME INCLUDES... )       a static library, exported as haptic::NAME
+#   haptic_executable(NAME)                 an executable, installed
+# Both take sources with target_sources() afterwards.
+
+# Flags that hold for everything that is built here, and for nothing that a user builds against us.
+add_library(haptic_options INTERFACE)
+target_compile_features(haptic_options INTERFACE cxx_std_20)
+target_compile_options(haptic_options INTERFACE
+    -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
+    # The same operations on each machine and compiler, so that a recorded state can be compared bit for bit.
+    -ffp-contract=off
+    $<$<BOOL:${HAPTIC_WARNINGS_AS_ERRORS}>:-Werror>)
+if(HAPTIC_SANITIZE)
+    target_compile_options(haptic_options INTERFACE -fsanitize=${HAPTIC_SANITIZE} -fno-omit-frame-pointer)
+    if(HAPTIC_SANITIZE MATCHES undefined)
+        target_compile_options(haptic_options INTERFACE -fno-sanitize-recover=undefined)
+    endif()
+    target_link_options(haptic_options INTERFACE -fsanitize=${HAPTIC_SANITIZE})
+endif()
+
+# HAPTIC_RT_CHECKS is on where the compiler can prove the real-time contract (clang 20 or newer).
+if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 20)
+    target_compile_options(haptic_options INTERFACE
+        $<$<COMPILE_LANGUAGE:CXX>:-Wfunction-effects> $<$<COMPILE_LANGUAGE:CXX>:-Werror=function-effects>)
+endif()
+
+function(haptic_library name)
+    string(REPLACE "-" "_" target ${name})
+    add_library(haptic_${target} STATIC)
+    add_library(haptic::${target} ALIAS haptic_${target})
+    set_target_properties(haptic_${target} PROPERTIES EXPORT_NAME ${target} CXX_EXTENSIONS OFF
+                          POSITION_INDEPENDENT_CODE ON)
+    target_compile_features(haptic_${target} PUBLIC cxx_std_20)
+    target_include_directories(haptic_${target}
+        PUBLIC $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>
+        PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
+    target_link_libraries(haptic_${target} PRIVATE $<BUILD_INTERFACE:haptic_options>)
+    install(TARGETS haptic_${target} EXPORT hapticTargets)
+    install(DIRECTORY include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+endfunction()
+
+function(haptic_executable name)
+    add_executable(${name})
+    set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
+    target_link_libraries(${name} PRIVATE haptic_options)
+    install(TARGETS ${name})
+endfunction()
+
+# haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, each test known to ctest.
+function(haptic_test name)
+    cmake_parse_arguments(arg "" "LABEL;TIMEOUT" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
+    if(NOT arg_TIMEOUT)
+        set(arg_TIMEOUT 120)
+    endif()
+    add_executable(${name} ${arg_SOURCES})
+    set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
+    target_link_libraries(${name} PRIVATE haptic_options ${arg_LIBRARIES} GTest::gmock GTest::gtest_main)
+    target_compile_definitions(${name} PRIVATE ${arg_DEFINITIONS})
+    gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES LABELS ${arg_LABEL} TIMEOUT ${arg_TIMEOUT})
+endfunction()
+
+# haptic_benchmark(NAME SOURCES ... LIBRARIES ...): one Google Benchmark executable, run by toolchain/bench.
+function(haptic_benchmark name)
+    cmake_parse_arguments(arg "" "" "SOURCES;LIBRARIES" ${ARGN})
+    add_executable(${name} ${arg_SOURCES})
+    set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
+    target_link_libraries(${name} PRIVATE haptic_options ${arg_LIBRARIES} benchmark::benchmark)
+endfunction()
