@@ -1,0 +1,63 @@
+# shellcheck shell=bash
+# What the scripts of this folder share. Sourced, not run.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+
+say() { printf '==> %s\n' "$*"; }
+die() {
+    printf 'error: %s\n' "$*" >&2
+    exit 1
+}
+
+# packages_of GROUP...: the packages of these groups, one a line.
+packages_of() {
+    local groups="$*"
+    awk -v groups="$groups" 'BEGIN { n = split(groups, g, " "); for (i = 1; i <= n; i++) wanted[g[i]] = 1 }
+                             /^[^#]/ && ($1 in wanted) { print $2 }' "$root/toolchain/packages.txt"
+}
+
+# need GROUP...: installs what is missing of these groups, and says what. Quick and silent where nothing is.
+need() {
+    local missing=() package
+    while read -r package; do
+        [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing+=("$package")
+    done < <(packages_of "$@")
+    [ ${#missing[@]} -gt 0 ] || return 0
+    say "Installing ${#missing[@]} Debian packages: ${missing[*]}"
+    local as_root=()
+    if [ "$(id -u)" -ne 0 ]; then
+        command -v sudo >/dev/null || die "not root and no sudo: run as root: apt-get install ${missing[*]}"
+        as_root=(sudo)
+    fi
+    local log
+    log=$(mktemp)
+    "${as_root[@]}" apt-get update >"$log" 2>&1 || { tail -n 5 "$log" >&2; die "apt-get update failed"; }
+    DEBIAN_FRONTEND=noninteractive "${as_root[@]}" apt-get install -y --no-install-recommends "${missing[@]}" \
+        >"$log" 2>&1 || {
+        tail -n 8 "$log" >&2
+        case "${missing[*]}" in
+            *clang-*22*) die "apt-get could not install ${missing[*]} (clang 22 is in Debian's security suite: bookworm-security main)" ;;
+            *) die "apt-get could not install ${missing[*]}" ;;
+        esac
+    }
+    rm -f "$log"
+}
+
+# build PRESET [CMAKE-OPTION...] [-- TARGET...]: configures once, builds what has changed.
+build() {
+    local preset=$1 options=() targets=()
+    shift
+    while [ $# -gt 0 ] && [ "$1" != -- ]; do
+        options+=("$1")
+        shift
+    done
+    [ $# -eq 0 ] || shift
+    [ $# -eq 0 ] || targets=(--target "$@")
+    say "Building (preset $preset, in build/$preset)"
+    local log
+    log=$(mktemp)
+    (cd "$root" && cmake --preset "$preset" "${options[@]}") >"$log" 2>&1 || { cat "$log" >&2; die "cmake failed"; }
+    (cd "$root" && cmake --build --preset "$preset" --parallel "$(nproc)" "${targets[@]}") >"$log" 2>&1 ||
+        { grep -vE '^\[[0-9]+/[0-9]+\]' "$log" | tail -n 60 >&2; die "the build failed"; }
+    rm -f "$log"
+}
