@@ -1,0 +1,54 @@
+// From the wrapping 16-bit counters of the board to the lengths of the strings.
+//
+// The board counts modulo 65536 and is never cleared. The host extends a counter by the nearest difference and negates
+// it, so that the count of a string whose count_sign is +1 rises as it pays out. Lengths are relative: calibrate() says
+// that the present counts belong to the rest lengths, that is to the grip held level at the centre.
+// @source device-facts, section 2.3 (SH4 board), 3 (calibration).
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "haptic/device/variant.hpp"
+#include "haptic/frames.hpp"
+#include "haptic/realtime.hpp"
+#include "haptic/rt/kinematics.hpp"
+
+namespace haptic::rt {
+
+using RawCounters = std::array<std::uint16_t, kStrings>;
+
+class StringEncoders {
+  public:
+    /// maximum_speed: m/s, of a string; what is faster is not a hand. Ball-park 2.
+    StringEncoders(const device::Variant& variant, double maximum_speed);
+
+    /// Takes one latch of all counters, elapsed_ns after the last one that was taken. False if a string moved faster
+    /// than maximum_speed: the counters are then not taken, and the lengths stay. The first latch is always taken.
+    bool update(const RawCounters& raw, std::int64_t elapsed_ns) HAPTIC_RT;
+
+    /// The present counts are those of the rest lengths from now on.
+    void calibrate() HAPTIC_RT;
+
+    /// m. Rest lengths before the first calibration.
+    [[nodiscard]] const StringArray& lengths() const HAPTIC_RT { return lengths_; }
+
+    /// Largest movement of a string since the last calibrate() or mark(), m: whether the grip is held still.
+    [[nodiscard]] double largest_movement() const HAPTIC_RT;
+    void mark() HAPTIC_RT { marked_ = counts_; }
+
+  private:
+    using Counts = std::array<std::int64_t, kStrings>;
+
+    device::Variant variant_;
+    double maximum_speed_;
+    StringArray rest_lengths_{};
+    StringArray lengths_{};
+    Counts counts_{};  // extended and negated
+    Counts offsets_{};
+    Counts marked_{};
+    RawCounters raw_{};
+    bool started_ = false;
+};
+
+}  // namespace haptic::rt

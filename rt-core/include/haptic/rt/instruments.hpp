@@ -1,0 +1,35 @@
+// What the tick measures of itself.
+#pragma once
+
+#include <cstdint>
+
+#include "haptic/histogram.hpp"
+
+namespace haptic::rt {
+
+struct Instruments {
+    // Stages, ns: both exchanges; counters to velocity; frame, local proxies and wrench; tensions; state to the ring.
+    Histogram exchange;
+    Histogram pose;
+    Histogram proxy;
+    Histogram tension;
+    Histogram publish;
+
+    Histogram wakeup;     // ns, from deadline to wake-up
+    Histogram period;     // ns, between wake-ups
+    Histogram compute;    // ns, the whole tick
+    Histogram frame_age;  // ns, of the frame rendered, each tick that had one
+
+    std::uint64_t ticks = 0;
+    std::uint64_t overruns = 0;  // deadlines that were missed
+    std::uint64_t failed_exchanges = 0;
+    std::uint64_t frames_received = 0;
+    std::uint64_t frames_rejected = 0;
+    std::uint64_t stale_ticks = 0;
+    std::uint64_t contact_ticks = 0;
+    std::uint64_t unreachable_ticks = 0;  // wrenches that the strings could not make
+    double peak_force = 0.0;              // N, rendered
+    double peak_torque = 0.0;             // N*m
+};
+
+}  // namespace haptic::rt

@@ -1,0 +1,140 @@
+// One tick of the real-time loop, without a thread and without a clock of its own, so that tests step it in lockstep.
+//
+// run() does, in this order: exchange with the board (the last command again, encoders in) - unwrap counts, lengths,
+// pose, velocity - newest contact frame, if any - local proxies against its planes - wrench - safety limits - tensions
+// - second exchange (motors out, in this same tick) - publish the device state - record.
+//
+// All memory is allocated by the constructor. After it, run() neither allocates, locks, throws nor waits for anything
+// but the board.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+
+#include "haptic/device/board.hpp"
+#include "haptic/device/variant.hpp"
+#include "haptic/frames.hpp"
+#include "haptic/realtime.hpp"
+#include "haptic/ring.hpp"
+#include "haptic/rt/encoder.hpp"
+#include "haptic/rt/instruments.hpp"
+#include "haptic/rt/kinematics.hpp"
+#include "haptic/rt/limits.hpp"
+#include "haptic/rt/recorder.hpp"
+#include "haptic/rt/renderer.hpp"
+#include "haptic/rt/safety.hpp"
+#include "haptic/rt/tension.hpp"
+#include "haptic/rt/tick_record.hpp"
+#include "haptic/rt/velocity.hpp"
+
+namespace haptic::rt {
+
+struct TickSettings {
+    device::Variant variant = device::spidar_g6_x3r();
+    std::int64_t period_ns = 1'000'000;       // ns, between ticks
+    double maximum_string_speed = 2.0;        // m/s; what is faster is an encoder fault
+    double velocity_time_constant_s = 0.004;  // s
+    double tension_effort = 1e-6;             // TensionSettings::effort
+    double tension_continuity = 1e-6;         // TensionSettings::continuity
+    FrameSettings frames;
+    WrenchLimits limits;
+    SafetySettings safety;
+    std::int64_t black_box_ns = 2 * kNanosecondsPerSecond;  // ns, of ticks that are always kept
+};
+
+struct TickTime {
+    std::int64_t deadline_ns;  // when the tick was due
+    std::int64_t now_ns;       // when it began
+    std::int64_t missed = 0;   // deadlines that were skipped since the last tick
+};
+
+/// Only measures stages; the tick takes its time from TickTime. Lockstep passes a clock that stands still.
+using StageClock = std::int64_t (*)() HAPTIC_RT;
+
+class Tick {
+  public:
+    /// The references must outlive the tick. Throws std::invalid_argument for settings that cannot be.
+    Tick(const TickSettings& settings, device::Board& board, RingReader<ContactFrame>& frames,
+         RingWriter<DeviceState>& states, StageClock clock);
+    Tick(const Tick&) = delete;
+    Tick& operator=(const Tick&) = delete;
+    ~Tick();
+
+    /// One tick. Every path sends tensions within bounds to the board, zero unless armed.
+    void run(const TickTime& time) HAPTIC_RT;
+
+    /// Begins tensioning; running follows by itself once the grip was held still at the centre, arming_time_ns() later
+    /// at the earliest. Clears faults. Ignored unless disarmed.
+    void arm() HAPTIC_RT { safety_.arm(); }
+    /// Orderly end: force and tension fade, then safety_state() is Disarmed.
+    void stop() HAPTIC_RT { safety_.stop(); }
+    /// Sends zero to all motors once, whatever the state; for the way out.
+    device::ExchangeStatus send_zero(std::int64_t now_ns) HAPTIC_RT;
+
+    /// Also keeps each further tick in a recorder, which must outlive the tick; nullptr for none.
+    void record_to(Recorder* recorder) HAPTIC_RT { recorder_ = recorder; }
+
+    [[nodiscard]] SafetyState safety_state() const HAPTIC_RT { return safety_.state(); }
+    /// Bits HAPTIC_FAULT_*.
+    [[nodiscard]] std::uint32_t faults() const HAPTIC_RT { return safety_.faults(); }
+    /// What the last tick found and did.
+    [[nodiscard]] const TickRecord& last() const HAPTIC_RT { return record_; }
+    [[nodiscard]] const Instruments& instruments() const HAPTIC_RT { return instruments_; }
+    /// Begins all measurements anew, as after warming up.
+    void clear_instruments() HAPTIC_RT { instruments_ = Instruments{}; }
+    /// The last ticks, oldest first; not while run() may be running in another thread.
+    [[nodiscard]] const BlackBox& black_box() const noexcept { return black_box_; }
+
+  private:
+    void exchange_in(const TickTime& time) HAPTIC_RT;
+    void measure_pose(const TickTime& time) HAPTIC_RT;
+    void take_frame(const TickTime& time) HAPTIC_RT;
+    void render_wrench(const TickTime& time) HAPTIC_RT;
+    void distribute() HAPTIC_RT;
+    void exchange_out(const TickTime& time) HAPTIC_RT;
+    void publish(const TickTime& time) HAPTIC_RT;
+    void finish(const TickTime& time) HAPTIC_RT;
+    void mark_stage(Histogram& stage) HAPTIC_RT;
+    void set_flag(bool condition, std::uint32_t flag) HAPTIC_RT { record_.flags |= condition ? flag : 0u; }
+
+    TickSettings settings_;
+    device::Board* board_;
+    RingReader<ContactFrame>* frames_;
+    RingWriter<DeviceState>* states_;
+    StageClock clock_;
+    Recorder* recorder_ = nullptr;
+
+    StringEncoders encoders_;
+    PoseSolver pose_solver_;
+    VelocityFilter velocity_;
+    FrameRenderer renderer_;
+    WrenchLimiter limiter_;
+    SafetyMachine safety_;
+    TensionSolver tension_solver_;
+    BlackBox black_box_;
+
+    device::Sh4Command command_;  // sent last
+    device::Sh4Packet out_{};
+    device::Sh4Packet in_{};
+    device::Sh4Reply reply_;
+    DeviceState state_{};
+    TickRecord record_;
+    Instruments instruments_;
+
+    std::int64_t last_now_ns_ = 0;
+    std::int64_t last_latch_ns_ = 0;
+    std::int64_t elapsed_ns_ = 0;  // since the last tick
+    std::int64_t stage_ns_ = 0;    // stage clock at the end of the last stage
+    std::int64_t started_ns_ = 0;
+    bool first_ = true;
+    bool latched_ = false;  // this tick has new encoder values
+    bool jump_ = false;
+    Wrench wrench_;  // that acts in this tick
+    WireMatrix wires_{};
+};
+
+/// From arm() to running, ns, if the grip is held still.
+[[nodiscard]] std::int64_t arming_time_ns(const SafetySettings& settings) noexcept;
+
+}  // namespace haptic::rt
