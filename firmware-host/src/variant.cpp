@@ -1,9 +1,48 @@
 #include "haptic/device/variant.hpp"
 
-namespace haptic::device {
+#include <numbers>
 
-double Variant::rest_length(std::size_t string) const noexcept {
+namespace haptic::device {
+namespace {
+
+/// Turns a point of the list by -45 degrees about y: the frame stands on the table with a corner toward the user.
+/// Written out, not as a general rotation, so that the coordinates that cancel are exactly zero.
+constexpr Vec3 turned(double x, double y, double z) noexcept {
+    constexpr double kHalfRoot = std::numbers::sqrt2 / 2.0;
+    return {(x - z) * kHalfRoot, y, (x + z) * kHalfRoot};
+}
+
+}  // namespace
+
+double Variant::rest_length(std::size_t string) const HAPTIC_RT {
     return glm::length(strings[string].motor - strings[string].grip);
+}
+
+Variant spidar_g6_x3r() {
+    // Half sizes of the frame and of the grip, m.
+    constexpr double kX = 0.060;
+    constexpr double kY = 0.076;
+    constexpr double kZ = 0.060;
+    constexpr double kG = 0.0225;
+
+    Variant variant;
+    variant.name = "SpidarG6X3R";
+    variant.strings = {{
+        {turned(-kX, -kY, +kZ), turned(-kG, 0.0, 0.0), +1},  // lower left
+        {turned(+kX, -kY, +kZ), turned(+kG, 0.0, 0.0), +1},  // lower far
+        {turned(+kX, -kY, -kZ), turned(0.0, -kG, 0.0), -1},  // lower right
+        {turned(-kX, -kY, -kZ), turned(0.0, -kG, 0.0), -1},  // lower near
+        {turned(-kX, +kY, +kZ), turned(-kG, 0.0, 0.0), -1},  // upper left
+        {turned(+kX, +kY, +kZ), turned(+kG, 0.0, 0.0), -1},  // upper far
+        {turned(+kX, +kY, -kZ), turned(0.0, +kG, 0.0), +1},  // upper right
+        {turned(-kX, +kY, -kZ), turned(0.0, +kG, 0.0), +1},  // upper near
+    }};
+    variant.metres_per_count = 1.66555e-5;
+    variant.volts_per_newton = 0.365296803653;
+    variant.digits_per_volt = 415.0;
+    variant.minimum_tension = 0.3;
+    variant.maximum_tension = 20.0;
+    return variant;
 }
 
 }  // namespace haptic::device

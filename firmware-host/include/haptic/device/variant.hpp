@@ -6,6 +6,7 @@
 #include <string>
 
 #include "haptic/frames.hpp"
+#include "haptic/realtime.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::device {
@@ -28,7 +29,7 @@ struct Variant {
     double maximum_tension = 0.0;  // N
 
     /// m, with the grip at the centre and level: what calibration sets the lengths to.
-    [[nodiscard]] double rest_length(std::size_t string) const noexcept;
+    [[nodiscard]] double rest_length(std::size_t string) const HAPTIC_RT;
 };
 
 /// Spidar-G6 X3R: aluminium frame 0.120 x 0.152 x 0.120 m, list turned by -45 degrees about y, grip 0.045 m.

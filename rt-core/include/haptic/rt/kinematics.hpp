@@ -50,14 +50,17 @@ class PoseSolver {
 
     explicit PoseSolver(const device::Variant& variant);
 
-    /// Sets the pose that the next solve starts from.
-    void reset(const Pose& pose) HAPTIC_RT { estimate_ = PoseEstimate{pose, 0.0, PoseStatus::Ok}; }
+    /// Sets the pose that the next solve starts from. One that is not finite counts as the centre.
+    void reset(const Pose& pose) HAPTIC_RT;
     /// Fixed work. The estimate is always finite and its orientation of unit length.
     const PoseEstimate& solve(const StringArray& lengths) HAPTIC_RT;
 
   private:
+    PoseStatus improve(const StringArray& lengths, Pose& pose) const HAPTIC_RT;
+
     device::Variant variant_;
     double rotation_scale_ = 1.0;  // 1/m
+    double reach_ = 0.0;           // m, no grip is further from the centre than the motors are
     PoseEstimate estimate_;
 };
 

@@ -30,6 +30,10 @@ struct TensionResult {
 
 class TensionSolver {
   public:
+    static constexpr int kBlockRounds = 6;
+    static constexpr int kDescentRounds = 40;
+
+    /// Throws std::invalid_argument for settings that leave the box empty or the minimum not unique.
     explicit TensionSolver(const TensionSettings& settings);
     /// Fixed worst-case work. A wrench that is not finite counts as zero.
     TensionResult solve(const WireMatrix& wires, const Wrench& wanted) HAPTIC_RT;

@@ -1,0 +1,286 @@
+#include "haptic/rt/tension.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace haptic::rt {
+namespace {
+
+constexpr std::size_t kN = kStrings;
+constexpr std::int8_t kLower = -1;
+constexpr std::int8_t kFree = 0;
+constexpr std::int8_t kUpper = +1;
+
+// A multiplier is wrong only beyond this, relative to the largest term of the gradient: rounding of the gradient.
+constexpr double kMultiplierTolerance = 1e-12;
+
+// A wrench is shortened to this before anything is formed from it, in tensions at full pull: out of reach of any
+// strings, and far from overflow.
+constexpr double kLargestWrench = 1e4;
+
+// `reached`.
+constexpr double kRelativeError = 1e-3;
+constexpr double kForceError = 1e-3;    // N
+constexpr double kTorqueError = 50e-6;  // N*m
+
+using Matrix = std::array<StringArray, kN>;
+using Set = std::array<std::int8_t, kN>;
+
+double length(const Vec3& v) HAPTIC_RT {
+    return std::sqrt(glm::dot(v, v));
+}
+
+bool is_finite(const Vec3& v) HAPTIC_RT {
+    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+
+/// minimise 1/2 x^T hessian x - linear^T x  over  lower <= x <= upper.
+struct BoxProgramme {
+    Matrix hessian{};
+    StringArray linear{};
+    double lower = 0.0;
+    double upper = 0.0;
+    double tolerance = 0.0;  // of a multiplier's sign
+
+    [[nodiscard]] double gradient(const StringArray& x, std::size_t i) const HAPTIC_RT {
+        double sum = -linear[i];
+        for (std::size_t k = 0; k < kN; ++k) {
+            sum += hessian[i][k] * x[k];
+        }
+        return sum;
+    }
+
+    [[nodiscard]] double bound(std::int8_t side) const HAPTIC_RT { return side == kLower ? lower : upper; }
+
+    /// Whether the gradient pushes a string at a bound back into the box.
+    [[nodiscard]] bool wants_release(std::int8_t side, double slope) const HAPTIC_RT {
+        return side == kLower ? slope < -tolerance : slope > tolerance;
+    }
+};
+
+/// Moves x's free components to the minimum of their face, the others staying where they are: step solves
+/// H_FF step = -g_F. False if the face's Hessian is not positive definite, which only rounding can cause.
+bool newton_step(const BoxProgramme& programme, const Set& set, const StringArray& x, StringArray& step) HAPTIC_RT {
+    std::array<std::size_t, kN> index{};
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < kN; ++i) {
+        step[i] = 0.0;
+        if (set[i] == kFree) {
+            index[count++] = i;
+        }
+    }
+    Matrix factor{};
+    StringArray rhs{};
+    for (std::size_t row = 0; row < count; ++row) {
+        const StringArray& h = programme.hessian[index[row]];
+        double value = -programme.gradient(x, index[row]);
+        for (std::size_t column = 0; column < row; ++column) {
+            double entry = h[index[column]];
+            for (std::size_t k = 0; k < column; ++k) {
+                entry -= factor[row][k] * factor[column][k];
+            }
+            entry *= factor[column][column];  // the diagonal holds reciprocals
+            factor[row][column] = entry;
+            value -= entry * rhs[column];
+        }
+        double pivot = h[index[row]];
+        for (std::size_t k = 0; k < row; ++k) {
+            pivot -= factor[row][k] * factor[row][k];
+        }
+        if (!(pivot > 0.0)) {
+            return false;
+        }
+        factor[row][row] = 1.0 / std::sqrt(pivot);
+        rhs[row] = value * factor[row][row];
+    }
+    for (std::size_t row = count; row-- > 0;) {
+        double value = rhs[row];
+        for (std::size_t k = row + 1; k < count; ++k) {
+            value -= factor[k][row] * rhs[k];
+        }
+        rhs[row] = value * factor[row][row];
+        step[index[row]] = rhs[row];
+    }
+    return true;
+}
+
+void clamp_to_set(const BoxProgramme& programme, const Set& set, StringArray& x) HAPTIC_RT {
+    for (std::size_t i = 0; i < kN; ++i) {
+        x[i] = set[i] == kFree ? std::clamp(x[i], programme.lower, programme.upper) : programme.bound(set[i]);
+    }
+}
+
+/// One round of block principal pivoting: x goes to the minimum of the face, whether the box allows it or not, and
+/// every component that then breaks a condition changes sides at once. Returns how many did; 0: x is the minimum.
+int exchange_block(const BoxProgramme& programme, Set& set, StringArray& x) HAPTIC_RT {
+    StringArray step{};
+    clamp_to_set(programme, set, x);
+    if (!newton_step(programme, set, x, step)) {
+        return static_cast<int>(kN);
+    }
+    for (std::size_t i = 0; i < kN; ++i) {
+        x[i] += step[i];
+    }
+    int exchanged = 0;
+    for (std::size_t i = 0; i < kN; ++i) {
+        if (set[i] != kFree) {
+            if (programme.wants_release(set[i], programme.gradient(x, i))) {
+                set[i] = kFree;
+                ++exchanged;
+            }
+        } else if (x[i] < programme.lower || x[i] > programme.upper) {
+            set[i] = x[i] < programme.lower ? kLower : kUpper;
+            ++exchanged;
+        }
+    }
+    return exchanged;
+}
+
+/// One round of the primal active-set method, x within the box before and after. True: x is the minimum.
+bool descend(const BoxProgramme& programme, Set& set, StringArray& x) HAPTIC_RT {
+    StringArray step{};
+    if (!newton_step(programme, set, x, step)) {
+        return false;
+    }
+    double fraction = 1.0;
+    std::size_t blocking = kN;
+    for (std::size_t i = 0; i < kN; ++i) {
+        const double goal = x[i] + step[i];
+        if (set[i] == kFree && (goal < programme.lower || goal > programme.upper)) {
+            const double allowed = ((goal < programme.lower ? programme.lower : programme.upper) - x[i]) / step[i];
+            if (allowed < fraction) {
+                fraction = allowed;
+                blocking = i;
+            }
+        }
+    }
+    for (std::size_t i = 0; i < kN; ++i) {
+        x[i] = std::clamp(x[i] + fraction * step[i], programme.lower, programme.upper);
+    }
+    if (blocking < kN) {
+        set[blocking] = step[blocking] < 0.0 ? kLower : kUpper;
+        x[blocking] = programme.bound(set[blocking]);
+        return false;
+    }
+    // Bland's rule: always the first one that wants to be released, so that no set of steps of no length repeats.
+    for (std::size_t i = 0; i < kN; ++i) {
+        if (set[i] != kFree && programme.wants_release(set[i], programme.gradient(x, i))) {
+            set[i] = kFree;
+            return false;
+        }
+    }
+    return true;
+}
+
+bool minimise(const BoxProgramme& programme, Set& set, StringArray& x) HAPTIC_RT {
+    for (int round = 0; round < TensionSolver::kBlockRounds; ++round) {
+        if (exchange_block(programme, set, x) == 0) {
+            return true;
+        }
+    }
+    clamp_to_set(programme, set, x);
+    for (int round = 0; round < TensionSolver::kDescentRounds; ++round) {
+        if (descend(programme, set, x)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void require(bool held, const char* what) {
+    if (!held) {
+        throw std::invalid_argument(std::string("tension solver: ") + what);
+    }
+}
+
+}  // namespace
+
+TensionSolver::TensionSolver(const TensionSettings& settings) : settings_(settings) {
+    require(std::isfinite(settings.minimum) && settings.minimum >= 0.0, "the minimum tension must be 0 N or more");
+    require(std::isfinite(settings.maximum) && settings.maximum > settings.minimum,
+            "the maximum tension must be above the minimum");
+    require(std::isfinite(settings.torque_scale) && settings.torque_scale > 0.0, "the torque scale must be positive");
+    require(std::isfinite(settings.effort) && std::isfinite(settings.continuity) && settings.effort >= 0.0 &&
+                settings.continuity >= 0.0 && settings.effort + settings.continuity >= 1e-9,
+            "effort and continuity must not be negative, and must sum to 1e-9 or more, or the tensions are not unique");
+    reset();
+}
+
+void TensionSolver::reset() HAPTIC_RT {
+    previous_.fill(settings_.minimum);
+    at_bound_.fill(kLower);
+}
+
+TensionResult TensionSolver::solve(const WireMatrix& wires, const Wrench& wanted) HAPTIC_RT {
+    TensionResult result;
+    result.tensions.fill(settings_.minimum);
+    double sum = 0.0;
+    for (const Vec6& row : wires) {
+        for (const double entry : row) {
+            sum += std::abs(entry);
+        }
+    }
+    if (!std::isfinite(sum)) {
+        reset();
+        result.reached = false;
+        result.exact = false;
+        return result;
+    }
+
+    Vec3 force = is_finite(wanted.force) && is_finite(wanted.torque) ? wanted.force : Vec3{0.0, 0.0, 0.0};
+    Vec3 torque = is_finite(wanted.force) && is_finite(wanted.torque) ? wanted.torque : Vec3{0.0, 0.0, 0.0};
+    const double scale = settings_.torque_scale;
+    const double size = std::max({std::abs(force.x), std::abs(force.y), std::abs(force.z), std::abs(torque.x) * scale,
+                                  std::abs(torque.y) * scale, std::abs(torque.z) * scale});
+    const double largest = kLargestWrench * settings_.maximum;
+    const double shortening = size > largest ? largest / size : 1.0;
+    const Vec3 goal_force = force * shortening;
+    const Vec3 goal_torque = torque * shortening;
+    const Vec6 goal{goal_force.x,          goal_force.y,          goal_force.z,
+                    goal_torque.x * scale, goal_torque.y * scale, goal_torque.z * scale};
+
+    WireMatrix weighted = wires;
+    for (Vec6& row : weighted) {
+        for (std::size_t k = 3; k < 6; ++k) {
+            row[k] *= scale;
+        }
+    }
+    BoxProgramme programme;
+    programme.lower = settings_.minimum;
+    programme.upper = settings_.maximum;
+    double most = 0.0;
+    for (std::size_t i = 0; i < kN; ++i) {
+        for (std::size_t j = 0; j <= i; ++j) {
+            double entry = 0.0;
+            for (std::size_t k = 0; k < 6; ++k) {
+                entry += weighted[i][k] * weighted[j][k];
+            }
+            programme.hessian[i][j] = entry;
+            programme.hessian[j][i] = entry;
+        }
+        programme.hessian[i][i] += settings_.effort + settings_.continuity;
+        double entry = settings_.effort * settings_.minimum + settings_.continuity * previous_[i];
+        for (std::size_t k = 0; k < 6; ++k) {
+            entry += weighted[i][k] * goal[k];
+        }
+        programme.linear[i] = entry;
+        most = std::max({most, std::abs(entry), programme.hessian[i][i] * settings_.maximum});
+    }
+    programme.tolerance = kMultiplierTolerance * most;
+
+    StringArray x = previous_;
+    result.exact = minimise(programme, at_bound_, x);
+    for (std::size_t i = 0; i < kN; ++i) {
+        result.tensions[i] =
+            std::isfinite(x[i]) ? std::clamp(x[i], settings_.minimum, settings_.maximum) : settings_.minimum;
+    }
+    previous_ = result.tensions;
+    result.wrench = wrench_of_tensions(wires, result.tensions);
+    result.reached = length(result.wrench.force - force) <= std::max(kForceError, kRelativeError * length(force)) &&
+                     length(result.wrench.torque - torque) <= std::max(kTorqueError, kRelativeError * length(torque));
+    return result;
+}
+
+}  // namespace haptic::rt
