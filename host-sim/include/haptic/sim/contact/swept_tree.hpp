@@ -1,0 +1,119 @@
+// A bounding volume hierarchy over triangles in motion.
+//
+// Built once from the rest shape, refitted each step to boxes that hold every triangle at t = 0 and t = 1, and so, the
+// motion being linear, at every time between. Nodes have eight children whose boxes lie side by side, so that one node
+// is tested with a few wide operations; a leaf holds about eight triangles and the list of their vertices without
+// repetition, so that a refit reads each vertex of a leaf once. Arrays are flat, children follow their parents, and a
+// refit is one pass over the leaves and one over the nodes, backwards.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "haptic/sim/mesh.hpp"
+#include "haptic/types.hpp"
+
+namespace haptic::sim {
+
+/// Axis-aligned box.
+struct Box {
+    Vec3 low{0.0};
+    Vec3 high{0.0};
+};
+
+/// The box about a segment from p to q, grown by `margin` on all sides.
+[[nodiscard]] Box box_about(const Vec3& p, const Vec3& q, double margin) noexcept;
+
+class SweptTree {
+  public:
+    /// Splits the triangles by the positions of `rest`, at medians along the longest axis. Every box is empty until the
+    /// first refit. Throws std::invalid_argument for an index without vertex.
+    SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles);
+
+    /// Fits all boxes to a step. O(n), no allocation. `motion` has the triangles that the tree was built from.
+    void refit(const SurfaceMotion& motion) noexcept;
+
+    /// Calls visit(triangle index) for each triangle of each leaf whose box meets `box`; so for a few too many, but for
+    /// none too few. Order is fixed by the tree. No allocation.
+    template <class Visit>
+    void query(const Box& box, Visit&& visit) const {
+        if (nodes_.empty()) {
+            return;
+        }
+        std::array<std::uint32_t, kMaxStack> stack;
+        std::size_t depth = 0;
+        stack[depth++] = 0;
+        while (depth > 0) {
+            const Node& node = nodes_[stack[--depth]];
+            for (std::uint32_t hits = overlaps(node, box); hits != 0; hits &= hits - 1) {
+                const std::uint32_t child = node.child[static_cast<std::size_t>(__builtin_ctz(hits))];
+                if ((child & kLeaf) == 0) {
+                    stack[depth++] = child;
+                    continue;
+                }
+                const Leaf& leaf = leaves_[child & ~kLeaf];
+                for (std::uint32_t k = leaf.triangles_begin; k < leaf.triangles_end; ++k) {
+                    visit(leaf_triangles_[k]);
+                }
+            }
+        }
+    }
+
+    /// Box of everything over the step.
+    [[nodiscard]] const Box& bounds() const noexcept { return bounds_; }
+    /// Component-wise least and greatest displacement of any vertex over the step, m.
+    [[nodiscard]] const Box& displacement() const noexcept { return displacement_; }
+    [[nodiscard]] std::size_t node_count() const noexcept { return nodes_.size(); }
+    [[nodiscard]] std::size_t leaf_count() const noexcept { return leaves_.size(); }
+
+  private:
+    static constexpr std::size_t kWidth = 8;
+    static constexpr std::uint32_t kLeaf = 0x80000000u;
+    // Depth is at most 12 (leaves above 4 triangles, halves at medians, 2^32 triangles), seven siblings wait at each.
+    static constexpr std::size_t kMaxStack = 12 * (kWidth - 1) + 1;
+
+    struct Node {
+        std::array<std::array<double, kWidth>, 3> low;   // [axis][child]
+        std::array<std::array<double, kWidth>, 3> high;  // empty slots: low > high
+        std::array<std::uint32_t, kWidth> child;         // node, or leaf | kLeaf
+    };
+    struct Leaf {
+        std::uint32_t triangles_begin;  // in leaf_triangles_
+        std::uint32_t triangles_end;
+        std::uint32_t vertices_begin;  // in leaf_vertices_
+        std::uint32_t vertices_end;
+        std::uint32_t node;  // that it hangs under
+        std::uint32_t slot;
+    };
+    struct Builder;
+
+    [[nodiscard]] static std::uint32_t overlaps(const Node& node, const Box& box) noexcept {
+        std::uint32_t hits = 0;
+        for (std::size_t k = 0; k < kWidth; ++k) {
+            const bool hit = (node.low[0][k] <= box.high.x) & (node.high[0][k] >= box.low.x) &
+                             (node.low[1][k] <= box.high.y) & (node.high[1][k] >= box.low.y) &
+                             (node.low[2][k] <= box.high.z) & (node.high[2][k] >= box.low.z);
+            hits |= static_cast<std::uint32_t>(hit) << k;
+        }
+        return hits;
+    }
+
+    std::vector<Node> nodes_;
+    std::vector<Leaf> leaves_;
+    std::vector<std::uint32_t> leaf_triangles_;
+    std::vector<std::uint32_t> leaf_vertices_;
+    std::vector<std::uint32_t> parents_;  // of nodes: parent * kWidth + slot
+    Box bounds_;
+    Box displacement_;
+};
+
+/// A surface over one step with its tree, refitted to that step.
+struct MovingSurface {
+    SurfaceMotion motion;
+    const SweptTree* tree = nullptr;
+};
+
+}  // namespace haptic::sim
