@@ -6,14 +6,18 @@
 // session id. The roles are open-file-description locks on the segment (one byte for the writer, one for the reader),
 // so the kernel gives a role back when its process ends, however it ends. The last to leave removes the segment.
 //
-// Slots are seqlocks. Slot s carries a stamp: 2n-1 while frame n is being written, 2n when it is complete. The writer
-// fills the slot that is farthest from the newest one and then moves `head`; a reader that was overtaken while it
-// copied sees the stamp changed and tries again with the newest, kRingReadAttempts times at most. So neither side ever
-// waits for the other, and no torn frame is ever returned. Words are copied with release stores and acquire loads
-// rather than fences (Boehm 2012, "Can seqlocks get along with programming language memory models?"), which costs
-// nothing on x86 and lets ThreadSanitizer see the protocol. tests/models/ring.pml is the same protocol for Spin.
+// Slots are seqlocks. Frame n goes to slot n mod kRingSlots, whose stamp is 2n-1 while it is being written and 2n when
+// it is complete. The writer fills the slot that is farthest from the newest one and then moves `head`; a reader that
+// was overtaken while it copied sees the stamp changed and tries again with the newest, kRingReadAttempts times at
+// most. So neither side ever waits for the other, and no torn frame is ever returned. A writer that takes over goes on
+// at head + 1: it writes the frame at which its predecessor died anew, which no reader can have looked at. Words are
+// copied with release stores and acquire loads rather than fences (Boehm 2012, "Can seqlocks get along with programming
+// language memory models?"), which costs nothing on x86 and lets ThreadSanitizer see the protocol. Only the part of a
+// frame that is in use is copied. tests/models/ring.pml is the same protocol for Spin.
 //
-// The segment is never trusted after attach: sizes and counts used for addressing are our own constants.
+// The segment is never trusted after attach: sizes and counts used for addressing are our own constants. What it cannot
+// withstand is its own user: a process of the same user that truncates the segment under us is a bus error. A process
+// that forks without exec shares its roles with the child until both have ended.
 #pragma once
 
 #include <cstddef>
@@ -40,6 +44,7 @@ class RingError : public std::runtime_error {
         BadMagic,
         BadAbi,
         BadSize,  // truncated, or slots of another size
+        Damaged,  // its count of frames is beyond any that a ring can reach
         System    // a system call failed
     };
     RingError(Kind kind, const std::string& what) : std::runtime_error(what), kind_(kind) {}
@@ -55,10 +60,10 @@ enum class RingKind : std::uint32_t {
     State = 2     // DeviceState, real-time process to simulation
 };
 
-/// What a process can say of the other end.
+/// What a reader can say of the writer. Each member is true of itself; around a restart they may be of two writers.
 struct RingPeer {
     std::uint64_t session = 0;      // of the newest writer; 0 before the first
-    std::int64_t heartbeat_ns = 0;  // when that writer last published or beat
+    std::int64_t heartbeat_ns = 0;  // when that writer last published or beat; 0 before it first did
     std::uint32_t writer_pid = 0;   // 0 when no writer is attached, as far as it said so itself
     bool closed = false;            // the writer left in an orderly way
 };
@@ -71,7 +76,7 @@ struct RingReadCounts {
 };
 
 namespace detail {
-class RingSegment;  // ring.cpp: creation, checks, locks, mapping, removal
+class RingSegment;  // src/ring_segment.hpp: creation, checks, locks, mapping, removal
 
 /// Slot-size-agnostic halves; the templates below give them a type.
 class RingWriterBase {
@@ -86,7 +91,7 @@ class RingWriterBase {
 
   protected:
     RingWriterBase(const std::string& session, RingKind kind, std::size_t slot_bytes);
-    std::uint64_t publish_words(const std::uint64_t* words, std::int64_t now_ns) HAPTIC_RT;
+    std::uint64_t publish_bytes(const void* frame, std::size_t bytes, std::int64_t now_ns) HAPTIC_RT;
     [[nodiscard]] std::uint64_t next_sequence() const HAPTIC_RT { return next_; }
 
   private:
@@ -106,7 +111,7 @@ class RingReaderBase {
 
   protected:
     RingReaderBase(const std::string& session, RingKind kind, std::size_t slot_bytes);
-    bool read_newest_words(std::uint64_t* words) HAPTIC_RT;
+    bool read_newest_bytes(void* frame) HAPTIC_RT;
 
   private:
     std::unique_ptr<RingSegment> segment_;
@@ -115,9 +120,26 @@ class RingReaderBase {
 };
 
 template <class Slot>
-inline constexpr RingKind kRingKind = RingKind::Contact;
+struct RingKindOf;  // of no other slot
 template <>
-inline constexpr RingKind kRingKind<DeviceState> = RingKind::State;
+struct RingKindOf<ContactFrame> {
+    static constexpr RingKind kKind = RingKind::Contact;
+};
+template <>
+struct RingKindOf<DeviceState> {
+    static constexpr RingKind kKind = RingKind::State;
+};
+template <class Slot>
+inline constexpr RingKind kRingKind = RingKindOf<Slot>::kKind;
+
+/// How much of a slot is in use, from its beginning: a contact frame ends with its last proxy.
+inline std::size_t used_bytes(const ContactFrame& frame) HAPTIC_RT {
+    return frame.proxy_count < kMaxProxies ? offsetof(ContactFrame, proxies) + frame.proxy_count * sizeof(ProxyContact)
+                                           : sizeof(ContactFrame);
+}
+inline std::size_t used_bytes(const DeviceState& /*state*/) HAPTIC_RT {
+    return sizeof(DeviceState);
+}
 }  // namespace detail
 
 /// The writing end. Slot is ContactFrame or DeviceState.
@@ -129,11 +151,12 @@ class RingWriter : public detail::RingWriterBase {
     /// Attaches as the session's writer, creating the segment if there is none. Throws RingError.
     explicit RingWriter(const std::string& session) : RingWriterBase(session, detail::kRingKind<Slot>, sizeof(Slot)) {}
 
-    /// Publishes a slot; fills in its sequence and session. Wait-free: one copy. Returns the sequence.
+    /// Publishes a slot; fills in its sequence and session. Wait-free: one copy of the part in use. Returns the
+    /// sequence.
     std::uint64_t publish(Slot& slot, std::int64_t now_ns) HAPTIC_RT {
         slot.sequence = next_sequence();
         slot.session = session_id();
-        return publish_words(reinterpret_cast<const std::uint64_t*>(&slot), now_ns);
+        return publish_bytes(&slot, detail::used_bytes(slot), now_ns);
     }
 };
 
@@ -145,9 +168,10 @@ class RingReader : public detail::RingReaderBase {
     /// it: judge by the slot's time. Throws RingError.
     explicit RingReader(const std::string& session) : RingReaderBase(session, detail::kRingKind<Slot>, sizeof(Slot)) {}
 
-    /// Copies the newest slot if there is one that was not returned before; `out` is unspecified otherwise.
-    /// Wait-free: kRingReadAttempts copies at most. The content is whole but unchecked: see find_defect().
-    bool read_newest(Slot& out) HAPTIC_RT { return read_newest_words(reinterpret_cast<std::uint64_t*>(&out)); }
+    /// Copies the newest slot if there is one that was not returned before; `out` is unspecified otherwise. Proxies
+    /// from proxy_count on are not written. Wait-free: kRingReadAttempts copies at most. The content is whole but
+    /// unchecked: see find_defect().
+    [[nodiscard]] bool read_newest(Slot& out) HAPTIC_RT { return read_newest_bytes(&out); }
 };
 
 /// The name of a ring's segment for shm_open, e.g. "/haptic-1000-default-contact".

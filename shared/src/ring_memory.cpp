@@ -1,0 +1,79 @@
+#include "ring_memory.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+namespace haptic::detail {
+namespace {
+
+constexpr auto kAcquire = std::memory_order_acquire;
+constexpr auto kRelease = std::memory_order_release;
+
+SharedWord* words_of(RingSlotHeader& slot) HAPTIC_RT {
+    return reinterpret_cast<SharedWord*>(&slot + 1);
+}
+
+}  // namespace
+
+void RingMemory::initialise(RingKind kind) const noexcept {
+    RingHeader& ring = header();
+    ring.abi.store(HAPTIC_ABI_VERSION, kRelease);
+    ring.kind.store(static_cast<std::uint32_t>(kind), kRelease);
+    ring.slot_bytes.store(static_cast<std::uint32_t>(slot_bytes_), kRelease);
+    ring.slot_count.store(kRingSlots, kRelease);
+    ring.magic.store(kRingMagic, kRelease);
+}
+
+RingSlotHeader& RingMemory::slot_of(std::uint64_t sequence) const HAPTIC_RT {
+    const std::size_t offset = sizeof(RingHeader) + (sequence % kRingSlots) * stride(slot_bytes_);
+    return *reinterpret_cast<RingSlotHeader*>(base_ + offset);
+}
+
+void RingMemory::publish(std::uint64_t sequence, const void* frame, std::size_t bytes,
+                         std::int64_t now_ns) const HAPTIC_RT {
+    RingSlotHeader& slot = slot_of(sequence);
+    SharedWord* const words = words_of(slot);
+    const auto* const source = static_cast<const std::byte*>(frame);
+    const std::size_t count = std::min(bytes, slot_bytes_) / sizeof(std::uint64_t);
+
+    slot.stamp.store(2 * sequence - 1, kRelease);
+    slot.words.store(count, kRelease);
+    for (std::size_t i = 0; i < count; ++i) {
+        std::uint64_t word = 0;
+        std::memcpy(&word, source + i * sizeof word, sizeof word);
+        words[i].store(word, kRelease);
+    }
+    slot.stamp.store(2 * sequence, kRelease);
+    header().heartbeat_ns.store(now_ns, kRelease);
+    header().head.store(sequence, kRelease);
+}
+
+RingMemory::Read RingMemory::read_newest(std::uint64_t last, void* frame) const HAPTIC_RT {
+    auto* const target = static_cast<std::byte*>(frame);
+    Read result;
+    for (int attempt = 0; attempt < kRingReadAttempts; ++attempt) {
+        const std::uint64_t newest = header().head.load(kAcquire);
+        if (newest <= last) {
+            return result;
+        }
+        RingSlotHeader& slot = slot_of(newest);
+        const SharedWord* const words = words_of(slot);
+        if (slot.stamp.load(kAcquire) == 2 * newest) {
+            // The count may already be the next frame's, or anything at all: it addresses nothing beyond the slot.
+            const std::uint64_t count =
+                std::min<std::uint64_t>(slot.words.load(kAcquire), slot_bytes_ / sizeof(std::uint64_t));
+            for (std::size_t i = 0; i < count; ++i) {
+                const std::uint64_t word = words[i].load(kAcquire);
+                std::memcpy(target + i * sizeof word, &word, sizeof word);
+            }
+            if (slot.stamp.load(kAcquire) == 2 * newest) {
+                result.sequence = newest;
+                return result;
+            }
+        }
+        ++result.overtaken;
+    }
+    return result;
+}
+
+}  // namespace haptic::detail
