@@ -30,7 +30,7 @@ class StringEncoders {
     /// The present counts are those of the rest lengths from now on.
     void calibrate() HAPTIC_RT;
 
-    /// m. Rest lengths before the first calibration.
+    /// m. The first latch counts as a calibration, so that there is a pose from the start; it means little before one.
     [[nodiscard]] const StringArray& lengths() const HAPTIC_RT { return lengths_; }
 
     /// Largest movement of a string since the last calibrate() or mark(), m: whether the grip is held still.
@@ -40,8 +40,9 @@ class StringEncoders {
   private:
     using Counts = std::array<std::int64_t, kStrings>;
 
-    device::Variant variant_;
     double maximum_speed_;
+    double metres_per_count_;
+    StringArray metres_of_count_{};  // with the sign of the string
     StringArray rest_lengths_{};
     StringArray lengths_{};
     Counts counts_{};  // extended and negated

@@ -75,7 +75,4 @@ class FrameRenderer {
     Wrench last_;
 };
 
-/// Smooth step 3x^2 - 2x^3 of x clamped to 0..1: no jump of the value or of its rate at either end.
-[[nodiscard]] double smooth_step(double x) HAPTIC_RT;
-
 }  // namespace haptic::rt

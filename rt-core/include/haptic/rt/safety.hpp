@@ -33,10 +33,13 @@ struct SafetySettings {
     double calibration_movement = 0.5e-3;            // m, that a string may move in that time
     std::int64_t fault_fade_ns = 100'000'000;        // ns, in which the wrench goes to zero on a fault
     double residual = 3e-3;                          // m, rms of measured minus explained lengths
-    int residual_ticks = 20;                         // in a row, after which a large residual is a fault
-    int exchange_ticks = 5;                          // failed in a row, after which that is a fault
-    int overrun_ticks = 100;                         // late in a row, after which that is a fault
+    int residual_ticks = 20;  // in a row, after which a large residual or an undetermined pose is a fault
+    int exchange_ticks = 5;   // failed in a row, after which that is a fault
+    int overrun_ticks = 100;  // late in a row, after which that is a fault
 };
+
+/// From arm() to running, ns, if the grip is held still.
+[[nodiscard]] std::int64_t arming_time_ns(const SafetySettings& settings) noexcept;
 
 /// What one tick found.
 struct TickHealth {
@@ -45,8 +48,9 @@ struct TickHealth {
     bool jump = false;
     bool late = false;
     bool finite = true;
+    bool determined = true;         // the strings determine the pose
     double residual = 0.0;          // m
-    double largest_movement = 0.0;  // m, of a string since the last tick that restart_hold() asked to mark
+    double largest_movement = 0.0;  // m, of a string since the last Calibration::Restart
 };
 
 class SafetyMachine {

@@ -87,15 +87,20 @@ class Tick {
     [[nodiscard]] const BlackBox& black_box() const noexcept { return black_box_; }
 
   private:
+    void begin(const TickTime& time) HAPTIC_RT;
     void exchange_in(const TickTime& time) HAPTIC_RT;
     void measure_pose(const TickTime& time) HAPTIC_RT;
+    void watch_health(const TickTime& time) HAPTIC_RT;
+    void calibrate(const TickTime& time) HAPTIC_RT;
     void take_frame(const TickTime& time) HAPTIC_RT;
     void render_wrench(const TickTime& time) HAPTIC_RT;
     void distribute() HAPTIC_RT;
     void exchange_out(const TickTime& time) HAPTIC_RT;
     void publish(const TickTime& time) HAPTIC_RT;
     void finish(const TickTime& time) HAPTIC_RT;
-    void mark_stage(Histogram& stage) HAPTIC_RT;
+    /// Stage clock since the last call.
+    std::int64_t lap() HAPTIC_RT;
+    void mark_stage(Histogram& stage) HAPTIC_RT { stage.record(lap()); }
     void set_flag(bool condition, std::uint32_t flag) HAPTIC_RT { record_.flags |= condition ? flag : 0u; }
 
     TickSettings settings_;
@@ -122,19 +127,21 @@ class Tick {
     TickRecord record_;
     Instruments instruments_;
 
+    PoseEstimate estimate_;
+    WireMatrix wires_{};  // at that pose
     std::int64_t last_now_ns_ = 0;
-    std::int64_t last_latch_ns_ = 0;
-    std::int64_t elapsed_ns_ = 0;  // since the last tick
-    std::int64_t stage_ns_ = 0;    // stage clock at the end of the last stage
-    std::int64_t started_ns_ = 0;
+    std::int64_t last_latch_ns_ = 0;  // of the counters in use
+    std::int64_t elapsed_ns_ = 0;     // since the last tick, for rates and ramps
+    std::int64_t started_ns_ = 0;     // stage clock at the beginning of the tick
+    std::int64_t stage_ns_ = 0;       // stage clock at the end of the last stage
+    std::int64_t exchange_ns_ = 0;    // that the first exchange took
     bool first_ = true;
-    bool latched_ = false;  // this tick has new encoder values
+    bool latched_ = false;  // counters were taken at least once
+    bool in_ok_ = false;    // first exchange of this tick
+    bool out_ok_ = true;    // second exchange of the last tick
     bool jump_ = false;
-    Wrench wrench_;  // that acts in this tick
-    WireMatrix wires_{};
+    bool late_ = false;
+    bool solve_tensions_ = false;  // the pose is calibrated, so that a wrench can be distributed
 };
-
-/// From arm() to running, ns, if the grip is held still.
-[[nodiscard]] std::int64_t arming_time_ns(const SafetySettings& settings) noexcept;
 
 }  // namespace haptic::rt

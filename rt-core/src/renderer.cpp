@@ -1,0 +1,151 @@
+#include "haptic/rt/renderer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+#include <span>
+
+#include "haptic/rt/smooth.hpp"
+
+namespace haptic::rt {
+namespace {
+
+// Planes move on for at most this share of the simulation's step: half a step of patience for a frame that is late.
+constexpr double kHorizonSteps = 1.5;
+// A frame is fresh for at least so many steps of a slow simulation.
+constexpr std::int64_t kFreshSteps = 3;
+// Below this determinant of the Gram matrix, active planes are nearly parallel and one stands for all.
+constexpr double kParallel = 1e-9;
+
+/// Speed of the surface along the unit vector n, m/s, positive toward the proxy. With n = sum w_k n_k over the active
+/// planes, a point that rides on all of them moves along n at sum w_k v_k.
+double surface_speed(const Vec3& n, const ProxyContact& contact, std::uint8_t active) HAPTIC_RT {
+    Mat3 gram(1.0);
+    Vec3 along(0.0);
+    Vec3 speeds(0.0);
+    int deepest = -1;
+    for (int i = 0; i < static_cast<int>(kMaxPlanes); ++i) {
+        if ((active & (1u << i)) == 0) {
+            continue;
+        }
+        const Vec3 normal = to_vec3(contact.planes[i].normal);
+        along[i] = glm::dot(normal, n);
+        speeds[i] = contact.planes[i].velocity;
+        for (int j = 0; j < i; ++j) {
+            const bool both = (active & (1u << j)) != 0;
+            gram[i][j] = gram[j][i] = both ? glm::dot(normal, to_vec3(contact.planes[j].normal)) : 0.0;
+        }
+        deepest = deepest < 0 || along[i] > along[deepest] ? i : deepest;
+    }
+    if (deepest < 0) {
+        return 0.0;
+    }
+    if (std::fabs(glm::determinant(gram)) < kParallel) {
+        return along[deepest] * speeds[deepest];
+    }
+    return glm::dot(glm::inverse(gram) * along, speeds);
+}
+
+}  // namespace
+
+Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity, std::int64_t time_ns) HAPTIC_RT {
+    Contact contact;
+    contact.proxy = grip.position;
+    if (frame.proxy_count == 0 || (frame.flags & HAPTIC_FRAME_CLUTCHED) != 0) {
+        return contact;
+    }
+    const auto horizon_ns = static_cast<std::int64_t>(kHorizonSteps * static_cast<double>(frame.step_ns));
+    const std::size_t count = std::min<std::size_t>(frame.proxy_count, kMaxProxies);
+    for (std::size_t i = 0; i < count; ++i) {
+        const ProxyContact& particle = frame.proxies[i];
+        const Vec3 lever = grip.orientation * to_vec3(particle.rest_offset);
+        const Vec3 goal = grip.position + lever;
+
+        std::array<HalfSpace, kMaxPlanes> planes{};
+        const std::size_t plane_count = std::min<std::size_t>(particle.plane_count, kMaxPlanes);
+        for (std::size_t k = 0; k < plane_count; ++k) {
+            planes[k] = plane_at(particle.planes[k], frame.plane_time_ns, time_ns, horizon_ns);
+        }
+        const LocalProxy proxy = project(goal, std::span<const HalfSpace>(planes.data(), plane_count));
+        if (i == 0) {
+            contact.proxy = proxy.position;
+        }
+        const Vec3 apart = proxy.position - goal;
+        const double depth = glm::length(apart);
+        if (proxy.active == 0 || !(depth > 0.0)) {
+            continue;
+        }
+        ++contact.in_contact;
+        const Vec3 n = apart / depth;
+        const Vec3 goal_velocity = velocity.linear + glm::cross(velocity.angular, lever);
+        const double closing = surface_speed(n, particle, proxy.active) - glm::dot(goal_velocity, n);
+        const Vec3 force = std::max(0.0, frame.stiffness * depth + frame.damping * closing) * n;
+        contact.wrench.force += force;
+        contact.wrench.torque += glm::cross(lever, force);
+    }
+    if (contact.in_contact > 0) {
+        const double share = 1.0 / static_cast<double>(count);
+        contact.wrench.force *= share;
+        contact.wrench.torque *= share;
+        contact.wrench.torque -=
+            frame.rotational_damping * share * static_cast<double>(contact.in_contact) * velocity.angular;
+    }
+    return contact;
+}
+
+FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
+    const ContactFrame& candidate = inbox();
+    const FrameDefect defect = find_defect(candidate);
+    if (defect != FrameDefect::None) {
+        return defect;
+    }
+    const bool clutch_worked = ((candidate.flags ^ frame().flags) & HAPTIC_FRAME_CLUTCHED) != 0;
+    if (have_frame_ && (candidate.session != frame().session || clutch_worked)) {
+        begin_blend();
+    }
+    current_ = 1 - current_;
+    have_frame_ = true;
+    received_ns_ = now_ns;
+    return FrameDefect::None;
+}
+
+void FrameRenderer::begin_blend() HAPTIC_RT {
+    blend_from_ = last_;
+    blend_ = 0.0;
+}
+
+FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& velocity, std::int64_t now_ns,
+                                            std::int64_t elapsed_ns) HAPTIC_RT {
+    Result result;
+    result.contact.proxy = grip.position;
+    if (!have_frame_) {
+        return result;
+    }
+    // A time of publishing in our future would keep a dead simulation's force alive.
+    result.frame_sequence = frame().sequence;
+    result.frame_age_ns = now_ns - std::min(frame().publish_time_ns, received_ns_);
+    result.stale = result.frame_age_ns > std::max(settings_.stale_after_ns, kFreshSteps * frame().step_ns);
+
+    const double dt = static_cast<double>(elapsed_ns);
+    if (result.stale) {
+        fade_ = std::max(0.0, fade_ - dt / static_cast<double>(settings_.fade_ns));
+    } else if (fade_ < 1.0) {
+        begin_blend();
+        fade_ = 1.0;
+    }
+    blend_ = std::min(1.0, blend_ + dt / static_cast<double>(settings_.ramp_ns));
+    if (fade_ > 0.0) {
+        result.contact = rt::render(frame(), grip, velocity, now_ns);
+        const double fade = smooth_step(fade_);
+        const double taken = smooth_step(blend_);
+        Wrench& wrench = result.contact.wrench;
+        wrench.force = fade * (taken * wrench.force + (1.0 - taken) * blend_from_.force);
+        wrench.torque = fade * (taken * wrench.torque + (1.0 - taken) * blend_from_.torque);
+    }
+    last_ = result.contact.wrench;
+    return result;
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,79 @@
+// What allocates and may throw: constructors, kept apart from the objects of the tick so that the symbols these refer
+// to can be checked.
+#include <algorithm>
+#include <bit>
+#include <glm/geometric.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "haptic/rt/recorder.hpp"
+#include "haptic/rt/tick.hpp"
+
+namespace haptic::rt {
+namespace {
+
+void require(bool condition, const char* problem) {
+    if (!condition) {
+        throw std::invalid_argument(std::string("tick settings: ") + problem);
+    }
+}
+
+const TickSettings& checked(const TickSettings& settings) {
+    const device::Variant& variant = settings.variant;
+    require(settings.period_ns > 0, "period_ns must be positive");
+    require(variant.metres_per_count > 0.0, "the variant's metres_per_count must be positive");
+    require(variant.minimum_tension >= 0.0 && variant.maximum_tension > variant.minimum_tension,
+            "the variant's tensions must obey 0 <= minimum < maximum");
+    require(settings.maximum_string_speed > 0.0, "maximum_string_speed must be positive");
+    require(settings.velocity_time_constant_s >= 0.0, "velocity_time_constant_s must not be negative");
+    require(settings.frames.stale_after_ns > 0 && settings.frames.fade_ns > 0 && settings.frames.ramp_ns > 0,
+            "times of frames must be positive");
+    require(settings.safety.tension_ramp_ns > 0 && settings.safety.fault_fade_ns > 0 &&
+                settings.safety.calibration_hold_ns >= 0,
+            "times of the safety machine must be positive");
+    require(settings.limits.force >= 0.0 && settings.limits.torque >= 0.0 && settings.limits.force_rate > 0.0 &&
+                settings.limits.torque_rate > 0.0,
+            "limits of the wrench must not be negative, and those of its rate must be positive");
+    require(settings.black_box_ns >= settings.period_ns, "black_box_ns must hold at least one tick");
+    return settings;
+}
+
+TensionSettings tension_settings(const TickSettings& settings) {
+    double radius = 0.0;
+    for (const device::StringFacts& string : settings.variant.strings) {
+        radius = std::max(radius, glm::length(string.grip));
+    }
+    TensionSettings result;
+    result.minimum = settings.variant.minimum_tension;
+    result.maximum = settings.variant.maximum_tension;
+    result.torque_scale = radius > 0.0 ? 1.0 / radius : 1.0;
+    result.effort = settings.tension_effort;
+    result.continuity = settings.tension_continuity;
+    return result;
+}
+
+}  // namespace
+
+BlackBox::BlackBox(std::size_t capacity) : records_(std::max<std::size_t>(capacity, 1)) {}
+
+Recorder::Recorder(std::size_t capacity) : records_(std::bit_ceil(std::max<std::size_t>(capacity, 2))) {}
+
+Tick::Tick(const TickSettings& settings, device::Board& board, RingReader<ContactFrame>& frames,
+           RingWriter<DeviceState>& states, StageClock clock)
+    : settings_(checked(settings)),
+      board_(&board),
+      frames_(&frames),
+      states_(&states),
+      clock_(clock),
+      encoders_(settings.variant, settings.maximum_string_speed),
+      pose_solver_(settings.variant),
+      velocity_(settings.velocity_time_constant_s),
+      renderer_(settings.frames),
+      limiter_(settings.limits),
+      safety_(settings.safety),
+      tension_solver_(tension_settings(settings)),
+      black_box_(static_cast<std::size_t>(settings.black_box_ns / settings.period_ns)) {}
+
+Tick::~Tick() = default;
+
+}  // namespace haptic::rt

@@ -1,0 +1,239 @@
+#include "haptic/rt/tick.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+
+namespace haptic::rt {
+namespace {
+
+// After a long interruption rates and ramps go on as if it had been this many periods, so that nothing catches up in
+// one step.
+constexpr std::int64_t kMostElapsedPeriods = 2;
+// External switches in the board's PIO word; bits 4-7 are the rotary switch.
+constexpr std::uint32_t kButtonMask = 0x07;
+
+}  // namespace
+
+void Tick::run(const TickTime& time) HAPTIC_RT {
+    begin(time);
+    exchange_in(time);
+    measure_pose(time);
+    watch_health(time);
+    mark_stage(instruments_.pose);
+    take_frame(time);
+    render_wrench(time);
+    mark_stage(instruments_.proxy);
+    distribute();
+    mark_stage(instruments_.tension);
+    exchange_out(time);
+    publish(time);
+    mark_stage(instruments_.publish);
+    finish(time);
+}
+
+void Tick::begin(const TickTime& time) HAPTIC_RT {
+    started_ns_ = clock_();
+    stage_ns_ = started_ns_;
+    record_ = TickRecord{};
+    record_.deadline_ns = time.deadline_ns;
+    record_.now_ns = time.now_ns;
+    record_.period_ns = first_ ? 0 : time.now_ns - last_now_ns_;
+    elapsed_ns_ = first_ ? settings_.period_ns
+                         : std::clamp<std::int64_t>(record_.period_ns, 0, kMostElapsedPeriods * settings_.period_ns);
+    late_ = time.missed > 0 || time.now_ns - time.deadline_ns >= settings_.period_ns;
+    set_flag(late_, HAPTIC_TICK_OVERRUN);
+
+    ++instruments_.ticks;
+    instruments_.overruns += static_cast<std::uint64_t>(std::max<std::int64_t>(time.missed, 0));
+    instruments_.wakeup.record(time.now_ns - time.deadline_ns);
+    if (!first_) {
+        instruments_.period.record(record_.period_ns);
+    }
+}
+
+void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
+    // The board answers only to a command, so the one that it already has is sent again.
+    device::encode(command_, out_);
+    in_ok_ = board_->exchange(out_, in_, time.now_ns) == device::ExchangeStatus::Ok &&
+             device::decode(std::span<const std::byte>(in_), reply_) == device::PacketDefect::None;
+    exchange_ns_ = lap();
+}
+
+void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
+    jump_ = false;
+    if (!in_ok_) {
+        return;
+    }
+    const std::int64_t since_latch_ns = latched_ ? time.now_ns - last_latch_ns_ : 0;
+    if (!encoders_.update(reply_.counters, since_latch_ns)) {
+        jump_ = true;
+        return;
+    }
+    estimate_ = pose_solver_.solve(encoders_.lengths());
+    velocity_.update(estimate_.pose, since_latch_ns);
+    wires_ = wire_matrix(settings_.variant, estimate_.pose);
+    last_latch_ns_ = time.now_ns;
+    latched_ = true;
+}
+
+void Tick::watch_health(const TickTime& time) HAPTIC_RT {
+    TickHealth health;
+    health.elapsed_ns = elapsed_ns_;
+    health.exchange_ok = in_ok_ && out_ok_;
+    health.jump = jump_;
+    health.late = late_;
+    health.finite = estimate_.status != PoseStatus::NonFinite;
+    health.determined = estimate_.status != PoseStatus::RankDeficient;
+    health.residual = estimate_.residual;
+    health.largest_movement = encoders_.largest_movement();
+    switch (safety_.update(health)) {
+        case SafetyMachine::Calibration::None:
+            break;
+        case SafetyMachine::Calibration::Restart:
+            encoders_.mark();
+            break;
+        case SafetyMachine::Calibration::Take:
+            calibrate(time);
+            break;
+    }
+}
+
+void Tick::calibrate(const TickTime& time) HAPTIC_RT {
+    encoders_.calibrate();
+    pose_solver_.reset(Pose{});
+    estimate_ = PoseEstimate{};
+    velocity_.reset(estimate_.pose);
+    wires_ = wire_matrix(settings_.variant, estimate_.pose);
+    limiter_.reset();
+    tension_solver_.reset();
+    last_latch_ns_ = time.now_ns;
+}
+
+void Tick::take_frame(const TickTime& time) HAPTIC_RT {
+    if (!frames_->read_newest(renderer_.inbox())) {
+        return;
+    }
+    if (renderer_.accept(time.now_ns) == FrameDefect::None) {
+        ++instruments_.frames_received;
+    } else {
+        ++instruments_.frames_rejected;
+        set_flag(true, HAPTIC_TICK_FRAME_REJECTED);
+    }
+}
+
+void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
+    const Twist& velocity = velocity_.twist();
+    const FrameRenderer::Result rendered = renderer_.render(estimate_.pose, velocity, time.now_ns, elapsed_ns_);
+    record_.proxy = rendered.contact.proxy;
+    record_.in_contact = rendered.contact.in_contact;
+    record_.frame_sequence = rendered.frame_sequence;
+    record_.frame_age_ns = rendered.frame_age_ns;
+    set_flag(rendered.stale, HAPTIC_TICK_FRAME_STALE);
+
+    Wrench wanted;
+    if (safety_.state() == SafetyState::Running) {
+        const WrenchLimiter::Result limited = limiter_.apply(rendered.contact.wrench, elapsed_ns_);
+        set_flag(limited.size_limited, HAPTIC_TICK_FORCE_LIMITED);
+        set_flag(limited.rate_limited, HAPTIC_TICK_SLEW_LIMITED);
+        wanted = limited.wrench;
+    }
+    record_.rendered = safety_.shape(wanted);
+}
+
+void Tick::distribute() HAPTIC_RT {
+    // Before calibration the directions of the strings are not known: all pull alike. A fault changes only the scale.
+    const SafetyState state = safety_.state();
+    if (state == SafetyState::Running) {
+        solve_tensions_ = true;
+    } else if (state != SafetyState::Faulted) {
+        solve_tensions_ = false;
+    }
+    StringArray tensions{};
+    if (solve_tensions_) {
+        const TensionResult solved = tension_solver_.solve(wires_, record_.rendered);
+        tensions = solved.tensions;
+        set_flag(!solved.reached, HAPTIC_TICK_WRENCH_UNREACHABLE);
+    } else {
+        tensions.fill(settings_.variant.minimum_tension);
+    }
+    const double scale = safety_.tension_scale();
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        const double tension = scale * tensions[i];
+        command_.digits[i] =
+            device::digit_of_tension(tension, settings_.variant.volts_per_newton, settings_.variant.digits_per_volt);
+        record_.tensions[i] = device::tension_of_digit(command_.digits[i], settings_.variant.volts_per_newton,
+                                                       settings_.variant.digits_per_volt);
+    }
+    record_.made = wrench_of_tensions(wires_, record_.tensions);
+}
+
+void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
+    device::encode(command_, out_);
+    out_ok_ = board_->exchange(out_, in_, time.now_ns) == device::ExchangeStatus::Ok;
+    instruments_.exchange.record(exchange_ns_ + lap());
+    set_flag(!in_ok_ || !out_ok_, HAPTIC_TICK_EXCHANGE_FAILED);
+}
+
+void Tick::publish(const TickTime& time) HAPTIC_RT {
+    const Twist& velocity = velocity_.twist();
+    record_.pose = estimate_.pose;
+    record_.velocity = velocity;
+    record_.residual = estimate_.residual;
+    record_.buttons = reply_.pio & kButtonMask;
+    record_.safety_state = static_cast<std::uint32_t>(safety_.state());
+    record_.faults = safety_.faults();
+
+    state_.latch_time_ns = last_latch_ns_;
+    state_.frame_sequence = record_.frame_sequence;
+    store(record_.pose.position, state_.position);
+    store(record_.pose.orientation, state_.orientation);
+    store(velocity.linear, state_.linear_velocity);
+    store(velocity.angular, state_.angular_velocity);
+    store(record_.made.force, state_.force);
+    store(record_.made.torque, state_.torque);
+    store(record_.proxy, state_.proxy_position);
+    std::copy(record_.tensions.begin(), record_.tensions.end(), std::begin(state_.tension));
+    state_.safety_state = record_.safety_state;
+    state_.faults = record_.faults;
+    state_.tick_flags = record_.flags;
+    state_.buttons = record_.buttons;
+    states_->publish(state_, time.now_ns);
+}
+
+void Tick::finish(const TickTime& time) HAPTIC_RT {
+    Instruments& m = instruments_;
+    m.peak_force = std::max(m.peak_force, glm::length(record_.rendered.force));
+    m.peak_torque = std::max(m.peak_torque, glm::length(record_.rendered.torque));
+    m.failed_exchanges += (record_.flags & HAPTIC_TICK_EXCHANGE_FAILED) != 0 ? 1u : 0u;
+    m.stale_ticks += (record_.flags & HAPTIC_TICK_FRAME_STALE) != 0 ? 1u : 0u;
+    m.unreachable_ticks += (record_.flags & HAPTIC_TICK_WRENCH_UNREACHABLE) != 0 ? 1u : 0u;
+    m.contact_ticks += record_.in_contact > 0 ? 1u : 0u;
+    if (record_.frame_age_ns >= 0) {
+        m.frame_age.record(record_.frame_age_ns);
+    }
+    last_now_ns_ = time.now_ns;
+    first_ = false;
+
+    record_.compute_ns = clock_() - started_ns_;
+    m.compute.record(record_.compute_ns);
+    black_box_.push(record_);
+    if (recorder_ != nullptr) {
+        recorder_->push(record_);
+    }
+}
+
+device::ExchangeStatus Tick::send_zero(std::int64_t now_ns) HAPTIC_RT {
+    command_ = device::Sh4Command{};
+    device::encode(command_, out_);
+    return board_->exchange(out_, in_, now_ns);
+}
+
+std::int64_t Tick::lap() HAPTIC_RT {
+    const std::int64_t now_ns = clock_();
+    const std::int64_t taken_ns = now_ns - stage_ns_;
+    stage_ns_ = now_ns;
+    return taken_ns;
+}
+
+}  // namespace haptic::rt

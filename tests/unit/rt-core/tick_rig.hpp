@@ -1,0 +1,111 @@
+// A tick with real rings and an emulated board under a virtual clock, for tests.
+#pragma once
+
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "haptic/device/emulated_board.hpp"
+#include "haptic/ring.hpp"
+#include "haptic/rt/tick.hpp"
+
+namespace haptic::rt::test {
+
+inline std::string unique_session() {
+    static std::atomic<int> count{0};
+    return "rt-unit-" + std::to_string(getpid()) + "-" + std::to_string(count++);
+}
+
+inline std::int64_t still_clock() HAPTIC_RT {
+    return 0;
+}
+
+/// A board that can be told to fail, or to lie about its counters.
+class FaultyBoard final : public device::Board {
+  public:
+    explicit FaultyBoard(device::Board& board) : board_(&board) {}
+    device::ExchangeStatus exchange(const device::Sh4Packet& out, device::Sh4Packet& in,
+                                    std::int64_t now_ns) HAPTIC_RT override {
+        if (failing) {
+            return device::ExchangeStatus::Timeout;
+        }
+        const device::ExchangeStatus status = board_->exchange(out, in, now_ns);
+        device::Sh4Reply reply;
+        if (status == device::ExchangeStatus::Ok &&
+            device::decode(std::span<const std::byte>(in), reply) == device::PacketDefect::None) {
+            for (std::size_t i = 0; i < kStrings; ++i) {
+                reply.counters[i] = static_cast<std::uint16_t>(reply.counters[i] + added[i]);
+            }
+            device::encode(reply, in);
+        }
+        return status;
+    }
+
+    bool failing = false;
+    std::array<std::uint16_t, kStrings> added{};  // to the raw counters
+
+  private:
+    device::Board* board_;
+};
+
+/// A horizontal plane under one sphere: dot((0,1,0), x) >= height.
+inline ContactFrame floor_frame(double height, double stiffness, std::int64_t now_ns) {
+    ContactFrame frame{};
+    frame.state_time_ns = now_ns;
+    frame.plane_time_ns = now_ns;
+    frame.publish_time_ns = now_ns;
+    frame.step_ns = 10'000'000;
+    frame.stiffness = stiffness;
+    frame.proxy_count = 1;
+    frame.proxies[0].plane_count = 1;
+    frame.proxies[0].planes[0].normal[1] = 1.0;
+    frame.proxies[0].planes[0].offset = height;
+    return frame;
+}
+
+class TickRig {
+  public:
+    explicit TickRig(PoseTrack hand = PoseTrack(), const TickSettings& tick_settings = {})
+        : settings(tick_settings),
+          session(unique_session()),
+          board({tick_settings.variant, std::move(hand), {100, 65500, 3, 40000, 0, 7, 12345, 65535}, 0}),
+          faulty(board),
+          frames_in(session),
+          states_out(session),
+          frames_out(session),
+          states_in(session),
+          tick(tick_settings, faulty, frames_in, states_out, still_clock) {}
+
+    /// One tick, a period after the last one, `late_ns` after its deadline.
+    void step(std::int64_t late_ns = 0, std::int64_t missed = 0) {
+        tick.run({now_ns, now_ns + late_ns, missed});
+        now_ns += settings.period_ns;
+    }
+    void steps(int count) {
+        for (int i = 0; i < count; ++i) {
+            step();
+        }
+    }
+    /// Arms and steps until the loop runs. The hand must hold still at the centre until then.
+    void run_up() {
+        tick.arm();
+        steps(static_cast<int>(arming_time_ns(settings.safety) / settings.period_ns) + 5);
+    }
+    void publish(ContactFrame frame) { frames_out.publish(frame, now_ns); }
+
+    TickSettings settings;
+    std::string session;
+    device::EmulatedBoard board;
+    FaultyBoard faulty;
+    RingReader<ContactFrame> frames_in;
+    RingWriter<DeviceState> states_out;
+    RingWriter<ContactFrame> frames_out;
+    RingReader<DeviceState> states_in;
+    Tick tick;
+    std::int64_t now_ns = 1'000'000'000;
+};
+
+}  // namespace haptic::rt::test
