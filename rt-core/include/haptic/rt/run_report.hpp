@@ -1,0 +1,39 @@
+// What a run says of itself: JSON for machines, a few lines for people.
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "haptic/rt/instruments.hpp"
+#include "haptic/rt/realtime_setup.hpp"
+#include "haptic/rt/safety.hpp"
+#include "haptic/rt/tick_syscalls.hpp"
+
+namespace haptic::rt {
+
+struct RunResult {
+    RealtimeSetup setup;
+    ThreadUsage usage;
+    SafetyState state = SafetyState::Disarmed;
+    std::uint32_t faults = 0;
+    std::uint64_t records_dropped = 0;
+    double duration_s = 0.0;
+
+    /// Nothing went wrong: a stop that was asked for is no fault.
+    [[nodiscard]] bool held() const noexcept { return (faults & ~std::uint32_t{HAPTIC_FAULT_STOP}) == 0; }
+};
+
+/// Names of the bits HAPTIC_FAULT_*, as in the report.
+[[nodiscard]] std::vector<std::string> fault_names(std::uint32_t faults);
+[[nodiscard]] std::string_view state_name(SafetyState state) noexcept;
+
+/// The keys are those of the design's section 4, and more.
+[[nodiscard]] nlohmann::json make_report(const RunResult& result, const Instruments& instruments);
+
+/// A few lines of text.
+[[nodiscard]] std::string summary(const RunResult& result, const Instruments& instruments);
+
+}  // namespace haptic::rt

@@ -1,0 +1,26 @@
+// The configuration of the process: rt-core/config/rt-core.toml says what each key means and what it may be.
+#pragma once
+
+#include <cstddef>
+#include <string_view>
+
+#include "haptic/config.hpp"
+#include "haptic/rt/loop.hpp"
+#include "haptic/rt/tick.hpp"
+
+namespace haptic::rt {
+
+struct Settings {
+    TickSettings tick;
+    LoopSettings loop;
+    std::size_t queue_ticks = 16384;  // capacity of the Recorder
+};
+
+/// Reads every key that there is. Throws ConfigError for a value that is wrong in itself or beside another one, and for
+/// a key that nobody knows.
+[[nodiscard]] Settings read_settings(const Config& config);
+
+/// The commented file with all defaults, as it is installed.
+[[nodiscard]] std::string_view default_config_text() noexcept;
+
+}  // namespace haptic::rt

@@ -1,0 +1,21 @@
+// Every system call that the real-time thread makes once it is running. The board's transport has its own.
+#pragma once
+
+#include <cstdint>
+
+#include "haptic/realtime.hpp"
+
+namespace haptic::rt {
+
+/// Sleeps until an instant of CLOCK_MONOTONIC; at once if it has passed.
+void sleep_until(std::int64_t deadline_ns) HAPTIC_RT;
+
+/// What the kernel has counted of the calling thread since it began.
+struct ThreadUsage {
+    std::int64_t page_faults = 0;         // minor and major
+    std::int64_t voluntary_switches = 0;  // it slept
+    std::int64_t forced_switches = 0;     // it was preempted
+};
+[[nodiscard]] ThreadUsage thread_usage() HAPTIC_RT;
+
+}  // namespace haptic::rt

@@ -1,0 +1,39 @@
+#include <glm/geometric.hpp>
+#include <utility>
+#include <vector>
+
+#include "haptic/csv.hpp"
+#include "haptic/rt/held_hand.hpp"
+#include "haptic/types.hpp"
+
+namespace haptic::rt {
+namespace {
+
+constexpr double kApproach_s = 0.5;
+// What a string may be out by and still count as at the centre: well below an encoder count (17 um).
+constexpr double kAtCentre = 1e-6;  // m, rad
+
+bool at_centre(const Pose& pose) {
+    return glm::length(pose.position) < kAtCentre &&
+           glm::length(rotation_between(Quat(1, 0, 0, 0), pose.orientation)) < kAtCentre;
+}
+
+}  // namespace
+
+PoseTrack hand_from_centre(const std::filesystem::path& file) {
+    PoseTrack track = PoseTrack::load(file);
+    const CsvTable table = CsvTable::load(file);
+    const auto rows = table.column("time_s");
+    if (rows.empty() || at_centre(track.at(nanoseconds(rows.front())))) {
+        return track;
+    }
+    std::vector<double> times_s{0.0};
+    std::vector<Pose> poses{Pose{}};
+    for (const double time_s : rows) {
+        times_s.push_back(kApproach_s + time_s - rows.front());
+        poses.push_back(track.at(nanoseconds(time_s)));
+    }
+    return {std::move(times_s), std::move(poses)};
+}
+
+}  // namespace haptic::rt

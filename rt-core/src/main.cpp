@@ -1,0 +1,73 @@
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+
+#include "haptic/rt/settings.hpp"
+#include "run_command.hpp"
+
+namespace {
+
+using haptic::rt::RunOptions;
+
+void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
+    run.add_option("--config", options.config, "TOML file; see --print-config")->type_name("F.toml");
+    run.add_option("--set", options.assignments, "one key for this run, e.g. limits.force=4 (repeatable)")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    run.add_option("--device", options.device, "emulated, usb or replay:F.csv")
+        ->type_name("DEVICE")
+        ->capture_default_str();
+    run.add_option("--hand", options.hand, "recording that the emulated hand follows once the loop runs")
+        ->type_name("F.csv");
+    run.add_option("--session", options.session, "joins this process to the host-sim of the same session")
+        ->type_name("NAME")
+        ->capture_default_str();
+    run.add_option("--duration", duration_s, "seconds after which to stop; until Ctrl-C without it")
+        ->type_name("S")
+        ->check(CLI::PositiveNumber);
+    run.add_option("--report", options.report, "writes measurements as JSON")->type_name("F.json");
+    run.add_option("--record", options.record, "writes every tick as CSV")->type_name("F.csv");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    CLI::App app("The real-time process of the haptic system: drives a Spidar-G6 at 1 kHz");
+    app.set_help_all_flag("--help-all", "Help of all commands");
+    bool print_config = false;
+    app.add_flag("--print-config", print_config, "Prints the commented default configuration");
+    RunOptions options;
+    double duration_s = 0.0;
+    CLI::App* const run = app.add_subcommand("run", "Runs the loop until Ctrl-C");
+    describe_run(*run, options, duration_s);
+    run->add_flag("--print-config", print_config, "Prints the commented default configuration");
+    try {
+        app.parse(argc, argv);
+        if (print_config) {
+            std::fwrite(haptic::rt::default_config_text().data(), 1, haptic::rt::default_config_text().size(), stdout);
+            return 0;
+        }
+        if (!run->parsed()) {
+            throw CLI::CallForHelp();
+        }
+    } catch (const CLI::ParseError& error) {
+        return app.exit(error);
+    }
+    if (run->count("--duration") > 0) {
+        options.duration_s = duration_s;
+    }
+    try {
+        spdlog::set_default_logger(spdlog::stderr_color_mt("rt-core"));
+        spdlog::set_pattern("rt-core %^%l%$: %v");
+        return haptic::rt::run_command(options);
+    } catch (const haptic::rt::Refusal& refusal) {
+        std::fprintf(stderr, "rt-core: %s\n", refusal.what());
+        return haptic::rt::kExitRefused;
+    } catch (const std::exception& error) {
+        std::fprintf(stderr, "rt-core: %s\n", error.what());
+        return haptic::rt::kExitError;
+    }
+}

@@ -1,0 +1,142 @@
+#include "haptic/rt/realtime_setup.hpp"
+
+#include <malloc.h>
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <system_error>
+
+#if defined(__x86_64__)
+#include <xmmintrin.h>
+#endif
+
+namespace haptic::rt {
+namespace {
+
+std::string error_text(int error) {
+    return std::system_category().message(error);
+}
+
+std::string setcap_command(const char* capabilities) {
+    std::error_code ignored;
+    const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", ignored);
+    return "sudo setcap " + std::string(capabilities) + "+ep " + (ignored ? std::string("rt-core") : self.string());
+}
+
+std::string limits_line(const std::string& line) {
+    return "or, for members of group haptic after the next login: echo '@haptic - " + line +
+           "' | sudo tee -a /etc/security/limits.d/haptic.conf";
+}
+
+/// The last processor that the calling thread may use.
+int last_allowed_cpu() {
+    cpu_set_t allowed;
+    CPU_ZERO(&allowed);
+    if (sched_getaffinity(0, sizeof allowed, &allowed) != 0) {
+        return 0;
+    }
+    int last = 0;
+    for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+        last = CPU_ISSET(static_cast<std::size_t>(cpu), &allowed) ? cpu : last;
+    }
+    return last;
+}
+
+void pin(RealtimeSetup& setup, int cpu) {
+    const int wanted = cpu < 0 ? last_allowed_cpu() : cpu;
+    cpu_set_t set;
+    CPU_ZERO(&set);
+    if (wanted < CPU_SETSIZE) {
+        CPU_SET(static_cast<std::size_t>(wanted), &set);
+    }
+    const int error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
+    if (error == 0) {
+        setup.cpu = wanted;
+        return;
+    }
+    setup.missing.push_back(
+        {"not pinned to processor " + std::to_string(wanted) + ": " + error_text(error),
+         "a processor that exists and that this process's cpuset allows",
+         "--set loop.cpu=-1 for the last one allowed; taskset -p " + std::to_string(getpid()) + " shows which are"});
+}
+
+void set_fifo(RealtimeSetup& setup, int priority) {
+    sched_param parameters{};
+    parameters.sched_priority = priority;
+    const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
+    if (error == 0) {
+        setup.policy = "SCHED_FIFO";
+        setup.priority = priority;
+        return;
+    }
+    const std::string number = std::to_string(priority);
+    setup.missing.push_back({"not scheduled as SCHED_FIFO " + number + ": " + error_text(error),
+                             "RLIMIT_RTPRIO of at least " + number + ", or CAP_SYS_NICE",
+                             setcap_command("cap_sys_nice,cap_ipc_lock") + "; " + limits_line("rtprio " + number)});
+}
+
+/// Writes to each page below the stack pointer, so that none is fetched later.
+void touch_stack() {
+    std::array<volatile unsigned char, kTouchedStackBytes> pages;
+    const auto page = static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+    for (std::size_t i = 0; i < pages.size(); i += page) {
+        pages[i] = 0;
+    }
+}
+
+}  // namespace
+
+bool is_preempt_rt(const std::string& uname_version) {
+    return uname_version.find("PREEMPT_RT") != std::string::npos;
+}
+
+std::string kernel_name() {
+    utsname name{};
+    return uname(&name) == 0 ? std::string(name.release) + " " + name.version : std::string("unknown");
+}
+
+void prepare_process(RealtimeSetup& setup) {
+    setup.kernel = kernel_name();
+    setup.preempt_rt = is_preempt_rt(setup.kernel);
+    // Memory that is freed stays ours, and no allocation is mapped apart: either would mean page faults later.
+    mallopt(M_TRIM_THRESHOLD, -1);
+    mallopt(M_MMAP_MAX, 0);
+    setup.memory_locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
+    if (!setup.memory_locked) {
+        const int error = errno;
+        setup.missing.push_back(
+            {"memory is not locked: " + error_text(error), "RLIMIT_MEMLOCK of unlimited, or CAP_IPC_LOCK",
+             setcap_command("cap_sys_nice,cap_ipc_lock") + "; " + limits_line("memlock unlimited")});
+    }
+}
+
+void prepare_thread(RealtimeSetup& setup, int priority, int cpu) {
+    flush_denormals();
+    touch_stack();
+    pin(setup, cpu);
+    set_fifo(setup, priority);
+}
+
+void flush_denormals() noexcept {
+#if defined(__x86_64__)
+    constexpr unsigned kFlushToZero = 0x8000;
+    constexpr unsigned kDenormalsAreZero = 0x0040;
+    _mm_setcsr(_mm_getcsr() | kFlushToZero | kDenormalsAreZero);
+#elif defined(__aarch64__)
+    std::uint64_t control = 0;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(control));
+    control |= std::uint64_t{1} << 24;  // FZ
+    __asm__ volatile("msr fpcr, %0" : : "r"(control));
+#endif
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,147 @@
+#include "haptic/rt/run_report.hpp"
+
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "haptic/report.hpp"
+
+namespace haptic::rt {
+namespace {
+
+constexpr std::array<std::pair<std::uint32_t, const char*>, 7> kFaultNames = {{
+    {HAPTIC_FAULT_EXCHANGE, "exchange"},
+    {HAPTIC_FAULT_JUMP, "encoder_jump"},
+    {HAPTIC_FAULT_SLACK, "slack"},
+    {HAPTIC_FAULT_RESIDUAL, "residual"},
+    {HAPTIC_FAULT_OVERRUN, "overrun"},
+    {HAPTIC_FAULT_NONFINITE, "nonfinite"},
+    {HAPTIC_FAULT_STOP, "stop"},
+}};
+
+/// The same as summary_us, a thousandth of it.
+nlohmann::json summary_ms(const Histogram& histogram) {
+    nlohmann::json result = summary_us(histogram);
+    for (const char* key : {"min", "p50", "p99", "p999", "max"}) {
+        result[key] = result.at(key).get<double>() * 1e-3;
+    }
+    return result;
+}
+
+nlohmann::json setup_json(const RealtimeSetup& setup) {
+    nlohmann::json missing = nlohmann::json::array();
+    for (const MissingPrivilege& one : setup.missing) {
+        missing.push_back({{"what", one.what}, {"needs", one.needs}, {"remedy", one.remedy}});
+    }
+    return {{"kernel", setup.kernel},
+            {"preempt_rt", setup.preempt_rt},
+            {"policy", setup.policy},
+            {"priority", setup.priority},
+            {"cpu", setup.cpu},
+            {"mlocked", setup.memory_locked},
+            {"degraded", setup.degraded()},
+            {"missing", missing}};
+}
+
+std::string line_of(const char* name, const Histogram& histogram) {
+    std::array<char, 160> text{};
+    std::snprintf(text.data(), text.size(), "  %-10s p50 %9.1f   p99 %9.1f   max %9.1f us\n", name,
+                  static_cast<double>(histogram.percentile_ns(0.5)) * 1e-3,
+                  static_cast<double>(histogram.percentile_ns(0.99)) * 1e-3,
+                  static_cast<double>(histogram.max_ns()) * 1e-3);
+    return text.data();
+}
+
+}  // namespace
+
+std::vector<std::string> fault_names(std::uint32_t faults) {
+    std::vector<std::string> names;
+    for (const auto& [bit, name] : kFaultNames) {
+        if ((faults & bit) != 0) {
+            names.emplace_back(name);
+        }
+    }
+    return names;
+}
+
+std::string_view state_name(SafetyState state) noexcept {
+    switch (state) {
+        case SafetyState::Disarmed:
+            return "disarmed";
+        case SafetyState::Tensioning:
+            return "tensioning";
+        case SafetyState::Calibrating:
+            return "calibrating";
+        case SafetyState::Running:
+            return "running";
+        case SafetyState::Faulted:
+            return "faulted";
+    }
+    return "unknown";
+}
+
+nlohmann::json make_report(const RunResult& result, const Instruments& m) {
+    return {
+        {"ticks", m.ticks},
+        {"duration_s", result.duration_s},
+        {"period_us", summary_us(m.period)},
+        {"wakeup_us", summary_us(m.wakeup)},
+        {"compute_us", summary_us(m.compute)},
+        {"stage_us",
+         {{"exchange", summary_us(m.exchange)},
+          {"pose", summary_us(m.pose)},
+          {"proxy", summary_us(m.proxy)},
+          {"tension", summary_us(m.tension)},
+          {"publish", summary_us(m.publish)}}},
+        {"histograms",
+         {{"wakeup", buckets_us(m.wakeup)}, {"period", buckets_us(m.period)}, {"compute", buckets_us(m.compute)}}},
+        {"overruns", m.overruns},
+        {"page_faults", result.usage.page_faults},
+        {"context_switches",
+         {{"voluntary", result.usage.voluntary_switches}, {"forced", result.usage.forced_switches}}},
+        {"frames",
+         {{"received", m.frames_received},
+          {"rejected", m.frames_rejected},
+          {"stale_ticks", m.stale_ticks},
+          {"age_ms", summary_ms(m.frame_age)}}},
+        {"exchange", {{"failed_ticks", m.failed_exchanges}}},
+        {"peak", {{"force_n", m.peak_force}, {"torque_nm", m.peak_torque}}},
+        {"contact_ticks", m.contact_ticks},
+        {"unreachable_ticks", m.unreachable_ticks},
+        {"records_dropped", result.records_dropped},
+        {"safety",
+         {{"state", state_name(result.state)}, {"faults", fault_names(result.faults)}, {"held", result.held()}}},
+        {"setup", setup_json(result.setup)},
+    };
+}
+
+std::string summary(const RunResult& result, const Instruments& m) {
+    std::array<char, 400> text{};
+    std::string lines;
+    std::snprintf(text.data(), text.size(), "%llu ticks in %.3f s, %llu deadlines missed, %lld page faults\n",
+                  static_cast<unsigned long long>(m.ticks), result.duration_s,
+                  static_cast<unsigned long long>(m.overruns), static_cast<long long>(result.usage.page_faults));
+    lines += text.data();
+    lines += line_of("period", m.period) + line_of("wake-up", m.wakeup) + line_of("compute", m.compute);
+    std::snprintf(text.data(), text.size(), "frames: %llu received, %llu rejected, %llu ticks without a fresh one\n",
+                  static_cast<unsigned long long>(m.frames_received),
+                  static_cast<unsigned long long>(m.frames_rejected), static_cast<unsigned long long>(m.stale_ticks));
+    lines += text.data();
+    std::snprintf(text.data(), text.size(), "peak force %.3f N, peak torque %.4f N*m\n", m.peak_force, m.peak_torque);
+    lines += text.data();
+    for (const std::string& name : fault_names(result.faults & ~std::uint32_t{HAPTIC_FAULT_STOP})) {
+        lines += "FAULT: " + name + "\n";
+    }
+    if (!result.setup.degraded()) {
+        lines += "real-time: " + result.setup.policy + " " + std::to_string(result.setup.priority) + " on processor " +
+                 std::to_string(result.setup.cpu) + ", memory locked" +
+                 (result.setup.preempt_rt ? ", PREEMPT_RT kernel" : ", kernel without PREEMPT_RT") + "\n";
+    }
+    for (const MissingPrivilege& one : result.setup.missing) {
+        lines += "degraded: " + one.what + "\n";
+    }
+    return lines;
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,100 @@
+#include "haptic/rt/settings.hpp"
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "haptic/types.hpp"
+
+namespace haptic::rt {
+namespace {
+
+std::int64_t duration_ns(const Config& config, const std::string& key, std::int64_t otherwise_ns, Range range_s) {
+    return nanoseconds(config.number(key, seconds(otherwise_ns), range_s));
+}
+
+int whole(const Config& config, const std::string& key, int otherwise, Range range) {
+    return static_cast<int>(config.integer(key, otherwise, range));
+}
+
+void read_loop(const Config& config, Settings& settings) {
+    LoopSettings& loop = settings.loop;
+    loop.period_ns = duration_ns(config, "loop.period_s", loop.period_ns, {0.0001, 0.02});
+    loop.priority = whole(config, "loop.priority", loop.priority, {1, 98});
+    loop.cpu = whole(config, "loop.cpu", loop.cpu, {-1, 1023});
+    loop.warm_up_ticks = whole(config, "loop.warm_up_ticks", loop.warm_up_ticks, {1, 100'000});
+    settings.tick.period_ns = loop.period_ns;
+}
+
+device::Variant choose_variant(const Config& config) {
+    const std::vector<device::Variant> known = {device::spidar_g6_x3r()};
+    std::vector<std::string> names;
+    for (const device::Variant& variant : known) {
+        names.push_back(variant.name);
+    }
+    const std::string chosen = config.choice("device.variant", names.front(), names);
+    return known[static_cast<std::size_t>(std::find(names.begin(), names.end(), chosen) - names.begin())];
+}
+
+void read_device(const Config& config, TickSettings& tick) {
+    tick.variant = choose_variant(config);
+    device::Variant& variant = tick.variant;
+    variant.minimum_tension = config.number("device.minimum_tension", variant.minimum_tension, {0.0, 5.0});
+    variant.maximum_tension = config.number("device.maximum_tension", variant.maximum_tension, {0.1, 27.0});
+    if (variant.maximum_tension <= variant.minimum_tension) {
+        config.fail("device.maximum_tension", "must be larger than device.minimum_tension");
+    }
+    tick.maximum_string_speed = config.number("device.maximum_string_speed", tick.maximum_string_speed, {0.1, 20.0});
+    tick.velocity_time_constant_s =
+        config.number("velocity.time_constant_s", tick.velocity_time_constant_s, {0.0, 0.1});
+    tick.tension_effort = config.number("tension.effort", tick.tension_effort, {1e-12, 1.0});
+    tick.tension_continuity = config.number("tension.continuity", tick.tension_continuity, {0.0, 1.0});
+}
+
+void read_force(const Config& config, TickSettings& tick) {
+    constexpr Range kTimes{0.001, 10.0};
+    FrameSettings& frames = tick.frames;
+    frames.stale_after_ns = duration_ns(config, "frames.stale_after_s", frames.stale_after_ns, kTimes);
+    frames.fade_ns = duration_ns(config, "frames.fade_s", frames.fade_ns, kTimes);
+    frames.ramp_ns = duration_ns(config, "frames.ramp_s", frames.ramp_ns, kTimes);
+
+    WrenchLimits& limits = tick.limits;
+    limits.force = config.number("limits.force", limits.force, {0.0, 60.0});
+    limits.torque = config.number("limits.torque", limits.torque, {0.0, 1.0});
+    limits.force_rate = config.number("limits.force_rate", limits.force_rate, {1.0, 1e6});
+    limits.torque_rate = config.number("limits.torque_rate", limits.torque_rate, {0.01, 1e5});
+}
+
+void read_safety(const Config& config, SafetySettings& safety) {
+    constexpr Range kTicks{0, 100'000};
+    safety.tension_ramp_ns = duration_ns(config, "safety.tension_ramp_s", safety.tension_ramp_ns, {0.01, 10.0});
+    safety.calibration_hold_ns =
+        duration_ns(config, "safety.calibration_hold_s", safety.calibration_hold_ns, {0.0, 60.0});
+    safety.calibration_movement =
+        config.number("safety.calibration_movement", safety.calibration_movement, {0.00005, 0.01});
+    safety.fault_fade_ns = duration_ns(config, "safety.fault_fade_s", safety.fault_fade_ns, {0.001, 10.0});
+    safety.residual = config.number("safety.residual", safety.residual, {0.0001, 0.1});
+    safety.residual_ticks = whole(config, "safety.residual_ticks", safety.residual_ticks, kTicks);
+    safety.exchange_ticks = whole(config, "safety.exchange_ticks", safety.exchange_ticks, kTicks);
+    safety.overrun_ticks = whole(config, "safety.overrun_ticks", safety.overrun_ticks, kTicks);
+}
+
+}  // namespace
+
+Settings read_settings(const Config& config) {
+    Settings settings;
+    read_loop(config, settings);
+    read_device(config, settings.tick);
+    read_force(config, settings.tick);
+    read_safety(config, settings.tick.safety);
+    settings.queue_ticks = static_cast<std::size_t>(
+        config.integer("recording.queue_ticks", static_cast<std::int64_t>(settings.queue_ticks), {16, 1'048'576}));
+    settings.tick.black_box_ns = duration_ns(config, "recording.black_box_s", settings.tick.black_box_ns, {0.01, 60.0});
+    if (settings.tick.black_box_ns < settings.tick.period_ns) {
+        config.fail("recording.black_box_s", "must be at least loop.period_s");
+    }
+    config.reject_unknown();
+    return settings;
+}
+
+}  // namespace haptic::rt
