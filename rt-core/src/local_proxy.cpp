@@ -16,6 +16,12 @@ constexpr double kLongestMove = 100.0;
 // Two normals, or three, whose Gram determinant is below this are linearly dependent as far as rounding can tell.
 constexpr double kDependent = 1e-14;
 
+// m, no point of a scene is further away in the device's frame; products of lengths up to it cannot overflow.
+constexpr double kFarthest = 1e6;
+
+// Squared; normals are of unit length, up to the rounding that the reader of a frame allows.
+constexpr double kLongestNormal = 1.01;
+
 using Planes = std::span<const HalfSpace>;
 
 /// How far a plane wants the point moved along its normal, m; negative where the point is free of it.
@@ -164,18 +170,25 @@ LeastViolated least_violated(Planes planes, const Vec3& target, double tolerance
 
 LocalProxy project(const Vec3& target, std::span<const HalfSpace> all_planes) HAPTIC_RT {
     LocalProxy proxy;
-    proxy.position = target;
     const Planes planes = all_planes.first(std::min(all_planes.size(), kMaxPlanes));
-    if (planes.empty()) {
+    double scale = 1.0;
+    bool usable = true;
+    for (const double coordinate : {target.x, target.y, target.z}) {
+        usable = usable && std::abs(coordinate) < kFarthest;
+        scale = std::max(scale, std::abs(coordinate));
+    }
+    proxy.position = usable ? target : Vec3{0.0, 0.0, 0.0};
+    for (const HalfSpace& plane : planes) {
+        usable = usable && std::abs(plane.offset) < kFarthest && glm::dot(plane.normal, plane.normal) < kLongestNormal;
+        scale = std::max(scale, std::abs(plane.offset));
+    }
+    proxy.feasible = usable;
+    if (!usable || planes.empty()) {
         return proxy;
     }
     const double deepest = largest_violation(planes, target);
-    if (!(deepest > 0.0) || !std::isfinite(deepest)) {
+    if (!(deepest > 0.0)) {
         return proxy;
-    }
-    double scale = 1.0 + std::sqrt(glm::dot(target, target));
-    for (const HalfSpace& plane : planes) {
-        scale = std::max(scale, std::abs(plane.offset));
     }
     const double tolerance = kRounding * scale;
     const double longest = kLongestMove * deepest + tolerance;

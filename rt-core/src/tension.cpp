@@ -40,8 +40,8 @@ bool is_finite(const Vec3& v) HAPTIC_RT {
 struct BoxProgramme {
     Matrix hessian{};
     StringArray linear{};
-    double lower = 0.0;
-    double upper = 0.0;
+    StringArray lower{};
+    StringArray upper{};
     double tolerance = 0.0;  // of a multiplier's sign
 
     [[nodiscard]] double gradient(const StringArray& x, std::size_t i) const HAPTIC_RT {
@@ -52,7 +52,9 @@ struct BoxProgramme {
         return sum;
     }
 
-    [[nodiscard]] double bound(std::int8_t side) const HAPTIC_RT { return side == kLower ? lower : upper; }
+    [[nodiscard]] double bound(std::int8_t side, std::size_t i) const HAPTIC_RT {
+        return side == kLower ? lower[i] : upper[i];
+    }
 
     /// Whether the gradient pushes a string at a bound back into the box.
     [[nodiscard]] bool wants_release(std::int8_t side, double slope) const HAPTIC_RT {
@@ -108,7 +110,7 @@ bool newton_step(const BoxProgramme& programme, const Set& set, const StringArra
 
 void clamp_to_set(const BoxProgramme& programme, const Set& set, StringArray& x) HAPTIC_RT {
     for (std::size_t i = 0; i < kN; ++i) {
-        x[i] = set[i] == kFree ? std::clamp(x[i], programme.lower, programme.upper) : programme.bound(set[i]);
+        x[i] = set[i] == kFree ? std::clamp(x[i], programme.lower[i], programme.upper[i]) : programme.bound(set[i], i);
     }
 }
 
@@ -130,16 +132,17 @@ int exchange_block(const BoxProgramme& programme, Set& set, StringArray& x) HAPT
                 set[i] = kFree;
                 ++exchanged;
             }
-        } else if (x[i] < programme.lower || x[i] > programme.upper) {
-            set[i] = x[i] < programme.lower ? kLower : kUpper;
+        } else if (x[i] < programme.lower[i] || x[i] > programme.upper[i]) {
+            set[i] = x[i] < programme.lower[i] ? kLower : kUpper;
             ++exchanged;
         }
     }
     return exchanged;
 }
 
-/// One round of the primal active-set method, x within the box before and after. True: x is the minimum.
-bool descend(const BoxProgramme& programme, Set& set, StringArray& x) HAPTIC_RT {
+/// One round of the primal active-set method, x within the box before and after. True: x is the minimum. `stalled` says
+/// that the last step had no length.
+bool descend(const BoxProgramme& programme, Set& set, StringArray& x, bool& stalled) HAPTIC_RT {
     StringArray step{};
     if (!newton_step(programme, set, x, step)) {
         return false;
@@ -148,8 +151,9 @@ bool descend(const BoxProgramme& programme, Set& set, StringArray& x) HAPTIC_RT 
     std::size_t blocking = kN;
     for (std::size_t i = 0; i < kN; ++i) {
         const double goal = x[i] + step[i];
-        if (set[i] == kFree && (goal < programme.lower || goal > programme.upper)) {
-            const double allowed = ((goal < programme.lower ? programme.lower : programme.upper) - x[i]) / step[i];
+        if (set[i] == kFree && (goal < programme.lower[i] || goal > programme.upper[i])) {
+            const double allowed =
+                ((goal < programme.lower[i] ? programme.lower[i] : programme.upper[i]) - x[i]) / step[i];
             if (allowed < fraction) {
                 fraction = allowed;
                 blocking = i;
@@ -157,32 +161,50 @@ bool descend(const BoxProgramme& programme, Set& set, StringArray& x) HAPTIC_RT 
         }
     }
     for (std::size_t i = 0; i < kN; ++i) {
-        x[i] = std::clamp(x[i] + fraction * step[i], programme.lower, programme.upper);
+        x[i] = std::clamp(x[i] + fraction * step[i], programme.lower[i], programme.upper[i]);
     }
     if (blocking < kN) {
         set[blocking] = step[blocking] < 0.0 ? kLower : kUpper;
-        x[blocking] = programme.bound(set[blocking]);
+        x[blocking] = programme.bound(set[blocking], blocking);
+        stalled = !(fraction > 0.0);
         return false;
     }
-    // Bland's rule: always the first one that wants to be released, so that no set of steps of no length repeats.
+    // The one that wants it most, as long as steps have a length and so the objective falls; after one without, the
+    // first one (Bland's rule), so that no series of such steps comes back to its start.
+    std::size_t released = kN;
+    double strongest = 0.0;
     for (std::size_t i = 0; i < kN; ++i) {
-        if (set[i] != kFree && programme.wants_release(set[i], programme.gradient(x, i))) {
-            set[i] = kFree;
-            return false;
+        if (set[i] == kFree) {
+            continue;
+        }
+        const double slope = programme.gradient(x, i);
+        if (programme.wants_release(set[i], slope) && std::abs(slope) > strongest) {
+            released = i;
+            strongest = std::abs(slope);
+            if (stalled) {
+                break;
+            }
         }
     }
-    return true;
+    if (released == kN) {
+        return true;
+    }
+    set[released] = kFree;
+    return false;
 }
 
-bool minimise(const BoxProgramme& programme, Set& set, StringArray& x) HAPTIC_RT {
+bool minimise(const BoxProgramme& programme, Set& set, StringArray& x, int& rounds) HAPTIC_RT {
     for (int round = 0; round < TensionSolver::kBlockRounds; ++round) {
+        ++rounds;
         if (exchange_block(programme, set, x) == 0) {
             return true;
         }
     }
     clamp_to_set(programme, set, x);
+    bool stalled = false;
     for (int round = 0; round < TensionSolver::kDescentRounds; ++round) {
-        if (descend(programme, set, x)) {
+        ++rounds;
+        if (descend(programme, set, x, stalled)) {
             return true;
         }
     }
@@ -205,6 +227,7 @@ TensionSolver::TensionSolver(const TensionSettings& settings) : settings_(settin
     require(std::isfinite(settings.effort) && std::isfinite(settings.continuity) && settings.effort >= 0.0 &&
                 settings.continuity >= 0.0 && settings.effort + settings.continuity >= 1e-9,
             "effort and continuity must not be negative, and must sum to 1e-9 or more, or the tensions are not unique");
+    require(settings.slew > 0.0, "the slew must be positive");
     reset();
 }
 
@@ -248,10 +271,10 @@ TensionResult TensionSolver::solve(const WireMatrix& wires, const Wrench& wanted
         }
     }
     BoxProgramme programme;
-    programme.lower = settings_.minimum;
-    programme.upper = settings_.maximum;
     double most = 0.0;
     for (std::size_t i = 0; i < kN; ++i) {
+        programme.lower[i] = std::max(settings_.minimum, previous_[i] - settings_.slew);
+        programme.upper[i] = std::min(settings_.maximum, previous_[i] + settings_.slew);
         for (std::size_t j = 0; j <= i; ++j) {
             double entry = 0.0;
             for (std::size_t k = 0; k < 6; ++k) {
@@ -271,14 +294,15 @@ TensionResult TensionSolver::solve(const WireMatrix& wires, const Wrench& wanted
     programme.tolerance = kMultiplierTolerance * most;
 
     StringArray x = previous_;
-    result.exact = minimise(programme, at_bound_, x);
+    result.exact = minimise(programme, at_bound_, x, result.rounds);
     for (std::size_t i = 0; i < kN; ++i) {
         result.tensions[i] =
-            std::isfinite(x[i]) ? std::clamp(x[i], settings_.minimum, settings_.maximum) : settings_.minimum;
+            std::isfinite(x[i]) ? std::clamp(x[i], programme.lower[i], programme.upper[i]) : previous_[i];
     }
     previous_ = result.tensions;
     result.wrench = wrench_of_tensions(wires, result.tensions);
-    result.reached = length(result.wrench.force - force) <= std::max(kForceError, kRelativeError * length(force)) &&
+    result.reached = shortening == 1.0 &&
+                     length(result.wrench.force - force) <= std::max(kForceError, kRelativeError * length(force)) &&
                      length(result.wrench.torque - torque) <= std::max(kTorqueError, kRelativeError * length(torque));
     return result;
 }

@@ -1,0 +1,315 @@
+#include "haptic/rt/kinematics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+#include <stdexcept>
+
+#include "haptic/device/emulated_board.hpp"
+
+namespace haptic::rt {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Rotation about an axis by Rodrigues' formula: the oracle shares no quaternion with the code under test.
+Vec3 rotated(const Vec3& v, const Vec3& axis, double angle) {
+    return v * std::cos(angle) + glm::cross(axis, v) * std::sin(angle) +
+           axis * glm::dot(axis, v) * (1.0 - std::cos(angle));
+}
+
+struct Placement {
+    Vec3 position;
+    Vec3 axis;
+    double angle;
+
+    [[nodiscard]] Pose pose() const {
+        const Vec3 imaginary = axis * std::sin(angle / 2.0);
+        return {position, Quat(std::cos(angle / 2.0), imaginary.x, imaginary.y, imaginary.z)};
+    }
+};
+
+class Random {
+  public:
+    explicit Random(std::uint64_t seed) : engine_(seed) {}
+    double uniform(double least, double most) { return std::uniform_real_distribution<double>(least, most)(engine_); }
+    Vec3 direction() {
+        std::normal_distribution<double> normal;
+        const double x = normal(engine_);
+        const double y = normal(engine_);
+        return glm::normalize(Vec3(x, y, normal(engine_)));
+    }
+    Placement placement(double distance, double angle) {
+        const Vec3 position = direction() * distance;
+        return {position, direction(), angle};
+    }
+
+  private:
+    std::mt19937_64 engine_;
+};
+
+double angle_between(const Quat& a, const Quat& b) {
+    const Quat difference = glm::conjugate(a) * b;
+    const double sine = glm::length(Vec3(difference.x, difference.y, difference.z));
+    return 2.0 * std::atan2(sine, std::abs(difference.w));
+}
+
+TEST(Kinematics, LengthsAreTheDistancesFromKnotToMotor) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(1);
+    for (int k = 0; k < 200; ++k) {
+        const Placement placement = random.placement(random.uniform(0.0, 0.04), random.uniform(-1.0, 1.0));
+        const StringArray lengths = string_lengths(variant, placement.pose());
+        for (std::size_t i = 0; i < kStrings; ++i) {
+            const device::StringFacts& string = variant.strings[i];
+            const Vec3 knot = placement.position + rotated(string.grip, placement.axis, placement.angle);
+            EXPECT_NEAR(lengths[i], glm::length(string.motor - knot), 1e-15);
+        }
+    }
+}
+
+TEST(Kinematics, WireMatrixIsMinusTheDerivativeOfTheLengths) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(2);
+    constexpr double kStep = 1e-6;       // m, rad
+    constexpr double kTolerance = 1e-9;  // m/m, m/rad: rounding 1e-17 / 1e-6, truncation step^2 / length^2
+    for (int k = 0; k < 100; ++k) {
+        const Placement at = random.placement(random.uniform(0.0, 0.04), random.uniform(-1.0, 1.0));
+        const WireMatrix wires = wire_matrix(variant, at.pose());
+        for (std::size_t i = 0; i < kStrings; ++i) {
+            const device::StringFacts& string = variant.strings[i];
+            const Vec3 arm = rotated(string.grip, at.axis, at.angle);
+            const auto length = [&](const Vec3& shift, const Vec3& about, double by) {
+                return glm::length(string.motor - (at.position + shift) - rotated(arm, about, by));
+            };
+            for (int j = 0; j < 3; ++j) {
+                Vec3 unit(0.0, 0.0, 0.0);
+                unit[j] = 1.0;
+                const double by_shift = (length(unit * kStep, unit, 0.0) - length(-unit * kStep, unit, 0.0)) / 2e-6;
+                const double by_turn = (length({}, unit, kStep) - length({}, unit, -kStep)) / 2e-6;
+                EXPECT_NEAR(wires[i][static_cast<std::size_t>(j)], -by_shift, kTolerance);
+                EXPECT_NEAR(wires[i][static_cast<std::size_t>(j) + 3], -by_turn, kTolerance);
+            }
+        }
+    }
+}
+
+TEST(Kinematics, AStringOfNoLengthHasAZeroRow) {
+    device::Variant variant = device::spidar_g6_x3r();
+    variant.strings[3].motor = variant.strings[3].grip;
+    const WireMatrix wires = wire_matrix(variant, {});
+    for (const double entry : wires[3]) {
+        EXPECT_EQ(entry, 0.0);
+    }
+}
+
+TEST(Kinematics, WrenchOfTensionsIsWhatTheBoardsMotorsDo) {
+    // The emulated board works its wrench out by itself, string by string.
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(3);
+    for (int k = 0; k < 100; ++k) {
+        const Pose pose = random.placement(0.02, 0.5).pose();
+        device::EmulatedBoard board({variant, PoseTrack(pose), {}, 0});
+        device::Sh4Command command;
+        for (std::uint16_t& digit : command.digits) {
+            digit = static_cast<std::uint16_t>(random.uniform(0.0, 4095.0));
+        }
+        device::Sh4Packet out;
+        device::Sh4Packet in;
+        device::encode(command, out);
+        ASSERT_EQ(board.exchange(out, in, 0), device::ExchangeStatus::Ok);
+        const Wrench wrench = wrench_of_tensions(wire_matrix(variant, board.grip_pose()), board.tensions());
+        const Wrench felt = board.wrench();
+        EXPECT_NEAR(glm::length(wrench.force - felt.force), 0.0, 1e-12);
+        EXPECT_NEAR(glm::length(wrench.torque - felt.torque), 0.0, 1e-13);
+    }
+}
+
+TEST(PoseSolver, StepOf25DegreesAnd27MillimetresIsFoundWithinThreeUpdates) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(4);
+    double widest = 0.0;
+    double furthest = 0.0;
+    for (int k = 0; k < 2000; ++k) {
+        const Pose pose = random.placement(0.027, 25.0 * kDegree).pose();
+        const StringArray lengths = string_lengths(variant, pose);
+        PoseSolver solver(variant);
+        PoseEstimate estimate;
+        for (int update = 0; update < 3; ++update) {
+            estimate = solver.solve(lengths);
+            ASSERT_EQ(estimate.status, PoseStatus::Ok);
+        }
+        widest = std::max(widest, angle_between(estimate.pose.orientation, pose.orientation));
+        furthest = std::max(furthest, glm::length(estimate.pose.position - pose.position));
+        EXPECT_LT(estimate.residual, 1e-12);
+    }
+    EXPECT_LT(widest, 0.05 * kDegree);
+    EXPECT_LT(furthest, 0.02e-3);
+    RecordProperty("widest_deg", std::to_string(widest / kDegree));
+    RecordProperty("furthest_mm", std::to_string(furthest * 1e3));
+}
+
+TEST(PoseSolver, TracksAHandWithoutLag) {
+    // 3 cm and half a radian at 3 Hz: 0.57 m/s and 9 rad/s. One update a millisecond must leave nothing.
+    const device::Variant variant = device::spidar_g6_x3r();
+    PoseSolver solver(variant);
+    double furthest = 0.0;
+    double widest = 0.0;
+    for (int tick = 0; tick < 2000; ++tick) {
+        const double phase = 2.0 * std::numbers::pi * 3.0 * tick * 1e-3;
+        const Placement at{{0.03 * std::sin(phase), 0.02 * std::sin(2.0 * phase), 0.02 * std::sin(phase + 1.0)},
+                           glm::normalize(Vec3(1.0, std::sin(phase / 7.0), -0.5)),
+                           0.5 * std::sin(phase)};
+        const PoseEstimate estimate = solver.solve(string_lengths(variant, at.pose()));
+        ASSERT_EQ(estimate.status, PoseStatus::Ok);
+        if (tick == 0) {
+            continue;  // the hand starts 17 mm away from where the solver does
+        }
+        furthest = std::max(furthest, glm::length(estimate.pose.position - at.position));
+        widest = std::max(widest, angle_between(estimate.pose.orientation, at.pose().orientation));
+    }
+    EXPECT_LT(furthest, 1e-9);
+    EXPECT_LT(widest, 1e-9);
+}
+
+TEST(PoseSolver, NoiseOfQuantisedLengthsIsThatOfTheGeometry) {
+    // Published for the X3R at the centre: 3.3 to 3.5 um and 10 to 12 mdeg, one standard deviation, on the worst axis.
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(5);
+    constexpr int kSamples = 20000;
+    Vec3 translation(0.0);
+    Vec3 rotation(0.0);
+    PoseSolver solver(variant);
+    for (int k = 0; k < kSamples; ++k) {
+        // Far enough from one another that the eight roundings are independent.
+        const Pose pose = random.placement(random.uniform(0.0, 1e-3), random.uniform(0.0, 0.02)).pose();
+        StringArray lengths = string_lengths(variant, pose);
+        for (double& length : lengths) {
+            length = std::round(length / variant.metres_per_count) * variant.metres_per_count;
+        }
+        const PoseEstimate estimate = solver.solve(lengths);
+        ASSERT_EQ(estimate.status, PoseStatus::Ok);
+        const Vec3 moved = estimate.pose.position - pose.position;
+        const Quat turned = estimate.pose.orientation * glm::conjugate(pose.orientation);
+        const Vec3 turn = 2.0 * Vec3(turned.x, turned.y, turned.z) * (turned.w < 0.0 ? -1.0 : 1.0);
+        translation += moved * moved;
+        rotation += turn * turn;
+    }
+    const double worst_um = 1e6 * std::sqrt(std::max({translation.x, translation.y, translation.z}) / kSamples);
+    const double worst_mdeg = 1e3 / kDegree * std::sqrt(std::max({rotation.x, rotation.y, rotation.z}) / kSamples);
+    EXPECT_GT(worst_um, 3.2);
+    EXPECT_LT(worst_um, 3.6);
+    EXPECT_GT(worst_mdeg, 9.5);
+    EXPECT_LT(worst_mdeg, 13.0);
+    RecordProperty("worst_um", std::to_string(worst_um));
+    RecordProperty("worst_mdeg", std::to_string(worst_mdeg));
+}
+
+TEST(PoseSolver, ResidualShowsALengthThatContradictsTheOthers) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    StringArray lengths = string_lengths(variant, {});
+    PoseSolver solver(variant);
+    EXPECT_LT(solver.solve(lengths).residual, 1e-15);
+    lengths[2] += 0.005;
+    // Two of eight dimensions are redundant: a fault of one string shows by its share in them.
+    EXPECT_GT(solver.solve(lengths).residual, 0.1 * 0.005 / std::sqrt(8.0));
+}
+
+TEST(PoseSolver, KeepsTheLastPoseForLengthsThatAreNotFinite) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    const Pose pose = Placement{{0.01, 0.0, -0.01}, {0.0, 1.0, 0.0}, 0.3}.pose();
+    const StringArray good = string_lengths(variant, pose);
+    PoseSolver solver(variant);
+    solver.solve(good);
+    const Pose before = solver.solve(good).pose;
+    for (const double bad : {kNaN, kInfinity, -kInfinity}) {
+        StringArray lengths = good;
+        lengths[5] = bad;
+        const PoseEstimate estimate = solver.solve(lengths);
+        EXPECT_EQ(estimate.status, PoseStatus::NonFinite);
+        EXPECT_EQ(estimate.pose.position, before.position);
+        EXPECT_EQ(estimate.pose.orientation, before.orientation);
+    }
+    EXPECT_EQ(solver.solve(good).status, PoseStatus::Ok);
+}
+
+TEST(PoseSolver, SaysWhereTheStringsDoNotDetermineThePose) {
+    // All strings knotted to one point: the grip turns freely about it.
+    device::Variant variant = device::spidar_g6_x3r();
+    for (device::StringFacts& string : variant.strings) {
+        string.grip = {0.0, 0.0225, 0.0};
+    }
+    PoseSolver solver(variant);
+    const Pose start = Placement{{0.001, 0.002, 0.003}, {0.0, 0.0, 1.0}, 0.1}.pose();
+    solver.reset(start);
+    const PoseEstimate estimate = solver.solve(string_lengths(variant, {}));
+    EXPECT_EQ(estimate.status, PoseStatus::RankDeficient);
+    EXPECT_EQ(estimate.pose.position, start.position);
+    EXPECT_LT(angle_between(estimate.pose.orientation, start.orientation), 1e-15);
+}
+
+TEST(PoseSolver, IsFiniteAndUnitWhateverItIsGivenAndRecovers) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(6);
+    const double magnitudes[] = {0.0, 1e-300, 1e-3, 0.1, 1.0, 1e3, 1e100, 1e200, 1e308};
+    PoseSolver solver(variant);
+    for (int k = 0; k < 20000; ++k) {
+        StringArray lengths{};
+        for (double& length : lengths) {
+            length = random.uniform(-1.0, 1.0) * magnitudes[static_cast<std::size_t>(random.uniform(0.0, 9.0))];
+        }
+        const PoseEstimate& estimate = solver.solve(lengths);
+        const Pose& pose = estimate.pose;
+        ASSERT_TRUE(std::isfinite(pose.position.x) && std::isfinite(pose.position.y) &&
+                    std::isfinite(pose.position.z) && std::isfinite(estimate.residual));
+        ASSERT_NEAR(glm::length(pose.orientation), 1.0, 1e-14);
+        ASSERT_LE(glm::length(pose.position), 0.1140);  // where the motors are
+    }
+    // However far astray: reset, and the hand is found again.
+    solver.reset({});
+    const Pose pose = Placement{{0.01, 0.0, -0.01}, {0.0, 1.0, 0.0}, 0.3}.pose();
+    PoseEstimate estimate;
+    for (int update = 0; update < 3; ++update) {
+        estimate = solver.solve(string_lengths(variant, pose));
+    }
+    EXPECT_LT(glm::length(estimate.pose.position - pose.position), 1e-9);
+}
+
+TEST(PoseSolver, OrientationStaysUnitOverManyUpdates) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    PoseSolver solver(variant);
+    const StringArray a = string_lengths(variant, Placement{{0.01, 0.0, 0.0}, {0.0, 1.0, 0.0}, 0.2}.pose());
+    const StringArray b = string_lengths(variant, Placement{{0.0, 0.01, 0.0}, {1.0, 0.0, 0.0}, 0.2}.pose());
+    for (int k = 0; k < 100000; ++k) {
+        solver.solve(a);
+        solver.solve(b);
+    }
+    EXPECT_NEAR(glm::length(solver.solve(a).pose.orientation), 1.0, 1e-15);
+}
+
+TEST(PoseSolver, ResetTakesTheCentreForAPoseThatIsNone) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    PoseSolver solver(variant);
+    const StringArray level = string_lengths(variant, {});
+    for (const Pose& bad : {Pose{{kNaN, 0.0, 0.0}, {1.0, 0.0, 0.0, 0.0}}, Pose{{}, {0.0, 0.0, 0.0, 0.0}},
+                            Pose{{}, {kInfinity, 0.0, 0.0, 0.0}}, Pose{{1e300, 1e300, 0.0}, {1.0, 0.0, 0.0, 0.0}}}) {
+        solver.reset(bad);
+        const PoseEstimate estimate = solver.solve(level);
+        EXPECT_EQ(estimate.status, PoseStatus::Ok);
+        EXPECT_LT(glm::length(estimate.pose.position), 0.114);
+    }
+    EXPECT_LT(glm::length(solver.solve(level).pose.position), 1e-9);
+}
+
+TEST(PoseSolver, RefusesAVariantWithoutGeometry) {
+    EXPECT_THROW(PoseSolver{device::Variant{}}, std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace haptic::rt
