@@ -62,6 +62,12 @@ std::string shown(const toml::node& node) {
     return out.str();
 }
 
+std::string trimmed(std::string_view text) {
+    const std::size_t begin = text.find_first_not_of(" \t");
+    const std::size_t end = text.find_last_not_of(" \t");
+    return begin == std::string_view::npos ? "" : std::string(text.substr(begin, end - begin + 1));
+}
+
 /// Number of insertions, deletions, replacements and swaps of neighbours that make b of a (optimal string alignment).
 std::size_t edit_distance(std::string_view a, std::string_view b) {
     std::vector<std::size_t> before_last(b.size() + 1);
@@ -269,7 +275,7 @@ Config Config::parse(std::string_view toml, std::string_view name) {
 
 void Config::set(std::string_view assignment) {
     const std::size_t equals = assignment.find('=');
-    const std::string key(assignment.substr(0, equals));
+    const std::string key = trimmed(assignment.substr(0, equals));
     const auto fail_set = [&key](const std::string& problem) { throw ConfigError("--set " + key + ": " + problem); };
     if (equals == std::string_view::npos) {
         fail_set("must have the form key=value");
@@ -283,18 +289,18 @@ void Config::set(std::string_view assignment) {
             fail_set("is not a key: names of letters, digits, _ and - with dots between, as in tension.minimum_n");
         }
     }
-    const std::string_view value = assignment.substr(equals + 1);
+    const std::string value = trimmed(assignment.substr(equals + 1));
     toml::table parsed;
     if (value.find('\n') != std::string_view::npos) {
         fail_set("the value must be on one line");
     }
     try {
-        parsed = toml::parse("value = " + std::string(value) + "\n");
+        parsed = toml::parse("value = " + value + "\n");
     } catch (const toml::parse_error& error) {
         if (!is_bare_word(value)) {
             fail_set(in_quotes(value) + " is not a TOML value: " + std::string(error.description()));
         }
-        parsed.insert_or_assign("value", std::string(value));
+        parsed.insert_or_assign("value", value);
     }
     toml::table* table = &state_->root;
     for (std::size_t i = 0; i + 1 < parts.size(); ++i) {

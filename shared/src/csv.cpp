@@ -64,6 +64,10 @@ std::string read_file(const std::filesystem::path& file) {
     return {std::istreambuf_iterator<char>(stream), {}};
 }
 
+[[noreturn]] void fail(const std::string& file, std::size_t line, const std::string& problem) {
+    throw CsvError(file + ":" + std::to_string(line) + ": " + problem);
+}
+
 }  // namespace
 
 CsvTable CsvTable::load(const std::filesystem::path& file) {
@@ -71,9 +75,6 @@ CsvTable CsvTable::load(const std::filesystem::path& file) {
     CsvTable table;
     table.file_ = file.string();
     std::size_t line_number = 0;
-    const auto fail = [&](const std::string& problem) {
-        throw CsvError(table.file_ + ":" + std::to_string(line_number) + ": " + problem);
-    };
     std::string_view rest = content;
     if (rest.starts_with(kByteOrderMark)) {
         rest.remove_prefix(kByteOrderMark.size());
@@ -83,10 +84,10 @@ CsvTable CsvTable::load(const std::filesystem::path& file) {
     split_cells(next_line(rest), cells);
     for (const std::string_view name : cells) {
         if (name.empty() || finite_number(name)) {
-            fail("the first line must name the columns, as in \"time_s,x_m,y_m,z_m\"");
+            fail(table.file_, line_number, "the first line must name the columns, as in \"time_s,x_m,y_m,z_m\"");
         }
         if (std::find(table.names_.begin(), table.names_.end(), name) != table.names_.end()) {
-            fail("two columns are named \"" + std::string(name) + "\"");
+            fail(table.file_, line_number, "two columns are named \"" + std::string(name) + "\"");
         }
         table.names_.emplace_back(name);
     }
@@ -99,13 +100,15 @@ CsvTable CsvTable::load(const std::filesystem::path& file) {
         }
         split_cells(line, cells);
         if (cells.size() != table.names_.size()) {
-            fail("has " + std::to_string(cells.size()) + " cells, the header has " +
-                 std::to_string(table.names_.size()));
+            fail(table.file_, line_number,
+                 "has " + std::to_string(cells.size()) + " cells, the header has " +
+                     std::to_string(table.names_.size()));
         }
         for (std::size_t i = 0; i < cells.size(); ++i) {
             const std::optional<double> value = finite_number(cells[i]);
             if (!value) {
-                fail("column " + table.names_[i] + ": \"" + std::string(cells[i]) + "\" is not a finite number");
+                fail(table.file_, line_number,
+                     "column " + table.names_[i] + ": \"" + std::string(cells[i]) + "\" is not a finite number");
             }
             table.values_[i].push_back(*value);
         }
@@ -149,10 +152,7 @@ CsvWriter::CsvWriter(const std::filesystem::path& file, const std::vector<std::s
 CsvWriter::~CsvWriter() {
     if (stream_.is_open()) {
         stream_.close();
-        if (temporary_ != file_) {
-            std::error_code ignored;
-            std::filesystem::remove(temporary_, ignored);
-        }
+        detail::discard(temporary_, file_);
     }
 }
 
@@ -177,19 +177,12 @@ void CsvWriter::close() {
     errno = 0;
     stream_.close();
     if (!stream_) {
-        const int error = errno;
-        if (temporary_ != file_) {
-            std::error_code ignored;
-            std::filesystem::remove(temporary_, ignored);
-        }
+        const int error = errno != 0 ? errno : EIO;
+        detail::discard(temporary_, file_);
         throw CsvError(file_.string() + ": could not be written whole: " + std::generic_category().message(error));
     }
-    if (temporary_ != file_) {
-        std::error_code error;
-        std::filesystem::rename(temporary_, file_, error);
-        if (error) {
-            throw CsvError(file_.string() + ": cannot be put in place: " + error.message());
-        }
+    if (const std::error_code error = detail::put_in_place(temporary_, file_)) {
+        throw CsvError(file_.string() + ": cannot be put in place: " + error.message());
     }
 }
 

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <filesystem>
 #include <string>
+#include <system_error>
 
 namespace haptic::detail {
 
@@ -21,6 +22,27 @@ inline std::filesystem::path temporary_beside(const std::filesystem::path& file)
     std::filesystem::path temporary = file;
     temporary += ".part-" + std::to_string(::getpid()) + "-" + std::to_string(serial.fetch_add(1));
     return temporary;
+}
+
+/// Gives up what was written so far.
+inline void discard(const std::filesystem::path& temporary, const std::filesystem::path& file) noexcept {
+    if (temporary != file) {
+        std::error_code ignored;
+        std::filesystem::remove(temporary, ignored);
+    }
+}
+
+/// Puts the whole file in its place. Where that fails the temporary file is removed.
+[[nodiscard]] inline std::error_code put_in_place(const std::filesystem::path& temporary,
+                                                  const std::filesystem::path& file) noexcept {
+    std::error_code error;
+    if (temporary != file) {
+        std::filesystem::rename(temporary, file, error);
+        if (error) {
+            discard(temporary, file);
+        }
+    }
+    return error;
 }
 
 }  // namespace haptic::detail

@@ -15,6 +15,11 @@ double microseconds(std::int64_t duration_ns) {
     return static_cast<double>(duration_ns) * 1e-3;
 }
 
+/// What the last system call said; an input/output error where it said nothing.
+std::error_code last_error() {
+    return {errno != 0 ? errno : EIO, std::generic_category()};
+}
+
 }  // namespace
 
 nlohmann::json summary_us(const Histogram& histogram) {
@@ -43,17 +48,10 @@ void write_report(const std::filesystem::path& file, const nlohmann::json& repor
     std::ofstream stream(temporary, std::ios::binary | std::ios::trunc);
     stream << report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
     stream.close();
-    if (!stream) {
-        const int error = errno;
-        std::error_code ignored;
-        if (temporary != file) {
-            std::filesystem::remove(temporary, ignored);
-        }
-        throw std::runtime_error(file.string() +
-                                 ": the report cannot be written: " + std::generic_category().message(error));
-    }
-    if (temporary != file) {
-        std::filesystem::rename(temporary, file);
+    const std::error_code error = stream ? detail::put_in_place(temporary, file) : last_error();
+    if (error) {
+        detail::discard(temporary, file);
+        throw std::runtime_error(file.string() + ": the report cannot be written: " + error.message());
     }
 }
 

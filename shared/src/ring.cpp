@@ -29,10 +29,10 @@ RingWriterBase::RingWriterBase(const std::string& session, RingKind kind, std::s
     RingHeader& ring = segment_->memory().header();
     // The frame that a killed writer was at, if any, is written anew under the same number: `head` had not reached it,
     // so no reader has looked at it.
-    next_ = ring.head.load(std::memory_order_acquire) + 1;
-    ring.heartbeat_ns.store(0, std::memory_order_release);
-    ring.closed.store(0, std::memory_order_release);
-    ring.session.store(session_, std::memory_order_release);
+    next_ = ring.progress.head.load(std::memory_order_acquire) + 1;
+    ring.progress.heartbeat_ns.store(0, std::memory_order_release);
+    ring.presence.closed.store(0, std::memory_order_release);
+    ring.presence.session.store(session_, std::memory_order_release);
 }
 
 RingWriterBase::RingWriterBase(RingWriterBase&&) noexcept = default;
@@ -40,12 +40,12 @@ RingWriterBase& RingWriterBase::operator=(RingWriterBase&&) noexcept = default;
 
 RingWriterBase::~RingWriterBase() {
     if (segment_ != nullptr) {
-        segment_->memory().header().closed.store(1, std::memory_order_release);
+        segment_->memory().header().presence.closed.store(1, std::memory_order_release);
     }
 }
 
 void RingWriterBase::beat(std::int64_t now_ns) HAPTIC_RT {
-    segment_->memory().header().heartbeat_ns.store(now_ns, std::memory_order_release);
+    segment_->memory().header().progress.heartbeat_ns.store(now_ns, std::memory_order_release);
 }
 
 std::uint64_t RingWriterBase::publish_bytes(const void* frame, std::size_t bytes, std::int64_t now_ns) HAPTIC_RT {
@@ -63,10 +63,10 @@ RingReaderBase::~RingReaderBase() = default;
 RingPeer RingReaderBase::peer() const HAPTIC_RT {
     const RingHeader& ring = segment_->memory().header();
     RingPeer peer;
-    peer.session = ring.session.load(std::memory_order_acquire);
-    peer.heartbeat_ns = ring.heartbeat_ns.load(std::memory_order_acquire);
-    peer.writer_pid = ring.writer_pid.load(std::memory_order_acquire);
-    peer.closed = ring.closed.load(std::memory_order_acquire) != 0;
+    peer.session = ring.presence.session.load(std::memory_order_acquire);
+    peer.heartbeat_ns = ring.progress.heartbeat_ns.load(std::memory_order_acquire);
+    peer.writer_pid = ring.presence.writer_pid.load(std::memory_order_acquire);
+    peer.closed = ring.presence.closed.load(std::memory_order_acquire) != 0;
     return peer;
 }
 

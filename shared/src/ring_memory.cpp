@@ -17,11 +17,11 @@ SharedWord* words_of(RingSlotHeader& slot) HAPTIC_RT {
 
 void RingMemory::initialise(RingKind kind) const noexcept {
     RingHeader& ring = header();
-    ring.abi.store(HAPTIC_ABI_VERSION, kRelease);
-    ring.kind.store(static_cast<std::uint32_t>(kind), kRelease);
-    ring.slot_bytes.store(static_cast<std::uint32_t>(slot_bytes_), kRelease);
-    ring.slot_count.store(kRingSlots, kRelease);
-    ring.magic.store(kRingMagic, kRelease);
+    ring.identity.abi.store(HAPTIC_ABI_VERSION, kRelease);
+    ring.identity.kind.store(static_cast<std::uint32_t>(kind), kRelease);
+    ring.identity.slot_bytes.store(static_cast<std::uint32_t>(slot_bytes_), kRelease);
+    ring.identity.slot_count.store(kRingSlots, kRelease);
+    ring.identity.magic.store(kRingMagic, kRelease);
 }
 
 RingSlotHeader& RingMemory::slot_of(std::uint64_t sequence) const HAPTIC_RT {
@@ -44,16 +44,16 @@ void RingMemory::publish(std::uint64_t sequence, const void* frame, std::size_t 
         words[i].store(word, kRelease);
     }
     slot.stamp.store(2 * sequence, kRelease);
-    header().heartbeat_ns.store(now_ns, kRelease);
-    header().head.store(sequence, kRelease);
+    header().progress.heartbeat_ns.store(now_ns, kRelease);
+    header().progress.head.store(sequence, kRelease);
 }
 
 RingMemory::Read RingMemory::read_newest(std::uint64_t last, void* frame) const HAPTIC_RT {
     auto* const target = static_cast<std::byte*>(frame);
     Read result;
     for (int attempt = 0; attempt < kRingReadAttempts; ++attempt) {
-        const std::uint64_t newest = header().head.load(kAcquire);
-        if (newest <= last) {
+        const std::uint64_t newest = header().progress.head.load(kAcquire);
+        if (newest <= last || newest > kLastSequence) {
             return result;
         }
         RingSlotHeader& slot = slot_of(newest);

@@ -27,26 +27,37 @@ using SharedWord = std::atomic<std::uint64_t>;
 static_assert(SharedWord::is_always_lock_free && sizeof(SharedWord) == sizeof(std::uint64_t));
 static_assert(std::atomic<std::uint32_t>::is_always_lock_free);
 
-/// The first bytes of a segment. The identity never changes once magic is there; magic is stored last.
-struct alignas(kCacheLine) RingHeader {
+/// What the segment is. Never changes once magic is there; magic is stored last.
+struct alignas(kCacheLine) RingIdentity {
     SharedWord magic;
     std::atomic<std::uint32_t> abi;
     std::atomic<std::uint32_t> kind;
     std::atomic<std::uint32_t> slot_bytes;
     std::atomic<std::uint32_t> slot_count;
+};
 
-    // Who is there, as each said on coming and going. The locks decide; these are for messages and for the other side.
-    alignas(kCacheLine) SharedWord session;
+/// Who is there, as each said on coming and going. The locks decide; this is for messages and for the other side.
+struct alignas(kCacheLine) RingPresence {
+    SharedWord session;
     std::atomic<std::uint32_t> writer_pid;
     std::atomic<std::uint32_t> reader_pid;
     std::atomic<std::uint32_t> closed;
+};
 
-    // What changes with each frame, together on one line: it crosses between the cores once.
-    alignas(kCacheLine) std::atomic<std::int64_t> heartbeat_ns;
+/// What changes with each frame, together on one line: it crosses between the cores once.
+struct alignas(kCacheLine) RingProgress {
+    std::atomic<std::int64_t> heartbeat_ns;
     SharedWord head;  // sequence of the newest complete frame, 0 before the first
 };
-static_assert(sizeof(RingHeader) == 3 * kCacheLine && offsetof(RingHeader, session) == kCacheLine &&
-              offsetof(RingHeader, heartbeat_ns) == 2 * kCacheLine);
+
+/// The first bytes of a segment.
+struct RingHeader {
+    RingIdentity identity;
+    RingPresence presence;
+    RingProgress progress;
+};
+static_assert(sizeof(RingHeader) == 3 * kCacheLine && offsetof(RingHeader, presence) == kCacheLine &&
+              offsetof(RingHeader, progress) == 2 * kCacheLine);
 
 /// What precedes the words of each slot.
 struct RingSlotHeader {

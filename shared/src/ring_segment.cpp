@@ -83,8 +83,10 @@ std::string ring_segment_name(const std::string& session, RingKind kind) {
         return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
     };
     if (session.empty() || session.size() > kMaxSessionName || !std::all_of(session.begin(), session.end(), allowed)) {
+        std::string shown = session.substr(0, kMaxSessionName);
+        std::replace_if(shown.begin(), shown.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
         throw RingError(RingError::Kind::BadSessionName,
-                        "session name \"" + session + "\" must be 1 to 64 of the characters A-Z a-z 0-9 _ -");
+                        "session name \"" + shown + "\" must be 1 to 64 of the characters A-Z a-z 0-9 _ -");
     }
     return "/haptic-" + std::to_string(geteuid()) + "-" + session + "-" + std::string(kind_name(kind));
 }
@@ -110,15 +112,13 @@ RingSegment::RingSegment(const std::string& session, RingKind kind, std::size_t 
     make_sound(fd_.get());
     take_role(fd_.get());
     memory_ = RingMemory(map(fd_.get()), slot_bytes_);
-    auto& pid = role_ == RingLock::Writer ? memory_.header().writer_pid : memory_.header().reader_pid;
-    pid.store(static_cast<std::uint32_t>(getpid()), std::memory_order_release);
+    own_pid().store(static_cast<std::uint32_t>(getpid()), std::memory_order_release);
     struct flock request = lock_request(RingLock::Change, 1, F_UNLCK);
     fcntl(fd_.get(), F_OFD_SETLK, &request);
 }
 
 RingSegment::~RingSegment() {
-    auto& pid = role_ == RingLock::Writer ? memory_.header().writer_pid : memory_.header().reader_pid;
-    pid.store(0, std::memory_order_release);
+    own_pid().store(0, std::memory_order_release);
     munmap(&memory_.header(), RingMemory::bytes(slot_bytes_));
     const RingLock other = role_ == RingLock::Writer ? RingLock::Reader : RingLock::Writer;
     // Closing the descriptor gives back the role and the change lock in one step, so that of two who leave at once the
@@ -127,6 +127,11 @@ RingSegment::~RingSegment() {
     if (lock_change(fd_.get()) && !is_held_by_another(fd_.get(), other, 1) && status_of(fd_.get()).st_nlink != 0) {
         shm_unlink(name_.c_str());
     }
+}
+
+std::atomic<std::uint32_t>& RingSegment::own_pid() const noexcept {
+    RingPresence& presence = memory_.header().presence;
+    return role_ == RingLock::Writer ? presence.writer_pid : presence.reader_pid;
 }
 
 void RingSegment::fail(RingError::Kind kind, const std::string& problem) const {
@@ -148,7 +153,8 @@ RingSegment::Descriptor RingSegment::open_and_lock() const {
         Descriptor fd(shm_open(name_.c_str(), O_RDWR | O_CREAT, kPrivate));
         if (fd.get() < 0) {
             const int error = errno;
-            if (error == ELOOP || error == EACCES || error == EISDIR || error == ENXIO) {
+            // A link, a foreign file, a directory (EINVAL from glibc), a device or socket.
+            if (error == ELOOP || error == EACCES || error == EINVAL || error == EISDIR || error == ENXIO) {
                 fail(RingError::Kind::Foreign, "is not ours to use: " + std::generic_category().message(error) +
                                                    "; see what it is: ls -l /dev/shm" + name_ +
                                                    ", then remove it: sudo rm -r /dev/shm" + name_);
@@ -201,33 +207,33 @@ void RingSegment::make_sound(int fd) const {
         fail_system("read", errno);
     }
     const RingHeader& header = *reinterpret_cast<const RingHeader*>(copy.data());
-    const std::uint64_t magic = header.magic.load();
+    const std::uint64_t magic = header.identity.magic.load();
     if (magic == 0 && !is_held_by_another(fd, RingLock::Writer, 2)) {
         // Its creator died before the header was complete: magic comes last, and no one can have attached.
         create(fd);
         return;
     }
-    if (magic != kRingMagic || header.kind.load() != static_cast<std::uint32_t>(kind_)) {
+    if (magic != kRingMagic || header.identity.kind.load() != static_cast<std::uint32_t>(kind_)) {
         fail(RingError::Kind::BadMagic, "is not a " + std::string(kind_name(kind_)) + " ring" + removal());
     }
-    if (header.abi.load() != HAPTIC_ABI_VERSION) {
-        fail(RingError::Kind::BadAbi, "has ABI version " + std::to_string(header.abi.load()) + ", this program has " +
-                                          std::to_string(HAPTIC_ABI_VERSION) + ": use programs of the same release" +
-                                          removal());
+    if (header.identity.abi.load() != HAPTIC_ABI_VERSION) {
+        fail(RingError::Kind::BadAbi, "has ABI version " + std::to_string(header.identity.abi.load()) +
+                                          ", this program has " + std::to_string(HAPTIC_ABI_VERSION) +
+                                          ": use programs of the same release" + removal());
     }
-    if (header.slot_bytes.load() != slot_bytes_ || header.slot_count.load() != kRingSlots) {
-        fail(RingError::Kind::BadSize, "has " + std::to_string(header.slot_count.load()) + " slots of " +
-                                           std::to_string(header.slot_bytes.load()) + " bytes, this program uses " +
-                                           std::to_string(kRingSlots) + " of " + std::to_string(slot_bytes_) +
-                                           removal());
+    if (header.identity.slot_bytes.load() != slot_bytes_ || header.identity.slot_count.load() != kRingSlots) {
+        fail(RingError::Kind::BadSize, "has " + std::to_string(header.identity.slot_count.load()) + " slots of " +
+                                           std::to_string(header.identity.slot_bytes.load()) +
+                                           " bytes, this program uses " + std::to_string(kRingSlots) + " of " +
+                                           std::to_string(slot_bytes_) + removal());
     }
     if (size != RingMemory::bytes(slot_bytes_)) {
         fail(RingError::Kind::BadSize, "is truncated or overlong: " + std::to_string(size) + " bytes instead of " +
                                            std::to_string(RingMemory::bytes(slot_bytes_)) + removal());
     }
-    if (header.head.load() > kLastSequence) {
+    if (header.progress.head.load() > kLastSequence) {
         fail(RingError::Kind::Damaged,
-             "is damaged: its count of frames is " + std::to_string(header.head.load()) + removal());
+             "is damaged: its count of frames is " + std::to_string(header.progress.head.load()) + removal());
     }
 }
 
@@ -254,8 +260,8 @@ void RingSegment::take_role(int fd) const {
     if (errno != EAGAIN && errno != EACCES) {
         fail_system("locked", errno);
     }
-    const std::size_t offset =
-        role_ == RingLock::Writer ? offsetof(RingHeader, writer_pid) : offsetof(RingHeader, reader_pid);
+    const std::size_t offset = role_ == RingLock::Writer ? offsetof(RingHeader, presence.writer_pid)
+                                                         : offsetof(RingHeader, presence.reader_pid);
     std::uint32_t pid = 0;
     if (pread(fd, &pid, sizeof pid, static_cast<off_t>(offset)) != static_cast<ssize_t>(sizeof pid)) {
         pid = 0;

@@ -1,6 +1,7 @@
 // The shared-memory segment of a ring: created, checked, locked, mapped, and removed by the last to leave.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -49,6 +50,7 @@ class RingSegment {
     void create(int fd) const;
     void take_role(int fd) const;
     [[nodiscard]] void* map(int fd) const;
+    [[nodiscard]] std::atomic<std::uint32_t>& own_pid() const noexcept;
     [[noreturn]] void fail(RingError::Kind kind, const std::string& problem) const;
     [[noreturn]] void fail_system(const std::string& action, int error) const;
     [[nodiscard]] std::string removal() const;

@@ -7,7 +7,7 @@
 add_library(haptic_options INTERFACE)
 target_compile_features(haptic_options INTERFACE cxx_std_20)
 target_compile_options(haptic_options INTERFACE
-    -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
+    -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor>
     # The same operations on each machine and compiler, so that a recorded state can be compared bit for bit.
     -ffp-contract=off
     $<$<BOOL:${HAPTIC_WARNINGS_AS_ERRORS}>:-Werror>)

@@ -1,0 +1,20 @@
+#include "haptic/clock.hpp"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+namespace haptic {
+namespace {
+
+TEST(Clock, CountsNanosecondsOfTheMonotonicClock) {
+    // libstdc++'s steady_clock is CLOCK_MONOTONIC: a reading between two of ours lies between them.
+    const std::int64_t before = monotonic_now_ns();
+    const std::int64_t between = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+    const std::int64_t after = monotonic_now_ns();
+    EXPECT_LE(before, between);
+    EXPECT_LE(between, after);
+}
+
+}  // namespace
+}  // namespace haptic

@@ -1,0 +1,207 @@
+#include "haptic/config.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "temporary_file.hpp"
+
+namespace haptic {
+namespace {
+
+using test::message_of;
+using testing::AllOf;
+using testing::EndsWith;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+constexpr Range kAny{-1e9, 1e9};
+
+constexpr const char* kScene = R"(# a comment
+name = "cloth"
+verify = true
+
+[solver]
+iterations = 5
+dt = 0.01
+gravity = [0.0, -9.81, 0]
+weights = [1, 2.5]
+
+[grip]
+orientation = [0.5, 0.5, 0.5, 0.5]
+)";
+
+std::string error_of(std::string_view toml, const std::function<void(Config&)>& use) {
+    return message_of<ConfigError>([&] {
+        Config config = Config::parse(toml, "scene.toml");
+        use(config);
+    });
+}
+
+TEST(Config, ReadsEachType) {
+    const Config config = Config::parse(kScene, "scene.toml");
+    EXPECT_EQ(config.text("name", ""), "cloth");
+    EXPECT_TRUE(config.flag("verify", false));
+    EXPECT_EQ(config.integer("solver.iterations", 0, kAny), 5);
+    EXPECT_EQ(config.number("solver.iterations", 0.0, kAny), 5.0);
+    EXPECT_EQ(config.number("solver.dt", 0.0, kAny), 0.01);
+    EXPECT_EQ(config.vec3("solver.gravity", {}, kAny), Vec3(0.0, -9.81, 0.0));
+    EXPECT_EQ(config.numbers("solver.weights", {}, kAny), (std::vector<double>{1.0, 2.5}));
+    EXPECT_EQ(config.quat("grip.orientation", {}), Quat(0.5, 0.5, 0.5, 0.5));
+    EXPECT_EQ(config.choice("name", "", {"fish", "cloth"}), "cloth");
+    EXPECT_NO_THROW(config.reject_unknown());
+}
+
+TEST(Config, GivesTheDefaultWhereTheFileIsSilent) {
+    const Config config;
+    EXPECT_EQ(config.number("a.b", 1.5, kAny), 1.5);
+    EXPECT_EQ(config.integer("a.c", 7, kAny), 7);
+    EXPECT_TRUE(config.flag("d", true));
+    EXPECT_EQ(config.text("e", "x"), "x");
+    EXPECT_EQ(config.vec3("f", {1.0, 2.0, 3.0}, kAny), Vec3(1.0, 2.0, 3.0));
+    EXPECT_EQ(config.numbers("g", {4.0}, kAny), std::vector<double>{4.0});
+    EXPECT_FALSE(config.has("a.b"));
+    EXPECT_NO_THROW(config.reject_unknown());
+}
+
+TEST(Config, NamesFileLineKeyAndRemedyOfAnUnknownKey) {
+    const auto read = [](const Config& config) {
+        static_cast<void>(config.text("name", ""));
+        static_cast<void>(config.flag("verify", false));
+        static_cast<void>(config.integer("solver.iterations", 0, kAny));
+        static_cast<void>(config.number("solver.dt", 0.0, kAny));
+        config.reject_unknown();
+    };
+    EXPECT_EQ(error_of("name = \"x\"\n\n[solver]\niteratoins = 5\n", read),
+              "scene.toml:4: solver.iteratoins: unknown key; did you mean \"solver.iterations\"?");
+    EXPECT_EQ(error_of("iterations = 5\n", read),
+              "scene.toml:1: iterations: unknown key; did you mean \"solver.iterations\"?");
+    EXPECT_EQ(error_of("[solver]\ncompletely_else = 5\n", read),
+              "scene.toml:2: solver.completely_else: unknown key; known in [solver]: dt, iterations");
+    EXPECT_EQ(error_of("[slover]\ndt = 5\n", read),
+              "scene.toml:2: slover.dt: unknown key; did you mean \"solver.dt\"?");
+    EXPECT_THAT(error_of("[[object]]\na = 5\n", read), StartsWith("scene.toml:1: object: unknown key"));
+    EXPECT_THAT(error_of("\n[empty]\n", read), StartsWith("scene.toml:2: empty: unknown key"));
+}
+
+TEST(Config, ReportsTheFirstUnknownKeyOfTheFile) {
+    const auto read = [](const Config& config) { config.reject_unknown(); };
+    EXPECT_THAT(error_of("zz = 1\naa = 2\n", read), StartsWith("scene.toml:1: zz: "));
+}
+
+TEST(Config, AcceptsAnEmptyTableOfWhichKeysAreKnown) {
+    const Config config = Config::parse("[solver]\n", "scene.toml");
+    static_cast<void>(config.number("solver.dt", 0.0, kAny));
+    EXPECT_NO_THROW(config.reject_unknown());
+}
+
+TEST(Config, RefusesValuesOfTheWrongType) {
+    const auto expect = [](const char* value, const std::function<void(Config&)>& use, const char* problem) {
+        EXPECT_THAT(error_of("\n[a]\nb = " + std::string(value), use),
+                    AllOf(StartsWith("scene.toml:3: a.b: "), HasSubstr(problem)))
+            << value;
+    };
+    const auto number = [](Config& c) { static_cast<void>(c.number("a.b", 0.0, kAny)); };
+    const auto integer = [](Config& c) { static_cast<void>(c.integer("a.b", 0, {0.0, 10.0})); };
+    const auto vec3 = [](Config& c) { static_cast<void>(c.vec3("a.b", {}, {-1.0, 1.0})); };
+    const auto quat = [](Config& c) { static_cast<void>(c.quat("a.b", {})); };
+    expect("'5'", number, "must be a number, is '5'");
+    expect("true", number, "must be a number");
+    expect("nan", number, "must be a finite number");
+    expect("-inf", number, "must be a finite number");
+    expect("{c = 1}", number, "must be a number");
+    expect("5.0", integer, "must be an integer");
+    expect("11", integer, "must be within [0, 10], is 11");
+    expect("-1", integer, "must be within [0, 10], is -1");
+    expect("1", vec3, "must be a list of numbers");
+    expect("[1, 0]", vec3, "must have 3 numbers, has 2");
+    expect("[1, 0, 0, 0]", vec3, "must have 3 numbers, has 4");
+    expect("[1, 0, 1.5]", vec3, "must be within [-1, 1], is 1.5");
+    expect("[1, 0, 'x']", vec3, "must be a number");
+    expect("[1, 0, 0]", quat, "must have 4 numbers");
+    expect("[1, 0, 0, 0.01]", quat, "must be a unit quaternion");
+    expect("[nan, 0, 0, 0]", quat, "must be a finite number");
+    expect("1", [](Config& c) { static_cast<void>(c.flag("a.b", false)); }, "must be true or false, is 1");
+    expect("1", [](Config& c) { static_cast<void>(c.text("a.b", "")); }, "must be a string");
+    expect(
+        "'dog'", [](Config& c) { static_cast<void>(c.choice("a.b", "fish", {"fish", "cloth"})); },
+        "must be one of \"fish\", \"cloth\", is \"dog\"");
+    expect("1", [](Config& c) { c.fail("a.b", "contradicts a.c"); }, "contradicts a.c");
+}
+
+TEST(Config, NormalisesQuaternionsWithinTheTolerance) {
+    const Config config = Config::parse("q = [1.0000005, 0, 0, 0]", "scene.toml");
+    EXPECT_EQ(config.quat("q", {}), Quat(1.0, 0.0, 0.0, 0.0));
+}
+
+TEST(Config, NamesTheLineOfMalformedToml) {
+    EXPECT_THAT(error_of("a = 1\nb = = 2\n", [](Config&) {}), StartsWith("scene.toml:2: not valid TOML: "));
+    EXPECT_THAT(error_of("a = 1\na = 2\n", [](Config&) {}), StartsWith("scene.toml:2: not valid TOML: "));
+}
+
+TEST(Config, NamesTheFileThatCannotBeRead) {
+    const test::TemporaryDirectory directory;
+    const auto missing = directory.file("none.toml");
+    EXPECT_EQ(message_of<ConfigError>([&] { static_cast<void>(Config::load(missing)); }),
+              missing.string() + ": cannot be read: No such file or directory");
+    EXPECT_THAT(message_of<ConfigError>([&] { static_cast<void>(Config::load(directory.path())); }),
+                EndsWith("is a directory"));
+}
+
+TEST(Config, LoadsAFileAndTakesAnEmptyOneAsNoSettings) {
+    const test::TemporaryDirectory directory;
+    const Config config = Config::load(directory.write("a.toml", "[a]\nb = 2\n"));
+    EXPECT_EQ(config.number("a.b", 0.0, kAny), 2.0);
+    EXPECT_NO_THROW(Config::load(directory.write("b.toml", "")).reject_unknown());
+}
+
+TEST(ConfigSet, OverridesAndAddsValues) {
+    Config config = Config::parse(kScene, "scene.toml");
+    config.set("solver.iterations=9");
+    config.set("solver.gravity = [0, 0, -1]");
+    config.set("new.table.key=0x10");
+    config.set("name=four-fish");
+    config.set("file=/tmp/a.csv");
+    config.set("quoted=\"5\"");
+    config.set("verify=false");
+    EXPECT_EQ(config.integer("solver.iterations", 0, kAny), 9);
+    EXPECT_EQ(config.text("name", ""), "four-fish");
+    EXPECT_EQ(config.text("file", ""), "/tmp/a.csv");
+    EXPECT_EQ(config.text("quoted", ""), "5");
+    EXPECT_EQ(config.integer("new.table.key", 0, kAny), 16);
+    EXPECT_FALSE(config.flag("verify", true));
+}
+
+TEST(ConfigSet, RefusesWhatIsNoAssignment) {
+    const auto error = [](const char* assignment) {
+        return message_of<ConfigError>([&] { Config::parse(kScene, "scene.toml").set(assignment); });
+    };
+    EXPECT_EQ(error("solver.dt"), "--set solver.dt: must have the form key=value");
+    EXPECT_THAT(error("solver.dt="), StartsWith("--set solver.dt: \"\" is not a TOML value"));
+    EXPECT_THAT(error("solver.dt=1..5"), StartsWith("--set solver.dt: \"1..5\" is not a TOML value"));
+    EXPECT_THAT(error("solver.dt=[1"), StartsWith("--set solver.dt: \"[1\" is not a TOML value"));
+    EXPECT_THAT(error("a=1\nb=2"), StartsWith("--set a: the value must be on one line"));
+    EXPECT_THAT(error("a..b=1"), StartsWith("--set a..b: is not a key"));
+    EXPECT_THAT(error("=1"), StartsWith("--set : is not a key"));
+    EXPECT_EQ(error("name.inner=1"), "--set name.inner: \"name\" is a value, not a table");
+}
+
+TEST(ConfigSet, IsNamedInErrorsAboutItsValue) {
+    Config config = Config::parse(kScene, "scene.toml");
+    config.set("solver.dt=5");
+    config.set("solver.typo=5");
+    config.set("grip={orientation = 1}");
+    EXPECT_EQ(message_of<ConfigError>([&] { static_cast<void>(config.number("solver.dt", 0.0, {0.0, 1.0})); }),
+              "--set solver.dt: must be within [0, 1], is 5");
+    EXPECT_EQ(message_of<ConfigError>([&] { static_cast<void>(config.number("grip.orientation", 0.0, {2.0, 3.0})); }),
+              "--set grip: grip.orientation: must be within [2, 3], is 1");
+    EXPECT_THAT(message_of<ConfigError>([&] { config.reject_unknown(); }),
+                StartsWith("--set solver.typo: unknown key"));
+}
+
+}  // namespace
+}  // namespace haptic

@@ -1,0 +1,139 @@
+#include "haptic/csv.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <random>
+
+#include "temporary_file.hpp"
+
+namespace haptic {
+namespace {
+
+using test::content_of;
+using test::message_of;
+using test::TemporaryDirectory;
+using testing::ElementsAre;
+using testing::EndsWith;
+using testing::HasSubstr;
+
+std::string load_error(std::string_view content) {
+    const TemporaryDirectory directory;
+    const auto file = directory.write("f.csv", content);
+    const std::string message = message_of<CsvError>([&] { static_cast<void>(CsvTable::load(file)); });
+    EXPECT_THAT(message, testing::StartsWith(file.string() + ":"));
+    return message.substr(std::min(message.size(), file.string().size() + 1));
+}
+
+TEST(Csv, ReadsBackTheSameBits) {
+    const TemporaryDirectory directory;
+    std::mt19937_64 random(3);
+    std::vector<double> written{0.0,
+                                -0.0,
+                                0.1,
+                                1.0 / 3.0,
+                                1e-300,
+                                -1e300,
+                                std::numeric_limits<double>::denorm_min(),
+                                std::numeric_limits<double>::max()};
+    while (written.size() < 3000) {
+        const double value = std::bit_cast<double>(random());
+        if (std::isfinite(value)) {
+            written.push_back(value);
+        }
+    }
+    CsvWriter writer(directory.file("bits.csv"), {"a", "b", "c"});
+    for (std::size_t i = 0; i < written.size(); i += 3) {
+        writer.row(std::span(written).subspan(i, 3));
+    }
+    writer.close();
+    const CsvTable table = CsvTable::load(directory.file("bits.csv"));
+    ASSERT_EQ(table.rows(), written.size() / 3);
+    for (std::size_t i = 0; i < written.size(); ++i) {
+        const double read = table.column(table.columns()[i % 3])[i / 3];
+        ASSERT_EQ(std::bit_cast<std::uint64_t>(read), std::bit_cast<std::uint64_t>(written[i])) << written[i];
+    }
+}
+
+TEST(Csv, TakesWhatSpreadsheetsWrite) {
+    const TemporaryDirectory directory;
+    const auto file = directory.write("f.csv", "\xEF\xBB\xBFtime_s, x_m\r\n0, +1.5\r\n\r\n1e-3,\t-2\r\n");
+    const CsvTable table = CsvTable::load(file);
+    EXPECT_THAT(table.columns(), ElementsAre("time_s", "x_m"));
+    EXPECT_THAT(table.column("time_s"), ElementsAre(0.0, 1e-3));
+    EXPECT_THAT(table.column("x_m"), ElementsAre(1.5, -2.0));
+    EXPECT_FALSE(table.find("y_m").has_value());
+}
+
+TEST(Csv, NamesTheLineOfWhatIsWrong) {
+    EXPECT_THAT(load_error(""), HasSubstr("1: the first line must name the columns"));
+    EXPECT_THAT(load_error("1,2\n3,4\n"), HasSubstr("1: the first line must name the columns"));
+    EXPECT_EQ(load_error("a,b,a\n"), "1: two columns are named \"a\"");
+    EXPECT_EQ(load_error("a,b\n1,2\n3\n"), "3: has 1 cells, the header has 2");
+    EXPECT_EQ(load_error("a,b\n1,2\n\n3,4,5\n"), "4: has 3 cells, the header has 2");
+    EXPECT_EQ(load_error("a,b\n1,nan\n"), "2: column b: \"nan\" is not a finite number");
+    EXPECT_EQ(load_error("a,b\ninf,0\n"), "2: column a: \"inf\" is not a finite number");
+    EXPECT_EQ(load_error("a,b\n1,\n"), "2: column b: \"\" is not a finite number");
+    EXPECT_EQ(load_error("a,b\n1,2x\n"), "2: column b: \"2x\" is not a finite number");
+    EXPECT_EQ(load_error("a,b\n1,1e999\n"), "2: column b: \"1e999\" is not a finite number");
+}
+
+TEST(Csv, ListsTheColumnsThatThereAreWhenOneIsMissed) {
+    const TemporaryDirectory directory;
+    const CsvTable table = CsvTable::load(directory.write("f.csv", "time_s,x_m\n"));
+    EXPECT_EQ(table.rows(), 0u);
+    EXPECT_THAT(message_of<CsvError>([&] { static_cast<void>(table.column("y_m")); }),
+                EndsWith("f.csv:1: there is no column y_m; the file has: time_s, x_m"));
+}
+
+TEST(Csv, NamesTheFileThatCannotBeRead) {
+    EXPECT_EQ(message_of<CsvError>([] { static_cast<void>(CsvTable::load("/nonexistent/f.csv")); }),
+              "/nonexistent/f.csv: cannot be read: No such file or directory");
+    EXPECT_EQ(message_of<CsvError>([] { static_cast<void>(CsvTable::load("/")); }),
+              "/: cannot be read: is a directory");
+}
+
+TEST(CsvWriter, LeavesTheOldFileUntilTheNewOneIsWhole) {
+    const TemporaryDirectory directory;
+    const auto file = directory.write("f.csv", "old");
+    {
+        CsvWriter writer(file, {"a"});
+        writer.row(std::vector{1.0});
+        EXPECT_EQ(content_of(file), "old");
+        writer.close();
+    }
+    EXPECT_EQ(content_of(file), "a\n1\n");
+    EXPECT_EQ(directory.entries(), 1u);
+}
+
+TEST(CsvWriter, LeavesNothingBehindWhenItIsNotClosed) {
+    const TemporaryDirectory directory;
+    {
+        CsvWriter writer(directory.file("f.csv"), {"a"});
+        writer.row(std::vector{1.0});
+    }
+    EXPECT_EQ(directory.entries(), 0u);
+}
+
+TEST(CsvWriter, RefusesRowsOfAnotherWidth) {
+    const TemporaryDirectory directory;
+    CsvWriter writer(directory.file("f.csv"), {"a", "b"});
+    EXPECT_THROW(writer.row(std::vector{1.0}), CsvError);
+}
+
+TEST(CsvWriter, SaysThatItCannotWrite) {
+    EXPECT_EQ(message_of<CsvError>([] { CsvWriter("/nonexistent/f.csv", {"a"}); }),
+              "/nonexistent/f.csv: cannot be written: No such file or directory");
+}
+
+TEST(CsvWriter, ReportsAFullDisk) {
+    CsvWriter writer("/dev/full", {"a"});  // not a plain file: written directly, and every write to it fails
+    EXPECT_THAT(message_of<CsvError>([&] { writer.close(); }), HasSubstr("/dev/full: could not be written whole"));
+}
+
+}  // namespace
+}  // namespace haptic

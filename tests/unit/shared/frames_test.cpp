@@ -1,0 +1,129 @@
+#include "haptic/frames.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+namespace haptic {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// A sound frame that uses everything that a frame has.
+std::unique_ptr<ContactFrame> full_frame() {
+    auto frame = std::make_unique<ContactFrame>();
+    frame->step_ns = 1'000'000;
+    frame->stiffness = 500.0;
+    frame->rotational_stiffness = 0.3;
+    frame->damping = 1.0;
+    frame->rotational_damping = 0.001;
+    frame->proxy_count = kMaxProxies;
+    for (ProxyContact& proxy : frame->proxies) {
+        proxy.plane_count = kMaxPlanes;
+        for (ContactPlane& plane : proxy.planes) {
+            store(Vec3(0.6, 0.0, 0.8), plane.normal);
+        }
+    }
+    return frame;
+}
+
+FrameDefect defect_after(const std::function<void(ContactFrame&)>& damage) {
+    const auto frame = full_frame();
+    damage(*frame);
+    return find_defect(*frame);
+}
+
+TEST(FindDefect, AcceptsAFullFrameAndAnEmptyOne) {
+    EXPECT_EQ(find_defect(*full_frame()), FrameDefect::None);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.proxy_count = 0; }), FrameDefect::None);
+}
+
+TEST(FindDefect, RefusesMoreProxiesOrPlanesThanThereIsRoomFor) {
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.proxy_count = kMaxProxies + 1; }), FrameDefect::ProxyCount);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.proxy_count = 0xFFFFFFFF; }), FrameDefect::ProxyCount);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.proxies[63].plane_count = kMaxPlanes + 1; }),
+              FrameDefect::PlaneCount);
+}
+
+TEST(FindDefect, RefusesEachNumberThatIsNotFinite) {
+    const std::function<double*(ContactFrame&)> numbers[] = {
+        [](ContactFrame& frame) { return &frame.stiffness; },
+        [](ContactFrame& frame) { return &frame.rotational_stiffness; },
+        [](ContactFrame& frame) { return &frame.damping; },
+        [](ContactFrame& frame) { return &frame.rotational_damping; },
+        [](ContactFrame& frame) { return &frame.proxies[63].rest_offset[2]; },
+        [](ContactFrame& frame) { return &frame.proxies[63].position[0]; },
+        [](ContactFrame& frame) { return &frame.proxies[63].planes[2].normal[1]; },
+        [](ContactFrame& frame) { return &frame.proxies[63].planes[2].offset; },
+        [](ContactFrame& frame) { return &frame.proxies[63].planes[2].velocity; },
+    };
+    for (const auto& number : numbers) {
+        for (const double bad : {kNan, kInfinity, -kInfinity}) {
+            EXPECT_EQ(defect_after([&](ContactFrame& frame) { *number(frame) = bad; }), FrameDefect::NonFinite);
+        }
+    }
+}
+
+TEST(FindDefect, RefusesNormalsThatAreNotOfUnitLength) {
+    const auto with_length = [](double length) {
+        return defect_after(
+            [&](ContactFrame& frame) { store(length * Vec3(0.6, 0.0, 0.8), frame.proxies[10].planes[1].normal); });
+    };
+    EXPECT_EQ(with_length(0.0), FrameDefect::Normal);
+    EXPECT_EQ(with_length(1.0 + 2e-6), FrameDefect::Normal);
+    EXPECT_EQ(with_length(1.0 - 2e-6), FrameDefect::Normal);
+    EXPECT_EQ(with_length(1.0 + 0.5e-6), FrameDefect::None);
+}
+
+TEST(FindDefect, RefusesNegativeCoupling) {
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.stiffness = -1e-9; }), FrameDefect::Coupling);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.rotational_stiffness = -1.0; }), FrameDefect::Coupling);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.damping = -1.0; }), FrameDefect::Coupling);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.rotational_damping = -1.0; }), FrameDefect::Coupling);
+}
+
+TEST(FindDefect, RefusesStepsThatAreNoDuration) {
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.step_ns = 0; }), FrameDefect::Step);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.step_ns = -1; }), FrameDefect::Step);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.step_ns = 1'000'000'001; }), FrameDefect::Step);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.step_ns = 1'000'000'000; }), FrameDefect::None);
+}
+
+TEST(FindDefect, IgnoresWhatTheFrameDoesNotUse) {
+    EXPECT_EQ(defect_after([](ContactFrame& frame) {
+                  frame.proxy_count = 63;
+                  frame.proxies[63].position[0] = kNan;
+                  frame.proxies[62].plane_count = 2;
+                  frame.proxies[62].planes[2].offset = kNan;
+              }),
+              FrameDefect::None);
+}
+
+TEST(FrameDefects, EachHasASentenceOfItsOwn) {
+    std::vector<std::string_view> seen;
+    for (int i = 0; i <= static_cast<int>(FrameDefect::Step); ++i) {
+        const std::string_view sentence = describe(static_cast<FrameDefect>(i));
+        EXPECT_NE(sentence, "unknown defect");
+        EXPECT_EQ(std::count(seen.begin(), seen.end(), sentence), 0) << sentence;
+        seen.push_back(sentence);
+    }
+}
+
+TEST(Frames, KeepVectorsAndQuaternionsInTheirOrder) {
+    DeviceState state{};
+    store(Vec3(1.0, 2.0, 3.0), state.position);
+    store(Quat(0.5, -0.5, 0.5, 0.5), state.orientation);
+    EXPECT_EQ(state.orientation[0], 0.5);
+    EXPECT_EQ(state.orientation[1], -0.5);
+    EXPECT_EQ(pose_of(state).position, Vec3(1.0, 2.0, 3.0));
+    EXPECT_EQ(pose_of(state).orientation, Quat(0.5, -0.5, 0.5, 0.5));
+}
+
+}  // namespace
+}  // namespace haptic

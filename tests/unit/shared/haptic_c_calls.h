@@ -1,0 +1,19 @@
+/* The C half of the test of the C interface: each function returns 0, or the line of the first expectation that failed.
+ */
+#ifndef HAPTIC_TEST_C_CALLS_H
+#define HAPTIC_TEST_C_CALLS_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Opens both ends, reads state 1 of the C++ side (latch_time_ns 111), answers it with one plane, leaves. */
+int haptic_c_pushes_a_frame(const char* session);
+/* Every misuse must give its error value and a text. */
+int haptic_c_refuses_misuse(const char* session);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,69 @@
+// Session names and segments for tests of the ring: names that no other test or run has, and nothing left behind.
+#pragma once
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstddef>
+#include <stdexcept>
+#include <string>
+
+#include "haptic/ring.hpp"
+
+namespace haptic::test {
+
+/// A session of this test alone; removes what its segments leave.
+class RingSession {
+  public:
+    RingSession() {
+        static std::atomic<unsigned> serial{0};
+        name_ = "test-" + std::to_string(getpid()) + "-" + std::to_string(serial.fetch_add(1));
+    }
+    RingSession(const RingSession&) = delete;
+    RingSession& operator=(const RingSession&) = delete;
+    ~RingSession() {
+        remove(RingKind::Contact);
+        remove(RingKind::State);
+    }
+
+    [[nodiscard]] const std::string& name() const noexcept { return name_; }
+    [[nodiscard]] std::string path(RingKind kind) const { return "/dev/shm" + ring_segment_name(name_, kind); }
+    [[nodiscard]] bool exists(RingKind kind) const {
+        struct stat status{};
+        return lstat(path(kind).c_str(), &status) == 0;
+    }
+
+    /// Opens the segment as a file, as a vandal would.
+    [[nodiscard]] int open(RingKind kind, int flags, mode_t mode = 0600) const {
+        const int fd = shm_open(ring_segment_name(name_, kind).c_str(), flags, mode);
+        if (fd < 0) {
+            throw std::runtime_error("cannot open " + path(kind));
+        }
+        return fd;
+    }
+    void write(RingKind kind, std::size_t offset, const void* bytes, std::size_t count) const {
+        const int fd = open(kind, O_RDWR);
+        const bool whole = pwrite(fd, bytes, count, static_cast<off_t>(offset)) == static_cast<ssize_t>(count);
+        close(fd);
+        if (!whole) {
+            throw std::runtime_error("cannot write " + path(kind));
+        }
+    }
+    void resize(RingKind kind, std::size_t bytes) const {
+        const int fd = open(kind, O_RDWR);
+        const bool done = ftruncate(fd, static_cast<off_t>(bytes)) == 0;
+        close(fd);
+        if (!done) {
+            throw std::runtime_error("cannot resize " + path(kind));
+        }
+    }
+    void remove(RingKind kind) const { shm_unlink(ring_segment_name(name_, kind).c_str()); }
+
+  private:
+    std::string name_;
+};
+
+}  // namespace haptic::test
