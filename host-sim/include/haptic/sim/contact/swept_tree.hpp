@@ -93,10 +93,14 @@ class SweptTree {
     [[nodiscard]] static std::uint32_t overlaps(const Node& node, const Box& box) noexcept {
         std::uint32_t hits = 0;
         for (std::size_t k = 0; k < kWidth; ++k) {
-            const bool hit = (node.low[0][k] <= box.high.x) & (node.high[0][k] >= box.low.x) &
-                             (node.low[1][k] <= box.high.y) & (node.high[1][k] >= box.low.y) &
-                             (node.low[2][k] <= box.high.z) & (node.high[2][k] >= box.low.z);
-            hits |= static_cast<std::uint32_t>(hit) << k;
+            // Without branches, so that the compiler may test all children at once.
+            std::uint32_t hit = node.low[0][k] <= box.high.x ? 1u : 0u;
+            hit &= node.high[0][k] >= box.low.x ? 1u : 0u;
+            hit &= node.low[1][k] <= box.high.y ? 1u : 0u;
+            hit &= node.high[1][k] >= box.low.y ? 1u : 0u;
+            hit &= node.low[2][k] <= box.high.z ? 1u : 0u;
+            hit &= node.high[2][k] >= box.low.z ? 1u : 0u;
+            hits |= hit << k;
         }
         return hits;
     }

@@ -35,10 +35,15 @@ struct TriangleTouch {
 /// comes no nearer than radius * (1 + kCreepTolerance) is never reported.
 inline constexpr double kCreepTolerance = 0.9e-4;
 
+/// Every triangle within the radius touches, also one that was there from the start.
+inline constexpr double kNoRelease = 1e300;
+
 /// First time in [0, limit] at which the triangle is within `radius` of `center`. All tolerances are relative to the
-/// radius, so a query scaled by any power of two has the same bits of time. Work: see kMaxAdvances in the source.
+/// radius and the coordinates, so a query scaled by any power of two has the same bits of time. With `release`, a
+/// triangle that is nearer from the start touches only once it has come nearer than `release` times that distance.
+/// Work: see kMaxAdvances in the source.
 [[nodiscard]] TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const MovingTriangle& triangle,
-                                                double limit = 1.0) HAPTIC_RT;
+                                                double limit = 1.0, double release = kNoRelease) HAPTIC_RT;
 
 /// Whether, and when first in [0, 1], the triangle passes through a point.
 struct PointPassage {

@@ -1,0 +1,49 @@
+#include "haptic/sim/contact/pop_out.hpp"
+
+#include <cmath>
+#include <glm/geometric.hpp>
+
+#include "contact/touching.hpp"
+
+namespace haptic::sim {
+
+PopOut pop_out(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
+               const ContactSettings& settings, ProxyPath* path) noexcept {
+    // Half-way between found and placed: clear enough not to be popped again, and reached in spite of rounding.
+    const double enough = radius * 0.5 * (1.0 + settings.shrink);
+    PopOut result;
+    result.position = center;
+    TouchingSet touching;
+    for (;; ++result.iterations) {
+        touching.gather(surfaces, 1.0, result.position, radius * (1.0 + kTouchBand), nullptr);
+        result.clearance = touching.clearance(radius);
+        if (result.clearance >= enough || result.iterations >= settings.max_pop_outs) {
+            break;
+        }
+        PlaneSet planes;
+        for (const Touching& t : touching.points()) {
+            planes.add(t.normal, glm::dot(t.normal, t.point));
+        }
+        const PlaneSet::Room room = planes.project_with_room(result.position, radius, 0.5 * result.clearance);
+        if (!room.any) {
+            break;
+        }
+        Vec3 move = room.at.point - result.position;
+        const double length = std::sqrt(glm::dot(move, move));
+        if (length <= kTouchBand * radius) {
+            break;  // as clear as it gets
+        }
+        if (length > radius) {
+            move *= radius / length;  // planes speak for the neighbourhood of their points only
+        }
+        move *= free_fraction(surfaces, result.position, move, radius * settings.shrink, settings.shrink);
+        result.position += move;
+        if (path != nullptr) {
+            path->append(1.0, result.position);
+        }
+    }
+    result.squeezed = result.clearance < radius * settings.shrink;
+    return result;
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,194 @@
+#include "haptic/sim/contact/swept_tree.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+
+namespace haptic::sim {
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t kMostInLeaf = 16;   // a child with no more triangles is a leaf
+constexpr std::size_t kLeastToSplit = 7;  // a child with fewer is not split further to fill its node
+
+Box empty_box() noexcept {
+    return {Vec3(kInfinity), Vec3(-kInfinity)};
+}
+
+}  // namespace
+
+Box box_about(const Vec3& p, const Vec3& q, double margin) noexcept {
+    Box box;
+    for (int k = 0; k < 3; ++k) {
+        box.low[k] = std::min(p[k], q[k]) - margin;
+        box.high[k] = std::max(p[k], q[k]) + margin;
+    }
+    return box;
+}
+
+/// Builds top-down: ranges of triangles, halved at the median of their centres along the longest axis, the largest
+/// range first, until a node has eight children.
+struct SweptTree::Builder {
+    struct Range {
+        std::size_t begin;
+        std::size_t end;
+        [[nodiscard]] std::size_t size() const { return end - begin; }
+    };
+
+    SweptTree& tree;
+    std::span<const Triangle> triangles;
+    std::vector<Vec3> centres;
+    std::vector<std::uint32_t> order;
+    std::vector<std::uint32_t> last_seen;  // by vertex: the leaf that listed it last, plus 1
+
+    Range halve(Range& range) {
+        Box box = empty_box();
+        for (std::size_t k = range.begin; k < range.end; ++k) {
+            box.low = glm::min(box.low, centres[order[k]]);
+            box.high = glm::max(box.high, centres[order[k]]);
+        }
+        const Vec3 size = box.high - box.low;
+        const int axis = size.x >= size.y && size.x >= size.z ? 0 : (size.y >= size.z ? 1 : 2);
+        const std::size_t middle = range.begin + range.size() / 2;
+        // Equal centres (the two faces of a double-faced triangle) stay side by side, in the order of their numbers.
+        std::nth_element(order.begin() + static_cast<std::ptrdiff_t>(range.begin),
+                         order.begin() + static_cast<std::ptrdiff_t>(middle),
+                         order.begin() + static_cast<std::ptrdiff_t>(range.end),
+                         [&](std::uint32_t left, std::uint32_t right) {
+                             const double x = centres[left][axis];
+                             const double y = centres[right][axis];
+                             return x < y || (x == y && left < right);
+                         });
+        const Range upper{middle, range.end};
+        range.end = middle;
+        return upper;
+    }
+
+    std::uint32_t add_leaf(const Range& range, std::uint32_t node, std::uint32_t slot) {
+        const auto index = static_cast<std::uint32_t>(tree.leaves_.size());
+        Leaf leaf{};
+        leaf.node = node;
+        leaf.slot = slot;
+        leaf.triangles_begin = static_cast<std::uint32_t>(tree.leaf_triangles_.size());
+        leaf.vertices_begin = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
+        std::sort(order.begin() + static_cast<std::ptrdiff_t>(range.begin),
+                  order.begin() + static_cast<std::ptrdiff_t>(range.end));
+        for (std::size_t k = range.begin; k < range.end; ++k) {
+            tree.leaf_triangles_.push_back(order[k]);
+            for (const std::uint32_t vertex : triangles[order[k]]) {
+                if (last_seen[vertex] != index + 1) {
+                    last_seen[vertex] = index + 1;
+                    tree.leaf_vertices_.push_back(vertex);
+                }
+            }
+        }
+        leaf.triangles_end = static_cast<std::uint32_t>(tree.leaf_triangles_.size());
+        leaf.vertices_end = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
+        tree.leaves_.push_back(leaf);
+        return index | kLeaf;
+    }
+
+    std::uint32_t add_node(const Range& all, std::uint32_t parent) {
+        std::array<Range, kWidth> child{};
+        child[0] = all;
+        std::size_t count = 1;
+        while (count < kWidth) {
+            const auto largest =
+                std::max_element(child.begin(), child.begin() + static_cast<std::ptrdiff_t>(count),
+                                 [](const Range& left, const Range& right) { return left.size() < right.size(); });
+            if (largest->size() < kLeastToSplit) {
+                break;
+            }
+            child[count++] = halve(*largest);
+        }
+        const auto index = static_cast<std::uint32_t>(tree.nodes_.size());
+        Node node{};
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            node.low[axis].fill(kInfinity);
+            node.high[axis].fill(-kInfinity);
+        }
+        tree.nodes_.push_back(node);
+        tree.parents_.push_back(parent);
+        for (std::size_t k = 0; k < count; ++k) {
+            const auto slot = static_cast<std::uint32_t>(k);
+            const std::uint32_t added = child[k].size() <= kMostInLeaf
+                                            ? add_leaf(child[k], index, slot)
+                                            : add_node(child[k], index * static_cast<std::uint32_t>(kWidth) + slot);
+            tree.nodes_[index].child[k] = added;
+        }
+        return index;
+    }
+};
+
+SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles)
+    : bounds_(empty_box()), displacement_{} {
+    Builder builder{*this, triangles, {}, {}, {}};
+    builder.centres.reserve(triangles.size());
+    for (std::size_t k = 0; k < triangles.size(); ++k) {
+        Vec3 sum(0.0);
+        for (const std::uint32_t vertex : triangles[k]) {
+            if (vertex >= rest.size()) {
+                throw std::invalid_argument("triangle " + std::to_string(k) + " names vertex " +
+                                            std::to_string(vertex) + " of a mesh of " + std::to_string(rest.size()) +
+                                            " vertices");
+            }
+            sum += rest[vertex];
+        }
+        builder.centres.push_back(sum / 3.0);
+    }
+    if (triangles.empty()) {
+        return;
+    }
+    builder.order.resize(triangles.size());
+    std::iota(builder.order.begin(), builder.order.end(), 0u);
+    builder.last_seen.assign(rest.size(), 0u);
+    builder.add_node({0, triangles.size()}, 0);
+}
+
+void SweptTree::refit(const SurfaceMotion& motion) noexcept {
+    for (const Leaf& leaf : leaves_) {
+        Box box = empty_box();
+        for (std::uint32_t k = leaf.vertices_begin; k < leaf.vertices_end; ++k) {
+            const Vec3& x0 = motion.start[leaf_vertices_[k]];
+            const Vec3& x1 = motion.end[leaf_vertices_[k]];
+            box.low = glm::min(box.low, glm::min(x0, x1));
+            box.high = glm::max(box.high, glm::max(x0, x1));
+        }
+        Node& node = nodes_[leaf.node];
+        for (int axis = 0; axis < 3; ++axis) {
+            node.low[static_cast<std::size_t>(axis)][leaf.slot] = box.low[axis];
+            node.high[static_cast<std::size_t>(axis)][leaf.slot] = box.high[axis];
+        }
+    }
+    for (std::size_t index = nodes_.size(); index-- > 0;) {
+        const Node& node = nodes_[index];
+        Box box = empty_box();
+        for (int axis = 0; axis < 3; ++axis) {
+            for (std::size_t k = 0; k < kWidth; ++k) {
+                box.low[axis] = std::min(box.low[axis], node.low[static_cast<std::size_t>(axis)][k]);
+                box.high[axis] = std::max(box.high[axis], node.high[static_cast<std::size_t>(axis)][k]);
+            }
+        }
+        if (index == 0) {
+            bounds_ = box;
+            break;
+        }
+        Node& parent = nodes_[parents_[index] / kWidth];
+        const std::size_t slot = parents_[index] % kWidth;
+        for (int axis = 0; axis < 3; ++axis) {
+            parent.low[static_cast<std::size_t>(axis)][slot] = box.low[axis];
+            parent.high[static_cast<std::size_t>(axis)][slot] = box.high[axis];
+        }
+    }
+    displacement_ = motion.start.empty() ? Box{} : empty_box();
+    for (std::size_t k = 0; k < motion.start.size(); ++k) {
+        const Vec3 d = motion.end[k] - motion.start[k];
+        displacement_.low = glm::min(displacement_.low, d);
+        displacement_.high = glm::max(displacement_.high, d);
+    }
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,193 @@
+#include "contact/touching.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <tuple>
+
+#include "haptic/sim/contact/swept_sphere.hpp"
+
+namespace haptic::sim {
+
+namespace {
+
+constexpr double kSame = 1e-9;  // of the reach: touched points nearer to one another are the same
+
+/// Whether the box about the corners, grown by `reach`, holds the point.
+bool near_box(const TriangleCorners& t, const Vec3& p, double reach) noexcept {
+    const Vec3 low = glm::min(t.a, glm::min(t.b, t.c));
+    const Vec3 high = glm::max(t.a, glm::max(t.b, t.c));
+    return low.x - reach <= p.x && p.x <= high.x + reach && low.y - reach <= p.y && p.y <= high.y + reach &&
+           low.z - reach <= p.z && p.z <= high.z + reach;
+}
+
+bool overlaps(const TriangleCorners& t, const Box& box) noexcept {
+    const Vec3 low = glm::min(t.a, glm::min(t.b, t.c));
+    const Vec3 high = glm::max(t.a, glm::max(t.b, t.c));
+    return low.x <= box.high.x && high.x >= box.low.x && low.y <= box.high.y && high.y >= box.low.y &&
+           low.z <= box.high.z && high.z >= box.low.z;
+}
+
+/// A touched point right at the centre has no direction: the face's own normal has to do.
+Vec3 direction(const Vec3& from, const Vec3& to, double distance, const TriangleCorners& t) noexcept {
+    if (distance > 0.0) {
+        return (to - from) / distance;
+    }
+    const Vec3 n = glm::cross(t.b - t.a, t.c - t.a);
+    const double length = std::sqrt(glm::dot(n, n));
+    return length > 0.0 ? n / length : Vec3(0.0, 1.0, 0.0);
+}
+
+}  // namespace
+
+TriangleCorners corners_of(std::span<const Vec3> vertices, const Triangle& t) noexcept {
+    return {vertices[t[0]], vertices[t[1]], vertices[t[2]]};
+}
+
+TriangleCorners corners_of(const SurfaceMotion& motion, std::uint32_t triangle, double time) noexcept {
+    const Triangle& t = motion.triangles[triangle];
+    if (time >= 1.0) {
+        return corners_of(motion.end, t);
+    }
+    const double rest = 1.0 - time;
+    return {motion.start[t[0]] * rest + motion.end[t[0]] * time, motion.start[t[1]] * rest + motion.end[t[1]] * time,
+            motion.start[t[2]] * rest + motion.end[t[2]] * time};
+}
+
+Vec3 displacement_of(const SurfaceMotion& motion, std::uint32_t triangle, const Vec3& weights) noexcept {
+    const Triangle& t = motion.triangles[triangle];
+    return (motion.end[t[0]] - motion.start[t[0]]) * weights.x + (motion.end[t[1]] - motion.start[t[1]]) * weights.y +
+           (motion.end[t[2]] - motion.start[t[2]]) * weights.z;
+}
+
+SurfacePoint surface_point(const Touching& touching) noexcept {
+    return {touching.object, touching.triangle, touching.at.feature, touching.at.weights};
+}
+
+void TouchingSet::gather(std::span<const MovingSurface> surfaces, double time, const Vec3& center, double reach,
+                         const Ignored* ignored) noexcept {
+    count_ = 0;
+    const Box box = box_about(center, center, reach);
+    for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
+        const SurfaceMotion& motion = surfaces[object].motion;
+        surfaces[object].tree->query(box, [&](std::uint32_t triangle) {
+            const TriangleCorners corners = corners_of(motion, triangle, time);
+            if (!near_box(corners, center, reach)) {
+                return;
+            }
+            Touching found;
+            found.at = closest_point_on_triangle(center, corners);
+            found.distance = std::sqrt(found.at.squared_distance);
+            if (found.distance > reach || (ignored != nullptr && ignored->has(object, triangle))) {
+                return;
+            }
+            found.point = found.at.point;
+            found.normal = direction(found.point, center, found.distance, corners);
+            found.object = object;
+            found.triangle = triangle;
+            insert(found, kSame * reach);
+        });
+    }
+    remove_implied(kSame * reach);
+}
+
+void TouchingSet::insert(const Touching& found, double same) noexcept {
+    const auto id = [](const Touching& t) { return std::tuple{t.distance, t.object, t.triangle}; };
+    for (std::size_t k = 0; k < count_; ++k) {
+        const Vec3 apart = points_[k].point - found.point;
+        if (glm::dot(apart, apart) <= same * same) {
+            if (std::tuple{found.object, found.triangle} < std::tuple{points_[k].object, points_[k].triangle}) {
+                points_[k].object = found.object;
+                points_[k].triangle = found.triangle;
+                points_[k].at = found.at;
+            }
+            return;
+        }
+    }
+    if (count_ == kMaxTouching) {
+        if (id(points_[count_ - 1]) <= id(found)) {
+            return;
+        }
+        --count_;
+    }
+    std::size_t k = count_++;
+    for (; k > 0 && id(found) < id(points_[k - 1]); --k) {
+        points_[k] = points_[k - 1];
+    }
+    points_[k] = found;
+}
+
+void TouchingSet::remove_implied(double tolerance) noexcept {
+    std::size_t kept = 0;
+    for (std::size_t k = 0; k < count_; ++k) {
+        bool implied = false;
+        for (std::size_t i = 0; i < kept && !implied; ++i) {
+            implied = glm::dot(points_[i].normal, points_[k].point - points_[i].point) <= tolerance;
+        }
+        if (!implied) {
+            points_[kept++] = points_[k];
+        }
+    }
+    count_ = kept;
+}
+
+double PlaneSet::height(std::size_t k, const Vec3& x) const noexcept {
+    return glm::dot(normals_[k], x) - bases_[k];
+}
+
+Projection PlaneSet::project(const Vec3& target, double radius) const noexcept {
+    std::array<HalfSpace, kMaxTouching> half_spaces;
+    for (std::size_t k = 0; k < count_; ++k) {
+        half_spaces[k] = {normals_[k], bases_[k] + radius};
+    }
+    return project_onto({half_spaces.data(), count_}, target, kPlaneTolerance * radius);
+}
+
+PlaneSet::Room PlaneSet::project_with_room(const Vec3& target, double radius, double least) const noexcept {
+    Room room;
+    room.at = project(target, radius);
+    room.radius = radius;
+    room.any = room.at.feasible;
+    if (room.any) {
+        return room;
+    }
+    room.radius = least;
+    room.at = project(target, least);
+    room.any = room.at.feasible;
+    double most = radius;
+    for (int k = 0; k < 16 && room.any; ++k) {
+        const double middle = 0.5 * (room.radius + most);
+        const Projection at = project(target, middle);
+        if (at.feasible) {
+            room.radius = middle;
+            room.at = at;
+        } else {
+            most = middle;
+        }
+    }
+    return room;
+}
+
+double free_fraction(std::span<const MovingSurface> surfaces, const Vec3& from, const Vec3& displacement, double radius,
+                     double release) noexcept {
+    double fraction = 1.0;
+    const Box box = box_about(from, from + displacement, radius);
+    for (const MovingSurface& surface : surfaces) {
+        surface.tree->query(box, [&](std::uint32_t triangle) {
+            const TriangleCorners corners = corners_of(surface.motion.end, surface.motion.triangles[triangle]);
+            if (!overlaps(corners, box)) {
+                return;
+            }
+            const double distance = std::sqrt(closest_point_on_triangle(from, corners).squared_distance);
+            const SphereHit hit =
+                sweep_sphere(from, displacement, std::min(radius, release * distance), distance, corners);
+            if (hit.hits) {
+                fraction = std::min(fraction, hit.fraction);
+            }
+        });
+    }
+    return fraction;
+}
+
+}  // namespace haptic::sim
