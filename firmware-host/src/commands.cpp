@@ -1,0 +1,131 @@
+#include "commands.hpp"
+
+#include <cinttypes>
+#include <cmath>
+#include <cstdio>
+#include <span>
+#include <string_view>
+
+#include "haptic/device/emulated_board.hpp"
+
+namespace haptic::device {
+namespace {
+
+constexpr double kMilli = 1e3;
+
+/// The first bytes of a packet that mean something, 16 to a line.
+void print_bytes(std::string_view name, const Sh4Packet& packet, std::size_t used) {
+    std::printf("\n%.*s, first %zu of %zu bytes\n", static_cast<int>(name.size()), name.data(), used, packet.size());
+    for (std::size_t i = 0; i < used; ++i) {
+        const bool starts = i % 16 == 0;
+        const bool ends = i % 16 == 15 || i + 1 == used;
+        if (starts) {
+            std::printf("  %3zu ", i);
+        }
+        std::printf(" %02x%s", std::to_integer<unsigned>(packet[i]), ends ? "\n" : "");
+    }
+}
+
+/// What would print as -0.000 because of rounding prints as +0.000.
+double without_sign_of_zero(double value, int decimals) {
+    return std::abs(value) < 0.5 * std::pow(10.0, -decimals) ? 0.0 : value;
+}
+
+void print_vector(const char* name, const Vec3& v, int decimals, const char* unit) {
+    std::printf("%-12s", name);
+    for (const double value : {v.x, v.y, v.z}) {
+        std::printf(" %+10.*f", decimals, without_sign_of_zero(value, decimals));
+    }
+    std::printf("  %s\n", unit);
+}
+
+std::string_view describe(ExchangeStatus status) {
+    switch (status) {
+        case ExchangeStatus::Ok:
+            return "answered";
+        case ExchangeStatus::Timeout:
+            return "no answer in time";
+        case ExchangeStatus::Short:
+            return "the answer was too short";
+        case ExchangeStatus::Disconnected:
+            return "disconnected";
+        case ExchangeStatus::Refused:
+            return "the packet was refused";
+    }
+    return "unknown status";
+}
+
+/// m, as a driver works it out that knows the counter at the centre.
+double length_from_counter(const Variant& variant, std::size_t string, std::uint16_t counter, std::uint16_t at_centre) {
+    const auto raw_change = static_cast<std::int16_t>(static_cast<std::uint16_t>(counter - at_centre));
+    return variant.rest_length(string) -
+           variant.strings[string].count_sign * static_cast<double>(raw_change) * variant.metres_per_count;
+}
+
+}  // namespace
+
+bool run_exchange(const Variant& variant, const ExchangeRequest& request) {
+    Sh4Command command;
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        command.digits[i] = digit_of_tension(request.tensions[i], variant.volts_per_newton, variant.digits_per_volt);
+    }
+    Sh4Packet out;
+    encode(command, out);
+
+    const EmulatedBoard::Settings settings{variant, PoseTrack(request.grip), {}, 0};
+    EmulatedBoard board(settings);
+    Sh4Packet in;
+    Sh4Reply reply;
+    const ExchangeStatus status = board.exchange(out, in, 0);
+    if (status != ExchangeStatus::Ok || decode(std::span<const std::byte>(in), reply) != PacketDefect::None) {
+        const std::string_view reason = status == ExchangeStatus::Ok ? "its answer is malformed" : describe(status);
+        std::fprintf(stderr, "firmware-host: emulated board: %.*s\n", static_cast<int>(reason.size()), reason.data());
+        return false;
+    }
+
+    const Pose grip = board.grip_pose();
+    std::printf("%s on an emulated SH4 board (0cec:0205)\n\n", variant.name.c_str());
+    print_vector("position", grip.position * kMilli, 4, "mm");
+    std::printf("%-12s %+10.7f %+10.7f %+10.7f %+10.7f  (w, x, y, z)\n\n", "orientation", grip.orientation.w,
+                grip.orientation.x, grip.orientation.y, grip.orientation.z);
+
+    std::printf("%24s | IN\n%6s %10s %6s | %6s %8s %6s %13s %11s\n", "OUT", "string", "asked N", "digit", "echo",
+                "counter", "A/D", "length mm", "pulls N");
+    const std::array<double, kStrings> tensions = board.tensions();
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        std::printf("%6zu %10.4f %6u | %6u %8u %6u %13.4f %11.4f\n", i, request.tensions[i], command.digits[i],
+                    reply.digits[i], reply.counters[i], reply.analog[i],
+                    kMilli * length_from_counter(variant, i, reply.counters[i], settings.power_up[i]), tensions[i]);
+    }
+    std::printf("PIO 0x%04x (switches %u, rotary %u), info 0x%08" PRIx32 "\n\n", reply.pio, reply.pio & 7U,
+                (reply.pio >> 4U) & 15U, reply.info);
+
+    const Wrench wrench = board.wrench();
+    std::printf("What the strings do to the grip, about its centre, device frame\n");
+    print_vector("force", wrench.force, 5, "N");
+    print_vector("torque", wrench.torque * kMilli, 4, "mN*m");
+
+    if (request.hex) {
+        print_bytes("OUT", out, 18);
+        print_bytes("IN", in, 54);
+    }
+    return true;
+}
+
+void run_variants() {
+    const Variant variant = spidar_g6_x3r();
+    std::printf("%s, SH4 board (0cec:0205)\n", variant.name.c_str());
+    std::printf("  %.6g m/count, %.12g V/N, %.6g digits/V, tensions %.3g to %.3g N\n\n", variant.metres_per_count,
+                variant.volts_per_newton, variant.digits_per_volt, variant.minimum_tension, variant.maximum_tension);
+    std::printf("%6s | %9s %9s %9s | %9s %9s %9s | %9s %5s\n", "string", "motor x", "y", "z mm", "grip x", "y", "z mm",
+                "rest mm", "sign");
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        const StringFacts& string = variant.strings[i];
+        const Vec3 motor = string.motor * kMilli;
+        const Vec3 knot = string.grip * kMilli;
+        std::printf("%6zu | %+9.4f %+9.4f %+9.4f | %+9.4f %+9.4f %+9.4f | %9.4f %+5d\n", i, motor.x, motor.y, motor.z,
+                    knot.x, knot.y, knot.z, kMilli * variant.rest_length(i), string.count_sign);
+    }
+}
+
+}  // namespace haptic::device

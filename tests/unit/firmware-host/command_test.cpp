@@ -1,0 +1,139 @@
+// The executable firmware-host as a user meets it: what it prints, and its exit status.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+struct Outcome {
+    int status = -1;
+    std::string text;  // standard output and standard error
+};
+
+Outcome run(const std::string& arguments) {
+    const std::string command = std::string("'") + FIRMWARE_HOST + "' " + arguments + " 2>&1";
+    Outcome outcome;
+    FILE* pipe = popen(command.c_str(), "r");
+    if (pipe == nullptr) {
+        return outcome;
+    }
+    std::array<char, 4096> buffer{};
+    while (const std::size_t count = fread(buffer.data(), 1, buffer.size(), pipe)) {
+        outcome.text.append(buffer.data(), count);
+    }
+    const int ended = pclose(pipe);
+    outcome.status = WIFEXITED(ended) ? WEXITSTATUS(ended) : -1;
+    return outcome;
+}
+
+TEST(FirmwareHostCommand, HelpNamesCommandsAndOptions) {
+    const Outcome help = run("--help");
+    EXPECT_EQ(help.status, 0);
+    EXPECT_THAT(help.text, HasSubstr("exchange"));
+    EXPECT_THAT(help.text, HasSubstr("variants"));
+    const Outcome exchange = run("exchange --help");
+    EXPECT_EQ(exchange.status, 0);
+    for (const char* option : {"--hand", "--at", "--pose", "--tension ", "--tensions", "--hex"}) {
+        EXPECT_THAT(exchange.text, HasSubstr(option));
+    }
+    EXPECT_EQ(run("variants --help").status, 0);
+}
+
+TEST(FirmwareHostCommand, VariantsListsTheGeometry) {
+    const Outcome outcome = run("variants");
+    EXPECT_EQ(outcome.status, 0);
+    EXPECT_THAT(outcome.text, HasSubstr("SpidarG6X3R"));
+    EXPECT_THAT(outcome.text, HasSubstr("0.365296803653 V/N"));
+    EXPECT_THAT(outcome.text,
+                HasSubstr("-84.8528  -76.0000   +0.0000 |  -15.9099   +0.0000  -15.9099 |  103.8376    +1"));
+}
+
+TEST(FirmwareHostCommand, ExchangeAtTheCentreShowsThePublishedPacketAndForce) {
+    const Outcome outcome = run("exchange --hex");
+    EXPECT_EQ(outcome.status, 0);
+    EXPECT_THAT(outcome.text, HasSubstr("0  01 0e 2d 00 2d 00 2d 00 2d 00 2d 00 2d 00 2d 00"));
+    // 45 digits are 0.29684 N; equal tension leaves 0.0575 N per newton on x and -z.
+    EXPECT_THAT(outcome.text, HasSubstr("+0.01706   +0.00000   -0.01706  N"));
+}
+
+TEST(FirmwareHostCommand, ExchangeShowsNoBytesUnlessAsked) {
+    const Outcome outcome = run("exchange --tension 1.5");
+    EXPECT_EQ(outcome.status, 0);
+    EXPECT_THAT(outcome.text, HasSubstr("1.5000    227"));  // trunc(1.5 * 0.365296803653 * 415)
+    EXPECT_THAT(outcome.text, Not(HasSubstr("01 0e")));
+}
+
+TEST(FirmwareHostCommand, ExchangeTakesPosesAndTensionsOfEachString) {
+    const Outcome outcome = run("exchange --pose -0.01,0.005,0,0.8,0,0.6,0 --tensions 0.3,1,2,3,4,5,6,20");
+    EXPECT_EQ(outcome.status, 0);
+    EXPECT_THAT(outcome.text, HasSubstr("-10.0000    +5.0000    +0.0000  mm"));
+    EXPECT_THAT(outcome.text, HasSubstr("+0.8000000 +0.0000000 +0.6000000 +0.0000000"));
+    EXPECT_THAT(outcome.text, HasSubstr("20.0000   3031 |   3031"));
+}
+
+TEST(FirmwareHostCommand, ExchangeFollowsARecording) {
+    const std::filesystem::path file =
+        std::filesystem::path(testing::TempDir()) / ("hand-" + std::to_string(getpid()) + ".csv");
+    std::ofstream(file) << "time_s,x_m,y_m,z_m\n0,0,0,0\n2,0.02,0,-0.01\n";
+    const Outcome half_way = run("exchange --hand '" + file.string() + "' --at 1");
+    EXPECT_EQ(half_way.status, 0);
+    EXPECT_THAT(half_way.text, HasSubstr("+10.0000    +0.0000    -5.0000  mm"));
+    std::ofstream(file) << "time_s,x_m,y_m,z_m\n0,0,0,nought\n";
+    const Outcome malformed = run("exchange --hand '" + file.string() + "'");
+    EXPECT_EQ(malformed.status, 1);
+    EXPECT_THAT(malformed.text, HasSubstr(file.string() + ":2"));
+    std::filesystem::remove(file);
+}
+
+TEST(FirmwareHostCommand, AMissingRecordingIsAFailureThatNamesIt) {
+    const Outcome outcome = run("exchange --hand /nowhere/hand.csv");
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.text, HasSubstr("/nowhere/hand.csv"));
+}
+
+TEST(FirmwareHostCommand, WrongArgumentsAreRefusedWithTheirName) {
+    const struct {
+        const char* arguments;
+        const char* reason;
+    } cases[] = {
+        {"", "subcommand"},
+        {"frobnicate", "subcommand"},
+        {"exchange --frobnicate", "--frobnicate"},
+        {"exchange --pose 1,2", "--pose"},
+        {"exchange --pose 0,0,nan", "'nan' is not a finite number"},
+        {"exchange --pose 0,0,inf", "'inf' is not a finite number"},
+        {"exchange --pose 0,,0", "'' is not a finite number"},
+        {"exchange --pose 0,0,0x", "'0x' is not a finite number"},
+        {"exchange --pose 0,0,0,1,1,0,0", "the quaternion has length 1.41"},
+        {"exchange --pose 0,0,0,0,0,0,0", "the quaternion has length 0"},
+        {"exchange --pose 3,0,0", "0.5 m"},
+        {"exchange --pose 0,0,0 --hand h.csv", "excludes"},
+        {"exchange --at 1", "--hand"},
+        {"exchange --hand h.csv --at -1", "--at"},
+        {"exchange --hand h.csv --at nan", "--at"},
+        {"exchange --tension 20.1", "--tension"},
+        {"exchange --tension -1", "--tension"},
+        {"exchange --tension nan", "--tension"},
+        {"exchange --tension much", "--tension"},
+        {"exchange --tensions 1,2,3", "8 numbers"},
+        {"exchange --tensions 1,2,3,4,5,6,7,21", "--tensions"},
+        {"exchange --tensions 1,1,1,1,1,1,1,1 --tension 1", "excludes"},
+    };
+    for (const auto& [arguments, reason] : cases) {
+        const Outcome outcome = run(arguments);
+        EXPECT_EQ(outcome.status, 2) << arguments;
+        EXPECT_THAT(outcome.text, HasSubstr(reason)) << arguments;
+    }
+}
+
+}  // namespace
