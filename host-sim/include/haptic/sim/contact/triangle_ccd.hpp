@@ -27,7 +27,7 @@ struct MovingTriangle {
 struct TriangleTouch {
     bool touches = false;
     double time = 0.0;   // in [0, 1]; 0 where the sphere touches from the start
-    ClosestPoint at;     // nearest point of the triangle at that time
+    ClosestPoint at;     // nearest point of the triangle at that time; `point` relative to the sphere's centre
     int iterations = 0;  // distance evaluations
 };
 
