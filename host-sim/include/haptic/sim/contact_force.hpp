@@ -1,0 +1,79 @@
+// The force of the proxy on the particles it touches.
+//
+// The hand is rendered k (proxy - hip), the surface that holds the proxy takes the opposite, F = k (hip - proxy). It is
+// spread over the vertices round the touched point with a pressure mask (thesis, equation 4.1 and section 4.1.3; James
+// & Pai 2000):
+//
+//     f_j = w_j F,   w_j ~ (1 - d_j^2 / R^2)^2 for d_j < R,   sum w_j = 1
+//
+// with d_j the distance of vertex j from the touched point in the rest shape, so that the mass that takes the force
+// stays the same however the surface is folded or stretched. Here every vertex is a particle, and the skinning weights
+// of equation 4.1 are 1.
+//
+// A spring alone throws back what it has caught. It is therefore given a loss that grows with depth (K. Hunt, F.
+// Crossley, "Coefficient of Restitution Interpreted as Damping in Vibroimpact", 1975), F = k d (1 + c v) for a depth d
+// and a surface that comes nearer with v: unlike a plain damper it starts from nothing, so the hand feels no knock. It
+// is taken at the velocity that the step leads to, v' = v - F h / m, with m = 1 / sum(w_j^2 / m_j) the mass that the
+// mask presses on, which keeps it stable on particles of any lightness.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "haptic/sim/contact/contact.hpp"
+#include "haptic/sim/mesh.hpp"
+#include "haptic/types.hpp"
+
+namespace haptic::sim {
+
+/// How a force on a proxy divides among the contact planes that make it: strengths along their normals, none negative.
+/// A part that no plane can make, which a proxy that has arrived does not have, is left out.
+using ContactShares = std::array<double, kMaxSurfacePlanes>;  // N
+[[nodiscard]] ContactShares divide_force(const Vec3& force, const SurfacePlanes& contacts) noexcept;
+
+/// The vertices that take the force of one contact.
+struct PressedPatch {
+    Vec3 velocity{0.0};  // m/s, of the vertices, weighted
+    double mass = 0.0;   // kg, that a force on the patch accelerates: 1 / sum(w_j^2 / m_j)
+};
+
+class PressureMask {
+  public:
+    /// `mass` in kg, one element a vertex; `radius` in m. If no vertex is within the radius, the three of the touched
+    /// triangle take the force by their weights.
+    PressureMask(const TriangleMesh& rest, std::span<const double> mass, double radius);
+
+    /// Lays the mask on a touched point. No allocation.
+    PressedPatch lay(const SurfacePoint& touched, std::span<const Vec3> vertex_velocity);
+
+    /// Adds `force` (N) to `vertex_force`, one element a vertex, as the mask lies. What is added sums up to `force` to
+    /// rounding. No allocation.
+    void press(const Vec3& force, std::span<Vec3> vertex_force) const;
+
+  private:
+    struct Pressed {
+        std::uint32_t vertex;
+        double weight;
+    };
+
+    std::vector<Vec3> rest_;
+    std::vector<double> mass_;
+    std::vector<Triangle> triangles_;
+    double radius_;
+    std::vector<Pressed> pressed_;
+};
+
+/// Spring and loss between hip and proxy, in the scene.
+struct Coupling {
+    double stiffness = 20.0;  // N/m
+    double loss = 0.0;        // s/m, c above
+};
+
+/// The strength of the push at one contact, N, at least 0. `share` is that of the spring alone, k d; `closing` the
+/// velocity at which the patch comes toward the hip, m/s.
+[[nodiscard]] double contact_push(double share, double closing, double patch_mass, double step_s,
+                                  const Coupling& coupling) noexcept;
+
+}  // namespace haptic::sim

@@ -1,0 +1,61 @@
+// Scene files: what is simulated, with what, for how long. TOML; scenes/cloth-drop.toml names every key.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "haptic/config.hpp"
+#include "haptic/pose_track.hpp"
+#include "haptic/sim/cloth.hpp"
+#include "haptic/sim/contact_force.hpp"
+#include "haptic/sim/solver.hpp"
+#include "haptic/sim/workspace.hpp"
+
+namespace haptic::sim {
+
+struct ModelSettings {
+    ClothShape cloth;              // its centre at (0, height + shift, 0)
+    Vec3 velocity{0.0};            // m/s, at the start
+    double group_stiffness = 0.3;  // 0..1, alpha of the shape-matching groups
+    double link_stiffness = 1.0;   // 0..1, of the distance constraints
+};
+
+struct ProxySettings {
+    double radius = 0.03;  // m, scene
+    double shrink = 0.999;
+    double reach = 0.025;  // m, scene: planes nearer than radius + reach are sent before they touch
+};
+
+struct CouplingSettings : Coupling {
+    double mask_radius = 0.1;  // m, rest shape: about the contact, where the surface takes the force
+};
+
+struct Scene {
+    std::string name;
+    std::string description;
+    ModelSettings model;
+    SolverSettings solver;
+    ProxySettings proxy;
+    CouplingSettings coupling;
+    WorkspaceSettings workspace;
+    PoseTrack hand;  // scripted, positions in the scene
+    double duration_s = 2.0;
+};
+
+struct BuiltInScene {
+    std::string_view name;
+    std::string_view toml;
+};
+
+/// The scenes that need no file, as built into the library.
+[[nodiscard]] const std::vector<BuiltInScene>& built_in_scenes();
+
+/// Opens a scene file, or a built-in scene where `which` is its name. Throws ConfigError; for an unknown name it lists
+/// the known ones.
+[[nodiscard]] Config open_scene(const std::string& which);
+
+/// Reads the scene from a configuration. Throws ConfigError: unknown key, value out of range.
+[[nodiscard]] Scene read_scene(const Config& config, const std::string& name);
+
+}  // namespace haptic::sim

@@ -1,0 +1,71 @@
+// The mapping between the device, which moves within centimetres, and the scene, which is metres wide.
+//
+//     x_device = offset + rotation * (scale * x_scene)            F_hand = force_scale * rotation * F_scene
+//
+// A spring k in the scene is then felt as k_hand = force_scale * k / scale, a damper likewise. Work at the hand is
+// force_scale * scale times the work in the scene, whatever the motion, so that a passive scene is passive at the hand.
+#pragma once
+
+#include "haptic/frames.hpp"
+#include "haptic/sim/contact/contact.hpp"
+#include "haptic/types.hpp"
+
+namespace haptic::sim {
+
+struct WorkspaceSettings {
+    double scale = 0.03;                // m at the device for each m in the scene; 0.001 .. 10
+    Vec3 offset{0.0, 0.0, 0.0};         // m, device frame, where the scene's origin lies
+    Quat rotation{1.0, 0.0, 0.0, 0.0};  // device_from_scene
+    double force_scale = 0.2;           // N at the hand for each N in the scene; 0 .. 100
+    int clutch_button = -1;             // the button that uncouples the grip while it is held; -1: none
+    double clutch_fade = 0.1;           // s, in which the force fades out once it is held
+};
+
+class Workspace {
+  public:
+    /// Throws std::invalid_argument for a scale that is not positive or a negative force scale.
+    explicit Workspace(const WorkspaceSettings& settings);
+
+    [[nodiscard]] Vec3 to_scene(const Vec3& device_position) const noexcept;
+    [[nodiscard]] Vec3 to_device(const Vec3& scene_position) const noexcept;
+    [[nodiscard]] Vec3 force_to_device(const Vec3& scene_force) const noexcept;
+    /// Of a spring or a damper.
+    [[nodiscard]] double coupling_to_device(double scene_value) const noexcept;
+    /// Orientation of the grip in the scene.
+    [[nodiscard]] Quat orientation_to_scene(const Quat& device_from_grip) const noexcept;
+    /// The plane with its offset and velocity as the device sees them.
+    [[nodiscard]] ContactPlane to_device(const SurfacePlane& plane) const noexcept;
+
+    /// Moves the offset so that the two positions coincide.
+    void anchor(const Vec3& device_position, const Vec3& scene_position) noexcept;
+
+    [[nodiscard]] const WorkspaceSettings& settings() const noexcept { return settings_; }
+
+  private:
+    WorkspaceSettings settings_;
+    Mat3 device_from_scene_;  // rotation only
+};
+
+/// The clutch: lets the hand travel while the tool in the scene stands.
+///
+/// While the button is held, the device end of the tool (the hip) stays where it was in the scene, and the coupling
+/// fades to nothing. Once it has, the hip is laid onto the proxy, so that on release the force begins at zero; both
+/// ways the force changes without a jump.
+class Clutch {
+  public:
+    /// Takes the button's state at the beginning of a step and returns the hip in the scene. Moves the workspace's
+    /// anchor as long as the grip is not coupled.
+    [[nodiscard]] Vec3 engage(bool held, const Vec3& device_position, const Vec3& proxy, double step_s,
+                              Workspace& workspace) noexcept;
+
+    /// Factor of the coupling, 0..1.
+    [[nodiscard]] double gain() const noexcept { return gain_; }
+    [[nodiscard]] bool uncoupled() const noexcept { return gain_ <= 0.0; }
+
+  private:
+    bool held_ = false;
+    double gain_ = 1.0;
+    Vec3 hip_{0.0};
+};
+
+}  // namespace haptic::sim

@@ -1,0 +1,18 @@
+// The subcommands of host-sim. Each registers its options and returns what runs it.
+#pragma once
+
+#include <functional>
+
+namespace CLI {
+class App;
+}
+
+namespace haptic::sim {
+
+/// Runs a parsed command; the value is the exit status.
+using Command = std::function<int()>;
+
+[[nodiscard]] Command add_run_command(CLI::App& app);
+[[nodiscard]] Command add_scenes_command(CLI::App& app);
+
+}  // namespace haptic::sim

@@ -1,0 +1,32 @@
+// host-sim: simulates a scene and tells the haptic loop what may be felt.
+
+#include <CLI/CLI.hpp>
+#include <exception>
+#include <iostream>
+#include <utility>
+#include <vector>
+
+#include "cli/commands.hpp"
+
+int main(int argc, char** argv) {
+    CLI::App app("Simulates deformable objects and sends the contacts of a haptic tool to rt-core.", "host-sim");
+    app.require_subcommand(1);
+    std::vector<std::pair<const CLI::App*, haptic::sim::Command>> commands;
+    const auto add = [&](const char* name, const char* what, haptic::sim::Command (*command)(CLI::App&)) {
+        CLI::App& subcommand = *app.add_subcommand(name, what);
+        commands.emplace_back(&subcommand, command(subcommand));
+    };
+    add("run", "Run a scene", haptic::sim::add_run_command);
+    add("scenes", "List the built-in scenes", haptic::sim::add_scenes_command);
+    CLI11_PARSE(app, argc, argv);
+    try {
+        for (const auto& [subcommand, command] : commands) {
+            if (subcommand->parsed()) {
+                return command();
+            }
+        }
+    } catch (const std::exception& error) {
+        std::cerr << "host-sim: " << error.what() << '\n';
+    }
+    return 1;
+}

@@ -1,0 +1,315 @@
+// host-sim run: a scene from its start to its end, under a virtual clock or the real one.
+
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cerrno>
+#include <cmath>
+#include <csignal>
+#include <ctime>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cli/commands.hpp"
+#include "cli/hand.hpp"
+#include "cli/run_statistics.hpp"
+#include "cli/snapshots.hpp"
+#include "haptic/clock.hpp"
+#include "haptic/config.hpp"
+#include "haptic/pose_track.hpp"
+#include "haptic/report.hpp"
+#include "haptic/ring.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
+
+namespace haptic::sim {
+namespace {
+
+volatile std::sig_atomic_t stop_requested = 0;
+
+void request_stop(int /*signal*/) {
+    stop_requested = 1;
+}
+
+/// While it lives, SIGINT and SIGTERM end the run in an orderly way instead of the process.
+class StopOnSignal {
+  public:
+    StopOnSignal() {
+        struct sigaction action{};
+        action.sa_handler = request_stop;  // without SA_RESTART: the sleep of the run ends at once
+        (void)sigaction(SIGINT, &action, &old_interrupt_);
+        (void)sigaction(SIGTERM, &action, &old_terminate_);
+    }
+    StopOnSignal(const StopOnSignal&) = delete;
+    StopOnSignal& operator=(const StopOnSignal&) = delete;
+    ~StopOnSignal() {
+        (void)sigaction(SIGINT, &old_interrupt_, nullptr);
+        (void)sigaction(SIGTERM, &old_terminate_, nullptr);
+    }
+
+  private:
+    struct sigaction old_interrupt_{};
+    struct sigaction old_terminate_{};
+};
+
+struct RunOptions {
+    std::string scene;
+    std::vector<std::string> assignments;
+    std::string session;
+    std::optional<double> duration_s;
+    std::optional<std::uint64_t> steps;
+    std::string clock = "lockstep";
+    std::string input;
+    std::string report;
+    std::string record;
+    std::string snapshots;
+    double wait_s = 0.0;
+    bool verify = false;
+};
+
+void sleep_until(std::int64_t time_ns) {
+    const timespec deadline{static_cast<std::time_t>(time_ns / kNanosecondsPerSecond),
+                            static_cast<long>(time_ns % kNanosecondsPerSecond)};
+    while (stop_requested == 0 && clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &deadline, nullptr) == EINTR) {
+    }
+}
+
+class Run {
+  public:
+    explicit Run(const RunOptions& options);
+    int go();
+
+  private:
+    void run_lockstep();
+    void run_real();
+    void wait_for_device(DeviceHand& hand);
+    void one_step(const StepInput& input);
+    [[nodiscard]] bool wanted() const { return stop_requested == 0 && (steps_ == 0 || statistics_->steps() < steps_); }
+    [[nodiscard]] std::uint64_t steps_of(const Scene& scene) const;
+    void write_results(double wall_s) const;
+
+    const RunOptions& options_;
+    std::optional<Simulation> simulation_;
+    std::optional<RunStatistics> statistics_;
+    std::optional<Snapshots> snapshots_;
+    std::optional<PoseTrack> input_;
+    std::optional<RingWriter<ContactFrame>> frames_;
+    std::optional<RingReader<DeviceState>> states_;
+    ContactFrame frame_{};
+    std::uint64_t steps_ = 0;  // 0: until stopped
+    std::uint64_t late_ = 0;
+};
+
+Run::Run(const RunOptions& options) : options_(options) {
+    Config config = open_scene(options.scene);
+    for (const std::string& assignment : options.assignments) {
+        config.set(assignment);
+    }
+    const std::filesystem::path path(options.scene);
+    const Scene scene = read_scene(config, path.extension() == ".toml" ? path.stem().string() : options.scene);
+    steps_ = steps_of(scene);
+    if (!options.input.empty()) {
+        input_ = PoseTrack::load(options.input);
+    }
+    simulation_.emplace(scene, monotonic_now_ns);
+    simulation_->set_verification(options.verify);
+    constexpr std::uint64_t kRoomAtLeast = 100'000;  // steps, for a run without an end
+    statistics_.emplace(scene, !options.record.empty(), steps_ > 0 ? steps_ : kRoomAtLeast);
+    if (!options.snapshots.empty()) {
+        snapshots_.emplace(*simulation_);
+    }
+    const bool real = options.clock == "real";
+    if (real || !options.session.empty()) {
+        frames_.emplace(options.session.empty() ? "default" : options.session);
+    }
+    if (real) {
+        states_.emplace(options.session.empty() ? "default" : options.session);
+    }
+}
+
+std::uint64_t Run::steps_of(const Scene& scene) const {
+    if (options_.steps) {
+        return *options_.steps;
+    }
+    return static_cast<std::uint64_t>(std::llround(options_.duration_s.value_or(scene.duration_s) / scene.solver.step));
+}
+
+void Run::one_step(const StepInput& input) {
+    if (snapshots_) {
+        snapshots_->before_step();
+    }
+    const StepResult result = simulation_->step(input);
+    if (frames_) {
+        frame_ = simulation_->frame();
+        const std::int64_t now_ns = monotonic_now_ns();
+        frame_.publish_time_ns = states_ ? now_ns : input.time_ns;
+        (void)frames_->publish(frame_, now_ns);
+    }
+    statistics_->add(input, result);
+    if (snapshots_) {
+        snapshots_->after_step(result);
+    }
+}
+
+void Run::run_lockstep() {
+    const std::int64_t step_ns = nanoseconds(simulation_->scene().solver.step);
+    for (std::int64_t time_ns = 0; wanted(); time_ns += step_ns) {
+        StepInput input = simulation_->scripted_input(time_ns);
+        if (input_) {
+            input.device = input_->at(time_ns);
+        }
+        one_step(input);
+    }
+}
+
+void Run::wait_for_device(DeviceHand& hand) {
+    const std::int64_t until_ns = monotonic_now_ns() + nanoseconds(options_.wait_s);
+    constexpr std::int64_t kLook_ns = 1'000'000;
+    for (std::int64_t now_ns = monotonic_now_ns(); now_ns < until_ns && stop_requested == 0;
+         now_ns = monotonic_now_ns()) {
+        (void)hand.at(now_ns, now_ns);
+        if (hand.fresh() && hand.safety_state() == HAPTIC_RUNNING) {
+            return;
+        }
+        frames_->beat(now_ns);
+        sleep_until(now_ns + kLook_ns);
+    }
+}
+
+void Run::run_real() {
+    const std::int64_t step_ns = nanoseconds(simulation_->scene().solver.step);
+    DeviceHand hand(*states_, simulation_->scripted_input(0));
+    if (options_.wait_s > 0.0) {
+        wait_for_device(hand);
+    }
+    bool was_fresh = true;  // so that a device that is missing from the beginning is said
+    const std::int64_t start_ns = monotonic_now_ns();
+    for (std::int64_t deadline_ns = start_ns; wanted(); deadline_ns += step_ns) {
+        sleep_until(deadline_ns);
+        const std::int64_t now_ns = monotonic_now_ns();
+        if (now_ns >= deadline_ns + step_ns) {
+            // The phase is kept, the scene falls behind by whole steps.
+            late_ += static_cast<std::uint64_t>((now_ns - deadline_ns) / step_ns);
+            deadline_ns += (now_ns - deadline_ns) / step_ns * step_ns;
+        }
+        StepInput input = hand.at(deadline_ns, now_ns);
+        if (input_) {
+            input.device = input_->at(deadline_ns - start_ns);
+        } else if (hand.fresh() != was_fresh) {
+            was_fresh = hand.fresh();
+            spdlog::info(was_fresh ? "the device is there: the hand follows it"
+                                   : "no fresh device state: the hand stays where it is until rt-core publishes one");
+        }
+        one_step(input);
+    }
+    if (late_ > 0) {
+        spdlog::warn("{} step deadlines were missed; the scene ran slower than real time by as many steps", late_);
+    }
+    if (hand.rejected() > 0) {
+        spdlog::warn("{} device states were not valid and were ignored", hand.rejected());
+    }
+}
+
+void Run::write_results(double wall_s) const {
+    if (!options_.report.empty()) {
+        nlohmann::json report = statistics_->report(*simulation_, wall_s, options_.verify);
+        report["clock"] = options_.clock;
+        report["late_steps"] = late_;
+        write_report(options_.report, report);
+    }
+    if (!options_.record.empty()) {
+        statistics_->write_record(options_.record);
+    }
+    if (snapshots_) {
+        for (const std::filesystem::path& file : snapshots_->write(options_.snapshots)) {
+            spdlog::info("wrote {}", file.string());
+        }
+    }
+    std::cout << statistics_->summary(*simulation_, wall_s, options_.verify) << std::flush;
+}
+
+int Run::go() {
+    const StopOnSignal stop;
+    const Scene& scene = simulation_->scene();
+    spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, options_.clock, scene.solver.step);
+    const std::int64_t start_ns = monotonic_now_ns();
+    if (options_.clock == "real") {
+        run_real();
+    } else {
+        run_lockstep();
+    }
+    const double wall_s = seconds(monotonic_now_ns() - start_ns);
+    frames_.reset();  // leaves the rings before anything slow is done
+    states_.reset();
+    if (stop_requested != 0) {
+        spdlog::info("stopped by a signal after {} steps", statistics_->steps());
+    }
+    write_results(wall_s);
+    if (options_.verify && statistics_->escapes() > 0) {
+        spdlog::error("the proxy's centre passed through a surface in {} steps", statistics_->escapes());
+        return 1;
+    }
+    return 0;
+}
+
+void log_to_stderr() {
+    auto logger = std::make_shared<spdlog::logger>("host-sim", std::make_shared<spdlog::sinks::stderr_sink_st>());
+    logger->set_pattern("host-sim: %v");
+    spdlog::set_default_logger(std::move(logger));
+}
+
+}  // namespace
+
+Command add_run_command(CLI::App& app) {
+    const auto options = std::make_shared<RunOptions>();
+    app.add_option("scene", options->scene, "A built-in scene (host-sim scenes) or a scene file, NAME.toml")
+        ->required();
+    app.add_option("--set", options->assignments, "Override a key of the scene, e.g. solver.iterations=5; repeatable")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    app.add_option("--session", options->session,
+                   "Name of the rings that join this process to rt-core; with --clock lockstep, frames are published "
+                   "only if it is given [default]");
+    auto* duration = app.add_option("--duration", options->duration_s, "Simulated seconds; 0 runs until stopped")
+                         ->check(CLI::Range(0.0, 1e6));
+    app.add_option("--steps", options->steps, "Number of steps; 0 runs until stopped")->excludes(duration);
+    app.add_option("--clock", options->clock,
+                   "real: paced, the hand is the device of rt-core; lockstep: as fast as can be, the hand is the "
+                   "scene's script or --input")
+        ->check(CLI::IsMember({"real", "lockstep"}))
+        ->capture_default_str();
+    app.add_option("--input", options->input, "Follow a recorded hand: time_s, x_m, y_m, z_m, ... in the device frame");
+    app.add_option("--wait", options->wait_s,
+                   "With --clock real: seconds to hold the scene back at most, until rt-core is running")
+        ->check(CLI::Range(0.0, 3600.0));
+    app.add_option("--report", options->report, "Write a JSON report at the end");
+    app.add_option("--record", options->record, "Write a CSV record of every step at the end");
+    app.add_option("--snapshots", options->snapshots, "Write POV-Ray scenes of the moments round the contact there");
+    app.add_flag("--verify", options->verify,
+                 "Check every step independently for a proxy that passed through a surface; exit status 1 if one did");
+    return [options] {
+        log_to_stderr();
+        return Run(*options).go();
+    };
+}
+
+Command add_scenes_command(CLI::App& app) {
+    (void)app;
+    return [] {
+        for (const BuiltInScene& scene : built_in_scenes()) {
+            const Config config = open_scene(std::string(scene.name));
+            std::cout << scene.name << ": " << read_scene(config, std::string(scene.name)).description << '\n';
+        }
+        return 0;
+    };
+}
+
+}  // namespace haptic::sim

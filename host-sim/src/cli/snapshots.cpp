@@ -1,0 +1,87 @@
+#include "cli/snapshots.hpp"
+
+#include <algorithm>
+#include <glm/common.hpp>
+#include <span>
+#include <utility>
+
+#include "haptic/sim/povray.hpp"
+
+namespace haptic::sim {
+namespace {
+
+constexpr std::uint64_t kSoonAfter = 10;  // steps
+constexpr std::uint64_t kLater = 40;
+
+/// The faces that lie in front; the second half of a double-faced mesh is the same surface once more.
+std::span<const Triangle> front_faces(const TriangleMesh& mesh) {
+    return std::span(mesh.triangles).first(mesh.triangles.size() / 2);
+}
+
+}  // namespace
+
+Snapshots::Snapshots(const Simulation& simulation) : simulation_(&simulation) {
+    last_.vertices = present_.vertices = simulation.vertices();
+    kept_.reserve(4);
+}
+
+void Snapshots::before_step() {
+    std::swap(last_, present_);
+    const std::vector<Vec3>& now = simulation_->vertices();
+    std::copy(now.begin(), now.end(), present_.vertices.begin());
+    present_.time_s = static_cast<double>(simulation_->steps()) * simulation_->scene().solver.step;
+}
+
+void Snapshots::keep(const char* name, const StepResult& result) {
+    kept_.push_back(present_);
+    kept_.back().name = name;
+    kept_.back().proxy = result.proxy;
+    kept_.back().hip = result.hip;
+}
+
+void Snapshots::after_step(const StepResult& result) {
+    present_.proxy = result.proxy;
+    present_.hip = result.hip;
+    const std::uint64_t step = simulation_->steps();
+    if (first_contact_ == 0) {
+        if (result.in_contact) {
+            first_contact_ = step;
+            last_.name = "1-before";
+            kept_.push_back(last_);
+            keep("2-contact", result);
+        }
+    } else if (step == first_contact_ + kSoonAfter) {
+        keep("3-soon-after", result);
+    } else if (step == first_contact_ + kLater) {
+        keep("4-later", result);
+    }
+}
+
+std::vector<std::filesystem::path> Snapshots::write(const std::filesystem::path& folder) const {
+    std::filesystem::create_directories(folder);
+    const Scene& scene = simulation_->scene();
+    std::vector<std::filesystem::path> files;
+    for (const Moment& moment : kept_) {
+        Vec3 low(moment.proxy);
+        Vec3 high(moment.proxy);
+        for (const Vec3& v : moment.vertices) {
+            low = glm::min(low, v);
+            high = glm::max(high, v);
+        }
+        PictureScene picture;
+        picture.title = scene.name + " at " + std::to_string(moment.time_s) + " s";
+        picture.vertices = moment.vertices;
+        picture.triangles = front_faces(simulation_->mesh());
+        picture.proxy = moment.proxy;
+        picture.proxy_radius = scene.proxy.radius;
+        picture.hip = moment.hip;
+        picture.look_at = 0.5 * (low + high);
+        picture.back = 2.4;
+        picture.floor = -1.6;
+        files.push_back(folder / (scene.name + "-" + moment.name + ".pov"));
+        write_picture_scene(files.back(), picture);
+    }
+    return files;
+}
+
+}  // namespace haptic::sim

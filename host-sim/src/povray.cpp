@@ -1,0 +1,131 @@
+#include "haptic/sim/povray.hpp"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <glm/geometric.hpp>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <vector>
+
+namespace haptic::sim {
+namespace {
+
+// What is the same in every picture. POV-Ray is left-handed; a camera whose right is -x shows our frame as it is.
+constexpr std::string_view kSurroundings = R"(
+#version 3.7;
+global_settings { assumed_gamma 1.0 max_trace_level 8 }
+
+background { rgb <0.90, 0.93, 0.97> }
+
+light_source {
+    <-3.5, 6.0, 5.0> rgb <1.0, 0.97, 0.92>
+    area_light <1.2, 0, 0>, <0, 0, 1.2>, 5, 5 adaptive 1 jitter
+}
+light_source { <5.0, 3.0, 3.5> rgb <0.30, 0.33, 0.40> shadowless }
+light_source { <0.0, -2.0, 4.0> rgb <0.16, 0.15, 0.15> shadowless }
+
+#declare ClothFront = texture {
+    pigment { rgb <0.78, 0.16, 0.14> }
+    finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }
+}
+#declare ClothBack = texture {
+    pigment { rgb <0.96, 0.83, 0.55> }
+    finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }
+}
+#declare ProxyBall = texture {
+    pigment { rgb <0.16, 0.36, 0.68> }
+    finish { ambient 0.12 diffuse 0.70 specular 0.55 roughness 0.02 }
+}
+#declare Hip = texture {
+    pigment { rgb <0.98, 0.98, 0.98> }
+    finish { ambient 0.45 diffuse 0.6 specular 0.3 }
+}
+#declare Ground = texture {
+    pigment { checker rgb <0.84, 0.86, 0.88> rgb <0.80, 0.82, 0.845> scale 0.25 }
+    finish { ambient 0.25 diffuse 0.7 }
+}
+)";
+
+std::string shown(double value) {
+    std::array<char, 32> digits;
+    const double rounded = std::fabs(value) < 1e-9 ? 0.0 : value;
+    const auto end =
+        std::to_chars(digits.data(), digits.data() + digits.size(), rounded, std::chars_format::general, 7).ptr;
+    return {digits.data(), end};
+}
+
+std::string shown(const Vec3& v) {
+    return "<" + shown(v.x) + ", " + shown(v.y) + ", " + shown(v.z) + ">";
+}
+
+/// Mean of the normals of the faces about each vertex, weighted by their area.
+std::vector<Vec3> vertex_normals(const PictureScene& scene) {
+    std::vector<Vec3> normals(scene.vertices.size(), Vec3(0.0));
+    for (const auto& [a, b, c] : scene.triangles) {
+        const Vec3 n = glm::cross(scene.vertices[b] - scene.vertices[a], scene.vertices[c] - scene.vertices[a]);
+        normals[a] += n;
+        normals[b] += n;
+        normals[c] += n;
+    }
+    for (Vec3& n : normals) {
+        const double length = glm::length(n);
+        n = length > 0.0 ? n / length : Vec3(0.0, 1.0, 0.0);
+    }
+    return normals;
+}
+
+void write_list(std::ostream& out, const char* name, std::span<const Vec3> vectors) {
+    out << "    " << name << " {\n        " << vectors.size();
+    for (std::size_t i = 0; i < vectors.size(); ++i) {
+        out << (i % 3 == 0 ? ",\n        " : ", ") << shown(vectors[i]);
+    }
+    out << "\n    }\n";
+}
+
+void write_mesh(std::ostream& out, const PictureScene& scene) {
+    out << "mesh2 {\n";
+    write_list(out, "vertex_vectors", scene.vertices);
+    write_list(out, "normal_vectors", vertex_normals(scene));
+    out << "    face_indices {\n        " << scene.triangles.size();
+    // The other way round than in our right-handed frame: POV-Ray takes its interior side from the winding, too.
+    for (std::size_t t = 0; t < scene.triangles.size(); ++t) {
+        const auto& [a, b, c] = scene.triangles[t];
+        out << (t % 8 == 0 ? ",\n        " : ", ") << "<" << a << ", " << c << ", " << b << ">";
+    }
+    out << "\n    }\n    texture { ClothFront }\n    interior_texture { ClothBack }\n}\n";
+}
+
+void write_all(std::ostream& out, const PictureScene& scene) {
+    const Vec3 camera = scene.look_at + scene.back * glm::normalize(Vec3(0.45, 0.18, 1.0));
+    out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kSurroundings << '\n';
+    out << "camera {\n    location " << shown(camera) << "\n    up y\n    right -x * image_width / image_height\n"
+        << "    angle 32\n    look_at " << shown(scene.look_at) << "\n}\n\n";
+    out << "plane { y, " << shown(scene.floor) << " texture { Ground } }\n\n";
+    out << "sphere { " << shown(scene.proxy) << ", " << shown(scene.proxy_radius) << " texture { ProxyBall } }\n";
+    out << "sphere { " << shown(scene.hip) << ", " << shown(0.35 * scene.proxy_radius) << " texture { Hip } }\n\n";
+    write_mesh(out, scene);
+}
+
+}  // namespace
+
+void write_picture_scene(const std::filesystem::path& file, const PictureScene& scene) {
+    std::filesystem::path temporary = file;
+    temporary += ".part";
+    {
+        std::ofstream out(temporary);
+        write_all(out, scene);
+        out.close();
+        if (!out) {
+            std::error_code ignored;
+            std::filesystem::remove(temporary, ignored);
+            throw std::runtime_error(file.string() + ": cannot be written; does its folder exist, and is there room?");
+        }
+    }
+    std::filesystem::rename(temporary, file);
+}
+
+}  // namespace haptic::sim

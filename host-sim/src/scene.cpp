@@ -1,0 +1,128 @@
+#include "haptic/sim/scene.hpp"
+
+#include <filesystem>
+#include <utility>
+
+namespace haptic::sim {
+namespace {
+
+// Beyond any scene that the solver is meant for; keeps a slip of the keyboard from becoming an hour of waiting.
+constexpr Range kPositions{-1e4, 1e4};
+constexpr Range kUnitInterval{0.0, 1.0};
+
+ModelSettings read_model(const Config& config) {
+    ModelSettings model;
+    (void)config.choice("model.generator", "cloth", {"cloth"});
+    ClothShape& cloth = model.cloth;
+    cloth.vertices_per_side =
+        static_cast<std::uint32_t>(config.integer("model.vertices_per_side", cloth.vertices_per_side, {2.0, 257.0}));
+    cloth.side = config.number("model.side", cloth.side, {1e-3, 100.0});
+    cloth.mass = config.number("model.mass", cloth.mass, {1e-6, 1e3});
+    const double height = config.number("model.height", 10.0, kPositions);
+    const double shift = config.number("model.shift", 0.0, kPositions);
+    const Vec3 aside = config.vec3("model.offset", Vec3(0.0), kPositions);
+    cloth.centre = aside + Vec3(0.0, height + shift, 0.0);
+    cloth.orientation = config.quat("model.orientation", cloth.orientation);
+    model.velocity = config.vec3("model.velocity", model.velocity, {-1e3, 1e3});
+    model.group_stiffness = config.number("model.group_stiffness", model.group_stiffness, kUnitInterval);
+    model.link_stiffness = config.number("model.link_stiffness", model.link_stiffness, kUnitInterval);
+    return model;
+}
+
+SolverSettings read_solver(const Config& config) {
+    SolverSettings solver;
+    solver.step = config.number("solver.step", solver.step, {1e-4, 0.1});
+    solver.substeps = static_cast<int>(config.integer("solver.substeps", solver.substeps, {1.0, 100.0}));
+    solver.iterations = static_cast<int>(config.integer("solver.iterations", solver.iterations, {0.0, 1000.0}));
+    solver.rotation_iterations =
+        static_cast<int>(config.integer("solver.rotation_iterations", solver.rotation_iterations, {1.0, 100.0}));
+    solver.gravity = config.vec3("solver.gravity", solver.gravity, {-1e3, 1e3});
+    solver.drag = config.number("solver.drag", solver.drag, {0.0, 9.0});
+    solver.flutter_damping = config.number("solver.flutter_damping", solver.flutter_damping, kUnitInterval);
+    solver.keep_angular_momentum = config.flag("solver.keep_angular_momentum", solver.keep_angular_momentum);
+    return solver;
+}
+
+ProxySettings read_proxy(const Config& config) {
+    ProxySettings proxy;
+    proxy.radius = config.number("proxy.radius", proxy.radius, {1e-6, 10.0});
+    proxy.shrink = config.number("proxy.shrink", proxy.shrink, {0.9, 0.99999});
+    proxy.reach = config.number("proxy.reach", proxy.reach, {0.0, 10.0});
+    if (proxy.reach > proxy.radius) {
+        config.fail("proxy.reach", "must not exceed proxy.radius");
+    }
+    return proxy;
+}
+
+CouplingSettings read_coupling(const Config& config) {
+    CouplingSettings coupling;
+    coupling.stiffness = config.number("coupling.stiffness", coupling.stiffness, {0.0, 1e5});
+    coupling.loss = config.number("coupling.loss", coupling.loss, {0.0, 10.0});
+    coupling.mask_radius = config.number("coupling.mask_radius", coupling.mask_radius, {0.0, 100.0});
+    return coupling;
+}
+
+WorkspaceSettings read_workspace(const Config& config) {
+    WorkspaceSettings workspace;
+    workspace.scale = config.number("workspace.scale", workspace.scale, {1e-3, 10.0});
+    workspace.offset = config.vec3("workspace.offset", workspace.offset, {-1.0, 1.0});
+    workspace.rotation = config.quat("workspace.rotation", workspace.rotation);
+    workspace.force_scale = config.number("workspace.force_scale", workspace.force_scale, {0.0, 100.0});
+    workspace.clutch_button =
+        static_cast<int>(config.integer("workspace.clutch_button", workspace.clutch_button, {-1.0, 31.0}));
+    workspace.clutch_fade = config.number("workspace.clutch_fade", workspace.clutch_fade, {0.0, 10.0});
+    return workspace;
+}
+
+PoseTrack read_hand(const Config& config) {
+    const std::vector<double> times = config.numbers("hand.times", {0.0}, {0.0, 1e6});
+    const std::vector<double> positions = config.numbers("hand.positions", {0.0, 0.0, 0.0}, kPositions);
+    if (times.empty() || positions.size() != 3 * times.size()) {
+        config.fail("hand.positions", "needs three numbers (x, y, z) for each of the " + std::to_string(times.size()) +
+                                          " elements of hand.times, has " + std::to_string(positions.size()));
+    }
+    for (std::size_t i = 1; i < times.size(); ++i) {
+        if (!(times[i] > times[i - 1])) {
+            config.fail("hand.times", "must increase from each element to the next");
+        }
+    }
+    std::vector<Pose> poses(times.size());
+    for (std::size_t i = 0; i < times.size(); ++i) {
+        poses[i].position = {positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]};
+    }
+    return {times, std::move(poses)};
+}
+
+}  // namespace
+
+Config open_scene(const std::string& which) {
+    std::string known;
+    for (const BuiltInScene& scene : built_in_scenes()) {
+        if (which == scene.name) {
+            return Config::parse(scene.toml, std::string(scene.name) + ".toml (built in)");
+        }
+        known += (known.empty() ? "" : ", ") + std::string(scene.name);
+    }
+    if (std::filesystem::path(which).has_extension() || which.find('/') != std::string::npos) {
+        return Config::load(which);
+    }
+    throw ConfigError("unknown scene \"" + which + "\"; built in are: " + known +
+                      "; a scene file's name ends in .toml");
+}
+
+Scene read_scene(const Config& config, const std::string& name) {
+    Scene scene;
+    scene.name = name;
+    scene.description = config.text("description", "");
+    scene.duration_s = config.number("duration", scene.duration_s, {0.0, 1e6});
+    scene.model = read_model(config);
+    scene.solver = read_solver(config);
+    scene.proxy = read_proxy(config);
+    scene.coupling = read_coupling(config);
+    scene.workspace = read_workspace(config);
+    scene.hand = read_hand(config);
+    config.reject_unknown();
+    return scene;
+}
+
+}  // namespace haptic::sim

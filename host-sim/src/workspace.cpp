@@ -1,0 +1,83 @@
+#include "haptic/sim/workspace.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+#include <stdexcept>
+
+#include "haptic/sim/rotation.hpp"
+
+namespace haptic::sim {
+
+Workspace::Workspace(const WorkspaceSettings& settings)
+    : settings_(settings), device_from_scene_(to_matrix(settings.rotation)) {
+    if (!(settings.scale > 0.0) || !std::isfinite(settings.scale)) {
+        throw std::invalid_argument("workspace: scale must be positive");
+    }
+    if (!(settings.force_scale >= 0.0) || !std::isfinite(settings.force_scale)) {
+        throw std::invalid_argument("workspace: force scale must not be negative");
+    }
+}
+
+Vec3 Workspace::to_scene(const Vec3& device_position) const noexcept {
+    return glm::transpose(device_from_scene_) * (device_position - settings_.offset) / settings_.scale;
+}
+
+Vec3 Workspace::to_device(const Vec3& scene_position) const noexcept {
+    return settings_.offset + device_from_scene_ * (settings_.scale * scene_position);
+}
+
+Vec3 Workspace::force_to_device(const Vec3& scene_force) const noexcept {
+    return settings_.force_scale * (device_from_scene_ * scene_force);
+}
+
+double Workspace::coupling_to_device(double scene_value) const noexcept {
+    return settings_.force_scale * scene_value / settings_.scale;
+}
+
+Quat Workspace::orientation_to_scene(const Quat& device_from_grip) const noexcept {
+    return glm::conjugate(settings_.rotation) * device_from_grip;
+}
+
+ContactPlane Workspace::to_device(const SurfacePlane& plane) const noexcept {
+    // n_s . x_s >= o_s with x_s = R^T (x_d - offset) / scale is (R n_s) . x_d >= scale o_s + (R n_s) . offset.
+    const Vec3 normal = device_from_scene_ * plane.normal;
+    ContactPlane result{};
+    store(normal, result.normal);
+    result.offset = settings_.scale * plane.offset + glm::dot(normal, settings_.offset);
+    result.velocity = settings_.scale * plane.velocity;
+    return result;
+}
+
+void Workspace::anchor(const Vec3& device_position, const Vec3& scene_position) noexcept {
+    settings_.offset = device_position - device_from_scene_ * (settings_.scale * scene_position);
+}
+
+Vec3 Clutch::engage(bool held, const Vec3& device_position, const Vec3& proxy, double step_s,
+                    Workspace& workspace) noexcept {
+    const double fade = workspace.settings().clutch_fade;
+    const double change = fade > step_s ? step_s / fade : 1.0;
+    if (held || held_) {  // stands, and is laid under the hand anew; for the last time in the step of its release
+        if (!held_) {
+            hip_ = workspace.to_scene(device_position);
+        }
+        if (held) {
+            gain_ = std::max(0.0, gain_ - change);
+        }
+        if (uncoupled()) {
+            hip_ = proxy;
+        }
+        workspace.anchor(device_position, hip_);
+        if (!held && uncoupled()) {
+            gain_ = 1.0;  // at once: with the hip on the proxy there is no force that could jump
+        }
+    } else {
+        gain_ = std::min(1.0, gain_ + change);
+        hip_ = workspace.to_scene(device_position);
+    }
+    held_ = held;
+    return hip_;
+}
+
+}  // namespace haptic::sim

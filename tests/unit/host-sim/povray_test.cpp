@@ -1,0 +1,52 @@
+#include "haptic/sim/povray.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+#include "haptic/sim/cloth.hpp"
+
+namespace haptic::sim {
+namespace {
+
+using ::testing::HasSubstr;
+
+TEST(PictureScene, NamesEveryVertexAndFace) {
+    const TriangleMesh mesh = make_cloth_mesh({.vertices_per_side = 3});
+    const std::filesystem::path file = std::filesystem::path(::testing::TempDir()) / "haptic-picture-test.pov";
+    PictureScene scene;
+    scene.title = "three by three";
+    scene.vertices = mesh.vertices;
+    scene.triangles = mesh.triangles;
+    scene.proxy = {0.25, 0.0, 0.0};
+    write_picture_scene(file, scene);
+    std::ostringstream content;
+    content << std::ifstream(file).rdbuf();
+    EXPECT_THAT(content.str(), HasSubstr("// three by three\n"));
+    EXPECT_THAT(content.str(), HasSubstr("vertex_vectors {\n        9,"));
+    EXPECT_THAT(content.str(), HasSubstr("face_indices {\n        16,"));
+    EXPECT_THAT(content.str(), HasSubstr("sphere { <0.25, 0, 0>, 0.03 texture { ProxyBall } }"));
+    EXPECT_THAT(content.str(), HasSubstr("<-0.5, 0, -0.5>"));
+    std::filesystem::remove(file);
+}
+
+TEST(PictureScene, SaysWhichFileItCouldNotWrite) {
+    const TriangleMesh mesh = make_cloth_mesh({.vertices_per_side = 2});
+    PictureScene scene;
+    scene.vertices = mesh.vertices;
+    scene.triangles = mesh.triangles;
+    try {
+        write_picture_scene("/nonexistent-folder/a.pov", scene);
+        FAIL() << "written";
+    } catch (const std::runtime_error& error) {
+        EXPECT_THAT(error.what(), HasSubstr("/nonexistent-folder/a.pov"));
+    }
+}
+
+}  // namespace
+}  // namespace haptic::sim
