@@ -32,12 +32,16 @@ bool StringEncoders::update(const RawCounters& raw, std::int64_t elapsed_ns) HAP
         mark();
         return true;
     }
+    if (lost_) {
+        return false;
+    }
     const double most = maximum_speed_ * seconds(elapsed_ns) / metres_per_count_ + kQuantisationCounts;
     std::array<std::int16_t, kStrings> steps{};
     for (std::size_t i = 0; i < kStrings; ++i) {
         // The nearest difference modulo 65536.
         steps[i] = static_cast<std::int16_t>(static_cast<std::uint16_t>(raw[i] - raw_[i]));
         if (std::fabs(static_cast<double>(steps[i])) > most) {
+            lost_ = true;
             return false;
         }
     }
@@ -47,6 +51,11 @@ bool StringEncoders::update(const RawCounters& raw, std::int64_t elapsed_ns) HAP
     }
     raw_ = raw;
     return true;
+}
+
+void StringEncoders::restart() HAPTIC_RT {
+    started_ = false;
+    lost_ = false;
 }
 
 void StringEncoders::calibrate() HAPTIC_RT {

@@ -3,12 +3,10 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 
+#include "haptic/rt/finite.hpp"
+
 namespace haptic::rt {
 namespace {
-
-bool finite(const Vec3& v) HAPTIC_RT {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
 
 /// Shortens v to a length; true if it was longer.
 bool shorten(Vec3& v, double length) HAPTIC_RT {

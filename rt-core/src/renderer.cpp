@@ -7,6 +7,7 @@
 #include <glm/matrix.hpp>
 #include <span>
 
+#include "haptic/rt/finite.hpp"
 #include "haptic/rt/smooth.hpp"
 
 namespace haptic::rt {
@@ -143,6 +144,10 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
         Wrench& wrench = result.contact.wrench;
         wrench.force = fade * (taken * wrench.force + (1.0 - taken) * blend_from_.force);
         wrench.torque = fade * (taken * wrench.torque + (1.0 - taken) * blend_from_.torque);
+    }
+    if (!finite(result.contact.wrench)) {
+        // A stiffness without measure; what is felt next must not blend from it.
+        result.contact.wrench = Wrench{};
     }
     last_ = result.contact.wrench;
     return result;

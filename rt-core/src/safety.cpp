@@ -3,14 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "haptic/rt/finite.hpp"
 #include "haptic/rt/smooth.hpp"
 
 namespace haptic::rt {
 namespace {
-
-bool finite(const Vec3& v) HAPTIC_RT {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
 
 std::uint32_t bit_if(bool condition, std::uint32_t bit) HAPTIC_RT {
     return condition ? bit : 0u;
@@ -112,7 +109,7 @@ SafetyMachine::Calibration SafetyMachine::calibrate(const TickHealth& health) HA
 
 Wrench SafetyMachine::shape(const Wrench& wanted) HAPTIC_RT {
     if (state_ == SafetyState::Running) {
-        if (finite(wanted.force) && finite(wanted.torque)) {
+        if (finite(wanted)) {
             last_wrench_ = wanted;
             return wanted;
         }

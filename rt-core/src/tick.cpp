@@ -19,7 +19,7 @@ void Tick::run(const TickTime& time) HAPTIC_RT {
     begin(time);
     exchange_in(time);
     measure_pose(time);
-    watch_health(time);
+    watch_health();
     mark_stage(instruments_.pose);
     take_frame(time);
     render_wrench(time);
@@ -52,6 +52,16 @@ void Tick::begin(const TickTime& time) HAPTIC_RT {
     }
 }
 
+void Tick::arm() HAPTIC_RT {
+    if (safety_.state() != SafetyState::Disarmed) {
+        return;
+    }
+    safety_.arm();
+    encoders_.restart();
+    latched_ = false;
+    reset_pose();
+}
+
 void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
     // The board answers only to a command, so the one that it already has is sent again.
     device::encode(command_, out_);
@@ -77,10 +87,10 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     latched_ = true;
 }
 
-void Tick::watch_health(const TickTime& time) HAPTIC_RT {
+void Tick::watch_health() HAPTIC_RT {
     TickHealth health;
     health.elapsed_ns = elapsed_ns_;
-    health.exchange_ok = in_ok_ && out_ok_;
+    health.exchange_ok = !exchange_failed_;
     health.jump = jump_;
     health.late = late_;
     health.finite = estimate_.status != PoseStatus::NonFinite;
@@ -94,20 +104,23 @@ void Tick::watch_health(const TickTime& time) HAPTIC_RT {
             encoders_.mark();
             break;
         case SafetyMachine::Calibration::Take:
-            calibrate(time);
+            calibrate();
             break;
     }
 }
 
-void Tick::calibrate(const TickTime& time) HAPTIC_RT {
+void Tick::calibrate() HAPTIC_RT {
     encoders_.calibrate();
-    pose_solver_.reset(Pose{});
-    estimate_ = PoseEstimate{};
-    velocity_.reset(estimate_.pose);
-    wires_ = wire_matrix(settings_.variant, estimate_.pose);
+    reset_pose();
     limiter_.reset();
     tension_solver_.reset();
-    last_latch_ns_ = time.now_ns;
+}
+
+void Tick::reset_pose() HAPTIC_RT {
+    estimate_ = PoseEstimate{};
+    pose_solver_.reset(estimate_.pose);
+    velocity_.reset(estimate_.pose);
+    wires_ = wire_matrix(settings_.variant, estimate_.pose);
 }
 
 void Tick::take_frame(const TickTime& time) HAPTIC_RT {
@@ -170,9 +183,10 @@ void Tick::distribute() HAPTIC_RT {
 
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
     device::encode(command_, out_);
-    out_ok_ = board_->exchange(out_, in_, time.now_ns) == device::ExchangeStatus::Ok;
+    const bool out_ok = board_->exchange(out_, in_, time.now_ns) == device::ExchangeStatus::Ok;
     instruments_.exchange.record(exchange_ns_ + lap());
-    set_flag(!in_ok_ || !out_ok_, HAPTIC_TICK_EXCHANGE_FAILED);
+    exchange_failed_ = !in_ok_ || !out_ok;
+    set_flag(exchange_failed_, HAPTIC_TICK_EXCHANGE_FAILED);
 }
 
 void Tick::publish(const TickTime& time) HAPTIC_RT {

@@ -24,8 +24,12 @@ class StringEncoders {
     StringEncoders(const device::Variant& variant, double maximum_speed);
 
     /// Takes one latch of all counters, elapsed_ns after the last one that was taken. False if a string moved faster
-    /// than maximum_speed: the counters are then not taken, and the lengths stay. The first latch is always taken.
+    /// than maximum_speed: where the strings are is then not known any more, so that neither this latch nor any other
+    /// is taken, and the lengths stay, until restart().
     bool update(const RawCounters& raw, std::int64_t elapsed_ns) HAPTIC_RT;
+
+    /// The next latch is taken whatever it says, and counts as a calibration.
+    void restart() HAPTIC_RT;
 
     /// The present counts are those of the rest lengths from now on.
     void calibrate() HAPTIC_RT;
@@ -50,6 +54,7 @@ class StringEncoders {
     Counts marked_{};
     RawCounters raw_{};
     bool started_ = false;
+    bool lost_ = false;  // a jump was seen
 };
 
 }  // namespace haptic::rt

@@ -32,7 +32,7 @@ struct SafetySettings {
     std::int64_t calibration_hold_ns = 200'000'000;  // ns, for which the grip must be still to be calibrated
     double calibration_movement = 0.5e-3;            // m, that a string may move in that time
     std::int64_t fault_fade_ns = 100'000'000;        // ns, in which the wrench goes to zero on a fault
-    double residual = 3e-3;                          // m, rms of measured minus explained lengths
+    double residual = 1e-3;   // m, rms of measured minus explained lengths; one string 7 mm out makes so much (X3R)
     int residual_ticks = 20;  // in a row, after which a large residual or an undetermined pose is a fault
     int exchange_ticks = 5;   // failed in a row, after which that is a fault
     int overrun_ticks = 100;  // late in a row, after which that is a fault

@@ -66,7 +66,7 @@ class Tick {
 
     /// Begins tensioning; running follows by itself once the grip was held still at the centre, arming_time_ns() later
     /// at the earliest. Clears faults. Ignored unless disarmed.
-    void arm() HAPTIC_RT { safety_.arm(); }
+    void arm() HAPTIC_RT;
     /// Orderly end: force and tension fade, then safety_state() is Disarmed.
     void stop() HAPTIC_RT { safety_.stop(); }
     /// Sends zero to all motors once, whatever the state; for the way out.
@@ -90,8 +90,9 @@ class Tick {
     void begin(const TickTime& time) HAPTIC_RT;
     void exchange_in(const TickTime& time) HAPTIC_RT;
     void measure_pose(const TickTime& time) HAPTIC_RT;
-    void watch_health(const TickTime& time) HAPTIC_RT;
-    void calibrate(const TickTime& time) HAPTIC_RT;
+    void watch_health() HAPTIC_RT;
+    void calibrate() HAPTIC_RT;
+    void reset_pose() HAPTIC_RT;
     void take_frame(const TickTime& time) HAPTIC_RT;
     void render_wrench(const TickTime& time) HAPTIC_RT;
     void distribute() HAPTIC_RT;
@@ -136,9 +137,9 @@ class Tick {
     std::int64_t stage_ns_ = 0;       // stage clock at the end of the last stage
     std::int64_t exchange_ns_ = 0;    // that the first exchange took
     bool first_ = true;
-    bool latched_ = false;  // counters were taken at least once
-    bool in_ok_ = false;    // first exchange of this tick
-    bool out_ok_ = true;    // second exchange of the last tick
+    bool latched_ = false;          // counters were taken at least once
+    bool in_ok_ = false;            // first exchange of this tick
+    bool exchange_failed_ = false;  // either exchange of the last tick
     bool jump_ = false;
     bool late_ = false;
     bool solve_tensions_ = false;  // the pose is calibrated, so that a wrench can be distributed
