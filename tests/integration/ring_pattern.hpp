@@ -103,6 +103,7 @@ class Shared {
 
 /// Runs a function in a child process, which then exits with its result; 99 if it throws.
 inline pid_t start_process(const std::function<int()>& function) {
+    std::fflush(nullptr);  // or the child would print what is still buffered again
     const pid_t child = fork();
     if (child < 0) {
         throw std::runtime_error("cannot fork");

@@ -29,7 +29,7 @@ struct Progress {
     std::atomic<std::uint64_t> published{0};
 };
 
-/// Publishes without pause in bursts of up to 64 frames, eight times round the ring; then lets the reader take one, so
+/// Publishes without pause in bursts of up to 16 frames, twice round the ring; then lets the reader take one, so
 /// that the two make headway on one core as well. The ring itself never waits.
 template <class Slot>
 int publish_until_enough(const std::string& session, Progress& progress) {
@@ -39,7 +39,7 @@ int publish_until_enough(const std::string& session, Progress& progress) {
     std::uint64_t sequence = 0;
     while (!progress.enough.load()) {
         const std::uint64_t burst_begin = sequence;
-        for (std::uint64_t left = 1 + random() % 64; left > 0; --left) {
+        for (std::uint64_t left = 1 + random() % 16; left > 0; --left) {
             sequence = writer.publish_pattern(*slot, 0);
         }
         while (progress.taken.load() <= burst_begin && !progress.enough.load()) {
