@@ -15,7 +15,7 @@ PopOut pop_out(std::span<const MovingSurface> surfaces, const Vec3& center, doub
     result.position = center;
     TouchingSet touching;
     for (;; ++result.iterations) {
-        touching.gather(surfaces, 1.0, result.position, radius * (1.0 + kTouchBand), nullptr);
+        touching.gather(surfaces, 1.0, result.position, touching_reach(radius, settings), nullptr);
         result.clearance = touching.clearance(radius);
         if (result.clearance >= enough || result.iterations >= settings.max_pop_outs) {
             break;
@@ -30,7 +30,7 @@ PopOut pop_out(std::span<const MovingSurface> surfaces, const Vec3& center, doub
         }
         Vec3 move = room.at.point - result.position;
         const double length = std::sqrt(glm::dot(move, move));
-        if (length <= kTouchBand * radius) {
+        if (length <= kArrived * radius) {
             break;  // as clear as it gets
         }
         if (length > radius) {

@@ -13,6 +13,7 @@ namespace haptic::sim {
 namespace {
 
 constexpr double kLeastRoom = 0.02;     // of the radius: with less between surfaces the centre is pinched
+constexpr double kPinched = 1.05;       // of the least room: nearer than this there is none to lose
 constexpr double kLeastStep = 1e-6;     // of the step: a ride shorter than this leads nowhere
 constexpr double kSharpestTurn = 0.25;  // cosine: a surface that turns further is followed in parts
 
@@ -128,7 +129,7 @@ class Rider {
                 append(path);
                 break;
             }
-            touching_.gather(surfaces_, time_, position_, radius_ * (1.0 + kTouchBand), &ignored_);
+            touching_.gather(surfaces_, time_, position_, touching_reach(radius_, settings_), &ignored_);
             if (!plan()) {
                 continue;
             }
@@ -230,16 +231,18 @@ class Rider {
             }
             until = time_ + 0.5 * (until - time_);
         }
-        const double least = std::min(kLeastRoom * radius_, 0.5 * touching_.clearance(radius_));
-        PlaneSet::Room room = room_at(t, until, least);
+        const double clearance = touching_.clearance(radius_);
+        if (least_room_ == 0.0) {
+            least_room_ = std::min(kLeastRoom * radius_, 0.5 * clearance);
+        }
+        PlaneSet::Room room = room_at(t, until, least_room_);
         if (!room.any) {
-            until = last_time_with_room(t, until, least);
+            until = clearance > kPinched * least_room_ ? last_time_with_room(t, until) : time_;
             if (until - time_ < kLeastStep) {
-                result_.squeezed = true;
                 give_way(lead);
                 return false;
             }
-            room = room_at(t, until, least);
+            room = room_at(t, until, least_room_);
         }
         result_.squeezed = result_.squeezed || room.radius < radius_ * settings_.shrink;
         fill_piece(until, room.any ? room.at.point : position_, room.radius);
@@ -251,12 +254,12 @@ class Rider {
         return planes_.project_with_room(beside(t, then), radius_, least);
     }
 
-    double last_time_with_room(const Touching& t, double without, double least) noexcept {
+    double last_time_with_room(const Touching& t, double without) noexcept {
         double with = time_;
         while (without - with > 0.25 * kLeastStep) {
             const double middle = 0.5 * (with + without);
             predict(middle);
-            if (planes_.project(beside(t, middle), least).feasible) {
+            if (planes_.project(beside(t, middle), least_room_).feasible) {
                 with = middle;
             } else {
                 without = middle;
@@ -303,6 +306,7 @@ class Rider {
     double radius_;
     Vec3 position_;
     double time_ = 0.0;
+    double least_room_ = 0.0;  // m, with less the centre is pinched; 0 until something touches
     Ignored ignored_;
     TouchingSet touching_;
     PlaneSet planes_;

@@ -12,7 +12,8 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr double kSame = 1e-9;  // of the reach: touched points nearer to one another are the same
+constexpr int kRoomBisections = 26;  // to 1e-8 of the radius
+constexpr double kSame = 1e-9;       // of the reach: touched points nearer to one another are the same
 
 /// Whether the box about the corners, grown by `reach`, holds the point.
 bool near_box(const TriangleCorners& t, const Vec3& p, double reach) noexcept {
@@ -156,7 +157,7 @@ PlaneSet::Room PlaneSet::project_with_room(const Vec3& target, double radius, do
     room.at = project(target, least);
     room.any = room.at.feasible;
     double most = radius;
-    for (int k = 0; k < 16 && room.any; ++k) {
+    for (int k = 0; k < kRoomBisections && room.any; ++k) {
         const double middle = 0.5 * (room.radius + most);
         const Projection at = project(target, middle);
         if (at.feasible) {

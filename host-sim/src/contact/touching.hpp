@@ -13,9 +13,15 @@
 
 namespace haptic::sim {
 
-inline constexpr double kTouchBand = 1e-6;       // of the radius: within radius * (1 + kTouchBand) is touching
+inline constexpr double kArrived = 1e-6;         // of the radius: a move shorter than this is none
 inline constexpr double kPlaneTolerance = 1e-9;  // of the radius: a plane violated by less is met
 inline constexpr std::size_t kMaxTouching = 48;  // the nearest are kept; more than a dozen were never seen
+
+/// Up to where points count as touched: as far beyond the radius as contacts are found within it, so that two surfaces
+/// between which a proxy settles are both seen from wherever the last move was stopped.
+[[nodiscard]] inline double touching_reach(double radius, const ContactSettings& settings) noexcept {
+    return radius * (1.0 + 2.0 * (1.0 - settings.shrink));
+}
 
 /// One touched point.
 struct Touching {

@@ -1,5 +1,6 @@
 #include "haptic/sim/contact/virtual_proxy.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
 
@@ -9,8 +10,9 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr double kArrived = 1e-6;  // of the radius: an aim this near is reached
-
+constexpr int kPatience = 8;         // iterations that must bring the proxy nearer
+constexpr double kProgress = 1e-4;   // of the radius, by this much
+constexpr double kWidestTurn = 0.5;  // cosine: a proxy rolls about an edge or a corner by at most 60 degrees at once
 SurfacePlanes planes_of(std::span<const MovingSurface> surfaces, std::span<const Touching> touching,
                         const Projection& held, double radius, double dt) noexcept {
     SurfacePlanes planes;
@@ -25,34 +27,123 @@ SurfacePlanes planes_of(std::span<const MovingSurface> surfaces, std::span<const
     return planes;
 }
 
+/// The nearest point to `goal` of the edge or corner that is touched.
+Vec3 nearest_of_feature(std::span<const MovingSurface> surfaces, const Touching& t, const Vec3& goal) noexcept {
+    if (t.at.feature == Feature::Vertex) {
+        return t.point;
+    }
+    const SurfaceMotion& motion = surfaces[t.object].motion;
+    const Triangle& corners = motion.triangles[t.triangle];
+    const Vec3& p = motion.end[corners[t.at.index]];
+    const Vec3 e = motion.end[corners[(t.at.index + 1u) % 3u]] - p;
+    const double ee = glm::dot(e, e);
+    return ee > 0.0 ? p + e * std::clamp(glm::dot(goal - p, e) / ee, 0.0, 1.0) : p;
+}
+
+/// A proxy on its way to the goal.
+class Walker {
+  public:
+    Walker(std::span<const MovingSurface> surfaces, const Vec3& from, const Vec3& goal, double radius,
+           const ContactSettings& settings, ProxyPath* path)
+        : surfaces_(surfaces), settings_(settings), goal_(goal), radius_(radius), position_(from), path_(path) {}
+
+    ProxyMove run(double dt) noexcept {
+        ProxyMove result;
+        for (;; ++result.iterations) {
+            const PlaneSet::Room room = aim();
+            const Vec3 move = room.any ? room.at.point - position_ : Vec3(0.0);
+            const bool arrived =
+                glm::dot(move, move) <= kArrived * kArrived * radius_ * radius_ || stalls(result.iterations);
+            if (arrived || result.iterations >= settings_.max_proxy_moves) {
+                result.converged = arrived;
+                result.position = position_;
+                result.contacts = planes_of(surfaces_, touching_.points(), room.at, room.radius, dt);
+                return result;
+            }
+            if (!roll(room)) {
+                walk(move);
+            }
+        }
+    }
+
+  private:
+    /// The point nearest to the goal beyond the planes of all that is touched here.
+    PlaneSet::Room aim() noexcept {
+        touching_.gather(surfaces_, 1.0, position_, touching_reach(radius_, settings_), nullptr);
+        planes_.clear();
+        for (const Touching& t : touching_.points()) {
+            planes_.add(t.normal, glm::dot(t.normal, t.point));
+        }
+        return planes_.project_with_room(goal_, radius_, 0.5 * touching_.clearance(radius_));
+    }
+
+    /// Between curved features the proxy may swing by a part of the shrink for ever, and come no nearer.
+    bool stalls(int iteration) noexcept {
+        if (iteration % kPatience != 0) {
+            return false;
+        }
+        const Vec3 left = goal_ - position_;
+        const double distance = std::sqrt(glm::dot(left, left));
+        const bool stalled = iteration > 0 && distance > last_distance_ - kProgress * radius_;
+        last_distance_ = distance;
+        return stalled;
+    }
+
+    /// Straight on as far as nothing is in the way. True if it came all the way.
+    bool walk(const Vec3& move) noexcept {
+        const double free = free_fraction(surfaces_, position_, move, radius_ * settings_.shrink, settings_.shrink);
+        position_ += move * free;
+        if (path_ != nullptr) {
+            path_->append(1.0, position_);
+        }
+        return free >= 1.0;
+    }
+
+    /// About an edge or a corner that alone holds the proxy, to where the goal is nearest, in two straight moves that
+    /// stay outside: to where the tangent planes at both ends meet, and on. Tangent planes alone would get there too,
+    /// but the slower the deeper the goal is inside.
+    bool roll(const PlaneSet::Room& room) noexcept {
+        if (room.at.active_count != 1 || room.radius < radius_) {
+            return false;
+        }
+        const Touching& t = touching_.points()[room.at.active[0]];
+        if (t.at.feature != Feature::Edge && t.at.feature != Feature::Vertex) {
+            return false;
+        }
+        const Vec3 pivot = nearest_of_feature(surfaces_, t, goal_);
+        const Vec3 inward = goal_ - pivot;
+        const double depth = std::sqrt(glm::dot(inward, inward));
+        if (!(depth > kArrived * radius_) || depth >= radius_) {
+            return false;  // the goal is right on the feature, or can be reached past it
+        }
+        const Vec3 n = inward / depth;
+        const double turn = glm::dot(n, t.normal);
+        if (turn < kWidestTurn) {
+            return false;
+        }
+        const Vec3 corner = pivot + (n + t.normal) * (radius_ / (1.0 + turn));
+        if (walk(corner - position_)) {
+            walk(pivot + n * radius_ - position_);
+        }
+        return true;
+    }
+
+    std::span<const MovingSurface> surfaces_;
+    const ContactSettings& settings_;
+    Vec3 goal_;
+    double radius_;
+    Vec3 position_;
+    ProxyPath* path_;
+    double last_distance_ = 0.0;  // m, to the goal, kPatience iterations ago
+    TouchingSet touching_;
+    PlaneSet planes_;
+};
+
 }  // namespace
 
 ProxyMove move_proxy(std::span<const MovingSurface> surfaces, const Vec3& from, const Vec3& goal, double radius,
                      double dt, const ContactSettings& settings, ProxyPath* path) noexcept {
-    ProxyMove result;
-    result.position = from;
-    TouchingSet touching;
-    for (;; ++result.iterations) {
-        touching.gather(surfaces, 1.0, result.position, radius * (1.0 + kTouchBand), nullptr);
-        PlaneSet planes;
-        for (const Touching& t : touching.points()) {
-            planes.add(t.normal, glm::dot(t.normal, t.point));
-        }
-        const double clearance = touching.clearance(radius);
-        const PlaneSet::Room room = planes.project_with_room(goal, radius, 0.5 * clearance);
-        const Vec3 move = room.any ? room.at.point - result.position : Vec3(0.0);
-        const bool arrived = glm::dot(move, move) <= kArrived * kArrived * radius * radius;
-        if (arrived || result.iterations >= settings.max_proxy_moves) {
-            result.converged = arrived;
-            result.contacts = planes_of(surfaces, touching.points(), room.at, radius, dt);
-            return result;
-        }
-        result.position +=
-            move * free_fraction(surfaces, result.position, move, radius * settings.shrink, settings.shrink);
-        if (path != nullptr) {
-            path->append(1.0, result.position);
-        }
-    }
+    return Walker(surfaces, from, goal, radius, settings, path).run(dt);
 }
 
 }  // namespace haptic::sim
