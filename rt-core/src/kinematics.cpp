@@ -22,38 +22,41 @@ bool is_finite(const Vec3& v) HAPTIC_RT {
     return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// Solves m x = b in place of b for a symmetric m, of which the lower triangle is read and overwritten. False if a
-/// pivot is too small.
-bool solve_cholesky(Mat6& m, Vec6& b) HAPTIC_RT {
+/// Two sums side by side, which the compiler keeps in one register.
+double dot(const StringArray& a, const StringArray& b) HAPTIC_RT {
+    double even = 0.0;
+    double odd = 0.0;
+    for (std::size_t i = 0; i < kStrings; i += 2) {
+        even += a[i] * b[i];
+        odd += a[i + 1] * b[i + 1];
+    }
+    return even + odd;
+}
+
+/// Solves m x = b in place of b for a symmetric m, of which the lower triangle is read and overwritten, as L D L^T: no
+/// square roots. False if a pivot is too small.
+bool solve_symmetric(Mat6& m, Vec6& b) HAPTIC_RT {
+    Vec6 inverse{};
     for (std::size_t column = 0; column < 6; ++column) {
-        double pivot = m[column][column];
-        for (std::size_t k = 0; k < column; ++k) {
-            pivot -= m[column][k] * m[column][k];
-        }
+        const double pivot = m[column][column];
         if (!(pivot > kSmallestPivot)) {  // also when it is not a number
             return false;
         }
-        const double inverse = 1.0 / std::sqrt(pivot);
-        m[column][column] = inverse;
+        inverse[column] = 1.0 / pivot;
         for (std::size_t row = column + 1; row < 6; ++row) {
-            double value = m[row][column];
-            for (std::size_t k = 0; k < column; ++k) {
-                value -= m[row][k] * m[column][k];
+            const double factor = m[row][column] * inverse[column];
+            for (std::size_t k = column + 1; k <= row; ++k) {
+                m[row][k] -= factor * m[k][column];
             }
-            m[row][column] = value * inverse;
+            b[row] -= factor * b[column];
         }
-    }
-    for (std::size_t row = 0; row < 6; ++row) {
-        for (std::size_t k = 0; k < row; ++k) {
-            b[row] -= m[row][k] * b[k];
-        }
-        b[row] *= m[row][row];
     }
     for (std::size_t row = 6; row-- > 0;) {
+        double value = b[row];
         for (std::size_t k = row + 1; k < 6; ++k) {
-            b[row] -= m[k][row] * b[k];
+            value -= m[k][row] * b[k];
         }
-        b[row] *= m[row][row];
+        b[row] = value * inverse[row];
     }
     return true;
 }
@@ -126,6 +129,13 @@ PoseSolver::PoseSolver(const device::Variant& variant) : variant_(variant) {
         throw std::invalid_argument("pose solver: variant '" + variant.name + "' has no finite geometry");
     }
     rotation_scale_ = 1.0 / radius;
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        for (std::size_t k = 0; k < 3; ++k) {
+            const auto component = static_cast<Vec3::length_type>(k);
+            motor_[k][i] = variant.strings[i].motor[component];
+            grip_[k][i] = variant.strings[i].grip[component];
+        }
+    }
 }
 
 void PoseSolver::reset(const Pose& pose) HAPTIC_RT {
@@ -138,22 +148,45 @@ void PoseSolver::reset(const Pose& pose) HAPTIC_RT {
 }
 
 PoseStatus PoseSolver::improve(const StringArray& lengths, Pose& pose) const HAPTIC_RT {
-    const Mat3 rotation = glm::mat3_cast(pose.orientation);
+    const Mat3 r = glm::mat3_cast(pose.orientation);
+    const Vec3 p = pose.position;
+    // Column-wise, one lane a string, without branches, so that the compiler takes several strings at a time. A string
+    // of no length has no direction: its span of zero over the least length there is gives a row of zeros.
+    constexpr double kLeastLength = 1e-100;
+    std::array<StringArray, 6> columns{};
+    StringArray error{};
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        const double bx = grip_[0][i];
+        const double by = grip_[1][i];
+        const double bz = grip_[2][i];
+        const double arm_x = r[0][0] * bx + r[1][0] * by + r[2][0] * bz;
+        const double arm_y = r[0][1] * bx + r[1][1] * by + r[2][1] * bz;
+        const double arm_z = r[0][2] * bx + r[1][2] * by + r[2][2] * bz;
+        const double span_x = motor_[0][i] - p.x - arm_x;
+        const double span_y = motor_[1][i] - p.y - arm_y;
+        const double span_z = motor_[2][i] - p.z - arm_z;
+        const double length = std::sqrt(span_x * span_x + span_y * span_y + span_z * span_z);
+        const double inverse = 1.0 / std::max(length, kLeastLength);
+        const double ux = span_x * inverse;
+        const double uy = span_y * inverse;
+        const double uz = span_z * inverse;
+        columns[0][i] = ux;
+        columns[1][i] = uy;
+        columns[2][i] = uz;
+        columns[3][i] = (arm_y * uz - arm_z * uy) * rotation_scale_;
+        columns[4][i] = (arm_z * ux - arm_x * uz) * rotation_scale_;
+        columns[5][i] = (arm_x * uy - arm_y * ux) * rotation_scale_;
+        error[i] = length - lengths[i];  // dl = -A dx
+    }
     Mat6 normal{};
     Vec6 step{};
-    for (std::size_t i = 0; i < kStrings; ++i) {
-        const StringState state = string_state(variant_.strings[i], rotation, pose.position);
-        const Vec3 moment = glm::cross(state.arm, state.direction) * rotation_scale_;
-        const Vec6 row{state.direction.x, state.direction.y, state.direction.z, moment.x, moment.y, moment.z};
-        const double error = state.length - lengths[i];  // dl = -A dx
-        for (std::size_t j = 0; j < 6; ++j) {
-            step[j] += row[j] * error;
-            for (std::size_t k = 0; k <= j; ++k) {
-                normal[j][k] += row[j] * row[k];
-            }
+    for (std::size_t j = 0; j < 6; ++j) {
+        step[j] = dot(columns[j], error);
+        for (std::size_t k = 0; k <= j; ++k) {
+            normal[j][k] = dot(columns[j], columns[k]);
         }
     }
-    if (!solve_cholesky(normal, step)) {
+    if (!solve_symmetric(normal, step)) {
         return PoseStatus::RankDeficient;
     }
     const Vec3 translation = shortened({step[0], step[1], step[2]}, kLongestStep);

@@ -127,10 +127,19 @@ struct LeastViolated {
 
 NearestAllowed nearest_allowed(Planes planes, const Vec3& target, double tolerance, double longest) HAPTIC_RT {
     NearestAllowed nearest{planes, target, tolerance, longest};
+    // First each violated plane by itself: no allowed point is nearer than a violation is deep, so where the move onto
+    // its plane is allowed, nothing more need be looked at.
+    for (const HalfSpace& plane : planes) {
+        if (const Equation on = onto(plane, target); on.value > 0.0) {
+            nearest.offer(on.row * on.value);
+        }
+    }
+    if (nearest.found || planes.size() == 1) {
+        return nearest;
+    }
     Vec3 move{0.0, 0.0, 0.0};
     for (std::size_t i = 0; i < planes.size(); ++i) {
         const Equation on_i = onto(planes[i], target);
-        nearest.offer(on_i.row * on_i.value);
         for (std::size_t j = i + 1; j < planes.size(); ++j) {
             if (shortest_move(on_i, onto(planes[j], target), move)) {
                 nearest.offer(move);

@@ -46,7 +46,7 @@ struct PoseEstimate {
 /// damping of 1e-3, as published drivers use, makes the attitude lag for ten updates.)
 class PoseSolver {
   public:
-    static constexpr int kIterations = 3;
+    static constexpr int kIterations = 2;
 
     explicit PoseSolver(const device::Variant& variant);
 
@@ -59,8 +59,10 @@ class PoseSolver {
     PoseStatus improve(const StringArray& lengths, Pose& pose) const HAPTIC_RT;
 
     device::Variant variant_;
-    double rotation_scale_ = 1.0;  // 1/m
-    double reach_ = 0.0;           // m, no grip is further from the centre than the motors are
+    std::array<StringArray, 3> motor_{};  // m, x, y and z of all motors: variant_'s, one lane a string
+    std::array<StringArray, 3> grip_{};   // m, likewise of the knots
+    double rotation_scale_ = 1.0;         // 1/m
+    double reach_ = 0.0;                  // m, no grip is further from the centre than the motors are
     PoseEstimate estimate_;
 };
 

@@ -1,0 +1,185 @@
+// The kernels of one tick of rt-core: pose from lengths, local proxies against their planes, tensions from the wrench.
+//
+// Google Benchmark's own time is the mean over many calls; what a real-time loop cares for is the tail, so each
+// benchmark also times every call by itself and reports p50, p99.9 and the longest, less the clock's own cost, in
+// nanoseconds.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include "haptic/device/variant.hpp"
+#include "haptic/rt/kinematics.hpp"
+#include "haptic/rt/local_proxy.hpp"
+#include "haptic/rt/tension.hpp"
+
+namespace haptic::rt {
+namespace {
+
+constexpr std::size_t kInputs = 4096;  // a power of two; together below the size of a second-level cache
+
+using Clock = std::chrono::steady_clock;
+
+double nanoseconds_between(Clock::time_point start, Clock::time_point end) {
+    return static_cast<double>(std::chrono::duration_cast<std::chrono::nanoseconds>(end - start).count());
+}
+
+/// What two readings of the clock cost when nothing is between them.
+double clock_cost() {
+    double least = 1e9;
+    for (int k = 0; k < 10000; ++k) {
+        const auto start = Clock::now();
+        least = std::min(least, nanoseconds_between(start, Clock::now()));
+    }
+    return least;
+}
+
+/// Times each call of work(i) by itself.
+template <typename Work>
+void measure(benchmark::State& state, Work work) {
+    const double cost = clock_cost();
+    std::vector<double> times;
+    times.reserve(1U << 22U);
+    std::size_t i = 0;
+    for (auto _ : state) {
+        const auto start = Clock::now();
+        work(i);
+        const auto end = Clock::now();
+        i = (i + 1) % kInputs;
+        const double time = nanoseconds_between(start, end);
+        state.SetIterationTime(time * 1e-9);
+        if (times.size() < times.capacity()) {
+            times.push_back(std::max(0.0, time - cost));
+        }
+    }
+    std::sort(times.begin(), times.end());
+    const auto quantile = [&](double q) { return times[static_cast<std::size_t>(q * double(times.size() - 1))]; };
+    state.counters["p50_ns"] = quantile(0.5);
+    state.counters["p999_ns"] = quantile(0.999);
+    state.counters["max_ns"] = times.back();
+}
+
+class Inputs {
+  public:
+    Inputs() {
+        std::mt19937_64 engine(41);
+        std::normal_distribution<double> normal;
+        const auto vector = [&](double size) {
+            const double x = normal(engine);
+            const double y = normal(engine);
+            return Vec3(x, y, normal(engine)) * size;
+        };
+        for (std::size_t i = 0; i < kInputs; ++i) {
+            // A hand at 1 Hz that comes round to its start, and random wrenches of a few newtons.
+            const double phase = 2.0 * 3.14159265358979 * static_cast<double>(i) / kInputs;
+            const Pose pose{{0.02 * std::sin(4.0 * phase), 0.015 * std::cos(3.0 * phase), 0.01 * std::sin(2.0 * phase)},
+                            glm::angleAxis(0.4 * std::sin(4.0 * phase), glm::normalize(Vec3(1.0, 0.5, -0.3)))};
+            lengths[i] = string_lengths(variant, pose);
+            wires[i] = wire_matrix(variant, pose);
+            wrenches[i] = {vector(2.0), vector(0.02)};
+            // The wrench of a smooth contact, for a warm start.
+            smooth[i] = {{1.0 + std::sin(5.0 * phase), 2.0 * std::cos(3.0 * phase), -1.0},
+                         {0.02 * std::sin(3.0 * phase), 0.0, 0.01 * std::cos(4.0 * phase)}};
+            targets[i] = vector(0.01);
+            for (HalfSpace& plane : planes[i]) {
+                plane = {glm::normalize(vector(1.0)), 0.005 * normal(engine)};
+            }
+        }
+    }
+
+    device::Variant variant = device::spidar_g6_x3r();
+    TensionSettings settings{0.3, 20.0, 1.0 / 0.0225};
+    std::vector<StringArray> lengths = std::vector<StringArray>(kInputs);
+    std::vector<WireMatrix> wires = std::vector<WireMatrix>(kInputs);
+    std::vector<Wrench> wrenches = std::vector<Wrench>(kInputs);
+    std::vector<Wrench> smooth = std::vector<Wrench>(kInputs);
+    std::vector<Vec3> targets = std::vector<Vec3>(kInputs);
+    std::vector<std::array<HalfSpace, kMaxPlanes>> planes = std::vector<std::array<HalfSpace, kMaxPlanes>>(kInputs);
+};
+
+const Inputs& inputs() {
+    static const Inputs made;
+    return made;
+}
+
+void pose_solve(benchmark::State& state) {
+    const Inputs& in = inputs();
+    PoseSolver solver(in.variant);
+    measure(state, [&](std::size_t i) { benchmark::DoNotOptimize(solver.solve(in.lengths[i])); });
+}
+BENCHMARK(pose_solve)->UseManualTime();
+
+void tension_smooth_warm(benchmark::State& state) {
+    const Inputs& in = inputs();
+    TensionSolver solver(in.settings);
+    measure(state, [&](std::size_t i) { benchmark::DoNotOptimize(solver.solve(in.wires[i], in.smooth[i])); });
+}
+BENCHMARK(tension_smooth_warm)->UseManualTime();
+
+void tension_random_warm(benchmark::State& state) {
+    const Inputs& in = inputs();
+    TensionSolver solver(in.settings);
+    measure(state, [&](std::size_t i) { benchmark::DoNotOptimize(solver.solve(in.wires[i], in.wrenches[i])); });
+}
+BENCHMARK(tension_random_warm)->UseManualTime();
+
+void tension_random_cold(benchmark::State& state) {
+    const Inputs& in = inputs();
+    TensionSolver solver(in.settings);
+    measure(state, [&](std::size_t i) {
+        solver.reset();
+        benchmark::DoNotOptimize(solver.solve(in.wires[i], in.wrenches[i]));
+    });
+}
+BENCHMARK(tension_random_cold)->UseManualTime();
+
+/// Argument: planes of the proxy.
+void local_projection(benchmark::State& state) {
+    const Inputs& in = inputs();
+    const auto count = static_cast<std::size_t>(state.range(0));
+    measure(state, [&](std::size_t i) {
+        benchmark::DoNotOptimize(project(in.targets[i], std::span<const HalfSpace>(in.planes[i]).first(count)));
+    });
+}
+BENCHMARK(local_projection)->UseManualTime()->DenseRange(1, 3);
+
+/// One tick's computation: pose, then the argument's number of proxies with three planes each, their coupling summed up
+/// to a wrench, wires and tensions. Most planes of a frame are in reach, not in touch: one proxy in four is held.
+void tick_computation(benchmark::State& state) {
+    const Inputs& in = inputs();
+    const auto proxies = static_cast<std::size_t>(state.range(0));
+    PoseSolver pose_solver(in.variant);
+    TensionSolver tension_solver(in.settings);
+    std::vector<std::array<HalfSpace, kMaxPlanes>> planes(proxies);
+    std::vector<Vec3> offsets(proxies);
+    for (std::size_t k = 0; k < proxies; ++k) {
+        planes[k] = in.planes[k];
+        offsets[k] = in.targets[k];
+        for (HalfSpace& plane : planes[k]) {
+            plane.offset = glm::dot(plane.normal, offsets[k]) - (k % 4 == 0 ? -0.0005 : 0.04);
+        }
+    }
+    measure(state, [&](std::size_t i) {
+        const Pose& pose = pose_solver.solve(in.lengths[i]).pose;
+        Wrench wrench;
+        for (std::size_t k = 0; k < proxies; ++k) {
+            const Vec3 arm = pose.orientation * offsets[k];
+            const Vec3 hip = pose.position + arm;
+            const Vec3 force = 20.0 * (project(hip, planes[k]).position - hip);
+            wrench.force += force;
+            wrench.torque += glm::cross(arm, force);
+        }
+        benchmark::DoNotOptimize(tension_solver.solve(wire_matrix(in.variant, pose), wrench));
+    });
+}
+BENCHMARK(tick_computation)->UseManualTime()->Arg(1)->Arg(37)->Arg(64);
+
+}  // namespace
+}  // namespace haptic::rt
+
+BENCHMARK_MAIN();
