@@ -1,0 +1,77 @@
+#include "lockstep.hpp"
+
+#include <unistd.h>
+
+#include <atomic>
+#include <stdexcept>
+
+namespace haptic::test {
+namespace {
+
+constexpr std::int64_t kArmingMargin_ns = 50'000'000;
+
+std::string unique_session() {
+    static std::atomic<int> count{0};
+    return "lockstep-" + std::to_string(getpid()) + "-" + std::to_string(count++);
+}
+
+std::int64_t standing_clock() HAPTIC_RT {
+    return 0;
+}
+
+/// The hand holds still at the centre until start_ns, then follows the track.
+PoseTrack from(std::int64_t start_ns, const PoseTrack& track) {
+    constexpr double kSample_s = 0.001;
+    std::vector<double> times{0.0};
+    std::vector<Pose> poses{Pose{}};
+    const int samples = static_cast<int>(track.duration_s() / kSample_s);
+    for (int i = 0; i <= samples; ++i) {
+        times.push_back(seconds(start_ns) + i * kSample_s);
+        poses.push_back(track.at(nanoseconds(i * kSample_s)));
+    }
+    return {std::move(times), std::move(poses)};
+}
+
+}  // namespace
+
+Lockstep::Lockstep(const Settings& settings)
+    : session_(unique_session()),
+      state_writer_(session_),
+      frame_reader_(session_),
+      state_reader_(session_),
+      frame_writer_(session_),
+      start_ns_(rt::arming_time_ns(settings.tick.safety) + kArmingMargin_ns),
+      board_({.variant = settings.tick.variant,
+              .hand = from(start_ns_, settings.hand),
+              .power_up = {60000, 1, 32768, 12345, 65535, 0, 40000, 777}}),
+      tick_(settings.tick, board_, frame_reader_, state_writer_, standing_clock),
+      simulation_(settings.scene),
+      tick_ns_(settings.tick.period_ns),
+      step_ns_(nanoseconds(settings.scene.solver.step)) {
+    tick_.arm();
+    while (now_ns_ < start_ns_) {
+        run_tick();
+    }
+    if (tick_.safety_state() != rt::SafetyState::Running) {
+        throw std::runtime_error("the tick did not come to run");
+    }
+    simulation_.set_verification(true);
+}
+
+void Lockstep::run_tick() {
+    tick_.run({.deadline_ns = now_ns_, .now_ns = now_ns_});
+    now_ns_ += tick_ns_;
+}
+
+sim::StepResult Lockstep::step_simulation() {
+    if (!state_reader_.read_newest(state_)) {
+        throw std::runtime_error("ticks ran, but published no device state");
+    }
+    const sim::StepResult result = simulation_.step(sim::input_from(state_, now_ns_));
+    ContactFrame frame = simulation_.frame();
+    frame.publish_time_ns = now_ns_;
+    frame_writer_.publish(frame, now_ns_);
+    return result;
+}
+
+}  // namespace haptic::test

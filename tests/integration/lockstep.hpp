@@ -1,0 +1,63 @@
+// Board, rt-core and host-sim in one thread under one virtual clock, joined by real rings: the whole chain, bit for bit
+// the same each time.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "haptic/device/emulated_board.hpp"
+#include "haptic/ring.hpp"
+#include "haptic/rt/tick.hpp"
+#include "haptic/sim/simulation.hpp"
+
+namespace haptic::test {
+
+class Lockstep {
+  public:
+    struct Settings {
+        sim::Scene scene;
+        PoseTrack hand;  // of the grip, device frame, from the first step on
+        rt::TickSettings tick;
+    };
+
+    /// Arms, and ticks until the grip is calibrated and the state is Running. Throws std::runtime_error if it is not.
+    explicit Lockstep(const Settings& settings);
+
+    /// One step of the simulation, then the ticks until the next one; `after_tick` sees each of them.
+    template <class AfterTick>
+    sim::StepResult step(AfterTick&& after_tick) {
+        const sim::StepResult result = step_simulation();
+        const std::int64_t next_ns = now_ns_ + step_ns_;
+        while (now_ns_ < next_ns) {
+            run_tick();
+            after_tick(tick_.last(), board_);
+        }
+        return result;
+    }
+    sim::StepResult step() {
+        return step([](const rt::TickRecord&, const device::EmulatedBoard&) {});
+    }
+
+    [[nodiscard]] const sim::Simulation& simulation() const { return simulation_; }
+    [[nodiscard]] const rt::Tick& tick() const { return tick_; }
+
+  private:
+    void run_tick();
+    sim::StepResult step_simulation();
+
+    std::string session_;
+    RingWriter<DeviceState> state_writer_;
+    RingReader<ContactFrame> frame_reader_;
+    RingReader<DeviceState> state_reader_;
+    RingWriter<ContactFrame> frame_writer_;
+    std::int64_t start_ns_;  // of the simulation
+    device::EmulatedBoard board_;
+    rt::Tick tick_;
+    sim::Simulation simulation_;
+    DeviceState state_{};
+    std::int64_t tick_ns_;
+    std::int64_t step_ns_;
+    std::int64_t now_ns_ = 0;
+};
+
+}  // namespace haptic::test

@@ -1,0 +1,260 @@
+// The real processes with real clocks, joined by real shared memory: what a user does, and what goes wrong for users.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "haptic/csv.hpp"
+#include "process.hpp"
+
+namespace haptic::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr double kForceLimit = 8.0;  // N, rt-core's default limit of the wrench
+
+nlohmann::json read_json(const std::filesystem::path& file) {
+    return nlohmann::json::parse(std::ifstream(file));
+}
+
+std::vector<std::string> rt_core(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), RT_CORE);
+    return arguments;
+}
+
+std::vector<std::string> host_sim(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), HOST_SIM);
+    return arguments;
+}
+
+/// Size of the force on the hand over an interval of a record, N.
+std::vector<double> force_sizes(const CsvTable& record, double from_s, double to_s) {
+    const auto time = record.column("time_s");
+    const auto x = record.column("fx_n");
+    const auto y = record.column("fy_n");
+    const auto z = record.column("fz_n");
+    std::vector<double> sizes;
+    for (std::size_t i = 0; i < record.rows(); ++i) {
+        if (time[i] >= from_s && time[i] < to_s) {
+            sizes.push_back(std::hypot(x[i], y[i], z[i]));
+        }
+    }
+    return sizes;
+}
+
+double largest(const std::vector<double>& values) {
+    return values.empty() ? std::nan("") : *std::max_element(values.begin(), values.end());
+}
+
+class Chain : public testing::Test {
+  protected:
+    /// rt-core on the emulated device, once its loop is running.
+    Process start_rt_core(const std::string& name = "rt-core") {
+        return Process(rt_core({"run", "--device", "emulated", "--session", session_, "--duration", "60", "--report",
+                                folder_ / (name + ".json"), "--record", folder_ / (name + ".csv")}),
+                       folder_ / (name + ".log"));
+    }
+    Process start_host_sim(const std::string& name, const std::string& duration_s) {
+        return Process(
+            host_sim({"run", "cloth-drop", "--clock", "real", "--session", session_, "--duration", duration_s,
+                      "--verify", "--report", folder_ / (name + ".json"), "--record", folder_ / (name + ".csv")}),
+            folder_ / (name + ".log"));
+    }
+
+    ScratchFolder folder_;
+    std::string session_ = unique_session();
+};
+
+TEST_F(Chain, CatchesTheClothAndMakesTheHandFeelIt) {
+    Process rt = start_rt_core();
+    ASSERT_TRUE(rt.wait_for_text("running", seconds(10))) << rt.output();
+    Process sim = start_host_sim("host-sim", "3");
+    ASSERT_EQ(sim.wait_for(seconds(30)), 0) << sim.output();
+    rt.signal(SIGINT);
+    ASSERT_EQ(rt.wait_for(seconds(10)), 0) << rt.output();
+
+    const nlohmann::json sim_report = read_json(folder_ / "host-sim.json");
+    EXPECT_TRUE(sim_report.at("caught"));
+    EXPECT_EQ(sim_report.at("contact").at("escapes"), 0);
+    EXPECT_GT(sim_report.at("contact").at("steps_in_contact"), 10);
+
+    const nlohmann::json rt_report = read_json(folder_ / "rt-core.json");
+    EXPECT_GT(rt_report.at("frames").at("received"), 100);
+    EXPECT_EQ(rt_report.at("frames").at("rejected"), 0);
+
+    const CsvTable record = CsvTable::load(folder_ / "rt-core.csv");
+    const double peak = largest(force_sizes(record, 0.0, 1e9));
+    EXPECT_GT(peak, 0.1) << "N: the hand felt nothing";
+    EXPECT_LE(peak, kForceLimit * 1.01);
+    EXPECT_THAT(segments_of(session_), IsEmpty());
+}
+
+TEST_F(Chain, FadesTheForceWhenHostSimIsKilledAndTakesUpTheNextOne) {
+    Process rt = start_rt_core();
+    ASSERT_TRUE(rt.wait_for_text("running", seconds(10))) << rt.output();
+    {
+        Process sim = start_host_sim("killed", "30");
+        std::this_thread::sleep_for(milliseconds(1900));  // the cloth arrives after 1.43 s
+        sim.signal(SIGKILL);
+        ASSERT_EQ(sim.wait_for(seconds(5)), 128 + SIGKILL);
+    }
+    std::this_thread::sleep_for(milliseconds(800));
+    Process sim = start_host_sim("second", "2.5");
+    ASSERT_EQ(sim.wait_for(seconds(30)), 0) << sim.output();
+    rt.signal(SIGINT);
+    ASSERT_EQ(rt.wait_for(seconds(10)), 0) << rt.output();
+
+    const CsvTable record = CsvTable::load(folder_ / "rt-core.csv");
+    const auto time = record.column("time_s");
+    const auto age_ms = record.column("frame_age_ms");
+    std::size_t oldest = 0;
+    for (std::size_t i = 0; i < record.rows(); ++i) {
+        oldest = age_ms[i] > age_ms[oldest] ? i : oldest;
+    }
+    ASSERT_GT(age_ms[oldest], 600.0) << "ms: frames never stopped";
+    const double died_s = time[oldest] - age_ms[oldest] * 1e-3;
+    EXPECT_GT(largest(force_sizes(record, 0.0, died_s)), 0.1) << "N: nothing was felt before the death";
+    EXPECT_LT(largest(force_sizes(record, died_s + 0.4, time[oldest])), 0.02)
+        << "N: the force of a dead simulation remains";
+    EXPECT_GT(largest(force_sizes(record, time[oldest], 1e9)), 0.1) << "N: the new simulation is not felt";
+    EXPECT_EQ(read_json(folder_ / "rt-core.json").at("safety").at("state"), "disarmed");
+    EXPECT_THAT(segments_of(session_), IsEmpty());
+}
+
+TEST_F(Chain, HostSimGoesOnWhenRtCoreIsKilledAndRtCoreComesBack) {
+    auto rt = std::make_unique<Process>(
+        rt_core({"run", "--device", "emulated", "--session", session_, "--duration", "60"}), folder_ / "first.log");
+    ASSERT_TRUE(rt->wait_for_text("running", seconds(10))) << rt->output();
+    Process sim = start_host_sim("host-sim", "4");
+    std::this_thread::sleep_for(milliseconds(500));
+    rt->signal(SIGKILL);
+    ASSERT_EQ(rt->wait_for(seconds(5)), 128 + SIGKILL);
+    rt.reset();
+    Process again = start_rt_core("again");
+    ASSERT_TRUE(again.wait_for_text("running", seconds(10))) << again.output();
+    ASSERT_EQ(sim.wait_for(seconds(30)), 0) << sim.output();
+    again.signal(SIGTERM);
+    ASSERT_EQ(again.wait_for(seconds(10)), 0) << again.output();
+    EXPECT_GT(read_json(folder_ / "again.json").at("frames").at("received"), 50);
+    EXPECT_EQ(read_json(folder_ / "host-sim.json").at("contact").at("escapes"), 0);
+    EXPECT_THAT(segments_of(session_), IsEmpty());
+}
+
+TEST_F(Chain, CtrlCLeavesReportsAndNothingElseBehind) {
+    Process rt = start_rt_core();
+    Process sim = start_host_sim("host-sim", "60");
+    std::this_thread::sleep_for(milliseconds(700));
+    sim.signal(SIGINT);
+    rt.signal(SIGINT);
+    EXPECT_EQ(sim.wait_for(seconds(10)), 0) << sim.output();
+    EXPECT_EQ(rt.wait_for(seconds(10)), 0) << rt.output();
+    EXPECT_NO_THROW(read_json(folder_ / "host-sim.json"));
+    EXPECT_NO_THROW(read_json(folder_ / "rt-core.json"));
+    EXPECT_THAT(segments_of(session_), IsEmpty());
+}
+
+TEST_F(Chain, CtrlCAtAnyTimeEndsBothProcesses) {
+    for (const int delay_ms : {0, 1, 3, 10, 30, 100, 300}) {
+        Process rt = start_rt_core();
+        Process sim = start_host_sim("host-sim", "60");
+        std::this_thread::sleep_for(milliseconds(delay_ms));
+        rt.signal(SIGINT);
+        sim.signal(SIGINT);
+        // Before its handlers are in place a process dies of the signal itself, which is as good.
+        EXPECT_THAT(rt.wait_for(seconds(10)), testing::AnyOf(testing::Optional(0), testing::Optional(128 + SIGINT)))
+            << delay_ms << " ms\n"
+            << rt.output();
+        EXPECT_THAT(sim.wait_for(seconds(10)), testing::AnyOf(testing::Optional(0), testing::Optional(128 + SIGINT)))
+            << delay_ms << " ms\n"
+            << sim.output();
+        EXPECT_THAT(segments_of(session_), IsEmpty()) << delay_ms << " ms";
+    }
+}
+
+TEST_F(Chain, RefusesASecondInstanceOnTheSameSession) {
+    Process rt = start_rt_core();
+    ASSERT_TRUE(rt.wait_for_text("running", seconds(10))) << rt.output();
+    const Finished second_rt = run(rt_core({"run", "--session", session_, "--duration", "1"}));
+    EXPECT_NE(second_rt.status, 0);
+    EXPECT_THAT(second_rt.output, AllOf(HasSubstr(session_), HasSubstr(std::to_string(rt.pid()))));
+
+    Process sim = start_host_sim("host-sim", "60");
+    std::this_thread::sleep_for(milliseconds(500));
+    const Finished second_sim =
+        run(host_sim({"run", "cloth-drop", "--clock", "real", "--session", session_, "--duration", "1"}));
+    EXPECT_NE(second_sim.status, 0);
+    EXPECT_THAT(second_sim.output, AllOf(HasSubstr(session_), HasSubstr(std::to_string(sim.pid()))));
+
+    sim.signal(SIGINT);
+    rt.signal(SIGINT);
+    EXPECT_EQ(sim.wait_for(seconds(10)), 0);
+    EXPECT_EQ(rt.wait_for(seconds(10)), 0);
+}
+
+class BadInput : public Chain {
+  protected:
+    std::string write(const std::string& name, const std::string& content) {
+        std::ofstream(folder_ / name) << content;
+        return folder_ / name;
+    }
+    void expect_refusal(const std::vector<std::string>& command, const std::vector<std::string>& said) {
+        const Finished finished = run(command);
+        EXPECT_NE(finished.status, 0) << finished.output;
+        EXPECT_LT(finished.status, 126) << "died of a signal\n" << finished.output;
+        for (const std::string& text : said) {
+            EXPECT_THAT(finished.output, HasSubstr(text));
+        }
+        EXPECT_THAT(segments_of(session_), IsEmpty());
+    }
+};
+
+TEST_F(BadInput, AnUnknownSceneIsRefusedAndTheKnownOnesAreNamed) {
+    expect_refusal(host_sim({"run", "cloth-dorp"}), {"cloth-dorp", "cloth-drop"});
+}
+
+TEST_F(BadInput, AnUnknownKeyIsRefusedWithFileAndLine) {
+    const std::string config = write("rt.toml", "# mine\n[loop]\npriorty = 80\n");
+    expect_refusal(rt_core({"run", "--config", config, "--session", session_}), {"rt.toml:3", "priorty", "priority"});
+    expect_refusal(host_sim({"run", "cloth-drop", "--set", "proxy.radios=0.03"}), {"proxy.radios", "proxy.radius"});
+}
+
+TEST_F(BadInput, MalformedTomlIsRefusedWithFileAndLine) {
+    const std::string scene = write("broken.toml", "[model]\nkind = \"cloth\nmass = 1\n");
+    expect_refusal(host_sim({"run", scene}), {"broken.toml:2"});
+    expect_refusal(rt_core({"run", "--config", scene, "--session", session_}), {"broken.toml:2"});
+}
+
+TEST_F(BadInput, AMissingFileIsNamed) {
+    expect_refusal(host_sim({"run", "no/such/scene.toml"}), {"no/such/scene.toml"});
+    expect_refusal(rt_core({"run", "--config", "no/such.toml", "--session", session_}), {"no/such.toml"});
+    expect_refusal(rt_core({"run", "--hand", "no/such.csv", "--session", session_}), {"no/such.csv"});
+}
+
+TEST_F(BadInput, ValuesThatAreNotFiniteOrNotOfUnitLengthAreRefusedWithTheirLine) {
+    const std::string nan = write("nan.csv", "time_s,x_m,y_m,z_m\n0,0,0,0\n1,nan,0,0\n");
+    expect_refusal(rt_core({"run", "--hand", nan, "--session", session_}), {"nan.csv:3"});
+    const std::string quaternion =
+        write("q.csv", "time_s,x_m,y_m,z_m,qw,qx,qy,qz\n0,0,0,0,1,0,0,0\n1,0,0,0,0.5,0,0,0\n");
+    expect_refusal(rt_core({"run", "--hand", quaternion, "--session", session_}), {"q.csv:3"});
+    expect_refusal(host_sim({"run", "cloth-drop", "--set", "proxy.radius=inf"}), {"proxy.radius"});
+}
+
+TEST_F(BadInput, AWrongArgumentSaysWhatIsRight) {
+    expect_refusal(rt_core({"run", "--device", "usbb", "--session", session_}), {"usbb", "emulated"});
+    expect_refusal(rt_core({"ruin"}), {"--help"});
+    expect_refusal(host_sim({"run", "cloth-drop", "--clock", "sundial"}), {"sundial", "lockstep"});
+}
+
+}  // namespace
+}  // namespace haptic::test
