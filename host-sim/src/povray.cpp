@@ -1,9 +1,11 @@
 #include "haptic/sim/povray.hpp"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <iterator>
 #include <stdexcept>
@@ -20,6 +22,7 @@ constexpr std::string_view kSurroundings = R"(
 global_settings { assumed_gamma 1.0 max_trace_level 8 }
 
 background { rgb <0.90, 0.93, 0.97> }
+fog { fog_type 1 distance 45 rgb <0.90, 0.93, 0.97> }
 
 light_source {
     <-3.5, 6.0, 5.0> rgb <1.0, 0.97, 0.92>
@@ -29,11 +32,11 @@ light_source { <5.0, 3.0, 3.5> rgb <0.30, 0.33, 0.40> shadowless }
 light_source { <0.0, -2.0, 4.0> rgb <0.16, 0.15, 0.15> shadowless }
 
 #declare ClothFront = texture {
-    pigment { rgb <0.78, 0.16, 0.14> }
+    pigment { rgb <0.78, 0.16, 0.14> transmit 0.16 }
     finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }
 }
 #declare ClothBack = texture {
-    pigment { rgb <0.96, 0.83, 0.55> }
+    pigment { rgb <0.96, 0.83, 0.55> transmit 0.16 }
     finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }
 }
 #declare ProxyBall = texture {
@@ -99,14 +102,35 @@ void write_mesh(std::ostream& out, const PictureScene& scene) {
     out << "\n    }\n    texture { ClothFront }\n    interior_texture { ClothBack }\n}\n";
 }
 
-void write_all(std::ostream& out, const PictureScene& scene) {
-    const Vec3 camera = scene.look_at + scene.back * glm::normalize(Vec3(0.45, 0.18, 1.0));
-    out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kSurroundings << '\n';
+/// A camera that has cloth, proxy and hip in its view, with a margin.
+void write_camera(std::ostream& out, const PictureScene& scene) {
+    constexpr double kAngle = 30.0;     // degrees, of the view's width
+    constexpr double kTangent = 0.175;  // of half the view's height: tan(15 deg) * 3/4 at 4:3, less a margin
+    Vec3 low = glm::min(scene.proxy, scene.hip);
+    Vec3 high = glm::max(scene.proxy, scene.hip);
+    for (const Vec3& v : scene.vertices) {
+        low = glm::min(low, v);
+        high = glm::max(high, v);
+    }
+    const Vec3 look_at = 0.5 * (low + high);
+    const double across = std::hypot(high.x - low.x, high.z - low.z) * 0.75;  // as wide as 4:3 is high
+    const double distance = 0.5 * std::max(high.y - low.y, across) / kTangent + 0.35 * across;
+    const Vec3 camera = look_at + distance * glm::normalize(Vec3(0.45, scene.camera_height, 1.0));
     out << "camera {\n    location " << shown(camera) << "\n    up y\n    right -x * image_width / image_height\n"
-        << "    angle 32\n    look_at " << shown(scene.look_at) << "\n}\n\n";
+        << "    angle " << shown(kAngle) << "\n    look_at " << shown(look_at) << "\n}\n\n";
+}
+
+void write_all(std::ostream& out, const PictureScene& scene) {
+    out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kSurroundings << '\n';
+    write_camera(out, scene);
     out << "plane { y, " << shown(scene.floor) << " texture { Ground } }\n\n";
     out << "sphere { " << shown(scene.proxy) << ", " << shown(scene.proxy_radius) << " texture { ProxyBall } }\n";
-    out << "sphere { " << shown(scene.hip) << ", " << shown(0.35 * scene.proxy_radius) << " texture { Hip } }\n\n";
+    out << "sphere { " << shown(scene.hip) << ", " << shown(0.4 * scene.proxy_radius) << " texture { Hip } }\n";
+    if (glm::length(scene.hip - scene.proxy) > scene.proxy_radius) {
+        out << "cylinder { " << shown(scene.hip) << ", " << shown(scene.proxy) << ", "
+            << shown(0.08 * scene.proxy_radius) << " texture { Hip } no_shadow }  // the coupling\n";
+    }
+    out << '\n';
     write_mesh(out, scene);
 }
 

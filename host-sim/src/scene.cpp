@@ -38,7 +38,7 @@ SolverSettings read_solver(const Config& config) {
         static_cast<int>(config.integer("solver.rotation_iterations", solver.rotation_iterations, {1.0, 100.0}));
     solver.gravity = config.vec3("solver.gravity", solver.gravity, {-1e3, 1e3});
     solver.drag = config.number("solver.drag", solver.drag, {0.0, 9.0});
-    solver.flutter_damping = config.number("solver.flutter_damping", solver.flutter_damping, kUnitInterval);
+    solver.settling = config.number("solver.settling", solver.settling, {0.0, 10.0});
     solver.keep_angular_momentum = config.flag("solver.keep_angular_momentum", solver.keep_angular_momentum);
     return solver;
 }
@@ -58,6 +58,7 @@ CouplingSettings read_coupling(const Config& config) {
     CouplingSettings coupling;
     coupling.stiffness = config.number("coupling.stiffness", coupling.stiffness, {0.0, 1e5});
     coupling.loss = config.number("coupling.loss", coupling.loss, {0.0, 10.0});
+    coupling.tied_mass = config.number("coupling.tied_mass", coupling.tied_mass, {0.0, 1e3});
     coupling.mask_radius = config.number("coupling.mask_radius", coupling.mask_radius, {0.0, 100.0});
     return coupling;
 }

@@ -22,8 +22,8 @@ void check(const SolverSettings& s) {
     if (!(s.drag >= 0.0) || !(s.drag * s.step < 1.0)) {
         refuse("drag must be at least 0 and less than 1 / step");
     }
-    if (!(s.flutter_damping >= 0.0 && s.flutter_damping <= 1.0)) {
-        refuse("flutter damping must be in 0..1");
+    if (!(s.settling >= 0.0) || !(s.settling * s.step <= 1.0)) {
+        refuse("settling must be at least 0 and at most 1 / step");
     }
 }
 
@@ -72,6 +72,16 @@ void add_outer(Mat3& a, double scale, const Vec3& p, const Vec3& q) {
     a[0] += sp * q.x;
     a[1] += sp * q.y;
     a[2] += sp * q.z;
+}
+
+Vec3 centre_of_mass(const ParticleModel& model) {
+    double mass = 0.0;
+    Vec3 sum(0.0);
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        mass += model.mass[i];
+        sum += model.mass[i] * model.position[i];
+    }
+    return sum / mass;
 }
 
 /// sum m p x (T q), given A = sum m p q^T: the axial vector of A T^T.
@@ -238,46 +248,48 @@ void ParticleSolver::update(ParticleModel& model, double h) {
         restore_angular_momentum(model, h);
     }
     model.position.swap(next_);
-    if (settings_.flutter_damping > 0.0) {
-        damp_flutter(model);
+    if (settings_.settling > 0.0) {
+        settle(model, h);
     }
 }
 
 void ParticleSolver::restore_angular_momentum(ParticleModel& model, double h) {
-    double mass = 0.0;
-    Vec3 centroid(0.0);
-    for (std::size_t i = 0; i < model.size(); ++i) {
-        mass += model.mass[i];
-        centroid += model.mass[i] * model.position[i];
-    }
-    centroid /= mass;
+    const Vec3 centre = centre_of_mass(model);
     Vec3 lost(0.0);
     Mat3 scatter(0.0);
     for (std::size_t i = 0; i < model.size(); ++i) {
-        const Vec3 p = model.position[i] - centroid;
+        const Vec3 p = model.position[i] - centre;
         lost += model.mass[i] * glm::cross(p, predicted_[i] - model.velocity[i]);
         add_outer(scatter, model.mass[i], p, p);
     }
     const Vec3 rate = solve_inertia(scatter, lost);
     for (std::size_t i = 0; i < model.size(); ++i) {
-        const Vec3 dv = glm::cross(rate, model.position[i] - centroid);
+        const Vec3 dv = glm::cross(rate, model.position[i] - centre);
         model.velocity[i] += dv;
         next_[i] += h * dv;
     }
 }
 
-void ParticleSolver::damp_flutter(ParticleModel& model) const {
-    for (const OrderedLink& link : links_) {
-        Vec3& va = model.velocity[link.first];
-        Vec3& vb = model.velocity[link.second];
-        const Vec3 between = model.position[link.second] - model.position[link.first];
-        const double length_squared = glm::dot(between, between);
-        const double share = link.first_share + link.second_share;
-        if (length_squared > 0.0 && share > 0.0) {
-            const Vec3 along =
-                between * (settings_.flutter_damping * glm::dot(vb - va, between) / length_squared / share);
-            va += link.first_share * along;
-            vb -= link.second_share * along;
+void ParticleSolver::settle(ParticleModel& model, double h) const {
+    const Vec3 centre = centre_of_mass(model);
+    double mass = 0.0;
+    Vec3 linear(0.0);
+    Vec3 angular(0.0);
+    Mat3 scatter(0.0);
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        const Vec3 p = model.position[i] - centre;
+        mass += model.mass[i];
+        linear += model.mass[i] * model.velocity[i];
+        angular += model.mass[i] * glm::cross(p, model.velocity[i]);
+        add_outer(scatter, model.mass[i], p, p);
+    }
+    linear /= mass;
+    const Vec3 rate = solve_inertia(scatter, angular);
+    const double part = h * settings_.settling;
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        if (model.pinned[i] == 0) {
+            const Vec3 rigid = linear + glm::cross(rate, model.position[i] - centre);
+            model.velocity[i] += part * (rigid - model.velocity[i]);
         }
     }
 }

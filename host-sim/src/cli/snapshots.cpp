@@ -1,7 +1,6 @@
 #include "cli/snapshots.hpp"
 
 #include <algorithm>
-#include <glm/common.hpp>
 #include <span>
 #include <utility>
 
@@ -12,6 +11,7 @@ namespace {
 
 constexpr std::uint64_t kSoonAfter = 10;  // steps
 constexpr std::uint64_t kLater = 40;
+constexpr double kFloor = -1.6;  // m, below all that happens in the scenes
 
 /// The faces that lie in front; the second half of a double-faced mesh is the same surface once more.
 std::span<const Triangle> front_faces(const TriangleMesh& mesh) {
@@ -48,7 +48,9 @@ void Snapshots::after_step(const StepResult& result) {
             first_contact_ = step;
             last_.name = "1-before";
             kept_.push_back(last_);
+            kept_.back().from_below = true;
             keep("2-contact", result);
+            kept_.back().from_below = true;
         }
     } else if (step == first_contact_ + kSoonAfter) {
         keep("3-soon-after", result);
@@ -62,12 +64,6 @@ std::vector<std::filesystem::path> Snapshots::write(const std::filesystem::path&
     const Scene& scene = simulation_->scene();
     std::vector<std::filesystem::path> files;
     for (const Moment& moment : kept_) {
-        Vec3 low(moment.proxy);
-        Vec3 high(moment.proxy);
-        for (const Vec3& v : moment.vertices) {
-            low = glm::min(low, v);
-            high = glm::max(high, v);
-        }
         PictureScene picture;
         picture.title = scene.name + " at " + std::to_string(moment.time_s) + " s";
         picture.vertices = moment.vertices;
@@ -75,9 +71,8 @@ std::vector<std::filesystem::path> Snapshots::write(const std::filesystem::path&
         picture.proxy = moment.proxy;
         picture.proxy_radius = scene.proxy.radius;
         picture.hip = moment.hip;
-        picture.look_at = 0.5 * (low + high);
-        picture.back = 2.4;
-        picture.floor = -1.6;
+        picture.camera_height = moment.from_below ? -0.12 : 0.2;
+        picture.floor = kFloor;
         files.push_back(folder / (scene.name + "-" + moment.name + ".pov"));
         write_picture_scene(files.back(), picture);
     }

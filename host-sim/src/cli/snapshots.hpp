@@ -29,6 +29,7 @@ class Snapshots {
         std::vector<Vec3> vertices;
         Vec3 proxy{0.0};
         Vec3 hip{0.0};
+        bool from_below = false;  // while the sheet is flat, the proxy is seen from there only
     };
     void keep(const char* name, const StepResult& result);
 

@@ -13,8 +13,9 @@
 // A spring alone throws back what it has caught. It is therefore given a loss that grows with depth (K. Hunt, F.
 // Crossley, "Coefficient of Restitution Interpreted as Damping in Vibroimpact", 1975), F = k d (1 + c v) for a depth d
 // and a surface that comes nearer with v: unlike a plain damper it starts from nothing, so the hand feels no knock. It
-// is taken at the velocity that the step leads to, v' = v - F h / m, with m = 1 / sum(w_j^2 / m_j) the mass that the
-// mask presses on, which keeps it stable on particles of any lightness.
+// is taken at the velocity that the step leads to, v' = v - F h / m, which keeps it stable however light the particles
+// are. m is the mass that the mask presses on, 1 / sum(w_j^2 / m_j), or that of the surface which follows it within a
+// step because constraints tie it to the patch, if that is known to be more.
 #pragma once
 
 #include <array>
@@ -69,6 +70,7 @@ class PressureMask {
 struct Coupling {
     double stiffness = 20.0;  // N/m
     double loss = 0.0;        // s/m, c above
+    double tied_mass = 0.0;   // kg, of the surface that follows the pressed patch within a step; 0: unknown
 };
 
 /// The strength of the push at one contact, N, at least 0. `share` is that of the spring alone, k d; `closing` the

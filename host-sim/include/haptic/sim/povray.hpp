@@ -17,9 +17,8 @@ struct PictureScene {
     Vec3 proxy{0.0};
     double proxy_radius = 0.03;  // m
     Vec3 hip{0.0};
-    double floor = -1.5;  // m, height of the ground
-    double back = 3.0;    // m, distance of the camera from what it looks at
-    Vec3 look_at{0.0};
+    double floor = -1.5;         // m, height of the ground
+    double camera_height = 0.2;  // of the camera above what it looks at, in parts of its distance
 };
 
 /// Writes the file (to a temporary one beside it that is renamed into place); `povray FILE +W1600 +H1200 +A` renders

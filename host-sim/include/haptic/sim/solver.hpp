@@ -21,7 +21,8 @@
 //
 // Projection at u while the momentum is counted at x is the implicit Euler method, which turns angular momentum into
 // nothing at the rate of the motion within a step. For a model that nothing pins, the step puts it back as one rigid
-// turn of the velocities (the global mode of the damping in Müller et al. 2007, section 3.5).
+// turn of the velocities. Damping (`settling`) draws the velocities toward those of a rigid body with the model's
+// momenta and so keeps both (Müller et al. 2007, section 3.5).
 #pragma once
 
 #include <cstddef>
@@ -41,7 +42,7 @@ struct SolverSettings {
     int rotation_iterations = 2;        // steps of the extraction, from the predicted orientation
     Vec3 gravity{0.0, -9.81, 0.0};      // m/s^2
     double drag = 0.0;                  // 1/s, rate at which velocities decay; 0 keeps momentum
-    double flutter_damping = 0.0;       // 0..1, part of the relative velocity along each link that a sub-step removes
+    double settling = 0.0;              // 1/s, rate at which motion other than that of a rigid body decays
     bool keep_angular_momentum = true;  // see above; has no effect on a model with pinned particles
 };
 
@@ -88,7 +89,7 @@ class ParticleSolver {
     void project_groups(ParticleModel& model);
     void project_group(ParticleModel& model, const OrderedGroup& group);
     void update(ParticleModel& model, double h);
-    void damp_flutter(ParticleModel& model) const;
+    void settle(ParticleModel& model, double h) const;
     void restore_angular_momentum(ParticleModel& model, double h);
 
     SolverSettings settings_;
