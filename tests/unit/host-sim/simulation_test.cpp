@@ -162,30 +162,18 @@ TEST(Simulation, FollowsTheHandInFreeSpaceWithoutForce) {
 }
 
 TEST(Simulation, NamesTheStepAtWhichTheStateIsNoLongerFinite) {
-    Simulation simulation(late_drop());
-    StepInput input = simulation.scripted_input(0);
-    (void)simulation.step(input);
-    // A force too great for any number: the hand is so far away that the spring overflows.
-    Config config = open_scene("cloth-drop");
-    config.set("coupling.stiffness=1e5");
-    config.set("coupling.loss=0");
-    config.set("coupling.mask_radius=0");
-    config.set("model.mass=1e-6");
-    config.set("model.height=0.5");
-    config.set("model.velocity=[0.0, -14.0, 0.0]");
-    Simulation wild(read_scene(config, "wild"));
+    Scene scene = late_drop();
+    scene.solver.gravity.y = -1e300;  // its square overflows
+    Simulation simulation(scene);
     try {
-        for (int i = 0; i < 2000; ++i) {
-            input = wild.scripted_input(time_of(i));
-            input.device.position.y += i >= 5 ? 1e300 * i : 0.0;
-            (void)wild.step(input);
+        for (int i = 0; i < 10; ++i) {
+            (void)simulation.step(simulation.scripted_input(time_of(i)));
         }
+        FAIL() << "went on";
     } catch (const std::runtime_error& error) {
         EXPECT_THAT(error.what(), HasSubstr("step "));
         EXPECT_THAT(error.what(), HasSubstr("no longer finite"));
-        return;
     }
-    GTEST_SKIP() << "the contact code bounded even this";
 }
 
 std::int64_t fake_ns = 0;
