@@ -1,0 +1,140 @@
+// No tick allocates or frees, whatever happens in it.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "../tick_rig.hpp"
+#include "allocation_guard.hpp"
+
+namespace haptic::rt {
+namespace {
+
+using haptic::test::AllocationGuard;
+using test::floor_frame;
+using test::TickRig;
+
+/// Keeps the compiler from leaving out an allocation that nobody looks at.
+void look_at(const void* memory) {
+    __asm__ volatile("" : : "g"(memory) : "memory");
+}
+
+TEST(AllocationGuard, CountsNothingWhereNothingIsAllocated) {
+    const AllocationGuard guard;
+    EXPECT_EQ(guard.calls(), 0u);
+}
+
+TEST(AllocationGuard, FiresForEveryWayToAllocate) {
+    const auto counts = [](void (*act)()) {
+        const AllocationGuard guard;
+        act();
+        return guard.calls();
+    };
+    EXPECT_EQ(counts([] {
+                  void* const memory = std::malloc(40);
+                  look_at(memory);
+                  std::free(memory);
+              }),
+              2u);
+    EXPECT_GE(counts([] { look_at(std::make_unique<int>(3).get()); }), 2u);
+    EXPECT_GE(counts([] { look_at(std::vector<int>(100).data()); }), 2u);
+    EXPECT_GE(counts([] { look_at(std::string(100, 'x').data()); }), 2u);
+    EXPECT_GE(counts([] {
+                  struct alignas(128) Wide {
+                      char bytes[128];
+                  };
+                  look_at(std::make_unique<Wide>().get());
+              }),
+              2u);
+    EXPECT_GE(counts([] {
+                  void* const memory = std::calloc(3, 40);
+                  look_at(memory);
+                  void* const more = std::realloc(memory, 4000);
+                  look_at(more);
+                  std::free(more);
+              }),
+              3u);
+}
+
+TEST(AllocationGuard, LooksAtItsOwnThreadOnly) {
+    std::thread other;
+    {
+        const AllocationGuard guard;
+        std::size_t before = 0;
+        other = std::thread([] { look_at(std::vector<int>(1000).data()); });
+        before = guard.calls();  // starting a thread allocates here
+        other.join();
+        EXPECT_LE(guard.calls(), before + 1);
+        EXPECT_GT(before, 0u);
+    }
+}
+
+class TickAllocations : public testing::Test {
+  protected:
+    TickAllocations()
+        : rig(PoseTrack({0.0, 1.0, 1.5, 2.0, 2.5, 60.0},
+                        {Pose{}, Pose{}, Pose{{0, -0.02, 0}, Quat(1, 0, 0, 0)}, Pose{},
+                         Pose{{0.01, -0.02, 0}, {1, 0, 0, 0}}, Pose{{0.01, -0.02, 0}, {1, 0, 0, 0}}})) {
+        rig.tick.record_to(&recorder);
+        frame = floor_frame(-0.01, 400.0, 0);
+        frame.proxy_count = 37;
+        frame.damping = 2.0;
+        for (std::size_t i = 0; i < 37; ++i) {
+            ProxyContact& particle = frame.proxies[i];
+            particle = frame.proxies[0];
+            particle.rest_offset[0] = 1e-4 * static_cast<double>(i);
+            particle.plane_count = 3;
+            particle.planes[1].normal[0] = 1.0;
+            particle.planes[1].offset = -0.005;
+            particle.planes[2].normal[2] = -1.0;
+            particle.planes[2].offset = -0.005;
+        }
+    }
+
+    /// Guarded ticks with a frame each tenth.
+    std::size_t calls_in(int ticks, bool with_frames = true) {
+        const AllocationGuard guard;
+        for (int i = 0; i < ticks; ++i) {
+            if (with_frames && i % 10 == 0) {
+                frame.plane_time_ns = rig.now_ns;
+                frame.publish_time_ns = rig.now_ns;
+                rig.frames_out.publish(frame, rig.now_ns);
+            }
+            rig.step();
+        }
+        return guard.calls();
+    }
+
+    TickRig rig;
+    Recorder recorder{1024};  // nobody drains it: dropping must not allocate either
+    ContactFrame frame;
+};
+
+TEST_F(TickAllocations, AreNoneFromArmingThroughContactToTheStop) {
+    rig.tick.arm();
+    EXPECT_EQ(calls_in(5000), 0u);
+    EXPECT_GT(rig.tick.instruments().contact_ticks, 1000u);
+    EXPECT_EQ(rig.tick.instruments().frames_received, 500u);
+    EXPECT_EQ(calls_in(500, false), 0u) << "while the force of a stale frame fades";
+    rig.tick.stop();
+    EXPECT_EQ(calls_in(1000), 0u);
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
+}
+
+TEST_F(TickAllocations, AreNoneWhenEverythingGoesWrong) {
+    rig.tick.arm();
+    EXPECT_EQ(calls_in(1500), 0u);
+    frame.proxies[3].planes[0].normal[1] = 7.0;  // refused
+    EXPECT_EQ(calls_in(100), 0u);
+    rig.faulty.added[1] = 9000;  // a jump
+    EXPECT_EQ(calls_in(100), 0u);
+    rig.faulty.failing = true;
+    EXPECT_EQ(calls_in(1000), 0u);
+    EXPECT_NE(rig.tick.faults(), 0u);
+}
+
+}  // namespace
+}  // namespace haptic::rt

@@ -1,0 +1,111 @@
+// Nothing that the tick reaches refers to a symbol which is not on the committed list: no allocator, lock, stream or
+// exception can hide behind an innocent call, whatever compiler was used.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "call_graph.hpp"
+
+namespace haptic::test {
+namespace {
+
+/// One symbol a line; what follows # says why.
+std::set<std::string> read_allowed(const std::string& file) {
+    std::ifstream stream(file);
+    if (!stream) {
+        throw std::runtime_error("cannot read " + file);
+    }
+    std::set<std::string> allowed;
+    std::string line;
+    while (std::getline(stream, line)) {
+        line = line.substr(0, line.find('#'));
+        line.erase(line.find_last_not_of(" \t") + 1);
+        if (!line.empty()) {
+            allowed.insert(line);
+        }
+    }
+    return allowed;
+}
+
+std::vector<std::string> archives() {
+    return {RT_CORE_ARCHIVE, FIRMWARE_HOST_ARCHIVE, SHARED_ARCHIVE};
+}
+
+const CallGraph& tick_graph() {
+    static const CallGraph graph(OBJDUMP, NM, archives());
+    return graph;
+}
+
+/// Everything that a real-time thread enters: its loop, and what a tick calls through a pointer.
+const std::vector<std::string>& roots() {
+    static const std::vector<std::string> names = {
+        "haptic::rt::RealtimeLoop::cycle",     "haptic::rt::Tick::run",    "haptic::device::EmulatedBoard::exchange",
+        "haptic::rt::HeldHandBoard::exchange", "haptic::monotonic_now_ns",
+    };
+    return names;
+}
+
+CallGraph::Reach reach_of(const CallGraph& graph, const std::vector<std::string>& names) {
+    std::vector<std::string> symbols;
+    for (const std::string& name : names) {
+        const std::vector<std::string> found = graph.find(name);
+        EXPECT_FALSE(found.empty()) << name << " is not in the libraries: was it renamed?";
+        symbols.insert(symbols.end(), found.begin(), found.end());
+    }
+    return graph.reach(symbols);
+}
+
+TEST(TickSymbols, AreAllOnTheAllowList) {
+    const std::set<std::string> allowed = read_allowed(ALLOWED_SYMBOLS);
+    for (const auto& [symbol, user] : reach_of(tick_graph(), roots()).externals) {
+        EXPECT_TRUE(allowed.contains(symbol))
+            << demangle(user) << "\n  refers to " << demangle(symbol) << " (" << symbol << ")";
+    }
+}
+
+TEST(TickSymbols, AreLookedForInEveryPartOfTheTick) {
+    // A check that reached nothing would find nothing.
+    const CallGraph::Reach reach = reach_of(tick_graph(), roots());
+    for (const char* part :
+         {"haptic::rt::sleep_until", "haptic::rt::StringEncoders::update", "haptic::rt::PoseSolver::solve",
+          "haptic::rt::render", "haptic::rt::project", "haptic::rt::WrenchLimiter::apply",
+          "haptic::rt::SafetyMachine::update", "haptic::rt::TensionSolver::solve", "haptic::rt::Recorder::push",
+          "haptic::find_defect", "haptic::Histogram::record", "haptic::PoseTrack::at",
+          "haptic::detail::RingWriterBase::publish_bytes", "haptic::detail::RingReaderBase::read_newest_bytes"}) {
+        bool reached = false;
+        for (const std::string& symbol : tick_graph().find(part)) {
+            reached = reached || reach.functions.contains(symbol);
+        }
+        EXPECT_TRUE(reached) << part;
+    }
+}
+
+class ForbiddenCalls : public testing::TestWithParam<std::pair<const char*, std::vector<const char*>>> {};
+
+TEST_P(ForbiddenCalls, AreFound) {
+    const auto& [function, symbols] = GetParam();
+    const CallGraph graph(OBJDUMP, NM, {FORBIDDEN_ARCHIVE});
+    const std::set<std::string> allowed = read_allowed(ALLOWED_SYMBOLS);
+    const CallGraph::Reach reach = reach_of(graph, {std::string("haptic::test::") + function});
+    for (const char* symbol : symbols) {
+        EXPECT_TRUE(reach.externals.contains(symbol)) << symbol;
+        EXPECT_FALSE(allowed.contains(symbol)) << symbol;
+    }
+    EXPECT_EQ(reach.externals.empty(), symbols.empty());
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, ForbiddenCalls,
+                         testing::Values(std::make_pair("forbidden_allocation", std::vector<const char*>{"_Znwm"}),
+                                         std::make_pair("forbidden_lock",
+                                                        std::vector<const char*>{"pthread_mutex_lock"}),
+                                         std::make_pair("forbidden_throw", std::vector<const char*>{"__cxa_throw"}),
+                                         std::make_pair("forbidden_print", std::vector<const char*>{"printf"}),
+                                         std::make_pair("allowed_arithmetic", std::vector<const char*>{})),
+                         [](const auto& param) { return std::string(param.param.first); });
+
+}  // namespace
+}  // namespace haptic::test

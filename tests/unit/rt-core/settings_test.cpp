@@ -1,0 +1,109 @@
+#include "haptic/rt/settings.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace haptic::rt {
+namespace {
+
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+Settings read(const std::string& toml) {
+    return read_settings(Config::parse(toml, "test.toml"));
+}
+
+void expect_equal(const Settings& a, const Settings& b) {
+    EXPECT_EQ(a.loop.period_ns, b.loop.period_ns);
+    EXPECT_EQ(a.loop.priority, b.loop.priority);
+    EXPECT_EQ(a.loop.cpu, b.loop.cpu);
+    EXPECT_EQ(a.loop.warm_up_ticks, b.loop.warm_up_ticks);
+    EXPECT_EQ(a.queue_ticks, b.queue_ticks);
+    EXPECT_EQ(a.tick.period_ns, b.tick.period_ns);
+    EXPECT_EQ(a.tick.variant.name, b.tick.variant.name);
+    EXPECT_EQ(a.tick.variant.minimum_tension, b.tick.variant.minimum_tension);
+    EXPECT_EQ(a.tick.variant.maximum_tension, b.tick.variant.maximum_tension);
+    EXPECT_EQ(a.tick.maximum_string_speed, b.tick.maximum_string_speed);
+    EXPECT_EQ(a.tick.velocity_time_constant_s, b.tick.velocity_time_constant_s);
+    EXPECT_EQ(a.tick.tension_effort, b.tick.tension_effort);
+    EXPECT_EQ(a.tick.tension_continuity, b.tick.tension_continuity);
+    EXPECT_EQ(a.tick.frames.stale_after_ns, b.tick.frames.stale_after_ns);
+    EXPECT_EQ(a.tick.frames.fade_ns, b.tick.frames.fade_ns);
+    EXPECT_EQ(a.tick.frames.ramp_ns, b.tick.frames.ramp_ns);
+    EXPECT_EQ(a.tick.limits.force, b.tick.limits.force);
+    EXPECT_EQ(a.tick.limits.torque, b.tick.limits.torque);
+    EXPECT_EQ(a.tick.limits.force_rate, b.tick.limits.force_rate);
+    EXPECT_EQ(a.tick.limits.torque_rate, b.tick.limits.torque_rate);
+    EXPECT_EQ(a.tick.safety.tension_ramp_ns, b.tick.safety.tension_ramp_ns);
+    EXPECT_EQ(a.tick.safety.calibration_hold_ns, b.tick.safety.calibration_hold_ns);
+    EXPECT_EQ(a.tick.safety.calibration_movement, b.tick.safety.calibration_movement);
+    EXPECT_EQ(a.tick.safety.fault_fade_ns, b.tick.safety.fault_fade_ns);
+    EXPECT_EQ(a.tick.safety.residual, b.tick.safety.residual);
+    EXPECT_EQ(a.tick.safety.residual_ticks, b.tick.safety.residual_ticks);
+    EXPECT_EQ(a.tick.safety.exchange_ticks, b.tick.safety.exchange_ticks);
+    EXPECT_EQ(a.tick.safety.overrun_ticks, b.tick.safety.overrun_ticks);
+    EXPECT_EQ(a.tick.black_box_ns, b.tick.black_box_ns);
+}
+
+TEST(Settings, OfTheInstalledFileAreTheBuiltInOnes) {
+    const Settings built_in;
+    expect_equal(read(std::string(default_config_text())), built_in);
+    expect_equal(read(""), built_in);
+}
+
+TEST(Settings, OfTheInstalledFileNameEveryKey) {
+    // Each key that the file has, set to a value that no key may have, must be refused by name: so it is read.
+    const std::string text(default_config_text());
+    int keys = 0;
+    std::string section;
+    std::size_t begin = 0;
+    while (begin < text.size()) {
+        const std::size_t end = text.find('\n', begin);
+        const std::string line = text.substr(begin, end - begin);
+        begin = end + 1;
+        if (line.starts_with('[')) {
+            section = line.substr(1, line.find(']') - 1);
+        } else if (!line.empty() && !line.starts_with('#')) {
+            const std::string key = section + "." + line.substr(0, line.find(' '));
+            Config config;
+            config.set(key + "=[1, 2]");
+            EXPECT_THAT([&config] { (void)read_settings(config); }, ThrowsMessage<ConfigError>(HasSubstr(key)));
+            EXPECT_THAT(line, HasSubstr("# ")) << "a key without its meaning";
+            ++keys;
+        }
+    }
+    EXPECT_EQ(keys, 28) << "as many as read_settings() asks for";
+}
+
+TEST(Settings, TakeWhatTheFileSays) {
+    const Settings settings = read(
+        "[loop]\nperiod_s = 0.0005\npriority = 42\n[frames]\nstale_after_s = 0.25\n[limits]\nforce = 3.5\n"
+        "[safety]\nfault_fade_s = 0.2\nexchange_ticks = 9\n[device]\nminimum_tension = 0.5\n");
+    EXPECT_EQ(settings.loop.period_ns, 500'000);
+    EXPECT_EQ(settings.tick.period_ns, 500'000);
+    EXPECT_EQ(settings.loop.priority, 42);
+    EXPECT_EQ(settings.tick.frames.stale_after_ns, 250'000'000);
+    EXPECT_EQ(settings.tick.limits.force, 3.5);
+    EXPECT_EQ(settings.tick.safety.fault_fade_ns, 200'000'000);
+    EXPECT_EQ(settings.tick.safety.exchange_ticks, 9);
+    EXPECT_EQ(settings.tick.variant.minimum_tension, 0.5);
+}
+
+TEST(Settings, RefuseAnUnknownKeyWithItsLine) {
+    EXPECT_THAT([] { (void)read("[loop]\nperiod_s = 0.001\npriorty = 80\n"); },
+                ThrowsMessage<ConfigError>(testing::AllOf(HasSubstr("test.toml:3"), HasSubstr("priorty"))));
+}
+
+TEST(Settings, NeverTakePriority99) {
+    EXPECT_THAT([] { (void)read("[loop]\npriority = 99\n"); }, ThrowsMessage<ConfigError>(HasSubstr("loop.priority")));
+}
+
+TEST(Settings, RefuseTensionsThatExcludeEachOther) {
+    EXPECT_THAT([] { (void)read("[device]\nminimum_tension = 2.0\nmaximum_tension = 1.5\n"); },
+                ThrowsMessage<ConfigError>(HasSubstr("device.maximum_tension")));
+}
+
+}  // namespace
+}  // namespace haptic::rt
