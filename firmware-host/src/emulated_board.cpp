@@ -10,6 +10,7 @@ namespace {
 constexpr std::uint16_t kButtonMask = 0x0007;
 constexpr unsigned kRotaryShift = 4;
 constexpr std::uint8_t kRotaryMaximum = 15;
+constexpr double kWrap = 65536.0;
 
 /// From the grip's knot to the motor, m, device frame.
 Vec3 string_vector(const StringFacts& string, const Pose& grip) HAPTIC_RT {
@@ -19,7 +20,6 @@ Vec3 string_vector(const StringFacts& string, const Pose& grip) HAPTIC_RT {
 /// The 16-bit counter of a string that is `paid_out` metres longer than at the centre. The encoder's counts are rounded
 /// to nearest, so that the emulated device has no bias; which edge a real one counts first depends on its power-up.
 std::uint16_t counter_of(double paid_out, int sign, double metres_per_count, std::uint16_t power_up) HAPTIC_RT {
-    constexpr double kWrap = 65536.0;
     const double counts = std::floor(paid_out / metres_per_count + 0.5);
     if (!std::isfinite(counts)) {
         return power_up;

@@ -19,6 +19,11 @@ using haptic::device::Variant;
 
 constexpr int kFailed = 1;
 constexpr int kWrongArguments = 2;
+constexpr double kUnitTolerance = 1e-6;
+// s, within this a time in nanoseconds fits the 64 bits that hold it.
+constexpr double kLongest = 9e9;
+// m, half the length that 16 bits count.
+constexpr double kFurthest = 0.5;
 
 /// The numbers of "a,b,c", all finite. Throws CLI::ValidationError that names the option.
 std::vector<double> numbers_of(const std::string& option, std::string_view text) {
@@ -43,7 +48,6 @@ std::vector<double> numbers_of(const std::string& option, std::string_view text)
 }
 
 haptic::Pose pose_of(const std::string& text) {
-    constexpr double kUnitTolerance = 1e-6;
     const std::vector<double> v = numbers_of("--pose", text);
     if (v.size() != 3 && v.size() != 7) {
         throw CLI::ValidationError("--pose", "needs x,y,z or x,y,z,qw,qx,qy,qz, not " + std::to_string(v.size()) +
@@ -98,10 +102,6 @@ CLI::App* add_exchange(CLI::App& app, ExchangeArguments& arguments, const Varian
 }
 
 ExchangeRequest request_of(const ExchangeArguments& arguments, const Variant& variant) {
-    // Within this, a time in nanoseconds fits the 64 bits that hold it.
-    constexpr double kLongest = 9e9;
-    // m, half the length that 16 bits count.
-    constexpr double kFurthest = 0.5;
     ExchangeRequest request;
     request.hex = arguments.hex;
     if (!std::isfinite(arguments.at_s) || arguments.at_s < 0.0 || arguments.at_s > kLongest) {

@@ -18,6 +18,9 @@ constexpr std::size_t kInAnalog = 32;
 constexpr std::size_t kInPio = 48;
 constexpr std::size_t kInInfo = 50;
 
+// Digits. Without this millionth, a tension that stands for a digit would come back as the digit below, by rounding.
+constexpr double kRounding = 1e-6;
+
 std::uint16_t load_word(std::span<const std::byte> bytes, std::size_t at) HAPTIC_RT {
     const auto low = std::to_integer<std::uint32_t>(bytes[at]);
     const auto high = std::to_integer<std::uint32_t>(bytes[at + 1]);
@@ -98,8 +101,6 @@ void encode(const Sh4Reply& reply, std::span<std::byte, kSh4PacketBytes> in) HAP
 }
 
 std::uint16_t digit_of_tension(double tension_n, double volts_per_newton, double digits_per_volt) HAPTIC_RT {
-    // Without the millionth, a tension that stands for a digit would come back as the digit below, by rounding.
-    constexpr double kRounding = 1e-6;
     const double digit = tension_n * volts_per_newton * digits_per_volt + kRounding;
     if (!std::isfinite(digit) || digit < 0.0) {
         return 0;

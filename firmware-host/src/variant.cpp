@@ -5,10 +5,17 @@
 namespace haptic::device {
 namespace {
 
+constexpr double kHalfRoot = std::numbers::sqrt2 / 2.0;
+
+// Spidar-G6 X3: half sizes of the frame and of the grip, m.
+constexpr double kX = 0.060;
+constexpr double kY = 0.076;
+constexpr double kZ = 0.060;
+constexpr double kG = 0.0225;
+
 /// Turns a point of the list by -45 degrees about y: the frame stands on the table with a corner toward the user.
 /// Written out, not as a general rotation, so that the coordinates that cancel are exactly zero.
 constexpr Vec3 turned(double x, double y, double z) noexcept {
-    constexpr double kHalfRoot = std::numbers::sqrt2 / 2.0;
     return {(x - z) * kHalfRoot, y, (x + z) * kHalfRoot};
 }
 
@@ -19,12 +26,6 @@ double Variant::rest_length(std::size_t string) const HAPTIC_RT {
 }
 
 Variant spidar_g6_x3r() {
-    // Half sizes of the frame and of the grip, m.
-    constexpr double kX = 0.060;
-    constexpr double kY = 0.076;
-    constexpr double kZ = 0.060;
-    constexpr double kG = 0.0225;
-
     Variant variant;
     variant.name = "SpidarG6X3R";
     variant.strings = {{

@@ -16,6 +16,9 @@ constexpr double kWidestStep = 0.5;    // rad
 // centre of an X3R; at 1e-3 an encoder count (17 um) already shows as half a millimetre.
 constexpr double kSmallestPivot = 1e-3;
 
+// m. A string of no length has no direction: its span of zero over this gives a row of zeros.
+constexpr double kLeastLength = 1e-100;
+
 using Mat6 = std::array<Vec6, 6>;
 
 bool is_finite(const Vec3& v) HAPTIC_RT {
@@ -150,9 +153,7 @@ void PoseSolver::reset(const Pose& pose) HAPTIC_RT {
 PoseStatus PoseSolver::improve(const StringArray& lengths, Pose& pose) const HAPTIC_RT {
     const Mat3 r = glm::mat3_cast(pose.orientation);
     const Vec3 p = pose.position;
-    // Column-wise, one lane a string, without branches, so that the compiler takes several strings at a time. A string
-    // of no length has no direction: its span of zero over the least length there is gives a row of zeros.
-    constexpr double kLeastLength = 1e-100;
+    // Column-wise, one lane a string, without branches, so that the compiler takes several strings at a time.
     std::array<StringArray, 6> columns{};
     StringArray error{};
     for (std::size_t i = 0; i < kStrings; ++i) {
