@@ -1,13 +1,14 @@
 // Takes the real-time process's part: publishes a device state, runs the simulator, and checks the frame that came.
+#include <haptic/haptic.h>
+#include <unistd.h>
+
 #include <cstdlib>
 #include <exception>
 #include <haptic/clock.hpp>
-#include <haptic/haptic.h>
 #include <haptic/ring.hpp>
 #include <iostream>
 #include <memory>
 #include <string>
-#include <unistd.h>
 
 namespace {
 
@@ -31,7 +32,8 @@ int listen_to(const std::string& simulator) {
     const bool as_sent = frame->sequence == 10 && haptic::find_defect(*frame) == haptic::FrameDefect::None &&
                          frame->state_sequence == 1 && frame->proxies[0].planes[0].offset == 0.125 &&
                          contacts.peer().closed;
-    std::cout << "haptic " << haptic_version() << ": frame " << frame->sequence << (as_sent ? " as sent\n" : " differs\n");
+    std::cout << "haptic " << haptic_version() << ": frame " << frame->sequence
+              << (as_sent ? " as sent\n" : " differs\n");
     return as_sent ? 0 : 1;
 }
 
