@@ -105,7 +105,7 @@ TEST(QueryCcd, SkipsCommentsAndBlankLinesAndTakesSpaces) {
 
 TEST(QueryCcd, NamesEachMalformedLineAndAnswersTheRest) {
     const Outcome r = run(kFar + "\n1,2,3\n" + kFar + ",0\n# remark\n0,0,0,-1" + kFar.substr(7) + "\n0,0,0,nan" +
-                      kFar.substr(7) + "\n0,0,zero,1" + kFar.substr(7) + "\n" + kFalling + "\n");
+                          kFar.substr(7) + "\n0,0,zero,1" + kFar.substr(7) + "\n" + kFalling + "\n");
     EXPECT_EQ(r.status, 2);
     EXPECT_EQ(r.answers.size(), 2u);
     for (const char* line : {"line 2:", "line 3:", "line 5:", "line 6:", "line 7:"}) {

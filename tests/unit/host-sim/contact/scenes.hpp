@@ -45,7 +45,7 @@ inline TriangleMesh sheet(double side, std::uint32_t n, bool double_faced) {
     return mesh;
 }
 
-/// A closed sphere of `rings` x 2 `rings` cells, or with rings == 2 an octahedron; outward faces.
+/// A closed sphere of rings and 2 * rings meridians, outward faces.
 inline TriangleMesh ball(double radius, std::uint32_t rings) {
     TriangleMesh mesh;
     const std::uint32_t around = 2 * rings;
@@ -73,7 +73,7 @@ inline TriangleMesh ball(double radius, std::uint32_t rings) {
     return mesh;
 }
 
-/// A closed box with outward faces, each side of 2 n^2 triangles... one cell a side: 12 triangles.
+/// A closed box of 12 triangles, outward faces.
 inline TriangleMesh box(const Vec3& half) {
     TriangleMesh mesh;
     for (int k = 0; k < 8; ++k) {

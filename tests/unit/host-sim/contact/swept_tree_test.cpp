@@ -1,0 +1,115 @@
+#include "haptic/sim/contact/swept_tree.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+#include <stdexcept>
+#include <vector>
+
+#include "contact/oracle.hpp"
+#include "contact/scenes.hpp"
+
+namespace {
+
+using haptic::Vec3;
+using haptic::sim::Box;
+using haptic::sim::SweptTree;
+using haptic::sim::Triangle;
+using haptic::sim::TriangleMesh;
+using haptic::sim::oracle::Random;
+
+bool meets(const Box& a, const Vec3& low, const Vec3& high) {
+    for (int k = 0; k < 3; ++k) {
+        if (a.low[k] > high[k] || a.high[k] < low[k]) {
+            return false;
+        }
+    }
+    return true;
+}
+
+class OfSize : public testing::TestWithParam<std::uint32_t> {};
+
+TEST_P(OfSize, FindsEveryTriangleWhoseSweptBoxMeetsTheQuery) {
+    Random random(GetParam());
+    const TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, GetParam(), true);
+    SweptTree tree(mesh.vertices, mesh.triangles);
+    std::size_t visited = 0;
+    for (int round = 0; round < 5; ++round) {
+        std::vector<Vec3> start;
+        std::vector<Vec3> end;
+        for (const Vec3& v : mesh.vertices) {
+            start.push_back(v + random.in_cube(0.05));
+            end.push_back(v + random.in_cube(0.05) + Vec3(0, -0.1, 0.02));
+        }
+        tree.refit({start, end, mesh.triangles});
+        for (int k = 0; k < 40; ++k) {
+            const Box box = haptic::sim::box_about(random.in_cube(0.6), random.in_cube(0.6), random.uniform(0, 0.1));
+            std::multiset<std::uint32_t> found;
+            tree.query(box, [&](std::uint32_t t) { found.insert(t); });
+            visited += found.size();
+            for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+                Vec3 low(1e300);
+                Vec3 high(-1e300);
+                for (const std::uint32_t v : mesh.triangles[t]) {
+                    low = glm::min(low, glm::min(start[v], end[v]));
+                    high = glm::max(high, glm::max(start[v], end[v]));
+                }
+                ASSERT_LE(found.count(t), 1u) << "visited twice";
+                if (meets(box, low, high)) {
+                    ASSERT_EQ(found.count(t), 1u) << "triangle " << t;
+                }
+                for (int axis = 0; axis < 3; ++axis) {
+                    ASSERT_LE(tree.bounds().low[axis], low[axis]);
+                    ASSERT_GE(tree.bounds().high[axis], high[axis]);
+                }
+            }
+        }
+    }
+    EXPECT_GT(visited, 0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sheets, OfSize, testing::Values(1u, 2u, 3u, 5u, 9u, 14u));
+
+TEST(SweptTree, VisitsFewOfManyTriangles) {
+    const TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, 32, true);
+    SweptTree tree(mesh.vertices, mesh.triangles);
+    tree.refit({mesh.vertices, mesh.vertices, mesh.triangles});
+    std::size_t visited = 0;
+    tree.query(haptic::sim::box_about({0.1, 0, 0.1}, {0.1, 0, 0.1}, 0.03), [&](std::uint32_t) { ++visited; });
+    EXPECT_GE(visited, 16u);
+    EXPECT_LT(visited, 160u) << "of 4096";
+    EXPECT_EQ(tree.leaf_count(), 512u);
+}
+
+TEST(SweptTree, KnowsTheExtremesOfTheMotion) {
+    const TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, 3, false);
+    SweptTree tree(mesh.vertices, mesh.triangles);
+    std::vector<Vec3> end = mesh.vertices;
+    end[0] += Vec3(0.1, 0, -0.2);
+    end[5] += Vec3(-0.3, 0, 0.4);
+    tree.refit({mesh.vertices, end, mesh.triangles});
+    EXPECT_NEAR(glm::length(tree.displacement().low - Vec3(-0.3, 0, -0.2)), 0.0, 1e-15);
+    EXPECT_NEAR(glm::length(tree.displacement().high - Vec3(0.1, 0, 0.4)), 0.0, 1e-15);
+}
+
+TEST(SweptTree, TakesAMeshWithoutTrianglesAndRefusesAnIndexWithoutVertex) {
+    const std::vector<Vec3> vertices{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    SweptTree none(vertices, {});
+    none.refit({vertices, vertices, {}});
+    none.query(haptic::sim::box_about({0, 0, 0}, {0, 0, 0}, 9.0), [](std::uint32_t) { FAIL(); });
+    const std::vector<Triangle> bad{{0, 1, 3}};
+    EXPECT_THROW(SweptTree(vertices, bad), std::invalid_argument);
+}
+
+TEST(SweptTree, TakesManyTrianglesInOnePlace) {
+    const std::vector<Vec3> vertices{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    const std::vector<Triangle> pile(1000, Triangle{0, 1, 2});
+    SweptTree tree(vertices, pile);
+    tree.refit({vertices, vertices, pile});
+    std::size_t visited = 0;
+    tree.query(haptic::sim::box_about({0, 0, 0}, {0, 0, 0}, 0.1), [&](std::uint32_t) { ++visited; });
+    EXPECT_EQ(visited, 1000u);
+}
+
+}  // namespace
