@@ -20,6 +20,9 @@ constexpr double kMultiplierTolerance = 1e-12;
 // strings, and far from overflow.
 constexpr double kLargestWrench = 1e4;
 
+// Sum of all entries' sizes: wires are of unit length, and their levers of centimetres.
+constexpr double kLargestWires = 1e6;
+
 // `reached`.
 constexpr double kRelativeError = 1e-3;
 constexpr double kForceError = 1e-3;    // N
@@ -30,6 +33,14 @@ using Set = std::array<std::int8_t, kN>;
 
 double length(const Vec3& v) HAPTIC_RT {
     return std::sqrt(glm::dot(v, v));
+}
+
+double dot(const Vec6& a, const Vec6& b) HAPTIC_RT {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < 6; ++k) {
+        sum += a[k] * b[k];
+    }
+    return sum;
 }
 
 bool is_finite(const Vec3& v) HAPTIC_RT {
@@ -211,6 +222,62 @@ bool minimise(const BoxProgramme& programme, Set& set, StringArray& x, int& roun
     return false;
 }
 
+bool is_usable(const WireMatrix& wires) HAPTIC_RT {
+    double sum = 0.0;
+    for (const Vec6& row : wires) {
+        for (const double entry : row) {
+            sum += std::abs(entry);
+        }
+    }
+    return sum < kLargestWires;  // not if it is not a number
+}
+
+/// What a wrench must be multiplied by to be within kLargestWrench.
+double shortening_of(const Wrench& goal, const TensionSettings& settings) HAPTIC_RT {
+    double size = 0.0;
+    for (Vec3::length_type k = 0; k < 3; ++k) {
+        size = std::max({size, std::abs(goal.force[k]), std::abs(goal.torque[k]) * settings.torque_scale});
+    }
+    const double largest = kLargestWrench * settings.maximum;
+    return size > largest ? largest / size : 1.0;
+}
+
+BoxProgramme programme_of(const WireMatrix& wires, const Wrench& goal, const StringArray& previous,
+                          const TensionSettings& settings) HAPTIC_RT {
+    const double scale = settings.torque_scale;
+    const Vec6 weighted_goal{goal.force.x,          goal.force.y,          goal.force.z,
+                             goal.torque.x * scale, goal.torque.y * scale, goal.torque.z * scale};
+    WireMatrix weighted = wires;
+    for (Vec6& row : weighted) {
+        for (std::size_t k = 3; k < 6; ++k) {
+            row[k] *= scale;
+        }
+    }
+    BoxProgramme programme;
+    double largest_term = 0.0;
+    for (std::size_t i = 0; i < kN; ++i) {
+        programme.lower[i] = std::max(settings.minimum, previous[i] - settings.slew);
+        programme.upper[i] = std::min(settings.maximum, previous[i] + settings.slew);
+        for (std::size_t j = 0; j <= i; ++j) {
+            const double entry = dot(weighted[i], weighted[j]);
+            programme.hessian[i][j] = entry;
+            programme.hessian[j][i] = entry;
+        }
+        programme.hessian[i][i] += settings.effort + settings.continuity;
+        programme.linear[i] =
+            dot(weighted[i], weighted_goal) + settings.effort * settings.minimum + settings.continuity * previous[i];
+        largest_term =
+            std::max({largest_term, std::abs(programme.linear[i]), programme.hessian[i][i] * settings.maximum});
+    }
+    programme.tolerance = kMultiplierTolerance * largest_term;
+    return programme;
+}
+
+bool is_met(const Wrench& made, const Wrench& goal) HAPTIC_RT {
+    return length(made.force - goal.force) <= std::max(kForceError, kRelativeError * length(goal.force)) &&
+           length(made.torque - goal.torque) <= std::max(kTorqueError, kRelativeError * length(goal.torque));
+}
+
 void require(bool held, const char* what) {
     if (!held) {
         throw std::invalid_argument(std::string("tension solver: ") + what);
@@ -239,60 +306,16 @@ void TensionSolver::reset() HAPTIC_RT {
 TensionResult TensionSolver::solve(const WireMatrix& wires, const Wrench& wanted) HAPTIC_RT {
     TensionResult result;
     result.tensions.fill(settings_.minimum);
-    double sum = 0.0;
-    for (const Vec6& row : wires) {
-        for (const double entry : row) {
-            sum += std::abs(entry);
-        }
-    }
-    if (!std::isfinite(sum)) {
+    if (!is_usable(wires)) {
         reset();
         result.reached = false;
         result.exact = false;
         return result;
     }
-
-    Vec3 force = is_finite(wanted.force) && is_finite(wanted.torque) ? wanted.force : Vec3{0.0, 0.0, 0.0};
-    Vec3 torque = is_finite(wanted.force) && is_finite(wanted.torque) ? wanted.torque : Vec3{0.0, 0.0, 0.0};
-    const double scale = settings_.torque_scale;
-    const double size = std::max({std::abs(force.x), std::abs(force.y), std::abs(force.z), std::abs(torque.x) * scale,
-                                  std::abs(torque.y) * scale, std::abs(torque.z) * scale});
-    const double largest = kLargestWrench * settings_.maximum;
-    const double shortening = size > largest ? largest / size : 1.0;
-    const Vec3 goal_force = force * shortening;
-    const Vec3 goal_torque = torque * shortening;
-    const Vec6 goal{goal_force.x,          goal_force.y,          goal_force.z,
-                    goal_torque.x * scale, goal_torque.y * scale, goal_torque.z * scale};
-
-    WireMatrix weighted = wires;
-    for (Vec6& row : weighted) {
-        for (std::size_t k = 3; k < 6; ++k) {
-            row[k] *= scale;
-        }
-    }
-    BoxProgramme programme;
-    double most = 0.0;
-    for (std::size_t i = 0; i < kN; ++i) {
-        programme.lower[i] = std::max(settings_.minimum, previous_[i] - settings_.slew);
-        programme.upper[i] = std::min(settings_.maximum, previous_[i] + settings_.slew);
-        for (std::size_t j = 0; j <= i; ++j) {
-            double entry = 0.0;
-            for (std::size_t k = 0; k < 6; ++k) {
-                entry += weighted[i][k] * weighted[j][k];
-            }
-            programme.hessian[i][j] = entry;
-            programme.hessian[j][i] = entry;
-        }
-        programme.hessian[i][i] += settings_.effort + settings_.continuity;
-        double entry = settings_.effort * settings_.minimum + settings_.continuity * previous_[i];
-        for (std::size_t k = 0; k < 6; ++k) {
-            entry += weighted[i][k] * goal[k];
-        }
-        programme.linear[i] = entry;
-        most = std::max({most, std::abs(entry), programme.hessian[i][i] * settings_.maximum});
-    }
-    programme.tolerance = kMultiplierTolerance * most;
-
+    const Wrench goal = is_finite(wanted.force) && is_finite(wanted.torque) ? wanted : Wrench{};
+    const double shortening = shortening_of(goal, settings_);
+    const BoxProgramme programme =
+        programme_of(wires, {goal.force * shortening, goal.torque * shortening}, previous_, settings_);
     StringArray x = previous_;
     result.exact = minimise(programme, at_bound_, x, result.rounds);
     for (std::size_t i = 0; i < kN; ++i) {
@@ -301,9 +324,7 @@ TensionResult TensionSolver::solve(const WireMatrix& wires, const Wrench& wanted
     }
     previous_ = result.tensions;
     result.wrench = wrench_of_tensions(wires, result.tensions);
-    result.reached = shortening == 1.0 &&
-                     length(result.wrench.force - force) <= std::max(kForceError, kRelativeError * length(force)) &&
-                     length(result.wrench.torque - torque) <= std::max(kTorqueError, kRelativeError * length(torque));
+    result.reached = shortening == 1.0 && is_met(result.wrench, goal);
     return result;
 }
 

@@ -87,7 +87,7 @@ TEST(Sh4Codec, BoardRefusesWhatIsNotACommand) {
 }
 
 TEST(Sh4Codec, BoardIgnoresTheRestOfTheCommand) {
-    Sh4Command sent{{9, 8, 7, 6, 5, 4, 3, 2}};
+    const Sh4Command sent{{9, 8, 7, 6, 5, 4, 3, 2}};
     Sh4Packet out;
     encode(sent, out);
     std::fill(out.begin() + 18, out.end(), std::byte{0xEE});

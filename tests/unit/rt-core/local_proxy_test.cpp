@@ -72,7 +72,7 @@ void expect_nearest(const Vec3& target, const Planes& planes, const Vec3& x, Ran
     ASSERT_LE(largest_violation(planes, x), kRounding);
     const double distance = glm::length(target - x);
     for (int k = 0; k < 300; ++k) {
-        Vec3 other = x + random.direction() * std::pow(10.0, random.uniform(-7.0, -2.0));
+        const Vec3 other = x + random.direction() * std::pow(10.0, random.uniform(-7.0, -2.0));
         if (largest_violation(planes, other) <= 0.0) {
             ASSERT_GE(glm::length(target - other), distance - kRounding);
         }
@@ -355,7 +355,7 @@ TEST(LocalProxy, LeastViolationIsTheLeastThereIs) {
         const Vec3 c = a * std::cos(back) + across * std::sin(back);
         // Weights by the sine rule of the triangle that the weighted normals close.
         double weights[3] = {std::sin(angle - back), std::sin(back), -std::sin(angle)};
-        double sum = weights[0] + weights[1] + weights[2];
+        const double sum = weights[0] + weights[1] + weights[2];
         for (double& weight : weights) {
             weight /= sum;
         }

@@ -64,10 +64,10 @@ class Random {
 
 /// The programme as the header states it, evaluated in long double from that statement alone.
 struct Programme {
-    WireMatrix wires;
+    WireMatrix wires{};
     Wrench wanted;
     TensionSettings settings;
-    StringArray previous;
+    StringArray previous{};
 
     using Real = long double;
 
@@ -443,7 +443,7 @@ TEST(Tension, NonFiniteWrenchCountsAsZero) {
 TEST(Tension, NonFiniteWiresGiveMinimumTensionAndSaySo) {
     TensionSolver solver(x3r_settings());
     solver.solve(centre_wires(), {{5.0, 0.0, 0.0}, {0.0, 0.0, 0.0}});
-    for (const double bad : {kNaN, kInfinity, 1e308}) {
+    for (const double bad : {kNaN, kInfinity, 1e308, 1e150, -1e7}) {
         WireMatrix wires = centre_wires();
         wires[3][4] = bad;
         wires[6][0] = bad;
@@ -457,7 +457,7 @@ TEST(Tension, NonFiniteWiresGiveMinimumTensionAndSaySo) {
 }
 
 TEST(Tension, DegenerateWiresStillHaveOneAnswer) {
-    TensionSettings settings = x3r_settings();
+    const TensionSettings settings = x3r_settings();
     // No string can do anything: least effort.
     TensionSolver idle(settings);
     const TensionResult none = idle.solve(WireMatrix{}, {{1.0, 0.0, 0.0}, {0.0, 0.0, 0.0}});
