@@ -1,6 +1,7 @@
 #include "haptic/rt/renderer.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <glm/geometric.hpp>
@@ -23,6 +24,9 @@ constexpr double kParallel = 1e-9;
 /// Speed of the surface along the unit vector n, m/s, positive toward the proxy. With n = sum w_k n_k over the active
 /// planes, a point that rides on all of them moves along n at sum w_k v_k.
 double surface_speed(const Vec3& n, const ProxyContact& contact, std::uint8_t active) HAPTIC_RT {
+    if (std::has_single_bit(active)) {
+        return contact.planes[std::countr_zero(active)].velocity;  // n is its normal
+    }
     Mat3 gram(1.0);
     Vec3 along(0.0);
     Vec3 speeds(0.0);
@@ -40,9 +44,6 @@ double surface_speed(const Vec3& n, const ProxyContact& contact, std::uint8_t ac
         }
         deepest = deepest < 0 || along[i] > along[deepest] ? i : deepest;
     }
-    if (deepest < 0) {
-        return 0.0;
-    }
     if (std::fabs(glm::determinant(gram)) < kParallel) {
         return along[deepest] * speeds[deepest];
     }
@@ -57,11 +58,12 @@ Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocit
     if (frame.proxy_count == 0 || (frame.flags & HAPTIC_FRAME_CLUTCHED) != 0) {
         return contact;
     }
+    const Mat3 turn = glm::mat3_cast(grip.orientation);
     const auto horizon_ns = static_cast<std::int64_t>(kHorizonSteps * static_cast<double>(frame.step_ns));
     const std::size_t count = std::min<std::size_t>(frame.proxy_count, kMaxProxies);
     for (std::size_t i = 0; i < count; ++i) {
         const ProxyContact& particle = frame.proxies[i];
-        const Vec3 lever = grip.orientation * to_vec3(particle.rest_offset);
+        const Vec3 lever = turn * to_vec3(particle.rest_offset);
         const Vec3 goal = grip.position + lever;
 
         std::array<HalfSpace, kMaxPlanes> planes{};
@@ -80,9 +82,12 @@ Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocit
         }
         ++contact.in_contact;
         const Vec3 n = apart / depth;
-        const Vec3 goal_velocity = velocity.linear + glm::cross(velocity.angular, lever);
-        const double closing = surface_speed(n, particle, proxy.active) - glm::dot(goal_velocity, n);
-        const Vec3 force = std::max(0.0, frame.stiffness * depth + frame.damping * closing) * n;
+        double strength = frame.stiffness * depth;
+        if (frame.damping > 0.0) {
+            const Vec3 goal_velocity = velocity.linear + glm::cross(velocity.angular, lever);
+            strength += frame.damping * (surface_speed(n, particle, proxy.active) - glm::dot(goal_velocity, n));
+        }
+        const Vec3 force = std::max(0.0, strength) * n;
         contact.wrench.force += force;
         contact.wrench.torque += glm::cross(lever, force);
     }

@@ -1,0 +1,145 @@
+// One whole tick: counters in, pose, frame, proxies, wrench, tensions, motors out, state published, record kept. The
+// board's packets are prepared beforehand, so that what is measured is the tick and not the emulation of a device.
+#include <benchmark/benchmark.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdint>
+#include <glm/geometric.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "haptic/clock.hpp"
+#include "haptic/device/emulated_board.hpp"
+#include "haptic/histogram.hpp"
+#include "haptic/ring.hpp"
+#include "haptic/rt/realtime_setup.hpp"
+#include "haptic/rt/tick.hpp"
+
+namespace haptic::rt {
+namespace {
+
+constexpr std::int64_t kTick_ns = 1'000'000;
+constexpr int kPackets = 4000;  // ticks of the hand's motion, repeated
+
+/// A hand that goes round a small circle at 0.25 m/s and turns to and fro.
+PoseTrack moving_hand() {
+    std::vector<double> times_s;
+    std::vector<Pose> poses;
+    for (int i = 0; i <= kPackets; ++i) {
+        const double t = 1e-3 * i;
+        const double angle = 2.0 * 3.14159265358979323846 * 4.0 * t;
+        times_s.push_back(t);
+        poses.push_back({Vec3(0.01 * (std::cos(angle) - 1.0), 0.01 * std::sin(angle), 0.0),
+                         glm::angleAxis(0.2 * std::sin(angle), Vec3(0, 0, 1))});
+    }
+    return {times_s, poses};
+}
+
+class PreparedBoard final : public device::Board {
+  public:
+    PreparedBoard() : packets_(kPackets) {
+        device::EmulatedBoard board({device::spidar_g6_x3r(), moving_hand(), {}, 0});
+        device::Sh4Packet out{};
+        device::encode(device::Sh4Command{}, out);
+        for (int i = 0; i < kPackets; ++i) {
+            board.exchange(out, packets_[static_cast<std::size_t>(i)], i * kTick_ns);
+        }
+    }
+    device::ExchangeStatus exchange(const device::Sh4Packet& out, device::Sh4Packet& in,
+                                    std::int64_t now_ns) HAPTIC_RT override {
+        benchmark::DoNotOptimize(out.data());
+        in = packets_[moving ? static_cast<std::size_t>(now_ns / kTick_ns % kPackets) : 0];
+        return device::ExchangeStatus::Ok;
+    }
+
+    bool moving = false;
+
+  private:
+    std::vector<device::Sh4Packet> packets_;
+};
+
+/// Each particle within reach of three planes, of which about half hold it at any time.
+ContactFrame frame_of(std::uint32_t proxies) {
+    ContactFrame frame{};
+    frame.step_ns = 10 * kTick_ns;
+    frame.stiffness = 100.0;
+    frame.damping = 0.5;
+    frame.proxy_count = proxies;
+    for (std::uint32_t i = 0; i < proxies; ++i) {
+        ProxyContact& particle = frame.proxies[i];
+        const double angle = 0.7 * i;
+        store(Vec3(0.01 * std::cos(angle), 0.0, 0.01 * std::sin(angle)), particle.rest_offset);
+        particle.plane_count = kMaxPlanes;
+        store(Vec3(0, 1, 0), particle.planes[0].normal);
+        store(glm::normalize(Vec3(1, 1, 0)), particle.planes[1].normal);
+        store(glm::normalize(Vec3(0, 1, 1)), particle.planes[2].normal);
+        particle.planes[0].offset = 0.0;
+        particle.planes[1].offset = -0.003;
+        particle.planes[2].offset = -0.003;
+        particle.planes[0].velocity = 0.001;
+    }
+    return frame;
+}
+
+/// Arguments: proxy particles, ticks from one frame to the next.
+void tick(benchmark::State& state) {
+    flush_denormals();
+    const std::string session = "tick-bench-" + std::to_string(getpid());
+    const TickSettings settings;
+    PreparedBoard board;
+    RingReader<ContactFrame> frames_in(session);
+    RingWriter<DeviceState> states_out(session);
+    RingWriter<ContactFrame> frames_out(session);
+    const auto subject = std::make_unique<Tick>(settings, board, frames_in, states_out, &monotonic_now_ns);
+    ContactFrame frame = frame_of(static_cast<std::uint32_t>(state.range(0)));
+    std::int64_t now_ns = kPackets * kTick_ns;
+    std::int64_t ticks = 0;
+    const auto step = [&] {
+        if (ticks++ % state.range(1) == 0) {
+            frame.plane_time_ns = now_ns;
+            frame.publish_time_ns = now_ns;
+            frames_out.publish(frame, now_ns);
+        }
+        const std::int64_t begin_ns = monotonic_now_ns();
+        subject->run({now_ns, now_ns});
+        const std::int64_t taken_ns = monotonic_now_ns() - begin_ns;
+        now_ns += kTick_ns;
+        return taken_ns;
+    };
+    subject->arm();
+    while (subject->safety_state() != SafetyState::Running) {
+        step();
+    }
+    while (now_ns / kTick_ns % kPackets != 0) {
+        step();
+    }
+    board.moving = true;
+
+    const auto histogram = std::make_unique<Histogram>();
+    for (auto unused : state) {
+        const std::int64_t taken_ns = step();
+        histogram->record(taken_ns);
+        state.SetIterationTime(1e-9 * static_cast<double>(taken_ns));
+    }
+    if (subject->safety_state() != SafetyState::Running || subject->instruments().contact_ticks == 0) {
+        state.SkipWithError("the tick did not run in contact");
+    }
+    state.counters["p50_us"] = 1e-3 * static_cast<double>(histogram->percentile_ns(0.5));
+    state.counters["p99.9_us"] = 1e-3 * static_cast<double>(histogram->percentile_ns(0.999));
+}
+
+BENCHMARK(tick)
+    ->ArgNames({"proxies", "ticks_per_frame"})
+    ->Args({1, 10})
+    ->Args({37, 10})
+    ->Args({64, 10})
+    ->Args({37, 1})
+    ->UseManualTime()
+    ->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace haptic::rt
+
+BENCHMARK_MAIN();
