@@ -36,21 +36,20 @@ TEST(Simulation, CatchesTheClothAndHoldsIt) {
     simulation.set_verification(true);
     int in_contact = 0;
     double highest = 0.0;
-    for (int i = 0; i < 60; ++i) {
+    for (int i = 0; in_contact < 30 && i < 60; ++i) {
         const StepResult result = simulation.step(simulation.scripted_input(time_of(i)));
         EXPECT_FALSE(result.crossed) << "step " << i;
         EXPECT_FALSE(result.let_through) << "step " << i;
+        EXPECT_TRUE(result.in_contact || in_contact == 0) << "lost at step " << i;
         in_contact += result.in_contact ? 1 : 0;
         highest = std::max(highest, glm::length(result.hand_force));
-        if (in_contact > 0) {
-            EXPECT_TRUE(result.in_contact) << "step " << i;
-        } else {
+        if (!result.in_contact) {
             EXPECT_EQ(result.hand_force, Vec3(0.0));  // exactly nothing in the air
         }
     }
-    EXPECT_GE(in_contact, 50);
-    EXPECT_GT(highest, 1.0);  // N, at the hand
-    EXPECT_LT(highest, 8.0);  // rt-core's limit
+    EXPECT_EQ(in_contact, 30);  // 0.3 s
+    EXPECT_GT(highest, 1.0);    // N, at the hand
+    EXPECT_LT(highest, 8.0);    // rt-core's limit
 }
 
 TEST(Simulation, DoesNotCatchWithoutLookingBetweenTheSteps) {
@@ -163,10 +162,10 @@ TEST(Simulation, FollowsTheHandInFreeSpaceWithoutForce) {
 
 TEST(Simulation, NamesTheStepAtWhichTheStateIsNoLongerFinite) {
     Scene scene = late_drop();
-    scene.solver.gravity.y = -1e300;  // its square overflows
+    scene.solver.gravity.y = -1e308;  // after some two hundred steps the velocity overflows
     Simulation simulation(scene);
     try {
-        for (int i = 0; i < 10; ++i) {
+        for (int i = 0; i < 400; ++i) {
             (void)simulation.step(simulation.scripted_input(time_of(i)));
         }
         FAIL() << "went on";
