@@ -62,7 +62,9 @@ std::string shown(double value) {
 }
 
 std::string shown(const Vec3& v) {
-    return "<" + shown(v.x) + ", " + shown(v.y) + ", " + shown(v.z) + ">";
+    std::string text = shown(v.x);
+    text.insert(0, 1, '<').append(", ").append(shown(v.y)).append(", ").append(shown(v.z)).push_back('>');
+    return text;
 }
 
 /// Mean of the normals of the faces about each vertex, weighted by their area.

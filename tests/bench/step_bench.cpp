@@ -1,0 +1,89 @@
+// One step of cloth-drop, by stage, and the dynamics alone in the set-up that earlier figures are for.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "haptic/clock.hpp"
+#include "haptic/config.hpp"
+#include "haptic/sim/cloth.hpp"
+#include "haptic/sim/denormals.hpp"
+#include "haptic/sim/simulation.hpp"
+#include "haptic/sim/solver.hpp"
+
+namespace haptic::sim {
+namespace {
+
+double median_us(std::vector<std::int64_t>& durations_ns) {
+    const auto middle = durations_ns.begin() + static_cast<std::ptrdiff_t>(durations_ns.size() / 2);
+    std::nth_element(durations_ns.begin(), middle, durations_ns.end());
+    return static_cast<double>(*middle) * 1e-3;
+}
+
+/// From half a metre above the proxy, through contact, for as many steps as it is held.
+Scene late_drop() {
+    Config config = open_scene("cloth-drop");
+    config.set("model.height=0.5");
+    config.set("model.velocity=[0.0, -13.66, 0.0]");
+    return read_scene(config, "late-drop");
+}
+
+/// Whole steps in contact; the counters are medians of the stages in microseconds.
+void cloth_step_in_contact(benchmark::State& state) {
+    constexpr int kSteps = 40;
+    const Scene scene = late_drop();
+    std::vector<std::int64_t> ccd, popout, proxy, collide, deform, total;
+    for (auto iteration : state) {
+        state.PauseTiming();
+        Simulation simulation(scene, monotonic_now_ns);
+        int step = 0;
+        while (!simulation.step(simulation.scripted_input(10'000'000 * std::int64_t{step})).in_contact) {
+            ++step;
+        }
+        state.ResumeTiming();
+        for (int i = 0; i < kSteps; ++i) {
+            const StepResult result = simulation.step(simulation.scripted_input(10'000'000 * std::int64_t{++step}));
+            ccd.push_back(result.times.ccd_ns);
+            popout.push_back(result.times.popout_ns);
+            proxy.push_back(result.times.proxy_ns);
+            collide.push_back(result.times.collide_ns);
+            deform.push_back(result.times.deform_ns);
+            total.push_back(result.times.total_ns);
+        }
+    }
+    state.SetItemsProcessed(state.iterations() * kSteps);
+    state.counters["ccd_us"] = median_us(ccd);
+    state.counters["popout_us"] = median_us(popout);
+    state.counters["proxy_us"] = median_us(proxy);
+    state.counters["collide_us"] = median_us(collide);
+    state.counters["deform_us"] = median_us(deform);
+    state.counters["total_us"] = median_us(total);
+}
+BENCHMARK(cloth_step_in_contact)->Unit(benchmark::kMillisecond);
+
+/// 1,089 groups and 4,160 links, as many passes as the argument says: 2 is what a curtain needs.
+void dynamics(benchmark::State& state) {
+    const FlushDenormals flush;
+    ParticleModel model = make_cloth_particles({}, 0.3, 1.0);
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        model.position[i].y += 0.01 * static_cast<double>(i % 7);
+    }
+    ParticleSolver solver(model, {.iterations = static_cast<int>(state.range(0)),
+                                  .rotation_iterations = static_cast<int>(state.range(1))});
+    for (auto iteration : state) {
+        solver.step(model, {});
+    }
+}
+BENCHMARK(dynamics)
+    ->ArgNames({"iterations", "rotation_iterations"})
+    ->Args({2, 1})
+    ->Args({2, 2})
+    ->Args({8, 2})
+    ->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace haptic::sim
+
+BENCHMARK_MAIN();
