@@ -72,6 +72,6 @@ function(haptic_benchmark name)
     target_link_libraries(${name} PRIVATE haptic_options ${arg_LIBRARIES} benchmark::benchmark)
     # The library's macros use __COUNTER__, which newer clang reports as an extension.
     if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 22)
-        target_compile_options(${name} PRIVATE -Wno-c2y-extensions)
+        set_source_files_properties(${arg_SOURCES} PROPERTIES COMPILE_OPTIONS -Wno-c2y-extensions)
     endif()
 endfunction()
