@@ -91,16 +91,21 @@ struct alignas(64) Receipt {
     std::atomic<bool> stop{false};
 };
 
+/// Memory that this process and its children share.
+void* shared_memory(std::size_t bytes) {
+    void* memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (memory == MAP_FAILED) {
+        throw std::runtime_error("no memory to share");
+    }
+    return memory;
+}
+
 /// A process on another core that spins on the ring and notes when it has each frame.
 class SpinningReader {
   public:
     /// `whole`: when the frame was copied; otherwise when its publication was seen.
     SpinningReader(int core, bool whole) {
-        void* const memory = mmap(nullptr, sizeof(Receipt), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-        if (memory == MAP_FAILED) {
-            throw std::runtime_error("no memory to share");
-        }
-        receipt_ = new (memory) Receipt;
+        receipt_ = new (shared_memory(sizeof(Receipt))) Receipt;
         child_ = fork();
         if (child_ == 0) {
             spin(core, whole);

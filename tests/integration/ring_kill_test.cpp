@@ -29,7 +29,9 @@ using test::start_process;
 using test::wait_for;
 
 constexpr int kKills = 200;
-constexpr std::int64_t kPatience_ns = 10 * kNanosecondsPerSecond;
+constexpr unsigned kProcesses = 8;  // that come and go at once
+constexpr int kRounds = 50;
+constexpr std::int64_t kPatience = 10 * kNanosecondsPerSecond;  // ns
 
 /// When the next victim dies: one in four while it starts, the others at some point of their work.
 class Death {
@@ -42,7 +44,7 @@ class Death {
         if (begin_ns_ == 0 && (at_start_ || working)) {
             begin_ns_ = now_ns;
         }
-        return begin_ns_ != 0 ? now_ns - begin_ns_ >= delay_ns_ : now_ns - born_ns_ > kPatience_ns;
+        return begin_ns_ != 0 ? now_ns - begin_ns_ >= delay_ns_ : now_ns - born_ns_ > kPatience;
     }
 
   private:
@@ -194,7 +196,7 @@ TEST(RingKill, TheWriterGoesOnThroughTwoHundredKilledReaders) {
 /// Waits for a condition that another process brings about.
 template <class Condition>
 bool comes_true(const Condition& condition) {
-    const std::int64_t deadline_ns = monotonic_now_ns() + kPatience_ns;
+    const std::int64_t deadline_ns = monotonic_now_ns() + kPatience;
     while (!condition()) {
         if (monotonic_now_ns() > deadline_ns) {
             return false;
@@ -251,8 +253,6 @@ TEST(RingKill, AStoppedReaderDoesNotHoldTheWriterUp) {
 
 TEST(RingKill, ManyProcessesThatStartAndEndAtOnceShareTheRolesAndLeaveNothing) {
     const RingSession session;
-    constexpr int kProcesses = 8;
-    constexpr int kRounds = 50;
     // Each tries both roles again and again. A role is taken or it is not; anything else is an error.
     const auto come_and_go = [&](unsigned seed) {
         std::mt19937 random(seed);

@@ -15,7 +15,7 @@ using test::TemporaryDirectory;
 
 TEST(Report, SummarisesInMicroseconds) {
     Histogram histogram;
-    for (int i = 1; i <= 1000; ++i) {
+    for (std::int64_t i = 1; i <= 1000; ++i) {
         histogram.record(i * 1000);
     }
     const nlohmann::json summary = summary_us(histogram);

@@ -12,6 +12,7 @@ namespace haptic::detail {
 namespace {
 
 constexpr std::size_t kWords = 40;
+constexpr std::uint64_t kFrames = 200'000;
 using Frame = std::array<std::uint64_t, kWords>;
 
 /// Every word of a frame follows from its sequence and place, so that one word of another frame shows.
@@ -114,7 +115,6 @@ TEST_F(RingMemoryTest, WorksUpToTheLastSequence) {
 }
 
 TEST_F(RingMemoryTest, TwoThreadsNeverSeeATornFrame) {
-    constexpr std::uint64_t kFrames = 200'000;
     std::thread writer([&] {
         for (std::uint64_t sequence = 1; sequence <= kFrames; ++sequence) {
             publish(sequence);
