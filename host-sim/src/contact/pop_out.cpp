@@ -7,6 +7,14 @@
 
 namespace haptic::sim {
 
+namespace {
+
+// On its way out the sphere may come nearer to a triangle that is not in its way yet, but not by more than this share
+// of its distance: the centre stays on its side.
+constexpr double kRelease = 0.5;
+
+}  // namespace
+
 PopOut pop_out(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
                const ContactSettings& settings, ProxyPath* path) noexcept {
     // Half-way between found and placed: clear enough not to be popped again, and reached in spite of rounding.
@@ -36,7 +44,7 @@ PopOut pop_out(std::span<const MovingSurface> surfaces, const Vec3& center, doub
         if (length > radius) {
             move *= radius / length;  // planes speak for the neighbourhood of their points only
         }
-        move *= free_fraction(surfaces, result.position, move, radius * settings.shrink, settings.shrink);
+        move *= free_fraction(surfaces, result.position, move, room.radius * settings.shrink, kRelease);
         result.position += move;
         if (path != nullptr) {
             path->append(1.0, result.position);

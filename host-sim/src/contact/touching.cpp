@@ -12,8 +12,9 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr int kRoomBisections = 26;  // to 1e-8 of the radius
-constexpr double kSame = 1e-9;       // of the reach: touched points nearer to one another are the same
+constexpr int kRoomBisections = 26;    // to 1e-8 of the radius
+constexpr double kFaceShare = 0.9999;  // of the distance to the border that the face must be away
+constexpr double kSame = 1e-9;         // of the reach: touched points nearer to one another are the same
 
 /// Whether the box about the corners, grown by `reach`, holds the point.
 bool near_box(const TriangleCorners& t, const Vec3& p, double reach) noexcept {
@@ -38,6 +39,21 @@ Vec3 direction(const Vec3& from, const Vec3& to, double distance, const Triangle
     const Vec3 n = glm::cross(t.b - t.a, t.c - t.a);
     const double length = std::sqrt(glm::dot(n, n));
     return length > 0.0 ? n / length : Vec3(0.0, 1.0, 0.0);
+}
+
+/// Lets the face bound the proxy in place of the tangent plane at its border, where the proxy is clear of both.
+void take_face(Touching& t, const Vec3& center) noexcept {
+    const Vec3 n = glm::cross(t.corners.b - t.corners.a, t.corners.c - t.corners.a);
+    const double length = std::sqrt(glm::dot(n, n));
+    if (!(length > 0.0)) {
+        return;
+    }
+    const Vec3 up = n * ((glm::dot(n, t.normal) < 0.0 ? -1.0 : 1.0) / length);
+    // As far as the sphere goes, so that the exchange never asks it to move.
+    if (glm::dot(up, center - t.point) >= kFaceShare * t.distance) {
+        t.normal = up;
+        t.at.feature = Feature::Face;
+    }
 }
 
 }  // namespace
@@ -87,10 +103,11 @@ void TouchingSet::gather(std::span<const MovingSurface> surfaces, double time, c
             found.normal = direction(found.point, center, found.distance, corners);
             found.object = object;
             found.triangle = triangle;
+            found.corners = corners;
             insert(found, kSame * reach);
         });
     }
-    remove_implied(kSame * reach);
+    remove_implied(center, kSame * reach);
 }
 
 void TouchingSet::insert(const Touching& found, double same) noexcept {
@@ -102,6 +119,7 @@ void TouchingSet::insert(const Touching& found, double same) noexcept {
                 points_[k].object = found.object;
                 points_[k].triangle = found.triangle;
                 points_[k].at = found.at;
+                points_[k].corners = found.corners;
             }
             return;
         }
@@ -119,16 +137,26 @@ void TouchingSet::insert(const Touching& found, double same) noexcept {
     points_[k] = found;
 }
 
-void TouchingSet::remove_implied(double tolerance) noexcept {
+void TouchingSet::remove_implied(const Vec3& center, double tolerance) noexcept {
     std::size_t kept = 0;
     for (std::size_t k = 0; k < count_; ++k) {
         bool implied = false;
+        bool rises = false;
         for (std::size_t i = 0; i < kept && !implied; ++i) {
-            implied = glm::dot(points_[i].normal, points_[k].point - points_[i].point) <= tolerance;
+            const auto above = [&](const Vec3& x) { return glm::dot(points_[i].normal, x - points_[i].point); };
+            const TriangleCorners& t = points_[k].corners;
+            if (above(points_[k].point) <= tolerance) {
+                implied = std::max({above(t.a), above(t.b), above(t.c)}) <= tolerance;
+                rises = true;
+            }
         }
-        if (!implied) {
-            points_[kept++] = points_[k];
+        if (implied) {
+            continue;
         }
+        if (rises && points_[k].at.feature != Feature::Face) {
+            take_face(points_[k], center);
+        }
+        points_[kept++] = points_[k];
     }
     count_ = kept;
 }

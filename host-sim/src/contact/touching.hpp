@@ -26,11 +26,12 @@ inline constexpr std::size_t kMaxTouching = 48;  // the nearest are kept; more t
 /// One touched point.
 struct Touching {
     Vec3 point{0.0};
-    Vec3 normal{0.0};  // unit, from the point to the centre
+    Vec3 normal{0.0};  // unit, from the point to the centre, or of the face where that bounds more (see gather)
     double distance = 0.0;
     std::uint32_t object = 0;
     std::uint32_t triangle = 0;
     ClosestPoint at;
+    TriangleCorners corners;
 };
 
 /// Surfaces that were let through in this step: no longer collided with.
@@ -64,8 +65,10 @@ struct Ignored {
 class TouchingSet {
   public:
     /// Collects the points within `reach` of a centre at a time of the step, nearest first, each point once, and leaves
-    /// out those that another one implies: a point on or behind the plane through a nearer touched point is kept at a
-    /// distance by that plane. So the inner edges of a flat or convex surface give no planes of their own.
+    /// out what another one implies: a triangle that is wholly behind the tangent plane of a nearer point is kept at a
+    /// distance by that plane. So the inner edges of a flat or convex surface give no planes of their own. Of a
+    /// triangle that begins behind such a plane and rises out of it (the other side of a valley) the face is taken:
+    /// that is what the sphere will meet, not the border from which it rises.
     void gather(std::span<const MovingSurface> surfaces, double time, const Vec3& center, double reach,
                 const Ignored* ignored) noexcept;
 
@@ -78,7 +81,7 @@ class TouchingSet {
 
   private:
     void insert(const Touching& found, double same) noexcept;
-    void remove_implied(double tolerance) noexcept;
+    void remove_implied(const Vec3& center, double tolerance) noexcept;
 
     std::array<Touching, kMaxTouching> points_;
     std::size_t count_ = 0;

@@ -61,7 +61,7 @@ class Walker {
                 return result;
             }
             if (!roll(room)) {
-                walk(move);
+                walk(move, room.radius);
             }
         }
     }
@@ -89,9 +89,10 @@ class Walker {
         return stalled;
     }
 
-    /// Straight on as far as nothing is in the way. True if it came all the way.
-    bool walk(const Vec3& move) noexcept {
-        const double free = free_fraction(surfaces_, position_, move, radius_ * settings_.shrink, settings_.shrink);
+    /// Straight on as far as nothing is in the way of as much of the sphere as there is room for here. True if it came
+    /// all the way.
+    bool walk(const Vec3& move, double room) noexcept {
+        const double free = free_fraction(surfaces_, position_, move, room * settings_.shrink, settings_.shrink);
         position_ += move * free;
         if (path_ != nullptr) {
             path_->append(1.0, position_);
@@ -122,8 +123,8 @@ class Walker {
             return false;
         }
         const Vec3 corner = pivot + (n + t.normal) * (radius_ / (1.0 + turn));
-        if (walk(corner - position_)) {
-            walk(pivot + n * radius_ - position_);
+        if (walk(corner - position_, radius_)) {
+            walk(pivot + n * radius_ - position_, radius_);
         }
         return true;
     }

@@ -1,0 +1,186 @@
+#include "haptic/sim/contact/virtual_proxy.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "contact/oracle.hpp"
+#include "contact/scenes.hpp"
+
+namespace {
+
+using haptic::Mat3;
+using haptic::Vec3;
+using haptic::sim::ProxyMove;
+using haptic::sim::oracle::Random;
+using haptic::sim::scenes::ball;
+using haptic::sim::scenes::Body;
+using haptic::sim::scenes::box;
+using haptic::sim::scenes::placed;
+using haptic::sim::scenes::rotation;
+using haptic::sim::scenes::sheet;
+using haptic::sim::scenes::Step;
+using haptic::sim::scenes::World;
+
+constexpr double kRadius = 0.03;
+
+ProxyMove move(World& world, const Vec3& from, const Vec3& goal) {
+    return haptic::sim::move_proxy(world.surfaces, from, goal, kRadius, 0.01, {});
+}
+
+/// Whether some place near `p` that is clear of everything is nearer to the goal by more than `gain`.
+bool can_do_better(const World& world, const Vec3& p, const Vec3& goal, Random& random, double gain) {
+    for (int k = 0; k < 200; ++k) {
+        const Vec3 q = p + random.direction() * (kRadius * random.uniform(0.02, 0.1));
+        if (glm::length(q - goal) < glm::length(p - goal) - gain && world.clearance(q) >= kRadius) {
+            return true;
+        }
+    }
+    return false;
+}
+
+TEST(VirtualProxy, GoesToAGoalThatIsFree) {
+    World world;
+    world.add(sheet(1.0, 4, true));
+    world.refit();
+    const ProxyMove m = move(world, {0, 0.1, 0}, {0.2, 0.05, 0.1});
+    EXPECT_EQ(m.position, Vec3(0.2, 0.05, 0.1));
+    EXPECT_EQ(m.contacts.count, 0u);
+    EXPECT_TRUE(m.converged);
+}
+
+TEST(VirtualProxy, RestsOnAPlaneAboveTheGoal) {
+    World world;
+    world.add(sheet(1.0, 8, true));
+    world.refit();
+    const ProxyMove m = move(world, {0.013, 0.1, 0.02}, {0.21, -0.4, 0.11});
+    EXPECT_NEAR(glm::length(m.position - Vec3(0.21, kRadius, 0.11)), 0.0, 1e-9);
+    ASSERT_EQ(m.contacts.count, 1u);
+    EXPECT_NEAR(glm::length(m.contacts.plane[0].normal - Vec3(0, 1, 0)), 0.0, 1e-9);
+    EXPECT_NEAR(m.contacts.plane[0].offset, kRadius, 1e-9);
+    const auto& touched = m.contacts.plane[0].touched;
+    const auto& t = world.bodies[0]->mesh.triangles[touched.triangle];
+    Vec3 point(0.0);
+    for (int k = 0; k < 3; ++k) {
+        point += world.bodies[0]->end[t[static_cast<std::size_t>(k)]] * touched.weights[k];
+    }
+    EXPECT_NEAR(glm::length(point - Vec3(0.21, 0, 0.11)), 0.0, 1e-9);
+}
+
+TEST(VirtualProxy, SlidesOverTheInnerEdgesOfAFlatSheetWithoutNoticing) {
+    World world;
+    world.add(sheet(1.0, 40, true));
+    world.refit();
+    Vec3 p(-0.4, kRadius, -0.3);
+    for (int k = 0; k < 100; ++k) {
+        const Vec3 goal(-0.4 + 0.008 * k, -0.02, -0.3 + 0.006 * k);
+        const ProxyMove m = move(world, p, goal);
+        ASSERT_NEAR(glm::length(m.position - Vec3(goal.x, kRadius, goal.z)), 0.0, 1e-9) << k;
+        ASSERT_LE(m.iterations, 3) << k;
+        p = m.position;
+    }
+}
+
+TEST(VirtualProxy, SettlesInAConcaveEdgeAndInACornerOfThreePlanes) {
+    World world;
+    world.add(box({0.5, 0.5, 0.5}));
+    world.refit();
+    const ProxyMove edge = move(world, {0.1, 0.1, 0.1}, {0.8, 0.9, 0.2});
+    EXPECT_NEAR(glm::length(edge.position - Vec3(0.47, 0.47, 0.2)), 0.0, 1e-9);
+    EXPECT_EQ(edge.contacts.count, 2u);
+    const ProxyMove corner = move(world, {0.1, 0.1, 0.1}, {0.8, 0.9, 1.2});
+    EXPECT_NEAR(glm::length(corner.position - Vec3(0.47)), 0.0, 1e-9);
+    EXPECT_EQ(corner.contacts.count, 3u);
+}
+
+TEST(VirtualProxy, RollsAboutAConvexEdgeAndACornerToTheNearestPoint) {
+    World world;
+    world.add(box({0.5, 0.5, 0.5}));
+    world.refit();
+    // Goals just inside the box: the nearest place is straight out from the edge or the corner.
+    const Vec3 by_edge(0.505, 0.51, 0.1);
+    const ProxyMove edge = move(world, {0.45, 0.6, 0.1}, by_edge);
+    const Vec3 on_edge = Vec3(0.5, 0.5, 0.1) + glm::normalize(Vec3(0.005, 0.01, 0)) * kRadius;
+    EXPECT_NEAR(glm::length(edge.position - on_edge), 0.0, 1e-4 * kRadius);
+    ASSERT_EQ(edge.contacts.count, 1u);
+    EXPECT_EQ(edge.contacts.plane[0].touched.feature, haptic::sim::Feature::Edge);
+    const ProxyMove corner = move(world, {0.45, 0.6, 0.45}, {0.506, 0.51, 0.507});
+    const Vec3 on_corner = Vec3(0.5) + glm::normalize(Vec3(0.006, 0.01, 0.007)) * kRadius;
+    EXPECT_NEAR(glm::length(corner.position - on_corner), 0.0, 1e-4 * kRadius);
+    EXPECT_EQ(corner.contacts.plane[0].touched.feature, haptic::sim::Feature::Vertex);
+}
+
+TEST(VirtualProxy, EndsWhereNoPlaceNearbyIsNearerToTheGoal) {
+    Random random(60);
+    World world;
+    Body& hills = world.add(sheet(1.0, 24, true));
+    for (Vec3& v : hills.end) {
+        v.y = 0.06 * std::sin(17.0 * v.x) * std::cos(13.0 * v.z);
+    }
+    hills.start = hills.end;
+    world.refit();
+    Vec3 p(0, 0.2, 0);
+    int contacts = 0;
+    for (int k = 0; k < 150; ++k) {
+        const Vec3 goal(random.uniform(-0.4, 0.4), random.uniform(-0.15, 0.1), random.uniform(-0.4, 0.4));
+        const ProxyMove m = move(world, p, goal);
+        ASSERT_TRUE(m.converged) << k;
+        ASSERT_GE(world.clearance(m.position), 0.998 * kRadius) << k;
+        ASSERT_FALSE(can_do_better(world, m.position, goal, random, 3e-3 * kRadius)) << k;
+        contacts += m.contacts.count > 0 ? 1 : 0;
+        p = m.position;
+    }
+    EXPECT_GT(contacts, 60);
+}
+
+TEST(VirtualProxy, NeverGetsIntoOrOutOfAClosedMeshOnALongRandomWalk) {
+    for (const bool inside : {false, true}) {
+        for (const bool round : {false, true}) {
+            Random random(61u + (inside ? 1u : 0u) + (round ? 2u : 0u));
+            World world;
+            Body& body = world.add(round ? ball(0.3, 8) : box({0.3, 0.25, 0.35}));
+            Vec3 p = inside ? Vec3(0.01, 0.02, 0.03) : Vec3(0.01, 0.45, 0.02);
+            Vec3 hip = p;
+            Mat3 attitude(1.0);
+            Vec3 place(0.0);
+            int touched = 0;
+            for (int k = 0; k < 500; ++k) {
+                // The body tumbles by up to a twentieth of a radian and 20 mm a step, the hip by up to 100 mm.
+                attitude = rotation(random.direction(), random.uniform(-0.05, 0.05)) * attitude;
+                place = place * 0.95 + random.in_cube(0.02);
+                body.stay();
+                body.end = placed(body.mesh.vertices, attitude, place);
+                world.refit();
+                hip = hip * 0.93 + random.in_cube(0.1);
+                const Step s = step(world, p, hip, kRadius);
+                ASSERT_TRUE(s.crossings.empty()) << k;
+                ASSERT_FALSE(s.secure.let_through) << k;
+                p = s.moved.position;
+                ASSERT_NEAR(haptic::sim::winding_number(body.end, body.mesh.triangles, p), inside ? 1.0 : 0.0, 1e-6)
+                    << k;
+                ASSERT_GE(world.clearance(p), 0.998 * kRadius) << k;
+                touched += s.moved.contacts.count > 0 ? 1 : 0;
+            }
+            EXPECT_GT(touched, 30);
+        }
+    }
+}
+
+TEST(VirtualProxy, StaysInASlitThatIsTooNarrowAndSlidesAlongIt) {
+    World world;
+    Body& below = world.add(sheet(1.0, 8, true));
+    Body& above = world.add(sheet(1.0, 8, true));
+    below.start = below.end = placed(below.mesh.vertices, Mat3(1.0), {0, -0.02, 0});
+    above.start = above.end = placed(above.mesh.vertices, Mat3(1.0), {0, 0.02, 0});
+    world.refit();
+    const Step s = step(world, {0, 0.001, 0}, {0.1, 0.4, 0.05}, kRadius);
+    EXPECT_TRUE(s.crossings.empty());
+    EXPECT_TRUE(s.popped.squeezed);
+    EXPECT_NEAR(s.moved.position.x, 0.1, 1e-3);
+    EXPECT_NEAR(s.moved.position.z, 0.05, 1e-3);
+    EXPECT_LT(std::abs(s.moved.position.y), 0.02);
+    EXPECT_GE(s.moved.contacts.count, 1u);
+}
+
+}  // namespace
