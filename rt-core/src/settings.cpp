@@ -49,6 +49,7 @@ void read_device(const Config& config, TickSettings& tick) {
         config.number("velocity.time_constant_s", tick.velocity_time_constant_s, {0.0, 0.1});
     tick.tension_effort = config.number("tension.effort", tick.tension_effort, {1e-12, 1.0});
     tick.tension_continuity = config.number("tension.continuity", tick.tension_continuity, {0.0, 1.0});
+    tick.tension_rate = config.number("tension.rate", tick.tension_rate, {10.0, 1e6});
 }
 
 void read_force(const Config& config, TickSettings& tick) {

@@ -34,6 +34,7 @@ const TickSettings& checked(const TickSettings& settings) {
     require(settings.limits.force >= 0.0 && settings.limits.torque >= 0.0 && settings.limits.force_rate > 0.0 &&
                 settings.limits.torque_rate > 0.0,
             "limits of the wrench must not be negative, and those of its rate must be positive");
+    require(settings.tension_rate > 0.0, "tension_rate must be positive");
     require(settings.black_box_ns >= settings.period_ns, "black_box_ns must hold at least one tick");
     return settings;
 }
@@ -49,6 +50,7 @@ TensionSettings tension_settings(const TickSettings& settings) {
     result.torque_scale = radius > 0.0 ? 1.0 / radius : 1.0;
     result.effort = settings.tension_effort;
     result.continuity = settings.tension_continuity;
+    result.slew = settings.tension_rate * seconds(settings.period_ns);
     return result;
 }
 

@@ -29,6 +29,7 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.tick.velocity_time_constant_s, b.tick.velocity_time_constant_s);
     EXPECT_EQ(a.tick.tension_effort, b.tick.tension_effort);
     EXPECT_EQ(a.tick.tension_continuity, b.tick.tension_continuity);
+    EXPECT_EQ(a.tick.tension_rate, b.tick.tension_rate);
     EXPECT_EQ(a.tick.frames.stale_after_ns, b.tick.frames.stale_after_ns);
     EXPECT_EQ(a.tick.frames.fade_ns, b.tick.frames.fade_ns);
     EXPECT_EQ(a.tick.frames.ramp_ns, b.tick.frames.ramp_ns);
@@ -74,7 +75,7 @@ TEST(Settings, OfTheInstalledFileNameEveryKey) {
             ++keys;
         }
     }
-    EXPECT_EQ(keys, 28) << "as many as read_settings() asks for";
+    EXPECT_EQ(keys, 29) << "as many as read_settings() asks for";
 }
 
 TEST(Settings, TakeWhatTheFileSays) {

@@ -248,6 +248,7 @@ TEST(Tick, LimitsForceAndRateWhateverAFrameAsksFor) {
     TickRig rig;
     rig.run_up();
     Vec3 last(0.0);
+    StringArray last_tensions = rig.tick.last().tensions;
     for (int i = 0; i < 500; ++i) {
         // A floor a metre above the grip, made of steel, that comes and goes.
         rig.publish(floor_frame(i / 100 % 2 == 0 ? 1.0 : -1.0, 1e6, rig.now_ns));
@@ -256,6 +257,12 @@ TEST(Tick, LimitsForceAndRateWhateverAFrameAsksFor) {
         ASSERT_LE(glm::length(now), rig.settings.limits.force + 1e-9);
         ASSERT_LE(glm::length(now - last), rig.settings.limits.force_rate * 1e-3 + 1e-9);
         last = now;
+        for (std::size_t k = 0; k < kStrings; ++k) {
+            const double tension = rig.tick.last().tensions[k];
+            ASSERT_LE(tension, rig.settings.variant.maximum_tension);
+            ASSERT_LE(std::fabs(tension - last_tensions[k]), rig.settings.tension_rate * 1e-3 + kDigit_n);
+            last_tensions[k] = tension;
+        }
     }
     EXPECT_EQ(rig.tick.instruments().peak_force, rig.settings.limits.force);
 }

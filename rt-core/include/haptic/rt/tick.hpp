@@ -35,8 +35,9 @@ struct TickSettings {
     std::int64_t period_ns = 1'000'000;       // ns, between ticks
     double maximum_string_speed = 2.0;        // m/s; what is faster is an encoder fault
     double velocity_time_constant_s = 0.004;  // s
-    double tension_effort = 1e-6;             // TensionSettings::effort
-    double tension_continuity = 1e-6;         // TensionSettings::continuity
+    double tension_effort = 1e-5;             // 1, TensionSettings::effort
+    double tension_continuity = 1e-5;         // 1, TensionSettings::continuity
+    double tension_rate = 3000.0;  // N/s, of one string; above what the limits of the wrench's rate can cause
     FrameSettings frames;
     WrenchLimits limits;
     SafetySettings safety;
