@@ -29,6 +29,20 @@ struct Progress {
     std::atomic<std::uint64_t> published{0};
 };
 
+/// Spins for a while, since what it waits for is mostly a few hundred nanoseconds away, then lets others run.
+class SpinWait {
+  public:
+    void pause() {
+        if (++spins_ % kSpins == 0) {
+            sched_yield();
+        }
+    }
+
+  private:
+    static constexpr unsigned kSpins = 128;
+    unsigned spins_ = 0;
+};
+
 /// Publishes without pause in bursts of up to 16 frames, twice round the ring; then lets the reader take one, so
 /// that the two make headway on one core as well. The ring itself never waits.
 template <class Slot>
@@ -37,13 +51,14 @@ int publish_until_enough(const std::string& session, Progress& progress) {
     std::mt19937 random(7);
     auto slot = std::make_unique<Slot>();
     std::uint64_t sequence = 0;
+    SpinWait wait;
     while (!progress.enough.load()) {
         const std::uint64_t burst_begin = sequence;
         for (std::uint64_t left = 1 + random() % 16; left > 0; --left) {
             sequence = writer.publish_pattern(*slot, 0);
         }
         while (progress.taken.load() <= burst_begin && !progress.enough.load()) {
-            sched_yield();
+            wait.pause();
         }
     }
     progress.published.store(sequence);
@@ -73,11 +88,12 @@ void expect_whole_frames(std::uint64_t wanted) {
         progress->taken.store(last);
         return true;
     };
+    SpinWait wait;
     for (std::uint64_t taken = 0; taken < wanted;) {
         if (take()) {
             ++taken;
         } else {
-            sched_yield();
+            wait.pause();
         }
     }
     progress->enough.store(true);

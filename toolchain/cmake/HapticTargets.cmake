@@ -53,15 +53,19 @@ endfunction()
 
 # haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, each test known to ctest.
 function(haptic_test name)
-    cmake_parse_arguments(arg "" "LABEL;TIMEOUT" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
+    cmake_parse_arguments(arg "" "LABEL;TIMEOUT;PROCESSORS" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
     if(NOT arg_TIMEOUT)
         set(arg_TIMEOUT 120)
+    endif()
+    if(NOT arg_PROCESSORS)
+        set(arg_PROCESSORS 1)
     endif()
     add_executable(${name} ${arg_SOURCES})
     set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
     target_link_libraries(${name} PRIVATE haptic_options ${arg_LIBRARIES} GTest::gmock GTest::gtest_main)
     target_compile_definitions(${name} PRIVATE ${arg_DEFINITIONS})
-    gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES LABELS ${arg_LABEL} TIMEOUT ${arg_TIMEOUT})
+    gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES LABELS ${arg_LABEL} TIMEOUT ${arg_TIMEOUT}
+                         PROCESSORS ${arg_PROCESSORS})
 endfunction()
 
 # haptic_benchmark(NAME SOURCES ... LIBRARIES ...): one Google Benchmark executable, run by toolchain/bench.
