@@ -154,8 +154,14 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force) {
     for (int s = 0; s < settings_.substeps; ++s) {
         predict(model, force, h);
         for (int i = 0; i < settings_.iterations; ++i) {
-            project_links();
-            project_groups(model);
+            // There and back, so that no direction of the order is preferred.
+            if (i % 2 == 0) {
+                project_links(links_.begin(), links_.end());
+                project_groups(model, groups_.begin(), groups_.end());
+            } else {
+                project_links(links_.rbegin(), links_.rend());
+                project_groups(model, groups_.rbegin(), groups_.rend());
+            }
         }
         update(model, h);
     }
@@ -182,8 +188,10 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
     }
 }
 
-void ParticleSolver::project_links() {
-    for (const OrderedLink& link : links_) {
+template <class Iterator>
+void ParticleSolver::project_links(Iterator begin, Iterator end) {
+    for (Iterator it = begin; it != end; ++it) {
+        const OrderedLink& link = *it;
         Vec3& a = next_[link.first];
         Vec3& b = next_[link.second];
         const Vec3 between = b - a;
@@ -196,9 +204,10 @@ void ParticleSolver::project_links() {
     }
 }
 
-void ParticleSolver::project_groups(ParticleModel& model) {
-    for (const OrderedGroup& group : groups_) {
-        project_group(model, group);
+template <class Iterator>
+void ParticleSolver::project_groups(ParticleModel& model, Iterator begin, Iterator end) {
+    for (Iterator it = begin; it != end; ++it) {
+        project_group(model, *it);
     }
 }
 

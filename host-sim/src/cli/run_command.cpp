@@ -108,7 +108,17 @@ class Run {
     std::uint64_t late_ = 0;
 };
 
+/// Finds out before a long run, not after it, that a result could not be written.
+void require_folder_of(const std::string& file) {
+    const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+    if (!folder.empty() && !std::filesystem::is_directory(folder)) {
+        throw std::runtime_error(file + ": the folder " + folder.string() + " does not exist");
+    }
+}
+
 Run::Run(const RunOptions& options) : options_(options) {
+    require_folder_of(options.report);
+    require_folder_of(options.record);
     Config config = open_scene(options.scene);
     for (const std::string& assignment : options.assignments) {
         config.set(assignment);
