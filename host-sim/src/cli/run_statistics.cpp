@@ -151,9 +151,9 @@ void RunStatistics::write_record(const std::filesystem::path& file) const {
     for (const Row& r : rows_) {
         const Vec3& x = r.device.position;
         const Quat& q = r.device.orientation;
-        csv.row(std::array{seconds(r.time_ns - begin_ns), x.x, x.y, x.z, q.w, q.x, q.y, q.z, r.proxy.x, r.proxy.y,
-                           r.proxy.z, r.hip.x, r.hip.y, r.hip.z, r.hand_force.x, r.hand_force.y, r.hand_force.z,
-                           r.in_contact ? 1.0 : 0.0, r.step_us});
+        csv.row(std::array{static_cast<double>(r.time_ns - begin_ns) / 1e9, x.x, x.y, x.z, q.w, q.x, q.y, q.z,
+                           r.proxy.x, r.proxy.y, r.proxy.z, r.hip.x, r.hip.y, r.hip.z, r.hand_force.x, r.hand_force.y,
+                           r.hand_force.z, r.in_contact ? 1.0 : 0.0, r.step_us});
     }
     csv.close();
 }
