@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
     };
     add("run", "Run a scene", haptic::sim::add_run_command);
     add("scenes", "List the built-in scenes", haptic::sim::add_scenes_command);
+    add("query", "Answer single queries of the contact code", haptic::sim::add_query_command);
     CLI11_PARSE(app, argc, argv);
     try {
         for (const auto& [subcommand, command] : commands) {
