@@ -94,11 +94,7 @@ Hit sweep(std::span<const MovingSurface> surfaces, const Piece& piece, const Ign
             const TriangleCorners t1 = corners_of(motion, triangle, piece.to_time);
             const MovingTriangle relative{{t0.a - piece.from, t0.b - piece.from, t0.c - piece.from},
                                           {t1.a - piece.to, t1.b - piece.to, t1.c - piece.to}};
-            const auto& [s, e] = relative;
-            const Vec3 low = glm::min(glm::min(glm::min(s.a, s.b), glm::min(s.c, e.a)), glm::min(e.b, e.c));
-            const Vec3 high = glm::max(glm::max(glm::max(s.a, s.b), glm::max(s.c, e.a)), glm::max(e.b, e.c));
-            if (std::max({low.x, low.y, low.z}) > piece.radius || std::min({high.x, high.y, high.z}) < -piece.radius ||
-                ignored.has(object, triangle)) {
+            if (ignored.has(object, triangle)) {
                 return;
             }
             const TriangleTouch touch =

@@ -1,6 +1,7 @@
 #include "haptic/sim/contact/swept_tree.hpp"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
@@ -13,6 +14,29 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kMostInLeaf = 16;   // a child with no more triangles is a leaf
 constexpr std::size_t kLeastToSplit = 7;  // a child with fewer is not split further to fill its node
+
+using Pair = SweptTree::Pair;
+using Bounds = SweptTree::Bounds;
+
+constexpr Bounds kEmpty{Pair{kInfinity, kInfinity}, Pair{kInfinity, kInfinity}, Pair{kInfinity, kInfinity}};
+
+inline Pair least(const Pair& x, const Pair& y) noexcept {
+    return x < y ? x : y;
+}
+
+inline Bounds bounds_of(const Vec3& x) noexcept {
+    return {Pair{x.x, x.y}, Pair{x.z, -x.x}, Pair{-x.y, -x.z}};
+}
+
+inline void enclose(Bounds& box, const Bounds& other) noexcept {
+    box.xy = least(box.xy, other.xy);
+    box.zx = least(box.zx, other.zx);
+    box.yz = least(box.yz, other.yz);
+}
+
+inline Box box_of(const Bounds& b) noexcept {
+    return {Vec3(b.xy[0], b.xy[1], b.zx[0]), Vec3(-b.zx[1], -b.yz[0], -b.yz[1])};
+}
 
 Box empty_box() noexcept {
     return {Vec3(kInfinity), Vec3(-kInfinity)};
@@ -107,8 +131,8 @@ struct SweptTree::Builder {
         const auto index = static_cast<std::uint32_t>(tree.nodes_.size());
         Node node{};
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            node.low[axis].fill(kInfinity);
-            node.high[axis].fill(-kInfinity);
+            node.low[axis].fill(kEmpty.xy);
+            node.minus_high[axis].fill(kEmpty.xy);
         }
         tree.nodes_.push_back(node);
         tree.parents_.push_back(parent);
@@ -124,7 +148,7 @@ struct SweptTree::Builder {
 };
 
 SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles)
-    : bounds_(empty_box()), displacement_{} {
+    : vertex_bounds_(rest.size(), kEmpty), bounds_(empty_box()), displacement_{} {
     Builder builder{*this, triangles, {}, {}, {}};
     builder.centres.reserve(triangles.size());
     for (std::size_t k = 0; k < triangles.size(); ++k) {
@@ -149,46 +173,53 @@ SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> trian
 }
 
 void SweptTree::refit(const SurfaceMotion& motion) noexcept {
+    fit_vertices(motion);
     for (const Leaf& leaf : leaves_) {
-        Box box = empty_box();
+        Bounds box = kEmpty;
         for (std::uint32_t k = leaf.vertices_begin; k < leaf.vertices_end; ++k) {
-            const Vec3& x0 = motion.start[leaf_vertices_[k]];
-            const Vec3& x1 = motion.end[leaf_vertices_[k]];
-            box.low = glm::min(box.low, glm::min(x0, x1));
-            box.high = glm::max(box.high, glm::max(x0, x1));
+            enclose(box, vertex_bounds_[leaf_vertices_[k]]);
         }
-        Node& node = nodes_[leaf.node];
-        for (int axis = 0; axis < 3; ++axis) {
-            node.low[static_cast<std::size_t>(axis)][leaf.slot] = box.low[axis];
-            node.high[static_cast<std::size_t>(axis)][leaf.slot] = box.high[axis];
-        }
+        store(nodes_[leaf.node], leaf.slot, box);
     }
     for (std::size_t index = nodes_.size(); index-- > 0;) {
         const Node& node = nodes_[index];
-        Box box = empty_box();
-        for (int axis = 0; axis < 3; ++axis) {
-            for (std::size_t k = 0; k < kWidth; ++k) {
-                box.low[axis] = std::min(box.low[axis], node.low[static_cast<std::size_t>(axis)][k]);
-                box.high[axis] = std::max(box.high[axis], node.high[static_cast<std::size_t>(axis)][k]);
-            }
-        }
-        if (index == 0) {
-            bounds_ = box;
-            break;
-        }
-        Node& parent = nodes_[parents_[index] / kWidth];
-        const std::size_t slot = parents_[index] % kWidth;
-        for (int axis = 0; axis < 3; ++axis) {
-            parent.low[static_cast<std::size_t>(axis)][slot] = box.low[axis];
-            parent.high[static_cast<std::size_t>(axis)][slot] = box.high[axis];
+        const auto least_of = [](const std::array<Pair, kWidth / 2>& x) {
+            const Pair p = least(least(x[0], x[1]), least(x[2], x[3]));
+            return p[0] < p[1] ? p[0] : p[1];
+        };
+        const Bounds box{Pair{least_of(node.low[0]), least_of(node.low[1])},
+                         Pair{least_of(node.low[2]), least_of(node.minus_high[0])},
+                         Pair{least_of(node.minus_high[1]), least_of(node.minus_high[2])}};
+        if (index > 0) {
+            store(nodes_[parents_[index] / kWidth], parents_[index] % kWidth, box);
+        } else {
+            bounds_ = box_of(box);
         }
     }
-    displacement_ = motion.start.empty() ? Box{} : empty_box();
-    for (std::size_t k = 0; k < motion.start.size(); ++k) {
-        const Vec3 d = motion.end[k] - motion.start[k];
-        displacement_.low = glm::min(displacement_.low, d);
-        displacement_.high = glm::max(displacement_.high, d);
+}
+
+void SweptTree::fit_vertices(const SurfaceMotion& motion) noexcept {
+    Bounds displacement = kEmpty;
+    for (std::size_t v = 0; v < vertex_bounds_.size(); ++v) {
+        const Vec3& x0 = motion.start[v];
+        const Vec3& x1 = motion.end[v];
+        Bounds box = bounds_of(x0);
+        enclose(box, bounds_of(x1));
+        vertex_bounds_[v] = box;
+        enclose(displacement, bounds_of(x1 - x0));
     }
+    displacement_ = vertex_bounds_.empty() ? Box{} : box_of(displacement);
+}
+
+void SweptTree::store(Node& node, std::size_t slot, const Bounds& box) noexcept {
+    const std::size_t pair = slot / 2;
+    const std::size_t half = slot % 2;
+    node.low[0][pair][half] = box.xy[0];
+    node.low[1][pair][half] = box.xy[1];
+    node.low[2][pair][half] = box.zx[0];
+    node.minus_high[0][pair][half] = box.zx[1];
+    node.minus_high[1][pair][half] = box.yz[0];
+    node.minus_high[2][pair][half] = box.yz[1];
 }
 
 }  // namespace haptic::sim

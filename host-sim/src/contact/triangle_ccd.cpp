@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <utility>
 
 namespace haptic::sim {
 
@@ -21,6 +23,14 @@ double longest(const TriangleCorners& t) HAPTIC_RT {
 
 TriangleCorners moved(const TriangleCorners& from, const TriangleCorners& by, double time) HAPTIC_RT {
     return {from.a + by.a * time, from.b + by.b * time, from.c + by.c * time};
+}
+
+/// Whether the box about the whole motion misses that about the sphere.
+bool stays_outside(const TriangleCorners& s, const TriangleCorners& by, double radius) HAPTIC_RT {
+    const TriangleCorners e = moved(s, by, 1.0);
+    const Vec3 low = glm::min(glm::min(glm::min(s.a, s.b), glm::min(s.c, e.a)), glm::min(e.b, e.c));
+    const Vec3 high = glm::max(glm::max(glm::max(s.a, s.b), glm::max(s.c, e.a)), glm::max(e.b, e.c));
+    return std::max({low.x, low.y, low.z}) > radius || std::min({high.x, high.y, high.z}) < -radius;
 }
 
 /// How far ahead the corners stay beyond the plane that is `radius` from the origin and faces the nearest point.
@@ -69,10 +79,12 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
     const TriangleCorners start{triangle.start.a - center, triangle.start.b - center, triangle.start.c - center};
     const TriangleCorners by{triangle.end.a - triangle.start.a, triangle.end.b - triangle.start.b,
                              triangle.end.c - triangle.start.c};
+    TriangleTouch touch;
+    if (stays_outside(start, by, radius)) {
+        return touch;
+    }
     const double fastest = longest(by);
     const double rounding = kRounding * (longest(start) + fastest);
-
-    TriangleTouch touch;
     double ahead = limit;  // longest leap worth trying
     TriangleCorners now = start;
     touch.at = closest_point_on_triangle(Vec3(0.0), now);
@@ -80,8 +92,8 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
     const double threshold = std::min(radius, release * distance);
     for (touch.iterations = 1;; ++touch.iterations) {
         const double gap = distance - threshold;
-        const double tolerance = touch.iterations <= kFineAdvances ? kFine : kCreepTolerance;
-        if (gap <= tolerance * threshold + rounding || touch.iterations >= kMaxAdvances) {
+        const double tolerance = (touch.iterations <= kFineAdvances ? kFine : kCreepTolerance) * threshold + rounding;
+        if (gap <= tolerance || touch.iterations >= kMaxAdvances) {
             touch.touches = true;
             return touch;
         }
@@ -91,15 +103,22 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
         if (step > rest) {
             return touch;
         }
-        // A leap: to the end of the step, or to where Newton's method sees the touch. A convex distance is met from
-        // above by it; a concave one by the chord from the last leap that went too far.
+        // A leap: to the end of the step, or to where Newton's method sees the touch (just before it, so that it is met
+        // from outside in spite of rounding). A convex distance is met from above by Newton's method, a concave one by
+        // the chord to the leap that went too far.
+        const double to_close = gap - 0.5 * tolerance;
         const double closing = glm::dot(n, blend(by, touch.at.weights));
-        const double leap = std::min({ahead, rest, gap < closing ? gap / closing : rest});
+        const double leap = std::min({ahead, rest, to_close < rest * closing ? to_close / closing : rest});
         if (leap > step) {
             const TriangleCorners then = moved(start, by, touch.time + leap);
             const ClosestPoint at = closest_point_on_triangle(Vec3(0.0), then);
             const double far = std::sqrt(at.squared_distance);
-            if (far > threshold && separated(n, at.point * (-1.0 / far), threshold, now, then)) {
+            if (far <= threshold) {
+                ahead = leap * (to_close / (distance - far));
+                if (ahead > step) {
+                    continue;
+                }
+            } else if (separated(n, at.point * (-1.0 / far), threshold, now, then)) {
                 if (leap >= rest) {
                     return touch;
                 }
@@ -109,8 +128,9 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
                 now = then;
                 ahead = 4.0 * leap;
                 continue;
+            } else {
+                ahead = 0.25 * leap;
             }
-            ahead = far > threshold ? 0.25 * leap : leap * (gap / (gap + (threshold - far)));
         }
         touch.time += step;
         now = moved(start, by, touch.time);

@@ -29,6 +29,15 @@ struct Box {
 
 class SweptTree {
   public:
+    /// Two numbers in one register, on every machine that we build for.
+    using Pair = double __attribute__((vector_size(16)));
+    /// A box as [low | -high]: to enclose is then to take the least of six numbers, two at a time.
+    struct Bounds {
+        Pair xy;  // low.x, low.y
+        Pair zx;  // low.z, -high.x
+        Pair yz;  // -high.y, -high.z
+    };
+
     /// Splits the triangles by the positions of `rest`, at medians along the longest axis. Every box is empty until the
     /// first refit. Throws std::invalid_argument for an index without vertex.
     SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles);
@@ -76,9 +85,9 @@ class SweptTree {
     static constexpr std::size_t kMaxStack = 12 * (kWidth - 1) + 1;
 
     struct Node {
-        std::array<std::array<double, kWidth>, 3> low;   // [axis][child]
-        std::array<std::array<double, kWidth>, 3> high;  // empty slots: low > high
-        std::array<std::uint32_t, kWidth> child;         // node, or leaf | kLeaf
+        std::array<std::array<Pair, kWidth / 2>, 3> low;         // [axis][child / 2][child % 2]
+        std::array<std::array<Pair, kWidth / 2>, 3> minus_high;  // empty slots: infinite, as low
+        std::array<std::uint32_t, kWidth> child;                 // node, or leaf | kLeaf
     };
     struct Leaf {
         std::uint32_t triangles_begin;  // in leaf_triangles_
@@ -90,26 +99,28 @@ class SweptTree {
     };
     struct Builder;
 
+    /// Bit k: child k meets the box.
     [[nodiscard]] static std::uint32_t overlaps(const Node& node, const Box& box) noexcept {
         std::uint32_t hits = 0;
-        for (std::size_t k = 0; k < kWidth; ++k) {
-            // Without branches, so that the compiler may test all children at once.
-            std::uint32_t hit = node.low[0][k] <= box.high.x ? 1u : 0u;
-            hit &= node.high[0][k] >= box.low.x ? 1u : 0u;
-            hit &= node.low[1][k] <= box.high.y ? 1u : 0u;
-            hit &= node.high[1][k] >= box.low.y ? 1u : 0u;
-            hit &= node.low[2][k] <= box.high.z ? 1u : 0u;
-            hit &= node.high[2][k] >= box.low.z ? 1u : 0u;
-            hits |= hit << k;
+        for (std::size_t k = 0; k < kWidth / 2; ++k) {
+            const auto meets = (node.low[0][k] <= box.high.x) & (node.low[1][k] <= box.high.y) &
+                               (node.low[2][k] <= box.high.z) & (node.minus_high[0][k] <= -box.low.x) &
+                               (node.minus_high[1][k] <= -box.low.y) & (node.minus_high[2][k] <= -box.low.z);
+            hits |= (meets[0] != 0 ? 1u : 0u) << (2 * k);
+            hits |= (meets[1] != 0 ? 2u : 0u) << (2 * k);
         }
         return hits;
     }
+
+    void fit_vertices(const SurfaceMotion& motion) noexcept;
+    static void store(Node& node, std::size_t slot, const Bounds& box) noexcept;
 
     std::vector<Node> nodes_;
     std::vector<Leaf> leaves_;
     std::vector<std::uint32_t> leaf_triangles_;
     std::vector<std::uint32_t> leaf_vertices_;
     std::vector<std::uint32_t> parents_;  // of nodes: parent * kWidth + slot
+    std::vector<Bounds> vertex_bounds_;   // by vertex, over the step
     Box bounds_;
     Box displacement_;
 };
