@@ -1,0 +1,109 @@
+// The rt-core executable by itself, on the emulated device: how it ends, and what it says.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "haptic/csv.hpp"
+#include "process.hpp"
+
+namespace haptic::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class RtCore : public testing::Test {
+  protected:
+    [[nodiscard]] std::vector<std::string> run_for(const std::string& duration_s) const {
+        return {RT_CORE, "run", "--session", session, "--duration", duration_s};
+    }
+    ~RtCore() override { EXPECT_THAT(segments_of(session), IsEmpty()); }
+
+    ScratchFolder folder;
+    std::string session = unique_session();
+};
+
+TEST_F(RtCore, EndsWithTheFaultsNameAndTheLastTicksWhenAnEncoderJumps) {
+    const std::string hand = folder / "hand.csv";
+    // Ten centimetres in a millisecond.
+    std::ofstream(hand) << "time_s,x_m,y_m,z_m\n0,0,0,0\n0.2,0,0,0\n0.201,0.1,0,0\n9,0.1,0,0\n";
+    std::vector<std::string> command = run_for("20");
+    for (const std::string& argument :
+         {std::string("--hand"), hand, std::string("--report"), std::string(folder / "run.json")}) {
+        command.push_back(argument);
+    }
+    const Finished finished = run(command);
+    EXPECT_EQ(finished.status, 3);
+    EXPECT_THAT(finished.output, AllOf(HasSubstr("FAULT: encoder_jump"), HasSubstr("run.fault.csv")));
+    const nlohmann::json report = nlohmann::json::parse(std::ifstream(folder / "run.json"));
+    EXPECT_EQ(report.at("safety").at("faults"), nlohmann::json({"encoder_jump"}));
+    EXPECT_EQ(report.at("safety").at("state"), "disarmed");
+    const CsvTable last_ticks = CsvTable::load(folder / "run.fault.csv");
+    EXPECT_GT(last_ticks.rows(), 500u);
+    EXPECT_EQ(last_ticks.column("t0_n").back(), 0.0);
+}
+
+TEST_F(RtCore, RefusesADeviceThatItCannotDrive) {
+    for (const char* device : {"usb", "replay:run.csv"}) {
+        std::vector<std::string> command = run_for("1");
+        command.insert(command.end(), {"--device", device});
+        const Finished finished = run(command);
+        EXPECT_EQ(finished.status, 2);
+        EXPECT_THAT(finished.output, AllOf(HasSubstr(device), HasSubstr("emulated")));
+    }
+}
+
+TEST_F(RtCore, TakesTheConfigurationThatItPrints) {
+    const Finished printed = run({RT_CORE, "--print-config"});
+    ASSERT_EQ(printed.status, 0);
+    const std::string config = folder / "rt-core.toml";
+    std::ofstream(config) << printed.output;
+    std::vector<std::string> command = run_for("0.1");
+    command.insert(command.end(), {"--config", config, "--set", "loop.period_s=0.002"});
+    const Finished finished = run(command);
+    EXPECT_EQ(finished.status, 0) << finished.output;
+    EXPECT_THAT(finished.output, HasSubstr("500 Hz"));
+}
+
+TEST_F(RtCore, GoesOnWithoutPrivilegesAndSaysWhichAndHowToGrantThem) {
+    std::vector<std::string> command = {"/usr/bin/prlimit", "--rtprio=0", "--memlock=65536"};
+    if (geteuid() == 0) {
+        // Nobody, who has no capabilities.
+        command.insert(command.begin(),
+                       {"/usr/bin/setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--inh-caps=-all"});
+        if (run({"/usr/bin/setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "/usr/bin/test", "-x",
+                 RT_CORE})
+                .status != 0) {
+            GTEST_SKIP() << "another user may not run " << RT_CORE;
+        }
+    }
+    for (const std::string& word : run_for("0.5")) {
+        command.push_back(word);
+    }
+    const Finished finished = run(command);
+    EXPECT_EQ(finished.status, 0) << finished.output;
+    EXPECT_THAT(finished.output, AllOf(HasSubstr("degraded: memory is not locked"), HasSubstr("RLIMIT_MEMLOCK"),
+                                       HasSubstr("not scheduled as SCHED_FIFO 80"), HasSubstr("RLIMIT_RTPRIO"),
+                                       HasSubstr("setcap"), HasSubstr("limits.d")));
+}
+
+TEST_F(RtCore, WritesARecordingThatIsAHandForTheNextRun) {
+    const std::string first = folder / "first.csv";
+    std::vector<std::string> command = run_for("1.2");
+    command.insert(command.end(), {"--record", first});
+    ASSERT_EQ(run(command).status, 0);
+    command = run_for("0.2");
+    command.insert(command.end(), {"--hand", first});
+    const Finished finished = run(command);
+    EXPECT_EQ(finished.status, 0) << finished.output;
+    EXPECT_GT(CsvTable::load(first).rows(), 500u);
+}
+
+}  // namespace
+}  // namespace haptic::test
