@@ -9,7 +9,7 @@
 namespace haptic::rt {
 namespace {
 
-constexpr double kApproach_s = 0.5;
+constexpr double kApproachS = 0.5;
 // What a string may be out by and still count as at the centre: well below an encoder count (17 um).
 constexpr double kAtCentre = 1e-6;  // m, rad
 
@@ -30,7 +30,7 @@ PoseTrack hand_from_centre(const std::filesystem::path& file) {
     std::vector<double> times_s{0.0};
     std::vector<Pose> poses{Pose{}};
     for (const double time_s : rows) {
-        times_s.push_back(kApproach_s + time_s - rows.front());
+        times_s.push_back(kApproachS + time_s - rows.front());
         poses.push_back(track.at(nanoseconds(time_s)));
     }
     return {std::move(times_s), std::move(poses)};

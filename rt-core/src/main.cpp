@@ -32,9 +32,7 @@ void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
     run.add_option("--record", options.record, "writes every tick as CSV")->type_name("F.csv");
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run_application(int argc, char** argv) {
     CLI::App app("The real-time process of the haptic system: drives a Spidar-G6 at 1 kHz");
     app.set_help_all_flag("--help-all", "Help of all commands");
     bool print_config = false;
@@ -59,10 +57,16 @@ int main(int argc, char** argv) {
     if (run->count("--duration") > 0) {
         options.duration_s = duration_s;
     }
+    spdlog::set_default_logger(spdlog::stderr_color_mt("rt-core"));
+    spdlog::set_pattern("rt-core %^%l%$: %v");
+    return haptic::rt::run_command(options);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
     try {
-        spdlog::set_default_logger(spdlog::stderr_color_mt("rt-core"));
-        spdlog::set_pattern("rt-core %^%l%$: %v");
-        return haptic::rt::run_command(options);
+        return run_application(argc, argv);
     } catch (const haptic::rt::Refusal& refusal) {
         std::fprintf(stderr, "rt-core: %s\n", refusal.what());
         return haptic::rt::kExitRefused;

@@ -22,6 +22,11 @@
 namespace haptic::rt {
 namespace {
 
+#if defined(__x86_64__)
+constexpr unsigned kFlushToZero = 0x8000;
+constexpr unsigned kDenormalsAreZero = 0x0040;
+#endif
+
 std::string error_text(int error) {
     return std::system_category().message(error);
 }
@@ -86,7 +91,7 @@ void set_fifo(RealtimeSetup& setup, int priority) {
 
 /// Writes to each page below the stack pointer, so that none is fetched later.
 void touch_stack() {
-    std::array<volatile unsigned char, kTouchedStackBytes> pages;
+    std::array<volatile unsigned char, kTouchedStackBytes> pages;  // NOLINT(*-member-init): only touched
     const auto page = static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
     for (std::size_t i = 0; i < pages.size(); i += page) {
         pages[i] = 0;
@@ -128,8 +133,6 @@ void prepare_thread(RealtimeSetup& setup, int priority, int cpu) {
 
 void flush_denormals() noexcept {
 #if defined(__x86_64__)
-    constexpr unsigned kFlushToZero = 0x8000;
-    constexpr unsigned kDenormalsAreZero = 0x0040;
     _mm_setcsr(_mm_getcsr() | kFlushToZero | kDenormalsAreZero);
 #elif defined(__aarch64__)
     std::uint64_t control = 0;

@@ -13,11 +13,11 @@ constexpr double kMillisecondsPerNanosecond = 1e-6;
 }  // namespace
 
 const std::vector<std::string>& record_columns() {
-    static const std::vector<std::string> kColumns = {
+    static const std::vector<std::string> columns = {
         "time_s", "x_m",   "y_m",   "z_m",   "qw",        "qx",           "qy",        "qz",         "fx_n", "fy_n",
         "fz_n",   "tx_nm", "ty_nm", "tz_nm", "proxy_x_m", "proxy_y_m",    "proxy_z_m", "t0_n",       "t1_n", "t2_n",
         "t3_n",   "t4_n",  "t5_n",  "t6_n",  "t7_n",      "frame_age_ms", "period_us", "compute_us", "flags"};
-    return kColumns;
+    return columns;
 }
 
 std::array<double, kRecordColumns> record_row(const TickRecord& record, std::int64_t start_ns) {

@@ -24,7 +24,7 @@ constexpr double kParallel = 1e-9;
 /// Speed of the surface along the unit vector n, m/s, positive toward the proxy. With n = sum w_k n_k over the active
 /// planes, a point that rides on all of them moves along n at sum w_k v_k.
 double surface_speed(const Vec3& n, const ProxyContact& contact, std::uint8_t active) HAPTIC_RT {
-    if (std::has_single_bit(active)) {
+    if ((active & (active - 1u)) == 0) {
         return contact.planes[std::countr_zero(active)].velocity;  // n is its normal
     }
     Mat3 gram(1.0);

@@ -24,7 +24,7 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kPoll_ns = 20'000'000;
+constexpr std::int64_t kPollNs = 20'000'000;
 
 /// SIGINT, SIGTERM and SIGHUP wait to be asked for, in every thread that is created from here on.
 class StopSignals {
@@ -97,7 +97,7 @@ void supervise(RealtimeLoop& loop, const StopSignals& signals, std::optional<Rec
     bool announced = false;
     bool stopping = false;
     while (!loop.finished()) {
-        const int signal = signals.wait(kPoll_ns);
+        const int signal = signals.wait(kPollNs);
         const bool over = duration_s && monotonic_now_ns() - start_ns >= nanoseconds(*duration_s);
         if ((signal != 0 || over) && !stopping) {
             spdlog::info("stopping: {}", signal != 0 ? "asked to by a signal" : "the duration is over");

@@ -20,7 +20,7 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kTick_ns = 1'000'000;
+constexpr std::int64_t kTickNs = 1'000'000;
 constexpr int kPackets = 4000;  // ticks of the hand's motion, repeated
 
 /// A hand that goes round a small circle at 0.25 m/s and turns to and fro.
@@ -44,13 +44,13 @@ class PreparedBoard final : public device::Board {
         device::Sh4Packet out{};
         device::encode(device::Sh4Command{}, out);
         for (int i = 0; i < kPackets; ++i) {
-            board.exchange(out, packets_[static_cast<std::size_t>(i)], i * kTick_ns);
+            board.exchange(out, packets_[static_cast<std::size_t>(i)], i * kTickNs);
         }
     }
     device::ExchangeStatus exchange(const device::Sh4Packet& out, device::Sh4Packet& in,
                                     std::int64_t now_ns) HAPTIC_RT override {
         benchmark::DoNotOptimize(out.data());
-        in = packets_[moving ? static_cast<std::size_t>(now_ns / kTick_ns % kPackets) : 0];
+        in = packets_[moving ? static_cast<std::size_t>(now_ns / kTickNs % kPackets) : 0];
         return device::ExchangeStatus::Ok;
     }
 
@@ -63,7 +63,7 @@ class PreparedBoard final : public device::Board {
 /// Each particle within reach of three planes, of which about half hold it at any time.
 ContactFrame frame_of(std::uint32_t proxies) {
     ContactFrame frame{};
-    frame.step_ns = 10 * kTick_ns;
+    frame.step_ns = 10 * kTickNs;
     frame.stiffness = 100.0;
     frame.damping = 0.5;
     frame.proxy_count = proxies;
@@ -94,7 +94,7 @@ void tick(benchmark::State& state) {
     RingWriter<ContactFrame> frames_out(session);
     const auto subject = std::make_unique<Tick>(settings, board, frames_in, states_out, &monotonic_now_ns);
     ContactFrame frame = frame_of(static_cast<std::uint32_t>(state.range(0)));
-    std::int64_t now_ns = kPackets * kTick_ns;
+    std::int64_t now_ns = kPackets * kTickNs;
     std::int64_t ticks = 0;
     const auto step = [&] {
         if (ticks++ % state.range(1) == 0) {
@@ -105,14 +105,14 @@ void tick(benchmark::State& state) {
         const std::int64_t begin_ns = monotonic_now_ns();
         subject->run({now_ns, now_ns});
         const std::int64_t taken_ns = monotonic_now_ns() - begin_ns;
-        now_ns += kTick_ns;
+        now_ns += kTickNs;
         return taken_ns;
     };
     subject->arm();
     while (subject->safety_state() != SafetyState::Running) {
         step();
     }
-    while (now_ns / kTick_ns % kPackets != 0) {
+    while (now_ns / kTickNs % kPackets != 0) {
         step();
     }
     board.moving = true;

@@ -23,7 +23,7 @@ class RtCore : public testing::Test {
     [[nodiscard]] std::vector<std::string> run_for(const std::string& duration_s) const {
         return {RT_CORE, "run", "--session", session, "--duration", duration_s};
     }
-    ~RtCore() override { EXPECT_THAT(segments_of(session), IsEmpty()); }
+    void TearDown() override { EXPECT_THAT(segments_of(session), IsEmpty()); }
 
     ScratchFolder folder;
     std::string session = unique_session();

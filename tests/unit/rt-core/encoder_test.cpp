@@ -9,7 +9,7 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kTick_ns = 1'000'000;
+constexpr std::int64_t kTickNs = 1'000'000;
 constexpr double kMaximumSpeed = 2.0;  // m/s
 
 // The board's counters for lengths l, from the definition: raw = start - sign * (l - rest) / metres_per_count mod
@@ -54,7 +54,7 @@ TEST_F(StringEncodersTest, FollowLengthsAcrossTheWrapInBothDirections) {
                 // Half of the strings pay out and half wind in, at 0.1 m/s.
                 moved[i] += (i % 2 == 0 ? 1.0 : -1.0) * 1e-4 * tick;
             }
-            ASSERT_TRUE(wrapping.update(counters_of(variant, moved, start), kTick_ns));
+            ASSERT_TRUE(wrapping.update(counters_of(variant, moved, start), kTickNs));
             for (std::size_t i = 0; i < kStrings; ++i) {
                 ASSERT_NEAR(wrapping.lengths()[i], moved[i], 0.51 * variant.metres_per_count) << "string " << i;
             }
@@ -66,13 +66,13 @@ TEST_F(StringEncodersTest, RefuseAStringThatIsFasterThanAHandAndKeepTheLengths) 
     ASSERT_TRUE(encoders.update(counters_of(variant, lengths, 500), 0));
     StringArray moved = lengths;
     moved[3] += kMaximumSpeed * 1e-3 + 4 * variant.metres_per_count;
-    EXPECT_FALSE(encoders.update(counters_of(variant, moved, 500), kTick_ns));
+    EXPECT_FALSE(encoders.update(counters_of(variant, moved, 500), kTickNs));
     EXPECT_EQ(encoders.lengths(), lengths);
     // Waiting does not make the jump believable.
-    EXPECT_FALSE(encoders.update(counters_of(variant, moved, 500), 1000 * kTick_ns));
+    EXPECT_FALSE(encoders.update(counters_of(variant, moved, 500), 1000 * kTickNs));
     EXPECT_EQ(encoders.lengths(), lengths);
     encoders.restart();
-    EXPECT_TRUE(encoders.update(counters_of(variant, moved, 500), 1000 * kTick_ns));
+    EXPECT_TRUE(encoders.update(counters_of(variant, moved, 500), 1000 * kTickNs));
     EXPECT_EQ(encoders.lengths(), lengths);
 }
 
@@ -80,18 +80,18 @@ TEST_F(StringEncodersTest, AllowTheSameWayOverALongerTime) {
     ASSERT_TRUE(encoders.update(counters_of(variant, lengths, 500), 0));
     StringArray moved = lengths;
     moved[3] += kMaximumSpeed * 1.5e-3;
-    EXPECT_TRUE(encoders.update(counters_of(variant, moved, 500), 2 * kTick_ns));
+    EXPECT_TRUE(encoders.update(counters_of(variant, moved, 500), 2 * kTickNs));
 }
 
 TEST_F(StringEncodersTest, AreRelativeToTheirLastCalibration) {
     ASSERT_TRUE(encoders.update(counters_of(variant, lengths, 500), 0));
     StringArray moved = lengths;
     moved[0] += 1e-3;
-    ASSERT_TRUE(encoders.update(counters_of(variant, moved, 500), kTick_ns));
+    ASSERT_TRUE(encoders.update(counters_of(variant, moved, 500), kTickNs));
     encoders.calibrate();
     EXPECT_EQ(encoders.lengths(), lengths);
     moved[0] += 1e-3;
-    ASSERT_TRUE(encoders.update(counters_of(variant, moved, 500), kTick_ns));
+    ASSERT_TRUE(encoders.update(counters_of(variant, moved, 500), kTickNs));
     EXPECT_NEAR(encoders.lengths()[0], lengths[0] + 1e-3, variant.metres_per_count);
 }
 
@@ -100,7 +100,7 @@ TEST_F(StringEncodersTest, ReportTheLargestMovementSinceTheMark) {
     StringArray moved = lengths;
     moved[2] -= 1.5e-3;
     moved[5] += 0.5e-3;
-    ASSERT_TRUE(encoders.update(counters_of(variant, moved, 500), kTick_ns));
+    ASSERT_TRUE(encoders.update(counters_of(variant, moved, 500), kTickNs));
     EXPECT_NEAR(encoders.largest_movement(), 1.5e-3, variant.metres_per_count);
     encoders.mark();
     EXPECT_EQ(encoders.largest_movement(), 0.0);

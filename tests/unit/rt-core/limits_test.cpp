@@ -10,14 +10,14 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kTick_ns = 1'000'000;
+constexpr std::int64_t kTickNs = 1'000'000;
 const WrenchLimits kLimits{8.0, 0.15, 1000.0, 20.0};
 constexpr double kRounding = 1e-12;
 
 TEST(WrenchLimiter, LeavesAWrenchWithinItsLimitsExactlyAsItIs) {
     WrenchLimiter limiter(kLimits);
     const Wrench small{{0.3, -0.2, 0.1}, {0.001, 0.002, -0.003}};
-    const WrenchLimiter::Result result = limiter.apply(small, kTick_ns);
+    const WrenchLimiter::Result result = limiter.apply(small, kTickNs);
     EXPECT_EQ(result.wrench.force, small.force);
     EXPECT_EQ(result.wrench.torque, small.torque);
     EXPECT_FALSE(result.size_limited);
@@ -29,7 +29,7 @@ TEST(WrenchLimiter, ShortensALargeForceAndKeepsItsDirection) {
     const Vec3 direction = glm::normalize(Vec3(1, 2, -3));
     WrenchLimiter::Result result;
     for (int tick = 0; tick < 20; ++tick) {
-        result = limiter.apply({50.0 * direction, {}}, kTick_ns);
+        result = limiter.apply({50.0 * direction, {}}, kTickNs);
         EXPECT_TRUE(result.size_limited);
     }
     EXPECT_LT(glm::length(result.wrench.force - 8.0 * direction), 1e-9);
@@ -44,7 +44,7 @@ TEST(WrenchLimiter, NeverExceedsSizeOrRateUnderARandomDemand) {
     for (int tick = 0; tick < 20'000; ++tick) {
         const Wrench wanted{{force(random), force(random), force(random)},
                             {torque(random), torque(random), torque(random)}};
-        const Wrench got = limiter.apply(wanted, kTick_ns).wrench;
+        const Wrench got = limiter.apply(wanted, kTickNs).wrench;
         ASSERT_LE(glm::length(got.force), kLimits.force + kRounding);
         ASSERT_LE(glm::length(got.torque), kLimits.torque + kRounding);
         ASSERT_LE(glm::length(got.force - last.force), kLimits.force_rate * 1e-3 + kRounding);
@@ -55,9 +55,9 @@ TEST(WrenchLimiter, NeverExceedsSizeOrRateUnderARandomDemand) {
 
 TEST(WrenchLimiter, TakesWhatIsNotFiniteAsZero) {
     WrenchLimiter limiter(kLimits);
-    limiter.apply({{0.5, 0, 0}, {}}, kTick_ns);
+    limiter.apply({{0.5, 0, 0}, {}}, kTickNs);
     for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
-        const Wrench got = limiter.apply({{0, bad, 0}, {bad, 0, 0}}, kTick_ns).wrench;
+        const Wrench got = limiter.apply({{0, bad, 0}, {bad, 0, 0}}, kTickNs).wrench;
         EXPECT_EQ(got.force, Vec3(0.0));
         EXPECT_EQ(got.torque, Vec3(0.0));
     }
@@ -65,7 +65,7 @@ TEST(WrenchLimiter, TakesWhatIsNotFiniteAsZero) {
 
 TEST(WrenchLimiter, IsFiniteForAForceWhoseSquareOverflows) {
     WrenchLimiter limiter(kLimits);
-    const Wrench got = limiter.apply({{1e300, 1e300, 0}, {}}, kTick_ns).wrench;
+    const Wrench got = limiter.apply({{1e300, 1e300, 0}, {}}, kTickNs).wrench;
     EXPECT_TRUE(std::isfinite(got.force.x));
     EXPECT_LE(glm::length(got.force), kLimits.force);
 }

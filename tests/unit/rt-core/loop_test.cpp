@@ -113,7 +113,7 @@ TEST_F(RealtimeLoopTest, CanBeStoppedBeforeItWasStartedOrArmed) {
 
 TEST_F(RealtimeLoopTest, NamesWhatTheKernelRefusesAndHowToGrantIt) {
     loop_settings.cpu = 1023;  // there is no such processor here
-    RealtimeLoop loop(loop_settings, tick, {});
+    const RealtimeLoop loop(loop_settings, tick, {});
     const std::vector<MissingPrivilege>& missing = loop.setup().missing;
     ASSERT_FALSE(missing.empty());
     EXPECT_TRUE(loop.setup().degraded());
@@ -150,7 +150,7 @@ TEST_F(RealtimeLoopTest, TakesNoPageFaultsOnceItIsWarm) {
 
 TEST(FlushDenormals, MakesNumbersBelowTheNormalRangeZero) {
     std::thread([] {
-        volatile double tiny = 4e-308;
+        const volatile double tiny = 4e-308;
         EXPECT_NE(tiny * 0.1, 0.0);
         flush_denormals();
         EXPECT_EQ(tiny * 0.1, 0.0);

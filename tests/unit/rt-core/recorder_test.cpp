@@ -9,6 +9,8 @@
 namespace haptic::rt {
 namespace {
 
+constexpr std::int64_t kRecords = 50'000;
+
 TickRecord numbered(std::int64_t number) {
     TickRecord record;
     record.now_ns = number;
@@ -59,7 +61,6 @@ TEST(Recorder, DropsAndCountsWhatFindsNoRoom) {
 }
 
 TEST(Recorder, LosesOnlyWhatItCountsAndTearsNothingBetweenTwoThreads) {
-    constexpr std::int64_t kRecords = 50'000;
     Recorder recorder(64);
     std::atomic<bool> done{false};
     std::int64_t received = 0;

@@ -16,8 +16,8 @@ namespace {
 
 class RecordingTest : public testing::Test {
   protected:
-    RecordingTest() { std::filesystem::create_directory(folder); }
-    ~RecordingTest() override { std::filesystem::remove_all(folder); }
+    void SetUp() override { std::filesystem::create_directory(folder); }
+    void TearDown() override { std::filesystem::remove_all(folder); }
 
     std::filesystem::path folder =
         std::filesystem::temp_directory_path() / ("haptic-recording-" + std::to_string(getpid()));

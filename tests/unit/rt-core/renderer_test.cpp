@@ -15,12 +15,11 @@ namespace {
 
 using test::floor_frame;
 
-constexpr std::int64_t kTick_ns = 1'000'000;
+constexpr std::int64_t kTickNs = 1'000'000;
 constexpr double kStiffness = 500.0;  // N/m
-const Quat kLevel(1, 0, 0, 0);
 
 Pose at(double y) {
-    return {Vec3(0.001, y, -0.002), kLevel};
+    return {Vec3(0.001, y, -0.002), Quat(1, 0, 0, 0)};
 }
 
 void set_plane(ContactPlane& plane, const Vec3& normal, double offset, double velocity = 0.0) {
@@ -89,7 +88,7 @@ TEST(Render, TakesTheSpeedOfTheEdgeBetweenTwoMovingPlanes) {
     set_plane(frame.proxies[0].planes[0], {1, 0, 0}, 0.0, 0.03);
     set_plane(frame.proxies[0].planes[1], {0, 1, 0}, 0.0, 0.04);
     const Vec3 inside(-0.002, -0.001, 0.0);
-    const Contact contact = render(frame, {inside, kLevel}, {}, 0);
+    const Contact contact = render(frame, {inside, Quat(1, 0, 0, 0)}, {}, 0);
     const Vec3 n = glm::normalize(-inside);
     const double expected = 1000.0 * glm::length(inside) + 10.0 * glm::dot(Vec3(0.03, 0.04, 0.0), n);
     EXPECT_LT(glm::length(contact.wrench.force - expected * n), 1e-9);
@@ -150,8 +149,8 @@ class FrameRendererTest : public testing::Test {
         ASSERT_EQ(renderer->accept(now_ns), FrameDefect::None);
     }
     FrameRenderer::Result step(double y = -0.004) {
-        now_ns += kTick_ns;
-        last = renderer->render(at(y), {}, now_ns, kTick_ns);
+        now_ns += kTickNs;
+        last = renderer->render(at(y), {}, now_ns, kTickNs);
         return last;
     }
     /// Steps with a fresh frame of a floor at 0 every 10 ms.
@@ -259,7 +258,7 @@ TEST_F(FrameRendererTest, DoesNotBelieveATimeOfPublishingInTheFuture) {
 }
 
 TEST_F(FrameRendererTest, MakesNoForceOfAFrameThatWasOldWhenItWasFound) {
-    ContactFrame old = floor_frame(0.0, kStiffness, now_ns - 10'000'000'000);
+    const ContactFrame old = floor_frame(0.0, kStiffness, now_ns - 10'000'000'000);
     give(old);
     for (int i = 0; i < 200; ++i) {
         EXPECT_EQ(step().contact.wrench.force, Vec3(0.0));

@@ -10,11 +10,11 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kTick_ns = 1'000'000;
+constexpr std::int64_t kTickNs = 1'000'000;
 
 TickHealth healthy() {
     TickHealth health;
-    health.elapsed_ns = kTick_ns;
+    health.elapsed_ns = kTickNs;
     return health;
 }
 

@@ -18,7 +18,7 @@ using test::floor_frame;
 using test::TickRig;
 
 constexpr double kMillimetre = 1e-3;
-constexpr double kDigit_n = 1.0 / (0.365296803653 * 415.0);  // N, that one D/A digit stands for
+constexpr double kDigitN = 1.0 / (0.365296803653 * 415.0);  // N, that one D/A digit stands for
 
 /// The hand holds still while the loop arms, then moves by `to` in 0.3 s and stays there.
 PoseTrack hand_to(const Vec3& to) {
@@ -42,7 +42,7 @@ TEST(Tick, RunsAtMinimumTensionAfterArming) {
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Running);
     for (const double tension : rig.board.tensions()) {
         // Digits are truncated.
-        EXPECT_GE(tension, rig.settings.variant.minimum_tension - kDigit_n);
+        EXPECT_GE(tension, rig.settings.variant.minimum_tension - kDigitN);
     }
     EXPECT_LT(glm::length(rig.board.wrench().force), 0.05);
 }
@@ -71,7 +71,7 @@ TEST(Tick, MakesTheSpringForceOfAFloorAtTheBoard) {
     }
     EXPECT_NEAR(rig.tick.last().rendered.force.y, 2.0, 0.02);
     // Eight strings, each short of its tension by less than a digit.
-    EXPECT_LT(glm::length(rig.board.wrench().force - Vec3(0.0, 2.0, 0.0)), 8 * kDigit_n);
+    EXPECT_LT(glm::length(rig.board.wrench().force - Vec3(0.0, 2.0, 0.0)), 8 * kDigitN);
     EXPECT_LT(glm::length(rig.board.wrench().force - rig.tick.last().made.force), 1e-3);
     EXPECT_EQ(rig.tick.instruments().frames_received, 150u);
 }
@@ -103,7 +103,7 @@ TEST(Tick, PutsTheMotorsOutInTheSameTickAsTheEncodersCameIn) {
     }
     // The first tick that sees the grip below the floor already pushes it back; 0.3 N is below the limit of rate.
     EXPECT_NEAR(rig.tick.last().rendered.force.y, 0.3, 0.01);
-    EXPECT_NEAR(rig.board.wrench().force.y, 0.3, 8 * kDigit_n);
+    EXPECT_NEAR(rig.board.wrench().force.y, 0.3, 8 * kDigitN);
 }
 
 TEST(Tick, CalibratesTheRestLengthsWhereverTheCountersStand) {
@@ -167,7 +167,7 @@ TEST(Tick, FadesSmoothlyAtTheBoardWhenAnEncoderJumps) {
         press(rig, 1);
         const double now = rig.board.wrench().force.y;
         // 2 N over 100 ms, steepest slope 1.5; truncated digits add a little of either sign.
-        EXPECT_LT(std::fabs(now - last), 1.5 * 2.0 / 100.0 + 8 * kDigit_n) << i;
+        EXPECT_LT(std::fabs(now - last), 1.5 * 2.0 / 100.0 + 8 * kDigitN) << i;
         last = now;
     }
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
@@ -260,7 +260,7 @@ TEST(Tick, LimitsForceAndRateWhateverAFrameAsksFor) {
         for (std::size_t k = 0; k < kStrings; ++k) {
             const double tension = rig.tick.last().tensions[k];
             ASSERT_LE(tension, rig.settings.variant.maximum_tension);
-            ASSERT_LE(std::fabs(tension - last_tensions[k]), rig.settings.tension_rate * 1e-3 + kDigit_n);
+            ASSERT_LE(std::fabs(tension - last_tensions[k]), rig.settings.tension_rate * 1e-3 + kDigitN);
             last_tensions[k] = tension;
         }
     }

@@ -9,7 +9,7 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kTick_ns = 1'000'000;
+constexpr std::int64_t kTickNs = 1'000'000;
 
 Quat turn(const Vec3& axis, double angle_rad) {
     return glm::angleAxis(angle_rad, glm::normalize(axis));
@@ -37,7 +37,7 @@ TEST(VelocityFilter, ConvergesToASteadyTwist) {
     const Vec3 w(0.0, 2.0, 0.0);
     for (int tick = 0; tick <= 100; ++tick) {
         const double t = 1e-3 * tick;
-        filter.update({t * v, turn(w, t * glm::length(w))}, kTick_ns);
+        filter.update({t * v, turn(w, t * glm::length(w))}, kTickNs);
     }
     // 100 ms are 25 time constants: e^-20 of the step is left.
     EXPECT_LT(glm::length(filter.twist().linear - v), 1e-8);
@@ -47,7 +47,7 @@ TEST(VelocityFilter, ConvergesToASteadyTwist) {
 TEST(VelocityFilter, ReachesAboutTwoThirdsOfAStepAfterItsTimeConstant) {
     VelocityFilter filter(0.02);
     for (int tick = 1; tick <= 20; ++tick) {
-        filter.update({Vec3(1e-3 * tick, 0, 0), Quat(1, 0, 0, 0)}, kTick_ns);
+        filter.update({Vec3(1e-3 * tick, 0, 0), Quat(1, 0, 0, 0)}, kTickNs);
     }
     EXPECT_NEAR(filter.twist().linear.x, 1.0 - std::exp(-1.0), 0.02);
 }
@@ -55,12 +55,12 @@ TEST(VelocityFilter, ReachesAboutTwoThirdsOfAStepAfterItsTimeConstant) {
 TEST(VelocityFilter, WithoutATimeConstantIsTheDifferenceQuotient) {
     VelocityFilter filter(0.0);
     filter.reset({Vec3(1, 0, 0), Quat(1, 0, 0, 0)});
-    EXPECT_NEAR(filter.update({Vec3(1.002, 0, 0), Quat(1, 0, 0, 0)}, 2 * kTick_ns).linear.x, 1.0, 1e-9);
+    EXPECT_NEAR(filter.update({Vec3(1.002, 0, 0), Quat(1, 0, 0, 0)}, 2 * kTickNs).linear.x, 1.0, 1e-9);
 }
 
 TEST(VelocityFilter, KeepsItsVelocityWhereNoTimeHasPassed) {
     VelocityFilter filter(0.0);
-    filter.update({Vec3(0.001, 0, 0), Quat(1, 0, 0, 0)}, kTick_ns);
+    filter.update({Vec3(0.001, 0, 0), Quat(1, 0, 0, 0)}, kTickNs);
     const Vec3 before = filter.twist().linear;
     EXPECT_EQ(filter.update({Vec3(5, 0, 0), Quat(1, 0, 0, 0)}, 0).linear, before);
 }

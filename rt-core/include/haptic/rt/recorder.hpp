@@ -41,10 +41,11 @@ class Recorder {
     [[nodiscard]] std::uint64_t dropped() const HAPTIC_RT { return dropped_.load(std::memory_order_relaxed); }
 
   private:
-    std::vector<TickRecord> records_;                 // a power of two, so that indices may wrap
-    alignas(64) std::atomic<std::uint64_t> head_{0};  // next to be written; the tick's
+    // What one thread writes shares no cache line with what the other does.
     alignas(64) std::atomic<std::uint64_t> tail_{0};  // next to be read; the writing thread's
-    alignas(64) std::atomic<std::uint64_t> dropped_{0};
+    alignas(64) std::atomic<std::uint64_t> head_{0};  // next to be written; the tick's
+    std::atomic<std::uint64_t> dropped_{0};           // the tick's
+    std::vector<TickRecord> records_;                 // a power of two, so that indices may wrap
 };
 
 }  // namespace haptic::rt

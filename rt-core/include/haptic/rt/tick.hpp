@@ -45,9 +45,9 @@ struct TickSettings {
 };
 
 struct TickTime {
-    std::int64_t deadline_ns;  // when the tick was due
-    std::int64_t now_ns;       // when it began
-    std::int64_t missed = 0;   // deadlines that were skipped since the last tick
+    std::int64_t deadline_ns = 0;  // when the tick was due
+    std::int64_t now_ns = 0;       // when it began
+    std::int64_t missed = 0;       // deadlines that were skipped since the last tick
 };
 
 /// Only measures stages; the tick takes its time from TickTime. Lockstep passes a clock that stands still.

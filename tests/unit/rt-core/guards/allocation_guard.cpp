@@ -4,6 +4,7 @@
 #include <cstddef>
 
 // The C library's own allocator under its other names, which nothing replaces.
+// NOLINTBEGIN(*-reserved-identifier,*-identifier-naming)
 extern "C" {
 void* __libc_malloc(std::size_t size);
 void* __libc_calloc(std::size_t count, std::size_t size);
@@ -11,6 +12,7 @@ void* __libc_realloc(void* memory, std::size_t size);
 void* __libc_memalign(std::size_t alignment, std::size_t size);
 void __libc_free(void* memory);
 }
+// NOLINTEND(*-reserved-identifier,*-identifier-naming)
 
 namespace {
 

@@ -110,7 +110,7 @@ class TickAllocations : public testing::Test {
 
     TickRig rig;
     Recorder recorder{1024};  // nobody drains it: dropping must not allocate either
-    ContactFrame frame;
+    ContactFrame frame{};
 };
 
 TEST_F(TickAllocations, AreNoneFromArmingThroughContactToTheStop) {
