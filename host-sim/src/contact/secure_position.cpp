@@ -164,7 +164,7 @@ class Rider {
     /// half of the rides are used up, so that the centre stays clear whatever happens to the rest of the sphere.
     void fill_piece(double until, const Vec3& aim, double room) noexcept {
         const int late = result_.rides - settings_.max_rides / 2;
-        double shrink = settings_.shrink;
+        const double shrink = settings_.shrink;
         piece_.radius = std::min(radius_, room) * shrink;
         for (int k = 0; k < late; ++k) {
             piece_.radius *= 0.7;

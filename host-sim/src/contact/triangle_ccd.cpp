@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kFine = 1e-12;          // of the radius: closer than this is a touch
 constexpr double kRounding = 8e-16;      // of the coordinates: no distance is known better
-constexpr int kFineAdvances = 40;        // then kCreepTolerance takes the place of kFine
+constexpr int kFineAdvances = 200;       // then kCreepTolerance takes the place of kFine
 constexpr int kMaxAdvances = 2000;       // then the triangle counts as touching; not met in 10^8 random queries
 constexpr double kNever = 2.0;           // longer than any step
 constexpr double kPassageShare = 1e-11;  // radius of a point, as a share of the triangle's extent
@@ -40,6 +40,9 @@ double time_to_plane(const Vec3& n, double radius, const TriangleCorners& now, c
     for (const auto& [x, dx] : {std::pair{now.a, by.a}, std::pair{now.b, by.b}, std::pair{now.c, by.c}}) {
         const double rate = glm::dot(n, dx);
         const double gap = -glm::dot(n, x) - radius;
+        if (gap < 0.0) {
+            return 0.0;  // by rounding of n the plane does not separate, so it bounds nothing
+        }
         if (rate > 0.0 && gap < least * rate) {
             least = gap / rate;
         }

@@ -12,6 +12,7 @@ namespace haptic::sim {
 namespace {
 
 constexpr double kInside = 1e-12;  // of the triangle's area: on the border counts as through
+constexpr double kLine = 1e-22;    // square of height over length, below which a triangle is a line
 constexpr double kFlat = 1e-13;    // of the cube of the extent: the triangle never leaves the point's plane
 
 using Corners = std::array<Vec3, 3>;
@@ -38,7 +39,8 @@ double triple(const Vec3& a, const Vec3& b, const Vec3& c) {
 bool origin_inside(const Corners& x) {
     const Vec3 n = glm::cross(x[1] - x[0], x[2] - x[0]);
     const double area2 = glm::dot(n, n);
-    if (area2 == 0.0) {
+    const double longest2 = std::max(glm::dot(x[1] - x[0], x[1] - x[0]), glm::dot(x[2] - x[0], x[2] - x[0]));
+    if (area2 <= kLine * longest2 * longest2) {
         return false;  // a line is no surface
     }
     for (std::size_t k = 0; k < 3; ++k) {

@@ -2,9 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <vector>
 
 #include "contact/oracle.hpp"
+#include "haptic/sim/contact/verification.hpp"
 
 namespace {
 
@@ -28,7 +31,8 @@ TEST_P(AgainstSampling, MissesNothingAndInventsNothingAndIsNeverLate) {
     int touching = 0;
     int most = 0;
     for (int k = 0; k < 1500; ++k) {
-        const Query q = haptic::sim::oracle::random_query(random, GetParam(), 1.0);
+        Query q = haptic::sim::oracle::random_query(random, GetParam(), 1.0);
+        q.radius = k % 3 == 0 ? random.uniform(1e-3, 1.0) : q.radius;
         const auto truth = haptic::sim::oracle::sample(q, 200);
         const TriangleTouch ours = sphere_triangle_ccd(q.center, q.radius, moving(q));
         most = std::max(most, ours.iterations);
@@ -152,6 +156,26 @@ TEST(PointPassage, AgreesWithTheSignOfTheVolumeOverRandomTranslations) {
         }
     }
     EXPECT_GT(passages, 100);
+}
+
+TEST(PointPassage, AgreesWithTheVerificationWhichSharesNoCodeWithIt) {
+    Random random(17);
+    int passages = 0;
+    const std::vector<haptic::sim::Triangle> one{{0, 1, 2}};
+    for (int k = 0; k < 30000; ++k) {
+        const Query q = haptic::sim::oracle::random_query(random, static_cast<Motion>(k % 4), 1.0);
+        const PointPassage ours = haptic::sim::point_passage(q.center, moving(q));
+        const std::array<haptic::sim::SurfaceMotion, 1> surfaces{{{q.start, q.end, one}}};
+        const std::array<haptic::sim::PathKnot, 2> path{{{0.0, q.center}, {1.0, q.center}}};
+        const auto theirs = haptic::sim::find_crossings(surfaces, path);
+        ASSERT_EQ(ours.passes, !theirs.empty()) << "query " << k;
+        if (ours.passes) {
+            ++passages;
+            ASSERT_NEAR(ours.time, theirs[0].time, 1e-12) << "query " << k;
+            ASSERT_GE(ours.time, sphere_triangle_ccd(q.center, q.radius, moving(q)).time) << "query " << k;
+        }
+    }
+    EXPECT_GT(passages, 2000);
 }
 
 }  // namespace

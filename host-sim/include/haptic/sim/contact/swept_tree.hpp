@@ -52,7 +52,7 @@ class SweptTree {
         if (nodes_.empty()) {
             return;
         }
-        std::array<std::uint32_t, kMaxStack> stack;
+        std::array<std::uint32_t, kMaxStack> stack{};
         std::size_t depth = 0;
         stack[depth++] = 0;
         while (depth > 0) {
