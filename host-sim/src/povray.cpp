@@ -54,7 +54,7 @@ light_source { <0.0, -2.0, 4.0> rgb <0.16, 0.15, 0.15> shadowless }
 )";
 
 std::string shown(double value) {
-    std::array<char, 32> digits;
+    std::array<char, 32> digits{};
     const double rounded = std::fabs(value) < 1e-9 ? 0.0 : value;
     const auto end =
         std::to_chars(digits.data(), digits.data() + digits.size(), rounded, std::chars_format::general, 7).ptr;
@@ -104,10 +104,11 @@ void write_mesh(std::ostream& out, const PictureScene& scene) {
     out << "\n    }\n    texture { ClothFront }\n    interior_texture { ClothBack }\n}\n";
 }
 
+constexpr double kAngle = 30.0;     // degrees, of the view's width
+constexpr double kTangent = 0.175;  // of half the view's height: tan(15 deg) * 3/4 at 4:3, less a margin
+
 /// A camera that has cloth, proxy and hip in its view, with a margin.
 void write_camera(std::ostream& out, const PictureScene& scene) {
-    constexpr double kAngle = 30.0;     // degrees, of the view's width
-    constexpr double kTangent = 0.175;  // of half the view's height: tan(15 deg) * 3/4 at 4:3, less a margin
     Vec3 low = glm::min(scene.proxy, scene.hip);
     Vec3 high = glm::max(scene.proxy, scene.hip);
     for (const Vec3& v : scene.vertices) {

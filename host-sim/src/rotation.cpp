@@ -6,6 +6,13 @@
 namespace haptic::sim {
 namespace {
 
+// Half a turn has no finite Cayley vector: it is cut off just before.
+constexpr double kLeastCosine = 1e-6;
+// Of the overlap of matrix and rotation, relative to the matrix, so that the result does not depend on units.
+constexpr double kLeastOverlap = 1e-9;
+// Far below rounding of the determined part, far above what rounding leaves in the undetermined one.
+constexpr double kRegularisation = 1e-13;
+
 Quat product(const Quat& a, const Quat& b) noexcept {
     return Quat(a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
                 a.w * b.y + a.y * b.w + a.z * b.x - a.x * b.z, a.w * b.z + a.z * b.w + a.x * b.y - a.y * b.x);
@@ -38,15 +45,11 @@ Quat turned(const Quat& q, const Vec3& turn) noexcept {
 
 Vec3 turn_between(const Quat& from, const Quat& to) noexcept {
     const Quat r = product(to, Quat(from.w, -from.x, -from.y, -from.z));
-    // Half a turn has no finite Cayley vector: it is cut off just before.
-    constexpr double kLeastCosine = 1e-6;
     const double w = std::fabs(r.w) < kLeastCosine ? std::copysign(kLeastCosine, r.w) : r.w;
     return Vec3(r.x, r.y, r.z) * (2.0 / w);
 }
 
 Quat extract_rotation(const Mat3& matrix, const Quat& guess, int iterations) noexcept {
-    // Relative to the matrix, so that the result does not depend on units.
-    constexpr double kLeastOverlap = 1e-9;
     const double size = std::sqrt(frobenius_squared(matrix));
     if (!(size > 0.0)) {
         return guess;
@@ -66,8 +69,6 @@ Vec3 solve_inertia(const Mat3& scatter, const Vec3& momentum) noexcept {
     if (!(trace > 0.0)) {
         return Vec3(0.0);
     }
-    // Far below rounding of the determined part, far above what rounding leaves in the undetermined one.
-    constexpr double kRegularisation = 1e-13;
     const double diagonal = trace * (1.0 + kRegularisation);
     const double a = diagonal - scatter[0][0];
     const double b = diagonal - scatter[1][1];

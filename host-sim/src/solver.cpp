@@ -27,6 +27,8 @@ void check(const SolverSettings& s) {
     }
 }
 
+constexpr std::size_t kMostColours = 4096;
+
 /// Greedy colouring: constraints in order, each with the first colour that none of its particles has.
 /// @return the order in which to project, colour by colour, and the number of colours.
 struct Colouring {
@@ -36,7 +38,6 @@ struct Colouring {
 
 template <class Particles>
 Colouring colour(std::size_t constraints, std::size_t particles, const Particles& for_each_particle) {
-    constexpr std::size_t kMostColours = 4096;
     std::vector<std::vector<bool>> used;  // per colour, per particle
     std::vector<std::vector<std::uint32_t>> of_colour;
     for (std::uint32_t c = 0; c < constraints; ++c) {
@@ -154,14 +155,7 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force) {
     for (int s = 0; s < settings_.substeps; ++s) {
         predict(model, force, h);
         for (int i = 0; i < settings_.iterations; ++i) {
-            // There and back, so that no direction of the order is preferred.
-            if (i % 2 == 0) {
-                project_links(links_.begin(), links_.end());
-                project_groups(model, groups_.begin(), groups_.end());
-            } else {
-                project_links(links_.rbegin(), links_.rend());
-                project_groups(model, groups_.rbegin(), groups_.rend());
-            }
+            sweep(model, i % 2 == 0);  // there and back, so that no direction of the order is preferred
         }
         update(model, h);
     }
@@ -188,26 +182,26 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
     }
 }
 
-template <class Iterator>
-void ParticleSolver::project_links(Iterator begin, Iterator end) {
-    for (Iterator it = begin; it != end; ++it) {
-        const OrderedLink& link = *it;
-        Vec3& a = next_[link.first];
-        Vec3& b = next_[link.second];
-        const Vec3 between = b - a;
-        const double length = std::sqrt(glm::dot(between, between));
-        if (length > 0.0) {  // two particles in one place have no direction in which to part
-            const Vec3 correction = between * (1.0 - link.rest_length / length);
-            a += link.first_share * correction;
-            b -= link.second_share * correction;
-        }
+void ParticleSolver::sweep(ParticleModel& model, bool forward) {
+    const std::size_t links = links_.size();
+    for (std::size_t k = 0; k < links; ++k) {
+        project_link(links_[forward ? k : links - 1 - k]);
+    }
+    const std::size_t groups = groups_.size();
+    for (std::size_t k = 0; k < groups; ++k) {
+        project_group(model, groups_[forward ? k : groups - 1 - k]);
     }
 }
 
-template <class Iterator>
-void ParticleSolver::project_groups(ParticleModel& model, Iterator begin, Iterator end) {
-    for (Iterator it = begin; it != end; ++it) {
-        project_group(model, *it);
+void ParticleSolver::project_link(const OrderedLink& link) {
+    Vec3& a = next_[link.first];
+    Vec3& b = next_[link.second];
+    const Vec3 between = b - a;
+    const double length = std::sqrt(glm::dot(between, between));
+    if (length > 0.0) {  // two particles in one place have no direction in which to part
+        const Vec3 correction = between * (1.0 - link.rest_length / length);
+        a += link.first_share * correction;
+        b -= link.second_share * correction;
     }
 }
 

@@ -30,12 +30,13 @@ Scene late_drop() {
     return read_scene(config, "late-drop");
 }
 
+constexpr int kSteps = 40;  // in contact, that one iteration measures
+
 /// Whole steps in contact; the counters are medians of the stages in microseconds.
 void cloth_step_in_contact(benchmark::State& state) {
-    constexpr int kSteps = 40;
     const Scene scene = late_drop();
     std::vector<std::int64_t> ccd, popout, proxy, collide, deform, total;
-    for (auto iteration : state) {
+    for ([[maybe_unused]] const auto iteration : state) {
         state.PauseTiming();
         Simulation simulation(scene, monotonic_now_ns);
         int step = 0;
@@ -72,7 +73,7 @@ void dynamics(benchmark::State& state) {
     }
     ParticleSolver solver(model, {.iterations = static_cast<int>(state.range(0)),
                                   .rotation_iterations = static_cast<int>(state.range(1))});
-    for (auto iteration : state) {
+    for ([[maybe_unused]] const auto iteration : state) {
         solver.step(model, {});
     }
 }

@@ -31,7 +31,7 @@ StepInput DeviceHand::at(std::int64_t time_ns, std::int64_t now_ns) {
             ++rejected_;
         }
     }
-    fresh_ = latest_ns_ != 0 && now_ns - latest_ns_ <= kFresh_ns;
+    fresh_ = latest_ns_ != 0 && now_ns - latest_ns_ <= kFreshNs;
     if (!fresh_) {
         input_.buttons = 0;  // a button that nobody reports is not held
     }

@@ -14,7 +14,7 @@ class DeviceHand {
     /// The hand is where `initial` says until a state comes.
     DeviceHand(RingReader<DeviceState>& states, const StepInput& initial) : states_(&states), input_(initial) {}
 
-    /// The input of the step that begins at `time_ns`: the newest valid state not older than kFresh_ns, otherwise the
+    /// The input of the step that begins at `time_ns`: the newest valid state not older than kFreshNs, otherwise the
     /// pose of the last step.
     [[nodiscard]] StepInput at(std::int64_t time_ns, std::int64_t now_ns);
 
@@ -24,7 +24,7 @@ class DeviceHand {
     [[nodiscard]] std::uint32_t safety_state() const noexcept { return safety_state_; }
 
     /// Older than this, a state says nothing of where the hand is now: a hundred ticks of rt-core.
-    static constexpr std::int64_t kFresh_ns = 100'000'000;
+    static constexpr std::int64_t kFreshNs = 100'000'000;
 
   private:
     RingReader<DeviceState>* states_;

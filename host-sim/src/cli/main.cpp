@@ -1,14 +1,16 @@
 // host-sim: simulates a scene and tells the haptic loop what may be felt.
 
 #include <CLI/CLI.hpp>
+#include <cstdio>
 #include <exception>
-#include <iostream>
 #include <utility>
 #include <vector>
 
 #include "cli/commands.hpp"
 
-int main(int argc, char** argv) {
+namespace {
+
+int run(int argc, char** argv) {
     CLI::App app("Simulates deformable objects and sends the contacts of a haptic tool to rt-core.", "host-sim");
     app.require_subcommand(1);
     std::vector<std::pair<const CLI::App*, haptic::sim::Command>> commands;
@@ -20,14 +22,17 @@ int main(int argc, char** argv) {
     add("scenes", "List the built-in scenes", haptic::sim::add_scenes_command);
     add("query", "Answer single queries of the contact code", haptic::sim::add_query_command);
     CLI11_PARSE(app, argc, argv);
-    try {
-        for (const auto& [subcommand, command] : commands) {
-            if (subcommand->parsed()) {
-                return command();
-            }
+    for (const auto& [subcommand, command] : commands) {
+        if (subcommand->parsed()) {
+            return command();
         }
-    } catch (const std::exception& error) {
-        std::cerr << "host-sim: " << error.what() << '\n';
     }
+    return 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try { return run(argc, argv); } catch (const std::exception& error) {
+    (void)std::fprintf(stderr, "host-sim: %s\n", error.what());
     return 1;
 }

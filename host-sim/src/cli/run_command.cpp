@@ -82,30 +82,14 @@ void sleep_until(std::int64_t time_ns) {
     }
 }
 
-class Run {
-  public:
-    explicit Run(const RunOptions& options);
-    int go();
+/// What has to be known before a run can be set up. Throws for whatever is wrong with the options.
+struct Plan {
+    explicit Plan(const RunOptions& options);
 
-  private:
-    void run_lockstep();
-    void run_real();
-    void wait_for_device(DeviceHand& hand);
-    void one_step(const StepInput& input);
-    [[nodiscard]] bool wanted() const { return stop_requested == 0 && (steps_ == 0 || statistics_->steps() < steps_); }
-    [[nodiscard]] std::uint64_t steps_of(const Scene& scene) const;
-    void write_results(double wall_s) const;
-
-    const RunOptions& options_;
-    std::optional<Simulation> simulation_;
-    std::optional<RunStatistics> statistics_;
-    std::optional<Snapshots> snapshots_;
-    std::optional<PoseTrack> input_;
-    std::optional<RingWriter<ContactFrame>> frames_;
-    std::optional<RingReader<DeviceState>> states_;
-    ContactFrame frame_{};
-    std::uint64_t steps_ = 0;  // 0: until stopped
-    std::uint64_t late_ = 0;
+    Scene scene;
+    std::uint64_t steps = 0;  // 0: until stopped
+    bool real = false;
+    std::string session;  // of the rings; empty: none are used
 };
 
 /// Finds out before a long run, not after it, that a result could not be written.
@@ -116,7 +100,7 @@ void require_folder_of(const std::string& file) {
     }
 }
 
-Run::Run(const RunOptions& options) : options_(options) {
+Plan::Plan(const RunOptions& options) {
     require_folder_of(options.report);
     require_folder_of(options.record);
     Config config = open_scene(options.scene);
@@ -124,55 +108,85 @@ Run::Run(const RunOptions& options) : options_(options) {
         config.set(assignment);
     }
     const std::filesystem::path path(options.scene);
-    const Scene scene = read_scene(config, path.extension() == ".toml" ? path.stem().string() : options.scene);
-    steps_ = steps_of(scene);
-    if (!options.input.empty()) {
-        input_ = PoseTrack::load(options.input);
-    }
-    simulation_.emplace(scene, monotonic_now_ns);
-    simulation_->set_verification(options.verify);
-    constexpr std::uint64_t kRoomAtLeast = 100'000;  // steps, for a run without an end
-    statistics_.emplace(scene, !options.record.empty(), steps_ > 0 ? steps_ : kRoomAtLeast);
-    if (!options.snapshots.empty()) {
-        snapshots_.emplace(*simulation_);
-    }
-    const bool real = options.clock == "real";
-    if (real || !options.session.empty()) {
-        frames_.emplace(options.session.empty() ? "default" : options.session);
-    }
-    if (real) {
-        states_.emplace(options.session.empty() ? "default" : options.session);
-    }
+    scene = read_scene(config, path.extension() == ".toml" ? path.stem().string() : options.scene);
+    const double duration_s = options.duration_s.value_or(scene.duration_s);
+    steps = options.steps.value_or(static_cast<std::uint64_t>(std::llround(duration_s / scene.solver.step)));
+    real = options.clock == "real";
+    session = real && options.session.empty() ? "default" : options.session;
 }
 
-std::uint64_t Run::steps_of(const Scene& scene) const {
-    if (options_.steps) {
-        return *options_.steps;
+// Steps for which a run without an end reserves memory.
+constexpr std::uint64_t kRoomAtLeast = 100'000;
+// How often a waiting run looks for the device.
+constexpr std::int64_t kLookEveryNs = 1'000'000;
+
+class Run {
+  public:
+    explicit Run(const RunOptions& options) : Run(options, Plan(options)) {}
+    int go();
+
+  private:
+    Run(const RunOptions& options, const Plan& plan);
+    void run_lockstep();
+    void run_real(RingReader<DeviceState>& states);
+    void wait_for_device(DeviceHand& hand);
+    void one_step(const StepInput& input);
+    [[nodiscard]] bool wanted() const { return stop_requested == 0 && (steps_ == 0 || statistics_.steps() < steps_); }
+    void write_results(double wall_s) const;
+
+    const RunOptions& options_;
+    std::uint64_t steps_;  // 0: until stopped
+    Simulation simulation_;
+    RunStatistics statistics_;
+    std::unique_ptr<Snapshots> snapshots_;
+    std::unique_ptr<PoseTrack> input_;
+    std::unique_ptr<RingWriter<ContactFrame>> frames_;
+    std::unique_ptr<RingReader<DeviceState>> states_;
+    ContactFrame frame_{};
+    std::uint64_t late_ = 0;
+};
+
+Run::Run(const RunOptions& options, const Plan& plan)
+    : options_(options),
+      steps_(plan.steps),
+      simulation_(plan.scene, monotonic_now_ns),
+      statistics_(plan.scene, !options.record.empty(), plan.steps > 0 ? plan.steps : kRoomAtLeast) {
+    simulation_.set_verification(options.verify);
+    if (!options.input.empty()) {
+        input_ = std::make_unique<PoseTrack>(PoseTrack::load(options.input));
     }
-    return static_cast<std::uint64_t>(std::llround(options_.duration_s.value_or(scene.duration_s) / scene.solver.step));
+    if (!options.snapshots.empty()) {
+        snapshots_ = std::make_unique<Snapshots>(simulation_);
+    }
+    if (!plan.session.empty()) {
+        frames_ = std::make_unique<RingWriter<ContactFrame>>(plan.session);
+    }
+    if (plan.real) {
+        states_ = std::make_unique<RingReader<DeviceState>>(plan.session);
+    }
 }
 
 void Run::one_step(const StepInput& input) {
     if (snapshots_) {
         snapshots_->before_step();
     }
-    const StepResult result = simulation_->step(input);
+    const StepResult result = simulation_.step(input);
     if (frames_) {
-        frame_ = simulation_->frame();
+        frame_ = simulation_.frame();
         const std::int64_t now_ns = monotonic_now_ns();
         frame_.publish_time_ns = states_ ? now_ns : input.time_ns;
         (void)frames_->publish(frame_, now_ns);
     }
-    statistics_->add(input, result);
+    statistics_.add(input, result);
     if (snapshots_) {
         snapshots_->after_step(result);
     }
 }
 
 void Run::run_lockstep() {
-    const std::int64_t step_ns = nanoseconds(simulation_->scene().solver.step);
+    const std::int64_t step_ns = nanoseconds(simulation_.scene().solver.step);
     for (std::int64_t time_ns = 0; wanted(); time_ns += step_ns) {
-        StepInput input = simulation_->scripted_input(time_ns);
+        StepInput input = simulation_.scripted_input(time_ns);
         if (input_) {
             input.device = input_->at(time_ns);
         }
@@ -182,7 +196,6 @@ void Run::run_lockstep() {
 
 void Run::wait_for_device(DeviceHand& hand) {
     const std::int64_t until_ns = monotonic_now_ns() + nanoseconds(options_.wait_s);
-    constexpr std::int64_t kLook_ns = 1'000'000;
     for (std::int64_t now_ns = monotonic_now_ns(); now_ns < until_ns && stop_requested == 0;
          now_ns = monotonic_now_ns()) {
         (void)hand.at(now_ns, now_ns);
@@ -190,13 +203,13 @@ void Run::wait_for_device(DeviceHand& hand) {
             return;
         }
         frames_->beat(now_ns);
-        sleep_until(now_ns + kLook_ns);
+        sleep_until(now_ns + kLookEveryNs);
     }
 }
 
-void Run::run_real() {
-    const std::int64_t step_ns = nanoseconds(simulation_->scene().solver.step);
-    DeviceHand hand(*states_, simulation_->scripted_input(0));
+void Run::run_real(RingReader<DeviceState>& states) {
+    const std::int64_t step_ns = nanoseconds(simulation_.scene().solver.step);
+    DeviceHand hand(states, simulation_.scripted_input(0));
     if (options_.wait_s > 0.0) {
         wait_for_device(hand);
     }
@@ -230,29 +243,29 @@ void Run::run_real() {
 
 void Run::write_results(double wall_s) const {
     if (!options_.report.empty()) {
-        nlohmann::json report = statistics_->report(*simulation_, wall_s, options_.verify);
+        nlohmann::json report = statistics_.report(simulation_, wall_s, options_.verify);
         report["clock"] = options_.clock;
         report["late_steps"] = late_;
         write_report(options_.report, report);
     }
     if (!options_.record.empty()) {
-        statistics_->write_record(options_.record);
+        statistics_.write_record(options_.record);
     }
     if (snapshots_) {
         for (const std::filesystem::path& file : snapshots_->write(options_.snapshots)) {
             spdlog::info("wrote {}", file.string());
         }
     }
-    std::cout << statistics_->summary(*simulation_, wall_s, options_.verify) << std::flush;
+    std::cout << statistics_.summary(simulation_, wall_s, options_.verify) << std::flush;
 }
 
 int Run::go() {
     const StopOnSignal stop;
-    const Scene& scene = simulation_->scene();
+    const Scene& scene = simulation_.scene();
     spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, options_.clock, scene.solver.step);
     const std::int64_t start_ns = monotonic_now_ns();
-    if (options_.clock == "real") {
-        run_real();
+    if (states_) {
+        run_real(*states_);
     } else {
         run_lockstep();
     }
@@ -260,11 +273,11 @@ int Run::go() {
     frames_.reset();  // leaves the rings before anything slow is done
     states_.reset();
     if (stop_requested != 0) {
-        spdlog::info("stopped by a signal after {} steps", statistics_->steps());
+        spdlog::info("stopped by a signal after {} steps", statistics_.steps());
     }
     write_results(wall_s);
-    if (options_.verify && statistics_->escapes() > 0) {
-        spdlog::error("the proxy's centre passed through a surface in {} steps", statistics_->escapes());
+    if (options_.verify && statistics_.escapes() > 0) {
+        spdlog::error("the proxy's centre passed through a surface in {} steps", statistics_.escapes());
         return 1;
     }
     return 0;

@@ -80,7 +80,7 @@ void RunStatistics::add(const StepInput& input, const StepResult& result) {
 }
 
 bool RunStatistics::caught() const noexcept {
-    const bool held = static_cast<double>(longest_held_) * step_s_ >= kHeldFor_s || held_ > 0;
+    const bool held = static_cast<double>(longest_held_) * step_s_ >= kHeldForSeconds || held_ > 0;
     return held && escapes_ == 0 && let_through_ == 0;
 }
 

@@ -25,7 +25,7 @@ class RunStatistics {
 
     [[nodiscard]] std::uint64_t escapes() const noexcept { return escapes_; }
     [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
-    /// The surface was held without a break for kHeldFor_s, or until the run ended, and never passed.
+    /// The surface was held without a break for kHeldForSeconds, or until the run ended, and never passed.
     [[nodiscard]] bool caught() const noexcept;
 
     /// The JSON report, keys as the design gives them. `wall_s` is what the run took.
@@ -36,7 +36,7 @@ class RunStatistics {
     void write_record(const std::filesystem::path& file) const;
 
   private:
-    static constexpr double kHeldFor_s = 0.1;
+    static constexpr double kHeldForSeconds = 0.1;
 
     struct Row {
         std::int64_t time_ns;

@@ -155,7 +155,7 @@ TEST_F(DeviceHandTest, HoldsItsPlaceAndLetsGoOfTheButtonsWhenStatesGoStale) {
     DeviceState only = state(0.01);
     (void)writer_.publish(only, kNow);
     (void)hand_.at(0, kNow);
-    const StepInput input = hand_.at(0, kNow + DeviceHand::kFresh_ns + 1);
+    const StepInput input = hand_.at(0, kNow + DeviceHand::kFreshNs + 1);
     EXPECT_FALSE(hand_.fresh());
     EXPECT_EQ(input.device.position.x, 0.01);
     EXPECT_EQ(input.buttons, 0u);

@@ -55,8 +55,9 @@ void expect_caught(const Outcome& outcome, int held_for, double shift) {
 
 #ifdef HAPTIC_FROM_TEN_METRES
 
+constexpr int kHeldFor = 30;  // steps
+
 TEST(SamplingPhases, FromTenMetresAreAllCaught) {
-    constexpr int kHeldFor = 30;  // steps
     for (int phase = 0; phase < kPhases; ++phase) {
         const double shift = phase * kApart;
         expect_caught(drop(scene_with(open_scene("cloth-drop"), shift), 200, kHeldFor), kHeldFor, shift);
@@ -65,12 +66,13 @@ TEST(SamplingPhases, FromTenMetresAreAllCaught) {
 
 #else
 
+constexpr int kHeldFor = 8;    // steps
+constexpr int kSkipped = 139;  // steps of free fall
+constexpr double kStep = 0.01;
+constexpr double kGravity = 9.81;
+
 TEST(SamplingPhases, AreAllCaught) {
     // As the drop from 10 m is after n steps of the semi-implicit scheme: v = g h n, fallen by g h^2 n (n + 1) / 2.
-    constexpr int kSkipped = 139;
-    constexpr double kStep = 0.01;
-    constexpr double kGravity = 9.81;
-    constexpr int kHeldFor = 8;  // steps
     for (int phase = 0; phase < kPhases; ++phase) {
         const double shift = phase * kApart;
         Scene scene = scene_with(open_scene("cloth-drop"), shift);

@@ -16,17 +16,17 @@ namespace haptic::sim {
 
 /// Two particles that keep their distance.
 struct Link {
-    std::uint32_t first;
-    std::uint32_t second;
-    double rest_length;  // m
-    double stiffness;    // 0..1, part of the error that one projection removes
+    std::uint32_t first = 0;
+    std::uint32_t second = 0;
+    double rest_length = 0.0;  // m
+    double stiffness = 1.0;    // 0..1, part of the error that one projection removes
 };
 
 /// A particle and those linked to it, matched to their rest shape.
 struct Group {
-    std::uint32_t centre;                // the particle whose orientation is that of the group
+    std::uint32_t centre = 0;            // the particle whose orientation is that of the group
     std::vector<std::uint32_t> members;  // the centre among them; no particle twice
-    double stiffness;                    // 0..1 (alpha in Müller et al. 2005, Meshless Deformations); 1 is rigid
+    double stiffness = 1.0;              // 0..1 (alpha in Müller et al. 2005, Meshless Deformations); 1 is rigid
 };
 
 /// A deformable model. All vectors that are "per particle" have the same length.

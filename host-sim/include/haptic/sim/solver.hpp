@@ -85,10 +85,8 @@ class ParticleSolver {
     void order_groups(const ParticleModel& model);
     void order_links(const ParticleModel& model);
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
-    template <class Iterator>
-    void project_links(Iterator begin, Iterator end);
-    template <class Iterator>
-    void project_groups(ParticleModel& model, Iterator begin, Iterator end);
+    void project_link(const OrderedLink& link);
+    void sweep(ParticleModel& model, bool forward);
     void project_group(ParticleModel& model, const OrderedGroup& group);
     void update(ParticleModel& model, double h);
     void settle(ParticleModel& model, double h) const;
