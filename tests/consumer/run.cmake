@@ -19,6 +19,7 @@ run(${CMAKE_COMMAND} -S "${SOURCE}" -B "${WORK}/build" -G "${GENERATOR}"
 run(${CMAKE_COMMAND} --build "${WORK}/build")
 run("${WORK}/build/listener" "${WORK}/build/simulator")
 message(STATUS "${output}")
+run("${WORK}/build/everything")
 
 # What is installed must not point back to where it was built.
 file(GLOB_RECURSE exported "${WORK}/prefix/*.cmake")
