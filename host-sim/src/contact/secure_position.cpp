@@ -15,6 +15,11 @@ namespace {
 constexpr double kLeastRoom = 0.02;     // of the radius: with less between surfaces the centre is pinched
 constexpr double kPinched = 1.05;       // of the least room: nearer than this there is none to lose
 constexpr double kLeastStep = 1e-6;     // of the step: a ride shorter than this leads nowhere
+constexpr int kHalvings = 6;            // of a ride, until it is short enough
+constexpr int kExactRides = 3;          // before what clips the sphere may come nearer
+constexpr double kPassing = 0.9;        // of its distance, by this much
+constexpr double kLateRelease = 0.5;    // and by this much when rides run short
+constexpr double kLateShrink = 0.7;     // of the sphere for each of these rides
 constexpr double kSharpestTurn = 0.25;  // cosine: a surface that turns further is followed in parts
 
 /// An orthonormal frame that turns with a triangle; its first axis is the touched edge. Zero where degenerate.
@@ -130,6 +135,7 @@ class Rider {
                 continue;
             }
             const Hit hit = sweep(surfaces_, piece_, ignored_);
+            was_hit_ = hit.hits;
             if (hit.hits) {
                 note(time_ + (piece_.to_time - time_) * hit.share, hit.what, hit.normal);
                 time_ += (piece_.to_time - time_) * hit.share;
@@ -160,16 +166,20 @@ class Rider {
         }
     }
 
-    /// Nearest that a sphere may come to anything on this piece. It gives way a little with each ride, and much once
-    /// half of the rides are used up, so that the centre stays clear whatever happens to the rest of the sphere.
+    /// How near the sphere may come to anything on this piece. What already clips the sphere may come a little nearer
+    /// on the way, for it is the end of the ride that must be clear: by a thousandth on the first rides, by a tenth
+    /// after, by half once half of the rides are used up, when the sphere itself becomes smaller too. So the rides
+    /// suffice and the centre stays clear, whatever happens to the rest of the sphere on the way.
     void fill_piece(double until, const Vec3& aim, double room) noexcept {
         const int late = result_.rides - settings_.max_rides / 2;
-        const double shrink = settings_.shrink;
-        piece_.radius = std::min(radius_, room) * shrink;
+        piece_.radius = std::min(radius_, room) * settings_.shrink;
         for (int k = 0; k < late; ++k) {
-            piece_.radius *= 0.7;
+            piece_.radius *= kLateShrink;
         }
-        piece_.release = late > 0 ? 0.5 : shrink;
+        piece_.release = settings_.shrink;
+        if (result_.rides >= kExactRides) {
+            piece_.release = std::min(piece_.release, late > 0 ? kLateRelease : kPassing);
+        }
         piece_.from_time = time_;
         piece_.to_time = until;
         piece_.from = position_;
@@ -211,16 +221,24 @@ class Rider {
 
     /// Plans the next piece; false if there was none and a surface was let through instead.
     bool plan() noexcept {
-        predict(1.0);
+        // What touched may come nearer first and be gone by the end: then the ride ends where it is nearer still.
+        double until = 1.0;
         std::size_t lead = 0;
-        if (!find_lead(lead)) {
+        predict(until);
+        bool rides = find_lead(lead);
+        for (int k = 0; k < kHalvings && !rides && was_hit_; ++k) {
+            until = time_ + 0.5 * (until - time_);
+            predict(until);
+            rides = find_lead(lead);
+        }
+        if (!rides) {
             fill_piece(1.0, position_, radius_);
+            piece_.release = was_hit_ ? std::min(piece_.release, kPassing) : piece_.release;
             return true;
         }
         const Touching& t = touching_.points()[lead];
         note(time_, surface_point(t), t.normal);
-        double until = 1.0;
-        for (int k = 0; k < 6; ++k) {
+        for (int k = 0; k < kHalvings; ++k) {
             const Carried c = carry(surfaces_[t.object].motion, t, time_, until);
             if (glm::dot(c.normal, t.normal) >= kSharpestTurn) {
                 break;
@@ -302,6 +320,7 @@ class Rider {
     double radius_;
     Vec3 position_;
     double time_ = 0.0;
+    bool was_hit_ = false;     // the last piece ended at a touch
     double least_room_ = 0.0;  // m, with less the centre is pinched; 0 until something touches
     Ignored ignored_;
     TouchingSet touching_;
