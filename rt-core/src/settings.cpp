@@ -9,6 +9,9 @@
 namespace haptic::rt {
 namespace {
 
+constexpr Range kTimes{0.001, 10.0};  // s
+constexpr Range kTicks{0, 100'000};
+
 std::int64_t duration_ns(const Config& config, const std::string& key, std::int64_t otherwise_ns, Range range_s) {
     return nanoseconds(config.number(key, seconds(otherwise_ns), range_s));
 }
@@ -29,6 +32,7 @@ void read_loop(const Config& config, Settings& settings) {
 device::Variant choose_variant(const Config& config) {
     const std::vector<device::Variant> known = {device::spidar_g6_x3r()};
     std::vector<std::string> names;
+    names.reserve(known.size());
     for (const device::Variant& variant : known) {
         names.push_back(variant.name);
     }
@@ -53,7 +57,6 @@ void read_device(const Config& config, TickSettings& tick) {
 }
 
 void read_force(const Config& config, TickSettings& tick) {
-    constexpr Range kTimes{0.001, 10.0};
     FrameSettings& frames = tick.frames;
     frames.stale_after_ns = duration_ns(config, "frames.stale_after_s", frames.stale_after_ns, kTimes);
     frames.fade_ns = duration_ns(config, "frames.fade_s", frames.fade_ns, kTimes);
@@ -67,7 +70,6 @@ void read_force(const Config& config, TickSettings& tick) {
 }
 
 void read_safety(const Config& config, SafetySettings& safety) {
-    constexpr Range kTicks{0, 100'000};
     safety.tension_ramp_ns = duration_ns(config, "safety.tension_ramp_s", safety.tension_ramp_ns, {0.01, 10.0});
     safety.calibration_hold_ns =
         duration_ns(config, "safety.calibration_hold_s", safety.calibration_hold_ns, {0.0, 60.0});

@@ -18,7 +18,7 @@ void require(bool condition, const char* problem) {
     }
 }
 
-const TickSettings& checked(const TickSettings& settings) {
+TickSettings checked(const TickSettings& settings) {
     const device::Variant& variant = settings.variant;
     require(settings.period_ns > 0, "period_ns must be positive");
     require(variant.metres_per_count > 0.0, "the variant's metres_per_count must be positive");
