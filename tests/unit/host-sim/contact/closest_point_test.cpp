@@ -16,7 +16,7 @@ using haptic::sim::Feature;
 using haptic::sim::TriangleCorners;
 using haptic::sim::oracle::Random;
 
-const TriangleCorners kTriangle{{0, 0, 0}, {4, 0, 0}, {0, 0, 4}};
+constexpr TriangleCorners kTriangle{{0, 0, 0}, {4, 0, 0}, {0, 0, 4}};
 
 struct Region {
     Vec3 from;

@@ -72,6 +72,7 @@ TEST(HalfSpaces, DoNotDependOnTheirOrder) {
     Random random(7);
     for (int k = 0; k < 500; ++k) {
         std::vector<HalfSpace> h;
+        h.reserve(12);
         for (int j = 0; j < 12; ++j) {
             h.push_back({random.direction(), random.uniform(-1.0, -0.1)});
         }

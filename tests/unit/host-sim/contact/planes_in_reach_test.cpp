@@ -20,7 +20,7 @@ using haptic::sim::scenes::World;
 
 constexpr double kRadius = 0.03;
 constexpr double kDt = 0.01;
-const Mat3 kUpright(1.0);
+constexpr Mat3 kUpright(1.0);
 
 ReachQuery at(const Vec3& p, double reach) {
     ReachQuery q;

@@ -72,11 +72,11 @@ std::string written(const Query& q) {
     return line;
 }
 
-const std::string kFalling = "0,0,0,1,-4,5,-4,4,5,-4,0,5,6,-4,-5,-4,4,-5,-4,0,-5,6";
-const std::string kFar = "0,0,0,1,-4,5,-4,4,5,-4,0,5,6,-4,3,-4,4,3,-4,0,3,6";
+constexpr const char* kFalling = "0,0,0,1,-4,5,-4,4,5,-4,0,5,6,-4,-5,-4,4,-5,-4,0,-5,6";
+constexpr const char* kFar = "0,0,0,1,-4,5,-4,4,5,-4,0,5,6,-4,3,-4,4,3,-4,0,3,6";
 
 TEST(QueryCcd, AnswersAFaceThatFallsThroughTheSphere) {
-    const Outcome r = run(kFalling + "\n");
+    const Outcome r = run(std::string(kFalling) + "\n");
     EXPECT_EQ(r.status, 0);
     ASSERT_EQ(r.answers.size(), 1u);
     const auto f = fields(r.answers[0]);
@@ -91,21 +91,23 @@ TEST(QueryCcd, AnswersAFaceThatFallsThroughTheSphere) {
 }
 
 TEST(QueryCcd, LeavesFieldsEmptyAndTheCentreInPlaceWhereNothingTouches) {
-    const Outcome r = run(kFar + "\n");
+    const Outcome r = run(std::string(kFar) + "\n");
     EXPECT_EQ(r.status, 0);
     EXPECT_THAT(r.answers, testing::ElementsAre("none,,,,,,0,0,0"));
 }
 
 TEST(QueryCcd, SkipsCommentsAndBlankLinesAndTakesSpaces) {
-    const Outcome r = run("# px,py,...\n\n   \n" + kFar + " # a remark\r\n\t" + kFar);
+    const Outcome r = run(std::string("# px,py,...\n\n   \n") + kFar + " # a remark\r\n\t" + kFar);
     EXPECT_EQ(r.status, 0);
     EXPECT_EQ(r.answers.size(), 2u);
     EXPECT_EQ(r.errors, "");
 }
 
 TEST(QueryCcd, NamesEachMalformedLineAndAnswersTheRest) {
-    const Outcome r = run(kFar + "\n1,2,3\n" + kFar + ",0\n# remark\n0,0,0,-1" + kFar.substr(7) + "\n0,0,0,nan" +
-                          kFar.substr(7) + "\n0,0,zero,1" + kFar.substr(7) + "\n" + kFalling + "\n");
+    const std::string far = kFar;
+    const std::string rest = far.substr(7);  // from the comma after the radius
+    const Outcome r = run(far + "\n1,2,3\n" + far + ",0\n# remark\n0,0,0,-1" + rest + "\n0,0,0,nan" + rest +
+                          "\n0,0,zero,1" + rest + "\n" + kFalling + "\n");
     EXPECT_EQ(r.status, 2);
     EXPECT_EQ(r.answers.size(), 2u);
     for (const char* line : {"line 2:", "line 3:", "line 5:", "line 6:", "line 7:"}) {

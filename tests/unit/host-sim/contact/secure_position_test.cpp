@@ -22,7 +22,7 @@ using haptic::sim::scenes::World;
 
 constexpr double kRadius = 0.03;  // m, as in the thesis
 constexpr double kTravel = 0.14;  // m a step: 14 m/s at 10 ms
-const Mat3 kUpright(1.0);
+constexpr Mat3 kUpright(1.0);
 
 /// Whether any triangle comes within the radius of the standing sphere at any time, by sampling each of them.
 bool touched_by_anything(const Body& body, const Vec3& p, double radius) {
