@@ -29,7 +29,7 @@ light_source {
     area_light <1.2, 0, 0>, <0, 0, 1.2>, 5, 5 adaptive 1 jitter
 }
 light_source { <5.0, 3.0, 3.5> rgb <0.30, 0.33, 0.40> shadowless }
-light_source { <0.0, -2.0, 4.0> rgb <0.16, 0.15, 0.15> shadowless }
+light_source { <0.0, -2.0, 4.0> rgb <0.34, 0.32, 0.31> shadowless }
 
 #declare ClothFront = texture {
     pigment { rgb <0.78, 0.16, 0.14> transmit 0.16 }
