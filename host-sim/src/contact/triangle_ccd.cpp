@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <utility>
 
@@ -28,9 +27,13 @@ TriangleCorners moved(const TriangleCorners& from, const TriangleCorners& by, do
 /// Whether the box about the whole motion misses that about the sphere.
 bool stays_outside(const TriangleCorners& s, const TriangleCorners& by, double radius) HAPTIC_RT {
     const TriangleCorners e = moved(s, by, 1.0);
-    const Vec3 low = glm::min(glm::min(glm::min(s.a, s.b), glm::min(s.c, e.a)), glm::min(e.b, e.c));
-    const Vec3 high = glm::max(glm::max(glm::max(s.a, s.b), glm::max(s.c, e.a)), glm::max(e.b, e.c));
-    return std::max({low.x, low.y, low.z}) > radius || std::min({high.x, high.y, high.z}) < -radius;
+    const double low = std::max({std::min({s.a.x, s.b.x, s.c.x, e.a.x, e.b.x, e.c.x}),
+                                 std::min({s.a.y, s.b.y, s.c.y, e.a.y, e.b.y, e.c.y}),
+                                 std::min({s.a.z, s.b.z, s.c.z, e.a.z, e.b.z, e.c.z})});
+    const double high = std::min({std::max({s.a.x, s.b.x, s.c.x, e.a.x, e.b.x, e.c.x}),
+                                  std::max({s.a.y, s.b.y, s.c.y, e.a.y, e.b.y, e.c.y}),
+                                  std::max({s.a.z, s.b.z, s.c.z, e.a.z, e.b.z, e.c.z})});
+    return low > radius || high < -radius;
 }
 
 /// How far ahead the corners stay beyond the plane that is `radius` from the origin and faces the nearest point.
