@@ -45,8 +45,9 @@ void prepare_thread(RealtimeSetup& setup, int priority, int cpu);
 /// From now on denormal numbers are zero in the calling thread: their arithmetic takes a hundred times as long.
 void flush_denormals() noexcept;
 
-/// Bytes of stack that the real-time thread has and touches; a tick needs a fraction of it.
-inline constexpr std::size_t kStackBytes = std::size_t{1} << 20;
+/// Bytes of stack that the real-time thread has, of which glibc takes its thread-local storage, a sanitizer's included;
+/// and that it touches: a tick needs a fraction of it.
+inline constexpr std::size_t kStackBytes = std::size_t{4} << 20;
 inline constexpr std::size_t kTouchedStackBytes = std::size_t{1} << 19;
 
 }  // namespace haptic::rt
