@@ -158,7 +158,7 @@ TEST(SecurePosition, RidesWithATurningSheetWithoutBeingPassed) {
         ASSERT_TRUE(s.secure.touched) << angle;
         ASSERT_TRUE(s.crossings.empty()) << angle;
         ASSERT_GE(world.clearance(s.popped.position), 0.999 * kRadius) << angle;
-        ASSERT_LE(s.secure.rides, 8) << angle;
+        ASSERT_LE(s.secure.rides, 5) << angle << ": the way beside the touched point stays outside the turning face";
     }
 }
 
@@ -193,6 +193,7 @@ TEST(SecurePosition, TheAnvilHoldsWhereTheHammerFallsThroughIt) {
     EXPECT_TRUE(s.secure.squeezed);
     EXPECT_TRUE(s.secure.let_through);
     EXPECT_EQ(s.secure.passed.object, 1u) << "the cloth, not the floor";
+    EXPECT_LE(s.secure.rides, 8) << "by decision, not because the rides ran out";
     EXPECT_GT(s.secure.position.y, -0.05);
     EXPECT_GE(s.popped.position.y, -0.05 + 0.999 * kRadius);
     ASSERT_FALSE(s.crossings.empty()) << "the verification tells what was let through";
