@@ -51,10 +51,11 @@ std::int64_t Histogram::percentile_ns(double fraction) const HAPTIC_RT {
     const double rank = std::ceil(std::clamp(fraction, 0.0, 1.0) * static_cast<double>(count_));
     const std::uint64_t wanted = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(rank));
     std::uint64_t seen = 0;
-    for (std::size_t i = 0; i < kBuckets; ++i) {
+    for (std::size_t i = 0; i + 1 < kBuckets && wanted < count_; ++i) {
         seen += counts_[i];
         if (seen >= wanted) {
-            return i + 1 == kBuckets ? max_ns_ : std::min(bucket(i).upper_ns - 1, max_ns_);
+            const Bucket found = bucket(i);
+            return std::clamp((found.lower_ns + found.upper_ns - 1) / 2, min_ns_, max_ns_);
         }
     }
     return max_ns_;

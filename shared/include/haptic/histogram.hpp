@@ -1,8 +1,8 @@
 // A histogram of durations for the tick: fixed memory, one increment to record, a known relative error.
 //
 // Buckets are logarithmic in powers of two, each divided into kSubBuckets linear ones, so that a percentile is within
-// 1/kSubBuckets of its true value at any magnitude (the idea of HdrHistogram, Tene 2012). Minimum, maximum and sum are
-// kept exactly. Negative durations count as zero; the largest bucket takes all that is longer than kLargest_ns.
+// 1 / (2 * kSubBuckets), 0.4 %, of its true value at any magnitude (the idea of HdrHistogram, Tene 2012). Minimum,
+// maximum and sum are kept exactly. Negative durations count as zero; the last bucket takes all that is longer.
 #pragma once
 
 #include <array>
@@ -15,9 +15,9 @@ namespace haptic {
 
 class Histogram {
   public:
-    static constexpr int kSubBucketBits = 6;
+    static constexpr int kSubBucketBits = 7;
     static constexpr std::uint64_t kSubBuckets = 1u << kSubBucketBits;
-    static constexpr int kMagnitudes = 30;  // up to 2^36 ns, about 69 s
+    static constexpr int kMagnitudes = 29;  // up to 2^36 ns, about 69 s
     static constexpr std::size_t kBuckets = (kMagnitudes + 1) * kSubBuckets;
 
     void record(std::int64_t duration_ns) HAPTIC_RT;
@@ -27,8 +27,8 @@ class Histogram {
     [[nodiscard]] std::int64_t min_ns() const HAPTIC_RT { return count_ == 0 ? 0 : min_ns_; }
     [[nodiscard]] std::int64_t max_ns() const HAPTIC_RT { return max_ns_; }
     [[nodiscard]] double mean_ns() const HAPTIC_RT;
-    /// The duration that a fraction of all records does not exceed; fraction in 0..1. The upper edge of its bucket, but
-    /// never more than the maximum. 0 when nothing was recorded.
+    /// The duration that a fraction of all records does not exceed; fraction in 0..1. The middle of its bucket, but
+    /// within minimum and maximum. 0 when nothing was recorded.
     [[nodiscard]] std::int64_t percentile_ns(double fraction) const HAPTIC_RT;
 
     struct Bucket {
