@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "haptic/clock.hpp"
@@ -64,25 +65,32 @@ void cloth_step_in_contact(benchmark::State& state) {
 }
 BENCHMARK(cloth_step_in_contact)->Unit(benchmark::kMillisecond);
 
-/// 1,089 groups and 4,160 links, as many passes as the argument says: 2 is what a curtain needs.
+/// 1,089 groups and 4,160 links, as many passes as the arguments say: 2 is what a curtain needs. All numbers of lanes
+/// in one run, so that their ratios can be compared.
 void dynamics(benchmark::State& state) {
     const FlushDenormals flush;
     ParticleModel model = make_cloth_particles({}, 0.3, 1.0);
     for (std::size_t i = 0; i < model.size(); ++i) {
         model.position[i].y += 0.01 * static_cast<double>(i % 7);
     }
-    ParticleSolver solver(model, {.iterations = static_cast<int>(state.range(0)),
-                                  .rotation_iterations = static_cast<int>(state.range(1))});
+    ParticleSolver solver(
+        model,
+        {.iterations = static_cast<int>(state.range(0)), .rotation_iterations = static_cast<int>(state.range(1))},
+        static_cast<std::size_t>(state.range(2)));
     for ([[maybe_unused]] const auto iteration : state) {
         solver.step(model, {});
     }
 }
-BENCHMARK(dynamics)
-    ->ArgNames({"iterations", "rotation_iterations"})
-    ->Args({2, 1})
-    ->Args({2, 2})
-    ->Args({8, 2})
-    ->Unit(benchmark::kMicrosecond);
+
+void each_number_of_lanes(benchmark::internal::Benchmark* bench) {
+    bench->ArgNames({"iterations", "rotation_iterations", "lanes"});
+    for (const auto& [iterations, rotation_iterations] : {std::pair{2, 1}, {2, 2}, {8, 2}}) {
+        for (const std::size_t lanes : ParticleSolver::usable_lanes()) {
+            bench->Args({iterations, rotation_iterations, static_cast<std::int64_t>(lanes)});
+        }
+    }
+}
+BENCHMARK(dynamics)->Apply(each_number_of_lanes)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 }  // namespace haptic::sim

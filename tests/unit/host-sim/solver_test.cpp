@@ -5,6 +5,7 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
+#include <memory>
 #include <random>
 #include <span>
 #include <vector>
@@ -34,6 +35,53 @@ ParticleModel crumpled_sheet(std::uint32_t side = 9) {
         model.angular_velocity[i] = vector();
     }
     return model;
+}
+
+/// Groups and links of all sizes between particles at random, some pinned, some in one place: all that makes lanes
+/// differ from one another.
+ParticleModel tangle(std::uint32_t seed) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> normal;
+    const auto vector = [&] { return Vec3(normal(random), normal(random), normal(random)); };
+    const auto below = [&](std::uint32_t n) { return std::uniform_int_distribution<std::uint32_t>(0, n - 1)(random); };
+    ParticleModel model;
+    const std::uint32_t count = 150;
+    for (std::uint32_t i = 0; i < count; ++i) {
+        model.add(vector(), std::exp(normal(random)), i % 5 == 0 ? 0.0 : 0.1);
+        model.position[i] += 0.1 * vector();
+        model.velocity[i] = vector();
+        model.orientation[i] = turned(model.orientation[i], vector());
+        model.angular_velocity[i] = vector();
+        model.pinned[i] = below(12) == 0 ? 1 : 0;
+        if (model.pinned[i] != 0) {
+            model.position[i].x = -0.0;  // nothing may be added to it, not even 0
+        }
+    }
+    for (std::uint32_t c = 0; c < 40; ++c) {
+        Group group{c, {c}, 0.1 * below(11)};
+        for (std::uint32_t more = below(8); more > 0; --more) {
+            group.members.push_back((group.members.back() + 1 + below(10)) % count);
+        }
+        model.groups.push_back(group);
+    }
+    model.groups.push_back({count - 1, {count - 1}, 1.0});
+    for (int l = 0; l < 60; ++l) {
+        const std::uint32_t first = below(count);
+        model.links.push_back({first, (first + 1 + below(count - 1)) % count, std::abs(normal(random)), 0.9});
+    }
+    const Link& closed = model.links[7];
+    model.position[closed.second] = model.position[closed.first];
+    model.velocity[closed.second] = model.velocity[closed.first];
+    return model;
+}
+
+std::uint64_t hash_of(const ParticleModel& model) {
+    StateHash hash;
+    hash.add(std::span<const Vec3>(model.position));
+    hash.add(std::span<const Vec3>(model.velocity));
+    hash.add(std::span<const Quat>(model.orientation));
+    hash.add(std::span<const Vec3>(model.angular_velocity));
+    return hash.value();
 }
 
 double inner_kinetic_energy(const ParticleModel& model) {
@@ -182,18 +230,46 @@ TEST(Solver, GoesThroughTheSameBitsOnEveryMachine) {
     // A cloth that is let go while two corners are held. The number changes with every change of the arithmetic; that
     // it is the same for all compilers, levels of optimisation and CPUs is the point.
     const FlushDenormals flush;
-    ParticleModel model = sheet(17);
-    model.pinned[0] = model.pinned[16] = 1;
-    ParticleSolver solver(model, {.settling = 1.0});
-    for (int i = 0; i < 100; ++i) {
-        solver.step(model, {});
+    for (const std::size_t lanes : ParticleSolver::usable_lanes()) {
+        ParticleModel model = sheet(17);
+        model.pinned[0] = model.pinned[16] = 1;
+        ParticleSolver solver(model, {.settling = 1.0}, lanes);
+        for (int i = 0; i < 100; ++i) {
+            solver.step(model, {});
+        }
+        EXPECT_EQ(hash_of(model), 0x533b364507503944u) << lanes << " lanes";
     }
-    StateHash hash;
-    hash.add(std::span<const Vec3>(model.position));
-    hash.add(std::span<const Vec3>(model.velocity));
-    hash.add(std::span<const Quat>(model.orientation));
-    hash.add(std::span<const Vec3>(model.angular_velocity));
-    EXPECT_EQ(hash.value(), 0x533b364507503944u);
+}
+
+TEST(Solver, HasTheSameBitsWithAnyNumberOfLanes) {
+    const auto widths = ParticleSolver::usable_lanes();
+    ASSERT_GE(widths.size(), 2u);
+    for (std::uint32_t seed = 0; seed < 20; ++seed) {
+        const ParticleModel model = tangle(seed);
+        const SolverSettings settings{.step = 0.004, .substeps = 2, .iterations = 3, .settling = 2.0};
+        const auto run = [&](std::size_t lanes, bool flushed) {
+            ParticleModel copy = model;
+            ParticleSolver solver(copy, settings, lanes);
+            EXPECT_EQ(solver.lanes(), lanes);
+            const auto flush = flushed ? std::make_unique<FlushDenormals>() : nullptr;
+            for (int i = 0; i < 5; ++i) {
+                solver.step(copy, {});
+            }
+            EXPECT_TRUE(is_finite(copy));
+            return hash_of(copy);
+        };
+        for (const std::size_t lanes : widths) {
+            EXPECT_EQ(run(lanes, true), run(1, true)) << lanes << " lanes, seed " << seed;
+            EXPECT_EQ(run(lanes, false), run(1, false)) << lanes << " lanes, seed " << seed;
+        }
+    }
+}
+
+TEST(Solver, TakesTheWidestLanesUnlessToldOtherwise) {
+    const ParticleModel model = sheet();
+    EXPECT_EQ(ParticleSolver(model, {}).lanes(), ParticleSolver::usable_lanes().back());
+    EXPECT_EQ(ParticleSolver::usable_lanes().front(), 1u);
+    EXPECT_THROW(ParticleSolver(model, {}, 3), std::invalid_argument);
 }
 
 TEST(Solver, SettlesWithoutLosingMomentum) {

@@ -16,8 +16,8 @@
 // whole, which no inner force can do; that turn, theta = I^-1 sum m p x d, is taken out again, so that every
 // projection keeps linear and angular momentum to rounding.
 //
-// Both loops run in the order of a graph colouring: constraints of one colour share no particle, so that they can be
-// done side by side without a change in the result.
+// Both loops run in the order of a graph colouring: constraints of one colour share no particle, so that they are done
+// side by side, in the lanes of vector registers, without a change in any bit of the result.
 //
 // Projection at u while the momentum is counted at x is the implicit Euler method, which turns angular momentum into
 // nothing at the rate of the motion within a step. For a model that nothing pins, the step puts it back as one rigid
@@ -26,7 +26,7 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -48,63 +48,44 @@ struct SolverSettings {
 
 class ParticleSolver {
   public:
-    /// Orders the model's constraints. Throws std::invalid_argument for a model that check() refuses, or settings out
-    /// of their range.
-    ParticleSolver(const ParticleModel& model, const SolverSettings& settings);
+    /// As many constraints side by side as the machine has lanes for.
+    static constexpr std::size_t kWidest = 0;
+
+    /// Orders the model's constraints. `lanes` is how many of them are projected side by side: one of usable_lanes() or
+    /// kWidest. It makes no difference to the result. Throws std::invalid_argument for a model that check() refuses,
+    /// settings out of their range, or lanes that the machine does not have.
+    ParticleSolver(const ParticleModel& model, const SolverSettings& settings, std::size_t lanes = kWidest);
+    ParticleSolver(ParticleSolver&&) noexcept;
+    ParticleSolver& operator=(ParticleSolver&&) noexcept;
+    ~ParticleSolver();
+
+    /// Increasing; 1 and 2 everywhere, on x86-64 also 4 (AVX2) and 8 (AVX-512F).
+    [[nodiscard]] static std::vector<std::size_t> usable_lanes();
 
     /// Advances the model, which has to be the one given to the constructor as far as its rest shape and constraints
     /// go. `force` is in N, per particle, constant over the step; an empty span is no force.
     void step(ParticleModel& model, std::span<const Vec3> force);
 
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
-    [[nodiscard]] std::size_t group_colours() const noexcept { return group_colours_; }
-    [[nodiscard]] std::size_t link_colours() const noexcept { return link_colours_; }
+    [[nodiscard]] std::size_t lanes() const noexcept;
+    [[nodiscard]] std::size_t group_colours() const noexcept;
+    [[nodiscard]] std::size_t link_colours() const noexcept;
 
   private:
-    struct OrderedGroup {
-        std::uint32_t centre;
-        std::uint32_t first;  // into members_
-        std::uint32_t count;
-        double stiffness;
-        double inverse_mass;  // 1 / kg, of the whole group
-    };
-    struct Member {
-        std::uint32_t particle;
-        double mass;       // kg
-        double spin_mass;  // kg m^2, m r^2 / 5
-        Vec3 rest_offset;  // m, from the group's rest centroid
-    };
-    struct OrderedLink {
-        std::uint32_t first;
-        std::uint32_t second;
-        double rest_length;
-        double first_share;  // stiffness * w1 / (w1 + w2), w inverse mass
-        double second_share;
-    };
+    struct Projecting;
 
-    void order_groups(const ParticleModel& model);
-    void order_links(const ParticleModel& model);
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
-    void project_link(const OrderedLink& link);
-    void sweep(ParticleModel& model, bool forward);
-    void project_group(ParticleModel& model, const OrderedGroup& group);
     void update(ParticleModel& model, double h);
     void settle(ParticleModel& model, double h) const;
     void restore_angular_momentum(ParticleModel& model, double h);
 
     SolverSettings settings_;
-    bool free_ = true;  // nothing is pinned
-    std::vector<OrderedGroup> groups_;
-    std::vector<Member> members_;
-    std::vector<OrderedLink> links_;
-    std::size_t group_colours_ = 0;
-    std::size_t link_colours_ = 0;
+    bool free_ = true;                 // nothing is pinned
+    std::unique_ptr<Projecting> now_;  // constraints, and the particles in the course of a step
 
     // Scratch, per particle.
-    std::vector<Vec3> next_;       // u
     std::vector<Vec3> predicted_;  // velocity after forces, before constraints
     std::vector<Quat> previous_;   // orientation at the start of the sub-step
-    std::vector<Mat3> rotation_;   // orientation as a matrix
 };
 
 }  // namespace haptic::sim

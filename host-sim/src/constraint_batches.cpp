@@ -1,0 +1,195 @@
+#include "constraint_batches.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace haptic::sim {
+namespace {
+
+constexpr std::size_t kMostColours = 4096;
+
+/// Greedy colouring: constraints in order, each with the first colour that none of its particles has.
+/// @return the constraints of each colour
+template <class Particles>
+std::vector<std::vector<std::uint32_t>> colour(std::size_t constraints, std::size_t particles,
+                                               const Particles& for_each_particle) {
+    std::vector<std::vector<bool>> used;  // per colour, per particle
+    std::vector<std::vector<std::uint32_t>> of_colour;
+    for (std::uint32_t c = 0; c < constraints; ++c) {
+        std::size_t choice = 0;
+        for (; choice < used.size(); ++choice) {
+            bool clash = false;
+            for_each_particle(c, [&](std::uint32_t p) { clash = clash || used[choice][p]; });
+            if (!clash) {
+                break;
+            }
+        }
+        if (choice == used.size()) {
+            if (choice == kMostColours) {
+                throw std::invalid_argument("solver: a particle is in too many constraints");
+            }
+            used.emplace_back(particles, false);
+            of_colour.emplace_back();
+        }
+        for_each_particle(c, [&](std::uint32_t p) { used[choice][p] = true; });
+        of_colour[choice].push_back(c);
+    }
+    return of_colour;
+}
+
+}  // namespace
+
+ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lanes) : lanes_(lanes) {
+    batch_links(model);
+    batch_groups(model);
+}
+
+void ConstraintBatches::batch_links(const ParticleModel& model) {
+    const auto colours = colour(model.links.size(), model.size(), [&](std::uint32_t l, const auto& visit) {
+        visit(model.links[l].first);
+        visit(model.links[l].second);
+    });
+    link_colours_ = colours.size();
+    const auto nobody = static_cast<std::uint32_t>(model.size());
+    const auto inverse_mass = [&](std::uint32_t p) { return model.pinned[p] != 0 ? 0.0 : 1.0 / model.mass[p]; };
+    const auto add = [&](std::uint32_t a, std::uint32_t b, double length, double share_a, double share_b) {
+        first_.push_back(a);
+        second_.push_back(b);
+        rest_length_.push_back(length);
+        first_share_.push_back(share_a);
+        second_share_.push_back(share_b);
+    };
+    for (const std::vector<std::uint32_t>& same : colours) {
+        for (const std::uint32_t l : same) {
+            const Link& link = model.links[l];
+            const double a = inverse_mass(link.first);
+            const double b = inverse_mass(link.second);
+            if (a + b > 0.0) {
+                add(link.first, link.second, link.rest_length, link.stiffness * a / (a + b),
+                    link.stiffness * b / (a + b));
+            }
+        }
+        while (first_.size() % lanes_ != 0) {
+            add(nobody, nobody, 0.0, 0.0, 0.0);
+        }
+    }
+}
+
+void ConstraintBatches::batch_groups(const ParticleModel& model) {
+    auto colours = colour(model.groups.size(), model.size(), [&](std::uint32_t g, const auto& visit) {
+        for (const std::uint32_t p : model.groups[g].members) {
+            visit(p);
+        }
+    });
+    group_colours_ = colours.size();
+    for (std::vector<std::uint32_t>& same : colours) {
+        std::sort(same.begin(), same.end(), [&](std::uint32_t a, std::uint32_t b) {
+            return std::pair(model.groups[b].members.size(), a) < std::pair(model.groups[a].members.size(), b);
+        });
+        const std::size_t first_batch = batch_.size();
+        for (std::size_t first = 0; first < same.size(); first += lanes_) {
+            add_batch(model, same, first);
+        }
+        divide_into_runs(first_batch);
+    }
+}
+
+void ConstraintBatches::divide_into_runs(std::size_t first_batch) {
+    for (std::size_t b = first_batch; b < batch_.size(); ++b) {
+        GroupRun* last = b == first_batch ? nullptr : &run_.back();
+        if (last == nullptr || last->batches == kMostBatchesInRun || last->uneven != uneven(batch_[b])) {
+            last = &run_.emplace_back(GroupRun{static_cast<std::uint32_t>(b), 0, uneven(batch_[b])});
+        }
+        ++last->batches;
+    }
+}
+
+bool ConstraintBatches::uneven(const GroupBatch& batch) const noexcept {
+    const auto begin = member_is_free_.begin() + static_cast<std::ptrdiff_t>(batch.first_slot * lanes_);
+    const auto end = begin + static_cast<std::ptrdiff_t>(batch.slots * lanes_);
+    return std::find(begin, end, 0) != end;
+}
+
+void ConstraintBatches::add_batch(const ParticleModel& model, const std::vector<std::uint32_t>& groups,
+                                  std::size_t first) {
+    const std::size_t slots = model.groups[groups[first]].members.size();  // sorted: none is larger
+    batch_.push_back({static_cast<std::uint32_t>(member_.size() / lanes_), static_cast<std::uint32_t>(slots)});
+    const std::size_t begin = member_.size();
+    const auto nobody = static_cast<std::uint32_t>(model.size());
+    member_.resize(begin + slots * lanes_, nobody);
+    member_exists_.resize(member_.size(), 0);
+    member_is_free_.resize(member_.size(), 0);
+    rest_offset_.resize(3 * member_.size(), 0.0);
+    for (std::size_t lane = 0; lane < lanes_; ++lane) {
+        const Group* group = first + lane < groups.size() ? &model.groups[groups[first + lane]] : nullptr;
+        add_group(model, group, begin + lane);
+    }
+}
+
+void ConstraintBatches::add_group(const ParticleModel& model, const Group* group, std::size_t first_member) {
+    if (group == nullptr) {
+        centre_.push_back(static_cast<std::uint32_t>(model.size()));
+        stiffness_.push_back(0.0);
+        inverse_mass_.push_back(0.0);
+        centre_spin_mass_.push_back(0.0);
+        centre_is_free_.push_back(0);
+        return;
+    }
+    double mass = 0.0;
+    Vec3 centroid(0.0);
+    for (const std::uint32_t p : group->members) {
+        mass += model.mass[p];
+        centroid += model.mass[p] * model.rest_position[p];
+    }
+    centroid /= mass;
+    centre_.push_back(group->centre);
+    stiffness_.push_back(group->stiffness);
+    inverse_mass_.push_back(1.0 / mass);
+    centre_spin_mass_.push_back(spin_mass(model, group->centre));
+    centre_is_free_.push_back(model.pinned[group->centre] != 0 ? 0 : 1);
+    const std::size_t lane = first_member % lanes_;
+    std::size_t at = first_member;
+    for (const std::uint32_t p : group->members) {
+        member_[at] = p;
+        member_exists_[at] = 1;
+        member_is_free_[at] = model.pinned[p] != 0 ? 0 : 1;
+        const Vec3 offset = model.rest_position[p] - centroid;
+        double* to = &rest_offset_[3 * (at - lane) + lane];
+        to[0] = offset.x;
+        to[lanes_] = offset.y;
+        to[2 * lanes_] = offset.z;
+        at += lanes_;
+    }
+}
+
+LinkBatches ConstraintBatches::links() const noexcept {
+    return {first_.size() / lanes_, first_.data(),       second_.data(),
+            rest_length_.data(),    first_share_.data(), second_share_.data()};
+}
+
+GroupBatches ConstraintBatches::groups() const noexcept {
+    return {.runs = run_.size(),
+            .run = run_.data(),
+            .most_slots = most_slots(),
+            .batch = batch_.data(),
+            .centre = centre_.data(),
+            .stiffness = stiffness_.data(),
+            .inverse_mass = inverse_mass_.data(),
+            .centre_spin_mass = centre_spin_mass_.data(),
+            .centre_is_free = centre_is_free_.data(),
+            .member = member_.data(),
+            .rest_offset = rest_offset_.data(),
+            .member_exists = member_exists_.data(),
+            .member_is_free = member_is_free_.data()};
+}
+
+std::size_t ConstraintBatches::most_slots() const noexcept {
+    std::size_t most = 0;
+    for (const GroupBatch& batch : batch_) {
+        most = std::max<std::size_t>(most, batch.slots);
+    }
+    return most;
+}
+
+}  // namespace haptic::sim

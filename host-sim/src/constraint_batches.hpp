@@ -1,0 +1,82 @@
+// A model's constraints in the order and the batches in which they are projected.
+//
+// Constraints of one colour share no particle, so their order among themselves changes no bit of the result: groups of
+// a colour are sorted by size, that batches are even, and a batch is a colour's next so many.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <new>
+#include <vector>
+
+#include "haptic/sim/particles.hpp"
+#include "projection.hpp"
+
+namespace haptic::sim {
+
+/// Puts the first element on a cache line's border, so that no vector lies across two.
+template <class T>
+struct CacheLineAllocator {
+    using value_type = T;
+    static constexpr std::align_val_t kAlignment{64};
+
+    CacheLineAllocator() = default;
+    template <class U>
+    explicit CacheLineAllocator(const CacheLineAllocator<U>& /*other*/) noexcept {}
+    [[nodiscard]] T* allocate(std::size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), kAlignment)); }
+    void deallocate(T* memory, std::size_t /*n*/) noexcept { ::operator delete(memory, kAlignment); }
+    friend bool operator==(const CacheLineAllocator& /*a*/, const CacheLineAllocator& /*b*/) noexcept { return true; }
+};
+
+template <class T>
+using LaneArray = std::vector<T, CacheLineAllocator<T>>;
+
+class ConstraintBatches {
+  public:
+    /// The model has been checked. Throws std::invalid_argument if a particle is in too many constraints.
+    ConstraintBatches(const ParticleModel& model, std::size_t lanes);
+
+    [[nodiscard]] LinkBatches links() const noexcept;
+    [[nodiscard]] GroupBatches groups() const noexcept;
+    [[nodiscard]] std::size_t link_colours() const noexcept { return link_colours_; }
+    [[nodiscard]] std::size_t group_colours() const noexcept { return group_colours_; }
+    /// Slots of the largest batch.
+    [[nodiscard]] std::size_t most_slots() const noexcept;
+
+  private:
+    void batch_links(const ParticleModel& model);
+    void batch_groups(const ParticleModel& model);
+    void add_batch(const ParticleModel& model, const std::vector<std::uint32_t>& groups, std::size_t first);
+    void divide_into_runs(std::size_t first_batch);
+    [[nodiscard]] bool uneven(const GroupBatch& batch) const noexcept;
+    void add_group(const ParticleModel& model, const Group* group, std::size_t first_member);
+
+    std::size_t lanes_;
+    std::size_t link_colours_ = 0;
+    std::size_t group_colours_ = 0;
+
+    // What LinkBatches and GroupBatches point to.
+    LaneArray<std::uint32_t> first_;
+    LaneArray<std::uint32_t> second_;
+    LaneArray<double> rest_length_;
+    LaneArray<double> first_share_;
+    LaneArray<double> second_share_;
+    std::vector<GroupRun> run_;
+    std::vector<GroupBatch> batch_;
+    LaneArray<std::uint32_t> centre_;
+    LaneArray<double> stiffness_;
+    LaneArray<double> inverse_mass_;
+    LaneArray<double> centre_spin_mass_;
+    LaneArray<std::int64_t> centre_is_free_;
+    LaneArray<std::uint32_t> member_;
+    LaneArray<double> rest_offset_;
+    LaneArray<std::int64_t> member_exists_;
+    LaneArray<std::int64_t> member_is_free_;
+};
+
+/// m r^2 / 5, kg m^2: what weights the orientation of a ball in the moment matrix.
+[[nodiscard]] inline double spin_mass(const ParticleModel& model, std::size_t particle) {
+    return 0.2 * model.mass[particle] * model.radius[particle] * model.radius[particle];
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,184 @@
+// Arithmetic in lanes: one number, or several side by side in a vector register.
+//
+// Constraints of one colour share no particle, so that several can be projected at once, each in its lane. Code is
+// written once, over a type Real, which is `double` or the compilers' vector type of 2, 4 or 8 doubles. An operation on
+// vectors is that operation on each lane, rounded alike, and none is contracted (-ffp-contract=off). So every lane goes
+// through the bits that `double` would; what a scalar would branch on is computed and then chosen with select().
+//
+// The same function compiled for different machines must not have the same name, or the linker might keep the copy with
+// instructions that this one does not have. So everything here is either inlined or a template of a width that only one
+// translation unit uses, and no function of the standard library is called.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+
+// Inlined also where little is optimised: a call would pass each vector through memory.
+#define HAPTIC_LANES [[gnu::always_inline]] inline
+
+namespace haptic::sim {
+
+template <std::size_t Count>
+struct LaneTypes {
+    using Real [[gnu::vector_size(Count * sizeof(double))]] = double;
+    using Bits [[gnu::vector_size(Count * sizeof(double))]] = std::int64_t;
+};
+template <>
+struct LaneTypes<1> {
+    using Real = double;
+    using Bits = std::int64_t;
+};
+
+inline constexpr std::size_t kBytesOfLane = sizeof(double);
+template <class Real>
+inline constexpr std::size_t kLanes = sizeof(Real) / kBytesOfLane;
+template <class Real>
+using BitsOf = typename LaneTypes<kLanes<Real>>::Bits;
+
+/// value in each lane.
+template <class Real>
+HAPTIC_LANES Real broadcast(double value) noexcept {
+    return value - Real{};
+}
+
+/// From and to consecutive numbers in memory.
+template <class Real>
+HAPTIC_LANES Real load(const double* from) noexcept {
+    Real result;
+    __builtin_memcpy(&result, from, sizeof(Real));
+    return result;
+}
+
+template <class Real>
+HAPTIC_LANES void store(Real value, double* to) noexcept {
+    __builtin_memcpy(to, &value, sizeof(Real));
+}
+
+/// Lanes whose number is not 0: what select() takes.
+template <class Real>
+HAPTIC_LANES auto load_mask(const std::int64_t* from) noexcept {
+    BitsOf<Real> bits;
+    __builtin_memcpy(&bits, from, sizeof(bits));
+    return bits != BitsOf<Real>{};
+}
+
+template <class Mask, class Real>
+HAPTIC_LANES Real select(Mask condition, Real yes, Real no) noexcept {
+    return condition ? yes : no;
+}
+
+template <class Real>
+HAPTIC_LANES Real absolute(Real x) noexcept {
+    const BitsOf<Real> bits = __builtin_bit_cast(BitsOf<Real>, x) & INT64_MAX;
+    return __builtin_bit_cast(Real, bits);
+}
+
+template <class Real>
+HAPTIC_LANES Real square_root(Real x) noexcept {
+    if constexpr (std::is_same_v<Real, double>) {
+        return __builtin_sqrt(x);
+    } else {
+#if __has_builtin(__builtin_elementwise_sqrt)
+        return __builtin_elementwise_sqrt(x);
+#else
+        return [&]<std::size_t... I>(std::index_sequence<I...>) {
+            return Real{__builtin_sqrt(x[I])...};  // one instruction, where errno is not asked for
+        }(std::make_index_sequence<kLanes<Real>>{});
+#endif
+    }
+}
+
+template <class Real>
+struct LaneVec {
+    Real x, y, z;
+};
+
+template <class Real>
+HAPTIC_LANES LaneVec<Real> operator+(const LaneVec<Real>& a, const LaneVec<Real>& b) noexcept {
+    return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+template <class Real>
+HAPTIC_LANES LaneVec<Real> operator-(const LaneVec<Real>& a, const LaneVec<Real>& b) noexcept {
+    return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+template <class Real>
+HAPTIC_LANES LaneVec<Real> operator*(Real s, const LaneVec<Real>& a) noexcept {
+    return {s * a.x, s * a.y, s * a.z};
+}
+template <class Real>
+HAPTIC_LANES LaneVec<Real> operator/(const LaneVec<Real>& a, Real s) noexcept {
+    return {a.x / s, a.y / s, a.z / s};
+}
+template <class Real>
+HAPTIC_LANES Real dot(const LaneVec<Real>& a, const LaneVec<Real>& b) noexcept {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+template <class Real>
+HAPTIC_LANES LaneVec<Real> cross(const LaneVec<Real>& a, const LaneVec<Real>& b) noexcept {
+    return {a.y * b.z - b.y * a.z, a.z * b.x - b.z * a.x, a.x * b.y - b.x * a.y};
+}
+template <class Mask, class Real>
+HAPTIC_LANES LaneVec<Real> select(Mask condition, const LaneVec<Real>& yes, const LaneVec<Real>& no) noexcept {
+    return {select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z)};
+}
+
+/// Columns, as in glm.
+template <class Real>
+struct LaneMat {
+    LaneVec<Real> x, y, z;
+};
+
+template <class Real>
+HAPTIC_LANES LaneMat<Real> operator+(const LaneMat<Real>& a, const LaneMat<Real>& b) noexcept {
+    return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+template <class Real>
+HAPTIC_LANES LaneMat<Real> operator*(Real s, const LaneMat<Real>& a) noexcept {
+    return {s * a.x, s * a.y, s * a.z};
+}
+template <class Real>
+HAPTIC_LANES LaneVec<Real> operator*(const LaneMat<Real>& m, const LaneVec<Real>& v) noexcept {
+    return v.x * m.x + v.y * m.y + v.z * m.z;
+}
+template <class Mask, class Real>
+HAPTIC_LANES LaneMat<Real> select(Mask condition, const LaneMat<Real>& yes, const LaneMat<Real>& no) noexcept {
+    return {select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z)};
+}
+
+/// A symmetric matrix by its lower triangle.
+template <class Real>
+struct LaneSymmetric {
+    Real xx, yy, zz, yx, zx, zy;
+};
+
+template <class Real>
+HAPTIC_LANES LaneSymmetric<Real> operator+(const LaneSymmetric<Real>& a, const LaneSymmetric<Real>& b) noexcept {
+    return {a.xx + b.xx, a.yy + b.yy, a.zz + b.zz, a.yx + b.yx, a.zx + b.zx, a.zy + b.zy};
+}
+
+template <class Mask, class Real>
+HAPTIC_LANES LaneSymmetric<Real> select(Mask condition, const LaneSymmetric<Real>& yes,
+                                        const LaneSymmetric<Real>& no) noexcept {
+    return {select(condition, yes.xx, no.xx), select(condition, yes.yy, no.yy), select(condition, yes.zz, no.zz),
+            select(condition, yes.yx, no.yx), select(condition, yes.zx, no.zx), select(condition, yes.zy, no.zy)};
+}
+
+template <class Real>
+struct LaneQuat {
+    Real w, x, y, z;
+};
+
+template <class Real>
+HAPTIC_LANES LaneQuat<Real> operator*(const LaneQuat<Real>& a, const LaneQuat<Real>& b) noexcept {
+    return {a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+            a.w * b.y + a.y * b.w + a.z * b.x - a.x * b.z, a.w * b.z + a.z * b.w + a.x * b.y - a.y * b.x};
+}
+template <class Mask, class Real>
+HAPTIC_LANES LaneQuat<Real> select(Mask condition, const LaneQuat<Real>& yes, const LaneQuat<Real>& no) noexcept {
+    return {select(condition, yes.w, no.w), select(condition, yes.x, no.x), select(condition, yes.y, no.y),
+            select(condition, yes.z, no.z)};
+}
+
+}  // namespace haptic::sim

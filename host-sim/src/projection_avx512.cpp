@@ -1,0 +1,8 @@
+// Projection with AVX-512F (see CMakeLists.txt).
+#include "projection_lanes.hpp"
+
+namespace haptic::sim {
+
+extern const Projection kEightLanes = kProjection<8>;
+
+}  // namespace haptic::sim

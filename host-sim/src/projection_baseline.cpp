@@ -1,0 +1,9 @@
+// Projection with registers that every machine has.
+#include "projection_lanes.hpp"
+
+namespace haptic::sim {
+
+extern const Projection kOneLane = kProjection<1>;
+extern const Projection kTwoLanes = kProjection<2>;
+
+}  // namespace haptic::sim
