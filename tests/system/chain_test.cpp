@@ -165,7 +165,7 @@ TEST_F(Chain, CtrlCLeavesReportsAndNothingElseBehind) {
 }
 
 TEST_F(Chain, CtrlCAtAnyTimeEndsBothProcesses) {
-    for (const int delay_ms : {0, 1, 3, 10, 30, 100, 300}) {
+    for (const int delay_ms : {0, 1, 1, 2, 2, 3, 3, 4, 5, 7, 10, 30, 100, 300}) {
         Process rt = start_rt_core();
         Process sim = start_host_sim("host-sim", "60");
         std::this_thread::sleep_for(milliseconds(delay_ms));

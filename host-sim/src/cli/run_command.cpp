@@ -39,7 +39,7 @@ void request_stop(int /*signal*/) {
     stop_requested = 1;
 }
 
-/// While it lives, SIGINT and SIGTERM end the run in an orderly way instead of the process.
+/// While it lives, SIGINT, SIGTERM and SIGHUP end the run in an orderly way instead of the process.
 class StopOnSignal {
   public:
     StopOnSignal() {
@@ -47,17 +47,20 @@ class StopOnSignal {
         action.sa_handler = request_stop;  // without SA_RESTART: the sleep of the run ends at once
         (void)sigaction(SIGINT, &action, &old_interrupt_);
         (void)sigaction(SIGTERM, &action, &old_terminate_);
+        (void)sigaction(SIGHUP, &action, &old_hangup_);
     }
     StopOnSignal(const StopOnSignal&) = delete;
     StopOnSignal& operator=(const StopOnSignal&) = delete;
     ~StopOnSignal() {
         (void)sigaction(SIGINT, &old_interrupt_, nullptr);
         (void)sigaction(SIGTERM, &old_terminate_, nullptr);
+        (void)sigaction(SIGHUP, &old_hangup_, nullptr);
     }
 
   private:
     struct sigaction old_interrupt_{};
     struct sigaction old_terminate_{};
+    struct sigaction old_hangup_{};
 };
 
 struct RunOptions {
@@ -134,6 +137,7 @@ class Run {
     [[nodiscard]] bool wanted() const { return stop_requested == 0 && (steps_ == 0 || statistics_.steps() < steps_); }
     void write_results(double wall_s) const;
 
+    const StopOnSignal stop_;  // first: from before there are rings until after there are none
     const RunOptions& options_;
     std::uint64_t steps_;  // 0: until stopped
     Simulation simulation_;
@@ -260,7 +264,6 @@ void Run::write_results(double wall_s) const {
 }
 
 int Run::go() {
-    const StopOnSignal stop;
     const Scene& scene = simulation_.scene();
     spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, options_.clock, scene.solver.step);
     const std::int64_t start_ns = monotonic_now_ns();
