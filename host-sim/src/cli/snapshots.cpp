@@ -9,8 +9,8 @@
 namespace haptic::sim {
 namespace {
 
-constexpr std::uint64_t kSoonAfter = 10;  // steps
-constexpr std::uint64_t kLater = 40;
+constexpr std::uint64_t kSoonAfter = 7;  // steps
+constexpr std::uint64_t kLater = 100;
 constexpr double kFloor = -1.6;  // m, below all that happens in the scenes
 
 /// The faces that lie in front; the second half of a double-faced mesh is the same surface once more.
