@@ -78,10 +78,14 @@ void PressureMask::press(const Vec3& force, std::span<Vec3> vertex_force) const 
     }
 }
 
-double contact_push(double share, double closing, double patch_mass, double step_s, const Coupling& coupling) noexcept {
-    const double damping = share * coupling.loss;  // N*s/m, k d c
+double contact_damping(double share, double patch_mass, double step_s, const Coupling& coupling) noexcept {
+    const double damping = share * coupling.loss;  // k d c
     const double mass = patch_mass > coupling.tied_mass ? patch_mass : coupling.tied_mass;
-    const double push = share + damping * closing / (1.0 + damping * step_s / mass);
+    return damping / (1.0 + damping * step_s / mass);
+}
+
+double contact_push(double share, double closing, double damping) noexcept {
+    const double push = share + damping * closing;
     return push > 0.0 ? push : 0.0;
 }
 

@@ -96,6 +96,7 @@ struct Simulation::State {
     Clutch clutch;
     ContactSettings contact;
     std::vector<Vec3> force;  // N, per particle
+    double damping = 0.0;     // N*s/m, of all contacts of the last step, scene
     Vec3 proxy;
     Vec3 last_hip{0.0};
     ProxyPath path;
@@ -144,13 +145,16 @@ void Simulation::State::find_contact(StepResult& result, Stopwatch& watch) {
 
 void Simulation::State::couple(StepResult& result, const Vec3& hip_velocity) {
     std::fill(force.begin(), force.end(), Vec3(0.0));
+    damping = 0.0;
     const double stiffness = clutch.gain() * scene.coupling.stiffness;
     const ContactShares shares = divide_force(stiffness * (proxy - result.hip), contacts);
     for (std::size_t c = 0; c < contacts.count; ++c) {
         const SurfacePlane& plane = contacts.plane[c];
         const PressedPatch patch = mask.lay(plane.touched, model.velocity);
         const double closing = glm::dot(patch.velocity - hip_velocity, plane.normal);
-        const double push = contact_push(shares[c], closing, patch.mass, scene.solver.step, scene.coupling);
+        const double held = contact_damping(shares[c], patch.mass, scene.solver.step, scene.coupling);
+        const double push = contact_push(shares[c], closing, held);
+        damping += held;
         result.force += push * plane.normal;
         mask.press(-push * plane.normal, force);
     }
@@ -177,7 +181,7 @@ void Simulation::State::build_frame(const StepInput& input, const StepResult& re
     frame.publish_time_ns = input.time_ns;
     frame.step_ns = nanoseconds(scene.solver.step);
     frame.stiffness = clutch.gain() * workspace.coupling_to_device(scene.coupling.stiffness);
-    frame.damping = frame.stiffness * scene.coupling.loss * result.depth;
+    frame.damping = workspace.coupling_to_device(damping);
     frame.proxy_count = 1;
     frame.flags = (result.squeezed ? std::uint32_t{HAPTIC_FRAME_SQUEEZED} : 0u) |
                   (clutch.uncoupled() ? std::uint32_t{HAPTIC_FRAME_CLUTCHED} : 0u);

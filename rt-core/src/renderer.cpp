@@ -18,6 +18,8 @@ namespace {
 constexpr double kHorizonSteps = 1.5;
 // A frame is fresh for at least so many steps of a slow simulation.
 constexpr std::int64_t kFreshSteps = 3;
+// Time constant of what the surface's velocity adds to the force, in steps of the simulation.
+constexpr double kPushSteps = 0.5;
 // Below this determinant of the Gram matrix, active planes are nearly parallel and one stands for all.
 constexpr double kParallel = 1e-9;
 
@@ -52,10 +54,12 @@ double surface_speed(const Vec3& n, const ProxyContact& contact, std::uint8_t ac
 
 }  // namespace
 
-Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity, std::int64_t time_ns) HAPTIC_RT {
+Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity, std::int64_t time_ns,
+               SurfacePush& push, double share) HAPTIC_RT {
     Contact contact;
     contact.proxy = grip.position;
     if (frame.proxy_count == 0 || (frame.flags & HAPTIC_FRAME_CLUTCHED) != 0) {
+        push.fill(0.0);
         return contact;
     }
     const Mat3 turn = glm::mat3_cast(grip.orientation);
@@ -78,27 +82,32 @@ Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocit
         const Vec3 apart = proxy.position - goal;
         const double depth = glm::length(apart);
         if (proxy.active == 0 || !(depth > 0.0)) {
+            push[i] = 0.0;
             continue;
         }
         ++contact.in_contact;
         const Vec3 n = apart / depth;
-        double strength = frame.stiffness * depth;
-        if (frame.damping > 0.0) {
-            const Vec3 goal_velocity = velocity.linear + glm::cross(velocity.angular, lever);
-            strength += frame.damping * (surface_speed(n, particle, proxy.active) - glm::dot(goal_velocity, n));
-        }
+        const Vec3 goal_velocity = velocity.linear + glm::cross(velocity.angular, lever);
+        const double wanted = frame.damping > 0.0 ? frame.damping * surface_speed(n, particle, proxy.active) : 0.0;
+        push[i] += share * (wanted - push[i]);
+        const double strength = frame.stiffness * depth + push[i] - frame.damping * glm::dot(goal_velocity, n);
         const Vec3 force = std::max(0.0, strength) * n;
         contact.wrench.force += force;
         contact.wrench.torque += glm::cross(lever, force);
     }
     if (contact.in_contact > 0) {
-        const double share = 1.0 / static_cast<double>(count);
-        contact.wrench.force *= share;
-        contact.wrench.torque *= share;
+        const double part = 1.0 / static_cast<double>(count);
+        contact.wrench.force *= part;
+        contact.wrench.torque *= part;
         contact.wrench.torque -=
-            frame.rotational_damping * share * static_cast<double>(contact.in_contact) * velocity.angular;
+            frame.rotational_damping * part * static_cast<double>(contact.in_contact) * velocity.angular;
     }
     return contact;
+}
+
+Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity, std::int64_t time_ns) HAPTIC_RT {
+    SurfacePush push{};
+    return render(frame, grip, velocity, time_ns, push, 1.0);
 }
 
 FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
@@ -143,7 +152,8 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
     }
     blend_ = std::min(1.0, blend_ + dt / static_cast<double>(settings_.ramp_ns));
     if (fade_ > 0.0) {
-        result.contact = rt::render(frame(), grip, velocity, now_ns);
+        const double follow = dt / (dt + kPushSteps * static_cast<double>(frame().step_ns));
+        result.contact = rt::render(frame(), grip, velocity, now_ns, push_, follow);
         const double fade = smooth_step(fade_);
         const double taken = smooth_step(blend_);
         Wrench& wrench = result.contact.wrench;
@@ -153,6 +163,7 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
     if (!finite(result.contact.wrench)) {
         // A stiffness without measure; what is felt next must not blend from it.
         result.contact.wrench = Wrench{};
+        push_.fill(0.0);
     }
     last_ = result.contact.wrench;
     return result;

@@ -159,5 +159,15 @@ TEST(ClothDrop, IsTheSameToTheLastBitEachTime) {
     EXPECT_EQ(run_and_hash(), run_and_hash());
 }
 
+TEST(ClothDrop, EndsInTheSameStateOnEveryMachineAndCompiler) {
+    // Whoever changes the method on purpose changes this number; nobody else may.
+    constexpr std::uint64_t kStateAfterTheScene = 0x049e7c0227f51120;
+    sim::Simulation simulation(cloth_drop().scene);
+    for (std::int64_t step = 0; step < 250; ++step) {
+        simulation.step(simulation.scripted_input(step * nanoseconds(simulation.scene().solver.step)));
+    }
+    EXPECT_EQ(simulation.state_hash(), kStateAfterTheScene);
+}
+
 }  // namespace
 }  // namespace haptic::test

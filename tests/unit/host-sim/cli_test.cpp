@@ -101,7 +101,7 @@ TEST_F(RunStatisticsTest, RecordIsAValidHand) {
 }
 
 TEST_F(RunStatisticsTest, SnapshotsShowTheMomentsRoundTheContact) {
-    run(60);
+    run(120);
     const std::vector<std::filesystem::path> files = snapshots_.write(folder_);
     ASSERT_EQ(files.size(), 4u);
     EXPECT_THAT(files[1].string(), HasSubstr("late-drop-2-contact.pov"));

@@ -57,23 +57,27 @@ TEST(DivideForce, TakesAForceAlongTheOnlyNormalWhole) {
     EXPECT_EQ(divide_force({1.0, 2.0, 3.0}, {})[0], 0.0);
 }
 
-TEST(ContactPush, IsTheSpringAloneWithoutLossOrMotion) {
-    EXPECT_EQ(contact_push(3.0, 14.0, 0.002, 0.01, {.stiffness = 20.0, .loss = 0.0}), 3.0);
-    EXPECT_EQ(contact_push(3.0, 0.0, 0.002, 0.01, {.stiffness = 20.0, .loss = 0.1}), 3.0);
+TEST(ContactPush, IsTheSpringAloneWithoutDampingOrMotion) {
+    EXPECT_EQ(contact_damping(3.0, 0.002, 0.01, {.stiffness = 20.0, .loss = 0.0}), 0.0);
+    EXPECT_EQ(contact_push(3.0, 14.0, 0.0), 3.0);
+    EXPECT_EQ(contact_push(3.0, 0.0, 0.5), 3.0);
 }
 
 TEST(ContactPush, ResistsApproachMoreThanRetreatAndNeverPulls) {
-    const Coupling coupling{.stiffness = 20.0, .loss = 0.1};
-    EXPECT_GT(contact_push(3.0, 5.0, 0.1, 0.01, coupling), 3.0);
-    EXPECT_LT(contact_push(3.0, -5.0, 0.1, 0.01, coupling), 3.0);
-    EXPECT_EQ(contact_push(3.0, -500.0, 0.1, 0.01, coupling), 0.0);
+    EXPECT_EQ(contact_push(3.0, 5.0, 0.5), 5.5);
+    EXPECT_EQ(contact_push(3.0, -5.0, 0.5), 0.5);
+    EXPECT_EQ(contact_push(3.0, -500.0, 0.5), 0.0);
 }
 
-TEST(ContactPush, LossNeverTurnsAPatchRoundHoweverLightItIs) {
+TEST(ContactDamping, IsTheLawsOwnWhereThePatchIsHeavy) {
+    EXPECT_NEAR(contact_damping(5.0, 1e9, 0.01, {.loss = 2.0}), 10.0, 1e-6);
+}
+
+TEST(ContactDamping, NeverTurnsAPatchRoundHoweverLightItIs) {
     const double step = 0.01;
     for (const double mass : {1e-6, 1e-3, 1.0}) {
         for (const double closing : {0.1, 14.0, 1000.0}) {
-            const double by_loss = contact_push(5.0, closing, mass, step, {.loss = 10.0}) - 5.0;
+            const double by_loss = closing * contact_damping(5.0, mass, step, {.loss = 10.0});
             EXPECT_LE(by_loss * step / mass, closing * (1.0 + 1e-9));
         }
     }

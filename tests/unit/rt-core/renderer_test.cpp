@@ -278,6 +278,41 @@ TEST_F(FrameRendererTest, KeepsTheLastGoodFrameWhenOneIsDefective) {
     EXPECT_EQ(last.frame_sequence, good);
 }
 
+TEST_F(FrameRendererTest, SurfaceSpeedThatStepsFromFrameToFrameIsFeltWithoutAStep) {
+    // A floor that stands, then comes up at 0.2 m/s against a damping of 10 N*s/m: 2 N more, followed with a time
+    // constant of 5 ms, that is by no more than 1/6 of it in a tick; the spring adds 0.1 N a tick of travel.
+    feed(101, kStiffness, 1, 1.0);
+    const double before = last.contact.wrench.force.y;
+    ContactFrame frame = floor_frame(0.0, kStiffness, now_ns);
+    frame.damping = 10.0;
+    frame.proxies[0].planes[0].velocity = 0.2;
+    give(frame, 1);
+    double previous = before;
+    for (int i = 0; i < 10; ++i) {
+        const double now = step().contact.wrench.force.y;
+        EXPECT_GT(now, previous);
+        EXPECT_LE(now - previous, 2.0 / 6.0 + kStiffness * 0.2e-3 + 1e-9);
+        previous = now;
+    }
+    EXPECT_GT(previous - kStiffness * (0.004 + 0.2 * 0.010), 2.0 * 0.8) << "N: most of it within a simulation step";
+}
+
+TEST_F(FrameRendererTest, ForgetsTheSurfacesPushWhenTheContactIsLost) {
+    feed(101, kStiffness, 1, 1.0);
+    ContactFrame frame = floor_frame(0.0, kStiffness, now_ns);
+    frame.damping = 10.0;
+    frame.proxies[0].planes[0].velocity = 0.2;
+    give(frame, 1);
+    for (int i = 0; i < 10; ++i) {
+        step();
+    }
+    EXPECT_EQ(step(0.05).contact.wrench.force, Vec3(0.0));
+    frame = floor_frame(0.0, kStiffness, now_ns);
+    frame.damping = 10.0;
+    give(frame, 1);
+    EXPECT_NEAR(step(-1e-6).contact.wrench.force.y, kStiffness * 1e-6, 1e-9);
+}
+
 TEST_F(FrameRendererTest, RecoversFromAForceThatOverflows) {
     feed(100, std::numeric_limits<double>::max(), 1, std::numeric_limits<double>::infinity());
     for (int i = 0; i < 5; ++i) {

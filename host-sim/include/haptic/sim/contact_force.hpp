@@ -73,9 +73,12 @@ struct Coupling {
     double tied_mass = 0.0;   // kg, of the surface that follows the pressed patch within a step; 0: unknown
 };
 
-/// The strength of the push at one contact, N, at least 0. `share` is that of the spring alone, k d; `closing` the
-/// velocity at which the patch comes toward the hip, m/s.
-[[nodiscard]] double contact_push(double share, double closing, double patch_mass, double step_s,
-                                  const Coupling& coupling) noexcept;
+/// The damping of one contact, N*s/m. `share` is the strength of the spring alone there, k d, N. Bounded so that within
+/// a step it can bring a patch of that mass to rest, but not turn it round.
+[[nodiscard]] double contact_damping(double share, double patch_mass, double step_s, const Coupling& coupling) noexcept;
+
+/// The strength of the push at one contact, N, at least 0. `closing` is the velocity at which the patch comes toward
+/// the hip, m/s.
+[[nodiscard]] double contact_push(double share, double closing, double damping) noexcept;
 
 }  // namespace haptic::sim

@@ -2,10 +2,12 @@
 //
 // For each proxy particle i of N: its goal g_i = p + R o_i is where the grip has it, its local proxy x_i the point
 // nearest to g_i that the frame's planes allow at this tick's time. A particle whose planes hold it back is in contact:
-//     d = x_i - g_i,  n = d / |d|,  f_i = max(0, k |d| + b (v_surface - v_goal) . n) n
+//     d = x_i - g_i,  n = d / |d|,  f_i = max(0, k |d| + s_i - b v_goal . n) n
 //     F = sum f_i / N,  T = sum (R o_i) x f_i / N - b_r omega (particles in contact) / N
 // so that damping acts in contact only, never pulls into a surface, and leaves free motion without force: there F and T
-// are exactly zero. v_surface . n follows from the velocities of the active planes.
+// are exactly zero. s_i follows b v_surface . n, which steps from frame to frame, with a time constant of half a
+// simulation step and from zero at the touch, so that the hand feels no steps; v_surface . n follows from the
+// velocities of the active planes.
 // @source thesis, section 5.2.2: only collided particles count, the sums are divided by the number of all
 // particles; torque is that of the translational springs about the grip's origin. The frame's rotational stiffness is
 // carried but not used: the lever of the particles already makes the rotational spring.
@@ -28,8 +30,16 @@ struct Contact {
     std::uint32_t in_contact = 0;  // particles
 };
 
-/// The equations above, with planes moved on to time_ns, but at most 1.5 steps past their own time. The frame must have
-/// passed find_defect(). A clutched frame makes no force. Bounded by kMaxProxies projections.
+/// s_i of the equations above, N; zero while a particle is not in contact.
+using SurfacePush = std::array<double, kMaxProxies>;
+
+/// The equations above, with planes moved on to time_ns, but at most 1.5 steps past their own time; each s_i goes
+/// `share` (0..1) of the way to its goal. The frame must have passed find_defect(). A clutched frame makes no force.
+/// Bounded by kMaxProxies projections.
+[[nodiscard]] Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity, std::int64_t time_ns,
+                             SurfacePush& push, double share) HAPTIC_RT;
+
+/// The same without memory: s_i = b v_surface . n.
 [[nodiscard]] Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity,
                              std::int64_t time_ns) HAPTIC_RT;
 
@@ -73,6 +83,7 @@ class FrameRenderer {
     double blend_ = 1.0;  // 0: blend_from_, 1: the frame
     Wrench blend_from_;
     Wrench last_;
+    SurfacePush push_{};
 };
 
 }  // namespace haptic::rt
