@@ -1,6 +1,6 @@
 // The contact geometry: one query, one triangle of a cloth frame, the tree, and each move of the proxy.
 // Figures to hold these against: refit 3.2 us and query 0.9 us for 4,096 triangles, 25 ns a triangle of a cloth frame,
-// 200 ns a random query; the thesis reports 300 to 1,000 us for what BM_RefitAndSecure does.
+// 200 ns a random query; the thesis reports 300 to 1,000 us for what refit_and_secure does.
 
 #include <benchmark/benchmark.h>
 
@@ -64,7 +64,7 @@ Vec3 in_cube(std::mt19937_64& engine, double half) {
 }
 
 /// Triangles of about the sphere's size that deform while they travel about five radii; about 0.8 of them touch.
-void BM_RandomQuery(benchmark::State& state) {
+void random_query(benchmark::State& state) {
     std::mt19937_64 engine(1);
     std::vector<MovingTriangle> queries;
     for (int k = 0; k < 4096; ++k) {
@@ -83,11 +83,11 @@ void BM_RandomQuery(benchmark::State& state) {
         next = (next + 1) % queries.size();
     }
 }
-BENCHMARK(BM_RandomQuery)->ArgName("deforming")->Arg(0)->Arg(1);
+BENCHMARK(random_query)->ArgName("deforming")->Arg(0)->Arg(1);
 
 /// Every triangle of a cloth frame without a tree, as the thesis does; time is for the whole frame.
 /// items_per_second counts triangles.
-void BM_ClothFrameWithoutTree(benchmark::State& state) {
+void cloth_frame_without_tree(benchmark::State& state) {
     const Cloth cloth(0.09);
     for (auto _ : state) {
         double first = 1.0;
@@ -101,9 +101,9 @@ void BM_ClothFrameWithoutTree(benchmark::State& state) {
     }
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(cloth.triangles.size()));
 }
-BENCHMARK(BM_ClothFrameWithoutTree)->Unit(benchmark::kMicrosecond);
+BENCHMARK(cloth_frame_without_tree)->Unit(benchmark::kMicrosecond);
 
-void BM_Refit(benchmark::State& state) {
+void refit(benchmark::State& state) {
     const Cloth cloth(0.09);
     SweptTree tree(cloth.start, cloth.triangles);
     for (auto _ : state) {
@@ -111,10 +111,10 @@ void BM_Refit(benchmark::State& state) {
         benchmark::ClobberMemory();
     }
 }
-BENCHMARK(BM_Refit)->Unit(benchmark::kMicrosecond);
+BENCHMARK(refit)->Unit(benchmark::kMicrosecond);
 
 /// 0: the cloth comes near but not within reach; 1: it would pass right through.
-void BM_RefitAndSecure(benchmark::State& state) {
+void refit_and_secure(benchmark::State& state) {
     const Cloth cloth(state.range(0) != 0 ? 0.09 : 0.18);
     SweptTree tree(cloth.start, cloth.triangles);
     const std::array<MovingSurface, 1> surfaces{MovingSurface{cloth.motion(), &tree}};
@@ -123,10 +123,10 @@ void BM_RefitAndSecure(benchmark::State& state) {
         benchmark::DoNotOptimize(secure_position(surfaces, Vec3(0.0), kRadius, {}));
     }
 }
-BENCHMARK(BM_RefitAndSecure)->ArgName("hits")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
+BENCHMARK(refit_and_secure)->ArgName("hits")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
 
 /// 0: fast, as above; 1: at rest on the cloth, which moves by 0.1 mm a step.
-void BM_Secure(benchmark::State& state) {
+void secure(benchmark::State& state) {
     const Cloth cloth(state.range(0) != 0 ? -kRadius - 0.0048 : 0.09, state.range(0) != 0 ? -1e-4 : 0.14);
     SweptTree tree(cloth.start, cloth.triangles);
     tree.refit(cloth.motion());
@@ -135,10 +135,10 @@ void BM_Secure(benchmark::State& state) {
         benchmark::DoNotOptimize(secure_position(surfaces, Vec3(0.0), kRadius, {}));
     }
 }
-BENCHMARK(BM_Secure)->ArgName("resting")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
+BENCHMARK(secure)->ArgName("resting")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
 
 /// From the secure position back to the device, against the cloth where it has arrived.
-void BM_VirtualProxy(benchmark::State& state) {
+void virtual_proxy(benchmark::State& state) {
     const Cloth cloth(0.09);
     SweptTree tree(cloth.start, cloth.triangles);
     tree.refit(cloth.motion());
@@ -149,9 +149,9 @@ void BM_VirtualProxy(benchmark::State& state) {
         benchmark::DoNotOptimize(move_proxy(surfaces, popped.position, Vec3(0.0), kRadius, 0.01, {}));
     }
 }
-BENCHMARK(BM_VirtualProxy)->Unit(benchmark::kMicrosecond);
+BENCHMARK(virtual_proxy)->Unit(benchmark::kMicrosecond);
 
-void BM_PlanesInReach(benchmark::State& state) {
+void planes_in_reach(benchmark::State& state) {
     const Cloth cloth(0.18);
     SweptTree tree(cloth.start, cloth.triangles);
     tree.refit(cloth.motion());
@@ -161,10 +161,10 @@ void BM_PlanesInReach(benchmark::State& state) {
             planes_in_reach(surfaces, {}, {.position = Vec3(0.0), .radius = kRadius, .reach = 0.01, .dt = 0.01}));
     }
 }
-BENCHMARK(BM_PlanesInReach)->Unit(benchmark::kMicrosecond);
+BENCHMARK(planes_in_reach)->Unit(benchmark::kMicrosecond);
 
 /// What --verify costs a step.
-void BM_Verification(benchmark::State& state) {
+void verification(benchmark::State& state) {
     const Cloth cloth(0.09);
     SweptTree tree(cloth.start, cloth.triangles);
     tree.refit(cloth.motion());
@@ -178,7 +178,7 @@ void BM_Verification(benchmark::State& state) {
         benchmark::DoNotOptimize(find_crossings(motions, path.knots()));
     }
 }
-BENCHMARK(BM_Verification)->Unit(benchmark::kMicrosecond);
+BENCHMARK(verification)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 
