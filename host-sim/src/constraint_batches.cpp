@@ -40,7 +40,8 @@ std::vector<std::vector<std::uint32_t>> colour(std::size_t constraints, std::siz
 
 }  // namespace
 
-ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lanes) : lanes_(lanes) {
+ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lanes)
+    : lanes_(lanes), nobody_((model.size() + lanes - 1) / lanes * lanes) {
     batch_links(model);
     batch_groups(model);
 }
@@ -51,7 +52,7 @@ void ConstraintBatches::batch_links(const ParticleModel& model) {
         visit(model.links[l].second);
     });
     link_colours_ = colours.size();
-    const auto nobody = static_cast<std::uint32_t>(model.size());
+    const auto nobody = static_cast<std::uint32_t>(nobody_);
     const auto inverse_mass = [&](std::uint32_t p) { return model.pinned[p] != 0 ? 0.0 : 1.0 / model.mass[p]; };
     const auto add = [&](std::uint32_t a, std::uint32_t b, double length, double share_a, double share_b) {
         first_.push_back(a);
@@ -116,7 +117,7 @@ void ConstraintBatches::add_batch(const ParticleModel& model, const std::vector<
     const std::size_t slots = model.groups[groups[first]].members.size();  // sorted: none is larger
     batch_.push_back({static_cast<std::uint32_t>(member_.size() / lanes_), static_cast<std::uint32_t>(slots)});
     const std::size_t begin = member_.size();
-    const auto nobody = static_cast<std::uint32_t>(model.size());
+    const auto nobody = static_cast<std::uint32_t>(nobody_);
     member_.resize(begin + slots * lanes_, nobody);
     member_exists_.resize(member_.size(), 0);
     member_is_free_.resize(member_.size(), 0);
@@ -129,7 +130,7 @@ void ConstraintBatches::add_batch(const ParticleModel& model, const std::vector<
 
 void ConstraintBatches::add_group(const ParticleModel& model, const Group* group, std::size_t first_member) {
     if (group == nullptr) {
-        centre_.push_back(static_cast<std::uint32_t>(model.size()));
+        centre_.push_back(static_cast<std::uint32_t>(nobody_));
         stiffness_.push_back(0.0);
         inverse_mass_.push_back(0.0);
         centre_spin_mass_.push_back(0.0);

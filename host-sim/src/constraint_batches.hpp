@@ -36,6 +36,8 @@ class ConstraintBatches {
     /// The model has been checked. Throws std::invalid_argument if a particle is in too many constraints.
     ConstraintBatches(const ParticleModel& model, std::size_t lanes);
 
+    /// The number of particles, filled up to whole vectors; also the index of the one more.
+    [[nodiscard]] std::size_t nobody() const noexcept { return nobody_; }
     [[nodiscard]] LinkBatches links() const noexcept;
     [[nodiscard]] GroupBatches groups() const noexcept;
     [[nodiscard]] std::size_t link_colours() const noexcept { return link_colours_; }
@@ -52,6 +54,7 @@ class ConstraintBatches {
     void add_group(const ParticleModel& model, const Group* group, std::size_t first_member);
 
     std::size_t lanes_;
+    std::size_t nobody_;
     std::size_t link_colours_ = 0;
     std::size_t group_colours_ = 0;
 

@@ -5,6 +5,8 @@
 
 namespace haptic::sim {
 
+// Half a turn has no finite Cayley vector: it is cut off just before.
+inline constexpr double kLeastCosine = 1e-6;
 // Of the overlap of matrix and rotation, relative to the matrix, so that the result does not depend on units.
 inline constexpr double kLeastOverlap = 1e-9;
 // Far below rounding of the determined part, far above what rounding leaves in the undetermined one.
@@ -29,6 +31,14 @@ HAPTIC_LANES LaneQuat<Real> lane_turned(const LaneQuat<Real>& q, const LaneVec<R
     const LaneQuat<Real> r = LaneQuat<Real>{broadcast<Real>(1.0), 0.5 * turn.x, 0.5 * turn.y, 0.5 * turn.z} * q;
     const Real scale = 1.0 / square_root(r.w * r.w + r.x * r.x + r.y * r.y + r.z * r.z);
     return {r.w * scale, r.x * scale, r.y * scale, r.z * scale};
+}
+
+template <class Real>
+HAPTIC_LANES LaneVec<Real> lane_turn_between(const LaneQuat<Real>& from, const LaneQuat<Real>& to) noexcept {
+    const LaneQuat<Real> r = to * LaneQuat<Real>{from.w, -from.x, -from.y, -from.z};
+    const Real cut_off = copy_sign(broadcast<Real>(kLeastCosine), r.w);
+    const Real w = select(absolute(r.w) < kLeastCosine, cut_off, r.w);
+    return (2.0 / w) * LaneVec<Real>{r.x, r.y, r.z};
 }
 
 template <class Real>

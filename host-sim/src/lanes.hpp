@@ -76,6 +76,13 @@ HAPTIC_LANES Real absolute(Real x) noexcept {
 }
 
 template <class Real>
+HAPTIC_LANES Real copy_sign(Real magnitude, Real sign) noexcept {
+    const BitsOf<Real> bits = (__builtin_bit_cast(BitsOf<Real>, magnitude) & INT64_MAX) |
+                              (__builtin_bit_cast(BitsOf<Real>, sign) & INT64_MIN);
+    return __builtin_bit_cast(Real, bits);
+}
+
+template <class Real>
 HAPTIC_LANES Real square_root(Real x) noexcept {
     if constexpr (std::is_same_v<Real, double>) {
         return __builtin_sqrt(x);

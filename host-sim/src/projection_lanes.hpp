@@ -112,6 +112,48 @@ HAPTIC_LANES void scatter(const LaneRow<Real>& value, Row* rows, const std::uint
 }
 
 template <class Real>
+HAPTIC_LANES void scatter_spin(const LaneMat<Real>& spin, Body* body, const std::uint32_t* index) noexcept {
+    scatter<Real>({spin.x.x, spin.x.y, spin.x.z, Real{}}, body->spin, index, kRowsOfBody);
+    scatter<Real>({spin.y.x, spin.y.y, spin.y.z, Real{}}, body->spin + 1, index, kRowsOfBody);
+    scatter<Real>({spin.z.x, spin.z.y, spin.z.z, Real{}}, body->spin + 2, index, kRowsOfBody);
+}
+
+/// The indices of consecutive particles.
+template <class Real>
+HAPTIC_LANES void number_lanes(std::size_t first, std::uint32_t* index) noexcept {
+    for (std::size_t lane = 0; lane < kLanes<Real>; ++lane) {
+        index[lane] = static_cast<std::uint32_t>(first + lane);
+    }
+}
+
+template <class Real>
+void turn_bodies(std::size_t count, const Row* turning, Body* body) noexcept {
+    for (std::size_t i = 0; i < count; i += kLanes<Real>) {
+        std::uint32_t index[kLanes<Real>];
+        number_lanes<Real>(i, index);
+        const LaneRow<Real> by = gather<Real>(turning, index);
+        const LaneRow<Real> before = gather<Real>(&body->turn, index, kRowsOfBody);
+        const LaneQuat<Real> q = lane_turned(LaneQuat<Real>{before.a, before.b, before.c, before.d}, head(by));
+        scatter<Real>({q.w, q.x, q.y, q.z}, &body->turn, index, kRowsOfBody);
+        scatter_spin(by.d * lane_matrix(q), body, index);
+    }
+}
+
+template <class Real>
+void find_rates(std::size_t count, const Row* before, const Body* body, double step, Row* rate) noexcept {
+    for (std::size_t i = 0; i < count; i += kLanes<Real>) {
+        std::uint32_t index[kLanes<Real>];
+        number_lanes<Real>(i, index);
+        const LaneRow<Real> from = gather<Real>(before, index);
+        const LaneRow<Real> to = gather<Real>(&body->turn, index, kRowsOfBody);
+        const LaneVec<Real> turn =
+            lane_turn_between(LaneQuat<Real>{from.a, from.b, from.c, from.d}, LaneQuat<Real>{to.a, to.b, to.c, to.d});
+        const LaneVec<Real> w = turn / broadcast<Real>(step);
+        scatter<Real>({w.x, w.y, w.z, Real{}}, rate, index);
+    }
+}
+
+template <class Real>
 HAPTIC_LANES void project_link_batch(const LinkBatches& links, std::size_t batch, Row* place) noexcept {
     const std::size_t at = batch * kLanes<Real>;
     const LaneRow<Real> first = gather<Real>(place, links.first + at);
@@ -291,9 +333,7 @@ class BatchProjection {
         const LaneMat<Real> spin_before = gather_spin(particles.body, centre);
         const LaneMat<Real> spin = where(is_free, load<Real>(groups_->centre_spin_mass + at_) * rotation_, spin_before);
         scatter<Real>({q.w, q.x, q.y, q.z}, &particles.body->turn, centre, kRowsOfBody);
-        scatter<Real>({spin.x.x, spin.x.y, spin.x.z, Real{}}, particles.body->spin, centre, kRowsOfBody);
-        scatter<Real>({spin.y.x, spin.y.y, spin.y.z, Real{}}, particles.body->spin + 1, centre, kRowsOfBody);
-        scatter<Real>({spin.z.x, spin.z.y, spin.z.z, Real{}}, particles.body->spin + 2, centre, kRowsOfBody);
+        scatter_spin(spin, particles.body, centre);
     }
 
     const GroupBatches* groups_;
@@ -339,7 +379,8 @@ void project_groups(const GroupBatches& groups, bool forward, int rotation_itera
 }
 
 template <std::size_t Count>
-inline constexpr Projection kProjection{Count, project_links<typename LaneTypes<Count>::Real>,
-                                        project_groups<typename LaneTypes<Count>::Real>};
+inline constexpr Projection kProjection{
+    Count, turn_bodies<typename LaneTypes<Count>::Real>, find_rates<typename LaneTypes<Count>::Real>,
+    project_links<typename LaneTypes<Count>::Real>, project_groups<typename LaneTypes<Count>::Real>};
 
 }  // namespace haptic::sim

@@ -1,14 +1,9 @@
 #include "haptic/sim/rotation.hpp"
 
-#include <cmath>
-
 #include "lane_rotation.hpp"
 
 namespace haptic::sim {
 namespace {
-
-// Half a turn has no finite Cayley vector: it is cut off just before.
-constexpr double kLeastCosine = 1e-6;
 
 LaneVec<double> lane(const Vec3& v) noexcept {
     return {v.x, v.y, v.z};
@@ -35,9 +30,7 @@ Quat turned(const Quat& q, const Vec3& turn) noexcept {
 }
 
 Vec3 turn_between(const Quat& from, const Quat& to) noexcept {
-    const LaneQuat<double> r = lane(to) * LaneQuat<double>{from.w, -from.x, -from.y, -from.z};
-    const double w = std::fabs(r.w) < kLeastCosine ? std::copysign(kLeastCosine, r.w) : r.w;
-    return Vec3(r.x, r.y, r.z) * (2.0 / w);
+    return plain(lane_turn_between(lane(from), lane(to)));
 }
 
 Quat extract_rotation(const Mat3& matrix, const Quat& guess, int iterations) noexcept {

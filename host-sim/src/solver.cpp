@@ -46,11 +46,11 @@ Vec3 centre_of_mass(const ParticleModel& model) {
     return sum / mass;
 }
 
-Vec3 position_of(const Row& row) {
+Vec3 vector_of(const Row& row) {
     return {row.number[0], row.number[1], row.number[2]};
 }
 
-void set_position(Row& row, const Vec3& p) {
+void set_vector(Row& row, const Vec3& p) {
     row.number[0] = p.x;
     row.number[1] = p.y;
     row.number[2] = p.z;
@@ -92,24 +92,26 @@ struct ParticleSolver::Projecting {
           batches(model, projection.lanes),
           links(batches.links()),
           groups(batches.groups()),
-          place(model.size() + 1),
-          body(model.size() + 1),
-          scratch(kMostBatchesInRun * batches.most_slots() * projection.lanes) {
+          place(batches.nobody() + 1),
+          body(batches.nobody() + 1),
+          scratch(kMostBatchesInRun * batches.most_slots() * projection.lanes),
+          before(batches.nobody()),
+          turning(batches.nobody()),
+          rate(batches.nobody()) {
         for (std::size_t i = 0; i < model.size(); ++i) {
             place[i].number[3] = model.mass[i];
-            spin_mass.push_back(sim::spin_mass(model, i));
+            turning[i].number[3] = spin_mass(model, i);
         }
         for (Row& column : body.back().spin) {
             column = {{-0.0, -0.0, -0.0, -0.0}};  // what changes no sum
         }
     }
 
-    void set(std::size_t particle, const Vec3& position, const Quat& orientation) {
-        set_position(place[particle], position);
+    void set_orientation(std::size_t particle, const Quat& orientation) {
         body[particle].turn = {{orientation.w, orientation.x, orientation.y, orientation.z}};
-        const Mat3 matrix = spin_mass[particle] * to_matrix(orientation);
+        const Mat3 matrix = turning[particle].number[3] * to_matrix(orientation);
         for (std::size_t column = 0; column < 3; ++column) {
-            set_position(body[particle].spin[column], matrix[static_cast<int>(column)]);
+            set_vector(body[particle].spin[column], matrix[static_cast<int>(column)]);
         }
     }
 
@@ -117,6 +119,18 @@ struct ParticleSolver::Projecting {
         const Row& q = body[particle].turn;
         return Quat(q.number[0], q.number[1], q.number[2], q.number[3]);
     }
+
+    /// Of all but the pinned, as the rows of `turning` say.
+    void turn_bodies(const ParticleModel& model) {
+        projection.turn_bodies(turning.size(), turning.data(), body.data());
+        for (std::size_t i = 0; i < model.size(); ++i) {
+            if (model.pinned[i] != 0) {
+                set_orientation(i, model.orientation[i]);  // turning by 0 normalises, which may change a bit
+            }
+        }
+    }
+
+    void find_rates(double h) { projection.find_rates(before.size(), before.data(), body.data(), h, rate.data()); }
 
     void sweep(bool forward, int rotation_iterations) {
         const MovingParticles particles{place.data(), body.data(), scratch.data()};
@@ -128,11 +142,13 @@ struct ParticleSolver::Projecting {
     ConstraintBatches batches;
     LinkBatches links;
     GroupBatches groups;
-    std::vector<double> spin_mass;  // kg m^2, per particle
     // See MovingParticles.
     LaneArray<Row> place;
     LaneArray<Body> body;
     LaneArray<Row> scratch;
+    LaneArray<Row> before;   // turn at the start of the sub-step
+    LaneArray<Row> turning;  // h w, and m r^2 / 5
+    LaneArray<Row> rate;     // w at the end of the sub-step
 };
 
 ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings& settings, std::size_t lanes)
@@ -144,7 +160,6 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
     }
     now_ = std::make_unique<Projecting>(model, lanes);
     predicted_.resize(model.size());
-    previous_.resize(model.size());
 }
 
 ParticleSolver::ParticleSolver(ParticleSolver&&) noexcept = default;
@@ -185,10 +200,11 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force) {
 void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, double h) {
     const double keep = 1.0 - h * settings_.drag;
     for (std::size_t i = 0; i < model.size(); ++i) {
-        previous_[i] = model.orientation[i];
+        const Quat& q = model.orientation[i];
+        now_->before[i] = now_->body[i].turn = {{q.w, q.x, q.y, q.z}};
         if (model.pinned[i] != 0) {
             predicted_[i] = Vec3(0.0);
-            now_->set(i, model.position[i], model.orientation[i]);
+            set_vector(now_->place[i], model.position[i]);
             continue;
         }
         Vec3 v = keep * model.velocity[i] + h * settings_.gravity;
@@ -196,26 +212,29 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
             v += (h / model.mass[i]) * force[i];
         }
         predicted_[i] = v;
-        now_->set(i, model.position[i] + h * v, turned(model.orientation[i], h * keep * model.angular_velocity[i]));
+        set_vector(now_->place[i], model.position[i] + h * v);
+        set_vector(now_->turning[i], h * keep * model.angular_velocity[i]);
     }
+    now_->turn_bodies(model);
 }
 
 void ParticleSolver::update(ParticleModel& model, double h) {
+    now_->find_rates(h);
     for (std::size_t i = 0; i < model.size(); ++i) {
         if (model.pinned[i] != 0) {
             model.velocity[i] = Vec3(0.0);
             model.angular_velocity[i] = Vec3(0.0);
             continue;
         }
-        model.velocity[i] = (position_of(now_->place[i]) - model.position[i]) / h;
+        model.velocity[i] = (vector_of(now_->place[i]) - model.position[i]) / h;
         model.orientation[i] = now_->orientation(i);
-        model.angular_velocity[i] = turn_between(previous_[i], model.orientation[i]) / h;
+        model.angular_velocity[i] = vector_of(now_->rate[i]);
     }
     if (free_ && settings_.keep_angular_momentum) {
         restore_angular_momentum(model, h);
     }
     for (std::size_t i = 0; i < model.size(); ++i) {
-        model.position[i] = position_of(now_->place[i]);
+        model.position[i] = vector_of(now_->place[i]);
     }
     if (settings_.settling > 0.0) {
         settle(model, h);
@@ -235,7 +254,7 @@ void ParticleSolver::restore_angular_momentum(ParticleModel& model, double h) {
     for (std::size_t i = 0; i < model.size(); ++i) {
         const Vec3 dv = glm::cross(rate, model.position[i] - centre);
         model.velocity[i] += dv;
-        set_position(now_->place[i], position_of(now_->place[i]) + h * dv);
+        set_vector(now_->place[i], vector_of(now_->place[i]) + h * dv);
     }
 }
 

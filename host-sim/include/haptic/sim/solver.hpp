@@ -85,7 +85,6 @@ class ParticleSolver {
 
     // Scratch, per particle.
     std::vector<Vec3> predicted_;  // velocity after forces, before constraints
-    std::vector<Quat> previous_;   // orientation at the start of the sub-step
 };
 
 }  // namespace haptic::sim
