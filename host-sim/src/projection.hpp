@@ -45,8 +45,9 @@ struct GroupBatch {
     std::uint32_t slots;       // members of the largest group
 };
 
-/// Batches of one colour that are taken through the stages of the projection together. While one waits for its square
-/// roots and divisions, the processor does what is ready of the next: 5 to 7 % faster than one batch after the other.
+/// Batches of one colour that are taken through the stages of the projection together. Stages that hand on their
+/// results in memory are 5 to 7 % faster than one long function, which moves more numbers between registers and stack.
+/// How many batches a run has made no difference that could be measured on Zen 5, from 1 to 8.
 struct GroupRun {
     std::uint32_t first_batch;
     std::uint32_t batches;  // 1..kMostBatchesInRun
