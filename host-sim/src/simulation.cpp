@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "haptic/denormals.hpp"
 #include "haptic/sim/contact/planes_in_reach.hpp"
 #include "haptic/sim/contact/pop_out.hpp"
 #include "haptic/sim/contact/secure_position.hpp"
@@ -13,7 +14,6 @@
 #include "haptic/sim/contact/verification.hpp"
 #include "haptic/sim/contact/virtual_proxy.hpp"
 #include "haptic/sim/contact_force.hpp"
-#include "haptic/sim/denormals.hpp"
 #include "haptic/sim/state_hash.hpp"
 
 namespace haptic::sim {

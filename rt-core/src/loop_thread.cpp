@@ -2,6 +2,7 @@
 #include <system_error>
 #include <utility>
 
+#include "haptic/denormals.hpp"
 #include "haptic/rt/crash_guard.hpp"
 #include "haptic/rt/loop.hpp"
 
@@ -54,6 +55,7 @@ void RealtimeLoop::join() {
 void* RealtimeLoop::thread_entry(void* self) {
     auto* const loop = static_cast<RealtimeLoop*>(self);
     const AlternateSignalStack signal_stack;
+    const FlushDenormals flush;
     prepare_thread(loop->setup_, loop->settings_.priority, loop->settings_.cpu);
     std::future<bool> go = loop->go_.get_future();
     loop->prepared_.set_value();

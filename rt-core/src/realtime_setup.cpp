@@ -15,17 +15,8 @@
 #include <string>
 #include <system_error>
 
-#if defined(__x86_64__)
-#include <xmmintrin.h>
-#endif
-
 namespace haptic::rt {
 namespace {
-
-#if defined(__x86_64__)
-constexpr unsigned kFlushToZero = 0x8000;
-constexpr unsigned kDenormalsAreZero = 0x0040;
-#endif
 
 std::string error_text(int error) {
     return std::system_category().message(error);
@@ -125,21 +116,9 @@ void prepare_process(RealtimeSetup& setup) {
 }
 
 void prepare_thread(RealtimeSetup& setup, int priority, int cpu) {
-    flush_denormals();
     touch_stack();
     pin(setup, cpu);
     set_fifo(setup, priority);
-}
-
-void flush_denormals() noexcept {
-#if defined(__x86_64__)
-    _mm_setcsr(_mm_getcsr() | kFlushToZero | kDenormalsAreZero);
-#elif defined(__aarch64__)
-    std::uint64_t control = 0;
-    __asm__ volatile("mrs %0, fpcr" : "=r"(control));
-    control |= std::uint64_t{1} << 24;  // FZ
-    __asm__ volatile("msr fpcr, %0" : : "r"(control));
-#endif
 }
 
 }  // namespace haptic::rt

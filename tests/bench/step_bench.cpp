@@ -9,8 +9,8 @@
 
 #include "haptic/clock.hpp"
 #include "haptic/config.hpp"
+#include "haptic/denormals.hpp"
 #include "haptic/sim/cloth.hpp"
-#include "haptic/sim/denormals.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "haptic/sim/solver.hpp"
 

@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "haptic/clock.hpp"
+#include "haptic/denormals.hpp"
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/histogram.hpp"
 #include "haptic/ring.hpp"
-#include "haptic/rt/realtime_setup.hpp"
 #include "haptic/rt/tick.hpp"
 
 namespace haptic::rt {
@@ -85,7 +85,7 @@ ContactFrame frame_of(std::uint32_t proxies) {
 
 /// Arguments: proxy particles, ticks from one frame to the next.
 void tick(benchmark::State& state) {
-    flush_denormals();
+    const FlushDenormals flush;
     const std::string session = "tick-bench-" + std::to_string(getpid());
     const TickSettings settings;
     PreparedBoard board;

@@ -31,6 +31,12 @@ struct Wrench {
     Vec3 torque{0.0, 0.0, 0.0};  // N*m about the pose's position, world frame
 };
 
+/// The points x with dot(normal, x) >= offset.
+struct HalfSpace {
+    Vec3 normal{0.0, 1.0, 0.0};  // of unit length
+    double offset = 0.0;         // m
+};
+
 inline constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
 
 /// Seconds of a time difference in nanoseconds.

@@ -10,8 +10,8 @@
 #include <span>
 #include <vector>
 
+#include "haptic/denormals.hpp"
 #include "haptic/sim/cloth.hpp"
-#include "haptic/sim/denormals.hpp"
 #include "haptic/sim/rotation.hpp"
 #include "haptic/sim/state_hash.hpp"
 

@@ -11,12 +11,6 @@
 
 namespace haptic::rt {
 
-/// A half-space at an instant: dot(normal, x) >= offset, normal of unit length.
-struct HalfSpace {
-    Vec3 normal{0.0, 1.0, 0.0};
-    double offset = 0.0;  // m
-};
-
 struct LocalProxy {
     Vec3 position{0.0, 0.0, 0.0};  // m
     std::uint8_t active = 0;       // bit k: plane k holds the proxy, the proxy lies on it (if feasible)

@@ -38,12 +38,8 @@ struct RealtimeSetup {
 void prepare_process(RealtimeSetup& setup);
 
 /// The calling thread: SCHED_FIFO at a priority (1..98), pinned to a processor (-1: the last one that it may use),
-/// stack touched, denormal numbers flushed to zero. Each refusal is added to setup.missing; the others still take
-/// effect.
+/// stack touched. Each refusal is added to setup.missing; the others still take effect.
 void prepare_thread(RealtimeSetup& setup, int priority, int cpu);
-
-/// From now on denormal numbers are zero in the calling thread: their arithmetic takes a hundred times as long.
-void flush_denormals() noexcept;
 
 /// Bytes of stack that the real-time thread has, of which glibc takes its thread-local storage, a sanitizer's included;
 /// and that it touches: a tick needs a fraction of it.

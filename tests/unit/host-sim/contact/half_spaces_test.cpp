@@ -9,8 +9,8 @@
 
 namespace {
 
+using haptic::HalfSpace;
 using haptic::Vec3;
-using haptic::sim::HalfSpace;
 using haptic::sim::project_onto;
 using haptic::sim::Projection;
 using haptic::sim::oracle::Random;

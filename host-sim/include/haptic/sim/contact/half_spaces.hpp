@@ -10,12 +10,6 @@
 
 namespace haptic::sim {
 
-/// dot(normal, x) >= offset, normal of unit length.
-struct HalfSpace {
-    Vec3 normal{0.0, 1.0, 0.0};
-    double offset = 0.0;  // m
-};
-
 struct Projection {
     Vec3 point{0.0};
     bool feasible = true;                   // false: no point is in all half-spaces; `point` is then the target

@@ -1,10 +1,10 @@
-#include "haptic/sim/denormals.hpp"
+#include "haptic/denormals.hpp"
 
 #if defined(__x86_64__)
 #include <xmmintrin.h>
 #endif
 
-namespace haptic::sim {
+namespace haptic {
 
 #if defined(__x86_64__)
 
@@ -45,4 +45,4 @@ FlushDenormals::~FlushDenormals() = default;
 
 #endif
 
-}  // namespace haptic::sim
+}  // namespace haptic

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-namespace haptic::sim {
+namespace haptic {
 
 /// While it lives, results and operands of the calling thread that are denormal count as zero. A settled cloth steps
 /// almost twice as fast. Every run must use it, or none: it is part of what makes the state hash.
@@ -19,4 +19,4 @@ class FlushDenormals {
     std::uint64_t saved_;
 };
 
-}  // namespace haptic::sim
+}  // namespace haptic
