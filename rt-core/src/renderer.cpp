@@ -87,10 +87,15 @@ Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocit
         }
         ++contact.in_contact;
         const Vec3 n = apart / depth;
-        const Vec3 goal_velocity = velocity.linear + glm::cross(velocity.angular, lever);
-        const double wanted = frame.damping > 0.0 ? frame.damping * surface_speed(n, particle, proxy.active) : 0.0;
-        push[i] += share * (wanted - push[i]);
-        const double strength = frame.stiffness * depth + push[i] - frame.damping * glm::dot(goal_velocity, n);
+        double surface_push = 0.0;
+        double brake = 0.0;
+        if (frame.damping > 0.0) {
+            const Vec3 goal_velocity = velocity.linear + glm::cross(velocity.angular, lever);
+            surface_push = frame.damping * surface_speed(n, particle, proxy.active);
+            brake = frame.damping * glm::dot(goal_velocity, n);
+        }
+        push[i] += share * (surface_push - push[i]);
+        const double strength = frame.stiffness * depth + push[i] - brake;
         const Vec3 force = std::max(0.0, strength) * n;
         contact.wrench.force += force;
         contact.wrench.torque += glm::cross(lever, force);
