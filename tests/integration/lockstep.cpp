@@ -1,19 +1,11 @@
 #include "lockstep.hpp"
 
-#include <unistd.h>
-
-#include <atomic>
 #include <stdexcept>
 
 namespace haptic::test {
 namespace {
 
 constexpr std::int64_t kArmingMargin_ns = 50'000'000;
-
-std::string unique_session() {
-    static std::atomic<int> count{0};
-    return "lockstep-" + std::to_string(getpid()) + "-" + std::to_string(count++);
-}
 
 std::int64_t standing_clock() HAPTIC_RT {
     return 0;
@@ -35,11 +27,10 @@ PoseTrack from(std::int64_t start_ns, const PoseTrack& track) {
 }  // namespace
 
 Lockstep::Lockstep(const Settings& settings)
-    : session_(unique_session()),
-      state_writer_(session_),
-      frame_reader_(session_),
-      state_reader_(session_),
-      frame_writer_(session_),
+    : state_writer_(session_.name()),
+      frame_reader_(session_.name()),
+      state_reader_(session_.name()),
+      frame_writer_(session_.name()),
       start_ns_(rt::arming_time_ns(settings.tick.safety) + kArmingMargin_ns),
       board_({.variant = settings.tick.variant,
               .hand = from(start_ns_, settings.hand),

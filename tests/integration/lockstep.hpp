@@ -3,12 +3,12 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/rt/tick.hpp"
 #include "haptic/sim/simulation.hpp"
+#include "ring_session.hpp"
 
 namespace haptic::test {
 
@@ -45,7 +45,7 @@ class Lockstep {
     void run_tick();
     sim::StepResult step_simulation();
 
-    std::string session_;
+    RingSession session_;
     RingWriter<DeviceState> state_writer_;
     RingReader<ContactFrame> frame_reader_;
     RingReader<DeviceState> state_reader_;

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <random>
 #include <stdexcept>
 
 #include "haptic/device/emulated_board.hpp"
+#include "random.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -35,23 +35,13 @@ struct Placement {
     }
 };
 
-class Random {
+class Random : public test::Random {
   public:
-    explicit Random(std::uint64_t seed) : engine_(seed) {}
-    double uniform(double least, double most) { return std::uniform_real_distribution<double>(least, most)(engine_); }
-    Vec3 direction() {
-        std::normal_distribution<double> normal;
-        const double x = normal(engine_);
-        const double y = normal(engine_);
-        return glm::normalize(Vec3(x, y, normal(engine_)));
-    }
+    using test::Random::Random;
     Placement placement(double distance, double angle) {
         const Vec3 position = direction() * distance;
         return {position, direction(), angle};
     }
-
-  private:
-    std::mt19937_64 engine_;
 };
 
 double angle_between(const Quat& a, const Quat& b) {

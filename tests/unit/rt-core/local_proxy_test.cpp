@@ -5,8 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <random>
 #include <vector>
+
+#include "random.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -15,17 +16,9 @@ using Planes = std::vector<HalfSpace>;
 
 constexpr double kRounding = 1e-12;  // m, of coordinates around 0.1 m
 
-class Random {
+class Random : public test::Random {
   public:
-    explicit Random(std::uint64_t seed) : engine_(seed) {}
-    double uniform(double least, double most) { return std::uniform_real_distribution<double>(least, most)(engine_); }
-    Vec3 normal() {
-        std::normal_distribution<double> normal;
-        const double x = normal(engine_);
-        const double y = normal(engine_);
-        return {x, y, normal(engine_)};
-    }
-    Vec3 direction() { return glm::normalize(normal()); }
+    using test::Random::Random;
     Planes planes(std::size_t count) {
         Planes planes(count);
         for (HalfSpace& plane : planes) {
@@ -33,9 +26,6 @@ class Random {
         }
         return planes;
     }
-
-  private:
-    std::mt19937_64 engine_;
 };
 
 double largest_violation(const Planes& planes, const Vec3& x) {

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <random>
 #include <stdexcept>
 #include <utility>
 
 #include "haptic/device/variant.hpp"
+#include "random.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -36,16 +36,9 @@ WireMatrix centre_wires() {
     return wire_matrix(device::spidar_g6_x3r(), {});
 }
 
-class Random {
+class Random : public test::Random {
   public:
-    explicit Random(std::uint64_t seed) : engine_(seed) {}
-    double uniform(double least, double most) { return std::uniform_real_distribution<double>(least, most)(engine_); }
-    Vec3 normal() {
-        std::normal_distribution<double> normal;
-        const double x = normal(engine_);
-        const double y = normal(engine_);
-        return {x, y, normal(engine_)};
-    }
+    using test::Random::Random;
     /// Anywhere in the frame, turned by up to about a radian.
     WireMatrix wires() {
         const Vec3 position = normal() * 0.015;
@@ -57,9 +50,6 @@ class Random {
         const double size = std::pow(10.0, uniform(-2.0, 2.0));
         return {normal() * size, normal() * size * 0.02};
     }
-
-  private:
-    std::mt19937_64 engine_;
 };
 
 /// The programme as the header states it, evaluated in long double from that statement alone.
