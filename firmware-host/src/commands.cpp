@@ -6,7 +6,7 @@
 #include <span>
 #include <string_view>
 
-#include "haptic/device/emulated_board.hpp"
+#include "haptic/device/sh4_board.hpp"
 
 namespace haptic::device {
 namespace {
@@ -39,27 +39,10 @@ void print_vector(const char* name, const Vec3& v, int decimals, const char* uni
     std::printf("  %s\n", unit);
 }
 
-std::string_view describe(ExchangeStatus status) {
-    switch (status) {
-        case ExchangeStatus::Ok:
-            return "answered";
-        case ExchangeStatus::Timeout:
-            return "no answer in time";
-        case ExchangeStatus::Short:
-            return "the answer was too short";
-        case ExchangeStatus::Disconnected:
-            return "disconnected";
-        case ExchangeStatus::Refused:
-            return "the packet was refused";
-    }
-    return "unknown status";
-}
-
-/// m, as a driver works it out that knows the counter at the centre.
-double length_from_counter(const Variant& variant, std::size_t string, std::uint16_t counter, std::uint16_t at_centre) {
-    const auto raw_change = static_cast<std::int16_t>(static_cast<std::uint16_t>(counter - at_centre));
+/// m, as a driver works it out from a raw counter that was zero at the centre; the host's count is the negated raw one.
+double length_from_counter(const Variant& variant, std::size_t string, std::uint16_t raw) {
     return variant.rest_length(string) -
-           variant.strings[string].count_sign * static_cast<double>(raw_change) * variant.metres_per_count;
+           static_cast<double>(static_cast<std::int16_t>(raw)) * variant.strings[string].metres_per_count;
 }
 
 }  // namespace
@@ -67,23 +50,23 @@ double length_from_counter(const Variant& variant, std::size_t string, std::uint
 bool run_exchange(const Variant& variant, const ExchangeRequest& request) {
     Sh4Command command;
     for (std::size_t i = 0; i < kStrings; ++i) {
-        command.digits[i] = digit_of_tension(request.tensions[i], variant.volts_per_newton, variant.digits_per_volt);
+        command.digits[i] =
+            static_cast<std::uint16_t>(digit_of_tension(request.tensions[i], variant.strings[i].newtons_per_digit));
     }
     Sh4Packet out;
     encode(command, out);
 
-    const EmulatedBoard::Settings settings{variant, PoseTrack(request.grip), {}, 0};
-    EmulatedBoard board(settings);
+    EmulatedDevice device({.variant = variant, .hand = PoseTrack(request.grip)});
+    Sh4Firmware firmware(device);
     Sh4Packet in;
     Sh4Reply reply;
-    const ExchangeStatus status = board.exchange(out, in, 0);
-    if (status != ExchangeStatus::Ok || decode(std::span<const std::byte>(in), reply) != PacketDefect::None) {
-        const std::string_view reason = status == ExchangeStatus::Ok ? "its answer is malformed" : describe(status);
-        std::fprintf(stderr, "firmware-host: emulated board: %.*s\n", static_cast<int>(reason.size()), reason.data());
+    firmware.receive(out, 0);
+    if (decode(std::span<const std::byte>(in).first(firmware.reply(in, 0)), reply) != PacketDefect::None) {
+        std::fputs("firmware-host: emulated board: no answer\n", stderr);
         return false;
     }
 
-    const Pose grip = board.grip_pose();
+    const Pose grip = device.grip_pose();
     std::printf("%s on an emulated SH4 board (0cec:0205)\n\n", variant.name.c_str());
     print_vector("position", grip.position * kMilli, 4, "mm");
     std::printf("%-12s %+10.7f %+10.7f %+10.7f %+10.7f  (w, x, y, z)\n\n", "orientation", grip.orientation.w,
@@ -91,16 +74,16 @@ bool run_exchange(const Variant& variant, const ExchangeRequest& request) {
 
     std::printf("%24s | IN\n%6s %10s %6s | %6s %8s %6s %13s %11s\n", "OUT", "string", "asked N", "digit", "echo",
                 "counter", "A/D", "length mm", "pulls N");
-    const std::array<double, kStrings> tensions = board.tensions();
+    const std::array<double, kStrings> tensions = device.tensions();
     for (std::size_t i = 0; i < kStrings; ++i) {
         std::printf("%6zu %10.4f %6u | %6u %8u %6u %13.4f %11.4f\n", i, request.tensions[i], command.digits[i],
                     reply.digits[i], reply.counters[i], reply.analog[i],
-                    kMilli * length_from_counter(variant, i, reply.counters[i], settings.power_up[i]), tensions[i]);
+                    kMilli * length_from_counter(variant, i, reply.counters[i]), tensions[i]);
     }
     std::printf("PIO 0x%04x (switches %u, rotary %u), info 0x%08" PRIx32 "\n\n", reply.pio, reply.pio & 7U,
                 (reply.pio >> 4U) & 15U, reply.info);
 
-    const Wrench wrench = board.wrench();
+    const Wrench wrench = device.wrench();
     std::printf("What the strings do to the grip, about its centre, device frame\n");
     print_vector("force", wrench.force, 5, "N");
     print_vector("torque", wrench.torque * kMilli, 4, "mN*m");
@@ -115,16 +98,16 @@ bool run_exchange(const Variant& variant, const ExchangeRequest& request) {
 void run_variants() {
     const Variant variant = spidar_g6_x3r();
     std::printf("%s, SH4 board (0cec:0205)\n", variant.name.c_str());
-    std::printf("  %.6g m/count, %.12g V/N, %.6g digits/V, tensions %.3g to %.3g N\n\n", variant.metres_per_count,
-                variant.volts_per_newton, variant.digits_per_volt, variant.minimum_tension, variant.maximum_tension);
-    std::printf("%6s | %9s %9s %9s | %9s %9s %9s | %9s %5s\n", "string", "motor x", "y", "z mm", "grip x", "y", "z mm",
-                "rest mm", "sign");
+    std::printf("  tensions %.3g to %.3g N\n\n", variant.minimum_tension, variant.maximum_tension);
+    std::printf("%6s | %9s %9s %9s | %9s %9s %9s | %9s %9s %9s\n", "string", "motor x", "y", "z mm", "grip x", "y",
+                "z mm", "rest mm", "um/count", "mN/digit");
     for (std::size_t i = 0; i < kStrings; ++i) {
         const StringFacts& string = variant.strings[i];
         const Vec3 motor = string.motor * kMilli;
         const Vec3 knot = string.grip * kMilli;
-        std::printf("%6zu | %+9.4f %+9.4f %+9.4f | %+9.4f %+9.4f %+9.4f | %9.4f %+5d\n", i, motor.x, motor.y, motor.z,
-                    knot.x, knot.y, knot.z, kMilli * variant.rest_length(i), string.count_sign);
+        std::printf("%6zu | %+9.4f %+9.4f %+9.4f | %+9.4f %+9.4f %+9.4f | %9.4f %+9.4f %+9.4f\n", i, motor.x, motor.y,
+                    motor.z, knot.x, knot.y, knot.z, kMilli * variant.rest_length(i),
+                    kMilli * kMilli * string.metres_per_count, kMilli * string.newtons_per_digit);
     }
 }
 

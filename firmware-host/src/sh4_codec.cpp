@@ -1,7 +1,6 @@
 #include "haptic/device/sh4_codec.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace haptic::device {
 namespace {
@@ -17,9 +16,6 @@ constexpr std::size_t kInCounters = 16;
 constexpr std::size_t kInAnalog = 32;
 constexpr std::size_t kInPio = 48;
 constexpr std::size_t kInInfo = 50;
-
-// Digits. Without this millionth, a tension that stands for a digit would come back as the digit below, by rounding.
-constexpr double kRounding = 1e-6;
 
 std::uint16_t load_word(std::span<const std::byte> bytes, std::size_t at) HAPTIC_RT {
     const auto low = std::to_integer<std::uint32_t>(bytes[at]);
@@ -53,7 +49,7 @@ void encode(const Sh4Command& command, std::span<std::byte, kSh4PacketBytes> out
     out[0] = kUpdateAll;
     out[1] = kBaseAnalyser;
     for (std::size_t i = 0; i < kStrings; ++i) {
-        store_word(out, kOutDigits + 2 * i, std::min(command.digits[i], kSh4MaximumDigit));
+        store_word(out, kOutDigits + 2 * i, std::min<std::uint16_t>(command.digits[i], kMaximumDigit));
     }
 }
 
@@ -82,7 +78,7 @@ PacketDefect decode(std::span<const std::byte> out, Sh4Command& command) HAPTIC_
     Words digits{};
     load_words(out, kOutDigits, digits);
     for (const std::uint16_t digit : digits) {
-        if (digit > kSh4MaximumDigit) {
+        if (digit > kMaximumDigit) {
             return PacketDefect::Digit;
         }
     }
@@ -98,18 +94,6 @@ void encode(const Sh4Reply& reply, std::span<std::byte, kSh4PacketBytes> in) HAP
     store_word(in, kInPio, reply.pio);
     store_word(in, kInInfo, static_cast<std::uint16_t>(reply.info & 0xFFFFU));
     store_word(in, kInInfo + 2, static_cast<std::uint16_t>(reply.info >> 16U));
-}
-
-std::uint16_t digit_of_tension(double tension_n, double volts_per_newton, double digits_per_volt) HAPTIC_RT {
-    const double digit = tension_n * volts_per_newton * digits_per_volt + kRounding;
-    if (!std::isfinite(digit) || digit < 0.0) {
-        return 0;
-    }
-    return digit >= kSh4MaximumDigit ? kSh4MaximumDigit : static_cast<std::uint16_t>(digit);
-}
-
-double tension_of_digit(std::uint16_t digit, double volts_per_newton, double digits_per_volt) HAPTIC_RT {
-    return static_cast<double>(digit) / (volts_per_newton * digits_per_volt);
 }
 
 }  // namespace haptic::device

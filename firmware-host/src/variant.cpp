@@ -26,21 +26,21 @@ double Variant::rest_length(std::size_t string) const HAPTIC_RT {
 }
 
 Variant spidar_g6_x3r() {
+    constexpr double kPulse = 1.66555e-5;                      // m a count
+    constexpr double kDigit = 1.0 / (0.365296803653 * 415.0);  // N: volts a newton, digits a volt
     Variant variant;
     variant.name = "SpidarG6X3R";
+    variant.board = BoardKind::Sh4;
     variant.strings = {{
-        {turned(-kX, -kY, +kZ), turned(-kG, 0.0, 0.0), +1},  // lower left
-        {turned(+kX, -kY, +kZ), turned(+kG, 0.0, 0.0), +1},  // lower far
-        {turned(+kX, -kY, -kZ), turned(0.0, -kG, 0.0), -1},  // lower right
-        {turned(-kX, -kY, -kZ), turned(0.0, -kG, 0.0), -1},  // lower near
-        {turned(-kX, +kY, +kZ), turned(-kG, 0.0, 0.0), -1},  // upper left
-        {turned(+kX, +kY, +kZ), turned(+kG, 0.0, 0.0), -1},  // upper far
-        {turned(+kX, +kY, -kZ), turned(0.0, +kG, 0.0), +1},  // upper right
-        {turned(-kX, +kY, -kZ), turned(0.0, +kG, 0.0), +1},  // upper near
+        {turned(-kX, -kY, +kZ), turned(-kG, 0.0, 0.0), +kPulse, kDigit},  // lower left
+        {turned(+kX, -kY, +kZ), turned(+kG, 0.0, 0.0), +kPulse, kDigit},  // lower far
+        {turned(+kX, -kY, -kZ), turned(0.0, -kG, 0.0), -kPulse, kDigit},  // lower right
+        {turned(-kX, -kY, -kZ), turned(0.0, -kG, 0.0), -kPulse, kDigit},  // lower near
+        {turned(-kX, +kY, +kZ), turned(-kG, 0.0, 0.0), -kPulse, kDigit},  // upper left
+        {turned(+kX, +kY, +kZ), turned(+kG, 0.0, 0.0), -kPulse, kDigit},  // upper far
+        {turned(+kX, +kY, -kZ), turned(0.0, +kG, 0.0), +kPulse, kDigit},  // upper right
+        {turned(-kX, +kY, -kZ), turned(0.0, +kG, 0.0), +kPulse, kDigit},  // upper near
     }};
-    variant.metres_per_count = 1.66555e-5;
-    variant.volts_per_newton = 0.365296803653;
-    variant.digits_per_volt = 415.0;
     variant.minimum_tension = 0.3;
     variant.maximum_tension = 20.0;
     return variant;

@@ -6,7 +6,6 @@
 #include <stdexcept>
 
 #include "haptic/clock.hpp"
-#include "haptic/device/sh4_codec.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -22,10 +21,7 @@ extern "C" void send_zero_and_die(int signal) {
     // exchange: a second crash, in here or in another thread, goes straight to its end.
     device::Board* const board = guarded_board.exchange(nullptr);
     if (board != nullptr) {
-        device::Sh4Packet out{};
-        device::Sh4Packet in{};
-        device::encode(device::Sh4Command{}, out);
-        board->exchange(out, in, monotonic_now_ns());
+        board->zero_motors(monotonic_now_ns());
     }
     // The default action took this handler's place when it was called (SA_RESETHAND).
     std::raise(signal);

@@ -118,7 +118,7 @@ void supervise(RealtimeLoop& loop, const StopSignals& signals, std::optional<Rec
 RunResult run_loop(const RunOptions& options, const Settings& settings, const StopSignals& signals,
                    Instruments& instruments) {
     PoseTrack hand = options.hand ? hand_from_centre(*options.hand) : PoseTrack();
-    device::EmulatedBoard emulated({settings.tick.variant, std::move(hand), {}, 0});
+    device::EmulatedBoard emulated({.variant = settings.tick.variant, .hand = std::move(hand), .hand_waits = true});
     HeldHandBoard board(emulated);
     RingReader<ContactFrame> frames(options.session);
     RingWriter<DeviceState> states(options.session);

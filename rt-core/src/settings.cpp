@@ -48,6 +48,7 @@ void read_device(const Config& config, TickSettings& tick) {
     if (variant.maximum_tension <= variant.minimum_tension) {
         config.fail("device.maximum_tension", "must be larger than device.minimum_tension");
     }
+    tick.exchanges = config.choice("device.exchanges", "two", {"one", "two"}) == "one" ? 1 : 2;
     tick.maximum_string_speed = config.number("device.maximum_string_speed", tick.maximum_string_speed, {0.1, 20.0});
     tick.velocity_time_constant_s =
         config.number("velocity.time_constant_s", tick.velocity_time_constant_s, {0.0, 0.1});

@@ -21,7 +21,7 @@ void require(bool condition, const char* problem) {
 TickSettings checked(const TickSettings& settings) {
     const device::Variant& variant = settings.variant;
     require(settings.period_ns > 0, "period_ns must be positive");
-    require(variant.metres_per_count > 0.0, "the variant's metres_per_count must be positive");
+    require(settings.exchanges == 1 || settings.exchanges == 2, "exchanges must be 1 or 2");
     require(variant.minimum_tension >= 0.0 && variant.maximum_tension > variant.minimum_tension,
             "the variant's tensions must obey 0 <= minimum < maximum");
     require(settings.maximum_string_speed > 0.0, "maximum_string_speed must be positive");

@@ -4,14 +4,14 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 
+#include "haptic/device/digits.hpp"
+
 namespace haptic::rt {
 namespace {
 
 // After a long interruption rates and ramps go on as if it had been this many periods, so that nothing catches up in
 // one step.
 constexpr std::int64_t kMostElapsedPeriods = 2;
-// External switches in the board's PIO word; bits 4-7 are the rotary switch.
-constexpr std::uint32_t kButtonMask = 0x07;
 
 }  // namespace
 
@@ -63,10 +63,8 @@ void Tick::arm() HAPTIC_RT {
 }
 
 void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
-    // The board answers only to a command, so the one that it already has is sent again.
-    device::encode(command_, out_);
-    in_ok_ = board_->exchange(out_, in_, time.now_ns) == device::ExchangeStatus::Ok &&
-             device::decode(std::span<const std::byte>(in_), reply_) == device::PacketDefect::None;
+    // The board answers only to a command: the one of the last tick, which with two exchanges it already has.
+    in_ok_ = board_->exchange(command_, reading_, time.now_ns) == device::ExchangeStatus::Ok;
     exchange_ns_ = lap();
 }
 
@@ -76,7 +74,7 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
         return;
     }
     const std::int64_t since_latch_ns = latched_ ? time.now_ns - last_latch_ns_ : 0;
-    if (!encoders_.update(reply_.counters, since_latch_ns)) {
+    if (!encoders_.update(reading_.counters, since_latch_ns)) {
         jump_ = true;
         return;
     }
@@ -173,17 +171,16 @@ void Tick::distribute() HAPTIC_RT {
     const double scale = safety_.tension_scale();
     for (std::size_t i = 0; i < kStrings; ++i) {
         const double tension = scale * tensions[i];
-        command_.digits[i] =
-            device::digit_of_tension(tension, settings_.variant.volts_per_newton, settings_.variant.digits_per_volt);
-        record_.tensions[i] = device::tension_of_digit(command_.digits[i], settings_.variant.volts_per_newton,
-                                                       settings_.variant.digits_per_volt);
+        const double newtons_per_digit = settings_.variant.strings[i].newtons_per_digit;
+        command_.digits[i] = device::digit_of_tension(tension, newtons_per_digit);
+        record_.tensions[i] = device::tension_of_digit(command_.digits[i], newtons_per_digit);
     }
     record_.made = wrench_of_tensions(wires_, record_.tensions);
 }
 
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
-    device::encode(command_, out_);
-    const bool out_ok = board_->exchange(out_, in_, time.now_ns) == device::ExchangeStatus::Ok;
+    const bool out_ok =
+        settings_.exchanges == 1 || board_->exchange(command_, unused_, time.now_ns) == device::ExchangeStatus::Ok;
     instruments_.exchange.record(exchange_ns_ + lap());
     exchange_failed_ = !in_ok_ || !out_ok;
     set_flag(exchange_failed_, HAPTIC_TICK_EXCHANGE_FAILED);
@@ -194,7 +191,7 @@ void Tick::publish(const TickTime& time) HAPTIC_RT {
     record_.pose = estimate_.pose;
     record_.velocity = velocity;
     record_.residual = estimate_.residual;
-    record_.buttons = reply_.pio & kButtonMask;
+    record_.buttons = reading_.buttons;
     record_.safety_state = static_cast<std::uint32_t>(safety_.state());
     record_.faults = safety_.faults();
 
@@ -238,9 +235,8 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
 }
 
 device::ExchangeStatus Tick::send_zero(std::int64_t now_ns) HAPTIC_RT {
-    command_ = device::Sh4Command{};
-    device::encode(command_, out_);
-    return board_->exchange(out_, in_, now_ns);
+    command_ = device::MotorCommand{};
+    return board_->exchange(command_, unused_, now_ns);
 }
 
 std::int64_t Tick::lap() HAPTIC_RT {

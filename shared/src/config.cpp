@@ -396,6 +396,10 @@ void Config::fail(const std::string& key, const std::string& problem) const {
     state_->fail(key, problem);
 }
 
+std::vector<std::string> Config::known_keys() const {
+    return {state_->known.begin(), state_->known.end()};
+}
+
 void Config::reject_unknown() const {
     std::vector<State::Unknown> unknown;
     state_->collect_unknown(state_->root, "", unknown);

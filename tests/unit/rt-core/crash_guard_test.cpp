@@ -17,16 +17,16 @@ namespace {
 /// A board whose digits another process can see.
 class SharedBoard final : public device::Board {
   public:
-    explicit SharedBoard(device::Sh4Command* seen) : seen_(seen) {}
-    device::ExchangeStatus exchange(const device::Sh4Packet& out, device::Sh4Packet& /*in*/,
+    explicit SharedBoard(device::MotorCommand* seen) : seen_(seen) {}
+    device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& /*reading*/,
                                     std::int64_t /*now_ns*/) HAPTIC_RT override {
-        return device::decode(std::span<const std::byte>(out), *seen_) == device::PacketDefect::None
-                   ? device::ExchangeStatus::Ok
-                   : device::ExchangeStatus::Refused;
+        *seen_ = command;
+        return device::ExchangeStatus::Ok;
     }
+    void zero_motors(std::int64_t /*now_ns*/) HAPTIC_RT override { *seen_ = device::MotorCommand{}; }
 
   private:
-    device::Sh4Command* seen_;
+    device::MotorCommand* seen_;
 };
 
 struct Crash {
@@ -39,9 +39,9 @@ class CrashGuardTest : public testing::TestWithParam<Crash> {};
 
 TEST_P(CrashGuardTest, SendsZerosAndDiesOfTheSameSignal) {
     void* const memory =
-        mmap(nullptr, sizeof(device::Sh4Command), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+        mmap(nullptr, sizeof(device::MotorCommand), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     ASSERT_NE(memory, MAP_FAILED);
-    auto* const seen = new (memory) device::Sh4Command;
+    auto* const seen = new (memory) device::MotorCommand;
     seen->digits.fill(1234);
 
     const pid_t child = fork();
@@ -57,10 +57,10 @@ TEST_P(CrashGuardTest, SendsZerosAndDiesOfTheSameSignal) {
     ASSERT_EQ(waitpid(child, &status, 0), child);
     EXPECT_TRUE(WIFSIGNALED(status));
     EXPECT_EQ(WTERMSIG(status), GetParam().signal);
-    for (const std::uint16_t digit : seen->digits) {
+    for (const std::int16_t digit : seen->digits) {
         EXPECT_EQ(digit, 0);
     }
-    munmap(memory, sizeof(device::Sh4Command));
+    munmap(memory, sizeof(device::MotorCommand));
 }
 
 INSTANTIATE_TEST_SUITE_P(Each, CrashGuardTest,
@@ -73,7 +73,7 @@ INSTANTIATE_TEST_SUITE_P(Each, CrashGuardTest,
                          [](const testing::TestParamInfo<Crash>& param) { return param.param.name; });
 
 TEST(CrashGuard, IsOneAtATime) {
-    device::Sh4Command seen;
+    device::MotorCommand seen;
     SharedBoard board(&seen);
     {
         const CrashGuard guard(board);

@@ -11,15 +11,15 @@ namespace {
 
 constexpr std::int64_t kTickNs = 1'000'000;
 constexpr double kMaximumSpeed = 2.0;  // m/s
+constexpr double kPulse = 1.66555e-5;  // m a count, X3R
 
-// The board's counters for lengths l, from the definition: raw = start - sign * (l - rest) / metres_per_count mod
-// 65536.
+// The board's counters for lengths l, from the definition: start + (l - rest) / metres_per_count mod 65536.
 RawCounters counters_of(const device::Variant& variant, const StringArray& lengths, std::uint16_t start) {
     RawCounters raw{};
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const double counts = (lengths[i] - variant.rest_length(i)) / variant.metres_per_count;
-        const std::int64_t value = start - std::llround(counts) * variant.strings[i].count_sign;
-        raw[i] = static_cast<std::uint16_t>(((value % 65536) + 65536) % 65536);
+        const double counts = (lengths[i] - variant.rest_length(i)) / variant.strings[i].metres_per_count;
+        const std::int64_t value = start + std::llround(counts);
+        raw[i] = static_cast<std::uint32_t>(((value % 65536) + 65536) % 65536);
     }
     return raw;
 }
@@ -56,7 +56,7 @@ TEST_F(StringEncodersTest, FollowLengthsAcrossTheWrapInBothDirections) {
             }
             ASSERT_TRUE(wrapping.update(counters_of(variant, moved, start), kTickNs));
             for (std::size_t i = 0; i < kStrings; ++i) {
-                ASSERT_NEAR(wrapping.lengths()[i], moved[i], 0.51 * variant.metres_per_count) << "string " << i;
+                ASSERT_NEAR(wrapping.lengths()[i], moved[i], 0.51 * kPulse) << "string " << i;
             }
         }
     }
@@ -65,7 +65,7 @@ TEST_F(StringEncodersTest, FollowLengthsAcrossTheWrapInBothDirections) {
 TEST_F(StringEncodersTest, RefuseAStringThatIsFasterThanAHandAndKeepTheLengths) {
     ASSERT_TRUE(encoders.update(counters_of(variant, lengths, 500), 0));
     StringArray moved = lengths;
-    moved[3] += kMaximumSpeed * 1e-3 + 4 * variant.metres_per_count;
+    moved[3] += kMaximumSpeed * 1e-3 + 4 * kPulse;
     EXPECT_FALSE(encoders.update(counters_of(variant, moved, 500), kTickNs));
     EXPECT_EQ(encoders.lengths(), lengths);
     // Waiting does not make the jump believable.
@@ -92,7 +92,7 @@ TEST_F(StringEncodersTest, AreRelativeToTheirLastCalibration) {
     EXPECT_EQ(encoders.lengths(), lengths);
     moved[0] += 1e-3;
     ASSERT_TRUE(encoders.update(counters_of(variant, moved, 500), kTickNs));
-    EXPECT_NEAR(encoders.lengths()[0], lengths[0] + 1e-3, variant.metres_per_count);
+    EXPECT_NEAR(encoders.lengths()[0], lengths[0] + 1e-3, kPulse);
 }
 
 TEST_F(StringEncodersTest, ReportTheLargestMovementSinceTheMark) {
@@ -101,7 +101,7 @@ TEST_F(StringEncodersTest, ReportTheLargestMovementSinceTheMark) {
     moved[2] -= 1.5e-3;
     moved[5] += 0.5e-3;
     ASSERT_TRUE(encoders.update(counters_of(variant, moved, 500), kTickNs));
-    EXPECT_NEAR(encoders.largest_movement(), 1.5e-3, variant.metres_per_count);
+    EXPECT_NEAR(encoders.largest_movement(), 1.5e-3, kPulse);
     encoders.mark();
     EXPECT_EQ(encoders.largest_movement(), 0.0);
 }

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "haptic/device/emulated_board.hpp"
+#include "haptic/device/emulated_device.hpp"
 #include "random.hpp"
 
 namespace haptic::rt {
@@ -99,23 +99,20 @@ TEST(Kinematics, AStringOfNoLengthHasAZeroRow) {
     }
 }
 
-TEST(Kinematics, WrenchOfTensionsIsWhatTheBoardsMotorsDo) {
-    // The emulated board works its wrench out by itself, string by string.
+TEST(Kinematics, WrenchOfTensionsIsWhatTheEmulatedMotorsDo) {
+    // The emulated device works its wrench out by itself, string by string.
     const device::Variant variant = device::spidar_g6_x3r();
     Random random(3);
     for (int k = 0; k < 100; ++k) {
         const Pose pose = random.placement(0.02, 0.5).pose();
-        device::EmulatedBoard board({variant, PoseTrack(pose), {}, 0});
-        device::Sh4Command command;
-        for (std::uint16_t& digit : command.digits) {
-            digit = static_cast<std::uint16_t>(random.uniform(0.0, 4095.0));
+        device::EmulatedDevice grip({.variant = variant, .hand = PoseTrack(pose)});
+        std::array<std::int16_t, kStrings> digits{};
+        for (std::int16_t& digit : digits) {
+            digit = static_cast<std::int16_t>(random.uniform(0.0, 4095.0));
         }
-        device::Sh4Packet out;
-        device::Sh4Packet in;
-        device::encode(command, out);
-        ASSERT_EQ(board.exchange(out, in, 0), device::ExchangeStatus::Ok);
-        const Wrench wrench = wrench_of_tensions(wire_matrix(variant, board.grip_pose()), board.tensions());
-        const Wrench felt = board.wrench();
+        grip.set_digits(digits);
+        const Wrench wrench = wrench_of_tensions(wire_matrix(variant, grip.grip_pose()), grip.tensions());
+        const Wrench felt = grip.wrench();
         EXPECT_NEAR(glm::length(wrench.force - felt.force), 0.0, 1e-12);
         EXPECT_NEAR(glm::length(wrench.torque - felt.torque), 0.0, 1e-13);
     }
@@ -172,6 +169,7 @@ TEST(PoseSolver, NoiseOfQuantisedLengthsIsThatOfTheGeometry) {
     const device::Variant variant = device::spidar_g6_x3r();
     Random random(5);
     constexpr int kSamples = 20000;
+    constexpr double kPulse = 1.66555e-5;  // m a count
     Vec3 translation(0.0);
     Vec3 rotation(0.0);
     PoseSolver solver(variant);
@@ -180,7 +178,7 @@ TEST(PoseSolver, NoiseOfQuantisedLengthsIsThatOfTheGeometry) {
         const Pose pose = random.placement(random.uniform(0.0, 1e-3), random.uniform(0.0, 0.02)).pose();
         StringArray lengths = string_lengths(variant, pose);
         for (double& length : lengths) {
-            length = std::round(length / variant.metres_per_count) * variant.metres_per_count;
+            length = std::round(length / kPulse) * kPulse;
         }
         const PoseEstimate estimate = solver.solve(lengths);
         ASSERT_EQ(estimate.status, PoseStatus::Ok);

@@ -58,7 +58,7 @@ long locked_kilobytes() {
 class RealtimeLoopTest : public testing::Test {
   protected:
     RealtimeLoopTest()
-        : board({settings.variant, PoseTrack(), {}, 0}),
+        : board({.variant = settings.variant}),
           frames(session),
           states(session),
           tick(settings, board, frames, states, &monotonic_now_ns) {
@@ -100,7 +100,7 @@ TEST_F(RealtimeLoopTest, ArmsRunsAndEndsWithZerosAtTheMotors) {
     wait_until(loop, [](const RealtimeLoop& l) { return l.finished(); });
     loop.join();
     EXPECT_EQ(tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_STOP));
-    for (const double tension : board.tensions()) {
+    for (const double tension : board.device().tensions()) {
         EXPECT_EQ(tension, 0.0);
     }
     // Every tick was due at the first deadline plus whole periods: nothing drifted.

@@ -116,7 +116,7 @@ TEST(HeldHandBoard, LetsTheHandMoveOnlyOnceTheLoopRuns) {
                          {Pose{}, Pose{{0.01, 0, 0}, Quat(1, 0, 0, 0)}, Pose{{0.01, 0, 0}, Quat(1, 0, 0, 0)}});
     const TickSettings settings;
     const std::string session = test::unique_session();
-    device::EmulatedBoard board({settings.variant, hand, {}, 0});
+    device::EmulatedBoard board({.variant = settings.variant, .hand = hand, .hand_waits = true});
     HeldHandBoard held(board);
     RingReader<ContactFrame> frames(session);
     RingWriter<DeviceState> states(session);
@@ -126,14 +126,14 @@ TEST(HeldHandBoard, LetsTheHandMoveOnlyOnceTheLoopRuns) {
     std::int64_t now_ns = 7'000'000'000;
     while (tick.safety_state() != SafetyState::Running) {
         tick.run({now_ns, now_ns});
-        EXPECT_EQ(board.grip_pose().position, Vec3(0.0));
+        EXPECT_EQ(board.device().grip_pose().position, Vec3(0.0));
         now_ns += settings.period_ns;
     }
     for (int i = 0; i < 250; ++i, now_ns += settings.period_ns) {
         tick.run({now_ns, now_ns});
     }
-    EXPECT_NEAR(board.grip_pose().position.x, 0.005, 1e-4);
-    EXPECT_NEAR(tick.last().pose.position.x, board.grip_pose().position.x, 3e-5);
+    EXPECT_NEAR(board.device().grip_pose().position.x, 0.005, 1e-4);
+    EXPECT_NEAR(tick.last().pose.position.x, board.device().grip_pose().position.x, 3e-5);
 }
 
 }  // namespace

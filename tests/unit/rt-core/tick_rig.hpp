@@ -27,25 +27,21 @@ inline std::int64_t still_clock() HAPTIC_RT {
 class FaultyBoard final : public device::Board {
   public:
     explicit FaultyBoard(device::Board& board) : board_(&board) {}
-    device::ExchangeStatus exchange(const device::Sh4Packet& out, device::Sh4Packet& in,
+    device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT override {
         if (failing) {
             return device::ExchangeStatus::Timeout;
         }
-        const device::ExchangeStatus status = board_->exchange(out, in, now_ns);
-        device::Sh4Reply reply;
-        if (status == device::ExchangeStatus::Ok &&
-            device::decode(std::span<const std::byte>(in), reply) == device::PacketDefect::None) {
-            for (std::size_t i = 0; i < kStrings; ++i) {
-                reply.counters[i] = static_cast<std::uint16_t>(reply.counters[i] + added[i]);
-            }
-            device::encode(reply, in);
+        const device::ExchangeStatus status = board_->exchange(command, reading, now_ns);
+        for (std::size_t i = 0; i < kStrings; ++i) {
+            reading.counters[i] = (reading.counters[i] + added[i]) & 0xFFFFU;
         }
         return status;
     }
+    void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }
 
     bool failing = false;
-    std::array<std::uint16_t, kStrings> added{};  // to the raw counters
+    std::array<std::uint32_t, kStrings> added{};  // to the counters
 
   private:
     device::Board* board_;
@@ -71,7 +67,9 @@ class TickRig {
     explicit TickRig(PoseTrack hand = PoseTrack(), const TickSettings& tick_settings = {})
         : settings(tick_settings),
           session(unique_session()),
-          board({tick_settings.variant, std::move(hand), {100, 65500, 3, 40000, 0, 7, 12345, 65535}, 0}),
+          board({.variant = tick_settings.variant,
+                 .hand = std::move(hand),
+                 .power_up = {100, 65500, 3, 40000, 0, 7, 12345, 65535}}),
           faulty(board),
           frames_in(session),
           states_out(session),

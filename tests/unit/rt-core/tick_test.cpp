@@ -33,18 +33,18 @@ TEST(Tick, CarriesNoTensionUntilItIsArmed) {
     TickRig rig;
     rig.steps(50);
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
-    EXPECT_EQ(sum(rig.board.tensions()), 0.0);
+    EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
 }
 
 TEST(Tick, RunsAtMinimumTensionAfterArming) {
     TickRig rig;
     rig.run_up();
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Running);
-    for (const double tension : rig.board.tensions()) {
+    for (const double tension : rig.board.device().tensions()) {
         // Digits are truncated.
         EXPECT_GE(tension, rig.settings.variant.minimum_tension - kDigitN);
     }
-    EXPECT_LT(glm::length(rig.board.wrench().force), 0.05);
+    EXPECT_LT(glm::length(rig.board.device().wrench().force), 0.05);
 }
 
 TEST(Tick, FollowsTheHandWithinEncoderQuantisation) {
@@ -71,8 +71,8 @@ TEST(Tick, MakesTheSpringForceOfAFloorAtTheBoard) {
     }
     EXPECT_NEAR(rig.tick.last().rendered.force.y, 2.0, 0.02);
     // Eight strings, each short of its tension by less than a digit.
-    EXPECT_LT(glm::length(rig.board.wrench().force - Vec3(0.0, 2.0, 0.0)), 8 * kDigitN);
-    EXPECT_LT(glm::length(rig.board.wrench().force - rig.tick.last().made.force), 1e-3);
+    EXPECT_LT(glm::length(rig.board.device().wrench().force - Vec3(0.0, 2.0, 0.0)), 8 * kDigitN);
+    EXPECT_LT(glm::length(rig.board.device().wrench().force - rig.tick.last().made.force), 1e-3);
     EXPECT_EQ(rig.tick.instruments().frames_received, 150u);
 }
 
@@ -85,11 +85,11 @@ TEST(Tick, ReportsTheTensionsAndTheWrenchThatTheBoardHas) {
         DeviceState state{};
         ASSERT_TRUE(rig.states_in.read_newest(state));
         for (std::size_t k = 0; k < kStrings; ++k) {
-            ASSERT_EQ(state.tension[k], rig.board.tensions()[k]);
+            ASSERT_EQ(state.tension[k], rig.board.device().tensions()[k]);
         }
         // The pose that the board has and the one that we found differ by an encoder count.
-        ASSERT_LT(glm::length(to_vec3(state.force) - rig.board.wrench().force), 5e-3);
-        ASSERT_LT(glm::length(to_vec3(state.torque) - rig.board.wrench().torque), 1e-4);
+        ASSERT_LT(glm::length(to_vec3(state.force) - rig.board.device().wrench().force), 5e-3);
+        ASSERT_LT(glm::length(to_vec3(state.torque) - rig.board.device().wrench().torque), 1e-4);
     }
 }
 
@@ -103,7 +103,22 @@ TEST(Tick, PutsTheMotorsOutInTheSameTickAsTheEncodersCameIn) {
     }
     // The first tick that sees the grip below the floor already pushes it back; 0.3 N is below the limit of rate.
     EXPECT_NEAR(rig.tick.last().rendered.force.y, 0.3, 0.01);
-    EXPECT_NEAR(rig.board.wrench().force.y, 0.3, 8 * kDigitN);
+    EXPECT_NEAR(rig.board.device().wrench().force.y, 0.3, 8 * kDigitN);
+}
+
+TEST(Tick, WithOneExchangePutsTheMotorsOutInTheNextTick) {
+    TickSettings one;
+    one.exchanges = 1;
+    TickRig rig(PoseTrack(), one);
+    rig.run_up();
+    const std::array<double, kStrings> at_rest = rig.board.device().tensions();
+    rig.publish(floor_frame(1e-3, 300.0, rig.now_ns));  // 1 mm above the grip
+    rig.step();
+    ASSERT_GT(rig.tick.last().rendered.force.y, 0.0);
+    EXPECT_EQ(rig.board.device().tensions(), at_rest);
+    const StringArray sent = rig.tick.last().tensions;
+    rig.step();
+    EXPECT_EQ(rig.board.device().tensions(), sent);
 }
 
 TEST(Tick, CalibratesTheRestLengthsWhereverTheCountersStand) {
@@ -152,27 +167,27 @@ TEST(Tick, FadesOutAndDisarmsWhenTheBoardIsGone) {
     EXPECT_EQ(state.faults, static_cast<std::uint32_t>(HAPTIC_FAULT_EXCHANGE));
     rig.faulty.failing = false;
     rig.step();
-    EXPECT_EQ(sum(rig.board.tensions()), 0.0);
+    EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
 }
 
 TEST(Tick, FadesSmoothlyAtTheBoardWhenAnEncoderJumps) {
     TickRig rig(hand_to({0.0, -0.02, 0.0}));
     rig.run_up();
     press(rig, 1500);
-    const double full = rig.board.wrench().force.y;
+    const double full = rig.board.device().wrench().force.y;
     ASSERT_GT(full, 1.9);
     rig.faulty.added[2] = 3000;  // 5 cm in one tick
     double last = full;
     for (int i = 0; i < 800; ++i) {
         press(rig, 1);
-        const double now = rig.board.wrench().force.y;
+        const double now = rig.board.device().wrench().force.y;
         // 2 N over 100 ms, steepest slope 1.5; truncated digits add a little of either sign.
         EXPECT_LT(std::fabs(now - last), 1.5 * 2.0 / 100.0 + 8 * kDigitN) << i;
         last = now;
     }
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
     EXPECT_EQ(rig.tick.faults() & HAPTIC_FAULT_JUMP, static_cast<std::uint32_t>(HAPTIC_FAULT_JUMP));
-    EXPECT_EQ(sum(rig.board.tensions()), 0.0);
+    EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
 }
 
 TEST(Tick, FaultsWhenTheLengthsContradictEachOther) {
@@ -214,7 +229,7 @@ TEST(Tick, StopsByWayOfAFadeToZeroAtTheBoard) {
         press(rig, 1);
     }
     EXPECT_NEAR(ticks, 600, 5);
-    EXPECT_EQ(sum(rig.board.tensions()), 0.0);
+    EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
     EXPECT_EQ(rig.tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_STOP));
 }
 
@@ -340,9 +355,9 @@ TEST(Tick, DoesTheSameBitsTwice) {
 TEST(Tick, SendsZeroOnRequestWhateverTheState) {
     TickRig rig;
     rig.run_up();
-    ASSERT_GT(sum(rig.board.tensions()), 2.0);
+    ASSERT_GT(sum(rig.board.device().tensions()), 2.0);
     EXPECT_EQ(rig.tick.send_zero(rig.now_ns), device::ExchangeStatus::Ok);
-    EXPECT_EQ(sum(rig.board.tensions()), 0.0);
+    EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
 }
 
 TEST(Tick, RefusesSettingsThatCannotBe) {

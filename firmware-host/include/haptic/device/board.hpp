@@ -1,23 +1,60 @@
-// What the tick sees of a board: one bounded exchange of packets.
+// What the tick sees of a board: one bounded exchange, digits out and counters in, whatever the packets are.
+//
+//     Tick -> Board (Sh4Board, ...: codec and sequence) -> Transport (usbfs, serial line, or in this process) -> device
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <string_view>
 
-#include "haptic/device/sh4_codec.hpp"
+#include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
 
 namespace haptic::device {
 
-enum class ExchangeStatus : std::uint8_t { Ok, Timeout, Short, Disconnected, Refused };
+/// How an exchange ended. Everything but Ok leaves the reading untouched.
+enum class ExchangeStatus : std::uint8_t {
+    Ok,
+    Timeout,       // no answer within the transport's bound
+    Short,         // an answer of another length
+    Malformed,     // an answer that cannot be one
+    Stale,         // an answer to another command than the one that was sent
+    Stalled,       // the endpoint refused the transfer
+    Disconnected,  // there is no device any more
+};
 
-/// A board that answers each OUT packet with one IN packet.
+/// One or two words for reports.
+[[nodiscard]] std::string_view describe(ExchangeStatus status) noexcept;
+
+/// What the motors are to do.
+struct MotorCommand {
+    std::array<std::int16_t, kStrings> digits{};  // see digits.hpp; boards with unsigned D/A take 0..4095 of it
+
+    friend bool operator==(const MotorCommand&, const MotorCommand&) = default;
+};
+
+/// What a board latched.
+struct BoardReading {
+    std::array<std::uint32_t, kStrings> counters{};  // modulo 2^counter_bits(kind), in the host's sense of direction
+    std::array<std::uint16_t, kStrings> analog{};    // A/D, 12 bits; 0 on boards that have none
+    std::uint32_t buttons = 0;                       // bit k: switch k is held
+    std::uint8_t rotary = 0;                         // rotary id switch, 0..15
+
+    friend bool operator==(const BoardReading&, const BoardReading&) = default;
+};
+
 class Board {
   public:
     virtual ~Board() = default;
 
-    /// Sends `out`, waits for the answer, bounded. `in` is written only on Ok. now_ns is the caller's time: the
-    /// emulated board moves its hand by it; a real one ignores it.
-    virtual ExchangeStatus exchange(const Sh4Packet& out, Sh4Packet& in, std::int64_t now_ns) HAPTIC_RT = 0;
+    /// Sets the motors, latches the encoders, waits for the answer; bounded. `reading` is written only on Ok. now_ns is
+    /// the caller's time: an emulated device moves by it; a real one ignores it.
+    virtual ExchangeStatus exchange(const MotorCommand& command, BoardReading& reading,
+                                    std::int64_t now_ns) HAPTIC_RT = 0;
+
+    /// Zero to all motors by the shortest way there is, without waiting for an answer: for crash handlers and
+    /// watchdogs, from any thread, while another may be within exchange().
+    virtual void zero_motors(std::int64_t now_ns) HAPTIC_RT = 0;
 };
 
 }  // namespace haptic::device

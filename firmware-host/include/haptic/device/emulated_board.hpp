@@ -1,48 +1,61 @@
-// The SH4 board's firmware hosted on Linux, with the Spidar-G6 and a hand behind it, in this process.
-//
-// An exchange decodes the OUT packet as the board does, sets the D/A digits, moves the hand to its pose of that time,
-// turns string lengths into quantised, wrapping 16-bit counters and queues the IN packet. What the motors then pull is
-// there to be measured: tensions(), and the wrench that they make on the grip.
+// A whole emulated Spidar-G6 in this process: the driver of a board, and at the other end of its packets the board's
+// firmware with device and hand behind it. Packets are encoded and decoded as on the cable.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <memory>
 
 #include "haptic/device/board.hpp"
-#include "haptic/device/variant.hpp"
-#include "haptic/pose_track.hpp"
+#include "haptic/device/emulated_device.hpp"
+#include "haptic/device/firmware.hpp"
+#include "haptic/device/transport.hpp"
 
 namespace haptic::device {
 
-class EmulatedBoard final : public Board {
+/// Packets to a firmware in this process, and its answers back.
+class EmulatedTransport final : public Transport {
   public:
-    struct Settings {
-        Variant variant;
-        PoseTrack hand;                                  // pose of the grip over time since the first exchange
-        std::array<std::uint16_t, kStrings> power_up{};  // raw counters at the centre: arbitrary on the real board
-        std::uint8_t rotary = 0;                         // rotary switch, 0..15
-    };
+    /// The firmware must outlive the transport.
+    explicit EmulatedTransport(Firmware& firmware) : firmware_(&firmware) {}
 
-    explicit EmulatedBoard(Settings settings);
-
-    ExchangeStatus exchange(const Sh4Packet& out, Sh4Packet& in, std::int64_t now_ns) HAPTIC_RT override;
-
-    /// Where the hand holds the grip since the last exchange.
-    [[nodiscard]] Pose grip_pose() const HAPTIC_RT { return grip_; }
-    /// N, what the motors pull since the last exchange.
-    [[nodiscard]] std::array<double, kStrings> tensions() const HAPTIC_RT;
-    /// Force and torque of all strings on the grip, from the present pose and tensions.
-    [[nodiscard]] Wrench wrench() const HAPTIC_RT;
-    /// External switches, bits 0-2.
-    void set_buttons(std::uint8_t buttons) HAPTIC_RT { buttons_ = buttons; }
+    ExchangeStatus exchange(PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT override;
+    void send_last(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override;
+    void drain() override;
 
   private:
-    Settings settings_;
-    Pose grip_;
-    Sh4Command command_;
-    std::int64_t start_ns_ = 0;
-    std::uint8_t buttons_ = 0;
-    bool started_ = false;
+    Firmware* firmware_;
+};
+
+/// The firmware of a kind of board, in front of a device that outlives it.
+[[nodiscard]] std::unique_ptr<Firmware> make_firmware(BoardKind kind, EmulatedDevice& device);
+/// The driver of a kind of board, over a transport that outlives it.
+[[nodiscard]] std::unique_ptr<Board> make_board(BoardKind kind, Transport& transport);
+
+class EmulatedBoard final : public Board {
+  public:
+    using Settings = EmulatedDevice::Settings;
+
+    /// Throws std::invalid_argument for settings that cannot be emulated.
+    explicit EmulatedBoard(Settings settings);
+    EmulatedBoard(const EmulatedBoard&) = delete;
+    EmulatedBoard& operator=(const EmulatedBoard&) = delete;
+
+    ExchangeStatus exchange(const MotorCommand& command, BoardReading& reading,
+                            std::int64_t now_ns) HAPTIC_RT override {
+        return board_->exchange(command, reading, now_ns);
+    }
+    void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }
+
+    /// Grip, hand, strings and motors.
+    [[nodiscard]] EmulatedDevice& device() HAPTIC_RT { return device_; }
+    [[nodiscard]] const EmulatedDevice& device() const HAPTIC_RT { return device_; }
+
+  private:
+    EmulatedDevice device_;
+    std::unique_ptr<Firmware> firmware_;
+    EmulatedTransport transport_;
+    std::unique_ptr<Board> board_;
 };
 
 }  // namespace haptic::device

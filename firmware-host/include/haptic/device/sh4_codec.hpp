@@ -13,13 +13,13 @@
 #include <cstdint>
 #include <span>
 
+#include "haptic/device/digits.hpp"
 #include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
 
 namespace haptic::device {
 
 inline constexpr std::size_t kSh4PacketBytes = 512;
-inline constexpr std::uint16_t kSh4MaximumDigit = 4095;
 
 using Sh4Packet = std::array<std::byte, kSh4PacketBytes>;
 
@@ -38,19 +38,12 @@ struct Sh4Reply {
 /// Why bytes are not a packet.
 enum class PacketDefect : std::uint8_t { None, Length, Opcode, Digit };
 
-/// Host side. Digits above kSh4MaximumDigit are clamped; the rest of the packet is zero.
+/// Host side. Digits above kMaximumDigit are clamped; the rest of the packet is zero.
 void encode(const Sh4Command& command, std::span<std::byte, kSh4PacketBytes> out) HAPTIC_RT;
 [[nodiscard]] PacketDefect decode(std::span<const std::byte> in, Sh4Reply& reply) HAPTIC_RT;
 
 /// Board side.
 [[nodiscard]] PacketDefect decode(std::span<const std::byte> out, Sh4Command& command) HAPTIC_RT;
 void encode(const Sh4Reply& reply, std::span<std::byte, kSh4PacketBytes> in) HAPTIC_RT;
-
-/// D/A digit for a tension: truncated as the board's own host software does, clamped to 0..4095; 0 for what is not
-/// finite.
-[[nodiscard]] std::uint16_t digit_of_tension(double tension_n, double volts_per_newton,
-                                             double digits_per_volt) HAPTIC_RT;
-/// The tension that a digit stands for, N.
-[[nodiscard]] double tension_of_digit(std::uint16_t digit, double volts_per_newton, double digits_per_volt) HAPTIC_RT;
 
 }  // namespace haptic::device

@@ -11,20 +11,31 @@
 
 namespace haptic::device {
 
+/// Which board drives the motors of a frame and counts its encoders.
+enum class BoardKind : std::uint8_t {
+    Sh4,     // USB 0cec:0205, 12-bit D/A, 16-bit counters
+    Simple,  // USB 0cec:0203, 12-bit D/A, 24-bit counters
+    Uart     // serial line, signed currents, 16-bit counters
+};
+
+/// How many bits a board's counters have before they wrap.
+[[nodiscard]] constexpr int counter_bits(BoardKind kind) HAPTIC_RT {
+    return kind == BoardKind::Simple ? 24 : 16;
+}
+
 /// One string: motor i pulls grip point i toward itself.
 struct StringFacts {
-    Vec3 motor{0.0, 0.0, 0.0};  // m, device frame, where the string leaves its pulley
-    Vec3 grip{0.0, 0.0, 0.0};   // m, grip frame, where it is knotted to the grip
-    int count_sign = 1;         // +1 if the host count (already negated from the raw one) rises as the string pays out
+    Vec3 motor{0.0, 0.0, 0.0};       // m, device frame, where the string leaves its pulley
+    Vec3 grip{0.0, 0.0, 0.0};        // m, grip frame, where it is knotted to the grip
+    double metres_per_count = 0.0;   // m; negative if the host's count falls as the string pays out
+    double newtons_per_digit = 0.0;  // N; negative if the motor pulls with negative digits
 };
 
 /// A frame with its eight strings, motors and board.
 struct Variant {
     std::string name;
+    BoardKind board = BoardKind::Sh4;
     std::array<StringFacts, kStrings> strings;
-    double metres_per_count = 0.0;
-    double volts_per_newton = 0.0;
-    double digits_per_volt = 0.0;
     double minimum_tension = 0.0;  // N, keeps every string taut
     double maximum_tension = 0.0;  // N
 

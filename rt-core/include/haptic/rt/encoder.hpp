@@ -1,8 +1,8 @@
-// From the wrapping 16-bit counters of the board to the lengths of the strings.
+// From the wrapping counters of the board to the lengths of the strings.
 //
-// The board counts modulo 65536 and is never cleared. The host extends a counter by the nearest difference and negates
-// it, so that the count of a string whose count_sign is +1 rises as it pays out. Lengths are relative: calibrate() says
-// that the present counts belong to the rest lengths, that is to the grip held level at the centre.
+// A board counts modulo 2^16 or 2^24 and is never cleared. The host extends a counter by the nearest difference.
+// Lengths are relative: calibrate() says that the present counts belong to the rest lengths, that is to the grip held
+// level at the centre.
 // @source device-facts, section 2.3 (SH4 board), 3 (calibration).
 #pragma once
 
@@ -16,7 +16,7 @@
 
 namespace haptic::rt {
 
-using RawCounters = std::array<std::uint16_t, kStrings>;
+using RawCounters = std::array<std::uint32_t, kStrings>;  // modulo 2^counter_bits
 
 class StringEncoders {
   public:
@@ -45,8 +45,8 @@ class StringEncoders {
     using Counts = std::array<std::int64_t, kStrings>;
 
     double maximum_speed_;
-    double metres_per_count_;
-    StringArray metres_of_count_{};  // with the sign of the string
+    unsigned unused_bits_;            // of 32, above those that a counter has
+    StringArray metres_per_count_{};  // signed
     StringArray rest_lengths_{};
     StringArray lengths_{};
     Counts counts_{};  // extended and negated

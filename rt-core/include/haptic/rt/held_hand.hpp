@@ -4,31 +4,28 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "haptic/device/board.hpp"
+#include "haptic/device/emulated_board.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/realtime.hpp"
 #include "haptic/rt/tick.hpp"
 
 namespace haptic::rt {
 
-/// Stands between a tick and an emulated board, and lets the board's time, and with it its hand, stand still until the
-/// tick has been running once. Calibration then always finds the hand where its track begins.
+/// Stands between a tick and an emulated board, and releases the board's waiting hand once the tick is running.
+/// Calibration then always finds the hand where its track begins.
 class HeldHandBoard final : public device::Board {
   public:
-    explicit HeldHandBoard(device::Board& board) : board_(&board) {}
+    explicit HeldHandBoard(device::EmulatedBoard& board) : board_(&board) {}
     /// The tick whose state releases the hand; the same thread runs both.
     void follow(const Tick& tick) noexcept { tick_ = &tick; }
 
-    device::ExchangeStatus exchange(const device::Sh4Packet& out, device::Sh4Packet& in,
+    device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT override;
+    void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }
 
   private:
-    device::Board* board_;
+    device::EmulatedBoard* board_;
     const Tick* tick_ = nullptr;
-    std::int64_t held_ns_ = 0;  // time that the board has not seen
-    std::int64_t last_ns_ = 0;
-    bool started_ = false;
-    bool released_ = false;
 };
 
 /// The track of a recording, which may begin anywhere: the hand starts at the centre and moves to the first pose in

@@ -2,7 +2,8 @@
 //
 // run() does, in this order: exchange with the board (the last command again, encoders in) - unwrap counts, lengths,
 // pose, velocity - newest contact frame, if any - local proxies against its planes - wrench - safety limits - tensions
-// - second exchange (motors out, in this same tick) - publish the device state - record.
+// - second exchange (motors out, in this same tick; with `exchanges = 1` the next tick's first one brings them) -
+// publish the device state - record.
 //
 // All memory is allocated by the constructor. After it, run() neither allocates, locks, throws nor waits for anything
 // but the board.
@@ -33,6 +34,7 @@ namespace haptic::rt {
 struct TickSettings {
     device::Variant variant = device::spidar_g6_x3r();
     std::int64_t period_ns = 1'000'000;       // ns, between ticks
+    int exchanges = 2;                        // a tick: 2 send its force in the same tick, 1 in the next one
     double maximum_string_speed = 2.0;        // m/s; what is faster is an encoder fault
     double velocity_time_constant_s = 0.004;  // s
     double tension_effort = 1e-5;             // 1, TensionSettings::effort
@@ -121,10 +123,9 @@ class Tick {
     TensionSolver tension_solver_;
     BlackBox black_box_;
 
-    device::Sh4Command command_;  // sent last
-    device::Sh4Packet out_{};
-    device::Sh4Packet in_{};
-    device::Sh4Reply reply_;
+    device::MotorCommand command_;  // sent last
+    device::BoardReading reading_;
+    device::BoardReading unused_;  // of the second exchange
     DeviceState state_{};
     TickRecord record_;
     Instruments instruments_;

@@ -1,0 +1,63 @@
+// The Spidar-G6 behind an emulated board: grip, strings, motors and encoders, and the hand that holds the grip.
+//
+// The firmware (firmware.hpp) sets digits and reads counters; advance() moves everything on to the caller's time.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "haptic/device/board.hpp"
+#include "haptic/device/variant.hpp"
+#include "haptic/pose_track.hpp"
+#include "haptic/realtime.hpp"
+
+namespace haptic::device {
+
+class EmulatedDevice {
+  public:
+    struct Settings {
+        Variant variant;
+        PoseTrack hand{Pose{}};                          // pose over time since the first advance(), or the release
+        std::array<std::uint32_t, kStrings> power_up{};  // counters at the centre: arbitrary on the real board
+        std::uint8_t rotary = 0;                         // rotary switch, 0..15
+        bool hand_waits = false;                         // at the beginning of its track, until release_hand()
+    };
+
+    /// Throws std::invalid_argument for settings that cannot be emulated.
+    explicit EmulatedDevice(Settings settings);
+
+    /// Moves hand, grip and strings on to a time; the first call is time zero.
+    void advance(std::int64_t now_ns) HAPTIC_RT;
+    /// What the motors pull with from now on.
+    void set_digits(const std::array<std::int16_t, kStrings>& digits) HAPTIC_RT { digits_ = digits; }
+    /// Lets a waiting hand begin to follow its track, from the last advance() on.
+    void release_hand() HAPTIC_RT { hand_waits_ = false; }
+    /// External switches, bits 0-2.
+    void set_buttons(std::uint8_t buttons) HAPTIC_RT { buttons_ = buttons; }
+
+    /// Encoders of now, modulo 2^counter_bits, in the host's sense of direction.
+    [[nodiscard]] std::array<std::uint32_t, kStrings> counters() const HAPTIC_RT;
+    [[nodiscard]] const std::array<std::int16_t, kStrings>& digits() const HAPTIC_RT { return digits_; }
+    [[nodiscard]] std::uint8_t buttons() const HAPTIC_RT;
+    [[nodiscard]] std::uint8_t rotary() const HAPTIC_RT { return settings_.rotary; }
+    [[nodiscard]] const Variant& variant() const HAPTIC_RT { return settings_.variant; }
+
+    /// Where the grip is.
+    [[nodiscard]] Pose grip_pose() const HAPTIC_RT { return grip_; }
+    /// N, what the motors pull.
+    [[nodiscard]] std::array<double, kStrings> tensions() const HAPTIC_RT;
+    /// Force and torque of all strings on the grip, from the present pose and tensions.
+    [[nodiscard]] Wrench wrench() const HAPTIC_RT;
+
+  private:
+    Settings settings_;
+    Pose grip_;
+    std::array<std::int16_t, kStrings> digits_{};
+    std::int64_t hand_ns_ = 0;  // on the hand's track
+    std::int64_t last_ns_ = 0;
+    std::uint8_t buttons_ = 0;
+    bool hand_waits_ = false;
+    bool started_ = false;
+};
+
+}  // namespace haptic::device
