@@ -8,18 +8,18 @@
 #include <csignal>
 #include <cstdio>
 #include <ctime>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "haptic/clock.hpp"
-#include "haptic/device/emulated_board.hpp"
 #include "haptic/report.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/rt/crash_guard.hpp"
-#include "haptic/rt/held_hand.hpp"
 #include "haptic/rt/recording.hpp"
 #include "haptic/rt/run_report.hpp"
 #include "haptic/rt/settings.hpp"
+#include "open_device.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -55,24 +55,14 @@ Settings load_settings(const RunOptions& options) {
     return read_settings(config);
 }
 
-void refuse_unavailable(const RunOptions& options) {
-    if (options.device == "emulated") {
-        return;
-    }
-    if (options.device == "usb" || options.device.starts_with("replay:")) {
-        throw Refusal("--device " + options.device + ": not available in this version; only --device emulated is");
-    }
-    throw Refusal("--device " + options.device + ": unknown device; the choices are emulated, usb and replay:FILE");
-}
-
 /// Says what the kernel refused and how to grant it. A real device is not driven by a loop that may be late.
-void judge_setup(const RealtimeSetup& setup, bool emulated) {
+void judge_setup(const RealtimeSetup& setup, bool real) {
     for (const MissingPrivilege& one : setup.missing) {
         spdlog::warn("degraded: {}", one.what);
         spdlog::warn("  it needs {}", one.needs);
         spdlog::warn("  {}", one.remedy);
     }
-    if (setup.degraded() && !emulated) {
+    if (setup.degraded() && real) {
         throw Refusal("a real device is not driven without real-time privileges: see above for what is missing");
     }
     if (setup.degraded()) {
@@ -117,28 +107,26 @@ void supervise(RealtimeLoop& loop, const StopSignals& signals, std::optional<Rec
 /// Everything that outlives the loop, in the order in which it has to go.
 RunResult run_loop(const RunOptions& options, const Settings& settings, const StopSignals& signals,
                    Instruments& instruments) {
-    PoseTrack hand = options.hand ? hand_from_centre(*options.hand) : PoseTrack();
-    device::EmulatedBoard emulated({.variant = settings.tick.variant, .hand = std::move(hand), .hand_waits = true});
-    HeldHandBoard board(emulated);
+    const std::unique_ptr<OpenedDevice> device = open_device(options, settings);
     RingReader<ContactFrame> frames(options.session);
     RingWriter<DeviceState> states(options.session);
-    Tick tick(settings.tick, board, frames, states, &monotonic_now_ns);
-    board.follow(tick);
+    Tick tick(settings.tick, device->board(), frames, states, &monotonic_now_ns);
+    device->follow(tick);
     Recorder recorder(options.record ? settings.queue_ticks : 2);
     std::optional<RecordFile> record;
     if (options.record) {
         record.emplace(*options.record, recorder);
     }
 
-    const CrashGuard guard(board);
+    const CrashGuard guard(device->board());
     RunResult result;
     prepare_process(result.setup);
     RealtimeLoop loop(settings.loop, tick, std::move(result.setup));
     result.setup = loop.setup();
-    judge_setup(result.setup, options.device == "emulated");
-    spdlog::info("session {}: {} Hz on an emulated {}; keep the grip still at the centre", options.session,
+    judge_setup(result.setup, device->real());
+    spdlog::info("session {}: {} Hz on {}; keep the grip still at the centre", options.session,
                  static_cast<double>(kNanosecondsPerSecond) / static_cast<double>(settings.loop.period_ns),
-                 settings.tick.variant.name);
+                 device->description());
     const std::int64_t start_ns = monotonic_now_ns();
     loop.start(options.record ? &recorder : nullptr);
     supervise(loop, signals, record, options.duration_s);
@@ -164,7 +152,6 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
 }  // namespace
 
 int run_command(const RunOptions& options) {
-    refuse_unavailable(options);
     const Settings settings = load_settings(options);
     const StopSignals signals;
     const auto instruments = std::make_unique<Instruments>();
