@@ -10,7 +10,7 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::array<std::pair<std::uint32_t, const char*>, 7> kFaultNames = {{
+constexpr std::array<std::pair<std::uint32_t, const char*>, 9> kFaultNames = {{
     {HAPTIC_FAULT_EXCHANGE, "exchange"},
     {HAPTIC_FAULT_JUMP, "encoder_jump"},
     {HAPTIC_FAULT_SLACK, "slack"},
@@ -18,6 +18,8 @@ constexpr std::array<std::pair<std::uint32_t, const char*>, 7> kFaultNames = {{
     {HAPTIC_FAULT_OVERRUN, "overrun"},
     {HAPTIC_FAULT_NONFINITE, "nonfinite"},
     {HAPTIC_FAULT_STOP, "stop"},
+    {HAPTIC_FAULT_THERMAL, "thermal"},
+    {HAPTIC_FAULT_WATCHDOG, "watchdog"},
 }};
 
 /// The same as summary_us, a thousandth of it.
@@ -107,6 +109,7 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
           {"age_ms", summary_ms(m.frame_age)}}},
         {"exchange", {{"failed_ticks", m.failed_exchanges}}},
         {"peak", {{"force_n", m.peak_force}, {"torque_nm", m.peak_torque}}},
+        {"motors", {{"peak_load", m.peak_motor_load}, {"derated_ticks", m.derated_ticks}}},
         {"contact_ticks", m.contact_ticks},
         {"unreachable_ticks", m.unreachable_ticks},
         {"records_dropped", result.records_dropped},

@@ -71,7 +71,8 @@ void SafetyMachine::watch(const TickHealth& health) HAPTIC_RT {
     const std::uint32_t bits = bit_if(failed_exchanges_ > settings_.exchange_ticks, HAPTIC_FAULT_EXCHANGE) |
                                bit_if(late_ticks_ > settings_.overrun_ticks, HAPTIC_FAULT_OVERRUN) |
                                bit_if(large_residuals_ > settings_.residual_ticks, HAPTIC_FAULT_RESIDUAL) |
-                               bit_if(health.jump, HAPTIC_FAULT_JUMP) | bit_if(!health.finite, HAPTIC_FAULT_NONFINITE);
+                               bit_if(health.jump, HAPTIC_FAULT_JUMP) | bit_if(!health.finite, HAPTIC_FAULT_NONFINITE) |
+                               bit_if(health.overheated, HAPTIC_FAULT_THERMAL);
     if (bits != 0) {
         fault(bits);
     }

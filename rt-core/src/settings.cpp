@@ -83,6 +83,18 @@ void read_safety(const Config& config, SafetySettings& safety) {
     safety.overrun_ticks = whole(config, "safety.overrun_ticks", safety.overrun_ticks, kTicks);
 }
 
+void read_motors(const Config& config, TickSettings& tick) {
+    MotorSettings& motors = tick.motors;
+    motors.continuous_share = config.number("motors.continuous_share", motors.continuous_share, {0.01, 1.0});
+    motors.time_constant_s = config.number("motors.time_constant_s", motors.time_constant_s, {0.1, 10'000.0});
+    motors.derate_from = config.number("motors.derate_from", motors.derate_from, {0.0, 0.99});
+    if (motors.continuous_share * tick.variant.maximum_tension <= 1.2 * tick.variant.minimum_tension) {
+        config.fail("motors.continuous_share",
+                    "of device.maximum_tension must be more than 1.2 times "
+                    "device.minimum_tension, or keeping the strings taut overheats the motors");
+    }
+}
+
 }  // namespace
 
 Settings read_settings(const Config& config) {
@@ -91,6 +103,7 @@ Settings read_settings(const Config& config) {
     read_device(config, settings.tick);
     read_force(config, settings.tick);
     read_safety(config, settings.tick.safety);
+    read_motors(config, settings.tick);
     settings.queue_ticks = static_cast<std::size_t>(
         config.integer("recording.queue_ticks", static_cast<std::int64_t>(settings.queue_ticks), {16, 1'048'576}));
     settings.tick.black_box_ns = duration_ns(config, "recording.black_box_s", settings.tick.black_box_ns, {0.01, 60.0});

@@ -54,7 +54,33 @@ TensionSettings tension_settings(const TickSettings& settings) {
     return result;
 }
 
+ThermalSettings thermal_settings(const TickSettings& settings) {
+    ThermalSettings result;
+    result.minimum = settings.variant.minimum_tension;
+    result.maximum = settings.variant.maximum_tension;
+    result.derate_from = settings.motors.derate_from;
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        const device::StringFacts& string = settings.variant.strings[i];
+        result.motors[i].continuous = string.continuous_tension > 0.0
+                                          ? string.continuous_tension
+                                          : settings.motors.continuous_share * result.maximum;
+        result.motors[i].time_constant_s =
+            string.thermal_time_constant_s > 0.0 ? string.thermal_time_constant_s : settings.motors.time_constant_s;
+    }
+    return result;
+}
+
 }  // namespace
+
+ThermalModel::ThermalModel(const ThermalSettings& settings) : settings_(settings) {
+    require(settings.derate_from >= 0.0 && settings.derate_from < 1.0, "motors are spared from a load of 0..1 on");
+    for (const MotorRating& motor : settings.motors) {
+        require(motor.time_constant_s > 0.0, "a motor's thermal time constant must be positive");
+        // Load 0.7 at most, so that the minimum tension alone spares no motor.
+        require(motor.continuous > 1.2 * settings.minimum,
+                "a motor must bear more than 1.2 times the minimum tension for ever");
+    }
+}
 
 BlackBox::BlackBox(std::size_t capacity) : records_(std::max<std::size_t>(capacity, 1)) {}
 
@@ -73,6 +99,7 @@ Tick::Tick(const TickSettings& settings, device::Board& board, RingReader<Contac
       renderer_(settings.frames),
       limiter_(settings.limits),
       safety_(settings.safety),
+      thermal_(thermal_settings(settings)),
       tension_solver_(tension_settings(settings)),
       black_box_(static_cast<std::size_t>(settings.black_box_ns / settings.period_ns)) {}
 

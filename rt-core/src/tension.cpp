@@ -243,7 +243,7 @@ double shortening_of(const Wrench& goal, const TensionSettings& settings) HAPTIC
 }
 
 BoxProgramme programme_of(const WireMatrix& wires, const Wrench& goal, const StringArray& previous,
-                          const TensionSettings& settings) HAPTIC_RT {
+                          const StringArray& maxima, const TensionSettings& settings) HAPTIC_RT {
     const double scale = settings.torque_scale;
     const Vec6 weighted_goal{goal.force.x,          goal.force.y,          goal.force.z,
                              goal.torque.x * scale, goal.torque.y * scale, goal.torque.z * scale};
@@ -257,7 +257,8 @@ BoxProgramme programme_of(const WireMatrix& wires, const Wrench& goal, const Str
     double largest_term = 0.0;
     for (std::size_t i = 0; i < kN; ++i) {
         programme.lower[i] = std::max(settings.minimum, previous[i] - settings.slew);
-        programme.upper[i] = std::min(settings.maximum, previous[i] + settings.slew);
+        const double maximum = std::clamp(maxima[i], settings.minimum, settings.maximum);
+        programme.upper[i] = std::max(programme.lower[i], std::min(maximum, previous[i] + settings.slew));
         for (std::size_t j = 0; j <= i; ++j) {
             const double entry = dot(weighted[i], weighted[j]);
             programme.hessian[i][j] = entry;
@@ -295,6 +296,7 @@ TensionSolver::TensionSolver(const TensionSettings& settings) : settings_(settin
                 settings.continuity >= 0.0 && settings.effort + settings.continuity >= 1e-9,
             "effort and continuity must not be negative, and must sum to 1e-9 or more, or the tensions are not unique");
     require(settings.slew > 0.0, "the slew must be positive");
+    maxima_.fill(settings.maximum);
     reset();
 }
 
@@ -315,7 +317,7 @@ TensionResult TensionSolver::solve(const WireMatrix& wires, const Wrench& wanted
     const Wrench goal = is_finite(wanted.force) && is_finite(wanted.torque) ? wanted : Wrench{};
     const double shortening = shortening_of(goal, settings_);
     const BoxProgramme programme =
-        programme_of(wires, {goal.force * shortening, goal.torque * shortening}, previous_, settings_);
+        programme_of(wires, {goal.force * shortening, goal.torque * shortening}, previous_, maxima_, settings_);
     StringArray x = previous_;
     result.exact = minimise(programme, at_bound_, x, result.rounds);
     for (std::size_t i = 0; i < kN; ++i) {

@@ -50,6 +50,14 @@ void Tick::begin(const TickTime& time) HAPTIC_RT {
     if (!first_) {
         instruments_.period.record(record_.period_ns);
     }
+    warm_motors();
+}
+
+void Tick::warm_motors() HAPTIC_RT {
+    // The whole time, not the clamped one: a process that stood still has left its motors pulling.
+    thermal_.update(held_, record_.period_ns);
+    tension_solver_.set_maxima(thermal_.bounds());
+    set_flag(thermal_.derated(), HAPTIC_TICK_DERATED);
 }
 
 void Tick::arm() HAPTIC_RT {
@@ -93,6 +101,7 @@ void Tick::watch_health() HAPTIC_RT {
     health.late = late_;
     health.finite = estimate_.status != PoseStatus::NonFinite;
     health.determined = estimate_.status != PoseStatus::RankDeficient;
+    health.overheated = thermal_.overheated();
     health.residual = estimate_.residual;
     health.largest_movement = encoders_.largest_movement();
     switch (safety_.update(health)) {
@@ -184,6 +193,10 @@ void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
     instruments_.exchange.record(exchange_ns_ + lap());
     exchange_failed_ = !in_ok_ || !out_ok;
     set_flag(exchange_failed_, HAPTIC_TICK_EXCHANGE_FAILED);
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        // A command whose answer is missing may have arrived or not.
+        held_[i] = out_ok ? record_.tensions[i] : std::max(held_[i], record_.tensions[i]);
+    }
 }
 
 void Tick::publish(const TickTime& time) HAPTIC_RT {
@@ -220,6 +233,10 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
     m.stale_ticks += (record_.flags & HAPTIC_TICK_FRAME_STALE) != 0 ? 1u : 0u;
     m.unreachable_ticks += (record_.flags & HAPTIC_TICK_WRENCH_UNREACHABLE) != 0 ? 1u : 0u;
     m.contact_ticks += record_.in_contact > 0 ? 1u : 0u;
+    m.derated_ticks += (record_.flags & HAPTIC_TICK_DERATED) != 0 ? 1u : 0u;
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        m.peak_motor_load[i] = std::max(m.peak_motor_load[i], thermal_.loads()[i]);
+    }
     if (record_.frame_age_ns >= 0) {
         m.frame_age.record(record_.frame_age_ns);
     }

@@ -77,7 +77,9 @@ enum {
     HAPTIC_FAULT_RESIDUAL = 1u << 3,  /* the eight lengths contradict each other */
     HAPTIC_FAULT_OVERRUN = 1u << 4,   /* too many ticks in a row were late */
     HAPTIC_FAULT_NONFINITE = 1u << 5, /* a value was not a number */
-    HAPTIC_FAULT_STOP = 1u << 6       /* stop input or signal */
+    HAPTIC_FAULT_STOP = 1u << 6,      /* stop input or signal */
+    HAPTIC_FAULT_THERMAL = 1u << 7,   /* a motor has carried more than it bears for longer than it bears it */
+    HAPTIC_FAULT_WATCHDOG = 1u << 8   /* no tick ended for too long: zeros were sent over the loop's head */
 };
 
 /* What one tick dropped or limited (haptic_device_state.tick_flags). */
@@ -88,7 +90,8 @@ enum {
     HAPTIC_TICK_FORCE_LIMITED = 1u << 3,      /* the wrench met its limit of size */
     HAPTIC_TICK_SLEW_LIMITED = 1u << 4,       /* the wrench met its limit of rate */
     HAPTIC_TICK_WRENCH_UNREACHABLE = 1u << 5, /* strings within bounds cannot make the wrench; the closest was sent */
-    HAPTIC_TICK_EXCHANGE_FAILED = 1u << 6     /* no encoder packet: the last pose was kept */
+    HAPTIC_TICK_EXCHANGE_FAILED = 1u << 6,    /* no encoder packet: the last pose was kept */
+    HAPTIC_TICK_DERATED = 1u << 7             /* a warm motor may pull less than usual */
 };
 
 typedef struct haptic_device_state {

@@ -41,6 +41,7 @@ TEST(RunReport, HasTheKeysOfTheDesign) {
     for (const char* key : {"kernel", "preempt_rt", "policy", "priority", "cpu", "mlocked"}) {
         EXPECT_TRUE(report.at("setup").contains(key)) << key;
     }
+    EXPECT_EQ(report.at("motors").at("peak_load").size(), kStrings);
     EXPECT_EQ(report.at("safety").at("state"), "disarmed");
     EXPECT_EQ(report.at("safety").at("faults"), nlohmann::json({"encoder_jump", "stop"}));
     EXPECT_EQ(report.at("histograms").at("period").size(), 1u);
@@ -55,8 +56,8 @@ TEST(RunReport, TellsARequestedStopFromAFault) {
 }
 
 TEST(RunReport, NamesEveryFaultBit) {
-    EXPECT_THAT(fault_names(0x7f),
-                ElementsAre("exchange", "encoder_jump", "slack", "residual", "overrun", "nonfinite", "stop"));
+    EXPECT_THAT(fault_names(0x1ff), ElementsAre("exchange", "encoder_jump", "slack", "residual", "overrun", "nonfinite",
+                                                "stop", "thermal", "watchdog"));
 }
 
 TEST(RunReport, SaysInItsSummaryWhatIsMissing) {

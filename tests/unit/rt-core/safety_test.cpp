@@ -140,6 +140,7 @@ INSTANTIATE_TEST_SUITE_P(
                     fault_case("UndeterminedPose", 20, HAPTIC_FAULT_RESIDUAL,
                                [](TickHealth& h) { h.determined = false; }),
                     fault_case("Overrun", 100, HAPTIC_FAULT_OVERRUN, [](TickHealth& h) { h.late = true; }),
+                    fault_case("Thermal", 0, HAPTIC_FAULT_THERMAL, [](TickHealth& h) { h.overheated = true; }),
                     fault_case("NonFinite", 0, HAPTIC_FAULT_NONFINITE, [](TickHealth& h) { h.finite = false; })),
     [](const testing::TestParamInfo<FaultCase>& param) { return param.param.name; });
 

@@ -47,6 +47,9 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.tick.safety.residual_ticks, b.tick.safety.residual_ticks);
     EXPECT_EQ(a.tick.safety.exchange_ticks, b.tick.safety.exchange_ticks);
     EXPECT_EQ(a.tick.safety.overrun_ticks, b.tick.safety.overrun_ticks);
+    EXPECT_EQ(a.tick.motors.continuous_share, b.tick.motors.continuous_share);
+    EXPECT_EQ(a.tick.motors.time_constant_s, b.tick.motors.time_constant_s);
+    EXPECT_EQ(a.tick.motors.derate_from, b.tick.motors.derate_from);
     EXPECT_EQ(a.tick.black_box_ns, b.tick.black_box_ns);
 }
 
@@ -108,6 +111,8 @@ TEST(Settings, NeverTakePriority99) {
 TEST(Settings, RefuseTensionsThatExcludeEachOther) {
     EXPECT_THAT([] { (void)read("[device]\nminimum_tension = 2.0\nmaximum_tension = 1.5\n"); },
                 ThrowsMessage<ConfigError>(HasSubstr("device.maximum_tension")));
+    EXPECT_THAT([] { (void)read("[motors]\ncontinuous_share = 0.01\n"); },
+                ThrowsMessage<ConfigError>(HasSubstr("motors.continuous_share")));
 }
 
 }  // namespace

@@ -29,6 +29,9 @@ struct StringFacts {
     Vec3 grip{0.0, 0.0, 0.0};        // m, grip frame, where it is knotted to the grip
     double metres_per_count = 0.0;   // m; negative if the host's count falls as the string pays out
     double newtons_per_digit = 0.0;  // N; negative if the motor pulls with negative digits
+    // What the motor bears; 0 where nobody knows, and the configuration of the process decides.
+    double continuous_tension = 0.0;  // N, for ever
+    double thermal_time_constant_s = 0.0;
 };
 
 /// A frame with its eight strings, motors and board.

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "haptic/histogram.hpp"
+#include "haptic/rt/kinematics.hpp"
 
 namespace haptic::rt {
 
@@ -30,6 +31,8 @@ struct Instruments {
     std::uint64_t unreachable_ticks = 0;  // wrenches that the strings could not make
     double peak_force = 0.0;              // N, rendered
     double peak_torque = 0.0;             // N*m
+    std::uint64_t derated_ticks = 0;      // with a warm motor
+    StringArray peak_motor_load{};        // of the thermal model; 1 is a fault
 };
 
 }  // namespace haptic::rt

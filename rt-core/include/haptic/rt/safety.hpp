@@ -49,6 +49,7 @@ struct TickHealth {
     bool late = false;
     bool finite = true;
     bool determined = true;         // the strings determine the pose
+    bool overheated = false;        // a motor, by the thermal model
     double residual = 0.0;          // m
     double largest_movement = 0.0;  // m, of a string since the last Calibration::Restart
 };

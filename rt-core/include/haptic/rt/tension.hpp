@@ -53,9 +53,12 @@ class TensionSolver {
     /// nor exact.
     TensionResult solve(const WireMatrix& wires, const Wrench& wanted) HAPTIC_RT;
     void reset() HAPTIC_RT;
+    /// N: the largest tension of each string from now on, within the settings' bounds; the slew holds all the same.
+    void set_maxima(const StringArray& maxima) HAPTIC_RT { maxima_ = maxima; }
 
   private:
     TensionSettings settings_;
+    StringArray maxima_{};
     StringArray previous_{};
     std::array<std::int8_t, kStrings> at_bound_{};  // -1 lower, +1 upper, 0 free
 };

@@ -26,10 +26,18 @@
 #include "haptic/rt/renderer.hpp"
 #include "haptic/rt/safety.hpp"
 #include "haptic/rt/tension.hpp"
+#include "haptic/rt/thermal.hpp"
 #include "haptic/rt/tick_record.hpp"
 #include "haptic/rt/velocity.hpp"
 
 namespace haptic::rt {
+
+/// What motors bear of which the variant says nothing, and when they are spared.
+struct MotorSettings {
+    double continuous_share = 0.5;  // of the maximum tension, for ever
+    double time_constant_s = 20.0;  // s
+    double derate_from = 0.7;       // ThermalSettings::derate_from
+};
 
 struct TickSettings {
     device::Variant variant = device::spidar_g6_x3r();
@@ -43,6 +51,7 @@ struct TickSettings {
     FrameSettings frames;
     WrenchLimits limits;
     SafetySettings safety;
+    MotorSettings motors;
     std::int64_t black_box_ns = 2 * kNanosecondsPerSecond;  // ns, of ticks that are always kept
 };
 
@@ -100,6 +109,7 @@ class Tick {
     void render_wrench(const TickTime& time) HAPTIC_RT;
     void distribute() HAPTIC_RT;
     void exchange_out(const TickTime& time) HAPTIC_RT;
+    void warm_motors() HAPTIC_RT;
     void publish(const TickTime& time) HAPTIC_RT;
     void finish(const TickTime& time) HAPTIC_RT;
     /// Stage clock since the last call.
@@ -120,6 +130,7 @@ class Tick {
     FrameRenderer renderer_;
     WrenchLimiter limiter_;
     SafetyMachine safety_;
+    ThermalModel thermal_;
     TensionSolver tension_solver_;
     BlackBox black_box_;
 
@@ -132,6 +143,7 @@ class Tick {
 
     PoseEstimate estimate_;
     WireMatrix wires_{};  // at that pose
+    StringArray held_{};  // N, by the motors since the last tick, as far as that is known
     std::int64_t last_now_ns_ = 0;
     std::int64_t last_latch_ns_ = 0;  // of the counters in use
     std::int64_t elapsed_ns_ = 0;     // since the last tick, for rates and ramps
