@@ -29,8 +29,8 @@ void RealtimeLoop::warm_up(std::int64_t& deadline_ns) HAPTIC_RT {
 
 void RealtimeLoop::cycle() HAPTIC_RT {
     NextDeadline next{monotonic_now_ns() + settings_.period_ns, 0};
+    tick_->record_to(recorder_);  // from the first tick on: a replay begins with a tick as new as this one
     warm_up(next.deadline_ns);
-    tick_->record_to(recorder_);
     tick_->arm();
     const ThreadUsage before = thread_usage();
     // Disarmed again: stopped or faulted, and faded out. relaxed: the flag carries nothing but itself.

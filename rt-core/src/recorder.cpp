@@ -1,5 +1,9 @@
 #include "haptic/rt/recorder.hpp"
 
+#include <cstring>
+
+#include "haptic/ring.hpp"
+
 namespace haptic::rt {
 
 void BlackBox::push(const TickRecord& record) HAPTIC_RT {
@@ -14,24 +18,29 @@ const TickRecord& BlackBox::at(std::size_t index) const HAPTIC_RT {
 }
 
 void Recorder::push(const TickRecord& record) HAPTIC_RT {
-    const std::uint64_t head = head_.load(std::memory_order_relaxed);  // only this thread writes it
-    // acquire: the reader has finished copying out of the slots that it gives back.
-    if (head - tail_.load(std::memory_order_acquire) == records_.size()) {
-        dropped_.fetch_add(1, std::memory_order_relaxed);
-        return;
+    if (TickRecord* const slot = ticks_.claim()) {
+        *slot = record;
+        ticks_.commit();
     }
-    records_[head & (records_.size() - 1)] = record;
-    head_.store(head + 1, std::memory_order_release);  // the record before the index that shows it
 }
 
 bool Recorder::pop(TickRecord& record) HAPTIC_RT {
-    const std::uint64_t tail = tail_.load(std::memory_order_relaxed);  // only this thread writes it
-    if (tail == head_.load(std::memory_order_acquire)) {
+    const TickRecord* const oldest = ticks_.front();
+    if (oldest == nullptr) {
         return false;
     }
-    record = records_[tail & (records_.size() - 1)];
-    tail_.store(tail + 1, std::memory_order_release);
+    record = *oldest;
+    ticks_.release();
     return true;
+}
+
+void Recorder::push(std::int64_t now_ns, FrameDefect defect, const ContactFrame& frame) HAPTIC_RT {
+    if (RecordedFrame* const slot = frames_.claim()) {
+        slot->now_ns = now_ns;
+        slot->defect = defect;
+        std::memcpy(&slot->frame, &frame, detail::used_bytes(frame));
+        frames_.commit();
+    }
 }
 
 }  // namespace haptic::rt

@@ -112,7 +112,7 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
     RingWriter<DeviceState> states(options.session);
     Tick tick(settings.tick, device->board(), frames, states, &monotonic_now_ns);
     device->follow(tick);
-    Recorder recorder(options.record ? settings.queue_ticks : 2);
+    Recorder recorder(options.record ? settings.queue_ticks : 2, options.record ? settings.queue_frames : 2);
     std::optional<RecordFile> record;
     if (options.record) {
         record.emplace(*options.record, recorder);
@@ -137,6 +137,7 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
     result.state = tick.safety_state();
     result.faults = tick.faults();
     result.records_dropped = recorder.dropped();
+    result.frames_dropped = recorder.frames_dropped();
     instruments = tick.instruments();
     if (record) {
         record->close();

@@ -113,6 +113,7 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
         {"contact_ticks", m.contact_ticks},
         {"unreachable_ticks", m.unreachable_ticks},
         {"records_dropped", result.records_dropped},
+        {"record_frames_dropped", result.frames_dropped},
         {"safety",
          {{"state", state_name(result.state)}, {"faults", fault_names(result.faults)}, {"held", result.held()}}},
         {"setup", setup_json(result.setup)},
@@ -133,6 +134,13 @@ std::string summary(const RunResult& result, const Instruments& m) {
     lines += text.data();
     std::snprintf(text.data(), text.size(), "peak force %.3f N, peak torque %.4f N*m\n", m.peak_force, m.peak_torque);
     lines += text.data();
+    if (result.records_dropped + result.frames_dropped > 0) {
+        std::snprintf(text.data(), text.size(),
+                      "the recording lacks %llu ticks and %llu frames: raise recording.queue_ticks, queue_frames\n",
+                      static_cast<unsigned long long>(result.records_dropped),
+                      static_cast<unsigned long long>(result.frames_dropped));
+        lines += text.data();
+    }
     for (const std::string& name : fault_names(result.faults & ~std::uint32_t{HAPTIC_FAULT_STOP})) {
         lines += "FAULT: " + name + "\n";
     }

@@ -106,6 +106,8 @@ Settings read_settings(const Config& config) {
     read_motors(config, settings.tick);
     settings.queue_ticks = static_cast<std::size_t>(
         config.integer("recording.queue_ticks", static_cast<std::int64_t>(settings.queue_ticks), {16, 1'048'576}));
+    settings.queue_frames = static_cast<std::size_t>(
+        config.integer("recording.queue_frames", static_cast<std::int64_t>(settings.queue_frames), {16, 65'536}));
     settings.tick.black_box_ns = duration_ns(config, "recording.black_box_s", settings.tick.black_box_ns, {0.01, 60.0});
     if (settings.tick.black_box_ns < settings.tick.period_ns) {
         config.fail("recording.black_box_s", "must be at least loop.period_s");

@@ -1,10 +1,10 @@
 // What allocates and may throw: constructors, kept apart from the objects of the tick so that the symbols these refer
 // to can be checked.
 #include <algorithm>
-#include <bit>
 #include <glm/geometric.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "haptic/rt/recorder.hpp"
 #include "haptic/rt/tick.hpp"
@@ -84,13 +84,23 @@ ThermalModel::ThermalModel(const ThermalSettings& settings) : settings_(settings
 
 BlackBox::BlackBox(std::size_t capacity) : records_(std::max<std::size_t>(capacity, 1)) {}
 
-Recorder::Recorder(std::size_t capacity) : records_(std::bit_ceil(std::max<std::size_t>(capacity, 2))) {}
+Recorder::Recorder(std::size_t tick_capacity, std::size_t frame_capacity)
+    : ticks_(tick_capacity), frames_(frame_capacity) {}
 
 Tick::Tick(const TickSettings& settings, device::Board& board, RingReader<ContactFrame>& frames,
            RingWriter<DeviceState>& states, StageClock clock)
+    : Tick(settings, board, std::make_unique<RingFrames>(frames), nullptr, states, clock) {}
+
+Tick::Tick(const TickSettings& settings, device::Board& board, FrameSource& frames, RingWriter<DeviceState>& states,
+           StageClock clock)
+    : Tick(settings, board, nullptr, &frames, states, clock) {}
+
+Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<FrameSource> owned, FrameSource* frames,
+           RingWriter<DeviceState>& states, StageClock clock)
     : settings_(checked(settings)),
       board_(&board),
-      frames_(&frames),
+      owned_frames_(std::move(owned)),
+      frames_(frames != nullptr ? frames : owned_frames_.get()),
       states_(&states),
       clock_(clock),
       encoders_(settings.variant, settings.maximum_string_speed),

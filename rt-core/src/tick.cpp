@@ -38,6 +38,10 @@ void Tick::begin(const TickTime& time) HAPTIC_RT {
     record_ = TickRecord{};
     record_.deadline_ns = time.deadline_ns;
     record_.now_ns = time.now_ns;
+    record_.missed = time.missed;
+    record_.number = ++number_;
+    record_.requests = requests_;
+    requests_ = 0;
     record_.period_ns = first_ ? 0 : time.now_ns - last_now_ns_;
     elapsed_ns_ = first_ ? settings_.period_ns
                          : std::clamp<std::int64_t>(record_.period_ns, 0, kMostElapsedPeriods * settings_.period_ns);
@@ -61,6 +65,7 @@ void Tick::warm_motors() HAPTIC_RT {
 }
 
 void Tick::arm() HAPTIC_RT {
+    requests_ |= kRequestArm;
     if (safety_.state() != SafetyState::Disarmed) {
         return;
     }
@@ -72,7 +77,9 @@ void Tick::arm() HAPTIC_RT {
 
 void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
     // The board answers only to a command: the one of the last tick, which with two exchanges it already has.
-    in_ok_ = board_->exchange(command_, reading_, time.now_ns) == device::ExchangeStatus::Ok;
+    const device::ExchangeStatus status = board_->exchange(command_, reading_, time.now_ns);
+    in_ok_ = status == device::ExchangeStatus::Ok;
+    record_.exchange_in = static_cast<std::int8_t>(status);
     exchange_ns_ = lap();
 }
 
@@ -134,7 +141,13 @@ void Tick::take_frame(const TickTime& time) HAPTIC_RT {
     if (!frames_->read_newest(renderer_.inbox())) {
         return;
     }
-    if (renderer_.accept(time.now_ns) == FrameDefect::None) {
+    const ContactFrame& frame = renderer_.inbox();
+    const FrameDefect defect = renderer_.accept(time.now_ns);
+    record_.frame_read = static_cast<std::int8_t>(defect);
+    if (recorder_ != nullptr) {
+        recorder_->push(time.now_ns, defect, frame);
+    }
+    if (defect == FrameDefect::None) {
         ++instruments_.frames_received;
     } else {
         ++instruments_.frames_rejected;
@@ -188,8 +201,12 @@ void Tick::distribute() HAPTIC_RT {
 }
 
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
-    const bool out_ok =
-        settings_.exchanges == 1 || board_->exchange(command_, unused_, time.now_ns) == device::ExchangeStatus::Ok;
+    bool out_ok = true;
+    if (settings_.exchanges == 2) {
+        const device::ExchangeStatus status = board_->exchange(command_, unused_, time.now_ns);
+        out_ok = status == device::ExchangeStatus::Ok;
+        record_.exchange_out = static_cast<std::int8_t>(status);
+    }
     instruments_.exchange.record(exchange_ns_ + lap());
     exchange_failed_ = !in_ok_ || !out_ok;
     set_flag(exchange_failed_, HAPTIC_TICK_EXCHANGE_FAILED);
@@ -205,6 +222,10 @@ void Tick::publish(const TickTime& time) HAPTIC_RT {
     record_.velocity = velocity;
     record_.residual = estimate_.residual;
     record_.buttons = reading_.buttons;
+    record_.rotary = reading_.rotary;
+    record_.counters = reading_.counters;
+    record_.analog = reading_.analog;
+    record_.command = command_;
     record_.safety_state = static_cast<std::uint32_t>(safety_.state());
     record_.faults = safety_.faults();
 
@@ -249,6 +270,10 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
     if (recorder_ != nullptr) {
         recorder_->push(record_);
     }
+}
+
+bool RingFrames::read_newest(ContactFrame& frame) HAPTIC_RT {
+    return reader_->read_newest(frame);
 }
 
 device::ExchangeStatus Tick::send_zero(std::int64_t now_ns) HAPTIC_RT {

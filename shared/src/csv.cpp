@@ -5,7 +5,6 @@
 #include <charconv>
 #include <cmath>
 #include <iterator>
-#include <sstream>
 #include <system_error>
 #include <utility>
 
@@ -20,14 +19,6 @@ std::string_view trimmed(std::string_view text) {
     const std::size_t begin = text.find_first_not_of(" \t\r");
     return begin == std::string_view::npos ? std::string_view{}
                                            : text.substr(begin, text.find_last_not_of(" \t\r") - begin + 1);
-}
-
-/// Takes the first line off the text, without its end.
-std::string_view next_line(std::string_view& text) {
-    const std::size_t end = text.find('\n');
-    const std::string_view line = text.substr(0, end);
-    text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
-    return trimmed(line);
 }
 
 void split_cells(std::string_view line, std::vector<std::string_view>& cells) {
@@ -52,65 +43,142 @@ std::optional<double> finite_number(std::string_view cell) {
     return whole && std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
 
-std::string read_file(const std::filesystem::path& file) {
-    if (std::filesystem::is_directory(file)) {
-        throw CsvError(file.string() + ": cannot be read: is a directory");
+template <class Integer>
+std::optional<Integer> whole_number(std::string_view cell) {
+    Integer value = 0;
+    const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+    return error == std::errc{} && end == cell.data() + cell.size() ? std::optional(value) : std::nullopt;
+}
+
+/// Numbers in their shortest exact form, after a comma where there is something before.
+template <class Number>
+void append(std::string& line, Number value) {
+    char digits[32];
+    if (!line.empty()) {
+        line += ',';
     }
-    errno = 0;
-    std::ifstream stream(file, std::ios::binary);
-    if (!stream) {
-        throw CsvError(file.string() + ": cannot be read: " + std::generic_category().message(errno));
-    }
-    return {std::istreambuf_iterator<char>(stream), {}};
+    line.append(digits, std::to_chars(std::begin(digits), std::end(digits), value).ptr);
 }
 
 [[noreturn]] void fail(const std::string& file, std::size_t line, const std::string& problem) {
     throw CsvError(file + ":" + std::to_string(line) + ": " + problem);
 }
 
+[[noreturn]] void no_such_column(const std::string& file, std::string_view column,
+                                 const std::vector<std::string>& names) {
+    std::string list;
+    for (const std::string& name : names) {
+        list += (list.empty() ? "" : ", ") + name;
+    }
+    fail(file, 1, "there is no column " + std::string(column) + "; the file has: " + list);
+}
+
 }  // namespace
 
-CsvTable CsvTable::load(const std::filesystem::path& file) {
-    const std::string content = read_file(file);
-    CsvTable table;
-    table.file_ = file.string();
-    std::size_t line_number = 0;
-    std::string_view rest = content;
-    if (rest.starts_with(kByteOrderMark)) {
-        rest.remove_prefix(kByteOrderMark.size());
+CsvReader::CsvReader(const std::filesystem::path& file) : file_(file.string()) {
+    if (std::filesystem::is_directory(file)) {
+        throw CsvError(file_ + ": cannot be read: is a directory");
     }
-    std::vector<std::string_view> cells;
-    ++line_number;
-    split_cells(next_line(rest), cells);
-    for (const std::string_view name : cells) {
+    errno = 0;
+    stream_.open(file, std::ios::binary);
+    if (!stream_) {
+        throw CsvError(file_ + ": cannot be read: " + std::generic_category().message(errno));
+    }
+    static_cast<void>(next_line());
+    line_number_ = 1;  // also of an empty file
+    std::string_view header = line_;
+    if (header.starts_with(kByteOrderMark)) {
+        header.remove_prefix(kByteOrderMark.size());
+    }
+    split_cells(trimmed(header), cells_);
+    for (const std::string_view name : cells_) {
         if (name.empty() || finite_number(name)) {
-            fail(table.file_, line_number, "the first line must name the columns, as in \"time_s,x_m,y_m,z_m\"");
+            fail("the first line must name the columns, as in \"time_s,x_m,y_m,z_m\"");
         }
-        if (std::find(table.names_.begin(), table.names_.end(), name) != table.names_.end()) {
-            fail(table.file_, line_number, "two columns are named \"" + std::string(name) + "\"");
+        if (std::find(names_.begin(), names_.end(), name) != names_.end()) {
+            fail("two columns are named \"" + std::string(name) + "\"");
         }
-        table.names_.emplace_back(name);
+        names_.emplace_back(name);
     }
-    table.values_.resize(table.names_.size());
-    while (!rest.empty()) {
-        ++line_number;
-        const std::string_view line = next_line(rest);
+}
+
+bool CsvReader::next_line() {
+    if (!std::getline(stream_, line_)) {
+        line_.clear();
+        return false;
+    }
+    ++line_number_;
+    return true;
+}
+
+bool CsvReader::next() {
+    while (next_line()) {
+        const std::string_view line = trimmed(line_);
         if (line.empty()) {
             continue;
         }
-        split_cells(line, cells);
-        if (cells.size() != table.names_.size()) {
-            fail(table.file_, line_number,
-                 "has " + std::to_string(cells.size()) + " cells, the header has " +
-                     std::to_string(table.names_.size()));
+        split_cells(line, cells_);
+        if (cells_.size() != names_.size()) {
+            fail("has " + std::to_string(cells_.size()) + " cells, the header has " + std::to_string(names_.size()));
         }
-        for (std::size_t i = 0; i < cells.size(); ++i) {
-            const std::optional<double> value = finite_number(cells[i]);
-            if (!value) {
-                fail(table.file_, line_number,
-                     "column " + table.names_[i] + ": \"" + std::string(cells[i]) + "\" is not a finite number");
-            }
-            table.values_[i].push_back(*value);
+        return true;
+    }
+    return false;
+}
+
+void CsvReader::fail(const std::string& problem) const {
+    haptic::fail(file_, line_number_, problem);
+}
+
+void CsvReader::refuse(std::size_t column, const char* wanted) const {
+    fail("column " + names_[column] + ": \"" + std::string(cells_[column]) + "\" is not " + wanted);
+}
+
+std::optional<std::size_t> CsvReader::find(std::string_view column) const {
+    const auto found = std::find(names_.begin(), names_.end(), column);
+    return found == names_.end() ? std::nullopt : std::optional(static_cast<std::size_t>(found - names_.begin()));
+}
+
+std::size_t CsvReader::index(std::string_view column) const {
+    if (const auto found = find(column)) {
+        return *found;
+    }
+    no_such_column(file_, column, names_);
+}
+
+double CsvReader::number(std::size_t column) const {
+    const std::optional<double> value = finite_number(cells_[column]);
+    if (!value) {
+        refuse(column, "a finite number");
+    }
+    return *value;
+}
+
+std::int64_t CsvReader::integer(std::size_t column) const {
+    const std::optional<std::int64_t> value = whole_number<std::int64_t>(cells_[column]);
+    if (!value) {
+        refuse(column, "an integer of 64 bits");
+    }
+    return *value;
+}
+
+std::uint64_t CsvReader::natural(std::size_t column) const {
+    const std::optional<std::uint64_t> value = whole_number<std::uint64_t>(cells_[column]);
+    if (!value) {
+        refuse(column, "a natural number of 64 bits");
+    }
+    return *value;
+}
+
+CsvTable CsvTable::load(const std::filesystem::path& file) {
+    CsvReader reader(file);
+    CsvTable table;
+    table.file_ = reader.name();
+    table.names_ = reader.columns();
+    table.values_.resize(table.names_.size());
+    while (reader.next()) {
+        for (std::size_t i = 0; i < table.names_.size(); ++i) {
+            table.values_[i].push_back(reader.number(i));
         }
         ++table.rows_;
     }
@@ -129,11 +197,7 @@ std::span<const double> CsvTable::column(std::string_view column) const {
     if (const auto found = find(column)) {
         return *found;
     }
-    std::string list;
-    for (const std::string& name : names_) {
-        list += (list.empty() ? "" : ", ") + name;
-    }
-    throw CsvError(file_ + ":1: there is no column " + std::string(column) + "; the file has: " + list);
+    no_such_column(file_, column, names_);
 }
 
 CsvWriter::CsvWriter(const std::filesystem::path& file, const std::vector<std::string>& columns)
@@ -156,21 +220,33 @@ CsvWriter::~CsvWriter() {
     }
 }
 
-void CsvWriter::row(std::span<const double> values) {
-    if (values.size() != columns_) {
-        throw CsvError(file_.string() + ": a row of " + std::to_string(values.size()) + " values for " +
+void CsvWriter::begin_row(std::size_t cells) {
+    if (cells != columns_) {
+        throw CsvError(file_.string() + ": a row of " + std::to_string(cells) + " values for " +
                        std::to_string(columns_) + " columns");
     }
     line_.clear();
-    char digits[32];
-    for (const double value : values) {
-        if (!line_.empty()) {
-            line_ += ',';
-        }
-        line_.append(digits, std::to_chars(std::begin(digits), std::end(digits), value).ptr);
-    }
+}
+
+void CsvWriter::end_row() {
     line_ += '\n';
     stream_.write(line_.data(), static_cast<std::streamsize>(line_.size()));
+}
+
+void CsvWriter::row(std::span<const double> values) {
+    begin_row(values.size());
+    for (const double value : values) {
+        append(line_, value);
+    }
+    end_row();
+}
+
+void CsvWriter::row(std::span<const CsvCell> cells) {
+    begin_row(cells.size());
+    for (const CsvCell& cell : cells) {
+        std::visit([this](auto value) { append(line_, value); }, cell);
+    }
+    end_row();
 }
 
 void CsvWriter::close() {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -9,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 namespace haptic {
@@ -17,6 +19,47 @@ namespace haptic {
 class CsvError : public std::runtime_error {
   public:
     using std::runtime_error::runtime_error;
+};
+
+/// A number of a recording. Integers are written and read without passing through a double, so that no bit is lost.
+using CsvCell = std::variant<double, std::int64_t, std::uint64_t>;
+
+/// A CSV file row by row, for recordings of any length.
+class CsvReader {
+  public:
+    /// Throws CsvError: missing file, no header.
+    explicit CsvReader(const std::filesystem::path& file);
+
+    [[nodiscard]] const std::vector<std::string>& columns() const noexcept { return names_; }
+    /// Where a column is; empty where there is none.
+    [[nodiscard]] std::optional<std::size_t> find(std::string_view column) const;
+    /// Throws CsvError that lists the columns the file does have.
+    [[nodiscard]] std::size_t index(std::string_view column) const;
+
+    /// Goes on to the next row; false at the end. Throws CsvError for a row with another number of cells.
+    bool next();
+    /// A cell of the present row. Throws CsvError for what is not a finite number.
+    [[nodiscard]] double number(std::size_t column) const;
+    /// Throws CsvError for what is not an integer, or not within 64 bits.
+    [[nodiscard]] std::int64_t integer(std::size_t column) const;
+    [[nodiscard]] std::uint64_t natural(std::size_t column) const;
+    /// As it is written.
+    [[nodiscard]] std::string_view cell(std::size_t column) const { return cells_[column]; }
+    /// Throws CsvError that names file and line of the present row.
+    [[noreturn]] void fail(const std::string& problem) const;
+    [[nodiscard]] const std::string& name() const noexcept { return file_; }
+    [[nodiscard]] std::size_t line() const noexcept { return line_number_; }
+
+  private:
+    bool next_line();
+    [[noreturn]] void refuse(std::size_t column, const char* wanted) const;
+
+    std::string file_;
+    std::ifstream stream_;
+    std::string line_;
+    std::size_t line_number_ = 0;
+    std::vector<std::string> names_;
+    std::vector<std::string_view> cells_;  // of line_
 };
 
 /// A whole CSV file in memory, column by column.
@@ -52,9 +95,13 @@ class CsvWriter {
     ~CsvWriter();
 
     void row(std::span<const double> values);
+    void row(std::span<const CsvCell> cells);
     void close();
 
   private:
+    void begin_row(std::size_t cells);
+    void end_row();
+
     std::filesystem::path file_;
     std::filesystem::path temporary_;
     std::ofstream stream_;

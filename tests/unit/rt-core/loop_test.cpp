@@ -113,7 +113,7 @@ TEST_F(RealtimeLoopTest, ArmsRunsAndEndsWithZerosAtTheMotors) {
         ASSERT_GE(record.now_ns, record.deadline_ns);
         ++ticks;
     }
-    EXPECT_EQ(ticks, tick.instruments().ticks);
+    EXPECT_EQ(ticks, tick.instruments().ticks + 20) << "the ticks of the warm-up are recorded, but not measured";
 }
 
 TEST_F(RealtimeLoopTest, CanBeStoppedBeforeItWasStartedOrArmed) {

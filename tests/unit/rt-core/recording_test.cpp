@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <glm/geometric.hpp>
+#include <set>
 #include <string>
 
 #include "haptic/rt/held_hand.hpp"
@@ -25,7 +27,21 @@ class RecordingTest : public testing::Test {
 };
 
 TEST_F(RecordingTest, HasOneColumnForEachNumberOfARow) {
-    EXPECT_EQ(record_columns().size(), kRecordColumns);
+    std::vector<CsvCell> row;
+    record_row(TickRecord{}, 0, row);
+    EXPECT_EQ(record_columns().size(), row.size());
+    EXPECT_EQ(measured_columns().size(), row.size());
+    const std::set<std::string> names(record_columns().begin(), record_columns().end());
+    EXPECT_EQ(names.size(), row.size()) << "two columns have one name";
+}
+
+TEST_F(RecordingTest, BeginsWithTheColumnsThatOtherProgramsKnow) {
+    const std::vector<std::string> known = {
+        "time_s", "x_m",   "y_m",   "z_m",   "qw",        "qx",           "qy",        "qz",         "fx_n", "fy_n",
+        "fz_n",   "tx_nm", "ty_nm", "tz_nm", "proxy_x_m", "proxy_y_m",    "proxy_z_m", "t0_n",       "t1_n", "t2_n",
+        "t3_n",   "t4_n",  "t5_n",  "t6_n",  "t7_n",      "frame_age_ms", "period_us", "compute_us", "flags"};
+    ASSERT_GT(record_columns().size(), known.size());
+    EXPECT_TRUE(std::equal(known.begin(), known.end(), record_columns().begin()));
 }
 
 TEST_F(RecordingTest, PutsEachQuantityUnderItsName) {
@@ -41,6 +57,11 @@ TEST_F(RecordingTest, PutsEachQuantityUnderItsName) {
     }
     tick.frame_age_ns = 7'250'000;
     tick.flags = HAPTIC_TICK_SLEW_LIMITED;
+    tick.exchange_in = static_cast<std::int8_t>(device::ExchangeStatus::Stalled);
+    tick.counters[7] = 65535;
+    tick.analog[2] = 4095;
+    tick.command.digits[3] = -77;
+    tick.velocity.angular.y = 0.25;
     BlackBox box(4);
     TickRecord earlier;
     earlier.now_ns = 3'000'000'000;
@@ -68,6 +89,44 @@ TEST_F(RecordingTest, PutsEachQuantityUnderItsName) {
     EXPECT_EQ(value("compute_us"), 2.5);
     EXPECT_EQ(value("flags"), HAPTIC_TICK_SLEW_LIMITED);
     EXPECT_EQ(table.column("frame_age_ms")[0], -1.0);
+    EXPECT_EQ(value("exchange_in"), 5.0);
+    EXPECT_EQ(value("exchange_out"), -1.0) << "there was none";
+    EXPECT_EQ(value("counter7"), 65535.0);
+    EXPECT_EQ(value("counter6"), 0.0);
+    EXPECT_EQ(value("analog2"), 4095.0);
+    EXPECT_EQ(value("digit3"), -77.0);
+    EXPECT_EQ(value("wy_rad_s"), 0.25);
+}
+
+TEST_F(RecordingTest, KeepsTimesToTheNanosecondOnAMachineThatNeverSleeps) {
+    TickRecord tick;
+    tick.now_ns = 9'007'199'254'740'993;  // 104 days; no double is this number
+    tick.deadline_ns = tick.now_ns - 2;
+    BlackBox box(1);
+    box.push(tick);
+    write_black_box(file, box);
+    CsvReader reader(file);
+    ASSERT_TRUE(reader.next());
+    EXPECT_EQ(reader.integer(reader.index("now_ns")), tick.now_ns);
+    EXPECT_EQ(reader.integer(reader.index("deadline_ns")), tick.deadline_ns);
+}
+
+TEST_F(RecordingTest, CountsTimeFromArmingAndKeepsTheTicksBefore) {
+    test::TickRig rig;
+    Recorder recorder(4096);
+    RecordFile record(file, recorder);
+    rig.tick.record_to(&recorder);
+    rig.steps(30);
+    record.drain();
+    rig.run_up();
+    record.close();
+    const CsvTable table = CsvTable::load(file);
+    EXPECT_DOUBLE_EQ(table.column("time_s").front(), -0.03);
+    EXPECT_EQ(table.column("time_s")[30], 0.0);
+    EXPECT_EQ(table.column("requests")[0], kRequestNew);
+    EXPECT_EQ(table.column("requests")[30], kRequestArm);
+    EXPECT_EQ(table.column("tick").front(), 1.0);
+    EXPECT_EQ(table.column("tick").back(), static_cast<double>(table.rows()));
 }
 
 TEST_F(RecordingTest, OfARunIsAHandForAnotherOne) {

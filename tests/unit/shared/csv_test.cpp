@@ -97,6 +97,38 @@ TEST(Csv, NamesTheFileThatCannotBeRead) {
               "/: cannot be read: is a directory");
 }
 
+TEST(CsvReader, KeepsAllBitsOfIntegers) {
+    const TemporaryDirectory directory;
+    const auto file = directory.file("f.csv");
+    CsvWriter writer(file, {"signed", "unsigned", "real"});
+    writer.row(
+        std::vector<CsvCell>{std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::uint64_t>::max(), 0.1});
+    writer.row(std::vector<CsvCell>{std::int64_t{9'007'199'254'740'993}, std::uint64_t{0}, -0.0});
+    writer.close();
+    CsvReader reader(file);
+    ASSERT_TRUE(reader.next());
+    EXPECT_EQ(reader.integer(0), std::numeric_limits<std::int64_t>::min());
+    EXPECT_EQ(reader.natural(reader.index("unsigned")), std::numeric_limits<std::uint64_t>::max());
+    EXPECT_EQ(reader.number(2), 0.1);
+    ASSERT_TRUE(reader.next());
+    EXPECT_EQ(reader.integer(0), 9'007'199'254'740'993) << "no double is this number";
+    EXPECT_TRUE(std::signbit(reader.number(2)));
+    EXPECT_EQ(reader.cell(2), "-0");
+    EXPECT_FALSE(reader.next());
+}
+
+TEST(CsvReader, NamesTheLineOfWhatIsNoInteger) {
+    const TemporaryDirectory directory;
+    CsvReader reader(directory.write("f.csv", "a,b\n\n1.5,-1\n"));
+    ASSERT_TRUE(reader.next());
+    EXPECT_THAT(message_of<CsvError>([&] { static_cast<void>(reader.integer(0)); }),
+                EndsWith("f.csv:3: column a: \"1.5\" is not an integer of 64 bits"));
+    EXPECT_THAT(message_of<CsvError>([&] { static_cast<void>(reader.natural(1)); }),
+                EndsWith("f.csv:3: column b: \"-1\" is not a natural number of 64 bits"));
+    EXPECT_THAT(message_of<CsvError>([&] { static_cast<void>(reader.index("c")); }),
+                EndsWith("f.csv:1: there is no column c; the file has: a, b"));
+}
+
 TEST(CsvWriter, LeavesTheOldFileUntilTheNewOneIsWhole) {
     const TemporaryDirectory directory;
     const auto file = directory.write("f.csv", "old");

@@ -44,8 +44,8 @@ class RealtimeLoop {
     ~RealtimeLoop();
 
     [[nodiscard]] const RealtimeSetup& setup() const noexcept { return setup_; }
-    /// Warms up, arms, runs until a stop or a fault has been seen through to the disarmed state. From arming on, each
-    /// tick is also kept in the recorder, if there is one; it must outlive the loop.
+    /// Warms up, arms, runs until a stop or a fault has been seen through to the disarmed state. Each tick, those of
+    /// the warm-up too, is also kept in the recorder, if there is one; it must outlive the loop.
     void start(Recorder* recorder = nullptr);
     /// From any thread, any number of times. The force fades, then the tension, then the loop ends.
     void request_stop() noexcept { stop_requested_.store(true, std::memory_order_relaxed); }

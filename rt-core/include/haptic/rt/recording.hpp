@@ -1,43 +1,52 @@
-// Ticks as rows of a CSV recording; a recording is valid as `--hand` again.
+// Ticks as rows of a CSV recording, and the contact frames that they took as rows of another one beside it.
+//
+// A recording is valid as `--hand` again, and as `--device replay:` (replay.hpp), which makes of what the board and the
+// ring gave the same poses and wrenches once more.
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "haptic/csv.hpp"
+#include "haptic/rt/frame_recording.hpp"
 #include "haptic/rt/recorder.hpp"
 #include "haptic/rt/tick_record.hpp"
 
 namespace haptic::rt {
 
-inline constexpr std::size_t kRecordColumns = 29;
-
-/// time_s, pose (x_m..qz), rendered wrench (fx_n..tz_nm), local proxy of the first particle, tensions, frame_age_ms
-/// (-1: no frame yet), period_us, compute_us, flags.
+/// Names of all columns; see the table in recording.cpp for what each is.
 [[nodiscard]] const std::vector<std::string>& record_columns();
 
-/// One row; time_s counts from start_ns.
-[[nodiscard]] std::array<double, kRecordColumns> record_row(const TickRecord& record, std::int64_t start_ns);
+/// Whether a column says how long something took here and now: such values differ from run to run.
+[[nodiscard]] const std::vector<bool>& measured_columns();
 
-/// Writes what a Recorder holds, as it comes. time_s counts from the first tick.
+/// One row, one cell a column; time_s counts from start_ns.
+void record_row(const TickRecord& record, std::int64_t start_ns, std::vector<CsvCell>& row);
+
+/// Writes what a Recorder holds, as it comes. time_s counts from arming, so that ticks before it have negative times;
+/// from the first tick if the recording ends unarmed.
 class RecordFile {
   public:
     /// Throws CsvError.
     RecordFile(const std::filesystem::path& file, Recorder& recorder);
     /// Writes all that waits.
     void drain();
-    /// Drains and puts the file in its place.
+    /// Drains and puts both files in their places.
     void close();
 
   private:
+    void write(const TickRecord& record);
+    void start(std::int64_t start_ns);
+
     CsvWriter writer_;
+    std::optional<FrameWriter> frames_;  // none where the recording is a pipe
     Recorder* recorder_;
-    std::int64_t start_ns_ = 0;
-    bool started_ = false;
+    std::vector<TickRecord> before_arming_;
+    std::optional<std::int64_t> start_ns_;
+    std::vector<CsvCell> row_;
 };
 
 /// The last ticks before a fault. Throws CsvError.

@@ -20,6 +20,7 @@ struct RunResult {
     SafetyState state = SafetyState::Disarmed;
     std::uint32_t faults = 0;
     std::uint64_t records_dropped = 0;
+    std::uint64_t frames_dropped = 0;  // of the recording
     double duration_s = 0.0;
 
     /// Nothing went wrong: a stop that was asked for is no fault.

@@ -14,6 +14,7 @@ struct Settings {
     TickSettings tick;
     LoopSettings loop;
     std::size_t queue_ticks = 16384;  // capacity of the Recorder
+    std::size_t queue_frames = 512;   // likewise; 11 kB each
 };
 
 /// Reads every key that there is. Throws ConfigError for a value that is wrong in itself or beside another one, and for

@@ -19,6 +19,7 @@
 #include "haptic/realtime.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/rt/encoder.hpp"
+#include "haptic/rt/frame_source.hpp"
 #include "haptic/rt/instruments.hpp"
 #include "haptic/rt/kinematics.hpp"
 #include "haptic/rt/limits.hpp"
@@ -69,6 +70,8 @@ class Tick {
     /// The references must outlive the tick. Throws std::invalid_argument for settings that cannot be.
     Tick(const TickSettings& settings, device::Board& board, RingReader<ContactFrame>& frames,
          RingWriter<DeviceState>& states, StageClock clock);
+    Tick(const TickSettings& settings, device::Board& board, FrameSource& frames, RingWriter<DeviceState>& states,
+         StageClock clock);
     Tick(const Tick&) = delete;
     Tick& operator=(const Tick&) = delete;
     ~Tick();
@@ -80,7 +83,10 @@ class Tick {
     /// at the earliest. Clears faults. Ignored unless disarmed.
     void arm() HAPTIC_RT;
     /// Orderly end: force and tension fade, then safety_state() is Disarmed.
-    void stop() HAPTIC_RT { safety_.stop(); }
+    void stop() HAPTIC_RT {
+        requests_ |= kRequestStop;
+        safety_.stop();
+    }
     /// Sends zero to all motors once, whatever the state; for the way out.
     device::ExchangeStatus send_zero(std::int64_t now_ns) HAPTIC_RT;
 
@@ -99,6 +105,8 @@ class Tick {
     [[nodiscard]] const BlackBox& black_box() const noexcept { return black_box_; }
 
   private:
+    Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<FrameSource> owned, FrameSource* frames,
+         RingWriter<DeviceState>& states, StageClock clock);
     void begin(const TickTime& time) HAPTIC_RT;
     void exchange_in(const TickTime& time) HAPTIC_RT;
     void measure_pose(const TickTime& time) HAPTIC_RT;
@@ -119,7 +127,8 @@ class Tick {
 
     TickSettings settings_;
     device::Board* board_;
-    RingReader<ContactFrame>* frames_;
+    std::unique_ptr<FrameSource> owned_frames_;  // where the caller gave a ring
+    FrameSource* frames_;
     RingWriter<DeviceState>* states_;
     StageClock clock_;
     Recorder* recorder_ = nullptr;
@@ -142,8 +151,10 @@ class Tick {
     Instruments instruments_;
 
     PoseEstimate estimate_;
-    WireMatrix wires_{};  // at that pose
-    StringArray held_{};  // N, by the motors since the last tick, as far as that is known
+    WireMatrix wires_{};                    // at that pose
+    StringArray held_{};                    // N, by the motors since the last tick, as far as that is known
+    std::uint64_t number_ = 0;              // of ticks so far
+    std::uint32_t requests_ = kRequestNew;  // since the last tick
     std::int64_t last_now_ns_ = 0;
     std::int64_t last_latch_ns_ = 0;  // of the counters in use
     std::int64_t elapsed_ns_ = 0;     // since the last tick, for rates and ramps

@@ -1,16 +1,33 @@
 // Everything that one tick found and did, as it is recorded.
+//
+// All that a tick depends on is here or in the recorded frames: its times, what the board answered, which frame it took
+// and what was asked of it. Whoever gives the tick another input records it here too, and replay.cpp gives it back.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
+#include "haptic/device/board.hpp"
 #include "haptic/rt/kinematics.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::rt {
 
+/// What was asked of the tick since the last one (TickRecord::requests).
+enum : std::uint32_t {
+    kRequestNew = 1u << 0,  // the first tick of this object: nothing before it counts
+    kRequestArm = 1u << 1,
+    kRequestStop = 1u << 2
+};
+
+inline constexpr std::int8_t kNoExchange = -1;  // there was no such exchange in this tick
+inline constexpr std::int8_t kNoFrame = -1;     // no frame was taken in this tick
+
 struct TickRecord {
+    std::uint64_t number = 0;  // 1, 2, 3, ...: a gap in a recording is one that found no room
     std::int64_t deadline_ns = 0;
     std::int64_t now_ns = 0;      // wake-up; the encoders count as latched then
+    std::int64_t missed = 0;      // deadlines skipped before this one
     std::int64_t period_ns = 0;   // since the last wake-up; 0 at the first
     std::int64_t compute_ns = 0;  // from wake-up's return to the end of the tick, by the stage clock
     Pose pose;                    // device_from_grip
@@ -27,6 +44,14 @@ struct TickRecord {
     std::uint32_t faults = 0;
     std::uint32_t flags = 0;  // HAPTIC_TICK_*
     std::uint32_t buttons = 0;
+    std::uint32_t requests = 0;                      // kRequest*
+    std::int8_t exchange_in = kNoExchange;           // device::ExchangeStatus of the exchange that brings encoders
+    std::int8_t exchange_out = kNoExchange;          // of the one that brings motors
+    std::int8_t frame_read = kNoFrame;               // FrameDefect of the frame that was taken
+    std::uint8_t rotary = 0;                         // switch, 0..15
+    std::array<std::uint32_t, kStrings> counters{};  // as read last
+    std::array<std::uint16_t, kStrings> analog{};    // as read last
+    device::MotorCommand command;                    // as sent
 };
 
 }  // namespace haptic::rt

@@ -47,6 +47,7 @@ const std::vector<std::string>& roots() {
         "haptic::device::Sh4Board::exchange",   "haptic::device::EmulatedTransport::exchange",
         "haptic::device::Sh4Firmware::receive", "haptic::device::Sh4Firmware::reply",
         "haptic::rt::HeldHandBoard::exchange",  "haptic::monotonic_now_ns",
+        "haptic::rt::RingFrames::read_newest",
     };
     return names;
 }
