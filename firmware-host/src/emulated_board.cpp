@@ -33,6 +33,9 @@ std::string_view describe(ExchangeStatus status) noexcept {
 }
 
 ExchangeStatus EmulatedTransport::exchange(PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT {
+    if (!firmware_->connected(now_ns)) {
+        return ExchangeStatus::Disconnected;
+    }
     for (const std::span<const std::byte> out : packets.out) {
         if (!out.empty()) {
             firmware_->receive(out, now_ns);

@@ -45,6 +45,9 @@ EmulatedDevice::EmulatedDevice(Settings settings)
                                         ": metres_per_count and newtons_per_digit must be finite and not zero");
         }
     }
+    if (settings_.mechanics) {
+        mechanical_.emplace(variant, *settings_.mechanics, grip_);
+    }
     if (settings_.rotary > kRotaryMaximum) {
         throw std::invalid_argument("emulated device: the rotary switch has positions 0 to 15, not " +
                                     std::to_string(settings_.rotary));
@@ -57,7 +60,17 @@ void EmulatedDevice::advance(std::int64_t now_ns) HAPTIC_RT {
     }
     started_ = true;
     last_ns_ = now_ns;
-    grip_ = settings_.hand.at(hand_ns_);
+    if (!mechanical_) {
+        grip_ = settings_.hand.at(hand_ns_);
+        return;
+    }
+    MechanicalGrip::Drive drive;
+    drive.pull = tensions();
+    drive.hand_ns = hand_ns_;
+    drive.hand_moves = !hand_waits_;
+    drive.held = hand_waits_ && mechanical_->mechanics().hand == Hand::Free;
+    mechanical_->advance(now_ns, drive, settings_.hand);
+    grip_ = mechanical_->state().pose;
 }
 
 std::uint8_t EmulatedDevice::buttons() const HAPTIC_RT {
@@ -68,8 +81,7 @@ std::array<std::uint32_t, kStrings> EmulatedDevice::counters() const HAPTIC_RT {
     std::array<std::uint32_t, kStrings> counters{};
     for (std::size_t i = 0; i < kStrings; ++i) {
         const StringFacts& string = settings_.variant.strings[i];
-        const Vec3 span = string_vector(string, grip_);
-        const double paid_out = std::sqrt(glm::dot(span, span)) - settings_.variant.rest_length(i);
+        const double paid_out = paid_out_length(i) - settings_.variant.rest_length(i);
         counters[i] =
             counter_of(paid_out, string.metres_per_count, settings_.power_up[i], counter_bits(settings_.variant.board));
     }
@@ -84,20 +96,24 @@ std::array<double, kStrings> EmulatedDevice::tensions() const HAPTIC_RT {
     return tensions;
 }
 
-Wrench EmulatedDevice::wrench() const HAPTIC_RT {
-    const std::array<double, kStrings> tension = tensions();
-    Wrench sum;
-    for (std::size_t i = 0; i < kStrings; ++i) {
-        const StringFacts& string = settings_.variant.strings[i];
-        const Vec3 span = string_vector(string, grip_);
-        const double length = std::sqrt(glm::dot(span, span));
-        if (length > 0.0) {
-            const Vec3 pull = span * (tension[i] / length);
-            sum.force += pull;
-            sum.torque += glm::cross(grip_.orientation * string.grip, pull);
-        }
+double EmulatedDevice::paid_out_length(std::size_t string) const HAPTIC_RT {
+    if (mechanical_) {
+        return mechanical_->state().length[string];
     }
-    return sum;
+    const Vec3 span = string_vector(settings_.variant.strings[string], grip_);
+    return std::sqrt(glm::dot(span, span));
+}
+
+std::array<double, kStrings> EmulatedDevice::string_tensions() const HAPTIC_RT {
+    return mechanical_ ? mechanical_->tensions({}) : tensions();
+}
+
+Twist EmulatedDevice::grip_velocity() const HAPTIC_RT {
+    return mechanical_ ? twist_of(mechanical_->mechanics(), mechanical_->state()) : Twist{};
+}
+
+Wrench EmulatedDevice::wrench() const HAPTIC_RT {
+    return wrench_of_strings(settings_.variant, grip_, string_tensions());
 }
 
 }  // namespace haptic::device

@@ -57,11 +57,13 @@ void Sh4Firmware::receive(std::span<const std::byte> out, std::int64_t now_ns) H
     for (std::size_t i = 0; i < kStrings; ++i) {
         digits[i] = static_cast<std::int16_t>(command.digits[i]);
     }
-    device_->set_digits(digits);
     device_->advance(now_ns);
+    device_->set_digits(digits);
 
     Sh4Reply reply;
-    reply.digits = command.digits;
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        reply.digits[i] = static_cast<std::uint16_t>(device_->echo()[i]);
+    }
     const std::array<std::uint32_t, kStrings> counters = device_->counters();
     for (std::size_t i = 0; i < kStrings; ++i) {
         reply.counters[i] = static_cast<std::uint16_t>(negated(counters[i]));

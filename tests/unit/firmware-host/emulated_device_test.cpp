@@ -161,9 +161,79 @@ TEST(EmulatedDevice, CountersOfTheSimpleBoardHave24Bits) {
     EXPECT_LE(counters[2], 0xFFFFFFU);
 }
 
+constexpr std::int64_t kMs = 1'000'000;
+
+EmulatedDevice::Settings with_mechanics(const GripMechanics& mechanics = {}) {
+    EmulatedDevice::Settings moving = settings({});
+    moving.mechanics = mechanics;
+    return moving;
+}
+
+TEST(EmulatedDevice, HandWithImpedanceGivesWayToTheStrings) {
+    EmulatedDevice device(with_mechanics());
+    device.advance(0);
+    // Strings 2, 6 (right) and 0, 4 (left): more pull from the right.
+    device.set_digits({45, 45, 445, 45, 45, 45, 445, 45});
+    for (int k = 1; k <= 3000; ++k) {
+        device.advance(k * kMs);
+    }
+    // The hand's spring: force over 400 N/m, apart from friction that holds the motors' last 20 mN each.
+    const Wrench wrench = device.wrench();
+    EXPECT_GT(wrench.force.x, 2.0);
+    EXPECT_NEAR(device.grip_pose().position.x, wrench.force.x / 400.0, 1e-5);
+    EXPECT_LT(glm::length(device.grip_velocity().linear), 1e-5);
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        EXPECT_NEAR(device.string_tensions()[i], device.tensions()[i], 0.021);
+    }
+}
+
+TEST(EmulatedDevice, EncodersCountWhatTheMotorsPaidOutAndNotWhereTheGripIs) {
+    // Nobody pulls: the hand moves the grip toward the left, strings 0 and 4 go slack, and their motors do not turn.
+    EmulatedDevice::Settings moving = with_mechanics();
+    moving.hand = PoseTrack(
+        {0.0, 0.2}, {{{0.0, 0.0, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)}, {{-0.02, 0.0, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)}});
+    EmulatedDevice device(std::move(moving));
+    for (int k = 0; k <= 400; ++k) {
+        device.advance(k * kMs);
+    }
+    EXPECT_NEAR(device.grip_pose().position.x, -0.02, 2e-3);
+    EXPECT_EQ(device.counters()[0], kPowerUp[0]);
+    EXPECT_EQ(device.counters()[4], kPowerUp[4]);
+    EXPECT_EQ(device.string_tensions()[0], 0.0);
+    const auto paid_out = static_cast<std::int16_t>(kPowerUp[2] - device.counters()[2]);  // sign -
+    EXPECT_NEAR(paid_out * kPulse, 0.018, 2e-3);
+}
+
+TEST(EmulatedDevice, MotorsKeepTheirDigitsUntilOthersCome) {
+    EmulatedDevice device(with_mechanics({.hand = Hand::Free}));
+    device.advance(0);
+    device.set_digits({0, 0, 1000, 0, 0, 0, 1000, 0});
+    device.advance(20 * kMs);
+    const Vec3 early = device.grip_velocity().linear;
+    device.advance(40 * kMs);
+    EXPECT_GT(early.x, 0.1);
+    EXPECT_GT(device.grip_velocity().linear.x, early.x);
+}
+
+TEST(EmulatedDevice, WaitingHandHoldsAFreeGripUntilItIsReleased) {
+    EmulatedDevice::Settings free = with_mechanics({.hand = Hand::Free});
+    free.hand_waits = true;
+    EmulatedDevice device(std::move(free));
+    device.advance(0);
+    device.set_digits({45, 45, 445, 45, 45, 45, 445, 45});
+    device.advance(40 * kMs);
+    EXPECT_EQ(device.grip_pose().position, Vec3(0.0, 0.0, 0.0));
+    device.release_hand();
+    device.advance(60 * kMs);
+    EXPECT_GT(device.grip_pose().position.x, 1e-4);
+}
+
 TEST(EmulatedDevice, RefusesSettingsThatItCannotEmulate) {
     EmulatedDevice::Settings wrong = settings({});
     wrong.rotary = 16;
+    EXPECT_THROW(EmulatedDevice{wrong}, std::invalid_argument);
+    wrong = settings({});
+    wrong.mechanics = GripMechanics{.mass = -0.1};
     EXPECT_THROW(EmulatedDevice{wrong}, std::invalid_argument);
     wrong = settings({});
     wrong.variant.strings[7].metres_per_count = 0.0;

@@ -1,12 +1,16 @@
 // The Spidar-G6 behind an emulated board: grip, strings, motors and encoders, and the hand that holds the grip.
 //
-// The firmware (firmware.hpp) sets digits and reads counters; advance() moves everything on to the caller's time.
+// The firmware (firmware.hpp) sets digits and reads counters; advance() moves everything on to the caller's time. The
+// motors hold their digits until they are sent others, so firmware advances first and then sets what came.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "haptic/device/board.hpp"
+#include "haptic/device/grip_mechanics.hpp"
+#include "haptic/device/mechanical_grip.hpp"
 #include "haptic/device/variant.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/realtime.hpp"
@@ -21,6 +25,7 @@ class EmulatedDevice {
         std::array<std::uint32_t, kStrings> power_up{};  // counters at the centre: arbitrary on the real board
         std::uint8_t rotary = 0;                         // rotary switch, 0..15
         bool hand_waits = false;                         // at the beginning of its track, until release_hand()
+        std::optional<GripMechanics> mechanics = {};     // without, grip and hand are one, whatever the strings do
     };
 
     /// Throws std::invalid_argument for settings that cannot be emulated.
@@ -44,13 +49,22 @@ class EmulatedDevice {
 
     /// Where the grip is.
     [[nodiscard]] Pose grip_pose() const HAPTIC_RT { return grip_; }
+    /// Velocity of the grip; of a grip without mechanics zero.
+    [[nodiscard]] Twist grip_velocity() const HAPTIC_RT;
     /// N, what the motors pull.
     [[nodiscard]] std::array<double, kStrings> tensions() const HAPTIC_RT;
-    /// Force and torque of all strings on the grip, from the present pose and tensions.
+    /// N, what the strings carry: without mechanics what the motors pull.
+    [[nodiscard]] std::array<double, kStrings> string_tensions() const HAPTIC_RT;
+    /// D/A digits as the board reads them back.
+    [[nodiscard]] const std::array<std::int16_t, kStrings>& echo() const HAPTIC_RT { return digits_; }
+    /// Force and torque of all strings on the grip, from the present pose and what the strings carry.
     [[nodiscard]] Wrench wrench() const HAPTIC_RT;
 
   private:
+    [[nodiscard]] double paid_out_length(std::size_t string) const HAPTIC_RT;
+
     Settings settings_;
+    std::optional<MechanicalGrip> mechanical_;
     Pose grip_;
     std::array<std::int16_t, kStrings> digits_{};
     std::int64_t hand_ns_ = 0;  // on the hand's track

@@ -18,6 +18,9 @@ class Firmware {
 
     /// Takes the oldest answer that waits: its length, at most in.size(); 0 if there is none.
     virtual std::size_t reply(std::span<std::byte> in, std::int64_t now_ns) HAPTIC_RT = 0;
+
+    /// Whether the cable is in. What is sent while it is out gets lost.
+    [[nodiscard]] virtual bool connected(std::int64_t /*now_ns*/) const HAPTIC_RT { return true; }
 };
 
 }  // namespace haptic::device
