@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "haptic/device/sh4_board.hpp"
+#include "haptic/device/simple_board.hpp"
 
 namespace haptic::device {
 namespace {
@@ -63,27 +64,31 @@ std::unique_ptr<Firmware> make_firmware(BoardKind kind, EmulatedDevice& device) 
         case BoardKind::Sh4:
             return std::make_unique<Sh4Firmware>(device);
         case BoardKind::Simple:
+            return std::make_unique<SimpleFirmware>(device);
         case BoardKind::Uart:
             break;
     }
     throw std::invalid_argument("emulated board: variant '" + device.variant().name + "' has a board without firmware");
 }
 
-std::unique_ptr<Board> make_board(BoardKind kind, Transport& transport) {
+std::unique_ptr<Board> make_board(BoardKind kind, Transport& transport, const BoardOptions& options) {
     switch (kind) {
         case BoardKind::Sh4:
-            return std::make_unique<Sh4Board>(transport);
+            return std::make_unique<Sh4Board>(transport, options.check_echo);
         case BoardKind::Simple:
+            return std::make_unique<SimpleBoard>(transport, options.simple_phase);
         case BoardKind::Uart:
             break;
     }
     throw std::invalid_argument("no driver for this kind of board");
 }
 
-EmulatedBoard::EmulatedBoard(Settings settings)
+EmulatedBoard::EmulatedBoard(Settings settings, const BoardOptions& options)
     : device_(std::move(settings)),
       firmware_(make_firmware(device_.variant().board, device_)),
       transport_(*firmware_),
-      board_(make_board(device_.variant().board, transport_)) {}
+      board_(make_board(device_.variant().board, transport_, options)) {
+    board_->start();
+}
 
 }  // namespace haptic::device

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 
+#include "pio.hpp"
+
 namespace haptic::device {
 namespace {
 
 constexpr std::uint32_t kWordMask = 0xFFFF;
-// PIO word.
-constexpr std::uint32_t kButtonMask = 0x0007;
-constexpr unsigned kRotaryShift = 4;
-constexpr std::uint32_t kRotaryMask = 0x000F;
 
 /// Raw counters and the host's are each other's negatives.
 std::uint32_t negated(std::uint32_t counter) HAPTIC_RT {
@@ -18,28 +16,58 @@ std::uint32_t negated(std::uint32_t counter) HAPTIC_RT {
 
 }  // namespace
 
+void Sh4Board::start() {
+    transport_->drain();
+    owed_ = false;
+    sent_ = {};
+}
+
 ExchangeStatus Sh4Board::exchange(const MotorCommand& command, BoardReading& reading, std::int64_t now_ns) HAPTIC_RT {
+    Sh4Reply reply;
+    if (owed_ && !check_echo_) {
+        (void)fetch({}, reply, now_ns);  // whether it came or not, none is awaited any more
+    }
+    owed_ = false;
     Sh4Command sent;
     for (std::size_t i = 0; i < kStrings; ++i) {
-        sent.digits[i] = static_cast<std::uint16_t>(std::max<std::int16_t>(command.digits[i], 0));
+        sent.digits[i] = static_cast<std::uint16_t>(std::clamp<int>(command.digits[i], 0, kMaximumDigit));
     }
     encode(sent, out_);
-    PacketExchange packets{{std::span<const std::byte>(out_)}, std::span<std::byte>(in_)};
-    const ExchangeStatus status = transport_->exchange(packets, now_ns);
-    if (status != ExchangeStatus::Ok) {
-        return status;
+    ExchangeStatus status = fetch(out_, reply, now_ns);
+    if (status == ExchangeStatus::Ok && check_echo_ && reply.digits != sent.digits) {
+        status = ExchangeStatus::Stale;
+        if (sent_lately(reply.digits) && fetch({}, reply, now_ns) == ExchangeStatus::Ok &&
+            reply.digits == sent.digits) {
+            status = ExchangeStatus::Ok;
+        }
     }
-    Sh4Reply reply;
-    if (decode(std::span<const std::byte>(in_).first(packets.received), reply) != PacketDefect::None) {
-        return ExchangeStatus::Short;
+    sent_[next_] = sent.digits;
+    next_ = (next_ + 1) % kRemembered;
+    if (status != ExchangeStatus::Ok) {
+        owed_ = status == ExchangeStatus::Timeout;
+        return status;
     }
     for (std::size_t i = 0; i < kStrings; ++i) {
         reading.counters[i] = negated(reply.counters[i]);
     }
     reading.analog = reply.analog;
-    reading.buttons = reply.pio & kButtonMask;
-    reading.rotary = static_cast<std::uint8_t>((reply.pio >> kRotaryShift) & kRotaryMask);
+    reading.buttons = pio_buttons(reply.pio);
+    reading.rotary = pio_rotary(reply.pio);
     return ExchangeStatus::Ok;
+}
+
+ExchangeStatus Sh4Board::fetch(std::span<const std::byte> out, Sh4Reply& reply, std::int64_t now_ns) HAPTIC_RT {
+    PacketExchange packets{{out}, std::span<std::byte>(in_)};
+    const ExchangeStatus status = transport_->exchange(packets, now_ns);
+    if (status != ExchangeStatus::Ok) {
+        return status;
+    }
+    const bool whole = decode(std::span<const std::byte>(in_).first(packets.received), reply) == PacketDefect::None;
+    return whole ? ExchangeStatus::Ok : ExchangeStatus::Short;
+}
+
+bool Sh4Board::sent_lately(const Digits& digits) const HAPTIC_RT {
+    return std::find(sent_.begin(), sent_.end(), digits) != sent_.end();
 }
 
 void Sh4Board::zero_motors(std::int64_t now_ns) HAPTIC_RT {
@@ -68,19 +96,14 @@ void Sh4Firmware::receive(std::span<const std::byte> out, std::int64_t now_ns) H
     for (std::size_t i = 0; i < kStrings; ++i) {
         reply.counters[i] = static_cast<std::uint16_t>(negated(counters[i]));
     }
-    reply.pio = static_cast<std::uint16_t>(device_->buttons() | (device_->rotary() << kRotaryShift));
-    encode(reply, waiting_);
-    has_reply_ = true;
+    reply.pio = pio_of(device_->buttons(), device_->rotary());
+    Sh4Packet in;
+    encode(reply, in);
+    replies_.push(in);
 }
 
 std::size_t Sh4Firmware::reply(std::span<std::byte> in, std::int64_t /*now_ns*/) HAPTIC_RT {
-    if (!has_reply_) {
-        return 0;
-    }
-    has_reply_ = false;
-    const std::size_t count = std::min(in.size(), waiting_.size());
-    std::copy_n(waiting_.begin(), count, in.begin());
-    return count;
+    return replies_.pop(in);
 }
 
 }  // namespace haptic::device

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "packet_bytes.hpp"
+
 namespace haptic::device {
 namespace {
 
@@ -16,17 +18,6 @@ constexpr std::size_t kInCounters = 16;
 constexpr std::size_t kInAnalog = 32;
 constexpr std::size_t kInPio = 48;
 constexpr std::size_t kInInfo = 50;
-
-std::uint16_t load_word(std::span<const std::byte> bytes, std::size_t at) HAPTIC_RT {
-    const auto low = std::to_integer<std::uint32_t>(bytes[at]);
-    const auto high = std::to_integer<std::uint32_t>(bytes[at + 1]);
-    return static_cast<std::uint16_t>(low | (high << 8U));
-}
-
-void store_word(std::span<std::byte> bytes, std::size_t at, std::uint16_t word) HAPTIC_RT {
-    bytes[at] = static_cast<std::byte>(word & 0xFFU);
-    bytes[at + 1] = static_cast<std::byte>((word >> 8U) & 0xFFU);
-}
 
 using Words = std::array<std::uint16_t, kStrings>;
 

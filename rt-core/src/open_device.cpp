@@ -11,8 +11,9 @@ namespace {
 
 class EmulatedDevice final : public OpenedDevice {
   public:
-    EmulatedDevice(const device::Variant& variant, PoseTrack hand)
-        : emulated_({.variant = variant, .hand = std::move(hand), .hand_waits = true}), board_(emulated_) {}
+    EmulatedDevice(const Settings& settings, PoseTrack hand)
+        : emulated_({.variant = settings.tick.variant, .hand = std::move(hand), .hand_waits = true}, settings.board),
+          board_(emulated_) {}
 
     [[nodiscard]] device::Board& board() override { return board_; }
     [[nodiscard]] bool real() const override { return false; }
@@ -31,8 +32,7 @@ class EmulatedDevice final : public OpenedDevice {
 std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Settings& settings) {
     const std::string& name = options.device;
     if (name == "emulated") {
-        return std::make_unique<EmulatedDevice>(settings.tick.variant,
-                                                options.hand ? hand_from_centre(*options.hand) : PoseTrack());
+        return std::make_unique<EmulatedDevice>(settings, options.hand ? hand_from_centre(*options.hand) : PoseTrack());
     }
     if (name == "usb" || name.starts_with("replay:")) {
         throw Refusal("--device " + name + ": not available in this version; only --device emulated is");

@@ -101,6 +101,7 @@ Settings read_settings(const Config& config) {
     Settings settings;
     read_loop(config, settings);
     read_device(config, settings.tick);
+    settings.board = read_board_options(config);
     read_force(config, settings.tick);
     read_safety(config, settings.tick.safety);
     read_motors(config, settings.tick);

@@ -5,6 +5,7 @@
 #include <random>
 #include <vector>
 
+#include "bytes.hpp"
 #include "haptic/device/variant.hpp"
 
 namespace haptic::device {
@@ -103,6 +104,24 @@ TEST(Sh4Codec, ReplyFieldsStandAtTheirOffsets) {
     }
     EXPECT_EQ(reply.pio, 0x3130);
     EXPECT_EQ(reply.info, 0x35343332U);
+}
+
+TEST(Sh4Codec, GoldenReply) {
+    Sh4Reply reply;
+    reply.digits.fill(45);
+    reply.counters = {0, 1, 65535, 32767, 32768, 6234, 65536 - 6234, 0x1234};
+    reply.analog = {0, 4095, 1, 2, 3, 4, 5, 6};
+    reply.pio = 0x00A5;
+    reply.info = 0x12345678;
+    Sh4Packet in;
+    in.fill(std::byte{0x55});
+    encode(reply, in);
+    EXPECT_EQ(test::bytes_of(in),
+              test::bytes({0x2D, 0x00, 0x2D, 0x00, 0x2D, 0x00, 0x2D, 0x00, 0x2D, 0x00, 0x2D, 0x00, 0x2D, 0x00,
+                           0x2D, 0x00, 0x00, 0x00, 0x01, 0x00, 0xFF, 0xFF, 0xFF, 0x7F, 0x00, 0x80, 0x5A, 0x18,
+                           0xA6, 0xE7, 0x34, 0x12, 0x00, 0x00, 0xFF, 0x0F, 0x01, 0x00, 0x02, 0x00, 0x03, 0x00,
+                           0x04, 0x00, 0x05, 0x00, 0x06, 0x00, 0xA5, 0x00, 0x78, 0x56, 0x34, 0x12},
+                          512));
 }
 
 TEST(Sh4Codec, HostRefusesARepliesOfAnotherLengthAndKeepsTheLastOne) {

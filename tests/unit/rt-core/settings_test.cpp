@@ -23,6 +23,8 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.loop.cpu, b.loop.cpu);
     EXPECT_EQ(a.loop.warm_up_ticks, b.loop.warm_up_ticks);
     EXPECT_EQ(a.queue_ticks, b.queue_ticks);
+    EXPECT_EQ(a.board.check_echo, b.board.check_echo);
+    EXPECT_EQ(a.board.simple_phase, b.board.simple_phase);
     EXPECT_EQ(a.tick.period_ns, b.tick.period_ns);
     EXPECT_EQ(a.tick.variant.name, b.tick.variant.name);
     EXPECT_EQ(a.tick.variant.minimum_tension, b.tick.variant.minimum_tension);

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <stdexcept>
 #include <string_view>
 
 #include "haptic/frames.hpp"
@@ -43,9 +44,21 @@ struct BoardReading {
     friend bool operator==(const BoardReading&, const BoardReading&) = default;
 };
 
+/// A board could not be started: what is wrong, and what to do about it.
+class BoardError : public std::runtime_error {
+  public:
+    using std::runtime_error::runtime_error;
+};
+
 class Board {
   public:
     virtual ~Board() = default;
+
+    /// Makes the board ready for exchange(): throws away answers to an earlier session, sends start-up packets, looks
+    /// for what hangs on the line. Once before the loop, and again after the device was plugged in anew; may allocate
+    /// and wait. The encoders' reference may be another one afterwards. Throws BoardError where the board does not take
+    /// part, and what the transport's drain() throws.
+    virtual void start() {}
 
     /// Sets the motors, latches the encoders, waits for the answer; bounded. `reading` is written only on Ok. now_ns is
     /// the caller's time: an emulated device moves by it; a real one ignores it.

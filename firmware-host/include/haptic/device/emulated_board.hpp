@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "haptic/device/board.hpp"
+#include "haptic/device/board_options.hpp"
 #include "haptic/device/emulated_device.hpp"
 #include "haptic/device/firmware.hpp"
 #include "haptic/device/transport.hpp"
@@ -30,17 +31,18 @@ class EmulatedTransport final : public Transport {
 /// The firmware of a kind of board, in front of a device that outlives it.
 [[nodiscard]] std::unique_ptr<Firmware> make_firmware(BoardKind kind, EmulatedDevice& device);
 /// The driver of a kind of board, over a transport that outlives it.
-[[nodiscard]] std::unique_ptr<Board> make_board(BoardKind kind, Transport& transport);
+[[nodiscard]] std::unique_ptr<Board> make_board(BoardKind kind, Transport& transport, const BoardOptions& options = {});
 
 class EmulatedBoard final : public Board {
   public:
     using Settings = EmulatedDevice::Settings;
 
-    /// Throws std::invalid_argument for settings that cannot be emulated.
-    explicit EmulatedBoard(Settings settings);
+    /// A board that is started. Throws std::invalid_argument for settings that cannot be emulated.
+    explicit EmulatedBoard(Settings settings, const BoardOptions& options = {});
     EmulatedBoard(const EmulatedBoard&) = delete;
     EmulatedBoard& operator=(const EmulatedBoard&) = delete;
 
+    void start() override { board_->start(); }
     ExchangeStatus exchange(const MotorCommand& command, BoardReading& reading,
                             std::int64_t now_ns) HAPTIC_RT override {
         return board_->exchange(command, reading, now_ns);

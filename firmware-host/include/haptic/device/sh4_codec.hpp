@@ -14,6 +14,7 @@
 #include <span>
 
 #include "haptic/device/digits.hpp"
+#include "haptic/device/packet.hpp"
 #include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
 
@@ -25,6 +26,8 @@ using Sh4Packet = std::array<std::byte, kSh4PacketBytes>;
 
 struct Sh4Command {
     std::array<std::uint16_t, kStrings> digits{};  // 0..4095, D/A of each motor
+
+    friend bool operator==(const Sh4Command&, const Sh4Command&) = default;
 };
 
 struct Sh4Reply {
@@ -33,10 +36,9 @@ struct Sh4Reply {
     std::array<std::uint16_t, kStrings> analog{};    // 12 bit
     std::uint16_t pio = 0;                           // bits 0-2 switches, 4-7 rotary switch
     std::uint32_t info = 0;
-};
 
-/// Why bytes are not a packet.
-enum class PacketDefect : std::uint8_t { None, Length, Opcode, Digit };
+    friend bool operator==(const Sh4Reply&, const Sh4Reply&) = default;
+};
 
 /// Host side. Digits above kMaximumDigit are clamped; the rest of the packet is zero.
 void encode(const Sh4Command& command, std::span<std::byte, kSh4PacketBytes> out) HAPTIC_RT;

@@ -22,8 +22,9 @@ class Transport {
   public:
     virtual ~Transport() = default;
 
-    /// Sends what is to be sent and waits for the answer, no longer than the bound that the transport was made with.
-    /// A shorter answer than there is room for is Ok; its length is a codec's business.
+    /// Sends what is to be sent and waits for the answer, no longer than the bound that the transport was made with;
+    /// with nothing to send it only waits, for an answer that is overdue. A shorter answer than there is room for is
+    /// Ok; its length is a codec's business.
     virtual ExchangeStatus exchange(PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT = 0;
 
     /// Sends one packet by the shortest way there is and waits for nothing; see Board::zero_motors.

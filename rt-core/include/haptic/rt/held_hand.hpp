@@ -19,6 +19,7 @@ class HeldHandBoard final : public device::Board {
     /// The tick whose state releases the hand; the same thread runs both.
     void follow(const Tick& tick) noexcept { tick_ = &tick; }
 
+    void start() override { board_->start(); }
     device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT override;
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "haptic/config.hpp"
+#include "haptic/device/board_options.hpp"
 #include "haptic/rt/loop.hpp"
 #include "haptic/rt/tick.hpp"
 
@@ -13,6 +14,7 @@ namespace haptic::rt {
 struct Settings {
     TickSettings tick;
     LoopSettings loop;
+    device::BoardOptions board;
     std::size_t queue_ticks = 16384;  // capacity of the Recorder
     std::size_t queue_frames = 512;   // likewise; 11 kB each
 };
@@ -20,6 +22,9 @@ struct Settings {
 /// Reads every key that there is. Throws ConfigError for a value that is wrong in itself or beside another one, and for
 /// a key that nobody knows.
 [[nodiscard]] Settings read_settings(const Config& config);
+
+/// Keys device.* that say how a board is spoken to. Throws ConfigError.
+[[nodiscard]] device::BoardOptions read_board_options(const Config& config);
 
 /// The commented file with all defaults, as it is installed.
 [[nodiscard]] std::string_view default_config_text() noexcept;

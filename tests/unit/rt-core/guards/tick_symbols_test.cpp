@@ -43,11 +43,12 @@ const CallGraph& tick_graph() {
 /// Everything that a real-time thread enters: its loop, and what a tick calls through a pointer.
 const std::vector<std::string>& roots() {
     static const std::vector<std::string> names = {
-        "haptic::rt::RealtimeLoop::cycle",      "haptic::rt::Tick::run",
-        "haptic::device::Sh4Board::exchange",   "haptic::device::EmulatedTransport::exchange",
-        "haptic::device::Sh4Firmware::receive", "haptic::device::Sh4Firmware::reply",
-        "haptic::rt::HeldHandBoard::exchange",  "haptic::monotonic_now_ns",
-        "haptic::rt::RingFrames::read_newest",
+        "haptic::rt::RealtimeLoop::cycle",       "haptic::rt::Tick::run",
+        "haptic::device::Sh4Board::exchange",    "haptic::device::EmulatedTransport::exchange",
+        "haptic::device::Sh4Firmware::receive",  "haptic::device::Sh4Firmware::reply",
+        "haptic::device::SimpleBoard::exchange", "haptic::device::SimpleFirmware::receive",
+        "haptic::device::SimpleFirmware::reply", "haptic::rt::HeldHandBoard::exchange",
+        "haptic::rt::RingFrames::read_newest",   "haptic::monotonic_now_ns",
     };
     return names;
 }
