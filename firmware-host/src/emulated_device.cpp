@@ -37,7 +37,7 @@ bool usable(double scale) {
 }  // namespace
 
 EmulatedDevice::EmulatedDevice(Settings settings)
-    : settings_(std::move(settings)), grip_(settings_.hand.at(0)), hand_waits_(settings_.hand_waits) {
+    : settings_(std::move(settings)), hand_(settings_.hand, settings_.hand_waits), grip_(hand_.pose()) {
     const Variant& variant = settings_.variant;
     for (std::size_t i = 0; i < kStrings; ++i) {
         if (!usable(variant.strings[i].metres_per_count) || !usable(variant.strings[i].newtons_per_digit)) {
@@ -55,21 +55,17 @@ EmulatedDevice::EmulatedDevice(Settings settings)
 }
 
 void EmulatedDevice::advance(std::int64_t now_ns) HAPTIC_RT {
-    if (started_ && !hand_waits_) {
-        hand_ns_ += now_ns - last_ns_;
-    }
+    hand_.advance(started_ ? now_ns - last_ns_ : 0);
     started_ = true;
     last_ns_ = now_ns;
     if (!mechanical_) {
-        grip_ = settings_.hand.at(hand_ns_);
+        grip_ = hand_.pose();
         return;
     }
     MechanicalGrip::Drive drive;
     drive.pull = tensions();
-    drive.hand_ns = hand_ns_;
-    drive.hand_moves = !hand_waits_;
-    drive.held = hand_waits_ && mechanical_->mechanics().hand == Hand::Free;
-    mechanical_->advance(now_ns, drive, settings_.hand);
+    drive.held = hand_.waits() && mechanical_->mechanics().hand == Hand::Free;
+    mechanical_->advance(now_ns, drive, hand_);
     grip_ = mechanical_->state().pose;
 }
 

@@ -36,13 +36,13 @@ MechanicalGrip::MechanicalGrip(const Variant& variant, const GripMechanics& mech
       target_(start),
       step_ns_(choose_step_ns(variant, mechanics)) {}
 
-void MechanicalGrip::advance(std::int64_t now_ns, const Drive& drive, const PoseTrack& hand) HAPTIC_RT {
+void MechanicalGrip::advance(std::int64_t now_ns, const Drive& drive, const HandMotion& hand) HAPTIC_RT {
     if (!started_) {
         started_ = true;
         grid_ns_ = now_ns;
     }
     if (const std::int64_t steps = (now_ns - grid_ns_) / step_ns_; steps > kMostSteps) {
-        carry_over((steps - kMostSteps) * step_ns_, drive, hand);
+        carry_over((steps - kMostSteps) * step_ns_, now_ns, drive, hand);
     }
     const double step_s = seconds(step_ns_);
     GripLoad load;
@@ -51,8 +51,7 @@ void MechanicalGrip::advance(std::int64_t now_ns, const Drive& drive, const Pose
     load.held = drive.held;
     while (now_ns - grid_ns_ >= step_ns_) {
         grid_ns_ += step_ns_;
-        const std::int64_t lag_ns = drive.hand_moves ? now_ns - grid_ns_ : 0;
-        const Pose next = hand.at(std::max<std::int64_t>(drive.hand_ns - lag_ns, 0));
+        const Pose next = hand.pose(now_ns - grid_ns_);
         load.hand = target_;
         load.hand_velocity = {(next.position - target_.position) * (1.0 / step_s),
                               small_turn_between(target_.orientation, next.orientation) * (1.0 / step_s)};
@@ -62,14 +61,14 @@ void MechanicalGrip::advance(std::int64_t now_ns, const Drive& drive, const Pose
     extrapolate(seconds(std::max<std::int64_t>(now_ns - grid_ns_, 0)));
 }
 
-void MechanicalGrip::carry_over(std::int64_t gap_ns, const Drive& drive, const PoseTrack& hand) HAPTIC_RT {
+void MechanicalGrip::carry_over(std::int64_t gap_ns, std::int64_t now_ns, const Drive& drive,
+                                const HandMotion& hand) HAPTIC_RT {
     grid_ns_ += gap_ns;
-    if (mechanics_.hand == Hand::Free || drive.held || !drive.hand_moves) {
+    if (mechanics_.hand == Hand::Free || drive.held) {
         return;
     }
     // The grip's place in the hand, its velocity and every string's stretch stay what they were.
-    const std::int64_t left_ns = kMostSteps * step_ns_;
-    const Pose next = hand.at(std::max<std::int64_t>(drive.hand_ns - left_ns, 0));
+    const Pose next = hand.pose(now_ns - grid_ns_);
     const Quat turn = next.orientation * glm::conjugate(target_.orientation);
     const GripState before = grip_at_rest(variant_, grid_.pose);
     grid_.pose.position = next.position + turn * (grid_.pose.position - target_.position);

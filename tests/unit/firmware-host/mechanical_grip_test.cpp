@@ -12,7 +12,7 @@ namespace {
 const Quat kLevel(1.0, 0.0, 0.0, 0.0);
 constexpr std::int64_t kMs = 1'000'000;
 
-/// A hand that swings, with time on its track from `start_ns` on.
+/// A hand that swings from kStart on.
 class Swing {
   public:
     explicit Swing(const GripMechanics& mechanics = {})
@@ -20,19 +20,22 @@ class Swing {
                                         {{0.02, 0.01, 0.0}, glm::normalize(Quat(1.0, 0.1, 0.0, 0.05))},
                                         {{-0.01, 0.015, 0.02}, glm::normalize(Quat(1.0, -0.1, 0.1, 0.0))},
                                         {{0.0, -0.02, 0.01}, kLevel}}),
+          hand_(track_, false),
           grip_(spidar_g6_x3r(), mechanics, track_.at(0)) {
         drive_.pull = {1.0, 0.4, 2.0, 0.3, 0.7, 1.5, 0.3, 0.9};
-        drive_.hand_moves = true;
     }
     void advance(std::int64_t now_ns) {
-        drive_.hand_ns = now_ns - kStart;
-        grip_.advance(now_ns, drive_, track_);
+        hand_.advance(now_ns - last_ns_);
+        last_ns_ = now_ns;
+        grip_.advance(now_ns, drive_, hand_);
     }
 
     static constexpr std::int64_t kStart = 123'456'789'012;
     PoseTrack track_;
+    HandMotion hand_;
     MechanicalGrip grip_;
     MechanicalGrip::Drive drive_;
+    std::int64_t last_ns_ = kStart;
 };
 
 TEST(MechanicalGrip, TheSameTimeInOtherPortionsGivesTheSameBits) {
@@ -113,13 +116,12 @@ TEST(MechanicalGrip, HeldGripStaysWhereItIsWhileMotorsPull) {
     free.hand = Hand::Free;
     Swing swing(free);
     swing.drive_.held = true;
-    swing.drive_.hand_moves = false;
     for (std::int64_t t_ns = 0; t_ns <= 100 * kMs; t_ns += kMs) {
-        swing.grip_.advance(Swing::kStart + t_ns, swing.drive_, swing.track_);
+        swing.advance(Swing::kStart + t_ns);
     }
     EXPECT_EQ(swing.grip_.state().pose.position, Vec3(0.0, 0.0, 0.0));
     swing.drive_.held = false;
-    swing.grip_.advance(Swing::kStart + 120 * kMs, swing.drive_, swing.track_);
+    swing.advance(Swing::kStart + 120 * kMs);
     EXPECT_NE(swing.grip_.state().pose.position, Vec3(0.0, 0.0, 0.0));
 }
 

@@ -10,6 +10,7 @@
 
 #include "haptic/device/board.hpp"
 #include "haptic/device/grip_mechanics.hpp"
+#include "haptic/device/hand_motion.hpp"
 #include "haptic/device/mechanical_grip.hpp"
 #include "haptic/device/variant.hpp"
 #include "haptic/pose_track.hpp"
@@ -36,7 +37,7 @@ class EmulatedDevice {
     /// What the motors pull with from now on.
     void set_digits(const std::array<std::int16_t, kStrings>& digits) HAPTIC_RT { digits_ = digits; }
     /// Lets a waiting hand begin to follow its track, from the last advance() on.
-    void release_hand() HAPTIC_RT { hand_waits_ = false; }
+    void release_hand() HAPTIC_RT { hand_.release(); }
     /// External switches, bits 0-2.
     void set_buttons(std::uint8_t buttons) HAPTIC_RT { buttons_ = buttons; }
 
@@ -64,13 +65,12 @@ class EmulatedDevice {
     [[nodiscard]] double paid_out_length(std::size_t string) const HAPTIC_RT;
 
     Settings settings_;
+    HandMotion hand_;
     std::optional<MechanicalGrip> mechanical_;
     Pose grip_;
     std::array<std::int16_t, kStrings> digits_{};
-    std::int64_t hand_ns_ = 0;  // on the hand's track
     std::int64_t last_ns_ = 0;
     std::uint8_t buttons_ = 0;
-    bool hand_waits_ = false;
     bool started_ = false;
 };
 

@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "haptic/device/grip_mechanics.hpp"
+#include "haptic/device/hand_motion.hpp"
 #include "haptic/device/variant.hpp"
-#include "haptic/pose_track.hpp"
 #include "haptic/realtime.hpp"
 
 namespace haptic::device {
@@ -19,8 +19,6 @@ class MechanicalGrip {
     struct Drive {
         std::array<double, kStrings> pull{};   // N, of the motors
         std::array<double, kStrings> slack{};  // m
-        std::int64_t hand_ns = 0;              // where the hand is on its track at the end of this advance
-        bool hand_moves = false;               // and whether it moved there with time, or stood still
         bool held = false;                     // the grip is held rigidly
     };
 
@@ -32,8 +30,8 @@ class MechanicalGrip {
     /// steps of 5 us.
     MechanicalGrip(const Variant& variant, const GripMechanics& mechanics, const Pose& start);
 
-    /// Bounded by kMostSteps. Time that goes backwards changes nothing.
-    void advance(std::int64_t now_ns, const Drive& drive, const PoseTrack& hand) HAPTIC_RT;
+    /// `hand` has already moved on to now. Bounded by kMostSteps. Time that goes backwards changes nothing.
+    void advance(std::int64_t now_ns, const Drive& drive, const HandMotion& hand) HAPTIC_RT;
 
     /// At the time of the last advance().
     [[nodiscard]] const GripState& state() const HAPTIC_RT { return now_; }
@@ -44,7 +42,7 @@ class MechanicalGrip {
     [[nodiscard]] std::int64_t step_ns() const HAPTIC_RT { return step_ns_; }
 
   private:
-    void carry_over(std::int64_t gap_ns, const Drive& drive, const PoseTrack& hand) HAPTIC_RT;
+    void carry_over(std::int64_t gap_ns, std::int64_t now_ns, const Drive& drive, const HandMotion& hand) HAPTIC_RT;
     void extrapolate(double time_s) HAPTIC_RT;
 
     Variant variant_;
