@@ -29,6 +29,8 @@ std::string_view describe(ExchangeStatus status) noexcept {
             return "the endpoint stalled";
         case ExchangeStatus::Disconnected:
             return "disconnected";
+        case ExchangeStatus::Failed:
+            return "a transfer that the bus did not carry";
     }
     return "unknown status";
 }

@@ -22,6 +22,7 @@ enum class ExchangeStatus : std::uint8_t {
     Stale,         // an answer to another command than the one that was sent
     Stalled,       // the endpoint refused the transfer
     Disconnected,  // there is no device any more
+    Failed,        // the bus did not carry a packet, or not whole
 };
 
 /// One or two words for reports.
