@@ -3,10 +3,14 @@
 #include <cinttypes>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "haptic/device/sh4_board.hpp"
+#include "haptic/device/variant_file.hpp"
+#include "haptic/device/wrench_closure.hpp"
 
 namespace haptic::device {
 namespace {
@@ -43,6 +47,62 @@ void print_vector(const char* name, const Vec3& v, int decimals, const char* uni
 double length_from_counter(const Variant& variant, std::size_t string, std::uint16_t raw) {
     return variant.rest_length(string) -
            static_cast<double>(static_cast<std::int16_t>(raw)) * variant.strings[string].metres_per_count;
+}
+
+std::string board_name(const Variant& variant) {
+    switch (variant.board) {
+        case BoardKind::Sh4:
+            return "SH4 board (0cec:0205)";
+        case BoardKind::Simple:
+            return "Simple board (0cec:0203)";
+        case BoardKind::Uart:
+            break;
+    }
+    std::string text = "serial line, boards with";
+    for (const int strings : variant.uart_boards) {
+        text += " " + std::to_string(strings);
+    }
+    return text + " strings";
+}
+
+/// One cell of the reach: how far the strings go along an axis of force or torque with nothing beside it.
+void print_reach(const Variant& variant, std::size_t axis, double sign, double unit) {
+    WrenchVector direction{};
+    direction[axis] = sign;
+    if (const std::optional<double> reach = wrench_reach(variant, {}, direction)) {
+        std::printf(" %7.2f", unit * *reach);
+    } else {
+        std::printf(" %7s", "none");
+    }
+}
+
+void print_variant(const Variant& variant) {
+    std::printf("%s, %s\n", variant.name.c_str(), board_name(variant).c_str());
+    std::printf("  tensions %.3g to %.3g N\n\n", variant.minimum_tension, variant.maximum_tension);
+    std::printf("%6s | %9s %9s %9s | %9s %9s %9s | %9s %9s %9s\n", "string", "motor x", "y", "z mm", "grip x", "y",
+                "z mm", "rest mm", "um/count", "mN/digit");
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        const StringFacts& string = variant.strings[i];
+        const Vec3 motor = string.motor * kMilli;
+        const Vec3 knot = string.grip * kMilli;
+        std::printf("%6zu | %+9.4f %+9.4f %+9.4f | %+9.4f %+9.4f %+9.4f | %9.4f %+9.4f %+9.4f\n", i, motor.x, motor.y,
+                    motor.z, knot.x, knot.y, knot.z, kMilli * variant.rest_length(i),
+                    kMilli * kMilli * string.metres_per_count, kMilli * string.newtons_per_digit);
+    }
+    std::printf("\nreach at the centre %7s %7s %7s %7s %7s %7s\n", "+x", "-x", "+y", "-y", "+z", "-z");
+    for (const bool torque : {false, true}) {
+        std::printf("  %-17s", torque ? "torque, mN*m" : "force, N");
+        for (std::size_t axis = torque ? 3 : 0; axis < (torque ? 6U : 3U); ++axis) {
+            print_reach(variant, axis, +1.0, torque ? kMilli : 1.0);
+            print_reach(variant, axis, -1.0, torque ? kMilli : 1.0);
+        }
+        std::printf("\n");
+    }
+    std::printf("  tensions that cancel: the least is %.3f of the largest\n", wrench_closure(variant, {}).evenness);
+    for (const VariantWarning& warning : warnings_of(variant)) {
+        std::printf("  warning %s: %s\n", warning.name.c_str(), warning.text.c_str());
+    }
+    std::printf("\n");
 }
 
 }  // namespace
@@ -95,19 +155,18 @@ bool run_exchange(const Variant& variant, const ExchangeRequest& request) {
     return true;
 }
 
-void run_variants() {
-    const Variant variant = spidar_g6_x3r();
-    std::printf("%s, SH4 board (0cec:0205)\n", variant.name.c_str());
-    std::printf("  tensions %.3g to %.3g N\n\n", variant.minimum_tension, variant.maximum_tension);
-    std::printf("%6s | %9s %9s %9s | %9s %9s %9s | %9s %9s %9s\n", "string", "motor x", "y", "z mm", "grip x", "y",
-                "z mm", "rest mm", "um/count", "mN/digit");
-    for (std::size_t i = 0; i < kStrings; ++i) {
-        const StringFacts& string = variant.strings[i];
-        const Vec3 motor = string.motor * kMilli;
-        const Vec3 knot = string.grip * kMilli;
-        std::printf("%6zu | %+9.4f %+9.4f %+9.4f | %+9.4f %+9.4f %+9.4f | %9.4f %+9.4f %+9.4f\n", i, motor.x, motor.y,
-                    motor.z, knot.x, knot.y, knot.z, kMilli * variant.rest_length(i),
-                    kMilli * kMilli * string.metres_per_count, kMilli * string.newtons_per_digit);
+void run_variants(const std::vector<std::string>& files) {
+    std::vector<Variant> variants;
+    for (const std::string& file : files) {
+        variants.push_back(load_variant(file));
+    }
+    if (files.empty()) {
+        for (const std::string& name : builtin_variant_names()) {
+            variants.push_back(builtin_variant(name));
+        }
+    }
+    for (const Variant& variant : variants) {
+        print_variant(variant);
     }
 }
 

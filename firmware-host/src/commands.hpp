@@ -2,6 +2,8 @@
 #pragma once
 
 #include <array>
+#include <string>
+#include <vector>
 
 #include "haptic/device/variant.hpp"
 #include "haptic/frames.hpp"
@@ -19,7 +21,8 @@ struct ExchangeRequest {
 /// the reason on stderr, if the board did not answer.
 bool run_exchange(const Variant& variant, const ExchangeRequest& request);
 
-/// Prints geometry and constants of each variant that there is.
-void run_variants();
+/// Prints geometry, constants, reach and warnings of each variant in these files; of the built-in ones without any.
+/// Throws ConfigError for a file that is none.
+void run_variants(const std::vector<std::string>& files);
 
 }  // namespace haptic::device

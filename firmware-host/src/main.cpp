@@ -138,14 +138,16 @@ int run(int argc, char** argv) {
     app.require_subcommand(1);
     ExchangeArguments arguments;
     const CLI::App* exchange = add_exchange(app, arguments, variant);
-    const CLI::App* variants =
-        app.add_subcommand("variants", "List geometry and constants of each frame that is known");
+    CLI::App* const variants = app.add_subcommand(
+        "variants", "Show geometry, constants and reach of each frame that is built in, or of those in files");
+    std::vector<std::string> variant_files;
+    variants->add_option("FILE", variant_files, "TOML files, checked and shown instead of what is built in");
 
     bool held = true;
     try {
         app.parse(argc, argv);
         if (variants->parsed()) {
-            haptic::device::run_variants();
+            haptic::device::run_variants(variant_files);
         }
         if (exchange->parsed()) {
             held = haptic::device::run_exchange(variant, request_of(arguments, variant));

@@ -1,9 +1,10 @@
 #include "haptic/rt/settings.hpp"
 
 #include <algorithm>
+#include <stdexcept>
 #include <string>
-#include <vector>
 
+#include "haptic/device/variant_file.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::rt {
@@ -30,24 +31,31 @@ void read_loop(const Config& config, Settings& settings) {
 }
 
 device::Variant choose_variant(const Config& config) {
-    const std::vector<device::Variant> known = {device::spidar_g6_x3r()};
-    std::vector<std::string> names;
-    names.reserve(known.size());
-    for (const device::Variant& variant : known) {
-        names.push_back(variant.name);
+    const std::string chosen = config.text("device.variant", "SpidarG6X3R");
+    try {
+        return device::find_variant(chosen);
+    } catch (const std::invalid_argument& error) {
+        config.fail("device.variant", error.what());
     }
-    const std::string chosen = config.choice("device.variant", names.front(), names);
-    return known[static_cast<std::size_t>(std::find(names.begin(), names.end(), chosen) - names.begin())];
+}
+
+/// The variant's own limits hold; the configuration may only narrow them.
+void narrow_tensions(const Config& config, device::Variant& variant) {
+    variant.minimum_tension =
+        std::max(variant.minimum_tension, config.number("device.minimum_tension", 0.0, {0.0, 5.0}));
+    variant.maximum_tension =
+        std::min(variant.maximum_tension, config.number("device.maximum_tension", 200.0, {0.1, 200.0}));
+    if (variant.maximum_tension <= variant.minimum_tension) {
+        config.fail(config.has("device.maximum_tension") ? "device.maximum_tension" : "device.minimum_tension",
+                    "leaves no tension between " + std::to_string(variant.minimum_tension) + " N and " +
+                        std::to_string(variant.maximum_tension) + " N, of which the limits of " + variant.name +
+                        " are a part");
+    }
 }
 
 void read_device(const Config& config, TickSettings& tick) {
     tick.variant = choose_variant(config);
-    device::Variant& variant = tick.variant;
-    variant.minimum_tension = config.number("device.minimum_tension", variant.minimum_tension, {0.0, 5.0});
-    variant.maximum_tension = config.number("device.maximum_tension", variant.maximum_tension, {0.1, 27.0});
-    if (variant.maximum_tension <= variant.minimum_tension) {
-        config.fail("device.maximum_tension", "must be larger than device.minimum_tension");
-    }
+    narrow_tensions(config, tick.variant);
     tick.exchanges = config.choice("device.exchanges", "two", {"one", "two"}) == "one" ? 1 : 2;
     tick.maximum_string_speed = config.number("device.maximum_string_speed", tick.maximum_string_speed, {0.1, 20.0});
     tick.velocity_time_constant_s =

@@ -129,6 +129,18 @@ bool is_bare_word(std::string_view value) {
     return !value.empty() && starts_word(value.front()) && std::none_of(value.begin(), value.end(), breaks_word);
 }
 
+/// The node below another one: by its name in a table, by its number in a list.
+const toml::node* child(const toml::node& node, const std::string& part) {
+    if (const toml::table* const table = node.as_table()) {
+        return table->get(part);
+    }
+    const toml::array* const array = node.as_array();
+    std::size_t index = 0;
+    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), index);
+    const bool is_index = error == std::errc{} && end == part.data() + part.size();
+    return array != nullptr && is_index ? array->get(index) : nullptr;
+}
+
 }  // namespace
 
 struct Config::State {
@@ -140,8 +152,7 @@ struct Config::State {
     const toml::node* find(const std::string& key) const {
         const toml::node* node = &root;
         for (const std::string& part : split(key)) {
-            const toml::table* const table = node->as_table();
-            node = table == nullptr ? nullptr : table->get(part);
+            node = child(*node, part);
             if (node == nullptr) {
                 return nullptr;
             }
@@ -170,7 +181,12 @@ struct Config::State {
             return "--set " + *set_key + ": " + (*set_key == key ? "" : key + ": ");
         }
         const std::string file = name.empty() ? "configuration" : name;
-        const toml::node* const node = find(key);
+        // Of a key that is missing, the line of the table that should have it.
+        const toml::node* node = find(key);
+        for (std::string_view around = table_part(key); node == nullptr && !around.empty();
+             around = table_part(around)) {
+            node = find(std::string(around));
+        }
         return file + (node == nullptr ? "" : ":" + std::to_string(node->source().begin.line)) + ": " + key + ": ";
     }
 
@@ -227,6 +243,10 @@ struct Config::State {
     void collect_unknown(const toml::table& table, const std::string& prefix, std::vector<Unknown>& unknown) const {
         for (const auto& [name_of_key, node] : table) {
             const std::string key = prefix + std::string(name_of_key.str());
+            if (const toml::array* const array = node.as_array(); array != nullptr && holds_known(key)) {
+                collect_unknown(*array, key, unknown);
+                continue;
+            }
             if (known.contains(key)) {
                 continue;
             }
@@ -235,6 +255,14 @@ struct Config::State {
                 collect_unknown(*inner, key + ".", unknown);
             } else {
                 unknown.push_back({key, override_of(key) ? 0 : node.source().begin.line});
+            }
+        }
+    }
+
+    void collect_unknown(const toml::array& tables, const std::string& key, std::vector<Unknown>& unknown) const {
+        for (std::size_t i = 0; i < tables.size(); ++i) {
+            if (const toml::table* const table = tables[i].as_table()) {
+                collect_unknown(*table, key + "." + std::to_string(i) + ".", unknown);
             }
         }
     }
@@ -386,6 +414,17 @@ std::vector<double> Config::numbers(const std::string& key, const std::vector<do
                                     Range range_of_each) const {
     const toml::node* const node = state_->ask(key);
     return node == nullptr ? otherwise : state_->checked_numbers(key, *node, range_of_each);
+}
+
+std::size_t Config::tables(const std::string& key) const {
+    const toml::node* const node = state_->ask(key);
+    if (node == nullptr) {
+        return 0;
+    }
+    if (!node->is_array_of_tables()) {
+        state_->fail(key, "must be tables, each headed [[" + key + "]], is " + shown(*node));
+    }
+    return node->as_array()->size();
 }
 
 bool Config::has(const std::string& key) const {

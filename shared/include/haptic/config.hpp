@@ -1,9 +1,11 @@
 // Configuration and scene files: TOML, every key typed, ranged and known, every error with file, line and remedy.
 //
 // A component reads its keys through the typed getters, which note each key as known; reject_unknown() then refuses
-// what nobody asked for, with its line and the nearest known name. Keys are dotted: "tension.minimum_n".
+// what nobody asked for, with its line and the nearest known name. Keys are dotted: "tension.minimum_n". Within a list of
+// tables ([[string]]) the number of the table is a part of the key, from 0: "string.7.motor".
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -57,6 +59,9 @@ class Config {
     [[nodiscard]] Quat quat(const std::string& key, const Quat& otherwise) const;
     [[nodiscard]] std::vector<double> numbers(const std::string& key, const std::vector<double>& otherwise,
                                               Range range_of_each) const;
+
+    /// How many tables [[key]] there are; 0 where the file has none.
+    [[nodiscard]] std::size_t tables(const std::string& key) const;
 
     [[nodiscard]] bool has(const std::string& key) const;
     /// Throws ConfigError with "FILE:LINE: KEY: problem", for checks between keys that only the component can make.

@@ -56,15 +56,43 @@ TEST(FirmwareHostCommand, VariantsListsTheGeometry) {
     EXPECT_THAT(outcome.text, HasSubstr("tensions 0.3 to 20 N"));
     EXPECT_THAT(
         outcome.text,
-        HasSubstr("-84.8528  -76.0000   +0.0000 |  -15.9099   +0.0000  -15.9099 |  103.8376  +16.6555   +6.5964"));
+        HasSubstr("-84.8528  -76.0000   +0.0000 |  -15.9099   +0.0000  +15.9099 |  103.8376  +16.6555   +6.5964"));
+}
+
+TEST(FirmwareHostCommand, VariantsWarnsOfFramesThatCannotMakeEveryWrench) {
+    const std::string text = run("variants").text;
+    for (const char* name : {"SpidarG6X3L", "SpidarG6X3F", "SpidarG6X4", "SpidarG6X5R", "SpidarG6X5L", "SpidarG6T1"}) {
+        EXPECT_THAT(text, HasSubstr(name));
+    }
+    const auto between = [&](const char* from, const char* to) {
+        return text.substr(text.find(from), text.find(to) - text.find(from));
+    };
+    EXPECT_THAT(between("SpidarG6X3F", "SpidarG6X4"), HasSubstr("warning not_wrench_closed"));
+    EXPECT_THAT(between("SpidarG6X4", "SpidarG6X5R"), Not(HasSubstr("warning")));
+}
+
+TEST(FirmwareHostCommand, VariantsChecksAFileOfTheUser) {
+    const std::filesystem::path file =
+        std::filesystem::path(testing::TempDir()) / ("frame-" + std::to_string(getpid()) + ".toml");
+    std::filesystem::copy_file(VARIANTS "/x5r.toml", file, std::filesystem::copy_options::overwrite_existing);
+    const Outcome good = run("variants '" + file.string() + "'");
+    EXPECT_EQ(good.status, 0);
+    EXPECT_THAT(good.text, HasSubstr("SpidarG6X5R"));
+    EXPECT_THAT(good.text, Not(HasSubstr("SpidarG6X3R")));
+    std::ofstream(file, std::ios::app) << "mottor = 1\n";
+    const Outcome wrong = run("variants '" + file.string() + "'");
+    EXPECT_EQ(wrong.status, 1);
+    EXPECT_THAT(wrong.text, HasSubstr(file.string() + ":"));
+    EXPECT_THAT(wrong.text, HasSubstr("string.7.mottor: unknown key"));
+    std::filesystem::remove(file);
 }
 
 TEST(FirmwareHostCommand, ExchangeAtTheCentreShowsThePublishedPacketAndForce) {
     const Outcome outcome = run("exchange --hex");
     EXPECT_EQ(outcome.status, 0);
     EXPECT_THAT(outcome.text, HasSubstr("0  01 0e 2d 00 2d 00 2d 00 2d 00 2d 00 2d 00 2d 00"));
-    // 45 digits are 0.29684 N; equal tension leaves 0.0575 N per newton on x and -z.
-    EXPECT_THAT(outcome.text, HasSubstr("+0.01706   +0.00000   -0.01706  N"));
+    // 45 digits are 0.29684 N; equal tension leaves 0.0575 N per newton on x and z.
+    EXPECT_THAT(outcome.text, HasSubstr("+0.01706   +0.00000   +0.01706  N"));
 }
 
 TEST(FirmwareHostCommand, ExchangeShowsNoBytesUnlessAsked) {

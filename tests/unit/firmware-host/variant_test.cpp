@@ -14,16 +14,17 @@ struct Row {
     int sign;
 };
 
-// The table of firmware-host/README.md, to the micrometre: worked out from the published sizes apart from this code.
+// The table of firmware-host/README.md, to the micrometre: worked out from the published sizes apart from this code. z
+// points toward the person, away from whom the published one does.
 constexpr std::array<Row, kStrings> kX3r = {{
-    {{-0.084853, -0.076, 0.0}, {-0.015910, 0.0, -0.015910}, 0.103838, +1},
-    {{0.0, -0.076, +0.084853}, {+0.015910, 0.0, +0.015910}, 0.103838, +1},
+    {{-0.084853, -0.076, 0.0}, {-0.015910, 0.0, +0.015910}, 0.103838, +1},
+    {{0.0, -0.076, -0.084853}, {+0.015910, 0.0, -0.015910}, 0.103838, +1},
     {{+0.084853, -0.076, 0.0}, {0.0, -0.0225, 0.0}, 0.100311, -1},
-    {{0.0, -0.076, -0.084853}, {0.0, -0.0225, 0.0}, 0.100311, -1},
-    {{-0.084853, +0.076, 0.0}, {-0.015910, 0.0, -0.015910}, 0.103838, -1},
-    {{0.0, +0.076, +0.084853}, {+0.015910, 0.0, +0.015910}, 0.103838, -1},
+    {{0.0, -0.076, +0.084853}, {0.0, -0.0225, 0.0}, 0.100311, -1},
+    {{-0.084853, +0.076, 0.0}, {-0.015910, 0.0, +0.015910}, 0.103838, -1},
+    {{0.0, +0.076, -0.084853}, {+0.015910, 0.0, -0.015910}, 0.103838, -1},
     {{+0.084853, +0.076, 0.0}, {0.0, +0.0225, 0.0}, 0.100311, +1},
-    {{0.0, +0.076, -0.084853}, {0.0, +0.0225, 0.0}, 0.100311, +1},
+    {{0.0, +0.076, +0.084853}, {0.0, +0.0225, 0.0}, 0.100311, +1},
 }};
 constexpr double kTabledTo = 0.6e-6;  // m
 
@@ -60,7 +61,8 @@ TEST(Variant, X3rHasThePublishedConstants) {
 }
 
 TEST(Variant, EqualTensionLeavesThePublishedNetForce) {
-    // Published beside the geometry: 1 N in each string of an X3R at the centre makes (+0.0575, 0, -0.0575) N.
+    // Published beside the geometry: 1 N in each string of an X3R at the centre makes (+0.0575, 0, -0.0575) N, z away
+    // from the person.
     const Variant variant = spidar_g6_x3r();
     Vec3 sum{0.0, 0.0, 0.0};
     for (const StringFacts& string : variant.strings) {
@@ -68,7 +70,7 @@ TEST(Variant, EqualTensionLeavesThePublishedNetForce) {
     }
     EXPECT_NEAR(sum.x, +0.0575, 5e-5);
     EXPECT_NEAR(sum.y, 0.0, 1e-12);
-    EXPECT_NEAR(sum.z, -0.0575, 5e-5);
+    EXPECT_NEAR(sum.z, +0.0575, 5e-5);
 }
 
 }  // namespace

@@ -7,8 +7,10 @@
 #include <limits>
 #include <numbers>
 #include <stdexcept>
+#include <string>
 
 #include "haptic/device/emulated_device.hpp"
+#include "haptic/device/variant_file.hpp"
 #include "random.hpp"
 
 namespace haptic::rt {
@@ -116,6 +118,32 @@ TEST(Kinematics, WrenchOfTensionsIsWhatTheEmulatedMotorsDo) {
         EXPECT_NEAR(glm::length(wrench.force - felt.force), 0.0, 1e-12);
         EXPECT_NEAR(glm::length(wrench.torque - felt.torque), 0.0, 1e-13);
     }
+}
+
+TEST(PoseSolver, ATurnOfTheRightSideAwayIsPositiveAboutY) {
+    // In the words of the person in front of an X4: string 1 runs from the right side of the grip to the far right
+    // motor below, string 5 to the one above, 2 and 6 from the left side to the far left ones. As the right side goes
+    // away and the left one comes near, 1 and 5 get shorter and 2 and 6 longer.
+    const device::Variant variant = device::builtin_variant("SpidarG6X4");
+    const auto turn_of = [&](const StringArray& lengths, const device::Variant& geometry) {
+        PoseSolver solver(geometry);
+        PoseEstimate estimate;
+        for (int update = 0; update < 3; ++update) {
+            estimate = solver.solve(lengths);
+        }
+        return estimate.pose.orientation.y;
+    };
+    const StringArray level = string_lengths(variant, {});
+    const StringArray turned = string_lengths(variant, {{}, Quat(std::cos(0.1), 0.0, std::sin(0.1), 0.0)});
+    EXPECT_LT(turned[1], level[1]);
+    EXPECT_LT(turned[5], level[5]);
+    EXPECT_GT(turned[2], level[2]);
+    EXPECT_GT(turned[6], level[6]);
+    EXPECT_NEAR(turn_of(turned, variant), std::sin(0.1), 1e-9);
+    // Taking the lists' z, which points away, for one toward the person turns the sense of rotation round.
+    std::string text(device::builtin_variant_text("SpidarG6X4"));
+    text.replace(text.find("\"away\""), 6, "\"toward\"");
+    EXPECT_NEAR(turn_of(turned, device::parse_variant(text, "mirrored")), -std::sin(0.1), 1e-9);
 }
 
 TEST(PoseSolver, StepOf25DegreesAnd27MillimetresIsFoundWithinThreeUpdates) {

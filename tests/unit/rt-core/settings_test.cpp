@@ -2,9 +2,14 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
+
+#include "haptic/device/variant_file.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -108,6 +113,41 @@ TEST(Settings, RefuseAnUnknownKeyWithItsLine) {
 
 TEST(Settings, NeverTakePriority99) {
     EXPECT_THAT([] { (void)read("[loop]\npriority = 99\n"); }, ThrowsMessage<ConfigError>(HasSubstr("loop.priority")));
+}
+
+TEST(Settings, TensionsOnlyNarrowThoseOfTheVariant) {
+    const device::Variant own = read("[device]\nvariant = \"SpidarG6X5R\"\n").tick.variant;
+    EXPECT_EQ(own.name, "SpidarG6X5R");
+    EXPECT_EQ(own.minimum_tension, 0.3);
+    EXPECT_EQ(own.maximum_tension, 6.0) << "not the 20 N of the default variant";
+    const device::Variant narrow =
+        read("[device]\nvariant = \"SpidarG6X5R\"\nminimum_tension = 0.4\nmaximum_tension = 5.0\n").tick.variant;
+    EXPECT_EQ(narrow.minimum_tension, 0.4);
+    EXPECT_EQ(narrow.maximum_tension, 5.0);
+    const device::Variant wide =
+        read("[device]\nvariant = \"SpidarG6X5R\"\nminimum_tension = 0.1\nmaximum_tension = 15.0\n").tick.variant;
+    EXPECT_EQ(wide.minimum_tension, 0.3);
+    EXPECT_EQ(wide.maximum_tension, 6.0);
+}
+
+TEST(Settings, TakeAVariantFromAFile) {
+    const std::filesystem::path file =
+        std::filesystem::path(testing::TempDir()) / ("settings-" + std::to_string(getpid()) + ".toml");
+    device::Variant mine = device::spidar_g6_x3r();
+    mine.name = "Mine";
+    mine.strings[3].newtons_per_digit *= 1.01;
+    std::ofstream(file) << device::to_toml(mine, "");
+    Config config;
+    config.set("device.variant=" + file.string());
+    EXPECT_EQ(read_settings(config).tick.variant, mine);
+    std::filesystem::remove(file);
+    EXPECT_THAT([&] { (void)read_settings(config); }, ThrowsMessage<ConfigError>(HasSubstr(file.string())));
+}
+
+TEST(Settings, RefuseAVariantThatNobodyKnowsAndNameThoseThereAre) {
+    EXPECT_THAT([] { (void)read("[device]\nvariant = \"X9\"\n"); },
+                ThrowsMessage<ConfigError>(testing::AllOf(HasSubstr("test.toml:2: device.variant: no variant is named"),
+                                                          HasSubstr("SpidarG6X3R"), HasSubstr("SpidarG6T1"))));
 }
 
 TEST(Settings, RefuseTensionsThatExcludeEachOther) {

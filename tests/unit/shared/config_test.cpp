@@ -159,6 +159,53 @@ TEST(Config, LoadsAFileAndTakesAnEmptyOneAsNoSettings) {
     EXPECT_NO_THROW(Config::load(directory.write("b.toml", "")).reject_unknown());
 }
 
+constexpr const char* kTables = R"(
+[[string]]
+motor = [1, 2, 3]
+
+[[string]]
+motor = [4, 5, 6]
+knot = 7
+)";
+
+TEST(Config, ReadsListsOfTablesByTheirNumber) {
+    const Config config = Config::parse(kTables, "frame.toml");
+    EXPECT_EQ(config.tables("string"), 2u);
+    EXPECT_EQ(config.vec3("string.1.motor", {}, {-10, 10}), Vec3(4, 5, 6));
+    EXPECT_EQ(config.number("string.1.knot", 0.0, {-10, 10}), 7.0);
+    EXPECT_TRUE(config.has("string.0.motor"));
+    EXPECT_FALSE(config.has("string.0.knot"));
+    EXPECT_FALSE(config.has("string.2.motor"));
+    EXPECT_FALSE(config.has("string.-1.motor"));
+    EXPECT_FALSE(config.has("string.x.motor"));
+    EXPECT_EQ(config.tables("nothing"), 0u);
+}
+
+TEST(Config, NamesTheLineWithinAListOfTables) {
+    const Config config = Config::parse(kTables, "frame.toml");
+    EXPECT_EQ(config.tables("string"), 2u);
+    EXPECT_EQ(message_of<ConfigError>([&] { (void)config.number("string.1.knot", 0.0, {0, 1}); }),
+              "frame.toml:7: string.1.knot: must be within [0, 1], is 7");
+    EXPECT_EQ(message_of<ConfigError>([&] { config.fail("string.1.nail", "must be given"); }),
+              "frame.toml:5: string.1.nail: must be given")
+        << "a key that is missing: the line of its table";
+    (void)config.vec3("string.0.motor", {}, {-10, 10});
+    (void)config.vec3("string.1.motor", {}, {-10, 10});
+    config.reject_unknown();
+    (void)config.number("string.0.knob", 0.0, {0, 1});
+    const Config other = Config::parse(kTables, "frame.toml");
+    (void)other.vec3("string.0.motor", {}, {-10, 10});
+    (void)other.vec3("string.1.motor", {}, {-10, 10});
+    EXPECT_THAT(message_of<ConfigError>([&] { other.reject_unknown(); }),
+                StartsWith("frame.toml:7: string.1.knot: unknown key"));
+}
+
+TEST(Config, RefusesWhatIsNoListOfTables) {
+    const Config config = Config::parse("string = [1, 2]\n", "frame.toml");
+    EXPECT_EQ(message_of<ConfigError>([&] { (void)config.tables("string"); }),
+              "frame.toml:1: string: must be tables, each headed [[string]], is [ 1, 2 ]");
+}
+
 TEST(ConfigSet, OverridesAndAddsValues) {
     Config config = Config::parse(kScene, "scene.toml");
     config.set("solver.iterations=9");

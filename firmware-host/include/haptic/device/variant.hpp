@@ -1,9 +1,14 @@
 // Geometry and electrical constants of one Spidar-G6 frame.
+//
+// Device frame: origin at the centre of the frame, right-handed, x to the right, y up, z toward the person in front of
+// it. Grip frame: origin at the centre of the grip, its axes along those of the device while the grip is level.
+// variant_file.hpp reads both from a TOML file; wrench_closure.hpp says what the strings can do.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
@@ -32,6 +37,8 @@ struct StringFacts {
     // What the motor bears; 0 where nobody knows, and the configuration of the process decides.
     double continuous_tension = 0.0;  // N, for ever
     double thermal_time_constant_s = 0.0;
+
+    friend bool operator==(const StringFacts&, const StringFacts&) = default;
 };
 
 /// A frame with its eight strings, motors and board.
@@ -41,13 +48,16 @@ struct Variant {
     std::array<StringFacts, kStrings> strings;
     double minimum_tension = 0.0;  // N, keeps every string taut
     double maximum_tension = 0.0;  // N
+    std::vector<int> uart_boards;  // strings of each board on the line, by id; 8 together; empty but for Uart
 
     /// m, with the grip at the centre and level: what calibration sets the lengths to.
     [[nodiscard]] double rest_length(std::size_t string) const HAPTIC_RT;
+
+    friend bool operator==(const Variant&, const Variant&) = default;
 };
 
-/// Spidar-G6 X3R: aluminium frame 0.120 x 0.152 x 0.120 m, list turned by -45 degrees about y, grip 0.045 m.
-/// @source Springhead HISpidarGDesc::Init, as tabled in the firmware-host README.
+/// Spidar-G6 X3R, the built-in variant of that name: aluminium frame 0.120 x 0.152 x 0.120 m that stands on a corner,
+/// grip 0.045 m.
 [[nodiscard]] Variant spidar_g6_x3r();
 
 }  // namespace haptic::device
