@@ -11,6 +11,7 @@
 
 #include "commands.hpp"
 #include "haptic/pose_track.hpp"
+#include "serve_command.hpp"
 
 namespace {
 
@@ -142,6 +143,8 @@ int run(int argc, char** argv) {
         "variants", "Show geometry, constants and reach of each frame that is built in, or of those in files");
     std::vector<std::string> variant_files;
     variants->add_option("FILE", variant_files, "TOML files, checked and shown instead of what is built in");
+    haptic::device::ServeArguments serve_arguments;
+    const CLI::App* serve = haptic::device::add_serve(app, serve_arguments);
 
     bool held = true;
     try {
@@ -151,6 +154,9 @@ int run(int argc, char** argv) {
         }
         if (exchange->parsed()) {
             held = haptic::device::run_exchange(variant, request_of(arguments, variant));
+        }
+        if (serve->parsed()) {
+            haptic::device::run_serve(serve_arguments);
         }
     } catch (const CLI::ParseError& error) {
         return app.exit(error) == 0 ? 0 : kWrongArguments;

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "haptic/device/emulated_board.hpp"
+#include "haptic/device/hand_file.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/rt/held_hand.hpp"
 
@@ -32,7 +33,7 @@ class EmulatedDevice final : public OpenedDevice {
 std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Settings& settings) {
     const std::string& name = options.device;
     if (name == "emulated") {
-        return std::make_unique<EmulatedDevice>(settings, options.hand ? hand_from_centre(*options.hand) : PoseTrack());
+        return std::make_unique<EmulatedDevice>(settings, options.hand ? device::hand_from_centre(*options.hand) : PoseTrack());
     }
     if (name == "usb" || name.starts_with("replay:")) {
         throw Refusal("--device " + name + ": not available in this version; only --device emulated is");

@@ -15,11 +15,6 @@ namespace {
 constexpr double kUnitTolerance = 1e-6;
 constexpr const char* kQuaternionColumns[] = {"qw", "qx", "qy", "qz"};
 
-Pose interpolate(const Pose& from, const Pose& to, double fraction) HAPTIC_RT {
-    return {glm::mix(from.position, to.position, fraction),
-            glm::normalize(glm::slerp(from.orientation, to.orientation, fraction))};
-}
-
 /// Index of the first time that does not exceed the one before it; the size if there is none.
 std::size_t first_not_increasing(const std::vector<double>& times_s) {
     const auto found = std::adjacent_find(times_s.begin(), times_s.end(), [](double a, double b) { return !(a < b); });
@@ -27,6 +22,11 @@ std::size_t first_not_increasing(const std::vector<double>& times_s) {
 }
 
 }  // namespace
+
+Pose interpolate(const Pose& from, const Pose& to, double fraction) HAPTIC_RT {
+    return {glm::mix(from.position, to.position, fraction),
+            glm::normalize(glm::slerp(from.orientation, to.orientation, fraction))};
+}
 
 PoseTrack::PoseTrack(const Pose& still) : times_s_{0.0}, poses_{still} {}
 

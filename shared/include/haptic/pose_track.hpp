@@ -15,6 +15,9 @@
 
 namespace haptic {
 
+/// A fraction of the way: the position on the straight line, the orientation along the shortest arc.
+[[nodiscard]] Pose interpolate(const Pose& from, const Pose& to, double fraction) HAPTIC_RT;
+
 class PoseTrack {
   public:
     /// Holds still at the given pose.

@@ -10,6 +10,7 @@
 #include <set>
 #include <string>
 
+#include "haptic/device/hand_file.hpp"
 #include "haptic/rt/held_hand.hpp"
 #include "tick_rig.hpp"
 
@@ -142,7 +143,7 @@ TEST_F(RecordingTest, OfARunIsAHandForAnotherOne) {
     record.close();
     EXPECT_EQ(recorder.dropped(), 0u);
 
-    const PoseTrack again = hand_from_centre(file);
+    const PoseTrack again = device::hand_from_centre(file);
     for (const double time_s : {0.5, 1.1, 1.3, 1.6}) {
         const Pose recorded = again.at(nanoseconds(time_s));
         const Pose real = hand.at(nanoseconds(time_s));
@@ -162,7 +163,7 @@ TEST_F(RecordingTest, LeavesNothingBehindWhenItIsNotClosed) {
 
 TEST_F(RecordingTest, ThatBeginsElsewhereIsReachedFromTheCentreInHalfASecond) {
     std::ofstream(file) << "time_s,x_m,y_m,z_m\n2.0,0.02,0,0\n3.0,0.02,0.01,0\n";
-    const PoseTrack hand = hand_from_centre(file);
+    const PoseTrack hand = device::hand_from_centre(file);
     EXPECT_EQ(hand.at(0).position, Vec3(0.0));
     EXPECT_NEAR(hand.at(nanoseconds(0.25)).position.x, 0.01, 1e-12);
     EXPECT_NEAR(hand.at(nanoseconds(0.5)).position.x, 0.02, 1e-12);

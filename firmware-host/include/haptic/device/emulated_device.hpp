@@ -38,6 +38,8 @@ class EmulatedDevice {
     void set_digits(const std::array<std::int16_t, kStrings>& digits) HAPTIC_RT { digits_ = digits; }
     /// Lets a waiting hand begin to follow its track, from the last advance() on.
     void release_hand() HAPTIC_RT { hand_.release(); }
+    /// Takes the hand back to the beginning of its track, within half a second, where it waits.
+    void hold_hand() HAPTIC_RT { hand_.hold(); }
     /// External switches, bits 0-2.
     void set_buttons(std::uint8_t buttons) HAPTIC_RT { buttons_ = buttons; }
 

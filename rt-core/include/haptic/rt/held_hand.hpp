@@ -2,10 +2,8 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 
 #include "haptic/device/emulated_board.hpp"
-#include "haptic/pose_track.hpp"
 #include "haptic/realtime.hpp"
 #include "haptic/rt/tick.hpp"
 
@@ -28,9 +26,5 @@ class HeldHandBoard final : public device::Board {
     device::EmulatedBoard* board_;
     const Tick* tick_ = nullptr;
 };
-
-/// The track of a recording, which may begin anywhere: the hand starts at the centre and moves to the first pose in
-/// half a second. A recording that begins at the centre is taken as it is. Throws CsvError.
-[[nodiscard]] PoseTrack hand_from_centre(const std::filesystem::path& file);
 
 }  // namespace haptic::rt

@@ -1,12 +1,13 @@
+#include "haptic/device/hand_file.hpp"
+
 #include <glm/geometric.hpp>
 #include <utility>
 #include <vector>
 
 #include "haptic/csv.hpp"
-#include "haptic/rt/held_hand.hpp"
 #include "haptic/types.hpp"
 
-namespace haptic::rt {
+namespace haptic::device {
 namespace {
 
 constexpr double kApproachS = 0.5;
@@ -14,8 +15,8 @@ constexpr double kApproachS = 0.5;
 constexpr double kAtCentre = 1e-6;  // m, rad
 
 bool at_centre(const Pose& pose) {
-    return glm::length(pose.position) < kAtCentre &&
-           glm::length(rotation_between(Quat(1, 0, 0, 0), pose.orientation)) < kAtCentre;
+    const Quat& q = pose.orientation;
+    return glm::length(pose.position) < kAtCentre && 2.0 * glm::length(Vec3(q.x, q.y, q.z)) < kAtCentre;
 }
 
 }  // namespace
@@ -36,4 +37,4 @@ PoseTrack hand_from_centre(const std::filesystem::path& file) {
     return {std::move(times_s), std::move(poses)};
 }
 
-}  // namespace haptic::rt
+}  // namespace haptic::device

@@ -1,0 +1,166 @@
+#include "serve_command.hpp"
+
+#include <poll.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <stdexcept>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+#include "haptic/clock.hpp"
+#include "haptic/device/emulated_board.hpp"
+#include "haptic/device/hand_file.hpp"
+#include "haptic/device/hand_keeper.hpp"
+#include "haptic/device/usbip_server.hpp"
+#include "haptic/device/variant_file.hpp"
+
+namespace haptic::device {
+namespace {
+
+constexpr double kLongestDelay = 3600.0;  // s
+
+[[noreturn]] void fail(const char* what) {
+    throw std::system_error(errno, std::generic_category(), what);
+}
+
+/// The signals that end the service, as a file descriptor.
+class StopSignals {
+  public:
+    StopSignals() {
+        sigset_t set{};
+        sigemptyset(&set);
+        for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+            sigaddset(&set, signal);
+        }
+        pthread_sigmask(SIG_BLOCK, &set, nullptr);
+        descriptor_ = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
+        if (descriptor_ < 0) {
+            fail("cannot make a descriptor for signals");
+        }
+    }
+    StopSignals(const StopSignals&) = delete;
+    StopSignals& operator=(const StopSignals&) = delete;
+    ~StopSignals() { close(descriptor_); }
+
+    [[nodiscard]] int descriptor() const noexcept { return descriptor_; }
+
+  private:
+    int descriptor_ = -1;
+};
+
+/// A line of the log, which is for people: it appears at once.
+void say(std::string_view line) {
+    std::printf("%.*s\n", static_cast<int>(line.size()), line.data());
+    std::fflush(stdout);
+}
+
+Variant variant_of(const std::string& name_or_path) {
+    try {
+        return find_variant(name_or_path);
+    } catch (const std::invalid_argument& error) {
+        throw CLI::ValidationError("--variant", error.what());
+    }
+}
+
+std::unique_ptr<Server> serve_usbip(const std::string& text, const Variant& variant, Firmware& firmware) {
+    NetworkAddress address;
+    UsbIdentity identity;
+    try {
+        address = parse_network_address(text);
+        identity = usb_identity(variant.board);
+    } catch (const std::invalid_argument& error) {
+        throw CLI::ValidationError("--usbip", error.what());
+    }
+    auto server = std::make_unique<UsbipServer>(address, variant.board, firmware,
+                                                [](std::string_view line) { say("usbip: " + std::string(line)); });
+    const NetworkAddress& real = server->address();
+    std::printf("usbip: %s as %04x:%04x, bus id 1-1, listening on %s:%u\n", variant.name.c_str(), identity.vendor,
+                identity.product, real.host.c_str(), static_cast<unsigned>(real.port));
+    std::fflush(stdout);
+    return server;
+}
+
+/// When the earliest of them has something to do, from now; nullptr for never.
+const timespec* time_left(const std::vector<std::unique_ptr<Server>>& servers, timespec& storage) {
+    std::optional<std::int64_t> earliest;
+    for (const auto& server : servers) {
+        if (const auto due = server->due_ns()) {
+            earliest = std::min(earliest.value_or(INT64_MAX), *due);
+        }
+    }
+    if (!earliest) {
+        return nullptr;
+    }
+    const std::int64_t left_ns = std::max<std::int64_t>(0, *earliest - monotonic_now_ns());
+    storage.tv_sec = left_ns / kNanosecondsPerSecond;
+    storage.tv_nsec = left_ns % kNanosecondsPerSecond;
+    return &storage;
+}
+
+void serve_until_stopped(const std::vector<std::unique_ptr<Server>>& servers, const StopSignals& signals) {
+    std::vector<pollfd> watched{{signals.descriptor(), POLLIN, 0}};
+    for (const auto& server : servers) {
+        watched.push_back({server->descriptor(), POLLIN, 0});
+    }
+    while (watched.front().revents == 0) {
+        timespec storage{};
+        if (ppoll(watched.data(), watched.size(), time_left(servers, storage), nullptr) < 0 && errno != EINTR) {
+            fail("cannot wait for clients");
+        }
+        const std::int64_t now_ns = monotonic_now_ns();
+        for (const auto& server : servers) {
+            server->step(now_ns);
+        }
+    }
+}
+
+}  // namespace
+
+CLI::App* add_serve(CLI::App& app, ServeArguments& arguments) {
+    CLI::App* serve = app.add_subcommand("serve", "Serve an emulated board until a signal comes");
+    arguments.usbip = "127.0.0.1:3240";
+    arguments.usbip_asked =
+        serve
+            ->add_option("--usbip", arguments.usbip,
+                         "ADDR:PORT to listen on; port 0 is any free one. Served if nothing else is")
+            ->expected(0, 1)
+            ->capture_default_str();
+    serve->add_option("--variant", arguments.variant, "Frame, and with it the board: a built-in name or a TOML file")
+        ->capture_default_str();
+    serve->add_option("--hand", arguments.hand,
+                      "Recording (CSV: time_s,x_m,y_m,z_m[,qw,qx,qy,qz]) that the hand follows; else it holds still");
+    serve
+        ->add_option("--hand-delay", arguments.hand_delay_s,
+                     "s, from the packet that makes all strings taut to a hand that moves: the driver calibrates then")
+        ->capture_default_str();
+    return serve;
+}
+
+void run_serve(const ServeArguments& arguments) {
+    if (!std::isfinite(arguments.hand_delay_s) || arguments.hand_delay_s < 0.0 ||
+        arguments.hand_delay_s > kLongestDelay) {
+        throw CLI::ValidationError("--hand-delay", "needs 0 to 3600 s");
+    }
+    const Variant variant = variant_of(arguments.variant);
+    const StopSignals signals;
+    EmulatedDevice device({.variant = variant,
+                           .hand = arguments.hand ? hand_from_centre(*arguments.hand) : PoseTrack(),
+                           .hand_waits = true});
+    const std::unique_ptr<Firmware> board = make_firmware(variant.board, device);
+    HandKeeper firmware(*board, device, nanoseconds(arguments.hand_delay_s));
+
+    std::vector<std::unique_ptr<Server>> servers;
+    servers.push_back(serve_usbip(arguments.usbip, variant, firmware));
+    serve_until_stopped(servers, signals);
+    say("stopped");
+}
+
+}  // namespace haptic::device
