@@ -28,6 +28,7 @@ void RealtimeLoop::warm_up(std::int64_t& deadline_ns) HAPTIC_RT {
 }
 
 void RealtimeLoop::cycle() HAPTIC_RT {
+    tick_->heart().begin();
     NextDeadline next{monotonic_now_ns() + settings_.period_ns, 0};
     tick_->record_to(recorder_);  // from the first tick on: a replay begins with a tick as new as this one
     warm_up(next.deadline_ns);
@@ -45,6 +46,7 @@ void RealtimeLoop::cycle() HAPTIC_RT {
     usage_.voluntary_switches = after.voluntary_switches - before.voluntary_switches;
     usage_.forced_switches = after.forced_switches - before.forced_switches;
     tick_->send_zero(monotonic_now_ns());
+    tick_->heart().end();
 }
 
 }  // namespace haptic::rt

@@ -115,6 +115,19 @@ void prepare_process(RealtimeSetup& setup) {
     }
 }
 
+void prepare_side_thread(int priority, int loop_cpu) {
+    cpu_set_t allowed;
+    CPU_ZERO(&allowed);
+    const int avoided = loop_cpu < 0 ? last_allowed_cpu() : loop_cpu;
+    if (sched_getaffinity(0, sizeof allowed, &allowed) == 0 && avoided < CPU_SETSIZE && CPU_COUNT(&allowed) > 1) {
+        CPU_CLR(static_cast<std::size_t>(avoided), &allowed);
+        pthread_setaffinity_np(pthread_self(), sizeof allowed, &allowed);
+    }
+    sched_param parameters{};
+    parameters.sched_priority = priority;
+    pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
+}
+
 void prepare_thread(RealtimeSetup& setup, int priority, int cpu) {
     touch_stack();
     pin(setup, cpu);

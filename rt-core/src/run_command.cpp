@@ -2,9 +2,9 @@
 
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
-#include <sys/mman.h>
+#include <unistd.h>
 
-#include <cerrno>
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <ctime>
@@ -16,23 +16,34 @@
 #include "haptic/report.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/rt/crash_guard.hpp"
+#include "haptic/rt/motor_gate.hpp"
 #include "haptic/rt/recording.hpp"
 #include "haptic/rt/run_report.hpp"
 #include "haptic/rt/settings.hpp"
+#include "haptic/rt/watchdog.hpp"
 #include "open_device.hpp"
 
 namespace haptic::rt {
 namespace {
 
 constexpr std::int64_t kPollNs = 20'000'000;
+// For which a loop that hangs may still come back before the process is left without it.
+constexpr std::int64_t kHungWaitNs = 1'000'000'000;
+// A loop without real-time privileges, which drives no real device, may be kept waiting by others for so long.
+constexpr std::int64_t kDegradedWatchdogNs = 2'000'000'000;
 
-/// SIGINT, SIGTERM and SIGHUP wait to be asked for, in every thread that is created from here on.
+/// Signals that mean an orderly stop wait to be asked for, in every thread that is created from here on. SIGTSTP
+/// (Ctrl-Z) is one of them: a process that stands still leaves its motors pulling. So would one that is stopped or
+/// killed for writing to a terminal or a pipe that it may not write to.
 class StopSignals {
   public:
     StopSignals() {
         sigemptyset(&set_);
-        for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+        for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGTSTP}) {
             sigaddset(&set_, signal);
+        }
+        for (const int signal : {SIGPIPE, SIGTTIN, SIGTTOU}) {
+            std::signal(signal, SIG_IGN);
         }
         pthread_sigmask(SIG_BLOCK, &set_, nullptr);
     }
@@ -80,13 +91,21 @@ std::filesystem::path black_box_path(const RunOptions& options) {
     return "rt-core-" + options.session + ".fault.csv";
 }
 
-/// Waits for the end, writing the recording meanwhile.
-void supervise(RealtimeLoop& loop, const StopSignals& signals, std::optional<RecordFile>& record,
-               const std::optional<double>& duration_s) {
+/// Waits for the end, writing the recording meanwhile. False if the loop hangs and does not come back.
+bool supervise(RealtimeLoop& loop, const StopSignals& signals, const Watchdog& watchdog,
+               std::optional<RecordFile>& record, const std::optional<double>& duration_s) {
     const std::int64_t start_ns = monotonic_now_ns();
     bool announced = false;
     bool stopping = false;
+    std::int64_t hung_ns = 0;
     while (!loop.finished()) {
+        if (watchdog.fired() && hung_ns == 0) {
+            spdlog::error("watchdog: the loop hangs; zeros were sent to the motors");
+            hung_ns = monotonic_now_ns();
+        }
+        if (hung_ns != 0 && monotonic_now_ns() - hung_ns > kHungWaitNs) {
+            return false;
+        }
         const int signal = signals.wait(kPollNs);
         const bool over = duration_s && monotonic_now_ns() - start_ns >= nanoseconds(*duration_s);
         if ((signal != 0 || over) && !stopping) {
@@ -102,6 +121,22 @@ void supervise(RealtimeLoop& loop, const StopSignals& signals, std::optional<Rec
             record->drain();
         }
     }
+    return true;
+}
+
+WatchdogSettings watchdog_settings(const Settings& settings, const RealtimeSetup& setup) {
+    WatchdogSettings result = settings.watchdog;
+    result.loop_cpu = setup.cpu >= 0 ? setup.cpu : settings.loop.cpu;
+    result.limit_ns = setup.degraded() ? std::max(result.limit_ns, kDegradedWatchdogNs) : result.limit_ns;
+    return result;
+}
+
+int conclude(const RunOptions& options, const RunResult& result, const Instruments& instruments) {
+    if (options.report) {
+        write_report(*options.report, make_report(result, instruments));
+    }
+    std::fputs(summary(result, instruments).c_str(), stdout);
+    return result.held() ? 0 : kExitFaulted;
 }
 
 /// Everything that outlives the loop, in the order in which it has to go.
@@ -110,7 +145,8 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
     const std::unique_ptr<OpenedDevice> device = open_device(options, settings);
     RingReader<ContactFrame> frames(options.session);
     RingWriter<DeviceState> states(options.session);
-    Tick tick(settings.tick, device->board(), frames, states, &monotonic_now_ns);
+    MotorGate gate(device->board());
+    Tick tick(settings.tick, gate, frames, states, &monotonic_now_ns);
     device->follow(tick);
     Recorder recorder(options.record ? settings.queue_ticks : 2, options.record ? settings.queue_frames : 2);
     std::optional<RecordFile> record;
@@ -118,34 +154,53 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
         record.emplace(*options.record, recorder);
     }
 
-    const CrashGuard guard(device->board());
+    const AlternateSignalStack signal_stack;
+    const CrashGuard guard(gate);
     RunResult result;
     prepare_process(result.setup);
+    std::optional<Watchdog> watchdog;  // outlives the loop, so that it also watches it end
     RealtimeLoop loop(settings.loop, tick, std::move(result.setup));
     result.setup = loop.setup();
     judge_setup(result.setup, device->real());
     spdlog::info("session {}: {} Hz on {}; keep the grip still at the centre", options.session,
                  static_cast<double>(kNanosecondsPerSecond) / static_cast<double>(settings.loop.period_ns),
                  device->description());
+    watchdog.emplace(watchdog_settings(settings, result.setup), tick, gate);
     const std::int64_t start_ns = monotonic_now_ns();
     loop.start(options.record ? &recorder : nullptr);
-    supervise(loop, signals, record, options.duration_s);
-    loop.join();
+    const bool came_back = supervise(loop, signals, *watchdog, record, options.duration_s);
+    bool records_ours = true;
+    if (came_back) {
+        loop.join();
+        result.usage = loop.usage();
+    } else {
+        records_ours = tick.abandon();
+    }
+    gate.close();
 
     result.duration_s = seconds(monotonic_now_ns() - start_ns);
-    result.usage = loop.usage();
-    result.state = tick.safety_state();
-    result.faults = tick.faults();
     result.records_dropped = recorder.dropped();
     result.frames_dropped = recorder.frames_dropped();
-    instruments = tick.instruments();
+    if (records_ours) {
+        result.state = came_back ? tick.safety_state() : SafetyState::Disarmed;
+        result.faults = tick.faults();
+        instruments = tick.instruments();
+    }
+    result.faults |= watchdog->fired() ? std::uint32_t{HAPTIC_FAULT_WATCHDOG} : 0u;
     if (record) {
         record->close();
     }
-    if (!result.held()) {
+    if (!result.held() && records_ours) {
         const std::filesystem::path box = black_box_path(options);
         write_black_box(box, tick.black_box());
         spdlog::error("faulted: the last {} ticks are in {}", tick.black_box().size(), box.string());
+    }
+    if (!came_back) {
+        // Its thread cannot be joined, and what it refers to must not be destroyed under it.
+        const int status = conclude(options, result, instruments);
+        std::fflush(nullptr);
+        gate.close();  // for a command that has come through since
+        _exit(status);
     }
     return result;
 }
@@ -157,11 +212,7 @@ int run_command(const RunOptions& options) {
     const StopSignals signals;
     const auto instruments = std::make_unique<Instruments>();
     const RunResult result = run_loop(options, settings, signals, *instruments);
-    if (options.report) {
-        write_report(*options.report, make_report(result, *instruments));
-    }
-    std::fputs(summary(result, *instruments).c_str(), stdout);
-    return result.held() ? 0 : kExitFaulted;
+    return conclude(options, result, *instruments);
 }
 
 }  // namespace haptic::rt

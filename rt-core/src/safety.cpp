@@ -38,6 +38,13 @@ void SafetyMachine::stop() HAPTIC_RT {
     fault(HAPTIC_FAULT_STOP);
 }
 
+void SafetyMachine::cut(std::uint32_t bits) HAPTIC_RT {
+    faults_ |= bits;
+    state_ = SafetyState::Disarmed;
+    tension_ = 0.0;
+    wrench_fade_ = 0.0;
+}
+
 void SafetyMachine::fault(std::uint32_t bits) HAPTIC_RT {
     if (state_ == SafetyState::Disarmed) {
         return;  // nothing acts that could be taken away

@@ -12,6 +12,7 @@ namespace {
 
 constexpr Range kTimes{0.001, 10.0};  // s
 constexpr Range kTicks{0, 100'000};
+constexpr std::int64_t kWatchdogPeriods = 5;
 
 std::int64_t duration_ns(const Config& config, const std::string& key, std::int64_t otherwise_ns, Range range_s) {
     return nanoseconds(config.number(key, seconds(otherwise_ns), range_s));
@@ -24,10 +25,11 @@ int whole(const Config& config, const std::string& key, int otherwise, Range ran
 void read_loop(const Config& config, Settings& settings) {
     LoopSettings& loop = settings.loop;
     loop.period_ns = duration_ns(config, "loop.period_s", loop.period_ns, {0.0001, 0.02});
-    loop.priority = whole(config, "loop.priority", loop.priority, {1, 98});
+    loop.priority = whole(config, "loop.priority", loop.priority, {1, 97});
     loop.cpu = whole(config, "loop.cpu", loop.cpu, {-1, 1023});
     loop.warm_up_ticks = whole(config, "loop.warm_up_ticks", loop.warm_up_ticks, {1, 100'000});
     settings.tick.period_ns = loop.period_ns;
+    settings.watchdog.priority = loop.priority + 1;
 }
 
 device::Variant choose_variant(const Config& config) {
@@ -91,6 +93,13 @@ void read_safety(const Config& config, SafetySettings& safety) {
     safety.overrun_ticks = whole(config, "safety.overrun_ticks", safety.overrun_ticks, kTicks);
 }
 
+void read_watchdog(const Config& config, Settings& settings) {
+    settings.watchdog.limit_ns = duration_ns(config, "safety.watchdog_s", settings.watchdog.limit_ns, {0.01, 10.0});
+    if (settings.watchdog.limit_ns < kWatchdogPeriods * settings.loop.period_ns) {
+        config.fail("safety.watchdog_s", "must be at least 5 times loop.period_s");
+    }
+}
+
 void read_motors(const Config& config, TickSettings& tick) {
     MotorSettings& motors = tick.motors;
     motors.continuous_share = config.number("motors.continuous_share", motors.continuous_share, {0.01, 1.0});
@@ -112,6 +121,7 @@ Settings read_settings(const Config& config) {
     settings.board = read_board_options(config);
     read_force(config, settings.tick);
     read_safety(config, settings.tick.safety);
+    read_watchdog(config, settings);
     read_motors(config, settings.tick);
     settings.queue_ticks = static_cast<std::size_t>(
         config.integer("recording.queue_ticks", static_cast<std::int64_t>(settings.queue_ticks), {16, 1'048'576}));

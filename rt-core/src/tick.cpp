@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 
 #include "haptic/device/digits.hpp"
+#include "haptic/rt/tick_syscalls.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -75,9 +76,18 @@ void Tick::arm() HAPTIC_RT {
     reset_pose();
 }
 
+device::ExchangeStatus Tick::exchange(device::BoardReading& reading, std::int64_t now_ns) HAPTIC_RT {
+    records_.lend();
+    const device::ExchangeStatus status = board_->exchange(command_, reading, now_ns);
+    if (!records_.reclaim()) {
+        sleep_for_ever();
+    }
+    return status;
+}
+
 void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
     // The board answers only to a command: the one of the last tick, which with two exchanges it already has.
-    const device::ExchangeStatus status = board_->exchange(command_, reading_, time.now_ns);
+    const device::ExchangeStatus status = exchange(reading_, time.now_ns);
     in_ok_ = status == device::ExchangeStatus::Ok;
     record_.exchange_in = static_cast<std::int8_t>(status);
     exchange_ns_ = lap();
@@ -111,6 +121,9 @@ void Tick::watch_health() HAPTIC_RT {
     health.overheated = thermal_.overheated();
     health.residual = estimate_.residual;
     health.largest_movement = encoders_.largest_movement();
+    if (const std::uint32_t cut = cut_.load(); cut != 0) {
+        safety_.cut(cut);
+    }
     switch (safety_.update(health)) {
         case SafetyMachine::Calibration::None:
             break;
@@ -203,7 +216,7 @@ void Tick::distribute() HAPTIC_RT {
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
     bool out_ok = true;
     if (settings_.exchanges == 2) {
-        const device::ExchangeStatus status = board_->exchange(command_, unused_, time.now_ns);
+        const device::ExchangeStatus status = exchange(unused_, time.now_ns);
         out_ok = status == device::ExchangeStatus::Ok;
         record_.exchange_out = static_cast<std::int8_t>(status);
     }
@@ -270,6 +283,7 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
     if (recorder_ != nullptr) {
         recorder_->push(record_);
     }
+    heart_.beat();
 }
 
 bool RingFrames::read_newest(ContactFrame& frame) HAPTIC_RT {
@@ -278,7 +292,7 @@ bool RingFrames::read_newest(ContactFrame& frame) HAPTIC_RT {
 
 device::ExchangeStatus Tick::send_zero(std::int64_t now_ns) HAPTIC_RT {
     command_ = device::MotorCommand{};
-    return board_->exchange(command_, unused_, now_ns);
+    return exchange(unused_, now_ns);
 }
 
 std::int64_t Tick::lap() HAPTIC_RT {

@@ -4,6 +4,7 @@
 
 #include <cerrno>
 #include <ctime>
+#include <limits>
 
 #include "haptic/types.hpp"
 
@@ -19,6 +20,12 @@ void sleep_until(std::int64_t deadline_ns) HAPTIC_RT {
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &deadline, nullptr) == EINTR) {
     }
     HAPTIC_RT_EXCEPTION_END
+}
+
+void sleep_for_ever() HAPTIC_RT {
+    while (true) {
+        sleep_until(std::numeric_limits<std::int64_t>::max());
+    }
 }
 
 ThreadUsage thread_usage() HAPTIC_RT {

@@ -1,7 +1,6 @@
 #include "haptic/rt/crash_guard.hpp"
 
 #include <gtest/gtest.h>
-#include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -11,23 +10,14 @@
 #include <stdexcept>
 #include <string>
 
+#include "shared_board.hpp"
+
 namespace haptic::rt {
 namespace {
 
-/// A board whose digits another process can see.
-class SharedBoard final : public device::Board {
-  public:
-    explicit SharedBoard(device::MotorCommand* seen) : seen_(seen) {}
-    device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& /*reading*/,
-                                    std::int64_t /*now_ns*/) HAPTIC_RT override {
-        *seen_ = command;
-        return device::ExchangeStatus::Ok;
-    }
-    void zero_motors(std::int64_t /*now_ns*/) HAPTIC_RT override { *seen_ = device::MotorCommand{}; }
-
-  private:
-    device::MotorCommand* seen_;
-};
+using test::SharedBoard;
+using test::SharedMotors;
+using test::SharedMotorsPage;
 
 struct Crash {
     const char* name;
@@ -38,18 +28,18 @@ struct Crash {
 class CrashGuardTest : public testing::TestWithParam<Crash> {};
 
 TEST_P(CrashGuardTest, SendsZerosAndDiesOfTheSameSignal) {
-    void* const memory =
-        mmap(nullptr, sizeof(device::MotorCommand), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    ASSERT_NE(memory, MAP_FAILED);
-    auto* const seen = new (memory) device::MotorCommand;
-    seen->digits.fill(1234);
+    SharedMotorsPage motors;
+    device::MotorCommand command;
+    command.digits.fill(1234);
+    motors->set(command);
 
     const pid_t child = fork();
     ASSERT_GE(child, 0);
     if (child == 0) {
-        SharedBoard board(seen);
+        SharedBoard board(*motors);
+        MotorGate gate(board);
         const AlternateSignalStack stack;
-        const CrashGuard guard(board);
+        const CrashGuard guard(gate);
         GetParam().act();
         _exit(0);
     }
@@ -57,10 +47,7 @@ TEST_P(CrashGuardTest, SendsZerosAndDiesOfTheSameSignal) {
     ASSERT_EQ(waitpid(child, &status, 0), child);
     EXPECT_TRUE(WIFSIGNALED(status));
     EXPECT_EQ(WTERMSIG(status), GetParam().signal);
-    for (const std::int16_t digit : seen->digits) {
-        EXPECT_EQ(digit, 0);
-    }
-    munmap(memory, sizeof(device::MotorCommand));
+    EXPECT_EQ(motors->sum(), 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Each, CrashGuardTest,
@@ -68,18 +55,26 @@ INSTANTIATE_TEST_SUITE_P(Each, CrashGuardTest,
                                          Crash{"Bus", SIGBUS, [] { std::raise(SIGBUS); }},
                                          Crash{"Fpe", SIGFPE, [] { std::raise(SIGFPE); }},
                                          Crash{"Ill", SIGILL, [] { std::raise(SIGILL); }},
+                                         Crash{"Quit", SIGQUIT, [] { kill(getpid(), SIGQUIT); }},
+                                         Crash{"Trap", SIGTRAP, [] { std::raise(SIGTRAP); }},
+                                         Crash{"CpuTime", SIGXCPU, [] { kill(getpid(), SIGXCPU); }},
+                                         Crash{"FileSize", SIGXFSZ, [] { kill(getpid(), SIGXFSZ); }},
+                                         Crash{"User", SIGUSR1, [] { kill(getpid(), SIGUSR1); }},
+                                         Crash{"Alarm", SIGALRM, [] { kill(getpid(), SIGALRM); }},
+                                         Crash{"RealTimeSignal", SIGRTMIN + 3, [] { kill(getpid(), SIGRTMIN + 3); }},
                                          Crash{"Abort", SIGABRT, [] { std::abort(); }},
                                          Crash{"Terminate", SIGABRT, [] { std::terminate(); }}),
                          [](const testing::TestParamInfo<Crash>& param) { return param.param.name; });
 
 TEST(CrashGuard, IsOneAtATime) {
-    device::MotorCommand seen;
-    SharedBoard board(&seen);
+    SharedMotors motors;
+    SharedBoard board(motors);
+    MotorGate gate(board);
     {
-        const CrashGuard guard(board);
-        EXPECT_THROW(const CrashGuard second(board), std::logic_error);
+        const CrashGuard guard(gate);
+        EXPECT_THROW(const CrashGuard second(gate), std::logic_error);
     }
-    EXPECT_NO_THROW(const CrashGuard again(board));
+    EXPECT_NO_THROW(const CrashGuard again(gate));
 }
 
 }  // namespace

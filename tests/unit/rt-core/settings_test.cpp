@@ -30,6 +30,8 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.queue_ticks, b.queue_ticks);
     EXPECT_EQ(a.board.check_echo, b.board.check_echo);
     EXPECT_EQ(a.board.simple_phase, b.board.simple_phase);
+    EXPECT_EQ(a.watchdog.limit_ns, b.watchdog.limit_ns);
+    EXPECT_EQ(a.watchdog.priority, b.watchdog.priority);
     EXPECT_EQ(a.tick.period_ns, b.tick.period_ns);
     EXPECT_EQ(a.tick.variant.name, b.tick.variant.name);
     EXPECT_EQ(a.tick.variant.minimum_tension, b.tick.variant.minimum_tension);
@@ -111,8 +113,17 @@ TEST(Settings, RefuseAnUnknownKeyWithItsLine) {
                 ThrowsMessage<ConfigError>(testing::AllOf(HasSubstr("test.toml:3"), HasSubstr("priorty"))));
 }
 
-TEST(Settings, NeverTakePriority99) {
-    EXPECT_THAT([] { (void)read("[loop]\npriority = 99\n"); }, ThrowsMessage<ConfigError>(HasSubstr("loop.priority")));
+TEST(Settings, LeavePriority98ToTheWatchdogAnd99ToTheKernel) {
+    for (const char* priority : {"98", "99"}) {
+        EXPECT_THAT([priority] { (void)read(std::string("[loop]\npriority = ") + priority + "\n"); },
+                    ThrowsMessage<ConfigError>(HasSubstr("loop.priority")));
+    }
+    EXPECT_EQ(read("[loop]\npriority = 97\n").watchdog.priority, 98);
+}
+
+TEST(Settings, RefuseAWatchdogThatWouldNotWaitForATick) {
+    EXPECT_THAT([] { (void)read("[loop]\nperiod_s = 0.02\n[safety]\nwatchdog_s = 0.05\n"); },
+                ThrowsMessage<ConfigError>(HasSubstr("safety.watchdog_s")));
 }
 
 TEST(Settings, TensionsOnlyNarrowThoseOfTheVariant) {

@@ -19,7 +19,7 @@ namespace haptic::rt {
 
 struct LoopSettings {
     std::int64_t period_ns = 1'000'000;  // ns
-    int priority = 80;                   // SCHED_FIFO, 1..98: 99 belongs to the kernel's own threads
+    int priority = 80;                   // SCHED_FIFO, 1..97: the watchdog has the next one, the kernel's threads 99
     int cpu = -1;                        // -1: the last one that the process may use
     int warm_up_ticks = 200;             // disarmed, before measuring begins: caches, branch predictors and pages
 };

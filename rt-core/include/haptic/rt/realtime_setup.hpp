@@ -41,6 +41,13 @@ void prepare_process(RealtimeSetup& setup);
 /// stack touched. Each refusal is added to setup.missing; the others still take effect.
 void prepare_thread(RealtimeSetup& setup, int priority, int cpu);
 
+/// A thread that looks after the loop: SCHED_FIFO at a priority where the kernel allows it, and on any processor but
+/// the loop's (as for prepare_thread) if there is another. Where it is refused the thread goes on as it is.
+void prepare_side_thread(int priority, int loop_cpu);
+
+/// Bytes of stack of such a thread.
+inline constexpr std::size_t kSideStackBytes = std::size_t{1} << 20;
+
 /// Bytes of stack that the real-time thread has, of which glibc takes its thread-local storage, a sanitizer's included;
 /// and that it touches: a tick needs a fraction of it.
 inline constexpr std::size_t kStackBytes = std::size_t{4} << 20;

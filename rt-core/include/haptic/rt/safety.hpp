@@ -63,6 +63,9 @@ class SafetyMachine {
     /// Orderly: as a fault, with the bit HAPTIC_FAULT_STOP.
     void stop() HAPTIC_RT;
 
+    /// Disarmed at once and without a fade, whatever the state: the motors already carry zero. The bits stay latched.
+    void cut(std::uint32_t bits) HAPTIC_RT;
+
     /// What the caller has to do with its counters after update().
     enum class Calibration : std::uint8_t { None, Restart, Take };
 

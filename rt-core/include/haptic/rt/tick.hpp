@@ -10,6 +10,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 
@@ -20,6 +21,7 @@
 #include "haptic/ring.hpp"
 #include "haptic/rt/encoder.hpp"
 #include "haptic/rt/frame_source.hpp"
+#include "haptic/rt/heartbeat.hpp"
 #include "haptic/rt/instruments.hpp"
 #include "haptic/rt/kinematics.hpp"
 #include "haptic/rt/limits.hpp"
@@ -90,6 +92,16 @@ class Tick {
     /// Sends zero to all motors once, whatever the state; for the way out.
     device::ExchangeStatus send_zero(std::int64_t now_ns) HAPTIC_RT;
 
+    /// From any thread: disarmed from the next tick on, at once, with these bits HAPTIC_FAULT_*, for good. For who has
+    /// sent zeros over the tick's head.
+    void cut(std::uint32_t faults) HAPTIC_RT { cut_.fetch_or(faults); }
+    /// From any thread, once the tick's thread hangs: takes instruments(), black_box(), last() and faults() away from
+    /// it, so that they may be read; false if it is not within an exchange with the board. When that exchange ends
+    /// after all, its thread sleeps for ever: the process must be left by _exit().
+    [[nodiscard]] bool abandon() HAPTIC_RT { return records_.take(); }
+    /// Beats at the end of each tick, once begun.
+    [[nodiscard]] Heartbeat& heart() HAPTIC_RT { return heart_; }
+
     /// Also keeps each further tick in a recorder, which must outlive the tick; nullptr for none.
     void record_to(Recorder* recorder) HAPTIC_RT { recorder_ = recorder; }
 
@@ -108,6 +120,7 @@ class Tick {
     Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<FrameSource> owned, FrameSource* frames,
          RingWriter<DeviceState>& states, StageClock clock);
     void begin(const TickTime& time) HAPTIC_RT;
+    [[nodiscard]] device::ExchangeStatus exchange(device::BoardReading& reading, std::int64_t now_ns) HAPTIC_RT;
     void exchange_in(const TickTime& time) HAPTIC_RT;
     void measure_pose(const TickTime& time) HAPTIC_RT;
     void watch_health() HAPTIC_RT;
@@ -142,6 +155,10 @@ class Tick {
     ThermalModel thermal_;
     TensionSolver tension_solver_;
     BlackBox black_box_;
+
+    std::atomic<std::uint32_t> cut_{0};  // faults for which others have cut the motors off
+    RecordOwner records_;
+    Heartbeat heart_;
 
     device::MotorCommand command_;  // sent last
     device::BoardReading reading_;

@@ -10,6 +10,9 @@ namespace haptic::rt {
 /// Sleeps until an instant of CLOCK_MONOTONIC; at once if it has passed.
 void sleep_until(std::int64_t deadline_ns) HAPTIC_RT;
 
+/// Never returns: for a thread whose work was taken away from it.
+[[noreturn]] void sleep_for_ever() HAPTIC_RT;
+
 /// What the kernel has counted of the calling thread since it began.
 struct ThreadUsage {
     std::int64_t page_faults = 0;         // minor and major

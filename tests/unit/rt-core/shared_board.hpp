@@ -1,0 +1,101 @@
+// An emulated board whose motors another process can see, after the death of the one that drove them; and whose
+// exchange can be made to hang.
+#pragma once
+
+#include <sys/mman.h>
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <ctime>
+#include <new>
+#include <system_error>
+
+#include "haptic/device/emulated_board.hpp"
+
+namespace haptic::rt::test {
+
+/// What the motors hold, in memory that a child process shares.
+struct SharedMotors {
+    std::array<std::atomic<std::int16_t>, kStrings> digits{};
+    std::atomic<int> zeros_sent{0};     // by zero_motors()
+    std::atomic<bool> hang{false};      // the next exchange does not return while this is set
+    std::atomic<bool> hanging{false};   // one is waiting
+    std::atomic<bool> overflow{false};  // the next exchange needs more stack than there is
+    std::atomic<bool> ready{false};     // for the test to use
+
+    void set(const device::MotorCommand& command) {
+        for (std::size_t i = 0; i < kStrings; ++i) {
+            digits[i].store(command.digits[i]);
+        }
+    }
+    [[nodiscard]] int sum() const {
+        int sum = 0;
+        for (const auto& digit : digits) {
+            sum += digit.load();
+        }
+        return sum;
+    }
+};
+
+class SharedMotorsPage {
+  public:
+    SharedMotorsPage()
+        : memory_(mmap(nullptr, sizeof(SharedMotors), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)) {
+        if (memory_ == MAP_FAILED) {
+            throw std::system_error(errno, std::generic_category(), "mmap");
+        }
+        motors_ = new (memory_) SharedMotors;
+    }
+    SharedMotorsPage(const SharedMotorsPage&) = delete;
+    SharedMotorsPage& operator=(const SharedMotorsPage&) = delete;
+    ~SharedMotorsPage() { munmap(memory_, sizeof(SharedMotors)); }
+    [[nodiscard]] SharedMotors& operator*() const { return *motors_; }
+    [[nodiscard]] SharedMotors* operator->() const { return motors_; }
+
+  private:
+    void* memory_;
+    SharedMotors* motors_ = nullptr;
+};
+
+inline void sleep_ms(int milliseconds) {
+    const timespec time{milliseconds / 1000, milliseconds % 1000 * 1'000'000L};
+    nanosleep(&time, nullptr);
+}
+
+inline int use_stack(int depth) HAPTIC_RT {
+    std::array<volatile char, 4096> frame;  // NOLINT(*-member-init)
+    frame[0] = static_cast<char>(depth);
+    return depth < 0 ? 0 : use_stack(depth + 1) + frame[0];
+}
+
+class SharedBoard final : public device::Board {
+  public:
+    explicit SharedBoard(SharedMotors& motors) : motors_(&motors), board_({.variant = device::spidar_g6_x3r()}) {}
+
+    device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
+                                    std::int64_t now_ns) HAPTIC_RT override {
+        HAPTIC_RT_EXCEPTION_BEGIN("hangs, and only where a test asks for it")
+        while (motors_->hang.load()) {
+            motors_->hanging.store(true);
+            sleep_ms(1);
+        }
+        HAPTIC_RT_EXCEPTION_END
+        motors_->hanging.store(false);
+        if (motors_->overflow.load()) {
+            use_stack(0);
+        }
+        motors_->set(command);
+        return board_.exchange(command, reading, now_ns);
+    }
+    void zero_motors(std::int64_t /*now_ns*/) HAPTIC_RT override {
+        motors_->set(device::MotorCommand{});
+        motors_->zeros_sent.fetch_add(1);
+    }
+
+  private:
+    SharedMotors* motors_;
+    device::EmulatedBoard board_;
+};
+
+}  // namespace haptic::rt::test
