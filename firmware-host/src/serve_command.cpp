@@ -70,17 +70,20 @@ Variant variant_of(const std::string& name_or_path) {
     }
 }
 
-std::unique_ptr<Server> serve_usbip(const std::string& text, const Variant& variant, Firmware& firmware) {
-    NetworkAddress address;
-    UsbIdentity identity;
+/// Where to listen for a variant that can be served over USB.
+NetworkAddress usbip_address(const std::string& text, const Variant& variant) {
     try {
-        address = parse_network_address(text);
-        identity = usb_identity(variant.board);
+        static_cast<void>(usb_identity(variant.board));
+        return parse_network_address(text);
     } catch (const std::invalid_argument& error) {
         throw CLI::ValidationError("--usbip", error.what());
     }
+}
+
+std::unique_ptr<Server> serve_usbip(const NetworkAddress& address, const Variant& variant, Firmware& firmware) {
     auto server = std::make_unique<UsbipServer>(address, variant.board, firmware,
                                                 [](std::string_view line) { say("usbip: " + std::string(line)); });
+    const UsbIdentity identity = usb_identity(variant.board);
     const NetworkAddress& real = server->address();
     std::printf("usbip: %s as %04x:%04x, bus id 1-1, listening on %s:%u\n", variant.name.c_str(), identity.vendor,
                 identity.product, real.host.c_str(), static_cast<unsigned>(real.port));
@@ -150,6 +153,7 @@ void run_serve(const ServeArguments& arguments) {
         throw CLI::ValidationError("--hand-delay", "needs 0 to 3600 s");
     }
     const Variant variant = variant_of(arguments.variant);
+    const NetworkAddress address = usbip_address(arguments.usbip, variant);
     const StopSignals signals;
     EmulatedDevice device({.variant = variant,
                            .hand = arguments.hand ? hand_from_centre(*arguments.hand) : PoseTrack(),
@@ -158,7 +162,7 @@ void run_serve(const ServeArguments& arguments) {
     HandKeeper firmware(*board, device, nanoseconds(arguments.hand_delay_s));
 
     std::vector<std::unique_ptr<Server>> servers;
-    servers.push_back(serve_usbip(arguments.usbip, variant, firmware));
+    servers.push_back(serve_usbip(address, variant, firmware));
     serve_until_stopped(servers, signals);
     say("stopped");
 }
