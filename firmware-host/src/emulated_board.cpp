@@ -1,8 +1,10 @@
 #include "haptic/device/emulated_board.hpp"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
+#include "haptic/device/faulty_firmware.hpp"
 #include "haptic/device/sh4_board.hpp"
 #include "haptic/device/simple_board.hpp"
 
@@ -61,7 +63,9 @@ void EmulatedTransport::drain() {
     }
 }
 
-std::unique_ptr<Firmware> make_firmware(BoardKind kind, EmulatedDevice& device) {
+namespace {
+
+std::unique_ptr<Firmware> make_sound_firmware(BoardKind kind, EmulatedDevice& device) {
     switch (kind) {
         case BoardKind::Sh4:
             return std::make_unique<Sh4Firmware>(device);
@@ -71,6 +75,17 @@ std::unique_ptr<Firmware> make_firmware(BoardKind kind, EmulatedDevice& device) 
             break;
     }
     throw std::invalid_argument("emulated board: variant '" + device.variant().name + "' has a board without firmware");
+}
+
+}  // namespace
+
+std::unique_ptr<Firmware> make_firmware(BoardKind kind, EmulatedDevice& device) {
+    std::unique_ptr<Firmware> firmware = make_sound_firmware(kind, device);
+    const std::vector<Fault>& faults = device.faults();
+    if (std::any_of(faults.begin(), faults.end(), [](const Fault& fault) { return is_of_packets(fault.kind); })) {
+        firmware = std::make_unique<FaultyFirmware>(std::move(firmware), device, faults);
+    }
+    return firmware;
 }
 
 std::unique_ptr<Board> make_board(BoardKind kind, Transport& transport, const BoardOptions& options) {

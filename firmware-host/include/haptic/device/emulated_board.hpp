@@ -28,7 +28,8 @@ class EmulatedTransport final : public Transport {
     Firmware* firmware_;
 };
 
-/// The firmware of a kind of board, in front of a device that outlives it.
+/// The firmware of a kind of board, in front of a device that outlives it; behind a faulty cable if the device's
+/// settings want faults of packets.
 [[nodiscard]] std::unique_ptr<Firmware> make_firmware(BoardKind kind, EmulatedDevice& device);
 /// The driver of a kind of board, over a transport that outlives it.
 [[nodiscard]] std::unique_ptr<Board> make_board(BoardKind kind, Transport& transport, const BoardOptions& options = {});

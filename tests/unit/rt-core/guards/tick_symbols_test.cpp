@@ -49,7 +49,8 @@ const std::vector<std::string>& roots() {
         "haptic::device::SimpleBoard::exchange", "haptic::device::SimpleFirmware::receive",
         "haptic::device::SimpleFirmware::reply", "haptic::rt::HeldHandBoard::exchange",
         "haptic::rt::RingFrames::read_newest",   "haptic::monotonic_now_ns",
-        "haptic::rt::MotorGate::exchange",
+        "haptic::rt::MotorGate::exchange",       "haptic::device::FaultyFirmware::receive",
+        "haptic::device::FaultyFirmware::reply", "haptic::device::FaultyFirmware::connected",
     };
     return names;
 }
