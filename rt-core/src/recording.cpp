@@ -90,6 +90,9 @@ constexpr Column kColumns[] = {
     {"frame_read", kOne, [](R r, int) -> CsvCell { return whole(r.tick.frame_read); }},  // FrameDefect; -1: none taken
     {"frame_sequence", kOne, [](R r, int) -> CsvCell { return whole(r.tick.frame_sequence); }},
     {"in_contact", kOne, [](R r, int) -> CsvCell { return whole(r.tick.in_contact); }},  // particles
+    {"energy_j", kOne, [](R r, int) -> CsvCell { return r.tick.energy; }},               // of the passivity observer
+    {"rotation_energy_j", kOne, [](R r, int) -> CsvCell { return r.tick.rotation_energy; }},
+    {"passivity_scale", kOne, [](R r, int) -> CsvCell { return r.tick.passivity_scale; }},  // left of the wrench
 };
 
 template <class Visit>

@@ -46,10 +46,19 @@ double surface_speed(const Vec3& n, const ProxyContact& contact, std::uint8_t ac
         }
         deepest = deepest < 0 || along[i] > along[deepest] ? i : deepest;
     }
+    if (speeds == Vec3(0.0)) {
+        return 0.0;  // resting surfaces are the rule, and need no inverse
+    }
     if (std::fabs(glm::determinant(gram)) < kParallel) {
         return along[deepest] * speeds[deepest];
     }
     return glm::dot(glm::inverse(gram) * along, speeds);
+}
+
+/// Planes move on by their velocity only so far, and then stand.
+bool move_still(const ContactFrame& frame, std::int64_t time_ns, std::int64_t horizon_ns) HAPTIC_RT {
+    std::int64_t age_ns = 0;  // the times come from another process: their difference may not fit
+    return !__builtin_sub_overflow(time_ns, frame.plane_time_ns, &age_ns) && age_ns <= horizon_ns;
 }
 
 }  // namespace
@@ -64,6 +73,7 @@ Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocit
     }
     const Mat3 turn = glm::mat3_cast(grip.orientation);
     const auto horizon_ns = static_cast<std::int64_t>(kHorizonSteps * static_cast<double>(frame.step_ns));
+    const bool planes_move = move_still(frame, time_ns, horizon_ns);
     const std::size_t count = std::min<std::size_t>(frame.proxy_count, kMaxProxies);
     for (std::size_t i = 0; i < count; ++i) {
         const ProxyContact& particle = frame.proxies[i];
@@ -87,16 +97,19 @@ Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocit
         }
         ++contact.in_contact;
         const Vec3 n = apart / depth;
+        const double speed = surface_speed(n, particle, proxy.active);
         double surface_push = 0.0;
         double brake = 0.0;
         if (frame.damping > 0.0) {
             const Vec3 goal_velocity = velocity.linear + glm::cross(velocity.angular, lever);
-            surface_push = frame.damping * surface_speed(n, particle, proxy.active);
+            surface_push = frame.damping * speed;
             brake = frame.damping * glm::dot(goal_velocity, n);
         }
         push[i] += share * (surface_push - push[i]);
         const double strength = frame.stiffness * depth + push[i] - brake;
         const Vec3 force = std::max(0.0, strength) * n;
+        contact.stored += 0.5 * frame.stiffness * depth * depth;
+        contact.surface_power += planes_move ? std::max(0.0, strength) * speed : 0.0;
         contact.wrench.force += force;
         contact.wrench.torque += glm::cross(lever, force);
     }
@@ -104,6 +117,8 @@ Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocit
         const double part = 1.0 / static_cast<double>(count);
         contact.wrench.force *= part;
         contact.wrench.torque *= part;
+        contact.stored *= part;
+        contact.surface_power *= part;
         contact.wrench.torque -=
             frame.rotational_damping * part * static_cast<double>(contact.in_contact) * velocity.angular;
     }
@@ -126,6 +141,9 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
         begin_blend();
     }
     current_ = 1 - current_;
+    ContactFrame& taken = frames_[current_];
+    stiffness_limited_[current_] = taken.stiffness > settings_.largest_stiffness;
+    taken.stiffness = std::min(taken.stiffness, settings_.largest_stiffness);
     have_frame_ = true;
     received_ns_ = now_ns;
     return FrameDefect::None;
@@ -164,10 +182,14 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
         Wrench& wrench = result.contact.wrench;
         wrench.force = fade * (taken * wrench.force + (1.0 - taken) * blend_from_.force);
         wrench.torque = fade * (taken * wrench.torque + (1.0 - taken) * blend_from_.torque);
+        result.contact.surface_power *= fade * taken;
+        result.stiffness_limited = stiffness_limited_[current_];
     }
     if (!finite(result.contact.wrench)) {
         // A stiffness without measure; what is felt next must not blend from it.
         result.contact.wrench = Wrench{};
+        result.contact.stored = 0.0;
+        result.contact.surface_power = 0.0;
         push_.fill(0.0);
     }
     last_ = result.contact.wrench;

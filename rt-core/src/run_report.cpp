@@ -111,6 +111,8 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
         {"peak", {{"force_n", m.peak_force}, {"torque_nm", m.peak_torque}}},
         {"motors", {{"peak_load", m.peak_motor_load}, {"derated_ticks", m.derated_ticks}}},
         {"contact_ticks", m.contact_ticks},
+        {"passivity", {{"energy_min_j", m.least_energy}, {"active_ticks", m.passivity_ticks}}},
+        {"stiffness_limited_ticks", m.stiffness_limited_ticks},
         {"unreachable_ticks", m.unreachable_ticks},
         {"records_dropped", result.records_dropped},
         {"record_frames_dropped", result.frames_dropped},

@@ -6,6 +6,7 @@
 
 #include "haptic/device/variant_file.hpp"
 #include "haptic/types.hpp"
+#include "passivity_settings.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -120,6 +121,7 @@ Settings read_settings(const Config& config) {
     read_device(config, settings.tick);
     settings.board = read_board_options(config);
     read_force(config, settings.tick);
+    read_passivity(config, settings.tick);
     read_safety(config, settings.tick.safety);
     read_watchdog(config, settings);
     read_motors(config, settings.tick);

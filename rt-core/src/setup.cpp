@@ -35,6 +35,15 @@ TickSettings checked(const TickSettings& settings) {
                 settings.limits.torque_rate > 0.0,
             "limits of the wrench must not be negative, and those of its rate must be positive");
     require(settings.tension_rate > 0.0, "tension_rate must be positive");
+    require(settings.frames.largest_stiffness >= 0.0, "largest_stiffness must not be negative");
+    const PassivitySettings& passivity = settings.passivity;
+    require(passivity.allowance >= 0.0 && passivity.store >= 0.0 && passivity.surface_power >= 0.0 &&
+                passivity.damping >= 0.0 && passivity.rotational_damping >= 0.0 && passivity.largest_damping >= 0.0 &&
+                passivity.largest_rotational_damping >= 0.0 && passivity.brake >= 0.0 &&
+                passivity.rotational_brake >= 0.0 && passivity.damping_credit >= 0.0,
+            "energies, powers and dampings of the passivity controller must not be negative");
+    require(passivity.recovery_s >= 0.0 && passivity.forget_s > 0.0 && passivity.mass > 0.0 && passivity.inertia > 0.0,
+            "times, mass and inertia of the passivity controller must be positive");
     require(settings.black_box_ns >= settings.period_ns, "black_box_ns must hold at least one tick");
     return settings;
 }
@@ -107,6 +116,7 @@ Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<F
       pose_solver_(settings.variant),
       velocity_(settings.velocity_time_constant_s),
       renderer_(settings.frames),
+      passivity_(settings.passivity, settings.limits),
       limiter_(settings.limits),
       safety_(settings.safety),
       thermal_(thermal_settings(settings)),

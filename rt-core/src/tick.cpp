@@ -95,6 +95,8 @@ void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
 
 void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     jump_ = false;
+    motion_ = PassivityMotion{};
+    motion_.asked = held_command_.asked;
     if (!in_ok_) {
         return;
     }
@@ -103,9 +105,18 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
         jump_ = true;
         return;
     }
+    const Pose before = estimate_.pose;
     estimate_ = pose_solver_.solve(encoders_.lengths());
     velocity_.update(estimate_.pose, since_latch_ns);
+    // The tensions were held, but the wrench turned with the strings: its mean over the way.
+    const Wrench held_before = wrench_of_tensions(wires_, held_command_.tensions);
     wires_ = wire_matrix(settings_.variant, estimate_.pose);
+    const Wrench held_after = wrench_of_tensions(wires_, held_command_.tensions);
+    motion_.held = {0.5 * (held_before.force + held_after.force), 0.5 * (held_before.torque + held_after.torque)};
+    motion_.moved = estimate_.pose.position - before.position;
+    motion_.turned = rotation_between(before.orientation, estimate_.pose.orientation);
+    motion_.elapsed_s = seconds(since_latch_ns);
+    held_command_ = sent_command_;  // the board took the last command no later than now
     last_latch_ns_ = time.now_ns;
     latched_ = true;
 }
@@ -139,6 +150,7 @@ void Tick::watch_health() HAPTIC_RT {
 void Tick::calibrate() HAPTIC_RT {
     encoders_.calibrate();
     reset_pose();
+    passivity_.reset();
     limiter_.reset();
     tension_solver_.reset();
 }
@@ -147,6 +159,7 @@ void Tick::reset_pose() HAPTIC_RT {
     estimate_ = PoseEstimate{};
     pose_solver_.reset(estimate_.pose);
     velocity_.reset(estimate_.pose);
+    motion_ = PassivityMotion{};
     wires_ = wire_matrix(settings_.variant, estimate_.pose);
 }
 
@@ -177,14 +190,31 @@ void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     record_.frame_age_ns = rendered.frame_age_ns;
     set_flag(rendered.stale, HAPTIC_TICK_FRAME_STALE);
 
+    set_flag(rendered.stiffness_limited, HAPTIC_TICK_STIFFNESS_LIMITED);
+
     Wrench wanted;
     if (safety_.state() == SafetyState::Running) {
-        const WrenchLimiter::Result limited = limiter_.apply(rendered.contact.wrench, elapsed_ns_);
+        const WrenchLimiter::Result limited = limiter_.apply(keep_passive(rendered.contact), elapsed_ns_);
         set_flag(limited.size_limited, HAPTIC_TICK_FORCE_LIMITED);
         set_flag(limited.rate_limited, HAPTIC_TICK_SLEW_LIMITED);
         wanted = limited.wrench;
     }
     record_.rendered = safety_.shape(wanted);
+}
+
+Wrench Tick::keep_passive(const Contact& contact) HAPTIC_RT {
+    // With one exchange a tick the next command waits for the tick after.
+    const double period_s = seconds(settings_.period_ns) * (settings_.exchanges == 1 ? 2.0 : 1.0);
+    const Passivity::Result passive = passivity_.apply(motion_, {.wrench = contact.wrench,
+                                                                 .stored = contact.stored,
+                                                                 .surface_power = contact.surface_power,
+                                                                 .elapsed_s = seconds(elapsed_ns_),
+                                                                 .period_s = period_s});
+    set_flag(passive.acted, HAPTIC_TICK_PASSIVITY_LIMITED);
+    record_.energy = passivity_.energy();
+    record_.rotation_energy = passivity_.rotation_energy();
+    record_.passivity_scale = passive.scale;
+    return passive.wrench;
 }
 
 void Tick::distribute() HAPTIC_RT {
@@ -211,6 +241,8 @@ void Tick::distribute() HAPTIC_RT {
         record_.tensions[i] = device::tension_of_digit(command_.digits[i], newtons_per_digit);
     }
     record_.made = wrench_of_tensions(wires_, record_.tensions);
+    const Wrench& asked = record_.rendered;
+    sent_command_ = {record_.tensions, asked.force != Vec3(0.0) || asked.torque != Vec3(0.0)};
 }
 
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
@@ -226,6 +258,9 @@ void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
     for (std::size_t i = 0; i < kStrings; ++i) {
         // A command whose answer is missing may have arrived or not.
         held_[i] = out_ok ? record_.tensions[i] : std::max(held_[i], record_.tensions[i]);
+    }
+    if (settings_.exchanges == 2 && out_ok) {
+        held_command_ = sent_command_;
     }
 }
 
@@ -266,6 +301,9 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
     m.failed_exchanges += (record_.flags & HAPTIC_TICK_EXCHANGE_FAILED) != 0 ? 1u : 0u;
     m.stale_ticks += (record_.flags & HAPTIC_TICK_FRAME_STALE) != 0 ? 1u : 0u;
     m.unreachable_ticks += (record_.flags & HAPTIC_TICK_WRENCH_UNREACHABLE) != 0 ? 1u : 0u;
+    m.stiffness_limited_ticks += (record_.flags & HAPTIC_TICK_STIFFNESS_LIMITED) != 0 ? 1u : 0u;
+    m.passivity_ticks += (record_.flags & HAPTIC_TICK_PASSIVITY_LIMITED) != 0 ? 1u : 0u;
+    m.least_energy = std::min(m.least_energy, record_.energy);
     m.contact_ticks += record_.in_contact > 0 ? 1u : 0u;
     m.derated_ticks += (record_.flags & HAPTIC_TICK_DERATED) != 0 ? 1u : 0u;
     for (std::size_t i = 0; i < kStrings; ++i) {

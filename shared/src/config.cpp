@@ -431,6 +431,11 @@ bool Config::has(const std::string& key) const {
     return state_->find(key) != nullptr;
 }
 
+bool Config::has_text(const std::string& key) const {
+    const toml::node* const node = state_->find(key);
+    return node != nullptr && node->is_string();
+}
+
 void Config::fail(const std::string& key, const std::string& problem) const {
     state_->fail(key, problem);
 }

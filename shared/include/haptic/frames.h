@@ -91,7 +91,9 @@ enum {
     HAPTIC_TICK_SLEW_LIMITED = 1u << 4,       /* the wrench met its limit of rate */
     HAPTIC_TICK_WRENCH_UNREACHABLE = 1u << 5, /* strings within bounds cannot make the wrench; the closest was sent */
     HAPTIC_TICK_EXCHANGE_FAILED = 1u << 6,    /* no encoder packet: the last pose was kept */
-    HAPTIC_TICK_DERATED = 1u << 7             /* a warm motor may pull less than usual */
+    HAPTIC_TICK_DERATED = 1u << 7,            /* a warm motor may pull less than usual */
+    HAPTIC_TICK_STIFFNESS_LIMITED = 1u << 8,  /* the frame's stiffness was lowered: rate and damping allow no more */
+    HAPTIC_TICK_PASSIVITY_LIMITED = 1u << 9   /* the wrench was changed so that it gives no energy that never came in */
 };
 
 typedef struct haptic_device_state {

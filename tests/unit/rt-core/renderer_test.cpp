@@ -62,6 +62,34 @@ TEST(Render, MovesPlanesOnForOneAndAHalfStepsAndNoLonger) {
     EXPECT_NEAR(depth(80'000'000), 0.0025, 1e-12);
 }
 
+TEST(Render, TellsTheEnergyOfItsSpringsAndThePowerOfMovingSurfaces) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.proxies[0].planes[0].velocity = 0.05;
+    frame.proxy_count = 2;  // the second in free space
+    const Contact contact = render(frame, at(-0.004), {}, 0);
+    EXPECT_NEAR(contact.stored, 0.5 * kStiffness * 0.004 * 0.004 / 2.0, 1e-15);
+    EXPECT_NEAR(contact.surface_power, 0.05 * kStiffness * 0.004 / 2.0, 1e-15);
+    // Beyond the horizon planes stand, and bring nothing.
+    EXPECT_EQ(render(frame, at(-0.004), {}, 16'000'000).surface_power, 0.0);
+    EXPECT_GT(render(frame, at(-0.004), {}, 15'000'000).surface_power, 0.0);
+}
+
+TEST(FrameRenderer, RendersNoMoreThanTheLargestStiffnessAndSaysSo) {
+    FrameSettings settings;
+    settings.largest_stiffness = 600.0;
+    const auto renderer = std::make_unique<FrameRenderer>(settings);
+    for (const double asked : {500.0, 2000.0, 600.0}) {
+        renderer->inbox() = floor_frame(0.0, asked, 0);
+        ASSERT_EQ(renderer->accept(0), FrameDefect::None);
+        FrameRenderer::Result result;
+        for (int i = 0; i < 60; ++i) {  // past the ramp
+            result = renderer->render(at(-0.002), {}, 0, kTickNs);
+        }
+        EXPECT_NEAR(result.contact.wrench.force.y, std::min(asked, 600.0) * 0.002, 1e-12);
+        EXPECT_EQ(result.stiffness_limited, asked > 600.0);
+    }
+}
+
 TEST(Render, DampsTheMotionOfTheGripRelativeToTheSurface) {
     ContactFrame frame = floor_frame(0.0, kStiffness, 0);
     frame.damping = 10.0;  // N*s/m

@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -48,6 +49,21 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.tick.limits.torque, b.tick.limits.torque);
     EXPECT_EQ(a.tick.limits.force_rate, b.tick.limits.force_rate);
     EXPECT_EQ(a.tick.limits.torque_rate, b.tick.limits.torque_rate);
+    EXPECT_EQ(a.tick.passivity.control, b.tick.passivity.control);
+    EXPECT_EQ(a.tick.passivity.allowance, b.tick.passivity.allowance);
+    EXPECT_EQ(a.tick.passivity.store, b.tick.passivity.store);
+    EXPECT_EQ(a.tick.passivity.recovery_s, b.tick.passivity.recovery_s);
+    EXPECT_EQ(a.tick.passivity.brake, b.tick.passivity.brake);
+    EXPECT_EQ(a.tick.passivity.rotational_brake, b.tick.passivity.rotational_brake);
+    EXPECT_EQ(a.tick.passivity.forget_s, b.tick.passivity.forget_s);
+    EXPECT_EQ(a.tick.passivity.surface_power, b.tick.passivity.surface_power);
+    EXPECT_EQ(a.tick.passivity.damping, b.tick.passivity.damping);
+    EXPECT_EQ(a.tick.passivity.rotational_damping, b.tick.passivity.rotational_damping);
+    EXPECT_EQ(a.tick.passivity.damping_credit, b.tick.passivity.damping_credit);
+    EXPECT_EQ(a.tick.passivity.mass, b.tick.passivity.mass);
+    EXPECT_EQ(a.tick.passivity.inertia, b.tick.passivity.inertia);
+    EXPECT_EQ(a.tick.passivity.largest_damping, b.tick.passivity.largest_damping);
+    EXPECT_EQ(a.tick.passivity.largest_rotational_damping, b.tick.passivity.largest_rotational_damping);
     EXPECT_EQ(a.tick.safety.tension_ramp_ns, b.tick.safety.tension_ramp_ns);
     EXPECT_EQ(a.tick.safety.calibration_hold_ns, b.tick.safety.calibration_hold_ns);
     EXPECT_EQ(a.tick.safety.calibration_movement, b.tick.safety.calibration_movement);
@@ -66,6 +82,28 @@ TEST(Settings, OfTheInstalledFileAreTheBuiltInOnes) {
     const Settings built_in;
     expect_equal(read(std::string(default_config_text())), built_in);
     expect_equal(read(""), built_in);
+}
+
+TEST(Settings, LimitTheStiffnessToWhatPeriodAndDampingAllow) {
+    const auto limit = [](const std::string& toml) { return read(toml).tick.frames.largest_stiffness; };
+    EXPECT_DOUBLE_EQ(limit(""), 600.0);  // 2 * 0.3 / 0.001
+    EXPECT_DOUBLE_EQ(limit("[loop]\nperiod_s = 0.0005\n"), 1200.0);
+    EXPECT_DOUBLE_EQ(limit("[device]\nexchanges = \"one\"\n"), 200.0);
+    EXPECT_DOUBLE_EQ(limit("[limits]\nstiffness_delay_s = 0.001\n"), 200.0);
+    EXPECT_NEAR(limit("[device]\nfriction = 0.004\n"), 2.0 * 0.004 / 1.66555e-5, 1e-6);
+    EXPECT_EQ(limit("[limits]\nstiffness = \"none\"\n"), std::numeric_limits<double>::infinity());
+    EXPECT_EQ(limit("[limits]\nstiffness = 250\n"), 250.0);
+    EXPECT_THAT([&] { limit("[limits]\nstiffness = \"much\"\n"); },
+                ThrowsMessage<ConfigError>(HasSubstr("test.toml:2: limits.stiffness")));
+    EXPECT_THAT([&] { limit("[limits]\nstiffness = 0\n"); },
+                ThrowsMessage<ConfigError>(HasSubstr("test.toml:2: limits.stiffness")));
+}
+
+TEST(Settings, ChooseThePassivityController) {
+    EXPECT_EQ(read("").tick.passivity.control, PassivityControl::Bound);
+    EXPECT_EQ(read("[passivity]\ncontrol = \"damp\"\n").tick.passivity.control, PassivityControl::Damp);
+    EXPECT_EQ(read("[passivity]\ncontrol = \"observe\"\n").tick.passivity.control, PassivityControl::Observe);
+    EXPECT_EQ(read("[device]\ndamping = 0.1\n").tick.passivity.damping, 0.1);
 }
 
 TEST(Settings, OfTheInstalledFileNameEveryKey) {

@@ -142,6 +142,8 @@ TickSettings quick_motors() {
     TickSettings settings;
     settings.motors.continuous_share = 0.1;
     settings.motors.time_constant_s = 0.5;
+    // A floor that leaps under a resting hand has no energy for 8 N of its own.
+    settings.passivity.control = PassivityControl::Observe;
     return settings;
 }
 

@@ -33,6 +33,9 @@ struct Instruments {
     double peak_torque = 0.0;             // N*m
     std::uint64_t derated_ticks = 0;      // with a warm motor
     StringArray peak_motor_load{};        // of the thermal model; 1 is a fault
+    std::uint64_t passivity_ticks = 0;    // at which the passivity controller changed the wrench
+    std::uint64_t stiffness_limited_ticks = 0;
+    double least_energy = 0.0;  // J, of the passivity observer
 };
 
 }  // namespace haptic::rt

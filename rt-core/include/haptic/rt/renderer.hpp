@@ -15,6 +15,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 
 #include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
@@ -28,6 +29,8 @@ struct Contact {
     Wrench wrench;
     Vec3 proxy{0.0, 0.0, 0.0};     // m, local proxy of the first particle; the grip's position where there is none
     std::uint32_t in_contact = 0;  // particles
+    double stored = 0.0;           // J, in the springs: sum k |d|^2 / 2 / N
+    double surface_power = 0.0;    // W, that moving surfaces put into them: sum f_i v_surface . n / N
 };
 
 /// s_i of the equations above, N; zero while a particle is not in contact.
@@ -47,6 +50,8 @@ struct FrameSettings {
     std::int64_t stale_after_ns = 100'000'000;  // ns; a frame is fresh for at least this long, and for 3 of its steps
     std::int64_t fade_ns = 100'000'000;         // ns, in which the force of a stale frame goes to zero
     std::int64_t ramp_ns = 50'000'000;          // ns, in which the force of a new source is taken up
+    /// N/m; a frame that asks for more gets this much (passive_stiffness).
+    double largest_stiffness = std::numeric_limits<double>::infinity();
 };
 
 /// Keeps the newest good frame and joins what comes from it without a step: the force fades when frames stop, and
@@ -66,6 +71,7 @@ class FrameRenderer {
         std::uint64_t frame_sequence = 0;  // 0: no frame yet
         std::int64_t frame_age_ns = -1;    // since it was published; -1: no frame yet
         bool stale = false;                // there was a frame, and it is too old
+        bool stiffness_limited = false;    // it asked for more than largest_stiffness
     };
     /// elapsed_ns: since the last call.
     Result render(const Pose& grip, const Twist& velocity, std::int64_t now_ns, std::int64_t elapsed_ns) HAPTIC_RT;
@@ -78,6 +84,7 @@ class FrameRenderer {
     std::array<ContactFrame, 2> frames_{};
     std::size_t current_ = 0;
     bool have_frame_ = false;
+    std::array<bool, 2> stiffness_limited_{};  // of the frames
     std::int64_t received_ns_ = 0;
     double fade_ = 0.0;   // 1: fresh, 0: faded out
     double blend_ = 1.0;  // 0: blend_from_, 1: the frame

@@ -25,6 +25,7 @@
 #include "haptic/rt/instruments.hpp"
 #include "haptic/rt/kinematics.hpp"
 #include "haptic/rt/limits.hpp"
+#include "haptic/rt/passivity.hpp"
 #include "haptic/rt/recorder.hpp"
 #include "haptic/rt/renderer.hpp"
 #include "haptic/rt/safety.hpp"
@@ -53,6 +54,7 @@ struct TickSettings {
     double tension_rate = 3000.0;  // N/s, of one string; above what the limits of the wrench's rate can cause
     FrameSettings frames;
     WrenchLimits limits;
+    PassivitySettings passivity;
     SafetySettings safety;
     MotorSettings motors;
     std::int64_t black_box_ns = 2 * kNanosecondsPerSecond;  // ns, of ticks that are always kept
@@ -128,6 +130,7 @@ class Tick {
     void reset_pose() HAPTIC_RT;
     void take_frame(const TickTime& time) HAPTIC_RT;
     void render_wrench(const TickTime& time) HAPTIC_RT;
+    [[nodiscard]] Wrench keep_passive(const Contact& contact) HAPTIC_RT;
     void distribute() HAPTIC_RT;
     void exchange_out(const TickTime& time) HAPTIC_RT;
     void warm_motors() HAPTIC_RT;
@@ -150,6 +153,7 @@ class Tick {
     PoseSolver pose_solver_;
     VelocityFilter velocity_;
     FrameRenderer renderer_;
+    Passivity passivity_;
     WrenchLimiter limiter_;
     SafetyMachine safety_;
     ThermalModel thermal_;
@@ -185,6 +189,15 @@ class Tick {
     bool jump_ = false;
     bool late_ = false;
     bool solve_tensions_ = false;  // the pose is calibrated, so that a wrench can be distributed
+
+    /// What the motors hold, for the passivity observer.
+    struct HeldCommand {
+        StringArray tensions{};
+        bool asked = false;  // a wrench other than zero was asked of them
+    };
+    HeldCommand sent_command_;  // as sent, or still to be sent
+    HeldCommand held_command_;  // by the motors
+    PassivityMotion motion_;    // since the last tick, under what was held
 };
 
 }  // namespace haptic::rt

@@ -32,11 +32,14 @@ struct TickRecord {
     std::int64_t compute_ns = 0;  // from wake-up's return to the end of the tick, by the stage clock
     Pose pose;                    // device_from_grip
     Twist velocity;
-    Wrench rendered;            // after limits and fades: what the strings were asked to make
-    Wrench made;                // by the tensions as the board has them, digits and all
-    Vec3 proxy{0.0, 0.0, 0.0};  // m, local proxy of the first particle
-    StringArray tensions{};     // N, as sent
-    double residual = 0.0;      // m, of the redundant lengths
+    Wrench rendered;               // after limits and fades: what the strings were asked to make
+    Wrench made;                   // by the tensions as the board has them, digits and all
+    double energy = 0.0;           // J, of the passivity observer; negative is energy that never came in
+    double rotation_energy = 0.0;  // J, the same of rotation alone
+    double passivity_scale = 1.0;  // share of the wrench that the passivity controller left
+    Vec3 proxy{0.0, 0.0, 0.0};     // m, local proxy of the first particle
+    StringArray tensions{};        // N, as sent
+    double residual = 0.0;         // m, of the redundant lengths
     std::uint64_t frame_sequence = 0;
     std::int64_t frame_age_ns = -1;  // -1: no frame yet
     std::uint32_t in_contact = 0;    // proxy particles
