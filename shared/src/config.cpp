@@ -1,5 +1,15 @@
 #include "haptic/config.hpp"
 
+// toml++ 3.3 asserts that a table's name begins as a name does, which a file such as "[.a]" does not, and without
+// assertions takes it for granted. Here it throws, in every build.
+namespace haptic {
+struct BrokenAssertion {};
+[[noreturn]] static void break_assertion() {
+    throw BrokenAssertion();
+}
+}  // namespace haptic
+#undef NDEBUG
+#define TOML_ASSERT(expr) ((expr) ? static_cast<void>(0) : haptic::break_assertion())
 #include <toml++/toml.h>
 
 #include <algorithm>
@@ -139,6 +149,74 @@ const toml::node* child(const toml::node& node, const std::string& part) {
     const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), index);
     const bool is_index = error == std::errc{} && end == part.data() + part.size();
     return array != nullptr && is_index ? array->get(index) : nullptr;
+}
+
+/// The end of a string in quotes that begins at `begin`: after its last quote, or where its line ends without one.
+std::size_t end_of_string(std::string_view toml, std::size_t begin) {
+    const char quote = toml[begin];
+    const std::string three(3, quote);
+    const bool multi_line = toml.substr(begin, 3) == three;
+    for (std::size_t i = begin + (multi_line ? 3 : 1); i < toml.size(); ++i) {
+        if (quote == '"' && toml[i] == '\\') {
+            ++i;
+        } else if (multi_line && toml.substr(i, 3) == three) {
+            // Up to two more quotes belong to the text itself.
+            std::size_t end = i + 3;
+            while (end < toml.size() && end < i + 5 && toml[end] == quote) {
+                ++end;
+            }
+            return end;
+        } else if (!multi_line && (toml[i] == quote || toml[i] == '\n')) {
+            return i + 1;
+        }
+    }
+    return toml.size();
+}
+
+/// Where the text has something else than ASCII outside of strings and comments, as TOML never has; its size if
+/// nowhere. toml++ 3.3 must not meet such a character: for some of them it runs into what it takes for unreachable.
+std::size_t stray_character(std::string_view toml) {
+    constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+    std::size_t i = toml.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
+    while (i < toml.size()) {
+        const char c = toml[i];
+        if (static_cast<unsigned char>(c) >= 0x80) {
+            return i;
+        }
+        if (c == '"' || c == '\'') {
+            i = end_of_string(toml, i);
+        } else if (c == '#') {
+            i = std::min(toml.find('\n', i), toml.size());
+        } else {
+            ++i;
+        }
+    }
+    return toml.size();
+}
+
+bool breaks_an_assertion(std::string_view toml) {
+    try {
+        static_cast<void>(toml::parse(toml));
+    } catch (const BrokenAssertion&) {
+        return true;
+    } catch (const toml::parse_error&) {
+        // what is cut off
+    }
+    return false;
+}
+
+/// The number of the line that breaks an assertion of the parser: the parser goes from the front to the back, so a part
+/// of the text from its start breaks it exactly if it reaches that line.
+std::size_t line_of_broken_assertion(std::string_view toml) {
+    std::vector<std::size_t> ends;  // of each line
+    for (std::size_t i = 0; i < toml.size(); ++i) {
+        if (toml[i] == '\n' || i + 1 == toml.size()) {
+            ends.push_back(i + 1);
+        }
+    }
+    const auto first = std::partition_point(ends.begin(), ends.end(),
+                                            [&](std::size_t end) { return !breaks_an_assertion(toml.substr(0, end)); });
+    return static_cast<std::size_t>(first - ends.begin()) + 1;
 }
 
 }  // namespace
@@ -292,11 +370,19 @@ Config Config::load(const std::filesystem::path& file) {
 Config Config::parse(std::string_view toml, std::string_view name) {
     Config config;
     config.state_->name = name;
+    if (const std::size_t stray = stray_character(toml); stray < toml.size()) {
+        const auto line = 1 + std::count(toml.begin(), toml.begin() + static_cast<std::ptrdiff_t>(stray), '\n');
+        throw ConfigError(std::string(name) + ":" + std::to_string(line) +
+                          ": not valid TOML: outside of strings and comments only ASCII may stand");
+    }
     try {
         config.state_->root = toml::parse(toml, name);
     } catch (const toml::parse_error& error) {
         throw ConfigError(std::string(name) + ":" + std::to_string(error.source().begin.line) +
                           ": not valid TOML: " + std::string(error.description()));
+    } catch (const BrokenAssertion&) {
+        throw ConfigError(std::string(name) + ":" + std::to_string(line_of_broken_assertion(toml)) +
+                          ": not valid TOML: a name must begin with a letter, a digit, _ or -, or be in quotes");
     }
     return config;
 }

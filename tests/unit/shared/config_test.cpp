@@ -143,6 +143,32 @@ TEST(Config, NamesTheLineOfMalformedToml) {
     EXPECT_THAT(error_of("a = 1\na = 2\n", [](Config&) {}), StartsWith("scene.toml:2: not valid TOML: "));
 }
 
+TEST(Config, NamesTheLineOfANameThatIsNone) {
+    // toml++ 3.3 ends the process at these.
+    for (const char* header : {"[.a]", "[[.a]]", "[ =]", "[.\n"}) {
+        EXPECT_THAT(error_of("name = 1\n\n" + std::string(header) + "\nmore = 2\n", [](Config&) {}),
+                    StartsWith("scene.toml:3: not valid TOML: "))
+            << header;
+    }
+}
+
+TEST(Config, RefusesOtherThanAsciiButInStringsAndComments) {
+    for (const char* line :
+         {"\xC3\xA9 = 1", "key = \xC2\xB5", "list = [1, \xD0\x99]", "key = 1 \xFF", "s = \"a\\\"\" \xC2\xB5"}) {
+        EXPECT_THAT(error_of("name = 1\n" + std::string(line) + "\nmore = 2\n", [](Config&) {}),
+                    StartsWith("scene.toml:2: not valid TOML: outside of strings and comments only ASCII may stand"))
+            << line;
+    }
+    const Config config = Config::parse(
+        "\xEF\xBB\xBF# 25 \xC2\xB5m\na = \"\xC2\xB5\\\"\xC2\xB5\"\nb = '\xC2\xB5\\' # \xC2\xB5\n"
+        "c = \"\"\"\n\xC2\xB5 \"\"\xC2\xB5\"\"\"\nd = '''\xC2\xB5'''''\n\"\xC3\xA9\" = 1\n",
+        "x.toml");
+    EXPECT_EQ(config.text("a", ""), "\xC2\xB5\"\xC2\xB5");
+    EXPECT_EQ(config.text("b", ""), "\xC2\xB5\\");
+    EXPECT_EQ(config.text("c", ""), "\xC2\xB5 \"\"\xC2\xB5");
+    EXPECT_EQ(config.text("d", ""), "\xC2\xB5''");
+}
+
 TEST(Config, NamesTheFileThatCannotBeRead) {
     const test::TemporaryDirectory directory;
     const auto missing = directory.file("none.toml");
