@@ -126,7 +126,7 @@ NetworkAddress parse_network_address(std::string_view text) {
 }
 
 UsbipServer::UsbipServer(const NetworkAddress& address, BoardKind kind, Firmware& firmware, Report report)
-    : report_(std::move(report)), exported_(kind, firmware), address_(address) {
+    : report_(std::move(report)), firmware_(&firmware), exported_(kind, firmware), address_(address) {
     const Addresses list = resolve(address);
     epoll_ = epoll_create1(EPOLL_CLOEXEC);
     if (epoll_ < 0) {
@@ -172,6 +172,7 @@ std::optional<std::int64_t> UsbipServer::due_ns() const {
 
 void UsbipServer::step(std::int64_t now_ns) {
     now_ns_ = now_ns;
+    look_at_cable(now_ns);
     std::array<epoll_event, kEventsAtOnce> events{};
     const int count = epoll_wait(epoll_, events.data(), kEventsAtOnce, 0);
     for (int i = 0; i < count; ++i) {
@@ -182,6 +183,7 @@ void UsbipServer::step(std::int64_t now_ns) {
             read_from(*client, now_ns);
         }
     }
+    look_at_cable(now_ns);  // a packet may have been the one at which it is pulled
     for (auto client = clients_.begin(); client != clients_.end();) {
         const auto next = std::next(client);
         client->session.fill(now_ns);
@@ -306,11 +308,16 @@ void UsbipServer::close(std::list<Client>::iterator client, std::string_view rea
     clients_.erase(client);
 }
 
-void UsbipServer::unplug() {
-    exported_.plugged = false;
+void UsbipServer::look_at_cable(std::int64_t now_ns) {
+    const bool plugged = firmware_->connected(now_ns);
+    if (plugged == exported_.plugged) {
+        return;
+    }
+    exported_.plugged = plugged;
+    report_(plugged ? "plugged in" : "unplugged");
     for (auto client = clients_.begin(); client != clients_.end();) {
         const auto next = std::next(client);
-        if (client->imported) {
+        if (!plugged && client->imported) {
             close(client, "unplugged");
         }
         client = next;

@@ -74,6 +74,25 @@ class Peer {
     int socket_;
 };
 
+/// A board whose cable can be pulled.
+class PluggedFirmware final : public Firmware {
+  public:
+    explicit PluggedFirmware(EmulatedDevice& device) : board_(make_firmware(BoardKind::Sh4, device)) {}
+
+    void receive(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override {
+        board_->receive(out, now_ns);
+    }
+    std::size_t reply(std::span<std::byte> in, std::int64_t now_ns) HAPTIC_RT override {
+        return board_->reply(in, now_ns);
+    }
+    [[nodiscard]] bool connected(std::int64_t /*now_ns*/) const HAPTIC_RT override { return plugged; }
+
+    bool plugged = true;
+
+  private:
+    std::unique_ptr<Firmware> board_;
+};
+
 class UsbipServerTest : public testing::Test {
   protected:
     /// Steps the server until `bytes` have come to the peer or nothing more comes: what came. An end of the connection
@@ -127,10 +146,10 @@ class UsbipServerTest : public testing::Test {
 
     std::int64_t now_ns = 1'000'000'000;
     EmulatedDevice device{{.variant = spidar_g6_x3r()}};
-    std::unique_ptr<Firmware> firmware = make_firmware(BoardKind::Sh4, device);
+    PluggedFirmware firmware{device};
     std::vector<std::string> reports;
     UsbipServer server{
-        {"127.0.0.1", 0}, BoardKind::Sh4, *firmware, [this](std::string_view line) { reports.emplace_back(line); }};
+        {"127.0.0.1", 0}, BoardKind::Sh4, firmware, [this](std::string_view line) { reports.emplace_back(line); }};
 };
 
 Bytes sh4_packet(std::uint16_t digit) {
@@ -154,7 +173,7 @@ TEST(NetworkAddress, IsHostAndPort) {
 
 TEST_F(UsbipServerTest, RefusesAnAddressThatIsTakenOrNotOfThisMachine) {
     const auto serve_at = [&](const NetworkAddress& address) {
-        const UsbipServer second(address, BoardKind::Sh4, *firmware, [](std::string_view) {});
+        const UsbipServer second(address, BoardKind::Sh4, firmware, [](std::string_view) {});
     };
     EXPECT_THROW(serve_at(server.address()), std::system_error);
     EXPECT_THROW(serve_at({"192.0.2.1", 0}), std::system_error);
@@ -256,7 +275,7 @@ TEST_F(UsbipServerTest, AWaitingTransferMakesItAskTheFirmwareAgain) {
     wait_and_step();
     EXPECT_EQ(server.due_ns(), now_ns + UsbipServer::kAnswerPollNs);
     const Bytes packet = sh4_packet(45);
-    firmware->receive(packet, now_ns);
+    firmware.receive(packet, now_ns);
     step();
     EXPECT_EQ(receive(peer, 48 + 512).size(), 48u + 512);
     EXPECT_EQ(server.due_ns(), std::nullopt);
@@ -308,12 +327,12 @@ TEST_F(UsbipServerTest, NoMoreClientsThanItKeeps) {
 TEST_F(UsbipServerTest, UnpluggingTakesTheDeviceAwayUntilItIsPluggedAgain) {
     const Peer peer(server.address().port);
     import_by(peer);
-    server.unplug();
+    firmware.plugged = false;
     EXPECT_TRUE(is_closed(peer));
     const Peer second(server.address().port);
     second.send(import_request());
     EXPECT_EQ(receive(second, 1000), hex("0111 0003 00000004"));
-    server.plug();
+    firmware.plugged = true;
     const Peer third(server.address().port);
     import_by(third);
 }

@@ -25,6 +25,7 @@ class HandKeeper final : public Firmware {
     std::size_t reply(std::span<std::byte> in, std::int64_t now_ns) HAPTIC_RT override {
         return firmware_->reply(in, now_ns);
     }
+    [[nodiscard]] bool connected(std::int64_t now_ns) const HAPTIC_RT override { return firmware_->connected(now_ns); }
 
   private:
     enum class State : std::uint8_t { Slack, Taut, Moving };

@@ -50,11 +50,6 @@ class UsbipServer final : public Server {
     [[nodiscard]] std::optional<std::int64_t> due_ns() const override;
     void step(std::int64_t now_ns) override;
 
-    /// As if the cable were pulled: the client that has the device loses it, and no other finds it.
-    void unplug();
-    /// The device may be imported again.
-    void plug() noexcept { exported_.plugged = true; }
-
     [[nodiscard]] bool imported() const noexcept { return exported_.owner() != nullptr; }
     [[nodiscard]] std::size_t clients() const noexcept { return clients_.size(); }
 
@@ -71,6 +66,8 @@ class UsbipServer final : public Server {
         bool reading = true;
     };
 
+    /// Whether the firmware says that the cable is in. A client that has the device loses it when it is pulled.
+    void look_at_cable(std::int64_t now_ns);
     void accept_clients(std::int64_t now_ns);
     void read_from(Client& client, std::int64_t now_ns);
     /// Sends what can be sent, and closes what has ended. The client may be gone afterwards.
@@ -79,6 +76,7 @@ class UsbipServer final : public Server {
     void watch(Client& client);
 
     Report report_;
+    Firmware* firmware_;
     UsbipExport exported_;
     NetworkAddress address_;
     int epoll_ = -1;
