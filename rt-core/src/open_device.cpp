@@ -1,9 +1,11 @@
 #include "open_device.hpp"
 
+#include <optional>
 #include <utility>
 
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/device/hand_file.hpp"
+#include "haptic/device/usb_board.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/rt/held_hand.hpp"
 
@@ -28,14 +30,53 @@ class EmulatedDevice final : public OpenedDevice {
     HeldHandBoard board_;
 };
 
+class UsbDevice final : public OpenedDevice {
+  public:
+    explicit UsbDevice(const Settings& settings)
+        : board_(settings.tick.variant.board, selection(settings), {.timeout_ns = settings.usb.timeout_ns},
+                 settings.board),
+          variant_(settings.tick.variant.name),
+          timeout_ns_(settings.usb.timeout_ns) {}
+
+    [[nodiscard]] device::Board& board() override { return board_; }
+    [[nodiscard]] bool real() const override { return true; }
+    [[nodiscard]] std::string description() const override {
+        return "a " + variant_ + ", " + to_string(board_.device());
+    }
+    // A board that finds an old answer fetches one more.
+    [[nodiscard]] std::int64_t exchange_bound_ns() const override { return 2 * timeout_ns_; }
+
+  private:
+    static device::UsbSelection selection(const Settings& settings) {
+        const device::Variant& variant = settings.tick.variant;
+        const std::optional<device::UsbId> known = device::usb_id_of(variant.board);
+        if (!known) {
+            throw Refusal("--device usb: the board of " + variant.name + " has a serial line; use --device tty:PATH");
+        }
+        return {settings.usb.id.value_or(*known), settings.usb.path, settings.usb.rotary};
+    }
+
+    device::UsbBoard board_;
+    std::string variant_;
+    std::int64_t timeout_ns_;
+};
+
 }  // namespace
 
 std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Settings& settings) {
     const std::string& name = options.device;
     if (name == "emulated") {
-        return std::make_unique<EmulatedDevice>(settings, options.hand ? device::hand_from_centre(*options.hand) : PoseTrack());
+        return std::make_unique<EmulatedDevice>(settings,
+                                                options.hand ? device::hand_from_centre(*options.hand) : PoseTrack());
     }
-    if (name == "usb" || name.starts_with("replay:")) {
+    try {
+        if (name == "usb") {
+            return std::make_unique<UsbDevice>(settings);
+        }
+    } catch (const device::BoardError& error) {
+        throw Refusal("--device " + name + ": " + error.what());
+    }
+    if (name.starts_with("replay:")) {
         throw Refusal("--device " + name + ": not available in this version; only --device emulated is");
     }
     throw Refusal("--device " + name + ": unknown device; the choices are emulated, usb and replay:FILE");

@@ -1,6 +1,7 @@
 // The device that --device names, opened, with everything that it stands on.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -24,6 +25,8 @@ class OpenedDevice {
     [[nodiscard]] virtual bool real() const = 0;
     /// What and where, as a noun with its article.
     [[nodiscard]] virtual std::string description() const = 0;
+    /// ns, longest that one exchange() with its board waits; 0 if it never does.
+    [[nodiscard]] virtual std::int64_t exchange_bound_ns() const { return 0; }
     /// The tick that is going to drive it, told before the loop starts.
     virtual void follow(const Tick& /*tick*/) {}
 };

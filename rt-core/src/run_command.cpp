@@ -179,6 +179,8 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
     gate.close();
 
     result.duration_s = seconds(monotonic_now_ns() - start_ns);
+    result.device = device->description();
+    result.exchange_bound_ns = settings.tick.exchanges * device->exchange_bound_ns();
     result.records_dropped = recorder.dropped();
     result.frames_dropped = recorder.frames_dropped();
     if (records_ours) {

@@ -22,6 +22,10 @@ constexpr std::array<std::pair<std::uint32_t, const char*>, 9> kFaultNames = {{
     {HAPTIC_FAULT_WATCHDOG, "watchdog"},
 }};
 
+// In the order of device::ExchangeStatus.
+constexpr std::array<const char*, device::kExchangeStatuses> kStatusNames = {
+    "ok", "timeout", "short", "malformed", "stale", "stalled", "disconnected", "failed"};
+
 /// The same as summary_us, a thousandth of it.
 nlohmann::json summary_ms(const Histogram& histogram) {
     nlohmann::json result = summary_us(histogram);
@@ -44,6 +48,20 @@ nlohmann::json setup_json(const RealtimeSetup& setup) {
             {"mlocked", setup.memory_locked},
             {"degraded", setup.degraded()},
             {"missing", missing}};
+}
+
+nlohmann::json exchange_json(const RunResult& result, const Instruments& m) {
+    nlohmann::json statuses = nlohmann::json::object();
+    for (std::size_t i = 0; i < kStatusNames.size(); ++i) {
+        statuses[kStatusNames[i]] = m.exchange_statuses[i];
+    }
+    return {
+        {"failed_ticks", m.failed_exchanges},
+        {"statuses", statuses},
+        {"last_failure",
+         m.last_failure == device::ExchangeStatus::Ok ? "" : kStatusNames[static_cast<std::size_t>(m.last_failure)]},
+        {"device", result.device},
+        {"bound_us", static_cast<double>(result.exchange_bound_ns) * 1e-3}};
 }
 
 std::string line_of(const char* name, const Histogram& histogram) {
@@ -107,7 +125,7 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
           {"rejected", m.frames_rejected},
           {"stale_ticks", m.stale_ticks},
           {"age_ms", summary_ms(m.frame_age)}}},
-        {"exchange", {{"failed_ticks", m.failed_exchanges}}},
+        {"exchange", exchange_json(result, m)},
         {"peak", {{"force_n", m.peak_force}, {"torque_nm", m.peak_torque}}},
         {"motors", {{"peak_load", m.peak_motor_load}, {"derated_ticks", m.derated_ticks}}},
         {"contact_ticks", m.contact_ticks},
@@ -144,7 +162,11 @@ std::string summary(const RunResult& result, const Instruments& m) {
         lines += text.data();
     }
     for (const std::string& name : fault_names(result.faults & ~std::uint32_t{HAPTIC_FAULT_STOP})) {
-        lines += "FAULT: " + name + "\n";
+        lines += "FAULT: " + name;
+        if (name == "exchange") {
+            lines += " (" + std::string(describe(m.last_failure)) + ")";
+        }
+        lines += "\n";
     }
     if (!result.setup.degraded()) {
         lines += "real-time: " + result.setup.policy + " " + std::to_string(result.setup.priority) + " on processor " +

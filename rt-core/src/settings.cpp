@@ -120,6 +120,7 @@ Settings read_settings(const Config& config) {
     read_loop(config, settings);
     read_device(config, settings.tick);
     settings.board = read_board_options(config);
+    settings.usb = read_usb_settings(config);
     read_force(config, settings.tick);
     read_passivity(config, settings.tick);
     read_safety(config, settings.tick.safety);

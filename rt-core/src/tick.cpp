@@ -89,6 +89,7 @@ void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
     // The board answers only to a command: the one of the last tick, which with two exchanges it already has.
     const device::ExchangeStatus status = exchange(reading_, time.now_ns);
     in_ok_ = status == device::ExchangeStatus::Ok;
+    instruments_.count(status);
     record_.exchange_in = static_cast<std::int8_t>(status);
     exchange_ns_ = lap();
 }
@@ -250,6 +251,7 @@ void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
     if (settings_.exchanges == 2) {
         const device::ExchangeStatus status = exchange(unused_, time.now_ns);
         out_ok = status == device::ExchangeStatus::Ok;
+        instruments_.count(status);
         record_.exchange_out = static_cast<std::int8_t>(status);
     }
     instruments_.exchange.record(exchange_ns_ + lap());

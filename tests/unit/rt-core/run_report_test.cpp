@@ -55,6 +55,26 @@ TEST(RunReport, TellsARequestedStopFromAFault) {
     EXPECT_FALSE(result.held());
 }
 
+TEST(RunReport, SaysHowExchangesEndedAndHowLongOneMayTake) {
+    const auto instruments = std::make_unique<Instruments>();
+    instruments->count(device::ExchangeStatus::Ok);
+    instruments->count(device::ExchangeStatus::Ok);
+    instruments->count(device::ExchangeStatus::Disconnected);
+    instruments->count(device::ExchangeStatus::Ok);
+    RunResult result;
+    result.faults = HAPTIC_FAULT_EXCHANGE;
+    result.device = "a device";
+    result.exchange_bound_ns = 4'000'000;
+    const nlohmann::json exchange = make_report(result, *instruments).at("exchange");
+    EXPECT_EQ(exchange.at("statuses").at("ok"), 3);
+    EXPECT_EQ(exchange.at("statuses").at("disconnected"), 1);
+    EXPECT_EQ(exchange.at("statuses").size(), device::kExchangeStatuses);
+    EXPECT_EQ(exchange.at("last_failure"), "disconnected");
+    EXPECT_EQ(exchange.at("device"), "a device");
+    EXPECT_EQ(exchange.at("bound_us"), 4000.0);
+    EXPECT_THAT(summary(result, *instruments), HasSubstr("FAULT: exchange (disconnected)"));
+}
+
 TEST(RunReport, NamesEveryFaultBit) {
     EXPECT_THAT(fault_names(0x1ff), ElementsAre("exchange", "encoder_jump", "slack", "residual", "overrun", "nonfinite",
                                                 "stop", "thermal", "watchdog"));

@@ -76,6 +76,10 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.tick.motors.time_constant_s, b.tick.motors.time_constant_s);
     EXPECT_EQ(a.tick.motors.derate_from, b.tick.motors.derate_from);
     EXPECT_EQ(a.tick.black_box_ns, b.tick.black_box_ns);
+    EXPECT_EQ(a.usb.id, b.usb.id);
+    EXPECT_EQ(a.usb.path, b.usb.path);
+    EXPECT_EQ(a.usb.rotary, b.usb.rotary);
+    EXPECT_EQ(a.usb.timeout_ns, b.usb.timeout_ns);
 }
 
 TEST(Settings, OfTheInstalledFileAreTheBuiltInOnes) {
@@ -144,6 +148,19 @@ TEST(Settings, TakeWhatTheFileSays) {
     EXPECT_EQ(settings.tick.safety.fault_fade_ns, 200'000'000);
     EXPECT_EQ(settings.tick.safety.exchange_ticks, 9);
     EXPECT_EQ(settings.tick.variant.minimum_tension, 0.5);
+}
+
+TEST(Settings, SayWhichUsbDeviceIsMeant) {
+    EXPECT_EQ(read("").usb.id, std::nullopt);
+    EXPECT_EQ(read("").usb.rotary, std::nullopt);
+    const UsbSettings usb =
+        read("[device]\nusb_id = \"0cec:0203\"\nusb_path = \"1-2.4\"\nrotary = 7\nusb_timeout_s = 0.001\n").usb;
+    EXPECT_EQ(usb.id, (device::UsbId{0x0cec, 0x0203}));
+    EXPECT_EQ(usb.path, "1-2.4");
+    EXPECT_EQ(usb.rotary, 7);
+    EXPECT_EQ(usb.timeout_ns, 1'000'000);
+    EXPECT_THAT([] { (void)read("[device]\nusb_id = \"spidar\"\n"); },
+                ThrowsMessage<ConfigError>(testing::AllOf(HasSubstr("device.usb_id"), HasSubstr("0cec:0205"))));
 }
 
 TEST(Settings, RefuseAnUnknownKeyWithItsLine) {

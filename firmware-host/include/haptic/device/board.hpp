@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <stdexcept>
 #include <string_view>
@@ -24,6 +25,7 @@ enum class ExchangeStatus : std::uint8_t {
     Disconnected,  // there is no device any more
     Failed,        // the bus did not carry a packet, or not whole
 };
+inline constexpr std::size_t kExchangeStatuses = 8;
 
 /// One or two words for reports.
 [[nodiscard]] std::string_view describe(ExchangeStatus status) noexcept;

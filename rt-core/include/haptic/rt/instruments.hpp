@@ -1,9 +1,13 @@
 // What the tick measures of itself.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 
+#include "haptic/device/board.hpp"
 #include "haptic/histogram.hpp"
+#include "haptic/realtime.hpp"
 #include "haptic/rt/kinematics.hpp"
 
 namespace haptic::rt {
@@ -24,6 +28,8 @@ struct Instruments {
     std::uint64_t ticks = 0;
     std::uint64_t overruns = 0;  // deadlines that were missed
     std::uint64_t failed_exchanges = 0;
+    std::array<std::uint64_t, device::kExchangeStatuses> exchange_statuses{};  // exchanges by how they ended
+    device::ExchangeStatus last_failure = device::ExchangeStatus::Ok;          // of the last exchange that failed
     std::uint64_t frames_received = 0;
     std::uint64_t frames_rejected = 0;
     std::uint64_t stale_ticks = 0;
@@ -36,6 +42,11 @@ struct Instruments {
     std::uint64_t passivity_ticks = 0;    // at which the passivity controller changed the wrench
     std::uint64_t stiffness_limited_ticks = 0;
     double least_energy = 0.0;  // J, of the passivity observer
+
+    void count(device::ExchangeStatus status) HAPTIC_RT {
+        ++exchange_statuses[static_cast<std::size_t>(status)];
+        last_failure = status == device::ExchangeStatus::Ok ? last_failure : status;
+    }
 };
 
 }  // namespace haptic::rt

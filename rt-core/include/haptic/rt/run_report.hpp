@@ -22,6 +22,8 @@ struct RunResult {
     std::uint64_t records_dropped = 0;
     std::uint64_t frames_dropped = 0;  // of the recording
     double duration_s = 0.0;
+    std::string device;                  // what was driven, and where
+    std::int64_t exchange_bound_ns = 0;  // of the stage `exchange`; 0 for a device that makes nothing wait
 
     /// Nothing went wrong: a stop that was asked for is no fault.
     [[nodiscard]] bool held() const noexcept { return (faults & ~std::uint32_t{HAPTIC_FAULT_STOP}) == 0; }

@@ -8,6 +8,7 @@
 #include "haptic/device/board_options.hpp"
 #include "haptic/rt/loop.hpp"
 #include "haptic/rt/tick.hpp"
+#include "haptic/rt/usb_settings.hpp"
 #include "haptic/rt/watchdog.hpp"
 
 namespace haptic::rt {
@@ -17,6 +18,7 @@ struct Settings {
     LoopSettings loop;
     device::BoardOptions board;
     WatchdogSettings watchdog;
+    UsbSettings usb;
     std::size_t queue_ticks = 16384;  // capacity of the Recorder
     std::size_t queue_frames = 512;   // likewise; 11 kB each
 };

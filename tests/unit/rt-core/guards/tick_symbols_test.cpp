@@ -73,6 +73,20 @@ TEST(TickSymbols, AreAllOnTheAllowList) {
     }
 }
 
+TEST(TickSymbols, OfTheUsbExchangeAreLibusbsToSubmitAndToReapAndTheKernelsToWaitAndToSend) {
+    // Its own list: what a stage with a bound of its own may call, nothing else of the tick may.
+    std::set<std::string> allowed = read_allowed(ALLOWED_SYMBOLS);
+    allowed.insert({"libusb_submit_transfer", "libusb_handle_events_timeout_completed", "ppoll", "sem_post"});
+    allowed.insert({"ioctl", "__errno_location"});  // of the last packet
+    const std::vector<std::string> usb = {"haptic::device::UsbTransport::exchange",
+                                          "haptic::device::UsbTransport::send_last"};
+    const CallGraph::Reach reach = reach_of(tick_graph(), usb);
+    for (const auto& [symbol, user] : reach.externals) {
+        EXPECT_TRUE(allowed.contains(symbol)) << demangle(user) << " refers to " << symbol;
+    }
+    EXPECT_TRUE(reach.externals.contains("libusb_submit_transfer")) << "looked for in vain";
+}
+
 TEST(TickSymbols, AreLookedForInEveryPartOfTheTick) {
     // A check that reached nothing would find nothing.
     const CallGraph::Reach reach = reach_of(tick_graph(), roots());

@@ -1,0 +1,119 @@
+// rt-core --device usb: the executable with unmodified libusb, on boards that umockdev's usbfs has.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "fake_usbfs.hpp"
+#include "haptic/csv.hpp"
+#include "process.hpp"
+
+namespace haptic::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr std::chrono::seconds kLong{30};
+constexpr std::array<std::int16_t, kStrings> kZeros{};
+
+class RtCoreUsb : public testing::Test {
+  protected:
+    void SetUp() override {
+        if (run({RT_CORE, "run", "--session", session, "--duration", "0.01"}).output.find("degraded") !=
+            std::string::npos) {
+            GTEST_SKIP() << "a real device is not driven without real-time privileges";
+        }
+    }
+    void TearDown() override { EXPECT_THAT(segments_of(session), IsEmpty()); }
+
+    /// Ticks of 10 ms and an exchange that may take long: each request goes through another process here.
+    [[nodiscard]] std::vector<std::string> command(const std::vector<std::string>& more) const {
+        std::vector<std::string> words = {RT_CORE, "run", "--session", session, "--device", "usb"};
+        for (const char* assignment :
+             {"loop.period_s=0.01", "loop.warm_up_ticks=5", "device.usb_timeout_s=0.1", "device.exchanges=one",
+              "safety.tension_ramp_s=0.1", "safety.calibration_hold_s=0.05", "safety.overrun_ticks=10000"}) {
+            words.insert(words.end(), {"--set", assignment});
+        }
+        words.insert(words.end(), more.begin(), more.end());
+        return words;
+    }
+    [[nodiscard]] nlohmann::json report() const { return nlohmann::json::parse(std::ifstream(folder / "run.json")); }
+
+    ScratchFolder folder;
+    std::string session = unique_session();
+    FakeUsbfs bus;
+    std::string report_file = folder / "run.json";
+    std::string log = folder / "log.txt";
+};
+
+TEST_F(RtCoreUsb, DrivesABoardAndLeavesItsMotorsAtZero) {
+    FakeUsbBoard& board = bus.plug({});
+    Process process(command({"--report", report_file}), log);
+    ASSERT_TRUE(process.wait_for_text("running", kLong)) << process.output();
+    EXPECT_NE(board.digits(), kZeros);
+    process.signal(SIGINT);
+    EXPECT_EQ(process.wait_for(kLong), 0) << process.output();
+    EXPECT_EQ(board.digits(), kZeros);
+    EXPECT_THAT(process.output(), HasSubstr("a SpidarG6X3R, 0cec:0205 at 1-1 (/dev/bus/usb/001/002)"));
+    const nlohmann::json exchange = report().at("exchange");
+    EXPECT_GT(exchange.at("statuses").at("ok"), 10);
+    EXPECT_EQ(exchange.at("statuses").at("disconnected"), 0);
+    EXPECT_EQ(exchange.at("bound_us"), 200'000.0) << "two transfers of 0.1 s";
+}
+
+TEST_F(RtCoreUsb, SendsItsForceInTheSameTickByASecondExchange) {
+    FakeUsbBoard& board = bus.plug({});
+    std::vector<std::string> words = command({"--report", report_file, "--duration", "0.3"});
+    words.insert(words.end(), {"--set", "device.exchanges=two"});
+    Process process(words, log);
+    EXPECT_EQ(process.wait_for(kLong), 0) << process.output();
+    const nlohmann::json result = report();
+    EXPECT_EQ(result.at("exchange").at("bound_us"), 400'000.0);
+    EXPECT_GE(board.commands(), 2 * result.at("ticks").get<int>());
+}
+
+TEST_F(RtCoreUsb, EndsInANamedFaultWhenTheCableIsPulled) {
+    FakeUsbBoard& board = bus.plug({});
+    Process process(command({"--report", report_file}), log);
+    ASSERT_TRUE(process.wait_for_text("running", kLong)) << process.output();
+    bus.remove(board);
+    EXPECT_EQ(process.wait_for(kLong), 3) << process.output();
+    EXPECT_THAT(process.output(), HasSubstr("FAULT: exchange (disconnected)"));
+    EXPECT_EQ(report().at("safety").at("faults"), nlohmann::json({"exchange"}));
+    EXPECT_EQ(report().at("exchange").at("last_failure"), "disconnected");
+    EXPECT_GT(CsvTable::load(folder / "run.fault.csv").rows(), 10u);
+}
+
+TEST_F(RtCoreUsb, SendsZerosWhenItCrashes) {
+    FakeUsbBoard& board = bus.plug({});
+    Process process(command({}), log);
+    ASSERT_TRUE(process.wait_for_text("running", kLong)) << process.output();
+    EXPECT_NE(board.digits(), kZeros);
+    process.signal(SIGSEGV);
+    EXPECT_EQ(process.wait_for(kLong), 128 + SIGSEGV);
+    EXPECT_EQ(board.digits(), kZeros);
+    // What the process left behind is the session's segment: taken away by the next one.
+    EXPECT_EQ(run({RT_CORE, "run", "--session", session, "--duration", "0.01"}).status, 0);
+}
+
+TEST_F(RtCoreUsb, RefusesAnAmbiguousDeviceAndListsWhatThereIs) {
+    bus.plug({});
+    FakeUsbfs::Settings other;
+    other.device.rotary = 4;
+    other.port = "1-2";
+    other.number = 3;
+    bus.plug(other);
+    const Finished ambiguous = run(command({"--duration", "0.1"}));
+    EXPECT_EQ(ambiguous.status, 2);
+    EXPECT_THAT(ambiguous.output, AllOf(HasSubstr("--device usb"), HasSubstr("rotary switch 0"),
+                                        HasSubstr("rotary switch 4"), HasSubstr("device.rotary")));
+    EXPECT_EQ(run(command({"--duration", "0.1", "--set", "device.rotary=4"})).status, 0);
+}
+
+}  // namespace
+}  // namespace haptic::test
