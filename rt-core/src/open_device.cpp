@@ -76,9 +76,6 @@ std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Setti
     } catch (const device::BoardError& error) {
         throw Refusal("--device " + name + ": " + error.what());
     }
-    if (name.starts_with("replay:")) {
-        throw Refusal("--device " + name + ": not available in this version; only --device emulated is");
-    }
     throw Refusal("--device " + name + ": unknown device; the choices are emulated, usb and replay:FILE");
 }
 

@@ -22,6 +22,7 @@
 #include "haptic/rt/settings.hpp"
 #include "haptic/rt/watchdog.hpp"
 #include "open_device.hpp"
+#include "replay_command.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -58,12 +59,12 @@ class StopSignals {
     sigset_t set_{};
 };
 
-Settings load_settings(const RunOptions& options) {
+Config load_config(const RunOptions& options) {
     Config config = options.config ? Config::load(*options.config) : Config();
     for (const std::string& assignment : options.assignments) {
         config.set(assignment);
     }
-    return read_settings(config);
+    return config;
 }
 
 /// Says what the kernel refused and how to grant it. A real device is not driven by a loop that may be late.
@@ -210,7 +211,14 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
 }  // namespace
 
 int run_command(const RunOptions& options) {
-    const Settings settings = load_settings(options);
+    if (options.device.starts_with("replay:")) {
+        return replay_command(options);
+    }
+    const Config config = load_config(options);
+    const Settings settings = read_settings(config);
+    if (options.record) {
+        write_config_beside(*options.record, config);
+    }
     const StopSignals signals;
     const auto instruments = std::make_unique<Instruments>();
     const RunResult result = run_loop(options, settings, signals, *instruments);

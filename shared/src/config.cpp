@@ -513,6 +513,12 @@ std::size_t Config::tables(const std::string& key) const {
     return node->as_array()->size();
 }
 
+std::string Config::toml() const {
+    std::ostringstream out;
+    out << toml::toml_formatter(state_->root) << '\n';
+    return out.str();
+}
+
 bool Config::has(const std::string& key) const {
     return state_->find(key) != nullptr;
 }

@@ -75,6 +75,12 @@ void append(std::string& line, Number value) {
 
 }  // namespace
 
+std::string text_of(const CsvCell& cell) {
+    std::string text;
+    std::visit([&text](auto value) { append(text, value); }, cell);
+    return text;
+}
+
 CsvReader::CsvReader(const std::filesystem::path& file) : file_(file.string()) {
     if (std::filesystem::is_directory(file)) {
         throw CsvError(file_ + ": cannot be read: is a directory");

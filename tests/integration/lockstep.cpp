@@ -39,6 +39,7 @@ Lockstep::Lockstep(const Settings& settings)
       simulation_(settings.scene),
       tick_ns_(settings.tick.period_ns),
       step_ns_(nanoseconds(settings.scene.solver.step)) {
+    tick_.record_to(settings.recorder);
     tick_.arm();
     while (now_ns_ < start_ns_) {
         run_tick();

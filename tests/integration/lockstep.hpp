@@ -18,6 +18,7 @@ class Lockstep {
         sim::Scene scene;
         PoseTrack hand;  // of the grip, device frame, from the first step on
         rt::TickSettings tick;
+        rt::Recorder* recorder = nullptr;  // of all ticks, from the first on
     };
 
     /// Arms, and ticks until the grip is calibrated and the state is Running. Throws std::runtime_error if it is not.

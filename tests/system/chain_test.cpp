@@ -100,6 +100,33 @@ TEST_F(Chain, CatchesTheClothAndMakesTheHandFeelIt) {
     EXPECT_THAT(segments_of(session_), IsEmpty());
 }
 
+TEST_F(Chain, IsReplayedFromItsRecordingToTheLastBit) {
+    Process rt(rt_core({"run", "--session", session_, "--set", "limits.force=6", "--record", folder_ / "rt-core.csv"}),
+               folder_ / "rt-core.log");
+    ASSERT_TRUE(rt.wait_for_text("running", seconds(10))) << rt.output();
+    Process sim = start_host_sim("host-sim", "1.8");  // the cloth arrives after 1.43 s
+    ASSERT_EQ(sim.wait_for(seconds(30)), 0) << sim.output();
+    rt.signal(SIGINT);
+    ASSERT_EQ(rt.wait_for(seconds(10)), 0) << rt.output();
+    ASSERT_GT(largest(force_sizes(CsvTable::load(folder_ / "rt-core.csv"), 0.0, 1e9)), 0.1) << "N: nothing was felt";
+
+    const std::string device = "replay:" + (folder_ / "rt-core.csv").string();
+    const Finished same = run(rt_core({"run", "--device", device, "--report", folder_ / "replay.json"}));
+    EXPECT_EQ(same.status, 0) << same.output;
+    EXPECT_THAT(same.output, HasSubstr("identical"));
+    const nlohmann::json report = read_json(folder_ / "replay.json").at("replay");
+    EXPECT_GT(report.at("ticks"), 2000);
+    EXPECT_GT(report.at("frames"), 100);
+    EXPECT_EQ(report.at("differing_ticks"), 0);
+
+    // Other settings are asked for, and differ; missing ones are not asked for.
+    const Finished softer = run(rt_core({"run", "--device", device, "--set", "limits.force=0.05"}));
+    EXPECT_EQ(softer.status, 0) << softer.output;
+    EXPECT_THAT(softer.output, AllOf(HasSubstr("DIFFERS"), HasSubstr("fy_n")));
+    std::ofstream(folder_ / "rt-core.config.toml") << "[limits]\nforce = 0.05\n";
+    EXPECT_EQ(run(rt_core({"run", "--device", device})).status, 4);
+}
+
 TEST_F(Chain, FadesTheForceWhenHostSimIsKilledAndTakesUpTheNextOne) {
     Process rt = start_rt_core();
     ASSERT_TRUE(rt.wait_for_text("running", seconds(10))) << rt.output();

@@ -50,7 +50,7 @@ TEST_F(RtCore, EndsWithTheFaultsNameAndTheLastTicksWhenAnEncoderJumps) {
 }
 
 TEST_F(RtCore, RefusesADeviceThatItCannotDrive) {
-    for (const char* device : {"usb", "replay:run.csv"}) {
+    for (const char* device : {"usb"}) {
         std::vector<std::string> command = run_for("1");
         command.insert(command.end(), {"--device", device, "--set", "device.usb_path=nowhere"});
         const Finished finished = run(command);

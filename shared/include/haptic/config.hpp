@@ -66,6 +66,8 @@ class Config {
     [[nodiscard]] bool has(const std::string& key) const;
     /// The key is there and holds a string: for keys that take a number or a word.
     [[nodiscard]] bool has_text(const std::string& key) const;
+    /// Everything that was given, by file and by set(), as TOML that parse() reads back to the same values.
+    [[nodiscard]] std::string toml() const;
     /// Throws ConfigError with "FILE:LINE: KEY: problem", for checks between keys that only the component can make.
     [[noreturn]] void fail(const std::string& key, const std::string& problem) const;
     /// The keys that getters have asked for, in alphabetical order.

@@ -24,6 +24,9 @@ class CsvError : public std::runtime_error {
 /// A number of a recording. Integers are written and read without passing through a double, so that no bit is lost.
 using CsvCell = std::variant<double, std::int64_t, std::uint64_t>;
 
+/// The shortest form that reads back to the same bits, as CsvWriter writes it.
+[[nodiscard]] std::string text_of(const CsvCell& cell);
+
 /// A CSV file row by row, for recordings of any length.
 class CsvReader {
   public:

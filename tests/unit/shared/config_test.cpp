@@ -249,6 +249,22 @@ TEST(ConfigSet, OverridesAndAddsValues) {
     EXPECT_FALSE(config.flag("verify", true));
 }
 
+TEST(Config, WritesWhatItWasGivenSoThatItReadsBackTheSame) {
+    Config config = Config::parse("[a]\nthird = 0.3333333333333333\nname = \"x y\"\nlist = [1.0, 1e-300]\n", "f.toml");
+    config.set("a.count=7");
+    config.set("b.c.tenth=0.1");
+    config.set("b.path=/tmp/x.toml");
+    const Config again = Config::parse(config.toml(), "again.toml");
+    EXPECT_EQ(again.number("a.third", 0.0, {0.0, 1.0}), 0.3333333333333333);
+    EXPECT_EQ(again.text("a.name", ""), "x y");
+    EXPECT_EQ(again.numbers("a.list", {}, {0.0, 1.0}), (std::vector<double>{1.0, 1e-300}));
+    EXPECT_EQ(again.integer("a.count", 0, {0, 10}), 7);
+    EXPECT_EQ(again.number("b.c.tenth", 0.0, {0.0, 1.0}), 0.1);
+    EXPECT_EQ(again.text("b.path", ""), "/tmp/x.toml");
+    again.reject_unknown();
+    EXPECT_NO_THROW(static_cast<void>(Config::parse(Config().toml(), "empty.toml")));
+}
+
 TEST(ConfigSet, RefusesWhatIsNoAssignment) {
     const auto error = [](const char* assignment) {
         return message_of<ConfigError>([&] { Config::parse(kScene, "scene.toml").set(assignment); });

@@ -39,6 +39,7 @@ class FrameReader {
     /// The next frame; false at the end. A frame that had a defect has one again, if not always the same. Throws
     /// CsvError for rows that do not make a frame.
     bool next(RecordedFrame& recorded);
+    [[nodiscard]] const std::string& name() const noexcept { return reader_.name(); }
 
   private:
     void read_row(RecordedFrame& recorded, std::int64_t particle);
