@@ -61,8 +61,8 @@ void read_device(const Config& config, TickSettings& tick) {
     narrow_tensions(config, tick.variant);
     tick.exchanges = config.choice("device.exchanges", "two", {"one", "two"}) == "one" ? 1 : 2;
     tick.maximum_string_speed = config.number("device.maximum_string_speed", tick.maximum_string_speed, {0.1, 20.0});
-    tick.velocity_time_constant_s =
-        config.number("velocity.time_constant_s", tick.velocity_time_constant_s, {0.0, 0.1});
+    tick.velocity_window_ticks =
+        whole(config, "velocity.window_ticks", tick.velocity_window_ticks, {1, AdaptiveVelocity::kMostTicks});
     tick.tension_effort = config.number("tension.effort", tick.tension_effort, {1e-12, 1.0});
     tick.tension_continuity = config.number("tension.continuity", tick.tension_continuity, {0.0, 1.0});
     tick.tension_rate = config.number("tension.rate", tick.tension_rate, {10.0, 1e6});

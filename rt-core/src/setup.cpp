@@ -25,7 +25,6 @@ TickSettings checked(const TickSettings& settings) {
     require(variant.minimum_tension >= 0.0 && variant.maximum_tension > variant.minimum_tension,
             "the variant's tensions must obey 0 <= minimum < maximum");
     require(settings.maximum_string_speed > 0.0, "maximum_string_speed must be positive");
-    require(settings.velocity_time_constant_s >= 0.0, "velocity_time_constant_s must not be negative");
     require(settings.frames.stale_after_ns > 0 && settings.frames.fade_ns > 0 && settings.frames.ramp_ns > 0,
             "times of frames must be positive");
     require(settings.safety.tension_ramp_ns > 0 && settings.safety.fault_fade_ns > 0 &&
@@ -114,7 +113,7 @@ Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<F
       clock_(clock),
       encoders_(settings.variant, settings.maximum_string_speed),
       pose_solver_(settings.variant),
-      velocity_(settings.velocity_time_constant_s),
+      velocity_({.window_ticks = settings.velocity_window_ticks, .noise = quantisation_noise(settings.variant)}),
       renderer_(settings.frames),
       passivity_(settings.passivity, settings.limits),
       limiter_(settings.limits),

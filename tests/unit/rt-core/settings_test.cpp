@@ -38,7 +38,7 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.tick.variant.minimum_tension, b.tick.variant.minimum_tension);
     EXPECT_EQ(a.tick.variant.maximum_tension, b.tick.variant.maximum_tension);
     EXPECT_EQ(a.tick.maximum_string_speed, b.tick.maximum_string_speed);
-    EXPECT_EQ(a.tick.velocity_time_constant_s, b.tick.velocity_time_constant_s);
+    EXPECT_EQ(a.tick.velocity_window_ticks, b.tick.velocity_window_ticks);
     EXPECT_EQ(a.tick.tension_effort, b.tick.tension_effort);
     EXPECT_EQ(a.tick.tension_continuity, b.tick.tension_continuity);
     EXPECT_EQ(a.tick.tension_rate, b.tick.tension_rate);

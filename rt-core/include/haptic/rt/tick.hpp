@@ -48,7 +48,7 @@ struct TickSettings {
     std::int64_t period_ns = 1'000'000;       // ns, between ticks
     int exchanges = 2;                        // a tick: 2 send its force in the same tick, 1 in the next one
     double maximum_string_speed = 2.0;        // m/s; what is faster is an encoder fault
-    double velocity_time_constant_s = 0.004;  // s
+    int velocity_window_ticks = 8;           // VelocitySettings::window_ticks
     double tension_effort = 1e-5;             // 1, TensionSettings::effort
     double tension_continuity = 1e-5;         // 1, TensionSettings::continuity
     double tension_rate = 3000.0;  // N/s, of one string; above what the limits of the wrench's rate can cause
@@ -151,7 +151,7 @@ class Tick {
 
     StringEncoders encoders_;
     PoseSolver pose_solver_;
-    VelocityFilter velocity_;
+    AdaptiveVelocity velocity_;
     FrameRenderer renderer_;
     Passivity passivity_;
     WrenchLimiter limiter_;
