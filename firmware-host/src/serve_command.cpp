@@ -16,7 +16,10 @@
 #include <vector>
 
 #include "haptic/clock.hpp"
+#include "haptic/config.hpp"
 #include "haptic/device/emulated_board.hpp"
+#include "haptic/device/emulated_config.hpp"
+#include "haptic/device/fault.hpp"
 #include "haptic/device/hand_file.hpp"
 #include "haptic/device/hand_keeper.hpp"
 #include "haptic/device/usbip_server.hpp"
@@ -91,6 +94,27 @@ std::unique_ptr<Server> serve_usbip(const NetworkAddress& address, const Variant
     return server;
 }
 
+/// What stands behind the board: frame, hand, mechanics, faults.
+EmulatedDevice::Settings device_settings(const ServeArguments& arguments, const Variant& variant) {
+    Config config = arguments.config ? Config::load(*arguments.config) : Config();
+    for (const std::string& assignment : arguments.assignments) {
+        config.set(assignment);
+    }
+    EmulatedDevice::Settings settings{.variant = variant,
+                                      .hand = arguments.hand ? hand_from_centre(*arguments.hand) : PoseTrack(),
+                                      .hand_waits = true,
+                                      .mechanics = read_emulated(config)};
+    config.reject_unknown();
+    for (const std::string& fault : arguments.faults) {
+        try {
+            settings.faults.push_back(parse_fault(fault));
+        } catch (const FaultError& error) {
+            throw CLI::ValidationError("--fault", error.what());
+        }
+    }
+    return settings;
+}
+
 /// When the earliest of them has something to do, from now; nullptr for never.
 const timespec* time_left(const std::vector<std::unique_ptr<Server>>& servers, timespec& storage) {
     std::optional<std::int64_t> earliest;
@@ -144,6 +168,16 @@ CLI::App* add_serve(CLI::App& app, ServeArguments& arguments) {
         ->add_option("--hand-delay", arguments.hand_delay_s,
                      "s, from the packet that makes all strings taut to a hand that moves: the driver calibrates then")
         ->capture_default_str();
+    serve
+        ->add_option("--fault", arguments.faults,
+                     "What is to go wrong, with times from the first exchange on (repeatable): " + fault_help())
+        ->type_name("KIND@T")
+        ->allow_extra_args(false);
+    serve->add_option("--config", arguments.config, "TOML file with a table [emulated]: the grip's mechanics")
+        ->type_name("F.toml");
+    serve->add_option("--set", arguments.assignments, "one key, e.g. emulated.mechanics=impedance (repeatable)")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
     return serve;
 }
 
@@ -155,9 +189,7 @@ void run_serve(const ServeArguments& arguments) {
     const Variant variant = variant_of(arguments.variant);
     const NetworkAddress address = usbip_address(arguments.usbip, variant);
     const StopSignals signals;
-    EmulatedDevice device({.variant = variant,
-                           .hand = arguments.hand ? hand_from_centre(*arguments.hand) : PoseTrack(),
-                           .hand_waits = true});
+    EmulatedDevice device(device_settings(arguments, variant));
     const std::unique_ptr<Firmware> board = make_firmware(variant.board, device);
     HandKeeper firmware(*board, device, nanoseconds(arguments.hand_delay_s));
 

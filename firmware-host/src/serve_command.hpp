@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace haptic::device {
 
@@ -15,14 +16,17 @@ struct ServeArguments {
     std::string variant = "SpidarG6X3R";
     std::optional<std::filesystem::path> hand;
     double hand_delay_s = 0.5;
+    std::vector<std::string> faults;              // fault.hpp
+    std::optional<std::filesystem::path> config;  // of which the table [emulated] counts
+    std::vector<std::string> assignments;         // --set
 };
 
 /// Adds the subcommand; the arguments must outlive the parsing.
 CLI::App* add_serve(CLI::App& app, ServeArguments& arguments);
 
 /// Serves until SIGINT, SIGTERM or SIGHUP. Prints a line for each server that listens, and one for each client that
-/// comes or goes. Throws CLI::ValidationError for arguments that cannot be, and std::runtime_error for what the system
-/// refuses.
+/// comes or goes. Throws ConfigError, CLI::ValidationError for arguments that cannot be, and std::runtime_error for
+/// what the system refuses.
 void run_serve(const ServeArguments& arguments);
 
 }  // namespace haptic::device

@@ -5,12 +5,23 @@
 #include <cstdio>
 #include <exception>
 
+#include "haptic/device/fault.hpp"
 #include "haptic/rt/settings.hpp"
 #include "run_command.hpp"
 
 namespace {
 
 using haptic::rt::RunOptions;
+
+/// Empty for a fault that can be.
+std::string problem_of_fault(const std::string& text) {
+    try {
+        static_cast<void>(haptic::device::parse_fault(text));
+        return {};
+    } catch (const haptic::device::FaultError& error) {
+        return error.what();
+    }
+}
 
 void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
     run.add_option("--config", options.config, "TOML file; see --print-config")->type_name("F.toml");
@@ -22,6 +33,12 @@ void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
         ->capture_default_str();
     run.add_option("--hand", options.hand, "recording that the emulated hand follows once the loop runs")
         ->type_name("F.csv");
+    run.add_option("--fault", options.faults,
+                   "what is to go wrong with the emulated device, with times from running on (repeatable): " +
+                       haptic::device::fault_help())
+        ->type_name("KIND@T")
+        ->allow_extra_args(false)
+        ->check([](const std::string& text) { return problem_of_fault(text); });
     run.add_option("--session", options.session, "joins this process to the host-sim of the same session")
         ->type_name("NAME")
         ->capture_default_str();

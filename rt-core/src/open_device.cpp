@@ -2,8 +2,10 @@
 
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "haptic/device/emulated_board.hpp"
+#include "haptic/device/fault.hpp"
 #include "haptic/device/hand_file.hpp"
 #include "haptic/device/usb_board.hpp"
 #include "haptic/pose_track.hpp"
@@ -14,8 +16,14 @@ namespace {
 
 class EmulatedDevice final : public OpenedDevice {
   public:
-    EmulatedDevice(const Settings& settings, PoseTrack hand)
-        : emulated_({.variant = settings.tick.variant, .hand = std::move(hand), .hand_waits = true}, settings.board),
+    EmulatedDevice(const Settings& settings, PoseTrack hand, std::vector<device::Fault> faults)
+        : emulated_({.variant = settings.tick.variant,
+                     .hand = std::move(hand),
+                     .hand_waits = true,
+                     .mechanics = settings.mechanics,
+                     .faults = std::move(faults),
+                     .faults_wait = true},
+                    settings.board),
           board_(emulated_) {}
 
     [[nodiscard]] device::Board& board() override { return board_; }
@@ -61,13 +69,24 @@ class UsbDevice final : public OpenedDevice {
     std::int64_t timeout_ns_;
 };
 
+std::vector<device::Fault> faults_of(const RunOptions& options) {
+    std::vector<device::Fault> faults;
+    for (const std::string& text : options.faults) {
+        faults.push_back(device::parse_fault(text));
+    }
+    return faults;
+}
+
 }  // namespace
 
 std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Settings& settings) {
     const std::string& name = options.device;
     if (name == "emulated") {
-        return std::make_unique<EmulatedDevice>(settings,
-                                                options.hand ? device::hand_from_centre(*options.hand) : PoseTrack());
+        return std::make_unique<EmulatedDevice>(
+            settings, options.hand ? device::hand_from_centre(*options.hand) : PoseTrack(), faults_of(options));
+    }
+    if (!options.faults.empty()) {
+        throw Refusal("--fault: only an emulated device fails on command, not --device " + name);
     }
     try {
         if (name == "usb") {

@@ -14,6 +14,7 @@ struct RunOptions {
     std::vector<std::string> assignments;  // --set
     std::string device = "emulated";
     std::optional<std::filesystem::path> hand;
+    std::vector<std::string> faults;  // of the emulated device, device/fault.hpp
     std::string session = "default";
     std::optional<double> duration_s;
     std::optional<std::filesystem::path> report;

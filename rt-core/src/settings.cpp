@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "haptic/device/emulated_config.hpp"
 #include "haptic/device/variant_file.hpp"
 #include "haptic/types.hpp"
 #include "passivity_settings.hpp"
@@ -121,6 +122,7 @@ Settings read_settings(const Config& config) {
     read_device(config, settings.tick);
     settings.board = read_board_options(config);
     settings.usb = read_usb_settings(config);
+    settings.mechanics = device::read_emulated(config);
     read_force(config, settings.tick);
     read_passivity(config, settings.tick);
     read_safety(config, settings.tick.safety);

@@ -82,6 +82,29 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.usb.timeout_ns, b.usb.timeout_ns);
 }
 
+TEST(Settings, DefaultFileHasTheMechanicsThatAreBuiltIn) {
+    Config config = Config::parse(default_config_text(), "default.toml");
+    EXPECT_FALSE(read_settings(config).mechanics.has_value());
+    config.set("emulated.mechanics=impedance");
+    const auto read = read_settings(config).mechanics;
+    ASSERT_TRUE(read.has_value());
+    const device::GripMechanics built_in;
+    EXPECT_EQ(read->hand, built_in.hand);
+    EXPECT_EQ(read->mass, built_in.mass);
+    EXPECT_EQ(read->inertia, built_in.inertia);
+    EXPECT_EQ(read->damping, built_in.damping);
+    EXPECT_EQ(read->rotational_damping, built_in.rotational_damping);
+    EXPECT_EQ(read->string_stiffness, built_in.string_stiffness);
+    EXPECT_EQ(read->string_damping, built_in.string_damping);
+    EXPECT_EQ(read->motor_mass, built_in.motor_mass);
+    EXPECT_EQ(read->motor_drag, built_in.motor_drag);
+    EXPECT_EQ(read->motor_friction, built_in.motor_friction);
+    EXPECT_EQ(read->hand_stiffness, built_in.hand_stiffness);
+    EXPECT_EQ(read->hand_damping, built_in.hand_damping);
+    EXPECT_EQ(read->hand_rotational_stiffness, built_in.hand_rotational_stiffness);
+    EXPECT_EQ(read->hand_rotational_damping, built_in.hand_rotational_damping);
+}
+
 TEST(Settings, OfTheInstalledFileAreTheBuiltInOnes) {
     const Settings built_in;
     expect_equal(read(std::string(default_config_text())), built_in);

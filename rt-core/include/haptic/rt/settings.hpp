@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string_view>
 
 #include "haptic/config.hpp"
 #include "haptic/device/board_options.hpp"
+#include "haptic/device/grip_mechanics.hpp"
 #include "haptic/rt/loop.hpp"
 #include "haptic/rt/tick.hpp"
 #include "haptic/rt/usb_settings.hpp"
@@ -17,6 +19,7 @@ struct Settings {
     TickSettings tick;
     LoopSettings loop;
     device::BoardOptions board;
+    std::optional<device::GripMechanics> mechanics;  // of the emulated device; nothing for an ideal hand
     WatchdogSettings watchdog;
     UsbSettings usb;
     std::size_t queue_ticks = 16384;  // capacity of the Recorder
