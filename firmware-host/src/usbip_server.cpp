@@ -126,7 +126,11 @@ NetworkAddress parse_network_address(std::string_view text) {
 }
 
 UsbipServer::UsbipServer(const NetworkAddress& address, BoardKind kind, Firmware& firmware, Report report)
-    : report_(std::move(report)), firmware_(&firmware), exported_(kind, firmware), address_(address) {
+    : report_(std::move(report)),
+      firmware_(&firmware),
+      exported_(kind, firmware),
+      address_(address),
+      buffer_(kReadBytes) {
     const Addresses list = resolve(address);
     epoll_ = epoll_create1(EPOLL_CLOEXEC);
     if (epoll_ < 0) {
@@ -235,11 +239,9 @@ void UsbipServer::read_from(Client& client, std::int64_t now_ns) {
     if (!client.reading || client.session.ended()) {
         return;
     }
-    std::array<std::byte, kReadBytes>
-        buffer;  // NOLINT(cppcoreguidelines-pro-type-member-init): recv fills what is read
-    const ssize_t count = recv(client.socket, buffer.data(), buffer.size(), MSG_DONTWAIT);
+    const ssize_t count = recv(client.socket, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
     if (count > 0) {
-        client.session.receive(std::span<const std::byte>(buffer).first(static_cast<std::size_t>(count)), now_ns);
+        client.session.receive(std::span<const std::byte>(buffer_).first(static_cast<std::size_t>(count)), now_ns);
         if (client.session.owns_device() && !client.imported) {
             client.imported = true;
             report_("imported by " + client.name);

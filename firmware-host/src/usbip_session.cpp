@@ -13,6 +13,7 @@ constexpr std::uint32_t kHighSpeed = 3;
 constexpr std::uint8_t kVendorSpecific = 0xFF;
 constexpr std::array<usbip::InterfaceRecord, 1> kInterfaces = {{{kVendorSpecific, 0, 0}}};
 constexpr std::uint8_t kInputFlag = 0x80;
+constexpr std::size_t kImportBytes = usbip::kOperationBytes + usbip::kBusIdBytes;
 
 usbip::DeviceRecord record_of(const UsbIdentity& identity) {
     return {.path = "/sys/devices/haptic/firmware-host/usb1/1-1",
@@ -110,7 +111,6 @@ std::size_t UsbipSession::handle_operation(std::span<const std::byte> bytes) {
         end("an operation that is neither a list nor an import");
         return bytes.size();
     }
-    constexpr std::size_t kImportBytes = usbip::kOperationBytes + usbip::kBusIdBytes;
     if (bytes.size() < kImportBytes) {
         return 0;
     }

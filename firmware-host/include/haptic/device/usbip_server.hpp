@@ -13,6 +13,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "haptic/device/server.hpp"
 #include "haptic/device/usbip_session.hpp"
@@ -82,6 +84,7 @@ class UsbipServer final : public Server {
     int epoll_ = -1;
     int listener_ = -1;
     std::list<Client> clients_;
+    std::vector<std::byte> buffer_;  // what is received goes through it
     std::int64_t now_ns_ = 0;
 };
 
