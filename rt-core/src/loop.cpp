@@ -24,7 +24,7 @@ void RealtimeLoop::warm_up(std::int64_t& deadline_ns) HAPTIC_RT {
     for (int i = 0; i < settings_.warm_up_ticks && !stop_requested_.load(std::memory_order_relaxed); ++i) {
         deadline_ns = next_deadline(deadline_ns, settings_.period_ns, run_one(deadline_ns, 0)).deadline_ns;
     }
-    tick_->clear_instruments();
+    tick_->set_instruments(*measured_);
 }
 
 void RealtimeLoop::cycle() HAPTIC_RT {

@@ -18,7 +18,10 @@ void check(int error, const char* what) {
 }  // namespace
 
 RealtimeLoop::RealtimeLoop(const LoopSettings& settings, Tick& tick, RealtimeSetup setup)
-    : settings_(settings), tick_(&tick), setup_(std::move(setup)) {
+    : settings_(settings),
+      tick_(&tick),
+      setup_(std::move(setup)),
+      measured_(std::make_unique<Instruments>(tick.instruments())) {
     pthread_attr_t attributes;
     check(pthread_attr_init(&attributes), "pthread_attr_init");
     int error = pthread_attr_setstacksize(&attributes, kStackBytes);

@@ -46,6 +46,7 @@ void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
         ->type_name("S")
         ->check(CLI::PositiveNumber);
     run.add_option("--report", options.report, "writes measurements as JSON")->type_name("F.json");
+    run.add_flag("--rearm", options.rearm, "after the device was lost, waits for it and goes on, as safety.rearm");
     run.add_option("--record", options.record, "writes every tick as CSV")->type_name("F.csv");
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "haptic/clock.hpp"
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/device/hand_file.hpp"
@@ -51,15 +52,20 @@ class UsbDevice final : public OpenedDevice {
     [[nodiscard]] std::string description() const override {
         return "a " + variant_ + ", " + to_string(board_.device());
     }
-    // A board that finds an old answer fetches one more.
-    [[nodiscard]] std::int64_t exchange_bound_ns() const override { return 2 * timeout_ns_; }
+    [[nodiscard]] std::int64_t exchange_bound_ns() const override { return kMostTransfers * timeout_ns_; }
+    void reopen() override { board_.reopen(); }
 
   private:
+    static constexpr std::int64_t kMostTransfers = 2;  // a board that finds an old answer fetches one more
+
     static device::UsbSelection selection(const Settings& settings) {
         const device::Variant& variant = settings.tick.variant;
         const std::optional<device::UsbId> known = device::usb_id_of(variant.board);
         if (!known) {
             throw Refusal("--device usb: the board of " + variant.name + " has a serial line; use --device tty:PATH");
+        }
+        if (settings.tick.exchanges * kMostTransfers * settings.usb.timeout_ns >= settings.watchdog.limit_ns) {
+            throw Refusal("--device usb: device.usb_timeout_s lets a tick wait for longer than safety.watchdog_s does");
         }
         return {settings.usb.id.value_or(*known), settings.usb.path, settings.usb.rotary};
     }
@@ -78,6 +84,15 @@ std::vector<device::Fault> faults_of(const RunOptions& options) {
 }
 
 }  // namespace
+
+void OpenedDevice::reopen() {
+    board().start();
+    device::BoardReading unused;
+    const device::ExchangeStatus status = board().exchange({}, unused, monotonic_now_ns());
+    if (status != device::ExchangeStatus::Ok) {
+        throw device::BoardError(description() + ": " + std::string(describe(status)));
+    }
+}
 
 std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Settings& settings) {
     const std::string& name = options.device;

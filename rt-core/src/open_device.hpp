@@ -27,6 +27,9 @@ class OpenedDevice {
     [[nodiscard]] virtual std::string description() const = 0;
     /// ns, longest that one exchange() with its board waits; 0 if it never does.
     [[nodiscard]] virtual std::int64_t exchange_bound_ns() const { return 0; }
+    /// After an exchange fault: makes the device ready again, its motors at zero. Throws device::BoardError as long as
+    /// it is not there. Only while no loop runs.
+    virtual void reopen();
     /// The tick that is going to drive it, told before the loop starts.
     virtual void follow(const Tick& /*tick*/) {}
 };

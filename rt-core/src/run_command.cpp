@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdio>
 #include <ctime>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -28,6 +29,10 @@ namespace haptic::rt {
 namespace {
 
 constexpr std::int64_t kPollNs = 20'000'000;
+// Between two attempts to open a device that was lost.
+constexpr std::int64_t kReopenNs = 200'000'000;
+// What a device that is gone may cause; any other fault ends the run.
+constexpr std::uint32_t kFaultsOfLoss = HAPTIC_FAULT_EXCHANGE | HAPTIC_FAULT_OVERRUN;
 // For which a loop that hangs may still come back before the process is left without it.
 constexpr std::int64_t kHungWaitNs = 1'000'000'000;
 // A loop without real-time privileges, which drives no real device, may be kept waiting by others for so long.
@@ -82,20 +87,33 @@ void judge_setup(const RealtimeSetup& setup, bool real) {
     }
 }
 
-std::filesystem::path black_box_path(const RunOptions& options) {
+/// Of the nth fault of this run, from 0.
+std::filesystem::path black_box_path(const RunOptions& options, std::size_t nth) {
+    const std::string extension = nth == 0 ? "fault.csv" : "fault-" + std::to_string(nth + 1) + ".csv";
     if (options.report) {
-        return std::filesystem::path(*options.report).replace_extension("fault.csv");
+        return std::filesystem::path(*options.report).replace_extension(extension);
     }
     if (options.record) {
-        return std::filesystem::path(*options.record).replace_extension("fault.csv");
+        return std::filesystem::path(*options.record).replace_extension(extension);
     }
-    return "rt-core-" + options.session + ".fault.csv";
+    return "rt-core-" + options.session + "." + extension;
+}
+
+std::string keep_black_box(const RunOptions& options, const Tick& tick, std::size_t nth) {
+    const std::filesystem::path box = black_box_path(options, nth);
+    write_black_box(box, tick.black_box());
+    spdlog::error("faulted: the last {} ticks are in {}", tick.black_box().size(), box.string());
+    return box.string();
+}
+
+/// When the run is to end by itself.
+std::int64_t end_of(std::int64_t start_ns, const std::optional<double>& duration_s) {
+    return duration_s ? start_ns + nanoseconds(*duration_s) : std::numeric_limits<std::int64_t>::max();
 }
 
 /// Waits for the end, writing the recording meanwhile. False if the loop hangs and does not come back.
 bool supervise(RealtimeLoop& loop, const StopSignals& signals, const Watchdog& watchdog,
-               std::optional<RecordFile>& record, const std::optional<double>& duration_s) {
-    const std::int64_t start_ns = monotonic_now_ns();
+               std::optional<RecordFile>& record, std::int64_t end_ns) {
     bool announced = false;
     bool stopping = false;
     std::int64_t hung_ns = 0;
@@ -108,7 +126,7 @@ bool supervise(RealtimeLoop& loop, const StopSignals& signals, const Watchdog& w
             return false;
         }
         const int signal = signals.wait(kPollNs);
-        const bool over = duration_s && monotonic_now_ns() - start_ns >= nanoseconds(*duration_s);
+        const bool over = monotonic_now_ns() >= end_ns;
         if ((signal != 0 || over) && !stopping) {
             spdlog::info("stopping: {}", signal != 0 ? "asked to by a signal" : "the duration is over");
             loop.request_stop();
@@ -123,6 +141,43 @@ bool supervise(RealtimeLoop& loop, const StopSignals& signals, const Watchdog& w
         }
     }
     return true;
+}
+
+/// Waits for a device that was lost. False if the run is to end first.
+bool wait_until_back(OpenedDevice& device, const StopSignals& signals, std::int64_t end_ns) {
+    spdlog::warn("waiting until {} is back; Ctrl-C ends the run", device.description());
+    std::string problem;
+    while (true) {
+        try {
+            device.reopen();
+            spdlog::info("{} is back; keep the grip still at the centre", device.description());
+            return true;
+        } catch (const device::BoardError& error) {
+            if (problem != error.what()) {
+                problem = error.what();
+                spdlog::info("not yet: {}", problem);
+            }
+        }
+        if (signals.wait(kReopenNs) != 0 || monotonic_now_ns() >= end_ns) {
+            spdlog::info("stopping: the device has not come back");
+            return false;
+        }
+    }
+}
+
+/// After an exchange fault that has faded: keeps the last ticks and waits. False if the run is to end.
+bool come_back(OpenedDevice& device, const Tick& tick, const RunOptions& options, const StopSignals& signals,
+               std::int64_t start_ns, RunResult& result) {
+    const std::int64_t lost_ns = monotonic_now_ns();
+    Interruption interruption;
+    interruption.at_s = seconds(lost_ns - start_ns);
+    interruption.faults = tick.faults();
+    interruption.cause = tick.instruments().last_failure;
+    interruption.black_box = keep_black_box(options, tick, result.interruptions.size());
+    const bool back = wait_until_back(device, signals, end_of(start_ns, options.duration_s));
+    interruption.lost_s = seconds(monotonic_now_ns() - lost_ns);
+    result.interruptions.push_back(std::move(interruption));
+    return back;
 }
 
 WatchdogSettings watchdog_settings(const Settings& settings, const RealtimeSetup& setup) {
@@ -159,24 +214,38 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
     const CrashGuard guard(gate);
     RunResult result;
     prepare_process(result.setup);
+    const RealtimeSetup prepared = result.setup;
     std::optional<Watchdog> watchdog;  // outlives the loop, so that it also watches it end
-    RealtimeLoop loop(settings.loop, tick, std::move(result.setup));
-    result.setup = loop.setup();
+    std::optional<RealtimeLoop> loop;
+    loop.emplace(settings.loop, tick, prepared);
+    result.setup = loop->setup();
     judge_setup(result.setup, device->real());
     spdlog::info("session {}: {} Hz on {}; keep the grip still at the centre", options.session,
                  static_cast<double>(kNanosecondsPerSecond) / static_cast<double>(settings.loop.period_ns),
                  device->description());
     watchdog.emplace(watchdog_settings(settings, result.setup), tick, gate);
     const std::int64_t start_ns = monotonic_now_ns();
-    loop.start(options.record ? &recorder : nullptr);
-    const bool came_back = supervise(loop, signals, *watchdog, record, options.duration_s);
-    bool records_ours = true;
-    if (came_back) {
-        loop.join();
-        result.usage = loop.usage();
-    } else {
-        records_ours = tick.abandon();
+    bool came_back = false;
+    bool waited_in_vain = false;
+    while (true) {
+        loop->start(options.record ? &recorder : nullptr);
+        came_back = supervise(*loop, signals, *watchdog, record, end_of(start_ns, options.duration_s));
+        if (!came_back) {
+            break;
+        }
+        loop->join();
+        result.usage += loop->usage();
+        const bool lost = (tick.faults() & HAPTIC_FAULT_EXCHANGE) != 0 && (tick.faults() & ~kFaultsOfLoss) == 0;
+        if (!lost || !(options.rearm || settings.rearm) || gate.closed()) {
+            break;
+        }
+        waited_in_vain = !come_back(*device, tick, options, signals, start_ns, result);
+        if (waited_in_vain) {
+            break;
+        }
+        loop.emplace(settings.loop, tick, prepared);
     }
+    const bool records_ours = came_back || tick.abandon();
     gate.close();
 
     result.duration_s = seconds(monotonic_now_ns() - start_ns);
@@ -193,10 +262,8 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
     if (record) {
         record->close();
     }
-    if (!result.held() && records_ours) {
-        const std::filesystem::path box = black_box_path(options);
-        write_black_box(box, tick.black_box());
-        spdlog::error("faulted: the last {} ticks are in {}", tick.black_box().size(), box.string());
+    if (!result.held() && records_ours && !waited_in_vain) {
+        (void)keep_black_box(options, tick, result.interruptions.size());
     }
     if (!came_back) {
         // Its thread cannot be joined, and what it refers to must not be destroyed under it.

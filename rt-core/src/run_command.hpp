@@ -19,6 +19,7 @@ struct RunOptions {
     std::optional<double> duration_s;
     std::optional<std::filesystem::path> report;
     std::optional<std::filesystem::path> record;
+    bool rearm = false;  // as safety.rearm
 };
 
 // Exit statuses beside 0, which means that the run held.

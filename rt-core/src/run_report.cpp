@@ -64,6 +64,18 @@ nlohmann::json exchange_json(const RunResult& result, const Instruments& m) {
         {"bound_us", static_cast<double>(result.exchange_bound_ns) * 1e-3}};
 }
 
+nlohmann::json interruptions_json(const std::vector<Interruption>& interruptions) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const Interruption& one : interruptions) {
+        list.push_back({{"at_s", one.at_s},
+                        {"lost_s", one.lost_s},
+                        {"faults", fault_names(one.faults)},
+                        {"cause", kStatusNames[static_cast<std::size_t>(one.cause)]},
+                        {"black_box", one.black_box}});
+    }
+    return list;
+}
+
 std::string line_of(const char* name, const Histogram& histogram) {
     std::array<char, 160> text{};
     std::snprintf(text.data(), text.size(), "  %-10s p50 %9.1f   p99 %9.1f   max %9.1f us\n", name,
@@ -126,6 +138,7 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
           {"stale_ticks", m.stale_ticks},
           {"age_ms", summary_ms(m.frame_age)}}},
         {"exchange", exchange_json(result, m)},
+        {"interruptions", interruptions_json(result.interruptions)},
         {"peak", {{"force_n", m.peak_force}, {"torque_nm", m.peak_torque}}},
         {"motors", {{"peak_load", m.peak_motor_load}, {"derated_ticks", m.derated_ticks}}},
         {"contact_ticks", m.contact_ticks},
@@ -159,6 +172,11 @@ std::string summary(const RunResult& result, const Instruments& m) {
                       "the recording lacks %llu ticks and %llu frames: raise recording.queue_ticks, queue_frames\n",
                       static_cast<unsigned long long>(result.records_dropped),
                       static_cast<unsigned long long>(result.frames_dropped));
+        lines += text.data();
+    }
+    for (const Interruption& one : result.interruptions) {
+        std::snprintf(text.data(), text.size(), "interrupted at %.3f s for %.3f s: %s\n", one.at_s, one.lost_s,
+                      std::string(describe(one.cause)).c_str());
         lines += text.data();
     }
     for (const std::string& name : fault_names(result.faults & ~std::uint32_t{HAPTIC_FAULT_STOP})) {

@@ -127,6 +127,7 @@ Settings read_settings(const Config& config) {
     read_passivity(config, settings.tick);
     read_safety(config, settings.tick.safety);
     read_watchdog(config, settings);
+    settings.rearm = config.flag("safety.rearm", settings.rearm);
     read_motors(config, settings.tick);
     settings.queue_ticks = static_cast<std::size_t>(
         config.integer("recording.queue_ticks", static_cast<std::int64_t>(settings.queue_ticks), {16, 1'048'576}));

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "fake_usbfs.hpp"
@@ -36,7 +37,8 @@ class RtCoreUsb : public testing::Test {
         std::vector<std::string> words = {RT_CORE, "run", "--session", session, "--device", "usb"};
         for (const char* assignment :
              {"loop.period_s=0.01", "loop.warm_up_ticks=5", "device.usb_timeout_s=0.1", "device.exchanges=one",
-              "safety.tension_ramp_s=0.1", "safety.calibration_hold_s=0.05", "safety.overrun_ticks=10000"}) {
+              "safety.tension_ramp_s=0.1", "safety.calibration_hold_s=0.05", "safety.overrun_ticks=10000",
+              "safety.watchdog_s=2"}) {
             words.insert(words.end(), {"--set", assignment});
         }
         words.insert(words.end(), more.begin(), more.end());
@@ -87,6 +89,51 @@ TEST_F(RtCoreUsb, EndsInANamedFaultWhenTheCableIsPulled) {
     EXPECT_EQ(report().at("safety").at("faults"), nlohmann::json({"exchange"}));
     EXPECT_EQ(report().at("exchange").at("last_failure"), "disconnected");
     EXPECT_GT(CsvTable::load(folder / "run.fault.csv").rows(), 10u);
+}
+
+TEST_F(RtCoreUsb, GoesOnByItselfWhenTheDeviceIsPluggedInAgain) {
+    FakeUsbBoard& board = bus.plug({});
+    const std::string recording = folder / "run.csv";
+    Process process(command({"--report", report_file, "--record", recording, "--rearm"}), log);
+    ASSERT_TRUE(process.wait_for_text("rt-core info: running", kLong)) << process.output();
+    bus.remove(board);
+    ASSERT_TRUE(process.wait_for_text("not yet: no USB device 0cec:0205", kLong)) << process.output();
+    const FakeUsbBoard& again = bus.plug({.number = 3});
+    ASSERT_TRUE(process.wait_for_text("/dev/bus/usb/001/003) is back", kLong)) << process.output();
+    for (int i = 0; i < 3000 && again.digits() == kZeros; ++i) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    EXPECT_NE(again.digits(), kZeros) << "it tightens the strings again";
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    process.signal(SIGINT);
+    EXPECT_EQ(process.wait_for(kLong), 0) << process.output();
+    EXPECT_EQ(again.digits(), kZeros);
+    const nlohmann::json result = report();
+    ASSERT_EQ(result.at("interruptions").size(), 1U);
+    const nlohmann::json& interruption = result.at("interruptions").at(0);
+    EXPECT_EQ(interruption.at("faults"), nlohmann::json({"exchange"}));
+    EXPECT_EQ(interruption.at("cause"), "disconnected");
+    EXPECT_EQ(interruption.at("black_box"), (folder / "run.fault.csv").string());
+    EXPECT_EQ(result.at("safety").at("faults"), nlohmann::json({"stop"}));
+    EXPECT_THAT(process.output(), HasSubstr("interrupted at"));
+    EXPECT_GT(CsvTable::load(folder / "run.fault.csv").rows(), 10u);
+    // Measurements of both stretches, without the time between them.
+    EXPECT_GT(result.at("exchange").at("statuses").at("ok"), 20);
+    EXPECT_GT(result.at("exchange").at("statuses").at("disconnected"), 0);
+    const auto times = CsvTable::load(recording).column("time_s");
+    EXPECT_GT(times.back(), interruption.at("at_s").get<double>() + interruption.at("lost_s").get<double>());
+}
+
+TEST_F(RtCoreUsb, EndsWhileItWaitsForTheDevice) {
+    FakeUsbBoard& board = bus.plug({});
+    Process process(command({"--report", report_file, "--set", "safety.rearm=true"}), log);
+    ASSERT_TRUE(process.wait_for_text("rt-core info: running", kLong)) << process.output();
+    bus.remove(board);
+    ASSERT_TRUE(process.wait_for_text("not yet:", kLong)) << process.output();
+    process.signal(SIGINT);
+    EXPECT_EQ(process.wait_for(kLong), 3) << process.output();
+    EXPECT_EQ(report().at("interruptions").size(), 1U);
+    EXPECT_THAT(process.output(), HasSubstr("FAULT: exchange (disconnected)"));
 }
 
 TEST_F(RtCoreUsb, SendsZerosWhenItCrashes) {

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cstdint>
 #include <future>
+#include <memory>
 
 #include "haptic/realtime.hpp"
 #include "haptic/rt/realtime_setup.hpp"
@@ -44,8 +45,8 @@ class RealtimeLoop {
     ~RealtimeLoop();
 
     [[nodiscard]] const RealtimeSetup& setup() const noexcept { return setup_; }
-    /// Warms up, arms, runs until a stop or a fault has been seen through to the disarmed state. Each tick, those of
-    /// the warm-up too, is also kept in the recorder, if there is one; it must outlive the loop.
+    /// Warms up, which is not measured, arms, runs until a stop or a fault has been seen through to the disarmed state.
+    /// Each tick, those of the warm-up too, is also kept in the recorder, if there is one; it must outlive the loop.
     void start(Recorder* recorder = nullptr);
     /// From any thread, any number of times. The force fades, then the tension, then the loop ends.
     void request_stop() noexcept { stop_requested_.store(true, std::memory_order_relaxed); }
@@ -67,6 +68,7 @@ class RealtimeLoop {
     LoopSettings settings_;
     Tick* tick_;
     RealtimeSetup setup_;
+    std::unique_ptr<const Instruments> measured_;  // by the tick before this loop
     Recorder* recorder_ = nullptr;
     ThreadUsage usage_;
     std::promise<void> prepared_;

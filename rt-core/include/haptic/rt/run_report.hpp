@@ -14,6 +14,15 @@
 
 namespace haptic::rt {
 
+/// The device was lost, and came back or did not.
+struct Interruption {
+    double at_s = 0.0;    // since the run began
+    double lost_s = 0.0;  // until it was back, or until the run ended
+    std::uint32_t faults = 0;
+    device::ExchangeStatus cause = device::ExchangeStatus::Ok;
+    std::string black_box;  // file
+};
+
 struct RunResult {
     RealtimeSetup setup;
     ThreadUsage usage;
@@ -22,6 +31,7 @@ struct RunResult {
     std::uint64_t records_dropped = 0;
     std::uint64_t frames_dropped = 0;  // of the recording
     double duration_s = 0.0;
+    std::vector<Interruption> interruptions;
     std::string device;                  // what was driven, and where
     std::int64_t exchange_bound_ns = 0;  // of the stage `exchange`; 0 for a device that makes nothing wait
 

@@ -22,6 +22,7 @@ struct Settings {
     std::optional<device::GripMechanics> mechanics;  // of the emulated device; nothing for an ideal hand
     WatchdogSettings watchdog;
     UsbSettings usb;
+    bool rearm = false;               // after the device was lost, wait for it and go on
     std::size_t queue_ticks = 16384;  // capacity of the Recorder
     std::size_t queue_frames = 512;   // likewise; 11 kB each
 };

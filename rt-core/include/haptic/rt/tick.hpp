@@ -113,8 +113,8 @@ class Tick {
     /// What the last tick found and did.
     [[nodiscard]] const TickRecord& last() const HAPTIC_RT { return record_; }
     [[nodiscard]] const Instruments& instruments() const HAPTIC_RT { return instruments_; }
-    /// Begins all measurements anew, as after warming up.
-    void clear_instruments() HAPTIC_RT { instruments_ = Instruments{}; }
+    /// Measurements go on from these, as after warming up.
+    void set_instruments(const Instruments& instruments) HAPTIC_RT { instruments_ = instruments; }
     /// The last ticks, oldest first; not while run() may be running in another thread.
     [[nodiscard]] const BlackBox& black_box() const noexcept { return black_box_; }
 

@@ -18,6 +18,13 @@ struct ThreadUsage {
     std::int64_t page_faults = 0;         // minor and major
     std::int64_t voluntary_switches = 0;  // it slept
     std::int64_t forced_switches = 0;     // it was preempted
+
+    ThreadUsage& operator+=(const ThreadUsage& more) noexcept {
+        page_faults += more.page_faults;
+        voluntary_switches += more.voluntary_switches;
+        forced_switches += more.forced_switches;
+        return *this;
+    }
 };
 [[nodiscard]] ThreadUsage thread_usage() HAPTIC_RT;
 
