@@ -38,7 +38,7 @@ TEST_F(UsbDevice, DescriptorIsOfUsb2WithTheBoardsIds) {
     EXPECT_EQ(ask(0x80, 6, 0x0100, 0, 64).data, hex("12 01 0002 ff 00 00 40 ec0c 0502 0100 01 02 03 01"));
     const UsbDeviceModel simple(usb_identity(BoardKind::Simple));
     EXPECT_EQ(simple.device_descriptor(), hex("12 01 0002 ff 00 00 40 ec0c 0302 0100 01 02 03 01"));
-    EXPECT_THROW(usb_identity(BoardKind::Uart), std::invalid_argument);
+    EXPECT_THROW(static_cast<void>(usb_identity(BoardKind::Uart)), std::invalid_argument);
 }
 
 TEST_F(UsbDevice, ConfigurationHasOneInterfaceWithBulkOut02AndIn86Of512Bytes) {
