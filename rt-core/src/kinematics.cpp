@@ -150,7 +150,7 @@ void PoseSolver::reset(const Pose& pose) HAPTIC_RT {
     }
 }
 
-PoseStatus PoseSolver::improve(const StringArray& lengths, Pose& pose) const HAPTIC_RT {
+PoseStatus PoseSolver::improve(const StringArray& lengths, std::size_t without, Pose& pose) const HAPTIC_RT {
     const Mat3 r = glm::mat3_cast(pose.orientation);
     const Vec3 p = pose.position;
     // Column-wise, one lane a string, without branches, so that the compiler takes several strings at a time.
@@ -179,6 +179,11 @@ PoseStatus PoseSolver::improve(const StringArray& lengths, Pose& pose) const HAP
         columns[5][i] = (arm_x * uy - arm_y * ux) * rotation_scale_;
         error[i] = length - lengths[i];  // dl = -A dx
     }
+    if (without < kStrings) {
+        for (StringArray& column : columns) {
+            column[without] = 0.0;
+        }
+    }
     Mat6 normal{};
     Vec6 step{};
     for (std::size_t j = 0; j < 6; ++j) {
@@ -200,34 +205,45 @@ PoseStatus PoseSolver::improve(const StringArray& lengths, Pose& pose) const HAP
     return PoseStatus::Ok;
 }
 
-const PoseEstimate& PoseSolver::solve(const StringArray& lengths) HAPTIC_RT {
-    PoseEstimate next{estimate_.pose, 0.0, PoseStatus::Ok};
+PoseEstimate PoseSolver::solve_from(const Pose& start, const StringArray& lengths,
+                                    std::size_t without) const HAPTIC_RT {
+    PoseEstimate next{start, 0.0, PoseStatus::Ok, {}};
     for (const double length : lengths) {
         if (!std::isfinite(length)) {
             next.status = PoseStatus::NonFinite;
         }
     }
     for (int iteration = 0; iteration < kIterations && next.status == PoseStatus::Ok; ++iteration) {
-        next.status = improve(lengths, next.pose);
+        next.status = improve(lengths, without, next.pose);
     }
     if (next.status == PoseStatus::Ok) {
         const StringArray explained = string_lengths(variant_, next.pose);
         double sum = 0.0;
         for (std::size_t i = 0; i < kStrings; ++i) {
-            const double error = lengths[i] - explained[i];
-            sum += error * error;
+            next.residuals[i] = lengths[i] - explained[i];
+            sum += i == without ? 0.0 : next.residuals[i] * next.residuals[i];
         }
         next.residual = std::sqrt(sum / static_cast<double>(kStrings));
         if (!std::isfinite(next.residual)) {
             next.status = PoseStatus::NonFinite;
         }
     }
+    return next.status == PoseStatus::Ok ? next : PoseEstimate{start, 0.0, next.status, {}};
+}
+
+const PoseEstimate& PoseSolver::solve(const StringArray& lengths) HAPTIC_RT {
+    const PoseEstimate next = solve_from(estimate_.pose, lengths, kNone);
     if (next.status == PoseStatus::Ok) {
         estimate_ = next;
     } else {
         estimate_.status = next.status;
     }
     return estimate_;
+}
+
+PoseEstimate PoseSolver::solve_without(std::size_t without, const StringArray& lengths,
+                                       const Pose& start) const HAPTIC_RT {
+    return solve_from(start, lengths, without);
 }
 
 }  // namespace haptic::rt

@@ -256,6 +256,7 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
     if (records_ours) {
         result.state = came_back ? tick.safety_state() : SafetyState::Disarmed;
         result.faults = tick.faults();
+        result.suspects = tick.suspect_strings();
         instruments = tick.instruments();
     }
     result.faults |= watchdog->fired() ? std::uint32_t{HAPTIC_FAULT_WATCHDOG} : 0u;

@@ -85,7 +85,28 @@ std::string line_of(const char* name, const Histogram& histogram) {
     return text.data();
 }
 
+/// " (string 3)", " (string 0, 3 or 5: the lengths cannot tell them apart here)".
+std::string strings_in_words(std::uint8_t strings) {
+    const std::vector<int> numbers = string_numbers(strings);
+    std::string text;
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+        text += (i == 0 ? "" : i + 1 == numbers.size() ? " or " : ", ") + std::to_string(numbers[i]);
+    }
+    return numbers.empty() ? ""
+                           : " (string " + text + (numbers.size() > 1 ? ": the lengths do not tell them apart)" : ")");
+}
+
 }  // namespace
+
+std::vector<int> string_numbers(std::uint8_t strings) {
+    std::vector<int> numbers;
+    for (int i = 0; i < static_cast<int>(kStrings); ++i) {
+        if ((strings >> i & 1) != 0) {
+            numbers.push_back(i);
+        }
+    }
+    return numbers;
+}
 
 std::vector<std::string> fault_names(std::uint32_t faults) {
     std::vector<std::string> names;
@@ -148,7 +169,10 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
         {"records_dropped", result.records_dropped},
         {"record_frames_dropped", result.frames_dropped},
         {"safety",
-         {{"state", state_name(result.state)}, {"faults", fault_names(result.faults)}, {"held", result.held()}}},
+         {{"state", state_name(result.state)},
+          {"faults", fault_names(result.faults)},
+          {"strings", string_numbers(result.suspects)},
+          {"held", result.held()}}},
         {"setup", setup_json(result.setup)},
     };
 }
@@ -183,6 +207,9 @@ std::string summary(const RunResult& result, const Instruments& m) {
         lines += "FAULT: " + name;
         if (name == "exchange") {
             lines += " (" + std::string(describe(m.last_failure)) + ")";
+        }
+        if (name == "slack" || name == "residual") {
+            lines += strings_in_words(result.suspects);
         }
         lines += "\n";
     }

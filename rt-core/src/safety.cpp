@@ -26,6 +26,7 @@ void SafetyMachine::arm() HAPTIC_RT {
     }
     state_ = SafetyState::Tensioning;
     faults_ = 0;
+    suspects_ = 0;
     failed_exchanges_ = 0;
     large_residuals_ = 0;
     late_ticks_ = 0;
@@ -75,11 +76,15 @@ void SafetyMachine::watch(const TickHealth& health) HAPTIC_RT {
         state_ == SafetyState::Running && !(health.determined && health.residual <= settings_.residual);
     large_residuals_ = count_in_a_row(large_residuals_, contradiction);
 
-    const std::uint32_t bits = bit_if(failed_exchanges_ > settings_.exchange_ticks, HAPTIC_FAULT_EXCHANGE) |
-                               bit_if(late_ticks_ > settings_.overrun_ticks, HAPTIC_FAULT_OVERRUN) |
-                               bit_if(large_residuals_ > settings_.residual_ticks, HAPTIC_FAULT_RESIDUAL) |
-                               bit_if(health.jump, HAPTIC_FAULT_JUMP) | bit_if(!health.finite, HAPTIC_FAULT_NONFINITE) |
-                               bit_if(health.overheated, HAPTIC_FAULT_THERMAL);
+    const std::uint32_t bits =
+        bit_if(failed_exchanges_ > settings_.exchange_ticks, HAPTIC_FAULT_EXCHANGE) |
+        bit_if(late_ticks_ > settings_.overrun_ticks, HAPTIC_FAULT_OVERRUN) |
+        bit_if(large_residuals_ > settings_.residual_ticks, health.slack ? HAPTIC_FAULT_SLACK : HAPTIC_FAULT_RESIDUAL) |
+        bit_if(health.jump, HAPTIC_FAULT_JUMP) | bit_if(!health.finite, HAPTIC_FAULT_NONFINITE) |
+        bit_if(health.overheated, HAPTIC_FAULT_THERMAL);
+    if ((bits & (HAPTIC_FAULT_SLACK | HAPTIC_FAULT_RESIDUAL)) != 0) {
+        suspects_ = health.suspects;
+    }
     if (bits != 0) {
         fault(bits);
     }

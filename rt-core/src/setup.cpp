@@ -113,6 +113,7 @@ Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<F
       clock_(clock),
       encoders_(settings.variant, settings.maximum_string_speed),
       pose_solver_(settings.variant),
+      string_monitor_(settings.variant, {.residual = settings.safety.residual}),
       velocity_({.window_ticks = settings.velocity_window_ticks, .noise = quantisation_noise(settings.variant)}),
       renderer_(settings.frames),
       passivity_(settings.passivity, settings.limits),

@@ -108,6 +108,9 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     }
     const Pose before = estimate_.pose;
     estimate_ = pose_solver_.solve(encoders_.lengths());
+    if (safety_.state() == SafetyState::Running) {
+        string_monitor_.update(encoders_.lengths(), estimate_);
+    }
     velocity_.update(estimate_.pose, since_latch_ns);
     // The tensions were held, but the wrench turned with the strings: its mean over the way.
     const Wrench held_before = wrench_of_tensions(wires_, held_command_.tensions);
@@ -130,6 +133,10 @@ void Tick::watch_health() HAPTIC_RT {
     health.late = late_;
     health.finite = estimate_.status != PoseStatus::NonFinite;
     health.determined = estimate_.status != PoseStatus::RankDeficient;
+    const StringSuspicion& suspicion = string_monitor_.suspicion();
+    health.suspects = suspicion.strings;
+    health.slack = suspicion.strings != 0 && suspicion.slack == suspicion.strings;
+    record_.flags |= std::uint32_t{suspicion.strings} << HAPTIC_TICK_SUSPECTS_SHIFT;
     health.overheated = thermal_.overheated();
     health.residual = estimate_.residual;
     health.largest_movement = encoders_.largest_movement();
@@ -159,6 +166,7 @@ void Tick::calibrate() HAPTIC_RT {
 void Tick::reset_pose() HAPTIC_RT {
     estimate_ = PoseEstimate{};
     pose_solver_.reset(estimate_.pose);
+    string_monitor_.reset(estimate_.pose);
     velocity_.reset(estimate_.pose);
     motion_ = PassivityMotion{};
     wires_ = wire_matrix(settings_.variant, estimate_.pose);

@@ -73,7 +73,7 @@ enum {
 enum {
     HAPTIC_FAULT_EXCHANGE = 1u << 0,  /* transfer failed, short or late */
     HAPTIC_FAULT_JUMP = 1u << 1,      /* an encoder moved faster than a hand can */
-    HAPTIC_FAULT_SLACK = 1u << 2,     /* a string lost its tension */
+    HAPTIC_FAULT_SLACK = 1u << 2,     /* a string reads longer than the other ones explain: it lost its tension */
     HAPTIC_FAULT_RESIDUAL = 1u << 3,  /* the eight lengths contradict each other */
     HAPTIC_FAULT_OVERRUN = 1u << 4,   /* too many ticks in a row were late */
     HAPTIC_FAULT_NONFINITE = 1u << 5, /* a value was not a number */
@@ -82,7 +82,9 @@ enum {
     HAPTIC_FAULT_WATCHDOG = 1u << 8   /* no tick ended for too long: zeros were sent over the loop's head */
 };
 
-/* What one tick dropped or limited (haptic_device_state.tick_flags). */
+/* What one tick dropped or limited (haptic_device_state.tick_flags). Bits 24 to 31: strings 0 to 7 of which one is at
+ * fault where the eight lengths contradict each other; more than one where the lengths cannot tell them apart. */
+#define HAPTIC_TICK_SUSPECTS_SHIFT 24u
 enum {
     HAPTIC_TICK_OVERRUN = 1u << 0,            /* woke after the next deadline had passed */
     HAPTIC_TICK_FRAME_STALE = 1u << 1,        /* no fresh contact frame: the force fades */

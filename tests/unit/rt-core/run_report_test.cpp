@@ -75,6 +75,19 @@ TEST(RunReport, SaysHowExchangesEndedAndHowLongOneMayTake) {
     EXPECT_THAT(summary(result, *instruments), HasSubstr("FAULT: exchange (disconnected)"));
 }
 
+TEST(RunReport, NamesTheStringsThatAFaultIsAbout) {
+    const auto instruments = std::make_unique<Instruments>();
+    RunResult result;
+    result.faults = HAPTIC_FAULT_SLACK;
+    result.suspects = 0b1000;
+    EXPECT_EQ(make_report(result, *instruments).at("safety").at("strings"), nlohmann::json({3}));
+    EXPECT_THAT(summary(result, *instruments), HasSubstr("FAULT: slack (string 3)\n"));
+    result.suspects = 0b1101001;
+    EXPECT_THAT(string_numbers(result.suspects), ElementsAre(0, 3, 5, 6));
+    EXPECT_THAT(summary(result, *instruments),
+                HasSubstr("FAULT: slack (string 0, 3, 5 or 6: the lengths do not tell them apart)\n"));
+}
+
 TEST(RunReport, NamesEveryFaultBit) {
     EXPECT_THAT(fault_names(0x1ff), ElementsAre("exchange", "encoder_jump", "slack", "residual", "overrun", "nonfinite",
                                                 "stop", "thermal", "watchdog"));

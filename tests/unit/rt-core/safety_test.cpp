@@ -135,6 +135,11 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(fault_case("Exchange", 5, HAPTIC_FAULT_EXCHANGE, [](TickHealth& h) { h.exchange_ok = false; }),
                     fault_case("Jump", 0, HAPTIC_FAULT_JUMP, [](TickHealth& h) { h.jump = true; }),
                     fault_case("Residual", 20, HAPTIC_FAULT_RESIDUAL, [](TickHealth& h) { h.residual = 1.1e-3; }),
+                    fault_case("SlackString", 20, HAPTIC_FAULT_SLACK,
+                               [](TickHealth& h) {
+                                   h.residual = 1.1e-3;
+                                   h.slack = true;
+                               }),
                     fault_case("ResidualThatIsNoNumber", 20, HAPTIC_FAULT_RESIDUAL,
                                [](TickHealth& h) { h.residual = std::numeric_limits<double>::quiet_NaN(); }),
                     fault_case("UndeterminedPose", 20, HAPTIC_FAULT_RESIDUAL,

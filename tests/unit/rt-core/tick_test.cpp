@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <glm/geometric.hpp>
@@ -200,6 +201,23 @@ TEST(Tick, FaultsWhenTheLengthsContradictEachOther) {
     }
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Faulted);
     EXPECT_EQ(rig.tick.faults() & HAPTIC_FAULT_RESIDUAL, static_cast<std::uint32_t>(HAPTIC_FAULT_RESIDUAL));
+}
+
+TEST(Tick, FaultsOfASlackStringNameIt) {
+    TickRig rig;
+    rig.run_up();
+    // String 4 counts down as it pays out: it reads longer and longer.
+    for (int i = 0; i < 600 && rig.tick.safety_state() == SafetyState::Running; ++i) {
+        rig.faulty.added[4] = static_cast<std::uint16_t>(-3 * i);
+        rig.step();
+        if (rig.tick.last().residual > rig.settings.safety.residual) {
+            EXPECT_NE(rig.tick.last().flags >> HAPTIC_TICK_SUSPECTS_SHIFT & 1U << 4, 0u);
+        }
+    }
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Faulted);
+    EXPECT_EQ(rig.tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_SLACK));
+    EXPECT_NE(rig.tick.suspect_strings() & 1U << 4, 0u);
+    EXPECT_LT(std::popcount(rig.tick.suspect_strings()), 5);
 }
 
 TEST(Tick, FlagsAndCountsOverrunsAndFaultsWhenTheyDoNotEnd) {

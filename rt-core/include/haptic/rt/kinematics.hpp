@@ -39,6 +39,7 @@ struct PoseEstimate {
     Pose pose;              // device_from_grip
     double residual = 0.0;  // m, root mean square of measured minus explained lengths (8 - 6 = 2 are redundant)
     PoseStatus status = PoseStatus::Ok;
+    StringArray residuals{};  // m, measured minus explained, of each string
 };
 
 /// Least squares of 6 unknowns on 8 lengths: Gauss-Newton, warm-started at the last pose, with a fixed number of
@@ -54,9 +55,17 @@ class PoseSolver {
     void reset(const Pose& pose) HAPTIC_RT;
     /// Fixed work. The estimate is always finite and its orientation of unit length.
     const PoseEstimate& solve(const StringArray& lengths) HAPTIC_RT;
+    /// The same from any start, without remembering it, and as if there were no string `without`: the residual is that
+    /// of the other seven. On a status other than Ok the pose is `start` and there are no residuals.
+    [[nodiscard]] PoseEstimate solve_without(std::size_t without, const StringArray& lengths,
+                                             const Pose& start) const HAPTIC_RT;
 
   private:
-    PoseStatus improve(const StringArray& lengths, Pose& pose) const HAPTIC_RT;
+    static constexpr std::size_t kNone = kStrings;  // no string is left out
+
+    PoseStatus improve(const StringArray& lengths, std::size_t without, Pose& pose) const HAPTIC_RT;
+    [[nodiscard]] PoseEstimate solve_from(const Pose& start, const StringArray& lengths,
+                                          std::size_t without) const HAPTIC_RT;
 
     device::Variant variant_;
     std::array<StringArray, 3> motor_{};  // m, x, y and z of all motors: variant_'s, one lane a string

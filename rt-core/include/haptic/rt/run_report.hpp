@@ -28,6 +28,7 @@ struct RunResult {
     ThreadUsage usage;
     SafetyState state = SafetyState::Disarmed;
     std::uint32_t faults = 0;
+    std::uint8_t suspects = 0;  // bit i: string i may be the one that a fault slack or residual is about
     std::uint64_t records_dropped = 0;
     std::uint64_t frames_dropped = 0;  // of the recording
     double duration_s = 0.0;
@@ -41,6 +42,8 @@ struct RunResult {
 
 /// Names of the bits HAPTIC_FAULT_*, as in the report.
 [[nodiscard]] std::vector<std::string> fault_names(std::uint32_t faults);
+/// Numbers of the strings whose bits are set.
+[[nodiscard]] std::vector<int> string_numbers(std::uint8_t strings);
 [[nodiscard]] std::string_view state_name(SafetyState state) noexcept;
 
 /// The keys are those of the design's section 4, and more.

@@ -49,6 +49,8 @@ struct TickHealth {
     bool late = false;
     bool finite = true;
     bool determined = true;         // the strings determine the pose
+    bool slack = false;             // the string at fault reads longer than the others explain
+    std::uint8_t suspects = 0;      // bit i: string i may be the one at fault, where lengths contradict each other
     bool overheated = false;        // a motor, by the thermal model
     double residual = 0.0;          // m
     double largest_movement = 0.0;  // m, of a string since the last Calibration::Restart
@@ -77,6 +79,9 @@ class SafetyMachine {
     /// Bits HAPTIC_FAULT_*, latched.
     [[nodiscard]] std::uint32_t faults() const HAPTIC_RT { return faults_; }
 
+    /// Bit i: string i may be the one that a fault SLACK or RESIDUAL is about; latched as faults() are.
+    [[nodiscard]] std::uint8_t suspects() const HAPTIC_RT { return suspects_; }
+
     /// The wrench that may act: the wanted one while running, the fading last one while faulted, else zero. Not finite
     /// is a fault, and the last good one begins to fade.
     Wrench shape(const Wrench& wanted) HAPTIC_RT;
@@ -92,6 +97,7 @@ class SafetyMachine {
     SafetySettings settings_;
     SafetyState state_ = SafetyState::Disarmed;
     std::uint32_t faults_ = 0;
+    std::uint8_t suspects_ = 0;
     int failed_exchanges_ = 0;
     int large_residuals_ = 0;
     int late_ticks_ = 0;

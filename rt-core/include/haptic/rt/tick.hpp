@@ -29,6 +29,7 @@
 #include "haptic/rt/recorder.hpp"
 #include "haptic/rt/renderer.hpp"
 #include "haptic/rt/safety.hpp"
+#include "haptic/rt/string_monitor.hpp"
 #include "haptic/rt/tension.hpp"
 #include "haptic/rt/thermal.hpp"
 #include "haptic/rt/tick_record.hpp"
@@ -45,13 +46,13 @@ struct MotorSettings {
 
 struct TickSettings {
     device::Variant variant = device::spidar_g6_x3r();
-    std::int64_t period_ns = 1'000'000;       // ns, between ticks
-    int exchanges = 2;                        // a tick: 2 send its force in the same tick, 1 in the next one
-    double maximum_string_speed = 2.0;        // m/s; what is faster is an encoder fault
-    int velocity_window_ticks = 8;           // VelocitySettings::window_ticks
-    double tension_effort = 1e-5;             // 1, TensionSettings::effort
-    double tension_continuity = 1e-5;         // 1, TensionSettings::continuity
-    double tension_rate = 3000.0;  // N/s, of one string; above what the limits of the wrench's rate can cause
+    std::int64_t period_ns = 1'000'000;  // ns, between ticks
+    int exchanges = 2;                   // a tick: 2 send its force in the same tick, 1 in the next one
+    double maximum_string_speed = 2.0;   // m/s; what is faster is an encoder fault
+    int velocity_window_ticks = 8;       // VelocitySettings::window_ticks
+    double tension_effort = 1e-5;        // 1, TensionSettings::effort
+    double tension_continuity = 1e-5;    // 1, TensionSettings::continuity
+    double tension_rate = 3000.0;        // N/s, of one string; above what the limits of the wrench's rate can cause
     FrameSettings frames;
     WrenchLimits limits;
     PassivitySettings passivity;
@@ -110,6 +111,8 @@ class Tick {
     [[nodiscard]] SafetyState safety_state() const HAPTIC_RT { return safety_.state(); }
     /// Bits HAPTIC_FAULT_*.
     [[nodiscard]] std::uint32_t faults() const HAPTIC_RT { return safety_.faults(); }
+    /// Bit i: string i may be the one that a fault SLACK or RESIDUAL is about.
+    [[nodiscard]] std::uint8_t suspect_strings() const HAPTIC_RT { return safety_.suspects(); }
     /// What the last tick found and did.
     [[nodiscard]] const TickRecord& last() const HAPTIC_RT { return record_; }
     [[nodiscard]] const Instruments& instruments() const HAPTIC_RT { return instruments_; }
@@ -151,6 +154,7 @@ class Tick {
 
     StringEncoders encoders_;
     PoseSolver pose_solver_;
+    StringMonitor string_monitor_;
     AdaptiveVelocity velocity_;
     FrameRenderer renderer_;
     Passivity passivity_;
