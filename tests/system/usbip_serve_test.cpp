@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,24 @@ TEST_F(UsbipServe, DebiansUsbipToolListsTheBoardWithItsInterface) {
     const Finished listed = run({usbip, "--tcp-port", port, "list", "-r", "127.0.0.1"});
     EXPECT_EQ(listed.status, 0) << listed.output;
     EXPECT_THAT(listed.output, AllOf(HasSubstr("1-1:"), HasSubstr("(0cec:0205)"), HasSubstr("(ff/00/00)")));
+}
+
+TEST_F(UsbipServe, AFrameWithASimpleBoardIsListedAsThatBoard) {
+    const std::string usbip = "/usr/sbin/usbip";
+    if (!std::filesystem::exists(usbip)) {
+        GTEST_SKIP() << "needs the package usbip";
+    }
+    std::stringstream frame;
+    frame << std::ifstream(X3R).rdbuf();
+    std::string text = frame.str();
+    const std::size_t board = text.find("board = \"sh4\"");
+    ASSERT_NE(board, std::string::npos) << X3R;
+    text.replace(board, 13, "board = \"simple\"");
+    const std::string file = folder / "simple.toml";
+    std::ofstream(file) << text;
+    serve({"--variant", file});
+    const Finished listed = run({usbip, "--tcp-port", port, "list", "-r", "127.0.0.1"});
+    EXPECT_THAT(listed.output, HasSubstr("(0cec:0203)"));
 }
 
 TEST_F(UsbipServe, AnIndependentClientDrivesItAndItsCountersAgreeWithTheGeometry) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <random>
 
+#include "haptic/device/emulated_board.hpp"
 #include "usbip_bytes.hpp"
 
 namespace haptic::device {
@@ -298,6 +299,24 @@ TEST_F(Session, PiecesOfAnySizeMakeTheSameAnswers) {
         session.reset();
         EXPECT_EQ(answers(piece), whole) << piece;
     }
+}
+
+TEST(SimpleBoardSession, TwoShortTransfersOutMakeOneShortOneIn) {
+    EmulatedDevice device({.variant = spidar_g6_x3r()});
+    const auto firmware = make_firmware(BoardKind::Simple, device);
+    UsbipExport exported(BoardKind::Simple, *firmware);
+    UsbipSession session(exported);
+    session.receive(import_request(), 0);
+    EXPECT_EQ(Bytes(session.output().begin() + 308, session.output().begin() + 312), hex("0cec 0203"));
+    session.output().clear();
+    // 45 (0x2d) to each motor, latch, and room for more than the 32 bytes that come.
+    session.receive(joined({submit_out(1, 2, joined({hex("52 2d00 2d00 2d00 2d00 2d00 2d00 2d00 2d00"), zeros(15)})),
+                            submit_out(2, 2, joined({hex("51"), zeros(31)})), submit_in(3, 6, 512)}),
+                    0);
+    ASSERT_EQ(session.output().size(), 48u + 48 + 48 + 32);
+    EXPECT_EQ(word_at(session.output(), 96 + 4), 3u);
+    EXPECT_EQ(word_at(session.output(), 96 + 24), 32u) << "bytes that came";
+    EXPECT_EQ(device.digits()[7], 45);
 }
 
 TEST_F(Session, MoreWaitingTransfersThanItKeepsEndIt) {
