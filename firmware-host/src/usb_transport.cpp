@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <system_error>
@@ -224,12 +225,14 @@ void UsbTransport::drain() {
     if (!link.settle(kSettleNs)) {
         throw UsbError("USB device: a transfer cannot be cancelled. Unplug it and plug it in again");
     }
-    for (const unsigned char endpoint : {kEndpointOut, kEndpointIn}) {
-        const int result = libusb_clear_halt(link.handle, endpoint);
-        if (result == LIBUSB_ERROR_NO_DEVICE) {
-            link.lost = true;
-            throw UsbError("USB device: disconnected while it was opened");
-        }
+    while (link.clearing.load(std::memory_order_acquire)) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));  // the kernel bounds it
+    }
+    // As the vendor's driver does, and of IN only: a board that did not begin anew to count its packets, as it should,
+    // would lose the next command.
+    if (libusb_clear_halt(link.handle, kEndpointIn) == LIBUSB_ERROR_NO_DEVICE) {
+        link.lost = true;
+        throw UsbError("USB device: disconnected while it was opened");
     }
     for (int i = 0; i < kMostStalePackets; ++i) {
         int received = 0;

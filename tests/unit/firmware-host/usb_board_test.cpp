@@ -110,13 +110,16 @@ TEST(UsbBoard, ResetsADeviceThatDoesNotAnswerAndThenGivesUp) {
 }
 
 TEST(UsbBoard, GetsOverAStallOfAnEarlierSession) {
-    test::FakeUsbfs bus;
-    test::FakeUsbBoard& plugged = bus.plug({});
-    plugged.misbehave(Fault::StallIn);
-    UsbBoard board(BoardKind::Sh4, {.id = kSh4}, kPatient);
-    BoardReading reading;
-    EXPECT_EQ(board.exchange({}, reading, 0), ExchangeStatus::Ok);
-    EXPECT_EQ(plugged.resets(), 0);
+    for (const Fault stall : {Fault::StallIn, Fault::StallOut}) {
+        test::FakeUsbfs bus;
+        test::FakeUsbBoard& plugged = bus.plug({});
+        plugged.misbehave(stall);
+        UsbBoard board(BoardKind::Sh4, {.id = kSh4}, kPatient);
+        BoardReading reading;
+        EXPECT_EQ(board.exchange({}, reading, 0), ExchangeStatus::Ok);
+        EXPECT_EQ(plugged.halts_cleared(), 1);
+        EXPECT_EQ(plugged.resets(), 0);
+    }
 }
 
 TEST(UsbBoard, IsFoundAgainAtItsPortAfterItWasUnplugged) {

@@ -59,7 +59,7 @@ class UsbTransport final : public Transport {
     /// One system call on the device node, without libusb and its locks: from any thread and from signal handlers. The
     /// kernel waits for the board to take the packet, 20 ms at most. A stalled endpoint is cleared and tried once more.
     void send_last(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override;
-    /// Clears halts, and reads until nothing comes for 10 ms. Throws UsbError if it does not end.
+    /// Clears a halt of IN, and reads until nothing comes for 10 ms. Throws UsbError if it does not end.
     void drain() override;
 
   private:
