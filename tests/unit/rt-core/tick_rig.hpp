@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -64,12 +65,14 @@ inline ContactFrame floor_frame(double height, double stiffness, std::int64_t no
 
 class TickRig {
   public:
-    explicit TickRig(PoseTrack hand = PoseTrack(), const TickSettings& tick_settings = {})
+    explicit TickRig(PoseTrack hand = PoseTrack(), const TickSettings& tick_settings = {},
+                     const std::optional<device::GripMechanics>& mechanics = {})
         : settings(tick_settings),
           session(unique_session()),
           board({.variant = tick_settings.variant,
                  .hand = std::move(hand),
-                 .power_up = {100, 65500, 3, 40000, 0, 7, 12345, 65535}}),
+                 .power_up = {100, 65500, 3, 40000, 0, 7, 12345, 65535},
+                 .mechanics = mechanics}),
           faulty(board),
           frames_in(session),
           states_out(session),
