@@ -83,7 +83,7 @@ void SimpleFirmware::receive(std::span<const std::byte> out, std::int64_t now_ns
         case SimpleRequest::Clear: {
             Counters cleared = counters();
             for (std::size_t i = 0; i < kStrings; ++i) {
-                if (((command.channels >> i) & 1U) != 0) {
+                if (((static_cast<unsigned>(command.channels) >> i) & 1U) != 0) {
                     cleared[i] = 0;
                 }
             }
