@@ -77,6 +77,7 @@ class UsbDevice final : public OpenedDevice {
 
 std::vector<device::Fault> faults_of(const RunOptions& options) {
     std::vector<device::Fault> faults;
+    faults.reserve(options.faults.size());
     for (const std::string& text : options.faults) {
         faults.push_back(device::parse_fault(text));
     }

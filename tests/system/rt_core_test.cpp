@@ -60,6 +60,28 @@ TEST_F(RtCore, RefusesADeviceThatItCannotDrive) {
     }
 }
 
+TEST_F(RtCore, CountsEachTimeThatItsDeviceIsLostAndGoesOnIfItIsToldTo) {
+    std::vector<std::string> command = run_for("3");
+    for (const std::string& argument :
+         {std::string("--fault"), std::string("unplug@0.2/0.5"), std::string("--set"),
+          std::string("safety.tension_ramp_s=0.1"), std::string("--report"), std::string(folder / "run.json")}) {
+        command.push_back(argument);
+    }
+    const Finished ended = run(command);
+    EXPECT_EQ(ended.status, 3) << ended.output;
+    EXPECT_THAT(ended.output, HasSubstr("FAULT: exchange (disconnected)"));
+    EXPECT_THAT(nlohmann::json::parse(std::ifstream(folder / "run.json")).at("interruptions"), IsEmpty());
+
+    command.emplace_back("--rearm");
+    const Finished finished = run(command);
+    EXPECT_EQ(finished.status, 0) << finished.output;
+    EXPECT_THAT(finished.output, HasSubstr("interrupted at"));
+    const nlohmann::json report = nlohmann::json::parse(std::ifstream(folder / "run.json"));
+    ASSERT_EQ(report.at("interruptions").size(), 1U);
+    EXPECT_EQ(report.at("interruptions").at(0).at("cause"), "disconnected");
+    EXPECT_EQ(report.at("safety").at("faults"), nlohmann::json({"stop"}));
+}
+
 TEST_F(RtCore, TakesTheConfigurationThatItPrints) {
     const Finished printed = run({RT_CORE, "--print-config"});
     ASSERT_EQ(printed.status, 0);
