@@ -7,6 +7,7 @@
 #include "haptic/device/faulty_firmware.hpp"
 #include "haptic/device/sh4_board.hpp"
 #include "haptic/device/simple_board.hpp"
+#include "haptic/device/uart_board.hpp"
 
 namespace haptic::device {
 namespace {
@@ -72,7 +73,7 @@ std::unique_ptr<Firmware> make_sound_firmware(BoardKind kind, EmulatedDevice& de
         case BoardKind::Simple:
             return std::make_unique<SimpleFirmware>(device);
         case BoardKind::Uart:
-            break;
+            return std::make_unique<UartFirmware>(device);
     }
     throw std::invalid_argument("emulated board: variant '" + device.variant().name + "' has a board without firmware");
 }
@@ -95,7 +96,7 @@ std::unique_ptr<Board> make_board(BoardKind kind, Transport& transport, const Bo
         case BoardKind::Simple:
             return std::make_unique<SimpleBoard>(transport, options.simple_phase);
         case BoardKind::Uart:
-            break;
+            return std::make_unique<UartBoard>(transport, options.uart);
     }
     throw std::invalid_argument("no driver for this kind of board");
 }

@@ -22,6 +22,7 @@
 #include "haptic/device/fault.hpp"
 #include "haptic/device/hand_file.hpp"
 #include "haptic/device/hand_keeper.hpp"
+#include "haptic/device/tty_server.hpp"
 #include "haptic/device/usbip_server.hpp"
 #include "haptic/device/variant_file.hpp"
 
@@ -115,6 +116,13 @@ EmulatedDevice::Settings device_settings(const ServeArguments& arguments, const 
     return settings;
 }
 
+std::unique_ptr<Server> serve_tty(const std::string& link, const Variant& variant, Firmware& firmware) {
+    auto server =
+        std::make_unique<TtyServer>(firmware, link.empty() ? std::nullopt : std::optional<std::filesystem::path>(link));
+    say("tty: " + variant.name + " at " + server->path().string() + (link.empty() ? "" : ", linked from " + link));
+    return server;
+}
+
 /// When the earliest of them has something to do, from now; nullptr for never.
 const timespec* time_left(const std::vector<std::unique_ptr<Server>>& servers, timespec& storage) {
     std::optional<std::int64_t> earliest;
@@ -160,6 +168,13 @@ CLI::App* add_serve(CLI::App& app, ServeArguments& arguments) {
                          "ADDR:PORT to listen on; port 0 is any free one. Served if nothing else is")
             ->expected(0, 1)
             ->capture_default_str();
+    arguments.tty_asked =
+        serve
+            ->add_option("--tty", arguments.tty,
+                         "A pseudo terminal as the serial line of a variant with UART boards; LINK becomes a symbolic "
+                         "link to it")
+            ->type_name("[LINK]")
+            ->expected(0, 1);
     serve->add_option("--variant", arguments.variant, "Frame, and with it the board: a built-in name or a TOML file")
         ->capture_default_str();
     serve->add_option("--hand", arguments.hand,
@@ -187,14 +202,24 @@ void run_serve(const ServeArguments& arguments) {
         throw CLI::ValidationError("--hand-delay", "needs 0 to 3600 s");
     }
     const Variant variant = variant_of(arguments.variant);
-    const NetworkAddress address = usbip_address(arguments.usbip, variant);
+    const bool tty = arguments.tty_asked->count() > 0;
+    const bool usbip = arguments.usbip_asked->count() > 0 || !tty;
+    if (tty && variant.board != BoardKind::Uart) {
+        throw CLI::ValidationError("--tty", "the board of " + variant.name + " has no serial line; use --usbip");
+    }
+    const NetworkAddress address = usbip ? usbip_address(arguments.usbip, variant) : NetworkAddress{};
     const StopSignals signals;
     EmulatedDevice device(device_settings(arguments, variant));
     const std::unique_ptr<Firmware> board = make_firmware(variant.board, device);
     HandKeeper firmware(*board, device, nanoseconds(arguments.hand_delay_s));
 
     std::vector<std::unique_ptr<Server>> servers;
-    servers.push_back(serve_usbip(address, variant, firmware));
+    if (usbip) {
+        servers.push_back(serve_usbip(address, variant, firmware));
+    }
+    if (tty) {
+        servers.push_back(serve_tty(arguments.tty, variant, firmware));
+    }
     serve_until_stopped(servers, signals);
     say("stopped");
 }

@@ -13,6 +13,8 @@ namespace haptic::device {
 struct ServeArguments {
     std::string usbip;  // ADDR:PORT
     CLI::Option* usbip_asked = nullptr;
+    std::string tty;  // LINK, empty for none
+    CLI::Option* tty_asked = nullptr;
     std::string variant = "SpidarG6X3R";
     std::optional<std::filesystem::path> hand;
     double hand_delay_s = 0.5;

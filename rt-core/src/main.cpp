@@ -28,7 +28,7 @@ void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
     run.add_option("--set", options.assignments, "one key for this run, e.g. limits.force=4 (repeatable)")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    run.add_option("--device", options.device, "emulated, usb or replay:F.csv")
+    run.add_option("--device", options.device, "emulated, usb, tty:PATH or replay:F.csv")
         ->type_name("DEVICE")
         ->capture_default_str();
     run.add_option("--hand", options.hand, "recording that the emulated hand follows once the loop runs")

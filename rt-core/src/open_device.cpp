@@ -1,6 +1,7 @@
 #include "open_device.hpp"
 
 #include <optional>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "haptic/device/usb_board.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/rt/held_hand.hpp"
+#include "tty_device.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -108,10 +110,13 @@ std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Setti
         if (name == "usb") {
             return std::make_unique<UsbDevice>(settings);
         }
+        if (constexpr std::string_view kTty = "tty:"; name.starts_with(kTty)) {
+            return open_tty_device(name.substr(kTty.size()), settings);
+        }
     } catch (const device::BoardError& error) {
         throw Refusal("--device " + name + ": " + error.what());
     }
-    throw Refusal("--device " + name + ": unknown device; the choices are emulated, usb and replay:FILE");
+    throw Refusal("--device " + name + ": unknown device; the choices are emulated, usb, tty:PATH and replay:FILE");
 }
 
 }  // namespace haptic::rt

@@ -123,6 +123,7 @@ Settings read_settings(const Config& config) {
     settings.board = read_board_options(config);
     settings.usb = read_usb_settings(config);
     settings.mechanics = device::read_emulated(config);
+    settings.serial = read_serial_settings(config);
     read_force(config, settings.tick);
     read_passivity(config, settings.tick);
     read_safety(config, settings.tick.safety);

@@ -33,6 +33,10 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.board.simple_phase, b.board.simple_phase);
     EXPECT_EQ(a.watchdog.limit_ns, b.watchdog.limit_ns);
     EXPECT_EQ(a.watchdog.priority, b.watchdog.priority);
+    EXPECT_EQ(a.board.uart.padding, b.board.uart.padding);
+    EXPECT_EQ(a.board.uart.set_lengths, b.board.uart.set_lengths);
+    EXPECT_EQ(a.serial.baud, b.serial.baud);
+    EXPECT_EQ(a.serial.timeout_ns, b.serial.timeout_ns);
     EXPECT_EQ(a.tick.period_ns, b.tick.period_ns);
     EXPECT_EQ(a.tick.variant.name, b.tick.variant.name);
     EXPECT_EQ(a.tick.variant.minimum_tension, b.tick.variant.minimum_tension);

@@ -8,6 +8,7 @@
 #include "haptic/config.hpp"
 #include "haptic/device/board_options.hpp"
 #include "haptic/device/grip_mechanics.hpp"
+#include "haptic/device/serial_transport.hpp"
 #include "haptic/rt/loop.hpp"
 #include "haptic/rt/tick.hpp"
 #include "haptic/rt/usb_settings.hpp"
@@ -22,7 +23,8 @@ struct Settings {
     std::optional<device::GripMechanics> mechanics;  // of the emulated device; nothing for an ideal hand
     WatchdogSettings watchdog;
     UsbSettings usb;
-    bool rearm = false;               // after the device was lost, wait for it and go on
+    bool rearm = false;  // after the device was lost, wait for it and go on
+    device::SerialTransport::Settings serial;
     std::size_t queue_ticks = 16384;  // capacity of the Recorder
     std::size_t queue_frames = 512;   // likewise; 11 kB each
 };
@@ -33,6 +35,8 @@ struct Settings {
 
 /// Keys device.* that say how a board is spoken to. Throws ConfigError.
 [[nodiscard]] device::BoardOptions read_board_options(const Config& config);
+/// Keys device.uart_* that say how a serial line is run. Throws ConfigError.
+[[nodiscard]] device::SerialTransport::Settings read_serial_settings(const Config& config);
 
 /// The commented file with all defaults, as it is installed.
 [[nodiscard]] std::string_view default_config_text() noexcept;

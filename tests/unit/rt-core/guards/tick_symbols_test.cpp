@@ -51,6 +51,8 @@ const std::vector<std::string>& roots() {
         "haptic::rt::RingFrames::read_newest",   "haptic::monotonic_now_ns",
         "haptic::rt::MotorGate::exchange",       "haptic::device::FaultyFirmware::receive",
         "haptic::device::FaultyFirmware::reply", "haptic::device::FaultyFirmware::connected",
+        "haptic::device::UartBoard::exchange",   "haptic::device::UartFirmware::receive",
+        "haptic::device::UartFirmware::reply",   "haptic::device::SerialTransport::exchange",
     };
     return names;
 }

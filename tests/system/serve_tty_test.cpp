@@ -1,0 +1,222 @@
+// rt-core on a serial line: a pseudo terminal behind which the emulated UART boards are, served by firmware-host or, to
+// see what the motors have in the end, by this test itself.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+
+#include <atomic>
+#include <cmath>
+#include <csignal>
+#include <fstream>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "haptic/clock.hpp"
+#include "haptic/csv.hpp"
+#include "haptic/device/emulated_device.hpp"
+#include "haptic/device/tty_server.hpp"
+#include "haptic/device/uart_board.hpp"
+#include "haptic/device/variant_file.hpp"
+#include "process.hpp"
+#include "pty.hpp"
+
+namespace haptic::test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class ServedTty : public testing::Test {
+  protected:
+    /// A loop that a busy machine keeps up with: 50 Hz, and two ticks for each exchange.
+    [[nodiscard]] std::vector<std::string> rt_core(const std::string& variant, const std::string& path) const {
+        std::vector<std::string> command = {RT_CORE, "run", "--session", session, "--device", "tty:" + path};
+        for (const std::string& setting :
+             {"device.variant=" + variant, std::string("loop.period_s=0.02"), std::string("loop.warm_up_ticks=1"),
+              std::string("device.uart_timeout_s=0.04"), std::string("safety.overrun_ticks=1000"),
+              std::string("safety.watchdog_s=1")}) {
+            command.insert(command.end(), {"--set", setting});
+        }
+        return command;
+    }
+    /// Whether this machine lets a process drive a real device at all.
+    static bool refused(const std::string& output) {
+        return output.find("not driven without real-time privileges") != std::string::npos;
+    }
+    void TearDown() override { EXPECT_THAT(segments_of(session), IsEmpty()); }
+
+    ScratchFolder folder;
+    std::string session = unique_session();
+};
+
+class ServedTtyOfEachVariant : public ServedTty, public testing::WithParamInterface<const char*> {};
+
+INSTANTIATE_TEST_SUITE_P(Boards, ServedTtyOfEachVariant, testing::Values("SpidarG6X4", "SpidarG6X5R"),
+                         [](const auto& param) { return std::string(param.param); });
+
+TEST_P(ServedTtyOfEachVariant, BringsTheHandsPosesToRtCore) {
+    const std::string hand = folder / "hand.csv";
+    // 12 mm to the side and 8 mm up, a turn of 0.2 rad about y, in half a second; then it stays.
+    const double half = 0.1;
+    std::ofstream(hand) << "time_s,x_m,y_m,z_m,qw,qx,qy,qz\n0,0,0,0,1,0,0,0\n0.5,0.012,0.008,-0.005," << std::cos(half)
+                        << ",0," << std::sin(half) << ",0\n";
+    const std::string link = folder / "line";
+    Process server(
+        {FIRMWARE_HOST, "serve", "--tty", link, "--variant", GetParam(), "--hand", hand, "--hand-delay", "0.7"},
+        folder / "server.log");
+    ASSERT_TRUE(server.wait_for_text("tty:", 10s)) << server.output();
+
+    std::vector<std::string> command = rt_core(GetParam(), link);
+    const std::string record = folder / "run.csv";
+    command.insert(command.end(), {"--record", record, "--duration", "3"});
+    const Finished finished = run(command);
+    if (refused(finished.output)) {
+        GTEST_SKIP() << "a real device is not driven without real-time privileges";
+    }
+    ASSERT_EQ(finished.status, 0) << finished.output << server.output();
+    EXPECT_THAT(finished.output, HasSubstr("model"));
+
+    // Where the hand stays: to a few counts of its encoders, 35 um each, and what they make of an angle at 2 cm.
+    const CsvTable table = CsvTable::load(record);
+    double furthest = 0.0;
+    std::size_t at = 0;
+    for (std::size_t i = 0; i < table.rows(); ++i) {
+        if (table.column("x_m")[i] > furthest) {
+            furthest = table.column("x_m")[i];
+            at = i;
+        }
+    }
+    EXPECT_NEAR(furthest, 0.012, 1e-4);
+    EXPECT_NEAR(table.column("y_m")[at], 0.008, 1e-4);
+    EXPECT_NEAR(table.column("z_m")[at], -0.005, 1e-4);
+    EXPECT_NEAR(table.column("qy")[at], std::sin(half), 5e-3);
+
+    server.signal(SIGTERM);
+    EXPECT_EQ(server.wait_for(10s), 0) << server.output();
+    EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(link))) << "the link goes with the server";
+}
+
+TEST_F(ServedTty, FaultsByNameWhenTheServerDies) {
+    const std::string link = folder / "line";
+    Process server({FIRMWARE_HOST, "serve", "--tty", link, "--variant", "SpidarG6X4"}, folder / "server.log");
+    ASSERT_TRUE(server.wait_for_text("tty:", 10s)) << server.output();
+    std::vector<std::string> command = rt_core("SpidarG6X4", link);
+    command.insert(command.end(), {"--report", folder / "run.json", "--duration", "60"});
+    Process core(command, folder / "core.log");
+    if (!core.wait_for_text("running", 20s)) {
+        if (refused(core.output())) {
+            GTEST_SKIP() << "a real device is not driven without real-time privileges";
+        }
+        FAIL() << core.output() << server.output();
+    }
+    server.signal(SIGKILL);
+    EXPECT_EQ(core.wait_for(20s), 3) << core.output();
+    EXPECT_THAT(core.output(), HasSubstr("FAULT: exchange"));
+    const nlohmann::json report = nlohmann::json::parse(std::ifstream(folder / "run.json"));
+    EXPECT_EQ(report.at("safety").at("faults"), nlohmann::json({"exchange"}));
+    EXPECT_EQ(report.at("safety").at("state"), "disarmed");
+    std::filesystem::remove(link);  // what a killed server leaves
+}
+
+TEST_F(ServedTty, GoesOnWhenTheServerIsBack) {
+    const std::string link = folder / "line";
+    const std::vector<std::string> serve = {FIRMWARE_HOST, "serve", "--tty", link, "--variant", "SpidarG6X5R"};
+    std::vector<std::string> command = rt_core("SpidarG6X5R", link);
+    command.insert(command.end(), {"--rearm", "--report", folder / "run.json"});
+    std::optional<Process> server;
+    server.emplace(serve, folder / "first.log");
+    ASSERT_TRUE(server->wait_for_text("tty:", 10s)) << server->output();
+    Process core(command, folder / "core.log");
+    if (!core.wait_for_text("rt-core info: running", 20s)) {
+        if (refused(core.output())) {
+            GTEST_SKIP() << "a real device is not driven without real-time privileges";
+        }
+        FAIL() << core.output();
+    }
+    server->signal(SIGKILL);
+    ASSERT_TRUE(core.wait_for_text("not yet", 20s)) << core.output();
+    server.reset();
+    server.emplace(serve, folder / "second.log");
+    EXPECT_TRUE(core.wait_for_text("is back; keep the grip", 20s)) << core.output();
+    core.signal(SIGTERM);
+    EXPECT_EQ(core.wait_for(20s), 0) << core.output();
+}
+
+/// The boards in this process, so that what the motors have can be seen.
+class MotorsOnATty : public ServedTty {
+  protected:
+    MotorsOnATty() : thread_([this] { serve(); }) {}
+    ~MotorsOnATty() override {
+        done_ = true;
+        thread_.join();
+    }
+    std::array<std::int16_t, kStrings> digits() {
+        const std::scoped_lock lock(mutex_);
+        return device_.digits();
+    }
+    static bool all_zero(const std::array<std::int16_t, kStrings>& digits) {
+        return digits == std::array<std::int16_t, kStrings>{};
+    }
+    [[nodiscard]] std::string path() const { return server_.path(); }
+
+  private:
+    void serve() {
+        while (!done_) {
+            pollfd watched{server_.descriptor(), POLLIN, 0};
+            poll(&watched, 1, 5);
+            const std::scoped_lock lock(mutex_);
+            server_.step(monotonic_now_ns());
+        }
+    }
+
+    std::mutex mutex_;
+    device::EmulatedDevice device_{{.variant = device::builtin_variant("SpidarG6X4")}};
+    device::UartFirmware firmware_{device_};
+    device::TtyServer server_{firmware_, {}};
+    std::atomic<bool> done_{false};
+    std::thread thread_;
+};
+
+TEST_F(MotorsOnATty, AreAtZeroAfterACrashAndAfterAStop) {
+    for (const int signal : {SIGSEGV, SIGTERM}) {  // the second one takes away what a crash leaves in /dev/shm
+        Process core(rt_core("SpidarG6X4", path()), folder / "core.log");
+        if (!core.wait_for_text("running", 20s)) {
+            if (refused(core.output())) {
+                GTEST_SKIP() << "a real device is not driven without real-time privileges";
+            }
+            FAIL() << core.output();
+        }
+        EXPECT_FALSE(all_zero(digits())) << "at least the minimum tension";
+        core.signal(signal);
+        EXPECT_EQ(core.wait_for(20s), signal == SIGTERM ? 0 : 128 + signal) << core.output();
+        // What was sent last may still be in the terminal.
+        for (int k = 0; k < 200 && !all_zero(digits()); ++k) {
+            std::this_thread::sleep_for(10ms);
+        }
+        EXPECT_TRUE(all_zero(digits()));
+    }
+}
+
+TEST_F(ServedTty, RefusesALineThatIsNoneAndAVariantWithoutOne) {
+    const Finished none = run(rt_core("SpidarG6X4", "/dev/does-not-exist"));
+    EXPECT_EQ(none.status, 2);
+    EXPECT_THAT(none.output, AllOf(HasSubstr("tty:/dev/does-not-exist"), HasSubstr("/dev/serial/by-id")));
+    const Finished usb = run(rt_core("SpidarG6X3R", "/dev/null"));
+    EXPECT_EQ(usb.status, 2);
+    EXPECT_THAT(usb.output, AllOf(HasSubstr("SpidarG6X3R"), HasSubstr("device.variant")));
+    const device::test::Pty silent;
+    std::vector<std::string> command = rt_core("SpidarG6X4", silent.path());
+    command.insert(command.end(), {"--set", "device.uart_timeout_s=0.001"});
+    const Finished nobody = run(command);
+    EXPECT_EQ(nobody.status, 2);
+    EXPECT_THAT(nobody.output, HasSubstr("nothing"));
+}
+
+}  // namespace
+}  // namespace haptic::test
