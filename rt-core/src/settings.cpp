@@ -65,6 +65,9 @@ void read_device(const Config& config, TickSettings& tick) {
     tick.velocity_window_ticks =
         whole(config, "velocity.window_ticks", tick.velocity_window_ticks, {1, AdaptiveVelocity::kMostTicks});
     tick.tension_effort = config.number("tension.effort", tick.tension_effort, {1e-12, 1.0});
+    tick.tension_infeasible = config.choice("tension.infeasible", "closest", {"closest", "direction"}) == "closest"
+                                  ? Infeasible::Closest
+                                  : Infeasible::Direction;
     tick.tension_continuity = config.number("tension.continuity", tick.tension_continuity, {0.0, 1.0});
     tick.tension_rate = config.number("tension.rate", tick.tension_rate, {10.0, 1e6});
 }

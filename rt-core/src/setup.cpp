@@ -58,6 +58,7 @@ TensionSettings tension_settings(const TickSettings& settings) {
     result.torque_scale = radius > 0.0 ? 1.0 / radius : 1.0;
     result.effort = settings.tension_effort;
     result.continuity = settings.tension_continuity;
+    result.infeasible = settings.tension_infeasible;
     result.slew = settings.tension_rate * seconds(settings.period_ns);
     return result;
 }

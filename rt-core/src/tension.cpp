@@ -232,14 +232,18 @@ bool is_usable(const WireMatrix& wires) HAPTIC_RT {
     return sum < kLargestWires;  // not if it is not a number
 }
 
-/// What a wrench must be multiplied by to be within kLargestWrench.
-double shortening_of(const Wrench& goal, const TensionSettings& settings) HAPTIC_RT {
+/// What a wrench must be multiplied by so that no component is above so many tensions at full pull.
+double shortening_of(const Wrench& goal, double strings, const TensionSettings& settings) HAPTIC_RT {
     double size = 0.0;
     for (Vec3::length_type k = 0; k < 3; ++k) {
         size = std::max({size, std::abs(goal.force[k]), std::abs(goal.torque[k]) * settings.torque_scale});
     }
-    const double largest = kLargestWrench * settings.maximum;
+    const double largest = strings * settings.maximum;
     return size > largest ? largest / size : 1.0;
+}
+
+Wrench scaled(const Wrench& wrench, double factor) HAPTIC_RT {
+    return {wrench.force * factor, wrench.torque * factor};
 }
 
 BoxProgramme programme_of(const WireMatrix& wires, const Wrench& goal, const StringArray& previous,
@@ -272,6 +276,16 @@ BoxProgramme programme_of(const WireMatrix& wires, const Wrench& goal, const Str
     }
     programme.tolerance = kMultiplierTolerance * largest_term;
     return programme;
+}
+
+/// Whether what is made falls short of the goal along it, so that a smaller share of it is met better: the sign of the
+/// derivative of the squared error by the share, which is convex in it. Strings may also be unable to make a share that
+/// is too small, zero included.
+bool lacks(const Wrench& made, const Wrench& goal, const TensionSettings& settings) HAPTIC_RT {
+    const double squared_scale = settings.torque_scale * settings.torque_scale;
+    return glm::dot(goal.force - made.force, goal.force) +
+               squared_scale * glm::dot(goal.torque - made.torque, goal.torque) >
+           0.0;
 }
 
 bool is_met(const Wrench& made, const Wrench& goal) HAPTIC_RT {
@@ -315,19 +329,53 @@ TensionResult TensionSolver::solve(const WireMatrix& wires, const Wrench& wanted
         return result;
     }
     const Wrench goal = is_finite(wanted.force) && is_finite(wanted.torque) ? wanted : Wrench{};
-    const double shortening = shortening_of(goal, settings_);
-    const BoxProgramme programme =
-        programme_of(wires, {goal.force * shortening, goal.torque * shortening}, previous_, maxima_, settings_);
+    const double shortening = shortening_of(goal, kLargestWrench, settings_);
+    aim(wires, scaled(goal, shortening), at_bound_, result);
+    result.reached = result.reached && shortening == 1.0;
+    if (!result.reached && settings_.infeasible == Infeasible::Direction) {
+        keep_direction(wires, goal, at_bound_, result);
+    }
+    previous_ = result.tensions;
+    return result;
+}
+
+void TensionSolver::aim(const WireMatrix& wires, const Wrench& goal, Set& set, TensionResult& result) const HAPTIC_RT {
+    const BoxProgramme programme = programme_of(wires, goal, previous_, maxima_, settings_);
     StringArray x = previous_;
-    result.exact = minimise(programme, at_bound_, x, result.rounds);
+    result.exact = minimise(programme, set, x, result.rounds);
     for (std::size_t i = 0; i < kN; ++i) {
         result.tensions[i] =
             std::isfinite(x[i]) ? std::clamp(x[i], programme.lower[i], programme.upper[i]) : previous_[i];
     }
-    previous_ = result.tensions;
     result.wrench = wrench_of_tensions(wires, result.tensions);
-    result.reached = shortening == 1.0 && is_met(result.wrench, goal);
-    return result;
+    result.reached = is_met(result.wrench, goal);
+}
+
+void TensionSolver::keep_direction(const WireMatrix& wires, const Wrench& goal, Set& set,
+                                   TensionResult& result) const HAPTIC_RT {
+    // No more than eight strings at full pull make, so that the halvings are spent on what can be.
+    const double most = shortening_of(goal, static_cast<double>(kN), settings_);
+    double low = 0.0;
+    double high = 1.0;
+    Set tried_set = set;
+    TensionResult tried = result;
+    for (int k = 0; k < kHalvings; ++k) {
+        const double share = 0.5 * (low + high);
+        const Wrench shared = scaled(goal, share * most);
+        aim(wires, shared, tried_set, tried);
+        if (tried.reached) {
+            low = share;
+            set = tried_set;
+            result = tried;
+            result.scale = share * most;
+        } else if (lacks(tried.wrench, shared, settings_)) {
+            high = share;
+        } else {
+            low = share;
+        }
+    }
+    result.rounds = tried.rounds;
+    result.reached = false;
 }
 
 }  // namespace haptic::rt

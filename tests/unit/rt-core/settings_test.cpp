@@ -44,6 +44,7 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.tick.maximum_string_speed, b.tick.maximum_string_speed);
     EXPECT_EQ(a.tick.velocity_window_ticks, b.tick.velocity_window_ticks);
     EXPECT_EQ(a.tick.tension_effort, b.tick.tension_effort);
+    EXPECT_EQ(a.tick.tension_infeasible, b.tick.tension_infeasible);
     EXPECT_EQ(a.tick.tension_continuity, b.tick.tension_continuity);
     EXPECT_EQ(a.tick.tension_rate, b.tick.tension_rate);
     EXPECT_EQ(a.tick.frames.stale_after_ns, b.tick.frames.stale_after_ns);
@@ -166,12 +167,14 @@ TEST(Settings, OfTheInstalledFileNameEveryKey) {
 TEST(Settings, TakeWhatTheFileSays) {
     const Settings settings = read(
         "[loop]\nperiod_s = 0.0005\npriority = 42\n[frames]\nstale_after_s = 0.25\n[limits]\nforce = 3.5\n"
+        "[tension]\ninfeasible = \"direction\"\n"
         "[safety]\nfault_fade_s = 0.2\nexchange_ticks = 9\n[device]\nminimum_tension = 0.5\n");
     EXPECT_EQ(settings.loop.period_ns, 500'000);
     EXPECT_EQ(settings.tick.period_ns, 500'000);
     EXPECT_EQ(settings.loop.priority, 42);
     EXPECT_EQ(settings.tick.frames.stale_after_ns, 250'000'000);
     EXPECT_EQ(settings.tick.limits.force, 3.5);
+    EXPECT_EQ(settings.tick.tension_infeasible, Infeasible::Direction);
     EXPECT_EQ(settings.tick.safety.fault_fade_ns, 200'000'000);
     EXPECT_EQ(settings.tick.safety.exchange_ticks, 9);
     EXPECT_EQ(settings.tick.variant.minimum_tension, 0.5);

@@ -22,6 +22,12 @@
 
 namespace haptic::rt {
 
+/// What is made of a wrench that tensions within their bounds cannot make.
+enum class Infeasible : std::uint8_t {
+    Closest,   // the wrench nearest to it, in the norm above: may push to the side of where it was asked to
+    Direction  // the largest share of it, force and torque alike, that can be made
+};
+
 struct TensionSettings {
     double minimum = 0.0;       // N
     double maximum = 0.0;       // N
@@ -31,36 +37,46 @@ struct TensionSettings {
     // N per call: no tension changes by more. At the border of what the strings can reach, the tensions that come
     // closest to a wrench jump between two sets that make nearly the same one; this bounds the jump.
     double slew = std::numeric_limits<double>::infinity();
+    Infeasible infeasible = Infeasible::Closest;
 };
 
 struct TensionResult {
     StringArray tensions{};  // N, within minimum and maximum on every path
     Wrench wrench;           // A^T t: what these tensions really make
+    double scale = 1.0;      // share of the wrench that was aimed at: below 1 only with Infeasible::Direction
     bool reached = true;     // the wrench asked for is met to 1e-3 relative, and 1 mN / 0.05 mN*m absolute
     bool exact = true;       // the optimality conditions hold; false only if the bound on the work was met first
-    int rounds = 0;          // of the solver, at most kBlockRounds + kDescentRounds
+    int rounds = 0;  // of the solver, at most kBlockRounds + kDescentRounds, and times kHalvings + 1 for Direction
 };
 
 class TensionSolver {
   public:
     static constexpr int kBlockRounds = 3;
     static constexpr int kDescentRounds = 45;
+    // Of the share of an infeasible wrench, which so is found to 1 in 4096 of eight strings at full pull.
+    static constexpr int kHalvings = 12;
 
     /// Throws std::invalid_argument for settings that leave the box empty or the minimum not unique.
     explicit TensionSolver(const TensionSettings& settings);
-    /// At most kBlockRounds + kDescentRounds rounds. A wrench that is not finite counts as zero, one far beyond what
-    /// any strings reach is shortened first, and wires that are not finite give the minimum tension, neither reached
-    /// nor exact.
+    /// At most kBlockRounds + kDescentRounds rounds; with Infeasible::Direction, for an infeasible wrench, that again
+    /// for each of kHalvings shares of it, and the closest is made where no share can be. A wrench that is not finite
+    /// counts as zero, one far beyond what any strings reach is shortened first, and wires that are not finite give the
+    /// minimum tension, neither reached nor exact.
     TensionResult solve(const WireMatrix& wires, const Wrench& wanted) HAPTIC_RT;
     void reset() HAPTIC_RT;
     /// N: the largest tension of each string from now on, within the settings' bounds; the slew holds all the same.
     void set_maxima(const StringArray& maxima) HAPTIC_RT { maxima_ = maxima; }
 
   private:
+    using Set = std::array<std::int8_t, kStrings>;  // -1 lower bound, +1 upper, 0 free
+
+    void aim(const WireMatrix& wires, const Wrench& goal, Set& set, TensionResult& result) const HAPTIC_RT;
+    void keep_direction(const WireMatrix& wires, const Wrench& goal, Set& set, TensionResult& result) const HAPTIC_RT;
+
     TensionSettings settings_;
     StringArray maxima_{};
     StringArray previous_{};
-    std::array<std::int8_t, kStrings> at_bound_{};  // -1 lower, +1 upper, 0 free
+    Set at_bound_{};
 };
 
 }  // namespace haptic::rt

@@ -51,8 +51,9 @@ struct TickSettings {
     double maximum_string_speed = 2.0;   // m/s; what is faster is an encoder fault
     int velocity_window_ticks = 8;       // VelocitySettings::window_ticks
     double tension_effort = 1e-5;        // 1, TensionSettings::effort
-    double tension_continuity = 1e-5;    // 1, TensionSettings::continuity
-    double tension_rate = 3000.0;        // N/s, of one string; above what the limits of the wrench's rate can cause
+    Infeasible tension_infeasible = Infeasible::Closest;
+    double tension_continuity = 1e-5;  // 1, TensionSettings::continuity
+    double tension_rate = 3000.0;      // N/s, of one string; above what the limits of the wrench's rate can cause
     FrameSettings frames;
     WrenchLimits limits;
     PassivitySettings passivity;
