@@ -96,7 +96,10 @@ class Connection:
     def receive(self, count):
         data = b""
         while len(data) < count:
-            piece = self.socket.recv(count - len(data))
+            try:
+                piece = self.socket.recv(count - len(data))
+            except ConnectionError:
+                piece = b""
             check(piece, "the server keeps the connection (%d of %d bytes came)" % (len(data), count))
             data += piece
         return data
@@ -125,7 +128,10 @@ class Connection:
     def submit(self, direction, endpoint, length, data=b"", setup=bytes(8)):
         self.sequence += 1
         header = struct.pack(">IIIII IIIII 8s", 1, self.sequence, self.device, direction, endpoint, 0, length, 0, 0, 0, setup)
-        self.socket.sendall(header + data)
+        try:
+            self.socket.sendall(header + data)
+        except ConnectionError:
+            pass  # whoever waits for the answer finds out
         return self.sequence
 
     def unlink(self, target):

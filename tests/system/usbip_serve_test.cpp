@@ -9,6 +9,7 @@
 #include <memory>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "process.hpp"
@@ -78,6 +79,23 @@ TEST_F(UsbipServe, AnIndependentClientDrivesItAndItsCountersAgreeWithTheGeometry
     EXPECT_THAT(client.output, HasSubstr("0cec:0205 with bulk 0x02 and 0x86"));
     EXPECT_THAT(server->output(), AllOf(HasSubstr("imported by 127.0.0.1:"), HasSubstr("another client has the device"),
                                         HasSubstr("has lost the device")));
+}
+
+TEST_F(UsbipServe, UnpluggedOnCommandItIsGoneForItsClientAndThenThereAgain) {
+    const std::string file = folder / "hand.csv";
+    std::ofstream(file) << run({PYTHON, CLIENT, "--hand"}).output;
+    serve({"--hand", file, "--fault", "unplug@0.9/1"});
+    const Finished cut = run({PYTHON, CLIENT, "127.0.0.1", port});
+    EXPECT_EQ(cut.status, 1);
+    EXPECT_THAT(cut.output, HasSubstr("the server keeps the connection"));
+    EXPECT_THAT(server->output(), HasSubstr("has lost the device: unplugged"));
+    Finished again = cut;
+    for (int tries = 0; tries < 100 && again.status != 0; ++tries) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(100));
+        again = run({PYTHON, CLIENT, "127.0.0.1", port});
+    }
+    EXPECT_EQ(again.status, 0) << again.output;
+    EXPECT_THAT(server->output(), HasSubstr("plugged in"));
 }
 
 TEST_F(UsbipServe, EndsWithStatusZeroOnEachSignalThatAsksForIt) {
