@@ -15,6 +15,7 @@ void DeviceFaults::advance(std::int64_t time_ns, std::int64_t passed_ns) HAPTIC_
     std::array<double, kStrings> slack{};
     added_ = {};
     stuck_ = {};
+    dead_ = {};
     motors_frozen_ = false;
     for (const Fault& fault : faults_) {
         if (!fault.active(time_ns)) {
@@ -30,6 +31,7 @@ void DeviceFaults::advance(std::int64_t time_ns, std::int64_t passed_ns) HAPTIC_
             }
             stuck_[i] = stuck_[i] || fault.kind == FaultKind::Stuck;
             added_[i] += fault.kind == FaultKind::Jump ? static_cast<std::uint32_t>(fault.counts) : 0U;
+            dead_[i] = dead_[i] || (fault.kind == FaultKind::Slack && fault.motor_dead);
             slack[i] += fault.kind == FaultKind::Slack ? fault.slack_m : 0.0;
         }
     }

@@ -79,8 +79,7 @@ void EmulatedDevice::advance(std::int64_t now_ns) HAPTIC_RT {
         mechanical_->advance(now_ns, drive, hand_);
         grip_ = mechanical_->state().pose;
     } else {
-        grip_ = hand_.pose();
-        reel_in(passed_ns);
+        move_ideally(passed_ns);
     }
     faults_.hold(true_counters());
 }
@@ -108,11 +107,24 @@ std::int64_t EmulatedDevice::fault_time_ns(std::int64_t now_ns) const HAPTIC_RT 
     return fault_ns_ + std::max<std::int64_t>(now_ns - last_ns_, 0);
 }
 
-void EmulatedDevice::reel_in(std::int64_t passed_ns) HAPTIC_RT {
+void EmulatedDevice::move_ideally(std::int64_t passed_ns) HAPTIC_RT {
+    if (settings_.faults.empty()) {
+        grip_ = hand_.pose();
+        return;
+    }
+    std::array<double, kStrings> before{};
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        before[i] = paid_out_length(i);
+    }
+    grip_ = hand_.pose();
     const double reeled = kReelSpeed * seconds(std::max<std::int64_t>(passed_ns, 0));
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const double further = digits_[i] != 0 ? reeled_[i] + reeled : reeled_[i];
-        reeled_[i] = std::min(further, faults_.slack()[i]);
+        if (faults_.dead()[i]) {  // it turns only where a taut string turns it
+            reeled_[i] += paid_out_length(i) - before[i];
+        } else if (digits_[i] != 0) {
+            reeled_[i] += reeled;
+        }
+        reeled_[i] = std::min(reeled_[i], faults_.slack()[i]);
     }
 }
 
@@ -143,7 +155,9 @@ std::array<std::uint32_t, kStrings> EmulatedDevice::true_counters() const HAPTIC
 std::array<double, kStrings> EmulatedDevice::tensions() const HAPTIC_RT {
     std::array<double, kStrings> tensions{};
     for (std::size_t i = 0; i < kStrings; ++i) {
-        tensions[i] = tension_of_digit(digits_[i], settings_.variant.strings[i].newtons_per_digit);
+        if (!faults_.dead()[i]) {
+            tensions[i] = tension_of_digit(digits_[i], settings_.variant.strings[i].newtons_per_digit);
+        }
     }
     return tensions;
 }

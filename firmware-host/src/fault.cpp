@@ -37,7 +37,7 @@ const std::vector<Kind>& kinds() {
         {FaultKind::Unplug, "unplug", {}, "the cable is out, and in again after DURATION"},
         {FaultKind::Stuck, "stuck", {"string"}, "an encoder stands still"},
         {FaultKind::Jump, "jump", {"string", "counts"}, "an encoder counts what was not there"},
-        {FaultKind::Slack, "slack", {"string", "metres"}, "a string gets longer, and its motor reels it in"},
+        {FaultKind::Slack, "slack", {"string", "metres", "motor"}, "a string gets longer, and its motor reels it in"},
         {FaultKind::Dac, "dac", {"echo"}, "the motors keep what they had"},
     };
     return all;
@@ -146,6 +146,8 @@ void read_parameter(Reader& reader, const Kind& kind, Fault& fault) {
         fault.counts = reader.whole("counts", {-kMostCounts, kMostCounts});
     } else if (name == "metres") {
         fault.slack_m = reader.number(",", "metres", {0.0, kMostSlack});
+    } else if (name == "motor") {
+        fault.motor_dead = reader.choice(",", "a state of the motor", {"pulls", "dead"}) == 1;
     } else {
         fault.echo_frozen = reader.choice(",", "an echo", {"frozen", "sent"}) == 0;
     }
@@ -187,6 +189,7 @@ std::string fault_help() {
     return help +
            "way=in (answers, the rule) or out (commands); packets=N at most; by=0.002 s; bytes=N kept, else half;\n"
            "bit=8*byte+bit, else another in each packet; string=0..7 or all; counts=3000; metres=0.02;\n"
+           "motor=pulls (it reels the slack in) or dead (it has no current); "
            "echo=frozen (the board reads back what the motors have) or sent";
 }
 

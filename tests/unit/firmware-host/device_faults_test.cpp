@@ -151,6 +151,33 @@ TEST(DeviceFaults, WithMechanicsTheMotorReelsASlackStringInAndItIsTakenBackGentl
     EXPECT_LT(largest, 20.0);
 }
 
+TEST(DeviceFaults, DeadMotorReelsNothingInAndTurnsWithItsTautString) {
+    // Away from motors 0 and 4 (left) and toward 2 and 6 (right) until 0.2 s, then back beyond where it came from.
+    for (const bool mechanics : {false, true}) {
+        EmulatedDevice::Settings settings = moving({"slack@0.1/0.6:string=6,metres=0,motor=dead"});
+        settings.hand = PoseTrack({0.0, 0.2, 0.6},
+                                  {{{0.0, 0.0, 0.0}, kLevel}, {{0.01, 0.0, 0.0}, kLevel}, {{-0.01, 0.0, 0.0}, kLevel}});
+        if (mechanics) {
+            settings.mechanics = GripMechanics{};
+        }
+        Pair pair(std::move(settings));
+        pair.run_to(100);
+        const auto held = pair.faulty_.counters();
+        pair.run_to(200);
+        EXPECT_LT(std::abs(static_cast<int>(pair.faulty_.counters()[6]) - static_cast<int>(held[6])), 10);
+        EXPECT_GT(pair.difference(6) * kPulse, 0.003) << "it reads longer than the string is";
+        EXPECT_EQ(pair.faulty_.string_tensions()[6], 0.0);
+        EXPECT_EQ(pair.faulty_.tensions()[6], 0.0);
+        pair.run_to(600);
+        // Taut again, it is paid out with the grip; with mechanics the grip is where seven strings let the hand have
+        // it.
+        EXPECT_LT(std::abs(pair.difference(6) * kPulse), mechanics ? 1e-3 : 2e-5);
+        pair.run_to(900);
+        EXPECT_LT(std::abs(pair.difference(6)), 10);
+        EXPECT_GT(pair.faulty_.string_tensions()[6], 0.25);
+    }
+}
+
 TEST(DeviceFaults, ClockWaitsForTheHandWhereItIsTold) {
     EmulatedDevice::Settings settings = moving({"jump@0.1:string=3,counts=100"});
     settings.hand_waits = true;

@@ -53,6 +53,7 @@ TEST(Fault, ParametersAreThoseThatWereWritten) {
     EXPECT_EQ(jumped.counts, -3000);
     EXPECT_EQ(parse_fault("stuck@2:string=all").string, Fault::kAny);
     EXPECT_DOUBLE_EQ(parse_fault("slack@2:string=1,metres=0.03").slack_m, 0.03);
+    EXPECT_TRUE(parse_fault("slack@2:string=1,metres=0,motor=dead").motor_dead);
     EXPECT_FALSE(parse_fault("dac@2:echo=sent").echo_frozen);
 }
 

@@ -30,6 +30,8 @@ class DeviceFaults {
         const std::array<std::uint32_t, kStrings>& counters) const HAPTIC_RT;
     /// m, by which the strings are longer.
     [[nodiscard]] const std::array<double, kStrings>& slack() const HAPTIC_RT { return slack_; }
+    /// Motors that have no current.
+    [[nodiscard]] const std::array<bool, kStrings>& dead() const HAPTIC_RT { return dead_; }
     [[nodiscard]] bool motors_frozen() const HAPTIC_RT { return motors_frozen_; }
     /// Whether the board then reads back what the motors have, rather than what it was sent.
     [[nodiscard]] bool echo_frozen() const HAPTIC_RT { return echo_frozen_; }
@@ -40,6 +42,7 @@ class DeviceFaults {
     std::array<std::uint32_t, kStrings> added_{};  // counts
     std::array<std::uint32_t, kStrings> held_{};   // counters
     std::array<bool, kStrings> stuck_{};
+    std::array<bool, kStrings> dead_{};
     std::array<bool, kStrings> holding_{};
     bool motors_frozen_ = false;
     bool echo_frozen_ = false;

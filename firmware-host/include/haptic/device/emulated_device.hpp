@@ -75,7 +75,7 @@ class EmulatedDevice {
 
   private:
     [[nodiscard]] std::array<std::uint32_t, kStrings> true_counters() const HAPTIC_RT;
-    void reel_in(std::int64_t passed_ns) HAPTIC_RT;
+    void move_ideally(std::int64_t passed_ns) HAPTIC_RT;
     [[nodiscard]] double paid_out_length(std::size_t string) const HAPTIC_RT;
 
     Settings settings_;
@@ -85,7 +85,7 @@ class EmulatedDevice {
     Pose grip_;
     std::array<std::int16_t, kStrings> digits_{};   // of the motors
     std::array<std::int16_t, kStrings> written_{};  // by the firmware
-    std::array<double, kStrings> reeled_{};         // m, of the slack of a grip without mechanics
+    std::array<double, kStrings> reeled_{};         // m, of the slack; only of a grip without mechanics
     std::int64_t last_ns_ = 0;
     std::int64_t fault_ns_ = 0;  // on the faults' clock, at last_ns_
     std::uint8_t buttons_ = 0;

@@ -49,6 +49,7 @@ struct Fault {
     int string = 0;                       // kAny: all
     int counts = 3000;                    // by which an encoder jumps
     double slack_m = 0.02;                // m, metres: by which a string gets longer
+    bool motor_dead = false;              // motor=dead: the string's motor has no current; pulls: it reels the slack in
     bool echo_frozen = true;  // echo=frozen: the board reads back what the motors have; sent: what it was sent
 
     [[nodiscard]] bool active(std::int64_t time_ns) const HAPTIC_RT {
