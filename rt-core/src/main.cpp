@@ -8,10 +8,12 @@
 #include "haptic/device/fault.hpp"
 #include "haptic/rt/settings.hpp"
 #include "run_command.hpp"
+#include "stability_command.hpp"
 
 namespace {
 
 using haptic::rt::RunOptions;
+using haptic::rt::StabilityOptions;
 
 /// Empty for a fault that can be.
 std::string problem_of_fault(const std::string& text) {
@@ -50,6 +52,36 @@ void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
     run.add_option("--record", options.record, "writes every tick as CSV")->type_name("F.csv");
 }
 
+CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
+    CLI::App* const stability =
+        app.add_subcommand("stability",
+                           "Maps for which stiffness and delay a virtual wall is stable, with and without "
+                           "the passivity controller");
+    stability->add_option("--out", options.out, "folder for stability.csv and the gnuplot script that draws it")
+        ->type_name("DIR")
+        ->required();
+    stability->add_option("--config", options.config, "TOML file; see --print-config")->type_name("F.toml");
+    stability->add_option("--set", options.assignments, "one key, e.g. passivity.control=damp (repeatable)")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    stability->add_option("--rows", options.rows, "stiffnesses from 10 to 2000 N/m")
+        ->check(CLI::Range(2, 100))
+        ->capture_default_str();
+    stability->add_option("--columns", options.columns, "delays from 0 to 20 ms")
+        ->check(CLI::Range(2, 100))
+        ->capture_default_str();
+    stability->add_option("--duration", options.duration_s, "seconds of each trial")
+        ->check(CLI::Range(1.0, 60.0))
+        ->capture_default_str();
+    stability->add_option("--hand-stiffness", options.hand_stiffness, "N/m, of the hand that presses")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    stability->add_option("--hand-damping", options.hand_damping, "N*s/m, of the hand that presses")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    return stability;
+}
+
 int run_application(int argc, char** argv) {
     CLI::App app("The real-time process of the haptic system: drives a Spidar-G6 at 1 kHz");
     app.set_help_all_flag("--help-all", "Help of all commands");
@@ -60,13 +92,15 @@ int run_application(int argc, char** argv) {
     CLI::App* const run = app.add_subcommand("run", "Runs the loop until Ctrl-C");
     describe_run(*run, options, duration_s);
     run->add_flag("--print-config", print_config, "Prints the commented default configuration");
+    StabilityOptions stability_options;
+    const CLI::App* const stability = describe_stability(app, stability_options);
     try {
         app.parse(argc, argv);
         if (print_config) {
             std::fwrite(haptic::rt::default_config_text().data(), 1, haptic::rt::default_config_text().size(), stdout);
             return 0;
         }
-        if (!run->parsed()) {
+        if (!run->parsed() && !stability->parsed()) {
             throw CLI::CallForHelp();
         }
     } catch (const CLI::ParseError& error) {
@@ -77,7 +111,7 @@ int run_application(int argc, char** argv) {
     }
     spdlog::set_default_logger(spdlog::stderr_color_mt("rt-core"));
     spdlog::set_pattern("rt-core %^%l%$: %v");
-    return haptic::rt::run_command(options);
+    return stability->parsed() ? haptic::rt::stability_command(stability_options) : haptic::rt::run_command(options);
 }
 
 }  // namespace
