@@ -174,7 +174,7 @@ TEST(SerialTransport, SaysWhatIsNoSerialLineAndWhatToDo) {
                 ThrowsMessage<BoardError>(AllOf(HasSubstr("12345"), HasSubstr("2000000"))));
 }
 
-TEST(SerialTransport, BringsUartBoardsToATick) {
+TEST(SerialTransport, IsALineOnWhichBoardsAreFound) {
     Variant variant = spidar_g6_x3r();
     variant.board = BoardKind::Uart;
     variant.uart_boards = {4, 4};
