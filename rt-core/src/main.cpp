@@ -4,7 +4,9 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <utility>
 
+#include "calibrate_command.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/rt/settings.hpp"
 #include "run_command.hpp"
@@ -12,6 +14,7 @@
 
 namespace {
 
+using haptic::rt::CalibrateOptions;
 using haptic::rt::RunOptions;
 using haptic::rt::StabilityOptions;
 
@@ -82,6 +85,42 @@ CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
     return stability;
 }
 
+void describe_calibrate(CLI::App& calibrate, CalibrateOptions& options) {
+    calibrate.add_option("--config", options.run.config, "TOML file; see --print-config")->type_name("F.toml");
+    calibrate.add_option("--set", options.run.assignments, "one key, e.g. usb.port=1-2 (repeatable)")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    calibrate.add_option("--device", options.run.device, "emulated or usb")->type_name("DEVICE")->capture_default_str();
+    calibrate.add_option("--hand", options.run.hand, "recording that the emulated hand follows once the loop runs")
+        ->type_name("F.csv");
+    calibrate.add_option("--variant", options.variant, "the frame as it is known so far: name or file")
+        ->type_name("NAME|F.toml");
+    calibrate.add_option("--fit", options.fit, "only fits a recording that there is already")->type_name("F.csv");
+    calibrate.add_option("--out", options.out, "the calibrated frame; the old file is kept as F.toml.bak-1, -2, ...")
+        ->type_name("F.toml");
+    calibrate.add_option("--record", options.run.record, "where the recording of the wiggle goes")->type_name("F.csv");
+    calibrate.add_option("--hold", options.hold_s, "seconds for which the grip is held at the centre")
+        ->check(CLI::Range(0.1, 60.0))
+        ->capture_default_str();
+    calibrate.add_option("--wiggle", options.wiggle_s, "seconds in which the grip is moved about")
+        ->check(CLI::Range(1.0, 600.0))
+        ->capture_default_str();
+    calibrate
+        .add_option("--weigh", options.weights,
+                    "string that just lifts a mass at a digit, e.g. 3=0.200@31 (repeatable)")
+        ->type_name("STRING=KG@DIGIT")
+        ->allow_extra_args(false);
+    const auto deviation = [&calibrate](const char* name, double& value, const char* of_what) {
+        calibrate.add_option(name, value, std::string("how well ") + of_what + " is known so far, standard deviation")
+            ->check(CLI::Range(1e-6, 0.1))
+            ->capture_default_str();
+    };
+    deviation("--motor-deviation", options.fit_settings.motor, "each coordinate of a motor (m)");
+    deviation("--knot-deviation", options.fit_settings.knot, "each coordinate of a knot (m)");
+    deviation("--scale-deviation", options.fit_settings.scale, "the length of a count (relative)");
+    calibrate.add_flag("--yes", options.yes, "asks nothing");
+}
+
 int run_application(int argc, char** argv) {
     CLI::App app("The real-time process of the haptic system: drives a Spidar-G6 at 1 kHz");
     app.set_help_all_flag("--help-all", "Help of all commands");
@@ -94,13 +133,16 @@ int run_application(int argc, char** argv) {
     run->add_flag("--print-config", print_config, "Prints the commented default configuration");
     StabilityOptions stability_options;
     const CLI::App* const stability = describe_stability(app, stability_options);
+    CalibrateOptions calibration;
+    CLI::App* const calibrate = app.add_subcommand("calibrate", "Finds the geometry of the frame, and writes its file");
+    describe_calibrate(*calibrate, calibration);
     try {
         app.parse(argc, argv);
         if (print_config) {
             std::fwrite(haptic::rt::default_config_text().data(), 1, haptic::rt::default_config_text().size(), stdout);
             return 0;
         }
-        if (!run->parsed() && !stability->parsed()) {
+        if (!run->parsed() && !stability->parsed() && !calibrate->parsed()) {
             throw CLI::CallForHelp();
         }
     } catch (const CLI::ParseError& error) {
@@ -111,6 +153,9 @@ int run_application(int argc, char** argv) {
     }
     spdlog::set_default_logger(spdlog::stderr_color_mt("rt-core"));
     spdlog::set_pattern("rt-core %^%l%$: %v");
+    if (calibrate->parsed()) {
+        return haptic::rt::calibrate_command(std::move(calibration));
+    }
     return stability->parsed() ? haptic::rt::stability_command(stability_options) : haptic::rt::run_command(options);
 }
 

@@ -160,6 +160,9 @@ void RecordFile::start(std::int64_t start_ns) {
 void RecordFile::drain() {
     TickRecord record;
     while (recorder_->pop(record)) {
+        if (seen_) {
+            seen_(record);
+        }
         if (!start_ns_ && (record.requests & kRequestArm) != 0) {
             start(record.now_ns);
         }

@@ -113,7 +113,7 @@ std::int64_t end_of(std::int64_t start_ns, const std::optional<double>& duration
 
 /// Waits for the end, writing the recording meanwhile. False if the loop hangs and does not come back.
 bool supervise(RealtimeLoop& loop, const StopSignals& signals, const Watchdog& watchdog,
-               std::optional<RecordFile>& record, std::int64_t end_ns) {
+               std::optional<RecordFile>& record, std::int64_t end_ns, const RunObserver* observer) {
     bool announced = false;
     bool stopping = false;
     std::int64_t hung_ns = 0;
@@ -126,9 +126,9 @@ bool supervise(RealtimeLoop& loop, const StopSignals& signals, const Watchdog& w
             return false;
         }
         const int signal = signals.wait(kPollNs);
-        const bool over = monotonic_now_ns() >= end_ns;
+        const bool over = monotonic_now_ns() >= end_ns || (observer != nullptr && observer->done());
         if ((signal != 0 || over) && !stopping) {
-            spdlog::info("stopping: {}", signal != 0 ? "asked to by a signal" : "the duration is over");
+            spdlog::info("stopping: {}", signal != 0 ? "asked to by a signal" : "the time is over");
             loop.request_stop();
             stopping = true;
         }
@@ -208,6 +208,9 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
     std::optional<RecordFile> record;
     if (options.record) {
         record.emplace(*options.record, recorder);
+        if (options.observer != nullptr) {
+            record->tell([observer = options.observer](const TickRecord& one) { observer->saw(one); });
+        }
     }
 
     const AlternateSignalStack signal_stack;
@@ -229,7 +232,8 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
     bool waited_in_vain = false;
     while (true) {
         loop->start(options.record ? &recorder : nullptr);
-        came_back = supervise(*loop, signals, *watchdog, record, end_of(start_ns, options.duration_s));
+        came_back =
+            supervise(*loop, signals, *watchdog, record, end_of(start_ns, options.duration_s), options.observer);
         if (!came_back) {
             break;
         }

@@ -7,7 +7,18 @@
 #include <string>
 #include <vector>
 
+#include "haptic/rt/tick_record.hpp"
+
 namespace haptic::rt {
+
+/// Follows a run that is recorded, in the thread that writes, some milliseconds after each tick.
+class RunObserver {
+  public:
+    virtual ~RunObserver() = default;
+    virtual void saw(const TickRecord& tick) = 0;
+    /// The run is to stop.
+    [[nodiscard]] virtual bool done() const = 0;
+};
 
 struct RunOptions {
     std::optional<std::filesystem::path> config;
@@ -20,6 +31,7 @@ struct RunOptions {
     std::optional<std::filesystem::path> report;
     std::optional<std::filesystem::path> record;
     bool rearm = false;  // as safety.rearm
+    RunObserver* observer = nullptr;
 };
 
 // Exit statuses beside 0, which means that the run held.

@@ -6,8 +6,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "haptic/csv.hpp"
@@ -32,6 +34,8 @@ class RecordFile {
   public:
     /// Throws CsvError.
     RecordFile(const std::filesystem::path& file, Recorder& recorder);
+    /// Each tick is also given to `seen` from now on, in the thread that drains.
+    void tell(std::function<void(const TickRecord&)> seen) { seen_ = std::move(seen); }
     /// Writes all that waits.
     void drain();
     /// Drains and puts both files in their places.
@@ -44,6 +48,7 @@ class RecordFile {
     CsvWriter writer_;
     std::optional<FrameWriter> frames_;  // none where the recording is a pipe
     Recorder* recorder_;
+    std::function<void(const TickRecord&)> seen_;
     std::vector<TickRecord> before_arming_;
     std::optional<std::int64_t> start_ns_;
     std::vector<CsvCell> row_;

@@ -1,0 +1,130 @@
+// `rt-core calibrate` as a person uses it, on an emulated frame that is not as its drawing says.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "haptic/csv.hpp"
+#include "haptic/device/variant_file.hpp"
+#include "haptic/types.hpp"
+#include "process.hpp"
+
+namespace haptic::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+class Calibrate : public testing::Test {
+  protected:
+    void SetUp() override {
+        std::mt19937 random(11);
+        std::normal_distribution<double> normal;
+        truth = nominal;
+        for (device::StringFacts& string : truth.strings) {
+            for (int k = 0; k < 3; ++k) {
+                string.motor[k] += 1e-3 * normal(random);
+                string.grip[k] += 1e-3 * normal(random);
+            }
+            string.metres_per_count *= 1.0 + 0.005 * normal(random);
+        }
+        std::ofstream(folder / "truth.toml") << device::to_toml(truth, "as it was built");
+    }
+
+    /// Holds still for two seconds, then moves about.
+    std::string hand() {
+        CsvWriter writer(folder / "hand.csv", {"time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"});
+        for (int i = 0; i <= 900; ++i) {
+            const double t = i * 0.01;
+            const double s = std::max(0.0, t - 2.0);
+            const double ease = std::min(1.0, s);
+            const Vec3 turn = 0.35 * ease * Vec3(std::sin(5.1 * s), std::sin(3.7 * s + 1.0), std::sin(4.3 * s + 2.0));
+            const double angle = glm::length(turn);
+            const Quat q = angle > 0.0 ? glm::angleAxis(angle, turn / angle) : Quat(1.0, 0.0, 0.0, 0.0);
+            writer.row(std::vector<double>{t, 0.018 * ease * std::sin(3.1 * s), 0.018 * ease * std::sin(4.7 * s + 0.5),
+                                           0.018 * ease * std::sin(2.3 * s + 2.5), q.w, q.x, q.y, q.z});
+        }
+        writer.close();
+        return folder / "hand.csv";
+    }
+
+    /// Root mean square of how far the motors and knots of two frames are from each other, m.
+    static double distance(const device::Variant& a, const device::Variant& b) {
+        double sum = 0.0;
+        for (std::size_t i = 0; i < kStrings; ++i) {
+            const Vec3 motor = a.strings[i].motor - b.strings[i].motor;
+            const Vec3 knot = a.strings[i].grip - b.strings[i].grip;
+            sum += glm::dot(motor, motor) + glm::dot(knot, knot);
+        }
+        return std::sqrt(sum / (2.0 * kStrings));
+    }
+
+    ScratchFolder folder;
+    device::Variant nominal = device::builtin_variant("SpidarG6X3R");
+    device::Variant truth;
+};
+
+TEST_F(Calibrate, FindsAFrameFromARecordingAndKeepsTheFileThatWasThere) {
+    const std::string recording = folder / "wiggle.csv";
+    const Finished run_once = run({RT_CORE, "run", "--session", unique_session(), "--set",
+                                   "device.variant=" + (folder / "truth.toml").string(), "--hand", hand(), "--duration",
+                                   "8", "--record", recording});
+    ASSERT_EQ(run_once.status, 0) << run_once.output;
+
+    const std::string out = folder / "mine.toml";
+    std::ofstream(out) << "precious";
+    const Finished fitted = run({RT_CORE, "calibrate", "--fit", recording, "--variant", "SpidarG6X3R", "--out", out,
+                                 "--weigh", "3=0.200@31", "--yes"});
+    ASSERT_EQ(fitted.status, 0) << fitted.output;
+    EXPECT_THAT(fitted.output,
+                AllOf(HasSubstr("converged"), HasSubstr("string 7 scale"), HasSubstr("mine.toml.bak-1")));
+    std::string kept;
+    std::getline(std::ifstream(folder / "mine.toml.bak-1"), kept);
+    EXPECT_EQ(kept, "precious");
+
+    const device::Variant found = device::load_variant(out);
+    EXPECT_LT(distance(found, truth), 0.8 * distance(nominal, truth)) << "m";
+    EXPECT_NEAR(found.strings[3].newtons_per_digit, 0.2 * 9.80665 / 31.0, 1e-12);
+    EXPECT_EQ(found.strings[2].newtons_per_digit, nominal.strings[2].newtons_per_digit);
+    EXPECT_EQ(found.maximum_tension, nominal.maximum_tension);
+}
+
+TEST_F(Calibrate, GuidesAHandThroughHoldingAndMoving) {
+    const std::string out = folder / "mine.toml";
+    const Finished guided = run({RT_CORE, "calibrate", "--variant", folder / "truth.toml", "--hand", hand(), "--hold",
+                                 "1", "--wiggle", "5", "--out", out, "--yes"});
+    ASSERT_EQ(guided.status, 0) << guided.output;
+    EXPECT_THAT(guided.output, AllOf(HasSubstr("at the centre"), HasSubstr("held for 1.0 s"),
+                                     HasSubstr("string 0: +0 counts"), HasSubstr("moved x"), HasSubstr("written to")));
+    EXPECT_LT(distance(device::load_variant(out), truth), 5e-4) << "m: the file was right already";
+    std::string first;
+    std::getline(std::ifstream(out), first);
+    EXPECT_EQ(first, "# as it was built") << "the comment is kept";
+    EXPECT_GT(CsvTable::load(folder / "mine.wiggle.csv").rows(), 5000u);
+}
+
+TEST_F(Calibrate, ChangesNothingWhenTheGripWasNotHeld) {
+    std::ofstream(folder / "restless.csv") << "time_s,x_m,y_m,z_m\n0,0,0,0\n0.5,0.01,0,0\n9,0.01,0,0\n";
+    const std::string out = folder / "mine.toml";
+    const Finished guided =
+        run({RT_CORE, "calibrate", "--hand", folder / "restless.csv", "--hold", "1", "--out", out, "--yes"});
+    EXPECT_NE(guided.status, 0);
+    EXPECT_THAT(guided.output, HasSubstr("the grip was not held still"));
+    EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+TEST_F(Calibrate, AsksNothingOfNobody) {
+    const Finished guided = run({"/bin/sh", "-c", std::string(RT_CORE) + " calibrate </dev/null"});
+    EXPECT_EQ(guided.status, 2);
+    EXPECT_THAT(guided.output, AllOf(HasSubstr("no terminal"), HasSubstr("--yes")));
+    const Finished weighed = run({RT_CORE, "calibrate", "--yes", "--weigh", "9=1@2"});
+    EXPECT_EQ(weighed.status, 2);
+    EXPECT_THAT(weighed.output, HasSubstr("9=1@2"));
+}
+
+}  // namespace
+}  // namespace haptic::test
