@@ -157,6 +157,7 @@ bool run_exchange(const Variant& variant, const ExchangeRequest& request) {
 
 void run_variants(const std::vector<std::string>& files) {
     std::vector<Variant> variants;
+    variants.reserve(files.size());
     for (const std::string& file : files) {
         variants.push_back(load_variant(file));
     }

@@ -26,19 +26,19 @@ constexpr Range kTension{0.0, 200.0};       // N
 constexpr Range kThermalTime{0.0, 3600.0};  // s
 constexpr double kShortest = 0.005;         // m, of a string at the centre: what is shorter is a mistake in the lists
 
-const std::array<std::string, 3> kBoards = {"sh4", "simple", "uart"};
+constexpr std::array<const char*, 3> kBoards = {"sh4", "simple", "uart"};
 
 /// Unit vector of a direction seen by the person in front of the device; z points toward that person.
 struct NamedDirection {
     const char* name;
-    Vec3 direction;
+    std::array<double, 3> direction;
 };
-const std::array<NamedDirection, 6> kDirections = {{{"right", {1.0, 0.0, 0.0}},
-                                                    {"left", {-1.0, 0.0, 0.0}},
-                                                    {"up", {0.0, 1.0, 0.0}},
-                                                    {"down", {0.0, -1.0, 0.0}},
-                                                    {"toward", {0.0, 0.0, 1.0}},
-                                                    {"away", {0.0, 0.0, -1.0}}}};
+constexpr std::array<NamedDirection, 6> kDirections = {{{"right", {1.0, 0.0, 0.0}},
+                                                        {"left", {-1.0, 0.0, 0.0}},
+                                                        {"up", {0.0, 1.0, 0.0}},
+                                                        {"down", {0.0, -1.0, 0.0}},
+                                                        {"toward", {0.0, 0.0, 1.0}},
+                                                        {"away", {0.0, 0.0, -1.0}}}};
 
 void require_given(const Config& config, const std::string& key) {
     if (!config.has(key)) {
@@ -51,25 +51,27 @@ double required_number(const Config& config, const std::string& key, Range range
     return config.number(key, 0.0, range);
 }
 
+constexpr std::array<const char*, 3> kAxisKeys = {"axes.x", "axes.y", "axes.z"};
+constexpr std::array<const char*, 3> kUsualAxes = {"right", "up", "toward"};
+
 /// Columns: where the lists' x, y and z point in the device frame. A signed permutation, so that no digit is lost.
 Mat3 read_axes(const Config& config) {
     std::vector<std::string> names;
+    names.reserve(kDirections.size());
     for (const NamedDirection& one : kDirections) {
         names.emplace_back(one.name);
     }
-    static constexpr std::array<const char*, 3> kKeys = {"axes.x", "axes.y", "axes.z"};
-    static constexpr std::array<const char*, 3> kUsual = {"right", "up", "toward"};
     Mat3 axes(0.0);
     for (int k = 0; k < 3; ++k) {
         const auto index = static_cast<std::size_t>(k);
-        const std::string chosen = config.choice(kKeys[index], kUsual[index], names);
+        const std::string chosen = config.choice(kAxisKeys[index], kUsualAxes[index], names);
         const auto found = std::find_if(kDirections.begin(), kDirections.end(),
                                         [&](const NamedDirection& one) { return one.name == chosen; });
-        axes[k] = found->direction;
+        axes[k] = Vec3(found->direction[0], found->direction[1], found->direction[2]);
         for (int before = 0; before < k; ++before) {
             if (glm::dot(axes[before], axes[k]) != 0.0) {
-                config.fail(kKeys[index], "lies along " + std::string(kKeys[static_cast<std::size_t>(before)]) +
-                                              "; each of right/left, up/down and toward/away must be taken once");
+                config.fail(kAxisKeys[index], "lies along " + std::string(kAxisKeys[static_cast<std::size_t>(before)]) +
+                                                  "; each of right/left, up/down and toward/away must be taken once");
             }
         }
     }
@@ -164,7 +166,7 @@ Variant read_variant(const Config& config) {
         config.fail("name", "must be a word of letters, digits, - and _");
     }
     require_given(config, "board");
-    const std::string board = config.choice("board", kBoards[0], {kBoards.begin(), kBoards.end()});
+    const std::string board = config.choice("board", kBoards.front(), {kBoards.begin(), kBoards.end()});
     variant.board = static_cast<BoardKind>(std::find(kBoards.begin(), kBoards.end(), board) - kBoards.begin());
     read_tensions(config, variant);
     if (variant.board == BoardKind::Uart) {
@@ -193,7 +195,7 @@ const BuiltInVariant& find_built_in(std::string_view name) {
 std::string shown(double value) {
     std::array<char, 32> digits{};
     const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
-    std::string text(digits.data(), end);
+    const std::string text(digits.data(), end);
     // TOML tells 20 from 20.0.
     return text.find_first_of(".e") == std::string::npos ? text + ".0" : text;
 }

@@ -20,6 +20,8 @@ constexpr double kLeastDeterminant = 1e-12;
 // Evenness below this is that of a frame which is closed only by rounding.
 constexpr double kLeastEvenness = 1e-6;
 
+constexpr std::array<const char*, kAxes> kAxisNames = {"Fx", "Fy", "Fz", "Tx", "Ty", "Tz"};
+
 using Tensions = std::array<double, kStrings>;
 
 /// Wire matrix transposed, with torques divided by `radius`.
@@ -176,13 +178,13 @@ WrenchClosure wrench_closure(const Variant& variant, const Pose& device_from_gri
     if (closure.closed()) {
         return closure;
     }
-    static constexpr std::array<const char*, kAxes> kNames = {"Fx", "Fy", "Fz", "Tx", "Ty", "Tz"};
     for (std::size_t k = 0; k < kAxes; ++k) {
         for (const double sign : {1.0, -1.0}) {
             WrenchVector wrench{};
             wrench[k] = sign;
-            if (!can_pull(*family_of(rows, wrench))) {
-                closure.missing.push_back(std::string(sign > 0.0 ? "+" : "-") + kNames[k]);
+            const std::optional<TensionFamily> family = family_of(rows, wrench);
+            if (!family || !can_pull(*family)) {
+                closure.missing.push_back(std::string(sign > 0.0 ? "+" : "-") + kAxisNames[k]);
             }
         }
     }

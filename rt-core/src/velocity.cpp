@@ -24,18 +24,18 @@ Vec3 rotation_between(const Quat& from, const Quat& to) HAPTIC_RT {
 PoseNoise quantisation_noise(const device::Variant& variant) {
     // Each length off by e moves the pose to the one that explains the lengths best: PoseSolver itself, one string at a
     // time, and linear for steps this small.
-    constexpr double kStep = 1e-6;  // m
+    constexpr double step = 1e-6;  // m
     PoseNoise noise;
     const StringArray rest = string_lengths(variant, {});
     for (std::size_t i = 0; i < kStrings; ++i) {
         PoseSolver solver(variant);
         StringArray lengths = rest;
-        lengths[i] += kStep;
+        lengths[i] += step;
         const PoseEstimate& estimate = solver.solve(lengths);
         if (estimate.status != PoseStatus::Ok) {
             return {};
         }
-        const double half_counts = 0.5 * std::fabs(variant.strings[i].metres_per_count) / kStep;
+        const double half_counts = 0.5 * std::fabs(variant.strings[i].metres_per_count) / step;
         noise.position += half_counts * glm::abs(estimate.pose.position);
         noise.rotation += half_counts * glm::abs(rotation_between({1.0, 0.0, 0.0, 0.0}, estimate.pose.orientation));
     }

@@ -29,6 +29,7 @@ namespace haptic {
 namespace {
 
 constexpr double kUnitTolerance = 1e-6;
+constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 
 std::vector<std::string> split(std::string_view key) {
     std::vector<std::string> parts;
@@ -176,7 +177,6 @@ std::size_t end_of_string(std::string_view toml, std::size_t begin) {
 /// Where the text has something else than ASCII outside of strings and comments, as TOML never has; its size if
 /// nowhere. toml++ 3.3 must not meet such a character: for some of them it runs into what it takes for unreachable.
 std::size_t stray_character(std::string_view toml) {
-    constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
     std::size_t i = toml.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
     while (i < toml.size()) {
         const char c = toml[i];
@@ -197,12 +197,12 @@ std::size_t stray_character(std::string_view toml) {
 bool breaks_an_assertion(std::string_view toml) {
     try {
         static_cast<void>(toml::parse(toml));
+        return false;
     } catch (const BrokenAssertion&) {
         return true;
     } catch (const toml::parse_error&) {
-        // what is cut off
+        return false;  // the part ends in the middle of something
     }
-    return false;
 }
 
 /// The number of the line that breaks an assertion of the parser: the parser goes from the front to the back, so a part
