@@ -20,12 +20,12 @@ namespace {
 
 constexpr double kWall = -0.002;        // m, height of the wall's surface
 constexpr double kPressedTo = -0.012;   // m, where the hand goes
-constexpr double kWay_s = 0.1;          // s, in which it does
-constexpr double kWindow_s = 0.4;       // s, over which an amplitude is measured
-constexpr double kSettle_s = 0.1;       // s, after the hand's way, before the first window
+constexpr double kWayS = 0.1;           // s, in which it does
+constexpr double kWindowS = 0.4;        // s, over which an amplitude is measured
+constexpr double kSettleS = 0.1;        // s, after the hand's way, before the first window
 constexpr double kVisible = 2e-4;       // m, smaller vibrations are the encoders' and the digits'
 constexpr double kLeastEnergy = -1e-4;  // J
-constexpr double kShortest_s = 1.0;     // s
+constexpr double kShortestS = 1.0;      // s
 
 std::int64_t standing_clock() HAPTIC_RT {
     return 0;
@@ -38,7 +38,7 @@ std::string session_of_its_own() {
 
 PoseTrack pressing_hand() {
     const Quat level(1.0, 0.0, 0.0, 0.0);
-    return {{0.0, kWay_s, kWay_s + 1.0},
+    return {{0.0, kWayS, kWayS + 1.0},
             {Pose{}, Pose{{0.0, kPressedTo, 0.0}, level}, Pose{{0.0, kPressedTo, 0.0}, level}}};
 }
 
@@ -92,7 +92,7 @@ class Trial {
         if (trial.delay_ns < 0 || trial.delay_ns % trial.tick.period_ns != 0) {
             throw std::invalid_argument("stability: the delay must be a multiple of the period");
         }
-        if (!(trial.duration_s >= kShortest_s)) {
+        if (!(trial.duration_s >= kShortestS)) {
             throw std::invalid_argument("stability: a trial takes a second at least");
         }
         heights_.assign(static_cast<std::size_t>(std::max<std::int64_t>(trial.delay_ns / trial.tick.period_ns, 1)),
@@ -105,9 +105,9 @@ class Trial {
         const auto ticks_in = [this](double time_s) {
             return static_cast<std::size_t>(nanoseconds(time_s) / trial_.tick.period_ns);
         };
-        const std::size_t begin = ticks_in(kWay_s + kSettle_s);
-        const std::size_t all = ticks_in(kWay_s + trial_.duration_s);
-        const std::size_t window = ticks_in(kWindow_s);
+        const std::size_t begin = ticks_in(kWayS + kSettleS);
+        const std::size_t all = ticks_in(kWayS + trial_.duration_s);
+        const std::size_t window = ticks_in(kWindowS);
         std::vector<double> heights;
         heights.reserve(all);
         board_.device().release_hand();

@@ -20,7 +20,7 @@ namespace {
 
 constexpr double kSoftest = 10.0;  // N/m
 constexpr double kStiffest = 2000.0;
-constexpr double kLongest_s = 0.02;  // delay
+constexpr double kLongestS = 0.02;  // delay
 constexpr double kMillimetre = 1e-3;
 
 struct Cell {
@@ -47,7 +47,7 @@ Axes axes_of(const StabilityOptions& options, std::int64_t period_ns) {
         axes.stiffnesses.push_back(kSoftest * std::pow(kStiffest / kSoftest, row / (options.rows - 1.0)));
     }
     for (int column = 0; column < options.columns; ++column) {
-        const double ticks = kLongest_s * column / (options.columns - 1.0) / seconds(period_ns);
+        const double ticks = kLongestS * column / (options.columns - 1.0) / seconds(period_ns);
         axes.delays_ns.push_back(static_cast<std::int64_t>(std::lround(ticks)) * period_ns);
     }
     return axes;
@@ -130,7 +130,7 @@ void write_gnuplot(const std::filesystem::path& file, const Axes& axes, const Ti
     }
     gp << ")\n";
     // Where the sampled and late spring stops being passive: 2 b / (T + 2 delay), in rows and columns.
-    const double step_s = kLongest_s / (columns - 1.0);
+    const double step_s = kLongestS / (columns - 1.0);
     gp << "row(k) = " << rows - 1 << " * log(k / " << kSoftest << ") / log(" << kStiffest / kSoftest << ")\n";
     gp << "late(x) = row(2 * " << tick.passivity.damping << " / (" << seconds(tick.period_ns) << " + 2 * x * " << step_s
        << "))\n";
@@ -187,8 +187,8 @@ void print_summary(const std::vector<Cell>& cells) {
                     largest = std::max(largest, cell.outcome.last_amplitude);
                 }
             }
-            std::printf("%-10s %-12s %8d %8d %12.2e J %9.2f mm\n", name_of(late).data(), controlled ? "on" : "off",
-                        trials, growing, energy, largest / kMillimetre);
+            std::printf("%-10s %-12s %8d %8d %12.2e J %9.2f mm\n", std::string(name_of(late)).c_str(),
+                        controlled ? "on" : "off", trials, growing, energy, largest / kMillimetre);
         }
     }
 }
