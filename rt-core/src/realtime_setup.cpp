@@ -123,9 +123,14 @@ void prepare_side_thread(int priority, int loop_cpu) {
         CPU_CLR(static_cast<std::size_t>(avoided), &allowed);
         pthread_setaffinity_np(pthread_self(), sizeof allowed, &allowed);
     }
-    sched_param parameters{};
-    parameters.sched_priority = priority;
-    pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
+    // The limit that was granted for the loop may end at the loop's own priority.
+    for (const int wanted : {priority, priority - 1}) {
+        sched_param parameters{};
+        parameters.sched_priority = wanted;
+        if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters) == 0) {
+            return;
+        }
+    }
 }
 
 void prepare_thread(RealtimeSetup& setup, int priority, int cpu) {

@@ -190,6 +190,7 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
         result.contact.wrench = Wrench{};
         result.contact.stored = 0.0;
         result.contact.surface_power = 0.0;
+        result.finite = false;
         push_.fill(0.0);
     }
     last_ = result.contact.wrench;

@@ -102,7 +102,9 @@ std::filesystem::path black_box_path(const RunOptions& options, std::size_t nth)
 std::string keep_black_box(const RunOptions& options, const Tick& tick, std::size_t nth) {
     const std::filesystem::path box = black_box_path(options, nth);
     write_black_box(box, tick.black_box());
-    spdlog::error("faulted: the last {} ticks are in {}", tick.black_box().size(), box.string());
+    const bool fault = (tick.faults() & ~std::uint32_t{HAPTIC_FAULT_STOP}) != 0;
+    spdlog::log(fault ? spdlog::level::err : spdlog::level::info, "{}: the last {} ticks are in {}",
+                fault ? "faulted" : "stopped", tick.black_box().size(), box.string());
     return box.string();
 }
 
@@ -111,25 +113,45 @@ std::int64_t end_of(std::int64_t start_ns, const std::optional<double>& duration
     return duration_s ? start_ns + nanoseconds(*duration_s) : std::numeric_limits<std::int64_t>::max();
 }
 
+/// Who asked for the stop, as the report says it.
+struct StopReason {
+    const char* name = "none";
+    bool pressed = false;  // a person did: then the last ticks may tell why
+};
+
+/// What may end a run.
+struct Watchers {
+    const StopSignals& signals;
+    const Watchdog& watchdog;
+    const StopWatch* stop_watch;  // nullptr: no stop line
+    const RunObserver* observer;  // nullptr: none
+};
+
 /// Waits for the end, writing the recording meanwhile. False if the loop hangs and does not come back.
-bool supervise(RealtimeLoop& loop, const StopSignals& signals, const Watchdog& watchdog,
-               std::optional<RecordFile>& record, std::int64_t end_ns, const RunObserver* observer) {
+bool supervise(RealtimeLoop& loop, const Watchers& watchers, std::optional<RecordFile>& record, std::int64_t end_ns,
+               StopReason& reason) {
     bool announced = false;
     bool stopping = false;
     std::int64_t hung_ns = 0;
     while (!loop.finished()) {
-        if (watchdog.fired() && hung_ns == 0) {
+        if (watchers.watchdog.fired() && hung_ns == 0) {
             spdlog::error("watchdog: the loop hangs; zeros were sent to the motors");
             hung_ns = monotonic_now_ns();
         }
         if (hung_ns != 0 && monotonic_now_ns() - hung_ns > kHungWaitNs) {
             return false;
         }
-        const int signal = signals.wait(kPollNs);
-        const bool over = monotonic_now_ns() >= end_ns || (observer != nullptr && observer->done());
+        const int signal = watchers.signals.wait(kPollNs);
+        const bool over = monotonic_now_ns() >= end_ns || (watchers.observer != nullptr && watchers.observer->done());
         if ((signal != 0 || over) && !stopping) {
             spdlog::info("stopping: {}", signal != 0 ? "asked to by a signal" : "the time is over");
             loop.request_stop();
+            reason = {signal != 0 ? "signal" : "duration", signal != 0};
+            stopping = true;
+        }
+        if (watchers.stop_watch != nullptr && watchers.stop_watch->stopped() && !stopping) {
+            spdlog::warn("stopping: {}", watchers.stop_watch->reason());
+            reason = {"line", true};
             stopping = true;
         }
         if (!announced && loop.safety_state() == SafetyState::Running) {
@@ -187,6 +209,15 @@ WatchdogSettings watchdog_settings(const Settings& settings, const RealtimeSetup
     return result;
 }
 
+/// Opened before anything moves, so that a stop line that is configured and not there is no surprise later. The tick
+/// must outlive it.
+std::unique_ptr<StopWatch> watch_stop_line(const Settings& settings, Tick& tick) {
+    if (settings.stop_line.chip.empty()) {
+        return nullptr;
+    }
+    return std::make_unique<StopWatch>(open_gpio_stop_line(settings.stop_line), [&tick] { tick.stop_for_good(); });
+}
+
 int conclude(const RunOptions& options, const RunResult& result, const Instruments& instruments) {
     if (options.report) {
         write_report(*options.report, make_report(result, instruments));
@@ -227,13 +258,15 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
                  static_cast<double>(kNanosecondsPerSecond) / static_cast<double>(settings.loop.period_ns),
                  device->description());
     watchdog.emplace(watchdog_settings(settings, result.setup), tick, gate);
+    const std::unique_ptr<StopWatch> stop_watch = watch_stop_line(settings, tick);
     const std::int64_t start_ns = monotonic_now_ns();
+    StopReason stop;
     bool came_back = false;
     bool waited_in_vain = false;
     while (true) {
         loop->start(options.record ? &recorder : nullptr);
-        came_back =
-            supervise(*loop, signals, *watchdog, record, end_of(start_ns, options.duration_s), options.observer);
+        came_back = supervise(*loop, {signals, *watchdog, stop_watch.get(), options.observer}, record,
+                              end_of(start_ns, options.duration_s), stop);
         if (!came_back) {
             break;
         }
@@ -267,7 +300,13 @@ RunResult run_loop(const RunOptions& options, const Settings& settings, const St
     if (record) {
         record->close();
     }
-    if (!result.held() && records_ours && !waited_in_vain) {
+    if ((result.faults & HAPTIC_FAULT_STOP) != 0 && std::string_view(stop.name) == "none") {
+        stop = {"button", true};
+    }
+    result.stop = stop.name;
+    // Of a stop that a person asked for too, but not as litter in the folder where the program happens to run.
+    const bool worth_telling = stop.pressed && (options.report || options.record);
+    if ((!result.held() || worth_telling) && records_ours && !waited_in_vain) {
         (void)keep_black_box(options, tick, result.interruptions.size());
     }
     if (!came_back) {

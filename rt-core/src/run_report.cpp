@@ -76,6 +76,21 @@ nlohmann::json interruptions_json(const std::vector<Interruption>& interruptions
     return list;
 }
 
+/// What the loop saw and went on from by itself.
+std::vector<std::string> notices(const Instruments& m) {
+    std::vector<std::string> names;
+    if (m.stale_ticks > 0) {
+        names.emplace_back("frames_stale");  // the force faded, and came back with the frames
+    }
+    if (m.frames_rejected > 0) {
+        names.emplace_back("frames_rejected");
+    }
+    if (m.derated_ticks > 0) {
+        names.emplace_back("motors_derated");
+    }
+    return names;
+}
+
 std::string line_of(const char* name, const Histogram& histogram) {
     std::array<char, 160> text{};
     std::snprintf(text.data(), text.size(), "  %-10s p50 %9.1f   p99 %9.1f   max %9.1f us\n", name,
@@ -172,6 +187,8 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
          {{"state", state_name(result.state)},
           {"faults", fault_names(result.faults)},
           {"strings", string_numbers(result.suspects)},
+          {"stop", result.stop},
+          {"notices", notices(m)},
           {"held", result.held()}}},
         {"setup", setup_json(result.setup)},
     };

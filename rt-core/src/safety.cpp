@@ -33,6 +33,7 @@ void SafetyMachine::arm() HAPTIC_RT {
     tension_ = 0.0;
     wrench_fade_ = 0.0;
     last_wrench_ = Wrench{};
+    still_felt_ = false;
 }
 
 void SafetyMachine::stop() HAPTIC_RT {
@@ -98,7 +99,7 @@ void SafetyMachine::move_ramps(std::int64_t elapsed_ns) HAPTIC_RT {
     } else if (state_ == SafetyState::Faulted) {
         if (wrench_fade_ > 0.0) {
             wrench_fade_ = std::max(0.0, wrench_fade_ - dt / static_cast<double>(settings_.fault_fade_ns));
-        } else {
+        } else if (!still_felt_) {
             tension_ = std::max(0.0, tension_ - tension_step);
         }
         if (tension_ <= 0.0) {
@@ -133,6 +134,13 @@ Wrench SafetyMachine::shape(const Wrench& wanted) HAPTIC_RT {
     }
     const double factor = smooth_step(wrench_fade_);
     return {factor * last_wrench_.force, factor * last_wrench_.torque};
+}
+
+void SafetyMachine::felt(const Wrench& wrench) HAPTIC_RT {
+    if (state_ == SafetyState::Running) {
+        last_wrench_ = wrench;
+    }
+    still_felt_ = wrench.force != Vec3(0.0) || wrench.torque != Vec3(0.0);
 }
 
 double SafetyMachine::tension_scale() const HAPTIC_RT {

@@ -98,6 +98,16 @@ void read_safety(const Config& config, SafetySettings& safety) {
     safety.overrun_ticks = whole(config, "safety.overrun_ticks", safety.overrun_ticks, kTicks);
 }
 
+void read_stop_input(const Config& config, Settings& settings) {
+    TickSettings& tick = settings.tick;
+    tick.stop_button = whole(config, "safety.stop_button", tick.stop_button, {-1, 2});
+    tick.stop_when_released = config.choice("safety.stop_button_when", "held", {"held", "released"}) == "released";
+    GpioStopSettings& line = settings.stop_line;
+    line.chip = config.text("safety.stop_chip", line.chip);
+    line.line = whole(config, "safety.stop_line", line.line, {0, 1023});
+    line.stop_when_high = config.choice("safety.stop_level", "high", {"high", "low"}) == "high";
+}
+
 void read_watchdog(const Config& config, Settings& settings) {
     settings.watchdog.limit_ns = duration_ns(config, "safety.watchdog_s", settings.watchdog.limit_ns, {0.01, 10.0});
     if (settings.watchdog.limit_ns < kWatchdogPeriods * settings.loop.period_ns) {
@@ -130,6 +140,7 @@ Settings read_settings(const Config& config) {
     read_force(config, settings.tick);
     read_passivity(config, settings.tick);
     read_safety(config, settings.tick.safety);
+    read_stop_input(config, settings);
     read_watchdog(config, settings);
     settings.rearm = config.flag("safety.rearm", settings.rearm);
     read_motors(config, settings.tick);

@@ -37,6 +37,9 @@ void Tick::begin(const TickTime& time) HAPTIC_RT {
     started_ns_ = clock_();
     stage_ns_ = started_ns_;
     record_ = TickRecord{};
+    if (stop_asked_.load()) {
+        stop();
+    }
     record_.deadline_ns = time.deadline_ns;
     record_.now_ns = time.now_ns;
     record_.missed = time.missed;
@@ -143,6 +146,9 @@ void Tick::watch_health() HAPTIC_RT {
     if (const std::uint32_t cut = cut_.load(); cut != 0) {
         safety_.cut(cut);
     }
+    if (stop_button_says_stop()) {
+        safety_.stop();
+    }
     switch (safety_.update(health)) {
         case SafetyMachine::Calibration::None:
             break;
@@ -153,6 +159,14 @@ void Tick::watch_health() HAPTIC_RT {
             calibrate();
             break;
     }
+}
+
+bool Tick::stop_button_says_stop() const HAPTIC_RT {
+    if (settings_.stop_button < 0 || !in_ok_) {
+        return false;
+    }
+    const bool held = (reading_.buttons >> static_cast<unsigned>(settings_.stop_button) & 1U) != 0;
+    return held != settings_.stop_when_released;
 }
 
 void Tick::calibrate() HAPTIC_RT {
@@ -198,17 +212,28 @@ void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     record_.frame_sequence = rendered.frame_sequence;
     record_.frame_age_ns = rendered.frame_age_ns;
     set_flag(rendered.stale, HAPTIC_TICK_FRAME_STALE);
-
     set_flag(rendered.stiffness_limited, HAPTIC_TICK_STIFFNESS_LIMITED);
-
-    Wrench wanted;
-    if (safety_.state() == SafetyState::Running) {
-        const WrenchLimiter::Result limited = limiter_.apply(keep_passive(rendered.contact), elapsed_ns_);
-        set_flag(limited.size_limited, HAPTIC_TICK_FORCE_LIMITED);
-        set_flag(limited.rate_limited, HAPTIC_TICK_SLEW_LIMITED);
-        wanted = limited.wrench;
+    if (!rendered.finite) {
+        safety_.fault_nonfinite();
     }
-    record_.rendered = safety_.shape(wanted);
+    const bool running = safety_.state() == SafetyState::Running;
+    limit_wrench(safety_.shape(running ? keep_passive(rendered.contact) : Wrench{}));
+}
+
+void Tick::limit_wrench(const Wrench& wanted) HAPTIC_RT {
+    const SafetyState state = safety_.state();
+    if (state != SafetyState::Running && state != SafetyState::Faulted) {
+        limiter_.reset();
+        return;
+    }
+    // The limits come last, so that they hold for what fades too. While the board does not answer, the wrench stands
+    // still: what the motors hold is the last one that reached them, and the next that does must not be far from it.
+    const bool stand_still = state == SafetyState::Running && !in_ok_;
+    const WrenchLimiter::Result limited = limiter_.apply(wanted, stand_still ? 0 : elapsed_ns_);
+    set_flag(limited.size_limited, HAPTIC_TICK_FORCE_LIMITED);
+    set_flag(limited.rate_limited, HAPTIC_TICK_SLEW_LIMITED);
+    record_.rendered = limited.wrench;
+    safety_.felt(limited.wrench);
 }
 
 Wrench Tick::keep_passive(const Contact& contact) HAPTIC_RT {
@@ -243,10 +268,13 @@ void Tick::distribute() HAPTIC_RT {
         tensions.fill(settings_.variant.minimum_tension);
     }
     const double scale = safety_.tension_scale();
+    const double most = settings_.tension_rate * seconds(settings_.period_ns);
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const double tension = scale * tensions[i];
         const double newtons_per_digit = settings_.variant.strings[i].newtons_per_digit;
-        command_.digits[i] = device::digit_of_tension(tension, newtons_per_digit);
+        // The solver keeps to the rate; this is for the ramps, however short they were configured.
+        sent_[i] =
+            state == SafetyState::Disarmed ? 0.0 : std::clamp(scale * tensions[i], sent_[i] - most, sent_[i] + most);
+        command_.digits[i] = device::digit_of_tension(sent_[i], newtons_per_digit);
         record_.tensions[i] = device::tension_of_digit(command_.digits[i], newtons_per_digit);
     }
     record_.made = wrench_of_tensions(wires_, record_.tensions);
@@ -336,6 +364,18 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
 
 bool RingFrames::read_newest(ContactFrame& frame) HAPTIC_RT {
     return reader_->read_newest(frame);
+}
+
+bool Tick::abandon() HAPTIC_RT {
+    if (!records_.take()) {
+        return false;
+    }
+    // The tick that hangs is the last one in the black box, with the reason.
+    safety_.cut(cut_.load());
+    record_.safety_state = static_cast<std::uint32_t>(safety_.state());
+    record_.faults = safety_.faults();
+    black_box_.push(record_);
+    return true;
 }
 
 device::ExchangeStatus Tick::send_zero(std::int64_t now_ns) HAPTIC_RT {

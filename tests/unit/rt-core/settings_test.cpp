@@ -37,6 +37,11 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.board.uart.set_lengths, b.board.uart.set_lengths);
     EXPECT_EQ(a.serial.baud, b.serial.baud);
     EXPECT_EQ(a.serial.timeout_ns, b.serial.timeout_ns);
+    EXPECT_EQ(a.tick.stop_button, b.tick.stop_button);
+    EXPECT_EQ(a.tick.stop_when_released, b.tick.stop_when_released);
+    EXPECT_EQ(a.stop_line.chip, b.stop_line.chip);
+    EXPECT_EQ(a.stop_line.line, b.stop_line.line);
+    EXPECT_EQ(a.stop_line.stop_when_high, b.stop_line.stop_when_high);
     EXPECT_EQ(a.tick.period_ns, b.tick.period_ns);
     EXPECT_EQ(a.tick.variant.name, b.tick.variant.name);
     EXPECT_EQ(a.tick.variant.minimum_tension, b.tick.variant.minimum_tension);

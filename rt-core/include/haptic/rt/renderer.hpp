@@ -72,6 +72,7 @@ class FrameRenderer {
         std::int64_t frame_age_ns = -1;    // since it was published; -1: no frame yet
         bool stale = false;                // there was a frame, and it is too old
         bool stiffness_limited = false;    // it asked for more than largest_stiffness
+        bool finite = true;                // else the wrench is zero: coupling times depth or speed had no measure
     };
     /// elapsed_ns: since the last call.
     Result render(const Pose& grip, const Twist& velocity, std::int64_t now_ns, std::int64_t elapsed_ns) HAPTIC_RT;

@@ -29,6 +29,7 @@ struct RunResult {
     SafetyState state = SafetyState::Disarmed;
     std::uint32_t faults = 0;
     std::uint8_t suspects = 0;  // bit i: string i may be the one that a fault slack or residual is about
+    std::string stop = "none";  // who asked for it: signal, duration, line, button
     std::uint64_t records_dropped = 0;
     std::uint64_t frames_dropped = 0;  // of the recording
     double duration_s = 0.0;

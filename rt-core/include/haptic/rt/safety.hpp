@@ -65,6 +65,8 @@ class SafetyMachine {
     /// Orderly: as a fault, with the bit HAPTIC_FAULT_STOP.
     void stop() HAPTIC_RT;
 
+    /// As a fault, with the bit HAPTIC_FAULT_NONFINITE: for who has found such a value and taken it out.
+    void fault_nonfinite() HAPTIC_RT { fault(HAPTIC_FAULT_NONFINITE); }
     /// Disarmed at once and without a fade, whatever the state: the motors already carry zero. The bits stay latched.
     void cut(std::uint32_t bits) HAPTIC_RT;
 
@@ -85,6 +87,8 @@ class SafetyMachine {
     /// The wrench that may act: the wanted one while running, the fading last one while faulted, else zero. Not finite
     /// is a fault, and the last good one begins to fade.
     Wrench shape(const Wrench& wanted) HAPTIC_RT;
+    /// What limits left of what shape() gave: a fault fades from that, and the tension stays until it is zero.
+    void felt(const Wrench& wrench) HAPTIC_RT;
     /// Factor on all tensions, 0..1; smooth.
     [[nodiscard]] double tension_scale() const HAPTIC_RT;
 
@@ -105,6 +109,7 @@ class SafetyMachine {
     double tension_ = 0.0;      // 0..1, linear in time
     double wrench_fade_ = 0.0;  // 1..0 while faulted, linear in time
     Wrench last_wrench_;
+    bool still_felt_ = false;  // a wrench, after the limits
 };
 
 }  // namespace haptic::rt

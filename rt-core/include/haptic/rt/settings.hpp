@@ -10,6 +10,7 @@
 #include "haptic/device/grip_mechanics.hpp"
 #include "haptic/device/serial_transport.hpp"
 #include "haptic/rt/loop.hpp"
+#include "haptic/rt/stop_input.hpp"
 #include "haptic/rt/tick.hpp"
 #include "haptic/rt/usb_settings.hpp"
 #include "haptic/rt/watchdog.hpp"
@@ -25,6 +26,7 @@ struct Settings {
     UsbSettings usb;
     bool rearm = false;  // after the device was lost, wait for it and go on
     device::SerialTransport::Settings serial;
+    GpioStopSettings stop_line;
     std::size_t queue_ticks = 16384;  // capacity of the Recorder
     std::size_t queue_frames = 512;   // likewise; 11 kB each
 };

@@ -59,6 +59,8 @@ struct TickSettings {
     PassivitySettings passivity;
     SafetySettings safety;
     MotorSettings motors;
+    int stop_button = -1;                                   // switch of the board that stops the loop; -1: none
+    bool stop_when_released = false;                        // it is one that opens: then a broken wire stops too
     std::int64_t black_box_ns = 2 * kNanosecondsPerSecond;  // ns, of ticks that are always kept
 };
 
@@ -96,13 +98,15 @@ class Tick {
     /// Sends zero to all motors once, whatever the state; for the way out.
     device::ExchangeStatus send_zero(std::int64_t now_ns) HAPTIC_RT;
 
+    /// From any thread: as stop() in the next tick, and again in each one that is armed after it.
+    void stop_for_good() HAPTIC_RT { stop_asked_.store(true); }
     /// From any thread: disarmed from the next tick on, at once, with these bits HAPTIC_FAULT_*, for good. For who has
     /// sent zeros over the tick's head.
     void cut(std::uint32_t faults) HAPTIC_RT { cut_.fetch_or(faults); }
     /// From any thread, once the tick's thread hangs: takes instruments(), black_box(), last() and faults() away from
     /// it, so that they may be read; false if it is not within an exchange with the board. When that exchange ends
     /// after all, its thread sleeps for ever: the process must be left by _exit().
-    [[nodiscard]] bool abandon() HAPTIC_RT { return records_.take(); }
+    [[nodiscard]] bool abandon() HAPTIC_RT;
     /// Beats at the end of each tick, once begun.
     [[nodiscard]] Heartbeat& heart() HAPTIC_RT { return heart_; }
 
@@ -135,9 +139,11 @@ class Tick {
     void take_frame(const TickTime& time) HAPTIC_RT;
     void render_wrench(const TickTime& time) HAPTIC_RT;
     [[nodiscard]] Wrench keep_passive(const Contact& contact) HAPTIC_RT;
+    void limit_wrench(const Wrench& wanted) HAPTIC_RT;
     void distribute() HAPTIC_RT;
     void exchange_out(const TickTime& time) HAPTIC_RT;
     void warm_motors() HAPTIC_RT;
+    [[nodiscard]] bool stop_button_says_stop() const HAPTIC_RT;
     void publish(const TickTime& time) HAPTIC_RT;
     void finish(const TickTime& time) HAPTIC_RT;
     /// Stage clock since the last call.
@@ -166,6 +172,7 @@ class Tick {
     BlackBox black_box_;
 
     std::atomic<std::uint32_t> cut_{0};  // faults for which others have cut the motors off
+    std::atomic<bool> stop_asked_{false};
     RecordOwner records_;
     Heartbeat heart_;
 
@@ -178,6 +185,7 @@ class Tick {
 
     PoseEstimate estimate_;
     WireMatrix wires_{};                    // at that pose
+    StringArray sent_{};                    // N, in the last tick
     StringArray held_{};                    // N, by the motors since the last tick, as far as that is known
     std::uint64_t number_ = 0;              // of ticks so far
     std::uint32_t requests_ = kRequestNew;  // since the last tick
