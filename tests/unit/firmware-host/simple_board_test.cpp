@@ -16,7 +16,6 @@ using test::bytes;
 
 constexpr std::array<std::uint32_t, kStrings> kPowerUp = {0, 0xFFFFFF, 0x800000, 12345, 1, 40000, 7, 60000};
 constexpr std::array<std::int16_t, kStrings> kDigits = {45, 46, 47, 48, 49, 50, 51, 4095};
-constexpr double kPulse = 1.66555e-5;  // m a count
 
 EmulatedDevice::Settings settings(PoseTrack hand = PoseTrack(Pose{})) {
     Variant variant = spidar_g6_x3r();
