@@ -67,11 +67,11 @@ std::string comment_of(const std::string& variant) {
     return comment;
 }
 
-std::filesystem::path output_file(const CalibrateOptions& options) {
+std::filesystem::path output_file(const CalibrateOptions& options, const std::string& variant) {
     if (options.out) {
         return *options.out;
     }
-    return names_file(*options.variant) ? *options.variant : *options.variant + ".calibrated.toml";
+    return names_file(variant) ? variant : variant + ".calibrated.toml";
 }
 
 std::string today() {
@@ -118,7 +118,8 @@ void apply_weight(const std::string& weight, device::Variant& variant) {
 
 /// Runs the loop while a person, or the emulated hand, does what is asked; the recording of it.
 std::filesystem::path guided_recording(const CalibrateOptions& options, const Settings& settings,
-                                       const device::Variant& variant, const std::filesystem::path& out) {
+                                       const device::Variant& variant, const std::string& name,
+                                       const std::filesystem::path& out) {
     const bool asks = !options.yes;
     if (asks && isatty(STDIN_FILENO) == 0) {
         throw Refusal("calibrate: standard input is no terminal, so that nobody can answer; --yes asks nothing");
@@ -138,7 +139,7 @@ std::filesystem::path guided_recording(const CalibrateOptions& options, const Se
                             .live = isatty(STDOUT_FILENO) != 0});
     RunOptions run = options.run;
     run.session = "calibrate-" + std::to_string(getpid());  // no simulation pushes meanwhile
-    run.assignments.push_back("device.variant=" + options.variant.value_or(kDefaultVariant));
+    run.assignments.push_back("device.variant=" + name);
     run.record = options.run.record ? *options.run.record : std::filesystem::path(out).replace_extension("wiggle.csv");
     run.observer = &guide;
     if (const int status = run_command(run); status != 0) {
@@ -154,17 +155,17 @@ std::filesystem::path guided_recording(const CalibrateOptions& options, const Se
 
 }  // namespace
 
-int calibrate_command(CalibrateOptions options) {
+int calibrate_command(const CalibrateOptions& options) {
     const Config config = load_config(options);
     const Settings settings = read_settings(config);
-    options.variant = options.variant.value_or(config.text("device.variant", kDefaultVariant));
-    device::Variant nominal = device::find_variant(*options.variant);
+    const std::string name = options.variant.value_or(config.text("device.variant", kDefaultVariant));
+    device::Variant nominal = device::find_variant(name);
     for (const std::string& weight : options.weights) {
         apply_weight(weight, nominal);
     }
-    const std::filesystem::path out = output_file(options);
+    const std::filesystem::path out = output_file(options, name);
     const std::filesystem::path recording =
-        options.fit ? *options.fit : guided_recording(options, settings, nominal, out);
+        options.fit ? *options.fit : guided_recording(options, settings, nominal, name, out);
     const GeometryFit fit = fit_geometry(nominal, load_wiggle(recording, nominal), options.fit_settings);
     const std::string report = describe(fit);
     std::fputs(report.c_str(), stdout);
@@ -172,7 +173,7 @@ int calibrate_command(CalibrateOptions options) {
         std::printf(
             "This is no geometry that explains the counts: nothing is written. Was a string slack, or are\n"
             "its channels, directions or corners other than %s says?\n",
-            options.variant->c_str());
+            name.c_str());
         return kExitError;
     }
     if (options.fit && !options.out) {
@@ -183,8 +184,8 @@ int calibrate_command(CalibrateOptions options) {
         std::printf("Nothing was written.\n");
         return 0;
     }
-    const std::string comment = comment_of(*options.variant) + std::string(kMark) + today() + " from " +
-                                recording.filename().string() + ":\n" + report;
+    const std::string comment =
+        comment_of(name) + std::string(kMark) + today() + " from " + recording.filename().string() + ":\n" + report;
     const auto backup = device::write_variant(out, fit.variant, comment);
     std::printf("written to %s%s; use it with --set device.variant=%s\n", out.c_str(),
                 backup ? (", the old one is " + backup->string()).c_str() : "", out.c_str());

@@ -24,6 +24,6 @@ struct CalibrateOptions {
 };
 
 /// Exit status 0 if a geometry was found, and written where it was to be. Throws Refusal, ConfigError, CsvError.
-int calibrate_command(CalibrateOptions options);
+int calibrate_command(const CalibrateOptions& options);
 
 }  // namespace haptic::rt

@@ -305,9 +305,10 @@ void check(const device::Variant& nominal, const Wiggle& wiggle) {
     }
 }
 
+constexpr std::array<const char*, kGeometry> kNames = {"motor x", "motor y", "motor z", "knot x",
+                                                       "knot y",  "knot z",  "scale"};
+
 void fill_values(const Problem& problem, GeometryFit& fit) {
-    static constexpr std::array<const char*, kGeometry> kNames = {"motor x", "motor y", "motor z", "knot x",
-                                                                  "knot y",  "knot z",  "scale"};
     const SharedMatrix covariance = problem.covariance();
     for (int i = 0; i < static_cast<int>(kStrings); ++i) {
         for (int j = 0; j < kGeometry; ++j) {

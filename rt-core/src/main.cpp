@@ -154,7 +154,7 @@ int run_application(int argc, char** argv) {
     spdlog::set_default_logger(spdlog::stderr_color_mt("rt-core"));
     spdlog::set_pattern("rt-core %^%l%$: %v");
     if (calibrate->parsed()) {
-        return haptic::rt::calibrate_command(std::move(calibration));
+        return haptic::rt::calibrate_command(calibration);
     }
     return stability->parsed() ? haptic::rt::stability_command(stability_options) : haptic::rt::run_command(options);
 }

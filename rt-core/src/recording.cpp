@@ -20,9 +20,9 @@ struct Row {
 
 /// One column, or one for each letter, which then takes the place of the '#' in the name.
 struct Column {
-    const char* name;
-    const char* letters;
-    CsvCell (*value)(const Row& row, int letter);
+    const char* name = "";
+    const char* letters = "";
+    CsvCell (*value)(const Row& row, int letter) = nullptr;
     bool measured = false;  // by the clock of this machine
 };
 
@@ -93,6 +93,7 @@ constexpr Column kColumns[] = {
     {"energy_j", kOne, [](R r, int) -> CsvCell { return r.tick.energy; }},               // of the passivity observer
     {"rotation_energy_j", kOne, [](R r, int) -> CsvCell { return r.tick.rotation_energy; }},
     {"passivity_scale", kOne, [](R r, int) -> CsvCell { return r.tick.passivity_scale; }},  // left of the wrench
+    {"cut", kOne, [](R r, int) -> CsvCell { return whole(r.tick.cut); }},  // HAPTIC_FAULT_*, by another thread
 };
 
 template <class Visit>
@@ -144,15 +145,15 @@ RecordFile::RecordFile(const std::filesystem::path& file, Recorder& recorder)
     }
 }
 
-void RecordFile::write(const TickRecord& record) {
-    record_row(record, *start_ns_, row_);
+void RecordFile::write(const TickRecord& record, std::int64_t start_ns) {
+    record_row(record, start_ns, row_);
     writer_.row(row_);
 }
 
 void RecordFile::start(std::int64_t start_ns) {
     start_ns_ = start_ns;
     for (const TickRecord& record : before_arming_) {
-        write(record);
+        write(record, start_ns);
     }
     before_arming_.clear();
 }
@@ -167,7 +168,7 @@ void RecordFile::drain() {
             start(record.now_ns);
         }
         if (start_ns_) {
-            write(record);
+            write(record, *start_ns_);
             continue;
         }
         before_arming_.push_back(record);

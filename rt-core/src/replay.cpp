@@ -10,8 +10,10 @@
 namespace haptic::rt {
 namespace {
 
-constexpr const char* kInputs[] = {"tick",        "now_ns",       "deadline_ns", "missed", "requests",
-                                   "exchange_in", "exchange_out", "buttons",     "rotary", "frame_read"};
+constexpr const char* kInputs[] = {"tick",         "now_ns",  "deadline_ns", "missed",     "requests", "exchange_in",
+                                   "exchange_out", "buttons", "rotary",      "frame_read", "cut"};
+
+constexpr auto kLastStatus = static_cast<std::int64_t>(device::ExchangeStatus::Failed);
 
 double as_double(const CsvCell& cell) {
     return std::visit([](auto value) { return static_cast<double>(value); }, cell);
@@ -54,6 +56,7 @@ struct Replay::Inputs {
     TickTime time;
     std::uint64_t requests = 0;
     std::int64_t frame_read = kNoFrame;
+    std::uint32_t cut = 0;
     ReplayBoard::Answers answers;
 };
 
@@ -98,12 +101,12 @@ Replay::Inputs Replay::read_inputs() const {
         }
         return value;
     };
-    constexpr auto kLastStatus = static_cast<std::int64_t>(device::ExchangeStatus::Failed);
     Inputs inputs;
     inputs.number = recording_.natural(inputs_.at("tick"));
     inputs.time = {integer("deadline_ns"), integer("now_ns"), integer("missed")};
     inputs.requests = recording_.natural(inputs_.at("requests"));
     inputs.frame_read = integer("frame_read");
+    inputs.cut = static_cast<std::uint32_t>(bounded("cut", 0, UINT32_MAX));
     inputs.answers.in = static_cast<std::int8_t>(bounded("exchange_in", kNoExchange, kLastStatus));
     inputs.answers.out = static_cast<std::int8_t>(bounded("exchange_out", kNoExchange, kLastStatus));
     device::BoardReading& reading = inputs.answers.reading;
@@ -160,6 +163,9 @@ bool Replay::step(Recorder* recorder) {
     if ((inputs.requests & kRequestStop) != 0) {
         tick_->stop();
     }
+    if (inputs.cut != 0) {
+        tick_->cut(inputs.cut);
+    }
     board_.load(inputs.answers);
     load_frame(inputs);
     tick_->run(inputs.time);
@@ -174,10 +180,11 @@ void Replay::compare() {
     record_row(tick_->last(), 0, row_);
     bool differs = false;
     for (std::size_t i = 0; i < row_.size(); ++i) {
-        if (!compared_columns_[i]) {
+        const std::optional<std::size_t> found = compared_columns_[i];
+        if (!found) {
             continue;
         }
-        const std::size_t column = *compared_columns_[i];
+        const std::size_t column = *found;
         std::string replayed = text_of(row_[i]);
         if (replayed == recording_.cell(column)) {
             continue;

@@ -144,6 +144,7 @@ void Tick::watch_health() HAPTIC_RT {
     health.residual = estimate_.residual;
     health.largest_movement = encoders_.largest_movement();
     if (const std::uint32_t cut = cut_.load(); cut != 0) {
+        record_.cut = cut;
         safety_.cut(cut);
     }
     if (stop_button_says_stop()) {

@@ -42,7 +42,7 @@ class RecordFile {
     void close();
 
   private:
-    void write(const TickRecord& record);
+    void write(const TickRecord& record, std::int64_t start_ns);
     void start(std::int64_t start_ns);
 
     CsvWriter writer_;

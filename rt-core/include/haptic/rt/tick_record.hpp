@@ -14,11 +14,9 @@
 namespace haptic::rt {
 
 /// What was asked of the tick since the last one (TickRecord::requests).
-enum : std::uint32_t {
-    kRequestNew = 1u << 0,  // the first tick of this object: nothing before it counts
-    kRequestArm = 1u << 1,
-    kRequestStop = 1u << 2
-};
+inline constexpr std::uint32_t kRequestNew = 1u << 0;  // the first tick of this object: nothing before it counts
+inline constexpr std::uint32_t kRequestArm = 1u << 1;
+inline constexpr std::uint32_t kRequestStop = 1u << 2;
 
 inline constexpr std::int8_t kNoExchange = -1;  // there was no such exchange in this tick
 inline constexpr std::int8_t kNoFrame = -1;     // no frame was taken in this tick
@@ -47,11 +45,12 @@ struct TickRecord {
     std::uint32_t faults = 0;
     std::uint32_t flags = 0;  // HAPTIC_TICK_*
     std::uint32_t buttons = 0;
-    std::uint32_t requests = 0;                      // kRequest*
-    std::int8_t exchange_in = kNoExchange;           // device::ExchangeStatus of the exchange that brings encoders
-    std::int8_t exchange_out = kNoExchange;          // of the one that brings motors
-    std::int8_t frame_read = kNoFrame;               // FrameDefect of the frame that was taken
-    std::uint8_t rotary = 0;                         // switch, 0..15
+    std::uint32_t cut = 0;                   // faults for which another thread has cut the motors off (Tick::cut)
+    std::uint32_t requests = 0;              // kRequest*
+    std::int8_t exchange_in = kNoExchange;   // device::ExchangeStatus of the exchange that brings encoders
+    std::int8_t exchange_out = kNoExchange;  // of the one that brings motors
+    std::int8_t frame_read = kNoFrame;       // FrameDefect of the frame that was taken
+    std::uint8_t rotary = 0;                 // switch, 0..15
     std::array<std::uint32_t, kStrings> counters{};  // as read last
     std::array<std::uint16_t, kStrings> analog{};    // as read last
     device::MotorCommand command;                    // as sent
