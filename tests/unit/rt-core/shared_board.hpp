@@ -75,12 +75,9 @@ class SharedBoard final : public device::Board {
 
     device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT override {
-        HAPTIC_RT_EXCEPTION_BEGIN("hangs, and only where a test asks for it")
-        while (motors_->hang.load()) {
+        while (motors_->hang.load()) {  // no sleep: the real-time sanitizer allows a tick none
             motors_->hanging.store(true);
-            sleep_ms(1);
         }
-        HAPTIC_RT_EXCEPTION_END
         motors_->hanging.store(false);
         if (motors_->overflow.load()) {
             use_stack(0);
