@@ -57,7 +57,8 @@ TEST(TickPassivity, ObservesTheWorkThatTheStringsReallyDid) {
             press();
             least = std::min(least, work);
             most = std::max(most, work);
-            // The force is up to 5 N, and where the grip is known to some um, now as at the beginning; no more is added.
+            // The force is up to 5 N, and where the grip is known to some um, now as at the beginning; no more is
+            // added.
             ASSERT_NEAR(rig.tick.last().energy - before, work, 8e-5) << i << ", exchanges " << exchanges;
         }
         EXPECT_GT(most - least, 0.02);
