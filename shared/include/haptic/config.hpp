@@ -1,8 +1,8 @@
 // Configuration and scene files: TOML, every key typed, ranged and known, every error with file, line and remedy.
 //
 // A component reads its keys through the typed getters, which note each key as known; reject_unknown() then refuses
-// what nobody asked for, with its line and the nearest known name. Keys are dotted: "tension.minimum_n". Within a list of
-// tables ([[string]]) the number of the table is a part of the key, from 0: "string.7.motor".
+// what nobody asked for, with its line and the nearest known name. Keys are dotted: "tension.minimum_n". Within a list
+// of tables ([[string]]) the number of the table is a part of the key, from 0: "string.7.motor".
 #pragma once
 
 #include <cstddef>
