@@ -226,97 +226,145 @@ int conclude(const RunOptions& options, const RunResult& result, const Instrumen
     return result.held() ? 0 : kExitFaulted;
 }
 
-/// Everything that outlives the loop, in the order in which it has to go.
-RunResult run_loop(const RunOptions& options, const Settings& settings, const StopSignals& signals,
-                   Instruments& instruments) {
-    const std::unique_ptr<OpenedDevice> device = open_device(options, settings);
-    RingReader<ContactFrame> frames(options.session);
-    RingWriter<DeviceState> states(options.session);
-    MotorGate gate(device->board());
-    Tick tick(settings.tick, gate, frames, states, &monotonic_now_ns);
-    device->follow(tick);
-    Recorder recorder(options.record ? settings.queue_ticks : 2, options.record ? settings.queue_frames : 2);
-    std::optional<RecordFile> record;
+/// One run of the loop, or of several one after the other if the device is lost and comes back. Members are in the
+/// order in which they have to be there, and go the other way round.
+class Run {
+  public:
+    Run(const RunOptions& options, const Settings& settings, const StopSignals& signals);
+
+    /// Returns when the loop has ended; ends the process if it hangs.
+    RunResult execute(Instruments& instruments);
+
+  private:
+    /// Loop after loop, until the run is to end or one hangs.
+    void run_loops();
+    [[nodiscard]] bool may_come_back() const;
+    void collect(Instruments& instruments, bool records_ours);
+    [[nodiscard]] bool black_box_is_worth_keeping() const;
+
+    const RunOptions& options_;
+    const Settings& settings_;
+    const StopSignals& signals_;
+    RunResult result_;
+    StopReason stop_;
+    bool hung_ = false;            // the loop does not come back
+    bool waited_in_vain_ = false;  // for a device that was lost
+    std::int64_t start_ns_ = 0;
+
+    std::unique_ptr<OpenedDevice> device_;
+    RingReader<ContactFrame> frames_;
+    RingWriter<DeviceState> states_;
+    MotorGate gate_;
+    Tick tick_;
+    Recorder recorder_;
+    std::optional<RecordFile> record_;
+    AlternateSignalStack signal_stack_;
+    CrashGuard guard_;
+    RealtimeSetup prepared_;
+    std::optional<Watchdog> watchdog_;  // outlives the loop, so that it also watches it end
+    std::optional<RealtimeLoop> loop_;
+    std::unique_ptr<StopWatch> stop_watch_;
+};
+
+Run::Run(const RunOptions& options, const Settings& settings, const StopSignals& signals)
+    : options_(options),
+      settings_(settings),
+      signals_(signals),
+      device_(open_device(options, settings)),
+      frames_(options.session),
+      states_(options.session),
+      gate_(device_->board()),
+      tick_(settings.tick, gate_, frames_, states_, &monotonic_now_ns),
+      recorder_(options.record ? settings.queue_ticks : 2, options.record ? settings.queue_frames : 2),
+      guard_(gate_) {
+    device_->follow(tick_);
     if (options.record) {
-        record.emplace(*options.record, recorder);
+        record_.emplace(*options.record, recorder_);
         if (options.observer != nullptr) {
-            record->tell([observer = options.observer](const TickRecord& one) { observer->saw(one); });
+            record_->tell([observer = options.observer](const TickRecord& one) { observer->saw(one); });
         }
     }
-
-    const AlternateSignalStack signal_stack;
-    const CrashGuard guard(gate);
-    RunResult result;
-    prepare_process(result.setup);
-    const RealtimeSetup prepared = result.setup;
-    std::optional<Watchdog> watchdog;  // outlives the loop, so that it also watches it end
-    std::optional<RealtimeLoop> loop;
-    loop.emplace(settings.loop, tick, prepared);
-    result.setup = loop->setup();
-    judge_setup(result.setup, device->real());
+    prepare_process(prepared_);
+    loop_.emplace(settings.loop, tick_, prepared_);
+    result_.setup = loop_->setup();
+    judge_setup(result_.setup, device_->real());
     spdlog::info("session {}: {} Hz on {}; keep the grip still at the centre", options.session,
                  static_cast<double>(kNanosecondsPerSecond) / static_cast<double>(settings.loop.period_ns),
-                 device->description());
-    watchdog.emplace(watchdog_settings(settings, result.setup), tick, gate);
-    const std::unique_ptr<StopWatch> stop_watch = watch_stop_line(settings, tick);
-    const std::int64_t start_ns = monotonic_now_ns();
-    StopReason stop;
-    bool came_back = false;
-    bool waited_in_vain = false;
-    while (true) {
-        loop->start(options.record ? &recorder : nullptr);
-        came_back = supervise(*loop, {signals, *watchdog, stop_watch.get(), options.observer}, record,
-                              end_of(start_ns, options.duration_s), stop);
-        if (!came_back) {
-            break;
-        }
-        loop->join();
-        result.usage += loop->usage();
-        const bool lost = (tick.faults() & HAPTIC_FAULT_EXCHANGE) != 0 && (tick.faults() & ~kFaultsOfLoss) == 0;
-        if (!lost || !(options.rearm || settings.rearm) || gate.closed()) {
-            break;
-        }
-        waited_in_vain = !come_back(*device, tick, options, signals, start_ns, result);
-        if (waited_in_vain) {
-            break;
-        }
-        loop.emplace(settings.loop, tick, prepared);
-    }
-    const bool records_ours = came_back || tick.abandon();
-    gate.close();
+                 device_->description());
+    watchdog_.emplace(watchdog_settings(settings, result_.setup), tick_, gate_);
+    stop_watch_ = watch_stop_line(settings, tick_);
+    start_ns_ = monotonic_now_ns();
+}
 
-    result.duration_s = seconds(monotonic_now_ns() - start_ns);
-    result.device = device->description();
-    result.exchange_bound_ns = settings.tick.exchanges * device->exchange_bound_ns();
-    result.records_dropped = recorder.dropped();
-    result.frames_dropped = recorder.frames_dropped();
+bool Run::may_come_back() const {
+    const bool lost = (tick_.faults() & HAPTIC_FAULT_EXCHANGE) != 0 && (tick_.faults() & ~kFaultsOfLoss) == 0;
+    return lost && (options_.rearm || settings_.rearm) && !gate_.closed();
+}
+
+void Run::run_loops() {
+    const Watchers watchers{signals_, *watchdog_, stop_watch_.get(), options_.observer};
+    while (true) {
+        loop_->start(options_.record ? &recorder_ : nullptr);
+        hung_ = !supervise(*loop_, watchers, record_, end_of(start_ns_, options_.duration_s), stop_);
+        if (hung_) {
+            return;
+        }
+        loop_->join();
+        result_.usage += loop_->usage();
+        if (!may_come_back()) {
+            return;
+        }
+        waited_in_vain_ = !come_back(*device_, tick_, options_, signals_, start_ns_, result_);
+        if (waited_in_vain_) {
+            return;
+        }
+        loop_.emplace(settings_.loop, tick_, prepared_);
+    }
+}
+
+void Run::collect(Instruments& instruments, bool records_ours) {
+    result_.duration_s = seconds(monotonic_now_ns() - start_ns_);
+    result_.device = device_->description();
+    result_.exchange_bound_ns = settings_.tick.exchanges * device_->exchange_bound_ns();
+    result_.records_dropped = recorder_.dropped();
+    result_.frames_dropped = recorder_.frames_dropped();
     if (records_ours) {
-        result.state = came_back ? tick.safety_state() : SafetyState::Disarmed;
-        result.faults = tick.faults();
-        result.suspects = tick.suspect_strings();
-        instruments = tick.instruments();
+        result_.state = hung_ ? SafetyState::Disarmed : tick_.safety_state();
+        result_.faults = tick_.faults();
+        result_.suspects = tick_.suspect_strings();
+        instruments = tick_.instruments();
     }
-    result.faults |= watchdog->fired() ? std::uint32_t{HAPTIC_FAULT_WATCHDOG} : 0u;
-    if (record) {
-        record->close();
+    result_.faults |= watchdog_->fired() ? std::uint32_t{HAPTIC_FAULT_WATCHDOG} : 0u;
+    if ((result_.faults & HAPTIC_FAULT_STOP) != 0 && std::string_view(stop_.name) == "none") {
+        stop_ = {"button", true};
     }
-    if ((result.faults & HAPTIC_FAULT_STOP) != 0 && std::string_view(stop.name) == "none") {
-        stop = {"button", true};
-    }
-    result.stop = stop.name;
+    result_.stop = stop_.name;
+}
+
+bool Run::black_box_is_worth_keeping() const {
     // Of a stop that a person asked for too, but not as litter in the folder where the program happens to run.
-    const bool worth_telling = stop.pressed && (options.report || options.record);
-    if ((!result.held() || worth_telling) && records_ours && !waited_in_vain) {
-        (void)keep_black_box(options, tick, result.interruptions.size());
+    return !waited_in_vain_ && (!result_.held() || (stop_.pressed && (options_.report || options_.record)));
+}
+
+RunResult Run::execute(Instruments& instruments) {
+    run_loops();
+    const bool records_ours = !hung_ || tick_.abandon();
+    gate_.close();
+    collect(instruments, records_ours);
+    if (record_) {
+        record_->close();
     }
-    if (!came_back) {
+    if (records_ours && black_box_is_worth_keeping()) {
+        (void)keep_black_box(options_, tick_, result_.interruptions.size());
+    }
+    if (hung_) {
         // Its thread cannot be joined, and what it refers to must not be destroyed under it.
-        const int status = conclude(options, result, instruments);
+        const int status = conclude(options_, result_, instruments);
         std::fflush(nullptr);
-        gate.close();  // for a command that has come through since
+        gate_.close();  // for a command that has come through since
         _exit(status);
     }
-    return result;
+    return std::move(result_);
 }
 
 }  // namespace
@@ -332,7 +380,7 @@ int run_command(const RunOptions& options) {
     }
     const StopSignals signals;
     const auto instruments = std::make_unique<Instruments>();
-    const RunResult result = run_loop(options, settings, signals, *instruments);
+    const RunResult result = Run(options, settings, signals).execute(*instruments);
     return conclude(options, result, *instruments);
 }
 
