@@ -261,8 +261,8 @@ class Run {
     AlternateSignalStack signal_stack_;
     CrashGuard guard_;
     RealtimeSetup prepared_;
-    std::optional<Watchdog> watchdog_;  // outlives the loop, so that it also watches it end
-    std::optional<RealtimeLoop> loop_;
+    std::unique_ptr<Watchdog> watchdog_;  // outlives the loop, so that it also watches it end
+    std::unique_ptr<RealtimeLoop> loop_;
     std::unique_ptr<StopWatch> stop_watch_;
 };
 
@@ -285,13 +285,13 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
         }
     }
     prepare_process(prepared_);
-    loop_.emplace(settings.loop, tick_, prepared_);
+    loop_ = std::make_unique<RealtimeLoop>(settings.loop, tick_, prepared_);
     result_.setup = loop_->setup();
     judge_setup(result_.setup, device_->real());
     spdlog::info("session {}: {} Hz on {}; keep the grip still at the centre", options.session,
                  static_cast<double>(kNanosecondsPerSecond) / static_cast<double>(settings.loop.period_ns),
                  device_->description());
-    watchdog_.emplace(watchdog_settings(settings, result_.setup), tick_, gate_);
+    watchdog_ = std::make_unique<Watchdog>(watchdog_settings(settings, result_.setup), tick_, gate_);
     stop_watch_ = watch_stop_line(settings, tick_);
     start_ns_ = monotonic_now_ns();
 }
@@ -318,7 +318,7 @@ void Run::run_loops() {
         if (waited_in_vain_) {
             return;
         }
-        loop_.emplace(settings_.loop, tick_, prepared_);
+        loop_ = std::make_unique<RealtimeLoop>(settings_.loop, tick_, prepared_);
     }
 }
 
