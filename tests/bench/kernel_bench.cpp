@@ -7,12 +7,12 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <random>
 #include <vector>
 
+#include "clock_cost.hpp"
 #include "haptic/device/variant.hpp"
 #include "haptic/rt/kinematics.hpp"
 #include "haptic/rt/local_proxy.hpp"
@@ -23,21 +23,9 @@ namespace {
 
 constexpr std::size_t kInputs = 4096;  // a power of two; together below the size of a second-level cache
 
-using Clock = std::chrono::steady_clock;
-
-double nanoseconds_between(Clock::time_point start, Clock::time_point end) {
-    return static_cast<double>(std::chrono::duration_cast<std::chrono::nanoseconds>(end - start).count());
-}
-
-/// What two readings of the clock cost when nothing is between them.
-double clock_cost() {
-    double least = 1e9;
-    for (int k = 0; k < 10000; ++k) {
-        const auto start = Clock::now();
-        least = std::min(least, nanoseconds_between(start, Clock::now()));
-    }
-    return least;
-}
+using bench::Clock;
+using bench::clock_cost;
+using bench::nanoseconds_between;
 
 /// Times each call of work(i) by itself.
 template <typename Work>

@@ -10,7 +10,6 @@
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -18,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "clock_cost.hpp"
 #include "haptic/device/variant_file.hpp"
 #include "haptic/device/wrench_closure.hpp"
 #include "haptic/rt/kinematics.hpp"
@@ -30,20 +30,9 @@ namespace {
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr std::size_t kInputs = 4096;
 
-using Clock = std::chrono::steady_clock;
-
-double nanoseconds_between(Clock::time_point start, Clock::time_point end) {
-    return static_cast<double>(std::chrono::duration_cast<std::chrono::nanoseconds>(end - start).count());
-}
-
-double clock_cost() {
-    double least = 1e9;
-    for (int k = 0; k < 10000; ++k) {
-        const auto start = Clock::now();
-        least = std::min(least, nanoseconds_between(start, Clock::now()));
-    }
-    return least;
-}
+using bench::Clock;
+using bench::clock_cost;
+using bench::nanoseconds_between;
 
 class Random {
   public:

@@ -224,36 +224,46 @@ Vec6 inverse_diagonal(const WireMatrix& wires) {
     return diagonal;
 }
 
+/// Standard deviation of the solved pose (m, rad) from lengths that are rounded to whole counts, near the centre.
+Vec6 noise_of(const device::Variant& variant, int samples) {
+    const double count = std::fabs(variant.strings[0].metres_per_count);
+    Random random(5);
+    PoseSolver solver(variant);
+    Vec6 squares{};
+    for (int k = 0; k < samples; ++k) {
+        // Far enough from one another that the eight roundings are independent.
+        const Pose pose = random.placement(random.uniform(0.0, 1e-3), random.uniform(0.0, 0.02)).pose();
+        StringArray lengths = string_lengths(variant, pose);
+        for (double& length : lengths) {
+            length = std::round(length / count) * count;
+        }
+        const PoseEstimate estimate = solver.solve(lengths);
+        EXPECT_EQ(estimate.status, PoseStatus::Ok);
+        const Vec3 moved = estimate.pose.position - pose.position;
+        const Quat turned = estimate.pose.orientation * glm::conjugate(pose.orientation);
+        const Vec3 turn = 2.0 * Vec3(turned.x, turned.y, turned.z) * (turned.w < 0.0 ? -1.0 : 1.0);
+        for (int axis = 0; axis < 3; ++axis) {
+            squares[static_cast<std::size_t>(axis)] += moved[axis] * moved[axis];
+            squares[static_cast<std::size_t>(axis) + 3] += turn[axis] * turn[axis];
+        }
+    }
+    for (double& square : squares) {
+        square = std::sqrt(square / samples);
+    }
+    return squares;
+}
+
 TEST(PoseSolver, NoiseFloorOfEveryFrameIsThatOfItsEncoders) {
     // Lengths rounded to whole counts are off by count^2 / 12 in variance each, so that the least-squares pose is off
     // by (A^T A)^-1 times that.
     for (const char* name : kSixDegreesOfFreedom) {
         const device::Variant variant = device::builtin_variant(name);
-        const double count = std::fabs(variant.strings[0].metres_per_count);
+        const double count = variant.strings[0].metres_per_count;
         const Vec6 expected = inverse_diagonal(wire_matrix(variant, {}));
-        Random random(5);
-        Vec6 squares{};
-        constexpr int kSamples = 10000;
-        PoseSolver solver(variant);
-        for (int k = 0; k < kSamples; ++k) {
-            const Pose pose = random.placement(random.uniform(0.0, 1e-3), random.uniform(0.0, 0.02)).pose();
-            StringArray lengths = string_lengths(variant, pose);
-            for (double& length : lengths) {
-                length = std::round(length / count) * count;
-            }
-            const PoseEstimate estimate = solver.solve(lengths);
-            ASSERT_EQ(estimate.status, PoseStatus::Ok);
-            const Vec3 moved = estimate.pose.position - pose.position;
-            const Quat turned = estimate.pose.orientation * glm::conjugate(pose.orientation);
-            const Vec3 turn = 2.0 * Vec3(turned.x, turned.y, turned.z) * (turned.w < 0.0 ? -1.0 : 1.0);
-            for (int axis = 0; axis < 3; ++axis) {
-                squares[static_cast<std::size_t>(axis)] += moved[axis] * moved[axis];
-                squares[static_cast<std::size_t>(axis) + 3] += turn[axis] * turn[axis];
-            }
-        }
+        const Vec6 noise = noise_of(variant, 10000);
         for (std::size_t axis = 0; axis < 6; ++axis) {
             // 10,000 samples tell a standard deviation to 0.7 %; poses up to 1 mm and 1 degree off change it a little.
-            const double ratio = std::sqrt(squares[axis] / kSamples / (expected[axis] * count * count / 12.0));
+            const double ratio = noise[axis] / std::sqrt(expected[axis] * count * count / 12.0);
             EXPECT_NEAR(ratio, 1.0, 0.04) << name << ", axis " << axis;
         }
     }
@@ -286,29 +296,9 @@ TEST(PoseSolver, TracksAHandWithoutLag) {
 TEST(PoseSolver, NoiseOfQuantisedLengthsIsThatOfTheGeometry) {
     // Published for the X3R at the centre: 3.3 to 3.5 um and 10 to 12 mdeg, one standard deviation, on the worst axis.
     const device::Variant variant = device::spidar_g6_x3r();
-    Random random(5);
-    constexpr int kSamples = 20000;
-    constexpr double kPulse = 1.66555e-5;  // m a count
-    Vec3 translation(0.0);
-    Vec3 rotation(0.0);
-    PoseSolver solver(variant);
-    for (int k = 0; k < kSamples; ++k) {
-        // Far enough from one another that the eight roundings are independent.
-        const Pose pose = random.placement(random.uniform(0.0, 1e-3), random.uniform(0.0, 0.02)).pose();
-        StringArray lengths = string_lengths(variant, pose);
-        for (double& length : lengths) {
-            length = std::round(length / kPulse) * kPulse;
-        }
-        const PoseEstimate estimate = solver.solve(lengths);
-        ASSERT_EQ(estimate.status, PoseStatus::Ok);
-        const Vec3 moved = estimate.pose.position - pose.position;
-        const Quat turned = estimate.pose.orientation * glm::conjugate(pose.orientation);
-        const Vec3 turn = 2.0 * Vec3(turned.x, turned.y, turned.z) * (turned.w < 0.0 ? -1.0 : 1.0);
-        translation += moved * moved;
-        rotation += turn * turn;
-    }
-    const double worst_um = 1e6 * std::sqrt(std::max({translation.x, translation.y, translation.z}) / kSamples);
-    const double worst_mdeg = 1e3 / kDegree * std::sqrt(std::max({rotation.x, rotation.y, rotation.z}) / kSamples);
+    const Vec6 noise = noise_of(variant, 20000);
+    const double worst_um = 1e6 * std::max({noise[0], noise[1], noise[2]});
+    const double worst_mdeg = 1e3 / kDegree * std::max({noise[3], noise[4], noise[5]});
     EXPECT_GT(worst_um, 3.2);
     EXPECT_LT(worst_um, 3.6);
     EXPECT_GT(worst_mdeg, 9.5);
