@@ -39,7 +39,10 @@ device::Variant built(const device::Variant& nominal, const FitSettings& priors,
 /// A person who moves the grip by +-2 cm and turns it by +-25 degrees or so, not quite from the centre on.
 PoseTrack wiggling_hand(std::mt19937& random, double size = 1.0) {
     std::normal_distribution<double> normal;
-    const Vec3 begin = 5e-4 * Vec3(normal(random), normal(random), normal(random));
+    Vec3 begin(0.0);
+    for (int k = 0; k < 3; ++k) {  // one after the other: the order of a call's arguments is the compiler's
+        begin[k] = 5e-4 * normal(random);
+    }
     std::uniform_real_distribution<double> frequency(0.3, 1.7);
     std::uniform_real_distribution<double> phase(0.0, 6.28);
     std::array<double, 18> f{};
@@ -169,13 +172,14 @@ TEST(GeometryFit, IsNotMisledByAFewLengthsThatAreFarOut) {
     const FitSettings settings;
     const device::Variant nominal = device::builtin_variant("SpidarG6X3R");
     const device::Variant truth = built(nominal, settings, random);
-    Wiggle wiggle = counted(truth, wiggling_hand(random));
+    Wiggle wiggle = thinned(counted(truth, wiggling_hand(random)), quick().most_samples);
     const GeometryFit clean = fit_geometry(nominal, wiggle, quick());
-    for (std::size_t k = 100; k < wiggle.size(); k += 80) {
-        wiggle[k][k / 80 % kStrings] += 60;  // a millimetre
+    std::size_t spoilt = 0;
+    for (std::size_t k = 50; k < wiggle.size(); k += 50) {
+        wiggle[k][spoilt++ % kStrings] += 60;  // a millimetre
     }
     const GeometryFit fit = fit_geometry(nominal, wiggle, quick());
-    EXPECT_GT(fit.outliers, 10u);
+    EXPECT_GE(fit.outliers, clean.outliers + spoilt);
     for (std::size_t i = 0; i < fit.values.size(); ++i) {
         EXPECT_NEAR(fit.values[i].change, clean.values[i].change, 4.0 * fit.values[i].deviation) << fit.values[i].name;
     }
