@@ -54,6 +54,19 @@ ProxySettings read_proxy(const Config& config) {
     return proxy;
 }
 
+ContactSettings read_contact(const Config& config, double shrink) {
+    ContactSettings contact;
+    contact.shrink = shrink;
+    const std::string pop_out = config.choice("contact.pop_out", "order_free", {"order_free", "thesis"});
+    contact.pop_out = pop_out == "thesis" ? PopOutMethod::Thesis : PopOutMethod::OrderFree;
+    contact.pop_out_limit =
+        static_cast<int>(config.integer("contact.pop_out_limit", contact.pop_out_limit, {1.0, 1e5}));
+    contact.pop_out_minimum = config.number("contact.pop_out_minimum", contact.pop_out_minimum, kUnitInterval);
+    contact.detection_range = config.number("contact.detection_range", contact.detection_range, {1.0, 100.0});
+    contact.half_space = config.flag("contact.half_space", contact.half_space);
+    return contact;
+}
+
 CouplingSettings read_coupling(const Config& config) {
     CouplingSettings coupling;
     coupling.stiffness = config.number("coupling.stiffness", coupling.stiffness, {0.0, 1e5});
@@ -119,6 +132,7 @@ Scene read_scene(const Config& config, const std::string& name) {
     scene.model = read_model(config);
     scene.solver = read_solver(config);
     scene.proxy = read_proxy(config);
+    scene.contact = read_contact(config, scene.proxy.shrink);
     scene.coupling = read_coupling(config);
     scene.workspace = read_workspace(config);
     scene.hand = read_hand(config);

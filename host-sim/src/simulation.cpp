@@ -60,10 +60,9 @@ struct Simulation::State {
           tree(mesh.vertices, mesh.triangles),
           mask(mesh, model.mass, which.coupling.mask_radius),
           workspace(which.workspace),
+          contact(which.contact),
           force(model.size(), Vec3(0.0)),
-          proxy(which.hand.at(0).position) {
-        contact.shrink = which.proxy.shrink;
-    }
+          proxy(which.hand.at(0).position) {}
 
     [[nodiscard]] SurfaceMotion motion() const { return {start, end, mesh.triangles}; }
     /// Velocity of the hip over the step that ends at its new position.

@@ -4,6 +4,7 @@
 #include <glm/geometric.hpp>
 
 #include "contact/touching.hpp"
+#include "haptic/sim/contact/thesis_pop_out.hpp"
 
 namespace haptic::sim {
 
@@ -17,6 +18,9 @@ constexpr double kRelease = 0.5;
 
 PopOut pop_out(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
                const ContactSettings& settings, ProxyPath* path) noexcept {
+    if (settings.pop_out == PopOutMethod::Thesis) {
+        return thesis_pop_out(surfaces, center, radius, settings, path);
+    }
     // Half-way between found and placed: clear enough not to be popped again, and reached in spite of rounding.
     const double enough = radius * 0.5 * (1.0 + settings.shrink);
     PopOut result;

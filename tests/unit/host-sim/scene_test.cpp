@@ -56,6 +56,21 @@ TEST(Scene, CanBeChangedKeyByKey) {
     EXPECT_EQ(scene.solver.iterations, 3);
 }
 
+TEST(Scene, SaysHowTheProxyGetsClear) {
+    EXPECT_EQ(read("").contact.pop_out, PopOutMethod::OrderFree);
+    const ContactSettings contact =
+        read(
+            "[proxy]\nshrink = 0.99\n[contact]\npop_out = \"thesis\"\npop_out_limit = 7\npop_out_minimum = 0.02\n"
+            "detection_range = 3.0\nhalf_space = true\n")
+            .contact;
+    EXPECT_EQ(contact.pop_out, PopOutMethod::Thesis);
+    EXPECT_EQ(contact.pop_out_limit, 7);
+    EXPECT_EQ(contact.pop_out_minimum, 0.02);
+    EXPECT_EQ(contact.detection_range, 3.0);
+    EXPECT_TRUE(contact.half_space);
+    EXPECT_EQ(contact.shrink, 0.99);
+}
+
 TEST(Scene, FollowsTheScriptOfTheHand) {
     const Scene scene = read("[hand]\ntimes = [0.0, 2.0]\npositions = [0.0, 0.0, 0.0, 1.0, 2.0, 3.0]\n");
     EXPECT_EQ(scene.hand.at(kNanosecondsPerSecond).position, Vec3(0.5, 1.0, 1.5));

@@ -8,6 +8,7 @@
 #include "haptic/config.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/sim/cloth.hpp"
+#include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact_force.hpp"
 #include "haptic/sim/solver.hpp"
 #include "haptic/sim/workspace.hpp"
@@ -37,6 +38,7 @@ struct Scene {
     ModelSettings model;
     SolverSettings solver;
     ProxySettings proxy;
+    ContactSettings contact;  // shrink is the proxy's
     CouplingSettings coupling;
     WorkspaceSettings workspace;
     PoseTrack hand;  // scripted, positions in the scene

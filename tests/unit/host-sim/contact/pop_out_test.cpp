@@ -7,6 +7,7 @@
 
 #include "contact/oracle.hpp"
 #include "contact/scenes.hpp"
+#include "contact/tight_places.hpp"
 
 namespace {
 
@@ -20,8 +21,9 @@ using haptic::sim::scenes::Body;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::World;
-
-constexpr double kRadius = 0.03;
+using haptic::sim::tight::fan;
+using haptic::sim::tight::kRadius;
+using haptic::sim::tight::shuffle;
 
 struct Popped {
     PopOut result;
@@ -35,17 +37,6 @@ Popped pop(World& world, const Vec3& p) {
     popped.result = haptic::sim::pop_out(world.surfaces, p, kRadius, {}, &path);
     popped.crossings = haptic::sim::find_crossings(world.motions(), path.knots()).size();
     return popped;
-}
-
-/// The fan of the thesis' figure 4.14: a centre pressed down into a cone, the rim fixed.
-TriangleMesh fan(double depth) {
-    TriangleMesh mesh;
-    mesh.vertices.emplace_back(0.0, -depth, 0.0);
-    for (std::uint32_t k = 0; k < 32; ++k) {
-        mesh.vertices.emplace_back(std::cos(k * M_PI / 16), 0.0, std::sin(k * M_PI / 16));
-        mesh.triangles.push_back({0, 1 + (k + 1) % 32, 1 + k});
-    }
-    return mesh;
 }
 
 TEST(PopOut, LeavesAProxyThatIsClear) {
@@ -74,7 +65,7 @@ TEST(PopOut, ClimbsOutOfANarrowFanWithoutFallingThrough) {
     Random random(50);
     for (const double depth : {1.0, 2.0, 3.0}) {
         World world;
-        world.add(fan(depth));
+        world.add(fan(1.0, depth));
         world.refit();
         int worst = 0;
         for (int k = 0; k < 200; ++k) {
@@ -93,57 +84,97 @@ TEST(PopOut, ClimbsOutOfANarrowFanWithoutFallingThrough) {
     }
 }
 
-TEST(PopOut, KeepsTheSideInTheThreeCasesOfFigure419) {
-    // First: a clipping triangle must not push the proxy over the thin one in the middle.
-    World clipped;
-    Body& left = clipped.add(sheet(0.2, 1, false));
-    Body& middle = clipped.add(sheet(0.2, 1, false));
-    const Mat3 upright = haptic::sim::scenes::rotation({0, 0, 1}, M_PI / 2);
-    left.start = left.end =
-        placed(left.mesh.vertices, haptic::sim::scenes::rotation({0, 0, 1}, M_PI / 2 + 0.5), {-0.03, 0.0, 0});
-    middle.start = middle.end = placed(middle.mesh.vertices, upright, {0.015, 0, 0});
-    clipped.refit();
-    const Popped one = pop(clipped, {0.004, 0.03, 0});
-    EXPECT_EQ(one.crossings, 0u);
-    EXPECT_LT(one.result.position.x, 0.015);
-    // Second: between two parallel faces there is no room, and it says so, in the middle.
-    World parallel;
-    Body& below = parallel.add(sheet(0.5, 4, false));
-    Body& above = parallel.add(sheet(0.5, 4, false));
-    below.start = below.end = placed(below.mesh.vertices, Mat3(1.0), {0, -0.01, 0});
-    above.start = above.end = placed(above.mesh.vertices, Mat3(1.0), {0, 0.02, 0});
-    parallel.refit();
-    const Popped two = pop(parallel, {0, 0.0, 0});
-    EXPECT_EQ(two.crossings, 0u);
-    EXPECT_TRUE(two.result.squeezed);
-    EXPECT_NEAR(two.result.position.y, 0.005, 1e-4);
-    EXPECT_NEAR(two.result.clearance, 0.015, 1e-4);
-    // Third: a closed pocket smaller than the proxy.
-    World pocket;
-    pocket.add(haptic::sim::scenes::box({0.02, 0.025, 0.02}));
-    pocket.refit();
-    const Popped three = pop(pocket, {0.01, 0.0, -0.012});
-    EXPECT_EQ(three.crossings, 0u);
-    EXPECT_TRUE(three.result.squeezed);
-    EXPECT_NEAR(three.result.clearance, 0.02, 1e-3);
+// AT8: the three cases of the thesis' figure 4.19 and its fan, in 1,000 random orders of the triangles each. What
+// Algorithm 2 does there is in thesis_pop_out_test.cpp.
+
+/// Pops a proxy out of the mesh in 1,000 random orders of its triangles: the end must be the same, with no crossing.
+/// Returns it.
+PopOut in_any_order(TriangleMesh mesh, const Vec3& p, std::uint64_t seed) {
+    Random random(seed);
+    PopOut first;
+    for (int k = 0; k < 1000; ++k) {
+        World world;
+        world.add(mesh);
+        world.refit();
+        const Popped popped = pop(world, p);
+        first = k == 0 ? popped.result : first;
+        EXPECT_EQ(popped.crossings, 0u) << k;
+        EXPECT_LE(glm::length(popped.result.position - first.position), 1e-9) << k;
+        EXPECT_EQ(popped.result.squeezed, first.squeezed) << k;
+        if (testing::Test::HasFailure()) {
+            break;
+        }
+        shuffle(mesh, random);
+    }
+    return first;
 }
 
-TEST(PopOut, DoesNotDependOnTheOrderOfTriangles) {
-    Random random(51);
-    TriangleMesh mesh = fan(2.0);
-    World world;
-    world.add(mesh);
-    world.refit();
-    for (int k = 0; k < 30; ++k) {
-        const Vec3 p = random.in_cube(0.01) + Vec3(0, -1.9, 0);
-        const Vec3 reference = pop(world, p).result.position;
-        for (std::size_t j = mesh.triangles.size() - 1; j > 0; --j) {
-            std::swap(mesh.triangles[j], mesh.triangles[random.below(static_cast<std::uint32_t>(j + 1))]);
+TEST(PopOut, KeepsItsSideOfAThinWallThoughATriangleClips) {
+    const PopOut popped = in_any_order(haptic::sim::tight::clipped_wall(4), haptic::sim::tight::kBesideWall, 51);
+    // There are 0.7 radii between the wall and what clips: it stays in the middle and says that it has no room.
+    EXPECT_NEAR(popped.position.x, 0.5 * haptic::sim::tight::kClip, 1e-3 * kRadius);
+    EXPECT_TRUE(popped.squeezed);
+    EXPECT_NEAR(popped.clearance, 0.5 * haptic::sim::tight::kClip, 1e-3 * kRadius);
+}
+
+TEST(PopOut, StaysInTheMiddleOfParallelFacesAndSaysSo) {
+    for (const double half : {0.7 * kRadius, 0.45 * kRadius, 0.05 * kRadius}) {
+        TriangleMesh mesh;
+        haptic::sim::tight::append(mesh, sheet(0.5, 4, false), Mat3(1.0), {0, -half, 0});
+        haptic::sim::tight::append(mesh, sheet(0.5, 4, false), Mat3(1.0), {0, half, 0});
+        const PopOut popped = in_any_order(mesh, {0.01, 0.3 * half, 0.02}, 52);
+        EXPECT_TRUE(popped.squeezed);
+        EXPECT_NEAR(popped.position.y, 0.0, 1e-3 * kRadius) << half;
+        EXPECT_NEAR(popped.clearance, half, 1e-3 * kRadius) << half;
+    }
+}
+
+TEST(PopOut, StaysInAPocketThatIsTooSmallWhereThereIsMostRoom) {
+    const Vec3 half = haptic::sim::tight::kPocket;
+    const PopOut popped = in_any_order(haptic::sim::scenes::box(half), haptic::sim::tight::kInPocket, 53);
+    EXPECT_TRUE(popped.squeezed);
+    EXPECT_NEAR(popped.clearance, half.x, 1e-3 * kRadius);
+    EXPECT_NEAR(popped.position.x, 0.0, 1e-3 * kRadius);
+    EXPECT_NEAR(popped.position.z, 0.0, 1e-3 * kRadius);
+}
+
+TEST(PopOut, ClimbsOutOfAFanToTheSamePlaceInAnyOrderOfItsTriangles) {
+    Random random(54);
+    for (const double depth : {1.0, 2.0, 3.0}) {
+        for (const double rim : {1.0, 4.0}) {
+            const double height = random.uniform(0.2, 0.9) * kRadius;
+            const Vec3 p(0.1 * rim / depth * height, height - depth, -0.3 * rim / depth * height);
+            const PopOut popped = in_any_order(fan(rim, depth), p, 55);
+            EXPECT_FALSE(popped.squeezed) << depth << " " << rim;
+            EXPECT_LE(popped.iterations, 100) << depth << " " << rim;
+            // Still inside the cone, as near to its faces as may be.
+            World world;
+            world.add(fan(rim, depth));
+            EXPECT_GT(popped.position.y, -depth + height);
+            EXPECT_GE(world.clearance(popped.position), 0.999 * kRadius);
+            EXPECT_LE(world.clearance(popped.position), 1.1 * kRadius);
         }
-        World other;
-        other.add(mesh);
-        other.refit();
-        EXPECT_NEAR(glm::length(pop(other, p).result.position - reference), 0.0, 1e-9) << k;
+    }
+}
+
+TEST(PopOut, DoesNotDependOnTheOrderOfTrianglesOfACrumpledSheet) {
+    Random random(56);
+    for (int k = 0; k < 12; ++k) {
+        TriangleMesh mesh = sheet(8.0 * kRadius, 8, k % 2 == 0);
+        for (Vec3& v : mesh.vertices) {
+            v += random.in_cube(0.45 * kRadius);
+        }
+        Vec3 p(0.0);
+        World world;
+        world.add(mesh);
+        do {
+            p = random.in_cube(2.0 * kRadius);
+        } while (world.clearance(p) > 0.7 * kRadius);
+        (void)in_any_order(mesh, p, 57);
+        if (HasFailure()) {
+            ADD_FAILURE() << "sheet " << k;
+            break;
+        }
     }
 }
 

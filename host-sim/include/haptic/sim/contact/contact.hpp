@@ -9,6 +9,12 @@
 
 namespace haptic::sim {
 
+/// How a proxy gets clear of what still clips it once all surfaces have arrived.
+enum class PopOutMethod : std::uint8_t {
+    OrderFree,  // pop_out.hpp
+    Thesis      // thesis_pop_out.hpp: Algorithm 2 as printed
+};
+
 /// Bounds of the contact code. The defaults are meant to be kept; the bounds of work are met only in states that are
 /// reported (`squeezed`).
 struct ContactSettings {
@@ -16,6 +22,13 @@ struct ContactSettings {
     int max_rides = 32;        // moves of one proxy with the surfaces in one step; 4 .. 64
     int max_pop_outs = 32;     // moves at the end of the step until the proxy is clear; 4 .. 64
     int max_proxy_moves = 64;  // moves toward the device in one step; 8 .. 256
+
+    PopOutMethod pop_out = PopOutMethod::OrderFree;
+    // What follows is for PopOutMethod::Thesis alone.
+    int pop_out_limit = 1000;        // passes over the triangles in range, 1 .. 100,000; the most of figure 4.15
+    double pop_out_minimum = 0.002;  // of the radius, 0 .. 1: no pop is shorter (4.4.2)
+    double detection_range = 2.01;   // of the radius, 1 .. 100: farther triangles are not looked at (not in the thesis)
+    bool half_space = false;         // only triangles on whose positive side the centre is (4.6.1)
 };
 
 /// A point of a surface, by material.
