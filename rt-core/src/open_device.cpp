@@ -110,8 +110,8 @@ std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Setti
         if (name == "usb") {
             return std::make_unique<UsbDevice>(settings);
         }
-        if (constexpr std::string_view kTty = "tty:"; name.starts_with(kTty)) {
-            return open_tty_device(name.substr(kTty.size()), settings);
+        if (constexpr std::string_view tty = "tty:"; name.starts_with(tty)) {
+            return open_tty_device(name.substr(tty.size()), settings);
         }
     } catch (const device::BoardError& error) {
         throw Refusal("--device " + name + ": " + error.what());

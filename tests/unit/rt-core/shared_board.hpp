@@ -6,6 +6,7 @@
 
 #include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <ctime>
 #include <new>
@@ -63,11 +64,15 @@ inline void sleep_ms(int milliseconds) {
     nanosleep(&time, nullptr);
 }
 
-inline int use_stack(int depth) HAPTIC_RT {
-    std::array<volatile char, 4096> frame;  // NOLINT(*-member-init)
-    frame[0] = static_cast<char>(depth);
-    return depth < 0 ? 0 : use_stack(depth + 1) + frame[0];
+/// Needs so many bytes of stack. The compiler has to believe that somebody reads each frame, or it makes them small.
+inline int use_stack(std::size_t bytes) HAPTIC_RT {
+    std::array<char, 4096> frame{};
+    asm volatile("" : : "r"(frame.data()) : "memory");
+    return bytes < frame.size() ? frame[0] : use_stack(bytes - frame.size()) + frame[0];
 }
+
+/// Far more than any stack of a test has.
+constexpr std::size_t kTooMuchStack = std::size_t{256} << 20;
 
 class SharedBoard final : public device::Board {
   public:
@@ -80,7 +85,7 @@ class SharedBoard final : public device::Board {
         }
         motors_->hanging.store(false);
         if (motors_->overflow.load()) {
-            use_stack(0);
+            use_stack(kTooMuchStack);
         }
         motors_->set(command);
         return board_.exchange(command, reading, now_ns);
