@@ -57,6 +57,8 @@ ProxySettings read_proxy(const Config& config) {
 ContactSettings read_contact(const Config& config, double shrink) {
     ContactSettings contact;
     contact.shrink = shrink;
+    const std::string method = config.choice("contact.method", "complete", {"complete", "thesis"});
+    contact.method = method == "thesis" ? CcdMethod::Thesis : CcdMethod::Complete;
     const std::string pop_out = config.choice("contact.pop_out", "order_free", {"order_free", "thesis"});
     contact.pop_out = pop_out == "thesis" ? PopOutMethod::Thesis : PopOutMethod::OrderFree;
     contact.pop_out_limit =

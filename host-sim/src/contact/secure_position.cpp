@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 
 #include "contact/touching.hpp"
+#include "haptic/sim/contact/thesis_ccd.hpp"
 #include "haptic/sim/contact/triangle_ccd.hpp"
 
 namespace haptic::sim {
@@ -333,6 +334,9 @@ class Rider {
 
 SecurePosition secure_position(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
                                const ContactSettings& settings, ProxyPath* path) noexcept {
+    if (settings.method == CcdMethod::Thesis) {
+        return thesis_secure_position(surfaces, center, radius, settings, path);
+    }
     return Rider(surfaces, center, radius, settings).run(path);
 }
 

@@ -58,6 +58,8 @@ TEST(Scene, CanBeChangedKeyByKey) {
 
 TEST(Scene, SaysHowTheProxyGetsClear) {
     EXPECT_EQ(read("").contact.pop_out, PopOutMethod::OrderFree);
+    EXPECT_EQ(read("").contact.method, CcdMethod::Complete);
+    EXPECT_EQ(read("[contact]\nmethod = \"thesis\"\n").contact.method, CcdMethod::Thesis);
     const ContactSettings contact =
         read(
             "[proxy]\nshrink = 0.99\n[contact]\npop_out = \"thesis\"\npop_out_limit = 7\npop_out_minimum = 0.02\n"

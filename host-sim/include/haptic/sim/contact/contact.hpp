@@ -9,6 +9,12 @@
 
 namespace haptic::sim {
 
+/// How moving surfaces are found by a standing proxy.
+enum class CcdMethod : std::uint8_t {
+    Complete,  // first touch of every feature, rides swept: secure_position.hpp
+    Thesis,    // Algorithm 1 as printed, to compare with: thesis_ccd.hpp
+};
+
 /// How a proxy gets clear of what still clips it once all surfaces have arrived.
 enum class PopOutMethod : std::uint8_t {
     OrderFree,  // pop_out.hpp
@@ -22,6 +28,8 @@ struct ContactSettings {
     int max_rides = 32;        // moves of one proxy with the surfaces in one step; 4 .. 64
     int max_pop_outs = 32;     // moves at the end of the step until the proxy is clear; 4 .. 64
     int max_proxy_moves = 64;  // moves toward the device in one step; 8 .. 256
+
+    CcdMethod method = CcdMethod::Complete;
 
     PopOutMethod pop_out = PopOutMethod::OrderFree;
     // What follows is for PopOutMethod::Thesis alone.

@@ -34,7 +34,7 @@ struct SecurePosition {
 };
 
 /// The secure position of a sphere that stands at `center` while `surfaces` move. Appends the ride to `path` if given.
-/// Deterministic, no allocation, no libm.
+/// Deterministic, no allocation, no libm. With `settings.method` Thesis it is Algorithm 1 instead (thesis_ccd.hpp).
 [[nodiscard]] SecurePosition secure_position(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
                                              const ContactSettings& settings, ProxyPath* path = nullptr) noexcept;
 
