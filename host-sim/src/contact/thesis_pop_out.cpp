@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <tuple>
 
 #include "contact/touching.hpp"
@@ -12,7 +13,8 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr int kShownPops = 128;  // that the path shows one by one; a quarter of what it holds
+constexpr double kSliver = 1e-7;  // height over sides below which a triangle is its three edges
+constexpr int kShownPops = 128;   // that the path shows one by one; a quarter of what it holds
 
 /// Lines 1 to 5, in the order of the triangles.
 class InRangeList {
@@ -60,12 +62,70 @@ class InRangeList {
     std::size_t count_ = 0;
 };
 
+/// From the nearest point of the triangle's border, as far as it can be the nearest of all, to p.
+Vec3 from_border(const InRangeTriangle& t, const std::array<bool, 3>& beyond, const Vec3& p) noexcept {
+    Vec3 nearest(0.0);
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k < 3; ++k) {
+        if (!beyond[k]) {
+            continue;
+        }
+        const Vec3 d = p - t.edges[k].from;
+        const Vec3 apart = d - t.edges[k].along * std::clamp(glm::dot(d, t.edges[k].along), 0.0, t.edges[k].length);
+        const double squared = glm::dot(apart, apart);
+        if (squared < least) {
+            least = squared;
+            nearest = apart;
+        }
+    }
+    return nearest;
+}
+
+/// CalculatePenetration: how far and where to the centre has to go, if the triangle is nearer than `found`.
+bool penetrates(const InRangeTriangle& t, const Vec3& p, double found, double& distance, Vec3& direction) noexcept {
+    const double height = glm::dot(t.normal, p - t.edges[0].from);
+    if (std::abs(height) >= found) {
+        return false;
+    }
+    std::array<bool, 3> beyond{};
+    for (std::size_t k = 0; k < 3; ++k) {
+        beyond[k] = !(glm::dot(t.edges[k].outward, p - t.edges[k].from) < 0.0);
+    }
+    if (!beyond[0] && !beyond[1] && !beyond[2]) {
+        distance = std::abs(height);
+        direction = height < 0.0 ? -t.normal : t.normal;
+        return true;
+    }
+    const Vec3 apart = from_border(t, beyond, p);
+    const double squared = glm::dot(apart, apart);
+    if (squared >= found * found) {
+        return false;
+    }
+    distance = std::sqrt(squared);
+    direction = distance > 0.0 ? apart / distance : t.normal;
+    return true;
+}
+
 }  // namespace
 
-InRangeTriangle in_range_triangle(const TriangleCorners& corners) noexcept {
-    const Vec3 n = glm::cross(corners.b - corners.a, corners.c - corners.a);
+InRangeTriangle in_range_triangle(const TriangleCorners& triangle) noexcept {
+    const TriangleCorners& t = triangle;
+    const Vec3 ab = t.b - t.a;
+    const Vec3 ac = t.c - t.a;
+    Vec3 n = glm::cross(ab, ac);
+    if (!(glm::dot(n, n) > kSliver * kSliver * glm::dot(ab, ab) * glm::dot(ac, ac))) {
+        n = Vec3(0.0);
+    }
     const double length = std::sqrt(glm::dot(n, n));
-    return {corners, length > 0.0 ? n / length : Vec3(0.0)};
+    InRangeTriangle made;
+    made.normal = length > 0.0 ? n / length : Vec3(0.0);
+    const std::array<Vec3, 4> corners{t.a, t.b, t.c, t.a};
+    for (std::size_t k = 0; k < 3; ++k) {
+        const Vec3 e = corners[k + 1] - corners[k];
+        const double along = std::sqrt(glm::dot(e, e));
+        made.edges[k] = {corners[k], along > 0.0 ? e / along : Vec3(0.0), along, glm::cross(e, n)};
+    }
+    return made;
 }
 
 PoppedThrough pop_through(std::span<const InRangeTriangle> triangles, const Vec3& center, double radius,
@@ -78,15 +138,11 @@ PoppedThrough pop_through(std::span<const InRangeTriangle> triangles, const Vec3
     for (; result.iterations < settings.pop_out_limit; ++result.iterations) {
         const std::int64_t before = result.pops;
         for (const InRangeTriangle& t : triangles) {
-            if (std::abs(glm::dot(t.normal, p - t.corners.a)) >= found) {
-                continue;  // its plane alone is too far away
-            }
-            const ClosestPoint nearest = closest_point_on_triangle(p, t.corners);
-            if (nearest.squared_distance >= found * found) {
+            double distance = 0.0;
+            Vec3 direction(0.0);
+            if (!penetrates(t, p, found, distance, direction)) {
                 continue;
             }
-            const double distance = std::sqrt(nearest.squared_distance);
-            const Vec3 direction = distance > 0.0 ? (p - nearest.point) / distance : t.normal;
             p += direction * std::max(radius - distance, least);
             ++result.pops;
             if (path != nullptr && result.pops <= kShownPops) {

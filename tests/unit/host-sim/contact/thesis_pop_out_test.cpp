@@ -2,12 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include "contact/oracle.hpp"
 #include "contact/scenes.hpp"
 #include "contact/tight_places.hpp"
+#include "reproduce/pop_out_table.hpp"
 
 namespace {
 
@@ -94,6 +97,36 @@ TEST(ThesisPopOut, TakesEachTriangleInTurnFromWhereTheLastOneLeftIt) {
     const std::vector<InRangeTriangle> two{slope, floor};
     EXPECT_NEAR(glm::length(pop_through(one, start, kRadius, settings).position - floor_first), 0.0, 1e-15);
     EXPECT_NEAR(glm::length(pop_through(two, start, kRadius, settings).position - slope_first), 0.0, 1e-15);
+}
+
+TEST(ThesisPopOut, PopsFromTheNearestPointOfAnyTriangle) {
+    Random random(58);
+    ContactSettings settings = thesis();
+    settings.pop_out_limit = 1;
+    settings.pop_out_minimum = 0.0;
+    int popped = 0;
+    for (int k = 0; k < 20000; ++k) {
+        haptic::sim::oracle::Corners c{random.in_cube(1.0), random.in_cube(1.0), random.in_cube(1.0)};
+        if (k % 10 == 0) {
+            c[2] = c[0] + (c[1] - c[0]) * random.uniform(-1.0, 2.0);  // a line
+        } else if (k % 10 == 1) {
+            c[1] = c[2] = c[0];  // a point
+        }
+        const Vec3 p = random.in_cube(1.0);
+        const std::vector<InRangeTriangle> list{in_range_triangle({c[0], c[1], c[2]})};
+        const double before = haptic::sim::oracle::distance(p, c);
+        const double radius = 0.5;
+        const PoppedThrough q = pop_through(list, p, radius, settings);
+        if (before >= 0.999 * radius) {
+            ASSERT_EQ(q.position, p) << k;
+            continue;
+        }
+        ++popped;
+        // Straight away from the nearest point: the way and the distance that was there add up to the radius.
+        ASSERT_NEAR(haptic::sim::oracle::distance(q.position, c), radius, 1e-9) << k;
+        ASSERT_NEAR(glm::length(q.position - p), radius - before, 1e-9) << k;
+    }
+    EXPECT_GT(popped, 4000);
 }
 
 TEST(ThesisPopOut, LooksNoFartherThanTheDetectionRange) {
@@ -223,6 +256,44 @@ TEST(ThesisPopOut, LosesItsSideWhereTheProxyIsDeeperThanItsRadius) {
     world.refit();
     const PopOut popped = pop_out(world.surfaces, {0.01, -0.1 * kRadius, 0.02}, kRadius, thesis());
     EXPECT_NEAR(popped.position.y, -kRadius, 2e-3 * kRadius);
+}
+
+TEST(ThesisPopOut, MakesEveryIterationOfTheTableAndTakesEachOfItsBranchesThere) {
+    for (const int count : {10, 20, 30}) {
+        const auto triangles = haptic::sim::pop_out_table_triangles(count);
+        ASSERT_EQ(triangles.size(), static_cast<std::size_t>(count));
+        std::array<int, 4> kinds{};
+        for (const InRangeTriangle& t : triangles) {
+            const auto nearest =
+                haptic::sim::closest_point_on_triangle(Vec3(0.0), {t.edges[0].from, t.edges[1].from, t.edges[2].from});
+            const double distance = std::sqrt(nearest.squared_distance);
+            EXPECT_LT(distance, 2.01 * haptic::sim::kPopOutTableRadius);
+            kinds[distance < kRadius ? static_cast<std::size_t>(nearest.feature) : 0] += 1;
+        }
+        for (const int kind : kinds) {
+            EXPECT_GE(kind, count / 8 * 2 - 1);
+        }
+        ContactSettings settings = thesis();
+        settings.pop_out_limit = 50;
+        const PoppedThrough p = pop_through(triangles, Vec3(0.0), kRadius, settings);
+        EXPECT_EQ(p.iterations, 50);
+        EXPECT_FALSE(p.clear);
+        EXPECT_GE(p.pops, 50 * (count - kinds[0]) - 1) << "every triangle but those far off, in every pass";
+    }
+}
+
+TEST(ThesisPopOut, FillsTheTableOfTheThesis) {
+    static std::int64_t time = 0;
+    const auto table = haptic::sim::measure_pop_out_table([] { return time += 5'000'000; });
+    ASSERT_EQ(table.size(), 9u);
+    EXPECT_EQ(table[0].triangles, 10);
+    EXPECT_EQ(table[0].iterations, 10);
+    EXPECT_EQ(table[8].triangles, 30);
+    EXPECT_EQ(table[8].iterations, 1000);
+    EXPECT_EQ(table[5].thesis_ms, 1.533);
+    for (const auto& t : table) {
+        EXPECT_NEAR(t.ms, 0.5, 1e-12) << "5 ms by this clock, over ten repetitions";
+    }
 }
 
 TEST(ThesisPopOut, SaysWhatRoomIsLeftAlsoWhenMoreThanItsListHoldsAreInRange) {

@@ -6,6 +6,8 @@
 // triangles. The result depends on it, may be on the wrong side and may not be clear: section 4.6.1 of the thesis.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <span>
 
 #include "haptic/sim/contact/contact.hpp"
@@ -16,16 +18,23 @@
 
 namespace haptic::sim {
 
-/// A triangle of Algorithm 2's in_range_triangle_list, as it is at the end of the step.
+/// A triangle of Algorithm 2's in_range_triangle_list, as it is at the end of the step, made ready for being asked for
+/// its nearest point again and again.
 struct InRangeTriangle {
-    TriangleCorners corners;
+    struct Edge {
+        Vec3 from{0.0};
+        Vec3 along{0.0};  // unit; zero for an edge without length
+        double length = 0.0;
+        Vec3 outward{0.0};  // in the triangle's plane, any length; zero for a degenerate triangle
+    };
     Vec3 normal{0.0};  // unit, by the order of the corners; zero for a degenerate triangle
+    std::array<Edge, 3> edges;
 };
 
-[[nodiscard]] InRangeTriangle in_range_triangle(const TriangleCorners& corners) noexcept;
+[[nodiscard]] InRangeTriangle in_range_triangle(const TriangleCorners& triangle) noexcept;
 
 /// More triangles than this near one proxy are not looked at; the nearest ones are. Tens are usual.
-inline constexpr std::size_t kMaxInRange = 512;
+inline constexpr std::size_t kMaxInRange = 256;
 
 struct PoppedThrough {
     Vec3 position{0.0};
