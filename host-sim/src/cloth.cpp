@@ -63,6 +63,7 @@ TriangleMesh make_cloth_mesh(const ClothShape& shape) {
         const Triangle front = mesh.triangles[t];
         mesh.triangles.push_back({front[0], front[2], front[1]});
     }
+    mesh.double_faced = true;
     return mesh;
 }
 

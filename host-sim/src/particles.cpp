@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace haptic::sim {
 namespace {
@@ -39,12 +40,27 @@ void check_group(const ParticleModel& model, std::size_t index) {
     }
 }
 
+void check_bodies(const ParticleModel& model) {
+    std::size_t end = 0;
+    for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+        if (model.bodies[b].begin != end || model.bodies[b].end <= end) {
+            refuse("body", b, "does not begin where the one before it ends, or is empty");
+        }
+        end = model.bodies[b].end;
+    }
+    if (!model.bodies.empty() && end != model.size()) {
+        refuse("body", model.bodies.size() - 1, "does not end with the last particle");
+    }
+}
+
 }  // namespace
 
 void ParticleModel::add(const Vec3& where, double particle_mass, double particle_radius) {
     rest_position.push_back(where);
     mass.push_back(particle_mass);
     radius.push_back(particle_radius);
+    semi_axes.emplace_back(0.0);
+    axes.emplace_back(1.0, 0.0, 0.0, 0.0);
     pinned.push_back(0);
     position.push_back(where);
     velocity.emplace_back(0.0);
@@ -52,10 +68,46 @@ void ParticleModel::add(const Vec3& where, double particle_mass, double particle
     angular_velocity.emplace_back(0.0);
 }
 
+void ParticleModel::append(const ParticleModel& other) {
+    const auto first = static_cast<std::uint32_t>(size());
+    const auto join = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+    if (bodies.empty() && first > 0) {
+        bodies.push_back({0, first});
+    }
+    join(rest_position, other.rest_position);
+    join(mass, other.mass);
+    join(radius, other.radius);
+    join(semi_axes, other.semi_axes);
+    join(axes, other.axes);
+    join(pinned, other.pinned);
+    join(position, other.position);
+    join(velocity, other.velocity);
+    join(orientation, other.orientation);
+    join(angular_velocity, other.angular_velocity);
+    for (Group group : other.groups) {
+        group.centre += first;
+        for (std::uint32_t& member : group.members) {
+            member += first;
+        }
+        groups.push_back(std::move(group));
+    }
+    for (Link link : other.links) {
+        link.first += first;
+        link.second += first;
+        links.push_back(link);
+    }
+    if (other.bodies.empty()) {
+        bodies.push_back({first, static_cast<std::uint32_t>(size())});
+    }
+    for (const ParticleRange& body : other.bodies) {
+        bodies.push_back({body.begin + first, body.end + first});
+    }
+}
+
 void ParticleModel::check() const {
     const std::size_t n = size();
-    for (const std::size_t other : {rest_position.size(), mass.size(), radius.size(), pinned.size(), velocity.size(),
-                                    orientation.size(), angular_velocity.size()}) {
+    for (const std::size_t other : {rest_position.size(), mass.size(), radius.size(), semi_axes.size(), axes.size(),
+                                    pinned.size(), velocity.size(), orientation.size(), angular_velocity.size()}) {
         if (other != n) {
             throw std::invalid_argument("particle model: arrays of different lengths");
         }
@@ -67,10 +119,15 @@ void ParticleModel::check() const {
         if (!finite(rest_position[i])) {
             refuse("particle", i, "has a rest position that is not finite");
         }
+        const Vec3& axis = semi_axes[i];
+        if (!finite(axis) || !(axis.x >= 0.0 && axis.y >= 0.0 && axis.z >= 0.0)) {
+            refuse("particle", i, "needs semi-axes of at least 0");
+        }
     }
     if (!is_finite(*this)) {
         throw std::invalid_argument("particle model: state is not finite");
     }
+    check_bodies(*this);
     for (std::size_t g = 0; g < groups.size(); ++g) {
         check_group(*this, g);
     }

@@ -8,26 +8,6 @@ namespace {
 
 // Beyond any scene that the solver is meant for; keeps a slip of the keyboard from becoming an hour of waiting.
 constexpr Range kPositions{-1e4, 1e4};
-constexpr Range kUnitInterval{0.0, 1.0};
-
-ModelSettings read_model(const Config& config) {
-    ModelSettings model;
-    (void)config.choice("model.generator", "cloth", {"cloth"});
-    ClothShape& cloth = model.cloth;
-    cloth.vertices_per_side =
-        static_cast<std::uint32_t>(config.integer("model.vertices_per_side", cloth.vertices_per_side, {2.0, 257.0}));
-    cloth.side = config.number("model.side", cloth.side, {1e-3, 100.0});
-    cloth.mass = config.number("model.mass", cloth.mass, {1e-6, 1e3});
-    const double height = config.number("model.height", 10.0, kPositions);
-    const double shift = config.number("model.shift", 0.0, kPositions);
-    const Vec3 aside = config.vec3("model.offset", Vec3(0.0), kPositions);
-    cloth.centre = aside + Vec3(0.0, height + shift, 0.0);
-    cloth.orientation = config.quat("model.orientation", cloth.orientation);
-    model.velocity = config.vec3("model.velocity", model.velocity, {-1e3, 1e3});
-    model.group_stiffness = config.number("model.group_stiffness", model.group_stiffness, kUnitInterval);
-    model.link_stiffness = config.number("model.link_stiffness", model.link_stiffness, kUnitInterval);
-    return model;
-}
 
 SolverSettings read_solver(const Config& config) {
     SolverSettings solver;
@@ -41,6 +21,20 @@ SolverSettings read_solver(const Config& config) {
     solver.settling = config.number("solver.settling", solver.settling, {0.0, 10.0});
     solver.keep_angular_momentum = config.flag("solver.keep_angular_momentum", solver.keep_angular_momentum);
     return solver;
+}
+
+CollisionSettings read_collisions(const Config& config) {
+    CollisionSettings collisions;
+    collisions.between_bodies = config.flag("collisions.between_bodies", collisions.between_bodies);
+    collisions.ground = config.flag("collisions.ground", collisions.ground);
+    collisions.ground_height = config.number("collisions.ground_height", collisions.ground_height, kPositions);
+    collisions.static_friction = config.number("collisions.static_friction", collisions.static_friction, {0.0, 10.0});
+    collisions.dynamic_friction =
+        config.number("collisions.dynamic_friction", collisions.dynamic_friction, {0.0, 10.0});
+    if (collisions.dynamic_friction > collisions.static_friction) {
+        config.fail("collisions.dynamic_friction", "must not exceed collisions.static_friction");
+    }
+    return collisions;
 }
 
 ProxySettings read_proxy(const Config& config) {
@@ -131,8 +125,12 @@ Scene read_scene(const Config& config, const std::string& name) {
     scene.name = name;
     scene.description = config.text("description", "");
     scene.duration_s = config.number("duration", scene.duration_s, {0.0, 1e6});
-    scene.model = read_model(config);
+    scene.model = read_model(config, "model");
+    for (std::size_t k = 0; k < config.tables("objects"); ++k) {
+        scene.objects.push_back(read_model(config, "objects." + std::to_string(k)));
+    }
     scene.solver = read_solver(config);
+    scene.collisions = read_collisions(config);
     scene.proxy = read_proxy(config);
     scene.contact = read_contact(config, scene.proxy.shrink);
     scene.coupling = read_coupling(config);

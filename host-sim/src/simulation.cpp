@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "haptic/denormals.hpp"
 #include "haptic/sim/contact/planes_in_reach.hpp"
@@ -14,17 +16,73 @@
 #include "haptic/sim/contact/verification.hpp"
 #include "haptic/sim/contact/virtual_proxy.hpp"
 #include "haptic/sim/contact_force.hpp"
+#include "haptic/sim/deformable.hpp"
+#include "haptic/sim/skin.hpp"
 #include "haptic/sim/state_hash.hpp"
 
 namespace haptic::sim {
 namespace {
 
-ParticleModel make_model(const Scene& scene) {
-    ParticleModel model =
-        make_cloth_particles(scene.model.cloth, scene.model.group_stiffness, scene.model.link_stiffness);
-    std::fill(model.velocity.begin(), model.velocity.end(), scene.model.velocity);
-    return model;
+/// kg, per particle: what a force accelerates.
+std::vector<double> moved_mass(const ParticleModel& particles) {
+    std::vector<double> mass = particles.mass;
+    for (std::size_t i = 0; i < mass.size(); ++i) {
+        if (particles.pinned[i] != 0) {
+            mass[i] = std::numeric_limits<double>::infinity();
+        }
+    }
+    return mass;
 }
+
+std::vector<DeformableBody> make_all_bodies(const Scene& scene) {
+    std::vector<DeformableBody> bodies = make_bodies(scene.model);
+    for (const ModelSettings& object : scene.objects) {
+        for (DeformableBody& body : make_bodies(object)) {
+            bodies.push_back(std::move(body));
+        }
+    }
+    return bodies;
+}
+
+/// All bodies as one: the particles that the solver steps, the mesh that they carry, the skin between the two.
+struct Assembly {
+    Assembly(std::vector<DeformableBody>&& made, double mask_radius) {
+        for (DeformableBody& body : made) {
+            const std::size_t vertices = mesh.vertices.size();
+            const std::size_t particles = model.size();
+            add_mesh(body.mesh);
+            for (SkinVertex vertex : body.skin) {
+                for (std::uint32_t& carrier : vertex.particle) {
+                    carrier += static_cast<std::uint32_t>(particles);
+                }
+                skin.push_back(vertex);
+            }
+            model.append(body.particles);
+            trees.emplace_back(body.mesh.vertices, body.mesh.triangles);
+            masks.emplace_back(body.mesh, body.skin, moved_mass(body.particles), mask_radius);
+            motions.push_back(std::move(body.motions));
+            bodies.push_back({std::move(body.name), vertices, particles, std::move(body.mesh)});
+        }
+    }
+
+    void add_mesh(const TriangleMesh& added) {
+        const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+        mesh.vertices.insert(mesh.vertices.end(), added.vertices.begin(), added.vertices.end());
+        for (const Triangle& t : added.triangles) {
+            mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+        }
+    }
+
+    // Of all bodies together.
+    ParticleModel model;
+    TriangleMesh mesh;
+    Skin skin;
+    // Per body.
+    std::vector<SceneBody> bodies;
+    std::vector<SweptTree> trees;
+    std::vector<PressureMask> masks;
+    std::vector<std::vector<Motion>> motions;
+};
 
 /// Time since the last call, by the caller's clock; 0 without one.
 class Stopwatch {
@@ -50,21 +108,36 @@ StepInput input_from(const DeviceState& state, std::int64_t time_ns) noexcept {
 
 struct Simulation::State {
     State(const Scene& which, ClockFunction time)
+        : State(which, time, Assembly(make_all_bodies(which), which.coupling.mask_radius)) {}
+    State(const Scene& which, ClockFunction time, Assembly&& assembly)
         : scene(which),
           clock(time),
-          model(make_model(which)),
+          all(std::move(assembly)),
+          model(all.model),
           solver(model, which.solver),
-          mesh(make_cloth_mesh(which.model.cloth)),
-          start(mesh.vertices),
-          end(mesh.vertices),
-          tree(mesh.vertices, mesh.triangles),
-          mask(mesh, model.mass, which.coupling.mask_radius),
+          skinner(all.mesh.vertices, model, all.skin),
+          start(all.mesh.vertices),
+          end(all.mesh.vertices),
           workspace(which.workspace),
           contact(which.contact),
           force(model.size(), Vec3(0.0)),
-          proxy(which.hand.at(0).position) {}
+          proxy(which.hand.at(0).position) {
+        for (const SweptTree& tree : all.trees) {
+            surfaces.push_back({{}, &tree});
+            moved.emplace_back();
+        }
+    }
 
-    [[nodiscard]] SurfaceMotion motion() const { return {start, end, mesh.triangles}; }
+    /// The surfaces as they moved in the last step.
+    void describe_motion() {
+        for (std::size_t b = 0; b < all.bodies.size(); ++b) {
+            const SceneBody& body = all.bodies[b];
+            const std::size_t count = body.mesh.vertices.size();
+            moved[b] = {std::span(start).subspan(body.first_vertex, count),
+                        std::span(end).subspan(body.first_vertex, count), body.mesh.triangles};
+            surfaces[b].motion = moved[b];
+        }
+    }
     /// Velocity of the hip over the step that ends at its new position.
     [[nodiscard]] Vec3 hip_velocity_to(const Vec3& hip) {
         const Vec3 velocity = steps == 0 ? Vec3(0.0) : (hip - last_hip) / scene.solver.step;
@@ -78,19 +151,21 @@ struct Simulation::State {
 
     void find_contact(StepResult& result, Stopwatch& watch);
     void couple(StepResult& result, const Vec3& hip_velocity);
+    void lead_motions();
     void skin();
     void verify(StepResult& result) const;
     void build_frame(const StepInput& input, const StepResult& result);
 
     Scene scene;
     ClockFunction clock;
-    ParticleModel model;
+    Assembly all;          // at rest; its trees are pointed at
+    ParticleModel& model;  // in motion: that of the assembly
     ParticleSolver solver;
-    TriangleMesh mesh;
+    Skinner skinner;
     std::vector<Vec3> start;  // vertices at the beginning and the end of the last step
     std::vector<Vec3> end;
-    SweptTree tree;
-    PressureMask mask;
+    std::vector<MovingSurface> surfaces;  // per body
+    std::vector<SurfaceMotion> moved;     // per body
     Workspace workspace;
     Clutch clutch;
     ContactSettings contact;
@@ -118,10 +193,10 @@ void Simulation::set_verification(bool on) noexcept {
 void Simulation::State::find_contact(StepResult& result, Stopwatch& watch) {
     const double radius = scene.proxy.radius;
     path.restart(proxy);
-    const MovingSurface surface{motion(), &tree};
-    const std::span<const MovingSurface> surfaces(&surface, 1);
-
-    tree.refit(surface.motion);
+    describe_motion();
+    for (std::size_t b = 0; b < moved.size(); ++b) {
+        all.trees[b].refit(moved[b]);
+    }
     const SecurePosition secure = secure_position(surfaces, proxy, radius, contact, &path);
     result.times.ccd_ns = watch.lap();
 
@@ -149,26 +224,40 @@ void Simulation::State::couple(StepResult& result, const Vec3& hip_velocity) {
     const ContactShares shares = divide_force(stiffness * (proxy - result.hip), contacts);
     for (std::size_t c = 0; c < contacts.count; ++c) {
         const SurfacePlane& plane = contacts.plane[c];
-        const PressedPatch patch = mask.lay(plane.touched, model.velocity);
+        PressureMask& mask = all.masks[plane.touched.object];
+        const std::size_t first = all.bodies[plane.touched.object].first_particle;
+        const PressedPatch patch = mask.lay(plane.touched, std::span(model.velocity).subspan(first));
         const double closing = glm::dot(patch.velocity - hip_velocity, plane.normal);
         const double held = contact_damping(shares[c], patch.mass, scene.solver.step, scene.coupling);
         const double push = contact_push(shares[c], closing, held);
         damping += held;
         result.force += push * plane.normal;
-        mask.press(-push * plane.normal, force);
+        mask.press(-push * plane.normal, std::span(force).subspan(first));
     }
     result.hand_force = workspace.force_to_device(result.force);
 }
 
+void Simulation::State::lead_motions() {
+    const double step_s = scene.solver.step;
+    const double now_s = static_cast<double>(steps) * step_s;
+    for (std::size_t b = 0; b < all.bodies.size(); ++b) {
+        for (const Motion& motion : all.motions[b]) {
+            const Vec3 after = offset_at(motion, now_s + step_s);
+            for (const std::uint32_t particle : motion.particles) {
+                const std::size_t i = all.bodies[b].first_particle + particle;
+                model.velocity[i] = (model.rest_position[i] + after - model.position[i]) / step_s;
+            }
+        }
+    }
+}
+
 void Simulation::State::skin() {
     start.swap(end);
-    end = model.position;
+    skinner.place(model, end);
 }
 
 void Simulation::State::verify(StepResult& result) const {
-    const SurfaceMotion moved = motion();
-    result.crossed =
-        !path.complete() || !find_crossings(std::span<const SurfaceMotion>(&moved, 1), path.knots()).empty();
+    result.crossed = !path.complete() || !find_crossings(moved, path.knots()).empty();
 }
 
 void Simulation::State::build_frame(const StepInput& input, const StepResult& result) {
@@ -191,11 +280,13 @@ void Simulation::State::build_frame(const StepInput& input, const StepResult& re
     for (std::size_t p = 0; p < planes.count; ++p) {
         SurfacePlane plane = planes.plane[p];
         // Where the touched point goes in the step that begins now, known by the time the frame is sent.
-        const Triangle& corners = mesh.triangles[plane.touched.triangle];
+        const SceneBody& body = all.bodies[plane.touched.object];
+        const Triangle& corners = body.mesh.triangles[plane.touched.triangle];
         Vec3 travel(0.0);
         for (std::size_t k = 0; k < 3; ++k) {
             const double weight = plane.touched.weights[static_cast<int>(k)];
-            travel += weight * (end[corners[k]] - start[corners[k]]);
+            const std::size_t corner = body.first_vertex + corners[k];
+            travel += weight * (end[corner] - start[corner]);
         }
         plane.velocity = glm::dot(plane.normal, travel) * inverse_step;
         contact_out.planes[p] = workspace.to_device(plane);
@@ -216,6 +307,7 @@ StepResult Simulation::step(const StepInput& input) {
     }
     s.couple(result, s.hip_velocity_to(result.hip));
     result.times.collide_ns = watch.lap();
+    s.lead_motions();
     s.solver.step(s.model, s.force);
     ++s.steps;
     if (!is_finite(s.model)) {
@@ -254,7 +346,10 @@ const ParticleModel& Simulation::model() const noexcept {
     return state_->model;
 }
 const TriangleMesh& Simulation::mesh() const noexcept {
-    return state_->mesh;
+    return state_->all.mesh;
+}
+const std::vector<SceneBody>& Simulation::bodies() const noexcept {
+    return state_->all.bodies;
 }
 const std::vector<Vec3>& Simulation::vertices() const noexcept {
     return state_->end;

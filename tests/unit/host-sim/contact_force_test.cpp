@@ -92,7 +92,7 @@ class PressureMaskTest : public ::testing::Test {
 };
 
 TEST_F(PressureMaskTest, AppliesExactlyTheForceItIsGiven) {
-    PressureMask mask(mesh, mass, 0.1);
+    PressureMask mask(mesh, skin_of_particles(mesh.vertices.size()), mass, 0.1);
     const Vec3 given(0.3, -7.0, 1.1);
     (void)mask.lay({.triangle = 1000, .weights = {0.2, 0.5, 0.3}}, still);
     mask.press(given, force);
@@ -100,7 +100,7 @@ TEST_F(PressureMaskTest, AppliesExactlyTheForceItIsGiven) {
 }
 
 TEST_F(PressureMaskTest, PressesOnlyWithinItsRadiusAndMostInTheMiddle) {
-    PressureMask mask(mesh, mass, 0.1);
+    PressureMask mask(mesh, skin_of_particles(mesh.vertices.size()), mass, 0.1);
     const std::uint32_t centre = 16 * 33 + 16;
     std::uint32_t triangle = 0;
     while (mesh.triangles[triangle][0] != centre) {
@@ -119,7 +119,7 @@ TEST_F(PressureMaskTest, PressesOnlyWithinItsRadiusAndMostInTheMiddle) {
 }
 
 TEST_F(PressureMaskTest, TurnsNothingWhenItPressesOnTheMiddle) {
-    PressureMask mask(mesh, mass, 0.2);
+    PressureMask mask(mesh, skin_of_particles(mesh.vertices.size()), mass, 0.2);
     const std::uint32_t centre = 16 * 33 + 16;
     std::uint32_t triangle = 0;
     while (mesh.triangles[triangle][0] != centre) {
@@ -135,7 +135,7 @@ TEST_F(PressureMaskTest, TurnsNothingWhenItPressesOnTheMiddle) {
 }
 
 TEST_F(PressureMaskTest, KnowsMassAndVelocityOfWhatItPressesOn) {
-    PressureMask mask(mesh, mass, 0.1);
+    PressureMask mask(mesh, skin_of_particles(mesh.vertices.size()), mass, 0.1);
     const std::vector<Vec3> moving(mesh.vertices.size(), Vec3(1.0, -2.0, 3.0));
     const PressedPatch patch = mask.lay({.triangle = 1000, .weights = {0.2, 0.5, 0.3}}, moving);
     EXPECT_LT(glm::length(patch.velocity - Vec3(1.0, -2.0, 3.0)), 1e-14);
@@ -152,7 +152,7 @@ TEST_F(PressureMaskTest, KnowsMassAndVelocityOfWhatItPressesOn) {
 }
 
 TEST_F(PressureMaskTest, FallsBackOnTheTouchedTriangle) {
-    PressureMask mask(mesh, mass, 1e-6);
+    PressureMask mask(mesh, skin_of_particles(mesh.vertices.size()), mass, 1e-6);
     (void)mask.lay({.triangle = 7, .weights = {0.25, 0.25, 0.5}}, still);
     mask.press({0.0, 1.0, 0.0}, force);
     const Triangle& corners = mesh.triangles[7];

@@ -17,6 +17,8 @@ struct TriangleMesh {
     std::vector<Vec3> vertices;  // m
     std::vector<Triangle> triangles;
     bool closed = false;  // encloses a volume: inside and outside are told apart by winding number
+    /// The second half of the triangles is the first once more, with the winding reversed.
+    bool double_faced = false;
 };
 
 /// A surface over one simulation step, as the contact code sees it: every vertex moves linearly from start to end.

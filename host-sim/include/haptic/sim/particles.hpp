@@ -29,13 +29,21 @@ struct Group {
     double stiffness = 1.0;              // 0..1 (alpha in Müller et al. 2005, Meshless Deformations); 1 is rigid
 };
 
-/// A deformable model. All vectors that are "per particle" have the same length.
+/// The particles [begin, end) of a model.
+struct ParticleRange {
+    std::uint32_t begin = 0;
+    std::uint32_t end = 0;
+};
+
+/// Deformable bodies, one or many. All vectors that are "per particle" have the same length.
 struct ParticleModel {
     // The rest shape, per particle.
     std::vector<Vec3> rest_position;   // m
     std::vector<double> mass;          // kg, positive
     std::vector<double> radius;        // m, of the ball that stands for the particle's own inertia
-    std::vector<std::uint8_t> pinned;  // 1: nothing moves the particle
+    std::vector<Vec3> semi_axes;       // m, of the ellipsoid that other bodies collide with; 0: nothing does
+    std::vector<Quat> axes;            // unit, rest_from_ellipsoid
+    std::vector<std::uint8_t> pinned;  // 1: nothing but its own velocities moves the particle
 
     // The state, per particle.
     std::vector<Vec3> position;          // m
@@ -45,10 +53,15 @@ struct ParticleModel {
 
     std::vector<Group> groups;  // at most one for each centre
     std::vector<Link> links;
+    /// Bodies that nothing holds together, in the order of their particles, which they share out without a gap; groups
+    /// and links stay within one. Empty: all particles are one body.
+    std::vector<ParticleRange> bodies;
 
     [[nodiscard]] std::size_t size() const noexcept { return position.size(); }
-    /// Appends a particle at rest where its rest position is.
+    /// Appends a particle at rest where its rest position is. Nothing collides with it.
     void add(const Vec3& where, double particle_mass, double particle_radius);
+    /// Appends all bodies of another model, with their state.
+    void append(const ParticleModel& other);
     /// Throws std::invalid_argument, naming the particle, group or link that is wrong.
     void check() const;
 };

@@ -7,20 +7,14 @@
 
 #include "haptic/config.hpp"
 #include "haptic/pose_track.hpp"
-#include "haptic/sim/cloth.hpp"
+#include "haptic/sim/collisions.hpp"
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact_force.hpp"
+#include "haptic/sim/model_settings.hpp"
 #include "haptic/sim/solver.hpp"
 #include "haptic/sim/workspace.hpp"
 
 namespace haptic::sim {
-
-struct ModelSettings {
-    ClothShape cloth;              // its centre at (0, height + shift, 0)
-    Vec3 velocity{0.0};            // m/s, at the start
-    double group_stiffness = 0.3;  // 0..1, alpha of the shape-matching groups
-    double link_stiffness = 1.0;   // 0..1, of the distance constraints
-};
 
 struct ProxySettings {
     double radius = 0.03;  // m, scene
@@ -36,7 +30,9 @@ struct Scene {
     std::string name;
     std::string description;
     ModelSettings model;
+    std::vector<ModelSettings> objects;  // further bodies: tables [[objects]] with the keys of [model]
     SolverSettings solver;
+    CollisionSettings collisions;
     ProxySettings proxy;
     ContactSettings contact;  // shrink is the proxy's
     CouplingSettings coupling;

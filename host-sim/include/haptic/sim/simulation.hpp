@@ -14,6 +14,8 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "haptic/frames.hpp"
 #include "haptic/sim/mesh.hpp"
@@ -60,6 +62,14 @@ struct StepResult {
     StageTimes times;
 };
 
+/// One body among all: its mesh at rest, with its own numbering, and where its parts lie among those of all.
+struct SceneBody {
+    std::string name;
+    std::size_t first_vertex = 0;
+    std::size_t first_particle = 0;
+    TriangleMesh mesh;
+};
+
 class Simulation {
   public:
     /// Monotonic nanoseconds, for timing the stages.
@@ -86,8 +96,10 @@ class Simulation {
 
     [[nodiscard]] const Scene& scene() const noexcept;
     [[nodiscard]] const ParticleModel& model() const noexcept;
-    /// Rest mesh; its triangles index into the vertices below.
+    /// Rest mesh of all bodies; its triangles index into the vertices below.
     [[nodiscard]] const TriangleMesh& mesh() const noexcept;
+    /// Objects by their number in SurfacePoint.
+    [[nodiscard]] const std::vector<SceneBody>& bodies() const noexcept;
     /// At the start of the next step.
     [[nodiscard]] const std::vector<Vec3>& vertices() const noexcept;
     [[nodiscard]] const Vec3& proxy() const noexcept;

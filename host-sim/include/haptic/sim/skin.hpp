@@ -1,0 +1,48 @@
+// Skinning: where the vertices of a surface are, given the particles that carry it.
+//
+//     x_j = sum over i of w_ji (x_i + R_i (X_j - X_i))
+//
+// with X the rest positions of vertex j and particle i, x_i and R_i position and orientation of the particle now, and
+// weights w_ji that sum to 1 (linear blend skinning; thesis, section 4.1.3).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "haptic/sim/particles.hpp"
+#include "haptic/types.hpp"
+
+namespace haptic::sim {
+
+/// The particles that carry one vertex. A slot that is not used has weight 0 and names a particle that exists.
+struct SkinVertex {
+    static constexpr std::size_t kMost = 4;
+    std::array<std::uint32_t, kMost> particle{};
+    std::array<double, kMost> weight{};  // 0..1, sum 1
+};
+
+/// One element a vertex.
+using Skin = std::vector<SkinVertex>;
+
+/// A skin whose vertex j is particle j.
+[[nodiscard]] Skin skin_of_particles(std::size_t count);
+
+class Skinner {
+  public:
+    /// `rest` has one element a vertex. Throws std::invalid_argument for a skin of another length, a particle that does
+    /// not exist, or weights that do not sum to 1 within 1e-9.
+    Skinner(std::span<const Vec3> rest, const ParticleModel& model, const Skin& skin);
+
+    /// Writes all vertices. No allocation; the same bits on every machine.
+    void place(const ParticleModel& model, std::span<Vec3> vertices) const;
+
+  private:
+    std::vector<SkinVertex> skin_;
+    std::vector<std::array<Vec3, SkinVertex::kMost>> arm_;  // X_j - X_i
+    bool one_to_one_ = false;                               // vertex j is particle j
+};
+
+}  // namespace haptic::sim
