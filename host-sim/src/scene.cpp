@@ -8,6 +8,7 @@ namespace {
 
 // Beyond any scene that the solver is meant for; keeps a slip of the keyboard from becoming an hour of waiting.
 constexpr Range kPositions{-1e4, 1e4};
+constexpr Range kUnitInterval{0.0, 1.0};
 
 SolverSettings read_solver(const Config& config) {
     SolverSettings solver;
