@@ -164,14 +164,36 @@ const toml::node* child(const toml::node& node, const std::string& part) {
     return array != nullptr && is_index ? array->get(index) : nullptr;
 }
 
-/// The end of a string in quotes that begins at `begin`: after its last quote, or where its line ends without one.
-std::size_t end_of_string(std::string_view toml, std::size_t begin) {
+/// A character that toml++ 3.3 must not meet: for some of those beyond ASCII it runs into what it takes for unreachable
+/// when it asks whether they are spaces.
+struct Stray {
+    std::size_t at;
+    const char* rule;
+};
+
+bool is_ascii(char c) {
+    return static_cast<unsigned char>(c) < 0x80;
+}
+
+/// The end of a string in quotes that begins at `begin`: after its last quote, or where its line ends without one. At a
+/// stray character in it, that is noted.
+std::size_t end_of_string(std::string_view toml, std::size_t begin, std::optional<Stray>& stray) {
     const char quote = toml[begin];
     const std::string three(3, quote);
     const bool multi_line = toml.substr(begin, 3) == three;
     for (std::size_t i = begin + (multi_line ? 3 : 1); i < toml.size(); ++i) {
         if (quote == '"' && toml[i] == '\\') {
             ++i;
+            if (!multi_line) {
+                continue;
+            }
+            // At the end of a line it takes with it all space up to the next character, which may be a quote again.
+            const std::size_t next = std::min(toml.find_first_not_of(" \t\r\n", i), toml.size());
+            if (next < toml.size() && !is_ascii(toml[next])) {
+                stray = {next, "after a backslash in a string of several lines only ASCII may stand"};
+                return next;
+            }
+            i = next > i ? next - 1 : i;
         } else if (multi_line && toml.substr(i, 3) == three) {
             // Up to two more quotes belong to the text itself.
             std::size_t end = i + 3;
@@ -186,24 +208,25 @@ std::size_t end_of_string(std::string_view toml, std::size_t begin) {
     return toml.size();
 }
 
-/// Where the text has something else than ASCII outside of strings and comments, as TOML never has; its size if
-/// nowhere. toml++ 3.3 must not meet such a character: for some of them it runs into what it takes for unreachable.
-std::size_t stray_character(std::string_view toml) {
+/// The first of them. TOML allows none outside of strings and comments; what follows a backslash that ends a line of a
+/// string it does allow.
+std::optional<Stray> stray_character(std::string_view toml) {
+    std::optional<Stray> stray;
     std::size_t i = toml.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
-    while (i < toml.size()) {
+    while (i < toml.size() && !stray) {
         const char c = toml[i];
-        if (static_cast<unsigned char>(c) >= 0x80) {
-            return i;
+        if (!is_ascii(c)) {
+            return Stray{i, "outside of strings and comments only ASCII may stand"};
         }
         if (c == '"' || c == '\'') {
-            i = end_of_string(toml, i);
+            i = end_of_string(toml, i, stray);
         } else if (c == '#') {
             i = std::min(toml.find('\n', i), toml.size());
         } else {
             ++i;
         }
     }
-    return toml.size();
+    return stray;
 }
 
 bool breaks_an_assertion(std::string_view toml) {
@@ -382,10 +405,9 @@ Config Config::load(const std::filesystem::path& file) {
 Config Config::parse(std::string_view toml, std::string_view name) {
     Config config;
     config.state_->name = name;
-    if (const std::size_t stray = stray_character(toml); stray < toml.size()) {
-        const auto line = 1 + std::count(toml.begin(), toml.begin() + static_cast<std::ptrdiff_t>(stray), '\n');
-        throw ConfigError(std::string(name) + ":" + std::to_string(line) +
-                          ": not valid TOML: outside of strings and comments only ASCII may stand");
+    if (const std::optional<Stray> stray = stray_character(toml)) {
+        const auto line = 1 + std::count(toml.begin(), toml.begin() + static_cast<std::ptrdiff_t>(stray->at), '\n');
+        throw ConfigError(std::string(name) + ":" + std::to_string(line) + ": not valid TOML: " + stray->rule);
     }
     try {
         config.state_->root = toml::parse(toml, name);
@@ -420,11 +442,20 @@ void Config::set(std::string_view assignment) {
     if (value.find('\n') != std::string_view::npos) {
         fail_set("the value must be on one line");
     }
-    try {
-        parsed = toml::parse("value = " + value + "\n");
-    } catch (const toml::parse_error& error) {
+    const std::optional<Stray> stray = stray_character(value);
+    std::optional<std::string> problem;
+    if (stray) {
+        problem = stray->rule;
+    } else {
+        try {
+            parsed = toml::parse("value = " + value + "\n");
+        } catch (const toml::parse_error& error) {
+            problem = std::string(error.description());
+        }
+    }
+    if (problem) {
         if (!is_bare_word(value)) {
-            fail_set(in_quotes(value) + " is not a TOML value: " + std::string(error.description()));
+            fail_set(in_quotes(value) + " is not a TOML value: " + *problem);
         }
         parsed.insert_or_assign("value", value);
     }
