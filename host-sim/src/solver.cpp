@@ -1,5 +1,6 @@
 #include "haptic/sim/solver.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <stdexcept>
@@ -36,14 +37,26 @@ void add_outer(Mat3& a, double scale, const Vec3& p, const Vec3& q) {
     a[2] += sp * q.z;
 }
 
-Vec3 centre_of_mass(const ParticleModel& model) {
+Vec3 centre_of_mass(const ParticleModel& model, const ParticleRange& body) {
     double mass = 0.0;
     Vec3 sum(0.0);
-    for (std::size_t i = 0; i < model.size(); ++i) {
+    for (std::size_t i = body.begin; i < body.end; ++i) {
         mass += model.mass[i];
         sum += model.mass[i] * model.position[i];
     }
     return sum / mass;
+}
+
+std::vector<ParticleRange> bodies_of(const ParticleModel& model) {
+    if (!model.bodies.empty() || model.size() == 0) {
+        return model.bodies;
+    }
+    return {{0, static_cast<std::uint32_t>(model.size())}};
+}
+
+bool nothing_pinned(const ParticleModel& model, const ParticleRange& body) {
+    const auto first = model.pinned.begin();
+    return std::all_of(first + body.begin, first + body.end, [](std::uint8_t pin) { return pin == 0; });
 }
 
 Vec3 vector_of(const Row& row) {
@@ -120,20 +133,24 @@ struct ParticleSolver::Projecting {
         return Quat(q.number[0], q.number[1], q.number[2], q.number[3]);
     }
 
-    /// Of all but the pinned, as the rows of `turning` say.
+    /// As the rows of `turning` say.
     void turn_bodies(const ParticleModel& model) {
         projection.turn_bodies(turning.size(), turning.data(), body.data());
         for (std::size_t i = 0; i < model.size(); ++i) {
-            if (model.pinned[i] != 0) {
+            if (model.pinned[i] != 0 && model.angular_velocity[i] == Vec3(0.0)) {
                 set_orientation(i, model.orientation[i]);  // turning by 0 normalises, which may change a bit
             }
         }
     }
 
+    [[nodiscard]] MovingParticles moving() {
+        return {place.data(), body.data(), scratch.data(), pushed.empty() ? nullptr : pushed.data()};
+    }
+
     void find_rates(double h) { projection.find_rates(before.size(), before.data(), body.data(), h, rate.data()); }
 
     void sweep(bool forward, int rotation_iterations) {
-        const MovingParticles particles{place.data(), body.data(), scratch.data()};
+        const MovingParticles particles = moving();
         projection.project_links(links, forward, particles);
         projection.project_groups(groups, forward, rotation_iterations, particles);
     }
@@ -146,6 +163,7 @@ struct ParticleSolver::Projecting {
     LaneArray<Row> place;
     LaneArray<Body> body;
     LaneArray<Row> scratch;
+    LaneArray<Row> pushed;   // empty until there are contacts
     LaneArray<Row> before;   // turn at the start of the sub-step
     LaneArray<Row> turning;  // h w, and m r^2 / 5
     LaneArray<Row> rate;     // w at the end of the sub-step
@@ -155,8 +173,8 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
     : settings_(settings) {
     check(settings);
     model.check();
-    for (const std::uint8_t pin : model.pinned) {
-        free_ = free_ && pin == 0;
+    for (const ParticleRange& body : bodies_of(model)) {
+        bodies_.push_back({body, nothing_pinned(model, body)});
     }
     now_ = std::make_unique<Projecting>(model, lanes);
     predicted_.resize(model.size());
@@ -184,16 +202,35 @@ std::size_t ParticleSolver::link_colours() const noexcept {
     return now_->batches.link_colours();
 }
 
-void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force) {
+void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, SolverContacts* contacts) {
     const double h = settings_.step / settings_.substeps;
+    if (contacts != nullptr) {
+        now_->pushed.resize(model.size());
+    }
     for (int s = 0; s < settings_.substeps; ++s) {
         predict(model, force, h);
+        if (contacts != nullptr) {
+            contacts->find(model, now_->moving(), h);
+        }
         for (int i = 0; i < settings_.iterations; ++i) {
             now_->sweep(
                 i % 2 == 0,
                 settings_.rotation_iterations);  // there and back, so that no direction of the order is preferred
+            if (contacts != nullptr) {
+                contacts->project(model, now_->moving(), h);
+            }
+        }
+        if (contacts != nullptr) {
+            contacts->finish(model, now_->moving(), h);
+            count_pushes(h);
         }
         update(model, h);
+    }
+}
+
+void ParticleSolver::count_pushes(double h) {
+    for (std::size_t i = 0; i < predicted_.size(); ++i) {
+        predicted_[i] += vector_of(now_->pushed[i]) / h;
     }
 }
 
@@ -203,8 +240,10 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
         const Quat& q = model.orientation[i];
         now_->before[i] = now_->body[i].turn = {{q.w, q.x, q.y, q.z}};
         if (model.pinned[i] != 0) {
-            predicted_[i] = Vec3(0.0);
-            set_vector(now_->place[i], model.position[i]);
+            predicted_[i] = model.velocity[i];
+            const bool still = predicted_[i] == Vec3(0.0);
+            set_vector(now_->place[i], still ? model.position[i] : model.position[i] + h * predicted_[i]);
+            set_vector(now_->turning[i], h * model.angular_velocity[i]);
             continue;
         }
         Vec3 v = keep * model.velocity[i] + h * settings_.gravity;
@@ -221,50 +260,51 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
 void ParticleSolver::update(ParticleModel& model, double h) {
     now_->find_rates(h);
     for (std::size_t i = 0; i < model.size(); ++i) {
-        if (model.pinned[i] != 0) {
-            model.velocity[i] = Vec3(0.0);
-            model.angular_velocity[i] = Vec3(0.0);
-            continue;
-        }
-        model.velocity[i] = (vector_of(now_->place[i]) - model.position[i]) / h;
         model.orientation[i] = now_->orientation(i);
-        model.angular_velocity[i] = vector_of(now_->rate[i]);
+        if (model.pinned[i] == 0) {
+            model.velocity[i] = (vector_of(now_->place[i]) - model.position[i]) / h;
+            model.angular_velocity[i] = vector_of(now_->rate[i]);
+        }
     }
-    if (free_ && settings_.keep_angular_momentum) {
-        restore_angular_momentum(model, h);
+    for (const Whole& body : bodies_) {
+        if (body.is_free && settings_.keep_angular_momentum) {
+            restore_angular_momentum(model, body.particles, h);
+        }
     }
     for (std::size_t i = 0; i < model.size(); ++i) {
         model.position[i] = vector_of(now_->place[i]);
     }
     if (settings_.settling > 0.0) {
-        settle(model, h);
+        for (const Whole& body : bodies_) {
+            settle(model, body.particles, h);
+        }
     }
 }
 
-void ParticleSolver::restore_angular_momentum(ParticleModel& model, double h) {
-    const Vec3 centre = centre_of_mass(model);
+void ParticleSolver::restore_angular_momentum(ParticleModel& model, const ParticleRange& body, double h) {
+    const Vec3 centre = centre_of_mass(model, body);
     Vec3 lost(0.0);
     Mat3 scatter(0.0);
-    for (std::size_t i = 0; i < model.size(); ++i) {
+    for (std::size_t i = body.begin; i < body.end; ++i) {
         const Vec3 p = model.position[i] - centre;
         lost += model.mass[i] * glm::cross(p, predicted_[i] - model.velocity[i]);
         add_outer(scatter, model.mass[i], p, p);
     }
     const Vec3 rate = solve_inertia(scatter, lost);
-    for (std::size_t i = 0; i < model.size(); ++i) {
+    for (std::size_t i = body.begin; i < body.end; ++i) {
         const Vec3 dv = glm::cross(rate, model.position[i] - centre);
         model.velocity[i] += dv;
         set_vector(now_->place[i], vector_of(now_->place[i]) + h * dv);
     }
 }
 
-void ParticleSolver::settle(ParticleModel& model, double h) const {
-    const Vec3 centre = centre_of_mass(model);
+void ParticleSolver::settle(ParticleModel& model, const ParticleRange& body, double h) const {
+    const Vec3 centre = centre_of_mass(model, body);
     double mass = 0.0;
     Vec3 linear(0.0);
     Vec3 angular(0.0);
     Mat3 scatter(0.0);
-    for (std::size_t i = 0; i < model.size(); ++i) {
+    for (std::size_t i = body.begin; i < body.end; ++i) {
         const Vec3 p = model.position[i] - centre;
         mass += model.mass[i];
         linear += model.mass[i] * model.velocity[i];
@@ -274,7 +314,7 @@ void ParticleSolver::settle(ParticleModel& model, double h) const {
     linear /= mass;
     const Vec3 rate = solve_inertia(scatter, angular);
     const double part = h * settings_.settling;
-    for (std::size_t i = 0; i < model.size(); ++i) {
+    for (std::size_t i = body.begin; i < body.end; ++i) {
         if (model.pinned[i] == 0) {
             const Vec3 rigid = linear + glm::cross(rate, model.position[i] - centre);
             model.velocity[i] += part * (rigid - model.velocity[i]);

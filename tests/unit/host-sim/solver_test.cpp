@@ -8,12 +8,14 @@
 #include <memory>
 #include <random>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "haptic/denormals.hpp"
 #include "haptic/sim/cloth.hpp"
 #include "haptic/sim/rotation.hpp"
 #include "haptic/sim/state_hash.hpp"
+#include "projection.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -224,6 +226,174 @@ TEST(Solver, LeavesPinnedParticlesWhereTheyAre) {
     // The rest hangs below: the far edge has swung down and is held.
     EXPECT_LT(model.position[76].y, -0.1);
     EXPECT_GT(model.position[76].y, -0.4);
+}
+
+TEST(Solver, LeadsPinnedParticlesByTheirVelocitiesWhateverPullsAtThem) {
+    for (const int substeps : {1, 4}) {
+        ParticleModel model = sheet();
+        model.pinned[0] = model.pinned[40] = 1;
+        const Vec3 velocity(0.5, 1.0, -0.25);
+        const Vec3 rate(0.0, 2.0, 0.0);
+        model.velocity[0] = velocity;
+        model.angular_velocity[0] = rate;
+        const SolverSettings settings{.substeps = substeps, .drag = 3.0, .settling = 2.0};
+        const double h = settings.step / substeps;
+        ParticleSolver solver(model, settings);
+        Quat turn = model.orientation[0];
+        const int steps = 50;
+        for (int i = 0; i < steps; ++i) {
+            solver.step(model, {});
+            for (int s = 0; s < substeps; ++s) {
+                turn = turned(turn, h * rate);
+            }
+        }
+        EXPECT_EQ(model.velocity[0], velocity);
+        EXPECT_EQ(model.angular_velocity[0], rate);
+        const Vec3 there = model.rest_position[0] + settings.step * steps * velocity;
+        EXPECT_LT(glm::length(model.position[0] - there), 1e-14 * steps * substeps);
+        EXPECT_NEAR(std::abs(glm::dot(model.orientation[0], turn)), 1.0, 1e-14);
+        EXPECT_EQ(model.position[40], model.rest_position[40]);
+    }
+}
+
+TEST(Solver, DrawsTheRestAlongWithWhatIsLed) {
+    ParticleModel model = sheet();
+    const Vec3 velocity(1.0, 0.0, 0.0);
+    for (std::size_t i = 0; i < 9; ++i) {
+        model.pinned[i] = 1;
+        model.velocity[i] = velocity;
+    }
+    SolverSettings settings = kFree;
+    settings.drag = 1.0;
+    ParticleSolver solver(model, settings);
+    for (int i = 0; i < 500; ++i) {
+        solver.step(model, {});
+    }
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        EXPECT_LT(glm::length(model.velocity[i] - velocity), 0.02) << i;  // m/s
+        EXPECT_NEAR(model.position[i].x, model.rest_position[i].x + 5.0, 0.03) << i;
+    }
+}
+
+/// Notes what the solver shows at each call, and moves one particle in each iteration.
+class Prodding : public SolverContacts {
+  public:
+    Prodding(std::size_t particle, const Vec3& by) : particle_(particle), by_(by) {}
+    void find(const ParticleModel& start, const MovingParticles& predicted, double /*h*/) override {
+        seen.push_back(predicted.place[particle_].number[0]);
+        calls += 'f';
+        for (std::size_t i = 0; i < start.size(); ++i) {
+            predicted.pushed[i] = {};
+        }
+    }
+    void project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) override {
+        calls += 'p';
+        for (int k = 0; k < 3; ++k) {
+            now.place[particle_].number[k] += by_[k];
+            now.pushed[particle_].number[k] += by_[k];
+        }
+    }
+    void finish(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override { calls += '.'; }
+    std::vector<double> seen;  // x, at each sub-step
+    std::string calls;
+
+  private:
+    std::size_t particle_;
+    Vec3 by_;
+};
+
+TEST(Solver, FindsContactsInEachSubStepAndProjectsThemInEachIteration) {
+    ParticleModel model = sheet();
+    model.pinned[0] = 1;
+    model.velocity[0] = {4.0, 0.0, 0.0};
+    ParticleSolver solver(model, {.step = 0.01, .substeps = 4, .iterations = 3});
+    Prodding nothing(0, Vec3(0.0));
+    const double x = model.position[0].x;
+    solver.step(model, {}, &nothing);
+    EXPECT_EQ(nothing.calls, "fppp.fppp.fppp.fppp.");
+    ASSERT_EQ(nothing.seen.size(), 4u);
+    for (int s = 0; s < 4; ++s) {
+        EXPECT_NEAR(nothing.seen[static_cast<std::size_t>(s)], x + 0.01 * (s + 1), 1e-15);
+    }
+}
+
+TEST(Solver, ContactsChangeTheMomentaByWhatTheyPush) {
+    ParticleModel model = crumpled_sheet();
+    ParticleSolver solver(model, kFree);
+    for (int i = 0; i < 20; ++i) {
+        const Vec3 push(2e-5, -1e-5, 3e-5);
+        Prodding contact(8, push);
+        // As often as there are iterations; it acts where the particle was.
+        const Vec3 impulse = model.mass[8] * (kFree.iterations / kFree.step) * push;
+        const Vec3 linear = linear_momentum(model) + impulse;
+        const Vec3 angular = angular_momentum(model) + glm::cross(model.position[8], impulse);
+        solver.step(model, {}, &contact);
+        EXPECT_LT(glm::length(linear_momentum(model) - linear), 1e-14);
+        // The new momentum is counted where the particles have gone, along their velocities.
+        EXPECT_LT(glm::length(angular_momentum(model) - angular), 1e-14);
+    }
+}
+
+TEST(Solver, ABodyInCompanyGoesThroughTheBitsThatItHasAlone) {
+    const ParticleModel first = crumpled_sheet(9);
+    ParticleModel second = crumpled_sheet(6);
+    second.pinned[3] = 1;
+    second.velocity[3] = Vec3(0.1);
+    ParticleModel both = first;
+    both.append(second);
+    const SolverSettings settings{.substeps = 2, .settling = 1.0};
+    const auto run = [&](ParticleModel model) {
+        ParticleSolver solver(model, settings);
+        for (int i = 0; i < 30; ++i) {
+            solver.step(model, {});
+        }
+        return model;
+    };
+    const ParticleModel alone = run(first);
+    const ParticleModel also_alone = run(second);
+    const ParticleModel together = run(both);
+    for (std::size_t i = 0; i < together.size(); ++i) {
+        const ParticleModel& of = i < first.size() ? alone : also_alone;
+        const std::size_t k = i < first.size() ? i : i - first.size();
+        ASSERT_EQ(together.position[i], of.position[k]) << i;
+        ASSERT_EQ(together.velocity[i], of.velocity[k]) << i;
+        ASSERT_EQ(together.orientation[i], of.orientation[k]) << i;
+    }
+}
+
+TEST(Solver, EachFreeBodyKeepsItsMomentaBesideOneThatIsHeld) {
+    ParticleModel first = crumpled_sheet();
+    ParticleModel second = crumpled_sheet();
+    for (std::size_t i = 0; i < second.size(); ++i) {
+        second.position[i] += Vec3(0.0, 3.0, 0.0);
+        second.velocity[i] = -0.5 * second.velocity[i] + glm::cross(Vec3(3.0, 0.0, 2.0), second.position[i]);
+    }
+    ParticleModel held = sheet();
+    held.pinned[0] = 1;
+    ParticleModel model = first;
+    model.append(second);
+    model.append(held);
+    const auto part = [&](std::size_t body) {
+        ParticleModel only;
+        for (std::size_t i = model.bodies[body].begin; i < model.bodies[body].end; ++i) {
+            only.add(model.position[i], model.mass[i], 0.0);
+            only.velocity.back() = model.velocity[i];
+        }
+        return only;
+    };
+    SolverSettings settings = kFree;
+    settings.settling = 3.0;
+    ParticleSolver solver(model, settings);
+    const std::vector<ParticleModel> before{part(0), part(1)};
+    for (int i = 0; i < 300; ++i) {
+        solver.step(model, {});
+    }
+    for (std::size_t b = 0; b < 2; ++b) {
+        // Rounding only: in each of 300 steps of 0.01 s some 50 projections round places up to 30 m away; 10 g.
+        const double rounding = 300 * 50 * 0.01 * (30.0 * 0x1p-53) / 0.01;
+        EXPECT_LT(glm::length(linear_momentum(part(b)) - linear_momentum(before[b])), rounding) << b;
+        EXPECT_LT(glm::length(angular_momentum(part(b)) - angular_momentum(before[b])), 30.0 * rounding) << b;
+    }
 }
 
 TEST(Solver, GoesThroughTheSameBitsOnEveryMachine) {

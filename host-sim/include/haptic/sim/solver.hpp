@@ -1,4 +1,4 @@
-// Position-based dynamics of one model of oriented particles.
+// Position-based dynamics of a model of oriented particles, of one body or many.
 //
 // One step of length h, with f the force on each particle (thesis, Algorithm 3, lines 9 to 24):
 //
@@ -20,9 +20,13 @@
 // side by side, in the lanes of vector registers, without a change in any bit of the result.
 //
 // Projection at u while the momentum is counted at x is the implicit Euler method, which turns angular momentum into
-// nothing at the rate of the motion within a step. For a model that nothing pins, the step puts it back as one rigid
-// turn of the velocities. Damping (`settling`) draws the velocities toward those of a rigid body with the model's
-// momenta and so keeps both (Müller et al. 2007, section 3.5).
+// nothing at the rate of the motion within a step. For a body of which nothing is pinned, the step puts it back as one
+// rigid turn of the velocities, so that what is left of a body's momenta is what forces and contacts gave it. Damping
+// (`settling`) draws the velocities toward those of a rigid body with the body's momenta and so keeps both (Müller et
+// al. 2007, section 3.5).
+//
+// Particles that are pinned go where their velocities lead them, whatever pulls at them: x + h v, turned by h w. Both
+// velocities stay what they were set to, 0 for what does not move at all.
 #pragma once
 
 #include <cstddef>
@@ -43,7 +47,26 @@ struct SolverSettings {
     Vec3 gravity{0.0, -9.81, 0.0};      // m/s^2
     double drag = 0.0;                  // 1/s, rate at which velocities decay; 0 keeps momentum
     double settling = 0.0;              // 1/s, rate at which motion other than that of a rigid body decays
-    bool keep_angular_momentum = true;  // see above; has no effect on a model with pinned particles
+    bool keep_angular_momentum = true;  // see above; has no effect on a body with pinned particles
+};
+
+struct MovingParticles;  // src/projection.hpp
+
+/// Contacts of particles as the solver sees them, in the course of a sub-step of length h, s. `start` is the state at
+/// its beginning.
+class SolverContacts {
+  public:
+    SolverContacts() = default;
+    SolverContacts(const SolverContacts&) = delete;
+    SolverContacts& operator=(const SolverContacts&) = delete;
+    virtual ~SolverContacts() = default;
+    /// Once, before the constraints: finds what may touch, from where forces lead.
+    virtual void find(const ParticleModel& start, const MovingParticles& predicted, double h) = 0;
+    /// After the constraints in each iteration: moves the places in `now` out of one another.
+    virtual void project(const ParticleModel& start, const MovingParticles& now, double h) = 0;
+    /// Once, after the last iteration. May move places still, and writes all of `now.pushed`: by how much each particle
+    /// has been moved since find().
+    virtual void finish(const ParticleModel& start, const MovingParticles& now, double h) = 0;
 };
 
 class ParticleSolver {
@@ -64,7 +87,7 @@ class ParticleSolver {
 
     /// Advances the model, which has to be the one given to the constructor as far as its rest shape and constraints
     /// go. `force` is in N, per particle, constant over the step; an empty span is no force.
-    void step(ParticleModel& model, std::span<const Vec3> force);
+    void step(ParticleModel& model, std::span<const Vec3> force, SolverContacts* contacts = nullptr);
 
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
     [[nodiscard]] std::size_t lanes() const noexcept;
@@ -74,17 +97,23 @@ class ParticleSolver {
   private:
     struct Projecting;
 
+    struct Whole {
+        ParticleRange particles;
+        bool is_free = true;  // nothing is pinned
+    };
+
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
+    void count_pushes(double h);
     void update(ParticleModel& model, double h);
-    void settle(ParticleModel& model, double h) const;
-    void restore_angular_momentum(ParticleModel& model, double h);
+    void settle(ParticleModel& model, const ParticleRange& body, double h) const;
+    void restore_angular_momentum(ParticleModel& model, const ParticleRange& body, double h);
 
     SolverSettings settings_;
-    bool free_ = true;                 // nothing is pinned
+    std::vector<Whole> bodies_;        // of the model
     std::unique_ptr<Projecting> now_;  // constraints, and the particles in the course of a step
 
     // Scratch, per particle.
-    std::vector<Vec3> predicted_;  // velocity after forces, before constraints
+    std::vector<Vec3> predicted_;  // velocity after forces and contacts, before constraints
 };
 
 }  // namespace haptic::sim
