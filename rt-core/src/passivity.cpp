@@ -32,6 +32,12 @@ double ratio(double limit, double value) HAPTIC_RT {
     return value > limit ? limit / value : 1.0;
 }
 
+/// What a surface takes out of the springs as it goes, of the part `energy` of what they may keep: as large a part. One
+/// that has jumped without saying so left more in the springs than ever came in, and must not owe for taking it back.
+double taken_along(double surface, double energy, double keep) HAPTIC_RT {
+    return surface < 0.0 && keep > 0.0 ? surface * std::clamp(energy / keep, 0.0, 1.0) : surface;
+}
+
 /// alpha that pays `debt` with a displacement in a time, at most `largest`.
 double paying_damping(double debt, const Vec3& displacement, double elapsed_s, double largest) HAPTIC_RT {
     const double square = glm::dot(displacement, displacement);
@@ -88,10 +94,11 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityWish& wish
     const double surface = counts ? 0.5 * (surface_power_ + scale_ * now) * wish.elapsed_s : 0.0;
 
     const double keep = counts ? wish.stored + settings_.store : 0.0;
-    const double taken = translation + rotation + surface;
-    energy_ = std::min(energy_ + taken, keep);
-    tank_ = std::min(tank_ + taken - (1.0 - settings_.damping_credit) * eaten, keep);
-    translation_ = std::min(translation_ + translation + surface, keep);
+    const double taken = translation + rotation;
+    energy_ = std::min(energy_ + taken + taken_along(surface, energy_, keep), keep);
+    tank_ =
+        std::min(tank_ + taken + taken_along(surface, tank_, keep) - (1.0 - settings_.damping_credit) * eaten, keep);
+    translation_ = std::min(translation_ + translation + taken_along(surface, translation_, keep), keep);
     rotation_ = std::min(rotation_ + rotation, keep);
     if (!counts) {
         const double kept = 1.0 / (1.0 + wish.elapsed_s / settings_.forget_s);

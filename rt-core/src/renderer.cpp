@@ -18,8 +18,8 @@ namespace {
 constexpr double kHorizonSteps = 1.5;
 // A frame is fresh for at least so many steps of a slow simulation.
 constexpr std::int64_t kFreshSteps = 3;
-// Time constant of what the surface's velocity adds to the force, in steps of the simulation.
-constexpr double kPushSteps = 0.5;
+// In place of the stiffness that was felt: the frame's is taken at once.
+constexpr double kNone = -1.0;
 // Below this determinant of the Gram matrix, active planes are nearly parallel and one stands for all.
 constexpr double kParallel = 1e-9;
 
@@ -61,73 +61,119 @@ bool move_still(const ContactFrame& frame, std::int64_t time_ns, std::int64_t ho
     return !__builtin_sub_overflow(time_ns, frame.plane_time_ns, &age_ns) && age_ns <= horizon_ns;
 }
 
+/// The longest way of a particle relative to those of its planes whose bit is set; its own where there are none. A
+/// surface whose plane has come to the end of its horizon moves on, as far as anybody knows.
+double way_to_planes(const Vec3& way, const ProxyContact& particle, unsigned planes, double elapsed_s) HAPTIC_RT {
+    double longest = planes == 0 ? glm::length(way) : 0.0;
+    for (; planes != 0; planes &= planes - 1) {
+        const ContactPlane& plane = particle.planes[std::countr_zero(planes)];
+        longest = std::max(longest, glm::length(way - plane.velocity * elapsed_s * to_vec3(plane.normal)));
+    }
+    return longest;
+}
+
+/// The planes of a frame at an instant.
+struct MovedPlanes {
+    const ContactFrame* frame;
+    std::int64_t time_ns;
+    std::int64_t horizon_ns;
+    bool moving;
+};
+
+/// Adds up what one particle does; sums are divided by the number of particles later.
+struct Sums {
+    Contact contact;
+    double free_way = 0.0;
+
+    void add(const ProxyContact& particle, const MovedPlanes& at, double stiffness, const GripMotion& grip,
+             const Mat3& turn, bool first) HAPTIC_RT;
+};
+
+void Sums::add(const ProxyContact& particle, const MovedPlanes& at, double stiffness, const GripMotion& grip,
+               const Mat3& turn, bool first) HAPTIC_RT {
+    const Vec3 offset = to_vec3(particle.rest_offset);
+    const Vec3 lever = turn * offset;
+    const Vec3 goal = grip.pose.position + lever;
+    Vec3 way(0.0);
+    if (grip.elapsed_s > 0.0) {
+        way = goal - (grip.before.position + grip.before.orientation * offset);
+    }
+    std::array<HalfSpace, kMaxPlanes> planes{};
+    const std::size_t plane_count = std::min<std::size_t>(particle.plane_count, kMaxPlanes);
+    for (std::size_t k = 0; k < plane_count; ++k) {
+        planes[k] = plane_at(particle.planes[k], at.frame->plane_time_ns, at.time_ns, at.horizon_ns);
+    }
+    const LocalProxy proxy = project(goal, std::span<const HalfSpace>(planes.data(), plane_count));
+    if (first) {
+        contact.proxy = proxy.position;
+    }
+    contact.lever = std::max(contact.lever, glm::length(offset));
+    const Vec3 apart = proxy.position - goal;
+    const double depth = glm::length(apart);
+    if (proxy.active == 0 || !(depth > 0.0)) {
+        free_way += way_to_planes(way, particle, (1u << plane_count) - 1u, grip.elapsed_s);
+        return;
+    }
+    ++contact.in_contact;
+    const Vec3 n = apart / depth;
+    const double speed = surface_speed(n, particle, proxy.active);
+    double damping = 0.0;
+    if (at.frame->damping > 0.0) {
+        const Vec3 goal_velocity = grip.velocity.linear + glm::cross(grip.velocity.angular, lever);
+        damping = at.frame->damping * (speed - glm::dot(goal_velocity, n));
+    }
+    const Vec3 spring = stiffness * apart;
+    const Vec3 force = std::max(0.0, stiffness * depth + damping) * n;
+    contact.wrench.force += force;
+    contact.wrench.torque += glm::cross(lever, force);
+    contact.spring.force += spring;
+    contact.spring.torque += glm::cross(lever, spring);
+    contact.stored += 0.5 * stiffness * depth * depth;
+    contact.depth += depth;
+    contact.way += way_to_planes(way, particle, proxy.active, grip.elapsed_s);
+    if (at.moving) {
+        contact.surface_power += stiffness * depth * speed;
+        contact.surface_velocity += depth * speed * n;
+    }
+}
+
 }  // namespace
 
-Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity, std::int64_t time_ns,
-               SurfacePush& push, double share) HAPTIC_RT {
-    Contact contact;
-    contact.proxy = grip.position;
+Contact render(const ContactFrame& frame, double stiffness, const GripMotion& grip, std::int64_t time_ns) HAPTIC_RT {
+    Sums sums;
+    Contact& contact = sums.contact;
+    contact.proxy = grip.pose.position;
     if (frame.proxy_count == 0 || (frame.flags & HAPTIC_FRAME_CLUTCHED) != 0) {
-        push.fill(0.0);
         return contact;
     }
-    const Mat3 turn = glm::mat3_cast(grip.orientation);
+    const Mat3 turn = glm::mat3_cast(grip.pose.orientation);
     const auto horizon_ns = static_cast<std::int64_t>(kHorizonSteps * static_cast<double>(frame.step_ns));
-    const bool planes_move = move_still(frame, time_ns, horizon_ns);
+    const MovedPlanes at{&frame, time_ns, horizon_ns, move_still(frame, time_ns, horizon_ns)};
     const std::size_t count = std::min<std::size_t>(frame.proxy_count, kMaxProxies);
     for (std::size_t i = 0; i < count; ++i) {
-        const ProxyContact& particle = frame.proxies[i];
-        const Vec3 lever = turn * to_vec3(particle.rest_offset);
-        const Vec3 goal = grip.position + lever;
-
-        std::array<HalfSpace, kMaxPlanes> planes{};
-        const std::size_t plane_count = std::min<std::size_t>(particle.plane_count, kMaxPlanes);
-        for (std::size_t k = 0; k < plane_count; ++k) {
-            planes[k] = plane_at(particle.planes[k], frame.plane_time_ns, time_ns, horizon_ns);
-        }
-        const LocalProxy proxy = project(goal, std::span<const HalfSpace>(planes.data(), plane_count));
-        if (i == 0) {
-            contact.proxy = proxy.position;
-        }
-        const Vec3 apart = proxy.position - goal;
-        const double depth = glm::length(apart);
-        if (proxy.active == 0 || !(depth > 0.0)) {
-            push[i] = 0.0;
-            continue;
-        }
-        ++contact.in_contact;
-        const Vec3 n = apart / depth;
-        const double speed = surface_speed(n, particle, proxy.active);
-        double surface_push = 0.0;
-        double brake = 0.0;
-        if (frame.damping > 0.0) {
-            const Vec3 goal_velocity = velocity.linear + glm::cross(velocity.angular, lever);
-            surface_push = frame.damping * speed;
-            brake = frame.damping * glm::dot(goal_velocity, n);
-        }
-        push[i] += share * (surface_push - push[i]);
-        const double strength = frame.stiffness * depth + push[i] - brake;
-        const Vec3 force = std::max(0.0, strength) * n;
-        contact.stored += 0.5 * frame.stiffness * depth * depth;
-        contact.surface_power += planes_move ? std::max(0.0, strength) * speed : 0.0;
-        contact.wrench.force += force;
-        contact.wrench.torque += glm::cross(lever, force);
+        sums.add(frame.proxies[i], at, stiffness, grip, turn, i == 0);
     }
-    if (contact.in_contact > 0) {
-        const double part = 1.0 / static_cast<double>(count);
-        contact.wrench.force *= part;
-        contact.wrench.torque *= part;
-        contact.stored *= part;
-        contact.surface_power *= part;
-        contact.wrench.torque -=
-            frame.rotational_damping * part * static_cast<double>(contact.in_contact) * velocity.angular;
+    const double part = 1.0 / static_cast<double>(count);
+    if (contact.in_contact == 0) {
+        contact.way = part * sums.free_way;
+        return contact;
     }
+    contact.surface_velocity /= contact.depth;
+    for (Wrench* wrench : {&contact.wrench, &contact.spring}) {
+        wrench->force *= part;
+        wrench->torque *= part;
+    }
+    contact.stored *= part;
+    contact.surface_power *= part;
+    contact.depth *= part;
+    contact.way *= part;
+    contact.wrench.torque -=
+        frame.rotational_damping * part * static_cast<double>(contact.in_contact) * grip.velocity.angular;
     return contact;
 }
 
 Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity, std::int64_t time_ns) HAPTIC_RT {
-    SurfacePush push{};
-    return render(frame, grip, velocity, time_ns, push, 1.0);
+    return render(frame, frame.stiffness, {.pose = grip, .velocity = velocity, .before = grip}, time_ns);
 }
 
 FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
@@ -136,6 +182,8 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     if (defect != FrameDefect::None) {
         return defect;
     }
+    stiffness_from_ = stiffness_;
+    stiffness_age_ns_ = 0;
     const bool clutch_worked = ((candidate.flags ^ frame().flags) & HAPTIC_FRAME_CLUTCHED) != 0;
     if (have_frame_ && (candidate.session != frame().session || clutch_worked)) {
         begin_blend();
@@ -152,6 +200,33 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
 void FrameRenderer::begin_blend() HAPTIC_RT {
     blend_from_ = last_;
     blend_ = 0.0;
+    follower_.leap();
+    stiffness_from_ = kNone;
+}
+
+void FrameRenderer::move_stiffness_on(std::int64_t elapsed_ns) HAPTIC_RT {
+    stiffness_age_ns_ = std::min(stiffness_age_ns_ + elapsed_ns, frame().step_ns);
+    const bool there = stiffness_from_ < 0.0 || stiffness_age_ns_ >= frame().step_ns;
+    const double part = there ? 1.0 : static_cast<double>(stiffness_age_ns_) / static_cast<double>(frame().step_ns);
+    stiffness_ = there ? frame().stiffness : stiffness_from_ + part * (frame().stiffness - stiffness_from_);
+}
+
+void FrameRenderer::render_frame(const GripMotion& grip, std::int64_t now_ns, std::int64_t elapsed_ns,
+                                 Contact& contact) HAPTIC_RT {
+    const double before = stiffness_;
+    move_stiffness_on(elapsed_ns);
+    contact = rt::render(frame(), stiffness_, grip, now_ns);
+    contact.wrench = follower_.follow({.wrench = contact.wrench,
+                                       .travel = stiffness_ * contact.way,
+                                       .stiffening = std::fabs(stiffness_ - before) * contact.depth,
+                                       .lever = contact.lever,
+                                       .in_contact = contact.in_contact > 0},
+                                      1e-9 * static_cast<double>(elapsed_ns));
+    // A surface that comes works with what is felt. One that goes takes no more than it left in the springs: while the
+    // hand is still nothing leaves them otherwise.
+    const double of_springs = contact.surface_power;
+    const double felt = of_springs + glm::dot(contact.wrench.force - contact.spring.force, contact.surface_velocity);
+    contact.surface_power = felt >= 0.0 ? felt : std::min(0.0, std::max(felt, of_springs));
 }
 
 FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& velocity, std::int64_t now_ns,
@@ -175,8 +250,9 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
     }
     blend_ = std::min(1.0, blend_ + dt / static_cast<double>(settings_.ramp_ns));
     if (fade_ > 0.0) {
-        const double follow = dt / (dt + kPushSteps * static_cast<double>(frame().step_ns));
-        result.contact = rt::render(frame(), grip, velocity, now_ns, push_, follow);
+        render_frame(
+            {.pose = grip, .velocity = velocity, .before = last_grip_, .elapsed_s = have_grip_ ? 1e-9 * dt : 0.0},
+            now_ns, elapsed_ns, result.contact);
         const double fade = smooth_step(fade_);
         const double taken = smooth_step(blend_);
         Wrench& wrench = result.contact.wrench;
@@ -191,9 +267,12 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
         result.contact.stored = 0.0;
         result.contact.surface_power = 0.0;
         result.finite = false;
-        push_.fill(0.0);
+        follower_.leap();
+        stiffness_from_ = kNone;
     }
     last_ = result.contact.wrench;
+    last_grip_ = grip;
+    have_grip_ = true;
     return result;
 }
 

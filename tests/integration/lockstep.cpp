@@ -5,7 +5,8 @@
 namespace haptic::test {
 namespace {
 
-constexpr std::int64_t kArmingMargin_ns = 50'000'000;
+constexpr std::int64_t kArmingMarginNs = 50'000'000;
+constexpr double kSampleS = 0.001;
 
 std::int64_t standing_clock() HAPTIC_RT {
     return 0;
@@ -13,13 +14,12 @@ std::int64_t standing_clock() HAPTIC_RT {
 
 /// The hand holds still at the centre until start_ns, then follows the track.
 PoseTrack from(std::int64_t start_ns, const PoseTrack& track) {
-    constexpr double kSample_s = 0.001;
     std::vector<double> times{0.0};
     std::vector<Pose> poses{Pose{}};
-    const int samples = static_cast<int>(track.duration_s() / kSample_s);
+    const int samples = static_cast<int>(track.duration_s() / kSampleS);
     for (int i = 0; i <= samples; ++i) {
-        times.push_back(seconds(start_ns) + i * kSample_s);
-        poses.push_back(track.at(nanoseconds(i * kSample_s)));
+        times.push_back(seconds(start_ns) + i * kSampleS);
+        poses.push_back(track.at(nanoseconds(i * kSampleS)));
     }
     return {std::move(times), std::move(poses)};
 }
@@ -31,14 +31,15 @@ Lockstep::Lockstep(const Settings& settings)
       frame_reader_(session_.name()),
       state_reader_(session_.name()),
       frame_writer_(session_.name()),
-      start_ns_(rt::arming_time_ns(settings.tick.safety) + kArmingMargin_ns),
+      start_ns_(rt::arming_time_ns(settings.tick.safety) + kArmingMarginNs),
       board_({.variant = settings.tick.variant,
               .hand = from(start_ns_, settings.hand),
               .power_up = {60000, 1, 32768, 12345, 65535, 0, 40000, 777}}),
       tick_(settings.tick, board_, frame_reader_, state_writer_, standing_clock),
       simulation_(settings.scene),
       tick_ns_(settings.tick.period_ns),
-      step_ns_(nanoseconds(settings.scene.solver.step)) {
+      step_ns_(nanoseconds(settings.scene.solver.step)),
+      late_ns_(settings.late_ns) {
     tick_.record_to(settings.recorder);
     tick_.arm();
     while (now_ns_ < start_ns_) {
@@ -48,6 +49,7 @@ Lockstep::Lockstep(const Settings& settings)
         throw std::runtime_error("the tick did not come to run");
     }
     simulation_.set_verification(true);
+    step_time_ns_ = now_ns_;
 }
 
 void Lockstep::run_tick() {
@@ -59,11 +61,16 @@ sim::StepResult Lockstep::step_simulation() {
     if (!state_reader_.read_newest(state_)) {
         throw std::runtime_error("ticks ran, but published no device state");
     }
-    const sim::StepResult result = simulation_.step(sim::input_from(state_, now_ns_));
+    const sim::StepResult result = simulation_.step(sim::input_from(state_, step_time_ns_));
+    pending_ = true;
+    return result;
+}
+
+void Lockstep::publish_frame() {
     ContactFrame frame = simulation_.frame();
     frame.publish_time_ns = now_ns_;
     frame_writer_.publish(frame, now_ns_);
-    return result;
+    pending_ = false;
 }
 
 }  // namespace haptic::test

@@ -19,6 +19,7 @@ class Lockstep {
         PoseTrack hand;  // of the grip, device frame, from the first step on
         rt::TickSettings tick;
         rt::Recorder* recorder = nullptr;  // of all ticks, from the first on
+        std::int64_t late_ns = 0;          // that each frame is published after the beginning of its step
     };
 
     /// Arms, and ticks until the grip is calibrated and the state is Running. Throws std::runtime_error if it is not.
@@ -28,8 +29,12 @@ class Lockstep {
     template <class AfterTick>
     sim::StepResult step(AfterTick&& after_tick) {
         const sim::StepResult result = step_simulation();
-        const std::int64_t next_ns = now_ns_ + step_ns_;
-        while (now_ns_ < next_ns) {
+        const std::int64_t publish_ns = step_time_ns_ + late_ns_;
+        step_time_ns_ += step_ns_;
+        while (now_ns_ < step_time_ns_) {
+            if (pending_ && now_ns_ >= publish_ns) {
+                publish_frame();
+            }
             run_tick();
             after_tick(tick_.last(), board_);
         }
@@ -45,6 +50,7 @@ class Lockstep {
   private:
     void run_tick();
     sim::StepResult step_simulation();
+    void publish_frame();
 
     RingSession session_;
     RingWriter<DeviceState> state_writer_;
@@ -58,7 +64,10 @@ class Lockstep {
     DeviceState state_{};
     std::int64_t tick_ns_;
     std::int64_t step_ns_;
+    std::int64_t late_ns_;
     std::int64_t now_ns_ = 0;
+    std::int64_t step_time_ns_ = 0;  // of the simulation's next step; need not be that of a tick
+    bool pending_ = false;           // the last step's frame is not published yet
 };
 
 }  // namespace haptic::test

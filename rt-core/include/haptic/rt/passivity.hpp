@@ -4,7 +4,8 @@
 // in a tick is exactly the wrench that was held times the displacement, whatever the path between:
 //     E += -(F . dx + T . dtheta)                                 taken from the hand
 //        + b |dx|^2 / dt + b_r |dtheta|^2 / dt                    the device's own damping eats at least as much
-//        + (P_s now + P_s before) / 2 dt,  P_s = sum f_i v_s,i / N   work of surfaces that the frame says to move
+//        + (P_s now + P_s before) / 2 dt,  P_s = sum f_i v_s,i / N   work of surfaces that the frame says to move;
+//                                                                 of one that goes, E / (stored + store) of it
 //     E  = min(E, stored + store)                                 spring energy of the coupling, and a little
 // while a wrench is asked for. Without one nothing counts but that energy which is left over is lost (E = min(E, 0))
 // and that debt is forgotten slowly: what was stored in one contact licenses nothing in the next. The third term is
