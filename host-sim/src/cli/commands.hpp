@@ -12,6 +12,7 @@ namespace haptic::sim {
 /// Runs a parsed command; the value is the exit status.
 using Command = std::function<int()>;
 
+[[nodiscard]] Command add_mesh_command(CLI::App& app);
 [[nodiscard]] Command add_query_command(CLI::App& app);
 [[nodiscard]] Command add_run_command(CLI::App& app);
 [[nodiscard]] Command add_scenes_command(CLI::App& app);
