@@ -38,22 +38,49 @@ std::vector<std::vector<std::uint32_t>> colour(std::size_t constraints, std::siz
     return of_colour;
 }
 
+/// Some of the model's links by colour.
+std::vector<std::vector<std::uint32_t>> colour_links(const ParticleModel& model,
+                                                     const std::vector<std::uint32_t>& links) {
+    auto colours = colour(links.size(), model.size(), [&](std::uint32_t l, const auto& visit) {
+        visit(model.links[links[l]].first);
+        visit(model.links[links[l]].second);
+    });
+    for (std::vector<std::uint32_t>& same : colours) {
+        for (std::uint32_t& l : same) {
+            l = links[l];
+        }
+    }
+    return colours;
+}
+
+/// 1 / kg; 0 for what no constraint moves.
+double inverse_mass(const ParticleModel& model, std::uint32_t particle) {
+    return model.pinned[particle] != 0 ? 0.0 : 1.0 / model.mass[particle];
+}
+
 }  // namespace
 
-ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lanes)
-    : lanes_(lanes), nobody_((model.size() + lanes - 1) / lanes * lanes) {
-    batch_links(model);
+ConstraintBatches::ConstraintBatches(const ParticleModel& model, double step, std::size_t lanes)
+    : lanes_(lanes), nobody_((model.size() + lanes - 1) / lanes * lanes), step_(step) {
+    std::vector<std::uint32_t> links;
+    std::vector<std::uint32_t> springs;
+    for (std::uint32_t l = 0; l < model.links.size(); ++l) {
+        (model.links[l].compliance > 0.0 ? springs : links).push_back(l);
+    }
+    batch_links(model, links);
+    batch_springs(model, springs);
     batch_groups(model);
 }
 
-void ConstraintBatches::batch_links(const ParticleModel& model) {
-    const auto colours = colour(model.links.size(), model.size(), [&](std::uint32_t l, const auto& visit) {
-        visit(model.links[l].first);
-        visit(model.links[l].second);
-    });
-    link_colours_ = colours.size();
+void ConstraintBatches::relax() noexcept {
+    std::fill(spring_.pull.begin(), spring_.pull.end(), 0.0);
+    std::fill(shift_.begin(), shift_.end(), 0.0);
+}
+
+void ConstraintBatches::batch_links(const ParticleModel& model, const std::vector<std::uint32_t>& links) {
+    const auto colours = colour_links(model, links);
+    link_colours_ += colours.size();
     const auto nobody = static_cast<std::uint32_t>(nobody_);
-    const auto inverse_mass = [&](std::uint32_t p) { return model.pinned[p] != 0 ? 0.0 : 1.0 / model.mass[p]; };
     const auto add = [&](std::uint32_t a, std::uint32_t b, double length, double share_a, double share_b) {
         first_.push_back(a);
         second_.push_back(b);
@@ -64,8 +91,8 @@ void ConstraintBatches::batch_links(const ParticleModel& model) {
     for (const std::vector<std::uint32_t>& same : colours) {
         for (const std::uint32_t l : same) {
             const Link& link = model.links[l];
-            const double a = inverse_mass(link.first);
-            const double b = inverse_mass(link.second);
+            const double a = inverse_mass(model, link.first);
+            const double b = inverse_mass(model, link.second);
             if (a + b > 0.0) {
                 add(link.first, link.second, link.rest_length, link.stiffness * a / (a + b),
                     link.stiffness * b / (a + b));
@@ -75,6 +102,36 @@ void ConstraintBatches::batch_links(const ParticleModel& model) {
             add(nobody, nobody, 0.0, 0.0, 0.0);
         }
     }
+}
+
+void ConstraintBatches::batch_springs(const ParticleModel& model, const std::vector<std::uint32_t>& links) {
+    const auto colours = colour_links(model, links);
+    link_colours_ += colours.size();
+    const auto nobody = static_cast<std::uint32_t>(nobody_);
+    const auto add = [&](const Link& link, double a, double b, double softness, double gain) {
+        spring_.first.push_back(link.first);
+        spring_.second.push_back(link.second);
+        spring_.rest_length.push_back(link.rest_length);
+        spring_.first_inverse_mass.push_back(a);
+        spring_.second_inverse_mass.push_back(b);
+        spring_.softness.push_back(softness);
+        spring_.gain.push_back(gain);
+    };
+    for (const std::vector<std::uint32_t>& same : colours) {
+        for (const std::uint32_t l : same) {
+            const Link& link = model.links[l];
+            const double a = inverse_mass(model, link.first);
+            const double b = inverse_mass(model, link.second);
+            const double softness = link.compliance / (step_ * step_);
+            if (a + b > 0.0) {
+                add(link, a, b, softness, link.stiffness / (a + b + softness));
+            }
+        }
+        while (spring_.first.size() % lanes_ != 0) {
+            add({nobody, nobody, 0.0, 0.0, 0.0}, 0.0, 0.0, 0.0, 0.0);
+        }
+    }
+    spring_.pull.resize(spring_.first.size());
 }
 
 void ConstraintBatches::batch_groups(const ParticleModel& model) {
@@ -88,19 +145,29 @@ void ConstraintBatches::batch_groups(const ParticleModel& model) {
         std::sort(same.begin(), same.end(), [&](std::uint32_t a, std::uint32_t b) {
             return std::pair(model.groups[b].members.size(), a) < std::pair(model.groups[a].members.size(), b);
         });
-        const std::size_t first_batch = batch_.size();
-        for (std::size_t first = 0; first < same.size(); first += lanes_) {
-            add_batch(model, same, first);
-        }
-        divide_into_runs(first_batch);
+        const auto compliant = std::stable_partition(
+            same.begin(), same.end(), [&](std::uint32_t g) { return !(model.groups[g].compliance > 0.0); });
+        batch_alike(model, {same.begin(), compliant});
+        batch_alike(model, {compliant, same.end()});
+    }
+    if (std::any_of(run_.begin(), run_.end(), [](const GroupRun& run) { return run.compliant; })) {
+        shift_.resize(rest_offset_.size());
     }
 }
 
-void ConstraintBatches::divide_into_runs(std::size_t first_batch) {
+void ConstraintBatches::batch_alike(const ParticleModel& model, const std::vector<std::uint32_t>& groups) {
+    const std::size_t first_batch = batch_.size();
+    for (std::size_t first = 0; first < groups.size(); first += lanes_) {
+        add_batch(model, groups, first);
+    }
+    divide_into_runs(first_batch, !groups.empty() && model.groups[groups[0]].compliance > 0.0);
+}
+
+void ConstraintBatches::divide_into_runs(std::size_t first_batch, bool compliant) {
     for (std::size_t b = first_batch; b < batch_.size(); ++b) {
         GroupRun* last = b == first_batch ? nullptr : &run_.back();
         if (last == nullptr || last->batches == kMostBatchesInRun || last->uneven != uneven(batch_[b])) {
-            last = &run_.emplace_back(GroupRun{static_cast<std::uint32_t>(b), 0, uneven(batch_[b])});
+            last = &run_.emplace_back(GroupRun{static_cast<std::uint32_t>(b), 0, uneven(batch_[b]), compliant});
         }
         ++last->batches;
     }
@@ -132,6 +199,7 @@ void ConstraintBatches::add_group(const ParticleModel& model, const Group* group
     if (group == nullptr) {
         centre_.push_back(static_cast<std::uint32_t>(nobody_));
         stiffness_.push_back(0.0);
+        softness_.push_back(0.0);
         inverse_mass_.push_back(0.0);
         centre_spin_mass_.push_back(0.0);
         centre_is_free_.push_back(0);
@@ -145,7 +213,9 @@ void ConstraintBatches::add_group(const ParticleModel& model, const Group* group
     }
     centroid /= mass;
     centre_.push_back(group->centre);
-    stiffness_.push_back(group->stiffness);
+    const double softness = group->compliance / (step_ * step_);
+    stiffness_.push_back(group->stiffness / (1.0 + softness));
+    softness_.push_back(softness);
     inverse_mass_.push_back(1.0 / mass);
     centre_spin_mass_.push_back(spin_mass(model, group->centre));
     centre_is_free_.push_back(model.pinned[group->centre] != 0 ? 0 : 1);
@@ -169,20 +239,34 @@ LinkBatches ConstraintBatches::links() const noexcept {
             rest_length_.data(),    first_share_.data(), second_share_.data()};
 }
 
-GroupBatches ConstraintBatches::groups() const noexcept {
+SpringBatches ConstraintBatches::springs() noexcept {
+    return {.count = spring_.first.size() / lanes_,
+            .first = spring_.first.data(),
+            .second = spring_.second.data(),
+            .rest_length = spring_.rest_length.data(),
+            .first_inverse_mass = spring_.first_inverse_mass.data(),
+            .second_inverse_mass = spring_.second_inverse_mass.data(),
+            .softness = spring_.softness.data(),
+            .gain = spring_.gain.data(),
+            .pull = spring_.pull.data()};
+}
+
+GroupBatches ConstraintBatches::groups() noexcept {
     return {.runs = run_.size(),
             .run = run_.data(),
             .most_slots = most_slots(),
             .batch = batch_.data(),
             .centre = centre_.data(),
             .stiffness = stiffness_.data(),
+            .softness = softness_.data(),
             .inverse_mass = inverse_mass_.data(),
             .centre_spin_mass = centre_spin_mass_.data(),
             .centre_is_free = centre_is_free_.data(),
             .member = member_.data(),
             .rest_offset = rest_offset_.data(),
             .member_exists = member_exists_.data(),
-            .member_is_free = member_is_free_.data()};
+            .member_is_free = member_is_free_.data(),
+            .shift = shift_.data()};
 }
 
 std::size_t ConstraintBatches::most_slots() const noexcept {

@@ -34,27 +34,36 @@ using LaneArray = std::vector<T, CacheLineAllocator<T>>;
 class ConstraintBatches {
   public:
     /// The model has been checked. Throws std::invalid_argument if a particle is in too many constraints.
-    ConstraintBatches(const ParticleModel& model, std::size_t lanes);
+    /// `step` is the length of a sub-step, s.
+    ConstraintBatches(const ParticleModel& model, double step, std::size_t lanes);
+
+    /// Forgets what compliant constraints have pulled, as each sub-step begins with.
+    void relax() noexcept;
 
     /// The number of particles, filled up to whole vectors; also the index of the one more.
     [[nodiscard]] std::size_t nobody() const noexcept { return nobody_; }
     [[nodiscard]] LinkBatches links() const noexcept;
-    [[nodiscard]] GroupBatches groups() const noexcept;
+    [[nodiscard]] SpringBatches springs() noexcept;
+    [[nodiscard]] GroupBatches groups() noexcept;
     [[nodiscard]] std::size_t link_colours() const noexcept { return link_colours_; }
     [[nodiscard]] std::size_t group_colours() const noexcept { return group_colours_; }
     /// Slots of the largest batch.
     [[nodiscard]] std::size_t most_slots() const noexcept;
 
   private:
-    void batch_links(const ParticleModel& model);
+    void batch_links(const ParticleModel& model, const std::vector<std::uint32_t>& links);
+    void batch_springs(const ParticleModel& model, const std::vector<std::uint32_t>& links);
     void batch_groups(const ParticleModel& model);
     void add_batch(const ParticleModel& model, const std::vector<std::uint32_t>& groups, std::size_t first);
-    void divide_into_runs(std::size_t first_batch);
+    /// All with a compliance, or all without.
+    void batch_alike(const ParticleModel& model, const std::vector<std::uint32_t>& groups);
+    void divide_into_runs(std::size_t first_batch, bool compliant);
     [[nodiscard]] bool uneven(const GroupBatch& batch) const noexcept;
     void add_group(const ParticleModel& model, const Group* group, std::size_t first_member);
 
     std::size_t lanes_;
     std::size_t nobody_;
+    double step_;
     std::size_t link_colours_ = 0;
     std::size_t group_colours_ = 0;
 
@@ -64,10 +73,21 @@ class ConstraintBatches {
     LaneArray<double> rest_length_;
     LaneArray<double> first_share_;
     LaneArray<double> second_share_;
+    struct {
+        LaneArray<std::uint32_t> first;
+        LaneArray<std::uint32_t> second;
+        LaneArray<double> rest_length;
+        LaneArray<double> first_inverse_mass;
+        LaneArray<double> second_inverse_mass;
+        LaneArray<double> softness;
+        LaneArray<double> gain;
+        LaneArray<double> pull;
+    } spring_;
     std::vector<GroupRun> run_;
     std::vector<GroupBatch> batch_;
     LaneArray<std::uint32_t> centre_;
     LaneArray<double> stiffness_;
+    LaneArray<double> softness_;
     LaneArray<double> inverse_mass_;
     LaneArray<double> centre_spin_mass_;
     LaneArray<std::int64_t> centre_is_free_;
@@ -75,6 +95,7 @@ class ConstraintBatches {
     LaneArray<double> rest_offset_;
     LaneArray<std::int64_t> member_exists_;
     LaneArray<std::int64_t> member_is_free_;
+    LaneArray<double> shift_;  // empty without compliant groups
 };
 
 /// m r^2 / 5, kg m^2: what weights the orientation of a ball in the moment matrix.

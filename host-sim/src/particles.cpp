@@ -38,6 +38,9 @@ void check_group(const ParticleModel& model, std::size_t index) {
     if (!in_unit_interval(group.stiffness)) {
         refuse("group", index, "has a stiffness outside 0..1");
     }
+    if (!(group.compliance >= 0.0) || !std::isfinite(group.compliance)) {
+        refuse("group", index, "needs a compliance of at least 0");
+    }
 }
 
 void check_bodies(const ParticleModel& model) {
@@ -138,6 +141,9 @@ void ParticleModel::check() const {
         }
         if (!(link.rest_length >= 0.0) || !std::isfinite(link.rest_length) || !in_unit_interval(link.stiffness)) {
             refuse("link", l, "needs a rest length of at least 0 and a stiffness in 0..1");
+        }
+        if (!(link.compliance >= 0.0) || !std::isfinite(link.compliance)) {
+            refuse("link", l, "needs a compliance of at least 0");
         }
     }
 }

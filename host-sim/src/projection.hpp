@@ -41,6 +41,19 @@ struct LinkBatches {
     const double* second_share;
 };
 
+/// Links with a compliance. Arrays of shape [batch][lane].
+struct SpringBatches {
+    std::size_t count;
+    const std::uint32_t* first;
+    const std::uint32_t* second;
+    const double* rest_length;         // m
+    const double* first_inverse_mass;  // 1 / kg
+    const double* second_inverse_mass;
+    const double* softness;  // 1 / kg, compliance / h^2
+    const double* gain;      // kg, stiffness / (w1 + w2 + softness)
+    double* pull;            // kg m, tension * h^2 of this sub-step
+};
+
 struct GroupBatch {
     std::uint32_t first_slot;  // of its members
     std::uint32_t slots;       // members of the largest group
@@ -53,6 +66,7 @@ struct GroupRun {
     std::uint32_t first_batch;
     std::uint32_t batches;  // 1..kMostBatchesInRun
     bool uneven;            // some group is smaller than its batch, or something is pinned: the masks are needed
+    bool compliant;         // all groups have a compliance; else none has
 };
 inline constexpr std::size_t kMostBatchesInRun = 4;
 
@@ -63,7 +77,8 @@ struct GroupBatches {
     const GroupBatch* batch;  // [batch]
     // [batch][lane]
     const std::uint32_t* centre;
-    const double* stiffness;
+    const double* stiffness;             // compliant: stiffness / (1 + softness)
+    const double* softness;              // compliance / h^2
     const double* inverse_mass;          // 1 / kg
     const double* centre_spin_mass;      // kg m^2, m r^2 / 5
     const std::int64_t* centre_is_free;  // 0: pinned
@@ -72,6 +87,7 @@ struct GroupBatches {
     const double* rest_offset;           // [slot][x, y, z][lane], m, from the group's rest centroid
     const std::int64_t* member_exists;   // 0: its group is smaller
     const std::int64_t* member_is_free;  // 0: pinned, or does not exist
+    double* shift;                       // [slot][x, y, z][lane], m, by which compliant groups have moved it, so far
 };
 
 /// One of the ways to project, which all give the same bits. Counts of bodies are multiples of `lanes`.
@@ -82,6 +98,7 @@ struct Projection {
     /// Writes the rates, rad/s, that took each body from its turn `before` to its present one within the step, s.
     void (*find_rates)(std::size_t count, const Row* before, const Body* body, double step, Row* rate) noexcept;
     void (*project_links)(const LinkBatches& links, bool forward, const MovingParticles& particles) noexcept;
+    void (*project_springs)(const SpringBatches& springs, bool forward, const MovingParticles& particles) noexcept;
     void (*project_groups)(const GroupBatches& groups, bool forward, int rotation_iterations,
                            const MovingParticles& particles) noexcept;
 };

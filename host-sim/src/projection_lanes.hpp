@@ -177,6 +177,34 @@ void project_links(const LinkBatches& links, bool forward, const MovingParticles
     }
 }
 
+template <class Real>
+HAPTIC_LANES void project_spring_batch(const SpringBatches& springs, std::size_t batch, Row* place) noexcept {
+    const std::size_t at = batch * kLanes<Real>;
+    const LaneRow<Real> first = gather<Real>(place, springs.first + at);
+    const LaneRow<Real> second = gather<Real>(place, springs.second + at);
+    const LaneVec<Real> a = head(first);
+    const LaneVec<Real> b = head(second);
+    const LaneVec<Real> between = b - a;
+    const Real length = square_root(dot(between, between));
+    const Real pull = load<Real>(springs.pull + at);
+    const Real error = length - load<Real>(springs.rest_length + at) - load<Real>(springs.softness + at) * pull;
+    const Real more = load<Real>(springs.gain + at) * error;
+    const LaneVec<Real> along = (more / length) * between;
+    const auto apart = length > 0.0;
+    const LaneVec<Real> a_new = select(apart, a + load<Real>(springs.first_inverse_mass + at) * along, a);
+    const LaneVec<Real> b_new = select(apart, b - load<Real>(springs.second_inverse_mass + at) * along, b);
+    store(select(apart, pull + more, pull), springs.pull + at);
+    scatter<Real>({a_new.x, a_new.y, a_new.z, first.d}, place, springs.first + at);
+    scatter<Real>({b_new.x, b_new.y, b_new.z, second.d}, place, springs.second + at);
+}
+
+template <class Real>
+void project_springs(const SpringBatches& springs, bool forward, const MovingParticles& particles) noexcept {
+    for (std::size_t k = 0; k < springs.count; ++k) {
+        project_spring_batch<Real>(springs, forward ? k : springs.count - 1 - k, particles.place);
+    }
+}
+
 /// sum m p x (T q), given A = sum m p q^T: the axial vector of B = A T^T.
 template <class Real>
 HAPTIC_LANES LaneVec<Real> torque_of(const LaneMat<Real>& a, const LaneMat<Real>& t) noexcept {
@@ -186,8 +214,8 @@ HAPTIC_LANES LaneVec<Real> torque_of(const LaneMat<Real>& a, const LaneMat<Real>
     return {bz.y - by.z, bx.z - bz.x, by.x - bx.y};
 }
 
-/// One batch of groups, in three stages. `Uneven`: see GroupRun; what a mask excludes keeps its bits.
-template <class Real, bool Uneven>
+/// One batch of groups, in three stages. `Uneven`, `Compliant`: see GroupRun; what a mask excludes keeps its bits.
+template <class Real, bool Uneven, bool Compliant>
 class BatchProjection {
   public:
     /// Sums over the members. Each has a loop of its own, because all together do not fit the registers. `scratch` has
@@ -221,7 +249,12 @@ class BatchProjection {
         for (std::size_t k = 0; k < slots_; ++k) {
             const LaneRow<Real> u = placed(k);
             const LaneVec<Real> p = head(u) - centroid_;
-            const LaneVec<Real> goal = head(u) + stiffness * (rotation_ * rest_offset(k) - p - cross(turn_, p));
+            LaneVec<Real> error = rotation_ * rest_offset(k) - p - cross(turn_, p);
+            if constexpr (Compliant) {
+                error = error - load<Real>(groups_->softness + at_) * shift(k);
+                add_shift(k, stiffness * error);
+            }
+            const LaneVec<Real> goal = head(u) + stiffness * error;
             const LaneVec<Real> next = where(groups_->member_is_free + member(k), goal, head(u));
             scatter<Real>({next.x, next.y, next.z, u.d}, place, groups_->member + member(k));
         }
@@ -234,6 +267,17 @@ class BatchProjection {
     [[nodiscard]] HAPTIC_LANES LaneVec<Real> rest_offset(std::size_t slot) const noexcept {
         const double* q = groups_->rest_offset + 3 * member(slot);
         return {load<Real>(q), load<Real>(q + kLanes<Real>), load<Real>(q + 2 * kLanes<Real>)};
+    }
+    [[nodiscard]] HAPTIC_LANES LaneVec<Real> shift(std::size_t slot) const noexcept {
+        const double* s = groups_->shift + 3 * member(slot);
+        return {load<Real>(s), load<Real>(s + kLanes<Real>), load<Real>(s + 2 * kLanes<Real>)};
+    }
+    HAPTIC_LANES void add_shift(std::size_t slot, const LaneVec<Real>& more) const noexcept {
+        double* s = groups_->shift + 3 * member(slot);
+        const LaneVec<Real> sum = shift(slot) + more;
+        store(sum.x, s);
+        store(sum.y, s + kLanes<Real>);
+        store(sum.z, s + 2 * kLanes<Real>);
     }
     [[nodiscard]] HAPTIC_LANES double* scratch(std::size_t slot) const noexcept {
         return scratch_[slot * kLanes<Real>].number;
@@ -349,10 +393,10 @@ class BatchProjection {
     LaneVec<Real> turn_;           // theta
 };
 
-template <class Real, bool Uneven>
+template <class Real, bool Uneven, bool Compliant>
 HAPTIC_LANES void project_run(const GroupBatches& groups, const GroupRun& run, int rotation_iterations,
                               const MovingParticles& particles) noexcept {
-    BatchProjection<Real, Uneven> batch[kMostBatchesInRun];
+    BatchProjection<Real, Uneven, Compliant> batch[kMostBatchesInRun];
     for (std::size_t b = 0; b < run.batches; ++b) {
         Row* scratch = particles.scratch + b * groups.most_slots * kLanes<Real>;
         batch[b].gather_members(groups, run.first_batch + b, particles, scratch);
@@ -370,17 +414,22 @@ void project_groups(const GroupBatches& groups, bool forward, int rotation_itera
                     const MovingParticles& particles) noexcept {
     for (std::size_t k = 0; k < groups.runs; ++k) {
         const GroupRun& run = groups.run[forward ? k : groups.runs - 1 - k];
-        if (run.uneven) {
-            project_run<Real, true>(groups, run, rotation_iterations, particles);
+        if (run.compliant) {
+            project_run<Real, true, true>(groups, run, rotation_iterations, particles);
+        } else if (run.uneven) {
+            project_run<Real, true, false>(groups, run, rotation_iterations, particles);
         } else {
-            project_run<Real, false>(groups, run, rotation_iterations, particles);
+            project_run<Real, false, false>(groups, run, rotation_iterations, particles);
         }
     }
 }
 
 template <std::size_t Count>
-inline constexpr Projection kProjection{
-    Count, turn_bodies<typename LaneTypes<Count>::Real>, find_rates<typename LaneTypes<Count>::Real>,
-    project_links<typename LaneTypes<Count>::Real>, project_groups<typename LaneTypes<Count>::Real>};
+inline constexpr Projection kProjection{Count,
+                                        turn_bodies<typename LaneTypes<Count>::Real>,
+                                        find_rates<typename LaneTypes<Count>::Real>,
+                                        project_links<typename LaneTypes<Count>::Real>,
+                                        project_springs<typename LaneTypes<Count>::Real>,
+                                        project_groups<typename LaneTypes<Count>::Real>};
 
 }  // namespace haptic::sim

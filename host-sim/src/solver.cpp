@@ -100,10 +100,11 @@ const Projection& choose_projection(std::size_t lanes) {
 }  // namespace
 
 struct ParticleSolver::Projecting {
-    Projecting(const ParticleModel& model, std::size_t lanes)
+    Projecting(const ParticleModel& model, double step, std::size_t lanes)
         : projection(choose_projection(lanes)),
-          batches(model, projection.lanes),
+          batches(model, step, projection.lanes),
           links(batches.links()),
+          springs(batches.springs()),
           groups(batches.groups()),
           place(batches.nobody() + 1),
           body(batches.nobody() + 1),
@@ -152,12 +153,14 @@ struct ParticleSolver::Projecting {
     void sweep(bool forward, int rotation_iterations) {
         const MovingParticles particles = moving();
         projection.project_links(links, forward, particles);
+        projection.project_springs(springs, forward, particles);
         projection.project_groups(groups, forward, rotation_iterations, particles);
     }
 
     const Projection& projection;
     ConstraintBatches batches;
     LinkBatches links;
+    SpringBatches springs;
     GroupBatches groups;
     // See MovingParticles.
     LaneArray<Row> place;
@@ -176,7 +179,7 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
     for (const ParticleRange& body : bodies_of(model)) {
         bodies_.push_back({body, nothing_pinned(model, body)});
     }
-    now_ = std::make_unique<Projecting>(model, lanes);
+    now_ = std::make_unique<Projecting>(model, settings.step / settings.substeps, lanes);
     predicted_.resize(model.size());
 }
 
@@ -209,6 +212,7 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, Sol
     }
     for (int s = 0; s < settings_.substeps; ++s) {
         predict(model, force, h);
+        now_->batches.relax();
         if (contacts != nullptr) {
             contacts->find(model, now_->moving(), h);
         }

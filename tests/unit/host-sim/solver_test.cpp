@@ -61,6 +61,7 @@ ParticleModel tangle(std::uint32_t seed) {
     }
     for (std::uint32_t c = 0; c < 40; ++c) {
         Group group{c, {c}, 0.1 * below(11)};
+        group.compliance = c % 3 == 0 ? 1e-5 * c : 0.0;
         for (std::uint32_t more = below(8); more > 0; --more) {
             group.members.push_back((group.members.back() + 1 + below(10)) % count);
         }
@@ -70,6 +71,7 @@ ParticleModel tangle(std::uint32_t seed) {
     for (int l = 0; l < 60; ++l) {
         const std::uint32_t first = below(count);
         model.links.push_back({first, (first + 1 + below(count - 1)) % count, std::abs(normal(random)), 0.9});
+        model.links.back().compliance = l % 4 == 0 ? 1e-4 * l : 0.0;
     }
     const Link& closed = model.links[7];
     model.position[closed.second] = model.position[closed.first];
@@ -471,6 +473,126 @@ TEST(Solver, PullsAStretchedPairToItsLength) {
     solver.step(model, {});
     EXPECT_NEAR(model.position[0].x, 0.3, 1e-15);  // in inverse proportion to mass
     EXPECT_NEAR(model.position[1].x, 1.3, 1e-15);
+}
+
+/// A chain that hangs from its first particle along -y, with a drag in which it comes to rest.
+ParticleModel hanging_chain(std::uint32_t links, double mass, double compliance) {
+    ParticleModel model;
+    model.add(Vec3(0.0), 1.0, 0.0);
+    model.pinned[0] = 1;
+    for (std::uint32_t k = 1; k <= links; ++k) {
+        model.add(Vec3(0.0, -0.1 * k, 0.0), mass, 0.0);
+        model.links.push_back({k - 1, k, 0.1, 1.0, compliance});
+    }
+    return model;
+}
+
+TEST(Solver, ACompliantLinkStretchesAsTheSpringDoesWithAnyStepAndIterations) {
+    const double compliance = 0.003;  // m/N
+    const double mass = 0.2;          // kg
+    for (const double step : {0.01, 0.002}) {
+        for (const int substeps : {1, 5}) {
+            for (const int iterations : {1, 3, 20}) {
+                ParticleModel model = hanging_chain(1, mass, compliance);
+                ParticleSolver solver(model,
+                                      {.step = step, .substeps = substeps, .iterations = iterations, .drag = 20.0});
+                for (double t = 0.0; t < 4.0; t += step) {
+                    solver.step(model, {});
+                }
+                EXPECT_NEAR(-model.position[1].y - 0.1, compliance * mass * 9.81, 1e-12)
+                    << step << " s, " << substeps << " sub-steps, " << iterations << " iterations";
+            }
+        }
+    }
+}
+
+TEST(Solver, AChainOfCompliantLinksStretchesByItsTensions) {
+    const std::uint32_t count = 6;
+    const double compliance = 0.01;  // m/N
+    const double mass = 0.05;        // kg
+    struct Effort {
+        double step;
+        int substeps;
+        int iterations;
+    };
+    // Within 1 %. Two iterations of 0.01 s would leave 11 %, but as sub-steps of 0.002 s they do.
+    for (const auto& [step, substeps, iterations] :
+         {Effort{0.01, 1, 5}, Effort{0.01, 1, 40}, Effort{0.002, 1, 2}, Effort{0.01, 5, 2}}) {
+        ParticleModel model = hanging_chain(count, mass, compliance);
+        ParticleSolver solver(model, {.step = step, .substeps = substeps, .iterations = iterations, .drag = 20.0});
+        for (double t = 0.0; t < 8.0; t += step) {
+            solver.step(model, {});
+        }
+        for (std::uint32_t k = 1; k <= count; ++k) {
+            const double stretch = model.position[k - 1].y - model.position[k].y - 0.1;
+            const double expected = compliance * mass * 9.81 * (count + 1 - k);
+            EXPECT_NEAR(stretch, expected, 0.01 * expected)
+                << step << " s, " << iterations << " iterations, link " << k;
+        }
+    }
+}
+
+TEST(Solver, ALinkWithoutComplianceStretchesByWhatStepAndIterationsLeave) {
+    // What compliance is for: the same chain, held by stiffness alone.
+    const auto stretch = [](int iterations, double step) {
+        ParticleModel model = hanging_chain(1, 0.2, 0.0);
+        model.links[0].stiffness = 0.3;
+        ParticleSolver solver(model, {.step = step, .iterations = iterations, .drag = 20.0});
+        for (double t = 0.0; t < 4.0; t += step) {
+            solver.step(model, {});
+        }
+        return -model.position[1].y - 0.1;
+    };
+    EXPECT_GT(stretch(1, 0.01), 5.0 * stretch(5, 0.01));
+    EXPECT_GT(stretch(1, 0.01), 20.0 * stretch(1, 0.002));
+}
+
+TEST(Solver, ACompliantGroupGivesWayByForcePerMassWithAnyStepAndIterations) {
+    const double compliance = 0.004;  // s^2
+    const std::vector<double> mass{0.1, 0.1, 0.3, 0.3};
+    // In and against the line of each pair, so that neither the centroid nor the orientation takes part of it.
+    const std::vector<Vec3> acceleration{{2.0, 0.0, 0.0}, {-2.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, -1.0, 0.0}};
+    for (const double step : {0.01, 0.002}) {
+        for (const int iterations : {1, 3, 20}) {
+            ParticleModel model;
+            model.add({1.0, 0.0, 0.0}, mass[0], 0.1);
+            model.add({-1.0, 0.0, 0.0}, mass[1], 0.1);
+            model.add({0.0, 1.0, 0.0}, mass[2], 0.1);
+            model.add({0.0, -1.0, 0.0}, mass[3], 0.1);
+            model.groups.push_back({0, {0, 1, 2, 3}, 1.0, compliance});
+            std::vector<Vec3> force;
+            for (std::size_t i = 0; i < 4; ++i) {
+                force.push_back(mass[i] * acceleration[i]);
+            }
+            SolverSettings settings{.step = step, .iterations = iterations, .gravity = Vec3(0.0), .drag = 20.0};
+            ParticleSolver solver(model, settings);
+            for (double t = 0.0; t < 4.0; t += step) {
+                solver.step(model, force);
+            }
+            for (std::size_t i = 0; i < 4; ++i) {
+                const Vec3 gone = model.position[i] - model.rest_position[i];
+                EXPECT_LT(glm::length(gone - compliance * acceleration[i]), 1e-12) << step << " s, " << iterations;
+            }
+        }
+    }
+}
+
+TEST(Solver, CompliantBodiesKeepTheirMomenta) {
+    ParticleModel model = crumpled_sheet();
+    for (Group& group : model.groups) {
+        group.compliance = 1e-3;
+    }
+    for (Link& link : model.links) {
+        link.compliance = 1e-2;
+    }
+    ParticleSolver solver(model, kFree);
+    const Vec3 linear = linear_momentum(model);
+    const Vec3 angular = angular_momentum(model);
+    for (int i = 0; i < 500; ++i) {
+        solver.step(model, {});
+    }
+    EXPECT_LT(glm::length(linear_momentum(model) - linear), 1e-12 * glm::length(linear) * 500);
+    EXPECT_LT(glm::length(angular_momentum(model) - angular), 1e-11 * glm::length(linear));
 }
 
 TEST(Solver, AcceleratesByForceOverMass) {

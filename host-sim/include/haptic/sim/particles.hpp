@@ -20,6 +20,7 @@ struct Link {
     std::uint32_t second = 0;
     double rest_length = 0.0;  // m
     double stiffness = 1.0;    // 0..1, part of the error that one projection removes
+    double compliance = 0.0;   // m/N, of a spring; the stretch under a force, whatever step and iterations are
 };
 
 /// A particle and those linked to it, matched to their rest shape.
@@ -27,6 +28,7 @@ struct Group {
     std::uint32_t centre = 0;            // the particle whose orientation is that of the group
     std::vector<std::uint32_t> members;  // the centre among them; no particle twice
     double stiffness = 1.0;              // 0..1 (alpha in Müller et al. 2005, Meshless Deformations); 1 is rigid
+    double compliance = 0.0;             // s^2, how far from its goal a force per mass, m/s^2, takes a member, m
 };
 
 /// The particles [begin, end) of a model.

@@ -9,12 +9,27 @@
 // A link of rest length d moves its ends along their line, in inverse proportion to their masses, by stiffness times
 // its error (M. Müller et al., "Position Based Dynamics", 2007, equations 10 and 11).
 //
+// A link with a compliance is a spring instead (M. Macklin, M. Müller, N. Chentanez, "XPBD: Position-Based Simulation
+// of Compliant Constrained Dynamics", 2016, equations 17 and 18): with C its stretch and s = compliance / h^2 a
+// projection adds (C - s p) / (w_a + w_b + s) to the pull p that it has exerted in this sub-step, h^2 times the
+// tension. Once the iterations have converged, C is compliance times tension, however many they are and however long
+// the step. They do so the sooner the shorter a sub-step is, which serves better than more iterations (Macklin et al.,
+// "Small Steps in Physics Simulation", 2019). Stiffness is then the part of that which a projection adds, and best left
+// at 1.
+//
 // A group with masses m, rest offsets q from its rest centroid and present offsets p from its centroid c has the moment
 // matrix A = sum m p q^T + sum m r^2 / 5 R, with R the particles' orientations as matrices (Müller & Chentanez 2011,
 // equations 10 to 12). Its rotational part T gives each member the goal c + T q, of which it goes `stiffness` of the
 // way; the centre particle takes T as its orientation. A fit that also counts orientations may turn the group as a
 // whole, which no inner force can do; that turn, theta = I^-1 sum m p x d, is taken out again, so that every
 // projection keeps linear and angular momentum to rounding.
+//
+// A group with a compliance, s^2, has the energy 1/2 sum m |d|^2 / compliance, d being what a member lacks to its goal:
+// a member that is displaced is drawn back at the rate compliance^-1/2, rad/s, whatever its mass. Since the best fit
+// is where that energy is least, its gradient takes the goals as constant, and XPBD makes of each member's displacement
+// (d - s e) / (1 + s), e being what this group has displaced it by in this sub-step and s = compliance / h^2. As e is
+// that of earlier iterations, a group may gain angular momentum here, of the order of the motion within a sub-step;
+// what follows below takes it back.
 //
 // Both loops run in the order of a graph colouring: constraints of one colour share no particle, so that they are done
 // side by side, in the lanes of vector registers, without a change in any bit of the result.
