@@ -14,6 +14,8 @@ constexpr double kRounding = 8e-16;      // of the coordinates: no distance is k
 constexpr int kFineAdvances = 200;       // then kCreepTolerance takes the place of kFine
 constexpr int kMaxAdvances = 2000;       // then the triangle counts as touching; not met in 10^8 random queries
 constexpr double kNever = 2.0;           // longer than any step
+constexpr double kPassed = 0.9;          // cosine: a touched point straight across was passed, not left aside
+constexpr double kOblique = 1e-3;        // of the coordinates: the direction from a nearer point is made square first
 constexpr double kPassageShare = 1e-11;  // radius of a point, as a share of the triangle's extent
 
 double longest(const TriangleCorners& t) HAPTIC_RT {
@@ -34,6 +36,29 @@ bool stays_outside(const TriangleCorners& s, const TriangleCorners& by, double r
                                   std::max({s.a.y, s.b.y, s.c.y, e.a.y, e.b.y, e.c.y}),
                                   std::max({s.a.z, s.b.z, s.c.z, e.a.z, e.b.z, e.c.z})});
     return low > radius || high < -radius;
+}
+
+/// A direction made square to the touched face or edge. Any unit vector is safe to use for a plane, only this one is
+/// good where the nearest point is so near that the rounding of its difference from the centre tilts it into the
+/// triangle.
+[[gnu::noinline]] Vec3 squared_up(const Vec3& n, const ClosestPoint& at, const TriangleCorners& t) HAPTIC_RT {
+    Vec3 square = n;
+    if (at.feature == Feature::Face) {
+        square = glm::cross(t.b - t.a, t.c - t.a);
+        square = glm::dot(square, n) < 0.0 ? -square : square;
+    } else if (at.feature == Feature::Edge) {
+        const Vec3 e = at.index == 0 ? t.b - t.a : (at.index == 1 ? t.c - t.b : t.a - t.c);
+        const double ee = glm::dot(e, e);
+        square -= ee > 0.0 ? e * (glm::dot(n, e) / ee) : Vec3(0.0);
+    }
+    const double length = std::sqrt(glm::dot(square, square));
+    return length > 0.0 ? square / length : n;
+}
+
+/// From the nearest point to the origin, unit.
+inline Vec3 direction_of(const ClosestPoint& at, double distance, double least, const TriangleCorners& t) HAPTIC_RT {
+    const Vec3 n = at.point * (-1.0 / distance);
+    return distance >= least ? n : squared_up(n, at, t);
 }
 
 /// How far ahead the corners stay beyond the plane that is `radius` from the origin and faces the nearest point.
@@ -90,8 +115,11 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
         return touch;
     }
     const double fastest = longest(by);
-    const double rounding = kRounding * (longest(start) + fastest);
+    const double extent = longest(start) + fastest;
+    const double rounding = kRounding * extent;
+    const double oblique = kOblique * extent;
     double ahead = limit;  // longest leap worth trying
+    bool went_too_far = false;
     TriangleCorners now = start;
     touch.at = closest_point_on_triangle(Vec3(0.0), now);
     double distance = std::sqrt(touch.at.squared_distance);
@@ -103,7 +131,7 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
             touch.touches = true;
             return touch;
         }
-        const Vec3 n = touch.at.point * (-1.0 / distance);
+        const Vec3 n = direction_of(touch.at, distance, oblique, now);
         const double step = std::max(gap < fastest ? gap / fastest : kNever, time_to_plane(n, threshold, now, by));
         const double rest = limit - touch.time;
         if (step > rest) {
@@ -120,24 +148,35 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
             const ClosestPoint at = closest_point_on_triangle(Vec3(0.0), then);
             const double far = std::sqrt(at.squared_distance);
             if (far <= threshold) {
-                ahead = leap * (to_close / (distance - far));
+                // Where the distance is convex the chord goes too far as well, and again by nearly as much: not twice.
+                const double chord = to_close / (distance - far);
+                ahead = leap * (went_too_far ? std::min(chord, 0.5) : chord);
+                went_too_far = true;
                 if (ahead > step) {
                     continue;
                 }
-            } else if (separated(n, at.point * (-1.0 / far), threshold, now, then)) {
+            } else if (separated(n, direction_of(at, far, oblique, then), threshold, now, then)) {
                 if (leap >= rest) {
                     return touch;
                 }
+                went_too_far = false;
                 touch.time += leap;
                 touch.at = at;
                 distance = far;
                 now = then;
                 ahead = 4.0 * leap;
                 continue;
+            } else if (glm::dot(n, at.point) > kPassed * far) {
+                // The triangle has just passed, flat: the chord of the signed distance.
+                ahead = leap * std::max(0.25, to_close / (distance + far));
+                if (ahead > step) {
+                    continue;
+                }
             } else {
                 ahead = 0.25 * leap;
             }
         }
+        went_too_far = false;
         touch.time += step;
         now = moved(start, by, touch.time);
         touch.at = closest_point_on_triangle(Vec3(0.0), now);

@@ -194,7 +194,8 @@ class FlyingCloth {
         travel *= kTravel / glm::length(travel);
         const Vec3 spin = random.direction();
         const double by = attitude == Attitude::Tumbling ? random.uniform(-1.0, 1.0) : 0.0;
-        const Vec3 from = random.in_cube(kAim) - travel * random.uniform(0.0, 1.0);
+        const Vec3 aim = random.in_cube(kAim);
+        const Vec3 from = aim - travel * random.uniform(0.0, 1.0);
         const double height = random.uniform(0.0, kHighestWave);
         const double along = random.uniform(0.0, 2.0 * kPi);
         const double across = random.uniform(0.0, 2.0 * kPi);

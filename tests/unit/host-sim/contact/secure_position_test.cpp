@@ -202,31 +202,6 @@ TEST(SecurePosition, TheAnvilHoldsWhereTheHammerFallsThroughIt) {
     }
 }
 
-TEST(SecurePosition, RunsAheadOfTwoSheetsThatFollowOneAnother) {
-    Random random(41);
-    World world;
-    Body& first = world.add(sheet(0.5, 12, true));
-    Body& second = world.add(sheet(0.5, 12, true));
-    for (int k = 0; k < 150; ++k) {
-        const Mat3 attitude = rotation(random.direction(), random.uniform(0.0, 3.0));
-        const Vec3 normal = attitude[1];
-        const double height = random.uniform(kRadius + 1e-4, 0.1);
-        const Vec3 side = attitude * Vec3(random.uniform(-0.1, 0.1), 0.0, random.uniform(-0.1, 0.1));
-        const Vec3 travel = normal * -kTravel + attitude * Vec3(random.uniform(-0.05, 0.05), 0, 0);
-        first.start = placed(first.mesh.vertices, attitude, side + normal * height);
-        second.start = placed(second.mesh.vertices, attitude, side + normal * (height + 0.01));
-        first.end = placed(first.start, kUpright, travel);
-        second.end = placed(second.start, kUpright, travel);
-        world.refit();
-        const Step s = step(world, Vec3(0.0), Vec3(0.0), kRadius);
-        ASSERT_TRUE(s.secure.touched) << k;
-        ASSERT_FALSE(s.secure.squeezed) << k;
-        ASSERT_TRUE(s.crossings.empty()) << k;
-        const double below = glm::dot(normal, s.moved.position - first.end[0]);
-        ASSERT_LE(below, -0.999 * kRadius) << k << ": never between them, never behind";
-    }
-}
-
 TEST(SecurePosition, IsTheSameForEveryOrderOfTriangles) {
     Random random(43);
     const haptic::sim::TriangleMesh mesh = sheet(0.5, 8, true);
