@@ -137,6 +137,7 @@ Scene read_scene(const Config& config, const std::string& name) {
     scene.coupling = read_coupling(config);
     scene.workspace = read_workspace(config);
     scene.hand = read_hand(config);
+    scene.hand_repeats = config.flag("hand.repeat", scene.hand_repeats);
     config.reject_unknown();
     return scene;
 }

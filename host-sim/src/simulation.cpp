@@ -328,7 +328,9 @@ StepResult Simulation::step(const StepInput& input) {
 }
 
 StepInput Simulation::scripted_input(std::int64_t time_ns) const {
-    const Pose hand = state_->scene.hand.at(time_ns);
+    const Scene& scene = state_->scene;
+    const std::int64_t period_ns = nanoseconds(scene.hand.duration_s());
+    const Pose hand = scene.hand.at(scene.hand_repeats && period_ns > 0 ? time_ns % period_ns : time_ns);
     StepInput input;
     input.time_ns = time_ns;
     input.device.position = state_->workspace.to_device(hand.position);

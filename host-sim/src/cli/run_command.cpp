@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cerrno>
+#include <charconv>
 #include <cmath>
 #include <csignal>
 #include <ctime>
@@ -15,6 +16,8 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -27,6 +30,7 @@
 #include "haptic/pose_track.hpp"
 #include "haptic/report.hpp"
 #include "haptic/ring.hpp"
+#include "haptic/sim/hostile_hand.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
 
@@ -71,6 +75,7 @@ struct RunOptions {
     std::optional<std::uint64_t> steps;
     std::string clock = "lockstep";
     std::string input;
+    std::string hand = "script";
     std::string report;
     std::string record;
     std::string snapshots;
@@ -92,7 +97,8 @@ struct Plan {
     Scene scene;
     std::uint64_t steps = 0;  // 0: until stopped
     bool real = false;
-    std::string session;  // of the rings; empty: none are used
+    std::optional<std::uint64_t> hostile_seed;  // none: the hand is not hostile
+    std::string session;                        // of the rings; empty: none are used
 };
 
 /// Finds out before a long run, not after it, that a result could not be written.
@@ -101,6 +107,29 @@ void require_folder_of(const std::string& file) {
     if (!folder.empty() && !std::filesystem::is_directory(folder)) {
         throw std::runtime_error(file + ": the folder " + folder.string() + " does not exist");
     }
+}
+
+// m/s; a fast human hand
+constexpr double kHostileSpeed = 5.0;
+
+/// The seed in "hostile:SEED", 1 in "hostile", none in "script". Throws for anything else.
+std::optional<std::uint64_t> hostile_seed_of(const std::string& hand) {
+    constexpr std::string_view kHostile = "hostile";
+    if (hand == "script") {
+        return std::nullopt;
+    }
+    if (hand == kHostile) {
+        return 1;
+    }
+    const std::string_view text(hand);
+    std::uint64_t seed = 0;
+    if (text.starts_with(kHostile) && text.size() > kHostile.size() + 1 && text[kHostile.size()] == ':') {
+        const auto [end, error] = std::from_chars(text.data() + kHostile.size() + 1, text.data() + text.size(), seed);
+        if (error == std::errc() && end == text.data() + text.size()) {
+            return seed;
+        }
+    }
+    throw std::runtime_error("--hand " + hand + ": must be script, hostile, or hostile:SEED with a whole number SEED");
 }
 
 Plan::Plan(const RunOptions& options) {
@@ -115,6 +144,10 @@ Plan::Plan(const RunOptions& options) {
     const double duration_s = options.duration_s.value_or(scene.duration_s);
     steps = options.steps.value_or(static_cast<std::uint64_t>(std::llround(duration_s / scene.solver.step)));
     real = options.clock == "real";
+    hostile_seed = hostile_seed_of(options.hand);
+    if (hostile_seed && (real || !options.input.empty())) {
+        throw std::runtime_error("--hand hostile: goes with --clock lockstep and without --input");
+    }
     session = real && options.session.empty() ? "default" : options.session;
 }
 
@@ -144,6 +177,7 @@ class Run {
     RunStatistics statistics_;
     std::unique_ptr<Snapshots> snapshots_;
     std::unique_ptr<PoseTrack> input_;
+    std::optional<HostileHand> hostile_;
     std::unique_ptr<RingWriter<ContactFrame>> frames_;
     std::unique_ptr<RingReader<DeviceState>> states_;
     ContactFrame frame_{};
@@ -156,6 +190,9 @@ Run::Run(const RunOptions& options, const Plan& plan)
       simulation_(plan.scene, monotonic_now_ns),
       statistics_(plan.scene, !options.record.empty(), plan.steps > 0 ? plan.steps : kRoomAtLeast) {
     simulation_.set_verification(options.verify);
+    if (plan.hostile_seed) {
+        hostile_.emplace(*plan.hostile_seed, kHostileSpeed, simulation_.proxy());
+    }
     if (!options.input.empty()) {
         input_ = std::make_unique<PoseTrack>(PoseTrack::load(options.input));
     }
@@ -193,6 +230,9 @@ void Run::run_lockstep() {
         StepInput input = simulation_.scripted_input(time_ns);
         if (input_) {
             input.device = input_->at(time_ns);
+        } else if (hostile_) {
+            const Vec3 hand = hostile_->after(simulation_.scene().solver.step, simulation_.vertices());
+            input.device.position = simulation_.workspace().to_device(hand);
         }
         one_step(input);
     }
@@ -313,6 +353,10 @@ Command add_run_command(CLI::App& app) {
         ->check(CLI::IsMember({"real", "lockstep"}))
         ->capture_default_str();
     app.add_option("--input", options->input, "Follow a recorded hand: time_s, x_m, y_m, z_m, ... in the device frame");
+    app.add_option("--hand", options->hand,
+                   "With --clock lockstep: script, the scene's own; hostile or hostile:SEED, one that darts at the "
+                   "surfaces at up to 5 m/s, to be used with --verify")
+        ->capture_default_str();
     app.add_option("--wait", options->wait_s,
                    "With --clock real: seconds to hold the scene back at most, until rt-core is running")
         ->check(CLI::Range(0.0, 3600.0));

@@ -52,6 +52,57 @@ TEST(Simulation, CatchesTheClothAndHoldsIt) {
     EXPECT_LT(highest, 8.0);    // rt-core's limit
 }
 
+TEST(Simulation, HoldsOneOfManyBodiesAsIfItWereAlone) {
+    // The second cloth falls 3 m aside and is never touched; the first must not know of it.
+    Config config = open_scene("cloth-drop");
+    for (const char* assignment : {"model.height=0.5", "model.velocity=[0.0, -13.66, 0.0]"}) {
+        config.set(assignment);
+    }
+    Scene alone = read_scene(config, "one cloth");
+    Scene with_another = alone;
+    with_another.model.copies.push_back({.position = {3.0, 0.0, 0.0}});
+    Simulation one(alone);
+    Simulation two(with_another);
+    two.set_verification(true);
+    ASSERT_EQ(two.bodies().size(), 2u);
+    ASSERT_EQ(two.vertices().size(), 2 * one.vertices().size());
+    ASSERT_EQ(two.mesh().triangles.size(), 2 * one.mesh().triangles.size());
+    for (int i = 0; i < 30; ++i) {
+        const StepResult expected = one.step(one.scripted_input(time_of(i)));
+        const StepResult result = two.step(two.scripted_input(time_of(i)));
+        EXPECT_FALSE(result.crossed) << "step " << i;
+        EXPECT_EQ(result.in_contact, expected.in_contact) << "step " << i;
+        EXPECT_LT(glm::length(result.proxy - expected.proxy), 1e-9) << "step " << i;
+        EXPECT_LT(glm::length(result.force - expected.force), 1e-6) << "step " << i;
+    }
+}
+
+TEST(Simulation, TellsWhichBodyIsTouched) {
+    // The same experiment with the cloth that is caught as the second body: its force must reach its particles.
+    Config config = open_scene("cloth-drop");
+    for (const char* assignment : {"model.height=0.5", "model.velocity=[0.0, -13.66, 0.0]"}) {
+        config.set(assignment);
+    }
+    Scene scene = read_scene(config, "far cloth first");
+    scene.model.copies = {{.position = {3.0, 0.0, 0.0}}, {}};
+    Simulation simulation(scene);
+    double pushed = 0.0;
+    for (int i = 0; i < 30; ++i) {
+        const std::size_t first = simulation.bodies()[1].first_particle;
+        const ParticleModel before = simulation.model();
+        const StepResult result = simulation.step(simulation.scripted_input(time_of(i)));
+        Vec3 gained[2] = {Vec3(0.0), Vec3(0.0)};
+        for (std::size_t p = 0; p < before.size(); ++p) {
+            gained[p < first ? 0 : 1] += before.mass[p] * (simulation.model().velocity[p] - before.velocity[p]);
+        }
+        const Vec3 weight(0.0, -9.81 * 0.1 * scene.solver.step, 0.0);
+        EXPECT_LT(glm::length(gained[0] - weight), 1e-12) << "step " << i;
+        EXPECT_LT(glm::length(gained[1] - weight + scene.solver.step * result.force), 1e-12) << "step " << i;
+        pushed = std::max(pushed, glm::length(result.force));
+    }
+    EXPECT_GT(pushed, 1.0);
+}
+
 TEST(Simulation, DoesNotCatchWithoutLookingBetweenTheSteps) {
     // The experiment means something only if the sheet is on one side of the ball before a step and clear of it after.
     Simulation simulation(late_drop());

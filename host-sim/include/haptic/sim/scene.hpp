@@ -37,7 +37,8 @@ struct Scene {
     ContactSettings contact;  // shrink is the proxy's
     CouplingSettings coupling;
     WorkspaceSettings workspace;
-    PoseTrack hand;  // scripted, positions in the scene
+    PoseTrack hand;             // scripted, positions in the scene
+    bool hand_repeats = false;  // begins again after its last time, else stays
     double duration_s = 2.0;
 };
 

@@ -1,0 +1,64 @@
+#include "haptic/sim/hostile_hand.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <glm/geometric.hpp>
+#include <vector>
+
+namespace haptic::sim {
+namespace {
+
+constexpr double kStep = 0.01;
+const std::vector<Vec3> kTargets{{0.0, 0.0, 0.0}, {0.3, 0.1, -0.2}, {-0.2, 0.0, 0.4}};
+
+TEST(HostileHand, NeverMovesFasterThanItMay) {
+    HostileHand hand(3, 5.0, Vec3(1.0));
+    Vec3 last(1.0);
+    double fastest = 0.0;
+    for (int k = 0; k < 20'000; ++k) {
+        const Vec3 now = hand.after(kStep, kTargets);
+        fastest = std::max(fastest, glm::length(now - last) / kStep);
+        last = now;
+    }
+    EXPECT_LE(fastest, 5.0 * (1.0 + 1e-12));
+    EXPECT_GT(fastest, 4.5);
+}
+
+TEST(HostileHand, GoesPastWhatItAimsAtAndComesBackForEver) {
+    HostileHand hand(1, 5.0, Vec3(0.5));
+    int passages = 0;
+    double side = 1.0;
+    for (int k = 0; k < 60'000; ++k) {  // 10 minutes
+        const Vec3 now = hand.after(kStep, kTargets);
+        ASSERT_LT(glm::length(now), 10.0);
+        if (now.y * side < 0.0) {
+            side = now.y;
+            ++passages;
+        }
+    }
+    EXPECT_GT(passages, 100);
+}
+
+TEST(HostileHand, IsTheSameForTheSameSeedOnly) {
+    HostileHand one(7, 5.0, Vec3(0.0));
+    HostileHand two(7, 5.0, Vec3(0.0));
+    HostileHand other(8, 5.0, Vec3(0.0));
+    bool differs = false;
+    for (int k = 0; k < 1'000; ++k) {
+        const Vec3 position = one.after(kStep, kTargets);
+        EXPECT_EQ(position, two.after(kStep, kTargets));
+        differs = differs || position != other.after(kStep, kTargets);
+    }
+    EXPECT_TRUE(differs);
+}
+
+TEST(HostileHand, StaysWhereItIsWithNothingToAimAt) {
+    HostileHand hand(1, 5.0, Vec3(0.25));
+    for (int k = 0; k < 1'000; ++k) {
+        EXPECT_EQ(hand.after(kStep, {}), Vec3(0.25));
+    }
+}
+
+}  // namespace
+}  // namespace haptic::sim
