@@ -31,14 +31,6 @@ light_source {
 light_source { <5.0, 3.0, 3.5> rgb <0.30, 0.33, 0.40> shadowless }
 light_source { <0.0, -2.0, 4.0> rgb <0.34, 0.32, 0.31> shadowless }
 
-#declare ClothFront = texture {
-    pigment { rgb <0.78, 0.16, 0.14> transmit 0.16 }
-    finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }
-}
-#declare ClothBack = texture {
-    pigment { rgb <0.96, 0.83, 0.55> transmit 0.16 }
-    finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }
-}
 #declare ProxyBall = texture {
     pigment { rgb <0.16, 0.36, 0.68> }
     finish { ambient 0.12 diffuse 0.70 specular 0.55 roughness 0.02 }
@@ -46,10 +38,6 @@ light_source { <0.0, -2.0, 4.0> rgb <0.34, 0.32, 0.31> shadowless }
 #declare Hip = texture {
     pigment { rgb <0.98, 0.98, 0.98> }
     finish { ambient 0.45 diffuse 0.6 specular 0.3 }
-}
-#declare Ground = texture {
-    pigment { checker rgb <0.84, 0.86, 0.88> rgb <0.80, 0.82, 0.845> scale 0.25 }
-    finish { ambient 0.25 diffuse 0.7 }
 }
 )";
 
@@ -68,10 +56,10 @@ std::string shown(const Vec3& v) {
 }
 
 /// Mean of the normals of the faces about each vertex, weighted by their area.
-std::vector<Vec3> vertex_normals(const PictureScene& scene) {
-    std::vector<Vec3> normals(scene.vertices.size(), Vec3(0.0));
-    for (const auto& [a, b, c] : scene.triangles) {
-        const Vec3 n = glm::cross(scene.vertices[b] - scene.vertices[a], scene.vertices[c] - scene.vertices[a]);
+std::vector<Vec3> vertex_normals(const PictureObject& object) {
+    std::vector<Vec3> normals(object.vertices.size(), Vec3(0.0));
+    for (const auto& [a, b, c] : object.triangles) {
+        const Vec3 n = glm::cross(object.vertices[b] - object.vertices[a], object.vertices[c] - object.vertices[a]);
         normals[a] += n;
         normals[b] += n;
         normals[c] += n;
@@ -91,34 +79,62 @@ void write_list(std::ostream& out, const char* name, std::span<const Vec3> vecto
     out << "\n    }\n";
 }
 
-void write_mesh(std::ostream& out, const PictureScene& scene) {
+std::string skin_texture(const Vec3& colour, double transmit) {
+    return "texture {\n        pigment { rgb " + shown(colour) + " transmit " + shown(transmit) +
+           " }\n        finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }\n    }";
+}
+
+// Open surfaces let a little through, so that the proxy behind them is seen.
+constexpr double kTransmit = 0.16;
+constexpr double kGhostTransmit = 0.7;
+const Vec3 kBack(0.96, 0.83, 0.55);
+const Vec3 kGhost(0.5, 0.5, 0.5);
+
+void write_mesh(std::ostream& out, const PictureObject& object) {
     out << "mesh2 {\n";
-    write_list(out, "vertex_vectors", scene.vertices);
-    write_list(out, "normal_vectors", vertex_normals(scene));
-    out << "    face_indices {\n        " << scene.triangles.size();
+    write_list(out, "vertex_vectors", object.vertices);
+    write_list(out, "normal_vectors", vertex_normals(object));
+    out << "    face_indices {\n        " << object.triangles.size();
     // The other way round than in our right-handed frame: POV-Ray takes its interior side from the winding, too.
-    for (std::size_t t = 0; t < scene.triangles.size(); ++t) {
-        const auto& [a, b, c] = scene.triangles[t];
+    for (std::size_t t = 0; t < object.triangles.size(); ++t) {
+        const auto& [a, b, c] = object.triangles[t];
         out << (t % 8 == 0 ? ",\n        " : ", ") << "<" << a << ", " << c << ", " << b << ">";
     }
-    out << "\n    }\n    texture { ClothFront }\n    interior_texture { ClothBack }\n}\n";
+    out << "\n    }\n    ";
+    const auto& [red, green, blue] = object.colour;
+    if (object.ghost) {
+        out << skin_texture(kGhost, kGhostTransmit) << " no_shadow";
+    } else if (object.closed) {
+        out << skin_texture({red, green, blue}, 0.0);
+    } else {
+        out << skin_texture({red, green, blue}, kTransmit) << "\n    interior_" << skin_texture(kBack, kTransmit);
+    }
+    out << "\n}\n";
+}
+
+void write_ground(std::ostream& out, const PictureScene& scene) {
+    out << "plane {\n    y, " << shown(scene.floor)
+        << "\n    pigment { checker rgb <0.84, 0.86, 0.88> rgb <0.80, 0.82, 0.845> scale " << shown(scene.tile)
+        << " }\n    finish { ambient 0.25 diffuse 0.7 }\n}\n\n";
 }
 
 constexpr double kAngle = 30.0;     // degrees, of the view's width
 constexpr double kTangent = 0.175;  // of half the view's height: tan(15 deg) * 3/4 at 4:3, less a margin
 
-/// A camera that has cloth, proxy and hip in its view, with a margin.
+/// A camera that has all objects, proxy and hip in its view, with a margin.
 void write_camera(std::ostream& out, const PictureScene& scene) {
     Vec3 low = glm::min(scene.proxy, scene.hip);
     Vec3 high = glm::max(scene.proxy, scene.hip);
-    for (const Vec3& v : scene.vertices) {
-        low = glm::min(low, v);
-        high = glm::max(high, v);
+    for (const PictureObject& object : scene.objects) {
+        for (const Vec3& v : object.vertices) {
+            low = glm::min(low, v);
+            high = glm::max(high, v);
+        }
     }
     const Vec3 look_at = 0.5 * (low + high);
     const double across = std::hypot(high.x - low.x, high.z - low.z) * 0.75;  // as wide as 4:3 is high
     const double distance = 0.5 * std::max(high.y - low.y, across) / kTangent + 0.35 * across;
-    const Vec3 camera = look_at + distance * glm::normalize(Vec3(0.45, scene.camera_height, 1.0));
+    const Vec3 camera = look_at + distance * glm::normalize(scene.camera);
     out << "camera {\n    location " << shown(camera) << "\n    up y\n    right -x * image_width / image_height\n"
         << "    angle " << shown(kAngle) << "\n    look_at " << shown(look_at) << "\n}\n\n";
 }
@@ -126,7 +142,7 @@ void write_camera(std::ostream& out, const PictureScene& scene) {
 void write_all(std::ostream& out, const PictureScene& scene) {
     out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kSurroundings << '\n';
     write_camera(out, scene);
-    out << "plane { y, " << shown(scene.floor) << " texture { Ground } }\n\n";
+    write_ground(out, scene);
     out << "sphere { " << shown(scene.proxy) << ", " << shown(scene.proxy_radius) << " texture { ProxyBall } }\n";
     out << "sphere { " << shown(scene.hip) << ", " << shown(0.4 * scene.proxy_radius) << " texture { Hip } }\n";
     if (glm::length(scene.hip - scene.proxy) > scene.proxy_radius) {
@@ -134,10 +150,30 @@ void write_all(std::ostream& out, const PictureScene& scene) {
             << shown(0.08 * scene.proxy_radius) << " texture { Hip } no_shadow }  // the coupling\n";
     }
     out << '\n';
-    write_mesh(out, scene);
+    for (const PictureObject& object : scene.objects) {
+        write_mesh(out, object);
+    }
 }
 
+// One after the other; the first is that of cloth-drop.
+constexpr std::array<std::array<double, 3>, 4> kColours{
+    {{0.78, 0.16, 0.14}, {0.90, 0.55, 0.13}, {0.20, 0.50, 0.58}, {0.45, 0.56, 0.22}}};
+
 }  // namespace
+
+std::vector<PictureObject> objects_of(const Simulation& simulation, std::span<const Vec3> vertices) {
+    std::vector<PictureObject> objects;
+    for (const SceneBody& body : simulation.bodies()) {
+        const std::vector<Triangle>& all = body.mesh.triangles;
+        // The second half of a double-faced mesh is the same surface once more.
+        const auto count = static_cast<std::ptrdiff_t>(body.mesh.double_faced ? all.size() / 2 : all.size());
+        objects.push_back({.vertices = vertices.subspan(body.first_vertex, body.mesh.vertices.size()),
+                           .triangles = {all.begin(), all.begin() + count},
+                           .closed = body.mesh.closed,
+                           .colour = kColours[objects.size() % kColours.size()]});
+    }
+    return objects;
+}
 
 void write_picture_scene(const std::filesystem::path& file, const PictureScene& scene) {
     std::filesystem::path temporary = file;

@@ -13,19 +13,6 @@ constexpr std::uint64_t kSoonAfter = 7;  // steps
 constexpr std::uint64_t kLater = 100;
 constexpr double kFloor = -1.6;  // m, below all that happens in the scenes
 
-/// The faces to draw: of a double-faced body the first half, for the second is the same surface once more.
-std::vector<Triangle> front_faces(const Simulation& simulation) {
-    std::vector<Triangle> faces;
-    for (const SceneBody& body : simulation.bodies()) {
-        const auto first = static_cast<std::uint32_t>(body.first_vertex);
-        const std::size_t count = body.mesh.triangles.size() / (body.mesh.double_faced ? 2 : 1);
-        for (const Triangle& t : std::span(body.mesh.triangles).first(count)) {
-            faces.push_back({t[0] + first, t[1] + first, t[2] + first});
-        }
-    }
-    return faces;
-}
-
 }  // namespace
 
 Snapshots::Snapshots(const Simulation& simulation) : simulation_(&simulation) {
@@ -70,18 +57,16 @@ void Snapshots::after_step(const StepResult& result) {
 std::vector<std::filesystem::path> Snapshots::write(const std::filesystem::path& folder) const {
     std::filesystem::create_directories(folder);
     const Scene& scene = simulation_->scene();
-    const std::vector<Triangle> faces = front_faces(*simulation_);
     std::vector<std::filesystem::path> files;
     for (const Moment& moment : kept_) {
         PictureScene picture;
         picture.title = scene.name + " at " + std::to_string(moment.time_s) + " s";
-        picture.vertices = moment.vertices;
-        picture.triangles = faces;
+        picture.objects = objects_of(*simulation_, moment.vertices);
         picture.proxy = moment.proxy;
         picture.proxy_radius = scene.proxy.radius;
         picture.hip = moment.hip;
-        picture.camera_height = moment.from_below ? -0.12 : 0.2;
-        picture.floor = kFloor;
+        picture.camera.y = moment.from_below ? -0.12 : 0.2;
+        picture.floor = scene.collisions.ground ? scene.collisions.ground_height : kFloor;
         files.push_back(folder / (scene.name + "-" + moment.name + ".pov"));
         write_picture_scene(files.back(), picture);
     }

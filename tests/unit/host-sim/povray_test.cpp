@@ -8,8 +8,12 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
+#include "haptic/config.hpp"
 #include "haptic/sim/cloth.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -21,8 +25,7 @@ TEST(PictureScene, NamesEveryVertexAndFace) {
     const std::filesystem::path file = std::filesystem::path(::testing::TempDir()) / "haptic-picture-test.pov";
     PictureScene scene;
     scene.title = "three by three";
-    scene.vertices = mesh.vertices;
-    scene.triangles = mesh.triangles;
+    scene.objects.push_back({.vertices = mesh.vertices, .triangles = mesh.triangles});
     scene.proxy = {0.25, 0.0, 0.0};
     write_picture_scene(file, scene);
     std::ostringstream content;
@@ -35,11 +38,27 @@ TEST(PictureScene, NamesEveryVertexAndFace) {
     std::filesystem::remove(file);
 }
 
+TEST(PictureScene, ShowsEachBodyOnceInAColourOfItsOwn) {
+    Config config = open_scene("cloth-drop");
+    config.set("model.vertices_per_side=3");
+    Scene scene = read_scene(config, "two");
+    scene.model.copies.push_back({.position = {2.0, 0.0, 0.0}});
+    const Simulation simulation(scene);
+    const std::vector<PictureObject> objects = objects_of(simulation, simulation.vertices());
+    ASSERT_EQ(objects.size(), 2u);
+    for (const PictureObject& object : objects) {
+        EXPECT_EQ(object.vertices.size(), 9u);
+        EXPECT_EQ(object.triangles.size(), 8u) << "the second face of a double-faced cloth is drawn, too";
+        EXPECT_FALSE(object.closed);
+    }
+    EXPECT_NE(objects[0].colour, objects[1].colour);
+    EXPECT_EQ(objects[1].vertices[0].x, objects[0].vertices[0].x + 2.0);
+}
+
 TEST(PictureScene, SaysWhichFileItCouldNotWrite) {
     const TriangleMesh mesh = make_cloth_mesh({.vertices_per_side = 2});
     PictureScene scene;
-    scene.vertices = mesh.vertices;
-    scene.triangles = mesh.triangles;
+    scene.objects.push_back({.vertices = mesh.vertices, .triangles = mesh.triangles});
     try {
         write_picture_scene("/nonexistent-folder/a.pov", scene);
         FAIL() << "written";

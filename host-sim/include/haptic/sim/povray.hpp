@@ -1,25 +1,41 @@
 // A moment of a simulation as a POV-Ray scene, for a picture.
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "haptic/sim/mesh.hpp"
+#include "haptic/sim/simulation.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
 
+/// One surface of a picture.
+struct PictureObject {
+    std::span<const Vec3> vertices;   // m
+    std::vector<Triangle> triangles;  // one face of each; indices into `vertices`
+    bool closed = false;              // its inside is never seen; else the backs have a colour of their own
+    std::array<double, 3> colour{0.78, 0.16, 0.14};
+    bool ghost = false;  // grey and transparent: where it was before
+};
+
 struct PictureScene {
-    std::string title;                    // a comment at the top of the file
-    std::span<const Vec3> vertices;       // m
-    std::span<const Triangle> triangles;  // those seen from their front; their backs are drawn in another colour
+    std::string title;  // a comment at the top of the file
+    std::vector<PictureObject> objects;
     Vec3 proxy{0.0};
     double proxy_radius = 0.03;  // m
     Vec3 hip{0.0};
-    double floor = -1.5;         // m, height of the ground
-    double camera_height = 0.2;  // of the camera above what it looks at, in parts of its distance
+    double floor = -1.5;          // m, height of the ground
+    double tile = 0.25;           // m, of the ground's pattern
+    Vec3 camera{0.45, 0.2, 1.0};  // direction in which the camera is, seen from the middle
 };
+
+/// The bodies of a simulation as they are, in the order of Simulation::bodies(), each in a colour of its own. The
+/// vertices are not copied: they are those of `vertices`, one for each of Simulation::vertices().
+[[nodiscard]] std::vector<PictureObject> objects_of(const Simulation& simulation, std::span<const Vec3> vertices);
 
 /// Writes the file (to a temporary one beside it that is renamed into place); `povray FILE +W1600 +H1200 +A` renders
 /// it. Throws std::runtime_error that names the file.

@@ -1,0 +1,198 @@
+#include "reproduce/study.hpp"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <fstream>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+namespace haptic::sim::reproduce {
+namespace {
+
+constexpr std::array<Reproduction, 6> kReproductions{{
+    {"4.13", "A cloth dropped from 10 m is caught", cloth_drop},
+    {"4.14", "Iterations of the pop-out in a fan", pop_out_iterations},
+    {"4.15", "Computing time of the pop-out", pop_out_times},
+    {"4.16", "Holding the tail of a living fish", fish_hold},
+    {"4.17", "Sliding along a fish", fish_slide},
+    {"4.18", "Four fish: time of each stage", four_fish},
+}};
+
+constexpr std::string_view kPlotHead =
+    R"(set terminal svg size 760,340 dynamic font 'sans-serif,13' background '#ffffff'
+set datafile separator comma
+set grid linecolor '#dddddd'
+set border 3 linecolor '#666666'
+set tics nomirror
+set key outside top center horizontal
+)";
+
+constexpr std::string_view kPageHead = R"(<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>The thesis' figures again</title>
+<style>
+:root { color-scheme: light dark; --ink: #1c2326; --paper: #fbfaf7; --line: #d9d5cc; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e8e6e1; --paper: #1b1f22; --line: #3a4046; } }
+body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 62rem;
+       margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 3rem; border-top: 1px solid var(--line); padding-top: 1rem; }
+table { border-collapse: collapse; width: 100%; } th, td { text-align: left; vertical-align: top; padding: .3rem 1rem .3rem 0;
+       border-bottom: 1px solid var(--line); }
+figure { margin: 1rem 0; } figcaption, .quiet { font-size: .9rem; opacity: .8; }
+img { width: 100%; height: auto; border-radius: 6px; background: #fff; }
+.pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(26rem, 1fr)); gap: 1rem; }
+@media (max-width: 30rem) { .pictures { grid-template-columns: 1fr; } }
+</style></head><body>
+<h1>Chapter 4 of the thesis, run again</h1>
+<p>Each figure of "Haptic Proxy for Dynamic Deformable Objects" (Tokyo Institute of Technology), chapter 4, from the scenes
+built into this program. Beside our numbers stand those of the thesis, which were measured on an Intel Core i5-4210U (1.7 GHz);
+ours are of the machine on which this page was made, on one core. Where the thesis does not give a mass, a size or a stiffness,
+the scene's file says what was chosen.</p>
+)";
+
+/// Text as it may stand in HTML.
+std::string escaped(std::string_view text) {
+    std::string result;
+    for (const char c : text) {
+        switch (c) {
+            case '&':
+                result += "&amp;";
+                break;
+            case '<':
+                result += "&lt;";
+                break;
+            case '>':
+                result += "&gt;";
+                break;
+            case '"':
+                result += "&quot;";
+                break;
+            default:
+                result += c;
+        }
+    }
+    return result;
+}
+
+void write_file(const std::filesystem::path& file, std::string_view content) {
+    std::ofstream out(file);
+    out << content;
+    out.close();
+    if (!out) {
+        throw std::runtime_error(file.string() + ": cannot be written; is there room?");
+    }
+}
+
+void write_images(std::ostream& out, const Figure& figure) {
+    out << "<div class=\"pictures\">\n";
+    for (const Image& image : figure.images) {
+        out << "<figure>";
+        if (image.file.empty()) {
+            out << "<p class=\"quiet\">(not drawn: gnuplot or povray is missing or failed)</p>";
+        } else {
+            out << "<img alt=\"" << escaped(image.caption) << "\" src=\"" << image.file << "\">";
+        }
+        out << "<figcaption>" << escaped(image.caption) << "</figcaption></figure>\n";
+    }
+    out << "</div>\n";
+}
+
+void write_figure(std::ostream& out, const Figure& figure) {
+    out << "<h2 id=\"figure-" << figure.number << "\">Figure " << figure.number << ": " << escaped(figure.title)
+        << "</h2>\n<p>" << escaped(figure.conditions) << "</p>\n";
+    if (!figure.comparisons.empty()) {
+        out << "<table><tr><th></th><th>thesis</th><th>here</th></tr>\n";
+        for (const Comparison& c : figure.comparisons) {
+            out << "<tr><td>" << escaped(c.what) << "</td><td>" << escaped(c.thesis) << "</td><td>" << escaped(c.ours)
+                << "</td></tr>\n";
+        }
+        out << "</table>\n";
+    }
+    write_images(out, figure);
+    out << "<p>" << escaped(figure.remarks) << "</p>\n<p class=\"quiet\">Data:";
+    for (const std::string& file : figure.data) {
+        out << " <a href=\"" << file << "\">" << file << "</a>";
+    }
+    out << "</p>\n";
+}
+
+}  // namespace
+
+std::span<const Reproduction> reproductions() {
+    return kReproductions;
+}
+
+Study::Study(std::filesystem::path folder, std::int64_t (*now)()) : folder_(std::move(folder)), clock_(now) {
+    std::filesystem::create_directories(folder_);
+}
+
+std::filesystem::path Study::data(Figure& figure, const std::string& name) const {
+    figure.data.push_back(name + ".csv");
+    return folder_ / figure.data.back();
+}
+
+bool Study::run(const std::vector<std::string>& command, const std::string& name) const {
+    std::vector<char*> arguments;
+    arguments.reserve(command.size() + 1);
+    for (const std::string& word : command) {
+        arguments.push_back(const_cast<char*>(word.c_str()));  // posix_spawnp does not write to them
+    }
+    arguments.push_back(nullptr);
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    const std::string log = (folder_ / (name + ".log")).string();
+    posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+    posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
+    posix_spawn_file_actions_addchdir_np(&actions, folder_.c_str());
+    pid_t child = 0;
+    const int refused = posix_spawnp(&child, arguments[0], &actions, nullptr, arguments.data(), environ);
+    posix_spawn_file_actions_destroy(&actions);
+    if (refused != 0) {
+        return false;
+    }
+    int status = 0;
+    while (waitpid(child, &status, 0) < 0) {
+        if (errno != EINTR) {
+            return false;
+        }
+    }
+    return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+void Study::plot(Figure& figure, const std::string& name, const std::string& caption,
+                 const std::string& commands) const {
+    write_file(folder_ / (name + ".gp"), std::string(kPlotHead) + "set output '" + name + ".svg'\n" + commands);
+    const bool drawn = run({"gnuplot", name + ".gp"}, name);
+    figure.images.push_back({drawn ? name + ".svg" : "", caption});
+}
+
+void Study::picture(Figure& figure, const std::string& name, const std::string& caption,
+                    const PictureScene& scene) const {
+    write_picture_scene(folder_ / (name + ".pov"), scene);
+    const bool drawn = run({"povray", "+I" + name + ".pov", "+O" + name + ".png", "+W960", "+H720", "+A", "-D"}, name);
+    figure.images.push_back({drawn ? name + ".png" : "", caption});
+}
+
+std::filesystem::path Study::write_page(std::span<const Figure> figures) const {
+    const std::filesystem::path file = folder_ / "index.html";
+    std::ofstream out(file);
+    out << kPageHead;
+    for (const Figure& figure : figures) {
+        write_figure(out, figure);
+    }
+    out << "</body></html>\n";
+    out.close();
+    if (!out) {
+        throw std::runtime_error(file.string() + ": cannot be written; is there room?");
+    }
+    return file;
+}
+
+}  // namespace haptic::sim::reproduce

@@ -1,0 +1,84 @@
+// What `host-sim reproduce` writes: for each figure of the thesis its data, plots, pictures and numbers beside the
+// thesis', and one page that shows them all.
+//
+// Data are CSV files, plots gnuplot files, pictures POV-Ray files, and all three stay in the folder, so that anybody
+// can look into them or draw them anew. Where gnuplot or povray is missing, the page says so in the picture's place.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "haptic/sim/povray.hpp"
+
+namespace haptic::sim::reproduce {
+
+/// A number of the thesis and ours.
+struct Comparison {
+    std::string what;
+    std::string thesis;  // "-" where it gives none
+    std::string ours;
+};
+
+/// An image of the page.
+struct Image {
+    std::string file;  // in the folder; empty: it could not be drawn
+    std::string caption;
+};
+
+struct Figure {
+    std::string number;      // "4.13", as in the thesis
+    std::string title;       // what it shows
+    std::string conditions;  // what was run, and in what it differs from the thesis
+    std::vector<Comparison> comparisons;
+    std::vector<Image> images;
+    std::vector<std::string> data;  // CSV files, in the folder
+    std::string remarks;            // what differs, and why
+};
+
+/// The folder of one run of the command.
+class Study {
+  public:
+    /// Makes the folder if need be. `now` gives monotonic nanoseconds. Throws std::filesystem::filesystem_error.
+    Study(std::filesystem::path folder, std::int64_t (*now)());
+
+    /// The path of a data file, which the figure lists from now on.
+    [[nodiscard]] std::filesystem::path data(Figure& figure, const std::string& name) const;
+    /// Draws a plot with gnuplot and adds it to the figure. `commands` find the data files by their bare names.
+    void plot(Figure& figure, const std::string& name, const std::string& caption, const std::string& commands) const;
+    /// Renders a picture with POV-Ray and adds it to the figure.
+    void picture(Figure& figure, const std::string& name, const std::string& caption, const PictureScene& scene) const;
+    /// Writes index.html and returns its path. Throws std::runtime_error that names the file.
+    std::filesystem::path write_page(std::span<const Figure> figures) const;
+
+    [[nodiscard]] std::int64_t (*clock() const)() { return clock_; }
+
+  private:
+    /// Runs a program in the folder, its output in NAME.log. False if it failed or is not installed.
+    [[nodiscard]] bool run(const std::vector<std::string>& command, const std::string& name) const;
+
+    std::filesystem::path folder_;
+    std::int64_t (*clock_)();
+};
+
+/// One figure of the thesis and what makes it anew.
+struct Reproduction {
+    const char* number;
+    const char* title;
+    Figure (*make)(const Study& study);
+};
+
+/// All figures that can be reproduced, in the order of the thesis.
+[[nodiscard]] std::span<const Reproduction> reproductions();
+
+// What makes each figure; see reproductions().
+[[nodiscard]] Figure cloth_drop(const Study& study);
+[[nodiscard]] Figure pop_out_iterations(const Study& study);
+[[nodiscard]] Figure pop_out_times(const Study& study);
+[[nodiscard]] Figure fish_hold(const Study& study);
+[[nodiscard]] Figure fish_slide(const Study& study);
+[[nodiscard]] Figure four_fish(const Study& study);
+
+}  // namespace haptic::sim::reproduce
