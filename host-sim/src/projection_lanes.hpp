@@ -139,6 +139,10 @@ void turn_bodies(std::size_t count, const Row* turning, Body* body) noexcept {
     }
 }
 
+/// As a Cayley vector, a quarter of a turn. A fit that leaps to the other side of a turned over group is no rotation
+/// that goes on; taken for one, it would leap again in each step.
+inline constexpr double kMostTurn = 2.0;
+
 template <class Real>
 void find_rates(std::size_t count, const Row* before, const Body* body, double step, Row* rate) noexcept {
     for (std::size_t i = 0; i < count; i += kLanes<Real>) {
@@ -148,7 +152,10 @@ void find_rates(std::size_t count, const Row* before, const Body* body, double s
         const LaneRow<Real> to = gather<Real>(&body->turn, index, kRowsOfBody);
         const LaneVec<Real> turn =
             lane_turn_between(LaneQuat<Real>{from.a, from.b, from.c, from.d}, LaneQuat<Real>{to.a, to.b, to.c, to.d});
-        const LaneVec<Real> w = turn / broadcast<Real>(step);
+        const Real square = dot(turn, turn);
+        const auto too_far = square > kMostTurn * kMostTurn;
+        const LaneVec<Real> kept = select(too_far, (kMostTurn / square_root(square)) * turn, turn);
+        const LaneVec<Real> w = kept / broadcast<Real>(step);
         scatter<Real>({w.x, w.y, w.z, Real{}}, rate, index);
     }
 }

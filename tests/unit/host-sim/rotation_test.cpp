@@ -88,6 +88,30 @@ TEST_F(RotationTest, IsProperAndFiniteForSingularAndInvertedMatrices) {
     }
 }
 
+TEST_F(RotationTest, FindsTheRotationOfAFlatMatrix) {
+    // Two directions determine the third.
+    for (int i = 0; i < 100; ++i) {
+        const Quat truth = rotation();
+        const Vec3 u = vector();
+        const Vec3 v = glm::cross(u, vector());
+        const Mat3 flat = glm::outerProduct(u, u) + glm::outerProduct(v, v) / glm::dot(v, v);
+        const Quat guess = turned(truth, 0.5 * glm::normalize(vector()));
+        const Quat found = extract_rotation(to_matrix(truth) * flat, guess, 2000);
+        EXPECT_NEAR(std::abs(glm::dot(found, truth)), 1.0, 1e-9) << i;
+    }
+}
+
+TEST_F(RotationTest, TurnsAnInvertedMatrixAboutItsWeakestDirectionFromAnyGuess) {
+    // Of A = R diag(a, b, -c) with a > b > c the rotation with the greatest overlap is R: it gives up the least.
+    for (int i = 0; i < 100; ++i) {
+        const Quat truth = rotation();
+        const Mat3 basis = to_matrix(rotation());
+        const Mat3 stretch = basis * Mat3(3, 0, 0, 0, 2, 0, 0, 0, -1) * glm::transpose(basis);
+        const Quat found = extract_rotation(to_matrix(truth) * stretch, rotation(), 500);
+        EXPECT_NEAR(std::abs(glm::dot(found, truth)), 1.0, 1e-9) << i;
+    }
+}
+
 TEST_F(RotationTest, KeepsTheGuessWhereTheMatrixSaysNothing) {
     const Quat guess = rotation();
     const Quat of_nothing = extract_rotation(Mat3(0.0), guess, 5);
