@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <glm/gtc/quaternion.hpp>
+#include <stdexcept>
 
+#include "haptic/sim/rotation.hpp"
 #include "haptic/sim/skin.hpp"
 
 namespace haptic::sim {
@@ -12,6 +15,7 @@ namespace {
 constexpr Range kPositions{-1e4, 1e4};
 constexpr Range kVelocities{-1e3, 1e3};
 constexpr Range kUnitInterval{0.0, 1.0};
+constexpr Range kSizes{0.0, 1e4};
 
 Placement read_placement(const Config& config, const std::string& table) {
     Placement placement;
@@ -22,7 +26,162 @@ Placement read_placement(const Config& config, const std::string& table) {
 }
 
 bool stays(const Placement& placement) {
-    return placement.position == Vec3(0.0) && placement.orientation == Quat(1.0, 0.0, 0.0, 0.0);
+    return placement.position == Vec3(0.0) && placement.orientation == Quat(1.0, 0.0, 0.0, 0.0) &&
+           placement.velocity == Vec3(0.0);
+}
+
+Generator read_generator(const Config& config, const std::string& key) {
+    const std::string name = config.choice(key, "cloth", {"cloth", "curtain", "fan", "fish"});
+    if (name == "curtain") {
+        return Generator::Curtain;
+    }
+    if (name == "fan") {
+        return Generator::Fan;
+    }
+    return name == "fish" ? Generator::Fish : Generator::Cloth;
+}
+
+/// What the mass, stiffnesses and height are if the scene says nothing.
+struct Usual {
+    double mass;
+    double height;
+    double group_stiffness;
+    double link_stiffness;
+};
+
+Usual usual_of(Generator generator) {
+    switch (generator) {
+        case Generator::Cloth:
+            return {ClothShape{}.mass, 10.0, 0.3, 1.0};
+        case Generator::Curtain:
+            return {CurtainShape{}.mass, 0.0, 0.3, 1.0};
+        case Generator::Fan:
+            return {FanShape{}.mass, 0.0, 0.3, 0.0};
+        case Generator::Fish:
+            break;
+    }
+    return {0.36, 0.0, 0.6, 0.0};  // that of water, for a fish of 0.3 m
+}
+
+BuilderSettings read_builder(const Config& config, const std::string& table) {
+    BuilderSettings builder;
+    builder.particles = static_cast<std::size_t>(
+        config.integer(table + ".particles_count", static_cast<std::int64_t>(builder.particles),
+                       {0.0, static_cast<double>(BuilderSettings::kMostParticles)}));
+    builder.neighbours =
+        static_cast<std::size_t>(config.integer(table + ".neighbours", static_cast<std::int64_t>(builder.neighbours),
+                                                {1.0, static_cast<double>(BuilderSettings::kMostNeighbours)}));
+    builder.bridge = config.number(table + ".bridge", builder.bridge, kSizes);
+    return builder;
+}
+
+Region read_region(const Config& config, const std::string& table) {
+    Region region;
+    for (const char* corner : {".low", ".high"}) {
+        if (!config.has(table + corner)) {
+            config.fail(table + corner, "is missing: a region is a box between low and high, [x, y, z] each");
+        }
+    }
+    region.low = config.vec3(table + ".low", region.low, kPositions);
+    region.high = config.vec3(table + ".high", region.high, kPositions);
+    if (config.has(table + ".stiffness")) {
+        region.stiffness = config.number(table + ".stiffness", 1.0, kUnitInterval);
+    }
+    region.fixed = config.flag(table + ".fixed", region.fixed);
+    region.motion_times = config.numbers(table + ".motion_times", {}, {0.0, 1e6});
+    const std::vector<double> offsets = config.numbers(table + ".motion_offsets", {}, kPositions);
+    const std::size_t count = region.motion_times.size();
+    if (offsets.size() != 3 * count) {
+        config.fail(table + ".motion_offsets", "needs three numbers (x, y, z) for each of the " +
+                                                   std::to_string(count) + " elements of motion_times, has " +
+                                                   std::to_string(offsets.size()));
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+        if (i == 0 ? region.motion_times[0] != 0.0 : !(region.motion_times[i] > region.motion_times[i - 1])) {
+            config.fail(table + ".motion_times", "must begin with 0 and increase from each element to the next");
+        }
+        region.motion_offsets.emplace_back(offsets[3 * i], offsets[3 * i + 1], offsets[3 * i + 2]);
+    }
+    region.motion_repeat = config.flag(table + ".motion_repeat", region.motion_repeat);
+    return region;
+}
+
+bool is_in(const Vec3& p, const Region& region) {
+    return p.x >= region.low.x && p.y >= region.low.y && p.z >= region.low.z &&  //
+           p.x <= region.high.x && p.y <= region.high.y && p.z <= region.high.z;
+}
+
+/// The body stands where `placement` says.
+void apply(const Region& region, std::size_t index, const Placement& placement, DeformableBody& body) {
+    ParticleModel& model = body.particles;
+    const Mat3 scene_from_body = to_matrix(placement.orientation);
+    const Mat3 body_from_scene = glm::transpose(scene_from_body);
+    std::vector<std::uint8_t> inside(model.size(), 0);
+    Motion motion{{}, region.motion_times, region.motion_offsets, region.motion_repeat};
+    for (std::uint32_t i = 0; i < model.size(); ++i) {
+        if (is_in(body_from_scene * (model.rest_position[i] - placement.position), region)) {
+            inside[i] = 1;
+            motion.particles.push_back(i);
+        }
+    }
+    if (motion.particles.empty()) {
+        throw std::invalid_argument("region " + std::to_string(index) + " of the model \"" + body.name +
+                                    "\" has no particle in it; low and high are in the body's own frame, in m");
+    }
+    if (region.stiffness) {
+        for (Group& group : model.groups) {
+            if (inside[group.centre] != 0) {
+                group.stiffness = *region.stiffness;
+            }
+        }
+    }
+    const bool moves = !motion.times.empty();
+    if (!region.fixed && !moves) {
+        return;
+    }
+    for (const std::uint32_t i : motion.particles) {
+        model.pinned[i] = 1;
+    }
+    // Nobody leads a particle twice.
+    for (Motion& earlier : body.motions) {
+        std::erase_if(earlier.particles, [&](std::uint32_t i) { return inside[i] != 0; });
+    }
+    std::erase_if(body.motions, [](const Motion& earlier) { return earlier.particles.empty(); });
+    if (moves) {
+        for (Vec3& offset : motion.offsets) {
+            offset = scene_from_body * offset;
+        }
+        body.motions.push_back(std::move(motion));
+    }
+}
+
+/// The cloth stands in its place already, the others about the origin.
+DeformableBody make_body(const ModelSettings& settings) {
+    DeformableBody body;
+    switch (settings.generator) {
+        case Generator::Cloth:
+            body.name = "cloth";
+            body.mesh = make_cloth_mesh(settings.cloth);
+            body.particles = make_cloth_particles(settings.cloth, settings.group_stiffness, settings.link_stiffness);
+            break;
+        case Generator::Curtain:
+            body.name = "curtain";
+            body.mesh = make_curtain_mesh(settings.curtain);
+            body.particles =
+                make_curtain_particles(settings.curtain, settings.group_stiffness, settings.link_stiffness);
+            break;
+        case Generator::Fan:
+            body.name = "fan";
+            body.mesh = make_fan_mesh(settings.fan);
+            body.particles = make_fan_particles(settings.fan, settings.group_stiffness);
+            break;
+        case Generator::Fish:
+            body = build_body(make_fish_mesh(settings.fish), settings.builder);
+            body.name = "fish";
+            return body;
+    }
+    body.skin = skin_of_particles(body.mesh.vertices.size());
+    return body;
 }
 
 }  // namespace
@@ -30,20 +189,40 @@ bool stays(const Placement& placement) {
 ModelSettings read_model(const Config& config, const std::string& table) {
     const auto key = [&table](const char* name) { return table + "." + name; };
     ModelSettings model;
-    (void)config.choice(key("generator"), "cloth", {"cloth"});
+    model.generator = read_generator(config, key("generator"));
+    const Usual usual = usual_of(model.generator);
     ClothShape& cloth = model.cloth;
     cloth.vertices_per_side =
         static_cast<std::uint32_t>(config.integer(key("vertices_per_side"), cloth.vertices_per_side, {2.0, 257.0}));
-    cloth.side = config.number(key("side"), cloth.side, {1e-3, 100.0});
-    cloth.mass = config.number(key("mass"), cloth.mass, {1e-6, 1e3});
-    const double height = config.number(key("height"), 10.0, kPositions);
+    const double side = model.generator == Generator::Curtain ? model.curtain.side : cloth.side;
+    cloth.side = config.number(key("side"), side, {1e-3, 100.0});
+    cloth.mass = config.number(key("mass"), usual.mass, {1e-6, 1e3});
+    const double height = config.number(key("height"), usual.height, kPositions);
     const double shift = config.number(key("shift"), 0.0, kPositions);
     const Vec3 aside = config.vec3(key("offset"), Vec3(0.0), kPositions);
     cloth.centre = aside + Vec3(0.0, height + shift, 0.0);
     cloth.orientation = config.quat(key("orientation"), cloth.orientation);
+    model.placement = {cloth.centre, cloth.orientation, Vec3(0.0)};
     model.velocity = config.vec3(key("velocity"), model.velocity, kVelocities);
-    model.group_stiffness = config.number(key("group_stiffness"), model.group_stiffness, kUnitInterval);
-    model.link_stiffness = config.number(key("link_stiffness"), model.link_stiffness, kUnitInterval);
+    model.group_stiffness = config.number(key("group_stiffness"), usual.group_stiffness, kUnitInterval);
+    model.link_stiffness = config.number(key("link_stiffness"), usual.link_stiffness, kUnitInterval);
+
+    model.curtain.vertices_per_side = cloth.vertices_per_side;
+    model.curtain.side = cloth.side;
+    model.curtain.mass = model.fan.mass = cloth.mass;
+    model.fan.rim_vertices =
+        static_cast<std::uint32_t>(config.integer(key("rim_vertices"), model.fan.rim_vertices, {3.0, 4096.0}));
+    model.fan.rim_radius = config.number(key("rim_radius"), model.fan.rim_radius, {1e-3, 100.0});
+    model.fish.length = config.number(key("length"), model.fish.length, {1e-3, 100.0});
+    model.fish.refinements =
+        static_cast<std::uint32_t>(config.integer(key("refinements"), model.fish.refinements, {0.0, 5.0}));
+    model.builder = read_builder(config, table);
+    model.builder.mass = cloth.mass;
+    model.builder.group_stiffness = model.group_stiffness;
+    model.builder.link_stiffness = model.link_stiffness;
+    for (std::size_t k = 0; k < config.tables(key("regions")); ++k) {
+        model.regions.push_back(read_region(config, key("regions.") + std::to_string(k)));
+    }
     const std::size_t copies = config.tables(key("copies"));
     if (copies > 0) {
         model.copies.clear();
@@ -55,12 +234,19 @@ ModelSettings read_model(const Config& config, const std::string& table) {
 }
 
 std::vector<DeformableBody> make_bodies(const ModelSettings& settings) {
-    DeformableBody body;
-    body.name = "cloth";
-    body.mesh = make_cloth_mesh(settings.cloth);
-    body.particles = make_cloth_particles(settings.cloth, settings.group_stiffness, settings.link_stiffness);
-    body.skin = skin_of_particles(body.mesh.vertices.size());
-    std::fill(body.particles.velocity.begin(), body.particles.velocity.end(), settings.velocity);
+    DeformableBody body = make_body(settings);
+    Placement stands = settings.placement;
+    if (settings.generator == Generator::Cloth) {
+        stands = {settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)};
+    } else {
+        place(body, settings.placement);
+    }
+    for (std::size_t k = 0; k < settings.regions.size(); ++k) {
+        apply(settings.regions[k], k, stands, body);
+    }
+    for (std::size_t i = 0; i < body.particles.size(); ++i) {
+        body.particles.velocity[i] = body.particles.pinned[i] != 0 ? Vec3(0.0) : settings.velocity;
+    }
     std::vector<DeformableBody> bodies;
     for (const Placement& placement : settings.copies) {
         bodies.push_back(body);

@@ -1,27 +1,54 @@
 // The [model] table of a scene: which body is made, from a generator or a mesh file, and where its copies stand.
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "haptic/config.hpp"
 #include "haptic/sim/cloth.hpp"
+#include "haptic/sim/curtain.hpp"
 #include "haptic/sim/deformable.hpp"
+#include "haptic/sim/fan.hpp"
+#include "haptic/sim/fish.hpp"
+#include "haptic/sim/model_builder.hpp"
 
 namespace haptic::sim {
 
+enum class Generator : std::uint8_t { Cloth, Curtain, Fan, Fish };
+
+/// What is particular about the particles whose rest position is in a box: table [[model.regions]].
+struct Region {
+    Vec3 low{0.0};  // m, in the body's frame, the border included
+    Vec3 high{0.0};
+    std::optional<double> stiffness;  // 0..1, of the groups about these particles
+    bool fixed = false;               // they stay where they are
+    // If there are times, they are led: see Motion.
+    std::vector<double> motion_times;  // s
+    std::vector<Vec3> motion_offsets;  // m, in the body's frame
+    bool motion_repeat = false;
+};
+
 struct ModelSettings {
-    ClothShape cloth;              // its centre at (0, height + shift, 0)
+    Generator generator = Generator::Cloth;
+    ClothShape cloth;  // its centre at (0, height + shift, 0)
+    CurtainShape curtain;
+    FanShape fan;
+    FishShape fish;
+    BuilderSettings builder;       // of the fish
     Vec3 velocity{0.0};            // m/s, at the start
     double group_stiffness = 0.3;  // 0..1, alpha of the shape-matching groups
     double link_stiffness = 1.0;   // 0..1, of the distance constraints
+    Placement placement;           // of curtain, fan and fish, which are made about the origin; without velocity
+    std::vector<Region> regions;   // of two with a particle in common, the later one counts
     std::vector<Placement> copies{Placement{}};
 };
 
 /// Reads a table of the configuration, "model" or "objects.0", with all that is in it. Throws ConfigError.
 [[nodiscard]] ModelSettings read_model(const Config& config, const std::string& table);
 
-/// Makes the bodies, one for each copy. Throws std::invalid_argument.
+/// Makes the bodies, one for each copy. Throws std::invalid_argument; a region without a particle is one reason.
 [[nodiscard]] std::vector<DeformableBody> make_bodies(const ModelSettings& settings);
 
 }  // namespace haptic::sim
