@@ -331,7 +331,7 @@ TEST(ModelBuilder, BuildsOnAThinRod) {
     }
     std::sort(along.begin(), along.end());
     for (std::size_t k = 0; k < along.size(); ++k) {
-        EXPECT_NEAR(along[k], (static_cast<double>(k) + 0.5) / 20.0, 0.04)  // less than the spacing;
+        EXPECT_NEAR(along[k], (static_cast<double>(k) + 0.5) / 20.0, 0.04);  // less than the spacing
     }
 }
 
