@@ -45,7 +45,7 @@ need() {
 
 # build PRESET [CMAKE-OPTION...] [-- TARGET...]: configures once, builds what has changed.
 build() {
-    local preset=$1 options=() targets=()
+    local preset=$1 options=(-DHAPTIC_PRECOMPILE=ON) targets=()
     shift
     while [ $# -gt 0 ] && [ "$1" != -- ]; do
         options+=("$1")

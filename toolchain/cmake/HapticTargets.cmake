@@ -51,21 +51,26 @@ function(haptic_executable name)
     install(TARGETS ${name})
 endfunction()
 
-# haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, each test known to ctest.
+# haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, each test known to ctest. Tests run
+# beside others unless it is ALONE, as those are that go by the clock or have threads that wait for each other. COST: what
+# takes longest begins first.
 function(haptic_test name)
-    cmake_parse_arguments(arg "" "LABEL;TIMEOUT;PROCESSORS;ENVIRONMENT" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
+    cmake_parse_arguments(arg "ALONE" "LABEL;TIMEOUT;COST;ENVIRONMENT" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
     if(NOT arg_TIMEOUT)
         set(arg_TIMEOUT 120)
     endif()
-    if(NOT arg_PROCESSORS)
-        set(arg_PROCESSORS 1)
+    if(NOT arg_COST)
+        set(arg_COST 0)
     endif()
     add_executable(${name} ${arg_SOURCES})
     set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
     target_link_libraries(${name} PRIVATE haptic_options ${arg_LIBRARIES} GTest::gmock GTest::gtest_main)
     target_compile_definitions(${name} PRIVATE ${arg_DEFINITIONS})
+    if(TARGET haptic_test_headers)
+        target_precompile_headers(${name} REUSE_FROM haptic_test_headers)
+    endif()
     gtest_discover_tests(${name} NO_PRETTY_VALUES DISCOVERY_TIMEOUT 60 PROPERTIES LABELS ${arg_LABEL} TIMEOUT ${arg_TIMEOUT}
-                         PROCESSORS ${arg_PROCESSORS} ENVIRONMENT "${arg_ENVIRONMENT}")
+                         RUN_SERIAL ${arg_ALONE} COST ${arg_COST} ENVIRONMENT "${arg_ENVIRONMENT}")
 endfunction()
 
 # haptic_benchmark(NAME SOURCES ... LIBRARIES ...): one Google Benchmark executable, run by toolchain/bench.
