@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 namespace haptic::sim {
@@ -142,11 +143,13 @@ void ConstraintBatches::batch_groups(const ParticleModel& model) {
     });
     group_colours_ = colours.size();
     for (std::vector<std::uint32_t>& same : colours) {
+        // Not by stable_partition: the one of libstdc++ 12 does not compile without warnings under clang.
+        const auto is_compliant = [&](std::uint32_t g) { return model.groups[g].compliance > 0.0; };
         std::sort(same.begin(), same.end(), [&](std::uint32_t a, std::uint32_t b) {
-            return std::pair(model.groups[b].members.size(), a) < std::pair(model.groups[a].members.size(), b);
+            return std::tuple(is_compliant(a), model.groups[b].members.size(), a) <
+                   std::tuple(is_compliant(b), model.groups[a].members.size(), b);
         });
-        const auto compliant = std::stable_partition(
-            same.begin(), same.end(), [&](std::uint32_t g) { return !(model.groups[g].compliance > 0.0); });
+        const auto compliant = std::find_if(same.begin(), same.end(), is_compliant);
         batch_alike(model, {same.begin(), compliant});
         batch_alike(model, {compliant, same.end()});
     }

@@ -74,6 +74,18 @@ std::string contradiction_in_stl(std::span<const std::byte> bytes, const MeshChe
                                          : std::string();
 }
 
+/// Lines that have something in them.
+std::size_t count_lines(std::string_view text) {
+    std::size_t count = 0;
+    bool has_something = false;
+    for (const char c : text) {
+        const bool ends = c == '\n' || c == '\r';
+        count += ends && has_something ? 1U : 0U;
+        has_something = !ends && (has_something || (c != ' ' && c != '\t'));
+    }
+    return count + (has_something ? 1U : 0U);
+}
+
 std::string contradiction_in_ply(std::span<const std::byte> bytes) {
     const std::string_view head = as_text(bytes).substr(0, kLongestPlyHeader);
     if (!head.starts_with("ply")) {
@@ -83,6 +95,9 @@ std::string contradiction_in_ply(std::span<const std::byte> bytes) {
         return "has no \"end_header\" in its first " + std::to_string(head.size()) + " bytes";
     }
     std::string_view rest = head.substr(0, head.find("end_header"));
+    const bool is_text = rest.find("format ascii") != std::string_view::npos;
+    const std::size_t room = is_text ? count_lines(as_text(bytes).substr(rest.size())) - 1 : bytes.size();
+    std::uint64_t total = 0;
     while (!rest.empty()) {
         const std::string_view line = rest.substr(0, rest.find_first_of("\r\n"));
         rest.remove_prefix(std::min(line.size() + 1, rest.size()));
@@ -92,11 +107,13 @@ std::string contradiction_in_ply(std::span<const std::byte> bytes) {
         }
         std::uint64_t count = 0;
         const auto [end, error] = std::from_chars(line.data() + last + 1, line.data() + line.size(), count);
-        // Each takes a byte at least.
-        if (error != std::errc() || end == line.data() + last + 1 || count > bytes.size()) {
-            return "says \"" + std::string(line.substr(0, 80)) + "\", but has " + std::to_string(bytes.size()) +
-                   " bytes";
+        // Each takes a line of text, or a byte at least. assimp would look for a missing line for ever.
+        if (error != std::errc() || end == line.data() + last + 1 || count > room - total) {
+            return "says \"" + std::string(line.substr(0, 80)) + "\", but has room for " + std::to_string(room) +
+                   (is_text ? " lines after its header" : " bytes") + (total > 0 ? " in all" : "") +
+                   "; is the file whole?";
         }
+        total += count;
     }
     return {};
 }
@@ -177,7 +194,8 @@ CheckedMesh parse(std::span<const std::byte> bytes, MeshFormat format, const std
         bytes, format, folder, settings.most_bytes, settings.check.most_vertices, settings.check.most_triangles};
     detail::ImportedMesh imported;
     try {
-        imported = detail::in_child([&] { return detail::import_mesh(request); }, request, {});
+        imported =
+            detail::in_child([&] { return detail::import_mesh(request); }, request, {.cpu_s = settings.most_seconds});
     } catch (const std::runtime_error& error) {
         throw MeshError(name + ": " + error.what());
     }
@@ -221,6 +239,9 @@ void write_ply(std::ostream& out, const TriangleMesh& mesh) {
 void MeshFileSettings::validate() const {
     if (!(scale >= 1e-6) || !(scale <= 1e6)) {
         throw std::invalid_argument("mesh: scale must be 1e-6 to 1e6 m per unit of the file");
+    }
+    if (most_seconds < 1 || most_seconds > 3600) {
+        throw std::invalid_argument("mesh: assimp may be allowed 1 to 3600 s");
     }
     check.check();
 }

@@ -36,7 +36,7 @@ struct ImportRequest {
 /// What a child process may have.
 struct ChildLimits {
     std::size_t memory_bytes = std::size_t{4} << 30U;  // of addresses; not under sanitizers, which reserve terabytes
-    unsigned cpu_s = 60;
+    unsigned cpu_s = 30;
 };
 
 /// Runs `work` in a forked child and returns what it returned. What happens to the child's memory stays there; what

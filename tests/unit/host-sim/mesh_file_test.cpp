@@ -334,6 +334,11 @@ TEST(MeshParser, BelievesNoHeader) {
     EXPECT_THAT(refusal("plx", MeshFormat::Ply), HasSubstr("begin with \"ply\""));
     EXPECT_THAT(refusal("ply\nelement vertex 99999999999\nend_header\n", MeshFormat::Ply),
                 HasSubstr("element vertex 99999999999"));
+    const std::string text = ply_text();
+    EXPECT_THAT(refusal(text.substr(0, text.rfind("3 ")), MeshFormat::Ply),
+                AllOf(HasSubstr("element face 12"), HasSubstr("19 lines")));
+    EXPECT_EQ(refusal(text.substr(0, text.size() - 1), MeshFormat::Ply), "not refused");
+    EXPECT_EQ(refusal(text + "\n \r\n", MeshFormat::Ply), "not refused");
     EXPECT_THAT(refusal("ply\nelement vertex many\nend_header\n", MeshFormat::Ply), HasSubstr("element vertex many"));
     EXPECT_THAT(refusal("ply\nformat ascii 1.0\n", MeshFormat::Ply), HasSubstr("end_header"));
     EXPECT_THAT(refusal("GLTF\2\0\0\0________________", MeshFormat::Glb), HasSubstr("begin with \"glTF\""));
@@ -381,6 +386,7 @@ TEST(MeshParser, HasLimits) {
     settings.most_bytes = 100;
     EXPECT_THAT(refusal(obj_quads(), MeshFormat::Obj, settings), HasSubstr("100 bytes"));
     EXPECT_THROW((void)parse(obj_quads(), MeshFormat::Obj, {.scale = 0.0}), std::invalid_argument);
+    EXPECT_THROW((void)parse(obj_quads(), MeshFormat::Obj, {.most_seconds = 0}), std::invalid_argument);
 }
 
 TEST_F(MeshFile, IsRefusedByNameWhereItCannotBeRead) {

@@ -23,6 +23,7 @@ struct MeshFileSettings {
     double scale = 1.0;                    // m per unit of the file, 1e-6 to 1e6; 0.001 for millimetres
     MeshCheckSettings check{};             // what is made of what was read
     std::size_t most_bytes = 256U << 20U;  // of the file, and of what a .gltf file refers to together
+    unsigned most_seconds = 30;            // 1 to 3600, of computing, for assimp
 
     /// Throws std::invalid_argument.
     void validate() const;
