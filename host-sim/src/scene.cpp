@@ -32,6 +32,9 @@ CollisionSettings read_collisions(const Config& config) {
     collisions.static_friction = config.number("collisions.static_friction", collisions.static_friction, {0.0, 10.0});
     collisions.dynamic_friction =
         config.number("collisions.dynamic_friction", collisions.dynamic_friction, {0.0, 10.0});
+    collisions.push_out_speed = config.number("collisions.push_out_speed", collisions.push_out_speed, {0.0, 100.0});
+    collisions.most_substeps =
+        static_cast<int>(config.integer("collisions.most_substeps", collisions.most_substeps, {1.0, 100.0}));
     if (collisions.dynamic_friction > collisions.static_friction) {
         config.fail("collisions.dynamic_friction", "must not exceed collisions.static_friction");
     }

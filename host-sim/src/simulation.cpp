@@ -4,11 +4,13 @@
 #include <array>
 #include <glm/geometric.hpp>
 #include <limits>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include "haptic/denormals.hpp"
+#include "haptic/sim/collisions.hpp"
 #include "haptic/sim/contact/planes_in_reach.hpp"
 #include "haptic/sim/contact/pop_out.hpp"
 #include "haptic/sim/contact/secure_position.hpp"
@@ -84,6 +86,13 @@ struct Assembly {
     std::vector<std::vector<Motion>> motions;
 };
 
+/// Nothing, where nothing can collide.
+std::unique_ptr<ParticleCollisions> make_collisions(const ParticleModel& model, const CollisionSettings& settings,
+                                                    Simulation::ClockFunction clock) {
+    const bool alone = model.bodies.size() < 2 || !settings.between_bodies;
+    return alone && !settings.ground ? nullptr : std::make_unique<ParticleCollisions>(model, settings, clock);
+}
+
 /// Time since the last call, by the caller's clock; 0 without one.
 class Stopwatch {
   public:
@@ -115,6 +124,7 @@ struct Simulation::State {
           all(std::move(assembly)),
           model(all.model),
           solver(model, which.solver),
+          collisions(make_collisions(model, which.collisions, time)),
           skinner(all.mesh.vertices, model, all.skin),
           start(all.mesh.vertices),
           end(all.mesh.vertices),
@@ -161,6 +171,7 @@ struct Simulation::State {
     Assembly all;          // at rest; its trees are pointed at
     ParticleModel& model;  // in motion: that of the assembly
     ParticleSolver solver;
+    std::unique_ptr<ParticleCollisions> collisions;  // if there is anything to collide with
     Skinner skinner;
     std::vector<Vec3> start;  // vertices at the beginning and the end of the last step
     std::vector<Vec3> end;
@@ -307,9 +318,9 @@ StepResult Simulation::step(const StepInput& input) {
         (void)watch.lap();
     }
     s.couple(result, s.hip_velocity_to(result.hip));
-    result.times.collide_ns = watch.lap();
+    result.times.proxy_ns += watch.lap();
     s.lead_motions();
-    s.solver.step(s.model, s.force);
+    s.solver.step(s.model, s.force, s.collisions.get());
     ++s.steps;
     if (!is_finite(s.model)) {
         throw std::runtime_error(
@@ -318,7 +329,8 @@ StepResult Simulation::step(const StepInput& input) {
             " s: the state of the model is no longer finite; a smaller solver.step, a softer coupling.stiffness "
             "or a larger coupling.mask_radius keeps it so");
     }
-    result.times.deform_ns = watch.lap();
+    result.times.collide_ns = s.collisions == nullptr ? 0 : s.collisions->take_time();
+    result.times.deform_ns = watch.lap() - result.times.collide_ns;
     s.skin();
     result.times.skin_ns = watch.lap();
     s.build_frame(input, result);

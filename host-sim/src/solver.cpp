@@ -206,11 +206,13 @@ std::size_t ParticleSolver::link_colours() const noexcept {
 }
 
 void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, SolverContacts* contacts) {
-    const double h = settings_.step / settings_.substeps;
+    const int substeps =
+        std::max(settings_.substeps, contacts == nullptr ? 1 : contacts->substeps(model, settings_.step));
+    const double h = settings_.step / substeps;
     if (contacts != nullptr) {
         now_->pushed.resize(model.size());
     }
-    for (int s = 0; s < settings_.substeps; ++s) {
+    for (int s = 0; s < substeps; ++s) {
         predict(model, force, h);
         now_->batches.relax();
         if (contacts != nullptr) {

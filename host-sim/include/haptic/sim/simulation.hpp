@@ -42,8 +42,8 @@ struct StepInput {
 struct StageTimes {
     std::int64_t ccd_ns = 0;  // refit of the tree and secure position
     std::int64_t popout_ns = 0;
-    std::int64_t proxy_ns = 0;    // virtual proxy, planes in reach
-    std::int64_t collide_ns = 0;  // contact force; later also particles among themselves
+    std::int64_t proxy_ns = 0;    // virtual proxy, planes in reach, contact force
+    std::int64_t collide_ns = 0;  // bodies among themselves and with the ground
     std::int64_t deform_ns = 0;   // forces, constraints, integration
     std::int64_t skin_ns = 0;
     std::int64_t total_ns = 0;  // of the step without its verification

@@ -56,7 +56,7 @@ namespace haptic::sim {
 
 struct SolverSettings {
     double step = 0.01;                 // s
-    int substeps = 1;                   // equal parts into which a step is divided
+    int substeps = 1;                   // equal parts into which a step is divided, if contacts do not ask for more
     int iterations = 5;                 // passes over the constraints in each sub-step
     int rotation_iterations = 2;        // steps of the extraction, from the predicted orientation
     Vec3 gravity{0.0, -9.81, 0.0};      // m/s^2
@@ -75,6 +75,8 @@ class SolverContacts {
     SolverContacts(const SolverContacts&) = delete;
     SolverContacts& operator=(const SolverContacts&) = delete;
     virtual ~SolverContacts() = default;
+    /// Into how many sub-steps a step, s, has to be divided at least.
+    [[nodiscard]] virtual int substeps(const ParticleModel& /*start*/, double /*step*/) const { return 1; }
     /// Once, before the constraints: finds what may touch, from where forces lead.
     virtual void find(const ParticleModel& start, const MovingParticles& predicted, double h) = 0;
     /// After the constraints in each iteration: moves the places in `now` out of one another.

@@ -1,0 +1,117 @@
+#include "swept_pairs.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <utility>
+#include <vector>
+
+namespace haptic::sim {
+namespace {
+
+using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
+
+struct Crowd {
+    std::size_t boxes = 300;
+    double width = 1.0;  // m, of the region
+    double least = 0.01;
+    double greatest = 0.1;
+    std::uint32_t bodies = 4;
+};
+
+std::vector<SweptBox> make(const Crowd& crowd, std::uint32_t seed) {
+    std::mt19937 random(seed);
+    const auto uniform = [&](double low, double high) {
+        return std::uniform_real_distribution<double>(low, high)(random);
+    };
+    std::vector<SweptBox> boxes;
+    for (std::uint32_t i = 0; i < crowd.boxes; ++i) {
+        SweptBox box{.particle = i, .body = i * crowd.bodies / static_cast<std::uint32_t>(crowd.boxes)};
+        for (int k = 0; k < 3; ++k) {
+            box.low[k] = uniform(-0.5 * crowd.width, 0.5 * crowd.width);
+            box.high[k] = box.low[k] + uniform(crowd.least, crowd.greatest);
+        }
+        boxes.push_back(box);
+    }
+    return boxes;
+}
+
+Pairs by_brute_force(const std::vector<SweptBox>& boxes) {
+    Pairs pairs;
+    for (std::uint32_t i = 0; i < boxes.size(); ++i) {
+        for (std::uint32_t j = i + 1; j < boxes.size(); ++j) {
+            bool apart = boxes[i].body == boxes[j].body;
+            for (int k = 0; k < 3; ++k) {
+                apart = apart || boxes[i].low[k] > boxes[j].high[k] || boxes[j].low[k] > boxes[i].high[k];
+            }
+            if (!apart) {
+                pairs.emplace_back(i, j);
+            }
+        }
+    }
+    return pairs;
+}
+
+Pairs found(SweptPairs& finder, const std::vector<SweptBox>& boxes) {
+    std::vector<BoxPair> room(boxes.size() * boxes.size() + 1);
+    room.resize(finder.find(boxes, room));
+    Pairs pairs;
+    for (const BoxPair& p : room) {
+        pairs.emplace_back(std::min(p.first, p.second), std::max(p.first, p.second));
+    }
+    return pairs;
+}
+
+TEST(SweptPairs, AreThoseOfBruteForceEachOnce) {
+    SweptPairs finder(400);
+    std::size_t seen = 0;
+    std::uint32_t seed = 0;
+    for (const Crowd& crowd : {Crowd{}, Crowd{.width = 0.2}, Crowd{.width = 50.0}, Crowd{.least = 0.0, .greatest = 0.0},
+                               Crowd{.boxes = 400, .greatest = 0.9}, Crowd{.width = 1e9, .greatest = 3e8},
+                               Crowd{.boxes = 2, .greatest = 2.0, .bodies = 2}, Crowd{.boxes = 1}, Crowd{.boxes = 0},
+                               Crowd{.bodies = 300}, Crowd{.bodies = 1}}) {
+        for (int round = 0; round < 5; ++round) {
+            const std::vector<SweptBox> boxes = make(crowd, ++seed);
+            Pairs pairs = found(finder, boxes);
+            seen += pairs.size();
+            std::sort(pairs.begin(), pairs.end());
+            ASSERT_EQ(pairs, by_brute_force(boxes)) << seed;
+        }
+    }
+    EXPECT_GT(seen, 10000u);
+}
+
+TEST(SweptPairs, FarFromOneAnotherThanThereAreCellsShareTheLastOne) {
+    std::vector<SweptBox> boxes = make({.boxes = 60}, 1);
+    for (SweptBox& box : make({.boxes = 60}, 2)) {
+        box.low += Vec3(1e9, -1e9, 0.0);
+        box.high += Vec3(1e9, -1e9, 0.0);
+        boxes.push_back(box);
+    }
+    SweptPairs finder(boxes.size());
+    Pairs pairs = found(finder, boxes);
+    std::sort(pairs.begin(), pairs.end());
+    EXPECT_EQ(pairs, by_brute_force(boxes));
+    EXPECT_FALSE(pairs.empty());
+}
+
+TEST(SweptPairs, ComeInTheSameOrderWhateverWasFoundBefore) {
+    const std::vector<SweptBox> boxes = make({}, 7);
+    SweptPairs fresh(300);
+    SweptPairs used(300);
+    (void)found(used, make({.width = 0.3}, 8));
+    EXPECT_EQ(found(fresh, boxes), found(used, boxes));
+}
+
+TEST(SweptPairs, ThatFindNoRoomAreCounted) {
+    const std::vector<SweptBox> boxes = make({.width = 0.2}, 9);
+    SweptPairs finder(300);
+    std::vector<BoxPair> room(10);
+    EXPECT_EQ(finder.find(boxes, room), by_brute_force(boxes).size());
+    EXPECT_LT(room.back().first, 300u);
+    EXPECT_NE(room.back().first, room.back().second);
+}
+
+}  // namespace
+}  // namespace haptic::sim
