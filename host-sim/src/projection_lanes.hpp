@@ -256,9 +256,8 @@ class BatchProjection {
         for (std::size_t k = 0; k < slots_; ++k) {
             const LaneRow<Real> u = placed(k);
             const LaneVec<Real> p = head(u) - centroid_;
-            LaneVec<Real> error = rotation_ * rest_offset(k) - p - cross(turn_, p);
+            const LaneVec<Real> error = eased(k, rotation_ * rest_offset(k) - p - cross(turn_, p));
             if constexpr (Compliant) {
-                error = error - load<Real>(groups_->softness + at_) * shift(k);
                 add_shift(k, stiffness * error);
             }
             const LaneVec<Real> goal = head(u) + stiffness * error;
@@ -278,6 +277,14 @@ class BatchProjection {
     [[nodiscard]] HAPTIC_LANES LaneVec<Real> shift(std::size_t slot) const noexcept {
         const double* s = groups_->shift + 3 * member(slot);
         return {load<Real>(s), load<Real>(s + kLanes<Real>), load<Real>(s + 2 * kLanes<Real>)};
+    }
+    /// What a compliant group leaves of a member's way to its goal, because of the pull that it exerts already.
+    [[nodiscard]] HAPTIC_LANES LaneVec<Real> eased(std::size_t slot, const LaneVec<Real>& way) const noexcept {
+        if constexpr (Compliant) {
+            return way - load<Real>(groups_->softness + at_) * shift(slot);
+        } else {
+            return way;
+        }
     }
     HAPTIC_LANES void add_shift(std::size_t slot, const LaneVec<Real>& more) const noexcept {
         double* s = groups_->shift + 3 * member(slot);
