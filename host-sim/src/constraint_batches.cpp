@@ -61,8 +61,8 @@ double inverse_mass(const ParticleModel& model, std::uint32_t particle) {
 
 }  // namespace
 
-ConstraintBatches::ConstraintBatches(const ParticleModel& model, double step, std::size_t lanes)
-    : lanes_(lanes), nobody_((model.size() + lanes - 1) / lanes * lanes), step_(step) {
+ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lanes)
+    : lanes_(lanes), nobody_((model.size() + lanes - 1) / lanes * lanes) {
     std::vector<std::uint32_t> links;
     std::vector<std::uint32_t> springs;
     for (std::uint32_t l = 0; l < model.links.size(); ++l) {
@@ -73,9 +73,27 @@ ConstraintBatches::ConstraintBatches(const ParticleModel& model, double step, st
     batch_groups(model);
 }
 
-void ConstraintBatches::relax() noexcept {
+void ConstraintBatches::begin(double h) noexcept {
+    if (h != step_) {
+        soften(h);
+    }
     std::fill(spring_.pull.begin(), spring_.pull.end(), 0.0);
     std::fill(shift_.begin(), shift_.end(), 0.0);
+}
+
+void ConstraintBatches::soften(double h) noexcept {
+    const double inverse_square = 1.0 / (h * h);
+    for (std::size_t k = 0; k < spring_.softness.size(); ++k) {
+        const double softness = spring_.compliance[k] * inverse_square;
+        const double mobility = spring_.first_inverse_mass[k] + spring_.second_inverse_mass[k];
+        spring_.softness[k] = softness;
+        spring_.gain[k] = mobility > 0.0 ? spring_.stiffness[k] / (mobility + softness) : 0.0;
+    }
+    for (std::size_t k = 0; k < softness_.size(); ++k) {
+        softness_[k] = compliance_[k] * inverse_square;
+        stiffness_[k] = rigid_stiffness_[k] / (1.0 + softness_[k]);
+    }
+    step_ = h;
 }
 
 void ConstraintBatches::batch_links(const ParticleModel& model, const std::vector<std::uint32_t>& links) {
@@ -109,30 +127,31 @@ void ConstraintBatches::batch_springs(const ParticleModel& model, const std::vec
     const auto colours = colour_links(model, links);
     link_colours_ += colours.size();
     const auto nobody = static_cast<std::uint32_t>(nobody_);
-    const auto add = [&](const Link& link, double a, double b, double softness, double gain) {
+    const auto add = [&](const Link& link, double a, double b) {
         spring_.first.push_back(link.first);
         spring_.second.push_back(link.second);
         spring_.rest_length.push_back(link.rest_length);
         spring_.first_inverse_mass.push_back(a);
         spring_.second_inverse_mass.push_back(b);
-        spring_.softness.push_back(softness);
-        spring_.gain.push_back(gain);
+        spring_.compliance.push_back(link.compliance);
+        spring_.stiffness.push_back(link.stiffness);
     };
     for (const std::vector<std::uint32_t>& same : colours) {
         for (const std::uint32_t l : same) {
             const Link& link = model.links[l];
             const double a = inverse_mass(model, link.first);
             const double b = inverse_mass(model, link.second);
-            const double softness = link.compliance / (step_ * step_);
             if (a + b > 0.0) {
-                add(link, a, b, softness, link.stiffness / (a + b + softness));
+                add(link, a, b);
             }
         }
         while (spring_.first.size() % lanes_ != 0) {
-            add({nobody, nobody, 0.0, 0.0, 0.0}, 0.0, 0.0, 0.0, 0.0);
+            add({nobody, nobody, 0.0, 0.0, 0.0}, 0.0, 0.0);
         }
     }
-    spring_.pull.resize(spring_.first.size());
+    for (LaneArray<double>* numbers : {&spring_.softness, &spring_.gain, &spring_.pull}) {
+        numbers->resize(spring_.first.size());
+    }
 }
 
 void ConstraintBatches::batch_groups(const ParticleModel& model) {
@@ -201,7 +220,9 @@ void ConstraintBatches::add_batch(const ParticleModel& model, const std::vector<
 void ConstraintBatches::add_group(const ParticleModel& model, const Group* group, std::size_t first_member) {
     if (group == nullptr) {
         centre_.push_back(static_cast<std::uint32_t>(nobody_));
+        rigid_stiffness_.push_back(0.0);
         stiffness_.push_back(0.0);
+        compliance_.push_back(0.0);
         softness_.push_back(0.0);
         inverse_mass_.push_back(0.0);
         centre_spin_mass_.push_back(0.0);
@@ -216,9 +237,10 @@ void ConstraintBatches::add_group(const ParticleModel& model, const Group* group
     }
     centroid /= mass;
     centre_.push_back(group->centre);
-    const double softness = group->compliance / (step_ * step_);
-    stiffness_.push_back(group->stiffness / (1.0 + softness));
-    softness_.push_back(softness);
+    rigid_stiffness_.push_back(group->stiffness);
+    stiffness_.push_back(group->stiffness);
+    compliance_.push_back(group->compliance);
+    softness_.push_back(0.0);
     inverse_mass_.push_back(1.0 / mass);
     centre_spin_mass_.push_back(spin_mass(model, group->centre));
     centre_is_free_.push_back(model.pinned[group->centre] != 0 ? 0 : 1);

@@ -34,15 +34,15 @@ using LaneArray = std::vector<T, CacheLineAllocator<T>>;
 class ConstraintBatches {
   public:
     /// The model has been checked. Throws std::invalid_argument if a particle is in too many constraints.
-    /// `step` is the length of a sub-step, s.
-    ConstraintBatches(const ParticleModel& model, double step, std::size_t lanes);
+    ConstraintBatches(const ParticleModel& model, std::size_t lanes);
 
-    /// Forgets what compliant constraints have pulled, as each sub-step begins with.
-    void relax() noexcept;
+    /// Forgets what compliant constraints have pulled, and makes them as soft as a sub-step of length h, s, sees them.
+    void begin(double h) noexcept;
 
     /// The number of particles, filled up to whole vectors; also the index of the one more.
     [[nodiscard]] std::size_t nobody() const noexcept { return nobody_; }
     [[nodiscard]] LinkBatches links() const noexcept;
+    /// Its softness and gain, and those of compliant groups, are for begin() to write.
     [[nodiscard]] SpringBatches springs() noexcept;
     [[nodiscard]] GroupBatches groups() noexcept;
     [[nodiscard]] std::size_t link_colours() const noexcept { return link_colours_; }
@@ -51,6 +51,7 @@ class ConstraintBatches {
     [[nodiscard]] std::size_t most_slots() const noexcept;
 
   private:
+    void soften(double h) noexcept;
     void batch_links(const ParticleModel& model, const std::vector<std::uint32_t>& links);
     void batch_springs(const ParticleModel& model, const std::vector<std::uint32_t>& links);
     void batch_groups(const ParticleModel& model);
@@ -63,7 +64,7 @@ class ConstraintBatches {
 
     std::size_t lanes_;
     std::size_t nobody_;
-    double step_;
+    double step_ = 0.0;  // s, that softness holds for
     std::size_t link_colours_ = 0;
     std::size_t group_colours_ = 0;
 
@@ -79,6 +80,8 @@ class ConstraintBatches {
         LaneArray<double> rest_length;
         LaneArray<double> first_inverse_mass;
         LaneArray<double> second_inverse_mass;
+        LaneArray<double> compliance;
+        LaneArray<double> stiffness;
         LaneArray<double> softness;
         LaneArray<double> gain;
         LaneArray<double> pull;
@@ -87,6 +90,8 @@ class ConstraintBatches {
     std::vector<GroupBatch> batch_;
     LaneArray<std::uint32_t> centre_;
     LaneArray<double> stiffness_;
+    std::vector<double> compliance_;
+    std::vector<double> rigid_stiffness_;  // without softness
     LaneArray<double> softness_;
     LaneArray<double> inverse_mass_;
     LaneArray<double> centre_spin_mass_;

@@ -100,9 +100,9 @@ const Projection& choose_projection(std::size_t lanes) {
 }  // namespace
 
 struct ParticleSolver::Projecting {
-    Projecting(const ParticleModel& model, double step, std::size_t lanes)
+    Projecting(const ParticleModel& model, std::size_t lanes)
         : projection(choose_projection(lanes)),
-          batches(model, step, projection.lanes),
+          batches(model, projection.lanes),
           links(batches.links()),
           springs(batches.springs()),
           groups(batches.groups()),
@@ -179,7 +179,7 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
     for (const ParticleRange& body : bodies_of(model)) {
         bodies_.push_back({body, nothing_pinned(model, body)});
     }
-    now_ = std::make_unique<Projecting>(model, settings.step / settings.substeps, lanes);
+    now_ = std::make_unique<Projecting>(model, lanes);
     predicted_.resize(model.size());
 }
 
@@ -214,7 +214,7 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, Sol
     }
     for (int s = 0; s < substeps; ++s) {
         predict(model, force, h);
-        now_->batches.relax();
+        now_->batches.begin(h);
         if (contacts != nullptr) {
             contacts->find(model, now_->moving(), h);
         }

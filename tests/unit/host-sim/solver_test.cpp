@@ -508,6 +508,38 @@ TEST(Solver, ACompliantLinkStretchesAsTheSpringDoesWithAnyStepAndIterations) {
     }
 }
 
+/// Asks for now few, now many sub-steps, as contacts do.
+class Hasty : public SolverContacts {
+  public:
+    [[nodiscard]] int substeps(const ParticleModel& /*start*/, double /*step*/) const override { return wanted; }
+    void find(const ParticleModel& /*start*/, const MovingParticles& /*predicted*/, double /*h*/) override {}
+    void project(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override {}
+    void finish(const ParticleModel& start, const MovingParticles& now, double /*h*/) override {
+        std::fill_n(now.pushed, start.size(), Row{});
+    }
+    int wanted = 1;
+};
+
+TEST(Solver, ASpringStaysTheSameWhenContactsDivideItsSteps) {
+    ParticleModel model = hanging_chain(1, 0.2, 0.003);
+    model.add({1.0, 0.0, 0.0}, 0.1, 0.1);  // beside it, a body that is pressed together
+    model.add({2.0, 0.0, 0.0}, 0.1, 0.1);
+    model.groups.push_back({2, {2, 3}, 1.0, 0.004});
+    model.bodies = {{0, 2}, {2, 4}};
+    ParticleSolver solver(model, {.drag = 20.0});
+    Hasty contacts;
+    const double weight = 9.81 * 0.1;
+    const std::vector<Vec3> force{Vec3(0.0), Vec3(0.0), {0.2, weight, 0.0}, {-0.2, weight, 0.0}};
+    for (int i = 0; i < 400; ++i) {
+        contacts.wanted = 1 + i % 7;
+        solver.step(model, force, &contacts);
+        if (i >= 350) {
+            ASSERT_NEAR(-model.position[1].y - 0.1, 0.003 * 0.2 * 9.81, 1e-10) << i;
+            ASSERT_NEAR(model.position[2].x - 1.0, 0.004 * 2.0, 1e-10) << i;
+        }
+    }
+}
+
 TEST(Solver, AChainOfCompliantLinksStretchesByItsTensions) {
     const std::uint32_t count = 6;
     const double compliance = 0.01;  // m/N
