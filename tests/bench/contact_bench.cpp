@@ -4,6 +4,7 @@
 
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -14,6 +15,7 @@
 #include "haptic/sim/contact/pop_out.hpp"
 #include "haptic/sim/contact/secure_position.hpp"
 #include "haptic/sim/contact/swept_tree.hpp"
+#include "haptic/sim/contact/thesis_ccd.hpp"
 #include "haptic/sim/contact/triangle_ccd.hpp"
 #include "haptic/sim/contact/verification.hpp"
 #include "haptic/sim/contact/virtual_proxy.hpp"
@@ -206,6 +208,147 @@ void planes_in_reach(benchmark::State& state) {
     }
 }
 BENCHMARK(planes_in_reach)->Unit(benchmark::kMicrosecond);
+
+/// A floor of triangles as large as the cloth's, a square of them that grows with their number: all but some forty are
+/// far away from the sphere that rests on it.
+struct Floor {
+    explicit Floor(std::int64_t about) {
+        const auto cells = static_cast<std::uint32_t>(std::lround(std::sqrt(static_cast<double>(about) / 2.0)));
+        for (std::uint32_t i = 0; i <= cells; ++i) {
+            for (std::uint32_t j = 0; j <= cells; ++j) {
+                const double x = (i - 0.5 * cells) / 32.0;
+                const double z = (j - 0.5 * cells) / 32.0;
+                start.emplace_back(x, -0.001 * (x * x + z * z) / (1.0 + x * x + z * z), z);
+                end.push_back(start.back() + Vec3(0.0, 1e-4, 0.0));
+            }
+        }
+        for (std::uint32_t i = 0; i < cells; ++i) {
+            for (std::uint32_t j = 0; j < cells; ++j) {
+                const std::uint32_t a = i * (cells + 1) + j;
+                const std::uint32_t b = a + cells + 1;
+                triangles.push_back({a, a + 1, b + 1});
+                triangles.push_back({a, b + 1, b});
+            }
+        }
+    }
+    [[nodiscard]] SurfaceMotion motion() const { return {start, end, triangles}; }
+
+    std::vector<Vec3> start;
+    std::vector<Vec3> end;
+    std::vector<Triangle> triangles;
+};
+
+void sizes(benchmark::internal::Benchmark* b) {
+    b->ArgName("triangles")->RangeMultiplier(4)->Range(1 << 10, 1 << 20)->Unit(benchmark::kMicrosecond);
+}
+
+/// All that a step asks of the contact code, the refit aside: near-logarithmic in the number of triangles.
+void contact_step_among(benchmark::State& state) {
+    const Floor floor(state.range(0));
+    SweptTree tree(floor.start, floor.triangles);
+    tree.refit(floor.motion());
+    const std::array<MovingSurface, 1> surfaces{MovingSurface{floor.motion(), &tree}};
+    const Vec3 resting(0.011, kRadius, 0.007);
+    for (auto _ : state) {
+        const SecurePosition secure = secure_position(surfaces, resting, kRadius, {});
+        const PopOut popped = pop_out(surfaces, secure.position, kRadius, {});
+        const ProxyMove moved = move_proxy(surfaces, popped.position, resting - Vec3(0, 0.01, 0), kRadius, 0.01, {});
+        benchmark::DoNotOptimize(planes_in_reach(
+            surfaces, moved.contacts, {.position = moved.position, .radius = kRadius, .reach = 0.01, .dt = 0.01}));
+    }
+}
+BENCHMARK(contact_step_among)->Apply(sizes);
+
+/// The refit of as many, each step if they move; items_per_second counts triangles.
+void refit_of(benchmark::State& state) {
+    const Floor floor(state.range(0));
+    SweptTree tree(floor.start, floor.triangles);
+    for (auto _ : state) {
+        tree.refit(floor.motion());
+        benchmark::ClobberMemory();
+    }
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(floor.triangles.size()));
+}
+BENCHMARK(refit_of)->Apply(sizes);
+
+/// As many, cut into 1, 8, ... bodies of 128 triangles far away, and the cloth: what each further body costs a sphere.
+void secure_among_bodies(benchmark::State& state) {
+    const Cloth cloth(-kRadius - 0.0048, -1e-4);
+    SweptTree tree(cloth.start, cloth.triangles);
+    tree.refit(cloth.motion());
+    Floor far(128);
+    for (std::vector<Vec3>* vertices : {&far.start, &far.end}) {
+        for (Vec3& v : *vertices) {
+            v.y += 10.0;
+        }
+    }
+    SweptTree far_tree(far.start, far.triangles);
+    far_tree.refit(far.motion());
+    std::vector<MovingSurface> surfaces(static_cast<std::size_t>(state.range(0)),
+                                        MovingSurface{far.motion(), &far_tree});
+    surfaces.push_back({cloth.motion(), &tree});
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(secure_position(surfaces, Vec3(0.0), kRadius, {}));
+    }
+}
+BENCHMARK(secure_among_bodies)->ArgName("far")->Arg(0)->Arg(8)->Arg(64)->Arg(512)->Unit(benchmark::kMicrosecond);
+
+/// Corners and centre on integers, a radius of 1e-9 of them, as the tests that hold the answers against exact
+/// arithmetic.
+void vanishing_sphere(benchmark::State& state) {
+    std::mt19937_64 engine(52);
+    const auto on_grid = [&] {
+        const Vec3 v = in_cube(engine, 100.0);
+        return Vec3(std::round(v.x), std::round(v.y), std::round(v.z));
+    };
+    std::vector<MovingTriangle> queries(4096);
+    double most = 0.0;
+    double all = 0.0;
+    for (MovingTriangle& q : queries) {
+        for (Vec3* corner : {&q.start.a, &q.start.b, &q.start.c, &q.end.a, &q.end.b, &q.end.c}) {
+            *corner = on_grid();
+        }
+        const int looks = sphere_triangle_ccd(Vec3(0.0), 1e-9, q).iterations;
+        most = std::max<double>(most, looks);
+        all += looks;
+    }
+    std::size_t next = 0;
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(sphere_triangle_ccd(Vec3(0.0), 1e-9, queries[next]));
+        next = (next + 1) % queries.size();
+    }
+    state.counters["looks_mean"] = all / static_cast<double>(queries.size());
+    state.counters["looks_most"] = most;
+}
+BENCHMARK(vanishing_sphere);
+
+/// The thesis' Algorithm 1 over the tree, on the frame of refit_and_secure; and over all triangles, as the thesis does.
+void thesis_secure(benchmark::State& state) {
+    const Cloth cloth(0.09);
+    SweptTree tree(cloth.start, cloth.triangles);
+    tree.refit(cloth.motion());
+    const std::array<MovingSurface, 1> surfaces{MovingSurface{cloth.motion(), &tree}};
+    ContactSettings settings;
+    settings.method = CcdMethod::Thesis;
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(secure_position(surfaces, Vec3(0.0), kRadius, settings));
+    }
+}
+BENCHMARK(thesis_secure)->Unit(benchmark::kMicrosecond);
+
+/// items_per_second counts triangles.
+void thesis_without_tree(benchmark::State& state) {
+    const Cloth cloth(0.09);
+    for (auto _ : state) {
+        for (const Triangle& t : cloth.triangles) {
+            const MovingTriangle moving{{cloth.start[t[0]], cloth.start[t[1]], cloth.start[t[2]]},
+                                        {cloth.end[t[0]], cloth.end[t[1]], cloth.end[t[2]]}};
+            benchmark::DoNotOptimize(thesis_triangle_ccd(Vec3(0.0), kRadius, moving));
+        }
+    }
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(cloth.triangles.size()));
+}
+BENCHMARK(thesis_without_tree)->Unit(benchmark::kMicrosecond);
 
 /// What --verify costs a step.
 void verification(benchmark::State& state) {

@@ -24,15 +24,32 @@ inline Pair least(const Pair& x, const Pair& y) noexcept {
     return x < y ? x : y;
 }
 
-inline Bounds bounds_of(const Vec3& x) noexcept {
-    return {Pair{x.x, x.y}, Pair{x.z, -x.x}, Pair{-x.y, -x.z}};
+inline Pair greatest(const Pair& x, const Pair& y) noexcept {
+    return x > y ? x : y;
 }
 
-inline void enclose(Bounds& box, const Bounds& other) noexcept {
-    box.xy = least(box.xy, other.xy);
-    box.zx = least(box.zx, other.zx);
-    box.yz = least(box.yz, other.yz);
-}
+/// Extremes of points that come in twos; of z both of a two lie side by side.
+struct Extremes {
+    Pair low_xy{kInfinity, kInfinity};
+    Pair high_xy{-kInfinity, -kInfinity};
+    Pair low_z{kInfinity, kInfinity};
+    Pair high_z{-kInfinity, -kInfinity};
+
+    void add(const Vec3& p, const Vec3& q) noexcept {
+        const Pair p_xy{p.x, p.y};
+        const Pair q_xy{q.x, q.y};
+        const Pair z{p.z, q.z};
+        low_xy = least(least(low_xy, p_xy), q_xy);
+        high_xy = greatest(greatest(high_xy, p_xy), q_xy);
+        low_z = least(low_z, z);
+        high_z = greatest(high_z, z);
+    }
+    [[nodiscard]] Bounds bounds() const noexcept {
+        const double low = low_z[0] < low_z[1] ? low_z[0] : low_z[1];
+        const double high = high_z[0] > high_z[1] ? high_z[0] : high_z[1];
+        return {low_xy, Pair{low, -high_xy[0]}, Pair{-high_xy[1], -high}};
+    }
+};
 
 inline Box box_of(const Bounds& b) noexcept {
     return {Vec3(b.xy[0], b.xy[1], b.zx[0]), Vec3(-b.zx[1], -b.yz[0], -b.yz[1])};
@@ -67,6 +84,7 @@ struct SweptTree::Builder {
     std::vector<Vec3> centres;
     std::vector<std::uint32_t> order;
     std::vector<std::uint32_t> last_seen;  // by vertex: the leaf that listed it last, plus 1
+    std::vector<std::uint32_t> shared;     // of the leaf at hand: vertices that an earlier leaf has
 
     Range halve(Range& range) {
         Box box = empty_box();
@@ -100,15 +118,18 @@ struct SweptTree::Builder {
         leaf.vertices_begin = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
         std::sort(order.begin() + static_cast<std::ptrdiff_t>(range.begin),
                   order.begin() + static_cast<std::ptrdiff_t>(range.end));
+        shared.clear();
         for (std::size_t k = range.begin; k < range.end; ++k) {
             tree.leaf_triangles_.push_back(order[k]);
             for (const std::uint32_t vertex : triangles[order[k]]) {
                 if (last_seen[vertex] != index + 1) {
+                    (last_seen[vertex] == 0 ? tree.leaf_vertices_ : shared).push_back(vertex);
                     last_seen[vertex] = index + 1;
-                    tree.leaf_vertices_.push_back(vertex);
                 }
             }
         }
+        leaf.shared_begin = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
+        tree.leaf_vertices_.insert(tree.leaf_vertices_.end(), shared.begin(), shared.end());
         leaf.triangles_end = static_cast<std::uint32_t>(tree.leaf_triangles_.size());
         leaf.vertices_end = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
         tree.leaves_.push_back(leaf);
@@ -148,8 +169,8 @@ struct SweptTree::Builder {
 };
 
 SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles)
-    : vertex_bounds_(rest.size(), kEmpty), bounds_(empty_box()), displacement_{} {
-    Builder builder{*this, triangles, {}, {}, {}};
+    : bounds_(empty_box()), displacement_{} {
+    Builder builder{*this, triangles, {}, {}, {}, {}};
     builder.centres.reserve(triangles.size());
     for (std::size_t k = 0; k < triangles.size(); ++k) {
         Vec3 sum(0.0);
@@ -173,14 +194,22 @@ SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> trian
 }
 
 void SweptTree::refit(const SurfaceMotion& motion) noexcept {
-    fit_vertices(motion);
+    Extremes displacement;
     for (const Leaf& leaf : leaves_) {
-        Bounds box = kEmpty;
-        for (std::uint32_t k = leaf.vertices_begin; k < leaf.vertices_end; ++k) {
-            enclose(box, vertex_bounds_[leaf_vertices_[k]]);
+        Extremes extremes;
+        for (std::uint32_t k = leaf.vertices_begin; k < leaf.shared_begin; ++k) {
+            const Vec3& x0 = motion.start[leaf_vertices_[k]];
+            const Vec3& x1 = motion.end[leaf_vertices_[k]];
+            extremes.add(x0, x1);
+            const Vec3 d = x1 - x0;
+            displacement.add(d, d);
         }
-        store(nodes_[leaf.node], leaf.slot, box);
+        for (std::uint32_t k = leaf.shared_begin; k < leaf.vertices_end; ++k) {
+            extremes.add(motion.start[leaf_vertices_[k]], motion.end[leaf_vertices_[k]]);
+        }
+        store(nodes_[leaf.node], leaf.slot, extremes.bounds());
     }
+    displacement_ = leaves_.empty() ? Box{} : box_of(displacement.bounds());
     for (std::size_t index = nodes_.size(); index-- > 0;) {
         const Node& node = nodes_[index];
         const auto least_of = [](const std::array<Pair, kWidth / 2>& x) {
@@ -196,19 +225,6 @@ void SweptTree::refit(const SurfaceMotion& motion) noexcept {
             bounds_ = box_of(box);
         }
     }
-}
-
-void SweptTree::fit_vertices(const SurfaceMotion& motion) noexcept {
-    Bounds displacement = kEmpty;
-    for (std::size_t v = 0; v < vertex_bounds_.size(); ++v) {
-        const Vec3& x0 = motion.start[v];
-        const Vec3& x1 = motion.end[v];
-        Bounds box = bounds_of(x0);
-        enclose(box, bounds_of(x1));
-        vertex_bounds_[v] = box;
-        enclose(displacement, bounds_of(x1 - x0));
-    }
-    displacement_ = vertex_bounds_.empty() ? Box{} : box_of(displacement);
 }
 
 void SweptTree::store(Node& node, std::size_t slot, const Bounds& box) noexcept {

@@ -15,7 +15,8 @@
 namespace haptic::sim::reproduce {
 namespace {
 
-constexpr std::array<Reproduction, 6> kReproductions{{
+constexpr std::array<Reproduction, 7> kReproductions{{
+    {"4.7", "Contacts that the detection misses", missed_contacts},
     {"4.13", "A cloth dropped from 10 m is caught", cloth_drop},
     {"4.14", "Iterations of the pop-out in a fan", pop_out_iterations},
     {"4.15", "Computing time of the pop-out", pop_out_times},

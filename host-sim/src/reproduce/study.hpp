@@ -74,6 +74,7 @@ struct Reproduction {
 [[nodiscard]] std::span<const Reproduction> reproductions();
 
 // What makes each figure; see reproductions().
+[[nodiscard]] Figure missed_contacts(const Study& study);
 [[nodiscard]] Figure cloth_drop(const Study& study);
 [[nodiscard]] Figure pop_out_iterations(const Study& study);
 [[nodiscard]] Figure pop_out_times(const Study& study);

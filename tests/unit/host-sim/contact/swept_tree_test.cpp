@@ -93,6 +93,49 @@ TEST(SweptTree, KnowsTheExtremesOfTheMotion) {
     EXPECT_NEAR(glm::length(tree.displacement().high - Vec3(0.1, 0, 0.4)), 0.0, 1e-15);
 }
 
+TEST(SweptTree, LeavesVerticesOfNoTriangleOutOfTheMotion) {
+    TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, 3, false);
+    mesh.vertices.emplace_back(0.0, 0.0, 0.0);
+    SweptTree tree(mesh.vertices, mesh.triangles);
+    std::vector<Vec3> end = mesh.vertices;
+    end.back() += Vec3(0.0, 7.0, 0.0);
+    tree.refit({mesh.vertices, end, mesh.triangles});
+    EXPECT_EQ(tree.displacement().high, Vec3(0.0));
+    EXPECT_EQ(tree.bounds().high.y, 0.0);
+}
+
+TEST(SweptTree, FindsNothingBeforeTheFirstRefit) {
+    const TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, 3, false);
+    const SweptTree tree(mesh.vertices, mesh.triangles);
+    tree.query(haptic::sim::box_about({0, 0, 0}, {0, 0, 0}, 9.0), [](std::uint32_t) { FAIL(); });
+}
+
+TEST(SweptTree, HoldsForASurfaceThatStandsWhereItCameToRest) {
+    Random random(12);
+    haptic::sim::scenes::World refitted;
+    haptic::sim::scenes::World left_alone;
+    for (haptic::sim::scenes::World* world : {&refitted, &left_alone}) {
+        haptic::sim::scenes::Body& floor = world->add(haptic::sim::scenes::sheet(1.0, 16, true));
+        floor.start = haptic::sim::scenes::placed(floor.mesh.vertices, haptic::Mat3(1.0), {0, 0.2, 0});
+        world->refit();
+        floor.stay();
+        world->refit();
+    }
+    Vec3 proxy(0.0, 0.04, 0.0);
+    int touching = 0;
+    for (int k = 0; k < 200; ++k) {
+        refitted.refit();
+        const Vec3 hip(random.uniform(-0.4, 0.4), random.uniform(-0.05, 0.05), 0.0);
+        const auto one = step(refitted, proxy, hip, 0.03);
+        const auto other = step(left_alone, proxy, hip, 0.03);
+        ASSERT_EQ(one.moved.position, other.moved.position) << k;
+        ASSERT_TRUE(other.crossings.empty()) << k;
+        touching += other.moved.contacts.count > 0 ? 1 : 0;
+        proxy = other.moved.position;
+    }
+    EXPECT_GT(touching, 100);
+}
+
 TEST(SweptTree, TakesAMeshWithoutTrianglesAndRefusesAnIndexWithoutVertex) {
     const std::vector<Vec3> vertices{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
     SweptTree none(vertices, {});

@@ -4,7 +4,8 @@
 // motion being linear, at every time between. Nodes have eight children whose boxes lie side by side, so that one node
 // is tested with a few wide operations; a leaf holds about eight triangles and the list of their vertices without
 // repetition, so that a refit reads each vertex of a leaf once. Arrays are flat, children follow their parents, and a
-// refit is one pass over the leaves and one over the nodes, backwards.
+// refit is one pass over the leaves and one over the nodes, backwards: a few nanoseconds a triangle, the only thing in
+// a step that looks at all of them. A surface that stands still need not be refitted again: see refit().
 #pragma once
 
 #include <array>
@@ -42,14 +43,16 @@ class SweptTree {
     /// first refit. Throws std::invalid_argument for an index without vertex.
     SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles);
 
-    /// Fits all boxes to a step. O(n), no allocation. `motion` has the triangles that the tree was built from.
+    /// Fits all boxes to a step. O(n), no allocation. `motion` has the triangles that the tree was built from. Boxes
+    /// hold for as long as the surface is where it was: one that comes to rest is refitted once more with `end` for
+    /// both ends of the step, and then not until it moves.
     void refit(const SurfaceMotion& motion) noexcept;
 
     /// Calls visit(triangle index) for each triangle of each leaf whose box meets `box`; so for a few too many, but for
-    /// none too few. Order is fixed by the tree. No allocation.
+    /// none too few. Order is fixed by the tree. No allocation. A surface that is far away as a whole costs one test.
     template <class Visit>
     void query(const Box& box, Visit&& visit) const {
-        if (nodes_.empty()) {
+        if (nodes_.empty() || !meets(bounds_, box)) {
             return;
         }
         std::array<std::uint32_t, kMaxStack> stack{};
@@ -73,7 +76,7 @@ class SweptTree {
 
     /// Box of everything over the step.
     [[nodiscard]] const Box& bounds() const noexcept { return bounds_; }
-    /// Component-wise least and greatest displacement of any vertex over the step, m.
+    /// Component-wise least and greatest displacement over the step of any vertex that is part of a triangle, m.
     [[nodiscard]] const Box& displacement() const noexcept { return displacement_; }
     [[nodiscard]] std::size_t node_count() const noexcept { return nodes_.size(); }
     [[nodiscard]] std::size_t leaf_count() const noexcept { return leaves_.size(); }
@@ -92,7 +95,8 @@ class SweptTree {
     struct Leaf {
         std::uint32_t triangles_begin;  // in leaf_triangles_
         std::uint32_t triangles_end;
-        std::uint32_t vertices_begin;  // in leaf_vertices_
+        std::uint32_t vertices_begin;  // in leaf_vertices_: those that no leaf before has,
+        std::uint32_t shared_begin;    // then the others
         std::uint32_t vertices_end;
         std::uint32_t node;  // that it hangs under
         std::uint32_t slot;
@@ -112,7 +116,10 @@ class SweptTree {
         return hits;
     }
 
-    void fit_vertices(const SurfaceMotion& motion) noexcept;
+    [[nodiscard]] static bool meets(const Box& a, const Box& b) noexcept {
+        return a.low.x <= b.high.x && a.high.x >= b.low.x && a.low.y <= b.high.y && a.high.y >= b.low.y &&
+               a.low.z <= b.high.z && a.high.z >= b.low.z;
+    }
     static void store(Node& node, std::size_t slot, const Bounds& box) noexcept;
 
     std::vector<Node> nodes_;
@@ -120,7 +127,6 @@ class SweptTree {
     std::vector<std::uint32_t> leaf_triangles_;
     std::vector<std::uint32_t> leaf_vertices_;
     std::vector<std::uint32_t> parents_;  // of nodes: parent * kWidth + slot
-    std::vector<Bounds> vertex_bounds_;   // by vertex, over the step
     Box bounds_;
     Box displacement_;
 };
