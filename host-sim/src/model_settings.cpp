@@ -233,6 +233,26 @@ ModelSettings read_model(const Config& config, const std::string& table) {
     return model;
 }
 
+std::size_t expected_triangles(const ModelSettings& settings) {
+    const auto grid = [](std::size_t side) { return 4 * (side - 1) * (side - 1); };
+    std::size_t triangles = 0;
+    switch (settings.generator) {
+        case Generator::Cloth:
+            triangles = grid(settings.cloth.vertices_per_side);
+            break;
+        case Generator::Curtain:
+            triangles = grid(settings.curtain.vertices_per_side);
+            break;
+        case Generator::Fan:
+            triangles = settings.fan.rim_vertices;
+            break;
+        case Generator::Fish:
+            triangles = std::size_t{kFishTriangles} << (2U * settings.fish.refinements);
+            break;
+    }
+    return triangles * settings.copies.size();
+}
+
 std::vector<DeformableBody> make_bodies(const ModelSettings& settings) {
     DeformableBody body = make_body(settings);
     Placement stands = settings.placement;

@@ -9,6 +9,9 @@ namespace {
 // Beyond any scene that the solver is meant for; keeps a slip of the keyboard from becoming an hour of waiting.
 constexpr Range kPositions{-1e4, 1e4};
 constexpr Range kUnitInterval{0.0, 1.0};
+constexpr std::size_t kMostBodies = 256;
+// Some 1 GB of meshes, particles and trees.
+constexpr std::size_t kMostSceneTriangles = 2'000'000;
 
 SolverSettings read_solver(const Config& config) {
     SolverSettings solver;
@@ -107,6 +110,25 @@ PoseTrack read_hand(const Config& config) {
     return {times, std::move(poses)};
 }
 
+/// A scene that would fill the memory is refused before any of it is made.
+void refuse_too_much(const Config& config, const Scene& scene) {
+    std::size_t bodies = scene.model.copies.size();
+    std::size_t triangles = expected_triangles(scene.model);
+    for (const ModelSettings& object : scene.objects) {
+        bodies += object.copies.size();
+        triangles += expected_triangles(object);
+    }
+    if (bodies > kMostBodies) {
+        config.fail("model", "and the objects make " + std::to_string(bodies) + " bodies, more than the " +
+                                 std::to_string(kMostBodies) + " that are allowed; have fewer copies");
+    }
+    if (triangles > kMostSceneTriangles) {
+        config.fail("model", "and the objects make " + std::to_string(triangles) + " triangles, more than the " +
+                                 std::to_string(kMostSceneTriangles) +
+                                 " that are allowed; have fewer copies, or coarser ones");
+    }
+}
+
 }  // namespace
 
 Config open_scene(const std::string& which) {
@@ -133,6 +155,7 @@ Scene read_scene(const Config& config, const std::string& name) {
     for (std::size_t k = 0; k < config.tables("objects"); ++k) {
         scene.objects.push_back(read_model(config, "objects." + std::to_string(k)));
     }
+    refuse_too_much(config, scene);
     scene.solver = read_solver(config);
     scene.collisions = read_collisions(config);
     scene.proxy = read_proxy(config);

@@ -56,6 +56,35 @@ TEST(Scene, CanBeChangedKeyByKey) {
     EXPECT_EQ(scene.solver.iterations, 3);
 }
 
+TEST(Scene, KnowsItsTrianglesBeforeItMakesThem) {
+    for (const char* model :
+         {"generator = 'cloth'\nvertices_per_side = 5", "generator = 'curtain'\nvertices_per_side = 4",
+          "generator = 'fan'\nrim_vertices = 9", "generator = 'fish'\nrefinements = 0"}) {
+        const Scene scene = read("[model]\n" + std::string(model) + "\n[[model.copies]]\n[[model.copies]]\n");
+        std::size_t triangles = 0;
+        for (const DeformableBody& body : make_bodies(scene.model)) {
+            triangles += body.mesh.triangles.size();
+        }
+        EXPECT_EQ(expected_triangles(scene.model), triangles) << model;
+    }
+}
+
+TEST(Scene, RefusesWhatWouldFillTheMemory) {
+    std::string copies;
+    for (int i = 0; i < 8; ++i) {
+        copies += "[[model.copies]]\n";
+    }
+    const std::string large = "[model]\nvertices_per_side = 257\n";  // 262,144 triangles
+    EXPECT_THAT(refusal(large + copies), HasSubstr("2097152 triangles, more than the 2000000"));
+    EXPECT_EQ(refusal(large + copies.substr(17)), "accepted");
+    EXPECT_THAT(refusal(large + copies.substr(17) + "[[objects]]\nvertices_per_side = 257\n"), HasSubstr("triangles"));
+    std::string objects;
+    for (int i = 0; i < 256; ++i) {
+        objects += "[[objects]]\nvertices_per_side = 2\n";
+    }
+    EXPECT_THAT(refusal(objects), HasSubstr("257 bodies, more than the 256"));
+}
+
 TEST(Scene, SaysHowTheProxyGetsClear) {
     EXPECT_EQ(read("").contact.pop_out, PopOutMethod::OrderFree);
     EXPECT_EQ(read("").contact.method, CcdMethod::Complete);

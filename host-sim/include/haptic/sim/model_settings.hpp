@@ -1,6 +1,7 @@
 // The [model] table of a scene: which body is made, from a generator or a mesh file, and where its copies stand.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -47,6 +48,9 @@ struct ModelSettings {
 
 /// Reads a table of the configuration, "model" or "objects.0", with all that is in it. Throws ConfigError.
 [[nodiscard]] ModelSettings read_model(const Config& config, const std::string& table);
+
+/// Triangles of the meshes that make_bodies makes, all copies together, before anything is made.
+[[nodiscard]] std::size_t expected_triangles(const ModelSettings& settings);
 
 /// Makes the bodies, one for each copy. Throws std::invalid_argument; a region without a particle is one reason.
 [[nodiscard]] std::vector<DeformableBody> make_bodies(const ModelSettings& settings);

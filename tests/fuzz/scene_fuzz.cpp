@@ -1,0 +1,75 @@
+// Scene files, fed with anything: they are refused with a ConfigError that names the file, or give a scene whose size
+// is bounded. A small one is made and stepped: what cannot be simulated is refused in words, and what can stays finite.
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+#include <string_view>
+
+#include "haptic/config.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
+
+namespace {
+
+using haptic::sim::ModelSettings;
+using haptic::sim::Scene;
+
+constexpr std::size_t kSmall = 300;  // triangles
+constexpr double kFewPasses = 1000;  // of the solver, a step
+constexpr int kSteps = 3;
+
+void require(bool held, const char* what) {
+    if (!held) {
+        std::fprintf(stderr, "broken promise: %s\n", what);
+        std::abort();
+    }
+}
+
+std::size_t triangles_of(const Scene& scene) {
+    std::size_t triangles = haptic::sim::expected_triangles(scene.model);
+    for (const ModelSettings& object : scene.objects) {
+        triangles += haptic::sim::expected_triangles(object);
+    }
+    return triangles;
+}
+
+bool is_finite(const haptic::Vec3& v) {
+    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+
+/// Throws std::invalid_argument for what cannot be made, std::runtime_error for what ceases to be finite.
+void run(const Scene& scene) {
+    haptic::sim::Simulation simulation(scene);
+    require(simulation.mesh().triangles.size() == triangles_of(scene), "there are as many triangles as expected");
+    for (int k = 0; k < kSteps; ++k) {
+        const auto result = simulation.step(simulation.scripted_input(haptic::nanoseconds(k * scene.solver.step)));
+        require(is_finite(result.proxy) && is_finite(result.force) && is_finite(result.hand_force),
+                "what is felt is a number");
+        for (const haptic::Vec3& vertex : simulation.vertices()) {
+            require(is_finite(vertex), "what is seen is a number");
+        }
+    }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    try {
+        const haptic::Config config = haptic::Config::parse({reinterpret_cast<const char*>(data), size}, "fuzz.toml");
+        const Scene scene = haptic::sim::read_scene(config, "fuzz");
+        require(triangles_of(scene) <= 2'000'000, "scenes are bounded");
+        const double passes = static_cast<double>(scene.solver.substeps) * (1 + scene.solver.iterations) *
+                              scene.solver.rotation_iterations;
+        if (triangles_of(scene) <= kSmall && passes <= kFewPasses) {
+            run(scene);
+        }
+    } catch (const haptic::ConfigError& error) {
+        require(std::string_view(error.what()).starts_with("fuzz.toml"), "an error names the file");
+    } catch (const std::invalid_argument&) {  // NOLINT(bugprone-empty-catch): refused in words
+    } catch (const std::runtime_error&) {     // NOLINT(bugprone-empty-catch): ceased to be finite, and says so
+    }
+    return 0;
+}
