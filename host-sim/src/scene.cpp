@@ -60,6 +60,11 @@ ContactSettings read_contact(const Config& config, double shrink) {
     contact.shrink = shrink;
     const std::string method = config.choice("contact.method", "complete", {"complete", "thesis"});
     contact.method = method == "thesis" ? CcdMethod::Thesis : CcdMethod::Complete;
+    contact.static_friction = config.number("proxy.static_friction", contact.static_friction, {0.0, 10.0});
+    contact.dynamic_friction = config.number("proxy.dynamic_friction", contact.dynamic_friction, {0.0, 10.0});
+    if (contact.dynamic_friction > contact.static_friction) {
+        config.fail("proxy.dynamic_friction", "must not exceed proxy.static_friction");
+    }
     const std::string pop_out = config.choice("contact.pop_out", "order_free", {"order_free", "thesis"});
     contact.pop_out = pop_out == "thesis" ? PopOutMethod::Thesis : PopOutMethod::OrderFree;
     contact.pop_out_limit =

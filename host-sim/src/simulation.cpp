@@ -11,6 +11,7 @@
 
 #include "haptic/denormals.hpp"
 #include "haptic/sim/collisions.hpp"
+#include "haptic/sim/contact/friction.hpp"
 #include "haptic/sim/contact/planes_in_reach.hpp"
 #include "haptic/sim/contact/pop_out.hpp"
 #include "haptic/sim/contact/secure_position.hpp"
@@ -185,6 +186,7 @@ struct Simulation::State {
     Vec3 proxy;
     Vec3 last_hip{0.0};
     ProxyPath path;
+    ProxyGrip grip;          // of the surfaces, if they are rough
     SurfacePlanes contacts;  // that hold the proxy
     SurfacePlanes planes;    // that the haptic loop gets
     ContactFrame frame{};
@@ -214,7 +216,8 @@ void Simulation::State::find_contact(StepResult& result, Stopwatch& watch) {
     const PopOut popped = pop_out(surfaces, secure.position, radius, contact, &path);
     result.times.popout_ns = watch.lap();
 
-    const ProxyMove move = move_proxy(surfaces, popped.position, result.hip, radius, scene.solver.step, contact, &path);
+    const ProxyMove move = move_proxy(surfaces, {.before = proxy, .from = popped.position, .goal = result.hip}, radius,
+                                      scene.solver.step, contact, grip, &path);
     proxy = move.position;
     contacts = move.contacts;
     planes = planes_in_reach(
@@ -233,7 +236,10 @@ void Simulation::State::couple(StepResult& result, const Vec3& hip_velocity) {
     std::fill(force.begin(), force.end(), Vec3(0.0));
     damping = 0.0;
     const double stiffness = clutch.gain() * scene.coupling.stiffness;
-    const ContactShares shares = divide_force(stiffness * (proxy - result.hip), contacts);
+    const Vec3 spring = stiffness * (proxy - result.hip);
+    const ContactShares shares = divide_force(spring, contacts);
+    const bool rough = contact.static_friction > 0.0 || contact.dynamic_friction > 0.0;
+    const auto friction = rough ? divide_friction(spring, contacts, shares) : FrictionParts{};
     for (std::size_t c = 0; c < contacts.count; ++c) {
         const SurfacePlane& plane = contacts.plane[c];
         PressureMask& mask = all.masks[plane.touched.object];
@@ -243,8 +249,12 @@ void Simulation::State::couple(StepResult& result, const Vec3& hip_velocity) {
         const double held = contact_damping(shares[c], patch.mass, scene.solver.step, scene.coupling);
         const double push = contact_push(shares[c], closing, held);
         damping += held;
-        result.force += push * plane.normal;
-        mask.press(-push * plane.normal, std::span(force).subspan(first));
+        Vec3 on_tool = push * plane.normal;
+        if (rough && shares[c] > 0.0) {
+            on_tool += friction[c] * std::min(1.0, push / shares[c]);  // no more than the normal force can hold
+        }
+        result.force += on_tool;
+        mask.press(-on_tool, std::span(force).subspan(first));
     }
     result.hand_force = workspace.force_to_device(result.force);
 }

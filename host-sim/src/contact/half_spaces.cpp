@@ -21,14 +21,14 @@ struct Basis {
 
 /// The point nearest to the target on the boundaries of `members`, if it is pushed onto each of them.
 bool solve_on(std::span<const HalfSpace> all, const std::array<std::uint32_t, 3>& members, std::uint32_t count,
-              const Vec3& target, Vec3& point) HAPTIC_RT {
+              const Vec3& target, Vec3& point, std::array<double, 3>& lambda) HAPTIC_RT {
     std::array<Vec3, 3> n{};
     std::array<double, 3> b{};
     for (std::uint32_t k = 0; k < count; ++k) {
         n[k] = all[members[k]].normal;
         b[k] = all[members[k]].offset - glm::dot(n[k], target);
     }
-    std::array<double, 3> lambda{};
+    lambda = {};
     if (count == 1) {
         lambda[0] = b[0];
     } else if (count == 2) {
@@ -79,7 +79,8 @@ bool solve_basis(std::span<const HalfSpace> all, const Basis& basis, const Vec3&
                 }
             }
             Vec3 point{0.0};
-            if (!solve_on(all, members, count, target, point)) {
+            std::array<double, 3> lambda{};
+            if (!solve_on(all, members, count, target, point, lambda)) {
                 continue;
             }
             bool holds = true;
@@ -90,6 +91,7 @@ bool solve_basis(std::span<const HalfSpace> all, const Basis& basis, const Vec3&
             if (holds) {
                 out.point = point;
                 out.active = members;
+                out.multiplier = lambda;
                 out.active_count = static_cast<std::uint8_t>(count);
                 return true;
             }

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 
-#include "contact/touching.hpp"
+#include "contact/hold.hpp"
 
 namespace haptic::sim {
 
@@ -13,19 +13,6 @@ namespace {
 constexpr int kPatience = 8;         // iterations that must bring the proxy nearer
 constexpr double kProgress = 1e-4;   // of the radius, by this much
 constexpr double kWidestTurn = 0.5;  // cosine: a proxy rolls about an edge or a corner by at most 60 degrees at once
-SurfacePlanes planes_of(std::span<const MovingSurface> surfaces, std::span<const Touching> touching,
-                        const Projection& held, double radius, double dt) noexcept {
-    SurfacePlanes planes;
-    for (std::uint32_t k = 0; k < held.active_count; ++k) {
-        const Touching& t = touching[held.active[k]];
-        SurfacePlane& plane = planes.plane[planes.count++];
-        plane.normal = t.normal;
-        plane.offset = glm::dot(t.normal, t.point) + radius;
-        plane.velocity = glm::dot(t.normal, displacement_of(surfaces[t.object].motion, t.triangle, t.at.weights)) / dt;
-        plane.touched = surface_point(t);
-    }
-    return planes;
-}
 
 /// The nearest point to `goal` of the edge or corner that is touched.
 Vec3 nearest_of_feature(std::span<const MovingSurface> surfaces, const Touching& t, const Vec3& goal) noexcept {
@@ -50,14 +37,15 @@ class Walker {
     ProxyMove run(double dt) noexcept {
         ProxyMove result;
         for (;; ++result.iterations) {
-            const PlaneSet::Room room = aim();
+            hold_.look(surfaces_, position_, goal_, radius_, settings_);
+            const PlaneSet::Room& room = hold_.room();
             const Vec3 move = room.any ? room.at.point - position_ : Vec3(0.0);
             const bool arrived =
                 glm::dot(move, move) <= kArrived * kArrived * radius_ * radius_ || stalls(result.iterations);
             if (arrived || result.iterations >= settings_.max_proxy_moves) {
                 result.converged = arrived;
                 result.position = position_;
-                result.contacts = planes_of(surfaces_, touching_.points(), room.at, room.radius, dt);
+                result.contacts = hold_.planes(surfaces_, dt);
                 return result;
             }
             if (!roll(room)) {
@@ -67,16 +55,6 @@ class Walker {
     }
 
   private:
-    /// The point nearest to the goal beyond the planes of all that is touched here.
-    PlaneSet::Room aim() noexcept {
-        touching_.gather(surfaces_, 1.0, position_, touching_reach(radius_, settings_), nullptr);
-        planes_.clear();
-        for (const Touching& t : touching_.points()) {
-            planes_.add(t.normal, glm::dot(t.normal, t.point));
-        }
-        return planes_.project_with_room(goal_, radius_, 0.5 * touching_.clearance(radius_));
-    }
-
     /// Between curved features the proxy may swing by a part of the shrink for ever, and come no nearer.
     bool stalls(int iteration) noexcept {
         if (iteration % kPatience != 0) {
@@ -107,7 +85,7 @@ class Walker {
         if (room.at.active_count != 1 || room.radius < radius_) {
             return false;
         }
-        const Touching& t = touching_.points()[room.at.active[0]];
+        const Touching& t = hold_.points()[room.at.active[0]];
         if (t.at.feature != Feature::Edge && t.at.feature != Feature::Vertex) {
             return false;
         }
@@ -136,8 +114,7 @@ class Walker {
     Vec3 position_;
     ProxyPath* path_;
     double last_distance_ = 0.0;  // m, to the goal, kPatience iterations ago
-    TouchingSet touching_;
-    PlaneSet planes_;
+    Hold hold_;
 };
 
 }  // namespace

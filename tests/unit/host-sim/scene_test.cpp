@@ -102,6 +102,15 @@ TEST(Scene, SaysHowTheProxyGetsClear) {
     EXPECT_EQ(contact.shrink, 0.99);
 }
 
+TEST(Scene, MakesSurfacesRoughWhereAsked) {
+    EXPECT_EQ(read("").contact.static_friction, 0.0);
+    EXPECT_EQ(read("").contact.dynamic_friction, 0.0);
+    const ContactSettings contact = read("[proxy]\nstatic_friction = 0.8\ndynamic_friction = 0.5\n").contact;
+    EXPECT_EQ(contact.static_friction, 0.8);
+    EXPECT_EQ(contact.dynamic_friction, 0.5);
+    EXPECT_THAT(refusal("[proxy]\nstatic_friction = 0.2\ndynamic_friction = 0.3\n"), HasSubstr("dynamic_friction"));
+}
+
 TEST(Scene, FollowsTheScriptOfTheHand) {
     const Scene scene = read("[hand]\ntimes = [0.0, 2.0]\npositions = [0.0, 0.0, 0.0, 1.0, 2.0, 3.0]\n");
     EXPECT_EQ(scene.hand.at(kNanosecondsPerSecond).position, Vec3(0.5, 1.0, 1.5));

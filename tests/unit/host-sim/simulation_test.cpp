@@ -116,6 +116,29 @@ TEST(Simulation, DoesNotCatchWithoutLookingBetweenTheSteps) {
     EXPECT_TRUE(passed_between);
 }
 
+TEST(Simulation, DragsARoughClothAlongAndFeelsAsMuch) {
+    // The hand goes aside at 0.2 m/s once the cloth lies on it.
+    const auto push = [](const std::string& friction) {
+        Simulation simulation(late_drop(0.0, {"solver.gravity=[0.0, 0.0, 0.0]", "proxy.static_friction=" + friction,
+                                              "proxy.dynamic_friction=" + friction}));
+        const double step = simulation.scene().solver.step;
+        for (int i = 0; i < 25; ++i) {
+            StepInput input = simulation.scripted_input(time_of(i));
+            const Vec3 aside(std::max(0.0, 0.2 * step * (i - 5)), 0.0, 0.0);
+            input.device.position = simulation.workspace().to_device(aside);
+            const Vec3 before = linear_momentum(simulation.model());
+            const StepResult result = simulation.step(input);
+            const Vec3 gained = linear_momentum(simulation.model()) - before;
+            EXPECT_LT(glm::length(gained + step * result.force), 1e-12) << "step " << i;  // kg m/s
+        }
+        return linear_momentum(simulation.model()).x;
+    };
+    const double smooth = push("0.0");
+    const double rough = push("0.5");
+    EXPECT_GT(rough, 0.003);
+    EXPECT_GT(rough, 1.3 * smooth) << "which is not nothing: the cloth folds round the ball";
+}
+
 TEST(Simulation, GivesTheParticlesTheOppositeOfTheForceOnTheTool) {
     // Nothing else acts: what the model gains in momentum, the tool's force has taken.
     Simulation simulation(late_drop(0.0, {"solver.gravity=[0.0, 0.0, 0.0]"}));

@@ -31,6 +31,9 @@ struct ContactSettings {
 
     CcdMethod method = CcdMethod::Complete;
 
+    double static_friction = 0.0;   // coefficient, 0 .. 10, that holds a proxy at rest: friction.hpp
+    double dynamic_friction = 0.0;  // coefficient, 0 .. static_friction, that brakes one that slides
+
     PopOutMethod pop_out = PopOutMethod::OrderFree;
     // What follows is for PopOutMethod::Thesis alone.
     int pop_out_limit = 1000;        // passes over the triangles in range, 1 .. 100,000; the most of figure 4.15

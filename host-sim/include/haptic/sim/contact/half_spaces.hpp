@@ -15,6 +15,7 @@ struct Projection {
     bool feasible = true;                   // false: no point is in all half-spaces; `point` is then the target
     std::uint8_t active_count = 0;          // half-spaces that hold the point, at most three
     std::array<std::uint32_t, 3> active{};  // their indices
+    std::array<double, 3> multiplier{};     // m, each >= 0: point - target = sum multiplier * normal over them
 };
 
 /// Minimises |x - target|^2 over all half-spaces. The optimum is held by at most three of them, so the most violated

@@ -21,7 +21,7 @@ struct PathKnot {
 class ProxyPath {
   public:
     /// More than all moves of one step together: see ContactSettings.
-    static constexpr std::size_t kCapacity = 512;
+    static constexpr std::size_t kCapacity = 1024;
 
     void restart(const Vec3& position) noexcept {
         count_ = 0;

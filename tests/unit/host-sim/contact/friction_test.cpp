@@ -1,0 +1,330 @@
+#include "haptic/sim/contact/friction.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "contact/oracle.hpp"
+#include "contact/scenes.hpp"
+
+namespace {
+
+using haptic::Mat3;
+using haptic::Vec3;
+using haptic::sim::ContactSettings;
+using haptic::sim::ProxyGrip;
+using haptic::sim::ProxyMove;
+using haptic::sim::ProxyPath;
+using haptic::sim::oracle::Random;
+using haptic::sim::scenes::ball;
+using haptic::sim::scenes::Body;
+using haptic::sim::scenes::placed;
+using haptic::sim::scenes::rotation;
+using haptic::sim::scenes::sheet;
+using haptic::sim::scenes::World;
+
+constexpr double kRadius = 0.03;
+constexpr double kStep = 0.01;  // s
+constexpr double kStatic = 0.8;
+constexpr double kDynamic = 0.5;
+constexpr double kDepth = 0.02;  // m, of the goal below where the proxy can be
+
+ContactSettings rough(double at_rest = kStatic, double sliding = kDynamic) {
+    ContactSettings settings;
+    settings.static_friction = at_rest;
+    settings.dynamic_friction = sliding;
+    return settings;
+}
+
+/// A proxy with memory in a world.
+class Hand {
+  public:
+    explicit Hand(World& world, const Vec3& at, const ContactSettings& settings = rough())
+        : world_(world), settings_(settings), at_(at) {}
+
+    /// One whole step toward a goal; the bodies have been moved and refitted.
+    ProxyMove go(const Vec3& goal) {
+        path_.restart(at_);
+        const auto secure = secure_position(world_.surfaces, at_, kRadius, settings_, &path_);
+        const auto popped = pop_out(world_.surfaces, secure.position, kRadius, settings_, &path_);
+        const ProxyMove move =
+            move_proxy(world_.surfaces, {at_, popped.position, goal}, kRadius, kStep, settings_, grip, &path_);
+        at_ = move.position;
+        crossings += path_.complete() ? find_crossings(world_.motions(), path_.knots()).size() : 1;
+        return move;
+    }
+    [[nodiscard]] const Vec3& at() const { return at_; }
+
+    ProxyGrip grip;
+    std::size_t crossings = 0;
+
+  private:
+    World& world_;
+    ContactSettings settings_;
+    Vec3 at_;
+    ProxyPath path_;
+};
+
+World floor_of(std::uint32_t cells) {
+    World world;
+    world.add(sheet(2.0, cells, true));
+    world.refit();
+    return world;
+}
+
+Vec3 over(double x, double z) {
+    return {x, kRadius, z};
+}
+Vec3 under(double x, double z) {
+    return {x, kRadius - kDepth, z};
+}
+
+TEST(Friction, IsTheFrictionlessProxyToTheBitWithoutCoefficients) {
+    Random random(70);
+    World world;
+    Body& hills = world.add(sheet(1.0, 24, true));
+    for (Vec3& v : hills.end) {
+        v.y = 0.06 * std::sin(17.0 * v.x) * std::cos(13.0 * v.z);
+    }
+    hills.start = hills.end;
+    world.refit();
+    Vec3 p(0, 0.2, 0);
+    ProxyGrip grip;
+    for (int k = 0; k < 60; ++k) {
+        const Vec3 goal(random.uniform(-0.4, 0.4), random.uniform(-0.15, 0.1), random.uniform(-0.4, 0.4));
+        const ProxyMove plain = haptic::sim::move_proxy(world.surfaces, p, goal, kRadius, kStep, {});
+        const ProxyMove same =
+            haptic::sim::move_proxy(world.surfaces, {p, p, goal}, kRadius, kStep, ContactSettings{}, grip);
+        ASSERT_EQ(same.position, plain.position);
+        ASSERT_EQ(same.contacts.count, plain.contacts.count);
+        ASSERT_EQ(same.iterations, plain.iterations);
+        p = plain.position;
+    }
+}
+
+TEST(Friction, KeepsAProxyInPlaceWhileTheGoalIsInTheStaticCone) {
+    World world = floor_of(20);
+    Hand hand(world, over(0.01, 0.02));
+    hand.go(under(0.01, 0.02));
+    const Vec3 stuck = hand.at();
+    for (int k = 0; k < 32; ++k) {
+        const double reach = 0.99 * kStatic * kDepth;
+        const ProxyMove m = hand.go(under(0.01 + reach * std::cos(0.2 * k), 0.02 + reach * std::sin(0.2 * k)));
+        ASSERT_EQ(m.position, stuck) << k;
+        ASSERT_EQ(m.contacts.count, 1u);
+        EXPECT_NEAR(glm::length(m.contacts.plane[0].normal - Vec3(0, 1, 0)), 0.0, 1e-12);
+        ASSERT_FALSE(hand.grip.slides);
+    }
+}
+
+TEST(Friction, BreaksAwayAtTheStaticConeAndSlidesOnTheDynamicOneUntilItRests) {
+    World world = floor_of(20);
+    Hand hand(world, over(0.0, 0.0));
+    hand.go(under(0.0, 0.0));
+    const Vec3 way(0.6, 0.0, 0.8);
+    double x = 0.0;
+    int broke = 0;
+    for (int k = 1; k <= 60; ++k) {
+        x += 0.001;
+        const ProxyMove m = hand.go(under(x * way.x, x * way.z));
+        const double behind = x - glm::dot(m.position, way);
+        if (x <= kStatic * kDepth + 1e-9) {
+            ASSERT_NEAR(behind, x, 1e-12);
+        } else {
+            ASSERT_NEAR(behind, kDynamic * kDepth, 0.01 * kDynamic * kDepth) << "constant while it slides";
+            ASSERT_TRUE(hand.grip.slides);
+            broke += 1;
+        }
+        ASSERT_NEAR(m.position.y, kRadius, 1e-9);
+    }
+    EXPECT_GT(broke, 30);
+    // At rest it sticks again, and holds up to the static cone.
+    hand.go(under(x * way.x, x * way.z));
+    EXPECT_FALSE(hand.grip.slides);
+    const Vec3 rest = hand.at();
+    const double more = x + 0.9 * (kStatic - kDynamic) * kDepth;
+    hand.go(under(more * way.x, more * way.z));
+    EXPECT_EQ(hand.at(), rest);
+}
+
+TEST(Friction, IsTheSameInAllDirectionsAndOnAnyTriangulation) {
+    for (const std::uint32_t cells : {1u, 7u, 40u}) {
+        World world = floor_of(cells);
+        for (int k = 0; k < 16; ++k) {
+            const Vec3 way(std::cos(0.4 * k), 0.0, std::sin(0.4 * k));
+            Hand hand(world, over(0.013, 0.027));
+            hand.go(under(0.013, 0.027));
+            const Vec3 goal = under(0.013, 0.027) + 0.1 * way;
+            const ProxyMove m = hand.go(goal);
+            const Vec3 expected = goal + Vec3(0, kDepth, 0) - kDynamic * kDepth * way;
+            EXPECT_NEAR(glm::length(m.position - expected), 0.0, 1e-8) << cells << " " << k;
+        }
+    }
+}
+
+TEST(Friction, TakesAStickingProxyAlongWithItsSurface) {
+    // 1,000 steps of a tenth of a millimetre, the goal going along: no drift.
+    World world = floor_of(10);
+    Body& floor = *world.bodies[0];
+    Hand hand(world, over(0.01, 0.02));
+    hand.go(under(0.015, 0.02));
+    const Vec3 stuck = hand.at();
+    Vec3 place(0.0);
+    for (int k = 0; k < 1000; ++k) {
+        place += Vec3(1e-4, 2e-5 * std::sin(0.1 * k), -5e-5);
+        floor.stay();
+        floor.end = placed(floor.mesh.vertices, Mat3(1.0), place);
+        world.refit();
+        hand.go(under(0.015, 0.02) + place);
+    }
+    EXPECT_NEAR(glm::length(hand.at() - place - stuck), 0.0, 1e-3 * kRadius);
+    EXPECT_EQ(hand.crossings, 0u);
+}
+
+TEST(Friction, LetsASurfacePullAtAHandThatStandsUntilItSlips) {
+    World world = floor_of(10);
+    Body& floor = *world.bodies[0];
+    Hand hand(world, over(0.0, 0.0));
+    const Vec3 goal = under(0.0, 0.0);
+    hand.go(goal);
+    double most = 0.0;
+    for (int k = 1; k <= 60; ++k) {
+        floor.stay();
+        floor.end = placed(floor.mesh.vertices, Mat3(1.0), {1e-3 * k, 0.0, 0.0});
+        world.refit();
+        const ProxyMove m = hand.go(goal);
+        most = std::max(most, m.position.x);
+        if (k <= 15) {
+            ASSERT_NEAR(m.position.x, 1e-3 * k, 1e-6) << "taken along";
+        } else if (k > 17) {
+            ASSERT_NEAR(m.position.x, kDynamic * kDepth, 0.1 * kDynamic * kDepth) << "the surface slips through";
+        }
+    }
+    EXPECT_LE(most, kStatic * kDepth * 1.001);
+    EXPECT_NEAR(haptic::sim::carrying_velocity(world.surfaces, hand.grip, kStep).x, 0.1, 1e-9);
+}
+
+TEST(Friction, RollsWithoutSlipOnASurfaceThatTilts) {
+    // A sphere that does not turn has the velocity of the point it touches: below the axis by its height.
+    World world = floor_of(10);
+    Body& floor = *world.bodies[0];
+    Hand hand(world, over(0.05, 0.0), rough(5.0, 5.0));
+    hand.go(under(0.05, 0.0));
+    const double turn = 0.002;
+    floor.stay();
+    floor.end = placed(floor.mesh.vertices, rotation({0, 0, 1}, turn), Vec3(0.0));
+    world.refit();
+    const ProxyMove m = hand.go(under(0.05, 0.0));
+    EXPECT_NEAR(m.position.y - kRadius, 0.05 * turn, 1e-5);
+    EXPECT_NEAR(m.position.x, 0.05, 0.2 * kRadius * turn)
+        << "turning with the surface would have taken it back by r turn";
+}
+
+TEST(Friction, CountsBothWallsOfAGroove) {
+    // A groove of 90 degrees along z: the normal forces of its walls add up to sqrt(2) times their resultant.
+    World world;
+    const Mat3 slope = rotation({0, 0, 1}, M_PI / 4);
+    Body& left = world.add(sheet(2.0, 8, true));
+    Body& right = world.add(sheet(2.0, 8, true));
+    left.start = left.end = placed(left.mesh.vertices, rotation({0, 0, 1}, -M_PI / 4), {-0.7, 0.7, 0});
+    right.start = right.end = placed(right.mesh.vertices, slope, {0.7, 0.7, 0});
+    world.refit();
+    const double bottom = std::sqrt(2.0) * kRadius;
+    Hand hand(world, {0.0, bottom + 0.01, 0.0});
+    hand.go({0.0, bottom - kDepth, 0.0});
+    ASSERT_EQ(hand.grip.held_by.count, 2u);
+    const Vec3 stuck = hand.at();
+    const double limit = std::sqrt(2.0) * kDepth;
+    hand.go({0.0, bottom - kDepth, 0.98 * kStatic * limit});
+    EXPECT_NEAR(glm::length(hand.at() - stuck), 0.0, 1e-9);
+    hand.go({0.0, bottom - kDepth, 3.0 * limit});
+    EXPECT_NEAR(3.0 * limit - hand.at().z, kDynamic * limit, 0.01 * kDynamic * limit);
+}
+
+TEST(Friction, KeepsTheForceInTheConeOnARoundBody) {
+    World world;
+    world.add(ball(0.3, 24));
+    world.refit();
+    Random random(71);
+    Hand hand(world, {0.0, 0.45, 0.0});
+    Vec3 goal(0.0, 0.31, 0.0);
+    Vec3 way(0.0);
+    int sliding = 0;
+    for (int k = 0; k < 400; ++k) {
+        way = 0.9 * way + random.in_cube(0.004);
+        goal = glm::normalize(goal + way) * 0.315;
+        const ProxyMove m = hand.go(goal);
+        ASSERT_GE(world.clearance(m.position), 0.998 * kRadius);
+        if (m.contacts.count == 0) {
+            continue;
+        }
+        // Coulomb's law against an ideal ball: facets of 7.5 degrees turn the normal by up to half of that.
+        const Vec3 n = glm::normalize(m.position);
+        const Vec3 force = m.position - goal;
+        const double normal = glm::dot(force, n);
+        const double along = glm::length(force - n * normal);
+        ASSERT_LE(along, (kStatic + 0.15) * normal) << k;
+        if (hand.grip.slides) {
+            ++sliding;
+            ASSERT_NEAR(along / normal, kDynamic, 0.15) << k;
+        }
+    }
+    EXPECT_GT(sliding, 50);
+    EXPECT_EQ(hand.crossings, 0u);
+}
+
+TEST(Friction, LetsGoWithoutAPull) {
+    World world = floor_of(10);
+    Hand hand(world, over(0.0, 0.0));
+    hand.go(under(0.005, 0.0));
+    const Vec3 above = over(0.01, 0.02) + Vec3(0, 1e-5, 0);
+    EXPECT_EQ(hand.go(above).position, above);
+    EXPECT_EQ(hand.grip.held_by.count, 0u);
+}
+
+TEST(Friction, BeginsWhereTheProxyLands) {
+    World world = floor_of(10);
+    Hand hand(world, over(0.0, 0.0) + Vec3(0.0, 0.1, 0.0), rough(10.0, 10.0));
+    // It comes down at 45 degrees and meets the floor half-way: there it sticks.
+    const ProxyMove m = hand.go(over(0.2, 0.0) - Vec3(0.0, 0.1, 0.0));
+    EXPECT_NEAR(glm::length(m.position - over(0.1, 0.0)), 0.0, 2e-3 * kRadius);
+}
+
+TEST(Friction, DividesAmongContactsWhatTheNormalsDoNotMake) {
+    haptic::sim::SurfacePlanes planes;
+    planes.count = 2;
+    planes.plane[0].normal = {1, 0, 0};
+    planes.plane[1].normal = {0, 1, 0};
+    const auto parts = haptic::sim::divide_friction({3.0, 1.0, 2.0}, planes, {3.0, 1.0, 0.0});
+    EXPECT_NEAR(glm::length(parts[0] - Vec3(0, 0, 1.5)), 0.0, 1e-15);
+    EXPECT_NEAR(glm::length(parts[1] - Vec3(0, 0, 0.5)), 0.0, 1e-15);
+    EXPECT_EQ(parts[2], Vec3(0.0));
+}
+
+TEST(Friction, NeverTakesAProxyThroughABodyThatTumbles) {
+    for (const bool inside : {false, true}) {
+        Random random(inside ? 73u : 72u);
+        World world;
+        Body& body = world.add(haptic::sim::scenes::box({0.3, 0.25, 0.35}));
+        Hand hand(world, inside ? Vec3(0.01, 0.02, 0.03) : Vec3(0.01, 0.45, 0.02));
+        Vec3 hip = hand.at();
+        Mat3 attitude(1.0);
+        Vec3 place(0.0);
+        int touched = 0;
+        for (int k = 0; k < 300; ++k) {
+            attitude = rotation(random.direction(), random.uniform(-0.05, 0.05)) * attitude;
+            place = place * 0.95 + random.in_cube(0.02);
+            body.stay();
+            body.end = placed(body.mesh.vertices, attitude, place);
+            world.refit();
+            hip = hip * 0.93 + random.in_cube(0.1);
+            touched += hand.go(hip).contacts.count > 0 ? 1 : 0;
+            ASSERT_EQ(hand.crossings, 0u) << k;
+            ASSERT_GE(world.clearance(hand.at()), 0.998 * kRadius) << k;
+        }
+        EXPECT_GT(touched, 30);
+    }
+}
+
+}  // namespace
