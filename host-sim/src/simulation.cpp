@@ -292,6 +292,8 @@ void Simulation::State::build_frame(const StepInput& input, const StepResult& re
     frame.step_ns = nanoseconds(scene.solver.step);
     frame.stiffness = clutch.gain() * workspace.coupling_to_device(scene.coupling.stiffness);
     frame.damping = workspace.coupling_to_device(damping);
+    frame.static_friction = contact.static_friction;
+    frame.dynamic_friction = contact.dynamic_friction;
     frame.proxy_count = 1;
     frame.flags = (result.squeezed ? std::uint32_t{HAPTIC_FRAME_SQUEEZED} : 0u) |
                   (clutch.uncoupled() ? std::uint32_t{HAPTIC_FRAME_CLUTCHED} : 0u);
@@ -299,6 +301,7 @@ void Simulation::State::build_frame(const StepInput& input, const StepResult& re
     store(workspace.to_device(proxy), contact_out.position);
     contact_out.in_contact = result.in_contact ? 1 : 0;
     contact_out.plane_count = planes.count;
+    Vec3 carried(0.0);  // m, over the step that begins now: what the hand would stick to
     for (std::size_t p = 0; p < planes.count; ++p) {
         SurfacePlane plane = planes.plane[p];
         // Where the touched point goes in the step that begins now, known by the time the frame is sent.
@@ -312,6 +315,12 @@ void Simulation::State::build_frame(const StepInput& input, const StepResult& re
         }
         plane.velocity = glm::dot(plane.normal, travel) * inverse_step;
         contact_out.planes[p] = workspace.to_device(plane);
+        if (p < contacts.count || p == 0) {
+            carried += (contacts.count > 0 ? grip.share[p] : 1.0) * travel;
+        }
+    }
+    if (frame.static_friction > 0.0 || frame.dynamic_friction > 0.0) {
+        store(workspace.velocity_to_device(carried * inverse_step), contact_out.surface_velocity);
     }
 }
 

@@ -32,6 +32,10 @@ Vec3 Workspace::force_to_device(const Vec3& scene_force) const noexcept {
     return settings_.force_scale * (device_from_scene_ * scene_force);
 }
 
+Vec3 Workspace::velocity_to_device(const Vec3& scene_velocity) const noexcept {
+    return device_from_scene_ * (settings_.scale * scene_velocity);
+}
+
 double Workspace::coupling_to_device(double scene_value) const noexcept {
     return settings_.force_scale * scene_value / settings_.scale;
 }

@@ -36,10 +36,13 @@ void visit_cells(Frame& frame, Proxy& proxy, Visit&& visit) {
     visit(frame.rotational_stiffness);
     visit(frame.damping);
     visit(frame.rotational_damping);
+    visit(frame.static_friction);
+    visit(frame.dynamic_friction);
     visit(frame.proxy_count);
     visit(frame.flags);
     visit_each(proxy.rest_offset, visit);
     visit_each(proxy.position, visit);
+    visit_each(proxy.surface_velocity, visit);
     visit(proxy.in_contact);
     visit(proxy.plane_count);
     for (auto& plane : proxy.planes) {
@@ -88,6 +91,8 @@ const std::vector<std::string>& frame_columns() {
                                           "rotational_stiffness_nm_rad",
                                           "damping_ns_m",
                                           "rotational_damping_nms_rad",
+                                          "static_friction",
+                                          "dynamic_friction",
                                           "proxy_count",
                                           "frame_flags",
                                           "rest_x_m",
@@ -96,6 +101,9 @@ const std::vector<std::string>& frame_columns() {
                                           "x_m",
                                           "y_m",
                                           "z_m",
+                                          "surface_vx_m_s",
+                                          "surface_vy_m_s",
+                                          "surface_vz_m_s",
                                           "in_contact",
                                           "plane_count"};
         for (std::size_t k = 0; k < kMaxPlanes; ++k) {

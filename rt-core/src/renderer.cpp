@@ -78,6 +78,7 @@ struct MovedPlanes {
     std::int64_t time_ns;
     std::int64_t horizon_ns;
     bool moving;
+    Friction friction;
 };
 
 /// Adds up what one particle does; sums are divided by the number of particles later.
@@ -86,11 +87,28 @@ struct Sums {
     double free_way = 0.0;
 
     void add(const ProxyContact& particle, const MovedPlanes& at, double stiffness, const GripMotion& grip,
-             const Mat3& turn, bool first) HAPTIC_RT;
+             const Mat3& turn, SurfaceGrip& surface_grip, bool first) HAPTIC_RT;
+    void add_friction(const ProxyContact& particle, const MovedPlanes& at, double stiffness, const Vec3& offset,
+                      const Vec3& lever, double part) HAPTIC_RT;
 };
 
+/// What comes to a particle in contact because it is held `offset` beside where it would slide. `part` of it acts: no
+/// more than the normal force, less its damping, can hold.
+void Sums::add_friction(const ProxyContact& particle, const MovedPlanes& at, double stiffness, const Vec3& offset,
+                        const Vec3& lever, double part) HAPTIC_RT {
+    const Vec3 spring = stiffness * offset;
+    contact.wrench.force += part * spring;
+    contact.wrench.torque += glm::cross(lever, part * spring);
+    contact.spring.force += spring;
+    contact.spring.torque += glm::cross(lever, spring);
+    contact.stored += 0.5 * stiffness * glm::dot(offset, offset);
+    if (at.moving) {
+        contact.surface_power += glm::dot(spring, to_vec3(particle.surface_velocity));
+    }
+}
+
 void Sums::add(const ProxyContact& particle, const MovedPlanes& at, double stiffness, const GripMotion& grip,
-               const Mat3& turn, bool first) HAPTIC_RT {
+               const Mat3& turn, SurfaceGrip& surface_grip, bool first) HAPTIC_RT {
     const Vec3 offset = to_vec3(particle.rest_offset);
     const Vec3 lever = turn * offset;
     const Vec3 goal = grip.pose.position + lever;
@@ -103,9 +121,12 @@ void Sums::add(const ProxyContact& particle, const MovedPlanes& at, double stiff
     for (std::size_t k = 0; k < plane_count; ++k) {
         planes[k] = plane_at(particle.planes[k], at.frame->plane_time_ns, at.time_ns, at.horizon_ns);
     }
-    const LocalProxy proxy = project(goal, std::span<const HalfSpace>(planes.data(), plane_count));
+    const std::span<const HalfSpace> sent(planes.data(), plane_count);
+    const LocalProxy proxy = project(goal, sent);
+    const Vec3 carried = at.moving ? to_vec3(particle.surface_velocity) * grip.elapsed_s : Vec3(0.0);
+    const Vec3 held = hold(proxy, goal, sent, at.friction, carried, surface_grip);
     if (first) {
-        contact.proxy = proxy.position;
+        contact.proxy = surface_grip.held ? surface_grip.at : proxy.position;
     }
     contact.lever = std::max(contact.lever, glm::length(offset));
     const Vec3 apart = proxy.position - goal;
@@ -123,35 +144,48 @@ void Sums::add(const ProxyContact& particle, const MovedPlanes& at, double stiff
         damping = at.frame->damping * (speed - glm::dot(goal_velocity, n));
     }
     const Vec3 spring = stiffness * apart;
-    const Vec3 force = std::max(0.0, stiffness * depth + damping) * n;
+    const double strength = std::max(0.0, stiffness * depth + damping);
+    const Vec3 force = strength * n;
     contact.wrench.force += force;
     contact.wrench.torque += glm::cross(lever, force);
     contact.spring.force += spring;
     contact.spring.torque += glm::cross(lever, spring);
     contact.stored += 0.5 * stiffness * depth * depth;
     contact.depth += depth;
+    const double before = contact.way;
     contact.way += way_to_planes(way, particle, proxy.active, grip.elapsed_s);
     if (at.moving) {
         contact.surface_power += stiffness * depth * speed;
         contact.surface_velocity += depth * speed * n;
     }
+    if (surface_grip.held) {
+        contact.way = std::max(contact.way, before + glm::length(way - carried));
+        add_friction(particle, at, stiffness, held, lever,
+                     stiffness > 0.0 ? std::min(1.0, strength / (stiffness * depth)) : 0.0);
+    }
 }
 
 }  // namespace
 
-Contact render(const ContactFrame& frame, double stiffness, const GripMotion& grip, std::int64_t time_ns) HAPTIC_RT {
+Contact render(const ContactFrame& frame, double stiffness, const GripMotion& grip, std::int64_t time_ns,
+               SurfaceGrips& grips) HAPTIC_RT {
     Sums sums;
     Contact& contact = sums.contact;
     contact.proxy = grip.pose.position;
     if (frame.proxy_count == 0 || (frame.flags & HAPTIC_FRAME_CLUTCHED) != 0) {
+        grips.fill({});
         return contact;
     }
     const Mat3 turn = glm::mat3_cast(grip.pose.orientation);
     const auto horizon_ns = static_cast<std::int64_t>(kHorizonSteps * static_cast<double>(frame.step_ns));
-    const MovedPlanes at{&frame, time_ns, horizon_ns, move_still(frame, time_ns, horizon_ns)};
+    const MovedPlanes at{&frame,
+                         time_ns,
+                         horizon_ns,
+                         move_still(frame, time_ns, horizon_ns),
+                         {frame.static_friction, frame.dynamic_friction}};
     const std::size_t count = std::min<std::size_t>(frame.proxy_count, kMaxProxies);
     for (std::size_t i = 0; i < count; ++i) {
-        sums.add(frame.proxies[i], at, stiffness, grip, turn, i == 0);
+        sums.add(frame.proxies[i], at, stiffness, grip, turn, grips[i], i == 0);
     }
     const double part = 1.0 / static_cast<double>(count);
     if (contact.in_contact == 0) {
@@ -173,7 +207,8 @@ Contact render(const ContactFrame& frame, double stiffness, const GripMotion& gr
 }
 
 Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity, std::int64_t time_ns) HAPTIC_RT {
-    return render(frame, frame.stiffness, {.pose = grip, .velocity = velocity, .before = grip}, time_ns);
+    SurfaceGrips none{};
+    return render(frame, frame.stiffness, {.pose = grip, .velocity = velocity, .before = grip}, time_ns, none);
 }
 
 FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
@@ -187,6 +222,9 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     const bool clutch_worked = ((candidate.flags ^ frame().flags) & HAPTIC_FRAME_CLUTCHED) != 0;
     if (have_frame_ && (candidate.session != frame().session || clutch_worked)) {
         begin_blend();
+    }
+    if (candidate.session != frame().session || candidate.proxy_count != frame().proxy_count) {
+        grips_.fill({});
     }
     current_ = 1 - current_;
     ContactFrame& taken = frames_[current_];
@@ -215,7 +253,7 @@ void FrameRenderer::render_frame(const GripMotion& grip, std::int64_t now_ns, st
                                  Contact& contact) HAPTIC_RT {
     const double before = stiffness_;
     move_stiffness_on(elapsed_ns);
-    contact = rt::render(frame(), stiffness_, grip, now_ns);
+    contact = rt::render(frame(), stiffness_, grip, now_ns, grips_);
     contact.wrench = follower_.follow({.wrench = contact.wrench,
                                        .travel = stiffness_ * contact.way,
                                        .stiffening = std::fabs(stiffness_ - before) * contact.depth,

@@ -29,7 +29,7 @@ FrameDefect find_defect(const ProxyContact& proxy) HAPTIC_RT {
     if (proxy.plane_count > kMaxPlanes) {
         return FrameDefect::PlaneCount;
     }
-    if (!all_finite(proxy.rest_offset) || !all_finite(proxy.position)) {
+    if (!all_finite(proxy.rest_offset) || !all_finite(proxy.position) || !all_finite(proxy.surface_velocity)) {
         return FrameDefect::NonFinite;
     }
     for (std::uint32_t i = 0; i < proxy.plane_count; ++i) {
@@ -46,7 +46,8 @@ FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT {
     if (frame.proxy_count > kMaxProxies) {
         return FrameDefect::ProxyCount;
     }
-    const double coupling[] = {frame.stiffness, frame.rotational_stiffness, frame.damping, frame.rotational_damping};
+    const double coupling[] = {frame.stiffness,          frame.rotational_stiffness, frame.damping,
+                               frame.rotational_damping, frame.static_friction,      frame.dynamic_friction};
     if (!all_finite(coupling)) {
         return FrameDefect::NonFinite;
     }
@@ -79,7 +80,7 @@ std::string_view describe(FrameDefect defect) noexcept {
         case FrameDefect::Normal:
             return "a plane's normal is not of unit length";
         case FrameDefect::Coupling:
-            return "a stiffness or damping is negative";
+            return "a stiffness, damping or friction is negative";
         case FrameDefect::Step:
             return "step_ns is not within 1 ns and 1 s";
     }

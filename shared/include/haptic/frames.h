@@ -15,7 +15,7 @@
 extern "C" {
 #endif
 
-#define HAPTIC_ABI_VERSION 1u
+#define HAPTIC_ABI_VERSION 2u
 #define HAPTIC_MAX_PROXIES 64u
 #define HAPTIC_MAX_PLANES 3u
 #define HAPTIC_STRINGS 8u
@@ -30,10 +30,12 @@ typedef struct haptic_plane {
 
 /* One sphere of the haptic tool. A tool of one sphere has one, with rest_offset 0. */
 typedef struct haptic_proxy {
-    double rest_offset[3]; /* m, grip frame: where the particle is while nothing touches it */
-    double position[3];    /* m, where the simulation has it at plane_time_ns */
-    uint32_t in_contact;   /* 1 if the simulation found it touching, else 0 */
-    uint32_t plane_count;  /* 0..HAPTIC_MAX_PLANES; planes of surfaces in reach are sent before they touch */
+    double rest_offset[3];      /* m, grip frame: where the particle is while nothing touches it */
+    double position[3];         /* m, where the simulation has it at plane_time_ns */
+    double surface_velocity[3]; /* m/s, at which what it touches takes it along if it sticks; only what lies in the
+                                   planes counts. 0 for a simulation without friction */
+    uint32_t in_contact;        /* 1 if the simulation found it touching, else 0 */
+    uint32_t plane_count;       /* 0..HAPTIC_MAX_PLANES; planes of surfaces in reach are sent before they touch */
     haptic_plane planes[HAPTIC_MAX_PLANES];
 } haptic_proxy;
 
@@ -55,6 +57,8 @@ typedef struct haptic_contact_frame {
     double rotational_stiffness; /* N*m/rad */
     double damping;              /* N*s/m */
     double rotational_damping;   /* N*m*s/rad */
+    double static_friction;      /* coefficient up to which a proxy sticks to its planes; 0: smooth */
+    double dynamic_friction;     /* coefficient while it slides, at most static_friction */
     uint32_t proxy_count;        /* 0..HAPTIC_MAX_PROXIES */
     uint32_t flags;
     haptic_proxy proxies[HAPTIC_MAX_PROXIES];

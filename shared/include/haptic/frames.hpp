@@ -22,8 +22,8 @@ inline constexpr std::size_t kMaxPlanes = HAPTIC_MAX_PLANES;
 inline constexpr std::size_t kStrings = HAPTIC_STRINGS;
 
 static_assert(std::is_trivially_copyable_v<ContactFrame> && std::is_trivially_copyable_v<DeviceState>);
-static_assert(sizeof(ContactPlane) == 40 && sizeof(ProxyContact) == 176);
-static_assert(sizeof(ContactFrame) == 96 + 64 * 176 && offsetof(ContactFrame, proxies) == 96);
+static_assert(sizeof(ContactPlane) == 40 && sizeof(ProxyContact) == 200);
+static_assert(sizeof(ContactFrame) == 112 + 64 * 200 && offsetof(ContactFrame, proxies) == 112);
 static_assert(sizeof(DeviceState) == 32 + 30 * 8 + 16 && offsetof(DeviceState, safety_state) == 272);
 
 /// Why a contact frame must not be rendered.
@@ -33,7 +33,7 @@ enum class FrameDefect : std::uint8_t {
     PlaneCount,  // more than kMaxPlanes
     NonFinite,   // any number that is used is not finite
     Normal,      // a normal's length differs from 1 by more than 1e-6
-    Coupling,    // a stiffness or damping is negative
+    Coupling,    // a stiffness, damping or friction is negative
     Step         // step_ns is not positive, or longer than a second
 };
 

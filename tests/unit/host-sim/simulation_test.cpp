@@ -133,6 +133,19 @@ TEST(Simulation, DragsARoughClothAlongAndFeelsAsMuch) {
         }
         return linear_momentum(simulation.model()).x;
     };
+    Simulation simulation(late_drop(0.0, {"proxy.static_friction=0.7", "proxy.dynamic_friction=0.4"}));
+    for (int i = 0; i < 8; ++i) {
+        (void)simulation.step(simulation.scripted_input(time_of(i)));
+    }
+    // What the hand gets, so that it feels it at its own rate: at the last step the cloth still falls about the ball.
+    const ContactFrame& frame = simulation.frame();
+    EXPECT_EQ(frame.static_friction, 0.7);
+    EXPECT_EQ(frame.dynamic_friction, 0.4);
+    ASSERT_GT(frame.proxies[0].plane_count, 0u);
+    const ContactPlane& plane = frame.proxies[0].planes[0];
+    const double along = glm::dot(to_vec3(frame.proxies[0].surface_velocity), to_vec3(plane.normal));
+    EXPECT_NEAR(along, plane.velocity, 0.05 * std::abs(plane.velocity) + 1e-6) << "in the device's frame and scale";
+
     const double smooth = push("0.0");
     const double rough = push("0.5");
     EXPECT_GT(rough, 0.003);

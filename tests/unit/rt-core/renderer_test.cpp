@@ -170,6 +170,75 @@ TEST(Render, MakesNoForceWhileClutched) {
     EXPECT_EQ(render(frame, at(-0.004), {}, 0).wrench.force, Vec3(0.0));
 }
 
+GripMotion standing(const Vec3& position, const Vec3& velocity = Vec3(0.0), double elapsed_s = 0.0) {
+    const Pose grip{position, Quat(1, 0, 0, 0)};
+    return {grip, {velocity, Vec3(0.0)}, grip, elapsed_s};
+}
+
+/// A rough floor at y = 0 that goes along x, if it goes.
+ContactFrame rough_floor(double velocity = 0.0) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.step_ns = kNanosecondsPerSecond;
+    frame.static_friction = 0.8;
+    frame.dynamic_friction = 0.5;
+    frame.proxies[0].surface_velocity[0] = velocity;
+    return frame;
+}
+
+TEST(Render, HoldsTheGripByFrictionAndWithdrawsNothingOfTheNormalForce) {
+    const ContactFrame frame = rough_floor();
+    SurfaceGrips grips{};
+    constexpr double kDepth = 0.004;
+    const auto push = [&](double x) { return render(frame, kStiffness, standing({x, -kDepth, 0.0}), 0, grips); };
+    EXPECT_EQ(push(0.0).wrench.force.x, 0.0) << "it sticks where it touches";
+    const Contact stuck = push(0.003);
+    EXPECT_NEAR(stuck.wrench.force.x, -kStiffness * 0.003, 1e-12);
+    EXPECT_NEAR(stuck.wrench.force.y, kStiffness * kDepth, 1e-12);
+    EXPECT_NEAR(stuck.stored, 0.5 * kStiffness * (kDepth * kDepth + 0.003 * 0.003), 1e-15);
+    EXPECT_LT(glm::length(stuck.proxy), 1e-15);
+    const Contact slides = push(0.01);
+    EXPECT_NEAR(slides.wrench.force.x, -0.5 * slides.wrench.force.y, 1e-12);
+    EXPECT_NEAR(slides.proxy.x, 0.01 - 0.5 * kDepth, 1e-15);
+}
+
+TEST(Render, TakesFromFrictionWhatDampingTakesFromTheNormalForce) {
+    ContactFrame frame = rough_floor();
+    frame.damping = 10.0;
+    SurfaceGrips grips{};
+    (void)render(frame, kStiffness, standing({0.0, -0.004, 0.0}), 0, grips);
+    const Vec3 place(0.002, -0.004, 0.0);
+    const Vec3 leaving(0.0, 0.1, 0.0);  // m/s, takes half of the 2 N
+    const Contact half = render(frame, kStiffness, standing(place, leaving), 0, grips);
+    EXPECT_NEAR(half.wrench.force.y, 1.0, 1e-12);
+    EXPECT_NEAR(half.wrench.force.x, -0.5, 1e-12);
+    const Contact none = render(frame, kStiffness, standing(place, 10.0 * leaving), 0, grips);
+    EXPECT_EQ(none.wrench.force.x, 0.0);
+}
+
+TEST(Render, IsPulledAlongByARoughSurfaceAndTellsItsPower) {
+    const ContactFrame frame = rough_floor(0.1);
+    SurfaceGrips grips{};
+    Contact contact;
+    for (int k = 0; k <= 20; ++k) {
+        contact = render(frame, kStiffness, standing({0.0, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, grips);
+        ASSERT_NEAR(contact.wrench.force.x, kStiffness * 1e-4 * k, 1e-9) << k;
+        ASSERT_NEAR(contact.surface_power, contact.wrench.force.x * 0.1, 1e-9) << k;
+        ASSERT_NEAR(contact.way, 1e-4, 1e-12) << "relative to the surface, which goes while the hand stands";
+    }
+}
+
+TEST(Render, HasNoFrictionWithoutItsCoefficientsWhateverTheSurfaceDoes) {
+    ContactFrame frame = rough_floor(0.1);
+    frame.static_friction = frame.dynamic_friction = 0.0;
+    SurfaceGrips grips{};
+    for (int k = 0; k < 10; ++k) {
+        const Contact contact =
+            render(frame, kStiffness, standing({1e-3 * k, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, grips);
+        ASSERT_EQ(contact.wrench.force.x, 0.0);
+        ASSERT_EQ(contact.surface_power, 0.0);
+    }
+}
+
 class FrameRendererTest : public testing::Test {
   protected:
     void give(ContactFrame frame, std::uint64_t session = 1) {
@@ -386,6 +455,31 @@ TEST(FrameRendererOfASheet, NeverChangesTheForceFasterThanTheSheetMovesHoweverLa
             }
         }
     }
+}
+
+TEST_F(FrameRendererTest, KeepsItsGripFromFrameToFrameAndLosesItWithTheSession) {
+    const auto push = [this](double x) {
+        now_ns += kTickNs;
+        return renderer->render({Vec3(x, -0.004, 0.0), Quat(1, 0, 0, 0)}, {}, now_ns, kTickNs).contact;
+    };
+    const auto frame = [this] {
+        ContactFrame rough = rough_floor();
+        rough.plane_time_ns = rough.publish_time_ns = rough.state_time_ns = now_ns;
+        rough.step_ns = 10'000'000;
+        return rough;
+    };
+    for (int k = 0; k < 200; ++k) {
+        if (k % 10 == 0) {
+            give(frame());
+        }
+        const double x = 1e-5 * std::min(k, 100);
+        const Contact contact = push(x);
+        if (k > 60) {  // taken up
+            ASSERT_NEAR(contact.wrench.force.x, -kStiffness * x, 1e-9) << k;
+        }
+    }
+    give(frame(), 2);
+    EXPECT_NEAR(push(0.001).proxy.x, 0.001, 1e-15) << "another simulation: it sticks where it is";
 }
 
 TEST_F(FrameRendererTest, DampingIsTakenUpNoFasterThanTheSurfaceMoves) {

@@ -23,6 +23,8 @@ std::unique_ptr<ContactFrame> full_frame() {
     frame->rotational_stiffness = 0.3;
     frame->damping = 1.0;
     frame->rotational_damping = 0.001;
+    frame->static_friction = 0.8;
+    frame->dynamic_friction = 0.5;
     frame->proxy_count = kMaxProxies;
     for (ProxyContact& proxy : frame->proxies) {
         proxy.plane_count = kMaxPlanes;
@@ -57,6 +59,9 @@ TEST(FindDefect, RefusesEachNumberThatIsNotFinite) {
         [](ContactFrame& frame) { return &frame.rotational_stiffness; },
         [](ContactFrame& frame) { return &frame.damping; },
         [](ContactFrame& frame) { return &frame.rotational_damping; },
+        [](ContactFrame& frame) { return &frame.static_friction; },
+        [](ContactFrame& frame) { return &frame.dynamic_friction; },
+        [](ContactFrame& frame) { return &frame.proxies[63].surface_velocity[1]; },
         [](ContactFrame& frame) { return &frame.proxies[63].rest_offset[2]; },
         [](ContactFrame& frame) { return &frame.proxies[63].position[0]; },
         [](ContactFrame& frame) { return &frame.proxies[63].planes[2].normal[1]; },
@@ -86,6 +91,8 @@ TEST(FindDefect, RefusesNegativeCoupling) {
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.rotational_stiffness = -1.0; }), FrameDefect::Coupling);
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.damping = -1.0; }), FrameDefect::Coupling);
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.rotational_damping = -1.0; }), FrameDefect::Coupling);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.static_friction = -0.1; }), FrameDefect::Coupling);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.dynamic_friction = -0.1; }), FrameDefect::Coupling);
 }
 
 TEST(FindDefect, RefusesStepsThatAreNoDuration) {

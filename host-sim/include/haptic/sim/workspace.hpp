@@ -29,6 +29,7 @@ class Workspace {
     [[nodiscard]] Vec3 to_scene(const Vec3& device_position) const noexcept;
     [[nodiscard]] Vec3 to_device(const Vec3& scene_position) const noexcept;
     [[nodiscard]] Vec3 force_to_device(const Vec3& scene_force) const noexcept;
+    [[nodiscard]] Vec3 velocity_to_device(const Vec3& scene_velocity) const noexcept;
     /// Of a spring or a damper.
     [[nodiscard]] double coupling_to_device(double scene_value) const noexcept;
     /// Orientation of the grip in the scene.

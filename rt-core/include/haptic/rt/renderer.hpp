@@ -5,8 +5,9 @@
 //     d = x_i - g_i,  n = d / |d|,  f_i = max(0, k |d| + b (v_surface - v_goal) . n) n
 //     F = sum f_i / N,  T = sum (R o_i) x f_i / N - b_r omega (particles in contact) / N
 // so that damping acts in contact only, never pulls into a surface, and leaves free motion without force: there F and T
-// are exactly zero. v_surface . n follows from the velocities of the active planes. What is felt follows F and T as
-// wrench_follower.hpp says, so that the hand feels no seams between frames.
+// are exactly zero. Where the frame has friction, a particle is held at x_i + t_i (surface_grip.hpp) and k t_i comes to
+// f_i, less as damping takes from the normal force. v_surface . n follows from the velocities of the active planes.
+// What is felt follows F and T as wrench_follower.hpp says, so that the hand feels no seams between frames.
 // @source thesis, section 5.2.2: only collided particles count, the sums are divided by the number of all
 // particles; torque is that of the translational springs about the grip's origin. The frame's rotational stiffness is
 // carried but not used: the lever of the particles already makes the rotational spring.
@@ -19,6 +20,7 @@
 #include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
 #include "haptic/rt/local_proxy.hpp"
+#include "haptic/rt/surface_grip.hpp"
 #include "haptic/rt/wrench_follower.hpp"
 #include "haptic/types.hpp"
 
@@ -47,13 +49,16 @@ struct Contact {
     double lever = 0.0;                    // m, longest |o_i|
 };
 
+/// Of each particle, from tick to tick.
+using SurfaceGrips = std::array<SurfaceGrip, kMaxProxies>;
+
 /// The equations above, with planes moved on to time_ns, but at most 1.5 steps past their own time, and with a
 /// stiffness (N/m) in place of the frame's. The frame must have passed find_defect(). A clutched frame makes no force.
 /// Bounded by kMaxProxies projections.
-[[nodiscard]] Contact render(const ContactFrame& frame, double stiffness, const GripMotion& grip,
-                             std::int64_t time_ns) HAPTIC_RT;
+[[nodiscard]] Contact render(const ContactFrame& frame, double stiffness, const GripMotion& grip, std::int64_t time_ns,
+                             SurfaceGrips& grips) HAPTIC_RT;
 
-/// The same with the frame's stiffness.
+/// The same with the frame's stiffness and without memory, so without friction.
 [[nodiscard]] Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity,
                              std::int64_t time_ns) HAPTIC_RT;
 
@@ -107,6 +112,7 @@ class FrameRenderer {
     Wrench blend_from_;
     Wrench last_;
     WrenchFollower follower_;
+    SurfaceGrips grips_{};
     Pose last_grip_;
     bool have_grip_ = false;
     double stiffness_ = 0.0;       // N/m, felt now
