@@ -86,15 +86,30 @@ std::size_t count_lines(std::string_view text) {
     return count + (has_something ? 1U : 0U);
 }
 
+/// Bytes before the line end_header; npos where there is no such line. assimp takes the word within another line for
+/// one half the way, and then runs into anything.
+std::size_t ply_header(std::string_view text) {
+    constexpr std::string_view word = "end_header";
+    for (std::size_t at = text.find(word); at != std::string_view::npos; at = text.find(word, at + 1)) {
+        const std::size_t end = at + word.size();
+        if (at > 0 && (text[at - 1] == '\n' || text[at - 1] == '\r') && end < text.size() &&
+            (text[end] == '\n' || text[end] == '\r')) {
+            return at;
+        }
+    }
+    return std::string_view::npos;
+}
+
 std::string contradiction_in_ply(std::span<const std::byte> bytes) {
     const std::string_view head = as_text(bytes).substr(0, kLongestPlyHeader);
     if (!head.starts_with("ply")) {
         return "is no PLY file: it does not begin with \"ply\"";
     }
-    if (head.find("end_header") == std::string_view::npos) {
-        return "has no \"end_header\" in its first " + std::to_string(head.size()) + " bytes";
+    const std::size_t header = ply_header(head);
+    if (header == std::string_view::npos) {
+        return "has no line \"end_header\" in its first " + std::to_string(head.size()) + " bytes";
     }
-    std::string_view rest = head.substr(0, head.find("end_header"));
+    std::string_view rest = head.substr(0, header);
     const bool is_text = rest.find("format ascii") != std::string_view::npos;
     const std::size_t room = is_text ? count_lines(as_text(bytes).substr(rest.size())) - 1 : bytes.size();
     std::uint64_t total = 0;

@@ -334,6 +334,7 @@ TEST(MeshParser, BelievesNoHeader) {
     EXPECT_THAT(refusal("plx", MeshFormat::Ply), HasSubstr("begin with \"ply\""));
     EXPECT_THAT(refusal("ply\nelement vertex 99999999999\nend_header\n", MeshFormat::Ply),
                 HasSubstr("element vertex 99999999999"));
+    EXPECT_THAT(refusal("ply\nformat ascii 1.0\nelement vertex 0end_header\n", MeshFormat::Ply), HasSubstr("no line"));
     const std::string text = ply_text();
     EXPECT_THAT(refusal(text.substr(0, text.rfind("3 ")), MeshFormat::Ply),
                 AllOf(HasSubstr("element face 12"), HasSubstr("19 lines")));
