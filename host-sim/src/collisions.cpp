@@ -383,8 +383,8 @@ void ParticleCollisions::State::lay_ground(const ParticleModel& start, const Mov
         if (!(way[i].low.y - what.reach < settings.ground_height) || !(what.inverse_mass > 0.0)) {
             continue;
         }
-        const EllipsoidShape turned_shape = shape_of(what.semi_axes, turn_of(predicted.body[i]) * what.axes);
-        const double resting = settings.ground_height + std::sqrt(turned_shape.yy);
+        const double resting =
+            settings.ground_height + reach_up(what.semi_axes, turn_of(predicted.body[i]) * what.axes);
         const double gap = start.position[i].y - resting;
         ground.push_back({static_cast<std::uint32_t>(i), resting + std::min(0.0, gap + push_out), 0.0,
                           start.position[i], Vec3(0.0)});

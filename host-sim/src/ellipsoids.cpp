@@ -51,6 +51,12 @@ double reach_of(const EllipsoidShape& shape, const Vec3& normal) noexcept {
     return squared > 0.0 ? std::sqrt(squared) : 0.0;
 }
 
+double reach_up(const Vec3& semi_axes, const Quat& q) noexcept {
+    // The middle row of the rotation matrix.
+    const Vec3 row(2.0 * (q.x * q.y + q.w * q.z), 1.0 - 2.0 * (q.x * q.x + q.z * q.z), 2.0 * (q.y * q.z - q.w * q.x));
+    return glm::length(semi_axes * row);
+}
+
 Vec3 parting_normal(const EllipsoidPassage& passage) noexcept {
     const double p = passage.size_ratio;
     const EllipsoidShape m = combined(1.0 + p, passage.first, 1.0 + 1.0 / p, passage.second);
