@@ -84,18 +84,6 @@ CouplingSettings read_coupling(const Config& config) {
     return coupling;
 }
 
-WorkspaceSettings read_workspace(const Config& config) {
-    WorkspaceSettings workspace;
-    workspace.scale = config.number("workspace.scale", workspace.scale, {1e-3, 10.0});
-    workspace.offset = config.vec3("workspace.offset", workspace.offset, {-1.0, 1.0});
-    workspace.rotation = config.quat("workspace.rotation", workspace.rotation);
-    workspace.force_scale = config.number("workspace.force_scale", workspace.force_scale, {0.0, 100.0});
-    workspace.clutch_button =
-        static_cast<int>(config.integer("workspace.clutch_button", workspace.clutch_button, {-1.0, 31.0}));
-    workspace.clutch_fade = config.number("workspace.clutch_fade", workspace.clutch_fade, {0.0, 10.0});
-    return workspace;
-}
-
 PoseTrack read_hand(const Config& config) {
     const std::vector<double> times = config.numbers("hand.times", {0.0}, {0.0, 1e6});
     const std::vector<double> positions = config.numbers("hand.positions", {0.0, 0.0, 0.0}, kPositions);
@@ -136,6 +124,18 @@ void refuse_too_much(const Config& config, const Scene& scene) {
 
 }  // namespace
 
+WorkspaceSettings read_workspace(const Config& config, const WorkspaceSettings& otherwise) {
+    WorkspaceSettings workspace = otherwise;
+    workspace.scale = config.number("workspace.scale", workspace.scale, {1e-3, 10.0});
+    workspace.offset = config.vec3("workspace.offset", workspace.offset, {-1.0, 1.0});
+    workspace.rotation = config.quat("workspace.rotation", workspace.rotation);
+    workspace.force_scale = config.number("workspace.force_scale", workspace.force_scale, {0.0, 100.0});
+    workspace.clutch_button =
+        static_cast<int>(config.integer("workspace.clutch_button", workspace.clutch_button, {-1.0, 31.0}));
+    workspace.clutch_fade = config.number("workspace.clutch_fade", workspace.clutch_fade, {0.0, 10.0});
+    return workspace;
+}
+
 Config open_scene(const std::string& which) {
     std::string known;
     for (const BuiltInScene& scene : built_in_scenes()) {
@@ -166,7 +166,7 @@ Scene read_scene(const Config& config, const std::string& name) {
     scene.proxy = read_proxy(config);
     scene.contact = read_contact(config, scene.proxy.shrink);
     scene.coupling = read_coupling(config);
-    scene.workspace = read_workspace(config);
+    scene.workspace = read_workspace(config, {});
     scene.hand = read_hand(config);
     scene.hand_repeats = config.flag("hand.repeat", scene.hand_repeats);
     config.reject_unknown();

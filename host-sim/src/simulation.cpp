@@ -203,6 +203,10 @@ void Simulation::set_verification(bool on) noexcept {
     state_->verifying = on;
 }
 
+void Simulation::change_workspace(const WorkspaceSettings& settings) {
+    state_->clutch.change_to(Workspace(settings));
+}
+
 void Simulation::State::find_contact(StepResult& result, Stopwatch& watch) {
     const double radius = scene.proxy.radius;
     path.restart(proxy);

@@ -9,9 +9,15 @@
 #include "haptic/sim/rotation.hpp"
 
 namespace haptic::sim {
+namespace {
+
+// s, that a new mapping stays uncoupled: long enough for a loop of 1 kHz to see it, and for the tool to arrive.
+constexpr double kApart = 0.02;
+
+}  // namespace
 
 Workspace::Workspace(const WorkspaceSettings& settings)
-    : settings_(settings), device_from_scene_(to_matrix(settings.rotation)) {
+    : settings_(settings), asked_offset_(settings.offset), device_from_scene_(to_matrix(settings.rotation)) {
     if (!(settings.scale > 0.0) || !std::isfinite(settings.scale)) {
         throw std::invalid_argument("workspace: scale must be positive");
     }
@@ -58,29 +64,42 @@ void Workspace::anchor(const Vec3& device_position, const Vec3& scene_position) 
     settings_.offset = device_position - device_from_scene_ * (settings_.scale * scene_position);
 }
 
+void Clutch::take(const Vec3& device_position, const Vec3& proxy, Workspace& workspace) noexcept {
+    const bool moved = next_->asked_offset() != workspace.asked_offset();
+    workspace = *next_;
+    next_.reset();
+    apart_s_ = kApart;
+    hip_ = moved ? workspace.to_scene(device_position) : proxy;
+}
+
 Vec3 Clutch::engage(bool held, const Vec3& device_position, const Vec3& proxy, double step_s,
                     Workspace& workspace) noexcept {
     const double fade = workspace.settings().clutch_fade;
     const double change = fade > step_s ? step_s / fade : 1.0;
-    if (held || held_) {  // stands, and is laid under the hand anew; for the last time in the step of its release
+    const bool stands = held || changing();
+    if (stands || held_) {  // stands, and is laid under the hand anew; for the last time in the step of its release
         if (!held_) {
             hip_ = workspace.to_scene(device_position);
         }
-        if (held) {
+        if (stands) {
             gain_ = std::max(0.0, gain_ - change);
         }
         if (uncoupled()) {
             hip_ = proxy;
+            apart_s_ = std::max(0.0, apart_s_ - step_s);
+        }
+        if (uncoupled() && next_) {
+            take(device_position, proxy, workspace);
         }
         workspace.anchor(device_position, hip_);
-        if (!held && uncoupled()) {
+        if (!stands && uncoupled()) {
             gain_ = 1.0;  // at once: with the hip on the proxy there is no force that could jump
         }
     } else {
         gain_ = std::min(1.0, gain_ + change);
         hip_ = workspace.to_scene(device_position);
     }
-    held_ = held;
+    held_ = stands;
     return hip_;
 }
 

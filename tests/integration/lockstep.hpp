@@ -45,6 +45,8 @@ class Lockstep {
     }
 
     [[nodiscard]] const sim::Simulation& simulation() const { return simulation_; }
+    [[nodiscard]] sim::Simulation& simulation() { return simulation_; }
+    [[nodiscard]] device::EmulatedBoard& board() { return board_; }
     [[nodiscard]] const rt::Tick& tick() const { return tick_; }
 
   private:

@@ -178,6 +178,26 @@ TEST_F(Chain, HostSimGoesOnWhenRtCoreIsKilledAndRtCoreComesBack) {
     EXPECT_THAT(segments_of(session_), IsEmpty());
 }
 
+TEST_F(Chain, TakesTheWorkspaceAnewWheneverItsFileChanges) {
+    const std::string file = folder_ / "workspace.toml";
+    std::ofstream(file) << "[workspace]\nscale = 0.02\n";
+    Process sim(host_sim({"run", "cloth-drop", "--clock", "real", "--session", session_, "--duration", "0",
+                          "--workspace", file, "--report", folder_ / "host-sim.json"}),
+                folder_ / "host-sim.log");
+    ASSERT_TRUE(sim.wait_for_text("no fresh device state", seconds(10))) << sim.output();
+    std::ofstream(file) << "[workspace]\nscael = 0.05\n";
+    ASSERT_TRUE(sim.wait_for_text("workspace.toml:2: workspace.scael", seconds(10))) << sim.output();
+    std::ofstream(file) << "[workspace]\nscale = 0.05\nforce_scale = 0.4\n";
+    ASSERT_TRUE(sim.wait_for_text("workspace: scale 0.05, force scale 0.4", seconds(10))) << sim.output();
+    sim.signal(SIGINT);
+    ASSERT_EQ(sim.wait_for(seconds(10)), 0) << sim.output();
+    EXPECT_EQ(read_json(folder_ / "host-sim.json").at("workspace_changes"), 1);
+
+    const Finished missing = run(host_sim({"run", "cloth-drop", "--workspace", folder_ / "none.toml"}));
+    EXPECT_NE(missing.status, 0);
+    EXPECT_THAT(missing.output, HasSubstr("none.toml"));
+}
+
 TEST_F(Chain, CtrlCLeavesReportsAndNothingElseBehind) {
     Process rt = start_rt_core();
     Process sim = start_host_sim("host-sim", "60");

@@ -25,6 +25,7 @@
 #include "cli/hand.hpp"
 #include "cli/run_statistics.hpp"
 #include "cli/snapshots.hpp"
+#include "cli/workspace_file.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/config.hpp"
 #include "haptic/pose_track.hpp"
@@ -79,6 +80,7 @@ struct RunOptions {
     std::string report;
     std::string record;
     std::string snapshots;
+    std::string workspace;
     double wait_s = 0.0;
     bool verify = false;
 };
@@ -99,6 +101,7 @@ struct Plan {
     bool real = false;
     std::optional<std::uint64_t> hostile_seed;  // none: the hand is not hostile
     std::string session;                        // of the rings; empty: none are used
+    std::shared_ptr<WorkspaceFile> workspace;   // null: that of the scene
 };
 
 /// Finds out before a long run, not after it, that a result could not be written.
@@ -141,6 +144,10 @@ Plan::Plan(const RunOptions& options) {
     }
     const std::filesystem::path path(options.scene);
     scene = read_scene(config, path.extension() == ".toml" ? path.stem().string() : options.scene);
+    if (!options.workspace.empty()) {
+        workspace = std::make_shared<WorkspaceFile>(options.workspace, scene.workspace);
+        scene.workspace = workspace->settings();
+    }
     const double duration_s = options.duration_s.value_or(scene.duration_s);
     steps = options.steps.value_or(static_cast<std::uint64_t>(std::llround(duration_s / scene.solver.step)));
     real = options.clock == "real";
@@ -167,6 +174,7 @@ class Run {
     void run_real(RingReader<DeviceState>& states);
     void wait_for_device(DeviceHand& hand);
     void one_step(const StepInput& input);
+    void follow_workspace(std::int64_t now_ns);
     [[nodiscard]] bool wanted() const { return stop_requested == 0 && (steps_ == 0 || statistics_.steps() < steps_); }
     void write_results(double wall_s) const;
 
@@ -178,10 +186,12 @@ class Run {
     std::unique_ptr<Snapshots> snapshots_;
     std::unique_ptr<PoseTrack> input_;
     std::optional<HostileHand> hostile_;
+    std::shared_ptr<WorkspaceFile> workspace_;
     std::unique_ptr<RingWriter<ContactFrame>> frames_;
     std::unique_ptr<RingReader<DeviceState>> states_;
     ContactFrame frame_{};
     std::uint64_t late_ = 0;
+    std::uint64_t workspace_changes_ = 0;
 };
 
 Run::Run(const RunOptions& options, const Plan& plan)
@@ -193,6 +203,7 @@ Run::Run(const RunOptions& options, const Plan& plan)
     if (plan.hostile_seed) {
         hostile_.emplace(*plan.hostile_seed, kHostileSpeed, simulation_.proxy());
     }
+    workspace_ = plan.workspace;
     if (!options.input.empty()) {
         input_ = std::make_unique<PoseTrack>(PoseTrack::load(options.input));
     }
@@ -221,6 +232,20 @@ void Run::one_step(const StepInput& input) {
     statistics_.add(input, result);
     if (snapshots_) {
         snapshots_->after_step(result);
+    }
+}
+
+void Run::follow_workspace(std::int64_t now_ns) {
+    if (!workspace_) {
+        return;
+    }
+    if (const std::optional<WorkspaceSettings> next = workspace_->look(now_ns)) {
+        simulation_.change_workspace(*next);
+        ++workspace_changes_;
+        spdlog::info("workspace: scale {}, force scale {}, clutch button {}", next->scale, next->force_scale,
+                     next->clutch_button);
+    } else if (!workspace_->complaint().empty()) {
+        spdlog::warn("the workspace stays as it is: {}", workspace_->complaint());
     }
 }
 
@@ -276,6 +301,7 @@ void Run::run_real(RingReader<DeviceState>& states) {
                                    : "no fresh device state: the hand stays where it is until rt-core publishes one");
         }
         one_step(input);
+        follow_workspace(now_ns);
     }
     if (late_ > 0) {
         spdlog::warn("{} step deadlines were missed; the scene ran slower than real time by as many steps", late_);
@@ -290,6 +316,7 @@ void Run::write_results(double wall_s) const {
         nlohmann::json report = statistics_.report(simulation_, wall_s, options_.verify);
         report["clock"] = options_.clock;
         report["late_steps"] = late_;
+        report["workspace_changes"] = workspace_changes_;
         write_report(options_.report, report);
     }
     if (!options_.record.empty()) {
@@ -357,6 +384,10 @@ Command add_run_command(CLI::App& app) {
                    "With --clock lockstep: script, the scene's own; hostile or hostile:SEED, one that darts at the "
                    "surfaces at up to 5 m/s, to be used with --verify")
         ->capture_default_str();
+    app.add_option(
+        "--workspace", options->workspace,
+        "A file with a table [workspace] in place of the scene's; with --clock real it is taken anew, without "
+        "a jump of the force, whenever it changes");
     app.add_option("--wait", options->wait_s,
                    "With --clock real: seconds to hold the scene back at most, until rt-core is running")
         ->check(CLI::Range(0.0, 3600.0));

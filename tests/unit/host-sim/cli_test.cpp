@@ -5,12 +5,16 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "cli/hand.hpp"
 #include "cli/run_statistics.hpp"
 #include "cli/snapshots.hpp"
+#include "cli/workspace_file.hpp"
 #include "haptic/csv.hpp"
 #include "haptic/pose_track.hpp"
 
@@ -109,6 +113,98 @@ TEST_F(RunStatisticsTest, SnapshotsShowTheMomentsRoundTheContact) {
         EXPECT_GT(std::filesystem::file_size(file), 50'000u);
     }
     std::filesystem::remove_all(folder_);
+}
+
+class WorkspaceFileTest : public ::testing::Test {
+  protected:
+    void SetUp() override { std::filesystem::create_directories(folder_); }
+    void TearDown() override { std::filesystem::remove_all(folder_); }
+    /// Puts another file in its place, as editors do: with the same size and time its inode still differs.
+    void write(const std::string& text) {
+        const std::filesystem::path fresh = folder_ / "fresh.toml";
+        std::ofstream(fresh) << text;
+        std::filesystem::rename(fresh, file_);
+    }
+    /// The file is seen, and taken when it is still the same.
+    std::optional<WorkspaceSettings> look() {
+        EXPECT_FALSE(workspace_->look(now_ns_ += WorkspaceFile::kLookNs));
+        return workspace_->look(now_ns_ += WorkspaceFile::kLookNs);
+    }
+
+    std::filesystem::path folder_ =
+        std::filesystem::path(::testing::TempDir()) / ("haptic-workspace-test-" + std::to_string(getpid()));
+    std::filesystem::path file_ = folder_ / "workspace.toml";
+    WorkspaceSettings scene_{.scale = 0.05, .force_scale = 0.4, .clutch_button = 3};
+    std::unique_ptr<WorkspaceFile> workspace_;
+    std::int64_t now_ns_ = 5'000'000'000;
+};
+
+TEST_F(WorkspaceFileTest, TakesWhatItNamesAndTheRestFromTheScene) {
+    write("[workspace]\nscale = 0.02\n");
+    workspace_ = std::make_unique<WorkspaceFile>(file_, scene_);
+    WorkspaceSettings expected = scene_;
+    expected.scale = 0.02;
+    EXPECT_EQ(workspace_->settings(), expected);
+    EXPECT_FALSE(look());  // it was read already
+
+    write("[workspace]\nforce_scale = 0.1\n");
+    expected = scene_;
+    expected.force_scale = 0.1;
+    const std::optional<WorkspaceSettings> next = look();
+    ASSERT_TRUE(next.has_value());
+    EXPECT_EQ(*next, expected);
+    EXPECT_FALSE(look());
+}
+
+TEST_F(WorkspaceFileTest, IsLookedAtFiveTimesASecondAtMost) {
+    write("[workspace]\n");
+    workspace_ = std::make_unique<WorkspaceFile>(file_, scene_);
+    EXPECT_FALSE(look());
+    write("[workspace]\nscale = 0.02\n");
+    EXPECT_FALSE(workspace_->look(now_ns_ + WorkspaceFile::kLookNs));
+    EXPECT_FALSE(workspace_->look(now_ns_ + 2 * WorkspaceFile::kLookNs - 1));
+    EXPECT_TRUE(workspace_->look(now_ns_ + 2 * WorkspaceFile::kLookNs));
+}
+
+TEST_F(WorkspaceFileTest, IsNotTakenWhileItIsStillWrittenTo) {
+    write("[workspace]\n");
+    workspace_ = std::make_unique<WorkspaceFile>(file_, scene_);
+    for (const char* so_far : {"[workspace]\nsca", "[workspace]\nscale = 0.0", "[workspace]\nscale = 0.02"}) {
+        write(so_far);
+        EXPECT_FALSE(workspace_->look(now_ns_ += WorkspaceFile::kLookNs));
+        EXPECT_EQ(workspace_->complaint(), "");
+    }
+    const std::optional<WorkspaceSettings> next = workspace_->look(now_ns_ += WorkspaceFile::kLookNs);
+    ASSERT_TRUE(next.has_value());
+    EXPECT_EQ(next->scale, 0.02);
+}
+
+TEST_F(WorkspaceFileTest, KeepsTheOldOneAndSaysOnceWhereTheNewOneIsWrong) {
+    write("[workspace]\nscale = 0.02\n");
+    workspace_ = std::make_unique<WorkspaceFile>(file_, scene_);
+    const WorkspaceSettings before = workspace_->settings();
+    for (const char* wrong :
+         {"[workspace]\nscale = -1.0\n", "[workspace]\nscael = 0.03\n", "[workspace\n",
+          "[workspace]\nscale = 0.03\nrotation = [1.0, 1.0, 0.0, 0.0]\n", "[solver]\nstep = 0.1\n"}) {
+        write(wrong);
+        EXPECT_FALSE(look()) << wrong;
+        EXPECT_THAT(workspace_->complaint(), HasSubstr("workspace.toml")) << wrong;
+        EXPECT_EQ(workspace_->settings(), before) << wrong;
+        EXPECT_FALSE(look());
+        EXPECT_EQ(workspace_->complaint(), "");
+    }
+    std::filesystem::remove(file_);
+    EXPECT_FALSE(look());
+    EXPECT_EQ(workspace_->complaint(), "");
+    write("[workspace]\nscale = 0.03\n");
+    ASSERT_TRUE(look());
+    EXPECT_EQ(workspace_->settings().scale, 0.03);
+}
+
+TEST_F(WorkspaceFileTest, IsRefusedFromTheBeginningWhereItIsWrongOrMissing) {
+    EXPECT_THROW(WorkspaceFile(file_, scene_), ConfigError);
+    write("[workspace]\nscale = 0.0\n");
+    EXPECT_THROW(WorkspaceFile(file_, scene_), ConfigError);
 }
 
 class DeviceHandTest : public ::testing::Test {

@@ -54,6 +54,9 @@ struct BuiltInScene {
 /// the known ones.
 [[nodiscard]] Config open_scene(const std::string& which);
 
+/// Reads the table [workspace]; what it does not say is as in `otherwise`. Throws ConfigError.
+[[nodiscard]] WorkspaceSettings read_workspace(const Config& config, const WorkspaceSettings& otherwise);
+
 /// Reads the scene from a configuration. Throws ConfigError: unknown key, value out of range.
 [[nodiscard]] Scene read_scene(const Config& config, const std::string& name);
 

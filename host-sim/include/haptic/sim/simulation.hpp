@@ -85,6 +85,10 @@ class Simulation {
     /// Checks each step's path of the proxy with the independent verification; costs some 0.1 ms a step.
     void set_verification(bool on) noexcept;
 
+    /// Changes the mapping between device and scene from the next steps on, as the clutch does (workspace.hpp): the
+    /// force fades, the tool stays where it is, and the force begins anew at zero. Throws std::invalid_argument.
+    void change_workspace(const WorkspaceSettings& settings);
+
     /// Advances by Scene::solver.step. Throws std::runtime_error that names the step if the state ceases to be finite.
     /// Does not allocate unless it verifies.
     StepResult step(const StepInput& input);

@@ -6,6 +6,8 @@
 // force_scale * scale times the work in the scene, whatever the motion, so that a passive scene is passive at the hand.
 #pragma once
 
+#include <optional>
+
 #include "haptic/frames.hpp"
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/types.hpp"
@@ -19,6 +21,8 @@ struct WorkspaceSettings {
     double force_scale = 0.2;           // N at the hand for each N in the scene; 0 .. 100
     int clutch_button = -1;             // the button that uncouples the grip while it is held; -1: none
     double clutch_fade = 0.1;           // s, in which the force fades out once it is held
+
+    bool operator==(const WorkspaceSettings&) const = default;
 };
 
 class Workspace {
@@ -40,33 +44,50 @@ class Workspace {
     /// Moves the offset so that the two positions coincide.
     void anchor(const Vec3& device_position, const Vec3& scene_position) noexcept;
 
+    /// Of now: with the offset that anchor() left.
     [[nodiscard]] const WorkspaceSettings& settings() const noexcept { return settings_; }
+    /// m, the offset that was asked for.
+    [[nodiscard]] const Vec3& asked_offset() const noexcept { return asked_offset_; }
 
   private:
     WorkspaceSettings settings_;
+    Vec3 asked_offset_;
     Mat3 device_from_scene_;  // rotation only
 };
 
-/// The clutch: lets the hand travel while the tool in the scene stands.
+/// The clutch: lets the hand travel while the tool in the scene stands, and the mapping change under it.
 ///
 /// While the button is held, the device end of the tool (the hip) stays where it was in the scene, and the coupling
 /// fades to nothing. Once it has, the hip is laid onto the proxy, so that on release the force begins at zero; both
 /// ways the force changes without a jump.
+///
+/// A change of the mapping works the clutch by itself: the coupling fades, the new mapping is taken, and the hip is
+/// laid onto the proxy, so that the hand goes on from where the tool is. Only where another offset is asked for than
+/// before, the tool travels there first, as far as the surfaces let it, while nothing is coupled.
 class Clutch {
   public:
     /// Takes the button's state at the beginning of a step and returns the hip in the scene. Moves the workspace's
-    /// anchor as long as the grip is not coupled.
+    /// anchor as long as the grip is not coupled, and changes the mapping once it is uncoupled.
     [[nodiscard]] Vec3 engage(bool held, const Vec3& device_position, const Vec3& proxy, double step_s,
                               Workspace& workspace) noexcept;
+
+    /// Asks for another mapping; the last one asked for counts.
+    void change_to(const Workspace& next) noexcept { next_ = next; }
+    /// A change is under way: asked for, not yet taken or not yet coupled again.
+    [[nodiscard]] bool changing() const noexcept { return next_.has_value() || apart_s_ > 0.0; }
 
     /// Factor of the coupling, 0..1.
     [[nodiscard]] double gain() const noexcept { return gain_; }
     [[nodiscard]] bool uncoupled() const noexcept { return gain_ <= 0.0; }
 
   private:
+    void take(const Vec3& device_position, const Vec3& proxy, Workspace& workspace) noexcept;
+
     bool held_ = false;
     double gain_ = 1.0;
     Vec3 hip_{0.0};
+    std::optional<Workspace> next_;
+    double apart_s_ = 0.0;  // s, left until a change of the mapping is coupled again
 };
 
 }  // namespace haptic::sim

@@ -1,0 +1,91 @@
+// The clutch and a change of the workspace while a cloth lies on the hand: the whole chain, no jump of the force.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
+
+#include "lockstep.hpp"
+
+namespace haptic::test {
+namespace {
+
+constexpr int kCaught = 158;  // step at which the cloth presses most
+constexpr int kSteps = 230;
+constexpr double kSlew = 0.03;  // N/ms; 1.7 N that fade in 0.1 s make 0.017
+
+class LiveWorkspace : public testing::Test {
+  protected:
+    template <class BeforeStep>
+    void run(BeforeStep&& before_step) {
+        for (int step = 0; step < kSteps; ++step) {
+            before_step(step);
+            const sim::StepResult result = chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
+                const Vec3 now = tick.rendered.force;
+                if (step >= kCaught) {
+                    slew = std::max(slew, glm::length(now - force));
+                    least = std::min(least, glm::length(now));
+                    after = least == 0.0 ? std::max(after, glm::length(now)) : after;
+                } else {
+                    peak = std::max(peak, glm::length(now));
+                }
+                force = now;
+            });
+            ASSERT_FALSE(result.crossed) << "step " << step;
+        }
+        EXPECT_EQ(chain.tick().faults(), 0u);
+        EXPECT_GT(peak, 1.0) << "N: without a force there is nothing that could jump";
+        EXPECT_EQ(least, 0.0) << "N: it was never uncoupled";
+        EXPECT_GT(after, 0.05) << "N: it was never felt again";
+        EXPECT_LE(slew, kSlew) << "N/ms";
+        std::printf("from %.2f N to 0 and up to %.2f N again: %.1f mN/ms at most\n", peak, after, 1e3 * slew);
+    }
+
+    Lockstep chain{
+        {.scene = sim::read_scene(sim::open_scene("cloth-drop"), "cloth-drop"), .hand = PoseTrack(), .tick = {}}};
+    Vec3 force{0.0};
+    double peak = 0.0;   // N, before
+    double least = 1e9;  // N, since
+    double after = 0.0;  // N, most once it was zero
+    double slew = 0.0;   // N/ms, most
+};
+
+TEST_F(LiveWorkspace, ClutchNeverMakesTheForceJump) {
+    run([&](int step) {
+        if (step == kCaught || step == kCaught + 20) {
+            chain.board().device().set_buttons(step == kCaught ? 1 : 0);
+        }
+    });
+}
+
+TEST_F(LiveWorkspace, ChangeOfScalesAndRotationNeverMakesTheForceJump) {
+    sim::WorkspaceSettings next = chain.simulation().scene().workspace;
+    next.scale = 0.05;
+    next.force_scale = 0.4;
+    next.rotation = glm::angleAxis(1.0, glm::normalize(Vec3(1, 2, 0)));
+    run([&](int step) {
+        if (step == kCaught) {
+            chain.simulation().change_workspace(next);
+        }
+    });
+    const sim::Workspace& now = chain.simulation().workspace();
+    EXPECT_EQ(now.settings().scale, next.scale);
+    EXPECT_NEAR(chain.simulation().frame().stiffness,
+                next.force_scale * chain.simulation().scene().coupling.stiffness / next.scale, 1e-12);
+}
+
+TEST_F(LiveWorkspace, ChangeOfTheOffsetPutsTheHandElsewhereWithoutAJumpOfTheForce) {
+    sim::WorkspaceSettings next = chain.simulation().scene().workspace;
+    // The hand, which stays at the device's origin, comes to be 0.2 m higher in the scene, on the other side of the
+    // cloth, but the tool cannot go there: it is stopped by the cloth, and what was in its way is felt from nothing.
+    next.offset = Vec3(0.0, -0.2 * next.scale, 0.0);
+    run([&](int step) {
+        if (step == kCaught) {
+            chain.simulation().change_workspace(next);
+        }
+    });
+}
+
+}  // namespace
+}  // namespace haptic::test
