@@ -74,10 +74,10 @@ double way_to_planes(const Vec3& way, const ProxyContact& particle, unsigned pla
 
 /// The planes of a frame at an instant.
 struct MovedPlanes {
-    const ContactFrame* frame;
-    std::int64_t time_ns;
-    std::int64_t horizon_ns;
-    bool moving;
+    const ContactFrame* frame = nullptr;
+    std::int64_t time_ns = 0;
+    std::int64_t horizon_ns = 0;
+    bool moving = false;
     Friction friction;
 };
 
