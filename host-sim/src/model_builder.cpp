@@ -241,8 +241,7 @@ void make_groups(ParticleModel& model, const SampleGraph& graph, const std::vect
                 others.push_back({std::max(straight, source.distance / kDetour), source.index});
             }
         }
-        std::stable_sort(others.begin(), others.end(),
-                         [](const Source& a, const Source& b) { return a.distance < b.distance; });
+        std::sort(others.begin(), others.end(), nearer);
         Group group{i, {i}, settings.group_stiffness};
         for (std::size_t k = 0; k < std::min(settings.neighbours, others.size()); ++k) {
             group.members.push_back(others[k].index);
@@ -280,8 +279,7 @@ std::vector<std::vector<Source>> carriers_of(const TriangleMesh& mesh, const Par
             const double straight = glm::length(mesh.vertices[j] - model.rest_position[source.index]);
             carriers[j].push_back({std::max(straight, source.distance / kDetour), source.index});
         }
-        std::stable_sort(carriers[j].begin(), carriers[j].end(),
-                         [](const Source& a, const Source& b) { return a.distance < b.distance; });
+        std::sort(carriers[j].begin(), carriers[j].end(), nearer);
     }
     return carriers;
 }

@@ -2,9 +2,13 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <filesystem>
+#include <glm/common.hpp>
 #include <glm/gtc/quaternion.hpp>
 #include <stdexcept>
 
+#include "haptic/sim/mesh_file.hpp"
+#include "haptic/sim/model_file.hpp"
 #include "haptic/sim/rotation.hpp"
 #include "haptic/sim/skin.hpp"
 
@@ -16,6 +20,7 @@ constexpr Range kPositions{-1e4, 1e4};
 constexpr Range kVelocities{-1e3, 1e3};
 constexpr Range kUnitInterval{0.0, 1.0};
 constexpr Range kSizes{0.0, 1e4};
+constexpr Range kCompliances{0.0, 1e6};
 
 Placement read_placement(const Config& config, const std::string& table) {
     Placement placement;
@@ -112,7 +117,8 @@ bool is_in(const Vec3& p, const Region& region) {
 }
 
 /// The body stands where `placement` says.
-void apply(const Region& region, std::size_t index, const Placement& placement, DeformableBody& body) {
+void apply(const Region& region, std::size_t index, const Placement& placement, bool may_be_empty,
+           DeformableBody& body) {
     ParticleModel& model = body.particles;
     const Mat3 scene_from_body = to_matrix(placement.orientation);
     const Mat3 body_from_scene = glm::transpose(scene_from_body);
@@ -123,6 +129,9 @@ void apply(const Region& region, std::size_t index, const Placement& placement, 
             inside[i] = 1;
             motion.particles.push_back(i);
         }
+    }
+    if (motion.particles.empty() && may_be_empty) {
+        return;
     }
     if (motion.particles.empty()) {
         throw std::invalid_argument("region " + std::to_string(index) + " of the model \"" + body.name +
@@ -155,8 +164,14 @@ void apply(const Region& region, std::size_t index, const Placement& placement, 
     }
 }
 
-/// The cloth stands in its place already, the others about the origin.
-DeformableBody make_body(const ModelSettings& settings) {
+void apply_regions(const ModelSettings& settings, const Placement& stands, DeformableBody& body) {
+    for (std::size_t k = 0; k < settings.regions.size(); ++k) {
+        apply(settings.regions[k], k, stands, !settings.file.empty(), body);
+    }
+}
+
+/// Where what is generated is made: the cloth in its place, the others about the origin.
+DeformableBody generate(const ModelSettings& settings) {
     DeformableBody body;
     switch (settings.generator) {
         case Generator::Cloth:
@@ -184,12 +199,101 @@ DeformableBody make_body(const ModelSettings& settings) {
     return body;
 }
 
+TriangleMesh generate_mesh(const ModelSettings& settings) {
+    switch (settings.generator) {
+        case Generator::Cloth:
+            return make_cloth_mesh(settings.cloth);
+        case Generator::Curtain:
+            return make_curtain_mesh(settings.curtain);
+        case Generator::Fan:
+            return make_fan_mesh(settings.fan);
+        case Generator::Fish:
+            break;
+    }
+    return make_fish_mesh(settings.fish);
+}
+
+double generated_length(const ModelSettings& settings) {
+    switch (settings.generator) {
+        case Generator::Cloth:
+            return settings.cloth.side;
+        case Generator::Curtain:
+            return settings.curtain.side;
+        case Generator::Fan:
+            return 2.0 * settings.fan.rim_radius;
+        case Generator::Fish:
+            break;
+    }
+    return settings.fish.length;
+}
+
+TriangleMesh mesh_of_file(const ModelSettings& settings) {
+    MeshFileSettings reading;
+    if (settings.file_scale > 0.0) {
+        reading.scale = settings.file_scale;
+        return load_mesh(settings.file, reading);
+    }
+    TriangleMesh mesh = load_mesh(settings.file, reading);
+    Vec3 low = mesh.vertices.front();
+    Vec3 high = low;
+    for (const Vec3& p : mesh.vertices) {
+        low = glm::min(low, p);
+        high = glm::max(high, p);
+    }
+    const Vec3 size = high - low;
+    const double scale = generated_length(settings) / std::max({size.x, size.y, size.z});
+    for (Vec3& p : mesh.vertices) {
+        p = scale * (p - 0.5 * (low + high));
+    }
+    return mesh;
+}
+
+void set_compliances(const ModelSettings& settings, ParticleModel& model) {
+    for (Group& group : model.groups) {
+        group.compliance = settings.group_compliance;
+    }
+    for (Link& link : model.links) {
+        link.compliance = settings.link_compliance;
+    }
+}
+
+/// The cloth as the thesis' scene has it, to the last bit: it is made where it falls from, not moved there.
+bool is_made_in_place(const ModelSettings& settings) {
+    return settings.generator == Generator::Cloth && settings.file.empty() && settings.particles.empty();
+}
+
 }  // namespace
+
+DeformableBody make_body(const ModelSettings& settings) {
+    ModelSettings about_origin = settings;
+    about_origin.cloth.centre = Vec3(0.0);
+    about_origin.cloth.orientation = Quat(1.0, 0.0, 0.0, 0.0);
+    DeformableBody body;
+    if (!settings.particles.empty()) {
+        const TriangleMesh mesh = settings.file.empty() ? generate_mesh(about_origin) : mesh_of_file(settings);
+        body = read_model_file(Config::load(settings.particles), mesh, settings.builder.bridge);
+    } else if (!settings.file.empty()) {
+        body = build_body(mesh_of_file(settings), settings.builder);
+        body.name = std::filesystem::path(settings.file).stem().string();
+    } else {
+        body = generate(about_origin);
+    }
+    if (settings.particles.empty()) {
+        set_compliances(settings, body.particles);
+    }
+    apply_regions(settings, Placement{}, body);
+    return body;
+}
 
 ModelSettings read_model(const Config& config, const std::string& table) {
     const auto key = [&table](const char* name) { return table + "." + name; };
     ModelSettings model;
     model.generator = read_generator(config, key("generator"));
+    model.file = config.text(key("file"), "");
+    // Who puts a mesh in the place of a generated one wants it to fit; who names no generator means the file's own
+    // size.
+    model.file_scale = config.number(key("scale"), config.has(key("generator")) ? 0.0 : 1.0, {0.0, 1e6});
+    model.particles = config.text(key("particles"), "");
     const Usual usual = usual_of(model.generator);
     ClothShape& cloth = model.cloth;
     cloth.vertices_per_side =
@@ -204,8 +308,13 @@ ModelSettings read_model(const Config& config, const std::string& table) {
     cloth.orientation = config.quat(key("orientation"), cloth.orientation);
     model.placement = {cloth.centre, cloth.orientation, Vec3(0.0)};
     model.velocity = config.vec3(key("velocity"), model.velocity, kVelocities);
-    model.group_stiffness = config.number(key("group_stiffness"), usual.group_stiffness, kUnitInterval);
-    model.link_stiffness = config.number(key("link_stiffness"), usual.link_stiffness, kUnitInterval);
+    // A compliance says how soft a constraint is; a stiffness below 1 would soften it once more.
+    model.group_compliance = config.number(key("group_compliance"), model.group_compliance, kCompliances);
+    model.link_compliance = config.number(key("link_compliance"), model.link_compliance, kCompliances);
+    model.group_stiffness = config.number(key("group_stiffness"),
+                                          model.group_compliance > 0.0 ? 1.0 : usual.group_stiffness, kUnitInterval);
+    model.link_stiffness =
+        config.number(key("link_stiffness"), model.link_compliance > 0.0 ? 1.0 : usual.link_stiffness, kUnitInterval);
 
     model.curtain.vertices_per_side = cloth.vertices_per_side;
     model.curtain.side = cloth.side;
@@ -254,15 +363,14 @@ std::size_t expected_triangles(const ModelSettings& settings) {
 }
 
 std::vector<DeformableBody> make_bodies(const ModelSettings& settings) {
-    DeformableBody body = make_body(settings);
-    Placement stands = settings.placement;
-    if (settings.generator == Generator::Cloth) {
-        stands = {settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)};
+    DeformableBody body;
+    if (is_made_in_place(settings)) {
+        body = generate(settings);
+        set_compliances(settings, body.particles);
+        apply_regions(settings, {settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)}, body);
     } else {
+        body = make_body(settings);
         place(body, settings.placement);
-    }
-    for (std::size_t k = 0; k < settings.regions.size(); ++k) {
-        apply(settings.regions[k], k, stands, body);
     }
     for (std::size_t i = 0; i < body.particles.size(); ++i) {
         body.particles.velocity[i] = body.particles.pinned[i] != 0 ? Vec3(0.0) : settings.velocity;

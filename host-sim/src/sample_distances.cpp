@@ -17,10 +17,6 @@ constexpr double kFar = std::numeric_limits<double>::infinity();
 using Reached = std::tuple<double, std::uint32_t, std::uint32_t>;  // distance, source, piece
 using Frontier = std::priority_queue<Reached, std::vector<Reached>, std::greater<>>;
 
-bool nearer(const Source& a, const Source& b) {
-    return a.distance < b.distance || (a.distance == b.distance && a.index < b.index);
-}
-
 std::uint32_t farthest_from_mean(const SampleGraph& graph) {
     Vec3 mean(0.0);
     for (const Vec3& p : graph.position) {
@@ -61,6 +57,10 @@ std::vector<Site> middles(const SampleGraph& graph, const std::vector<std::vecto
 }
 
 }  // namespace
+
+bool nearer(const Source& a, const Source& b) noexcept {
+    return a.distance < b.distance || (a.distance == b.distance && a.index < b.index);
+}
 
 std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::span<const Site> sites,
                                                  std::size_t count) {

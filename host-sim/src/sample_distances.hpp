@@ -16,6 +16,9 @@ struct Source {
     std::uint32_t index = 0;
 };
 
+/// Order by distance; of two equally far the one with the lower index comes first.
+[[nodiscard]] bool nearer(const Source& a, const Source& b) noexcept;
+
 /// Where a particle is, and a piece there.
 struct Site {
     Vec3 position{0.0};  // m

@@ -21,6 +21,8 @@ int run(int argc, char** argv) {
     add("run", "Run a scene", haptic::sim::add_run_command);
     add("scenes", "List the built-in scenes", haptic::sim::add_scenes_command);
     add("mesh", "Check a mesh file, and say what is in it", haptic::sim::add_mesh_command);
+    add("model", "Build the particles of a body, say what they are, and write them to a file",
+        haptic::sim::add_model_command);
     add("reproduce", "Make the figures and tables of the thesis again", haptic::sim::add_reproduce_command);
     add("query", "Answer single queries of the contact code", haptic::sim::add_query_command);
     CLI11_PARSE(app, argc, argv);

@@ -37,22 +37,33 @@ struct ModelSettings {
     CurtainShape curtain;
     FanShape fan;
     FishShape fish;
-    BuilderSettings builder;       // of the fish
-    Vec3 velocity{0.0};            // m/s, at the start
-    double group_stiffness = 0.3;  // 0..1, alpha of the shape-matching groups
-    double link_stiffness = 1.0;   // 0..1, of the distance constraints
-    Placement placement;           // of curtain, fan and fish, which are made about the origin; without velocity
-    std::vector<Region> regions;   // of two with a particle in common, the later one counts
+    std::string file;               // of a mesh that takes the place of what is generated; empty: none
+    double file_scale = 0.0;        // m per unit of the file; 0: centred, and as long as what would be generated
+    std::string particles;          // a model file, whose particles take the place of those made; empty: none
+    BuilderSettings builder;        // of the fish and of meshes from files
+    Vec3 velocity{0.0};             // m/s, at the start
+    double group_stiffness = 0.3;   // 0..1, alpha of the shape-matching groups
+    double link_stiffness = 1.0;    // 0..1, of the distance constraints
+    double group_compliance = 0.0;  // s^2, see Group
+    double link_compliance = 0.0;   // m/N
+    Placement placement;            // of all but the generated cloth, which is made in its place; without velocity
+    std::vector<Region> regions;    // of two with a particle in common, the later one counts
     std::vector<Placement> copies{Placement{}};
 };
 
 /// Reads a table of the configuration, "model" or "objects.0", with all that is in it. Throws ConfigError.
 [[nodiscard]] ModelSettings read_model(const Config& config, const std::string& table);
 
-/// Triangles of the meshes that make_bodies makes, all copies together, before anything is made.
+/// Triangles of the meshes that make_bodies generates, all copies together, before anything is made; 0 for a mesh from a
+/// file, of which that is not known.
 [[nodiscard]] std::size_t expected_triangles(const ModelSettings& settings);
 
-/// Makes the bodies, one for each copy. Throws std::invalid_argument; a region without a particle is one reason.
+/// Makes one body about the origin, not turned, with what the regions say of it. A region without a particle is refused
+/// unless the mesh is from a file: built-in scenes then run with any mesh. Throws std::invalid_argument, MeshError or
+/// ConfigError.
+[[nodiscard]] DeformableBody make_body(const ModelSettings& settings);
+
+/// Makes the bodies in their places, one for each copy. Throws as make_body does.
 [[nodiscard]] std::vector<DeformableBody> make_bodies(const ModelSettings& settings);
 
 }  // namespace haptic::sim

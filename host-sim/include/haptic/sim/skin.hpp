@@ -30,19 +30,29 @@ using Skin = std::vector<SkinVertex>;
 /// A skin whose vertex j is particle j.
 [[nodiscard]] Skin skin_of_particles(std::size_t count);
 
+/// What Skinner works with in the course of a step.
+struct ParticleFrame;
+struct SkinArm;
+
 class Skinner {
   public:
-    /// `rest` has one element a vertex. Throws std::invalid_argument for a skin of another length, a particle that does
-    /// not exist, or weights that do not sum to 1 within 1e-9.
-    Skinner(std::span<const Vec3> rest, const ParticleModel& model, const Skin& skin);
+    /// `rest` has one element a vertex. `wide` allows the registers that not every machine has; it makes no difference
+    /// to the result. Throws std::invalid_argument for a skin of another length, a particle that does not exist, or
+    /// weights that do not sum to 1 within 1e-9.
+    Skinner(std::span<const Vec3> rest, const ParticleModel& model, const Skin& skin, bool wide = true);
+    Skinner(Skinner&&) noexcept;
+    Skinner& operator=(Skinner&&) noexcept;
+    ~Skinner();
 
-    /// Writes all vertices. No allocation; the same bits on every machine.
-    void place(const ParticleModel& model, std::span<Vec3> vertices) const;
+    /// Writes all vertices, at most as many as the skin has. No allocation; the same bits on every machine.
+    void place(const ParticleModel& model, std::span<Vec3> vertices);
 
   private:
-    std::vector<SkinVertex> skin_;
-    std::vector<std::array<Vec3, SkinVertex::kMost>> arm_;  // X_j - X_i
-    bool one_to_one_ = false;                               // vertex j is particle j
+    std::vector<std::uint32_t> particle_;  // [vertex][SkinVertex::kMost]
+    std::vector<SkinArm> arm_;             // of the same shape
+    std::vector<ParticleFrame> frame_;     // per particle
+    bool one_to_one_ = false;              // vertex j is particle j
+    bool wide_ = false;
 };
 
 }  // namespace haptic::sim
