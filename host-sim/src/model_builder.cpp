@@ -82,8 +82,10 @@ double cube_root(double x) {
         return 0.0;
     }
     double root = 1.0 + x;
-    for (double next = root; (next = (2.0 * root + x / (root * root)) / 3.0) < root;) {
+    double next = (2.0 * root + x / (root * root)) / 3.0;
+    while (next < root) {
         root = next;
+        next = (2.0 * root + x / (root * root)) / 3.0;
     }
     return root;
 }
@@ -146,9 +148,9 @@ std::vector<Cell> cells_of(const SampleGraph& graph, const std::vector<std::vect
 
 /// Turns a symmetric matrix into a diagonal one, by rotations that are gathered in `axes` (Jacobi 1846).
 void diagonalise(Mat3& m, Mat3& axes) {
-    constexpr int kSweeps = 12;  // quadratic convergence: six are enough for doubles
+    constexpr int sweeps = 12;  // quadratic convergence: six are enough for doubles
     axes = Mat3(1.0);
-    for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    for (int sweep = 0; sweep < sweeps; ++sweep) {
         for (const auto& [p, q] : {std::pair{0, 1}, std::pair{0, 2}, std::pair{1, 2}}) {
             if (m[p][q] == 0.0) {
                 continue;

@@ -143,6 +143,7 @@ void relax(const SampleGraph& graph, std::vector<Site>& sites, int iterations) {
     // Where the body is bent, a centroid may lie outside it and next to what is another's: back into the body then.
     const std::vector<std::vector<Source>> nearest = nearest_sources(graph, sites, 1);
     std::vector<Vec3> places;
+    places.reserve(sites.size());
     for (const Site& site : sites) {
         places.push_back(site.position);
     }
@@ -159,6 +160,7 @@ void relax(const SampleGraph& graph, std::vector<Site>& sites, int iterations) {
 std::vector<Site> sites_at(const SampleGraph& graph, std::span<const Vec3> places) {
     // Along x both ways from the place, until the next piece is farther in x alone than the nearest is.
     std::vector<std::pair<double, std::uint32_t>> along;
+    along.reserve(graph.size());
     for (std::uint32_t i = 0; i < graph.size(); ++i) {
         along.emplace_back(graph.position[i].x, i);
     }

@@ -17,10 +17,11 @@ namespace haptic::sim {
 namespace {
 
 // Ways lead to the lattice's neighbours along edges and diagonals of faces, which are up to 1.41 away.
-constexpr double kReach = 1.45;          // of the pitch
-constexpr double kOnPlane = 1e-9;        // of the pitch: what lies in a triangle's plane does not cross it
-const Vec3 kAside(0.0, 0.0131, 0.0217);  // of the pitch
-constexpr double kLeastShare = 1e-6;     // of the mean: a degenerate triangle's pieces weigh something
+constexpr double kReach = 1.45;     // of the pitch
+constexpr double kOnPlane = 1e-9;   // of the pitch: what lies in a triangle's plane does not cross it
+constexpr double kAsideY = 0.0131;  // of the pitch
+constexpr double kAsideZ = 0.0217;
+constexpr double kLeastShare = 1e-6;  // of the mean: a degenerate triangle's pieces weigh something
 constexpr std::size_t kMostPieces = 8'000'000;
 
 std::uint64_t key_of_edge(std::uint32_t a, std::uint32_t b) {
@@ -144,9 +145,9 @@ class PointHash {
     }
     /// 21 bits each: a body is far less than a million pitches wide.
     static std::uint64_t key(const Cube& c) {
-        constexpr std::uint64_t kBits = (std::uint64_t{1} << 21U) - 1;
-        return ((static_cast<std::uint64_t>(c[0]) & kBits) << 42U) |
-               ((static_cast<std::uint64_t>(c[1]) & kBits) << 21U) | (static_cast<std::uint64_t>(c[2]) & kBits);
+        constexpr std::uint64_t mask = (std::uint64_t{1} << 21U) - 1;
+        return ((static_cast<std::uint64_t>(c[0]) & mask) << 42U) | ((static_cast<std::uint64_t>(c[1]) & mask) << 21U) |
+               (static_cast<std::uint64_t>(c[2]) & mask);
     }
 
     Vec3 low_;
@@ -247,8 +248,8 @@ class GraphMaker {
         const auto rows = static_cast<std::size_t>(std::floor(size.y / pitch_)) + 1;
         const auto layers = static_cast<std::size_t>(std::floor(size.z / pitch_)) + 1;
         // Centred, but not quite: the lines through the lattice should not meet the edges of a symmetric mesh.
-        const double y0 = 0.5 * (low_.y + high_.y) - (0.5 * static_cast<double>(rows - 1) + kAside.y) * pitch_;
-        const double z0 = 0.5 * (low_.z + high_.z) - (0.5 * static_cast<double>(layers - 1) + kAside.z) * pitch_;
+        const double y0 = 0.5 * (low_.y + high_.y) - (0.5 * static_cast<double>(rows - 1) + kAsideY) * pitch_;
+        const double z0 = 0.5 * (low_.z + high_.z) - (0.5 * static_cast<double>(layers - 1) + kAsideZ) * pitch_;
         std::vector<std::vector<std::pair<double, int>>> crossings(rows * layers);
         for (const Triangle& t : mesh_.triangles) {
             cross_rows(t, y0, z0, rows, layers, crossings);
@@ -418,12 +419,11 @@ class GraphMaker {
             return;
         }
         // Farther and farther, so that a part is held where it is nearest.
-        bool whole = false;
-        for (double reach = std::min(2.0 * pitch_, bridge_); reach > 0.0 && !whole; reach *= 2.0) {
-            whole = bridge_parts(part, std::min(reach, bridge_));
-            if (reach >= bridge_) {
-                break;
-            }
+        double reach = std::min(2.0 * pitch_, bridge_);
+        bool whole = bridge_ > 0.0 && bridge_parts(part, reach);
+        while (!whole && reach < bridge_) {
+            reach = std::min(2.0 * reach, bridge_);
+            whole = bridge_parts(part, reach);
         }
         if (!whole) {
             refuse_part(part);
@@ -438,9 +438,9 @@ class GraphMaker {
         for (std::uint32_t i = 0; i < graph_.size(); ++i) {
             cubes.add(graph_.position[i], i);
         }
-        constexpr double kNone = std::numeric_limits<double>::infinity();
-        std::vector<std::pair<double, std::uint32_t>> nearest(graph_.size(), {kNone, 0});
-        std::vector<double> least(graph_.size(), kNone);  // per part
+        constexpr double none = std::numeric_limits<double>::infinity();
+        std::vector<std::pair<double, std::uint32_t>> nearest(graph_.size(), {none, 0});
+        std::vector<double> least(graph_.size(), none);  // per part
         for (std::uint32_t i = 0; i < graph_.size(); ++i) {
             cubes.visit(graph_.position[i], [&](std::uint32_t other) {
                 const double distance = glm::length(graph_.position[other] - graph_.position[i]);
@@ -452,7 +452,7 @@ class GraphMaker {
         }
         std::vector<std::uint32_t> joined = part;
         for (std::uint32_t i = 0; i < graph_.size(); ++i) {
-            if (nearest[i].first < kNone && nearest[i].first <= least[part[i]] + pitch_) {
+            if (nearest[i].first < none && nearest[i].first <= least[part[i]] + pitch_) {
                 join(i, nearest[i].second);
                 unite(joined, i, nearest[i].second);
             }

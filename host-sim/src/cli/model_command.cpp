@@ -29,8 +29,8 @@ struct ModelOptions {
 };
 
 bool is_generator(const std::string& what) {
-    constexpr std::array kGenerators{"cloth", "curtain", "fan", "fish"};
-    return std::find(kGenerators.begin(), kGenerators.end(), what) != kGenerators.end();
+    constexpr std::array generators{"cloth", "curtain", "fan", "fish"};
+    return std::find(generators.begin(), generators.end(), what) != generators.end();
 }
 
 /// `text` as a TOML string.
