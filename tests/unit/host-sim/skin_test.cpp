@@ -104,7 +104,8 @@ TEST(Skin, BendsWithoutTearsOrSpikes) {
 }
 
 TEST(Skin, StaysWholeWhereShapeMatchingBendsTheFish) {
-    // The middle is held and the tail is led 0.12 m to the side within 0.15 s and back, as far as the tail is long.
+    // The middle is held, and the tail, 0.08 m away, is led 0.06 m to the side within 0.15 s and back, without turning.
+    // Straight from one to the other it is 1.25 times as far then.
     ParticleModel model = fish().particles;
     std::vector<std::uint32_t> led;
     for (std::uint32_t i = 0; i < model.size(); ++i) {
@@ -122,7 +123,7 @@ TEST(Skin, StaysWholeWhereShapeMatchingBendsTheFish) {
     double farthest = 0.0;
     for (int step = 0; step < 120; ++step) {
         const double phase = static_cast<double>(step % 60) / 30.0;
-        const double speed = phase < 1.0 ? 0.12 / 0.15 : -0.12 / 0.15;
+        const double speed = phase < 1.0 ? 0.06 / 0.15 : -0.06 / 0.15;
         for (const std::uint32_t i : led) {
             model.velocity[i] = Vec3(0.0, 0.0, speed);
         }
@@ -135,9 +136,9 @@ TEST(Skin, StaysWholeWhereShapeMatchingBendsTheFish) {
             farthest = std::max(farthest, p.z);
         }
     }
-    EXPECT_GT(farthest, 0.1);
-    EXPECT_LT(most, 3.0);
-    EXPECT_GT(least, 0.1);
+    EXPECT_GT(farthest, 0.055);
+    EXPECT_LT(most, 2.5);
+    EXPECT_GT(least, 0.25);
 }
 
 TEST(Skin, OfParticlesIsWhereTheyAre) {
