@@ -343,6 +343,9 @@ ModelSettings read_model(const Config& config, const std::string& table) {
 }
 
 std::size_t expected_triangles(const ModelSettings& settings) {
+    if (!settings.file.empty()) {
+        return 0;
+    }
     const auto grid = [](std::size_t side) { return 4 * (side - 1) * (side - 1); };
     std::size_t triangles = 0;
     switch (settings.generator) {

@@ -1,5 +1,6 @@
 // Scene files, fed with anything: they are refused with a ConfigError that names the file, or give a scene whose size
 // is bounded. A small one is made and stepped: what cannot be simulated is refused in words, and what can stays finite.
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -42,6 +43,10 @@ bool is_finite(const haptic::Vec3& v) {
 
 /// Throws std::invalid_argument for what cannot be made, std::runtime_error for what ceases to be finite.
 void run(const Scene& scene) {
+    const auto reads_files = [](const ModelSettings& model) { return !model.file.empty() || !model.particles.empty(); };
+    if (reads_files(scene.model) || std::any_of(scene.objects.begin(), scene.objects.end(), reads_files)) {
+        return;  // whatever lies on this machine is no input of this test
+    }
     haptic::sim::Simulation simulation(scene);
     require(simulation.mesh().triangles.size() == triangles_of(scene), "there are as many triangles as expected");
     for (int k = 0; k < kSteps; ++k) {
