@@ -10,7 +10,9 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr double kParallel = 1e-10;  // Gram determinant below which normals count as dependent
+constexpr double kParallel = 1e-24;  // Gram determinant below which normals count as dependent
+constexpr double kNearly = 1e-4;     // and below which those of two planes are better solved for by sum and difference
+constexpr int kMaxRefinements = 3;
 constexpr int kMaxExchanges = 64;
 
 /// Up to four half-spaces, of which at most three hold the point.
@@ -19,48 +21,93 @@ struct Basis {
     std::uint32_t count = 0;
 };
 
-/// The point nearest to the target on the boundaries of `members`, if it is pushed onto each of them.
+/// How far along each normal to go, so that the sum of all goes by b[k] along normal k. False if they are dependent.
+bool multipliers(const std::array<Vec3, 3>& n, const std::array<double, 3>& b, std::uint32_t count,
+                 std::array<double, 3>& lambda) HAPTIC_RT {
+    if (count == 1) {
+        lambda[0] = b[0];
+        return true;
+    }
+    if (count == 2) {
+        const double g = glm::dot(n[0], n[1]);
+        const double det = 1.0 - g * g;
+        if (det >= kNearly) {
+            lambda[0] = (b[0] - g * b[1]) / det;
+            lambda[1] = (b[1] - g * b[0]) / det;
+            return true;
+        }
+        // Unit normals: their sum and difference are square to one another, however near to parallel they are.
+        const Vec3 sum = n[0] + n[1];
+        const Vec3 difference = n[0] - n[1];
+        const double ss = glm::dot(sum, sum);
+        const double dd = glm::dot(difference, difference);
+        if (ss * dd < 4.0 * kParallel) {
+            return false;
+        }
+        const double along = (b[0] + b[1]) / ss;
+        const double across = (b[0] - b[1]) / dd;
+        lambda[0] = along + across;
+        lambda[1] = along - across;
+        return true;
+    }
+    // Three planes meet in a point: displacement = sum b_k (n_i x n_j) / det; multipliers from it by the same duals.
+    const double det = glm::dot(n[0], glm::cross(n[1], n[2]));
+    if (det * det < kParallel) {
+        return false;
+    }
+    const std::array<Vec3, 3> dual{glm::cross(n[1], n[2]) / det, glm::cross(n[2], n[0]) / det,
+                                   glm::cross(n[0], n[1]) / det};
+    const Vec3 shift = dual[0] * b[0] + dual[1] * b[1] + dual[2] * b[2];
+    for (std::size_t k = 0; k < 3; ++k) {
+        lambda[k] = glm::dot(dual[k], shift);
+    }
+    return true;
+}
+
+struct Held {
+    Vec3 point{0.0};
+    std::array<double, 3> lambda{};  // m, along the normal of each member
+};
+
+/// The point nearest to the target on the boundaries of `members`, if it is pushed onto each of them. Planes that are
+/// nearly parallel lose digits, so what is left of the distance to them is solved for again.
 bool solve_on(std::span<const HalfSpace> all, const std::array<std::uint32_t, 3>& members, std::uint32_t count,
-              const Vec3& target, Vec3& point, std::array<double, 3>& lambda) HAPTIC_RT {
+              const Vec3& target, double tolerance, Held& held) HAPTIC_RT {
     std::array<Vec3, 3> n{};
     std::array<double, 3> b{};
     for (std::uint32_t k = 0; k < count; ++k) {
         n[k] = all[members[k]].normal;
         b[k] = all[members[k]].offset - glm::dot(n[k], target);
     }
-    lambda = {};
-    if (count == 1) {
-        lambda[0] = b[0];
-    } else if (count == 2) {
-        const double g = glm::dot(n[0], n[1]);
-        const double det = 1.0 - g * g;
-        if (det < kParallel) {
-            return false;
+    std::array<double, 3>& lambda = held.lambda;
+    Vec3& point = held.point;
+    if (!multipliers(n, b, count, lambda)) {
+        return false;
+    }
+    for (int refinement = 0;; ++refinement) {
+        point = target;
+        for (std::uint32_t k = 0; k < count; ++k) {
+            if (lambda[k] < 0.0) {
+                return false;
+            }
+            point += n[k] * lambda[k];
         }
-        lambda[0] = (b[0] - g * b[1]) / det;
-        lambda[1] = (b[1] - g * b[0]) / det;
-    } else {
-        // Three planes meet in a point: displacement = sum b_k (n_i x n_j) / det; multipliers from it by the same
-        // duals.
-        const double det = glm::dot(n[0], glm::cross(n[1], n[2]));
-        if (det * det < kParallel) {
-            return false;
+        double worst = 0.0;
+        for (std::uint32_t k = 0; k < count; ++k) {
+            b[k] = all[members[k]].offset - glm::dot(n[k], point);
+            worst = std::max(worst, std::abs(b[k]));
         }
-        const std::array<Vec3, 3> dual{glm::cross(n[1], n[2]) / det, glm::cross(n[2], n[0]) / det,
-                                       glm::cross(n[0], n[1]) / det};
-        const Vec3 shift = dual[0] * b[0] + dual[1] * b[1] + dual[2] * b[2];
-        for (std::uint32_t k = 0; k < 3; ++k) {
-            lambda[k] = glm::dot(dual[k], shift);
+        if (worst <= tolerance || refinement == kMaxRefinements) {
+            return true;
+        }
+        std::array<double, 3> more{};
+        if (!multipliers(n, b, count, more)) {
+            return true;
+        }
+        for (std::uint32_t k = 0; k < count; ++k) {
+            lambda[k] += more[k];
         }
     }
-    point = target;
-    for (std::uint32_t k = 0; k < count; ++k) {
-        if (lambda[k] < 0.0) {
-            return false;
-        }
-        point += n[k] * lambda[k];
-    }
-    return true;
 }
 
 /// Solves for a basis of at most four: the subset that holds the point and leaves none of the basis violated.
@@ -78,20 +125,19 @@ bool solve_basis(std::span<const HalfSpace> all, const Basis& basis, const Vec3&
                     members[count++] = basis.index[k];
                 }
             }
-            Vec3 point{0.0};
-            std::array<double, 3> lambda{};
-            if (!solve_on(all, members, count, target, point, lambda)) {
+            Held held;
+            if (!solve_on(all, members, count, target, tolerance, held)) {
                 continue;
             }
             bool holds = true;
             for (std::uint32_t k = 0; k < basis.count; ++k) {
                 const HalfSpace& h = all[basis.index[k]];
-                holds = holds && glm::dot(h.normal, point) >= h.offset - tolerance;
+                holds = holds && glm::dot(h.normal, held.point) >= h.offset - tolerance;
             }
             if (holds) {
-                out.point = point;
+                out.point = held.point;
                 out.active = members;
-                out.multiplier = lambda;
+                out.multiplier = held.lambda;
                 out.active_count = static_cast<std::uint8_t>(count);
                 return true;
             }

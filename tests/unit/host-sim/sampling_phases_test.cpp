@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <glm/geometric.hpp>
 #include <string>
+#include <utility>
 
 #include "haptic/config.hpp"
 #include "haptic/sim/simulation.hpp"
@@ -71,14 +72,42 @@ constexpr int kSkipped = 139;  // steps of free fall
 constexpr double kStep = 0.01;
 constexpr double kGravity = 9.81;
 
+/// As the drop from 10 m is after n steps of the semi-implicit scheme: v = g h n, fallen by g h^2 n (n + 1) / 2.
+Scene after(int steps, Config config, double shift) {
+    Scene scene = scene_with(std::move(config), shift);
+    scene.model.velocity = {0.0, -kGravity * kStep * steps, 0.0};
+    scene.model.cloth.centre.y -= kGravity * kStep * kStep * steps * (steps + 1) / 2.0;
+    return scene;
+}
+
 TEST(SamplingPhases, AreAllCaught) {
-    // As the drop from 10 m is after n steps of the semi-implicit scheme: v = g h n, fallen by g h^2 n (n + 1) / 2.
     for (int phase = 0; phase < kPhases; ++phase) {
         const double shift = phase * kApart;
-        Scene scene = scene_with(open_scene("cloth-drop"), shift);
-        scene.model.velocity = {0.0, -kGravity * kStep * kSkipped, 0.0};
-        scene.model.cloth.centre.y -= kGravity * kStep * kStep * kSkipped * (kSkipped + 1) / 2.0;
-        expect_caught(drop(scene, 30, kHeldFor), kHeldFor, shift);
+        expect_caught(drop(after(kSkipped, open_scene("cloth-drop"), shift), 30, kHeldFor), kHeldFor, shift);
+    }
+}
+
+TEST(SamplingPhases, AreAllCaughtByATiltedClothToo) {
+    for (int phase = 0; phase < kPhases; phase += 5) {
+        const double shift = phase * kApart;
+        Config config = open_scene("cloth-drop");
+        config.set("model.orientation=[0.9659258262890683, 0.0, 0.0, 0.25881904510252074]");  // by 30 degrees about z
+        expect_caught(drop(after(kSkipped, std::move(config), shift), 30, kHeldFor), kHeldFor, shift);
+    }
+}
+
+TEST(SamplingPhases, AreAllMetByTheRimOfAnUprightCloth) {
+    constexpr int before = 135;  // steps: half a metre of cloth comes first
+    constexpr int passes = 6;    // steps, by which the cloth is past the sphere: nothing holds it, edge-on
+    for (int tenth = 0; tenth < 10; ++tenth) {
+        for (int phase = tenth; phase < kPhases; phase += 35) {
+            Config config = open_scene("cloth-drop");
+            config.set("model.orientation=[0.7071067811865476, 0.0, 0.0, 0.7071067811865476]");
+            config.set("model.offset=[" + std::to_string(0.003 * tenth) + ", 0.0, 0.0]");  // m, of a radius of 0.03
+            const Outcome outcome = drop(after(before, std::move(config), phase * kApart), 30, passes);
+            EXPECT_EQ(outcome.in_contact, passes) << "phase " << phase << " offset " << tenth << " tenths of a radius";
+            EXPECT_EQ(outcome.crossed, 0) << "phase " << phase << " offset " << tenth << " tenths of a radius";
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "contact/oracle.hpp"
@@ -44,6 +45,29 @@ TEST(HalfSpaces, KeepATargetThatIsInsideAll) {
     EXPECT_TRUE(p.feasible);
     EXPECT_EQ(p.point, Vec3(0.5, 0.5, 7.0));
     EXPECT_EQ(p.active_count, 0);
+}
+
+TEST(HalfSpaces, ThatAreNearlyParallelHoldAPointFarBehindThem) {
+    // A valley, and a pit of three slopes, about the y axis: by symmetry the nearest point is on the axis. Cloth that
+    // is bent a little is such a thing to the proxy above it, with the goal many radii behind.
+    constexpr double offset = 0.03;      // m
+    constexpr double tolerance = 3e-11;  // m, as for a sphere of that radius
+    for (double slope = 0.3; slope > 1e-12; slope *= 0.37) {
+        for (const int sides : {2, 3}) {
+            std::vector<HalfSpace> h;
+            for (int k = 0; k < sides; ++k) {
+                const double a = 2.0 * M_PI * k / sides;
+                h.push_back({glm::normalize(Vec3(slope * std::cos(a), 1.0, slope * std::sin(a))), offset});
+            }
+            for (const double depth : {0.001, 0.1, 3.0}) {
+                const Projection p = project_onto(h, {0.0, -depth, 0.0}, tolerance);
+                ASSERT_TRUE(p.feasible) << sides << " sides, slope " << slope << ", depth " << depth;
+                ASSERT_LE(violation(h, p.point), tolerance) << sides << " sides, slope " << slope;
+                ASSERT_NEAR(p.point.y, offset * std::sqrt(1.0 + slope * slope), 1e-10)
+                    << sides << " sides, slope " << slope << ", depth " << depth;
+            }
+        }
+    }
 }
 
 TEST(HalfSpaces, FindTheNearestPointAsAlternatingProjectionsDo) {
