@@ -93,7 +93,9 @@ const Vec3 kGhost(0.5, 0.5, 0.5);
 void write_mesh(std::ostream& out, const PictureObject& object) {
     out << "mesh2 {\n";
     write_list(out, "vertex_vectors", object.vertices);
-    write_list(out, "normal_vectors", vertex_normals(object));
+    if (!object.faceted) {
+        write_list(out, "normal_vectors", vertex_normals(object));
+    }
     out << "    face_indices {\n        " << object.triangles.size();
     // The other way round than in our right-handed frame: POV-Ray takes its interior side from the winding, too.
     for (std::size_t t = 0; t < object.triangles.size(); ++t) {

@@ -230,6 +230,7 @@ void Simulation::State::find_contact(StepResult& result, Stopwatch& watch) {
 
     result.proxy = proxy;
     result.in_contact = contacts.count > 0;
+    result.rides = secure.rides;
     result.pop_out_iterations = popped.iterations;
     result.squeezed = secure.squeezed || popped.squeezed;
     result.let_through = secure.let_through;

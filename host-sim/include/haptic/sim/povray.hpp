@@ -19,7 +19,8 @@ struct PictureObject {
     std::vector<Triangle> triangles;  // one face of each; indices into `vertices`
     bool closed = false;              // its inside is never seen; else the backs have a colour of their own
     std::array<double, 3> colour{0.78, 0.16, 0.14};
-    bool ghost = false;  // grey and transparent: where it was before
+    bool ghost = false;    // grey and transparent: where it was before
+    bool faceted = false;  // each triangle flat, instead of smoothed over its neighbours
 };
 
 struct PictureScene {

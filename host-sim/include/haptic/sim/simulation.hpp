@@ -56,10 +56,11 @@ struct StepResult {
     Vec3 hand_force{0.0};  // N, device frame, as felt at the hand
     double depth = 0.0;    // m, scene, how far the hip is beyond the surface
     bool in_contact = false;
-    int pop_out_iterations = 0;
-    bool squeezed = false;     // less room than the proxy's radius
-    bool let_through = false;  // the surfaces left no room at all; one passed
-    bool crossed = false;      // verification: the proxy's centre passed through a surface in this step
+    int rides = 0;               // moves with the surfaces that found the secure position
+    int pop_out_iterations = 0;  // moves out of what still clipped the proxy then
+    bool squeezed = false;       // less room than the proxy's radius
+    bool let_through = false;    // the surfaces left no room at all; one passed
+    bool crossed = false;        // verification: the proxy's centre passed through a surface in this step
     StageTimes times;
 };
 
