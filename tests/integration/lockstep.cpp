@@ -61,7 +61,8 @@ sim::StepResult Lockstep::step_simulation() {
     if (!state_reader_.read_newest(state_)) {
         throw std::runtime_error("ticks ran, but published no device state");
     }
-    const sim::StepResult result = simulation_.step(sim::input_from(state_, step_time_ns_));
+    input_ = sim::input_from(state_, step_time_ns_);
+    const sim::StepResult result = simulation_.step(input_);
     pending_ = true;
     return result;
 }

@@ -48,6 +48,8 @@ class Lockstep {
     [[nodiscard]] sim::Simulation& simulation() { return simulation_; }
     [[nodiscard]] device::EmulatedBoard& board() { return board_; }
     [[nodiscard]] const rt::Tick& tick() const { return tick_; }
+    /// What the simulation's last step was given.
+    [[nodiscard]] const sim::StepInput& input() const { return input_; }
 
   private:
     void run_tick();
@@ -64,6 +66,7 @@ class Lockstep {
     rt::Tick tick_;
     sim::Simulation simulation_;
     DeviceState state_{};
+    sim::StepInput input_;
     std::int64_t tick_ns_;
     std::int64_t step_ns_;
     std::int64_t late_ns_;
