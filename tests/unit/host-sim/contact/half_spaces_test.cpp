@@ -52,11 +52,12 @@ TEST(HalfSpaces, ThatAreNearlyParallelHoldAPointFarBehindThem) {
     // is bent a little is such a thing to the proxy above it, with the goal many radii behind.
     constexpr double offset = 0.03;      // m
     constexpr double tolerance = 3e-11;  // m, as for a sphere of that radius
-    for (double slope = 0.3; slope > 1e-12; slope *= 0.37) {
+    double slope = 0.3;
+    for (int k = 0; k < 27; ++k, slope *= 0.37) {  // down to 1e-12
         for (const int sides : {2, 3}) {
             std::vector<HalfSpace> h;
-            for (int k = 0; k < sides; ++k) {
-                const double a = 2.0 * M_PI * k / sides;
+            for (int side = 0; side < sides; ++side) {
+                const double a = 2.0 * M_PI * side / sides;
                 h.push_back({glm::normalize(Vec3(slope * std::cos(a), 1.0, slope * std::sin(a))), offset});
             }
             for (const double depth : {0.001, 0.1, 3.0}) {
