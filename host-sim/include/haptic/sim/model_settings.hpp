@@ -54,8 +54,8 @@ struct ModelSettings {
 /// Reads a table of the configuration, "model" or "objects.0", with all that is in it. Throws ConfigError.
 [[nodiscard]] ModelSettings read_model(const Config& config, const std::string& table);
 
-/// Triangles of the meshes that make_bodies generates, all copies together, before anything is made; 0 for a mesh from a
-/// file, of which that is not known.
+/// Triangles of the meshes that make_bodies generates, all copies together, before anything is made; 0 for a mesh from
+/// a file, of which that is not known.
 [[nodiscard]] std::size_t expected_triangles(const ModelSettings& settings);
 
 /// Makes one body about the origin, not turned, with what the regions say of it. A region without a particle is refused
