@@ -141,5 +141,25 @@ TEST(Scene, ListsTheKnownNamesForAnUnknownOne) {
     EXPECT_THROW((void)open_scene("missing.toml"), ConfigError);
 }
 
+TEST(SceneFile, OfTheClothNamesEveryKeyThatAnySceneMayHave) {
+    Config config = open_scene("cloth-drop");
+    config.set("model.regions=[{low=[-1, -1, -1], high=[1, 1, 1]}]");
+    config.set("model.copies=[{position=[0, 0, 0]}]");
+    (void)read_scene(config, "every key");
+    std::string text;
+    for (const BuiltInScene& scene : built_in_scenes()) {
+        if (scene.name == "cloth-drop") {
+            text = scene.toml;
+        }
+    }
+    for (const std::string& key : config.known_keys()) {
+        const std::string name = key.substr(key.rfind('.') + 1);
+        EXPECT_TRUE(text.find("\n" + name + " = ") != std::string::npos ||
+                    text.find("\n# " + name + " = ") != std::string::npos || name == "regions" || name == "copies" ||
+                    name == "objects")
+            << key;
+    }
+}
+
 }  // namespace
 }  // namespace haptic::sim
