@@ -1,6 +1,7 @@
 #include "haptic/sim/model_file.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cstddef>
 #include <filesystem>
@@ -123,7 +124,8 @@ TEST(ModelFile, NamesLineAndRemedyOfWhatIsWrong) {
 }
 
 TEST(ModelFile, TakesThePlaceOfTheBuiltParticles) {
-    const std::filesystem::path file = std::filesystem::path(testing::TempDir()) / "model_file_test.toml";
+    const std::filesystem::path file =
+        std::filesystem::path(testing::TempDir()) / ("model-file-test-" + std::to_string(getpid()) + ".toml");
     save_model(file, fish());
     Config config;
     config.set("model.generator=fish");

@@ -1,6 +1,7 @@
 #include "haptic/sim/model_settings.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstddef>
@@ -121,7 +122,9 @@ TEST(ModelSettings, TakeACompliancesStiffnessToBeWhole) {
 
 class MeshOfAUser : public testing::Test {
   protected:
-    MeshOfAUser() : file_(std::filesystem::path(testing::TempDir()) / "model_settings_test.obj") {
+    MeshOfAUser()
+        : file_(std::filesystem::path(testing::TempDir()) /
+                ("model-settings-test-" + std::to_string(getpid()) + ".obj")) {
         std::ofstream out(file_);
         // A four-sided pyramid, 2 wide and 4 high, about (10, 10, 10).
         out << "v 9 8 9\nv 11 8 9\nv 11 8 11\nv 9 8 11\nv 10 12 10\n"

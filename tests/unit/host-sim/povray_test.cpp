@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -22,7 +23,8 @@ using ::testing::HasSubstr;
 
 TEST(PictureScene, NamesEveryVertexAndFace) {
     const TriangleMesh mesh = make_cloth_mesh({.vertices_per_side = 3});
-    const std::filesystem::path file = std::filesystem::path(::testing::TempDir()) / "haptic-picture-test.pov";
+    const std::filesystem::path file =
+        std::filesystem::path(::testing::TempDir()) / ("haptic-picture-test-" + std::to_string(getpid()) + ".pov");
     PictureScene scene;
     scene.title = "three by three";
     scene.objects.push_back({.vertices = mesh.vertices, .triangles = mesh.triangles});
