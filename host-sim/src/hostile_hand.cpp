@@ -9,7 +9,7 @@ namespace {
 // stops short, on the surface, and far behind.
 constexpr double kShortest = 0.9;
 constexpr double kFurthest = 2.0;
-constexpr double kLongestAim_s = 1.0;
+constexpr double kLongestAimS = 1.0;
 constexpr double kRestsOutOf = 0.2;  // part of the aims that are to stay where it is
 
 }  // namespace
@@ -28,7 +28,7 @@ double HostileHand::random() noexcept {
 }
 
 void HostileHand::choose(std::span<const Vec3> vertices) noexcept {
-    left_s_ = kLongestAim_s * random();
+    left_s_ = kLongestAimS * random();
     speed_ = most_speed_ * random();
     if (vertices.empty() || random() < kRestsOutOf) {
         aim_ = position_;

@@ -151,7 +151,9 @@ void diagonalise(Mat3& m, Mat3& axes) {
     constexpr int sweeps = 12;  // quadratic convergence: six are enough for doubles
     axes = Mat3(1.0);
     for (int sweep = 0; sweep < sweeps; ++sweep) {
-        for (const auto& [p, q] : {std::pair{0, 1}, std::pair{0, 2}, std::pair{1, 2}}) {
+        for (int pair = 0; pair < 3; ++pair) {
+            const int p = pair / 2;           // 0, 0, 1
+            const int q = pair == 0 ? 1 : 2;  // 1, 2, 2
             if (m[p][q] == 0.0) {
                 continue;
             }

@@ -79,16 +79,16 @@ void write_list(std::ostream& out, const char* name, std::span<const Vec3> vecto
     out << "\n    }\n";
 }
 
-std::string skin_texture(const Vec3& colour, double transmit) {
-    return "texture {\n        pigment { rgb " + shown(colour) + " transmit " + shown(transmit) +
-           " }\n        finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }\n    }";
+std::string skin_texture(const std::array<double, 3>& colour, double transmit) {
+    return "texture {\n        pigment { rgb " + shown(Vec3(colour[0], colour[1], colour[2])) + " transmit " +
+           shown(transmit) + " }\n        finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }\n    }";
 }
 
 // Open surfaces let a little through, so that the proxy behind them is seen.
 constexpr double kTransmit = 0.16;
 constexpr double kGhostTransmit = 0.7;
-const Vec3 kBack(0.96, 0.83, 0.55);
-const Vec3 kGhost(0.5, 0.5, 0.5);
+constexpr std::array kBack{0.96, 0.83, 0.55};
+constexpr std::array kGhost{0.5, 0.5, 0.5};
 
 void write_mesh(std::ostream& out, const PictureObject& object) {
     out << "mesh2 {\n";
@@ -103,13 +103,12 @@ void write_mesh(std::ostream& out, const PictureObject& object) {
         out << (t % 8 == 0 ? ",\n        " : ", ") << "<" << a << ", " << c << ", " << b << ">";
     }
     out << "\n    }\n    ";
-    const auto& [red, green, blue] = object.colour;
     if (object.ghost) {
         out << skin_texture(kGhost, kGhostTransmit) << " no_shadow";
     } else if (object.closed) {
-        out << skin_texture({red, green, blue}, 0.0);
+        out << skin_texture(object.colour, 0.0);
     } else {
-        out << skin_texture({red, green, blue}, kTransmit) << "\n    interior_" << skin_texture(kBack, kTransmit);
+        out << skin_texture(object.colour, kTransmit) << "\n    interior_" << skin_texture(kBack, kTransmit);
     }
     out << "\n}\n";
 }

@@ -64,10 +64,10 @@ void Workspace::anchor(const Vec3& device_position, const Vec3& scene_position) 
     settings_.offset = device_position - device_from_scene_ * (settings_.scale * scene_position);
 }
 
-void Clutch::take(const Vec3& device_position, const Vec3& proxy, Workspace& workspace) noexcept {
-    const bool moved = next_->asked_offset() != workspace.asked_offset();
-    workspace = *next_;
-    next_.reset();
+void Clutch::take(const Workspace& next, const Vec3& device_position, const Vec3& proxy,
+                  Workspace& workspace) noexcept {
+    const bool moved = next.asked_offset() != workspace.asked_offset();
+    workspace = next;
     apart_s_ = kApart;
     hip_ = moved ? workspace.to_scene(device_position) : proxy;
 }
@@ -89,7 +89,8 @@ Vec3 Clutch::engage(bool held, const Vec3& device_position, const Vec3& proxy, d
             apart_s_ = std::max(0.0, apart_s_ - step_s);
         }
         if (uncoupled() && next_) {
-            take(device_position, proxy, workspace);
+            take(*next_, device_position, proxy, workspace);
+            next_.reset();
         }
         workspace.anchor(device_position, hip_);
         if (!stands && uncoupled()) {

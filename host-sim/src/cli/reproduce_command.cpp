@@ -28,7 +28,7 @@ int go(const Options& options) {
         if (!wanted) {
             continue;
         }
-        std::cout << "figure " << which.number << ": " << which.title << std::endl;
+        std::cout << "figure " << which.number << ": " << which.title << '\n' << std::flush;
         figures.push_back(which.make(study));
         for (const reproduce::Comparison& c : figures.back().comparisons) {
             std::cout << "    " << c.what << ": " << c.ours << " (thesis: " << c.thesis << ")\n";

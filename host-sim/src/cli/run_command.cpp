@@ -117,17 +117,17 @@ constexpr double kHostileSpeed = 5.0;
 
 /// The seed in "hostile:SEED", 1 in "hostile", none in "script". Throws for anything else.
 std::optional<std::uint64_t> hostile_seed_of(const std::string& hand) {
-    constexpr std::string_view kHostile = "hostile";
+    constexpr std::string_view hostile = "hostile";
     if (hand == "script") {
         return std::nullopt;
     }
-    if (hand == kHostile) {
+    if (hand == hostile) {
         return 1;
     }
     const std::string_view text(hand);
     std::uint64_t seed = 0;
-    if (text.starts_with(kHostile) && text.size() > kHostile.size() + 1 && text[kHostile.size()] == ':') {
-        const auto [end, error] = std::from_chars(text.data() + kHostile.size() + 1, text.data() + text.size(), seed);
+    if (text.starts_with(hostile) && text.size() > hostile.size() + 1 && text[hostile.size()] == ':') {
+        const auto [end, error] = std::from_chars(text.data() + hostile.size() + 1, text.data() + text.size(), seed);
         if (error == std::errc() && end == text.data() + text.size()) {
             return seed;
         }

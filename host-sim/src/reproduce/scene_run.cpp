@@ -22,7 +22,7 @@ Scene scene_with(const std::string& name, const std::vector<std::string>& assign
     return read_scene(config, name);
 }
 
-constexpr std::int64_t kTick_ns = 1'000'000;
+constexpr std::int64_t kTickNs = 1'000'000;
 constexpr double kTolerance = 1e-12;  // m
 
 /// The proxy of a frame at a time, in the device's frame.
@@ -62,8 +62,8 @@ void SceneRun::render(std::vector<HapticSample>& samples) const {
     const double stiffness = simulation_.scene().coupling.stiffness;
     const std::int64_t begin_ns = frame.plane_time_ns;
     // Ticks at whole milliseconds, whatever the step is.
-    const std::int64_t first_ns = (begin_ns + kTick_ns - 1) / kTick_ns * kTick_ns;
-    for (std::int64_t time_ns = first_ns; time_ns < begin_ns + frame.step_ns; time_ns += kTick_ns) {
+    const std::int64_t first_ns = (begin_ns + kTickNs - 1) / kTickNs * kTickNs;
+    for (std::int64_t time_ns = first_ns; time_ns < begin_ns + frame.step_ns; time_ns += kTickNs) {
         const Vec3 device = simulation_.scripted_input(time_ns).device.position;
         HapticSample sample;
         sample.time_s = seconds(time_ns);

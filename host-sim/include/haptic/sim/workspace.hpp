@@ -81,7 +81,7 @@ class Clutch {
     [[nodiscard]] bool uncoupled() const noexcept { return gain_ <= 0.0; }
 
   private:
-    void take(const Vec3& device_position, const Vec3& proxy, Workspace& workspace) noexcept;
+    void take(const Workspace& next, const Vec3& device_position, const Vec3& proxy, Workspace& workspace) noexcept;
 
     bool held_ = false;
     double gain_ = 1.0;
