@@ -93,6 +93,40 @@ std::string shown(const toml::node& node) {
     return out.str();
 }
 
+/// A key as it may stand in a file.
+std::string shown_key(const toml::key& key) {
+    const std::string_view name = key.str();
+    const bool bare = !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+    });
+    return bare ? std::string(name) : shown(toml::value<std::string>(std::string(name)));
+}
+
+/// All that is in a table: its values, then the tables in it under `[heading.key]`, lists of them under
+/// [[heading.key]].
+// NOLINTNEXTLINE(misc-no-recursion): no deeper than the parser lets tables be nested
+void write_table(std::ostream& out, const toml::table& table, const std::string& heading) {
+    const auto below = [&heading](const toml::key& key) {
+        return heading.empty() ? shown_key(key) : heading + "." + shown_key(key);
+    };
+    for (const auto& [key, node] : table) {
+        if (!node.is_table() && !node.is_array_of_tables()) {
+            out << shown_key(key) << " = " << shown(node) << '\n';
+        }
+    }
+    for (const auto& [key, node] : table) {
+        if (const toml::table* const inner = node.as_table()) {
+            out << "\n[" << below(key) << "]\n";
+            write_table(out, *inner, below(key));
+        } else if (node.is_array_of_tables()) {
+            for (const toml::node& element : *node.as_array()) {
+                out << "\n[[" << below(key) << "]]\n";
+                write_table(out, *element.as_table(), below(key));
+            }
+        }
+    }
+}
+
 std::string trimmed(std::string_view text) {
     const std::size_t begin = text.find_first_not_of(" \t");
     const std::size_t end = text.find_last_not_of(" \t");
@@ -488,7 +522,7 @@ std::size_t Config::tables(const std::string& key) const {
 
 std::string Config::toml() const {
     std::ostringstream out;
-    out << toml::toml_formatter(state_->root) << '\n';
+    write_table(out, state_->root, "");
     return out.str();
 }
 

@@ -255,10 +255,14 @@ TEST(ConfigSet, OverridesAndAddsValues) {
 }
 
 TEST(Config, WritesWhatItWasGivenSoThatItReadsBackTheSame) {
-    Config config = Config::parse("[a]\nthird = 0.3333333333333333\nname = \"x y\"\nlist = [1.0, 1e-300]\n", "f.toml");
+    Config config = Config::parse(
+        "[a]\nthird = 0.3333333333333333\nname = \"x y\"\nlist = [1.0, 1e-300]\n[\"odd key\"]\n\"a\\\"b\" = -1e-300\n",
+        "f.toml");
     config.set("a.count=7");
     config.set("b.c.tenth=0.1");
     config.set("b.path=/tmp/x.toml");
+    config.set("many=[{x=1, deep=[{y=2}]}, {x=3}]");
+    config.set("none=[]");
     const Config again = Config::parse(config.toml(), "again.toml");
     EXPECT_EQ(again.number("a.third", 0.0, {0.0, 1.0}), 0.3333333333333333);
     EXPECT_EQ(again.text("a.name", ""), "x y");
@@ -266,7 +270,13 @@ TEST(Config, WritesWhatItWasGivenSoThatItReadsBackTheSame) {
     EXPECT_EQ(again.integer("a.count", 0, {0, 10}), 7);
     EXPECT_EQ(again.number("b.c.tenth", 0.0, {0.0, 1.0}), 0.1);
     EXPECT_EQ(again.text("b.path", ""), "/tmp/x.toml");
-    again.reject_unknown();
+    EXPECT_EQ(again.tables("many"), 2u);
+    EXPECT_EQ(again.integer("many.0.x", 0, {0, 10}), 1);
+    EXPECT_EQ(again.integer("many.0.deep.0.y", 0, {0, 10}), 2);
+    EXPECT_EQ(again.integer("many.1.x", 0, {0, 10}), 3);
+    EXPECT_TRUE(again.numbers("none", {1.0}, {0.0, 1.0}).empty());
+    EXPECT_EQ(again.toml(), config.toml());
+    EXPECT_THAT(config.toml(), HasSubstr("\n['odd key']\n'a\"b' = -1e-300\n"));
     EXPECT_NO_THROW(static_cast<void>(Config::parse(Config().toml(), "empty.toml")));
 }
 
