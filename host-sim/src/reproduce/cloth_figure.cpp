@@ -68,7 +68,7 @@ Figure cloth_drop(const Study& study) {
     std::uint64_t in_contact = 0;
     CsvWriter csv(study.data(figure, "figure-4.13"),
                   {"time_s", "force_x_n", "force_y_n", "force_z_n", "proxy_y_m", "hip_y_m", "ccd_us"});
-    while (run.time_s() < run.simulation().scene().duration_s - 0.5 * run.simulation().scene().solver.step) {
+    while (!run.over()) {
         const StepResult& result = run.step();
         moments.look(study, figure, run);
         const double us = static_cast<double>(result.times.ccd_ns) * 1e-3;

@@ -36,7 +36,7 @@ Outcome run_with(const Study& study, Figure& figure, const std::string& method,
     CsvWriter csv(study.data(figure, name), {"time_s", "hip_x_m", "hip_y_m", "proxy_x_m", "proxy_y_m", "iterations",
                                              "rides", "in_contact", "squeezed"});
     std::array<bool, kCrossings.size()> shot{};
-    while (run.time_s() < run.simulation().scene().duration_s - 0.5 * run.simulation().scene().solver.step) {
+    while (!run.over()) {
         const StepResult& r = run.step();
         csv.row(std::array{run.time_s(), r.hip.x, r.hip.y, r.proxy.x, r.proxy.y,
                            static_cast<double>(r.pop_out_iterations), static_cast<double>(r.rides),

@@ -22,9 +22,8 @@ struct Shot {
 /// Runs a scene to its end, renders it at 1 kHz and takes pictures at the given times.
 std::vector<HapticSample> feel(const Study& study, Figure& figure, SceneRun& run, std::span<const Shot> shots) {
     std::vector<HapticSample> samples;
-    const double end_s = run.simulation().scene().duration_s - 0.5 * run.simulation().scene().solver.step;
     std::size_t next = 0;
-    while (run.time_s() < end_s) {
+    while (!run.over()) {
         run.step();
         run.render(samples);
         if (next < shots.size() && run.time_s() >= shots[next].time_s) {

@@ -53,8 +53,7 @@ Figure four_fish(const Study& study) {
     Samples free;
     Samples touching;
     bool shot = false;
-    const double end_s = run.simulation().scene().duration_s - 0.5 * run.simulation().scene().solver.step;
-    while (run.time_s() < end_s) {
+    while (!run.over()) {
         const StepResult& result = run.step();
         for (std::size_t s = 0; s < kStages.size(); ++s) {
             (result.in_contact ? touching : free)[s].push_back(static_cast<double>(result.times.*kStages[s].time_ns) *

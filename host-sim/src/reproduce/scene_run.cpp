@@ -46,6 +46,11 @@ SceneRun::SceneRun(const std::string& scene, const std::vector<std::string>& ass
     simulation_.set_verification(true);
 }
 
+bool SceneRun::over() const noexcept {
+    const Scene& scene = simulation_.scene();
+    return (static_cast<double>(simulation_.steps()) + 0.5) * scene.solver.step > scene.duration_s;
+}
+
 const StepResult& SceneRun::step() {
     vertices_ = simulation_.vertices();
     const std::int64_t time_ns =

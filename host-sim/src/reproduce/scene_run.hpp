@@ -24,6 +24,9 @@ class SceneRun {
     /// A built-in scene with some keys set as by --set. The clock times the stages; null: none.
     SceneRun(const std::string& scene, const std::vector<std::string>& assignments, std::int64_t (*clock)());
 
+    /// The scene has run for as long as it says.
+    [[nodiscard]] bool over() const noexcept;
+
     /// One step of the script, verified by the independent check. The vertices as the step found them are kept.
     const StepResult& step();
 
