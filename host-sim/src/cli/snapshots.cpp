@@ -1,7 +1,6 @@
 #include "cli/snapshots.hpp"
 
 #include <algorithm>
-#include <span>
 #include <utility>
 
 #include "haptic/sim/povray.hpp"

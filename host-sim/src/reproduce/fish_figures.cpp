@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <glm/geometric.hpp>
 #include <string>
 #include <vector>
 
@@ -56,8 +56,7 @@ std::span<const HapticSample> between(std::span<const HapticSample> samples, dou
 double largest_slew(std::span<const HapticSample> samples) {
     double largest = 0.0;
     for (std::size_t k = 1; k < samples.size(); ++k) {
-        const Vec3 change = samples[k].force - samples[k - 1].force;
-        largest = std::max(largest, std::sqrt(change.x * change.x + change.y * change.y + change.z * change.z));
+        largest = std::max(largest, glm::length(samples[k].force - samples[k - 1].force));
     }
     return largest;  // N in a millisecond
 }

@@ -1,6 +1,5 @@
 // Figure 4.18: where the time of a step goes with four fish.
 
-#include <algorithm>
 #include <array>
 #include <string>
 #include <vector>
@@ -28,14 +27,6 @@ constexpr std::array<Stage, 7> kStages{{
 }};
 
 using Samples = std::array<std::vector<double>, kStages.size()>;
-
-double median(std::vector<double> us) {
-    if (us.empty()) {
-        return 0.0;
-    }
-    std::nth_element(us.begin(), us.begin() + static_cast<std::ptrdiff_t>(us.size() / 2), us.end());
-    return us[us.size() / 2];
-}
 
 }  // namespace
 
@@ -68,14 +59,14 @@ Figure four_fish(const Study& study) {
     }
     CsvWriter csv(study.data(figure, "figure-4.18"), {"stage", "free_us", "in_contact_us"});
     for (std::size_t s = 0; s < kStages.size(); ++s) {
-        const double free_us = median(free[s]);
-        const double touching_us = median(touching[s]);
+        const double free_us = quantile(free[s], 0.5);
+        const double touching_us = quantile(touching[s], 0.5);
         csv.row(std::array{static_cast<double>(s), free_us, touching_us});
         figure.comparisons.push_back({kStages[s].name, kStages[s].thesis,
                                       shown(free_us, 1) + " us free, " + shown(touching_us, 1) + " us in contact"});
     }
     csv.close();
-    const double touching_us = median(touching[0]);
+    const double touching_us = quantile(touching[0], 0.5);
     figure.comparisons.push_back(
         {"steps in contact, of all", "-",
          std::to_string(touching[0].size()) + " of " + std::to_string(touching[0].size() + free[0].size())});

@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <cstddef>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
@@ -97,6 +98,15 @@ PictureScene SceneRun::picture(const std::string& title) const {
     picture.floor = scene.collisions.ground ? scene.collisions.ground_height : low.y - 0.6 * size;
     picture.tile = 0.18 * size;
     return picture;
+}
+
+double quantile(std::vector<double> values, double part) {
+    if (values.empty()) {
+        return 0.0;
+    }
+    const auto at = values.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size()));
+    std::nth_element(values.begin(), at, values.end());
+    return *at;
 }
 
 std::string shown(double value, int digits) {

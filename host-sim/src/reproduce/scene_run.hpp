@@ -54,6 +54,9 @@ class SceneRun {
     std::uint64_t escapes_ = 0;
 };
 
+/// The value that this part (0 .. less than 1) of the others is below; 0 if there are none.
+[[nodiscard]] double quantile(std::vector<double> values, double part);
+
 /// "1.23" with so many digits behind the point.
 [[nodiscard]] std::string shown(double value, int digits);
 
