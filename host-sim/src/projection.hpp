@@ -28,7 +28,7 @@ struct MovingParticles {
     Row* place;  // x, y, z, mass: m, kg
     Body* body;
     Row* scratch;  // [kMostBatchesInRun][most slots][lane]
-    Row* pushed;   // x, y, z: what contacts have moved it by in this sub-step, m; null without SolverContacts
+    Row* pushed;   // x, y, z: what contacts have moved it by in this sub-step, m; SolverContacts write it
 };
 
 /// Arrays of shape [batch][lane].

@@ -109,6 +109,7 @@ struct ParticleSolver::Projecting {
           place(batches.nobody() + 1),
           body(batches.nobody() + 1),
           scratch(kMostBatchesInRun * batches.most_slots() * projection.lanes),
+          pushed(model.size()),
           before(batches.nobody()),
           turning(batches.nobody()),
           rate(batches.nobody()) {
@@ -145,7 +146,7 @@ struct ParticleSolver::Projecting {
     }
 
     [[nodiscard]] MovingParticles moving() {
-        return {place.data(), body.data(), scratch.data(), pushed.empty() ? nullptr : pushed.data()};
+        return {place.data(), body.data(), scratch.data(), pushed.data()};
     }
 
     void find_rates(double h) { projection.find_rates(before.size(), before.data(), body.data(), h, rate.data()); }
@@ -166,7 +167,7 @@ struct ParticleSolver::Projecting {
     LaneArray<Row> place;
     LaneArray<Body> body;
     LaneArray<Row> scratch;
-    LaneArray<Row> pushed;   // empty until there are contacts
+    LaneArray<Row> pushed;
     LaneArray<Row> before;   // turn at the start of the sub-step
     LaneArray<Row> turning;  // h w, and m r^2 / 5
     LaneArray<Row> rate;     // w at the end of the sub-step
@@ -209,9 +210,6 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, Sol
     const int substeps =
         std::max(settings_.substeps, contacts == nullptr ? 1 : contacts->substeps(model, settings_.step));
     const double h = settings_.step / substeps;
-    if (contacts != nullptr) {
-        now_->pushed.resize(model.size());
-    }
     for (int s = 0; s < substeps; ++s) {
         predict(model, force, h);
         now_->batches.begin(h);

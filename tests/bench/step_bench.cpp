@@ -1,16 +1,21 @@
-// One step of cloth-drop, by stage, and the dynamics alone in the set-up that earlier figures are for.
+// The steps of every built-in scene, by stage, free and in contact; and the dynamics alone in the set-ups that earlier
+// figures are for.
+//
+//     step_bench --benchmark_filter=scene/four_fish
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "haptic/clock.hpp"
-#include "haptic/config.hpp"
 #include "haptic/denormals.hpp"
 #include "haptic/sim/cloth.hpp"
+#include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "haptic/sim/solver.hpp"
 #include "strewn_body.hpp"
@@ -18,53 +23,76 @@
 namespace haptic::sim {
 namespace {
 
-double median_us(std::vector<std::int64_t>& durations_ns) {
-    const auto middle = durations_ns.begin() + static_cast<std::ptrdiff_t>(durations_ns.size() / 2);
-    std::nth_element(durations_ns.begin(), middle, durations_ns.end());
-    return static_cast<double>(*middle) * 1e-3;
-}
-
-/// From half a metre above the proxy, through contact, for as many steps as it is held.
-Scene late_drop() {
-    Config config = open_scene("cloth-drop");
-    config.set("model.height=0.5");
-    config.set("model.velocity=[0.0, -13.66, 0.0]");
-    return read_scene(config, "late-drop");
-}
-
-constexpr int kSteps = 40;  // in contact, that one iteration measures
-
-/// Whole steps in contact; the counters are medians of the stages in microseconds.
-void cloth_step_in_contact(benchmark::State& state) {
-    const Scene scene = late_drop();
-    std::vector<std::int64_t> ccd, popout, proxy, collide, deform, total;
-    for ([[maybe_unused]] const auto iteration : state) {
-        state.PauseTiming();
-        Simulation simulation(scene, monotonic_now_ns);
-        int step = 0;
-        while (!simulation.step(simulation.scripted_input(10'000'000 * std::int64_t{step})).in_contact) {
-            ++step;
-        }
-        state.ResumeTiming();
-        for (int i = 0; i < kSteps; ++i) {
-            const StepResult result = simulation.step(simulation.scripted_input(10'000'000 * std::int64_t{++step}));
-            ccd.push_back(result.times.ccd_ns);
-            popout.push_back(result.times.popout_ns);
-            proxy.push_back(result.times.proxy_ns);
-            collide.push_back(result.times.collide_ns);
-            deform.push_back(result.times.deform_ns);
-            total.push_back(result.times.total_ns);
-        }
+/// The value in us that this part of the durations is below.
+double quantile_us(std::vector<std::int64_t>& durations_ns, double part) {
+    if (durations_ns.empty()) {
+        return 0.0;
     }
-    state.SetItemsProcessed(state.iterations() * kSteps);
-    state.counters["ccd_us"] = median_us(ccd);
-    state.counters["popout_us"] = median_us(popout);
-    state.counters["proxy_us"] = median_us(proxy);
-    state.counters["collide_us"] = median_us(collide);
-    state.counters["deform_us"] = median_us(deform);
-    state.counters["total_us"] = median_us(total);
+    const auto at = durations_ns.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(durations_ns.size()));
+    std::nth_element(durations_ns.begin(), at, durations_ns.end());
+    return static_cast<double>(*at) * 1e-3;
 }
-BENCHMARK(cloth_step_in_contact)->Unit(benchmark::kMillisecond);
+
+struct Stage {
+    const char* counter;
+    std::int64_t StageTimes::* time_ns;
+};
+constexpr std::array<Stage, 7> kStages{{{"ccd_us", &StageTimes::ccd_ns},
+                                        {"popout_us", &StageTimes::popout_ns},
+                                        {"proxy_us", &StageTimes::proxy_ns},
+                                        {"collide_us", &StageTimes::collide_ns},
+                                        {"deform_us", &StageTimes::deform_ns},
+                                        {"skin_us", &StageTimes::skin_ns},
+                                        {"total_us", &StageTimes::total_ns}}};
+
+/// A built-in scene by its own script from beginning to end, of which the steps count in which the hand touches
+/// something, or those in which it does not. One iteration takes as long as all of these steps; items are steps. The
+/// counters are medians of the stages, and of all that concerns the proxy (ccd, popout, proxy) what 999 of 1,000 steps
+/// keep to.
+void scene(benchmark::State& state, const std::string& name, bool in_contact) {
+    const Scene scene = read_scene(open_scene(name), name);
+    const std::int64_t step_ns = nanoseconds(scene.solver.step);
+    const std::int64_t steps = nanoseconds(scene.duration_s) / step_ns;
+    std::array<std::vector<std::int64_t>, kStages.size()> times_ns;
+    std::vector<std::int64_t> contact_ns;
+    for ([[maybe_unused]] const auto iteration : state) {
+        Simulation simulation(scene, monotonic_now_ns);
+        std::int64_t sum_ns = 0;
+        for (std::int64_t k = 0; k < steps; ++k) {
+            const StepResult result = simulation.step(simulation.scripted_input(k * step_ns));
+            if (result.in_contact != in_contact) {
+                continue;
+            }
+            const StageTimes& t = result.times;
+            for (std::size_t s = 0; s < kStages.size(); ++s) {
+                times_ns[s].push_back(t.*kStages[s].time_ns);
+            }
+            contact_ns.push_back(t.ccd_ns + t.popout_ns + t.proxy_ns);
+            sum_ns += t.total_ns;
+        }
+        if (contact_ns.empty()) {
+            state.SkipWithError("there are no such steps");
+            return;
+        }
+        state.SetIterationTime(1e-9 * static_cast<double>(sum_ns));
+    }
+    state.SetItemsProcessed(static_cast<std::int64_t>(contact_ns.size()));
+    for (std::size_t s = 0; s < kStages.size(); ++s) {
+        state.counters[kStages[s].counter] = quantile_us(times_ns[s], 0.5);
+    }
+    state.counters["contact_p999_us"] = quantile_us(contact_ns, 0.999);
+}
+
+BENCHMARK_CAPTURE(scene, cloth_drop_free, "cloth-drop", false)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(scene, cloth_drop_in_contact, "cloth-drop", true)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(scene, popout_fan_free, "popout-fan", false)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(scene, popout_fan_in_contact, "popout-fan", true)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(scene, fish_hold_free, "fish-hold", false)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(scene, fish_hold_in_contact, "fish-hold", true)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(scene, fish_slide_free, "fish-slide", false)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(scene, fish_slide_in_contact, "fish-slide", true)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(scene, four_fish_free, "four-fish", false)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(scene, four_fish_in_contact, "four-fish", true)->UseManualTime()->Unit(benchmark::kMillisecond);
 
 /// 1,089 groups and 4,160 links, as many passes as the arguments say: 2 is what a curtain needs. All numbers of lanes
 /// in one run, so that their ratios can be compared.
