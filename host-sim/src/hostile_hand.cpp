@@ -1,6 +1,9 @@
 #include "haptic/sim/hostile_hand.hpp"
 
 #include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
+
+#include "haptic/sim/rotation.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -10,14 +13,15 @@ namespace {
 constexpr double kShortest = 0.9;
 constexpr double kFurthest = 2.0;
 constexpr double kLongestAimS = 1.0;
-constexpr double kRestsOutOf = 0.2;  // part of the aims that are to stay where it is
+constexpr double kRestsOutOf = 0.2;    // part of the aims that are to stay where it is
+constexpr double kLeastSquare = 1e-3;  // of a quaternion that says a direction
 
 }  // namespace
 
-HostileHand::HostileHand(std::uint64_t seed, double most_speed, const Vec3& start) noexcept
-    : state_(seed), most_speed_(most_speed), position_(start), aim_(start) {}
+HostileHand::HostileHand(std::uint64_t seed, double most_speed, double most_turn, const Vec3& start) noexcept
+    : way_(seed), turns_(~seed), most_speed_(most_speed), most_turn_(most_turn), position_(start), aim_(start) {}
 
-double HostileHand::random() noexcept {
+double HostileHand::Random::next() noexcept {
     // SplitMix64 (G. Steele, D. Lea, C. Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
     state_ += 0x9e3779b97f4a7c15u;
     std::uint64_t z = state_;
@@ -28,22 +32,52 @@ double HostileHand::random() noexcept {
 }
 
 void HostileHand::choose(std::span<const Vec3> vertices) noexcept {
-    left_s_ = kLongestAimS * random();
-    speed_ = most_speed_ * random();
-    if (vertices.empty() || random() < kRestsOutOf) {
+    left_s_ = kLongestAimS * way_.next();
+    speed_ = most_speed_ * way_.next();
+    if (vertices.empty() || way_.next() < kRestsOutOf) {
         aim_ = position_;
         return;
     }
-    const auto which = static_cast<std::size_t>(random() * static_cast<double>(vertices.size()));
-    const double how_far = kShortest + (kFurthest - kShortest) * random();
+    const auto which = static_cast<std::size_t>(way_.next() * static_cast<double>(vertices.size()));
+    const double how_far = kShortest + (kFurthest - kShortest) * way_.next();
     aim_ = position_ + how_far * (vertices[which] - position_);
+}
+
+void HostileHand::choose_turn() noexcept {
+    turn_speed_ = most_turn_ * turns_.next();
+    if (turns_.next() < kRestsOutOf) {
+        turn_aim_ = orientation_;
+        return;
+    }
+    // Evenly over all orientations: the direction of a point within the unit ball of four dimensions.
+    Quat aim(0.0, 0.0, 0.0, 0.0);
+    do {
+        const double w = 2.0 * turns_.next() - 1.0;
+        const double x = 2.0 * turns_.next() - 1.0;
+        const double y = 2.0 * turns_.next() - 1.0;
+        aim = Quat(w, x, y, 2.0 * turns_.next() - 1.0);
+    } while (glm::dot(aim, aim) < kLeastSquare || glm::dot(aim, aim) > 1.0);
+    turn_aim_ = glm::normalize(aim);
+}
+
+void HostileHand::turn(double dt) noexcept {
+    const Vec3 way = turn_between(orientation_, turn_aim_);
+    const double angle = glm::length(way);  // 2 tan of half the angle: never less than it
+    const double most = turn_speed_ * dt;
+    if (angle > most) {
+        orientation_ = turned(orientation_, (most / angle) * way);
+    } else {
+        orientation_ = turn_aim_;
+    }
 }
 
 Vec3 HostileHand::after(double dt, std::span<const Vec3> vertices) noexcept {
     if (!(left_s_ > 0.0)) {
         choose(vertices);
+        choose_turn();
     }
     left_s_ -= dt;
+    turn(dt);
     const Vec3 way = aim_ - position_;
     const double distance = glm::length(way);
     const double move = speed_ * dt;

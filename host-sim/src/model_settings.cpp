@@ -36,14 +36,9 @@ bool stays(const Placement& placement) {
 }
 
 Generator read_generator(const Config& config, const std::string& key) {
-    const std::string name = config.choice(key, "cloth", {"cloth", "curtain", "fan", "fish"});
-    if (name == "curtain") {
-        return Generator::Curtain;
-    }
-    if (name == "fan") {
-        return Generator::Fan;
-    }
-    return name == "fish" ? Generator::Fish : Generator::Cloth;
+    static const std::vector<std::string> names{"cloth", "curtain", "fan", "fish", "plate", "rod"};  // as in Generator
+    const std::string name = config.choice(key, names.front(), names);
+    return static_cast<Generator>(std::find(names.begin(), names.end(), name) - names.begin());
 }
 
 /// What the mass, stiffnesses and height are if the scene says nothing.
@@ -64,6 +59,9 @@ Usual usual_of(Generator generator) {
             return {FanShape{}.mass, 0.0, 0.3, 0.0};
         case Generator::Fish:
             break;
+        case Generator::Plate:
+        case Generator::Rod:
+            return {1.0, 0.0, 0.0, 0.0};
     }
     return {0.36, 0.0, 0.6, 0.0};  // that of water, for a fish of 0.3 m
 }
@@ -170,6 +168,24 @@ void apply_regions(const ModelSettings& settings, const Placement& stands, Defor
     }
 }
 
+TriangleMesh generate_mesh(const ModelSettings& settings) {
+    switch (settings.generator) {
+        case Generator::Cloth:
+            return make_cloth_mesh(settings.cloth);
+        case Generator::Curtain:
+            return make_curtain_mesh(settings.curtain);
+        case Generator::Fan:
+            return make_fan_mesh(settings.fan);
+        case Generator::Fish:
+            break;
+        case Generator::Plate:
+            return make_plate_mesh(settings.plate);
+        case Generator::Rod:
+            return make_rod_mesh(settings.rod);
+    }
+    return make_fish_mesh(settings.fish);
+}
+
 /// Where what is generated is made: the cloth in its place, the others about the origin.
 DeformableBody generate(const ModelSettings& settings) {
     DeformableBody body;
@@ -194,23 +210,15 @@ DeformableBody generate(const ModelSettings& settings) {
             body = build_body(make_fish_mesh(settings.fish), settings.builder);
             body.name = "fish";
             return body;
+        case Generator::Plate:
+        case Generator::Rod:
+            body.name = settings.generator == Generator::Plate ? "plate" : "rod";
+            body.mesh = generate_mesh(settings);
+            body.particles = make_rigid_particles(body.mesh, settings.mass);
+            break;
     }
     body.skin = skin_of_particles(body.mesh.vertices.size());
     return body;
-}
-
-TriangleMesh generate_mesh(const ModelSettings& settings) {
-    switch (settings.generator) {
-        case Generator::Cloth:
-            return make_cloth_mesh(settings.cloth);
-        case Generator::Curtain:
-            return make_curtain_mesh(settings.curtain);
-        case Generator::Fan:
-            return make_fan_mesh(settings.fan);
-        case Generator::Fish:
-            break;
-    }
-    return make_fish_mesh(settings.fish);
 }
 
 double generated_length(const ModelSettings& settings) {
@@ -223,6 +231,10 @@ double generated_length(const ModelSettings& settings) {
             return 2.0 * settings.fan.rim_radius;
         case Generator::Fish:
             break;
+        case Generator::Plate:
+            return std::max({settings.plate.size.x, settings.plate.size.y, settings.plate.size.z});
+        case Generator::Rod:
+            return std::max(settings.rod.length, settings.rod.diameter);
     }
     return settings.fish.length;
 }
@@ -322,9 +334,15 @@ ModelSettings read_model(const Config& config, const std::string& table) {
     model.fan.rim_vertices =
         static_cast<std::uint32_t>(config.integer(key("rim_vertices"), model.fan.rim_vertices, {3.0, 4096.0}));
     model.fan.rim_radius = config.number(key("rim_radius"), model.fan.rim_radius, {1e-3, 100.0});
-    model.fish.length = config.number(key("length"), model.fish.length, {1e-3, 100.0});
+    model.fish.length = config.number(
+        key("length"), model.generator == Generator::Rod ? model.rod.length : model.fish.length, {1e-3, 100.0});
     model.fish.refinements =
         static_cast<std::uint32_t>(config.integer(key("refinements"), model.fish.refinements, {0.0, 5.0}));
+    model.plate.size = config.vec3(key("size"), model.plate.size, {1e-4, 100.0});
+    model.plate.cells = static_cast<std::uint32_t>(config.integer(key("cells"), model.plate.cells, {1.0, 256.0}));
+    model.rod.length = model.fish.length;
+    model.rod.diameter = config.number(key("diameter"), model.rod.diameter, {1e-4, 100.0});
+    model.mass = cloth.mass;
     model.builder = read_builder(config, table);
     model.builder.mass = cloth.mass;
     model.builder.group_stiffness = model.group_stiffness;
@@ -360,6 +378,12 @@ std::size_t expected_triangles(const ModelSettings& settings) {
             break;
         case Generator::Fish:
             triangles = std::size_t{kFishTriangles} << (2U * settings.fish.refinements);
+            break;
+        case Generator::Plate:
+            triangles = plate_triangles(settings.plate);
+            break;
+        case Generator::Rod:
+            triangles = rod_triangles();
             break;
     }
     return triangles * settings.copies.size();

@@ -1,6 +1,8 @@
 #include "haptic/sim/scene.hpp"
 
+#include <cmath>
 #include <filesystem>
+#include <glm/gtc/quaternion.hpp>
 #include <utility>
 
 namespace haptic::sim {
@@ -9,6 +11,7 @@ namespace {
 // Beyond any scene that the solver is meant for; keeps a slip of the keyboard from becoming an hour of waiting.
 constexpr Range kPositions{-1e4, 1e4};
 constexpr Range kUnitInterval{0.0, 1.0};
+constexpr double kUnitTolerance = 1e-6;  // as Config::quat
 constexpr std::size_t kMostBodies = 256;
 // Some 1 GB of meshes, particles and trees.
 constexpr std::size_t kMostSceneTriangles = 2'000'000;
@@ -96,9 +99,23 @@ PoseTrack read_hand(const Config& config) {
             config.fail("hand.times", "must increase from each element to the next");
         }
     }
+    const std::vector<double> turns = config.numbers("hand.orientations", {}, {-1.0, 1.0});
+    if (!turns.empty() && turns.size() != 4 * times.size()) {
+        config.fail("hand.orientations", "needs four numbers (w, x, y, z) for each of the " +
+                                             std::to_string(times.size()) + " elements of hand.times, or none, has " +
+                                             std::to_string(turns.size()));
+    }
     std::vector<Pose> poses(times.size());
     for (std::size_t i = 0; i < times.size(); ++i) {
         poses[i].position = {positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]};
+        if (!turns.empty()) {
+            const Quat turn(turns[4 * i], turns[4 * i + 1], turns[4 * i + 2], turns[4 * i + 3]);
+            if (std::abs(glm::length(turn) - 1.0) > kUnitTolerance) {
+                config.fail("hand.orientations", "(w, x, y, z) number " + std::to_string(i) +
+                                                     " is not of unit length but " + std::to_string(glm::length(turn)));
+            }
+            poses[i].orientation = glm::normalize(turn);
+        }
     }
     return {times, std::move(poses)};
 }

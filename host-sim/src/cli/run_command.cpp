@@ -114,6 +114,8 @@ void require_folder_of(const std::string& file) {
 
 // m/s; a fast human hand
 constexpr double kHostileSpeed = 5.0;
+// rad/s; faster than a wrist, with a whole turn in less than half a second
+constexpr double kHostileTurn = 15.0;
 
 /// The seed in "hostile:SEED", 1 in "hostile", none in "script". Throws for anything else.
 std::optional<std::uint64_t> hostile_seed_of(const std::string& hand) {
@@ -201,7 +203,7 @@ Run::Run(const RunOptions& options, const Plan& plan)
       statistics_(plan.scene, !options.record.empty(), plan.steps > 0 ? plan.steps : kRoomAtLeast) {
     simulation_.set_verification(options.verify);
     if (plan.hostile_seed) {
-        hostile_.emplace(*plan.hostile_seed, kHostileSpeed, simulation_.proxy());
+        hostile_.emplace(*plan.hostile_seed, kHostileSpeed, kHostileTurn, simulation_.proxy());
     }
     workspace_ = plan.workspace;
     if (!options.input.empty()) {
@@ -258,6 +260,7 @@ void Run::run_lockstep() {
         } else if (hostile_) {
             const Vec3 hand = hostile_->after(simulation_.scene().solver.step, simulation_.vertices());
             input.device.position = simulation_.workspace().to_device(hand);
+            input.device.orientation = simulation_.scene().workspace.rotation * hostile_->orientation();
         }
         one_step(input);
     }

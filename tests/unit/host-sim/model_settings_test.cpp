@@ -47,6 +47,8 @@ TEST(ModelSettings, MakeEachGeneratedBody) {
     EXPECT_EQ(count("curtain"), 1089u);
     EXPECT_EQ(count("fan"), 33u);
     EXPECT_EQ(count("fish"), 137u);
+    EXPECT_EQ(count("plate"), 162u);
+    EXPECT_EQ(count("rod"), 24u);
 }
 
 TEST(ModelSettings, PlaceCopiesOfOneBody) {

@@ -59,7 +59,8 @@ TEST(Scene, CanBeChangedKeyByKey) {
 TEST(Scene, KnowsItsTrianglesBeforeItMakesThem) {
     for (const char* model :
          {"generator = 'cloth'\nvertices_per_side = 5", "generator = 'curtain'\nvertices_per_side = 4",
-          "generator = 'fan'\nrim_vertices = 9", "generator = 'fish'\nrefinements = 0"}) {
+          "generator = 'fan'\nrim_vertices = 9", "generator = 'fish'\nrefinements = 0",
+          "generator = 'plate'\ncells = 3", "generator = 'rod'\nlength = 3.0"}) {
         const Scene scene = read("[model]\n" + std::string(model) + "\n[[model.copies]]\n[[model.copies]]\n");
         std::size_t triangles = 0;
         for (const DeformableBody& body : make_bodies(scene.model)) {
@@ -114,6 +115,18 @@ TEST(Scene, MakesSurfacesRoughWhereAsked) {
 TEST(Scene, FollowsTheScriptOfTheHand) {
     const Scene scene = read("[hand]\ntimes = [0.0, 2.0]\npositions = [0.0, 0.0, 0.0, 1.0, 2.0, 3.0]\n");
     EXPECT_EQ(scene.hand.at(kNanosecondsPerSecond).position, Vec3(0.5, 1.0, 1.5));
+    EXPECT_EQ(scene.hand.at(kNanosecondsPerSecond).orientation, Quat(1.0, 0.0, 0.0, 0.0));
+}
+
+TEST(Scene, TurnsTheHandAsItsScriptSays) {
+    const std::string hand = "[hand]\ntimes = [0.0, 2.0]\npositions = [0, 0, 0, 0, 0, 0]\norientations = ";
+    // From not turned to half a turn about y: a quarter at half the time.
+    const Scene scene = read(hand + "[1, 0, 0, 0, 0, 0, 1, 0]\n");
+    const Vec3 turned = scene.hand.at(kNanosecondsPerSecond).orientation * Vec3(1.0, 0.0, 0.0);
+    EXPECT_NEAR(glm::length(turned - Vec3(0.0, 0.0, -1.0)), 0.0, 1e-12);
+    EXPECT_THAT(refusal(hand + "[1, 0, 0, 0]\n"), HasSubstr("test.toml:4"));
+    EXPECT_THAT(refusal(hand + "[1, 0, 0, 0]\n"), HasSubstr("four numbers"));
+    EXPECT_THAT(refusal(hand + "[1, 0, 0, 0, 0.5, 0, 0, 0.5]\n"), HasSubstr("number 1 is not of unit length"));
 }
 
 TEST(Scene, RefusesWhatItDoesNotKnowWithTheLine) {

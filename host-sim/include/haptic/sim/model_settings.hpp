@@ -14,10 +14,11 @@
 #include "haptic/sim/fan.hpp"
 #include "haptic/sim/fish.hpp"
 #include "haptic/sim/model_builder.hpp"
+#include "haptic/sim/rigid_shapes.hpp"
 
 namespace haptic::sim {
 
-enum class Generator : std::uint8_t { Cloth, Curtain, Fan, Fish };
+enum class Generator : std::uint8_t { Cloth, Curtain, Fan, Fish, Plate, Rod };
 
 /// What is particular about the particles whose rest position is in a box: table [[model.regions]].
 struct Region {
@@ -37,6 +38,9 @@ struct ModelSettings {
     CurtainShape curtain;
     FanShape fan;
     FishShape fish;
+    PlateShape plate;
+    RodShape rod;
+    double mass = 0.1;              // kg, of the whole body
     std::string file;               // of a mesh that takes the place of what is generated; empty: none
     double file_scale = 0.0;        // m per unit of the file; 0: centred, and as long as what would be generated
     std::string particles;          // a model file, whose particles take the place of those made; empty: none
