@@ -33,7 +33,7 @@ void visit_cells(Frame& frame, Proxy& proxy, Visit&& visit) {
     visit(frame.publish_time_ns);
     visit(frame.step_ns);
     visit(frame.stiffness);
-    visit(frame.rotational_stiffness);
+    visit(frame.torque_stiffness);
     visit(frame.damping);
     visit(frame.rotational_damping);
     visit(frame.static_friction);
@@ -88,7 +88,7 @@ const std::vector<std::string>& frame_columns() {
                                           "publish_time_ns",
                                           "step_ns",
                                           "stiffness_n_m",
-                                          "rotational_stiffness_nm_rad",
+                                          "torque_stiffness_n_m",
                                           "damping_ns_m",
                                           "rotational_damping_nms_rad",
                                           "static_friction",

@@ -46,8 +46,8 @@ FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT {
     if (frame.proxy_count > kMaxProxies) {
         return FrameDefect::ProxyCount;
     }
-    const double coupling[] = {frame.stiffness,          frame.rotational_stiffness, frame.damping,
-                               frame.rotational_damping, frame.static_friction,      frame.dynamic_friction};
+    const double coupling[] = {frame.stiffness,          frame.torque_stiffness, frame.damping,
+                               frame.rotational_damping, frame.static_friction,  frame.dynamic_friction};
     if (!all_finite(coupling)) {
         return FrameDefect::NonFinite;
     }

@@ -15,7 +15,7 @@
 extern "C" {
 #endif
 
-#define HAPTIC_ABI_VERSION 2u
+#define HAPTIC_ABI_VERSION 3u
 #define HAPTIC_MAX_PROXIES 64u
 #define HAPTIC_MAX_PLANES 3u
 #define HAPTIC_STRINGS 8u
@@ -34,32 +34,43 @@ typedef struct haptic_proxy {
     double position[3];         /* m, where the simulation has it at plane_time_ns */
     double surface_velocity[3]; /* m/s, at which what it touches takes it along if it sticks; only what lies in the
                                    planes counts. 0 for a simulation without friction */
-    uint32_t in_contact;        /* 1 if the simulation found it touching, else 0 */
+    uint32_t in_contact;        /* HAPTIC_PROXY_* bits of what the simulation found; 0 if it touches nothing */
     uint32_t plane_count;       /* 0..HAPTIC_MAX_PLANES; planes of surfaces in reach are sent before they touch */
     haptic_plane planes[HAPTIC_MAX_PLANES];
 } haptic_proxy;
 
-/* Bits of haptic_contact_frame.flags. */
+/* Bits of haptic_proxy.in_contact. */
+enum {
+    HAPTIC_PROXY_TOUCHES = 1u << 0,
+    HAPTIC_PROXY_STICKS = 1u << 1 /* friction holds it to what it touches: position goes with surface_velocity */
+};
+
+/* Bits of haptic_contact_frame.flags. With d_i from the goal of particle i (where the grip has it) to its local proxy,
+ * the springs make, if neither SHARE_BY_DEPTH nor HOLD_POSITIONS is set, for N particles of which those count that
+ * touch: F = k sum d_i / N, T = k_t sum r_i x d_i / N, with r_i from the grip to the goal (thesis, section 5.2.2). */
 enum {
     HAPTIC_FRAME_SQUEEZED = 1u << 0, /* the surfaces leave some proxy no room; its position is the least bad one */
-    HAPTIC_FRAME_CLUTCHED = 1u << 1  /* the grip is uncoupled from the scene: no force */
+    HAPTIC_FRAME_CLUTCHED = 1u << 1, /* the grip is uncoupled from the scene: no force */
+    HAPTIC_FRAME_SHARE_BY_DEPTH = 1u << 2, /* what touches shares the force, which does not fall with the number N */
+    HAPTIC_FRAME_HOLD_POSITIONS = 1u << 3  /* particles that touch are held at position, planes are not looked at: the
+                                              thesis' multi-rate scheme (5.4.1), with its dragging force */
 };
 
 typedef struct haptic_contact_frame {
-    uint64_t sequence;           /* written by the ring: 1, 2, 3, ... over all sessions of the ring */
-    uint64_t session;            /* written by the ring: differs each time a writer attaches */
-    uint64_t state_sequence;     /* of the device state that this frame answers; 0 if there was none yet */
-    int64_t state_time_ns;       /* its encoder latch time */
-    int64_t plane_time_ns;       /* the time at which the planes' offsets hold */
-    int64_t publish_time_ns;     /* when the frame was handed to the ring */
-    int64_t step_ns;             /* how long the simulation expects until its next frame */
-    double stiffness;            /* N/m, coupling as felt at the hand */
-    double rotational_stiffness; /* N*m/rad */
-    double damping;              /* N*s/m */
-    double rotational_damping;   /* N*m*s/rad */
-    double static_friction;      /* coefficient up to which a proxy sticks to its planes; 0: smooth */
-    double dynamic_friction;     /* coefficient while it slides, at most static_friction */
-    uint32_t proxy_count;        /* 0..HAPTIC_MAX_PROXIES */
+    uint64_t sequence;         /* written by the ring: 1, 2, 3, ... over all sessions of the ring */
+    uint64_t session;          /* written by the ring: differs each time a writer attaches */
+    uint64_t state_sequence;   /* of the device state that this frame answers; 0 if there was none yet */
+    int64_t state_time_ns;     /* its encoder latch time */
+    int64_t plane_time_ns;     /* the time at which the planes' offsets hold */
+    int64_t publish_time_ns;   /* when the frame was handed to the ring */
+    int64_t step_ns;           /* how long the simulation expects until its next frame */
+    double stiffness;          /* N/m, coupling as felt at the hand */
+    double torque_stiffness;   /* N/m, of the particles' springs where they make the torque; 0: stiffness */
+    double damping;            /* N*s/m */
+    double rotational_damping; /* N*m*s/rad */
+    double static_friction;    /* coefficient up to which a proxy sticks to its planes; 0: smooth */
+    double dynamic_friction;   /* coefficient while it slides, at most static_friction */
+    uint32_t proxy_count;      /* 0..HAPTIC_MAX_PROXIES */
     uint32_t flags;
     haptic_proxy proxies[HAPTIC_MAX_PROXIES];
 } haptic_contact_frame;

@@ -74,8 +74,8 @@ RecordedFrame any_frame(std::mt19937_64& random) {
     frame.plane_time_ns = static_cast<std::int64_t>(random());
     frame.publish_time_ns = static_cast<std::int64_t>(random());
     frame.step_ns = static_cast<std::int64_t>(random());
-    for (double* const value : {&frame.stiffness, &frame.rotational_stiffness, &frame.damping,
-                                &frame.rotational_damping, &frame.static_friction, &frame.dynamic_friction}) {
+    for (double* const value : {&frame.stiffness, &frame.torque_stiffness, &frame.damping, &frame.rotational_damping,
+                                &frame.static_friction, &frame.dynamic_friction}) {
         *value = any_number(random);
     }
     frame.proxy_count = static_cast<std::uint32_t>(random() % (kMaxProxies + 1));

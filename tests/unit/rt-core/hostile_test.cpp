@@ -63,7 +63,7 @@ class HostileFrames final : public FrameSource {
         frame.plane_time_ns = now_ns_ + nanoseconds(random_.uniform(-0.2, 0.2));
         frame.publish_time_ns = now_ns_ + nanoseconds(random_.uniform(-0.3, 0.3));
         frame.stiffness = wild();
-        frame.rotational_stiffness = wild();
+        frame.torque_stiffness = wild();
         frame.damping = random_.uniform(0.0, 1.0) < 0.5 ? 0.0 : wild();
         frame.rotational_damping = random_.uniform(0.0, 1.0) < 0.5 ? 0.0 : wild();
         frame.flags = random_.uniform(0.0, 1.0) < 0.1 ? std::uint32_t{HAPTIC_FRAME_CLUTCHED} : 0u;

@@ -20,7 +20,7 @@ std::unique_ptr<ContactFrame> full_frame() {
     auto frame = std::make_unique<ContactFrame>();
     frame->step_ns = 1'000'000;
     frame->stiffness = 500.0;
-    frame->rotational_stiffness = 0.3;
+    frame->torque_stiffness = 300.0;
     frame->damping = 1.0;
     frame->rotational_damping = 0.001;
     frame->static_friction = 0.8;
@@ -56,7 +56,7 @@ TEST(FindDefect, RefusesMoreProxiesOrPlanesThanThereIsRoomFor) {
 TEST(FindDefect, RefusesEachNumberThatIsNotFinite) {
     const std::function<double*(ContactFrame&)> numbers[] = {
         [](ContactFrame& frame) { return &frame.stiffness; },
-        [](ContactFrame& frame) { return &frame.rotational_stiffness; },
+        [](ContactFrame& frame) { return &frame.torque_stiffness; },
         [](ContactFrame& frame) { return &frame.damping; },
         [](ContactFrame& frame) { return &frame.rotational_damping; },
         [](ContactFrame& frame) { return &frame.static_friction; },
@@ -88,7 +88,7 @@ TEST(FindDefect, RefusesNormalsThatAreNotOfUnitLength) {
 
 TEST(FindDefect, RefusesNegativeCoupling) {
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.stiffness = -1e-9; }), FrameDefect::Coupling);
-    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.rotational_stiffness = -1.0; }), FrameDefect::Coupling);
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.torque_stiffness = -1.0; }), FrameDefect::Coupling);
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.damping = -1.0; }), FrameDefect::Coupling);
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.rotational_damping = -1.0; }), FrameDefect::Coupling);
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.static_friction = -0.1; }), FrameDefect::Coupling);
