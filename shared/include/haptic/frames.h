@@ -46,12 +46,13 @@ enum {
 };
 
 /* Bits of haptic_contact_frame.flags. With d_i from the goal of particle i (where the grip has it) to its local proxy,
- * the springs make, if neither SHARE_BY_DEPTH nor HOLD_POSITIONS is set, for N particles of which those count that
- * touch: F = k sum d_i / N, T = k_t sum r_i x d_i / N, with r_i from the grip to the goal (thesis, section 5.2.2). */
+ * those particles that touch make F = k sum d_i / N, T = k_t sum r_i x d_i / N, with N the number of all and r_i
+ * from the grip to the goal (thesis, section 5.2.2), unless a bit says otherwise. */
 enum {
     HAPTIC_FRAME_SQUEEZED = 1u << 0, /* the surfaces leave some proxy no room; its position is the least bad one */
     HAPTIC_FRAME_CLUTCHED = 1u << 1, /* the grip is uncoupled from the scene: no force */
-    HAPTIC_FRAME_SHARE_BY_DEPTH = 1u << 2, /* what touches shares the force, which does not fall with the number N */
+    HAPTIC_FRAME_SERIES_SPRINGS = 1u << 2, /* springs of the particles in series with those of the grip: the force does
+                                              not fall with their number (haptic/series_springs.hpp) */
     HAPTIC_FRAME_HOLD_POSITIONS = 1u << 3  /* particles that touch are held at position, planes are not looked at: the
                                               thesis' multi-rate scheme (5.4.1), with its dragging force */
 };
