@@ -8,6 +8,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <iterator>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -34,6 +35,10 @@ light_source { <0.0, -2.0, 4.0> rgb <0.34, 0.32, 0.31> shadowless }
 #declare ProxyBall = texture {
     pigment { rgb <0.16, 0.36, 0.68> }
     finish { ambient 0.12 diffuse 0.70 specular 0.55 roughness 0.02 }
+}
+#declare TouchingBall = texture {
+    pigment { rgb <0.93, 0.50, 0.10> }
+    finish { ambient 0.14 diffuse 0.72 specular 0.45 roughness 0.03 }
 }
 #declare Hip = texture {
     pigment { rgb <0.98, 0.98, 0.98> }
@@ -122,16 +127,33 @@ void write_ground(std::ostream& out, const PictureScene& scene) {
 constexpr double kAngle = 30.0;     // degrees, of the view's width
 constexpr double kTangent = 0.175;  // of half the view's height: tan(15 deg) * 3/4 at 4:3, less a margin
 
-/// A camera that has all objects, proxy and hip in its view, with a margin.
-void write_camera(std::ostream& out, const PictureScene& scene) {
-    Vec3 low = glm::min(scene.proxy, scene.hip);
-    Vec3 high = glm::max(scene.proxy, scene.hip);
+/// All objects, and proxy and hip or the spheres.
+PictureBox whole_of(const PictureScene& scene) {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    PictureBox box{Vec3(infinity), Vec3(-infinity)};
+    const auto add = [&box](const Vec3& v) {
+        box.low = glm::min(box.low, v);
+        box.high = glm::max(box.high, v);
+    };
+    if (scene.proxy_radius > 0.0) {
+        add(scene.proxy);
+        add(scene.hip);
+    }
+    for (const PictureSphere& sphere : scene.spheres) {
+        add(sphere.centre - sphere.radius);
+        add(sphere.centre + sphere.radius);
+    }
     for (const PictureObject& object : scene.objects) {
         for (const Vec3& v : object.vertices) {
-            low = glm::min(low, v);
-            high = glm::max(high, v);
+            add(v);
         }
     }
+    return box;
+}
+
+/// A camera that has what is to be seen in its view, with a margin.
+void write_camera(std::ostream& out, const PictureScene& scene) {
+    const auto [low, high] = scene.view ? *scene.view : whole_of(scene);
     const Vec3 look_at = 0.5 * (low + high);
     const double across = std::hypot(high.x - low.x, high.z - low.z) * 0.75;  // as wide as 4:3 is high
     const double distance = 0.5 * std::max(high.y - low.y, across) / kTangent + 0.35 * across;
@@ -140,16 +162,27 @@ void write_camera(std::ostream& out, const PictureScene& scene) {
         << "    angle " << shown(kAngle) << "\n    look_at " << shown(look_at) << "\n}\n\n";
 }
 
-void write_all(std::ostream& out, const PictureScene& scene) {
-    out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kSurroundings << '\n';
-    write_camera(out, scene);
-    write_ground(out, scene);
+void write_tool(std::ostream& out, const PictureScene& scene) {
+    for (const PictureSphere& sphere : scene.spheres) {
+        out << "sphere { " << shown(sphere.centre) << ", " << shown(sphere.radius) << " texture { "
+            << (sphere.touching ? "TouchingBall" : "ProxyBall") << " } }\n";
+    }
+    if (!(scene.proxy_radius > 0.0)) {
+        return;
+    }
     out << "sphere { " << shown(scene.proxy) << ", " << shown(scene.proxy_radius) << " texture { ProxyBall } }\n";
     out << "sphere { " << shown(scene.hip) << ", " << shown(0.4 * scene.proxy_radius) << " texture { Hip } }\n";
     if (glm::length(scene.hip - scene.proxy) > scene.proxy_radius) {
         out << "cylinder { " << shown(scene.hip) << ", " << shown(scene.proxy) << ", "
             << shown(0.08 * scene.proxy_radius) << " texture { Hip } no_shadow }  // the coupling\n";
     }
+}
+
+void write_all(std::ostream& out, const PictureScene& scene) {
+    out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kSurroundings << '\n';
+    write_camera(out, scene);
+    write_ground(out, scene);
+    write_tool(out, scene);
     out << '\n';
     for (const PictureObject& object : scene.objects) {
         write_mesh(out, object);

@@ -20,6 +20,7 @@ namespace haptic::sim {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 TEST(PictureScene, NamesEveryVertexAndFace) {
     const TriangleMesh mesh = make_cloth_mesh({.vertices_per_side = 3});
@@ -37,6 +38,28 @@ TEST(PictureScene, NamesEveryVertexAndFace) {
     EXPECT_THAT(content.str(), HasSubstr("face_indices {\n        16,"));
     EXPECT_THAT(content.str(), HasSubstr("sphere { <0.25, 0, 0>, 0.03 texture { ProxyBall } }"));
     EXPECT_THAT(content.str(), HasSubstr("<-0.5, 0, -0.5>"));
+    std::filesystem::remove(file);
+}
+
+TEST(PictureScene, ShowsTheSpheresOfAToolInPlaceOfTheProxy) {
+    const std::filesystem::path file =
+        std::filesystem::path(::testing::TempDir()) / ("haptic-tool-picture-test-" + std::to_string(getpid()) + ".pov");
+    PictureScene scene;
+    scene.proxy_radius = 0.0;
+    scene.spheres = {{{1.0, 2.0, 3.0}, 0.5, false}, {{2.0, 2.0, 3.0}, 0.25, true}};
+    const auto written = [&] {
+        write_picture_scene(file, scene);
+        std::ostringstream content;
+        content << std::ifstream(file).rdbuf();
+        return content.str();
+    };
+    const std::string text = written();
+    EXPECT_THAT(text, HasSubstr("sphere { <1, 2, 3>, 0.5 texture { ProxyBall } }"));
+    EXPECT_THAT(text, HasSubstr("sphere { <2, 2, 3>, 0.25 texture { TouchingBall } }"));
+    EXPECT_THAT(text, Not(HasSubstr("texture { Hip }")));
+    EXPECT_THAT(text, HasSubstr("look_at <1.375, 2, 3>"));  // the middle of 0.5 .. 2.25
+    scene.view = PictureBox{{-1.0, -1.0, -1.0}, {1.0, 3.0, 1.0}};
+    EXPECT_THAT(written(), HasSubstr("look_at <0, 1, 0>"));
     std::filesystem::remove(file);
 }
 

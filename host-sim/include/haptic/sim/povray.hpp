@@ -3,6 +3,7 @@
 
 #include <array>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -23,15 +24,30 @@ struct PictureObject {
     bool faceted = false;  // each triangle flat, instead of smoothed over its neighbours
 };
 
+/// One sphere of a tool.
+struct PictureSphere {
+    Vec3 centre{0.0};     // m
+    double radius = 0.0;  // m
+    bool touching = false;
+};
+
+/// A part of space between two corners, m.
+struct PictureBox {
+    Vec3 low{0.0};
+    Vec3 high{0.0};
+};
+
 struct PictureScene {
     std::string title;  // a comment at the top of the file
     std::vector<PictureObject> objects;
     Vec3 proxy{0.0};
-    double proxy_radius = 0.03;  // m
+    double proxy_radius = 0.03;  // m; 0: neither proxy nor hip are drawn
     Vec3 hip{0.0};
-    double floor = -1.5;          // m, height of the ground
-    double tile = 0.25;           // m, of the ground's pattern
-    Vec3 camera{0.45, 0.2, 1.0};  // direction in which the camera is, seen from the middle
+    double floor = -1.5;                 // m, height of the ground
+    double tile = 0.25;                  // m, of the ground's pattern
+    Vec3 camera{0.45, 0.2, 1.0};         // direction in which the camera is, seen from the middle
+    std::vector<PictureSphere> spheres;  // of a tool, in place of the proxy
+    std::optional<PictureBox> view;      // what the picture has to show; none: all of it
 };
 
 /// The bodies of a simulation as they are, in the order of Simulation::bodies(), each in a colour of its own. The
