@@ -22,16 +22,6 @@ constexpr std::string_view kSurroundings = R"(
 #version 3.7;
 global_settings { assumed_gamma 1.0 max_trace_level 8 }
 
-background { rgb <0.90, 0.93, 0.97> }
-fog { fog_type 1 distance 45 rgb <0.90, 0.93, 0.97> }
-
-light_source {
-    <-3.5, 6.0, 5.0> rgb <1.0, 0.97, 0.92>
-    area_light <1.2, 0, 0>, <0, 0, 1.2>, 5, 5 adaptive 1 jitter
-}
-light_source { <5.0, 3.0, 3.5> rgb <0.30, 0.33, 0.40> shadowless }
-light_source { <0.0, -2.0, 4.0> rgb <0.34, 0.32, 0.31> shadowless }
-
 #declare ProxyBall = texture {
     pigment { rgb <0.16, 0.36, 0.68> }
     finish { ambient 0.12 diffuse 0.70 specular 0.55 roughness 0.02 }
@@ -126,6 +116,7 @@ void write_ground(std::ostream& out, const PictureScene& scene) {
 
 constexpr double kAngle = 30.0;     // degrees, of the view's width
 constexpr double kTangent = 0.175;  // of half the view's height: tan(15 deg) * 3/4 at 4:3, less a margin
+constexpr double kLampsUpTo = 8.0;  // m, of the camera's distance: as far as the nearer lamps light the scene well
 
 /// All objects, and proxy and hip or the spheres.
 PictureBox whole_of(const PictureScene& scene) {
@@ -151,15 +142,34 @@ PictureBox whole_of(const PictureScene& scene) {
     return box;
 }
 
-/// A camera that has what is to be seen in its view, with a margin.
-void write_camera(std::ostream& out, const PictureScene& scene) {
+struct Camera {
+    Vec3 look_at;
+    double distance;  // m
+};
+
+/// Has what is to be seen in its view, with a margin.
+Camera camera_for(const PictureScene& scene) {
     const auto [low, high] = scene.view ? *scene.view : whole_of(scene);
-    const Vec3 look_at = 0.5 * (low + high);
     const double across = std::hypot(high.x - low.x, high.z - low.z) * 0.75;  // as wide as 4:3 is high
-    const double distance = 0.5 * std::max(high.y - low.y, across) / kTangent + 0.35 * across;
-    const Vec3 camera = look_at + distance * glm::normalize(scene.camera);
-    out << "camera {\n    location " << shown(camera) << "\n    up y\n    right -x * image_width / image_height\n"
-        << "    angle " << shown(kAngle) << "\n    look_at " << shown(look_at) << "\n}\n\n";
+    return {0.5 * (low + high), 0.5 * std::max(high.y - low.y, across) / kTangent + 0.35 * across};
+}
+
+void write_camera(std::ostream& out, const PictureScene& scene, const Camera& camera) {
+    const Vec3 location = camera.look_at + camera.distance * glm::normalize(scene.camera);
+    out << "camera {\n    location " << shown(location) << "\n    up y\n    right -x * image_width / image_height\n"
+        << "    angle " << shown(kAngle) << "\n    look_at " << shown(camera.look_at) << "\n}\n\n";
+}
+
+/// Fog and lamps; those of a wide scene are farther away.
+void write_light(std::ostream& out, const Camera& camera) {
+    const double size = std::max(1.0, camera.distance / kLampsUpTo);
+    const auto lamp = [&](const Vec3& place) { return "light_source {\n    " + shown(size * place); };
+    out << "background { rgb <0.90, 0.93, 0.97> }\nfog { fog_type 1 distance " << shown(45.0 * size)
+        << " rgb <0.90, 0.93, 0.97> }\n"
+        << lamp({-3.5, 6.0, 5.0}) << " rgb <1.0, 0.97, 0.92>\n    area_light " << shown(size * Vec3(1.2, 0.0, 0.0))
+        << ", " << shown(size * Vec3(0.0, 0.0, 1.2)) << ", 5, 5 adaptive 1 jitter\n}\n"
+        << lamp({5.0, 3.0, 3.5}) << " rgb <0.30, 0.33, 0.40> shadowless\n}\n"
+        << lamp({0.0, -2.0, 4.0}) << " rgb <0.34, 0.32, 0.31> shadowless\n}\n\n";
 }
 
 void write_tool(std::ostream& out, const PictureScene& scene) {
@@ -180,7 +190,9 @@ void write_tool(std::ostream& out, const PictureScene& scene) {
 
 void write_all(std::ostream& out, const PictureScene& scene) {
     out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kSurroundings << '\n';
-    write_camera(out, scene);
+    const Camera camera = camera_for(scene);
+    write_light(out, camera);
+    write_camera(out, scene, camera);
     write_ground(out, scene);
     write_tool(out, scene);
     out << '\n';

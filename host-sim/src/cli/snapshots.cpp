@@ -10,7 +10,8 @@ namespace {
 
 constexpr std::uint64_t kSoonAfter = 7;  // steps
 constexpr std::uint64_t kLater = 100;
-constexpr double kFloor = -1.6;  // m, below all that happens in the scenes
+constexpr double kAboveFloor = 0.1;  // m
+constexpr double kFloor = -1.6;      // m, or lower, below all that is drawn
 
 }  // namespace
 
@@ -65,7 +66,13 @@ std::vector<std::filesystem::path> Snapshots::write(const std::filesystem::path&
         picture.proxy_radius = scene.proxy.radius;
         picture.hip = moment.hip;
         picture.camera.y = moment.from_below ? -0.12 : 0.2;
-        picture.floor = scene.collisions.ground ? scene.collisions.ground_height : kFloor;
+        picture.floor = kFloor;
+        for (const Vec3& v : moment.vertices) {
+            picture.floor = std::min(picture.floor, v.y - kAboveFloor);
+        }
+        if (scene.collisions.ground) {
+            picture.floor = scene.collisions.ground_height;
+        }
         files.push_back(folder / (scene.name + "-" + moment.name + ".pov"));
         write_picture_scene(files.back(), picture);
     }
