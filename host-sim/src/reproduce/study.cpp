@@ -15,7 +15,7 @@
 namespace haptic::sim::reproduce {
 namespace {
 
-constexpr std::array<Reproduction, 7> kReproductions{{
+constexpr std::array<Reproduction, 8> kReproductions{{
     {"4.7", "Contacts that the detection misses", missed_contacts},
     {"4.13", "A cloth dropped from 10 m is caught", cloth_drop},
     {"4.14", "Iterations of the pop-out in a fan", pop_out_iterations},
@@ -23,6 +23,7 @@ constexpr std::array<Reproduction, 7> kReproductions{{
     {"4.16", "Holding the tail of a living fish", fish_hold},
     {"4.17", "Sliding along a fish", fish_slide},
     {"4.18", "Four fish: time of each stage", four_fish},
+    {"scaling", "A step among up to a million triangles", scaling},
 }};
 
 constexpr std::string_view kPlotHead =
@@ -105,8 +106,9 @@ void write_images(std::ostream& out, const Figure& figure) {
 }
 
 void write_figure(std::ostream& out, const Figure& figure) {
-    out << "<h2 id=\"figure-" << figure.number << "\">Figure " << figure.number << ": " << escaped(figure.title)
-        << "</h2>\n<p>" << escaped(figure.conditions) << "</p>\n";
+    const bool numbered = !figure.number.empty() && figure.number[0] >= '0' && figure.number[0] <= '9';
+    out << "<h2 id=\"figure-" << figure.number << "\">" << (numbered ? "Figure " : "Beside them, ") << figure.number
+        << ": " << escaped(figure.title) << "</h2>\n<p>" << escaped(figure.conditions) << "</p>\n";
     if (!figure.comparisons.empty()) {
         out << "<table><tr><th></th><th>thesis</th><th>here</th></tr>\n";
         for (const Comparison& c : figure.comparisons) {

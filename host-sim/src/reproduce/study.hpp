@@ -29,7 +29,7 @@ struct Image {
 };
 
 struct Figure {
-    std::string number;      // "4.13", as in the thesis
+    std::string number;      // "4.13", as in the thesis; a word if it has no such figure
     std::string title;       // what it shows
     std::string conditions;  // what was run, and in what it differs from the thesis
     std::vector<Comparison> comparisons;
@@ -81,5 +81,6 @@ struct Reproduction {
 [[nodiscard]] Figure fish_hold(const Study& study);
 [[nodiscard]] Figure fish_slide(const Study& study);
 [[nodiscard]] Figure four_fish(const Study& study);
+[[nodiscard]] Figure scaling(const Study& study);
 
 }  // namespace haptic::sim::reproduce
