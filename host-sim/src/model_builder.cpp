@@ -135,7 +135,9 @@ std::vector<Cell> cells_of(const SampleGraph& graph, const std::vector<std::vect
         cell.centroid += graph.share[i] * graph.position[i];
     }
     for (Cell& cell : cells) {
-        cell.centroid /= cell.share;
+        if (cell.share > 0.0) {
+            cell.centroid /= cell.share;
+        }
     }
     for (std::size_t i = 0; i < graph.size(); ++i) {
         Cell& cell = cells[nearest[i].front().index];
@@ -318,6 +320,62 @@ Skin weigh(const std::vector<std::vector<Source>>& carriers) {
     return skin;
 }
 
+/// Pairs of particles whose cells touch.
+std::vector<std::pair<std::uint32_t, std::uint32_t>> neighbours_of(const SampleGraph& graph,
+                                                                   const std::vector<std::vector<Source>>& nearest) {
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs;
+    for (std::uint32_t i = 0; i < graph.size(); ++i) {
+        for (const Way& way : graph.ways_from(i)) {
+            const std::uint32_t a = nearest[i].front().index;
+            const std::uint32_t b = nearest[way.to].front().index;
+            if (a < b) {
+                pairs.emplace_back(a, b);
+            }
+        }
+    }
+    std::sort(pairs.begin(), pairs.end());
+    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+    return pairs;
+}
+
+/// A particle that shares its only piece with others has no part of the body. It gets the half of that piece.
+void fill_empty(std::vector<Cell>& cells, const SampleGraph& graph, std::span<const Site> sites) {
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+        if (!(cells[i].share > 0.0)) {
+            cells[i] = {0.5 * graph.share[sites[i].piece], sites[i].position, Mat3(0.0)};
+        }
+    }
+}
+
+/// Particles at the sites, with all that belongs to them.
+PlacedBody assemble(const TriangleMesh& mesh, const SampleGraph& graph, std::span<const Site> sites,
+                    const BuilderSettings& settings, bool on_vertices) {
+    const std::size_t count = sites.size();
+    const std::size_t wanted = std::max(settings.neighbours + 1 + kSpareSources, kSkinSources);
+    const std::vector<std::vector<Source>> nearest = nearest_sources(graph, sites, std::min(wanted, count));
+    std::vector<Cell> cells = cells_of(graph, nearest, count);
+    fill_empty(cells, graph, sites);
+    double whole = 0.0;
+    for (const Cell& cell : cells) {
+        whole += cell.share;
+    }
+    PlacedBody placed;
+    DeformableBody& body = placed.body;
+    body.mesh = mesh;
+    const double least_radius = 0.1 * spacing_of(mesh, count);
+    for (std::size_t i = 0; i < count; ++i) {
+        body.particles.add(sites[i].position, settings.mass * cells[i].share / whole, 0.0);
+        shape_particle(body.particles, i, cells[i], least_radius);
+    }
+    make_groups(body.particles, graph, nearest, sites, settings);
+    if (settings.link_stiffness > 0.0) {
+        make_links(body.particles, settings.link_stiffness);
+    }
+    body.skin = on_vertices ? skin_of_particles(count) : weigh(carriers_of(mesh, body.particles, nearest));
+    placed.neighbours = neighbours_of(graph, nearest);
+    return placed;
+}
+
 }  // namespace
 
 DeformableBody build_body(const TriangleMesh& mesh, const BuilderSettings& settings) {
@@ -339,26 +397,17 @@ DeformableBody build_body(const TriangleMesh& mesh, const BuilderSettings& setti
         sites = spread_evenly(graph, count);
         relax(graph, sites, kRelaxations);
     }
-    const std::size_t wanted = std::max(settings.neighbours + 1 + kSpareSources, kSkinSources);
-    const std::vector<std::vector<Source>> nearest = nearest_sources(graph, sites, std::min(wanted, count));
-    const std::vector<Cell> cells = cells_of(graph, nearest, count);
-    double whole = 0.0;
-    for (const Cell& cell : cells) {
-        whole += cell.share;
+    return assemble(mesh, graph, sites, settings, on_vertices).body;
+}
+
+PlacedBody build_body_at(const TriangleMesh& mesh, std::span<const Vec3> places, const BuilderSettings& settings) {
+    check(settings);
+    check(mesh);
+    if (places.empty()) {
+        refuse("without a place there is no particle");
     }
-    DeformableBody body;
-    body.mesh = mesh;
-    const double least_radius = 0.1 * spacing_of(mesh, count);
-    for (std::size_t i = 0; i < count; ++i) {
-        body.particles.add(sites[i].position, settings.mass * cells[i].share / whole, 0.0);
-        shape_particle(body.particles, i, cells[i], least_radius);
-    }
-    make_groups(body.particles, graph, nearest, sites, settings);
-    if (settings.link_stiffness > 0.0) {
-        make_links(body.particles, settings.link_stiffness);
-    }
-    body.skin = on_vertices ? skin_of_particles(count) : weigh(carriers_of(mesh, body.particles, nearest));
-    return body;
+    const SampleGraph graph = cut(mesh, places.size(), settings.bridge);
+    return assemble(mesh, graph, sites_at(graph, places), settings, false);
 }
 
 Skin build_skin(const TriangleMesh& mesh, const ParticleModel& particles, double bridge) {

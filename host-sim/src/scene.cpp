@@ -180,6 +180,9 @@ Scene read_scene(const Config& config, const std::string& name) {
     refuse_too_much(config, scene);
     scene.solver = read_solver(config);
     scene.collisions = read_collisions(config);
+    if (config.has("tool")) {
+        scene.tool = read_tool(config);
+    }
     scene.proxy = read_proxy(config);
     scene.contact = read_contact(config, scene.proxy.shrink);
     scene.coupling = read_coupling(config);

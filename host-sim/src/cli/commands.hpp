@@ -18,5 +18,6 @@ using Command = std::function<int()>;
 [[nodiscard]] Command add_reproduce_command(CLI::App& app);
 [[nodiscard]] Command add_run_command(CLI::App& app);
 [[nodiscard]] Command add_scenes_command(CLI::App& app);
+[[nodiscard]] Command add_tool_command(CLI::App& app);
 
 }  // namespace haptic::sim

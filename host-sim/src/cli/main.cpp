@@ -23,6 +23,7 @@ int run(int argc, char** argv) {
     add("mesh", "Check a mesh file, and say what is in it", haptic::sim::add_mesh_command);
     add("model", "Build the particles of a body, say what they are, and write them to a file",
         haptic::sim::add_model_command);
+    add("tool", "Build a tool, and say how well its spheres stand for it", haptic::sim::add_tool_command);
     add("reproduce", "Make the figures and tables of the thesis again", haptic::sim::add_reproduce_command);
     add("query", "Answer single queries of the contact code", haptic::sim::add_query_command);
     CLI11_PARSE(app, argc, argv);

@@ -158,6 +158,7 @@ TEST(SceneFile, OfTheClothNamesEveryKeyThatAnySceneMayHave) {
     Config config = open_scene("cloth-drop");
     config.set("model.regions=[{low=[-1, -1, -1], high=[1, 1, 1]}]");
     config.set("model.copies=[{position=[0, 0, 0]}]");
+    config.set("tool.generator=sphere");
     (void)read_scene(config, "every key");
     std::string text;
     for (const BuiltInScene& scene : built_in_scenes()) {

@@ -17,6 +17,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "haptic/sim/deformable.hpp"
 #include "haptic/sim/mesh.hpp"
@@ -39,6 +43,19 @@ struct BuilderSettings {
 /// Throws std::invalid_argument: a setting out of its range, an index or a vertex that is none, a vertex that no
 /// triangle has, a mesh without area, parts farther from one another than `bridge`.
 [[nodiscard]] DeformableBody build_body(const TriangleMesh& mesh, const BuilderSettings& settings);
+
+/// A body whose particles are in given places, and which of them have parts of the body in common: by pairs, the lower
+/// one first.
+struct PlacedBody {
+    DeformableBody body;
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> neighbours;
+};
+
+/// Builds particles where somebody wants them, and the skin. All is as in build_body, but for settings.particles, which
+/// does not count, and the places, which need not be in the mesh. Throws std::invalid_argument as build_body does, and
+/// without a place.
+[[nodiscard]] PlacedBody build_body_at(const TriangleMesh& mesh, std::span<const Vec3> places,
+                                       const BuilderSettings& settings);
 
 /// The skin for particles that somebody moved or removed: weights as build_body makes them, for particles wherever
 /// they are. Vertices are those of `mesh`.

@@ -1,6 +1,7 @@
 // Scene files: what is simulated, with what, for how long. TOML; scenes/cloth-drop.toml names every key.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "haptic/sim/contact_force.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "haptic/sim/solver.hpp"
+#include "haptic/sim/tool_model.hpp"
 #include "haptic/sim/workspace.hpp"
 
 namespace haptic::sim {
@@ -33,6 +35,7 @@ struct Scene {
     std::vector<ModelSettings> objects;  // further bodies: tables [[objects]] with the keys of [model]
     SolverSettings solver;
     CollisionSettings collisions;
+    std::optional<ToolSettings> tool;  // table [tool]; without it the tool is one sphere of proxy.radius
     ProxySettings proxy;
     ContactSettings contact;  // shrink is the proxy's
     CouplingSettings coupling;

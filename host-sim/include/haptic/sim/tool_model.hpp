@@ -36,7 +36,7 @@ struct ToolSettings {
 
     std::size_t spheres = 0;   // 0: as many as cover_error asks for; to kMostSpheres
     double radius = 0.0;       // of each sphere; 0: each has its own, as it fits into the mesh
-    double cover_error = 0.0;  // used if spheres is 0; 0: 0.02 of the mesh's longest side
+    double cover_error = 0.0;  // used if spheres is 0; 0: 37 spheres for the hand, else 0.02 of the longest side
     bool close_gaps = false;   // further spheres between neighbours that leave a gap
 
     std::size_t neighbours = 8;    // 1 to 32, that make a group with each particle
@@ -56,8 +56,8 @@ struct ToolModel {
     /// m: no point of the mesh's surface is farther than this from a sphere, and no sphere stands out of the mesh (of
     /// an open one: off it) farther than this. An upper bound, proven to 1 % of it, not an estimate.
     double cover_error = 0.0;
-    /// m: the widest gap between the spheres of two neighbours; negative: all overlap, the least by this much. 0 for
-    /// one sphere.
+    /// m: the thickness of the thickest rod that fits between the spheres of neighbours; 0: all overlap, and no gap is
+    /// left between three of them.
     double widest_gap = 0.0;
 };
 

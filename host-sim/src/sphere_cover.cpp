@@ -1,0 +1,536 @@
+#include "haptic/sim/sphere_cover.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <unordered_set>
+
+#include "bare_depth.hpp"
+#include "haptic/sim/contact/closest_point.hpp"
+#include "haptic/sim/contact/verification.hpp"
+#include "sample_graph.hpp"
+#include "triangle_grid.hpp"
+
+namespace haptic::sim {
+namespace {
+
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr double kSamples = 3000.0;  // about; of the surface
+constexpr std::size_t kMostCandidates = 1500;
+constexpr double kMostCuts = 64.0;  // of a triangle's side, by samples
+constexpr double kOnPlane = 1e-9;   // of the mesh's size
+constexpr int kMostShrinkings = 30;
+constexpr double kShrunken = 1.0 - 1e-3;  // a ball this near to touching nothing inside is not shrunk on
+constexpr int kHalvings = 24;
+constexpr int kRelaxations = 40;
+constexpr int kPolishings = 4;
+constexpr int kMostMoves = 40;
+constexpr double kWorthwhile = 0.02;  // gain of a step, in steps
+constexpr int kStepHalvings = 5;      // of the samples' pitch
+constexpr double kFinest = 1e-4;      // of the mesh's size
+
+[[noreturn]] void refuse(const std::string& why) {
+    throw std::invalid_argument("sphere cover: " + why);
+}
+
+struct Box {
+    Vec3 low{kInfinite};
+    Vec3 high{-kInfinite};
+};
+
+Box box_of(const TriangleMesh& mesh) {
+    Box box;
+    for (const Vec3& p : mesh.vertices) {
+        box.low = glm::min(box.low, p);
+        box.high = glm::max(box.high, p);
+    }
+    return box;
+}
+
+struct Sample {
+    Vec3 place{0.0};
+    Vec3 normal{0.0};  // outward
+};
+
+/// Where a sample falls, and to which of six sides it looks: of those with the same key one is enough.
+struct SampleKey {
+    std::array<std::int64_t, 4> part{};
+    bool operator==(const SampleKey&) const = default;
+};
+
+struct SampleKeyHash {
+    std::size_t operator()(const SampleKey& key) const noexcept {
+        std::uint64_t hash = 0;
+        for (const std::int64_t part : key.part) {
+            hash = (hash ^ static_cast<std::uint64_t>(part)) * 0x9E3779B97F4A7C15U;
+            hash ^= hash >> 29U;
+        }
+        return static_cast<std::size_t>(hash);
+    }
+};
+
+std::int64_t side_of(const Vec3& normal) {
+    int axis = 0;
+    for (int k = 1; k < 3; ++k) {
+        if (std::abs(normal[k]) > std::abs(normal[axis])) {
+            axis = k;
+        }
+    }
+    return 2 * axis + (normal[axis] < 0.0 ? 1 : 0);
+}
+
+/// Points of the surface about `pitch` apart, evenly over large triangles, one of many small ones.
+std::vector<Sample> sample(const TriangleMesh& mesh, double pitch) {
+    std::vector<Sample> samples;
+    std::unordered_set<SampleKey, SampleKeyHash> taken;
+    const std::size_t count = mesh.double_faced ? mesh.triangles.size() / 2 : mesh.triangles.size();
+    for (std::size_t t = 0; t < count; ++t) {
+        const auto& [i, j, k] = mesh.triangles[t];
+        const Vec3& a = mesh.vertices[i];
+        const Vec3 u = mesh.vertices[j] - a;
+        const Vec3 v = mesh.vertices[k] - a;
+        const Vec3 normal = glm::cross(u, v);
+        const double twice_area = glm::length(normal);
+        if (!(twice_area > 0.0)) {
+            continue;
+        }
+        const double longest = std::sqrt(std::max({glm::dot(u, u), glm::dot(v, v), glm::dot(u - v, u - v)}));
+        const int cuts = static_cast<int>(std::clamp(std::ceil(longest / (1.4 * pitch)), 1.0, kMostCuts));
+        for (int row = 0; row < cuts; ++row) {
+            for (int at = 0; at < 2 * (cuts - row) - 1; ++at) {
+                // Centroids of the small triangles: those that stand, and those that hang between them.
+                const double third = at % 2 == 0 ? 1.0 / 3.0 : 2.0 / 3.0;
+                const int quad = at / 2;
+                const double along = (quad + third) / cuts;
+                const double across = (row + third) / cuts;
+                const Sample found{a + along * u + across * v, normal / twice_area};
+                const Vec3 cell = glm::floor(found.place / pitch);
+                const SampleKey key{{static_cast<std::int64_t>(cell.x), static_cast<std::int64_t>(cell.y),
+                                     static_cast<std::int64_t>(cell.z), side_of(found.normal)}};
+                if (taken.insert(key).second) {
+                    samples.push_back(found);
+                }
+            }
+        }
+    }
+    return samples;
+}
+
+/// The ball inside that touches at the sample and somewhere else, or has the radius `most`. `thickness` is how far it
+/// is from the sample straight through the body.
+Ball inner_ball(const std::vector<Sample>& samples, const Sample& touched, double most, double thickness) {
+    const double widest = std::min(most, 0.5 * thickness);
+    Ball ball{touched.place - widest * touched.normal, widest};
+    for (int k = 0; k < kMostShrinkings; ++k) {
+        double nearest = kInfinite;
+        const Sample* other = nullptr;
+        for (const Sample& sample : samples) {
+            const Vec3 arm = sample.place - ball.centre;
+            const double squared = glm::dot(arm, arm);
+            if (squared < nearest) {
+                nearest = squared;
+                other = &sample;
+            }
+        }
+        const Vec3 chord = touched.place - other->place;
+        const double depth = glm::dot(chord, touched.normal);
+        if (nearest >= kShrunken * kShrunken * ball.radius * ball.radius || !(depth > 0.0)) {
+            break;
+        }
+        ball.radius = std::min(ball.radius, glm::dot(chord, chord) / (2.0 * depth));
+        ball.centre = touched.place - ball.radius * touched.normal;
+    }
+    return ball;
+}
+
+/// Distances from the surface, each from all triangles that may be nearest.
+class Surface {
+  public:
+    explicit Surface(const TriangleMesh& mesh) : mesh_(mesh) {
+        for (const auto& [i, j, k] : mesh.triangles) {
+            const Vec3 middle = (mesh.vertices[i] + mesh.vertices[j] + mesh.vertices[k]) / 3.0;
+            const double reach =
+                std::max({glm::length(mesh.vertices[i] - middle), glm::length(mesh.vertices[j] - middle),
+                          glm::length(mesh.vertices[k] - middle)});
+            bounds_.push_back({middle, reach});
+        }
+    }
+
+    /// m
+    [[nodiscard]] double distance(const Vec3& p) const {
+        double least = kInfinite;
+        for (std::size_t t = 0; t < bounds_.size(); ++t) {
+            const Vec3 arm = p - bounds_[t].centre;
+            const double within = least + bounds_[t].radius;
+            if (glm::dot(arm, arm) >= within * within) {
+                continue;
+            }
+            const auto& [i, j, k] = mesh_.triangles[t];
+            const TriangleCorners corners{mesh_.vertices[i], mesh_.vertices[j], mesh_.vertices[k]};
+            least = std::min(least, std::sqrt(closest_point_on_triangle(p, corners).squared_distance));
+        }
+        return least;
+    }
+
+  private:
+    const TriangleMesh& mesh_;
+    std::vector<Ball> bounds_;
+};
+
+/// Where spheres may be; `radius` of a candidate is that of the ball that fits inside.
+class Candidates {
+  public:
+    Candidates(const TriangleMesh& mesh, double fixed_radius) : fixed_(fixed_radius), closed_(mesh.closed) {
+        pitch_ = std::sqrt(surface_area(mesh) / (mesh.double_faced ? 2.0 : 1.0) / kSamples);
+        samples_ = sample(mesh, pitch_);
+        const Box box = box_of(mesh);
+        const double size = glm::length(box.high - box.low);
+        const double most = fixed_ > 0.0 ? fixed_ : size;
+        const std::size_t every = (samples_.size() + kMostCandidates - 1) / kMostCandidates;
+        const TriangleGrid grid(mesh.vertices, mesh.triangles, 2.0 * pitch_);
+        const Surface surface(mesh);
+        for (std::size_t i = 0; i < samples_.size(); i += every) {
+            const Sample& s = samples_[i];
+            if (!mesh.closed) {
+                balls_.push_back({s.place, 0.0});
+                continue;
+            }
+            const double crossing = grid.first_crossing(s.place, s.place - size * s.normal, kOnPlane * size);
+            if (crossing > 1.0) {
+                continue;  // through an edge, or the skin passes through itself
+            }
+            balls_.push_back(inner_ball(samples_, s, most, crossing * size));
+            balls_.back().radius = std::min(surface.distance(balls_.back().centre), most);
+        }
+    }
+
+    [[nodiscard]] std::size_t size() const noexcept { return balls_.size(); }
+    [[nodiscard]] std::size_t samples() const noexcept { return samples_.size(); }
+    [[nodiscard]] const Ball& operator[](std::size_t candidate) const { return balls_[candidate]; }
+    [[nodiscard]] double pitch() const noexcept { return pitch_; }  // m, of the samples
+
+    /// By how much a candidate misses a sample, m; at a fixed radius, also what it stands proud.
+    [[nodiscard]] double miss(const Ball& ball, std::size_t sample) const {
+        const double distance = glm::length(samples_[sample].place - ball.centre);
+        if (!(fixed_ > 0.0)) {
+            return distance - ball.radius;
+        }
+        return closed_ ? std::max(distance - fixed_, fixed_ - ball.radius) : distance - fixed_;
+    }
+
+  private:
+    std::vector<Sample> samples_;
+    std::vector<Ball> balls_;
+    double fixed_;
+    double pitch_ = 0.0;
+    bool closed_ = false;
+};
+
+using Choice = std::vector<std::uint32_t>;  // of candidates
+using Bits = std::vector<std::uint64_t>;
+
+/// Candidates that miss no sample by more than `allowance`; empty if it takes more than `most`.
+Choice choose(const Candidates& candidates, double allowance, std::size_t most) {
+    const std::size_t words = (candidates.samples() + 63) / 64;
+    Bits within(candidates.size() * words, 0);
+    for (std::size_t c = 0; c < candidates.size(); ++c) {
+        for (std::size_t s = 0; s < candidates.samples(); ++s) {
+            if (candidates.miss(candidates[c], s) <= allowance) {
+                within[c * words + s / 64] |= std::uint64_t{1} << (s % 64);
+            }
+        }
+    }
+    Bits open(words, 0);
+    for (std::size_t s = 0; s < candidates.samples(); ++s) {
+        open[s / 64] |= std::uint64_t{1} << (s % 64);
+    }
+    Choice chosen;
+    std::size_t left = candidates.samples();
+    while (left > 0) {
+        int best = 0;
+        std::uint32_t winner = 0;
+        for (std::uint32_t c = 0; c < candidates.size(); ++c) {
+            int gain = 0;
+            for (std::size_t w = 0; w < words; ++w) {
+                gain += std::popcount(within[c * words + w] & open[w]);
+            }
+            if (gain > best) {
+                best = gain;
+                winner = c;
+            }
+        }
+        if (best == 0 || chosen.size() == most) {
+            return {};
+        }
+        chosen.push_back(winner);
+        left -= static_cast<std::size_t>(best);
+        for (std::size_t w = 0; w < words; ++w) {
+            open[w] &= ~within[winner * words + w];
+        }
+    }
+    return chosen;
+}
+
+/// The chosen one that misses each sample least, and by how much.
+struct Assignment {
+    std::vector<std::uint32_t> owner;  // per sample, into the choice
+    double worst = -kInfinite;         // m
+    std::size_t worst_sample = 0;
+};
+
+Assignment assign(const Candidates& candidates, std::span<const Ball> chosen) {
+    Assignment result;
+    result.owner.resize(candidates.samples());
+    for (std::size_t s = 0; s < candidates.samples(); ++s) {
+        double least = kInfinite;
+        for (std::uint32_t k = 0; k < chosen.size(); ++k) {
+            const double miss = candidates.miss(chosen[k], s);
+            if (miss < least) {
+                least = miss;
+                result.owner[s] = k;
+            }
+        }
+        if (least > result.worst) {
+            result.worst = least;
+            result.worst_sample = s;
+        }
+    }
+    return result;
+}
+
+std::vector<Ball> balls_of(const Candidates& candidates, const Choice& chosen) {
+    std::vector<Ball> balls;
+    for (const std::uint32_t c : chosen) {
+        balls.push_back(candidates[c]);
+    }
+    return balls;
+}
+
+/// Of those that own samples: which ones.
+std::vector<std::vector<std::uint32_t>> owned_by(const Assignment& assignment, std::size_t count) {
+    std::vector<std::vector<std::uint32_t>> owned(count);
+    for (std::uint32_t s = 0; s < assignment.owner.size(); ++s) {
+        owned[assignment.owner[s]].push_back(s);
+    }
+    return owned;
+}
+
+/// Moves each chosen one to the candidate that misses what it owns least, as long as the whole gains by it.
+Choice relaxed(const Candidates& candidates, Choice chosen) {
+    Assignment now = assign(candidates, balls_of(candidates, chosen));
+    for (int round = 0; round < kRelaxations; ++round) {
+        const std::vector<std::vector<std::uint32_t>> owned = owned_by(now, chosen.size());
+        Choice moved = chosen;
+        for (std::size_t k = 0; k < chosen.size(); ++k) {
+            const auto worst_of = [&](std::uint32_t candidate, double enough) {
+                double worst = -kInfinite;
+                for (const std::uint32_t s : owned[k]) {
+                    worst = std::max(worst, candidates.miss(candidates[candidate], s));
+                    if (worst >= enough) {
+                        break;
+                    }
+                }
+                return worst;
+            };
+            double least = worst_of(chosen[k], kInfinite);
+            for (std::uint32_t c = 0; c < candidates.size(); ++c) {
+                const double worst = worst_of(c, least);
+                if (worst < least) {
+                    least = worst;
+                    moved[k] = c;
+                }
+            }
+        }
+        Assignment then = assign(candidates, balls_of(candidates, moved));
+        if (!(then.worst < now.worst)) {
+            break;
+        }
+        chosen = std::move(moved);
+        now = std::move(then);
+    }
+    return chosen;
+}
+
+/// As many as asked for, with the least allowance found.
+Choice choose_count(const Candidates& candidates, std::size_t count, double size) {
+    count = std::min(count, candidates.size());
+    double enough = size;
+    double too_little = 0.0;
+    Choice best = choose(candidates, enough, count);
+    for (int k = 0; k < kHalvings && enough - too_little > kFinest * size; ++k) {
+        const double middle = 0.5 * (enough + too_little);
+        Choice chosen = choose(candidates, middle, count);
+        if (chosen.empty()) {
+            too_little = middle;
+        } else {
+            enough = middle;
+            best = std::move(chosen);
+        }
+    }
+    // Those left over go where most is missed.
+    while (best.size() < count) {
+        const std::size_t sample = assign(candidates, balls_of(candidates, best)).worst_sample;
+        std::uint32_t nearest = 0;
+        double least = kInfinite;
+        for (std::uint32_t c = 0; c < candidates.size(); ++c) {
+            const double miss = candidates.miss(candidates[c], sample);
+            if (miss < least && std::find(best.begin(), best.end(), c) == best.end()) {
+                least = miss;
+                nearest = c;
+            }
+        }
+        best.push_back(nearest);
+    }
+    return relaxed(candidates, std::move(best));
+}
+
+/// Moves balls in small steps to where they miss less of what they own. A step is shorter than the way to the surface,
+/// so they stay inside.
+std::vector<Ball> polished(const TriangleMesh& mesh, const Candidates& candidates, std::vector<Ball> balls,
+                           double most) {
+    const Surface surface(mesh);
+    Assignment now = assign(candidates, balls);
+    for (int round = 0; round < kPolishings; ++round) {
+        const std::vector<std::vector<std::uint32_t>> owned = owned_by(now, balls.size());
+        std::vector<Ball> moved = balls;
+        for (std::size_t k = 0; k < balls.size(); ++k) {
+            const auto worst_of = [&](const Ball& ball) {
+                double worst = -kInfinite;
+                for (const std::uint32_t s : owned[k]) {
+                    worst = std::max(worst, candidates.miss(ball, s));
+                }
+                return worst;
+            };
+            double least = worst_of(moved[k]);
+            double step = candidates.pitch();
+            int halvings = 0;
+            for (int moves = 0; moves < kMostMoves && halvings < kStepHalvings; ++moves) {
+                const Ball from = moved[k];
+                const double way = std::min(step, 0.5 * from.radius);
+                for (int direction = 0; direction < 6; ++direction) {
+                    Ball tried = from;
+                    tried.centre[direction / 2] += direction % 2 == 0 ? way : -way;
+                    tried.radius = std::min(surface.distance(tried.centre), most);
+                    const double worst = worst_of(tried);
+                    if (worst < least - kWorthwhile * way) {
+                        least = worst;
+                        moved[k] = tried;
+                    }
+                }
+                if (moved[k].centre == from.centre) {
+                    step *= 0.5;
+                    ++halvings;
+                }
+            }
+        }
+        Assignment then = assign(candidates, moved);
+        if (!(then.worst < now.worst)) {
+            break;
+        }
+        balls = std::move(moved);
+        now = std::move(then);
+    }
+    return balls;
+}
+
+double bare_depth(const TriangleMesh& mesh, std::span<const Ball> balls) {
+    const Box box = box_of(mesh);
+    BareDepth bare(balls, kFinest * glm::length(box.high - box.low));
+    for (const auto& [i, j, k] : mesh.triangles) {
+        bare.take({mesh.vertices[i], mesh.vertices[j], mesh.vertices[k]});
+    }
+    return bare.bound();
+}
+
+/// The spheres of a choice, as large as is best.
+std::vector<Ball> spheres_of(const TriangleMesh& mesh, const Candidates& candidates, const Choice& chosen,
+                             double fixed_radius) {
+    std::vector<Ball> balls = balls_of(candidates, chosen);
+    if (mesh.closed) {
+        balls = polished(mesh, candidates, std::move(balls), fixed_radius > 0.0 ? fixed_radius : kInfinite);
+    }
+    for (Ball& ball : balls) {
+        ball.radius = fixed_radius > 0.0 ? fixed_radius : ball.radius;
+    }
+    if (!(fixed_radius > 0.0)) {
+        const double missed = std::max(0.0, bare_depth(mesh, balls));
+        for (Ball& ball : balls) {
+            ball.radius += mesh.closed ? 0.5 * missed : missed;
+        }
+    }
+    return balls;
+}
+
+}  // namespace
+
+CoverError measure_cover(const TriangleMesh& mesh, std::span<const Ball> balls) {
+    if (balls.empty()) {
+        refuse("there is no sphere");
+    }
+    CoverError error{std::max(0.0, bare_depth(mesh, balls)), 0.0};
+    const Surface surface(mesh);
+    for (const Ball& ball : balls) {
+        double depth = 0.0;
+        if (mesh.closed) {
+            const bool inside = winding_number(mesh.vertices, mesh.triangles, ball.centre) > 0.5;
+            depth = (inside ? 1.0 : -1.0) * surface.distance(ball.centre);
+        }
+        error.proud = std::max(error.proud, ball.radius - depth);
+    }
+    return error;
+}
+
+std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettings& settings) {
+    if (!(surface_area(mesh) > 0.0)) {
+        refuse("the mesh has no area");
+    }
+    if (!(settings.radius >= 0.0) || !std::isfinite(settings.radius)) {
+        refuse("the radius must be 0 or more");
+    }
+    if (settings.count == 0 && !(settings.error > 0.0)) {
+        refuse("say how many spheres, or the error that they may leave");
+    }
+    if (settings.count > settings.most_count) {
+        refuse(std::to_string(settings.count) + " spheres are more than the " + std::to_string(settings.most_count) +
+               " that are possible");
+    }
+    const Box box = box_of(mesh);
+    const double size = glm::length(box.high - box.low);
+    const Candidates candidates(mesh, settings.radius);
+    if (candidates.size() == 0) {
+        refuse("no ball fits into the mesh: does it enclose a volume, outward oriented?");
+    }
+    if (settings.count > 0) {
+        return spheres_of(mesh, candidates, choose_count(candidates, settings.count, size), settings.radius);
+    }
+    // Balls grow by half of what they miss. What lies between samples may ask for a little more.
+    const double asked = settings.error * (mesh.closed && settings.radius == 0.0 ? 2.0 : 1.0);
+    constexpr std::array slack{1.0, 0.9, 0.8, 0.65, 0.5};
+    for (const double part : slack) {
+        const Choice chosen = choose(candidates, part * asked, settings.most_count);
+        if (chosen.empty()) {
+            break;
+        }
+        std::vector<Ball> balls = spheres_of(mesh, candidates, relaxed(candidates, chosen), settings.radius);
+        const CoverError error = measure_cover(mesh, balls);
+        const bool only_bare = !mesh.closed && settings.radius > 0.0;
+        if ((only_bare ? error.bare : std::max(error.bare, error.proud)) <= settings.error) {
+            return balls;
+        }
+    }
+    const CoverError left = measure_cover(
+        mesh, spheres_of(mesh, candidates, choose_count(candidates, settings.most_count, size), settings.radius));
+    refuse("an error of " + std::to_string(settings.error) + " m takes more than " +
+           std::to_string(settings.most_count) + " spheres, which leave " + std::to_string(left.bare) +
+           " m bare and stand " + std::to_string(left.proud) + " m proud; allow more error" +
+           (settings.radius > 0.0 ? ", or spheres of another radius" : ""));
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,232 @@
+#include "haptic/sim/tool_model.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <glm/common.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "close_gaps.hpp"
+#include "haptic/sim/mesh_file.hpp"
+#include "haptic/sim/model_builder.hpp"
+#include "haptic/sim/revolved.hpp"
+#include "haptic/sim/sphere_cover.hpp"
+
+namespace haptic::sim {
+namespace {
+
+constexpr double kUsualError = 0.02;  // of the longest side
+
+[[noreturn]] void refuse(const std::string& why) {
+    throw std::invalid_argument("tool: " + why);
+}
+
+void check(const ToolSettings& s) {
+    if (s.spheres > ToolSettings::kMostSpheres) {
+        refuse(std::to_string(s.spheres) + " spheres are more than the " + std::to_string(ToolSettings::kMostSpheres) +
+               " that a tool may have");
+    }
+    if (!(s.radius >= 0.0) || !std::isfinite(s.radius) || !(s.cover_error >= 0.0) || !std::isfinite(s.cover_error)) {
+        refuse("radius and cover_error must be 0 or more");
+    }
+    if (s.iterations < 0) {
+        refuse("iterations must be 0 or more");
+    }
+}
+
+Vec3 size_of(const TriangleMesh& mesh, Vec3& middle) {
+    Vec3 low = mesh.vertices.front();
+    Vec3 high = low;
+    for (const Vec3& p : mesh.vertices) {
+        low = glm::min(low, p);
+        high = glm::max(high, p);
+    }
+    middle = 0.5 * (low + high);
+    return high - low;
+}
+
+double longest_side(const TriangleMesh& mesh) {
+    Vec3 middle(0.0);
+    const Vec3 size = size_of(mesh, middle);
+    return std::max({size.x, size.y, size.z});
+}
+
+TriangleMesh mesh_of_file(const ToolSettings& settings) {
+    MeshFileSettings reading;
+    if (settings.file_scale > 0.0) {
+        reading.scale = settings.file_scale;
+        return load_mesh(settings.file, reading);
+    }
+    TriangleMesh mesh = load_mesh(settings.file, reading);
+    Vec3 middle(0.0);
+    const Vec3 size = size_of(mesh, middle);
+    const double scale = settings.length / std::max({size.x, size.y, size.z});
+    for (Vec3& p : mesh.vertices) {
+        p = scale * (p - middle);
+    }
+    return mesh;
+}
+
+TriangleMesh mesh_of(const ToolSettings& settings) {
+    if (!settings.file.empty()) {
+        return mesh_of_file(settings);
+    }
+    switch (settings.shape) {
+        case ToolShape::Rod:
+            return make_rod_mesh(settings.length, settings.thickness);
+        case ToolShape::Probe:
+            return make_probe_mesh(settings.length, settings.thickness, settings.ball_radius);
+        case ToolShape::Hand:
+        case ToolShape::Sphere:
+            break;
+    }
+    return make_sphere_mesh(settings.ball_radius);
+}
+
+/// Evenly apart on the z axis, from the first place to the last.
+void add_row(std::vector<Ball>& balls, std::size_t count, double first, double last, double radius) {
+    for (std::size_t k = 0; k < count; ++k) {
+        const double part = count > 1 ? static_cast<double>(k) / static_cast<double>(count - 1) : 0.5;
+        balls.push_back({{0.0, 0.0, glm::mix(first, last, part)}, radius});
+    }
+}
+
+/// So many spheres for a solid of revolution.
+std::vector<Ball> row_of(const ToolSettings& settings, std::size_t count) {
+    std::vector<Ball> balls;
+    const double shaft = 0.5 * settings.thickness;
+    const double end = 0.5 * settings.length - shaft;
+    switch (settings.shape) {
+        case ToolShape::Rod:
+            add_row(balls, count, -end, end, shaft);
+            break;
+        case ToolShape::Probe: {
+            const double ball = -0.5 * settings.length + settings.ball_radius;
+            balls.push_back({{0.0, 0.0, ball}, settings.ball_radius});
+            // Half a space between ball and shaft, as the ball covers as much of the shaft as half a sphere would.
+            const double root = ball + settings.ball_radius;
+            const double space = count > 1 ? (end - root) / (static_cast<double>(count) - 1.5) : 0.0;
+            add_row(balls, count - 1, count > 2 ? root + 0.5 * space : end, end, shaft);
+            break;
+        }
+        case ToolShape::Hand:
+        case ToolShape::Sphere:
+            add_row(balls, count, 0.0, 0.0, settings.ball_radius);
+            break;
+    }
+    for (Ball& ball : balls) {
+        ball.radius = settings.radius > 0.0 ? settings.radius : ball.radius;
+    }
+    return balls;
+}
+
+double wanted_error(const ToolSettings& settings, const TriangleMesh& mesh) {
+    return settings.cover_error > 0.0 ? settings.cover_error : kUsualError * longest_side(mesh);
+}
+
+/// Spheres for what was generated about an axis, where they are known without a search.
+std::vector<Ball> row_for(const ToolSettings& settings, const TriangleMesh& mesh) {
+    if (settings.shape == ToolShape::Sphere) {
+        if (settings.spheres > 1) {
+            refuse("a sphere is made of one sphere; for more, take a rod, or a mesh from a file");
+        }
+        return row_of(settings, 1);
+    }
+    if (settings.spheres > 0) {
+        return row_of(settings, settings.spheres);
+    }
+    const double wanted = wanted_error(settings, mesh);
+    const auto error_of = [&](std::size_t count) { return measure_cover(mesh, row_of(settings, count)); };
+    const auto enough = [&](const CoverError& error) { return std::max(error.bare, error.proud) <= wanted; };
+    const CoverError left = error_of(ToolSettings::kMostSpheres);
+    if (!enough(left)) {
+        refuse("to cover it within " + std::to_string(wanted) + " m takes more than " +
+               std::to_string(ToolSettings::kMostSpheres) + " spheres, which leave " + std::to_string(left.bare) +
+               " m bare and stand " + std::to_string(left.proud) + " m proud; raise cover_error, or make it thicker");
+    }
+    // More spheres in a row never leave more bare.
+    std::size_t too_few = 0;
+    std::size_t count = ToolSettings::kMostSpheres;
+    while (count - too_few > 1) {
+        const std::size_t middle = (count + too_few) / 2;
+        (enough(error_of(middle)) ? count : too_few) = middle;
+    }
+    return row_of(settings, count);
+}
+
+std::vector<Ball> spheres_for(const ToolSettings& settings, const TriangleMesh& mesh) {
+    if (settings.file.empty() && settings.shape != ToolShape::Hand) {
+        return row_for(settings, mesh);
+    }
+    CoverSettings cover;
+    cover.count = settings.spheres;
+    cover.most_count = ToolSettings::kMostSpheres;
+    cover.radius = settings.radius;
+    cover.error = wanted_error(settings, mesh);
+    return cover_with_spheres(mesh, cover);
+}
+
+std::vector<Vec3> centres_of(const std::vector<Ball>& balls) {
+    std::vector<Vec3> centres;
+    for (const Ball& ball : balls) {
+        centres.push_back(ball.centre);
+    }
+    return centres;
+}
+
+std::string name_of(const ToolSettings& settings) {
+    if (!settings.file.empty()) {
+        return std::filesystem::path(settings.file).stem().string();
+    }
+    switch (settings.shape) {
+        case ToolShape::Hand:
+            return "hand";
+        case ToolShape::Rod:
+            return "rod";
+        case ToolShape::Probe:
+            return "probe";
+        case ToolShape::Sphere:
+            break;
+    }
+    return "sphere";
+}
+
+}  // namespace
+
+ToolModel make_tool(const ToolSettings& settings) {
+    check(settings);
+    const TriangleMesh mesh = mesh_of(settings);
+    BuilderSettings builder;
+    builder.neighbours = settings.neighbours;
+    builder.mass = settings.mass;
+    builder.group_stiffness = settings.group_stiffness;
+    builder.link_stiffness = settings.link_stiffness;
+    std::vector<Ball> balls = spheres_for(settings, mesh);
+    PlacedBody placed = build_body_at(mesh, centres_of(balls), builder);
+    ToolModel tool;
+    if (settings.close_gaps) {
+        const std::size_t before = balls.size();
+        balls = close_gaps(balls, placed.neighbours, ToolSettings::kMostSpheres);
+        tool.added = balls.size() - before;
+        // The net is that of the first spheres: with what was added, it has no gap left.
+        tool.widest_gap = widest_gap(balls, placed.neighbours);
+        if (tool.added > 0) {
+            placed = build_body_at(mesh, centres_of(balls), builder);
+        }
+    } else {
+        tool.widest_gap = widest_gap(balls, placed.neighbours);
+    }
+    const CoverError error = measure_cover(mesh, balls);
+    tool.cover_error = std::max(error.bare, error.proud);
+    tool.iterations = settings.iterations;
+    for (const Ball& ball : balls) {
+        tool.radius.push_back(ball.radius);
+    }
+    tool.body = std::move(placed.body);
+    tool.body.name = name_of(settings);
+    place(tool.body, settings.grip);
+    return tool;
+}
+
+}  // namespace haptic::sim
