@@ -15,6 +15,7 @@
 #include "haptic/sim/contact/planes_in_reach.hpp"
 #include "haptic/sim/contact/pop_out.hpp"
 #include "haptic/sim/contact/secure_position.hpp"
+#include "haptic/sim/contact/surroundings.hpp"
 #include "haptic/sim/contact/swept_tree.hpp"
 #include "haptic/sim/contact/verification.hpp"
 #include "haptic/sim/contact/virtual_proxy.hpp"
@@ -178,6 +179,7 @@ struct Simulation::State {
     std::vector<Vec3> end;
     std::vector<MovingSurface> surfaces;  // per body
     std::vector<SurfaceMotion> moved;     // per body
+    Surroundings surroundings{1};
     Workspace workspace;
     Clutch clutch;
     ContactSettings contact;
@@ -214,18 +216,21 @@ void Simulation::State::find_contact(StepResult& result, Stopwatch& watch) {
     for (std::size_t b = 0; b < moved.size(); ++b) {
         all.trees[b].refit(moved[b]);
     }
-    const SecurePosition secure = secure_position(surfaces, proxy, radius, contact, &path);
+    const ProxyReach around{.position = proxy, .goal = result.hip, .radius = radius};
+    surroundings.collect(surfaces, {&around, 1});
+    const NearSurfaces near = surroundings.of(0);
+    const SecurePosition secure = secure_position(near, proxy, radius, contact, &path);
     result.times.ccd_ns = watch.lap();
 
-    const PopOut popped = pop_out(surfaces, secure.position, radius, contact, &path);
+    const PopOut popped = pop_out(near, secure.position, radius, contact, &path);
     result.times.popout_ns = watch.lap();
 
-    const ProxyMove move = move_proxy(surfaces, {.before = proxy, .from = popped.position, .goal = result.hip}, radius,
+    const ProxyMove move = move_proxy(near, {.before = proxy, .from = popped.position, .goal = result.hip}, radius,
                                       scene.solver.step, contact, grip, &path);
     proxy = move.position;
     contacts = move.contacts;
     planes = planes_in_reach(
-        surfaces, contacts, {.position = proxy, .radius = radius, .reach = scene.proxy.reach, .dt = scene.solver.step});
+        near, contacts, {.position = proxy, .radius = radius, .reach = scene.proxy.reach, .dt = scene.solver.step});
     result.times.proxy_ns = watch.lap();
 
     result.proxy = proxy;

@@ -29,7 +29,7 @@ struct Load {
 /// A proxy that is taken along, sticks or slides.
 class Slider {
   public:
-    Slider(std::span<const MovingSurface> surfaces, const ProxyStep& step, double radius, double dt,
+    Slider(const NearSurfaces& surfaces, const ProxyStep& step, double radius, double dt,
            const ContactSettings& settings, ProxyPath* path)
         : surfaces_(surfaces),
           step_(step),
@@ -41,7 +41,7 @@ class Slider {
 
     ProxyMove run(ProxyGrip& grip) noexcept {
         if (grip.held_by.count > 0) {
-            reach(step_.before + carrying_velocity(surfaces_, grip, 1.0));
+            reach(step_.before + carrying_velocity(surfaces_.all(), grip, 1.0));
         }
         Load load = look();
         if (!load.held) {
@@ -142,7 +142,7 @@ class Slider {
         grip.slides = grip.slides && grip.held_by.count > 0;
     }
 
-    std::span<const MovingSurface> surfaces_;
+    NearSurfaces surfaces_;
     const ProxyStep& step_;
     const ContactSettings& settings_;
     double radius_;
@@ -155,7 +155,7 @@ class Slider {
 
 }  // namespace
 
-ProxyMove move_proxy(std::span<const MovingSurface> surfaces, const ProxyStep& step, double radius, double dt,
+ProxyMove move_proxy(const NearSurfaces& surfaces, const ProxyStep& step, double radius, double dt,
                      const ContactSettings& settings, ProxyGrip& grip, ProxyPath* path) noexcept {
     if (settings.static_friction == 0.0 && settings.dynamic_friction == 0.0) {
         return move_proxy(surfaces, step.from, step.goal, radius, dt, settings, path);

@@ -4,7 +4,7 @@
 
 namespace haptic::sim {
 
-void Hold::look(std::span<const MovingSurface> surfaces, const Vec3& at, const Vec3& goal, double radius,
+void Hold::look(const NearSurfaces& surfaces, const Vec3& at, const Vec3& goal, double radius,
                 const ContactSettings& settings) noexcept {
     touching_.gather(surfaces, 1.0, at, touching_reach(radius, settings), nullptr);
     planes_.clear();
@@ -14,7 +14,7 @@ void Hold::look(std::span<const MovingSurface> surfaces, const Vec3& at, const V
     room_ = planes_.project_with_room(goal, radius, 0.5 * touching_.clearance(radius));
 }
 
-SurfacePlanes Hold::planes(std::span<const MovingSurface> surfaces, double dt) const noexcept {
+SurfacePlanes Hold::planes(const NearSurfaces& surfaces, double dt) const noexcept {
     SurfacePlanes planes;
     for (std::uint32_t k = 0; k < room_.at.active_count; ++k) {
         const Touching& t = touching_.points()[room_.at.active[k]];

@@ -11,14 +11,14 @@ namespace haptic::sim {
 class Hold {
   public:
     /// Looks round the sphere where it is at the end of the step.
-    void look(std::span<const MovingSurface> surfaces, const Vec3& at, const Vec3& goal, double radius,
+    void look(const NearSurfaces& surfaces, const Vec3& at, const Vec3& goal, double radius,
               const ContactSettings& settings) noexcept;
 
     /// The point nearest to the goal beyond all planes, with the largest radius that there is room for.
     [[nodiscard]] const PlaneSet::Room& room() const noexcept { return room_; }
     [[nodiscard]] std::span<const Touching> points() const noexcept { return touching_.points(); }
     /// The planes that hold that point; `dt` (s) turns displacements into velocities.
-    [[nodiscard]] SurfacePlanes planes(std::span<const MovingSurface> surfaces, double dt) const noexcept;
+    [[nodiscard]] SurfacePlanes planes(const NearSurfaces& surfaces, double dt) const noexcept;
 
   private:
     TouchingSet touching_;

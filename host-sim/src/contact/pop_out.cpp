@@ -16,10 +16,10 @@ constexpr double kRelease = 0.5;
 
 }  // namespace
 
-PopOut pop_out(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
-               const ContactSettings& settings, ProxyPath* path) noexcept {
+PopOut pop_out(const NearSurfaces& surfaces, const Vec3& center, double radius, const ContactSettings& settings,
+               ProxyPath* path) noexcept {
     if (settings.pop_out == PopOutMethod::Thesis) {
-        return thesis_pop_out(surfaces, center, radius, settings, path);
+        return thesis_pop_out(surfaces.all(), center, radius, settings, path);
     }
     // Half-way between found and placed: clear enough not to be popped again, and reached in spite of rounding.
     const double enough = radius * 0.5 * (1.0 + settings.shrink);

@@ -90,12 +90,12 @@ struct Piece {
 };
 
 /// First touch on a piece, sphere and triangles both moving: in the sphere's frame the triangles still move linearly.
-Hit sweep(std::span<const MovingSurface> surfaces, const Piece& piece, const Ignored& ignored) noexcept {
+Hit sweep(const NearSurfaces& surfaces, const Piece& piece, const Ignored& ignored) noexcept {
     Hit hit;
-    const Box box = box_about(piece.from, piece.to, piece.radius);
+    const SweptBall ball(piece.from, piece.to, piece.radius);
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
         const SurfaceMotion& motion = surfaces[object].motion;
-        surfaces[object].tree->query(box, [&](std::uint32_t triangle) {
+        surfaces.query(object, ball, When::Step, [&](std::uint32_t triangle) {
             const TriangleCorners t0 = corners_of(motion, triangle, piece.from_time);
             const TriangleCorners t1 = corners_of(motion, triangle, piece.to_time);
             const MovingTriangle relative{{t0.a - piece.from, t0.b - piece.from, t0.c - piece.from},
@@ -120,7 +120,7 @@ Hit sweep(std::span<const MovingSurface> surfaces, const Piece& piece, const Ign
 /// The state of one proxy on its way through the step.
 class Rider {
   public:
-    Rider(std::span<const MovingSurface> surfaces, const Vec3& center, double radius, const ContactSettings& settings)
+    Rider(const NearSurfaces& surfaces, const Vec3& center, double radius, const ContactSettings& settings)
         : surfaces_(surfaces), settings_(settings), radius_(radius), position_(center) {}
 
     SecurePosition run(ProxyPath* path) noexcept {
@@ -316,7 +316,7 @@ class Rider {
         }
     }
 
-    std::span<const MovingSurface> surfaces_;
+    NearSurfaces surfaces_;
     const ContactSettings& settings_;
     double radius_;
     Vec3 position_;
@@ -332,10 +332,10 @@ class Rider {
 
 }  // namespace
 
-SecurePosition secure_position(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
+SecurePosition secure_position(const NearSurfaces& surfaces, const Vec3& center, double radius,
                                const ContactSettings& settings, ProxyPath* path) noexcept {
     if (settings.method == CcdMethod::Thesis) {
-        return thesis_secure_position(surfaces, center, radius, settings, path);
+        return thesis_secure_position(surfaces.all(), center, radius, settings, path);
     }
     return Rider(surfaces, center, radius, settings).run(path);
 }

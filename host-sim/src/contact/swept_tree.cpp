@@ -12,8 +12,7 @@ namespace haptic::sim {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr std::size_t kMostInLeaf = 16;   // a child with no more triangles is a leaf
-constexpr std::size_t kLeastToSplit = 7;  // a child with fewer is not split further to fill its node
+constexpr std::size_t kLeastToSplit = 7;  // a child with fewer triangles is not split further to fill its node
 
 using Pair = SweptTree::Pair;
 using Bounds = SweptTree::Bounds;

@@ -14,21 +14,24 @@ namespace {
 
 constexpr int kRoomBisections = 26;    // to 1e-8 of the radius
 constexpr double kFaceShare = 0.9999;  // of the distance to the border that the face must be away
+constexpr double kBeside = 1e-6;       // of the radius: more than rounding can make up
 constexpr double kSame = 1e-9;         // of the reach: touched points nearer to one another are the same
-
-/// Whether the box about the corners, grown by `reach`, holds the point.
-bool near_box(const TriangleCorners& t, const Vec3& p, double reach) noexcept {
-    const Vec3 low = glm::min(t.a, glm::min(t.b, t.c));
-    const Vec3 high = glm::max(t.a, glm::max(t.b, t.c));
-    return low.x - reach <= p.x && p.x <= high.x + reach && low.y - reach <= p.y && p.y <= high.y + reach &&
-           low.z - reach <= p.z && p.z <= high.z + reach;
-}
 
 bool overlaps(const TriangleCorners& t, const Box& box) noexcept {
     const Vec3 low = glm::min(t.a, glm::min(t.b, t.c));
     const Vec3 high = glm::max(t.a, glm::max(t.b, t.c));
     return low.x <= box.high.x && high.x >= box.low.x && low.y <= box.high.y && high.y >= box.low.y &&
            low.z <= box.high.z && high.z >= box.low.z;
+}
+
+/// Whether a plane alone keeps a sphere off the triangle all the way: that of its face, with the sphere on one side of
+/// it. Cheap, and true of most triangles round a sphere that lies on a convex surface.
+bool stays_beside(const TriangleCorners& t, const Vec3& from, const Vec3& to, double radius) noexcept {
+    const Vec3 n = glm::cross(t.b - t.a, t.c - t.a);
+    const double h0 = glm::dot(n, from - t.a);
+    const double h1 = glm::dot(n, to - t.a);
+    const double least = radius * radius * (1.0 + kBeside) * glm::dot(n, n);
+    return h0 * h0 > least && h1 * h1 > least && (h0 > 0.0) == (h1 > 0.0);
 }
 
 /// A touched point right at the centre has no direction: the face's own normal has to do.
@@ -82,15 +85,16 @@ SurfacePoint surface_point(const Touching& touching) noexcept {
     return {touching.object, touching.triangle, touching.at.feature, touching.at.weights};
 }
 
-void TouchingSet::gather(std::span<const MovingSurface> surfaces, double time, const Vec3& center, double reach,
+void TouchingSet::gather(const NearSurfaces& surfaces, double time, const Vec3& center, double reach,
                          const Ignored* ignored) noexcept {
     count_ = 0;
-    const Box box = box_about(center, center, reach);
+    const SweptBall ball(center, center, reach);
+    const When when = time >= 1.0 ? When::End : When::Step;
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
         const SurfaceMotion& motion = surfaces[object].motion;
-        surfaces[object].tree->query(box, [&](std::uint32_t triangle) {
+        surfaces.query(object, ball, when, [&](std::uint32_t triangle) {
             const TriangleCorners corners = corners_of(motion, triangle, time);
-            if (!near_box(corners, center, reach)) {
+            if (!overlaps(corners, ball.box) || stays_beside(corners, center, center, reach)) {
                 return;
             }
             Touching found;
@@ -166,7 +170,7 @@ double PlaneSet::height(std::size_t k, const Vec3& x) const noexcept {
 }
 
 Projection PlaneSet::project(const Vec3& target, double radius) const noexcept {
-    std::array<HalfSpace, kMaxTouching> half_spaces;
+    Scratch<HalfSpace, kMaxTouching> half_spaces;
     for (std::size_t k = 0; k < count_; ++k) {
         half_spaces[k] = {normals_[k], bases_[k] + radius};
     }
@@ -198,17 +202,23 @@ PlaneSet::Room PlaneSet::project_with_room(const Vec3& target, double radius, do
     return room;
 }
 
-double free_fraction(std::span<const MovingSurface> surfaces, const Vec3& from, const Vec3& displacement, double radius,
+double free_fraction(const NearSurfaces& surfaces, const Vec3& from, const Vec3& displacement, double radius,
                      double release) noexcept {
     double fraction = 1.0;
-    const Box box = box_about(from, from + displacement, radius);
-    for (const MovingSurface& surface : surfaces) {
-        surface.tree->query(box, [&](std::uint32_t triangle) {
-            const TriangleCorners corners = corners_of(surface.motion.end, surface.motion.triangles[triangle]);
-            if (!overlaps(corners, box)) {
+    const Vec3 to = from + displacement;
+    const SweptBall ball(from, to, radius);
+    const double farthest = (radius + std::sqrt(glm::dot(displacement, displacement))) * (1.0 + kBeside);
+    for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
+        const SurfaceMotion& motion = surfaces[object].motion;
+        surfaces.query(object, ball, When::End, [&](std::uint32_t triangle) {
+            const TriangleCorners corners = corners_of(motion.end, motion.triangles[triangle]);
+            if (!overlaps(corners, ball.box) || stays_beside(corners, from, to, radius)) {
                 return;
             }
             const double distance = std::sqrt(closest_point_on_triangle(from, corners).squared_distance);
+            if (distance > farthest) {
+                return;
+            }
             const SphereHit hit =
                 sweep_sphere(from, displacement, std::min(radius, release * distance), distance, corners);
             if (hit.hits) {

@@ -1,13 +1,14 @@
 // What touches a sphere at an instant, reduced to the half-spaces that matter. Shared by the moves of the proxy.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
 
+#include "contact/scratch.hpp"
 #include "haptic/sim/contact/closest_point.hpp"
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact/half_spaces.hpp"
+#include "haptic/sim/contact/surroundings.hpp"
 #include "haptic/sim/contact/swept_tree.hpp"
 #include "haptic/types.hpp"
 
@@ -42,7 +43,7 @@ struct Ignored {
         std::uint32_t triangle;  // kWhole: all of the object
     };
     static constexpr std::uint32_t kWhole = 0xffffffffu;
-    std::array<Entry, kCapacity> entries{};
+    Scratch<Entry, kCapacity> entries;
     std::size_t count = 0;
 
     [[nodiscard]] bool has(std::uint32_t object, std::uint32_t triangle) const noexcept {
@@ -69,7 +70,7 @@ class TouchingSet {
     /// distance by that plane. So the inner edges of a flat or convex surface give no planes of their own. Of a
     /// triangle that begins behind such a plane and rises out of it (the other side of a valley) the face is taken:
     /// that is what the sphere will meet, not the border from which it rises.
-    void gather(std::span<const MovingSurface> surfaces, double time, const Vec3& center, double reach,
+    void gather(const NearSurfaces& surfaces, double time, const Vec3& center, double reach,
                 const Ignored* ignored) noexcept;
 
     [[nodiscard]] std::span<const Touching> points() const noexcept { return {points_.data(), count_}; }
@@ -83,7 +84,7 @@ class TouchingSet {
     void insert(const Touching& found, double same) noexcept;
     void remove_implied(const Vec3& center, double tolerance) noexcept;
 
-    std::array<Touching, kMaxTouching> points_;
+    Scratch<Touching, kMaxTouching> points_;
     std::size_t count_ = 0;
 };
 
@@ -112,8 +113,8 @@ class PlaneSet {
     [[nodiscard]] Room project_with_room(const Vec3& target, double radius, double least) const noexcept;
 
   private:
-    std::array<Vec3, kMaxTouching> normals_{};
-    std::array<double, kMaxTouching> bases_{};
+    Scratch<Vec3, kMaxTouching> normals_;
+    Scratch<double, kMaxTouching> bases_;
     std::size_t count_ = 0;
 };
 
@@ -123,7 +124,7 @@ class PlaneSet {
 
 /// How far along a straight move at the end of the step the sphere comes with `radius`. A triangle that is nearer than
 /// the radius already holds it from where it is `release` times as far as now.
-[[nodiscard]] double free_fraction(std::span<const MovingSurface> surfaces, const Vec3& from, const Vec3& displacement,
+[[nodiscard]] double free_fraction(const NearSurfaces& surfaces, const Vec3& from, const Vec3& displacement,
                                    double radius, double release) noexcept;
 
 /// The touched point as the simulation is told of it.

@@ -15,7 +15,7 @@ constexpr double kProgress = 1e-4;   // of the radius, by this much
 constexpr double kWidestTurn = 0.5;  // cosine: a proxy rolls about an edge or a corner by at most 60 degrees at once
 
 /// The nearest point to `goal` of the edge or corner that is touched.
-Vec3 nearest_of_feature(std::span<const MovingSurface> surfaces, const Touching& t, const Vec3& goal) noexcept {
+Vec3 nearest_of_feature(const NearSurfaces& surfaces, const Touching& t, const Vec3& goal) noexcept {
     if (t.at.feature == Feature::Vertex) {
         return t.point;
     }
@@ -30,7 +30,7 @@ Vec3 nearest_of_feature(std::span<const MovingSurface> surfaces, const Touching&
 /// A proxy on its way to the goal.
 class Walker {
   public:
-    Walker(std::span<const MovingSurface> surfaces, const Vec3& from, const Vec3& goal, double radius,
+    Walker(const NearSurfaces& surfaces, const Vec3& from, const Vec3& goal, double radius,
            const ContactSettings& settings, ProxyPath* path)
         : surfaces_(surfaces), settings_(settings), goal_(goal), radius_(radius), position_(from), path_(path) {}
 
@@ -107,7 +107,7 @@ class Walker {
         return true;
     }
 
-    std::span<const MovingSurface> surfaces_;
+    NearSurfaces surfaces_;
     const ContactSettings& settings_;
     Vec3 goal_;
     double radius_;
@@ -119,8 +119,8 @@ class Walker {
 
 }  // namespace
 
-ProxyMove move_proxy(std::span<const MovingSurface> surfaces, const Vec3& from, const Vec3& goal, double radius,
-                     double dt, const ContactSettings& settings, ProxyPath* path) noexcept {
+ProxyMove move_proxy(const NearSurfaces& surfaces, const Vec3& from, const Vec3& goal, double radius, double dt,
+                     const ContactSettings& settings, ProxyPath* path) noexcept {
     return Walker(surfaces, from, goal, radius, settings, path).run(dt);
 }
 

@@ -17,6 +17,7 @@
 
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact/proxy_path.hpp"
+#include "haptic/sim/contact/surroundings.hpp"
 #include "haptic/sim/contact/swept_tree.hpp"
 #include "haptic/sim/contact/virtual_proxy.hpp"
 #include "haptic/types.hpp"
@@ -39,8 +40,8 @@ struct ProxyStep {
 /// move_proxy() with settings.static_friction and settings.dynamic_friction; without either it is move_proxy(), to the
 /// bit. The contacts of the result are the planes that hold the proxy where it sticks. A proxy that does not turn and
 /// does not slip goes with the velocity of the touched points. Every move is swept as there. Updates `grip`.
-[[nodiscard]] ProxyMove move_proxy(std::span<const MovingSurface> surfaces, const ProxyStep& step, double radius,
-                                   double dt, const ContactSettings& settings, ProxyGrip& grip,
+[[nodiscard]] ProxyMove move_proxy(const NearSurfaces& surfaces, const ProxyStep& step, double radius, double dt,
+                                   const ContactSettings& settings, ProxyGrip& grip,
                                    ProxyPath* path = nullptr) noexcept;
 
 using FrictionParts = std::array<Vec3, kMaxSurfacePlanes>;  // N, per contact

@@ -1,10 +1,8 @@
 // The planes that a haptic loop needs until the next frame: those in contact and those that may be touched meanwhile.
 #pragma once
 
-#include <span>
-
 #include "haptic/sim/contact/contact.hpp"
-#include "haptic/sim/contact/swept_tree.hpp"
+#include "haptic/sim/contact/surroundings.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
@@ -24,7 +22,7 @@ struct ReachQuery {
 /// radius + reach; keep `reach` below the radius, and the hand cannot get far enough round a border in one frame to
 /// feel the difference. Normals are those at the predicted touch, so that a sheet that comes edge-on is met on its
 /// edge.
-[[nodiscard]] SurfacePlanes planes_in_reach(std::span<const MovingSurface> surfaces, const SurfacePlanes& contacts,
+[[nodiscard]] SurfacePlanes planes_in_reach(const NearSurfaces& surfaces, const SurfacePlanes& contacts,
                                             const ReachQuery& query) noexcept;
 
 }  // namespace haptic::sim

@@ -1,11 +1,9 @@
 // What is left to do once all surfaces have arrived: push the proxy clear of those that still clip it (thesis, 4.2.4).
 #pragma once
 
-#include <span>
-
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact/proxy_path.hpp"
-#include "haptic/sim/contact/swept_tree.hpp"
+#include "haptic/sim/contact/surroundings.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
@@ -22,7 +20,7 @@ struct PopOut {
 /// is the one on which the centre is, and every move is swept, so that it stays there.
 /// settings.pop_out = Thesis calls thesis_pop_out() instead.
 /// @source in place of the thesis' Algorithm 2, whose result depends on the order of triangles (4.6.1)
-[[nodiscard]] PopOut pop_out(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
+[[nodiscard]] PopOut pop_out(const NearSurfaces& surfaces, const Vec3& center, double radius,
                              const ContactSettings& settings, ProxyPath* path = nullptr) noexcept;
 
 }  // namespace haptic::sim

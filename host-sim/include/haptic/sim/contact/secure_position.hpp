@@ -12,11 +12,10 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact/proxy_path.hpp"
-#include "haptic/sim/contact/swept_tree.hpp"
+#include "haptic/sim/contact/surroundings.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
@@ -35,7 +34,7 @@ struct SecurePosition {
 
 /// The secure position of a sphere that stands at `center` while `surfaces` move. Appends the ride to `path` if given.
 /// Deterministic, no allocation, no libm. With `settings.method` Thesis it is Algorithm 1 instead (thesis_ccd.hpp).
-[[nodiscard]] SecurePosition secure_position(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
+[[nodiscard]] SecurePosition secure_position(const NearSurfaces& surfaces, const Vec3& center, double radius,
                                              const ContactSettings& settings, ProxyPath* path = nullptr) noexcept;
 
 }  // namespace haptic::sim

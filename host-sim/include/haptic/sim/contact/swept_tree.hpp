@@ -39,6 +39,8 @@ class SweptTree {
         Pair yz;  // -high.y, -high.z
     };
 
+    static constexpr std::size_t kMostInLeaf = 16;  // triangles
+
     /// Splits the triangles by the positions of `rest`, at medians along the longest axis. Every box is empty until the
     /// first refit. Throws std::invalid_argument for an index without vertex.
     SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles);
@@ -52,7 +54,7 @@ class SweptTree {
     /// none too few. Order is fixed by the tree. No allocation. A surface that is far away as a whole costs one test.
     template <class Visit>
     void query(const Box& box, Visit&& visit) const {
-        if (nodes_.empty() || !meets(bounds_, box)) {
+        if (!meets(box)) {
             return;
         }
         std::array<std::uint32_t, kMaxStack> stack{};
@@ -66,12 +68,74 @@ class SweptTree {
                     stack[depth++] = child;
                     continue;
                 }
-                const Leaf& leaf = leaves_[child & ~kLeaf];
-                for (std::uint32_t k = leaf.triangles_begin; k < leaf.triangles_end; ++k) {
-                    visit(leaf_triangles_[k]);
+                for (const std::uint32_t triangle : triangles_of(child & ~kLeaf)) {
+                    visit(triangle);
                 }
             }
         }
+    }
+
+    /// One walk for several boxes, at most 64: calls visit(leaf, who) for each leaf that meets any of them, bit k of
+    /// `who` being set if it meets boxes[k]. Leaves come in the order in which query() would come to them.
+    template <class Visit>
+    void walk(std::span<const Box> boxes, Visit&& visit) const {
+        std::uint64_t all = 0;
+        for (std::size_t k = 0; k < boxes.size(); ++k) {
+            all |= std::uint64_t{meets(boxes[k])} << k;
+        }
+        if (all == 0) {
+            return;
+        }
+        struct Waiting {
+            std::uint32_t node;
+            std::uint64_t who;
+        };
+        std::array<Waiting, kMaxStack> stack;  // NOLINT(cppcoreguidelines-pro-type-member-init): 1 kB a walk
+        std::size_t depth = 0;
+        stack[depth++] = {0, all};
+        while (depth > 0) {
+            const auto [index, who] = stack[--depth];
+            const Node& node = nodes_[index];
+            std::array<std::uint64_t, kWidth> into{};
+            for (std::uint64_t left = who; left != 0; left &= left - 1) {
+                const auto k = static_cast<std::size_t>(__builtin_ctzll(left));
+                for (std::uint32_t hits = overlaps(node, boxes[k]); hits != 0; hits &= hits - 1) {
+                    into[static_cast<std::size_t>(__builtin_ctz(hits))] |= std::uint64_t{1} << k;
+                }
+            }
+            for (std::size_t slot = 0; slot < kWidth; ++slot) {
+                if (into[slot] == 0) {
+                    continue;
+                }
+                if ((node.child[slot] & kLeaf) == 0) {
+                    stack[depth++] = {node.child[slot], into[slot]};
+                } else {
+                    visit(node.child[slot] & ~kLeaf, into[slot]);
+                }
+            }
+        }
+    }
+
+    /// Whether anything of the surface may be in the box.
+    [[nodiscard]] bool meets(const Box& box) const noexcept { return !nodes_.empty() && meets(bounds_, box); }
+    /// Of a leaf that walk() named.
+    [[nodiscard]] std::span<const std::uint32_t> triangles_of(std::uint32_t leaf) const noexcept {
+        const Leaf& l = leaves_[leaf];
+        return {&leaf_triangles_[l.triangles_begin], l.triangles_end - l.triangles_begin};
+    }
+    [[nodiscard]] Bounds bounds_of(std::uint32_t leaf) const noexcept {
+        const Node& node = nodes_[leaves_[leaf].node];
+        const std::size_t pair = leaves_[leaf].slot / 2;
+        const std::size_t half = leaves_[leaf].slot % 2;
+        return {Pair{node.low[0][pair][half], node.low[1][pair][half]},
+                Pair{node.low[2][pair][half], node.minus_high[0][pair][half]},
+                Pair{node.minus_high[1][pair][half], node.minus_high[2][pair][half]}};
+    }
+    /// The test that query() makes for a leaf.
+    [[nodiscard]] static bool meets(const Bounds& b, const Box& box) noexcept {
+        const auto meets = (b.xy <= Pair{box.high.x, box.high.y}) & (b.zx <= Pair{box.high.z, -box.low.x}) &
+                           (b.yz <= Pair{-box.low.y, -box.low.z});
+        return (meets[0] & meets[1]) != 0;
     }
 
     /// Box of everything over the step.
@@ -105,15 +169,17 @@ class SweptTree {
 
     /// Bit k: child k meets the box.
     [[nodiscard]] static std::uint32_t overlaps(const Node& node, const Box& box) noexcept {
-        std::uint32_t hits = 0;
+        using PairBits = std::int64_t __attribute__((vector_size(16)));
+        PairBits hits{};
+        PairBits bit{1, 2};
         for (std::size_t k = 0; k < kWidth / 2; ++k) {
-            const auto meets = (node.low[0][k] <= box.high.x) & (node.low[1][k] <= box.high.y) &
-                               (node.low[2][k] <= box.high.z) & (node.minus_high[0][k] <= -box.low.x) &
-                               (node.minus_high[1][k] <= -box.low.y) & (node.minus_high[2][k] <= -box.low.z);
-            hits |= (meets[0] != 0 ? 1u : 0u) << (2 * k);
-            hits |= (meets[1] != 0 ? 2u : 0u) << (2 * k);
+            const PairBits meets = (node.low[0][k] <= box.high.x) & (node.low[1][k] <= box.high.y) &
+                                   (node.low[2][k] <= box.high.z) & (node.minus_high[0][k] <= -box.low.x) &
+                                   (node.minus_high[1][k] <= -box.low.y) & (node.minus_high[2][k] <= -box.low.z);
+            hits |= meets & bit;
+            bit <<= 2;
         }
-        return hits;
+        return static_cast<std::uint32_t>(hits[0] | hits[1]);
     }
 
     [[nodiscard]] static bool meets(const Box& a, const Box& b) noexcept {

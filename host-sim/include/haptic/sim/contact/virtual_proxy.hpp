@@ -1,11 +1,9 @@
 // The virtual proxy: a sphere that goes toward the device as far as the surfaces let it (thesis, 4.1.1).
 #pragma once
 
-#include <span>
-
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact/proxy_path.hpp"
-#include "haptic/sim/contact/swept_tree.hpp"
+#include "haptic/sim/contact/surroundings.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
@@ -23,8 +21,7 @@ struct ProxyMove {
 /// the velocities of the contact planes.
 /// @source Ruspini, Kolarov, Khatib 1997; thesis 4.1.1 and 4.1.4. Differs: all touched planes enter the minimisation,
 /// whose exact solution then names the (at most three) that hold.
-[[nodiscard]] ProxyMove move_proxy(std::span<const MovingSurface> surfaces, const Vec3& from, const Vec3& goal,
-                                   double radius, double dt, const ContactSettings& settings,
-                                   ProxyPath* path = nullptr) noexcept;
+[[nodiscard]] ProxyMove move_proxy(const NearSurfaces& surfaces, const Vec3& from, const Vec3& goal, double radius,
+                                   double dt, const ContactSettings& settings, ProxyPath* path = nullptr) noexcept;
 
 }  // namespace haptic::sim

@@ -1,0 +1,221 @@
+// Claim: what is collected before a step decides how fast its queries are answered, never what the answer is.
+#include "haptic/sim/contact/surroundings.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include "contact/oracle.hpp"
+#include "contact/scenes.hpp"
+#include "haptic/sim/contact/planes_in_reach.hpp"
+
+namespace {
+
+using haptic::Mat3;
+using haptic::Vec3;
+using haptic::sim::Box;
+using haptic::sim::NearSurfaces;
+using haptic::sim::PopOut;
+using haptic::sim::ProxyMove;
+using haptic::sim::ProxyReach;
+using haptic::sim::SecurePosition;
+using haptic::sim::SurfacePlanes;
+using haptic::sim::Surroundings;
+using haptic::sim::oracle::Random;
+using haptic::sim::scenes::ball;
+using haptic::sim::scenes::Body;
+using haptic::sim::scenes::placed;
+using haptic::sim::scenes::rotation;
+using haptic::sim::scenes::sheet;
+using haptic::sim::scenes::World;
+
+constexpr double kRadius = 0.03;  // m
+
+struct Moved {
+    SecurePosition secure;
+    PopOut popped;
+    ProxyMove move;
+    SurfacePlanes planes;
+};
+
+Moved moved(const NearSurfaces& surfaces, const ProxyReach& at) {
+    Moved m;
+    m.secure = secure_position(surfaces, at.position, at.radius, {});
+    m.popped = pop_out(surfaces, m.secure.position, at.radius, {});
+    m.move = move_proxy(surfaces, m.popped.position, at.goal, at.radius, 0.01, {});
+    m.planes = planes_in_reach(surfaces, m.move.contacts,
+                               {.position = m.move.position, .radius = at.radius, .reach = 0.01, .dt = 0.01});
+    return m;
+}
+
+void expect_same(const Moved& a, const Moved& b) {
+    EXPECT_EQ(a.secure.position, b.secure.position);
+    EXPECT_EQ(a.secure.rides, b.secure.rides);
+    EXPECT_EQ(a.secure.first_time, b.secure.first_time);
+    EXPECT_EQ(a.secure.first.triangle, b.secure.first.triangle);
+    EXPECT_EQ(a.secure.squeezed, b.secure.squeezed);
+    EXPECT_EQ(a.popped.position, b.popped.position);
+    EXPECT_EQ(a.popped.clearance, b.popped.clearance);
+    EXPECT_EQ(a.move.position, b.move.position);
+    EXPECT_EQ(a.move.iterations, b.move.iterations);
+    ASSERT_EQ(a.planes.count, b.planes.count);
+    for (std::uint32_t k = 0; k < a.planes.count; ++k) {
+        EXPECT_EQ(a.planes.plane[k].normal, b.planes.plane[k].normal);
+        EXPECT_EQ(a.planes.plane[k].offset, b.planes.plane[k].offset);
+        EXPECT_EQ(a.planes.plane[k].touched.object, b.planes.plane[k].touched.object);
+        EXPECT_EQ(a.planes.plane[k].touched.triangle, b.planes.plane[k].touched.triangle);
+    }
+}
+
+/// Two balls and a waving sheet between them, turned and shifted by up to `travel` a step.
+class Waves : public testing::TestWithParam<double> {
+  protected:
+    Waves() {
+        world.add(sheet(0.6, 24, true));
+        world.add(ball(0.1, 10));
+        world.add(ball(0.07, 16));
+    }
+    void move(double travel) {
+        for (std::size_t b = 0; b < world.bodies.size(); ++b) {
+            Body& body = *world.bodies[b];
+            const Vec3 shift = Vec3(0.0, 0.12 * (static_cast<double>(b) - 1.0), 0.0) + random.in_cube(0.05);
+            const Mat3 attitude = rotation(random.direction(), random.uniform(0.0, 0.5));
+            body.start = placed(body.mesh.vertices, attitude, shift);
+            body.end = placed(body.mesh.vertices, rotation(random.direction(), travel) * attitude,
+                              shift + random.in_cube(travel));
+            for (Vec3& v : body.end) {
+                v.y += 0.2 * travel * std::sin(20.0 * v.x);
+            }
+        }
+        world.refit();
+    }
+
+    Random random{71};
+    World world;
+};
+
+TEST_P(Waves, MoveEachProxyOfAToolToTheSameBitsHoweverItsSurroundingsAreFound) {
+    Surroundings surroundings(9);
+    int touching = 0;
+    int rides = 0;
+    std::size_t listed = 0;
+    for (int round = 0; round < 20; ++round) {
+        move(GetParam());
+        std::vector<ProxyReach> tool;
+        for (int k = 0; k < 9; ++k) {
+            // Goals up to some twenty radii away; the last proxies are larger and smaller than the others.
+            const Vec3 at = random.in_cube(0.2);
+            const double radius = k == 7 ? 2.0 * kRadius : k == 8 ? 0.2 * kRadius : kRadius;
+            tool.push_back({at, at + random.in_cube(random.uniform(0.0, 0.3)), radius, 0.1 * radius});
+        }
+        surroundings.collect(world.surfaces, tool);
+        for (std::size_t k = 0; k < tool.size(); ++k) {
+            const Moved with = moved(surroundings.of(k), tool[k]);
+            expect_same(with, moved(world.surfaces, tool[k]));
+            touching += with.planes.count > 0 ? 1 : 0;
+            rides += with.secure.rides > 1 ? 1 : 0;
+            listed += surroundings.listed(k);
+        }
+    }
+    EXPECT_GT(touching, 40);
+    EXPECT_GT(rides, 15);
+    EXPECT_GT(listed, 1000u);
+}
+
+// m a step: slow, some radii, and so fast that nothing can be listed
+INSTANTIATE_TEST_SUITE_P(Travel, Waves, testing::Values(0.002, 0.05, 0.5));
+
+TEST(Surroundings, AskTheTreesWhereThereIsTooMuchToList) {
+    World world;
+    Body& fine = world.add(sheet(0.1, 40, true));  // 3,200 triangles in less than two diameters
+    fine.end = placed(fine.mesh.vertices, Mat3(1.0), Vec3(0.0, 0.02, 0.0));
+    world.refit();
+    Surroundings surroundings(2);
+    const std::array<ProxyReach, 2> tool{ProxyReach{{0.0, 0.04, 0.0}, {0.01, 0.0, 0.0}, kRadius},
+                                         ProxyReach{{0.0, 5.0, 0.0}, {0.0, 4.9, 0.0}, kRadius}};
+    surroundings.collect(world.surfaces, tool);
+    EXPECT_EQ(surroundings.overflows(), 1u);
+    EXPECT_EQ(surroundings.listed(1), 0u);
+    for (std::size_t k = 0; k < tool.size(); ++k) {
+        expect_same(moved(surroundings.of(k), tool[k]), moved(world.surfaces, tool[k]));
+    }
+    EXPECT_EQ(moved(surroundings.of(0), tool[0]).move.contacts.count, 1u);
+}
+
+TEST(Surroundings, KnowMoreSurfacesThanTheyCanListForOneProxy) {
+    World world;
+    for (int k = 0; k < 40; ++k) {
+        Body& body = world.add(sheet(0.02, 1, false));
+        const Vec3 shift(0.01 * (k % 7), -0.005 * (k % 3), 0.01 * static_cast<double>(k / 7));
+        body.start = placed(body.mesh.vertices, Mat3(1.0), shift);
+        body.end = placed(body.mesh.vertices, Mat3(1.0), shift + Vec3(0.0, 0.01, 0.0));
+    }
+    world.refit();
+    Surroundings surroundings(1);
+    const std::array<ProxyReach, 1> proxy{ProxyReach{{0.03, 0.031, 0.02}, {0.03, 0.0, 0.02}, kRadius}};
+    surroundings.collect(world.surfaces, proxy);
+    EXPECT_EQ(surroundings.overflows(), 1u);
+    expect_same(moved(surroundings.of(0), proxy[0]), moved(world.surfaces, proxy[0]));
+}
+
+TEST(Surroundings, VisitTheTrianglesOfAQueryInTheOrderOfTheTree) {
+    Random random(5);
+    World world;
+    Body& body = world.add(sheet(0.4, 12, true));
+    for (Vec3& v : body.end) {
+        v += random.in_cube(0.01);
+    }
+    world.refit();
+    Surroundings surroundings(1);
+    std::size_t seen = 0;
+    for (int k = 0; k < 200; ++k) {
+        const Vec3 p = random.in_cube(0.2);
+        const std::array<ProxyReach, 1> proxy{ProxyReach{p, p, kRadius}};
+        surroundings.collect(world.surfaces, proxy);
+        const haptic::sim::SweptBall ball(p, p + random.in_cube(0.003), random.uniform(0.3, 1.0) * kRadius);
+        std::vector<std::uint32_t> listed;
+        surroundings.of(0).query(0, ball, haptic::sim::When::Step, [&](std::uint32_t t) { listed.push_back(t); });
+        std::size_t next = 0;
+        NearSurfaces(world.surfaces).query(0, ball, haptic::sim::When::Step, [&](std::uint32_t t) {
+            next += next < listed.size() && listed[next] == t ? 1u : 0u;
+        });
+        ASSERT_EQ(next, listed.size()) << "an ordered part of what the tree gives";
+        // No triangle is left out that comes into the ball: by places on it, start and end.
+        for (std::uint32_t t = 0; t < body.mesh.triangles.size(); ++t) {
+            for (int sample = 0; sample < 6; ++sample) {
+                const double a = random.uniform(0.0, 1.0);
+                const double b = random.uniform(0.0, 1.0 - a);
+                const auto& x = random.below(2) != 0 ? body.start : body.end;
+                const haptic::sim::Triangle& c = body.mesh.triangles[t];
+                if (glm::length(x[c[0]] * a + x[c[1]] * b + x[c[2]] * (1.0 - a - b) - p) < 0.3 * kRadius) {
+                    ++seen;
+                    ASSERT_NE(std::find(listed.begin(), listed.end(), t), listed.end()) << t;
+                }
+            }
+        }
+    }
+    EXPECT_GT(seen, 30u);
+}
+
+TEST(Surroundings, OfAProxyThatWasNotCollectedAreTheTrees) {
+    World world;
+    world.add(sheet(0.4, 12, true));
+    world.refit();
+    Surroundings surroundings(2);
+    const std::array<ProxyReach, 1> one{ProxyReach{{0.0, 0.03, 0.0}, {0.0, -0.1, 0.0}, kRadius}};
+    surroundings.collect(world.surfaces, one);
+    expect_same(moved(surroundings.of(1), one[0]), moved(world.surfaces, one[0]));
+    EXPECT_EQ(surroundings.listed(1), 0u);
+    EXPECT_GT(surroundings.listed(0), 0u);
+}
+
+TEST(Surroundings, AreForSixtyFourProxiesAtMost) {
+    EXPECT_NO_THROW(Surroundings(64));
+    EXPECT_THROW(Surroundings(65), std::invalid_argument);
+}
+
+}  // namespace
