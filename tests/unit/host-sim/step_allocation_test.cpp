@@ -54,6 +54,10 @@ Count by_script(const Scene& scene) {
     return count;
 }
 
+constexpr double kMostSpeed = 5.0;  // m/s
+constexpr double kMostTurn = 15.0;  // rad/s
+constexpr int kSteps = 250;
+
 class StepAllocations : public testing::TestWithParam<std::string_view> {};
 
 TEST_P(StepAllocations, AreNoneWithTheScriptedHandFreeAndInContact) {
@@ -64,10 +68,8 @@ TEST_P(StepAllocations, AreNoneWithTheScriptedHandFreeAndInContact) {
 }
 
 TEST_P(StepAllocations, AreNoneWithAHostileHandAndTheClutch) {
-    constexpr double kMostSpeed = 5.0;  // m/s
-    constexpr int kSteps = 250;
     Simulation simulation(scene_with(std::string(GetParam()), {}));
-    HostileHand hand(3, kMostSpeed, simulation.proxy());
+    HostileHand hand(3, kMostSpeed, kMostTurn, simulation.proxy());
     const Scene& scene = simulation.scene();
     const std::int64_t step_ns = nanoseconds(scene.solver.step);
     WorkspaceSettings narrower = scene.workspace;
@@ -77,6 +79,7 @@ TEST_P(StepAllocations, AreNoneWithAHostileHandAndTheClutch) {
         StepInput input;
         input.time_ns = k * step_ns;
         input.device.position = simulation.workspace().to_device(hand.after(scene.solver.step, simulation.vertices()));
+        input.device.orientation = hand.orientation();
         input.buttons = k % 50 > 40 ? ~0u : 0u;
         if (k == kSteps / 2) {
             simulation.change_workspace(narrower);
