@@ -1,6 +1,7 @@
 #include "haptic/sim/collisions.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -9,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "ellipsoids.hpp"
-#include "haptic/sim/rotation.hpp"
+#include "collider_rows.hpp"
+#include "ellipsoid_lanes.hpp"
 #include "projection.hpp"
 #include "swept_pairs.hpp"
 
@@ -26,13 +27,15 @@ constexpr std::size_t kPairsPerParticle = 64;
 constexpr std::size_t kPlanesPerParticle = 32;
 // Up to so many bodies, particles that are in no other body's box are left out before the grid is made.
 constexpr std::size_t kMostBodiesToClip = 64;
-// Passes in finish(), which end when no contact is deeper than this part of the least mean semi-axis.
+// Passes in finish(), which end when no contact is deeper than this part of the least mean semi-axis, or when there and
+// back has left more than that part of the greatest depth: what is squeezed from all sides is for later steps.
 constexpr int kMostMorePasses = 8;
 constexpr double kDeep = 0.05;
+constexpr double kStagnant = 0.75;
 // Mean semi-axes by which two bodies may come nearer in a sub-step. With 5 passes over the constraints, clouds of 137
 // particles of stiffness 0.9, 0.05 m thick, begin to get through one another at 5, and do not at 4.
 constexpr double kMostApproach = 3.0;
-// m: beyond any scene; the grid's arithmetic stays finite.
+// m: beyond any scene; arithmetic with it stays finite.
 constexpr double kFarthest = 1e12;
 
 void check(const CollisionSettings& s) {
@@ -62,14 +65,8 @@ void move(Row& row, const Vec3& by) noexcept {
     row.number[2] += by.z;
 }
 
-Quat turn_of(const Body& body) noexcept {
-    return Quat(body.turn.number[0], body.turn.number[1], body.turn.number[2], body.turn.number[3]);
-}
-
 /// What does not change.
 struct Collider {
-    Vec3 semi_axes;
-    Quat axes;            // rest_from_ellipsoid
     double size;          // m, mean semi-axis
     double reach;         // m, largest semi-axis
     double inverse_mass;  // 1/kg; 0: pinned
@@ -97,38 +94,128 @@ struct alignas(64) Plane {
 
 /// What a plane needs when it pushes.
 struct PlaneDetail {
-    Vec3 from;                // m, the first seen from the second at the start
-    Vec3 rub;                 // m, displacement by friction, along the plane
-    std::uint32_t first_box;  // indices of boxes, and of shapes
-    std::uint32_t second_box;
+    Vec3 from;  // m, the first seen from the second at the start
+    Vec3 rub;   // m, displacement by friction, along the plane
 };
 
 /// Between a particle and the ground.
 struct GroundContact {
-    std::uint32_t particle;
     double least;  // m, height of the particle's centre
     double push;
-    Vec3 start;
-    Vec3 rub;
+    std::uint32_t particle;
 };
 
-/// Around a particle's way as if it were a ball, or around the ways of all of a body's.
-struct WayBox {
-    Vec3 low{0.0};
-    Vec3 high{0.0};
-    double slack = 0.0;  // m, of that how much is there in case constraints lead it further
+/// Friction of a ground contact, in x and z.
+struct GroundRub {
+    double x = 0.0;  // m
+    double z = 0.0;
+    double start_x = 0.0;  // m, where the particle began
+    double start_z = 0.0;
 };
 
-bool overlap(const WayBox& a, const WayBox& b) noexcept {
-    return a.low.x <= b.high.x && b.low.x <= a.high.x && a.low.y <= b.high.y && b.low.y <= a.high.y &&
-           a.low.z <= b.high.z && b.low.z <= a.high.z;
+bool overlap(const Bounds& a, const Bounds& b) noexcept {
+    bool both = true;
+    for (int k = 0; k < 3; ++k) {
+        both = both && a.low[k] <= b.high[k] && b.low[k] <= a.high[k];
+    }
+    return both;
 }
 
-bool usable(const WayBox& box) noexcept {
+bool usable(const SweptBox& box) noexcept {
     const auto in_range = [](double x) { return x > -kFarthest && x < kFarthest; };
     return in_range(box.low.x) && in_range(box.low.y) && in_range(box.low.z) && in_range(box.high.x) &&
            in_range(box.high.y) && in_range(box.high.z);
 }
+
+/// Those that this machine can do, by number of lanes.
+std::vector<const ColliderKernels*> usable_kernels() {
+    std::vector<const ColliderKernels*> usable{&kColliderOneLane, &kColliderTwoLanes};
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2") != 0) {
+        usable.push_back(&kColliderFourLanes);
+    }
+    if (__builtin_cpu_supports("avx512f") != 0) {
+        usable.push_back(&kColliderEightLanes);
+    }
+#endif
+    return usable;
+}
+
+const ColliderKernels& choose_kernels(std::size_t lanes) {
+    const std::vector<const ColliderKernels*> usable = usable_kernels();
+    if (lanes == ParticleCollisions::kWidest) {
+        return *usable.back();
+    }
+    for (const ColliderKernels* kernels : usable) {
+        if (kernels->lanes == lanes) {
+            return *kernels;
+        }
+    }
+    throw std::invalid_argument("collisions: this machine has no vectors of " + std::to_string(lanes) +
+                                " lanes; ParticleCollisions::usable_lanes() tells those that it has");
+}
+
+LaneVec<double> lane(const Vec3& v) noexcept {
+    return {v.x, v.y, v.z};
+}
+
+/// What is known of each particle, in rows.
+class Colliders {
+  public:
+    explicit Colliders(const ParticleModel& model)
+        : length_(model.size() + kMostLanes), number_(collider_row::kCount * length_) {
+        using namespace collider_row;
+        for (std::size_t i = 0; i < model.size(); ++i) {
+            const Vec3& axes = model.semi_axes[i];
+            const Quat& q = model.axes[i];
+            set(kSemiAxes, i, {axes.x, axes.y, axes.z});
+            set(kAxes, i, {q.w, q.x, q.y, q.z});
+            set(kSize, i, {(axes.x + axes.y + axes.z) / 3.0, std::max({axes.x, axes.y, axes.z})});
+        }
+    }
+    [[nodiscard]] ColliderRows rows() noexcept { return {number_.data(), length_}; }
+    [[nodiscard]] double at(std::size_t row, std::size_t particle) const noexcept {
+        return number_[row * length_ + particle];
+    }
+    [[nodiscard]] Vec3 vector(std::size_t row, std::size_t particle) const noexcept {
+        return {at(row, particle), at(row + 1, particle), at(row + 2, particle)};
+    }
+    [[nodiscard]] LaneSymmetric<double> shape(std::size_t particle) const noexcept {
+        const auto number = [&](std::size_t k) { return at(collider_row::kShape + k, particle); };
+        return {number(0), number(1), number(2), number(3), number(4), number(5)};
+    }
+
+    static constexpr std::size_t kMostLanes = 8;
+
+  private:
+    void set(std::size_t row, std::size_t particle, std::initializer_list<double> numbers) {
+        for (const double number : numbers) {
+            number_[row++ * length_ + particle] = number;
+        }
+    }
+
+    std::size_t length_;
+    std::vector<double> number_;
+};
+
+/// Planes that are laid together.
+class PlaneChunk {
+  public:
+    static constexpr std::size_t kMost = 256;
+    [[nodiscard]] PlaneRows rows() noexcept {
+        return {first.data(), second.data(), {x.data(), y.data(), z.data()}, least.data(), clearance.data()};
+    }
+
+    template <class Number>
+    using Numbers = std::array<Number, kMost + Colliders::kMostLanes>;
+    Numbers<std::uint32_t> first{};
+    Numbers<std::uint32_t> second{};
+    Numbers<double> x{};
+    Numbers<double> y{};
+    Numbers<double> z{};
+    Numbers<double> least{};
+    Numbers<double> clearance{};
+};
 
 }  // namespace
 
@@ -146,65 +233,81 @@ struct ParticleCollisions::State {
         std::int64_t since_;
     };
 
-    State(const ParticleModel& model, const CollisionSettings& which, ClockFunction time);
+    State(const ParticleModel& model, const CollisionSettings& which, ClockFunction time, std::size_t lanes);
 
     [[nodiscard]] std::int64_t now() const { return clock == nullptr ? 0 : clock(); }
     [[nodiscard]] int needed_substeps(const ParticleModel& start, double step);
     void find_motions(const ParticleModel& start, double step);
     [[nodiscard]] double greatest_approach(double step) const;
     void find_ways(const ParticleModel& start, const MovingParticles& predicted);
-    void find_boxes(const ParticleModel& start, const MovingParticles& predicted);
-    [[nodiscard]] bool meets_another_body(std::size_t particle) const noexcept;
-    void lay_planes(const ParticleModel& start, const MovingParticles& predicted);
-    void lay_ground(const ParticleModel& start, const MovingParticles& predicted);
+    void mark_near() noexcept;
+    void find_boxes();
+    void lay_planes();
+    void lay_chunk(std::size_t count);
+    void lay_ground();
     void aim(Plane& to_aim, const PlaneDetail& with, const Vec3& to) const noexcept;
     void press(Plane& on, PlaneDetail& with, Row* place) const noexcept;
-    void press(GroundContact& on, Row* place) const noexcept;
+    void press(GroundContact& on, GroundRub& rub, Row* place) const noexcept;
     void press_all(Row* place) noexcept;
     [[nodiscard]] Vec3 held_by_friction(const Vec3& wanted, double push) const noexcept;
     [[nodiscard]] double deepest(const Row* place) const noexcept;
     void write_pushes(Row* pushed) noexcept;
 
     CollisionSettings settings;
+    const ColliderKernels& kernels;
     std::vector<ParticleRange> bodies;
     std::vector<Collider> collider;  // per particle
-    double least_size = kFarthest;   // m, of those that collide
+    Colliders colliders;
+    ColliderRows rows;
+    double greatest_reach = 0.0;    // m
+    double least_size = kFarthest;  // m, of those that collide
     bool forward = true;
     CollisionCounts counts;
     ClockFunction clock;
     std::int64_t spent_ns = 0;
 
     // Of the sub-step.
-    double push_out = 0.0;              // m
-    std::vector<WayBox> way;            // per particle
-    std::vector<WayBox> body_way;       // per body
-    std::vector<BodyMotion> motion;     // per body, of the step
-    std::vector<SweptBox> box;          // of particles that other bodies may meet
-    std::vector<EllipsoidShape> shape;  // per box
+    double push_out = 0.0;            // m
+    std::vector<std::int64_t> near;   // per particle, and a whole vector
+    std::vector<Bounds> body_bounds;  // per body, of its ways
+    std::vector<BodyMotion> motion;   // per body, of the step
+    std::vector<SweptBox> box;        // of particles that other bodies may meet
     SweptPairs finder;
     std::vector<BoxPair> pair;  // as many as there is room for
+    PlaneChunk chunk;
     std::vector<Plane> plane;
-    std::vector<PlaneDetail> detail;  // per plane
-    std::vector<GroundContact> ground;
+    std::vector<PlaneDetail> detail;    // per plane
+    std::vector<GroundContact> ground;  // as many as there may be
+    std::vector<GroundRub> ground_rub;  // per contact, of those that have pushed
+    std::size_t grounds = 0;
 };
 
-ParticleCollisions::State::State(const ParticleModel& model, const CollisionSettings& which, ClockFunction time)
-    : settings(which), bodies(model.bodies), clock(time), way(model.size()), finder(model.size()) {
+ParticleCollisions::State::State(const ParticleModel& model, const CollisionSettings& which, ClockFunction time,
+                                 std::size_t lanes)
+    : settings(which),
+      kernels(choose_kernels(lanes)),
+      bodies(model.bodies),
+      colliders(model),
+      rows(colliders.rows()),
+      clock(time),
+      near(rows.length),
+      finder(model.size()) {
     check(which);
     model.check();
     if (bodies.empty()) {
         bodies.push_back({0, static_cast<std::uint32_t>(model.size())});
     }
-    body_way.resize(bodies.size());
+    body_bounds.resize(bodies.size());
     motion.resize(bodies.size());
     for (std::uint32_t b = 0; b < bodies.size(); ++b) {
         double sum = 0.0;
         int colliding = 0;
         for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
-            const Vec3& axes = model.semi_axes[i];
-            const double size = (axes.x + axes.y + axes.z) / 3.0;
+            const double size = colliders.at(collider_row::kSize, i);
+            const double reach = colliders.at(collider_row::kReach, i);
             const double inverse_mass = model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i];
-            collider.push_back({axes, model.axes[i], size, std::max({axes.x, axes.y, axes.z}), inverse_mass, b});
+            collider.push_back({size, reach, inverse_mass, b});
+            greatest_reach = std::max(greatest_reach, reach);
             if (size > 0.0) {
                 least_size = std::min(least_size, size);
                 sum += size;
@@ -217,23 +320,24 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
     }
     const bool alone = bodies.size() < 2 || !settings.between_bodies;
     box.reserve(alone ? 0 : model.size());
-    shape.reserve(box.capacity());
     pair.resize(kPairsPerParticle * box.capacity());
     plane.reserve(kPlanesPerParticle * box.capacity());
     detail.reserve(plane.capacity());
-    ground.reserve(settings.ground ? model.size() : 0);
+    ground.resize(settings.ground ? model.size() : 0);
+    ground_rub.resize(ground.size());
 }
 
 void ParticleCollisions::State::find_motions(const ParticleModel& start, double step) {
     for (std::size_t b = 0; b < bodies.size(); ++b) {
-        WayBox whole{Vec3(kFarthest), Vec3(-kFarthest)};
+        Vec3 lowest(kFarthest);
+        Vec3 highest(-kFarthest);
         Vec3 sum(0.0);
         double descent = 0.0;
         for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
             const Vec3& from = start.position[i];
             const Vec3 to = from + step * start.velocity[i];
-            whole.low = glm::min(whole.low, glm::min(from, to) - Vec3(collider[i].reach));
-            whole.high = glm::max(whole.high, glm::max(from, to) + Vec3(collider[i].reach));
+            lowest = glm::min(lowest, glm::min(from, to) - Vec3(collider[i].reach));
+            highest = glm::max(highest, glm::max(from, to) + Vec3(collider[i].reach));
             sum += start.velocity[i];
             descent = std::max(descent, -start.velocity[i].y);
         }
@@ -243,7 +347,7 @@ void ParticleCollisions::State::find_motions(const ParticleModel& start, double 
             const Vec3 off = start.velocity[i] - mean;
             unrest_squared = std::max(unrest_squared, glm::dot(off, off));
         }
-        body_way[b] = whole;
+        body_bounds[b] = {{lowest.x, lowest.y, lowest.z}, {highest.x, highest.y, highest.z}};
         motion[b] = {motion[b].size, mean, std::sqrt(unrest_squared), descent};
     }
 }
@@ -252,11 +356,11 @@ void ParticleCollisions::State::find_motions(const ParticleModel& start, double 
 double ParticleCollisions::State::greatest_approach(double step) const {
     double greatest = 0.0;
     for (std::size_t b = 0; b < bodies.size(); ++b) {
-        if (settings.ground && body_way[b].low.y < settings.ground_height) {
+        if (settings.ground && body_bounds[b].low[1] < settings.ground_height) {
             greatest = std::max(greatest, step * motion[b].descent / motion[b].size);
         }
         for (std::size_t other = 0; settings.between_bodies && other < b; ++other) {
-            if (overlap(body_way[b], body_way[other])) {
+            if (overlap(body_bounds[b], body_bounds[other])) {
                 const double speed =
                     glm::length(motion[b].velocity - motion[other].velocity) + motion[b].unrest + motion[other].unrest;
                 greatest = std::max(greatest, step * speed / std::min(motion[b].size, motion[other].size));
@@ -273,122 +377,135 @@ int ParticleCollisions::State::needed_substeps(const ParticleModel& start, doubl
 }
 
 void ParticleCollisions::State::find_ways(const ParticleModel& start, const MovingParticles& predicted) {
+    static_assert(sizeof(Vec3) == 3 * sizeof(double));
+    kernels.find_ways(rows, collider.size(), {&start.position[0].x, 3}, {predicted.place[0].number, 4},
+                      {.of_size = kSlackOfSize, .of_way = kSlackOfWay});
     for (std::size_t b = 0; b < bodies.size(); ++b) {
-        WayBox whole{Vec3(kFarthest), Vec3(-kFarthest)};
-        for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
-            const Vec3& from = start.position[i];
-            const Vec3 to = place_of(predicted.place[i]);
-            const Vec3 low = glm::min(from, to);
-            const Vec3 high = glm::max(from, to);
-            const Vec3 length = high - low;
-            const double slack =
-                kSlackOfSize * collider[i].size + kSlackOfWay * std::max({length.x, length.y, length.z});
-            const Vec3 around(collider[i].reach + slack);
-            way[i] = {low - around, high + around, slack};
-            whole.low = glm::min(whole.low, way[i].low);
-            whole.high = glm::max(whole.high, way[i].high);
-        }
-        body_way[b] = whole;
+        body_bounds[b] = kernels.bounds(rows, bodies[b].begin, bodies[b].end);
     }
 }
 
-bool ParticleCollisions::State::meets_another_body(std::size_t particle) const noexcept {
-    const std::uint32_t own = collider[particle].body;
+/// What may meet another body or the ground.
+void ParticleCollisions::State::mark_near() noexcept {
+    const bool clip = bodies.size() <= kMostBodiesToClip;
+    std::fill(near.begin(), near.end(), box.capacity() == 0 || clip ? 0 : kNearBody);
+    // Others may press a particle down by as much as it reaches.
+    const Bounds low_enough{{-kBeyondAll, -kBeyondAll, -kBeyondAll},
+                            {kBeyondAll, settings.ground_height + greatest_reach, kBeyondAll}};
     for (std::size_t b = 0; b < bodies.size(); ++b) {
-        if (b != own && overlap(way[particle], body_way[b])) {
-            return true;
+        const auto mark = [&](const Bounds& bounds, std::int64_t bit) {
+            if (overlap(body_bounds[b], bounds)) {
+                kernels.mark(rows, bodies[b].begin, bodies[b].end, bounds, bit, near.data());
+            }
+        };
+        for (std::size_t other = 0; clip && box.capacity() > 0 && other < bodies.size(); ++other) {
+            if (other != b) {
+                mark(body_bounds[other], kNearBody);
+            }
+        }
+        if (settings.ground) {
+            mark(low_enough, kNearGround);
         }
     }
-    return false;
 }
 
-void ParticleCollisions::State::find_boxes(const ParticleModel& start, const MovingParticles& predicted) {
+void ParticleCollisions::State::find_boxes() {
     box.clear();
-    shape.clear();
-    const bool many = bodies.size() > kMostBodiesToClip;
     for (std::size_t i = 0; i < collider.size(); ++i) {
-        const Collider& what = collider[i];
-        if (!(what.size > 0.0) || !usable(way[i]) || !(many || meets_another_body(i))) {
+        if ((near[i] & kNearBody) == 0 || !(collider[i].size > 0.0)) {
             continue;
         }
-        const EllipsoidShape turned_shape = shape_of(what.semi_axes, turn_of(predicted.body[i]) * what.axes);
-        const Vec3 extent(std::sqrt(turned_shape.xx), std::sqrt(turned_shape.yy), std::sqrt(turned_shape.zz));
-        const Vec3 around = extent + Vec3(way[i].slack);
-        const Vec3& from = start.position[i];
-        const Vec3 to = place_of(predicted.place[i]);
-        box.push_back(
-            {glm::min(from, to) - around, glm::max(from, to) + around, static_cast<std::uint32_t>(i), what.body});
-        shape.push_back(turned_shape);
+        const SweptBox around{colliders.vector(collider_row::kLow, i), colliders.vector(collider_row::kHigh, i),
+                              static_cast<std::uint32_t>(i), collider[i].body};
+        if (usable(around)) {
+            box.push_back(around);
+        }
     }
 }
 
 void ParticleCollisions::State::aim(Plane& to_aim, const PlaneDetail& with, const Vec3& to) const noexcept {
-    const EllipsoidShape& first = shape[with.first_box];
-    const EllipsoidShape& second = shape[with.second_box];
-    to_aim.normal = parting_normal({.first = first,
-                                    .second = second,
-                                    .size_ratio = collider[to_aim.second].size / collider[to_aim.first].size,
-                                    .from = with.from,
-                                    .to = to});
-    const double reach = reach_of(first, to_aim.normal) + reach_of(second, to_aim.normal);
-    const double gap = glm::dot(to_aim.normal, with.from) - reach;
+    const LaneSymmetric<double> first = colliders.shape(to_aim.first);
+    const LaneSymmetric<double> second = colliders.shape(to_aim.second);
+    const LaneVec<double> from = lane(with.from);
+    const LaneVec<double> normal = lane_parting_normal(
+        LanePassage<double>{first, second, collider[to_aim.second].size / collider[to_aim.first].size, from, lane(to)});
+    const double reach = lane_reach(first, normal) + lane_reach(second, normal);
+    const double gap = dot(normal, from) - reach;
+    to_aim.normal = {normal.x, normal.y, normal.z};
     to_aim.least = reach + std::min(0.0, gap + push_out);
 }
 
-void ParticleCollisions::State::lay_planes(const ParticleModel& start, const MovingParticles& predicted) {
-    plane.clear();
-    detail.clear();
-    const std::size_t found = finder.find(box, pair);
-    counts.near += found;
-    counts.dropped += found - std::min(found, pair.size());
-    for (std::size_t k = 0; k < std::min(found, pair.size()); ++k) {
-        const std::uint32_t a = box[pair[k].first].particle;
-        const std::uint32_t b = box[pair[k].second].particle;
-        const double yielding = collider[a].inverse_mass + collider[b].inverse_mass;
-        if (!(yielding > 0.0)) {
-            continue;
-        }
-        const Vec3 a_to = place_of(predicted.place[a]);
-        const Vec3 b_to = place_of(predicted.place[b]);
-        Plane laid{.first = a,
-                   .second = b,
-                   .normal = {},
-                   .least = 0.0,
-                   .push = 0.0,
-                   .first_share = collider[a].inverse_mass / yielding,
-                   .second_share = collider[b].inverse_mass / yielding};
-        const PlaneDetail with{start.position[a] - start.position[b], Vec3(0.0), pair[k].first, pair[k].second};
-        aim(laid, with, a_to - b_to);
-        // Each may stop anywhere on its way.
-        const double a_lowest = std::min(glm::dot(laid.normal, start.position[a]), glm::dot(laid.normal, a_to));
-        const double b_highest = std::max(glm::dot(laid.normal, start.position[b]), glm::dot(laid.normal, b_to));
-        if (a_lowest - b_highest - laid.least > way[a].slack + way[b].slack) {
+/// The pairs in the chunk.
+void ParticleCollisions::State::lay_chunk(std::size_t count) {
+    const PlaneRows laid = chunk.rows();
+    kernels.lay_planes(rows, count, laid, push_out);
+    for (std::size_t k = 0; k < count; ++k) {
+        if (chunk.clearance[k] > 0.0) {
             continue;
         }
         if (plane.size() == plane.capacity()) {
             ++counts.dropped;
             continue;
         }
-        plane.push_back(laid);
-        detail.push_back(with);
+        const std::uint32_t a = chunk.first[k];
+        const std::uint32_t b = chunk.second[k];
+        const double yielding = collider[a].inverse_mass + collider[b].inverse_mass;
+        plane.push_back({.first = a,
+                         .second = b,
+                         .normal = {chunk.x[k], chunk.y[k], chunk.z[k]},
+                         .least = chunk.least[k],
+                         .push = 0.0,
+                         .first_share = collider[a].inverse_mass / yielding,
+                         .second_share = collider[b].inverse_mass / yielding});
+        detail.push_back(
+            {colliders.vector(collider_row::kFrom, a) - colliders.vector(collider_row::kFrom, b), Vec3(0.0)});
     }
+}
+
+void ParticleCollisions::State::lay_planes() {
+    plane.clear();
+    detail.clear();
+    const std::size_t found = finder.find(box, pair);
+    counts.near += found;
+    counts.dropped += found - std::min(found, pair.size());
+    std::size_t count = 0;
+    for (std::size_t k = 0; k < std::min(found, pair.size()); ++k) {
+        const std::uint32_t a = box[pair[k].first].particle;
+        const std::uint32_t b = box[pair[k].second].particle;
+        if (!(collider[a].inverse_mass + collider[b].inverse_mass > 0.0)) {
+            continue;
+        }
+        chunk.first[count] = a;
+        chunk.second[count] = b;
+        if (++count == PlaneChunk::kMost) {
+            lay_chunk(count);
+            count = 0;
+        }
+    }
+    lay_chunk(count);
     counts.planes += plane.size();
 }
 
-void ParticleCollisions::State::lay_ground(const ParticleModel& start, const MovingParticles& predicted) {
-    ground.clear();
+/// Those first that will push, as far as can be told: the order of others makes no difference but to the processor,
+/// which guesses whether a contact pushes by what the last ones did.
+void ParticleCollisions::State::lay_ground() {
+    const double* least = rows[collider_row::kGroundLeast];
+    const double* low = rows[collider_row::kLow + 1];
+    const double* to = rows[collider_row::kTo + 1];
+    std::size_t pushing = 0;
+    std::size_t others = 0;
     for (std::size_t i = 0; i < collider.size(); ++i) {
-        const Collider& what = collider[i];
         // Others may press it down by as much again.
-        if (!(way[i].low.y - what.reach < settings.ground_height) || !(what.inverse_mass > 0.0)) {
+        if ((near[i] & kNearGround) == 0 || !(low[i] - collider[i].reach < settings.ground_height) ||
+            !(collider[i].inverse_mass > 0.0)) {
             continue;
         }
-        const double resting =
-            settings.ground_height + reach_up(what.semi_axes, turn_of(predicted.body[i]) * what.axes);
-        const double gap = start.position[i].y - resting;
-        ground.push_back({static_cast<std::uint32_t>(i), resting + std::min(0.0, gap + push_out), 0.0,
-                          start.position[i], Vec3(0.0)});
+        const std::size_t place = to[i] < least[i] ? pushing++ : ground.size() - ++others;
+        ground[place] = {least[i], 0.0, static_cast<std::uint32_t>(i)};
     }
+    std::copy(ground.end() - static_cast<std::ptrdiff_t>(others), ground.end(),
+              ground.begin() + static_cast<std::ptrdiff_t>(pushing));
+    grounds = pushing + others;
 }
 
 Vec3 ParticleCollisions::State::held_by_friction(const Vec3& wanted, double push) const noexcept {
@@ -432,16 +549,25 @@ void ParticleCollisions::State::press(Plane& on, PlaneDetail& with, Row* place) 
     }
 }
 
-void ParticleCollisions::State::press(GroundContact& on, Row* place) const noexcept {
+void ParticleCollisions::State::press(GroundContact& on, GroundRub& rub, Row* place) const noexcept {
     Row& row = place[on.particle];
+    if (on.push == 0.0) {
+        if (row.number[1] >= on.least) {
+            return;
+        }
+        rub = {0.0, 0.0, colliders.at(collider_row::kFrom, on.particle),
+               colliders.at(collider_row::kFrom + 2, on.particle)};
+    }
     const double change = std::max(on.least - row.number[1], -on.push);
     on.push += change;
     row.number[1] += change;
     if (settings.static_friction > 0.0) {
-        const Vec3 slip(row.number[0] - on.start.x, 0.0, row.number[2] - on.start.z);
-        const Vec3 rub = held_by_friction(on.rub - slip, on.push);
-        move(row, rub - on.rub);
-        on.rub = rub;
+        const Vec3 wanted(rub.x - (row.number[0] - rub.start_x), 0.0, rub.z - (row.number[2] - rub.start_z));
+        const Vec3 held = held_by_friction(wanted, on.push);
+        row.number[0] += held.x - rub.x;
+        row.number[2] += held.z - rub.z;
+        rub.x = held.x;
+        rub.z = held.z;
     }
 }
 
@@ -452,8 +578,8 @@ void ParticleCollisions::State::press_all(Row* place) noexcept {
         const std::size_t which = forward ? k : count - 1 - k;
         press(plane[which], detail[which], place);
     }
-    for (GroundContact& contact : ground) {
-        press(contact, place);
+    for (std::size_t k = 0; k < grounds; ++k) {
+        press(ground[k], ground_rub[k], place);
     }
     forward = !forward;
 }
@@ -477,17 +603,17 @@ void ParticleCollisions::State::write_pushes(Row* pushed) noexcept {
             ++counts.pressed;
         }
     }
-    for (const GroundContact& contact : ground) {
-        if (contact.push > 0.0) {
-            move(pushed[contact.particle], contact.rub + Vec3(0.0, contact.push, 0.0));
+    for (std::size_t k = 0; k < grounds; ++k) {
+        if (ground[k].push > 0.0) {
+            move(pushed[ground[k].particle], {ground_rub[k].x, ground[k].push, ground_rub[k].z});
             ++counts.pressed;
         }
     }
 }
 
 ParticleCollisions::ParticleCollisions(const ParticleModel& model, const CollisionSettings& settings,
-                                       ClockFunction clock)
-    : state_(std::make_unique<State>(model, settings, clock)) {}
+                                       ClockFunction clock, std::size_t lanes)
+    : state_(std::make_unique<State>(model, settings, clock, lanes)) {}
 ParticleCollisions::~ParticleCollisions() = default;
 
 int ParticleCollisions::substeps(const ParticleModel& start, double step) const {
@@ -501,12 +627,15 @@ void ParticleCollisions::find(const ParticleModel& start, const MovingParticles&
     s.counts = {};
     s.push_out = h * s.settings.push_out_speed;
     s.find_ways(start, predicted);
+    s.mark_near();
+    s.kernels.find_shapes(s.rows, s.collider.size(), {predicted.body[0].turn.number, sizeof(Body) / sizeof(double)},
+                          s.near.data(), {s.settings.ground_height, s.push_out});
     if (s.box.capacity() > 0) {
-        s.find_boxes(start, predicted);
-        s.lay_planes(start, predicted);
+        s.find_boxes();
+        s.lay_planes();
     }
     if (s.settings.ground) {
-        s.lay_ground(start, predicted);
+        s.lay_ground();
     }
 }
 
@@ -518,10 +647,25 @@ void ParticleCollisions::project(const ParticleModel& /*start*/, const MovingPar
 void ParticleCollisions::finish(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
     State& s = *state_;
     const State::Timed timed(s);
-    for (int pass = 0; pass < kMostMorePasses && s.deepest(now.place) > kDeep * s.least_size; ++pass) {
+    double before_last = kFarthest;
+    double last = kFarthest;
+    for (int pass = 0; pass < kMostMorePasses; ++pass) {
+        const double depth = s.deepest(now.place);
+        if (depth <= kDeep * s.least_size || depth > kStagnant * before_last) {
+            break;
+        }
+        before_last = std::exchange(last, depth);
         s.press_all(now.place);
     }
     s.write_pushes(now.pushed);
+}
+
+std::vector<std::size_t> ParticleCollisions::usable_lanes() {
+    std::vector<std::size_t> lanes;
+    for (const ColliderKernels* kernels : usable_kernels()) {
+        lanes.push_back(kernels->lanes);
+    }
+    return lanes;
 }
 
 CollisionCounts ParticleCollisions::counts() const noexcept {

@@ -36,9 +36,6 @@ struct EllipsoidShape {
 /// h(n) of a unit normal, m.
 [[nodiscard]] double reach_of(const EllipsoidShape& shape, const Vec3& normal) noexcept;
 
-/// The same for the direction of y, from what shape_of() takes.
-[[nodiscard]] double reach_up(const Vec3& semi_axes, const Quat& turn) noexcept;
-
 /// Two ellipsoids, the second at the origin, the first going straight from `from` to `to` within a step.
 struct EllipsoidPassage {
     EllipsoidShape first;

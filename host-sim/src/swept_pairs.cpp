@@ -8,6 +8,28 @@
 namespace haptic::sim {
 namespace {
 
+using Shorts [[gnu::vector_size(16)]] = std::int16_t;
+using Longs [[gnu::vector_size(16)]] = std::int64_t;
+constexpr std::size_t kLanes = sizeof(Shorts) / sizeof(std::int16_t);
+
+// Along each side of the lattice.
+constexpr double kLastCell = 32767.0;
+constexpr unsigned kSliceBits = 8;  // 256 cells
+// Of numbers of bodies.
+constexpr std::uint32_t kMostBodies = 32768;
+// Boxes compared with each, on average, from which the grid is faster (Zen 4).
+constexpr std::size_t kMostCompared = 1000;
+
+Shorts load(const std::int16_t* from) noexcept {
+    Shorts result;
+    __builtin_memcpy(&result, from, sizeof(result));
+    return result;
+}
+
+std::size_t slice_of(std::int16_t number) noexcept {
+    return static_cast<std::size_t>(number) >> kSliceBits;
+}
+
 // A cell's number holds three coordinates of 21 bits. The outermost layers stay empty, so that neighbours need no test.
 constexpr unsigned kCoordinateBits = 21;
 constexpr double kMostCells = (1u << kCoordinateBits) - 3;
@@ -35,8 +57,111 @@ unsigned slot_bits_for(std::size_t boxes) noexcept {
 
 }  // namespace
 
+/// Takes those that overlap.
+class SweptPairs::Sink {
+  public:
+    Sink(std::span<const SweptBox> boxes, std::span<BoxPair> pairs) noexcept : boxes_(boxes), pairs_(pairs) {}
+    void offer(std::uint32_t first, std::uint32_t second) noexcept {
+        const SweptBox& a = boxes_[first];
+        const SweptBox& b = boxes_[second];
+        if (a.body != b.body && overlap(a, b)) {
+            if (found_ < pairs_.size()) {
+                pairs_[found_] = {first, second};
+            }
+            ++found_;
+        }
+    }
+    [[nodiscard]] std::size_t found() const noexcept { return found_; }
+
+  private:
+    std::span<const SweptBox> boxes_;
+    std::span<BoxPair> pairs_;
+    std::size_t found_ = 0;
+};
+
 SweptPairs::SweptPairs(std::size_t most_boxes)
-    : cell_(most_boxes), begin_((std::size_t{1} << slot_bits_for(most_boxes)) + 1), entry_(most_boxes) {}
+    : rounded_(most_boxes),
+      box_(most_boxes),
+      cell_(most_boxes),
+      begin_((std::size_t{1} << slot_bits_for(most_boxes)) + 1),
+      entry_(most_boxes) {
+    static_assert(kSlices << kSliceBits == static_cast<std::size_t>(kLastCell) + 1);
+    for (std::vector<std::int16_t>& row : row_) {
+        row.resize(most_boxes + kLanes);
+    }
+}
+
+/// Puts all boxes on the lattice of their region, and tells which of its sides is the longest.
+std::size_t SweptPairs::round(std::span<const SweptBox> boxes) noexcept {
+    Vec3 low = boxes[0].low;
+    Vec3 high = boxes[0].high;
+    for (const SweptBox& box : boxes) {
+        low = glm::min(low, box.low);
+        high = glm::max(high, box.high);
+    }
+    const Vec3 side = high - low;
+    Vec3 per_m(0.0);
+    for (int k = 0; k < 3; ++k) {
+        per_m[k] = side[k] > 0.0 ? kLastCell / side[k] : 0.0;
+    }
+    // Each operation keeps the order of its arguments, rounding included.
+    const auto number = [](double x) { return static_cast<std::int16_t>(std::min(x, kLastCell)); };
+    for (std::size_t i = 0; i < boxes.size(); ++i) {
+        const Vec3 from = (boxes[i].low - low) * per_m;
+        const Vec3 to = (boxes[i].high - low) * per_m;
+        rounded_[i] = {number(from.x),
+                       number(from.y),
+                       number(from.z),
+                       number(to.x),
+                       number(to.y),
+                       number(to.z),
+                       static_cast<std::int16_t>(boxes[i].body)};
+    }
+    return side.x >= side.y && side.x >= side.z ? 0 : side.y >= side.z ? 1 : 2;
+}
+
+void SweptPairs::sort_into_slices(std::size_t axis, std::size_t boxes) noexcept {
+    slice_.fill(0);
+    for (std::size_t i = 0; i < boxes; ++i) {
+        ++slice_[slice_of(rounded_[i][axis])];
+    }
+    std::uint32_t end = 0;
+    for (std::uint32_t& slice : slice_) {
+        slice = end += slice;
+    }
+    for (std::size_t i = boxes; i-- > 0;) {
+        const std::size_t place = --slice_[slice_of(rounded_[i][axis])];
+        for (std::size_t k = 0; k < kRows; ++k) {
+            row_[k][place] = rounded_[i][k];
+        }
+        box_[place] = static_cast<std::uint32_t>(i);
+    }
+}
+
+/// Behind all that begin where the one in this place may still meet them.
+std::size_t SweptPairs::end_of(std::size_t place, std::size_t axis) const noexcept {
+    return slice_[slice_of(row_[kHigh + axis][place]) + 1];
+}
+
+void SweptPairs::compare(std::size_t place, std::size_t end, Sink& sink) const noexcept {
+    const auto number = [&](std::size_t row) { return row_[row][place]; };
+    for (std::size_t j = place + 1; j < end; j += kLanes) {
+        Shorts apart = load(&row_[kBody][j]) == number(kBody);
+        for (std::size_t k = 0; k < 3; ++k) {
+            apart |= load(&row_[kLow + k][j]) > number(kHigh + k);
+            apart |= load(&row_[kHigh + k][j]) < number(kLow + k);
+        }
+        const Longs all = __builtin_bit_cast(Longs, apart);
+        if ((all[0] & all[1]) == -1) {
+            continue;
+        }
+        for (std::size_t lane = 0; lane < std::min(kLanes, end - j); ++lane) {
+            if (apart[lane] == 0) {
+                sink.offer(box_[place], box_[j + lane]);
+            }
+        }
+    }
+}
 
 std::size_t SweptPairs::slot_of(std::uint64_t cell) const noexcept {
     return (cell * 0x9E3779B97F4A7C15u) >> (64 - slot_bits_);  // multiplicative hashing, Knuth 1973
@@ -74,24 +199,38 @@ std::size_t SweptPairs::find(std::span<const SweptBox> boxes, std::span<BoxPair>
     if (boxes.size() < 2) {
         return 0;
     }
+    const auto has_large_number = [](const SweptBox& box) { return box.body >= kMostBodies; };
+    if (std::any_of(boxes.begin(), boxes.end(), has_large_number)) {
+        return find_in_grid(boxes, pairs);
+    }
+    const std::size_t axis = round(boxes);
+    sort_into_slices(axis, boxes.size());
+    std::size_t to_compare = 0;
+    for (std::size_t place = 0; place < boxes.size(); ++place) {
+        to_compare += end_of(place, axis) - place;
+    }
+    if (to_compare > kMostCompared * boxes.size()) {
+        return find_in_grid(boxes, pairs);
+    }
+    Sink sink(boxes, pairs);
+    for (std::size_t place = 0; place < boxes.size(); ++place) {
+        compare(place, end_of(place, axis), sink);
+    }
+    return sink.found();
+}
+
+std::size_t SweptPairs::find_in_grid(std::span<const SweptBox> boxes, std::span<BoxPair> pairs) noexcept {
+    if (boxes.size() < 2) {
+        return 0;
+    }
     sort_into_table(boxes);
-    std::size_t found = 0;
-    const auto try_pair = [&](std::uint32_t first, std::uint32_t second) {
-        const SweptBox& a = boxes[first];
-        const SweptBox& b = boxes[second];
-        if (a.body != b.body && overlap(a, b)) {
-            if (found < pairs.size()) {
-                pairs[found] = {first, second};
-            }
-            ++found;
-        }
-    };
+    Sink sink(boxes, pairs);
     for (std::size_t e = 0; e < boxes.size(); ++e) {
         const Entry& entry = entry_[e];
         const std::size_t own_end = begin_[slot_of(entry.cell) + 1];
         for (std::size_t other = e + 1; other < own_end; ++other) {
             if (entry_[other].cell == entry.cell) {
-                try_pair(entry.box, entry_[other].box);
+                sink.offer(entry.box, entry_[other].box);
             }
         }
         for (const std::uint64_t step : kNeighbours) {
@@ -99,12 +238,12 @@ std::size_t SweptPairs::find(std::span<const SweptBox> boxes, std::span<BoxPair>
             const std::size_t slot = slot_of(cell);
             for (std::size_t other = begin_[slot]; other < begin_[slot + 1]; ++other) {
                 if (entry_[other].cell == cell) {
-                    try_pair(entry.box, entry_[other].box);
+                    sink.offer(entry.box, entry_[other].box);
                 }
             }
         }
     }
-    return found;
+    return sink.found();
 }
 
 }  // namespace haptic::sim

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
@@ -294,14 +295,18 @@ TEST(Collisions, MoveApartWhatOverlapsNoFasterThanTold) {
     }
 }
 
-TEST(Collisions, GiveNoEnergyToWhatLiesInAHeap) {
+/// Three bodies above one another that do not touch yet.
+ParticleModel heap_to_be(std::uint32_t seed) {
     std::vector<ParticleModel> parts;
     parts.reserve(3);
     for (std::uint32_t b = 0; b < 3; ++b) {
-        parts.push_back(moved(make_cloud({.particles = 40}, b + 1), {0.01 * b, 0.035 + 0.06 * b, 0.0}, Vec3(0.0)));
+        parts.push_back(
+            moved(make_cloud({.particles = 40}, 3 * seed + b), {0.01 * b, 0.07 + 0.13 * b, 0.0}, Vec3(0.0)));
     }
-    const ParticleModel start = together(parts);
-    Stepping run(start, {}, {.ground = true, .static_friction = 0.5, .dynamic_friction = 0.4});
+    return together(parts);
+}
+
+TEST(Collisions, GiveNoEnergyToWhatFallsIntoAHeap) {
     const auto energy = [](const ParticleModel& model) {
         double sum = kinetic_energy(model);
         for (std::size_t i = 0; i < model.size(); ++i) {
@@ -309,17 +314,22 @@ TEST(Collisions, GiveNoEnergyToWhatLiesInAHeap) {
         }
         return sum;
     };
-    run.step(300);
-    const double settled = energy(run.model);
-    EXPECT_LT(settled, energy(start));
-    for (int i = 0; i < 300; ++i) {
-        run.step();
-        // A heap's particles each fall by g h^2 in a step before they are held: mass * g * g h^2 is 9 mJ.
-        ASSERT_LT(energy(run.model), settled + 1e-3);
-        ASSERT_LT(kinetic_energy(run.model), 0.02);
-        ASSERT_GT(lowest(run.model), -1e-3);
+    for (const std::uint32_t seed : {1u, 2u, 3u, 4u, 5u}) {
+        const ParticleModel start = heap_to_be(seed);
+        Stepping run(start, {}, {.ground = true, .static_friction = 0.5, .dynamic_friction = 0.4});
+        run.step(400);  // what bodies store while they are deformed comes back
+        double least = energy(run.model);
+        for (int i = 0; i < 400; ++i) {
+            run.step();
+            least = std::min(least, energy(run.model));
+            // A heap's particles each fall by g h^2 in a step before they are held: mass * g * g h^2 is 9 mJ.
+            ASSERT_LT(energy(run.model), least + 9e-3) << seed << " at step " << i;
+            ASSERT_GT(lowest(run.model), -1e-3) << seed;
+        }
+        EXPECT_LT(least, 0.5 * energy(start)) << seed;
+        EXPECT_LT(kinetic_energy(run.model), 5e-3) << seed;
+        EXPECT_LT(deepest(run.model), 0.1) << seed;
     }
-    EXPECT_LT(deepest(run.model), 0.1);
 }
 
 TEST(Collisions, OfBodiesThrownTogetherLeaveEachOnItsSide) {
@@ -397,23 +407,38 @@ TEST(Collisions, OfManyBodiesAreFoundAsThoseOfFew) {
 }
 
 TEST(Collisions, GiveTheSameBitsTwiceWithAnyNumberOfLanes) {
-    const auto hash = [](std::size_t lanes) {
+    const auto hash = [](std::size_t solver_lanes, std::size_t lanes) {
         const FlushDenormals flush;
-        ParticleModel model = two_clouds(3.0);
-        ParticleSolver solver(model, {}, lanes);
-        ParticleCollisions collisions(model, {.ground = true, .ground_height = -0.2, .static_friction = 0.5});
+        std::vector<ParticleModel> parts{two_clouds(3.0),
+                                         moved(make_cloud({.particles = 43}, 3), {0.02, 0.0, 0.1}, {0.0, 0.0, -2.0})};
+        ParticleModel model = together(parts);
+        ParticleSolver solver(model, {}, solver_lanes);
+        ParticleCollisions collisions(model, {.ground = true, .ground_height = -0.1, .static_friction = 0.5}, nullptr,
+                                      lanes);
+        StateHash state;
         for (int i = 0; i < 30; ++i) {
             solver.step(model, {}, &collisions);
+            const std::array<std::size_t, 2> counts{collisions.counts().near, collisions.counts().planes};
+            state.add(std::span<const std::size_t>(counts));
         }
-        StateHash state;
         state.add(std::span<const Vec3>(model.position));
         state.add(std::span<const Vec3>(model.velocity));
         return state.value();
     };
-    const std::uint64_t first = hash(1);
+    const std::uint64_t first = hash(1, 1);
     for (const std::size_t lanes : ParticleSolver::usable_lanes()) {
-        EXPECT_EQ(hash(lanes), first) << lanes;
+        EXPECT_EQ(hash(lanes, 1), first) << lanes;
     }
+    for (const std::size_t lanes : ParticleCollisions::usable_lanes()) {
+        EXPECT_EQ(hash(1, lanes), first) << lanes;
+    }
+    EXPECT_EQ(hash(ParticleSolver::kWidest, ParticleCollisions::kWidest), first);
+}
+
+TEST(Collisions, HaveOnlyTheLanesOfTheMachine) {
+    const ParticleModel model = two_clouds(1.0);
+    EXPECT_THROW(ParticleCollisions(model, {}, nullptr, 3), std::invalid_argument);
+    EXPECT_EQ(ParticleCollisions::usable_lanes().front(), 1u);
 }
 
 TEST(Collisions, SayWhichSettingIsWrong) {

@@ -53,9 +53,11 @@ Pairs by_brute_force(const std::vector<SweptBox>& boxes) {
     return pairs;
 }
 
-Pairs found(SweptPairs& finder, const std::vector<SweptBox>& boxes) {
+enum class Way { Best, Grid };
+
+Pairs found(SweptPairs& finder, const std::vector<SweptBox>& boxes, Way way = Way::Best) {
     std::vector<BoxPair> room(boxes.size() * boxes.size() + 1);
-    room.resize(finder.find(boxes, room));
+    room.resize(way == Way::Grid ? finder.find_in_grid(boxes, room) : finder.find(boxes, room));
     Pairs pairs;
     for (const BoxPair& p : room) {
         pairs.emplace_back(std::min(p.first, p.second), std::max(p.first, p.second));
@@ -73,13 +75,36 @@ TEST(SweptPairs, AreThoseOfBruteForceEachOnce) {
                                Crowd{.bodies = 300}, Crowd{.bodies = 1}}) {
         for (int round = 0; round < 5; ++round) {
             const std::vector<SweptBox> boxes = make(crowd, ++seed);
-            Pairs pairs = found(finder, boxes);
-            seen += pairs.size();
-            std::sort(pairs.begin(), pairs.end());
-            ASSERT_EQ(pairs, by_brute_force(boxes)) << seed;
+            const Pairs expected = by_brute_force(boxes);
+            for (const Way way : {Way::Best, Way::Grid}) {
+                Pairs pairs = found(finder, boxes, way);
+                std::sort(pairs.begin(), pairs.end());
+                ASSERT_EQ(pairs, expected) << seed;
+            }
+            seen += expected.size();
         }
     }
     EXPECT_GT(seen, 10000u);
+}
+
+TEST(SweptPairs, OfMoreBoxesThanAreComparedOrOfBodiesWithLargeNumbersAreFoundAllTheSame) {
+    // All begin in one slice along every axis, and hardly two of them overlap.
+    std::vector<SweptBox> boxes = make({.boxes = 2500, .least = 0.0, .greatest = 0.01}, 4);
+    boxes.push_back({.low = Vec3(999.0), .high = Vec3(1000.0), .body = 9});
+    SweptPairs finder(boxes.size());
+    Pairs pairs = found(finder, boxes);
+    EXPECT_EQ(pairs, found(finder, boxes, Way::Grid));  // by the grid indeed: in its order
+    std::sort(pairs.begin(), pairs.end());
+    EXPECT_EQ(pairs, by_brute_force(boxes));
+
+    boxes = make({}, 5);
+    for (SweptBox& box : boxes) {
+        box.body *= 65536;  // whose lower halves are alike
+    }
+    pairs = found(finder, boxes);
+    std::sort(pairs.begin(), pairs.end());
+    EXPECT_EQ(pairs, by_brute_force(boxes));
+    EXPECT_FALSE(pairs.empty());
 }
 
 TEST(SweptPairs, FarFromOneAnotherThanThereAreCellsShareTheLastOne) {
@@ -101,7 +126,9 @@ TEST(SweptPairs, ComeInTheSameOrderWhateverWasFoundBefore) {
     SweptPairs fresh(300);
     SweptPairs used(300);
     (void)found(used, make({.width = 0.3}, 8));
-    EXPECT_EQ(found(fresh, boxes), found(used, boxes));
+    for (const Way way : {Way::Best, Way::Grid}) {
+        EXPECT_EQ(found(fresh, boxes, way), found(used, boxes, way));
+    }
 }
 
 TEST(SweptPairs, ThatFindNoRoomAreCounted) {
@@ -109,6 +136,7 @@ TEST(SweptPairs, ThatFindNoRoomAreCounted) {
     SweptPairs finder(300);
     std::vector<BoxPair> room(10);
     EXPECT_EQ(finder.find(boxes, room), by_brute_force(boxes).size());
+    EXPECT_EQ(finder.find_in_grid(boxes, room), by_brute_force(boxes).size());
     EXPECT_LT(room.back().first, 300u);
     EXPECT_NE(room.back().first, room.back().second);
 }

@@ -28,6 +28,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "haptic/sim/particles.hpp"
 #include "haptic/sim/solver.hpp"
@@ -59,9 +60,17 @@ class ParticleCollisions final : public SolverContacts {
     /// Monotonic time in ns, for the caller's own measurements; nothing that is simulated depends on it.
     using ClockFunction = std::int64_t (*)();
 
-    /// Throws std::invalid_argument for a model that check() refuses, or settings out of their range.
-    ParticleCollisions(const ParticleModel& model, const CollisionSettings& settings, ClockFunction clock = nullptr);
+    /// The most lanes that this machine has.
+    static constexpr std::size_t kWidest = 0;
+
+    /// Throws std::invalid_argument for a model that check() refuses, settings out of their range, or lanes that this
+    /// machine does not have. Results do not depend on lanes.
+    ParticleCollisions(const ParticleModel& model, const CollisionSettings& settings, ClockFunction clock = nullptr,
+                       std::size_t lanes = kWidest);
     ~ParticleCollisions() override;
+
+    /// Increasing.
+    [[nodiscard]] static std::vector<std::size_t> usable_lanes();
 
     /// So many that bodies on the way to each other come nearer by three mean semi-axes a sub-step at most.
     [[nodiscard]] int substeps(const ParticleModel& start, double step) const override;
