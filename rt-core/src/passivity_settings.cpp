@@ -26,18 +26,18 @@ double resolution(const device::Variant& variant) {
     return coarsest;
 }
 
-double largest_stiffness(const Config& config, const TickSettings& tick, double friction) {
-    const double period_s = seconds(tick.period_ns);
-    const double delay_s = config.number("limits.stiffness_delay_s", 0.0, {0.0, 1.0});
-    if (config.has("limits.stiffness") && !config.has_text("limits.stiffness")) {
-        return config.number("limits.stiffness", 0.0, {1.0, 1e6});
+/// s, of the force after its encoders: with one exchange a period, and what is set besides.
+double delay(const Config& config, const TickSettings& tick) {
+    const double own_s = tick.exchanges == 1 ? seconds(tick.period_ns) : 0.0;
+    return own_s + config.number("limits.stiffness_delay_s", 0.0, {0.0, 1.0});
+}
+
+/// A number, "none" for infinity, or "auto" for what is passive.
+double largest(const Config& config, const std::string& key, Range range, double passive) {
+    if (config.has(key) && !config.has_text(key)) {
+        return config.number(key, 0.0, range);
     }
-    if (config.choice("limits.stiffness", "auto", {"auto", "none"}) == "none") {
-        return std::numeric_limits<double>::infinity();
-    }
-    // With one exchange the force acts a period after its encoders.
-    const double own_s = tick.exchanges == 1 ? period_s : 0.0;
-    return passive_stiffness(tick.passivity.damping, friction, resolution(tick.variant), period_s, own_s + delay_s);
+    return config.choice(key, "auto", {"auto", "none"}) == "none" ? std::numeric_limits<double>::infinity() : passive;
 }
 
 }  // namespace
@@ -61,7 +61,14 @@ void read_passivity(const Config& config, TickSettings& tick) {
     passivity.mass = config.number("device.mass", passivity.mass, {0.001, 10.0});
     passivity.inertia = config.number("device.inertia", passivity.inertia, {1e-7, 0.1});
     const double friction = config.number("device.friction", 0.0, {0.0, 10.0});
-    tick.frames.largest_stiffness = largest_stiffness(config, tick, friction);
+    const double period_s = seconds(tick.period_ns);
+    const double delay_s = delay(config, tick);
+    tick.frames.largest_stiffness =
+        largest(config, "limits.stiffness", {1.0, 1e6},
+                passive_stiffness(passivity.damping, friction, resolution(tick.variant), period_s, delay_s));
+    tick.frames.largest_rotational_stiffness =
+        largest(config, "limits.rotational_stiffness", {1e-3, 1e3},
+                passive_stiffness(passivity.rotational_damping, 0.0, 0.0, period_s, delay_s));
 }
 
 }  // namespace haptic::rt

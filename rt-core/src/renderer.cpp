@@ -1,12 +1,8 @@
 #include "haptic/rt/renderer.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstddef>
 #include <glm/geometric.hpp>
-#include <glm/matrix.hpp>
-#include <span>
 
 #include "haptic/rt/finite.hpp"
 #include "haptic/rt/smooth.hpp"
@@ -14,202 +10,12 @@
 namespace haptic::rt {
 namespace {
 
-// Planes move on for at most this share of the simulation's step: half a step of patience for a frame that is late.
-constexpr double kHorizonSteps = 1.5;
 // A frame is fresh for at least so many steps of a slow simulation.
 constexpr std::int64_t kFreshSteps = 3;
 // In place of the stiffness that was felt: the frame's is taken at once.
 constexpr double kNone = -1.0;
-// Below this determinant of the Gram matrix, active planes are nearly parallel and one stands for all.
-constexpr double kParallel = 1e-9;
-
-/// Speed of the surface along the unit vector n, m/s, positive toward the proxy. With n = sum w_k n_k over the active
-/// planes, a point that rides on all of them moves along n at sum w_k v_k.
-double surface_speed(const Vec3& n, const ProxyContact& contact, std::uint8_t active) HAPTIC_RT {
-    if ((active & (active - 1u)) == 0) {
-        return contact.planes[std::countr_zero(active)].velocity;  // n is its normal
-    }
-    Mat3 gram(1.0);
-    Vec3 along(0.0);
-    Vec3 speeds(0.0);
-    int deepest = -1;
-    for (int i = 0; i < static_cast<int>(kMaxPlanes); ++i) {
-        if ((active & (1u << i)) == 0) {
-            continue;
-        }
-        const Vec3 normal = to_vec3(contact.planes[i].normal);
-        along[i] = glm::dot(normal, n);
-        speeds[i] = contact.planes[i].velocity;
-        for (int j = 0; j < i; ++j) {
-            const bool both = (active & (1u << j)) != 0;
-            gram[i][j] = gram[j][i] = both ? glm::dot(normal, to_vec3(contact.planes[j].normal)) : 0.0;
-        }
-        deepest = deepest < 0 || along[i] > along[deepest] ? i : deepest;
-    }
-    if (speeds == Vec3(0.0)) {
-        return 0.0;  // resting surfaces are the rule, and need no inverse
-    }
-    if (std::fabs(glm::determinant(gram)) < kParallel) {
-        return along[deepest] * speeds[deepest];
-    }
-    return glm::dot(glm::inverse(gram) * along, speeds);
-}
-
-/// Planes move on by their velocity only so far, and then stand.
-bool move_still(const ContactFrame& frame, std::int64_t time_ns, std::int64_t horizon_ns) HAPTIC_RT {
-    std::int64_t age_ns = 0;  // the times come from another process: their difference may not fit
-    return !__builtin_sub_overflow(time_ns, frame.plane_time_ns, &age_ns) && age_ns <= horizon_ns;
-}
-
-/// The longest way of a particle relative to those of its planes whose bit is set; its own where there are none. A
-/// surface whose plane has come to the end of its horizon moves on, as far as anybody knows.
-double way_to_planes(const Vec3& way, const ProxyContact& particle, unsigned planes, double elapsed_s) HAPTIC_RT {
-    double longest = planes == 0 ? glm::length(way) : 0.0;
-    for (; planes != 0; planes &= planes - 1) {
-        const ContactPlane& plane = particle.planes[std::countr_zero(planes)];
-        longest = std::max(longest, glm::length(way - plane.velocity * elapsed_s * to_vec3(plane.normal)));
-    }
-    return longest;
-}
-
-/// The planes of a frame at an instant.
-struct MovedPlanes {
-    const ContactFrame* frame = nullptr;
-    std::int64_t time_ns = 0;
-    std::int64_t horizon_ns = 0;
-    bool moving = false;
-    Friction friction;
-};
-
-/// Adds up what one particle does; sums are divided by the number of particles later.
-struct Sums {
-    Contact contact;
-    double free_way = 0.0;
-
-    void add(const ProxyContact& particle, const MovedPlanes& at, double stiffness, const GripMotion& grip,
-             const Mat3& turn, SurfaceGrip& surface_grip, bool first) HAPTIC_RT;
-    void add_friction(const ProxyContact& particle, const MovedPlanes& at, double stiffness, const Vec3& offset,
-                      const Vec3& lever, double part) HAPTIC_RT;
-};
-
-/// What comes to a particle in contact because it is held `offset` beside where it would slide. `part` of it acts: no
-/// more than the normal force, less its damping, can hold.
-void Sums::add_friction(const ProxyContact& particle, const MovedPlanes& at, double stiffness, const Vec3& offset,
-                        const Vec3& lever, double part) HAPTIC_RT {
-    const Vec3 spring = stiffness * offset;
-    contact.wrench.force += part * spring;
-    contact.wrench.torque += glm::cross(lever, part * spring);
-    contact.spring.force += spring;
-    contact.spring.torque += glm::cross(lever, spring);
-    contact.stored += 0.5 * stiffness * glm::dot(offset, offset);
-    if (at.moving) {
-        contact.surface_power += glm::dot(spring, to_vec3(particle.surface_velocity));
-    }
-}
-
-void Sums::add(const ProxyContact& particle, const MovedPlanes& at, double stiffness, const GripMotion& grip,
-               const Mat3& turn, SurfaceGrip& surface_grip, bool first) HAPTIC_RT {
-    const Vec3 offset = to_vec3(particle.rest_offset);
-    const Vec3 lever = turn * offset;
-    const Vec3 goal = grip.pose.position + lever;
-    Vec3 way(0.0);
-    if (grip.elapsed_s > 0.0) {
-        way = goal - (grip.before.position + grip.before.orientation * offset);
-    }
-    std::array<HalfSpace, kMaxPlanes> planes{};
-    const std::size_t plane_count = std::min<std::size_t>(particle.plane_count, kMaxPlanes);
-    for (std::size_t k = 0; k < plane_count; ++k) {
-        planes[k] = plane_at(particle.planes[k], at.frame->plane_time_ns, at.time_ns, at.horizon_ns);
-    }
-    const std::span<const HalfSpace> sent(planes.data(), plane_count);
-    const LocalProxy proxy = project(goal, sent);
-    const Vec3 carried = at.moving ? to_vec3(particle.surface_velocity) * grip.elapsed_s : Vec3(0.0);
-    const Vec3 held = hold(proxy, goal, sent, at.friction, carried, surface_grip);
-    if (first) {
-        contact.proxy = surface_grip.held ? surface_grip.at : proxy.position;
-    }
-    contact.lever = std::max(contact.lever, glm::length(offset));
-    const Vec3 apart = proxy.position - goal;
-    const double depth = glm::length(apart);
-    if (proxy.active == 0 || !(depth > 0.0)) {
-        free_way += way_to_planes(way, particle, (1u << plane_count) - 1u, grip.elapsed_s);
-        return;
-    }
-    ++contact.in_contact;
-    const Vec3 n = apart / depth;
-    const double speed = surface_speed(n, particle, proxy.active);
-    double damping = 0.0;
-    if (at.frame->damping > 0.0) {
-        const Vec3 goal_velocity = grip.velocity.linear + glm::cross(grip.velocity.angular, lever);
-        damping = at.frame->damping * (speed - glm::dot(goal_velocity, n));
-    }
-    const Vec3 spring = stiffness * apart;
-    const double strength = std::max(0.0, stiffness * depth + damping);
-    const Vec3 force = strength * n;
-    contact.wrench.force += force;
-    contact.wrench.torque += glm::cross(lever, force);
-    contact.spring.force += spring;
-    contact.spring.torque += glm::cross(lever, spring);
-    contact.stored += 0.5 * stiffness * depth * depth;
-    contact.depth += depth;
-    const double before = contact.way;
-    contact.way += way_to_planes(way, particle, proxy.active, grip.elapsed_s);
-    if (at.moving) {
-        contact.surface_power += stiffness * depth * speed;
-        contact.surface_velocity += depth * speed * n;
-    }
-    if (surface_grip.held) {
-        contact.way = std::max(contact.way, before + glm::length(way - carried));
-        add_friction(particle, at, stiffness, held, lever,
-                     stiffness > 0.0 ? std::min(1.0, strength / (stiffness * depth)) : 0.0);
-    }
-}
 
 }  // namespace
-
-Contact render(const ContactFrame& frame, double stiffness, const GripMotion& grip, std::int64_t time_ns,
-               SurfaceGrips& grips) HAPTIC_RT {
-    Sums sums;
-    Contact& contact = sums.contact;
-    contact.proxy = grip.pose.position;
-    if (frame.proxy_count == 0 || (frame.flags & HAPTIC_FRAME_CLUTCHED) != 0) {
-        grips.fill({});
-        return contact;
-    }
-    const Mat3 turn = glm::mat3_cast(grip.pose.orientation);
-    const auto horizon_ns = static_cast<std::int64_t>(kHorizonSteps * static_cast<double>(frame.step_ns));
-    const MovedPlanes at{&frame,
-                         time_ns,
-                         horizon_ns,
-                         move_still(frame, time_ns, horizon_ns),
-                         {frame.static_friction, frame.dynamic_friction}};
-    const std::size_t count = std::min<std::size_t>(frame.proxy_count, kMaxProxies);
-    for (std::size_t i = 0; i < count; ++i) {
-        sums.add(frame.proxies[i], at, stiffness, grip, turn, grips[i], i == 0);
-    }
-    const double part = 1.0 / static_cast<double>(count);
-    if (contact.in_contact == 0) {
-        contact.way = part * sums.free_way;
-        return contact;
-    }
-    contact.surface_velocity /= contact.depth;
-    for (Wrench* wrench : {&contact.wrench, &contact.spring}) {
-        wrench->force *= part;
-        wrench->torque *= part;
-    }
-    contact.stored *= part;
-    contact.surface_power *= part;
-    contact.depth *= part;
-    contact.way *= part;
-    contact.wrench.torque -=
-        frame.rotational_damping * part * static_cast<double>(contact.in_contact) * grip.velocity.angular;
-    return contact;
-}
-
-Contact render(const ContactFrame& frame, const Pose& grip, const Twist& velocity, std::int64_t time_ns) HAPTIC_RT {
-    SurfaceGrips none{};
-    return render(frame, frame.stiffness, {.pose = grip, .velocity = velocity, .before = grip}, time_ns, none);
-}
 
 FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     const ContactFrame& candidate = inbox();
@@ -224,39 +30,62 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
         begin_blend();
     }
     if (candidate.session != frame().session || candidate.proxy_count != frame().proxy_count) {
-        grips_.fill({});
+        memory_.grips.fill({});
     }
     current_ = 1 - current_;
-    ContactFrame& taken = frames_[current_];
-    stiffness_limited_[current_] = taken.stiffness > settings_.largest_stiffness;
-    taken.stiffness = std::min(taken.stiffness, settings_.largest_stiffness);
+    limit_stiffness();
     have_frame_ = true;
     received_ns_ = now_ns;
     return FrameDefect::None;
+}
+
+void FrameRenderer::limit_stiffness() HAPTIC_RT {
+    const Stiffness asked = stiffness_of(frame());
+    const double lever = square_lever(frame());
+    Stiffness& allowed = coupling_[current_];
+    allowed.force = std::min(asked.force, settings_.largest_stiffness);
+    allowed.torque = frame().torque_stiffness > 0.0 ? asked.torque : allowed.force;
+    if (allowed.torque * lever > settings_.largest_rotational_stiffness) {
+        allowed.torque = settings_.largest_rotational_stiffness / lever;
+    }
+    stiffness_limited_[current_] = allowed.force < asked.force || allowed.torque < asked.torque;
 }
 
 void FrameRenderer::begin_blend() HAPTIC_RT {
     blend_from_ = last_;
     blend_ = 0.0;
     follower_.leap();
-    stiffness_from_ = kNone;
+    stiffness_from_ = {kNone, kNone};
 }
 
 void FrameRenderer::move_stiffness_on(std::int64_t elapsed_ns) HAPTIC_RT {
+    const Stiffness& to = coupling_[current_];
     stiffness_age_ns_ = std::min(stiffness_age_ns_ + elapsed_ns, frame().step_ns);
-    const bool there = stiffness_from_ < 0.0 || stiffness_age_ns_ >= frame().step_ns;
-    const double part = there ? 1.0 : static_cast<double>(stiffness_age_ns_) / static_cast<double>(frame().step_ns);
-    stiffness_ = there ? frame().stiffness : stiffness_from_ + part * (frame().stiffness - stiffness_from_);
+    if (stiffness_from_.force < 0.0 || stiffness_age_ns_ >= frame().step_ns) {
+        stiffness_ = to;
+        return;
+    }
+    const double part = static_cast<double>(stiffness_age_ns_) / static_cast<double>(frame().step_ns);
+    stiffness_.force = stiffness_from_.force + part * (to.force - stiffness_from_.force);
+    stiffness_.torque = stiffness_from_.torque + part * (to.torque - stiffness_from_.torque);
 }
 
 void FrameRenderer::render_frame(const GripMotion& grip, std::int64_t now_ns, std::int64_t elapsed_ns,
                                  Contact& contact) HAPTIC_RT {
-    const double before = stiffness_;
+    const Stiffness before = stiffness_;
     move_stiffness_on(elapsed_ns);
-    contact = rt::render(frame(), stiffness_, grip, now_ns, grips_);
+    contact = rt::render(frame(), stiffness_, grip, now_ns, memory_);
+    if ((frame().flags & HAPTIC_FRAME_HOLD_POSITIONS) != 0) {
+        follower_.leap();  // the thesis' scheme is felt as it is, seams and all
+    }
+    // Springs in series pass on to one attitude what others' depths do, with the geometric mean of the two.
+    const double torque_stiffness = std::max(stiffness_.torque, std::sqrt(stiffness_.force * stiffness_.torque));
+    const Stiffness change{std::fabs(stiffness_.force - before.force), std::fabs(stiffness_.torque - before.torque)};
     contact.wrench = follower_.follow({.wrench = contact.wrench,
-                                       .travel = stiffness_ * contact.way,
-                                       .stiffening = std::fabs(stiffness_ - before) * contact.depth,
+                                       .travel = stiffness_.force * contact.way,
+                                       .torque_travel = torque_stiffness * contact.way,
+                                       .stiffening = change.force * contact.depth,
+                                       .torque_stiffening = change.torque * contact.depth,
                                        .lever = contact.lever,
                                        .in_contact = contact.in_contact > 0},
                                       1e-9 * static_cast<double>(elapsed_ns));
@@ -306,7 +135,7 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
         result.contact.surface_power = 0.0;
         result.finite = false;
         follower_.leap();
-        stiffness_from_ = kNone;
+        stiffness_from_ = {kNone, kNone};
     }
     last_ = result.contact.wrench;
     last_grip_ = grip;

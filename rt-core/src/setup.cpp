@@ -34,7 +34,8 @@ TickSettings checked(const TickSettings& settings) {
                 settings.limits.torque_rate > 0.0,
             "limits of the wrench must not be negative, and those of its rate must be positive");
     require(settings.tension_rate > 0.0, "tension_rate must be positive");
-    require(settings.frames.largest_stiffness >= 0.0, "largest_stiffness must not be negative");
+    require(settings.frames.largest_stiffness >= 0.0 && settings.frames.largest_rotational_stiffness >= 0.0,
+            "the largest stiffness must not be negative");
     const PassivitySettings& passivity = settings.passivity;
     require(passivity.allowance >= 0.0 && passivity.store >= 0.0 && passivity.surface_power >= 0.0 &&
                 passivity.damping >= 0.0 && passivity.rotational_damping >= 0.0 && passivity.largest_damping >= 0.0 &&

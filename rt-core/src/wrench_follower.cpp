@@ -34,6 +34,7 @@ Wrench WrenchFollower::follow(const WantedWrench& wanted, double elapsed_s) HAPT
     }
     const double lever = std::max(wanted.lever, kLeastLever);
     double allowed = kCatchUp * wanted.travel + wanted.stiffening + kAtRest * elapsed_s;
+    double torque_allowed = kCatchUp * wanted.torque_travel + wanted.torque_stiffening + kAtRest * elapsed_s;
     if (wanted.in_contact) {
         release_ = 0.0;
     } else {
@@ -41,10 +42,11 @@ Wrench WrenchFollower::follow(const WantedWrench& wanted, double elapsed_s) HAPT
             release_ = std::max(glm::length(felt_.force), glm::length(felt_.torque) / lever) / release_s_;
         }
         allowed = std::max(allowed, release_ * elapsed_s);
+        torque_allowed = std::max(torque_allowed, release_ * elapsed_s);
     }
     const Wrench way{to.force - felt_.force, to.torque - felt_.torque};
     const double share =
-        std::min(share_of(allowed, glm::length(way.force)), share_of(allowed * lever, glm::length(way.torque)));
+        std::min(share_of(allowed, glm::length(way.force)), share_of(torque_allowed * lever, glm::length(way.torque)));
     felt_ = share < 1.0 ? Wrench{felt_.force + share * way.force, felt_.torque + share * way.torque} : to;
     return felt_;
 }

@@ -69,8 +69,9 @@ class PreparedTransport final : public device::Transport {
 };
 
 /// Each particle within reach of three planes, of which about half hold it at any time.
-ContactFrame frame_of(std::uint32_t proxies) {
+ContactFrame frame_of(std::uint32_t proxies, bool series) {
     ContactFrame frame{};
+    frame.flags = series ? std::uint32_t{HAPTIC_FRAME_SERIES_SPRINGS} : 0u;
     frame.step_ns = 10 * kTickNs;
     frame.stiffness = 100.0;
     frame.damping = 0.5;
@@ -91,7 +92,7 @@ ContactFrame frame_of(std::uint32_t proxies) {
     return frame;
 }
 
-/// Arguments: proxy particles, ticks from one frame to the next.
+/// Arguments: proxy particles, ticks from one frame to the next, whether the springs are in series.
 void tick(benchmark::State& state) {
     const FlushDenormals flush;
     const std::string session = "tick-bench-" + std::to_string(getpid());
@@ -102,7 +103,7 @@ void tick(benchmark::State& state) {
     RingWriter<DeviceState> states_out(session);
     RingWriter<ContactFrame> frames_out(session);
     const auto subject = std::make_unique<Tick>(settings, board, frames_in, states_out, &monotonic_now_ns);
-    ContactFrame frame = frame_of(static_cast<std::uint32_t>(state.range(0)));
+    ContactFrame frame = frame_of(static_cast<std::uint32_t>(state.range(0)), state.range(2) != 0);
     std::int64_t now_ns = kPackets * kTickNs;
     std::int64_t ticks = 0;
     const auto step = [&] {
@@ -140,11 +141,13 @@ void tick(benchmark::State& state) {
 }
 
 BENCHMARK(tick)
-    ->ArgNames({"proxies", "ticks_per_frame"})
-    ->Args({1, 10})
-    ->Args({37, 10})
-    ->Args({64, 10})
-    ->Args({37, 1})
+    ->ArgNames({"proxies", "ticks_per_frame", "series"})
+    ->Args({1, 10, 0})
+    ->Args({37, 10, 0})
+    ->Args({64, 10, 0})
+    ->Args({37, 1, 0})
+    ->Args({37, 10, 1})
+    ->Args({64, 10, 1})
     ->UseManualTime()
     ->Unit(benchmark::kMicrosecond);
 

@@ -187,9 +187,11 @@ ContactFrame rough_floor(double velocity = 0.0) {
 
 TEST(Render, HoldsTheGripByFrictionAndWithdrawsNothingOfTheNormalForce) {
     const ContactFrame frame = rough_floor();
-    SurfaceGrips grips{};
+    ToolMemory memory;
     constexpr double kDepth = 0.004;
-    const auto push = [&](double x) { return render(frame, kStiffness, standing({x, -kDepth, 0.0}), 0, grips); };
+    const auto push = [&](double x) {
+        return render(frame, {kStiffness, kStiffness}, standing({x, -kDepth, 0.0}), 0, memory);
+    };
     EXPECT_EQ(push(0.0).wrench.force.x, 0.0) << "it sticks where it touches";
     const Contact stuck = push(0.003);
     EXPECT_NEAR(stuck.wrench.force.x, -kStiffness * 0.003, 1e-12);
@@ -204,23 +206,24 @@ TEST(Render, HoldsTheGripByFrictionAndWithdrawsNothingOfTheNormalForce) {
 TEST(Render, TakesFromFrictionWhatDampingTakesFromTheNormalForce) {
     ContactFrame frame = rough_floor();
     frame.damping = 10.0;
-    SurfaceGrips grips{};
-    (void)render(frame, kStiffness, standing({0.0, -0.004, 0.0}), 0, grips);
+    ToolMemory memory;
+    (void)render(frame, {kStiffness, kStiffness}, standing({0.0, -0.004, 0.0}), 0, memory);
     const Vec3 place(0.002, -0.004, 0.0);
     const Vec3 leaving(0.0, 0.1, 0.0);  // m/s, takes half of the 2 N
-    const Contact half = render(frame, kStiffness, standing(place, leaving), 0, grips);
+    const Contact half = render(frame, {kStiffness, kStiffness}, standing(place, leaving), 0, memory);
     EXPECT_NEAR(half.wrench.force.y, 1.0, 1e-12);
     EXPECT_NEAR(half.wrench.force.x, -0.5, 1e-12);
-    const Contact none = render(frame, kStiffness, standing(place, 10.0 * leaving), 0, grips);
+    const Contact none = render(frame, {kStiffness, kStiffness}, standing(place, 10.0 * leaving), 0, memory);
     EXPECT_EQ(none.wrench.force.x, 0.0);
 }
 
 TEST(Render, IsPulledAlongByARoughSurfaceAndTellsItsPower) {
     const ContactFrame frame = rough_floor(0.1);
-    SurfaceGrips grips{};
+    ToolMemory memory;
     Contact contact;
     for (int k = 0; k <= 20; ++k) {
-        contact = render(frame, kStiffness, standing({0.0, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, grips);
+        contact =
+            render(frame, {kStiffness, kStiffness}, standing({0.0, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, memory);
         ASSERT_NEAR(contact.wrench.force.x, kStiffness * 1e-4 * k, 1e-9) << k;
         ASSERT_NEAR(contact.surface_power, contact.wrench.force.x * 0.1, 1e-9) << k;
         ASSERT_NEAR(contact.way, 1e-4, 1e-12) << "relative to the surface, which goes while the hand stands";
@@ -230,10 +233,10 @@ TEST(Render, IsPulledAlongByARoughSurfaceAndTellsItsPower) {
 TEST(Render, HasNoFrictionWithoutItsCoefficientsWhateverTheSurfaceDoes) {
     ContactFrame frame = rough_floor(0.1);
     frame.static_friction = frame.dynamic_friction = 0.0;
-    SurfaceGrips grips{};
+    ToolMemory memory;
     for (int k = 0; k < 10; ++k) {
-        const Contact contact =
-            render(frame, kStiffness, standing({1e-3 * k, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, grips);
+        const Contact contact = render(frame, {kStiffness, kStiffness},
+                                       standing({1e-3 * k, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, memory);
         ASSERT_EQ(contact.wrench.force.x, 0.0);
         ASSERT_EQ(contact.surface_power, 0.0);
     }

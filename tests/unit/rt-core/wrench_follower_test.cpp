@@ -27,19 +27,22 @@ TEST(WrenchFollower, KeepsToItsBoundAndGoesTowardWhatIsWantedWhateverItIs) {
         next.wrench.force = random.normal();
         next.wrench.torque = 0.05 * random.normal();
         next.travel = random.uniform(0.0, 0.5);
+        next.torque_travel = random.uniform(0.0, 0.5);
         next.stiffening = random.uniform(0.0, 1.0) < 0.1 ? 0.2 : 0.0;
+        next.torque_stiffening = random.uniform(0.0, 1.0) < 0.1 ? 0.3 : 0.0;
         next.lever = 0.05;
         next.in_contact = true;
         const Wrench now = follower.follow(next, kTick);
         const double bound = 1.5 * next.travel + next.stiffening + 1e-3;
+        const double torque_bound = (1.5 * next.torque_travel + next.torque_stiffening + 1e-3) * 0.05;
         ASSERT_LE(glm::length(now.force - felt.force), bound * (1.0 + 1e-12));
-        ASSERT_LE(glm::length(now.torque - felt.torque), bound * 0.05 * (1.0 + 1e-12));
+        ASSERT_LE(glm::length(now.torque - felt.torque), torque_bound * (1.0 + 1e-12));
         // Along the straight way, and as far as one of the two bounds allows.
         const Vec3 way = next.wrench.force - felt.force;
         const double share = glm::dot(now.force - felt.force, way) / glm::dot(way, way);
         ASSERT_LT(glm::length(now.force - felt.force - share * way), 1e-12);
         const double possible =
-            std::min({1.0, bound / glm::length(way), bound * 0.05 / glm::length(next.wrench.torque - felt.torque)});
+            std::min({1.0, bound / glm::length(way), torque_bound / glm::length(next.wrench.torque - felt.torque)});
         ASSERT_NEAR(share, possible, 1e-9);
         felt = now;
     }

@@ -6,7 +6,8 @@
 //
 //     |dF| <= 1.5 sum k |u_i| / N + (1 N/s) T          u_i: way of particle i relative to its surface in this tick
 //
-// and F goes toward e as far as that allows. Where the planes stay as they are announced, this never bites on the
+// and F goes toward e as far as that allows; torque likewise, times the lever of the outermost particle, with the
+// stiffness that makes the torque. Where the planes stay as they are announced, this never bites on the
 // spring: the proxy is the projection x of the goal g onto a convex set, g -> x - g moves no farther than g does
 // (firmly nonexpansive), and a plane that moves on takes x along by its own way. So F is e, without any lag, from one
 // seam to the next; half of the surface's speed is left for catching up, and 1 mN a millisecond where all is at rest. A
@@ -24,10 +25,12 @@ namespace haptic::rt {
 /// What a frame asks for at a tick.
 struct WantedWrench {
     Wrench wrench;
-    double travel = 0.0;      // N, sum k |u_i| / N over the particles in contact, or over all where none is
-    double stiffening = 0.0;  // N, that the coupling's own change since the last tick makes; comes on top of the bound
-    double lever = 0.0;       // m, of the outermost particle: what the bound of force is for torque
-    bool in_contact = false;  // some particle
+    double travel = 0.0;             // N, sum k |u_i| / N over the particles in contact, or over all where none is
+    double torque_travel = 0.0;      // N, the same with the stiffness that makes the torque
+    double stiffening = 0.0;         // N, that the coupling's own change since the last tick makes; on top of the bound
+    double torque_stiffening = 0.0;  // N, likewise
+    double lever = 0.0;              // m, of the outermost particle: times it the bounds of torque
+    bool in_contact = false;         // some particle
 };
 
 class WrenchFollower {
