@@ -68,6 +68,11 @@ HAPTIC_LANES LaneVec<Real> vector_of(const ColliderRows& rows, std::size_t row, 
             which.template of<Real>(rows[row + 2])};
 }
 template <class Real, class Which>
+HAPTIC_LANES LaneQuat<Real> quaternion_of(const ColliderRows& rows, std::size_t row, const Which& which) noexcept {
+    return {which.template of<Real>(rows[row]), which.template of<Real>(rows[row + 1]),
+            which.template of<Real>(rows[row + 2]), which.template of<Real>(rows[row + 3])};
+}
+template <class Real, class Which>
 HAPTIC_LANES LaneSymmetric<Real> shape_of(const ColliderRows& rows, const Which& which) noexcept {
     const auto number = [&](std::size_t k) { return which.template of<Real>(rows[collider_row::kShape + k]); };
     return {number(0), number(1), number(2), number(3), number(4), number(5)};
@@ -182,8 +187,7 @@ void mark(const ColliderRows& rows, std::size_t begin, std::size_t end, const Bo
 }
 
 template <class Real>
-void find_shapes(const ColliderRows& rows, std::size_t count, Strided turn, const std::int64_t* near,
-                 Ground ground) noexcept {
+void find_shapes(const ColliderRows& rows, std::size_t count, const std::int64_t* near, Ground ground) noexcept {
     using namespace collider_row;
     for (std::size_t i = 0; i < count; i += kLanes<Real>) {
         std::int64_t any = 0;
@@ -193,11 +197,9 @@ void find_shapes(const ColliderRows& rows, std::size_t count, Strided turn, cons
         if (any == 0) {
             continue;
         }
-        const Places<Real> place(i, count);
         const Consecutive here(i);
-        const LaneQuat<Real> axes{here.of<Real>(rows[kAxes]), here.of<Real>(rows[kAxes + 1]),
-                                  here.of<Real>(rows[kAxes + 2]), here.of<Real>(rows[kAxes + 3])};
-        const LaneQuat<Real> turned{place.of(turn, 0), place.of(turn, 1), place.of(turn, 2), place.of(turn, 3)};
+        const LaneQuat<Real> axes = quaternion_of<Real>(rows, kAxes, here);
+        const LaneQuat<Real> turned = quaternion_of<Real>(rows, kTurn, here);
         const LaneSymmetric<Real> shape =
             lane_shape(vector_of<Real>(rows, kSemiAxes, here), lane_matrix(turned * axes));
         store(shape.xx, rows[kShape] + i);

@@ -21,7 +21,8 @@ inline constexpr std::size_t kReach = kSize + 1;     // m, largest semi-axis
 // Of the sub-step.
 inline constexpr std::size_t kFrom = kReach + 1;         // m
 inline constexpr std::size_t kTo = kFrom + 3;            // m
-inline constexpr std::size_t kSlack = kTo + 3;           // m, of low and high, in case constraints lead it further
+inline constexpr std::size_t kTurn = kTo + 3;            // w, x, y, z: present_from_rest, where something is near
+inline constexpr std::size_t kSlack = kTurn + 4;         // m, of low and high, in case constraints lead it further
 inline constexpr std::size_t kLow = kSlack + 1;          // m, around the way: of a ball, then of the ellipsoid
 inline constexpr std::size_t kHigh = kLow + 3;           // m
 inline constexpr std::size_t kShape = kHigh + 3;         // m^2, as EllipsoidShape
@@ -84,8 +85,7 @@ struct ColliderKernels {
     void (*mark)(const ColliderRows& rows, std::size_t begin, std::size_t end, const Bounds& bounds, std::int64_t bit,
                  std::int64_t* near) noexcept;
     /// Shapes, boxes around ellipsoids and kGroundLeast, of all in vectors in which some `near` is not 0.
-    void (*find_shapes)(const ColliderRows& rows, std::size_t count, Strided turn, const std::int64_t* near,
-                        Ground ground) noexcept;
+    void (*find_shapes)(const ColliderRows& rows, std::size_t count, const std::int64_t* near, Ground ground) noexcept;
     void (*lay_planes)(const ColliderRows& rows, std::size_t count, const PlaneRows& planes, double push_out) noexcept;
 };
 

@@ -241,6 +241,7 @@ struct ParticleCollisions::State {
     [[nodiscard]] double greatest_approach(double step) const;
     void find_ways(const ParticleModel& start, const MovingParticles& predicted);
     void mark_near() noexcept;
+    void find_shapes(const MovingParticles& predicted) noexcept;
     void find_boxes();
     void lay_planes();
     void lay_chunk(std::size_t count);
@@ -407,6 +408,17 @@ void ParticleCollisions::State::mark_near() noexcept {
             mark(low_enough, kNearGround);
         }
     }
+}
+
+void ParticleCollisions::State::find_shapes(const MovingParticles& predicted) noexcept {
+    for (std::size_t i = 0; i < collider.size(); ++i) {
+        if (near[i] != 0) {
+            for (std::size_t k = 0; k < 4; ++k) {
+                rows[collider_row::kTurn + k][i] = predicted.body[i].turn.number[k];
+            }
+        }
+    }
+    kernels.find_shapes(rows, collider.size(), near.data(), {settings.ground_height, push_out});
 }
 
 void ParticleCollisions::State::find_boxes() {
@@ -628,8 +640,7 @@ void ParticleCollisions::find(const ParticleModel& start, const MovingParticles&
     s.push_out = h * s.settings.push_out_speed;
     s.find_ways(start, predicted);
     s.mark_near();
-    s.kernels.find_shapes(s.rows, s.collider.size(), {predicted.body[0].turn.number, sizeof(Body) / sizeof(double)},
-                          s.near.data(), {s.settings.ground_height, s.push_out});
+    s.find_shapes(predicted);
     if (s.box.capacity() > 0) {
         s.find_boxes();
         s.lay_planes();
