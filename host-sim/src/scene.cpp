@@ -52,7 +52,7 @@ ProxySettings read_proxy(const Config& config) {
     proxy.radius = config.number("proxy.radius", proxy.radius, {1e-6, 10.0});
     proxy.shrink = config.number("proxy.shrink", proxy.shrink, {0.9, 0.99999});
     proxy.reach = config.number("proxy.reach", proxy.reach, {0.0, 10.0});
-    if (proxy.reach > proxy.radius) {
+    if (proxy.reach > proxy.radius && !config.has("tool")) {  // those of a tool are known once it is made
         config.fail("proxy.reach", "must not exceed proxy.radius");
     }
     return proxy;
@@ -81,6 +81,12 @@ ContactSettings read_contact(const Config& config, double shrink) {
 CouplingSettings read_coupling(const Config& config) {
     CouplingSettings coupling;
     coupling.stiffness = config.number("coupling.stiffness", coupling.stiffness, {0.0, 1e5});
+    coupling.torque_stiffness = config.number("coupling.torque_stiffness", coupling.torque_stiffness, {0.0, 1e5});
+    if (coupling.torque_stiffness > 0.0 && coupling.stiffness == 0.0) {
+        config.fail("coupling.torque_stiffness", "needs a coupling.stiffness: what makes no force makes no torque");
+    }
+    const std::string multi_rate = config.choice("coupling.multi_rate", "planes", {"planes", "positions"});
+    coupling.multi_rate = multi_rate == "positions" ? MultiRate::Positions : MultiRate::Planes;
     coupling.loss = config.number("coupling.loss", coupling.loss, {0.0, 10.0});
     coupling.tied_mass = config.number("coupling.tied_mass", coupling.tied_mass, {0.0, 1e3});
     coupling.mask_radius = config.number("coupling.mask_radius", coupling.mask_radius, {0.0, 100.0});

@@ -145,9 +145,7 @@ struct ParticleSolver::Projecting {
         }
     }
 
-    [[nodiscard]] MovingParticles moving() {
-        return {place.data(), body.data(), scratch.data(), pushed.data()};
-    }
+    [[nodiscard]] MovingParticles moving() { return {place.data(), body.data(), scratch.data(), pushed.data()}; }
 
     void find_rates(double h) { projection.find_rates(before.size(), before.data(), body.data(), h, rate.data()); }
 
@@ -229,6 +227,26 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, Sol
             count_pushes(h);
         }
         update(model, h);
+    }
+}
+
+void ParticleSolver::project(ParticleModel& model, std::span<const std::uint8_t> held) {
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        set_vector(now_->place[i], model.position[i]);
+        now_->set_orientation(i, model.orientation[i]);
+    }
+    now_->batches.begin(settings_.step);
+    for (int pass = 0; pass < settings_.iterations; ++pass) {
+        now_->sweep(pass % 2 == 0, settings_.rotation_iterations);
+        for (std::size_t i = 0; i < held.size(); ++i) {
+            if (held[i] != 0) {
+                set_vector(now_->place[i], model.position[i]);
+            }
+        }
+    }
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        model.position[i] = vector_of(now_->place[i]);
+        model.orientation[i] = now_->orientation(i);
     }
 }
 

@@ -46,8 +46,20 @@ double Workspace::coupling_to_device(double scene_value) const noexcept {
     return settings_.force_scale * scene_value / settings_.scale;
 }
 
-Quat Workspace::orientation_to_scene(const Quat& device_from_grip) const noexcept {
-    return glm::conjugate(settings_.rotation) * device_from_grip;
+Vec3 Workspace::torque_to_device(const Vec3& scene_torque) const noexcept {
+    return settings_.force_scale * settings_.scale * (device_from_scene_ * scene_torque);
+}
+
+Pose Workspace::to_scene(const Pose& grip) const noexcept {
+    return {to_scene(grip.position), glm::conjugate(settings_.rotation) * grip.orientation * grip_from_tool_};
+}
+
+Pose Workspace::to_device(const Pose& tool) const noexcept {
+    return {to_device(tool.position), settings_.rotation * tool.orientation * glm::conjugate(grip_from_tool_)};
+}
+
+Vec3 Workspace::offset_to_grip(const Vec3& tool_offset) const noexcept {
+    return settings_.scale * (to_matrix(grip_from_tool_) * tool_offset);
 }
 
 ContactPlane Workspace::to_device(const SurfacePlane& plane) const noexcept {
@@ -60,45 +72,44 @@ ContactPlane Workspace::to_device(const SurfacePlane& plane) const noexcept {
     return result;
 }
 
-void Workspace::anchor(const Vec3& device_position, const Vec3& scene_position) noexcept {
-    settings_.offset = device_position - device_from_scene_ * (settings_.scale * scene_position);
+void Workspace::anchor(const Pose& grip, const Pose& tool) noexcept {
+    settings_.offset = grip.position - device_from_scene_ * (settings_.scale * tool.position);
+    grip_from_tool_ = glm::normalize(glm::conjugate(grip.orientation) * settings_.rotation * tool.orientation);
 }
 
-void Clutch::take(const Workspace& next, const Vec3& device_position, const Vec3& proxy,
-                  Workspace& workspace) noexcept {
+void Clutch::take(const Workspace& next, const Pose& grip, const Pose& tool, Workspace& workspace) noexcept {
     const bool moved = next.asked_offset() != workspace.asked_offset();
     workspace = next;
     apart_s_ = kApart;
-    hip_ = moved ? workspace.to_scene(device_position) : proxy;
+    hip_ = moved ? workspace.to_scene(grip) : tool;
 }
 
-Vec3 Clutch::engage(bool held, const Vec3& device_position, const Vec3& proxy, double step_s,
-                    Workspace& workspace) noexcept {
+Pose Clutch::engage(bool held, const Pose& grip, const Tool& tool, double step_s, Workspace& workspace) noexcept {
     const double fade = workspace.settings().clutch_fade;
     const double change = fade > step_s ? step_s / fade : 1.0;
     const bool stands = held || changing();
     if (stands || held_) {  // stands, and is laid under the hand anew; for the last time in the step of its release
         if (!held_) {
-            hip_ = workspace.to_scene(device_position);
+            hip_ = workspace.to_scene(grip);
         }
         if (stands) {
             gain_ = std::max(0.0, gain_ - change);
         }
         if (uncoupled()) {
-            hip_ = proxy;
+            hip_ = tool.pose;
             apart_s_ = std::max(0.0, apart_s_ - step_s);
         }
         if (uncoupled() && next_) {
-            take(*next_, device_position, proxy, workspace);
+            take(*next_, grip, tool.pose, workspace);
             next_.reset();
         }
-        workspace.anchor(device_position, hip_);
-        if (!stands && uncoupled()) {
-            gain_ = 1.0;  // at once: with the hip on the proxy there is no force that could jump
+        workspace.anchor(grip, hip_);
+        if (!stands && uncoupled() && tool.in_shape) {
+            gain_ = 1.0;  // at once: with the hip on the tool there is no force that could jump
         }
     } else {
         gain_ = std::min(1.0, gain_ + change);
-        hip_ = workspace.to_scene(device_position);
+        hip_ = workspace.to_scene(grip);
     }
     held_ = stands;
     return hip_;

@@ -259,8 +259,7 @@ void Run::run_lockstep() {
             input.device = input_->at(time_ns);
         } else if (hostile_) {
             const Vec3 hand = hostile_->after(simulation_.scene().solver.step, simulation_.vertices());
-            input.device.position = simulation_.workspace().to_device(hand);
-            input.device.orientation = simulation_.scene().workspace.rotation * hostile_->orientation();
+            input.device = simulation_.workspace().to_device(Pose{hand, hostile_->orientation()});
         }
         one_step(input);
     }

@@ -271,12 +271,12 @@ TEST(Simulation, TimesItsStagesByTheCallersClock) {
     Simulation simulation(late_drop(), fake_clock);
     const StepResult result = simulation.step(simulation.scripted_input(0));
     const StageTimes& t = result.times;
-    for (const std::int64_t stage : {t.ccd_ns, t.popout_ns, t.deform_ns, t.skin_ns}) {
+    for (const std::int64_t stage : {t.ccd_ns, t.popout_ns, t.tool_ns, t.deform_ns, t.skin_ns}) {
         EXPECT_EQ(stage, 1000);
     }
-    EXPECT_EQ(t.proxy_ns, 2000);  // before and after verification
+    EXPECT_EQ(t.proxy_ns, 3000);  // on both sides of the tool's constraints, and the force
     EXPECT_EQ(t.collide_ns, 0);   // one body over no ground
-    EXPECT_EQ(t.total_ns, 7000);  // and one for the frame
+    EXPECT_EQ(t.total_ns, 9000);  // and one for the frame
     Simulation without(late_drop());
     EXPECT_EQ(without.step(without.scripted_input(0)).times.total_ns, 0);
 }

@@ -12,6 +12,10 @@
 namespace haptic::sim {
 namespace {
 
+Pose at(const Vec3& position) {
+    return {.position = position};
+}
+
 class WorkspaceTest : public ::testing::Test {
   protected:
     Vec3 vector() {
@@ -83,14 +87,14 @@ TEST_F(WorkspaceTest, TurnsTheGripWithTheScene) {
     const Workspace workspace(settings);
     const Quat grip = glm::normalize(Quat(0.3, 0.1, -0.5, 0.7));
     const Vec3 axis(0.0, 0.0, 1.0);
-    const Vec3 in_scene = workspace.orientation_to_scene(grip) * axis;
+    const Vec3 in_scene = workspace.to_scene(Pose{Vec3(0.0), grip}).orientation * axis;
     const Vec3 back = glm::normalize(workspace.to_device(in_scene) - workspace.to_device(Vec3(0.0)));
     EXPECT_LT(glm::length(back - grip * axis), 1e-14);
 }
 
 TEST_F(WorkspaceTest, AnchorLaysOnePositionOnTheOther) {
     Workspace workspace(settings);
-    workspace.anchor({0.02, 0.0, -0.01}, {5.0, 6.0, 7.0});
+    workspace.anchor(at({0.02, 0.0, -0.01}), at({5.0, 6.0, 7.0}));
     EXPECT_LT(glm::length(workspace.to_scene({0.02, 0.0, -0.01}) - Vec3(5.0, 6.0, 7.0)), 1e-12);
 }
 
@@ -113,7 +117,7 @@ TEST_F(WorkspaceTest, ClutchNeverJumpsTheForce) {
     for (int i = 0; i < 200; ++i) {
         const bool held = i >= 50 && i < 120;
         device += Vec3(hand_speed * step, 0.0, 0.0);
-        const Vec3 hip = clutch.engage(held, device, proxy, step, workspace);
+        const Vec3 hip = clutch.engage(held, at(device), {at(proxy)}, step, workspace).position;
         proxy = Vec3(hip.x, std::max(hip.y, 0.0), hip.z);
         const double force = clutch.gain() * stiffness * (proxy.y - hip.y);
         // The fade takes a tenth of a second, and the hand moves hand_speed * step / scale in a step.
@@ -138,11 +142,12 @@ TEST_F(WorkspaceTest, ClutchStandsWhileItIsHeld) {
     Clutch clutch;
     const Vec3 held_at = workspace.to_scene({0.01, 0.0, 0.0});
     for (int i = 0; i < 5; ++i) {
-        const Vec3 hip = clutch.engage(true, {0.01 + 0.001 * i, 0.0, 0.0}, Vec3(9.0), 0.01, workspace);
+        const Vec3 hip =
+            clutch.engage(true, at({0.01 + 0.001 * i, 0.0, 0.0}), {at(Vec3(9.0))}, 0.01, workspace).position;
         EXPECT_LT(glm::length(hip - held_at), 1e-12);
     }
     // Let go before the fade was over: the scene's point stays under the hand.
-    const Vec3 hip = clutch.engage(false, {0.02, 0.0, 0.0}, Vec3(9.0), 0.01, workspace);
+    const Vec3 hip = clutch.engage(false, at({0.02, 0.0, 0.0}), {at(Vec3(9.0))}, 0.01, workspace).position;
     EXPECT_LT(glm::length(hip - held_at), 1e-12);
 }
 
@@ -201,7 +206,7 @@ class ChangeTest : public WorkspaceTest {
 
     /// A step with the hand there; the virtual proxy stays above the floor.
     double step(const Vec3& device, bool held = false) {
-        hip = clutch.engage(held, device, proxy, kStep, workspace);
+        hip = clutch.engage(held, at(device), {at(proxy)}, kStep, workspace).position;
         proxy = Vec3(hip.x, std::max(hip.y, 0.0), hip.z);
         force = clutch.gain() * workspace.coupling_to_device(20.0) * workspace.settings().scale * (proxy.y - hip.y);
         return force;

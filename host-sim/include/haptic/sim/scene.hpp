@@ -1,6 +1,7 @@
 // Scene files: what is simulated, with what, for how long. TOML; scenes/cloth-drop.toml names every key.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -24,7 +25,15 @@ struct ProxySettings {
     double reach = 0.025;  // m, scene: planes nearer than radius + reach are sent before they touch
 };
 
+/// What the haptic loop is told of particles that are in contact.
+enum class MultiRate : std::uint8_t {
+    Planes,    // the surfaces that hold them, and those in reach
+    Positions  // where they are, as the thesis has it (section 5.4.1), to compare with: drags
+};
+
 struct CouplingSettings : Coupling {
+    double torque_stiffness = 0.0;  // N/m, of the springs that make the torque; 0: those that make the force
+    MultiRate multi_rate = MultiRate::Planes;
     double mask_radius = 0.1;  // m, rest shape: about the contact, where the surface takes the force
 };
 

@@ -1,13 +1,14 @@
-// One scene in motion: models, proxy, and what the hand is sent after each step.
+// One scene in motion: bodies, tool, and what the hand is sent after each step.
 //
 // A step takes the device as it is at a time t and
-//   1. finds the secure position of the standing proxy among the surfaces as they moved until t (CCD), and pops it out
-//      of what still clips it;
-//   2. moves the proxy toward the device among the surfaces at t;
-//   3. pushes the touched particles with the coupling's force, and steps the models to t + dt;
+//   1. finds the secure positions of the tool's standing proxies among the surfaces as they moved until t (CCD), and
+//      pops them out of what still clips them;
+//   2. moves the proxies toward where the device has them among the surfaces at t, and lets the tool's constraints act
+//      (tool_proxies.hpp);
+//   3. pushes the touched particles with the coupling's force, and steps the bodies to t + dt;
 //   4. makes the contact frame: planes at t, with the velocity that takes each surface to where it is at t + dt. So a
 //      haptic loop that moves the planes on between t and t + dt interpolates; it extrapolates only beyond.
-// The proxy comes first so that the scheme stays semi-implicit (thesis, section 3.3 and Algorithm 3).
+// The tool comes first so that the scheme stays semi-implicit (thesis, section 3.3, Algorithms 3 and 4).
 //
 // The result depends on the sequence of inputs only, bit for bit: no clock, no random numbers, no libm but sqrt.
 #pragma once
@@ -21,6 +22,7 @@
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/particles.hpp"
 #include "haptic/sim/scene.hpp"
+#include "haptic/sim/tool_proxies.hpp"
 #include "haptic/sim/workspace.hpp"
 #include "haptic/types.hpp"
 
@@ -42,25 +44,33 @@ struct StepInput {
 struct StageTimes {
     std::int64_t ccd_ns = 0;  // refit of the tree and secure position
     std::int64_t popout_ns = 0;
-    std::int64_t proxy_ns = 0;    // virtual proxy, planes in reach, contact force
+    std::int64_t proxy_ns = 0;    // virtual proxies, planes in reach, contact force
+    std::int64_t tool_ns = 0;     // constraints of the tool
     std::int64_t collide_ns = 0;  // bodies among themselves and with the ground
     std::int64_t deform_ns = 0;   // forces, constraints, integration
     std::int64_t skin_ns = 0;
     std::int64_t total_ns = 0;  // of the step without its verification
 };
 
+/// Where the step deals with many proxies, numbers are those of the one that is worst off, flags are set by any.
 struct StepResult {
-    Vec3 proxy{0.0};       // m, scene
-    Vec3 hip{0.0};         // m, scene: the device, mapped
-    Vec3 force{0.0};       // N, scene, on the tool; its opposite went to the particles
-    Vec3 hand_force{0.0};  // N, device frame, as felt at the hand
-    double depth = 0.0;    // m, scene, how far the hip is beyond the surface
+    Vec3 proxy{0.0};                             // m, scene: the tool's origin, where its particles have it
+    Quat proxy_orientation{1.0, 0.0, 0.0, 0.0};  // scene_from_tool, likewise
+    Vec3 hip{0.0};                               // m, scene: the device, mapped
+    Quat hip_orientation{1.0, 0.0, 0.0, 0.0};    // likewise
+    Vec3 force{0.0};                             // N, scene, on the tool; its opposite went to the particles
+    Vec3 torque{0.0};                            // N*m, scene, on the tool about the hip
+    Vec3 hand_force{0.0};                        // N, device frame, as felt at the hand
+    Vec3 hand_torque{0.0};                       // N*m, likewise
+    double depth = 0.0;                          // m, scene, how far the goal of a proxy is beyond the surface
     bool in_contact = false;
+    std::size_t collided = 0;    // proxies in contact
     int rides = 0;               // moves with the surfaces that found the secure position
-    int pop_out_iterations = 0;  // moves out of what still clipped the proxy then
+    int pop_out_iterations = 0;  // moves out of what still clipped a proxy then
     bool squeezed = false;       // less room than the proxy's radius
     bool let_through = false;    // the surfaces left no room at all; one passed
-    bool crossed = false;        // verification: the proxy's centre passed through a surface in this step
+    bool crossed = false;        // verification: a proxy's centre passed through a surface in this step
+    std::size_t crossings = 0;   // proxies of which that is true
     StageTimes times;
 };
 
@@ -77,13 +87,15 @@ class Simulation {
     /// Monotonic nanoseconds, for timing the stages.
     using ClockFunction = std::int64_t (*)();
 
-    /// The proxy starts at the scene position of the scripted hand at time 0. Throws std::invalid_argument.
+    /// The tool starts where the scripted hand is at time 0. Throws std::invalid_argument.
     explicit Simulation(const Scene& scene, ClockFunction clock = nullptr);
+    /// The same with another tool than the scene's.
+    Simulation(const Scene& scene, const ToolModel& tool, ClockFunction clock = nullptr);
     Simulation(Simulation&&) noexcept;
     Simulation& operator=(Simulation&&) noexcept;
     ~Simulation();
 
-    /// Checks each step's path of the proxy with the independent verification; costs some 0.1 ms a step.
+    /// Checks each step's path of every proxy with the independent verification; costs some 0.1 ms each.
     void set_verification(bool on) noexcept;
 
     /// Changes the mapping between device and scene from the next steps on, as the clutch does (workspace.hpp): the
@@ -108,11 +120,13 @@ class Simulation {
     [[nodiscard]] const std::vector<SceneBody>& bodies() const noexcept;
     /// At the start of the next step.
     [[nodiscard]] const std::vector<Vec3>& vertices() const noexcept;
+    /// m, scene: the tool's origin.
     [[nodiscard]] const Vec3& proxy() const noexcept;
+    [[nodiscard]] const ToolProxies& tool() const noexcept;
     [[nodiscard]] const Workspace& workspace() const noexcept;
     [[nodiscard]] std::uint64_t steps() const noexcept;
 
-    /// FNV-1a (Fowler, Noll, Vo) of the bits of the whole state: particles and proxy.
+    /// FNV-1a (Fowler, Noll, Vo) of the bits of the whole state: particles and proxies.
     [[nodiscard]] std::uint64_t state_hash() const noexcept;
 
   private:

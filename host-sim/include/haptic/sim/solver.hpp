@@ -45,6 +45,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
@@ -105,6 +106,11 @@ class ParticleSolver {
     /// Advances the model, which has to be the one given to the constructor as far as its rest shape and constraints
     /// go. `force` is in N, per particle, constant over the step; an empty span is no force.
     void step(ParticleModel& model, std::span<const Vec3> force, SolverContacts* contacts = nullptr);
+
+    /// Only the constraints: settings().iterations passes over positions and orientations as the model has them. No
+    /// time passes, so nothing has a velocity, weight or momentum; settings().step only says how far compliances give
+    /// way. Particles whose `held` is not 0 are put back where they were after each pass; an empty span holds none.
+    void project(ParticleModel& model, std::span<const std::uint8_t> held = {});
 
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
     [[nodiscard]] std::size_t lanes() const noexcept;

@@ -2,8 +2,13 @@
 //
 //     x_device = offset + rotation * (scale * x_scene)            F_hand = force_scale * rotation * F_scene
 //
-// A spring k in the scene is then felt as k_hand = force_scale * k / scale, a damper likewise. Work at the hand is
-// force_scale * scale times the work in the scene, whatever the motion, so that a passive scene is passive at the hand.
+// A spring k in the scene is then felt as k_hand = force_scale * k / scale, a damper likewise, a torque T as
+// force_scale * scale * rotation * T. Work at the hand is force_scale * scale times the work in the scene, whatever the
+// motion, so that a passive scene is passive at the hand.
+//
+// The tool is turned with the grip, scene_from_tool = rotation^-1 * device_from_grip * grip_from_tool. The last factor
+// is 1 until the clutch lets the grip turn alone; so a turn of the hand about an axis of the room turns the tool about
+// the same axis of the scene, however the two lie to one another.
 #pragma once
 
 #include <optional>
@@ -36,13 +41,17 @@ class Workspace {
     [[nodiscard]] Vec3 velocity_to_device(const Vec3& scene_velocity) const noexcept;
     /// Of a spring or a damper.
     [[nodiscard]] double coupling_to_device(double scene_value) const noexcept;
-    /// Orientation of the grip in the scene.
-    [[nodiscard]] Quat orientation_to_scene(const Quat& device_from_grip) const noexcept;
+    [[nodiscard]] Vec3 torque_to_device(const Vec3& scene_torque) const noexcept;
+    /// scene_from_tool, m in the scene, of device_from_grip, m at the device; and back.
+    [[nodiscard]] Pose to_scene(const Pose& grip) const noexcept;
+    [[nodiscard]] Pose to_device(const Pose& tool) const noexcept;
+    /// m, tool's frame, scene: to m, grip's frame, device.
+    [[nodiscard]] Vec3 offset_to_grip(const Vec3& tool_offset) const noexcept;
     /// The plane with its offset and velocity as the device sees them.
     [[nodiscard]] ContactPlane to_device(const SurfacePlane& plane) const noexcept;
 
-    /// Moves the offset so that the two positions coincide.
-    void anchor(const Vec3& device_position, const Vec3& scene_position) noexcept;
+    /// Moves the offset, and turns the tool in the grip, so that the two poses coincide.
+    void anchor(const Pose& grip, const Pose& tool) noexcept;
 
     /// Of now: with the offset that anchor() left.
     [[nodiscard]] const WorkspaceSettings& settings() const noexcept { return settings_; }
@@ -53,22 +62,30 @@ class Workspace {
     WorkspaceSettings settings_;
     Vec3 asked_offset_;
     Mat3 device_from_scene_;  // rotation only
+    Quat grip_from_tool_{1.0, 0.0, 0.0, 0.0};
 };
 
-/// The clutch: lets the hand travel while the tool in the scene stands, and the mapping change under it.
+/// The clutch: lets the hand travel and turn while the tool in the scene stands, and the mapping change under it.
 ///
 /// While the button is held, the device end of the tool (the hip) stays where it was in the scene, and the coupling
-/// fades to nothing. Once it has, the hip is laid onto the proxy, so that on release the force begins at zero; both
-/// ways the force changes without a jump.
+/// fades to nothing. Once it has, the hip is laid onto the tool, so that on release the force begins at zero; both
+/// ways the force changes without a jump. A tool of many particles that surfaces keep out of its shape is pulled at
+/// however the hip lies; there the coupling comes back as it faded.
 ///
 /// A change of the mapping works the clutch by itself: the coupling fades, the new mapping is taken, and the hip is
-/// laid onto the proxy, so that the hand goes on from where the tool is. Only where another offset is asked for than
-/// before, the tool travels there first, as far as the surfaces let it, while nothing is coupled.
+/// laid onto the tool, so that the hand goes on from where the tool is. Only where another offset is asked for than
+/// before, the tool travels there first, and turns as the grip is turned, as far as the surfaces let it, while nothing
+/// is coupled.
 class Clutch {
   public:
+    /// The tool as the last step left it.
+    struct Tool {
+        Pose pose;             // scene_from_tool
+        bool in_shape = true;  // with the hip there, no particle would be pulled at
+    };
     /// Takes the button's state at the beginning of a step and returns the hip in the scene. Moves the workspace's
     /// anchor as long as the grip is not coupled, and changes the mapping once it is uncoupled.
-    [[nodiscard]] Vec3 engage(bool held, const Vec3& device_position, const Vec3& proxy, double step_s,
+    [[nodiscard]] Pose engage(bool held, const Pose& grip, const Tool& tool, double step_s,
                               Workspace& workspace) noexcept;
 
     /// Asks for another mapping; the last one asked for counts.
@@ -81,11 +98,11 @@ class Clutch {
     [[nodiscard]] bool uncoupled() const noexcept { return gain_ <= 0.0; }
 
   private:
-    void take(const Workspace& next, const Vec3& device_position, const Vec3& proxy, Workspace& workspace) noexcept;
+    void take(const Workspace& next, const Pose& grip, const Pose& tool, Workspace& workspace) noexcept;
 
     bool held_ = false;
     double gain_ = 1.0;
-    Vec3 hip_{0.0};
+    Pose hip_;
     std::optional<Workspace> next_;
     double apart_s_ = 0.0;  // s, left until a change of the mapping is coupled again
 };
