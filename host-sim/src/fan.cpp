@@ -88,13 +88,19 @@ ParticleModel make_fan_particles(const FanShape& shape, double group_stiffness) 
     // Balls that just touch along the rim.
     const double radius = 0.5 * glm::length(vertices[2] - vertices[1]);
     ParticleModel model;
-    Group group{0, {}, group_stiffness};
+    const std::uint32_t n = shape.rim_vertices;
+    Group about_centre{0, {}, group_stiffness};
+    about_centre.members.reserve(vertices.size());
     for (std::uint32_t i = 0; i < vertices.size(); ++i) {
         model.add(vertices[i], shape.mass / static_cast<double>(vertices.size()), radius);
         model.pinned[i] = i > 0 ? 1 : 0;
-        group.members.push_back(i);
+        about_centre.members.push_back(i);
     }
-    model.groups.push_back(std::move(group));
+    model.groups.reserve(vertices.size());
+    model.groups.push_back(std::move(about_centre));
+    for (std::uint32_t k = 0; k < n; ++k) {
+        model.groups.push_back({1 + k, {0, 1 + k, 1 + (k + 1) % n, 1 + (k + n - 1) % n}, group_stiffness});
+    }
     return model;
 }
 

@@ -2,10 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <glm/geometric.hpp>
 #include <limits>
 #include <numbers>
+#include <set>
 #include <stdexcept>
 
 namespace haptic::sim {
@@ -51,9 +54,24 @@ TEST(Fan, LeavesOnlyItsCentreFree) {
         EXPECT_EQ(model.pinned[i], 1);
     }
     EXPECT_DOUBLE_EQ(model.mass[0], 0.01);
-    ASSERT_EQ(model.groups.size(), 1u);
-    EXPECT_EQ(model.groups[0].members.size(), 33u);
     EXPECT_TRUE(model.links.empty());
+}
+
+TEST(Fan, MatchesEachParticleWithItsNeighboursOnTheFan) {
+    const TriangleMesh mesh = make_fan_mesh({.rim_vertices = 5});
+    const ParticleModel model = make_fan_particles({.rim_vertices = 5}, 0.3);
+    ASSERT_EQ(model.groups.size(), model.size());
+    for (const Group& group : model.groups) {
+        std::set<std::uint32_t> expected;
+        for (const Triangle& t : mesh.triangles) {
+            if (std::find(t.begin(), t.end(), group.centre) != t.end()) {
+                expected.insert(t.begin(), t.end());
+            }
+        }
+        EXPECT_EQ(std::set<std::uint32_t>(group.members.begin(), group.members.end()), expected) << group.centre;
+        EXPECT_EQ(group.members.size(), expected.size()) << group.centre;
+        EXPECT_DOUBLE_EQ(group.stiffness, 0.3);
+    }
 }
 
 TEST(Fan, RefusesShapesThatAreNone) {
