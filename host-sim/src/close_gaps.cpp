@@ -61,7 +61,8 @@ std::vector<Ball> kept(const std::vector<Ball>& now) {
 }
 
 /// Adds the fewest balls evenly along a line that is not covered.
-void fill_line(std::span<const Ball> given, const Corners& line, double finest, std::vector<Ball>& all) {
+void fill_line(std::span<const Ball> given, const Corners& line, double finest, const Room& room,
+               std::vector<Ball>& all) {
     const std::vector<Ball> present = kept(all);
     BareDepth bare(present, finest);
     bare.take(corners_of(given, line));
@@ -81,7 +82,11 @@ void fill_line(std::span<const Ball> given, const Corners& line, double finest, 
         }
         for (std::size_t k = 1; k <= between; ++k) {
             const double at = static_cast<double>(k) * part;
-            all.push_back({glm::mix(from.centre, to.centre, at), glm::mix(from.radius, to.radius, at)});
+            const Vec3 centre = glm::mix(from.centre, to.centre, at);
+            const double radius = std::min(glm::mix(from.radius, to.radius, at), room(centre));
+            if (radius > finest) {
+                all.push_back({centre, radius});
+            }
         }
         return;
     }
@@ -89,8 +94,8 @@ void fill_line(std::span<const Ball> given, const Corners& line, double finest, 
                                 " spheres; have larger ones");
 }
 
-/// Adds a ball where a triangle is farthest from the others, until it is covered.
-void fill_triangle(std::span<const Ball> given, const Corners& t, double finest, std::vector<Ball>& all) {
+/// Adds a ball where a triangle or line is farthest from the others, until it is covered or has no room.
+void fill_rest(std::span<const Ball> given, const Corners& t, double finest, const Room& room, std::vector<Ball>& all) {
     const TriangleCorners corners = corners_of(given, t);
     while (all.size() < kMostCounted) {
         const std::vector<Ball> present = kept(all);
@@ -101,7 +106,11 @@ void fill_triangle(std::span<const Ball> given, const Corners& t, double finest,
         }
         const Vec3 weights = closest_point_on_triangle(bare.farthest(), corners).weights;
         const Vec3 radii(given[t[0]].radius, given[t[1]].radius, given[t[2]].radius);
-        all.push_back({bare.farthest(), glm::dot(weights, radii)});
+        const double radius = std::min(glm::dot(weights, radii), room(bare.farthest()));
+        if (!(radius > finest)) {
+            return;
+        }
+        all.push_back({bare.farthest(), radius});
     }
 }
 
@@ -115,15 +124,15 @@ double widest_gap(std::span<const Ball> balls, const Neighbours& neighbours) {
     return 2.0 * std::max(0.0, bare.seen());
 }
 
-std::vector<Ball> close_gaps(std::span<const Ball> balls, const Neighbours& neighbours, std::size_t most) {
+std::vector<Ball> close_gaps(std::span<const Ball> balls, const Neighbours& neighbours, std::size_t most,
+                             const Room& room) {
     std::vector<Ball> all(balls.begin(), balls.end());
     const double finest = finest_of(balls);
     for (const Corners& t : net_of(neighbours)) {
         if (t[1] == t[2]) {
-            fill_line(balls, t, finest, all);
-        } else {
-            fill_triangle(balls, t, finest, all);
+            fill_line(balls, t, finest, room, all);
         }
+        fill_rest(balls, t, finest, room, all);
     }
     if (all.size() > most) {
         throw std::invalid_argument("tool: closing the gaps between its " + std::to_string(balls.size()) +

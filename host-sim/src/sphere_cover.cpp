@@ -22,14 +22,17 @@ namespace haptic::sim {
 namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kSamples = 3000.0;  // about; of the surface
-constexpr std::size_t kMostCandidates = 1500;
+constexpr double kSamples = 2500.0;  // about; of the surface
+constexpr std::size_t kMostCandidates = 1000;
 constexpr double kMostCuts = 64.0;  // of a triangle's side, by samples
 constexpr double kOnPlane = 1e-9;   // of the mesh's size
 constexpr int kMostShrinkings = 30;
 constexpr double kShrunken = 1.0 - 1e-3;  // a ball this near to touching nothing inside is not shrunk on
-constexpr int kHalvings = 24;
+constexpr int kHalvings = 14;
 constexpr int kRelaxations = 40;
+constexpr int kGrowings = 24;
+constexpr double kAlike = 1.03;  // bare over proud
+constexpr int kSwaps = 12;
 constexpr int kPolishings = 4;
 constexpr int kMostMoves = 40;
 constexpr double kWorthwhile = 0.02;  // gain of a step, in steps
@@ -192,6 +195,7 @@ class Candidates {
         samples_ = sample(mesh, pitch_);
         const Box box = box_of(mesh);
         const double size = glm::length(box.high - box.low);
+        size_ = size;
         const double most = fixed_ > 0.0 ? fixed_ : size;
         const std::size_t every = (samples_.size() + kMostCandidates - 1) / kMostCandidates;
         const TriangleGrid grid(mesh.vertices, mesh.triangles, 2.0 * pitch_);
@@ -206,8 +210,11 @@ class Candidates {
             if (crossing > 1.0) {
                 continue;  // through an edge, or the skin passes through itself
             }
-            balls_.push_back(inner_ball(samples_, s, most, crossing * size));
-            balls_.back().radius = std::min(surface.distance(balls_.back().centre), most);
+            Ball ball = inner_ball(samples_, s, most, crossing * size);
+            ball.radius = std::min(surface.distance(ball.centre), most);
+            if (ball.radius > kOnPlane * size) {
+                balls_.push_back(ball);
+            }
         }
     }
 
@@ -216,9 +223,48 @@ class Candidates {
     [[nodiscard]] const Ball& operator[](std::size_t candidate) const { return balls_[candidate]; }
     [[nodiscard]] double pitch() const noexcept { return pitch_; }  // m, of the samples
 
-    /// By how much a candidate misses a sample, m; at a fixed radius, also what it stands proud.
+    /// m, of a sample from the centre.
+    [[nodiscard]] double distance(const Ball& ball, std::size_t sample) const {
+        return glm::length(samples_[sample].place - ball.centre);
+    }
+
+    /// m, the distance of the samples that a candidate misses by no more than `allowance`; negative if it does so with
+    /// all.
+    [[nodiscard]] double reach(const Ball& ball, double allowance) const {
+        if (relative_) {
+            return ball.radius + allowance * std::sqrt(size_ * ball.radius);
+        }
+        if (!(fixed_ > 0.0)) {
+            return ball.radius + allowance;
+        }
+        return closed_ && fixed_ - ball.radius > allowance ? -1.0 : fixed_ + allowance;
+    }
+
+    /// Of a sample from the centre, m^2.
+    [[nodiscard]] double squared_distance(const Ball& ball, std::size_t sample) const {
+        const Vec3 arm = samples_[sample].place - ball.centre;
+        return glm::dot(arm, arm);
+    }
+
+    /// Some candidate misses no sample by more.
+    [[nodiscard]] double enough() const {
+        double largest = 0.0;
+        for (const Ball& ball : balls_) {
+            largest = std::max(largest, ball.radius);
+        }
+        return relative_ ? std::sqrt(size_ / largest) : size_;
+    }
+
+    /// Misses count from now on by the root of the radius of the ball that has them, instead of m.
+    void count_relative() noexcept { relative_ = closed_ && !(fixed_ > 0.0); }
+
+    /// By how much a ball misses a sample, m or, if that is how misses count, in parts of its radius; at a fixed
+    /// radius, also what it stands proud.
     [[nodiscard]] double miss(const Ball& ball, std::size_t sample) const {
-        const double distance = glm::length(samples_[sample].place - ball.centre);
+        const double distance = this->distance(ball, sample);
+        if (relative_) {
+            return (distance - ball.radius) / std::sqrt(size_ * ball.radius);
+        }
         if (!(fixed_ > 0.0)) {
             return distance - ball.radius;
         }
@@ -230,7 +276,9 @@ class Candidates {
     std::vector<Ball> balls_;
     double fixed_;
     double pitch_ = 0.0;
+    double size_ = 0.0;  // m, of the mesh
     bool closed_ = false;
+    bool relative_ = false;
 };
 
 using Choice = std::vector<std::uint32_t>;  // of candidates
@@ -241,10 +289,12 @@ Choice choose(const Candidates& candidates, double allowance, std::size_t most) 
     const std::size_t words = (candidates.samples() + 63) / 64;
     Bits within(candidates.size() * words, 0);
     for (std::size_t c = 0; c < candidates.size(); ++c) {
+        const Ball& ball = candidates[c];
+        const double reach = candidates.reach(ball, allowance);
+        const double squared = reach < 0.0 ? -1.0 : reach * reach;
         for (std::size_t s = 0; s < candidates.samples(); ++s) {
-            if (candidates.miss(candidates[c], s) <= allowance) {
-                within[c * words + s / 64] |= std::uint64_t{1} << (s % 64);
-            }
+            const bool taken = candidates.squared_distance(ball, s) <= squared;
+            within[c * words + s / 64] |= static_cast<std::uint64_t>(taken) << (s % 64);
         }
     }
     Bits open(words, 0);
@@ -358,13 +408,51 @@ Choice relaxed(const Candidates& candidates, Choice chosen) {
     return chosen;
 }
 
+/// A candidate where most is missed: the largest that halves it.
+std::uint32_t helper(const Candidates& candidates, const Choice& chosen) {
+    const Assignment now = assign(candidates, balls_of(candidates, chosen));
+    std::uint32_t winner = 0;
+    double largest = -1.0;
+    for (std::uint32_t c = 0; c < candidates.size(); ++c) {
+        const bool halves = candidates.miss(candidates[c], now.worst_sample) <= 0.5 * std::max(0.0, now.worst);
+        if (halves && candidates[c].radius > largest && std::find(chosen.begin(), chosen.end(), c) == chosen.end()) {
+            largest = candidates[c].radius;
+            winner = c;
+        }
+    }
+    return winner;
+}
+
+/// Of some balls the one without which the others miss least.
+std::size_t least_missed(const Candidates& candidates, const std::vector<Ball>& balls) {
+    std::vector<double> without(balls.size(), -kInfinite);
+    for (std::size_t s = 0; s < candidates.samples(); ++s) {
+        double first = kInfinite;
+        double second = kInfinite;
+        std::size_t owner = 0;
+        for (std::size_t k = 0; k < balls.size(); ++k) {
+            const double miss = candidates.miss(balls[k], s);
+            if (miss < first) {
+                second = first;
+                first = miss;
+                owner = k;
+            } else {
+                second = std::min(second, miss);
+            }
+        }
+        without[owner] = std::max(without[owner], second);
+    }
+    return static_cast<std::size_t>(std::min_element(without.begin(), without.end()) - without.begin());
+}
+
 /// As many as asked for, with the least allowance found.
-Choice choose_count(const Candidates& candidates, std::size_t count, double size) {
+Choice choose_count(const Candidates& candidates, std::size_t count) {
     count = std::min(count, candidates.size());
-    double enough = size;
+    const double most = candidates.enough();
+    double enough = most;
     double too_little = 0.0;
     Choice best = choose(candidates, enough, count);
-    for (int k = 0; k < kHalvings && enough - too_little > kFinest * size; ++k) {
+    for (int k = 0; k < kHalvings && enough - too_little > kFinest * most; ++k) {
         const double middle = 0.5 * (enough + too_little);
         Choice chosen = choose(candidates, middle, count);
         if (chosen.empty()) {
@@ -374,21 +462,24 @@ Choice choose_count(const Candidates& candidates, std::size_t count, double size
             best = std::move(chosen);
         }
     }
-    // Those left over go where most is missed.
     while (best.size() < count) {
-        const std::size_t sample = assign(candidates, balls_of(candidates, best)).worst_sample;
-        std::uint32_t nearest = 0;
-        double least = kInfinite;
-        for (std::uint32_t c = 0; c < candidates.size(); ++c) {
-            const double miss = candidates.miss(candidates[c], sample);
-            if (miss < least && std::find(best.begin(), best.end(), c) == best.end()) {
-                least = miss;
-                nearest = c;
-            }
-        }
-        best.push_back(nearest);
+        best.push_back(helper(candidates, best));
     }
-    return relaxed(candidates, std::move(best));
+    best = relaxed(candidates, std::move(best));
+    double worst = assign(candidates, balls_of(candidates, best)).worst;
+    for (int swap = 0; swap < kSwaps; ++swap) {
+        Choice tried = best;
+        tried.erase(tried.begin() + static_cast<std::ptrdiff_t>(least_missed(candidates, balls_of(candidates, best))));
+        tried.push_back(helper(candidates, tried));
+        tried = relaxed(candidates, std::move(tried));
+        const double then = assign(candidates, balls_of(candidates, tried)).worst;
+        if (!(then < worst)) {
+            break;
+        }
+        worst = then;
+        best = std::move(tried);
+    }
+    return best;
 }
 
 /// Moves balls in small steps to where they miss less of what they own. A step is shorter than the way to the surface,
@@ -440,13 +531,13 @@ std::vector<Ball> polished(const TriangleMesh& mesh, const Candidates& candidate
     return balls;
 }
 
-double bare_depth(const TriangleMesh& mesh, std::span<const Ball> balls) {
+BareDepth bare_depth(const TriangleMesh& mesh, std::span<const Ball> balls) {
     const Box box = box_of(mesh);
     BareDepth bare(balls, kFinest * glm::length(box.high - box.low));
     for (const auto& [i, j, k] : mesh.triangles) {
         bare.take({mesh.vertices[i], mesh.vertices[j], mesh.vertices[k]});
     }
-    return bare.bound();
+    return bare;
 }
 
 /// The spheres of a choice, as large as is best.
@@ -456,33 +547,71 @@ std::vector<Ball> spheres_of(const TriangleMesh& mesh, const Candidates& candida
     if (mesh.closed) {
         balls = polished(mesh, candidates, std::move(balls), fixed_radius > 0.0 ? fixed_radius : kInfinite);
     }
-    for (Ball& ball : balls) {
-        ball.radius = fixed_radius > 0.0 ? fixed_radius : ball.radius;
-    }
-    if (!(fixed_radius > 0.0)) {
-        const double missed = std::max(0.0, bare_depth(mesh, balls));
+    if (fixed_radius > 0.0) {
         for (Ball& ball : balls) {
-            ball.radius += mesh.closed ? 0.5 * missed : missed;
+            ball.radius = fixed_radius;
         }
+        return balls;
+    }
+    if (!mesh.closed) {
+        const double missed = std::max(0.0, bare_depth(mesh, balls).bound());
+        for (Ball& ball : balls) {
+            ball.radius += missed;
+        }
+        return balls;
+    }
+    const std::vector<Ball> inner = balls;
+    const std::vector<std::vector<std::uint32_t>> owned = owned_by(assign(candidates, inner), inner.size());
+    for (std::size_t k = 0; k < balls.size(); ++k) {
+        double missed = 0.0;
+        for (const std::uint32_t s : owned[k]) {
+            missed = std::max(missed, candidates.distance(inner[k], s) - inner[k].radius);
+        }
+        balls[k].radius += 0.5 * missed;
+    }
+    // What lies between the samples is missed by more: the ball nearest to the worst of it takes half of the rest.
+    for (int round = 0; round < kGrowings; ++round) {
+        double proud = 0.0;
+        for (std::size_t k = 0; k < balls.size(); ++k) {
+            proud = std::max(proud, balls[k].radius - inner[k].radius);
+        }
+        const BareDepth bare = bare_depth(mesh, balls);
+        if (bare.bound() <= kAlike * proud) {
+            break;
+        }
+        std::size_t nearest = 0;
+        double least = kInfinite;
+        for (std::size_t k = 0; k < balls.size(); ++k) {
+            const double miss = glm::length(bare.farthest() - balls[k].centre) - balls[k].radius;
+            if (miss < least) {
+                least = miss;
+                nearest = k;
+            }
+        }
+        balls[nearest].radius += 0.5 * (bare.bound() - proud);
     }
     return balls;
 }
 
 }  // namespace
 
+double depth_in(const TriangleMesh& mesh, const Vec3& p) {
+    double squared = kInfinite;
+    for (const auto& [i, j, k] : mesh.triangles) {
+        const TriangleCorners corners{mesh.vertices[i], mesh.vertices[j], mesh.vertices[k]};
+        squared = std::min(squared, closest_point_on_triangle(p, corners).squared_distance);
+    }
+    const bool inside = winding_number(mesh.vertices, mesh.triangles, p) > 0.5;
+    return inside ? std::sqrt(squared) : -std::sqrt(squared);
+}
+
 CoverError measure_cover(const TriangleMesh& mesh, std::span<const Ball> balls) {
     if (balls.empty()) {
         refuse("there is no sphere");
     }
-    CoverError error{std::max(0.0, bare_depth(mesh, balls)), 0.0};
-    const Surface surface(mesh);
+    CoverError error{std::max(0.0, bare_depth(mesh, balls).bound()), 0.0};
     for (const Ball& ball : balls) {
-        double depth = 0.0;
-        if (mesh.closed) {
-            const bool inside = winding_number(mesh.vertices, mesh.triangles, ball.centre) > 0.5;
-            depth = (inside ? 1.0 : -1.0) * surface.distance(ball.centre);
-        }
-        error.proud = std::max(error.proud, ball.radius - depth);
+        error.proud = std::max(error.proud, ball.radius - (mesh.closed ? depth_in(mesh, ball.centre) : 0.0));
     }
     return error;
 }
@@ -501,14 +630,13 @@ std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettin
         refuse(std::to_string(settings.count) + " spheres are more than the " + std::to_string(settings.most_count) +
                " that are possible");
     }
-    const Box box = box_of(mesh);
-    const double size = glm::length(box.high - box.low);
-    const Candidates candidates(mesh, settings.radius);
+    Candidates candidates(mesh, settings.radius);
     if (candidates.size() == 0) {
         refuse("no ball fits into the mesh: does it enclose a volume, outward oriented?");
     }
     if (settings.count > 0) {
-        return spheres_of(mesh, candidates, choose_count(candidates, settings.count, size), settings.radius);
+        candidates.count_relative();
+        return spheres_of(mesh, candidates, choose_count(candidates, settings.count), settings.radius);
     }
     // Balls grow by half of what they miss. What lies between samples may ask for a little more.
     const double asked = settings.error * (mesh.closed && settings.radius == 0.0 ? 2.0 : 1.0);
@@ -526,7 +654,7 @@ std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettin
         }
     }
     const CoverError left = measure_cover(
-        mesh, spheres_of(mesh, candidates, choose_count(candidates, settings.most_count, size), settings.radius));
+        mesh, spheres_of(mesh, candidates, choose_count(candidates, settings.most_count), settings.radius));
     refuse("an error of " + std::to_string(settings.error) + " m takes more than " +
            std::to_string(settings.most_count) + " spheres, which leave " + std::to_string(left.bare) +
            " m bare and stand " + std::to_string(left.proud) + " m proud; allow more error" +

@@ -8,15 +8,18 @@
 #include <string>
 
 #include "close_gaps.hpp"
+#include "haptic/sim/hand_mesh.hpp"
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/model_builder.hpp"
 #include "haptic/sim/revolved.hpp"
 #include "haptic/sim/sphere_cover.hpp"
+#include "triangle_grid.hpp"
 
 namespace haptic::sim {
 namespace {
 
 constexpr double kUsualError = 0.02;  // of the longest side
+constexpr double kGridCell = 0.03;    // of the longest side
 
 [[noreturn]] void refuse(const std::string& why) {
     throw std::invalid_argument("tool: " + why);
@@ -78,6 +81,7 @@ TriangleMesh mesh_of(const ToolSettings& settings) {
         case ToolShape::Probe:
             return make_probe_mesh(settings.length, settings.thickness, settings.ball_radius);
         case ToolShape::Hand:
+            return make_hand_mesh(settings.length);
         case ToolShape::Sphere:
             break;
     }
@@ -161,14 +165,33 @@ std::vector<Ball> spheres_for(const ToolSettings& settings, const TriangleMesh& 
     }
     CoverSettings cover;
     cover.count = settings.spheres;
+    if (settings.file.empty() && settings.spheres == 0 && settings.cover_error == 0.0) {
+        cover.count = kHandSpheres;
+    }
     cover.most_count = ToolSettings::kMostSpheres;
     cover.radius = settings.radius;
     cover.error = wanted_error(settings, mesh);
     return cover_with_spheres(mesh, cover);
 }
 
+/// Neighbours whose centres see one another within the body: what is between two fingers is no gap.
+Neighbours joined_inside(const TriangleMesh& mesh, const std::vector<Ball>& balls, const Neighbours& neighbours) {
+    if (!mesh.closed) {
+        return neighbours;
+    }
+    const TriangleGrid grid(mesh.vertices, mesh.triangles, kGridCell * longest_side(mesh));
+    Neighbours joined;
+    for (const auto& [a, b] : neighbours) {
+        if (grid.first_crossing(balls[a].centre, balls[b].centre, 0.0) > 1.0) {
+            joined.emplace_back(a, b);
+        }
+    }
+    return joined;
+}
+
 std::vector<Vec3> centres_of(const std::vector<Ball>& balls) {
     std::vector<Vec3> centres;
+    centres.reserve(balls.size());
     for (const Ball& ball : balls) {
         centres.push_back(ball.centre);
     }
@@ -204,19 +227,23 @@ ToolModel make_tool(const ToolSettings& settings) {
     builder.link_stiffness = settings.link_stiffness;
     std::vector<Ball> balls = spheres_for(settings, mesh);
     PlacedBody placed = build_body_at(mesh, centres_of(balls), builder);
+    const Neighbours net = joined_inside(mesh, balls, placed.neighbours);
     ToolModel tool;
     if (settings.close_gaps) {
         const std::size_t before = balls.size();
-        balls = close_gaps(balls, placed.neighbours, ToolSettings::kMostSpheres);
+        // None stands out farther than those that are there.
+        const CoverError error = measure_cover(mesh, balls);
+        const Room room = [&](const Vec3& p) {
+            return mesh.closed ? depth_in(mesh, p) + std::max(error.bare, error.proud) : longest_side(mesh);
+        };
+        balls = close_gaps(balls, net, ToolSettings::kMostSpheres, room);
         tool.added = balls.size() - before;
-        // The net is that of the first spheres: with what was added, it has no gap left.
-        tool.widest_gap = widest_gap(balls, placed.neighbours);
         if (tool.added > 0) {
             placed = build_body_at(mesh, centres_of(balls), builder);
         }
-    } else {
-        tool.widest_gap = widest_gap(balls, placed.neighbours);
     }
+    // The net is that of the first spheres: with what was added, it has no gap left.
+    tool.widest_gap = widest_gap(balls, net);
     const CoverError error = measure_cover(mesh, balls);
     tool.cover_error = std::max(error.bare, error.proud);
     tool.iterations = settings.iterations;

@@ -14,8 +14,11 @@ constexpr Range kUnitInterval{0.0, 1.0};
 
 ToolSettings read_tool(const Config& config) {
     ToolSettings tool;
-    const std::string shape = config.choice("tool.generator", "sphere", {"sphere", "rod", "probe"});
-    tool.shape = shape == "rod" ? ToolShape::Rod : shape == "probe" ? ToolShape::Probe : ToolShape::Sphere;
+    const std::string shape = config.choice("tool.generator", "sphere", {"sphere", "hand", "rod", "probe"});
+    tool.shape = shape == "hand"    ? ToolShape::Hand
+                 : shape == "rod"   ? ToolShape::Rod
+                 : shape == "probe" ? ToolShape::Probe
+                                    : ToolShape::Sphere;
     tool.length = config.number("tool.length", tool.length, kLengths);
     tool.thickness = config.number("tool.thickness", tool.thickness, kLengths);
     // Who names no size for a sphere means that of the scene's proxy.

@@ -4,12 +4,13 @@
 // how far a sphere stands proud of what the mesh encloses. Both are bounds that hold for every point of the surface,
 // not for samples of it.
 //
-// Candidates are balls that touch a closed mesh from inside in two places or more (its medial axis; found by shrinking
-// a ball that touches at a sample, Ma, Bae, Choi 2012). With d the radius of such a ball about c, a sample s would be
-// missed by |s - c| - d. Balls are chosen greedily, the one first that takes in most samples within an allowance, which
-// is halved until the number fits; then each ball moves to the candidate that is best for what it takes in, over and
-// over (Lloyd 1982, with the greatest miss in place of the mean square). The worst miss left, m, is shared: all balls
-// grow by m / 2, so bare and proud are m / 2 each. An open mesh has no inside: its spheres sit on it.
+// Candidates are balls that touch a closed mesh from inside in two places or more (its medial axis; found by shrinking a
+// ball that touches at a sample, Ma, Bae, Choi 2012). A ball of radius d about c misses a sample s by |s - c| - d. Balls are
+// chosen greedily, the one first that takes in most samples within an allowance, which is halved until the number fits;
+// then each moves to where it misses least of what it takes in, over and over (Lloyd 1982, with the greatest miss in
+// place of the mean square). In the end each ball grows by half of what it misses, so bare and proud are alike. Where a
+// number of spheres is given, a miss counts the more the smaller the ball is that has it, by the root of its radius, so
+// that thin parts, fingers, are met more closely than thick ones. An open mesh has no inside: its spheres sit on it.
 #pragma once
 
 #include <cstddef>
@@ -37,6 +38,9 @@ struct CoverError {
     double bare = 0.0;   // m
     double proud = 0.0;  // m; of an open mesh the greatest radius
 };
+
+/// m, from a point to the surface of a closed mesh; negative outside.
+[[nodiscard]] double depth_in(const TriangleMesh& mesh, const Vec3& p);
 
 /// What a cover misses: upper bounds, `bare` at most 1 % above what it is, or 1e-4 of the mesh's size. Of at least one
 /// ball.
