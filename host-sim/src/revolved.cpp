@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kAround = 32;
 constexpr std::size_t kQuarter = kAround / 4;
 constexpr double kRingSpacing = 0.5;  // of a straight part, in diameters
-constexpr double kMostRings = 400.0;
+constexpr double kSlimmest = 200.0;   // length in diameters
 
 /// A point of the outline, which runs from the pole at -z to that at +z.
 struct Outline {
@@ -71,7 +71,7 @@ void add_arc(std::vector<Outline>& outline, double z, double radius, std::size_t
 /// The rings of a straight part between its ends, of which none is added.
 void add_straight(std::vector<Outline>& outline, double from, double to, double radius) {
     const double wanted = std::ceil((to - from) / (2.0 * kRingSpacing * radius));
-    const int rings = static_cast<int>(std::clamp(wanted, 1.0, kMostRings));
+    const int rings = static_cast<int>(std::max(wanted, 1.0));
     for (int k = 1; k < rings; ++k) {
         outline.push_back({from + (to - from) * (static_cast<double>(k) / rings), radius});
     }
@@ -121,8 +121,8 @@ TriangleMesh make_sphere_mesh(double radius) {
 }
 
 TriangleMesh make_rod_mesh(double length, double thickness) {
-    require(thickness > 0.0 && length > thickness && std::isfinite(length),
-            "rod: it must be longer than it is thick, and its thickness positive");
+    require(thickness > 0.0 && length > thickness && length <= kSlimmest * thickness,
+            "rod: it must be longer than it is thick, at most 200 times, and its thickness positive");
     const double radius = 0.5 * thickness;
     const double end = 0.5 * length - radius;  // the centres of the hemispheres
     std::vector<Outline> outline;
@@ -134,8 +134,11 @@ TriangleMesh make_rod_mesh(double length, double thickness) {
 
 TriangleMesh make_probe_mesh(double length, double thickness, double ball_radius) {
     const double radius = 0.5 * thickness;
-    require(thickness > 0.0 && ball_radius > radius && length > 2.0 * ball_radius + radius && std::isfinite(length),
-            "probe: the ball must be thicker than the shaft, and the whole longer than ball and end of the shaft");
+    require(
+        thickness > 0.0 && ball_radius > radius && length > 2.0 * ball_radius + radius &&
+            length <= kSlimmest * thickness,
+        "probe: the ball must be thicker than the shaft, and the whole longer than ball and end of the shaft, at most "
+        "200 times as long as the shaft is thick");
     const double ball = -0.5 * length + ball_radius;
     const double end = 0.5 * length - radius;
     const double root =

@@ -64,7 +64,9 @@ TEST(Revolved, RefusesWhatIsNoSolid) {
     EXPECT_THROW((void)make_sphere_mesh(0.0), std::invalid_argument);
     EXPECT_THROW((void)make_rod_mesh(0.02, 0.02), std::invalid_argument);
     EXPECT_THROW((void)make_rod_mesh(0.02, -1.0), std::invalid_argument);
+    EXPECT_THROW((void)make_rod_mesh(4.1, 0.02), std::invalid_argument);
     EXPECT_THROW((void)make_probe_mesh(0.2, 0.02, 0.01), std::invalid_argument);
+    EXPECT_THROW((void)make_probe_mesh(4.1, 0.02, 0.02), std::invalid_argument);
     EXPECT_THROW((void)make_probe_mesh(0.06, 0.02, 0.03), std::invalid_argument);
 }
 

@@ -2,13 +2,19 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <glm/geometric.hpp>
 #include <numeric>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
+#include "haptic/sim/mesh_file.hpp"
+#include "haptic/sim/revolved.hpp"
 #include "haptic/sim/scene.hpp"
 
 namespace haptic::sim {
@@ -101,6 +107,82 @@ TEST(ToolModel, IsPutIntoTheFrameOfTheGrip) {
     const Vec3 ball = tool.body.particles.rest_position[0];
     EXPECT_NEAR(glm::length(ball - Vec3(0.1, 0.5 * 0.19 - 0.02, 0.0)), 0.0, 1e-12);
     EXPECT_EQ(tool.body.particles.position, tool.body.particles.rest_position);
+}
+
+const ToolModel& hand() {
+    static const ToolModel tool = tool_of("[tool]\ngenerator = \"hand\"");
+    return tool;
+}
+
+/// The parts into which groups hold the particles together.
+std::size_t parts_of(const ParticleModel& model) {
+    std::vector<std::size_t> part(model.size());
+    std::iota(part.begin(), part.end(), std::size_t{0});
+    for (std::size_t round = 0; round < model.size(); ++round) {
+        for (const Group& group : model.groups) {
+            std::size_t least = part[group.centre];
+            for (const std::uint32_t member : group.members) {
+                least = std::min(least, part[member]);
+            }
+            for (const std::uint32_t member : group.members) {
+                part[member] = least;
+            }
+        }
+    }
+    std::sort(part.begin(), part.end());
+    return static_cast<std::size_t>(std::unique(part.begin(), part.end()) - part.begin());
+}
+
+TEST(ToolModel, OfTheHandHasTheCountsOfTheThesisAndCoversTheHandWithinAFortiethOfItsLength) {
+    expect_whole(hand());
+    EXPECT_EQ(hand().body.mesh.triangles.size(), 3906u);
+    EXPECT_EQ(hand().radius.size(), 37u);
+    EXPECT_EQ(hand().iterations, 4);
+    EXPECT_EQ(parts_of(hand().body.particles), 1u);
+    EXPECT_LT(hand().cover_error, 0.19 / 40.0);
+    // No vertex is farther away than what is stated, and none as far within: spheres do not stand out by more.
+    double farthest = 0.0;
+    for (const Vec3& p : hand().body.mesh.vertices) {
+        double nearest = 1.0;
+        for (std::size_t i = 0; i < hand().radius.size(); ++i) {
+            nearest = std::min(nearest, glm::length(p - hand().body.particles.rest_position[i]) - hand().radius[i]);
+        }
+        EXPECT_GE(nearest, -1.02 * hand().cover_error);
+        farthest = std::max(farthest, nearest);
+    }
+    EXPECT_LE(farthest, hand().cover_error);
+    EXPECT_GT(farthest, 0.5 * hand().cover_error);
+}
+
+TEST(ToolModel, OfTheHandIsClosedWithinTheSpheresThatThereMayBe) {
+    const ToolModel closed = tool_of("[tool]\ngenerator = \"hand\"\nclose_gaps = true");
+    expect_whole(closed);
+    EXPECT_GT(hand().widest_gap, 0.0);
+    EXPECT_EQ(closed.widest_gap, 0.0);
+    EXPECT_LE(closed.radius.size(), 64u);
+    EXPECT_LE(closed.cover_error, 1.02 * hand().cover_error);
+    for (std::size_t i = 0; i < hand().radius.size(); ++i) {
+        EXPECT_EQ(closed.body.particles.rest_position[i], hand().body.particles.rest_position[i]);
+    }
+}
+
+TEST(ToolModel, OfAMeshFromAFileIsAsLongAsAskedFor) {
+    const std::filesystem::path file =
+        std::filesystem::temp_directory_path() / ("tool_model_test_" + std::to_string(getpid()) + ".obj");
+    write_mesh(file, make_rod_mesh(7.0, 2.0));
+    ToolSettings settings;
+    settings.file = file.string();
+    settings.length = 0.14;
+    settings.spheres = 6;
+    const ToolModel tool = make_tool(settings);
+    std::filesystem::remove(file);
+    expect_whole(tool);
+    EXPECT_EQ(tool.radius.size(), 6u);
+    for (const double radius : tool.radius) {
+        EXPECT_NEAR(radius, 0.02, 0.0024);  // as thick as the rod, and grown by what it would miss
+    }
+    // Six spheres at even places would leave sqrt(0.02^2 + 0.01^2) - 0.02 between two; half of it, if they grow.
+    EXPECT_LT(tool.cover_error, 0.0024);
 }
 
 TEST(ToolModel, RefusesWhatItCannotMakeInWords) {

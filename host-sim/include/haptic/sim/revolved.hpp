@@ -12,7 +12,7 @@ namespace haptic::sim {
 [[nodiscard]] TriangleMesh make_sphere_mesh(double radius);
 
 /// A round bar with hemispheres at its ends, m: from z = -length / 2 to length / 2. Throws std::invalid_argument unless
-/// it is longer than thick.
+/// it is longer than thick, 200 times at most.
 [[nodiscard]] TriangleMesh make_rod_mesh(double length, double thickness);
 
 /// A rod with a ball at its end at -z, m; `length` is that of the whole. Throws std::invalid_argument unless the ball
