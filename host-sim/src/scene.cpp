@@ -85,8 +85,13 @@ CouplingSettings read_coupling(const Config& config) {
     if (coupling.torque_stiffness > 0.0 && coupling.stiffness == 0.0) {
         config.fail("coupling.torque_stiffness", "needs a coupling.stiffness: what makes no force makes no torque");
     }
+    const std::string share = config.choice("coupling.share", "all", {"all", "series"});
+    coupling.share = share == "series" ? ForceSharing::Series : ForceSharing::All;
     const std::string multi_rate = config.choice("coupling.multi_rate", "planes", {"planes", "positions"});
     coupling.multi_rate = multi_rate == "positions" ? MultiRate::Positions : MultiRate::Planes;
+    if (coupling.multi_rate == MultiRate::Positions && coupling.share == ForceSharing::Series) {
+        config.fail("coupling.share", "\"series\" needs planes: not with coupling.multi_rate = \"positions\"");
+    }
     coupling.loss = config.number("coupling.loss", coupling.loss, {0.0, 10.0});
     coupling.tied_mass = config.number("coupling.tied_mass", coupling.tied_mass, {0.0, 1e3});
     coupling.mask_radius = config.number("coupling.mask_radius", coupling.mask_radius, {0.0, 100.0});

@@ -68,6 +68,7 @@ struct Simulation::State {
           end(all.mesh.vertices),
           workspace(which.workspace),
           tool(make_proxies(which, held)),
+          tool_press(tool),
           force(all.model.size(), Vec3(0.0)) {
         for (std::size_t b = 0; b < all.bodies.size(); ++b) {
             surfaces.push_back({{}, &all.trees[b]});
@@ -110,6 +111,7 @@ struct Simulation::State {
     Workspace workspace;
     Clutch clutch;
     ToolProxies tool;
+    ToolPress tool_press;
     std::vector<Vec3> force;  // N, per particle
     double damping = 0.0;     // N*s/m, of one proxy's spring in the last step, scene
     ContactFrame frame{};
@@ -165,9 +167,9 @@ void Simulation::State::find_contact(const Pose& hip, StepResult& result, Stopwa
 
 void Simulation::State::couple(StepResult& result) {
     std::fill(force.begin(), force.end(), Vec3(0.0));
-    const ToolForce made =
-        press(tool, {.coupling = scene.coupling, .gain = clutch.gain(), .rough = rough(), .step = scene.solver.step},
-              {.bodies = all.bodies, .masks = all.masks, .velocity = all.model.velocity, .force = force});
+    const ToolForce made = tool_press.press(
+        tool, {.coupling = scene.coupling, .gain = clutch.gain(), .rough = rough(), .step = scene.solver.step},
+        {.bodies = all.bodies, .masks = all.masks, .velocity = all.model.velocity, .force = force});
     damping = made.damping;
     result.force = made.force;
     result.torque = made.torque;
@@ -242,6 +244,7 @@ void Simulation::State::build_frame(const StepInput& input, const StepResult& re
     frame.dynamic_friction = scene.contact.dynamic_friction;
     frame.flags = (result.squeezed ? std::uint32_t{HAPTIC_FRAME_SQUEEZED} : 0u) |
                   (clutch.uncoupled() ? std::uint32_t{HAPTIC_FRAME_CLUTCHED} : 0u) |
+                  (scene.coupling.share == ForceSharing::Series ? std::uint32_t{HAPTIC_FRAME_SERIES_SPRINGS} : 0u) |
                   (scene.coupling.multi_rate == MultiRate::Positions ? std::uint32_t{HAPTIC_FRAME_HOLD_POSITIONS} : 0u);
     for (const ToolParticle& particle : tool.particles()) {
         tell(particle, frame.proxies[frame.proxy_count++]);

@@ -7,13 +7,19 @@
 // over the particles in contact: the divisor is the number of all, as the thesis has it. So a plane that the whole tool
 // rests on is felt as a spring k, and one that a single particle touches as k / N.
 //
+// With springs in series (haptic/series_springs.hpp) the strengths s_c are what these make of how far each goal is
+// beyond each plane that holds its particle, nothing is divided by N, and what acts along the planes is as much of
+// k (x_i - g_i) there as the strengths are of it across.
+//
 // The thesis' own multi-rate scheme takes x_i - g_i whole, x_i being where the deformed tool has the particle, along
 // the surface too, whether that is rough or not.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <span>
 
+#include "haptic/series_springs.hpp"
 #include "haptic/sim/contact_force.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
@@ -38,14 +44,26 @@ struct PressedBodies {
 };
 
 struct ToolForce {
-    Vec3 force{0.0};           // N, on the tool
-    Vec3 torque{0.0};          // N*m, on the tool about the hip
-    double damping = 0.0;      // N*s/m, of the spring of one particle, mean over those in contact; scene
-    double depth = 0.0;        // m, the farthest that a particle in contact is from its goal
+    Vec3 force{0.0};       // N, on the tool
+    Vec3 torque{0.0};      // N*m, on the tool about the hip
+    double damping = 0.0;  // N*s/m, as a contact frame has it: of one particle's undivided spring, or in series of all
+    double depth = 0.0;    // m, the farthest that a particle in contact is from its goal
     std::size_t collided = 0;  // particles in contact
 };
 
-/// No allocation.
-[[nodiscard]] ToolForce press(const ToolProxies& tool, const PressSettings& settings, const PressedBodies& on);
+class ToolPress {
+  public:
+    explicit ToolPress(const ToolProxies& tool);
+
+    /// Presses on the bodies. No allocation. The result depends on nothing that was before.
+    [[nodiscard]] ToolForce press(const ToolProxies& tool, const PressSettings& settings, const PressedBodies& on);
+
+  private:
+    [[nodiscard]] Wrench find_pushes(const ToolProxies& tool, const PressSettings& settings);
+
+    double gyration_;  // m, of the rest offsets
+    SeriesSprings springs_;
+    std::array<SpringRow, kMaxSpringRows> rows_{};  // of the particles in contact, in their order
+};
 
 }  // namespace haptic::sim

@@ -52,6 +52,7 @@ void RunStatistics::add(const StepInput& input, const StepResult& result) {
     times_.ccd.record(t.ccd_ns);
     times_.popout.record(t.popout_ns);
     times_.proxy.record(t.proxy_ns);
+    times_.tool.record(t.tool_ns);
     times_.deform.record(t.deform_ns);
     times_.collide.record(t.collide_ns);
     times_.skin.record(t.skin_ns);
@@ -70,12 +71,14 @@ void RunStatistics::add(const StepInput& input, const StepResult& result) {
     squeezed_ += result.squeezed ? 1 : 0;
     let_through_ += result.let_through ? 1 : 0;
     escapes_ += result.crossed ? 1 : 0;
+    most_collided_ = std::max(most_collided_, result.collided);
+    highest_torque_ = std::max(highest_torque_, glm::length(result.hand_torque));
     deepest_ = std::max(deepest_, result.depth);
     highest_force_ = std::max(highest_force_, hand_force);
     highest_scene_force_ = std::max(highest_scene_force_, glm::length(result.force));
     if (recording_) {
         rows_.push_back({input.time_ns, input.device, result.proxy, result.hip, result.hand_force, result.in_contact,
-                         static_cast<double>(t.total_ns) * 1e-3});
+                         static_cast<double>(t.total_ns) * 1e-3, result.hand_torque});
     }
 }
 
@@ -97,20 +100,22 @@ nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s
     report["counts"] = {{"vertices", simulation.mesh().vertices.size()},
                         {"triangles", simulation.mesh().triangles.size()},
                         {"particles", simulation.model().size()},
-                        {"proxies", 1}};
+                        {"proxies", simulation.tool().particles().size()}};
     report["contact"] = {
         {"steps_in_contact", in_contact_}, {"escapes", escapes_},         {"verified", verified},
-        {"max_depth_m", deepest_},         {"squeezed_steps", squeezed_}, {"let_through", let_through_}};
+        {"max_depth_m", deepest_},         {"squeezed_steps", squeezed_}, {"let_through", let_through_},
+        {"most_proxies", most_collided_}};
     if (first_contact_s_ >= 0.0) {
         report["contact"]["first_contact_s"] = first_contact_s_;
     }
     report["force_N"] = {{"max", highest_force_},
                          {"mean_in_contact", in_contact_ > 0 ? force_sum_ / static_cast<double>(in_contact_) : 0.0},
                          {"max_in_scene", highest_scene_force_}};
-    report["timing_us"] = {{"total", summary_us(times_.total)},   {"ccd", summary_us(times_.ccd)},
-                           {"popout", summary_us(times_.popout)}, {"proxy", summary_us(times_.proxy)},
-                           {"deform", summary_us(times_.deform)}, {"collide", summary_us(times_.collide)},
-                           {"skin", summary_us(times_.skin)}};
+    report["torque_Nm"] = {{"max", highest_torque_}};
+    report["timing_us"] = {{"total", summary_us(times_.total)},     {"ccd", summary_us(times_.ccd)},
+                           {"popout", summary_us(times_.popout)},   {"proxy", summary_us(times_.proxy)},
+                           {"tool", summary_us(times_.tool)},       {"deform", summary_us(times_.deform)},
+                           {"collide", summary_us(times_.collide)}, {"skin", summary_us(times_.skin)}};
     report["histograms"] = {{"step", buckets_us(times_.total)}};
     return report;
 }
@@ -131,12 +136,17 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
                                     static_cast<unsigned long long>(let_through_)));
     }
     text += line("peak force", format("%.2f N at the hand, %.2f N in the scene", highest_force_, highest_scene_force_));
+    if (simulation.tool().particles().size() > 1) {
+        text += line("tool", format("%zu proxies, at most %zu in contact, peak torque %.4f N*m at the hand",
+                                    simulation.tool().particles().size(), most_collided_, highest_torque_));
+    }
     text += line("speed", format("%.0f steps/s", wall_s > 0.0 ? static_cast<double>(steps_) / wall_s : 0.0));
     text += line("us per step", "      p50       p99       max");
     text += line("  total", durations(times_.total));
     text += line("  ccd", durations(times_.ccd));
     text += line("  pop-out", durations(times_.popout));
     text += line("  proxy", durations(times_.proxy));
+    text += line("  tool", durations(times_.tool));
     text += line("  collide", durations(times_.collide));
     text += line("  deform", durations(times_.deform));
     text += line("  skin", durations(times_.skin));
@@ -145,15 +155,35 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
 }
 
 void RunStatistics::write_record(const std::filesystem::path& file) const {
-    CsvWriter csv(file, {"time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "proxy_x_m", "proxy_y_m", "proxy_z_m",
-                         "hip_x_m", "hip_y_m", "hip_z_m", "fx_n", "fy_n", "fz_n", "in_contact", "step_us"});
+    CsvWriter csv(file, {"time_s",    "x_m",        "y_m",       "z_m",     "qw",      "qx",      "qy",   "qz",
+                         "proxy_x_m", "proxy_y_m",  "proxy_z_m", "hip_x_m", "hip_y_m", "hip_z_m", "fx_n", "fy_n",
+                         "fz_n",      "in_contact", "step_us",   "tx_nm",   "ty_nm",   "tz_nm"});
     const std::int64_t begin_ns = rows_.empty() ? 0 : rows_.front().time_ns;
     for (const Row& r : rows_) {
         const Vec3& x = r.device.position;
         const Quat& q = r.device.orientation;
-        csv.row(std::array{static_cast<double>(r.time_ns - begin_ns) / 1e9, x.x, x.y, x.z, q.w, q.x, q.y, q.z,
-                           r.proxy.x, r.proxy.y, r.proxy.z, r.hip.x, r.hip.y, r.hip.z, r.hand_force.x, r.hand_force.y,
-                           r.hand_force.z, r.in_contact ? 1.0 : 0.0, r.step_us});
+        csv.row(std::array{static_cast<double>(r.time_ns - begin_ns) / 1e9,
+                           x.x,
+                           x.y,
+                           x.z,
+                           q.w,
+                           q.x,
+                           q.y,
+                           q.z,
+                           r.proxy.x,
+                           r.proxy.y,
+                           r.proxy.z,
+                           r.hip.x,
+                           r.hip.y,
+                           r.hip.z,
+                           r.hand_force.x,
+                           r.hand_force.y,
+                           r.hand_force.z,
+                           r.in_contact ? 1.0 : 0.0,
+                           r.step_us,
+                           r.hand_torque.x,
+                           r.hand_torque.y,
+                           r.hand_torque.z});
     }
     csv.close();
 }

@@ -13,7 +13,7 @@
 namespace haptic::sim {
 
 struct StageHistograms {
-    Histogram total, ccd, popout, proxy, deform, collide, skin;
+    Histogram total, ccd, popout, proxy, tool, deform, collide, skin;
 };
 
 class RunStatistics {
@@ -44,6 +44,7 @@ class RunStatistics {
         Vec3 proxy, hip, hand_force;
         bool in_contact;
         double step_us;
+        Vec3 hand_torque;
     };
 
     double step_s_;
@@ -61,6 +62,8 @@ class RunStatistics {
     double deepest_ = 0.0;
     double highest_force_ = 0.0;        // N, hand
     double highest_scene_force_ = 0.0;  // N
+    double highest_torque_ = 0.0;       // N*m, hand
+    std::size_t most_collided_ = 0;     // proxies in contact at once
     double force_sum_ = 0.0;            // N, hand, over steps in contact
 };
 

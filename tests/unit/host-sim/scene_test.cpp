@@ -139,6 +139,9 @@ TEST(Scene, RefusesValuesOutOfRange) {
     EXPECT_THAT(refusal("[solver]\nstep = -0.01\n"), HasSubstr("solver.step"));
     EXPECT_THAT(refusal("[model]\nmass = nan\n"), HasSubstr("model.mass"));
     EXPECT_THAT(refusal("[proxy]\nreach = 0.04\n"), HasSubstr("proxy.radius"));
+    EXPECT_THAT(refusal("[coupling]\nshare = \"series\"\nmulti_rate = \"positions\"\n"), HasSubstr("coupling.share"));
+    EXPECT_THAT(refusal("[coupling]\nstiffness = 0.0\ntorque_stiffness = 1.0\n"),
+                HasSubstr("coupling.torque_stiffness"));
     EXPECT_THAT(refusal("[hand]\ntimes = [0.0, 1.0]\npositions = [0.0, 0.0, 0.0]\n"), HasSubstr("hand.positions"));
     EXPECT_THAT(refusal("[hand]\ntimes = [1.0, 1.0]\npositions = [0, 0, 0, 1, 1, 1]\n"), HasSubstr("hand.times"));
     EXPECT_THAT(refusal("[workspace]\nrotation = [1.0, 1.0, 0.0, 0.0]\n"), HasSubstr("workspace.rotation"));

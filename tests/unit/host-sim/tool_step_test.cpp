@@ -121,6 +121,83 @@ TEST(ToolStep, ForceAndTorqueAreTheSumsOverWhatTouchesDividedByTheNumberOfAll) {
     EXPECT_LT(fewest, 4u) << "the tilted tool comes down on its corner";
 }
 
+TEST(ToolStep, WithSpringsInSeriesTheForceHardlyDependsOnHowManySpheresThereAre) {
+    // One face of the tool of side 0.21 m, pressed flat, of 4, 16 and 64 spheres: k M / (1 + M) times the depth.
+    const double depth = 0.01;
+    for (const int side : {2, 4, 8}) {
+        Simulation simulation(plate({"coupling.loss=0.0", "coupling.share=series"}),
+                              test::square_of_spheres(side, 0.21 / (side - 1), kRadius, 0.6));
+        const double k = simulation.scene().coupling.stiffness;
+        StepResult result;
+        for (int i = 0; i < 3; ++i) {
+            result = simulation.step(at(simulation, i, {{0.0, kRadius - depth, 0.0}, turn(0.1, {0, 1, 0})}));
+        }
+        const double count = side * side;
+        EXPECT_NEAR(result.force.y, k * depth * count / (1.0 + count), 1e-6) << side;
+        EXPECT_LT(glm::length(result.torque), 1e-6) << side;
+        EXPECT_EQ(simulation.frame().flags & HAPTIC_FRAME_SERIES_SPRINGS, HAPTIC_FRAME_SERIES_SPRINGS);
+    }
+}
+
+TEST(ToolStep, WithSpringsInSeriesBodiesGetTheOppositeWithFrictionAndLoss) {
+    Simulation simulation(
+        scene_with({"model.height=0.1", "model.velocity=[0.0, -3.0, 0.0]", "solver.gravity=[0.0, 0.0, 0.0]",
+                    "coupling.share=series", "proxy.static_friction=0.5", "proxy.dynamic_friction=0.4"}),
+        test::square_of_spheres(3, kSpacing, kRadius, 0.6));
+    const double step = simulation.scene().solver.step;
+    int compared = 0;
+    for (int i = 0; i < 40; ++i) {
+        const Vec3 before = linear_momentum(simulation.model());
+        const StepResult result =
+            simulation.step(at(simulation, i, {{0.003 * i, 0.002 * i, 0.0}, turn(0.02 * i, {1, 1, 0})}));
+        const Vec3 gained = linear_momentum(simulation.model()) - before;
+        EXPECT_LT(glm::length(gained + step * result.force), 1e-12) << "step " << i;  // kg m/s
+        compared += result.collided > 3 ? 1 : 0;
+    }
+    EXPECT_GT(compared, 10);
+}
+
+TEST(ToolStep, TheThesisOwnSchemeTakesWhatTheToolLacksWhole) {
+    // Section 5.2.2 to the letter: F = k / N sum (p_i - g_i) over what touches.
+    Simulation simulation(plate({"coupling.loss=0.0", "coupling.multi_rate=positions"}),
+                          test::square_of_spheres(4, kSpacing, kRadius, 0.9));
+    const double k = simulation.scene().coupling.stiffness;
+    double along = 0.0;
+    for (int i = 0; i < 30; ++i) {
+        const Pose hip{{0.001 * i, 0.08 - 0.004 * i, 0.0}, turn(0.3, {1, 0, 2})};
+        const StepResult result = simulation.step(at(simulation, i, hip));
+        Vec3 force(0.0);
+        Vec3 torque(0.0);
+        for (const ToolParticle& p : simulation.tool().particles()) {
+            if (p.in_contact() && p.position.y - p.goal.y > 0.0) {
+                force += k / 16.0 * (p.position - p.goal);
+                torque += glm::cross(p.goal - hip.position, k / 16.0 * (p.position - p.goal));
+            }
+        }
+        EXPECT_LT(glm::length(result.force - force), 1e-9) << i;
+        EXPECT_LT(glm::length(result.torque - torque), 1e-9) << i;
+        along = std::max(along, std::abs(result.force.x) + std::abs(result.force.z));
+    }
+    EXPECT_GT(along, 1e-4) << "the bent tool is drawn along the plate";
+    EXPECT_EQ(simulation.frame().flags & HAPTIC_FRAME_HOLD_POSITIONS, HAPTIC_FRAME_HOLD_POSITIONS);
+}
+
+TEST(ToolStep, ASceneWithAToolRunsWithItsSpheresAndSkin) {
+    Simulation simulation(
+        plate({"tool.generator=probe", "tool.length=0.3", "proxy.reach=0.005", "hand.positions=[0.0, 1.0, 0.0]"}));
+    const Pose hip{{0.3, 0.9, 0.1}, turn(1.0, {1, 2, 0})};
+    (void)simulation.step(at(simulation, 0, hip));
+    const ToolProxies& tool = simulation.tool();
+    EXPECT_GT(tool.particles().size(), 3u);
+    EXPECT_EQ(simulation.frame().proxy_count, tool.particles().size());
+    const std::vector<Vec3> vertices = tool.vertices();
+    ASSERT_EQ(vertices.size(), tool.mesh().vertices.size());
+    ASSERT_GT(vertices.size(), 100u);
+    for (std::size_t j = 0; j < vertices.size(); ++j) {
+        ASSERT_LT(glm::length(vertices[j] - (hip.position + hip.orientation * tool.mesh().vertices[j])), 1e-6);
+    }
+}
+
 TEST(ToolStep, FrameTellsEachSphereWithItsOffsetInTheGripAndItsPlanes) {
     Scene scene = plate({"proxy.reach=0.02", "workspace.rotation=[0.5, 0.5, 0.5, 0.5]"});
     scene.workspace.offset = {0.01, -0.02, 0.03};

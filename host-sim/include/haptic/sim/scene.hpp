@@ -31,8 +31,15 @@ enum class MultiRate : std::uint8_t {
     Positions  // where they are, as the thesis has it (section 5.4.1), to compare with: drags
 };
 
+/// How the particles of a tool share the force.
+enum class ForceSharing : std::uint8_t {
+    All,    // each has the spring divided by the number of all, as the thesis has it (section 5.2.2)
+    Series  // in series with springs of the grip, so that their number matters little: haptic/series_springs.hpp
+};
+
 struct CouplingSettings : Coupling {
     double torque_stiffness = 0.0;  // N/m, of the springs that make the torque; 0: those that make the force
+    ForceSharing share = ForceSharing::All;
     MultiRate multi_rate = MultiRate::Planes;
     double mask_radius = 0.1;  // m, rest shape: about the contact, where the surface takes the force
 };
