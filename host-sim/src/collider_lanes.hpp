@@ -250,12 +250,122 @@ void lay_planes(const ColliderRows& rows, std::size_t count, const PlaneRows& pl
     }
 }
 
+/// As many small integers as fit into a register with 16-bit arithmetic: AVX-512F has no wider one than AVX2.
+template <std::size_t Count>
+struct SmallTypes {
+    static constexpr std::size_t kBytes = Count < 4 ? 16 : 32;
+    using Shorts [[gnu::vector_size(kBytes)]] = std::int16_t;
+    using Longs [[gnu::vector_size(kBytes)]] = std::uint64_t;
+};
+
+template <std::size_t Count>
+std::size_t compare_boxes(const LatticeRows& boxes, std::size_t box, std::size_t end,
+                          std::uint32_t* overlapping) noexcept {
+    using Shorts = typename SmallTypes<Count>::Shorts;
+    using Longs = typename SmallTypes<Count>::Longs;
+    constexpr std::size_t lanes = sizeof(Shorts) / sizeof(std::int16_t);
+    constexpr std::size_t lanes_of_long = lanes / (sizeof(Longs) / sizeof(std::uint64_t));
+    const auto number = [&](std::size_t row) { return boxes.row[row][box]; };
+    const auto numbers = [&](std::size_t row, std::size_t at) {
+        Shorts result;
+        __builtin_memcpy(&result, boxes.row[row] + at, sizeof(result));
+        return result;
+    };
+    std::size_t found = 0;
+    for (std::size_t j = box + 1; j < end; j += lanes) {
+        Shorts apart = numbers(6, j) == number(6);
+        for (std::size_t k = 0; k < 3; ++k) {
+            apart |= numbers(k, j) > number(k + 3);
+            apart |= numbers(k + 3, j) < number(k);
+        }
+        const Longs meeting = ~__builtin_bit_cast(Longs, apart);
+        for (std::size_t part = 0; part < lanes / lanes_of_long; ++part) {
+            for (std::uint64_t bits = meeting[part]; bits != 0;) {
+                const auto lane = static_cast<std::size_t>(__builtin_ctzll(bits)) / 16;
+                bits &= ~(std::uint64_t{0xFFFF} << (16 * lane));
+                const std::size_t other = j + part * lanes_of_long + lane;
+                if (other < end) {
+                    overlapping[found++] = static_cast<std::uint32_t>(other);
+                }
+            }
+        }
+    }
+    return found;
+}
+
+/// A factor of `wanted`: 1 if the normal displacement `push` can hold it (see collisions.hpp).
+template <class Real>
+HAPTIC_LANES Real part_held(Real wanted_squared, Real push, FrictionOf friction) noexcept {
+    const Real length = square_root(wanted_squared);
+    const Real part = friction.moving * push / length;  // of nothing: not used
+    return select(length <= friction.still * push, broadcast<Real>(1.0), part);
+}
+
+template <class Real>
+HAPTIC_LANES void press_some(const GroundContacts& contacts, std::size_t at, FrictionOf friction,
+                             double* place) noexcept {
+    const auto of_place = [&](std::size_t lane) { return place + 4 * std::size_t{contacts.particle[at + lane]}; };
+    const Real y = fill<Real>([&](std::size_t lane) { return of_place(lane)[1]; });
+    const Real least = load<Real>(contacts.least + at);
+    const Real push = load<Real>(contacts.push + at);
+    const BitsOf<Real> below = select(y < least, ~BitsOf<Real>{}, BitsOf<Real>{});
+    const BitsOf<Real> active = select(push > 0.0, ~BitsOf<Real>{}, below);
+    std::int64_t bits[kLanes<Real>];
+    __builtin_memcpy(bits, &active, sizeof(bits));
+    std::int64_t any = 0;
+    for (const std::int64_t bit : bits) {
+        any |= bit;
+    }
+    if (any == 0) {
+        return;
+    }
+    const Real change = greater_of(least - y, -push);
+    const Real pushed = push + change;
+    const Real x = fill<Real>([&](std::size_t lane) { return of_place(lane)[0]; });
+    const Real z = fill<Real>([&](std::size_t lane) { return of_place(lane)[2]; });
+    const Real rub_x = load<Real>(contacts.rub[0] + at);
+    const Real rub_z = load<Real>(contacts.rub[1] + at);
+    const Real wanted_x = rub_x - (x - load<Real>(contacts.start[0] + at));
+    const Real wanted_z = rub_z - (z - load<Real>(contacts.start[1] + at));
+    const Real part = part_held(wanted_x * wanted_x + wanted_z * wanted_z, pushed, friction);
+    const Real held_x = part * wanted_x;
+    const Real held_z = part * wanted_z;
+    // What is not active stays as it is, to the sign of a zero.
+    store(select(active != 0, pushed, push), contacts.push + at);
+    store(select(active != 0, held_x, rub_x), contacts.rub[0] + at);
+    store(select(active != 0, held_z, rub_z), contacts.rub[1] + at);
+    double moved[3][kLanes<Real>];
+    store(x + (held_x - rub_x), moved[0]);
+    store(y + change, moved[1]);
+    store(z + (held_z - rub_z), moved[2]);
+    for (std::size_t lane = 0; lane < kLanes<Real>; ++lane) {
+        if (bits[lane] != 0) {
+            for (std::size_t k = 0; k < 3; ++k) {
+                of_place(lane)[k] = moved[k][lane];
+            }
+        }
+    }
+}
+
+template <class Real>
+void press_ground(const GroundContacts& contacts, FrictionOf friction, double* place) noexcept {
+    std::size_t k = 0;
+    for (; k + kLanes<Real> <= contacts.count; k += kLanes<Real>) {
+        press_some<Real>(contacts, k, friction, place);
+    }
+    for (; k < contacts.count; ++k) {
+        press_some<double>(contacts, k, friction, place);
+    }
+}
+
 template <std::size_t Count>
 inline constexpr ColliderKernels kColliderKernels{Count,
                                                   find_ways<typename LaneTypes<Count>::Real>,
                                                   bounds<typename LaneTypes<Count>::Real>,
                                                   mark<typename LaneTypes<Count>::Real>,
                                                   find_shapes<typename LaneTypes<Count>::Real>,
-                                                  lay_planes<typename LaneTypes<Count>::Real>};
+                                                  lay_planes<typename LaneTypes<Count>::Real>,
+                                                  compare_boxes<Count>,
+                                                  press_ground<typename LaneTypes<Count>::Real>};
 
 }  // namespace haptic::sim

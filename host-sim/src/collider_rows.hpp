@@ -74,6 +74,26 @@ struct PlaneRows {
     double* clearance;  // out, m: that is left beyond it wherever each stops on its way, and in spite of their slack
 };
 
+/// Contacts between particles and the ground, which do not touch one another's particles; arrays of shape [contact].
+struct GroundContacts {
+    std::size_t count;
+    const std::uint32_t* particle;
+    const double* least;     // m, height that the ground keeps
+    const double* start[2];  // m, x and z at the start
+    double* push;            // m, upward in this sub-step, at least 0
+    double* rub[2];          // m, in x and z, by friction; 0 where nothing has pushed
+};
+
+struct FrictionOf {
+    double still;  // static and dynamic coefficient
+    double moving;
+};
+
+/// Boxes on a lattice (swept_pairs.hpp): rows of lows and highs in x, y and z, and of bodies, and 32 bytes behind them.
+struct LatticeRows {
+    const std::int16_t* row[7];
+};
+
 /// One of the ways to do it.
 struct ColliderKernels {
     std::size_t lanes;
@@ -87,6 +107,11 @@ struct ColliderKernels {
     /// Shapes, boxes around ellipsoids and kGroundLeast, of all in vectors in which some `near` is not 0.
     void (*find_shapes)(const ColliderRows& rows, std::size_t count, const std::int64_t* near, Ground ground) noexcept;
     void (*lay_planes)(const ColliderRows& rows, std::size_t count, const PlaneRows& planes, double push_out) noexcept;
+    /// Writes which boxes of [box + 1, end) overlap this one and are of other bodies, in order; tells how many.
+    std::size_t (*compare_boxes)(const LatticeRows& boxes, std::size_t box, std::size_t end,
+                                 std::uint32_t* overlapping) noexcept;
+    /// Moves the places (x, y and z of each four numbers) of what is below, or has been pushed too far.
+    void (*press_ground)(const GroundContacts& contacts, FrictionOf friction, double* place) noexcept;
 };
 
 // One lane serves as reference; two fit the baseline of x86-64 and aarch64.
@@ -96,5 +121,9 @@ extern const ColliderKernels kColliderTwoLanes;
 extern const ColliderKernels kColliderFourLanes;   // AVX2
 extern const ColliderKernels kColliderEightLanes;  // AVX-512F
 #endif
+
+/// Those with so many lanes, or the most that the machine has for ParticleCollisions::kWidest. Throws
+/// std::invalid_argument for lanes that it does not have.
+[[nodiscard]] const ColliderKernels& collider_kernels(std::size_t lanes);
 
 }  // namespace haptic::sim

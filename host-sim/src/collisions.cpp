@@ -98,21 +98,6 @@ struct PlaneDetail {
     Vec3 rub;   // m, displacement by friction, along the plane
 };
 
-/// Between a particle and the ground.
-struct GroundContact {
-    double least;  // m, height of the particle's centre
-    double push;
-    std::uint32_t particle;
-};
-
-/// Friction of a ground contact, in x and z.
-struct GroundRub {
-    double x = 0.0;  // m
-    double z = 0.0;
-    double start_x = 0.0;  // m, where the particle began
-    double start_z = 0.0;
-};
-
 bool overlap(const Bounds& a, const Bounds& b) noexcept {
     bool both = true;
     for (int k = 0; k < 3; ++k) {
@@ -139,20 +124,6 @@ std::vector<const ColliderKernels*> usable_kernels() {
     }
 #endif
     return usable;
-}
-
-const ColliderKernels& choose_kernels(std::size_t lanes) {
-    const std::vector<const ColliderKernels*> usable = usable_kernels();
-    if (lanes == ParticleCollisions::kWidest) {
-        return *usable.back();
-    }
-    for (const ColliderKernels* kernels : usable) {
-        if (kernels->lanes == lanes) {
-            return *kernels;
-        }
-    }
-    throw std::invalid_argument("collisions: this machine has no vectors of " + std::to_string(lanes) +
-                                " lanes; ParticleCollisions::usable_lanes() tells those that it has");
 }
 
 LaneVec<double> lane(const Vec3& v) noexcept {
@@ -198,6 +169,51 @@ class Colliders {
     std::vector<double> number_;
 };
 
+/// Between particles and the ground; as many as there may be.
+class GroundLedger {
+  public:
+    explicit GroundLedger(std::size_t most)
+        : particle_(most),
+          least_(most),
+          push_(most),
+          start_{std::vector<double>(most), std::vector<double>(most)},
+          rub_{std::vector<double>(most), std::vector<double>(most)} {}
+
+    void clear() noexcept { pushing_ = others_ = 0; }
+    /// Those that are likely to push come first. Which comes when makes no difference but in time.
+    void add(std::uint32_t particle, bool likely) noexcept {
+        particle_[likely ? pushing_++ : particle_.size() - ++others_] = particle;
+    }
+    /// When all have been added.
+    void begin(const Colliders& colliders) noexcept {
+        const auto end = particle_.end();
+        std::copy(end - static_cast<std::ptrdiff_t>(others_), end,
+                  particle_.begin() + static_cast<std::ptrdiff_t>(pushing_));
+        for (std::size_t k = 0; k < size(); ++k) {
+            least_[k] = colliders.at(collider_row::kGroundLeast, particle_[k]);
+            start_[0][k] = colliders.at(collider_row::kFrom, particle_[k]);
+            start_[1][k] = colliders.at(collider_row::kFrom + 2, particle_[k]);
+            push_[k] = rub_[0][k] = rub_[1][k] = 0.0;
+        }
+    }
+
+    [[nodiscard]] std::size_t size() const noexcept { return pushing_ + others_; }
+    [[nodiscard]] GroundContacts contacts() noexcept {
+        return {size(),        particle_.data(),
+                least_.data(), {start_[0].data(), start_[1].data()},
+                push_.data(),  {rub_[0].data(), rub_[1].data()}};
+    }
+
+  private:
+    std::size_t pushing_ = 0;
+    std::size_t others_ = 0;
+    std::vector<std::uint32_t> particle_;
+    std::vector<double> least_;
+    std::vector<double> push_;
+    std::array<std::vector<double>, 2> start_;
+    std::array<std::vector<double>, 2> rub_;
+};
+
 /// Planes that are laid together.
 class PlaneChunk {
   public:
@@ -219,6 +235,20 @@ class PlaneChunk {
 
 }  // namespace
 
+const ColliderKernels& collider_kernels(std::size_t lanes) {
+    const std::vector<const ColliderKernels*> usable = usable_kernels();
+    if (lanes == ParticleCollisions::kWidest) {
+        return *usable.back();
+    }
+    for (const ColliderKernels* kernels : usable) {
+        if (kernels->lanes == lanes) {
+            return *kernels;
+        }
+    }
+    throw std::invalid_argument("collisions: this machine has no vectors of " + std::to_string(lanes) +
+                                " lanes; ParticleCollisions::usable_lanes() tells those that it has");
+}
+
 struct ParticleCollisions::State {
     /// Adds what it lives to the time spent.
     class Timed {
@@ -237,6 +267,7 @@ struct ParticleCollisions::State {
 
     [[nodiscard]] std::int64_t now() const { return clock == nullptr ? 0 : clock(); }
     [[nodiscard]] int needed_substeps(const ParticleModel& start, double step);
+    [[nodiscard]] bool all_are_slow(const ParticleModel& start, double step) const noexcept;
     void find_motions(const ParticleModel& start, double step);
     [[nodiscard]] double greatest_approach(double step) const;
     void find_ways(const ParticleModel& start, const MovingParticles& predicted);
@@ -248,7 +279,6 @@ struct ParticleCollisions::State {
     void lay_ground();
     void aim(Plane& to_aim, const PlaneDetail& with, const Vec3& to) const noexcept;
     void press(Plane& on, PlaneDetail& with, Row* place) const noexcept;
-    void press(GroundContact& on, GroundRub& rub, Row* place) const noexcept;
     void press_all(Row* place) noexcept;
     [[nodiscard]] Vec3 held_by_friction(const Vec3& wanted, double push) const noexcept;
     [[nodiscard]] double deepest(const Row* place) const noexcept;
@@ -260,8 +290,9 @@ struct ParticleCollisions::State {
     std::vector<Collider> collider;  // per particle
     Colliders colliders;
     ColliderRows rows;
-    double greatest_reach = 0.0;    // m
-    double least_size = kFarthest;  // m, of those that collide
+    double greatest_reach = 0.0;         // m
+    double least_size = kFarthest;       // m, of those that collide
+    double least_body_size = kFarthest;  // m, mean of its particles' mean semi-axes
     bool forward = true;
     CollisionCounts counts;
     ClockFunction clock;
@@ -277,22 +308,21 @@ struct ParticleCollisions::State {
     std::vector<BoxPair> pair;  // as many as there is room for
     PlaneChunk chunk;
     std::vector<Plane> plane;
-    std::vector<PlaneDetail> detail;    // per plane
-    std::vector<GroundContact> ground;  // as many as there may be
-    std::vector<GroundRub> ground_rub;  // per contact, of those that have pushed
-    std::size_t grounds = 0;
+    std::vector<PlaneDetail> detail;  // per plane
+    GroundLedger ground;
 };
 
 ParticleCollisions::State::State(const ParticleModel& model, const CollisionSettings& which, ClockFunction time,
                                  std::size_t lanes)
     : settings(which),
-      kernels(choose_kernels(lanes)),
+      kernels(collider_kernels(lanes)),
       bodies(model.bodies),
       colliders(model),
       rows(colliders.rows()),
       clock(time),
       near(rows.length),
-      finder(model.size()) {
+      finder(model.size(), kernels),
+      ground(settings.ground ? model.size() : 0) {
     check(which);
     model.check();
     if (bodies.empty()) {
@@ -317,6 +347,7 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
         }
         if (colliding > 0) {
             motion[b].size = sum / colliding;
+            least_body_size = std::min(least_body_size, motion[b].size);
         }
     }
     const bool alone = bodies.size() < 2 || !settings.between_bodies;
@@ -324,8 +355,6 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
     pair.resize(kPairsPerParticle * box.capacity());
     plane.reserve(kPlanesPerParticle * box.capacity());
     detail.reserve(plane.capacity());
-    ground.resize(settings.ground ? model.size() : 0);
-    ground_rub.resize(ground.size());
 }
 
 void ParticleCollisions::State::find_motions(const ParticleModel& start, double step) {
@@ -371,7 +400,21 @@ double ParticleCollisions::State::greatest_approach(double step) const {
     return greatest;
 }
 
+/// Whether all are so slow that one sub-step does, wherever they are: no two bodies come nearer to each other than by
+/// the sum of their particles' greatest speeds, and no mean differs from a particle's velocity by more than twice that.
+bool ParticleCollisions::State::all_are_slow(const ParticleModel& start, double step) const noexcept {
+    double squared = 0.0;
+    for (const Vec3& v : start.velocity) {
+        squared = std::max(squared, glm::dot(v, v));
+    }
+    const double approach = 6.0 * step * std::sqrt(squared) / least_body_size;
+    return approach < kMostApproach;
+}
+
 int ParticleCollisions::State::needed_substeps(const ParticleModel& start, double step) {
+    if (all_are_slow(start, step)) {
+        return 1;
+    }
     find_motions(start, step);
     const double parts = greatest_approach(step) / kMostApproach;
     return parts < settings.most_substeps ? static_cast<int>(parts) + 1 : settings.most_substeps;
@@ -498,26 +541,19 @@ void ParticleCollisions::State::lay_planes() {
     counts.planes += plane.size();
 }
 
-/// Those first that will push, as far as can be told: the order of others makes no difference but to the processor,
-/// which guesses whether a contact pushes by what the last ones did.
 void ParticleCollisions::State::lay_ground() {
+    ground.clear();
     const double* least = rows[collider_row::kGroundLeast];
     const double* low = rows[collider_row::kLow + 1];
     const double* to = rows[collider_row::kTo + 1];
-    std::size_t pushing = 0;
-    std::size_t others = 0;
     for (std::size_t i = 0; i < collider.size(); ++i) {
         // Others may press it down by as much again.
-        if ((near[i] & kNearGround) == 0 || !(low[i] - collider[i].reach < settings.ground_height) ||
-            !(collider[i].inverse_mass > 0.0)) {
-            continue;
+        if ((near[i] & kNearGround) != 0 && low[i] - collider[i].reach < settings.ground_height &&
+            collider[i].inverse_mass > 0.0) {
+            ground.add(static_cast<std::uint32_t>(i), to[i] < least[i]);
         }
-        const std::size_t place = to[i] < least[i] ? pushing++ : ground.size() - ++others;
-        ground[place] = {least[i], 0.0, static_cast<std::uint32_t>(i)};
     }
-    std::copy(ground.end() - static_cast<std::ptrdiff_t>(others), ground.end(),
-              ground.begin() + static_cast<std::ptrdiff_t>(pushing));
-    grounds = pushing + others;
+    ground.begin(colliders);
 }
 
 Vec3 ParticleCollisions::State::held_by_friction(const Vec3& wanted, double push) const noexcept {
@@ -561,28 +597,6 @@ void ParticleCollisions::State::press(Plane& on, PlaneDetail& with, Row* place) 
     }
 }
 
-void ParticleCollisions::State::press(GroundContact& on, GroundRub& rub, Row* place) const noexcept {
-    Row& row = place[on.particle];
-    if (on.push == 0.0) {
-        if (row.number[1] >= on.least) {
-            return;
-        }
-        rub = {0.0, 0.0, colliders.at(collider_row::kFrom, on.particle),
-               colliders.at(collider_row::kFrom + 2, on.particle)};
-    }
-    const double change = std::max(on.least - row.number[1], -on.push);
-    on.push += change;
-    row.number[1] += change;
-    if (settings.static_friction > 0.0) {
-        const Vec3 wanted(rub.x - (row.number[0] - rub.start_x), 0.0, rub.z - (row.number[2] - rub.start_z));
-        const Vec3 held = held_by_friction(wanted, on.push);
-        row.number[0] += held.x - rub.x;
-        row.number[2] += held.z - rub.z;
-        rub.x = held.x;
-        rub.z = held.z;
-    }
-}
-
 /// There and back, so that no direction of the order is preferred. The ground, which does not yield, has the last word.
 void ParticleCollisions::State::press_all(Row* place) noexcept {
     const std::size_t count = plane.size();
@@ -590,9 +604,7 @@ void ParticleCollisions::State::press_all(Row* place) noexcept {
         const std::size_t which = forward ? k : count - 1 - k;
         press(plane[which], detail[which], place);
     }
-    for (std::size_t k = 0; k < grounds; ++k) {
-        press(ground[k], ground_rub[k], place);
-    }
+    kernels.press_ground(ground.contacts(), {settings.static_friction, settings.dynamic_friction}, place->number);
     forward = !forward;
 }
 
@@ -615,9 +627,10 @@ void ParticleCollisions::State::write_pushes(Row* pushed) noexcept {
             ++counts.pressed;
         }
     }
-    for (std::size_t k = 0; k < grounds; ++k) {
-        if (ground[k].push > 0.0) {
-            move(pushed[ground[k].particle], {ground_rub[k].x, ground[k].push, ground_rub[k].z});
+    const GroundContacts below = ground.contacts();
+    for (std::size_t k = 0; k < below.count; ++k) {
+        if (below.push[k] > 0.0) {
+            move(pushed[below.particle[k]], {below.rub[0][k], below.push[k], below.rub[1][k]});
             ++counts.pressed;
         }
     }

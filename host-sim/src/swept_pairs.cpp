@@ -8,10 +8,8 @@
 namespace haptic::sim {
 namespace {
 
-using Shorts [[gnu::vector_size(16)]] = std::int16_t;
-using Longs [[gnu::vector_size(16)]] = std::int64_t;
-constexpr std::size_t kLanes = sizeof(Shorts) / sizeof(std::int16_t);
-
+// Behind the rows: a whole vector.
+constexpr std::size_t kBehind = 32 / sizeof(std::int16_t);
 // Along each side of the lattice.
 constexpr double kLastCell = 32767.0;
 constexpr unsigned kSliceBits = 8;  // 256 cells
@@ -19,12 +17,6 @@ constexpr unsigned kSliceBits = 8;  // 256 cells
 constexpr std::uint32_t kMostBodies = 32768;
 // Boxes compared with each, on average, from which the grid is faster (Zen 4).
 constexpr std::size_t kMostCompared = 1000;
-
-Shorts load(const std::int16_t* from) noexcept {
-    Shorts result;
-    __builtin_memcpy(&result, from, sizeof(result));
-    return result;
-}
 
 std::size_t slice_of(std::int16_t number) noexcept {
     return static_cast<std::size_t>(number) >> kSliceBits;
@@ -79,15 +71,17 @@ class SweptPairs::Sink {
     std::size_t found_ = 0;
 };
 
-SweptPairs::SweptPairs(std::size_t most_boxes)
-    : rounded_(most_boxes),
+SweptPairs::SweptPairs(std::size_t most_boxes, const ColliderKernels& kernels)
+    : kernels_(kernels),
+      rounded_(most_boxes),
       box_(most_boxes),
+      overlapping_(most_boxes),
       cell_(most_boxes),
       begin_((std::size_t{1} << slot_bits_for(most_boxes)) + 1),
       entry_(most_boxes) {
     static_assert(kSlices << kSliceBits == static_cast<std::size_t>(kLastCell) + 1);
     for (std::vector<std::int16_t>& row : row_) {
-        row.resize(most_boxes + kLanes);
+        row.resize(most_boxes + kBehind);
     }
 }
 
@@ -143,26 +137,6 @@ std::size_t SweptPairs::end_of(std::size_t place, std::size_t axis) const noexce
     return slice_[slice_of(row_[kHigh + axis][place]) + 1];
 }
 
-void SweptPairs::compare(std::size_t place, std::size_t end, Sink& sink) const noexcept {
-    const auto number = [&](std::size_t row) { return row_[row][place]; };
-    for (std::size_t j = place + 1; j < end; j += kLanes) {
-        Shorts apart = load(&row_[kBody][j]) == number(kBody);
-        for (std::size_t k = 0; k < 3; ++k) {
-            apart |= load(&row_[kLow + k][j]) > number(kHigh + k);
-            apart |= load(&row_[kHigh + k][j]) < number(kLow + k);
-        }
-        const Longs all = __builtin_bit_cast(Longs, apart);
-        if ((all[0] & all[1]) == -1) {
-            continue;
-        }
-        for (std::size_t lane = 0; lane < std::min(kLanes, end - j); ++lane) {
-            if (apart[lane] == 0) {
-                sink.offer(box_[place], box_[j + lane]);
-            }
-        }
-    }
-}
-
 std::size_t SweptPairs::slot_of(std::uint64_t cell) const noexcept {
     return (cell * 0x9E3779B97F4A7C15u) >> (64 - slot_bits_);  // multiplicative hashing, Knuth 1973
 }
@@ -212,9 +186,16 @@ std::size_t SweptPairs::find(std::span<const SweptBox> boxes, std::span<BoxPair>
     if (to_compare > kMostCompared * boxes.size()) {
         return find_in_grid(boxes, pairs);
     }
+    LatticeRows rows{};
+    for (std::size_t k = 0; k < kRows; ++k) {
+        rows.row[k] = row_[k].data();
+    }
     Sink sink(boxes, pairs);
     for (std::size_t place = 0; place < boxes.size(); ++place) {
-        compare(place, end_of(place, axis), sink);
+        const std::size_t found = kernels_.compare_boxes(rows, place, end_of(place, axis), overlapping_.data());
+        for (std::size_t k = 0; k < found; ++k) {
+            sink.offer(box_[place], box_[overlapping_[k]]);
+        }
     }
     return sink.found();
 }

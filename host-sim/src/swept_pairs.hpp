@@ -1,9 +1,9 @@
 // Which boxes of different bodies overlap: the broad phase of collisions between particles.
 //
 // Boxes are sorted along the longest side of the region that holds them, by counting those that begin in each slice of
-// it. Each is compared with those after it, up to the slice where it ends, eight at a time: on a lattice of the region
-// the six numbers of a box, and that of its body, are small integers. Rounding keeps order, so that nothing is missed;
-// what it finds is looked at again with the boxes as they are.
+// it. Each is compared with those after it, up to the slice where it ends, 8 or 16 at a time: on a lattice of the
+// region the six numbers of a box, and that of its body, are small integers. Rounding keeps order, so that nothing is
+// missed; what it finds is looked at again with the boxes as they are.
 // @source D. Baraff, "Dynamic Simulation of Non-Penetrating Rigid Bodies", 1992, sort and sweep
 //
 // Where that would be too much, as for very many boxes side by side, there is a uniform grid whose cells are as large
@@ -21,6 +21,7 @@
 #include <span>
 #include <vector>
 
+#include "collider_rows.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
@@ -45,7 +46,7 @@ struct BoxPair {
 
 class SweptPairs {
   public:
-    explicit SweptPairs(std::size_t most_boxes);
+    SweptPairs(std::size_t most_boxes, const ColliderKernels& kernels);
 
     /// Writes the pairs of boxes of different bodies that overlap to `pairs`, and tells how many there are; those that
     /// find no room in it are only counted. All boxes are finite and not more than there may be. Allocates nothing.
@@ -71,15 +72,17 @@ class SweptPairs {
     std::size_t round(std::span<const SweptBox> boxes) noexcept;
     void sort_into_slices(std::size_t axis, std::size_t boxes) noexcept;
     [[nodiscard]] std::size_t end_of(std::size_t place, std::size_t axis) const noexcept;
-    void compare(std::size_t place, std::size_t end, Sink& sink) const noexcept;
     void sort_into_table(std::span<const SweptBox> boxes) noexcept;
     [[nodiscard]] std::size_t slot_of(std::uint64_t cell) const noexcept;
+
+    const ColliderKernels& kernels_;
 
     // Of the sweep.
     std::vector<Rounded> rounded_;                      // per box
     std::array<std::uint32_t, kSlices + 1> slice_{};    // where each begins, in the order of slices
     std::array<std::vector<std::int16_t>, kRows> row_;  // in the order of slices, and a whole vector behind them
     std::vector<std::uint32_t> box_;                    // in the order of slices
+    std::vector<std::uint32_t> overlapping_;            // one of them
 
     // Of the grid.
     unsigned slot_bits_ = 1;

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "haptic/sim/collisions.hpp"
+
 namespace haptic::sim {
 namespace {
 
@@ -53,6 +55,10 @@ Pairs by_brute_force(const std::vector<SweptBox>& boxes) {
     return pairs;
 }
 
+const ColliderKernels& widest() {
+    return collider_kernels(ParticleCollisions::kWidest);
+}
+
 enum class Way { Best, Grid };
 
 Pairs found(SweptPairs& finder, const std::vector<SweptBox>& boxes, Way way = Way::Best) {
@@ -66,7 +72,6 @@ Pairs found(SweptPairs& finder, const std::vector<SweptBox>& boxes, Way way = Wa
 }
 
 TEST(SweptPairs, AreThoseOfBruteForceEachOnce) {
-    SweptPairs finder(400);
     std::size_t seen = 0;
     std::uint32_t seed = 0;
     for (const Crowd& crowd : {Crowd{}, Crowd{.width = 0.2}, Crowd{.width = 50.0}, Crowd{.least = 0.0, .greatest = 0.0},
@@ -76,11 +81,19 @@ TEST(SweptPairs, AreThoseOfBruteForceEachOnce) {
         for (int round = 0; round < 5; ++round) {
             const std::vector<SweptBox> boxes = make(crowd, ++seed);
             const Pairs expected = by_brute_force(boxes);
-            for (const Way way : {Way::Best, Way::Grid}) {
-                Pairs pairs = found(finder, boxes, way);
+            Pairs in_order;
+            for (const std::size_t lanes : ParticleCollisions::usable_lanes()) {
+                SweptPairs finder(400, collider_kernels(lanes));
+                Pairs pairs = found(finder, boxes);
+                ASSERT_EQ(pairs, lanes == 1 ? pairs : in_order) << seed << " with " << lanes << " lanes";
+                in_order = pairs;
                 std::sort(pairs.begin(), pairs.end());
-                ASSERT_EQ(pairs, expected) << seed;
+                ASSERT_EQ(pairs, expected) << seed << " with " << lanes << " lanes";
             }
+            SweptPairs finder(400, widest());
+            Pairs pairs = found(finder, boxes, Way::Grid);
+            std::sort(pairs.begin(), pairs.end());
+            ASSERT_EQ(pairs, expected) << seed;
             seen += expected.size();
         }
     }
@@ -91,7 +104,7 @@ TEST(SweptPairs, OfMoreBoxesThanAreComparedOrOfBodiesWithLargeNumbersAreFoundAll
     // All begin in one slice along every axis, and hardly two of them overlap.
     std::vector<SweptBox> boxes = make({.boxes = 2500, .least = 0.0, .greatest = 0.01}, 4);
     boxes.push_back({.low = Vec3(999.0), .high = Vec3(1000.0), .body = 9});
-    SweptPairs finder(boxes.size());
+    SweptPairs finder(boxes.size(), widest());
     Pairs pairs = found(finder, boxes);
     EXPECT_EQ(pairs, found(finder, boxes, Way::Grid));  // by the grid indeed: in its order
     std::sort(pairs.begin(), pairs.end());
@@ -114,7 +127,7 @@ TEST(SweptPairs, FarFromOneAnotherThanThereAreCellsShareTheLastOne) {
         box.high += Vec3(1e9, -1e9, 0.0);
         boxes.push_back(box);
     }
-    SweptPairs finder(boxes.size());
+    SweptPairs finder(boxes.size(), widest());
     Pairs pairs = found(finder, boxes);
     std::sort(pairs.begin(), pairs.end());
     EXPECT_EQ(pairs, by_brute_force(boxes));
@@ -123,8 +136,8 @@ TEST(SweptPairs, FarFromOneAnotherThanThereAreCellsShareTheLastOne) {
 
 TEST(SweptPairs, ComeInTheSameOrderWhateverWasFoundBefore) {
     const std::vector<SweptBox> boxes = make({}, 7);
-    SweptPairs fresh(300);
-    SweptPairs used(300);
+    SweptPairs fresh(300, widest());
+    SweptPairs used(300, widest());
     (void)found(used, make({.width = 0.3}, 8));
     for (const Way way : {Way::Best, Way::Grid}) {
         EXPECT_EQ(found(fresh, boxes, way), found(used, boxes, way));
@@ -133,7 +146,7 @@ TEST(SweptPairs, ComeInTheSameOrderWhateverWasFoundBefore) {
 
 TEST(SweptPairs, ThatFindNoRoomAreCounted) {
     const std::vector<SweptBox> boxes = make({.width = 0.2}, 9);
-    SweptPairs finder(300);
+    SweptPairs finder(300, widest());
     std::vector<BoxPair> room(10);
     EXPECT_EQ(finder.find(boxes, room), by_brute_force(boxes).size());
     EXPECT_EQ(finder.find_in_grid(boxes, room), by_brute_force(boxes).size());
