@@ -64,29 +64,28 @@ bool move_still(const ContactFrame& frame, std::int64_t time_ns, std::int64_t ho
 /// The longest way of a particle relative to those of its planes whose bit is set; its own where there are none. A
 /// surface whose plane has come to the end of its horizon moves on, as far as anybody knows.
 double way_to_planes(const Vec3& way, const ProxyContact& particle, unsigned planes, double elapsed_s) HAPTIC_RT {
-    double longest = planes == 0 ? glm::length(way) : 0.0;
+    double square = planes == 0 ? glm::dot(way, way) : 0.0;
     for (; planes != 0; planes &= planes - 1) {
         const ContactPlane& plane = particle.planes[std::countr_zero(planes)];
-        longest = std::max(longest, glm::length(way - plane.velocity * elapsed_s * to_vec3(plane.normal)));
+        const Vec3 relative = way - plane.velocity * elapsed_s * to_vec3(plane.normal);
+        square = std::max(square, glm::dot(relative, relative));
     }
-    return longest;
+    return std::sqrt(square);
 }
 
-/// One particle at an instant.
+/// One particle at an instant. Made by Tool::place(), and left uninitialised before, because a tool has many.
 struct Particle {
-    const ProxyContact* sent = nullptr;
-    Vec3 lever{0.0};  // m, from the grip
-    Vec3 goal{0.0};   // m
-    Vec3 way{0.0};    // m, of the goal since the last tick
-    std::array<HalfSpace, kMaxPlanes> planes{};
-    std::size_t plane_count = 0;
-    LocalProxy proxy;
-    Vec3 held{0.0};     // m, how far beside the proxy friction holds it
-    Vec3 carried{0.0};  // m, how far its surface took it since the last tick
-    bool sticks = false;
-
-    [[nodiscard]] Vec3 apart() const HAPTIC_RT { return proxy.position - goal; }
+    const ProxyContact* sent;
+    Vec3 lever;    // m, from the grip
+    Vec3 way;      // m, of the goal since the last tick
+    Vec3 apart;    // m, from the goal to the proxy; zero where nothing holds it
+    Vec3 held;     // m, how far beside the proxy friction holds it
+    Vec3 carried;  // m, how far its surface took it since the last tick
+    std::size_t plane_count;
+    std::uint8_t active;  // planes
+    bool sticks;
 };
+using Planes = std::array<HalfSpace, kMaxPlanes>;
 
 /// What the springs do to a particle.
 struct Load {
@@ -105,6 +104,7 @@ class Tool {
           stiffness_(stiffness),
           grip_(grip),
           turn_(glm::mat3_cast(grip.pose.orientation)),
+          turn_before_(glm::mat3_cast(grip.before.orientation)),
           count_(std::min<std::size_t>(frame.proxy_count, kMaxProxies)),
           time_ns_(time_ns),
           horizon_ns_(static_cast<std::int64_t>(kHorizonSteps* static_cast<double>(frame.step_ns))),
@@ -117,9 +117,12 @@ class Tool {
   private:
     [[nodiscard]] bool holds_positions() const HAPTIC_RT { return (frame_->flags & HAPTIC_FRAME_HOLD_POSITIONS) != 0; }
     void draw_to_frame(const ProxyContact& sent, SurfaceGrip& surface_grip) const HAPTIC_RT;
-    void place(std::size_t i, SurfaceGrip& surface_grip, Particle& particle) HAPTIC_RT;
+    [[nodiscard]] Particle place(std::size_t i, SurfaceGrip& surface_grip, Planes& planes) HAPTIC_RT;
     void add(const Particle& particle, const Load& load, double torque_ratio) HAPTIC_RT;
     void add_free(const Particle& particle) HAPTIC_RT {
+        if (contact_.in_contact > 0) {
+            return;  // it counts only where nothing is touched
+        }
         free_way_ += way_to_planes(particle.way, *particle.sent, (1u << particle.plane_count) - 1u, grip_.elapsed_s);
     }
 
@@ -127,6 +130,7 @@ class Tool {
     Stiffness stiffness_;
     GripMotion grip_;
     Mat3 turn_;
+    Mat3 turn_before_;
     std::size_t count_;
     std::int64_t time_ns_;
     std::int64_t horizon_ns_;
@@ -134,6 +138,7 @@ class Tool {
     Contact contact_;
     double free_way_ = 0.0;
     double squares_ = 0.0;  // m^2, sum |o_i|^2
+    double longest_ = 0.0;  // m^2, of them
 };
 
 /// Both processes let a particle stick where each of them found it touching, and then carry it along with the surface
@@ -151,39 +156,46 @@ void Tool::draw_to_frame(const ProxyContact& sent, SurfaceGrip& surface_grip) co
     surface_grip.at += grip_.elapsed_s / (grip_.elapsed_s + kDrawS) * (there - surface_grip.at);
 }
 
-void Tool::place(std::size_t i, SurfaceGrip& surface_grip, Particle& particle) HAPTIC_RT {
+Particle Tool::place(std::size_t i, SurfaceGrip& surface_grip, Planes& planes) HAPTIC_RT {
     const ProxyContact& sent = frame_->proxies[i];
     const Vec3 offset = to_vec3(sent.rest_offset);
-    particle.sent = &sent;
-    particle.lever = turn_ * offset;
-    particle.goal = grip_.pose.position + particle.lever;
+    const Vec3 lever = turn_ * offset;
+    const Vec3 goal = grip_.pose.position + lever;
+    Vec3 way(0.0);
     if (grip_.elapsed_s > 0.0) {
-        particle.way = particle.goal - (grip_.before.position + grip_.before.orientation * offset);
+        way = goal - (grip_.before.position + turn_before_ * offset);
     }
     const double square = glm::dot(offset, offset);
     squares_ += square;
-    contact_.lever = std::max(contact_.lever, std::sqrt(square));
+    longest_ = std::max(longest_, square);
+    Particle particle{&sent, lever, way, Vec3(0.0), Vec3(0.0), Vec3(0.0), 0, 0, false};
     if (holds_positions()) {
-        const bool touches = (sent.in_contact & HAPTIC_PROXY_TOUCHES) != 0;
-        particle.proxy = {touches ? to_vec3(sent.position) : particle.goal, touches ? std::uint8_t{1} : std::uint8_t{0},
-                          true};
+        if ((sent.in_contact & HAPTIC_PROXY_TOUCHES) != 0) {
+            particle.apart = to_vec3(sent.position) - goal;
+            particle.active = 1;
+        }
         surface_grip = {};
     } else {
         particle.plane_count = std::min<std::size_t>(sent.plane_count, kMaxPlanes);
         for (std::size_t k = 0; k < particle.plane_count; ++k) {
-            particle.planes[k] = plane_at(sent.planes[k], frame_->plane_time_ns, time_ns_, horizon_ns_);
+            planes[k] = plane_at(sent.planes[k], frame_->plane_time_ns, time_ns_, horizon_ns_);
         }
-        const std::span<const HalfSpace> planes(particle.planes.data(), particle.plane_count);
-        particle.proxy = project(particle.goal, planes);
-        particle.carried = moving_ ? to_vec3(sent.surface_velocity) * grip_.elapsed_s : Vec3(0.0);
+        const std::span<const HalfSpace> used = std::span(planes).first(particle.plane_count);
+        const LocalProxy proxy = project(goal, used);
+        particle.apart = proxy.position - goal;
+        particle.active = proxy.active;
+        if (moving_) {
+            particle.carried = to_vec3(sent.surface_velocity) * grip_.elapsed_s;
+        }
         draw_to_frame(sent, surface_grip);
-        particle.held = hold(particle.proxy, particle.goal, planes, {frame_->static_friction, frame_->dynamic_friction},
-                             particle.carried, surface_grip);
+        particle.held = hold(proxy, goal, used, {frame_->static_friction, frame_->dynamic_friction}, particle.carried,
+                             surface_grip);
         particle.sticks = surface_grip.held;
     }
     if (i == 0) {
-        contact_.proxy = surface_grip.held ? surface_grip.at : particle.proxy.position;
+        contact_.proxy = surface_grip.held ? surface_grip.at : goal + particle.apart;
     }
+    return particle;
 }
 
 void Tool::add(const Particle& particle, const Load& load, double torque_ratio) HAPTIC_RT {
@@ -224,28 +236,28 @@ void Tool::add(const Particle& particle, const Load& load, double torque_ratio) 
 }
 
 Contact Tool::divided(ToolMemory& memory) HAPTIC_RT {
+    Planes planes{};
     const double torque_ratio = stiffness_.force > 0.0 ? stiffness_.torque / stiffness_.force : 1.0;
     for (std::size_t i = 0; i < count_; ++i) {
-        Particle particle;
-        place(i, memory.grips[i], particle);
-        const Vec3 apart = particle.apart();
-        const double depth = glm::length(apart);
-        if (particle.proxy.active == 0 || !(depth > 0.0)) {
+        const Particle particle = place(i, memory.grips[i], planes);
+        const double depth = glm::length(particle.apart);
+        if (particle.active == 0 || !(depth > 0.0)) {
             add_free(particle);
             continue;
         }
         ++contact_.in_contact;
-        const Vec3 n = apart / depth;
-        const double speed = holds_positions() ? 0.0 : surface_speed(n, *particle.sent, particle.proxy.active);
+        const Vec3 n = particle.apart / depth;
+        const double speed = holds_positions() ? 0.0 : surface_speed(n, *particle.sent, particle.active);
         add(particle, {n, depth, speed, frame_->damping, stiffness_.force}, torque_ratio);
         contact_.stored += 0.5 * std::max(stiffness_.force, stiffness_.torque) * depth * depth;
-        const unsigned holding = holds_positions() ? 0u : particle.proxy.active;
+        const unsigned holding = holds_positions() ? 0u : particle.active;
         double way = way_to_planes(particle.way, *particle.sent, holding, grip_.elapsed_s);
         if (particle.sticks) {
             way = std::max(way, glm::length(particle.way - particle.carried));
         }
         contact_.way += way;
     }
+    contact_.lever = std::sqrt(longest_);
     const double part = 1.0 / static_cast<double>(count_);
     if (contact_.in_contact == 0) {
         contact_.way = part * free_way_;
@@ -265,37 +277,30 @@ Contact Tool::divided(ToolMemory& memory) HAPTIC_RT {
     return contact_;
 }
 
-/// The rows of the particles' planes, and whose they are.
-struct Rows {
-    std::array<SpringRow, kMaxSpringRows> row;
-    std::array<std::size_t, kMaxProxies + 1> first{};  // of each particle; the last one: of none
-};
-
 Contact Tool::in_series(ToolMemory& memory) HAPTIC_RT {
-    std::array<Particle, kMaxProxies> particles;
-    Rows rows;
+    std::array<Particle, kMaxProxies> particles;           // NOLINT(*-member-init): filled below
+    std::array<std::size_t, kMaxProxies + 1> first_row{};  // of each particle; the last one: of none
+    std::span<SpringRow> rows = memory.rows;
+    Planes planes{};
     std::size_t row_count = 0;
     for (std::size_t i = 0; i < count_; ++i) {
-        Particle& particle = particles[i];
-        place(i, memory.grips[i], particle);
-        rows.first[i] = row_count;
-        const Vec3 apart = particle.apart();
-        const double depth = glm::length(apart);
+        const Particle& particle = particles[i] = place(i, memory.grips[i], planes);
+        first_row[i] = row_count;
+        const double depth = glm::length(particle.apart);
         if (holds_positions() && depth > 0.0) {
-            rows.row[row_count++] = {particle.lever, apart / depth, depth};
+            rows[row_count++] = {particle.lever, particle.apart / depth, depth};
         }
-        for (std::size_t k = 0; k < particle.plane_count; ++k) {
-            const HalfSpace& plane = particle.planes[k];
-            rows.row[row_count++] = {particle.lever, plane.normal,
-                                     plane.offset - glm::dot(plane.normal, particle.goal)};
+        const Vec3 goal = grip_.pose.position + particle.lever;
+        for (const HalfSpace& plane : std::span(planes).first(particle.plane_count)) {
+            rows[row_count++] = {particle.lever, plane.normal, plane.offset - glm::dot(plane.normal, goal)};
         }
     }
-    rows.first[count_] = row_count;
-    const Wrench pushed = memory.springs.solve(std::span(rows.row).first(row_count),
-                                               {stiffness_.force, stiffness_.torque, gyration(squares_, count_)});
+    first_row[count_] = row_count;
+    rows = rows.first(row_count);
+    const Wrench pushed = memory.springs.solve(rows, {stiffness_.force, stiffness_.torque, gyration(squares_, count_)});
     double pushes = 0.0;  // N
-    for (std::size_t r = 0; r < row_count; ++r) {
-        pushes += rows.row[r].push;
+    for (const SpringRow& row : rows) {
+        pushes += row.push;
     }
     Vec3 moments(0.0);
     double squared_ways = 0.0;
@@ -305,9 +310,9 @@ Contact Tool::in_series(ToolMemory& memory) HAPTIC_RT {
         double power = 0.0;  // W, of its surfaces
         double own = 0.0;    // N, sum of its pushes
         unsigned pushing = 0;
-        for (std::size_t r = rows.first[i]; r < rows.first[i + 1]; ++r) {
-            const SpringRow& row = rows.row[r];
-            const auto plane = static_cast<unsigned>(r - rows.first[i]);
+        for (std::size_t r = first_row[i]; r < first_row[i + 1]; ++r) {
+            const SpringRow& row = rows[r];
+            const auto plane = static_cast<unsigned>(r - first_row[i]);
             if (row.push > 0.0) {
                 force += row.push * row.normal;
                 own += row.push;
@@ -321,7 +326,7 @@ Contact Tool::in_series(ToolMemory& memory) HAPTIC_RT {
             continue;
         }
         ++contact_.in_contact;
-        const double depth = glm::length(particle.apart());
+        const double depth = glm::length(particle.apart);
         const double size = strength / stiffness_.force;
         const Load load{force / strength, size, power / strength, frame_->damping * own / pushes,
                         depth > 0.0 ? stiffness_.force * size / depth : 0.0};
@@ -333,6 +338,7 @@ Contact Tool::in_series(ToolMemory& memory) HAPTIC_RT {
         }
         squared_ways += way * way;
     }
+    contact_.lever = std::sqrt(longest_);
     if (contact_.in_contact == 0) {
         contact_.way = free_way_ / static_cast<double>(count_);
         return contact_;

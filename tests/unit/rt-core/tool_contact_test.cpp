@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <glm/geometric.hpp>
 #include <numbers>
 
@@ -155,7 +156,7 @@ TEST(ToolContact, SticksInTheEndWhereTheSimulationSaysThatItSticks) {
         Contact contact;
         double before = 0.0;
         for (int i = 0; i < 1500; ++i) {
-            contact = render(frame, stiffness_of(frame), {grip, {}, grip, 1e-3}, 1'000'000 * i, memory);
+            contact = render(frame, stiffness_of(frame), {grip, {}, grip, 1e-3}, std::int64_t{1'000'000} * i, memory);
             ASSERT_LE(contact.wrench.force.x - before, kStiffness * 0.002 / 100.0 + 1e-12) << "drawn, not thrown";
             before = contact.wrench.force.x;
         }

@@ -71,6 +71,7 @@ struct Contact {
 struct ToolMemory {
     std::array<SurfaceGrip, kMaxProxies> grips{};
     SeriesSprings springs;
+    std::array<SpringRow, kMaxSpringRows> rows{};  // scratch, which need not be cleared in each tick
 };
 
 /// The equations above, with planes moved on to time_ns, but at most 1.5 steps past their own time, and with a

@@ -1,0 +1,161 @@
+// The whole chain with a tool of 37 spheres that slides over a rigid plate, host-sim at 50 steps/s under rt-core at
+// 1 kHz: what of the slow simulation is felt. Claim AT9; figure 5.7 of the thesis is the other scheme.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "lockstep.hpp"
+
+namespace haptic::test {
+namespace {
+
+constexpr double kSpeed = 0.3;     // m/s
+constexpr double kStep = 0.02;     // s, of the simulation
+constexpr double kTick = 1e-3;     // s
+constexpr double kRamp = 0.4;      // s, down to the plane and to where the slide begins
+constexpr double kSlide = 0.1;     // s: 30 mm, within which the strings make every wrench
+constexpr double kPlane = -0.007;  // m, in the scene, which is as large as the device
+constexpr double kDepth = 0.003;   // m, of the rod in the plate
+
+struct Case {
+    double stiffness;        // N/m
+    Quat device_from_scene;  // so that the plate is not level to the device
+    double turn;             // rad/s, of the grip about the plate's normal while it slides
+    std::string multi_rate;
+};
+
+sim::Scene scene_of(const Case& c) {
+    const Quat& q = c.device_from_scene;
+    const std::string k = std::to_string(c.stiffness);
+    return sim::read_scene(
+        Config::parse("[model]\ngenerator = \"plate\"\nsize = [0.3, 0.02, 0.3]\ncells = 8\noffset = [0.0, " +
+                          std::to_string(kPlane - 0.01) +
+                          ", 0.0]\n[solver]\nstep = 0.02\niterations = 1\n"
+                          "[tool]\ngenerator = \"rod\"\nlength = 0.05\nthickness = 0.01\nspheres = 37\n"
+                          "[proxy]\nreach = 0.002\n[coupling]\nloss = 0.0\nmulti_rate = \"" +
+                          c.multi_rate + "\"\nstiffness = " + k + "\ntorque_stiffness = " + k +
+                          "\n[hand]\ntimes = [0.0, 1.0]\npositions = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"
+                          "[workspace]\nscale = 1.0\nforce_scale = 1.0\nrotation = [" +
+                          std::to_string(q.w) + ", " + std::to_string(q.x) + ", " + std::to_string(q.y) + ", " +
+                          std::to_string(q.z) + "]\n",
+                      "slide.toml"),
+        "slide");
+}
+
+PoseTrack hand_of(const Case& c) {
+    std::vector<double> times;
+    std::vector<Pose> poses;
+    const Vec3 along = c.device_from_scene * Vec3(1, 0, 0);
+    const Vec3 normal = c.device_from_scene * Vec3(0, 1, 0);
+    const double height = kPlane + 0.005 - kDepth;
+    for (int i = 0; i * kTick <= kRamp + kSlide + 2 * kStep; ++i) {
+        const double t = i * kTick;
+        const double ramp = std::min(t / kRamp, 1.0);
+        const double into = ramp * ramp * (3.0 - 2.0 * ramp);
+        const double slid = std::clamp(t - kRamp, 0.0, kSlide);
+        times.push_back(t);
+        poses.push_back(
+            {into * (height * normal - 0.5 * kSpeed * kSlide * along) + kSpeed * slid * along,
+             glm::angleAxis(c.turn * slid, normal) * glm::slerp(Quat(1, 0, 0, 0), c.device_from_scene, into)});
+    }
+    return {std::move(times), std::move(poses)};
+}
+
+/// What was felt while the speed was constant, against the thesis' law and the plate as it is.
+struct Felt {
+    double tangential = 0.0;       // N, most
+    double mean_tangential = 0.0;  // N, against the slide
+    double ripple = 0.0;           // N, most error of the normal force
+    double torque_error = 0.0;     // N*m
+    double normal = 0.0;           // N, mean
+    int particles = 0;             // in contact, most
+    int late_ticks = 0;            // in which the plate was pressed and nothing felt
+};
+
+Wrench expected_at(const Pose& grip, std::span<const sim::ToolParticle> particles, const Case& c) {
+    Wrench wrench;
+    const Vec3 normal = c.device_from_scene * Vec3(0, 1, 0);
+    for (const sim::ToolParticle& p : particles) {
+        const Vec3 lever = grip.orientation * p.rest_offset;
+        const double depth = kPlane + p.radius * 0.999 - glm::dot(normal, grip.position + lever);
+        const Vec3 force = c.stiffness / static_cast<double>(particles.size()) * std::max(0.0, depth) * normal;
+        wrench.force += force;
+        wrench.torque += glm::cross(lever, force);
+    }
+    return wrench;
+}
+
+Felt run(const Case& c) {
+    Lockstep chain({.scene = scene_of(c), .hand = hand_of(c), .tick = {}});
+    const Vec3 normal = c.device_from_scene * Vec3(0, 1, 0);
+    const Vec3 along = c.device_from_scene * Vec3(1, 0, 0);
+    Felt felt;
+    int ticks = 0;
+    int measured = 0;
+    while (ticks * kTick < kRamp + kSlide) {
+        chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
+            const double t = ticks++ * kTick;
+            const Wrench expected = expected_at(tick.pose, chain.simulation().tool().particles(), c);
+            const double pressed = glm::dot(tick.rendered.force, normal);
+            felt.late_ticks += glm::length(expected.force) > 1e-3 && pressed == 0.0 ? 1 : 0;
+            if (t < kRamp + 0.01 || t > kRamp + kSlide) {
+                return;
+            }
+            const Vec3 tangential = tick.rendered.force - pressed * normal;
+            felt.tangential = std::max(felt.tangential, glm::length(tangential));
+            felt.mean_tangential -= glm::dot(tangential, along);
+            felt.ripple = std::max(felt.ripple, std::fabs(pressed - glm::dot(expected.force, normal)));
+            felt.torque_error = std::max(felt.torque_error, glm::length(tick.rendered.torque - expected.torque));
+            felt.normal += pressed;
+            felt.particles = std::max(felt.particles, static_cast<int>(tick.in_contact));
+            ++measured;
+        });
+    }
+    felt.normal /= measured;
+    felt.mean_tangential /= measured;
+    return felt;
+}
+
+double drag_of(const Case& c) {
+    return c.stiffness * kSpeed * kStep;
+}
+
+void tell(const char* name, const Case& c, const Felt& felt) {
+    std::printf("%s, k %g: %d in contact, normal %.4g N, tangential at most %.2g, mean %.2g of k v T, ripple %.2g\n",
+                name, c.stiffness, felt.particles, felt.normal, felt.tangential / drag_of(c),
+                felt.mean_tangential / drag_of(c), felt.ripple / felt.normal);
+}
+
+TEST(SlidingTool, FeelsNeitherDragNorRippleOfASimulationOf50StepsPerSecond) {
+    const Quat level(1, 0, 0, 0);
+    const Quat tilted = glm::angleAxis(0.25, glm::normalize(Vec3(0.6, 0.0, -0.8)));
+    for (const double stiffness : {20.0, 500.0}) {
+        for (const Case& c : {Case{stiffness, level, 0.0, "planes"}, Case{stiffness, tilted, 1.5, "planes"}}) {
+            const Felt felt = run(c);
+            tell("planes", c, felt);
+            EXPECT_EQ(felt.particles, 37);
+            EXPECT_LE(felt.tangential, 0.01 * drag_of(c));
+            EXPECT_LE(felt.ripple, 0.01 * felt.normal);
+            EXPECT_LE(felt.torque_error, 0.01 * felt.normal * 0.05);
+            EXPECT_EQ(felt.late_ticks, 0);
+        }
+    }
+}
+
+TEST(SlidingTool, IsDraggedWhereOnlyPositionsAndFlagsPassBetweenTheRates) {
+    const Case c{20.0, Quat(1, 0, 0, 0), 0.0, "positions"};
+    const Felt felt = run(c);
+    tell("positions", c, felt);
+    EXPECT_GT(felt.mean_tangential, 0.3 * drag_of(c));
+    EXPECT_GT(felt.tangential, 0.8 * drag_of(c));
+}
+
+}  // namespace
+}  // namespace haptic::test
