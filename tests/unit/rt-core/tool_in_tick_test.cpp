@@ -302,5 +302,80 @@ TEST(ToolThatTouches, IsStoppedInTheTickInWhichItTouchesAndNotAStepLater) {
     EXPECT_GT(late[1], 1) << "positions and flags know of it only after the next step";
 }
 
+/// A grip of 0.1 kg in a hand without damping of its own, pressed with two spheres 25 mm to each side onto a floor, and
+/// given a knock: what is left of the trembling about its axis in the end, rad.
+struct Trembling {
+    double left = 0.0;
+    double least_energy = 0.0;
+    bool running = false;
+};
+
+Trembling knock(double torque_stiffness, std::uint32_t flags, double largest, PassivityControl control) {
+    device::GripMechanics mechanics;
+    mechanics.hand_stiffness = 100.0;
+    mechanics.hand_damping = 0.0;
+    mechanics.hand_rotational_stiffness = 0.01;
+    mechanics.hand_rotational_damping = 0.0;
+    mechanics.motor_friction = 0.0;
+    mechanics.motor_drag = 0.0;
+    TickSettings settings;
+    settings.frames.largest_rotational_stiffness = largest;
+    settings.passivity.control = control;
+    // Into the floor, tilted by 0.05 rad, and level again at once.
+    const std::vector<double> times{0.0, 2.0, 2.2, 2.5, 2.501, 4.0};
+    const Vec3 down(0.0, -0.008, 0.0);
+    const Quat tilted = glm::angleAxis(0.05, Vec3(0, 0, 1));
+    const std::vector<Pose> poses{
+        {}, {}, {down, tilted}, {down, tilted}, {down, Quat(1, 0, 0, 0)}, {down, Quat(1, 0, 0, 0)}};
+    TickRig rig(PoseTrack(times, poses), settings, mechanics);
+    rig.now_ns = 0;
+    rig.run_up();
+    ContactFrame frame = test::floor_frame(-0.003, 300.0, 0);
+    frame.flags = flags;
+    frame.torque_stiffness = torque_stiffness;
+    frame.proxy_count = 2;
+    frame.proxies[1] = frame.proxies[0];
+    store(Vec3(0.025, 0.0, 0.0), frame.proxies[0].rest_offset);
+    store(Vec3(-0.025, 0.0, 0.0), frame.proxies[1].rest_offset);
+    Trembling result;
+    double least = 10.0;
+    double most = -10.0;
+    while (rig.now_ns < nanoseconds(4.0)) {
+        if (rig.now_ns % kStepNs == 0) {
+            frame.plane_time_ns = frame.publish_time_ns = rig.now_ns;
+            rig.publish(frame);
+        }
+        rig.step();
+        const TickRecord& tick = rig.tick.last();
+        result.least_energy = std::min(result.least_energy, tick.energy);
+        if (rig.now_ns > nanoseconds(3.6)) {
+            least = std::min(least, tick.pose.orientation.z);
+            most = std::max(most, tick.pose.orientation.z);
+        }
+    }
+    result.left = 2.0 * (most - least);
+    result.running = rig.tick.safety_state() == SafetyState::Running;
+    return result;
+}
+
+TEST(ToolThatTrembles, ComesToRestWithTheLimitOfItsTorqueSpringsAndWithTheController) {
+    constexpr double knocked = 0.1;  // rad, from side to side
+    const double passive = passive_stiffness(6e-5, 0.0, 0.0, kTick, 0.0);
+    const double infinite = std::numeric_limits<double>::infinity();
+    const Trembling unwatched = knock(1000.0, 0, infinite, PassivityControl::Observe);
+    EXPECT_GT(unwatched.left, 2.0 * knocked);
+    EXPECT_LT(unwatched.least_energy, -1e-3);
+    const Trembling bound = knock(1000.0, 0, infinite, PassivityControl::Bound);
+    EXPECT_LT(bound.left, 0.1 * knocked);
+    EXPECT_GT(bound.least_energy, -1e-4);
+    for (const std::uint32_t flags : {0u, std::uint32_t{HAPTIC_FRAME_SERIES_SPRINGS}}) {
+        // What is left is as the device's own damping leaves it.
+        const Trembling limited = knock(4000.0, flags, passive, PassivityControl::Observe);
+        EXPECT_LT(limited.left, 0.5 * knocked) << flags;
+        EXPECT_GT(limited.least_energy, -1e-6) << flags;
+        EXPECT_TRUE(limited.running) << flags;
+    }
+}
+
 }  // namespace
 }  // namespace haptic::rt
