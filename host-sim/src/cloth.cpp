@@ -78,6 +78,7 @@ ParticleModel make_cloth_particles(const ClothShape& shape, double group_stiffne
         for (std::uint32_t i = 0; i < n; ++i) {
             // Balls that just touch along the grid.
             model.add(vertex(shape, scene_from_cloth, i, j), particle_mass, 0.5 * spacing);
+            model.semi_axes.back() = Vec3(0.5 * spacing);
         }
     }
     const auto link = [&](std::uint32_t a, std::uint32_t b) {

@@ -20,6 +20,13 @@ TEST(Cloth, HasTheCountsOfTheThesis) {
     EXPECT_EQ(model.links.size(), 4160u);  // 2 * 32 * 33 along the grid, 2 * 32 * 32 across
 }
 
+TEST(Cloth, CollidesWithBallsThatTouchAlongTheGrid) {
+    const ParticleModel model = make_cloth_particles({.vertices_per_side = 5, .side = 0.4}, 1.0, 1.0);
+    for (const Vec3& axes : model.semi_axes) {
+        EXPECT_EQ(axes, Vec3(0.05));  // m, half of the cells
+    }
+}
+
 TEST(Cloth, CarriesEveryTriangleOnceForEachFace) {
     const TriangleMesh mesh = make_cloth_mesh({.vertices_per_side = 9});
     std::set<Triangle> seen;

@@ -52,10 +52,26 @@ TEST(Simulation, CatchesTheClothAndHoldsIt) {
     EXPECT_LT(highest, 8.0);    // rt-core's limit
 }
 
+TEST(Simulation, LaysTheClothThatMissesTheHandOnTheGround) {
+    Config config = open_scene("cloth-drop");
+    config.set("model.height=0.0");
+    config.set("model.offset=[1.0, 0.0, 0.0]");
+    Simulation simulation(read_scene(config, "aside"));
+    for (int i = 0; i < 120; ++i) {  // it has fallen 1.5 m after 0.55 s
+        EXPECT_FALSE(simulation.step(simulation.scripted_input(time_of(i))).in_contact);
+    }
+    const double ground = simulation.scene().collisions.ground_height;
+    for (const Vec3& vertex : simulation.vertices()) {
+        EXPECT_NEAR(vertex.y, ground, 0.1);  // m; folds may stand up
+        EXPECT_GT(vertex.y, ground);
+    }
+}
+
 TEST(Simulation, HoldsOneOfManyBodiesAsIfItWereAlone) {
     // The second cloth falls 3 m aside and is never touched; the first must not know of it.
     Config config = open_scene("cloth-drop");
-    for (const char* assignment : {"model.height=0.5", "model.velocity=[0.0, -13.66, 0.0]"}) {
+    for (const char* assignment :
+         {"model.height=0.5", "model.velocity=[0.0, -13.66, 0.0]", "collisions.ground=false"}) {
         config.set(assignment);
     }
     Scene alone = read_scene(config, "one cloth");
@@ -80,7 +96,8 @@ TEST(Simulation, HoldsOneOfManyBodiesAsIfItWereAlone) {
 TEST(Simulation, TellsWhichBodyIsTouched) {
     // The same experiment with the cloth that is caught as the second body: its force must reach its particles.
     Config config = open_scene("cloth-drop");
-    for (const char* assignment : {"model.height=0.5", "model.velocity=[0.0, -13.66, 0.0]"}) {
+    for (const char* assignment :
+         {"model.height=0.5", "model.velocity=[0.0, -13.66, 0.0]", "collisions.ground=false"}) {
         config.set(assignment);
     }
     Scene scene = read_scene(config, "far cloth first");
@@ -248,7 +265,7 @@ TEST(Simulation, FollowsTheHandInFreeSpaceWithoutForce) {
 }
 
 TEST(Simulation, NamesTheStepAtWhichTheStateIsNoLongerFinite) {
-    Scene scene = late_drop();
+    Scene scene = late_drop(0.0, {"collisions.ground=false"});
     scene.solver.gravity.y = -1e308;  // after some two hundred steps the velocity overflows
     Simulation simulation(scene);
     try {
@@ -268,7 +285,7 @@ std::int64_t fake_clock() {
 }
 
 TEST(Simulation, TimesItsStagesByTheCallersClock) {
-    Simulation simulation(late_drop(), fake_clock);
+    Simulation simulation(late_drop(0.0, {"collisions.ground=false"}), fake_clock);
     const StepResult result = simulation.step(simulation.scripted_input(0));
     const StageTimes& t = result.times;
     for (const std::int64_t stage : {t.ccd_ns, t.popout_ns, t.tool_ns, t.deform_ns, t.skin_ns}) {

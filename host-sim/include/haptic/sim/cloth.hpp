@@ -24,7 +24,8 @@ struct ClothShape {
 [[nodiscard]] TriangleMesh make_cloth_mesh(const ClothShape& shape);
 
 /// One oriented particle for each vertex of make_cloth_mesh, in the same order, linked to its up to eight neighbours on
-/// the grid: each particle with its neighbours is a shape-matching group, each link a distance constraint.
+/// the grid: each particle with its neighbours is a shape-matching group, each link a distance constraint. What the
+/// particles collide with, they meet as balls that touch along the grid.
 /// @source thesis, section 4.4.1
 [[nodiscard]] ParticleModel make_cloth_particles(const ClothShape& shape, double group_stiffness,
                                                  double link_stiffness);
