@@ -157,5 +157,39 @@ TEST(SlidingTool, IsDraggedWhereOnlyPositionsAndFlagsPassBetweenTheRates) {
     EXPECT_GT(felt.tangential, 0.8 * drag_of(c));
 }
 
+TEST(StickingTool, SticksAtOnePlaceInBothProcesses) {
+    // Aslant down onto a rough plate, along it by a millimetre, and still: each process finds the touch at its own
+    // time.
+    const sim::Scene scene = sim::read_scene(
+        Config::parse(
+            "[model]\ngenerator = \"plate\"\nsize = [0.3, 0.02, 0.3]\ncells = 8\noffset = [0.0, -0.017, 0.0]\n"
+            "[solver]\nstep = 0.02\niterations = 1\n"
+            "[proxy]\nradius = 0.005\nreach = 0.002\nstatic_friction = 0.9\ndynamic_friction = 0.9\n"
+            "[coupling]\nloss = 0.0\nstiffness = 100.0\n"
+            "[hand]\ntimes = [0.0, 1.0]\npositions = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"
+            "[workspace]\nscale = 1.0\nforce_scale = 1.0\n",
+            "stick.toml"),
+        "stick");
+    const std::vector<double> times{0.0, 0.055, 0.11, 2.0};
+    const Quat still(1, 0, 0, 0);
+    const std::vector<Pose> poses{
+        {}, {Vec3(0.004, -0.0035, 0.0), still}, {Vec3(0.005, -0.007, 0.0), still}, {Vec3(0.005, -0.007, 0.0), still}};
+    Lockstep chain({.scene = scene, .hand = {times, poses}, .tick = {}});
+    double first = -1.0;  // m, between the two places
+    double last = 0.0;
+    double force = 0.0;
+    for (int i = 0; i < 50; ++i) {
+        const sim::StepResult result = chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
+            last = tick.in_contact > 0 ? glm::length(tick.proxy - chain.simulation().proxy()) : 0.0;
+            force = tick.rendered.force.x;
+        });
+        first = first < 0.0 && result.in_contact ? last : first;
+    }
+    std::printf("sticks %.3g m apart at first, %.3g m in the end; %.4g N along the plate\n", first, last, force);
+    EXPECT_GT(first, 1e-4);
+    EXPECT_LT(last, 1e-5);
+    EXPECT_LT(force, -0.01);
+}
+
 }  // namespace
 }  // namespace haptic::test
