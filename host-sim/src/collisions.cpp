@@ -421,7 +421,7 @@ int ParticleCollisions::State::needed_substeps(const ParticleModel& start, doubl
 }
 
 void ParticleCollisions::State::find_ways(const ParticleModel& start, const MovingParticles& predicted) {
-    static_assert(sizeof(Vec3) == 3 * sizeof(double));
+    static_assert(sizeof(Vec3) == 3 * sizeof(double) && sizeof(Row) == 4 * sizeof(double));
     kernels.find_ways(rows, collider.size(), {&start.position[0].x, 3}, {predicted.place[0].number, 4},
                       {.of_size = kSlackOfSize, .of_way = kSlackOfWay});
     for (std::size_t b = 0; b < bodies.size(); ++b) {
