@@ -651,6 +651,9 @@ void ParticleCollisions::find(const ParticleModel& start, const MovingParticles&
     const State::Timed timed(s);
     s.counts = {};
     s.push_out = h * s.settings.push_out_speed;
+    if (s.collider.empty()) {
+        return;
+    }
     s.find_ways(start, predicted);
     s.mark_near();
     s.find_shapes(predicted);

@@ -441,6 +441,12 @@ TEST(Collisions, HaveOnlyTheLanesOfTheMachine) {
     EXPECT_EQ(ParticleCollisions::usable_lanes().front(), 1u);
 }
 
+TEST(Collisions, OfNothingAreNone) {
+    Stepping run(ParticleModel{}, {}, {.ground = true});
+    run.step();
+    EXPECT_EQ(run.collisions.counts().near, 0u);
+}
+
 TEST(Collisions, SayWhichSettingIsWrong) {
     const ParticleModel model = lone(Vec3(0.0), Vec3(0.0), Vec3(0.01));
     const double nan = std::numeric_limits<double>::quiet_NaN();
