@@ -53,9 +53,9 @@ Pull pull_of(const ToolParticle& p, std::span<const SpringRow> rows, bool rough)
 struct Pressing {
     const PressSettings& settings;
     const PressedBodies& on;
-    Coupling coupling;  // with the part of tied_mass that one particle may count on
-    double mass_part;   // of a patch, likewise: all of them may press on one, which they must not turn round together
-    bool whole;
+    Coupling coupling;       // with the part of tied_mass that one particle may count on
+    double mass_part = 1.0;  // of a patch, likewise: all may press on one, which they must not turn round together
+    bool whole = false;
 };
 
 /// Gives the bodies the opposite of the force on the particle, N, that is returned. Adds to the damping, N*s/m.
