@@ -250,6 +250,37 @@ TEST(ToolStep, BodiesGetTheOppositeOfWhatTheToolGets) {
     EXPECT_GT(compared, 10);
 }
 
+TEST(ToolStep, LiftsABodyAndCarriesItAsideByFriction) {
+    // A cloth of 20 g settles on a tray of spheres, which then goes up by 0.3 m and aside by 0.3 m.
+    const auto carry = [](const std::string& friction) {
+        Simulation simulation(
+            scene_with({"model.side=0.25", "model.vertices_per_side=13", "model.mass=0.02", "model.height=0.05",
+                        "coupling.stiffness=40.0", "coupling.mask_radius=0.05", "coupling.tied_mass=0.001",
+                        "proxy.static_friction=" + friction, "proxy.dynamic_friction=" + friction}),
+            test::square_of_spheres(4, 0.07, kRadius, 0.6));
+        simulation.set_verification(friction != "0.0");
+        const double dt = simulation.scene().solver.step;
+        for (int i = 0; i < 220; ++i) {
+            const double up = 0.3 * std::clamp((i - 40) * dt, 0.0, 1.0);
+            const double aside = 0.5 * std::clamp((i - 140) * dt, 0.0, 0.6);
+            const StepResult result =
+                simulation.step(at(simulation, i, {{aside, up - 0.02, 0.0}, turn(0.0, {0, 1, 0})}));
+            EXPECT_FALSE(result.crossed) << i;
+        }
+        const ParticleModel& cloth = simulation.model();
+        Vec3 centre(0.0);
+        for (const Vec3& p : cloth.position) {
+            centre += p / static_cast<double>(cloth.size());
+        }
+        return centre;
+    };
+    const Vec3 rough = carry("1.0");
+    EXPECT_GT(rough.y, 0.25);
+    EXPECT_NEAR(rough.x, 0.3, 0.06);
+    const Vec3 smooth = carry("0.0");
+    EXPECT_LT(smooth.x, rough.x - 0.03) << "which the spheres leave behind where it is smooth";
+}
+
 TEST(ToolStep, NoSphereIsDraggedThroughAHostileHandsCloth) {
     const Scene scene = scene_with({"model.height=0.3", "collisions.ground=true", "collisions.ground_height=-0.5"});
     Simulation simulation(scene, test::square_of_spheres(3, kSpacing, kRadius, 0.8));
