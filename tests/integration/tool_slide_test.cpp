@@ -29,6 +29,7 @@ struct Case {
     Quat device_from_scene;  // so that the plate is not level to the device
     double turn;             // rad/s, of the grip about the plate's normal while it slides
     std::string multi_rate;
+    std::string share = "all";
 };
 
 sim::Scene scene_of(const Case& c) {
@@ -40,7 +41,8 @@ sim::Scene scene_of(const Case& c) {
                           ", 0.0]\n[solver]\nstep = 0.02\niterations = 1\n"
                           "[tool]\ngenerator = \"rod\"\nlength = 0.05\nthickness = 0.01\nspheres = 37\n"
                           "[proxy]\nreach = 0.002\n[coupling]\nloss = 0.0\nmulti_rate = \"" +
-                          c.multi_rate + "\"\nstiffness = " + k + "\ntorque_stiffness = " + k +
+                          c.multi_rate + "\"\nshare = \"" + c.share + "\"\nstiffness = " + k +
+                          "\ntorque_stiffness = " + k +
                           "\n[hand]\ntimes = [0.0, 1.0]\npositions = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"
                           "[workspace]\nscale = 1.0\nforce_scale = 1.0\nrotation = [" +
                           std::to_string(q.w) + ", " + std::to_string(q.x) + ", " + std::to_string(q.y) + ", " +
@@ -75,6 +77,7 @@ struct Felt {
     double ripple = 0.0;           // N, most error of the normal force
     double torque_error = 0.0;     // N*m
     double normal = 0.0;           // N, mean
+    double host_error = 0.0;       // N, most, of what host-sim gives the plate against what is felt
     int particles = 0;             // in contact, most
     int late_ticks = 0;            // in which the plate was pressed and nothing felt
 };
@@ -100,8 +103,10 @@ Felt run(const Case& c) {
     int ticks = 0;
     int measured = 0;
     while (ticks * kTick < kRamp + kSlide) {
-        chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
+        Vec3 rendered(0.0);
+        const sim::StepResult result = chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
             const double t = ticks++ * kTick;
+            rendered = tick.rendered.force;
             const Wrench expected = expected_at(tick.pose, chain.simulation().tool().particles(), c);
             const double pressed = glm::dot(tick.rendered.force, normal);
             felt.late_ticks += glm::length(expected.force) > 1e-3 && pressed == 0.0 ? 1 : 0;
@@ -117,6 +122,9 @@ Felt run(const Case& c) {
             felt.particles = std::max(felt.particles, static_cast<int>(tick.in_contact));
             ++measured;
         });
+        if (ticks * kTick > kRamp + 2 * kStep) {
+            felt.host_error = std::max(felt.host_error, glm::length(result.hand_force - rendered));
+        }
     }
     felt.normal /= measured;
     felt.mean_tangential /= measured;
@@ -128,9 +136,11 @@ double drag_of(const Case& c) {
 }
 
 void tell(const char* name, const Case& c, const Felt& felt) {
-    std::printf("%s, k %g: %d in contact, normal %.4g N, tangential at most %.2g, mean %.2g of k v T, ripple %.2g\n",
-                name, c.stiffness, felt.particles, felt.normal, felt.tangential / drag_of(c),
-                felt.mean_tangential / drag_of(c), felt.ripple / felt.normal);
+    std::printf(
+        "%s, k %g: %d in contact, normal %.4g N, tangential at most %.2g, mean %.2g of k v T, ripple %.2g, host %.2g "
+        "N\n",
+        name, c.stiffness, felt.particles, felt.normal, felt.tangential / drag_of(c), felt.mean_tangential / drag_of(c),
+        felt.ripple / felt.normal, felt.host_error);
 }
 
 TEST(SlidingTool, FeelsNeitherDragNorRippleOfASimulationOf50StepsPerSecond) {
@@ -145,8 +155,18 @@ TEST(SlidingTool, FeelsNeitherDragNorRippleOfASimulationOf50StepsPerSecond) {
             EXPECT_LE(felt.ripple, 0.01 * felt.normal);
             EXPECT_LE(felt.torque_error, 0.01 * felt.normal * 0.05);
             EXPECT_EQ(felt.late_ticks, 0);
+            EXPECT_LE(felt.host_error, 0.02 * felt.normal);
         }
     }
+}
+
+TEST(SlidingTool, FeelsWhatThePlateIsGivenWithSpringsInSeriesToo) {
+    const Case c{200.0, glm::angleAxis(0.25, glm::normalize(Vec3(0.6, 0.0, -0.8))), 0.0, "planes", "series"};
+    const Felt felt = run(c);
+    tell("series", c, felt);
+    EXPECT_LE(felt.tangential, 0.01 * drag_of(c));
+    EXPECT_NEAR(felt.normal, c.stiffness * kDepth * 37.0 / 38.0, 0.05 * c.stiffness * kDepth);
+    EXPECT_LE(felt.host_error, 0.02 * felt.normal);
 }
 
 TEST(SlidingTool, IsDraggedWhereOnlyPositionsAndFlagsPassBetweenTheRates) {
