@@ -301,18 +301,28 @@ Choice choose(const Candidates& candidates, double allowance, std::size_t most) 
     for (std::size_t s = 0; s < candidates.samples(); ++s) {
         open[s / 64] |= std::uint64_t{1} << (s % 64);
     }
+    const auto gain_of = [&](std::uint32_t c) {
+        int gain = 0;
+        for (std::size_t w = 0; w < words; ++w) {
+            gain += std::popcount(within[c * words + w] & open[w]);
+        }
+        return gain;
+    };
+    // What a candidate would gain only ever gets less, so an old gain bounds it (Minoux 1978).
+    std::vector<int> gains(candidates.size(), static_cast<int>(candidates.samples()));
     Choice chosen;
     std::size_t left = candidates.samples();
     while (left > 0) {
-        int best = 0;
-        std::uint32_t winner = 0;
+        auto winner = static_cast<std::uint32_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
+        gains[winner] = gain_of(winner);
+        int best = gains[winner];
         for (std::uint32_t c = 0; c < candidates.size(); ++c) {
-            int gain = 0;
-            for (std::size_t w = 0; w < words; ++w) {
-                gain += std::popcount(within[c * words + w] & open[w]);
+            if (gains[c] < best || (gains[c] == best && c >= winner)) {
+                continue;
             }
-            if (gain > best) {
-                best = gain;
+            gains[c] = gain_of(c);
+            if (gains[c] > best || (gains[c] == best && c < winner)) {
+                best = gains[c];
                 winner = c;
             }
         }
