@@ -54,6 +54,11 @@ std::vector<std::vector<std::uint32_t>> colour_links(const ParticleModel& model,
     return colours;
 }
 
+/// As constraints name a particle.
+std::uint32_t named(std::uint32_t particle) {
+    return particle * static_cast<std::uint32_t>(kNumbersOfRow);
+}
+
 /// 1 / kg; 0 for what no constraint moves.
 double inverse_mass(const ParticleModel& model, std::uint32_t particle) {
     return model.pinned[particle] != 0 ? 0.0 : 1.0 / model.mass[particle];
@@ -62,7 +67,7 @@ double inverse_mass(const ParticleModel& model, std::uint32_t particle) {
 }  // namespace
 
 ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lanes)
-    : lanes_(lanes), nobody_((model.size() + lanes - 1) / lanes * lanes) {
+    : lanes_(lanes), bodies_((model.size() + lanes - 1) / lanes * lanes) {
     std::vector<std::uint32_t> links;
     std::vector<std::uint32_t> springs;
     for (std::uint32_t l = 0; l < model.links.size(); ++l) {
@@ -71,6 +76,8 @@ ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lan
     batch_links(model, links);
     batch_springs(model, springs);
     batch_groups(model);
+    link_start_.resize(3 * first_.size());
+    group_start_.resize(3 * member_.size());
 }
 
 void ConstraintBatches::begin(double h) noexcept {
@@ -78,7 +85,7 @@ void ConstraintBatches::begin(double h) noexcept {
         soften(h);
     }
     std::fill(spring_.pull.begin(), spring_.pull.end(), 0.0);
-    std::fill(shift_.begin(), shift_.end(), 0.0);
+    std::fill(shift_.begin(), shift_.end(), 0.0f);
 }
 
 void ConstraintBatches::soften(double h) noexcept {
@@ -90,8 +97,9 @@ void ConstraintBatches::soften(double h) noexcept {
         spring_.gain[k] = mobility > 0.0 ? spring_.stiffness[k] / (mobility + softness) : 0.0;
     }
     for (std::size_t k = 0; k < softness_.size(); ++k) {
-        softness_[k] = compliance_[k] * inverse_square;
-        stiffness_[k] = rigid_stiffness_[k] / (1.0 + softness_[k]);
+        const double softness = compliance_[k] * inverse_square;
+        softness_[k] = static_cast<float>(softness);
+        stiffness_[k] = static_cast<float>(rigid_stiffness_[k] / (1.0 + softness));
     }
     step_ = h;
 }
@@ -99,13 +107,12 @@ void ConstraintBatches::soften(double h) noexcept {
 void ConstraintBatches::batch_links(const ParticleModel& model, const std::vector<std::uint32_t>& links) {
     const auto colours = colour_links(model, links);
     link_colours_ += colours.size();
-    const auto nobody = static_cast<std::uint32_t>(nobody_);
     const auto add = [&](std::uint32_t a, std::uint32_t b, double length, double share_a, double share_b) {
-        first_.push_back(a);
-        second_.push_back(b);
-        rest_length_.push_back(length);
-        first_share_.push_back(share_a);
-        second_share_.push_back(share_b);
+        first_.push_back(named(a));
+        second_.push_back(named(b));
+        rest_length_.push_back(static_cast<float>(length));
+        first_share_.push_back(static_cast<float>(share_a));
+        second_share_.push_back(static_cast<float>(share_b));
     };
     for (const std::vector<std::uint32_t>& same : colours) {
         for (const std::uint32_t l : same) {
@@ -118,6 +125,7 @@ void ConstraintBatches::batch_links(const ParticleModel& model, const std::vecto
             }
         }
         while (first_.size() % lanes_ != 0) {
+            const std::uint32_t nobody = nobody_in(first_.size() % lanes_);
             add(nobody, nobody, 0.0, 0.0, 0.0);
         }
     }
@@ -126,10 +134,9 @@ void ConstraintBatches::batch_links(const ParticleModel& model, const std::vecto
 void ConstraintBatches::batch_springs(const ParticleModel& model, const std::vector<std::uint32_t>& links) {
     const auto colours = colour_links(model, links);
     link_colours_ += colours.size();
-    const auto nobody = static_cast<std::uint32_t>(nobody_);
     const auto add = [&](const Link& link, double a, double b) {
-        spring_.first.push_back(link.first);
-        spring_.second.push_back(link.second);
+        spring_.first.push_back(named(link.first));
+        spring_.second.push_back(named(link.second));
         spring_.rest_length.push_back(link.rest_length);
         spring_.first_inverse_mass.push_back(a);
         spring_.second_inverse_mass.push_back(b);
@@ -146,6 +153,7 @@ void ConstraintBatches::batch_springs(const ParticleModel& model, const std::vec
             }
         }
         while (spring_.first.size() % lanes_ != 0) {
+            const std::uint32_t nobody = nobody_in(spring_.first.size() % lanes_);
             add({nobody, nobody, 0.0, 0.0, 0.0}, 0.0, 0.0);
         }
     }
@@ -161,16 +169,40 @@ void ConstraintBatches::batch_groups(const ParticleModel& model) {
         }
     });
     group_colours_ = colours.size();
-    for (std::vector<std::uint32_t>& same : colours) {
-        // Not by stable_partition: the one of libstdc++ 12 does not compile without warnings under clang.
-        const auto is_compliant = [&](std::uint32_t g) { return model.groups[g].compliance > 0.0; };
-        std::sort(same.begin(), same.end(), [&](std::uint32_t a, std::uint32_t b) {
+    // Not by stable_partition: the one of libstdc++ 12 does not compile without warnings under clang.
+    const auto is_compliant = [&](std::uint32_t g) { return model.groups[g].compliance > 0.0; };
+    const auto sort = [&](std::vector<std::uint32_t>& groups) {
+        std::sort(groups.begin(), groups.end(), [&](std::uint32_t a, std::uint32_t b) {
             return std::tuple(is_compliant(a), model.groups[b].members.size(), a) <
                    std::tuple(is_compliant(b), model.groups[a].members.size(), b);
         });
-        const auto compliant = std::find_if(same.begin(), same.end(), is_compliant);
-        batch_alike(model, {same.begin(), compliant});
-        batch_alike(model, {compliant, same.end()});
+    };
+    // What shares a particle keeps the order of its colours, so that this changes no bit either, but fills the lanes:
+    // each group goes to the first round that has room and comes after those that it has to come after.
+    std::vector<std::vector<std::uint32_t>> rounds;
+    std::vector<std::size_t> next(model.size(), 0);  // round of each particle that is not over yet
+    for (std::vector<std::uint32_t>& same : colours) {
+        sort(same);
+        for (const std::uint32_t g : same) {
+            std::size_t round = 0;
+            for (const std::uint32_t p : model.groups[g].members) {
+                round = std::max(round, next[p]);
+            }
+            while (round < rounds.size() && rounds[round].size() == kMostLanes) {
+                ++round;
+            }
+            rounds.resize(std::max(rounds.size(), round + 1));
+            rounds[round].push_back(g);
+            for (const std::uint32_t p : model.groups[g].members) {
+                next[p] = round + 1;
+            }
+        }
+    }
+    for (std::vector<std::uint32_t>& round : rounds) {
+        sort(round);
+        const auto compliant = std::find_if(round.begin(), round.end(), is_compliant);
+        batch_alike(model, {round.begin(), compliant});
+        batch_alike(model, {compliant, round.end()});
     }
     if (std::any_of(run_.begin(), run_.end(), [](const GroupRun& run) { return run.compliant; })) {
         shift_.resize(rest_offset_.size());
@@ -188,17 +220,22 @@ void ConstraintBatches::batch_alike(const ParticleModel& model, const std::vecto
 void ConstraintBatches::divide_into_runs(std::size_t first_batch, bool compliant) {
     for (std::size_t b = first_batch; b < batch_.size(); ++b) {
         GroupRun* last = b == first_batch ? nullptr : &run_.back();
-        if (last == nullptr || last->batches == kMostBatchesInRun || last->uneven != uneven(batch_[b])) {
-            last = &run_.emplace_back(GroupRun{static_cast<std::uint32_t>(b), 0, uneven(batch_[b]), compliant});
+        if (last == nullptr || last->batches == kMostBatchesInRun || last->uneven != uneven(b)) {
+            last = &run_.emplace_back(GroupRun{static_cast<std::uint32_t>(b), 0, uneven(b), compliant});
         }
         ++last->batches;
     }
 }
 
-bool ConstraintBatches::uneven(const GroupBatch& batch) const noexcept {
-    const auto begin = member_is_free_.begin() + static_cast<std::ptrdiff_t>(batch.first_slot * lanes_);
-    const auto end = begin + static_cast<std::ptrdiff_t>(batch.slots * lanes_);
-    return std::find(begin, end, 0) != end;
+bool ConstraintBatches::uneven(std::size_t batch) const noexcept {
+    const std::size_t first = batch_[batch].first_slot * lanes_;
+    for (std::size_t i = 0; i < batch_[batch].slots * lanes_; ++i) {
+        const bool group_exists = inverse_mass_[batch * lanes_ + i % lanes_] > 0.0f;
+        if (group_exists && member_is_free_[first + i] == 0) {
+            return true;
+        }
+    }
+    return false;
 }
 
 void ConstraintBatches::add_batch(const ParticleModel& model, const std::vector<std::uint32_t>& groups,
@@ -206,11 +243,12 @@ void ConstraintBatches::add_batch(const ParticleModel& model, const std::vector<
     const std::size_t slots = model.groups[groups[first]].members.size();  // sorted: none is larger
     batch_.push_back({static_cast<std::uint32_t>(member_.size() / lanes_), static_cast<std::uint32_t>(slots)});
     const std::size_t begin = member_.size();
-    const auto nobody = static_cast<std::uint32_t>(nobody_);
-    member_.resize(begin + slots * lanes_, nobody);
-    member_exists_.resize(member_.size(), 0);
+    for (std::size_t i = 0; i < slots * lanes_; ++i) {
+        member_.push_back(named(nobody_in(i % lanes_)));
+    }
+    weight_.resize(member_.size(), 0.0f);
     member_is_free_.resize(member_.size(), 0);
-    rest_offset_.resize(3 * member_.size(), 0.0);
+    rest_offset_.resize(3 * member_.size(), 0.0f);
     for (std::size_t lane = 0; lane < lanes_; ++lane) {
         const Group* group = first + lane < groups.size() ? &model.groups[groups[first + lane]] : nullptr;
         add_group(model, group, begin + lane);
@@ -219,13 +257,12 @@ void ConstraintBatches::add_batch(const ParticleModel& model, const std::vector<
 
 void ConstraintBatches::add_group(const ParticleModel& model, const Group* group, std::size_t first_member) {
     if (group == nullptr) {
-        centre_.push_back(static_cast<std::uint32_t>(nobody_));
+        centre_.push_back(named(nobody_in(first_member % lanes_)));
         rigid_stiffness_.push_back(0.0);
-        stiffness_.push_back(0.0);
+        stiffness_.push_back(0.0f);
         compliance_.push_back(0.0);
-        softness_.push_back(0.0);
-        inverse_mass_.push_back(0.0);
-        centre_spin_mass_.push_back(0.0);
+        softness_.push_back(0.0f);
+        inverse_mass_.push_back(0.0f);
         centre_is_free_.push_back(0);
         return;
     }
@@ -236,32 +273,36 @@ void ConstraintBatches::add_group(const ParticleModel& model, const Group* group
         centroid += model.mass[p] * model.rest_position[p];
     }
     centroid /= mass;
-    centre_.push_back(group->centre);
+    centre_.push_back(named(group->centre));
     rigid_stiffness_.push_back(group->stiffness);
-    stiffness_.push_back(group->stiffness);
+    stiffness_.push_back(static_cast<float>(group->stiffness));
     compliance_.push_back(group->compliance);
-    softness_.push_back(0.0);
-    inverse_mass_.push_back(1.0 / mass);
-    centre_spin_mass_.push_back(spin_mass(model, group->centre));
+    softness_.push_back(0.0f);
+    inverse_mass_.push_back(static_cast<float>(1.0 / mass));
     centre_is_free_.push_back(model.pinned[group->centre] != 0 ? 0 : 1);
     const std::size_t lane = first_member % lanes_;
     std::size_t at = first_member;
     for (const std::uint32_t p : group->members) {
-        member_[at] = p;
-        member_exists_[at] = 1;
+        member_[at] = named(p);
+        weight_[at] = static_cast<float>(model.mass[p] / mass);
         member_is_free_[at] = model.pinned[p] != 0 ? 0 : 1;
         const Vec3 offset = model.rest_position[p] - centroid;
-        double* to = &rest_offset_[3 * (at - lane) + lane];
-        to[0] = offset.x;
-        to[lanes_] = offset.y;
-        to[2 * lanes_] = offset.z;
+        float* to = &rest_offset_[3 * (at - lane) + lane];
+        to[0] = static_cast<float>(offset.x);
+        to[lanes_] = static_cast<float>(offset.y);
+        to[2 * lanes_] = static_cast<float>(offset.z);
         at += lanes_;
     }
 }
 
-LinkBatches ConstraintBatches::links() const noexcept {
-    return {first_.size() / lanes_, first_.data(),       second_.data(),
-            rest_length_.data(),    first_share_.data(), second_share_.data()};
+LinkBatches ConstraintBatches::links() noexcept {
+    return {.count = first_.size() / lanes_,
+            .first = first_.data(),
+            .second = second_.data(),
+            .rest_length = rest_length_.data(),
+            .first_share = first_share_.data(),
+            .second_share = second_share_.data(),
+            .start = link_start_.data()};
 }
 
 SpringBatches ConstraintBatches::springs() noexcept {
@@ -280,16 +321,17 @@ GroupBatches ConstraintBatches::groups() noexcept {
     return {.runs = run_.size(),
             .run = run_.data(),
             .most_slots = most_slots(),
+            .batches = batch_.size(),
             .batch = batch_.data(),
             .centre = centre_.data(),
             .stiffness = stiffness_.data(),
             .softness = softness_.data(),
             .inverse_mass = inverse_mass_.data(),
-            .centre_spin_mass = centre_spin_mass_.data(),
             .centre_is_free = centre_is_free_.data(),
             .member = member_.data(),
+            .weight = weight_.data(),
             .rest_offset = rest_offset_.data(),
-            .member_exists = member_exists_.data(),
+            .start = group_start_.data(),
             .member_is_free = member_is_free_.data(),
             .shift = shift_.data()};
 }

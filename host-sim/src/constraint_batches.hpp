@@ -39,9 +39,11 @@ class ConstraintBatches {
     /// Forgets what compliant constraints have pulled, and makes them as soft as a sub-step of length h, s, sees them.
     void begin(double h) noexcept;
 
-    /// The number of particles, filled up to whole vectors; also the index of the one more.
-    [[nodiscard]] std::size_t nobody() const noexcept { return nobody_; }
-    [[nodiscard]] LinkBatches links() const noexcept;
+    /// The number of particles, filled up to whole vectors.
+    [[nodiscard]] std::size_t bodies() const noexcept { return bodies_; }
+    /// With those that stand for nobody, one for each lane.
+    [[nodiscard]] std::size_t all_bodies() const noexcept { return bodies_ + lanes_; }
+    [[nodiscard]] LinkBatches links() noexcept;
     /// Its softness and gain, and those of compliant groups, are for begin() to write.
     [[nodiscard]] SpringBatches springs() noexcept;
     [[nodiscard]] GroupBatches groups() noexcept;
@@ -59,11 +61,15 @@ class ConstraintBatches {
     /// All with a compliance, or all without.
     void batch_alike(const ParticleModel& model, const std::vector<std::uint32_t>& groups);
     void divide_into_runs(std::size_t first_batch, bool compliant);
-    [[nodiscard]] bool uneven(const GroupBatch& batch) const noexcept;
+    [[nodiscard]] bool uneven(std::size_t batch) const noexcept;
+    /// Of a lane's own, since lanes that write to the same place wait for one another.
+    [[nodiscard]] std::uint32_t nobody_in(std::size_t lane) const noexcept {
+        return static_cast<std::uint32_t>(bodies_ + lane);
+    }
     void add_group(const ParticleModel& model, const Group* group, std::size_t first_member);
 
     std::size_t lanes_;
-    std::size_t nobody_;
+    std::size_t bodies_;
     double step_ = 0.0;  // s, that softness holds for
     std::size_t link_colours_ = 0;
     std::size_t group_colours_ = 0;
@@ -71,9 +77,10 @@ class ConstraintBatches {
     // What LinkBatches and GroupBatches point to.
     LaneArray<std::uint32_t> first_;
     LaneArray<std::uint32_t> second_;
-    LaneArray<double> rest_length_;
-    LaneArray<double> first_share_;
-    LaneArray<double> second_share_;
+    LaneArray<float> rest_length_;
+    LaneArray<float> first_share_;
+    LaneArray<float> second_share_;
+    LaneArray<float> link_start_;
     struct {
         LaneArray<std::uint32_t> first;
         LaneArray<std::uint32_t> second;
@@ -89,18 +96,18 @@ class ConstraintBatches {
     std::vector<GroupRun> run_;
     std::vector<GroupBatch> batch_;
     LaneArray<std::uint32_t> centre_;
-    LaneArray<double> stiffness_;
+    LaneArray<float> stiffness_;
     std::vector<double> compliance_;
     std::vector<double> rigid_stiffness_;  // without softness
-    LaneArray<double> softness_;
-    LaneArray<double> inverse_mass_;
-    LaneArray<double> centre_spin_mass_;
-    LaneArray<std::int64_t> centre_is_free_;
+    LaneArray<float> softness_;
+    LaneArray<float> inverse_mass_;
+    LaneArray<std::int32_t> centre_is_free_;
     LaneArray<std::uint32_t> member_;
-    LaneArray<double> rest_offset_;
-    LaneArray<std::int64_t> member_exists_;
-    LaneArray<std::int64_t> member_is_free_;
-    LaneArray<double> shift_;  // empty without compliant groups
+    LaneArray<float> weight_;
+    LaneArray<float> rest_offset_;
+    LaneArray<float> group_start_;
+    LaneArray<std::int32_t> member_is_free_;
+    LaneArray<float> shift_;  // empty without compliant groups
 };
 
 /// m r^2 / 5, kg m^2: what weights the orientation of a ball in the moment matrix.

@@ -1,9 +1,9 @@
 // Arithmetic in lanes: one number, or several side by side in a vector register.
 //
 // Constraints of one colour share no particle, so that several can be projected at once, each in its lane. Code is
-// written once, over a type Real, which is `double` or the compilers' vector type of 2, 4 or 8 doubles. An operation on
+// written once, over a type Real, which is a number or the compilers' vector type of several. An operation on
 // vectors is that operation on each lane, rounded alike, and none is contracted (-ffp-contract=off). So every lane goes
-// through the bits that `double` would; what a scalar would branch on is computed and then chosen with select().
+// through the bits that a number alone would; what a scalar would branch on is computed and then chosen with select().
 //
 // The same function compiled for different machines must not have the same name, or the linker might keep the copy with
 // instructions that this one does not have. So everything here is either inlined or a template of a width that only one
@@ -12,6 +12,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 #include <utility>
 
@@ -20,45 +21,65 @@
 
 namespace haptic::sim {
 
-template <std::size_t Count>
+template <class Number>
+using BitsOfNumber = std::conditional_t<sizeof(Number) == sizeof(std::int32_t), std::int32_t, std::int64_t>;
+
+template <std::size_t Count, class Number = double>
 struct LaneTypes {
-    using Real [[gnu::vector_size(Count * sizeof(double))]] = double;
-    using Bits [[gnu::vector_size(Count * sizeof(double))]] = std::int64_t;
+    using Real [[gnu::vector_size(Count * sizeof(Number))]] = Number;
+    using Bits [[gnu::vector_size(Count * sizeof(Number))]] = BitsOfNumber<Number>;
 };
-template <>
-struct LaneTypes<1> {
-    using Real = double;
-    using Bits = std::int64_t;
+template <class Number>
+struct LaneTypes<1, Number> {
+    using Real = Number;
+    using Bits = BitsOfNumber<Number>;
 };
 
-inline constexpr std::size_t kBytesOfLane = sizeof(double);
 template <class Real>
-inline constexpr std::size_t kLanes = sizeof(Real) / kBytesOfLane;
+struct LaneOf {
+    using Number = std::remove_cvref_t<decltype(std::declval<Real&>()[0])>;
+};
+template <>
+struct LaneOf<double> {
+    using Number = double;
+};
+template <>
+struct LaneOf<float> {
+    using Number = float;
+};
+
+/// What each lane of a Real holds: double or float.
 template <class Real>
-using BitsOf = typename LaneTypes<kLanes<Real>>::Bits;
+using NumberOf = typename LaneOf<Real>::Number;
+template <class Real>
+inline constexpr std::size_t kBytesOfLane = sizeof(NumberOf<Real>);
+template <class Real>
+inline constexpr std::size_t kLanes = sizeof(Real) / kBytesOfLane<Real>;
+template <class Real>
+using BitsOf = typename LaneTypes<kLanes<Real>, NumberOf<Real>>::Bits;
 
 /// value in each lane.
 template <class Real>
-HAPTIC_LANES Real broadcast(double value) noexcept {
+HAPTIC_LANES Real broadcast(NumberOf<Real> value) noexcept {
     return value - Real{};
 }
 
 /// From and to consecutive numbers in memory.
 template <class Real>
-HAPTIC_LANES Real load(const double* from) noexcept {
+HAPTIC_LANES Real load(const NumberOf<Real>* from) noexcept {
     Real result;
     __builtin_memcpy(&result, from, sizeof(Real));
     return result;
 }
 
 template <class Real>
-HAPTIC_LANES void store(Real value, double* to) noexcept {
+HAPTIC_LANES void store(Real value, NumberOf<Real>* to) noexcept {
     __builtin_memcpy(to, &value, sizeof(Real));
 }
 
 /// Lanes whose number is not 0: what select() takes.
 template <class Real>
-HAPTIC_LANES auto load_mask(const std::int64_t* from) noexcept {
+HAPTIC_LANES auto load_mask(const BitsOfNumber<NumberOf<Real>>* from) noexcept {
     BitsOf<Real> bits;
     __builtin_memcpy(&bits, from, sizeof(bits));
     return bits != BitsOf<Real>{};
@@ -71,14 +92,17 @@ HAPTIC_LANES Real select(Mask condition, Real yes, Real no) noexcept {
 
 template <class Real>
 HAPTIC_LANES Real absolute(Real x) noexcept {
-    const BitsOf<Real> bits = __builtin_bit_cast(BitsOf<Real>, x) & INT64_MAX;
+    constexpr auto magnitude_bits = std::numeric_limits<BitsOfNumber<NumberOf<Real>>>::max();
+    const BitsOf<Real> bits = __builtin_bit_cast(BitsOf<Real>, x) & magnitude_bits;
     return __builtin_bit_cast(Real, bits);
 }
 
 template <class Real>
 HAPTIC_LANES Real copy_sign(Real magnitude, Real sign) noexcept {
-    const BitsOf<Real> bits = (__builtin_bit_cast(BitsOf<Real>, magnitude) & INT64_MAX) |
-                              (__builtin_bit_cast(BitsOf<Real>, sign) & INT64_MIN);
+    constexpr auto magnitude_bits = std::numeric_limits<BitsOfNumber<NumberOf<Real>>>::max();
+    constexpr auto sign_bit = std::numeric_limits<BitsOfNumber<NumberOf<Real>>>::min();
+    const BitsOf<Real> bits = (__builtin_bit_cast(BitsOf<Real>, magnitude) & magnitude_bits) |
+                              (__builtin_bit_cast(BitsOf<Real>, sign) & sign_bit);
     return __builtin_bit_cast(Real, bits);
 }
 
@@ -86,12 +110,14 @@ template <class Real>
 HAPTIC_LANES Real square_root(Real x) noexcept {
     if constexpr (std::is_same_v<Real, double>) {
         return __builtin_sqrt(x);
+    } else if constexpr (std::is_same_v<Real, float>) {
+        return __builtin_sqrtf(x);
     } else {
 #if __has_builtin(__builtin_elementwise_sqrt)
         return __builtin_elementwise_sqrt(x);
 #else
         return [&]<std::size_t... I>(std::index_sequence<I...>) {
-            return Real{__builtin_sqrt(x[I])...};  // one instruction, where errno is not asked for
+            return Real{square_root<NumberOf<Real>>(x[I])...};  // one instruction, where errno is not asked for
         }(std::make_index_sequence<kLanes<Real>>{});
 #endif
     }

@@ -3,6 +3,6 @@
 
 namespace haptic::sim {
 
-extern const Projection kFourLanes = kProjection<4>;
+extern const Projection kEightLanes = kProjection<8>;
 
 }  // namespace haptic::sim

@@ -3,6 +3,6 @@
 
 namespace haptic::sim {
 
-extern const Projection kEightLanes = kProjection<8>;
+extern const Projection kSixteenLanes = kProjection<16>;
 
 }  // namespace haptic::sim

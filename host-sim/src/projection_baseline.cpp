@@ -4,6 +4,6 @@
 namespace haptic::sim {
 
 extern const Projection kOneLane = kProjection<1>;
-extern const Projection kTwoLanes = kProjection<2>;
+extern const Projection kFourLanes = kProjection<4>;
 
 }  // namespace haptic::sim

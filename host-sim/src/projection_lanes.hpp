@@ -3,139 +3,28 @@
 #pragma once
 
 #include "lane_rotation.hpp"
+#include "lane_rows.hpp"
 #include "projection.hpp"
 
 namespace haptic::sim {
 
-/// A row of each lane, by columns.
 template <class Real>
-struct LaneRow {
-    Real a, b, c, d;
-};
-
-template <class Real>
-HAPTIC_LANES LaneVec<Real> head(const LaneRow<Real>& row) noexcept {
-    return {row.a, row.b, row.c};
+HAPTIC_LANES LaneQuat<Real> conjugated(const LaneQuat<Real>& q) noexcept {
+    return {q.w, -q.x, -q.y, -q.z};
 }
 
-/// Transposes the 4 x 4 matrix in each run of four lanes.
 template <class Real>
-HAPTIC_LANES LaneRow<Real> transposed(const LaneRow<Real>& m) noexcept {
-    if constexpr (kLanes<Real> == 4) {
-        const Real ab02 = __builtin_shufflevector(m.a, m.b, 0, 4, 2, 6);
-        const Real ab13 = __builtin_shufflevector(m.a, m.b, 1, 5, 3, 7);
-        const Real cd02 = __builtin_shufflevector(m.c, m.d, 0, 4, 2, 6);
-        const Real cd13 = __builtin_shufflevector(m.c, m.d, 1, 5, 3, 7);
-        return {__builtin_shufflevector(ab02, cd02, 0, 1, 4, 5), __builtin_shufflevector(ab13, cd13, 0, 1, 4, 5),
-                __builtin_shufflevector(ab02, cd02, 2, 3, 6, 7), __builtin_shufflevector(ab13, cd13, 2, 3, 6, 7)};
-    } else {
-        static_assert(kLanes<Real> == 8);
-        const Real ab02 = __builtin_shufflevector(m.a, m.b, 0, 8, 2, 10, 4, 12, 6, 14);
-        const Real ab13 = __builtin_shufflevector(m.a, m.b, 1, 9, 3, 11, 5, 13, 7, 15);
-        const Real cd02 = __builtin_shufflevector(m.c, m.d, 0, 8, 2, 10, 4, 12, 6, 14);
-        const Real cd13 = __builtin_shufflevector(m.c, m.d, 1, 9, 3, 11, 5, 13, 7, 15);
-        return {__builtin_shufflevector(ab02, cd02, 0, 1, 8, 9, 4, 5, 12, 13),
-                __builtin_shufflevector(ab13, cd13, 0, 1, 8, 9, 4, 5, 12, 13),
-                __builtin_shufflevector(ab02, cd02, 2, 3, 10, 11, 6, 7, 14, 15),
-                __builtin_shufflevector(ab13, cd13, 2, 3, 10, 11, 6, 7, 14, 15)};
+void turn_bodies(std::size_t count, const Row* turning, Row* turn, Body* body) noexcept {
+    using Double = Wide<Real>;
+    constexpr std::size_t n = kLanes<Real>;
+    for (std::size_t i = 0; i < count; i += kLanes<Double>) {
+        const auto turn_at = [&](std::size_t lane) __attribute__((always_inline)) { return turn[i + lane].number; };
+        const auto turning_at = [&](std::size_t lane)
+                                    __attribute__((always_inline)) { return turning[i + lane].number; };
+        scatter(row_of(lane_turned(quat_of(gather<Double>(turn_at)), head(gather<Double>(turning_at)))), turn_at);
     }
-}
-
-/// The part of a row that one register holds: all of it, if there are four lanes or more.
-template <class Real>
-using Piece = typename LaneTypes<(kLanes<Real> < 4 ? kLanes<Real> : 4)>::Real;
-template <class Real>
-inline constexpr std::size_t kPieces = 4 / kLanes<Piece<Real>>;
-
-/// A row for each lane, from piece(lane, part).
-template <class Real, class PieceOf>
-HAPTIC_LANES LaneRow<Real> assemble(const PieceOf& piece) noexcept {
-    if constexpr (kLanes<Real> == 1) {
-        return {piece(0, 0), piece(0, 1), piece(0, 2), piece(0, 3)};
-    } else if constexpr (kLanes<Real> == 2) {
-        const Real ab0 = piece(0, 0);
-        const Real ab1 = piece(1, 0);
-        const Real cd0 = piece(0, 1);
-        const Real cd1 = piece(1, 1);
-        return {__builtin_shufflevector(ab0, ab1, 0, 2), __builtin_shufflevector(ab0, ab1, 1, 3),
-                __builtin_shufflevector(cd0, cd1, 0, 2), __builtin_shufflevector(cd0, cd1, 1, 3)};
-    } else if constexpr (kLanes<Real> == 4) {
-        return transposed<Real>({piece(0, 0), piece(1, 0), piece(2, 0), piece(3, 0)});
-    } else {
-        const auto both = [&](std::size_t lane) {
-            return __builtin_shufflevector(piece(lane, 0), piece(lane + 4, 0), 0, 1, 2, 3, 4, 5, 6, 7);
-        };
-        return transposed<Real>({both(0), both(1), both(2), both(3)});
-    }
-}
-
-/// rows[index * stride] of each lane.
-template <class Real>
-HAPTIC_LANES LaneRow<Real> gather(const Row* rows, const std::uint32_t* index, std::size_t stride = 1) noexcept {
-    return assemble<Real>([&](std::size_t lane, std::size_t part) {
-        return load<Piece<Real>>(rows[index[lane] * stride].number + part * kLanes<Piece<Real>>);
-    });
-}
-
-/// The reverse of gather().
-template <class Real>
-HAPTIC_LANES void scatter(const LaneRow<Real>& value, Row* rows, const std::uint32_t* index,
-                          std::size_t stride = 1) noexcept {
-    const auto at = [&](std::size_t lane) { return rows[index[lane] * stride].number; };
-    if constexpr (kLanes<Real> == 1) {
-        store(value.a, at(0));
-        store(value.b, at(0) + 1);
-        store(value.c, at(0) + 2);
-        store(value.d, at(0) + 3);
-    } else if constexpr (kLanes<Real> == 2) {
-        store<Real>(__builtin_shufflevector(value.a, value.b, 0, 2), at(0));
-        store<Real>(__builtin_shufflevector(value.c, value.d, 0, 2), at(0) + 2);
-        store<Real>(__builtin_shufflevector(value.a, value.b, 1, 3), at(1));
-        store<Real>(__builtin_shufflevector(value.c, value.d, 1, 3), at(1) + 2);
-    } else if constexpr (kLanes<Real> == 4) {
-        const LaneRow<Real> row = transposed(value);
-        store(row.a, at(0));
-        store(row.b, at(1));
-        store(row.c, at(2));
-        store(row.d, at(3));
-    } else {
-        const auto store_pair = [&](Real row, std::size_t lane) {
-            store(__builtin_shufflevector(row, row, 0, 1, 2, 3), at(lane));
-            store(__builtin_shufflevector(row, row, 4, 5, 6, 7), at(lane + 4));
-        };
-        const LaneRow<Real> row = transposed(value);
-        store_pair(row.a, 0);
-        store_pair(row.b, 1);
-        store_pair(row.c, 2);
-        store_pair(row.d, 3);
-    }
-}
-
-template <class Real>
-HAPTIC_LANES void scatter_spin(const LaneMat<Real>& spin, Body* body, const std::uint32_t* index) noexcept {
-    scatter<Real>({spin.x.x, spin.x.y, spin.x.z, Real{}}, body->spin, index, kRowsOfBody);
-    scatter<Real>({spin.y.x, spin.y.y, spin.y.z, Real{}}, body->spin + 1, index, kRowsOfBody);
-    scatter<Real>({spin.z.x, spin.z.y, spin.z.z, Real{}}, body->spin + 2, index, kRowsOfBody);
-}
-
-/// The indices of consecutive particles.
-template <class Real>
-HAPTIC_LANES void number_lanes(std::size_t first, std::uint32_t* index) noexcept {
-    for (std::size_t lane = 0; lane < kLanes<Real>; ++lane) {
-        index[lane] = static_cast<std::uint32_t>(first + lane);
-    }
-}
-
-template <class Real>
-void turn_bodies(std::size_t count, const Row* turning, Body* body) noexcept {
-    for (std::size_t i = 0; i < count; i += kLanes<Real>) {
-        std::uint32_t index[kLanes<Real>];
-        number_lanes<Real>(i, index);
-        const LaneRow<Real> by = gather<Real>(turning, index);
-        const LaneRow<Real> before = gather<Real>(&body->turn, index, kRowsOfBody);
-        const LaneQuat<Real> q = lane_turned(LaneQuat<Real>{before.a, before.b, before.c, before.d}, head(by));
-        scatter<Real>({q.w, q.x, q.y, q.z}, &body->turn, index, kRowsOfBody);
-        scatter_spin(by.d * lane_matrix(q), body, index);
+    for (std::size_t i = 0; i < count; ++i) {
+        store_quad<n>(rounded<n>(load_row<n>(turn[i])), body[i].turn);
     }
 }
 
@@ -144,51 +33,146 @@ void turn_bodies(std::size_t count, const Row* turning, Body* body) noexcept {
 inline constexpr double kMostTurn = 2.0;
 
 template <class Real>
-void find_rates(std::size_t count, const Row* before, const Body* body, double step, Row* rate) noexcept {
-    for (std::size_t i = 0; i < count; i += kLanes<Real>) {
-        std::uint32_t index[kLanes<Real>];
-        number_lanes<Real>(i, index);
-        const LaneRow<Real> from = gather<Real>(before, index);
-        const LaneRow<Real> to = gather<Real>(&body->turn, index, kRowsOfBody);
-        const LaneVec<Real> turn =
-            lane_turn_between(LaneQuat<Real>{from.a, from.b, from.c, from.d}, LaneQuat<Real>{to.a, to.b, to.c, to.d});
-        const Real square = dot(turn, turn);
+void find_rates(std::size_t count, const Row* before, const Body* body, double step, Row* turn, Row* rate) noexcept {
+    using Double = Wide<Real>;
+    constexpr std::size_t n = kLanes<Real>;
+    const double inverse_step = 1.0 / step;
+    for (std::size_t i = 0; i < count; i += kLanes<Double>) {
+        const auto turn_at = [&](std::size_t lane) __attribute__((always_inline)) { return turn[i + lane].number; };
+        const LaneQuat<Double> now = quat_of(columns<Real>([&](std::size_t lane) __attribute__((always_inline)) {
+            return widened<n>(load_quad<n>(body[i + lane].turn));
+        }));
+        const LaneQuat<Double> then = quat_of(columns<Real>([&](std::size_t lane) __attribute__((always_inline)) {
+            return widened<n>(rounded<n>(load_row<n>(turn[i + lane])));
+        }));
+        // Of what has not been turned since, the product with the conjugate is a number, exactly.
+        const LaneQuat<Double> to = normalised(now * conjugated(then) * quat_of(gather<Double>(turn_at)));
+        const LaneVec<Double> by =
+            lane_turn_between(quat_of(gather<Double>([&](std::size_t lane) __attribute__((always_inline)) {
+                                  return before[i + lane].number;
+                              })),
+                              to);
+        const Double square = dot(by, by);
         const auto too_far = square > kMostTurn * kMostTurn;
-        const LaneVec<Real> kept = select(too_far, (kMostTurn / square_root(square)) * turn, turn);
-        const LaneVec<Real> w = kept / broadcast<Real>(step);
-        scatter<Real>({w.x, w.y, w.z, Real{}}, rate, index);
+        const LaneVec<Double> kept = select(too_far, (kMostTurn / square_root(square)) * by, by);
+        const LaneVec<Double> w = broadcast<Double>(inverse_step) * kept;
+        scatter(row_of(to), turn_at);
+        scatter<Double>({w.x, w.y, w.z, Double{}},
+                        [&](std::size_t lane) __attribute__((always_inline)) { return rate[i + lane].number; });
     }
 }
 
 template <class Real>
-HAPTIC_LANES void project_link_batch(const LinkBatches& links, std::size_t batch, Row* place) noexcept {
+void find_moved(std::size_t count, const Row* place, const Row* start, Body* body) noexcept {
+    constexpr std::size_t n = kLanes<Real>;
+    for (std::size_t i = 0; i < count; ++i) {
+        store_quad<n>(rounded<n>(load_row<n>(place[i]) - load_row<n>(start[i])), body[i].moved);
+    }
+}
+
+template <class Real>
+void add_moved(std::size_t count, const Body* body, const Row* start, Row* place) noexcept {
+    constexpr std::size_t n = kLanes<Real>;
+    for (std::size_t i = 0; i < count; ++i) {
+        const DoubleRow<n> then = load_row<n>(place[i]);
+        const DoubleRow<n> counted = widened<n>(rounded<n>(then - load_row<n>(start[i])));
+        store_row<n>(then - (counted - widened<n>(load_quad<n>(body[i].moved))), place[i]);
+    }
+}
+
+/// The numbers of the particles that constraints name.
+HAPTIC_LANES auto bodies_at(Body* body, const std::uint32_t* index) noexcept {
+    float* numbers = body->moved.number;
+    return [numbers, index](std::size_t lane) __attribute__((always_inline)) {
+        return numbers + std::size_t{index[lane]} * (kNumbersOfBody / kNumbersOfRow);
+    };
+}
+HAPTIC_LANES auto turns_at(Body* body, const std::uint32_t* index) noexcept {
+    float* numbers = body->turn.number;
+    return [numbers, index](std::size_t lane) __attribute__((always_inline)) {
+        return numbers + std::size_t{index[lane]} * (kNumbersOfBody / kNumbersOfRow);
+    };
+}
+HAPTIC_LANES auto places_at(Row* place, const std::uint32_t* index) noexcept {
+    double* numbers = place->number;
+    return [numbers, index](std::size_t lane)
+               __attribute__((always_inline)) { return numbers + std::size_t{index[lane]}; };
+}
+
+template <class Real>
+HAPTIC_LANES LaneVec<Real> load_vector(const float* from) noexcept {
+    return {load<Real>(from), load<Real>(from + kLanes<Real>), load<Real>(from + 2 * kLanes<Real>)};
+}
+template <class Real>
+HAPTIC_LANES void store_vector(const LaneVec<Real>& v, float* to) noexcept {
+    store(v.x, to);
+    store(v.y, to + kLanes<Real>);
+    store(v.z, to + 2 * kLanes<Real>);
+}
+
+/// The ways from one particle to another of each lane.
+template <class Real>
+HAPTIC_LANES LaneVec<Real> offset_between(const Row* place, const std::uint32_t* from,
+                                          const std::uint32_t* to) noexcept {
+    constexpr std::size_t n = kLanes<Real>;
+    const auto quad = [&](std::size_t lane) __attribute__((always_inline)) {
+        return rounded<n>(load_row<n>(place[to[lane] / kNumbersOfRow]) -
+                          load_row<n>(place[from[lane] / kNumbersOfRow]));
+    };
+    if constexpr (n == 1) {
+        const FloatRow only = quad(0);
+        return {only.number[0], only.number[1], only.number[2]};
+    } else {
+        return head(join<Real>(quad));
+    }
+}
+
+template <class Real>
+void begin(const LinkBatches& links, const GroupBatches& groups, const Row* place) noexcept {
+    constexpr std::size_t n = kLanes<Real>;
+    for (std::size_t at = 0; at < links.count * n; at += n) {
+        store_vector(offset_between<Real>(place, links.first + at, links.second + at), links.start + 3 * at);
+    }
+    for (std::size_t b = 0; b < groups.batches; ++b) {
+        const std::size_t first = groups.batch[b].first_slot * n;
+        for (std::size_t at = first; at < first + groups.batch[b].slots * n; at += n) {
+            store_vector(offset_between<Real>(place, groups.centre + b * n, groups.member + at), groups.start + 3 * at);
+        }
+    }
+}
+
+template <class Real>
+HAPTIC_LANES void project_link_batch(const LinkBatches& links, std::size_t batch, Body* body) noexcept {
     const std::size_t at = batch * kLanes<Real>;
-    const LaneRow<Real> first = gather<Real>(place, links.first + at);
-    const LaneRow<Real> second = gather<Real>(place, links.second + at);
-    const LaneVec<Real> a = head(first);
-    const LaneVec<Real> b = head(second);
-    const LaneVec<Real> between = b - a;
+    const auto first_at = bodies_at(body, links.first + at);
+    const auto second_at = bodies_at(body, links.second + at);
+    const LaneRow<Real> first = gather<Real>(first_at);
+    const LaneRow<Real> second = gather<Real>(second_at);
+    const LaneVec<Real> between = load_vector<Real>(links.start + 3 * at) + (head(second) - head(first));
     const Real length = square_root(dot(between, between));
-    const LaneVec<Real> correction = (1.0 - load<Real>(links.rest_length + at) / length) * between;
-    const auto apart = length > 0.0;  // two particles in one place have no direction in which to part
-    const LaneVec<Real> a_new = select(apart, a + load<Real>(links.first_share + at) * correction, a);
-    const LaneVec<Real> b_new = select(apart, b - load<Real>(links.second_share + at) * correction, b);
-    scatter<Real>({a_new.x, a_new.y, a_new.z, first.d}, place, links.first + at);
-    scatter<Real>({b_new.x, b_new.y, b_new.z, second.d}, place, links.second + at);
+    const Real part = NumberOf<Real>(1) - load<Real>(links.rest_length + at) / length;
+    // Two particles in one place have no direction in which to part.
+    const LaneVec<Real> correction = select(length > NumberOf<Real>(0), part * between, LaneVec<Real>{});
+    const LaneVec<Real> a = head(first) + load<Real>(links.first_share + at) * correction;
+    const LaneVec<Real> b = head(second) - load<Real>(links.second_share + at) * correction;
+    scatter<Real>({a.x, a.y, a.z, first.d}, first_at);
+    scatter<Real>({b.x, b.y, b.z, second.d}, second_at);
 }
 
 template <class Real>
 void project_links(const LinkBatches& links, bool forward, const MovingParticles& particles) noexcept {
     for (std::size_t k = 0; k < links.count; ++k) {
-        project_link_batch<Real>(links, forward ? k : links.count - 1 - k, particles.place);
+        project_link_batch<Real>(links, forward ? k : links.count - 1 - k, particles.body);
     }
 }
 
 template <class Real>
 HAPTIC_LANES void project_spring_batch(const SpringBatches& springs, std::size_t batch, Row* place) noexcept {
     const std::size_t at = batch * kLanes<Real>;
-    const LaneRow<Real> first = gather<Real>(place, springs.first + at);
-    const LaneRow<Real> second = gather<Real>(place, springs.second + at);
+    const auto first_at = places_at(place, springs.first + at);
+    const auto second_at = places_at(place, springs.second + at);
+    const LaneRow<Real> first = gather<Real>(first_at);
+    const LaneRow<Real> second = gather<Real>(second_at);
     const LaneVec<Real> a = head(first);
     const LaneVec<Real> b = head(second);
     const LaneVec<Real> between = b - a;
@@ -201,68 +185,65 @@ HAPTIC_LANES void project_spring_batch(const SpringBatches& springs, std::size_t
     const LaneVec<Real> a_new = select(apart, a + load<Real>(springs.first_inverse_mass + at) * along, a);
     const LaneVec<Real> b_new = select(apart, b - load<Real>(springs.second_inverse_mass + at) * along, b);
     store(select(apart, pull + more, pull), springs.pull + at);
-    scatter<Real>({a_new.x, a_new.y, a_new.z, first.d}, place, springs.first + at);
-    scatter<Real>({b_new.x, b_new.y, b_new.z, second.d}, place, springs.second + at);
+    scatter<Real>({a_new.x, a_new.y, a_new.z, first.d}, first_at);
+    scatter<Real>({b_new.x, b_new.y, b_new.z, second.d}, second_at);
 }
 
+/// In double, since a spring's pull is added up from one iteration to the next.
 template <class Real>
 void project_springs(const SpringBatches& springs, bool forward, const MovingParticles& particles) noexcept {
-    for (std::size_t k = 0; k < springs.count; ++k) {
-        project_spring_batch<Real>(springs, forward ? k : springs.count - 1 - k, particles.place);
+    const std::size_t parts = springs.count * (kLanes<Real> / kLanes<Wide<Real>>);
+    for (std::size_t k = 0; k < parts; ++k) {
+        project_spring_batch<Wide<Real>>(springs, forward ? k : parts - 1 - k, particles.place);
     }
 }
 
-/// sum m p x (T q), given A = sum m p q^T: the axial vector of B = A T^T.
-template <class Real>
-HAPTIC_LANES LaneVec<Real> torque_of(const LaneMat<Real>& a, const LaneMat<Real>& t) noexcept {
-    const LaneVec<Real> bx = t.x.x * a.x + t.y.x * a.y + t.z.x * a.z;
-    const LaneVec<Real> by = t.x.y * a.x + t.y.y * a.y + t.z.y * a.z;
-    const LaneVec<Real> bz = t.x.z * a.x + t.y.z * a.y + t.z.z * a.z;
-    return {bz.y - by.z, bx.z - bz.x, by.x - bx.y};
-}
-
 /// One batch of groups, in three stages. `Uneven`, `Compliant`: see GroupRun; what a mask excludes keeps its bits.
+///
+/// Offsets p are from the centre particle.
 template <class Real, bool Uneven, bool Compliant>
 class BatchProjection {
   public:
     /// Sums over the members. Each has a loop of its own, because all together do not fit the registers. `scratch` has
-    /// a row for each slot and lane.
+    /// x, y, z for each slot and lane.
     HAPTIC_LANES void gather_members(const GroupBatches& groups, std::size_t batch, const MovingParticles& particles,
-                                     Row* scratch) noexcept {
+                                     float* scratch) noexcept {
         groups_ = &groups;
         scratch_ = scratch;
         at_ = batch * kLanes<Real>;
         first_ = groups.batch[batch].first_slot;
         slots_ = groups.batch[batch].slots;
-        centroid_ = find_centroid(particles.place);
-        moment_ = find_moment();
-        matrix_ = moment_ + find_spin(particles.body);
-        scatter_ = find_scatter();
+        const LaneBody<Real> centre = gather_bodies<Real>(bodies_at(particles.body, groups.centre + at_));
+        guess_ = quat_of(centre.turn);
+        add_turns(particles.body, head(centre.moved));
+        add_offsets();
     }
 
     /// Turns the centres, and finds how the members have to move.
     HAPTIC_LANES void fit(const MovingParticles& particles, int rotation_iterations) noexcept {
-        const std::uint32_t* centre = groups_->centre + at_;
-        const LaneRow<Real> row = gather<Real>(&particles.body->turn, centre, kRowsOfBody);
-        const LaneQuat<Real> guess{row.a, row.b, row.c, row.d};
-        const LaneQuat<Real> found = lane_extract_rotation(matrix_, guess, rotation_iterations);
-        rotation_ = lane_matrix(found);
-        turn_ = lane_solve_inertia(scatter_, torque_of(moment_, rotation_));
-        turn_centres(particles, guess, found);
+        const LaneQuat<Real> found = lane_greatest_overlap(overlap_of(moment_) + spin_, guess_, rotation_iterations);
+        const LaneMat<Real> rotation = lane_matrix(found);
+        // sum w p x (T q), given the moment matrix sum w p q^T
+        const LaneVec<Real> torque =
+            cross(moment_.x, rotation.x) + cross(moment_.y, rotation.y) + cross(moment_.z, rotation.z);
+        const LaneVec<Real> turn = torque / inertia_;
+        const LaneQuat<Real> kept = where_free(groups_->centre_is_free + at_, found, guess_);
+        scatter(row_of(kept), turns_at(particles.body, groups_->centre + at_));
+        stiffness_ = load<Real>(groups_->stiffness + at_);
+        rotation_ = stiffness_ * rotation;
+        turn_ = stiffness_ * turn;
+        shift_ = stiffness_ * centroid_ + cross(turn_, centroid_);
     }
 
-    HAPTIC_LANES void move_members(Row* place) const noexcept {
-        const Real stiffness = load<Real>(groups_->stiffness + at_);
+    HAPTIC_LANES void move_members(Body* body) const noexcept {
         for (std::size_t k = 0; k < slots_; ++k) {
-            const LaneRow<Real> u = placed(k);
-            const LaneVec<Real> p = head(u) - centroid_;
-            const LaneVec<Real> error = eased(k, rotation_ * rest_offset(k) - p - cross(turn_, p));
-            if constexpr (Compliant) {
-                add_shift(k, stiffness * error);
-            }
-            const LaneVec<Real> goal = head(u) + stiffness * error;
-            const LaneVec<Real> next = where(groups_->member_is_free + member(k), goal, head(u));
-            scatter<Real>({next.x, next.y, next.z, u.d}, place, groups_->member + member(k));
+            const LaneVec<Real> p = offset(k);
+            const LaneVec<Real> goal = rotation_ * vector_at(groups_->rest_offset, k) + shift_;
+            const LaneVec<Real> before = load_vector<Real>(scratch(k) + 3 * kLanes<Real>);
+            const LaneVec<Real> next = before + eased(k, goal - (stiffness_ * p + cross(turn_, p)));
+            const LaneVec<Real> moved = where_free(groups_->member_is_free + member(k), next, before);
+            const Real spin_mass = load<Real>(scratch(k) + 6 * kLanes<Real>);
+            scatter<Real>({moved.x, moved.y, moved.z, spin_mass}, bodies_at(body, groups_->member + member(k)));
         }
     }
 
@@ -270,141 +251,119 @@ class BatchProjection {
     [[nodiscard]] HAPTIC_LANES std::size_t member(std::size_t slot) const noexcept {
         return (first_ + slot) * kLanes<Real>;
     }
-    [[nodiscard]] HAPTIC_LANES LaneVec<Real> rest_offset(std::size_t slot) const noexcept {
-        const double* q = groups_->rest_offset + 3 * member(slot);
-        return {load<Real>(q), load<Real>(q + kLanes<Real>), load<Real>(q + 2 * kLanes<Real>)};
+    /// Of an array of shape [slot][x, y, z][lane].
+    [[nodiscard]] HAPTIC_LANES LaneVec<Real> vector_at(const float* numbers, std::size_t slot) const noexcept {
+        return load_vector<Real>(numbers + 3 * member(slot));
     }
-    [[nodiscard]] HAPTIC_LANES LaneVec<Real> shift(std::size_t slot) const noexcept {
-        const double* s = groups_->shift + 3 * member(slot);
-        return {load<Real>(s), load<Real>(s + kLanes<Real>), load<Real>(s + 2 * kLanes<Real>)};
+    /// Of a member: p, by what it has moved, m r^2 / 5.
+    [[nodiscard]] HAPTIC_LANES float* scratch(std::size_t slot) const noexcept {
+        return scratch_ + kNumbersOfSlot * slot * kLanes<Real>;
+    }
+    [[nodiscard]] HAPTIC_LANES LaneVec<Real> offset(std::size_t slot) const noexcept {
+        return load_vector<Real>(scratch(slot));
     }
     /// What a compliant group leaves of a member's way to its goal, because of the pull that it exerts already.
     [[nodiscard]] HAPTIC_LANES LaneVec<Real> eased(std::size_t slot, const LaneVec<Real>& way) const noexcept {
         if constexpr (Compliant) {
-            return way - load<Real>(groups_->softness + at_) * shift(slot);
+            const LaneVec<Real> gone = vector_at(groups_->shift, slot);
+            const LaneVec<Real> more = way - (stiffness_ * load<Real>(groups_->softness + at_)) * gone;
+            store_vector(gone + more, groups_->shift + 3 * member(slot));
+            return more;
         } else {
             return way;
         }
     }
-    HAPTIC_LANES void add_shift(std::size_t slot, const LaneVec<Real>& more) const noexcept {
-        double* s = groups_->shift + 3 * member(slot);
-        const LaneVec<Real> sum = shift(slot) + more;
-        store(sum.x, s);
-        store(sum.y, s + kLanes<Real>);
-        store(sum.z, s + 2 * kLanes<Real>);
-    }
-    [[nodiscard]] HAPTIC_LANES double* scratch(std::size_t slot) const noexcept {
-        return scratch_[slot * kLanes<Real>].number;
-    }
-    /// A member's row of `place`, as find_centroid() left it.
-    [[nodiscard]] HAPTIC_LANES LaneRow<Real> placed(std::size_t slot) const noexcept {
-        const double* from = scratch(slot);
-        constexpr std::size_t n = kLanes<Real>;
-        return {load<Real>(from), load<Real>(from + n), load<Real>(from + 2 * n), load<Real>(from + 3 * n)};
-    }
-    [[nodiscard]] HAPTIC_LANES static LaneMat<Real> gather_spin(const Body* body, const std::uint32_t* index) noexcept {
-        return {head(gather<Real>(body->spin, index, kRowsOfBody)),
-                head(gather<Real>(body->spin + 1, index, kRowsOfBody)),
-                head(gather<Real>(body->spin + 2, index, kRowsOfBody))};
-    }
     /// `no` in lanes whose mask is 0. The masks of an even batch are not read.
     template <class Value>
-    [[nodiscard]] HAPTIC_LANES static Value where(const std::int64_t* mask, const Value& yes,
-                                                  const Value& no) noexcept {
+    [[nodiscard]] HAPTIC_LANES static Value where_free(const std::int32_t* mask, const Value& yes,
+                                                       const Value& no) noexcept {
         if constexpr (Uneven) {
             return select(load_mask<Real>(mask), yes, no);
         } else {
             return yes;
         }
     }
-    /// With one more member, in lanes whose group has it.
-    template <class Sum>
-    [[nodiscard]] HAPTIC_LANES Sum add_member(std::size_t slot, const Sum& sum, const Sum& part) const noexcept {
-        return where(groups_->member_exists + member(slot), sum + part, sum);
+
+    /// Fills the scratch, and adds up what the members' orientations say. Since tr(R(a)^T R(b)) =
+    /// 4 (a . b)^2 - 1, the overlap matrix of R(b) is 4 b b^T - 1.
+    HAPTIC_LANES void add_turns(Body* body, const LaneVec<Real>& centre_moved) noexcept {
+        constexpr std::size_t n = kLanes<Real>;
+        LaneOverlap<Real> sum{};
+        Real all{};
+        for (std::size_t k = 0; k < slots_; ++k) {
+            const LaneBody<Real> row = gather_bodies<Real>(bodies_at(body, groups_->member + member(k)));
+            const LaneVec<Real> moved = head(row.moved);
+            store_vector(vector_at(groups_->start, k) + (moved - centre_moved), scratch(k));
+            store_vector(moved, scratch(k) + 3 * n);
+            store(row.moved.d, scratch(k) + 6 * n);
+            const LaneQuat<Real> q = quat_of(row.turn);
+            const Real w = row.moved.d * q.w;
+            const Real x = row.moved.d * q.x;
+            const Real y = row.moved.d * q.y;
+            const Real z = row.moved.d * q.z;
+            sum = sum + LaneOverlap<Real>{w * q.w, x * q.x, y * q.y, z * q.z, w * q.x,
+                                          w * q.y, w * q.z, x * q.y, x * q.z, y * q.z};
+            all = all + row.moved.d;
+        }
+        const Real part = load<Real>(groups_->inverse_mass + at_);
+        const Real less = part * all;
+        spin_ = (NumberOf<Real>(4) * part) * sum;
+        spin_.ww = spin_.ww - less;
+        spin_.xx = spin_.xx - less;
+        spin_.yy = spin_.yy - less;
+        spin_.zz = spin_.zz - less;
     }
 
-    /// Also puts the members' places into the scratch, by columns.
-    [[nodiscard]] HAPTIC_LANES LaneVec<Real> find_centroid(const Row* place) const noexcept {
+    /// Finds centroid, moment and inertia. A member that a group does not have weighs 0, and a sum that began with 0
+    /// keeps its bits. The moment is the same about any point, since the rest offsets add up to 0.
+    HAPTIC_LANES void add_offsets() noexcept {
+        constexpr bool at_once = kLanes<Real> == 16;  // there are registers enough
         LaneVec<Real> sum{};
-        for (std::size_t k = 0; k < slots_; ++k) {
-            const LaneRow<Real> u = gather<Real>(place, groups_->member + member(k));
-            double* to = scratch(k);
-            store(u.a, to);
-            store(u.b, to + kLanes<Real>);
-            store(u.c, to + 2 * kLanes<Real>);
-            store(u.d, to + 3 * kLanes<Real>);
-            sum = add_member(k, sum, u.d * head(u));
-        }
-        return load<Real>(groups_->inverse_mass + at_) * sum;
-    }
-
-    /// Adds before it transposes, which is less work. The body of nobody holds -0, which changes no sum.
-    [[nodiscard]] HAPTIC_LANES LaneMat<Real> find_spin(const Body* body) const noexcept {
-        constexpr std::size_t n = kLanes<Piece<Real>>;
-        Piece<Real> sum[kLanes<Real>][3][kPieces<Real>];
-        for (std::size_t lane = 0; lane < kLanes<Real>; ++lane) {
-            Piece<Real> of_lane[3][kPieces<Real>] = {};
-            for (std::size_t k = 0; k < slots_; ++k) {
-                const Row* spin = body[groups_->member[member(k) + lane]].spin;
-                for (std::size_t column = 0; column < 3; ++column) {
-                    for (std::size_t part = 0; part < kPieces<Real>; ++part) {
-                        of_lane[column][part] += load<Piece<Real>>(spin[column].number + part * n);
-                    }
-                }
-            }
-            __builtin_memcpy(sum[lane], of_lane, sizeof(of_lane));
-        }
-        const auto column = [&](std::size_t which) {
-            return head(assemble<Real>([&](std::size_t lane, std::size_t part) { return sum[lane][which][part]; }));
+        LaneSymmetric<Real> outer{};
+        LaneMat<Real> moment{};
+        const auto add_moment = [&](std::size_t k, const LaneVec<Real>& wp) __attribute__((always_inline)) {
+            const LaneVec<Real> q = vector_at(groups_->rest_offset, k);
+            moment = moment + LaneMat<Real>{q.x * wp, q.y * wp, q.z * wp};
         };
-        return {column(0), column(1), column(2)};
-    }
-
-    [[nodiscard]] HAPTIC_LANES LaneMat<Real> find_moment() const noexcept {
-        LaneMat<Real> sum{};
         for (std::size_t k = 0; k < slots_; ++k) {
-            const LaneRow<Real> u = placed(k);
-            const LaneVec<Real> mp = u.d * (head(u) - centroid_);
-            const LaneVec<Real> q = rest_offset(k);
-            sum = add_member(k, sum, LaneMat<Real>{q.x * mp, q.y * mp, q.z * mp});
+            const LaneVec<Real> p = offset(k);
+            const LaneVec<Real> wp = load<Real>(groups_->weight + member(k)) * p;
+            sum = sum + wp;
+            outer = outer + LaneSymmetric<Real>{wp.x * p.x, wp.y * p.y, wp.z * p.z, wp.x * p.y, wp.x * p.z, wp.y * p.z};
+            if constexpr (at_once) {
+                add_moment(k, wp);
+            }
         }
-        return sum;
-    }
-
-    [[nodiscard]] HAPTIC_LANES LaneSymmetric<Real> find_scatter() const noexcept {
-        LaneSymmetric<Real> sum{};
-        for (std::size_t k = 0; k < slots_; ++k) {
-            const LaneRow<Real> u = placed(k);
-            const LaneVec<Real> p = head(u) - centroid_;
-            const LaneVec<Real> mp = u.d * p;
-            const LaneSymmetric<Real> outer{mp.x * p.x, mp.y * p.y, mp.z * p.z, mp.x * p.y, mp.x * p.z, mp.y * p.z};
-            sum = add_member(k, sum, outer);
+        if constexpr (!at_once) {
+            for (std::size_t k = 0; k < slots_; ++k) {
+                add_moment(k, load<Real>(groups_->weight + member(k)) * offset(k));
+            }
         }
-        return sum;
-    }
-
-    HAPTIC_LANES void turn_centres(const MovingParticles& particles, const LaneQuat<Real>& before,
-                                   const LaneQuat<Real>& found) const noexcept {
-        const std::uint32_t* centre = groups_->centre + at_;
-        const std::int64_t* is_free = groups_->centre_is_free + at_;
-        const LaneQuat<Real> q = where(is_free, found, before);
-        const LaneMat<Real> spin_before = gather_spin(particles.body, centre);
-        const LaneMat<Real> spin = where(is_free, load<Real>(groups_->centre_spin_mass + at_) * rotation_, spin_before);
-        scatter<Real>({q.w, q.x, q.y, q.z}, &particles.body->turn, centre, kRowsOfBody);
-        scatter_spin(spin, particles.body, centre);
+        moment_ = moment;
+        centroid_ = sum;
+        const LaneVec<Real>& c = centroid_;
+        inertia_ = lane_inertia(LaneSymmetric<Real>{.xx = outer.xx - c.x * c.x,
+                                                    .yy = outer.yy - c.y * c.y,
+                                                    .zz = outer.zz - c.z * c.z,
+                                                    .yx = outer.yx - c.x * c.y,
+                                                    .zx = outer.zx - c.x * c.z,
+                                                    .zy = outer.zy - c.y * c.z});
     }
 
     const GroupBatches* groups_;
-    Row* scratch_;
+    float* scratch_;
     std::size_t at_;     // into arrays of shape [batch][lane]
     std::size_t first_;  // slot
     std::size_t slots_;
-    LaneVec<Real> centroid_;       // c
-    LaneMat<Real> moment_;         // sum m p q^T
-    LaneMat<Real> matrix_;         // A, that is with sum m r^2 / 5 R
-    LaneSymmetric<Real> scatter_;  // sum m p p^T
-    LaneMat<Real> rotation_;       // T
-    LaneVec<Real> turn_;           // theta
+    LaneQuat<Real> guess_;       // the centre's turn
+    LaneVec<Real> centroid_;     // c, from the centre particle
+    LaneMat<Real> moment_;       // sum w p q^T, w parts of the mass
+    LaneOverlap<Real> spin_;     // of orientations, per mass
+    LaneInertia<Real> inertia_;  // per mass
+    Real stiffness_;             // and, times it:
+    LaneMat<Real> rotation_;     // T
+    LaneVec<Real> turn_;         // theta
+    LaneVec<Real> shift_;        // c + theta x c
 };
 
 template <class Real, bool Uneven, bool Compliant>
@@ -412,14 +371,14 @@ HAPTIC_LANES void project_run(const GroupBatches& groups, const GroupRun& run, i
                               const MovingParticles& particles) noexcept {
     BatchProjection<Real, Uneven, Compliant> batch[kMostBatchesInRun];
     for (std::size_t b = 0; b < run.batches; ++b) {
-        Row* scratch = particles.scratch + b * groups.most_slots * kLanes<Real>;
+        float* scratch = particles.scratch + kNumbersOfSlot * b * groups.most_slots * kLanes<Real>;
         batch[b].gather_members(groups, run.first_batch + b, particles, scratch);
     }
     for (std::size_t b = 0; b < run.batches; ++b) {
         batch[b].fit(particles, rotation_iterations);
     }
     for (std::size_t b = 0; b < run.batches; ++b) {
-        batch[b].move_members(particles.place);
+        batch[b].move_members(particles.body);
     }
 }
 
@@ -440,10 +399,13 @@ void project_groups(const GroupBatches& groups, bool forward, int rotation_itera
 
 template <std::size_t Count>
 inline constexpr Projection kProjection{Count,
-                                        turn_bodies<typename LaneTypes<Count>::Real>,
-                                        find_rates<typename LaneTypes<Count>::Real>,
-                                        project_links<typename LaneTypes<Count>::Real>,
-                                        project_springs<typename LaneTypes<Count>::Real>,
-                                        project_groups<typename LaneTypes<Count>::Real>};
+                                        turn_bodies<typename LaneTypes<Count, float>::Real>,
+                                        find_rates<typename LaneTypes<Count, float>::Real>,
+                                        begin<typename LaneTypes<Count, float>::Real>,
+                                        find_moved<typename LaneTypes<Count, float>::Real>,
+                                        add_moved<typename LaneTypes<Count, float>::Real>,
+                                        project_links<typename LaneTypes<Count, float>::Real>,
+                                        project_springs<typename LaneTypes<Count, float>::Real>,
+                                        project_groups<typename LaneTypes<Count, float>::Real>};
 
 }  // namespace haptic::sim

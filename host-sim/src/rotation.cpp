@@ -45,7 +45,7 @@ Vec3 solve_inertia(const Mat3& scatter, const Vec3& momentum) noexcept {
                                       .yx = scatter[1][0],
                                       .zx = scatter[2][0],
                                       .zy = scatter[2][1]};
-    return plain(lane_solve_inertia(lower, lane(momentum)));
+    return plain(lane(momentum) / lane_inertia(lower));
 }
 
 }  // namespace haptic::sim

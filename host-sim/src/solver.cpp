@@ -71,13 +71,13 @@ void set_vector(Row& row, const Vec3& p) {
 
 /// Those that this machine can do, by number of lanes.
 std::vector<const Projection*> usable_projections() {
-    std::vector<const Projection*> usable{&kOneLane, &kTwoLanes};
+    std::vector<const Projection*> usable{&kOneLane, &kFourLanes};
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2") != 0) {
-        usable.push_back(&kFourLanes);
+        usable.push_back(&kEightLanes);
     }
     if (__builtin_cpu_supports("avx512f") != 0) {
-        usable.push_back(&kEightLanes);
+        usable.push_back(&kSixteenLanes);
     }
 #endif
     return usable;
@@ -106,38 +106,35 @@ struct ParticleSolver::Projecting {
           links(batches.links()),
           springs(batches.springs()),
           groups(batches.groups()),
-          place(batches.nobody() + 1),
-          body(batches.nobody() + 1),
-          scratch(kMostBatchesInRun * batches.most_slots() * projection.lanes),
+          place(batches.all_bodies()),
+          start(model.size()),
+          body(batches.all_bodies()),
+          scratch(kMostBatchesInRun * batches.most_slots() * kNumbersOfSlot * projection.lanes),
           pushed(model.size()),
-          before(batches.nobody()),
-          turning(batches.nobody()),
-          rate(batches.nobody()) {
+          before(batches.bodies()),
+          turn(batches.bodies(), Row{{1.0, 0.0, 0.0, 0.0}}),
+          turning(batches.bodies()),
+          rate(batches.bodies()) {
         for (std::size_t i = 0; i < model.size(); ++i) {
-            place[i].number[3] = model.mass[i];
-            turning[i].number[3] = spin_mass(model, i);
-        }
-        for (Row& column : body.back().spin) {
-            column = {{-0.0, -0.0, -0.0, -0.0}};  // what changes no sum
+            place[i].number[3] = spin_mass(model, i);
         }
     }
 
-    void set_orientation(std::size_t particle, const Quat& orientation) {
-        body[particle].turn = {{orientation.w, orientation.x, orientation.y, orientation.z}};
-        const Mat3 matrix = turning[particle].number[3] * to_matrix(orientation);
-        for (std::size_t column = 0; column < 3; ++column) {
-            set_vector(body[particle].spin[column], matrix[static_cast<int>(column)]);
+    void set_orientation(std::size_t particle, const Quat& q) {
+        turn[particle] = {{q.w, q.x, q.y, q.z}};
+        for (std::size_t k = 0; k < 4; ++k) {
+            body[particle].turn.number[k] = static_cast<float>(turn[particle].number[k]);
         }
     }
 
     [[nodiscard]] Quat orientation(std::size_t particle) const {
-        const Row& q = body[particle].turn;
+        const Row& q = turn[particle];
         return Quat(q.number[0], q.number[1], q.number[2], q.number[3]);
     }
 
     /// As the rows of `turning` say.
     void turn_bodies(const ParticleModel& model) {
-        projection.turn_bodies(turning.size(), turning.data(), body.data());
+        projection.turn_bodies(turning.size(), turning.data(), turn.data(), body.data());
         for (std::size_t i = 0; i < model.size(); ++i) {
             if (model.pinned[i] != 0 && model.angular_velocity[i] == Vec3(0.0)) {
                 set_orientation(i, model.orientation[i]);  // turning by 0 normalises, which may change a bit
@@ -147,14 +144,33 @@ struct ParticleSolver::Projecting {
 
     [[nodiscard]] MovingParticles moving() { return {place.data(), body.data(), scratch.data(), pushed.data()}; }
 
-    void find_rates(double h) { projection.find_rates(before.size(), before.data(), body.data(), h, rate.data()); }
+    void find_rates(double h) {
+        projection.find_rates(before.size(), before.data(), body.data(), h, turn.data(), rate.data());
+    }
 
     void sweep(bool forward, int rotation_iterations) {
         const MovingParticles particles = moving();
         projection.project_links(links, forward, particles);
-        projection.project_springs(springs, forward, particles);
+        if (springs.count > 0) {  // which move places
+            add_moved();
+            projection.project_springs(springs, forward, particles);
+            find_moved();
+        }
         projection.project_groups(groups, forward, rotation_iterations, particles);
     }
+
+    /// After the prediction of a sub-step of length h.
+    void begin(double h) {
+        batches.begin(h);
+        for (std::size_t i = 0; i < start.size(); ++i) {
+            start[i] = place[i];
+            start[i].number[3] = 0.0;
+        }
+        find_moved();
+        projection.begin(links, groups, place.data());
+    }
+    void find_moved() { projection.find_moved(start.size(), place.data(), start.data(), body.data()); }
+    void add_moved() { projection.add_moved(start.size(), body.data(), start.data(), place.data()); }
 
     const Projection& projection;
     ConstraintBatches batches;
@@ -163,11 +179,13 @@ struct ParticleSolver::Projecting {
     GroupBatches groups;
     // See MovingParticles.
     LaneArray<Row> place;
+    LaneArray<Row> start;  // place when the sub-step began, and 0
     LaneArray<Body> body;
-    LaneArray<Row> scratch;
+    LaneArray<float> scratch;
     LaneArray<Row> pushed;
     LaneArray<Row> before;   // turn at the start of the sub-step
-    LaneArray<Row> turning;  // h w, and m r^2 / 5
+    LaneArray<Row> turn;     // as predicted, then at the end of the sub-step
+    LaneArray<Row> turning;  // h w
     LaneArray<Row> rate;     // w at the end of the sub-step
 };
 
@@ -210,7 +228,7 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, Sol
     const double h = settings_.step / substeps;
     for (int s = 0; s < substeps; ++s) {
         predict(model, force, h);
-        now_->batches.begin(h);
+        now_->begin(h);
         if (contacts != nullptr) {
             contacts->find(model, now_->moving(), h);
         }
@@ -219,8 +237,13 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, Sol
                 i % 2 == 0,
                 settings_.rotation_iterations);  // there and back, so that no direction of the order is preferred
             if (contacts != nullptr) {
+                now_->add_moved();
                 contacts->project(model, now_->moving(), h);
+                now_->find_moved();
             }
+        }
+        if (contacts == nullptr) {
+            now_->add_moved();
         }
         if (contacts != nullptr) {
             contacts->finish(model, now_->moving(), h);
@@ -234,19 +257,25 @@ void ParticleSolver::project(ParticleModel& model, std::span<const std::uint8_t>
     for (std::size_t i = 0; i < model.size(); ++i) {
         set_vector(now_->place[i], model.position[i]);
         now_->set_orientation(i, model.orientation[i]);
+        now_->before[i] = now_->turn[i];
     }
-    now_->batches.begin(settings_.step);
+    now_->begin(settings_.step);
     for (int pass = 0; pass < settings_.iterations; ++pass) {
         now_->sweep(pass % 2 == 0, settings_.rotation_iterations);
+        now_->add_moved();
         for (std::size_t i = 0; i < held.size(); ++i) {
             if (held[i] != 0) {
                 set_vector(now_->place[i], model.position[i]);
             }
         }
+        now_->find_moved();
     }
+    now_->find_rates(settings_.step);
     for (std::size_t i = 0; i < model.size(); ++i) {
         model.position[i] = vector_of(now_->place[i]);
-        model.orientation[i] = now_->orientation(i);
+        if (model.pinned[i] == 0) {
+            model.orientation[i] = now_->orientation(i);
+        }
     }
 }
 
@@ -260,7 +289,7 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
     const double keep = 1.0 - h * settings_.drag;
     for (std::size_t i = 0; i < model.size(); ++i) {
         const Quat& q = model.orientation[i];
-        now_->before[i] = now_->body[i].turn = {{q.w, q.x, q.y, q.z}};
+        now_->before[i] = now_->turn[i] = {{q.w, q.x, q.y, q.z}};
         if (model.pinned[i] != 0) {
             predicted_[i] = model.velocity[i];
             const bool still = predicted_[i] == Vec3(0.0);
@@ -282,15 +311,17 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
 void ParticleSolver::update(ParticleModel& model, double h) {
     now_->find_rates(h);
     for (std::size_t i = 0; i < model.size(); ++i) {
-        model.orientation[i] = now_->orientation(i);
+        if (model.pinned[i] == 0 || model.angular_velocity[i] != Vec3(0.0)) {
+            model.orientation[i] = now_->orientation(i);
+        }
         if (model.pinned[i] == 0) {
             model.velocity[i] = (vector_of(now_->place[i]) - model.position[i]) / h;
             model.angular_velocity[i] = vector_of(now_->rate[i]);
         }
     }
     for (const Whole& body : bodies_) {
-        if (body.is_free && settings_.keep_angular_momentum) {
-            restore_angular_momentum(model, body.particles, h);
+        if (body.is_free) {
+            restore_momenta(model, body.particles, h);
         }
     }
     for (std::size_t i = 0; i < model.size(); ++i) {
@@ -303,18 +334,24 @@ void ParticleSolver::update(ParticleModel& model, double h) {
     }
 }
 
-void ParticleSolver::restore_angular_momentum(ParticleModel& model, const ParticleRange& body, double h) {
+void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& body, double h) {
     const Vec3 centre = centre_of_mass(model, body);
-    Vec3 lost(0.0);
+    double mass = 0.0;
+    Vec3 linear(0.0);
+    Vec3 angular(0.0);
     Mat3 scatter(0.0);
     for (std::size_t i = body.begin; i < body.end; ++i) {
         const Vec3 p = model.position[i] - centre;
-        lost += model.mass[i] * glm::cross(p, predicted_[i] - model.velocity[i]);
+        const Vec3 lost = model.mass[i] * (predicted_[i] - model.velocity[i]);
+        mass += model.mass[i];
+        linear += lost;
+        angular += glm::cross(p, lost);
         add_outer(scatter, model.mass[i], p, p);
     }
-    const Vec3 rate = solve_inertia(scatter, lost);
+    linear /= mass;
+    const Vec3 rate = settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0);
     for (std::size_t i = body.begin; i < body.end; ++i) {
-        const Vec3 dv = glm::cross(rate, model.position[i] - centre);
+        const Vec3 dv = linear + glm::cross(rate, model.position[i] - centre);
         model.velocity[i] += dv;
         set_vector(now_->place[i], vector_of(now_->place[i]) + h * dv);
     }

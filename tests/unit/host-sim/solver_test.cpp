@@ -100,6 +100,8 @@ double inner_kinetic_energy(const ParticleModel& model) {
 }
 
 constexpr SolverSettings kFree{.gravity = {0.0, 0.0, 0.0}};
+constexpr double kRounding = 0x1p-24;  // of float, in which constraints are projected, relative to the size of a group
+constexpr double kSheetRounding = 8 * 0.044 * kRounding;  // m, over the 8 cells of a sheet(), 4.4 cm across
 
 TEST(Solver, KeepsLinearAndAngularMomentumOfAFreeSheet) {
     ParticleModel model = crumpled_sheet();
@@ -133,9 +135,11 @@ TEST(Solver, OneProjectionKeepsAngularMomentumOfEachGroup) {
         ParticleSolver(one_group, settings).step(one_group, {});
         return glm::length(angular_momentum(one_group)) / std::sqrt(kinetic_energy(one_group));
     };
-    // One group: projected at the state where momentum is counted, so rounding is all that may be left.
-    EXPECT_LT(made(1.0), 1e-14);
-    EXPECT_LT(made(0.5), 1e-14);
+    // One group: projected at the state where momentum is counted, so rounding is all that may be left of what a rigid
+    // body of its inertia, 4 corners of a cell of 3 cm, would have: sqrt(2 I) for each root of energy.
+    const double inertia = 4.0 * (0.01 / 81.0) * 0.022 * 0.022;  // kg m^2
+    EXPECT_LT(made(1.0), 64.0 * kRounding * std::sqrt(2.0 * inertia));
+    EXPECT_LT(made(0.5), 64.0 * kRounding * std::sqrt(2.0 * inertia));
 }
 
 TEST(Solver, FallsByTheSumOfTheSemiImplicitScheme) {
@@ -149,7 +153,7 @@ TEST(Solver, FallsByTheSumOfTheSemiImplicitScheme) {
     // x_n = g h^2 (1 + 2 + ... + n) = g h^2 n (n + 1) / 2
     const double fall = 9.81 * settings.step * settings.step * steps * (steps + 1) / 2.0;
     for (std::size_t i = 0; i < model.size(); ++i) {
-        EXPECT_NEAR(glm::length(model.position[i] - (model.rest_position[i] - Vec3(0.0, fall, 0.0))), 0.0, 1e-11);
+        EXPECT_LT(glm::length(model.position[i] - (model.rest_position[i] - Vec3(0.0, fall, 0.0))), kSheetRounding);
         EXPECT_NEAR(model.velocity[i].y, -9.81 * settings.step * steps, 1e-10);
     }
 }
@@ -161,7 +165,7 @@ TEST(Solver, LeavesTheRestShapeAtRest) {
         solver.step(model, {});
     }
     for (std::size_t i = 0; i < model.size(); ++i) {
-        EXPECT_LT(glm::length(model.position[i] - model.rest_position[i]), 1e-13);
+        EXPECT_LT(glm::length(model.position[i] - model.rest_position[i]), kSheetRounding);
         EXPECT_NEAR(std::abs(model.orientation[i].w), 1.0, 1e-12);
     }
 }
@@ -178,7 +182,8 @@ TEST(Solver, KeepsARotatedModelRigid) {
         solver.step(model, {});
     }
     for (std::size_t i = 0; i < model.size(); ++i) {
-        EXPECT_LT(glm::length(model.position[i] - (turn * model.rest_position[i] + Vec3(1.0, 2.0, 3.0))), 1e-10);
+        EXPECT_LT(glm::length(model.position[i] - (turn * model.rest_position[i] + Vec3(1.0, 2.0, 3.0))),
+                  4.0 * kSheetRounding);  // each cell is turned alike only to rounding
     }
 }
 
@@ -411,7 +416,7 @@ TEST(Solver, GoesThroughTheSameBitsOnEveryMachine) {
         for (int i = 0; i < 100; ++i) {
             solver.step(model, {});
         }
-        EXPECT_EQ(hash_of(model), 0x533b364507503944u) << lanes << " lanes";
+        EXPECT_EQ(hash_of(model), 0x4231f053ad469281u) << lanes << " lanes";
     }
 }
 
@@ -473,8 +478,8 @@ TEST(Solver, PullsAStretchedPairToItsLength) {
     model.position[1].x = 1.4;
     ParticleSolver solver(model, kFree);
     solver.step(model, {});
-    EXPECT_NEAR(model.position[0].x, 0.3, 1e-15);  // in inverse proportion to mass
-    EXPECT_NEAR(model.position[1].x, 1.3, 1e-15);
+    EXPECT_NEAR(model.position[0].x, 0.3, 1.4 * kRounding);  // in inverse proportion to mass
+    EXPECT_NEAR(model.position[1].x, 1.3, 1.4 * kRounding);
 }
 
 /// A chain that hangs from its first particle along -y, with a drag in which it comes to rest.
@@ -535,7 +540,7 @@ TEST(Solver, ASpringStaysTheSameWhenContactsDivideItsSteps) {
         solver.step(model, force, &contacts);
         if (i >= 350) {
             ASSERT_NEAR(-model.position[1].y - 0.1, 0.003 * 0.2 * 9.81, 1e-10) << i;
-            ASSERT_NEAR(model.position[2].x - 1.0, 0.004 * 2.0, 1e-10) << i;
+            ASSERT_NEAR(model.position[2].x - 1.0, 0.004 * 2.0, kRounding) << i;
         }
     }
 }
@@ -605,7 +610,8 @@ TEST(Solver, ACompliantGroupGivesWayByForcePerMassWithAnyStepAndIterations) {
             }
             for (std::size_t i = 0; i < 4; ++i) {
                 const Vec3 gone = model.position[i] - model.rest_position[i];
-                EXPECT_LT(glm::length(gone - compliance * acceleration[i]), 1e-12) << step << " s, " << iterations;
+                EXPECT_LT(glm::length(gone - compliance * acceleration[i]), 2.0 * kRounding)
+                    << step << " s, " << iterations;
             }
         }
     }
@@ -695,7 +701,7 @@ TEST(Solver, AnInvertedGroupTurnsRightSideOut) {
         for (Vec3& x : model.position) {
             x[axis] = -x[axis];
         }
-        expect_rest_shape(settled(model), 1e-9);
+        expect_rest_shape(settled(model), 8.0 * kRounding);
     }
 }
 
@@ -705,11 +711,11 @@ TEST(Solver, AGroupThatIsPressedFlatToALineOrToAPointTakesItsShapeAgain) {
         for (Vec3& x : model.position) {
             x = {x.x, y * x.y, z * x.z};
         }
-        expect_rest_shape(settled(model), 1e-9);
+        expect_rest_shape(settled(model), 8.0 * kRounding);
     }
     ParticleModel model = matched(kSolid, kSolid.size());
     std::fill(model.position.begin(), model.position.end(), Vec3(0.3));
-    expect_rest_shape(settled(model), 1e-9);
+    expect_rest_shape(settled(model), 8.0 * kRounding);
 }
 
 TEST(Solver, GroupsThatAreFlatOrCollinearAtRestReturnFromAnyState) {
@@ -723,7 +729,7 @@ TEST(Solver, GroupsThatAreFlatOrCollinearAtRestReturnFromAnyState) {
                 model.position[i] = vector();
                 model.orientation[i] = turned(model.orientation[i], 3.0 * vector());
             }
-            expect_rest_shape(settled(model), 1e-9);
+            expect_rest_shape(settled(model), 8.0 * 2.5 * kRounding);
         }
     }
 }
@@ -738,9 +744,9 @@ TEST(Solver, ATurnedFlatOrCollinearGroupIsSeenAsTurnedAndLeftAlone) {
         }
         const ParticleModel after = settled(model);
         for (std::size_t i = 0; i < model.size(); ++i) {
-            EXPECT_LT(glm::length(after.position[i] - turn * rest[i]), 1e-11);  // rounding of 200 steps
+            EXPECT_LT(glm::length(after.position[i] - turn * rest[i]), 8.0 * 2.5 * kRounding);
         }
-        EXPECT_NEAR(std::abs(glm::dot(after.orientation[0], turn)), 1.0, 1e-14);
+        EXPECT_NEAR(std::abs(glm::dot(after.orientation[0], turn)), 1.0, 32.0 * kRounding * kRounding);
     }
 }
 
@@ -771,8 +777,10 @@ TEST(Solver, AGroupOfASingleParticleFollowsIt) {
             turn = turned(turn, {0.0, 0.0, 0.02});
         }
         EXPECT_LT(glm::length(model.position[0] - Vec3(1.0, 2.5, 3.0)), 1e-12);
-        EXPECT_NEAR(std::abs(glm::dot(model.orientation[0], turn)), 1.0, 1e-12) << "radius " << radius;
-        EXPECT_NEAR(model.angular_velocity[0].z, 2.0, 1e-9);
+        // Five times in each of 50 steps its turn is rounded, and the rate is what it turned by in the last step.
+        const double lag = 5 * 50 * kRounding;  // rad
+        EXPECT_NEAR(std::abs(glm::dot(model.orientation[0], turn)), 1.0, 0.125 * lag * lag) << "radius " << radius;
+        EXPECT_NEAR(model.angular_velocity[0].z, 2.0, 5 * kRounding / kFree.step);
     }
 }
 

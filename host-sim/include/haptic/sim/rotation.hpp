@@ -19,8 +19,11 @@ namespace haptic::sim {
 ///
 /// The step is that of M. Müller, J. Bender, N. Chentanez, M. Macklin, "A Robust Method to Extract the Rotational Part
 /// of Deformations", 2016, equation 7, with the Cayley map in place of the exponential (same fixed points, same order).
-/// It is a descent: it needs no decomposition, copes with inverted and singular matrices, and where the matrix leaves
-/// the rotation undetermined it stays near the guess. Always a proper rotation; the zero matrix gives the guess.
+/// The turn about the torque sum r_i x a_i by its ratio to |tr(R^T A)| is then a step of the power iteration, shifted
+/// by 2 |o| - o with o = q^T K q, on the matrix K of B. K. P. Horn, "Closed-Form Solution of Absolute Orientation Using
+/// Unit Quaternions", 1987, for which tr(R(q)^T A) = q^T K q: K q is the gradient that the torque is taken from. It is
+/// a descent: it needs no decomposition, copes with inverted and singular matrices, and where the matrix leaves the
+/// rotation undetermined it stays near the guess. Always a proper rotation; the zero matrix gives the guess.
 [[nodiscard]] Quat extract_rotation(const Mat3& matrix, const Quat& guess, int iterations) noexcept;
 
 /// Solves inertia * x = momentum for an inertia tensor given through the scatter matrix S = sum m p p^T, inertia =

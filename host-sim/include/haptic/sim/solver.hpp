@@ -22,7 +22,7 @@
 // equations 10 to 12). Its rotational part T gives each member the goal c + T q, of which it goes `stiffness` of the
 // way; the centre particle takes T as its orientation. A fit that also counts orientations may turn the group as a
 // whole, which no inner force can do; that turn, theta = I^-1 sum m p x d, is taken out again, so that every
-// projection keeps linear and angular momentum to rounding.
+// projection keeps linear and angular momentum to rounding, which is that of float.
 //
 // A group with a compliance, s^2, has the energy 1/2 sum m |d|^2 / compliance, d being what a member lacks to its goal:
 // a member that is displaced is drawn back at the rate compliance^-1/2, rad/s, whatever its mass. Since the best fit
@@ -32,11 +32,13 @@
 // what follows below takes it back.
 //
 // Both loops run in the order of a graph colouring: constraints of one colour share no particle, so that they are done
-// side by side, in the lanes of vector registers, without a change in any bit of the result.
+// side by side, in the lanes of vector registers, without a change in any bit of the result. The state is double, a
+// projection is float (src/projection.hpp says of what): shapes are kept to 2^-24 of the size of a group.
 //
 // Projection at u while the momentum is counted at x is the implicit Euler method, which turns angular momentum into
 // nothing at the rate of the motion within a step. For a body of which nothing is pinned, the step puts it back as one
-// rigid turn of the velocities, so that what is left of a body's momenta is what forces and contacts gave it. Damping
+// rigid turn of the velocities, and what projections round off the linear momentum as one shift, so that what is left
+// of a body's momenta is what forces and contacts gave it. Damping
 // (`settling`) draws the velocities toward those of a rigid body with the body's momenta and so keeps both (Müller et
 // al. 2007, section 3.5).
 //
@@ -100,7 +102,7 @@ class ParticleSolver {
     ParticleSolver& operator=(ParticleSolver&&) noexcept;
     ~ParticleSolver();
 
-    /// Increasing; 1 and 2 everywhere, on x86-64 also 4 (AVX2) and 8 (AVX-512F).
+    /// Increasing; 1 and 4 everywhere, on x86-64 also 8 (AVX2) and 16 (AVX-512F).
     [[nodiscard]] static std::vector<std::size_t> usable_lanes();
 
     /// Advances the model, which has to be the one given to the constructor as far as its rest shape and constraints
@@ -129,7 +131,7 @@ class ParticleSolver {
     void count_pushes(double h);
     void update(ParticleModel& model, double h);
     void settle(ParticleModel& model, const ParticleRange& body, double h) const;
-    void restore_angular_momentum(ParticleModel& model, const ParticleRange& body, double h);
+    void restore_momenta(ParticleModel& model, const ParticleRange& body, double h);
 
     SolverSettings settings_;
     std::vector<Whole> bodies_;        // of the model
