@@ -2,6 +2,7 @@
 // two, and what the contact code needs of each body.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -21,6 +22,13 @@ struct Assembly {
 
     /// Sets the velocities of all particles that are led, so that they get to where they have to be a step after now.
     void lead(double now_s, double step_s);
+
+    /// What carries and what is carried in one body.
+    [[nodiscard]] Skinner::Part part(std::size_t body) const {
+        const std::size_t first = bodies[body].first_particle;
+        const std::size_t next = body + 1 < bodies.size() ? bodies[body + 1].first_particle : model.size();
+        return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first};
+    }
 
     // Of all bodies together.
     ParticleModel model;  // in motion

@@ -18,6 +18,10 @@
 namespace haptic::sim {
 namespace {
 
+// A body that has not moved for so many steps need be neither skinned nor refitted: its vertices are where they were at
+// both ends of the step, and its tree was fitted to that.
+constexpr int kAtRest = 2;
+
 /// Nothing, where nothing can collide.
 std::unique_ptr<ParticleCollisions> make_collisions(const ParticleModel& model, const CollisionSettings& settings,
                                                     Simulation::ClockFunction clock) {
@@ -72,6 +76,7 @@ struct Simulation::State {
           force(all.model.size(), Vec3(0.0)) {
         for (std::size_t b = 0; b < all.bodies.size(); ++b) {
             surfaces.push_back({{}, &all.trees[b]});
+            standing.push_back(0);
         }
     }
 
@@ -108,6 +113,7 @@ struct Simulation::State {
     std::vector<Vec3> start;  // vertices at the beginning and the end of the last step
     std::vector<Vec3> end;
     std::vector<MovingSurface> surfaces;  // per body
+    std::vector<int> standing;            // per body: skins at which it had not moved, up to kAtRest
     Workspace workspace;
     Clutch clutch;
     ToolProxies tool;
@@ -139,7 +145,9 @@ void Simulation::change_workspace(const WorkspaceSettings& settings) {
 void Simulation::State::find_contact(const Pose& hip, StepResult& result, Stopwatch& watch) {
     describe_motion();
     for (std::size_t b = 0; b < surfaces.size(); ++b) {
-        all.trees[b].refit(surfaces[b].motion);
+        if (standing[b] < kAtRest) {
+            all.trees[b].refit(surfaces[b].motion);
+        }
     }
     tool.aim(hip);
     tool.look_round(surfaces);
@@ -182,7 +190,17 @@ void Simulation::State::couple(StepResult& result) {
 
 void Simulation::State::skin() {
     start.swap(end);
-    skinner.place(all.model, end);
+    for (std::size_t b = 0; b < all.bodies.size(); ++b) {
+        const Skinner::Part part = all.part(b);
+        if (skinner.has_moved(all.model, part)) {
+            skinner.place(all.model, part, end);
+            standing[b] = 0;
+        } else if (standing[b] < kAtRest) {
+            const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
+            std::copy_n(start.begin() + first, part.vertices, end.begin() + first);
+            ++standing[b];
+        }
+    }
 }
 
 void Simulation::State::verify(StepResult& result) const {

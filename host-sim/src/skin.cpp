@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
-#include "haptic/sim/rotation.hpp"
+#include "lane_rotation.hpp"
 #include "skinning.hpp"
 
 namespace haptic::sim {
@@ -43,10 +44,14 @@ bool has_wide_registers() {
 #endif
 }
 
-void set_row(SkinRow& row, const Vec3& v) {
+void set_row(SkinRow& row, const LaneVec<double>& v) {
     row.number[0] = v.x;
     row.number[1] = v.y;
     row.number[2] = v.z;
+}
+
+LaneVec<double> lane(const Vec3& v) {
+    return {v.x, v.y, v.z};
 }
 
 }  // namespace
@@ -61,7 +66,12 @@ Skin skin_of_particles(std::size_t count) {
 }
 
 Skinner::Skinner(std::span<const Vec3> rest, const ParticleModel& model, const Skin& skin, bool wide)
-    : frame_(model.size()), wide_(wide && has_wide_registers()) {
+    : rest_(rest.begin(), rest.end()),
+      rest_position_(model.rest_position),
+      frame_(model.size()),
+      placed_position_(model.size(), Vec3(std::numeric_limits<double>::quiet_NaN())),
+      placed_orientation_(model.orientation),
+      wide_(wide && has_wide_registers()) {
     if (skin.size() != rest.size()) {
         throw std::invalid_argument("skin: " + std::to_string(skin.size()) + " elements for " +
                                     std::to_string(rest.size()) + " vertices");
@@ -71,10 +81,8 @@ Skinner::Skinner(std::span<const Vec3> rest, const ParticleModel& model, const S
         check(skin[j], j, model.size());
         one_to_one_ = one_to_one_ && is_particle(skin[j], j) && rest[j] == model.rest_position[j];
         for (std::size_t k = 0; k < SkinVertex::kMost; ++k) {
-            const double weight = skin[j].weight[k];
-            const Vec3 arm = weight * (rest[j] - model.rest_position[skin[j].particle[k]]);
             particle_.push_back(skin[j].particle[k]);
-            arm_.push_back({weight, {arm.x, arm.y, arm.z}});
+            weight_.push_back(skin[j].weight[k]);
         }
     }
 }
@@ -84,23 +92,42 @@ Skinner& Skinner::operator=(Skinner&&) noexcept = default;
 Skinner::~Skinner() = default;
 
 void Skinner::place(const ParticleModel& model, std::span<Vec3> vertices) {
-    if (one_to_one_) {
-        std::copy(model.position.begin(), model.position.end(), vertices.begin());
-        return;
-    }
-    for (std::size_t i = 0; i < frame_.size(); ++i) {
-        const Mat3 rotation = to_matrix(model.orientation[i]);
-        set_row(frame_[i].position, model.position[i]);
-        for (int column = 0; column < 3; ++column) {
-            set_row(frame_[i].axis[column], rotation[column]);
+    place(model, {0, std::min(vertices.size(), rest_.size()), 0, frame_.size()}, vertices);
+}
+
+bool Skinner::has_moved(const ParticleModel& model, const Part& part) const noexcept {
+    for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
+        if (model.position[i] != placed_position_[i] || model.orientation[i] != placed_orientation_[i]) {
+            return true;
         }
     }
+    return false;
+}
+
+void Skinner::place(const ParticleModel& model, const Part& part, std::span<Vec3> vertices) {
+    for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
+        placed_position_[i] = model.position[i];
+        placed_orientation_[i] = model.orientation[i];
+    }
+    if (one_to_one_) {
+        std::copy_n(&model.position[part.first_vertex], part.vertices, &vertices[part.first_vertex]);
+        return;
+    }
+    for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
+        const Quat& q = model.orientation[i];
+        const LaneMat<double> turn = lane_matrix(LaneQuat<double>{q.w, q.x, q.y, q.z});
+        set_row(frame_[i].row[0], turn.x);
+        set_row(frame_[i].row[1], turn.y);
+        set_row(frame_[i].row[2], turn.z);
+        set_row(frame_[i].row[3], lane(model.position[i]) - turn * lane(rest_position_[i]));
+    }
     static_assert(sizeof(Vec3) == 3 * sizeof(double));
-    const SkinningTask task{.vertices = std::min(vertices.size(), particle_.size() / SkinVertex::kMost),
-                            .particle = particle_.data(),
-                            .arm = arm_.data(),
+    const SkinningTask task{.vertices = part.vertices,
+                            .particle = particle_.data() + part.first_vertex * SkinVertex::kMost,
+                            .weight = weight_.data() + part.first_vertex * SkinVertex::kMost,
+                            .rest = &rest_.data()[part.first_vertex].x,
                             .frame = frame_.data(),
-                            .out = &vertices.data()->x};
+                            .out = &vertices.data()[part.first_vertex].x};
 #if defined(__x86_64__)
     if (wide_) {
         skin_avx2(task);

@@ -1,8 +1,8 @@
 // The inner loop of skinning (skin.hpp), for registers of different width.
 //
-// A vertex is blended from the frames of its particles: rows of four numbers, so that a frame's column is one load and
-// every operation is done on x, y, z and an unused number at once. Rounding is that of single numbers, whatever the
-// width, so the bits are the same.
+// The frames of a vertex's particles are blended, and the blend is applied to where the vertex is at rest: rows of four
+// numbers, so that a frame's column is one load and every operation is done on x, y, z and an unused number at once.
+// Rounding is that of single numbers, whatever the width, so the bits are the same.
 #pragma once
 
 #include <cstddef>
@@ -18,23 +18,18 @@ struct alignas(32) SkinRow {
     double number[4] = {};
 };
 
-/// A particle's place: the point p at rest is at x + axis[0] p.x + axis[1] p.y + axis[2] p.z, p from the particle.
+/// A particle's motion: the point p at rest is at row[0] p.x + row[1] p.y + row[2] p.z + row[3]. The first three are
+/// the columns of its rotation.
 struct ParticleFrame {
-    SkinRow position;
-    SkinRow axis[3];  // columns of the rotation
+    SkinRow row[4];
 };
 
-/// A vertex as one of its particles sees it.
-struct SkinArm {
-    double weight = 0.0;
-    double arm[3] = {};  // m, weight (X_j - X_i)
-};
-
-/// What one call skins; `particle` and `arm` are of shape [vertex][SkinVertex::kMost].
+/// What one call skins; `particle` and `weight` are of shape [vertex][SkinVertex::kMost].
 struct SkinningTask {
     std::size_t vertices;
     const std::uint32_t* particle;
-    const SkinArm* arm;
+    const double* weight;
+    const double* rest;          // m, [vertex][x, y, z]
     const ParticleFrame* frame;  // per particle
     double* out;                 // [vertex][x, y, z]
 };

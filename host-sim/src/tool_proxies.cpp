@@ -63,6 +63,7 @@ ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const
       solver_(body_.particles, settings_of_solver(model, settings.step)),
       particles_(body_.particles.size()),
       surroundings_(particles_.size()),
+      ahead_(particles_.size()),
       reach_(particles_.size()),
       before_(particles_.size()),
       held_(particles_.size(), 0) {
@@ -232,10 +233,14 @@ void ToolProxies::fit_pose() {
 
 void ToolProxies::look_ahead() {
     for (std::size_t i = 0; i < particles_.size(); ++i) {
-        ToolParticle& p = particles_[i];
-        p.planes = planes_in_reach(
-            surroundings_.of(i), p.contacts,
-            {.position = p.touches_at, .radius = p.radius, .reach = settings_.reach, .dt = settings_.step});
+        const ToolParticle& p = particles_[i];
+        ahead_[i] = {p.contacts,
+                     {.position = p.touches_at, .radius = p.radius, .reach = settings_.reach, .dt = settings_.step},
+                     {}};
+    }
+    planes_in_reach(surroundings_.all(), ahead_);
+    for (std::size_t i = 0; i < particles_.size(); ++i) {
+        particles_[i].planes = ahead_[i].planes;
     }
 }
 

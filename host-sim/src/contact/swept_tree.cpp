@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "contact/refit.hpp"
+
 namespace haptic::sim {
 
 namespace {
@@ -15,43 +17,22 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kLeastToSplit = 7;  // a child with fewer triangles is not split further to fill its node
 
 using Pair = SweptTree::Pair;
-using Bounds = SweptTree::Bounds;
-
-constexpr Bounds kEmpty{Pair{kInfinity, kInfinity}, Pair{kInfinity, kInfinity}, Pair{kInfinity, kInfinity}};
+constexpr Pair kEmpty{kInfinity, kInfinity};
 
 inline Pair least(const Pair& x, const Pair& y) noexcept {
     return x < y ? x : y;
 }
 
-inline Pair greatest(const Pair& x, const Pair& y) noexcept {
-    return x > y ? x : y;
+Box box_of(const PointExtremes& x) noexcept {
+    return {Vec3(x.low[0], x.low[1], x.low[2]), Vec3(x.high[0], x.high[1], x.high[2])};
 }
 
-/// Extremes of points that come in twos; of z both of a two lie side by side.
-struct Extremes {
-    Pair low_xy{kInfinity, kInfinity};
-    Pair high_xy{-kInfinity, -kInfinity};
-    Pair low_z{kInfinity, kInfinity};
-    Pair high_z{-kInfinity, -kInfinity};
-
-    void add(const Vec3& p, const Vec3& q) noexcept {
-        const Pair p_xy{p.x, p.y};
-        const Pair q_xy{q.x, q.y};
-        const Pair z{p.z, q.z};
-        low_xy = least(least(low_xy, p_xy), q_xy);
-        high_xy = greatest(greatest(high_xy, p_xy), q_xy);
-        low_z = least(low_z, z);
-        high_z = greatest(high_z, z);
-    }
-    [[nodiscard]] Bounds bounds() const noexcept {
-        const double low = low_z[0] < low_z[1] ? low_z[0] : low_z[1];
-        const double high = high_z[0] > high_z[1] ? high_z[0] : high_z[1];
-        return {low_xy, Pair{low, -high_xy[0]}, Pair{-high_xy[1], -high}};
-    }
-};
-
-inline Box box_of(const Bounds& b) noexcept {
-    return {Vec3(b.xy[0], b.xy[1], b.zx[0]), Vec3(-b.zx[1], -b.yz[0], -b.yz[1])};
+bool has_wide_registers() noexcept {
+#if defined(__x86_64__)
+    return __builtin_cpu_supports("avx2") != 0;
+#else
+    return false;
+#endif
 }
 
 Box empty_box() noexcept {
@@ -114,7 +95,8 @@ struct SweptTree::Builder {
         leaf.node = node;
         leaf.slot = slot;
         leaf.triangles_begin = static_cast<std::uint32_t>(tree.leaf_triangles_.size());
-        leaf.vertices_begin = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
+        LeafVertices vertices;
+        vertices.begin = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
         std::sort(order.begin() + static_cast<std::ptrdiff_t>(range.begin),
                   order.begin() + static_cast<std::ptrdiff_t>(range.end));
         shared.clear();
@@ -124,14 +106,16 @@ struct SweptTree::Builder {
                 if (last_seen[vertex] != index + 1) {
                     (last_seen[vertex] == 0 ? tree.leaf_vertices_ : shared).push_back(vertex);
                     last_seen[vertex] = index + 1;
+                    vertices.last |= vertex + 1 == last_seen.size() ? 1u : 0u;
                 }
             }
         }
-        leaf.shared_begin = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
+        vertices.shared = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
         tree.leaf_vertices_.insert(tree.leaf_vertices_.end(), shared.begin(), shared.end());
         leaf.triangles_end = static_cast<std::uint32_t>(tree.leaf_triangles_.size());
-        leaf.vertices_end = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
+        vertices.end = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
         tree.leaves_.push_back(leaf);
+        tree.leaf_ranges_.push_back(vertices);
         return index | kLeaf;
     }
 
@@ -151,8 +135,8 @@ struct SweptTree::Builder {
         const auto index = static_cast<std::uint32_t>(tree.nodes_.size());
         Node node{};
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            node.low[axis].fill(kEmpty.xy);
-            node.minus_high[axis].fill(kEmpty.xy);
+            node.low[axis].fill(kEmpty);
+            node.minus_high[axis].fill(kEmpty);
         }
         tree.nodes_.push_back(node);
         tree.parents_.push_back(parent);
@@ -190,34 +174,47 @@ SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> trian
     std::iota(builder.order.begin(), builder.order.end(), 0u);
     builder.last_seen.assign(rest.size(), 0u);
     builder.add_node({0, triangles.size()}, 0);
+    leaf_boxes_.resize(leaves_.size());
 }
 
-void SweptTree::refit(const SurfaceMotion& motion) noexcept {
-    Extremes displacement;
-    for (const Leaf& leaf : leaves_) {
-        Extremes extremes;
-        for (std::uint32_t k = leaf.vertices_begin; k < leaf.shared_begin; ++k) {
-            const Vec3& x0 = motion.start[leaf_vertices_[k]];
-            const Vec3& x1 = motion.end[leaf_vertices_[k]];
-            extremes.add(x0, x1);
-            const Vec3 d = x1 - x0;
-            displacement.add(d, d);
-        }
-        for (std::uint32_t k = leaf.shared_begin; k < leaf.vertices_end; ++k) {
-            extremes.add(motion.start[leaf_vertices_[k]], motion.end[leaf_vertices_[k]]);
-        }
-        store(nodes_[leaf.node], leaf.slot, extremes.bounds());
+void SweptTree::refit(const SurfaceMotion& motion, [[maybe_unused]] bool wide) noexcept {
+    if (leaves_.empty()) {
+        displacement_ = {};
+        return;
     }
-    displacement_ = leaves_.empty() ? Box{} : box_of(displacement.bounds());
+    static_assert(sizeof(Vec3) == 3 * sizeof(double));
+    PointExtremes displacement{};
+    const RefitTask task{.start = &motion.start.data()->x,
+                         .end = &motion.end.data()->x,
+                         .vertices = motion.start.size(),
+                         .order = leaf_vertices_.data(),
+                         .leaf = leaf_ranges_.data(),
+                         .leaves = leaves_.size(),
+                         .box = leaf_boxes_.data(),
+                         .displacement = &displacement};
+#if defined(__x86_64__)
+    static const bool has_avx2 = has_wide_registers();
+    if (wide && has_avx2) {
+        refit_avx2(task);
+    } else {
+        refit_baseline(task);
+    }
+#else
+    refit_baseline(task);
+#endif
+    displacement_ = box_of(displacement);
+    for (std::size_t k = 0; k < leaves_.size(); ++k) {
+        store(nodes_[leaves_[k].node], leaves_[k].slot, leaf_boxes_[k]);
+    }
     for (std::size_t index = nodes_.size(); index-- > 0;) {
         const Node& node = nodes_[index];
         const auto least_of = [](const std::array<Pair, kWidth / 2>& x) {
             const Pair p = least(least(x[0], x[1]), least(x[2], x[3]));
             return p[0] < p[1] ? p[0] : p[1];
         };
-        const Bounds box{Pair{least_of(node.low[0]), least_of(node.low[1])},
-                         Pair{least_of(node.low[2]), least_of(node.minus_high[0])},
-                         Pair{least_of(node.minus_high[1]), least_of(node.minus_high[2])}};
+        const PointExtremes box{
+            {least_of(node.low[0]), least_of(node.low[1]), least_of(node.low[2]), 0.0},
+            {-least_of(node.minus_high[0]), -least_of(node.minus_high[1]), -least_of(node.minus_high[2]), 0.0}};
         if (index > 0) {
             store(nodes_[parents_[index] / kWidth], parents_[index] % kWidth, box);
         } else {
@@ -226,15 +223,13 @@ void SweptTree::refit(const SurfaceMotion& motion) noexcept {
     }
 }
 
-void SweptTree::store(Node& node, std::size_t slot, const Bounds& box) noexcept {
+void SweptTree::store(Node& node, std::size_t slot, const PointExtremes& box) noexcept {
     const std::size_t pair = slot / 2;
     const std::size_t half = slot % 2;
-    node.low[0][pair][half] = box.xy[0];
-    node.low[1][pair][half] = box.xy[1];
-    node.low[2][pair][half] = box.zx[0];
-    node.minus_high[0][pair][half] = box.zx[1];
-    node.minus_high[1][pair][half] = box.yz[0];
-    node.minus_high[2][pair][half] = box.yz[1];
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        node.low[axis][pair][half] = box.low[axis];
+        node.minus_high[axis][pair][half] = -box.high[axis];
+    }
 }
 
 }  // namespace haptic::sim

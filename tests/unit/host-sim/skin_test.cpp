@@ -153,6 +153,39 @@ TEST(Skin, OfParticlesIsWhereTheyAre) {
     EXPECT_EQ(vertices, model.position);
 }
 
+TEST(Skin, OfOneBodyOfSeveralIsPlacedAloneAndOnlyWhereItHasMoved) {
+    ParticleModel model = fish().particles;
+    model.append(fish().particles);
+    std::vector<Vec3> rest = fish().mesh.vertices;
+    const std::size_t half = rest.size();
+    rest.insert(rest.end(), fish().mesh.vertices.begin(), fish().mesh.vertices.end());
+    Skin skin = fish().skin;
+    for (SkinVertex vertex : fish().skin) {
+        for (std::uint32_t& carrier : vertex.particle) {
+            carrier += static_cast<std::uint32_t>(fish().particles.size());
+        }
+        skin.push_back(vertex);
+    }
+    Skinner skinner(rest, model, skin);
+    const Skinner::Part first{0, half, 0, fish().particles.size()};
+    const Skinner::Part second{half, half, fish().particles.size(), fish().particles.size()};
+    EXPECT_TRUE(skinner.has_moved(model, first)) << "it was never placed";
+    std::vector<Vec3> vertices(rest.size(), Vec3(7.0));
+    skinner.place(model, first, vertices);
+    EXPECT_EQ(vertices[half], Vec3(7.0));
+    EXPECT_TRUE(skinner.has_moved(model, second));
+    skinner.place(model, second, vertices);
+    EXPECT_FALSE(skinner.has_moved(model, first) || skinner.has_moved(model, second));
+    model.position[second.first_particle + 3].y += 0.01;
+    model.orientation[2] = turned(model.orientation[2], Vec3(0.0, 0.1, 0.0));
+    EXPECT_TRUE(skinner.has_moved(model, first) && skinner.has_moved(model, second));
+    skinner.place(model, first, vertices);
+    skinner.place(model, second, vertices);
+    std::vector<Vec3> whole(rest.size());
+    Skinner(rest, model, skin, false).place(model, whole);
+    EXPECT_EQ(vertices, whole);
+}
+
 TEST(Skin, RefusesWeightsThatAreNone) {
     const std::vector<Vec3> rest{{0.0, 0.0, 0.0}};
     ParticleModel model;

@@ -32,7 +32,6 @@ using Skin = std::vector<SkinVertex>;
 
 /// What Skinner works with in the course of a step.
 struct ParticleFrame;
-struct SkinArm;
 
 class Skinner {
   public:
@@ -47,11 +46,28 @@ class Skinner {
     /// Writes all vertices, at most as many as the skin has. No allocation; the same bits on every machine.
     void place(const ParticleModel& model, std::span<Vec3> vertices);
 
+    /// Consecutive vertices and the particles that carry them: one body of several.
+    struct Part {
+        std::size_t first_vertex = 0;
+        std::size_t vertices = 0;
+        std::size_t first_particle = 0;
+        std::size_t particles = 0;
+    };
+    /// Whether a particle of the part is elsewhere than at the last place() of the part or of all; the first time it
+    /// is.
+    [[nodiscard]] bool has_moved(const ParticleModel& model, const Part& part) const noexcept;
+    /// The same for the vertices of one part, which no other particles carry. `vertices` has those of all parts.
+    void place(const ParticleModel& model, const Part& part, std::span<Vec3> vertices);
+
   private:
     std::vector<std::uint32_t> particle_;  // [vertex][SkinVertex::kMost]
-    std::vector<SkinArm> arm_;             // of the same shape
+    std::vector<double> weight_;           // of the same shape
+    std::vector<Vec3> rest_;               // m, per vertex
+    std::vector<Vec3> rest_position_;      // m, per particle
     std::vector<ParticleFrame> frame_;     // per particle
-    bool one_to_one_ = false;              // vertex j is particle j
+    std::vector<Vec3> placed_position_;    // m, per particle: at the last place()
+    std::vector<Quat> placed_orientation_;
+    bool one_to_one_ = false;  // vertex j is particle j
     bool wide_ = false;
 };
 

@@ -28,6 +28,7 @@
 
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact/friction.hpp"
+#include "haptic/sim/contact/planes_in_reach.hpp"
 #include "haptic/sim/contact/proxy_path.hpp"
 #include "haptic/sim/contact/surroundings.hpp"
 #include "haptic/sim/contact/swept_tree.hpp"
@@ -121,6 +122,7 @@ class ToolProxies {
     std::unique_ptr<Skinner> skinner_;  // if there is a mesh
     std::vector<ToolParticle> particles_;
     Surroundings surroundings_;
+    std::vector<ReachTask> ahead_;    // per particle, what the haptic loop gets
     std::vector<ProxyReach> reach_;   // per particle, what is collected for
     std::vector<Vec3> before_;        // per particle: at the end of the last step
     std::vector<std::uint8_t> held_;  // per particle: by friction

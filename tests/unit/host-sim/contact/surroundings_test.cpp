@@ -22,6 +22,8 @@ using haptic::sim::NearSurfaces;
 using haptic::sim::PopOut;
 using haptic::sim::ProxyMove;
 using haptic::sim::ProxyReach;
+using haptic::sim::ReachQuery;
+using haptic::sim::ReachTask;
 using haptic::sim::SecurePosition;
 using haptic::sim::SurfacePlanes;
 using haptic::sim::Surroundings;
@@ -42,14 +44,27 @@ struct Moved {
     SurfacePlanes planes;
 };
 
+ReachQuery reach_of(const Moved& m, const ProxyReach& at) {
+    return {.position = m.move.position, .radius = at.radius, .reach = 0.01, .dt = 0.01};
+}
+
 Moved moved(const NearSurfaces& surfaces, const ProxyReach& at) {
     Moved m;
     m.secure = secure_position(surfaces, at.position, at.radius, {});
     m.popped = pop_out(surfaces, m.secure.position, at.radius, {});
     m.move = move_proxy(surfaces, m.popped.position, at.goal, at.radius, 0.01, {});
-    m.planes = planes_in_reach(surfaces, m.move.contacts,
-                               {.position = m.move.position, .radius = at.radius, .reach = 0.01, .dt = 0.01});
+    m.planes = planes_in_reach(surfaces, m.move.contacts, reach_of(m, at));
     return m;
+}
+
+void expect_same(const SurfacePlanes& a, const SurfacePlanes& b) {
+    ASSERT_EQ(a.count, b.count);
+    for (std::uint32_t k = 0; k < a.count; ++k) {
+        EXPECT_EQ(a.plane[k].normal, b.plane[k].normal);
+        EXPECT_EQ(a.plane[k].offset, b.plane[k].offset);
+        EXPECT_EQ(a.plane[k].touched.object, b.plane[k].touched.object);
+        EXPECT_EQ(a.plane[k].touched.triangle, b.plane[k].touched.triangle);
+    }
 }
 
 void expect_same(const Moved& a, const Moved& b) {
@@ -62,13 +77,7 @@ void expect_same(const Moved& a, const Moved& b) {
     EXPECT_EQ(a.popped.clearance, b.popped.clearance);
     EXPECT_EQ(a.move.position, b.move.position);
     EXPECT_EQ(a.move.iterations, b.move.iterations);
-    ASSERT_EQ(a.planes.count, b.planes.count);
-    for (std::uint32_t k = 0; k < a.planes.count; ++k) {
-        EXPECT_EQ(a.planes.plane[k].normal, b.planes.plane[k].normal);
-        EXPECT_EQ(a.planes.plane[k].offset, b.planes.plane[k].offset);
-        EXPECT_EQ(a.planes.plane[k].touched.object, b.planes.plane[k].touched.object);
-        EXPECT_EQ(a.planes.plane[k].touched.triangle, b.planes.plane[k].touched.triangle);
-    }
+    expect_same(a.planes, b.planes);
 }
 
 /// Two balls and a waving sheet between them, turned and shifted by up to `travel` a step.
@@ -113,12 +122,18 @@ TEST_P(Waves, MoveEachProxyOfAToolToTheSameBitsHoweverItsSurroundingsAreFound) {
             tool.push_back({at, at + random.in_cube(random.uniform(0.0, 0.3)), radius, 0.1 * radius});
         }
         surroundings.collect(world.surfaces, tool);
+        std::vector<ReachTask> reach;
         for (std::size_t k = 0; k < tool.size(); ++k) {
             const Moved with = moved(surroundings.of(k), tool[k]);
+            reach.push_back({with.move.contacts, reach_of(with, tool[k]), {}});
             expect_same(with, moved(world.surfaces, tool[k]));
             touching += with.planes.count > 0 ? 1 : 0;
             rides += with.secure.rides > 1 ? 1 : 0;
             listed += surroundings.listed(k);
+        }
+        planes_in_reach(world.surfaces, reach);  // of all at once
+        for (std::size_t k = 0; k < tool.size(); ++k) {
+            expect_same(reach[k].planes, planes_in_reach(world.surfaces, reach[k].contacts, reach[k].query));
         }
     }
     EXPECT_GT(touching, 40);

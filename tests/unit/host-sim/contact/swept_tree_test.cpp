@@ -110,6 +110,33 @@ TEST(SweptTree, FindsNothingBeforeTheFirstRefit) {
     tree.query(haptic::sim::box_about({0, 0, 0}, {0, 0, 0}, 9.0), [](std::uint32_t) { FAIL(); });
 }
 
+TEST(SweptTree, HasTheSameBoxesWhateverRegistersThereAre) {
+    Random random(3);
+    for (const std::uint32_t cells : {1u, 3u, 14u}) {
+        const TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, cells, cells != 3u);
+        SweptTree wide(mesh.vertices, mesh.triangles);
+        SweptTree narrow(mesh.vertices, mesh.triangles);
+        std::vector<Vec3> end;
+        for (const Vec3& v : mesh.vertices) {
+            end.push_back(v + random.in_cube(0.05));
+        }
+        wide.refit({mesh.vertices, end, mesh.triangles});
+        narrow.refit({mesh.vertices, end, mesh.triangles}, false);
+        EXPECT_EQ(wide.bounds().low, narrow.bounds().low);
+        EXPECT_EQ(wide.bounds().high, narrow.bounds().high);
+        EXPECT_EQ(wide.displacement().low, narrow.displacement().low);
+        EXPECT_EQ(wide.displacement().high, narrow.displacement().high);
+        for (int k = 0; k < 100; ++k) {
+            const Box box = haptic::sim::box_about(random.in_cube(0.6), random.in_cube(0.6), 0.01);
+            std::vector<std::uint32_t> a;
+            std::vector<std::uint32_t> b;
+            wide.query(box, [&](std::uint32_t t) { a.push_back(t); });
+            narrow.query(box, [&](std::uint32_t t) { b.push_back(t); });
+            ASSERT_EQ(a, b);
+        }
+    }
+}
+
 TEST(SweptTree, HoldsForASurfaceThatStandsWhereItCameToRest) {
     Random random(12);
     haptic::sim::scenes::World refitted;

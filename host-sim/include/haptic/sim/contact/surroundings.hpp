@@ -59,6 +59,8 @@ class Surroundings {
     /// The surfaces for the queries of one proxy, until the next collect(). One that was not collected asks the trees.
     [[nodiscard]] NearSurfaces of(std::size_t proxy) const noexcept;
 
+    /// What the last collect() was given.
+    [[nodiscard]] std::span<const MovingSurface> all() const noexcept { return surfaces_; }
     /// Triangles that the last collect() listed for a proxy.
     [[nodiscard]] std::size_t listed(std::size_t proxy) const noexcept;
     /// Proxies of the last collect() that found too much to list, and so ask the trees.

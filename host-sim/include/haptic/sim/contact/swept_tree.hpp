@@ -14,6 +14,7 @@
 #include <span>
 #include <vector>
 
+#include "haptic/sim/contact/tree_leaves.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/types.hpp"
 
@@ -32,13 +33,6 @@ class SweptTree {
   public:
     /// Two numbers in one register, on every machine that we build for.
     using Pair = double __attribute__((vector_size(16)));
-    /// A box as [low | -high]: to enclose is then to take the least of six numbers, two at a time.
-    struct Bounds {
-        Pair xy;  // low.x, low.y
-        Pair zx;  // low.z, -high.x
-        Pair yz;  // -high.y, -high.z
-    };
-
     static constexpr std::size_t kMostInLeaf = 16;  // triangles
 
     /// Splits the triangles by the positions of `rest`, at medians along the longest axis. Every box is empty until the
@@ -47,8 +41,9 @@ class SweptTree {
 
     /// Fits all boxes to a step. O(n), no allocation. `motion` has the triangles that the tree was built from. Boxes
     /// hold for as long as the surface is where it was: one that comes to rest is refitted once more with `end` for
-    /// both ends of the step, and then not until it moves.
-    void refit(const SurfaceMotion& motion) noexcept;
+    /// both ends of the step, and then not until it moves. `wide` allows the registers that not every machine has; it
+    /// makes no difference to the boxes.
+    void refit(const SurfaceMotion& motion, bool wide = true) noexcept;
 
     /// Calls visit(triangle index) for each triangle of each leaf whose box meets `box`; so for a few too many, but for
     /// none too few. Order is fixed by the tree. No allocation. A surface that is far away as a whole costs one test.
@@ -123,19 +118,10 @@ class SweptTree {
         const Leaf& l = leaves_[leaf];
         return {&leaf_triangles_[l.triangles_begin], l.triangles_end - l.triangles_begin};
     }
-    [[nodiscard]] Bounds bounds_of(std::uint32_t leaf) const noexcept {
-        const Node& node = nodes_[leaves_[leaf].node];
-        const std::size_t pair = leaves_[leaf].slot / 2;
-        const std::size_t half = leaves_[leaf].slot % 2;
-        return {Pair{node.low[0][pair][half], node.low[1][pair][half]},
-                Pair{node.low[2][pair][half], node.minus_high[0][pair][half]},
-                Pair{node.minus_high[1][pair][half], node.minus_high[2][pair][half]}};
-    }
-    /// The test that query() makes for a leaf.
-    [[nodiscard]] static bool meets(const Bounds& b, const Box& box) noexcept {
-        const auto meets = (b.xy <= Pair{box.high.x, box.high.y}) & (b.zx <= Pair{box.high.z, -box.low.x}) &
-                           (b.yz <= Pair{-box.low.y, -box.low.z});
-        return (meets[0] & meets[1]) != 0;
+    /// The vertices of these triangles, each once.
+    [[nodiscard]] std::span<const std::uint32_t> vertices_of(std::uint32_t leaf) const noexcept {
+        const LeafVertices& l = leaf_ranges_[leaf];
+        return {&leaf_vertices_[l.begin], l.end - l.begin};
     }
 
     /// Box of everything over the step.
@@ -159,9 +145,6 @@ class SweptTree {
     struct Leaf {
         std::uint32_t triangles_begin;  // in leaf_triangles_
         std::uint32_t triangles_end;
-        std::uint32_t vertices_begin;  // in leaf_vertices_: those that no leaf before has,
-        std::uint32_t shared_begin;    // then the others
-        std::uint32_t vertices_end;
         std::uint32_t node;  // that it hangs under
         std::uint32_t slot;
     };
@@ -186,13 +169,15 @@ class SweptTree {
         return a.low.x <= b.high.x && a.high.x >= b.low.x && a.low.y <= b.high.y && a.high.y >= b.low.y &&
                a.low.z <= b.high.z && a.high.z >= b.low.z;
     }
-    static void store(Node& node, std::size_t slot, const Bounds& box) noexcept;
+    static void store(Node& node, std::size_t slot, const PointExtremes& box) noexcept;
 
     std::vector<Node> nodes_;
     std::vector<Leaf> leaves_;
     std::vector<std::uint32_t> leaf_triangles_;
     std::vector<std::uint32_t> leaf_vertices_;
-    std::vector<std::uint32_t> parents_;  // of nodes: parent * kWidth + slot
+    std::vector<LeafVertices> leaf_ranges_;  // in leaf_vertices_
+    std::vector<PointExtremes> leaf_boxes_;  // of the last refit
+    std::vector<std::uint32_t> parents_;     // of nodes: parent * kWidth + slot
     Box bounds_;
     Box displacement_;
 };
