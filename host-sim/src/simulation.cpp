@@ -50,7 +50,8 @@ ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
             {.contact = scene.contact,
              .reach = scene.proxy.reach,
              .step = scene.solver.step,
-             .count_revised = scene.coupling.multi_rate == MultiRate::Positions},
+             .count_revised = scene.coupling.multi_rate == MultiRate::Positions,
+             .closed = scene.tool && scene.tool->close_gaps},
             scene.hand.at(0)};
 }
 

@@ -84,6 +84,9 @@ ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const
         body_.particles.orientation[i] = where.orientation;
     }
     pose_ = where;
+    if (settings_.closed) {
+        find_links();
+    }
 }
 
 bool ToolProxies::rough() const noexcept {
@@ -115,6 +118,7 @@ void ToolProxies::look_round(std::span<const MovingSurface> surfaces) {
         reach_[i] = {.position = p.position, .goal = p.goal, .radius = p.radius};
     }
     surroundings_.collect(surfaces, reach_);
+    surfaces_ = surfaces;
 }
 
 void ToolProxies::secure() {
@@ -144,17 +148,27 @@ void ToolProxies::pop_out() {
     }
 }
 
+void ToolProxies::move_toward(std::size_t particle, const Vec3& goal) {
+    ToolParticle& p = particles_[particle];
+    const ProxyMove move =
+        move_proxy(surroundings_.of(particle), {.before = before_[particle], .from = p.position, .goal = goal},
+                   p.radius, settings_.step, settings_.contact, p.grip, path_of(particle));
+    p.position = p.held_at = p.touches_at = move.position;
+    p.contacts = move.contacts;
+    p.revised = false;
+    stopped_ = stopped_ || p.in_contact() || !move.converged;
+    turned_aside_ = turned_aside_ || move.iterations > 1;
+}
+
 void ToolProxies::approach() {
     stopped_ = false;
+    turned_aside_ = false;
+    begin_links();
     for (std::size_t i = 0; i < particles_.size(); ++i) {
-        ToolParticle& p = particles_[i];
-        const ProxyMove move =
-            move_proxy(surroundings_.of(i), {.before = before_[i], .from = p.position, .goal = p.goal}, p.radius,
-                       settings_.step, settings_.contact, p.grip, path_of(i));
-        p.position = p.held_at = p.touches_at = move.position;
-        p.contacts = move.contacts;
-        p.revised = false;
-        stopped_ = stopped_ || p.in_contact() || !move.converged;
+        move_toward(i, particles_[i].goal);
+    }
+    if ((stopped_ || turned_aside_) && !links_.empty()) {
+        keep_links();
     }
 }
 
@@ -171,6 +185,10 @@ void ToolProxies::constrain() {
 }
 
 void ToolProxies::revise() {
+    const bool linked = stopped_ && !links_.empty();
+    if (linked) {
+        begin_links();
+    }
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         ToolParticle& p = particles_[i];
         Vec3& wanted = body_.particles.position[i];
@@ -196,7 +214,12 @@ void ToolProxies::revise() {
             p.contacts = contacts;
             p.touches_at = p.position;
             p.held_at = hold.room().at.point;
+            if (linked) {
+                keep_bars(i);
+            }
         }
+    }
+    while (linked && put_back_what_crosses()) {
     }
     fit_pose();
 }

@@ -28,6 +28,7 @@
 
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact/friction.hpp"
+#include "haptic/sim/contact/link_guard.hpp"
 #include "haptic/sim/contact/planes_in_reach.hpp"
 #include "haptic/sim/contact/proxy_path.hpp"
 #include "haptic/sim/contact/surroundings.hpp"
@@ -77,6 +78,8 @@ class ToolProxies {
         double step = 0.01;  // s
         /// A particle is in contact also if its goal is free, but the constraints ran it into a surface: thesis, 5.4.1.
         bool count_revised = false;
+        /// Nothing gets between two spheres that overlap in the rest shape, however thin it is.
+        bool closed = false;
     };
 
     /// Puts the tool in its rest shape where it is. Throws std::invalid_argument: no particle or more than
@@ -115,6 +118,15 @@ class ToolProxies {
     [[nodiscard]] bool rough() const noexcept;
     [[nodiscard]] ProxyPath* path_of(std::size_t particle) noexcept;
     void fit_pose();
+    void move_toward(std::size_t particle, const Vec3& goal);
+    // Closed links: tool_links.cpp.
+    void find_links();
+    void begin_links();
+    void keep_links();
+    [[nodiscard]] bool put_back_what_crosses();
+    void bar(std::size_t particle, const SurfacePlane& plane);
+    void put_back(std::size_t particle);
+    void keep_bars(std::size_t particle);
 
     Settings settings_;
     DeformableBody body_;  // in motion
@@ -127,12 +139,27 @@ class ToolProxies {
     std::vector<Vec3> before_;        // per particle: at the end of the last step
     std::vector<std::uint8_t> held_;  // per particle: by friction
     std::vector<ProxyPath> paths_;    // per particle; empty if not kept
-    Vec3 rest_centre_{0.0};           // of the rest offsets
+    /// Two spheres that overlap in the rest shape, and the way between them is closed.
+    struct ClosedLink {
+        std::uint32_t first;
+        std::uint32_t second;
+    };
+    /// A particle as it was before a stage, and what bars its way there.
+    struct Start {
+        ToolParticle particle;
+        std::size_t knots = 0;  // of its path
+        SurfacePlanes bars;
+    };
+    std::span<const MovingSurface> surfaces_;  // of this step
+    std::vector<ClosedLink> links_;            // none, unless gaps are closed
+    std::vector<Start> starts_;                // per particle, if there are links
+    Vec3 rest_centre_{0.0};                    // of the rest offsets
     Pose hip_;
     Pose pose_;
     ToolEffort effort_;
-    bool aimed_ = false;    // there was a hip before
-    bool stopped_ = false;  // some particle on its way to its goal
+    bool aimed_ = false;         // there was a hip before
+    bool stopped_ = false;       // some particle on its way to its goal
+    bool turned_aside_ = false;  // some particle met a surface on its way, even if it got round it
     bool in_shape_ = true;
 };
 

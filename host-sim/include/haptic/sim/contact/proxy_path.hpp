@@ -35,6 +35,8 @@ class ProxyPath {
             complete_ = false;
         }
     }
+    /// Takes back what came after the first `knots` knots: the proxy never went there.
+    void rewind(std::size_t knots) noexcept { count_ = knots < count_ ? knots : count_; }
     [[nodiscard]] std::span<const PathKnot> knots() const noexcept { return {knots_.data(), count_}; }
     /// False once a knot had to be dropped; the path then proves nothing.
     [[nodiscard]] bool complete() const noexcept { return complete_; }
