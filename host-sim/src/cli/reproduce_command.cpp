@@ -43,7 +43,7 @@ int go(const Options& options) {
 Command add_reproduce_command(CLI::App& app) {
     const auto options = std::make_shared<Options>();
     std::vector<std::string> known;
-    std::string described = "Figures of chapter 4 to reproduce; all if none is named:";
+    std::string described = "Figures of chapters 4 and 5 to reproduce; all if none is named:";
     for (const reproduce::Reproduction& which : reproduce::reproductions()) {
         known.emplace_back(which.number);
         described += std::string("\n  ") + which.number + "  " + which.title;

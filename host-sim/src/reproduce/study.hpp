@@ -81,6 +81,9 @@ struct Reproduction {
 [[nodiscard]] Figure fish_hold(const Study& study);
 [[nodiscard]] Figure fish_slide(const Study& study);
 [[nodiscard]] Figure four_fish(const Study& study);
+[[nodiscard]] Figure curtain_hand(const Study& study);
+[[nodiscard]] Figure sphere_counts(const Study& study);
+[[nodiscard]] Figure plane_slide(const Study& study);
 [[nodiscard]] Figure scaling(const Study& study);
 
 }  // namespace haptic::sim::reproduce
