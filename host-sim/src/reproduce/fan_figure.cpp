@@ -138,8 +138,12 @@ Figure pop_out_iterations(const Study& study) {
         "3 m "
         "deep; proxy 0.03 m, smallest pop 0.002 radii. Each particle is matched with its neighbours on the fan, "
         "without "
-        "cloth constraint. The thesis gives neither the radius of the rim, here 0.25 m, nor mass and stiffness, chosen "
-        "so that the centre goes to the depths that it names at 10 N/m.";
+        "cloth constraint. The thesis gives neither the radius of the rim, here 0.25 m, nor mass and stiffness. They "
+        "were "
+        "searched for, over some thousands of combinations, until the centre goes to the depths that it names at 10 "
+        "N/m, "
+        "nothing escapes with its own methods, and their iterations rise with depth. This point is not a typical one: "
+        "of twelve masses from 8 to 40 kg the thesis' methods lose the proxy at six, ours at none.";
     const Outcome ours = run_with(study, figure, "ours", {}, true);
     const Outcome thesis = run_with(study, figure, "thesis", thesis_methods(), false);
     const std::string rims = of_other_rims(study, figure);
