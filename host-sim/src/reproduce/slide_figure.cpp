@@ -142,7 +142,7 @@ Figure plane_slide(const Study& study) {
                 "the hand, 10 cm'\n");
     }
     // How the dragging grows with the time of a step.
-    std::vector<double> steps{0.005, 0.01, 0.02, 0.04};
+    const std::vector<double> steps{0.005, 0.01, 0.02, 0.04};
     CsvWriter csv(study.data(figure, "figure-5.7-steps"), {"step_ms", "positions_n", "planes_n", "k_v_step_n"});
     for (const double step_s : steps) {
         const Felt drag = felt(slide({"", true, step_s, 20.0}, study.clock(), escapes, nullptr, nullptr));
