@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "haptic/config.hpp"
-#include "haptic/types.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "haptic/sim/tool_proxies.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 namespace {

@@ -25,8 +25,8 @@ struct FanShape {
 
 /// One oriented particle for each vertex of make_fan_mesh, in the same order, each matched with its neighbours on the
 /// fan: the one in the centre with all of the rim, each of the rim with the centre and the two beside it. Those of the
-/// rim are pinned. There are no links: the thesis leaves out the cloth constraint here, so that the centre can be pushed
-/// far.
+/// rim are pinned. There are no links: the thesis leaves out the cloth constraint here, so that the centre can be
+/// pushed far.
 [[nodiscard]] ParticleModel make_fan_particles(const FanShape& shape, double group_stiffness);
 
 }  // namespace haptic::sim

@@ -1,8 +1,8 @@
 // A hand, generated: the tool of the thesis' chapter 5 without a mesh file.
 //
-// A right hand, lying flat: the fingers, spread and a little bent, point to -z, the palm looks to -y, the thumb is at -x;
-// it ends in a wrist. One closed skin without holes: the surface where a smooth union of rounded bones and pads is zero,
-// netted with cubes (Gibson 1998, Constrained Elastic Surface Nets) and evened out along the surface.
+// A right hand, lying flat: the fingers, spread and a little bent, point to -z, the palm looks to -y, the thumb is at
+// -x; it ends in a wrist. One closed skin without holes: the surface where a smooth union of rounded bones and pads is
+// zero, netted with cubes (Gibson 1998, Constrained Elastic Surface Nets) and evened out along the surface.
 #pragma once
 
 #include <cstdint>

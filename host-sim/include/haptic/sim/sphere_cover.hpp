@@ -4,13 +4,14 @@
 // how far a sphere stands proud of what the mesh encloses. Both are bounds that hold for every point of the surface,
 // not for samples of it.
 //
-// Candidates are balls that touch a closed mesh from inside in two places or more (its medial axis; found by shrinking a
-// ball that touches at a sample, Ma, Bae, Choi 2012). A ball of radius d about c misses a sample s by |s - c| - d. Balls are
-// chosen greedily, the one first that takes in most samples within an allowance, which is halved until the number fits;
-// then each moves to where it misses least of what it takes in, over and over (Lloyd 1982, with the greatest miss in
-// place of the mean square). In the end each ball grows by half of what it misses, so bare and proud are alike. Where a
-// number of spheres is given, a miss counts the more the smaller the ball is that has it, by the root of its radius, so
-// that thin parts, fingers, are met more closely than thick ones. An open mesh has no inside: its spheres sit on it.
+// Candidates are balls that touch a closed mesh from inside in two places or more (its medial axis; found by shrinking
+// a ball that touches at a sample, Ma, Bae, Choi 2012). A ball of radius d about c misses a sample s by |s - c| - d.
+// Balls are chosen greedily, the one first that takes in most samples within an allowance, which is halved until the
+// number fits; then each moves to where it misses least of what it takes in, over and over (Lloyd 1982, with the
+// greatest miss in place of the mean square). In the end each ball grows by half of what it misses, so bare and proud
+// are alike. Where a number of spheres is given, a miss counts the more the smaller the ball is that has it, by the
+// root of its radius, so that thin parts, fingers, are met more closely than thick ones. An open mesh has no inside:
+// its spheres sit on it.
 #pragma once
 
 #include <cstddef>

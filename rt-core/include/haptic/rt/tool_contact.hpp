@@ -6,9 +6,9 @@
 //     F = sum f_i / N,  T = sum (R o_i) x f_i / N - b_r omega (particles in contact) / N
 // so that damping acts in contact only, never pulls into a surface, and leaves free motion without force: there F and T
 // are exactly zero. T is made with the frame's torque stiffness in place of k. Where the frame has friction, a particle
-// is held at x_i + t_i (surface_grip.hpp) and k t_i comes to f_i, less as damping takes from the normal force. While the
-// frame too says that it sticks, where it sticks goes to where the frame has it, in 0.1 s.
-// v_surface . n follows from the velocities of the active planes.
+// is held at x_i + t_i (surface_grip.hpp) and k t_i comes to f_i, less as damping takes from the normal force. While
+// the frame too says that it sticks, where it sticks goes to where the frame has it, in 0.1 s. v_surface . n follows
+// from the velocities of the active planes.
 //
 // With HAPTIC_FRAME_SERIES_SPRINGS the springs are those of series_springs.hpp, over all planes of all particles, and
 // the pushes are not divided: f_i is the sum of the particle's pushes, b is divided as they are, and friction is as
