@@ -96,10 +96,11 @@ TEST_F(RunStatisticsTest, RecordIsAValidHand) {
     statistics_.write_record(file);
     const CsvTable table = CsvTable::load(file);
     EXPECT_EQ(table.rows(), 12u);
-    EXPECT_EQ(table.columns().size(), 19u);
+    EXPECT_EQ(table.columns().size(), 22u);
     EXPECT_EQ(table.column("time_s")[3], 0.03);
     EXPECT_EQ(table.column("in_contact")[11], 1.0);
     EXPECT_LT(table.column("fy_n")[11], -0.1);  // the cloth pulls the hand down
+    EXPECT_EQ(table.column("tx_nm")[11], 0.0);  // one sphere at the grip's origin has no lever
     EXPECT_NO_THROW((void)PoseTrack::load(file));
     std::filesystem::remove_all(folder_);
 }
