@@ -112,7 +112,10 @@ bool ToolProxies::put_back_what_crosses() {
     for (const auto& [a, b] : links_) {
         const Vec3& from_a = starts_[a].particle.position;
         const Vec3& from_b = starts_[b].particle.position;
-        if (!find_link_hit(surfaces_, {from_a, from_b, particles_[a].position, particles_[b].position})) {
+        const Vec3& to_a = particles_[a].position;
+        const Vec3& to_b = particles_[b].position;
+        // What is back already cannot go farther back, whatever rounding says: so this ends.
+        if ((to_a == from_a && to_b == from_b) || !find_link_hit(surfaces_, {from_a, from_b, to_a, to_b})) {
             continue;
         }
         any = true;
