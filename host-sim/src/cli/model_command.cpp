@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "cli/commands.hpp"
+#include "cli/toml_string.hpp"
 #include "haptic/config.hpp"
 #include "haptic/sim/model_file.hpp"
 #include "haptic/sim/model_settings.hpp"
@@ -31,18 +32,6 @@ struct ModelOptions {
 bool is_generator(const std::string& what) {
     constexpr std::array generators{"cloth", "curtain", "fan", "fish"};
     return std::find(generators.begin(), generators.end(), what) != generators.end();
-}
-
-/// `text` as a TOML string.
-std::string quoted(const std::string& text) {
-    std::string result = "\"";
-    for (const char c : text) {
-        if (c == '"' || c == '\\') {
-            result += '\\';
-        }
-        result += c;
-    }
-    return result + '"';
 }
 
 /// Least, middle and greatest, m or members.
@@ -138,7 +127,7 @@ int run_model(const ModelOptions& options) {
     if (is_generator(options.what)) {
         config.set("model.generator=" + options.what);
     } else {
-        config.set("model.file=" + quoted(options.what));
+        config.set("model.file=" + toml_string(options.what));
     }
     for (const std::string& assignment : options.assignments) {
         config.set(assignment);

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "cli/commands.hpp"
+#include "cli/toml_string.hpp"
 #include "haptic/config.hpp"
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/scene.hpp"
@@ -38,18 +39,6 @@ bool is_mesh(const std::string& what) {
     } catch (const MeshError&) {
         return false;
     }
-}
-
-/// `text` as a TOML string.
-std::string quoted(const std::string& text) {
-    std::string result = "\"";
-    for (const char c : text) {
-        if (c == '"' || c == '\\') {
-            result += '\\';
-        }
-        result += c;
-    }
-    return result + '"';
 }
 
 void print(std::ostream& out, const ToolModel& tool, bool list) {
@@ -91,7 +80,7 @@ ToolSettings settings_of(const ToolOptions& options) {
     if (is_generator(options.what)) {
         config.set("tool.generator=" + options.what);
     } else if (!of_scene) {
-        config.set("tool.file=" + quoted(options.what));
+        config.set("tool.file=" + toml_string(options.what));
     }
     for (const std::string& assignment : options.assignments) {
         config.set(assignment);
