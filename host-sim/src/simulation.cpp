@@ -210,9 +210,14 @@ void Simulation::State::verify(StepResult& result) const {
     for (const MovingSurface& surface : surfaces) {
         moved.push_back(surface.motion);
     }
+    std::vector<std::span<const PathKnot>> ways;
+    ways.reserve(tool.particles().size());
     for (std::size_t i = 0; i < tool.particles().size(); ++i) {
-        const ProxyPath& path = tool.path(i);
-        result.crossings += !path.complete() || !find_crossings(moved, path.knots()).empty() ? 1u : 0u;
+        ways.push_back(tool.path(i).knots());
+    }
+    const std::vector<std::vector<Crossing>> found = find_crossings(moved, ways);
+    for (std::size_t i = 0; i < ways.size(); ++i) {
+        result.crossings += !tool.path(i).complete() || !found[i].empty() ? 1u : 0u;
     }
     result.crossed = result.crossings > 0;
 }

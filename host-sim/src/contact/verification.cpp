@@ -6,6 +6,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <limits>
 
 namespace haptic::sim {
 
@@ -13,7 +14,9 @@ namespace {
 
 constexpr double kInside = 1e-12;  // of the triangle's area: on the border counts as through
 constexpr double kLine = 1e-22;    // square of height over length, below which a triangle is a line
-constexpr double kFlat = 1e-13;    // of the cube of the extent: the triangle never leaves the point's plane
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kRounding = 1e-12;  // of a coordinate: far above what interpolating it rounds
+constexpr double kFlat = 1e-13;      // of the cube of the extent: the triangle never leaves the point's plane
 
 using Corners = std::array<Vec3, 3>;
 
@@ -195,35 +198,133 @@ Triangle sorted(Triangle t) {
     return t;
 }
 
+/// Adds what one triangle does to a path between a knot and the next. `first_of_piece` is where in `found` what this
+/// piece crosses of the same surface begins.
+void judge(std::span<const SurfaceMotion> surfaces, std::uint32_t object, std::uint32_t triangle,
+           std::span<const PathKnot> path, std::uint32_t piece, std::size_t first_of_piece,
+           std::vector<Crossing>& found) {
+    const SurfaceMotion& motion = surfaces[object];
+    const PathKnot& p = path[piece];
+    const PathKnot& q = path[piece + 1];
+    Relative r{};
+    for (std::size_t k = 0; k < 3; ++k) {
+        const Vec3& x0 = motion.start[motion.triangles[triangle][k]];
+        const Vec3& x1 = motion.end[motion.triangles[triangle][k]];
+        r.from[k] = (1.0 - p.time) * x0 + p.time * x1 - p.position;
+        r.to[k] = (1.0 - q.time) * x0 + q.time * x1 - q.position;
+    }
+    double share = 0.0;
+    if (box_misses_origin(r) || !first_passage(r, share)) {
+        return;
+    }
+    const bool other_face = std::any_of(
+        found.begin() + static_cast<std::ptrdiff_t>(first_of_piece), found.end(),
+        [&](const Crossing& c) { return sorted(motion.triangles[c.triangle]) == sorted(motion.triangles[triangle]); });
+    if (!other_face) {
+        found.push_back({object, triangle, piece, p.time + share * (q.time - p.time),
+                         p.position + share * (q.position - p.position)});
+    }
+}
+
+/// Bounds of places, wide enough for whatever rounding does to places between them.
+struct Extent {
+    Vec3 low{kInfinity};
+    Vec3 high{-kInfinity};
+
+    void add(const Vec3& x) {
+        low = glm::min(low, x);
+        high = glm::max(high, x);
+    }
+    void add(const Extent& other) {
+        low = glm::min(low, other.low);
+        high = glm::max(high, other.high);
+    }
+    void widen() {
+        const Vec3 rounding = kRounding * glm::max(glm::abs(low), glm::abs(high));
+        low -= rounding;
+        high += rounding;
+    }
+    [[nodiscard]] bool meets(const Extent& other) const {
+        return low.x <= other.high.x && high.x >= other.low.x && low.y <= other.high.y && high.y >= other.low.y &&
+               low.z <= other.high.z && high.z >= other.low.z;
+    }
+};
+
+/// Of each path.
+std::vector<Extent> extents_of(std::span<const std::span<const PathKnot>> paths) {
+    std::vector<Extent> extents(paths.size());
+    for (std::size_t k = 0; k < paths.size(); ++k) {
+        for (const PathKnot& knot : paths[k]) {
+            extents[k].add(knot.position);
+        }
+        extents[k].widen();
+    }
+    return extents;
+}
+
+/// A triangle's number, and where it is over the whole step.
+struct Near {
+    std::uint32_t triangle;
+    Extent extent;
+};
+
+/// The triangles of a surface that come into an extent at some time of the step, in the order of their numbers.
+void collect(const SurfaceMotion& motion, const Extent& of_all, std::vector<Near>& near) {
+    std::vector<Extent> ways(motion.start.size());  // of the vertices
+    for (std::size_t v = 0; v < ways.size(); ++v) {
+        ways[v].add(motion.start[v]);
+        ways[v].add(motion.end[v]);
+        ways[v].widen();
+    }
+    near.clear();
+    for (std::uint32_t triangle = 0; triangle < motion.triangles.size(); ++triangle) {
+        Extent extent;
+        for (const std::uint32_t vertex : motion.triangles[triangle]) {
+            extent.add(ways[vertex]);
+        }
+        if (extent.meets(of_all)) {
+            near.push_back({triangle, extent});
+        }
+    }
+}
+
 }  // namespace
 
 std::vector<Crossing> find_crossings(std::span<const SurfaceMotion> surfaces, std::span<const PathKnot> path) {
     std::vector<Crossing> found;
-    for (std::uint32_t piece = 0; piece + 1 < path.size(); ++piece) {
-        const PathKnot& p = path[piece];
-        const PathKnot& q = path[piece + 1];
-        for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
-            const SurfaceMotion& motion = surfaces[object];
+    for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
+        for (std::uint32_t piece = 0; piece + 1 < path.size(); ++piece) {
             const std::size_t first_of_piece = found.size();
-            for (std::uint32_t triangle = 0; triangle < motion.triangles.size(); ++triangle) {
-                Relative r{};
-                for (std::size_t k = 0; k < 3; ++k) {
-                    const Vec3& x0 = motion.start[motion.triangles[triangle][k]];
-                    const Vec3& x1 = motion.end[motion.triangles[triangle][k]];
-                    r.from[k] = (1.0 - p.time) * x0 + p.time * x1 - p.position;
-                    r.to[k] = (1.0 - q.time) * x0 + q.time * x1 - q.position;
+            for (std::uint32_t triangle = 0; triangle < surfaces[object].triangles.size(); ++triangle) {
+                judge(surfaces, object, triangle, path, piece, first_of_piece, found);
+            }
+        }
+    }
+    return found;
+}
+
+std::vector<std::vector<Crossing>> find_crossings(std::span<const SurfaceMotion> surfaces,
+                                                  std::span<const std::span<const PathKnot>> paths) {
+    std::vector<std::vector<Crossing>> found(paths.size());
+    const std::vector<Extent> extents = extents_of(paths);
+    Extent of_all;
+    for (const Extent& extent : extents) {
+        of_all.add(extent);
+    }
+    std::vector<Near> near;
+    for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
+        collect(surfaces[object], of_all, near);
+        for (std::size_t k = 0; k < paths.size(); ++k) {
+            std::vector<std::uint32_t> met;
+            for (const Near& n : near) {
+                if (n.extent.meets(extents[k])) {
+                    met.push_back(n.triangle);
                 }
-                double share = 0.0;
-                if (box_misses_origin(r) || !first_passage(r, share)) {
-                    continue;
-                }
-                const bool other_face = std::any_of(
-                    found.begin() + static_cast<std::ptrdiff_t>(first_of_piece), found.end(), [&](const Crossing& c) {
-                        return sorted(motion.triangles[c.triangle]) == sorted(motion.triangles[triangle]);
-                    });
-                if (!other_face) {
-                    found.push_back({object, triangle, piece, p.time + share * (q.time - p.time),
-                                     p.position + share * (q.position - p.position)});
+            }
+            for (std::uint32_t piece = 0; piece + 1 < paths[k].size() && !met.empty(); ++piece) {
+                const std::size_t first_of_piece = found[k].size();
+                for (const std::uint32_t triangle : met) {
+                    judge(surfaces, object, triangle, paths[k], piece, first_of_piece, found[k]);
                 }
             }
         }

@@ -95,7 +95,7 @@ class Simulation {
     Simulation& operator=(Simulation&&) noexcept;
     ~Simulation();
 
-    /// Checks each step's path of every proxy with the independent verification; costs some 0.1 ms each.
+    /// Checks each step's path of every proxy with the independent verification; costs some 0.1 ms.
     void set_verification(bool on) noexcept;
 
     /// Changes the mapping between device and scene from the next steps on, as the clutch does (workspace.hpp): the

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "contact/oracle.hpp"
@@ -102,6 +104,91 @@ TEST(Verification, AgreesWithTheWindingNumberOnRandomWaysThroughABall) {
         through += found.empty() ? 0 : 1;
     }
     EXPECT_GT(through, 100);
+}
+
+/// Several bodies that fly about and deform, and ways of several pieces among them. `away` from the origin.
+struct Crowd {
+    Crowd(Random& random, const Vec3& away) {
+        for (const TriangleMesh& mesh : {haptic::sim::scenes::ball(0.3, 4), haptic::sim::scenes::sheet(1.2, 6, true)}) {
+            Body body(mesh);
+            const Vec3 shift = away + random.in_cube(0.3);
+            const Vec3 way = random.in_cube(0.4);
+            for (std::size_t v = 0; v < body.start.size(); ++v) {
+                body.start[v] += shift + random.in_cube(0.02);
+                body.end[v] += shift + way + random.in_cube(0.02);
+            }
+            bodies.push_back(std::move(body));
+        }
+        for (const Body& body : bodies) {
+            motions.push_back(body.motion());
+        }
+        for (int k = 0; k < 9; ++k) {
+            std::vector<PathKnot> knots{{0.0, away + random.in_cube(0.7)}};
+            const double size = random.uniform(0.0, 0.3);
+            for (const double time : {0.0, 0.4, 0.7, 1.0, 1.0}) {
+                knots.push_back({time, knots.back().position + random.in_cube(size)});
+            }
+            paths.push_back(knots);
+        }
+        paths.push_back({{0.0, away}});  // of no piece
+    }
+    [[nodiscard]] std::vector<std::span<const PathKnot>> ways() const { return {paths.begin(), paths.end()}; }
+
+    std::vector<Body> bodies;
+    std::vector<SurfaceMotion> motions;  // of the bodies, where they are
+    std::vector<std::vector<PathKnot>> paths;
+};
+
+TEST(Verification, OfManyPathsTogetherIsThatOfEachAlone) {
+    Random random(10);
+    std::size_t crossings = 0;
+    for (const double away : {0.0, 1e7}) {  // there numbers are 2e-9 m apart
+        for (int round = 0; round < 60; ++round) {
+            const Crowd crowd(random, Vec3(away, -away, 0.5 * away));
+            const auto together = find_crossings(crowd.motions, crowd.ways());
+            ASSERT_EQ(together.size(), crowd.paths.size());
+            for (std::size_t k = 0; k < crowd.paths.size(); ++k) {
+                const auto alone = find_crossings(crowd.motions, std::span<const PathKnot>(crowd.paths[k]));
+                ASSERT_EQ(together[k].size(), alone.size()) << "away " << away << ", round " << round << ", path " << k;
+                for (std::size_t c = 0; c < alone.size(); ++c) {
+                    EXPECT_EQ(together[k][c].object, alone[c].object);
+                    EXPECT_EQ(together[k][c].triangle, alone[c].triangle);
+                    EXPECT_EQ(together[k][c].piece, alone[c].piece);
+                    EXPECT_EQ(together[k][c].time, alone[c].time);
+                    EXPECT_EQ(together[k][c].position, alone[c].position);
+                }
+                crossings += alone.size();
+            }
+        }
+    }
+    EXPECT_GT(crossings, 200u);
+}
+
+TEST(Verification, OfAPathThatOnlyRoundingBringsOntoASurfaceIsTheSameTogether) {
+    // Between its equal heights at both ends of the step, a sheet that stands still is where rounding puts it: that may
+    // be beyond both.
+    int rounded = 0;
+    for (int k = 1; k < 100; ++k) {
+        const double height = 0.3;
+        const double time = 0.01 * k;
+        const double between = (1.0 - time) * height + time * height;
+        if (between == height) {
+            continue;
+        }
+        ++rounded;
+        Body sheet(haptic::sim::scenes::sheet(1.0, 4, false));
+        for (std::size_t v = 0; v < sheet.end.size(); ++v) {
+            sheet.start[v].y = sheet.end[v].y = height;
+        }
+        const double away = between < height ? -0.1 : 0.1;
+        const std::array<SurfaceMotion, 1> surfaces{sheet.motion()};
+        const std::array<PathKnot, 2> path{PathKnot{time, {0.01, between, 0.02}},
+                                           PathKnot{time, {0.01, between + away, 0.02}}};
+        const std::array<std::span<const PathKnot>, 1> paths{path};
+        ASSERT_EQ(find_crossings(surfaces, path).size(), 1u) << k;
+        EXPECT_EQ(find_crossings(surfaces, paths)[0].size(), 1u) << k;
+    }
+    EXPECT_GT(rounded, 3);
 }
 
 TEST(Verification, AgreesWithTheSignedHeightOverRandomMotionsOfOneTriangle) {

@@ -1,7 +1,7 @@
 // Did the proxy's centre pass through anything? Answered without the contact code.
 //
 // This file and its source share no function with the contact code: their own cubic, their own inside test, every
-// triangle by brute force, no tree. They judge the proxy by the path that it says it took.
+// triangle looked at in each step, no tree. They judge the proxy by the path that it says it took.
 #pragma once
 
 #include <cstdint>
@@ -23,11 +23,17 @@ struct Crossing {
     Vec3 position{0.0};       // m, of the centre then
 };
 
-/// Every crossing of a path with surfaces that move from start to end over the step. The second face of a double-faced
-/// triangle (the same three vertices) is the same surface and is not reported again. Passing round a border crosses
-/// nothing. Brute force: pieces x triangles; a piece is first held against each triangle's box.
+/// Every crossing of a path with surfaces that move from start to end over the step, by surface, piece and triangle.
+/// The second face of a double-faced triangle (the same three vertices) is the same surface and is not reported again.
+/// Passing round a border crosses nothing. Brute force: pieces x triangles; a piece is first held against each
+/// triangle's box.
 [[nodiscard]] std::vector<Crossing> find_crossings(std::span<const SurfaceMotion> surfaces,
                                                    std::span<const PathKnot> path);
+
+/// The same of each of several paths, to the bit. Each triangle's box over the whole step is made once for all, and
+/// held first against the box of all paths, then against that of each; only what remains is held against pieces.
+[[nodiscard]] std::vector<std::vector<Crossing>> find_crossings(std::span<const SurfaceMotion> surfaces,
+                                                                std::span<const std::span<const PathKnot>> paths);
 
 /// How often a closed surface winds round a point: 1 inside, 0 outside, for faces counter-clockwise seen from outside.
 /// @source Van Oosterom, Strackee 1983 (solid angle of a triangle)
