@@ -4,6 +4,7 @@
 
 #include "haptic/denormals.hpp"
 #include "haptic/rt/crash_guard.hpp"
+#include "haptic/rt/idle_request.hpp"
 #include "haptic/rt/loop.hpp"
 
 namespace haptic::rt {
@@ -59,6 +60,8 @@ void* RealtimeLoop::thread_entry(void* self) {
     auto* const loop = static_cast<RealtimeLoop*>(self);
     const AlternateSignalStack signal_stack;
     const FlushDenormals flush;
+    const IdleRequest idle(loop->settings_.idle_exit_us);
+    loop->setup_.idle_exit_us = idle.granted() ? loop->settings_.idle_exit_us : -1;
     prepare_thread(loop->setup_, loop->settings_.priority, loop->settings_.cpu);
     std::future<bool> go = loop->go_.get_future();
     loop->prepared_.set_value();

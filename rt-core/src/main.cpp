@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "calibrate_command.hpp"
+#include "doctor_command.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/rt/settings.hpp"
 #include "run_command.hpp"
@@ -15,6 +16,7 @@
 namespace {
 
 using haptic::rt::CalibrateOptions;
+using haptic::rt::DoctorOptions;
 using haptic::rt::RunOptions;
 using haptic::rt::StabilityOptions;
 
@@ -121,6 +123,22 @@ void describe_calibrate(CLI::App& calibrate, CalibrateOptions& options) {
     calibrate.add_flag("--yes", options.yes, "asks nothing");
 }
 
+CLI::App* describe_doctor(CLI::App& app, DoctorOptions& options) {
+    CLI::App* const doctor = app.add_subcommand(
+        "doctor",
+        "Says what of this machine keeps the loop from its period, and the command that mends it; changes nothing");
+    doctor->add_option("--config", options.config, "TOML file of the loop that is to run; see --print-config")
+        ->type_name("F.toml");
+    doctor->add_option("--set", options.assignments, "one key, e.g. loop.cpu=3 (repeatable)")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    doctor->add_option("--json", options.json, "writes the findings as JSON, too")->type_name("F.json");
+    doctor->add_option("--root", options.root, "looks at a copy of /proc, /sys, /dev and /etc below this folder")
+        ->type_name("DIR")
+        ->check(CLI::ExistingDirectory);
+    return doctor;
+}
+
 int run_application(int argc, char** argv) {
     CLI::App app("The real-time process of the haptic system: drives a Spidar-G6 at 1 kHz");
     app.set_help_all_flag("--help-all", "Help of all commands");
@@ -136,13 +154,15 @@ int run_application(int argc, char** argv) {
     CalibrateOptions calibration;
     CLI::App* const calibrate = app.add_subcommand("calibrate", "Finds the geometry of the frame, and writes its file");
     describe_calibrate(*calibrate, calibration);
+    DoctorOptions doctor_options;
+    const CLI::App* const doctor = describe_doctor(app, doctor_options);
     try {
         app.parse(argc, argv);
         if (print_config) {
             std::fwrite(haptic::rt::default_config_text().data(), 1, haptic::rt::default_config_text().size(), stdout);
             return 0;
         }
-        if (!run->parsed() && !stability->parsed() && !calibrate->parsed()) {
+        if (!run->parsed() && !stability->parsed() && !calibrate->parsed() && !doctor->parsed()) {
             throw CLI::CallForHelp();
         }
     } catch (const CLI::ParseError& error) {
@@ -153,6 +173,9 @@ int run_application(int argc, char** argv) {
     }
     spdlog::set_default_logger(spdlog::stderr_color_mt("rt-core"));
     spdlog::set_pattern("rt-core %^%l%$: %v");
+    if (doctor->parsed()) {
+        return haptic::rt::doctor_command(doctor_options);
+    }
     if (calibrate->parsed()) {
         return haptic::rt::calibrate_command(calibration);
     }

@@ -12,8 +12,12 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <system_error>
+#include <vector>
+
+#include "haptic/rt/cpu_list.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -33,28 +37,52 @@ std::string limits_line(const std::string& line) {
            "' | sudo tee -a /etc/security/limits.d/haptic.conf";
 }
 
-/// The last processor that the calling thread may use.
-int last_allowed_cpu() {
+/// The processors that the calling thread may use.
+std::vector<int> allowed_cpus() {
     cpu_set_t allowed;
     CPU_ZERO(&allowed);
+    std::vector<int> cpus;
     if (sched_getaffinity(0, sizeof allowed, &allowed) != 0) {
-        return 0;
+        return cpus;
     }
-    int last = 0;
     for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
-        last = CPU_ISSET(static_cast<std::size_t>(cpu), &allowed) ? cpu : last;
+        if (CPU_ISSET(static_cast<std::size_t>(cpu), &allowed)) {
+            cpus.push_back(cpu);
+        }
     }
-    return last;
+    return cpus;
+}
+
+std::vector<int> listed_cpus(const char* file) {
+    std::ifstream stream(file);
+    std::string line;
+    std::getline(stream, line);
+    return parse_cpu_list(line);
+}
+
+/// Without a processor of the user's choice.
+int default_cpu() {
+    return choose_cpu({.allowed = allowed_cpus(),
+                       .online = listed_cpus("/sys/devices/system/cpu/online"),
+                       .isolated = listed_cpus("/sys/devices/system/cpu/isolated")});
+}
+
+int try_to_pin(int cpu) {
+    cpu_set_t set;
+    CPU_ZERO(&set);
+    if (cpu < CPU_SETSIZE) {
+        CPU_SET(static_cast<std::size_t>(cpu), &set);
+    }
+    return pthread_setaffinity_np(pthread_self(), sizeof set, &set);
 }
 
 void pin(RealtimeSetup& setup, int cpu) {
-    const int wanted = cpu < 0 ? last_allowed_cpu() : cpu;
-    cpu_set_t set;
-    CPU_ZERO(&set);
-    if (wanted < CPU_SETSIZE) {
-        CPU_SET(static_cast<std::size_t>(wanted), &set);
+    int wanted = cpu < 0 ? default_cpu() : cpu;
+    int error = try_to_pin(wanted);
+    if (const std::vector<int> allowed = allowed_cpus(); error != 0 && cpu < 0 && !allowed.empty()) {
+        wanted = allowed.back();  // a cpuset keeps us from the isolated one
+        error = try_to_pin(wanted);
     }
-    const int error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
     if (error == 0) {
         setup.cpu = wanted;
         return;
@@ -62,7 +90,7 @@ void pin(RealtimeSetup& setup, int cpu) {
     setup.missing.push_back(
         {"not pinned to processor " + std::to_string(wanted) + ": " + error_text(error),
          "a processor that exists and that this process's cpuset allows",
-         "--set loop.cpu=-1 for the last one allowed; taskset -p " + std::to_string(getpid()) + " shows which are"});
+         "--set loop.cpu=-1 for one that may be used; taskset -p " + std::to_string(getpid()) + " shows which are"});
 }
 
 void set_fifo(RealtimeSetup& setup, int priority) {
@@ -118,7 +146,7 @@ void prepare_process(RealtimeSetup& setup) {
 void prepare_side_thread(int priority, int loop_cpu) {
     cpu_set_t allowed;
     CPU_ZERO(&allowed);
-    const int avoided = loop_cpu < 0 ? last_allowed_cpu() : loop_cpu;
+    const int avoided = loop_cpu < 0 ? default_cpu() : loop_cpu;
     if (sched_getaffinity(0, sizeof allowed, &allowed) == 0 && avoided < CPU_SETSIZE && CPU_COUNT(&allowed) > 1) {
         CPU_CLR(static_cast<std::size_t>(avoided), &allowed);
         pthread_setaffinity_np(pthread_self(), sizeof allowed, &allowed);

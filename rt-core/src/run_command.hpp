@@ -39,6 +39,7 @@ inline constexpr int kExitError = 1;    // configuration, files, session
 inline constexpr int kExitRefused = 2;  // this device cannot be driven here
 inline constexpr int kExitFaulted = 3;  // the run ended in a fault
 inline constexpr int kExitDiffers = 4;  // a replay did not come out as it was recorded
+inline constexpr int kExitUnfit = 5;    // doctor found something bad
 
 /// The device cannot be driven, in this version or with these privileges.
 class Refusal : public std::runtime_error {

@@ -46,6 +46,7 @@ nlohmann::json setup_json(const RealtimeSetup& setup) {
             {"priority", setup.priority},
             {"cpu", setup.cpu},
             {"mlocked", setup.memory_locked},
+            {"idle_exit_us", setup.idle_exit_us},
             {"degraded", setup.degraded()},
             {"missing", missing}};
 }

@@ -29,6 +29,7 @@ void read_loop(const Config& config, Settings& settings) {
     loop.period_ns = duration_ns(config, "loop.period_s", loop.period_ns, {0.0001, 0.02});
     loop.priority = whole(config, "loop.priority", loop.priority, {1, 97});
     loop.cpu = whole(config, "loop.cpu", loop.cpu, {-1, 1023});
+    loop.idle_exit_us = whole(config, "loop.idle_exit_us", loop.idle_exit_us, {-1, 100'000});
     loop.warm_up_ticks = whole(config, "loop.warm_up_ticks", loop.warm_up_ticks, {1, 100'000});
     settings.tick.period_ns = loop.period_ns;
     settings.watchdog.priority = loop.priority + 1;

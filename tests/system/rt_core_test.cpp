@@ -128,5 +128,28 @@ TEST_F(RtCore, WritesARecordingThatIsAHandForTheNextRun) {
     EXPECT_GT(CsvTable::load(first).rows(), 500u);
 }
 
+TEST_F(RtCore, DiagnosesTheMachineAndWritesTheFindings) {
+    const std::string json = folder / "doctor.json";
+    // A machine without files is one of which nothing good is known.
+    const std::filesystem::path empty = folder / "empty";
+    std::filesystem::create_directories(empty);
+    const Finished finished = run({RT_CORE, "doctor", "--root", empty, "--set", "loop.cpu=2", "--json", json});
+    EXPECT_EQ(finished.status, 5);
+    EXPECT_THAT(finished.output, HasSubstr("mend: sudo haptic-tune apply cmdline --cpu 2 && sudo reboot"));
+    const nlohmann::json findings = nlohmann::json::parse(std::ifstream(json));
+    EXPECT_EQ(findings.at("good"), false);
+    EXPECT_EQ(findings.at("processor"), 2);
+}
+
+TEST_F(RtCore, RefusesToDiagnoseWithWrongSettingsOrForNoReader) {
+    const Finished setting = run({RT_CORE, "doctor", "--set", "loop.cpu=second"});
+    EXPECT_EQ(setting.status, 1);
+    EXPECT_THAT(setting.output, HasSubstr("loop.cpu"));
+    const Finished file = run({RT_CORE, "doctor", "--json", folder / "missing" / "doctor.json"});
+    EXPECT_EQ(file.status, 1);
+    EXPECT_THAT(file.output, HasSubstr("missing/doctor.json"));
+    EXPECT_GT(run({RT_CORE, "doctor", "--root", folder / "missing"}).status, 100);
+}
+
 }  // namespace
 }  // namespace haptic::test

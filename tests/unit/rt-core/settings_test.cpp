@@ -27,6 +27,7 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.loop.period_ns, b.loop.period_ns);
     EXPECT_EQ(a.loop.priority, b.loop.priority);
     EXPECT_EQ(a.loop.cpu, b.loop.cpu);
+    EXPECT_EQ(a.loop.idle_exit_us, b.loop.idle_exit_us);
     EXPECT_EQ(a.loop.warm_up_ticks, b.loop.warm_up_ticks);
     EXPECT_EQ(a.queue_ticks, b.queue_ticks);
     EXPECT_EQ(a.board.check_echo, b.board.check_echo);

@@ -21,7 +21,8 @@ namespace haptic::rt {
 struct LoopSettings {
     std::int64_t period_ns = 1'000'000;  // ns
     int priority = 80;                   // SCHED_FIFO, 1..97: the watchdog has the next one, the kernel's threads 99
-    int cpu = -1;                        // -1: the last one that the process may use
+    int cpu = -1;                        // -1: choose_cpu() of cpu_list.hpp
+    int idle_exit_us = 0;                // us: of the idle states that are allowed meanwhile; -1: as it is
     int warm_up_ticks = 200;             // disarmed, before measuring begins: caches, branch predictors and pages
 };
 

@@ -22,6 +22,7 @@ struct RealtimeSetup {
     int priority = 0;
     int cpu = -1;  // pinned to; -1: not pinned
     bool memory_locked = false;
+    int idle_exit_us = -1;  // asked of the kernel as long as the loop lives; -1: nothing was asked, or it refused
     std::vector<MissingPrivilege> missing;
 
     [[nodiscard]] bool degraded() const noexcept { return !missing.empty(); }
@@ -37,8 +38,8 @@ struct RealtimeSetup {
 /// to be fetched in a tick. Call it before the thread is started and after everything large is allocated.
 void prepare_process(RealtimeSetup& setup);
 
-/// The calling thread: SCHED_FIFO at a priority (1..98), pinned to a processor (-1: the last one that it may use),
-/// stack touched. Each refusal is added to setup.missing; the others still take effect.
+/// The calling thread: SCHED_FIFO at a priority (1..98), pinned to a processor (-1: choose_cpu() of
+/// cpu_list.hpp), stack touched. Each refusal is added to setup.missing; the others still take effect.
 void prepare_thread(RealtimeSetup& setup, int priority, int cpu);
 
 /// A thread that looks after the loop: SCHED_FIFO at a priority where the kernel allows it, and on any processor but

@@ -1,0 +1,125 @@
+#include "haptic/rt/machine.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <fstream>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include "haptic/rt/cpu_list.hpp"
+
+namespace haptic::rt {
+namespace {
+
+std::string_view trimmed(std::string_view text) {
+    constexpr std::string_view blank = " \t\n";
+    const std::size_t first = text.find_first_not_of(blank);
+    return first == std::string_view::npos ? std::string_view()
+                                           : text.substr(first, text.find_last_not_of(blank) - first + 1);
+}
+
+template <class Number>
+std::optional<Number> whole_number(std::string_view text) {
+    Number number = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+    if (error != std::errc{} || end != text.data() + text.size()) {
+        return std::nullopt;
+    }
+    return number;
+}
+
+bool accessible(const std::filesystem::path& file) {
+    return access(file.c_str(), W_OK) == 0;
+}
+
+}  // namespace
+
+Machine::Machine(std::filesystem::path root, MayWrite may_write)
+    : root_(std::move(root)), may_write_(may_write ? std::move(may_write) : MayWrite(&accessible)) {}
+
+std::filesystem::path Machine::file(const std::string& absolute) const {
+    return root_ / std::filesystem::path(absolute).relative_path();
+}
+
+std::vector<std::string> Machine::lines(const std::string& absolute) const {
+    std::ifstream stream(file(absolute));
+    std::vector<std::string> all;
+    for (std::string one; std::getline(stream, one);) {
+        all.push_back(one);
+    }
+    return all;
+}
+
+std::optional<std::string> Machine::line(const std::string& absolute) const {
+    std::ifstream stream(file(absolute));
+    std::string first;
+    if (!std::getline(stream, first) && !stream.eof()) {
+        return std::nullopt;
+    }
+    return std::string(trimmed(first));
+}
+
+std::optional<std::int64_t> Machine::number(const std::string& absolute) const {
+    const std::optional<std::string> text = line(absolute);
+    return text ? whole_number<std::int64_t>(*text) : std::nullopt;
+}
+
+std::vector<int> Machine::cpus(const std::string& absolute) const {
+    return parse_cpu_list(line(absolute).value_or(std::string()));
+}
+
+std::vector<std::string> Machine::names(const std::string& absolute) const {
+    std::vector<std::string> all;
+    std::error_code ignored;
+    for (std::filesystem::directory_iterator entry(file(absolute), ignored), end; !ignored && entry != end;
+         entry.increment(ignored)) {
+        all.push_back(entry->path().filename().string());
+    }
+    std::sort(all.begin(), all.end());
+    return all;
+}
+
+bool Machine::has(const std::string& absolute) const {
+    std::error_code ignored;
+    return std::filesystem::exists(file(absolute), ignored);
+}
+
+std::string Machine::value_of(const std::string& absolute, const std::string& key) const {
+    for (const std::string& one : lines(absolute)) {
+        if (one.starts_with(key)) {
+            return std::string(trimmed(std::string_view(one).substr(key.size())));
+        }
+    }
+    return {};
+}
+
+std::vector<Interrupt> Machine::interrupts() const {
+    std::vector<Interrupt> all;
+    for (const std::string& name : names("/proc/irq")) {
+        const std::optional<int> number = whole_number<int>(name);
+        if (!number) {
+            continue;  // default_smp_affinity
+        }
+        const std::string folder = "/proc/irq/" + name;
+        Interrupt interrupt{*number, {}, {}};
+        for (const std::string& entry : names(folder)) {
+            std::error_code ignored;
+            if (std::filesystem::is_directory(file(folder + "/" + entry), ignored)) {
+                interrupt.handlers += (interrupt.handlers.empty() ? "" : ", ") + entry;
+            }
+        }
+        // The effective one is empty for what has not been started, and where the kernel does not know it.
+        interrupt.cpus = cpus(folder + "/effective_affinity_list");
+        interrupt.cpus = interrupt.cpus.empty() ? cpus(folder + "/smp_affinity_list") : interrupt.cpus;
+        if (!interrupt.handlers.empty()) {
+            all.push_back(std::move(interrupt));
+        }
+    }
+    std::sort(all.begin(), all.end(), [](const Interrupt& a, const Interrupt& b) { return a.number < b.number; });
+    return all;
+}
+
+}  // namespace haptic::rt
