@@ -1,6 +1,6 @@
 // What goes wrong, and what the hand feels of it: each fault is injected into the emulated board or device while the
 // hand presses into a floor, and force and change of force are measured at the device, where the strings really pull.
-// The table of README.md is what this prints:   build/dev/tests/integration/fault_table_test
+// The table of README.md is what this prints:   build/release/tests/integration/fault_table_test
 #include <gtest/gtest.h>
 #include <unistd.h>
 
