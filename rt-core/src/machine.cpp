@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <fstream>
+#include <iterator>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -29,6 +30,14 @@ std::optional<Number> whole_number(std::string_view text) {
         return std::nullopt;
     }
     return number;
+}
+
+/// Where an interrupt will come to. What was in effect up to now is empty for one that has not been started, and where
+/// the kernel does not know it; it is the old place until the first interrupt after a change.
+std::vector<int> delivered_to(const std::vector<int>& up_to_now, const std::vector<int>& allowed) {
+    std::vector<int> both;
+    std::set_intersection(up_to_now.begin(), up_to_now.end(), allowed.begin(), allowed.end(), std::back_inserter(both));
+    return both.empty() ? allowed : both;
 }
 
 bool accessible(const std::filesystem::path& file) {
@@ -107,13 +116,11 @@ std::vector<Interrupt> Machine::interrupts() const {
         Interrupt interrupt{*number, {}, {}};
         for (const std::string& entry : names(folder)) {
             std::error_code ignored;
-            if (std::filesystem::is_directory(file(folder + "/" + entry), ignored)) {
+            if (std::filesystem::is_directory(file(folder) / entry, ignored)) {
                 interrupt.handlers += (interrupt.handlers.empty() ? "" : ", ") + entry;
             }
         }
-        // The effective one is empty for what has not been started, and where the kernel does not know it.
-        interrupt.cpus = cpus(folder + "/effective_affinity_list");
-        interrupt.cpus = interrupt.cpus.empty() ? cpus(folder + "/smp_affinity_list") : interrupt.cpus;
+        interrupt.cpus = delivered_to(cpus(folder + "/effective_affinity_list"), cpus(folder + "/smp_affinity_list"));
         if (!interrupt.handlers.empty()) {
             all.push_back(std::move(interrupt));
         }

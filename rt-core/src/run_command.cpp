@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "haptic/clock.hpp"
+#include "haptic/other_users.hpp"
 #include "haptic/report.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/rt/crash_guard.hpp"
@@ -291,6 +292,9 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
     spdlog::info("session {}: {} Hz on {}; keep the grip still at the centre", options.session,
                  static_cast<double>(kNanosecondsPerSecond) / static_cast<double>(settings.loop.period_ns),
                  device_->description());
+    if (const std::string others = describe_other_users(options.session); !others.empty()) {
+        spdlog::warn("{}", others);
+    }
     watchdog_ = std::make_unique<Watchdog>(watchdog_settings(settings, result_.setup), tick_, gate_);
     stop_watch_ = watch_stop_line(settings, tick_);
     start_ns_ = monotonic_now_ns();

@@ -28,6 +28,7 @@
 #include "cli/workspace_file.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/config.hpp"
+#include "haptic/other_users.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/report.hpp"
 #include "haptic/ring.hpp"
@@ -217,6 +218,9 @@ Run::Run(const RunOptions& options, const Plan& plan)
     }
     if (plan.real) {
         states_ = std::make_unique<RingReader<DeviceState>>(plan.session);
+        if (const std::string others = describe_other_users(plan.session); !others.empty()) {
+            spdlog::warn("{}", others);
+        }
     }
 }
 

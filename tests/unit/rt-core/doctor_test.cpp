@@ -113,6 +113,12 @@ TEST_F(DoctorTest, TakesTheAskedForAffinityWhereTheEffectiveOneIsNotKnown) {
     expect_only("interrupts", "haptic-tune apply irqs --cpu 3");
 }
 
+TEST_F(DoctorTest, TakesAnInterruptThatHasBeenSentAwayForGoneBeforeItComesAgain) {
+    tree.interrupt(30, "eth0", "3");
+    tree.write("/proc/irq/30/smp_affinity_list", "0-2");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+}
+
 TEST_F(DoctorTest, NamesAHyperThreadThatOthersUse) {
     tree.write("/sys/devices/system/cpu/isolated", "3");
     tree.write("/proc/self/status", "CapEff:\t0\nCpus_allowed_list:\t0-2");
