@@ -43,6 +43,24 @@ need() {
     rm -f "$log"
 }
 
+# apt_for ARCHITECTURE FOLDER: an apt of its own in FOLDER, for the packages of ARCHITECTURE (arm64, ...) from this machine's
+# sources, as if nothing were installed. APT_CONFIG=FOLDER/apt.conf apt-get ... then speaks of it; this machine's apt and
+# dpkg stay as they are, and learn of no foreign architecture.
+apt_for() {
+    local architecture=$1 folder=$2
+    mkdir -p "$folder"/state/lists/partial "$folder"/cache/archives/partial
+    touch "$folder/status"
+    cat >"$folder/apt.conf" <<END
+APT::Architecture "$architecture";
+APT::Architectures { "$architecture"; };
+Dir::State "$folder/state";
+Dir::State::status "$folder/status";
+Dir::Cache "$folder/cache";
+END
+    APT_CONFIG=$folder/apt.conf apt-get update >"$folder/update.log" 2>&1 ||
+        { tail -n 5 "$folder/update.log" >&2; die "apt-get update for $architecture failed; do the sources have that architecture?"; }
+}
+
 # build PRESET [CMAKE-OPTION...] [-- TARGET...]: configures once, builds what has changed.
 build() {
     local preset=$1 options=(-DHAPTIC_PRECOMPILE=ON) targets=()

@@ -15,6 +15,10 @@ target_compile_options(haptic_options INTERFACE
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
     target_compile_options(haptic_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wno-restrict>)
 endif()
+# Of ARM's calling convention g++ remarks what changed in its version 10: nothing that is built here is that old.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_SYSTEM_PROCESSOR STREQUAL "aarch64")
+    target_compile_options(haptic_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wno-psabi>)
+endif()
 if(HAPTIC_SANITIZE)
     target_compile_options(haptic_options INTERFACE -fsanitize=${HAPTIC_SANITIZE} -fno-omit-frame-pointer)
     if(HAPTIC_SANITIZE MATCHES undefined)

@@ -27,13 +27,11 @@ Box box_of(const PointExtremes& x) noexcept {
     return {Vec3(x.low[0], x.low[1], x.low[2]), Vec3(x.high[0], x.high[1], x.high[2])};
 }
 
-bool has_wide_registers() noexcept {
 #if defined(__x86_64__)
+bool has_wide_registers() noexcept {
     return __builtin_cpu_supports("avx2") != 0;
-#else
-    return false;
-#endif
 }
+#endif
 
 Box empty_box() noexcept {
     return {Vec3(kInfinity), Vec3(-kInfinity)};

@@ -1,0 +1,35 @@
+# Builds for 64-bit ARM on any Debian: the compiler and its C library are Debian's cross compiler's, all other libraries and
+# headers are those of Debian's arm64 packages, which toolchain/cross unpacks into the sysroot.
+set(CMAKE_SYSTEM_NAME Linux)
+set(CMAKE_SYSTEM_PROCESSOR aarch64)
+set(CMAKE_LIBRARY_ARCHITECTURE aarch64-linux-gnu)
+set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)
+set(CMAKE_CXX_COMPILER aarch64-linux-gnu-g++)
+
+set(HAPTIC_SYSROOT "${CMAKE_CURRENT_LIST_DIR}/../../build/sysroot/arm64/root" CACHE PATH
+    "Unpacked arm64 packages, as toolchain/cross leaves them")
+list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES HAPTIC_SYSROOT)
+get_filename_component(sysroot "${HAPTIC_SYSROOT}" ABSOLUTE)
+if(NOT EXISTS "${sysroot}/usr/lib/aarch64-linux-gnu/pkgconfig")
+    message(FATAL_ERROR "no arm64 libraries in ${sysroot}: toolchain/cross puts them there")
+endif()
+
+# Programs are this machine's; what is compiled and linked against is never this machine's.
+set(CMAKE_FIND_ROOT_PATH "${sysroot}" /usr/aarch64-linux-gnu)
+set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
+set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
+set(ENV{PKG_CONFIG_LIBDIR} "${sysroot}/usr/lib/aarch64-linux-gnu/pkgconfig:${sysroot}/usr/share/pkgconfig")
+set(ENV{PKG_CONFIG_SYSROOT_DIR} "${sysroot}")
+
+# Where the linker finds the libraries that our libraries need.
+set(link_flags "-Wl,-rpath-link,${sysroot}/usr/lib/aarch64-linux-gnu:${sysroot}/lib/aarch64-linux-gnu")
+set(CMAKE_EXE_LINKER_FLAGS_INIT "${link_flags}")
+set(CMAKE_SHARED_LINKER_FLAGS_INIT "${link_flags}")
+
+# Tests run under QEMU's user emulation, if it is there, with the sysroot's C library.
+find_program(HAPTIC_QEMU_AARCH64 qemu-aarch64-static)
+if(HAPTIC_QEMU_AARCH64)
+    set(CMAKE_CROSSCOMPILING_EMULATOR "${HAPTIC_QEMU_AARCH64};-L;${sysroot}")
+endif()
