@@ -1,7 +1,8 @@
 # The two ways in which this project makes a target, so that no folder repeats them:
-#   haptic_library(NAME INCLUDES... )       a static library, exported as haptic::NAME
-#   haptic_executable(NAME)                 an executable, installed
-# Both take sources with target_sources() afterwards.
+#   haptic_library(NAME)                    a static library, exported as haptic::NAME
+#   haptic_executable(NAME COMPONENT)       an executable, installed with that component
+# Both take sources with target_sources() afterwards. A component is one package (HapticPackages.cmake): rt_core, host_sim,
+# and dev for what others build against.
 
 # Flags that hold for everything that is built here, and for nothing that a user builds against us.
 add_library(haptic_options INTERFACE)
@@ -44,15 +45,31 @@ function(haptic_library name)
         PUBLIC $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>
         PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
     target_link_libraries(haptic_${target} PRIVATE $<BUILD_INTERFACE:haptic_options>)
-    install(TARGETS haptic_${target} EXPORT hapticTargets)
-    install(DIRECTORY include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+    install(TARGETS haptic_${target} EXPORT hapticTargets COMPONENT dev)
+    install(DIRECTORY include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT dev)
 endfunction()
 
-function(haptic_executable name)
+function(haptic_executable name component)
     add_executable(${name})
     set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
     target_link_libraries(${name} PRIVATE haptic_options)
-    install(TARGETS ${name})
+    # All symbols are bound when the process starts: the first call of a library's function is no slower than the next.
+    target_link_options(${name} PRIVATE LINKER:-z,relro,-z,now)
+    install(TARGETS ${name} COMPONENT ${component})
+endfunction()
+
+# haptic_configuration(FOLDER COMPONENT FILES...): installs files that a user edits to FOLDER of <prefix>/etc, which is /etc
+# itself where the prefix is /usr. That is asked when they are installed, because the prefix may be given only then.
+function(haptic_configuration folder component)
+    foreach(file IN LISTS ARGN)
+        cmake_path(ABSOLUTE_PATH file)
+        install(CODE "
+            set(etc \"\${CMAKE_INSTALL_PREFIX}/etc\")
+            if(CMAKE_INSTALL_PREFIX MATCHES \"^/(usr/?)?$\")
+                set(etc /etc)
+            endif()
+            file(INSTALL \"${file}\" DESTINATION \"\${etc}/${folder}\")" COMPONENT ${component})
+    endforeach()
 endfunction()
 
 # haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, each test known to ctest. Tests run

@@ -1,0 +1,91 @@
+# The Debian packages haptic-rt-core, haptic-host-sim and haptic-dev, one for each component: toolchain/package makes them.
+set(HAPTIC_MAINTAINER "The haptic project's authors <root@localhost>" CACHE STRING "Who answers for the Debian packages: Name <address>")
+set(debian ${CMAKE_CURRENT_LIST_DIR}/../debian)
+
+# haptic_package(COMPONENT SECTION SUMMARY TEXT): what holds for each of them. TEXT is the description's, in lines of 76
+# characters at most. Depends on the libraries that its programs are linked with, which dpkg-shlibdeps finds.
+function(haptic_package component section summary text)
+    string(TOUPPER ${component} upper)
+    string(REPLACE "_" "-" name haptic-${component})
+    set(prefix CPACK_DEBIAN_${upper}_PACKAGE)
+    set(${prefix}_NAME ${name} PARENT_SCOPE)
+    set(${prefix}_SECTION ${section} PARENT_SCOPE)
+    set(CPACK_COMPONENT_${upper}_DESCRIPTION "${summary}\n${text}" PARENT_SCOPE)
+    install(FILES ${debian}/copyright DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${name} COMPONENT ${component})
+    install(FILES ${CMAKE_CURRENT_BINARY_DIR}/changelog.gz DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${name} COMPONENT ${component})
+endfunction()
+
+# Debian's changelog names the version; what changed is in CHANGELOG.md. Without a time, so that the same tree makes the
+# same package.
+file(CONFIGURE OUTPUT changelog CONTENT "haptic (@PROJECT_VERSION@) bookworm; urgency=medium
+
+  * CHANGELOG.md of the source says what changed.
+
+ -- @HAPTIC_MAINTAINER@  Thu, 01 Jan 1970 00:00:00 +0000
+" @ONLY)
+execute_process(COMMAND gzip -9nc ${CMAKE_CURRENT_BINARY_DIR}/changelog OUTPUT_FILE ${CMAKE_CURRENT_BINARY_DIR}/changelog.gz
+                COMMAND_ERROR_IS_FATAL ANY)
+
+haptic_package(rt_core science "real-time process of a Spidar-G6 haptic device"
+"rt-core drives the eight strings of a Spidar-G6 a thousand times a second
+and renders contact planes as force and torque. firmware-host emulates the
+device and serves the emulation as a USB or serial board. With them come a
+service, which nothing starts by itself, and the rules by which a user who
+is not root may run it in real time.")
+haptic_package(host_sim science "simulation of deformable objects for a haptic device"
+"host-sim computes deformable objects, cloth and rigid tools in contact, and
+sends the planes of contact to rt-core by shared memory. With it come its
+scenes and a service, which nothing starts by itself.")
+haptic_package(dev libdevel "headers and libraries of the haptic system"
+"What a simulation of one's own is built against: C++ and C headers, static
+libraries and a CMake package, find_package(haptic).")
+
+install(FILES ${PROJECT_SOURCE_DIR}/rt-core/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/haptic-rt-core COMPONENT rt_core)
+install(FILES ${PROJECT_SOURCE_DIR}/host-sim/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/haptic-host-sim COMPONENT host_sim)
+install(FILES ${PROJECT_SOURCE_DIR}/shared/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/haptic-dev COMPONENT dev)
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME haptic)
+# Each has a summary of its own.
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")
+set(CPACK_PACKAGE_CONTACT "${HAPTIC_MAINTAINER}")
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_COMPONENTS_ALL rt_core host_sim dev)
+set(CPACK_COMPONENTS_GROUPING IGNORE)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_STRIP_FILES ON)
+# With /usr as the prefix itself, and not a folder to prepend, haptic_configuration() knows that /etc is its place.
+set(CPACK_SET_DESTDIR ON)
+set(CPACK_INSTALL_PREFIX /usr)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
+    OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+
+if(CMAKE_SYSTEM_PROCESSOR STREQUAL "aarch64")
+    set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE arm64)
+elseif(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
+    set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE amd64)
+endif()
+
+set(sysusers "systemd | systemd-standalone-sysusers | systemd-sysusers")
+set(CPACK_DEBIAN_RT_CORE_PACKAGE_DEPENDS "${sysusers}")
+set(CPACK_DEBIAN_RT_CORE_PACKAGE_RECOMMENDS "udev")
+set(CPACK_DEBIAN_RT_CORE_PACKAGE_SUGGESTS "haptic-host-sim, rt-tests, stress-ng")
+set(CPACK_DEBIAN_HOST_SIM_PACKAGE_DEPENDS "${sysusers}")
+set(CPACK_DEBIAN_HOST_SIM_PACKAGE_SUGGESTS "haptic-rt-core")
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libglm-dev, libusb-1.0-0-dev, libgpiod-dev (<< 2), libassimp-dev, pkg-config")
+# report.hpp names its JSON value; nothing else of what is installed asks for it.
+set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS "nlohmann-json3-dev")
+foreach(component IN ITEMS rt_core host_sim)
+    string(TOUPPER ${component} upper)
+    string(REPLACE "_" "-" name haptic-${component})
+    set(CPACK_DEBIAN_${upper}_PACKAGE_SHLIBDEPS ON)
+    set(CPACK_DEBIAN_${upper}_PACKAGE_CONTROL_EXTRA
+        ${debian}/postinst ${debian}/prerm ${debian}/postrm ${debian}/${name}/conffiles)
+endforeach()
+# Cross-built programs are looked up in the packages that the sysroot was made of.
+if(CMAKE_CROSSCOMPILING)
+    get_filename_component(CPACK_HAPTIC_PACKAGES "${HAPTIC_SYSROOT}/../packages" ABSOLUTE)
+    set(CPACK_PROJECT_CONFIG_FILE ${CMAKE_CURRENT_LIST_DIR}/cross-shlibdeps.cmake)
+endif()
+include(CPack)
