@@ -11,10 +11,10 @@ namespace haptic::rt {
 namespace {
 
 constexpr std::array kChecks{
-    &check_kernel,     &check_processor,       &check_isolation,     &check_interrupts,  &check_timer_tick,
-    &check_rcu,        &check_siblings,        &check_governor,      &check_idle_states, &check_clock_source,
-    &check_throttling, &check_huge_pages,      &check_steal,         &check_priority,    &check_memory_lock,
-    &check_usb_access, &check_usb_autosuspend, &check_usb_interrupt,
+    &check_kernel,       &check_processor,  &check_isolation,       &check_interrupts,    &check_timer_tick,
+    &check_rcu,          &check_rivals,     &check_siblings,        &check_governor,      &check_idle_states,
+    &check_clock_source, &check_throttling, &check_huge_pages,      &check_steal,         &check_priority,
+    &check_memory_lock,  &check_usb_access, &check_usb_autosuspend, &check_usb_interrupt,
 };
 
 // Columns of the text.

@@ -50,6 +50,7 @@ struct Examination {
 // The loop's processor: doctor_processor.cpp
 [[nodiscard]] Finding check_processor(const Examination& of);
 [[nodiscard]] Finding check_interrupts(const Examination& of);
+[[nodiscard]] Finding check_rivals(const Examination& of);
 [[nodiscard]] Finding check_siblings(const Examination& of);
 [[nodiscard]] Finding check_governor(const Examination& of);
 [[nodiscard]] Finding check_idle_states(const Examination& of);

@@ -56,6 +56,31 @@ Finding check_interrupts(const Examination& of) {
     return finding;
 }
 
+Finding check_rivals(const Examination& of) {
+    Finding finding{
+        "rivals",
+        Verdict::Good,
+        "no other thread of priority " + std::to_string(of.settings.priority) + " or more may run on " + of.processor(),
+        "of two real-time threads on one processor the one of higher priority runs, and of equals the one "
+        "that came first",
+        {}};
+    for (const RealtimeThread& thread : of.machine.realtime_threads()) {
+        // The kernel's own, which moves threads between processors, is there on each and above all others.
+        const bool meant = thread.name.starts_with("rt-core") || thread.name.starts_with("migration/");
+        if (meant || thread.priority < of.settings.priority || !contains(thread.cpus, of.cpu)) {
+            continue;
+        }
+        const std::string id = std::to_string(thread.id);
+        finding.verdict = Verdict::Bad;
+        finding.found = thread.name + " (" + id + ") has priority " + std::to_string(thread.priority) +
+                        " and may run on " + of.processor();
+        finding.remedy = of.others().empty() ? "sudo chrt -f -p " + std::to_string(of.settings.priority - 1) + " " + id
+                                             : "sudo taskset -cp " + cpu_list_text(of.others()) + " " + id;
+        return finding;
+    }
+    return finding;
+}
+
 Finding check_siblings(const Examination& of) {
     std::vector<int> busy;
     for (const int sibling : of.machine.cpus(of.cpu_file("topology/thread_siblings_list"))) {

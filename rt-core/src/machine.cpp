@@ -1,11 +1,13 @@
 #include "haptic/rt/machine.hpp"
 
+#include <sched.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <charconv>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -38,6 +40,30 @@ std::vector<int> delivered_to(const std::vector<int>& up_to_now, const std::vect
     std::vector<int> both;
     std::set_intersection(up_to_now.begin(), up_to_now.end(), allowed.begin(), allowed.end(), std::back_inserter(both));
     return both.empty() ? allowed : both;
+}
+
+/// A thread of its /proc/PID/task/TID/stat (proc(5): name in brackets, fields 40 and 41 are rt_priority and policy);
+/// nothing for one that is not scheduled in real time.
+std::optional<RealtimeThread> realtime_thread(const std::string& stat) {
+    const std::size_t open = stat.find('(');
+    const std::size_t close = stat.rfind(')');  // a name may hold brackets
+    if (open == std::string::npos || close == std::string::npos || close < open) {
+        return std::nullopt;
+    }
+    std::istringstream fields(stat.substr(close + 1));
+    std::string field;
+    constexpr int kFirst = 3;
+    constexpr int kPriority = 40;
+    for (int number = kFirst; number < kPriority; ++number) {
+        fields >> field;
+    }
+    RealtimeThread thread;
+    int policy = 0;
+    if (!(fields >> thread.priority >> policy) || (policy != SCHED_FIFO && policy != SCHED_RR)) {
+        return std::nullopt;
+    }
+    thread.name = stat.substr(open + 1, close - open - 1);
+    return thread;
 }
 
 bool accessible(const std::filesystem::path& file) {
@@ -126,6 +152,28 @@ std::vector<Interrupt> Machine::interrupts() const {
         }
     }
     std::sort(all.begin(), all.end(), [](const Interrupt& a, const Interrupt& b) { return a.number < b.number; });
+    return all;
+}
+
+std::vector<RealtimeThread> Machine::realtime_threads() const {
+    std::vector<RealtimeThread> all;
+    for (const std::string& process : names("/proc")) {
+        if (!whole_number<int>(process)) {
+            continue;
+        }
+        const std::string tasks = "/proc/" + process + "/task";
+        for (const std::string& task : names(tasks)) {
+            std::string folder = tasks;
+            folder.append("/").append(task);
+            std::optional<RealtimeThread> thread = realtime_thread(line(folder + "/stat").value_or(std::string()));
+            if (thread) {
+                thread->id = whole_number<int>(task).value_or(0);
+                thread->cpus = parse_cpu_list(value_of(folder + "/status", "Cpus_allowed_list:"));
+                all.push_back(std::move(*thread));
+            }
+        }
+    }
+    std::sort(all.begin(), all.end(), [](const RealtimeThread& a, const RealtimeThread& b) { return a.id < b.id; });
     return all;
 }
 

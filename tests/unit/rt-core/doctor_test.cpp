@@ -119,6 +119,16 @@ TEST_F(DoctorTest, TakesAnInterruptThatHasBeenSentAwayForGoneBeforeItComesAgain)
     EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
 }
 
+TEST_F(DoctorTest, NamesAnotherThreadThatMayTakeTheProcessor) {
+    tree.thread(812, "jack (d) 1", 80, 2, "0-3");
+    expect_only("rivals", "sudo taskset -cp 0-2 812");
+    EXPECT_THAT(finding("rivals").found, HasSubstr("jack (d) 1 (812) has priority 80"));
+    tree.thread(812, "jackd", 80, 2, "0-2");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+    tree.thread(812, "jackd", 79, 1, "3");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+}
+
 TEST_F(DoctorTest, NamesAHyperThreadThatOthersUse) {
     tree.write("/sys/devices/system/cpu/isolated", "3");
     tree.write("/proc/self/status", "CapEff:\t0\nCpus_allowed_list:\t0-2");
@@ -300,7 +310,7 @@ TEST_F(DoctorTest, WritesALineForEachFindingAndTheCommandForTheBadOnes) {
     EXPECT_THAT(text, HasSubstr("good     kernel           6.1.0-38-rt-amd64, PREEMPT_RT\n"));
     EXPECT_THAT(text, HasSubstr("bad      throttling       real-time threads may run for 950000 us of 1000000\n"));
     EXPECT_THAT(text, HasSubstr("mend: sudo haptic-tune apply throttling --cpu 3\n"));
-    EXPECT_THAT(text, HasSubstr("17 good, 1 bad, 0 unknown\n"));
+    EXPECT_THAT(text, HasSubstr("18 good, 1 bad, 0 unknown\n"));
 }
 
 TEST_F(DoctorTest, WritesEachFindingAsJson) {

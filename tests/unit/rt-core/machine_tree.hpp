@@ -81,6 +81,10 @@ class MachineTree {
     void rights() const {
         write("/proc/self/status", "Uid:\t1000\t1000\nCapEff:\t0000000000000000\nCpus_allowed_list:\t0,2");
         limits("98", "unlimited");
+        thread(2, "kthreadd", 0, 0, "0-3");
+        thread(18, "migration/3", 99, 1, "3");
+        thread(640, "irq/24-xhci_hcd", 50, 1, "0-3");
+        thread(700, "rt-core", 80, 1, "3");
         write("/etc/security/limits.d/haptic.conf", "@haptic - rtprio 98");
     }
     void usb() const {
@@ -108,6 +112,17 @@ class MachineTree {
         std::filesystem::create_directories(file(folder + handler));
         write(folder + "smp_affinity_list", "0-3");
         write(folder + "effective_affinity_list", cpus);
+    }
+    /// A process of one thread. Policy: 0 SCHED_OTHER, 1 SCHED_FIFO, 2 SCHED_RR.
+    void thread(int id, const std::string& name, int priority, int policy, const std::string& cpus) const {
+        const std::string number = std::to_string(id);
+        const std::string folder = "/proc/" + number + "/task/" + number + "/";
+        std::string stat = number + " (" + name + ") S";
+        for (int field = 4; field < 40; ++field) {
+            stat += " " + std::to_string(field);
+        }
+        write(folder + "stat", stat + " " + std::to_string(priority) + " " + std::to_string(policy) + " 0 0");
+        write(folder + "status", "Name:\t" + name + "\nCpus_allowed:\tf\nCpus_allowed_list:\t" + cpus);
     }
     /// /proc/self/limits, whose columns are as wide as the kernel's.
     void limits(const std::string& priority, const std::string& memory) const {

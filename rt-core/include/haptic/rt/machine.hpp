@@ -17,6 +17,14 @@ struct Interrupt {
     std::vector<int> cpus;  // where it is delivered, ascending
 };
 
+/// A thread of SCHED_FIFO or SCHED_RR.
+struct RealtimeThread {
+    int id = 0;
+    std::string name;       // at most 15 characters, as the kernel keeps it
+    int priority = 0;       // 1..99
+    std::vector<int> cpus;  // that it may use, ascending
+};
+
 /// Reads, and never writes. What is not there, or may not be read, is empty: no method throws for it.
 class Machine {
   public:
@@ -43,6 +51,8 @@ class Machine {
     [[nodiscard]] std::string value_of(const std::string& absolute, const std::string& key) const;
     /// Those of /proc/irq that have handlers, ascending.
     [[nodiscard]] std::vector<Interrupt> interrupts() const;
+    /// Those of all processes and of the kernel, ascending; of one that ends meanwhile nothing.
+    [[nodiscard]] std::vector<RealtimeThread> realtime_threads() const;
 
   private:
     std::filesystem::path root_;
