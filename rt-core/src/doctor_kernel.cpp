@@ -164,13 +164,13 @@ Finding check_clock_source(const Examination& of) {
         "the loop reads the clock several times a tick: 20 ns from the processor's own counter, microseconds "
         "and a system call from a chip elsewhere",
         {}};
-    constexpr std::array<std::string_view, 4> kFast{"tsc", "arch_sys_counter", "kvm-clock",
-                                                    "hyperv_clocksource_tsc_page"};
-    constexpr std::array<std::string_view, 4> kSlow{"hpet", "acpi_pm", "jiffies", "refined-jiffies"};
+    constexpr std::array<std::string_view, 4> fast{"tsc", "arch_sys_counter", "kvm-clock",
+                                                   "hyperv_clocksource_tsc_page"};
+    constexpr std::array<std::string_view, 4> slow{"hpet", "acpi_pm", "jiffies", "refined-jiffies"};
     const auto is = [&clock](std::string_view one) { return clock == one; };
-    if (std::any_of(kFast.begin(), kFast.end(), is)) {
+    if (std::any_of(fast.begin(), fast.end(), is)) {
         finding.verdict = Verdict::Good;
-    } else if (std::any_of(kSlow.begin(), kSlow.end(), is)) {
+    } else if (std::any_of(slow.begin(), slow.end(), is)) {
         finding.verdict = Verdict::Bad;
         const std::string others = of.machine.line(folder + "available_clocksource").value_or(std::string());
         finding.remedy =

@@ -37,13 +37,13 @@ Finding check_processor(const Examination& of) {
 Finding check_interrupts(const Examination& of) {
     std::string here;
     std::size_t count = 0;
-    constexpr std::size_t kMostNamed = 4;
+    constexpr std::size_t most_named = 4;
     for (const Interrupt& interrupt : of.machine.interrupts()) {
-        if (contains(interrupt.cpus, of.cpu) && count++ < kMostNamed) {
+        if (contains(interrupt.cpus, of.cpu) && count++ < most_named) {
             here += (here.empty() ? "" : "; ") + std::to_string(interrupt.number) + " " + interrupt.handlers;
         }
     }
-    here += count > kMostNamed ? "; and " + std::to_string(count - kMostNamed) + " more" : "";
+    here += count > most_named ? "; and " + std::to_string(count - most_named) + " more" : "";
     Finding finding{"interrupts", count == 0 ? Verdict::Good : Verdict::Bad,
                     count == 0 ? "no device interrupts " + of.processor() : "on " + of.processor() + ": " + here,
                     "each interrupt of a device takes the loop's processor for some microseconds, whenever it likes",

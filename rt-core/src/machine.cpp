@@ -52,9 +52,9 @@ std::optional<RealtimeThread> realtime_thread(const std::string& stat) {
     }
     std::istringstream fields(stat.substr(close + 1));
     std::string field;
-    constexpr int kFirst = 3;
-    constexpr int kPriority = 40;
-    for (int number = kFirst; number < kPriority; ++number) {
+    constexpr int first_field = 3;
+    constexpr int priority_field = 40;
+    for (int number = first_field; number < priority_field; ++number) {
         fields >> field;
     }
     RealtimeThread thread;
