@@ -74,6 +74,18 @@ std::vector<int> controller_interrupts(const Machine& machine, const std::string
     return numbers;
 }
 
+/// Those of all USB controllers by the names that the kernel gives to their handlers, such as xhci-hcd:usb1: for
+/// controllers on a system on chip, of which /sys shows no interrupt.
+std::vector<int> interrupts_by_name(const std::vector<Interrupt>& interrupts) {
+    std::vector<int> numbers;
+    for (const Interrupt& one : interrupts) {
+        if (one.handlers.find("hcd") != std::string::npos) {
+            numbers.push_back(one.number);
+        }
+    }
+    return numbers;
+}
+
 /// The boards, or without any all root hubs.
 std::vector<std::string> ends_of_controllers(const Examination& of) {
     std::vector<std::string> ends;
@@ -148,7 +160,9 @@ Finding check_usb_interrupt(const Examination& of) {
                     {}};
     const std::vector<Interrupt> interrupts = of.machine.interrupts();
     for (const std::string& end : ends_of_controllers(of)) {
-        for (const int number : controller_interrupts(of.machine, end)) {
+        std::vector<int> numbers = controller_interrupts(of.machine, end);
+        numbers = numbers.empty() ? interrupts_by_name(interrupts) : numbers;
+        for (const int number : numbers) {
             const auto one = std::find_if(interrupts.begin(), interrupts.end(),
                                           [number](const Interrupt& each) { return each.number == number; });
             if (one == interrupts.end()) {

@@ -241,6 +241,15 @@ TEST_F(DoctorTest, FindsTheLineOfAControllerWithoutMessageSignalledInterrupts) {
     EXPECT_THAT(finding("usb_interrupt").found, HasSubstr("interrupt 18 (ehci_hcd:usb1) of 1-2"));
 }
 
+TEST_F(DoctorTest, KnowsAControllerOnASystemOnChipByTheNameOfItsInterrupt) {
+    tree.remove("/sys/devices/pci0000:00/0000:00:14.0/msi_irqs");
+    tree.remove("/sys/devices/pci0000:00/0000:00:14.0/irq");
+    tree.remove("/proc/irq/24");
+    tree.interrupt(24, "xhci-hcd:usb1", "3");
+    EXPECT_EQ(finding("usb_interrupt").verdict, Verdict::Bad);
+    EXPECT_THAT(finding("usb_interrupt").found, HasSubstr("interrupt 24 (xhci-hcd:usb1)"));
+}
+
 TEST_F(DoctorTest, LooksAtTheBoardThatTheSettingsMean) {
     tree.write("/sys/bus/usb/devices/1-2/power/control", "auto");
     settings.usb->path = "1-3";
