@@ -34,17 +34,21 @@ void RealtimeLoop::cycle() HAPTIC_RT {
     warm_up(next.deadline_ns);
     tick_->arm();
     const ThreadUsage before = thread_usage();
+    if (log_ != nullptr) {
+        log_->begin();
+    }
     // Disarmed again: stopped or faulted, and faded out. relaxed: the flag carries nothing but itself.
     do {
         if (stop_requested_.load(std::memory_order_relaxed)) {
             tick_->stop();
         }
         next = next_deadline(next.deadline_ns, settings_.period_ns, run_one(next.deadline_ns, next.missed));
+        if (log_ != nullptr) {
+            log_->add(tick_->last(), tick_->timing(), next.missed);
+        }
     } while (tick_->safety_state() != SafetyState::Disarmed);
     const ThreadUsage after = thread_usage();
-    usage_.page_faults = after.page_faults - before.page_faults;
-    usage_.voluntary_switches = after.voluntary_switches - before.voluntary_switches;
-    usage_.forced_switches = after.forced_switches - before.forced_switches;
+    usage_ = after - before;
     tick_->send_zero(monotonic_now_ns());
     tick_->heart().end();
 }

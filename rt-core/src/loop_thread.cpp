@@ -39,8 +39,9 @@ RealtimeLoop::~RealtimeLoop() {
     join();
 }
 
-void RealtimeLoop::start(Recorder* recorder) {
+void RealtimeLoop::start(Recorder* recorder, TimingLog* log) {
     recorder_ = recorder;
+    log_ = log;
     started_ = true;
     go_.set_value(true);
 }
@@ -66,6 +67,9 @@ void* RealtimeLoop::thread_entry(void* self) {
     std::future<bool> go = loop->go_.get_future();
     loop->prepared_.set_value();
     if (go.get()) {
+        if (loop->log_ != nullptr) {
+            loop->log_->attach();
+        }
         loop->cycle();
     }
     loop->finished_.store(true, std::memory_order_release);  // all that the ticks wrote comes before

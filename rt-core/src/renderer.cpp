@@ -106,6 +106,8 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
     // A time of publishing in our future would keep a dead simulation's force alive.
     result.frame_sequence = frame().sequence;
     result.frame_age_ns = now_ns - std::min(frame().publish_time_ns, received_ns_);
+    result.state_age_ns =
+        frame().state_sequence == 0 ? -1 : now_ns - std::clamp<std::int64_t>(frame().state_time_ns, 0, now_ns);
     result.stale = result.frame_age_ns > std::max(settings_.stale_after_ns, kFreshSteps * frame().step_ns);
 
     const double dt = static_cast<double>(elapsed_ns);

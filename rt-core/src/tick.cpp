@@ -21,15 +21,15 @@ void Tick::run(const TickTime& time) HAPTIC_RT {
     exchange_in(time);
     measure_pose(time);
     watch_health();
-    mark_stage(instruments_.pose);
+    mark_stage(instruments_.pose, TickStage::Pose);
     take_frame(time);
     render_wrench(time);
-    mark_stage(instruments_.proxy);
+    mark_stage(instruments_.proxy, TickStage::Proxy);
     distribute();
-    mark_stage(instruments_.tension);
+    mark_stage(instruments_.tension, TickStage::Tension);
     exchange_out(time);
     publish(time);
-    mark_stage(instruments_.publish);
+    mark_stage(instruments_.publish, TickStage::Publish);
     finish(time);
 }
 
@@ -37,6 +37,7 @@ void Tick::begin(const TickTime& time) HAPTIC_RT {
     started_ns_ = clock_();
     stage_ns_ = started_ns_;
     record_ = TickRecord{};
+    timing_ = TickTiming{};
     if (stop_asked_.load()) {
         stop();
     }
@@ -95,6 +96,15 @@ void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
     instruments_.count(status);
     record_.exchange_in = static_cast<std::int8_t>(status);
     exchange_ns_ = lap();
+    if (in_ok_ && motion_ns_ >= 0) {
+        force_arrived(motion_ns_);  // of the tick before, with one exchange
+    }
+    motion_ns_ = in_ok_ ? started_ns_ : -1;
+}
+
+void Tick::force_arrived(std::int64_t latched_ns) HAPTIC_RT {
+    timing_.motion_to_force_ns = stage_ns_ - latched_ns;
+    instruments_.motion_to_force.record(timing_.motion_to_force_ns);
 }
 
 void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
@@ -212,6 +222,7 @@ void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     record_.in_contact = rendered.contact.in_contact;
     record_.frame_sequence = rendered.frame_sequence;
     record_.frame_age_ns = rendered.frame_age_ns;
+    timing_.state_age_ns = rendered.stale ? -1 : rendered.state_age_ns;
     set_flag(rendered.stale, HAPTIC_TICK_FRAME_STALE);
     set_flag(rendered.stiffness_limited, HAPTIC_TICK_STIFFNESS_LIMITED);
     if (!rendered.finite) {
@@ -291,7 +302,14 @@ void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
         instruments_.count(status);
         record_.exchange_out = static_cast<std::int8_t>(status);
     }
-    instruments_.exchange.record(exchange_ns_ + lap());
+    timing_.of(TickStage::Exchange) = exchange_ns_ + lap();
+    instruments_.exchange.record(timing_.of(TickStage::Exchange));
+    if (settings_.exchanges == 2) {
+        if (out_ok && motion_ns_ >= 0) {
+            force_arrived(motion_ns_);
+        }
+        motion_ns_ = -1;
+    }
     exchange_failed_ = !in_ok_ || !out_ok;
     set_flag(exchange_failed_, HAPTIC_TICK_EXCHANGE_FAILED);
     for (std::size_t i = 0; i < kStrings; ++i) {
@@ -351,10 +369,15 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
     if (record_.frame_age_ns >= 0) {
         m.frame_age.record(record_.frame_age_ns);
     }
+    if (timing_.state_age_ns >= 0) {
+        m.state_age.record(timing_.state_age_ns);
+    }
     last_now_ns_ = time.now_ns;
     first_ = false;
 
-    record_.compute_ns = clock_() - started_ns_;
+    const std::int64_t ended_ns = clock_();
+    timing_.of(TickStage::Record) = ended_ns - stage_ns_;
+    record_.compute_ns = ended_ns - started_ns_;
     m.compute.record(record_.compute_ns);
     black_box_.push(record_);
     if (recorder_ != nullptr) {

@@ -25,6 +25,9 @@ struct Instruments {
     Histogram compute;    // ns, the whole tick
     Histogram frame_age;  // ns, of the frame rendered, each tick that had one
 
+    Histogram state_age;        // ns, of the device state that the planes in use answer, each tick that had one
+    Histogram motion_to_force;  // ns, TickTiming::motion_to_force_ns
+
     std::uint64_t ticks = 0;
     std::uint64_t overruns = 0;  // deadlines that were missed
     std::uint64_t failed_exchanges = 0;

@@ -15,6 +15,7 @@
 #include "haptic/rt/realtime_setup.hpp"
 #include "haptic/rt/tick.hpp"
 #include "haptic/rt/tick_syscalls.hpp"
+#include "haptic/rt/timing_log.hpp"
 
 namespace haptic::rt {
 
@@ -47,8 +48,9 @@ class RealtimeLoop {
 
     [[nodiscard]] const RealtimeSetup& setup() const noexcept { return setup_; }
     /// Warms up, which is not measured, arms, runs until a stop or a fault has been seen through to the disarmed state.
-    /// Each tick, those of the warm-up too, is also kept in the recorder, if there is one; it must outlive the loop.
-    void start(Recorder* recorder = nullptr);
+    /// Each tick, those of the warm-up too, is also kept in the recorder, if there is one; each that is measured in the
+    /// log, if there is one. Both must outlive the loop.
+    void start(Recorder* recorder = nullptr, TimingLog* log = nullptr);
     /// From any thread, any number of times. The force fades, then the tension, then the loop ends.
     void request_stop() noexcept { stop_requested_.store(true, std::memory_order_relaxed); }
     /// True once no tick will run any more; the tick's records may then be read.
@@ -71,6 +73,7 @@ class RealtimeLoop {
     RealtimeSetup setup_;
     std::unique_ptr<const Instruments> measured_;  // by the tick before this loop
     Recorder* recorder_ = nullptr;
+    TimingLog* log_ = nullptr;
     ThreadUsage usage_;
     std::promise<void> prepared_;
     std::promise<bool> go_;

@@ -43,6 +43,7 @@ class FrameRenderer {
         Contact contact;                   // wrench faded and blended
         std::uint64_t frame_sequence = 0;  // 0: no frame yet
         std::int64_t frame_age_ns = -1;    // since it was published; -1: no frame yet
+        std::int64_t state_age_ns = -1;    // since the latch of the device state it answers; -1: it answers none
         bool stale = false;                // there was a frame, and it is too old
         bool stiffness_limited = false;    // it asked for more than the largest stiffness
         bool finite = true;                // else the wrench is zero: coupling times depth or speed had no measure

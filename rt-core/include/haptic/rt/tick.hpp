@@ -33,6 +33,7 @@
 #include "haptic/rt/tension.hpp"
 #include "haptic/rt/thermal.hpp"
 #include "haptic/rt/tick_record.hpp"
+#include "haptic/rt/tick_timing.hpp"
 #include "haptic/rt/velocity.hpp"
 
 namespace haptic::rt {
@@ -120,6 +121,8 @@ class Tick {
     [[nodiscard]] std::uint8_t suspect_strings() const HAPTIC_RT { return safety_.suspects(); }
     /// What the last tick found and did.
     [[nodiscard]] const TickRecord& last() const HAPTIC_RT { return record_; }
+    /// Where the time of the last tick went.
+    [[nodiscard]] const TickTiming& timing() const HAPTIC_RT { return timing_; }
     [[nodiscard]] const Instruments& instruments() const HAPTIC_RT { return instruments_; }
     /// Measurements go on from these, as after warming up.
     void set_instruments(const Instruments& instruments) HAPTIC_RT { instruments_ = instruments; }
@@ -148,7 +151,11 @@ class Tick {
     void finish(const TickTime& time) HAPTIC_RT;
     /// Stage clock since the last call.
     std::int64_t lap() HAPTIC_RT;
-    void mark_stage(Histogram& stage) HAPTIC_RT { stage.record(lap()); }
+    void mark_stage(Histogram& stage, TickStage which) HAPTIC_RT {
+        timing_.of(which) = lap();
+        stage.record(timing_.of(which));
+    }
+    void force_arrived(std::int64_t latched_ns) HAPTIC_RT;
     void set_flag(bool condition, std::uint32_t flag) HAPTIC_RT { record_.flags |= condition ? flag : 0u; }
 
     TickSettings settings_;
@@ -181,6 +188,7 @@ class Tick {
     device::BoardReading unused_;  // of the second exchange
     DeviceState state_{};
     TickRecord record_;
+    TickTiming timing_;
     Instruments instruments_;
 
     PoseEstimate estimate_;
@@ -195,6 +203,7 @@ class Tick {
     std::int64_t started_ns_ = 0;     // stage clock at the beginning of the tick
     std::int64_t stage_ns_ = 0;       // stage clock at the end of the last stage
     std::int64_t exchange_ns_ = 0;    // that the first exchange took
+    std::int64_t motion_ns_ = -1;     // stage clock at the latch whose force waits to be sent; -1: none does
     bool first_ = true;
     bool latched_ = false;          // counters were taken at least once
     bool in_ok_ = false;            // first exchange of this tick

@@ -26,6 +26,14 @@ struct ThreadUsage {
         return *this;
     }
 };
+[[nodiscard]] inline ThreadUsage operator-(const ThreadUsage& later, const ThreadUsage& earlier) HAPTIC_RT {
+    return {later.page_faults - earlier.page_faults, later.voluntary_switches - earlier.voluntary_switches,
+            later.forced_switches - earlier.forced_switches};
+}
 [[nodiscard]] ThreadUsage thread_usage() HAPTIC_RT;
+
+/// ns, for which the thread of this open /proc/thread-self/schedstat was ready to run and had no processor, since it
+/// began; -1 if the kernel does not tell.
+[[nodiscard]] std::int64_t waited_for_processor_ns(int file) HAPTIC_RT;
 
 }  // namespace haptic::rt
