@@ -10,6 +10,7 @@
 #include "doctor_command.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/rt/settings.hpp"
+#include "measure_command.hpp"
 #include "run_command.hpp"
 #include "stability_command.hpp"
 
@@ -17,6 +18,7 @@ namespace {
 
 using haptic::rt::CalibrateOptions;
 using haptic::rt::DoctorOptions;
+using haptic::rt::MeasureOptions;
 using haptic::rt::RunOptions;
 using haptic::rt::StabilityOptions;
 
@@ -30,7 +32,8 @@ std::string problem_of_fault(const std::string& text) {
     }
 }
 
-void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
+/// What every command that runs the loop takes.
+void describe_loop(CLI::App& run, RunOptions& options) {
     run.add_option("--config", options.config, "TOML file; see --print-config")->type_name("F.toml");
     run.add_option("--set", options.assignments, "one key for this run, e.g. limits.force=4 (repeatable)")
         ->type_name("KEY=VALUE")
@@ -49,12 +52,50 @@ void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
     run.add_option("--session", options.session, "joins this process to the host-sim of the same session")
         ->type_name("NAME")
         ->capture_default_str();
+    run.add_option("--report", options.report, "writes measurements as JSON")->type_name("F.json");
+    run.add_flag("--rearm", options.rearm, "after the device was lost, waits for it and goes on, as safety.rearm");
+}
+
+void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
+    describe_loop(run, options);
     run.add_option("--duration", duration_s, "seconds after which to stop; until Ctrl-C without it")
         ->type_name("S")
         ->check(CLI::PositiveNumber);
-    run.add_option("--report", options.report, "writes measurements as JSON")->type_name("F.json");
-    run.add_flag("--rearm", options.rearm, "after the device was lost, waits for it and goes on, as safety.rearm");
     run.add_option("--record", options.record, "writes every tick as CSV")->type_name("F.csv");
+}
+
+CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
+    CLI::App* const measure = app.add_subcommand(
+        "measure", "Runs the loop as run does, and says how late it is, where its time goes and why");
+    describe_loop(*measure, options.run);
+    measure->add_option("--duration", options.duration_s, "seconds of the loop; Ctrl-C ends it before")
+        ->type_name("S")
+        ->check(CLI::PositiveNumber)
+        ->capture_default_str();
+    measure
+        ->add_option("--load", options.load,
+                     "what loads the machine meanwhile: none, stress-ng, or \"stress-ng ARGUMENTS\"")
+        ->type_name("LOAD")
+        ->capture_default_str();
+    CLI::Option* const cyclictest = measure->add_flag(
+        "--cyclictest", options.cyclictest,
+        "takes turns with cyclictest on the same processor and priority, which makes the run twice as long");
+    measure->add_option("--alternate", options.alternate_s, "seconds of each turn")
+        ->type_name("S")
+        ->check(CLI::Range(1.0, 3600.0))
+        ->needs(cyclictest)
+        ->capture_default_str();
+    measure->add_option("--html", options.html, "writes a page with plots")->type_name("F.html");
+    CLI::Option* const from =
+        measure
+            ->add_option("--from", options.from,
+                         "measures nothing: shows a report that was written before, as --html too")
+            ->type_name("F.json");
+    measure->add_option("--compare", options.compare, "measures nothing: compares two reports that were written before")
+        ->type_name("A.json B.json")
+        ->expected(2)
+        ->excludes(from);
+    return measure;
 }
 
 CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
@@ -151,6 +192,8 @@ int run_application(int argc, char** argv) {
     run->add_flag("--print-config", print_config, "Prints the commented default configuration");
     StabilityOptions stability_options;
     const CLI::App* const stability = describe_stability(app, stability_options);
+    MeasureOptions measurement;
+    const CLI::App* const measure = describe_measure(app, measurement);
     CalibrateOptions calibration;
     CLI::App* const calibrate = app.add_subcommand("calibrate", "Finds the geometry of the frame, and writes its file");
     describe_calibrate(*calibrate, calibration);
@@ -162,7 +205,7 @@ int run_application(int argc, char** argv) {
             std::fwrite(haptic::rt::default_config_text().data(), 1, haptic::rt::default_config_text().size(), stdout);
             return 0;
         }
-        if (!run->parsed() && !stability->parsed() && !calibrate->parsed() && !doctor->parsed()) {
+        if (app.get_subcommands().empty()) {
             throw CLI::CallForHelp();
         }
     } catch (const CLI::ParseError& error) {
@@ -178,6 +221,9 @@ int run_application(int argc, char** argv) {
     }
     if (calibrate->parsed()) {
         return haptic::rt::calibrate_command(calibration);
+    }
+    if (measure->parsed()) {
+        return haptic::rt::measure_command(measurement);
     }
     return stability->parsed() ? haptic::rt::stability_command(stability_options) : haptic::rt::run_command(options);
 }

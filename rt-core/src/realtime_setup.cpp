@@ -143,6 +143,23 @@ void prepare_process(RealtimeSetup& setup) {
     }
 }
 
+AwayFrom::AwayFrom(int cpu) {
+    CPU_ZERO(&before_);
+    if (sched_getaffinity(0, sizeof before_, &before_) != 0 || cpu < 0 || cpu >= CPU_SETSIZE ||
+        CPU_COUNT(&before_) <= 1) {
+        return;
+    }
+    cpu_set_t others = before_;
+    CPU_CLR(static_cast<std::size_t>(cpu), &others);
+    left_ = pthread_setaffinity_np(pthread_self(), sizeof others, &others) == 0;
+}
+
+AwayFrom::~AwayFrom() {
+    if (left_) {
+        pthread_setaffinity_np(pthread_self(), sizeof before_, &before_);
+    }
+}
+
 void prepare_side_thread(int priority, int loop_cpu) {
     cpu_set_t allowed;
     CPU_ZERO(&allowed);

@@ -70,6 +70,8 @@ void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int
     tick.waited_ns = waited_ns >= 0 && waited_ns_ >= 0 ? waited_ns - waited_ns_ : -1;
     waited_ns_ = waited_ns;
 
+    late_ticks_ += missed > 0 ? 1u : 0u;
+    missed_ += static_cast<std::uint64_t>(std::max<std::int64_t>(missed, 0));
     wakeup_.add(tick.now_ns, tick.wakeup_ns());
     compute_.add(tick.now_ns, tick.compute_ns);
     if (keep(tick)) {

@@ -1,6 +1,8 @@
 // What a process and its real-time thread ask of the kernel before the first tick, and what to do where it refuses.
 #pragma once
 
+#include <sched.h>
+
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -45,6 +47,20 @@ void prepare_thread(RealtimeSetup& setup, int priority, int cpu);
 /// A thread that looks after the loop: SCHED_FIFO at a priority where the kernel allows it, and on any processor but
 /// the loop's (as for prepare_thread) if there is another. Where it is refused the thread goes on as it is.
 void prepare_side_thread(int priority, int loop_cpu);
+
+/// Keeps the calling thread off a processor for as long as this lives, if there is another one; -1: off none. Whatever
+/// the thread starts meanwhile is kept off it too.
+class AwayFrom {
+  public:
+    explicit AwayFrom(int cpu);
+    AwayFrom(const AwayFrom&) = delete;
+    AwayFrom& operator=(const AwayFrom&) = delete;
+    ~AwayFrom();
+
+  private:
+    cpu_set_t before_{};
+    bool left_ = false;
+};
 
 /// Bytes of stack of such a thread.
 inline constexpr std::size_t kSideStackBytes = std::size_t{1} << 20;

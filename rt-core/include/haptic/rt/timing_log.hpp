@@ -67,6 +67,9 @@ class TimingLog {
     [[nodiscard]] const TimedTick& largest(Latency latency) const noexcept {
         return largest_[static_cast<std::size_t>(latency)];
     }
+    /// Ticks by whose end another deadline had passed, and how many had.
+    [[nodiscard]] std::uint64_t late_ticks() const noexcept { return late_ticks_; }
+    [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }
     [[nodiscard]] const Course& wakeup() const noexcept { return wakeup_; }
     [[nodiscard]] const Course& compute() const noexcept { return compute_; }
 
@@ -82,6 +85,8 @@ class TimingLog {
     std::array<TimedTick, kWorst> worst_{};
     std::size_t worst_count_ = 0;
     std::array<TimedTick, kLatencies> largest_{};
+    std::uint64_t late_ticks_ = 0;
+    std::uint64_t missed_ = 0;
     Course wakeup_;
     Course compute_;
     SpscQueue<std::int64_t> events_{256};
