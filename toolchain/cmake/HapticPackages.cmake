@@ -54,6 +54,7 @@ set(CPACK_COMPONENTS_ALL rt_core host_sim dev)
 set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_STRIP_FILES ON)
+set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
 # With /usr as the prefix itself, and not a folder to prepend, haptic_configuration() knows that /etc is its place.
 set(CPACK_SET_DESTDIR ON)
 set(CPACK_INSTALL_PREFIX /usr)
