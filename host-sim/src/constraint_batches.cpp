@@ -1,6 +1,7 @@
 #include "constraint_batches.hpp"
 
 #include <algorithm>
+#include <glm/geometric.hpp>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -267,12 +268,9 @@ void ConstraintBatches::add_group(const ParticleModel& model, const Group* group
         return;
     }
     double mass = 0.0;
-    Vec3 centroid(0.0);
     for (const std::uint32_t p : group->members) {
         mass += model.mass[p];
-        centroid += model.mass[p] * model.rest_position[p];
     }
-    centroid /= mass;
     centre_.push_back(named(group->centre));
     rigid_stiffness_.push_back(group->stiffness);
     stiffness_.push_back(static_cast<float>(group->stiffness));
@@ -280,18 +278,60 @@ void ConstraintBatches::add_group(const ParticleModel& model, const Group* group
     softness_.push_back(0.0f);
     inverse_mass_.push_back(static_cast<float>(1.0 / mass));
     centre_is_free_.push_back(model.pinned[group->centre] != 0 ? 0 : 1);
-    const std::size_t lane = first_member % lanes_;
     std::size_t at = first_member;
     for (const std::uint32_t p : group->members) {
         member_[at] = named(p);
         weight_[at] = static_cast<float>(model.mass[p] / mass);
         member_is_free_[at] = model.pinned[p] != 0 ? 0 : 1;
-        const Vec3 offset = model.rest_position[p] - centroid;
+        at += lanes_;
+    }
+    set_rest_offsets(model, first_member, group->members.size());
+}
+
+void ConstraintBatches::set_rest_offsets(const ParticleModel& model, std::size_t first_member,
+                                         std::size_t members) noexcept {
+    const auto particle = [&](std::size_t slot) { return member_[first_member + slot * lanes_] / kNumbersOfRow; };
+    double mass = 0.0;
+    Vec3 centroid(0.0);
+    for (std::size_t slot = 0; slot < members; ++slot) {
+        mass += model.mass[particle(slot)];
+        centroid += model.mass[particle(slot)] * model.rest_position[particle(slot)];
+    }
+    centroid /= mass;
+    const std::size_t lane = first_member % lanes_;
+    std::size_t at = first_member;
+    for (std::size_t slot = 0; slot < members; ++slot) {
+        const Vec3 offset = model.rest_position[particle(slot)] - centroid;
         float* to = &rest_offset_[3 * (at - lane) + lane];
         to[0] = static_cast<float>(offset.x);
         to[lanes_] = static_cast<float>(offset.y);
         to[2 * lanes_] = static_cast<float>(offset.z);
         at += lanes_;
+    }
+}
+
+void ConstraintBatches::set_rest_shape(const ParticleModel& model) noexcept {
+    const auto length = [&](std::uint32_t a, std::uint32_t b) {
+        return glm::length(model.rest_position[a / kNumbersOfRow] - model.rest_position[b / kNumbersOfRow]);
+    };
+    const auto exists = [&](std::uint32_t name) { return name / kNumbersOfRow < model.size(); };
+    for (std::size_t k = 0; k < first_.size(); ++k) {
+        rest_length_[k] = exists(first_[k]) ? static_cast<float>(length(first_[k], second_[k])) : 0.0f;
+    }
+    for (std::size_t k = 0; k < spring_.first.size(); ++k) {
+        spring_.rest_length[k] = exists(spring_.first[k]) ? length(spring_.first[k], spring_.second[k]) : 0.0;
+    }
+    for (std::size_t b = 0; b < batch_.size(); ++b) {
+        for (std::size_t lane = 0; lane < lanes_; ++lane) {
+            const std::size_t first = batch_[b].first_slot * lanes_ + lane;
+            std::size_t members = 0;
+            while (members < batch_[b].slots && exists(member_[first + members * lanes_])) {
+                ++members;
+            }
+            if (members > 0) {
+                set_rest_offsets(model, first, members);
+            }
+        }
     }
 }
 

@@ -39,6 +39,9 @@ class ConstraintBatches {
     /// Forgets what compliant constraints have pulled, and makes them as soft as a sub-step of length h, s, sees them.
     void begin(double h) noexcept;
 
+    /// Groups and links as the particles are at rest now.
+    void set_rest_shape(const ParticleModel& model) noexcept;
+
     /// The number of particles, filled up to whole vectors.
     [[nodiscard]] std::size_t bodies() const noexcept { return bodies_; }
     /// With those that stand for nobody, one for each lane.
@@ -67,6 +70,8 @@ class ConstraintBatches {
         return static_cast<std::uint32_t>(bodies_ + lane);
     }
     void add_group(const ParticleModel& model, const Group* group, std::size_t first_member);
+    /// The rest shape of the group whose first member is there, and how many members it has.
+    void set_rest_offsets(const ParticleModel& model, std::size_t first_member, std::size_t members) noexcept;
 
     std::size_t lanes_;
     std::size_t bodies_;

@@ -6,22 +6,17 @@
 #include <cstddef>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
 #include <span>
 #include <stdexcept>
 #include <vector>
+
+#include "haptic/sim/rotation.hpp"
 
 namespace haptic::sim {
 namespace {
 
 // All lengths are parts of the way from the wrist's crease to the tip of the middle finger, about.
-
-/// A bone with flesh about it: a ball that goes from one end to the other, and grows on its way.
-struct Bone {
-    Vec3 from;
-    double from_radius;
-    Vec3 to;
-    double to_radius;
-};
 
 /// A finger from its knuckle, by joints, to the middle of its tip.
 struct Joint {
@@ -31,9 +26,14 @@ struct Joint {
 
 using Finger = std::array<Joint, 4>;
 
+// The palm is moved by none; each finger has a joint at the beginning of each of its three bones, the thumb comes last.
+constexpr std::uint32_t kPalmJoint = 0;
+constexpr std::uint32_t kJointsOfFinger = 3;
+constexpr std::uint32_t kThumbJoint = 1 + 4 * kJointsOfFinger;
+
 struct Shape {
     std::array<Finger, 5> fingers;
-    std::array<Bone, 12> palm;
+    std::array<ToolBone, 12> palm;
 };
 
 Shape make_shape() {
@@ -63,28 +63,29 @@ Shape make_shape() {
             }},
             {{
                 // from the wrist to the knuckles
-                {{-0.060, 0.000, 0.230}, 0.070, {-0.154, 0.006, -0.165}, 0.058},
-                {{-0.025, 0.004, 0.230}, 0.072, {-0.050, 0.016, -0.185}, 0.062},
-                {{0.020, 0.002, 0.230}, 0.072, {0.048, 0.008, -0.165}, 0.060},
-                {{0.060, -0.006, 0.230}, 0.068, {0.142, -0.010, -0.120}, 0.054},
+                {kPalmJoint, {-0.060, 0.000, 0.230}, 0.070, {-0.154, 0.006, -0.165}, 0.058},
+                {kPalmJoint, {-0.025, 0.004, 0.230}, 0.072, {-0.050, 0.016, -0.185}, 0.062},
+                {kPalmJoint, {0.020, 0.002, 0.230}, 0.072, {0.048, 0.008, -0.165}, 0.060},
+                {kPalmJoint, {0.060, -0.006, 0.230}, 0.068, {0.142, -0.010, -0.120}, 0.054},
                 // balls of the thumb and of the little finger, pads below the fingers
-                {{-0.090, -0.050, 0.165}, 0.072, {-0.190, -0.070, 0.040}, 0.066},
-                {{0.070, -0.040, 0.170}, 0.066, {0.135, -0.034, -0.030}, 0.056},
-                {{-0.140, -0.010, -0.185}, 0.050, {0.125, -0.020, -0.145}, 0.046},
+                {kThumbJoint, {-0.090, -0.050, 0.165}, 0.072, {-0.190, -0.070, 0.040}, 0.066},
+                {kPalmJoint, {0.070, -0.040, 0.170}, 0.066, {0.135, -0.034, -0.030}, 0.056},
+                {kPalmJoint, {-0.140, -0.010, -0.185}, 0.050, {0.125, -0.020, -0.145}, 0.046},
                 // the web of the thumb
-                {{-0.120, -0.020, 0.060}, 0.052, {-0.150, -0.012, -0.080}, 0.050},
-                {{-0.185, -0.052, 0.045}, 0.040, {-0.150, -0.020, -0.040}, 0.040},
+                {kPalmJoint, {-0.120, -0.020, 0.060}, 0.052, {-0.150, -0.012, -0.080}, 0.050},
+                {kPalmJoint, {-0.185, -0.052, 0.045}, 0.040, {-0.150, -0.020, -0.040}, 0.040},
                 // the wrist and its end
-                {{-0.052, -0.004, 0.200}, 0.070, {-0.058, -0.004, 0.330}, 0.068},
-                {{0.000, -0.002, 0.200}, 0.074, {0.000, -0.002, 0.340}, 0.072},
-                {{0.052, -0.006, 0.200}, 0.068, {0.058, -0.006, 0.330}, 0.066},
+                {kPalmJoint, {-0.052, -0.004, 0.200}, 0.070, {-0.058, -0.004, 0.330}, 0.068},
+                {kPalmJoint, {0.000, -0.002, 0.200}, 0.074, {0.000, -0.002, 0.340}, 0.072},
+                {kPalmJoint, {0.052, -0.006, 0.200}, 0.068, {0.058, -0.006, 0.330}, 0.066},
             }}};
 }
 
-double distance(const Vec3& p, const Bone& bone) {
-    const Vec3 along = bone.to - bone.from;
-    const double t = std::clamp(glm::dot(p - bone.from, along) / glm::dot(along, along), 0.0, 1.0);
-    return glm::length(p - (bone.from + t * along)) - (bone.from_radius + t * (bone.to_radius - bone.from_radius));
+/// From one joint of a finger to the next.
+ToolBone bone_between(const Finger& finger, std::size_t joint, std::uint32_t moved_by) {
+    const Joint& from = finger[joint];
+    const Joint& to = finger[joint + 1];
+    return {moved_by, from.place, from.radius, to.place, to.radius};
 }
 
 /// The lesser of the two, with a fillet where they differ by less than `width`; smooth, and at most width / 4 less.
@@ -108,8 +109,7 @@ double field(const Shape& shape, const Vec3& p) {
     for (const Finger& joints : shape.fingers) {
         double finger = 1.0;
         for (std::size_t i = 1; i < joints.size(); ++i) {
-            const Bone bone{joints[i - 1].place, joints[i - 1].radius, joints[i].place, joints[i].radius};
-            finger = blended(finger, distance(p, bone), kJointFillet);
+            finger = blended(finger, distance(p, bone_between(joints, i - 1, kPalmJoint)), kJointFillet);
         }
         whole = blended(whole, blended(palm, finger, kRootFillet), kBetweenFillet);
     }
@@ -320,12 +320,39 @@ class Net {
     std::vector<Quad> quads_;
 };
 
-}  // namespace
+// 2 tan of half the angles by which the joints of a fist are bent: 75, 90 and 55 degrees.
+constexpr std::array<double, kJointsOfFinger> kFingerBends{1.535, 2.0, 1.04};
+// Likewise of the thumb, 53 and 70 degrees toward the fingers; before it bends, its first joint opposes it to them.
+constexpr std::array<double, kJointsOfFinger> kThumbBends{0.0, 1.0, 1.4};
+constexpr Vec3 kThumbOpposedTo{0.02, -0.34, -0.13};
+constexpr double kThumbOpposedAt = 0.1;  // curl
+constexpr Vec3 kPalmLooksTo{0.0, -1.0, 0.0};
+constexpr Vec3 kThumbBendsTo{0.1, 0.25, -1.0};  // once it is opposed
 
-TriangleMesh make_hand_mesh(double length) {
+/// Of a turn that takes one direction toward another.
+Vec3 axis_from(const Vec3& direction, const Vec3& toward) {
+    return glm::normalize(glm::cross(direction, toward));
+}
+
+/// The turn of turned() that takes one direction to another.
+Vec3 turn_from(const Vec3& direction, const Vec3& to) {
+    const double cosine = glm::dot(glm::normalize(direction), glm::normalize(to));
+    return 2.0 * std::sqrt((1.0 - cosine) / (1.0 + cosine)) * axis_from(direction, to);
+}
+
+/// From the end of the wrist to the tip of the middle finger, as the bones are given.
+constexpr double kExtent = 1.0982;
+
+void require_length(double length) {
     if (!(length > 0.0) || !std::isfinite(length)) {
         throw std::invalid_argument("hand: length must be positive");
     }
+}
+
+}  // namespace
+
+TriangleMesh make_hand_mesh(double length) {
+    require_length(length);
     const Shape shape = make_shape();
     TriangleMesh mesh = Net(shape).build();
     const auto [low, high] = std::minmax_element(mesh.vertices.begin(), mesh.vertices.end(),
@@ -335,6 +362,40 @@ TriangleMesh make_hand_mesh(double length) {
         p = scale * p;
     }
     return mesh;
+}
+
+ToolSkeleton make_hand_skeleton(double length) {
+    require_length(length);
+    const Shape shape = make_shape();
+    ToolSkeleton hand{{{}}, {shape.palm.begin(), shape.palm.end()}};
+    const Finger& thumb = shape.fingers.back();
+    const Vec3 opposing = turn_from(thumb.back().place - thumb.front().place, kThumbOpposedTo);
+    const Mat3 opposed = to_matrix(turned(Quat(1.0, 0.0, 0.0, 0.0), opposing));
+    for (const Finger& finger : shape.fingers) {
+        const bool is_thumb = &finger == &thumb;
+        const Vec3 bends_to = is_thumb ? glm::transpose(opposed) * kThumbBendsTo : kPalmLooksTo;
+        for (std::size_t k = 0; k < kJointsOfFinger; ++k) {
+            const auto number = static_cast<std::uint32_t>(hand.joints.size());
+            ToolJoint joint{.parent = k == 0 ? kPalmJoint : number - 1, .place = finger[k].place};
+            if (is_thumb && k == 0) {
+                joint.turn = opposing;
+                joint.done_at = kThumbOpposedAt;
+            } else {
+                const Vec3 axis = axis_from(finger[k + 1].place - finger[k].place, bends_to);
+                joint.turn = (is_thumb ? kThumbBends[k] : kFingerBends[k]) * axis;
+            }
+            hand.joints.push_back(joint);
+            hand.bones.push_back(bone_between(finger, k, number));
+        }
+    }
+    const double scale = length / kExtent;
+    for (ToolJoint& joint : hand.joints) {
+        joint.place *= scale;
+    }
+    for (ToolBone& bone : hand.bones) {
+        bone = {bone.joint, scale * bone.from, scale * bone.from_radius, scale * bone.to, scale * bone.to_radius};
+    }
+    return hand;
 }
 
 }  // namespace haptic::sim

@@ -1,5 +1,6 @@
 #include "haptic/sim/hostile_hand.hpp"
 
+#include <algorithm>
 #include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
 
@@ -13,13 +14,15 @@ namespace {
 constexpr double kShortest = 0.9;
 constexpr double kFurthest = 2.0;
 constexpr double kLongestAimS = 1.0;
+constexpr double kMostCurl = 10.0;     // 1/s: from open to closed in a tenth of a second
 constexpr double kRestsOutOf = 0.2;    // part of the aims that are to stay where it is
+constexpr std::uint64_t kCurls = 0x6375726c;  // makes another sequence of a seed
 constexpr double kLeastSquare = 1e-3;  // of a quaternion that says a direction
 
 }  // namespace
 
 HostileHand::HostileHand(std::uint64_t seed, double most_speed, double most_turn, const Vec3& start) noexcept
-    : way_(seed), turns_(~seed), most_speed_(most_speed), most_turn_(most_turn), position_(start), aim_(start) {}
+    : way_(seed), turns_(~seed), curls_(seed ^ kCurls), most_speed_(most_speed), most_turn_(most_turn), position_(start), aim_(start) {}
 
 double HostileHand::Random::next() noexcept {
     // SplitMix64 (G. Steele, D. Lea, C. Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
@@ -60,6 +63,11 @@ void HostileHand::choose_turn() noexcept {
     turn_aim_ = glm::normalize(aim);
 }
 
+void HostileHand::choose_curl() noexcept {
+    curl_speed_ = kMostCurl * curls_.next();
+    curl_aim_ = curls_.next() < kRestsOutOf ? curl_ : curls_.next();
+}
+
 void HostileHand::turn(double dt) noexcept {
     const Vec3 way = turn_between(orientation_, turn_aim_);
     const double angle = glm::length(way);  // 2 tan of half the angle: never less than it
@@ -75,9 +83,11 @@ Vec3 HostileHand::after(double dt, std::span<const Vec3> vertices) noexcept {
     if (!(left_s_ > 0.0)) {
         choose(vertices);
         choose_turn();
+        choose_curl();
     }
     left_s_ -= dt;
     turn(dt);
+    curl_ += std::clamp(curl_aim_ - curl_, -curl_speed_ * dt, curl_speed_ * dt);
     const Vec3 way = aim_ - position_;
     const double distance = glm::length(way);
     const double move = speed_ * dt;

@@ -131,6 +131,24 @@ PoseTrack read_hand(const Config& config) {
     return {times, std::move(poses)};
 }
 
+/// Where the script closes the hand, with as many curls as the hand has times.
+CurlTrack read_curl(const Config& config, const std::optional<ToolSettings>& tool) {
+    const std::vector<double> times = config.numbers("hand.times", {0.0}, {0.0, 1e6});
+    const std::vector<double> curls = config.numbers("hand.curl", {}, kUnitInterval);
+    if (curls.empty()) {
+        return {};
+    }
+    if (!tool || tool->shape != ToolShape::Hand || !tool->file.empty()) {
+        config.fail("hand.curl", "is for a tool that can close, and only the generated hand can: tool.generator = \"hand\"");
+    }
+    if (curls.size() != times.size()) {
+        config.fail("hand.curl", "needs one number (0 open to 1 closed) for each of the " +
+                                     std::to_string(times.size()) + " elements of hand.times, or none, has " +
+                                     std::to_string(curls.size()));
+    }
+    return {times, curls};
+}
+
 /// A scene that would fill the memory is refused before any of it is made.
 void refuse_too_much(const Config& config, const Scene& scene) {
     std::size_t bodies = scene.model.copies.size();
@@ -199,6 +217,7 @@ Scene read_scene(const Config& config, const std::string& name) {
     scene.coupling = read_coupling(config);
     scene.workspace = read_workspace(config, {});
     scene.hand = read_hand(config);
+    scene.curl = read_curl(config, scene.tool);
     scene.hand_repeats = config.flag("hand.repeat", scene.hand_repeats);
     config.reject_unknown();
     return scene;

@@ -45,6 +45,10 @@ class Stopwatch {
     std::int64_t last_;
 };
 
+double first_curl(const Scene& scene) {
+    return scene.curl.known() ? scene.curl.at(0) : scene.tool ? scene.tool->curl : 0.0;
+}
+
 ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
     return {tool,
             {.contact = scene.contact,
@@ -52,13 +56,18 @@ ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
              .step = scene.solver.step,
              .count_revised = scene.coupling.multi_rate == MultiRate::Positions,
              .closed = scene.tool && scene.tool->close_gaps},
-            scene.hand.at(0)};
+            scene.hand.at(0), first_curl(scene)};
 }
 
 }  // namespace
 
 StepInput input_from(const DeviceState& state, std::int64_t time_ns) noexcept {
-    return {time_ns, pose_of(state), state.buttons, state.sequence, state.latch_time_ns};
+    return {.time_ns = time_ns,
+            .device = pose_of(state),
+            .buttons = state.buttons,
+            .curl = std::nullopt,
+            .state_sequence = state.sequence,
+            .state_time_ns = state.latch_time_ns};
 }
 
 struct Simulation::State {
@@ -73,7 +82,6 @@ struct Simulation::State {
           end(all.mesh.vertices),
           workspace(which.workspace),
           tool(make_proxies(which, held)),
-          tool_press(tool),
           force(all.model.size(), Vec3(0.0)) {
         for (std::size_t b = 0; b < all.bodies.size(); ++b) {
             surfaces.push_back({{}, &all.trees[b]});
@@ -98,7 +106,8 @@ struct Simulation::State {
         return scene.contact.static_friction > 0.0 || scene.contact.dynamic_friction > 0.0;
     }
 
-    void find_contact(const Pose& hip, StepResult& result, Stopwatch& watch);
+    [[nodiscard]] double next_curl(const StepInput& input) const;
+    void find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch);
     void couple(StepResult& result);
     void skin();
     void verify(StepResult& result) const;
@@ -143,14 +152,27 @@ void Simulation::change_workspace(const WorkspaceSettings& settings) {
     state_->clutch.change_to(Workspace(settings));
 }
 
-void Simulation::State::find_contact(const Pose& hip, StepResult& result, Stopwatch& watch) {
+double Simulation::State::next_curl(const StepInput& input) const {
+    if (input.curl) {
+        return *input.curl;
+    }
+    if (!scene.tool || scene.tool->close_button < 0) {
+        return tool.curl();
+    }
+    const bool held = ((input.buttons >> static_cast<unsigned>(scene.tool->close_button)) & 1u) != 0;
+    const double most = scene.tool->close_speed * scene.solver.step;
+    const double aim = held ? 1.0 : scene.tool->curl;
+    return tool.curl() + std::clamp(aim - tool.curl(), -most, most);
+}
+
+void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch) {
     describe_motion();
     for (std::size_t b = 0; b < surfaces.size(); ++b) {
         if (standing[b] < kAtRest) {
             all.trees[b].refit(surfaces[b].motion);
         }
     }
-    tool.aim(hip);
+    tool.aim(hip, curl);
     tool.look_round(surfaces);
     tool.secure();
     result.times.ccd_ns = watch.lap();
@@ -166,6 +188,7 @@ void Simulation::State::find_contact(const Pose& hip, StepResult& result, Stopwa
 
     result.hip = hip.position;
     result.hip_orientation = hip.orientation;
+    result.curl = tool.curl();
     result.proxy = tool.pose().position;
     result.proxy_orientation = tool.pose().orientation;
     result.rides = tool.effort().rides;
@@ -283,7 +306,7 @@ StepResult Simulation::step(const StepInput& input) {
     const Pose hip =
         s.clutch.engage(s.clutch_held(input.buttons), input.device,
                         {.pose = s.tool.pose(), .in_shape = s.tool.in_shape()}, s.scene.solver.step, s.workspace);
-    s.find_contact(hip, result, watch);
+    s.find_contact(hip, s.next_curl(input), result, watch);
     if (s.verifying) {
         s.verify(result);
         (void)watch.lap();
@@ -315,10 +338,14 @@ StepResult Simulation::step(const StepInput& input) {
 StepInput Simulation::scripted_input(std::int64_t time_ns) const {
     const Scene& scene = state_->scene;
     const std::int64_t period_ns = nanoseconds(scene.hand.duration_s());
-    const Pose hand = scene.hand.at(scene.hand_repeats && period_ns > 0 ? time_ns % period_ns : time_ns);
+    const std::int64_t at_ns = scene.hand_repeats && period_ns > 0 ? time_ns % period_ns : time_ns;
+    const Pose hand = scene.hand.at(at_ns);
     StepInput input;
     input.time_ns = time_ns;
     input.device = state_->workspace.to_device(hand);
+    if (scene.curl.known()) {
+        input.curl = scene.curl.at(at_ns);
+    }
     return input;
 }
 

@@ -279,6 +279,10 @@ void ParticleSolver::project(ParticleModel& model, std::span<const std::uint8_t>
     }
 }
 
+void ParticleSolver::set_rest_shape(const ParticleModel& model) noexcept {
+    now_->batches.set_rest_shape(model);
+}
+
 void ParticleSolver::count_pushes(double h) {
     for (std::size_t i = 0; i < predicted_.size(); ++i) {
         predicted_[i] += vector_of(now_->pushed[i]) / h;

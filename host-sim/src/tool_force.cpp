@@ -97,8 +97,6 @@ double gyration_of(const ToolProxies& tool) {
 
 }  // namespace
 
-ToolPress::ToolPress(const ToolProxies& tool) : gyration_(gyration_of(tool)) {}
-
 Wrench ToolPress::find_pushes(const ToolProxies& tool, const PressSettings& settings) {
     std::size_t count = 0;
     for (const ToolParticle& p : tool.particles()) {
@@ -113,7 +111,7 @@ Wrench ToolPress::find_pushes(const ToolProxies& tool, const PressSettings& sett
     return springs_.solve(std::span(rows_).first(count),
                           {.stiffness = settings.gain * settings.coupling.stiffness,
                            .torque_stiffness = settings.gain * torque_stiffness_of(settings.coupling),
-                           .gyration = gyration_});
+                           .gyration = gyration_of(tool)});
 }
 
 ToolForce ToolPress::press(const ToolProxies& tool, const PressSettings& settings, const PressedBodies& on) {

@@ -53,15 +53,12 @@ struct ToolForce {
 
 class ToolPress {
   public:
-    explicit ToolPress(const ToolProxies& tool);
-
     /// Presses on the bodies. No allocation. The result depends on nothing that was before.
     [[nodiscard]] ToolForce press(const ToolProxies& tool, const PressSettings& settings, const PressedBodies& on);
 
   private:
     [[nodiscard]] Wrench find_pushes(const ToolProxies& tool, const PressSettings& settings);
 
-    double gyration_;  // m, of the rest offsets
     SeriesSprings springs_;
     std::array<SpringRow, kMaxSpringRows> rows_{};  // of the particles in contact, in their order
 };

@@ -12,6 +12,7 @@
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/model_builder.hpp"
 #include "haptic/sim/revolved.hpp"
+#include "haptic/sim/rotation.hpp"
 #include "haptic/sim/sphere_cover.hpp"
 #include "triangle_grid.hpp"
 
@@ -25,6 +26,10 @@ constexpr double kGridCell = 0.03;    // of the longest side
     throw std::invalid_argument("tool: " + why);
 }
 
+bool can_close(const ToolSettings& settings) {
+    return settings.shape == ToolShape::Hand && settings.file.empty();
+}
+
 void check(const ToolSettings& s) {
     if (s.spheres > ToolSettings::kMostSpheres) {
         refuse(std::to_string(s.spheres) + " spheres are more than the " + std::to_string(ToolSettings::kMostSpheres) +
@@ -35,6 +40,12 @@ void check(const ToolSettings& s) {
     }
     if (s.iterations < 0) {
         refuse("iterations must be 0 or more");
+    }
+    if (!(s.curl >= 0.0 && s.curl <= 1.0) || !(s.close_speed > 0.0) || !std::isfinite(s.close_speed)) {
+        refuse("curl must be 0 to 1, and close_speed positive");
+    }
+    if (!can_close(s) && (s.curl > 0.0 || s.close_button >= 0)) {
+        refuse("only the generated hand can close; leave out curl and close_button");
     }
 }
 
@@ -198,6 +209,22 @@ std::vector<Vec3> centres_of(const std::vector<Ball>& balls) {
     return centres;
 }
 
+/// In the grip's frame.
+ToolSkeleton placed_skeleton(const ToolSettings& settings) {
+    ToolSkeleton skeleton = make_hand_skeleton(settings.length);
+    const Mat3 turn = to_matrix(settings.grip.orientation);
+    const auto put = [&](Vec3& p) { p = turn * p + settings.grip.position; };
+    for (ToolJoint& joint : skeleton.joints) {
+        put(joint.place);
+        joint.turn = turn * joint.turn;
+    }
+    for (ToolBone& bone : skeleton.bones) {
+        put(bone.from);
+        put(bone.to);
+    }
+    return skeleton;
+}
+
 std::string name_of(const ToolSettings& settings) {
     if (!settings.file.empty()) {
         return std::filesystem::path(settings.file).stem().string();
@@ -253,6 +280,9 @@ ToolModel make_tool(const ToolSettings& settings) {
     tool.body = std::move(placed.body);
     tool.body.name = name_of(settings);
     place(tool.body, settings.grip);
+    if (can_close(settings)) {
+        tool.joints = ToolJoints(placed_skeleton(settings), tool.body.particles.rest_position);
+    }
     return tool;
 }
 

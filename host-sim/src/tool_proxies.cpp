@@ -4,6 +4,7 @@
 #include <glm/geometric.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "contact/hold.hpp"
 #include "haptic/sim/contact/planes_in_reach.hpp"
@@ -57,10 +58,12 @@ ToolModel one_sphere(double radius) {
     return tool;
 }
 
-ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const Pose& where)
+ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const Pose& where, double curl)
     : settings_(settings),
       body_(body_of(model, settings.reach)),
       solver_(body_.particles, settings_of_solver(model, settings.step)),
+      joints_(model.joints),
+      rest_turn_(body_.particles.size(), Quat(1.0, 0.0, 0.0, 0.0)),
       particles_(body_.particles.size()),
       surroundings_(particles_.size()),
       ahead_(particles_.size()),
@@ -71,12 +74,10 @@ ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const
         skinner_ = std::make_unique<Skinner>(body_.mesh.vertices, body_.particles, body_.skin);
     }
     for (std::size_t i = 0; i < particles_.size(); ++i) {
-        particles_[i].rest_offset = body_.particles.rest_position[i];
         particles_[i].radius = model.radius[i];
-        rest_centre_ += particles_[i].rest_offset;
     }
-    rest_centre_ /= static_cast<double>(particles_.size());
-    aim(where);
+    take_rest_shape();
+    aim(where, curl);
     aimed_ = false;
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         ToolParticle& p = particles_[i];
@@ -101,7 +102,26 @@ void ToolProxies::keep_paths(bool on) {
     paths_.resize(on ? particles_.size() : 0);
 }
 
-void ToolProxies::aim(const Pose& hip) {
+void ToolProxies::take_rest_shape() {
+    rest_centre_ = Vec3(0.0);
+    for (std::size_t i = 0; i < particles_.size(); ++i) {
+        particles_[i].rest_offset = body_.particles.rest_position[i];
+        rest_centre_ += particles_[i].rest_offset;
+    }
+    rest_centre_ /= static_cast<double>(particles_.size());
+}
+
+void ToolProxies::close(double curl) {
+    joints_.close(curl, body_.particles.rest_position, rest_turn_);
+    take_rest_shape();
+    curl_ = curl;
+    reshaped_ = true;
+}
+
+void ToolProxies::aim(const Pose& hip, double curl) {
+    if (curl != curl_ && !joints_.empty()) {
+        close(std::clamp(curl, 0.0, 1.0));
+    }
     const Mat3 turn = to_matrix(hip.orientation);
     for (ToolParticle& p : particles_) {
         const Vec3 goal = turn * p.rest_offset + hip.position;
@@ -179,9 +199,14 @@ void ToolProxies::constrain() {
         model.orientation[i] = hip_.orientation;
         held_[i] = rough() && particles_[i].in_contact() ? 1 : 0;
     }
-    if (stopped_) {
-        solver_.project(model, held_);
+    if (!stopped_) {
+        return;
     }
+    if (reshaped_) {
+        solver_.set_rest_shape(model);
+        reshaped_ = false;
+    }
+    solver_.project(model, held_);
 }
 
 void ToolProxies::revise() {
@@ -267,12 +292,29 @@ void ToolProxies::look_ahead() {
     }
 }
 
-std::vector<Vec3> ToolProxies::vertices() const {
+/// The skin was made at curl 0, from where the present curl has turned each particle.
+std::vector<Vec3> ToolProxies::skinned(ParticleModel model) const {
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        model.orientation[i] = model.orientation[i] * rest_turn_[i];
+    }
     std::vector<Vec3> placed(body_.mesh.vertices.size());
     if (skinner_) {
-        skinner_->place(body_.particles, placed);
+        skinner_->place(model, placed);
     }
     return placed;
+}
+
+std::vector<Vec3> ToolProxies::vertices() const {
+    return skinned(body_.particles);
+}
+
+std::vector<Vec3> ToolProxies::goal_vertices() const {
+    ParticleModel model = body_.particles;
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        model.position[i] = particles_[i].goal;
+        model.orientation[i] = hip_.orientation;
+    }
+    return skinned(std::move(model));
 }
 
 }  // namespace haptic::sim

@@ -32,6 +32,7 @@
 #include "haptic/pose_track.hpp"
 #include "haptic/report.hpp"
 #include "haptic/ring.hpp"
+#include "haptic/sim/curl_track.hpp"
 #include "haptic/sim/hostile_hand.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
@@ -176,6 +177,7 @@ class Run {
     void run_lockstep();
     void run_real(RingReader<DeviceState>& states);
     void wait_for_device(DeviceHand& hand);
+    void follow_input(StepInput& input, std::int64_t time_ns) const;
     void one_step(const StepInput& input);
     void follow_workspace(std::int64_t now_ns);
     [[nodiscard]] bool wanted() const { return stop_requested == 0 && (steps_ == 0 || statistics_.steps() < steps_); }
@@ -188,6 +190,7 @@ class Run {
     RunStatistics statistics_;
     std::unique_ptr<Snapshots> snapshots_;
     std::unique_ptr<PoseTrack> input_;
+    CurlTrack input_curl_;
     std::optional<HostileHand> hostile_;
     std::shared_ptr<WorkspaceFile> workspace_;
     std::unique_ptr<RingWriter<ContactFrame>> frames_;
@@ -209,6 +212,7 @@ Run::Run(const RunOptions& options, const Plan& plan)
     workspace_ = plan.workspace;
     if (!options.input.empty()) {
         input_ = std::make_unique<PoseTrack>(PoseTrack::load(options.input));
+        input_curl_ = CurlTrack::load(options.input);
     }
     if (!options.snapshots.empty()) {
         snapshots_ = std::make_unique<Snapshots>(simulation_);
@@ -255,15 +259,24 @@ void Run::follow_workspace(std::int64_t now_ns) {
     }
 }
 
+void Run::follow_input(StepInput& input, std::int64_t time_ns) const {
+    input.device = input_->at(time_ns);
+    input.curl.reset();
+    if (input_curl_.known()) {
+        input.curl = input_curl_.at(time_ns);
+    }
+}
+
 void Run::run_lockstep() {
     const std::int64_t step_ns = nanoseconds(simulation_.scene().solver.step);
     for (std::int64_t time_ns = 0; wanted(); time_ns += step_ns) {
         StepInput input = simulation_.scripted_input(time_ns);
         if (input_) {
-            input.device = input_->at(time_ns);
+            follow_input(input, time_ns);
         } else if (hostile_) {
             const Vec3 hand = hostile_->after(simulation_.scene().solver.step, simulation_.vertices());
             input.device = simulation_.workspace().to_device(Pose{hand, hostile_->orientation()});
+            input.curl = hostile_->curl();
         }
         one_step(input);
     }
@@ -300,7 +313,7 @@ void Run::run_real(RingReader<DeviceState>& states) {
         }
         StepInput input = hand.at(deadline_ns, now_ns);
         if (input_) {
-            input.device = input_->at(deadline_ns - start_ns);
+            follow_input(input, deadline_ns - start_ns);
         } else if (hand.fresh() != was_fresh) {
             was_fresh = hand.fresh();
             spdlog::info(was_fresh ? "the device is there: the hand follows it"
@@ -385,7 +398,7 @@ Command add_run_command(CLI::App& app) {
                    "scene's script or --input")
         ->check(CLI::IsMember({"real", "lockstep"}))
         ->capture_default_str();
-    app.add_option("--input", options->input, "Follow a recorded hand: time_s, x_m, y_m, z_m, ... in the device frame");
+    app.add_option("--input", options->input, "Follow a recorded hand: time_s, x_m, y_m, z_m, ... in the device frame; curl, if there is such a column, closes it");
     app.add_option("--hand", options->hand,
                    "With --clock lockstep: script, the scene's own; hostile or hostile:SEED, one that darts at the "
                    "surfaces at up to 5 m/s, to be used with --verify")

@@ -45,6 +45,7 @@ class RunStatistics {
         bool in_contact;
         double step_us;
         Vec3 hand_torque;
+        double curl;
     };
 
     double step_s_;

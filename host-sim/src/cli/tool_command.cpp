@@ -16,6 +16,8 @@
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/tool_model.hpp"
+#include "haptic/sim/tool_proxies.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -65,6 +67,9 @@ void print(std::ostream& out, const ToolModel& tool, bool list) {
         << "  widest gap    " << tool.widest_gap << " m" << (tool.widest_gap > 0.0 ? "" : " (none)") << '\n'
         << "  groups        " << body.particles.groups.size() << ", links " << body.particles.links.size()
         << ", iterations " << tool.iterations << '\n';
+    if (!tool.joints.empty()) {
+        out << "  joints        " << tool.joints.joints() - 1 << ", by which it closes\n";
+    }
     if (list) {
         out << "x_m,y_m,z_m,radius_m,mass_kg\n" << std::setprecision(17);
         for (std::size_t i = 0; i < tool.radius.size(); ++i) {
@@ -92,8 +97,20 @@ ToolSettings settings_of(const ToolOptions& options) {
     return settings;
 }
 
+/// The tool with its rest shape at a curl in place of the one in which it was made.
+void close(ToolModel& tool, double curl) {
+    const ToolProxies::Settings still{.contact = {}, .reach = 0.0, .step = 0.01};
+    const ToolProxies closed(tool, still, Pose{}, curl);
+    tool.body.mesh.vertices = closed.vertices();
+    tool.body.particles.rest_position = closed.model().rest_position;
+}
+
 int run_tool(const ToolOptions& options) {
-    const ToolModel tool = make_tool(settings_of(options));
+    const ToolSettings settings = settings_of(options);
+    ToolModel tool = make_tool(settings);
+    if (settings.curl > 0.0) {
+        close(tool, settings.curl);
+    }
     print(std::cout, tool, options.list);
     if (!options.mesh.empty()) {
         write_mesh(options.mesh, tool.body.mesh);

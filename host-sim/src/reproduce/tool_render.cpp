@@ -74,9 +74,7 @@ ToolPicture tool_picture(const SceneRun& run, const std::string& title, ToolLook
     picture.scene = run.picture(title);
     picture.scene.proxy_radius = 0.0;
     picture.tool = tool.vertices();
-    for (const Vec3& v : tool.mesh().vertices) {
-        picture.device.push_back(tool.hip().position + tool.hip().orientation * v);
-    }
+    picture.device = tool.goal_vertices();
     PictureObject skin{
         .vertices = picture.tool, .triangles = tool.mesh().triangles, .closed = true, .colour = kSkinColour};
     skin.ghost = look == ToolLook::Spheres;

@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "haptic/sim/mesh.hpp"
+#include "haptic/sim/tool_joints.hpp"
 
 namespace haptic::sim {
 
@@ -22,5 +23,10 @@ inline constexpr std::uint32_t kHandSpheres = 37;
 /// origin in the palm. Made with + - * / and sqrt only, so that its bits are the same on every machine. Throws
 /// std::invalid_argument unless the length is positive.
 [[nodiscard]] TriangleMesh make_hand_mesh(double length);
+
+/// The bones of the same hand, and the joints by which it closes: at curl 1 it is a fist, about half way it holds what is
+/// some 5 cm thick (at a length of 0.19 m) between fingers and thumb, which is opposed to them.
+/// Throws std::invalid_argument unless the length is positive.
+[[nodiscard]] ToolSkeleton make_hand_skeleton(double length);
 
 }  // namespace haptic::sim

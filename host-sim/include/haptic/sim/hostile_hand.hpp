@@ -1,5 +1,5 @@
 // A hand that tries to get through: it darts at random points of the scene's surfaces and past them, stops dead, jumps
-// aside and comes back, and turns over meanwhile, as fast as it is allowed to. Contact has to hold against it.
+// aside and comes back, turns over meanwhile, as fast as it is allowed to, and opens and closes. Contact has to hold against it.
 #pragma once
 
 #include <cstdint>
@@ -19,6 +19,8 @@ class HostileHand {
     [[nodiscard]] Vec3 after(double dt, std::span<const Vec3> vertices) noexcept;
     /// How it is turned then: scene_from_grip.
     [[nodiscard]] const Quat& orientation() const noexcept { return orientation_; }
+    /// How far it is closed then, 0..1: as fast as fingers are. For a tool that can close.
+    [[nodiscard]] double curl() const noexcept { return curl_; }
 
   private:
     /// Uniform numbers in [0, 1).
@@ -33,10 +35,12 @@ class HostileHand {
 
     void choose(std::span<const Vec3> vertices) noexcept;
     void choose_turn() noexcept;
+    void choose_curl() noexcept;
     void turn(double dt) noexcept;
 
     Random way_;
     Random turns_;  // numbers of its own: how it turns does not change its way
+    Random curls_;  // likewise
     double most_speed_;
     double most_turn_;
     Vec3 position_;
@@ -46,6 +50,9 @@ class HostileHand {
     Quat orientation_{1.0, 0.0, 0.0, 0.0};
     Quat turn_aim_{1.0, 0.0, 0.0, 0.0};
     double turn_speed_ = 0.0;  // rad/s
+    double curl_ = 0.0;
+    double curl_aim_ = 0.0;
+    double curl_speed_ = 0.0;  // 1/s
 };
 
 }  // namespace haptic::sim

@@ -12,6 +12,7 @@
 #include "haptic/sim/collisions.hpp"
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact_force.hpp"
+#include "haptic/sim/curl_track.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "haptic/sim/solver.hpp"
 #include "haptic/sim/tool_model.hpp"
@@ -57,6 +58,7 @@ struct Scene {
     CouplingSettings coupling;
     WorkspaceSettings workspace;
     PoseTrack hand;             // scripted, positions in the scene
+    CurlTrack curl;             // scripted, of a hand that can close; unknown if the script leaves that to the tool
     bool hand_repeats = false;  // begins again after its last time, else stays
     double duration_s = 2.0;
 };

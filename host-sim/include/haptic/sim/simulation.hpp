@@ -15,6 +15,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,7 @@ struct StepInput {
     std::int64_t time_ns = 0;          // beginning of the step; the planes of the frame hold then
     Pose device;                       // device frame
     std::uint32_t buttons = 0;         // bit k: button k is held
+    std::optional<double> curl;        // 0..1, of a hand that can close; none: by its button (ToolSettings)
     std::uint64_t state_sequence = 0;  // of the device state that this is; 0 if of none
     std::int64_t state_time_ns = 0;    // its latch time
 };
@@ -62,6 +64,7 @@ struct StepResult {
     Vec3 torque{0.0};                            // N*m, scene, on the tool about the hip
     Vec3 hand_force{0.0};                        // N, device frame, as felt at the hand
     Vec3 hand_torque{0.0};                       // N*m, likewise
+    double curl = 0.0;                           // 0..1, how far the hand is closed
     double depth = 0.0;                          // m, scene, how far the goal of a proxy is beyond the surface
     bool in_contact = false;
     std::size_t collided = 0;    // proxies in contact
@@ -87,7 +90,7 @@ class Simulation {
     /// Monotonic nanoseconds, for timing the stages.
     using ClockFunction = std::int64_t (*)();
 
-    /// The tool starts where the scripted hand is at time 0. Throws std::invalid_argument.
+    /// The tool starts where the scripted hand is at time 0, as far closed. Throws std::invalid_argument.
     explicit Simulation(const Scene& scene, ClockFunction clock = nullptr);
     /// The same with another tool than the scene's.
     Simulation(const Scene& scene, const ToolModel& tool, ClockFunction clock = nullptr);
@@ -106,7 +109,7 @@ class Simulation {
     /// Does not allocate unless it verifies.
     StepResult step(const StepInput& input);
 
-    /// The input that puts the hand at its scripted place at a time since the start.
+    /// The input that puts the hand at its scripted place at a time since the start, as far closed as the script says.
     [[nodiscard]] StepInput scripted_input(std::int64_t time_ns) const;
 
     /// What the step found, for the haptic loop. The ring fills in sequence and session, the publisher its time.

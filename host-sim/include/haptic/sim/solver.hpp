@@ -114,6 +114,10 @@ class ParticleSolver {
     /// way. Particles whose `held` is not 0 are put back where they were after each pass; an empty span holds none.
     void project(ParticleModel& model, std::span<const std::uint8_t> held = {});
 
+    /// Takes over where the model's particles are at rest now: of its groups the shape, of its links the distance. All
+    /// else of the constraints is as it was given to the constructor. No allocation.
+    void set_rest_shape(const ParticleModel& model) noexcept;
+
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
     [[nodiscard]] std::size_t lanes() const noexcept;
     [[nodiscard]] std::size_t group_colours() const noexcept;

@@ -18,6 +18,7 @@
 #include "haptic/config.hpp"
 #include "haptic/frames.hpp"
 #include "haptic/sim/deformable.hpp"
+#include "haptic/sim/tool_joints.hpp"
 
 namespace haptic::sim {
 
@@ -45,6 +46,11 @@ struct ToolSettings {
     double link_stiffness = 0.0;   // 0..1, of a distance constraint to each neighbour; 0: there are none
     int iterations = 4;            // of the tool's own constraints, a step (thesis, section 5.5.1)
 
+    // Of the hand, which alone can close (tool_joints.hpp). A script says how far it is closed (Scene::curl).
+    double curl = 0.0;         // 0..1, where it begins, and while the button is not held
+    int close_button = -1;     // of the grip, 0 to 31: closes the hand while it is held; -1: none does
+    double close_speed = 2.0;  // 1/s, of the curl
+
     Placement grip;  // grip_from_tool: where the tool's origin is in the grip's frame; without velocity
 };
 
@@ -52,6 +58,7 @@ struct ToolModel {
     DeformableBody body;         // rest shape in the grip's frame, in scene units; at most kMostSpheres particles
     std::vector<double> radius;  // m, of the sphere about each particle
     int iterations = 0;          // see ToolSettings
+    ToolJoints joints;           // of the particles, in the grip's frame; none if it keeps its shape
     std::size_t added = 0;       // of the spheres, the last ones: those that close gaps
     /// m: no point of the mesh's surface is farther than this from a sphere, and no sphere stands out of the mesh (of
     /// an open one: off it) farther than this. An upper bound, proven to 1 % of it, not an estimate.

@@ -17,6 +17,10 @@
 // the last micrometre between particle and surface, and the haptic loop, which knows planes and goals, makes the same.
 // With friction, a particle in contact stays where it was held, and the other ones are fitted to it.
 //
+// The rest shape may change from step to step (tool_joints.hpp): then o_i and the groups are those of the present curl,
+// and a particle that closes is on its way to its goal like one that the hand moves, swept as that is. So a hand that
+// closes stops on what is between its fingers, from all sides, and friction holds that.
+//
 // Algorithm 4 prints lines 8 and 11 the wrong way round: p_start is recorded from p.
 #pragma once
 
@@ -43,7 +47,7 @@ namespace haptic::sim {
 
 /// One proxy of the tool, after a step.
 struct ToolParticle {
-    Vec3 rest_offset{0.0};    // m, tool's frame
+    Vec3 rest_offset{0.0};    // m, tool's frame, at the present curl
     double radius = 0.0;      // m
     Vec3 goal{0.0};           // m, scene: where the hand has it
     Vec3 goal_velocity{0.0};  // m/s, mean of the step that ends there
@@ -82,12 +86,14 @@ class ToolProxies {
         bool closed = false;
     };
 
-    /// Puts the tool in its rest shape where it is. Throws std::invalid_argument: no particle or more than
+    /// Puts the tool in its rest shape, that of a curl, where it is. Throws std::invalid_argument: no particle or more than
     /// ToolSettings::kMostSpheres, a radius for not every particle, one not above `reach`, or what the solver refuses.
-    ToolProxies(const ToolModel& model, const Settings& settings, const Pose& where);
+    ToolProxies(const ToolModel& model, const Settings& settings, const Pose& where, double curl = 0.0);
 
     /// The stages of a step, in this order. No allocation. `surfaces` are refitted to the step, and have to stay.
-    void aim(const Pose& hip);
+    void aim(const Pose& hip) { aim(hip, curl_); }
+    /// With the rest shape of a curl of 0..1; a tool that cannot close has one shape.
+    void aim(const Pose& hip, double curl);
     void look_round(std::span<const MovingSurface> surfaces);
     void secure();
     void pop_out();
@@ -102,21 +108,28 @@ class ToolProxies {
 
     [[nodiscard]] std::span<const ToolParticle> particles() const noexcept { return particles_; }
     [[nodiscard]] const Pose& hip() const noexcept { return hip_; }
+    /// 0..1; 0 for a tool that cannot close.
+    [[nodiscard]] double curl() const noexcept { return curl_; }
     /// scene_from_tool that fits the particles best.
     [[nodiscard]] const Pose& pose() const noexcept { return pose_; }
     /// No particle is away from where that pose would have it.
     [[nodiscard]] bool in_shape() const noexcept { return in_shape_; }
     [[nodiscard]] const ToolEffort& effort() const noexcept { return effort_; }
-    /// Positions and orientations of the particles, scene; its rest shape is in the tool's frame.
+    /// Positions and orientations of the particles, scene; its rest shape is in the tool's frame, at the present curl.
     [[nodiscard]] const ParticleModel& model() const noexcept { return body_.particles; }
-    /// Rest mesh, tool's frame; empty for one_sphere().
+    /// Rest mesh, tool's frame, at curl 0; empty for one_sphere().
     [[nodiscard]] const TriangleMesh& mesh() const noexcept { return body_.mesh; }
     /// The mesh's vertices in the scene now.
     [[nodiscard]] std::vector<Vec3> vertices() const;
+    /// Where they would be with every particle at its goal: in the rest shape of the present curl, where the hand is.
+    [[nodiscard]] std::vector<Vec3> goal_vertices() const;
 
   private:
     [[nodiscard]] bool rough() const noexcept;
     [[nodiscard]] ProxyPath* path_of(std::size_t particle) noexcept;
+    void take_rest_shape();
+    void close(double curl);
+    [[nodiscard]] std::vector<Vec3> skinned(ParticleModel model) const;
     void fit_pose();
     void move_toward(std::size_t particle, const Vec3& goal);
     // Closed links: tool_links.cpp.
@@ -132,6 +145,10 @@ class ToolProxies {
     DeformableBody body_;  // in motion
     ParticleSolver solver_;
     std::unique_ptr<Skinner> skinner_;  // if there is a mesh
+    ToolJoints joints_;                 // none: one rest shape
+    std::vector<Quat> rest_turn_;       // per particle, tool's frame: how the present curl has turned it
+    double curl_ = 0.0;                 // 0..1
+    bool reshaped_ = false;             // the solver knows an older rest shape
     std::vector<ToolParticle> particles_;
     Surroundings surroundings_;
     std::vector<ReachTask> ahead_;    // per particle, what the haptic loop gets
