@@ -14,15 +14,21 @@ namespace {
 constexpr double kShortest = 0.9;
 constexpr double kFurthest = 2.0;
 constexpr double kLongestAimS = 1.0;
-constexpr double kMostCurl = 10.0;     // 1/s: from open to closed in a tenth of a second
-constexpr double kRestsOutOf = 0.2;    // part of the aims that are to stay where it is
+constexpr double kMostCurl = 10.0;            // 1/s: from open to closed in a tenth of a second
+constexpr double kRestsOutOf = 0.2;           // part of the aims that are to stay where it is
 constexpr std::uint64_t kCurls = 0x6375726c;  // makes another sequence of a seed
-constexpr double kLeastSquare = 1e-3;  // of a quaternion that says a direction
+constexpr double kLeastSquare = 1e-3;         // of a quaternion that says a direction
 
 }  // namespace
 
 HostileHand::HostileHand(std::uint64_t seed, double most_speed, double most_turn, const Vec3& start) noexcept
-    : way_(seed), turns_(~seed), curls_(seed ^ kCurls), most_speed_(most_speed), most_turn_(most_turn), position_(start), aim_(start) {}
+    : way_(seed),
+      turns_(~seed),
+      curls_(seed ^ kCurls),
+      most_speed_(most_speed),
+      most_turn_(most_turn),
+      position_(start),
+      aim_(start) {}
 
 double HostileHand::Random::next() noexcept {
     // SplitMix64 (G. Steele, D. Lea, C. Flood, "Fast Splittable Pseudorandom Number Generators", 2014).

@@ -139,7 +139,8 @@ CurlTrack read_curl(const Config& config, const std::optional<ToolSettings>& too
         return {};
     }
     if (!tool || tool->shape != ToolShape::Hand || !tool->file.empty()) {
-        config.fail("hand.curl", "is for a tool that can close, and only the generated hand can: tool.generator = \"hand\"");
+        config.fail("hand.curl",
+                    "is for a tool that can close, and only the generated hand can: tool.generator = \"hand\"");
     }
     if (curls.size() != times.size()) {
         config.fail("hand.curl", "needs one number (0 open to 1 closed) for each of the " +

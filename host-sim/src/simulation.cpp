@@ -56,7 +56,8 @@ ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
              .step = scene.solver.step,
              .count_revised = scene.coupling.multi_rate == MultiRate::Positions,
              .closed = scene.tool && scene.tool->close_gaps},
-            scene.hand.at(0), first_curl(scene)};
+            scene.hand.at(0),
+            first_curl(scene)};
 }
 
 }  // namespace
@@ -161,7 +162,7 @@ double Simulation::State::next_curl(const StepInput& input) const {
     }
     const bool held = ((input.buttons >> static_cast<unsigned>(scene.tool->close_button)) & 1u) != 0;
     const double most = scene.tool->close_speed * scene.solver.step;
-    const double aim = held ? 1.0 : scene.tool->curl;
+    const double aim = held ? scene.tool->close_to : scene.tool->curl;
     return tool.curl() + std::clamp(aim - tool.curl(), -most, most);
 }
 

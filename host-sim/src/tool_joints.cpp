@@ -38,9 +38,9 @@ ToolJoints::ToolJoints(const ToolSkeleton& skeleton, std::span<const Vec3> place
     moved_.resize(joints_.size());
     moved_.front().place = joints_.front().place;
     for (const Vec3& p : places) {
-        const auto nearest = std::min_element(
-            skeleton.bones.begin(), skeleton.bones.end(),
-            [&](const ToolBone& a, const ToolBone& b) { return distance(p, a) < distance(p, b); });
+        const auto nearest =
+            std::min_element(skeleton.bones.begin(), skeleton.bones.end(),
+                             [&](const ToolBone& a, const ToolBone& b) { return distance(p, a) < distance(p, b); });
         of_place_.push_back(nearest->joint);
         lever_.push_back(p - joints_[nearest->joint].place);
     }

@@ -41,8 +41,9 @@ void check(const ToolSettings& s) {
     if (s.iterations < 0) {
         refuse("iterations must be 0 or more");
     }
-    if (!(s.curl >= 0.0 && s.curl <= 1.0) || !(s.close_speed > 0.0) || !std::isfinite(s.close_speed)) {
-        refuse("curl must be 0 to 1, and close_speed positive");
+    const auto is_curl = [](double curl) { return curl >= 0.0 && curl <= 1.0; };
+    if (!is_curl(s.curl) || !is_curl(s.close_to) || !(s.close_speed > 0.0) || !std::isfinite(s.close_speed)) {
+        refuse("curl and close_to must be 0 to 1, and close_speed positive");
     }
     if (!can_close(s) && (s.curl > 0.0 || s.close_button >= 0)) {
         refuse("only the generated hand can close; leave out curl and close_button");

@@ -43,6 +43,7 @@ ToolSettings read_tool(const Config& config) {
     tool.iterations = static_cast<int>(config.integer("tool.iterations", tool.iterations, {0.0, 1000.0}));
     tool.curl = config.number("tool.curl", tool.curl, kUnitInterval);
     tool.close_button = static_cast<int>(config.integer("tool.close_button", tool.close_button, {-1.0, 31.0}));
+    tool.close_to = config.number("tool.close_to", tool.close_to, kUnitInterval);
     tool.close_speed = config.number("tool.close_speed", tool.close_speed, {1e-3, 100.0});
     tool.grip.position = config.vec3("tool.position", tool.grip.position, kPlaces);
     tool.grip.orientation = config.quat("tool.orientation", tool.grip.orientation);

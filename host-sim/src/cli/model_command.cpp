@@ -30,7 +30,7 @@ struct ModelOptions {
 };
 
 bool is_generator(const std::string& what) {
-    constexpr std::array generators{"cloth", "curtain", "fan", "fish"};
+    constexpr std::array generators{"cloth", "curtain", "fan", "fish", "plate", "rod"};
     return std::find(generators.begin(), generators.end(), what) != generators.end();
 }
 
@@ -147,7 +147,7 @@ int run_model(const ModelOptions& options) {
 
 Command add_model_command(CLI::App& app) {
     const auto options = std::make_shared<ModelOptions>();
-    app.add_option("what", options->what, "cloth, curtain, fan, fish, or a mesh file")->required();
+    app.add_option("what", options->what, "cloth, curtain, fan, fish, plate, rod, or a mesh file")->required();
     app.add_option("--set", options->assignments,
                    "Override a key of the scenes' [model] table, e.g. model.particles_count=200; repeatable")
         ->type_name("KEY=VALUE")

@@ -398,7 +398,9 @@ Command add_run_command(CLI::App& app) {
                    "scene's script or --input")
         ->check(CLI::IsMember({"real", "lockstep"}))
         ->capture_default_str();
-    app.add_option("--input", options->input, "Follow a recorded hand: time_s, x_m, y_m, z_m, ... in the device frame; curl, if there is such a column, closes it");
+    app.add_option("--input", options->input,
+                   "Follow a recorded hand: time_s, x_m, y_m, z_m, ... in the device frame; curl, if there is such a "
+                   "column, closes it");
     app.add_option("--hand", options->hand,
                    "With --clock lockstep: script, the scene's own; hostile or hostile:SEED, one that darts at the "
                    "surfaces at up to 5 m/s, to be used with --verify")

@@ -78,8 +78,7 @@ void RunStatistics::add(const StepInput& input, const StepResult& result) {
     highest_scene_force_ = std::max(highest_scene_force_, glm::length(result.force));
     if (recording_) {
         rows_.push_back({input.time_ns, input.device, result.proxy, result.hip, result.hand_force, result.in_contact,
-                         static_cast<double>(t.total_ns) * 1e-3, result.hand_torque,
-                         result.curl});
+                         static_cast<double>(t.total_ns) * 1e-3, result.hand_torque, result.curl});
     }
 }
 
@@ -158,7 +157,7 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
 void RunStatistics::write_record(const std::filesystem::path& file) const {
     CsvWriter csv(file, {"time_s",    "x_m",        "y_m",       "z_m",     "qw",      "qx",      "qy",   "qz",
                          "proxy_x_m", "proxy_y_m",  "proxy_z_m", "hip_x_m", "hip_y_m", "hip_z_m", "fx_n", "fy_n",
-                         "fz_n",      "in_contact", "step_us",   "tx_nm",   "ty_nm",   "tz_nm", "curl"});
+                         "fz_n",      "in_contact", "step_us",   "tx_nm",   "ty_nm",   "tz_nm",   "curl"});
     const std::int64_t begin_ns = rows_.empty() ? 0 : rows_.front().time_ns;
     for (const Row& r : rows_) {
         const Vec3& x = r.device.position;

@@ -15,7 +15,7 @@
 namespace haptic::sim::reproduce {
 namespace {
 
-constexpr std::array<Reproduction, 11> kReproductions{{
+constexpr std::array<Reproduction, 13> kReproductions{{
     {"4.7", "Contacts that the detection misses", missed_contacts},
     {"4.13", "A cloth dropped from 10 m is caught", cloth_drop},
     {"4.14", "Iterations of the pop-out in a fan", pop_out_iterations},
@@ -26,6 +26,8 @@ constexpr std::array<Reproduction, 11> kReproductions{{
     {"5.5", "A deformable hand on a curtain", curtain_hand},
     {"5.6", "Time of a step against the number of spheres", sphere_counts},
     {"5.7", "Sliding over a plane: dragging forces", plane_slide},
+    {"5.8", "A hand closes round a fish", fish_grip},
+    {"5.9", "A thin rod between two spheres", rod_in_gap},
     {"scaling", "A step among up to a million triangles", scaling},
 }};
 

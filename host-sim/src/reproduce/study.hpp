@@ -84,6 +84,8 @@ struct Reproduction {
 [[nodiscard]] Figure curtain_hand(const Study& study);
 [[nodiscard]] Figure sphere_counts(const Study& study);
 [[nodiscard]] Figure plane_slide(const Study& study);
+[[nodiscard]] Figure fish_grip(const Study& study);
+[[nodiscard]] Figure rod_in_gap(const Study& study);
 [[nodiscard]] Figure scaling(const Study& study);
 
 }  // namespace haptic::sim::reproduce

@@ -17,6 +17,7 @@
 #include "cli/workspace_file.hpp"
 #include "haptic/csv.hpp"
 #include "haptic/pose_track.hpp"
+#include "haptic/sim/curl_track.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -96,12 +97,13 @@ TEST_F(RunStatisticsTest, RecordIsAValidHand) {
     statistics_.write_record(file);
     const CsvTable table = CsvTable::load(file);
     EXPECT_EQ(table.rows(), 12u);
-    EXPECT_EQ(table.columns().size(), 22u);
+    EXPECT_EQ(table.columns().size(), 23u);
     EXPECT_EQ(table.column("time_s")[3], 0.03);
     EXPECT_EQ(table.column("in_contact")[11], 1.0);
     EXPECT_LT(table.column("fy_n")[11], -0.1);  // the cloth pulls the hand down
     EXPECT_EQ(table.column("tx_nm")[11], 0.0);  // one sphere at the grip's origin has no lever
     EXPECT_NO_THROW((void)PoseTrack::load(file));
+    EXPECT_TRUE(CurlTrack::load(file).known());
     std::filesystem::remove_all(folder_);
 }
 
@@ -221,10 +223,16 @@ class DeviceHandTest : public ::testing::Test {
         return s;
     }
 
+    static StepInput first_input() {
+        StepInput input;
+        input.device = {{0.5, 0.0, 0.0}, {}};
+        return input;
+    }
+
     std::string session_ = "cli-test-" + std::to_string(getpid());
     RingWriter<DeviceState> writer_{session_};
     RingReader<DeviceState> reader_{session_};
-    StepInput initial_{.time_ns = 0, .device = {{0.5, 0.0, 0.0}, {}}};
+    StepInput initial_ = first_input();
     DeviceHand hand_{reader_, initial_};
 };
 

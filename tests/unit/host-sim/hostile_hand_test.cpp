@@ -57,6 +57,27 @@ TEST(HostileHand, GoesTheSameWayHoweverItTurns) {
     }
 }
 
+TEST(HostileHand, OpensAndClosesAsFastAsFingersDo) {
+    HostileHand hand(3, 5.0, 15.0, Vec3(1.0));
+    double last = hand.curl();
+    double fastest = 0.0;
+    double least = 1.0;
+    double most = 0.0;
+    for (int k = 0; k < 20'000; ++k) {
+        (void)hand.after(kStep, kTargets);
+        fastest = std::max(fastest, std::abs(hand.curl() - last) / kStep);
+        last = hand.curl();
+        least = std::min(least, last);
+        most = std::max(most, last);
+    }
+    EXPECT_GE(least, 0.0);
+    EXPECT_LE(most, 1.0);
+    EXPECT_LT(least, 0.05);
+    EXPECT_GT(most, 0.95);
+    EXPECT_GT(fastest, 5.0);
+    EXPECT_LE(fastest, 10.0 * (1.0 + 1e-9));
+}
+
 TEST(HostileHand, GoesPastWhatItAimsAtAndComesBackForEver) {
     HostileHand hand(1, 5.0, 15.0, Vec3(0.5));
     int passages = 0;

@@ -144,6 +144,10 @@ TEST(Scene, RefusesValuesOutOfRange) {
                 HasSubstr("coupling.torque_stiffness"));
     EXPECT_THAT(refusal("[hand]\ntimes = [0.0, 1.0]\npositions = [0.0, 0.0, 0.0]\n"), HasSubstr("hand.positions"));
     EXPECT_THAT(refusal("[hand]\ntimes = [1.0, 1.0]\npositions = [0, 0, 0, 1, 1, 1]\n"), HasSubstr("hand.times"));
+    EXPECT_THAT(refusal("[hand]\ncurl = [0.5]\n"), HasSubstr("only the generated hand can"));
+    EXPECT_THAT(refusal("[tool]\ngenerator = \"rod\"\n[hand]\ncurl = [0.5]\n"), HasSubstr("test.toml:4"));
+    EXPECT_THAT(refusal("[tool]\ngenerator = \"hand\"\n[hand]\ncurl = [0.5, 0.5]\n"), HasSubstr("hand.curl"));
+    EXPECT_THAT(refusal("[tool]\ngenerator = \"hand\"\n[hand]\ncurl = [1.5]\n"), HasSubstr("hand.curl"));
     EXPECT_THAT(refusal("[workspace]\nrotation = [1.0, 1.0, 0.0, 0.0]\n"), HasSubstr("workspace.rotation"));
 }
 
@@ -176,6 +180,18 @@ TEST(SceneFile, OfTheClothNamesEveryKeyThatAnySceneMayHave) {
                     name == "objects")
             << key;
     }
+}
+
+TEST(Scene, ClosesTheHandAsItsScriptSays) {
+    const Scene scene = read(
+        "[tool]\ngenerator = \"hand\"\ncurl = 0.3\n[hand]\ntimes = [1.0, 3.0]\npositions = [0, 0, 0, 0, 0, 0]\n"
+        "curl = [0.2, 0.6]\n");
+    ASSERT_TRUE(scene.curl.known());
+    EXPECT_EQ(scene.curl.at(0), 0.2);
+    EXPECT_NEAR(scene.curl.at(nanoseconds(1.5)), 0.3, 1e-12);
+    EXPECT_NEAR(scene.curl.at(nanoseconds(2.5)), 0.5, 1e-12);
+    EXPECT_EQ(scene.curl.at(nanoseconds(9.0)), 0.6);
+    EXPECT_FALSE(read("[tool]\ngenerator = \"hand\"\n").curl.known());
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include "haptic/sim/rotation.hpp"
 #include "haptic/sim/state_hash.hpp"
 #include "projection.hpp"
+#include "strewn_body.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -441,6 +442,33 @@ TEST(Solver, HasTheSameBitsWithAnyNumberOfLanes) {
             EXPECT_EQ(run(lanes, true), run(1, true)) << lanes << " lanes, seed " << seed;
             EXPECT_EQ(run(lanes, false), run(1, false)) << lanes << " lanes, seed " << seed;
         }
+    }
+}
+
+TEST(Solver, ProjectsOntoANewRestShapeAsIfItHadBeenBuiltForIt) {
+    ParticleModel straight = strewn_body(3, 0.7);
+    for (std::uint32_t i = 1; i < 40; ++i) {
+        const double length = glm::length(straight.rest_position[i] - straight.rest_position[i - 1]);
+        straight.links.push_back({i - 1, i, length, 0.5, i % 2 == 0 ? 0.01 : 0.0});
+    }
+    ParticleModel bent = straight;
+    for (Vec3& p : bent.rest_position) {
+        p.y += 3.0 * p.x * p.x;
+    }
+    for (Link& link : bent.links) {
+        link.rest_length = glm::length(bent.rest_position[link.first] - bent.rest_position[link.second]);
+    }
+    for (const std::size_t lanes : ParticleSolver::usable_lanes()) {
+        ParticleSolver built(bent, {}, lanes);
+        ParticleSolver told(straight, {}, lanes);
+        told.set_rest_shape(bent);
+        ParticleModel by_built = bent;
+        ParticleModel by_told = bent;
+        built.project(by_built);
+        told.project(by_told);
+        EXPECT_EQ(by_told.position, by_built.position) << lanes;
+        EXPECT_EQ(by_told.orientation, by_built.orientation) << lanes;
+        EXPECT_NE(by_told.position, bent.position);
     }
 }
 

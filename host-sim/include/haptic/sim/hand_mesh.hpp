@@ -24,9 +24,9 @@ inline constexpr std::uint32_t kHandSpheres = 37;
 /// std::invalid_argument unless the length is positive.
 [[nodiscard]] TriangleMesh make_hand_mesh(double length);
 
-/// The bones of the same hand, and the joints by which it closes: at curl 1 it is a fist, about half way it holds what is
-/// some 5 cm thick (at a length of 0.19 m) between fingers and thumb, which is opposed to them.
-/// Throws std::invalid_argument unless the length is positive.
+/// The bones of the same hand, and the joints by which it closes: at curl 1 it is a fist, about half way it holds what
+/// is some 5 cm thick (at a length of 0.19 m) between fingers and thumb, which is opposed to them. Throws
+/// std::invalid_argument unless the length is positive.
 [[nodiscard]] ToolSkeleton make_hand_skeleton(double length);
 
 }  // namespace haptic::sim

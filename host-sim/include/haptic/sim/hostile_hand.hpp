@@ -1,5 +1,6 @@
 // A hand that tries to get through: it darts at random points of the scene's surfaces and past them, stops dead, jumps
-// aside and comes back, turns over meanwhile, as fast as it is allowed to, and opens and closes. Contact has to hold against it.
+// aside and comes back, turns over meanwhile, as fast as it is allowed to, and opens and closes. Contact has to hold
+// against it.
 #pragma once
 
 #include <cstdint>

@@ -49,6 +49,7 @@ struct ToolSettings {
     // Of the hand, which alone can close (tool_joints.hpp). A script says how far it is closed (Scene::curl).
     double curl = 0.0;         // 0..1, where it begins, and while the button is not held
     int close_button = -1;     // of the grip, 0 to 31: closes the hand while it is held; -1: none does
+    double close_to = 1.0;     // 0..1, the curl to which the button closes it
     double close_speed = 2.0;  // 1/s, of the curl
 
     Placement grip;  // grip_from_tool: where the tool's origin is in the grip's frame; without velocity

@@ -86,8 +86,9 @@ class ToolProxies {
         bool closed = false;
     };
 
-    /// Puts the tool in its rest shape, that of a curl, where it is. Throws std::invalid_argument: no particle or more than
-    /// ToolSettings::kMostSpheres, a radius for not every particle, one not above `reach`, or what the solver refuses.
+    /// Puts the tool in its rest shape, that of a curl, where it is. Throws std::invalid_argument: no particle or more
+    /// than ToolSettings::kMostSpheres, a radius for not every particle, one not above `reach`, or what the solver
+    /// refuses.
     ToolProxies(const ToolModel& model, const Settings& settings, const Pose& where, double curl = 0.0);
 
     /// The stages of a step, in this order. No allocation. `surfaces` are refitted to the step, and have to stay.
