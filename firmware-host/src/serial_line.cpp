@@ -17,8 +17,9 @@ LineResult result_of(ssize_t count) HAPTIC_RT {
     if (count > 0) {
         return {LineState::Moved, static_cast<std::size_t>(count)};
     }
+    int error = 0;
     HAPTIC_RT_EXCEPTION_BEGIN("errno is the address of a thread-local variable")
-    const int error = errno;
+    error = errno;
     HAPTIC_RT_EXCEPTION_END
     // 0 is the end of a line that was hung up.
     const bool idle = count < 0 && (error == EAGAIN || error == EINTR);

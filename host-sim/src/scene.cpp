@@ -5,6 +5,8 @@
 #include <glm/gtc/quaternion.hpp>
 #include <utility>
 
+#include "haptic/probe.hpp"
+
 namespace haptic::sim {
 namespace {
 
@@ -220,6 +222,7 @@ Scene read_scene(const Config& config, const std::string& name) {
     scene.hand = read_hand(config);
     scene.curl = read_curl(config, scene.tool);
     scene.hand_repeats = config.flag("hand.repeat", scene.hand_repeats);
+    scene.step_probe = read_probe_line(config, "step", "host-sim");
     config.reject_unknown();
     return scene;
 }

@@ -187,9 +187,13 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
       frames_(options.session),
       states_(options.session),
       gate_(device_->board()),
+      probes_(open_tick_probes(settings.probes, &monotonic_now_ns)),
       tick_(settings.tick, gate_, frames_, states_, &monotonic_now_ns),
       recorder_(options.record ? settings.queue_ticks : 2, options.record ? settings.queue_frames : 2),
       guard_(gate_) {
+    if (settings.probes.tick || settings.probes.frame) {
+        tick_.show_on(&probes_);
+    }
     device_->follow(tick_);
     if (options.record) {
         record_.emplace(*options.record, recorder_);
@@ -292,6 +296,7 @@ void Run::collect(Instruments& instruments, bool records_ours) {
         result_.state = hung_ ? SafetyState::Disarmed : tick_.safety_state();
         result_.faults = tick_.faults();
         result_.suspects = tick_.suspect_strings();
+        result_.probes = use_of(probes_, settings_.probes, tick_.last().number);
         instruments = tick_.instruments();
     }
     result_.faults |= watchdog_->fired() ? std::uint32_t{HAPTIC_FAULT_WATCHDOG} : 0u;

@@ -105,6 +105,7 @@ class Run {
     RingReader<ContactFrame> frames_;
     RingWriter<DeviceState> states_;
     MotorGate gate_;
+    TickProbes probes_;
     Tick tick_;
     Recorder recorder_;
     std::optional<RecordFile> record_;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <system_error>
 #include <utility>
 
 #include "haptic/report.hpp"
@@ -77,6 +78,46 @@ nlohmann::json interruptions_json(const std::vector<Interruption>& interruptions
     return list;
 }
 
+nlohmann::json probe_json(const ProbeUse& probe) {
+    if (probe.line.empty()) {
+        return nullptr;
+    }
+    return {{"line", probe.line},
+            {"edges", probe.edges},
+            {"off", probe.error != 0},
+            {"error", probe.error == 0 ? "" : std::system_category().message(probe.error)}};
+}
+
+nlohmann::json probes_json(const ProbesUse& probes, const Instruments& m) {
+    return {{"ticks", probes.ticks},
+            {"tick", probe_json(probes.tick)},
+            {"frame", probe_json(probes.frame)},
+            {"edge_us", summary_us(m.probe_edge)}};
+}
+
+std::string line_of(const char* name, const Histogram& histogram) {
+    std::array<char, 160> text{};
+    std::snprintf(text.data(), text.size(), "  %-10s p50 %9.1f   p99 %9.1f   max %9.1f us\n", name,
+                  static_cast<double>(histogram.percentile_ns(0.5)) * 1e-3,
+                  static_cast<double>(histogram.percentile_ns(0.99)) * 1e-3,
+                  static_cast<double>(histogram.max_ns()) * 1e-3);
+    return text.data();
+}
+
+/// One line for each probe that there was.
+std::string probe_lines(const ProbesUse& probes, const Instruments& m) {
+    std::string lines;
+    for (const auto& [name, probe] : {std::pair("tick", &probes.tick), std::pair("frame", &probes.frame)}) {
+        if (probe->line.empty()) {
+            continue;
+        }
+        lines += std::string("probe ") + name + ", line " + probe->line + ": " + std::to_string(probe->edges) +
+                 " edges" + (probe->error == 0 ? "" : ", then OFF: " + std::system_category().message(probe->error)) +
+                 "\n";
+    }
+    return lines.empty() ? lines : lines + line_of("edge", m.probe_edge);
+}
+
 /// What the loop saw and went on from by itself.
 std::vector<std::string> notices(const Instruments& m) {
     std::vector<std::string> names;
@@ -89,16 +130,10 @@ std::vector<std::string> notices(const Instruments& m) {
     if (m.derated_ticks > 0) {
         names.emplace_back("motors_derated");
     }
+    if (m.probe_off_ticks > 0) {
+        names.emplace_back("probe_off");
+    }
     return names;
-}
-
-std::string line_of(const char* name, const Histogram& histogram) {
-    std::array<char, 160> text{};
-    std::snprintf(text.data(), text.size(), "  %-10s p50 %9.1f   p99 %9.1f   max %9.1f us\n", name,
-                  static_cast<double>(histogram.percentile_ns(0.5)) * 1e-3,
-                  static_cast<double>(histogram.percentile_ns(0.99)) * 1e-3,
-                  static_cast<double>(histogram.max_ns()) * 1e-3);
-    return text.data();
 }
 
 /// " (string 3)", " (string 0, 3 or 5: the lengths cannot tell them apart here)".
@@ -182,6 +217,7 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
         {"passivity", {{"energy_min_j", m.least_energy}, {"active_ticks", m.passivity_ticks}}},
         {"stiffness_limited_ticks", m.stiffness_limited_ticks},
         {"unreachable_ticks", m.unreachable_ticks},
+        {"probes", probes_json(result.probes, m)},
         {"records_dropped", result.records_dropped},
         {"record_frames_dropped", result.frames_dropped},
         {"safety",
@@ -209,6 +245,7 @@ std::string summary(const RunResult& result, const Instruments& m) {
     lines += text.data();
     std::snprintf(text.data(), text.size(), "peak force %.3f N, peak torque %.4f N*m\n", m.peak_force, m.peak_torque);
     lines += text.data();
+    lines += probe_lines(result.probes, m);
     if (result.records_dropped + result.frames_dropped > 0) {
         std::snprintf(text.data(), text.size(),
                       "the recording lacks %llu ticks and %llu frames: raise recording.queue_ticks, queue_frames\n",

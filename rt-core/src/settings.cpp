@@ -109,6 +109,29 @@ void read_stop_input(const Config& config, Settings& settings) {
     line.stop_when_high = config.choice("safety.stop_level", "high", {"high", "low"}) == "high";
 }
 
+ProbeLines read_probes(const Config& config) {
+    ProbeLines lines{.tick = read_probe_line(config, "tick", "rt-core"),
+                     .frame = read_probe_line(config, "frame", "rt-core"),
+                     .loopback = read_probe_line(config, "loopback", "rt-core"),
+                     .loopback_edges = config.choice("probes.loopback_edges", "rising", {"rising", "both"}) == "both"
+                                           ? EdgeKind::Both
+                                           : EdgeKind::Rising};
+    if (lines.loopback && !lines.tick) {
+        config.fail("probes.loopback", "needs probes.tick, the line that it is wired to");
+    }
+    // Names may still be two of one line; the kernel then says that it is in use.
+    const auto refuse_same = [&config](const std::optional<GpioLine>& one, const std::optional<GpioLine>& other,
+                                       const char* key, const char* of) {
+        if (one && other && one->line == other->line) {
+            config.fail(key, std::string("must be another line than ") + of);
+        }
+    };
+    refuse_same(lines.frame, lines.tick, "probes.frame", "probes.tick");
+    refuse_same(lines.loopback, lines.tick, "probes.loopback", "probes.tick");
+    refuse_same(lines.loopback, lines.frame, "probes.loopback", "probes.frame");
+    return lines;
+}
+
 void read_watchdog(const Config& config, Settings& settings) {
     settings.watchdog.limit_ns = duration_ns(config, "safety.watchdog_s", settings.watchdog.limit_ns, {0.01, 10.0});
     if (settings.watchdog.limit_ns < kWatchdogPeriods * settings.loop.period_ns) {
@@ -142,6 +165,7 @@ Settings read_settings(const Config& config) {
     read_passivity(config, settings.tick);
     read_safety(config, settings.tick.safety);
     read_stop_input(config, settings);
+    settings.probes = read_probes(config);
     read_watchdog(config, settings);
     settings.rearm = config.flag("safety.rearm", settings.rearm);
     read_motors(config, settings.tick);

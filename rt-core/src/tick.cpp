@@ -36,6 +36,10 @@ void Tick::run(const TickTime& time) HAPTIC_RT {
 void Tick::begin(const TickTime& time) HAPTIC_RT {
     started_ns_ = clock_();
     stage_ns_ = started_ns_;
+    if (probes_ != nullptr) {
+        show(probes_->tick, true);
+        stage_ns_ = clock_();
+    }
     record_ = TickRecord{};
     timing_ = TickTiming{};
     if (stop_asked_.load()) {
@@ -52,6 +56,7 @@ void Tick::begin(const TickTime& time) HAPTIC_RT {
                          : std::clamp<std::int64_t>(record_.period_ns, 0, kMostElapsedPeriods * settings_.period_ns);
     late_ = time.missed > 0 || time.now_ns - time.deadline_ns >= settings_.period_ns;
     set_flag(late_, HAPTIC_TICK_OVERRUN);
+    set_flag(probes_ != nullptr && (probes_->tick.off() || probes_->frame.off()), HAPTIC_TICK_PROBE_OFF);
 
     ++instruments_.ticks;
     instruments_.overruns += static_cast<std::uint64_t>(std::max<std::int64_t>(time.missed, 0));
@@ -209,6 +214,9 @@ void Tick::take_frame(const TickTime& time) HAPTIC_RT {
     }
     if (defect == FrameDefect::None) {
         ++instruments_.frames_received;
+        if (probes_ != nullptr) {
+            show(probes_->frame, !probes_->frame.up());
+        }
     } else {
         ++instruments_.frames_rejected;
         set_flag(true, HAPTIC_TICK_FRAME_REJECTED);
@@ -363,6 +371,7 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
     m.least_energy = std::min(m.least_energy, record_.energy);
     m.contact_ticks += record_.in_contact > 0 ? 1u : 0u;
     m.derated_ticks += (record_.flags & HAPTIC_TICK_DERATED) != 0 ? 1u : 0u;
+    m.probe_off_ticks += (record_.flags & HAPTIC_TICK_PROBE_OFF) != 0 ? 1u : 0u;
     for (std::size_t i = 0; i < kStrings; ++i) {
         m.peak_motor_load[i] = std::max(m.peak_motor_load[i], thermal_.loads()[i]);
     }
@@ -383,7 +392,19 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
     if (recorder_ != nullptr) {
         recorder_->push(record_);
     }
+    if (probes_ != nullptr) {
+        show(probes_->tick, false);
+    }
     heart_.beat();
+}
+
+void Tick::show(Probe& probe, bool up) HAPTIC_RT {
+    if (!probe.present() || probe.off()) {
+        return;
+    }
+    const std::int64_t before_ns = clock_();
+    probe.set(up);
+    instruments_.probe_edge.record(clock_() - before_ns);
 }
 
 bool RingFrames::read_newest(ContactFrame& frame) HAPTIC_RT {

@@ -1,6 +1,7 @@
 // One whole tick: counters in, pose, frame, proxies, wrench, tensions, motors out, state published, record kept. The
 // board's packets are prepared beforehand, so that what is measured is the tick and not the emulation of a device.
 #include <benchmark/benchmark.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -92,7 +93,28 @@ ContactFrame frame_of(std::uint32_t proxies, bool series) {
     return frame;
 }
 
-/// Arguments: proxy particles, ticks from one frame to the next, whether the springs are in series.
+/// In place of a GPIO line: enters the kernel and comes back, which is what an edge costs before the driver writes its
+/// register. What that adds is the machine's: probes.edge_us of the report of a run with probes.
+class EmptyCall final : public OutputLine {
+  public:
+    int set(bool /*up*/) HAPTIC_RT override {
+        HAPTIC_RT_EXCEPTION_BEGIN("reads a number of the process, and waits for nothing")
+        benchmark::DoNotOptimize(syscall(SYS_getppid));
+        HAPTIC_RT_EXCEPTION_END
+        return 0;
+    }
+};
+
+void probe_edge(benchmark::State& state) {
+    Probe probe(std::make_unique<EmptyCall>(), "probe", &monotonic_now_ns);
+    for ([[maybe_unused]] auto unused : state) {  // NOLINT(clang-analyzer-deadcode.DeadStores)
+        probe.toggle();
+    }
+}
+BENCHMARK(probe_edge);
+
+/// Arguments: proxy particles, ticks from one frame to the next, whether the springs are in series, whether there are
+/// probes of the tick and of the frames.
 void tick(benchmark::State& state) {
     const FlushDenormals flush;
     const std::string session = "tick-bench-" + std::to_string(getpid());
@@ -103,6 +125,9 @@ void tick(benchmark::State& state) {
     RingWriter<DeviceState> states_out(session);
     RingWriter<ContactFrame> frames_out(session);
     const auto subject = std::make_unique<Tick>(settings, board, frames_in, states_out, &monotonic_now_ns);
+    TickProbes probes{Probe(std::make_unique<EmptyCall>(), "tick", &monotonic_now_ns),
+                      Probe(std::make_unique<EmptyCall>(), "frame", &monotonic_now_ns)};
+    subject->show_on(state.range(3) != 0 ? &probes : nullptr);
     ContactFrame frame = frame_of(static_cast<std::uint32_t>(state.range(0)), state.range(2) != 0);
     std::int64_t now_ns = kPackets * kTickNs;
     std::int64_t ticks = 0;
@@ -141,13 +166,14 @@ void tick(benchmark::State& state) {
 }
 
 BENCHMARK(tick)
-    ->ArgNames({"proxies", "ticks_per_frame", "series"})
-    ->Args({1, 10, 0})
-    ->Args({37, 10, 0})
-    ->Args({64, 10, 0})
-    ->Args({37, 1, 0})
-    ->Args({37, 10, 1})
-    ->Args({64, 10, 1})
+    ->ArgNames({"proxies", "ticks_per_frame", "series", "probes"})
+    ->Args({1, 10, 0, 0})
+    ->Args({37, 10, 0, 0})
+    ->Args({37, 10, 0, 1})
+    ->Args({64, 10, 0, 0})
+    ->Args({37, 1, 0, 0})
+    ->Args({37, 10, 1, 0})
+    ->Args({64, 10, 1, 0})
     ->UseManualTime()
     ->Unit(benchmark::kMicrosecond);
 

@@ -30,6 +30,7 @@
 #include "haptic/config.hpp"
 #include "haptic/other_users.hpp"
 #include "haptic/pose_track.hpp"
+#include "haptic/probe.hpp"
 #include "haptic/report.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/sim/curl_track.hpp"
@@ -181,6 +182,7 @@ class Run {
     void one_step(const StepInput& input);
     void follow_workspace(std::int64_t now_ns);
     [[nodiscard]] bool wanted() const { return stop_requested == 0 && (steps_ == 0 || statistics_.steps() < steps_); }
+    [[nodiscard]] nlohmann::json probe_report() const;
     void write_results(double wall_s) const;
 
     const StopOnSignal stop_;  // first: from before there are rings until after there are none
@@ -196,6 +198,7 @@ class Run {
     std::unique_ptr<RingWriter<ContactFrame>> frames_;
     std::unique_ptr<RingReader<DeviceState>> states_;
     ContactFrame frame_{};
+    Probe step_probe_;  // up during each step
     std::uint64_t late_ = 0;
     std::uint64_t workspace_changes_ = 0;
 };
@@ -204,7 +207,8 @@ Run::Run(const RunOptions& options, const Plan& plan)
     : options_(options),
       steps_(plan.steps),
       simulation_(plan.scene, monotonic_now_ns),
-      statistics_(plan.scene, !options.record.empty(), plan.steps > 0 ? plan.steps : kRoomAtLeast) {
+      statistics_(plan.scene, !options.record.empty(), plan.steps > 0 ? plan.steps : kRoomAtLeast),
+      step_probe_(open_probe(plan.scene.step_probe, &monotonic_now_ns)) {
     simulation_.set_verification(options.verify);
     if (plan.hostile_seed) {
         hostile_.emplace(*plan.hostile_seed, kHostileSpeed, kHostileTurn, simulation_.proxy());
@@ -232,6 +236,7 @@ void Run::one_step(const StepInput& input) {
     if (snapshots_) {
         snapshots_->before_step();
     }
+    step_probe_.set(true);
     const StepResult result = simulation_.step(input);
     if (frames_) {
         frame_ = simulation_.frame();
@@ -239,6 +244,7 @@ void Run::one_step(const StepInput& input) {
         frame_.publish_time_ns = states_ ? now_ns : input.time_ns;
         (void)frames_->publish(frame_, now_ns);
     }
+    step_probe_.set(false);
     statistics_.add(input, result);
     if (snapshots_) {
         snapshots_->after_step(result);
@@ -330,12 +336,28 @@ void Run::run_real(RingReader<DeviceState>& states) {
     }
 }
 
+nlohmann::json Run::probe_report() const {
+    const std::optional<GpioLine>& line = simulation_.scene().step_probe;
+    if (!line) {
+        return nullptr;
+    }
+    return {{"line", line->line + " of " + line->chip},
+            {"edges", step_probe_.edges()},
+            {"off", step_probe_.off()},
+            {"error", step_probe_.off() ? std::system_category().message(step_probe_.error()) : ""}};
+}
+
 void Run::write_results(double wall_s) const {
+    if (step_probe_.off()) {
+        spdlog::warn("probe off after {} edges: the kernel refused one: {}", step_probe_.edges(),
+                     std::system_category().message(step_probe_.error()));
+    }
     if (!options_.report.empty()) {
         nlohmann::json report = statistics_.report(simulation_, wall_s, options_.verify);
         report["clock"] = options_.clock;
         report["late_steps"] = late_;
         report["workspace_changes"] = workspace_changes_;
+        report["probe"] = probe_report();
         write_report(options_.report, report);
     }
     if (!options_.record.empty()) {

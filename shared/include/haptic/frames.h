@@ -111,7 +111,8 @@ enum {
     HAPTIC_TICK_EXCHANGE_FAILED = 1u << 6,    /* no encoder packet: the last pose was kept */
     HAPTIC_TICK_DERATED = 1u << 7,            /* a warm motor may pull less than usual */
     HAPTIC_TICK_STIFFNESS_LIMITED = 1u << 8,  /* the frame's stiffness was lowered: rate and damping allow no more */
-    HAPTIC_TICK_PASSIVITY_LIMITED = 1u << 9   /* the wrench was changed so that it gives no energy that never came in */
+    HAPTIC_TICK_PASSIVITY_LIMITED = 1u << 9,  /* the wrench was changed so that it gives no energy that never came in */
+    HAPTIC_TICK_PROBE_OFF = 1u << 10          /* the kernel refused an edge of a GPIO probe: it makes no more of them */
 };
 
 typedef struct haptic_device_state {

@@ -17,8 +17,8 @@ class RoughCable final : public Transport {
   public:
     explicit RoughCable(Firmware& firmware) : firmware_(&firmware) {}
 
-    HAPTIC_RT_EXCEPTION_BEGIN("a test's: it remembers what was sent, and no tick waits for it")
     ExchangeStatus exchange(PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT override {
+        HAPTIC_RT_EXCEPTION_BEGIN("a test's: it remembers what was sent, and no tick waits for it")
         ++exchanges;
         if (next_status != ExchangeStatus::Ok) {
             return next_status;
@@ -41,12 +41,14 @@ class RoughCable final : public Transport {
             packets.received = change(packets.in.first(packets.received));
         }
         return packets.received > 0 ? ExchangeStatus::Ok : ExchangeStatus::Timeout;
+        HAPTIC_RT_EXCEPTION_END
     }
     void send_last(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override {
+        HAPTIC_RT_EXCEPTION_BEGIN("likewise")
         sent.emplace_back(out.begin(), out.end());
         firmware_->receive(out, now_ns);
+        HAPTIC_RT_EXCEPTION_END
     }
-    HAPTIC_RT_EXCEPTION_END
     void drain() override {
         std::array<std::byte, 512> thrown_away{};
         while (firmware_->reply(thrown_away, 0) > 0) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cerrno>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -73,6 +74,24 @@ TEST(RunReport, SaysHowExchangesEndedAndHowLongOneMayTake) {
     EXPECT_EQ(exchange.at("device"), "a device");
     EXPECT_EQ(exchange.at("bound_us"), 4000.0);
     EXPECT_THAT(summary(result, *instruments), HasSubstr("FAULT: exchange (disconnected)"));
+}
+
+TEST(RunReport, SaysHowTheProbesWereUsedAndWhyOneIsOff) {
+    const auto instruments = std::make_unique<Instruments>();
+    RunResult result;
+    EXPECT_TRUE(make_report(result, *instruments).at("probes").at("tick").is_null());
+    EXPECT_THAT(summary(result, *instruments), Not(HasSubstr("probe")));
+    instruments->probe_edge.record(700);
+    instruments->probe_off_ticks = 3;
+    result.probes = {.tick = {"5 of pl061", 24, 0}, .frame = {"6 of pl061", 1, EIO}, .ticks = 12};
+    const nlohmann::json report = make_report(result, *instruments);
+    EXPECT_EQ(report.at("probes").at("tick"),
+              nlohmann::json({{"line", "5 of pl061"}, {"edges", 24}, {"off", false}, {"error", ""}}));
+    EXPECT_EQ(report.at("probes").at("frame").at("off"), true);
+    EXPECT_EQ(report.at("probes").at("ticks"), 12);
+    EXPECT_NEAR(report.at("probes").at("edge_us").at("max").get<double>(), 0.7, 1e-9);
+    EXPECT_THAT(report.at("safety").at("notices"), testing::Contains("probe_off"));
+    EXPECT_THAT(summary(result, *instruments), testing::AllOf(HasSubstr("24 edges"), HasSubstr("OFF: Input/output")));
 }
 
 TEST(RunReport, NamesTheStringsThatAFaultIsAbout) {

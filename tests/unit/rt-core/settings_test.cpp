@@ -186,6 +186,22 @@ TEST(Settings, TakeWhatTheFileSays) {
     EXPECT_EQ(settings.tick.variant.minimum_tension, 0.5);
 }
 
+TEST(Settings, ChooseTheLinesOfTheProbes) {
+    EXPECT_FALSE(read("").probes.tick);
+    EXPECT_FALSE(read("").probes.frame);
+    const ProbeLines lines = read("[probes]\nchip = \"pl061\"\ntick = 5\nframe = \"FRAME\"\nloopback = \"0\"\n").probes;
+    EXPECT_EQ(lines.tick->line, "5");
+    EXPECT_EQ(lines.frame->line, "FRAME");
+    EXPECT_EQ(lines.loopback->line, "0");
+    EXPECT_EQ(lines.loopback->chip, "pl061");
+    EXPECT_EQ(lines.loopback_edges, EdgeKind::Rising);
+    EXPECT_EQ(read("[probes]\nloopback_edges = \"both\"\n").probes.loopback_edges, EdgeKind::Both);
+    EXPECT_THAT([] { (void)read("[probes]\nchip = \"pl061\"\nloopback = 0\n"); },
+                ThrowsMessage<ConfigError>(testing::AllOf(HasSubstr("probes.loopback"), HasSubstr("probes.tick"))));
+    EXPECT_THAT([] { (void)read("[probes]\nchip = \"pl061\"\ntick = 5\nframe = 5\n"); },
+                ThrowsMessage<ConfigError>(testing::AllOf(HasSubstr("probes.frame"), HasSubstr("probes.tick"))));
+}
+
 TEST(Settings, SayWhichUsbDeviceIsMeant) {
     EXPECT_EQ(read("").usb.id, std::nullopt);
     EXPECT_EQ(read("").usb.rotary, std::nullopt);

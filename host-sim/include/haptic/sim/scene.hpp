@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "haptic/config.hpp"
+#include "haptic/gpio.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/sim/collisions.hpp"
 #include "haptic/sim/contact/contact.hpp"
@@ -61,6 +62,7 @@ struct Scene {
     CurlTrack curl;             // scripted, of a hand that can close; unknown if the script leaves that to the tool
     bool hand_repeats = false;  // begins again after its last time, else stays
     double duration_s = 2.0;
+    std::optional<GpioLine> step_probe;  // up while a step is made and published
 };
 
 struct BuiltInScene {

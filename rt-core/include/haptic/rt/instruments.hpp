@@ -20,10 +20,11 @@ struct Instruments {
     Histogram tension;
     Histogram publish;
 
-    Histogram wakeup;     // ns, from deadline to wake-up
-    Histogram period;     // ns, between wake-ups
-    Histogram compute;    // ns, the whole tick
-    Histogram frame_age;  // ns, of the frame rendered, each tick that had one
+    Histogram wakeup;      // ns, from deadline to wake-up
+    Histogram period;      // ns, between wake-ups
+    Histogram compute;     // ns, the whole tick
+    Histogram frame_age;   // ns, of the frame rendered, each tick that had one
+    Histogram probe_edge;  // ns, each call that sets a probe's line; empty without probes
 
     Histogram state_age;        // ns, of the device state that the planes in use answer, each tick that had one
     Histogram motion_to_force;  // ns, TickTiming::motion_to_force_ns
@@ -44,7 +45,8 @@ struct Instruments {
     StringArray peak_motor_load{};        // of the thermal model; 1 is a fault
     std::uint64_t passivity_ticks = 0;    // at which the passivity controller changed the wrench
     std::uint64_t stiffness_limited_ticks = 0;
-    double least_energy = 0.0;  // J, of the passivity observer
+    std::uint64_t probe_off_ticks = 0;  // with a probe that the kernel has refused
+    double least_energy = 0.0;          // J, of the passivity observer
 
     void count(device::ExchangeStatus status) HAPTIC_RT {
         ++exchange_statuses[static_cast<std::size_t>(status)];

@@ -10,6 +10,7 @@
 #include "haptic/rt/instruments.hpp"
 #include "haptic/rt/realtime_setup.hpp"
 #include "haptic/rt/safety.hpp"
+#include "haptic/rt/tick_probes.hpp"
 #include "haptic/rt/tick_syscalls.hpp"
 
 namespace haptic::rt {
@@ -34,6 +35,7 @@ struct RunResult {
     std::uint64_t frames_dropped = 0;  // of the recording
     double duration_s = 0.0;
     std::vector<Interruption> interruptions;
+    ProbesUse probes;
     std::string device;                  // what was driven, and where
     std::int64_t exchange_bound_ns = 0;  // of the stage `exchange`; 0 for a device that makes nothing wait
 

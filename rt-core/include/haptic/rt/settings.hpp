@@ -12,6 +12,7 @@
 #include "haptic/rt/loop.hpp"
 #include "haptic/rt/stop_input.hpp"
 #include "haptic/rt/tick.hpp"
+#include "haptic/rt/tick_probes.hpp"
 #include "haptic/rt/usb_settings.hpp"
 #include "haptic/rt/watchdog.hpp"
 
@@ -27,6 +28,7 @@ struct Settings {
     bool rearm = false;  // after the device was lost, wait for it and go on
     device::SerialTransport::Settings serial;
     GpioStopSettings stop_line;
+    ProbeLines probes;
     std::size_t queue_ticks = 16384;  // capacity of the Recorder
     std::size_t queue_frames = 512;   // likewise; 11 kB each
 };

@@ -3,7 +3,7 @@
 // run() does, in this order: exchange with the board (the last command again, encoders in) - unwrap counts, lengths,
 // pose, velocity - newest contact frame, if any - local proxies against its planes - wrench - safety limits - tensions
 // - second exchange (motors out, in this same tick; with `exchanges = 1` the next tick's first one brings them) -
-// publish the device state - record.
+// publish the device state - record. A probe, if there is one, is up from the beginning to the end of that.
 //
 // All memory is allocated by the constructor. After it, run() neither allocates, locks, throws nor waits for anything
 // but the board.
@@ -32,6 +32,7 @@
 #include "haptic/rt/string_monitor.hpp"
 #include "haptic/rt/tension.hpp"
 #include "haptic/rt/thermal.hpp"
+#include "haptic/rt/tick_probes.hpp"
 #include "haptic/rt/tick_record.hpp"
 #include "haptic/rt/tick_timing.hpp"
 #include "haptic/rt/velocity.hpp"
@@ -113,6 +114,8 @@ class Tick {
 
     /// Also keeps each further tick in a recorder, which must outlive the tick; nullptr for none.
     void record_to(Recorder* recorder) HAPTIC_RT { recorder_ = recorder; }
+    /// Shows each further tick on probes, which must outlive the tick; nullptr for none.
+    void show_on(TickProbes* probes) HAPTIC_RT { probes_ = probes; }
 
     [[nodiscard]] SafetyState safety_state() const HAPTIC_RT { return safety_.state(); }
     /// Bits HAPTIC_FAULT_*.
@@ -156,6 +159,7 @@ class Tick {
         stage.record(timing_.of(which));
     }
     void force_arrived(std::int64_t latched_ns) HAPTIC_RT;
+    void show(Probe& probe, bool up) HAPTIC_RT;
     void set_flag(bool condition, std::uint32_t flag) HAPTIC_RT { record_.flags |= condition ? flag : 0u; }
 
     TickSettings settings_;
@@ -165,6 +169,7 @@ class Tick {
     RingWriter<DeviceState>* states_;
     StageClock clock_;
     Recorder* recorder_ = nullptr;
+    TickProbes* probes_ = nullptr;
 
     StringEncoders encoders_;
     PoseSolver pose_solver_;

@@ -89,6 +89,28 @@ TEST(TickSymbols, OfTheUsbExchangeAreLibusbsToSubmitAndToReapAndTheKernelsToWait
     EXPECT_TRUE(reach.externals.contains("libusb_submit_transfer")) << "looked for in vain";
 }
 
+TEST(TickSymbols, OfAProbesEdgeAreOneCallOfLibgpiod) {
+    std::set<std::string> allowed = read_allowed(ALLOWED_SYMBOLS);
+    allowed.insert("gpiod_line_set_value");
+    const CallGraph::Reach reach = reach_of(tick_graph(), {"haptic::(anonymous namespace)::GpioOutput::set"});
+    for (const auto& [symbol, user] : reach.externals) {
+        EXPECT_TRUE(allowed.contains(symbol)) << demangle(user) << " refers to " << symbol;
+    }
+    EXPECT_TRUE(reach.externals.contains("gpiod_line_set_value")) << "looked for in vain";
+}
+
+#ifdef GPIOD_ARCHIVE
+TEST(TickSymbols, OfLibgpiodsCallAreTheKernels) {
+    const CallGraph graph(OBJDUMP, NM, {GPIOD_ARCHIVE});
+    const CallGraph::Reach reach = reach_of(graph, {"gpiod_line_set_value"});
+    const std::set<std::string> allowed = {"ioctl", "__errno_location", "memset", "__stack_chk_fail"};
+    for (const auto& [symbol, user] : reach.externals) {
+        EXPECT_TRUE(allowed.contains(symbol)) << user << " refers to " << symbol;
+    }
+    EXPECT_TRUE(reach.externals.contains("ioctl")) << "looked for in vain";
+}
+#endif
+
 TEST(TickSymbols, AreLookedForInEveryPartOfTheTick) {
     // A check that reached nothing would find nothing.
     const CallGraph::Reach reach = reach_of(tick_graph(), roots());
@@ -96,7 +118,7 @@ TEST(TickSymbols, AreLookedForInEveryPartOfTheTick) {
          {"haptic::rt::sleep_until", "haptic::rt::StringEncoders::update", "haptic::rt::PoseSolver::solve",
           "haptic::rt::render", "haptic::rt::project", "haptic::rt::WrenchLimiter::apply",
           "haptic::rt::SafetyMachine::update", "haptic::rt::TensionSolver::solve", "haptic::rt::Recorder::push",
-          "haptic::find_defect", "haptic::Histogram::record", "haptic::PoseTrack::at",
+          "haptic::find_defect", "haptic::Probe::set", "haptic::Histogram::record", "haptic::PoseTrack::at",
           "haptic::detail::RingWriterBase::publish_bytes", "haptic::detail::RingReaderBase::read_newest_bytes"}) {
         bool reached = false;
         for (const std::string& symbol : tick_graph().find(part)) {

@@ -1,0 +1,20 @@
+#include "haptic/rt/tick_probes.hpp"
+
+namespace haptic::rt {
+namespace {
+
+ProbeUse use_of(const Probe& probe, const std::optional<GpioLine>& line) {
+    return line ? ProbeUse{line->line + " of " + line->chip, probe.edges(), probe.error()} : ProbeUse{};
+}
+
+}  // namespace
+
+TickProbes open_tick_probes(const ProbeLines& lines, Probe::Clock clock) {
+    return {open_probe(lines.tick, clock), open_probe(lines.frame, clock)};
+}
+
+ProbesUse use_of(const TickProbes& probes, const ProbeLines& lines, std::uint64_t ticks) {
+    return {use_of(probes.tick, lines.tick), use_of(probes.frame, lines.frame), ticks};
+}
+
+}  // namespace haptic::rt

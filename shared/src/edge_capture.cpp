@@ -1,0 +1,76 @@
+#include "haptic/edge_capture.hpp"
+
+#include <algorithm>
+#include <array>
+#include <exception>
+#include <system_error>
+#include <utility>
+
+namespace haptic {
+namespace {
+
+constexpr std::int64_t kWaitNs = 20'000'000;               // after which the thread looks whether it is to end
+constexpr std::size_t kStackBytes = std::size_t{1} << 18;  // all of it is locked where all memory is
+constexpr std::size_t kBatch = 64;
+
+}  // namespace
+
+EdgeCapture::EdgeCapture(std::unique_ptr<EdgeSource> line, std::size_t room, std::function<void()> prepare)
+    : line_(std::move(line)), prepare_(std::move(prepare)), edges_(room) {
+    pthread_attr_t attributes;
+    int error = pthread_attr_init(&attributes);
+    if (error == 0) {
+        error = pthread_attr_setstacksize(&attributes, kStackBytes);
+        error = error == 0 ? pthread_create(&thread_, &attributes, &EdgeCapture::thread_entry, this) : error;
+        pthread_attr_destroy(&attributes);
+    }
+    if (error != 0) {
+        throw std::system_error(error, std::system_category(), "creating the thread that captures edges");
+    }
+}
+
+EdgeCapture::~EdgeCapture() {
+    stop();
+}
+
+void EdgeCapture::stop() {
+    if (joined_) {
+        return;
+    }
+    ending_.store(true);
+    pthread_join(thread_, nullptr);
+    joined_ = true;
+}
+
+void* EdgeCapture::thread_entry(void* self) {
+    auto* const capture = static_cast<EdgeCapture*>(self);
+    if (capture->prepare_) {
+        capture->prepare_();
+    }
+    try {
+        capture->capture();
+    } catch (const std::exception& error) {
+        capture->problem_ = error.what();
+    }
+    return nullptr;
+}
+
+void EdgeCapture::capture() {
+    std::array<Edge, kBatch> batch{};
+    while (!ending_.load()) {
+        keep(std::span(batch).first(line_->read(batch, kWaitNs)));
+    }
+    for (std::size_t count = kBatch; count > 0;) {
+        count = line_->read(batch, 0);
+        keep(std::span(batch).first(count));
+    }
+}
+
+void EdgeCapture::keep(std::span<const Edge> edges) {
+    const std::size_t kept = std::min(edges.size(), edges_.size() - count_);
+    std::copy_n(edges.begin(), kept, edges_.begin() + static_cast<std::ptrdiff_t>(count_));
+    count_ += kept;
+    dropped_ += edges.size() - kept;
+}
+
+}  // namespace haptic
