@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
 #include <numbers>
 #include <ostream>
 #include <string>
@@ -54,18 +55,48 @@ double minimum_jerk(double x) {  // Flash and Hogan 1985
     return x * x * x * (10.0 + x * (6.0 * x - 15.0));
 }
 
+struct Trace {
+    std::string scene;
+    double from_s;      // of the script
+    double duration_s;  // after the ramp
+    /// Whoever holds the grip begins with it straight, however the script has the tool turned then.
+    bool straight = false;
+    /// How the hand turns the grip, where the script has the tool turned.
+    [[nodiscard]] Quat turned(const Quat& script, const Quat& first) const {
+        return straight ? glm::normalize(script * glm::conjugate(first)) : script;
+    }
+    /// From then on, since the ramp, s, the button is held that closes the tool; negative: never.
+    double closes_s = -1.0;
+};
+
+/// The scene as it is held.
+sim::Scene scene_of(const Trace& trace) {
+    sim::Scene scene = sim::read_scene(sim::open_scene(trace.scene), trace.scene);
+    if (trace.straight) {
+        scene.tool->grip.orientation =
+            scene.hand.at(nanoseconds(trace.from_s)).orientation * scene.tool->grip.orientation;
+    }
+    return scene;
+}
+
 /// Strokes of least jerk through places about the script's way, with tremor, cut to millimetres. The script begins
 /// after the ramp.
-PoseTrack human_hand(const sim::Scene& scene, double script_from_s, double duration_s) {
+PoseTrack human_hand(const sim::Scene& scene, const Trace& trace) {
     const sim::Workspace workspace(scene.workspace);
+    const Quat first = scene.hand.at(nanoseconds(trace.from_s)).orientation;
     Wander wander;
     std::vector<double> times;
     std::vector<Pose> poses;
-    const Vec3 begin = workspace.to_device(scene.hand.at(nanoseconds(script_from_s)).position);
+    const auto script_at = [&](double script_s) {
+        Pose hand = scene.hand.at(nanoseconds(script_s));
+        hand.orientation = trace.turned(hand.orientation, first);
+        return workspace.to_device(hand);
+    };
+    const Pose begin = script_at(trace.from_s);
     Vec3 from(0.0);
     Vec3 to = wander.place();
     int stroke = 0;
-    for (int ms = 0; ms <= static_cast<int>(duration_s * 1000.0) + kRampMs; ++ms) {
+    for (int ms = 0; ms <= static_cast<int>(trace.duration_s * 1000.0) + kRampMs; ++ms) {
         const double t = 1e-3 * ms;
         if (t >= (stroke + 1) * kStroke) {
             ++stroke;
@@ -73,16 +104,15 @@ PoseTrack human_hand(const sim::Scene& scene, double script_from_s, double durat
             to = wander.place();
         }
         const double ramp = minimum_jerk(std::min(1.0, static_cast<double>(ms) / kRampMs));
-        const double script_s = script_from_s + 1e-3 * std::max(0, ms - kRampMs);
-        const Vec3 script =
-            ms < kRampMs ? ramp * begin : workspace.to_device(scene.hand.at(nanoseconds(script_s)).position);
+        const Pose script = ms < kRampMs ? interpolate(Pose{}, begin, ramp)
+                                         : script_at(trace.from_s + 1e-3 * std::max(0, ms - kRampMs));
         const Vec3 aside = from + minimum_jerk((t - stroke * kStroke) / kStroke) * (to - from);
         const double w = 2.0 * std::numbers::pi * t;
         const Vec3 tremor = kTremor * Vec3(std::sin(9.0 * w), std::sin(10.0 * w + 1.0), std::sin(11.0 * w + 2.0));
-        const Vec3 exact = script + aside + tremor;
+        const Vec3 exact = script.position + aside + tremor;
         const auto cut = [](double x) { return kQuantum * std::round(x / kQuantum); };
         times.push_back(t);
-        poses.push_back({{cut(exact.x), cut(exact.y), cut(exact.z)}, Quat(1, 0, 0, 0)});
+        poses.push_back({{cut(exact.x), cut(exact.y), cut(exact.z)}, script.orientation});
     }
     return {std::move(times), std::move(poses)};
 }
@@ -104,37 +134,32 @@ double worst_spike(const std::vector<double>& force) {
     return worst;
 }
 
-struct Trace {
-    std::string scene;
-    double from_s;      // of the script
-    double duration_s;  // after the ramp
-};
-
 std::ostream& operator<<(std::ostream& out, const Trace& trace) {
     return out << trace.scene;
 }
 
 class HumanTrace : public testing::TestWithParam<Trace> {};
 
-TEST_P(HumanTrace, TunnelsNowhereHasNoSpikesAndIsTheSameAgain) {
+/// The trace through the whole chain, which must not tunnel, and again from both recordings, to the bit. `force`, N, is
+/// that of each tick.
+void run_twice(const Trace& trace, std::vector<double>& force) {
     const FlushDenormals flush;
-    const Trace& trace = GetParam();
-    const sim::Scene scene = sim::read_scene(sim::open_scene(trace.scene), trace.scene);
+    const sim::Scene scene = scene_of(trace);
     const TemporaryDirectory folder;
     const std::filesystem::path file = folder.file("trace.csv");
     const rt::TickSettings settings;
-    std::vector<double> force;
     std::vector<sim::StepInput> inputs;
     std::uint64_t hash = 0;
     {
         rt::Recorder recorder(16384, 1024);
         rt::RecordFile writer(file, recorder);
-        Lockstep chain({.scene = scene,
-                        .hand = human_hand(scene, trace.from_s, trace.duration_s),
-                        .tick = settings,
-                        .recorder = &recorder});
+        Lockstep chain({.scene = scene, .hand = human_hand(scene, trace), .tick = settings, .recorder = &recorder});
         const int steps = static_cast<int>((trace.duration_s + 1e-3 * kRampMs) / scene.solver.step);
+        const int closes = static_cast<int>((trace.closes_s + 1e-3 * kRampMs) / scene.solver.step);
         for (int step = 0; step < steps; ++step) {
+            if (trace.closes_s >= 0.0 && step == closes) {
+                chain.board().device().set_buttons(static_cast<std::uint8_t>(1u << scene.tool->close_button));
+            }
             const sim::StepResult result = chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
                 force.push_back(glm::length(tick.rendered.force));
             });
@@ -148,18 +173,6 @@ TEST_P(HumanTrace, TunnelsNowhereHasNoSpikesAndIsTheSameAgain) {
         EXPECT_EQ(chain.tick().faults(), 0u);
         hash = chain.simulation().state_hash();
     }
-
-    std::vector<double> felt = force;
-    std::erase_if(felt, [](double f) { return f <= 0.0; });
-    ASSERT_GT(felt.size(), 150u) << "ms in contact: without any this proves nothing";
-    std::sort(felt.begin(), felt.end());
-    // A hit may be as strong as it is; a spike stands out of its own 0.1 s. What the scene makes of a hand that leaps
-    // by millimetres is in both.
-    const double median = felt[felt.size() / 2];
-    const double spike = worst_spike(force);
-    std::printf("%-10s %5zu ms in contact, median %.2f N, largest %.2f N, out of its own 0.1 s by %.2f N\n",
-                trace.scene.c_str(), felt.size(), median, felt.back(), spike);
-    EXPECT_LE(spike, kMostMedians * median);
 
     sim::Simulation again(scene);
     for (const sim::StepInput& input : inputs) {
@@ -175,10 +188,38 @@ TEST_P(HumanTrace, TunnelsNowhereHasNoSpikesAndIsTheSameAgain) {
         << replay.result().first().first << " in line " << replay.result().first().second.line;
 }
 
+TEST_P(HumanTrace, TunnelsNowhereHasNoSpikesAndIsTheSameAgain) {
+    const Trace& trace = GetParam();
+    std::vector<double> force;
+    run_twice(trace, force);
+    ASSERT_FALSE(HasFatalFailure());
+    std::vector<double> felt = force;
+    std::erase_if(felt, [](double f) { return f <= 0.0; });
+    ASSERT_GT(felt.size(), 150u) << "ms in contact: without any this proves nothing";
+    std::sort(felt.begin(), felt.end());
+    // A hit may be as strong as it is; a spike stands out of its own 0.1 s. What the scene makes of a hand that leaps
+    // by millimetres is in both.
+    const double median = felt[felt.size() / 2];
+    const double spike = worst_spike(force);
+    std::printf("%-10s %5zu ms in contact, median %.2f N, largest %.2f N, out of its own 0.1 s by %.2f N\n",
+                trace.scene.c_str(), felt.size(), median, felt.back(), spike);
+    EXPECT_LE(spike, kMostMedians * median);
+}
+
+// Nothing is said of spikes here: rt-core's passivity controller damps as long as the grip lasts, presumably because
+// nobody tells it of the energy that closing fingers put into what they hold, and a hand that leaps by a millimetre
+// feels that.
+TEST(HumanGrip, TunnelsNowhereAndIsTheSameAgain) {
+    std::vector<double> force;
+    run_twice({"fish-grab", 0.2, 1.7, false, 0.3}, force);
+    EXPECT_GT(std::count_if(force.begin(), force.end(), [](double f) { return f > 0.0; }), 1000);  // ms in contact
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, HumanTrace,
                          testing::Values(Trace{"cloth-drop", 0.0, 1.9}, Trace{"popout-fan", 0.0, 2.5},
                                          Trace{"fish-hold", 0.5, 1.5}, Trace{"fish-slide", 0.0, 1.5},
-                                         Trace{"four-fish", 0.5, 1.2}),
+                                         Trace{"four-fish", 0.5, 1.2}, Trace{"curtain-hand", 0.4, 1.6, true},
+                                         Trace{"plane-slide", 0.3, 2.4}, Trace{"rod-gap", 0.3, 2.4}),
                          [](const auto& trace) {
                              std::string name = trace.param.scene;
                              std::erase(name, '-');
