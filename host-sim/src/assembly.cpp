@@ -1,6 +1,7 @@
 #include "assembly.hpp"
 
 #include <limits>
+#include <span>
 #include <utility>
 
 namespace haptic::sim {
@@ -25,12 +26,20 @@ void append(TriangleMesh& mesh, const TriangleMesh& added) {
     }
 }
 
+/// The triangles that contact looks at. It acts on both sides of each, so the second face of a double-faced triangle
+/// (the second half of such a mesh) would only say all once more. The thesis' methods are given what the thesis had.
+std::span<const Triangle> touchable(const TriangleMesh& mesh, const ContactSettings& contact) {
+    const std::span<const Triangle> all = mesh.triangles;
+    const bool as_thesis = contact.method == CcdMethod::Thesis || contact.pop_out == PopOutMethod::Thesis;
+    return mesh.double_faced && !as_thesis ? all.first(all.size() / 2) : all;
+}
+
 }  // namespace
 
 Assembly::Assembly(const Scene& scene) {
     const auto add_all = [&](const ModelSettings& settings) {
         for (DeformableBody& body : make_bodies(settings)) {
-            add(std::move(body), scene.coupling.mask_radius);
+            add(std::move(body), scene);
         }
     };
     add_all(scene.model);
@@ -39,7 +48,7 @@ Assembly::Assembly(const Scene& scene) {
     }
 }
 
-void Assembly::add(DeformableBody&& body, double mask_radius) {
+void Assembly::add(DeformableBody&& body, const Scene& scene) {
     const std::size_t vertices = mesh.vertices.size();
     const std::size_t particles = model.size();
     append(mesh, body.mesh);
@@ -50,8 +59,8 @@ void Assembly::add(DeformableBody&& body, double mask_radius) {
         skin.push_back(vertex);
     }
     model.append(body.particles);
-    trees.emplace_back(body.mesh.vertices, body.mesh.triangles);
-    masks.emplace_back(body.mesh, body.skin, moved_mass(body.particles), mask_radius);
+    trees.emplace_back(body.mesh.vertices, touchable(body.mesh, scene.contact));
+    masks.emplace_back(body.mesh, body.skin, moved_mass(body.particles), scene.coupling.mask_radius);
     motions.push_back(std::move(body.motions));
     bodies.push_back({std::move(body.name), vertices, particles, std::move(body.mesh)});
 }

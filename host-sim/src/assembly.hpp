@@ -41,7 +41,7 @@ struct Assembly {
     std::vector<std::vector<Motion>> motions;
 
   private:
-    void add(DeformableBody&& body, double mask_radius);
+    void add(DeformableBody&& body, const Scene& scene);
 };
 
 }  // namespace haptic::sim

@@ -82,7 +82,7 @@ class Slider {
     }
 
     Load look() noexcept {
-        hold_.look(surfaces_, at_, step_.goal, radius_, settings_);
+        hold_.look(surfaces_, at_, step_.goal, radius_, touching_reach(radius_, settings_));
         const PlaneSet::Room& room = hold_.room();
         Load load;
         load.known = room.any;
@@ -172,8 +172,8 @@ FrictionParts divide_friction(const Vec3& force, const SurfacePlanes& contacts,
         sum += strength[c];
     }
     FrictionParts parts{};
-    for (std::size_t c = 0; c < contacts.count && sum > 0.0; ++c) {
-        parts[c] = left * (strength[c] / sum);
+    for (std::size_t c = 0; c < contacts.count; ++c) {
+        parts[c] = left * (sum > 0.0 ? strength[c] / sum : 1.0 / contacts.count);
     }
     return parts;
 }

@@ -5,8 +5,8 @@
 namespace haptic::sim {
 
 void Hold::look(const NearSurfaces& surfaces, const Vec3& at, const Vec3& goal, double radius,
-                const ContactSettings& settings) noexcept {
-    touching_.gather(surfaces, 1.0, at, touching_reach(radius, settings), nullptr);
+                double reach) noexcept {
+    touching_.gather(surfaces, 1.0, at, reach, nullptr);
     planes_.clear();
     for (const Touching& t : touching_.points()) {
         planes_.add(t.normal, glm::dot(t.normal, t.point));

@@ -15,6 +15,8 @@ namespace {
 constexpr int kRoomBisections = 26;    // to 1e-8 of the radius
 constexpr double kFaceShare = 0.9999;  // of the distance to the border that the face must be away
 constexpr double kBeside = 1e-6;       // of the radius: more than rounding can make up
+constexpr double kFirstPart = 0.5;    // radii, of a long move
+constexpr double kWorthParting = 0.5;  // a first part that is a larger share of the move saves nothing
 constexpr double kSame = 1e-9;         // of the reach: touched points nearer to one another are the same
 
 bool overlaps(const TriangleCorners& t, const Box& box) noexcept {
@@ -206,26 +208,38 @@ double free_fraction(const NearSurfaces& surfaces, const Vec3& from, const Vec3&
                      double release) noexcept {
     double fraction = 1.0;
     const Vec3 to = from + displacement;
-    const SweptBall ball(from, to, radius);
-    const double farthest = (radius + std::sqrt(glm::dot(displacement, displacement))) * (1.0 + kBeside);
-    for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
-        const SurfaceMotion& motion = surfaces[object].motion;
-        surfaces.query(object, ball, When::End, [&](std::uint32_t triangle) {
-            const TriangleCorners corners = corners_of(motion.end, motion.triangles[triangle]);
-            if (!overlaps(corners, ball.box) || stays_beside(corners, from, to, radius)) {
-                return;
-            }
-            const double distance = std::sqrt(closest_point_on_triangle(from, corners).squared_distance);
-            if (distance > farthest) {
-                return;
-            }
-            const SphereHit hit =
-                sweep_sphere(from, displacement, std::min(radius, release * distance), distance, corners);
-            if (hit.hits) {
-                fraction = std::min(fraction, hit.fraction);
-            }
-        });
+    const SweptBall all(from, to, radius);
+    const double length = std::sqrt(glm::dot(displacement, displacement));
+    const double farthest = (radius + length) * (1.0 + kBeside);
+    const auto sweep = [&](const SweptBall& ball) {
+        for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
+            const SurfaceMotion& motion = surfaces[object].motion;
+            surfaces.query(object, ball, When::End, [&](std::uint32_t triangle) {
+                const TriangleCorners corners = corners_of(motion.end, motion.triangles[triangle]);
+                if (!overlaps(corners, all.box) || stays_beside(corners, from, to, radius)) {
+                    return;
+                }
+                const double distance = std::sqrt(closest_point_on_triangle(from, corners).squared_distance);
+                if (distance > farthest) {
+                    return;
+                }
+                const SphereHit hit =
+                    sweep_sphere(from, displacement, std::min(radius, release * distance), distance, corners);
+                if (hit.hits) {
+                    fraction = std::min(fraction, hit.fraction);
+                }
+            });
+        }
+    };
+    // Most long moves in narrow places end soon: what is first on the first part is first on the whole way.
+    const double share = kFirstPart * radius / length;
+    if (share < kWorthParting) {
+        sweep(SweptBall(from, from + displacement * share, radius * (1.0 + kBeside)));
+        if (fraction < share * (1.0 - kBeside)) {
+            return fraction;
+        }
     }
+    sweep(all);
     return fraction;
 }
 

@@ -302,6 +302,17 @@ TEST(Friction, DividesAmongContactsWhatTheNormalsDoNotMake) {
     EXPECT_EQ(parts[2], Vec3(0.0));
 }
 
+TEST(Friction, DividesWhatIsWhollyAlongTheSurfacesEvenly) {
+    haptic::sim::SurfacePlanes planes;
+    planes.count = 2;
+    planes.plane[0].normal = {0, 1, 0};
+    planes.plane[1].normal = {0, 0, 1};
+    const auto parts = haptic::sim::divide_friction({3.0, 0.0, 0.0}, planes, {0.0, 0.0, 0.0});
+    EXPECT_EQ(parts[0], Vec3(1.5, 0.0, 0.0));
+    EXPECT_EQ(parts[1], Vec3(1.5, 0.0, 0.0));
+    EXPECT_EQ(parts[2], Vec3(0.0));
+}
+
 TEST(Friction, NeverTakesAProxyThroughABodyThatTumbles) {
     for (const bool inside : {false, true}) {
         Random random(inside ? 73u : 72u);

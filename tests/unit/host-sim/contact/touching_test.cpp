@@ -2,22 +2,35 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
 
+#include "contact/oracle.hpp"
+#include "contact/scenes.hpp"
+#include "haptic/sim/contact/swept_sphere.hpp"
 #include "haptic/sim/contact/swept_tree.hpp"
 
 namespace {
 
 using haptic::Vec3;
+using haptic::sim::closest_point_on_triangle;
 using haptic::sim::Feature;
+using haptic::sim::free_fraction;
 using haptic::sim::MovingSurface;
+using haptic::sim::SphereHit;
 using haptic::sim::SurfaceMotion;
+using haptic::sim::sweep_sphere;
 using haptic::sim::SweptTree;
 using haptic::sim::Touching;
 using haptic::sim::TouchingSet;
 using haptic::sim::Triangle;
+using haptic::sim::TriangleCorners;
+using haptic::sim::oracle::Random;
+using haptic::sim::scenes::Body;
+using haptic::sim::scenes::sheet;
+using haptic::sim::scenes::World;
 
 /// A floor for x < 0 and, from the crease x = 0 on, a slope that rises (or falls) by `angle`; two large triangles each.
 struct Fold {
@@ -66,6 +79,38 @@ TEST(Touching, KeepsBothSidesOfASteepValley) {
     ASSERT_EQ(touched.size(), 2u);
     EXPECT_NEAR(touched[0].distance, 1.0, 1e-12);
     EXPECT_NEAR(touched[1].distance, 1.0, 1e-12);
+}
+
+TEST(Touching, LetsASphereMoveAsFarAsTheFirstOfAllTrianglesWhateverTheLengthOfTheMove) {
+    // Long moves are looked at in parts; every triangle by itself is the oracle.
+    Random random(4);
+    const double radius = 0.05;
+    int stopped = 0;
+    for (int k = 0; k < 400; ++k) {
+        World world;
+        for (int n = 0; n < 3; ++n) {
+            Body& body = world.add(sheet(0.6, 6, false));
+            const Vec3 shift = random.in_cube(0.4);
+            for (std::size_t v = 0; v < body.end.size(); ++v) {
+                body.start[v] = body.end[v] += shift + random.in_cube(0.05);
+            }
+        }
+        world.refit();
+        const Vec3 from = random.in_cube(0.5);
+        const Vec3 way = random.direction() * (radius * random.uniform(0.0, 12.0));
+        double first = 1.0;
+        for (const auto& body : world.bodies) {
+            for (const Triangle& t : body->mesh.triangles) {
+                const TriangleCorners corners{body->end[t[0]], body->end[t[1]], body->end[t[2]]};
+                const double distance = std::sqrt(closest_point_on_triangle(from, corners).squared_distance);
+                const SphereHit hit = sweep_sphere(from, way, std::min(radius, 0.999 * distance), distance, corners);
+                first = hit.hits ? std::min(first, hit.fraction) : first;
+            }
+        }
+        EXPECT_EQ(free_fraction(world.surfaces, from, way, radius, 0.999), first) << k;
+        stopped += first < 1.0 ? 1 : 0;
+    }
+    EXPECT_GT(stopped, 50);
 }
 
 }  // namespace

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
+#include <span>
 #include <vector>
 
 #include "contact/oracle.hpp"
@@ -13,6 +15,7 @@ namespace {
 using haptic::Mat3;
 using haptic::Vec3;
 using haptic::sim::ProxyMove;
+using haptic::sim::TriangleMesh;
 using haptic::sim::oracle::Random;
 using haptic::sim::scenes::ball;
 using haptic::sim::scenes::Body;
@@ -162,6 +165,64 @@ TEST(VirtualProxy, RollsAboutAConvexEdgeAndACornerToTheNearestPoint) {
     const Vec3 on_corner = Vec3(0.5) + glm::normalize(Vec3(0.006, 0.01, 0.007)) * kRadius;
     EXPECT_NEAR(glm::length(corner.position - on_corner), 0.0, 1e-4 * kRadius);
     EXPECT_EQ(corner.contacts.plane[0].touched.feature, haptic::sim::Feature::Vertex);
+}
+
+TEST(VirtualProxy, SettlesInAFewMovesOnAFloorBesideAnEdge) {
+    // The edge of a box stands upright on a floor. Seen from above: a circle about the edge, and the goal within it.
+    World world;
+    world.add(sheet(2.0, 2, false));
+    TriangleMesh pillar = box({0.1, 0.2, 0.1});
+    for (Vec3& v : pillar.vertices) {
+        v -= Vec3(0.1, 0.0, 0.1);
+    }
+    world.add(pillar);
+    world.refit();
+    for (const double share : {0.05, 0.2, 0.6}) {
+        const double turn = 1.1;  // rad
+        const Vec3 aim(std::cos(turn), 0.0, std::sin(turn));
+        const Vec3 from(kRadius * std::cos(0.6), kRadius, kRadius * std::sin(0.6));
+        const ProxyMove m = move(world, from, aim * (share * kRadius) - Vec3(0, 0.01, 0));
+        EXPECT_NEAR(glm::length(m.position - (aim * kRadius + Vec3(0, kRadius, 0))), 0.0, 1e-6 * kRadius) << share;
+        EXPECT_EQ(m.contacts.count, 2u) << share;
+        EXPECT_LE(m.iterations, 12) << share;
+    }
+}
+
+TEST(VirtualProxy, IsMovedAlikeByOneFaceOfADoubleFacedSheetAndByBoth) {
+    Random random(12);
+    for (int k = 0; k < 40; ++k) {
+        World both;
+        World one;
+        TriangleMesh mesh = sheet(1.0, 12, false);
+        const std::size_t fronts = mesh.triangles.size();
+        for (std::size_t t = 0; t < fronts; ++t) {
+            const haptic::sim::Triangle front = mesh.triangles[t];
+            mesh.triangles.push_back({front[0], front[2], front[1]});
+        }
+        both.add(mesh);
+        Body& body = one.add(mesh);
+        body.tree =
+            std::make_unique<haptic::sim::SweptTree>(mesh.vertices, std::span(body.mesh.triangles).first(fronts));
+        for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
+            const Vec3 wave = random.in_cube(0.01);
+            for (World* world : {&both, &one}) {
+                world->bodies[0]->start[v] += wave;
+                world->bodies[0]->end[v] += wave + Vec3(0, 0.05, 0);
+            }
+        }
+        both.refit();
+        one.refit();
+        const Vec3 from(random.uniform(-0.3, 0.3), 0.06, random.uniform(-0.3, 0.3));
+        const Vec3 goal = from + Vec3(random.uniform(-0.05, 0.05), -0.05, random.uniform(-0.05, 0.05));
+        const Step a = haptic::sim::scenes::step(both, from, goal, kRadius);
+        const Step b = haptic::sim::scenes::step(one, from, goal, kRadius);
+        EXPECT_NEAR(glm::length(a.secure.position - b.secure.position), 0.0, 1e-9) << k;
+        EXPECT_NEAR(glm::length(a.moved.position - b.moved.position), 0.0, 1e-7) << k;
+        ASSERT_EQ(a.moved.contacts.count, b.moved.contacts.count) << k;
+        for (std::size_t c = 0; c < a.moved.contacts.count; ++c) {
+            EXPECT_EQ(a.moved.contacts.plane[c].touched.triangle, b.moved.contacts.plane[c].touched.triangle) << k;
+        }
+    }
 }
 
 TEST(VirtualProxy, EndsWhereNoPlaceNearbyIsNearerToTheGoal) {
