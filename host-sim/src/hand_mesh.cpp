@@ -32,8 +32,8 @@ constexpr std::uint32_t kJointsOfFinger = 3;
 constexpr std::uint32_t kThumbJoint = 1 + 4 * kJointsOfFinger;
 
 struct Shape {
-    std::array<Finger, 5> fingers;
-    std::array<ToolBone, 12> palm;
+    std::array<Finger, 5> fingers{};
+    std::array<ToolBone, 12> palm{};
 };
 
 Shape make_shape() {
