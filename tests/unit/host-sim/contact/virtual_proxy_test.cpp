@@ -167,27 +167,6 @@ TEST(VirtualProxy, RollsAboutAConvexEdgeAndACornerToTheNearestPoint) {
     EXPECT_EQ(corner.contacts.plane[0].touched.feature, haptic::sim::Feature::Vertex);
 }
 
-TEST(VirtualProxy, SettlesInAFewMovesOnAFloorBesideAnEdge) {
-    // The edge of a box stands upright on a floor. Seen from above: a circle about the edge, and the goal within it.
-    World world;
-    world.add(sheet(2.0, 2, false));
-    TriangleMesh pillar = box({0.1, 0.2, 0.1});
-    for (Vec3& v : pillar.vertices) {
-        v -= Vec3(0.1, 0.0, 0.1);
-    }
-    world.add(pillar);
-    world.refit();
-    for (const double share : {0.05, 0.2, 0.6}) {
-        const double turn = 1.1;  // rad
-        const Vec3 aim(std::cos(turn), 0.0, std::sin(turn));
-        const Vec3 from(kRadius * std::cos(0.6), kRadius, kRadius * std::sin(0.6));
-        const ProxyMove m = move(world, from, aim * (share * kRadius) - Vec3(0, 0.01, 0));
-        EXPECT_NEAR(glm::length(m.position - (aim * kRadius + Vec3(0, kRadius, 0))), 0.0, 1e-6 * kRadius) << share;
-        EXPECT_EQ(m.contacts.count, 2u) << share;
-        EXPECT_LE(m.iterations, 12) << share;
-    }
-}
-
 TEST(VirtualProxy, IsMovedAlikeByOneFaceOfADoubleFacedSheetAndByBoth) {
     Random random(12);
     for (int k = 0; k < 40; ++k) {
