@@ -28,7 +28,7 @@ class SpawnSettings {
         sigfillset(&all);
         posix_spawnattr_setsigmask(&attributes, &none);
         posix_spawnattr_setsigdefault(&attributes, &all);
-        sched_param ordinary{};
+        const sched_param ordinary{};
         posix_spawnattr_setschedpolicy(&attributes, SCHED_OTHER);
         posix_spawnattr_setschedparam(&attributes, &ordinary);
         posix_spawnattr_setpgroup(&attributes, 0);
@@ -69,6 +69,7 @@ std::string find_program(const std::string& name, const std::string& package) {
 
 ChildProcess::ChildProcess(std::vector<std::string> command) {
     std::vector<char*> arguments;
+    arguments.reserve(command.size() + 1);
     for (std::string& word : command) {
         arguments.push_back(word.data());
     }

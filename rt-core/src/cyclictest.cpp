@@ -73,7 +73,7 @@ class Admit {
 };
 
 std::string text_of(const std::filesystem::path& file) {
-    std::ifstream stream(file);
+    const std::ifstream stream(file);
     std::ostringstream text;
     text << stream.rdbuf();
     return text.str();
@@ -135,7 +135,15 @@ bool Cyclictest::run(const StopSignals& signals) {
     const Admit admit(cpu_);
     ChildProcess child(command);
     const std::int64_t begin_ns = monotonic_now_ns();
-    while (!child.ended()) {
+    while (true) {
+        if (const std::optional<int> status = child.ended()) {
+            if (*status != 0) {
+                throw std::runtime_error("cyclictest failed with status " + std::to_string(*status) + ": " +
+                                         in_words(command));
+            }
+            add_cyclictest(text_of(file.path()), result_);
+            return true;
+        }
         if (signals.wait(kPollNs) != 0) {
             return false;
         }
@@ -143,12 +151,6 @@ bool Cyclictest::run(const StopSignals& signals) {
             throw std::runtime_error("cyclictest does not end: " + in_words(command));
         }
     }
-    if (*child.ended() != 0) {
-        throw std::runtime_error("cyclictest failed with status " + std::to_string(*child.ended()) + ": " +
-                                 in_words(command));
-    }
-    add_cyclictest(text_of(file.path()), result_);
-    return true;
 }
 
 }  // namespace haptic::rt

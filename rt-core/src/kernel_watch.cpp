@@ -15,9 +15,11 @@ namespace {
 constexpr std::size_t kRecent = 16;      // windows that may still be asked for
 constexpr std::size_t kMostKept = 4096;  // far more than the log has ticks
 constexpr std::uint64_t kFew = 20;       // interrupts in a window that are not worth a word
+constexpr int kSteal = 7;                // of /proc/stat: user nice system idle iowait irq softirq steal
+constexpr int kQueued = 7;               // of /proc/schedstat: the eighth number, ns
 
 std::string file_text(const std::filesystem::path& file) {
-    std::ifstream stream(file);
+    const std::ifstream stream(file);
     std::ostringstream text;
     text << stream.rdbuf();
     return text.str();
@@ -144,8 +146,6 @@ void KernelWatch::read_interrupts(ProcessorCounts& counts) {
 }
 
 ProcessorCounts KernelWatch::read() {
-    constexpr int kSteal = 7;   // of /proc/stat: user nice system idle iowait irq softirq steal
-    constexpr int kQueued = 7;  // of /proc/schedstat: the eighth number, ns
     ProcessorCounts counts;
     read_interrupts(counts);
     const std::int64_t jiffies = field_of_cpu(file_text(proc_ / "stat"), cpu_, kSteal);

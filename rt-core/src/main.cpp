@@ -85,6 +85,11 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
         ->check(CLI::Range(1.0, 3600.0))
         ->needs(cyclictest)
         ->capture_default_str();
+    measure
+        ->add_option("--loopback", options.loopback,
+                     "line that is wired to the tick's probe, whose edges the kernel stamps, as probes.loopback")
+        ->type_name("LINE")
+        ->excludes(cyclictest);
     measure->add_option("--html", options.html, "writes a page with plots")->type_name("F.html");
     CLI::Option* const from =
         measure

@@ -14,6 +14,7 @@
 #include "child_process.hpp"
 #include "cyclictest.hpp"
 #include "haptic/clock.hpp"
+#include "haptic/edge_capture.hpp"
 #include "haptic/report.hpp"
 #include "haptic/rt/idle_request.hpp"
 #include "haptic/rt/kernel_watch.hpp"
@@ -54,6 +55,18 @@ std::vector<std::string> load_command(const std::string& load) {
     return command;
 }
 
+/// Begins to read the line that is wired to the tick's; nullptr if there is none. Throws if it cannot be read.
+std::unique_ptr<EdgeCapture> capture_loopback(double duration_s, const Settings& settings) {
+    if (!settings.probes.loopback) {
+        return nullptr;
+    }
+    constexpr double margin_s = 15.0;  // warm-up, and the fade at the end
+    const double edges = 2.0 * (duration_s + margin_s) / seconds(settings.loop.period_ns);
+    return std::make_unique<EdgeCapture>(open_edge_source(*settings.probes.loopback, settings.probes.loopback_edges),
+                                         static_cast<std::size_t>(edges),
+                                         [loop = settings.loop] { prepare_side_thread(loop.priority, loop.cpu); });
+}
+
 /// What is done beside the loop while it is measured.
 class Measuring final : public RunCompanion {
   public:
@@ -65,10 +78,12 @@ class Measuring final : public RunCompanion {
     [[nodiscard]] std::optional<double> stretch_s() const override;
     [[nodiscard]] bool pause(const StopSignals& signals) override;
 
-    /// Ends the load, and says what was found.
+    /// Ends load and capture, and says what was found.
     [[nodiscard]] nlohmann::json report(const RunResult& result, const Instruments& instruments);
 
   private:
+    void end_capture();
+
     const MeasureOptions& options_;
     const Settings& settings_;
     std::vector<std::string> load_command_;
@@ -78,6 +93,8 @@ class Measuring final : public RunCompanion {
     int cpu_ = -1;
     std::unique_ptr<AwayFrom> away_;  // what watches the loop does not disturb it
     std::unique_ptr<ChildProcess> load_;
+    std::unique_ptr<EdgeCapture> capture_;  // nullptr: not asked for
+    std::unique_ptr<LoopbackResult> loopback_;
     bool load_ended_ = false;  // by itself, before the run did
     std::int64_t began_ns_ = 0;
 };
@@ -99,6 +116,7 @@ void Measuring::begin(const RealtimeSetup& setup) {
         load_ = std::make_unique<ChildProcess>(load_command_);
         spdlog::info("load: {}", in_words(load_command_));
     }
+    capture_ = capture_loopback(options_.duration_s, settings_);
     away_ = std::make_unique<AwayFrom>(cpu_);
     began_ns_ = monotonic_now_ns();
     kernel_->restart(began_ns_);
@@ -106,9 +124,12 @@ void Measuring::begin(const RealtimeSetup& setup) {
 
 void Measuring::look(std::int64_t now_ns) {
     kernel_->look(now_ns, log_);
-    if (load_ && !load_ended_ && load_->ended()) {
+    if (!load_ || load_ended_) {
+        return;
+    }
+    if (const std::optional<int> status = load_->ended()) {
         load_ended_ = true;
-        spdlog::warn("the load has ended by itself, with status {}: {}", *load_->ended(), in_words(load_command_));
+        spdlog::warn("the load has ended by itself, with status {}: {}", *status, in_words(load_command_));
     }
 }
 
@@ -127,9 +148,28 @@ bool Measuring::pause(const StopSignals& signals) {
     return go_on;
 }
 
+void Measuring::end_capture() {
+    if (!capture_) {
+        return;
+    }
+    capture_->stop();
+    const ProbeLines& lines = settings_.probes;
+    loopback_ = std::make_unique<LoopbackResult>();
+    loopback_->line = lines.loopback->line + " of " + lines.loopback->chip;
+    loopback_->kind = lines.loopback_edges;
+    loopback_->dropped = capture_->dropped();
+    loopback_->problem = capture_->problem();
+    // A loop that began anew, after a device that was lost, has deadlines of its own.
+    const bool one_phase = log_.stretches() == 1 && !log_.worst().empty();
+    loopback_->edges = edge_statistics(capture_->edges(), {.period_ns = settings_.loop.period_ns,
+                                                           .deadline_ns = one_phase ? log_.worst()[0].deadline_ns : -1,
+                                                           .kind = lines.loopback_edges});
+}
+
 nlohmann::json Measuring::report(const RunResult& result, const Instruments& instruments) {
     kernel_->finish(monotonic_now_ns(), log_);
     load_.reset();
+    end_capture();
     nlohmann::json report = make_measure_report({.result = &result,
                                                  .instruments = &instruments,
                                                  .log = &log_,
@@ -138,7 +178,8 @@ nlohmann::json Measuring::report(const RunResult& result, const Instruments& ins
                                                  .real_minus_monotonic_ns = real_minus_monotonic(),
                                                  .period_ns = settings_.loop.period_ns,
                                                  .load = in_words(load_command_),
-                                                 .other = cyclictest_ ? &cyclictest_->result() : nullptr});
+                                                 .other = cyclictest_ ? &cyclictest_->result() : nullptr,
+                                                 .loopback = loopback_.get()});
     report["measure"]["load_ended_early"] = load_ended_;
     return report;
 }
@@ -176,7 +217,16 @@ void tell(const MeasureOptions& options, const nlohmann::json& report) {
 }
 
 int measure(const MeasureOptions& options) {
-    const Settings settings = read_settings(load_config(options.run));
+    Config config = load_config(options.run);
+    if (options.loopback) {
+        config.set("probes.loopback=\"" + *options.loopback + "\"");
+    }
+    const Settings settings = read_settings(config);
+    if (settings.probes.loopback && options.cyclictest) {
+        throw Refusal(
+            "measure --cyclictest: the line of probes.loopback stands still while cyclictest runs; measure the two "
+            "apart");
+    }
     const StopSignals signals;
     Measuring measuring(options, settings);
     Run run(options.run, settings, signals, &measuring);

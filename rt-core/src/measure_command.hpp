@@ -15,7 +15,8 @@ struct MeasureOptions {
     double duration_s = 60.0;   // of the loop
     std::string load = "none";  // or "stress-ng", with arguments or without
     bool cyclictest = false;
-    double alternate_s = 5.0;  // after which the loop and cyclictest take turns
+    double alternate_s = 5.0;             // after which the loop and cyclictest take turns
+    std::optional<std::string> loopback;  // as probes.loopback
     std::optional<std::filesystem::path> html;
     std::optional<std::filesystem::path> from;   // a report; nothing is measured
     std::vector<std::filesystem::path> compare;  // two reports; nothing is measured

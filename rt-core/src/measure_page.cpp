@@ -42,6 +42,7 @@ path.third { stroke: var(--third); } path.fourth { stroke: var(--fourth); }
 )";
 
 constexpr std::size_t kShownTicks = 12;
+constexpr double kNarrowest = 0.016;  // bin, of two buckets
 constexpr std::size_t kShownInterrupts = 8;
 
 std::string us_text(double value_us) {
@@ -109,7 +110,6 @@ std::vector<double> binned(const json& distribution, AxisRange range, std::size_
 
 /// The first as bars, the others as outlines over it.
 std::string histogram_plot(const std::vector<Series>& all, const std::string& title) {
-    constexpr double kNarrowest = 0.016;
     const AxisRange range = range_of(all);
     const double width = std::log(range.to / range.from);
     const auto bins = static_cast<std::size_t>(std::clamp(width / kNarrowest, 4.0, 100.0));
@@ -174,9 +174,11 @@ std::string tail_plot(const std::vector<Series>& all) {
     SvgPlot plot({1.0, count}, range_of(all), "of all values, so many are below", "us");
     std::vector<std::pair<double, std::string>> ticks = {{2.0, "50 %"}, {10.0, "90 %"}};
     std::string nines = "99";
-    for (double at = 100.0; at <= count; at *= 10.0) {
+    double at = 100.0;
+    while (at <= count) {
         ticks.emplace_back(at, nines + " %");
         nines += nines == "99" ? ".9" : "9";
+        at *= 10.0;
     }
     plot.set_x_ticks(std::move(ticks));
     for (const Series& one : all) {
@@ -186,36 +188,42 @@ std::string tail_plot(const std::vector<Series>& all) {
     return plot.svg("Tails of the distributions");
 }
 
+/// A line of the course over the run.
+struct CourseLine {
+    const char* key;
+    const char* name;
+    const char* css_class;
+};
+constexpr std::array<CourseLine, 2> kCourseLines = {{{"wakeup", "wake-up", "first"}, {"compute", "compute", "second"}}};
+
+/// Middle of each piece in s, and its largest value in us, 0 where nothing happened.
+std::vector<std::pair<double, double>> points_of(const json& course) {
+    const double start_s = course.at("start_s").get<double>();
+    const double piece_s = course.at("piece_s").get<double>();
+    std::vector<std::pair<double, double>> points;
+    for (const json& value : course.at("max_us")) {
+        points.emplace_back(start_s + piece_s * (static_cast<double>(points.size()) + 0.5),
+                            value.is_null() ? 0.0 : std::max(value.get<double>(), 0.1));
+    }
+    return points;
+}
+
 std::string course_plot(const json& course) {
-    struct Line {
-        const char* name;
-        const char* css_class;
-    };
     double most = 1.0;
     double least = 1e300;
     double until_s = 1.0;
-    std::vector<std::vector<std::pair<double, double>>> lines;
-    constexpr std::array<Line, 2> kLines = {{{"wake-up", "first"}, {"compute", "second"}}};
-    for (const Line& one : kLines) {
-        const json& of = course.at(one.name == std::string("compute") ? "compute" : "wakeup");
-        const double start_s = of.at("start_s").get<double>();
-        const double piece_s = of.at("piece_s").get<double>();
-        std::vector<std::pair<double, double>> points;
-        for (const json& value : of.at("max_us")) {
-            const double at_s = start_s + piece_s * (static_cast<double>(points.size()) + 0.5);
-            const double value_us = value.is_null() ? 0.0 : std::max(value.get<double>(), 0.1);
-            points.emplace_back(at_s, value_us);
+    for (const CourseLine& one : kCourseLines) {
+        for (const auto& [at_s, value_us] : points_of(course.at(one.key))) {
             most = std::max(most, value_us);
             least = value_us > 0.0 ? std::min(least, value_us) : least;
-            until_s = std::max(until_s, at_s + 0.5 * piece_s);
+            until_s = std::max(until_s, at_s);
         }
-        lines.push_back(std::move(points));
     }
     SvgPlot plot({0.0, until_s}, wide_enough(std::min(least, most), most), "time, s", "us, largest of each piece",
                  true);
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-        plot.line(lines[i], kLines.at(i).css_class);
-        plot.key(kLines.at(i).name, kLines.at(i).css_class);
+    for (const CourseLine& one : kCourseLines) {
+        plot.line(points_of(course.at(one.key)), one.css_class);
+        plot.key(one.name, one.css_class);
     }
     return plot.svg("Largest wake-up latency and computation over the run");
 }
@@ -327,6 +335,37 @@ std::string kernel_table(const json& kernel) {
     return text + ".</p>\n";
 }
 
+/// The loop as the line that its probe is wired to shows it.
+std::string loopback_section(const json& measure, const json& latencies) {
+    const json& loopback = measure.at("loopback");
+    std::string text =
+        "<h2>From outside</h2>\n<p>" +
+        html_text("Line " + loopback.at("line").get<std::string>() + ": " + loopback.at("rising").dump() +
+                  " rising edges of " + loopback.at("ticks").dump() + " ticks, " + loopback.at("dropped").dump() +
+                  " dropped. " + loopback.at("problem").get<std::string>()) +
+        "</p>\n";
+    struct Pair {
+        const char* outside;
+        const char* inside;
+        const char* caption;
+    };
+    for (const Pair& pair :
+         {Pair{"period_us", "period", "Period, as the kernel stamped the edges and as the loop saw it."},
+          Pair{"lateness_us", "wakeup",
+               "Edges after their deadlines, and the wake-ups that made them: the difference is the "
+               "edge, the wire and the interrupt that stamps it."},
+          Pair{"high_us", "compute", "How long the line was up, and the computation."}}) {
+        if (loopback.at(pair.outside).is_object() && has_values(loopback.at(pair.outside)) &&
+            has_values(latencies.at(pair.inside))) {
+            text += figure(histogram_plot({{&loopback.at(pair.outside), "outside", "first"},
+                                           {&latencies.at(pair.inside), "inside", "second"}},
+                                          pair.caption),
+                           pair.caption);
+        }
+    }
+    return text;
+}
+
 std::string setup_line(const json& report) {
     const json& setup = report.at("setup");
     const json& measure = report.at("measure");
@@ -393,6 +432,9 @@ std::string measure_page(const json& report) {
         }
         page += figure(histogram_plot(all, std::string(name.title)),
                        std::string(name.title) + ": " + std::string(name.what) + ".");
+    }
+    if (measure.at("loopback").is_object()) {
+        page += loopback_section(measure, latencies);
     }
     page += "<h2>The latest ticks</h2>\n" + worst_table(measure.at("worst_ticks"));
     page += "<h2>Interrupts</h2>\n" + kernel_table(measure.at("kernel"));

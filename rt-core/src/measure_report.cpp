@@ -195,6 +195,24 @@ nlohmann::json cyclictest_json(const CyclictestResult& other, const nlohmann::js
     return result;
 }
 
+nlohmann::json loopback_json(const LoopbackResult& loopback, const ProbesUse& probes) {
+    const EdgeStatistics& edges = loopback.edges;
+    nlohmann::json result = {{"line", loopback.line},
+                             {"edges", loopback.kind == EdgeKind::Both ? "both" : "rising"},
+                             {"rising", edges.rising},
+                             {"falling", edges.falling},
+                             {"ticks", probes.ticks},
+                             {"driven_edges", probes.tick.edges},
+                             {"lost", edges.lost},
+                             {"dropped", loopback.dropped},
+                             {"long_periods", edges.long_periods},
+                             {"problem", loopback.problem},
+                             {"period_us", distribution_us(edges.period)},
+                             {"lateness_us", distribution_us(edges.lateness)}};
+    result["high_us"] = loopback.kind == EdgeKind::Both ? distribution_us(edges.high) : nlohmann::json();
+    return result;
+}
+
 }  // namespace
 
 const std::array<LatencyName, kLatencies>& latency_names() noexcept {
@@ -232,6 +250,7 @@ nlohmann::json make_measure_report(const Measurement& m) {
                 {{"wakeup", course_json(m.log->wakeup(), m.began_ns)},
                  {"compute", course_json(m.log->compute(), m.began_ns)}}}};
     measure["cyclictest"] = m.other == nullptr ? nlohmann::json() : cyclictest_json(*m.other, latencies.at("wakeup"));
+    measure["loopback"] = m.loopback == nullptr ? nlohmann::json() : loopback_json(*m.loopback, m.result->probes);
     measure["latency_us"] = std::move(latencies);
     measure["worst_ticks"] = std::move(worst);
     return report;

@@ -101,8 +101,28 @@ std::string heading(const nlohmann::json& report) {
     return lines;
 }
 
+/// What the line says, below what the tick says of itself.
+std::string loopback_lines(const nlohmann::json& loopback) {
+    std::string text = "from outside, line " + loopback.at("line").get<std::string>() + ": " +
+                       std::to_string(loopback.at("rising").get<std::uint64_t>()) + " rising edges of " +
+                       std::to_string(loopback.at("ticks").get<std::uint64_t>()) + " ticks, " +
+                       std::to_string(loopback.at("dropped").get<std::uint64_t>()) + " dropped\n";
+    text += row("period, outside", loopback.at("period_us"));
+    if (loopback.at("lateness_us").at("count").get<std::uint64_t>() > 0) {
+        text += row("lateness, outside", loopback.at("lateness_us"));
+    }
+    if (loopback.at("high_us").is_object()) {
+        text += row("time up, outside", loopback.at("high_us"));
+    }
+    if (const auto problem = loopback.at("problem").get<std::string>(); !problem.empty()) {
+        text += "the line could not be read to the end: " + problem + "\n";
+    }
+    return text;
+}
+
 std::string overrun_line(const nlohmann::json& overruns) {
-    std::string line = std::to_string(overruns.at("deadlines_missed").get<std::uint64_t>()) + " deadlines missed";
+    const auto missed = overruns.at("deadlines_missed").get<std::uint64_t>();
+    std::string line = std::to_string(missed) + (missed == 1 ? " deadline missed" : " deadlines missed");
     const auto late = overruns.at("late_ticks").get<std::uint64_t>();
     const auto explained = overruns.at("explained_ticks").get<std::uint64_t>();
     if (late > 0) {
@@ -129,6 +149,9 @@ std::string measure_text(const nlohmann::json& report) {
             text += row("cyclictest's wake-up", measure.at("cyclictest").at("wakeup_us"));
             text += ratio_row(measure.at("cyclictest").at("ratio"));
         }
+    }
+    if (measure.at("loopback").is_object()) {
+        text += loopback_lines(measure.at("loopback"));
     }
     if (report.at("ticks").get<double>() < kFewTicks) {
         text += "fewer than 10,000 ticks: p99.99 is the maximum\n";

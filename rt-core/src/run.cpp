@@ -238,8 +238,8 @@ void Run::run_loops() {
 bool Run::run_loop() {
     const Watchers watchers{signals_, *watchdog_, stop_watch_.get(), options_.observer, companion_};
     std::int64_t until_ns = end_ns();
-    if (companion_ != nullptr && companion_->stretch_s()) {
-        until_ns = std::min(until_ns, monotonic_now_ns() + nanoseconds(*companion_->stretch_s()));
+    if (const auto stretch_s = companion_ != nullptr ? companion_->stretch_s() : std::nullopt) {
+        until_ns = std::min(until_ns, monotonic_now_ns() + nanoseconds(*stretch_s));
     }
     stop_ = StopReason{};
     loop_->start(options_.record ? &recorder_ : nullptr, companion_ != nullptr ? &companion_->log() : nullptr);

@@ -61,7 +61,7 @@ struct StopReason {
 
 /// Runs the loop once, or several times one after the other where the device is lost and comes back, or where there are
 /// pauses. Members are in the order in which they have to be there, and go the other way round.
-class Run {
+class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is that of their lives
   public:
     /// Makes of the result what the run is for, and returns the exit status of the process.
     using Conclusion = std::function<int(const RunResult&, const Instruments&)>;

@@ -32,18 +32,22 @@ std::vector<double> linear_ticks(AxisRange range) {
     const double power = std::pow(10.0, std::floor(std::log10(rough)));
     const double part = rough / power;
     const double step = power * (part <= 1.0 ? 1.0 : part <= 2.0 ? 2.0 : part <= 5.0 ? 5.0 : 10.0);
+    const auto first = static_cast<long>(std::ceil(range.from / step));
+    const auto last = static_cast<long>(std::floor(range.to / step * (1.0 + 1e-9)));
     std::vector<double> ticks;
-    for (double at = std::ceil(range.from / step) * step; at <= range.to * (1.0 + 1e-9); at += step) {
-        ticks.push_back(at);
+    for (long i = first; i <= last; ++i) {
+        ticks.push_back(static_cast<double>(i) * step);
     }
     return ticks;
 }
 
 std::vector<double> multiples_of_powers(AxisRange range, const std::vector<double>& multiples) {
+    const int first = static_cast<int>(std::floor(std::log10(range.from)));
+    const int last = static_cast<int>(std::floor(std::log10(range.to)));
     std::vector<double> ticks;
-    for (double power = std::pow(10.0, std::floor(std::log10(range.from))); power <= range.to; power *= 10.0) {
+    for (int power = first; power <= last; ++power) {
         for (const double multiple : multiples) {
-            const double at = multiple * power;
+            const double at = multiple * std::pow(10.0, power);
             if (at >= range.from * (1.0 - 1e-9) && at <= range.to * (1.0 + 1e-9)) {
                 ticks.push_back(at);
             }

@@ -8,6 +8,7 @@ namespace {
 
 // Below this nothing is late that a person or a device could tell.
 constexpr std::int64_t kNotWorthAWord = 20'000;  // ns
+constexpr std::int64_t kAtOnce = 1000;           // ns
 
 constexpr std::array<std::string_view, kLateStages> kStageNames = {"wake-up", "exchange", "pose",  "proxy",
                                                                    "tension", "publish",  "record"};
@@ -48,8 +49,13 @@ void explain_wakeup(const TimedTick& tick, std::int64_t stolen_ms, TickExplanati
         result.why =
             "the timer's interrupt came late: interrupts were held off, the processor slept deeply, or firmware or a "
             "hypervisor had it";
-        result.why += tick.waited_ns >= 0 ? " (once woken, the thread waited only " + microseconds(tick.waited_ns) + ")"
-                                          : "; this kernel does not tell how long the thread waited once it was woken";
+        if (tick.waited_ns < 0) {
+            result.why += "; this kernel does not tell how long the thread waited once it was woken";
+        } else if (tick.waited_ns < kAtOnce) {
+            result.why += " (once woken, the thread had its processor at once)";
+        } else {
+            result.why += " (once woken, the thread waited " + microseconds(tick.waited_ns) + ")";
+        }
     }
 }
 
@@ -62,7 +68,7 @@ void explain_stage(const TimedTick& tick, std::int64_t stolen_ms, TickExplanatio
     } else if (tick.usage.page_faults > 0) {
         result.cause = LateCause::PageFault;
         result.why = counted(tick.usage.page_faults, "page fault") + " in this tick: memory was not there";
-    } else if (tick.usage.forced_switches > 0) {
+    } else if (tick.usage.forced_switches > 0 && (tick.waited_ns < 0 || tick.waited_ns >= result.excess_ns / 2)) {
         result.cause = LateCause::Preempted;
         result.why = "preempted " + counted(tick.usage.forced_switches, "time");
         result.why += tick.waited_ns >= 0 ? ", and without its processor for " + microseconds(tick.waited_ns) : "";

@@ -46,6 +46,7 @@ void Course::halve() HAPTIC_RT {
 }
 
 void TimingLog::begin() HAPTIC_RT {
+    ++stretches_;
     usage_ = thread_usage();
     waited_ns_ = waits_ >= 0 ? waited_for_processor_ns(waits_) : -1;
 }

@@ -76,6 +76,10 @@ TEST(TickExplanation, BlamesAPageFaultBeforeThePreemptionThatItCauses) {
     tick.waited_ns = 180'000;
     EXPECT_EQ(explain(tick, usual(), 0).cause, LateCause::Preempted);
     EXPECT_THAT(explain(tick, usual(), 0).why, HasSubstr("preempted 1 time, and without its processor for 180 us"));
+    tick.waited_ns = 9000;
+    EXPECT_EQ(explain(tick, usual(), 0).cause, LateCause::Unseen) << "it was back long before it had lost 200 us";
+    tick.waited_ns = -1;
+    EXPECT_EQ(explain(tick, usual(), 0).cause, LateCause::Preempted) << "for how long is not known";
 }
 
 TEST(TickExplanation, SaysWhatIsTheBoards) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "haptic/edge_capture.hpp"
 #include "haptic/histogram.hpp"
 #include "haptic/rt/instruments.hpp"
 #include "haptic/rt/kernel_watch.hpp"
@@ -23,6 +24,15 @@ struct CyclictestResult {
     std::uint64_t beyond = 0;  // that cyclictest only counts, being longer than it keeps; in `wakeup` with the maximum
 };
 
+/// The tick's probe as the kernel stamped it on the line that it is wired to, with the ticks of the warm-up.
+struct LoopbackResult {
+    std::string line;  // "6 of pl061"
+    EdgeStatistics edges;
+    EdgeKind kind = EdgeKind::Rising;
+    std::uint64_t dropped = 0;  // that found no room
+    std::string problem;        // why it ended early; empty if it did not
+};
+
 /// Everything that a measurement found. What it refers to must be there until the report is made.
 struct Measurement {
     const RunResult* result = nullptr;
@@ -34,6 +44,7 @@ struct Measurement {
     std::int64_t period_ns = 1'000'000;        // of the loop
     std::string load{};                        // command of what loaded the machine; empty: nothing did
     const CyclictestResult* other = nullptr;   // nullptr: was not asked for
+    const LoopbackResult* loopback = nullptr;  // likewise
 };
 
 /// How a distribution is called in the report, in text, and what it is.

@@ -67,6 +67,8 @@ class TimingLog {
     [[nodiscard]] const TimedTick& largest(Latency latency) const noexcept {
         return largest_[static_cast<std::size_t>(latency)];
     }
+    /// How often a loop has begun.
+    [[nodiscard]] int stretches() const noexcept { return stretches_; }
     /// Ticks by whose end another deadline had passed, and how many had.
     [[nodiscard]] std::uint64_t late_ticks() const noexcept { return late_ticks_; }
     [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }
@@ -85,6 +87,7 @@ class TimingLog {
     std::array<TimedTick, kWorst> worst_{};
     std::size_t worst_count_ = 0;
     std::array<TimedTick, kLatencies> largest_{};
+    int stretches_ = 0;
     std::uint64_t late_ticks_ = 0;
     std::uint64_t missed_ = 0;
     Course wakeup_;

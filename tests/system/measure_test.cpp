@@ -1,0 +1,109 @@
+// rt-core measure as users run it: what it writes, and what it refuses.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "process.hpp"
+
+namespace haptic::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class Measure : public testing::Test {
+  protected:
+    [[nodiscard]] Finished measure(const std::vector<std::string>& arguments) const {
+        // How long this machine keeps a thread waiting is not what is tested here.
+        std::vector<std::string> command = {RT_CORE,      "measure", "--session", session,
+                                            "--duration", "1.5",     "--set",     "safety.overrun_ticks=100000"};
+        command.insert(command.end(), arguments.begin(), arguments.end());
+        return run(command);
+    }
+    [[nodiscard]] nlohmann::json report() const { return nlohmann::json::parse(std::ifstream(folder / "m.json")); }
+    void TearDown() override { EXPECT_THAT(segments_of(session), IsEmpty()); }
+
+    ScratchFolder folder;
+    std::string session = unique_session();
+};
+
+TEST_F(Measure, WritesTextReportAndPageOfOneRun) {
+    const Finished finished = measure({"--report", folder / "m.json", "--html", folder / "m.html"});
+    ASSERT_EQ(finished.status, 0) << finished.output;
+    EXPECT_THAT(finished.output,
+                AllOf(HasSubstr("wake-up"), HasSubstr("motion to force"), HasSubstr("deadlines missed")));
+    const nlohmann::json written = report();
+    const nlohmann::json& latencies = written.at("measure").at("latency_us");
+    EXPECT_EQ(latencies.at("compute").at("count"), written.at("ticks"));
+    EXPECT_EQ(latencies.at("motion_to_force").at("count"), written.at("ticks"));
+    EXPECT_LE(latencies.at("motion_to_force").at("p50"), latencies.at("compute").at("p50"));
+    EXPECT_FALSE(written.at("measure").at("worst_ticks").empty());
+    std::ostringstream page;
+    page << std::ifstream(folder / "m.html").rdbuf();
+    EXPECT_THAT(page.str(), AllOf(HasSubstr("<svg "), HasSubstr("</html>")));
+
+    const Finished again = run({RT_CORE, "measure", "--from", folder / "m.json"});
+    EXPECT_EQ(again.status, 0);
+    EXPECT_THAT(finished.output, HasSubstr(again.output)) << "a report says the same later";
+    const Finished compared = run({RT_CORE, "measure", "--compare", folder / "m.json", folder / "m.json"});
+    EXPECT_EQ(compared.status, 0);
+    EXPECT_THAT(compared.output, HasSubstr("second / first            1.00"));
+}
+
+TEST_F(Measure, TakesTurnsWithCyclictest) {
+    if (access("/usr/bin/cyclictest", X_OK) != 0) {
+        GTEST_SKIP() << "there is no cyclictest: package rt-tests";
+    }
+    if (geteuid() != 0) {
+        GTEST_SKIP() << "cyclictest asks for real-time priority also where rt-core goes on without";
+    }
+    const Finished finished = measure({"--cyclictest", "--alternate", "1", "--report", folder / "m.json"});
+    ASSERT_EQ(finished.status, 0) << finished.output;
+    const nlohmann::json cyclictest = report().at("measure").at("cyclictest");
+    EXPECT_GT(cyclictest.at("wakeup_us").at("count"), 0);
+    EXPECT_TRUE(cyclictest.at("ratio").at("p50").is_number());
+    EXPECT_THAT(cyclictest.at("command").get<std::string>(), HasSubstr("--interval=1000"));
+}
+
+TEST_F(Measure, NamesThePackageOfAProgramThatIsMissing) {
+    const std::filesystem::path nowhere = folder / "nowhere";
+    for (const auto& [argument, value, package] :
+         {std::tuple("--load", "stress-ng", "apt install stress-ng"), {"--cyclictest", "", "apt install rt-tests"}}) {
+        std::vector<std::string> command = {"/usr/bin/env", "PATH=" + nowhere.string(), RT_CORE, "measure", argument};
+        if (*value != '\0') {
+            command.emplace_back(value);
+        }
+        const Finished finished = run(command);
+        EXPECT_EQ(finished.status, 2) << finished.output;
+        EXPECT_THAT(finished.output, HasSubstr(package));
+    }
+}
+
+TEST_F(Measure, RefusesWhatItCannotMeasureOrRead) {
+    Finished finished = measure({"--device", "replay:x.csv"});
+    EXPECT_EQ(finished.status, 2);
+    EXPECT_THAT(finished.output, HasSubstr("says nothing of latency"));
+    finished = measure({"--load", "make"});
+    EXPECT_EQ(finished.status, 2);
+    EXPECT_THAT(finished.output, HasSubstr("must be none, stress-ng"));
+    finished = measure({"--alternate", "2"});
+    EXPECT_GT(finished.status, 100);
+    EXPECT_THAT(finished.output, HasSubstr("--cyclictest"));
+    std::ofstream(folder / "other.json") << "{\"ticks\": 3}";
+    finished = run({RT_CORE, "measure", "--from", folder / "other.json"});
+    EXPECT_EQ(finished.status, 1);
+    EXPECT_THAT(finished.output, AllOf(HasSubstr("other.json"), HasSubstr("no report of a measurement")));
+    finished = run({RT_CORE, "measure", "--compare", folder / "other.json", folder / "missing.json"});
+    EXPECT_EQ(finished.status, 1);
+}
+
+}  // namespace
+}  // namespace haptic::test
