@@ -200,7 +200,12 @@ bool is_bare_word(std::string_view value) {
         return std::iscntrl(static_cast<unsigned char>(c)) != 0 ||
                std::string_view("\"'[]{}#=,").find(c) != std::string_view::npos;
     };
-    return !value.empty() && starts_word(value.front()) && std::none_of(value.begin(), value.end(), breaks_word);
+    // 9030000.pl061 is a GPIO chip and 1-2.4 a USB port; 1..5 is a number that was mistyped.
+    const auto is_of_no_number = [](char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '-'; };
+    const bool starts_like_number = !value.empty() && std::isdigit(static_cast<unsigned char>(value.front())) != 0;
+    const bool is_name = starts_like_number && std::any_of(value.begin(), value.end(), is_of_no_number);
+    return !value.empty() && (starts_word(value.front()) || is_name) &&
+           std::none_of(value.begin(), value.end(), breaks_word);
 }
 
 /// The node below another one: by its name in a table, by its number in a list.

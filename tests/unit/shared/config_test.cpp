@@ -280,6 +280,14 @@ TEST(Config, WritesWhatItWasGivenSoThatItReadsBackTheSame) {
     EXPECT_NO_THROW(static_cast<void>(Config::parse(Config().toml(), "empty.toml")));
 }
 
+TEST(ConfigSet, TakesNamesThatBeginWithADigitWithoutQuotes) {
+    Config config;
+    for (const char* const name : {"9030000.pl061", "1-2.4", "0cec:0205"}) {
+        config.set(std::string("probes.chip=") + name);
+        EXPECT_EQ(config.text("probes.chip", ""), name);
+    }
+}
+
 TEST(ConfigSet, RefusesWhatIsNoAssignment) {
     const auto error = [](const char* assignment) {
         return message_of<ConfigError>([&] { Config::parse(kScene, "scene.toml").set(assignment); });
