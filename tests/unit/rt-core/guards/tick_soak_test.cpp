@@ -39,7 +39,8 @@ PoseTrack restless_hand() {
         const double begin_s = 1.0 + seconds(phase * kPhaseTicks * 1'000'000);
         times_s.push_back(begin_s);
         poses.emplace_back();
-        for (double t = seconds(kHoldNs); t < 17.0; t += 0.1) {
+        for (int i = 0; i < 150; ++i) {
+            const double t = seconds(kHoldNs) + 0.1 * i;
             times_s.push_back(begin_s + t);
             const double angle = 2.0 * t + static_cast<double>(phase);
             const double away = std::min(1.0, 2.0 * (t - seconds(kHoldNs)));
