@@ -181,20 +181,11 @@ std::string remedy(const std::string& unknown, const std::set<std::string>& know
     return neighbours.empty() ? "" : "; known " + place + ": " + neighbours;
 }
 
-/// "9030000.pl061": where a device is on its bus, and what it is, as the kernel names it.
-bool is_device_name(std::string_view value) {
-    const std::size_t dot = value.find_first_not_of("0123456789abcdef");
-    return dot != std::string_view::npos && dot > 0 && value[dot] == '.' && dot + 2 < value.size() &&
-           std::isalpha(static_cast<unsigned char>(value[dot + 1])) != 0 &&
-           std::isalpha(static_cast<unsigned char>(value[dot + 2])) != 0;
-}
-
 /// A word that may stand without quotes after "--set key=": a name, a path, a time; nothing that looks like broken
 /// TOML.
 bool is_bare_word(std::string_view value) {
-    const auto starts_word = [value](char c) {
-        return std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '/' || c == '.' || c == '~' ||
-               is_device_name(value);
+    const auto starts_word = [](char c) {
+        return std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '/' || c == '.' || c == '~';
     };
     const auto breaks_word = [](char c) {
         return std::iscntrl(static_cast<unsigned char>(c)) != 0 ||

@@ -302,17 +302,6 @@ TEST(ConfigSet, RefusesWhatIsNoAssignment) {
     EXPECT_EQ(error("name.inner=1"), "--set name.inner: \"name\" is a value, not a table");
 }
 
-TEST(ConfigSet, TakesTheNameOfADeviceForAWordAndABrokenNumberForNone) {
-    Config config;
-    config.set("a.chip=9030000.pl061");
-    EXPECT_EQ(config.text("a.chip", ""), "9030000.pl061");
-    config.set("a.chip=fe200000.gpio");
-    EXPECT_EQ(config.text("a.chip", ""), "fe200000.gpio");
-    for (const char* value : {"1.5s", "1.2.3", "0.1m", "1,5", "9030000."}) {
-        EXPECT_THROW(config.set("a.number=" + std::string(value)), ConfigError) << value;
-    }
-}
-
 TEST(ConfigSet, TakesOtherThanAsciiInStringsAndWords) {
     Config config;
     config.set("a=\"\xC2\xB5\"");
