@@ -149,11 +149,11 @@ bool Measuring::pause(const StopSignals& signals) {
 }
 
 void Measuring::end_capture() {
-    if (!capture_) {
+    const ProbeLines& lines = settings_.probes;
+    if (!capture_ || !lines.loopback) {
         return;
     }
     capture_->stop();
-    const ProbeLines& lines = settings_.probes;
     loopback_ = std::make_unique<LoopbackResult>();
     loopback_->line = lines.loopback->line + " of " + lines.loopback->chip;
     loopback_->kind = lines.loopback_edges;
