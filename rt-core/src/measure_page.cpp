@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "haptic/html.hpp"
 #include "haptic/rt/measure_report.hpp"
 #include "haptic/rt/tick_explanation.hpp"
 #include "svg_plot.hpp"

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "haptic/html.hpp"
+
 namespace haptic::rt {
 namespace {
 
@@ -82,29 +84,6 @@ std::string number_text(double value) {
         return formatted("%ld,%03ld", whole / 1000, whole % 1000);
     }
     return formatted("%.4g", value);
-}
-
-std::string html_text(const std::string& text) {
-    std::string result;
-    for (const char letter : text) {
-        switch (letter) {
-            case '&':
-                result += "&amp;";
-                break;
-            case '<':
-                result += "&lt;";
-                break;
-            case '>':
-                result += "&gt;";
-                break;
-            case '"':
-                result += "&quot;";
-                break;
-            default:
-                result += letter;
-        }
-    }
-    return result;
 }
 
 SvgPlot::SvgPlot(AxisRange x, AxisRange y, std::string x_label, std::string y_label, bool linear_x)

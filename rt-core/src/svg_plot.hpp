@@ -22,9 +22,6 @@ struct AxisRange {
 /// "0.5", "20", "1,500", "2 million" as a label.
 [[nodiscard]] std::string number_text(double value);
 
-/// For text and attributes.
-[[nodiscard]] std::string html_text(const std::string& text);
-
 class SvgPlot {
   public:
     /// Labels of the axes; a linear x axis instead of a logarithmic one where asked for.

@@ -12,6 +12,8 @@
 #include <string_view>
 #include <utility>
 
+#include "haptic/html.hpp"
+
 namespace haptic::sim::reproduce {
 namespace {
 
@@ -63,30 +65,6 @@ the scenes built into this program. Beside our numbers stand those of the thesis
 the scene's file says what was chosen.</p>
 )";
 
-/// Text as it may stand in HTML.
-std::string escaped(std::string_view text) {
-    std::string result;
-    for (const char c : text) {
-        switch (c) {
-            case '&':
-                result += "&amp;";
-                break;
-            case '<':
-                result += "&lt;";
-                break;
-            case '>':
-                result += "&gt;";
-                break;
-            case '"':
-                result += "&quot;";
-                break;
-            default:
-                result += c;
-        }
-    }
-    return result;
-}
-
 void write_file(const std::filesystem::path& file, std::string_view content) {
     std::ofstream out(file);
     out << content;
@@ -103,9 +81,9 @@ void write_images(std::ostream& out, const Figure& figure) {
         if (image.file.empty()) {
             out << "<p class=\"quiet\">(not drawn: gnuplot or povray is missing or failed)</p>";
         } else {
-            out << "<img alt=\"" << escaped(image.caption) << "\" src=\"" << image.file << "\">";
+            out << "<img alt=\"" << html_text(image.caption) << "\" src=\"" << image.file << "\">";
         }
-        out << "<figcaption>" << escaped(image.caption) << "</figcaption></figure>\n";
+        out << "<figcaption>" << html_text(image.caption) << "</figcaption></figure>\n";
     }
     out << "</div>\n";
 }
@@ -113,17 +91,17 @@ void write_images(std::ostream& out, const Figure& figure) {
 void write_figure(std::ostream& out, const Figure& figure) {
     const bool numbered = !figure.number.empty() && figure.number[0] >= '0' && figure.number[0] <= '9';
     out << "<h2 id=\"figure-" << figure.number << "\">" << (numbered ? "Figure " : "Beside them, ") << figure.number
-        << ": " << escaped(figure.title) << "</h2>\n<p>" << escaped(figure.conditions) << "</p>\n";
+        << ": " << html_text(figure.title) << "</h2>\n<p>" << html_text(figure.conditions) << "</p>\n";
     if (!figure.comparisons.empty()) {
         out << "<table><tr><th></th><th>thesis</th><th>here</th></tr>\n";
         for (const Comparison& c : figure.comparisons) {
-            out << "<tr><td>" << escaped(c.what) << "</td><td>" << escaped(c.thesis) << "</td><td>" << escaped(c.ours)
-                << "</td></tr>\n";
+            out << "<tr><td>" << html_text(c.what) << "</td><td>" << html_text(c.thesis) << "</td><td>"
+                << html_text(c.ours) << "</td></tr>\n";
         }
         out << "</table>\n";
     }
     write_images(out, figure);
-    out << "<p>" << escaped(figure.remarks) << "</p>\n<p class=\"quiet\">Data:";
+    out << "<p>" << html_text(figure.remarks) << "</p>\n<p class=\"quiet\">Data:";
     for (const std::string& file : figure.data) {
         out << " <a href=\"" << file << "\">" << file << "</a>";
     }
