@@ -223,6 +223,7 @@ Scene read_scene(const Config& config, const std::string& name) {
     scene.curl = read_curl(config, scene.tool);
     scene.hand_repeats = config.flag("hand.repeat", scene.hand_repeats);
     scene.step_probe = read_probe_line(config, "step", "host-sim");
+    scene.step_probe_slowest_edge_ns = read_slowest_edge_ns(config);
     config.reject_unknown();
     return scene;
 }

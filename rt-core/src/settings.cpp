@@ -115,7 +115,8 @@ ProbeLines read_probes(const Config& config) {
                      .loopback = read_probe_line(config, "loopback", "rt-core"),
                      .loopback_edges = config.choice("probes.loopback_edges", "rising", {"rising", "both"}) == "both"
                                            ? EdgeKind::Both
-                                           : EdgeKind::Rising};
+                                           : EdgeKind::Rising,
+                     .slowest_edge_ns = read_slowest_edge_ns(config)};
     if (lines.loopback && !lines.tick) {
         config.fail("probes.loopback", "needs probes.tick, the line that it is wired to");
     }

@@ -10,7 +10,8 @@ ProbeUse use_of(const Probe& probe, const std::optional<GpioLine>& line) {
 }  // namespace
 
 TickProbes open_tick_probes(const ProbeLines& lines, Probe::Clock clock) {
-    return {open_probe(lines.tick, clock), open_probe(lines.frame, clock)};
+    return {open_probe(lines.tick, clock, lines.slowest_edge_ns),
+            open_probe(lines.frame, clock, lines.slowest_edge_ns)};
 }
 
 ProbesUse use_of(const TickProbes& probes, const ProbeLines& lines, std::uint64_t ticks) {

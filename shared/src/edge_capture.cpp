@@ -60,8 +60,9 @@ void EdgeCapture::capture() {
     while (!ending_.load()) {
         keep(std::span(batch).first(line_->read(batch, kWaitNs)));
     }
+    // The last edge may still be on its way through the kernel.
     for (std::size_t count = kBatch; count > 0;) {
-        count = line_->read(batch, 0);
+        count = line_->read(batch, kWaitNs);
         keep(std::span(batch).first(count));
     }
 }

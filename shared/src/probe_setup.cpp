@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "haptic/probe.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic {
 namespace {
@@ -19,7 +20,8 @@ std::string in_microseconds(std::int64_t duration_ns) {
 
 }  // namespace
 
-Probe::Probe(std::unique_ptr<OutputLine> line, const std::string& purpose, Clock clock) : line_(std::move(line)) {
+Probe::Probe(std::unique_ptr<OutputLine> line, const std::string& purpose, Clock clock, std::int64_t slowest_edge_ns)
+    : line_(std::move(line)) {
     std::int64_t quickest_ns = std::numeric_limits<std::int64_t>::max();
     for (int trial = 0; trial < kTrials; ++trial) {
         const std::int64_t before_ns = clock();
@@ -29,11 +31,11 @@ Probe::Probe(std::unique_ptr<OutputLine> line, const std::string& purpose, Clock
         }
         quickest_ns = std::min(quickest_ns, clock() - before_ns);
     }
-    if (quickest_ns > kSlowestEdgeNs) {
+    if (quickest_ns > slowest_edge_ns) {
         throw std::runtime_error(purpose + ": an edge takes " + in_microseconds(quickest_ns) + ", more than the " +
-                                 in_microseconds(kSlowestEdgeNs) +
-                                 " that a loop can bear; choose a line of the processor itself, not one of an "
-                                 "expander behind I2C or SPI");
+                                 in_microseconds(slowest_edge_ns) +
+                                 " of probes.slowest_edge_s; choose a line of the processor itself, not one of an "
+                                 "expander behind I2C or SPI, or allow more where the loop can bear it");
     }
 }
 
@@ -56,8 +58,12 @@ std::optional<GpioLine> read_probe_line(const Config& config, const std::string&
     return GpioLine{chip, line, name + " probe (probes.chip, " + key + ")", user + " " + name};
 }
 
-Probe open_probe(const std::optional<GpioLine>& line, Probe::Clock clock) {
-    return line ? Probe(open_output_line(*line), line->purpose, clock) : Probe();
+std::int64_t read_slowest_edge_ns(const Config& config) {
+    return nanoseconds(config.number("probes.slowest_edge_s", seconds(Probe::kSlowestEdgeNs), {1e-6, 0.1}));
+}
+
+Probe open_probe(const std::optional<GpioLine>& line, Probe::Clock clock, std::int64_t slowest_edge_ns) {
+    return line ? Probe(open_output_line(*line), line->purpose, clock, slowest_edge_ns) : Probe();
 }
 
 }  // namespace haptic

@@ -208,7 +208,7 @@ Run::Run(const RunOptions& options, const Plan& plan)
       steps_(plan.steps),
       simulation_(plan.scene, monotonic_now_ns),
       statistics_(plan.scene, !options.record.empty(), plan.steps > 0 ? plan.steps : kRoomAtLeast),
-      step_probe_(open_probe(plan.scene.step_probe, &monotonic_now_ns)) {
+      step_probe_(open_probe(plan.scene.step_probe, &monotonic_now_ns, plan.scene.step_probe_slowest_edge_ns)) {
     simulation_.set_verification(options.verify);
     if (plan.hostile_seed) {
         hostile_.emplace(*plan.hostile_seed, kHostileSpeed, kHostileTurn, simulation_.proxy());

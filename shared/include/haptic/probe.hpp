@@ -17,15 +17,17 @@ namespace haptic {
 
 class Probe {
   public:
-    /// The longest that an edge may take, ns. Lines on the processor's own bus take less than a tenth of it.
+    /// The longest that an edge may take unless more is allowed, ns. Lines on the processor's own bus take less than a
+    /// tenth of it.
     static constexpr std::int64_t kSlowestEdgeNs = 200'000;
     using Clock = std::int64_t (*)() HAPTIC_RT;
 
     /// Without a line: set() and toggle() do nothing.
     Probe() = default;
     /// Begins low. Tries the line, which stays low: throws std::runtime_error, `purpose` in front, if it is refused, or
-    /// if each trial takes longer than kSlowestEdgeNs, as behind I2C.
-    Probe(std::unique_ptr<OutputLine> line, const std::string& purpose, Clock clock);
+    /// if each trial takes longer than `slowest_edge_ns`, as behind I2C.
+    Probe(std::unique_ptr<OutputLine> line, const std::string& purpose, Clock clock,
+          std::int64_t slowest_edge_ns = kSlowestEdgeNs);
     Probe(Probe&&) noexcept = default;
     Probe& operator=(Probe&&) = delete;
     /// Leaves the line low.
@@ -57,7 +59,10 @@ class Probe {
 [[nodiscard]] std::optional<GpioLine> read_probe_line(const Config& config, const std::string& name,
                                                       const std::string& user);
 
+/// The key probes.slowest_edge_s, ns: the longest that an edge may take.
+[[nodiscard]] std::int64_t read_slowest_edge_ns(const Config& config);
+
 /// A probe without a line for none. Throws what open_output_line() and the trial throw.
-[[nodiscard]] Probe open_probe(const std::optional<GpioLine>& line, Probe::Clock clock);
+[[nodiscard]] Probe open_probe(const std::optional<GpioLine>& line, Probe::Clock clock, std::int64_t slowest_edge_ns);
 
 }  // namespace haptic

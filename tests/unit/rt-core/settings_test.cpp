@@ -195,6 +195,8 @@ TEST(Settings, ChooseTheLinesOfTheProbes) {
     EXPECT_EQ(lines.loopback->line, "0");
     EXPECT_EQ(lines.loopback->chip, "pl061");
     EXPECT_EQ(lines.loopback_edges, EdgeKind::Rising);
+    EXPECT_EQ(lines.slowest_edge_ns, 200'000);
+    EXPECT_EQ(read("[probes]\nslowest_edge_s = 0.005\n").probes.slowest_edge_ns, 5'000'000);
     EXPECT_EQ(read("[probes]\nloopback_edges = \"both\"\n").probes.loopback_edges, EdgeKind::Both);
     EXPECT_THAT([] { (void)read("[probes]\nchip = \"pl061\"\nloopback = 0\n"); },
                 ThrowsMessage<ConfigError>(testing::AllOf(HasSubstr("probes.loopback"), HasSubstr("probes.tick"))));

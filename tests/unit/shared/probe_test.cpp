@@ -27,9 +27,9 @@ std::int64_t stepping_clock() HAPTIC_RT {
     return clock_ns;
 }
 
-Probe probe_on(FakeWire& wire, std::int64_t edge_ns = 300) {
+Probe probe_on(FakeWire& wire, std::int64_t edge_ns = 300, std::int64_t slowest_edge_ns = Probe::kSlowestEdgeNs) {
     clock_step_ns = edge_ns;
-    return {std::make_unique<FakeOutput>(wire), "tick probe", &stepping_clock};
+    return {std::make_unique<FakeOutput>(wire), "tick probe", &stepping_clock, slowest_edge_ns};
 }
 
 TEST(Probe, MakesOneCallForEachEdgeAndNoneWhereTheLineStands) {
@@ -90,7 +90,7 @@ TEST(Probe, WithoutALineDoesNothing) {
     EXPECT_FALSE(probe.present());
     EXPECT_FALSE(probe.off());
     EXPECT_EQ(probe.edges(), 0u);
-    EXPECT_FALSE(open_probe(std::nullopt, &stepping_clock).present());
+    EXPECT_FALSE(open_probe(std::nullopt, &stepping_clock, Probe::kSlowestEdgeNs).present());
 }
 
 TEST(Probe, RefusesALineThatTheKernelRefusesInTheTrial) {
@@ -106,6 +106,22 @@ TEST(Probe, RefusesALineThatIsAsSlowAsOneBehindI2c) {
     EXPECT_THAT(
         [&wire] { (void)probe_on(*wire, Probe::kSlowestEdgeNs + 1000); },
         ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("tick probe"), HasSubstr("201 us"), HasSubstr("I2C"))));
+}
+
+TEST(Probe, TakesALineAsSlowAsIsAllowed) {
+    const auto wire = std::make_unique<FakeWire>();
+    EXPECT_NO_THROW((void)probe_on(*wire, 2'500'000, 2'500'000));
+    EXPECT_THAT([&wire] { (void)probe_on(*wire, 2'501'000, 2'500'000); },
+                ThrowsMessage<std::runtime_error>(
+                    AllOf(HasSubstr("2501 us, more than the 2500 us"), HasSubstr("probes.slowest_edge_s"))));
+}
+
+TEST(ProbeLine, MayBeAsSlowAsTheConfigurationSays) {
+    const auto slowest_of = [](const char* text) { return read_slowest_edge_ns(Config::parse(text, "test.toml")); };
+    EXPECT_EQ(slowest_of(""), Probe::kSlowestEdgeNs);
+    EXPECT_EQ(slowest_of("[probes]\nslowest_edge_s = 0.01\n"), 10'000'000);
+    EXPECT_THAT([&slowest_of] { (void)slowest_of("[probes]\nslowest_edge_s = 0.2\n"); },
+                ThrowsMessage<ConfigError>(AllOf(HasSubstr("test.toml:2: probes.slowest_edge_s"), HasSubstr("0.1"))));
 }
 
 TEST(ProbeLine, IsANameOrAnOffset) {

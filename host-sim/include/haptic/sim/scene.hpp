@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "haptic/config.hpp"
-#include "haptic/gpio.hpp"
 #include "haptic/pose_track.hpp"
+#include "haptic/probe.hpp"
 #include "haptic/sim/collisions.hpp"
 #include "haptic/sim/contact/contact.hpp"
 #include "haptic/sim/contact_force.hpp"
@@ -63,6 +63,7 @@ struct Scene {
     bool hand_repeats = false;  // begins again after its last time, else stays
     double duration_s = 2.0;
     std::optional<GpioLine> step_probe;  // up while a step is made and published
+    std::int64_t step_probe_slowest_edge_ns = Probe::kSlowestEdgeNs;
 };
 
 struct BuiltInScene {

@@ -15,6 +15,7 @@ struct ProbeLines {
     std::optional<GpioLine> frame;
     std::optional<GpioLine> loopback;  // wired to the tick's, to be captured by this process too
     EdgeKind loopback_edges = EdgeKind::Rising;
+    std::int64_t slowest_edge_ns = Probe::kSlowestEdgeNs;
 };
 
 struct TickProbes {
