@@ -13,7 +13,7 @@ namespace {
 // Pixels.
 constexpr double kWidth = 720.0;
 constexpr double kHeight = 290.0;
-constexpr double kLeft = 62.0;
+constexpr double kLeft = 72.0;
 constexpr double kRight = 14.0;
 constexpr double kTop = 34.0;
 constexpr double kBottom = 44.0;
