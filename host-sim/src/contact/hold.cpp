@@ -4,8 +4,7 @@
 
 namespace haptic::sim {
 
-void Hold::look(const NearSurfaces& surfaces, const Vec3& at, const Vec3& goal, double radius,
-                double reach) noexcept {
+void Hold::look(const NearSurfaces& surfaces, const Vec3& at, const Vec3& goal, double radius, double reach) noexcept {
     touching_.gather(surfaces, 1.0, at, reach, nullptr);
     planes_.clear();
     for (const Touching& t : touching_.points()) {

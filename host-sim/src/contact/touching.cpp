@@ -15,7 +15,7 @@ namespace {
 constexpr int kRoomBisections = 26;    // to 1e-8 of the radius
 constexpr double kFaceShare = 0.9999;  // of the distance to the border that the face must be away
 constexpr double kBeside = 1e-6;       // of the radius: more than rounding can make up
-constexpr double kFirstPart = 0.5;    // radii, of a long move
+constexpr double kFirstPart = 0.5;     // radii, of a long move
 constexpr double kWorthParting = 0.5;  // a first part that is a larger share of the move saves nothing
 constexpr double kSame = 1e-9;         // of the reach: touched points nearer to one another are the same
 

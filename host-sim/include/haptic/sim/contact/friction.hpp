@@ -47,8 +47,8 @@ struct ProxyStep {
 using FrictionParts = std::array<Vec3, kMaxSurfacePlanes>;  // N, per contact
 
 /// The part of a force on the proxy that does not come from the normals, divided among the contacts as the normal
-/// forces `strength` (N) are, evenly if there are none. `force` is that on the proxy, and so is the result; the surfaces
-/// get the opposite.
+/// forces `strength` (N) are, evenly if there are none. `force` is that on the proxy, and so is the result; the
+/// surfaces get the opposite.
 [[nodiscard]] FrictionParts divide_friction(const Vec3& force, const SurfacePlanes& contacts,
                                             const std::array<double, kMaxSurfacePlanes>& strength) noexcept;
 

@@ -39,10 +39,10 @@ class SweptTree {
     /// first refit. Throws std::invalid_argument for an index without vertex.
     SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles);
 
-    /// Fits all boxes to a step. O(n), no allocation. `motion` has the triangles that the tree was built from first. Boxes
-    /// hold for as long as the surface is where it was: one that comes to rest is refitted once more with `end` for
-    /// both ends of the step, and then not until it moves. `wide` allows the registers that not every machine has; it
-    /// makes no difference to the boxes.
+    /// Fits all boxes to a step. O(n), no allocation. `motion` has the triangles that the tree was built from first.
+    /// Boxes hold for as long as the surface is where it was: one that comes to rest is refitted once more with `end`
+    /// for both ends of the step, and then not until it moves. `wide` allows the registers that not every machine has;
+    /// it makes no difference to the boxes.
     void refit(const SurfaceMotion& motion, bool wide = true) noexcept;
 
     /// Calls visit(triangle index) for each triangle of each leaf whose box meets `box`; so for a few too many, but for
