@@ -233,7 +233,7 @@ void ToolProxies::revise() {
             continue;
         }
         Hold hold;
-        hold.look(near, p.position, p.goal, p.radius, touching_reach(p.radius, settings_.contact));
+        hold.look(near, p.position, p.goal, p.radius, settings_.contact);
         const SurfacePlanes contacts = hold.planes(near, settings_.step);
         if (contacts.count > 0) {
             p.contacts = contacts;

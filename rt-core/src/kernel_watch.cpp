@@ -166,18 +166,13 @@ void KernelWatch::look(std::int64_t now_ns, TimingLog& log) {
     }
     close(now_ns);
     take_events(log);
-    settle();
+    settle(kRecent);
 }
 
 void KernelWatch::finish(std::int64_t now_ns, TimingLog& log) {
     close(now_ns);
     take_events(log);
-    while (!recent_.empty()) {
-        if (recent_.front().wanted && kept_.size() < kMostKept) {
-            kept_.push_back(std::move(recent_.front().window));
-        }
-        recent_.pop_front();
-    }
+    settle(0);
 }
 
 void KernelWatch::close(std::int64_t now_ns) {
@@ -200,8 +195,8 @@ void KernelWatch::take_events(TimingLog& log) {
     }
 }
 
-void KernelWatch::settle() {
-    while (recent_.size() > kRecent) {
+void KernelWatch::settle(std::size_t still_open) {
+    while (recent_.size() > still_open) {
         if (recent_.front().wanted && kept_.size() < kMostKept) {
             kept_.push_back(std::move(recent_.front().window));
         }

@@ -104,11 +104,7 @@ std::string comparison_text(const nlohmann::json& comparison) {
         text += "  differ in " + name + ": " + in_words(comparison.at("first").at("conditions").at(name)) + " | " +
                 in_words(comparison.at("second").at("conditions").at(name)) + "\n";
     }
-    text += "us                      ";
-    for (const Percentile& one : kPercentiles) {
-        text += std::string(10 - std::string_view(one.title).size(), ' ') + one.title;
-    }
-    text += "       max\n";
+    text += percentile_header() + "\n";
     for (const LatencyName& name : latency_names()) {
         const nlohmann::json& entry = comparison.at("latency_us").at(std::string(name.key));
         if (entry.at("count").at(0) == 0 && entry.at("count").at(1) == 0) {

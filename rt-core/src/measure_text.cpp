@@ -43,14 +43,6 @@ std::string row(const std::string& title, const nlohmann::json& distribution) {
     return line + "\n";
 }
 
-std::string header() {
-    std::string line = padded("us", 24);
-    for (const Percentile& one : kPercentiles) {
-        line += std::string(10 - std::string_view(one.title).size(), ' ') + one.title;
-    }
-    return line + "       max  at, stage: cause\n";
-}
-
 std::string ratio_row(const nlohmann::json& ratio) {
     std::string line = "  " + padded("rt-core / cyclictest", 22);
     const auto add = [&](const char* key) {
@@ -139,10 +131,18 @@ std::string overrun_line(const nlohmann::json& overruns) {
 
 }  // namespace
 
+std::string percentile_header() {
+    std::string line = padded("us", 24);
+    for (const Percentile& one : kPercentiles) {
+        line += std::string(10 - std::string_view(one.title).size(), ' ') + one.title;
+    }
+    return line + "       max";
+}
+
 std::string measure_text(const nlohmann::json& report) {
     require_measurement(report, "this report");
     const nlohmann::json& measure = report.at("measure");
-    std::string text = heading(report) + header();
+    std::string text = heading(report) + percentile_header() + "  at, stage: cause\n";
     for (const LatencyName& name : latency_names()) {
         text += row(std::string(name.title), measure.at("latency_us").at(std::string(name.key)));
         if (name.latency == Latency::Wakeup && measure.at("cyclictest").is_object()) {

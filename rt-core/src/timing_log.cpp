@@ -45,10 +45,14 @@ void Course::halve() HAPTIC_RT {
     piece_ns_ *= 2;
 }
 
+std::int64_t TimingLog::waited_so_far_ns() const HAPTIC_RT {
+    return waits_ >= 0 ? waited_for_processor_ns(waits_) : -1;
+}
+
 void TimingLog::begin() HAPTIC_RT {
     ++stretches_;
     usage_ = thread_usage();
-    waited_ns_ = waits_ >= 0 ? waited_for_processor_ns(waits_) : -1;
+    waited_ns_ = waited_so_far_ns();
 }
 
 void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int64_t missed) HAPTIC_RT {
@@ -67,7 +71,7 @@ void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int
     const ThreadUsage usage = thread_usage();
     tick.usage = usage - usage_;
     usage_ = usage;
-    const std::int64_t waited_ns = waits_ >= 0 ? waited_for_processor_ns(waits_) : -1;
+    const std::int64_t waited_ns = waited_so_far_ns();
     tick.waited_ns = waited_ns >= 0 && waited_ns_ >= 0 ? waited_ns - waited_ns_ : -1;
     waited_ns_ = waited_ns;
 

@@ -82,7 +82,7 @@ class Slider {
     }
 
     Load look() noexcept {
-        hold_.look(surfaces_, at_, step_.goal, radius_, touching_reach(radius_, settings_));
+        hold_.look(surfaces_, at_, step_.goal, radius_, settings_);
         const PlaneSet::Room& room = hold_.room();
         Load load;
         load.known = room.any;

@@ -4,8 +4,9 @@
 
 namespace haptic::sim {
 
-void Hold::look(const NearSurfaces& surfaces, const Vec3& at, const Vec3& goal, double radius, double reach) noexcept {
-    touching_.gather(surfaces, 1.0, at, reach, nullptr);
+void Hold::look(const NearSurfaces& surfaces, const Vec3& at, const Vec3& goal, double radius,
+                const ContactSettings& settings) noexcept {
+    touching_.gather(surfaces, 1.0, at, touching_reach(radius, settings), nullptr);
     planes_.clear();
     for (const Touching& t : touching_.points()) {
         planes_.add(t.normal, glm::dot(t.normal, t.point));

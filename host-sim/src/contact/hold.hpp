@@ -10,8 +10,9 @@ namespace haptic::sim {
 
 class Hold {
   public:
-    /// Looks round the sphere where it is at the end of the step, up to `reach` from its centre.
-    void look(const NearSurfaces& surfaces, const Vec3& at, const Vec3& goal, double radius, double reach) noexcept;
+    /// Looks round the sphere where it is at the end of the step.
+    void look(const NearSurfaces& surfaces, const Vec3& at, const Vec3& goal, double radius,
+              const ContactSettings& settings) noexcept;
 
     /// The point nearest to the goal beyond all planes, with the largest radius that there is room for.
     [[nodiscard]] const PlaneSet::Room& room() const noexcept { return room_; }

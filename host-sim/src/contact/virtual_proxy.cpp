@@ -37,7 +37,7 @@ class Walker {
     ProxyMove run(double dt) noexcept {
         ProxyMove result;
         for (;; ++result.iterations) {
-            hold_.look(surfaces_, position_, goal_, radius_, touching_reach(radius_, settings_));
+            hold_.look(surfaces_, position_, goal_, radius_, settings_);
             const PlaneSet::Room& room = hold_.room();
             const Vec3 move = room.any ? room.at.point - position_ : Vec3(0.0);
             const bool arrived =

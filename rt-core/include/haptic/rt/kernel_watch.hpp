@@ -58,7 +58,8 @@ class KernelWatch {
     void read_interrupts(ProcessorCounts& counts);
     void close(std::int64_t now_ns);
     void take_events(TimingLog& log);
-    void settle();
+    /// Keeps what is wanted of all windows but the last `still_open`, and forgets the rest.
+    void settle(std::size_t still_open);
 
     int cpu_;
     std::filesystem::path proc_;

@@ -71,6 +71,9 @@ inline constexpr std::array<Percentile, 5> kPercentiles = {{{"p50", "p50", 0.5},
 /// The report of a run (make_report()) and beside it the key `measure`.
 [[nodiscard]] nlohmann::json make_measure_report(const Measurement& measurement);
 
+/// Over the columns of a table in text: "us" in 24 characters, each percentile and "max" in ten.
+[[nodiscard]] std::string percentile_header();
+
 /// The text of a report. Throws std::runtime_error if it is no report of a measurement.
 [[nodiscard]] std::string measure_text(const nlohmann::json& report);
 

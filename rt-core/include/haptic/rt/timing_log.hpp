@@ -80,6 +80,8 @@ class TimingLog {
 
   private:
     [[nodiscard]] bool keep(const TimedTick& tick) HAPTIC_RT;
+    /// What the kernel has counted of the thread since it began; -1 where it does not tell.
+    [[nodiscard]] std::int64_t waited_so_far_ns() const HAPTIC_RT;
 
     int waits_ = -1;  // file descriptor
     ThreadUsage usage_;
