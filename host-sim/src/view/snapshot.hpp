@@ -51,7 +51,7 @@ struct SceneDescription {
     std::vector<Link> links;
     std::vector<Triangle> tool_triangles;  // empty: the tool is its spheres alone
     std::size_t tool_vertices = 0;
-    std::vector<double> proxy_radii;               // m, per proxy
+    std::vector<double> proxy_radii;               // m, per proxy, at the start
     std::optional<double> ground_height;           // m
     std::vector<ParameterDescription> parameters;  // at most kMostParameters
     double step = 0.01;                            // s, at the start
@@ -71,8 +71,9 @@ struct PlaneView {
 
 /// One proxy of the tool.
 struct ProxyView {
-    Vec3 position{0.0};  // m, scene
-    Vec3 goal{0.0};      // m, scene: where the hand has it
+    Vec3 position{0.0};   // m, scene
+    Vec3 goal{0.0};       // m, scene: where the hand has it
+    double radius = 0.0;  // m; may change while the scene runs
     bool touches = false;
     bool sticks = false;
 };
