@@ -1,0 +1,68 @@
+// Where a view listens, from what was typed.
+#include <arpa/inet.h>
+
+#include <array>
+#include <charconv>
+#include <stdexcept>
+
+#include "view/live_view.hpp"
+
+namespace haptic::sim::view {
+namespace {
+
+[[noreturn]] void refuse(const std::string& text, const std::string& why) {
+    throw std::invalid_argument("--view " + text + ": " + why +
+                                "; give ADDR:PORT or PORT, e.g. 127.0.0.1:7060, or [::1]:7060");
+}
+
+std::uint16_t port_of(const std::string& text, std::string_view digits) {
+    std::uint16_t port = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), port);
+    if (digits.empty() || error != std::errc() || end != digits.data() + digits.size()) {
+        refuse(text, "the port must be a whole number from 0 to 65535");
+    }
+    return port;
+}
+
+std::string address_of(const std::string& text, const std::string& address, int family) {
+    if (family == AF_INET && address == "localhost") {
+        return "127.0.0.1";
+    }
+    std::array<unsigned char, sizeof(in6_addr)> raw{};
+    if (address.find('\0') != std::string::npos || inet_pton(family, address.c_str(), raw.data()) != 1) {
+        refuse(text, family == AF_INET6 ? "between the brackets there must be an IPv6 address"
+                                        : "the address must be an IP address of this machine");
+    }
+    return address;
+}
+
+}  // namespace
+
+LiveViewSettings parse_view_address(const std::string& text) {
+    LiveViewSettings settings;
+    if (text.empty()) {
+        return settings;
+    }
+    if (text.front() == '[') {
+        const std::size_t close = text.find("]:");
+        if (close == std::string::npos) {
+            refuse(text, "an IPv6 address in brackets, a colon and a port are expected");
+        }
+        settings.address = address_of(text, text.substr(1, close - 1), AF_INET6);
+        settings.port = port_of(text, std::string_view(text).substr(close + 2));
+        return settings;
+    }
+    const std::size_t colon = text.find(':');
+    if (colon == std::string::npos) {
+        settings.port = port_of(text, text);
+        return settings;
+    }
+    if (text.find(':', colon + 1) != std::string::npos) {
+        refuse(text, "an IPv6 address must be in brackets");
+    }
+    settings.address = address_of(text, text.substr(0, colon), AF_INET);
+    settings.port = port_of(text, std::string_view(text).substr(colon + 1));
+    return settings;
+}
+
+}  // namespace haptic::sim::view
