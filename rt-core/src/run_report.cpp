@@ -11,18 +11,6 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::array<std::pair<std::uint32_t, const char*>, 9> kFaultNames = {{
-    {HAPTIC_FAULT_EXCHANGE, "exchange"},
-    {HAPTIC_FAULT_JUMP, "encoder_jump"},
-    {HAPTIC_FAULT_SLACK, "slack"},
-    {HAPTIC_FAULT_RESIDUAL, "residual"},
-    {HAPTIC_FAULT_OVERRUN, "overrun"},
-    {HAPTIC_FAULT_NONFINITE, "nonfinite"},
-    {HAPTIC_FAULT_STOP, "stop"},
-    {HAPTIC_FAULT_THERMAL, "thermal"},
-    {HAPTIC_FAULT_WATCHDOG, "watchdog"},
-}};
-
 // In the order of device::ExchangeStatus.
 constexpr std::array<const char*, device::kExchangeStatuses> kStatusNames = {
     "ok", "timeout", "short", "malformed", "stale", "stalled", "disconnected", "failed"};
@@ -157,32 +145,6 @@ std::vector<int> string_numbers(std::uint8_t strings) {
         }
     }
     return numbers;
-}
-
-std::vector<std::string> fault_names(std::uint32_t faults) {
-    std::vector<std::string> names;
-    for (const auto& [bit, name] : kFaultNames) {
-        if ((faults & bit) != 0) {
-            names.emplace_back(name);
-        }
-    }
-    return names;
-}
-
-std::string_view state_name(SafetyState state) noexcept {
-    switch (state) {
-        case SafetyState::Disarmed:
-            return "disarmed";
-        case SafetyState::Tensioning:
-            return "tensioning";
-        case SafetyState::Calibrating:
-            return "calibrating";
-        case SafetyState::Running:
-            return "running";
-        case SafetyState::Faulted:
-            return "faulted";
-    }
-    return "unknown";
 }
 
 nlohmann::json make_report(const RunResult& result, const Instruments& m) {

@@ -1,11 +1,52 @@
 #include "haptic/frames.hpp"
 
+#include <array>
 #include <cmath>
+#include <utility>
 
 namespace haptic {
 namespace {
 
 constexpr double kUnitTolerance = 1e-6;
+
+using BitName = std::pair<std::uint32_t, const char*>;
+
+constexpr std::array<BitName, 9> kFaultNames = {{
+    {HAPTIC_FAULT_EXCHANGE, "exchange"},
+    {HAPTIC_FAULT_JUMP, "encoder_jump"},
+    {HAPTIC_FAULT_SLACK, "slack"},
+    {HAPTIC_FAULT_RESIDUAL, "residual"},
+    {HAPTIC_FAULT_OVERRUN, "overrun"},
+    {HAPTIC_FAULT_NONFINITE, "nonfinite"},
+    {HAPTIC_FAULT_STOP, "stop"},
+    {HAPTIC_FAULT_THERMAL, "thermal"},
+    {HAPTIC_FAULT_WATCHDOG, "watchdog"},
+}};
+
+constexpr std::array<BitName, 11> kTickFlagNames = {{
+    {HAPTIC_TICK_OVERRUN, "overrun"},
+    {HAPTIC_TICK_FRAME_STALE, "frame_stale"},
+    {HAPTIC_TICK_FRAME_REJECTED, "frame_rejected"},
+    {HAPTIC_TICK_FORCE_LIMITED, "force_limited"},
+    {HAPTIC_TICK_SLEW_LIMITED, "slew_limited"},
+    {HAPTIC_TICK_WRENCH_UNREACHABLE, "wrench_unreachable"},
+    {HAPTIC_TICK_EXCHANGE_FAILED, "exchange_failed"},
+    {HAPTIC_TICK_DERATED, "derated"},
+    {HAPTIC_TICK_STIFFNESS_LIMITED, "stiffness_limited"},
+    {HAPTIC_TICK_PASSIVITY_LIMITED, "passivity_limited"},
+    {HAPTIC_TICK_PROBE_OFF, "probe_off"},
+}};
+
+template <std::size_t N>
+std::vector<std::string> names_of(std::uint32_t bits, const std::array<BitName, N>& names) {
+    std::vector<std::string> found;
+    for (const auto& [bit, name] : names) {
+        if ((bits & bit) != 0) {
+            found.emplace_back(name);
+        }
+    }
+    return found;
+}
 
 template <std::size_t N>
 bool all_finite(const double (&values)[N]) HAPTIC_RT {
@@ -85,6 +126,37 @@ std::string_view describe(FrameDefect defect) noexcept {
             return "step_ns is not within 1 ns and 1 s";
     }
     return "unknown defect";
+}
+
+std::string_view safety_state_name(std::uint32_t safety_state) noexcept {
+    switch (safety_state) {
+        case HAPTIC_DISARMED:
+            return "disarmed";
+        case HAPTIC_TENSIONING:
+            return "tensioning";
+        case HAPTIC_CALIBRATING:
+            return "calibrating";
+        case HAPTIC_RUNNING:
+            return "running";
+        case HAPTIC_FAULTED:
+            return "faulted";
+        default:
+            return "unknown";
+    }
+}
+
+std::vector<std::string> fault_names(std::uint32_t faults) {
+    return names_of(faults, kFaultNames);
+}
+
+std::vector<std::string> tick_flag_names(std::uint32_t tick_flags) {
+    std::vector<std::string> names = names_of(tick_flags, kTickFlagNames);
+    for (std::uint32_t string = 0; string < kStrings; ++string) {
+        if ((tick_flags >> (HAPTIC_TICK_SUSPECTS_SHIFT + string) & 1u) != 0) {
+            names.push_back("suspect_string_" + std::to_string(string));
+        }
+    }
+    return names;
 }
 
 }  // namespace haptic

@@ -61,13 +61,7 @@ RingReaderBase& RingReaderBase::operator=(RingReaderBase&&) noexcept = default;
 RingReaderBase::~RingReaderBase() = default;
 
 RingPeer RingReaderBase::peer() const HAPTIC_RT {
-    const RingHeader& ring = segment_->memory().header();
-    RingPeer peer;
-    peer.session = ring.presence.session.load(std::memory_order_acquire);
-    peer.heartbeat_ns = ring.progress.heartbeat_ns.load(std::memory_order_acquire);
-    peer.writer_pid = ring.presence.writer_pid.load(std::memory_order_acquire);
-    peer.closed = ring.presence.closed.load(std::memory_order_acquire) != 0;
-    return peer;
+    return segment_->memory().peer();
 }
 
 bool RingReaderBase::read_newest_bytes(void* frame) HAPTIC_RT {

@@ -24,6 +24,16 @@ void RingMemory::initialise(RingKind kind) const noexcept {
     ring.identity.magic.store(kRingMagic, kRelease);
 }
 
+RingPeer RingMemory::peer() const HAPTIC_RT {
+    const RingHeader& ring = header();
+    RingPeer peer;
+    peer.session = ring.presence.session.load(kAcquire);
+    peer.heartbeat_ns = ring.progress.heartbeat_ns.load(kAcquire);
+    peer.writer_pid = ring.presence.writer_pid.load(kAcquire);
+    peer.closed = ring.presence.closed.load(kAcquire) != 0;
+    return peer;
+}
+
 RingSlotHeader& RingMemory::slot_of(std::uint64_t sequence) const HAPTIC_RT {
     const std::size_t offset = sizeof(RingHeader) + (sequence % kRingSlots) * stride(slot_bytes_);
     return *reinterpret_cast<RingSlotHeader*>(base_ + offset);
@@ -48,28 +58,32 @@ void RingMemory::publish(std::uint64_t sequence, const void* frame, std::size_t 
     header().progress.head.store(sequence, kRelease);
 }
 
-RingMemory::Read RingMemory::read_newest(std::uint64_t last, void* frame) const HAPTIC_RT {
+bool RingMemory::read(std::uint64_t sequence, void* frame) const HAPTIC_RT {
     auto* const target = static_cast<std::byte*>(frame);
+    RingSlotHeader& slot = slot_of(sequence);
+    const SharedWord* const words = words_of(slot);
+    if (slot.stamp.load(kAcquire) != 2 * sequence) {
+        return false;
+    }
+    // The count may already be the next frame's, or anything at all: it addresses nothing beyond the slot.
+    const std::uint64_t count = std::min<std::uint64_t>(slot.words.load(kAcquire), slot_bytes_ / sizeof(std::uint64_t));
+    for (std::size_t i = 0; i < count; ++i) {
+        const std::uint64_t word = words[i].load(kAcquire);
+        std::memcpy(target + i * sizeof word, &word, sizeof word);
+    }
+    return slot.stamp.load(kAcquire) == 2 * sequence;
+}
+
+RingMemory::Read RingMemory::read_newest(std::uint64_t last, void* frame) const HAPTIC_RT {
     Read result;
     for (int attempt = 0; attempt < kRingReadAttempts; ++attempt) {
         const std::uint64_t newest = header().progress.head.load(kAcquire);
         if (newest <= last || newest > kLastSequence) {
             return result;
         }
-        RingSlotHeader& slot = slot_of(newest);
-        const SharedWord* const words = words_of(slot);
-        if (slot.stamp.load(kAcquire) == 2 * newest) {
-            // The count may already be the next frame's, or anything at all: it addresses nothing beyond the slot.
-            const std::uint64_t count =
-                std::min<std::uint64_t>(slot.words.load(kAcquire), slot_bytes_ / sizeof(std::uint64_t));
-            for (std::size_t i = 0; i < count; ++i) {
-                const std::uint64_t word = words[i].load(kAcquire);
-                std::memcpy(target + i * sizeof word, &word, sizeof word);
-            }
-            if (slot.stamp.load(kAcquire) == 2 * newest) {
-                result.sequence = newest;
-                return result;
-            }
+        if (read(newest, frame)) {
+            result.sequence = newest;
+            return result;
         }
         ++result.overtaken;
     }

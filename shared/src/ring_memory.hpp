@@ -83,8 +83,14 @@ class RingMemory {
 
     [[nodiscard]] RingHeader& header() const HAPTIC_RT { return *reinterpret_cast<RingHeader*>(base_); }
 
+    [[nodiscard]] RingPeer peer() const HAPTIC_RT;
+
     /// Publishes frame `sequence`, which is header().head + 1. `bytes` is a multiple of 8, at most the slot's size.
     void publish(std::uint64_t sequence, const void* frame, std::size_t bytes, std::int64_t now_ns) const HAPTIC_RT;
+
+    /// Copies one frame if its slot has it, whole; `frame` is unspecified otherwise. `sequence` is from 1 to
+    /// kLastSequence. Loads only: the memory may be mapped without the right to write.
+    [[nodiscard]] bool read(std::uint64_t sequence, void* frame) const HAPTIC_RT;
 
     struct Read {
         std::uint64_t sequence = 0;   // 0: nothing newer, or overtaken at each attempt

@@ -3,8 +3,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <string_view>
 #include <type_traits>
+#include <vector>
 
 #include "haptic/frames.h"
 #include "haptic/realtime.hpp"
@@ -42,6 +44,12 @@ enum class FrameDefect : std::uint8_t {
 
 /// One sentence that says what is wrong, for reports; not for the tick.
 [[nodiscard]] std::string_view describe(FrameDefect defect) noexcept;
+
+/// Names of what a device state says of itself, for reports and views; not for the tick. A bit or number that none of
+/// HAPTIC_* names has no name, "unknown" for the state.
+[[nodiscard]] std::string_view safety_state_name(std::uint32_t safety_state) noexcept;
+[[nodiscard]] std::vector<std::string> fault_names(std::uint32_t faults);
+[[nodiscard]] std::vector<std::string> tick_flag_names(std::uint32_t tick_flags);
 
 inline Vec3 to_vec3(const double (&v)[3]) HAPTIC_RT {
     return {v[0], v[1], v[2]};

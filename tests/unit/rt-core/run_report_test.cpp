@@ -107,11 +107,6 @@ TEST(RunReport, NamesTheStringsThatAFaultIsAbout) {
                 HasSubstr("FAULT: slack (string 0, 3, 5 or 6: the lengths do not tell them apart)\n"));
 }
 
-TEST(RunReport, NamesEveryFaultBit) {
-    EXPECT_THAT(fault_names(0x1ff), ElementsAre("exchange", "encoder_jump", "slack", "residual", "overrun", "nonfinite",
-                                                "stop", "thermal", "watchdog"));
-}
-
 TEST(RunReport, SaysInItsSummaryWhatIsMissing) {
     const auto instruments = std::make_unique<Instruments>();
     RunResult result;

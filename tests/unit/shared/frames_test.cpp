@@ -1,5 +1,6 @@
 #include "haptic/frames.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,6 +12,9 @@
 
 namespace haptic {
 namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -120,6 +124,32 @@ TEST(FrameDefects, EachHasASentenceOfItsOwn) {
         EXPECT_EQ(std::count(seen.begin(), seen.end(), sentence), 0) << sentence;
         seen.push_back(sentence);
     }
+}
+
+TEST(FrameNames, NameEveryFaultBit) {
+    EXPECT_THAT(fault_names(0x1ff), ElementsAre("exchange", "encoder_jump", "slack", "residual", "overrun", "nonfinite",
+                                                "stop", "thermal", "watchdog"));
+    EXPECT_THAT(fault_names(HAPTIC_FAULT_SLACK), ElementsAre("slack"));
+    EXPECT_THAT(fault_names(~0x1ffu), IsEmpty());
+}
+
+TEST(FrameNames, NameEveryTickFlagAndTheStringsUnderSuspicion) {
+    EXPECT_THAT(tick_flag_names(0x7ff), ElementsAre("overrun", "frame_stale", "frame_rejected", "force_limited",
+                                                    "slew_limited", "wrench_unreachable", "exchange_failed", "derated",
+                                                    "stiffness_limited", "passivity_limited", "probe_off"));
+    EXPECT_THAT(tick_flag_names(HAPTIC_TICK_OVERRUN | 0b10000010u << HAPTIC_TICK_SUSPECTS_SHIFT),
+                ElementsAre("overrun", "suspect_string_1", "suspect_string_7"));
+    EXPECT_THAT(tick_flag_names(0x00fff800u), IsEmpty());
+}
+
+TEST(FrameNames, NameEverySafetyState) {
+    EXPECT_EQ(safety_state_name(HAPTIC_DISARMED), "disarmed");
+    EXPECT_EQ(safety_state_name(HAPTIC_TENSIONING), "tensioning");
+    EXPECT_EQ(safety_state_name(HAPTIC_CALIBRATING), "calibrating");
+    EXPECT_EQ(safety_state_name(HAPTIC_RUNNING), "running");
+    EXPECT_EQ(safety_state_name(HAPTIC_FAULTED), "faulted");
+    EXPECT_EQ(safety_state_name(HAPTIC_FAULTED + 1), "unknown");
+    EXPECT_EQ(safety_state_name(~0u), "unknown");
 }
 
 TEST(Frames, KeepVectorsAndQuaternionsInTheirOrder) {

@@ -137,5 +137,46 @@ TEST_F(RingMemoryTest, TwoThreadsNeverSeeATornFrame) {
     EXPECT_EQ(torn, 0u);
 }
 
+TEST_F(RingMemoryTest, ReadsEachOfTheLastFramesUntilItsSlotIsTaken) {
+    const std::uint64_t head = 20;
+    for (std::uint64_t sequence = 1; sequence <= head; ++sequence) {
+        publish(sequence);
+    }
+    Frame out{};
+    for (std::uint64_t sequence = head - kRingSlots + 1; sequence <= head; ++sequence) {
+        ASSERT_TRUE(ring_.read(sequence, out.data())) << sequence;
+        EXPECT_EQ(out, frame_of(sequence));
+    }
+    EXPECT_FALSE(ring_.read(head - kRingSlots, out.data())) << "is overwritten";
+    EXPECT_FALSE(ring_.read(head + 1, out.data())) << "is not written yet";
+    slot_of(head + 1).stamp.store(2 * (head + 1) - 1);
+    EXPECT_FALSE(ring_.read(head + 1 - kRingSlots, out.data())) << "is being overwritten";
+}
+
+TEST_F(RingMemoryTest, ReadingAnyOfTheLastFramesBesideAWriterNeverGivesATornOne) {
+    std::thread writer([&] {
+        for (std::uint64_t sequence = 1; sequence <= kFrames; ++sequence) {
+            publish(sequence);
+        }
+    });
+    std::uint64_t torn = 0;
+    std::uint64_t read = 0;
+    Frame out{};
+    std::uint64_t head = 0;
+    while (head < kFrames) {
+        head = ring_.header().progress.head.load();
+        for (std::uint64_t sequence = head > kRingSlots ? head - kRingSlots : 1; sequence <= head; ++sequence) {
+            if (ring_.read(sequence, out.data())) {
+                ++read;
+                torn += out == frame_of(sequence) ? 0u : 1u;
+            }
+        }
+        std::this_thread::yield();
+    }
+    writer.join();
+    EXPECT_EQ(torn, 0u);
+    EXPECT_GE(read, kRingSlots) << "the last ones at least";
+}
+
 }  // namespace
 }  // namespace haptic::detail

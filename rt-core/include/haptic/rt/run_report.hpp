@@ -43,11 +43,11 @@ struct RunResult {
     [[nodiscard]] bool held() const noexcept { return (faults & ~std::uint32_t{HAPTIC_FAULT_STOP}) == 0; }
 };
 
-/// Names of the bits HAPTIC_FAULT_*, as in the report.
-[[nodiscard]] std::vector<std::string> fault_names(std::uint32_t faults);
 /// Numbers of the strings whose bits are set.
 [[nodiscard]] std::vector<int> string_numbers(std::uint8_t strings);
-[[nodiscard]] std::string_view state_name(SafetyState state) noexcept;
+[[nodiscard]] inline std::string_view state_name(SafetyState state) noexcept {
+    return safety_state_name(static_cast<std::uint32_t>(state));
+}
 
 /// The keys are those of the design's section 4, and more.
 [[nodiscard]] nlohmann::json make_report(const RunResult& result, const Instruments& instruments);
