@@ -10,7 +10,8 @@ namespace {
 constexpr std::int64_t kFutureNs = 1'000'000'000;      // by which a latch may be after our look; beyond, it is no time
 constexpr std::int64_t kRateWindowNs = 1'000'000'000;  // over which the rate is taken
 constexpr std::int64_t kFinestBinNs = 100;
-constexpr double kInBins = 0.999;  // of the periods are within the bins; the outer bins take the rest
+constexpr double kUsual = 0.99;         // of the periods; the bins reach twice as far, the outer ones take the rest
+constexpr std::int64_t kJitterOf = 32;  // of a period: by so much a latch is usually late
 
 double micro(std::int64_t ns) {
     return static_cast<double>(ns) * 1e-3;
@@ -47,7 +48,7 @@ nlohmann::json histogram(const std::vector<std::int64_t>& sorted) {
     if (!sorted.empty()) {
         const std::int64_t middle = percentile(sorted, 0.5);
         const std::int64_t deviation =
-            std::max(percentile(sorted, kInBins) - middle, middle - percentile(sorted, 1.0 - kInBins));
+            2 * std::max(percentile(sorted, kUsual) - middle, middle - percentile(sorted, 1.0 - kUsual));
         const std::int64_t width = bin_width(deviation);
         constexpr auto kBins = static_cast<std::int64_t>(DeviceTelemetry::kBins);
         const std::int64_t first = std::max<std::int64_t>(middle / width - kBins / 2, 0);
@@ -68,12 +69,13 @@ nlohmann::json histogram(const std::vector<std::int64_t>& sorted) {
             {"max", micro(percentile(sorted, 1.0))}};
 }
 
-/// Deadlines that passed without a latch.
+/// Deadlines that passed without a latch. A loop that keeps its phase and wakes 1.9 periods late has missed one; its
+/// latch comes 2.9 periods after the one before, or a little less, since that was late by its usual jitter.
 std::uint64_t missed_ticks(const std::vector<std::int64_t>& sorted_periods) {
     const std::int64_t usual = percentile(sorted_periods, 0.5);
     std::uint64_t missed = 0;
     for (auto period = sorted_periods.rbegin(); period != sorted_periods.rend(); ++period) {
-        const std::int64_t ticks = (*period + usual / 2) / usual;
+        const std::int64_t ticks = (*period + usual / kJitterOf) / usual;
         if (ticks < 2) {
             break;
         }

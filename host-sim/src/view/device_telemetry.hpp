@@ -2,9 +2,9 @@
 //
 // A ring keeps its last eight states, so that a look every 4 ms sees each of up to 2,000 a second; states that came and
 // went between two looks are counted as unseen, and nothing is said of them. A period is the time between the encoder
-// latches of two states that follow one another, both seen. A missed tick is a deadline without a latch: a period of
-// n median periods, rounded, has n - 1 of them. The age of a frame is the time from its publishing to the latch of a
-// tick that rendered it. All of it is about the last 10 s, of the states of one run of rt-core.
+// latches of two states that follow one another, both seen. A missed tick is a deadline that passed without a
+// latch: a period of n median periods and a part has n - 1 of them. The age of a frame is the time from its publishing
+// to the latch of a tick that rendered it. All of it is about the last 10 s, of the states of one run of rt-core.
 #pragma once
 
 #include <array>

@@ -150,12 +150,17 @@ TEST_F(DeviceTelemetryTest, HasNoEdgeBelowNothing) {
 
 TEST_F(DeviceTelemetryTest, CountsDeadlinesThatPassedWithoutALatch) {
     ticks(100);
-    tick(3 * kMillisecond);                         // two missed
-    tick(2 * kMillisecond + 200'000);               // one, and late
-    tick(kMillisecond + 499'000);                   // late, but none missed
-    tick(kMillisecond - 499'000 + 2'000'000 - 10);  // two
-    ticks(100);
-    EXPECT_EQ(message().at("missed"), 5);
+    // A loop of 1 kHz whose deadlines are at whole milliseconds and which keeps its phase: it latches when it wakes,
+    // and then at the first deadline that is yet to come. Lateness of four ticks, ns.
+    std::uint64_t missed = 0;
+    for (const std::int64_t late : {2'300'000, 960'000, 1'000'000, 33'530'000}) {
+        tick(kMillisecond + late);
+        missed += static_cast<std::uint64_t>(late / kMillisecond);
+        tick(kMillisecond - late % kMillisecond);
+        ticks(20);
+    }
+    ASSERT_EQ(missed, 2u + 0u + 1u + 33u);
+    EXPECT_EQ(message().at("missed"), missed);
 }
 
 TEST_F(DeviceTelemetryTest, ClaimsNothingOfStatesThatItDidNotSee) {
