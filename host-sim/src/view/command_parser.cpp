@@ -238,6 +238,13 @@ Request parse_request(std::string_view text, const SceneDescription& description
     }
 }
 
+std::string type_of(const Command& command) {
+    // As in Command.
+    constexpr std::array<const char*, std::variant_size_v<Command>> types = {
+        "set", "pause", "step", "reset", "scene", "record", "hand", "release", "script", "seek", "speed"};
+    return types[command.index()];
+}
+
 std::string refused_message(const Refusal& refusal) {
     const Json message = {{"type", "refused"}, {"command", refusal.command}, {"why", refusal.why}};
     return message.dump(-1, ' ', false, Json::error_handler_t::replace);

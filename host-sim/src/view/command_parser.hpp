@@ -38,6 +38,9 @@ using Request = std::variant<Watch, Command, Refusal, Malformed>;
 /// Reads a message. Names and ranges are those of `description`.
 [[nodiscard]] Request parse_request(std::string_view text, const SceneDescription& description);
 
+/// What a command's message is called.
+[[nodiscard]] std::string type_of(const Command& command);
+
 /// The message "refused".
 [[nodiscard]] std::string refused_message(const Refusal& refusal);
 

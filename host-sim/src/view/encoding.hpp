@@ -65,7 +65,7 @@ struct EncodedMoment {
 };
 inline constexpr std::uint32_t kRestParts = 3;
 
-/// The header of a frame with that many parts.
+/// The header of a frame with that many parts; the number of parts comes last.
 void append_frame_header(Bytes& message, const EncodedMoment& moment, std::uint32_t scene, std::uint32_t parts);
 
 /// Encodes the moments of one scene.

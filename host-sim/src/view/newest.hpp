@@ -14,9 +14,13 @@ namespace haptic::sim::view {
 template <class Value>
 class Newest {
   public:
-    Newest() = default;
-    /// All three buffers begin as copies of `value`, so that values of one size need no memory later.
-    explicit Newest(const Value& value) : buffers_{value, value, value} {}
+    /// Calls prepare(value) on all three, before the two threads share them.
+    template <class Prepare>
+    void prepare(Prepare&& prepare) {
+        for (Value& buffer : buffers_) {
+            prepare(buffer);
+        }
+    }
 
     /// Writer: to be filled; holds whatever was published some time before.
     [[nodiscard]] Value& back() noexcept { return buffers_[back_]; }

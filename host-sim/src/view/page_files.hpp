@@ -1,0 +1,18 @@
+// The page, compiled in.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string_view>
+
+namespace haptic::sim::view {
+
+struct PageFile {
+    std::string_view path;  // that it is served at, e.g. "/page.js"
+    std::string_view type;  // e.g. "text/javascript; charset=utf-8"
+    std::span<const std::byte> content;
+};
+
+[[nodiscard]] std::span<const PageFile> page_files();
+
+}  // namespace haptic::sim::view

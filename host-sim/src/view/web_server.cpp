@@ -1,0 +1,581 @@
+#include "view/web_server.hpp"
+
+#include <fcntl.h>
+#include <libwebsockets.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "haptic/clock.hpp"
+#include "view/listener.hpp"
+#include "view/request_check.hpp"
+
+namespace haptic::sim::view {
+namespace {
+
+constexpr std::size_t kMostSockets = kMostViewers + 32;  // the rest are for pages
+constexpr std::size_t kChunk = 65536;                    // bytes that are written at once
+// What the kernel may hold back for one viewer: more would only make what it shows old.
+constexpr int kSendBuffer = 262144;
+constexpr int kUnsentAtMost = 131072;
+constexpr std::int64_t kFarewell_ns = 250'000'000;
+constexpr int kPatience_s = 10;  // with a request that does not come to its end
+
+// What the library calls protocols beside that of the stream: of pages, and of the listening socket.
+constexpr const char* kPages = "pages";
+constexpr const char* kListener = "listener";
+
+/// Of every response.
+const lws_protocol_vhost_options* security_headers() {
+    static const lws_protocol_vhost_options sniff{nullptr, nullptr, "x-content-type-options:", "nosniff"};
+    static const lws_protocol_vhost_options frame{&sniff, nullptr, "x-frame-options:", "DENY"};
+    static const lws_protocol_vhost_options referrer{&frame, nullptr, "referrer-policy:", "no-referrer"};
+    static const lws_protocol_vhost_options cache{&referrer, nullptr, "cache-control:", "no-cache"};
+    return &cache;
+}
+
+/// A header of a request; empty if it is not there, or longer than any that is good.
+std::string header(lws* wsi, lws_token_indexes token) {
+    std::array<char, 512> text{};
+    const int length = lws_hdr_copy(wsi, text.data(), static_cast<int>(text.size()), token);
+    return length > 0 ? std::string(text.data(), static_cast<std::size_t>(length)) : std::string();
+}
+
+bool has_header(lws* wsi, lws_token_indexes token) {
+    return lws_hdr_total_length(wsi, token) > 0;
+}
+
+bool speaks(lws* wsi, const char* protocol) {
+    return std::strcmp(lws_get_protocol(wsi)->name, protocol) == 0;
+}
+
+std::string machine_name() {
+    std::array<char, 256> name{};
+    return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "localhost";
+}
+
+/// The library ignores SIGPIPE for the whole process, which is not for it to decide.
+class SigpipeAsItWas {
+  public:
+    SigpipeAsItWas() { (void)sigaction(SIGPIPE, nullptr, &before_); }
+    SigpipeAsItWas(const SigpipeAsItWas&) = delete;
+    SigpipeAsItWas& operator=(const SigpipeAsItWas&) = delete;
+    ~SigpipeAsItWas() { (void)sigaction(SIGPIPE, &before_, nullptr); }
+
+  private:
+    struct sigaction before_{};
+};
+
+/// A descriptor in reserve: with none left a connection cannot even be refused, and would be offered for ever.
+class SpareDescriptor {
+  public:
+    SpareDescriptor() { open(); }
+    SpareDescriptor(const SpareDescriptor&) = delete;
+    SpareDescriptor& operator=(const SpareDescriptor&) = delete;
+    ~SpareDescriptor() { close(); }
+    void open() { descriptor_ = ::open("/dev/null", O_RDONLY | O_CLOEXEC); }
+    void close() {
+        if (descriptor_ >= 0) {
+            (void)::close(descriptor_);
+            descriptor_ = -1;
+        }
+    }
+
+  private:
+    int descriptor_ = -1;
+};
+
+/// A file that is on its way.
+struct Reply {
+    Resource resource;
+    std::size_t sent = 0;
+};
+
+/// A viewer's connection.
+struct Connection {
+    std::unique_ptr<Conversation> conversation;
+    std::string heard;                    // the fragments of a message so far
+    std::vector<unsigned char> outgoing;  // LWS_PRE bytes for the library, then the message
+    std::size_t sent = 0;                 // with those
+    bool text = false;
+    std::int64_t asked_ns = 0;  // since when the socket has taken nothing; 0: nothing waits for it
+};
+
+}  // namespace
+
+class WebServer::Impl {
+  public:
+    Impl(const std::string& address, std::uint16_t port, WebHandler& handler);
+    Impl(const Impl&) = delete;
+    Impl& operator=(const Impl&) = delete;
+    ~Impl();
+
+    [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
+    void run();
+    void wake() noexcept { lws_cancel_service(context_); }
+    void stop() noexcept;
+    [[nodiscard]] bool stopping() const noexcept { return stop_.load(std::memory_order_relaxed); }
+    [[nodiscard]] std::size_t viewers() const noexcept { return connections_.size(); }
+    void invite_all();
+
+  private:
+    struct Timer {
+        lws_sorted_usec_list_t sul{};  // first: the library gives back its address
+        Impl* impl = nullptr;
+    };
+
+    /// The library calls back as C does: nothing may be thrown through it.
+    static int on_event(lws* wsi, lws_callback_reasons reason, void* user, void* in, std::size_t length);
+    static const std::array<lws_protocols, 4>& protocols();
+    int on(lws* wsi, lws_callback_reasons reason, const void* in, std::size_t length);
+
+    void adopt_listener(int listener);
+    void accept_all(int listener);
+    void admit(int socket);
+    bool refuse(lws* wsi, unsigned status, const char* why);
+    [[nodiscard]] bool refuse_stranger(lws* wsi);
+    int check_upgrade(lws* wsi);
+    int begin_reply(lws* wsi, std::string_view path);
+    int go_on_with_reply(lws* wsi);
+    void join(lws* wsi);
+    int hear(lws* wsi, std::string_view fragment);
+    int write(lws* wsi);
+    int write_chunk(lws* wsi, Connection& connection);
+    int close(lws* wsi, const Closing& closing);
+    void invite(lws* wsi, Connection& connection);
+    void forget(lws* wsi);
+    void tick();
+    void close_stuck(std::int64_t now_ns);
+    void schedule_tick();
+
+    WebHandler& handler_;
+    std::string machine_ = machine_name();
+    std::uint16_t port_ = 0;
+    SpareDescriptor spare_;
+    std::set<lws*> sockets_;  // accepted, and not yet closed
+    std::map<lws*, Reply> replies_;
+    std::map<lws*, Connection> connections_;
+    std::atomic<bool> stop_{false};
+    std::int64_t end_ns_ = 0;  // once it stops: when it ends at the latest
+    bool ended_ = false;
+    bool ticking_ = false;
+    Timer timer_;
+    lws_context* context_ = nullptr;
+};
+
+const std::array<lws_protocols, 4>& WebServer::Impl::protocols() {
+    static const std::array<lws_protocols, 4> list = {{{kPages, on_event, 0, 0, 0, nullptr, 0},
+                                                       {kSubprotocol, on_event, 0, kLongestRequest, 0, nullptr, 0},
+                                                       {kListener, on_event, 0, 0, 0, nullptr, 0},
+                                                       {nullptr, nullptr, 0, 0, 0, nullptr, 0}}};
+    return list;
+}
+
+int WebServer::Impl::on_event(lws* wsi, lws_callback_reasons reason, void* /*user*/, void* in, std::size_t length) {
+    auto* server = static_cast<Impl*>(lws_context_user(lws_get_context(wsi)));
+    try {
+        return server->on(wsi, reason, in, length);
+    } catch (const std::exception&) {
+        return -1;  // ends this connection alone: memory ran out, or what it was told of could not be computed
+    }
+}
+
+WebServer::Impl::Impl(const std::string& address, std::uint16_t port, WebHandler& handler) : handler_(handler) {
+    const int listener = listen_on(address, port);
+    port_ = port_of(listener);
+    timer_.impl = this;
+    const SigpipeAsItWas keep;
+    lws_set_log_level(0, nullptr);
+    lws_context_creation_info info{};
+    info.port = CONTEXT_PORT_NO_LISTEN_SERVER;
+    info.protocols = protocols().data();
+    info.headers = security_headers();
+    info.options = LWS_SERVER_OPTION_VALIDATE_UTF8;
+    info.server_string = "host-sim";
+    info.gid = static_cast<decltype(info.gid)>(-1);
+    info.uid = static_cast<decltype(info.uid)>(-1);
+    info.fd_limit_per_thread = static_cast<unsigned>(kMostSockets) + 16;
+    info.timeout_secs = kPatience_s;
+    info.user = this;
+    context_ = lws_create_context(&info);
+    if (context_ == nullptr) {
+        (void)::close(listener);
+        throw std::runtime_error("--view: libwebsockets could not be set up; is there memory, are there descriptors?");
+    }
+    adopt_listener(listener);
+}
+
+WebServer::Impl::~Impl() {
+    lws_context_destroy(context_);
+}
+
+void WebServer::Impl::adopt_listener(int listener) {
+    lws_sock_file_fd_type descriptor{};
+    descriptor.filefd = listener;
+    if (lws_adopt_descriptor_vhost(lws_get_vhost_by_name(context_, "default"), LWS_ADOPT_RAW_FILE_DESC, descriptor,
+                                   kListener, nullptr) == nullptr) {
+        (void)::close(listener);
+        lws_context_destroy(context_);
+        throw std::runtime_error("--view: libwebsockets did not take the listening socket");
+    }
+}
+
+void WebServer::Impl::run() {
+    while (!ended_ && lws_service(context_, 0) >= 0) {
+    }
+}
+
+void WebServer::Impl::stop() noexcept {
+    stop_.store(true, std::memory_order_relaxed);  // wake() is a system call that orders it
+    wake();
+}
+
+int WebServer::Impl::on(lws* wsi, lws_callback_reasons reason, const void* in, std::size_t length) {
+    const auto text = [&] { return std::string_view(static_cast<const char*>(in), length); };
+    switch (reason) {
+        case LWS_CALLBACK_RAW_RX_FILE:
+            accept_all(lws_get_socket_fd(wsi));
+            return 0;
+        case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
+            return check_upgrade(wsi);
+        case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION:
+            return speaks(wsi, kSubprotocol) ? 0 : 1;
+        case LWS_CALLBACK_HTTP:
+            return begin_reply(wsi, text());
+        case LWS_CALLBACK_HTTP_WRITEABLE:
+            return go_on_with_reply(wsi);
+        case LWS_CALLBACK_ESTABLISHED:
+            join(wsi);
+            return 0;
+        case LWS_CALLBACK_RECEIVE:
+            return hear(wsi, text());
+        case LWS_CALLBACK_SERVER_WRITEABLE:
+            return write(wsi);
+        case LWS_CALLBACK_CLOSED:
+        case LWS_CALLBACK_CLOSED_HTTP:
+        case LWS_CALLBACK_WSI_DESTROY:
+            forget(wsi);
+            return 0;
+        case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
+            if (speaks(wsi, kPages)) {  // of each protocol it is told once
+                tick();
+            }
+            return 0;
+        default:
+            return lws_callback_http_dummy(wsi, reason, nullptr, const_cast<void*>(in), length);
+    }
+}
+
+void WebServer::Impl::accept_all(int listener) {
+    while (true) {
+        const int socket = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+        if (socket >= 0) {
+            admit(socket);
+        } else if (errno == EMFILE || errno == ENFILE) {
+            spare_.close();
+            const int refused = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC);
+            if (refused >= 0) {
+                (void)::close(refused);
+            }
+            spare_.open();
+            return;
+        } else if (errno != EINTR && errno != ECONNABORTED) {
+            return;
+        }
+    }
+}
+
+void WebServer::Impl::admit(int socket) {
+    if (sockets_.size() >= kMostSockets) {
+        (void)::close(socket);
+        return;
+    }
+    const int yes = 1;
+    (void)setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
+    (void)setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof(kSendBuffer));
+    (void)setsockopt(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kUnsentAtMost, sizeof(kUnsentAtMost));
+    if (lws* wsi = lws_adopt_socket(context_, socket); wsi != nullptr) {
+        sockets_.insert(wsi);
+    }
+}
+
+/// Answers with an error. Always true: it is the answer.
+bool WebServer::Impl::refuse(lws* wsi, unsigned status, const char* why) {
+    (void)lws_return_http_status(wsi, status, why);
+    return true;
+}
+
+bool WebServer::Impl::refuse_stranger(lws* wsi) {
+    const std::string host = header(wsi, WSI_TOKEN_HOST);
+    if (!host_is_own(host, machine_)) {
+        return refuse(wsi, HTTP_STATUS_BAD_REQUEST,
+                      "This is no name of this machine: ask for it by its address, its host name, or as localhost.");
+    }
+    if (has_header(wsi, WSI_TOKEN_ORIGIN) && !origin_is_host(header(wsi, WSI_TOKEN_ORIGIN), host)) {
+        return refuse(wsi, HTTP_STATUS_FORBIDDEN, "A page of another site may not look.");
+    }
+    return false;
+}
+
+/// 0: go on; 1: answered.
+int WebServer::Impl::check_upgrade(lws* wsi) {
+    if (refuse_stranger(wsi)) {
+        return 1;
+    }
+    // The library would also speak HTTP/2, which nothing here needs.
+    if (header(wsi, WSI_TOKEN_GET_URI) != kStreamPath || header(wsi, WSI_TOKEN_PROTOCOL).empty() ||
+        strcasecmp(header(wsi, WSI_TOKEN_UPGRADE).c_str(), "websocket") != 0) {
+        return refuse(wsi, HTTP_STATUS_NOT_FOUND, "The stream is a WebSocket, /stream, subprotocol haptic-view-1.");
+    }
+    if (connections_.size() >= kMostViewers || stopping()) {
+        return refuse(wsi, HTTP_STATUS_SERVICE_UNAVAILABLE, "There are as many viewers as there can be.");
+    }
+    return 0;
+}
+
+int WebServer::Impl::begin_reply(lws* wsi, std::string_view path) {
+    if (refuse_stranger(wsi)) {
+        return -1;
+    }
+    const bool get = has_header(wsi, WSI_TOKEN_GET_URI);
+    const bool head = has_header(wsi, WSI_TOKEN_HEAD_URI);
+    if (!get && !head) {
+        (void)refuse(wsi, HTTP_STATUS_METHOD_NOT_ALLOWED, "GET and HEAD are all that can be done here.");
+        return -1;
+    }
+    std::optional<Resource> resource = handler_.resource(path);
+    if (!resource) {
+        (void)refuse(wsi, HTTP_STATUS_NOT_FOUND, "There is nothing here.");
+        return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
+    }
+    std::array<unsigned char, LWS_PRE + 2048> space{};
+    unsigned char* const begin = space.data() + LWS_PRE;
+    unsigned char* at = begin;
+    unsigned char* const end = space.data() + space.size();
+    const auto add = [&](const char* name, const std::string& value) {
+        return lws_add_http_header_by_name(wsi, reinterpret_cast<const unsigned char*>(name),
+                                           reinterpret_cast<const unsigned char*>(value.data()),
+                                           static_cast<int>(value.size()), &at, end) == 0;
+    };
+    // Not every browser takes 'self' to mean the WebSocket of the same host. The Host is known to be a plain name.
+    const std::string host = header(wsi, WSI_TOKEN_HOST);
+    bool good = lws_add_http_common_headers(wsi, HTTP_STATUS_OK, resource->type.c_str(), resource->content.size(), &at,
+                                            end) == 0;
+    good = good && add("content-security-policy:", "default-src 'self'; connect-src 'self' ws://" + host + " wss://" +
+                                                       host + "; frame-ancestors 'none'; base-uri 'none'");
+    if (!resource->download_as.empty()) {
+        good = good && add("content-disposition:", "attachment; filename=\"" + resource->download_as + "\"");
+    }
+    if (!good || lws_finalize_write_http_header(wsi, begin, &at, end) != 0) {
+        return -1;
+    }
+    if (head || resource->content.empty()) {
+        return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
+    }
+    replies_[wsi] = {std::move(*resource), 0};
+    (void)lws_callback_on_writable(wsi);
+    return 0;
+}
+
+int WebServer::Impl::go_on_with_reply(lws* wsi) {
+    const auto found = replies_.find(wsi);
+    if (found == replies_.end()) {
+        return 0;
+    }
+    Reply& reply = found->second;
+    const std::span<const std::byte> rest = reply.resource.content.subspan(reply.sent);
+    const std::size_t length = std::min(rest.size(), kChunk);
+    std::vector<unsigned char> chunk(LWS_PRE + length);
+    std::memcpy(chunk.data() + LWS_PRE, rest.data(), length);
+    const bool last = length == rest.size();
+    const int written = lws_write(wsi, chunk.data() + LWS_PRE, length, last ? LWS_WRITE_HTTP_FINAL : LWS_WRITE_HTTP);
+    if (written < static_cast<int>(length)) {
+        return -1;
+    }
+    lws_set_timeout(wsi, PENDING_TIMEOUT_HTTP_CONTENT, kPatience_s);
+    reply.sent += length;
+    if (last) {
+        replies_.erase(found);
+        return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
+    }
+    (void)lws_callback_on_writable(wsi);
+    return 0;
+}
+
+void WebServer::Impl::join(lws* wsi) {
+    Connection& connection = connections_[wsi];
+    connection.conversation = handler_.join();
+    invite(wsi, connection);
+    schedule_tick();
+}
+
+int WebServer::Impl::hear(lws* wsi, std::string_view fragment) {
+    const auto found = connections_.find(wsi);
+    if (found == connections_.end()) {
+        return -1;
+    }
+    Connection& connection = found->second;
+    if (lws_frame_is_binary(wsi) != 0) {
+        return close(wsi, {kUnsupportedData, "only text is understood"});
+    }
+    // What a frame announces counts as much as what has come of it.
+    if (connection.heard.size() + fragment.size() + lws_remaining_packet_payload(wsi) > kLongestRequest) {
+        return close(wsi, {kPolicyViolation, "longer than " + std::to_string(kLongestRequest) + " bytes"});
+    }
+    connection.heard += fragment;
+    if (lws_is_final_fragment(wsi) == 0) {
+        return 0;
+    }
+    const std::string text = std::exchange(connection.heard, {});
+    if (const std::optional<Closing> closing = connection.conversation->hear(text)) {
+        return close(wsi, *closing);
+    }
+    invite(wsi, connection);
+    return 0;
+}
+
+int WebServer::Impl::write(lws* wsi) {
+    const auto found = connections_.find(wsi);
+    if (found == connections_.end()) {
+        return -1;
+    }
+    Connection& connection = found->second;
+    connection.asked_ns = 0;
+    if (connection.sent < connection.outgoing.size()) {
+        return write_chunk(wsi, connection);
+    }
+    Outgoing message;
+    if (connection.conversation->next_message(message)) {
+        connection.text = message.text;
+        connection.outgoing.resize(LWS_PRE + message.bytes.size());
+        std::memcpy(connection.outgoing.data() + LWS_PRE, message.bytes.data(), message.bytes.size());
+        connection.sent = LWS_PRE;
+        return write_chunk(wsi, connection);
+    }
+    return connection.conversation->has_ended() ? close(wsi, {kGoingAway, "host-sim ends"}) : 0;
+}
+
+/// A message goes in pieces, so that one who takes it slowly is told from one who takes nothing. The library writes a
+/// piece's header in front of it, over what has gone already.
+int WebServer::Impl::write_chunk(lws* wsi, Connection& connection) {
+    const std::size_t length = std::min(connection.outgoing.size() - connection.sent, kChunk);
+    const bool first = connection.sent == LWS_PRE;
+    const bool last = connection.sent + length == connection.outgoing.size();
+    const int flags = lws_write_ws_flags(connection.text ? LWS_WRITE_TEXT : LWS_WRITE_BINARY, first, last);
+    if (lws_write(wsi, connection.outgoing.data() + connection.sent, length, static_cast<lws_write_protocol>(flags)) <
+        static_cast<int>(length)) {
+        return -1;
+    }
+    connection.sent += length;
+    invite(wsi, connection);
+    return 0;
+}
+
+int WebServer::Impl::close(lws* wsi, const Closing& closing) {
+    std::string why = closing.why;
+    lws_close_reason(wsi, static_cast<lws_close_status>(closing.code), reinterpret_cast<unsigned char*>(why.data()),
+                     why.size());
+    return -1;
+}
+
+void WebServer::Impl::invite(lws* wsi, Connection& connection) {
+    if (connection.asked_ns == 0) {
+        connection.asked_ns = monotonic_now_ns();
+        (void)lws_callback_on_writable(wsi);
+    }
+}
+
+void WebServer::Impl::invite_all() {
+    for (auto& [wsi, connection] : connections_) {
+        invite(wsi, connection);
+    }
+}
+
+void WebServer::Impl::forget(lws* wsi) {
+    replies_.erase(wsi);
+    connections_.erase(wsi);
+    sockets_.erase(wsi);
+}
+
+void WebServer::Impl::tick() {
+    const std::int64_t now_ns = monotonic_now_ns();
+    if (stopping() && end_ns_ == 0) {
+        end_ns_ = now_ns + kFarewell_ns;
+        invite_all();
+    }
+    handler_.tick();
+    close_stuck(now_ns);
+    ended_ = stopping() && (connections_.empty() || now_ns >= end_ns_);
+    schedule_tick();
+}
+
+void WebServer::Impl::close_stuck(std::int64_t now_ns) {
+    for (auto& [wsi, connection] : connections_) {
+        if (connection.asked_ns != 0 && now_ns - connection.asked_ns > kStuckAfter_ns) {
+            lws_set_timeout(wsi, PENDING_TIMEOUT_KILLED_BY_PARENT, LWS_TO_KILL_ASYNC);
+        }
+    }
+}
+
+void WebServer::Impl::schedule_tick() {
+    if (ticking_ || connections_.empty()) {
+        return;
+    }
+    ticking_ = true;
+    lws_sul_schedule(
+        context_, 0, &timer_.sul,
+        [](lws_sorted_usec_list_t* sul) {
+            Impl& impl = *reinterpret_cast<Timer*>(sul)->impl;
+            impl.ticking_ = false;
+            try {
+                impl.tick();
+            } catch (const std::exception&) {
+                impl.schedule_tick();  // memory ran out: perhaps there is some the next time
+            }
+            if (impl.ended_) {
+                impl.wake();  // or the library would wait for the next event first
+            }
+        },
+        kTick_ns / 1000);
+}
+
+WebServer::WebServer(const std::string& address, std::uint16_t port, WebHandler& handler)
+    : impl_(std::make_unique<Impl>(address, port, handler)) {}
+WebServer::~WebServer() = default;
+
+std::uint16_t WebServer::port() const noexcept {
+    return impl_->port();
+}
+void WebServer::run() {
+    impl_->run();
+}
+void WebServer::wake() noexcept {
+    impl_->wake();
+}
+void WebServer::stop() noexcept {
+    impl_->stop();
+}
+bool WebServer::stopping() const noexcept {
+    return impl_->stopping();
+}
+std::size_t WebServer::viewers() const noexcept {
+    return impl_->viewers();
+}
+void WebServer::invite_all() {
+    impl_->invite_all();
+}
+
+}  // namespace haptic::sim::view
