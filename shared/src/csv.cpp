@@ -21,6 +21,10 @@ std::string_view trimmed(std::string_view text) {
                                            : text.substr(begin, text.find_last_not_of(" \t\r") - begin + 1);
 }
 
+bool is_note(std::string_view line) {
+    return trimmed(line).starts_with('#');
+}
+
 void split_cells(std::string_view line, std::vector<std::string_view>& cells) {
     cells.clear();
     for (std::size_t begin = 0;;) {
@@ -81,6 +85,17 @@ std::string text_of(const CsvCell& cell) {
     return text;
 }
 
+void append_row(std::string& text, std::span<const double> values) {
+    char digits[32];
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        if (i > 0) {
+            text += ',';
+        }
+        text.append(digits, std::to_chars(std::begin(digits), std::end(digits), values[i]).ptr);
+    }
+    text += '\n';
+}
+
 CsvReader::CsvReader(const std::filesystem::path& file) : file_(file.string()) {
     if (std::filesystem::is_directory(file)) {
         throw CsvError(file_ + ": cannot be read: is a directory");
@@ -90,8 +105,10 @@ CsvReader::CsvReader(const std::filesystem::path& file) : file_(file.string()) {
     if (!stream_) {
         throw CsvError(file_ + ": cannot be read: " + std::generic_category().message(errno));
     }
-    static_cast<void>(next_line());
-    line_number_ = 1;  // also of an empty file
+    while (next_line() && is_note(line_)) {
+        notes_.emplace_back(trimmed(trimmed(line_).substr(1)));
+    }
+    line_number_ = std::max<std::size_t>(line_number_, 1);  // also of an empty file
     std::string_view header = line_;
     if (header.starts_with(kByteOrderMark)) {
         header.remove_prefix(kByteOrderMark.size());
@@ -120,7 +137,7 @@ bool CsvReader::next_line() {
 bool CsvReader::next() {
     while (next_line()) {
         const std::string_view line = trimmed(line_);
-        if (line.empty()) {
+        if (line.empty() || is_note(line)) {
             continue;
         }
         split_cells(line, cells_);
@@ -180,7 +197,9 @@ CsvTable CsvTable::load(const std::filesystem::path& file) {
     CsvReader reader(file);
     CsvTable table;
     table.file_ = reader.name();
+    table.notes_ = reader.notes();
     table.names_ = reader.columns();
+    table.header_line_ = reader.line();
     table.values_.resize(table.names_.size());
     while (reader.next()) {
         for (std::size_t i = 0; i < table.names_.size(); ++i) {
@@ -206,12 +225,16 @@ std::span<const double> CsvTable::column(std::string_view column) const {
     no_such_column(file_, column, names_);
 }
 
-CsvWriter::CsvWriter(const std::filesystem::path& file, const std::vector<std::string>& columns)
+CsvWriter::CsvWriter(const std::filesystem::path& file, const std::vector<std::string>& columns,
+                     const std::vector<std::string>& notes)
     : file_(file), temporary_(detail::temporary_beside(file)), columns_(columns.size()) {
     errno = 0;
     stream_.open(temporary_, std::ios::binary | std::ios::trunc);
     if (!stream_) {
         throw CsvError(file_.string() + ": cannot be written: " + std::generic_category().message(errno));
+    }
+    for (const std::string& note : notes) {
+        stream_ << "# " << note << '\n';
     }
     for (const std::string& column : columns) {
         line_ += (line_.empty() ? "" : ",") + column;
@@ -236,15 +259,17 @@ void CsvWriter::begin_row(std::size_t cells) {
 
 void CsvWriter::end_row() {
     line_ += '\n';
+    write_row();
+}
+
+void CsvWriter::write_row() {
     stream_.write(line_.data(), static_cast<std::streamsize>(line_.size()));
 }
 
 void CsvWriter::row(std::span<const double> values) {
     begin_row(values.size());
-    for (const double value : values) {
-        append(line_, value);
-    }
-    end_row();
+    append_row(line_, values);
+    write_row();
 }
 
 void CsvWriter::row(std::span<const CsvCell> cells) {

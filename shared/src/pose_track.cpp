@@ -42,9 +42,9 @@ PoseTrack::PoseTrack(std::vector<double> times_s, std::vector<Pose> poses)
 
 PoseTrack PoseTrack::load(const std::filesystem::path& file) {
     const CsvTable table = CsvTable::load(file);
-    // Line 1 is the header. Blank lines are rare enough that the row says the place well.
+    // Blank lines and notes between rows are rare enough that the row says the place well.
     const auto fail = [&](std::size_t row, const std::string& problem) {
-        throw CsvError(table.name() + ":" + std::to_string(row + 2) + ": " + problem);
+        throw CsvError(table.name() + ":" + std::to_string(table.header_line() + 1 + row) + ": " + problem);
     };
     const auto time = table.column("time_s");
     const auto x = table.column("x_m");

@@ -1,4 +1,5 @@
-// Recordings: CSV with a header line that names column and unit ("time_s,x_m,..."), numbers only.
+// Recordings: CSV with a header line that names column and unit ("time_s,x_m,..."), numbers only. Lines that begin with
+// # are notes, of which readers of numbers take no notice.
 #pragma once
 
 #include <cstddef>
@@ -27,6 +28,9 @@ using CsvCell = std::variant<double, std::int64_t, std::uint64_t>;
 /// The shortest form that reads back to the same bits, as CsvWriter writes it.
 [[nodiscard]] std::string text_of(const CsvCell& cell);
 
+/// Appends numbers in that form, with commas between them, and ends the line.
+void append_row(std::string& text, std::span<const double> values);
+
 /// A CSV file row by row, for recordings of any length.
 class CsvReader {
   public:
@@ -52,6 +56,8 @@ class CsvReader {
     [[noreturn]] void fail(const std::string& problem) const;
     [[nodiscard]] const std::string& name() const noexcept { return file_; }
     [[nodiscard]] std::size_t line() const noexcept { return line_number_; }
+    /// What stands before the header, without the # and the blanks round it.
+    [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
 
   private:
     bool next_line();
@@ -61,6 +67,7 @@ class CsvReader {
     std::ifstream stream_;
     std::string line_;
     std::size_t line_number_ = 0;
+    std::vector<std::string> notes_;
     std::vector<std::string> names_;
     std::vector<std::string_view> cells_;  // of line_
 };
@@ -79,10 +86,16 @@ class CsvTable {
     /// Throws CsvError that lists the columns the file does have.
     [[nodiscard]] std::span<const double> column(std::string_view column) const;
     [[nodiscard]] const std::string& name() const noexcept { return file_; }
+    /// As CsvReader's.
+    [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
+    /// The number of the line with the header.
+    [[nodiscard]] std::size_t header_line() const noexcept { return header_line_; }
 
   private:
     std::string file_;
+    std::vector<std::string> notes_;
     std::vector<std::string> names_;
+    std::size_t header_line_ = 1;
     std::vector<std::vector<double>> values_;
     std::size_t rows_ = 0;
 };
@@ -91,7 +104,9 @@ class CsvTable {
 /// recording. Values are written in the shortest form that reads back to the same bits. Throws CsvError.
 class CsvWriter {
   public:
-    CsvWriter(const std::filesystem::path& file, const std::vector<std::string>& columns);
+    /// `notes` of one line each go before the header.
+    CsvWriter(const std::filesystem::path& file, const std::vector<std::string>& columns,
+              const std::vector<std::string>& notes = {});
     CsvWriter(const CsvWriter&) = delete;
     CsvWriter& operator=(const CsvWriter&) = delete;
     /// Closes without renaming if close() was not reached; the temporary file is removed.
@@ -104,6 +119,7 @@ class CsvWriter {
   private:
     void begin_row(std::size_t cells);
     void end_row();
+    void write_row();
 
     std::filesystem::path file_;
     std::filesystem::path temporary_;
