@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "haptic/probe.hpp"
+#include "haptic/sim/live_settings.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -20,9 +21,9 @@ constexpr std::size_t kMostSceneTriangles = 2'000'000;
 
 SolverSettings read_solver(const Config& config) {
     SolverSettings solver;
-    solver.step = config.number("solver.step", solver.step, {1e-4, 0.1});
+    solver.step = config.number("solver.step", solver.step, ranges::kStep);
     solver.substeps = static_cast<int>(config.integer("solver.substeps", solver.substeps, {1.0, 100.0}));
-    solver.iterations = static_cast<int>(config.integer("solver.iterations", solver.iterations, {0.0, 1000.0}));
+    solver.iterations = static_cast<int>(config.integer("solver.iterations", solver.iterations, ranges::kIterations));
     solver.rotation_iterations =
         static_cast<int>(config.integer("solver.rotation_iterations", solver.rotation_iterations, {1.0, 100.0}));
     solver.gravity = config.vec3("solver.gravity", solver.gravity, {-1e3, 1e3});
@@ -51,8 +52,8 @@ CollisionSettings read_collisions(const Config& config) {
 
 ProxySettings read_proxy(const Config& config) {
     ProxySettings proxy;
-    proxy.radius = config.number("proxy.radius", proxy.radius, {1e-6, 10.0});
-    proxy.shrink = config.number("proxy.shrink", proxy.shrink, {0.9, 0.99999});
+    proxy.radius = config.number("proxy.radius", proxy.radius, ranges::kRadius);
+    proxy.shrink = config.number("proxy.shrink", proxy.shrink, ranges::kShrink);
     proxy.reach = config.number("proxy.reach", proxy.reach, {0.0, 10.0});
     if (proxy.reach > proxy.radius && !config.has("tool")) {  // those of a tool are known once it is made
         config.fail("proxy.reach", "must not exceed proxy.radius");
@@ -65,8 +66,8 @@ ContactSettings read_contact(const Config& config, double shrink) {
     contact.shrink = shrink;
     const std::string method = config.choice("contact.method", "complete", {"complete", "thesis"});
     contact.method = method == "thesis" ? CcdMethod::Thesis : CcdMethod::Complete;
-    contact.static_friction = config.number("proxy.static_friction", contact.static_friction, {0.0, 10.0});
-    contact.dynamic_friction = config.number("proxy.dynamic_friction", contact.dynamic_friction, {0.0, 10.0});
+    contact.static_friction = config.number("proxy.static_friction", contact.static_friction, ranges::kFriction);
+    contact.dynamic_friction = config.number("proxy.dynamic_friction", contact.dynamic_friction, ranges::kFriction);
     if (contact.dynamic_friction > contact.static_friction) {
         config.fail("proxy.dynamic_friction", "must not exceed proxy.static_friction");
     }
@@ -82,8 +83,9 @@ ContactSettings read_contact(const Config& config, double shrink) {
 
 CouplingSettings read_coupling(const Config& config) {
     CouplingSettings coupling;
-    coupling.stiffness = config.number("coupling.stiffness", coupling.stiffness, {0.0, 1e5});
-    coupling.torque_stiffness = config.number("coupling.torque_stiffness", coupling.torque_stiffness, {0.0, 1e5});
+    coupling.stiffness = config.number("coupling.stiffness", coupling.stiffness, ranges::kStiffness);
+    coupling.torque_stiffness =
+        config.number("coupling.torque_stiffness", coupling.torque_stiffness, ranges::kStiffness);
     if (coupling.torque_stiffness > 0.0 && coupling.stiffness == 0.0) {
         config.fail("coupling.torque_stiffness", "needs a coupling.stiffness: what makes no force makes no torque");
     }

@@ -49,6 +49,12 @@ double first_curl(const Scene& scene) {
     return scene.curl.known() ? scene.curl.at(0) : scene.tool ? scene.tool->curl : 0.0;
 }
 
+LiveSettings first_settings(const Scene& scene, const ToolModel& tool) {
+    LiveSettings settings = live_settings_of(scene);
+    settings.tool_iterations = tool.iterations;
+    return settings;
+}
+
 ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
     return {tool,
             {.contact = scene.contact,
@@ -83,7 +89,9 @@ struct Simulation::State {
           end(all.mesh.vertices),
           workspace(which.workspace),
           tool(make_proxies(which, held)),
-          force(all.model.size(), Vec3(0.0)) {
+          force(all.model.size(), Vec3(0.0)),
+          settings(first_settings(which, held)),
+          proxy_sphere(!which.tool && held.body.particles.size() == 1) {
         for (std::size_t b = 0; b < all.bodies.size(); ++b) {
             surfaces.push_back({{}, &all.trees[b]});
             standing.push_back(0);
@@ -107,6 +115,11 @@ struct Simulation::State {
         return scene.contact.static_friction > 0.0 || scene.contact.dynamic_friction > 0.0;
     }
 
+    [[nodiscard]] double now_s() const {
+        return paced_from_s + static_cast<double>(steps - paced_from) * scene.solver.step;
+    }
+
+    void take(const LiveSettings& next);
     [[nodiscard]] double next_curl(const StepInput& input) const;
     void find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch);
     void couple(StepResult& result);
@@ -132,7 +145,11 @@ struct Simulation::State {
     std::vector<Vec3> force;  // N, per particle
     double damping = 0.0;     // N*s/m, of one proxy's spring in the last step, scene
     ContactFrame frame{};
+    SettingsFade settings;
+    const bool proxy_sphere;  // the tool is one, of the proxy's radius
     std::uint64_t steps = 0;
+    std::uint64_t paced_from = 0;  // step since which solver.step has been what it is
+    double paced_from_s = 0.0;     // s, when that began
     bool verifying = false;
 };
 
@@ -151,6 +168,29 @@ void Simulation::set_verification(bool on) noexcept {
 
 void Simulation::change_workspace(const WorkspaceSettings& settings) {
     state_->clutch.change_to(Workspace(settings));
+}
+
+void Simulation::change_settings(const LiveSettings& settings) {
+    check(settings);
+    state_->settings.go_to(settings);
+}
+
+const LiveSettings& Simulation::settings() const noexcept {
+    return state_->settings.asked();
+}
+
+void Simulation::couple_anew() noexcept {
+    state_->clutch.begin_anew();
+}
+
+void Simulation::State::take(const LiveSettings& next) {
+    if (next.step != scene.solver.step) {
+        paced_from_s = now_s();
+        paced_from = steps;
+    }
+    apply(next, scene);
+    solver.set_pace(next.step, next.iterations);
+    tool.change(scene.contact, next.tool_iterations, proxy_sphere ? next.radius : 0.0);
 }
 
 double Simulation::State::next_curl(const StepInput& input) const {
@@ -304,6 +344,11 @@ StepResult Simulation::step(const StepInput& input) {
     const FlushDenormals flush;
     Stopwatch watch(s.clock);
     StepResult result;
+    if (s.settings.moving()) {
+        s.take(s.settings.advance(s.scene.solver.step));
+    }
+    result.time = s.now_s();
+    result.step = s.scene.solver.step;
     const Pose hip =
         s.clutch.engage(s.clutch_held(input.buttons), input.device,
                         {.pose = s.tool.pose(), .in_shape = s.tool.in_shape()}, s.scene.solver.step, s.workspace);
@@ -314,13 +359,13 @@ StepResult Simulation::step(const StepInput& input) {
     }
     s.couple(result);
     result.times.proxy_ns += watch.lap();
-    s.all.lead(static_cast<double>(s.steps) * s.scene.solver.step, s.scene.solver.step);
+    s.all.lead(s.now_s(), s.scene.solver.step);
     s.solver.step(s.all.model, s.force, s.collisions.get());
     ++s.steps;
+    s.tool.set_step(s.scene.solver.step);
     if (!is_finite(s.all.model)) {
         throw std::runtime_error(
-            "step " + std::to_string(s.steps) +
-            " at t = " + std::to_string(static_cast<double>(s.steps) * s.scene.solver.step) +
+            "step " + std::to_string(s.steps) + " at t = " + std::to_string(s.now_s()) +
             " s: the state of the model is no longer finite; a smaller solver.step, a softer coupling.stiffness "
             "or a larger coupling.mask_radius keeps it so");
     }
@@ -379,6 +424,10 @@ const Workspace& Simulation::workspace() const noexcept {
 }
 std::uint64_t Simulation::steps() const noexcept {
     return state_->steps;
+}
+
+double Simulation::time() const noexcept {
+    return state_->now_s();
 }
 
 std::uint64_t Simulation::state_hash() const noexcept {

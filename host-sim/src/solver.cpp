@@ -283,6 +283,14 @@ void ParticleSolver::set_rest_shape(const ParticleModel& model) noexcept {
     now_->batches.set_rest_shape(model);
 }
 
+void ParticleSolver::set_pace(double step, int iterations) {
+    SolverSettings next = settings_;
+    next.step = step;
+    next.iterations = iterations;
+    check(next);
+    settings_ = next;
+}
+
 void ParticleSolver::count_pushes(double h) {
     for (std::size_t i = 0; i < predicted_.size(); ++i) {
         predicted_[i] += vector_of(now_->pushed[i]) / h;

@@ -4,7 +4,6 @@
 #include <glm/geometric.hpp>
 #include <stdexcept>
 #include <string>
-#include <utility>
 
 #include "contact/hold.hpp"
 #include "haptic/sim/contact/planes_in_reach.hpp"
@@ -60,6 +59,7 @@ ToolModel one_sphere(double radius) {
 
 ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const Pose& where, double curl)
     : settings_(settings),
+      asked_reach_(settings.reach),
       body_(body_of(model, settings.reach)),
       solver_(body_.particles, settings_of_solver(model, settings.step)),
       joints_(model.joints),
@@ -72,6 +72,7 @@ ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const
       held_(particles_.size(), 0) {
     if (!body_.mesh.vertices.empty()) {
         skinner_ = std::make_unique<Skinner>(body_.mesh.vertices, body_.particles, body_.skin);
+        posed_ = std::make_unique<ParticleModel>(body_.particles);
     }
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         particles_[i].radius = model.radius[i];
@@ -100,6 +101,21 @@ ProxyPath* ToolProxies::path_of(std::size_t particle) noexcept {
 
 void ToolProxies::keep_paths(bool on) {
     paths_.resize(on ? particles_.size() : 0);
+}
+
+void ToolProxies::change(const ContactSettings& contact, int iterations, double radius) {
+    settings_.contact = contact;
+    solver_.set_pace(solver_.settings().step, iterations);
+    for (ToolParticle& p : particles_) {
+        p.radius = radius > 0.0 ? radius : p.radius;
+        if (!rough()) {
+            p.grip = {};  // what held it once says nothing when surfaces become rough again
+        }
+    }
+    settings_.reach = asked_reach_;
+    for (const ToolParticle& p : particles_) {
+        settings_.reach = std::min(settings_.reach, p.radius);
+    }
 }
 
 void ToolProxies::take_rest_shape() {
@@ -293,28 +309,38 @@ void ToolProxies::look_ahead() {
 }
 
 /// The skin was made at curl 0, from where the present curl has turned each particle.
-std::vector<Vec3> ToolProxies::skinned(ParticleModel model) const {
-    for (std::size_t i = 0; i < model.size(); ++i) {
-        model.orientation[i] = model.orientation[i] * rest_turn_[i];
+void ToolProxies::skin(std::span<Vec3> placed) const {
+    if (!skinner_) {
+        return;
     }
-    std::vector<Vec3> placed(body_.mesh.vertices.size());
-    if (skinner_) {
-        skinner_->place(model, placed);
+    for (std::size_t i = 0; i < posed_->size(); ++i) {
+        posed_->orientation[i] = posed_->orientation[i] * rest_turn_[i];
     }
-    return placed;
+    skinner_->place(*posed_, placed);
+}
+
+void ToolProxies::vertices(std::span<Vec3> placed) const {
+    if (posed_) {
+        posed_->position = body_.particles.position;
+        posed_->orientation = body_.particles.orientation;
+    }
+    skin(placed);
 }
 
 std::vector<Vec3> ToolProxies::vertices() const {
-    return skinned(body_.particles);
+    std::vector<Vec3> placed(body_.mesh.vertices.size());
+    vertices(placed);
+    return placed;
 }
 
 std::vector<Vec3> ToolProxies::goal_vertices() const {
-    ParticleModel model = body_.particles;
-    for (std::size_t i = 0; i < model.size(); ++i) {
-        model.position[i] = particles_[i].goal;
-        model.orientation[i] = hip_.orientation;
+    std::vector<Vec3> placed(body_.mesh.vertices.size());
+    for (std::size_t i = 0; posed_ && i < posed_->size(); ++i) {
+        posed_->position[i] = particles_[i].goal;
+        posed_->orientation[i] = hip_.orientation;
     }
-    return skinned(std::move(model));
+    skin(placed);
+    return placed;
 }
 
 }  // namespace haptic::sim

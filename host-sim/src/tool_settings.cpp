@@ -1,5 +1,6 @@
 #include <cstdint>
 
+#include "haptic/sim/live_settings.hpp"
 #include "haptic/sim/model_builder.hpp"
 #include "haptic/sim/tool_model.hpp"
 
@@ -40,7 +41,7 @@ ToolSettings read_tool(const Config& config) {
     tool.mass = config.number("tool.mass", tool.mass, {1e-6, 1e3});
     tool.group_stiffness = config.number("tool.group_stiffness", tool.group_stiffness, kUnitInterval);
     tool.link_stiffness = config.number("tool.link_stiffness", tool.link_stiffness, kUnitInterval);
-    tool.iterations = static_cast<int>(config.integer("tool.iterations", tool.iterations, {0.0, 1000.0}));
+    tool.iterations = static_cast<int>(config.integer("tool.iterations", tool.iterations, ranges::kIterations));
     tool.curl = config.number("tool.curl", tool.curl, kUnitInterval);
     tool.close_button = static_cast<int>(config.integer("tool.close_button", tool.close_button, {-1.0, 31.0}));
     tool.close_to = config.number("tool.close_to", tool.close_to, kUnitInterval);

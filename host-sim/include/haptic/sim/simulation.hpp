@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "haptic/frames.hpp"
+#include "haptic/sim/live_settings.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/particles.hpp"
 #include "haptic/sim/scene.hpp"
@@ -56,6 +57,8 @@ struct StageTimes {
 
 /// Where the step deals with many proxies, numbers are those of the one that is worst off, flags are set by any.
 struct StepResult {
+    double time = 0.0;                           // s, since the start: when the step began
+    double step = 0.0;                           // s, its length
     Vec3 proxy{0.0};                             // m, scene: the tool's origin, where its particles have it
     Quat proxy_orientation{1.0, 0.0, 0.0, 0.0};  // scene_from_tool, likewise
     Vec3 hip{0.0};                               // m, scene: the device, mapped
@@ -105,6 +108,17 @@ class Simulation {
     /// force fades, the tool stays where it is, and the force begins anew at zero. Throws std::invalid_argument.
     void change_workspace(const WorkspaceSettings& settings);
 
+    /// Changes settings from the next step on, without a jump of the force (live_settings.hpp); scene() says how far
+    /// they have come. The radius is that of a tool that is one sphere of the proxy's. Throws std::invalid_argument,
+    /// and changes nothing, for what is out of its range.
+    void change_settings(const LiveSettings& settings);
+    /// What was asked for last, or the scene's own.
+    [[nodiscard]] const LiveSettings& settings() const noexcept;
+
+    /// Uncouples hand and tool at once, and couples them again within WorkspaceSettings::clutch_fade: for a hand that
+    /// is suddenly elsewhere.
+    void couple_anew() noexcept;
+
     /// Advances by Scene::solver.step. Throws std::runtime_error that names the step if the state ceases to be finite.
     /// Does not allocate unless it verifies.
     StepResult step(const StepInput& input);
@@ -115,6 +129,7 @@ class Simulation {
     /// What the step found, for the haptic loop. The ring fills in sequence and session, the publisher its time.
     [[nodiscard]] const ContactFrame& frame() const noexcept;
 
+    /// With what was changed since.
     [[nodiscard]] const Scene& scene() const noexcept;
     [[nodiscard]] const ParticleModel& model() const noexcept;
     /// Rest mesh of all bodies; its triangles index into the vertices below.
@@ -128,6 +143,8 @@ class Simulation {
     [[nodiscard]] const ToolProxies& tool() const noexcept;
     [[nodiscard]] const Workspace& workspace() const noexcept;
     [[nodiscard]] std::uint64_t steps() const noexcept;
+    /// s, since the start: when the next step begins.
+    [[nodiscard]] double time() const noexcept;
 
     /// FNV-1a (Fowler, Noll, Vo) of the bits of the whole state: particles and proxies.
     [[nodiscard]] std::uint64_t state_hash() const noexcept;

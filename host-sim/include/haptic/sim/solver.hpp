@@ -118,6 +118,9 @@ class ParticleSolver {
     /// else of the constraints is as it was given to the constructor. No allocation.
     void set_rest_shape(const ParticleModel& model) noexcept;
 
+    /// From the next step on. Throws std::invalid_argument, and changes nothing, for what the constructor refuses.
+    void set_pace(double step, int iterations);
+
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
     [[nodiscard]] std::size_t lanes() const noexcept;
     [[nodiscard]] std::size_t group_colours() const noexcept;

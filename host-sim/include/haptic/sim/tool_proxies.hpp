@@ -91,6 +91,13 @@ class ToolProxies {
     /// refuses.
     ToolProxies(const ToolModel& model, const Settings& settings, const Pose& where, double curl = 0.0);
 
+    /// From the next step on. A particle whose radius grows is moved clear of what it then clips like one that a
+    /// surface has come upon; `radius` (m) 0 leaves the radii as they are. What is sent ahead never reaches farther
+    /// than a radius. No allocation.
+    void change(const ContactSettings& contact, int iterations, double radius = 0.0);
+    /// s, between the hip of the last step and that of the next one.
+    void set_step(double step) { settings_.step = step; }
+
     /// The stages of a step, in this order. No allocation. `surfaces` are refitted to the step, and have to stay.
     void aim(const Pose& hip) { aim(hip, curl_); }
     /// With the rest shape of a curl of 0..1; a tool that cannot close has one shape.
@@ -122,6 +129,8 @@ class ToolProxies {
     [[nodiscard]] const TriangleMesh& mesh() const noexcept { return body_.mesh; }
     /// The mesh's vertices in the scene now.
     [[nodiscard]] std::vector<Vec3> vertices() const;
+    /// The same into as many as the mesh has. No allocation.
+    void vertices(std::span<Vec3> placed) const;
     /// Where they would be with every particle at its goal: in the rest shape of the present curl, where the hand is.
     [[nodiscard]] std::vector<Vec3> goal_vertices() const;
 
@@ -130,7 +139,7 @@ class ToolProxies {
     [[nodiscard]] ProxyPath* path_of(std::size_t particle) noexcept;
     void take_rest_shape();
     void close(double curl);
-    [[nodiscard]] std::vector<Vec3> skinned(ParticleModel model) const;
+    void skin(std::span<Vec3> placed) const;
     void fit_pose();
     void move_toward(std::size_t particle, const Vec3& goal);
     // Closed links: tool_links.cpp.
@@ -143,13 +152,15 @@ class ToolProxies {
     void keep_bars(std::size_t particle);
 
     Settings settings_;
+    double asked_reach_;   // m, of which settings_.reach is what the radii allow
     DeformableBody body_;  // in motion
     ParticleSolver solver_;
-    std::unique_ptr<Skinner> skinner_;  // if there is a mesh
-    ToolJoints joints_;                 // none: one rest shape
-    std::vector<Quat> rest_turn_;       // per particle, tool's frame: how the present curl has turned it
-    double curl_ = 0.0;                 // 0..1
-    bool reshaped_ = false;             // the solver knows an older rest shape
+    std::unique_ptr<Skinner> skinner_;      // if there is a mesh
+    std::unique_ptr<ParticleModel> posed_;  // likewise: the particles as the skin is laid on them
+    ToolJoints joints_;                     // none: one rest shape
+    std::vector<Quat> rest_turn_;           // per particle, tool's frame: how the present curl has turned it
+    double curl_ = 0.0;                     // 0..1
+    bool reshaped_ = false;                 // the solver knows an older rest shape
     std::vector<ToolParticle> particles_;
     Surroundings surroundings_;
     std::vector<ReachTask> ahead_;    // per particle, what the haptic loop gets

@@ -93,6 +93,9 @@ class Clutch {
     /// A change is under way: asked for, not yet taken or not yet coupled again.
     [[nodiscard]] bool changing() const noexcept { return next_.has_value() || apart_s_ > 0.0; }
 
+    /// Uncouples at once; the coupling comes back within the fade.
+    void begin_anew() noexcept { gain_ = 0.0; }
+
     /// Factor of the coupling, 0..1.
     [[nodiscard]] double gain() const noexcept { return gain_; }
     [[nodiscard]] bool uncoupled() const noexcept { return gain_ <= 0.0; }

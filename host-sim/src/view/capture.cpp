@@ -1,0 +1,138 @@
+#include "view/capture.hpp"
+
+#include <cstddef>
+#include <glm/geometric.hpp>
+
+#include "haptic/frames.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/tool_proxies.hpp"
+
+namespace haptic::sim::view {
+namespace {
+
+bool closes(const Scene& scene) {
+    return scene.tool && scene.tool->shape == ToolShape::Hand && scene.tool->file.empty();
+}
+
+void describe_bodies(const Simulation& simulation, SceneDescription& out) {
+    const std::vector<SceneBody>& bodies = simulation.bodies();
+    for (std::size_t b = 0; b < bodies.size(); ++b) {
+        const std::size_t next = b + 1 < bodies.size() ? bodies[b + 1].first_particle : simulation.model().size();
+        out.bodies.push_back({.name = bodies[b].name,
+                              .first_vertex = bodies[b].first_vertex,
+                              .vertices = bodies[b].mesh.vertices.size(),
+                              .triangles = bodies[b].mesh.triangles,
+                              .first_particle = bodies[b].first_particle,
+                              .particles = next - bodies[b].first_particle});
+    }
+}
+
+/// The planes that were sent of one proxy; their velocities are those of the frame.
+void add_planes(const Simulation& simulation, std::size_t proxy, SceneSnapshot& out) {
+    const ToolParticle& particle = simulation.tool().particles()[proxy];
+    const ContactFrame& frame = simulation.frame();
+    const bool sent = proxy < frame.proxy_count && frame.proxies[proxy].plane_count == particle.planes.count;
+    for (std::size_t p = 0; p < particle.planes.count; ++p) {
+        const SurfacePlane& plane = particle.planes.plane[p];
+        const double velocity =
+            sent ? frame.proxies[proxy].planes[p].velocity / simulation.workspace().settings().scale : plane.velocity;
+        out.planes.push_back({.normal = plane.normal,
+                              .offset = plane.offset,
+                              .velocity = velocity,
+                              .proxy = static_cast<std::uint32_t>(proxy),
+                              .touches = p < particle.contacts.count});
+    }
+}
+
+float microseconds(std::int64_t duration_ns) noexcept {
+    return static_cast<float>(duration_ns) * 1e-3F;
+}
+
+}  // namespace
+
+SceneDescription describe(const Simulation& simulation) {
+    const Scene& scene = simulation.scene();
+    SceneDescription out;
+    out.name = scene.name;
+    out.text = scene.description;
+    for (const BuiltInScene& other : built_in_scenes()) {
+        out.scenes.emplace_back(other.name);
+    }
+    describe_bodies(simulation, out);
+    out.semi_axes = simulation.model().semi_axes;
+    out.ellipsoid_axes = simulation.model().axes;
+    out.groups = simulation.model().groups;
+    out.links = simulation.model().links;
+    out.tool_triangles = simulation.tool().mesh().triangles;
+    out.tool_vertices = simulation.tool().mesh().vertices.size();
+    for (const ToolParticle& particle : simulation.tool().particles()) {
+        out.proxy_radii.push_back(particle.radius);
+    }
+    if (scene.collisions.ground) {
+        out.ground_height = scene.collisions.ground_height;
+    }
+    out.step = scene.solver.step;
+    out.force_scale = scene.workspace.force_scale;
+    out.closes = closes(scene);
+    return out;
+}
+
+void make_room(const Simulation& simulation, SceneSnapshot& out) {
+    out.vertices.resize(simulation.vertices().size());
+    out.particles.resize(simulation.model().size());
+    out.orientations.resize(simulation.model().size());
+    out.tool_vertices.resize(simulation.tool().mesh().vertices.size());
+    out.proxies.resize(simulation.tool().particles().size());
+    out.planes.reserve(kMaxSurfacePlanes * simulation.tool().particles().size());
+}
+
+void capture(const Simulation& simulation, const StepResult& result, SceneSnapshot& out) {
+    const ParticleModel& model = simulation.model();
+    out.step = simulation.steps();
+    out.time = simulation.time();
+    out.vertices.assign(simulation.vertices().begin(), simulation.vertices().end());
+    out.particles.assign(model.position.begin(), model.position.end());
+    out.orientations.assign(model.orientation.begin(), model.orientation.end());
+    const ToolProxies& tool = simulation.tool();
+    out.tool_vertices.resize(tool.mesh().vertices.size());
+    tool.vertices(out.tool_vertices);
+    out.proxies.resize(tool.particles().size());
+    out.planes.clear();
+    for (std::size_t i = 0; i < out.proxies.size(); ++i) {
+        const ToolParticle& particle = tool.particles()[i];
+        out.proxies[i] = {.position = particle.position,
+                          .goal = particle.goal,
+                          .radius = particle.radius,
+                          .touches = particle.in_contact(),
+                          .sticks = particle.sticks()};
+        add_planes(simulation, i, out);
+    }
+    out.tool = tool.pose();
+    out.hip = tool.hip();
+    out.force = result.force;
+    out.torque = result.torque;
+    out.hand_force = result.hand_force;
+    out.hand_torque = result.hand_torque;
+    out.curl = result.curl;
+    out.depth = result.depth;
+    out.in_contact = result.in_contact;
+    out.squeezed = result.squeezed;
+}
+
+StepSample sample_of(const StepResult& result) noexcept {
+    const StageTimes& t = result.times;
+    return {.time = result.time,
+            .force = static_cast<float>(glm::length(result.hand_force)),
+            .torque = static_cast<float>(glm::length(result.hand_torque)),
+            .depth = static_cast<float>(result.depth),
+            .total_us = microseconds(t.total_ns),
+            .ccd_us = microseconds(t.ccd_ns),
+            .popout_us = microseconds(t.popout_ns),
+            .proxy_us = microseconds(t.proxy_ns),
+            .tool_us = microseconds(t.tool_ns),
+            .collide_us = microseconds(t.collide_ns),
+            .deform_us = microseconds(t.deform_ns),
+            .skin_us = microseconds(t.skin_ns)};
+}
+
+}  // namespace haptic::sim::view
