@@ -6,11 +6,13 @@
 #include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
 
-#include "haptic/csv.hpp"
 #include "haptic/report.hpp"
 
 namespace haptic::sim {
 namespace {
+
+// Of a sum of steps.
+constexpr double kRounding = 1.0 - 1e-9;
 
 std::string hexadecimal(std::uint64_t value) {
     std::array<char, 20> text{};
@@ -38,14 +40,7 @@ std::string durations(const Histogram& h) {
 
 }  // namespace
 
-RunStatistics::RunStatistics(const Scene& scene, bool recording, std::size_t expected_steps)
-    : step_s_(scene.solver.step), recording_(recording) {
-    if (recording_) {
-        rows_.reserve(expected_steps);
-    }
-}
-
-void RunStatistics::add(const StepInput& input, const StepResult& result) {
+void RunStatistics::add(const StepResult& result) {
     ++steps_;
     const StageTimes& t = result.times;
     times_.total.record(t.total_ns);
@@ -59,15 +54,16 @@ void RunStatistics::add(const StepInput& input, const StepResult& result) {
     const double hand_force = glm::length(result.hand_force);
     if (result.in_contact) {
         ++in_contact_;
-        ++held_;
         force_sum_ += hand_force;
+        held_since_s_ = held_s_ > 0.0 ? held_since_s_ : result.time;
+        held_s_ = result.time + result.step - held_since_s_;
         if (first_contact_s_ < 0.0) {
-            first_contact_s_ = static_cast<double>(steps_ - 1) * step_s_;
+            first_contact_s_ = result.time;
         }
     } else {
-        held_ = 0;
+        held_s_ = 0.0;
     }
-    longest_held_ = std::max(longest_held_, held_);
+    longest_held_s_ = std::max(longest_held_s_, held_s_);
     squeezed_ += result.squeezed ? 1 : 0;
     let_through_ += result.let_through ? 1 : 0;
     escapes_ += result.crossed ? 1 : 0;
@@ -76,14 +72,10 @@ void RunStatistics::add(const StepInput& input, const StepResult& result) {
     deepest_ = std::max(deepest_, result.depth);
     highest_force_ = std::max(highest_force_, hand_force);
     highest_scene_force_ = std::max(highest_scene_force_, glm::length(result.force));
-    if (recording_) {
-        rows_.push_back({input.time_ns, input.device, result.proxy, result.hip, result.hand_force, result.in_contact,
-                         static_cast<double>(t.total_ns) * 1e-3, result.hand_torque, result.curl});
-    }
 }
 
 bool RunStatistics::caught() const noexcept {
-    const bool held = static_cast<double>(longest_held_) * step_s_ >= kHeldForSeconds || held_ > 0;
+    const bool held = longest_held_s_ >= kHeldForSeconds * kRounding || held_s_ > 0.0;
     return held && escapes_ == 0 && let_through_ == 0;
 }
 
@@ -92,7 +84,7 @@ nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s
     nlohmann::json report;
     report["scene"] = scene.name;
     report["steps"] = steps_;
-    report["sim_s"] = static_cast<double>(steps_) * step_s_;
+    report["sim_s"] = simulation.time();
     report["wall_s"] = wall_s;
     report["steps_per_s"] = wall_s > 0.0 ? static_cast<double>(steps_) / wall_s : 0.0;
     report["caught"] = caught();
@@ -121,7 +113,7 @@ nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s
 }
 
 std::string RunStatistics::summary(const Simulation& simulation, double wall_s, bool verified) const {
-    const double simulated = static_cast<double>(steps_) * step_s_;
+    const double simulated = simulation.time();
     std::string text = simulation.scene().name + ": " +
                        format("%.2f s in %llu steps\n", simulated, static_cast<unsigned long long>(steps_));
     text += line("caught", caught() ? "yes" : "no");
@@ -152,41 +144,6 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
     text += line("  skin", durations(times_.skin));
     text += line("state", hexadecimal(simulation.state_hash()));
     return text;
-}
-
-void RunStatistics::write_record(const std::filesystem::path& file) const {
-    CsvWriter csv(file, {"time_s",    "x_m",        "y_m",       "z_m",     "qw",      "qx",      "qy",   "qz",
-                         "proxy_x_m", "proxy_y_m",  "proxy_z_m", "hip_x_m", "hip_y_m", "hip_z_m", "fx_n", "fy_n",
-                         "fz_n",      "in_contact", "step_us",   "tx_nm",   "ty_nm",   "tz_nm",   "curl"});
-    const std::int64_t begin_ns = rows_.empty() ? 0 : rows_.front().time_ns;
-    for (const Row& r : rows_) {
-        const Vec3& x = r.device.position;
-        const Quat& q = r.device.orientation;
-        csv.row(std::array{static_cast<double>(r.time_ns - begin_ns) / 1e9,
-                           x.x,
-                           x.y,
-                           x.z,
-                           q.w,
-                           q.x,
-                           q.y,
-                           q.z,
-                           r.proxy.x,
-                           r.proxy.y,
-                           r.proxy.z,
-                           r.hip.x,
-                           r.hip.y,
-                           r.hip.z,
-                           r.hand_force.x,
-                           r.hand_force.y,
-                           r.hand_force.z,
-                           r.in_contact ? 1.0 : 0.0,
-                           r.step_us,
-                           r.hand_torque.x,
-                           r.hand_torque.y,
-                           r.hand_torque.z,
-                           r.curl});
-    }
-    csv.close();
 }
 
 }  // namespace haptic::sim

@@ -14,6 +14,7 @@
 #include "cli/hand.hpp"
 #include "cli/run_statistics.hpp"
 #include "cli/snapshots.hpp"
+#include "cli/step_record.hpp"
 #include "cli/workspace_file.hpp"
 #include "haptic/csv.hpp"
 #include "haptic/pose_track.hpp"
@@ -39,12 +40,14 @@ class RunStatisticsTest : public ::testing::Test {
             snapshots_.before_step();
             const StepResult result = simulation_.step(input);
             snapshots_.after_step(result);
-            statistics_.add(input, result);
+            statistics_.add(result);
+            record_.add(input, result);
         }
     }
 
     Simulation simulation_{late_drop()};
-    RunStatistics statistics_{simulation_.scene(), true, 100};
+    RunStatistics statistics_;
+    StepRecord record_{100};
     Snapshots snapshots_{simulation_};
     std::filesystem::path folder_ =
         std::filesystem::path(::testing::TempDir()) / ("haptic-cli-test-" + std::to_string(getpid()));
@@ -84,7 +87,7 @@ TEST_F(RunStatisticsTest, AnEscapeIsNoCatch) {
     escaped.in_contact = true;
     escaped.crossed = true;
     for (int i = 0; i < 50; ++i) {
-        statistics_.add({}, escaped);
+        statistics_.add(escaped);
     }
     EXPECT_FALSE(statistics_.caught());
     EXPECT_EQ(statistics_.escapes(), 50u);
@@ -94,10 +97,10 @@ TEST_F(RunStatisticsTest, RecordIsAValidHand) {
     run(12);
     std::filesystem::create_directories(folder_);
     const std::filesystem::path file = folder_ / "record.csv";
-    statistics_.write_record(file);
+    record_.write(file, {.scene = "late-drop", .assignments = {}, .first_step = 0, .changes = {}});
     const CsvTable table = CsvTable::load(file);
     EXPECT_EQ(table.rows(), 12u);
-    EXPECT_EQ(table.columns().size(), 23u);
+    EXPECT_EQ(table.columns().size(), 24u);
     EXPECT_EQ(table.column("time_s")[3], 0.03);
     EXPECT_EQ(table.column("in_contact")[11], 1.0);
     EXPECT_LT(table.column("fy_n")[11], -0.1);  // the cloth pulls the hand down
