@@ -218,7 +218,8 @@ Request parse_request(std::string_view text, const SceneDescription& description
         return Malformed{"longer than " + std::to_string(kLongestRequest) + " bytes"};
     }
     const Json message = Json::parse(text, nullptr, false);
-    if (!message.is_object()) {
+    // The library takes a zero byte for the end.
+    if (!message.is_object() || text.find('\0') != std::string_view::npos) {
         return Malformed{"no JSON object"};
     }
     const auto type = message.find("type");

@@ -16,6 +16,7 @@
 
 #include "haptic/clock.hpp"
 #include "view/bounded_queue.hpp"
+#include "view/device_telemetry.hpp"
 #include "view/encoding.hpp"
 #include "view/newest.hpp"
 #include "view/page_files.hpp"
@@ -26,6 +27,7 @@ namespace haptic::sim::view {
 namespace {
 
 constexpr std::int64_t kMomentPeriod_ns = kNanosecondsPerSecond / 60;
+constexpr std::int64_t kDevicePeriod_ns = kNanosecondsPerSecond / 5;
 constexpr std::size_t kQueuedSamples = 4096;
 constexpr std::size_t kQueuedCommands = 256;
 constexpr int kNice = 5;  // the simulation goes first
@@ -120,6 +122,7 @@ class ServedView final : public LiveView, private WebHandler {
     void take_stage(std::shared_ptr<Stage> stage);
     bool take_moment();
     void take_samples();
+    bool look_at_device(std::int64_t now_ns);
     void ask(std::int64_t now_ns);
     template <class Predicate>
     [[nodiscard]] bool any_viewer(Predicate&& holds) const {
@@ -138,6 +141,8 @@ class ServedView final : public LiveView, private WebHandler {
     std::shared_ptr<Stage> new_stage_;
     std::shared_ptr<const std::string> new_record_;
 
+    std::unique_ptr<DeviceTelemetry> device_;  // null: there are no rings
+
     // Of the simulation's thread.
     std::shared_ptr<Stage> stage_;
     std::uint64_t samples_so_far_ = 0;
@@ -150,13 +155,16 @@ class ServedView final : public LiveView, private WebHandler {
     std::shared_ptr<const std::string> record_;
     Shown shown_;
     std::int64_t next_ask_ns_ = 0;
+    std::int64_t next_device_ns_ = 0;
 
     WebServer server_;
     std::thread thread_;
 };
 
 ServedView::ServedView(const LiveViewSettings& settings)
-    : settings_(settings), server_(settings.address, settings.port, *this) {
+    : settings_(settings),
+      device_(settings.session.empty() ? nullptr : std::make_unique<DeviceTelemetry>(settings.session)),
+      server_(settings.address, settings.port, *this) {
     const SignalsBlocked blocked;
     thread_ = std::thread([this] {
         become_ordinary_thread();
@@ -214,7 +222,11 @@ void ServedView::add(const StepSample& sample) noexcept {
     }
 }
 
-void ServedView::frame_published(std::uint64_t /*sequence*/, std::int64_t /*time_ns*/) noexcept {}
+void ServedView::frame_published(std::uint64_t sequence, std::int64_t time_ns) noexcept {
+    if (device_) {
+        device_->frame_published(sequence, time_ns);
+    }
+}
 
 bool ServedView::next_command(Command& command) {
     return commands_.pop(command);
@@ -274,8 +286,10 @@ std::optional<Resource> ServedView::resource(std::string_view path) {
 }
 
 void ServedView::tick() {
+    const std::int64_t now_ns = monotonic_now_ns();
     bool invite = take_news();
     invite = take_moment() || invite;
+    invite = look_at_device(now_ns) || invite;
     take_samples();
     if (server_.stopping()) {
         shown_.ending = true;
@@ -285,7 +299,7 @@ void ServedView::tick() {
     if (invite || samples_watched_.load(std::memory_order_relaxed)) {
         server_.invite_all();
     }
-    ask(monotonic_now_ns());
+    ask(now_ns);
 }
 
 bool ServedView::take_news() {
@@ -343,6 +357,20 @@ void ServedView::take_samples() {
             shown_.samples.add(sample);
         }
     }
+}
+
+bool ServedView::look_at_device(std::int64_t now_ns) {
+    if (!device_ || seats_.empty()) {
+        return false;
+    }
+    device_->look(now_ns);
+    if (now_ns < next_device_ns_) {
+        return false;
+    }
+    next_device_ns_ = now_ns + kDevicePeriod_ns;
+    shown_.device = device_->message(now_ns);
+    ++shown_.devices;
+    return true;
 }
 
 void ServedView::ask(std::int64_t now_ns) {
