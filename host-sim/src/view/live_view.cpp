@@ -54,7 +54,7 @@ void prepare(SceneSnapshot& snapshot, const SceneDescription& description) {
 
 /// What the process inherits for its real-time work is not for this thread, and its signals are the main thread's.
 void become_ordinary_thread() {
-    (void)pthread_setname_np(pthread_self(), "view");
+    (void)pthread_setname_np(pthread_self(), "haptic-view");
     const sched_param none{};
     (void)pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);
     (void)setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);

@@ -111,14 +111,15 @@ struct Connection {
     std::vector<unsigned char> outgoing;  // LWS_PRE bytes for the library, then the message
     std::size_t sent = 0;                 // with those
     bool text = false;
-    std::int64_t asked_ns = 0;  // since when the socket has taken nothing; 0: nothing waits for it
+    std::int64_t asked_ns = 0;       // since when the socket has taken nothing; 0: nothing waits for it
+    std::optional<Closing> closing;  // as soon as what is on its way has gone
 };
 
 }  // namespace
 
 class WebServer::Impl {
   public:
-    Impl(const std::string& address, std::uint16_t port, WebHandler& handler);
+    Impl(const std::string& address, std::uint16_t port, WebHandler& handler, std::int64_t stuck_after_ns);
     Impl(const Impl&) = delete;
     Impl& operator=(const Impl&) = delete;
     ~Impl();
@@ -155,6 +156,7 @@ class WebServer::Impl {
     int write(lws* wsi);
     int write_chunk(lws* wsi, Connection& connection);
     int close(lws* wsi, const Closing& closing);
+    int close_later(lws* wsi, Connection& connection, const Closing& closing);
     void invite(lws* wsi, Connection& connection);
     void forget(lws* wsi);
     void tick();
@@ -162,12 +164,14 @@ class WebServer::Impl {
     void schedule_tick();
 
     WebHandler& handler_;
+    std::int64_t stuck_after_ns_ = 0;
     std::string machine_ = machine_name();
     std::uint16_t port_ = 0;
     SpareDescriptor spare_;
     std::set<lws*> sockets_;  // accepted, and not yet closed
     std::map<lws*, Reply> replies_;
     std::map<lws*, Connection> connections_;
+    std::set<lws*> closing_;  // were connections; their close frame is on its way
     std::atomic<bool> stop_{false};
     std::int64_t end_ns_ = 0;  // once it stops: when it ends at the latest
     bool ended_ = false;
@@ -193,7 +197,8 @@ int WebServer::Impl::on_event(lws* wsi, lws_callback_reasons reason, void* /*use
     }
 }
 
-WebServer::Impl::Impl(const std::string& address, std::uint16_t port, WebHandler& handler) : handler_(handler) {
+WebServer::Impl::Impl(const std::string& address, std::uint16_t port, WebHandler& handler, std::int64_t stuck_after_ns)
+    : handler_(handler), stuck_after_ns_(stuck_after_ns) {
     const int listener = listen_on(address, port);
     port_ = port_of(listener);
     timer_.impl = this;
@@ -424,16 +429,17 @@ void WebServer::Impl::join(lws* wsi) {
 
 int WebServer::Impl::hear(lws* wsi, std::string_view fragment) {
     const auto found = connections_.find(wsi);
-    if (found == connections_.end()) {
-        return -1;
+    if (found == connections_.end() || found->second.closing) {
+        return 0;  // it has said enough
     }
     Connection& connection = found->second;
     if (lws_frame_is_binary(wsi) != 0) {
-        return close(wsi, {kUnsupportedData, "only text is understood"});
+        return close_later(wsi, connection, {kUnsupportedData, "only text is understood"});
     }
     // What a frame announces counts as much as what has come of it.
     if (connection.heard.size() + fragment.size() + lws_remaining_packet_payload(wsi) > kLongestRequest) {
-        return close(wsi, {kPolicyViolation, "longer than " + std::to_string(kLongestRequest) + " bytes"});
+        return close_later(wsi, connection,
+                           {kPolicyViolation, "longer than " + std::to_string(kLongestRequest) + " bytes"});
     }
     connection.heard += fragment;
     if (lws_is_final_fragment(wsi) == 0) {
@@ -441,7 +447,7 @@ int WebServer::Impl::hear(lws* wsi, std::string_view fragment) {
     }
     const std::string text = std::exchange(connection.heard, {});
     if (const std::optional<Closing> closing = connection.conversation->hear(text)) {
-        return close(wsi, *closing);
+        return close_later(wsi, connection, *closing);
     }
     invite(wsi, connection);
     return 0;
@@ -450,10 +456,13 @@ int WebServer::Impl::hear(lws* wsi, std::string_view fragment) {
 int WebServer::Impl::write(lws* wsi) {
     const auto found = connections_.find(wsi);
     if (found == connections_.end()) {
-        return -1;
+        return 0;
     }
     Connection& connection = found->second;
     connection.asked_ns = 0;
+    if (connection.closing) {
+        return close(wsi, Closing(*connection.closing));
+    }
     if (connection.sent < connection.outgoing.size()) {
         return write_chunk(wsi, connection);
     }
@@ -484,11 +493,21 @@ int WebServer::Impl::write_chunk(lws* wsi, Connection& connection) {
     return 0;
 }
 
+/// Nothing may follow a close frame, and nothing that is said after it counts.
 int WebServer::Impl::close(lws* wsi, const Closing& closing) {
     std::string why = closing.why;
     lws_close_reason(wsi, static_cast<lws_close_status>(closing.code), reinterpret_cast<unsigned char*>(why.data()),
                      why.size());
+    connections_.erase(wsi);
+    closing_.insert(wsi);
     return -1;
+}
+
+/// The library sends no close frame while a piece of a message is still on its way.
+int WebServer::Impl::close_later(lws* wsi, Connection& connection, const Closing& closing) {
+    connection.closing = closing;
+    invite(wsi, connection);
+    return 0;
 }
 
 void WebServer::Impl::invite(lws* wsi, Connection& connection) {
@@ -507,6 +526,7 @@ void WebServer::Impl::invite_all() {
 void WebServer::Impl::forget(lws* wsi) {
     replies_.erase(wsi);
     connections_.erase(wsi);
+    closing_.erase(wsi);
     sockets_.erase(wsi);
 }
 
@@ -518,20 +538,20 @@ void WebServer::Impl::tick() {
     }
     handler_.tick();
     close_stuck(now_ns);
-    ended_ = stopping() && (connections_.empty() || now_ns >= end_ns_);
+    ended_ = stopping() && ((connections_.empty() && closing_.empty()) || now_ns >= end_ns_);
     schedule_tick();
 }
 
 void WebServer::Impl::close_stuck(std::int64_t now_ns) {
     for (auto& [wsi, connection] : connections_) {
-        if (connection.asked_ns != 0 && now_ns - connection.asked_ns > kStuckAfter_ns) {
+        if (connection.asked_ns != 0 && now_ns - connection.asked_ns > stuck_after_ns_) {
             lws_set_timeout(wsi, PENDING_TIMEOUT_KILLED_BY_PARENT, LWS_TO_KILL_ASYNC);
         }
     }
 }
 
 void WebServer::Impl::schedule_tick() {
-    if (ticking_ || connections_.empty()) {
+    if (ticking_ || (connections_.empty() && closing_.empty())) {
         return;
     }
     ticking_ = true;
@@ -552,8 +572,8 @@ void WebServer::Impl::schedule_tick() {
         kTick_ns / 1000);
 }
 
-WebServer::WebServer(const std::string& address, std::uint16_t port, WebHandler& handler)
-    : impl_(std::make_unique<Impl>(address, port, handler)) {}
+WebServer::WebServer(const std::string& address, std::uint16_t port, WebHandler& handler, std::int64_t stuck_after_ns)
+    : impl_(std::make_unique<Impl>(address, port, handler, stuck_after_ns)) {}
 WebServer::~WebServer() = default;
 
 std::uint16_t WebServer::port() const noexcept {

@@ -64,8 +64,10 @@ class WebHandler {
 
 class WebServer {
   public:
-    /// Listens. Throws std::runtime_error: the address cannot be had.
-    WebServer(const std::string& address, std::uint16_t port, WebHandler& handler);
+    /// Listens; port 0: any that is free. `stuck_after_ns`: when a viewer whose socket takes nothing is closed. Throws
+    /// std::runtime_error: the address cannot be had.
+    WebServer(const std::string& address, std::uint16_t port, WebHandler& handler,
+              std::int64_t stuck_after_ns = kStuckAfter_ns);
     WebServer(const WebServer&) = delete;
     WebServer& operator=(const WebServer&) = delete;
     ~WebServer();

@@ -2,15 +2,26 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <array>
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
 
 #include "shown_scene.hpp"
 #include "socket_client.hpp"
 #include "view/page_files.hpp"
+#include "view/web_server.hpp"
 
 namespace haptic::sim::view {
 
@@ -45,6 +56,14 @@ struct Served {
     std::unique_ptr<LiveView> view;
     std::uint16_t port = 0;
 };
+
+/// One body of many vertices: a frame of it is more than a socket takes of somebody who does not read.
+SceneDescription large_description() {
+    SceneDescription scene;
+    scene.name = "large";
+    scene.bodies = {{"cloud", 0, 40'000, {{0, 1, 2}}, 0, 0}};
+    return scene;
+}
 
 TEST(LiveViewPage, IsServedAsWhatItIsAndMayLoadNothingFromElsewhere) {
     const Served served;
@@ -85,6 +104,364 @@ TEST(LiveViewStream, BeginsWithTheSceneItsGeometryAndAFrameOfAllBodies) {
     const std::string next = client.next_binary(2);
     EXPECT_EQ(number_at<std::uint32_t>(next, 28), 4U);
     EXPECT_GT(number_at<double>(next, 16), number_at<double>(frame->bytes, 16));
+}
+
+TEST(LiveViewPage, IsRefusedToOtherMethodsPathsNamesAndSites) {
+    const Served served;
+    EXPECT_EQ(request(served.port, "POST /", served.host() + "Content-Length: 0\r\n").status, 405);
+    EXPECT_EQ(request(served.port, "DELETE /", served.host()).status, 405);
+    EXPECT_EQ(request(served.port, "OPTIONS /", served.host()).status, 405);
+    EXPECT_EQ(request(served.port, "GET /other", served.host()).status, 404);
+    EXPECT_EQ(request(served.port, "GET /../../etc/passwd", served.host()).status, 404);
+    EXPECT_EQ(request(served.port, "GET /stream", served.host()).status, 404);
+    EXPECT_EQ(request(served.port, "GET /record.csv", served.host()).status, 404);
+    EXPECT_EQ(request(served.port, "GET /", "").status, 400);
+    EXPECT_EQ(request(served.port, "GET /", "Host: evil.example\r\n").status, 400);
+    EXPECT_EQ(request(served.port, "GET /", served.host() + "Origin: http://evil.example\r\n").status, 403);
+    EXPECT_EQ(request(served.port, "GET /", "Host: localhost:1\r\n").status, 200);  // through a tunnel
+    EXPECT_NE(request(served.port, "GET /", served.host() + "X: " + std::string(100'000, 'x') + "\r\n").status, 200);
+    EXPECT_EQ(request(served.port, "GET /", served.host()).status, 200);
+}
+
+TEST(LiveViewStream, IsRefusedToOtherPathsProtocolsNamesAndSites) {
+    const Served served;
+    const auto status = [&](const Handshake& handshake) { return StreamClient(served.port, handshake).status(); };
+    EXPECT_EQ(status({.origin = "http://" + own_host(served.port)}), 101);
+    EXPECT_EQ(status({.origin = "http://evil.example"}), 403);
+    EXPECT_EQ(status({.origin = "null"}), 403);
+    EXPECT_EQ(status({.origin = "http://127.0.0.1:1"}), 403);
+    EXPECT_EQ(status({.host = "evil.example", .origin = "http://evil.example"}), 400);
+    EXPECT_EQ(status({.path = "/"}), 404);
+    EXPECT_EQ(status({.subprotocol = ""}), 404);
+    EXPECT_NE(status({.subprotocol = "haptic-view-2"}), 101);
+    EXPECT_NE(status({.subprotocol = "pages"}), 101);
+    EXPECT_NE(status({.subprotocol = "listener"}), 101);
+    const auto http2 = request(served.port, "GET /stream",
+                               served.host() +
+                                   "Upgrade: h2c\r\nHTTP2-Settings: AAMAAABkAAQAAP__\r\n"
+                                   "Sec-WebSocket-Protocol: haptic-view-1\r\n");
+    EXPECT_EQ(http2.status, 404);
+    EXPECT_EQ(status({}), 101);
+}
+
+TEST(LiveViewStream, IsForLookingUnlessControlIsGiven) {
+    const Served served;
+    test::Run run(*served.view);
+    StreamClient client(served.port);
+    client.say(R"({"type":"reset"})");
+    EXPECT_THAT(client.next_text("refused"), HasSubstr("--view-control"));
+    EXPECT_EQ(run.commands(), 0U);
+}
+
+TEST(LiveViewStream, TakesCommandsToTheRunInTheirOrder) {
+    const Served served(true);
+    test::Run run(*served.view);
+    StreamClient client(served.port);
+    (void)client.next_binary(2);  // the scene is known, by which a name is judged
+    client.say(R"({"type":"set","key":"solver.iterations","value":9})");
+    client.say(R"({"type":"hand","position":[1,2,3]})");
+    client.say(R"({"type":"scene","name":"nowhere"})");
+    client.say(R"({"type":"pause","on":true})");
+    const Command set = run.next_command();
+    ASSERT_TRUE(std::holds_alternative<SetParameter>(set));
+    EXPECT_EQ(std::get<SetParameter>(set).value, 9.0);
+    const Command hand = run.next_command();
+    ASSERT_TRUE(std::holds_alternative<MoveHand>(hand));
+    EXPECT_EQ(std::get<MoveHand>(hand).position, Vec3(1.0, 2.0, 3.0));
+    EXPECT_TRUE(std::holds_alternative<SetPaused>(run.next_command()));
+    EXPECT_EQ(Json::parse(client.next_text("refused")).at("command"), "scene");
+}
+
+TEST(LiveViewStream, LetsTheHandGoWhenWhoHeldItLeaves) {
+    const Served served(true);
+    test::Run run(*served.view);
+    {
+        StreamClient client(served.port);
+        client.say(R"({"type":"hand","position":[1,2,3]})");
+        EXPECT_TRUE(std::holds_alternative<MoveHand>(run.next_command()));
+    }
+    EXPECT_TRUE(std::holds_alternative<ReleaseHand>(run.next_command()));
+}
+
+TEST(LiveViewStream, ClosesOnlyTheClientThatDoesNotKeepToTheProtocol) {
+    const Served served;
+    const test::Run run(*served.view);
+    StreamClient other(served.port);
+    const auto code_after = [&](auto&& offend) {
+        StreamClient client(served.port);
+        EXPECT_EQ(client.status(), 101);
+        offend(client);
+        const int code = client.close_code();
+        EXPECT_FALSE(other.next_binary(2).empty()) << "the other sees nothing more";
+        return code;
+    };
+    EXPECT_EQ(code_after([](StreamClient& client) { client.say("{"); }), 1008);
+    EXPECT_EQ(code_after([](StreamClient& client) { client.say(""); }), 1008);
+    EXPECT_EQ(code_after([](StreamClient& client) { client.say(R"({"type":"fly"})"); }), 1008);
+    EXPECT_EQ(code_after([](StreamClient& client) { client.send_frame(0x82, R"({"type":"reset"})"); }), 1003);
+    EXPECT_EQ(code_after([](StreamClient& client) { client.say(std::string(1025, ' ')); }), 1008);
+    EXPECT_EQ(code_after([](StreamClient& client) {
+                  client.send_frame(0x01, std::string(500, ' '));
+                  client.send_frame(0x00, std::string(500, ' '));
+                  client.send_frame(0x80, std::string(500, ' '));
+              }),
+              1008);
+    EXPECT_EQ(code_after([](StreamClient& client) { client.announce_frame(0x81, std::uint64_t{1} << 40U); }), 1008);
+    EXPECT_EQ(code_after([](StreamClient& client) {
+                  for (int k = 0; k < 400; ++k) {
+                      client.say(R"({"type":"watch"})");
+                  }
+              }),
+              1008);
+    EXPECT_NE(code_after([](StreamClient& client) { client.send_frame(0x83, "no such opcode"); }), 0);
+}
+
+TEST(LiveViewStream, SaysWhyItClosesAlsoInTheMiddleOfALongMessageAndNothingAfterThat) {
+    SceneDescription scene = large_description();
+    scene.bodies[0].triangles.clear();
+    for (std::uint32_t k = 0; k + 2 < 40'000; ++k) {
+        scene.bodies[0].triangles.push_back({k, k + 1, k + 2});
+    }
+    const auto view = open_live_view({"127.0.0.1", 0, false, ""});
+    view->introduce(scene);
+    SceneSnapshot moment;
+    moment.vertices.resize(40'000);
+    const test::Run run(*view, moment);
+    StreamClient client(test::port_in(view->url()), {.receive_buffer = 4096});
+    EXPECT_EQ(client.status(), 101);
+    client.say("{");
+    EXPECT_EQ(client.close_code(), 1008);
+    EXPECT_FALSE(client.next(200));
+}
+
+TEST(LiveViewStream, TakesAMessageInFragments) {
+    const Served served;
+    StreamClient client(served.port);
+    client.send_frame(0x01, R"({"type":)");
+    client.send_frame(0x89, "a ping in between");
+    client.send_frame(0x80, R"("reset"})");
+    EXPECT_EQ(Json::parse(client.next_text("refused")).at("command"), "reset");
+}
+
+TEST(LiveViewStream, IsNotHeldUpByOneWhoDoesNotRead) {
+    const auto view = open_live_view({"127.0.0.1", 0, false, ""});
+    view->introduce(large_description());
+    SceneSnapshot moment;
+    moment.vertices.resize(40'000);
+    const test::Run run(*view, moment);
+    const std::uint16_t port = test::port_in(view->url());
+    StreamClient mute(port, {.receive_buffer = 4096});
+    StreamClient reads(port);
+    double before = 0.0;
+    for (int k = 0; k < 30; ++k) {
+        const std::string frame = reads.next_binary(2);
+        ASSERT_GT(frame.size(), 40'000U * 8U);
+        ASSERT_GT(number_at<double>(frame, 16), before);
+        before = number_at<double>(frame, 16);
+    }
+    // When it reads at last it has missed what came between, and gets the newest, whole.
+    std::size_t frames = 0;
+    while (number_at<double>(mute.next_binary(2), 16) < before) {
+        ++frames;
+    }
+    EXPECT_LT(frames, 15U);
+}
+
+/// Talks without an end, to whoever joins.
+class Talker final : public WebHandler {
+  public:
+    std::unique_ptr<Conversation> join() override {
+        class Talk final : public Conversation {
+          public:
+            std::optional<Closing> hear(std::string_view /*text*/) override { return std::nullopt; }
+            bool next_message(Outgoing& message) override {
+                message.bytes.resize(1'000'000);
+                return true;
+            }
+            [[nodiscard]] bool has_ended() const override { return false; }
+        };
+        return std::make_unique<Talk>();
+    }
+    std::optional<Resource> resource(std::string_view /*path*/) override { return std::nullopt; }
+    void tick() override {}
+};
+
+TEST(WebServerThread, ClosesAClientWhoseSocketTakesNothing) {
+    Talker talker;
+    WebServer server("127.0.0.1", 0, talker, 100'000'000);
+    std::thread thread([&] { server.run(); });
+    {
+        StreamClient dead(server.port(), {.receive_buffer = 4096});
+        StreamClient alive(server.port());
+        // What is on its way can still be read; then comes the end, without which this test would not end either.
+        while (!dead.ended()) {
+            (void)alive.next();
+            if (alive.ended()) {
+                break;
+            }
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            if (server.viewers() == 1) {
+                while (dead.next()) {
+                }
+            }
+        }
+        EXPECT_TRUE(dead.ended());
+        EXPECT_TRUE(alive.next());
+    }
+    server.stop();
+    thread.join();
+}
+
+TEST(LiveViewStream, HasPlaceForSoManyViewers) {
+    const Served served;
+    const test::Run run(*served.view);
+    std::vector<std::unique_ptr<StreamClient>> clients;
+    for (std::size_t k = 0; k < kMostViewers; ++k) {
+        clients.push_back(std::make_unique<StreamClient>(served.port));
+        ASSERT_EQ(clients.back()->status(), 101) << k;
+    }
+    EXPECT_EQ(StreamClient(served.port).status(), 503);
+    EXPECT_EQ(request(served.port, "GET /", served.host()).status, 200);
+    for (const auto& client : clients) {
+        EXPECT_FALSE(client->next_binary(2).empty());
+    }
+    clients.pop_back();
+    // It leaves in its own time.
+    int status = 0;
+    while (status != 101) {
+        status = StreamClient(served.port).status();
+        ASSERT_TRUE(status == 101 || status == 503);
+    }
+}
+
+TEST(LiveViewStream, ShowsAnotherSceneFromItsBeginning) {
+    const Served served;
+    StreamClient client(served.port);
+    EXPECT_EQ(Json::parse(client.next_text("scene")).at("name"), "small");
+    served.view->introduce(large_description());
+    EXPECT_EQ(Json::parse(client.next_text("scene")).at("name"), "large");
+    EXPECT_EQ(number_at<std::uint32_t>(client.next_binary(1), 4), 2U);
+    SceneSnapshot* snapshot = nullptr;
+    while ((snapshot = served.view->wanted()) == nullptr) {
+        std::this_thread::yield();
+    }
+    EXPECT_EQ(snapshot->vertices.size(), 40'000U);
+    served.view->show();
+    EXPECT_EQ(number_at<std::uint32_t>(client.next_binary(2), 4), 2U);
+}
+
+TEST(LiveViewStream, BringsSamplesToThoseWhoWatchThem) {
+    const Served served;
+    const test::Run run(*served.view);
+    StreamClient client(served.port);
+    client.say(R"({"type":"watch","samples":true})");
+    std::uint32_t samples = 0;
+    double end = 0.0;
+    while (samples < 50) {
+        const std::string message = client.next_binary(3);
+        ASSERT_EQ(message.size(), 24U + 48U * number_at<std::uint32_t>(message, 16));
+        EXPECT_EQ(number_at<std::uint32_t>(message, 20), 0U);
+        EXPECT_GT(number_at<double>(message, 8), end);
+        EXPECT_EQ(number_at<float>(message, 28), 1.0F);
+        end = number_at<double>(message, 8);
+        samples += number_at<std::uint32_t>(message, 16);
+    }
+}
+
+TEST(LiveViewStream, OffersARecord) {
+    const Served served;
+    StreamClient client(served.port);
+    (void)client.next_text("scene");
+    served.view->offer_record("time s,x m\n0,1\n1,2\n");
+    const Json record = Json::parse(client.next_text("record"));
+    EXPECT_EQ(record.at("steps"), 2);
+    const auto csv = request(served.port, "GET " + record.at("url").get<std::string>(), served.host());
+    EXPECT_EQ(csv.body, "time s,x m\n0,1\n1,2\n");
+    EXPECT_EQ(csv.header("content-type"), "text/csv; charset=utf-8");
+    EXPECT_EQ(csv.header("content-disposition"), "attachment; filename=\"record.csv\"");
+}
+
+TEST(LiveViewStream, TellsOfTheDeviceWhereThereIsASession) {
+    const auto view = open_live_view({"127.0.0.1", 0, false, "nobody-" + std::to_string(getpid())});
+    view->introduce(test::small_description());
+    StreamClient client(test::port_in(view->url()));
+    EXPECT_EQ(Json::parse(client.next_text("device")).at("connected"), false);
+}
+
+TEST(LiveViewStream, SaysByeAndEndsAlsoBesideOneWhoDoesNotRead) {
+    auto served = std::make_unique<Served>();
+    StreamClient client(served->port);
+    const StreamClient mute(served->port, {.receive_buffer = 4096});
+    (void)client.next_text("scene");
+    served.reset();
+    EXPECT_FALSE(client.next_text("bye").empty());
+    EXPECT_EQ(client.close_code(), 1001);
+}
+
+TEST(LiveViewThread, WantsNothingWhileNobodyLooks) {
+    const Served served;
+    EXPECT_EQ(served.view->wanted(), nullptr);
+    (void)request(served.port, "GET /", served.host());
+    EXPECT_EQ(served.view->wanted(), nullptr);
+    const StreamClient client(served.port);
+    while (served.view->wanted() == nullptr) {
+        std::this_thread::yield();
+    }
+}
+
+/// A line of /proc/self/task/TID/status, without its name.
+std::string status_line(pid_t thread, const std::string& name) {
+    std::ifstream file("/proc/self/task/" + std::to_string(thread) + "/status");
+    for (std::string line; std::getline(file, line);) {
+        if (line.starts_with(name + ":\t")) {
+            return line.substr(name.size() + 2);
+        }
+    }
+    return {};
+}
+
+TEST(LiveViewThread, IsOrdinaryAndLeavesSignalsToOthers) {
+    const Served served;
+    (void)request(served.port, "GET /", served.host());  // it runs
+    int found = 0;
+    for (const auto& entry : std::filesystem::directory_iterator("/proc/self/task")) {
+        const pid_t thread = std::stoi(entry.path().filename());
+        if (status_line(thread, "Name") != "haptic-view") {
+            continue;
+        }
+        ++found;
+        EXPECT_EQ(sched_getscheduler(thread), SCHED_OTHER);
+        EXPECT_GT(getpriority(PRIO_PROCESS, static_cast<id_t>(thread)), 0);
+        const auto blocked = std::stoull(status_line(thread, "SigBlk"), nullptr, 16);
+        for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGALRM, SIGPIPE}) {
+            EXPECT_NE(blocked & (1ULL << static_cast<unsigned>(signal - 1)), 0U) << signal;
+        }
+    }
+    EXPECT_EQ(found, 1);
+}
+
+TEST(LiveViewAddress, SaysWhatToDoWhereItCannotListen) {
+    const auto why = [](const LiveViewSettings& settings) -> std::string {
+        try {
+            (void)open_live_view(settings);
+            return "it listens";
+        } catch (const std::runtime_error& error) {
+            return error.what();
+        }
+    };
+    const Served served;
+    const std::string taken = why({"127.0.0.1", served.port, false, ""});
+    EXPECT_THAT(taken, HasSubstr("127.0.0.1, port " + std::to_string(served.port)));
+    EXPECT_THAT(taken, HasSubstr("give another port, e.g. --view " + std::to_string(served.port + 1)));
+    EXPECT_THAT(why({"203.0.113.7", 0, false, ""}), HasSubstr("does not have that address"));
+    EXPECT_THAT(why({"nowhere", 0, false, ""}), HasSubstr("no IP address"));
+}
+
+TEST(LiveViewAddress, IsFoundByWhatABrowserCanAskFor) {
+    EXPECT_THAT(open_live_view({"127.0.0.1", 0, false, ""})->url(), testing::MatchesRegex("http://127.0.0.1:[0-9]+/"));
+    const auto everywhere = open_live_view({"0.0.0.0", 0, false, ""});
+    const std::string host = everywhere->url().substr(7, everywhere->url().size() - 8);
+    EXPECT_EQ(request(test::port_in(everywhere->url()), "GET /", "Host: " + host + "\r\n").status, 200);
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ namespace haptic::sim::view::test {
 namespace {
 
 int status_of(std::string_view reply) {
-    return reply.starts_with("HTTP/1.1 ") ? std::stoi(std::string(reply.substr(9, 3))) : 0;
+    return reply.starts_with("HTTP/1.") && reply.size() > 12 ? std::stoi(std::string(reply.substr(9, 3))) : 0;
 }
 
 }  // namespace

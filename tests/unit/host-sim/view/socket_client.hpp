@@ -54,8 +54,8 @@ struct WsMessage {
 };
 
 struct Handshake {
-    std::string host;    // empty: own_host()
-    std::string origin;  // empty: none
+    std::string host{};    // empty: own_host()
+    std::string origin{};  // empty: none
     std::string path = "/stream";
     std::string subprotocol = "haptic-view-1";
     int receive_buffer = 0;
