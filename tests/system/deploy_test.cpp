@@ -75,8 +75,8 @@ TEST_F(Deploy, ServicesAreExposedAsLittleAsSystemdCanSay) {
 TEST_F(Deploy, TheLiveViewMayListenForThisMachineOnlyAndNoMoreThanThat) {
     allow_view();
     const std::string unit = "haptic-host-sim.service";
-    const Finished verify = run(
-        {"/usr/bin/env", "systemd-analyze", "--root=" + (folder / "root").string(), "--man=no", "verify", unit});
+    const Finished verify =
+        run({"/usr/bin/env", "systemd-analyze", "--root=" + (folder / "root").string(), "--man=no", "verify", unit});
     EXPECT_THAT(verify.output, IsEmpty());
     const Finished found = security(unit);
     EXPECT_EQ(found.status, 0) << found.output;
