@@ -26,8 +26,8 @@
 namespace haptic::sim::view {
 namespace {
 
-constexpr std::int64_t kMomentPeriod_ns = kNanosecondsPerSecond / 60;
-constexpr std::int64_t kDevicePeriod_ns = kNanosecondsPerSecond / 5;
+constexpr std::int64_t kMomentPeriodNs = kNanosecondsPerSecond / 60;
+constexpr std::int64_t kDevicePeriodNs = kNanosecondsPerSecond / 5;
 constexpr std::size_t kQueuedSamples = 4096;
 constexpr std::size_t kQueuedCommands = 256;
 constexpr int kNice = 5;  // the simulation goes first
@@ -367,7 +367,7 @@ bool ServedView::look_at_device(std::int64_t now_ns) {
     if (now_ns < next_device_ns_) {
         return false;
     }
-    next_device_ns_ = now_ns + kDevicePeriod_ns;
+    next_device_ns_ = now_ns + kDevicePeriodNs;
     shown_.device = device_->message(now_ns);
     ++shown_.devices;
     return true;
@@ -379,7 +379,7 @@ void ServedView::ask(std::int64_t now_ns) {
         return;
     }
     // At the rate on average, though the ticks do not meet it; but what was missed is not made up for.
-    next_ask_ns_ = (now_ns - next_ask_ns_ < kMomentPeriod_ns ? next_ask_ns_ : now_ns) + kMomentPeriod_ns;
+    next_ask_ns_ = (now_ns - next_ask_ns_ < kMomentPeriodNs ? next_ask_ns_ : now_ns) + kMomentPeriodNs;
     asked_.store(true, std::memory_order_relaxed);
 }
 

@@ -21,7 +21,7 @@
 
 #include "haptic/clock.hpp"
 #include "view/listener.hpp"
-#include "view/request_check.hpp"
+#include "view/page_replies.hpp"
 
 namespace haptic::sim::view {
 namespace {
@@ -31,8 +31,7 @@ constexpr std::size_t kChunk = 65536;                    // bytes that are writt
 // What the kernel may hold back for one viewer: more would only make what it shows old.
 constexpr int kSendBuffer = 262144;
 constexpr int kUnsentAtMost = 131072;
-constexpr std::int64_t kFarewell_ns = 250'000'000;
-constexpr int kPatience_s = 10;  // with a request that does not come to its end
+constexpr std::int64_t kFarewellNs = 250'000'000;
 
 // What the library calls protocols beside that of the stream: of pages, and of the listening socket.
 constexpr const char* kPages = "pages";
@@ -47,24 +46,8 @@ const lws_protocol_vhost_options* security_headers() {
     return &cache;
 }
 
-/// A header of a request; empty if it is not there, or longer than any that is good.
-std::string header(lws* wsi, lws_token_indexes token) {
-    std::array<char, 512> text{};
-    const int length = lws_hdr_copy(wsi, text.data(), static_cast<int>(text.size()), token);
-    return length > 0 ? std::string(text.data(), static_cast<std::size_t>(length)) : std::string();
-}
-
-bool has_header(lws* wsi, lws_token_indexes token) {
-    return lws_hdr_total_length(wsi, token) > 0;
-}
-
 bool speaks(lws* wsi, const char* protocol) {
     return std::strcmp(lws_get_protocol(wsi)->name, protocol) == 0;
-}
-
-std::string machine_name() {
-    std::array<char, 256> name{};
-    return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "localhost";
 }
 
 /// The library ignores SIGPIPE for the whole process, which is not for it to decide.
@@ -96,12 +79,6 @@ class SpareDescriptor {
 
   private:
     int descriptor_ = -1;
-};
-
-/// A file that is on its way.
-struct Reply {
-    Resource resource;
-    std::size_t sent = 0;
 };
 
 /// A viewer's connection.
@@ -146,11 +123,7 @@ class WebServer::Impl {
     void adopt_listener(int listener);
     void accept_all(int listener);
     void admit(int socket);
-    bool refuse(lws* wsi, unsigned status, const char* why);
-    [[nodiscard]] bool refuse_stranger(lws* wsi);
     int check_upgrade(lws* wsi);
-    int begin_reply(lws* wsi, std::string_view path);
-    int go_on_with_reply(lws* wsi);
     void join(lws* wsi);
     int hear(lws* wsi, std::string_view fragment);
     int write(lws* wsi);
@@ -165,11 +138,10 @@ class WebServer::Impl {
 
     WebHandler& handler_;
     std::int64_t stuck_after_ns_ = 0;
-    std::string machine_ = machine_name();
     std::uint16_t port_ = 0;
+    PageReplies pages_;
     SpareDescriptor spare_;
-    std::set<lws*> sockets_;  // accepted, and not yet closed
-    std::map<lws*, Reply> replies_;
+    std::set<const lws*> sockets_;  // accepted, and not yet closed
     std::map<lws*, Connection> connections_;
     std::set<lws*> closing_;  // were connections; their close frame is on its way
     std::atomic<bool> stop_{false};
@@ -213,7 +185,7 @@ WebServer::Impl::Impl(const std::string& address, std::uint16_t port, WebHandler
     info.gid = static_cast<decltype(info.gid)>(-1);
     info.uid = static_cast<decltype(info.uid)>(-1);
     info.fd_limit_per_thread = static_cast<unsigned>(kMostSockets) + 16;
-    info.timeout_secs = kPatience_s;
+    info.timeout_secs = kRequestPatienceS;
     info.user = this;
     context_ = lws_create_context(&info);
     if (context_ == nullptr) {
@@ -259,9 +231,9 @@ int WebServer::Impl::on(lws* wsi, lws_callback_reasons reason, const void* in, s
         case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION:
             return speaks(wsi, kSubprotocol) ? 0 : 1;
         case LWS_CALLBACK_HTTP:
-            return begin_reply(wsi, text());
+            return pages_.begin(wsi, handler_.resource(text()));
         case LWS_CALLBACK_HTTP_WRITEABLE:
-            return go_on_with_reply(wsi);
+            return pages_.go_on(wsi);
         case LWS_CALLBACK_ESTABLISHED:
             join(wsi);
             return 0;
@@ -312,111 +284,25 @@ void WebServer::Impl::admit(int socket) {
     (void)setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
     (void)setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof(kSendBuffer));
     (void)setsockopt(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kUnsentAtMost, sizeof(kUnsentAtMost));
-    if (lws* wsi = lws_adopt_socket(context_, socket); wsi != nullptr) {
+    if (const lws* wsi = lws_adopt_socket(context_, socket); wsi != nullptr) {
         sockets_.insert(wsi);
     }
 }
 
-/// Answers with an error. Always true: it is the answer.
-bool WebServer::Impl::refuse(lws* wsi, unsigned status, const char* why) {
-    (void)lws_return_http_status(wsi, status, why);
-    return true;
-}
-
-bool WebServer::Impl::refuse_stranger(lws* wsi) {
-    const std::string host = header(wsi, WSI_TOKEN_HOST);
-    if (!host_is_own(host, machine_)) {
-        return refuse(wsi, HTTP_STATUS_BAD_REQUEST,
-                      "This is no name of this machine: ask for it by its address, its host name, or as localhost.");
-    }
-    if (has_header(wsi, WSI_TOKEN_ORIGIN) && !origin_is_host(header(wsi, WSI_TOKEN_ORIGIN), host)) {
-        return refuse(wsi, HTTP_STATUS_FORBIDDEN, "A page of another site may not look.");
-    }
-    return false;
-}
-
 /// 0: go on; 1: answered.
 int WebServer::Impl::check_upgrade(lws* wsi) {
-    if (refuse_stranger(wsi)) {
+    if (pages_.refuse_stranger(wsi)) {
         return 1;
     }
     // The library would also speak HTTP/2, which nothing here needs.
-    if (header(wsi, WSI_TOKEN_GET_URI) != kStreamPath || header(wsi, WSI_TOKEN_PROTOCOL).empty() ||
-        strcasecmp(header(wsi, WSI_TOKEN_UPGRADE).c_str(), "websocket") != 0) {
-        return refuse(wsi, HTTP_STATUS_NOT_FOUND, "The stream is a WebSocket, /stream, subprotocol haptic-view-1.");
+    if (request_header(wsi, WSI_TOKEN_GET_URI) != kStreamPath || request_header(wsi, WSI_TOKEN_PROTOCOL).empty() ||
+        strcasecmp(request_header(wsi, WSI_TOKEN_UPGRADE).c_str(), "websocket") != 0) {
+        return refuse_request(wsi, HTTP_STATUS_NOT_FOUND,
+                              "The stream is a WebSocket, /stream, subprotocol haptic-view-1.");
     }
     if (connections_.size() >= kMostViewers || stopping()) {
-        return refuse(wsi, HTTP_STATUS_SERVICE_UNAVAILABLE, "There are as many viewers as there can be.");
+        return refuse_request(wsi, HTTP_STATUS_SERVICE_UNAVAILABLE, "There are as many viewers as there can be.");
     }
-    return 0;
-}
-
-int WebServer::Impl::begin_reply(lws* wsi, std::string_view path) {
-    if (refuse_stranger(wsi)) {
-        return -1;
-    }
-    const bool get = has_header(wsi, WSI_TOKEN_GET_URI);
-    const bool head = has_header(wsi, WSI_TOKEN_HEAD_URI);
-    if (!get && !head) {
-        (void)refuse(wsi, HTTP_STATUS_METHOD_NOT_ALLOWED, "GET and HEAD are all that can be done here.");
-        return -1;
-    }
-    std::optional<Resource> resource = handler_.resource(path);
-    if (!resource) {
-        (void)refuse(wsi, HTTP_STATUS_NOT_FOUND, "There is nothing here.");
-        return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
-    }
-    std::array<unsigned char, LWS_PRE + 2048> space{};
-    unsigned char* const begin = space.data() + LWS_PRE;
-    unsigned char* at = begin;
-    unsigned char* const end = space.data() + space.size();
-    const auto add = [&](const char* name, const std::string& value) {
-        return lws_add_http_header_by_name(wsi, reinterpret_cast<const unsigned char*>(name),
-                                           reinterpret_cast<const unsigned char*>(value.data()),
-                                           static_cast<int>(value.size()), &at, end) == 0;
-    };
-    // Not every browser takes 'self' to mean the WebSocket of the same host. The Host is known to be a plain name.
-    const std::string host = header(wsi, WSI_TOKEN_HOST);
-    bool good = lws_add_http_common_headers(wsi, HTTP_STATUS_OK, resource->type.c_str(), resource->content.size(), &at,
-                                            end) == 0;
-    good = good && add("content-security-policy:", "default-src 'self'; connect-src 'self' ws://" + host + " wss://" +
-                                                       host + "; frame-ancestors 'none'; base-uri 'none'");
-    if (!resource->download_as.empty()) {
-        good = good && add("content-disposition:", "attachment; filename=\"" + resource->download_as + "\"");
-    }
-    if (!good || lws_finalize_write_http_header(wsi, begin, &at, end) != 0) {
-        return -1;
-    }
-    if (head || resource->content.empty()) {
-        return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
-    }
-    replies_[wsi] = {std::move(*resource), 0};
-    (void)lws_callback_on_writable(wsi);
-    return 0;
-}
-
-int WebServer::Impl::go_on_with_reply(lws* wsi) {
-    const auto found = replies_.find(wsi);
-    if (found == replies_.end()) {
-        return 0;
-    }
-    Reply& reply = found->second;
-    const std::span<const std::byte> rest = reply.resource.content.subspan(reply.sent);
-    const std::size_t length = std::min(rest.size(), kChunk);
-    std::vector<unsigned char> chunk(LWS_PRE + length);
-    std::memcpy(chunk.data() + LWS_PRE, rest.data(), length);
-    const bool last = length == rest.size();
-    const int written = lws_write(wsi, chunk.data() + LWS_PRE, length, last ? LWS_WRITE_HTTP_FINAL : LWS_WRITE_HTTP);
-    if (written < static_cast<int>(length)) {
-        return -1;
-    }
-    lws_set_timeout(wsi, PENDING_TIMEOUT_HTTP_CONTENT, kPatience_s);
-    reply.sent += length;
-    if (last) {
-        replies_.erase(found);
-        return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
-    }
-    (void)lws_callback_on_writable(wsi);
     return 0;
 }
 
@@ -524,7 +410,7 @@ void WebServer::Impl::invite_all() {
 }
 
 void WebServer::Impl::forget(lws* wsi) {
-    replies_.erase(wsi);
+    pages_.forget(wsi);
     connections_.erase(wsi);
     closing_.erase(wsi);
     sockets_.erase(wsi);
@@ -533,7 +419,7 @@ void WebServer::Impl::forget(lws* wsi) {
 void WebServer::Impl::tick() {
     const std::int64_t now_ns = monotonic_now_ns();
     if (stopping() && end_ns_ == 0) {
-        end_ns_ = now_ns + kFarewell_ns;
+        end_ns_ = now_ns + kFarewellNs;
         invite_all();
     }
     handler_.tick();
@@ -569,7 +455,7 @@ void WebServer::Impl::schedule_tick() {
                 impl.wake();  // or the library would wait for the next event first
             }
         },
-        kTick_ns / 1000);
+        kTickNs / 1000);
 }
 
 WebServer::WebServer(const std::string& address, std::uint16_t port, WebHandler& handler, std::int64_t stuck_after_ns)

@@ -4,7 +4,7 @@
 // Only GET and HEAD, and one WebSocket, /stream, of the subprotocol haptic-view-1. Refused are requests whose Host is
 // not this machine's (400), from a page that this server did not serve (403), and more than kMostViewers (503). A
 // viewer is closed, and nobody else notices, when it says anything but text messages of kLongestRequest bytes at most,
-// or when its socket takes nothing for kStuckAfter_ns.
+// or when its socket takes nothing for kStuckAfterNs.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@
 namespace haptic::sim::view {
 
 inline constexpr std::size_t kMostViewers = 128;
-inline constexpr std::int64_t kStuckAfter_ns = 10'000'000'000;
-inline constexpr std::int64_t kTick_ns = 4'000'000;
+inline constexpr std::int64_t kStuckAfterNs = 10'000'000'000;
+inline constexpr std::int64_t kTickNs = 4'000'000;
 inline constexpr const char* kStreamPath = "/stream";
 inline constexpr const char* kSubprotocol = "haptic-view-1";
 
@@ -58,7 +58,7 @@ class WebHandler {
 
     [[nodiscard]] virtual std::unique_ptr<Conversation> join() = 0;
     [[nodiscard]] virtual std::optional<Resource> resource(std::string_view path) = 0;
-    /// Every kTick_ns while somebody is connected, and after each wake().
+    /// Every kTickNs while somebody is connected, and after each wake().
     virtual void tick() = 0;
 };
 
@@ -67,7 +67,7 @@ class WebServer {
     /// Listens; port 0: any that is free. `stuck_after_ns`: when a viewer whose socket takes nothing is closed. Throws
     /// std::runtime_error: the address cannot be had.
     WebServer(const std::string& address, std::uint16_t port, WebHandler& handler,
-              std::int64_t stuck_after_ns = kStuckAfter_ns);
+              std::int64_t stuck_after_ns = kStuckAfterNs);
     WebServer(const WebServer&) = delete;
     WebServer& operator=(const WebServer&) = delete;
     ~WebServer();
