@@ -38,7 +38,6 @@ Lockstep::Lockstep(const Settings& settings)
       tick_(settings.tick, board_, frame_reader_, state_writer_, standing_clock),
       simulation_(settings.scene),
       tick_ns_(settings.tick.period_ns),
-      step_ns_(nanoseconds(settings.scene.solver.step)),
       late_ns_(settings.late_ns) {
     tick_.record_to(settings.recorder);
     tick_.arm();

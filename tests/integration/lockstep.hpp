@@ -30,7 +30,7 @@ class Lockstep {
     sim::StepResult step(AfterTick&& after_tick) {
         const sim::StepResult result = step_simulation();
         const std::int64_t publish_ns = step_time_ns_ + late_ns_;
-        step_time_ns_ += step_ns_;
+        step_time_ns_ += nanoseconds(result.step);
         while (now_ns_ < step_time_ns_) {
             if (pending_ && now_ns_ >= publish_ns) {
                 publish_frame();
@@ -68,7 +68,6 @@ class Lockstep {
     DeviceState state_{};
     sim::StepInput input_;
     std::int64_t tick_ns_;
-    std::int64_t step_ns_;
     std::int64_t late_ns_;
     std::int64_t now_ns_ = 0;
     std::int64_t step_time_ns_ = 0;  // of the simulation's next step; need not be that of a tick

@@ -14,10 +14,10 @@ constexpr std::int64_t kMeasureNs = 250'000'000;  // over which the speed is mea
 
 }  // namespace
 
-void LiveControl::introduce(Simulation& simulation, HandSources& hand) {
+void LiveControl::introduce(Simulation& simulation, const LiveSettings& own, HandSources& hand) {
     simulation_ = &simulation;
     hand_ = &hand;
-    parameters_.emplace(simulation);
+    parameters_.emplace(simulation, own);
     result_ = {};
     measured_s_ = 0.0;
     view::SceneDescription description = view::describe(simulation);

@@ -35,8 +35,8 @@ class LiveControl {
     LiveControl(std::unique_ptr<view::LiveView> view, Recordings& recordings)
         : view_(std::move(view)), recordings_(recordings) {}
 
-    /// A simulation begins, which all that follows is about.
-    void introduce(Simulation& simulation, HandSources& hand);
+    /// A simulation begins, which all that follows is about. `own` are the settings that its scene has by itself.
+    void introduce(Simulation& simulation, const LiveSettings& own, HandSources& hand);
 
     /// Does what viewers have asked for since the last call.
     void serve();

@@ -19,6 +19,7 @@ int run(int argc, char** argv) {
         commands.emplace_back(&subcommand, command(subcommand));
     };
     add("run", "Run a scene", haptic::sim::add_run_command);
+    add("play", "Show a recording to browsers, simulated again", haptic::sim::add_play_command);
     add("scenes", "List the built-in scenes", haptic::sim::add_scenes_command);
     add("mesh", "Check a mesh file, and say what is in it", haptic::sim::add_mesh_command);
     add("model", "Build the particles of a body, say what they are, and write them to a file",

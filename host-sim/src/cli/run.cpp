@@ -33,6 +33,7 @@ Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::Live
       steps_(plan.steps),
       real_(plan.real),
       scene_(plan.scene),
+      own_settings_(live_settings_of(plan.scene)),
       origin_(plan.origin),
       simulation_(plan.scene, monotonic_now_ns),
       statistics_(),
@@ -60,10 +61,11 @@ void Run::begin() {
     recordings_.begin(origin_);
     snapshots_ = options_.snapshots.empty() ? nullptr : std::make_unique<Snapshots>(simulation_);
     hand_.begin(simulation_);
+    begun_ns_ = monotonic_now_ns();
     scene_ns_ = 0;
     broken_ = false;
     if (live_) {
-        live_->introduce(simulation_, hand_);
+        live_->introduce(simulation_, own_settings_, hand_);
     }
 }
 
@@ -82,7 +84,7 @@ bool Run::try_step(const StepInput& input, StepResult& result) {
         return true;
     } catch (const std::runtime_error& error) {
         spdlog::error("{}; the scene begins anew, paused, with its own parameters", error.what());
-        simulation_.change_settings(live_settings_of(scene_));
+        simulation_.change_settings(own_settings_);
         live_->pause();
         broken_ = true;
         make_next({});
@@ -90,20 +92,30 @@ bool Run::try_step(const StepInput& input, StepResult& result) {
     }
 }
 
-void Run::publish(const StepInput& input) {
-    if (!frames_) {
+/// What viewers see of a step that was made and published.
+void Run::tell_viewers(const StepResult& result, const Published& frame) {
+    if (!live_) {
         return;
     }
-    const std::int64_t now_ns = monotonic_now_ns();
-    const std::uint64_t sequence = frames_->publish(simulation_.frame(), states_ ? now_ns : input.time_ns, now_ns);
-    if (live_) {
-        live_->frame_published(sequence, now_ns);
+    const std::int64_t begin_ns = monotonic_now_ns();
+    if (frame.sequence != 0) {
+        live_->frame_published(frame.sequence, frame.time_ns);
     }
+    live_->after_step(result, late_, begin_ns);
+    telling_.record(monotonic_now_ns() - begin_ns);
+}
+
+Run::Published Run::publish(const StepInput& input) {
+    if (!frames_) {
+        return {};
+    }
+    const std::int64_t now_ns = monotonic_now_ns();
+    return {frames_->publish(simulation_.frame(), states_ ? now_ns : input.time_ns, now_ns), now_ns};
 }
 
 void Run::one_step(const HandSources::Times& times) {
     const StepInput input = hand_.at(simulation_, times);
-    if (live_ && frames_ && (stood_ || hand_.device_came())) {
+    if (live_ && frames_ && hand_.source() == view::HandSource::Device && (stood_ || hand_.device_came())) {
         simulation_.couple_anew();  // the hand may be elsewhere than the tool was left
         recordings_.note(simulation_.steps(), std::string(kCoupleAnew));
     }
@@ -114,9 +126,7 @@ void Run::one_step(const HandSources::Times& times) {
     step_probe_.set(true);
     StepResult result;
     const bool made = try_step(input, result);
-    if (made) {
-        publish(input);
-    }
+    const Published frame = made ? publish(input) : Published{};
     step_probe_.set(false);
     if (!made) {
         return;
@@ -127,9 +137,7 @@ void Run::one_step(const HandSources::Times& times) {
     if (snapshots_) {
         snapshots_->after_step(result);
     }
-    if (live_) {
-        live_->after_step(result, late_, monotonic_now_ns());
-    }
+    tell_viewers(result, frame);
 }
 
 void Run::follow_workspace(std::int64_t now_ns) {
@@ -181,8 +189,8 @@ void Run::stand() {
 void Run::keep_changes(NextScene& next) const {
     Scene& scene = next.scene;
     std::vector<std::string>& said = next.origin.assignments;
-    for (std::string& assignment :
-         view::LiveParameters(simulation_).assignments(live_settings_of(scene), simulation_.settings())) {
+    for (std::string& assignment : view::LiveParameters(simulation_, own_settings_)
+                                       .assignments(live_settings_of(scene), simulation_.settings())) {
         said.push_back(std::move(assignment));
     }
     apply(simulation_.settings(), scene);
@@ -236,6 +244,7 @@ void Run::take_next() {
     }
     if (next.origin.scene != origin_.scene) {
         workspace_.reset();  // was meant for the other one
+        own_settings_ = live_settings_of(next.scene);
     }
     live_->count(next.origin.scene != origin_.scene);
     scene_ = std::move(next.scene);
@@ -333,7 +342,11 @@ nlohmann::json Run::view_report() const {
         return nullptr;
     }
     const ViewCounts& counts = live_->counts();
-    return {{"url", live_->url()}, {"changes", counts.changes}, {"resets", counts.resets}, {"scenes", counts.scenes}};
+    return {{"url", live_->url()},
+            {"changes", counts.changes},
+            {"resets", counts.resets},
+            {"scenes", counts.scenes},
+            {"us", summary_us(telling_)}};
 }
 
 void Run::write_results(double wall_s) const {
@@ -368,13 +381,13 @@ int Run::go() {
     if (live_) {
         spdlog::info("the live view is at {}", live_->url());
     }
-    const std::int64_t start_ns = monotonic_now_ns();
+    begun_ns_ = monotonic_now_ns();
     if (states_) {
         run_real();
     } else {
         run_lockstep();
     }
-    const double wall_s = seconds(monotonic_now_ns() - start_ns);
+    const double wall_s = seconds(monotonic_now_ns() - begun_ns_);
     frames_.reset();  // leaves the rings before anything slow is done
     states_.reset();
     if (stop_requested()) {

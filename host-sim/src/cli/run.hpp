@@ -21,6 +21,7 @@
 #include "cli/run_statistics.hpp"
 #include "cli/snapshots.hpp"
 #include "cli/stop_signal.hpp"
+#include "haptic/histogram.hpp"
 #include "haptic/probe.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/sim/simulation.hpp"
@@ -42,13 +43,20 @@ class Run {
         std::future<Simulation> made;
     };
 
+    /// A frame that went to the ring; sequence 0: none did.
+    struct Published {
+        std::uint64_t sequence = 0;
+        std::int64_t time_ns = 0;
+    };
+
     void begin();
     void run_lockstep();
     void run_real();
     void wait_for_device();
     void one_step(const HandSources::Times& times);
     bool try_step(const StepInput& input, StepResult& result);
-    void publish(const StepInput& input);
+    [[nodiscard]] Published publish(const StepInput& input);
+    void tell_viewers(const StepResult& result, const Published& frame);
     void follow_workspace(std::int64_t now_ns);
     void say_whether_fresh();
     bool serve();
@@ -65,7 +73,8 @@ class Run {
     const RunOptions& options_;
     std::uint64_t steps_;  // 0: until stopped
     bool real_;
-    Scene scene_;  // as it begins
+    Scene scene_;                // as it begins
+    LiveSettings own_settings_;  // of the scene, before anything was changed
     RecordNotes origin_;
     Simulation simulation_;
     RunStatistics statistics_;
@@ -77,11 +86,13 @@ class Run {
     HandSources hand_;
     std::unique_ptr<LiveControl> live_;
     std::optional<NextScene> next_;
-    bool stood_ = false;   // before the step that comes
-    bool broken_ = false;  // the simulation is no longer finite: not to be shown
-    Probe step_probe_;     // up during each step
+    bool stood_ = false;         // before the step that comes
+    bool broken_ = false;        // the simulation is no longer finite: not to be shown
+    Probe step_probe_;           // up during each step
+    std::int64_t begun_ns_ = 0;  // when the simulation did
     std::int64_t scene_ns_ = 0;
     std::uint64_t late_ = 0;
+    Histogram telling_;  // what viewers cost a step
     std::uint64_t workspace_changes_ = 0;
     bool was_fresh_ = true;  // so that a device that is missing from the beginning is said
 };

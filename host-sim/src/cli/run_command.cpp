@@ -1,29 +1,17 @@
 // host-sim run and host-sim scenes.
 
-#include <spdlog/sinks/stdout_sinks.h>
-#include <spdlog/spdlog.h>
-
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
 #include <string>
-#include <utility>
 
 #include "cli/commands.hpp"
+#include "cli/log.hpp"
 #include "cli/run.hpp"
 #include "cli/run_options.hpp"
 #include "haptic/sim/scene.hpp"
 
 namespace haptic::sim {
-namespace {
-
-void log_to_stderr() {
-    auto logger = std::make_shared<spdlog::logger>("host-sim", std::make_shared<spdlog::sinks::stderr_sink_st>());
-    logger->set_pattern("host-sim: %v");
-    spdlog::set_default_logger(std::move(logger));
-}
-
-}  // namespace
 
 Command add_run_command(CLI::App& app) {
     const auto options = std::make_shared<RunOptions>();

@@ -89,8 +89,7 @@ void LiveParameters::add(std::string_view key, const Slider& slider) {
                              .choices = parameter.choices});
 }
 
-LiveParameters::LiveParameters(const Simulation& simulation) {
-    const LiveSettings& s = simulation.settings();
+LiveParameters::LiveParameters(const Simulation& simulation, const LiveSettings& s) {
     const bool many = simulation.tool().particles().size() > 1;
     const double stiffness = s.stiffness > 0.0 ? s.stiffness : kUsualStiffness;
     add("coupling.stiffness", {.label = "Stiffness",

@@ -17,8 +17,9 @@ namespace haptic::sim::view {
 class LiveParameters {
   public:
     /// Those of a scene: the radius where the tool is one sphere, what is for many where it has many. A slider goes
-    /// some way to either side of what the scene begins with, within what a scene file may say.
-    explicit LiveParameters(const Simulation& simulation);
+    /// some way to either side of `s`, the scene's own settings, within what a scene file may say.
+    LiveParameters(const Simulation& simulation, const LiveSettings& s);
+    explicit LiveParameters(const Simulation& simulation) : LiveParameters(simulation, simulation.settings()) {}
 
     [[nodiscard]] const std::vector<ParameterDescription>& descriptions() const noexcept { return descriptions_; }
     /// In the order of the descriptions; the rest is 0.

@@ -1,4 +1,4 @@
-// No step of any scene allocates or frees, whatever the hand does.
+// No step of any scene allocates or frees, whatever the hand does, nor does showing it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,6 +12,7 @@
 #include "haptic/sim/hostile_hand.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
+#include "view/capture.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -87,6 +88,28 @@ TEST_P(StepAllocations, AreNoneWithAHostileHandAndTheClutch) {
         count.step(simulation, input);
     }
     EXPECT_EQ(count.calls, 0u);
+}
+
+TEST_P(StepAllocations, AreNoneWhileItsSettingsChangeAndItIsShown) {
+    Simulation simulation(scene_with(std::string(GetParam()), {}));
+    view::SceneSnapshot moment;
+    view::make_room(simulation, moment);
+    std::int64_t time_ns = 0;
+    std::size_t calls = 0;
+    for (int k = 0; k < kSteps; ++k) {
+        LiveSettings settings = simulation.settings();
+        settings.stiffness *= k % 20 == 0 ? 1.1 : 1.0;
+        settings.radius *= k % 30 == 0 ? 1.2 : 1.0;
+        settings.static_friction = k < kSteps / 2 ? 0.3 : 0.0;
+        settings.iterations = 3 + k % 4;
+        const AllocationGuard guard;
+        simulation.change_settings(settings);
+        const StepResult result = simulation.step(simulation.scripted_input(time_ns));
+        view::capture(simulation, result, moment);
+        calls += guard.calls();
+        time_ns += nanoseconds(result.step);
+    }
+    EXPECT_EQ(calls, 0u);
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, StepAllocations, testing::ValuesIn([] {

@@ -1,0 +1,117 @@
+// host-sim play: a recording, simulated again and shown to viewers with a time line.
+
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "cli/commands.hpp"
+#include "cli/log.hpp"
+#include "cli/playback.hpp"
+#include "cli/recorded_run.hpp"
+#include "cli/replay.hpp"
+#include "cli/stop_signal.hpp"
+#include "haptic/clock.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/types.hpp"
+#include "view/live_view.hpp"
+
+namespace haptic::sim {
+namespace {
+
+// A screen's rate.
+constexpr std::int64_t kMomentNs = 16'666'667;
+
+struct PlayOptions {
+    std::string record;
+    std::string scene;
+    std::vector<std::string> assignments;
+    std::string view_address;
+    bool watch_only = false;
+};
+
+/// The scene that the record is of, or that the command line says.
+Scene scene_of(const PlayOptions& options, const RecordedRun& record) {
+    const bool own = options.scene.empty();
+    if (own && !record.notes()) {
+        throw std::runtime_error(options.record +
+                                 ": does not say of which scene it is; --scene NAME says in which one its hand is to "
+                                 "be followed");
+    }
+    const std::string which = own ? record.notes()->scene : options.scene;
+    Config config = open_scene(which);
+    for (const std::string& assignment : own ? record.notes()->assignments : std::vector<std::string>{}) {
+        config.set(assignment);
+    }
+    for (const std::string& assignment : options.assignments) {
+        config.set(assignment);
+    }
+    const std::filesystem::path path(which);
+    return read_scene(config, path.extension() == ".toml" ? path.stem().string() : which);
+}
+
+int play(const PlayOptions& options, bool viewed) {
+    if (!viewed) {
+        throw std::runtime_error(
+            "play shows a recording to browsers: add --view, or --view ADDR:PORT; to run it again without being "
+            "watched, for a report or with --verify, use host-sim run SCENE --input " +
+            options.record);
+    }
+    const RecordedRun record = RecordedRun::load(options.record);
+    const bool as_recorded = options.scene.empty();
+    Replay replay(scene_of(options, record), record, as_recorded);
+    if (as_recorded && record.notes()->first_step > 0) {
+        spdlog::warn(
+            "the record begins at step {} of its scene, whose state then it does not have: it is played from "
+            "the scene's start",
+            record.notes()->first_step);
+    }
+    view::LiveViewSettings settings = view::parse_view_address(options.view_address);
+    settings.control = !options.watch_only;
+    const StopOnSignal stop;
+    const std::unique_ptr<view::LiveView> view = view::open_live_view(settings);
+    spdlog::info("{}: {} s of {}; the live view is at {}", options.record, record.length(),
+                 replay.simulation().scene().name, view->url());
+    Playback playback(replay, record, *view);
+    for (std::int64_t last_ns = monotonic_now_ns(); !stop_requested();) {
+        sleep_until(last_ns + kMomentNs);
+        const std::int64_t now_ns = monotonic_now_ns();
+        playback.go_on(seconds(now_ns - last_ns));
+        last_ns = now_ns;
+    }
+    return 0;
+}
+
+}  // namespace
+
+Command add_play_command(CLI::App& app) {
+    const auto options = std::make_shared<PlayOptions>();
+    app.add_option("record", options->record,
+                   "A recording: of host-sim run --record, which says its scene, or any with time_s, x_m, y_m, z_m in "
+                   "the device's frame, as rt-core's, with --scene")
+        ->required();
+    const CLI::Option* const view =
+        app.add_option("--view", options->view_address,
+                       "Show it to browsers, at this address of this machine; without one, to this machine alone "
+                       "[127.0.0.1:7060]. Viewers may seek, pause and change the speed, for all who watch: there is "
+                       "no device that it could disturb")
+            ->type_name("[ADDR:PORT]")
+            ->expected(0, 1);
+    app.add_flag("--watch-only", options->watch_only, "Viewers may not even do that");
+    app.add_option("--scene", options->scene,
+                   "A built-in scene or a scene file in place of the record's own: the hand is followed over time")
+        ->type_name("SCENE");
+    app.add_option("--set", options->assignments, "Override a key of the scene; repeatable")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    return [options, view] {
+        log_to_stderr();
+        return play(*options, view->count() > 0);
+    };
+}
+
+}  // namespace haptic::sim
