@@ -100,7 +100,7 @@ TEST_P(StepAllocations, AreNoneWhileItsSettingsChangeAndItIsShown) {
         LiveSettings settings = simulation.settings();
         settings.stiffness *= k % 20 == 0 ? 1.1 : 1.0;
         settings.radius *= k % 30 == 0 ? 1.2 : 1.0;
-        settings.static_friction = k < kSteps / 2 ? 0.3 : 0.0;
+        settings.static_friction = settings.dynamic_friction = k < kSteps / 2 ? 0.3 : 0.0;
         settings.iterations = 3 + k % 4;
         const AllocationGuard guard;
         simulation.change_settings(settings);
