@@ -121,7 +121,7 @@ class ServedView final : public LiveView, private WebHandler {
     bool take_news();
     void take_stage(std::shared_ptr<Stage> stage);
     bool take_moment();
-    void take_samples();
+    bool take_samples(std::int64_t now_ns);
     bool look_at_device(std::int64_t now_ns);
     void ask(std::int64_t now_ns);
     template <class Predicate>
@@ -156,6 +156,7 @@ class ServedView final : public LiveView, private WebHandler {
     Shown shown_;
     std::int64_t next_ask_ns_ = 0;
     std::int64_t next_device_ns_ = 0;
+    std::int64_t next_samples_ns_ = 0;
 
     WebServer server_;
     std::thread thread_;
@@ -290,13 +291,12 @@ void ServedView::tick() {
     bool invite = take_news();
     invite = take_moment() || invite;
     invite = look_at_device(now_ns) || invite;
-    take_samples();
+    invite = take_samples(now_ns) || invite;
     if (server_.stopping()) {
         shown_.ending = true;
         invite = true;
     }
-    // Those who watch samples are asked each time whether it is time for some.
-    if (invite || samples_watched_.load(std::memory_order_relaxed)) {
+    if (invite) {
         server_.invite_all();
     }
     ask(now_ns);
@@ -349,7 +349,7 @@ bool ServedView::take_moment() {
     return true;
 }
 
-void ServedView::take_samples() {
+bool ServedView::take_samples(std::int64_t now_ns) {
     const bool watched = any_viewer([](const Viewer& viewer) { return viewer.watch().samples; });
     samples_watched_.store(watched, std::memory_order_relaxed);
     for (NumberedSample sample; samples_.pop(sample);) {
@@ -357,6 +357,12 @@ void ServedView::take_samples() {
             shown_.samples.add(sample);
         }
     }
+    // Mostly they go with the moments; a run that shows none has samples all the same.
+    if (!watched || now_ns < next_samples_ns_) {
+        return false;
+    }
+    next_samples_ns_ = now_ns + kMomentPeriodNs;
+    return true;
 }
 
 bool ServedView::look_at_device(std::int64_t now_ns) {

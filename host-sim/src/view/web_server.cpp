@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <sys/socket.h>
+#include <sys/timerfd.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -33,9 +34,10 @@ constexpr int kSendBuffer = 262144;
 constexpr int kUnsentAtMost = 131072;
 constexpr std::int64_t kFarewellNs = 250'000'000;
 
-// What the library calls protocols beside that of the stream: of pages, and of the listening socket.
+// What the library calls protocols beside that of the stream: of pages, the listening socket and the timer.
 constexpr const char* kPages = "pages";
 constexpr const char* kListener = "listener";
+constexpr const char* kTimer = "timer";
 
 /// Of every response.
 const lws_protocol_vhost_options* security_headers() {
@@ -110,17 +112,13 @@ class WebServer::Impl {
     void invite_all();
 
   private:
-    struct Timer {
-        lws_sorted_usec_list_t sul{};  // first: the library gives back its address
-        Impl* impl = nullptr;
-    };
-
     /// The library calls back as C does: nothing may be thrown through it.
     static int on_event(lws* wsi, lws_callback_reasons reason, void* user, void* in, std::size_t length);
-    static const std::array<lws_protocols, 4>& protocols();
+    static const std::array<lws_protocols, 5>& protocols();
     int on(lws* wsi, lws_callback_reasons reason, const void* in, std::size_t length);
 
-    void adopt_listener(int listener);
+    void adopt(int descriptor, const char* protocol);
+    int take_from(lws* wsi);
     void accept_all(int listener);
     void admit(int socket);
     int check_upgrade(lws* wsi);
@@ -134,7 +132,7 @@ class WebServer::Impl {
     void forget(lws* wsi);
     void tick();
     void close_stuck(std::int64_t now_ns);
-    void schedule_tick();
+    void keep_time();
 
     WebHandler& handler_;
     std::int64_t stuck_after_ns_ = 0;
@@ -148,14 +146,15 @@ class WebServer::Impl {
     std::int64_t end_ns_ = 0;  // once it stops: when it ends at the latest
     bool ended_ = false;
     bool ticking_ = false;
-    Timer timer_;
+    int timer_ = -1;  // the library's, as soon as it has it
     lws_context* context_ = nullptr;
 };
 
-const std::array<lws_protocols, 4>& WebServer::Impl::protocols() {
-    static const std::array<lws_protocols, 4> list = {{{kPages, on_event, 0, 0, 0, nullptr, 0},
+const std::array<lws_protocols, 5>& WebServer::Impl::protocols() {
+    static const std::array<lws_protocols, 5> list = {{{kPages, on_event, 0, 0, 0, nullptr, 0},
                                                        {kSubprotocol, on_event, 0, kLongestRequest, 0, nullptr, 0},
                                                        {kListener, on_event, 0, 0, 0, nullptr, 0},
+                                                       {kTimer, on_event, 0, 0, 0, nullptr, 0},
                                                        {nullptr, nullptr, 0, 0, 0, nullptr, 0}}};
     return list;
 }
@@ -173,7 +172,6 @@ WebServer::Impl::Impl(const std::string& address, std::uint16_t port, WebHandler
     : handler_(handler), stuck_after_ns_(stuck_after_ns) {
     const int listener = listen_on(address, port);
     port_ = port_of(listener);
-    timer_.impl = this;
     const SigpipeAsItWas keep;
     lws_set_log_level(0, nullptr);
     lws_context_creation_info info{};
@@ -192,21 +190,27 @@ WebServer::Impl::Impl(const std::string& address, std::uint16_t port, WebHandler
         (void)::close(listener);
         throw std::runtime_error("--view: libwebsockets could not be set up; is there memory, are there descriptors?");
     }
-    adopt_listener(listener);
+    adopt(listener, kListener);
+    // A timer of the library's own would be rounded down to milliseconds, and the rest of each spent in a busy loop.
+    timer_ = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
+    adopt(timer_, kTimer);
 }
 
 WebServer::Impl::~Impl() {
     lws_context_destroy(context_);
 }
 
-void WebServer::Impl::adopt_listener(int listener) {
-    lws_sock_file_fd_type descriptor{};
-    descriptor.filefd = listener;
-    if (lws_adopt_descriptor_vhost(lws_get_vhost_by_name(context_, "default"), LWS_ADOPT_RAW_FILE_DESC, descriptor,
-                                   kListener, nullptr) == nullptr) {
-        (void)::close(listener);
+/// The descriptor is the library's from here on.
+void WebServer::Impl::adopt(int descriptor, const char* protocol) {
+    lws_sock_file_fd_type adopted{};
+    adopted.filefd = descriptor;
+    if (descriptor < 0 || lws_adopt_descriptor_vhost(lws_get_vhost_by_name(context_, "default"),
+                                                     LWS_ADOPT_RAW_FILE_DESC, adopted, protocol, nullptr) == nullptr) {
+        if (descriptor >= 0) {
+            (void)::close(descriptor);
+        }
         lws_context_destroy(context_);
-        throw std::runtime_error("--view: libwebsockets did not take the listening socket");
+        throw std::runtime_error(std::string("--view: there is no ") + protocol + "; are there descriptors left?");
     }
 }
 
@@ -224,8 +228,7 @@ int WebServer::Impl::on(lws* wsi, lws_callback_reasons reason, const void* in, s
     const auto text = [&] { return std::string_view(static_cast<const char*>(in), length); };
     switch (reason) {
         case LWS_CALLBACK_RAW_RX_FILE:
-            accept_all(lws_get_socket_fd(wsi));
-            return 0;
+            return take_from(wsi);
         case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
             return check_upgrade(wsi);
         case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION:
@@ -254,6 +257,21 @@ int WebServer::Impl::on(lws* wsi, lws_callback_reasons reason, const void* in, s
         default:
             return lws_callback_http_dummy(wsi, reason, nullptr, const_cast<void*>(in), length);
     }
+}
+
+/// Of the listening socket and the timer, both of which have to go on whatever happens.
+int WebServer::Impl::take_from(lws* wsi) {
+    try {
+        if (speaks(wsi, kListener)) {
+            accept_all(lws_get_socket_fd(wsi));
+        } else {
+            std::uint64_t times = 0;
+            (void)::read(timer_, &times, sizeof(times));
+            tick();
+        }
+    } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): memory ran out: perhaps there is some next time
+    }
+    return 0;
 }
 
 void WebServer::Impl::accept_all(int listener) {
@@ -310,7 +328,7 @@ void WebServer::Impl::join(lws* wsi) {
     Connection& connection = connections_[wsi];
     connection.conversation = handler_.join();
     invite(wsi, connection);
-    schedule_tick();
+    keep_time();
 }
 
 int WebServer::Impl::hear(lws* wsi, std::string_view fragment) {
@@ -425,7 +443,7 @@ void WebServer::Impl::tick() {
     handler_.tick();
     close_stuck(now_ns);
     ended_ = stopping() && ((connections_.empty() && closing_.empty()) || now_ns >= end_ns_);
-    schedule_tick();
+    keep_time();
 }
 
 void WebServer::Impl::close_stuck(std::int64_t now_ns) {
@@ -436,26 +454,16 @@ void WebServer::Impl::close_stuck(std::int64_t now_ns) {
     }
 }
 
-void WebServer::Impl::schedule_tick() {
-    if (ticking_ || (connections_.empty() && closing_.empty())) {
+/// Ticks while there is somebody to tick for.
+void WebServer::Impl::keep_time() {
+    const bool needed = !connections_.empty() || !closing_.empty();
+    if (needed == ticking_) {
         return;
     }
-    ticking_ = true;
-    lws_sul_schedule(
-        context_, 0, &timer_.sul,
-        [](lws_sorted_usec_list_t* sul) {
-            Impl& impl = *reinterpret_cast<Timer*>(sul)->impl;
-            impl.ticking_ = false;
-            try {
-                impl.tick();
-            } catch (const std::exception&) {
-                impl.schedule_tick();  // memory ran out: perhaps there is some the next time
-            }
-            if (impl.ended_) {
-                impl.wake();  // or the library would wait for the next event first
-            }
-        },
-        kTickNs / 1000);
+    ticking_ = needed;
+    const timespec period{0, needed ? kTickNs : 0};
+    const itimerspec timer{period, period};
+    (void)timerfd_settime(timer_, 0, &timer, nullptr);
 }
 
 WebServer::WebServer(const std::string& address, std::uint16_t port, WebHandler& handler, std::int64_t stuck_after_ns)
