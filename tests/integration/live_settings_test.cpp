@@ -72,5 +72,67 @@ TEST(LiveSettingsAtTheHand, NoChangeMakesTheForceJump) {
                   }));
 }
 
+/// A cloth that lies on the hand, which moves to where it is not while the scene stands.
+class StandingScene : public testing::Test {
+  protected:
+    void watch(const rt::TickRecord& tick) {
+        const Vec3 now = tick.rendered.force;
+        slew = std::max(slew, glm::length(now - force));
+        least = std::min(least, glm::length(now));
+        force = now;
+    }
+    void catch_the_cloth() {
+        for (int step = 0; step < kCaught; ++step) {
+            (void)chain.step(
+                [&](const rt::TickRecord& tick, const device::EmulatedBoard&) { force = tick.rendered.force; });
+        }
+        ASSERT_GT(glm::length(force), 1.0) << "N: without a force there is nothing that could jump";
+    }
+    void stand() {
+        constexpr int kFrames = 60;
+        chain.stand(kFrames, [&](const rt::TickRecord& tick, const device::EmulatedBoard&) { watch(tick); });
+        EXPECT_EQ(least, 0.0) << "N: the hand was not free";
+    }
+    void go_on() {
+        for (int step = 0; step < 40; ++step) {
+            const sim::StepResult result =
+                chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) { watch(tick); });
+            ASSERT_FALSE(result.crossed) << "step " << step;
+            again = std::max(again, glm::length(force));
+        }
+        EXPECT_EQ(chain.tick().faults(), 0u);
+        EXPECT_GT(again, 0.05) << "N: it was never felt again";
+        EXPECT_LE(slew, kSlew) << "N/ms";
+        std::printf("down to 0 and up to %.2f N again: %.1f mN/ms at most\n", again, 1e3 * slew);
+    }
+
+    Lockstep chain{{.scene = sim::read_scene(sim::open_scene("cloth-drop"), "cloth-drop"),
+                    .hand = PoseTrack({0.0, 1.6, 1.8, 10.0}, {Pose{}, Pose{}, Pose{Vec3(0.001, -0.002, 0.0), {}},
+                                                              Pose{Vec3(0.001, -0.002, 0.0), {}}}),
+                    .tick = {}}};
+    Vec3 force{0.0};
+    double slew = 0.0;   // N/ms, most
+    double least = 1e9;  // N
+    double again = 0.0;  // N, most once it went on
+};
+
+TEST_F(StandingScene, LetsTheHandGoAndTakesItAgainWithoutAJumpOfTheForce) {
+    catch_the_cloth();
+    stand();
+    go_on();
+}
+
+TEST_F(StandingScene, SoDoesOneThatBeginsAnewInItsPlace) {
+    catch_the_cloth();
+    stand();
+    Config config = sim::open_scene("cloth-drop");  // just above the hand, and on its way down
+    config.set("model.height=0.05");
+    config.set("model.velocity=[0.0, -3.0, 0.0]");
+    chain.simulation() = sim::Simulation(sim::read_scene(config, "cloth-drop"));
+    chain.simulation().set_verification(true);
+    chain.simulation().couple_anew();
+    go_on();
+}
+
 }  // namespace
 }  // namespace haptic::test

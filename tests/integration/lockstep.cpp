@@ -30,7 +30,7 @@ Lockstep::Lockstep(const Settings& settings)
     : state_writer_(session_.name()),
       frame_reader_(session_.name()),
       state_reader_(session_.name()),
-      frame_writer_(session_.name()),
+      frames_(session_.name()),
       start_ns_(rt::arming_time_ns(settings.tick.safety) + kArmingMarginNs),
       board_({.variant = settings.tick.variant,
               .hand = from(start_ns_, settings.hand),
@@ -67,9 +67,7 @@ sim::StepResult Lockstep::step_simulation() {
 }
 
 void Lockstep::publish_frame() {
-    ContactFrame frame = simulation_.frame();
-    frame.publish_time_ns = now_ns_;
-    frame_writer_.publish(frame, now_ns_);
+    (void)frames_.publish(simulation_.frame(), now_ns_, now_ns_);
     pending_ = false;
 }
 

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "cli/frame_outlet.hpp"
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/rt/tick.hpp"
@@ -44,6 +45,20 @@ class Lockstep {
         return step([](const rt::TickRecord&, const device::EmulatedBoard&) {});
     }
 
+    /// The scene stands for so many frames, as one does that viewers have paused; then the hand is coupled anew.
+    template <class AfterTick>
+    void stand(int frames, AfterTick&& after_tick) {
+        for (int k = 0; k < frames; ++k) {
+            (void)frames_.stand(now_ns_);
+            for (const std::int64_t until_ns = now_ns_ + sim::FrameOutlet::kStandNs; now_ns_ < until_ns;) {
+                run_tick();
+                after_tick(tick_.last(), board_);
+            }
+        }
+        step_time_ns_ = now_ns_;
+        simulation_.couple_anew();
+    }
+
     [[nodiscard]] const sim::Simulation& simulation() const { return simulation_; }
     [[nodiscard]] sim::Simulation& simulation() { return simulation_; }
     [[nodiscard]] device::EmulatedBoard& board() { return board_; }
@@ -60,7 +75,7 @@ class Lockstep {
     RingWriter<DeviceState> state_writer_;
     RingReader<ContactFrame> frame_reader_;
     RingReader<DeviceState> state_reader_;
-    RingWriter<ContactFrame> frame_writer_;
+    sim::FrameOutlet frames_;
     std::int64_t start_ns_;  // of the simulation
     device::EmulatedBoard board_;
     rt::Tick tick_;
