@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <filesystem>
@@ -270,46 +271,69 @@ TEST(LiveViewStream, IsNotHeldUpByOneWhoDoesNotRead) {
 /// Talks without an end, to whoever joins.
 class Talker final : public WebHandler {
   public:
-    std::unique_ptr<Conversation> join() override {
-        class Talk final : public Conversation {
-          public:
-            std::optional<Closing> hear(std::string_view /*text*/) override { return std::nullopt; }
-            bool next_message(Outgoing& message) override {
-                message.bytes.resize(1'000'000);
-                return true;
-            }
-            [[nodiscard]] bool has_ended() const override { return false; }
-        };
-        return std::make_unique<Talk>();
-    }
+    std::unique_ptr<Conversation> join() override { return std::make_unique<Talk>(listeners_); }
     std::optional<Resource> resource(std::string_view /*path*/) override { return std::nullopt; }
     void tick() override {}
+    int listeners() const { return listeners_; }
+
+  private:
+    class Talk final : public Conversation {
+      public:
+        explicit Talk(std::atomic<int>& listeners) : listeners_(listeners) { ++listeners_; }
+        Talk(const Talk&) = delete;
+        Talk& operator=(const Talk&) = delete;
+        ~Talk() override { --listeners_; }
+        std::optional<Closing> hear(std::string_view /*text*/) override { return std::nullopt; }
+        bool next_message(Outgoing& message) override {
+            message.bytes.resize(1'000'000);
+            return true;
+        }
+        [[nodiscard]] bool has_ended() const override { return false; }
+
+      private:
+        std::atomic<int>& listeners_;
+    };
+
+    std::atomic<int> listeners_{0};
+};
+
+/// Serves while it lives.
+class Serving {
+  public:
+    explicit Serving(WebServer& server) : server_(server), thread_([&server] { server.run(); }) {}
+    Serving(const Serving&) = delete;
+    Serving& operator=(const Serving&) = delete;
+    ~Serving() {
+        server_.stop();
+        thread_.join();
+    }
+
+  private:
+    WebServer& server_;
+    std::thread thread_;
 };
 
 TEST(WebServerThread, ClosesAClientWhoseSocketTakesNothing) {
     Talker talker;
-    WebServer server("127.0.0.1", 0, talker, 100'000'000);
-    std::thread thread([&] { server.run(); });
+    WebServer server("127.0.0.1", 0, talker, 1'000'000'000);
+    const Serving serving(server);
     {
         StreamClient dead(server.port(), {.receive_buffer = 4096});
-        StreamClient alive(server.port());
-        // What is on its way can still be read; then comes the end, without which this test would not end either.
-        while (!dead.ended()) {
-            (void)alive.next();
-            if (alive.ended()) {
-                break;
+        {
+            StreamClient alive(server.port());
+            while (talker.listeners() < 2) {
+                std::this_thread::yield();
             }
-            std::this_thread::sleep_for(std::chrono::milliseconds(1));
-            if (server.viewers() == 1) {
-                while (dead.next()) {
-                }
+            while (talker.listeners() == 2) {
+                ASSERT_TRUE(alive.next());
             }
+            EXPECT_TRUE(alive.next());
+        }
+        // What was on its way can still be read; then comes the end.
+        while (dead.next()) {
         }
         EXPECT_TRUE(dead.ended());
-        EXPECT_TRUE(alive.next());
     }
-    server.stop();
-    thread.join();
 }
 
 TEST(LiveViewStream, HasPlaceForSoManyViewers) {
