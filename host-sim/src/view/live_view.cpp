@@ -283,6 +283,9 @@ std::optional<Resource> ServedView::resource(std::string_view path) {
             return Resource{std::string(file.type), file.content, nullptr, {}};
         }
     }
+    if (path == "/favicon.ico") {
+        return Resource{};  // browsers ask for it unbidden, and complain of an error
+    }
     return std::nullopt;
 }
 

@@ -78,8 +78,10 @@ int PageReplies::begin(lws* wsi, std::optional<Resource> resource) {
     };
     // Not every browser takes 'self' to mean the WebSocket of the same host. The Host is known to be a plain name.
     const std::string host = request_header(wsi, WSI_TOKEN_HOST);
-    bool good = lws_add_http_common_headers(wsi, HTTP_STATUS_OK, resource->type.c_str(), resource->content.size(), &at,
-                                            end) == 0;
+    const std::size_t length = resource->content.size();
+    bool good =
+        (length == 0 ? lws_add_http_header_status(wsi, HTTP_STATUS_NO_CONTENT, &at, end)
+                     : lws_add_http_common_headers(wsi, HTTP_STATUS_OK, resource->type.c_str(), length, &at, end)) == 0;
     good = good && add("content-security-policy:", "default-src 'self'; connect-src 'self' ws://" + host + " wss://" +
                                                        host + "; frame-ancestors 'none'; base-uri 'none'");
     if (!resource->download_as.empty()) {
@@ -88,7 +90,7 @@ int PageReplies::begin(lws* wsi, std::optional<Resource> resource) {
     if (!good || lws_finalize_write_http_header(wsi, begin, &at, end) != 0) {
         return -1;
     }
-    if (head || resource->content.empty()) {
+    if (head || length == 0) {
         return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
     }
     replies_[wsi] = {std::move(*resource), 0};

@@ -26,10 +26,10 @@ inline constexpr const char* kSubprotocol = "haptic-view-1";
 
 /// What is served at a path.
 struct Resource {
-    std::string type;  // e.g. "text/html; charset=utf-8"
-    std::span<const std::byte> content;
-    std::shared_ptr<const void> owner;  // keeps the content; null: it is there for ever
-    std::string download_as;            // a file name; empty: it is shown
+    std::string type;                    // e.g. "text/html; charset=utf-8"
+    std::span<const std::byte> content;  // empty: there is none, which is no error
+    std::shared_ptr<const void> owner;   // keeps the content; null: it is there for ever
+    std::string download_as;             // a file name; empty: it is shown
 };
 
 /// One connected viewer. Calls come from the server's thread; whatever is thrown closes this viewer.

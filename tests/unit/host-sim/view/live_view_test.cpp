@@ -83,6 +83,7 @@ TEST(LiveViewPage, IsServedAsWhatItIsAndMayLoadNothingFromElsewhere) {
     EXPECT_EQ(head.status, 200);
     EXPECT_EQ(head.header("content-length"), "300000");
     EXPECT_EQ(head.body, "");
+    EXPECT_EQ(request(served.port, "GET /favicon.ico", served.host()).status, 204);
 }
 
 TEST(LiveViewStream, BeginsWithTheSceneItsGeometryAndAFrameOfAllBodies) {
