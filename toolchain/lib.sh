@@ -9,11 +9,14 @@ die() {
     exit 1
 }
 
-# packages_of GROUP...: the packages of these groups, one a line.
+# packages_of GROUP...: the packages of these groups, one a line, but for those whose command is there already.
 packages_of() {
-    local groups="$*"
+    local groups="$*" package command
     awk -v groups="$groups" 'BEGIN { n = split(groups, g, " "); for (i = 1; i <= n; i++) wanted[g[i]] = 1 }
-                             /^[^#]/ && ($1 in wanted) { print $2 }' "$root/toolchain/packages.txt"
+                             /^[^#]/ && ($1 in wanted) { print $2, $3 }' "$root/toolchain/packages.txt" |
+        while read -r package command; do
+            [ -n "$command" ] && command -v "$command" >/dev/null || echo "$package"
+        done
 }
 
 # need GROUP...: installs what is missing of these groups, and says what. Quick and silent where nothing is.

@@ -1,0 +1,46 @@
+// The list of all keys.
+import { button, element } from "./dom.ts";
+import { optionLabels } from "./options.ts";
+
+const keys: [string, string][] = [
+  ["Space", "pause, go on"],
+  [".", "a single step"],
+  ["R", "begin anew"],
+  ["F, T", "look at the whole scene, at the tool"],
+  ["← → ↑ ↓", "turn the view; with Shift move it"],
+  ["+ −", "nearer, farther"],
+  ["H", "move the hand by keys: arrows, Page Up away, Page Down nearer; with Shift turn it; Esc ends"],
+  ["C, P", "show or hide controls, plots"],
+  ["?", "this list"],
+];
+
+const mouse: [string, string][] = [
+  ["Drag", "turn the view"],
+  ["Right drag, Shift drag", "move the view"],
+  ["Wheel", "nearer, farther"],
+  ["Drag the tool", "move the hand; the wheel meanwhile moves it away or nearer"],
+];
+
+/** Fills the dialog. */
+export function createHelp(dialog: HTMLDialogElement): void {
+  const options = optionLabels.map(({ key, label }): [string, string] => [key, label]);
+  dialog.append(
+    element("h2", { id: "help-title" }, "Keys and mouse"),
+    element("div", { class: "help" }, table("Keys", keys), table("Mouse", mouse), table("Shown or not", options)),
+    button("Close", () => dialog.close(), { autofocus: true }),
+  );
+  dialog.addEventListener("click", (event) => {
+    if (event.target === dialog) {
+      dialog.close(); // beside it
+    }
+  });
+}
+
+function table(title: string, rows: [string, string][]): HTMLElement {
+  const list = element("dl");
+  for (const [key, words] of rows) {
+    const named = key.split(", ").flatMap((k, i) => (i > 0 ? [" ", element("kbd", {}, k)] : [element("kbd", {}, k)]));
+    list.append(element("dt", {}, ...named), element("dd", {}, words));
+  }
+  return element("section", {}, element("h3", {}, title), list);
+}

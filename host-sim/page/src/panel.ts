@@ -1,0 +1,183 @@
+// The controls at the side: scene, run, hand, parameters, and what is drawn.
+import type { Actions } from "./actions.ts";
+import { button, checkbox, element, paced, setText } from "./dom.ts";
+import { optionLabels, type ViewOptions } from "./options.ts";
+import { Parameters } from "./parameters.ts";
+import type { Frame, RecordMessage, SceneMessage } from "./protocol.ts";
+import { steady } from "./scale.ts";
+
+const writeEvery = 100; // ms
+const sendEvery = 50; // ms
+
+export interface Panel {
+  showScene(scene: SceneMessage): void;
+  showFrame(frame: Frame): void;
+  showRecord(record: RecordMessage): void;
+  /** What the keys do as the buttons do. */
+  togglePause(): void;
+  step(): void;
+  reset(): void;
+  toggleOption(option: keyof ViewOptions): void;
+}
+
+/** Fills `root`; `theme` are the controls of the page's own looks. */
+export function createPanel(root: HTMLElement, actions: Actions, theme: HTMLElement): Panel {
+  return new SidePanel(root, actions, theme);
+}
+
+class SidePanel implements Panel {
+  private readonly scenes = element("select");
+  private readonly sceneRow = element("label", { class: "row" }, "Scene", this.scenes);
+  private readonly about = element("p", { class: "quiet" });
+  private readonly readOnly = element(
+    "p",
+    { class: "hint", hidden: true },
+    "Watching only. Whoever starts host-sim with ",
+    element("code", {}, "--view-control"),
+    " can change the scene from this page.",
+  );
+  private readonly pause = button("Pause", () => this.togglePause());
+  private readonly stepButton = button("Step", () => this.step());
+  private readonly resetButton = button("Reset", () => this.reset());
+  private readonly record = button("Record", () => this.actions.send({ type: "record", on: !this.recording }));
+  private readonly records = element("ul", { class: "records" });
+  private readonly curl = element("input", { type: "range", min: 0, max: 1, step: 0.01 });
+  private readonly curlRow = element("label", { class: "row" }, "Closed hand", this.curl);
+  private readonly parameters: Parameters;
+  private readonly parameterPart: HTMLElement;
+  private readonly controls: HTMLFieldSetElement;
+  private readonly runPart: HTMLElement;
+  private readonly handPart: HTMLElement;
+  private readonly boxes = new Map<keyof ViewOptions, HTMLInputElement>();
+  private readonly write: (frame: Frame) => void;
+  private paused = false;
+  private recording = false;
+  private curled = -Infinity;
+
+  constructor(
+    root: HTMLElement,
+    private readonly actions: Actions,
+    theme: HTMLElement,
+  ) {
+    this.parameters = new Parameters(actions);
+    this.parameterPart = part("Parameters", this.parameters.root);
+    const buttons = element("div", { class: "buttons" }, this.pause, this.stepButton, this.resetButton, this.record);
+    this.runPart = part("Run", buttons, this.records);
+    this.handPart = this.makeHandPart();
+    const fieldset = element("fieldset", { class: "bare" });
+    fieldset.append(this.sceneRow, this.about, this.readOnly, this.runPart, this.handPart, this.parameterPart);
+    this.controls = fieldset;
+    root.append(fieldset, this.makeDrawnPart(), part("Appearance", theme));
+    this.scenes.addEventListener("change", () => this.actions.send({ type: "scene", name: this.scenes.value }));
+    this.write = paced(writeEvery, (frame: Frame) => this.writeFrame(frame));
+  }
+
+  showScene(scene: SceneMessage): void {
+    const names = scene.scenes.includes(scene.name) ? scene.scenes : [scene.name, ...scene.scenes];
+    this.scenes.replaceChildren(...names.map((name) => element("option", { value: name }, name)));
+    this.scenes.value = scene.name;
+    this.sceneRow.hidden = scene.scenes.length === 0;
+    this.about.textContent = scene.text;
+    this.readOnly.hidden = scene.control;
+    this.controls.disabled = !scene.control;
+    this.runPart.hidden = scene.mode === "play"; // the time line has what a recording can do
+    this.handPart.hidden = scene.mode === "play";
+    this.curlRow.hidden = !scene.closes;
+    this.parameters.show(scene.parameters);
+    this.parameterPart.hidden = scene.parameters.length === 0;
+    const particles = scene.bodies.reduce((sum, body) => sum + body.particles, 0);
+    this.enable("particles", particles > 0);
+    this.enable("ellipsoids", particles > 0);
+    this.enable("groups", scene.groups > 0);
+    this.enable("links", scene.links > 0);
+    this.enable("proxies", scene.tool.vertices > 0);
+    this.enable("ground", scene.ground !== null);
+  }
+
+  showFrame(frame: Frame): void {
+    this.paused = frame.paused;
+    this.recording = frame.recording;
+    this.write(frame);
+  }
+
+  showRecord(record: RecordMessage): void {
+    // The address stays the same, what it leads to does not: only the newest recording can be had.
+    const link = element("a", { href: record.url, download: "record.csv" }, `Save ${record.steps} steps as CSV`);
+    this.records.replaceChildren(element("li", {}, link));
+  }
+
+  togglePause(): void {
+    this.actions.send({ type: "pause", on: !this.paused });
+  }
+  step(): void {
+    this.actions.send(this.paused ? { type: "step", steps: 1 } : { type: "pause", on: true });
+  }
+  reset(): void {
+    this.actions.send({ type: "reset" });
+  }
+
+  toggleOption(option: keyof ViewOptions): void {
+    const box = this.boxes.get(option);
+    if (box && !box.disabled) {
+      box.checked = !this.actions.option(option);
+      this.actions.setOption(option, box.checked);
+    }
+  }
+
+  private writeFrame(frame: Frame): void {
+    setText(this.pause, frame.paused ? "Go on" : "Pause");
+    this.pause.setAttribute("aria-pressed", String(frame.paused));
+    const recorded = frame.hand ? ` (${steady(frame.hand.recordedSteps, 0)})` : "";
+    setText(this.record, frame.recording ? `Stop${recorded}` : "Record");
+    this.record.setAttribute("aria-pressed", String(frame.recording));
+    this.record.classList.toggle("recording", frame.recording);
+    if (frame.parameters) {
+      this.parameters.follow(frame.parameters);
+    }
+    if (frame.hand && performance.now() - this.curled > 500) {
+      this.curl.valueAsNumber = frame.hand.curl;
+    }
+  }
+
+  private makeHandPart(): HTMLElement {
+    const send = paced(sendEvery, (curl: number) => this.actions.curlHand(curl));
+    this.curl.addEventListener("input", () => {
+      this.curled = performance.now();
+      send(this.curl.valueAsNumber);
+    });
+    const script = button("Follow the script", () => this.actions.send({ type: "script" }));
+    const words = "Drag the tool with the mouse; the wheel meanwhile moves it away or nearer.";
+    return part(
+      "Hand",
+      element("p", { class: "quiet" }, words),
+      element("div", { class: "buttons" }, script),
+      this.curlRow,
+    );
+  }
+
+  private makeDrawnPart(): HTMLElement {
+    const boxes = element("div", { class: "checks" });
+    for (const { option, label, key } of optionLabels) {
+      const box = checkbox(label, this.actions.option(option), (on) => this.actions.setOption(option, on));
+      box.title = `Key ${key}`;
+      this.boxes.set(option, box.querySelector("input")!);
+      boxes.append(box);
+    }
+    const all = button("Whole scene", () => this.actions.frameAll());
+    const tool = button("Tool", () => this.actions.frameTool());
+    return part("Shown", boxes, element("div", { class: "buttons" }, "Look at", all, tool));
+  }
+
+  private enable(option: keyof ViewOptions, can: boolean): void {
+    const box = this.boxes.get(option);
+    if (box) {
+      box.disabled = !can;
+      box.closest("label")?.classList.toggle("absent", !can);
+    }
+  }
+}
+
+/** A part of the panel that its reader may fold. */
+function part(title: string, ...inside: Node[]): HTMLElement {
+  return element("details", { open: true }, element("summary", {}, title), ...inside);
+}

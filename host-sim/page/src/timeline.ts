@@ -1,0 +1,94 @@
+// The time line of a recording that is replayed.
+import type { Actions } from "./actions.ts";
+import { button, element, paced, setText } from "./dom.ts";
+import type { Frame, SceneMessage } from "./protocol.ts";
+import { steady, written } from "./scale.ts";
+
+const writeEvery = 50; // ms
+const sendEvery = 50; // ms
+const settles = 400; // ms after a drag, until the line follows the frames again
+const speeds = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
+
+/** Fills `root`, which stays hidden unless a recording is shown. */
+export class Timeline {
+  private readonly play = button("Pause", () => this.togglePlay());
+  private readonly back = button("|◀", () => this.seek(0), { "aria-label": "To the beginning" });
+  private readonly line = element("input", {
+    type: "range",
+    min: 0,
+    step: "any",
+    "aria-label": "Time of the recording",
+  });
+  private readonly time = element("output", { class: "numbers" });
+  private readonly speed = element("select", { "aria-label": "Speed" });
+  private readonly warning = element("p", { class: "warning", role: "status", hidden: true });
+  private readonly write = paced(writeEvery, (frame: Frame) => this.writeFrame(frame));
+  private readonly sendSeek: (time: number) => void;
+  private length = 0;
+  private paused = false;
+  private moved = -Infinity;
+
+  constructor(
+    private readonly root: HTMLElement,
+    private readonly actions: Actions,
+  ) {
+    this.sendSeek = paced(sendEvery, (time: number) => actions.send({ type: "seek", time }));
+    for (const speed of speeds) {
+      this.speed.append(element("option", { value: speed }, `${speed} ×`));
+    }
+    this.speed.value = "1";
+    this.speed.addEventListener("change", () => actions.send({ type: "speed", speed: Number(this.speed.value) }));
+    this.line.addEventListener("input", () => this.seek(this.line.valueAsNumber));
+    root.append(this.back, this.play, this.line, this.time, this.speed, this.warning);
+  }
+
+  /** Whether a recording is shown. */
+  get shown(): boolean {
+    return !this.root.hidden;
+  }
+
+  showScene(scene: SceneMessage): void {
+    this.root.hidden = scene.mode !== "play";
+    this.length = scene.length;
+    this.line.max = String(scene.length);
+    for (const control of [this.play, this.back, this.line, this.speed]) {
+      control.disabled = !scene.control;
+    }
+    this.warning.hidden = true;
+  }
+
+  showFrame(frame: Frame): void {
+    if (this.shown) {
+      this.paused = frame.paused;
+      this.write(frame);
+    }
+  }
+
+  private togglePlay(): void {
+    if (this.paused && this.line.valueAsNumber >= this.length) {
+      this.seek(0);
+    }
+    this.actions.send({ type: "pause", on: !this.paused });
+  }
+
+  private seek(time: number): void {
+    this.moved = performance.now();
+    this.line.valueAsNumber = time;
+    this.sendSeek(time);
+  }
+
+  private writeFrame(frame: Frame): void {
+    setText(this.play, frame.paused ? "Play" : "Pause");
+    if (performance.now() - this.moved > settles) {
+      this.line.valueAsNumber = frame.time;
+    }
+    setText(this.time, `${steady(frame.time, 2)} of ${steady(this.length, 2, "s")}`);
+    const buffered = frame.hand && this.length > 0 ? frame.hand.buffered / this.length : 0;
+    this.line.style.setProperty("--buffered", `${written(100 * Math.min(buffered, 1), 4)}%`);
+    this.line.setAttribute("aria-valuetext", `${steady(frame.time, 2)} seconds`);
+    this.warning.hidden = !frame.diverged;
+    const words =
+      "This replay has left what was recorded: the recording was made by another version or on another machine.";
+    setText(this.warning, frame.diverged ? words : "");
+  }
+}

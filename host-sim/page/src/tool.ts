@@ -1,0 +1,252 @@
+// The tool in the hand: its surface and spheres, where the device has it, what it feels, and the planes that it was sent.
+import {
+  ArrowHelper,
+  Box3,
+  BufferAttribute,
+  BufferGeometry,
+  CircleGeometry,
+  Color,
+  DoubleSide,
+  Group,
+  InstancedMesh,
+  Line,
+  LineBasicMaterial,
+  Matrix4,
+  Mesh,
+  MeshBasicMaterial,
+  MeshStandardMaterial,
+  Quaternion,
+  SphereGeometry,
+  Vector3,
+} from "three";
+
+import { MovingSurface } from "./bodies.ts";
+import { colourOf } from "./colours.ts";
+import type { ViewOptions } from "./options.ts";
+import type { Frame, Geometry, Hand, Plane, Proxies, SceneMessage } from "./protocol.ts";
+import { roundScale } from "./round_scale.ts";
+
+const skin = 0xdea480;
+const mostPlanes = 192;
+const forward = new Vector3(0, 0, 1);
+
+/** An arrow whose scale is a round number that keeps it well within the picture. */
+class ScaledArrow {
+  readonly arrow = new ArrowHelper(forward, new Vector3(), 1);
+  private most = 0; // that was seen of late
+  scale = 0; // m a unit
+
+  constructor() {
+    this.arrow.renderOrder = 3;
+    for (const part of [this.arrow.line, this.arrow.cone]) {
+      const paint = part.material as LineBasicMaterial | MeshBasicMaterial;
+      paint.depthTest = false;
+      paint.transparent = true;
+    }
+  }
+
+  /** `room`: m that the longest may have. */
+  point(from: Vector3, what: Vector3, room: number, shown: boolean): void {
+    const size = what.length();
+    this.most = Math.max(size, 0.998 * this.most);
+    this.arrow.visible = shown && size > 1e-3 * Math.max(this.most, 1e-6) && size > 1e-9;
+    if (!this.arrow.visible) {
+      return;
+    }
+    this.scale = roundScale(room / this.most);
+    const length = size * this.scale;
+    this.arrow.position.copy(from);
+    this.arrow.setDirection(what.clone().divideScalar(size));
+    this.arrow.setLength(length, Math.min(0.3 * length, 0.12 * room), Math.min(0.18 * length, 0.07 * room));
+  }
+
+  dispose(): void {
+    this.arrow.removeFromParent();
+    this.arrow.dispose();
+  }
+}
+
+export class Tool {
+  readonly group = new Group();
+  private readonly surface: MovingSurface | null;
+  private readonly spheres: InstancedMesh<SphereGeometry, MeshStandardMaterial>;
+  private readonly hip: Mesh<SphereGeometry, MeshBasicMaterial>;
+  private readonly spring: Line<BufferGeometry, LineBasicMaterial>;
+  private readonly planes: InstancedMesh<CircleGeometry, MeshBasicMaterial>;
+  private readonly force = new ScaledArrow();
+  private readonly torque = new ScaledArrow();
+  private readonly touching = new Color();
+  private readonly free = new Color();
+  private proxies: Proxies | null = null;
+  private hand: Hand | null = null;
+
+  constructor(scene: SceneMessage, geometry: Geometry) {
+    this.surface =
+      scene.tool.triangles > 0 ? new MovingSurface(scene.tool.vertices, geometry.toolTriangles, skin) : null;
+    this.spheres = new InstancedMesh(
+      new SphereGeometry(1, 32, 24),
+      new MeshStandardMaterial({ roughness: 0.45 }),
+      Math.max(scene.tool.radii.length, 1),
+    );
+    this.spheres.frustumCulled = false;
+    this.spheres.castShadow = true;
+    this.hip = new Mesh(
+      new SphereGeometry(1, 14, 10),
+      new MeshBasicMaterial({ wireframe: true, transparent: true, opacity: 0.5 }),
+    );
+    const ends = new BufferGeometry();
+    ends.setAttribute("position", new BufferAttribute(new Float32Array(6), 3));
+    this.spring = new Line(ends, new LineBasicMaterial({ depthTest: false, transparent: true }));
+    this.spring.frustumCulled = false;
+    this.spring.renderOrder = 3;
+    this.planes = new InstancedMesh(
+      new CircleGeometry(1, 24),
+      new MeshBasicMaterial({ side: DoubleSide, transparent: true, opacity: 0.45, depthWrite: false }),
+      mostPlanes,
+    );
+    this.planes.frustumCulled = false;
+    this.planes.count = 0;
+    this.group.add(this.spheres, this.hip, this.spring, this.planes, this.force.arrow, this.torque.arrow);
+    if (this.surface) {
+      this.group.add(this.surface.group);
+    }
+    this.takeColours();
+  }
+
+  take(frame: Frame, options: ViewOptions, pictureHeight: number): void {
+    if (frame.toolSurface) {
+      this.surface?.move(frame.toolSurface);
+    }
+    if (frame.proxies) {
+      this.proxies = frame.proxies;
+      this.placeSpheres(frame.proxies);
+    }
+    if (frame.hand) {
+      this.hand = frame.hand;
+      this.placeHand(frame.hand, options, pictureHeight);
+    }
+    this.placePlanes(options.planes ? (frame.planes ?? []) : []);
+  }
+
+  show(options: ViewOptions, ink: string): void {
+    this.surface?.show(options.surfaces, options.wireframe, ink);
+    this.surface?.setGlass(options.proxies);
+    this.spheres.visible = !this.surface || options.proxies || !(options.surfaces || options.wireframe);
+    if (!options.arrows) {
+      this.force.arrow.visible = this.torque.arrow.visible = false;
+    }
+  }
+
+  /** Spheres, and where the hand has them. */
+  extent(): Box3 {
+    const box = new Box3();
+    const proxies = this.proxies;
+    for (let i = 0; i < (proxies?.count ?? 0); ++i) {
+      for (const places of [proxies!.positions, proxies!.goals]) {
+        const centre = new Vector3().fromArray(places, 3 * i);
+        box.union(new Box3(centre.clone(), centre.clone()).expandByScalar(proxies!.radii[i]!));
+      }
+    }
+    return box;
+  }
+
+  /** What one unit of force and of torque is in the picture, m; 0: no arrow is drawn. */
+  scales(): { force: number; torque: number } {
+    return {
+      force: this.force.arrow.visible ? this.force.scale : 0,
+      torque: this.torque.arrow.visible ? this.torque.scale : 0,
+    };
+  }
+
+  takeColours(): void {
+    this.touching.set(colourOf("second"));
+    this.free.set(colourOf("fourth"));
+    this.hip.material.color.set(colourOf("ink"));
+    this.spring.material.color.set(colourOf("ink"));
+    this.planes.material.color.set(colourOf("third"));
+    this.force.arrow.setColor(colourOf("warn"));
+    this.torque.arrow.setColor(colourOf("first"));
+    if (this.proxies) {
+      this.placeSpheres(this.proxies);
+    }
+  }
+
+  dispose(): void {
+    this.group.removeFromParent();
+    this.surface?.dispose();
+    for (const part of [this.spheres, this.hip, this.spring, this.planes]) {
+      part.geometry.dispose();
+      part.material.dispose();
+    }
+    this.spheres.dispose();
+    this.planes.dispose();
+    this.force.dispose();
+    this.torque.dispose();
+  }
+
+  private placeSpheres(proxies: Proxies): void {
+    const place = new Matrix4();
+    this.spheres.count = Math.min(proxies.count, this.spheres.instanceMatrix.count);
+    for (let i = 0; i < this.spheres.count; ++i) {
+      const radius = proxies.radii[i]!;
+      place.compose(
+        new Vector3().fromArray(proxies.positions, 3 * i),
+        new Quaternion(),
+        new Vector3(radius, radius, radius),
+      );
+      this.spheres.setMatrixAt(i, place);
+      this.spheres.setColorAt(i, proxies.touches[i] ? this.touching : this.free);
+    }
+    this.spheres.instanceMatrix.needsUpdate = true;
+    if (this.spheres.instanceColor) {
+      this.spheres.instanceColor.needsUpdate = true;
+    }
+  }
+
+  /** Of one sphere, its own; else a small mark. */
+  private markRadius(): number {
+    const proxies = this.proxies;
+    return !proxies || proxies.count === 0 ? 0.01 : proxies.count === 1 ? proxies.radii[0]! : 0.5 * proxies.radii[0]!;
+  }
+
+  private placeHand(hand: Hand, options: ViewOptions, pictureHeight: number): void {
+    const tool = new Vector3(...hand.tool);
+    const hip = new Vector3(...hand.hip);
+    const radius = this.markRadius();
+    this.hip.position.copy(hip);
+    this.hip.scale.setScalar(radius);
+    this.hip.visible = hip.distanceTo(tool) > 0.02 * radius;
+    this.spring.visible = this.hip.visible;
+    const ends = this.spring.geometry.getAttribute("position");
+    ends.setXYZ(0, tool.x, tool.y, tool.z);
+    ends.setXYZ(1, hip.x, hip.y, hip.z);
+    ends.needsUpdate = true;
+    const room = 0.3 * pictureHeight;
+    this.force.point(tool, new Vector3(...hand.force), room, options.arrows);
+    this.torque.point(tool, new Vector3(...hand.torque), 0.6 * room, options.arrows);
+  }
+
+  /** Discs where the planes are next to the proxies: the offset holds for a proxy's centre, so the surface is a radius nearer. */
+  private placePlanes(planes: Plane[]): void {
+    const proxies = this.proxies;
+    const place = new Matrix4();
+    this.planes.count = 0;
+    for (const plane of planes) {
+      if (!proxies || plane.proxy >= proxies.count || this.planes.count >= mostPlanes) {
+        continue;
+      }
+      const normal = new Vector3(...plane.normal);
+      const centre = new Vector3().fromArray(proxies.positions, 3 * plane.proxy);
+      const radius = proxies.radii[plane.proxy]!;
+      centre.addScaledVector(normal, plane.offset - normal.dot(centre) - radius);
+      const size = (plane.touches ? 1.5 : 0.8) * radius;
+      place.compose(
+        centre,
+        new Quaternion().setFromUnitVectors(forward, normal),
+        new Vector3(size, size, size),
+      );
+      this.planes.setMatrixAt(this.planes.count++, place);
+    }
+    this.planes.instanceMatrix.needsUpdate = true;
+  }
+}
