@@ -14,4 +14,10 @@ void log_to_stderr() {
     spdlog::set_default_logger(std::move(logger));
 }
 
+void warn_of(const std::string& warning) {
+    if (!warning.empty()) {
+        spdlog::warn("{}", warning);
+    }
+}
+
 }  // namespace haptic::sim

@@ -72,6 +72,7 @@ int play(const PlayOptions& options, bool viewed) {
     }
     view::LiveViewSettings settings = view::parse_view_address(options.view_address);
     settings.control = !options.watch_only;
+    warn_of(view::exposure_of(settings));
     const StopOnSignal stop;
     const std::unique_ptr<view::LiveView> view = view::open_live_view(settings);
     spdlog::info("{}: {} s of {}; the live view is at {}", options.record, record.length(),

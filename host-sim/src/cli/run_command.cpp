@@ -19,6 +19,9 @@ Command add_run_command(CLI::App& app) {
     return [options] {
         log_to_stderr();
         const Plan plan(*options);
+        if (plan.view) {
+            warn_of(view::exposure_of(*plan.view));
+        }
         return Run(*options, plan, plan.view ? view::open_live_view(*plan.view) : nullptr).go();
     };
 }

@@ -31,6 +31,9 @@ struct LiveViewSettings {
 /// "ADDR:PORT", "PORT", "[::1]:PORT"; empty: the defaults. Throws std::invalid_argument that says what is wrong.
 [[nodiscard]] LiveViewSettings parse_view_address(const std::string& text);
 
+/// One sentence if others than this machine's users can reach such a view, for whoever started it; empty otherwise.
+[[nodiscard]] std::string exposure_of(const LiveViewSettings& settings);
+
 class LiveView {
   public:
     LiveView() = default;

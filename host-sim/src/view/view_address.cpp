@@ -1,5 +1,6 @@
 // Where a view listens, from what was typed.
 #include <arpa/inet.h>
+#include <netinet/in.h>
 
 #include <array>
 #include <charconv>
@@ -36,6 +37,16 @@ std::string address_of(const std::string& text, const std::string& address, int 
     return address;
 }
 
+/// Of the loopback device: 127.0.0.0/8 and ::1, which no packet of another machine reaches.
+bool is_own(const std::string& address) {
+    in_addr v4{};
+    if (inet_pton(AF_INET, address.c_str(), &v4) == 1) {
+        return ntohl(v4.s_addr) >> 24 == 127;
+    }
+    in6_addr v6{};
+    return inet_pton(AF_INET6, address.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6) != 0;
+}
+
 }  // namespace
 
 LiveViewSettings parse_view_address(const std::string& text) {
@@ -63,6 +74,16 @@ LiveViewSettings parse_view_address(const std::string& text) {
     settings.address = address_of(text, text.substr(0, colon), AF_INET);
     settings.port = port_of(text, std::string_view(text).substr(colon + 1));
     return settings;
+}
+
+std::string exposure_of(const LiveViewSettings& settings) {
+    if (is_own(settings.address)) {
+        return "";
+    }
+    return "whoever reaches address " + settings.address + " may look at this run" +
+           (settings.control ? " and change it" : "") +
+           ": nobody is asked for a password; for this machine alone give --view without an address, and look through "
+           "ssh -L 7060:localhost:7060 from elsewhere";
 }
 
 }  // namespace haptic::sim::view

@@ -11,7 +11,9 @@
 namespace haptic::sim::view {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 TEST(RequestCheck, TakesAddressesLocalhostAndTheMachinesNameForItsOwn) {
     for (const char* host : {"127.0.0.1", "127.0.0.1:7060", "192.168.1.7:80", "[::1]", "[::1]:7060", "[fe80::1]:1",
@@ -72,6 +74,20 @@ TEST(ViewAddress, IsLoopbackUnlessAnotherIsGiven) {
     EXPECT_EQ(parse_view_address("[::1]:7061").address, "::1");
     EXPECT_EQ(parse_view_address("[::1]:7061").port, 7061);
     EXPECT_FALSE(parse_view_address("8080").control);
+}
+
+TEST(ViewAddress, WarnsOfOneThatOtherMachinesReach) {
+    for (const char* own : {"127.0.0.1:7060", "127.8.8.8:1", "[::1]:7060", "localhost:1", ""}) {
+        EXPECT_EQ(exposure_of(parse_view_address(own)), "") << own;
+    }
+    for (const char* open :
+         {"0.0.0.0:7060", "192.168.1.7:7060", "[::]:7060", "[fe80::1]:7060", "[::ffff:10.0.0.1]:1"}) {
+        LiveViewSettings settings = parse_view_address(open);
+        EXPECT_THAT(exposure_of(settings), AllOf(HasSubstr(settings.address), HasSubstr("look"), HasSubstr("ssh -L")));
+        EXPECT_THAT(exposure_of(settings), Not(HasSubstr("change")));
+        settings.control = true;
+        EXPECT_THAT(exposure_of(settings), HasSubstr("change"));
+    }
 }
 
 TEST(ViewAddress, SaysWhatIsWrong) {
