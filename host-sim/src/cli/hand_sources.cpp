@@ -1,5 +1,8 @@
 #include "cli/hand_sources.hpp"
 
+#include "haptic/pose_track.hpp"
+#include "haptic/types.hpp"
+
 namespace haptic::sim {
 namespace {
 
@@ -21,8 +24,7 @@ HandSources::HandSources(const HandSettings& settings, RingReader<DeviceState>* 
         device_.emplace(*states, StepInput{});
     }
     if (!settings.input.empty()) {
-        input_ = PoseTrack::load(settings.input);
-        input_curl_ = CurlTrack::load(settings.input);
+        input_ = RecordedRun::load(settings.input);
         source_ = view::HandSource::Input;
     }
 }
@@ -50,7 +52,10 @@ StepInput HandSources::at(const Simulation& simulation, const Times& times) {
     const bool has_device = device_ && device_->fresh() && !input_;
     device_came_ = has_device && !had_device;
     if (input_) {
-        follow_input(input, times.scene_ns);
+        const StepInput recorded = input_->at(seconds(times.scene_ns) - input_->begin());
+        input.device = recorded.device;
+        input.curl = recorded.curl;
+        input.buttons = recorded.buttons;
     } else if (has_device) {
         source_ = view::HandSource::Device;
         returning_from_.reset();
@@ -66,14 +71,6 @@ StepInput HandSources::at(const Simulation& simulation, const Times& times) {
     }
     last_ = input;
     return input;
-}
-
-void HandSources::follow_input(StepInput& input, std::int64_t time_ns) const {
-    input.device = input_->at(time_ns);
-    input.curl.reset();
-    if (input_curl_.known()) {
-        input.curl = input_curl_.at(time_ns);
-    }
 }
 
 void HandSources::follow_mouse(const Simulation& simulation, StepInput& input) {

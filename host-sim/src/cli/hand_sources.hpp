@@ -14,8 +14,7 @@
 #include <string>
 
 #include "cli/hand.hpp"
-#include "haptic/pose_track.hpp"
-#include "haptic/sim/curl_track.hpp"
+#include "cli/recorded_run.hpp"
 #include "haptic/sim/hostile_hand.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "view/command.hpp"
@@ -57,14 +56,12 @@ class HandSources {
     [[nodiscard]] DeviceHand* device() noexcept { return device_ ? &*device_ : nullptr; }
 
   private:
-    void follow_input(StepInput& input, std::int64_t time_ns) const;
     void follow_mouse(const Simulation& simulation, StepInput& input);
     void play_script(const Simulation& simulation, std::int64_t time_ns, StepInput& input);
     [[nodiscard]] bool taken() const noexcept;
 
     std::optional<DeviceHand> device_;
-    std::optional<PoseTrack> input_;
-    CurlTrack input_curl_;
+    std::optional<RecordedRun> input_;
     std::optional<std::uint64_t> hostile_seed_;
     std::optional<HostileHand> hostile_;
     view::HandSource source_;

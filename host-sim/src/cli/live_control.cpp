@@ -17,7 +17,7 @@ constexpr std::int64_t kMeasureNs = 250'000'000;  // over which the speed is mea
 void LiveControl::introduce(Simulation& simulation, const LiveSettings& own, HandSources& hand) {
     simulation_ = &simulation;
     hand_ = &hand;
-    parameters_.emplace(simulation, own);
+    parameters_ = std::make_unique<view::LiveParameters>(simulation, own);
     result_ = {};
     measured_s_ = 0.0;
     view::SceneDescription description = view::describe(simulation);

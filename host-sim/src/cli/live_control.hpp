@@ -76,8 +76,8 @@ class LiveControl {
     Recordings& recordings_;
     Simulation* simulation_ = nullptr;
     HandSources* hand_ = nullptr;
-    std::optional<view::LiveParameters> parameters_;
-    StepResult result_;  // of the last step
+    std::unique_ptr<view::LiveParameters> parameters_;  // of the simulation
+    StepResult result_;                                 // of the last step
     bool paused_ = false;
     int single_steps_ = 0;  // still to be made though paused
     std::optional<SceneWish> wish_;

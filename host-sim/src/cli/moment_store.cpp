@@ -75,7 +75,7 @@ class Unpacker {
 
     template <class T>
     T get() {
-        T value;
+        T value{};
         std::memcpy(&value, &bytes_[at_], sizeof(T));
         at_ += sizeof(T);
         return value;

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -34,24 +35,35 @@ struct PlayOptions {
     bool watch_only = false;
 };
 
-/// The scene that the record is of, or that the command line says.
-Scene scene_of(const PlayOptions& options, const RecordedRun& record) {
-    const bool own = options.scene.empty();
-    if (own && !record.notes()) {
+/// What to open, and what to set in it: as the record says, or in its place as the command line does.
+struct PlayedScene {
+    std::string which;
+    std::vector<std::string> assignments;
+    std::uint64_t first_step = 0;
+    bool as_recorded = false;
+};
+
+PlayedScene find_scene(const PlayOptions& options, const std::optional<RecordNotes>& notes) {
+    if (!options.scene.empty()) {
+        return {.which = options.scene, .assignments = options.assignments};
+    }
+    if (!notes) {
         throw std::runtime_error(options.record +
                                  ": does not say of which scene it is; --scene NAME says in which one its hand is to "
                                  "be followed");
     }
-    const std::string which = own ? record.notes()->scene : options.scene;
-    Config config = open_scene(which);
-    for (const std::string& assignment : own ? record.notes()->assignments : std::vector<std::string>{}) {
+    PlayedScene own{notes->scene, notes->assignments, notes->first_step, true};
+    own.assignments.insert(own.assignments.end(), options.assignments.begin(), options.assignments.end());
+    return own;
+}
+
+Scene open(const PlayedScene& scene) {
+    Config config = open_scene(scene.which);
+    for (const std::string& assignment : scene.assignments) {
         config.set(assignment);
     }
-    for (const std::string& assignment : options.assignments) {
-        config.set(assignment);
-    }
-    const std::filesystem::path path(which);
-    return read_scene(config, path.extension() == ".toml" ? path.stem().string() : which);
+    const std::filesystem::path path(scene.which);
+    return read_scene(config, path.extension() == ".toml" ? path.stem().string() : scene.which);
 }
 
 int play(const PlayOptions& options, bool viewed) {
@@ -62,13 +74,13 @@ int play(const PlayOptions& options, bool viewed) {
             options.record);
     }
     const RecordedRun record = RecordedRun::load(options.record);
-    const bool as_recorded = options.scene.empty();
-    Replay replay(scene_of(options, record), record, as_recorded);
-    if (as_recorded && record.notes()->first_step > 0) {
+    const PlayedScene scene = find_scene(options, record.notes());
+    Replay replay(open(scene), record, scene.as_recorded);
+    if (scene.first_step > 0) {
         spdlog::warn(
             "the record begins at step {} of its scene, whose state then it does not have: it is played from "
             "the scene's start",
-            record.notes()->first_step);
+            scene.first_step);
     }
     view::LiveViewSettings settings = view::parse_view_address(options.view_address);
     settings.control = !options.watch_only;

@@ -7,9 +7,13 @@
 
 #include "haptic/csv.hpp"
 #include "haptic/pose_track.hpp"
+#include "haptic/sim/curl_track.hpp"
 
 namespace haptic::sim {
 namespace {
+
+// s: a time in nanoseconds and one in seconds that are nearer to one another are the same.
+constexpr double kSameTime = 5e-10;
 
 std::vector<double> column_of(const CsvTable& table, const char* name) {
     const auto column = table.find(name);
@@ -34,7 +38,9 @@ std::vector<Pose> poses_of(const CsvTable& table) {
 }  // namespace
 
 RecordedRun RecordedRun::load(const std::filesystem::path& file) {
-    (void)PoseTrack::load(file);  // refuses what is no hand: times that do not increase, turns that are none
+    // These refuse what is no hand: times that do not increase, turns that are none, curls beyond 0 and 1.
+    (void)PoseTrack::load(file);
+    (void)CurlTrack::load(file);
     const CsvTable table = CsvTable::load(file);
     RecordedRun run;
     try {
@@ -81,13 +87,19 @@ StepInput RecordedRun::row(std::size_t row) const {
 
 StepInput RecordedRun::at(double time_s) const {
     const double since = time_s_[0] + time_s;
-    const auto after = std::upper_bound(time_s_.begin(), time_s_.end(), since);
+    const auto after = std::upper_bound(time_s_.begin(), time_s_.end(), since + kSameTime);
     const auto next = static_cast<std::size_t>(std::distance(time_s_.begin(), after));
     const std::size_t before = next == 0 ? 0 : next - 1;
     StepInput input = row(before);
     if (next > 0 && next < time_s_.size()) {
         const double part = (since - time_s_[before]) / (time_s_[next] - time_s_[before]);
-        input.device = interpolate(device_[before], device_[next], part);
+        const bool between = since - time_s_[before] > kSameTime;
+        if (between) {
+            input.device = interpolate(device_[before], device_[next], part);
+        }
+        if (between && input.curl) {
+            input.curl = curl_[before] + part * (curl_[next] - curl_[before]);
+        }
     }
     input.time_ns = nanoseconds(time_s);
     return input;

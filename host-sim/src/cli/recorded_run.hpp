@@ -20,13 +20,16 @@ class RecordedRun {
 
     /// None: it is not a record of host-sim's, or one of before it said where it came from.
     [[nodiscard]] const std::optional<RecordNotes>& notes() const noexcept { return notes_; }
+    /// s, of the first row.
+    [[nodiscard]] double begin() const noexcept { return time_s_.front(); }
     /// s, from the first row to the end of the step of the last one.
     [[nodiscard]] double length() const noexcept;
     [[nodiscard]] std::size_t rows() const noexcept { return time_s_.size(); }
 
     /// The input of a step by its row, to the bit as it was.
     [[nodiscard]] StepInput row(std::size_t row) const;
-    /// The input at a time since the first row, s: poses between rows, buttons and curl of the row before.
+    /// The input at a time since the first row, s: pose and curl between rows, buttons of the row before. A row's own
+    /// where the time is a row's.
     [[nodiscard]] StepInput at(double time_s) const;
     /// m, scene: where the proxy was then, if it was recorded.
     [[nodiscard]] std::optional<Vec3> proxy(std::size_t row) const;

@@ -3,6 +3,8 @@
 #include <chrono>
 #include <utility>
 
+#include "cli/background.hpp"
+
 namespace haptic::sim {
 
 Recordings::Recordings(bool to_file, std::size_t room) : room_(room) {
@@ -56,16 +58,18 @@ void Recordings::finish_offer() {
     }
     RecordNotes notes = notes_;
     notes.first_step = offered_from_;
-    finished_ = std::async(std::launch::async,
-                           [record = std::move(*offered_), notes = std::move(notes)] { return record.csv(notes); });
+    finished_.push_back(
+        in_background([record = std::move(*offered_), notes = std::move(notes)] { return record.csv(notes); }));
     offered_.reset();
 }
 
 std::optional<std::string> Recordings::take_offer() {
-    if (!finished_.valid() || finished_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
+    if (finished_.empty() || finished_.front().wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
         return std::nullopt;
     }
-    return finished_.get();
+    std::string csv = finished_.front().get();
+    finished_.pop_front();
+    return csv;
 }
 
 void Recordings::write(const std::filesystem::path& file) const {

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <future>
 #include <optional>
@@ -29,9 +30,9 @@ class Recordings {
 
     /// For a viewer, from the step with that number on. Nothing, if one is recorded already.
     void start_offer(std::uint64_t step);
-    /// Begins to make a file of it, on a thread of its own: half a minute of steps takes longer than a step.
+    /// Begins to make a file of it, on a thread of its own: that takes longer than a step.
     void finish_offer();
-    /// A finished one, once.
+    /// The oldest that is finished, once.
     [[nodiscard]] std::optional<std::string> take_offer();
     [[nodiscard]] bool offering() const noexcept { return offered_.has_value(); }
     /// Steps of what is being recorded for a viewer.
@@ -46,7 +47,7 @@ class Recordings {
     std::optional<StepRecord> kept_;
     std::optional<StepRecord> offered_;
     std::uint64_t offered_from_ = 0;
-    std::future<std::string> finished_;
+    std::deque<std::future<std::string>> finished_;  // in their order
 };
 
 }  // namespace haptic::sim

@@ -16,15 +16,15 @@ bool is_of_workspace(const std::string& assignment) {
 }  // namespace
 
 Replay::Replay(const Scene& scene, const RecordedRun& record, bool as_recorded)
-    : record_(record), as_recorded_(as_recorded && record.notes()), simulation_(scene) {}
+    : record_(record), notes_(as_recorded && record.notes() ? &*record.notes() : nullptr), simulation_(scene) {}
 
 void Replay::make_changes() {
-    const RecordNotes& notes = *record_.notes();
-    const std::uint64_t now = notes.first_step + row_;
+    const std::vector<LiveChange>& changes = notes_->changes;
+    const std::uint64_t now = notes_->first_step + row_;
     Config workspace;
     bool moves = false;
-    for (; changes_made_ < notes.changes.size() && notes.changes[changes_made_].step <= now; ++changes_made_) {
-        const std::string& what = notes.changes[changes_made_].what;
+    for (; changes_made_ < changes.size() && changes[changes_made_].step <= now; ++changes_made_) {
+        const std::string& what = changes[changes_made_].what;
         if (what == kCoupleAnew) {
             simulation_.couple_anew();
         } else if (is_of_workspace(what)) {
@@ -40,14 +40,14 @@ void Replay::make_changes() {
 }
 
 bool Replay::step(StepResult& result) {
-    if (as_recorded_ ? row_ >= record_.rows() : simulation_.time() >= record_.length()) {
+    if (notes_ != nullptr ? row_ >= record_.rows() : simulation_.time() >= record_.length()) {
         return false;
     }
-    if (as_recorded_) {
+    if (notes_ != nullptr) {
         make_changes();
     }
-    result = simulation_.step(as_recorded_ ? record_.row(row_) : record_.at(simulation_.time()));
-    if (as_recorded_ && !diverged_at_) {
+    result = simulation_.step(notes_ != nullptr ? record_.row(row_) : record_.at(simulation_.time()));
+    if (notes_ != nullptr && !diverged_at_) {
         if (const std::optional<Vec3> was = record_.proxy(row_); was && *was != result.proxy) {
             diverged_at_ = row_;
         }

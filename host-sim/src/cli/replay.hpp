@@ -27,7 +27,7 @@ class Replay {
     void make_changes();
 
     const RecordedRun& record_;
-    bool as_recorded_;
+    const RecordNotes* notes_;  // null: the hand is followed over time
     Simulation simulation_;
     std::uint64_t row_ = 0;
     std::size_t changes_made_ = 0;

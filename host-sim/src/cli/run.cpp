@@ -12,6 +12,7 @@
 #include <system_error>
 #include <utility>
 
+#include "cli/background.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/csv.hpp"
 #include "haptic/other_users.hpp"
@@ -222,7 +223,7 @@ void Run::make_next(const SceneWish& wish) {
         spdlog::error("the scene stays: {}", error.what());
         return;
     }
-    next.made = std::async(std::launch::async, [scene = next.scene] { return Simulation(scene, monotonic_now_ns); });
+    next.made = in_background([scene = next.scene] { return Simulation(scene, monotonic_now_ns); });
     next_ = std::move(next);
 }
 
@@ -272,6 +273,9 @@ void Run::wait_for_device() {
             return;
         }
         frames_->beat(now_ns);
+        if (live_) {
+            live_->show(now_ns);
+        }
         sleep_until(now_ns + kLookEveryNs);
     }
 }

@@ -93,8 +93,8 @@ void add_run_options(CLI::App& app, RunOptions& options) {
                    "scene's script or --input [lockstep; with --view real]")
         ->check(CLI::IsMember({"real", "lockstep"}));
     app.add_option("--input", options.input,
-                   "Follow a recorded hand: time_s, x_m, y_m, z_m, ... in the device frame; curl, if there is such a "
-                   "column, closes it");
+                   "Follow a recorded hand: time_s, x_m, y_m, z_m, ... in the device frame; curl and buttons, if "
+                   "there are such columns, close it and press them");
     app.add_option("--hand", options.hand,
                    "With --clock lockstep: script, the scene's own; hostile or hostile:SEED, one that darts at the "
                    "surfaces at up to 5 m/s, to be used with --verify")

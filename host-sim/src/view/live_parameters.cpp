@@ -31,7 +31,7 @@ struct LiveParameters::Parameter {
 
 const std::array<LiveParameters::Parameter, 11>& LiveParameters::all() {
     using S = LiveSettings;
-    static const std::array<Parameter, 11> kAll{{
+    static const std::array<Parameter, 11> list{{
         {"coupling.stiffness", [](const S& s) { return s.stiffness; }, [](S& s, double v) { s.stiffness = v; }},
         {"coupling.torque_stiffness", [](const S& s) { return s.torque_stiffness; },
          [](S& s, double v) { s.torque_stiffness = v; }},
@@ -63,11 +63,11 @@ const std::array<LiveParameters::Parameter, 11>& LiveParameters::all() {
          false,
          {"order_free", "thesis"}},
     }};
-    return kAll;
+    return list;
 }
 
 struct LiveParameters::Slider {
-    const char* label;
+    const char* label = "";
     const char* unit = "";
     double least = 0.0;
     double most = 1.0;

@@ -451,6 +451,39 @@ TEST_F(PlaybackTest, AHandOfOldRecordsIsFollowedOverTimeInAnyScene) {
     EXPECT_FALSE(other.diverged_at());  // nothing was claimed
 }
 
+TEST_F(PlaybackTest, AsInputItMakesTheSameBitsWithItsButtons) {
+    Simulation scripted(scene_named("fish-slide"));
+    Simulation followed(scene_named("fish-slide"));
+    HandSources hand({.input = file.string(), .hostile_seed = std::nullopt, .scripted = true}, nullptr);
+    hand.begin(followed);
+    for (int k = 0; k < 100; ++k) {
+        const std::int64_t time_ns = 10'000'000 * std::int64_t{k};
+        (void)scripted.step(scripted.scripted_input(time_ns));
+        (void)followed.step(hand.at(followed, {.scene_ns = time_ns, .step_ns = time_ns, .now_ns = 0}));
+    }
+    EXPECT_EQ(hand.source(), view::HandSource::Input);
+    EXPECT_EQ(scripted.state_hash(), followed.state_hash());
+}
+
+TEST(RecordedRunTest, BetweenRowsPosesAreHalfWayAndButtonsAreHeld) {
+    const std::filesystem::path file =
+        std::filesystem::path(testing::TempDir()) / ("haptic-rows-" + std::to_string(getpid()) + ".csv");
+    std::ofstream(file) << "time_s,x_m,y_m,z_m,curl,buttons\n# a note\n5,0,0,0,0,1\n6,1,0,0,0.5,2\n";
+    const RecordedRun run = RecordedRun::load(file);
+    EXPECT_FALSE(run.notes());
+    EXPECT_EQ(run.begin(), 5.0);
+    EXPECT_EQ(run.length(), 2.0);  // the last row's step is as long as the one before
+    const StepInput middle = run.at(0.5);
+    EXPECT_EQ(middle.device.position.x, 0.5);
+    EXPECT_EQ(middle.curl, 0.25);
+    EXPECT_EQ(middle.buttons, 1u);
+    EXPECT_EQ(run.at(1.0).buttons, 2u);
+    EXPECT_EQ(run.at(-3.0).device.position.x, 0.0);
+    EXPECT_EQ(run.at(9.0).device.position.x, 1.0);
+    EXPECT_FALSE(run.proxy(0));
+    std::filesystem::remove(file);
+}
+
 TEST(FrameOutletTest, OfASceneThatStandsTheStiffnessFadesAndThePlanesStopButFramesGoOn) {
     const std::string session = "outlet-" + std::to_string(getpid());
     FrameOutlet outlet(session);
