@@ -13,7 +13,7 @@
 #include "haptic/sim/scene.hpp"
 #include "view/live_view.hpp"
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming): theirs
 class App;
 }
 
