@@ -9,6 +9,7 @@ namespace {
 
 constexpr std::int64_t kFutureNs = 1'000'000'000;      // by which a latch may be after our look; beyond, it is no time
 constexpr std::int64_t kRateWindowNs = 1'000'000'000;  // over which the rate is taken
+constexpr auto kBins = static_cast<std::int64_t>(DeviceTelemetry::kBins);
 constexpr std::int64_t kFinestBinNs = 100;
 constexpr double kUsual = 0.99;         // of the periods; the bins reach twice as far, the outer ones take the rest
 constexpr std::int64_t kJitterOf = 32;  // of a period: by so much a latch is usually late
@@ -32,10 +33,9 @@ std::int64_t percentile(const std::vector<std::int64_t>& sorted, double fraction
 
 /// The least of 1, 2, 5, 10, 20, ... times kFinestBinNs with which half the bins cover a deviation.
 std::int64_t bin_width(std::int64_t deviation_ns) {
-    constexpr auto kHalf = static_cast<std::int64_t>(DeviceTelemetry::kBins / 2);
     for (std::int64_t decade = kFinestBinNs;; decade *= 10) {
         for (const std::int64_t step : {1, 2, 5}) {
-            if (kHalf * step >= deviation_ns / decade + 1) {
+            if (kBins / 2 * step >= deviation_ns / decade + 1) {
                 return step * decade;
             }
         }
@@ -50,7 +50,6 @@ nlohmann::json histogram(const std::vector<std::int64_t>& sorted) {
         const std::int64_t deviation =
             2 * std::max(percentile(sorted, kUsual) - middle, middle - percentile(sorted, 1.0 - kUsual));
         const std::int64_t width = bin_width(deviation);
-        constexpr auto kBins = static_cast<std::int64_t>(DeviceTelemetry::kBins);
         const std::int64_t first = std::max<std::int64_t>(middle / width - kBins / 2, 0);
         std::array<std::uint64_t, DeviceTelemetry::kBins> bins{};
         for (const std::int64_t value : sorted) {
@@ -163,13 +162,14 @@ std::string DeviceTelemetry::message(std::int64_t now_ns) {
     std::vector<std::int64_t> ages;
     std::uint64_t unseen = 0;
     for (std::size_t i = 0; connected && i < seen_.size(); ++i) {
-        if (seen_[i].period_ns) {
-            periods.push_back(*seen_[i].period_ns);
+        const Seen& seen = seen_[i];
+        if (seen.period_ns) {
+            periods.push_back(*seen.period_ns);
         }
-        if (seen_[i].frame_age_ns) {
-            ages.push_back(*seen_[i].frame_age_ns);
+        if (seen.frame_age_ns) {
+            ages.push_back(*seen.frame_age_ns);
         }
-        unseen += i == 0 ? 0 : seen_[i].sequence - seen_[i - 1].sequence - 1;
+        unseen += i == 0 ? 0 : seen.sequence - seen_[i - 1].sequence - 1;
     }
     std::sort(periods.begin(), periods.end());
     std::sort(ages.begin(), ages.end());
