@@ -6,7 +6,7 @@ import { steady, withUnit, written } from "./scale.ts";
 
 const writeEvery = 100; // ms
 const refusedFor = 7000; // ms
-const rateOver = 1000; // ms of the reader's time
+const rateOver = 2000; // ms of the reader's time
 
 const handWords: Record<(typeof handSources)[number], string> = {
   script: "the hand follows the script",
@@ -28,7 +28,8 @@ export class Status {
   private readonly notice = found("notice");
   private readonly refused = found("refused");
   private readonly numbers = element("span", { class: "numbers" });
-  private readonly words = element("span");
+  private readonly contact = element("span", { class: "contact" });
+  private readonly others = element("span");
   private readonly arrows = element("span", { class: "quiet" });
   private readonly write = paced(writeEvery, (shown: { frame: Frame; scales: ArrowScales }) => {
     this.writeFrame(shown.frame);
@@ -41,7 +42,7 @@ export class Status {
   private refusedTimer = 0;
 
   constructor() {
-    this.state.append(this.numbers, this.words, this.arrows);
+    this.state.append(this.numbers, element("span", {}, this.contact, this.others), this.arrows);
   }
 
   showState(state: ConnectionState): void {
@@ -93,13 +94,13 @@ export class Status {
       numbers.push(`force ${steady(Math.hypot(...hand.force), 2, "N")}`);
     }
     setText(this.numbers, numbers.join(" · "));
-    setText(this.words, this.wordsOf(frame).join(" · "));
+    setText(this.contact, frame.squeezed ? "squeezed" : frame.inContact ? "in contact" : "free");
+    setText(this.others, this.wordsOf(frame).join(" · "));
     document.body.classList.toggle("touching", frame.inContact);
-    document.body.classList.toggle("diverged", frame.diverged);
   }
 
   private wordsOf(frame: Frame): string[] {
-    const words = [frame.squeezed ? "squeezed" : frame.inContact ? "in contact" : "free"];
+    const words = [""]; // a separator after the contact
     const hand = frame.hand;
     if (frame.diverged) {
       words.push(this.mode === "play" ? "the replay has left what was recorded" : "diverged");

@@ -4,6 +4,7 @@ import uPlot from "uplot";
 import { element } from "./dom.ts";
 import type { DeviceMessage } from "./protocol.ts";
 import { sampleColumns } from "./protocol.ts";
+import { written } from "./scale.ts";
 import { decimate, type History } from "./series.ts";
 
 const seconds = 6; // of simulated time that are shown
@@ -22,13 +23,14 @@ interface Line {
   colour: string; // a custom property
   scale?: string;
   dash?: number[];
-  fill?: boolean;
+  fill?: number; // how opaque below the line, 0 to 1
 }
 
 interface Axis {
   scale: string;
   label: string;
   side?: 1 | 3;
+  decades?: boolean; // logarithmic, of us: marks at powers of ten only
 }
 
 /** A uPlot as large as its place, made anew when colours change. */
@@ -85,23 +87,27 @@ export abstract class StripPlot {
     if (!this.look) {
       return;
     }
+    const lines = this.lines();
+    const markers: uPlot.Legend.Markers = {
+      width: 1.5,
+      fill: () => "transparent",
+      dash: (_plot, k) => (lines[k - 1]?.dash ? "dashed" : "solid"),
+    };
     const options: uPlot.Options = {
       width: Math.max(this.size.width, 1),
       height: Math.max(this.size.height, 1),
-      legend: { show: this.lines().length > 1, live: false, markers: { width: 3 } },
+      legend: { show: lines.length > 1, live: false, markers },
+      padding: [6, this.axes().some(({ side }) => side === 1) ? 0 : 14, 0, 0],
       cursor: { drag: { x: false, y: false }, points: { show: false } },
       scales: this.scales(),
       hooks: this.hooks(),
-      series: [
-        { label: this.timeLabel() },
-        ...this.lines().map((line, k) => this.seriesOf(line, hidden[k + 1] === true)),
-      ],
+      series: [{ label: this.timeLabel() }, ...lines.map((line, k) => this.seriesOf(line, hidden[k + 1] === true))],
       axes: [
         this.axisOf({ scale: "x", label: this.timeLabel() }, false),
         ...this.axes().map((axis) => this.axisOf(axis, true)),
       ],
     };
-    this.plot = new uPlot(options, [[], ...this.lines().map(() => [])] as unknown as uPlot.AlignedData, this.place);
+    this.plot = new uPlot(options, [[], ...lines.map(() => [])] as unknown as uPlot.AlignedData, this.place);
     this.fit();
   }
 
@@ -127,7 +133,7 @@ export abstract class StripPlot {
       show: !hidden,
       points: { show: false },
       ...(line.dash ? { dash: line.dash } : {}),
-      ...(line.fill ? { fill: colour } : {}),
+      ...(line.fill ? { fill: withOpacity(colour, line.fill) } : {}),
       ...(paths ? { paths } : {}),
     };
   }
@@ -138,23 +144,37 @@ export abstract class StripPlot {
       scale: axis.scale,
       stroke: this.colour("quiet"),
       font: `${letters}px system-ui, sans-serif`,
-      size: upright ? 3.4 * letters : 2 * letters,
+      size: upright ? 4.6 * letters : 2 * letters,
       gap: 3,
       space: upright ? 2.2 * letters : 4.5 * letters,
       ticks: { show: false },
       grid: { show: axis.side !== 1, stroke: this.colour("line"), width: 1 },
-      values: (_plot, values) =>
-        values.map((value, k) =>
-          value === null ? "" : String(Number(value.toPrecision(7))) + unitAt(axis.label, k, values),
-        ),
+      values: (_plot, values) => values.map((value, k) => markOf(value, axis, k === values.length - 1)),
       ...(axis.side ? { side: axis.side } : {}),
+      ...(axis.decades ? { splits: (_plot, _axis, min, max) => powersOfTen(min, max) } : {}),
     };
   }
 }
 
-/** The unit stands at the last mark of an axis, in place of a title beside it. */
-function unitAt(unit: string, k: number, values: readonly (number | null)[]): string {
-  return k === values.length - 1 ? ` ${unit}` : "";
+function powersOfTen(min: number, max: number): number[] {
+  const first = Math.round(Math.log10(min));
+  return Array.from({ length: Math.max(0, Math.round(Math.log10(max)) - first) + 1 }, (_, k) => 10 ** (first + k));
+}
+
+/** A colour as the browser computed it, rgb(...), let through. */
+function withOpacity(colour: string, opacity: number): string {
+  return opacity < 1 ? colour.replace(/^rgb\((.*)\)$/, `rgb($1 / ${opacity})`).replace(/, /g, " ") : colour;
+}
+
+/** What is written at a mark. The unit stands at the last, in place of a title beside the axis, or at each power of ten. */
+function markOf(value: number | null, axis: Axis, last: boolean): string {
+  if (value === null) {
+    return "";
+  }
+  if (axis.decades) {
+    return value < 1000 ? `${written(value)} ${axis.label}` : `${written(value / 1000)} ms`;
+  }
+  return last ? `${written(value, 7)} ${axis.label}` : written(value, 7);
 }
 
 /** Range of an axis from zero to what there is, and a little at least. */
@@ -203,8 +223,8 @@ export class FeelPlot extends SamplePlot {
   }
   protected lines(): Line[] {
     return [
-      { label: "force, N", colour: "second" },
-      { label: "proxy depth, mm", colour: "first", scale: "depth" },
+      { label: "force, N", colour: "second", fill: 0.25 },
+      { label: "proxy depth, mm", colour: "first", scale: "depth", dash: [6, 4] },
     ];
   }
   protected axes(): Axis[] {
@@ -245,7 +265,7 @@ export class StagePlot extends SamplePlot {
     }));
   }
   protected axes(): Axis[] {
-    return [{ scale: "y", label: "µs" }];
+    return [{ scale: "y", label: "µs", decades: this.logarithmic }];
   }
   protected scales(): uPlot.Scales {
     const y: uPlot.Scale = this.logarithmic
@@ -275,7 +295,7 @@ export class PeriodPlot extends StripPlot {
     return "µs";
   }
   protected lines(): Line[] {
-    return [{ label: "ticks", colour: "third", fill: true }];
+    return [{ label: "ticks", colour: "third", fill: 1 }];
   }
   protected axes(): Axis[] {
     return [{ scale: "y", label: "" }];

@@ -78,7 +78,6 @@ export class Tool {
   private readonly touching = new Color();
   private readonly free = new Color();
   private proxies: Proxies | null = null;
-  private hand: Hand | null = null;
 
   constructor(scene: SceneMessage, geometry: Geometry) {
     this.surface =
@@ -122,7 +121,6 @@ export class Tool {
       this.placeSpheres(frame.proxies);
     }
     if (frame.hand) {
-      this.hand = frame.hand;
       this.placeHand(frame.hand, options, pictureHeight);
     }
     this.placePlanes(options.planes ? (frame.planes ?? []) : []);
@@ -240,11 +238,7 @@ export class Tool {
       const radius = proxies.radii[plane.proxy]!;
       centre.addScaledVector(normal, plane.offset - normal.dot(centre) - radius);
       const size = (plane.touches ? 1.5 : 0.8) * radius;
-      place.compose(
-        centre,
-        new Quaternion().setFromUnitVectors(forward, normal),
-        new Vector3(size, size, size),
-      );
+      place.compose(centre, new Quaternion().setFromUnitVectors(forward, normal), new Vector3(size, size, size));
       this.planes.setMatrixAt(this.planes.count++, place);
     }
     this.planes.instanceMatrix.needsUpdate = true;

@@ -1,0 +1,67 @@
+// What a plot shows of many samples: nothing that stands out is lost, and nothing old stays.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { decimate, History } from "../../../../host-sim/page/src/series.ts";
+
+function filled(count: number, step: number, value: (i: number) => number): History {
+  const history = new History(1, count);
+  for (let i = 0; i < count; ++i) {
+    history.push(i * step, [value(i)]);
+  }
+  return history;
+}
+
+test("a full history keeps the newest rows in their order", () => {
+  const history = new History(2, 4);
+  for (let i = 0; i < 10; ++i) {
+    history.push(i, [i, -i]);
+  }
+  assert.equal(history.length, 4);
+  assert.deepEqual([0, 1, 2, 3].map((i) => [history.time(i), history.value(i, 0), history.value(i, 1)]), [[6, 6, -6], [7, 7, -7], [8, 8, -8], [9, 9, -9]]); // prettier-ignore
+  assert.equal(history.indexOf(7.5), 2);
+  assert.equal(history.indexOf(-1), 0);
+  assert.equal(history.indexOf(10), 4);
+});
+
+test("time that goes back begins a history anew", () => {
+  const history = filled(5, 1, () => 1);
+  history.push(0.5, [2]);
+  assert.equal(history.length, 1);
+  assert.equal(history.value(0, 0), 2);
+});
+
+test("few samples are shown as they are", () => {
+  const history = filled(10, 1, (i) => i * i);
+  const { times, columns } = decimate(history, [0], 2, 5, 100);
+  assert.deepEqual(times, [2, 3, 4, 5]);
+  assert.deepEqual(columns, [[4, 9, 16, 25]]);
+});
+
+test("a single peak among ten thousand samples is in two points a bin, wherever it is", () => {
+  for (const peak of [0, 1, 4999, 5000, 7777, 9999]) {
+    const history = filled(10000, 0.001, (i) => (i === peak ? 50 : Math.sin(i)));
+    const { times, columns } = decimate(history, [0], 0, 10, 200);
+    assert.ok(times.length <= 2 * 201, `${times.length} points`);
+    assert.equal(Math.max(...(columns[0] as number[])), 50);
+    const at = times[columns[0]!.indexOf(50)]!;
+    assert.ok(Math.abs(at - peak * 0.001) <= 10 / 200, `the peak of ${peak} is at ${at}`);
+    assert.ok(times.every((time, i) => i === 0 || time > times[i - 1]!));
+  }
+});
+
+test("a picture that moves on by a whole bin shows the same points for what is still in it", () => {
+  const history = filled(4000, 0.001, (i) => Math.sin(i * i));
+  const width = 2 / 128; // exact in binary, so that bins are the same at both times
+  const before = decimate(history, [0], 0, 2, 128);
+  const after = decimate(history, [0], width, 2 + width, 128);
+  assert.deepEqual(after.columns[0]!.slice(0, 200), before.columns[0]!.slice(2, 202));
+});
+
+test("what was dropped breaks the line", () => {
+  const history = new History(1, 10);
+  history.push(0, [1]);
+  history.gap();
+  history.push(1, [2]);
+  assert.deepEqual(decimate(history, [0], 0, 1, 100).columns[0], [1, null, 2]);
+});
