@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <span>
 #include <utility>
 
 #include "haptic/types.hpp"
@@ -15,8 +16,8 @@ constexpr std::uint64_t kBefore = 1024;     // samples that one gets from before
 
 void assign_text(Outgoing& message, std::string_view text) {
     message.text = true;
-    message.bytes.resize(text.size());
-    std::memcpy(message.bytes.data(), text.data(), text.size());
+    const auto bytes = std::as_bytes(std::span(text));
+    message.bytes.assign(bytes.begin(), bytes.end());
 }
 
 /// Appends the parts that are newer than the viewer's, which then has them.

@@ -374,7 +374,8 @@ int WebServer::Impl::write(lws* wsi) {
     if (connection.conversation->next_message(message)) {
         connection.text = message.text;
         connection.outgoing.resize(LWS_PRE + message.bytes.size());
-        std::memcpy(connection.outgoing.data() + LWS_PRE, message.bytes.data(), message.bytes.size());
+        std::transform(message.bytes.begin(), message.bytes.end(), connection.outgoing.begin() + LWS_PRE,
+                       [](std::byte byte) { return std::to_integer<unsigned char>(byte); });
         connection.sent = LWS_PRE;
         return write_chunk(wsi, connection);
     }

@@ -140,7 +140,8 @@ TEST(CommandParser, RefusesWithAReasonWhatCannotBeDone) {
         const Request request = parse(c.text);
         ASSERT_TRUE(std::holds_alternative<Refusal>(request)) << c.text;
         EXPECT_THAT(std::get<Refusal>(request).why, HasSubstr(c.why)) << c.text;
-        EXPECT_EQ(std::get<Refusal>(request).command, nlohmann::json::parse(c.text).at("type")) << c.text;
+        EXPECT_EQ(std::get<Refusal>(request).command, nlohmann::json::parse(c.text).at("type").get<std::string>())
+            << c.text;
     }
 }
 
