@@ -17,6 +17,7 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "shown_scene.hpp"
@@ -269,7 +270,7 @@ TEST(LiveViewStream, IsNotHeldUpByOneWhoDoesNotRead) {
     EXPECT_LT(frames, 15U);
 }
 
-/// Talks without an end, to whoever joins.
+/// Talks without an end to who comes first, and answers the others.
 class Talker final : public WebHandler {
   public:
     std::unique_ptr<Conversation> join() override { return std::make_unique<Talk>(listeners_); }
@@ -280,19 +281,24 @@ class Talker final : public WebHandler {
   private:
     class Talk final : public Conversation {
       public:
-        explicit Talk(std::atomic<int>& listeners) : listeners_(listeners) { ++listeners_; }
+        explicit Talk(std::atomic<int>& listeners) : listeners_(listeners), endless_(listeners++ == 0) {}
         Talk(const Talk&) = delete;
         Talk& operator=(const Talk&) = delete;
         ~Talk() override { --listeners_; }
-        std::optional<Closing> hear(std::string_view /*text*/) override { return std::nullopt; }
+        std::optional<Closing> hear(std::string_view /*text*/) override {
+            answers_ = true;
+            return std::nullopt;
+        }
         bool next_message(Outgoing& message) override {
-            message.bytes.resize(1'000'000);
-            return true;
+            message.bytes.resize(endless_ ? 1'000'000 : 1);
+            return endless_ || std::exchange(answers_, false);
         }
         [[nodiscard]] bool has_ended() const override { return false; }
 
       private:
         std::atomic<int>& listeners_;
+        bool endless_ = false;
+        bool answers_ = false;
     };
 
     std::atomic<int> listeners_{0};
@@ -316,25 +322,26 @@ class Serving {
 
 TEST(WebServerThread, ClosesAClientWhoseSocketTakesNothing) {
     Talker talker;
-    WebServer server("127.0.0.1", 0, talker, 1'000'000'000);
+    WebServer server("127.0.0.1", 0, talker, 200'000'000);
     const Serving serving(server);
-    {
-        StreamClient dead(server.port(), {.receive_buffer = 4096});
-        {
-            StreamClient alive(server.port());
-            while (talker.listeners() < 2) {
-                std::this_thread::yield();
-            }
-            while (talker.listeners() == 2) {
-                ASSERT_TRUE(alive.next());
-            }
-            EXPECT_TRUE(alive.next());
-        }
-        // What was on its way can still be read; then comes the end.
-        while (dead.next()) {
-        }
-        EXPECT_TRUE(dead.ended());
+    StreamClient dead(server.port(), {.receive_buffer = 4096});
+    while (talker.listeners() < 1) {
+        std::this_thread::yield();
     }
+    StreamClient alive(server.port());
+    while (talker.listeners() < 2) {
+        std::this_thread::yield();
+    }
+    while (talker.listeners() == 2) {
+        alive.say("?");
+        ASSERT_TRUE(alive.next());
+    }
+    // What was on its way can still be read; then comes the end.
+    while (dead.next()) {
+    }
+    EXPECT_TRUE(dead.ended());
+    alive.say("?");
+    EXPECT_TRUE(alive.next());
 }
 
 TEST(LiveViewStream, HasPlaceForSoManyViewers) {
