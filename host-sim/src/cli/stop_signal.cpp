@@ -17,6 +17,7 @@ void request_stop(int /*signal*/) {
 }  // namespace
 
 StopOnSignal::StopOnSignal() {
+    requested = 0;
     struct sigaction action{};
     action.sa_handler = request_stop;  // without SA_RESTART: the sleep of the run ends at once
     (void)sigaction(SIGINT, &action, &old_interrupt_);

@@ -20,7 +20,7 @@ class StopOnSignal {
     struct sigaction old_hangup_{};
 };
 
-/// One of them came.
+/// One of them came since the last StopOnSignal began to live.
 [[nodiscard]] bool stop_requested() noexcept;
 
 /// Until a time of CLOCK_MONOTONIC, or until one of them comes.

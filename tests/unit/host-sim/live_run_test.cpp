@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <csignal>
 #include <deque>
 #include <filesystem>
 #include <fstream>
@@ -22,6 +23,8 @@
 #include "cli/recorded_run.hpp"
 #include "cli/recordings.hpp"
 #include "cli/replay.hpp"
+#include "cli/run.hpp"
+#include "cli/run_options.hpp"
 #include "haptic/csv.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/ring.hpp"
@@ -515,6 +518,76 @@ TEST(FrameOutletTest, OfASceneThatStandsTheStiffnessFadesAndThePlanesStopButFram
     EXPECT_EQ(last, 0.0);
     EXPECT_TRUE(outlet.faded());
     EXPECT_NE(read.flags & HAPTIC_FRAME_CLUTCHED, 0u);
+}
+
+/// Ends the run at the first moment of the second simulation.
+class EndsAfterReset : public FakeView {
+  public:
+    explicit EndsAfterReset(std::vector<view::SceneSnapshot>& last) : last_(last) {}
+    void show() noexcept override {
+        if (introduced.size() == 2) {
+            last_.push_back(moment);
+            (void)std::raise(SIGINT);
+        }
+    }
+
+  private:
+    std::vector<view::SceneSnapshot>& last_;
+};
+
+TEST(RunTest, WhatBreaksDownUnderChangesBeginsAnewPausedWithItsOwnSettings) {
+    RunOptions options;
+    options.scene = "cloth-drop";
+    options.assignments = {"collisions.ground=false"};
+    options.clock = "lockstep";
+    options.view = true;
+    Plan plan(options);
+    plan.scene.solver.gravity.y = -1e308;  // in a step more than a number can hold
+    std::vector<view::SceneSnapshot> last;
+    auto view = std::make_unique<EndsAfterReset>(last);
+    view->commands.push_back(view::SetParameter{0, 20.0});
+    sim::Run run(options, plan, std::move(view));
+    EXPECT_EQ(run.go(), 0);
+    ASSERT_EQ(last.size(), 1u);
+    EXPECT_TRUE(last[0].run.paused);
+    EXPECT_EQ(last[0].step, 0u);
+    EXPECT_EQ(last[0].run.parameters[0], 10.0);
+    EXPECT_TRUE(std::isfinite(last[0].vertices[0].y));
+}
+
+TEST(RunTest, WithoutChangesItSaysWhatBrokeDown) {
+    RunOptions options;
+    options.scene = "cloth-drop";
+    options.assignments = {"collisions.ground=false"};
+    Plan plan(options);
+    EXPECT_FALSE(plan.real);
+    EXPECT_EQ(plan.steps, 250u);
+    plan.scene.solver.gravity.y = -1e308;
+    plan.steps = 400;
+    sim::Run run(options, plan, nullptr);
+    EXPECT_THROW((void)run.go(), std::runtime_error);
+}
+
+TEST(PlanTest, AViewIsPacedAndEndlessUnlessSomethingElseIsSaid) {
+    RunOptions options;
+    options.scene = "cloth-drop";
+    options.view = true;
+    const Plan watched(options);
+    EXPECT_TRUE(watched.real);
+    EXPECT_EQ(watched.steps, 0u);
+    EXPECT_TRUE(watched.hand.scripted);
+    ASSERT_TRUE(watched.view);
+    EXPECT_FALSE(watched.view->control);
+    EXPECT_EQ(watched.view->address, "127.0.0.1");
+    options.clock = "lockstep";
+    options.duration_s = 1.0;
+    options.view_control = true;
+    const Plan said(options);
+    EXPECT_FALSE(said.real);
+    EXPECT_EQ(said.steps, 100u);
+    EXPECT_TRUE(said.view->control);
+    options.view = false;
+    EXPECT_THROW((void)Plan(options), std::runtime_error);
 }
 
 class DeviceAndMouse : public testing::Test {
