@@ -75,7 +75,7 @@ int play(const PlayOptions& options, bool viewed) {
     }
     const RecordedRun record = RecordedRun::load(options.record);
     const PlayedScene scene = find_scene(options, record.notes());
-    Replay replay(open(scene), record, scene.as_recorded);
+    Replay replay(open(scene), record, scene.as_recorded, monotonic_now_ns);
     if (scene.first_step > 0) {
         spdlog::warn(
             "the record begins at step {} of its scene, whose state then it does not have: it is played from "

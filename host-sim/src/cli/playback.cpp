@@ -113,13 +113,14 @@ void Playback::show_moment() {
     moment->run.buffered = buffered();
     moment->run.diverged = diverged();
     view_.show();
+    seen_ = true;
 }
 
 void Playback::go_on(double elapsed_s) {
     for (view::Command command; view_.next_command(command);) {
         std::visit([this](const auto& what) { obey(what); }, command);
     }
-    if (!paused_) {
+    if (!paused_ && seen_) {
         const double next = std::min(time_ + speed_ * elapsed_s, buffered());
         show_samples(next);
         time_ = next;

@@ -25,7 +25,8 @@ class Playback {
     Playback& operator=(const Playback&) = delete;
     ~Playback();
 
-    /// Goes on by that much time, s, of whoever watches: does what was asked for, shows the moment.
+    /// Goes on by that much time, s, of whoever watches: does what was asked for, shows the moment. The recording
+    /// begins once somebody has looked.
     void go_on(double elapsed_s);
 
     /// s, from the recording's start: what is shown.
@@ -62,6 +63,7 @@ class Playback {
     double time_ = 0.0;
     double speed_ = 1.0;
     bool paused_ = false;
+    bool seen_ = false;   // by anybody, so far
     std::thread thread_;  // last: all else is there before it begins
 };
 

@@ -15,8 +15,8 @@ bool is_of_workspace(const std::string& assignment) {
 
 }  // namespace
 
-Replay::Replay(const Scene& scene, const RecordedRun& record, bool as_recorded)
-    : record_(record), notes_(as_recorded && record.notes() ? &*record.notes() : nullptr), simulation_(scene) {}
+Replay::Replay(const Scene& scene, const RecordedRun& record, bool as_recorded, Simulation::ClockFunction clock)
+    : record_(record), notes_(as_recorded && record.notes() ? &*record.notes() : nullptr), simulation_(scene, clock) {}
 
 void Replay::make_changes() {
     const std::vector<LiveChange>& changes = notes_->changes;

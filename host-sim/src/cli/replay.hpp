@@ -13,8 +13,9 @@ namespace haptic::sim {
 class Replay {
   public:
     /// `as_recorded`: the scene is the record's own, so each row is a step, and what was changed is changed again.
-    /// Else the hand is followed over time, at the scene's own rate. Throws std::invalid_argument, ConfigError.
-    Replay(const Scene& scene, const RecordedRun& record, bool as_recorded);
+    /// Else the hand is followed over time, at the scene's own rate. `clock` times the stages. Throws
+    /// std::invalid_argument, ConfigError.
+    Replay(const Scene& scene, const RecordedRun& record, bool as_recorded, Simulation::ClockFunction clock = nullptr);
 
     /// Makes the next step; false: the record is at its end.
     bool step(StepResult& result);

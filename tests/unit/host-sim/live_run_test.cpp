@@ -409,6 +409,12 @@ TEST_F(PlaybackTest, PlaysSeeksPausesStepsAndChangesTheSpeed) {
     ASSERT_EQ(view.introduced.size(), 1u);
     EXPECT_NEAR(view.introduced[0].length, 1.0, 1e-9);
     EXPECT_TRUE(view.introduced[0].parameters.empty());
+    view.looking = false;
+    playback->go_on(0.1);
+    EXPECT_EQ(playback->time(), 0.0);  // for nobody
+    view.looking = true;
+    playback->go_on(0.1);
+    EXPECT_EQ(playback->time(), 0.0);
     playback->go_on(0.1);
     EXPECT_NEAR(playback->time(), 0.1, 1e-9);
     EXPECT_EQ(view.samples.size(), 10u);
