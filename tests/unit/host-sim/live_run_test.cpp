@@ -262,6 +262,39 @@ TEST_F(LiveRun, OffersARecordThatMakesTheRunAgainBitForBit) {
     std::filesystem::remove(file);
 }
 
+TEST(ReplayTest, ChangesTheWorkspaceAndCouplesAnewWhereTheRunDid) {
+    Simulation simulation(scene_named("fish-slide"));
+    Recordings recordings(true, 200);
+    recordings.begin({.scene = "fish-slide", .assignments = {}, .first_step = 0, .changes = {}});
+    for (int k = 0; k < 200; ++k) {
+        if (k == 110) {
+            WorkspaceSettings next = simulation.scene().workspace;
+            next.scale *= 0.7;
+            next.offset = Vec3(0.001, 0.002, 1.0 / 3.0 * 0.001);
+            simulation.change_workspace(next);
+            for (const std::string& assignment : assignments_of(next)) {
+                recordings.note(simulation.steps(), assignment);
+            }
+        }
+        if (k == 160) {
+            simulation.couple_anew();
+            recordings.note(simulation.steps(), std::string(kCoupleAnew));
+        }
+        const StepInput input = simulation.scripted_input(10'000'000 * std::int64_t{k});
+        recordings.add(input, simulation.step(input));
+    }
+    const std::filesystem::path file =
+        std::filesystem::path(testing::TempDir()) / ("haptic-replay-" + std::to_string(getpid()) + ".csv");
+    recordings.write(file);
+    const RecordedRun record = RecordedRun::load(file);
+    Replay replay(scene_named("fish-slide"), record, true);
+    for (StepResult result; replay.step(result);) {
+    }
+    EXPECT_EQ(replay.simulation().state_hash(), simulation.state_hash());
+    EXPECT_FALSE(replay.diverged_at());
+    std::filesystem::remove(file);
+}
+
 TEST(RecordNotesTest, SayWhereARecordComesFromAndRefuseWhatTheyDoNotKnow) {
     const RecordNotes notes{.scene = "my scenes/a b.toml",
                             .assignments = {"solver.iterations=5", "hand.times=[0.0,\n1.0]"},

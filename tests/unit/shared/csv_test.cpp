@@ -82,6 +82,23 @@ TEST(Csv, NamesTheLineOfWhatIsWrong) {
     EXPECT_EQ(load_error("a,b\n1,1e999\n"), "2: column b: \"1e999\" is not a finite number");
 }
 
+TEST(Csv, KeepsNotesBeforeTheHeaderAndPassesOverThoseAfterIt) {
+    const TemporaryDirectory directory;
+    CsvWriter writer(directory.file("notes.csv"), {"a", "b"}, {"scene cloth-drop", "set x=1"});
+    writer.row(std::vector<double>{1.0, 2.0});
+    writer.close();
+    EXPECT_EQ(content_of(directory.file("notes.csv")), "# scene cloth-drop\n# set x=1\na,b\n1,2\n");
+    const CsvTable table = CsvTable::load(directory.file("notes.csv"));
+    EXPECT_THAT(table.notes(), ElementsAre("scene cloth-drop", "set x=1"));
+    EXPECT_EQ(table.header_line(), 3u);
+    EXPECT_EQ(table.rows(), 1u);
+    const CsvTable by_hand = CsvTable::load(directory.write("f.csv", "#one\r\na\n1\n  # two, with a comma\n2\n"));
+    EXPECT_THAT(by_hand.notes(), ElementsAre("one"));
+    EXPECT_THAT(by_hand.column("a"), ElementsAre(1.0, 2.0));
+    EXPECT_THAT(load_error("# only a note\n"), HasSubstr("must name the columns"));
+    EXPECT_THAT(load_error("# a note\na,b\n1\n"), testing::StartsWith("3: has 1 cells"));
+}
+
 TEST(Csv, ListsTheColumnsThatThereAreWhenOneIsMissed) {
     const TemporaryDirectory directory;
     const CsvTable table = CsvTable::load(directory.write("f.csv", "time_s,x_m\n"));
