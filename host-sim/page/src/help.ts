@@ -23,7 +23,7 @@ const mouse: [string, string][] = [
 
 /** Fills the dialog. */
 export function createHelp(dialog: HTMLDialogElement): void {
-  const options = optionLabels.map(({ key, label }): [string, string] => [key, label]);
+  const options = optionLabels.map(({ key, label }): [string, string] => [key.toUpperCase(), label]);
   dialog.append(
     element("h2", { id: "help-title" }, "Keys and mouse"),
     element("div", { class: "help" }, table("Keys", keys), table("Mouse", mouse), table("Shown or not", options)),

@@ -56,7 +56,7 @@ export function listenToKeys(actions: Actions, panel: Panel, page: PageKeys): vo
     if (hand && event.key === "Escape") {
       setHand(false);
     } else if (!(hand ? moveHand(actions, event) : moveCamera(actions, event))) {
-      const option = optionLabels.find(({ key }) => key === event.key)?.option;
+      const option = optionLabels.find(({ key }) => key === event.key.toLowerCase())?.option;
       const act = option ? () => panel.toggleOption(option) : letters[event.key.toLowerCase()];
       const again = event.repeat && !"+-=.".includes(event.key);
       if (!act || again) {

@@ -8,6 +8,8 @@ import { steady } from "./scale.ts";
 
 const writeEvery = 100; // ms
 const sendEvery = 50; // ms
+const mouseWords = "Drag the tool with the mouse; the wheel meanwhile moves it away or nearer.";
+const deviceWords = "The device is the hand; the mouse turns the view only.";
 
 export interface Panel {
   showScene(scene: SceneMessage): void;
@@ -41,6 +43,7 @@ class SidePanel implements Panel {
   private readonly resetButton = button("Reset", () => this.reset());
   private readonly record = button("Record", () => this.actions.send({ type: "record", on: !this.recording }));
   private readonly records = element("ul", { class: "records" });
+  private readonly handWords = element("p", { class: "quiet" }, mouseWords);
   private readonly curl = element("input", { type: "range", min: 0, max: 1, step: 0.01 });
   private readonly curlRow = element("label", { class: "row" }, "Closed hand", this.curl);
   private readonly parameters: Parameters;
@@ -134,6 +137,7 @@ class SidePanel implements Panel {
     if (frame.parameters) {
       this.parameters.follow(frame.parameters);
     }
+    setText(this.handWords, frame.hand?.source === "device" ? deviceWords : mouseWords);
     if (frame.hand && performance.now() - this.curled > 500) {
       this.curl.valueAsNumber = frame.hand.curl;
     }
@@ -146,13 +150,7 @@ class SidePanel implements Panel {
       send(this.curl.valueAsNumber);
     });
     const script = button("Follow the script", () => this.actions.send({ type: "script" }));
-    const words = "Drag the tool with the mouse; the wheel meanwhile moves it away or nearer.";
-    return part(
-      "Hand",
-      element("p", { class: "quiet" }, words),
-      element("div", { class: "buttons" }, script),
-      this.curlRow,
-    );
+    return part("Hand", this.handWords, element("div", { class: "buttons" }, script), this.curlRow);
   }
 
   private makeDrawnPart(): HTMLElement {

@@ -347,7 +347,7 @@ export class AgePlot extends StripPlot {
     return [
       { label: "half", colour: "first" },
       { label: "99 %", colour: "second" },
-      { label: "most", colour: "warn", dash: [5, 3] },
+      { label: "most", colour: "quiet", dash: [5, 3] },
     ];
   }
   protected axes(): Axis[] {
