@@ -18,7 +18,7 @@ const mouse: [string, string][] = [
   ["Drag", "turn the view"],
   ["Right drag, Shift drag", "move the view"],
   ["Wheel", "nearer, farther"],
-  ["Drag the tool", "move the hand; the wheel meanwhile moves it away or nearer"],
+  ["Drag the tool", "move the hand; the wheel meanwhile moves it away or nearer, Shift turns it"],
 ];
 
 /** Fills the dialog. */

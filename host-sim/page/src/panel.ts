@@ -8,6 +8,7 @@ import { steady } from "./scale.ts";
 
 const writeEvery = 100; // ms
 const sendEvery = 50; // ms
+const settles = 500; // ms after a change, until what host-sim says of it is shown again
 const mouseWords = "Drag the tool with the mouse; the wheel meanwhile moves it away or nearer.";
 const deviceWords = "The device is the hand; the mouse turns the view only.";
 
@@ -54,6 +55,7 @@ class SidePanel implements Panel {
   private readonly boxes = new Map<keyof ViewOptions, HTMLInputElement>();
   private readonly write: (frame: Frame) => void;
   private paused = false;
+  private asked = -Infinity; // when it was last to pause or go on
   private recording = false;
   private curled = -Infinity;
 
@@ -98,7 +100,9 @@ class SidePanel implements Panel {
   }
 
   showFrame(frame: Frame): void {
-    this.paused = frame.paused;
+    if (performance.now() - this.asked > settles) {
+      this.paused = frame.paused;
+    }
     this.recording = frame.recording;
     this.write(frame);
   }
@@ -110,7 +114,9 @@ class SidePanel implements Panel {
   }
 
   togglePause(): void {
-    this.actions.send({ type: "pause", on: !this.paused });
+    this.paused = !this.paused; // already now, so that a second press means what it says
+    this.asked = performance.now();
+    this.actions.send({ type: "pause", on: this.paused });
   }
   step(): void {
     this.actions.send(this.paused ? { type: "step", steps: 1 } : { type: "pause", on: true });
@@ -138,7 +144,7 @@ class SidePanel implements Panel {
       this.parameters.follow(frame.parameters);
     }
     setText(this.handWords, frame.hand?.source === "device" ? deviceWords : mouseWords);
-    if (frame.hand && performance.now() - this.curled > 500) {
+    if (frame.hand && performance.now() - this.curled > settles) {
       this.curl.valueAsNumber = frame.hand.curl;
     }
   }
