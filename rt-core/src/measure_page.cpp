@@ -17,31 +17,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr const char* kStyle = R"(
-:root { color-scheme: light dark; --ink: #1c2326; --paper: #fbfaf7; --line: #d9d5cc;
-  --first: #2a6f97; --second: #c8553d; --third: #7a9e5f; --fourth: #e9a03b; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e8e6e1; --paper: #1b1f22; --line: #3a4046;
-  --first: #6fb1d8; --second: #e58a73; --third: #a5c78a; --fourth: #f0bd72; } }
-body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.6rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .92rem; } th, td { padding: .25rem .9rem .25rem 0; border-bottom: 1px solid var(--line); text-align: left; vertical-align: top; }
-th { font-weight: 600; } td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-td:first-child { color: color-mix(in srgb, var(--ink) 65%, transparent); white-space: nowrap; }
-figure { margin: 1rem 0; } figcaption { font-size: .9rem; opacity: .8; }
-svg { width: 100%; height: auto; font: 12px system-ui, sans-serif; fill: var(--ink); }
-svg text { fill: var(--ink); opacity: .8; } .grid { stroke: var(--line); } .mark { stroke: var(--ink); stroke-dasharray: 2 3; opacity: .6; }
-rect.first, .first.key { fill: var(--first); } rect.second, .second.key { fill: var(--second); }
-rect.third, .third.key { fill: var(--third); } rect.fourth, .fourth.key { fill: var(--fourth); }
-path { fill: none; stroke-width: 1.8; } path.first { stroke: var(--first); } path.second { stroke: var(--second); }
-path.third { stroke: var(--third); } path.fourth { stroke: var(--fourth); }
-.bar { display: flex; height: .9rem; min-width: 12rem; } .bar span { min-width: 0; }
-.s0 { background: var(--second); } .s1 { background: var(--first); } .s2 { background: var(--third); } .s3 { background: var(--fourth); }
-.s4 { background: color-mix(in srgb, var(--first) 50%, var(--paper)); } .s5 { background: color-mix(in srgb, var(--third) 50%, var(--paper)); }
-.s6 { background: var(--line); }
-.swatch { display: inline-block; width: .8rem; height: .6rem; margin: 0 .3rem 0 .8rem; }
-)";
-
 constexpr std::size_t kShownTicks = 12;
 constexpr double kNarrowest = 0.016;  // bin, of two buckets
 constexpr std::size_t kShownInterrupts = 8;
@@ -67,13 +42,6 @@ std::string number_cell(const std::string& text) {
 
 std::string figure(const std::string& svg, const std::string& caption) {
     return "<figure>" + svg + "<figcaption>" + html_text(caption) + "</figcaption></figure>\n";
-}
-
-std::string top(const std::string& title) {
-    return "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" "
-           "content=\"width=device-width\">\n<title>" +
-           html_text(title) + "</title>\n<style>" + kStyle + "</style></head><body>\n<h1>" + html_text(title) +
-           "</h1>\n";
 }
 
 bool has_values(const json& distribution) {
@@ -401,7 +369,7 @@ std::string measure_page(const json& report) {
     const json& measure = report.at("measure");
     const json& latencies = measure.at("latency_us");
     const bool with_other = measure.at("cyclictest").is_object();
-    std::string page = top("How late the loop is") + introduction(report) + latency_table(measure);
+    std::string page = page_top("How late the loop is") + introduction(report) + latency_table(measure);
 
     page += "<h2>Tails</h2>\n";
     std::vector<Series> tails = {{&latencies.at("wakeup"), "wake-up", "first"}};
@@ -445,7 +413,7 @@ std::string measure_page(const json& report) {
 std::string comparison_page(const json& first, const json& second) {
     require_measurement(first, "the first report");
     require_measurement(second, "the second report");
-    std::string page = top("Two measurements of the loop");
+    std::string page = page_top("Two measurements of the loop");
     for (const json* report : {&first, &second}) {
         page += "<h2>" + std::string(report == &first ? "First" : "Second") + "</h2>\n" + introduction(*report) +
                 latency_table(report->at("measure"));

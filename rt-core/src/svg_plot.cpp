@@ -168,7 +168,7 @@ std::string SvgPlot::axes() const {
 }
 
 std::string SvgPlot::svg(const std::string& title) const {
-    return formatted("<svg viewBox=\"0 0 %.0f %.0f\" role=\"img\" aria-label=\"%s\">\n", kWidth, kHeight,
+    return formatted("<svg class=\"plot\" viewBox=\"0 0 %.0f %.0f\" role=\"img\" aria-label=\"%s\">\n", kWidth, kHeight,
                      html_text(title).c_str()) +
            axes() + body_ + key_ + "</svg>";
 }

@@ -45,7 +45,7 @@ Figure missed_contacts(const Study& study) {
     study.plot(figure, "figure-4.7-missed", "Share of contacts that are missed.",
                "set ylabel '% of contacts'\nset style data histograms\nset style histogram clustered gap 1\n"
                "set style fill solid 0.9\nset boxwidth 0.9\nset yrange [0:100]\nset xtics rotate by -20\n"
-               "plot 'figure-4.7.csv' using 15:xtic(2) skip 1 lc rgb '#e9b44c' title 'Algorithm 1 alone', "
+               "plot 'figure-4.7.csv' using 15:xtic(2) skip 1 lc rgb '#b3710f' title 'Algorithm 1 alone', "
                "'' using 10 skip 1 lc rgb '#c8553d' title 'with overlap at the end', "
                "'' using ($6 / $4 * 100) skip 1 lc rgb '#2a6f97' title 'here'\n");
     figure.remarks =

@@ -145,7 +145,7 @@ Figure curtain_hand(const Study& study) {
         };
         study.plot(figure, "figure-5.5-" + name, caption,
                    "set xlabel 'time, s'\nset ylabel '" + axis + "'\n" + line(0, "x", "#c8553d") +
-                       line(1, "y", "#588157") + line(2, "z", "#2a6f97") + "\n");
+                       line(1, "y", "#5f8744") + line(2, "z", "#2a6f97") + "\n");
     };
     plot("position", "Where the hand has the tool, in the scene.", "m", 2);
     plot("force", "Force on the hand, in the scene.", "N", 5);

@@ -79,7 +79,7 @@ Figure four_fish(const Study& study) {
         "set ylabel 'us'\nset style data histograms\nset style histogram clustered gap 1\nset style fill solid 0.8\n"
         "set xtics ('all' 0, 'collisions' 1, 'deformation' 2, 'skinning' 3, 'CCD' 4, 'pop-out' 5, 'proxy' 6)\n"
         "plot 'figure-4.18.csv' using 2 skip 1 title 'free' lc rgb '#2a6f97', '' using 3 skip 1 title 'in contact' lc "
-        "rgb '#e9a03b'\n");
+        "rgb '#b3710f'\n");
     figure.remarks =
         "Eight constraints at a time in vector registers, in the order of a graph colouring, make the deformation "
         "fast; the "

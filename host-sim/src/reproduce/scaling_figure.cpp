@@ -251,7 +251,7 @@ Figure scaling(const Study& study) {
         "'10^{%L}'\n"
         "plot 'scaling-step.csv' using 'triangles':'total_moving_us' with linespoints pt 7 lw 2 lc rgb '#c8553d' "
         "title 'whole step, far bodies move', '' using 'triangles':'ccd_moving_us' with linespoints pt 5 dt 2 lc "
-        "rgb '#e9a03b' title 'refit and CCD', '' using 'triangles':'skin_moving_us' with linespoints pt 9 dt 2 "
+        "rgb '#b3710f' title 'refit and CCD', '' using 'triangles':'skin_moving_us' with linespoints pt 9 dt 2 "
         "lc rgb '#8a6fb0' title 'skinning', '' using 'triangles':'total_standing_us' with linespoints pt 7 lw 2 "
         "lc rgb '#2a6f97' title 'whole step, far bodies stand'\n");
     study.plot(
@@ -259,7 +259,7 @@ Figure scaling(const Study& study) {
         "set xlabel 'triangles, all but some forty far away'\nset ylabel 'us'\nset logscale xy\nset xrange "
         "[1e3:2e6]\nset format x "
         "'10^{%L}'\n"
-        "plot 'scaling-query.csv' using 'triangles':'refit_us' with linespoints pt 5 dt 2 lc rgb '#e9a03b' title "
+        "plot 'scaling-query.csv' using 'triangles':'refit_us' with linespoints pt 5 dt 2 lc rgb '#b3710f' title "
         "'refit, if all move', '' using 'triangles':'query_us' with linespoints pt 7 lw 2 lc rgb '#2a6f97' title "
         "'CCD, pop-out, virtual proxy, planes'\n");
     const StepCost& few = step.front();

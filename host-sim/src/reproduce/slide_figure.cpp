@@ -137,7 +137,7 @@ Figure plane_slide(const Study& study) {
             figure, name, captions[w],
             "set xlabel 'time, s'\nset ylabel 'N'\nset xrange [0:5]\nplot '" + name +
                 ".csv' using 1:5 skip 1 with lines lw 2 lc rgb '#c8553d' title 'force along x', '' using 1:6 skip "
-                "1 with lines lw 2 lc rgb '#588157' title 'up', '' using 1:7 skip 1 with lines lw 2 lc rgb "
+                "1 with lines lw 2 lc rgb '#5f8744' title 'up', '' using 1:7 skip 1 with lines lw 2 lc rgb "
                 "'#2a6f97' title 'along z', '' using 1:(10*$2) skip 1 with lines dt 2 lc rgb '#999999' title 'x of "
                 "the hand, 10 cm'\n");
     }

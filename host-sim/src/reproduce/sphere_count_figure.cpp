@@ -105,7 +105,7 @@ Figure sphere_counts(const Study& study) {
         figure, "figure-5.6-times", "Median time of a step, microseconds.",
         "set xlabel 'spheres'\nset ylabel 'us'\nset yrange [0:*]\n"
         "plot 'figure-5.6.csv' using 1:3 skip 1 with linespoints pt 7 ps 0.6 lc rgb '#c8553d' title 'step, in "
-        "contact', '' using 1:2 skip 1 with linespoints pt 7 ps 0.6 lc rgb '#e9a03b' title 'step, free', '' using "
+        "contact', '' using 1:2 skip 1 with linespoints pt 7 ps 0.6 lc rgb '#b3710f' title 'step, free', '' using "
         "1:5 skip 1 with linespoints pt 7 ps 0.6 lc rgb '#2a6f97' title 'tool, in contact', '' using 1:4 skip 1 "
         "with linespoints pt 7 ps 0.6 lc rgb '#8ab6cf' title 'tool, free'\n");
     const Line in_contact = fit(counts, touching);

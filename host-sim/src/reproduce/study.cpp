@@ -34,32 +34,20 @@ constexpr std::array<Reproduction, 13> kReproductions{{
 }};
 
 constexpr std::string_view kPlotHead =
-    R"(set terminal svg size 760,340 dynamic font 'sans-serif,13' background '#ffffff'
+    R"(set terminal svg size 760,340 dynamic font 'sans-serif,13'
 set datafile separator comma
 set grid linecolor '#dddddd'
 set border 3 linecolor '#666666'
+set linetype 1 linewidth 1.5 linecolor '#2a6f97'
+set linetype 2 linewidth 1.5 linecolor '#c8553d'
+set linetype 3 linewidth 1.5 linecolor '#5f8744'
+set linetype 4 linewidth 1.5 linecolor '#b3710f'
 set tics nomirror
 set key outside top center horizontal
 )";
 
-constexpr std::string_view kPageHead = R"(<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>The thesis' figures again</title>
-<style>
-:root { color-scheme: light dark; --ink: #1c2326; --paper: #fbfaf7; --line: #d9d5cc; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e8e6e1; --paper: #1b1f22; --line: #3a4046; } }
-body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 62rem;
-       margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 3rem; border-top: 1px solid var(--line); padding-top: 1rem; }
-table { border-collapse: collapse; width: 100%; } th, td { text-align: left; vertical-align: top; padding: .3rem 1rem .3rem 0;
-       border-bottom: 1px solid var(--line); }
-figure { margin: 1rem 0; } figcaption, .quiet { font-size: .9rem; opacity: .8; }
-img { width: 100%; height: auto; border-radius: 6px; background: #fff; }
-.pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(26rem, 1fr)); gap: 1rem; }
-@media (max-width: 30rem) { .pictures { grid-template-columns: 1fr; } }
-</style></head><body>
-<h1>The figures of the thesis, run again</h1>
-<p>Each figure of "Haptic Proxy for Dynamic Deformable Objects" (Tokyo Institute of Technology), chapters 4 and 5, from
+constexpr std::string_view kIntroduction =
+    R"(<p>Each figure of "Haptic Proxy for Dynamic Deformable Objects" (Tokyo Institute of Technology), chapters 4 and 5, from
 the scenes built into this program. Beside our numbers stand those of the thesis, which were measured on an Intel Core i5-4210U
 (1.7 GHz; chapter 5: i5-7300); ours are of the machine on which this page was made, on one core. Where the thesis does not give a mass, a size or a stiffness,
 the scene's file says what was chosen.</p>
@@ -77,7 +65,7 @@ void write_file(const std::filesystem::path& file, std::string_view content) {
 void write_images(std::ostream& out, const Figure& figure) {
     out << "<div class=\"pictures\">\n";
     for (const Image& image : figure.images) {
-        out << "<figure>";
+        out << (image.file.ends_with(".svg") ? "<figure class=\"gnuplot\">" : "<figure>");
         if (image.file.empty()) {
             out << "<p class=\"quiet\">(not drawn: gnuplot or povray is missing or failed)</p>";
         } else {
@@ -90,8 +78,8 @@ void write_images(std::ostream& out, const Figure& figure) {
 
 void write_figure(std::ostream& out, const Figure& figure) {
     const bool numbered = !figure.number.empty() && figure.number[0] >= '0' && figure.number[0] <= '9';
-    out << "<h2 id=\"figure-" << figure.number << "\">" << (numbered ? "Figure " : "Beside them, ") << figure.number
-        << ": " << html_text(figure.title) << "</h2>\n<p>" << html_text(figure.conditions) << "</p>\n";
+    out << "<section><h2 id=\"figure-" << figure.number << "\">" << (numbered ? "Figure " : "Beside them, ")
+        << figure.number << ": " << html_text(figure.title) << "</h2>\n<p>" << html_text(figure.conditions) << "</p>\n";
     if (!figure.comparisons.empty()) {
         out << "<table><tr><th></th><th>thesis</th><th>here</th></tr>\n";
         for (const Comparison& c : figure.comparisons) {
@@ -105,7 +93,7 @@ void write_figure(std::ostream& out, const Figure& figure) {
     for (const std::string& file : figure.data) {
         out << " <a href=\"" << file << "\">" << file << "</a>";
     }
-    out << "</p>\n";
+    out << "</p></section>\n";
 }
 
 }  // namespace
@@ -169,7 +157,7 @@ void Study::picture(Figure& figure, const std::string& name, const std::string& 
 std::filesystem::path Study::write_page(std::span<const Figure> figures) const {
     const std::filesystem::path file = folder_ / "index.html";
     std::ofstream out(file);
-    out << kPageHead;
+    out << page_top("The figures of the thesis, run again") << kIntroduction;
     for (const Figure& figure : figures) {
         write_figure(out, figure);
     }
