@@ -40,7 +40,7 @@ export function listenToKeys(actions: Actions, panel: Panel, page: PageKeys): vo
     t: () => actions.frameTool(),
     c: () => page.togglePanel(),
     p: () => page.togglePlots(),
-    h: () => setHand(!hand),
+    h: () => setHand(!hand && panel.movesHand()),
     "?": () => page.help(),
     "+": () => actions.zoom(nearer),
     "=": () => actions.zoom(nearer),

@@ -21,6 +21,8 @@ export interface Panel {
   step(): void;
   reset(): void;
   toggleOption(option: keyof ViewOptions): void;
+  /** Whether this page may move the hand now. */
+  movesHand(): boolean;
 }
 
 /** Fills `root`; `theme` are the controls of the page's own looks. */
@@ -57,6 +59,7 @@ class SidePanel implements Panel {
   private paused = false;
   private asked = -Infinity; // when it was last to pause or go on
   private recording = false;
+  private deviceHand = false;
   private curled = -Infinity;
 
   constructor(
@@ -84,6 +87,7 @@ class SidePanel implements Panel {
     this.sceneRow.hidden = scene.scenes.length === 0;
     this.about.textContent = scene.text;
     this.readOnly.hidden = scene.control;
+    this.handWords.hidden = !scene.control;
     this.controls.disabled = !scene.control;
     this.runPart.hidden = scene.mode === "play"; // the time line has what a recording can do
     this.handPart.hidden = scene.mode === "play";
@@ -114,9 +118,12 @@ class SidePanel implements Panel {
   }
 
   togglePause(): void {
-    this.paused = !this.paused; // already now, so that a second press means what it says
-    this.asked = performance.now();
-    this.actions.send({ type: "pause", on: this.paused });
+    const on = !this.paused;
+    if (!this.controls.disabled) {
+      this.paused = on; // already now, so that a second press means what it says
+      this.asked = performance.now();
+    }
+    this.actions.send({ type: "pause", on });
   }
   step(): void {
     this.actions.send(this.paused ? { type: "step", steps: 1 } : { type: "pause", on: true });
@@ -133,7 +140,12 @@ class SidePanel implements Panel {
     }
   }
 
+  movesHand(): boolean {
+    return !this.controls.disabled && !this.handPart.hidden && !this.deviceHand;
+  }
+
   private writeFrame(frame: Frame): void {
+    this.deviceHand = frame.hand?.source === "device";
     setText(this.pause, frame.paused ? "Go on" : "Pause");
     this.pause.setAttribute("aria-pressed", String(frame.paused));
     const recorded = frame.hand ? ` (${steady(frame.hand.recordedSteps, 0)})` : "";
@@ -143,7 +155,7 @@ class SidePanel implements Panel {
     if (frame.parameters) {
       this.parameters.follow(frame.parameters);
     }
-    setText(this.handWords, frame.hand?.source === "device" ? deviceWords : mouseWords);
+    setText(this.handWords, this.deviceHand ? deviceWords : mouseWords);
     if (frame.hand && performance.now() - this.curled > settles) {
       this.curl.valueAsNumber = frame.hand.curl;
     }
