@@ -11,6 +11,7 @@
 #include <csignal>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <thread>
 #include <utility>
 
@@ -50,6 +51,17 @@ void prepare(SceneSnapshot& snapshot, const SceneDescription& description) {
     snapshot.tool_vertices.resize(description.tool_vertices);
     snapshot.proxies.resize(description.proxy_radii.size());
     snapshot.planes.reserve(3 * description.proxy_radii.size());
+}
+
+/// Without the header, and the notes before it, which begin with #.
+std::size_t rows_of_csv(std::string_view csv) {
+    std::size_t lines = 0;
+    for (std::size_t at = 0; at < csv.size();) {
+        lines += csv[at] == '#' ? 0U : 1U;
+        const std::size_t end = csv.find('\n', at);
+        at = end == std::string_view::npos ? csv.size() : end + 1;
+    }
+    return lines == 0 ? 0 : lines - 1;
 }
 
 /// What the process inherits for its real-time work is not for this thread, and its signals are the main thread's.
@@ -321,11 +333,10 @@ bool ServedView::take_news() {
         take_stage(std::move(stage));
     }
     if (record) {
-        const auto lines = static_cast<std::size_t>(std::count(record->begin(), record->end(), '\n'));
+        const std::size_t rows = rows_of_csv(*record);
         record_ = std::move(record);
         ++shown_.records;
-        shown_.record =
-            nlohmann::json{{"type", "record"}, {"steps", lines == 0 ? 0 : lines - 1}, {"url", "/record.csv"}}.dump();
+        shown_.record = nlohmann::json{{"type", "record"}, {"steps", rows}, {"url", "/record.csv"}}.dump();
     }
     return true;
 }

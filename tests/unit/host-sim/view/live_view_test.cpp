@@ -404,11 +404,11 @@ TEST(LiveViewStream, OffersARecord) {
     const Served served;
     StreamClient client(served.port);
     (void)client.next_text("scene");
-    served.view->offer_record("time s,x m\n0,1\n1,2\n");
+    served.view->offer_record("# a note is no step\ntime s,x m\n0,1\n1,2\n");
     const Json record = Json::parse(client.next_text("record"));
     EXPECT_EQ(record.at("steps"), 2);
     const auto csv = request(served.port, "GET " + record.at("url").get<std::string>(), served.host());
-    EXPECT_EQ(csv.body, "time s,x m\n0,1\n1,2\n");
+    EXPECT_EQ(csv.body, "# a note is no step\ntime s,x m\n0,1\n1,2\n");
     EXPECT_EQ(csv.header("content-type"), "text/csv; charset=utf-8");
     EXPECT_EQ(csv.header("content-disposition"), "attachment; filename=\"record.csv\"");
 }

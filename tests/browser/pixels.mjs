@@ -1,0 +1,101 @@
+// What is in a screenshot: PNG of 8 bits, RGB or RGBA, not interlaced, as browsers write it.
+import assert from "node:assert/strict";
+import { inflateSync } from "node:zlib";
+
+/** { width, height, data }: data has three bytes a pixel, red, green and blue. */
+export function readPng(png) {
+  const parts = [];
+  for (let at = 8; at < png.length; at += 12 + png.readUInt32BE(at)) {
+    if (png.toString("latin1", at + 4, at + 8) === "IDAT") {
+      parts.push(png.subarray(at + 8, at + 8 + png.readUInt32BE(at)));
+    }
+  }
+  const [width, height, channels] = [png.readUInt32BE(16), png.readUInt32BE(20), { 2: 3, 6: 4 }[png[25]]];
+  assert.ok(png[24] === 8 && channels && png[28] === 0, "a PNG of another kind");
+  const rows = unfilter(inflateSync(Buffer.concat(parts)), width * channels, height, channels);
+  const data = new Uint8Array(3 * width * height);
+  for (let k = 0; k < width * height; k++) {
+    data.set(rows.subarray(k * channels, k * channels + 3), 3 * k);
+  }
+  return { width, height, data };
+}
+
+/** The PNG specification's filters: none, left, up, average, Paeth. */
+function unfilter(raw, stride, height, channels) {
+  const rows = new Uint8Array(stride * height);
+  for (let y = 0; y < height; y++) {
+    const filter = raw[y * (stride + 1)];
+    for (let x = 0; x < stride; x++) {
+      const at = y * stride + x;
+      const left = x < channels ? 0 : rows[at - channels];
+      const up = y === 0 ? 0 : rows[at - stride];
+      const corner = x < channels || y === 0 ? 0 : rows[at - stride - channels];
+      const guess = [0, left, up, (left + up) >> 1, paeth(left, up, corner)][filter];
+      rows[at] = raw[y * (stride + 1) + 1 + x] + guess;
+    }
+  }
+  return rows;
+}
+
+function paeth(left, up, corner) {
+  const guess = left + up - corner;
+  const [a, b, c] = [Math.abs(guess - left), Math.abs(guess - up), Math.abs(guess - corner)];
+  return a <= b && a <= c ? left : b <= c ? up : corner;
+}
+
+/** The picture of the scene alone, without what lies on it. */
+export async function pictureOf(page) {
+  const showAround = (shown) =>
+    page.evaluate((visibility) => {
+      for (const around of document.querySelectorAll("body > :not(main)")) {
+        around.style.visibility = visibility;
+      }
+    }, shown ? "" : "hidden");
+  await showAround(false);
+  const png = await page.locator("#stage").screenshot();
+  await showAround(true);
+  return readPng(png);
+}
+
+/** The commonest colour, [red, green, blue] of 0 to 255. */
+export function background({ data }) {
+  const counts = new Map();
+  for (let k = 0; k < data.length; k += 3) {
+    const colour = (data[k] << 16) | (data[k + 1] << 8) | data[k + 2];
+    counts.set(colour, (counts.get(colour) ?? 0) + 1);
+  }
+  const [colour] = [...counts].reduce((most, one) => (one[1] > most[1] ? one : most));
+  return [colour >> 16, (colour >> 8) & 255, colour & 255];
+}
+
+/** The part of the pixels, 0 to 1, that `holds` of: holds(red, green, blue). */
+export function share({ data }, holds) {
+  let count = 0;
+  for (let k = 0; k < data.length; k += 3) {
+    count += holds(data[k], data[k + 1], data[k + 2]) ? 1 : 0;
+  }
+  return (3 * count) / data.length;
+}
+
+/** The part of the pixels, 0 to 1, in which two pictures of one size differ by more than noise. */
+export function difference(one, other) {
+  assert.deepEqual([one.width, one.height], [other.width, other.height]);
+  let count = 0;
+  for (let k = 0; k < one.data.length; k += 3) {
+    const most = Math.max(...[0, 1, 2].map((c) => Math.abs(one.data[k + c] - other.data[k + c])));
+    count += most > 8 ? 1 : 0;
+  }
+  return (3 * count) / one.data.length;
+}
+
+/** In degrees, 0 red, 120 green, 240 blue; null for what is nearly grey. */
+export function hue(red, green, blue) {
+  const most = Math.max(red, green, blue);
+  const chroma = most - Math.min(red, green, blue);
+  if (chroma < 24) {
+    return null;
+  }
+  const sixth =
+    most === red ? (green - blue) / chroma : most === green ? 2 + (blue - red) / chroma : 4 + (red - green) / chroma;
+  return (60 * sixth + 360) % 360;
+}

@@ -1,0 +1,135 @@
+// With the mouse, or the keyboard, as the device.
+import assert from "node:assert/strict";
+
+import { openView, seen, until } from "./browser.mjs";
+import { claim } from "./claims.mjs";
+import { startRun } from "./host_sim.mjs";
+import { difference, pictureOf } from "./pixels.mjs";
+
+/** Where the hand is on the screen, in the page's pixels. */
+async function handOnScreen(page) {
+  const box = await page.locator("#stage").boundingBox();
+  const { hipOnScreen } = await seen(page);
+  return { x: box.x + hipOnScreen.x, y: box.y + hipOnScreen.y };
+}
+
+const away = (one, other) => Math.hypot(...one.map((value, k) => value - other[k]));
+
+/** Takes hold of the hand; as a person does who at first misses one that moves. */
+async function take(page) {
+  for (let attempt = 0; attempt < 20; attempt++) {
+    const at = await handOnScreen(page);
+    await page.mouse.move(at.x, at.y);
+    await page.mouse.down();
+    const { frames } = await seen(page);
+    await until(page, (then) => haptic.handSource === "mouse" || haptic.frames > then + 15, "an answer to the mouse", frames);
+    if ((await seen(page)).handSource === "mouse") {
+      await resting(page);
+      return at;
+    }
+    await page.mouse.up();
+  }
+  throw new Error("the mouse cannot take hold of the hand");
+}
+
+/** Where the hand is when it has arrived: at the same place in ten frames. */
+async function resting(page) {
+  let last = await seen(page);
+  for (let k = 0; k < 50; k++) {
+    await until(page, (then) => haptic.frames > then + 10, "ten more frames", last.frames);
+    const now = await seen(page);
+    if (away(now.hip, last.hip) < 1e-6) {
+      return now.hip;
+    }
+    last = now;
+  }
+  throw new Error("the hand does not come to rest");
+}
+
+claim("a drag presses the tool against what lies still: the hand goes on, the tool stays, and the force shows", async (browser) => {
+  const { url } = await startRun("plane-slide");
+  const page = await openView(browser, url);
+  const at = await take(page);
+  // Small moves as a hand makes them: up until the hand is free of the plane, and down until it presses.
+  let y = at.y;
+  const dragUntil = async (there, pixels) => {
+    for (let k = 0; k < 100 && !(await page.evaluate(there)); k++) {
+      y += pixels;
+      await page.mouse.move(at.x, y);
+      const { frames } = await seen(page);
+      await until(page, (then) => haptic.frames > then + 1, "the next frames", frames);
+    }
+  };
+  await dragUntil(() => !haptic.inContact && Math.hypot(...haptic.hip.map((v, k) => v - haptic.tool[k])) < 1e-3, -3);
+  const before = await seen(page);
+  assert.equal(before.inContact, false, "the hand cannot be lifted off the plane");
+  await dragUntil(() => haptic.inContact && Math.hypot(...haptic.force) > 0.02, 3);
+  await until(page, () => haptic.inContact && Math.hypot(...haptic.force) > 0.02, "a contact force");
+  await until(page, () => haptic.arrow, "the force's arrow");
+  await until(page, () => /in contact/.test(document.getElementById("scene-state").textContent), "the words 'in contact'");
+  await until(
+    page,
+    () => Number(document.getElementById("scene-state").textContent.match(/([\d.]+)\s*N\b/)?.[1]) > 0,
+    "the force in figures",
+  );
+  const pressed = await seen(page);
+  assert.ok(away(pressed.hip, before.hip) > 0.002, `the hand has moved by ${away(pressed.hip, before.hip)} m only`);
+  assert.ok(away(pressed.hip, pressed.tool) > 0.0005, "the tool goes with the hand through the plane");
+  const push = pressed.tool.map((value, k) => value - pressed.hip[k]);
+  const along = push.reduce((sum, value, k) => sum + value * pressed.force[k], 0);
+  assert.ok(along > 0, "the force does not push the hand back to the tool");
+  await page.mouse.up();
+  await until(page, () => haptic.handSource === "mouse", "the hand to stay where it was let go");
+});
+
+claim("the force's arrow is in the picture, and gone when it is switched off", async (browser) => {
+  const { url } = await startRun("fish-hold");
+  const page = await openView(browser, url);
+  await until(page, () => haptic.inContact && haptic.arrow && haptic.time > 3, "a force with an arrow");
+  await page.keyboard.press(" ");
+  await until(page, () => haptic.paused, "the pause");
+  const drawn = async () => {
+    const { pictures, frames } = await seen(page);
+    await until(page, ([then, sent]) => haptic.pictures > then || haptic.frames > sent + 20, "a picture", [pictures, frames]);
+    return pictureOf(page);
+  };
+  const withArrow = await drawn();
+  await page.keyboard.press("9");
+  const without = await drawn();
+  assert.ok(difference(withArrow, without) > 0.0003, "the picture is the same with and without arrows");
+});
+
+claim("the wheel moves the hand that is held along the line of sight", async (browser) => {
+  const { url } = await startRun("curtain-hand");
+  const page = await openView(browser, url);
+  await take(page);
+  const places = [await resting(page)];
+  for (const roll of [-240, 480]) {
+    await page.mouse.wheel(0, roll);
+    await until(page, (then) => Math.hypot(...haptic.hip.map((v, k) => v - then[k])) > 1e-4, "the hand to move", places.at(-1));
+    places.push(await resting(page));
+  }
+  const moves = [1, 2].map((k) => places[k].map((value, axis) => value - places[k - 1][axis]));
+  assert.ok(moves[0].reduce((sum, value, axis) => sum + value * moves[1][axis], 0) < 0, "both ways of the wheel move the hand the same way");
+  const twice = away(moves[1], [0, 0, 0]) / away(moves[0], [0, 0, 0]);
+  assert.ok(Math.abs(twice - 2) < 0.3, `a roll twice as long moves the hand ${twice} times as far`);
+  await page.mouse.up();
+});
+
+claim("the keyboard alone moves the hand, and gives it back to the script", async (browser) => {
+  const { url } = await startRun("plane-slide");
+  const page = await openView(browser, url, { panel: true });
+  await page.keyboard.press("h");
+  await until(page, () => !document.getElementById("hand-mode").hidden, "the words of the hand's keys");
+  await page.keyboard.press("ArrowUp");
+  await until(page, () => haptic.handSource === "mouse", "the keys to be the hand");
+  const before = await seen(page);
+  for (let k = 0; k < 3; k++) {
+    await page.keyboard.press("ArrowRight");
+  }
+  await until(page, (then) => Math.hypot(...haptic.hip.map((v, k) => v - then[k])) > 1e-4, "the hand to move", before.hip);
+  await page.keyboard.press("Escape");
+  await until(page, () => document.getElementById("hand-mode").hidden, "the end of the hand's keys");
+  await page.locator("#panel button", { hasText: "Follow the script" }).press("Enter");
+  await until(page, () => haptic.handSource === "script", "the script to be the hand again");
+});
