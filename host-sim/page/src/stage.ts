@@ -26,7 +26,7 @@ const lookFrom = new Vector3(0.45, 0.4, 1).normalize();
 const slowest = 50; // ms from picture to picture, from which on less is drawn
 const judged = 12; // pictures, one right after the other
 const gridCells = 40;
-const middle = 0.45; // of half the picture, out of which what is followed does not get
+const middle = 0.3; // of half the picture, out of which what is followed does not get
 const followed = 0.12; // part of what it is beyond that is made up for in each picture
 
 export class Stage {

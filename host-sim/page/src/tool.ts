@@ -90,8 +90,8 @@ export class Tool {
     this.spheres.frustumCulled = false;
     this.spheres.castShadow = true;
     this.hip = new Mesh(
-      new SphereGeometry(1, 14, 10),
-      new MeshBasicMaterial({ wireframe: true, transparent: true, opacity: 0.5 }),
+      new SphereGeometry(1, 24, 16),
+      new MeshBasicMaterial({ transparent: true, opacity: 0.3, depthWrite: false }),
     );
     const ends = new BufferGeometry();
     ends.setAttribute("position", new BufferAttribute(new Float32Array(6), 3));
