@@ -130,6 +130,7 @@ claim("the keyboard alone moves the hand, and gives it back to the script", asyn
   await until(page, (then) => Math.hypot(...haptic.hip.map((v, k) => v - then[k])) > 1e-4, "the hand to move", before.hip);
   await page.keyboard.press("Escape");
   await until(page, () => document.getElementById("hand-mode").hidden, "the end of the hand's keys");
+  await resting(page); // so that no key's move is still under way
   await page.locator("#panel button", { hasText: "Follow the script" }).press("Enter");
   await until(page, () => haptic.handSource === "script", "the script to be the hand again");
 });

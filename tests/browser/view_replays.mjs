@@ -20,7 +20,7 @@ claim("the time line seeks in a recording, and the same moment is the same again
   await until(page, () => haptic.paused, "the pause");
   const at = async (time) => {
     await line.fill(String(time));
-    await until(page, (wanted) => Math.abs(haptic.time - wanted) < 0.03, `the moment ${time} s`, time);
+    await until(page, (wanted) => Math.abs(haptic.time - wanted) < 0.002, `the moment ${time} s`, time);
     const { tool, hip, force, time: then } = await seen(page);
     return { tool, hip, force, then };
   };
