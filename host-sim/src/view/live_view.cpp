@@ -318,8 +318,8 @@ void ServedView::tick() {
 }
 
 bool ServedView::take_news() {
-    // Acquire is not needed for what the mutex guards; the flag spares the lock.
-    if (!news_.exchange(false, std::memory_order_relaxed)) {
+    // The flag spares the lock. Acquire: whoever sees it comes to the mutex after the one who set it.
+    if (!news_.exchange(false, std::memory_order_acquire)) {
         return false;
     }
     std::shared_ptr<Stage> stage;
