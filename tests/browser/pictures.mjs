@@ -1,5 +1,5 @@
-// Pictures of the built-in scenes at moments worth seeing: pictures.mjs FOLDER SCENE... A scene is NAME@SECONDS[:KEYS[:SCHEME]],
-// KEYS those that are pressed before the picture is taken (arrows as < > ^ v).
+// Pictures of the built-in scenes at moments worth seeing: pictures.mjs FOLDER SCENE... A scene is NAME@SECONDS[:KEYS[:SCHEME[:page]]],
+// KEYS those that are pressed before the picture is taken (arrows as < > ^ v); with "page", panel and plots are in it.
 import path from "node:path";
 
 import { openBrowser, openView, pause, seen, unfold, until } from "./browser.mjs";

@@ -19,7 +19,7 @@ export class MouseHand {
   private pointer: number | null = null;
   private last = { x: 0, y: 0 };
   private sent = 0; // ms
-  private pending = false;
+  private later: number | null = null; // the timer of a move that waits for its time
 
   constructor(
     private readonly stage: Stage,
@@ -40,7 +40,7 @@ export class MouseHand {
   /** What host-sim says of the hand; while we do not move it, it is where the next move begins. */
   take(hand: Hand): void {
     this.known = hand;
-    if (this.pointer === null && !this.pending) {
+    if (this.pointer === null && this.later === null) {
       this.place = null;
       this.turned = false;
     }
@@ -48,10 +48,19 @@ export class MouseHand {
 
   /** Another scene: the hand is where that has it. */
   forget(): void {
+    this.letGo();
+    this.known = null;
+  }
+
+  /** Somebody else is to have the hand: what was not sent yet is not sent any more. */
+  letGo(): void {
+    if (this.later !== null) {
+      clearTimeout(this.later);
+      this.later = null;
+    }
     this.place = null;
     this.curl = null;
     this.turned = false;
-    this.known = null;
   }
 
   /** The mouse has hold of the hand. */
@@ -164,13 +173,10 @@ export class MouseHand {
   private tell(): void {
     const wait = this.sent + interval - performance.now();
     if (wait > 0) {
-      if (!this.pending) {
-        this.pending = true;
-        setTimeout(() => {
-          this.pending = false;
-          this.tellNow();
-        }, wait);
-      }
+      this.later ??= setTimeout(() => {
+        this.later = null;
+        this.tellNow();
+      }, wait);
       return;
     }
     this.tellNow();

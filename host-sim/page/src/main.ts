@@ -46,7 +46,12 @@ class Page {
     const { picture } = this;
     const { stage } = picture;
     return {
-      send: (request) => this.connection.send(request),
+      send: (request) => {
+        if (request.type === "script" || request.type === "reset" || request.type === "scene") {
+          this.hand.letGo();
+        }
+        this.connection.send(request);
+      },
       setOption: (option, on) => {
         picture.setOption(option, on);
         this.connection.watch(picture.needsParticles(), picture.options.planes);
@@ -115,6 +120,9 @@ class Page {
     requestAnimationFrame(() => this.draw());
     if (this.picture.draw(this.hand.held)) {
       this.seen.pictures += 1;
+    }
+    if (this.seen.frames === 0) {
+      return; // nothing is anywhere yet
     }
     const { stage } = this.picture;
     this.seen.hipOnScreen = stage.onScreen(new Vector3(...this.seen.hip));

@@ -9,7 +9,8 @@ import type { Frame, Geometry, SceneMessage } from "./protocol.ts";
 import { Stage } from "./stage.ts";
 import { Tool } from "./tool.ts";
 
-const roomRoundTool = 0.3; // of what the largest body is longer than the tool, on each side of it
+const nearTool = 0.3; // of the largest body's length: bodies so near are in the picture with the tool
+const roomRoundTool = 0.3; // of what the largest body is longer than what is in the picture, on each side
 
 function longest(box: Box3): number {
   const size = box.getSize(new Vector3());
@@ -103,15 +104,15 @@ export class Picture {
     this.show();
   }
 
-  /** Tool and bodies; or the tool, with room round it for what comes. `turned`: seen from where one usually looks. */
+  /** Tool and bodies; or the tool and what is about it, with room for what comes. `turned`: seen from where one usually looks. */
   frame(all: boolean, turned: boolean): void {
     const extents = this.actors?.bodies.extents().filter((one) => !one.isEmpty()) ?? [];
     const box = this.actors?.tool.extent() ?? new Box3();
-    if (all) {
-      extents.forEach((extent) => box.union(extent));
-    } else {
-      const missing = Math.max(0, ...extents.map(longest)) - longest(box);
-      box.expandByScalar(Math.max(roomRoundTool * missing, 0));
+    const largest = Math.max(0, ...extents.map(longest));
+    const about = box.clone().expandByScalar(nearTool * largest);
+    extents.filter((one) => all || one.intersectsBox(about)).forEach((one) => box.union(one));
+    if (!all) {
+      box.expandByScalar(roomRoundTool * Math.max(largest - longest(box), 0));
     }
     this.stage.frame(box, turned);
   }

@@ -215,7 +215,7 @@ export class Stage {
   }
 
   private lightFor(centre: Vector3, radius: number): void {
-    this.sun.position.copy(centre).add(new Vector3(0.5, 1.4, 0.7).multiplyScalar(2 * radius));
+    this.sun.position.copy(centre).add(new Vector3(0.6, 1.1, 1.1).multiplyScalar(2 * radius));
     this.sun.target.position.copy(centre);
     const camera = this.sun.shadow.camera;
     const reach = 2 * radius;
