@@ -13,10 +13,11 @@ namespace {
 
 constexpr std::string_view kFirstLine = "host-sim record 1";
 
-const std::vector<std::string> kNames{"time_s",  "x_m",     "y_m",       "z_m",       "qw",        "qx",
-                                      "qy",      "qz",      "proxy_x_m", "proxy_y_m", "proxy_z_m", "hip_x_m",
-                                      "hip_y_m", "hip_z_m", "fx_n",      "fy_n",      "fz_n",      "in_contact",
-                                      "step_us", "tx_nm",   "ty_nm",     "tz_nm",     "curl",      "buttons"};
+std::vector<std::string> column_names() {
+    return {"time_s",    "x_m",        "y_m",       "z_m",     "qw",      "qx",      "qy",   "qz",
+            "proxy_x_m", "proxy_y_m",  "proxy_z_m", "hip_x_m", "hip_y_m", "hip_z_m", "fx_n", "fy_n",
+            "fz_n",      "in_contact", "step_us",   "tx_nm",   "ty_nm",   "tz_nm",   "curl", "buttons"};
+}
 
 /// A note is one line; TOML takes a blank for the end of a line.
 std::string on_one_line(std::string text) {
@@ -132,8 +133,9 @@ std::string StepRecord::csv(const RecordNotes& notes) const {
     for (const std::string& line : lines_of(notes)) {
         text += "# " + line + '\n';
     }
-    for (const std::string& name : kNames) {
-        text += name + (&name == &kNames.back() ? '\n' : ',');
+    const std::vector<std::string> names = column_names();
+    for (const std::string& name : names) {
+        text += name + (&name == &names.back() ? '\n' : ',');
     }
     for (const Row& row : rows_) {
         append_row(text, numbers_of(row));
@@ -142,7 +144,7 @@ std::string StepRecord::csv(const RecordNotes& notes) const {
 }
 
 void StepRecord::write(const std::filesystem::path& file, const RecordNotes& notes) const {
-    CsvWriter csv(file, kNames, lines_of(notes));
+    CsvWriter csv(file, column_names(), lines_of(notes));
     for (const Row& row : rows_) {
         csv.row(numbers_of(row));
     }
