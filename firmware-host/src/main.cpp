@@ -9,9 +9,9 @@
 #include <string_view>
 #include <vector>
 
-#include "commands.hpp"
+#include "commands/commands.hpp"
 #include "haptic/pose_track.hpp"
-#include "serve_command.hpp"
+#include "commands/serve_command.hpp"
 
 namespace {
 

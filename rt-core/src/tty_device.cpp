@@ -1,7 +1,7 @@
 #include "tty_device.hpp"
 
-#include "haptic/device/serial_transport.hpp"
-#include "haptic/device/uart_board.hpp"
+#include "transport/serial_transport.hpp"
+#include "boards/uart_board.hpp"
 
 namespace haptic::rt {
 namespace {

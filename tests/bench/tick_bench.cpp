@@ -14,7 +14,7 @@
 
 #include "haptic/clock.hpp"
 #include "haptic/denormals.hpp"
-#include "haptic/device/sh4_board.hpp"
+#include "boards/sh4_board.hpp"
 #include "haptic/histogram.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/rt/tick.hpp"

@@ -19,7 +19,7 @@
 
 #include "clock_cost.hpp"
 #include "haptic/device/variant_file.hpp"
-#include "haptic/device/wrench_closure.hpp"
+#include "geometry/wrench_closure.hpp"
 #include "haptic/rt/kinematics.hpp"
 #include "haptic/rt/tension.hpp"
 #include "haptic/rt/velocity.hpp"

@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "haptic/device/emulated_board.hpp"
-#include "haptic/device/sh4_board.hpp"
-#include "haptic/device/simple_board.hpp"
-#include "haptic/device/uart_board.hpp"
+#include "boards/sh4_board.hpp"
+#include "boards/simple_board.hpp"
+#include "boards/uart_board.hpp"
 
 namespace {
 

@@ -11,7 +11,7 @@
 
 #include "haptic/device/digits.hpp"
 #include "haptic/device/emulated_board.hpp"
-#include "haptic/device/usbip_session.hpp"
+#include "usbip/usbip_session.hpp"
 
 namespace {
 

@@ -12,7 +12,7 @@
 #include "haptic/config.hpp"
 #include "haptic/device/digits.hpp"
 #include "haptic/device/variant_file.hpp"
-#include "haptic/device/wrench_closure.hpp"
+#include "geometry/wrench_closure.hpp"
 
 namespace {
 

@@ -43,7 +43,7 @@ function(haptic_library name)
     target_compile_features(haptic_${target} PUBLIC cxx_std_20)
     target_include_directories(haptic_${target}
         PUBLIC $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>
-        PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
+               $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/src>)
     target_link_libraries(haptic_${target} PRIVATE $<BUILD_INTERFACE:haptic_options>)
     install(TARGETS haptic_${target} EXPORT hapticTargets COMPONENT dev)
     install(DIRECTORY include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT dev)
@@ -86,6 +86,8 @@ function(haptic_test name)
     add_executable(${name} ${arg_SOURCES})
     set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
     target_link_libraries(${name} PRIVATE haptic_options ${arg_LIBRARIES} GTest::gmock GTest::gtest_main)
+    # Headers that several tests share are at the root of their folder of tests.
+    target_include_directories(${name} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
     target_compile_definitions(${name} PRIVATE ${arg_DEFINITIONS})
     if(TARGET haptic_test_headers)
         target_precompile_headers(${name} REUSE_FROM haptic_test_headers)

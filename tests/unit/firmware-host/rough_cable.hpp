@@ -8,8 +8,8 @@
 #include <span>
 #include <vector>
 
-#include "haptic/device/firmware.hpp"
-#include "haptic/device/transport.hpp"
+#include "emulated/firmware.hpp"
+#include "transport/transport.hpp"
 
 namespace haptic::device::test {
 

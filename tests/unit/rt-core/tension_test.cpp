@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "haptic/device/variant_file.hpp"
-#include "haptic/device/wrench_closure.hpp"
+#include "geometry/wrench_closure.hpp"
 #include "random.hpp"
 
 namespace haptic::rt {

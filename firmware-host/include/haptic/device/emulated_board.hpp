@@ -9,8 +9,8 @@
 #include "haptic/device/board.hpp"
 #include "haptic/device/board_options.hpp"
 #include "haptic/device/emulated_device.hpp"
-#include "haptic/device/firmware.hpp"
-#include "haptic/device/transport.hpp"
+#include "emulated/firmware.hpp"
+#include "transport/transport.hpp"
 
 namespace haptic::device {
 

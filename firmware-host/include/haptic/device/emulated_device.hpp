@@ -10,11 +10,11 @@
 #include <vector>
 
 #include "haptic/device/board.hpp"
-#include "haptic/device/device_faults.hpp"
+#include "emulated/device_faults.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/device/grip_mechanics.hpp"
-#include "haptic/device/hand_motion.hpp"
-#include "haptic/device/mechanical_grip.hpp"
+#include "emulated/hand_motion.hpp"
+#include "emulated/mechanical_grip.hpp"
 #include "haptic/device/variant.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/realtime.hpp"

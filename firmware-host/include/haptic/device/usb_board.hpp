@@ -8,7 +8,7 @@
 #include "haptic/device/board.hpp"
 #include "haptic/device/board_options.hpp"
 #include "haptic/device/usb_discovery.hpp"
-#include "haptic/device/usb_transport.hpp"
+#include "transport/usb_transport.hpp"
 #include "haptic/device/variant.hpp"
 #include "haptic/realtime.hpp"
 

@@ -8,7 +8,7 @@
 #include "haptic/config.hpp"
 #include "haptic/device/board_options.hpp"
 #include "haptic/device/grip_mechanics.hpp"
-#include "haptic/device/serial_transport.hpp"
+#include "transport/serial_transport.hpp"
 #include "haptic/rt/loop.hpp"
 #include "haptic/rt/stop_input.hpp"
 #include "haptic/rt/tick.hpp"

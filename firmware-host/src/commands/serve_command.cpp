@@ -1,0 +1,227 @@
+#include "commands/serve_command.hpp"
+
+#include <poll.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <stdexcept>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+#include <haptic/clock.hpp>
+#include <haptic/config.hpp>
+#include <haptic/device/emulated_board.hpp>
+#include <haptic/device/emulated_config.hpp>
+#include <haptic/device/fault.hpp>
+#include <haptic/device/hand_file.hpp>
+#include "emulated/hand_keeper.hpp"
+#include "usbip/tty_server.hpp"
+#include "usbip/usbip_server.hpp"
+#include <haptic/device/variant_file.hpp>
+
+namespace haptic::device {
+namespace {
+
+constexpr double kLongestDelay = 3600.0;  // s
+
+[[noreturn]] void fail(const char* what) {
+    throw std::system_error(errno, std::generic_category(), what);
+}
+
+/// The signals that end the service, as a file descriptor.
+class StopSignals {
+  public:
+    StopSignals() {
+        sigset_t set{};
+        sigemptyset(&set);
+        for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+            sigaddset(&set, signal);
+        }
+        pthread_sigmask(SIG_BLOCK, &set, nullptr);
+        descriptor_ = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
+        if (descriptor_ < 0) {
+            fail("cannot make a descriptor for signals");
+        }
+    }
+    StopSignals(const StopSignals&) = delete;
+    StopSignals& operator=(const StopSignals&) = delete;
+    ~StopSignals() { close(descriptor_); }
+
+    [[nodiscard]] int descriptor() const noexcept { return descriptor_; }
+
+  private:
+    int descriptor_ = -1;
+};
+
+/// A line of the log, which is for people: it appears at once.
+void say(std::string_view line) {
+    std::printf("%.*s\n", static_cast<int>(line.size()), line.data());
+    std::fflush(stdout);
+}
+
+Variant variant_of(const std::string& name_or_path) {
+    try {
+        return find_variant(name_or_path);
+    } catch (const std::invalid_argument& error) {
+        throw CLI::ValidationError("--variant", error.what());
+    }
+}
+
+/// Where to listen for a variant that can be served over USB.
+NetworkAddress usbip_address(const std::string& text, const Variant& variant) {
+    try {
+        static_cast<void>(usb_identity(variant.board));
+        return parse_network_address(text);
+    } catch (const std::invalid_argument& error) {
+        throw CLI::ValidationError("--usbip", error.what());
+    }
+}
+
+std::unique_ptr<Server> serve_usbip(const NetworkAddress& address, const Variant& variant, Firmware& firmware) {
+    auto server = std::make_unique<UsbipServer>(address, variant.board, firmware,
+                                                [](std::string_view line) { say("usbip: " + std::string(line)); });
+    const UsbIdentity identity = usb_identity(variant.board);
+    const NetworkAddress& real = server->address();
+    std::printf("usbip: %s as %04x:%04x, bus id 1-1, listening on %s:%u\n", variant.name.c_str(), identity.vendor,
+                identity.product, real.host.c_str(), static_cast<unsigned>(real.port));
+    std::fflush(stdout);
+    return server;
+}
+
+/// What stands behind the board: frame, hand, mechanics, faults.
+EmulatedDevice::Settings device_settings(const ServeArguments& arguments, const Variant& variant) {
+    Config config = arguments.config ? Config::load(*arguments.config) : Config();
+    for (const std::string& assignment : arguments.assignments) {
+        config.set(assignment);
+    }
+    EmulatedDevice::Settings settings{.variant = variant,
+                                      .hand = arguments.hand ? hand_from_centre(*arguments.hand) : PoseTrack(),
+                                      .hand_waits = true,
+                                      .mechanics = read_emulated(config)};
+    config.reject_unknown();
+    for (const std::string& fault : arguments.faults) {
+        try {
+            settings.faults.push_back(parse_fault(fault));
+        } catch (const FaultError& error) {
+            throw CLI::ValidationError("--fault", error.what());
+        }
+    }
+    return settings;
+}
+
+std::unique_ptr<Server> serve_tty(const std::string& link, const Variant& variant, Firmware& firmware) {
+    auto server =
+        std::make_unique<TtyServer>(firmware, link.empty() ? std::nullopt : std::optional<std::filesystem::path>(link));
+    say("tty: " + variant.name + " at " + server->path().string() + (link.empty() ? "" : ", linked from " + link));
+    return server;
+}
+
+/// When the earliest of them has something to do, from now; nullptr for never.
+const timespec* time_left(const std::vector<std::unique_ptr<Server>>& servers, timespec& storage) {
+    std::optional<std::int64_t> earliest;
+    for (const auto& server : servers) {
+        if (const auto due = server->due_ns()) {
+            earliest = std::min(earliest.value_or(INT64_MAX), *due);
+        }
+    }
+    if (!earliest) {
+        return nullptr;
+    }
+    const std::int64_t left_ns = std::max<std::int64_t>(0, *earliest - monotonic_now_ns());
+    storage.tv_sec = left_ns / kNanosecondsPerSecond;
+    storage.tv_nsec = left_ns % kNanosecondsPerSecond;
+    return &storage;
+}
+
+void serve_until_stopped(const std::vector<std::unique_ptr<Server>>& servers, const StopSignals& signals) {
+    std::vector<pollfd> watched{{signals.descriptor(), POLLIN, 0}};
+    for (const auto& server : servers) {
+        watched.push_back({server->descriptor(), POLLIN, 0});
+    }
+    while (watched.front().revents == 0) {
+        timespec storage{};
+        if (ppoll(watched.data(), watched.size(), time_left(servers, storage), nullptr) < 0 && errno != EINTR) {
+            fail("cannot wait for clients");
+        }
+        const std::int64_t now_ns = monotonic_now_ns();
+        for (const auto& server : servers) {
+            server->step(now_ns);
+        }
+    }
+}
+
+}  // namespace
+
+CLI::App* add_serve(CLI::App& app, ServeArguments& arguments) {
+    CLI::App* serve = app.add_subcommand("serve", "Serve an emulated board until a signal comes");
+    arguments.usbip = "127.0.0.1:3240";
+    arguments.usbip_asked =
+        serve
+            ->add_option("--usbip", arguments.usbip,
+                         "ADDR:PORT to listen on; port 0 is any free one. Served if nothing else is")
+            ->expected(0, 1)
+            ->capture_default_str();
+    arguments.tty_asked =
+        serve
+            ->add_option("--tty", arguments.tty,
+                         "A pseudo terminal as the serial line of a variant with UART boards; LINK becomes a symbolic "
+                         "link to it")
+            ->type_name("[LINK]")
+            ->expected(0, 1);
+    serve->add_option("--variant", arguments.variant, "Frame, and with it the board: a built-in name or a TOML file")
+        ->capture_default_str();
+    serve->add_option("--hand", arguments.hand,
+                      "Recording (CSV: time_s,x_m,y_m,z_m[,qw,qx,qy,qz]) that the hand follows; else it holds still");
+    serve
+        ->add_option("--hand-delay", arguments.hand_delay_s,
+                     "s, from the packet that makes all strings taut to a hand that moves: the driver calibrates then")
+        ->capture_default_str();
+    serve
+        ->add_option("--fault", arguments.faults,
+                     "What is to go wrong, with times from the first exchange on (repeatable): " + fault_help())
+        ->type_name("KIND@T")
+        ->allow_extra_args(false);
+    serve->add_option("--config", arguments.config, "TOML file with a table [emulated]: the grip's mechanics")
+        ->type_name("F.toml");
+    serve->add_option("--set", arguments.assignments, "one key, e.g. emulated.mechanics=impedance (repeatable)")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    return serve;
+}
+
+void run_serve(const ServeArguments& arguments) {
+    if (!std::isfinite(arguments.hand_delay_s) || arguments.hand_delay_s < 0.0 ||
+        arguments.hand_delay_s > kLongestDelay) {
+        throw CLI::ValidationError("--hand-delay", "needs 0 to 3600 s");
+    }
+    const Variant variant = variant_of(arguments.variant);
+    const bool tty = arguments.tty_asked->count() > 0;
+    const bool usbip = arguments.usbip_asked->count() > 0 || !tty;
+    if (tty && variant.board != BoardKind::Uart) {
+        throw CLI::ValidationError("--tty", "the board of " + variant.name + " has no serial line; use --usbip");
+    }
+    const NetworkAddress address = usbip ? usbip_address(arguments.usbip, variant) : NetworkAddress{};
+    const StopSignals signals;
+    EmulatedDevice device(device_settings(arguments, variant));
+    const std::unique_ptr<Firmware> board = make_firmware(variant.board, device);
+    HandKeeper firmware(*board, device, nanoseconds(arguments.hand_delay_s));
+
+    std::vector<std::unique_ptr<Server>> servers;
+    if (usbip) {
+        servers.push_back(serve_usbip(address, variant, firmware));
+    }
+    if (tty) {
+        servers.push_back(serve_tty(arguments.tty, variant, firmware));
+    }
+    serve_until_stopped(servers, signals);
+    say("stopped");
+}
+
+}  // namespace haptic::device

@@ -1,0 +1,59 @@
+#include "emulated/hand_keeper.hpp"
+
+#include <haptic/device/digits.hpp>
+
+namespace haptic::device {
+namespace {
+
+/// Whether every motor pulls at least as it does when its driver asks for the minimum.
+bool all_taut(const EmulatedDevice& device) HAPTIC_RT {
+    const Variant& variant = device.variant();
+    const auto tensions = device.tensions();
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        const double newtons_per_digit = variant.strings[i].newtons_per_digit;
+        const std::int16_t digit = digit_of_tension(variant.minimum_tension, newtons_per_digit);
+        if (tensions[i] < tension_of_digit(digit, newtons_per_digit)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+bool all_slack(const EmulatedDevice& device) HAPTIC_RT {
+    for (const double tension : device.tensions()) {
+        if (tension > 0.0) {
+            return false;
+        }
+    }
+    return true;
+}
+
+}  // namespace
+
+void HandKeeper::receive(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT {
+    firmware_->receive(out, now_ns);
+    switch (state_) {
+        case State::Slack:
+            if (all_taut(*device_)) {
+                state_ = State::Taut;
+                taut_since_ns_ = now_ns;
+            }
+            return;
+        case State::Taut:
+            if (!all_taut(*device_)) {
+                state_ = State::Slack;
+            } else if (now_ns - taut_since_ns_ >= delay_ns_) {
+                state_ = State::Moving;
+                device_->release_hand();
+            }
+            return;
+        case State::Moving:
+            if (all_slack(*device_)) {
+                state_ = State::Slack;
+                device_->hold_hand();
+            }
+            return;
+    }
+}
+
+}  // namespace haptic::device

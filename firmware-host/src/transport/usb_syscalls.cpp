@@ -1,0 +1,80 @@
+#include "transport/usb_syscalls.hpp"
+
+#include <linux/usbdevice_fs.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstddef>
+#include <ctime>
+
+#include <haptic/clock.hpp>
+#include <haptic/types.hpp>
+
+namespace haptic::device::usb {
+namespace {
+
+constexpr unsigned kSendTimeoutMs = 20;
+
+}  // namespace
+
+int submit(libusb_transfer* transfer) HAPTIC_RT {
+    int result = 0;
+    HAPTIC_RT_EXCEPTION_BEGIN(
+        "USBDEVFS_SUBMITURB queues and returns. libusb allocates one URB (56 bytes) and takes locks that no other "
+        "thread "
+        "of ours takes; part of the exchange, whose bound is device.usb_timeout_s")
+    result = libusb_submit_transfer(transfer);
+    HAPTIC_RT_EXCEPTION_END
+    return result;
+}
+
+void wait_for_transfer(int node, std::int64_t deadline_ns) HAPTIC_RT {
+    const std::int64_t left_ns = std::max<std::int64_t>(deadline_ns - monotonic_now_ns(), 0);
+    const timespec left{left_ns / kNanosecondsPerSecond, left_ns % kNanosecondsPerSecond};
+    pollfd ended{node, POLLOUT, 0};
+    HAPTIC_RT_EXCEPTION_BEGIN(
+        "waiting is the purpose; it ends at the deadline, which is device.usb_timeout_s after the exchange began. A "
+        "signal ends it early, and the caller waits again for what is left")
+    // libusb's own wait counts in whole milliseconds.
+    static_cast<void>(ppoll(&ended, 1, &left, nullptr));
+    HAPTIC_RT_EXCEPTION_END
+}
+
+void take_ended(libusb_context* context) HAPTIC_RT {
+    timeval none{0, 0};
+    HAPTIC_RT_EXCEPTION_BEGIN(
+        "USBDEVFS_REAPURBNDELAY for each transfer that has ended, three at most, and once more to find that there is "
+        "none; libusb frees their URBs. The poll within does not wait")
+    static_cast<void>(libusb_handle_events_timeout_completed(context, &none, nullptr));
+    HAPTIC_RT_EXCEPTION_END
+}
+
+void wake(sem_t& semaphore) HAPTIC_RT {
+    HAPTIC_RT_EXCEPTION_BEGIN("sem_post: one atomic increment, and a futex wake-up if the thread sleeps; takes no lock")
+    sem_post(&semaphore);
+    HAPTIC_RT_EXCEPTION_END
+}
+
+int send_now(int node, unsigned char endpoint, std::span<const std::byte> out) HAPTIC_RT {
+    usbdevfs_bulktransfer bulk{};
+    bulk.ep = endpoint;
+    bulk.len = static_cast<unsigned>(out.size());
+    bulk.timeout = kSendTimeoutMs;
+    bulk.data = const_cast<std::byte*>(out.data());  // the kernel only reads it
+    int error = 0;
+    HAPTIC_RT_EXCEPTION_BEGIN("the kernel gives up after 20 ms; never called by a tick, only on the way out")
+    error = ioctl(node, USBDEVFS_BULK, &bulk) < 0 ? errno : 0;
+    HAPTIC_RT_EXCEPTION_END
+    return error;
+}
+
+void clear_halt_now(int node, unsigned char endpoint) HAPTIC_RT {
+    unsigned number = endpoint;
+    HAPTIC_RT_EXCEPTION_BEGIN("one control transfer, after 5 s given up by the kernel; only on the way out")
+    static_cast<void>(ioctl(node, USBDEVFS_CLEAR_HALT, &number));
+    HAPTIC_RT_EXCEPTION_END
+}
+
+}  // namespace haptic::device::usb

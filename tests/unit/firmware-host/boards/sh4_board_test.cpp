@@ -1,0 +1,258 @@
+#include "boards/sh4_board.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+
+#include "bytes.hpp"
+#include <haptic/device/emulated_board.hpp>
+#include "rough_cable.hpp"
+
+namespace haptic::device {
+namespace {
+
+using test::Bytes;
+
+constexpr std::array<std::uint32_t, kStrings> kPowerUp = {0, 65535, 32768, 12345, 1, 40000, 7, 60000};
+constexpr std::array<std::int16_t, kStrings> kDigits = {45, 46, 47, 48, 49, 50, 51, 4095};
+
+EmulatedDevice::Settings settings() {
+    return {.variant = spidar_g6_x3r(), .power_up = kPowerUp, .rotary = 0xA};
+}
+
+Sh4Packet command_packet(const std::array<std::uint16_t, kStrings>& digits) {
+    Sh4Packet out;
+    encode(Sh4Command{digits}, out);
+    return out;
+}
+
+class Sh4FirmwareTest : public testing::Test {
+  protected:
+    /// What the board answers to a packet; nothing is an empty reply.
+    Sh4Reply reply_to(const Sh4Packet& out) {
+        firmware.receive(out, 0);
+        Sh4Packet in;
+        Sh4Reply reply;
+        EXPECT_EQ(firmware.reply(in, 0), in.size());
+        EXPECT_EQ(decode(std::span<const std::byte>(in), reply), PacketDefect::None);
+        return reply;
+    }
+
+    EmulatedDevice device{settings()};
+    Sh4Firmware firmware{device};
+};
+
+TEST_F(Sh4FirmwareTest, EchoesTheDigitsOfTheSamePacket) {
+    const std::array<std::uint16_t, kStrings> first = {45, 46, 47, 48, 49, 50, 51, 52};
+    const std::array<std::uint16_t, kStrings> second = {4095, 0, 1, 2, 3, 4, 5, 6};
+    EXPECT_EQ(reply_to(command_packet(first)).digits, first);
+    EXPECT_EQ(reply_to(command_packet(second)).digits, second);
+    EXPECT_EQ(device.digits()[0], 4095);
+}
+
+TEST_F(Sh4FirmwareTest, ReportsButtonsAndRotarySwitch) {
+    EXPECT_EQ(reply_to(command_packet({})).pio, 0x00A0);
+    device.set_buttons(0x5);
+    EXPECT_EQ(reply_to(command_packet({})).pio, 0x00A5);
+    device.set_buttons(0xFF);  // three switches exist
+    EXPECT_EQ(reply_to(command_packet({})).pio, 0x00A7);
+}
+
+TEST_F(Sh4FirmwareTest, AnswersEachCommandOnce) {
+    reply_to(command_packet({}));
+    Sh4Packet in;
+    EXPECT_EQ(firmware.reply(in, 0), 0U);
+}
+
+TEST_F(Sh4FirmwareTest, AnswersNothingToWhatIsNoCommandAndKeepsItsMotors) {
+    reply_to(command_packet({45, 45, 45, 45, 45, 45, 45, 45}));
+    const auto before = device.digits();
+    Sh4Packet opcode = command_packet({});
+    opcode[1] = std::byte{0x0D};
+    Sh4Packet beyond = command_packet({});
+    beyond[3] = std::byte{0x10};
+    const Sh4Packet whole = command_packet({});
+    Sh4Packet in;
+    for (const std::span<const std::byte> wrong :
+         {std::span<const std::byte>(opcode), std::span<const std::byte>(beyond),
+          std::span<const std::byte>(whole).first(511), std::span<const std::byte>()}) {
+        firmware.receive(wrong, 0);
+        EXPECT_EQ(firmware.reply(in, 0), 0U);
+        EXPECT_EQ(device.digits(), before);
+    }
+}
+
+TEST(Sh4Board, BringsCountersButtonsAndRotaryOfTheDevice) {
+    EmulatedBoard board(settings());
+    board.device().set_buttons(0x3);
+    BoardReading reading;
+    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(reading.counters, kPowerUp);
+    EXPECT_EQ(reading.buttons, 0x3U);
+    EXPECT_EQ(reading.rotary, 0xA);
+    EXPECT_EQ(board.device().digits(), kDigits);
+}
+
+TEST(Sh4Board, ClampsDigitsToWhatItsUnsignedConverterMakes) {
+    EmulatedBoard board(settings());
+    BoardReading reading;
+    ASSERT_EQ(board.exchange({{-5, -4095, 7, 4096, 32767, -32768, 0, 0}}, reading, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(board.device().digits(), (std::array<std::int16_t, kStrings>{0, 0, 7, 4095, 4095, 0, 0, 0}));
+}
+
+TEST(Sh4Board, ZeroesTheMotors) {
+    EmulatedBoard board(settings());
+    BoardReading reading;
+    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    board.zero_motors(0);
+    EXPECT_EQ(board.device().digits(), (std::array<std::int16_t, kStrings>{}));
+}
+
+/// A board over a cable that can be told to misbehave. The hand goes from the centre to 20 mm at the right within a
+/// second, so that counters tell when they were latched.
+class Sh4BoardTest : public testing::Test {
+  protected:
+    static EmulatedDevice::Settings moving() {
+        const Quat level(1.0, 0.0, 0.0, 0.0);
+        EmulatedDevice::Settings result = settings();
+        result.hand = PoseTrack({0.0, 1.0}, {{{0.0, 0.0, 0.0}, level}, {{0.02, 0.0, 0.0}, level}});
+        result.power_up = {};
+        return result;
+    }
+    /// One exchange in which all motors get the same digit.
+    ExchangeStatus exchange(int digit) {
+        now_ns += 100'000'000;
+        MotorCommand command;
+        command.digits.fill(static_cast<std::int16_t>(digit));
+        return board.exchange(command, reading, now_ns);
+    }
+    /// Whether the counters are those of the last exchange.
+    testing::AssertionResult fresh() {
+        const BoardReading old = reading;
+        device.advance(now_ns);
+        return old.counters == device.counters() ? testing::AssertionSuccess()
+                                                 : testing::AssertionFailure() << "counters of another time";
+    }
+    static Bytes command_of(int digit) {
+        Sh4Command command;
+        command.digits.fill(static_cast<std::uint16_t>(digit));
+        Sh4Packet out;
+        encode(command, out);
+        return Bytes(out.begin(), out.end());
+    }
+
+    EmulatedDevice device{moving()};
+    Sh4Firmware firmware{device};
+    test::RoughCable cable{firmware};
+    Sh4Board board{cable};
+    BoardReading reading;
+    std::int64_t now_ns = 0;
+};
+
+TEST_F(Sh4BoardTest, ThrowsAwayAnAnswerToAnEarlierSession) {
+    firmware.receive(command_of(77), 0);
+    board.start();
+    EXPECT_EQ(exchange(0), ExchangeStatus::Ok);
+    EXPECT_EQ(exchange(45), ExchangeStatus::Ok);
+    EXPECT_TRUE(fresh());
+    EXPECT_EQ(cable.exchanges, 2);
+}
+
+TEST_F(Sh4BoardTest, TakesNoAnswerToAnotherCommandAndCatchesUp) {
+    firmware.receive(command_of(77), 0);  // of another session, and nobody drains it
+    const BoardReading untouched = reading;
+    EXPECT_EQ(exchange(1), ExchangeStatus::Stale);
+    EXPECT_EQ(reading, untouched);
+    EXPECT_EQ(exchange(2), ExchangeStatus::Ok);
+    EXPECT_TRUE(fresh());
+    const int before = cable.exchanges;
+    EXPECT_EQ(exchange(3), ExchangeStatus::Ok);
+    EXPECT_TRUE(fresh());
+    EXPECT_EQ(cable.exchanges, before + 1) << "it has caught up";
+}
+
+TEST_F(Sh4BoardTest, CatchesUpWithinTheExchangeAfterAnAnswerThatCameTooLate) {
+    EXPECT_EQ(exchange(1), ExchangeStatus::Ok);
+    cable.answers_held_back = 1;
+    EXPECT_EQ(exchange(2), ExchangeStatus::Timeout);
+    EXPECT_EQ(exchange(3), ExchangeStatus::Ok);
+    EXPECT_TRUE(fresh());
+}
+
+TEST_F(Sh4BoardTest, CatchesUpAPacketAnExchangeAndNeverFetchesMoreThanOneMore) {
+    EXPECT_EQ(exchange(1), ExchangeStatus::Ok);
+    cable.answers_held_back = 3;
+    for (const int digit : {2, 3, 4}) {
+        EXPECT_EQ(exchange(digit), ExchangeStatus::Timeout);
+    }
+    // Three wait, and a fourth comes: each exchange takes two.
+    for (const int digit : {5, 6}) {
+        const int before = cable.exchanges;
+        EXPECT_EQ(exchange(digit), ExchangeStatus::Stale);
+        EXPECT_EQ(cable.exchanges, before + 2);
+    }
+    EXPECT_EQ(exchange(7), ExchangeStatus::Ok);
+    EXPECT_TRUE(fresh());
+}
+
+TEST_F(Sh4BoardTest, RepeatedAnswerIsFoundByItsEcho) {
+    EXPECT_EQ(exchange(1), ExchangeStatus::Ok);
+    firmware.receive(command_of(1), now_ns);  // the same packet once more, as a repeated one would
+    EXPECT_EQ(exchange(2), ExchangeStatus::Ok);
+    EXPECT_TRUE(fresh());
+}
+
+TEST_F(Sh4BoardTest, EveryFlippedBitOfTheEchoIsFound) {
+    EXPECT_EQ(exchange(0x555), ExchangeStatus::Ok);
+    for (std::size_t bit = 0; bit < 128; ++bit) {
+        const BoardReading before = reading;
+        cable.change = [&](std::span<std::byte> in) {
+            in[bit / 8] ^= static_cast<std::byte>(1U << (bit % 8));
+            return in.size();
+        };
+        ASSERT_EQ(exchange(0x555), ExchangeStatus::Stale) << bit;
+        ASSERT_EQ(reading, before);
+    }
+    cable.change = nullptr;
+    EXPECT_EQ(exchange(0x555), ExchangeStatus::Ok);
+}
+
+TEST_F(Sh4BoardTest, LeavesTheReadingOnAnAnswerOfAnotherLength) {
+    EXPECT_EQ(exchange(1), ExchangeStatus::Ok);
+    const BoardReading before = reading;
+    for (const std::size_t length : {1U, 54U, 511U}) {
+        cable.change = [&](std::span<std::byte>) { return length; };
+        EXPECT_EQ(exchange(2), ExchangeStatus::Short);
+        EXPECT_EQ(reading, before);
+    }
+}
+
+TEST_F(Sh4BoardTest, TakesABoardWithoutEchoOnlyWhereItIsToldNotToLook) {
+    cable.change = [](std::span<std::byte> in) {
+        std::fill_n(in.begin(), 16, std::byte{0xFF});
+        return in.size();
+    };
+    EXPECT_EQ(exchange(45), ExchangeStatus::Stale);
+    Sh4Board trusting(cable, false);
+    ASSERT_EQ(trusting.exchange({}, reading, now_ns), ExchangeStatus::Ok);
+}
+
+TEST_F(Sh4BoardTest, WithoutAnEchoAnOverdueAnswerIsFetchedBeforeTheNextCommand) {
+    Sh4Board trusting(cable, false);
+    cable.answers_held_back = 1;
+    EXPECT_EQ(trusting.exchange({}, reading, 0), ExchangeStatus::Timeout);
+    now_ns = 500'000'000;
+    EXPECT_EQ(trusting.exchange({}, reading, now_ns), ExchangeStatus::Ok);
+    EXPECT_TRUE(fresh());
+    // One that never comes costs one more wait, and no more.
+    cable.next_status = ExchangeStatus::Timeout;
+    EXPECT_EQ(trusting.exchange({}, reading, now_ns), ExchangeStatus::Timeout);
+    cable.next_status = ExchangeStatus::Ok;
+    const int before = cable.exchanges;
+    EXPECT_EQ(trusting.exchange({}, reading, now_ns), ExchangeStatus::Ok);
+    EXPECT_EQ(cable.exchanges, before + 2);
+}
+
+}  // namespace
+}  // namespace haptic::device

@@ -1,0 +1,145 @@
+// A board that is found, opened and driven over unmodified libusb.
+#include <haptic/device/usb_board.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "fake_usbfs.hpp"
+#include <haptic/device/digits.hpp>
+
+namespace haptic::device {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+using Fault = test::FakeUsbBoard::Fault;
+
+constexpr UsbId kSh4{0x0cec, 0x0205};
+constexpr UsbTransport::Settings kPatient{.timeout_ns = 1'000'000'000};
+constexpr UsbTransport::Settings kHasty{.timeout_ns = 5'000'000};
+
+test::FakeUsbfs::Settings with_rotary(std::uint8_t rotary, const std::string& port, int number) {
+    test::FakeUsbfs::Settings settings;
+    settings.device.rotary = rotary;
+    settings.port = port;
+    settings.number = number;
+    return settings;
+}
+
+TEST(UsbBoard, BringsCountersThatAgreeWithTheGeometry) {
+    const Variant variant = spidar_g6_x3r();
+    Pose grip;
+    grip.position = {0.004, -0.003, 0.002};
+    test::FakeUsbfs::Settings settings;
+    settings.device.hand = PoseTrack(grip);
+    test::FakeUsbfs bus;
+    test::FakeUsbBoard& plugged = bus.plug(settings);
+    UsbBoard board(BoardKind::Sh4, {.id = kSh4}, kPatient);
+    MotorCommand command;
+    command.digits.fill(45);
+    BoardReading reading;
+    ASSERT_EQ(board.exchange(command, reading, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(plugged.digits(), command.digits);
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        const StringFacts& string = variant.strings[i];
+        const double paid_out =
+            glm::length(string.motor - grip.position - string.grip) - glm::length(string.motor - string.grip);
+        // Sixteen bits, of which the upper half is negative; half a count of rounding.
+        const auto counts = static_cast<std::int16_t>(reading.counters[i]);
+        EXPECT_NEAR(counts * string.metres_per_count, paid_out, 0.5 * std::abs(string.metres_per_count)) << i;
+    }
+}
+
+TEST(UsbBoard, OpensTheOnlyOneThatThereIsAndLeavesItsMotorsAtZero) {
+    test::FakeUsbfs bus;
+    const test::FakeUsbBoard& plugged = bus.plug(with_rotary(5, "1-2.4", 7));
+    UsbBoard board(BoardKind::Sh4, {.id = kSh4}, kPatient);
+    EXPECT_EQ(board.device().port, "1-2.4");
+    EXPECT_GE(plugged.commands(), 1);
+    EXPECT_EQ(plugged.digits(), (std::array<std::int16_t, kStrings>{}));
+    BoardReading reading;
+    ASSERT_EQ(board.exchange({}, reading, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(reading.rotary, 5);
+}
+
+TEST(UsbBoard, TellsTwoDevicesByTheirRotarySwitches) {
+    test::FakeUsbfs bus;
+    const test::FakeUsbBoard& third = bus.plug(with_rotary(3, "1-1", 2));
+    const test::FakeUsbBoard& eighth = bus.plug(with_rotary(8, "1-2", 3));
+    UsbBoard left(BoardKind::Sh4, {.id = kSh4, .rotary = 3}, kPatient);
+    UsbBoard right(BoardKind::Sh4, {.id = kSh4, .rotary = 8}, kPatient);
+    EXPECT_EQ(left.device().port, "1-1");
+    EXPECT_EQ(right.device().port, "1-2");
+    BoardReading reading;
+    ASSERT_EQ(left.exchange({{1}}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(right.exchange({{2}}, reading, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(third.digits()[0], 1);
+    EXPECT_EQ(eighth.digits()[0], 2);
+}
+
+TEST(UsbBoard, RefusesToGuessAndListsWhatThereIs) {
+    test::FakeUsbfs bus;
+    bus.plug(with_rotary(3, "1-1", 2));
+    bus.plug(with_rotary(8, "1-2", 3));
+    bus.plug(with_rotary(8, "1-3", 4)).occupy();
+    const auto with = [](const UsbSelection& selection) {
+        return [=] { UsbBoard(BoardKind::Sh4, selection, kPatient); };
+    };
+    const auto lists_all =
+        AllOf(HasSubstr("at 1-1 (/dev/bus/usb/001/002): rotary switch 3"), HasSubstr("at 1-2"),
+              HasSubstr("rotary switch 8"), HasSubstr("1-3"), HasSubstr("another program"), HasSubstr("device.rotary"));
+    EXPECT_THAT(with({.id = kSh4}), ThrowsMessage<UsbError>(AllOf(HasSubstr("more than one"), lists_all)));
+    EXPECT_THAT(with({.id = kSh4, .rotary = 4}),
+                ThrowsMessage<UsbError>(AllOf(HasSubstr("no usable"), HasSubstr("rotary switch at 4"), lists_all)));
+    EXPECT_THAT(with({.id = kSh4, .path = "1-7"}),
+                ThrowsMessage<UsbError>(HasSubstr("no USB device 0cec:0205 at 1-7")));
+    EXPECT_EQ(UsbBoard(BoardKind::Sh4, {.id = kSh4, .path = "1-2"}, kPatient).device().port, "1-2");
+}
+
+TEST(UsbBoard, ResetsADeviceThatDoesNotAnswerAndThenGivesUp) {
+    test::FakeUsbfs bus;
+    test::FakeUsbBoard& plugged = bus.plug({});
+    plugged.misbehave(Fault::Silent);
+    EXPECT_THAT([&] { UsbBoard(BoardKind::Sh4, {.id = kSh4}, kHasty); },
+                ThrowsMessage<UsbError>(AllOf(HasSubstr("first exchange failed: no answer in time"), HasSubstr("1-1"),
+                                              HasSubstr("device.usb_timeout_s"))));
+    EXPECT_EQ(plugged.resets(), 1);
+}
+
+TEST(UsbBoard, GetsOverAStallOfAnEarlierSession) {
+    for (const Fault stall : {Fault::StallIn, Fault::StallOut}) {
+        test::FakeUsbfs bus;
+        test::FakeUsbBoard& plugged = bus.plug({});
+        plugged.misbehave(stall);
+        UsbBoard board(BoardKind::Sh4, {.id = kSh4}, kPatient);
+        BoardReading reading;
+        EXPECT_EQ(board.exchange({}, reading, 0), ExchangeStatus::Ok);
+        EXPECT_EQ(plugged.halts_cleared(), 1);
+        EXPECT_EQ(plugged.resets(), 0);
+    }
+}
+
+TEST(UsbBoard, IsFoundAgainAtItsPortAfterItWasUnplugged) {
+    test::FakeUsbfs bus;
+    test::FakeUsbBoard& plugged = bus.plug({});
+    UsbBoard board(BoardKind::Sh4, {.id = kSh4}, kPatient);
+    BoardReading reading;
+    bus.remove(plugged);
+    EXPECT_EQ(board.exchange({}, reading, 0), ExchangeStatus::Disconnected);
+    EXPECT_TRUE(board.gone());
+    EXPECT_THROW(board.reopen(), UsbError);
+    EXPECT_EQ(board.exchange({}, reading, 0), ExchangeStatus::Disconnected);
+    const test::FakeUsbBoard& again = bus.plug({.number = 3});
+    board.reopen();
+    EXPECT_EQ(board.device().node, "/dev/bus/usb/001/003");
+    ASSERT_EQ(board.exchange({{7}}, reading, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(again.digits()[0], 7);
+    board.zero_motors(0);
+    EXPECT_EQ(again.digits()[0], 0);
+}
+
+}  // namespace
+}  // namespace haptic::device

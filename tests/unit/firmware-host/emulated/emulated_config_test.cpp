@@ -1,0 +1,62 @@
+#include <haptic/device/emulated_config.hpp>
+
+#include <gtest/gtest.h>
+
+namespace haptic::device {
+namespace {
+
+TEST(EmulatedConfig, HandIsIdealUnlessSaidOtherwise) {
+    EXPECT_FALSE(read_emulated(Config()).has_value());
+    EXPECT_FALSE(read_emulated(Config::parse("[emulated]\nmechanics = 'ideal'\nmass = 0.3", "t")).has_value());
+}
+
+TEST(EmulatedConfig, EachKeySetsWhatItsNameSays) {
+    const Config config = Config::parse(R"(
+[emulated]
+mechanics = "free"
+mass = 0.2
+inertia = [1e-5, 2e-5, 3e-5]
+damping = 0.4
+rotational_damping = 0.001
+string_stiffness = 5000
+string_damping = 1.5
+motor_mass = 0.01
+motor_drag = 0.1
+motor_friction = 0.03
+hand_stiffness = 700
+hand_damping = 7
+hand_rotational_stiffness = 2
+hand_rotational_damping = 0.02
+)",
+                                        "t");
+    const auto m = read_emulated(config);
+    ASSERT_TRUE(m.has_value());
+    EXPECT_EQ(m->hand, Hand::Free);
+    EXPECT_EQ(m->mass, 0.2);
+    EXPECT_EQ(m->inertia, Vec3(1e-5, 2e-5, 3e-5));
+    EXPECT_EQ(m->damping, 0.4);
+    EXPECT_EQ(m->rotational_damping, 0.001);
+    EXPECT_EQ(m->string_stiffness, 5000.0);
+    EXPECT_EQ(m->string_damping, 1.5);
+    EXPECT_EQ(m->motor_mass, 0.01);
+    EXPECT_EQ(m->motor_drag, 0.1);
+    EXPECT_EQ(m->motor_friction, 0.03);
+    EXPECT_EQ(m->hand_stiffness, 700.0);
+    EXPECT_EQ(m->hand_damping, 7.0);
+    EXPECT_EQ(m->hand_rotational_stiffness, 2.0);
+    EXPECT_EQ(m->hand_rotational_damping, 0.02);
+    EXPECT_NO_THROW(config.reject_unknown());
+}
+
+TEST(EmulatedConfig, RefusesWhatIsNoMechanicsWithItsLine) {
+    try {
+        static_cast<void>(read_emulated(Config::parse("[emulated]\nmechanics = 'stiff'", "f.toml")));
+        FAIL() << "taken";
+    } catch (const ConfigError& error) {
+        EXPECT_EQ(std::string(error.what()).substr(0, 9), "f.toml:2:") << error.what();
+    }
+    EXPECT_THROW(static_cast<void>(read_emulated(Config::parse("[emulated]\nmass = 0", "t"))), ConfigError);
+}
+
+}  // namespace
+}  // namespace haptic::device

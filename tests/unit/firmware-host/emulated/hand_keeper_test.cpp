@@ -1,0 +1,84 @@
+#include "emulated/hand_keeper.hpp"
+
+#include <gtest/gtest.h>
+
+#include "boards/sh4_board.hpp"
+
+namespace haptic::device {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+constexpr std::uint16_t kMinimum = 45;  // digits, 0.3 N on an X3R: trunc(0.3 * 0.365296803653 * 415)
+
+class HandKeeperTest : public testing::Test {
+  protected:
+    /// One packet with the same digit for all motors, but for the last one.
+    void send(std::uint16_t digit, std::uint16_t last_digit, std::int64_t now_ns) {
+        Sh4Command command;
+        command.digits.fill(digit);
+        command.digits.back() = last_digit;
+        Sh4Packet packet;
+        encode(command, packet);
+        keeper.receive(packet, now_ns);
+    }
+    void send_each_ms(std::uint16_t digit, std::int64_t from_ms, std::int64_t to_ms) {
+        for (std::int64_t ms = from_ms; ms < to_ms; ++ms) {
+            send(digit, digit, ms * kMs);
+        }
+    }
+    [[nodiscard]] double x() const { return device.grip_pose().position.x; }
+
+    // A tenth of a metre a second along x, from the first instant on.
+    EmulatedDevice device{{.variant = spidar_g6_x3r(),
+                           .hand = PoseTrack({0.0, 10.0}, {Pose{}, Pose{{1.0, 0.0, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)}}),
+                           .hand_waits = true}};
+    Sh4Firmware board{device};
+    HandKeeper keeper{board, device, 500 * kMs};
+};
+
+TEST_F(HandKeeperTest, TheHandWaitsUntilAllStringsHaveBeenTautForTheDelay) {
+    send_each_ms(kMinimum - 1, 0, 1000);
+    EXPECT_EQ(x(), 0.0) << "not taut yet";
+    send_each_ms(kMinimum, 1000, 1500);
+    EXPECT_EQ(x(), 0.0) << "the delay is not over";
+    send_each_ms(kMinimum, 1500, 1601);
+    EXPECT_NEAR(x(), 0.01, 1e-12);
+}
+
+TEST_F(HandKeeperTest, OneSlackStringIsEnoughToBeginAnew) {
+    send_each_ms(kMinimum, 0, 400);
+    send(kMinimum, kMinimum - 1, 400 * kMs);
+    send_each_ms(kMinimum, 401, 901);
+    EXPECT_EQ(x(), 0.0);
+    send_each_ms(kMinimum, 901, 1002);
+    EXPECT_NEAR(x(), 0.01, 1e-12);
+}
+
+TEST_F(HandKeeperTest, TheHandGoesBackWhenTheMotorsGoSlackAndFollowsItsTrackAnew) {
+    send_each_ms(kMinimum, 0, 1001);
+    EXPECT_NEAR(x(), 0.05, 1e-12);
+    send_each_ms(0, 1001, 1252);
+    EXPECT_GT(x(), 0.02);
+    EXPECT_LT(x(), 0.03) << "half a second is not over: about half of the way";
+    send_each_ms(0, 1252, 1600);
+    EXPECT_EQ(x(), 0.0);
+    send_each_ms(kMinimum, 1600, 2201);
+    EXPECT_NEAR(x(), 0.01, 1e-12);
+}
+
+TEST_F(HandKeeperTest, AStringAloneThatGoesSlackDoesNotStopAMovingHand) {
+    send_each_ms(kMinimum, 0, 600);
+    send(kMinimum, 0, 600 * kMs);
+    send_each_ms(kMinimum, 601, 701);
+    EXPECT_NEAR(x(), 0.02, 1e-12);
+}
+
+TEST_F(HandKeeperTest, PassesAnswersOn) {
+    send(kMinimum, kMinimum, 0);
+    Sh4Packet in;
+    EXPECT_EQ(keeper.reply(in, 0), in.size());
+    EXPECT_EQ(keeper.reply(in, 0), 0u);
+}
+
+}  // namespace
+}  // namespace haptic::device
