@@ -6,13 +6,13 @@
 #include <exception>
 #include <utility>
 
-#include "calibrate_command.hpp"
-#include "doctor_command.hpp"
+#include "commands/calibrate_command.hpp"
+#include "commands/doctor_command.hpp"
 #include "haptic/device/fault.hpp"
-#include "haptic/rt/settings.hpp"
-#include "measure_command.hpp"
-#include "run_command.hpp"
-#include "stability_command.hpp"
+#include "process/settings.hpp"
+#include "commands/measure_command.hpp"
+#include "commands/run_command.hpp"
+#include "commands/stability_command.hpp"
 
 namespace {
 

@@ -14,9 +14,9 @@
 
 #include "clock_cost.hpp"
 #include "haptic/device/variant.hpp"
-#include "haptic/rt/kinematics.hpp"
-#include "haptic/rt/local_proxy.hpp"
-#include "haptic/rt/tension.hpp"
+#include "device/kinematics.hpp"
+#include "rendering/local_proxy.hpp"
+#include "device/tension.hpp"
 
 namespace haptic::rt {
 namespace {

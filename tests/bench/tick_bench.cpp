@@ -17,7 +17,7 @@
 #include "boards/sh4_board.hpp"
 #include "haptic/histogram.hpp"
 #include "haptic/ring.hpp"
-#include "haptic/rt/tick.hpp"
+#include "tick/tick.hpp"
 
 namespace haptic::rt {
 namespace {

@@ -20,9 +20,9 @@
 #include "clock_cost.hpp"
 #include "haptic/device/variant_file.hpp"
 #include "geometry/wrench_closure.hpp"
-#include "haptic/rt/kinematics.hpp"
-#include "haptic/rt/tension.hpp"
-#include "haptic/rt/velocity.hpp"
+#include "device/kinematics.hpp"
+#include "device/tension.hpp"
+#include "device/velocity.hpp"
 
 namespace haptic::rt {
 namespace {

@@ -2,7 +2,7 @@
 #include <exception>
 #include <haptic/config.hpp>
 #include <haptic/device/variant.hpp>
-#include <haptic/rt/settings.hpp>
+#include "process/settings.hpp"
 #include <haptic/sim/scene.hpp>
 #include <iostream>
 #include <string>

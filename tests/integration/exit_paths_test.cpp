@@ -16,10 +16,10 @@
 #include <thread>
 
 #include "haptic/clock.hpp"
-#include "haptic/rt/crash_guard.hpp"
-#include "haptic/rt/loop.hpp"
-#include "haptic/rt/motor_gate.hpp"
-#include "haptic/rt/watchdog.hpp"
+#include "process/crash_guard.hpp"
+#include "process/loop.hpp"
+#include "process/motor_gate.hpp"
+#include "process/watchdog.hpp"
 #include "ring_session.hpp"
 #include "shared_board.hpp"
 

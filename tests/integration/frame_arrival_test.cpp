@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "haptic/rt/renderer.hpp"
+#include "rendering/renderer.hpp"
 #include "lockstep.hpp"
 
 namespace haptic::test {

@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "haptic/denormals.hpp"
-#include "haptic/rt/recording.hpp"
-#include "haptic/rt/replay.hpp"
+#include "measure/recording.hpp"
+#include "measure/replay.hpp"
 #include "lockstep.hpp"
 #include "temporary_file.hpp"
 

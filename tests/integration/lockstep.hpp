@@ -7,7 +7,7 @@
 #include "cli/frame_outlet.hpp"
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/ring.hpp"
-#include "haptic/rt/tick.hpp"
+#include "tick/tick.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "ring_session.hpp"
 

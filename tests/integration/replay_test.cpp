@@ -1,5 +1,5 @@
 // The whole chain in lockstep, recorded, and rt-core's part of it done again from the recording alone.
-#include "haptic/rt/replay.hpp"
+#include "measure/replay.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "haptic/denormals.hpp"
-#include "haptic/rt/recording.hpp"
+#include "measure/recording.hpp"
 #include "lockstep.hpp"
 #include "temporary_file.hpp"
 

@@ -1,8 +1,8 @@
-#include "haptic/rt/stability.hpp"
+#include "measure/stability.hpp"
 
 #include <gtest/gtest.h>
 
-#include "haptic/rt/passivity.hpp"
+#include "rendering/passivity.hpp"
 
 namespace haptic::rt {
 

@@ -9,7 +9,7 @@
 #include <set>
 #include <string>
 
-#include "haptic/rt/doctor.hpp"
+#include "doctor/doctor.hpp"
 
 namespace haptic::rt::test {
 

@@ -11,7 +11,7 @@
 
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/ring.hpp"
-#include "haptic/rt/tick.hpp"
+#include "tick/tick.hpp"
 
 namespace haptic::rt::test {
 

@@ -11,7 +11,7 @@
 #include <span>
 
 #include "haptic/realtime.hpp"
-#include "haptic/rt/local_proxy.hpp"
+#include "rendering/local_proxy.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::rt {

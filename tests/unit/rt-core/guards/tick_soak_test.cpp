@@ -13,7 +13,7 @@
 #include "../tick_rig.hpp"
 #include "allocation_guard.hpp"
 #include "fake_lines.hpp"
-#include "haptic/rt/tick_syscalls.hpp"
+#include "tick/tick_syscalls.hpp"
 
 namespace haptic::rt {
 namespace {

@@ -1,0 +1,115 @@
+#include "commands/child_process.hpp"
+
+#include <fcntl.h>
+#include <sched.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <sstream>
+#include <system_error>
+
+#include "commands/run_command.hpp"
+
+namespace haptic::rt {
+namespace {
+
+/// Attributes and files of a process to be, given back at the end.
+class SpawnSettings {
+  public:
+    SpawnSettings() {
+        posix_spawnattr_init(&attributes);
+        posix_spawn_file_actions_init(&files);
+        sigset_t none;
+        sigset_t all;
+        sigemptyset(&none);
+        sigfillset(&all);
+        posix_spawnattr_setsigmask(&attributes, &none);
+        posix_spawnattr_setsigdefault(&attributes, &all);
+        const sched_param ordinary{};
+        posix_spawnattr_setschedpolicy(&attributes, SCHED_OTHER);
+        posix_spawnattr_setschedparam(&attributes, &ordinary);
+        posix_spawnattr_setpgroup(&attributes, 0);
+        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP |
+                                                  POSIX_SPAWN_SETSCHEDULER | POSIX_SPAWN_SETSCHEDPARAM);
+        posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+        posix_spawn_file_actions_addopen(&files, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+        posix_spawn_file_actions_addopen(&files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+    }
+    SpawnSettings(const SpawnSettings&) = delete;
+    SpawnSettings& operator=(const SpawnSettings&) = delete;
+    ~SpawnSettings() {
+        posix_spawn_file_actions_destroy(&files);
+        posix_spawnattr_destroy(&attributes);
+    }
+
+    posix_spawnattr_t attributes{};
+    posix_spawn_file_actions_t files{};
+};
+
+int shell_status(int status) {
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+}  // namespace
+
+std::string find_program(const std::string& name, const std::string& package) {
+    const char* const path = std::getenv("PATH");
+    std::istringstream folders(path != nullptr ? path : "/usr/local/bin:/usr/bin:/bin");
+    for (std::string folder; std::getline(folders, folder, ':');) {
+        const std::string file = (folder.empty() ? "." : folder) + "/" + name;
+        if (access(file.c_str(), X_OK) == 0) {
+            return file;
+        }
+    }
+    throw Refusal(name + " is not installed; it is in Debian's package " + package + ": sudo apt install " + package);
+}
+
+ChildProcess::ChildProcess(std::vector<std::string> command) {
+    std::vector<char*> arguments;
+    arguments.reserve(command.size() + 1);
+    for (std::string& word : command) {
+        arguments.push_back(word.data());
+    }
+    arguments.push_back(nullptr);
+    const SpawnSettings settings;
+    const int error =
+        posix_spawn(&pid_, arguments.front(), &settings.files, &settings.attributes, arguments.data(), environ);
+    if (error != 0) {
+        throw Refusal(command.front() + " cannot be started: " + std::system_category().message(error));
+    }
+}
+
+ChildProcess::~ChildProcess() {
+    if (!status_) {
+        kill(-pid_, SIGKILL);
+        while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
+        }
+    } else {
+        kill(-pid_, SIGKILL);  // what it has left behind, if anything
+    }
+}
+
+std::optional<int> ChildProcess::ended() {
+    int status = 0;
+    if (!status_ && waitpid(pid_, &status, WNOHANG) == pid_) {
+        status_ = shell_status(status);
+    }
+    return status_;
+}
+
+void ChildProcess::terminate() const {
+    kill(-pid_, SIGTERM);
+}
+
+std::string in_words(const std::vector<std::string>& command) {
+    std::string words;
+    for (const std::string& word : command) {
+        words += (words.empty() ? "" : " ") + word;
+    }
+    return words;
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,40 @@
+#include "commands/doctor_command.hpp"
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include <haptic/report.hpp>
+#include "doctor/doctor.hpp"
+#include "process/settings.hpp"
+#include "commands/run_command.hpp"
+
+namespace haptic::rt {
+namespace {
+
+DoctorSettings settings_of(const DoctorOptions& options) {
+    Config config = options.config ? Config::load(*options.config) : Config();
+    for (const std::string& assignment : options.assignments) {
+        config.set(assignment);
+    }
+    const Settings settings = read_settings(config);
+    DoctorSettings result{
+        .priority = settings.loop.priority, .cpu = settings.loop.cpu, .idle_exit_us = settings.loop.idle_exit_us};
+    const std::optional<device::UsbId> known = device::usb_id_of(settings.tick.variant.board);
+    if (const std::optional<device::UsbId> id = settings.usb.id ? settings.usb.id : known; known && id) {
+        result.usb = device::UsbSelection{.id = *id, .path = settings.usb.path};
+    }
+    return result;
+}
+
+}  // namespace
+
+int doctor_command(const DoctorOptions& options) {
+    const Diagnosis diagnosis = examine(Machine(options.root), settings_of(options));
+    std::fputs(text_of(diagnosis).c_str(), stdout);
+    if (options.json) {
+        write_report(*options.json, json_of(diagnosis));
+    }
+    return diagnosis.good() ? 0 : kExitUnfit;
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,277 @@
+#include "commands/measure_command.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <utility>
+
+#include "commands/child_process.hpp"
+#include "commands/cyclictest.hpp"
+#include <haptic/clock.hpp>
+#include <haptic/edge_capture.hpp>
+#include <haptic/report.hpp>
+#include "process/idle_request.hpp"
+#include "measure/kernel_watch.hpp"
+#include "measure/measure_page.hpp"
+#include "measure/measure_report.hpp"
+#include "commands/run.hpp"
+
+namespace haptic::rt {
+namespace {
+
+/// CLOCK_REALTIME less CLOCK_MONOTONIC.
+std::int64_t real_minus_monotonic() {
+    timespec real{};
+    clock_gettime(CLOCK_REALTIME, &real);
+    return real.tv_sec * kNanosecondsPerSecond + real.tv_nsec - monotonic_now_ns();
+}
+
+/// The command that --load asks for; empty for none. Throws Refusal.
+std::vector<std::string> load_command(const std::string& load) {
+    std::istringstream words(load);
+    std::vector<std::string> command;
+    for (std::string word; words >> word;) {
+        command.push_back(word);
+    }
+    if (command.size() == 1 && command.front() == "none") {
+        return {};
+    }
+    if (command.empty() || command.front() != "stress-ng") {
+        throw Refusal("--load " + load + ": must be none, stress-ng, or \"stress-ng ARGUMENTS\"");
+    }
+    command.front() = find_program("stress-ng", "stress-ng");
+    if (command.size() == 1) {
+        // Computation on every processor, memory that is taken and given back, writes, and messages between processes.
+        for (const char* word : {"--cpu", "0", "--vm", "1", "--vm-bytes", "64M", "--io", "1", "--sock", "1"}) {
+            command.emplace_back(word);
+        }
+    }
+    return command;
+}
+
+/// Begins to read the line that is wired to the tick's; nullptr if there is none. Throws if it cannot be read.
+std::unique_ptr<EdgeCapture> capture_loopback(double duration_s, const Settings& settings) {
+    if (!settings.probes.loopback) {
+        return nullptr;
+    }
+    constexpr double margin_s = 15.0;  // warm-up, and the fade at the end
+    const double edges = 2.0 * (duration_s + margin_s) / seconds(settings.loop.period_ns);
+    return std::make_unique<EdgeCapture>(open_edge_source(*settings.probes.loopback, settings.probes.loopback_edges),
+                                         static_cast<std::size_t>(edges),
+                                         [loop = settings.loop] { prepare_side_thread(loop.priority, loop.cpu); });
+}
+
+/// What is done beside the loop while it is measured.
+class Measuring final : public RunCompanion {
+  public:
+    Measuring(const MeasureOptions& options, const Settings& settings);
+
+    [[nodiscard]] TimingLog& log() override { return log_; }
+    void begin(const RealtimeSetup& setup) override;
+    void look(std::int64_t now_ns) override;
+    [[nodiscard]] std::optional<double> stretch_s() const override;
+    [[nodiscard]] bool pause(const StopSignals& signals) override;
+
+    /// Ends load and capture, and says what was found.
+    [[nodiscard]] nlohmann::json report(const RunResult& result, const Instruments& instruments);
+
+  private:
+    void end_capture();
+
+    const MeasureOptions& options_;
+    const Settings& settings_;
+    std::vector<std::string> load_command_;
+    std::unique_ptr<Cyclictest> cyclictest_;  // nullptr: not asked for
+    TimingLog log_;
+    std::unique_ptr<KernelWatch> kernel_;
+    int cpu_ = -1;
+    std::unique_ptr<AwayFrom> away_;  // what watches the loop does not disturb it
+    std::unique_ptr<ChildProcess> load_;
+    std::unique_ptr<EdgeCapture> capture_;  // nullptr: not asked for
+    std::unique_ptr<LoopbackResult> loopback_;
+    bool load_ended_ = false;  // by itself, before the run did
+    std::int64_t began_ns_ = 0;
+};
+
+Measuring::Measuring(const MeasureOptions& options, const Settings& settings)
+    : options_(options), settings_(settings), load_command_(load_command(options.load)) {
+    if (options.cyclictest) {
+        cyclictest_ = std::make_unique<Cyclictest>();
+    }
+}
+
+void Measuring::begin(const RealtimeSetup& setup) {
+    cpu_ = setup.cpu;
+    kernel_ = std::make_unique<KernelWatch>(cpu_);
+    if (cyclictest_) {
+        cyclictest_->prepare(setup, settings_.loop.period_ns, options_.alternate_s);
+    }
+    if (!load_command_.empty()) {
+        load_ = std::make_unique<ChildProcess>(load_command_);
+        spdlog::info("load: {}", in_words(load_command_));
+    }
+    capture_ = capture_loopback(options_.duration_s, settings_);
+    away_ = std::make_unique<AwayFrom>(cpu_);
+    began_ns_ = monotonic_now_ns();
+    kernel_->restart(began_ns_);
+}
+
+void Measuring::look(std::int64_t now_ns) {
+    kernel_->look(now_ns, log_);
+    if (!load_ || load_ended_) {
+        return;
+    }
+    if (const std::optional<int> status = load_->ended()) {
+        load_ended_ = true;
+        spdlog::warn("the load has ended by itself, with status {}: {}", *status, in_words(load_command_));
+    }
+}
+
+std::optional<double> Measuring::stretch_s() const {
+    return cyclictest_ ? std::optional<double>(options_.alternate_s) : std::nullopt;
+}
+
+bool Measuring::pause(const StopSignals& signals) {
+    kernel_->finish(monotonic_now_ns(), log_);
+    spdlog::info("cyclictest for {} s", options_.alternate_s);
+    away_.reset();
+    const IdleRequest idle(settings_.loop.idle_exit_us);  // as the loop's thread does
+    const bool go_on = cyclictest_->run(signals);
+    away_ = std::make_unique<AwayFrom>(cpu_);
+    kernel_->restart(monotonic_now_ns());
+    return go_on;
+}
+
+void Measuring::end_capture() {
+    const ProbeLines& lines = settings_.probes;
+    if (!capture_ || !lines.loopback) {
+        return;
+    }
+    capture_->stop();
+    loopback_ = std::make_unique<LoopbackResult>();
+    loopback_->line = lines.loopback->line + " of " + lines.loopback->chip;
+    loopback_->kind = lines.loopback_edges;
+    loopback_->dropped = capture_->dropped();
+    loopback_->problem = capture_->problem();
+    // A loop that began anew, after a device that was lost, has deadlines of its own.
+    const bool one_phase = log_.stretches() == 1 && !log_.worst().empty();
+    loopback_->edges = edge_statistics(capture_->edges(), {.period_ns = settings_.loop.period_ns,
+                                                           .deadline_ns = one_phase ? log_.worst()[0].deadline_ns : -1,
+                                                           .kind = lines.loopback_edges});
+}
+
+nlohmann::json Measuring::report(const RunResult& result, const Instruments& instruments) {
+    kernel_->finish(monotonic_now_ns(), log_);
+    load_.reset();
+    end_capture();
+    nlohmann::json report = make_measure_report({.result = &result,
+                                                 .instruments = &instruments,
+                                                 .log = &log_,
+                                                 .kernel = kernel_.get(),
+                                                 .began_ns = began_ns_,
+                                                 .real_minus_monotonic_ns = real_minus_monotonic(),
+                                                 .period_ns = settings_.loop.period_ns,
+                                                 .load = in_words(load_command_),
+                                                 .other = cyclictest_ ? &cyclictest_->result() : nullptr,
+                                                 .loopback = loopback_.get()});
+    report["measure"]["load_ended_early"] = load_ended_;
+    return report;
+}
+
+nlohmann::json load_report(const std::filesystem::path& file) {
+    std::ifstream stream(file);
+    if (!stream) {
+        throw std::runtime_error(file.string() + ": cannot be read");
+    }
+    nlohmann::json report;
+    try {
+        report = nlohmann::json::parse(stream);
+    } catch (const nlohmann::json::exception& error) {
+        throw std::runtime_error(file.string() + ": is no JSON: " + error.what());
+    }
+    require_measurement(report, file.string());
+    return report;
+}
+
+void write_page(const std::filesystem::path& file, const std::string& page) {
+    std::ofstream stream(file, std::ios::binary | std::ios::trunc);
+    stream << page;
+    stream.close();
+    if (!stream) {
+        throw std::runtime_error(file.string() + ": the page cannot be written");
+    }
+}
+
+/// Everything that is asked for, of a report that there is.
+void tell(const MeasureOptions& options, const nlohmann::json& report) {
+    if (options.html) {
+        write_page(*options.html, measure_page(report));
+    }
+    std::fputs(measure_text(report).c_str(), stdout);
+}
+
+int measure(const MeasureOptions& options) {
+    Config config = load_config(options.run);
+    if (options.loopback) {
+        config.set("probes.loopback=\"" + *options.loopback + "\"");
+    }
+    const Settings settings = read_settings(config);
+    if (settings.probes.loopback && options.cyclictest) {
+        throw Refusal(
+            "measure --cyclictest: the line of probes.loopback stands still while cyclictest runs; measure the two "
+            "apart");
+    }
+    const StopSignals signals;
+    Measuring measuring(options, settings);
+    Run run(options.run, settings, signals, &measuring);
+    return run.execute([&](const RunResult& result, const Instruments& instruments) {
+        const nlohmann::json report = measuring.report(result, instruments);
+        if (options.run.report) {
+            write_report(*options.run.report, report);
+        }
+        tell(options, report);
+        return result.held() ? 0 : kExitFaulted;
+    });
+}
+
+int compare(const MeasureOptions& options) {
+    const nlohmann::json first = load_report(options.compare.at(0));
+    const nlohmann::json second = load_report(options.compare.at(1));
+    const nlohmann::json comparison = compare_measurements(first, second);
+    if (options.run.report) {
+        write_report(*options.run.report, comparison);
+    }
+    if (options.html) {
+        write_page(*options.html, comparison_page(first, second));
+    }
+    std::fputs(comparison_text(comparison).c_str(), stdout);
+    return 0;
+}
+
+}  // namespace
+
+int measure_command(const MeasureOptions& options) {
+    if (!options.compare.empty()) {
+        return compare(options);
+    }
+    if (options.from) {
+        tell(options, load_report(*options.from));
+        return 0;
+    }
+    if (options.run.device.starts_with("replay:")) {
+        throw Refusal("measure --device " + options.run.device +
+                      ": a replay runs as fast as it can and says nothing of latency; the choices are emulated, usb "
+                      "and tty:PATH");
+    }
+    MeasureOptions measured = options;
+    measured.run.duration_s = options.duration_s;
+    return measure(measured);
+}
+
+}  // namespace haptic::rt

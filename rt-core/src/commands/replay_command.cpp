@@ -1,0 +1,159 @@
+#include "commands/replay_command.hpp"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include <haptic/clock.hpp>
+#include <haptic/report.hpp>
+#include <haptic/ring.hpp>
+#include "measure/recording.hpp"
+#include "measure/replay.hpp"
+#include "measure/run_report.hpp"
+#include "process/settings.hpp"
+
+namespace haptic::rt {
+namespace {
+
+constexpr std::string_view kPrefix = "replay:";
+constexpr std::uint64_t kTicksADrain = 1000;  // of the replay's own recording; its queues hold more
+
+std::filesystem::path config_file(const std::filesystem::path& recording) {
+    return std::filesystem::path(recording).replace_extension("config.toml");
+}
+
+/// The settings of the recording, unless others are asked for.
+Config load_config(const RunOptions& options, const std::filesystem::path& recording) {
+    const std::filesystem::path beside = config_file(recording);
+    Config config;
+    if (options.config) {
+        config = Config::load(*options.config);
+    } else if (std::filesystem::exists(beside)) {
+        config = Config::load(beside);
+    } else {
+        spdlog::warn("{} is missing: replaying with the default settings", beside.string());
+    }
+    for (const std::string& assignment : options.assignments) {
+        config.set(assignment);
+    }
+    return config;
+}
+
+nlohmann::json differences_json(const ReplayResult& result) {
+    nlohmann::json columns = nlohmann::json::object();
+    for (const auto& [name, difference] : result.columns) {
+        columns[name] = {{"first_tick", difference.first_tick},
+                         {"line", difference.line},
+                         {"recorded", difference.recorded},
+                         {"replayed", difference.replayed},
+                         {"largest", difference.largest}};
+    }
+    return {{"ticks", result.ticks},
+            {"frames", result.frames},
+            {"identical", result.identical()},
+            {"differing_ticks", result.differing_ticks},
+            {"compared_columns", result.compared_columns},
+            {"columns", columns}};
+}
+
+void print(const ReplayResult& result, std::int64_t recorded_ns, std::int64_t took_ns) {
+    std::printf("replayed %llu ticks and %llu frames, %.3f s of them in %.3f s\n",
+                static_cast<unsigned long long>(result.ticks), static_cast<unsigned long long>(result.frames),
+                seconds(recorded_ns), seconds(took_ns));
+    if (result.identical()) {
+        std::printf("identical: %zu columns of every tick\n", result.compared_columns);
+        return;
+    }
+    const auto& [name, first] = result.first();
+    std::printf("DIFFERS in %llu ticks, first in tick %llu (line %zu), column %s: recorded %s, now %s\n",
+                static_cast<unsigned long long>(result.differing_ticks),
+                static_cast<unsigned long long>(first.first_tick), first.line, name.c_str(), first.recorded.c_str(),
+                first.replayed.c_str());
+    for (const auto& [column, difference] : result.columns) {
+        std::printf("  %-14s from tick %llu on, by at most %.3g\n", column.c_str(),
+                    static_cast<unsigned long long>(difference.first_tick), difference.largest);
+    }
+}
+
+/// The ring that the replay publishes its states to: nobody's, so that it may run beside the real thing.
+std::string private_session() {
+    return "replay-" + std::to_string(getpid());
+}
+
+void run_all(Replay& replay, const RunOptions& options, const Settings& settings) {
+    Recorder recorder(options.record ? std::max<std::size_t>(settings.queue_ticks, 2 * kTicksADrain) : 2,
+                      options.record ? 2 * kTicksADrain : 2);
+    std::optional<RecordFile> record;
+    if (options.record) {
+        record.emplace(*options.record, recorder);
+    }
+    while (replay.step(record ? &recorder : nullptr)) {
+        if (record && replay.result().ticks % kTicksADrain == 0) {
+            record->drain();
+        }
+        if (options.duration_s && replay.recorded_ns() >= nanoseconds(*options.duration_s)) {
+            break;
+        }
+    }
+    if (record) {
+        record->close();
+    }
+}
+
+}  // namespace
+
+int replay_command(const RunOptions& options) {
+    if (options.hand) {
+        throw Refusal("--hand: a replay has the hand of its recording");
+    }
+    const std::filesystem::path recording = options.device.substr(kPrefix.size());
+    const Config config = load_config(options, recording);
+    const Settings settings = read_settings(config);
+    RingWriter<DeviceState> states(private_session());
+    Replay replay(recording, settings.tick, states, &monotonic_now_ns);
+    if (options.record) {
+        write_config_beside(*options.record, config);
+    }
+    const std::int64_t start_ns = monotonic_now_ns();
+    run_all(replay, options, settings);
+    const std::int64_t took_ns = monotonic_now_ns() - start_ns;
+
+    const ReplayResult& result = replay.result();
+    if (result.ticks == 0) {
+        throw CsvError(recording.string() + ": the recording has no ticks");
+    }
+    RunResult run;
+    run.state = replay.tick().safety_state();
+    run.faults = replay.tick().faults();
+    run.duration_s = seconds(replay.recorded_ns());
+    if (options.report) {
+        nlohmann::json report = make_report(run, replay.tick().instruments());
+        report["replay"] = differences_json(result);
+        write_report(*options.report, report);
+    }
+    print(result, replay.recorded_ns(), took_ns);
+    for (const std::string& name : fault_names(run.faults & ~std::uint32_t{HAPTIC_FAULT_STOP})) {
+        std::printf("FAULT: %s\n", name.c_str());
+    }
+    const bool other_settings = options.config || !options.assignments.empty();
+    return result.identical() || other_settings ? 0 : kExitDiffers;
+}
+
+void write_config_beside(const std::filesystem::path& recording, const Config& config) {
+    if (std::filesystem::exists(recording) && !std::filesystem::is_regular_file(recording)) {
+        return;  // a pipe has nothing beside it
+    }
+    const std::filesystem::path file = config_file(recording);
+    std::ofstream stream(file, std::ios::binary | std::ios::trunc);
+    stream << "# Settings of the recording " << recording.filename().string() << ".\n" << config.toml();
+    stream.close();
+    if (!stream) {
+        throw std::runtime_error(file.string() + ": could not be written");
+    }
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,191 @@
+#include "measure/frame_recording.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <type_traits>
+
+namespace haptic::rt {
+namespace {
+
+// The first columns, before those of visit_cells().
+constexpr std::size_t kTime = 0;
+constexpr std::size_t kDefect = 1;
+constexpr std::size_t kParticle = 2;
+constexpr std::size_t kFirstCell = 3;
+
+template <class Array, class Visit>
+void visit_each(Array& values, Visit&& visit) {
+    for (auto& value : values) {
+        visit(value);
+    }
+}
+
+/// Every number of a frame and of one of its particles, in the order of the columns; for writing and for reading.
+template <class Frame, class Proxy, class Visit>
+void visit_cells(Frame& frame, Proxy& proxy, Visit&& visit) {
+    visit(frame.sequence);
+    visit(frame.session);
+    visit(frame.state_sequence);
+    visit(frame.state_time_ns);
+    visit(frame.plane_time_ns);
+    visit(frame.publish_time_ns);
+    visit(frame.step_ns);
+    visit(frame.stiffness);
+    visit(frame.torque_stiffness);
+    visit(frame.damping);
+    visit(frame.rotational_damping);
+    visit(frame.static_friction);
+    visit(frame.dynamic_friction);
+    visit(frame.proxy_count);
+    visit(frame.flags);
+    visit_each(proxy.rest_offset, visit);
+    visit_each(proxy.position, visit);
+    visit_each(proxy.surface_velocity, visit);
+    visit(proxy.in_contact);
+    visit(proxy.plane_count);
+    for (auto& plane : proxy.planes) {
+        visit_each(plane.normal, visit);
+        visit(plane.offset);
+        visit(plane.velocity);
+    }
+}
+
+CsvCell cell_of(double value) {
+    return std::isfinite(value) ? value : 0.0;
+}
+CsvCell cell_of(std::int64_t value) {
+    return value;
+}
+CsvCell cell_of(std::uint64_t value) {
+    return value;
+}
+CsvCell cell_of(std::uint32_t value) {
+    return std::uint64_t{value};
+}
+
+std::size_t particles_of(const ContactFrame& frame) {
+    return std::min<std::size_t>(frame.proxy_count, kMaxProxies);
+}
+
+}  // namespace
+
+std::filesystem::path frames_file(const std::filesystem::path& recording) {
+    return std::filesystem::path(recording).replace_extension("frames.csv");
+}
+
+const std::vector<std::string>& frame_columns() {
+    static const std::vector<std::string> columns = [] {
+        std::vector<std::string> names = {"now_ns",
+                                          "defect",
+                                          "particle",
+                                          "sequence",
+                                          "session",
+                                          "state_sequence",
+                                          "state_time_ns",
+                                          "plane_time_ns",
+                                          "publish_time_ns",
+                                          "step_ns",
+                                          "stiffness_n_m",
+                                          "torque_stiffness_n_m",
+                                          "damping_ns_m",
+                                          "rotational_damping_nms_rad",
+                                          "static_friction",
+                                          "dynamic_friction",
+                                          "proxy_count",
+                                          "frame_flags",
+                                          "rest_x_m",
+                                          "rest_y_m",
+                                          "rest_z_m",
+                                          "x_m",
+                                          "y_m",
+                                          "z_m",
+                                          "surface_vx_m_s",
+                                          "surface_vy_m_s",
+                                          "surface_vz_m_s",
+                                          "in_contact",
+                                          "plane_count"};
+        for (std::size_t k = 0; k < kMaxPlanes; ++k) {
+            for (const char* quantity : {"_nx", "_ny", "_nz", "_offset_m", "_velocity_m_s"}) {
+                names.push_back("plane" + std::to_string(k) + quantity);
+            }
+        }
+        return names;
+    }();
+    return columns;
+}
+
+void FrameWriter::write(const RecordedFrame& recorded) {
+    const ContactFrame& frame = recorded.frame;
+    const std::size_t particles = particles_of(frame);
+    for (std::size_t i = 0; i < std::max<std::size_t>(particles, 1); ++i) {
+        ProxyContact proxy = particles > 0 ? frame.proxies[i] : ProxyContact{};
+        for (std::size_t k = proxy.plane_count; k < kMaxPlanes; ++k) {
+            proxy.planes[k] = ContactPlane{};  // whatever the simulation left there
+        }
+        const std::int64_t particle = particles > 0 ? static_cast<std::int64_t>(i) : -1;
+        row_ = {recorded.now_ns, static_cast<std::int64_t>(recorded.defect), particle};
+        visit_cells(frame, proxy, [this](const auto& value) { row_.push_back(cell_of(value)); });
+        writer_.row(row_);
+    }
+}
+
+FrameReader::FrameReader(const std::filesystem::path& file) : reader_(file) {
+    for (const std::string& column : frame_columns()) {
+        order_.push_back(reader_.index(column));
+    }
+    more_ = reader_.next();
+}
+
+void FrameReader::read_row(RecordedFrame& recorded, std::int64_t particle) {
+    std::size_t column = kFirstCell;
+    const auto read = [this, &column](auto& value) {
+        const std::size_t cell = order_[column++];
+        using Value = std::remove_reference_t<decltype(value)>;
+        if constexpr (std::is_same_v<Value, double>) {
+            value = reader_.number(cell);
+        } else if constexpr (std::is_signed_v<Value>) {
+            value = reader_.integer(cell);
+        } else {
+            const std::uint64_t number = reader_.natural(cell);
+            if (number > std::numeric_limits<Value>::max()) {
+                reader_.fail("column " + frame_columns()[column - 1] + ": too large");
+            }
+            value = static_cast<Value>(number);
+        }
+    };
+    ProxyContact none{};
+    ProxyContact& proxy = particle < 0 ? none : recorded.frame.proxies[particle];
+    visit_cells(recorded.frame, proxy, read);
+}
+
+bool FrameReader::next(RecordedFrame& recorded) {
+    if (!more_) {
+        return false;
+    }
+    recorded.now_ns = reader_.integer(order_[kTime]);
+    const std::int64_t defect = reader_.integer(order_[kDefect]);
+    if (defect < 0 || defect > static_cast<std::int64_t>(FrameDefect::Step)) {
+        reader_.fail("column defect: there is no defect " + std::to_string(defect));
+    }
+    recorded.defect = static_cast<FrameDefect>(defect);
+    std::int64_t expected = reader_.integer(order_[kParticle]) < 0 ? -1 : 0;
+    do {
+        if (reader_.integer(order_[kParticle]) != expected) {
+            reader_.fail("column particle: " + std::to_string(expected) + " was to come here");
+        }
+        read_row(recorded, expected);
+        ++expected;
+        more_ = reader_.next();
+    } while (expected > 0 && expected < static_cast<std::int64_t>(particles_of(recorded.frame)) && more_);
+    if (expected < static_cast<std::int64_t>(particles_of(recorded.frame))) {
+        reader_.fail("the frame's particles end too early");
+    }
+    if (recorded.defect != FrameDefect::None && find_defect(recorded.frame) == FrameDefect::None) {
+        recorded.frame.stiffness = -1.0;  // it was a number that cannot be written
+    }
+    return true;
+}
+
+}  // namespace haptic::rt

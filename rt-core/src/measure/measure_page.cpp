@@ -1,0 +1,433 @@
+#include "measure/measure_page.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include <haptic/html.hpp>
+#include "measure/measure_report.hpp"
+#include "measure/tick_explanation.hpp"
+#include "measure/svg_plot.hpp"
+
+namespace haptic::rt {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::size_t kShownTicks = 12;
+constexpr double kNarrowest = 0.016;  // bin, of two buckets
+constexpr std::size_t kShownInterrupts = 8;
+
+std::string us_text(double value_us) {
+    std::array<char, 32> text{};
+    std::snprintf(text.data(), text.size(), value_us < 99.95 ? "%.1f" : "%.0f", value_us);
+    return value_us >= 999.5 ? number_text(value_us) : text.data();
+}
+
+std::string clock_time(const json& time_of_day) {
+    const auto text = time_of_day.get<std::string>();
+    return text.size() < 26 ? text : text.substr(11, 12);
+}
+
+std::string cell(const std::string& text) {
+    return "<td>" + html_text(text) + "</td>";
+}
+
+std::string number_cell(const std::string& text) {
+    return "<td class=\"n\">" + html_text(text) + "</td>";
+}
+
+std::string figure(const std::string& svg, const std::string& caption) {
+    return "<figure>" + svg + "<figcaption>" + html_text(caption) + "</figcaption></figure>\n";
+}
+
+bool has_values(const json& distribution) {
+    return distribution.at("count").get<std::uint64_t>() > 0;
+}
+
+/// A distribution in a plot.
+struct Series {
+    const json* distribution;
+    std::string name;
+    const char* css_class;
+};
+
+AxisRange range_of(const std::vector<Series>& all) {
+    double least = 1e300;
+    double most = 0.0;
+    for (const Series& one : all) {
+        least = std::min(least, one.distribution->at("min").get<double>());
+        most = std::max(most, one.distribution->at("max").get<double>());
+    }
+    return wide_enough(std::max(least, 0.1), most);
+}
+
+/// Equally wide bins in the logarithm, none narrower than two of the histogram's buckets.
+std::vector<double> binned(const json& distribution, AxisRange range, std::size_t bins) {
+    std::vector<double> counts(bins, 0.0);
+    for (const json& bucket : distribution.at("histogram")) {
+        const double middle = 0.5 * (bucket.at(0).get<double>() + bucket.at(1).get<double>());
+        const double part = std::log(std::max(middle, range.from) / range.from) / std::log(range.to / range.from);
+        const auto bin = static_cast<std::size_t>(std::clamp(part, 0.0, 0.999999) * static_cast<double>(bins));
+        counts[bin] += bucket.at(2).get<double>();
+    }
+    return counts;
+}
+
+/// The first as bars, the others as outlines over it.
+std::string histogram_plot(const std::vector<Series>& all, const std::string& title) {
+    const AxisRange range = range_of(all);
+    const double width = std::log(range.to / range.from);
+    const auto bins = static_cast<std::size_t>(std::clamp(width / kNarrowest, 4.0, 100.0));
+    std::vector<std::vector<double>> counts;
+    double most = 1.0;
+    for (const Series& one : all) {
+        counts.push_back(binned(*one.distribution, range, bins));
+        most = std::max(most, *std::max_element(counts.back().begin(), counts.back().end()));
+    }
+    SvgPlot plot(range, {0.5, most * 1.4}, "us", "ticks");
+    const auto edge = [&](std::size_t bin) {
+        return range.from * std::exp(width * static_cast<double>(bin) / static_cast<double>(bins));
+    };
+    for (std::size_t i = 0; i < bins; ++i) {
+        if (counts[0][i] > 0.0) {
+            plot.bar(edge(i), edge(i + 1), counts[0][i], all[0].css_class);
+        }
+    }
+    for (std::size_t s = 1; s < all.size(); ++s) {
+        std::vector<std::pair<double, double>> outline;
+        for (std::size_t i = 0; i < bins; ++i) {
+            const double y = std::max(counts[s][i], 0.5);
+            outline.emplace_back(edge(i), y);
+            outline.emplace_back(edge(i + 1), y);
+        }
+        plot.line(outline, all[s].css_class);
+    }
+    for (const char* key : {"p50", "p99", "p9999"}) {
+        const std::string word = key == std::string("p9999") ? "p99.99" : key;
+        plot.mark(all[0].distribution->at(key).get<double>(), word);
+    }
+    if (all.size() > 1) {
+        for (const Series& one : all) {
+            plot.key(one.name, one.css_class);
+        }
+    }
+    return plot.svg(title);
+}
+
+/// Of all values, how many are smaller than what: 1 / (1 - share) against the value.
+std::vector<std::pair<double, double>> tail(const json& distribution) {
+    const double count = distribution.at("count").get<double>();
+    std::vector<std::pair<double, double>> points;
+    double seen = 0.0;
+    for (const json& bucket : distribution.at("histogram")) {
+        const double before = seen;
+        seen += bucket.at(2).get<double>();
+        const double value = std::min(bucket.at(1).get<double>(), distribution.at("max").get<double>());
+        points.emplace_back(count / (count - before), value);
+    }
+    if (!points.empty()) {
+        points.emplace_back(count, distribution.at("max").get<double>());
+    }
+    return points;
+}
+
+std::string tail_plot(const std::vector<Series>& all) {
+    double count = 10.0;
+    for (const Series& one : all) {
+        count = std::max(count, one.distribution->at("count").get<double>());
+    }
+    SvgPlot plot({1.0, count}, range_of(all), "of all values, so many are below", "us");
+    std::vector<std::pair<double, std::string>> ticks = {{2.0, "50 %"}, {10.0, "90 %"}};
+    std::string nines = "99";
+    double at = 100.0;
+    while (at <= count) {
+        ticks.emplace_back(at, nines + " %");
+        nines += nines == "99" ? ".9" : "9";
+        at *= 10.0;
+    }
+    plot.set_x_ticks(std::move(ticks));
+    for (const Series& one : all) {
+        plot.line(tail(*one.distribution), one.css_class);
+        plot.key(one.name, one.css_class);
+    }
+    return plot.svg("Tails of the distributions");
+}
+
+/// A line of the course over the run.
+struct CourseLine {
+    const char* key;
+    const char* name;
+    const char* css_class;
+};
+constexpr std::array<CourseLine, 2> kCourseLines = {{{"wakeup", "wake-up", "first"}, {"compute", "compute", "second"}}};
+
+/// Middle of each piece in s, and its largest value in us, 0 where nothing happened.
+std::vector<std::pair<double, double>> points_of(const json& course) {
+    const double start_s = course.at("start_s").get<double>();
+    const double piece_s = course.at("piece_s").get<double>();
+    std::vector<std::pair<double, double>> points;
+    for (const json& value : course.at("max_us")) {
+        points.emplace_back(start_s + piece_s * (static_cast<double>(points.size()) + 0.5),
+                            value.is_null() ? 0.0 : std::max(value.get<double>(), 0.1));
+    }
+    return points;
+}
+
+std::string course_plot(const json& course) {
+    double most = 1.0;
+    double least = 1e300;
+    double until_s = 1.0;
+    for (const CourseLine& one : kCourseLines) {
+        for (const auto& [at_s, value_us] : points_of(course.at(one.key))) {
+            most = std::max(most, value_us);
+            least = value_us > 0.0 ? std::min(least, value_us) : least;
+            until_s = std::max(until_s, at_s);
+        }
+    }
+    SvgPlot plot({0.0, until_s}, wide_enough(std::min(least, most), most), "time, s", "us, largest of each piece",
+                 true);
+    for (const CourseLine& one : kCourseLines) {
+        plot.line(points_of(course.at(one.key)), one.css_class);
+        plot.key(one.name, one.css_class);
+    }
+    return plot.svg("Largest wake-up latency and computation over the run");
+}
+
+std::string latency_row(const std::string& title, const json& distribution) {
+    std::string row = "<tr>" + cell(title);
+    if (!has_values(distribution)) {
+        return row + "<td class=\"n\" colspan=\"6\">none</td><td></td></tr>\n";
+    }
+    for (const Percentile& one : kPercentiles) {
+        row += number_cell(us_text(distribution.at(one.key).get<double>()));
+    }
+    row += number_cell(us_text(distribution.at("max").get<double>()));
+    row += distribution.contains("max_at")
+               ? cell(clock_time(distribution.at("max_at")) + ", " + distribution.at("max_stage").get<std::string>() +
+                      ": " + distribution.at("max_cause").get<std::string>())
+               : "<td></td>";
+    return row + "</tr>\n";
+}
+
+std::string ratio_row(const json& ratio) {
+    std::string row = "<tr>" + cell("rt-core / cyclictest");
+    const auto add = [&](const char* key) {
+        std::array<char, 32> text{'-'};
+        if (ratio.at(key).is_number()) {
+            std::snprintf(text.data(), text.size(), "%.2f", ratio.at(key).get<double>());
+        }
+        row += number_cell(text.data());
+    };
+    for (const Percentile& one : kPercentiles) {
+        add(one.key);
+    }
+    add("max");
+    return row + "<td></td></tr>\n";
+}
+
+std::string latency_table(const json& measure) {
+    std::string text = "<div class=\"wide\"><table><tr><th>us</th>";
+    for (const Percentile& one : kPercentiles) {
+        text += std::string("<th class=\"n\">") + one.title + "</th>";
+    }
+    text += "<th class=\"n\">max</th><th>largest at, where: cause</th></tr>\n";
+    for (const LatencyName& name : latency_names()) {
+        text += latency_row(std::string(name.title), measure.at("latency_us").at(std::string(name.key)));
+        if (name.latency == Latency::Wakeup && measure.at("cyclictest").is_object()) {
+            text += latency_row("cyclictest's wake-up", measure.at("cyclictest").at("wakeup_us"));
+            text += ratio_row(measure.at("cyclictest").at("ratio"));
+        }
+    }
+    return text + "</table></div>\n";
+}
+
+/// Shares of the time of a tick from its deadline to its end.
+std::string stage_bar(const json& tick) {
+    std::string text = "<div class=\"bar\">";
+    const double whole = std::max(tick.at("late_us").get<double>(), 1e-3);
+    for (std::size_t i = 0; i < kLateStages; ++i) {
+        const std::string name(name_of(static_cast<LateStage>(i)));
+        const double share = 100.0 * tick.at("stages_us").at(name).get<double>() / whole;
+        std::array<char, 128> span{};
+        std::snprintf(span.data(), span.size(),
+                      "<span class=\"s%zu\" style=\"width:%.2f%%\" title=\"%s %.1f us\"></span>", i, share,
+                      name.c_str(), tick.at("stages_us").at(name).get<double>());
+        text += span.data();
+    }
+    return text + "</div>";
+}
+
+std::string worst_table(const json& worst) {
+    std::string text = "<p>Each bar is the time from the deadline to the end of the tick:";
+    for (std::size_t i = 0; i < kLateStages; ++i) {
+        text += "<span class=\"swatch s" + std::to_string(i) + "\"></span>" +
+                std::string(name_of(static_cast<LateStage>(i)));
+    }
+    text +=
+        "</p>\n<div class=\"wide\"><table><tr><th>at</th><th class=\"n\">late, us</th><th class=\"n\">missed</th>"
+        "<th>where</th><th>why</th></tr>\n";
+    for (std::size_t i = 0; i < std::min(worst.size(), kShownTicks); ++i) {
+        const json& tick = worst.at(i);
+        std::string why = tick.at("stage").get<std::string>() + ": " + tick.at("why").get<std::string>();
+        if (const auto interrupts = tick.value("unusual_interrupts", std::string()); !interrupts.empty()) {
+            why += "; unusually many interrupts around it: " + interrupts;
+        }
+        text += "<tr>" + cell(clock_time(tick.at("at"))) + number_cell(us_text(tick.at("late_us").get<double>())) +
+                number_cell(tick.at("missed").dump()) + "<td>" + stage_bar(tick) + "</td>" + cell(why) + "</tr>\n";
+    }
+    return text + "</table></div>\n";
+}
+
+std::string kernel_table(const json& kernel) {
+    std::vector<std::pair<double, std::string>> rates;
+    for (const auto& [name, rate] : kernel.at("interrupts_per_s").items()) {
+        rates.emplace_back(rate.get<double>(), name);
+    }
+    std::sort(rates.rbegin(), rates.rend());
+    rates.resize(std::min(rates.size(), kShownInterrupts));
+    std::string text = "<table><tr><th>on the loop's processor</th><th class=\"n\">per second</th></tr>\n";
+    for (const auto& [rate, name] : rates) {
+        std::array<char, 32> number{};
+        std::snprintf(number.data(), number.size(), "%.1f", rate);
+        text += "<tr>" + cell(name) + number_cell(number.data()) + "</tr>\n";
+    }
+    text += "</table>\n<p>Time that a hypervisor took: ";
+    text += kernel.at("stolen_ms").is_null() ? "not told by this kernel"
+                                             : us_text(kernel.at("stolen_ms").get<double>()) + " ms";
+    text += ". Time that threads waited for this processor: ";
+    text += kernel.at("queued_ms").is_null() ? "not told by this kernel"
+                                             : us_text(kernel.at("queued_ms").get<double>()) + " ms";
+    return text + ".</p>\n";
+}
+
+/// The loop as the line that its probe is wired to shows it.
+std::string loopback_section(const json& measure, const json& latencies) {
+    const json& loopback = measure.at("loopback");
+    std::string text =
+        "<h2>From outside</h2>\n<p>" +
+        html_text("Line " + loopback.at("line").get<std::string>() + ": " + loopback.at("rising").dump() +
+                  " rising edges of " + loopback.at("ticks").dump() + " ticks, " + loopback.at("dropped").dump() +
+                  " dropped. " + loopback.at("problem").get<std::string>()) +
+        "</p>\n";
+    struct Pair {
+        const char* outside;
+        const char* inside;
+        const char* caption;
+    };
+    for (const Pair& pair :
+         {Pair{"period_us", "period", "Period, as the kernel stamped the edges and as the loop saw it."},
+          Pair{"lateness_us", "wakeup",
+               "Edges after their deadlines, and the wake-ups that made them: the difference is the "
+               "edge, the wire and the interrupt that stamps it."},
+          Pair{"high_us", "compute", "How long the line was up, and the computation."}}) {
+        if (loopback.at(pair.outside).is_object() && has_values(loopback.at(pair.outside)) &&
+            has_values(latencies.at(pair.inside))) {
+            text += figure(histogram_plot({{&loopback.at(pair.outside), "outside", "first"},
+                                           {&latencies.at(pair.inside), "inside", "second"}},
+                                          pair.caption),
+                           pair.caption);
+        }
+    }
+    return text;
+}
+
+std::string setup_line(const json& report) {
+    const json& setup = report.at("setup");
+    const json& measure = report.at("measure");
+    std::string text =
+        setup.at("policy").get<std::string>() + " " + std::to_string(setup.at("priority").get<int>()) +
+        " on processor " + std::to_string(setup.at("cpu").get<int>()) +
+        (setup.at("mlocked").get<bool>() ? ", memory locked" : ", memory not locked") + "; kernel " +
+        setup.at("kernel").get<std::string>() + (setup.at("preempt_rt").get<bool>() ? "" : " (not PREEMPT_RT)") +
+        "; load: " + (measure.at("load").is_null() ? "none" : measure.at("load").get<std::string>()) + ".";
+    for (const json& one : setup.at("missing")) {
+        text += " Degraded: " + one.at("what").get<std::string>() + ".";
+    }
+    return text;
+}
+
+std::string introduction(const json& report) {
+    std::array<char, 200> text{};
+    std::snprintf(text.data(), text.size(),
+                  "%s ticks in %.1f s of %s, from %s. %llu deadlines missed, %lld page faults. ",
+                  number_text(report.at("ticks").get<double>()).c_str(), report.at("duration_s").get<double>(),
+                  report.at("exchange").at("device").get<std::string>().c_str(),
+                  report.at("measure").at("began").get<std::string>().substr(0, 19).c_str(),
+                  report.at("measure").at("overruns").at("deadlines_missed").get<unsigned long long>(),
+                  report.at("page_faults").get<long long>());
+    return "<p>" + html_text(text.data() + setup_line(report)) + "</p>\n";
+}
+
+}  // namespace
+
+std::string measure_page(const json& report) {
+    require_measurement(report, "this report");
+    const json& measure = report.at("measure");
+    const json& latencies = measure.at("latency_us");
+    const bool with_other = measure.at("cyclictest").is_object();
+    std::string page = page_top("How late the loop is") + introduction(report) + latency_table(measure);
+
+    page += "<h2>Tails</h2>\n";
+    std::vector<Series> tails = {{&latencies.at("wakeup"), "wake-up", "first"}};
+    if (with_other) {
+        tails.push_back({&measure.at("cyclictest").at("wakeup_us"), "cyclictest's wake-up", "second"});
+    }
+    tails.push_back({&latencies.at("compute"), "compute", "third"});
+    tails.push_back({&latencies.at("motion_to_force"), "motion to force", "fourth"});
+    tails.erase(
+        std::remove_if(tails.begin(), tails.end(), [](const Series& s) { return !has_values(*s.distribution); }),
+        tails.end());
+    if (!tails.empty()) {
+        page += figure(tail_plot(tails),
+                       "How late the latest are: a loop that keeps its period has a curve that stays flat "
+                       "to the right.");
+    }
+    page += "<h2>Over the run</h2>\n" + figure(course_plot(measure.at("course")),
+                                               "The largest wake-up latency and computation of each piece of the run. "
+                                               "Gaps are pauses of the loop.");
+    page += "<h2>Distributions</h2>\n";
+    for (const LatencyName& name : latency_names()) {
+        const json& distribution = latencies.at(std::string(name.key));
+        if (!has_values(distribution)) {
+            continue;
+        }
+        std::vector<Series> all = {{&distribution, "rt-core", "first"}};
+        if (name.latency == Latency::Wakeup && with_other) {
+            all.push_back({&measure.at("cyclictest").at("wakeup_us"), "cyclictest", "second"});
+        }
+        page += figure(histogram_plot(all, std::string(name.title)),
+                       std::string(name.title) + ": " + std::string(name.what) + ".");
+    }
+    if (measure.at("loopback").is_object()) {
+        page += loopback_section(measure, latencies);
+    }
+    page += "<h2>The latest ticks</h2>\n" + worst_table(measure.at("worst_ticks"));
+    page += "<h2>Interrupts</h2>\n" + kernel_table(measure.at("kernel"));
+    return page + "</body></html>\n";
+}
+
+std::string comparison_page(const json& first, const json& second) {
+    require_measurement(first, "the first report");
+    require_measurement(second, "the second report");
+    std::string page = page_top("Two measurements of the loop");
+    for (const json* report : {&first, &second}) {
+        page += "<h2>" + std::string(report == &first ? "First" : "Second") + "</h2>\n" + introduction(*report) +
+                latency_table(report->at("measure"));
+    }
+    page += "<h2>Distributions</h2>\n";
+    for (const LatencyName& name : latency_names()) {
+        const json& a = first.at("measure").at("latency_us").at(std::string(name.key));
+        const json& b = second.at("measure").at("latency_us").at(std::string(name.key));
+        if (has_values(a) && has_values(b)) {
+            page += figure(histogram_plot({{&a, "first", "first"}, {&b, "second", "second"}}, std::string(name.title)),
+                           std::string(name.title) + ": " + std::string(name.what) + ".");
+        }
+    }
+    return page + "</body></html>\n";
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,270 @@
+#include "measure/measure_report.hpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <ctime>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include <haptic/report.hpp>
+#include "measure/tick_explanation.hpp"
+
+namespace haptic::rt {
+namespace {
+
+constexpr int kVersion = 1;
+
+constexpr std::array<LatencyName, kLatencies> kNames = {{
+    {Latency::Wakeup, "wakeup", "wake-up", "from the deadline until the tick begins"},
+    {Latency::Period, "period", "period", "from one wake-up to the next"},
+    {Latency::Compute, "compute", "compute", "the whole tick, from wake-up to end, exchanges included"},
+    {Latency::Exchange, "exchange", "exchange", "the exchanges with the board"},
+    {Latency::DeviceToPlane, "device_to_plane", "device to plane",
+     "age of the device state that the planes in use answer, at each tick that renders them"},
+    {Latency::MotionToForce, "motion_to_force", "motion to force",
+     "from the beginning of the exchange that latches the encoders to the end of the one that gives the motors the "
+     "force of that motion"},
+}};
+
+double us(std::int64_t duration_ns) {
+    return static_cast<double>(duration_ns) * 1e-3;
+}
+
+const Histogram& histogram_of(const Instruments& m, Latency latency) {
+    switch (latency) {
+        case Latency::Wakeup:
+            return m.wakeup;
+        case Latency::Period:
+            return m.period;
+        case Latency::Compute:
+            return m.compute;
+        case Latency::Exchange:
+            return m.exchange;
+        case Latency::DeviceToPlane:
+            return m.state_age;
+        case Latency::MotionToForce:
+            break;
+    }
+    return m.motion_to_force;
+}
+
+nlohmann::json distribution_us(const Histogram& histogram) {
+    nlohmann::json result = {{"count", histogram.count()},
+                             {"min", us(histogram.min_ns())},
+                             {"mean", histogram.mean_ns() * 1e-3},
+                             {"max", us(histogram.max_ns())},
+                             {"histogram", buckets_us(histogram)}};
+    for (const Percentile& one : kPercentiles) {
+        result[one.key] = us(histogram.percentile_ns(one.fraction));
+    }
+    return result;
+}
+
+std::int64_t stolen_ms_around(const Measurement& m, std::int64_t at_ns) {
+    const KernelWindow* const window = m.kernel->window_of(at_ns);
+    return window == nullptr ? -1 : window->counts.stolen_ms;
+}
+
+/// When, which stage and why: of a distribution's largest value.
+void add_maximum(nlohmann::json& entry, const Measurement& m, const UsualTimes& usual, Latency latency) {
+    const TimedTick& tick = m.log->largest(latency);
+    if (tick.number == 0) {
+        return;
+    }
+    entry["max_at"] = time_of_day(tick.now_ns + m.real_minus_monotonic_ns);
+    entry["max_at_s"] = seconds(tick.now_ns - m.began_ns);
+    entry["max_tick"] = tick.number;
+    if (latency == Latency::DeviceToPlane) {
+        entry["max_stage"] = "simulation";
+        entry["max_cause"] = "frames";
+        entry["max_why"] = "the newest frame answered a device state as old as that: the simulation takes this time";
+        return;
+    }
+    const bool before_tick = latency == Latency::Wakeup || latency == Latency::Period;
+    const TickExplanation explained =
+        explain(tick, usual, stolen_ms_around(m, tick.now_ns), before_tick ? Explain::Wakeup : Explain::Stages);
+    entry["max_stage"] = name_of(explained.stage);
+    entry["max_cause"] = name_of(explained.cause);
+    entry["max_why"] = explained.why;
+}
+
+nlohmann::json latencies_json(const Measurement& m, const UsualTimes& usual) {
+    nlohmann::json result = nlohmann::json::object();
+    for (const LatencyName& name : kNames) {
+        nlohmann::json entry = distribution_us(histogram_of(*m.instruments, name.latency));
+        entry["what"] = name.what;
+        add_maximum(entry, m, usual, name.latency);
+        result[std::string(name.key)] = std::move(entry);
+    }
+    return result;
+}
+
+nlohmann::json tick_json(const Measurement& m, const UsualTimes& usual, const TimedTick& tick) {
+    const TickExplanation explained = explain(tick, usual, stolen_ms_around(m, tick.now_ns));
+    nlohmann::json stages = nlohmann::json::object();
+    for (std::size_t i = 0; i < kLateStages; ++i) {
+        const auto stage = static_cast<LateStage>(i);
+        stages[std::string(name_of(stage))] = us(time_in(tick, stage));
+    }
+    nlohmann::json result = {{"tick", tick.number},
+                             {"at", time_of_day(tick.now_ns + m.real_minus_monotonic_ns)},
+                             {"at_s", seconds(tick.now_ns - m.began_ns)},
+                             {"late_us", us(tick.lateness_ns())},
+                             {"stages_us", stages},
+                             {"missed", tick.missed},
+                             {"page_faults", tick.usage.page_faults},
+                             {"voluntary_switches", tick.usage.voluntary_switches},
+                             {"forced_switches", tick.usage.forced_switches},
+                             {"waited_us", tick.waited_ns < 0 ? nlohmann::json() : nlohmann::json(us(tick.waited_ns))},
+                             {"state", state_name(static_cast<SafetyState>(tick.safety_state))},
+                             {"stage", name_of(explained.stage)},
+                             {"excess_us", us(explained.excess_ns)},
+                             {"cause", name_of(explained.cause)},
+                             {"why", explained.why}};
+    if (const KernelWindow* const window = m.kernel->window_of(tick.now_ns); window != nullptr) {
+        result["unusual_interrupts"] = unusual_interrupts(*window, *m.kernel);
+    }
+    return result;
+}
+
+nlohmann::json worst_json(const Measurement& m, const UsualTimes& usual) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const TimedTick& tick : m.log->worst()) {
+        list.push_back(tick_json(m, usual, tick));
+    }
+    return list;
+}
+
+/// Which causes the late ticks had that are explained.
+nlohmann::json overruns_json(const Measurement& m, const nlohmann::json& worst) {
+    nlohmann::json causes = nlohmann::json::object();
+    std::uint64_t explained = 0;
+    for (const nlohmann::json& tick : worst) {
+        if (tick.at("missed").get<std::int64_t>() > 0) {
+            const std::string cause = tick.at("stage").get<std::string>() + ": " + tick.at("cause").get<std::string>();
+            causes[cause] = causes.value(cause, 0) + 1;
+            ++explained;
+        }
+    }
+    return {{"deadlines_missed", m.log->missed()},
+            {"late_ticks", m.log->late_ticks()},
+            {"explained_ticks", explained},
+            {"causes", causes}};
+}
+
+nlohmann::json kernel_json(const KernelWatch& kernel) {
+    const ProcessorCounts& total = kernel.total();
+    nlohmann::json interrupts = nlohmann::json::object();
+    const double per_s = kernel.watched_s() > 0.0 ? 1.0 / kernel.watched_s() : 0.0;
+    for (std::size_t i = 0; i < total.interrupts.size(); ++i) {
+        if (total.interrupts[i] > 0) {
+            interrupts[kernel.names()[i]] = static_cast<double>(total.interrupts[i]) * per_s;
+        }
+    }
+    const auto known = [](std::int64_t value, double unit) {
+        return value < 0 ? nlohmann::json() : nlohmann::json(static_cast<double>(value) * unit);
+    };
+    return {{"interrupts_per_s", interrupts},
+            {"stolen_ms", known(total.stolen_ms, 1.0)},
+            {"queued_ms", known(total.queued_us, 1e-3)}};
+}
+
+nlohmann::json course_json(const Course& course, std::int64_t began_ns) {
+    nlohmann::json largest = nlohmann::json::array();
+    for (const std::int64_t value_ns : course.largest_ns()) {
+        largest.push_back(value_ns < 0 ? nlohmann::json() : nlohmann::json(us(value_ns)));
+    }
+    return {{"start_s", course.start_ns() < 0 ? 0.0 : seconds(course.start_ns() - began_ns)},
+            {"piece_s", seconds(course.piece_ns())},
+            {"max_us", largest}};
+}
+
+nlohmann::json cyclictest_json(const CyclictestResult& other, const nlohmann::json& wakeup) {
+    nlohmann::json result = {{"command", other.command},
+                             {"beyond", other.beyond},
+                             {"wakeup_us", distribution_us(other.wakeup)},
+                             {"ratio", nlohmann::json::object()}};
+    const auto ratio = [&](const char* key) {
+        const double theirs = result.at("wakeup_us").at(key).get<double>();
+        result["ratio"][key] = theirs > 0.0 ? nlohmann::json(wakeup.at(key).get<double>() / theirs) : nlohmann::json();
+    };
+    for (const Percentile& one : kPercentiles) {
+        ratio(one.key);
+    }
+    ratio("max");
+    return result;
+}
+
+nlohmann::json loopback_json(const LoopbackResult& loopback, const ProbesUse& probes) {
+    const EdgeStatistics& edges = loopback.edges;
+    nlohmann::json result = {{"line", loopback.line},
+                             {"edges", loopback.kind == EdgeKind::Both ? "both" : "rising"},
+                             {"rising", edges.rising},
+                             {"falling", edges.falling},
+                             {"ticks", probes.ticks},
+                             {"driven_edges", probes.tick.edges},
+                             {"lost", edges.lost},
+                             {"dropped", loopback.dropped},
+                             {"long_periods", edges.long_periods},
+                             {"problem", loopback.problem},
+                             {"period_us", distribution_us(edges.period)},
+                             {"lateness_us", distribution_us(edges.lateness)}};
+    result["high_us"] = loopback.kind == EdgeKind::Both ? distribution_us(edges.high) : nlohmann::json();
+    return result;
+}
+
+}  // namespace
+
+const std::array<LatencyName, kLatencies>& latency_names() noexcept {
+    return kNames;
+}
+
+std::string time_of_day(std::int64_t real_ns) {
+    const std::time_t whole = real_ns / kNanosecondsPerSecond;
+    std::tm date{};
+    localtime_r(&whole, &date);
+    std::array<char, 32> until_seconds{};
+    std::array<char, 8> zone{};
+    std::strftime(until_seconds.data(), until_seconds.size(), "%Y-%m-%dT%H:%M:%S", &date);
+    std::strftime(zone.data(), zone.size(), "%z", &date);  // +0100
+    std::array<char, 16> fraction{};
+    std::snprintf(fraction.data(), fraction.size(), ".%06d",
+                  static_cast<int>(real_ns % kNanosecondsPerSecond / 1000 % 1'000'000));
+    const std::string offset = zone.data();
+    return std::string(until_seconds.data()) + fraction.data() + offset.substr(0, 3) + ":" + offset.substr(3);
+}
+
+nlohmann::json make_measure_report(const Measurement& m) {
+    const UsualTimes usual = usual_times(*m.instruments);
+    nlohmann::json report = make_report(*m.result, *m.instruments);
+    nlohmann::json latencies = latencies_json(m, usual);
+    nlohmann::json worst = worst_json(m, usual);
+    nlohmann::json& measure = report["measure"];
+    measure = {{"version", kVersion},
+               {"began", time_of_day(m.began_ns + m.real_minus_monotonic_ns)},
+               {"period_s", seconds(m.period_ns)},
+               {"load", m.load.empty() ? nlohmann::json() : nlohmann::json(m.load)},
+               {"overruns", overruns_json(m, worst)},
+               {"kernel", kernel_json(*m.kernel)},
+               {"course",
+                {{"wakeup", course_json(m.log->wakeup(), m.began_ns)},
+                 {"compute", course_json(m.log->compute(), m.began_ns)}}}};
+    measure["cyclictest"] = m.other == nullptr ? nlohmann::json() : cyclictest_json(*m.other, latencies.at("wakeup"));
+    measure["loopback"] = m.loopback == nullptr ? nlohmann::json() : loopback_json(*m.loopback, m.result->probes);
+    measure["latency_us"] = std::move(latencies);
+    measure["worst_ticks"] = std::move(worst);
+    return report;
+}
+
+void require_measurement(const nlohmann::json& report, const std::string& origin) {
+    if (!report.is_object() || !report.contains("measure") || !report.at("measure").is_object() ||
+        !report.at("measure").contains("latency_us")) {
+        throw std::runtime_error(origin + ": is no report of a measurement; rt-core measure --report writes one");
+    }
+    if (report.at("measure").value("version", 0) != kVersion) {
+        throw std::runtime_error(origin +
+                                 ": is a report of another version of rt-core measure, which this one cannot read");
+    }
+}
+
+}  // namespace haptic::rt

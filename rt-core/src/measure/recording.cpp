@@ -1,0 +1,209 @@
+#include "measure/recording.hpp"
+
+#include <cstring>
+#include <type_traits>
+
+#include <haptic/types.hpp>
+
+namespace haptic::rt {
+namespace {
+
+constexpr double kMicrosecondsPerNanosecond = 1e-3;
+constexpr double kMillisecondsPerNanosecond = 1e-6;
+// Ticks that are held back until the recording knows when it was armed: more than any warm-up has.
+constexpr std::size_t kMostBeforeArming = 200'000;
+
+struct Row {
+    const TickRecord& tick;
+    std::int64_t start_ns;
+};
+
+/// One column, or one for each letter, which then takes the place of the '#' in the name.
+struct Column {
+    const char* name = "";
+    const char* letters = "";
+    CsvCell (*value)(const Row& row, int letter) = nullptr;
+    bool measured = false;  // by the clock of this machine
+};
+
+template <class Integer>
+CsvCell whole(Integer value) {
+    if constexpr (std::is_signed_v<Integer>) {
+        return static_cast<std::int64_t>(value);
+    } else {
+        return static_cast<std::uint64_t>(value);
+    }
+}
+
+double milliseconds_or_none(std::int64_t ns) {
+    return ns < 0 ? -1.0 : static_cast<double>(ns) * kMillisecondsPerNanosecond;
+}
+
+double microseconds(std::int64_t ns) {
+    return static_cast<double>(ns) * kMicrosecondsPerNanosecond;
+}
+
+double of_quaternion(const Quat& q, int letter) {
+    return letter == 0 ? q.w : letter == 1 ? q.x : letter == 2 ? q.y : q.z;
+}
+
+using R = const Row&;
+constexpr const char* kOne = "";
+constexpr const char* kAxes = "xyz";
+constexpr const char* kQuaternion = "wxyz";
+constexpr const char* kEight = "01234567";
+static_assert(kStrings == 8);
+
+// Names are for other people's programs: new columns go to the end, and none changes its name or meaning.
+constexpr Column kColumns[] = {
+    {"time_s", kOne, [](R r, int) -> CsvCell { return seconds(r.tick.now_ns - r.start_ns); }, true},  // since arming
+    {"#_m", kAxes, [](R r, int i) -> CsvCell { return r.tick.pose.position[i]; }},
+    {"q#", kQuaternion, [](R r, int i) -> CsvCell { return of_quaternion(r.tick.pose.orientation, i); }},
+    {"f#_n", kAxes, [](R r, int i) -> CsvCell { return r.tick.rendered.force[i]; }},  // asked of the strings
+    {"t#_nm", kAxes, [](R r, int i) -> CsvCell { return r.tick.rendered.torque[i]; }},
+    {"proxy_#_m", kAxes, [](R r, int i) -> CsvCell { return r.tick.proxy[i]; }},  // of the first particle
+    {"t#_n", kEight, [](R r, int i) -> CsvCell { return r.tick.tensions[static_cast<std::size_t>(i)]; }},   // as sent
+    {"frame_age_ms", kOne, [](R r, int) -> CsvCell { return milliseconds_or_none(r.tick.frame_age_ns); }},  // -1: none
+    {"period_us", kOne, [](R r, int) -> CsvCell { return microseconds(r.tick.period_ns); }},
+    {"compute_us", kOne, [](R r, int) -> CsvCell { return microseconds(r.tick.compute_ns); }, true},
+    {"flags", kOne, [](R r, int) -> CsvCell { return whole(r.tick.flags); }},  // HAPTIC_TICK_*
+    {"tick", kOne, [](R r, int) -> CsvCell { return whole(r.tick.number); }},
+    {"now_ns", kOne, [](R r, int) -> CsvCell { return whole(r.tick.now_ns); }},  // CLOCK_MONOTONIC
+    {"deadline_ns", kOne, [](R r, int) -> CsvCell { return whole(r.tick.deadline_ns); }},
+    {"missed", kOne, [](R r, int) -> CsvCell { return whole(r.tick.missed); }},      // deadlines before this one
+    {"requests", kOne, [](R r, int) -> CsvCell { return whole(r.tick.requests); }},  // kRequest*
+    {"safety_state", kOne, [](R r, int) -> CsvCell { return whole(r.tick.safety_state); }},
+    {"faults", kOne, [](R r, int) -> CsvCell { return whole(r.tick.faults); }},            // HAPTIC_FAULT_*
+    {"exchange_in", kOne, [](R r, int) -> CsvCell { return whole(r.tick.exchange_in); }},  // ExchangeStatus; -1: none
+    {"exchange_out", kOne, [](R r, int) -> CsvCell { return whole(r.tick.exchange_out); }},
+    {"counter#", kEight, [](R r, int i) -> CsvCell { return whole(r.tick.counters[static_cast<std::size_t>(i)]); }},
+    {"analog#", kEight, [](R r, int i) -> CsvCell { return whole(r.tick.analog[static_cast<std::size_t>(i)]); }},
+    {"digit#", kEight,
+     [](R r, int i) -> CsvCell { return whole(r.tick.command.digits[static_cast<std::size_t>(i)]); }},  // as sent
+    {"buttons", kOne, [](R r, int) -> CsvCell { return whole(r.tick.buttons); }},
+    {"rotary", kOne, [](R r, int) -> CsvCell { return whole(r.tick.rotary); }},
+    {"residual_m", kOne, [](R r, int) -> CsvCell { return r.tick.residual; }},
+    {"v#_m_s", kAxes, [](R r, int i) -> CsvCell { return r.tick.velocity.linear[i]; }},
+    {"w#_rad_s", kAxes, [](R r, int i) -> CsvCell { return r.tick.velocity.angular[i]; }},
+    {"made_f#_n", kAxes, [](R r, int i) -> CsvCell { return r.tick.made.force[i]; }},  // by the strings
+    {"made_t#_nm", kAxes, [](R r, int i) -> CsvCell { return r.tick.made.torque[i]; }},
+    {"frame_read", kOne, [](R r, int) -> CsvCell { return whole(r.tick.frame_read); }},  // FrameDefect; -1: none taken
+    {"frame_sequence", kOne, [](R r, int) -> CsvCell { return whole(r.tick.frame_sequence); }},
+    {"in_contact", kOne, [](R r, int) -> CsvCell { return whole(r.tick.in_contact); }},  // particles
+    {"energy_j", kOne, [](R r, int) -> CsvCell { return r.tick.energy; }},               // of the passivity observer
+    {"rotation_energy_j", kOne, [](R r, int) -> CsvCell { return r.tick.rotation_energy; }},
+    {"passivity_scale", kOne, [](R r, int) -> CsvCell { return r.tick.passivity_scale; }},  // left of the wrench
+    {"cut", kOne, [](R r, int) -> CsvCell { return whole(r.tick.cut); }},  // HAPTIC_FAULT_*, by another thread
+};
+
+template <class Visit>
+void visit_columns(Visit&& visit) {
+    for (const Column& column : kColumns) {
+        const int letters = static_cast<int>(std::strlen(column.letters));
+        for (int i = 0; i < letters || i == 0; ++i) {
+            visit(column, i);
+        }
+    }
+}
+
+}  // namespace
+
+const std::vector<std::string>& record_columns() {
+    static const std::vector<std::string> columns = [] {
+        std::vector<std::string> names;
+        visit_columns([&names](const Column& column, int letter) {
+            std::string name = column.name;
+            if (const std::size_t mark = name.find('#'); mark != std::string::npos) {
+                name[mark] = column.letters[letter];
+            }
+            names.push_back(std::move(name));
+        });
+        return names;
+    }();
+    return columns;
+}
+
+const std::vector<bool>& measured_columns() {
+    static const std::vector<bool> columns = [] {
+        std::vector<bool> measured;
+        visit_columns([&measured](const Column& column, int) { measured.push_back(column.measured); });
+        return measured;
+    }();
+    return columns;
+}
+
+void record_row(const TickRecord& record, std::int64_t start_ns, std::vector<CsvCell>& row) {
+    row.clear();
+    const Row source{record, start_ns};
+    visit_columns([&](const Column& column, int letter) { row.push_back(column.value(source, letter)); });
+}
+
+RecordFile::RecordFile(const std::filesystem::path& file, Recorder& recorder)
+    : writer_(file, record_columns()), recorder_(&recorder) {
+    if (!std::filesystem::exists(file) || std::filesystem::is_regular_file(file)) {
+        frames_.emplace(frames_file(file));
+    }
+}
+
+void RecordFile::write(const TickRecord& record, std::int64_t start_ns) {
+    record_row(record, start_ns, row_);
+    writer_.row(row_);
+}
+
+void RecordFile::start(std::int64_t start_ns) {
+    start_ns_ = start_ns;
+    for (const TickRecord& record : before_arming_) {
+        write(record, start_ns);
+    }
+    before_arming_.clear();
+}
+
+void RecordFile::drain() {
+    TickRecord record;
+    while (recorder_->pop(record)) {
+        if (seen_) {
+            seen_(record);
+        }
+        if (!start_ns_ && (record.requests & kRequestArm) != 0) {
+            start(record.now_ns);
+        }
+        if (start_ns_) {
+            write(record, *start_ns_);
+            continue;
+        }
+        before_arming_.push_back(record);
+        if (before_arming_.size() == kMostBeforeArming) {
+            start(before_arming_.front().now_ns);
+        }
+    }
+    SpscQueue<RecordedFrame>& frames = recorder_->frames();
+    while (const RecordedFrame* const frame = frames.front()) {
+        if (frames_) {
+            frames_->write(*frame);
+        }
+        frames.release();
+    }
+}
+
+void RecordFile::close() {
+    drain();
+    if (!start_ns_ && !before_arming_.empty()) {
+        start(before_arming_.front().now_ns);
+    }
+    writer_.close();
+    if (frames_) {
+        frames_->close();
+    }
+}
+
+void write_black_box(const std::filesystem::path& file, const BlackBox& box) {
+    CsvWriter writer(file, record_columns());
+    std::vector<CsvCell> row;
+    for (std::size_t i = 0; i < box.size(); ++i) {
+        record_row(box.at(i), box.at(0).now_ns, row);
+        writer.row(row);
+    }
+    writer.close();
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,212 @@
+#include "measure/replay.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include <haptic/denormals.hpp>
+#include "measure/recording.hpp"
+
+namespace haptic::rt {
+namespace {
+
+constexpr const char* kInputs[] = {"tick",         "now_ns",  "deadline_ns", "missed",     "requests", "exchange_in",
+                                   "exchange_out", "buttons", "rotary",      "frame_read", "cut"};
+
+constexpr auto kLastStatus = static_cast<std::int64_t>(device::ExchangeStatus::Failed);
+
+double as_double(const CsvCell& cell) {
+    return std::visit([](auto value) { return static_cast<double>(value); }, cell);
+}
+
+}  // namespace
+
+device::ExchangeStatus ReplayBoard::exchange(const device::MotorCommand& /*command*/, device::BoardReading& reading,
+                                             std::int64_t /*now_ns*/) HAPTIC_RT {
+    const std::int8_t recorded = exchanges_ == 0 ? answers_.in : answers_.out;
+    ++exchanges_;
+    const device::ExchangeStatus status =
+        recorded == kNoExchange ? device::ExchangeStatus::Ok : static_cast<device::ExchangeStatus>(recorded);
+    if (status == device::ExchangeStatus::Ok) {
+        reading = answers_.reading;
+    }
+    return status;
+}
+
+bool ReplayFrames::read_newest(ContactFrame& frame) HAPTIC_RT {
+    if (frame_ == nullptr) {
+        return false;
+    }
+    frame = *frame_;
+    frame_ = nullptr;
+    return true;
+}
+
+const std::pair<const std::string, ColumnDifference>& ReplayResult::first() const {
+    const std::vector<std::string>& order = record_columns();
+    const auto place = [&order](const std::string& name) { return std::find(order.begin(), order.end(), name); };
+    return *std::min_element(columns.begin(), columns.end(), [&place](const auto& a, const auto& b) {
+        return a.second.line != b.second.line ? a.second.line < b.second.line : place(a.first) < place(b.first);
+    });
+}
+
+/// Of one tick, as recorded.
+struct Replay::Inputs {
+    std::uint64_t number = 0;
+    TickTime time;
+    std::uint64_t requests = 0;
+    std::int64_t frame_read = kNoFrame;
+    std::uint32_t cut = 0;
+    ReplayBoard::Answers answers;
+};
+
+Replay::Replay(const std::filesystem::path& recording, const TickSettings& settings, RingWriter<DeviceState>& states,
+               StageClock clock)
+    : recording_(recording),
+      frame_reader_((static_cast<void>(required("counter0")), frames_file(recording))),
+      settings_(settings),
+      states_(&states),
+      clock_(clock) {
+    for (const char* name : kInputs) {
+        inputs_[name] = required(name);
+    }
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        for (const char* name : {"counter", "analog"}) {
+            const std::string numbered = name + std::to_string(i);
+            inputs_[numbered] = required(numbered.c_str());
+        }
+    }
+    for (std::size_t i = 0; i < record_columns().size(); ++i) {
+        compared_columns_.push_back(measured_columns()[i] ? std::nullopt : recording_.find(record_columns()[i]));
+        result_.compared_columns += compared_columns_.back() ? 1u : 0u;
+    }
+}
+
+std::size_t Replay::required(const char* column) const {
+    if (const auto found = recording_.find(column)) {
+        return *found;
+    }
+    throw CsvError(recording_.name() + ":1: there is no column " + column +
+                   ": a replay needs what the board gave, as `rt-core run --record` writes it; "
+                   "an older recording can only be followed with --hand");
+}
+
+Replay::Inputs Replay::read_inputs() const {
+    const auto integer = [this](const std::string& name) { return recording_.integer(inputs_.at(name)); };
+    const auto bounded = [&](const std::string& name, std::int64_t least, std::int64_t most) {
+        const std::int64_t value = integer(name);
+        if (value < least || value > most) {
+            recording_.fail("column " + name + ": " + std::to_string(value) + " is not within " +
+                            std::to_string(least) + " and " + std::to_string(most));
+        }
+        return value;
+    };
+    Inputs inputs;
+    inputs.number = recording_.natural(inputs_.at("tick"));
+    inputs.time = {integer("deadline_ns"), integer("now_ns"), integer("missed")};
+    inputs.requests = recording_.natural(inputs_.at("requests"));
+    inputs.frame_read = integer("frame_read");
+    inputs.cut = static_cast<std::uint32_t>(bounded("cut", 0, UINT32_MAX));
+    inputs.answers.in = static_cast<std::int8_t>(bounded("exchange_in", kNoExchange, kLastStatus));
+    inputs.answers.out = static_cast<std::int8_t>(bounded("exchange_out", kNoExchange, kLastStatus));
+    device::BoardReading& reading = inputs.answers.reading;
+    reading.buttons = static_cast<std::uint32_t>(bounded("buttons", 0, UINT32_MAX));
+    reading.rotary = static_cast<std::uint8_t>(bounded("rotary", 0, UINT8_MAX));
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        const std::string digit = std::to_string(i);
+        reading.counters[i] = static_cast<std::uint32_t>(bounded("counter" + digit, 0, UINT32_MAX));
+        reading.analog[i] = static_cast<std::uint16_t>(bounded("analog" + digit, 0, UINT16_MAX));
+    }
+    return inputs;
+}
+
+void Replay::check_order(const Inputs& inputs) {
+    const bool begins = (inputs.requests & kRequestNew) != 0;
+    if (!begins && last_number_ == 0) {
+        recording_.fail("begins at tick " + std::to_string(inputs.number) +
+                        " of a run: a replay has to know what was before");
+    }
+    if (!begins && inputs.number != last_number_ + 1) {
+        recording_.fail("tick " + std::to_string(last_number_ + 1) +
+                        " is missing: the recording was not written fast enough; raise recording.queue_ticks");
+    }
+    last_number_ = inputs.number;
+}
+
+void Replay::load_frame(const Inputs& inputs) {
+    if (inputs.frame_read == kNoFrame) {
+        frames_.load(nullptr);
+        return;
+    }
+    if (!frame_reader_.next(frame_) || frame_.now_ns != inputs.time.now_ns) {
+        recording_.fail("the contact frame of this tick is not in " + frame_reader_.name() +
+                        ": the recording was not written fast enough; raise recording.queue_frames");
+    }
+    ++result_.frames;
+    frames_.load(&frame_.frame);
+}
+
+bool Replay::step(Recorder* recorder) {
+    if (!recording_.next()) {
+        return false;
+    }
+    const FlushDenormals flush;  // as the real-time thread does
+    const Inputs inputs = read_inputs();
+    check_order(inputs);
+    if ((inputs.requests & kRequestNew) != 0) {
+        tick_ = std::make_unique<Tick>(settings_, board_, frames_, *states_, clock_);
+    }
+    tick_->record_to(recorder);
+    if ((inputs.requests & kRequestArm) != 0) {
+        tick_->arm();
+    }
+    if ((inputs.requests & kRequestStop) != 0) {
+        tick_->stop();
+    }
+    if (inputs.cut != 0) {
+        tick_->cut(inputs.cut);
+    }
+    board_.load(inputs.answers);
+    load_frame(inputs);
+    tick_->run(inputs.time);
+    now_ns_ = inputs.time.now_ns;
+    start_ns_ = result_.ticks == 0 ? now_ns_ : start_ns_;
+    ++result_.ticks;
+    compare();
+    return true;
+}
+
+void Replay::compare() {
+    record_row(tick_->last(), 0, row_);
+    bool differs = false;
+    for (std::size_t i = 0; i < row_.size(); ++i) {
+        const std::optional<std::size_t> found = compared_columns_[i];
+        if (!found) {
+            continue;
+        }
+        const std::size_t column = *found;
+        std::string replayed = text_of(row_[i]);
+        if (replayed == recording_.cell(column)) {
+            continue;
+        }
+        // Written another way, as by a spreadsheet, it may still be the same number.
+        const double now = as_double(row_[i]);
+        const double then = recording_.number(column);
+        if (std::bit_cast<std::uint64_t>(now) == std::bit_cast<std::uint64_t>(then)) {
+            continue;
+        }
+        differs = true;
+        const auto [entry, is_new] = result_.columns.try_emplace(record_columns()[i]);
+        ColumnDifference& difference = entry->second;
+        if (is_new) {
+            difference.first_tick = tick_->last().number;
+            difference.line = recording_.line();
+            difference.recorded = recording_.cell(column);
+            difference.replayed = std::move(replayed);
+        }
+        difference.largest = std::max(difference.largest, std::fabs(now - then));
+    }
+    result_.differing_ticks += differs ? 1u : 0u;
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,244 @@
+#include "measure/run_report.hpp"
+
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <utility>
+
+#include <haptic/report.hpp>
+
+namespace haptic::rt {
+namespace {
+
+// In the order of device::ExchangeStatus.
+constexpr std::array<const char*, device::kExchangeStatuses> kStatusNames = {
+    "ok", "timeout", "short", "malformed", "stale", "stalled", "disconnected", "failed"};
+
+/// The same as summary_us, a thousandth of it.
+nlohmann::json summary_ms(const Histogram& histogram) {
+    nlohmann::json result = summary_us(histogram);
+    for (const char* key : {"min", "p50", "p99", "p999", "max"}) {
+        result[key] = result.at(key).get<double>() * 1e-3;
+    }
+    return result;
+}
+
+nlohmann::json setup_json(const RealtimeSetup& setup) {
+    nlohmann::json missing = nlohmann::json::array();
+    for (const MissingPrivilege& one : setup.missing) {
+        missing.push_back({{"what", one.what}, {"needs", one.needs}, {"remedy", one.remedy}});
+    }
+    return {{"kernel", setup.kernel},
+            {"preempt_rt", setup.preempt_rt},
+            {"policy", setup.policy},
+            {"priority", setup.priority},
+            {"cpu", setup.cpu},
+            {"mlocked", setup.memory_locked},
+            {"idle_exit_us", setup.idle_exit_us},
+            {"degraded", setup.degraded()},
+            {"missing", missing}};
+}
+
+nlohmann::json exchange_json(const RunResult& result, const Instruments& m) {
+    nlohmann::json statuses = nlohmann::json::object();
+    for (std::size_t i = 0; i < kStatusNames.size(); ++i) {
+        statuses[kStatusNames[i]] = m.exchange_statuses[i];
+    }
+    return {
+        {"failed_ticks", m.failed_exchanges},
+        {"statuses", statuses},
+        {"last_failure",
+         m.last_failure == device::ExchangeStatus::Ok ? "" : kStatusNames[static_cast<std::size_t>(m.last_failure)]},
+        {"device", result.device},
+        {"bound_us", static_cast<double>(result.exchange_bound_ns) * 1e-3}};
+}
+
+nlohmann::json interruptions_json(const std::vector<Interruption>& interruptions) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const Interruption& one : interruptions) {
+        list.push_back({{"at_s", one.at_s},
+                        {"lost_s", one.lost_s},
+                        {"faults", fault_names(one.faults)},
+                        {"cause", kStatusNames[static_cast<std::size_t>(one.cause)]},
+                        {"black_box", one.black_box}});
+    }
+    return list;
+}
+
+nlohmann::json probe_json(const ProbeUse& probe) {
+    if (probe.line.empty()) {
+        return nullptr;
+    }
+    return {{"line", probe.line},
+            {"edges", probe.edges},
+            {"off", probe.error != 0},
+            {"error", probe.error == 0 ? "" : std::system_category().message(probe.error)}};
+}
+
+nlohmann::json probes_json(const ProbesUse& probes, const Instruments& m) {
+    return {{"ticks", probes.ticks},
+            {"tick", probe_json(probes.tick)},
+            {"frame", probe_json(probes.frame)},
+            {"edge_us", summary_us(m.probe_edge)}};
+}
+
+std::string line_of(const char* name, const Histogram& histogram) {
+    std::array<char, 160> text{};
+    std::snprintf(text.data(), text.size(), "  %-10s p50 %9.1f   p99 %9.1f   max %9.1f us\n", name,
+                  static_cast<double>(histogram.percentile_ns(0.5)) * 1e-3,
+                  static_cast<double>(histogram.percentile_ns(0.99)) * 1e-3,
+                  static_cast<double>(histogram.max_ns()) * 1e-3);
+    return text.data();
+}
+
+/// One line for each probe that there was.
+std::string probe_lines(const ProbesUse& probes, const Instruments& m) {
+    std::string lines;
+    for (const auto& [name, probe] : {std::pair("tick", &probes.tick), std::pair("frame", &probes.frame)}) {
+        if (probe->line.empty()) {
+            continue;
+        }
+        lines += std::string("probe ") + name + ", line " + probe->line + ": " + std::to_string(probe->edges) +
+                 " edges" + (probe->error == 0 ? "" : ", then OFF: " + std::system_category().message(probe->error)) +
+                 "\n";
+    }
+    return lines.empty() ? lines : lines + line_of("edge", m.probe_edge);
+}
+
+/// What the loop saw and went on from by itself.
+std::vector<std::string> notices(const Instruments& m) {
+    std::vector<std::string> names;
+    if (m.stale_ticks > 0) {
+        names.emplace_back("frames_stale");  // the force faded, and came back with the frames
+    }
+    if (m.frames_rejected > 0) {
+        names.emplace_back("frames_rejected");
+    }
+    if (m.derated_ticks > 0) {
+        names.emplace_back("motors_derated");
+    }
+    if (m.probe_off_ticks > 0) {
+        names.emplace_back("probe_off");
+    }
+    return names;
+}
+
+/// " (string 3)", " (string 0, 3 or 5: the lengths cannot tell them apart here)".
+std::string strings_in_words(std::uint8_t strings) {
+    const std::vector<int> numbers = string_numbers(strings);
+    std::string text;
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+        text += (i == 0 ? "" : i + 1 == numbers.size() ? " or " : ", ") + std::to_string(numbers[i]);
+    }
+    return numbers.empty() ? ""
+                           : " (string " + text + (numbers.size() > 1 ? ": the lengths do not tell them apart)" : ")");
+}
+
+}  // namespace
+
+std::vector<int> string_numbers(std::uint8_t strings) {
+    std::vector<int> numbers;
+    for (int i = 0; i < static_cast<int>(kStrings); ++i) {
+        if ((strings >> i & 1) != 0) {
+            numbers.push_back(i);
+        }
+    }
+    return numbers;
+}
+
+nlohmann::json make_report(const RunResult& result, const Instruments& m) {
+    return {
+        {"ticks", m.ticks},
+        {"duration_s", result.duration_s},
+        {"period_us", summary_us(m.period)},
+        {"wakeup_us", summary_us(m.wakeup)},
+        {"compute_us", summary_us(m.compute)},
+        {"stage_us",
+         {{"exchange", summary_us(m.exchange)},
+          {"pose", summary_us(m.pose)},
+          {"proxy", summary_us(m.proxy)},
+          {"tension", summary_us(m.tension)},
+          {"publish", summary_us(m.publish)}}},
+        {"histograms",
+         {{"wakeup", buckets_us(m.wakeup)}, {"period", buckets_us(m.period)}, {"compute", buckets_us(m.compute)}}},
+        {"overruns", m.overruns},
+        {"page_faults", result.usage.page_faults},
+        {"context_switches",
+         {{"voluntary", result.usage.voluntary_switches}, {"forced", result.usage.forced_switches}}},
+        {"frames",
+         {{"received", m.frames_received},
+          {"rejected", m.frames_rejected},
+          {"stale_ticks", m.stale_ticks},
+          {"age_ms", summary_ms(m.frame_age)}}},
+        {"exchange", exchange_json(result, m)},
+        {"interruptions", interruptions_json(result.interruptions)},
+        {"peak", {{"force_n", m.peak_force}, {"torque_nm", m.peak_torque}}},
+        {"motors", {{"peak_load", m.peak_motor_load}, {"derated_ticks", m.derated_ticks}}},
+        {"contact_ticks", m.contact_ticks},
+        {"passivity", {{"energy_min_j", m.least_energy}, {"active_ticks", m.passivity_ticks}}},
+        {"stiffness_limited_ticks", m.stiffness_limited_ticks},
+        {"unreachable_ticks", m.unreachable_ticks},
+        {"probes", probes_json(result.probes, m)},
+        {"records_dropped", result.records_dropped},
+        {"record_frames_dropped", result.frames_dropped},
+        {"safety",
+         {{"state", state_name(result.state)},
+          {"faults", fault_names(result.faults)},
+          {"strings", string_numbers(result.suspects)},
+          {"stop", result.stop},
+          {"notices", notices(m)},
+          {"held", result.held()}}},
+        {"setup", setup_json(result.setup)},
+    };
+}
+
+std::string summary(const RunResult& result, const Instruments& m) {
+    std::array<char, 400> text{};
+    std::string lines;
+    std::snprintf(text.data(), text.size(), "%llu ticks in %.3f s, %llu deadlines missed, %lld page faults\n",
+                  static_cast<unsigned long long>(m.ticks), result.duration_s,
+                  static_cast<unsigned long long>(m.overruns), static_cast<long long>(result.usage.page_faults));
+    lines += text.data();
+    lines += line_of("period", m.period) + line_of("wake-up", m.wakeup) + line_of("compute", m.compute);
+    std::snprintf(text.data(), text.size(), "frames: %llu received, %llu rejected, %llu ticks without a fresh one\n",
+                  static_cast<unsigned long long>(m.frames_received),
+                  static_cast<unsigned long long>(m.frames_rejected), static_cast<unsigned long long>(m.stale_ticks));
+    lines += text.data();
+    std::snprintf(text.data(), text.size(), "peak force %.3f N, peak torque %.4f N*m\n", m.peak_force, m.peak_torque);
+    lines += text.data();
+    lines += probe_lines(result.probes, m);
+    if (result.records_dropped + result.frames_dropped > 0) {
+        std::snprintf(text.data(), text.size(),
+                      "the recording lacks %llu ticks and %llu frames: raise recording.queue_ticks, queue_frames\n",
+                      static_cast<unsigned long long>(result.records_dropped),
+                      static_cast<unsigned long long>(result.frames_dropped));
+        lines += text.data();
+    }
+    for (const Interruption& one : result.interruptions) {
+        std::snprintf(text.data(), text.size(), "interrupted at %.3f s for %.3f s: %s\n", one.at_s, one.lost_s,
+                      std::string(describe(one.cause)).c_str());
+        lines += text.data();
+    }
+    for (const std::string& name : fault_names(result.faults & ~std::uint32_t{HAPTIC_FAULT_STOP})) {
+        lines += "FAULT: " + name;
+        if (name == "exchange") {
+            lines += " (" + std::string(describe(m.last_failure)) + ")";
+        }
+        if (name == "slack" || name == "residual") {
+            lines += strings_in_words(result.suspects);
+        }
+        lines += "\n";
+    }
+    if (!result.setup.degraded()) {
+        lines += "real-time: " + result.setup.policy + " " + std::to_string(result.setup.priority) + " on processor " +
+                 std::to_string(result.setup.cpu) + ", memory locked" +
+                 (result.setup.preempt_rt ? ", PREEMPT_RT kernel" : ", kernel without PREEMPT_RT") + "\n";
+    }
+    for (const MissingPrivilege& one : result.setup.missing) {
+        lines += "degraded: " + one.what + "\n";
+    }
+    return lines;
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,139 @@
+#include "measure/tick_explanation.hpp"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace haptic::rt {
+namespace {
+
+// Below this nothing is late that a person or a device could tell.
+constexpr std::int64_t kNotWorthAWord = 20'000;  // ns
+constexpr std::int64_t kAtOnce = 1000;           // ns
+
+constexpr std::array<std::string_view, kLateStages> kStageNames = {"wake-up", "exchange", "pose",  "proxy",
+                                                                   "tension", "publish",  "record"};
+constexpr std::array<std::string_view, 8> kCauseNames = {"usual", "page_fault", "preempted", "queued",
+                                                         "board", "stolen",     "timer",     "unseen"};
+
+std::string microseconds(std::int64_t duration_ns) {
+    std::array<char, 32> text{};
+    std::snprintf(text.data(), text.size(), duration_ns < 10'000 ? "%.1f us" : "%.0f us",
+                  static_cast<double>(duration_ns) * 1e-3);
+    return text.data();
+}
+
+std::string counted(std::int64_t number, const char* what) {
+    return std::to_string(number) + " " + what + (number == 1 ? "" : "s");
+}
+
+bool failed(std::int8_t status) {
+    return status != kNoExchange && status != static_cast<std::int8_t>(device::ExchangeStatus::Ok);
+}
+
+std::string stolen_text(std::int64_t stolen_ms) {
+    return "a hypervisor gave the processor to another machine: " + std::to_string(stolen_ms) +
+           " ms were stolen in the tenth of a second around it";
+}
+
+void explain_wakeup(const TimedTick& tick, std::int64_t stolen_ms, TickExplanation& result) {
+    if (tick.waited_ns >= result.excess_ns / 2) {
+        result.cause = LateCause::Queued;
+        result.why = "the thread was ready and waited " + microseconds(tick.waited_ns) +
+                     " for its processor: a thread of the same or a higher priority, or a part of the kernel that may "
+                     "not be preempted, had it";
+    } else if (stolen_ms > 0) {
+        result.cause = LateCause::Stolen;
+        result.why = stolen_text(stolen_ms);
+    } else {
+        result.cause = LateCause::Timer;
+        result.why =
+            "the timer's interrupt came late: interrupts were held off, the processor slept deeply, or firmware or a "
+            "hypervisor had it";
+        if (tick.waited_ns < 0) {
+            result.why += "; this kernel does not tell how long the thread waited once it was woken";
+        } else if (tick.waited_ns < kAtOnce) {
+            result.why += " (once woken, the thread had its processor at once)";
+        } else {
+            result.why += " (once woken, the thread waited " + microseconds(tick.waited_ns) + ")";
+        }
+    }
+}
+
+void explain_stage(const TimedTick& tick, std::int64_t stolen_ms, TickExplanation& result) {
+    const bool in_exchange = result.stage == LateStage::Exchange;
+    if (in_exchange && (failed(tick.exchange_in) || failed(tick.exchange_out))) {
+        const std::int8_t status = failed(tick.exchange_in) ? tick.exchange_in : tick.exchange_out;
+        result.cause = LateCause::Board;
+        result.why = "the exchange failed (" + std::string(describe(static_cast<device::ExchangeStatus>(status))) + ")";
+    } else if (tick.usage.page_faults > 0) {
+        result.cause = LateCause::PageFault;
+        result.why = counted(tick.usage.page_faults, "page fault") + " in this tick: memory was not there";
+    } else if (tick.usage.forced_switches > 0 && (tick.waited_ns < 0 || tick.waited_ns >= result.excess_ns / 2)) {
+        result.cause = LateCause::Preempted;
+        result.why = "preempted " + counted(tick.usage.forced_switches, "time");
+        result.why += tick.waited_ns >= 0 ? ", and without its processor for " + microseconds(tick.waited_ns) : "";
+    } else if (in_exchange && tick.usage.voluntary_switches > 1) {
+        result.cause = LateCause::Board;
+        result.why = "the thread slept until the device answered";
+    } else if (stolen_ms > 0) {
+        result.cause = LateCause::Stolen;
+        result.why = stolen_text(stolen_ms);
+    } else {
+        result.cause = LateCause::Unseen;
+        result.why =
+            "the thread kept its processor, without a page fault: interrupts, firmware, a hypervisor or cold caches "
+            "took the time";
+    }
+}
+
+}  // namespace
+
+UsualTimes usual_times(const Instruments& m) {
+    UsualTimes usual;
+    usual.stages_ns = {m.wakeup.percentile_ns(0.5),
+                       m.exchange.percentile_ns(0.5),
+                       m.pose.percentile_ns(0.5),
+                       m.proxy.percentile_ns(0.5),
+                       m.tension.percentile_ns(0.5),
+                       m.publish.percentile_ns(0.5),
+                       0};
+    return usual;
+}
+
+std::int64_t time_in(const TimedTick& tick, LateStage stage) {
+    return stage == LateStage::Wakeup ? tick.wakeup_ns() : tick.timing.stages_ns[static_cast<std::size_t>(stage) - 1];
+}
+
+TickExplanation explain(const TimedTick& tick, const UsualTimes& usual, std::int64_t stolen_ms, Explain what) {
+    TickExplanation result;
+    result.excess_ns = -1;
+    const std::size_t first = what == Explain::Stages ? 1 : 0;
+    const std::size_t last = what == Explain::Wakeup ? 1 : kLateStages;
+    for (std::size_t i = first; i < last; ++i) {
+        const auto stage = static_cast<LateStage>(i);
+        const std::int64_t excess_ns = std::max<std::int64_t>(0, time_in(tick, stage) - usual.stages_ns[i]);
+        if (excess_ns > result.excess_ns) {
+            result.stage = stage;
+            result.excess_ns = excess_ns;
+        }
+    }
+    if (result.excess_ns < kNotWorthAWord) {
+        result.cause = LateCause::Usual;
+        result.why = "no more than " + microseconds(result.excess_ns) + " above the median";
+    } else if (result.stage == LateStage::Wakeup) {
+        explain_wakeup(tick, stolen_ms, result);
+    } else {
+        explain_stage(tick, stolen_ms, result);
+    }
+    return result;
+}
+
+std::string_view name_of(LateStage stage) noexcept {
+    return kStageNames[static_cast<std::size_t>(stage)];
+}
+
+std::string_view name_of(LateCause cause) noexcept {
+    return kCauseNames[static_cast<std::size_t>(cause)];
+}
+
+}  // namespace haptic::rt

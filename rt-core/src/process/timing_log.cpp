@@ -1,0 +1,125 @@
+#include "process/timing_log.hpp"
+
+#include <algorithm>
+
+namespace haptic::rt {
+
+std::int64_t latency_of(const TimedTick& tick, Latency latency) HAPTIC_RT {
+    switch (latency) {
+        case Latency::Wakeup:
+            return tick.wakeup_ns();
+        case Latency::Period:
+            return tick.period_ns > 0 ? tick.period_ns : -1;
+        case Latency::Compute:
+            return tick.compute_ns;
+        case Latency::Exchange:
+            return tick.timing.of(TickStage::Exchange);
+        case Latency::DeviceToPlane:
+            return tick.timing.state_age_ns;
+        case Latency::MotionToForce:
+            return tick.timing.motion_to_force_ns;
+    }
+    return -1;
+}
+
+void Course::add(std::int64_t at_ns, std::int64_t value_ns) HAPTIC_RT {
+    if (start_ns_ < 0) {
+        start_ns_ = at_ns;
+    }
+    const std::int64_t since_ns = std::max<std::int64_t>(0, at_ns - start_ns_);
+    while (since_ns / piece_ns_ >= static_cast<std::int64_t>(kPieces)) {
+        halve();
+    }
+    const auto piece = static_cast<std::size_t>(since_ns / piece_ns_);
+    while (used_ <= piece) {
+        largest_ns_[used_++] = -1;
+    }
+    largest_ns_[piece] = std::max(largest_ns_[piece], value_ns);
+}
+
+void Course::halve() HAPTIC_RT {
+    for (std::size_t i = 0; i < used_; i += 2) {
+        largest_ns_[i / 2] = i + 1 < used_ ? std::max(largest_ns_[i], largest_ns_[i + 1]) : largest_ns_[i];
+    }
+    used_ = (used_ + 1) / 2;
+    piece_ns_ *= 2;
+}
+
+std::int64_t TimingLog::waited_so_far_ns() const HAPTIC_RT {
+    return waits_ >= 0 ? waited_for_processor_ns(waits_) : -1;
+}
+
+void TimingLog::begin() HAPTIC_RT {
+    ++stretches_;
+    usage_ = thread_usage();
+    waited_ns_ = waited_so_far_ns();
+}
+
+void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int64_t missed) HAPTIC_RT {
+    TimedTick tick;
+    tick.number = record.number;
+    tick.deadline_ns = record.deadline_ns;
+    tick.now_ns = record.now_ns;
+    tick.period_ns = record.period_ns;
+    tick.compute_ns = record.compute_ns;
+    tick.missed = missed;
+    tick.timing = timing;
+    tick.safety_state = record.safety_state;
+    tick.exchange_in = record.exchange_in;
+    tick.exchange_out = record.exchange_out;
+
+    const ThreadUsage usage = thread_usage();
+    tick.usage = usage - usage_;
+    usage_ = usage;
+    const std::int64_t waited_ns = waited_so_far_ns();
+    tick.waited_ns = waited_ns >= 0 && waited_ns_ >= 0 ? waited_ns - waited_ns_ : -1;
+    waited_ns_ = waited_ns;
+
+    late_ticks_ += missed > 0 ? 1u : 0u;
+    missed_ += static_cast<std::uint64_t>(std::max<std::int64_t>(missed, 0));
+    wakeup_.add(tick.now_ns, tick.wakeup_ns());
+    compute_.add(tick.now_ns, tick.compute_ns);
+    if (keep(tick)) {
+        if (std::int64_t* const event = events_.claim(); event != nullptr) {
+            *event = tick.now_ns;
+            events_.commit();
+        }
+    }
+}
+
+bool TimingLog::keep(const TimedTick& tick) HAPTIC_RT {
+    bool kept = false;
+    for (std::size_t i = 0; i < kLatencies; ++i) {
+        const auto latency = static_cast<Latency>(i);
+        const std::int64_t value_ns = latency_of(tick, latency);
+        if (value_ns >= 0 && (largest_[i].number == 0 || value_ns > latency_of(largest_[i], latency))) {
+            largest_[i] = tick;
+            kept = true;
+        }
+    }
+    std::size_t place = worst_count_;
+    while (place > 0 && worst_[place - 1].lateness_ns() < tick.lateness_ns()) {
+        --place;
+    }
+    if (place == kWorst) {
+        return kept;
+    }
+    worst_count_ = std::min(worst_count_ + 1, kWorst);
+    for (std::size_t i = worst_count_ - 1; i > place; --i) {
+        worst_[i] = worst_[i - 1];
+    }
+    worst_[place] = tick;
+    return true;
+}
+
+bool TimingLog::take_event(std::int64_t& now_ns) HAPTIC_RT {
+    const std::int64_t* const event = events_.front();
+    if (event == nullptr) {
+        return false;
+    }
+    now_ns = *event;
+    events_.release();
+    return true;
+}
+
+}  // namespace haptic::rt

@@ -1,0 +1,53 @@
+#include "rendering/limits.hpp"
+
+#include <cmath>
+#include <glm/geometric.hpp>
+
+#include <haptic/rt/finite.hpp>
+
+namespace haptic::rt {
+namespace {
+
+/// Shortens v to a length; true if it was longer.
+bool shorten(Vec3& v, double length) HAPTIC_RT {
+    const double present = glm::length(v);
+    if (present <= length) {
+        return false;
+    }
+    // Where the square of a huge vector overflows there is no direction left to keep.
+    v = std::isfinite(present) ? v * (length / present) : Vec3(0.0);
+    return true;
+}
+
+/// Moves from toward to by at most a distance; true if it did not get there.
+bool approach(const Vec3& from, Vec3& to, double distance) HAPTIC_RT {
+    Vec3 step = to - from;
+    if (!shorten(step, distance)) {
+        return false;
+    }
+    to = from + step;
+    return true;
+}
+
+}  // namespace
+
+WrenchLimiter::Result WrenchLimiter::apply(const Wrench& wanted, std::int64_t elapsed_ns) HAPTIC_RT {
+    Result result;
+    result.wrench.force = finite(wanted.force) ? wanted.force : Vec3(0.0);
+    result.wrench.torque = finite(wanted.torque) ? wanted.torque : Vec3(0.0);
+
+    const bool force_large = shorten(result.wrench.force, limits_.force);
+    const bool torque_large = shorten(result.wrench.torque, limits_.torque);
+    result.size_limited = force_large || torque_large;
+
+    // Both ends of a step lie in the same ball, so what lies between them does too.
+    const double dt = seconds(elapsed_ns);
+    const bool force_fast = approach(last_.force, result.wrench.force, limits_.force_rate * dt);
+    const bool torque_fast = approach(last_.torque, result.wrench.torque, limits_.torque_rate * dt);
+    result.rate_limited = force_fast || torque_fast;
+
+    last_ = result.wrench;
+    return result;
+}
+
+}  // namespace haptic::rt

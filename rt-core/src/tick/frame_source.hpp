@@ -1,0 +1,28 @@
+// Where the tick takes contact frames from: the ring, or a recording.
+#pragma once
+
+#include <haptic/frames.hpp>
+#include <haptic/realtime.hpp>
+#include <haptic/ring.hpp>
+
+namespace haptic::rt {
+
+class FrameSource {
+  public:
+    virtual ~FrameSource() = default;
+
+    /// The newest frame if there is one that was not returned before; as RingReader::read_newest().
+    [[nodiscard]] virtual bool read_newest(ContactFrame& frame) HAPTIC_RT = 0;
+};
+
+class RingFrames final : public FrameSource {
+  public:
+    /// The reader must outlive the source.
+    explicit RingFrames(RingReader<ContactFrame>& reader) : reader_(&reader) {}
+    [[nodiscard]] bool read_newest(ContactFrame& frame) HAPTIC_RT override;
+
+  private:
+    RingReader<ContactFrame>* reader_;
+};
+
+}  // namespace haptic::rt

@@ -1,0 +1,422 @@
+#include "device/kinematics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+
+#include <haptic/device/emulated_device.hpp>
+#include <haptic/device/variant_file.hpp>
+#include "random.hpp"
+
+namespace haptic::rt {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Rotation about an axis by Rodrigues' formula: the oracle shares no quaternion with the code under test.
+Vec3 rotated(const Vec3& v, const Vec3& axis, double angle) {
+    return v * std::cos(angle) + glm::cross(axis, v) * std::sin(angle) +
+           axis * glm::dot(axis, v) * (1.0 - std::cos(angle));
+}
+
+struct Placement {
+    Vec3 position;
+    Vec3 axis;
+    double angle;
+
+    [[nodiscard]] Pose pose() const {
+        const Vec3 imaginary = axis * std::sin(angle / 2.0);
+        return {position, Quat(std::cos(angle / 2.0), imaginary.x, imaginary.y, imaginary.z)};
+    }
+};
+
+class Random : public test::Random {
+  public:
+    using test::Random::Random;
+    Placement placement(double distance, double angle) {
+        const Vec3 position = direction() * distance;
+        return {position, direction(), angle};
+    }
+};
+
+double angle_between(const Quat& a, const Quat& b) {
+    const Quat difference = glm::conjugate(a) * b;
+    const double sine = glm::length(Vec3(difference.x, difference.y, difference.z));
+    return 2.0 * std::atan2(sine, std::abs(difference.w));
+}
+
+TEST(Kinematics, LengthsAreTheDistancesFromKnotToMotor) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(1);
+    for (int k = 0; k < 200; ++k) {
+        const Placement placement = random.placement(random.uniform(0.0, 0.04), random.uniform(-1.0, 1.0));
+        const StringArray lengths = string_lengths(variant, placement.pose());
+        for (std::size_t i = 0; i < kStrings; ++i) {
+            const device::StringFacts& string = variant.strings[i];
+            const Vec3 knot = placement.position + rotated(string.grip, placement.axis, placement.angle);
+            EXPECT_NEAR(lengths[i], glm::length(string.motor - knot), 1e-15);
+        }
+    }
+}
+
+TEST(Kinematics, WireMatrixIsMinusTheDerivativeOfTheLengths) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(2);
+    constexpr double kStep = 1e-6;       // m, rad
+    constexpr double kTolerance = 1e-9;  // m/m, m/rad: rounding 1e-17 / 1e-6, truncation step^2 / length^2
+    for (int k = 0; k < 100; ++k) {
+        const Placement at = random.placement(random.uniform(0.0, 0.04), random.uniform(-1.0, 1.0));
+        const WireMatrix wires = wire_matrix(variant, at.pose());
+        for (std::size_t i = 0; i < kStrings; ++i) {
+            const device::StringFacts& string = variant.strings[i];
+            const Vec3 arm = rotated(string.grip, at.axis, at.angle);
+            const auto length = [&](const Vec3& shift, const Vec3& about, double by) {
+                return glm::length(string.motor - (at.position + shift) - rotated(arm, about, by));
+            };
+            for (int j = 0; j < 3; ++j) {
+                Vec3 unit(0.0, 0.0, 0.0);
+                unit[j] = 1.0;
+                const double by_shift = (length(unit * kStep, unit, 0.0) - length(-unit * kStep, unit, 0.0)) / 2e-6;
+                const double by_turn = (length({}, unit, kStep) - length({}, unit, -kStep)) / 2e-6;
+                EXPECT_NEAR(wires[i][static_cast<std::size_t>(j)], -by_shift, kTolerance);
+                EXPECT_NEAR(wires[i][static_cast<std::size_t>(j) + 3], -by_turn, kTolerance);
+            }
+        }
+    }
+}
+
+TEST(Kinematics, AStringOfNoLengthHasAZeroRow) {
+    device::Variant variant = device::spidar_g6_x3r();
+    variant.strings[3].motor = variant.strings[3].grip;
+    const WireMatrix wires = wire_matrix(variant, {});
+    for (const double entry : wires[3]) {
+        EXPECT_EQ(entry, 0.0);
+    }
+}
+
+TEST(Kinematics, WrenchOfTensionsIsWhatTheEmulatedMotorsDo) {
+    // The emulated device works its wrench out by itself, string by string.
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(3);
+    for (int k = 0; k < 100; ++k) {
+        const Pose pose = random.placement(0.02, 0.5).pose();
+        device::EmulatedDevice grip({.variant = variant, .hand = PoseTrack(pose)});
+        std::array<std::int16_t, kStrings> digits{};
+        for (std::int16_t& digit : digits) {
+            digit = static_cast<std::int16_t>(random.uniform(0.0, 4095.0));
+        }
+        grip.set_digits(digits);
+        const Wrench wrench = wrench_of_tensions(wire_matrix(variant, grip.grip_pose()), grip.tensions());
+        const Wrench felt = grip.wrench();
+        EXPECT_NEAR(glm::length(wrench.force - felt.force), 0.0, 1e-12);
+        EXPECT_NEAR(glm::length(wrench.torque - felt.torque), 0.0, 1e-13);
+    }
+}
+
+TEST(PoseSolver, ATurnOfTheRightSideAwayIsPositiveAboutY) {
+    // In the words of the person in front of an X4: string 1 runs from the right side of the grip to the far right
+    // motor below, string 5 to the one above, 2 and 6 from the left side to the far left ones. As the right side goes
+    // away and the left one comes near, 1 and 5 get shorter and 2 and 6 longer.
+    const device::Variant variant = device::builtin_variant("SpidarG6X4");
+    const auto turn_of = [&](const StringArray& lengths, const device::Variant& geometry) {
+        PoseSolver solver(geometry);
+        PoseEstimate estimate;
+        for (int update = 0; update < 3; ++update) {
+            estimate = solver.solve(lengths);
+        }
+        return estimate.pose.orientation.y;
+    };
+    const StringArray level = string_lengths(variant, {});
+    const StringArray turned = string_lengths(variant, {{}, Quat(std::cos(0.1), 0.0, std::sin(0.1), 0.0)});
+    EXPECT_LT(turned[1], level[1]);
+    EXPECT_LT(turned[5], level[5]);
+    EXPECT_GT(turned[2], level[2]);
+    EXPECT_GT(turned[6], level[6]);
+    EXPECT_NEAR(turn_of(turned, variant), std::sin(0.1), 1e-9);
+    // Taking the lists' z, which points away, for one toward the person turns the sense of rotation round.
+    std::string text(device::builtin_variant_text("SpidarG6X4"));
+    text.replace(text.find("\"away\""), 6, "\"toward\"");
+    EXPECT_NEAR(turn_of(turned, device::parse_variant(text, "mirrored")), -std::sin(0.1), 1e-9);
+}
+
+TEST(PoseSolver, StepOf25DegreesAnd27MillimetresIsFoundWithinThreeUpdates) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(4);
+    double widest = 0.0;
+    double furthest = 0.0;
+    for (int k = 0; k < 2000; ++k) {
+        const Pose pose = random.placement(0.027, 25.0 * kDegree).pose();
+        const StringArray lengths = string_lengths(variant, pose);
+        PoseSolver solver(variant);
+        PoseEstimate estimate;
+        for (int update = 0; update < 3; ++update) {
+            estimate = solver.solve(lengths);
+            ASSERT_EQ(estimate.status, PoseStatus::Ok);
+        }
+        widest = std::max(widest, angle_between(estimate.pose.orientation, pose.orientation));
+        furthest = std::max(furthest, glm::length(estimate.pose.position - pose.position));
+        EXPECT_LT(estimate.residual, 1e-12);
+    }
+    EXPECT_LT(widest, 0.05 * kDegree);
+    EXPECT_LT(furthest, 0.02e-3);
+}
+
+constexpr const char* kSixDegreesOfFreedom[] = {"SpidarG6X3R", "SpidarG6X3L", "SpidarG6X3F", "SpidarG6X4",
+                                                "SpidarG6X5R", "SpidarG6X5L", "SpidarG6T1"};
+
+TEST(PoseSolver, AStepIsFoundWithinThreeUpdatesOnEveryFrame) {
+    for (const char* name : kSixDegreesOfFreedom) {
+        const device::Variant variant = device::builtin_variant(name);
+        Random random(4);
+        double widest = 0.0;
+        double furthest = 0.0;
+        for (int k = 0; k < 1000; ++k) {
+            const Pose pose = random.placement(0.027, 25.0 * kDegree).pose();
+            const StringArray lengths = string_lengths(variant, pose);
+            PoseSolver solver(variant);
+            PoseEstimate estimate;
+            for (int update = 0; update < 3; ++update) {
+                estimate = solver.solve(lengths);
+                ASSERT_EQ(estimate.status, PoseStatus::Ok) << name;
+            }
+            widest = std::max(widest, angle_between(estimate.pose.orientation, pose.orientation));
+            furthest = std::max(furthest, glm::length(estimate.pose.position - pose.position));
+        }
+        EXPECT_LT(widest, 0.05 * kDegree) << name;
+        EXPECT_LT(furthest, 0.02e-3) << name;
+    }
+}
+
+/// Diagonal of (A^T A)^-1, by Gauss-Jordan elimination.
+Vec6 inverse_diagonal(const WireMatrix& wires) {
+    std::array<std::array<double, 12>, 6> rows{};
+    for (std::size_t j = 0; j < 6; ++j) {
+        for (std::size_t k = 0; k < 6; ++k) {
+            for (const Vec6& wire : wires) {
+                rows[j][k] += wire[j] * wire[k];
+            }
+        }
+        rows[j][6 + j] = 1.0;
+    }
+    for (std::size_t pivot = 0; pivot < 6; ++pivot) {
+        const double value = rows[pivot][pivot];
+        for (double& entry : rows[pivot]) {
+            entry /= value;
+        }
+        for (std::size_t row = 0; row < 6; ++row) {
+            const double factor = rows[row][pivot];
+            for (std::size_t k = 0; row != pivot && k < 12; ++k) {
+                rows[row][k] -= factor * rows[pivot][k];
+            }
+        }
+    }
+    Vec6 diagonal{};
+    for (std::size_t j = 0; j < 6; ++j) {
+        diagonal[j] = rows[j][6 + j];
+    }
+    return diagonal;
+}
+
+/// Standard deviation of the solved pose (m, rad) from lengths that are rounded to whole counts, near the centre.
+Vec6 noise_of(const device::Variant& variant, int samples) {
+    const double count = std::fabs(variant.strings[0].metres_per_count);
+    Random random(5);
+    PoseSolver solver(variant);
+    Vec6 squares{};
+    for (int k = 0; k < samples; ++k) {
+        // Far enough from one another that the eight roundings are independent.
+        const Pose pose = random.placement(random.uniform(0.0, 1e-3), random.uniform(0.0, 0.02)).pose();
+        StringArray lengths = string_lengths(variant, pose);
+        for (double& length : lengths) {
+            length = std::round(length / count) * count;
+        }
+        const PoseEstimate estimate = solver.solve(lengths);
+        EXPECT_EQ(estimate.status, PoseStatus::Ok);
+        const Vec3 moved = estimate.pose.position - pose.position;
+        const Quat turned = estimate.pose.orientation * glm::conjugate(pose.orientation);
+        const Vec3 turn = 2.0 * Vec3(turned.x, turned.y, turned.z) * (turned.w < 0.0 ? -1.0 : 1.0);
+        for (int axis = 0; axis < 3; ++axis) {
+            squares[static_cast<std::size_t>(axis)] += moved[axis] * moved[axis];
+            squares[static_cast<std::size_t>(axis) + 3] += turn[axis] * turn[axis];
+        }
+    }
+    for (double& square : squares) {
+        square = std::sqrt(square / samples);
+    }
+    return squares;
+}
+
+TEST(PoseSolver, NoiseFloorOfEveryFrameIsThatOfItsEncoders) {
+    // Lengths rounded to whole counts are off by count^2 / 12 in variance each, so that the least-squares pose is off
+    // by (A^T A)^-1 times that.
+    for (const char* name : kSixDegreesOfFreedom) {
+        const device::Variant variant = device::builtin_variant(name);
+        const double count = variant.strings[0].metres_per_count;
+        const Vec6 expected = inverse_diagonal(wire_matrix(variant, {}));
+        const Vec6 noise = noise_of(variant, 10000);
+        for (std::size_t axis = 0; axis < 6; ++axis) {
+            // 10,000 samples tell a standard deviation to 0.7 %; poses up to 1 mm and 1 degree off change it a little.
+            const double ratio = noise[axis] / std::sqrt(expected[axis] * count * count / 12.0);
+            EXPECT_NEAR(ratio, 1.0, 0.04) << name << ", axis " << axis;
+        }
+    }
+}
+
+TEST(PoseSolver, TracksAHandWithoutLag) {
+    // 3 cm and half a radian at 3 Hz: 0.57 m/s and 9 rad/s. One update a millisecond must leave nothing that shows.
+    const device::Variant variant = device::spidar_g6_x3r();
+    PoseSolver solver(variant);
+    double furthest = 0.0;
+    double widest = 0.0;
+    for (int tick = 0; tick < 2000; ++tick) {
+        const double phase = 2.0 * std::numbers::pi * 3.0 * tick * 1e-3;
+        const Placement at{{0.03 * std::sin(phase), 0.02 * std::sin(2.0 * phase), 0.02 * std::sin(phase + 1.0)},
+                           glm::normalize(Vec3(1.0, std::sin(phase / 7.0), -0.5)),
+                           0.5 * std::sin(phase)};
+        const PoseEstimate estimate = solver.solve(string_lengths(variant, at.pose()));
+        ASSERT_EQ(estimate.status, PoseStatus::Ok);
+        if (tick < 3) {
+            continue;  // the hand starts 17 mm away from where the solver does
+        }
+        furthest = std::max(furthest, glm::length(estimate.pose.position - at.position));
+        widest = std::max(widest, angle_between(estimate.pose.orientation, at.pose().orientation));
+    }
+    // A thousandth of what the encoders resolve (3.5 um, 0.2 mrad).
+    EXPECT_LT(furthest, 3.5e-9);
+    EXPECT_LT(widest, 0.2e-6);
+}
+
+TEST(PoseSolver, NoiseOfQuantisedLengthsIsThatOfTheGeometry) {
+    // Published for the X3R at the centre: 3.3 to 3.5 um and 10 to 12 mdeg, one standard deviation, on the worst axis.
+    const device::Variant variant = device::spidar_g6_x3r();
+    const Vec6 noise = noise_of(variant, 20000);
+    const double worst_um = 1e6 * std::max({noise[0], noise[1], noise[2]});
+    const double worst_mdeg = 1e3 / kDegree * std::max({noise[3], noise[4], noise[5]});
+    EXPECT_GT(worst_um, 3.2);
+    EXPECT_LT(worst_um, 3.6);
+    EXPECT_GT(worst_mdeg, 9.5);
+    EXPECT_LT(worst_mdeg, 13.0);
+    RecordProperty("worst_um", std::to_string(worst_um));
+    RecordProperty("worst_mdeg", std::to_string(worst_mdeg));
+}
+
+TEST(PoseSolver, ResidualShowsALengthThatContradictsTheOthers) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    StringArray lengths = string_lengths(variant, {});
+    PoseSolver solver(variant);
+    EXPECT_LT(solver.solve(lengths).residual, 1e-15);
+    lengths[2] += 0.005;
+    // Two of eight dimensions are redundant: a fault of one string shows by its share in them.
+    EXPECT_GT(solver.solve(lengths).residual, 0.1 * 0.005 / std::sqrt(8.0));
+}
+
+TEST(PoseSolver, KeepsTheLastPoseForLengthsThatAreNotFinite) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    const Pose pose = Placement{{0.01, 0.0, -0.01}, {0.0, 1.0, 0.0}, 0.3}.pose();
+    const StringArray good = string_lengths(variant, pose);
+    PoseSolver solver(variant);
+    solver.solve(good);
+    const Pose before = solver.solve(good).pose;
+    for (const double bad : {kNaN, kInfinity, -kInfinity}) {
+        StringArray lengths = good;
+        lengths[5] = bad;
+        const PoseEstimate estimate = solver.solve(lengths);
+        EXPECT_EQ(estimate.status, PoseStatus::NonFinite);
+        EXPECT_EQ(estimate.pose.position, before.position);
+        EXPECT_EQ(estimate.pose.orientation, before.orientation);
+    }
+    EXPECT_EQ(solver.solve(good).status, PoseStatus::Ok);
+}
+
+TEST(PoseSolver, SaysWhereTheStringsDoNotDetermineThePose) {
+    // All strings knotted to one point: the grip turns freely about it.
+    device::Variant variant = device::spidar_g6_x3r();
+    for (device::StringFacts& string : variant.strings) {
+        string.grip = {0.0, 0.0225, 0.0};
+    }
+    PoseSolver solver(variant);
+    const Pose start = Placement{{0.001, 0.002, 0.003}, {0.0, 0.0, 1.0}, 0.1}.pose();
+    solver.reset(start);
+    const PoseEstimate estimate = solver.solve(string_lengths(variant, {}));
+    EXPECT_EQ(estimate.status, PoseStatus::RankDeficient);
+    EXPECT_EQ(estimate.pose.position, start.position);
+    EXPECT_LT(angle_between(estimate.pose.orientation, start.orientation), 1e-15);
+}
+
+TEST(PoseSolver, IsFiniteAndUnitWhateverItIsGivenAndRecovers) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    Random random(6);
+    const double magnitudes[] = {0.0, 1e-300, 1e-3, 0.1, 1.0, 1e3, 1e100, 1e200, 1e308};
+    PoseSolver solver(variant);
+    for (int k = 0; k < 20000; ++k) {
+        StringArray lengths{};
+        for (double& length : lengths) {
+            length = random.uniform(-1.0, 1.0) * magnitudes[static_cast<std::size_t>(random.uniform(0.0, 9.0))];
+        }
+        const PoseEstimate& estimate = solver.solve(lengths);
+        const Pose& pose = estimate.pose;
+        ASSERT_TRUE(std::isfinite(pose.position.x) && std::isfinite(pose.position.y) &&
+                    std::isfinite(pose.position.z) && std::isfinite(estimate.residual));
+        ASSERT_NEAR(glm::length(pose.orientation), 1.0, 1e-14);
+        ASSERT_LE(glm::length(pose.position), 0.1140);  // where the motors are
+    }
+    // However far astray: reset, and the hand is found again.
+    solver.reset({});
+    const Pose pose = Placement{{0.01, 0.0, -0.01}, {0.0, 1.0, 0.0}, 0.3}.pose();
+    PoseEstimate estimate;
+    for (int update = 0; update < 3; ++update) {
+        estimate = solver.solve(string_lengths(variant, pose));
+    }
+    EXPECT_LT(glm::length(estimate.pose.position - pose.position), 1e-9);
+}
+
+TEST(PoseSolver, AStringOfNoLengthCountsForNothing) {
+    // Seven strings still determine the pose.
+    device::Variant variant = device::spidar_g6_x3r();
+    variant.strings[3].motor = variant.strings[3].grip;
+    PoseSolver solver(variant);
+    const PoseEstimate estimate = solver.solve(string_lengths(variant, {}));
+    EXPECT_EQ(estimate.status, PoseStatus::Ok);
+    EXPECT_LT(glm::length(estimate.pose.position), 1e-12);
+    EXPECT_LT(estimate.residual, 1e-12);
+}
+
+TEST(PoseSolver, OrientationStaysUnitOverManyUpdates) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    PoseSolver solver(variant);
+    const StringArray a = string_lengths(variant, Placement{{0.01, 0.0, 0.0}, {0.0, 1.0, 0.0}, 0.2}.pose());
+    const StringArray b = string_lengths(variant, Placement{{0.0, 0.01, 0.0}, {1.0, 0.0, 0.0}, 0.2}.pose());
+    for (int k = 0; k < 100000; ++k) {
+        solver.solve(a);
+        solver.solve(b);
+    }
+    EXPECT_NEAR(glm::length(solver.solve(a).pose.orientation), 1.0, 1e-15);
+}
+
+TEST(PoseSolver, ResetTakesTheCentreForAPoseThatIsNone) {
+    const device::Variant variant = device::spidar_g6_x3r();
+    PoseSolver solver(variant);
+    const StringArray level = string_lengths(variant, {});
+    for (const Pose& bad : {Pose{{kNaN, 0.0, 0.0}, {1.0, 0.0, 0.0, 0.0}}, Pose{{}, {0.0, 0.0, 0.0, 0.0}},
+                            Pose{{}, {kInfinity, 0.0, 0.0, 0.0}}, Pose{{1e300, 1e300, 0.0}, {1.0, 0.0, 0.0, 0.0}}}) {
+        solver.reset(bad);
+        const PoseEstimate estimate = solver.solve(level);
+        EXPECT_EQ(estimate.status, PoseStatus::Ok);
+        EXPECT_LT(glm::length(estimate.pose.position), 0.114);
+    }
+    EXPECT_LT(glm::length(solver.solve(level).pose.position), 1e-9);
+}
+
+TEST(PoseSolver, RefusesAVariantWithoutGeometry) {
+    EXPECT_THROW(PoseSolver{device::Variant{}}, std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace haptic::rt

@@ -1,0 +1,340 @@
+#include "doctor/doctor.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "machine_tree.hpp"
+
+namespace haptic::rt {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr device::UsbId kBoard{0x0cec, 0x0205};
+
+class DoctorTest : public testing::Test {
+  protected:
+    [[nodiscard]] Diagnosis diagnosis() const { return examine(tree.machine(), settings); }
+
+    /// Names of what has a verdict.
+    [[nodiscard]] std::vector<std::string> that_are(Verdict verdict) const {
+        std::vector<std::string> names;
+        for (const Finding& one : diagnosis().findings) {
+            if (one.verdict == verdict) {
+                names.push_back(one.name);
+            }
+        }
+        return names;
+    }
+
+    [[nodiscard]] Finding finding(const std::string& name) const {
+        for (const Finding& one : diagnosis().findings) {
+            if (one.name == name) {
+                return one;
+            }
+        }
+        ADD_FAILURE() << "no finding " << name;
+        return {};
+    }
+
+    /// Only this is bad now, and its command is this.
+    void expect_only(const std::string& name, const std::string& remedy) const {
+        EXPECT_THAT(that_are(Verdict::Bad), ElementsAre(name));
+        EXPECT_THAT(finding(name).remedy, HasSubstr(remedy));
+        EXPECT_FALSE(diagnosis().good());
+    }
+
+    test::MachineTree tree;
+    DoctorSettings settings{.usb = device::UsbSelection{.id = kBoard}};
+};
+
+TEST_F(DoctorTest, FindsNothingOnAMachineThatIsWellSetUp) {
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+    EXPECT_THAT(that_are(Verdict::Unknown), IsEmpty());
+    EXPECT_TRUE(diagnosis().good());
+    EXPECT_EQ(diagnosis().cpu, 3);
+}
+
+TEST_F(DoctorTest, NamesAKernelWithoutPreemptRt) {
+    tree.write("/proc/sys/kernel/version", "#1 SMP PREEMPT_DYNAMIC Debian 6.1.147-1 (2025-08-02)");
+    expect_only("kernel", "sudo apt-get install linux-image-rt-");
+}
+
+TEST_F(DoctorTest, NamesAProcessorThatIsNotIsolated) {
+    settings.cpu = 2;
+    tree.write("/sys/devices/system/cpu/nohz_full", "2");
+    tree.write("/proc/cmdline", "rcu_nocbs=0-3");
+    tree.interrupt(25, "nvme0q0", "0");
+    std::filesystem::rename(tree.file("/sys/devices/system/cpu/cpu3"), tree.file("/sys/devices/system/cpu/cpu2"));
+    tree.write("/sys/devices/system/cpu/cpu2/topology/thread_siblings_list", "2");
+    tree.write("/proc/stat", "cpu2 1 0 1 900 0 0 0 0 0 0");
+    expect_only("isolation", "haptic-tune apply cmdline --cpu 2 && sudo reboot");
+}
+
+TEST_F(DoctorTest, SaysThatOneProcessorIsTooFewForIsolation) {
+    settings.cpu = 0;
+    tree.write("/sys/devices/system/cpu/online", "0");
+    tree.write("/sys/devices/system/cpu/isolated", "");
+    EXPECT_EQ(finding("isolation").verdict, Verdict::Bad);
+    EXPECT_THAT(finding("isolation").remedy, HasSubstr("two processors"));
+}
+
+TEST_F(DoctorTest, NamesAProcessorThatIsOffline) {
+    settings.cpu = 6;
+    EXPECT_EQ(finding("processor").verdict, Verdict::Bad);
+    EXPECT_THAT(finding("processor").remedy, HasSubstr("loop.cpu=-1"));
+}
+
+TEST_F(DoctorTest, NamesTheKernelsTick) {
+    tree.write("/sys/devices/system/cpu/nohz_full", "  (null)");
+    expect_only("timer_tick", "haptic-tune apply cmdline --cpu 3");
+}
+
+TEST_F(DoctorTest, NamesCallbacksOfRcu) {
+    tree.write("/proc/cmdline", "quiet isolcpus=1,3 rcu_nocbs=1");
+    expect_only("rcu_callbacks", "haptic-tune apply cmdline --cpu 3");
+}
+
+TEST_F(DoctorTest, NamesInterruptsOnTheLoopsProcessor) {
+    tree.interrupt(30, "eth0", "0,3");
+    expect_only("interrupts", "haptic-tune apply irqs --cpu 3");
+    EXPECT_THAT(finding("interrupts").found, HasSubstr("30 eth0"));
+}
+
+TEST_F(DoctorTest, TakesTheAskedForAffinityWhereTheEffectiveOneIsNotKnown) {
+    tree.interrupt(30, "eth0", "");
+    expect_only("interrupts", "haptic-tune apply irqs --cpu 3");
+}
+
+TEST_F(DoctorTest, TakesAnInterruptThatHasBeenSentAwayForGoneBeforeItComesAgain) {
+    tree.interrupt(30, "eth0", "3");
+    tree.write("/proc/irq/30/smp_affinity_list", "0-2");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+}
+
+TEST_F(DoctorTest, NamesAnotherThreadThatMayTakeTheProcessor) {
+    tree.thread(812, "jack (d) 1", 80, 2, "0-3");
+    expect_only("rivals", "sudo taskset -cp 0-2 812");
+    EXPECT_THAT(finding("rivals").found, HasSubstr("jack (d) 1 (812) has priority 80"));
+    tree.thread(812, "jackd", 80, 2, "0-2");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+    tree.thread(812, "jackd", 79, 1, "3");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+}
+
+TEST_F(DoctorTest, NamesAHyperThreadThatOthersUse) {
+    tree.write("/sys/devices/system/cpu/isolated", "3");
+    tree.write("/proc/self/status", "CapEff:\t0\nCpus_allowed_list:\t0-2");
+    expect_only("siblings", "haptic-tune apply siblings --cpu 3");
+    tree.write("/sys/devices/system/cpu/online", "0,2-3");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+}
+
+TEST_F(DoctorTest, NamesAGovernorThatSlowsDown) {
+    tree.write("/sys/devices/system/cpu/cpu3/cpufreq/scaling_governor", "schedutil");
+    expect_only("governor", "haptic-tune apply governor --cpu 3");
+}
+
+TEST_F(DoctorTest, DoesNotKnowOfAGovernorWhereTheKernelSetsNoFrequency) {
+    tree.remove("/sys/devices/system/cpu/cpu3/cpufreq");
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("governor"));
+    EXPECT_TRUE(diagnosis().good());
+}
+
+TEST_F(DoctorTest, NamesDeepIdleStatesThatItMayNotKeepAway) {
+    tree.forbid("/dev/cpu_dma_latency");
+    expect_only("idle_states", "chgrp haptic /dev/cpu_dma_latency");
+    EXPECT_THAT(finding("idle_states").found, HasSubstr("C6 takes 133 us"));
+    tree.write("/sys/devices/system/cpu/cpu3/cpuidle/state2/disable", "1");
+    EXPECT_THAT(finding("idle_states").found, HasSubstr("C1 takes 2 us"));
+    settings.idle_exit_us = 2;
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+}
+
+TEST_F(DoctorTest, NamesASettingThatAllowsDeepIdleStates) {
+    settings.idle_exit_us = -1;
+    expect_only("idle_states", "loop.idle_exit_us=0");
+}
+
+TEST_F(DoctorTest, NamesASlowClock) {
+    tree.write("/sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet");
+    expect_only("clock_source", "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource");
+    tree.write("/sys/devices/system/clocksource/clocksource0/available_clocksource", "hpet acpi_pm ");
+    expect_only("clock_source", "none from here");
+}
+
+TEST_F(DoctorTest, NamesThrottling) {
+    tree.write("/proc/sys/kernel/sched_rt_runtime_us", "950000");
+    expect_only("throttling", "haptic-tune apply throttling");
+    tree.write("/proc/sys/kernel/sched_rt_runtime_us", "1000000");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+}
+
+TEST_F(DoctorTest, NamesHugePagesThatComeUnasked) {
+    tree.write("/sys/kernel/mm/transparent_hugepage/enabled", "[always] madvise never");
+    expect_only("huge_pages", "haptic-tune apply hugepages");
+}
+
+TEST_F(DoctorTest, NamesTimeThatAHypervisorTook) {
+    tree.write("/proc/stat", "cpu  1 0 1 900 0 0 0 0 0 0\ncpu3 1 0 1 900 0 0 0 25 0 0");
+    expect_only("stolen_time", "none from here");
+    EXPECT_THAT(finding("stolen_time").found, HasSubstr("250 ms"));
+}
+
+TEST_F(DoctorTest, NamesALimitOfPriorityBelowTheWatchdogs) {
+    tree.limits("80", "unlimited");
+    expect_only("priority", "sudo usermod -aG haptic");
+    settings.priority = 79;
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+}
+
+TEST_F(DoctorTest, NamesALimitOfLockedMemoryHoweverLarge) {
+    tree.limits("98", "999999999");
+    expect_only("memory_lock", "sudo usermod -aG haptic");
+}
+
+TEST_F(DoctorTest, OffersCapabilitiesWhereNoLimitsAreInstalled) {
+    tree.limits("0", "8388608");
+    tree.remove("/etc/security/limits.d/haptic.conf");
+    EXPECT_THAT(that_are(Verdict::Bad), ElementsAre("priority", "memory_lock"));
+    EXPECT_THAT(finding("priority").remedy, HasSubstr("setcap cap_sys_nice,cap_ipc_lock+ep"));
+}
+
+TEST_F(DoctorTest, IsContentWithCapabilitiesInPlaceOfLimits) {
+    tree.limits("0", "8388608");
+    // Bits 14 and 23.
+    tree.write("/proc/self/status", "CapEff:\t0000000000804000\nCpus_allowed_list:\t0,2");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+    tree.write("/proc/self/status", "CapEff:\t0000000000004000\nCpus_allowed_list:\t0,2");
+    expect_only("priority", "usermod");
+}
+
+TEST_F(DoctorTest, NamesABoardThatThisUserMayNotOpen) {
+    tree.forbid("/dev/bus/usb/001/007");
+    expect_only("usb_access", "70-spidar-g6.rules /etc/udev/rules.d/");
+    tree.write("/usr/lib/udev/rules.d/70-spidar-g6.rules", "");
+    expect_only("usb_access", "usermod -aG haptic");
+}
+
+TEST_F(DoctorTest, NamesABoardThatMayBeSuspended) {
+    tree.write("/sys/bus/usb/devices/1-2/power/control", "auto");
+    expect_only("usb_autosuspend", "echo on | sudo tee /sys/bus/usb/devices/1-2/power/control");
+}
+
+TEST_F(DoctorTest, NamesTheControllerOnTheLoopsProcessor) {
+    tree.interrupt(24, "xhci_hcd", "3");
+    EXPECT_THAT(that_are(Verdict::Bad), ElementsAre("interrupts", "usb_interrupt"));
+    EXPECT_EQ(finding("usb_interrupt").remedy, "echo 0-2 | sudo tee /proc/irq/24/smp_affinity_list");
+    EXPECT_THAT(finding("usb_interrupt").found, HasSubstr("interrupt 24 (xhci_hcd) of 1-2"));
+}
+
+TEST_F(DoctorTest, FindsTheLineOfAControllerWithoutMessageSignalledInterrupts) {
+    tree.remove("/sys/devices/pci0000:00/0000:00:14.0/msi_irqs");
+    tree.interrupt(18, "ehci_hcd:usb1", "0");
+    EXPECT_THAT(finding("usb_interrupt").found, HasSubstr("interrupt 18 (ehci_hcd:usb1) of 1-2"));
+}
+
+TEST_F(DoctorTest, KnowsAControllerOnASystemOnChipByTheNameOfItsInterrupt) {
+    tree.remove("/sys/devices/pci0000:00/0000:00:14.0/msi_irqs");
+    tree.remove("/sys/devices/pci0000:00/0000:00:14.0/irq");
+    tree.remove("/proc/irq/24");
+    tree.interrupt(24, "xhci-hcd:usb1", "3");
+    EXPECT_EQ(finding("usb_interrupt").verdict, Verdict::Bad);
+    EXPECT_THAT(finding("usb_interrupt").found, HasSubstr("interrupt 24 (xhci-hcd:usb1)"));
+}
+
+TEST_F(DoctorTest, LooksAtTheBoardThatTheSettingsMean) {
+    tree.write("/sys/bus/usb/devices/1-2/power/control", "auto");
+    settings.usb->path = "1-3";
+    EXPECT_EQ(finding("usb_access").verdict, Verdict::Unknown);
+    settings.usb->path = "/dev/bus/usb/001/007";
+    EXPECT_EQ(finding("usb_autosuspend").verdict, Verdict::Bad);
+    settings.usb = device::UsbSelection{.id = {0x0cec, 0x0203}};
+    EXPECT_THAT(finding("usb_access").found, HasSubstr("no 0cec:0203 is plugged in"));
+}
+
+TEST_F(DoctorTest, ExpectsTheUdevRuleWhereNoBoardIsPluggedIn) {
+    tree.remove("/sys/bus/usb/devices/1-2");
+    expect_only("usb_autosuspend", "70-spidar-g6.rules");
+    EXPECT_EQ(finding("usb_interrupt").verdict, Verdict::Good);  // of all controllers
+    tree.write("/etc/udev/rules.d/70-spidar-g6.rules", "");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+}
+
+TEST_F(DoctorTest, AsksNothingOfUsbForABoardOnASerialLine) {
+    settings.usb.reset();
+    EXPECT_EQ(finding("usb_autosuspend").verdict, Verdict::Unknown);
+    EXPECT_TRUE(diagnosis().good());
+}
+
+TEST_F(DoctorTest, DoesNotKnowWhatItCannotRead) {
+    tree.remove("/proc");
+    tree.remove("/sys");
+    for (const Finding& one : diagnosis().findings) {
+        EXPECT_FALSE(one.found.empty()) << one.name;
+        EXPECT_FALSE(one.why.empty()) << one.name;
+    }
+    EXPECT_EQ(finding("kernel").verdict, Verdict::Unknown);
+    EXPECT_EQ(finding("interrupts").verdict, Verdict::Unknown);
+    EXPECT_EQ(finding("priority").verdict, Verdict::Unknown);
+    EXPECT_EQ(finding("stolen_time").verdict, Verdict::Unknown);
+}
+
+TEST_F(DoctorTest, SaysOfWhatIsBadWhyAndWhatMendsItOnAnyMachine) {
+    for (const Finding& one : examine(Machine(), settings).findings) {
+        EXPECT_FALSE(one.found.empty()) << one.name;
+        EXPECT_FALSE(one.why.empty()) << one.name;
+        EXPECT_TRUE(one.verdict != Verdict::Bad || !one.remedy.empty()) << one.name;
+    }
+}
+
+TEST_F(DoctorTest, ChangesNothing) {
+    const auto contents = [this] {
+        std::map<std::string, std::string> all;
+        for (const auto& entry : std::filesystem::recursive_directory_iterator(tree.root())) {
+            std::ostringstream text;
+            if (entry.is_regular_file()) {
+                text << std::ifstream(entry.path()).rdbuf() << entry.last_write_time().time_since_epoch().count();
+            }
+            all[entry.path()] = text.str();
+        }
+        return all;
+    };
+    tree.interrupt(30, "eth0", "3");
+    const auto before = contents();
+    EXPECT_FALSE(diagnosis().good());
+    EXPECT_EQ(contents(), before);
+}
+
+TEST_F(DoctorTest, WritesALineForEachFindingAndTheCommandForTheBadOnes) {
+    tree.write("/proc/sys/kernel/sched_rt_runtime_us", "950000");
+    const std::string text = text_of(diagnosis());
+    EXPECT_THAT(text, HasSubstr("good     kernel           6.1.0-38-rt-amd64, PREEMPT_RT\n"));
+    EXPECT_THAT(text, HasSubstr("bad      throttling       real-time threads may run for 950000 us of 1000000\n"));
+    EXPECT_THAT(text, HasSubstr("mend: sudo haptic-tune apply throttling --cpu 3\n"));
+    EXPECT_THAT(text, HasSubstr("18 good, 1 bad, 0 unknown\n"));
+}
+
+TEST_F(DoctorTest, WritesEachFindingAsJson) {
+    tree.write("/proc/sys/kernel/sched_rt_runtime_us", "950000");
+    const nlohmann::json json = json_of(diagnosis());
+    EXPECT_EQ(json.at("processor"), 3);
+    EXPECT_EQ(json.at("good"), false);
+    EXPECT_EQ(json.at("checks").size(), diagnosis().findings.size());
+    const auto throttling = std::find_if(json.at("checks").begin(), json.at("checks").end(),
+                                         [](const nlohmann::json& one) { return one.at("name") == "throttling"; });
+    ASSERT_NE(throttling, json.at("checks").end());
+    EXPECT_EQ(throttling->at("verdict"), "bad");
+    EXPECT_EQ(throttling->at("remedy"), "sudo haptic-tune apply throttling --cpu 3");
+    EXPECT_FALSE(throttling->at("why").get<std::string>().empty());
+}
+
+}  // namespace
+}  // namespace haptic::rt

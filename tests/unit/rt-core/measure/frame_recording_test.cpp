@@ -1,0 +1,163 @@
+#include "measure/frame_recording.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <random>
+
+#include "tick_rig.hpp"
+
+namespace haptic::rt {
+namespace {
+
+using testing::HasSubstr;
+
+class FrameRecording : public testing::Test {
+  protected:
+    void SetUp() override { std::filesystem::create_directory(folder); }
+    void TearDown() override { std::filesystem::remove_all(folder); }
+
+    void write(const std::vector<RecordedFrame>& frames) {
+        FrameWriter writer(file);
+        for (const RecordedFrame& frame : frames) {
+            writer.write(frame);
+        }
+        writer.close();
+    }
+    std::vector<RecordedFrame> read() {
+        FrameReader reader(file);
+        std::vector<RecordedFrame> frames(1);
+        while (reader.next(frames.back())) {
+            frames.emplace_back();
+        }
+        frames.pop_back();
+        return frames;
+    }
+    std::string error_of(const std::string& content) {
+        std::ofstream(file) << content;
+        try {
+            read();
+        } catch (const CsvError& error) {
+            return error.what();
+        }
+        return "";
+    }
+
+    std::filesystem::path folder =
+        std::filesystem::temp_directory_path() / ("haptic-frames-" + std::to_string(getpid()));
+    std::filesystem::path file = folder / "run.frames.csv";
+};
+
+/// Any finite number at all, and sometimes minus zero.
+double any_number(std::mt19937_64& random) {
+    double value = std::bit_cast<double>(random());
+    while (!std::isfinite(value)) {
+        value = std::bit_cast<double>(random());
+    }
+    return random() % 20 == 0 ? -0.0 : value;
+}
+
+RecordedFrame any_frame(std::mt19937_64& random) {
+    RecordedFrame recorded;
+    recorded.now_ns = static_cast<std::int64_t>(random() >> 1);
+    ContactFrame& frame = recorded.frame;
+    frame.sequence = random();
+    frame.session = random();
+    frame.state_sequence = random();
+    frame.state_time_ns = static_cast<std::int64_t>(random());
+    frame.plane_time_ns = static_cast<std::int64_t>(random());
+    frame.publish_time_ns = static_cast<std::int64_t>(random());
+    frame.step_ns = static_cast<std::int64_t>(random());
+    for (double* const value : {&frame.stiffness, &frame.torque_stiffness, &frame.damping, &frame.rotational_damping,
+                                &frame.static_friction, &frame.dynamic_friction}) {
+        *value = any_number(random);
+    }
+    frame.proxy_count = static_cast<std::uint32_t>(random() % (kMaxProxies + 1));
+    frame.flags = static_cast<std::uint32_t>(random());
+    for (std::size_t i = 0; i < frame.proxy_count; ++i) {
+        ProxyContact& proxy = frame.proxies[i];
+        for (int k = 0; k < 3; ++k) {
+            proxy.rest_offset[k] = any_number(random);
+            proxy.position[k] = any_number(random);
+            proxy.surface_velocity[k] = any_number(random);
+        }
+        proxy.in_contact = static_cast<std::uint32_t>(random() % 2);
+        proxy.plane_count = static_cast<std::uint32_t>(random() % (kMaxPlanes + 1));
+        for (std::size_t k = 0; k < proxy.plane_count; ++k) {
+            for (double& value : proxy.planes[k].normal) {
+                value = any_number(random);
+            }
+            proxy.planes[k].offset = any_number(random);
+            proxy.planes[k].velocity = any_number(random);
+        }
+    }
+    return recorded;
+}
+
+TEST_F(FrameRecording, GivesTheSameBitsBack) {
+    std::mt19937_64 random(5);
+    std::vector<RecordedFrame> frames(40);
+    std::generate(frames.begin(), frames.end(), [&random] { return any_frame(random); });
+    write(frames);
+    const std::vector<RecordedFrame> again = read();
+    ASSERT_EQ(again.size(), frames.size());
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+        EXPECT_EQ(again[i].now_ns, frames[i].now_ns);
+        EXPECT_EQ(again[i].defect, FrameDefect::None);
+        EXPECT_EQ(std::memcmp(&again[i].frame, &frames[i].frame, sizeof(ContactFrame)), 0) << "frame " << i;
+    }
+}
+
+TEST_F(FrameRecording, KeepsThatAFrameHadADefect) {
+    std::vector<RecordedFrame> frames(3);
+    for (RecordedFrame& recorded : frames) {
+        recorded.frame = test::floor_frame(0.0, 100.0, 7);
+    }
+    frames[0].frame.proxies[0].planes[0].offset = std::numeric_limits<double>::quiet_NaN();
+    frames[1].frame.proxy_count = 4'000'000'000;
+    frames[2].frame.stiffness = -std::numeric_limits<double>::infinity();
+    for (RecordedFrame& recorded : frames) {
+        recorded.defect = find_defect(recorded.frame);
+        ASSERT_NE(recorded.defect, FrameDefect::None);
+    }
+    write(frames);
+    const std::vector<RecordedFrame> again = read();
+    ASSERT_EQ(again.size(), 3u);
+    for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(again[i].defect, frames[i].defect);
+        EXPECT_NE(find_defect(again[i].frame), FrameDefect::None);
+    }
+}
+
+TEST_F(FrameRecording, IsATableThatAnyToolReads) {
+    std::mt19937_64 random(6);
+    RecordedFrame broken = any_frame(random);
+    broken.frame.damping = std::numeric_limits<double>::quiet_NaN();
+    write({any_frame(random), broken});
+    EXPECT_NO_THROW(static_cast<void>(CsvTable::load(file)));
+}
+
+TEST_F(FrameRecording, NamesTheLineOfRowsThatMakeNoFrame) {
+    EXPECT_THAT(error_of("now_ns,defect\n"), HasSubstr("there is no column particle"));
+    std::string header;
+    std::string zeros;
+    for (std::size_t i = 3; i < frame_columns().size(); ++i) {
+        header += "," + frame_columns()[i];
+        zeros += frame_columns()[i] == "proxy_count" ? ",2" : ",0";
+    }
+    header = "now_ns,defect,particle" + header + "\n";
+    EXPECT_THAT(error_of(header + "1,0,0" + zeros + "\n"), HasSubstr("csv:2: the frame's particles end too early"));
+    EXPECT_THAT(error_of(header + "1,0,0" + zeros + "\n1,0,2" + zeros + "\n"),
+                HasSubstr("csv:3: column particle: 1 was to come here"));
+    EXPECT_THAT(error_of(header + "1,99,0" + zeros + "\n"), HasSubstr("csv:2: column defect: there is no defect 99"));
+    EXPECT_EQ(error_of(header + "1,0,0" + zeros + "\n1,0,1" + zeros + "\n"), "");
+}
+
+}  // namespace
+}  // namespace haptic::rt

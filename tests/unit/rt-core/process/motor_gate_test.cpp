@@ -1,0 +1,85 @@
+#include "process/motor_gate.hpp"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "shared_board.hpp"
+
+namespace haptic::rt {
+namespace {
+
+using test::SharedBoard;
+using test::SharedMotors;
+
+device::MotorCommand all(std::int16_t digit) {
+    device::MotorCommand command;
+    command.digits.fill(digit);
+    return command;
+}
+
+TEST(MotorGate, PassesCommandsOnUntilItIsClosedAndZerosFromThenOn) {
+    SharedMotors motors;
+    SharedBoard board(motors);
+    MotorGate gate(board);
+    device::BoardReading reading;
+    EXPECT_EQ(gate.exchange(all(100), reading, 0), device::ExchangeStatus::Ok);
+    EXPECT_EQ(motors.sum(), 800);
+    gate.close();
+    EXPECT_EQ(motors.sum(), 0);
+    EXPECT_EQ(motors.zeros_sent, 1);
+    EXPECT_EQ(gate.exchange(all(100), reading, 1'000'000), device::ExchangeStatus::Ok) << "the encoders are still read";
+    EXPECT_EQ(motors.sum(), 0);
+}
+
+TEST(MotorGate, SendsZerosAgainAfterACommandThatWasUnderWay) {
+    // The board takes the command only after the gate was closed: what zero_motors() alone leaves behind is not zero.
+    SharedMotors motors;
+    motors.hang = true;
+    SharedBoard board(motors);
+    MotorGate gate(board);
+    std::thread loop([&gate] {
+        device::BoardReading reading;
+        gate.exchange(all(100), reading, 0);
+    });
+    while (!motors.hanging) {
+        test::sleep_ms(1);
+    }
+    std::thread release([&motors] {
+        while (motors.zeros_sent == 0) {
+            test::sleep_ms(1);
+        }
+        motors.hang = false;
+    });
+    // close() gives up after its bound; on a machine that is slow beyond it the next call sends the last zeros.
+    while (motors.hanging) {
+        gate.close();
+    }
+    release.join();
+    loop.join();
+    gate.close();
+    EXPECT_EQ(motors.sum(), 0);
+    EXPECT_GE(motors.zeros_sent, 2);
+}
+
+TEST(MotorGate, DoesNotWaitForEverForABoardThatHangs) {
+    SharedMotors motors;
+    motors.hang = true;
+    SharedBoard board(motors);
+    MotorGate gate(board);
+    std::thread loop([&gate] {
+        device::BoardReading reading;
+        gate.exchange(all(100), reading, 0);
+    });
+    while (!motors.hanging) {
+        test::sleep_ms(1);
+    }
+    gate.close();
+    EXPECT_TRUE(motors.hanging);
+    EXPECT_EQ(motors.zeros_sent, 2);
+    motors.hang = false;
+    loop.join();
+}
+
+}  // namespace
+}  // namespace haptic::rt

@@ -1,0 +1,392 @@
+#include "rendering/passivity.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <numbers>
+
+#include "random.hpp"
+
+namespace haptic::rt {
+namespace {
+
+using test::Random;
+
+constexpr double kPeriod_s = 1e-3;
+constexpr double kDamping = 0.3;    // N s/m, of the default settings
+constexpr double kPassive = 600.0;  // N/m, 2 b / T
+constexpr double kFloor_j = -1e-4;  // J, below which the observer must never be
+const Vec3 kUp{0.0, 1.0, 0.0};
+
+PassivitySettings with(PassivityControl control) {
+    PassivitySettings settings;
+    settings.control = control;
+    return settings;
+}
+
+/// What a grip at depth `d` in a resting wall of stiffness k wishes, d < 0: outside.
+PassivityWish wall(double k, double d) {
+    const double depth = std::max(0.0, d);
+    return {.wrench = {k * depth * kUp, Vec3(0.0)}, .stored = 0.5 * k * depth * depth};
+}
+
+PassivityMotion moved_up(double by, double held_force) {
+    return {
+        .moved = by * kUp, .elapsed_s = kPeriod_s, .held = {held_force * kUp, Vec3(0.0)}, .asked = held_force != 0.0};
+}
+
+TEST(AffordableShare, IsTheLargestWhoseEndTheBudgetPays) {
+    Random random(1);
+    for (int i = 0; i < 100'000; ++i) {
+        const double power = std::max(0.0, random.uniform(-1.0, 5.0));
+        const double acceleration_power = std::pow(10.0, random.uniform(-6.0, 4.0));
+        const double ramp_s = std::pow(10.0, random.uniform(-5.0, 0.0));
+        const double budget = std::pow(10.0, random.uniform(-8.0, -1.0));
+        const double share = affordable_share(power, acceleration_power, kPeriod_s, ramp_s, budget);
+        ASSERT_GT(share, 0.0);
+        ASSERT_LE(share, 1.0);
+        // The wrench is held for a period and then falls linearly to zero in share * ramp_s; impulse by pulse.
+        const auto cost = [&](double part) {
+            const double h = part * (kPeriod_s + 0.5 * part * ramp_s);
+            return power * h + 0.5 * acceleration_power * h * h;
+        };
+        ASSERT_LE(cost(share), budget * (1.0 + 1e-9));
+        if (share < 1.0) {
+            ASSERT_GT(cost(share * (1.0 + 1e-6)), budget);
+        }
+    }
+}
+
+TEST(AffordableShare, IsNothingWithoutABudgetAndAllOfAWrenchThatIsNone) {
+    EXPECT_EQ(affordable_share(1.0, 1.0, kPeriod_s, 0.01, 0.0), 0.0);
+    EXPECT_EQ(affordable_share(1.0, 1.0, kPeriod_s, 0.01, -1.0), 0.0);
+    EXPECT_EQ(affordable_share(0.0, 0.0, kPeriod_s, 0.0, 1e-9), 1.0);
+}
+
+TEST(PassiveStiffness, IsThatOfAbbottAndOkamura) {
+    EXPECT_DOUBLE_EQ(passive_stiffness(0.3, 0.0, 1.7e-5, 1e-3, 0.0), 600.0);
+    EXPECT_DOUBLE_EQ(passive_stiffness(0.3, 0.004, 1.6e-5, 1e-3, 0.0), 500.0);
+    EXPECT_DOUBLE_EQ(passive_stiffness(0.3, 1.0, 1.6e-5, 1e-3, 0.0), 600.0);
+    EXPECT_DOUBLE_EQ(passive_stiffness(0.3, 0.0, 1.7e-5, 1e-3, 0.02), 0.6 / 0.041);
+}
+
+TEST(PassivityObserver, KnowsTheEnergyOfASampledSpringExactly) {
+    // E = K d^2 / 2 + (b / T - K / 2) sum dx^2, for any motion within the wall.
+    PassivitySettings settings = with(PassivityControl::Observe);
+    settings.store = 1.0;  // beyond what is taken in here
+    for (const double k : {50.0, 300.0, 600.0, 2000.0}) {
+        Passivity passivity(settings, {});
+        Random random(7);
+        double depth = 0.0;
+        double force = 0.0;
+        double squares = 0.0;
+        for (int i = 0; i < 5000; ++i) {
+            const double next = i == 0 ? 1e-6 : std::clamp(depth + random.uniform(-3e-4, 3e-4), 1e-6, 0.01);
+            passivity.apply(moved_up(depth - next, force), wall(k, next));
+            squares += (next - depth) * (next - depth);
+            depth = next;
+            force = k * depth;
+            const double expected = 0.5 * k * depth * depth + (kDamping / kPeriod_s - 0.5 * k) * squares;
+            if (expected > 0.5 * k * depth * depth + settings.store) {
+                break;
+            }
+            ASSERT_NEAR(passivity.energy(), expected, 1e-12);
+        }
+    }
+}
+
+/// Random strokes in and out of a resting wall; the least energy that is observed.
+double least_energy_of_strokes(double k, std::uint64_t seed) {
+    Passivity passivity(with(PassivityControl::Observe), {});
+    Random random(seed);
+    double depth = -1e-3;
+    double force = 0.0;
+    double least = 0.0;
+    double speed = 0.0;
+    for (int i = 0; i < 20'000; ++i) {
+        speed += random.uniform(-1.0, 1.0) * 0.02 - 0.02 * speed - 2.0 * (depth - 5e-4);
+        const double next = depth + speed * kPeriod_s;
+        passivity.apply(moved_up(depth - next, force), wall(k, next));
+        depth = next;
+        force = k * std::max(0.0, depth);
+        least = std::min(least, passivity.energy());
+    }
+    return least;
+}
+
+TEST(PassivityObserver, NeverSeesAContactGiveEnergyUpToTheStiffnessThatIsPassive) {
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+        for (const double k : {10.0, 100.0, 300.0, kPassive}) {
+            ASSERT_GE(least_energy_of_strokes(k, seed), -1e-12) << k << " N/m, seed " << seed;
+        }
+    }
+}
+
+TEST(PassivityObserver, SeesAContactGiveEnergyBeyondThatStiffness) {
+    int seen = 0;
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+        seen += least_energy_of_strokes(2.0 * kPassive, seed) < kFloor_j ? 1 : 0;
+    }
+    EXPECT_EQ(seen, 20);
+}
+
+TEST(PassivityObserver, CountsRotationLikeTranslation) {
+    PassivitySettings settings = with(PassivityControl::Observe);
+    settings.store = 1.0;
+    Passivity passivity(settings, {});
+    const double k = 0.05;  // N m/rad
+    double angle = 0.0;
+    double torque = 0.0;
+    double squares = 0.0;
+    Random random(3);
+    for (int i = 0; i < 2000; ++i) {
+        const double next = std::clamp(angle + random.uniform(-2e-3, 2e-3), 1e-6, 0.2);
+        PassivityMotion motion;
+        motion.turned = (angle - next) * kUp;
+        motion.elapsed_s = kPeriod_s;
+        motion.held.torque = torque * kUp;
+        motion.asked = torque != 0.0;
+        passivity.apply(motion, {.wrench = {Vec3(0.0), k * next * kUp}, .stored = 0.5 * k * next * next});
+        squares += (next - angle) * (next - angle);
+        angle = next;
+        torque = k * angle;
+        const double expected = 0.5 * k * angle * angle + (settings.rotational_damping / kPeriod_s - 0.5 * k) * squares;
+        ASSERT_NEAR(passivity.energy(), expected, 1e-12);
+        ASSERT_EQ(passivity.rotation_energy(), passivity.energy());
+        ASSERT_EQ(passivity.translation_energy(), 0.0);
+    }
+}
+
+TEST(PassivityObserver, TakesTheWorkOfASurfaceThatIsAnnouncedForTheSimulations) {
+    // A surface of 300 N/m rises at 0.1 m/s under a grip that gives way at 0.06 m/s: E stays that of the spring.
+    Passivity passivity(with(PassivityControl::Observe), {});
+    const double k = 300.0;
+    double force = 0.0;
+    double depth = 0.0;
+    for (int i = 0; i < 100; ++i) {
+        const double given_way = i == 0 ? 0.0 : 6e-5;
+        depth += i == 0 ? 0.0 : 1e-4 - given_way;
+        PassivityWish wish = wall(k, depth);
+        wish.surface_power = 0.1 * k * depth;
+        passivity.apply(moved_up(given_way, force), wish);
+        force = k * depth;
+        // Half a tick's force on the grip's way is what the sampled spring gives beyond the ideal one.
+        ASSERT_GE(passivity.energy(), 0.5 * k * depth * depth - 1e-12) << i;
+    }
+    EXPECT_GT(depth, 3e-3);
+}
+
+TEST(Passivity, LeavesFreeMotionExactlyZeroWhateverItOwes) {
+    Passivity passivity(with(PassivityControl::Bound), {});
+    for (int i = 0; i < 100; ++i) {
+        passivity.apply(moved_up(1e-3, 5.0), wall(2000.0, 5e-3));
+    }
+    ASSERT_LT(passivity.energy(), -0.1);
+    for (const PassivityControl control : {PassivityControl::Bound, PassivityControl::Damp}) {
+        Passivity free(with(control), {});
+        Random random(5);
+        for (int i = 0; i < 1000; ++i) {
+            PassivityMotion motion;
+            motion.moved = 1e-3 * random.normal();
+            motion.turned = 1e-2 * random.normal();
+            motion.elapsed_s = kPeriod_s;
+            if (i < 100) {
+                motion.held.force = 100.0 * motion.moved;  // a debt
+                motion.asked = true;
+            }
+            const Passivity::Result result = free.apply(motion, {});
+            ASSERT_EQ(result.wrench.force, Vec3(0.0));
+            ASSERT_EQ(result.wrench.torque, Vec3(0.0));
+            ASSERT_FALSE(result.acted);
+        }
+    }
+    const Passivity::Result result = passivity.apply(moved_up(1e-3, 0.0), {});
+    EXPECT_EQ(result.wrench.force, Vec3(0.0));
+    EXPECT_FALSE(result.acted);
+}
+
+TEST(Passivity, LicensesNothingInAContactWithWhatAnEarlierOneTookIn) {
+    Passivity passivity(with(PassivityControl::Bound), {});
+    for (int i = 1; i <= 100; ++i) {  // 1 cm into a wall that then vanishes
+        passivity.apply(moved_up(-1e-4, 1e-2 * i), wall(100.0, 1e-4 * i));
+    }
+    EXPECT_GT(passivity.energy(), 1e-3);
+    passivity.apply(moved_up(0.0, 0.0), {});
+    EXPECT_EQ(passivity.energy(), 0.0);
+}
+
+TEST(Passivity, KeepsNoMoreThanTheSpringsHoldAndALittle) {
+    const PassivitySettings settings = with(PassivityControl::Bound);
+    Passivity passivity(settings, {});
+    for (int i = 0; i < 1000; ++i) {  // rubbed against friction: 5 N against the motion for a metre
+        passivity.apply(moved_up(-1e-3, 5.0), wall(500.0, 4e-3));
+        ASSERT_LE(passivity.energy(), 0.5 * 500.0 * 16e-6 + settings.store);
+    }
+    EXPECT_EQ(passivity.energy(), 0.5 * 500.0 * 16e-6 + settings.store);
+}
+
+TEST(Passivity, GivesBackAnIdealContactBitForBit) {
+    // A tap of 0.2 m/s on walls up to half of the passive stiffness, whose leak the credit for damping covers.
+    for (const double k : {20.0, 100.0, 300.0}) {
+        Passivity passivity(with(PassivityControl::Bound), {});
+        double depth = -1e-3;
+        double force = 0.0;
+        const double omega = std::sqrt(k / 0.1);
+        const double last = std::numbers::pi / omega;
+        for (double t = -0.005; t < last + 0.01; t += kPeriod_s) {
+            const double next =
+                t < 0.0 || t > last ? -std::fabs(0.2 * (t < 0.0 ? t : t - last)) : 0.2 / omega * std::sin(omega * t);
+            const PassivityWish wish = wall(k, next);
+            const Passivity::Result result = passivity.apply(moved_up(depth - next, force), wish);
+            ASSERT_FALSE(result.acted) << k << " N/m at " << t << " s";
+            ASSERT_EQ(result.wrench.force, wish.wrench.force);
+            depth = next;
+            force = wish.wrench.force.y;
+        }
+    }
+}
+
+TEST(Passivity, GivesARestingHandTheForceOfASurfaceThatAnnouncesItsMotion) {
+    // 300 N/m against a hand that yields 400 N/m, quasi-static, with and without the announcement.
+    std::array<double, 2> reached{};
+    for (const bool announced : {false, true}) {
+        Passivity passivity(with(PassivityControl::Bound), {});
+        double force = 0.0;
+        double grip = 0.0;
+        for (int i = 1; i <= 200; ++i) {
+            const double surface = 1e-4 * i;  // m, rising at 0.1 m/s
+            const double next = force / 400.0;
+            PassivityWish wish = wall(300.0, surface - next);
+            wish.surface_power = announced ? 0.1 * wish.wrench.force.y : 0.0;
+            const Passivity::Result result = passivity.apply(moved_up(next - grip, force), wish);
+            grip = next;
+            force = result.wrench.force.y;
+        }
+        reached[announced ? 1 : 0] = force;
+    }
+    EXPECT_NEAR(reached[1], 0.02 / (1.0 / 300.0 + 1.0 / 400.0), 0.05);
+    EXPECT_LT(reached[0], 0.7 * reached[1]);
+}
+
+/// A grip of 0.1 kg and 0.3 N s/m that an undamped hand presses against a wall whose force is `delay` ticks late.
+class DelayedWall {
+  public:
+    DelayedWall(PassivityControl control, double k, int delay, double hand)
+        : passivity_(with(control), {}),
+          limiter_({}),
+          past_(static_cast<std::size_t>(delay) + 1, kStart),
+          k_(k),
+          hand_(hand) {}
+
+    void run(int ticks) {
+        for (int i = 0; i < ticks; ++i) {
+            tick();
+        }
+    }
+    /// m, between the highest and the lowest point of the next ticks.
+    double amplitude(int ticks) {
+        double high = -1.0;
+        double low = 1.0;
+        for (int i = 0; i < ticks; ++i) {
+            tick();
+            high = std::max(high, y_);
+            low = std::min(low, y_);
+        }
+        return high - low;
+    }
+    [[nodiscard]] double least_energy() const { return least_; }
+
+  private:
+    static constexpr double kStart = 0.005;
+    static constexpr double kMass = 0.1;
+    static constexpr double kCount = 4e-6;  // m, resolution
+
+    void tick() {
+        const double measured = std::round(y_ / kCount) * kCount;
+        past_.push_back(measured);
+        past_.pop_front();
+        const PassivityMotion motion = moved_up(measured - last_, force_);
+        last_ = measured;
+        const Passivity::Result result = passivity_.apply(motion, wall(k_, -past_.front()));
+        force_ = limiter_.apply(result.wrench, 1'000'000).wrench.force.y;
+        least_ = std::min(least_, passivity_.energy());
+        for (int i = 0; i < 50; ++i) {
+            const double goal = std::max(-0.01, kStart - 0.15 * time_s_);
+            v_ += 2e-5 / kMass * (force_ - kDamping * v_ + hand_ * (goal - y_));
+            y_ += 2e-5 * v_;
+            time_s_ += 2e-5;
+        }
+    }
+
+    Passivity passivity_;
+    WrenchLimiter limiter_;
+    std::deque<double> past_;
+    double k_;
+    double hand_;
+    double y_ = kStart;
+    double v_ = 0.0;
+    double last_ = kStart;
+    double force_ = 0.0;
+    double least_ = 0.0;
+    double time_s_ = 0.0;
+};
+
+TEST(Passivity, LetsNoVibrationGrowWhateverTheStiffnessAndTheDelay) {
+    for (const double hand : {100.0, 400.0}) {
+        for (const double k : {10.0, 30.0, 100.0, 300.0, 600.0, 1000.0, 2000.0}) {
+            for (const int delay : {0, 1, 2, 5, 10, 20}) {
+                DelayedWall wall(PassivityControl::Bound, k, delay, hand);
+                wall.run(300);
+                const double first = wall.amplitude(500);
+                wall.run(3200);
+                const double last = wall.amplitude(500);
+                EXPECT_LT(last, std::max(first, 2e-4)) << k << " N/m, " << delay << " ticks, hand " << hand;
+                EXPECT_GE(wall.least_energy(), kFloor_j) << k << " N/m, " << delay << " ticks, hand " << hand;
+            }
+        }
+    }
+}
+
+TEST(Passivity, IsWhatKeepsThatVibrationFromGrowing) {
+    DelayedWall wall(PassivityControl::Observe, 300.0, 5, 100.0);
+    wall.run(300);
+    const double first = wall.amplitude(500);
+    wall.run(700);
+    EXPECT_GT(wall.amplitude(500), 2.0 * first);
+    EXPECT_LT(wall.least_energy(), 100.0 * kFloor_j);
+}
+
+TEST(Passivity, OfTheDampingKindPaysADebtBackAndNoFaster) {
+    PassivitySettings settings = with(PassivityControl::Damp);
+    settings.damping = 0.0;
+    Passivity passivity(settings, {});
+    passivity.apply(moved_up(1e-4, 1.0), wall(100.0, 0.01));  // 0.1 mJ out that never came in
+    ASSERT_LT(passivity.energy(), 0.0);
+    const double wished = 1.0;
+    const Passivity::Result fast = passivity.apply(moved_up(1e-3, 1e-9), wall(100.0, 0.01));
+    const double debt = -passivity.energy();
+    EXPECT_GT(debt, 0.0);
+    EXPECT_NEAR((wished - fast.wrench.force.y) * 1e-3, debt, 1e-12);
+    Passivity slow(settings, {});
+    slow.apply(moved_up(1e-4, 1.0), wall(100.0, 0.01));
+    const Passivity::Result limited = slow.apply(moved_up(1e-5, 1e-9), wall(100.0, 0.01));
+    EXPECT_NEAR(wished - limited.wrench.force.y, settings.largest_damping * 1e-5 / kPeriod_s, 1e-9);
+}
+
+TEST(Passivity, MakesNothingOfWhatIsNoNumber) {
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    Passivity passivity(with(PassivityControl::Bound), {});
+    PassivityWish wish = wall(100.0, 0.01);
+    wish.stored = nan;
+    EXPECT_EQ(passivity.apply(moved_up(0.0, 0.0), wish).wrench.force, Vec3(0.0));
+    EXPECT_EQ(passivity.apply(moved_up(nan, 1.0), wall(100.0, 0.01)).wrench.force, Vec3(0.0));
+    EXPECT_TRUE(std::isfinite(passivity.energy()));
+    EXPECT_NE(passivity.apply(moved_up(0.0, 0.0), wall(100.0, 0.001)).wrench.force, Vec3(0.0));
+}
+
+}  // namespace
+}  // namespace haptic::rt

@@ -1,0 +1,567 @@
+#include "rendering/renderer.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <memory>
+#include <numbers>
+
+#include "tick_rig.hpp"
+
+namespace haptic::rt {
+namespace {
+
+using test::floor_frame;
+
+constexpr std::int64_t kTickNs = 1'000'000;
+constexpr double kStiffness = 500.0;   // N/m
+constexpr double kSheetTravel = 0.02;  // m
+constexpr double kSheetPeriod = 0.5;   // s
+
+Pose at(double y) {
+    return {Vec3(0.001, y, -0.002), Quat(1, 0, 0, 0)};
+}
+
+void set_plane(ContactPlane& plane, const Vec3& normal, double offset, double velocity = 0.0) {
+    store(normal, plane.normal);
+    plane.offset = offset;
+    plane.velocity = velocity;
+}
+
+TEST(Render, MakesNoForceAtAllInFreeMotion) {
+    ContactFrame frame = floor_frame(-0.01, kStiffness, 0);
+    frame.damping = 20.0;
+    frame.rotational_damping = 1.0;
+    const Twist fast{{0.5, -0.5, 0.5}, {3.0, 2.0, 1.0}};
+    const Contact contact = render(frame, at(0.0), fast, 0);
+    EXPECT_EQ(contact.wrench.force, Vec3(0.0));
+    EXPECT_EQ(contact.wrench.torque, Vec3(0.0));
+    EXPECT_EQ(contact.proxy, at(0.0).position);
+    EXPECT_EQ(contact.in_contact, 0u);
+}
+
+TEST(Render, IsASpringFromTheDeviceToTheProxyOfOneSphere) {
+    const Contact contact = render(floor_frame(0.0, kStiffness, 0), at(-0.004), {}, 0);
+    EXPECT_NEAR(contact.wrench.force.y, kStiffness * 0.004, 1e-12);
+    EXPECT_EQ(contact.wrench.force.x, 0.0);
+    EXPECT_EQ(contact.wrench.torque, Vec3(0.0));
+    EXPECT_LT(glm::length(contact.proxy - Vec3(0.001, 0.0, -0.002)), 1e-15);
+    EXPECT_EQ(contact.in_contact, 1u);
+}
+
+TEST(Render, MovesPlanesOnForOneAndAHalfStepsAndNoLonger) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.step_ns = 10'000'000;
+    frame.proxies[0].planes[0].velocity = 0.1;  // m/s upward
+    const auto depth = [&frame](std::int64_t time_ns) {
+        return render(frame, at(-0.001), {}, time_ns).wrench.force.y / kStiffness;
+    };
+    EXPECT_NEAR(depth(0), 0.001, 1e-12);
+    EXPECT_NEAR(depth(7'000'000), 0.0017, 1e-12);
+    EXPECT_NEAR(depth(15'000'000), 0.0025, 1e-12);
+    EXPECT_NEAR(depth(80'000'000), 0.0025, 1e-12);
+}
+
+TEST(Render, TellsTheEnergyOfItsSpringsAndThePowerOfMovingSurfaces) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.proxies[0].planes[0].velocity = 0.05;
+    frame.proxy_count = 2;  // the second in free space
+    const Contact contact = render(frame, at(-0.004), {}, 0);
+    EXPECT_NEAR(contact.stored, 0.5 * kStiffness * 0.004 * 0.004 / 2.0, 1e-15);
+    EXPECT_NEAR(contact.surface_power, 0.05 * kStiffness * 0.004 / 2.0, 1e-15);
+    // Beyond the horizon planes stand, and bring nothing.
+    EXPECT_EQ(render(frame, at(-0.004), {}, 16'000'000).surface_power, 0.0);
+    EXPECT_GT(render(frame, at(-0.004), {}, 15'000'000).surface_power, 0.0);
+}
+
+TEST(FrameRenderer, RendersNoMoreThanTheLargestStiffnessAndSaysSo) {
+    FrameSettings settings;
+    settings.largest_stiffness = 600.0;
+    const auto renderer = std::make_unique<FrameRenderer>(settings);
+    for (const double asked : {500.0, 2000.0, 600.0}) {
+        renderer->inbox() = floor_frame(0.0, asked, 0);
+        ASSERT_EQ(renderer->accept(0), FrameDefect::None);
+        FrameRenderer::Result result;
+        for (int i = 0; i < 60; ++i) {  // past the ramp
+            result = renderer->render(at(-0.002), {}, 0, kTickNs);
+        }
+        EXPECT_NEAR(result.contact.wrench.force.y, std::min(asked, 600.0) * 0.002, 1e-12);
+        EXPECT_EQ(result.stiffness_limited, asked > 600.0);
+    }
+}
+
+TEST(Render, DampsTheMotionOfTheGripRelativeToTheSurface) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.damping = 10.0;  // N*s/m
+    frame.proxies[0].planes[0].velocity = 0.05;
+    // Into the surface at 0.1 m/s, which itself rises at 0.05: closing at 0.15 m/s. Sliding is not damped.
+    const Contact contact = render(frame, at(-0.004), {{0.3, -0.1, 0.0}, {}}, 0);
+    EXPECT_NEAR(contact.wrench.force.y, kStiffness * 0.004 + 10.0 * 0.15, 1e-12);
+    EXPECT_NEAR(contact.wrench.force.x, 0.0, 1e-15);
+}
+
+TEST(Render, NeverPullsIntoASurfaceThatTheGripLeaves) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.damping = 100.0;
+    const Contact contact = render(frame, at(-0.001), {{0.0, 2.0, 0.0}, {}}, 0);
+    EXPECT_EQ(contact.wrench.force, Vec3(0.0));
+    EXPECT_EQ(contact.in_contact, 1u);
+}
+
+TEST(Render, TakesTheSpeedOfTheEdgeBetweenTwoMovingPlanes) {
+    // A right-angled groove whose walls close in at 0.03 and 0.04 m/s: the edge moves at (0.03, 0.04, 0).
+    ContactFrame frame = floor_frame(0.0, 1000.0, 0);
+    frame.damping = 10.0;
+    frame.proxies[0].plane_count = 2;
+    set_plane(frame.proxies[0].planes[0], {1, 0, 0}, 0.0, 0.03);
+    set_plane(frame.proxies[0].planes[1], {0, 1, 0}, 0.0, 0.04);
+    const Vec3 inside(-0.002, -0.001, 0.0);
+    const Contact contact = render(frame, {inside, Quat(1, 0, 0, 0)}, {}, 0);
+    const Vec3 n = glm::normalize(-inside);
+    const double expected = 1000.0 * glm::length(inside) + 10.0 * glm::dot(Vec3(0.03, 0.04, 0.0), n);
+    EXPECT_LT(glm::length(contact.wrench.force - expected * n), 1e-9);
+}
+
+TEST(Render, DoesNotDivideByTheAngleBetweenNearlyParallelPlanes) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.damping = 10.0;
+    frame.proxies[0].plane_count = 2;
+    set_plane(frame.proxies[0].planes[0], {0, 1, 0}, 0.0, 0.1);
+    set_plane(frame.proxies[0].planes[1], glm::normalize(Vec3(1e-9, 1, 0)), 0.0, 0.1);
+    const Contact contact = render(frame, at(-0.004), {}, 0);
+    EXPECT_NEAR(contact.wrench.force.y, kStiffness * 0.004 + 10.0 * 0.1, 1e-3);
+    EXPECT_NEAR(contact.wrench.force.x, 0.0, 1e-3);
+}
+
+TEST(Render, DividesForceAndTorqueByTheNumberOfAllParticles) {
+    // Four particles on a cross of 2 cm, the one at +x pushed down by the floor: thesis 5.2.2.
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.proxy_count = 4;
+    const Vec3 offsets[] = {{0.02, 0, 0}, {-0.02, 0, 0}, {0, 0, 0.02}, {0, 0, -0.02}};
+    for (std::size_t i = 0; i < 4; ++i) {
+        store(offsets[i], frame.proxies[i].rest_offset);
+        frame.proxies[i].plane_count = 1;
+        set_plane(frame.proxies[i].planes[0], {0, 1, 0}, 0.0);
+    }
+    const double tilt = -std::asin(0.1);  // about z: +x goes down by 2 mm, -x up
+    const Pose grip{Vec3(0.0), glm::angleAxis(tilt, Vec3(0, 0, 1))};
+    const Contact contact = render(frame, grip, {}, 0);
+    const double force = kStiffness * 0.002;
+    EXPECT_EQ(contact.in_contact, 1u);
+    EXPECT_NEAR(contact.wrench.force.y, force / 4.0, 1e-9);
+    EXPECT_NEAR(contact.wrench.torque.z, 0.02 * std::cos(tilt) * force / 4.0, 1e-9);
+    EXPECT_NEAR(contact.wrench.torque.x, 0.0, 1e-12);
+    EXPECT_GT(contact.wrench.torque.z, 0.0) << "the torque must turn the grip level again";
+}
+
+TEST(Render, DampsRotationByTheShareOfParticlesInContact) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.rotational_damping = 0.01;
+    frame.proxy_count = 2;  // the second has no planes
+    const Contact contact = render(frame, at(-0.001), {{}, {0.0, 4.0, 0.0}}, 0);
+    EXPECT_NEAR(contact.wrench.torque.y, -0.01 * 4.0 / 2.0, 1e-12);
+}
+
+TEST(Render, MakesNoForceWhileClutched) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.flags = HAPTIC_FRAME_CLUTCHED;
+    EXPECT_EQ(render(frame, at(-0.004), {}, 0).wrench.force, Vec3(0.0));
+}
+
+GripMotion standing(const Vec3& position, const Vec3& velocity = Vec3(0.0), double elapsed_s = 0.0) {
+    const Pose grip{position, Quat(1, 0, 0, 0)};
+    return {grip, {velocity, Vec3(0.0)}, grip, elapsed_s};
+}
+
+/// A rough floor at y = 0 that goes along x, if it goes.
+ContactFrame rough_floor(double velocity = 0.0) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.step_ns = kNanosecondsPerSecond;
+    frame.static_friction = 0.8;
+    frame.dynamic_friction = 0.5;
+    frame.proxies[0].surface_velocity[0] = velocity;
+    return frame;
+}
+
+TEST(Render, HoldsTheGripByFrictionAndWithdrawsNothingOfTheNormalForce) {
+    const ContactFrame frame = rough_floor();
+    ToolMemory memory;
+    constexpr double kDepth = 0.004;
+    const auto push = [&](double x) {
+        return render(frame, {kStiffness, kStiffness}, standing({x, -kDepth, 0.0}), 0, memory);
+    };
+    EXPECT_EQ(push(0.0).wrench.force.x, 0.0) << "it sticks where it touches";
+    const Contact stuck = push(0.003);
+    EXPECT_NEAR(stuck.wrench.force.x, -kStiffness * 0.003, 1e-12);
+    EXPECT_NEAR(stuck.wrench.force.y, kStiffness * kDepth, 1e-12);
+    EXPECT_NEAR(stuck.stored, 0.5 * kStiffness * (kDepth * kDepth + 0.003 * 0.003), 1e-15);
+    EXPECT_LT(glm::length(stuck.proxy), 1e-15);
+    const Contact slides = push(0.01);
+    EXPECT_NEAR(slides.wrench.force.x, -0.5 * slides.wrench.force.y, 1e-12);
+    EXPECT_NEAR(slides.proxy.x, 0.01 - 0.5 * kDepth, 1e-15);
+}
+
+TEST(Render, TakesFromFrictionWhatDampingTakesFromTheNormalForce) {
+    ContactFrame frame = rough_floor();
+    frame.damping = 10.0;
+    ToolMemory memory;
+    (void)render(frame, {kStiffness, kStiffness}, standing({0.0, -0.004, 0.0}), 0, memory);
+    const Vec3 place(0.002, -0.004, 0.0);
+    const Vec3 leaving(0.0, 0.1, 0.0);  // m/s, takes half of the 2 N
+    const Contact half = render(frame, {kStiffness, kStiffness}, standing(place, leaving), 0, memory);
+    EXPECT_NEAR(half.wrench.force.y, 1.0, 1e-12);
+    EXPECT_NEAR(half.wrench.force.x, -0.5, 1e-12);
+    const Contact none = render(frame, {kStiffness, kStiffness}, standing(place, 10.0 * leaving), 0, memory);
+    EXPECT_EQ(none.wrench.force.x, 0.0);
+}
+
+TEST(Render, IsPulledAlongByARoughSurfaceAndTellsItsPower) {
+    const ContactFrame frame = rough_floor(0.1);
+    ToolMemory memory;
+    Contact contact;
+    for (int k = 0; k <= 20; ++k) {
+        contact =
+            render(frame, {kStiffness, kStiffness}, standing({0.0, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, memory);
+        ASSERT_NEAR(contact.wrench.force.x, kStiffness * 1e-4 * k, 1e-9) << k;
+        ASSERT_NEAR(contact.surface_power, contact.wrench.force.x * 0.1, 1e-9) << k;
+        ASSERT_NEAR(contact.way, 1e-4, 1e-12) << "relative to the surface, which goes while the hand stands";
+    }
+}
+
+TEST(Render, HasNoFrictionWithoutItsCoefficientsWhateverTheSurfaceDoes) {
+    ContactFrame frame = rough_floor(0.1);
+    frame.static_friction = frame.dynamic_friction = 0.0;
+    ToolMemory memory;
+    for (int k = 0; k < 10; ++k) {
+        const Contact contact = render(frame, {kStiffness, kStiffness},
+                                       standing({1e-3 * k, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, memory);
+        ASSERT_EQ(contact.wrench.force.x, 0.0);
+        ASSERT_EQ(contact.surface_power, 0.0);
+    }
+}
+
+class FrameRendererTest : public testing::Test {
+  protected:
+    void give(ContactFrame frame, std::uint64_t session = 1) {
+        frame.session = session;
+        frame.sequence = ++sequence;
+        renderer->inbox() = frame;
+        ASSERT_EQ(renderer->accept(now_ns), FrameDefect::None);
+    }
+    FrameRenderer::Result step(double y = -0.004) {
+        now_ns += kTickNs;
+        last = renderer->render(at(y), {}, now_ns, kTickNs);
+        return last;
+    }
+    /// Steps with a fresh frame of a floor at 0 every 10 ms.
+    void feed(int ticks, double stiffness, std::uint64_t session, double largest_step_n) {
+        for (int i = 0; i < ticks; ++i) {
+            if (i % 10 == 0) {
+                give(floor_frame(0.0, stiffness, now_ns), session);
+            }
+            const double before = last.contact.wrench.force.y;
+            ASSERT_LE(std::fabs(step().contact.wrench.force.y - before), largest_step_n) << "tick " << i;
+        }
+    }
+
+    FrameSettings settings;
+    std::unique_ptr<FrameRenderer> renderer = std::make_unique<FrameRenderer>(settings);
+    FrameRenderer::Result last;
+    std::int64_t now_ns = 5'000'000'000;
+    std::uint64_t sequence = 0;
+};
+
+TEST_F(FrameRendererTest, MakesNoForceBeforeTheFirstFrame) {
+    const FrameRenderer::Result result = step();
+    EXPECT_EQ(result.contact.wrench.force, Vec3(0.0));
+    EXPECT_EQ(result.frame_sequence, 0u);
+    EXPECT_EQ(result.frame_age_ns, -1);
+    EXPECT_FALSE(result.stale);
+}
+
+TEST_F(FrameRendererTest, TakesUpTheFirstFramesWithoutAStep) {
+    // 2 N over a ramp of 50 ms, steepest slope 1.5: 0.06 N a tick.
+    feed(60, kStiffness, 1, 1.5 * 2.0 / 50.0 + 1e-9);
+    EXPECT_NEAR(last.contact.wrench.force.y, 2.0, 1e-9);
+}
+
+TEST_F(FrameRendererTest, FadesToExactlyZeroWhenFramesStopAndNotBefore) {
+    feed(101, kStiffness, 1, 1.0);
+    for (int i = 0; i < 80; ++i) {
+        EXPECT_NEAR(step().contact.wrench.force.y, 2.0, 1e-9);
+        EXPECT_FALSE(last.stale);
+    }
+    double before = 2.0;
+    for (int i = 0; i < 130; ++i) {
+        const double now = step().contact.wrench.force.y;
+        EXPECT_LE(now, before + 1e-12);
+        EXPECT_LE(before - now, 1.5 * 2.0 / 100.0 + 1e-9);
+        before = now;
+    }
+    EXPECT_EQ(last.contact.wrench.force, Vec3(0.0));
+    EXPECT_TRUE(last.stale);
+}
+
+TEST_F(FrameRendererTest, GivesASlowSimulationThreeOfItsSteps) {
+    ContactFrame slow = floor_frame(0.0, kStiffness, now_ns);
+    slow.step_ns = 50'000'000;
+    give(slow);
+    for (int i = 0; i < 150; ++i) {
+        EXPECT_FALSE(step().stale);
+    }
+    EXPECT_TRUE(step().stale);
+}
+
+TEST_F(FrameRendererTest, TakesUpFramesAgainWithoutAStepAfterAFade) {
+    feed(100, kStiffness, 1, 1.0);
+    for (int i = 0; i < 300; ++i) {
+        step();
+    }
+    feed(60, kStiffness, 2, 1.5 * 2.0 / 50.0 + 1e-9);
+    EXPECT_NEAR(last.contact.wrench.force.y, 2.0, 1e-9);
+}
+
+TEST_F(FrameRendererTest, TakesUpFramesAgainWithoutAStepInTheMidstOfAFade) {
+    feed(100, kStiffness, 1, 1.0);
+    while (step().contact.wrench.force.y > 1.0) {
+    }
+    feed(60, kStiffness, 1, 1.5 * 2.0 / 50.0 + 1e-9);
+    EXPECT_NEAR(last.contact.wrench.force.y, 2.0, 1e-9);
+}
+
+TEST_F(FrameRendererTest, BlendsFromOneSessionToTheNext) {
+    feed(100, kStiffness, 1, 1.0);
+    feed(60, 3.0 * kStiffness, 2, 1.5 * 4.0 / 50.0 + 1e-9);
+    EXPECT_NEAR(last.contact.wrench.force.y, 6.0, 1e-9);
+}
+
+TEST_F(FrameRendererTest, WorksTheClutchWithoutAStep) {
+    feed(100, kStiffness, 1, 1.0);
+    ContactFrame clutched = floor_frame(0.0, kStiffness, now_ns);
+    clutched.flags = HAPTIC_FRAME_CLUTCHED;
+    give(clutched);
+    for (int i = 0; i < 60; ++i) {
+        const double before = last.contact.wrench.force.y;
+        EXPECT_LE(before - step().contact.wrench.force.y, 1.5 * 2.0 / 50.0 + 1e-9);
+    }
+    EXPECT_EQ(last.contact.wrench.force, Vec3(0.0));
+}
+
+TEST_F(FrameRendererTest, DoesNotBelieveATimeOfPublishingInTheFuture) {
+    ContactFrame liar = floor_frame(0.0, kStiffness, now_ns);
+    liar.publish_time_ns = now_ns + 1'000'000'000'000;
+    give(liar);
+    for (int i = 0; i < 101; ++i) {
+        step();
+    }
+    EXPECT_TRUE(last.stale);
+}
+
+TEST_F(FrameRendererTest, MakesNoForceOfAFrameThatWasOldWhenItWasFound) {
+    const ContactFrame old = floor_frame(0.0, kStiffness, now_ns - 10'000'000'000);
+    give(old);
+    for (int i = 0; i < 200; ++i) {
+        EXPECT_EQ(step().contact.wrench.force, Vec3(0.0));
+        EXPECT_TRUE(last.stale);
+    }
+}
+
+TEST_F(FrameRendererTest, KeepsTheLastGoodFrameWhenOneIsDefective) {
+    feed(100, kStiffness, 1, 1.0);
+    const std::uint64_t good = last.frame_sequence;
+    ContactFrame bad = floor_frame(0.0, kStiffness, now_ns);
+    bad.sequence = good + 1;
+    bad.proxies[0].planes[0].offset = std::numeric_limits<double>::quiet_NaN();
+    renderer->inbox() = bad;
+    EXPECT_EQ(renderer->accept(now_ns), FrameDefect::NonFinite);
+    EXPECT_NEAR(step().contact.wrench.force.y, 2.0, 1e-9);
+    EXPECT_EQ(last.frame_sequence, good);
+}
+
+/// A sheet that goes up and down as sin^2, known to the simulation at each step exactly, as host-sim knows the motion
+/// of the step that begins: its planes interpolate. What is felt of it by a hand that rests.
+struct SheetRun {
+    double most_over = -1.0;  // N, that a change in a millisecond is beyond the bound
+    double most_error = 0.0;  // N, against k times the true depth
+    double peak = 0.0;        // N
+};
+
+SheetRun press_with_a_sheet(std::int64_t step_ns, std::int64_t late_ns, double damping, double normal_noise) {
+    const auto height = [](double t) {
+        return kSheetTravel * std::pow(std::sin(std::numbers::pi * t / kSheetPeriod), 2) - 0.005;
+    };
+    FrameRenderer renderer{FrameSettings{}};
+    SheetRun run;
+    ContactFrame frame{};
+    double before = 0.0;
+    std::int64_t step = -1;
+    double random = 0.3;
+    for (std::int64_t now = 0; now < 3 * kNanosecondsPerSecond; now += kTickNs) {
+        const std::int64_t due = (now - late_ns) / step_ns;
+        if (now >= late_ns && due != step) {
+            step = due;
+            const double t = seconds(step * step_ns);
+            const double h = seconds(step_ns);
+            frame = floor_frame(height(t), kStiffness, step * step_ns);
+            frame.step_ns = step_ns;
+            frame.damping = damping * (1.0 + 0.5 * static_cast<double>(step % 3));
+            ContactPlane& plane = frame.proxies[0].planes[0];
+            random = 4.0 * random * (1.0 - random);  // chaos in 0..1
+            store(glm::normalize(Vec3(normal_noise * (random - 0.5), 1.0, 0.0)), plane.normal);
+            plane.velocity = (height(t + h) - height(t)) / h;
+            frame.publish_time_ns = now;
+            frame.sequence = static_cast<std::uint64_t>(step) + 1;
+            renderer.inbox() = frame;
+            EXPECT_EQ(renderer.accept(now), FrameDefect::None);
+        }
+        const FrameRenderer::Result felt = renderer.render({}, {}, now, kTickNs);
+        const double force = felt.contact.wrench.force.y;
+        if (now > 100'000'000) {  // taken up
+            const ContactPlane& plane = frame.proxies[0].planes[0];
+            const double bound = 1.5 * kStiffness * std::fabs(plane.velocity) * 1e-3 + 1e-3;
+            run.most_over = std::max(run.most_over, std::fabs(force - before) - bound);
+            run.most_error =
+                std::max(run.most_error, std::fabs(force - kStiffness * std::max(0.0, height(seconds(now)))));
+            run.peak = std::max(run.peak, force);
+        }
+        before = force;
+    }
+    return run;
+}
+
+TEST(FrameRendererOfASheet, FollowsItExactlyToTheChordsOfItsWayWhenFramesComeInTime) {
+    for (const std::int64_t hz : {30, 60, 100}) {
+        const std::int64_t step_ns = kNanosecondsPerSecond / hz;
+        const SheetRun run = press_with_a_sheet(step_ns, 0, 0.0, 0.0);
+        EXPECT_LE(run.most_over, 1e-12) << hz;
+        // A chord of an arc with acceleration a misses it by a h^2 / 8, and where the arc bends the follower has to
+        // make up for no more than a frame that comes up to a tick after its step began: v T.
+        const double a = 2.0 * kSheetTravel * std::pow(std::numbers::pi / kSheetPeriod, 2);
+        const double h = seconds(step_ns);
+        const double v = kSheetTravel * std::numbers::pi / kSheetPeriod;
+        EXPECT_LE(run.most_error, kStiffness * (a * h * h / 8.0 + v * 1e-3)) << hz;
+        EXPECT_GT(run.peak, 0.9 * kStiffness * 0.015) << hz;
+    }
+}
+
+TEST(FrameRendererOfASheet, NeverChangesTheForceFasterThanTheSheetMovesHoweverLateAndRoughTheFrames) {
+    for (const std::int64_t hz : {30, 60, 100}) {
+        for (const double late : {0.0, 0.3, 0.9, 2.4}) {
+            for (const double damping : {0.0, 8.0}) {
+                const std::int64_t step_ns = kNanosecondsPerSecond / hz;
+                const auto late_ns = static_cast<std::int64_t>(late * static_cast<double>(step_ns));
+                const SheetRun run = press_with_a_sheet(step_ns, late_ns, damping, 0.2);
+                EXPECT_LE(run.most_over, 1e-12) << hz << " steps/s, " << late << " steps late, " << damping;
+                EXPECT_GT(run.peak, 0.5 * kStiffness * 0.015) << hz << ' ' << late << ' ' << damping;
+            }
+        }
+    }
+}
+
+TEST_F(FrameRendererTest, KeepsItsGripFromFrameToFrameAndLosesItWithTheSession) {
+    const auto push = [this](double x) {
+        now_ns += kTickNs;
+        return renderer->render({Vec3(x, -0.004, 0.0), Quat(1, 0, 0, 0)}, {}, now_ns, kTickNs).contact;
+    };
+    const auto frame = [this] {
+        ContactFrame rough = rough_floor();
+        rough.plane_time_ns = rough.publish_time_ns = rough.state_time_ns = now_ns;
+        rough.step_ns = 10'000'000;
+        return rough;
+    };
+    for (int k = 0; k < 200; ++k) {
+        if (k % 10 == 0) {
+            give(frame());
+        }
+        const double x = 1e-5 * std::min(k, 100);
+        const Contact contact = push(x);
+        if (k > 60) {  // taken up
+            ASSERT_NEAR(contact.wrench.force.x, -kStiffness * x, 1e-9) << k;
+        }
+    }
+    give(frame(), 2);
+    EXPECT_NEAR(push(0.001).proxy.x, 0.001, 1e-15) << "another simulation: it sticks where it is";
+}
+
+TEST_F(FrameRendererTest, DampingIsTakenUpNoFasterThanTheSurfaceMoves) {
+    // A floor that stands, then comes up at 0.2 m/s against a damping of 10 N*s/m: 2 N more. The spring adds 0.1 N a
+    // tick, and the damping may add half of that and 1 mN.
+    feed(101, kStiffness, 1, 1.0);
+    const double before = last.contact.wrench.force.y;
+    ContactFrame frame = floor_frame(0.0, kStiffness, now_ns);
+    frame.damping = 10.0;
+    frame.proxies[0].planes[0].velocity = 0.2;
+    give(frame, 1);
+    for (int i = 1; i <= 10; ++i) {
+        step();
+        ASSERT_NEAR(last.contact.wrench.force.y, before + i * (1.5 * kStiffness * 0.2e-3 + 1e-3), 1e-9) << i;
+    }
+}
+
+TEST_F(FrameRendererTest, LeavesASurfaceWithTheHandAtOnceAndWithoutAPull) {
+    feed(101, kStiffness, 1, 1.0);
+    for (int i = 0; i < 40; ++i) {  // 0.2 m/s upward
+        const double force = step(-0.004 + 0.0002 * i).contact.wrench.force.y;
+        EXPECT_NEAR(force, kStiffness * std::max(0.0, 0.004 - 0.0002 * i), 1e-9);
+    }
+}
+
+TEST_F(FrameRendererTest, EndsAForceWhoseSurfaceIsGoneWithinTheRamp) {
+    feed(101, kStiffness, 1, 1.0);
+    ContactFrame gone = floor_frame(0.0, kStiffness, now_ns);
+    gone.proxies[0].plane_count = 0;
+    give(gone, 1);
+    for (int i = 0; i < 50; ++i) {
+        const double before = last.contact.wrench.force.y;
+        EXPECT_NEAR(before - step().contact.wrench.force.y, 2.0 / 50.0, 1e-9);
+    }
+    EXPECT_NEAR(last.contact.wrench.force.y, 0.0, 1e-12);
+    EXPECT_EQ(step().contact.wrench.force, Vec3(0.0));
+}
+
+TEST_F(FrameRendererTest, TakesAFloorThatLeapsUnderARestingHandUpSlowly) {
+    feed(101, kStiffness, 1, 1.0);
+    const double before = last.contact.wrench.force.y;
+    give(floor_frame(0.002, kStiffness, now_ns), 1);
+    for (int i = 1; i <= 20; ++i) {
+        ASSERT_NEAR(step().contact.wrench.force.y, before + 1e-3 * i, 1e-9);
+    }
+    // And at once as the hand moves: 1.5 k of its way, of which the spring itself takes one.
+    const double rest = last.contact.wrench.force.y;
+    EXPECT_NEAR(step(-0.0041).contact.wrench.force.y, rest + 1.5 * kStiffness * 1e-4 + 1e-3, 1e-9);
+}
+
+TEST_F(FrameRendererTest, TakesUpAChangedStiffnessOverAStep) {
+    feed(101, kStiffness, 1, 1.0);
+    give(floor_frame(0.0, 2.0 * kStiffness, now_ns), 1);
+    double before = last.contact.wrench.force.y;
+    for (int i = 1; i <= 10; ++i) {
+        const double now = step().contact.wrench.force.y;
+        EXPECT_NEAR(now - before, 0.2, 1e-9);  // 2 N more in 10 ms
+        before = now;
+    }
+    EXPECT_NEAR(step().contact.wrench.force.y, 4.0, 1e-9);
+}
+
+TEST_F(FrameRendererTest, RecoversFromAForceThatOverflows) {
+    feed(100, std::numeric_limits<double>::max(), 1, std::numeric_limits<double>::infinity());
+    for (int i = 0; i < 5; ++i) {
+        ContactFrame frame = floor_frame(0.0, std::numeric_limits<double>::max(), now_ns);
+        frame.stiffness = std::numeric_limits<double>::max();
+        frame.proxies[0].planes[0].offset = 10.0;
+        give(frame);
+        step();
+    }
+    EXPECT_TRUE(std::isfinite(last.contact.wrench.force.y));
+    // Frames of another session blend from what was felt; that must not poison them.
+    for (int i = 0; i < 100; ++i) {
+        give(floor_frame(0.0, kStiffness, now_ns), 2);
+        step();
+    }
+    EXPECT_NEAR(last.contact.wrench.force.y, 2.0, 1e-9);
+}
+
+}  // namespace
+}  // namespace haptic::rt

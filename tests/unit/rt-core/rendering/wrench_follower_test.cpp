@@ -1,0 +1,87 @@
+#include "rendering/wrench_follower.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <limits>
+
+#include "random.hpp"
+
+namespace haptic::rt {
+namespace {
+
+constexpr double kTick = 1e-3;  // s
+constexpr double kRelease = 0.05;
+
+WantedWrench wanted(const Vec3& force, double travel = 0.0, bool in_contact = true) {
+    return {.wrench = {force, Vec3(0.0)}, .travel = travel, .in_contact = in_contact};
+}
+
+TEST(WrenchFollower, KeepsToItsBoundAndGoesTowardWhatIsWantedWhateverItIs) {
+    test::Random random(5);
+    WrenchFollower follower(kRelease);
+    Wrench felt = follower.follow(wanted(Vec3(1.0, 0.0, 0.0)), kTick);
+    for (int i = 0; i < 20000; ++i) {
+        WantedWrench next;
+        next.wrench.force = random.normal();
+        next.wrench.torque = 0.05 * random.normal();
+        next.travel = random.uniform(0.0, 0.5);
+        next.torque_travel = random.uniform(0.0, 0.5);
+        next.stiffening = random.uniform(0.0, 1.0) < 0.1 ? 0.2 : 0.0;
+        next.torque_stiffening = random.uniform(0.0, 1.0) < 0.1 ? 0.3 : 0.0;
+        next.lever = 0.05;
+        next.in_contact = true;
+        const Wrench now = follower.follow(next, kTick);
+        const double bound = 1.5 * next.travel + next.stiffening + 1e-3;
+        const double torque_bound = (1.5 * next.torque_travel + next.torque_stiffening + 1e-3) * 0.05;
+        ASSERT_LE(glm::length(now.force - felt.force), bound * (1.0 + 1e-12));
+        ASSERT_LE(glm::length(now.torque - felt.torque), torque_bound * (1.0 + 1e-12));
+        // Along the straight way, and as far as one of the two bounds allows.
+        const Vec3 way = next.wrench.force - felt.force;
+        const double share = glm::dot(now.force - felt.force, way) / glm::dot(way, way);
+        ASSERT_LT(glm::length(now.force - felt.force - share * way), 1e-12);
+        const double possible =
+            std::min({1.0, bound / glm::length(way), torque_bound / glm::length(next.wrench.torque - felt.torque)});
+        ASSERT_NEAR(share, possible, 1e-9);
+        felt = now;
+    }
+}
+
+TEST(WrenchFollower, IsTheWantedWrenchToTheLastBitWhereTheBoundAllows) {
+    WrenchFollower follower(kRelease);
+    (void)follower.follow(wanted({0.1, 0.2, 0.3}), kTick);
+    const Vec3 next(0.1 + 1e-4, 0.2 - 3e-4, 0.3 + 1.0 / 3.0 * 1e-4);
+    EXPECT_EQ(follower.follow(wanted(next), kTick).force, next);
+}
+
+TEST(WrenchFollower, EndsInExactlyZeroWithinTheReleaseOnceNothingIsTouched) {
+    WrenchFollower follower(kRelease);
+    (void)follower.follow(wanted({3.0, -4.0, 0.0}), kTick);
+    double before = 5.0;
+    for (int i = 0; i < 51; ++i) {
+        const double now = glm::length(follower.follow(wanted(Vec3(0.0), 0.0, false), kTick).force);
+        EXPECT_LE(before - now, 5.0 * kTick / kRelease + 1e-12);
+        before = now;
+    }
+    EXPECT_EQ(before, 0.0);
+}
+
+TEST(WrenchFollower, LeapsOnceWhereItIsTold) {
+    WrenchFollower follower(kRelease);
+    (void)follower.follow(wanted({1.0, 0.0, 0.0}), kTick);
+    follower.leap();
+    EXPECT_EQ(follower.follow(wanted({9.0, 0.0, 0.0}), kTick).force.x, 9.0);
+    EXPECT_NEAR(follower.follow(wanted({1.0, 0.0, 0.0}), kTick).force.x, 9.0 - 1e-3, 1e-12);
+}
+
+TEST(WrenchFollower, PassesOnWhatHasNoMeasureAndForgetsIt) {
+    WrenchFollower follower(kRelease);
+    (void)follower.follow(wanted({1.0, 0.0, 0.0}), kTick);
+    const double infinite = std::numeric_limits<double>::infinity();
+    EXPECT_FALSE(std::isfinite(follower.follow(wanted({infinite, 0.0, 0.0}), kTick).force.x));
+    EXPECT_NEAR(follower.follow(wanted({1.0, 0.0, 0.0}), kTick).force.x, 1e-3, 1e-12);
+}
+
+}  // namespace
+}  // namespace haptic::rt

@@ -1,0 +1,396 @@
+#include "tick/tick.hpp"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <glm/geometric.hpp>
+#include <memory>
+#include <numeric>
+#include <vector>
+
+#include "tick_rig.hpp"
+
+namespace haptic::rt {
+namespace {
+
+using test::floor_frame;
+using test::TickRig;
+
+constexpr double kMillimetre = 1e-3;
+constexpr double kDigitN = 1.0 / (0.365296803653 * 415.0);  // N, that one D/A digit stands for
+
+/// The hand holds still while the loop arms, then moves by `to` in 0.3 s and stays there.
+PoseTrack hand_to(const Vec3& to) {
+    return PoseTrack({0.0, 1.0, 1.3, 10.0}, {Pose{}, Pose{}, Pose{to, Quat(1, 0, 0, 0)}, Pose{to, Quat(1, 0, 0, 0)}});
+}
+
+double sum(const StringArray& values) {
+    return std::accumulate(values.begin(), values.end(), 0.0);
+}
+
+TEST(Tick, CarriesNoTensionUntilItIsArmed) {
+    TickRig rig;
+    rig.steps(50);
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
+    EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
+}
+
+TEST(Tick, RunsAtMinimumTensionAfterArming) {
+    TickRig rig;
+    rig.run_up();
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Running);
+    for (const double tension : rig.board.device().tensions()) {
+        // Digits are truncated.
+        EXPECT_GE(tension, rig.settings.variant.minimum_tension - kDigitN);
+    }
+    EXPECT_LT(glm::length(rig.board.device().wrench().force), 0.05);
+}
+
+TEST(Tick, FollowsTheHandWithinEncoderQuantisation) {
+    const Vec3 to(0.012, -0.02, 0.015);
+    TickRig rig(hand_to(to));
+    rig.run_up();
+    rig.steps(1200);
+    EXPECT_LT(glm::length(rig.tick.last().pose.position - to), 0.05 * kMillimetre);
+    DeviceState state{};
+    ASSERT_TRUE(rig.states_in.read_newest(state));
+    EXPECT_LT(glm::length(to_vec3(state.position) - to), 0.05 * kMillimetre);
+    EXPECT_EQ(state.safety_state, HAPTIC_RUNNING);
+}
+
+TEST(Tick, MakesTheSpringForceOfAFloorAtTheBoard) {
+    // 5 mm into a floor of 400 N/m: 2 N upward.
+    TickRig rig(hand_to({0.0, -0.02, 0.0}));
+    rig.run_up();
+    for (int i = 0; i < 1500; ++i) {
+        if (i % 10 == 0) {
+            rig.publish(floor_frame(-0.015, 400.0, rig.now_ns));
+        }
+        rig.step();
+    }
+    EXPECT_NEAR(rig.tick.last().rendered.force.y, 2.0, 0.02);
+    // Eight strings, each short of its tension by less than a digit.
+    EXPECT_LT(glm::length(rig.board.device().wrench().force - Vec3(0.0, 2.0, 0.0)), 8 * kDigitN);
+    EXPECT_LT(glm::length(rig.board.device().wrench().force - rig.tick.last().made.force), 1e-3);
+    EXPECT_EQ(rig.tick.instruments().frames_received, 150u);
+}
+
+TEST(Tick, ReportsTheTensionsAndTheWrenchThatTheBoardHas) {
+    TickRig rig(hand_to({0.0, -0.02, 0.01}));
+    rig.run_up();
+    for (int i = 0; i < 1000; ++i) {
+        rig.publish(floor_frame(-0.01, 300.0, rig.now_ns));
+        rig.step();
+        DeviceState state{};
+        ASSERT_TRUE(rig.states_in.read_newest(state));
+        for (std::size_t k = 0; k < kStrings; ++k) {
+            ASSERT_EQ(state.tension[k], rig.board.device().tensions()[k]);
+        }
+        // The pose that the board has and the one that we found differ by an encoder count.
+        ASSERT_LT(glm::length(to_vec3(state.force) - rig.board.device().wrench().force), 5e-3);
+        ASSERT_LT(glm::length(to_vec3(state.torque) - rig.board.device().wrench().torque), 1e-4);
+    }
+}
+
+TEST(Tick, PutsTheMotorsOutInTheSameTickAsTheEncodersCameIn) {
+    TickRig rig(PoseTrack({0.0, 0.8, 0.8001, 10.0}, {Pose{}, Pose{}, Pose{{0, -1e-3, 0}, Quat(1, 0, 0, 0)},
+                                                     Pose{{0, -1e-3, 0}, Quat(1, 0, 0, 0)}}));
+    rig.run_up();
+    while (rig.tick.last().pose.position.y > -0.5 * kMillimetre) {
+        rig.publish(floor_frame(0.0, 300.0, rig.now_ns));
+        rig.step();
+    }
+    // The first tick that sees the grip below the floor already pushes it back; 0.3 N is below the limit of rate.
+    EXPECT_NEAR(rig.tick.last().rendered.force.y, 0.3, 0.01);
+    EXPECT_NEAR(rig.board.device().wrench().force.y, 0.3, 8 * kDigitN);
+}
+
+TEST(Tick, WithOneExchangePutsTheMotorsOutInTheNextTick) {
+    TickSettings one;
+    one.exchanges = 1;
+    TickRig rig(PoseTrack(), one);
+    rig.run_up();
+    const std::array<double, kStrings> at_rest = rig.board.device().tensions();
+    rig.publish(floor_frame(1e-3, 300.0, rig.now_ns));  // 1 mm above the grip
+    rig.step();
+    ASSERT_GT(rig.tick.last().rendered.force.y, 0.0);
+    EXPECT_EQ(rig.board.device().tensions(), at_rest);
+    const StringArray sent = rig.tick.last().tensions;
+    rig.step();
+    EXPECT_EQ(rig.board.device().tensions(), sent);
+}
+
+TEST(Tick, CalibratesTheRestLengthsWhereverTheCountersStand) {
+    TickRig rig;
+    rig.faulty.added = {65000, 1, 2, 32768, 32767, 9, 10, 40000};
+    rig.run_up();
+    EXPECT_LT(glm::length(rig.tick.last().pose.position), 1e-9);
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Running);
+}
+
+TEST(Tick, KeepsThePoseAndGoesOnThroughAFewFailedExchanges) {
+    TickRig rig(hand_to({0.01, 0.0, 0.0}));
+    rig.run_up();
+    rig.steps(1000);
+    const Vec3 before = rig.tick.last().pose.position;
+    rig.faulty.failing = true;
+    rig.steps(rig.settings.safety.exchange_ticks);
+    EXPECT_EQ(rig.tick.last().pose.position, before);
+    EXPECT_NE(rig.tick.last().flags & HAPTIC_TICK_EXCHANGE_FAILED, 0u);
+    rig.faulty.failing = false;
+    rig.steps(100);
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Running);
+    EXPECT_EQ(rig.tick.last().flags & HAPTIC_TICK_EXCHANGE_FAILED, 0u);
+}
+
+/// Presses 5 mm into a floor that goes on being published.
+void press(TickRig& rig, int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+        rig.publish(floor_frame(-0.015, 400.0, rig.now_ns));
+        rig.step();
+    }
+}
+
+TEST(Tick, FadesOutAndDisarmsWhenTheBoardIsGone) {
+    TickRig rig(hand_to({0.0, -0.02, 0.0}));
+    rig.run_up();
+    press(rig, 1500);
+    rig.faulty.failing = true;
+    press(rig, 10);
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Faulted);
+    press(rig, 700);
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
+    EXPECT_EQ(rig.tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_EXCHANGE));
+    DeviceState state{};
+    ASSERT_TRUE(rig.states_in.read_newest(state));
+    EXPECT_EQ(state.faults, static_cast<std::uint32_t>(HAPTIC_FAULT_EXCHANGE));
+    rig.faulty.failing = false;
+    rig.step();
+    EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
+}
+
+TEST(Tick, FadesSmoothlyAtTheBoardWhenAnEncoderJumps) {
+    TickRig rig(hand_to({0.0, -0.02, 0.0}));
+    rig.run_up();
+    press(rig, 1500);
+    const double full = rig.board.device().wrench().force.y;
+    ASSERT_GT(full, 1.9);
+    rig.faulty.added[2] = 3000;  // 5 cm in one tick
+    double last = full;
+    for (int i = 0; i < 800; ++i) {
+        press(rig, 1);
+        const double now = rig.board.device().wrench().force.y;
+        // 2 N over 100 ms, steepest slope 1.5; truncated digits add a little of either sign.
+        EXPECT_LT(std::fabs(now - last), 1.5 * 2.0 / 100.0 + 8 * kDigitN) << i;
+        last = now;
+    }
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
+    EXPECT_EQ(rig.tick.faults() & HAPTIC_FAULT_JUMP, static_cast<std::uint32_t>(HAPTIC_FAULT_JUMP));
+    EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
+}
+
+TEST(Tick, FaultsWhenTheLengthsContradictEachOther) {
+    TickRig rig;
+    rig.run_up();
+    // One string creeps away by 3 cm, slowly enough to be no jump.
+    for (int i = 0; i < 600 && rig.tick.safety_state() == SafetyState::Running; ++i) {
+        rig.faulty.added[4] = static_cast<std::uint16_t>(3 * i);
+        rig.step();
+    }
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Faulted);
+    EXPECT_EQ(rig.tick.faults() & HAPTIC_FAULT_RESIDUAL, static_cast<std::uint32_t>(HAPTIC_FAULT_RESIDUAL));
+}
+
+TEST(Tick, FaultsOfASlackStringNameIt) {
+    TickRig rig;
+    rig.run_up();
+    // String 4 counts down as it pays out: it reads longer and longer.
+    for (int i = 0; i < 600 && rig.tick.safety_state() == SafetyState::Running; ++i) {
+        rig.faulty.added[4] = static_cast<std::uint16_t>(-3 * i);
+        rig.step();
+        if (rig.tick.last().residual > rig.settings.safety.residual) {
+            EXPECT_NE(rig.tick.last().flags >> HAPTIC_TICK_SUSPECTS_SHIFT & 1U << 4, 0u);
+        }
+    }
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Faulted);
+    EXPECT_EQ(rig.tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_SLACK));
+    EXPECT_NE(rig.tick.suspect_strings() & 1U << 4, 0u);
+    EXPECT_LT(std::popcount(rig.tick.suspect_strings()), 5);
+}
+
+TEST(Tick, FlagsAndCountsOverrunsAndFaultsWhenTheyDoNotEnd) {
+    TickRig rig;
+    rig.run_up();
+    rig.step(0, 3);
+    EXPECT_NE(rig.tick.last().flags & HAPTIC_TICK_OVERRUN, 0u);
+    rig.step(rig.settings.period_ns);
+    EXPECT_NE(rig.tick.last().flags & HAPTIC_TICK_OVERRUN, 0u);
+    rig.step(rig.settings.period_ns / 2);
+    EXPECT_EQ(rig.tick.last().flags & HAPTIC_TICK_OVERRUN, 0u);
+    EXPECT_EQ(rig.tick.instruments().overruns, 3u);
+    for (int i = 0; i <= rig.settings.safety.overrun_ticks; ++i) {
+        rig.step(0, 1);
+    }
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Faulted);
+    EXPECT_EQ(rig.tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_OVERRUN));
+}
+
+TEST(Tick, StopsByWayOfAFadeToZeroAtTheBoard) {
+    TickRig rig(hand_to({0.0, -0.02, 0.0}));
+    rig.run_up();
+    press(rig, 1500);
+    rig.tick.stop();
+    int ticks = 0;
+    for (; rig.tick.safety_state() != SafetyState::Disarmed && ticks < 2000; ++ticks) {
+        press(rig, 1);
+    }
+    EXPECT_NEAR(ticks, 600, 5);
+    EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
+    EXPECT_EQ(rig.tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_STOP));
+}
+
+TEST(Tick, CanBeArmedAgainAfterAFault) {
+    TickRig rig;
+    rig.run_up();
+    rig.tick.stop();
+    rig.steps(800);
+    ASSERT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
+    rig.run_up();
+    EXPECT_EQ(rig.tick.safety_state(), SafetyState::Running);
+    EXPECT_EQ(rig.tick.faults(), 0u);
+}
+
+TEST(Tick, RefusesADefectiveFrameAndGoesOnWithTheLastGoodOne) {
+    TickRig rig(hand_to({0.0, -0.02, 0.0}));
+    rig.run_up();
+    press(rig, 1500);
+    for (int i = 0; i < 50; ++i) {
+        ContactFrame bad = floor_frame(-0.015, 400.0, rig.now_ns);
+        bad.proxies[0].planes[0].normal[1] = 2.0;
+        rig.publish(bad);
+        rig.step();
+        EXPECT_NE(rig.tick.last().flags & HAPTIC_TICK_FRAME_REJECTED, 0u);
+        EXPECT_NEAR(rig.tick.last().rendered.force.y, 2.0, 0.02);
+    }
+    EXPECT_EQ(rig.tick.instruments().frames_rejected, 50u);
+}
+
+TEST(Tick, LimitsForceAndRateWhateverAFrameAsksFor) {
+    TickSettings settings;
+    settings.passivity.control = PassivityControl::Observe;  // it would not let a leaping floor push so hard
+    TickRig rig(PoseTrack(), settings);
+    rig.run_up();
+    Vec3 last(0.0);
+    StringArray last_tensions = rig.tick.last().tensions;
+    for (int i = 0; i < 500; ++i) {
+        // A floor a metre above the grip, made of steel, that comes and goes.
+        rig.publish(floor_frame(i / 100 % 2 == 0 ? 1.0 : -1.0, 1e6, rig.now_ns));
+        rig.step();
+        const Vec3 now = rig.tick.last().rendered.force;
+        ASSERT_LE(glm::length(now), rig.settings.limits.force + 1e-9);
+        ASSERT_LE(glm::length(now - last), rig.settings.limits.force_rate * 1e-3 + 1e-9);
+        last = now;
+        for (std::size_t k = 0; k < kStrings; ++k) {
+            const double tension = rig.tick.last().tensions[k];
+            ASSERT_LE(tension, rig.settings.variant.maximum_tension);
+            ASSERT_LE(std::fabs(tension - last_tensions[k]), rig.settings.tension_rate * 1e-3 + kDigitN);
+            last_tensions[k] = tension;
+        }
+    }
+    EXPECT_EQ(rig.tick.instruments().peak_force, rig.settings.limits.force);
+}
+
+TEST(Tick, DoesNotCatchUpInOneStepAfterALongInterruption) {
+    TickRig rig;
+    rig.run_up();
+    rig.publish(floor_frame(1.0, 1e6, rig.now_ns));
+    rig.now_ns += 50'000'000;
+    rig.step();
+    EXPECT_LE(glm::length(rig.tick.last().rendered.force), rig.settings.limits.force_rate * 2e-3 + 1e-9);
+}
+
+TEST(Tick, RendersEveryProxyParticleOfAFullFrame) {
+    TickRig rig(hand_to({0.0, -0.02, 0.0}));
+    rig.run_up();
+    for (int i = 0; i < 1500; ++i) {
+        ContactFrame frame = floor_frame(-0.015, 400.0, rig.now_ns);
+        frame.proxy_count = kMaxProxies;
+        for (std::size_t k = 1; k < kMaxProxies; ++k) {
+            frame.proxies[k] = frame.proxies[0];
+        }
+        rig.publish(frame);
+        rig.step();
+    }
+    EXPECT_EQ(rig.tick.last().in_contact, kMaxProxies);
+    EXPECT_NEAR(rig.tick.last().rendered.force.y, 2.0, 0.02);  // the mean of 64 equal springs
+}
+
+TEST(Tick, KeepsTheLastTwoSecondsForTheBlackBox) {
+    TickRig rig;
+    rig.steps(2500);
+    const BlackBox& box = rig.tick.black_box();
+    ASSERT_EQ(box.size(), 2000u);
+    EXPECT_EQ(box.at(1999).now_ns, rig.now_ns - rig.settings.period_ns);
+    EXPECT_EQ(box.at(1999).now_ns - box.at(0).now_ns, 1999 * rig.settings.period_ns);
+}
+
+TEST(Tick, GivesEachTickToTheRecorder) {
+    TickRig rig;
+    Recorder recorder(64);
+    rig.tick.record_to(&recorder);
+    rig.steps(10);
+    TickRecord record;
+    for (int i = 0; i < 10; ++i) {
+        ASSERT_TRUE(recorder.pop(record));
+        EXPECT_EQ(record.now_ns, 1'000'000'000 + i * rig.settings.period_ns);
+    }
+    EXPECT_FALSE(recorder.pop(record));
+}
+
+TEST(Tick, DoesTheSameBitsTwice) {
+    const auto run = [] {
+        TickRig rig(hand_to({0.003, -0.02, 0.001}));
+        rig.run_up();
+        std::vector<TickRecord> records;
+        for (int i = 0; i < 1000; ++i) {
+            if (i % 7 == 0) {
+                rig.publish(floor_frame(-0.015, 400.0, rig.now_ns));
+            }
+            rig.step();
+            records.push_back(rig.tick.last());
+        }
+        return records;
+    };
+    const std::vector<TickRecord> first = run();
+    const std::vector<TickRecord> second = run();
+    for (std::size_t i = 0; i < first.size(); ++i) {
+        ASSERT_EQ(first[i].pose.position, second[i].pose.position) << i;
+        ASSERT_EQ(first[i].rendered.force, second[i].rendered.force) << i;
+        ASSERT_EQ(first[i].tensions, second[i].tensions) << i;
+    }
+}
+
+TEST(Tick, SendsZeroOnRequestWhateverTheState) {
+    TickRig rig;
+    rig.run_up();
+    ASSERT_GT(sum(rig.board.device().tensions()), 2.0);
+    EXPECT_EQ(rig.tick.send_zero(rig.now_ns), device::ExchangeStatus::Ok);
+    EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
+}
+
+TEST(Tick, RefusesSettingsThatCannotBe) {
+    const auto refuses = [](void (*spoil)(TickSettings&)) {
+        TickSettings settings;
+        spoil(settings);
+        EXPECT_THROW(TickRig rig(PoseTrack(), settings), std::invalid_argument);
+    };
+    refuses([](TickSettings& s) { s.period_ns = 0; });
+    refuses([](TickSettings& s) { s.frames.fade_ns = 0; });
+    refuses([](TickSettings& s) { s.limits.force = -1.0; });
+    refuses([](TickSettings& s) { s.variant.maximum_tension = s.variant.minimum_tension; });
+}
+
+}  // namespace
+}  // namespace haptic::rt
