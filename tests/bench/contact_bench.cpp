@@ -10,15 +10,15 @@
 #include <random>
 #include <vector>
 
-#include "haptic/sim/contact/friction.hpp"
+#include "contact/friction.hpp"
 #include "haptic/sim/contact/planes_in_reach.hpp"
-#include "haptic/sim/contact/pop_out.hpp"
-#include "haptic/sim/contact/secure_position.hpp"
-#include "haptic/sim/contact/swept_tree.hpp"
-#include "haptic/sim/contact/thesis_ccd.hpp"
-#include "haptic/sim/contact/triangle_ccd.hpp"
-#include "haptic/sim/contact/verification.hpp"
-#include "haptic/sim/contact/virtual_proxy.hpp"
+#include "contact/pop_out.hpp"
+#include "contact/secure_position.hpp"
+#include "contact/swept_tree.hpp"
+#include "contact/thesis/thesis_ccd.hpp"
+#include "contact/triangle_ccd.hpp"
+#include "contact/verification.hpp"
+#include "contact/virtual_proxy.hpp"
 #include "haptic/sim/fish.hpp"
 #include "reproduce/pop_out_table.hpp"
 

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "haptic/rt/surface_grip.hpp"
-#include "haptic/sim/contact/friction.hpp"
-#include "haptic/sim/contact/pop_out.hpp"
-#include "haptic/sim/contact/secure_position.hpp"
+#include "contact/friction.hpp"
+#include "contact/pop_out.hpp"
+#include "contact/secure_position.hpp"
 
 namespace haptic {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "cli/frame_outlet.hpp"
+#include "app/frame_outlet.hpp"
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/ring.hpp"
 #include "tick/tick.hpp"

@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/half_spaces.hpp"
+#include "contact/half_spaces.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/link_guard.hpp"
+#include "contact/link_guard.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 #include <glm/geometric.hpp>
 #include <limits>
 
-#include "haptic/sim/contact/closest_point.hpp"
+#include <haptic/sim/closest_point.hpp>
 
 namespace haptic::sim {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "contact/scratch.hpp"
 #include "contact/touching.hpp"
-#include "haptic/sim/contact/triangle_ccd.hpp"
+#include "contact/triangle_ccd.hpp"
 
 namespace haptic::sim {
 

@@ -1,10 +1,10 @@
-#include "haptic/sim/contact/pop_out.hpp"
+#include "contact/pop_out.hpp"
 
 #include <cmath>
 #include <glm/geometric.hpp>
 
 #include "contact/touching.hpp"
-#include "haptic/sim/contact/thesis_pop_out.hpp"
+#include "contact/thesis/thesis_pop_out.hpp"
 
 namespace haptic::sim {
 

@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/secure_position.hpp"
+#include "contact/secure_position.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 #include <glm/geometric.hpp>
 
 #include "contact/touching.hpp"
-#include "haptic/sim/contact/thesis_ccd.hpp"
-#include "haptic/sim/contact/triangle_ccd.hpp"
+#include "contact/thesis/thesis_ccd.hpp"
+#include "contact/triangle_ccd.hpp"
 
 namespace haptic::sim {
 

@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/swept_tree.hpp"
+#include "contact/swept_tree.hpp"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "contact/refit.hpp"
+#include "simd/refit.hpp"
 
 namespace haptic::sim {
 

@@ -6,7 +6,7 @@
 #include <glm/geometric.hpp>
 #include <tuple>
 
-#include "haptic/sim/contact/swept_sphere.hpp"
+#include "contact/swept_sphere.hpp"
 
 namespace haptic::sim {
 

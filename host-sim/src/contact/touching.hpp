@@ -5,11 +5,11 @@
 #include <span>
 
 #include "contact/scratch.hpp"
-#include "haptic/sim/contact/closest_point.hpp"
-#include "haptic/sim/contact/contact.hpp"
-#include "haptic/sim/contact/half_spaces.hpp"
+#include <haptic/sim/closest_point.hpp>
+#include <haptic/sim/contact.hpp>
+#include "contact/half_spaces.hpp"
 #include "haptic/sim/contact/surroundings.hpp"
-#include "haptic/sim/contact/swept_tree.hpp"
+#include "contact/swept_tree.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {

@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/triangle_ccd.hpp"
+#include "contact/triangle_ccd.hpp"
 
 #include <algorithm>
 #include <cmath>

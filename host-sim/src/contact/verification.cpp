@@ -1,5 +1,5 @@
 // Includes nothing of the contact code but the record of the path: what judges must not share its mistakes.
-#include "haptic/sim/contact/verification.hpp"
+#include "contact/verification.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/virtual_proxy.hpp"
+#include "contact/virtual_proxy.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -9,10 +9,10 @@
 #include <ostream>
 #include <random>
 
-#include "haptic/sim/contact/secure_position.hpp"
-#include "haptic/sim/contact/swept_tree.hpp"
-#include "haptic/sim/contact/thesis_ccd.hpp"
-#include "haptic/sim/contact/triangle_ccd.hpp"
+#include "contact/secure_position.hpp"
+#include "contact/swept_tree.hpp"
+#include "contact/thesis/thesis_ccd.hpp"
+#include "contact/triangle_ccd.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "reproduce/touch_oracle.hpp"
 

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "haptic/sim/contact/thesis_pop_out.hpp"
+#include "contact/thesis/thesis_pop_out.hpp"
 
 namespace haptic::sim {
 

@@ -9,7 +9,7 @@
 #include <glm/geometric.hpp>
 
 #include "haptic/config.hpp"
-#include "haptic/sim/contact/half_spaces.hpp"
+#include "contact/half_spaces.hpp"
 #include "haptic/sim/scene.hpp"
 
 namespace haptic::sim::reproduce {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "haptic/sim/povray.hpp"
+#include "reproduce/povray.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "haptic/types.hpp"
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "haptic/sim/povray.hpp"
+#include "reproduce/povray.hpp"
 
 namespace haptic::sim::reproduce {
 

@@ -6,8 +6,8 @@
 #include <glm/gtc/quaternion.hpp>
 #include <utility>
 
-#include "haptic/sim/contact/half_spaces.hpp"
-#include "haptic/sim/tool_proxies.hpp"
+#include "contact/half_spaces.hpp"
+#include "tool/tool_proxies.hpp"
 
 namespace haptic::sim::reproduce {
 namespace {

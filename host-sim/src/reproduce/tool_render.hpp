@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "haptic/frames.hpp"
-#include "haptic/sim/povray.hpp"
+#include "reproduce/povray.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "haptic/types.hpp"
 #include "reproduce/scene_run.hpp"

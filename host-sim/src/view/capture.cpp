@@ -5,7 +5,7 @@
 
 #include "haptic/frames.hpp"
 #include "haptic/sim/scene.hpp"
-#include "haptic/sim/tool_proxies.hpp"
+#include "tool/tool_proxies.hpp"
 
 namespace haptic::sim::view {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "haptic/sim/particles.hpp"
-#include "haptic/sim/rotation.hpp"
+#include "dynamics/rotation.hpp"
 
 namespace haptic::sim {
 

@@ -24,7 +24,7 @@
 #include <span>
 #include <vector>
 
-#include "haptic/sim/contact/contact.hpp"
+#include <haptic/sim/contact.hpp>
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/skin.hpp"
 #include "haptic/types.hpp"

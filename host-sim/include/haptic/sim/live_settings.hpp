@@ -10,7 +10,7 @@
 #pragma once
 
 #include "haptic/config.hpp"
-#include "haptic/sim/contact/contact.hpp"
+#include <haptic/sim/contact.hpp>
 #include "haptic/sim/scene.hpp"
 
 namespace haptic::sim {

@@ -11,7 +11,7 @@
 #include "haptic/pose_track.hpp"
 #include "haptic/probe.hpp"
 #include "haptic/sim/collisions.hpp"
-#include "haptic/sim/contact/contact.hpp"
+#include <haptic/sim/contact.hpp>
 #include "haptic/sim/contact_force.hpp"
 #include "haptic/sim/curl_track.hpp"
 #include "haptic/sim/model_settings.hpp"

@@ -24,7 +24,7 @@
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/particles.hpp"
 #include "haptic/sim/scene.hpp"
-#include "haptic/sim/tool_proxies.hpp"
+#include "tool/tool_proxies.hpp"
 #include "haptic/sim/workspace.hpp"
 #include "haptic/types.hpp"
 

@@ -14,7 +14,7 @@
 #include <optional>
 
 #include "haptic/frames.hpp"
-#include "haptic/sim/contact/contact.hpp"
+#include <haptic/sim/contact.hpp>
 #include "haptic/types.hpp"
 
 namespace haptic::sim {

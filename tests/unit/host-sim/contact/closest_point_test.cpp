@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/closest_point.hpp"
+#include <haptic/sim/closest_point.hpp>
 
 #include <gtest/gtest.h>
 

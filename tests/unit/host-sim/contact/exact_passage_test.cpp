@@ -11,7 +11,7 @@
 #include <optional>
 
 #include "contact/oracle.hpp"
-#include "haptic/sim/contact/triangle_ccd.hpp"
+#include "contact/triangle_ccd.hpp"
 
 namespace {
 

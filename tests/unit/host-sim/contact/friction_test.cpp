@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/friction.hpp"
+#include "contact/friction.hpp"
 
 #include <gtest/gtest.h>
 

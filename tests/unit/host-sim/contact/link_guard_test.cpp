@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/link_guard.hpp"
+#include "contact/link_guard.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/pop_out.hpp"
+#include "contact/pop_out.hpp"
 
 #include <gtest/gtest.h>
 

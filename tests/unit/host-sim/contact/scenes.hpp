@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "contact/oracle.hpp"
-#include "haptic/sim/contact/pop_out.hpp"
-#include "haptic/sim/contact/secure_position.hpp"
-#include "haptic/sim/contact/swept_tree.hpp"
-#include "haptic/sim/contact/verification.hpp"
-#include "haptic/sim/contact/virtual_proxy.hpp"
+#include "contact/pop_out.hpp"
+#include "contact/secure_position.hpp"
+#include "contact/swept_tree.hpp"
+#include "contact/verification.hpp"
+#include "contact/virtual_proxy.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/types.hpp"
 

@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/secure_position.hpp"
+#include "contact/secure_position.hpp"
 
 #include <gtest/gtest.h>
 

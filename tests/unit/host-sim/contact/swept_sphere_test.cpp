@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/swept_sphere.hpp"
+#include "contact/swept_sphere.hpp"
 
 #include <gtest/gtest.h>
 

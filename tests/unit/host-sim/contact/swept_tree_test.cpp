@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/swept_tree.hpp"
+#include "contact/swept_tree.hpp"
 
 #include <gtest/gtest.h>
 

@@ -9,8 +9,8 @@
 
 #include "contact/oracle.hpp"
 #include "contact/scenes.hpp"
-#include "haptic/sim/contact/swept_sphere.hpp"
-#include "haptic/sim/contact/swept_tree.hpp"
+#include "contact/swept_sphere.hpp"
+#include "contact/swept_tree.hpp"
 
 namespace {
 

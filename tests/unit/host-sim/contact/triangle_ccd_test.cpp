@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/triangle_ccd.hpp"
+#include "contact/triangle_ccd.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "contact/oracle.hpp"
-#include "haptic/sim/contact/verification.hpp"
+#include "contact/verification.hpp"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "haptic/sim/contact/verification.hpp"
+#include "contact/verification.hpp"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "haptic/sim/contact/contact.hpp"
+#include <haptic/sim/contact.hpp>
 #include "haptic/sim/contact/surroundings.hpp"
 #include "haptic/types.hpp"
 

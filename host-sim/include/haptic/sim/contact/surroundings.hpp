@@ -14,7 +14,7 @@
 #include <span>
 #include <vector>
 
-#include "haptic/sim/contact/swept_tree.hpp"
+#include "contact/swept_tree.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {

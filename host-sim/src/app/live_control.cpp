@@ -1,0 +1,124 @@
+#include "app/live_control.hpp"
+
+#include <algorithm>
+#include <utility>
+#include <variant>
+
+#include <haptic/types.hpp>
+#include "view/capture.hpp"
+
+namespace haptic::sim {
+namespace {
+
+constexpr std::int64_t kMeasureNs = 250'000'000;  // over which the speed is measured
+
+}  // namespace
+
+void LiveControl::introduce(Simulation& simulation, const LiveSettings& own, HandSources& hand) {
+    simulation_ = &simulation;
+    hand_ = &hand;
+    parameters_ = std::make_unique<view::LiveParameters>(simulation, own);
+    result_ = {};
+    measured_s_ = 0.0;
+    view::SceneDescription description = view::describe(simulation);
+    description.parameters = parameters_->descriptions();
+    view_->introduce(description);
+}
+
+void LiveControl::serve() {
+    for (view::Command command; view_->next_command(command);) {
+        std::visit([this](const auto& what) { obey(what); }, command);
+    }
+    if (std::optional<std::string> csv = recordings_.take_offer()) {
+        view_->offer_record(std::move(*csv));
+    }
+}
+
+std::optional<SceneWish> LiveControl::take_wish() {
+    return std::exchange(wish_, std::nullopt);
+}
+
+void LiveControl::obey(const view::SetParameter& command) {
+    const LiveSettings before = simulation_->settings();
+    const LiveSettings next = parameters_->with(before, command.parameter, command.value);
+    if (next == before) {
+        return;
+    }
+    simulation_->change_settings(next);
+    recordings_.note(simulation_->steps(), parameters_->assignment(next, command.parameter));
+    ++counts_.changes;
+}
+
+void LiveControl::obey(const view::SetPaused& command) {
+    paused_ = command.paused;
+    single_steps_ = 0;
+}
+
+void LiveControl::obey(const view::SingleStep& command) {
+    single_steps_ = paused_ ? command.steps : 0;
+}
+
+void LiveControl::obey(const view::Reset& /*command*/) {
+    wish_ = SceneWish{};
+}
+
+void LiveControl::obey(const view::ChangeScene& command) {
+    wish_ = SceneWish{command.name};
+}
+
+void LiveControl::obey(const view::SetRecording& command) {
+    if (command.on) {
+        recordings_.start_offer(simulation_->steps());
+    } else {
+        recordings_.finish_offer();
+    }
+}
+
+void LiveControl::obey(const view::MoveHand& command) {
+    hand_->move(*simulation_, command);
+}
+
+void LiveControl::obey(const view::ReleaseHand& /*command*/) {
+    hand_->release();
+}
+
+void LiveControl::obey(const view::FollowScript& /*command*/) {
+    hand_->follow_script(*simulation_);
+}
+
+void LiveControl::after_step(const StepResult& result, std::uint64_t late_steps, std::int64_t now_ns) {
+    result_ = result;
+    late_steps_ = late_steps;
+    single_steps_ -= single_steps_ > 0 ? 1 : 0;
+    view_->add(view::sample_of(result));
+    show(now_ns);
+}
+
+void LiveControl::measure_speed(std::int64_t now_ns) {
+    if (now_ns - measured_ns_ < kMeasureNs) {
+        return;
+    }
+    const double passed = seconds(now_ns - measured_ns_);
+    speed_ = measured_ns_ > 0 ? std::max(0.0, simulation_->time() - measured_s_) / passed : 0.0;
+    measured_ns_ = now_ns;
+    measured_s_ = simulation_->time();
+}
+
+void LiveControl::show(std::int64_t now_ns) {
+    measure_speed(now_ns);
+    view::SceneSnapshot* const moment = view_->wanted();
+    if (moment == nullptr) {
+        return;
+    }
+    view::capture(*simulation_, result_, *moment);
+    moment->run = {.paused = paused_,
+                   .recording = recordings_.offering(),
+                   .recorded_steps = recordings_.offered_steps(),
+                   .hand = hand_->source(),
+                   .speed = speed_,
+                   .late_steps = late_steps_,
+                   .parameters = parameters_->values(simulation_->settings())};
+    view_->show();
+}
+
+}  // namespace haptic::sim

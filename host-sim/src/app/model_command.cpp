@@ -1,0 +1,159 @@
+// host-sim model: builds the particles of a body, says what they are, and writes them to a file that can be edited.
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <glm/geometric.hpp>
+#include <iomanip>
+#include <iostream>
+#include <limits>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "app/commands.hpp"
+#include "app/toml_string.hpp"
+#include <haptic/config.hpp>
+#include "model/model_file.hpp"
+#include <haptic/sim/model_settings.hpp>
+#include "dynamics/rotation.hpp"
+
+namespace haptic::sim {
+namespace {
+
+struct ModelOptions {
+    std::string what;
+    std::vector<std::string> assignments;
+    std::string out;
+};
+
+bool is_generator(const std::string& what) {
+    constexpr std::array generators{"cloth", "curtain", "fan", "fish", "plate", "rod"};
+    return std::find(generators.begin(), generators.end(), what) != generators.end();
+}
+
+/// Least, middle and greatest, m or members.
+struct Spread {
+    explicit Spread(std::vector<double> values) {
+        if (values.empty()) {
+            return;
+        }
+        std::sort(values.begin(), values.end());
+        least = values.front();
+        middle = values[values.size() / 2];
+        most = values.back();
+    }
+    double least = 0.0;
+    double middle = 0.0;
+    double most = 0.0;
+};
+
+std::ostream& operator<<(std::ostream& out, const Spread& spread) {
+    return out << spread.least << " .. " << spread.most << ", middle " << spread.middle;
+}
+
+std::vector<double> nearest_distances(const ParticleModel& model) {
+    std::vector<double> nearest(model.size(), std::numeric_limits<double>::infinity());
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        for (std::size_t j = 0; j < i; ++j) {
+            const double distance = glm::length(model.rest_position[i] - model.rest_position[j]);
+            nearest[i] = std::min(nearest[i], distance);
+            nearest[j] = std::min(nearest[j], distance);
+        }
+    }
+    return nearest;
+}
+
+double covered_part(const DeformableBody& body) {
+    const ParticleModel& model = body.particles;
+    std::size_t covered = 0;
+    for (const Vec3& p : body.mesh.vertices) {
+        for (std::size_t i = 0; i < model.size(); ++i) {
+            if (!(std::min({model.semi_axes[i].x, model.semi_axes[i].y, model.semi_axes[i].z}) > 0.0)) {
+                continue;
+            }
+            const Vec3 q = glm::transpose(to_matrix(model.axes[i])) * (p - model.rest_position[i]) / model.semi_axes[i];
+            if (glm::dot(q, q) <= 1.0) {
+                ++covered;
+                break;
+            }
+        }
+    }
+    return static_cast<double>(covered) / static_cast<double>(body.mesh.vertices.size());
+}
+
+void print(std::ostream& out, const DeformableBody& body) {
+    const ParticleModel& model = body.particles;
+    std::vector<double> members;
+    std::set<double> stiffnesses;
+    for (const Group& group : model.groups) {
+        members.push_back(static_cast<double>(group.members.size()));
+        stiffnesses.insert(group.stiffness);
+    }
+    double mass = 0.0;
+    for (const double m : model.mass) {
+        mass += m;
+    }
+    std::size_t led = 0;
+    for (const Motion& motion : body.motions) {
+        led += motion.particles.size();
+    }
+    std::vector<double> semi_axes;
+    for (const Vec3& axes : model.semi_axes) {
+        semi_axes.insert(semi_axes.end(), {axes.x, axes.y, axes.z});
+    }
+    out << std::setprecision(4) << body.name << ":\n"
+        << "  mesh          " << body.mesh.vertices.size() << " vertices, " << body.mesh.triangles.size()
+        << " triangles, " << (body.mesh.closed ? "closed" : "open") << '\n'
+        << "  particles     " << model.size() << " (" << std::count(model.pinned.begin(), model.pinned.end(), 1)
+        << " fixed, " << led << " of them led)\n";
+    if (model.size() > 1) {
+        out << "  spacing       " << Spread(nearest_distances(model)) << " m, to the nearest other\n";
+    }
+    out << "  mass          " << mass << " kg; of a particle " << Spread(model.mass) << " kg\n"
+        << "  groups        " << model.groups.size() << " of " << Spread(members) << " members; stiffness";
+    for (const double stiffness : stiffnesses) {
+        out << ' ' << stiffness;
+    }
+    out << "\n  links         " << model.links.size() << '\n'
+        << "  ellipsoids    semi-axes " << Spread(semi_axes) << " m; " << 100.0 * covered_part(body)
+        << " % of the vertices are in one\n";
+}
+
+int run_model(const ModelOptions& options) {
+    Config config;
+    if (is_generator(options.what)) {
+        config.set("model.generator=" + options.what);
+    } else {
+        config.set("model.file=" + toml_string(options.what));
+    }
+    for (const std::string& assignment : options.assignments) {
+        config.set(assignment);
+    }
+    const ModelSettings settings = read_model(config, "model");
+    config.reject_unknown();
+    const DeformableBody body = make_body(settings);
+    print(std::cout, body);
+    if (!options.out.empty()) {
+        save_model(options.out, body);
+        std::cout << "  written to    " << options.out << '\n';
+    }
+    return 0;
+}
+
+}  // namespace
+
+Command add_model_command(CLI::App& app) {
+    const auto options = std::make_shared<ModelOptions>();
+    app.add_option("what", options->what, "cloth, curtain, fan, fish, plate, rod, or a mesh file")->required();
+    app.add_option("--set", options->assignments,
+                   "Override a key of the scenes' [model] table, e.g. model.particles_count=200; repeatable")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    app.add_option("--out", options->out, "Write the particles there: a scene reads them with model.particles");
+    return [options] { return run_model(*options); };
+}
+
+}  // namespace haptic::sim

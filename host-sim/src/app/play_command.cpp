@@ -1,0 +1,130 @@
+// host-sim play: a recording, simulated again and shown to viewers with a time line.
+
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "app/commands.hpp"
+#include "app/log.hpp"
+#include "app/playback.hpp"
+#include "app/recorded_run.hpp"
+#include "app/replay.hpp"
+#include "app/stop_signal.hpp"
+#include <haptic/clock.hpp>
+#include <haptic/sim/scene.hpp>
+#include <haptic/types.hpp>
+#include "view/live_view.hpp"
+
+namespace haptic::sim {
+namespace {
+
+// A screen's rate.
+constexpr std::int64_t kMomentNs = 16'666'667;
+
+struct PlayOptions {
+    std::string record;
+    std::string scene;
+    std::vector<std::string> assignments;
+    std::string view_address;
+    bool watch_only = false;
+};
+
+/// What to open, and what to set in it: as the record says, or in its place as the command line does.
+struct PlayedScene {
+    std::string which;
+    std::vector<std::string> assignments;
+    std::uint64_t first_step = 0;
+    bool as_recorded = false;
+};
+
+PlayedScene find_scene(const PlayOptions& options, const std::optional<RecordNotes>& notes) {
+    if (!options.scene.empty()) {
+        return {.which = options.scene, .assignments = options.assignments};
+    }
+    if (!notes) {
+        throw std::runtime_error(options.record +
+                                 ": does not say of which scene it is; --scene NAME says in which one its hand is to "
+                                 "be followed");
+    }
+    PlayedScene own{notes->scene, notes->assignments, notes->first_step, true};
+    own.assignments.insert(own.assignments.end(), options.assignments.begin(), options.assignments.end());
+    return own;
+}
+
+Scene open(const PlayedScene& scene) {
+    Config config = open_scene(scene.which);
+    for (const std::string& assignment : scene.assignments) {
+        config.set(assignment);
+    }
+    const std::filesystem::path path(scene.which);
+    return read_scene(config, path.extension() == ".toml" ? path.stem().string() : scene.which);
+}
+
+int play(const PlayOptions& options, bool viewed) {
+    if (!viewed) {
+        throw std::runtime_error(
+            "play shows a recording to browsers: add --view, or --view ADDR:PORT; to run it again without being "
+            "watched, for a report or with --verify, use host-sim run SCENE --input " +
+            options.record);
+    }
+    const RecordedRun record = RecordedRun::load(options.record);
+    const PlayedScene scene = find_scene(options, record.notes());
+    Replay replay(open(scene), record, scene.as_recorded, monotonic_now_ns);
+    if (scene.first_step > 0) {
+        spdlog::warn(
+            "the record begins at step {} of its scene, whose state then it does not have: it is played from "
+            "the scene's start",
+            scene.first_step);
+    }
+    view::LiveViewSettings settings = view::parse_view_address(options.view_address);
+    settings.control = !options.watch_only;
+    warn_of(view::exposure_of(settings));
+    const StopOnSignal stop;
+    const std::unique_ptr<view::LiveView> view = view::open_live_view(settings);
+    spdlog::info("{}: {} s of {}; the live view is at {}", options.record, record.length(),
+                 replay.simulation().scene().name, view->url());
+    Playback playback(replay, record, *view);
+    for (std::int64_t last_ns = monotonic_now_ns(); !stop_requested();) {
+        sleep_until(last_ns + kMomentNs);
+        const std::int64_t now_ns = monotonic_now_ns();
+        playback.go_on(seconds(now_ns - last_ns));
+        last_ns = now_ns;
+    }
+    return 0;
+}
+
+}  // namespace
+
+Command add_play_command(CLI::App& app) {
+    const auto options = std::make_shared<PlayOptions>();
+    app.add_option("record", options->record,
+                   "A recording: of host-sim run --record, which says its scene, or any with time_s, x_m, y_m, z_m in "
+                   "the device's frame, as rt-core's, with --scene")
+        ->required();
+    const CLI::Option* const view =
+        app.add_option("--view", options->view_address,
+                       "Show it to browsers, at this address of this machine; without one, to this machine alone "
+                       "[127.0.0.1:7060]. Viewers may seek, pause and change the speed, for all who watch: there is "
+                       "no device that it could disturb")
+            ->type_name("[ADDR:PORT]")
+            ->expected(0, 1);
+    app.add_flag("--watch-only", options->watch_only, "Viewers may not even do that");
+    app.add_option("--scene", options->scene,
+                   "A built-in scene or a scene file in place of the record's own: the hand is followed over time")
+        ->type_name("SCENE");
+    app.add_option("--set", options->assignments, "Override a key of the scene; repeatable")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    return [options, view] {
+        log_to_stderr();
+        return play(*options, view->count() > 0);
+    };
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,157 @@
+#include "app/query_ccd.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <istream>
+#include <ostream>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "contact/pop_out.hpp"
+#include "contact/secure_position.hpp"
+#include "contact/swept_tree.hpp"
+#include "contact/triangle_ccd.hpp"
+
+namespace haptic::sim {
+
+namespace {
+
+constexpr std::size_t kNumbers = 22;
+
+struct Query {
+    Vec3 center{0.0};
+    double radius = 0.0;
+    MovingTriangle triangle;
+};
+
+std::string_view trimmed(std::string_view text) {
+    const auto first = text.find_first_not_of(" \t\r");
+    if (first == std::string_view::npos) {
+        return {};
+    }
+    return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+}
+
+/// Throws std::invalid_argument that says which field is wrong.
+double number(std::string_view field, std::size_t index) {
+    std::string_view digits = trimmed(field);
+    if (digits.size() > 1 && digits[0] == '+' && digits[1] != '-') {
+        digits.remove_prefix(1);
+    }
+    double value = 0.0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    if (error != std::errc{} || end != digits.data() + digits.size() || !std::isfinite(value)) {
+        throw std::invalid_argument("field " + std::to_string(index + 1) + " is not a finite number: \"" +
+                                    std::string(trimmed(field)) + "\"");
+    }
+    return value;
+}
+
+Query parse(std::string_view line) {
+    std::array<double, kNumbers> x{};
+    std::size_t count = 0;
+    for (std::size_t begin = 0; begin <= line.size(); ++count) {
+        const std::size_t end = std::min(line.find(',', begin), line.size());
+        if (count < kNumbers) {
+            x[count] = number(line.substr(begin, end - begin), count);
+        }
+        begin = end + 1;
+    }
+    if (count != kNumbers) {
+        throw std::invalid_argument("expected " + std::to_string(kNumbers) +
+                                    " numbers (px,py,pz,r and two triangles of 9), found " + std::to_string(count));
+    }
+    const auto vec = [&](std::size_t k) { return Vec3(x[k], x[k + 1], x[k + 2]); };
+    Query q{vec(0), x[3], {{vec(4), vec(7), vec(10)}, {vec(13), vec(16), vec(19)}}};
+    if (!(q.radius > 0.0)) {
+        throw std::invalid_argument("the radius (field 4) must be greater than 0");
+    }
+    return q;
+}
+
+/// Where the step leaves the centre, were this triangle all there is.
+Vec3 secured(const Query& q) {
+    const std::array<Vec3, 3> start{q.triangle.start.a, q.triangle.start.b, q.triangle.start.c};
+    const std::array<Vec3, 3> end{q.triangle.end.a, q.triangle.end.b, q.triangle.end.c};
+    const std::array<Triangle, 1> triangles{Triangle{0, 1, 2}};
+    SweptTree tree(start, triangles);
+    const SurfaceMotion motion{start, end, triangles};
+    tree.refit(motion);
+    const std::array<MovingSurface, 1> surfaces{MovingSurface{motion, &tree}};
+    const ContactSettings settings;
+    const SecurePosition secure = secure_position(surfaces, q.center, q.radius, settings);
+    return pop_out(surfaces, secure.position, q.radius, settings).position;
+}
+
+void append(std::string& line, double value) {
+    std::array<char, 32> digits{};
+    const double unsigned_zero = value + 0.0;
+    const auto result = std::to_chars(digits.data(), digits.data() + digits.size(), unsigned_zero);
+    line += ',';
+    line.append(digits.data(), result.ptr);
+}
+
+void append(std::string& line, const Vec3& value) {
+    append(line, value.x);
+    append(line, value.y);
+    append(line, value.z);
+}
+
+/// From the touched point to the centre; from the face where the centre is on it.
+Vec3 contact_normal(const Query& q, const TriangleTouch& touch) {
+    Vec3 n = -touch.at.point;
+    double length = std::sqrt(glm::dot(n, n));
+    if (!(length > 0.0)) {
+        const TriangleCorners t = corners_at(q.triangle, touch.time);
+        n = glm::cross(t.b - t.a, t.c - t.a);
+        length = std::sqrt(glm::dot(n, n));
+    }
+    return length > 0.0 ? n / length : Vec3(0.0);
+}
+
+std::string answer(const Query& q) {
+    const TriangleTouch touch = sphere_triangle_ccd(q.center, q.radius, q.triangle);
+    if (!touch.touches) {
+        std::string line = "none,,,,,";
+        append(line, q.center);
+        return line;
+    }
+    std::string line = describe(touch.at.feature);
+    append(line, touch.time);
+    const PointPassage passage = point_passage(q.center, q.triangle);
+    if (passage.passes) {
+        append(line, std::max(passage.time, touch.time));
+    } else {
+        line += ',';
+    }
+    append(line, contact_normal(q, touch));
+    append(line, secured(q));
+    return line;
+}
+
+}  // namespace
+
+int query_ccd(std::istream& queries, std::ostream& answers, std::ostream& errors) {
+    int status = 0;
+    std::string line;
+    for (std::size_t number = 1; std::getline(queries, line); ++number) {
+        const std::string_view text = trimmed(std::string_view(line).substr(0, line.find('#')));
+        if (text.empty()) {
+            continue;
+        }
+        try {
+            answers << answer(parse(text)) << '\n';
+        } catch (const std::invalid_argument& problem) {
+            errors << "line " << number << ": " << problem.what() << '\n';
+            status = 2;
+        }
+    }
+    answers.flush();
+    return status;
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,408 @@
+#include "app/run.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <exception>
+#include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "app/background.hpp"
+#include <haptic/clock.hpp>
+#include <haptic/csv.hpp>
+#include <haptic/other_users.hpp>
+#include <haptic/report.hpp>
+#include "view/live_parameters.hpp"
+
+namespace haptic::sim {
+namespace {
+
+// Steps for which a run without an end reserves memory.
+constexpr std::uint64_t kRoomAtLeast = 100'000;
+// How often a waiting run looks for the device.
+constexpr std::int64_t kLookEveryNs = 1'000'000;
+
+}  // namespace
+
+Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::LiveView> view)
+    : options_(options),
+      steps_(plan.steps),
+      real_(plan.real),
+      scene_(plan.scene),
+      own_settings_(live_settings_of(plan.scene)),
+      origin_(plan.origin),
+      simulation_(plan.scene, monotonic_now_ns),
+      statistics_(),
+      recordings_(!options.record.empty(), plan.steps > 0 ? plan.steps : kRoomAtLeast),
+      workspace_(plan.workspace),
+      frames_(plan.session.empty() ? nullptr : std::make_unique<FrameOutlet>(plan.session)),
+      states_(plan.real ? std::make_unique<RingReader<DeviceState>>(plan.session) : nullptr),
+      hand_(plan.hand, states_.get()),
+      step_probe_(open_probe(plan.scene.step_probe, &monotonic_now_ns, plan.scene.step_probe_slowest_edge_ns)) {
+    if (plan.real) {
+        if (const std::string others = describe_other_users(plan.session); !others.empty()) {
+            spdlog::warn("{}", others);
+        }
+    }
+    if (view) {
+        live_ = std::make_unique<LiveControl>(std::move(view), recordings_);
+    }
+    begin();
+}
+
+/// What is about one simulation begins with it.
+void Run::begin() {
+    simulation_.set_verification(options_.verify);
+    statistics_ = {};
+    recordings_.begin(origin_);
+    snapshots_ = options_.snapshots.empty() ? nullptr : std::make_unique<Snapshots>(simulation_);
+    hand_.begin(simulation_);
+    begun_ns_ = monotonic_now_ns();
+    scene_ns_ = 0;
+    broken_ = false;
+    if (live_) {
+        live_->introduce(simulation_, own_settings_, hand_);
+    }
+}
+
+bool Run::wanted() const {
+    return !stop_requested() && (steps_ == 0 || statistics_.steps() < steps_);
+}
+
+/// False if the simulation broke down under what viewers had set; it is then begun anew as its file says.
+bool Run::try_step(const StepInput& input, StepResult& result) {
+    if (!live_ || live_->counts().changes == 0) {
+        result = simulation_.step(input);
+        return true;
+    }
+    try {
+        result = simulation_.step(input);
+        return true;
+    } catch (const std::runtime_error& error) {
+        spdlog::error("{}; the scene begins anew, paused, with its own parameters", error.what());
+        simulation_.change_settings(own_settings_);
+        live_->pause();
+        broken_ = true;
+        make_next({});
+        return false;
+    }
+}
+
+/// What viewers see of a step that was made and published.
+void Run::tell_viewers(const StepResult& result, const Published& frame) {
+    if (!live_) {
+        return;
+    }
+    const std::int64_t begin_ns = monotonic_now_ns();
+    if (frame.sequence != 0) {
+        live_->frame_published(frame.sequence, frame.time_ns);
+    }
+    live_->after_step(result, late_, begin_ns);
+    telling_.record(monotonic_now_ns() - begin_ns);
+}
+
+Run::Published Run::publish(const StepInput& input) {
+    if (!frames_) {
+        return {};
+    }
+    const std::int64_t now_ns = monotonic_now_ns();
+    return {frames_->publish(simulation_.frame(), states_ ? now_ns : input.time_ns, now_ns), now_ns};
+}
+
+void Run::one_step(const HandSources::Times& times) {
+    const StepInput input = hand_.at(simulation_, times);
+    if (live_ && frames_ && hand_.source() == view::HandSource::Device && (stood_ || hand_.device_came())) {
+        simulation_.couple_anew();  // the hand may be elsewhere than the tool was left
+        recordings_.note(simulation_.steps(), std::string(kCoupleAnew));
+    }
+    stood_ = false;
+    if (snapshots_) {
+        snapshots_->before_step();
+    }
+    step_probe_.set(true);
+    StepResult result;
+    const bool made = try_step(input, result);
+    const Published frame = made ? publish(input) : Published{};
+    step_probe_.set(false);
+    if (!made) {
+        return;
+    }
+    scene_ns_ += nanoseconds(result.step);
+    statistics_.add(result);
+    recordings_.add(input, result);
+    if (snapshots_) {
+        snapshots_->after_step(result);
+    }
+    tell_viewers(result, frame);
+}
+
+void Run::follow_workspace(std::int64_t now_ns) {
+    if (!workspace_) {
+        return;
+    }
+    if (const std::optional<WorkspaceSettings> next = workspace_->look(now_ns)) {
+        simulation_.change_workspace(*next);
+        for (const std::string& assignment : assignments_of(*next)) {
+            recordings_.note(simulation_.steps(), assignment);
+        }
+        ++workspace_changes_;
+        spdlog::info("workspace: scale {}, force scale {}, clutch button {}", next->scale, next->force_scale,
+                     next->clutch_button);
+    } else if (!workspace_->complaint().empty()) {
+        spdlog::warn("the workspace stays as it is: {}", workspace_->complaint());
+    }
+}
+
+/// What viewers ask for. False if the scene stands now.
+bool Run::serve() {
+    if (!live_) {
+        return true;
+    }
+    live_->serve();
+    if (const std::optional<SceneWish> wish = live_->take_wish()) {
+        make_next(*wish);
+    }
+    take_next();
+    return !next_ && !live_->stands();
+}
+
+/// A moment in which the scene stands.
+void Run::stand() {
+    const std::int64_t now_ns = monotonic_now_ns();
+    stood_ = true;
+    if (frames_) {
+        if (const std::uint64_t sequence = frames_->stand(now_ns); sequence != 0) {
+            live_->frame_published(sequence, now_ns);
+        }
+    }
+    if (!broken_) {
+        live_->show(now_ns);
+    }
+    sleep_until(now_ns + FrameOutlet::kStandNs);
+}
+
+/// A scene that begins anew keeps what was changed while it ran.
+void Run::keep_changes(NextScene& next) const {
+    Scene& scene = next.scene;
+    std::vector<std::string>& said = next.origin.assignments;
+    for (std::string& assignment : view::LiveParameters(simulation_, own_settings_)
+                                       .assignments(live_settings_of(scene), simulation_.settings())) {
+        said.push_back(std::move(assignment));
+    }
+    apply(simulation_.settings(), scene);
+    if (!scene.tool && scene.proxy.reach > scene.proxy.radius) {
+        scene.proxy.reach = scene.proxy.radius;
+        said.push_back("proxy.reach=" + text_of(scene.proxy.reach));
+    }
+    if (workspace_) {
+        scene.workspace = workspace_->settings();
+        for (std::string& assignment : assignments_of(scene.workspace)) {
+            said.push_back(std::move(assignment));
+        }
+    }
+}
+
+void Run::make_next(const SceneWish& wish) {
+    if (next_) {
+        return;  // one at a time; who asks gets the one that is being made
+    }
+    NextScene next{scene_, origin_, {}};
+    try {
+        if (wish.scene.empty()) {
+            keep_changes(next);
+        } else {
+            next.scene = read_scene(open_scene(wish.scene), wish.scene);
+            next.origin = {.scene = wish.scene, .assignments = {}, .first_step = 0, .changes = {}};
+        }
+    } catch (const std::exception& error) {
+        spdlog::error("the scene stays: {}", error.what());
+        return;
+    }
+    next.made = in_background([scene = next.scene] { return Simulation(scene, monotonic_now_ns); });
+    next_ = std::move(next);
+}
+
+/// Puts what was made in place, once it is and the hand feels nothing of what was before.
+void Run::take_next() {
+    if (!next_ || next_->made.wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
+        return;
+    }
+    if (frames_ && hand_.source() == view::HandSource::Device && !frames_->faded()) {
+        return;
+    }
+    NextScene next = std::move(*next_);
+    next_.reset();
+    try {
+        simulation_ = next.made.get();
+    } catch (const std::exception& error) {
+        spdlog::error("the scene stays: {}", error.what());
+        return;
+    }
+    if (next.origin.scene != origin_.scene) {
+        workspace_.reset();  // was meant for the other one
+        own_settings_ = live_settings_of(next.scene);
+    }
+    live_->count(next.origin.scene != origin_.scene);
+    scene_ = std::move(next.scene);
+    origin_ = std::move(next.origin);
+    begin();
+}
+
+void Run::run_lockstep() {
+    while (wanted()) {
+        if (serve()) {
+            one_step({.scene_ns = scene_ns_, .step_ns = scene_ns_, .now_ns = 0});
+            continue;
+        }
+        stand();
+    }
+}
+
+void Run::wait_for_device() {
+    DeviceHand& device = *hand_.device();
+    const std::int64_t until_ns = monotonic_now_ns() + nanoseconds(options_.wait_s);
+    for (std::int64_t now_ns = monotonic_now_ns(); now_ns < until_ns && !stop_requested();
+         now_ns = monotonic_now_ns()) {
+        (void)device.at(now_ns, now_ns);
+        if (device.fresh() && device.safety_state() == HAPTIC_RUNNING) {
+            return;
+        }
+        frames_->beat(now_ns);
+        if (live_) {
+            live_->show(now_ns);
+        }
+        sleep_until(now_ns + kLookEveryNs);
+    }
+}
+
+void Run::say_whether_fresh() {
+    const bool fresh = hand_.device()->fresh();
+    if (hand_.source() == view::HandSource::Input || fresh == was_fresh_) {
+        return;
+    }
+    was_fresh_ = fresh;
+    if (fresh) {
+        spdlog::info("the device is there: the hand follows it");
+    } else if (hand_.source() == view::HandSource::Script) {
+        spdlog::info("no fresh device state: the hand follows the scene's script until rt-core publishes one");
+    } else {
+        spdlog::info("no fresh device state: the hand stays where it is until rt-core publishes one");
+    }
+}
+
+void Run::run_real() {
+    if (options_.wait_s > 0.0) {
+        wait_for_device();
+    }
+    std::int64_t start_ns = monotonic_now_ns();  // of what is recorded
+    for (std::int64_t deadline_ns = start_ns; wanted();) {
+        if (!serve()) {
+            stand();
+            const std::int64_t now_ns = monotonic_now_ns();
+            start_ns += now_ns - deadline_ns;
+            deadline_ns = now_ns;
+            continue;
+        }
+        sleep_until(deadline_ns);
+        const std::int64_t now_ns = monotonic_now_ns();
+        const std::int64_t step_ns = nanoseconds(simulation_.scene().solver.step);
+        if (now_ns >= deadline_ns + step_ns) {
+            // The phase is kept, the scene falls behind by whole steps.
+            late_ += static_cast<std::uint64_t>((now_ns - deadline_ns) / step_ns);
+            deadline_ns += (now_ns - deadline_ns) / step_ns * step_ns;
+        }
+        const bool recorded = hand_.source() == view::HandSource::Input;
+        one_step({.scene_ns = recorded ? deadline_ns - start_ns : scene_ns_, .step_ns = deadline_ns, .now_ns = now_ns});
+        say_whether_fresh();
+        follow_workspace(now_ns);
+        deadline_ns += nanoseconds(simulation_.scene().solver.step);
+    }
+    if (late_ > 0) {
+        spdlog::warn("{} step deadlines were missed; the scene ran slower than real time by as many steps", late_);
+    }
+    if (const std::uint64_t rejected = hand_.device()->rejected(); rejected > 0) {
+        spdlog::warn("{} device states were not valid and were ignored", rejected);
+    }
+}
+
+nlohmann::json Run::probe_report() const {
+    const std::optional<GpioLine>& line = simulation_.scene().step_probe;
+    if (!line) {
+        return nullptr;
+    }
+    return {{"line", line->line + " of " + line->chip},
+            {"edges", step_probe_.edges()},
+            {"off", step_probe_.off()},
+            {"error", step_probe_.off() ? std::system_category().message(step_probe_.error()) : ""}};
+}
+
+nlohmann::json Run::view_report() const {
+    if (!live_) {
+        return nullptr;
+    }
+    const ViewCounts& counts = live_->counts();
+    return {{"url", live_->url()},
+            {"changes", counts.changes},
+            {"resets", counts.resets},
+            {"scenes", counts.scenes},
+            {"us", summary_us(telling_)}};
+}
+
+void Run::write_results(double wall_s) const {
+    if (step_probe_.off()) {
+        spdlog::warn("probe off after {} edges: the kernel refused one: {}", step_probe_.edges(),
+                     std::system_category().message(step_probe_.error()));
+    }
+    if (!options_.report.empty()) {
+        nlohmann::json report = statistics_.report(simulation_, wall_s, options_.verify);
+        report["clock"] = real_ ? "real" : "lockstep";
+        report["late_steps"] = late_;
+        report["workspace_changes"] = workspace_changes_;
+        report["probe"] = probe_report();
+        report["view"] = view_report();
+        write_report(options_.report, report);
+    }
+    if (!options_.record.empty()) {
+        recordings_.write(options_.record);
+    }
+    if (snapshots_) {
+        for (const std::filesystem::path& file : snapshots_->write(options_.snapshots)) {
+            spdlog::info("wrote {}", file.string());
+        }
+    }
+    std::cout << statistics_.summary(simulation_, wall_s, options_.verify) << std::flush;
+}
+
+int Run::go() {
+    const Scene& scene = simulation_.scene();
+    spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, real_ ? "real" : "lockstep",
+                 scene.solver.step);
+    if (live_) {
+        spdlog::info("the live view is at {}", live_->url());
+    }
+    begun_ns_ = monotonic_now_ns();
+    if (states_) {
+        run_real();
+    } else {
+        run_lockstep();
+    }
+    const double wall_s = seconds(monotonic_now_ns() - begun_ns_);
+    frames_.reset();  // leaves the rings before anything slow is done
+    states_.reset();
+    if (stop_requested()) {
+        spdlog::info("stopped by a signal after {} steps", statistics_.steps());
+    }
+    write_results(wall_s);
+    if (options_.verify && statistics_.escapes() > 0) {
+        spdlog::error("the proxy's centre passed through a surface in {} steps", statistics_.escapes());
+        return 1;
+    }
+    return 0;
+}
+
+}  // namespace haptic::sim

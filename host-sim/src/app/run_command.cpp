@@ -1,0 +1,40 @@
+// host-sim run and host-sim scenes.
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <memory>
+#include <string>
+
+#include "app/commands.hpp"
+#include "app/log.hpp"
+#include "app/run.hpp"
+#include "app/run_options.hpp"
+#include <haptic/sim/scene.hpp>
+
+namespace haptic::sim {
+
+Command add_run_command(CLI::App& app) {
+    const auto options = std::make_shared<RunOptions>();
+    add_run_options(app, *options);
+    return [options] {
+        log_to_stderr();
+        const Plan plan(*options);
+        if (plan.view) {
+            warn_of(view::exposure_of(*plan.view));
+        }
+        return Run(*options, plan, plan.view ? view::open_live_view(*plan.view) : nullptr).go();
+    };
+}
+
+Command add_scenes_command(CLI::App& app) {
+    (void)app;
+    return [] {
+        for (const BuiltInScene& scene : built_in_scenes()) {
+            const Config config = open_scene(std::string(scene.name));
+            std::cout << scene.name << ": " << read_scene(config, std::string(scene.name)).description << '\n';
+        }
+        return 0;
+    };
+}
+
+}  // namespace haptic::sim

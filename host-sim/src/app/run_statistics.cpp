@@ -1,0 +1,149 @@
+#include "app/run_statistics.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <glm/geometric.hpp>
+#include <nlohmann/json.hpp>
+
+#include <haptic/report.hpp>
+
+namespace haptic::sim {
+namespace {
+
+// Of a sum of steps.
+constexpr double kRounding = 1.0 - 1e-9;
+
+std::string hexadecimal(std::uint64_t value) {
+    std::array<char, 20> text{};
+    std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(value));
+    return text.data();
+}
+
+std::string line(const char* name, const std::string& value) {
+    std::array<char, 200> text{};
+    std::snprintf(text.data(), text.size(), "  %-16s %s\n", name, value.c_str());
+    return text.data();
+}
+
+template <class... Values>
+std::string format(const char* pattern, Values... values) {
+    std::array<char, 200> text{};
+    std::snprintf(text.data(), text.size(), pattern, values...);
+    return text.data();
+}
+
+std::string durations(const Histogram& h) {
+    return format("%9.1f %9.1f %9.1f", static_cast<double>(h.percentile_ns(0.5)) * 1e-3,
+                  static_cast<double>(h.percentile_ns(0.99)) * 1e-3, static_cast<double>(h.max_ns()) * 1e-3);
+}
+
+}  // namespace
+
+void RunStatistics::add(const StepResult& result) {
+    ++steps_;
+    const StageTimes& t = result.times;
+    times_.total.record(t.total_ns);
+    times_.ccd.record(t.ccd_ns);
+    times_.popout.record(t.popout_ns);
+    times_.proxy.record(t.proxy_ns);
+    times_.tool.record(t.tool_ns);
+    times_.deform.record(t.deform_ns);
+    times_.collide.record(t.collide_ns);
+    times_.skin.record(t.skin_ns);
+    const double hand_force = glm::length(result.hand_force);
+    if (result.in_contact) {
+        ++in_contact_;
+        force_sum_ += hand_force;
+        held_since_s_ = held_s_ > 0.0 ? held_since_s_ : result.time;
+        held_s_ = result.time + result.step - held_since_s_;
+        if (first_contact_s_ < 0.0) {
+            first_contact_s_ = result.time;
+        }
+    } else {
+        held_s_ = 0.0;
+    }
+    longest_held_s_ = std::max(longest_held_s_, held_s_);
+    squeezed_ += result.squeezed ? 1 : 0;
+    let_through_ += result.let_through ? 1 : 0;
+    escapes_ += result.crossed ? 1 : 0;
+    most_collided_ = std::max(most_collided_, result.collided);
+    highest_torque_ = std::max(highest_torque_, glm::length(result.hand_torque));
+    deepest_ = std::max(deepest_, result.depth);
+    highest_force_ = std::max(highest_force_, hand_force);
+    highest_scene_force_ = std::max(highest_scene_force_, glm::length(result.force));
+}
+
+bool RunStatistics::caught() const noexcept {
+    const bool held = longest_held_s_ >= kHeldForSeconds * kRounding || held_s_ > 0.0;
+    return held && escapes_ == 0 && let_through_ == 0;
+}
+
+nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s, bool verified) const {
+    const Scene& scene = simulation.scene();
+    nlohmann::json report;
+    report["scene"] = scene.name;
+    report["steps"] = steps_;
+    report["sim_s"] = simulation.time();
+    report["wall_s"] = wall_s;
+    report["steps_per_s"] = wall_s > 0.0 ? static_cast<double>(steps_) / wall_s : 0.0;
+    report["caught"] = caught();
+    report["state_hash"] = hexadecimal(simulation.state_hash());
+    report["counts"] = {{"vertices", simulation.mesh().vertices.size()},
+                        {"triangles", simulation.mesh().triangles.size()},
+                        {"particles", simulation.model().size()},
+                        {"proxies", simulation.tool().particles().size()}};
+    report["contact"] = {
+        {"steps_in_contact", in_contact_}, {"escapes", escapes_},         {"verified", verified},
+        {"max_depth_m", deepest_},         {"squeezed_steps", squeezed_}, {"let_through", let_through_},
+        {"most_proxies", most_collided_}};
+    if (first_contact_s_ >= 0.0) {
+        report["contact"]["first_contact_s"] = first_contact_s_;
+    }
+    report["force_N"] = {{"max", highest_force_},
+                         {"mean_in_contact", in_contact_ > 0 ? force_sum_ / static_cast<double>(in_contact_) : 0.0},
+                         {"max_in_scene", highest_scene_force_}};
+    report["torque_Nm"] = {{"max", highest_torque_}};
+    report["timing_us"] = {{"total", summary_us(times_.total)},     {"ccd", summary_us(times_.ccd)},
+                           {"popout", summary_us(times_.popout)},   {"proxy", summary_us(times_.proxy)},
+                           {"tool", summary_us(times_.tool)},       {"deform", summary_us(times_.deform)},
+                           {"collide", summary_us(times_.collide)}, {"skin", summary_us(times_.skin)}};
+    report["histograms"] = {{"step", buckets_us(times_.total)}};
+    return report;
+}
+
+std::string RunStatistics::summary(const Simulation& simulation, double wall_s, bool verified) const {
+    const double simulated = simulation.time();
+    std::string text = simulation.scene().name + ": " +
+                       format("%.2f s in %llu steps\n", simulated, static_cast<unsigned long long>(steps_));
+    text += line("caught", caught() ? "yes" : "no");
+    text += line("escapes", verified ? std::to_string(escapes_) : "not counted (--verify counts them)");
+    text += line("in contact", first_contact_s_ < 0.0
+                                   ? std::string("never")
+                                   : format("%llu steps, first at %.2f s", static_cast<unsigned long long>(in_contact_),
+                                            first_contact_s_));
+    if (squeezed_ + let_through_ > 0) {
+        text +=
+            line("squeezed", format("%llu steps, %llu surfaces let through", static_cast<unsigned long long>(squeezed_),
+                                    static_cast<unsigned long long>(let_through_)));
+    }
+    text += line("peak force", format("%.2f N at the hand, %.2f N in the scene", highest_force_, highest_scene_force_));
+    if (simulation.tool().particles().size() > 1) {
+        text += line("tool", format("%zu proxies, at most %zu in contact, peak torque %.4f N*m at the hand",
+                                    simulation.tool().particles().size(), most_collided_, highest_torque_));
+    }
+    text += line("speed", format("%.0f steps/s", wall_s > 0.0 ? static_cast<double>(steps_) / wall_s : 0.0));
+    text += line("us per step", "      p50       p99       max");
+    text += line("  total", durations(times_.total));
+    text += line("  ccd", durations(times_.ccd));
+    text += line("  pop-out", durations(times_.popout));
+    text += line("  proxy", durations(times_.proxy));
+    text += line("  tool", durations(times_.tool));
+    text += line("  collide", durations(times_.collide));
+    text += line("  deform", durations(times_.deform));
+    text += line("  skin", durations(times_.skin));
+    text += line("state", hexadecimal(simulation.state_hash()));
+    return text;
+}
+
+}  // namespace haptic::sim

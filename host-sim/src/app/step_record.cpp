@@ -1,0 +1,154 @@
+#include "app/step_record.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <stdexcept>
+
+#include <haptic/csv.hpp>
+#include <haptic/types.hpp>
+
+namespace haptic::sim {
+namespace {
+
+constexpr std::string_view kFirstLine = "host-sim record 1";
+
+std::vector<std::string> column_names() {
+    return {"time_s",    "x_m",        "y_m",       "z_m",     "qw",      "qx",      "qy",   "qz",
+            "proxy_x_m", "proxy_y_m",  "proxy_z_m", "hip_x_m", "hip_y_m", "hip_z_m", "fx_n", "fy_n",
+            "fz_n",      "in_contact", "step_us",   "tx_nm",   "ty_nm",   "tz_nm",   "curl", "buttons"};
+}
+
+/// A note is one line; TOML takes a blank for the end of a line.
+std::string on_one_line(std::string text) {
+    std::replace(text.begin(), text.end(), '\n', ' ');
+    return text;
+}
+
+std::uint64_t number_of(std::string_view text, const std::string& line) {
+    std::uint64_t number = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+    if (error != std::errc() || end != text.data() + text.size()) {
+        throw std::invalid_argument("the note \"" + line + "\" has no number of a step");
+    }
+    return number;
+}
+
+std::string list_of(std::initializer_list<double> numbers) {
+    std::string text;
+    for (const double number : numbers) {
+        text += (text.empty() ? "[" : ", ") + text_of(number);
+    }
+    return text + "]";
+}
+
+}  // namespace
+
+std::vector<std::string> lines_of(const RecordNotes& notes) {
+    std::vector<std::string> lines{std::string(kFirstLine), "scene " + on_one_line(notes.scene)};
+    for (const std::string& assignment : notes.assignments) {
+        lines.push_back("set " + on_one_line(assignment));
+    }
+    lines.push_back("first-step " + std::to_string(notes.first_step));
+    for (const LiveChange& change : notes.changes) {
+        lines.push_back("change " + std::to_string(change.step) + " " + on_one_line(change.what));
+    }
+    return lines;
+}
+
+std::optional<RecordNotes> read_notes(std::span<const std::string> lines) {
+    if (lines.empty() || lines.front() != kFirstLine) {
+        return std::nullopt;
+    }
+    RecordNotes notes;
+    for (const std::string& line : lines.subspan(1)) {
+        const std::size_t blank = std::min(line.find(' '), line.size());
+        const std::string_view word = std::string_view(line).substr(0, blank);
+        const std::string_view rest = std::string_view(line).substr(std::min(blank + 1, line.size()));
+        if (word == "scene") {
+            notes.scene = rest;
+        } else if (word == "set") {
+            notes.assignments.emplace_back(rest);
+        } else if (word == "first-step") {
+            notes.first_step = number_of(rest, line);
+        } else if (word == "change") {
+            const std::size_t next = std::min(rest.find(' '), rest.size());
+            notes.changes.push_back(
+                {number_of(rest.substr(0, next), line), std::string(rest.substr(std::min(next + 1, rest.size())))});
+        } else {
+            throw std::invalid_argument("the note \"" + line + "\" is not one of a record of this version");
+        }
+    }
+    return notes;
+}
+
+std::vector<std::string> assignments_of(const WorkspaceSettings& workspace) {
+    const Vec3& offset = workspace.offset;
+    const Quat& turn = workspace.rotation;
+    return {"workspace.scale=" + text_of(workspace.scale),
+            "workspace.offset=" + list_of({offset.x, offset.y, offset.z}),
+            "workspace.rotation=" + list_of({turn.w, turn.x, turn.y, turn.z}),
+            "workspace.force_scale=" + text_of(workspace.force_scale),
+            "workspace.clutch_button=" + std::to_string(workspace.clutch_button),
+            "workspace.clutch_fade=" + text_of(workspace.clutch_fade)};
+}
+
+void StepRecord::add(const StepInput& input, const StepResult& result) {
+    rows_.push_back({input.time_ns, input.device, result.proxy, result.hip, result.hand_force, result.in_contact,
+                     static_cast<double>(result.times.total_ns) * 1e-3, result.hand_torque, result.curl,
+                     input.buttons});
+}
+
+std::array<double, StepRecord::kColumns> StepRecord::numbers_of(const Row& r) const {
+    const Vec3& x = r.device.position;
+    const Quat& q = r.device.orientation;
+    return {static_cast<double>(r.time_ns - rows_.front().time_ns) / 1e9,
+            x.x,
+            x.y,
+            x.z,
+            q.w,
+            q.x,
+            q.y,
+            q.z,
+            r.proxy.x,
+            r.proxy.y,
+            r.proxy.z,
+            r.hip.x,
+            r.hip.y,
+            r.hip.z,
+            r.hand_force.x,
+            r.hand_force.y,
+            r.hand_force.z,
+            r.in_contact ? 1.0 : 0.0,
+            r.step_us,
+            r.hand_torque.x,
+            r.hand_torque.y,
+            r.hand_torque.z,
+            r.curl,
+            static_cast<double>(r.buttons)};
+}
+
+std::string StepRecord::csv(const RecordNotes& notes) const {
+    std::string text;
+    for (const std::string& line : lines_of(notes)) {
+        text += "# " + line + '\n';
+    }
+    const std::vector<std::string> names = column_names();
+    for (const std::string& name : names) {
+        text += name + (&name == &names.back() ? '\n' : ',');
+    }
+    for (const Row& row : rows_) {
+        append_row(text, numbers_of(row));
+    }
+    return text;
+}
+
+void StepRecord::write(const std::filesystem::path& file, const RecordNotes& notes) const {
+    CsvWriter csv(file, column_names(), lines_of(notes));
+    for (const Row& row : rows_) {
+        csv.row(numbers_of(row));
+    }
+    csv.close();
+}
+
+}  // namespace haptic::sim

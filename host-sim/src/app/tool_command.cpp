@@ -1,0 +1,136 @@
+// host-sim tool: builds the tool that the hand would hold, and says how well its spheres stand for its mesh.
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <glm/common.hpp>
+#include <iomanip>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "app/commands.hpp"
+#include "app/toml_string.hpp"
+#include <haptic/config.hpp>
+#include <haptic/sim/mesh_file.hpp>
+#include <haptic/sim/scene.hpp>
+#include <haptic/sim/tool_model.hpp>
+#include "tool/tool_proxies.hpp"
+#include <haptic/types.hpp>
+
+namespace haptic::sim {
+namespace {
+
+struct ToolOptions {
+    std::string what;
+    std::vector<std::string> assignments;
+    std::string mesh;
+    bool list = false;
+};
+
+bool is_generator(const std::string& what) {
+    constexpr std::array generators{"sphere", "hand", "rod", "probe"};
+    return std::find(generators.begin(), generators.end(), what) != generators.end();
+}
+
+bool is_mesh(const std::string& what) {
+    try {
+        (void)mesh_format(what);
+        return true;
+    } catch (const MeshError&) {
+        return false;
+    }
+}
+
+void print(std::ostream& out, const ToolModel& tool, bool list) {
+    const DeformableBody& body = tool.body;
+    Vec3 low = body.mesh.vertices.front();
+    Vec3 high = low;
+    for (const Vec3& p : body.mesh.vertices) {
+        low = glm::min(low, p);
+        high = glm::max(high, p);
+    }
+    std::vector<double> radii = tool.radius;
+    std::sort(radii.begin(), radii.end());
+    out << std::setprecision(4) << body.name << ":\n"
+        << "  mesh          " << body.mesh.vertices.size() << " vertices, " << body.mesh.triangles.size()
+        << " triangles, " << (body.mesh.closed ? "closed" : "open") << '\n'
+        << "  box           (" << low.x << ", " << low.y << ", " << low.z << ") to (" << high.x << ", " << high.y
+        << ", " << high.z << ") m, in the grip's frame\n"
+        << "  spheres       " << radii.size();
+    if (tool.added > 0) {
+        out << ", " << tool.added << " of them to close gaps";
+    }
+    out << "; radius " << radii.front() << " .. " << radii.back() << " m, middle " << radii[radii.size() / 2] << '\n'
+        << "  cover error   " << tool.cover_error << " m\n"
+        << "  widest gap    " << tool.widest_gap << " m" << (tool.widest_gap > 0.0 ? "" : " (none)") << '\n'
+        << "  groups        " << body.particles.groups.size() << ", links " << body.particles.links.size()
+        << ", iterations " << tool.iterations << '\n';
+    if (!tool.joints.empty()) {
+        out << "  joints        " << tool.joints.joints() - 1 << ", by which it closes\n";
+    }
+    if (list) {
+        out << "x_m,y_m,z_m,radius_m,mass_kg\n" << std::setprecision(17);
+        for (std::size_t i = 0; i < tool.radius.size(); ++i) {
+            const Vec3& p = body.particles.rest_position[i];
+            out << p.x << ',' << p.y << ',' << p.z << ',' << tool.radius[i] << ',' << body.particles.mass[i] << '\n';
+        }
+    }
+}
+
+ToolSettings settings_of(const ToolOptions& options) {
+    const bool of_scene = !is_generator(options.what) && !is_mesh(options.what);
+    Config config = of_scene ? open_scene(options.what) : Config();
+    if (is_generator(options.what)) {
+        config.set("tool.generator=" + options.what);
+    } else if (!of_scene) {
+        config.set("tool.file=" + toml_string(options.what));
+    }
+    for (const std::string& assignment : options.assignments) {
+        config.set(assignment);
+    }
+    const ToolSettings settings = read_tool(config);
+    if (!of_scene) {
+        config.reject_unknown();
+    }
+    return settings;
+}
+
+/// The tool with its rest shape at a curl in place of the one in which it was made.
+void close(ToolModel& tool, double curl) {
+    const ToolProxies::Settings still{.contact = {}, .reach = 0.0, .step = 0.01};
+    const ToolProxies closed(tool, still, Pose{}, curl);
+    tool.body.mesh.vertices = closed.vertices();
+    tool.body.particles.rest_position = closed.model().rest_position;
+}
+
+int run_tool(const ToolOptions& options) {
+    const ToolSettings settings = settings_of(options);
+    ToolModel tool = make_tool(settings);
+    if (settings.curl > 0.0) {
+        close(tool, settings.curl);
+    }
+    print(std::cout, tool, options.list);
+    if (!options.mesh.empty()) {
+        write_mesh(options.mesh, tool.body.mesh);
+    }
+    return 0;
+}
+
+}  // namespace
+
+Command add_tool_command(CLI::App& app) {
+    const auto options = std::make_shared<ToolOptions>();
+    app.add_option("what", options->what, "sphere, hand, rod, probe, a mesh file, or a scene whose tool it is")
+        ->required();
+    app.add_option("--set", options->assignments,
+                   "Override a key of the scenes' [tool] table, e.g. tool.spheres=20; repeatable")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    app.add_option("--mesh", options->mesh, "Write its mesh, in the grip's frame: .obj or .ply");
+    app.add_flag("--list", options->list, "List the spheres, in the grip's frame");
+    return [options] { return run_tool(*options); };
+}
+
+}  // namespace haptic::sim

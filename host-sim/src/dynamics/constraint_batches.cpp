@@ -1,0 +1,387 @@
+#include "dynamics/constraint_batches.hpp"
+
+#include <algorithm>
+#include <glm/geometric.hpp>
+#include <stdexcept>
+#include <tuple>
+#include <utility>
+
+namespace haptic::sim {
+namespace {
+
+constexpr std::size_t kMostColours = 4096;
+
+/// Greedy colouring: constraints in order, each with the first colour that none of its particles has.
+/// @return the constraints of each colour
+template <class Particles>
+std::vector<std::vector<std::uint32_t>> colour(std::size_t constraints, std::size_t particles,
+                                               const Particles& for_each_particle) {
+    std::vector<std::vector<bool>> used;  // per colour, per particle
+    std::vector<std::vector<std::uint32_t>> of_colour;
+    for (std::uint32_t c = 0; c < constraints; ++c) {
+        std::size_t choice = 0;
+        for (; choice < used.size(); ++choice) {
+            bool clash = false;
+            for_each_particle(c, [&](std::uint32_t p) { clash = clash || used[choice][p]; });
+            if (!clash) {
+                break;
+            }
+        }
+        if (choice == used.size()) {
+            if (choice == kMostColours) {
+                throw std::invalid_argument("solver: a particle is in too many constraints");
+            }
+            used.emplace_back(particles, false);
+            of_colour.emplace_back();
+        }
+        for_each_particle(c, [&](std::uint32_t p) { used[choice][p] = true; });
+        of_colour[choice].push_back(c);
+    }
+    return of_colour;
+}
+
+/// Some of the model's links by colour.
+std::vector<std::vector<std::uint32_t>> colour_links(const ParticleModel& model,
+                                                     const std::vector<std::uint32_t>& links) {
+    auto colours = colour(links.size(), model.size(), [&](std::uint32_t l, const auto& visit) {
+        visit(model.links[links[l]].first);
+        visit(model.links[links[l]].second);
+    });
+    for (std::vector<std::uint32_t>& same : colours) {
+        for (std::uint32_t& l : same) {
+            l = links[l];
+        }
+    }
+    return colours;
+}
+
+/// As constraints name a particle.
+std::uint32_t named(std::uint32_t particle) {
+    return particle * static_cast<std::uint32_t>(kNumbersOfRow);
+}
+
+/// 1 / kg; 0 for what no constraint moves.
+double inverse_mass(const ParticleModel& model, std::uint32_t particle) {
+    return model.pinned[particle] != 0 ? 0.0 : 1.0 / model.mass[particle];
+}
+
+}  // namespace
+
+ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lanes)
+    : lanes_(lanes), bodies_((model.size() + lanes - 1) / lanes * lanes) {
+    std::vector<std::uint32_t> links;
+    std::vector<std::uint32_t> springs;
+    for (std::uint32_t l = 0; l < model.links.size(); ++l) {
+        (model.links[l].compliance > 0.0 ? springs : links).push_back(l);
+    }
+    batch_links(model, links);
+    batch_springs(model, springs);
+    batch_groups(model);
+    link_start_.resize(3 * first_.size());
+    group_start_.resize(3 * member_.size());
+}
+
+void ConstraintBatches::begin(double h) noexcept {
+    if (h != step_) {
+        soften(h);
+    }
+    std::fill(spring_.pull.begin(), spring_.pull.end(), 0.0);
+    std::fill(shift_.begin(), shift_.end(), 0.0f);
+}
+
+void ConstraintBatches::soften(double h) noexcept {
+    const double inverse_square = 1.0 / (h * h);
+    for (std::size_t k = 0; k < spring_.softness.size(); ++k) {
+        const double softness = spring_.compliance[k] * inverse_square;
+        const double mobility = spring_.first_inverse_mass[k] + spring_.second_inverse_mass[k];
+        spring_.softness[k] = softness;
+        spring_.gain[k] = mobility > 0.0 ? spring_.stiffness[k] / (mobility + softness) : 0.0;
+    }
+    for (std::size_t k = 0; k < softness_.size(); ++k) {
+        const double softness = compliance_[k] * inverse_square;
+        softness_[k] = static_cast<float>(softness);
+        stiffness_[k] = static_cast<float>(rigid_stiffness_[k] / (1.0 + softness));
+    }
+    step_ = h;
+}
+
+void ConstraintBatches::batch_links(const ParticleModel& model, const std::vector<std::uint32_t>& links) {
+    const auto colours = colour_links(model, links);
+    link_colours_ += colours.size();
+    const auto add = [&](std::uint32_t a, std::uint32_t b, double length, double share_a, double share_b) {
+        first_.push_back(named(a));
+        second_.push_back(named(b));
+        rest_length_.push_back(static_cast<float>(length));
+        first_share_.push_back(static_cast<float>(share_a));
+        second_share_.push_back(static_cast<float>(share_b));
+    };
+    for (const std::vector<std::uint32_t>& same : colours) {
+        for (const std::uint32_t l : same) {
+            const Link& link = model.links[l];
+            const double a = inverse_mass(model, link.first);
+            const double b = inverse_mass(model, link.second);
+            if (a + b > 0.0) {
+                add(link.first, link.second, link.rest_length, link.stiffness * a / (a + b),
+                    link.stiffness * b / (a + b));
+            }
+        }
+        while (first_.size() % lanes_ != 0) {
+            const std::uint32_t nobody = nobody_in(first_.size() % lanes_);
+            add(nobody, nobody, 0.0, 0.0, 0.0);
+        }
+    }
+}
+
+void ConstraintBatches::batch_springs(const ParticleModel& model, const std::vector<std::uint32_t>& links) {
+    const auto colours = colour_links(model, links);
+    link_colours_ += colours.size();
+    const auto add = [&](const Link& link, double a, double b) {
+        spring_.first.push_back(named(link.first));
+        spring_.second.push_back(named(link.second));
+        spring_.rest_length.push_back(link.rest_length);
+        spring_.first_inverse_mass.push_back(a);
+        spring_.second_inverse_mass.push_back(b);
+        spring_.compliance.push_back(link.compliance);
+        spring_.stiffness.push_back(link.stiffness);
+    };
+    for (const std::vector<std::uint32_t>& same : colours) {
+        for (const std::uint32_t l : same) {
+            const Link& link = model.links[l];
+            const double a = inverse_mass(model, link.first);
+            const double b = inverse_mass(model, link.second);
+            if (a + b > 0.0) {
+                add(link, a, b);
+            }
+        }
+        while (spring_.first.size() % lanes_ != 0) {
+            const std::uint32_t nobody = nobody_in(spring_.first.size() % lanes_);
+            add({nobody, nobody, 0.0, 0.0, 0.0}, 0.0, 0.0);
+        }
+    }
+    for (LaneArray<double>* numbers : {&spring_.softness, &spring_.gain, &spring_.pull}) {
+        numbers->resize(spring_.first.size());
+    }
+}
+
+void ConstraintBatches::batch_groups(const ParticleModel& model) {
+    auto colours = colour(model.groups.size(), model.size(), [&](std::uint32_t g, const auto& visit) {
+        for (const std::uint32_t p : model.groups[g].members) {
+            visit(p);
+        }
+    });
+    group_colours_ = colours.size();
+    // Not by stable_partition: the one of libstdc++ 12 does not compile without warnings under clang.
+    const auto is_compliant = [&](std::uint32_t g) { return model.groups[g].compliance > 0.0; };
+    const auto sort = [&](std::vector<std::uint32_t>& groups) {
+        std::sort(groups.begin(), groups.end(), [&](std::uint32_t a, std::uint32_t b) {
+            return std::tuple(is_compliant(a), model.groups[b].members.size(), a) <
+                   std::tuple(is_compliant(b), model.groups[a].members.size(), b);
+        });
+    };
+    // What shares a particle keeps the order of its colours, so that this changes no bit either, but fills the lanes:
+    // each group goes to the first round that has room and comes after those that it has to come after.
+    std::vector<std::vector<std::uint32_t>> rounds;
+    std::vector<std::size_t> next(model.size(), 0);  // round of each particle that is not over yet
+    for (std::vector<std::uint32_t>& same : colours) {
+        sort(same);
+        for (const std::uint32_t g : same) {
+            std::size_t round = 0;
+            for (const std::uint32_t p : model.groups[g].members) {
+                round = std::max(round, next[p]);
+            }
+            while (round < rounds.size() && rounds[round].size() == kMostLanes) {
+                ++round;
+            }
+            rounds.resize(std::max(rounds.size(), round + 1));
+            rounds[round].push_back(g);
+            for (const std::uint32_t p : model.groups[g].members) {
+                next[p] = round + 1;
+            }
+        }
+    }
+    for (std::vector<std::uint32_t>& round : rounds) {
+        sort(round);
+        const auto compliant = std::find_if(round.begin(), round.end(), is_compliant);
+        batch_alike(model, {round.begin(), compliant});
+        batch_alike(model, {compliant, round.end()});
+    }
+    if (std::any_of(run_.begin(), run_.end(), [](const GroupRun& run) { return run.compliant; })) {
+        shift_.resize(rest_offset_.size());
+    }
+}
+
+void ConstraintBatches::batch_alike(const ParticleModel& model, const std::vector<std::uint32_t>& groups) {
+    const std::size_t first_batch = batch_.size();
+    for (std::size_t first = 0; first < groups.size(); first += lanes_) {
+        add_batch(model, groups, first);
+    }
+    divide_into_runs(first_batch, !groups.empty() && model.groups[groups[0]].compliance > 0.0);
+}
+
+void ConstraintBatches::divide_into_runs(std::size_t first_batch, bool compliant) {
+    for (std::size_t b = first_batch; b < batch_.size(); ++b) {
+        GroupRun* last = b == first_batch ? nullptr : &run_.back();
+        if (last == nullptr || last->batches == kMostBatchesInRun || last->uneven != uneven(b)) {
+            last = &run_.emplace_back(GroupRun{static_cast<std::uint32_t>(b), 0, uneven(b), compliant});
+        }
+        ++last->batches;
+    }
+}
+
+bool ConstraintBatches::uneven(std::size_t batch) const noexcept {
+    const std::size_t first = batch_[batch].first_slot * lanes_;
+    for (std::size_t i = 0; i < batch_[batch].slots * lanes_; ++i) {
+        const bool group_exists = inverse_mass_[batch * lanes_ + i % lanes_] > 0.0f;
+        if (group_exists && member_is_free_[first + i] == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void ConstraintBatches::add_batch(const ParticleModel& model, const std::vector<std::uint32_t>& groups,
+                                  std::size_t first) {
+    const std::size_t slots = model.groups[groups[first]].members.size();  // sorted: none is larger
+    batch_.push_back({static_cast<std::uint32_t>(member_.size() / lanes_), static_cast<std::uint32_t>(slots)});
+    const std::size_t begin = member_.size();
+    for (std::size_t i = 0; i < slots * lanes_; ++i) {
+        member_.push_back(named(nobody_in(i % lanes_)));
+    }
+    weight_.resize(member_.size(), 0.0f);
+    member_is_free_.resize(member_.size(), 0);
+    rest_offset_.resize(3 * member_.size(), 0.0f);
+    for (std::size_t lane = 0; lane < lanes_; ++lane) {
+        const Group* group = first + lane < groups.size() ? &model.groups[groups[first + lane]] : nullptr;
+        add_group(model, group, begin + lane);
+    }
+}
+
+void ConstraintBatches::add_group(const ParticleModel& model, const Group* group, std::size_t first_member) {
+    if (group == nullptr) {
+        centre_.push_back(named(nobody_in(first_member % lanes_)));
+        rigid_stiffness_.push_back(0.0);
+        stiffness_.push_back(0.0f);
+        compliance_.push_back(0.0);
+        softness_.push_back(0.0f);
+        inverse_mass_.push_back(0.0f);
+        centre_is_free_.push_back(0);
+        return;
+    }
+    double mass = 0.0;
+    for (const std::uint32_t p : group->members) {
+        mass += model.mass[p];
+    }
+    centre_.push_back(named(group->centre));
+    rigid_stiffness_.push_back(group->stiffness);
+    stiffness_.push_back(static_cast<float>(group->stiffness));
+    compliance_.push_back(group->compliance);
+    softness_.push_back(0.0f);
+    inverse_mass_.push_back(static_cast<float>(1.0 / mass));
+    centre_is_free_.push_back(model.pinned[group->centre] != 0 ? 0 : 1);
+    std::size_t at = first_member;
+    for (const std::uint32_t p : group->members) {
+        member_[at] = named(p);
+        weight_[at] = static_cast<float>(model.mass[p] / mass);
+        member_is_free_[at] = model.pinned[p] != 0 ? 0 : 1;
+        at += lanes_;
+    }
+    set_rest_offsets(model, first_member, group->members.size());
+}
+
+void ConstraintBatches::set_rest_offsets(const ParticleModel& model, std::size_t first_member,
+                                         std::size_t members) noexcept {
+    const auto particle = [&](std::size_t slot) { return member_[first_member + slot * lanes_] / kNumbersOfRow; };
+    double mass = 0.0;
+    Vec3 centroid(0.0);
+    for (std::size_t slot = 0; slot < members; ++slot) {
+        mass += model.mass[particle(slot)];
+        centroid += model.mass[particle(slot)] * model.rest_position[particle(slot)];
+    }
+    centroid /= mass;
+    const std::size_t lane = first_member % lanes_;
+    std::size_t at = first_member;
+    for (std::size_t slot = 0; slot < members; ++slot) {
+        const Vec3 offset = model.rest_position[particle(slot)] - centroid;
+        float* to = &rest_offset_[3 * (at - lane) + lane];
+        to[0] = static_cast<float>(offset.x);
+        to[lanes_] = static_cast<float>(offset.y);
+        to[2 * lanes_] = static_cast<float>(offset.z);
+        at += lanes_;
+    }
+}
+
+void ConstraintBatches::set_rest_shape(const ParticleModel& model) noexcept {
+    const auto length = [&](std::uint32_t a, std::uint32_t b) {
+        return glm::length(model.rest_position[a / kNumbersOfRow] - model.rest_position[b / kNumbersOfRow]);
+    };
+    const auto exists = [&](std::uint32_t name) { return name / kNumbersOfRow < model.size(); };
+    for (std::size_t k = 0; k < first_.size(); ++k) {
+        rest_length_[k] = exists(first_[k]) ? static_cast<float>(length(first_[k], second_[k])) : 0.0f;
+    }
+    for (std::size_t k = 0; k < spring_.first.size(); ++k) {
+        spring_.rest_length[k] = exists(spring_.first[k]) ? length(spring_.first[k], spring_.second[k]) : 0.0;
+    }
+    for (std::size_t b = 0; b < batch_.size(); ++b) {
+        for (std::size_t lane = 0; lane < lanes_; ++lane) {
+            const std::size_t first = batch_[b].first_slot * lanes_ + lane;
+            std::size_t members = 0;
+            while (members < batch_[b].slots && exists(member_[first + members * lanes_])) {
+                ++members;
+            }
+            if (members > 0) {
+                set_rest_offsets(model, first, members);
+            }
+        }
+    }
+}
+
+LinkBatches ConstraintBatches::links() noexcept {
+    return {.count = first_.size() / lanes_,
+            .first = first_.data(),
+            .second = second_.data(),
+            .rest_length = rest_length_.data(),
+            .first_share = first_share_.data(),
+            .second_share = second_share_.data(),
+            .start = link_start_.data()};
+}
+
+SpringBatches ConstraintBatches::springs() noexcept {
+    return {.count = spring_.first.size() / lanes_,
+            .first = spring_.first.data(),
+            .second = spring_.second.data(),
+            .rest_length = spring_.rest_length.data(),
+            .first_inverse_mass = spring_.first_inverse_mass.data(),
+            .second_inverse_mass = spring_.second_inverse_mass.data(),
+            .softness = spring_.softness.data(),
+            .gain = spring_.gain.data(),
+            .pull = spring_.pull.data()};
+}
+
+GroupBatches ConstraintBatches::groups() noexcept {
+    return {.runs = run_.size(),
+            .run = run_.data(),
+            .most_slots = most_slots(),
+            .batches = batch_.size(),
+            .batch = batch_.data(),
+            .centre = centre_.data(),
+            .stiffness = stiffness_.data(),
+            .softness = softness_.data(),
+            .inverse_mass = inverse_mass_.data(),
+            .centre_is_free = centre_is_free_.data(),
+            .member = member_.data(),
+            .weight = weight_.data(),
+            .rest_offset = rest_offset_.data(),
+            .start = group_start_.data(),
+            .member_is_free = member_is_free_.data(),
+            .shift = shift_.data()};
+}
+
+std::size_t ConstraintBatches::most_slots() const noexcept {
+    std::size_t most = 0;
+    for (const GroupBatch& batch : batch_) {
+        most = std::max<std::size_t>(most, batch.slots);
+    }
+    return most;
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,49 @@
+#include <haptic/sim/deformable.hpp>
+
+#include <cmath>
+
+#include "dynamics/rotation.hpp"
+
+namespace haptic::sim {
+
+Vec3 offset_at(const Motion& motion, double time_s) noexcept {
+    const double period = motion.times.back();
+    if (motion.repeat && period > 0.0) {
+        time_s -= period * std::floor(time_s / period);
+    }
+    if (time_s >= period) {
+        return motion.offsets.back();
+    }
+    std::size_t next = 1;
+    while (motion.times[next] <= time_s) {
+        ++next;
+    }
+    const double part = (time_s - motion.times[next - 1]) / (motion.times[next] - motion.times[next - 1]);
+    return motion.offsets[next - 1] + part * (motion.offsets[next] - motion.offsets[next - 1]);
+}
+
+void place(DeformableBody& body, const Placement& placement) {
+    const Mat3 turn = to_matrix(placement.orientation);
+    const auto move = [&](Vec3& p) { p = placement.position + turn * p; };
+    for (Vec3& vertex : body.mesh.vertices) {
+        move(vertex);
+    }
+    ParticleModel& model = body.particles;
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        move(model.rest_position[i]);
+        move(model.position[i]);
+        model.axes[i] = placement.orientation * model.axes[i];
+        model.velocity[i] = turn * model.velocity[i];
+        model.angular_velocity[i] = turn * model.angular_velocity[i];
+        if (model.pinned[i] == 0) {
+            model.velocity[i] += placement.velocity;
+        }
+    }
+    for (Motion& motion : body.motions) {
+        for (Vec3& offset : motion.offsets) {
+            offset = turn * offset;
+        }
+    }
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,189 @@
+#include <haptic/sim/particles.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace haptic::sim {
+namespace {
+
+[[noreturn]] void refuse(const char* what, std::size_t index, const std::string& why) {
+    throw std::invalid_argument("particle model: " + std::string(what) + " " + std::to_string(index) + " " + why);
+}
+
+bool finite(const Vec3& v) {
+    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+
+bool in_unit_interval(double value) {
+    return value >= 0.0 && value <= 1.0;
+}
+
+void check_group(const ParticleModel& model, std::size_t index) {
+    const Group& group = model.groups[index];
+    std::vector<std::uint32_t> members = group.members;
+    std::sort(members.begin(), members.end());
+    if (members.empty() || members.back() >= model.size()) {
+        refuse("group", index, "has no members, or one that does not exist");
+    }
+    if (std::adjacent_find(members.begin(), members.end()) != members.end()) {
+        refuse("group", index, "has a member twice");
+    }
+    if (!std::binary_search(members.begin(), members.end(), group.centre)) {
+        refuse("group", index, "does not contain its centre");
+    }
+    if (!in_unit_interval(group.stiffness)) {
+        refuse("group", index, "has a stiffness outside 0..1");
+    }
+    if (!(group.compliance >= 0.0) || !std::isfinite(group.compliance)) {
+        refuse("group", index, "needs a compliance of at least 0");
+    }
+}
+
+void check_bodies(const ParticleModel& model) {
+    std::size_t end = 0;
+    for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+        if (model.bodies[b].begin != end || model.bodies[b].end <= end) {
+            refuse("body", b, "does not begin where the one before it ends, or is empty");
+        }
+        end = model.bodies[b].end;
+    }
+    if (!model.bodies.empty() && end != model.size()) {
+        refuse("body", model.bodies.size() - 1, "does not end with the last particle");
+    }
+}
+
+}  // namespace
+
+void ParticleModel::add(const Vec3& where, double particle_mass, double particle_radius) {
+    rest_position.push_back(where);
+    mass.push_back(particle_mass);
+    radius.push_back(particle_radius);
+    semi_axes.emplace_back(0.0);
+    axes.emplace_back(1.0, 0.0, 0.0, 0.0);
+    pinned.push_back(0);
+    position.push_back(where);
+    velocity.emplace_back(0.0);
+    orientation.emplace_back(1.0, 0.0, 0.0, 0.0);
+    angular_velocity.emplace_back(0.0);
+}
+
+void ParticleModel::append(const ParticleModel& other) {
+    const auto first = static_cast<std::uint32_t>(size());
+    const auto join = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+    if (bodies.empty() && first > 0) {
+        bodies.push_back({0, first});
+    }
+    join(rest_position, other.rest_position);
+    join(mass, other.mass);
+    join(radius, other.radius);
+    join(semi_axes, other.semi_axes);
+    join(axes, other.axes);
+    join(pinned, other.pinned);
+    join(position, other.position);
+    join(velocity, other.velocity);
+    join(orientation, other.orientation);
+    join(angular_velocity, other.angular_velocity);
+    for (Group group : other.groups) {
+        group.centre += first;
+        for (std::uint32_t& member : group.members) {
+            member += first;
+        }
+        groups.push_back(std::move(group));
+    }
+    for (Link link : other.links) {
+        link.first += first;
+        link.second += first;
+        links.push_back(link);
+    }
+    if (other.bodies.empty()) {
+        bodies.push_back({first, static_cast<std::uint32_t>(size())});
+    }
+    for (const ParticleRange& body : other.bodies) {
+        bodies.push_back({body.begin + first, body.end + first});
+    }
+}
+
+void ParticleModel::check() const {
+    const std::size_t n = size();
+    for (const std::size_t other : {rest_position.size(), mass.size(), radius.size(), semi_axes.size(), axes.size(),
+                                    pinned.size(), velocity.size(), orientation.size(), angular_velocity.size()}) {
+        if (other != n) {
+            throw std::invalid_argument("particle model: arrays of different lengths");
+        }
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+        if (!(mass[i] > 0.0) || !std::isfinite(mass[i]) || !(radius[i] >= 0.0) || !std::isfinite(radius[i])) {
+            refuse("particle", i, "needs a positive mass and a radius of at least 0");
+        }
+        if (!finite(rest_position[i])) {
+            refuse("particle", i, "has a rest position that is not finite");
+        }
+        const Vec3& axis = semi_axes[i];
+        if (!finite(axis) || !(axis.x >= 0.0 && axis.y >= 0.0 && axis.z >= 0.0)) {
+            refuse("particle", i, "needs semi-axes of at least 0");
+        }
+    }
+    if (!is_finite(*this)) {
+        throw std::invalid_argument("particle model: state is not finite");
+    }
+    check_bodies(*this);
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+        check_group(*this, g);
+    }
+    for (std::size_t l = 0; l < links.size(); ++l) {
+        const Link& link = links[l];
+        if (link.first >= n || link.second >= n || link.first == link.second) {
+            refuse("link", l, "does not join two particles");
+        }
+        if (!(link.rest_length >= 0.0) || !std::isfinite(link.rest_length) || !in_unit_interval(link.stiffness)) {
+            refuse("link", l, "needs a rest length of at least 0 and a stiffness in 0..1");
+        }
+        if (!(link.compliance >= 0.0) || !std::isfinite(link.compliance)) {
+            refuse("link", l, "needs a compliance of at least 0");
+        }
+    }
+}
+
+Vec3 linear_momentum(const ParticleModel& model) {
+    Vec3 sum(0.0);
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        sum += model.mass[i] * model.velocity[i];
+    }
+    return sum;
+}
+
+Vec3 angular_momentum(const ParticleModel& model) {
+    Vec3 sum(0.0);
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        sum += model.mass[i] * glm::cross(model.position[i], model.velocity[i]);
+    }
+    return sum;
+}
+
+double kinetic_energy(const ParticleModel& model) {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        sum += 0.5 * model.mass[i] * glm::dot(model.velocity[i], model.velocity[i]);
+    }
+    return sum;
+}
+
+bool is_finite(const ParticleModel& model) {
+    // 0 * x is 0 for a finite x and not a number otherwise, so one test at the end serves, and the loop has no branch.
+    double sum = 0.0;
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        const Vec3& x = model.position[i];
+        const Vec3& v = model.velocity[i];
+        const Vec3& w = model.angular_velocity[i];
+        const Quat& q = model.orientation[i];
+        sum += 0.0 * x.x + 0.0 * x.y + 0.0 * x.z + 0.0 * v.x + 0.0 * v.y + 0.0 * v.z + 0.0 * w.x + 0.0 * w.y +
+               0.0 * w.z + 0.0 * q.w + 0.0 * q.x + 0.0 * q.y + 0.0 * q.z;
+    }
+    return std::isfinite(sum);
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,51 @@
+#include "dynamics/rotation.hpp"
+
+#include "simd/lane_rotation.hpp"
+
+namespace haptic::sim {
+namespace {
+
+LaneVec<double> lane(const Vec3& v) noexcept {
+    return {v.x, v.y, v.z};
+}
+LaneQuat<double> lane(const Quat& q) noexcept {
+    return {q.w, q.x, q.y, q.z};
+}
+Vec3 plain(const LaneVec<double>& v) noexcept {
+    return {v.x, v.y, v.z};
+}
+Quat plain(const LaneQuat<double>& q) noexcept {
+    return Quat(q.w, q.x, q.y, q.z);
+}
+
+}  // namespace
+
+Mat3 to_matrix(const Quat& q) noexcept {
+    const LaneMat<double> m = lane_matrix(lane(q));
+    return Mat3(plain(m.x), plain(m.y), plain(m.z));
+}
+
+Quat turned(const Quat& q, const Vec3& turn) noexcept {
+    return plain(lane_turned(lane(q), lane(turn)));
+}
+
+Vec3 turn_between(const Quat& from, const Quat& to) noexcept {
+    return plain(lane_turn_between(lane(from), lane(to)));
+}
+
+Quat extract_rotation(const Mat3& matrix, const Quat& guess, int iterations) noexcept {
+    const LaneMat<double> m{lane(matrix[0]), lane(matrix[1]), lane(matrix[2])};
+    return plain(lane_extract_rotation(m, lane(guess), iterations));
+}
+
+Vec3 solve_inertia(const Mat3& scatter, const Vec3& momentum) noexcept {
+    const LaneSymmetric<double> lower{.xx = scatter[0][0],
+                                      .yy = scatter[1][1],
+                                      .zz = scatter[2][2],
+                                      .yx = scatter[1][0],
+                                      .zx = scatter[2][0],
+                                      .zy = scatter[2][1]};
+    return plain(lane(momentum) / lane_inertia(lower));
+}
+
+}  // namespace haptic::sim

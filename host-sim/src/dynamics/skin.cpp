@@ -1,0 +1,140 @@
+#include <haptic/sim/skin.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "simd/lane_rotation.hpp"
+#include "simd/skinning.hpp"
+
+namespace haptic::sim {
+namespace {
+
+void check(const SkinVertex& vertex, std::size_t index, std::size_t particles) {
+    const auto refuse = [index](const std::string& why) {
+        throw std::invalid_argument("skin: vertex " + std::to_string(index) + " " + why);
+    };
+    double sum = 0.0;
+    for (std::size_t k = 0; k < SkinVertex::kMost; ++k) {
+        if (vertex.particle[k] >= particles) {
+            refuse("is carried by particle " + std::to_string(vertex.particle[k]) + ", of " +
+                   std::to_string(particles));
+        }
+        if (!(vertex.weight[k] >= 0.0)) {
+            refuse("has a weight below 0");
+        }
+        sum += vertex.weight[k];
+    }
+    if (!(std::abs(sum - 1.0) <= 1e-9)) {
+        refuse("has weights that sum to " + std::to_string(sum) + " instead of 1");
+    }
+}
+
+bool is_particle(const SkinVertex& vertex, std::size_t index) {
+    return vertex.particle[0] == index && vertex.weight[0] == 1.0;
+}
+
+bool has_wide_registers() {
+#if defined(__x86_64__)
+    return __builtin_cpu_supports("avx2") != 0;
+#else
+    return false;
+#endif
+}
+
+void set_row(SkinRow& row, const LaneVec<double>& v) {
+    row.number[0] = v.x;
+    row.number[1] = v.y;
+    row.number[2] = v.z;
+}
+
+LaneVec<double> lane(const Vec3& v) {
+    return {v.x, v.y, v.z};
+}
+
+}  // namespace
+
+Skin skin_of_particles(std::size_t count) {
+    Skin skin(count);
+    for (std::size_t j = 0; j < count; ++j) {
+        skin[j].particle.fill(static_cast<std::uint32_t>(j));
+        skin[j].weight[0] = 1.0;
+    }
+    return skin;
+}
+
+Skinner::Skinner(std::span<const Vec3> rest, const ParticleModel& model, const Skin& skin, bool wide)
+    : rest_(rest.begin(), rest.end()),
+      rest_position_(model.rest_position),
+      frame_(model.size()),
+      placed_position_(model.size(), Vec3(std::numeric_limits<double>::quiet_NaN())),
+      placed_orientation_(model.orientation),
+      wide_(wide && has_wide_registers()) {
+    if (skin.size() != rest.size()) {
+        throw std::invalid_argument("skin: " + std::to_string(skin.size()) + " elements for " +
+                                    std::to_string(rest.size()) + " vertices");
+    }
+    one_to_one_ = rest.size() == model.size();
+    for (std::size_t j = 0; j < skin.size(); ++j) {
+        check(skin[j], j, model.size());
+        one_to_one_ = one_to_one_ && is_particle(skin[j], j) && rest[j] == model.rest_position[j];
+        for (std::size_t k = 0; k < SkinVertex::kMost; ++k) {
+            particle_.push_back(skin[j].particle[k]);
+            weight_.push_back(skin[j].weight[k]);
+        }
+    }
+}
+
+Skinner::Skinner(Skinner&&) noexcept = default;
+Skinner& Skinner::operator=(Skinner&&) noexcept = default;
+Skinner::~Skinner() = default;
+
+void Skinner::place(const ParticleModel& model, std::span<Vec3> vertices) {
+    place(model, {0, std::min(vertices.size(), rest_.size()), 0, frame_.size()}, vertices);
+}
+
+bool Skinner::has_moved(const ParticleModel& model, const Part& part) const noexcept {
+    for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
+        if (model.position[i] != placed_position_[i] || model.orientation[i] != placed_orientation_[i]) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void Skinner::place(const ParticleModel& model, const Part& part, std::span<Vec3> vertices) {
+    for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
+        placed_position_[i] = model.position[i];
+        placed_orientation_[i] = model.orientation[i];
+    }
+    if (one_to_one_) {
+        std::copy_n(&model.position[part.first_vertex], part.vertices, &vertices[part.first_vertex]);
+        return;
+    }
+    for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
+        const Quat& q = model.orientation[i];
+        const LaneMat<double> turn = lane_matrix(LaneQuat<double>{q.w, q.x, q.y, q.z});
+        set_row(frame_[i].row[0], turn.x);
+        set_row(frame_[i].row[1], turn.y);
+        set_row(frame_[i].row[2], turn.z);
+        set_row(frame_[i].row[3], lane(model.position[i]) - turn * lane(rest_position_[i]));
+    }
+    static_assert(sizeof(Vec3) == 3 * sizeof(double));
+    const SkinningTask task{.vertices = part.vertices,
+                            .particle = particle_.data() + part.first_vertex * SkinVertex::kMost,
+                            .weight = weight_.data() + part.first_vertex * SkinVertex::kMost,
+                            .rest = &rest_.data()[part.first_vertex].x,
+                            .frame = frame_.data(),
+                            .out = &vertices.data()[part.first_vertex].x};
+#if defined(__x86_64__)
+    if (wide_) {
+        skin_avx2(task);
+        return;
+    }
+#endif
+    skin_baseline(task);
+}
+
+}  // namespace haptic::sim

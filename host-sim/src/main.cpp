@@ -1,0 +1,44 @@
+// host-sim: simulates a scene and tells the haptic loop what may be felt.
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <utility>
+#include <vector>
+
+#include "app/commands.hpp"
+
+namespace {
+
+int run(int argc, char** argv) {
+    CLI::App app("Simulates deformable objects and sends the contacts of a haptic tool to rt-core.", "host-sim");
+    app.require_subcommand(1);
+    std::vector<std::pair<const CLI::App*, haptic::sim::Command>> commands;
+    const auto add = [&](const char* name, const char* what, haptic::sim::Command (*command)(CLI::App&)) {
+        CLI::App& subcommand = *app.add_subcommand(name, what);
+        commands.emplace_back(&subcommand, command(subcommand));
+    };
+    add("run", "Run a scene", haptic::sim::add_run_command);
+    add("play", "Show a recording to browsers, simulated again", haptic::sim::add_play_command);
+    add("scenes", "List the built-in scenes", haptic::sim::add_scenes_command);
+    add("mesh", "Check a mesh file, and say what is in it", haptic::sim::add_mesh_command);
+    add("model", "Build the particles of a body, say what they are, and write them to a file",
+        haptic::sim::add_model_command);
+    add("tool", "Build a tool, and say how well its spheres stand for it", haptic::sim::add_tool_command);
+    add("reproduce", "Make the figures and tables of the thesis again", haptic::sim::add_reproduce_command);
+    add("query", "Answer single queries of the contact code", haptic::sim::add_query_command);
+    CLI11_PARSE(app, argc, argv);
+    for (const auto& [subcommand, command] : commands) {
+        if (subcommand->parsed()) {
+            return command();
+        }
+    }
+    return 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try { return run(argc, argv); } catch (const std::exception& error) {
+    (void)std::fprintf(stderr, "host-sim: %s\n", error.what());
+    return 1;
+}

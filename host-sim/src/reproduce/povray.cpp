@@ -1,0 +1,240 @@
+#include "reproduce/povray.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <iterator>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <vector>
+
+namespace haptic::sim {
+namespace {
+
+// What is the same in every picture. POV-Ray is left-handed; a camera whose right is -x shows our frame as it is.
+constexpr std::string_view kSurroundings = R"(
+#version 3.7;
+global_settings { assumed_gamma 1.0 max_trace_level 8 }
+
+#declare ProxyBall = texture {
+    pigment { rgb <0.16, 0.36, 0.68> }
+    finish { ambient 0.12 diffuse 0.70 specular 0.55 roughness 0.02 }
+}
+#declare TouchingBall = texture {
+    pigment { rgb <0.93, 0.50, 0.10> }
+    finish { ambient 0.14 diffuse 0.72 specular 0.45 roughness 0.03 }
+}
+#declare Hip = texture {
+    pigment { rgb <0.98, 0.98, 0.98> }
+    finish { ambient 0.45 diffuse 0.6 specular 0.3 }
+}
+)";
+
+std::string shown(double value) {
+    std::array<char, 32> digits{};
+    const double rounded = std::fabs(value) < 1e-9 ? 0.0 : value;
+    const auto end =
+        std::to_chars(digits.data(), digits.data() + digits.size(), rounded, std::chars_format::general, 7).ptr;
+    return {digits.data(), end};
+}
+
+std::string shown(const Vec3& v) {
+    std::string text = shown(v.x);
+    text.insert(0, 1, '<').append(", ").append(shown(v.y)).append(", ").append(shown(v.z)).push_back('>');
+    return text;
+}
+
+/// Mean of the normals of the faces about each vertex, weighted by their area.
+std::vector<Vec3> vertex_normals(const PictureObject& object) {
+    std::vector<Vec3> normals(object.vertices.size(), Vec3(0.0));
+    for (const auto& [a, b, c] : object.triangles) {
+        const Vec3 n = glm::cross(object.vertices[b] - object.vertices[a], object.vertices[c] - object.vertices[a]);
+        normals[a] += n;
+        normals[b] += n;
+        normals[c] += n;
+    }
+    for (Vec3& n : normals) {
+        const double length = glm::length(n);
+        n = length > 0.0 ? n / length : Vec3(0.0, 1.0, 0.0);
+    }
+    return normals;
+}
+
+void write_list(std::ostream& out, const char* name, std::span<const Vec3> vectors) {
+    out << "    " << name << " {\n        " << vectors.size();
+    for (std::size_t i = 0; i < vectors.size(); ++i) {
+        out << (i % 3 == 0 ? ",\n        " : ", ") << shown(vectors[i]);
+    }
+    out << "\n    }\n";
+}
+
+std::string skin_texture(const std::array<double, 3>& colour, double transmit) {
+    return "texture {\n        pigment { rgb " + shown(Vec3(colour[0], colour[1], colour[2])) + " transmit " +
+           shown(transmit) + " }\n        finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }\n    }";
+}
+
+// Open surfaces let a little through, so that the proxy behind them is seen.
+constexpr double kTransmit = 0.16;
+constexpr double kGhostTransmit = 0.7;
+constexpr std::array kBack{0.96, 0.83, 0.55};
+constexpr std::array kGhost{0.5, 0.5, 0.5};
+
+void write_mesh(std::ostream& out, const PictureObject& object) {
+    out << "mesh2 {\n";
+    write_list(out, "vertex_vectors", object.vertices);
+    if (!object.faceted) {
+        write_list(out, "normal_vectors", vertex_normals(object));
+    }
+    out << "    face_indices {\n        " << object.triangles.size();
+    // The other way round than in our right-handed frame: POV-Ray takes its interior side from the winding, too.
+    for (std::size_t t = 0; t < object.triangles.size(); ++t) {
+        const auto& [a, b, c] = object.triangles[t];
+        out << (t % 8 == 0 ? ",\n        " : ", ") << "<" << a << ", " << c << ", " << b << ">";
+    }
+    out << "\n    }\n    ";
+    if (object.ghost) {
+        out << skin_texture(kGhost, kGhostTransmit) << " no_shadow";
+    } else if (object.closed) {
+        out << skin_texture(object.colour, 0.0);
+    } else {
+        out << skin_texture(object.colour, kTransmit) << "\n    interior_" << skin_texture(kBack, kTransmit);
+    }
+    out << "\n}\n";
+}
+
+void write_ground(std::ostream& out, const PictureScene& scene) {
+    out << "plane {\n    y, " << shown(scene.floor)
+        << "\n    pigment { checker rgb <0.84, 0.86, 0.88> rgb <0.80, 0.82, 0.845> scale " << shown(scene.tile)
+        << " }\n    finish { ambient 0.25 diffuse 0.7 }\n}\n\n";
+}
+
+constexpr double kAngle = 30.0;     // degrees, of the view's width
+constexpr double kTangent = 0.175;  // of half the view's height: tan(15 deg) * 3/4 at 4:3, less a margin
+constexpr double kLampsUpTo = 8.0;  // m, of the camera's distance: as far as the nearer lamps light the scene well
+
+/// All objects, and proxy and hip or the spheres.
+PictureBox whole_of(const PictureScene& scene) {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    PictureBox box{Vec3(infinity), Vec3(-infinity)};
+    const auto add = [&box](const Vec3& v) {
+        box.low = glm::min(box.low, v);
+        box.high = glm::max(box.high, v);
+    };
+    if (scene.proxy_radius > 0.0) {
+        add(scene.proxy);
+        add(scene.hip);
+    }
+    for (const PictureSphere& sphere : scene.spheres) {
+        add(sphere.centre - sphere.radius);
+        add(sphere.centre + sphere.radius);
+    }
+    for (const PictureObject& object : scene.objects) {
+        for (const Vec3& v : object.vertices) {
+            add(v);
+        }
+    }
+    return box;
+}
+
+struct Camera {
+    Vec3 look_at;
+    double distance;  // m
+};
+
+/// Has what is to be seen in its view, with a margin.
+Camera camera_for(const PictureScene& scene) {
+    const auto [low, high] = scene.view ? *scene.view : whole_of(scene);
+    const double across = std::hypot(high.x - low.x, high.z - low.z) * 0.75;  // as wide as 4:3 is high
+    return {0.5 * (low + high), 0.5 * std::max(high.y - low.y, across) / kTangent + 0.35 * across};
+}
+
+void write_camera(std::ostream& out, const PictureScene& scene, const Camera& camera) {
+    const Vec3 location = camera.look_at + camera.distance * glm::normalize(scene.camera);
+    out << "camera {\n    location " << shown(location) << "\n    up y\n    right -x * image_width / image_height\n"
+        << "    angle " << shown(kAngle) << "\n    look_at " << shown(camera.look_at) << "\n}\n\n";
+}
+
+/// Fog and lamps; those of a wide scene are farther away.
+void write_light(std::ostream& out, const Camera& camera) {
+    const double size = std::max(1.0, camera.distance / kLampsUpTo);
+    const auto lamp = [&](const Vec3& place) { return "light_source {\n    " + shown(size * place); };
+    out << "background { rgb <0.90, 0.93, 0.97> }\nfog { fog_type 1 distance " << shown(45.0 * size)
+        << " rgb <0.90, 0.93, 0.97> }\n"
+        << lamp({-3.5, 6.0, 5.0}) << " rgb <1.0, 0.97, 0.92>\n    area_light " << shown(size * Vec3(1.2, 0.0, 0.0))
+        << ", " << shown(size * Vec3(0.0, 0.0, 1.2)) << ", 5, 5 adaptive 1 jitter\n}\n"
+        << lamp({5.0, 3.0, 3.5}) << " rgb <0.30, 0.33, 0.40> shadowless\n}\n"
+        << lamp({0.0, -2.0, 4.0}) << " rgb <0.34, 0.32, 0.31> shadowless\n}\n\n";
+}
+
+void write_tool(std::ostream& out, const PictureScene& scene) {
+    for (const PictureSphere& sphere : scene.spheres) {
+        out << "sphere { " << shown(sphere.centre) << ", " << shown(sphere.radius) << " texture { "
+            << (sphere.touching ? "TouchingBall" : "ProxyBall") << " } }\n";
+    }
+    if (!(scene.proxy_radius > 0.0)) {
+        return;
+    }
+    out << "sphere { " << shown(scene.proxy) << ", " << shown(scene.proxy_radius) << " texture { ProxyBall } }\n";
+    out << "sphere { " << shown(scene.hip) << ", " << shown(0.4 * scene.proxy_radius) << " texture { Hip } }\n";
+    if (glm::length(scene.hip - scene.proxy) > scene.proxy_radius) {
+        out << "cylinder { " << shown(scene.hip) << ", " << shown(scene.proxy) << ", "
+            << shown(0.08 * scene.proxy_radius) << " texture { Hip } no_shadow }  // the coupling\n";
+    }
+}
+
+void write_all(std::ostream& out, const PictureScene& scene) {
+    out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kSurroundings << '\n';
+    const Camera camera = camera_for(scene);
+    write_light(out, camera);
+    write_camera(out, scene, camera);
+    write_ground(out, scene);
+    write_tool(out, scene);
+    out << '\n';
+    for (const PictureObject& object : scene.objects) {
+        write_mesh(out, object);
+    }
+}
+
+// One after the other; the first is that of cloth-drop.
+constexpr std::array<std::array<double, 3>, 4> kColours{
+    {{0.78, 0.16, 0.14}, {0.90, 0.55, 0.13}, {0.20, 0.50, 0.58}, {0.45, 0.56, 0.22}}};
+
+}  // namespace
+
+std::vector<PictureObject> objects_of(const Simulation& simulation, std::span<const Vec3> vertices) {
+    std::vector<PictureObject> objects;
+    for (const SceneBody& body : simulation.bodies()) {
+        const std::vector<Triangle>& all = body.mesh.triangles;
+        // The second half of a double-faced mesh is the same surface once more.
+        const auto count = static_cast<std::ptrdiff_t>(body.mesh.double_faced ? all.size() / 2 : all.size());
+        objects.push_back({.vertices = vertices.subspan(body.first_vertex, body.mesh.vertices.size()),
+                           .triangles = {all.begin(), all.begin() + count},
+                           .closed = body.mesh.closed,
+                           .colour = kColours[objects.size() % kColours.size()]});
+    }
+    return objects;
+}
+
+void write_picture_scene(const std::filesystem::path& file, const PictureScene& scene) {
+    std::filesystem::path temporary = file;
+    temporary += ".part";
+    {
+        std::ofstream out(temporary);
+        write_all(out, scene);
+        out.close();
+        if (!out) {
+            std::error_code ignored;
+            std::filesystem::remove(temporary, ignored);
+            throw std::runtime_error(file.string() + ": cannot be written; does its folder exist, and is there room?");
+        }
+    }
+    std::filesystem::rename(temporary, file);
+}
+
+}  // namespace haptic::sim

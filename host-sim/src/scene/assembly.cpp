@@ -1,0 +1,80 @@
+#include "scene/assembly.hpp"
+
+#include <limits>
+#include <span>
+#include <utility>
+
+namespace haptic::sim {
+namespace {
+
+/// kg, per particle: what a force accelerates.
+std::vector<double> moved_mass(const ParticleModel& particles) {
+    std::vector<double> mass = particles.mass;
+    for (std::size_t i = 0; i < mass.size(); ++i) {
+        if (particles.pinned[i] != 0) {
+            mass[i] = std::numeric_limits<double>::infinity();
+        }
+    }
+    return mass;
+}
+
+void append(TriangleMesh& mesh, const TriangleMesh& added) {
+    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+    mesh.vertices.insert(mesh.vertices.end(), added.vertices.begin(), added.vertices.end());
+    for (const Triangle& t : added.triangles) {
+        mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+    }
+}
+
+/// The triangles that contact looks at. It acts on both sides of each, so the second face of a double-faced triangle
+/// (the second half of such a mesh) would only say all once more. The thesis' methods are given what the thesis had.
+std::span<const Triangle> touchable(const TriangleMesh& mesh, const ContactSettings& contact) {
+    const std::span<const Triangle> all = mesh.triangles;
+    const bool as_thesis = contact.method == CcdMethod::Thesis || contact.pop_out == PopOutMethod::Thesis;
+    return mesh.double_faced && !as_thesis ? all.first(all.size() / 2) : all;
+}
+
+}  // namespace
+
+Assembly::Assembly(const Scene& scene) {
+    const auto add_all = [&](const ModelSettings& settings) {
+        for (DeformableBody& body : make_bodies(settings)) {
+            add(std::move(body), scene);
+        }
+    };
+    add_all(scene.model);
+    for (const ModelSettings& object : scene.objects) {
+        add_all(object);
+    }
+}
+
+void Assembly::add(DeformableBody&& body, const Scene& scene) {
+    const std::size_t vertices = mesh.vertices.size();
+    const std::size_t particles = model.size();
+    append(mesh, body.mesh);
+    for (SkinVertex vertex : body.skin) {
+        for (std::uint32_t& carrier : vertex.particle) {
+            carrier += static_cast<std::uint32_t>(particles);
+        }
+        skin.push_back(vertex);
+    }
+    model.append(body.particles);
+    trees.emplace_back(body.mesh.vertices, touchable(body.mesh, scene.contact));
+    masks.emplace_back(body.mesh, body.skin, moved_mass(body.particles), scene.coupling.mask_radius);
+    motions.push_back(std::move(body.motions));
+    bodies.push_back({std::move(body.name), vertices, particles, std::move(body.mesh)});
+}
+
+void Assembly::lead(double now_s, double step_s) {
+    for (std::size_t b = 0; b < bodies.size(); ++b) {
+        for (const Motion& motion : motions[b]) {
+            const Vec3 after = offset_at(motion, now_s + step_s);
+            for (const std::uint32_t particle : motion.particles) {
+                const std::size_t i = bodies[b].first_particle + particle;
+                model.velocity[i] = (model.rest_position[i] + after - model.position[i]) / step_s;
+            }
+        }
+    }
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,47 @@
+// All bodies of a scene as one: the particles that the solver steps, the mesh that they carry, the skin between the
+// two, and what the contact code needs of each body.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "contact/swept_tree.hpp"
+#include <haptic/sim/contact_force.hpp>
+#include <haptic/sim/deformable.hpp>
+#include <haptic/sim/mesh.hpp>
+#include <haptic/sim/particles.hpp>
+#include <haptic/sim/scene.hpp>
+#include <haptic/sim/simulation.hpp>
+#include <haptic/sim/skin.hpp>
+
+namespace haptic::sim {
+
+struct Assembly {
+    explicit Assembly(const Scene& scene);
+
+    /// Sets the velocities of all particles that are led, so that they get to where they have to be a step after now.
+    void lead(double now_s, double step_s);
+
+    /// What carries and what is carried in one body.
+    [[nodiscard]] Skinner::Part part(std::size_t body) const {
+        const std::size_t first = bodies[body].first_particle;
+        const std::size_t next = body + 1 < bodies.size() ? bodies[body + 1].first_particle : model.size();
+        return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first};
+    }
+
+    // Of all bodies together.
+    ParticleModel model;  // in motion
+    TriangleMesh mesh;    // at rest
+    Skin skin;
+    // Per body.
+    std::vector<SceneBody> bodies;
+    std::vector<SweptTree> trees;
+    std::vector<PressureMask> masks;
+    std::vector<std::vector<Motion>> motions;
+
+  private:
+    void add(DeformableBody&& body, const Scene& scene);
+};
+
+}  // namespace haptic::sim

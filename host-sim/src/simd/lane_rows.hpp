@@ -1,0 +1,270 @@
+// Rows of particles into lanes and back (see lanes.hpp for where this may be used).
+#pragma once
+
+#include "simd/lanes.hpp"
+#include "simd/projection.hpp"
+
+namespace haptic::sim {
+
+/// A row of each lane, by columns.
+template <class Real>
+struct LaneRow {
+    Real a, b, c, d;
+};
+
+template <class Real>
+HAPTIC_LANES LaneVec<Real> head(const LaneRow<Real>& row) noexcept {
+    return {row.a, row.b, row.c};
+}
+template <class Real>
+HAPTIC_LANES LaneQuat<Real> quat_of(const LaneRow<Real>& row) noexcept {
+    return {row.a, row.b, row.c, row.d};
+}
+template <class Real>
+HAPTIC_LANES LaneRow<Real> row_of(const LaneQuat<Real>& q) noexcept {
+    return {q.w, q.x, q.y, q.z};
+}
+
+/// Transposes the 4 x 4 matrix in each run of four lanes.
+template <class Real>
+HAPTIC_LANES LaneRow<Real> transposed(const LaneRow<Real>& m) noexcept {
+    return [&]<std::size_t... I>(std::index_sequence<I...>) __attribute__((always_inline)) {
+        // For one run: numbers of the second register are 4 and more.
+        constexpr std::size_t low[4] = {0, 4, 1, 5};
+        constexpr std::size_t high[4] = {2, 6, 3, 7};
+        constexpr std::size_t first[4] = {0, 1, 4, 5};
+        constexpr std::size_t last[4] = {2, 3, 6, 7};
+        constexpr auto at = [](std::size_t lane, const std::size_t (&pattern)[4]) constexpr {
+            const std::size_t i = pattern[lane % 4];
+            return lane / 4 * 4 + i % 4 + (i < 4 ? 0 : sizeof...(I));
+        };
+        const Real ab01 = __builtin_shufflevector(m.a, m.b, at(I, low)...);
+        const Real ab23 = __builtin_shufflevector(m.a, m.b, at(I, high)...);
+        const Real cd01 = __builtin_shufflevector(m.c, m.d, at(I, low)...);
+        const Real cd23 = __builtin_shufflevector(m.c, m.d, at(I, high)...);
+        return LaneRow<Real>{
+            __builtin_shufflevector(ab01, cd01, at(I, first)...), __builtin_shufflevector(ab01, cd01, at(I, last)...),
+            __builtin_shufflevector(ab23, cd23, at(I, first)...), __builtin_shufflevector(ab23, cd23, at(I, last)...)};
+    }(std::make_index_sequence<kLanes<Real>>{});
+}
+
+/// A row for each of four lanes or more, from quad(lane).
+template <class Real, class QuadAt>
+HAPTIC_LANES LaneRow<Real> join(const QuadAt& quad) noexcept {
+    if constexpr (kLanes<Real> == 4) {
+        return transposed<Real>({quad(0), quad(1), quad(2), quad(3)});
+    } else {
+        const auto two = [&](std::size_t k) __attribute__((always_inline)) {
+            return __builtin_shufflevector(quad(k), quad(4 + k), 0, 1, 2, 3, 4, 5, 6, 7);
+        };
+        if constexpr (kLanes<Real> == 8) {
+            return transposed<Real>({two(0), two(1), two(2), two(3)});
+        } else {
+            static_assert(kLanes<Real> == 16);
+            const auto four = [&](std::size_t k) __attribute__((always_inline)) {
+                return __builtin_shufflevector(two(k), two(8 + k), 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14,
+                                               15);
+            };
+            return transposed<Real>({four(0), four(1), four(2), four(3)});
+        }
+    }
+}
+
+/// A row for each of two lanes of double, from half(lane, which).
+template <class Real, class HalfAt>
+HAPTIC_LANES LaneRow<Real> join_halves(const HalfAt& half) noexcept {
+    const Real ab0 = half(0, 0);
+    const Real ab1 = half(1, 0);
+    const Real cd0 = half(0, 1);
+    const Real cd1 = half(1, 1);
+    return {__builtin_shufflevector(ab0, ab1, 0, 2), __builtin_shufflevector(ab0, ab1, 1, 3),
+            __builtin_shufflevector(cd0, cd1, 0, 2), __builtin_shufflevector(cd0, cd1, 1, 3)};
+}
+
+/// The four numbers at at(lane) of each lane.
+template <class Real, class At>
+HAPTIC_LANES LaneRow<Real> gather(const At& at) noexcept {
+    if constexpr (kLanes<Real> == 1) {
+        return {at(0)[0], at(0)[1], at(0)[2], at(0)[3]};
+    } else if constexpr (kLanes<Real> == 2) {
+        return join_halves<Real>([&](std::size_t lane, std::size_t which)
+                                     __attribute__((always_inline)) { return load<Real>(at(lane) + 2 * which); });
+    } else {
+        using Quad = typename LaneTypes<4, NumberOf<Real>>::Real;
+        return join<Real>([&](std::size_t lane) __attribute__((always_inline)) { return load<Quad>(at(lane)); });
+    }
+}
+
+/// The reverse of gather().
+template <class Real, class At>
+HAPTIC_LANES void scatter(const LaneRow<Real>& value, const At& at) noexcept {
+    if constexpr (kLanes<Real> == 1) {
+        store(value.a, at(0));
+        store(value.b, at(0) + 1);
+        store(value.c, at(0) + 2);
+        store(value.d, at(0) + 3);
+    } else if constexpr (kLanes<Real> == 2) {
+        store<Real>(__builtin_shufflevector(value.a, value.b, 0, 2), at(0));
+        store<Real>(__builtin_shufflevector(value.c, value.d, 0, 2), at(0) + 2);
+        store<Real>(__builtin_shufflevector(value.a, value.b, 1, 3), at(1));
+        store<Real>(__builtin_shufflevector(value.c, value.d, 1, 3), at(1) + 2);
+    } else {
+        const auto put = [&](const Real& part, std::size_t k) __attribute__((always_inline)) {
+            if constexpr (kLanes<Real> == 4) {
+                store(part, at(k));
+            } else {
+                store(__builtin_shufflevector(part, part, 0, 1, 2, 3), at(k));
+                store(__builtin_shufflevector(part, part, 4, 5, 6, 7), at(4 + k));
+            }
+            if constexpr (kLanes<Real> == 16) {
+                store(__builtin_shufflevector(part, part, 8, 9, 10, 11), at(8 + k));
+                store(__builtin_shufflevector(part, part, 12, 13, 14, 15), at(12 + k));
+            }
+        };
+        const LaneRow<Real> row = transposed(value);
+        put(row.a, 0);
+        put(row.b, 1);
+        put(row.c, 2);
+        put(row.d, 3);
+    }
+}
+
+/// A Body of each lane.
+template <class Real>
+struct LaneBody {
+    LaneRow<Real> moved, turn;
+};
+
+/// The eight numbers at at(lane) of each lane.
+template <class Real, class At>
+HAPTIC_LANES LaneBody<Real> gather_bodies(const At& at) noexcept {
+    if constexpr (kLanes<Real> == 16) {
+        using Eight = typename LaneTypes<8, float>::Real;
+        const auto two = [&](std::size_t k) __attribute__((always_inline)) {
+            return __builtin_shufflevector(load<Eight>(at(k)), load<Eight>(at(4 + k)), 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10,
+                                           11, 12, 13, 14, 15);
+        };
+        LaneRow<Real> moved{};
+        LaneRow<Real> turn{};
+        const auto part = [&](std::size_t k, Real& moved_part, Real& turn_part) __attribute__((always_inline)) {
+            const Real low = two(k);
+            const Real high = two(8 + k);
+            moved_part = __builtin_shufflevector(low, high, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27);
+            turn_part = __builtin_shufflevector(low, high, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31);
+        };
+        part(0, moved.a, turn.a);
+        part(1, moved.b, turn.b);
+        part(2, moved.c, turn.c);
+        part(3, moved.d, turn.d);
+        return {transposed(moved), transposed(turn)};
+    } else {
+        return {gather<Real>(at),
+                gather<Real>([&](std::size_t lane) __attribute__((always_inline)) { return at(lane) + 4; })};
+    }
+}
+
+/// The part of a row of doubles that one register holds, where this many lanes of float do.
+template <std::size_t Lanes>
+using DoublePiece = typename LaneTypes<(Lanes < 8 ? (Lanes + 1) / 2 : 4)>::Real;
+template <std::size_t Lanes>
+inline constexpr std::size_t kDoublePieces = 4 / kLanes<DoublePiece<Lanes>>;
+
+/// A row of one particle, in registers.
+template <std::size_t Lanes>
+struct DoubleRow {
+    DoublePiece<Lanes> piece[kDoublePieces<Lanes>];
+};
+
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> load_row(const Row& from) noexcept {
+    DoubleRow<Lanes> row{};
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
+        row.piece[p] = load<DoublePiece<Lanes>>(from.number + p * kLanes<DoublePiece<Lanes>>);
+    }
+    return row;
+}
+template <std::size_t Lanes>
+HAPTIC_LANES void store_row(const DoubleRow<Lanes>& row, Row& to) noexcept {
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
+        store(row.piece[p], to.number + p * kLanes<DoublePiece<Lanes>>);
+    }
+}
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> operator-(DoubleRow<Lanes> a, const DoubleRow<Lanes>& b) noexcept {
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
+        a.piece[p] -= b.piece[p];
+    }
+    return a;
+}
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> operator*(DoubleRow<Lanes> a, const DoubleRow<Lanes>& b) noexcept {
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
+        a.piece[p] *= b.piece[p];
+    }
+    return a;
+}
+
+/// A row of one particle in float: one register, where there are any.
+template <std::size_t Lanes>
+using QuadOf = std::conditional_t<Lanes == 1, FloatRow, typename LaneTypes<4, float>::Real>;
+
+template <std::size_t Lanes>
+HAPTIC_LANES QuadOf<Lanes> load_quad(const FloatRow& from) noexcept {
+    if constexpr (Lanes == 1) {
+        return from;
+    } else {
+        return load<QuadOf<Lanes>>(from.number);
+    }
+}
+template <std::size_t Lanes>
+HAPTIC_LANES void store_quad(const QuadOf<Lanes>& row, FloatRow& to) noexcept {
+    if constexpr (Lanes == 1) {
+        to = row;
+    } else {
+        store(row, to.number);
+    }
+}
+
+template <std::size_t Lanes>
+HAPTIC_LANES QuadOf<Lanes> rounded(const DoubleRow<Lanes>& row) noexcept {
+    if constexpr (Lanes == 1) {
+        return {{static_cast<float>(row.piece[0]), static_cast<float>(row.piece[1]), static_cast<float>(row.piece[2]),
+                 static_cast<float>(row.piece[3])}};
+    } else if constexpr (Lanes == 4) {
+        return QuadOf<Lanes>{static_cast<float>(row.piece[0][0]), static_cast<float>(row.piece[0][1]),
+                             static_cast<float>(row.piece[1][0]), static_cast<float>(row.piece[1][1])};
+    } else {
+        return __builtin_convertvector(row.piece[0], QuadOf<Lanes>);
+    }
+}
+
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> widened(const QuadOf<Lanes>& row) noexcept {
+    if constexpr (Lanes == 1) {
+        return {{row.number[0], row.number[1], row.number[2], row.number[3]}};
+    } else if constexpr (Lanes == 4) {
+        return {{DoublePiece<Lanes>{row[0], row[1]}, DoublePiece<Lanes>{row[2], row[3]}}};
+    } else {
+        return {{DoublePiece<Lanes>{row[0], row[1], row[2], row[3]}}};  // __builtin_convertvector is slow with g++ 12
+    }
+}
+
+/// Doubles for as many lanes of float, in as many registers as it takes.
+template <class Real>
+using Wide = typename LaneTypes<(kLanes<Real> + 1) / 2>::Real;
+
+/// By columns, from row(lane) for each lane of a Wide<Real>.
+template <class Real, class RowAt>
+HAPTIC_LANES LaneRow<Wide<Real>> columns(const RowAt& row) noexcept {
+    if constexpr (kLanes<Real> == 1) {
+        const DoubleRow<1> only = row(0);
+        return {only.piece[0], only.piece[1], only.piece[2], only.piece[3]};
+    } else if constexpr (kLanes<Real> == 4) {
+        return join_halves<Wide<Real>>([&](std::size_t lane, std::size_t which)
+                                           __attribute__((always_inline)) { return row(lane).piece[which]; });
+    } else {
+        return join<Wide<Real>>([&](std::size_t lane) __attribute__((always_inline)) { return row(lane).piece[0]; });
+    }
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,162 @@
+#include <haptic/sim/contact_force.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <stdexcept>
+#include <tuple>
+
+namespace haptic::sim {
+namespace {
+
+// Rounds of the division among two or three planes; the error falls by the square of the cosine between normals in
+// each.
+constexpr int kRounds = 32;
+
+constexpr std::uint32_t kNone = 0xffffffffu;
+
+}  // namespace
+
+ContactShares divide_force(const Vec3& force, const SurfacePlanes& contacts) noexcept {
+    // Each plane in turn takes what the others leave along its normal (Gauss-Seidel on the normal equations, projected
+    // onto shares that push).
+    ContactShares shares{};
+    Vec3 left = force;
+    const int rounds = contacts.count > 1 ? kRounds : 1;
+    for (int round = 0; round < rounds; ++round) {
+        for (std::size_t c = 0; c < contacts.count; ++c) {
+            const Vec3& normal = contacts.plane[c].normal;
+            const double wanted = shares[c] + glm::dot(left, normal);
+            const double allowed = wanted > 0.0 ? wanted : 0.0;
+            left -= (allowed - shares[c]) * normal;
+            shares[c] = allowed;
+        }
+    }
+    return shares;
+}
+
+PressureMask::PressureMask(const TriangleMesh& rest, const Skin& skin, std::span<const double> mass, double radius)
+    : rest_(rest.vertices),
+      triangles_(rest.triangles),
+      skin_(skin),
+      mass_(mass.begin(), mass.end()),
+      radius_(radius),
+      slot_(mass.size(), kNone) {
+    if (!(radius >= 0.0)) {
+        throw std::invalid_argument("pressure mask: radius must not be negative");
+    }
+    if (skin_.size() != rest_.size()) {
+        throw std::invalid_argument("pressure mask: needs one skin element for each vertex");
+    }
+    // Cells of the mask's size, but not so small that their numbers leave the range of integers.
+    double furthest = 0.0;
+    for (const Vec3& p : rest_) {
+        furthest = std::max({furthest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+    }
+    cell_size_ = std::max({radius, 1e-6 * furthest, std::numeric_limits<double>::min()});
+    grid_.reserve(rest_.size());
+    for (std::uint32_t j = 0; j < rest_.size(); ++j) {
+        grid_.push_back({cell_of(rest_[j]), j});
+    }
+    std::sort(grid_.begin(), grid_.end(), [](const CellVertex& a, const CellVertex& b) {
+        return std::tie(a.cell, a.vertex) < std::tie(b.cell, b.vertex);
+    });
+    vertices_.reserve(std::max(rest_.size(), std::size_t{3}));
+    particles_.reserve(mass_.size());
+}
+
+PressureMask::Cell PressureMask::cell_of(const Vec3& rest) const {
+    const auto number = [this](double x) { return static_cast<std::int32_t>(std::floor(x / cell_size_)); };
+    return {number(rest.x), number(rest.y), number(rest.z)};
+}
+
+void PressureMask::find_vertices(const Vec3& centre) {
+    const double radius_squared = radius_ * radius_;
+    vertices_.clear();
+    const Cell middle = cell_of(centre);
+    for (std::int32_t x = middle[0] - 1; x <= middle[0] + 1; ++x) {
+        for (std::int32_t y = middle[1] - 1; y <= middle[1] + 1; ++y) {
+            // Cells that differ only in z follow one another.
+            const Cell first{x, y, middle[2] - 1};
+            const Cell last{x, y, middle[2] + 1};
+            const auto before = [](const CellVertex& entry, const Cell& cell) { return entry.cell < cell; };
+            for (auto at = std::lower_bound(grid_.begin(), grid_.end(), first, before);
+                 at != grid_.end() && at->cell <= last; ++at) {
+                const Vec3 apart = rest_[at->vertex] - centre;
+                const double inside = radius_squared - glm::dot(apart, apart);
+                if (inside > 0.0) {
+                    vertices_.push_back({at->vertex, inside * inside});
+                }
+            }
+        }
+    }
+    // One order, whatever the cells are.
+    std::sort(vertices_.begin(), vertices_.end(), [](const Pressed& a, const Pressed& b) { return a.index < b.index; });
+}
+
+void PressureMask::find_particles() {
+    for (const Pressed& p : particles_) {
+        slot_[p.index] = kNone;
+    }
+    particles_.clear();
+    for (const Pressed& v : vertices_) {
+        const SkinVertex& carried = skin_[v.index];
+        for (std::size_t k = 0; k < SkinVertex::kMost; ++k) {
+            if (!(carried.weight[k] > 0.0)) {
+                continue;
+            }
+            const std::uint32_t i = carried.particle[k];
+            if (slot_[i] == kNone) {
+                slot_[i] = static_cast<std::uint32_t>(particles_.size());
+                particles_.push_back({i, 0.0});
+            }
+            particles_[slot_[i]].weight += v.weight * carried.weight[k];
+        }
+    }
+}
+
+PressedPatch PressureMask::lay(const SurfacePoint& touched, std::span<const Vec3> particle_velocity) {
+    const Triangle& corners = triangles_[touched.triangle];
+    find_vertices(touched.weights.x * rest_[corners[0]] + touched.weights.y * rest_[corners[1]] +
+                  touched.weights.z * rest_[corners[2]]);
+    if (vertices_.empty()) {
+        vertices_.assign(
+            {{corners[0], touched.weights.x}, {corners[1], touched.weights.y}, {corners[2], touched.weights.z}});
+    }
+    double sum = 0.0;
+    for (const Pressed& v : vertices_) {
+        sum += v.weight;
+    }
+    for (Pressed& v : vertices_) {
+        v.weight /= sum;
+    }
+    find_particles();
+    PressedPatch patch;
+    double inverse_mass = 0.0;
+    for (const Pressed& p : particles_) {
+        patch.velocity += p.weight * particle_velocity[p.index];
+        inverse_mass += p.weight * p.weight / mass_[p.index];
+    }
+    patch.mass = 1.0 / inverse_mass;
+    return patch;
+}
+
+void PressureMask::press(const Vec3& force, std::span<Vec3> particle_force) const {
+    for (const Pressed& p : particles_) {
+        particle_force[p.index] += p.weight * force;
+    }
+}
+
+double contact_damping(double share, double patch_mass, double step_s, const Coupling& coupling) noexcept {
+    const double damping = share * coupling.loss;  // k d c
+    const double mass = patch_mass > coupling.tied_mass ? patch_mass : coupling.tied_mass;
+    return damping / (1.0 + damping * step_s / mass);
+}
+
+double contact_push(double share, double closing, double damping) noexcept {
+    const double push = share + damping * closing;
+    return push > 0.0 ? push : 0.0;
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,401 @@
+#include "tool/hand_mesh.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+#include <span>
+#include <stdexcept>
+#include <vector>
+
+#include "dynamics/rotation.hpp"
+
+namespace haptic::sim {
+namespace {
+
+// All lengths are parts of the way from the wrist's crease to the tip of the middle finger, about.
+
+/// A finger from its knuckle, by joints, to the middle of its tip.
+struct Joint {
+    Vec3 place;
+    double radius;
+};
+
+using Finger = std::array<Joint, 4>;
+
+// The palm is moved by none; each finger has a joint at the beginning of each of its three bones, the thumb comes last.
+constexpr std::uint32_t kPalmJoint = 0;
+constexpr std::uint32_t kJointsOfFinger = 3;
+constexpr std::uint32_t kThumbJoint = 1 + 4 * kJointsOfFinger;
+
+struct Shape {
+    std::array<Finger, 5> fingers{};
+    std::array<ToolBone, 12> palm{};
+};
+
+Shape make_shape() {
+    return {{{
+                // index, middle, ring, little
+                {{{{-0.158, 0.010, -0.170}, 0.054},
+                  {{-0.209, -0.011, -0.360}, 0.047},
+                  {{-0.240, -0.055, -0.477}, 0.043},
+                  {{-0.263, -0.106, -0.563}, 0.039}}},
+                {{{{-0.053, 0.020, -0.190}, 0.054},
+                  {{-0.065, 0.001, -0.410}, 0.048},
+                  {{-0.072, -0.046, -0.546}, 0.044},
+                  {{-0.077, -0.102, -0.646}, 0.040}}},
+                {{{{0.054, 0.012, -0.172}, 0.053},
+                  {{0.085, -0.013, -0.370}, 0.046},
+                  {{0.104, -0.064, -0.490}, 0.042},
+                  {{0.118, -0.125, -0.576}, 0.038}}},
+                {{{{0.146, -0.008, -0.130}, 0.048},
+                  {{0.207, -0.033, -0.274}, 0.041},
+                  {{0.243, -0.080, -0.359}, 0.037},
+                  {{0.268, -0.132, -0.418}, 0.034}}},
+                // thumb
+                {{{{-0.115, -0.045, 0.150}, 0.075},
+                  {{-0.240, -0.085, 0.020}, 0.057},
+                  {{-0.330, -0.106, -0.100}, 0.050},
+                  {{-0.382, -0.116, -0.200}, 0.043}}},
+            }},
+            {{
+                // from the wrist to the knuckles
+                {kPalmJoint, {-0.060, 0.000, 0.230}, 0.070, {-0.154, 0.006, -0.165}, 0.058},
+                {kPalmJoint, {-0.025, 0.004, 0.230}, 0.072, {-0.050, 0.016, -0.185}, 0.062},
+                {kPalmJoint, {0.020, 0.002, 0.230}, 0.072, {0.048, 0.008, -0.165}, 0.060},
+                {kPalmJoint, {0.060, -0.006, 0.230}, 0.068, {0.142, -0.010, -0.120}, 0.054},
+                // balls of the thumb and of the little finger, pads below the fingers
+                {kThumbJoint, {-0.090, -0.050, 0.165}, 0.072, {-0.190, -0.070, 0.040}, 0.066},
+                {kPalmJoint, {0.070, -0.040, 0.170}, 0.066, {0.135, -0.034, -0.030}, 0.056},
+                {kPalmJoint, {-0.140, -0.010, -0.185}, 0.050, {0.125, -0.020, -0.145}, 0.046},
+                // the web of the thumb
+                {kPalmJoint, {-0.120, -0.020, 0.060}, 0.052, {-0.150, -0.012, -0.080}, 0.050},
+                {kPalmJoint, {-0.185, -0.052, 0.045}, 0.040, {-0.150, -0.020, -0.040}, 0.040},
+                // the wrist and its end
+                {kPalmJoint, {-0.052, -0.004, 0.200}, 0.070, {-0.058, -0.004, 0.330}, 0.068},
+                {kPalmJoint, {0.000, -0.002, 0.200}, 0.074, {0.000, -0.002, 0.340}, 0.072},
+                {kPalmJoint, {0.052, -0.006, 0.200}, 0.068, {0.058, -0.006, 0.330}, 0.066},
+            }}};
+}
+
+/// From one joint of a finger to the next.
+ToolBone bone_between(const Finger& finger, std::size_t joint, std::uint32_t moved_by) {
+    const Joint& from = finger[joint];
+    const Joint& to = finger[joint + 1];
+    return {moved_by, from.place, from.radius, to.place, to.radius};
+}
+
+/// The lesser of the two, with a fillet where they differ by less than `width`; smooth, and at most width / 4 less.
+double blended(double a, double b, double width) {
+    const double near = std::max(width - std::abs(a - b), 0.0) / width;
+    return std::min(a, b) - 0.25 * width * near * near;
+}
+
+constexpr double kPalmFillet = 0.05;
+constexpr double kRootFillet = 0.05;     // between finger and palm
+constexpr double kJointFillet = 0.008;   // between the bones of a finger
+constexpr double kBetweenFillet = 0.01;  // between fingers
+
+/// About the distance from the skin; negative inside.
+double field(const Shape& shape, const Vec3& p) {
+    double palm = distance(p, shape.palm.front());
+    for (std::size_t i = 1; i < shape.palm.size(); ++i) {
+        palm = blended(palm, distance(p, shape.palm[i]), kPalmFillet);
+    }
+    double whole = palm;
+    for (const Finger& joints : shape.fingers) {
+        double finger = 1.0;
+        for (std::size_t i = 1; i < joints.size(); ++i) {
+            finger = blended(finger, distance(p, bone_between(joints, i - 1, kPalmJoint)), kJointFillet);
+        }
+        whole = blended(whole, blended(palm, finger, kRootFillet), kBetweenFillet);
+    }
+    return whole;
+}
+
+Vec3 gradient(const Shape& shape, const Vec3& p) {
+    constexpr double step = 1e-4;
+    Vec3 result(0.0);
+    for (int k = 0; k < 3; ++k) {
+        Vec3 before = p;
+        Vec3 after = p;
+        before[k] -= step;
+        after[k] += step;
+        result[k] = (field(shape, after) - field(shape, before)) / (2.0 * step);
+    }
+    return result;
+}
+
+// The width of the net's cubes, at which there are kHandTriangles. No node of the grid is nearer to the skin than 2e-5,
+// so that no rounding changes that.
+constexpr double kCube = 0.028989;
+
+class Net {
+  public:
+    explicit Net(const Shape& shape) : shape_(shape) {
+        for (std::size_t k = 0; k < 3; ++k) {
+            nodes_[k] = static_cast<std::size_t>((kHigh[k] - kLow[k]) / kCube) + 2;
+        }
+        value_.resize(nodes_[0] * nodes_[1] * nodes_[2]);
+        for (std::size_t i = 0; i < nodes_[0]; ++i) {
+            for (std::size_t j = 0; j < nodes_[1]; ++j) {
+                for (std::size_t k = 0; k < nodes_[2]; ++k) {
+                    value_[index(i, j, k)] = field(shape, place(i, j, k));
+                }
+            }
+        }
+    }
+
+    TriangleMesh build() {
+        add_vertices();
+        add_quads();
+        for (int round = 0; round < kRounds; ++round) {
+            even_out();
+        }
+        TriangleMesh mesh;
+        mesh.closed = true;
+        for (const auto& [a, b, c, d] : quads_) {
+            const Vec3 ac = vertices_[c] - vertices_[a];
+            const Vec3 bd = vertices_[d] - vertices_[b];
+            if (glm::dot(ac, ac) <= glm::dot(bd, bd)) {
+                mesh.triangles.push_back({a, b, c});
+                mesh.triangles.push_back({a, c, d});
+            } else {
+                mesh.triangles.push_back({a, b, d});
+                mesh.triangles.push_back({b, c, d});
+            }
+        }
+        mesh.vertices = std::move(vertices_);
+        split_longest_edge(mesh);
+        return mesh;
+    }
+
+  private:
+    static constexpr std::array<double, 3> kLow{-0.47, -0.22, -0.74};
+    static constexpr std::array<double, 3> kHigh{0.33, 0.14, 0.47};
+    static constexpr int kRounds = 6;
+    static constexpr std::uint32_t kNone = ~std::uint32_t{0};
+
+    using Quad = std::array<std::uint32_t, 4>;  // counter-clockwise seen from outside
+
+    [[nodiscard]] std::size_t index(std::size_t i, std::size_t j, std::size_t k) const {
+        return (i * nodes_[1] + j) * nodes_[2] + k;
+    }
+    [[nodiscard]] static Vec3 place(std::size_t i, std::size_t j, std::size_t k) {
+        return {kLow[0] + kCube * static_cast<double>(i), kLow[1] + kCube * static_cast<double>(j),
+                kLow[2] + kCube * static_cast<double>(k)};
+    }
+
+    /// One vertex in each cube that the skin passes through: the mean of where it cuts the edges.
+    void add_vertices() {
+        vertex_of_.assign(value_.size(), kNone);
+        for (std::size_t i = 0; i + 1 < nodes_[0]; ++i) {
+            for (std::size_t j = 0; j + 1 < nodes_[1]; ++j) {
+                for (std::size_t k = 0; k + 1 < nodes_[2]; ++k) {
+                    add_vertex(i, j, k);
+                }
+            }
+        }
+    }
+
+    void add_vertex(std::size_t i, std::size_t j, std::size_t k) {
+        Vec3 sum(0.0);
+        double cuts = 0.0;
+        for (std::size_t a = 0; a < 8; ++a) {
+            for (std::size_t axis = 1; axis < 8; axis *= 2) {
+                const std::size_t b = a | axis;
+                if (b == a) {
+                    continue;
+                }
+                const double at_a = value_[index(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2))];
+                const double at_b = value_[index(i + (b & 1), j + (b >> 1 & 1), k + (b >> 2))];
+                if ((at_a < 0.0) == (at_b < 0.0)) {
+                    continue;
+                }
+                sum += glm::mix(place(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2)),
+                                place(i + (b & 1), j + (b >> 1 & 1), k + (b >> 2)), at_a / (at_a - at_b));
+                cuts += 1.0;
+            }
+        }
+        if (cuts > 0.0) {
+            vertex_of_[index(i, j, k)] = static_cast<std::uint32_t>(vertices_.size());
+            vertices_.push_back(sum / cuts);
+        }
+    }
+
+    /// One quad over each edge of the grid that the skin cuts, from the four cubes about it.
+    void add_quads() {
+        for (std::size_t i = 1; i + 1 < nodes_[0]; ++i) {
+            for (std::size_t j = 1; j + 1 < nodes_[1]; ++j) {
+                for (std::size_t k = 1; k + 1 < nodes_[2]; ++k) {
+                    const bool here = value_[index(i, j, k)] < 0.0;
+                    add_quad(here, value_[index(i + 1, j, k)] < 0.0,
+                             {index(i, j, k), index(i, j - 1, k), index(i, j - 1, k - 1), index(i, j, k - 1)});
+                    add_quad(here, value_[index(i, j + 1, k)] < 0.0,
+                             {index(i, j, k), index(i, j, k - 1), index(i - 1, j, k - 1), index(i - 1, j, k)});
+                    add_quad(here, value_[index(i, j, k + 1)] < 0.0,
+                             {index(i, j, k), index(i - 1, j, k), index(i - 1, j - 1, k), index(i, j - 1, k)});
+                }
+            }
+        }
+    }
+
+    void add_quad(bool inside, bool next_inside, const std::array<std::size_t, 4>& cubes) {
+        if (inside == next_inside) {
+            return;
+        }
+        Quad quad{vertex_of_[cubes[0]], vertex_of_[cubes[1]], vertex_of_[cubes[2]], vertex_of_[cubes[3]]};
+        if (!inside) {
+            std::swap(quad[1], quad[3]);
+        }
+        quads_.push_back(quad);
+    }
+
+    void to_skin(Vec3& p) const {
+        for (int newton = 0; newton < 2; ++newton) {
+            const Vec3 slope = gradient(shape_, p);
+            p -= slope * (field(shape_, p) / glm::dot(slope, slope));
+        }
+    }
+
+    /// Each line of the grid goes in as often as it comes out, so a net has a multiple of four triangles; and the hand
+    /// of the thesis has two more.
+    void split_longest_edge(TriangleMesh& mesh) const {
+        double longest = 0.0;
+        std::uint32_t from = 0;
+        std::uint32_t to = 0;
+        for (const Triangle& t : mesh.triangles) {
+            for (std::size_t k = 0; k < 3; ++k) {
+                const Vec3 edge = mesh.vertices[t[(k + 1) % 3]] - mesh.vertices[t[k]];
+                if (glm::dot(edge, edge) > longest) {
+                    longest = glm::dot(edge, edge);
+                    from = t[k];
+                    to = t[(k + 1) % 3];
+                }
+            }
+        }
+        const auto middle = static_cast<std::uint32_t>(mesh.vertices.size());
+        mesh.vertices.push_back(0.5 * (mesh.vertices[from] + mesh.vertices[to]));
+        to_skin(mesh.vertices.back());
+        const std::size_t count = mesh.triangles.size();
+        for (std::size_t i = 0; i < count; ++i) {
+            Triangle half = mesh.triangles[i];
+            const auto a = std::find(half.begin(), half.end(), from);
+            const auto b = std::find(half.begin(), half.end(), to);
+            if (a == half.end() || b == half.end()) {
+                continue;
+            }
+            *a = middle;
+            *std::find(mesh.triangles[i].begin(), mesh.triangles[i].end(), to) = middle;
+            mesh.triangles.push_back(half);
+        }
+    }
+
+    /// Each vertex to the mean of those it has an edge with, then straight to the skin.
+    void even_out() {
+        std::vector<Vec3> sum(vertices_.size(), Vec3(0.0));
+        std::vector<double> count(vertices_.size(), 0.0);
+        for (const Quad& quad : quads_) {
+            for (std::size_t k = 0; k < 4; ++k) {
+                // Each edge is met twice, once from either side.
+                sum[quad[k]] += vertices_[quad[(k + 1) % 4]] + vertices_[quad[(k + 3) % 4]];
+                count[quad[k]] += 2.0;
+            }
+        }
+        for (std::size_t v = 0; v < vertices_.size(); ++v) {
+            Vec3 p = glm::mix(vertices_[v], sum[v] / count[v], 0.6);
+            to_skin(p);
+            vertices_[v] = p;
+        }
+    }
+
+    const Shape& shape_;
+    std::array<std::size_t, 3> nodes_{};
+    std::vector<double> value_;             // of the field, per node
+    std::vector<std::uint32_t> vertex_of_;  // the cube whose lowest node it is
+    std::vector<Vec3> vertices_;
+    std::vector<Quad> quads_;
+};
+
+// 2 tan of half the angles by which the joints of a fist are bent: 75, 90 and 55 degrees.
+constexpr std::array<double, kJointsOfFinger> kFingerBends{1.535, 2.0, 1.04};
+// Likewise of the thumb, 53 and 70 degrees toward the fingers; before it bends, its first joint opposes it to them.
+constexpr std::array<double, kJointsOfFinger> kThumbBends{0.0, 1.0, 1.4};
+constexpr Vec3 kThumbOpposedTo{0.02, -0.34, -0.13};
+constexpr double kThumbOpposedAt = 0.1;  // curl
+constexpr Vec3 kPalmLooksTo{0.0, -1.0, 0.0};
+constexpr Vec3 kThumbBendsTo{0.1, 0.25, -1.0};  // once it is opposed
+
+/// Of a turn that takes one direction toward another.
+Vec3 axis_from(const Vec3& direction, const Vec3& toward) {
+    return glm::normalize(glm::cross(direction, toward));
+}
+
+/// The turn of turned() that takes one direction to another.
+Vec3 turn_from(const Vec3& direction, const Vec3& to) {
+    const double cosine = glm::dot(glm::normalize(direction), glm::normalize(to));
+    return 2.0 * std::sqrt((1.0 - cosine) / (1.0 + cosine)) * axis_from(direction, to);
+}
+
+/// From the end of the wrist to the tip of the middle finger, as the bones are given.
+constexpr double kExtent = 1.0982;
+
+void require_length(double length) {
+    if (!(length > 0.0) || !std::isfinite(length)) {
+        throw std::invalid_argument("hand: length must be positive");
+    }
+}
+
+}  // namespace
+
+TriangleMesh make_hand_mesh(double length) {
+    require_length(length);
+    const Shape shape = make_shape();
+    TriangleMesh mesh = Net(shape).build();
+    const auto [low, high] = std::minmax_element(mesh.vertices.begin(), mesh.vertices.end(),
+                                                 [](const Vec3& a, const Vec3& b) { return a.z < b.z; });
+    const double scale = length / (high->z - low->z);
+    for (Vec3& p : mesh.vertices) {
+        p = scale * p;
+    }
+    return mesh;
+}
+
+ToolSkeleton make_hand_skeleton(double length) {
+    require_length(length);
+    const Shape shape = make_shape();
+    ToolSkeleton hand{{{}}, {shape.palm.begin(), shape.palm.end()}};
+    const Finger& thumb = shape.fingers.back();
+    const Vec3 opposing = turn_from(thumb.back().place - thumb.front().place, kThumbOpposedTo);
+    const Mat3 opposed = to_matrix(turned(Quat(1.0, 0.0, 0.0, 0.0), opposing));
+    for (const Finger& finger : shape.fingers) {
+        const bool is_thumb = &finger == &thumb;
+        const Vec3 bends_to = is_thumb ? glm::transpose(opposed) * kThumbBendsTo : kPalmLooksTo;
+        for (std::size_t k = 0; k < kJointsOfFinger; ++k) {
+            const auto number = static_cast<std::uint32_t>(hand.joints.size());
+            ToolJoint joint{.parent = k == 0 ? kPalmJoint : number - 1, .place = finger[k].place};
+            if (is_thumb && k == 0) {
+                joint.turn = opposing;
+                joint.done_at = kThumbOpposedAt;
+            } else {
+                const Vec3 axis = axis_from(finger[k + 1].place - finger[k].place, bends_to);
+                joint.turn = (is_thumb ? kThumbBends[k] : kFingerBends[k]) * axis;
+            }
+            hand.joints.push_back(joint);
+            hand.bones.push_back(bone_between(finger, k, number));
+        }
+    }
+    const double scale = length / kExtent;
+    for (ToolJoint& joint : hand.joints) {
+        joint.place *= scale;
+    }
+    for (ToolBone& bone : hand.bones) {
+        bone = {bone.joint, scale * bone.from, scale * bone.from_radius, scale * bone.to, scale * bone.to_radius};
+    }
+    return hand;
+}
+
+}  // namespace haptic::sim

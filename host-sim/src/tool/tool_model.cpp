@@ -1,0 +1,290 @@
+#include <haptic/sim/tool_model.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <glm/common.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "tool/close_gaps.hpp"
+#include "tool/hand_mesh.hpp"
+#include <haptic/sim/mesh_file.hpp>
+#include <haptic/sim/model_builder.hpp>
+#include "generators/revolved.hpp"
+#include "dynamics/rotation.hpp"
+#include "tool/sphere_cover.hpp"
+#include "generators/triangle_grid.hpp"
+
+namespace haptic::sim {
+namespace {
+
+constexpr double kUsualError = 0.02;  // of the longest side
+constexpr double kGridCell = 0.03;    // of the longest side
+
+[[noreturn]] void refuse(const std::string& why) {
+    throw std::invalid_argument("tool: " + why);
+}
+
+bool can_close(const ToolSettings& settings) {
+    return settings.shape == ToolShape::Hand && settings.file.empty();
+}
+
+void check(const ToolSettings& s) {
+    if (s.spheres > ToolSettings::kMostSpheres) {
+        refuse(std::to_string(s.spheres) + " spheres are more than the " + std::to_string(ToolSettings::kMostSpheres) +
+               " that a tool may have");
+    }
+    if (!(s.radius >= 0.0) || !std::isfinite(s.radius) || !(s.cover_error >= 0.0) || !std::isfinite(s.cover_error)) {
+        refuse("radius and cover_error must be 0 or more");
+    }
+    if (s.iterations < 0) {
+        refuse("iterations must be 0 or more");
+    }
+    const auto is_curl = [](double curl) { return curl >= 0.0 && curl <= 1.0; };
+    if (!is_curl(s.curl) || !is_curl(s.close_to) || !(s.close_speed > 0.0) || !std::isfinite(s.close_speed)) {
+        refuse("curl and close_to must be 0 to 1, and close_speed positive");
+    }
+    if (!can_close(s) && (s.curl > 0.0 || s.close_button >= 0)) {
+        refuse("only the generated hand can close; leave out curl and close_button");
+    }
+}
+
+Vec3 size_of(const TriangleMesh& mesh, Vec3& middle) {
+    Vec3 low = mesh.vertices.front();
+    Vec3 high = low;
+    for (const Vec3& p : mesh.vertices) {
+        low = glm::min(low, p);
+        high = glm::max(high, p);
+    }
+    middle = 0.5 * (low + high);
+    return high - low;
+}
+
+double longest_side(const TriangleMesh& mesh) {
+    Vec3 middle(0.0);
+    const Vec3 size = size_of(mesh, middle);
+    return std::max({size.x, size.y, size.z});
+}
+
+TriangleMesh mesh_of_file(const ToolSettings& settings) {
+    MeshFileSettings reading;
+    if (settings.file_scale > 0.0) {
+        reading.scale = settings.file_scale;
+        return load_mesh(settings.file, reading);
+    }
+    TriangleMesh mesh = load_mesh(settings.file, reading);
+    Vec3 middle(0.0);
+    const Vec3 size = size_of(mesh, middle);
+    const double scale = settings.length / std::max({size.x, size.y, size.z});
+    for (Vec3& p : mesh.vertices) {
+        p = scale * (p - middle);
+    }
+    return mesh;
+}
+
+TriangleMesh mesh_of(const ToolSettings& settings) {
+    if (!settings.file.empty()) {
+        return mesh_of_file(settings);
+    }
+    switch (settings.shape) {
+        case ToolShape::Rod:
+            return make_rod_mesh(settings.length, settings.thickness);
+        case ToolShape::Probe:
+            return make_probe_mesh(settings.length, settings.thickness, settings.ball_radius);
+        case ToolShape::Hand:
+            return make_hand_mesh(settings.length);
+        case ToolShape::Sphere:
+            break;
+    }
+    return make_sphere_mesh(settings.ball_radius);
+}
+
+/// Evenly apart on the z axis, from the first place to the last.
+void add_row(std::vector<Ball>& balls, std::size_t count, double first, double last, double radius) {
+    for (std::size_t k = 0; k < count; ++k) {
+        const double part = count > 1 ? static_cast<double>(k) / static_cast<double>(count - 1) : 0.5;
+        balls.push_back({{0.0, 0.0, glm::mix(first, last, part)}, radius});
+    }
+}
+
+/// So many spheres for a solid of revolution.
+std::vector<Ball> row_of(const ToolSettings& settings, std::size_t count) {
+    std::vector<Ball> balls;
+    const double shaft = 0.5 * settings.thickness;
+    const double end = 0.5 * settings.length - shaft;
+    switch (settings.shape) {
+        case ToolShape::Rod:
+            add_row(balls, count, -end, end, shaft);
+            break;
+        case ToolShape::Probe: {
+            const double ball = -0.5 * settings.length + settings.ball_radius;
+            balls.push_back({{0.0, 0.0, ball}, settings.ball_radius});
+            // Half a space between ball and shaft, as the ball covers as much of the shaft as half a sphere would.
+            const double root = ball + settings.ball_radius;
+            const double space = count > 1 ? (end - root) / (static_cast<double>(count) - 1.5) : 0.0;
+            add_row(balls, count - 1, count > 2 ? root + 0.5 * space : end, end, shaft);
+            break;
+        }
+        case ToolShape::Hand:
+        case ToolShape::Sphere:
+            add_row(balls, count, 0.0, 0.0, settings.ball_radius);
+            break;
+    }
+    for (Ball& ball : balls) {
+        ball.radius = settings.radius > 0.0 ? settings.radius : ball.radius;
+    }
+    return balls;
+}
+
+double wanted_error(const ToolSettings& settings, const TriangleMesh& mesh) {
+    return settings.cover_error > 0.0 ? settings.cover_error : kUsualError * longest_side(mesh);
+}
+
+/// Spheres for what was generated about an axis, where they are known without a search.
+std::vector<Ball> row_for(const ToolSettings& settings, const TriangleMesh& mesh) {
+    if (settings.shape == ToolShape::Sphere) {
+        if (settings.spheres > 1) {
+            refuse("a sphere is made of one sphere; for more, take a rod, or a mesh from a file");
+        }
+        return row_of(settings, 1);
+    }
+    if (settings.spheres > 0) {
+        return row_of(settings, settings.spheres);
+    }
+    const double wanted = wanted_error(settings, mesh);
+    const auto error_of = [&](std::size_t count) { return measure_cover(mesh, row_of(settings, count)); };
+    const auto enough = [&](const CoverError& error) { return std::max(error.bare, error.proud) <= wanted; };
+    const CoverError left = error_of(ToolSettings::kMostSpheres);
+    if (!enough(left)) {
+        refuse("to cover it within " + std::to_string(wanted) + " m takes more than " +
+               std::to_string(ToolSettings::kMostSpheres) + " spheres, which leave " + std::to_string(left.bare) +
+               " m bare and stand " + std::to_string(left.proud) + " m proud; raise cover_error, or make it thicker");
+    }
+    // More spheres in a row never leave more bare.
+    std::size_t too_few = 0;
+    std::size_t count = ToolSettings::kMostSpheres;
+    while (count - too_few > 1) {
+        const std::size_t middle = (count + too_few) / 2;
+        (enough(error_of(middle)) ? count : too_few) = middle;
+    }
+    return row_of(settings, count);
+}
+
+std::vector<Ball> spheres_for(const ToolSettings& settings, const TriangleMesh& mesh) {
+    if (settings.file.empty() && settings.shape != ToolShape::Hand) {
+        return row_for(settings, mesh);
+    }
+    CoverSettings cover;
+    cover.count = settings.spheres;
+    if (settings.file.empty() && settings.spheres == 0 && settings.cover_error == 0.0) {
+        cover.count = kHandSpheres;
+    }
+    cover.most_count = ToolSettings::kMostSpheres;
+    cover.radius = settings.radius;
+    cover.error = wanted_error(settings, mesh);
+    return cover_with_spheres(mesh, cover);
+}
+
+/// Neighbours whose centres see one another within the body: what is between two fingers is no gap.
+Neighbours joined_inside(const TriangleMesh& mesh, const std::vector<Ball>& balls, const Neighbours& neighbours) {
+    if (!mesh.closed) {
+        return neighbours;
+    }
+    const TriangleGrid grid(mesh.vertices, mesh.triangles, kGridCell * longest_side(mesh));
+    Neighbours joined;
+    for (const auto& [a, b] : neighbours) {
+        if (grid.first_crossing(balls[a].centre, balls[b].centre, 0.0) > 1.0) {
+            joined.emplace_back(a, b);
+        }
+    }
+    return joined;
+}
+
+std::vector<Vec3> centres_of(const std::vector<Ball>& balls) {
+    std::vector<Vec3> centres;
+    centres.reserve(balls.size());
+    for (const Ball& ball : balls) {
+        centres.push_back(ball.centre);
+    }
+    return centres;
+}
+
+/// In the grip's frame.
+ToolSkeleton placed_skeleton(const ToolSettings& settings) {
+    ToolSkeleton skeleton = make_hand_skeleton(settings.length);
+    const Mat3 turn = to_matrix(settings.grip.orientation);
+    const auto put = [&](Vec3& p) { p = turn * p + settings.grip.position; };
+    for (ToolJoint& joint : skeleton.joints) {
+        put(joint.place);
+        joint.turn = turn * joint.turn;
+    }
+    for (ToolBone& bone : skeleton.bones) {
+        put(bone.from);
+        put(bone.to);
+    }
+    return skeleton;
+}
+
+std::string name_of(const ToolSettings& settings) {
+    if (!settings.file.empty()) {
+        return std::filesystem::path(settings.file).stem().string();
+    }
+    switch (settings.shape) {
+        case ToolShape::Hand:
+            return "hand";
+        case ToolShape::Rod:
+            return "rod";
+        case ToolShape::Probe:
+            return "probe";
+        case ToolShape::Sphere:
+            break;
+    }
+    return "sphere";
+}
+
+}  // namespace
+
+ToolModel make_tool(const ToolSettings& settings) {
+    check(settings);
+    const TriangleMesh mesh = mesh_of(settings);
+    BuilderSettings builder;
+    builder.neighbours = settings.neighbours;
+    builder.mass = settings.mass;
+    builder.group_stiffness = settings.group_stiffness;
+    builder.link_stiffness = settings.link_stiffness;
+    std::vector<Ball> balls = spheres_for(settings, mesh);
+    PlacedBody placed = build_body_at(mesh, centres_of(balls), builder);
+    const Neighbours net = joined_inside(mesh, balls, placed.neighbours);
+    ToolModel tool;
+    if (settings.close_gaps) {
+        const std::size_t before = balls.size();
+        // None stands out farther than those that are there.
+        const CoverError error = measure_cover(mesh, balls);
+        const Room room = [&](const Vec3& p) {
+            return mesh.closed ? depth_in(mesh, p) + std::max(error.bare, error.proud) : longest_side(mesh);
+        };
+        balls = close_gaps(balls, net, ToolSettings::kMostSpheres, room);
+        tool.added = balls.size() - before;
+        if (tool.added > 0) {
+            placed = build_body_at(mesh, centres_of(balls), builder);
+        }
+    }
+    // The net is that of the first spheres: with what was added, it has no gap left.
+    tool.widest_gap = widest_gap(balls, net);
+    const CoverError error = measure_cover(mesh, balls);
+    tool.cover_error = std::max(error.bare, error.proud);
+    tool.iterations = settings.iterations;
+    for (const Ball& ball : balls) {
+        tool.radius.push_back(ball.radius);
+    }
+    tool.body = std::move(placed.body);
+    tool.body.name = name_of(settings);
+    place(tool.body, settings.grip);
+    if (can_close(settings)) {
+        tool.joints = ToolJoints(placed_skeleton(settings), tool.body.particles.rest_position);
+    }
+    return tool;
+}
+
+}  // namespace haptic::sim

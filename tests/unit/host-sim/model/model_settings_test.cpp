@@ -1,0 +1,183 @@
+#include <haptic/sim/model_settings.hpp>
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <haptic/sim/mesh_check.hpp>
+#include <haptic/sim/scene.hpp>
+#include <haptic/sim/simulation.hpp>
+
+namespace haptic::sim {
+namespace {
+
+ModelSettings read(const std::string& toml) {
+    const Config config = Config::parse(toml, "scene.toml");
+    ModelSettings settings = read_model(config, "model");
+    config.reject_unknown();
+    return settings;
+}
+
+std::string refusal(const std::string& toml) {
+    try {
+        (void)make_bodies(read(toml));
+    } catch (const ConfigError& error) {
+        return error.what();
+    } catch (const std::invalid_argument& error) {
+        return error.what();
+    }
+    return "";
+}
+
+TEST(ModelSettings, MakeEachGeneratedBody) {
+    const auto count = [](const std::string& generator) {
+        const DeformableBody body = make_body(read("[model]\ngenerator = \"" + generator + "\"\n"));
+        EXPECT_EQ(body.name, generator);
+        EXPECT_NO_THROW(body.particles.check());
+        return body.particles.size();
+    };
+    EXPECT_EQ(count("cloth"), 1089u);
+    EXPECT_EQ(count("curtain"), 1089u);
+    EXPECT_EQ(count("fan"), 33u);
+    EXPECT_EQ(count("fish"), 137u);
+    EXPECT_EQ(count("plate"), 162u);
+    EXPECT_EQ(count("rod"), 24u);
+}
+
+TEST(ModelSettings, PlaceCopiesOfOneBody) {
+    const std::vector<DeformableBody> bodies = make_bodies(read(
+        "[model]\ngenerator = \"fan\"\nvelocity = [0, 1, 0]\n[[model.copies]]\n[[model.copies]]\nposition = [0, 0, "
+        "9]\nvelocity = [1, 0, 0]\n"));
+    ASSERT_EQ(bodies.size(), 2u);
+    EXPECT_EQ(bodies[1].particles.position[0], bodies[0].particles.position[0] + Vec3(0.0, 0.0, 9.0));
+    EXPECT_EQ(bodies[0].particles.velocity[0], Vec3(0.0, 1.0, 0.0));
+    EXPECT_EQ(bodies[1].particles.velocity[0], Vec3(1.0, 1.0, 0.0));
+    EXPECT_EQ(bodies[1].particles.velocity[1], Vec3(0.0));  // of the rim, which is fixed
+}
+
+TEST(ModelSettings, GiveRegionsTheirStiffnessAndMotion) {
+    const std::string toml = R"([model]
+generator = "fish"
+particles_count = 40
+orientation = [0.0, 0.0, 1.0, 0.0]
+offset = [5.0, 0.0, 0.0]
+[[model.regions]]
+low = [0.05, -1, -1]
+high = [1, 1, 1]
+stiffness = 0.9
+[[model.regions]]
+low = [-0.03, -1, -1]
+high = [0.03, 1, 1]
+fixed = true
+[[model.regions]]
+low = [-1, -1, -1]
+high = [-0.1, 1, 1]
+motion_times = [0.0, 0.5]
+motion_offsets = [0, 0, 0,  0.1, 0, 0]
+motion_repeat = true
+)";
+    const DeformableBody body = make_bodies(read(toml)).front();
+    const ParticleModel& model = body.particles;
+    ASSERT_EQ(body.motions.size(), 1u);
+    EXPECT_TRUE(body.motions[0].repeat);
+    EXPECT_EQ(body.motions[0].offsets[1], Vec3(-0.1, 0.0, 0.0));  // turned with the body
+    std::size_t head = 0;
+    for (const Group& group : model.groups) {
+        const std::uint32_t i = group.centre;
+        const double x = 5.0 - model.rest_position[i].x;  // of the fish, which is turned about y by half a turn
+        EXPECT_EQ(group.stiffness, x >= 0.05 ? 0.9 : 0.6);
+        EXPECT_EQ(model.pinned[i], std::abs(x) <= 0.03 || x <= -0.1 ? 1 : 0);
+        const std::vector<std::uint32_t>& led = body.motions[0].particles;
+        EXPECT_EQ(std::count(led.begin(), led.end(), i), x <= -0.1 ? 1 : 0);
+        head += x >= 0.05 ? 1u : 0u;
+    }
+    EXPECT_GT(head, 5u);
+}
+
+TEST(ModelSettings, RefuseRegionsThatAreNone) {
+    const std::string fish = "[model]\ngenerator = \"fish\"\nparticles_count = 20\n[[model.regions]]\n";
+    EXPECT_NE(refusal(fish + "low = [0, 0, 0]\n").find("model.regions.0.high"), std::string::npos);
+    EXPECT_NE(refusal(fish + "low = [5, 5, 5]\nhigh = [6, 6, 6]\n").find("no particle"), std::string::npos);
+    EXPECT_NE(refusal(fish + "low = [-1, -1, -1]\nhigh = [1, 1, 1]\nmotion_times = [0.0, 0.0]\nmotion_offsets = "
+                             "[0, 0, 0, 1, 1, 1]\n")
+                  .find("increase"),
+              std::string::npos);
+    EXPECT_NE(refusal(fish + "low = [-1, -1, -1]\nhigh = [1, 1, 1]\nmotion_times = [0.0]\n").find("three numbers"),
+              std::string::npos);
+}
+
+TEST(ModelSettings, TakeACompliancesStiffnessToBeWhole) {
+    const ModelSettings settings = read(
+        "[model]\ngenerator = \"cloth\"\nvertices_per_side = 4\ngroup_compliance = 1e-4\nlink_compliance = 2e-3\n");
+    const DeformableBody body = make_body(settings);
+    EXPECT_EQ(body.particles.groups[3].stiffness, 1.0);
+    EXPECT_EQ(body.particles.groups[3].compliance, 1e-4);
+    EXPECT_EQ(body.particles.links[3].compliance, 2e-3);
+}
+
+class MeshOfAUser : public testing::Test {
+  protected:
+    MeshOfAUser()
+        : file_(std::filesystem::path(testing::TempDir()) /
+                ("model-settings-test-" + std::to_string(getpid()) + ".obj")) {
+        std::ofstream out(file_);
+        // A four-sided pyramid, 2 wide and 4 high, about (10, 10, 10).
+        out << "v 9 8 9\nv 11 8 9\nv 11 8 11\nv 9 8 11\nv 10 12 10\n"
+               "f 1 2 3\nf 1 3 4\nf 1 5 2\nf 2 5 3\nf 3 5 4\nf 4 5 1\n";
+    }
+    ~MeshOfAUser() override { std::filesystem::remove(file_); }
+
+    std::filesystem::path file_;
+};
+
+TEST_F(MeshOfAUser, FitsIntoTheScenesThatAreBuiltIn) {
+    for (const BuiltInScene& built_in : built_in_scenes()) {
+        const std::string name(built_in.name);
+        Config config = open_scene(name);
+        config.set("model.file=\"" + file_.string() + "\"");
+        config.set("model.particles_count=12");
+        Simulation simulation(read_scene(config, name));
+        EXPECT_EQ(simulation.bodies().front().mesh.vertices.size(), 5u) << name;
+        EXPECT_EQ(simulation.bodies().front().mesh.triangles.size(), 6u) << name;
+        for (int step = 0; step < 3; ++step) {
+            (void)simulation.step(simulation.scripted_input(step * 10'000'000));
+        }
+    }
+}
+
+TEST_F(MeshOfAUser, IsAsLargeAsWhatItReplacesOrAsItsScaleSays) {
+    const auto height = [&](const std::string& keys) {
+        const DeformableBody body =
+            make_body(read("[model]\nfile = \"" + file_.string() + "\"\nparticles_count = 10\n" + keys));
+        EXPECT_EQ(body.particles.size(), 10u);
+        double low = 1e9;
+        double high = -1e9;
+        for (const Vec3& p : body.mesh.vertices) {
+            low = std::min(low, p.y);
+            high = std::max(high, p.y);
+        }
+        return std::pair{low, high};
+    };
+    const auto near = [](std::pair<double, double> a, std::pair<double, double> b) {
+        return std::abs(a.first - b.first) < 1e-6 && std::abs(a.second - b.second) < 1e-6;
+    };
+    EXPECT_TRUE(near(height("generator = \"fish\"\n"), {-0.15, 0.15}));
+    EXPECT_TRUE(near(height("generator = \"cloth\"\nside = 3.0\n"), {-1.5, 1.5}));
+    EXPECT_TRUE(near(height(""), {8.0, 12.0}));
+    EXPECT_TRUE(near(height("scale = 0.01\n"), {0.08, 0.12}));
+}
+
+TEST_F(MeshOfAUser, IsNamedIfItIsNotThere) {
+    const ModelSettings settings = read("[model]\nfile = \"no-such-mesh.obj\"\n");
+    EXPECT_THROW((void)make_bodies(settings), MeshError);
+}
+
+}  // namespace
+}  // namespace haptic::sim

@@ -1,0 +1,117 @@
+// Claim: the cloth is caught at every phase between its motion and the steps that sample it.
+//
+// It arrives at 13.9 m/s and so moves 0.139 m in the last step before contact; heights that differ by less than that
+// meet the proxy at different parts of a step. All of them are tried, a millimetre apart.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <glm/geometric.hpp>
+#include <string>
+#include <utility>
+
+#include <haptic/config.hpp>
+#include <haptic/sim/simulation.hpp>
+
+namespace haptic::sim {
+namespace {
+
+constexpr int kPhases = 140;
+constexpr double kApart = 0.001;  // m
+
+struct Outcome {
+    int in_contact = 0;  // steps, without a break from the first
+    int crossed = 0;
+    double highest_force = 0.0;  // N, at the hand
+};
+
+Outcome drop(const Scene& scene, int most_steps, int held_for) {
+    Simulation simulation(scene);
+    simulation.set_verification(true);
+    Outcome outcome;
+    for (int i = 0; i < most_steps && outcome.in_contact < held_for; ++i) {
+        const StepResult result = simulation.step(simulation.scripted_input(10'000'000 * std::int64_t{i}));
+        outcome.crossed += result.crossed || result.let_through ? 1 : 0;
+        outcome.highest_force = std::max(outcome.highest_force, glm::length(result.hand_force));
+        if (result.in_contact) {
+            ++outcome.in_contact;
+        } else if (outcome.in_contact > 0) {
+            break;
+        }
+    }
+    return outcome;
+}
+
+Scene scene_with(Config config, double shift) {
+    config.set("model.shift=" + std::to_string(shift));
+    return read_scene(config, "cloth-drop");
+}
+
+void expect_caught(const Outcome& outcome, int held_for, double shift) {
+    EXPECT_EQ(outcome.in_contact, held_for) << "shifted by " << shift << " m";
+    EXPECT_EQ(outcome.crossed, 0) << "shifted by " << shift << " m";
+    EXPECT_GT(outcome.highest_force, 0.5) << "shifted by " << shift << " m";
+    EXPECT_LT(outcome.highest_force, 8.0) << "shifted by " << shift << " m";
+}
+
+#ifdef HAPTIC_FROM_TEN_METRES
+
+constexpr int kHeldFor = 30;  // steps
+
+TEST(SamplingPhases, FromTenMetresAreAllCaught) {
+    for (int phase = 0; phase < kPhases; ++phase) {
+        const double shift = phase * kApart;
+        expect_caught(drop(scene_with(open_scene("cloth-drop"), shift), 200, kHeldFor), kHeldFor, shift);
+    }
+}
+
+#else
+
+constexpr int kHeldFor = 8;    // steps
+constexpr int kSkipped = 139;  // steps of free fall
+constexpr double kStep = 0.01;
+constexpr double kGravity = 9.81;
+
+/// As the drop from 10 m is after n steps of the semi-implicit scheme: v = g h n, fallen by g h^2 n (n + 1) / 2.
+Scene after(int steps, Config config, double shift) {
+    Scene scene = scene_with(std::move(config), shift);
+    scene.model.velocity = {0.0, -kGravity * kStep * steps, 0.0};
+    scene.model.cloth.centre.y -= kGravity * kStep * kStep * steps * (steps + 1) / 2.0;
+    return scene;
+}
+
+TEST(SamplingPhases, AreAllCaught) {
+    for (int phase = 0; phase < kPhases; ++phase) {
+        const double shift = phase * kApart;
+        expect_caught(drop(after(kSkipped, open_scene("cloth-drop"), shift), 30, kHeldFor), kHeldFor, shift);
+    }
+}
+
+TEST(SamplingPhases, AreAllCaughtByATiltedClothToo) {
+    for (int phase = 0; phase < kPhases; phase += 5) {
+        const double shift = phase * kApart;
+        Config config = open_scene("cloth-drop");
+        config.set("model.orientation=[0.9659258262890683, 0.0, 0.0, 0.25881904510252074]");  // by 30 degrees about z
+        expect_caught(drop(after(kSkipped, std::move(config), shift), 30, kHeldFor), kHeldFor, shift);
+    }
+}
+
+TEST(SamplingPhases, AreAllMetByTheRimOfAnUprightCloth) {
+    constexpr int before = 135;  // steps: half a metre of cloth comes first
+    constexpr int passes = 6;    // steps, by which the cloth is past the sphere: nothing holds it, edge-on
+    for (int tenth = 0; tenth < 10; ++tenth) {
+        for (int phase = tenth; phase < kPhases; phase += 35) {
+            Config config = open_scene("cloth-drop");
+            config.set("model.orientation=[0.7071067811865476, 0.0, 0.0, 0.7071067811865476]");
+            config.set("model.offset=[" + std::to_string(0.003 * tenth) + ", 0.0, 0.0]");  // m, of a radius of 0.03
+            const Outcome outcome = drop(after(before, std::move(config), phase * kApart), 30, passes);
+            EXPECT_EQ(outcome.in_contact, passes) << "phase " << phase << " offset " << tenth << " tenths of a radius";
+            EXPECT_EQ(outcome.crossed, 0) << "phase " << phase << " offset " << tenth << " tenths of a radius";
+        }
+    }
+}
+
+#endif
+
+}  // namespace
+}  // namespace haptic::sim

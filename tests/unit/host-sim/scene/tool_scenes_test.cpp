@@ -1,0 +1,170 @@
+// What the built-in scenes of tools are there to show.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <glm/geometric.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <haptic/config.hpp>
+#include <haptic/sim/scene.hpp>
+#include <haptic/sim/simulation.hpp>
+#include "tool/tool_proxies.hpp"
+#include <haptic/types.hpp>
+
+namespace haptic::sim {
+namespace {
+
+/// m, height at which the line through the tool's spheres passes the plane z = 0 that the rod lies in; none if it does
+/// not reach across it.
+std::optional<double> height_at_rod(const ToolProxies& tool) {
+    std::vector<ToolParticle> row(tool.particles().begin(), tool.particles().end());
+    std::sort(row.begin(), row.end(),
+              [](const ToolParticle& p, const ToolParticle& q) { return p.rest_offset.z < q.rest_offset.z; });
+    for (std::size_t k = 1; k < row.size(); ++k) {
+        const Vec3& a = row[k - 1].position;
+        const Vec3& b = row[k].position;
+        if ((a.z <= 0.0) != (b.z <= 0.0)) {
+            return a.y + (b.y - a.y) * (0.0 - a.z) / (b.z - a.z);
+        }
+    }
+    return std::nullopt;
+}
+
+Scene scene_with(const std::string& name, const std::vector<std::string>& assignments) {
+    Config config = open_scene(name);
+    for (const std::string& assignment : assignments) {
+        config.set(assignment);
+    }
+    return read_scene(config, name);
+}
+
+/// m, of the particles of all bodies.
+double mean_height(const Simulation& simulation) {
+    double sum = 0.0;
+    for (const Vec3& p : simulation.model().position) {
+        sum += p.y;
+    }
+    return sum / static_cast<double>(simulation.model().size());
+}
+
+/// The same after so many seconds of the script.
+double height_after(Simulation& simulation, double seconds_of_script) {
+    const std::int64_t step_ns = nanoseconds(simulation.scene().solver.step);
+    for (std::int64_t time_ns = 0; time_ns < nanoseconds(seconds_of_script); time_ns += step_ns) {
+        (void)simulation.step(simulation.scripted_input(time_ns));
+    }
+    return mean_height(simulation);
+}
+
+// Figure 5.9: a thin rod between two spheres of the tool.
+TEST(RodGap, LetsNoThinRodThroughHoweverDeepTheToolIsPressed) {
+    Simulation simulation(scene_with("rod-gap", {}));
+    simulation.set_verification(true);
+    int pressed = 0;
+    for (int k = 0; k < 300; ++k) {
+        const StepResult result = simulation.step(simulation.scripted_input(10'000'000 * std::int64_t{k}));
+        EXPECT_FALSE(result.crossed) << k;
+        const std::optional<double> height = height_at_rod(simulation.tool());
+        ASSERT_TRUE(height.has_value()) << k;
+        ASSERT_GT(*height, 0.0) << k;  // over the rod's axis
+        if (result.hip.y < -0.02) {
+            ++pressed;
+            EXPECT_GT(result.force.y, 0.1) << k;  // N, up
+        }
+    }
+    EXPECT_GT(pressed, 150);
+}
+
+TEST(RodGap, LetsItThroughAsTheThesisDoesIfItsGapsAreOpen) {
+    Simulation simulation(scene_with("rod-gap", {"tool.close_gaps=false"}));
+    for (int k = 0; k < 150; ++k) {
+        (void)simulation.step(simulation.scripted_input(10'000'000 * std::int64_t{k}));
+    }
+    EXPECT_LT(height_at_rod(simulation.tool()).value_or(0.0), -0.02);
+}
+
+/// Runs the script on until a time.
+void run_until(Simulation& simulation, double seconds_of_script) {
+    const std::int64_t step_ns = nanoseconds(simulation.scene().solver.step);
+    for (auto time_ns = static_cast<std::int64_t>(simulation.steps()) * step_ns;
+         time_ns < nanoseconds(seconds_of_script); time_ns += step_ns) {
+        (void)simulation.step(simulation.scripted_input(time_ns));
+    }
+}
+
+// The script of fish-grab, s.
+constexpr double kLifted = 2.0;
+constexpr double kHeadDown = 2.8;
+constexpr double kPalmUp = 3.7;
+constexpr double kLetGo = 6.5;
+
+TEST(FishGrab, HoldsTheFishFromBothSidesWithThePalmOverBesideAndUnderIt) {
+    Simulation simulation(scene_with("fish-grab", {}));
+    const double lay_at = height_after(simulation, 0.1);
+    run_until(simulation, kLifted);
+    const auto over_palm = [&] { return mean_height(simulation) - simulation.tool().hip().position.y; };
+    EXPECT_GT(mean_height(simulation), lay_at + 0.1);  // m
+    EXPECT_LT(over_palm(), -0.03) << "the palm is not over the fish";
+    double from_fingers = 0.0;  // m, sum of how far those goals are beyond the surface that it pushes along z
+    double from_thumb = 0.0;
+    for (const ToolParticle& p : simulation.tool().particles()) {
+        if (p.in_contact()) {
+            const double z = p.held_at.z - p.goal.z;
+            (z < 0.0 ? from_fingers : from_thumb) += std::abs(z);
+        }
+    }
+    EXPECT_GT(from_fingers, 0.02);
+    EXPECT_GT(from_thumb, 0.02);
+    run_until(simulation, kHeadDown);
+    EXPECT_GT(mean_height(simulation), lay_at + 0.1);
+    EXPECT_LT(std::abs(over_palm()), 0.03) << "the fish does not hang beside the palm";
+    run_until(simulation, kPalmUp);
+    EXPECT_GT(over_palm(), 0.03) << "the palm is not under the fish";
+    run_until(simulation, kLetGo);
+    EXPECT_LT(mean_height(simulation), lay_at + 0.03);
+}
+
+TEST(FishGrab, SlipsFromASmoothHand) {
+    Simulation smooth(scene_with("fish-grab", {"proxy.static_friction=0", "proxy.dynamic_friction=0"}));
+    const double lay_at = height_after(smooth, 0.1);
+    run_until(smooth, kLifted);
+    EXPECT_LT(mean_height(smooth), lay_at + 0.03);
+}
+
+TEST(FishGrab, IsNotLiftedByAHandThatStaysOpen) {
+    Scene scene = scene_with("fish-grab", {});
+    scene.curl = {};
+    Simulation open(scene);
+    const double lay_at = height_after(open, 0.1);
+    run_until(open, kLifted);
+    EXPECT_LT(mean_height(open), lay_at + 0.03);
+}
+
+TEST(FishGrab, ClosesByAButtonWhereNoScriptLeadsIt) {
+    Simulation simulation(scene_with("fish-grab", {"tool.close_speed=1.0"}));
+    StepInput input = simulation.scripted_input(0);
+    const double open = simulation.tool().curl();
+    EXPECT_NEAR(open, 0.12, 1e-12);
+    input.curl.reset();
+    input.buttons = 2;
+    for (int k = 0; k < 100; ++k) {
+        (void)simulation.step(input);
+    }
+    EXPECT_NEAR(simulation.tool().curl(), open + 0.2, 1e-9);  // in 0.2 s
+    for (int k = 0; k < 500; ++k) {
+        (void)simulation.step(input);
+    }
+    EXPECT_NEAR(simulation.tool().curl(), 0.5, 1e-12);
+    input.buttons = 1;
+    for (int k = 0; k < 600; ++k) {
+        (void)simulation.step(input);
+    }
+    EXPECT_NEAR(simulation.tool().curl(), open, 1e-12);
+}
+
+}  // namespace
+}  // namespace haptic::sim

@@ -1,0 +1,202 @@
+#include "tool/tool_proxies.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "few_spheres.hpp"
+#include "contact/verification.hpp"
+
+namespace haptic::sim {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kRadius = 0.02;  // m
+constexpr double kStep = 0.01;    // s
+constexpr Quat kLevel(1.0, 0.0, 0.0, 0.0);
+
+/// A square in a plane of constant y that stands.
+struct Sheet {
+    explicit Sheet(double half, double height = 0.0, const Vec3& shift = Vec3(0.0))
+        : vertices{Vec3{-half, height, -half} + shift, Vec3{-half, height, half} + shift,
+                   Vec3{half, height, half} + shift, Vec3{half, height, -half} + shift} {
+        tree.refit({vertices, vertices, triangles});
+    }
+    [[nodiscard]] MovingSurface surface() const { return {{vertices, vertices, triangles}, &tree}; }
+
+    std::vector<Vec3> vertices;
+    std::vector<Triangle> triangles{{0, 1, 2}, {0, 2, 3}};
+    SweptTree tree{vertices, triangles};
+};
+
+void step(ToolProxies& tool, std::span<const MovingSurface> surfaces, const Pose& hip) {
+    tool.aim(hip);
+    tool.look_round(surfaces);
+    tool.secure();
+    tool.pop_out();
+    tool.approach();
+    tool.constrain();
+    tool.revise();
+    tool.look_ahead();
+}
+
+ToolProxies::Settings settings(double friction = 0.0) {
+    ToolProxies::Settings all;
+    all.reach = 0.01;
+    all.step = kStep;
+    all.contact.static_friction = all.contact.dynamic_friction = friction;
+    return all;
+}
+
+bool crossed(const ToolProxies& tool, const Sheet& sheet) {
+    const std::array<SurfaceMotion, 1> moved{SurfaceMotion{sheet.vertices, sheet.vertices, sheet.triangles}};
+    for (std::size_t i = 0; i < tool.particles().size(); ++i) {
+        if (!tool.path(i).complete() || !find_crossings(moved, tool.path(i).knots()).empty()) {
+            return true;
+        }
+    }
+    return false;
+}
+
+TEST(ToolProxies, RefusesWhatIsNoToolAndSaysWhy) {
+    const auto refusal = [](const ToolModel& model) -> std::string {
+        try {
+            const ToolProxies tool(model, settings(), {});
+        } catch (const std::invalid_argument& error) {
+            return error.what();
+        }
+        return "taken";
+    };
+    EXPECT_THAT(refusal(ToolModel{}), HasSubstr("has 0 particles"));
+    EXPECT_THAT(refusal(test::square_of_spheres(9, 0.1, kRadius, 1.0)), HasSubstr("has 81 particles"));
+    EXPECT_THAT(refusal(test::loose_spheres({Vec3(0.0)}, 0.005)), HasSubstr("proxy.reach"));
+    ToolModel model = test::loose_spheres({Vec3(0.0), Vec3(1.0)}, kRadius);
+    model.radius.pop_back();
+    EXPECT_THAT(refusal(model), HasSubstr("1 radii"));
+    EXPECT_EQ(refusal(one_sphere(kRadius)), "taken");
+}
+
+TEST(ToolProxies, ConstraintsBendTheToolRoundAnEdgeAndLeaveNoSphereInside) {
+    // The middle of a row of spheres is stopped by a narrow sheet, the ends go on; the groups pull the middle on.
+    const Sheet sheet(0.05);
+    const std::array<MovingSurface, 1> surfaces{sheet.surface()};
+    ToolProxies tool(test::square_of_spheres(5, 0.06, kRadius, 1.0, 8), settings(), {{0.0, 0.1, 0.0}, kLevel});
+    tool.keep_paths(true);
+    bool would_have_crossed = false;
+    for (int i = 0; i < 60; ++i) {
+        const Pose hip{{0.0, 0.1 - 0.005 * i, 0.0}, kLevel};
+        tool.aim(hip);
+        tool.look_round(surfaces);
+        tool.secure();
+        tool.pop_out();
+        tool.approach();
+        tool.constrain();
+        would_have_crossed = would_have_crossed || tool.model().position[12].y < 0.0;
+        tool.revise();
+        EXPECT_FALSE(crossed(tool, sheet)) << i;
+        EXPECT_GE(tool.particles()[12].position.y, 0.998 * kRadius) << i;
+    }
+    EXPECT_TRUE(would_have_crossed) << "the half-CCD has had nothing to do";
+    const std::span<const ToolParticle> particles = tool.particles();
+    EXPECT_TRUE(particles[12].in_contact());
+    EXPECT_FALSE(particles[0].in_contact());
+    // Bent: the neighbours of the middle one are held back, the corners are where the hand has them or nearly so.
+    EXPECT_GT(particles[11].position.y - particles[11].goal.y, 0.01);
+    EXPECT_LT(particles[11].position.y, particles[12].position.y);
+}
+
+TEST(ToolProxies, TakesNothingFromOneStepToTheNextInTheAir) {
+    // However it got there, the tool is where the hand has it, in its rest shape: no inertia.
+    const std::array<MovingSurface, 0> nothing{};
+    const ToolModel model = test::square_of_spheres(4, 0.06, kRadius, 0.5);
+    ToolProxies straight(model, settings(), {});
+    ToolProxies wild(model, settings(), {});
+    const Pose last{{1.0, 2.0, 3.0}, glm::angleAxis(2.0, glm::normalize(Vec3(1, 2, 3)))};
+    for (int i = 0; i < 10; ++i) {
+        step(wild, nothing, {{0.3 * i, -0.7 * i, 5.0}, glm::angleAxis(0.9 * i, Vec3(0, 1, 0))});
+    }
+    step(straight, nothing, last);
+    step(wild, nothing, last);
+    for (std::size_t i = 0; i < model.radius.size(); ++i) {
+        EXPECT_LT(glm::length(straight.particles()[i].position - wild.particles()[i].position), 1e-12);
+        EXPECT_LT(glm::length(wild.particles()[i].position - wild.particles()[i].goal), 1e-12);
+    }
+    EXPECT_TRUE(wild.in_shape());
+    EXPECT_LT(glm::length(wild.pose().position - last.position), 1e-12);
+}
+
+TEST(ToolProxies, IsTheSphereOfChapterFourWhereItHasOneParticleAnywhere) {
+    // A particle away from the grip goes the way of a sphere whose device is there.
+    const Sheet sheet(1.0);
+    const std::array<MovingSurface, 1> surfaces{sheet.surface()};
+    const Vec3 offset(0.1, -0.05, 0.02);
+    ToolProxies alone(one_sphere(kRadius), settings(0.4), {offset + Vec3(0.0, 0.2, 0.0), kLevel});
+    ToolProxies away(test::loose_spheres({offset}, kRadius), settings(0.4), {{0.0, 0.2, 0.0}, kLevel});
+    for (int i = 0; i < 50; ++i) {
+        const Vec3 device(0.01 * i, 0.2 - 0.01 * i, 0.0);
+        step(alone, surfaces, {device + offset, kLevel});
+        step(away, surfaces, {device, kLevel});
+        EXPECT_LT(glm::length(alone.particles()[0].position - away.particles()[0].position), 1e-12) << i;
+        EXPECT_EQ(alone.particles()[0].in_contact(), away.particles()[0].in_contact()) << i;
+        EXPECT_LT(glm::length(away.pose().position - (away.particles()[0].position - offset)), 1e-12) << i;
+    }
+    EXPECT_TRUE(away.particles()[0].in_contact());
+}
+
+TEST(ToolProxies, ContactDoesNotComeAndGoWhileTheToolRests) {
+    // Pressed tilted: the constraints lift some spheres off again, but their goals stay beyond the sheet.
+    const Sheet sheet(1.0);
+    const std::array<MovingSurface, 1> surfaces{sheet.surface()};
+    const Pose hip{{0.0, 0.0, 0.0}, glm::angleAxis(0.25, glm::normalize(Vec3(1, 0, 0.3)))};
+    ToolProxies tool(test::square_of_spheres(5, 0.05, kRadius, 1.0), settings(), {{0.0, 0.3, 0.0}, kLevel});
+    std::size_t lifted = 0;
+    for (int i = 0; i < 50; ++i) {
+        step(tool, surfaces, hip);
+        for (const ToolParticle& p : tool.particles()) {
+            EXPECT_EQ(p.in_contact(), p.goal.y < kRadius) << i;
+            if (p.in_contact()) {
+                EXPECT_NEAR(p.contacts.plane[0].offset, kRadius, 1e-9) << i;
+                lifted += p.position.y > 1.1 * kRadius ? 1 : 0;
+            }
+        }
+    }
+    EXPECT_GT(lifted, 0u);
+}
+
+TEST(ToolProxies, FrictionHoldsSpheresWhereTheyTouchWhileTheToolIsFittedToThem) {
+    const Sheet sheet(1.0);
+    const std::array<MovingSurface, 1> surfaces{sheet.surface()};
+    ToolProxies tool(test::square_of_spheres(4, 0.05, kRadius, 0.8), settings(1.0), {{0.0, 0.1, 0.0}, kLevel});
+    for (int i = 0; i <= 10; ++i) {
+        step(tool, surfaces, {{0.0, 0.1 - 0.009 * i, 0.0}, kLevel});  // 1 cm into it
+    }
+    std::vector<Vec3> stuck;
+    for (const ToolParticle& p : tool.particles()) {
+        EXPECT_TRUE(p.sticks());
+        stuck.push_back(p.position);
+    }
+    for (int i = 0; i < 100; ++i) {
+        step(tool, surfaces, {{0.00005 * i, 0.01, 0.0}, glm::angleAxis(0.0002 * i, Vec3(0, 1, 0))});
+    }
+    for (std::size_t i = 0; i < stuck.size(); ++i) {
+        EXPECT_LT(glm::length(tool.particles()[i].position - stuck[i]), 1e-6) << i;  // does not creep
+    }
+    for (int i = 0; i < 40; ++i) {
+        step(tool, surfaces, {{0.005 + 0.001 * i, 0.01, 0.0}, kLevel});
+    }
+    for (std::size_t i = 0; i < stuck.size(); ++i) {
+        EXPECT_GT(tool.particles()[i].position.x - stuck[i].x, 0.02) << "until the hand pulls harder than it presses";
+        EXPECT_FALSE(tool.particles()[i].sticks());
+    }
+}
+
+}  // namespace
+}  // namespace haptic::sim
