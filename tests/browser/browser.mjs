@@ -1,12 +1,12 @@
-// Chromium without a screen, and pages of the live view in it.
+// Headless Chromium and pages of the live view in it.
 import assert from "node:assert/strict";
 import { createRequire } from "node:module";
 import path from "node:path";
 
-const patience = 60_000; // ms: what takes longer, on however busy a machine, never comes
+const patience = 60_000; // ms, timeout of every wait, generous for a busy machine
 const { chromium } = createRequire(path.join(process.env.PACKAGES, "package.json"))("playwright-core");
 
-/** WebGL is drawn by the processor. The browser's sandbox does not work for root. */
+/** Software WebGL. The browser's sandbox does not work for root. */
 export function openBrowser() {
   return chromium.launch({
     executablePath: process.env.CHROMIUM,
@@ -54,7 +54,7 @@ export async function openView(browser, url, { panel = false, scheme = "light", 
   return page;
 }
 
-/** Until `condition`, a function for the page, holds of `argument`; `words` say what it waits for. */
+/** Waits until `condition`, a function evaluated in the page, holds for `argument`; `words` name what it waits for. */
 export async function until(page, condition, words, argument = undefined) {
   try {
     await page.waitForFunction(condition, argument, { timeout: patience, polling: 50 });
@@ -64,7 +64,7 @@ export async function until(page, condition, words, argument = undefined) {
   }
 }
 
-/** What the page knows of the scene: window.haptic, described in the page's main.ts. */
+/** The page's observable state: window.haptic (host-sim/page/src/page_state.ts). */
 export function seen(page) {
   return page.evaluate(() => structuredClone(window.haptic));
 }
@@ -76,7 +76,7 @@ export async function unfold(page, toggle) {
   }
 }
 
-/** What the panel has for the parameter that it calls so: its field and its slider. */
+/** Field and slider of the parameter with this label. */
 export function parameterControls(page, label) {
   const row = page.locator(".parameter", { has: page.locator("label", { hasText: label }) }).first();
   return { field: row.locator("input[type=number]"), slider: row.locator("input[type=range]") };
@@ -89,11 +89,11 @@ export async function chooseScene(page, name) {
   await until(page, (frames) => haptic.frames > frames + 2, `frames of ${name}`, before.frames);
 }
 
-/** Paused as host-sim says, so that nothing moves any more. */
+/** Pauses host-sim, so that nothing moves. */
 export async function pause(page, on = true) {
   const { paused } = await seen(page);
   if (paused !== on) {
-    await page.locator("#stage").press(" "); // a button that has the focus would take the key as its own
+    await page.locator("#viewport").press(" "); // focus the canvas: a focused button would take the key
   }
   await until(page, (wanted) => haptic.paused === wanted, on ? "the pause" : "the end of the pause", on);
 }

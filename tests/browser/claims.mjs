@@ -1,15 +1,15 @@
-// Tests as claims, one after another in one browser; and how they wait.
+// Minimal test runner: claims proved one after another in one browser, and helpers for waiting.
 import { openBrowser } from "./browser.mjs";
 import { stopAll } from "./host_sim.mjs";
 
 const claims = [];
 
-/** `prove` gets the browser; it throws if the claim does not hold. */
+/** Registers a claim; `prove` is given the browser and throws if the claim does not hold. */
 export function claim(words, prove) {
   claims.push({ words, prove });
 }
 
-/** Whether all hold. A claim that fails leaves the next ones their chance. */
+/** Runs all claims, also after a failure; returns whether all hold. */
 export async function run() {
   const browser = await openBrowser();
   let held = 0;

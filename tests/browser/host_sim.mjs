@@ -1,4 +1,4 @@
-// The real host-sim, as users start it.
+// Runs the real host-sim.
 import { spawn } from "node:child_process";
 import { once } from "node:events";
 import { mkdtempSync, rmSync } from "node:fs";
@@ -8,7 +8,7 @@ import path from "node:path";
 const running = new Set();
 const folders = [];
 
-/** `host-sim ARGUMENTS... --view 127.0.0.1:PORT`, once it says where its view is; `port` 0 lets it choose. */
+/** Starts `host-sim ARGUMENTS... --view 127.0.0.1:PORT` and waits for its address; port 0 selects a free one. */
 export async function startView(args, { port = 0 } = {}) {
   const child = spawn(process.env.HOST_SIM, [...args, "--view", `127.0.0.1:${port}`], { stdio: ["ignore", "ignore", "pipe"] });
   const started = { child, url: "", log: "" };
@@ -32,7 +32,7 @@ export async function startView(args, { port = 0 } = {}) {
 export const startRun = (scene, { control = true, port = 0 } = {}) =>
   startView(["run", scene, "--session", `browser-${process.pid}`, ...(control ? ["--view-control"] : [])], { port });
 
-/** Ends it and answers with its exit status, or the signal's name. */
+/** Stops it and returns its exit status or signal. */
 export async function end(started, signal = "SIGINT") {
   running.delete(started);
   const { child } = started;
@@ -44,7 +44,7 @@ export async function end(started, signal = "SIGINT") {
   return child.exitCode ?? child.signalCode;
 }
 
-/** host-sim with `args`, to its end; throws with what it said if it fails. */
+/** Runs host-sim with `args` to its end; throws with its output if it fails. */
 export async function runToEnd(args) {
   const child = spawn(process.env.HOST_SIM, args, { stdio: ["ignore", "pipe", "pipe"] });
   let said = "";
@@ -57,7 +57,7 @@ export async function runToEnd(args) {
   return said;
 }
 
-/** A folder that is gone when the claim has been tried. */
+/** A temporary folder, removed after the claim. */
 export function scratchFolder() {
   folders.push(mkdtempSync(path.join(tmpdir(), "haptic-browser-")));
   return folders.at(-1);

@@ -1,15 +1,16 @@
-// Pictures of the built-in scenes at moments worth seeing: pictures.mjs FOLDER SCENE... A scene is NAME@SECONDS[:KEYS[:SCHEME[:page]]],
-// KEYS those that are pressed before the picture is taken (arrows as < > ^ v); with "page", panel and plots are in it.
+// Takes pictures of the built-in scenes at given moments: pictures.mjs FOLDER SCENE... A scene is
+// NAME@SECONDS[:KEYS[:SCHEME[:page]]]. KEYS are pressed before the picture is taken (arrows as < > ^ v); with "page"
+// the panel and the plots are included.
 import path from "node:path";
 
 import { openBrowser, openView, pause, seen, unfold, until } from "./browser.mjs";
 import { end, startRun } from "./host_sim.mjs";
 
 const arrows = { "<": "ArrowLeft", ">": "ArrowRight", "^": "ArrowUp", v: "ArrowDown" };
-const most = 100; // steps a request
+const maxSteps = 100; // steps per request
 const [folder, ...wanted] = process.argv.slice(2);
 
-/** The scene from its beginning to the step at this time, and no further: by a second stream of the page's own origin. */
+/** Steps the scene from its start to the step at this time, through a second stream of the page's own origin. */
 async function goTo(page, time) {
   await pause(page);
   await page.evaluate(() => {
@@ -22,9 +23,9 @@ async function goTo(page, time) {
   await ask({ type: "step", steps: 1 });
   await until(page, () => haptic.step === 1, "the first step");
   const length = (await seen(page)).time;
-  for (let left = Math.round(time / length) - 1; left > 0; left -= most) {
+  for (let left = Math.round(time / length) - 1; left > 0; left -= maxSteps) {
     const { step } = await seen(page);
-    const steps = Math.min(left, most);
+    const steps = Math.min(left, maxSteps);
     await ask({ type: "step", steps });
     await until(page, (then) => haptic.step === then, `step ${step + steps}`, step + steps);
   }
@@ -53,7 +54,7 @@ for (const [k, words] of wanted.entries()) {
   }
   const { frames } = await seen(page);
   await until(page, (then) => haptic.frames > then + 90, "the camera to come to rest", frames);
-  await page.evaluate(() => document.activeElement?.blur()); // without the ring round what has the focus
+  await page.evaluate(() => document.activeElement?.blur()); // remove the focus ring
   const name = whole ? `${scene}-page` : scene;
   await page.screenshot({ path: path.join(folder, `${name}.png`) });
   const { time: at, force } = await seen(page);

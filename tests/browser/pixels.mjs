@@ -1,8 +1,8 @@
-// What is in a screenshot: PNG of 8 bits, RGB or RGBA, not interlaced, as browsers write it.
+// Decoder of screenshots: PNG of 8 bits, RGB or RGBA, not interlaced, as browsers write it.
 import assert from "node:assert/strict";
 import { inflateSync } from "node:zlib";
 
-/** { width, height, data }: data has three bytes a pixel, red, green and blue. */
+/** { width, height, data }: data has three bytes per pixel, red, green and blue. */
 export function readPng(png) {
   const parts = [];
   for (let at = 8; at < png.length; at += 12 + png.readUInt32BE(at)) {
@@ -43,7 +43,7 @@ function paeth(left, up, corner) {
   return a <= b && a <= c ? left : b <= c ? up : corner;
 }
 
-/** The picture of the scene alone, without what lies on it. */
+/** Screenshot of the scene without the elements over it. */
 export async function pictureOf(page) {
   const showAround = (shown) =>
     page.evaluate((visibility) => {
@@ -52,12 +52,12 @@ export async function pictureOf(page) {
       }
     }, shown ? "" : "hidden");
   await showAround(false);
-  const png = await page.locator("#stage").screenshot();
+  const png = await page.locator("#viewport").screenshot();
   await showAround(true);
   return readPng(png);
 }
 
-/** The commonest colour, [red, green, blue] of 0 to 255. */
+/** The most frequent colour, [red, green, blue] of 0 to 255. */
 export function background({ data }) {
   const counts = new Map();
   for (let k = 0; k < data.length; k += 3) {
@@ -68,7 +68,7 @@ export function background({ data }) {
   return [colour >> 16, (colour >> 8) & 255, colour & 255];
 }
 
-/** The part of the pixels, 0 to 1, that `holds` of: holds(red, green, blue). */
+/** The fraction of the pixels for which holds(red, green, blue) is true. */
 export function share({ data }, holds) {
   let count = 0;
   for (let k = 0; k < data.length; k += 3) {
@@ -77,7 +77,7 @@ export function share({ data }, holds) {
   return (3 * count) / data.length;
 }
 
-/** The part of the pixels, 0 to 1, in which two pictures of one size differ by more than noise. */
+/** The fraction of the pixels in which two pictures of equal size differ by more than noise. */
 export function difference(one, other) {
   assert.deepEqual([one.width, one.height], [other.width, other.height]);
   let count = 0;
@@ -88,7 +88,7 @@ export function difference(one, other) {
   return (3 * count) / one.data.length;
 }
 
-/** In degrees, 0 red, 120 green, 240 blue; null for what is nearly grey. */
+/** Hue in degrees, 0 red, 120 green, 240 blue; null for nearly grey colours. */
 export function hue(red, green, blue) {
   const most = Math.max(red, green, blue);
   const chroma = most - Math.min(red, green, blue);

@@ -1,4 +1,5 @@
-// Runs one file of tests and says what each has proved: run.mjs FILE. Status 77, which ctest knows as skipped, without a browser.
+// Runs one test file and reports each claim: run.mjs FILE. Exits with 77, which ctest treats as skipped, if there is no
+// browser.
 import { run } from "./claims.mjs";
 import { pathToFileURL } from "node:url";
 

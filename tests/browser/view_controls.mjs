@@ -1,4 +1,4 @@
-// What can be changed from the page is changed in host-sim.
+// The page's controls change the run in host-sim.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import path from "node:path";
@@ -9,7 +9,7 @@ import { runToEnd, scratchFolder, startRun } from "./host_sim.mjs";
 
 const press = (page, name) => page.locator("#panel button", { hasText: name }).first().click();
 
-claim("pause stops the scene, a step is exactly one, reset begins anew", async (browser) => {
+claim("pause stops the scene, a step is exactly one, reset restarts", async (browser) => {
   const { url } = await startRun("plane-slide");
   const page = await openView(browser, url, { panel: true });
   await press(page, "Pause");
@@ -30,7 +30,7 @@ claim("pause stops the scene, a step is exactly one, reset begins anew", async (
   await until(page, () => haptic.step > 3, "the scene to go on");
 });
 
-claim("a parameter that is typed, and one that is slid, arrive in host-sim and at the other viewer", async (browser) => {
+claim("a parameter changed by field or slider arrives in host-sim and at the other viewer", async (browser) => {
   const { url } = await startRun("plane-slide");
   const page = await openView(browser, url, { panel: true });
   const other = await openView(browser, url);
@@ -49,7 +49,7 @@ claim("a parameter that is typed, and one that is slid, arrive in host-sim and a
   await until(other, (set) => haptic.parameters[set.key] < 0.9999 * set.than, "the stiffness that was slid", { key, than: 2 * before });
 });
 
-claim("another scene takes the place of the first, with its own parameters", async (browser) => {
+claim("another scene replaces the first, with its own parameters", async (browser) => {
   const { url } = await startRun("plane-slide");
   const page = await openView(browser, url, { panel: true });
   await chooseScene(page, "fish-hold");
@@ -97,7 +97,7 @@ claim("the keyboard alone reaches every control, and runs the scene", async (bro
   for (const control of ["Pause", "Step", "Reset", "Record", "range", "select-one"]) {
     assert.ok(focused.has(control), `Tab does not reach ${control}, but ${[...focused].join(", ")}`);
   }
-  await page.locator("#stage").focus();
+  await page.locator("#viewport").focus();
   await page.keyboard.press(" ");
   await until(page, () => haptic.paused, "the pause that the space bar asks for");
   const { step } = await seen(page);
@@ -109,7 +109,7 @@ claim("the keyboard alone reaches every control, and runs the scene", async (bro
   await until(page, () => !document.getElementById("help").open, "the end of the list");
 });
 
-claim("whoever only watches cannot change anything: controls are disabled, and host-sim refuses", async (browser) => {
+claim("a read-only viewer cannot change anything: controls are disabled, and host-sim refuses", async (browser) => {
   const { url } = await startRun("plane-slide", { control: false });
   const page = await openView(browser, url, { panel: true });
   assert.equal((await seen(page)).control, false);
@@ -117,8 +117,8 @@ claim("whoever only watches cannot change anything: controls are disabled, and h
     assert.ok(await page.locator("#panel button", { hasText: name }).first().isDisabled(), `${name} can be pressed`);
   }
   const { step } = await seen(page);
-  await page.locator("#stage").focus();
-  await page.keyboard.press(" "); // the key asks all the same
+  await page.locator("#viewport").focus();
+  await page.keyboard.press(" "); // the key sends its request regardless
   await until(page, () => /view-control/.test(haptic.refused), "the refusal");
   await until(page, () => /refused/.test(document.getElementById("refused").textContent), "the words of the refusal");
   await until(page, (then) => haptic.step > then + 5, "the scene to go on", step);

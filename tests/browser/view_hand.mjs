@@ -1,4 +1,4 @@
-// With the mouse, or the keyboard, as the device.
+// Mouse and keyboard control of the hand.
 import assert from "node:assert/strict";
 
 import { openView, seen, until } from "./browser.mjs";
@@ -6,16 +6,16 @@ import { claim } from "./claims.mjs";
 import { startRun } from "./host_sim.mjs";
 import { difference, pictureOf } from "./pixels.mjs";
 
-/** Where the hand is on the screen, in the page's pixels. */
+/** Position of the hand on the screen, in the page's pixels. */
 async function handOnScreen(page) {
-  const box = await page.locator("#stage").boundingBox();
+  const box = await page.locator("#viewport").boundingBox();
   const { hipOnScreen } = await seen(page);
   return { x: box.x + hipOnScreen.x, y: box.y + hipOnScreen.y };
 }
 
 const away = (one, other) => Math.hypot(...one.map((value, k) => value - other[k]));
 
-/** Takes hold of the hand; as a person does who at first misses one that moves. */
+/** Grabs the hand; retries, as a person does, if it moves away. */
 async function take(page) {
   for (let attempt = 0; attempt < 20; attempt++) {
     const at = await handOnScreen(page);
@@ -32,7 +32,7 @@ async function take(page) {
   throw new Error("the mouse cannot take hold of the hand");
 }
 
-/** Where the hand is when it has arrived: at the same place in ten frames. */
+/** Position of the hand once it has settled: equal in ten frames. */
 async function resting(page) {
   let last = await seen(page);
   for (let k = 0; k < 50; k++) {
@@ -46,11 +46,11 @@ async function resting(page) {
   throw new Error("the hand does not come to rest");
 }
 
-claim("a drag presses the tool against what lies still: the hand goes on, the tool stays, and the force shows", async (browser) => {
+claim("a drag presses the tool against a resting body: the hand moves on, the tool stays, and the force is shown", async (browser) => {
   const { url } = await startRun("plane-slide");
   const page = await openView(browser, url);
   const at = await take(page);
-  // Small moves as a hand makes them: up until the hand is free of the plane, and down until it presses.
+  // Small moves, as of a human hand: up until the hand is clear of the plane, then down until it presses.
   let y = at.y;
   const dragUntil = async (there, pixels) => {
     for (let k = 0; k < 100 && !(await page.evaluate(there)); k++) {
@@ -99,7 +99,7 @@ claim("the force's arrow is in the picture, and gone when it is switched off", a
   assert.ok(difference(withArrow, without) > 0.0003, "the picture is the same with and without arrows");
 });
 
-claim("the wheel moves the hand that is held along the line of sight", async (browser) => {
+claim("the wheel moves the dragged hand along the line of sight", async (browser) => {
   const { url } = await startRun("curtain-hand");
   const page = await openView(browser, url);
   await take(page);
@@ -116,7 +116,7 @@ claim("the wheel moves the hand that is held along the line of sight", async (br
   await page.mouse.up();
 });
 
-claim("the keyboard alone moves the hand, and gives it back to the script", async (browser) => {
+claim("the keyboard alone moves the hand, and returns it to the script", async (browser) => {
   const { url } = await startRun("plane-slide");
   const page = await openView(browser, url, { panel: true });
   await page.keyboard.press("h");
@@ -130,7 +130,7 @@ claim("the keyboard alone moves the hand, and gives it back to the script", asyn
   await until(page, (then) => Math.hypot(...haptic.hip.map((v, k) => v - then[k])) > 1e-4, "the hand to move", before.hip);
   await page.keyboard.press("Escape");
   await until(page, () => document.getElementById("hand-mode").hidden, "the end of the hand's keys");
-  await resting(page); // so that no key's move is still under way
+  await resting(page); // no key's move is pending any more
   await page.locator("#panel button", { hasText: "Follow the script" }).press("Enter");
   await until(page, () => haptic.handSource === "script", "the script to be the hand again");
 });

@@ -1,4 +1,4 @@
-// A recording, replayed with a time line.
+// A recording, played with a timeline.
 import assert from "node:assert/strict";
 import path from "node:path";
 
@@ -6,13 +6,13 @@ import { openView, seen, until } from "./browser.mjs";
 import { claim } from "./claims.mjs";
 import { runToEnd, scratchFolder, startView } from "./host_sim.mjs";
 
-claim("the time line seeks in a recording, and the same moment is the same again", async (browser) => {
+claim("the timeline seeks in a recording and reproduces the same moment exactly", async (browser) => {
   const record = path.join(scratchFolder(), "record.csv");
   await runToEnd(["run", "plane-slide", "--clock", "lockstep", "--duration", "2", "--record", record]);
   const { url } = await startView(["play", record]);
   const page = await openView(browser, url, { height: 480 });
   const line = page.locator("#timeline input[type=range]");
-  assert.ok(await line.isVisible(), "there is no time line");
+  assert.ok(await line.isVisible(), "there is no timeline");
   const play = page.locator("#timeline button").nth(1);
   if (!(await seen(page)).paused) {
     await play.click();

@@ -1,4 +1,4 @@
-// What other pages and malformed requests can do: nothing.
+// Pages of other origins and malformed requests have no effect.
 import assert from "node:assert/strict";
 import { createServer } from "node:http";
 
@@ -6,14 +6,14 @@ import { assertNoComplaints, openView, seen, until } from "./browser.mjs";
 import { claim } from "./claims.mjs";
 import { startRun } from "./host_sim.mjs";
 
-/** A web server of somebody else, on this machine. */
+/** A foreign web server on this machine. */
 async function otherSite() {
   const server = createServer((_, response) => response.end("<!doctype html><title>another site</title>"));
   await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
   return { server, url: `http://127.0.0.1:${server.address().port}/` };
 }
 
-/** From this page: whether a stream opens, and how it ends after `text`, if there is any. */
+/** Reports whether a stream opens from this page, and how it ends after sending `text`, if given. */
 const stream = (page, address, text) =>
   page.evaluate(
     ([at, words]) =>
@@ -48,7 +48,7 @@ claim("a page of another origin gets no stream, the view's own page does", async
   }
 });
 
-claim("a malformed request ends that viewer's connection alone", async (browser) => {
+claim("a malformed request closes only that viewer's connection", async (browser) => {
   const { url, port } = await startRun("plane-slide");
   const page = await openView(browser, url);
   const rude = await openView(browser, url);
@@ -61,7 +61,7 @@ claim("a malformed request ends that viewer's connection alone", async (browser)
   assert.equal((await seen(page)).state, "connected");
 });
 
-claim("the page runs no script but its own, and can be shown in no other page", async (browser) => {
+claim("the page runs only its own script and cannot be embedded in another page", async (browser) => {
   const { url } = await startRun("plane-slide");
   const page = await openView(browser, url);
   assertNoComplaints(page);

@@ -1,4 +1,4 @@
-// The page shows what is simulated.
+// The page shows the simulation.
 import assert from "node:assert/strict";
 
 import { assertNoComplaints, chooseScene, openView, pause, seen, until } from "./browser.mjs";
@@ -22,7 +22,7 @@ const scenes = [
 const unlike = ([red, green, blue]) => (r, g, b) => Math.max(Math.abs(r - red), Math.abs(g - green), Math.abs(b - blue)) > 24;
 const ofFirstBody = (r, g, b) => Math.abs((hue(r, g, b) ?? 999) - firstBodyHue) < 20;
 
-claim("each built-in scene is drawn, its first body in that body's colour, and the console has nothing to complain of", async (browser) => {
+claim("each built-in scene is drawn, its first body in that body's colour, and the console reports no error", async (browser) => {
   const { url } = await startRun(scenes[0]);
   const page = await openView(browser, url, { panel: true });
   const offered = await page.locator("#panel select").first().locator("option").allTextContents();
@@ -34,8 +34,13 @@ claim("each built-in scene is drawn, its first body in that body's colour, and t
     await page.keyboard.press("f"); // the whole scene
     const { pictures } = await seen(page);
     await until(page, (drawn) => haptic.pictures > drawn + 1, `a picture of all of ${scene}`, pictures);
-    const picture = await pictureOf(page);
-    const drawn = share(picture, unlike(background(picture)));
+    // On a busy machine the browser's compositor may be pictures behind the page: look again before judging.
+    let picture = await pictureOf(page);
+    let drawn = share(picture, unlike(background(picture)));
+    for (let looks = 1; drawn <= 0.01 && looks < 5; looks++) {
+      picture = await pictureOf(page);
+      drawn = share(picture, unlike(background(picture)));
+    }
     const body = share(picture, ofFirstBody);
     console.log(`        ${scene}: ${(100 * drawn).toFixed(1)} % drawn, ${(100 * body).toFixed(1)} % in its first body's colour`);
     assert.ok(drawn > 0.01, `${scene}: only ${drawn} of the picture is not background`);
@@ -44,7 +49,7 @@ claim("each built-in scene is drawn, its first body in that body's colour, and t
   assertNoComplaints(page);
 });
 
-claim("the picture moves with the scene, and stands still with it", async (browser) => {
+claim("the picture moves with the scene and stops with it", async (browser) => {
   const { url } = await startRun("fish-hold");
   const page = await openView(browser, url);
   const first = await pictureOf(page);
@@ -54,7 +59,7 @@ claim("the picture moves with the scene, and stands still with it", async (brows
   assert.ok(difference(first, later) > 0.002, `only ${difference(first, later)} of the picture has changed`);
   await pause(page);
   const { step } = await seen(page);
-  // The camera, which follows the tool, comes to rest a little later.
+  // The camera follows the tool and comes to rest slightly later.
   let changed = 1;
   for (let k = 0, last = await pictureOf(page); k < 20 && changed > 0.0005; k++) {
     const { frames } = await seen(page);
@@ -67,7 +72,7 @@ claim("the picture moves with the scene, and stands still with it", async (brows
   assert.equal((await seen(page)).step, step, "a paused scene goes on");
 });
 
-claim("light and dark are different papers, each as the reader's system has it", async (browser) => {
+claim("light and dark mode follow the reader's system", async (browser) => {
   const { url } = await startRun("plane-slide", { control: false });
   const papers = [];
   for (const scheme of ["light", "dark"]) {
@@ -78,7 +83,7 @@ claim("light and dark are different papers, each as the reader's system has it",
   assert.ok(papers[1] < 80, `dark paper has a brightness of ${papers[1]} of 255`);
 });
 
-claim("two viewers see the same moment, and how many they are", async (browser) => {
+claim("two viewers see the same moment and the number of viewers", async (browser) => {
   const { url } = await startRun("plane-slide");
   const one = await openView(browser, url);
   const other = await openView(browser, url);

@@ -1,26 +1,26 @@
-// What the controls of the page can make happen; main.ts does it.
+// Actions of the page's controls, carried out by main.ts.
 import type { Request } from "./connection.ts";
 import type { ViewOptions } from "./options.ts";
 
 export interface Actions {
-  /** Asks host-sim. */
+  /** Sends a request to host-sim. */
   send(request: Request): void;
-  /** Draws more or less. */
+  /** Switches a drawing option. */
   setOption(option: keyof ViewOptions, on: boolean): void;
   option(option: keyof ViewOptions): boolean;
-  /** The whole scene, or the tool, into the middle of the picture. */
+  /** Moves the camera to show the whole scene, or the tool. */
   frameAll(): void;
   frameTool(): void;
-  /** Turns the camera about what it looks at, rad; or moves it by parts of the picture's height. */
+  /** Rotates the camera around its target, rad; or shifts it by fractions of the view's height. */
   orbit(about: number, up: number): void;
   pan(right: number, up: number): void;
-  /** Comes nearer by a factor below 1. */
+  /** Scales the distance of the camera; below 1 is nearer. */
   zoom(factor: number): void;
-  /** Moves the hand by parts of the picture's height, in the plane of the picture and away from the viewer; turns it, rad. */
+  /** Moves the hand by fractions of the view's height, in the image plane and away from the viewer; rotates it, rad. */
   moveHand(right: number, up: number, away: number): void;
   turnHand(about: number, up: number): void;
-  /** Closes the hand, 0 flat to 1 a fist. */
+  /** Closes the hand, 0 (flat) to 1 (fist). */
   curlHand(curl: number): void;
-  /** After a change of the page's colours. */
-  takeColours(): void;
+  /** To be called after a change of the page's colours. */
+  updateColours(): void;
 }

@@ -1,4 +1,4 @@
-// The deformable bodies' surfaces.
+// Surfaces of the deformable bodies.
 import {
   Box3,
   BufferAttribute,
@@ -16,7 +16,7 @@ import type { Frame, Geometry, SceneMessage, Surface } from "./protocol.ts";
 
 const colours = [0x3d7ea6, 0xd0814b, 0x6f9a5b, 0xb65f8a, 0x8a78c2, 0xc9a63c];
 
-/** A surface whose vertices move. */
+/** A surface with moving vertices. */
 export class MovingSurface {
   readonly group = new Group();
   private readonly geometry = new BufferGeometry();
@@ -25,13 +25,14 @@ export class MovingSurface {
   private readonly box = new Box3();
 
   constructor(vertices: number, triangles: Uint32Array, colour: ColorRepresentation) {
+    // Solid surface and wire frame share one geometry, whose vertices change every frame.
     this.geometry.setIndex(new BufferAttribute(triangles.slice(), 1));
     for (const name of ["position", "normal"]) {
       const attribute = new BufferAttribute(new Float32Array(3 * vertices), 3);
       attribute.setUsage(DynamicDrawUsage);
       this.geometry.setAttribute(name, attribute);
     }
-    // Pushed back a little, so that the wires lie on it.
+    // Polygon offset, so that the wire frame lies on top of the surface.
     const paint = new MeshStandardMaterial({
       color: colour,
       roughness: 0.65,
@@ -66,7 +67,7 @@ export class MovingSurface {
     this.wire.material.color.set(ink);
   }
 
-  /** Lets what is inside be seen. */
+  /** Makes the surface transparent, to show what is inside. */
   setGlass(on: boolean): void {
     const paint = this.solid.material;
     if (paint.transparent !== on) {
@@ -100,7 +101,7 @@ export class Bodies {
     this.group.add(...this.surfaces.map((surface) => surface.group));
   }
 
-  take(frame: Frame): void {
+  update(frame: Frame): void {
     for (const [body, surface] of frame.surfaces) {
       this.surfaces[body]?.move(surface);
     }

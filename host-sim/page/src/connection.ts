@@ -1,4 +1,4 @@
-// The stream from host-sim: connects, reads, and connects again when host-sim comes back.
+// Connection to host-sim's stream: connects, decodes messages, and reconnects when host-sim returns.
 import {
   kindOf,
   readFrame,
@@ -14,7 +14,7 @@ import {
   type TextMessage,
 } from "./protocol.ts";
 
-/** What the page may ask, as PROTOCOL.md has it. */
+/** Requests of the page (PROTOCOL.md). */
 export type Request =
   | { type: "watch"; particles: boolean; planes: boolean; samples: boolean }
   | { type: "set"; key: string; value: number }
@@ -31,7 +31,7 @@ export type Request =
 
 export type ConnectionState = "connecting" | "connected" | "lost";
 
-/** Whoever wants to know. `scene` and `geometry` come together, in `onScene`. */
+/** Receiver of messages. `scene` and `geometry` arrive together, in `onScene`. */
 export interface Listener {
   onState(state: ConnectionState): void;
   onScene(scene: SceneMessage, geometry: Geometry): void;
@@ -43,14 +43,14 @@ export interface Listener {
 }
 
 const subprotocol = "haptic-view-1";
-const shortestWait = 250; // ms, before the next attempt
-const longestWait = 4000;
+const minRetryDelay = 250; // ms, before the first attempt to reconnect
+const maxRetryDelay = 4000;
 
 export class Connection {
   private socket: WebSocket | null = null;
-  private wait = shortestWait;
+  private retryDelay = minRetryDelay;
   private scene: SceneMessage | null = null;
-  private watched: Request = { type: "watch", particles: false, planes: false, samples: true };
+  private subscription: Request = { type: "watch", particles: false, planes: false, samples: true };
 
   constructor(
     private readonly url: string,
@@ -59,12 +59,13 @@ export class Connection {
 
   open(): void {
     this.listener.onState("connecting");
+    // A new socket; the subscription is renewed once it is open.
     const socket = new WebSocket(this.url, subprotocol);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
-      this.wait = shortestWait;
+      this.retryDelay = minRetryDelay;
       this.listener.onState("connected");
-      this.send(this.watched);
+      this.send(this.subscription);
     };
     socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
       if (typeof event.data === "string") {
@@ -73,27 +74,28 @@ export class Connection {
         this.readBinary(event.data);
       }
     };
+    // Reconnect with exponential back-off.
     socket.onclose = () => {
       this.socket = null;
       this.scene = null;
       this.listener.onState("lost");
-      setTimeout(() => this.open(), this.wait);
-      this.wait = Math.min(2 * this.wait, longestWait);
+      setTimeout(() => this.open(), this.retryDelay);
+      this.retryDelay = Math.min(2 * this.retryDelay, maxRetryDelay);
     };
     this.socket = socket;
   }
 
-  /** Asks now, or not at all: what was asked while there was no connection is not asked later. */
+  /** Sends a request if connected; otherwise drops it, so that it is not carried out unexpectedly later. */
   send(request: Request): void {
     if (this.socket?.readyState === WebSocket.OPEN) {
       this.socket.send(JSON.stringify(request));
     }
   }
 
-  /** What is streamed besides surfaces and tool, now and after each new connection. */
+  /** Subscribes to optional streams, now and after each reconnection. */
   watch(particles: boolean, planes: boolean): void {
-    this.watched = { type: "watch", particles, planes, samples: true };
-    this.send(this.watched);
+    this.subscription = { type: "watch", particles, planes, samples: true };
+    this.send(this.subscription);
   }
 
   private readText(text: string): void {

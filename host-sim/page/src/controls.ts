@@ -1,7 +1,7 @@
-// All of the page that is not the picture.
+// Controls of the page: everything but the 3D view.
 import type { Actions } from "./actions.ts";
 import type { ConnectionState } from "./connection.ts";
-import { found, setText } from "./dom.ts";
+import { byId, setText } from "./dom.ts";
 import { createHelp } from "./help.ts";
 import { listenToKeys } from "./keyboard.ts";
 import { createPanel } from "./panel.ts";
@@ -13,7 +13,7 @@ import { Timeline } from "./timeline.ts";
 
 const narrow = "(max-width: 760px)";
 
-/** Takes what comes, as it comes; writes no more often than can be read. */
+/** Shows incoming messages, no more often than a user can read. */
 export interface Controls {
   showState(state: ConnectionState): void;
   showScene(scene: SceneMessage): void;
@@ -26,32 +26,34 @@ export interface Controls {
 
 /** Fills the elements of index.html. */
 export function createControls(actions: Actions): Controls {
-  const help = found("help") as HTMLDialogElement;
+  const help = byId("help") as HTMLDialogElement;
   createHelp(help);
   const status = new Status();
-  const plots = new Plots(found("plots"));
-  const timeline = new Timeline(found("timeline"), actions);
+  const plots = new Plots(byId("plots"));
+  const timeline = new Timeline(byId("timeline"), actions);
   const theme = createTheme(() => {
-    plots.takeColours();
-    actions.takeColours();
+    plots.updateColours();
+    actions.updateColours();
   });
-  const panelRoot = found("panel");
+  const panelRoot = byId("panel");
   const panel = createPanel(panelRoot, actions, theme);
-  const small = matchMedia(narrow).matches; // there the picture comes first
+  // Panel and plots can be folded, by button or by key.
+  const small = matchMedia(narrow).matches; // on a narrow screen the view has priority
   const togglePanel = foldable("toggle-panel", !small, (on) => (panelRoot.hidden = !on));
   const togglePlots = foldable("toggle-plots", !small, (on) => plots.show(on));
   const openHelp = (): void => help.showModal();
-  found("open-help").addEventListener("click", openHelp);
-  const handMode = found("hand-mode");
+  byId("open-help").addEventListener("click", openHelp);
+  const handMode = byId("hand-mode");
   listenToKeys(actions, panel, {
     togglePanel,
     togglePlots,
     help: openHelp,
     showHandMode: (on) => {
       handMode.hidden = !on;
-      setText(handMode, on ? "Arrow keys move the hand, Page Up and Page Down in depth; Esc ends." : "");
+      setText(handMode, on ? "Arrow keys move the hand, Page Up and Page Down change its depth; Esc ends." : "");
     },
   });
+  // Pass each message to the parts that show it.
   return {
     showState: (state) => status.showState(state),
     showScene: (scene) => {
@@ -72,9 +74,9 @@ export function createControls(actions: Actions): Controls {
   };
 }
 
-/** A button that folds a part of the page; what it returns does the same. */
+/** Makes a button fold a part of the page; returns the toggle function. */
 function foldable(id: string, open: boolean, show: (on: boolean) => void): () => void {
-  const button = found(id);
+  const button = byId(id);
   const set = (on: boolean): void => {
     button.setAttribute("aria-expanded", String(on));
     show(on);

@@ -1,8 +1,8 @@
-// Elements of the page, made and found.
+// Helpers for DOM elements.
 
 type Attributes = Record<string, string | number | boolean>;
 
-/** An element with these attributes (false: without it) and what is in it. */
+/** Creates an element with attributes (false: omitted) and children. */
 export function element<Tag extends keyof HTMLElementTagNameMap>(
   tag: Tag,
   attributes: Attributes = {},
@@ -24,7 +24,7 @@ export function button(text: string, onClick: () => void, attributes: Attributes
   return made;
 }
 
-/** A box with its words, which hands on what it becomes. */
+/** A labelled check box that reports its changes. */
 export function checkbox(words: string, checked: boolean, onChange: (on: boolean) => void): HTMLLabelElement {
   const input = element("input", { type: "checkbox" });
   input.checked = checked;
@@ -32,8 +32,8 @@ export function checkbox(words: string, checked: boolean, onChange: (on: boolean
   return element("label", { class: "check" }, input, words);
 }
 
-/** By its id in index.html. */
-export function found(id: string): HTMLElement {
+/** The element of index.html with this id. */
+export function byId(id: string): HTMLElement {
   const element = document.getElementById(id);
   if (!element) {
     throw new Error(`index.html has no element with the id ${id}`);
@@ -41,15 +41,15 @@ export function found(id: string): HTMLElement {
   return element;
 }
 
-/** Writes only what has changed, so that a screen reader and the layout are left in peace. */
+/** Sets the text only if it differs, to avoid needless layout and screen-reader announcements. */
 export function setText(element: HTMLElement, text: string): void {
   if (element.textContent !== text) {
     element.textContent = text;
   }
 }
 
-/** Calls `act` with the newest argument, at once and then every `wait` ms at most; the last one is never lost. */
-export function paced<Argument>(wait: number, act: (argument: Argument) => void): (argument: Argument) => void {
+/** Calls `act` with the newest argument, at once and then at most every `wait` ms; the last argument is never lost. */
+export function throttle<Argument>(wait: number, act: (argument: Argument) => void): (argument: Argument) => void {
   let timer: ReturnType<typeof setTimeout> | null = null;
   let waiting: { argument: Argument } | null = null;
   const go = (): void => {

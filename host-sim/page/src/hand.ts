@@ -1,34 +1,34 @@
-// The mouse, or the keyboard, as the device: drags the hand in the plane of the picture, the wheel moves it into the depth.
+// Mouse and keyboard control of the hand: dragging moves it in the image plane, the wheel changes its depth.
 import { Quaternion, Vector3 } from "three";
 
 import type { Request } from "./connection.ts";
 import type { Hand } from "./protocol.ts";
-import type { Stage } from "./stage.ts";
+import type { Viewport } from "./viewport.ts";
 
-const near = 28; // pixels: so near to the hand, a press takes it
-const interval = 16; // ms between two places that are sent
-const depthPerWheel = 0.0004; // parts of the picture's height for each pixel that the wheel rolls
-const turnPerPixel = 0.01; // rad
+const grabRadius = 28; // pixels: a press this near to the hand grabs it
+const sendInterval = 16; // ms between two poses that are sent
+const depthPerWheel = 0.0004; // fraction of the view's height per pixel of wheel motion
+const rotationPerPixel = 0.01; // rad
 
 export class MouseHand {
-  private place: Vector3 | null = null; // m, where we have the hand; null: we do not have it
-  private turn = new Quaternion();
-  private turned = false;
+  private position: Vector3 | null = null; // m, where this page holds the hand; null: it does not
+  private orientation = new Quaternion();
+  private rotated = false;
   private curl: number | null = null;
-  private known: Hand | null = null;
+  private lastHand: Hand | null = null;
   private pointer: number | null = null;
   private last = { x: 0, y: 0 };
-  private sent = 0; // ms
-  private later: number | null = null; // the timer of a move that waits for its time
+  private sentAt = 0; // ms
+  private pendingSend: number | null = null; // timer of a delayed send
 
   constructor(
-    private readonly stage: Stage,
+    private readonly viewport: Viewport,
     private readonly canvas: HTMLCanvasElement,
     private readonly send: (request: Request) => void,
     private readonly radiusOf: () => number,
-    private readonly allowed: () => boolean,
+    private readonly canMove: () => boolean,
   ) {
-    // Before OrbitControls, which listens to the same events.
+    // Capture, to handle the events before OrbitControls does.
     canvas.addEventListener("pointerdown", (event) => this.press(event), { capture: true });
     canvas.addEventListener("pointermove", (event) => this.move(event), { capture: true });
     for (const end of ["pointerup", "pointercancel"] as const) {
@@ -37,90 +37,92 @@ export class MouseHand {
     canvas.addEventListener("wheel", (event) => this.wheel(event), { capture: true, passive: false });
   }
 
-  /** What host-sim says of the hand; while we do not move it, it is where the next move begins. */
-  take(hand: Hand): void {
-    this.known = hand;
-    if (this.pointer === null && this.later === null) {
-      this.place = null;
-      this.turned = false;
+  /** Stores the hand's pose from host-sim, which is the start of the next move. */
+  update(hand: Hand): void {
+    this.lastHand = hand;
+    if (this.pointer === null && this.pendingSend === null) {
+      this.position = null;
+      this.rotated = false;
     }
   }
 
-  /** Another scene: the hand is where that has it. */
-  forget(): void {
-    this.letGo();
-    this.known = null;
+  /** Another scene: its hand has a pose of its own. */
+  reset(): void {
+    this.cancel();
+    this.lastHand = null;
   }
 
-  /** Somebody else is to have the hand: what was not sent yet is not sent any more. */
-  letGo(): void {
-    if (this.later !== null) {
-      clearTimeout(this.later);
-      this.later = null;
+  /** Gives up control of the hand and drops a pending pose. */
+  cancel(): void {
+    if (this.pendingSend !== null) {
+      clearTimeout(this.pendingSend);
+      this.pendingSend = null;
     }
-    this.place = null;
+    this.position = null;
     this.curl = null;
-    this.turned = false;
+    this.rotated = false;
   }
 
-  /** The mouse has hold of the hand. */
-  get held(): boolean {
+  /** Whether the mouse is dragging the hand. */
+  get holding(): boolean {
     return this.pointer !== null;
   }
 
-  /** By parts of the picture's height. */
+  /** Moves the hand by fractions of the view's height. */
   moveBy(right: number, up: number, away: number): void {
-    const place = this.takeHold();
-    if (place) {
-      place.add(this.stage.acrossPicture(place, right, up));
-      place.addScaledVector(this.stage.away(), away * this.stage.heightAt(place));
-      this.tell();
+    const position = this.grab();
+    if (position) {
+      position.add(this.viewport.screenOffset(position, right, up));
+      position.addScaledVector(this.viewport.viewDirection(), away * this.viewport.viewHeightAt(position));
+      this.sendPose();
     }
   }
 
-  /** About the picture's upright and level axes, rad. */
+  /** Rotates the hand about the vertical and horizontal axes of the view, rad. */
   turnBy(about: number, up: number): void {
-    if (!this.takeHold()) {
+    if (!this.grab()) {
       return;
     }
-    const level = new Vector3().setFromMatrixColumn(this.stage.camera.matrixWorld, 0);
-    const upright = new Vector3().setFromMatrixColumn(this.stage.camera.matrixWorld, 1);
-    this.turn.premultiply(new Quaternion().setFromAxisAngle(upright, about));
-    this.turn.premultiply(new Quaternion().setFromAxisAngle(level, up));
-    this.turned = true;
-    this.tell();
+    const level = new Vector3().setFromMatrixColumn(this.viewport.camera.matrixWorld, 0);
+    const upright = new Vector3().setFromMatrixColumn(this.viewport.camera.matrixWorld, 1);
+    this.orientation.premultiply(new Quaternion().setFromAxisAngle(upright, about));
+    this.orientation.premultiply(new Quaternion().setFromAxisAngle(level, up));
+    this.rotated = true;
+    this.sendPose();
   }
 
   curlTo(curl: number): void {
-    if (this.takeHold()) {
+    if (this.grab()) {
       this.curl = curl;
-      this.tell();
+      this.sendPose();
     }
   }
 
-  private takeHold(): Vector3 | null {
-    if (!this.place && this.known && this.allowed()) {
-      this.place = new Vector3(...this.known.hip);
-      this.turn.fromArray(this.known.hipOrientation);
+  private grab(): Vector3 | null {
+    if (!this.position && this.lastHand && this.canMove()) {
+      // Start from the pose of the device or script.
+      this.position = new Vector3(...this.lastHand.hip);
+      this.orientation.fromArray(this.lastHand.hipOrientation);
     }
-    return this.place;
+    return this.position;
   }
 
   private isNear(event: PointerEvent): boolean {
-    if (!this.known) {
+    if (!this.lastHand) {
       return false;
     }
+    // Distance on the screen to the hip and to the tool.
     const box = this.canvas.getBoundingClientRect();
-    return [this.known.hip, this.known.tool].some((where) => {
+    return [this.lastHand.hip, this.lastHand.tool].some((where) => {
       const at = new Vector3(...where);
-      const pixel = this.stage.onScreen(at);
-      const radius = (this.radiusOf() / this.stage.heightAt(at)) * this.canvas.clientHeight;
-      return Math.hypot(event.clientX - box.left - pixel.x, event.clientY - box.top - pixel.y) < Math.max(near, radius);
+      const pixel = this.viewport.toScreen(at);
+      const radius = (this.radiusOf() / this.viewport.viewHeightAt(at)) * this.canvas.clientHeight;
+      return Math.hypot(event.clientX - box.left - pixel.x, event.clientY - box.top - pixel.y) < Math.max(grabRadius, radius);
     });
   }
 
   private press(event: PointerEvent): void {
-    if (event.button !== 0 || this.pointer !== null || !this.allowed() || !this.isNear(event) || !this.takeHold()) {
+    if (event.button !== 0 || this.pointer !== null || !this.canMove() || !this.isNear(event) || !this.grab()) {
       return;
     }
     event.stopImmediatePropagation();
@@ -128,13 +130,13 @@ export class MouseHand {
     this.canvas.classList.add("holding");
     this.pointer = event.pointerId;
     this.last = { x: event.clientX, y: event.clientY };
-    this.tell();
+    this.sendPose();
   }
 
   private move(event: PointerEvent): void {
     if (event.pointerId !== this.pointer) {
       if (this.pointer === null && event.buttons === 0) {
-        this.canvas.classList.toggle("graspable", this.allowed() && this.isNear(event));
+        this.canvas.classList.toggle("graspable", this.canMove() && this.isNear(event));
       }
       return;
     }
@@ -143,7 +145,7 @@ export class MouseHand {
     const down = event.clientY - this.last.y;
     this.last = { x: event.clientX, y: event.clientY };
     if (event.shiftKey) {
-      this.turnBy(turnPerPixel * right, turnPerPixel * down);
+      this.turnBy(rotationPerPixel * right, rotationPerPixel * down);
     } else {
       this.moveBy(right / this.canvas.clientHeight, -down / this.canvas.clientHeight, 0);
     }
@@ -156,7 +158,7 @@ export class MouseHand {
     event.stopImmediatePropagation();
     this.pointer = null;
     this.canvas.classList.remove("holding");
-    this.tell();
+    this.sendPose();
     this.send({ type: "release" });
   }
 
@@ -169,28 +171,28 @@ export class MouseHand {
     this.moveBy(0, 0, -depthPerWheel * event.deltaY);
   }
 
-  /** Sends where the hand is; what comes in between is sent when its time has come. */
-  private tell(): void {
-    const wait = this.sent + interval - performance.now();
+  /** Sends the pose of the hand; poses between two intervals are merged into the next send. */
+  private sendPose(): void {
+    const wait = this.sentAt + sendInterval - performance.now();
     if (wait > 0) {
-      this.later ??= setTimeout(() => {
-        this.later = null;
-        this.tellNow();
+      this.pendingSend ??= setTimeout(() => {
+        this.pendingSend = null;
+        this.sendPoseNow();
       }, wait);
       return;
     }
-    this.tellNow();
+    this.sendPoseNow();
   }
 
-  private tellNow(): void {
-    if (!this.place) {
+  private sendPoseNow(): void {
+    if (!this.position) {
       return;
     }
-    this.sent = performance.now();
+    this.sentAt = performance.now();
     this.send({
       type: "hand",
-      position: this.place.toArray(),
-      ...(this.turned ? { orientation: [this.turn.w, this.turn.x, this.turn.y, this.turn.z] as const } : {}),
+      position: this.position.toArray(),
+      ...(this.rotated ? { orientation: [this.orientation.w, this.orientation.x, this.orientation.y, this.orientation.z] as const } : {}),
       ...(this.curl === null ? {} : { curl: this.curl }),
     } as Request);
   }

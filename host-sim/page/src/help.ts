@@ -1,24 +1,24 @@
-// The list of all keys.
+// Help dialog: all keys and mouse actions.
 import { button, element } from "./dom.ts";
 import { optionLabels } from "./options.ts";
 
 const keys: [string, string][] = [
-  ["Space", "pause, go on"],
+  ["Space", "pause, resume"],
   [".", "a single step"],
-  ["R", "begin anew"],
-  ["F, T", "look at the whole scene, at the tool"],
-  ["← → ↑ ↓", "turn the view; with Shift move it"],
+  ["R", "restart"],
+  ["F, T", "show the whole scene, the tool"],
+  ["← → ↑ ↓", "rotate the view; with Shift move it"],
   ["+ −", "nearer, farther"],
-  ["H", "move the hand by keys: arrows, Page Up away, Page Down nearer; with Shift turn it; Esc ends"],
+  ["H", "move the hand with the arrow keys, Page Up away, Page Down nearer; with Shift rotate it; Esc ends"],
   ["C, P", "show or hide controls, plots"],
   ["?", "this list"],
 ];
 
 const mouse: [string, string][] = [
-  ["Drag", "turn the view"],
+  ["Drag", "rotate the view"],
   ["Right drag, Shift drag", "move the view"],
   ["Wheel", "nearer, farther"],
-  ["Drag the tool", "move the hand; the wheel meanwhile moves it away or nearer, Shift turns it"],
+  ["Drag the tool", "move the hand; while dragging, the wheel moves it away or nearer, Shift rotates it"],
 ];
 
 /** Fills the dialog. */
@@ -26,12 +26,12 @@ export function createHelp(dialog: HTMLDialogElement): void {
   const options = optionLabels.map(({ key, label }): [string, string] => [key.toUpperCase(), label]);
   dialog.append(
     element("h2", { id: "help-title" }, "Keys and mouse"),
-    element("div", { class: "help" }, table("Keys", keys), table("Mouse", mouse), table("Shown or not", options)),
+    element("div", { class: "help" }, table("Keys", keys), table("Mouse", mouse), table("Display options", options)),
     button("Close", () => dialog.close(), { autofocus: true }),
   );
   dialog.addEventListener("click", (event) => {
     if (event.target === dialog) {
-      dialog.close(); // beside it
+      dialog.close(); // a click outside the content
     }
   });
 }

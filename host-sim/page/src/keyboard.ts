@@ -1,20 +1,20 @@
-// What keys do, wherever the focus is, unless it is in a control that wants them itself.
+// Keyboard shortcuts, active wherever the focus is, unless the focused control uses the key itself.
 import type { Actions } from "./actions.ts";
 import { optionLabels } from "./options.ts";
 import type { Panel } from "./panel.ts";
 
-const turn = 0.08; // rad a key
-const shift = 0.05; // of the picture's height
-const nearer = 0.88;
-const handShift = 0.01; // of the picture's height
-const handTurn = 0.05; // rad
+const orbitStep = 0.08; // rad per key press
+const panStep = 0.05; // fraction of the view's height
+const zoomStep = 0.88;
+const handStep = 0.01; // fraction of the view's height
+const handRotationStep = 0.05; // rad
 
-/** What keys do that is neither the scene's nor the panel's. */
+/** Keyboard actions of the page itself. */
 export interface PageKeys {
   togglePanel(): void;
   togglePlots(): void;
   help(): void;
-  /** Whether arrows move the hand now. */
+  /** Shows whether the arrow keys move the hand. */
   showHandMode(on: boolean): void;
 }
 
@@ -25,7 +25,7 @@ const directions: Record<string, [number, number]> = {
   ArrowDown: [0, -1],
 };
 
-/** Listens until the page is closed. */
+/** Listens for the lifetime of the page. */
 export function listenToKeys(actions: Actions, panel: Panel, page: PageKeys): void {
   let hand = false;
   const setHand = (on: boolean): void => {
@@ -40,22 +40,23 @@ export function listenToKeys(actions: Actions, panel: Panel, page: PageKeys): vo
     t: () => actions.frameTool(),
     c: () => page.togglePanel(),
     p: () => page.togglePlots(),
-    h: () => setHand(!hand && panel.movesHand()),
+    h: () => setHand(!hand && panel.canMoveHand()),
     "?": () => page.help(),
-    "+": () => actions.zoom(nearer),
-    "=": () => actions.zoom(nearer),
-    "-": () => actions.zoom(1 / nearer),
+    "+": () => actions.zoom(zoomStep),
+    "=": () => actions.zoom(zoomStep),
+    "-": () => actions.zoom(1 / zoomStep),
   };
   window.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || event.isComposing || event.defaultPrevented) {
       return;
     }
-    if (document.querySelector("dialog[open]") || wantedBy(event.target, event.key)) {
+    if (document.querySelector("dialog[open]") || usesKey(event.target, event.key)) {
       return;
     }
     if (hand && event.key === "Escape") {
       setHand(false);
     } else if (!(hand ? moveHand(actions, event) : moveCamera(actions, event))) {
+      // A drawing option, or one of the letters; only zoom and step repeat while a key is held.
       const option = optionLabels.find(({ key }) => key === event.key.toLowerCase())?.option;
       const act = option ? () => panel.toggleOption(option) : letters[event.key.toLowerCase()];
       const again = event.repeat && !"+-=.".includes(event.key);
@@ -68,8 +69,8 @@ export function listenToKeys(actions: Actions, panel: Panel, page: PageKeys): vo
   });
 }
 
-/** Whether a control that has the focus uses this key. */
-function wantedBy(target: EventTarget | null, key: string): boolean {
+/** Whether the focused control uses this key itself. */
+function usesKey(target: EventTarget | null, key: string): boolean {
   if (!(target instanceof HTMLElement)) {
     return false;
   }
@@ -89,9 +90,9 @@ function moveCamera(actions: Actions, event: KeyboardEvent): boolean {
   }
   const [right, up] = direction;
   if (event.shiftKey) {
-    actions.pan(shift * right, shift * up);
+    actions.pan(panStep * right, panStep * up);
   } else {
-    actions.orbit(turn * right, turn * up);
+    actions.orbit(orbitStep * right, orbitStep * up);
   }
   return true;
 }
@@ -101,14 +102,14 @@ function moveHand(actions: Actions, event: KeyboardEvent): boolean {
   if (direction) {
     const [right, up] = direction;
     if (event.shiftKey) {
-      actions.turnHand(handTurn * right, handTurn * up);
+      actions.turnHand(handRotationStep * right, handRotationStep * up);
     } else {
-      actions.moveHand(handShift * right, handShift * up, 0);
+      actions.moveHand(handStep * right, handStep * up, 0);
     }
     return true;
   }
   if (event.key === "PageUp" || event.key === "PageDown") {
-    actions.moveHand(0, 0, event.key === "PageUp" ? handShift : -handShift);
+    actions.moveHand(0, 0, event.key === "PageUp" ? handStep : -handStep);
     return true;
   }
   return false;

@@ -1,4 +1,4 @@
-// The page: puts connection, picture, hand and controls together.
+// Entry point of the page: connects connection, 3D view, hand and controls.
 import { Vector3 } from "three";
 
 import type { Actions } from "./actions.ts";
@@ -7,10 +7,10 @@ import { createControls } from "./controls.ts";
 import { MouseHand } from "./hand.ts";
 import { Picture } from "./picture.ts";
 import type { Frame, Geometry, SceneMessage } from "./protocol.ts";
-import { note, nothingSeen } from "./seen.ts";
+import { recordFrame, initialPageState } from "./page_state.ts";
 
 class Page {
-  private readonly seen = nothingSeen();
+  private readonly pageState = initialPageState();
   private readonly picture: Picture;
   private readonly connection: Connection;
   private readonly hand: MouseHand;
@@ -19,36 +19,36 @@ class Page {
   private radius = 0.01; // m, of the first proxy
 
   constructor(canvas: HTMLCanvasElement) {
-    window.haptic = this.seen;
+    window.haptic = this.pageState;
     this.picture = new Picture(canvas);
     this.connection = new Connection(`ws://${location.host}/stream`, this.listener());
     this.hand = new MouseHand(
-      this.picture.stage,
+      this.picture.viewport,
       canvas,
       (request) => this.connection.send(request),
       () => this.radius,
-      () => this.mayMoveHand(),
+      () => this.canMoveHand(),
     );
     const actions = this.actions();
     this.controls = createControls(actions);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => actions.takeColours());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => actions.updateColours());
     this.draw();
     this.connection.open();
   }
 
-  /** A device has the hand before the mouse has. */
-  private mayMoveHand(): boolean {
-    const { state, control, handSource } = this.seen;
+  /** A device has precedence over the mouse. */
+  private canMoveHand(): boolean {
+    const { state, control, handSource } = this.pageState;
     return state === "connected" && control && handSource !== "device" && this.scene?.mode === "run";
   }
 
   private actions(): Actions {
     const { picture } = this;
-    const { stage } = picture;
+    const { viewport } = picture;
     return {
       send: (request) => {
         if (request.type === "script" || request.type === "reset" || request.type === "scene") {
-          this.hand.letGo();
+          this.hand.cancel();
         }
         this.connection.send(request);
       },
@@ -57,26 +57,26 @@ class Page {
         this.connection.watch(picture.needsParticles(), picture.options.planes);
       },
       option: (option) => picture.options[option],
-      frameAll: () => picture.frame(true, false),
-      frameTool: () => picture.frame(false, false),
-      orbit: (about, up) => stage.orbit(about, up),
-      pan: (right, up) => stage.pan(right, up),
-      zoom: (factor) => stage.zoom(factor),
+      frameAll: () => picture.frameView(true, false),
+      frameTool: () => picture.frameView(false, false),
+      orbit: (about, up) => viewport.orbit(about, up),
+      pan: (right, up) => viewport.pan(right, up),
+      zoom: (factor) => viewport.zoom(factor),
       moveHand: (right, up, away) => this.hand.moveBy(right, up, away),
       turnHand: (about, up) => this.hand.turnBy(about, up),
       curlHand: (curl) => this.hand.curlTo(curl),
-      takeColours: () => picture.takeColours(),
+      updateColours: () => picture.updateColours(),
     };
   }
 
   private listener(): Listener {
     return {
       onState: (state) => {
-        this.seen.state = state;
+        this.pageState.state = state;
         this.controls.showState(state);
       },
-      onScene: (scene, geometry) => this.takeScene(scene, geometry),
-      onFrame: (frame) => this.takeFrame(frame),
+      onScene: (scene, geometry) => this.setScene(scene, geometry),
+      onFrame: (frame) => this.showFrame(frame),
       onSamples: (samples) => {
         if (samples.scene === this.scene?.scene) {
           this.controls.showSamples(samples);
@@ -84,60 +84,62 @@ class Page {
       },
       onDevice: (device) => this.controls.showDevice(device),
       onRefused: (refused) => {
-        this.seen.refused = refused.why;
+        this.pageState.refused = refused.why;
         this.controls.showRefused(refused);
       },
       onRecord: (record) => this.controls.showRecord(record),
     };
   }
 
-  private takeScene(scene: SceneMessage, geometry: Geometry): void {
+  private setScene(scene: SceneMessage, geometry: Geometry): void {
     this.scene = scene;
-    this.hand.forget();
+    this.hand.reset();
     this.picture.setScene(scene, geometry);
-    this.seen.scene = scene.name;
-    this.seen.control = scene.control;
-    this.seen.parameters = {};
+    this.pageState.scene = scene.name;
+    this.pageState.control = scene.control;
+    this.pageState.parameters = {};
     document.title = `${scene.name} - host-sim`;
     this.controls.showScene(scene);
   }
 
-  private takeFrame(frame: Frame): void {
+  private showFrame(frame: Frame): void {
     if (!this.scene || frame.scene !== this.scene.scene) {
       return;
     }
-    note(this.seen, frame, this.scene);
+    // Update the observable state, then hand, 3D view and controls.
+    recordFrame(this.pageState, frame, this.scene);
     if (frame.hand) {
-      this.hand.take(frame.hand);
+      this.hand.update(frame.hand);
     }
     this.radius = frame.proxies?.radii[0] ?? this.radius;
-    this.picture.take(frame);
-    this.seen.arrow = this.picture.scales().force > 0;
+    this.picture.update(frame);
+    this.pageState.arrow = this.picture.scales().force > 0;
     this.controls.showFrame(frame, this.picture.scales());
   }
 
   private draw(): void {
     requestAnimationFrame(() => this.draw());
-    if (this.picture.draw(this.hand.held)) {
-      this.seen.pictures += 1;
+    if (this.picture.draw(this.hand.holding)) {
+      this.pageState.pictures += 1;
     }
-    if (this.seen.frames === 0) {
-      return; // nothing is anywhere yet
+    // No pose is known before the first frame.
+    if (this.pageState.frames === 0) {
+      return;
     }
-    const { stage } = this.picture;
-    this.seen.hipOnScreen = stage.onScreen(new Vector3(...this.seen.hip));
-    this.seen.toolOnScreen = stage.onScreen(new Vector3(...this.seen.tool));
+    const { viewport } = this.picture;
+    this.pageState.hipOnScreen = viewport.toScreen(new Vector3(...this.pageState.hip));
+    this.pageState.toolOnScreen = viewport.toScreen(new Vector3(...this.pageState.tool));
   }
 }
 
 try {
-  new Page(document.getElementById("stage") as HTMLCanvasElement);
+  new Page(document.getElementById("viewport") as HTMLCanvasElement);
 } catch (error) {
   const notice = document.getElementById("notice");
   if (notice) {
     notice.hidden = false;
     notice.textContent =
-      "This browser cannot draw the scene: it has no WebGL 2, or it is switched off. " +
+      "This browser cannot draw the scene: WebGL 2 is missing or disabled. " +
       "(" +
       (error instanceof Error ? error.message : String(error)) +
       ")";

@@ -1,4 +1,4 @@
-// What of a scene is drawn, as the viewer chooses.
+// Drawing options of the viewer.
 
 export interface ViewOptions {
   surfaces: boolean;
@@ -14,7 +14,7 @@ export interface ViewOptions {
   follow: boolean; // the camera keeps the tool in the picture
 }
 
-export const usualOptions: ViewOptions = {
+export const defaultOptions: ViewOptions = {
   surfaces: true,
   wireframe: false,
   particles: false,
@@ -28,7 +28,7 @@ export const usualOptions: ViewOptions = {
   follow: true,
 };
 
-/** Each option's words, and the key that switches it. */
+/** Label and shortcut key of each option. */
 export const optionLabels: { option: keyof ViewOptions; label: string; key: string }[] = [
   { option: "surfaces", label: "Surfaces", key: "1" },
   { option: "wireframe", label: "Wire frame", key: "2" },

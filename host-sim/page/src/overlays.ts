@@ -1,4 +1,4 @@
-// What a body is made of: particles, their ellipsoids, groups and links.
+// Overlays of the particle model: particles, their ellipsoids, groups and links.
 import {
   BufferAttribute,
   BufferGeometry,
@@ -22,7 +22,7 @@ import type { Frame, Geometry, SceneMessage } from "./protocol.ts";
 
 const pointSize = 5; // pixels
 
-/** Lines between particles, whose ends follow them. */
+/** Lines between particles, which follow them. */
 class ParticleLines {
   readonly lines: LineSegments<BufferGeometry, LineBasicMaterial>;
 
@@ -81,6 +81,7 @@ export class Overlays {
     const count = geometry.semiAxes.length / 3;
     this.positions = new Float32Array(3 * count);
     this.orientations = new Float32Array(4 * count);
+    // Particles as points of constant size, drawn over everything.
     const cloud = new BufferGeometry();
     const position = new BufferAttribute(this.positions, 3);
     position.setUsage(DynamicDrawUsage);
@@ -88,35 +89,39 @@ export class Overlays {
     this.points = new Points(cloud, new PointsMaterial({ size: pointSize, sizeAttenuation: false, depthTest: false }));
     this.points.frustumCulled = false;
     this.points.renderOrder = 2;
+    // One instance of a sphere per ellipsoid.
     this.ellipsoids = new InstancedMesh(
       new SphereGeometry(1, 16, 12),
       new MeshStandardMaterial({ transparent: true, opacity: 0.45, roughness: 0.6, depthWrite: false }),
       count,
     );
     this.ellipsoids.frustumCulled = false;
+    // Groups as spokes from the centre, links as lines.
     this.groups = new ParticleLines(spokes(geometry));
     this.links = new ParticleLines(geometry.links);
     this.group.add(this.points, this.ellipsoids, this.groups.lines, this.links.lines);
-    this.takeColours();
+    this.updateColours();
   }
 
-  /** Whether any of it is drawn, and particles have to be streamed. */
+  /** Whether any overlay is shown, so that particles must be streamed. */
   static wanted(options: ViewOptions): boolean {
     return options.particles || options.ellipsoids || options.groups || options.links;
   }
 
-  take(frame: Frame): void {
+  update(frame: Frame): void {
     if (frame.particles.size === 0) {
       return;
     }
+    // Copy the moved bodies' particles into the arrays of all particles.
     for (const [body, moved] of frame.particles) {
       const first = this.scene.bodies[body]?.first_particle ?? 0;
       this.positions.set(moved.positions, 3 * first);
       this.orientations.set(moved.orientations, 4 * first);
     }
     this.points.geometry.getAttribute("position").needsUpdate = true;
+    // Update only the visible overlays.
     if (this.ellipsoids.visible) {
-      this.placeEllipsoids();
+      this.updateEllipsoids();
     }
     if (this.groups.lines.visible) {
       this.groups.move(this.positions);
@@ -133,7 +138,7 @@ export class Overlays {
     this.links.lines.visible = options.links;
   }
 
-  takeColours(): void {
+  updateColours(): void {
     this.points.material.color.set(colourOf("ink"));
     this.ellipsoids.material.color.set(colourOf("fourth"));
     this.groups.lines.material.color.set(colourOf("third"));
@@ -151,18 +156,19 @@ export class Overlays {
     this.links.dispose();
   }
 
-  private placeEllipsoids(): void {
-    const place = new Matrix4();
+  private updateEllipsoids(): void {
+    const matrix = new Matrix4();
     const axes = new Quaternion();
-    const turn = new Quaternion();
+    const orientation = new Quaternion();
     for (let i = 0; i < this.ellipsoids.count; ++i) {
-      turn.fromArray(this.orientations, 4 * i).multiply(axes.fromArray(this.geometry.ellipsoidAxes, 4 * i));
-      place.compose(
+      // world_from_ellipsoid = world_from_particle * particle_from_ellipsoid
+      orientation.fromArray(this.orientations, 4 * i).multiply(axes.fromArray(this.geometry.ellipsoidAxes, 4 * i));
+      matrix.compose(
         new Vector3().fromArray(this.positions, 3 * i),
-        turn,
+        orientation,
         new Vector3().fromArray(this.geometry.semiAxes, 3 * i),
       );
-      this.ellipsoids.setMatrixAt(i, place);
+      this.ellipsoids.setMatrixAt(i, matrix);
     }
     this.ellipsoids.instanceMatrix.needsUpdate = true;
   }

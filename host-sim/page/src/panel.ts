@@ -1,31 +1,31 @@
-// The controls at the side: scene, run, hand, parameters, and what is drawn.
+// Side panel: controls of scene, run, hand, parameters, and what is drawn.
 import type { Actions } from "./actions.ts";
-import { button, checkbox, element, paced, setText } from "./dom.ts";
+import { button, checkbox, element, throttle, setText } from "./dom.ts";
 import { optionLabels, type ViewOptions } from "./options.ts";
 import { Parameters } from "./parameters.ts";
 import type { Frame, RecordMessage, SceneMessage } from "./protocol.ts";
-import { steady } from "./scale.ts";
+import { formatFixed } from "./scale.ts";
 
-const writeEvery = 100; // ms
-const sendEvery = 50; // ms
-const settles = 500; // ms after a change, until what host-sim says of it is shown again
-const mouseWords = "Drag the tool with the mouse; the wheel meanwhile moves it away or nearer.";
-const deviceWords = "The device is the hand; the mouse turns the view only.";
+const updateInterval = 100; // ms
+const sendInterval = 50; // ms
+const echoDelay = 500; // ms after a change before the state from host-sim is shown again
+const mouseHint = "Drag the tool with the mouse; while dragging, the wheel moves it away or nearer.";
+const deviceHint = "The device moves the hand; the mouse only rotates the view.";
 
 export interface Panel {
   showScene(scene: SceneMessage): void;
   showFrame(frame: Frame): void;
   showRecord(record: RecordMessage): void;
-  /** What the keys do as the buttons do. */
+  /** The actions of the buttons, for the keyboard. */
   togglePause(): void;
   step(): void;
   reset(): void;
   toggleOption(option: keyof ViewOptions): void;
   /** Whether this page may move the hand now. */
-  movesHand(): boolean;
+  canMoveHand(): boolean;
 }
 
-/** Fills `root`; `theme` are the controls of the page's own looks. */
+/** Fills `root`; `theme` holds the controls of the page's appearance. */
 export function createPanel(root: HTMLElement, actions: Actions, theme: HTMLElement): Panel {
   return new SidePanel(root, actions, theme);
 }
@@ -33,22 +33,22 @@ export function createPanel(root: HTMLElement, actions: Actions, theme: HTMLElem
 class SidePanel implements Panel {
   private readonly scenes = element("select");
   private readonly sceneRow = element("label", { class: "row" }, "Scene", this.scenes);
-  private readonly about = element("p", { class: "quiet" });
+  private readonly description = element("p", { class: "quiet" });
   private readonly readOnly = element(
     "p",
     { class: "hint", hidden: true },
-    "Watching only. Whoever starts host-sim with ",
+    "View only. Start host-sim with ",
     element("code", {}, "--view-control"),
-    " can change the scene from this page.",
+    " to change the scene from this page.",
   );
   private readonly pause = button("Pause", () => this.togglePause());
   private readonly stepButton = button("Step", () => this.step());
   private readonly resetButton = button("Reset", () => this.reset());
   private readonly record = button("Record", () => this.actions.send({ type: "record", on: !this.recording }));
   private readonly records = element("ul", { class: "records" });
-  private readonly handWords = element("p", { class: "quiet" }, mouseWords);
+  private readonly handHint = element("p", { class: "quiet" }, mouseHint);
   private readonly curl = element("input", { type: "range", min: 0, max: 1, step: 0.01 });
-  private readonly curlRow = element("label", { class: "row" }, "Closed hand", this.curl);
+  private readonly curlRow = element("label", { class: "row" }, "Close the hand", this.curl);
   private readonly parameters: Parameters;
   private readonly parameterPart: HTMLElement;
   private readonly controls: HTMLFieldSetElement;
@@ -57,43 +57,47 @@ class SidePanel implements Panel {
   private readonly boxes = new Map<keyof ViewOptions, HTMLInputElement>();
   private readonly write: (frame: Frame) => void;
   private paused = false;
-  private asked = -Infinity; // when it was last to pause or go on
+  private pauseRequestedAt = -Infinity; // ms, performance.now() of the last pause or resume
   private recording = false;
-  private deviceHand = false;
-  private curled = -Infinity;
+  private deviceOwnsHand = false;
+  private curlChangedAt = -Infinity;
 
   constructor(
     root: HTMLElement,
     private readonly actions: Actions,
     theme: HTMLElement,
   ) {
+    // Parts of the panel: everything in the fieldset needs --view-control.
     this.parameters = new Parameters(actions);
     this.parameterPart = part("Parameters", this.parameters.root);
     const buttons = element("div", { class: "buttons" }, this.pause, this.stepButton, this.resetButton, this.record);
     this.runPart = part("Run", buttons, this.records);
     this.handPart = this.makeHandPart();
     const fieldset = element("fieldset", { class: "bare" });
-    fieldset.append(this.sceneRow, this.about, this.readOnly, this.runPart, this.handPart, this.parameterPart);
+    fieldset.append(this.sceneRow, this.description, this.readOnly, this.runPart, this.handPart, this.parameterPart);
     this.controls = fieldset;
     root.append(fieldset, this.makeDrawnPart(), part("Appearance", theme));
     this.scenes.addEventListener("change", () => this.actions.send({ type: "scene", name: this.scenes.value }));
-    this.write = paced(writeEvery, (frame: Frame) => this.writeFrame(frame));
+    this.write = throttle(updateInterval, (frame: Frame) => this.writeFrame(frame));
   }
 
   showScene(scene: SceneMessage): void {
+    // The scene list always contains the current scene.
     const names = scene.scenes.includes(scene.name) ? scene.scenes : [scene.name, ...scene.scenes];
     this.scenes.replaceChildren(...names.map((name) => element("option", { value: name }, name)));
     this.scenes.value = scene.name;
     this.sceneRow.hidden = scene.scenes.length === 0;
-    this.about.textContent = scene.text;
+    this.description.textContent = scene.text;
+    // Read-only views disable the controls; a recording has the timeline instead of run and hand.
     this.readOnly.hidden = scene.control;
-    this.handWords.hidden = !scene.control;
+    this.handHint.hidden = !scene.control;
     this.controls.disabled = !scene.control;
-    this.runPart.hidden = scene.mode === "play"; // the time line has what a recording can do
+    this.runPart.hidden = scene.mode === "play";
     this.handPart.hidden = scene.mode === "play";
     this.curlRow.hidden = !scene.closes;
     this.parameters.show(scene.parameters);
     this.parameterPart.hidden = scene.parameters.length === 0;
+    // Disable the options that this scene has no content for.
     const particles = scene.bodies.reduce((sum, body) => sum + body.particles, 0);
     this.enable("particles", particles > 0);
     this.enable("ellipsoids", particles > 0);
@@ -104,7 +108,7 @@ class SidePanel implements Panel {
   }
 
   showFrame(frame: Frame): void {
-    if (performance.now() - this.asked > settles) {
+    if (performance.now() - this.pauseRequestedAt > echoDelay) {
       this.paused = frame.paused;
     }
     this.recording = frame.recording;
@@ -112,7 +116,7 @@ class SidePanel implements Panel {
   }
 
   showRecord(record: RecordMessage): void {
-    // The address stays the same, what it leads to does not: only the newest recording can be had.
+    // The address does not change, only its content: just the newest recording is available.
     const link = element("a", { href: record.url, download: "record.csv" }, `Save ${record.steps} steps as CSV`);
     this.records.replaceChildren(element("li", {}, link));
   }
@@ -120,8 +124,8 @@ class SidePanel implements Panel {
   togglePause(): void {
     const on = !this.paused;
     if (!this.controls.disabled) {
-      this.paused = on; // already now, so that a second press means what it says
-      this.asked = performance.now();
+      this.paused = on; // at once, so that a second press has the opposite effect
+      this.pauseRequestedAt = performance.now();
     }
     this.actions.send({ type: "pause", on });
   }
@@ -140,35 +144,37 @@ class SidePanel implements Panel {
     }
   }
 
-  movesHand(): boolean {
-    return !this.controls.disabled && !this.handPart.hidden && !this.deviceHand;
+  canMoveHand(): boolean {
+    return !this.controls.disabled && !this.handPart.hidden && !this.deviceOwnsHand;
   }
 
   private writeFrame(frame: Frame): void {
-    this.deviceHand = frame.hand?.source === "device";
-    setText(this.pause, frame.paused ? "Go on" : "Pause");
+    this.deviceOwnsHand = frame.hand?.source === "device";
+    setText(this.pause, frame.paused ? "Resume" : "Pause");
     this.pause.setAttribute("aria-pressed", String(frame.paused));
-    const recorded = frame.hand ? ` (${steady(frame.hand.recordedSteps, 0)})` : "";
+    // Recording button with the number of recorded steps.
+    const recorded = frame.hand ? ` (${formatFixed(frame.hand.recordedSteps, 0)})` : "";
     setText(this.record, frame.recording ? `Stop${recorded}` : "Record");
     this.record.setAttribute("aria-pressed", String(frame.recording));
     this.record.classList.toggle("recording", frame.recording);
+    // Parameters and hand as host-sim has them.
     if (frame.parameters) {
-      this.parameters.follow(frame.parameters);
+      this.parameters.update(frame.parameters);
     }
-    setText(this.handWords, this.deviceHand ? deviceWords : mouseWords);
-    if (frame.hand && performance.now() - this.curled > settles) {
+    setText(this.handHint, this.deviceOwnsHand ? deviceHint : mouseHint);
+    if (frame.hand && performance.now() - this.curlChangedAt > echoDelay) {
       this.curl.valueAsNumber = frame.hand.curl;
     }
   }
 
   private makeHandPart(): HTMLElement {
-    const send = paced(sendEvery, (curl: number) => this.actions.curlHand(curl));
+    const send = throttle(sendInterval, (curl: number) => this.actions.curlHand(curl));
     this.curl.addEventListener("input", () => {
-      this.curled = performance.now();
+      this.curlChangedAt = performance.now();
       send(this.curl.valueAsNumber);
     });
     const script = button("Follow the script", () => this.actions.send({ type: "script" }));
-    return part("Hand", this.handWords, element("div", { class: "buttons" }, script), this.curlRow);
+    return part("Hand", this.handHint, element("div", { class: "buttons" }, script), this.curlRow);
   }
 
   private makeDrawnPart(): HTMLElement {
@@ -181,7 +187,7 @@ class SidePanel implements Panel {
     }
     const all = button("Whole scene", () => this.actions.frameAll());
     const tool = button("Tool", () => this.actions.frameTool());
-    return part("Shown", boxes, element("div", { class: "buttons" }, "Look at", all, tool));
+    return part("Display", boxes, element("div", { class: "buttons" }, "Look at", all, tool));
   }
 
   private enable(option: keyof ViewOptions, can: boolean): void {

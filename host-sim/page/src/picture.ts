@@ -1,85 +1,86 @@
-// The picture of one scene after another: what of it is drawn, and from where.
+// 3D picture of the current scene: what is drawn, and from where.
 import { Box3, Vector3 } from "three";
 
 import { Bodies } from "./bodies.ts";
 import { colourOf } from "./colours.ts";
-import { usualOptions, type ViewOptions } from "./options.ts";
+import { defaultOptions, type ViewOptions } from "./options.ts";
 import { Overlays } from "./overlays.ts";
 import type { Frame, Geometry, SceneMessage } from "./protocol.ts";
-import { Stage } from "./stage.ts";
+import { Viewport } from "./viewport.ts";
 import { Tool } from "./tool.ts";
 
-const nearTool = 0.3; // of the largest body's length: bodies so near are in the picture with the tool
-const roomRoundTool = 0.3; // of what the largest body is longer than what is in the picture, on each side
+const nearbyMargin = 0.3; // of the largest body's length: bodies this near to the tool are shown with it
+const toolMargin = 0.3; // margin on each side, as a fraction of the difference between the largest body and the shown box
 
-function longest(box: Box3): number {
+function longestEdge(box: Box3): number {
   const size = box.getSize(new Vector3());
   return Math.max(size.x, size.y, size.z);
 }
 
-/** Of the present scene. */
-interface Actors {
+/** Objects of the current scene. */
+interface SceneObjects {
   bodies: Bodies;
   tool: Tool;
   overlays: Overlays;
 }
 
 export class Picture {
-  readonly options: ViewOptions = { ...usualOptions };
-  readonly stage: Stage;
-  private actors: Actors | null = null;
+  readonly options: ViewOptions = { ...defaultOptions };
+  readonly viewport: Viewport;
+  private objects: SceneObjects | null = null;
   private name = "";
-  private framed = false;
+  private hasFramedView = false;
   private last: Frame | null = null;
-  private toolPlace = new Vector3();
+  private toolPosition = new Vector3();
 
   /** Throws where the browser has no WebGL. */
   constructor(canvas: HTMLCanvasElement) {
-    this.stage = new Stage(canvas);
+    this.viewport = new Viewport(canvas);
   }
 
-  /** Takes the place of the scene before; the camera stays where it is if it is the same scene again. */
+  /** Replaces the scene. The camera keeps its place if the scene has the same name as before. */
   setScene(scene: SceneMessage, geometry: Geometry): void {
-    if (this.actors) {
-      Object.values(this.actors).forEach((actor: Bodies | Tool | Overlays) => actor.dispose());
+    if (this.objects) {
+      Object.values(this.objects).forEach((object: Bodies | Tool | Overlays) => object.dispose());
     }
-    this.framed = this.framed && scene.name === this.name;
+    // Frame the view again only for another scene.
+    this.hasFramedView = this.hasFramedView && scene.name === this.name;
     this.name = scene.name;
     this.last = null;
-    this.actors = {
+    this.objects = {
       bodies: new Bodies(scene, geometry),
       tool: new Tool(scene, geometry),
       overlays: new Overlays(scene, geometry),
     };
-    this.stage.scene.add(this.actors.bodies.group, this.actors.tool.group, this.actors.overlays.group);
-    this.stage.setGround(scene.ground);
+    this.viewport.scene.add(this.objects.bodies.group, this.objects.tool.group, this.objects.overlays.group);
+    this.viewport.setGround(scene.ground);
     this.show();
   }
 
-  take(frame: Frame): void {
-    if (!this.actors) {
+  update(frame: Frame): void {
+    if (!this.objects) {
       return;
     }
     this.last = frame;
     if (frame.hand) {
-      this.toolPlace.set(...frame.hand.tool);
+      this.toolPosition.set(...frame.hand.tool);
     }
-    this.actors.bodies.take(frame);
-    this.actors.overlays.take(frame);
-    this.actors.tool.take(frame, this.options, this.stage.heightAt(this.toolPlace));
-    if (!this.framed) {
-      this.framed = true;
-      this.frame(false, true);
+    this.objects.bodies.update(frame);
+    this.objects.overlays.update(frame);
+    this.objects.tool.update(frame, this.options, this.viewport.viewHeightAt(this.toolPosition));
+    if (!this.hasFramedView) {
+      this.hasFramedView = true;
+      this.frameView(false, true);
     }
-    this.stage.touch();
+    this.viewport.invalidate();
   }
 
-  /** Draws, if there is anything new to be seen; `held`: the viewer moves the tool, and the camera does not follow it. */
-  draw(held: boolean): boolean {
-    if (this.options.follow && this.framed && !held) {
-      this.stage.follow(this.toolPlace);
+  /** Draws if anything has changed. `handHeld`: the viewer drags the tool, and the camera does not follow it. */
+  draw(handHeld: boolean): boolean {
+    if (this.options.follow && this.hasFramedView && !handHeld) {
+      this.viewport.follow(this.toolPosition);
     }
-    return this.stage.draw();
+    return this.viewport.draw();
   }
 
   setOption(option: keyof ViewOptions, on: boolean): void {
@@ -87,50 +88,57 @@ export class Picture {
     this.show();
   }
 
-  /** Whether particles have to be streamed. */
+  /** Whether particles must be streamed. */
   needsParticles(): boolean {
     return Overlays.wanted(this.options);
   }
 
-  /** Of the arrows, m for a unit; 0: none is drawn. */
+  /** Scales of the arrows, m per unit; 0: none is drawn. */
   scales(): { force: number; torque: number } {
-    return this.actors?.tool.scales() ?? { force: 0, torque: 0 };
+    return this.objects?.tool.scales() ?? { force: 0, torque: 0 };
   }
 
-  takeColours(): void {
-    this.stage.takeColours();
-    this.actors?.tool.takeColours();
-    this.actors?.overlays.takeColours();
+  updateColours(): void {
+    this.viewport.updateColours();
+    this.objects?.tool.updateColours();
+    this.objects?.overlays.updateColours();
     this.show();
   }
 
-  /** Tool and bodies; or the tool and what is about it, with room for what comes. `turned`: seen from where one usually looks. */
-  frame(all: boolean, turned: boolean): void {
-    const extents = this.actors?.bodies.extents().filter((one) => !one.isEmpty()) ?? [];
-    const box = this.actors?.tool.extent() ?? new Box3();
-    const largest = Math.max(0, ...extents.map(longest));
-    const about = box.clone().expandByScalar(nearTool * largest);
-    extents.filter((one) => all || one.intersectsBox(about)).forEach((one) => box.union(one));
+  /**
+   * Shows tool and bodies, or the tool and its surroundings with a margin. `resetDirection`: from the default
+   * direction.
+   */
+  frameView(all: boolean, resetDirection: boolean): void {
+    // Start with the tool, and add all bodies or those nearby.
+    const extents = this.objects?.bodies.extents().filter((one) => !one.isEmpty()) ?? [];
+    const box = this.objects?.tool.extent() ?? new Box3();
+    const largest = Math.max(0, ...extents.map(longestEdge));
+    const nearby = box.clone().expandByScalar(nearbyMargin * largest);
+    extents.filter((one) => all || one.intersectsBox(nearby)).forEach((one) => box.union(one));
+    // Leave room for the bodies that the tool will reach.
     if (!all) {
-      box.expandByScalar(roomRoundTool * Math.max(largest - longest(box), 0));
+      box.expandByScalar(toolMargin * Math.max(largest - longestEdge(box), 0));
     }
-    this.stage.frame(box, turned);
+    this.viewport.frameBox(box, resetDirection);
   }
 
   private show(): void {
-    const { options, actors } = this;
-    if (actors) {
+    const { options, objects } = this;
+    if (objects) {
+      // Bodies are transparent while something inside them is shown.
       const ink = colourOf("ink");
       const glass = options.ellipsoids || options.groups || options.links;
-      actors.bodies.show(options.surfaces, options.wireframe, glass, ink);
-      actors.tool.show(options, ink);
-      actors.overlays.show(options);
+      objects.bodies.show(options.surfaces, options.wireframe, glass, ink);
+      objects.tool.show(options, ink);
+      objects.overlays.show(options);
     }
-    this.stage.showGround(options.ground);
+    this.viewport.showGround(options.ground);
+    // Apply the last frame again, so that newly shown objects are up to date.
     if (this.last) {
-      actors?.tool.take({ ...this.last, toolSurface: null }, options, this.stage.heightAt(this.toolPlace));
-      actors?.overlays.take(this.last);
+      objects?.tool.update({ ...this.last, toolSurface: null }, options, this.viewport.viewHeightAt(this.toolPosition));
+      objects?.overlays.update(this.last);
     }
-    this.stage.touch();
+    this.viewport.invalidate();
   }
 }

@@ -1,24 +1,24 @@
-// The strip of plots: what the hand feels, what host-sim's steps take, and how rt-core keeps its beat.
+// Plot strip: force at the hand, times of host-sim's steps, and timing of rt-core.
 import { element, setText } from "./dom.ts";
 import { colourOf } from "./colours.ts";
-import { isConnectedDevice, deviceWords } from "./device_words.ts";
+import { isConnectedDevice, deviceText } from "./device_text.ts";
 import { AgePlot, FeelPlot, PeriodPlot, type StripPlot, StagePlot } from "./strip_plots.ts";
 import { type DeviceMessage, sampleColumns, type Samples, type SceneMessage } from "./protocol.ts";
 import { History } from "./series.ts";
 
-const redrawEvery = 70; // ms
-const kept = 1 << 14; // samples: 16 s at 1 kHz, 8 s at 2 kHz
-const agesKept = 600; // two minutes of them
+const redrawInterval = 70; // ms
+const sampleCapacity = 1 << 14; // samples: 16 s at 1 kHz, 8 s at 2 kHz
+const ageCapacity = 600; // two minutes
 
 /** Fills `root`. */
 export class Plots {
-  private readonly samples = new History(sampleColumns.length, kept);
-  private readonly ages = new History(3, agesKept);
+  private readonly samples = new History(sampleColumns.length, sampleCapacity);
+  private readonly ages = new History(3, ageCapacity);
   private readonly feel: FeelPlot;
   private readonly stages: StagePlot;
   private readonly period: PeriodPlot;
   private readonly age: AgePlot;
-  private readonly device = element("p", { class: "device", role: "status" }, "No rt-core: the hand is not a device.");
+  private readonly device = element("p", { class: "device", role: "status" }, "No rt-core: no device moves the hand.");
   private readonly devicePlots = element("div", { class: "device-plots", hidden: true });
   private lastDevice: DeviceMessage | null = null;
   private drawn = -Infinity;
@@ -27,7 +27,7 @@ export class Plots {
 
   constructor(private readonly root: HTMLElement) {
     this.feel = new FeelPlot(this.samples);
-    this.stages = new StagePlot(this.samples, () => this.touch());
+    this.stages = new StagePlot(this.samples, () => this.invalidate());
     this.period = new PeriodPlot();
     this.age = new AgePlot(this.ages);
     this.devicePlots.append(this.period.root, this.age.root);
@@ -36,11 +36,12 @@ export class Plots {
       this.stages.root,
       element("div", { class: "device-part" }, this.device, this.devicePlots),
     );
-    new ResizeObserver(() => this.touch()).observe(root);
-    this.takeColours();
+    new ResizeObserver(() => this.invalidate()).observe(root);
+    this.updateColours();
+    // Redraw changed plots, at a limited rate.
     const frame = (now: number): void => {
       requestAnimationFrame(frame);
-      if (this.stale && this.shown && now - this.drawn >= redrawEvery) {
+      if (this.stale && this.shown && now - this.drawn >= redrawInterval) {
         this.drawn = now;
         this.stale = false;
         this.plots().forEach((plot) => plot.draw());
@@ -51,7 +52,7 @@ export class Plots {
 
   showScene(_scene: SceneMessage): void {
     this.samples.clear();
-    this.touch();
+    this.invalidate();
   }
 
   showSamples(samples: Samples): void {
@@ -61,13 +62,13 @@ export class Plots {
     for (let i = 0; i < samples.count; ++i) {
       this.samples.push(samples.times[i]!, samples.values, sampleColumns.length * i);
     }
-    this.touch();
+    this.invalidate();
   }
 
   showDevice(device: DeviceMessage): void {
     const connected = isConnectedDevice(device);
     this.devicePlots.hidden = !connected;
-    setText(this.device, deviceWords(device));
+    setText(this.device, deviceText(device));
     this.device.classList.toggle("faulty", device.faults.length > 0);
     if (connected) {
       this.lastDevice = device;
@@ -75,31 +76,31 @@ export class Plots {
       this.ages.push(performance.now() / 1000, [p50, p99, max]);
     }
     this.period.show(device);
-    this.touch();
+    this.invalidate();
   }
 
-  /** A strip that is folded is not drawn. */
+  /** A folded strip is not drawn. */
   show(on: boolean): void {
     this.shown = on;
     this.root.hidden = !on;
-    this.touch();
+    this.invalidate();
   }
 
-  /** After a change between light and dark, or of the size of letters. */
-  takeColours(): void {
-    const letters = parseFloat(getComputedStyle(document.documentElement).fontSize);
-    this.plots().forEach((plot) => plot.take({ colourOf, letters }));
+  /** To be called after a change of colours or of the font size. */
+  updateColours(): void {
+    const fontSize = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    this.plots().forEach((plot) => plot.setStyle({ colourOf, fontSize }));
     if (this.lastDevice) {
       this.period.show(this.lastDevice);
     }
-    this.touch();
+    this.invalidate();
   }
 
   private plots(): StripPlot[] {
     return [this.feel, this.stages, this.period, this.age];
   }
 
-  private touch(): void {
+  private invalidate(): void {
     this.stale = true;
   }
 }

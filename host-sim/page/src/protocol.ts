@@ -1,5 +1,4 @@
-// What host-sim sends, read into arrays that can be drawn. The format is PROTOCOL.md; this file is all of it that the page
-// knows, and touches neither the document nor the network.
+// Decoder of host-sim's messages (PROTOCOL.md) into arrays for drawing. It uses neither the document nor the network.
 
 export interface BodyInfo {
   name: string;
@@ -74,26 +73,28 @@ export interface RecordMessage {
 
 export type TextMessage = SceneMessage | DeviceMessage | RefusedMessage | RecordMessage | { type: "bye" };
 
-/** Shapes that stay as they are. Triples and quadruples follow one another; quaternions are x, y, z, w, as three.js has them. */
+/**
+ * Constant geometry. Triples and quadruples are stored one after another; quaternions are x, y, z, w, as in three.js.
+ */
 export interface Geometry {
   scene: number;
-  triangles: Uint32Array[]; // per body
+  triangles: Uint32Array[]; // one per body
   toolTriangles: Uint32Array;
-  semiAxes: Float32Array; // m, 3 a particle
-  ellipsoidAxes: Float32Array; // 4 a particle, particle_from_ellipsoid
+  semiAxes: Float32Array; // m, 3 per particle
+  ellipsoidAxes: Float32Array; // 4 per particle, particle_from_ellipsoid
   groups: { centre: number; members: Uint32Array }[];
-  links: Uint32Array; // 2 a link
+  links: Uint32Array; // 2 per link
 }
 
-/** A surface that moved. */
+/** A surface that has moved. */
 export interface Surface {
-  positions: Float32Array; // m, 3 a vertex
-  normals: Float32Array; // unit, 3 a vertex
+  positions: Float32Array; // m, 3 per vertex
+  normals: Float32Array; // unit, 3 per vertex
 }
 
 export interface Particles {
   positions: Float32Array; // m, 3 a particle
-  orientations: Float32Array; // 4 a particle: x, y, z, w
+  orientations: Float32Array; // 4 per particle: x, y, z, w
 }
 
 export interface Proxies {
@@ -107,7 +108,7 @@ export interface Proxies {
 
 export interface Plane {
   normal: [number, number, number];
-  offset: number; // m; the proxy's radius is in it
+  offset: number; // m, includes the proxy's radius
   velocity: number; // m/s
   proxy: number;
   touches: boolean;
@@ -129,7 +130,7 @@ export interface Hand {
   handTorque: Triple; // N*m, device frame
   curl: number;
   depth: number; // m
-  speed: number; // simulated seconds a second
+  speed: number; // simulated seconds per second
   buffered: number; // s
   source: (typeof handSources)[number];
   lateSteps: number;
@@ -143,20 +144,20 @@ export interface Frame {
   time: number; // s
   step: number;
   inContact: boolean;
-  squeezed: boolean;
+  overconstrained: boolean;
   paused: boolean;
   recording: boolean;
   diverged: boolean;
-  surfaces: Map<number, Surface>; // bodies that moved
-  toolSurface: Surface | null; // null: it did not move
+  surfaces: Map<number, Surface>; // bodies that have moved
+  toolSurface: Surface | null; // null: it has not moved
   particles: Map<number, Particles>;
   proxies: Proxies | null;
-  planes: Plane[] | null; // null: they are not watched
+  planes: Plane[] | null; // null: not subscribed
   hand: Hand | null;
   parameters: Float32Array | null;
 }
 
-/** Columns of a sample after its time. */
+/** Columns of a sample, after its time. */
 export const sampleColumns = [
   "force",
   "torque",
@@ -177,12 +178,12 @@ export interface Samples {
   count: number;
   dropped: number;
   times: Float64Array; // s
-  values: Float32Array; // sampleColumns.length a step
+  values: Float32Array; // sampleColumns.length per step
 }
 
 const numbersOfHand = 34;
 
-/** Reads one binary message from its beginning to its end. */
+/** Sequential reader of a binary message. */
 class Reader {
   private readonly view: DataView;
   private at = 0;
@@ -202,7 +203,7 @@ class Reader {
     this.at += 8;
     return this.view.getFloat64(this.at - 8, true);
   }
-  // The machine of a browser is little-endian, as the messages are; each part begins at a multiple of four.
+  // Typed arrays use the machine's byte order: little-endian, like the messages. Each part is aligned to 4 bytes.
   u32s(count: number): Uint32Array {
     this.at += 4 * count;
     return new Uint32Array(this.buffer, this.at - 4 * count, count);
@@ -216,7 +217,7 @@ class Reader {
   }
 }
 
-/** (w, x, y, z) to (x, y, z, w), in a copy. */
+/** A copy of quaternions, reordered from (w, x, y, z) to (x, y, z, w). */
 function reordered(quaternions: Float32Array): Float32Array {
   const result = new Float32Array(quaternions.length);
   for (let i = 0; i < quaternions.length; i += 4) {
@@ -244,7 +245,7 @@ export function readGeometry(buffer: ArrayBuffer, scene: SceneMessage): Geometry
   return { scene: id, triangles, toolTriangles, semiAxes, ellipsoidAxes, groups, links: reader.u32s(2 * scene.links) };
 }
 
-/** The unit vector of an octahedral pair in [-1, 1] (Cigolle et al. 2014), written to `out` at `at`. */
+/** Decodes an octahedral normal, u and v in [-1, 1] (Cigolle et al. 2014), into `out` at `at`. */
 export function unfoldNormal(u: number, v: number, out: Float32Array, at: number): void {
   const z = 1 - Math.abs(u) - Math.abs(v);
   const x = z >= 0 ? u : (1 - Math.abs(v)) * (u < 0 ? -1 : 1);
@@ -357,7 +358,7 @@ export function readFrame(buffer: ArrayBuffer): Frame {
     time,
     step,
     inContact: (flags & 1) !== 0,
-    squeezed: (flags & 2) !== 0,
+    overconstrained: (flags & 2) !== 0,
     paused: (flags & 4) !== 0,
     recording: (flags & 8) !== 0,
     diverged: (flags & 16) !== 0,
@@ -369,6 +370,7 @@ export function readFrame(buffer: ArrayBuffer): Frame {
     hand: null,
     parameters: null,
   };
+  // Each part starts with kind, index, count and size; unknown kinds are skipped.
   for (let parts = reader.u32(); parts > 0; --parts) {
     const kind = reader.u32();
     const index = reader.u32();

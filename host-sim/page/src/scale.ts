@@ -1,4 +1,4 @@
-// From the place of a slider to the value of a parameter and back, and numbers as they are read.
+// Slider scales (position to value and back) and number formatting.
 
 export interface Scale {
   least: number;
@@ -7,62 +7,65 @@ export interface Scale {
   logarithmic: boolean;
 }
 
-const decades = 4; // that a logarithmic slider shows above zero, where zero is its least value
+const decades = 4; // shown above zero by a logarithmic slider with minimum zero
 
-function lowest(scale: Scale): number {
+function logarithmicMin(scale: Scale): number {
   return scale.least > 0 ? scale.least : scale.most / 10 ** decades;
 }
 
-/** Three significant digits, or a whole number; within the range whatever the digits are. */
+/** Rounds to three significant digits, or to an integer, and clamps to the range. */
 export function rounded(scale: Scale, value: number): number {
-  const neat = scale.whole ? Math.round(value) : Number(value.toPrecision(3));
-  return Math.min(Math.max(neat, scale.least), scale.most);
+  const shortened = scale.whole ? Math.round(value) : Number(value.toPrecision(3));
+  return Math.min(Math.max(shortened, scale.least), scale.most);
 }
 
-/** The value at a place from 0 to 1. The left end of a logarithmic slider is its least value, even where that is zero. */
-export function valueAt(scale: Scale, place: number): number {
-  if (place <= 0) {
+/**
+ * The value at a slider position from 0 to 1. The left end of a logarithmic slider is its minimum, even if that is
+ * zero.
+ */
+export function valueAtPosition(scale: Scale, position: number): number {
+  if (position <= 0) {
     return scale.least;
   }
-  if (place >= 1) {
+  if (position >= 1) {
     return scale.most;
   }
   const value =
     scale.logarithmic && scale.most > 0
-      ? lowest(scale) * (scale.most / lowest(scale)) ** place
-      : scale.least + (scale.most - scale.least) * place;
+      ? logarithmicMin(scale) * (scale.most / logarithmicMin(scale)) ** position
+      : scale.least + (scale.most - scale.least) * position;
   return rounded(scale, value);
 }
 
-/** Where a value is, 0 to 1; what lies beyond an end is at that end. */
-export function placeOf(scale: Scale, value: number): number {
+/** The slider position of a value, 0 to 1; values outside the range are clamped. */
+export function sliderPosition(scale: Scale, value: number): number {
   if (!(scale.most > scale.least)) {
     return 0;
   }
-  const place =
+  const position =
     scale.logarithmic && scale.most > 0
-      ? Math.log(Math.max(value, lowest(scale)) / lowest(scale)) / Math.log(scale.most / lowest(scale))
+      ? Math.log(Math.max(value, logarithmicMin(scale)) / logarithmicMin(scale)) / Math.log(scale.most / logarithmicMin(scale))
       : (value - scale.least) / (scale.most - scale.least);
-  return Math.min(Math.max(place, 0), 1);
+  return Math.min(Math.max(position, 0), 1);
 }
 
-/** With so many significant digits at most, and without an exponent wherever a reader can do without. */
-export function written(value: number, digits = 4): string {
+/** A number with at most this many significant digits, without an exponent where possible. */
+export function formatNumber(value: number, digits = 4): string {
   if (!Number.isFinite(value)) {
     return "–";
   }
-  const neat = Number(value.toPrecision(digits));
-  const size = Math.abs(neat);
-  return size !== 0 && (size < 1e-5 || size >= 1e9) ? neat.toExponential().replace("e+", "e") : String(neat);
+  const shortened = Number(value.toPrecision(digits));
+  const size = Math.abs(shortened);
+  return size !== 0 && (size < 1e-5 || size >= 1e9) ? shortened.toExponential().replace("e+", "e") : String(shortened);
 }
 
-/** A number and its unit, with a space that does not break. */
+/** A number and its unit, with a non-breaking space. */
 export function withUnit(value: number, unit: string, digits = 4): string {
-  return unit === "" ? written(value, digits) : `${written(value, digits)}\u00a0${unit}`;
+  return unit === "" ? formatNumber(value, digits) : `${formatNumber(value, digits)}\u00a0${unit}`;
 }
 
-/** The same number of decimals always, so that a readout does not jump about. */
-export function steady(value: number, decimals: number, unit = ""): string {
+/** A number with fixed decimals, so that a readout does not change its width. */
+export function formatFixed(value: number, decimals: number, unit = ""): string {
   const number = Number.isFinite(value) ? value.toFixed(decimals) : "–";
   return unit === "" ? number : `${number}\u00a0${unit}`;
 }

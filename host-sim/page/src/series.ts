@@ -1,10 +1,10 @@
-// Samples of the last seconds, and what of them a plot some hundred pixels wide can show.
+// Sample history for the plots, and its decimation to the width of a plot.
 
-/** The newest rows of so many columns against a time that grows; older rows go. */
+/** Ring buffer of the newest rows of samples against increasing time. */
 export class History {
   private readonly times: Float64Array;
   private readonly values: Float32Array;
-  private first = 0; // where the oldest row is
+  private first = 0; // index of the oldest row
   private rows = 0;
 
   constructor(
@@ -18,14 +18,14 @@ export class History {
   get length(): number {
     return this.rows;
   }
-  /** Of row `i`, 0 the oldest. */
+  /** Time of row `i`; 0 is the oldest. */
   time(i: number): number {
     return this.times[this.slot(i)] ?? NaN;
   }
   value(i: number, column: number): number {
     return this.values[this.columns * this.slot(i) + column] ?? NaN;
   }
-  /** NaN where there is none. */
+  /** Time of the newest row; NaN if there is none. */
   get newest(): number {
     return this.rows > 0 ? this.time(this.rows - 1) : NaN;
   }
@@ -34,11 +34,12 @@ export class History {
     this.rows = 0;
   }
 
-  /** Time that goes back, as after a reset, begins anew. */
+  /** Appends a row. A time before the newest, as after a reset, clears the history. */
   push(time: number, row: ArrayLike<number>, offset = 0): void {
     if (this.rows > 0 && time < this.newest) {
       this.clear();
     }
+    // When full, overwrite the oldest row.
     if (this.rows === this.capacity) {
       this.first = (this.first + 1) % this.capacity;
     } else {
@@ -51,14 +52,14 @@ export class History {
     }
   }
 
-  /** Nothing is known between the rows before and those that follow: a line breaks here. */
+  /** Marks a gap: the line breaks between the rows before and after. */
   gap(): void {
     if (this.rows > 0) {
       this.push(this.newest, new Float32Array(this.columns).fill(NaN));
     }
   }
 
-  /** The first row that is not before `time`. */
+  /** The first row at or after `time`. */
   indexOf(time: number): number {
     let low = 0;
     let high = this.rows;
@@ -78,15 +79,16 @@ export class History {
   }
 }
 
-/** Times, and for each column that was asked for as many values; null breaks the line. */
+/** Times, and the values of each requested column; null breaks the line. */
 export interface Decimated {
   times: number[];
   columns: (number | null)[][];
 }
 
 /**
- * The rows from `from` to `to` as two points a bin, the least and the greatest of each column, so that no peak is lost. Bins
- * lie at whole multiples of their width, and a picture that moves on does not flicker. Fewer rows than points stay as they are.
+ * Reduces the rows from `from` to `to` to two points per bin, the minimum and maximum of each column, so that no peak
+ * is lost. Bins lie at integer multiples of their width, so a scrolling plot does not flicker. Fewer rows than points
+ * are returned unchanged.
  */
 export function decimate(history: History, wanted: number[], from: number, to: number, bins: number): Decimated {
   const begin = history.indexOf(from);
@@ -99,6 +101,7 @@ export function decimate(history: History, wanted: number[], from: number, to: n
     }
     return result;
   }
+  // Group the rows by bin; each bin gives its two extremes in the order of their times.
   const width = (to - from) / bins;
   for (let i = begin; i < end;) {
     const bin = Math.floor(history.time(i) / width);
@@ -120,25 +123,25 @@ function orNull(value: number): number | null {
   return Number.isNaN(value) ? null : value;
 }
 
-/** The least and the greatest value of some rows, in the order in which they came; NaN if no row has one. */
+/** Minimum and maximum of a column over some rows, in the order of their times; NaN if no row has a value. */
 function extremes(history: History, column: number, begin: number, end: number): [number, number] {
-  let least = NaN;
-  let greatest = NaN;
-  let leastAt = begin;
-  let greatestAt = begin;
+  let min = NaN;
+  let max = NaN;
+  let minAt = begin;
+  let maxAt = begin;
   for (let i = begin; i < end; ++i) {
     const value = history.value(i, column);
     if (Number.isNaN(value)) {
       continue;
     }
-    if (!(value >= least)) {
-      least = value;
-      leastAt = i;
+    if (!(value >= min)) {
+            min = value;
+      minAt = i;
     }
-    if (!(value <= greatest)) {
-      greatest = value;
-      greatestAt = i;
+    if (!(value <= max)) {
+            max = value;
+      maxAt = i;
     }
   }
-  return leastAt <= greatestAt ? [least, greatest] : [greatest, least];
+  return minAt <= maxAt ? [min, max] : [max, min];
 }

@@ -1,43 +1,43 @@
-// What goes on, in a line or two above the picture; and what went wrong.
+// Status line above the picture, and messages about refusals and connection loss.
 import type { ConnectionState } from "./connection.ts";
-import { element, found, paced, setText } from "./dom.ts";
+import { element, byId, throttle, setText } from "./dom.ts";
 import { type Frame, handSources, type RefusedMessage, type SceneMessage } from "./protocol.ts";
-import { steady, withUnit, written } from "./scale.ts";
+import { formatFixed, withUnit, formatNumber } from "./scale.ts";
 
-const writeEvery = 100; // ms
-const refusedFor = 7000; // ms
-const rateOver = 0.5; // s, simulated
+const updateInterval = 100; // ms
+const refusalDuration = 7000; // ms
+const rateInterval = 0.5; // s, simulated
 
-const handWords: Record<(typeof handSources)[number], string> = {
+const handText: Record<(typeof handSources)[number], string> = {
   script: "the hand follows the script",
-  device: "the hand is the device",
-  mouse: "the hand is a mouse",
+  device: "a device moves the hand",
+  mouse: "a mouse moves the hand",
   input: "the hand follows a file",
-  still: "the hand keeps still",
+  still: "the hand does not move",
 };
 
-/** How long the arrows are: m a newton and m a newton metre; 0 where none is drawn. */
+/** Lengths of the arrows: m per newton and per newton metre; 0 where none is drawn. */
 export interface ArrowScales {
   force: number;
   torque: number;
 }
 
 export class Status {
-  private readonly title = found("scene-name");
-  private readonly state = found("scene-state");
-  private readonly notice = found("notice");
-  private readonly refused = found("refused");
+  private readonly title = byId("scene-name");
+  private readonly state = byId("scene-state");
+  private readonly notice = byId("notice");
+  private readonly refused = byId("refused");
   private readonly numbers = element("span", { class: "numbers" });
   private readonly contact = element("span", { class: "contact" });
   private readonly others = element("span");
   private readonly arrows = element("span", { class: "quiet" });
-  private readonly write = paced(writeEvery, (shown: { frame: Frame; scales: ArrowScales }) => {
+  private readonly write = throttle(updateInterval, (shown: { frame: Frame; scales: ArrowScales }) => {
     this.writeFrame(shown.frame);
-    setText(this.arrows, arrowWords(shown.scales));
+    setText(this.arrows, arrowLegend(shown.scales));
   });
   private connected = false;
   private mode: SceneMessage["mode"] = "run";
-  private since = { time: 0, step: 0 };
+  private rateStart = { time: 0, step: 0 };
   private stepsPerSecond = NaN;
   private refusedTimer = 0;
 
@@ -65,51 +65,52 @@ export class Status {
   }
 
   showFrame(frame: Frame, scales: ArrowScales): void {
-    // By host-sim's own clocks: a busy browser takes its frames in late and by the heap.
-    const passed = frame.time - this.since.time;
-    if (passed < 0 || frame.step < this.since.step) {
-      this.since = { time: frame.time, step: frame.step };
-    } else if (passed >= rateOver) {
-      this.stepsPerSecond = ((frame.step - this.since.step) / passed) * (frame.hand?.speed ?? NaN);
-      this.since = { time: frame.time, step: frame.step };
+    // Use host-sim's own time: a busy browser receives its frames late and in bursts.
+    const passed = frame.time - this.rateStart.time;
+    if (passed < 0 || frame.step < this.rateStart.step) {
+      this.rateStart = { time: frame.time, step: frame.step };
+    } else if (passed >= rateInterval) {
+      this.stepsPerSecond = ((frame.step - this.rateStart.step) / passed) * (frame.hand?.speed ?? NaN);
+      this.rateStart = { time: frame.time, step: frame.step };
     }
     this.write({ frame, scales });
   }
 
-  /** Said politely, and gone after some seconds. */
+  /** Shows a refusal for some seconds. */
   showRefused(refused: RefusedMessage): void {
     this.refused.textContent = `host-sim refused “${refused.command}”: ${refused.why}`;
     this.refused.classList.add("shown");
     clearTimeout(this.refusedTimer);
-    this.refusedTimer = window.setTimeout(() => this.refused.classList.remove("shown"), refusedFor);
+    this.refusedTimer = window.setTimeout(() => this.refused.classList.remove("shown"), refusalDuration);
   }
 
   private writeFrame(frame: Frame): void {
     const hand = frame.hand;
-    const numbers = [steady(frame.time, 2, "s")];
+    const numbers = [formatFixed(frame.time, 2, "s")];
     if (hand) {
-      numbers.push(frame.paused ? "paused" : `${steady(hand.speed, 2)} × real time`);
+      numbers.push(frame.paused ? "paused" : `${formatFixed(hand.speed, 2)} × real time`);
       if (this.mode === "run" && !frame.paused && Number.isFinite(this.stepsPerSecond)) {
-        numbers.push(`${written(this.stepsPerSecond, 3)} steps/s`);
+        numbers.push(`${formatNumber(this.stepsPerSecond, 3)} steps/s`);
       }
-      numbers.push(`${steady(Math.hypot(...hand.handForce), 2, "N")} at the hand`);
+      numbers.push(`${formatFixed(Math.hypot(...hand.handForce), 2, "N")} at the hand`);
     }
+    // Write only what has changed.
     setText(this.numbers, numbers.join(" · "));
-    setText(this.contact, frame.squeezed ? "squeezed" : frame.inContact ? "in contact" : "free");
-    setText(this.others, this.wordsOf(frame).join(" · "));
+    setText(this.contact, frame.overconstrained ? "overconstrained" : frame.inContact ? "in contact" : "free");
+    setText(this.others, this.detailsOf(frame).join(" · "));
     document.body.classList.toggle("touching", frame.inContact);
   }
 
-  private wordsOf(frame: Frame): string[] {
-    const words = [""]; // a separator after the contact
+  private detailsOf(frame: Frame): string[] {
+    const words = [""]; // separator after the contact state
     const hand = frame.hand;
     if (frame.diverged) {
-      words.push(this.mode === "play" ? "the replay has left what was recorded" : "diverged");
+      words.push(this.mode === "play" ? "the replay differs from the recording" : "diverged");
     }
     if (hand) {
-      words.push(this.mode === "play" ? "a recording" : handWords[hand.source]);
+      words.push(this.mode === "play" ? "recording" : handText[hand.source]);
       if (hand.lateSteps > 0) {
-        words.push(`${written(hand.lateSteps, 6)} late ${hand.lateSteps === 1 ? "step" : "steps"}`);
+        words.push(`${formatNumber(hand.lateSteps, 6)} late ${hand.lateSteps === 1 ? "step" : "steps"}`);
       }
       words.push(`${hand.viewers} ${hand.viewers === 1 ? "viewer" : "viewers"}`);
     }
@@ -117,8 +118,8 @@ export class Status {
   }
 }
 
-/** The legend of the arrows: how long one newton is in the scene. */
-function arrowWords(scales: ArrowScales): string {
+/** Legend of the arrows: the length of one newton in the scene. */
+function arrowLegend(scales: ArrowScales): string {
   const words: string[] = [];
   if (scales.force > 0) {
     words.push(`force arrow: 1\u00a0N is ${withUnit(1000 * scales.force, "mm", 2)}`);

@@ -1,54 +1,54 @@
-// The single plots of the strip, each a uPlot with its title.
+// Plots of the strip, each a uPlot with a title.
 import uPlot from "uplot";
 
 import { element } from "./dom.ts";
 import type { DeviceMessage } from "./protocol.ts";
 import { sampleColumns } from "./protocol.ts";
-import { written } from "./scale.ts";
+import { formatNumber } from "./scale.ts";
 import { decimate, type History } from "./series.ts";
 
-const seconds = 6; // of simulated time that are shown
-const agesFor = 60; // s of the reader's time
+const windowSeconds = 6; // shown, in simulated time
+const ageWindow = 60; // s, in real time
 const pixelsPerBin = 2;
-const leastTime = 0.1; // us, where a logarithmic axis begins
+const minTime = 0.1; // us, lower end of a logarithmic axis
 
-/** What a plot takes from the page's style. */
-export interface Look {
+/** Style of the page as used by plots. */
+export interface PlotStyle {
   colourOf(name: string): string;
-  letters: number; // px, of the page's text
+  fontSize: number; // px, of the page's text
 }
 
 interface Line {
   label: string;
-  colour: string; // a custom property
+  colour: string; // name of a CSS custom property
   scale?: string;
   dash?: number[];
-  fill?: number; // how opaque below the line, 0 to 1
+  fill?: number; // opacity below the line, 0 to 1
 }
 
 interface Axis {
   scale: string;
   label: string;
   side?: 1 | 3;
-  decades?: boolean; // logarithmic, of us: marks at powers of ten only
+  decades?: boolean; // logarithmic, in us: ticks at powers of ten only
 }
 
-/** A uPlot as large as its place, made anew when colours change. */
+/** A uPlot that fills its container and is rebuilt when colours change. */
 export abstract class StripPlot {
   readonly root: HTMLElement;
-  private readonly place = element("div", { class: "plot-place" });
+  private readonly container = element("div", { class: "plot-container" });
   protected plot: uPlot | null = null;
-  private look: Look | null = null;
+  private style: PlotStyle | null = null;
   private size = { width: 0, height: 0 };
 
   protected constructor(title: string, ...beside: Node[]) {
     const heading = element("div", { class: "plot-title" }, element("h2", {}, title), ...beside);
-    this.root = element("figure", { class: "strip-plot", "aria-label": title }, heading, this.place);
-    new ResizeObserver(() => this.fit()).observe(this.place);
+    this.root = element("figure", { class: "strip-plot", "aria-label": title }, heading, this.container);
+    new ResizeObserver(() => this.fit()).observe(this.container);
   }
 
-  take(look: Look): void {
-    this.look = look;
+  setStyle(style: PlotStyle): void {
+    this.style = style;
     this.rebuild();
   }
 
@@ -73,26 +73,29 @@ export abstract class StripPlot {
   }
 
   protected colour(name: string): string {
-    return this.look?.colourOf(name) ?? "gray";
+    return this.style?.colourOf(name) ?? "gray";
   }
-  /** How many bins of samples the plot's width is worth. */
+  /** Number of bins of samples that the plot's width can show. */
   protected bins(): number {
     return Math.max(50, Math.floor((this.plot?.bbox.width ?? 300) / (pixelsPerBin * devicePixelRatio)));
   }
 
   protected rebuild(): void {
+    // A new plot keeps the hidden lines of the previous one.
     const hidden = this.plot?.series.map((series) => series.show === false) ?? [];
     this.plot?.destroy();
     this.plot = null;
-    if (!this.look) {
+    if (!this.style) {
       return;
     }
+    // Legend markers show a line's dash.
     const lines = this.lines();
     const markers: uPlot.Legend.Markers = {
       width: 1.5,
       fill: () => "transparent",
       dash: (_plot, k) => (lines[k - 1]?.dash ? "dashed" : "solid"),
     };
+    // The derived class defines lines, axes and scales.
     const options: uPlot.Options = {
       width: Math.max(this.size.width, 1),
       height: Math.max(this.size.height, 1),
@@ -107,14 +110,15 @@ export abstract class StripPlot {
         ...this.axes().map((axis) => this.axisOf(axis, true)),
       ],
     };
-    this.plot = new uPlot(options, [[], ...lines.map(() => [])] as unknown as uPlot.AlignedData, this.place);
+    this.plot = new uPlot(options, [[], ...lines.map(() => [])] as unknown as uPlot.AlignedData, this.container);
     this.fit();
   }
 
   private fit(): void {
-    const legend = this.place.querySelector<HTMLElement>(".u-legend");
-    const width = Math.floor(this.place.clientWidth);
-    const height = Math.floor(this.place.clientHeight - (legend?.offsetHeight ?? 0));
+    // The plot gets the container's height less the legend's.
+    const legend = this.container.querySelector<HTMLElement>(".u-legend");
+    const width = Math.floor(this.container.clientWidth);
+    const height = Math.floor(this.container.clientHeight - (legend?.offsetHeight ?? 0));
     this.size = { width, height };
     if (this.plot && width > 0 && height > 0 && (this.plot.width !== width || this.plot.height !== height)) {
       this.plot.setSize({ width, height });
@@ -139,17 +143,18 @@ export abstract class StripPlot {
   }
 
   private axisOf(axis: Axis, upright: boolean): uPlot.Axis {
-    const letters = (this.look?.letters ?? 16) * 0.72;
+    // Sizes scale with the page's font. Labels and grid of the left axis only.
+    const fontSize = (this.style?.fontSize ?? 16) * 0.72;
     return {
       scale: axis.scale,
       stroke: this.colour("quiet"),
-      font: `${letters}px system-ui, sans-serif`,
-      size: upright ? 4.6 * letters : 2 * letters,
+      font: `${fontSize}px system-ui, sans-serif`,
+      size: upright ? 4.6 * fontSize : 2 * fontSize,
       gap: 3,
-      space: upright ? 2.2 * letters : 4.5 * letters,
+      space: upright ? 2.2 * fontSize : 4.5 * fontSize,
       ticks: { show: false },
       grid: { show: axis.side !== 1, stroke: this.colour("line"), width: 1 },
-      values: (_plot, values) => values.map((value, k) => markOf(value, axis, k === values.length - 1)),
+      values: (_plot, values) => values.map((value, k) => tickLabel(value, axis, k === values.length - 1)),
       ...(axis.side ? { side: axis.side } : {}),
       ...(axis.decades ? { splits: (_plot, _axis, min, max) => powersOfTen(min, max) } : {}),
     };
@@ -161,28 +166,28 @@ function powersOfTen(min: number, max: number): number[] {
   return Array.from({ length: Math.max(0, Math.round(Math.log10(max)) - first) + 1 }, (_, k) => 10 ** (first + k));
 }
 
-/** A colour as the browser computed it, rgb(...), let through. */
+/** A computed colour, rgb(...), with an opacity. */
 function withOpacity(colour: string, opacity: number): string {
   return opacity < 1 ? colour.replace(/^rgb\((.*)\)$/, `rgb($1 / ${opacity})`).replace(/, /g, " ") : colour;
 }
 
-/** What is written at a mark. The unit stands at the last, in place of a title beside the axis, or at each power of ten. */
-function markOf(value: number | null, axis: Axis, last: boolean): string {
+/** Label of a tick. The unit is part of the last label instead of an axis title; on a logarithmic axis, of every label. */
+function tickLabel(value: number | null, axis: Axis, last: boolean): string {
   if (value === null) {
     return "";
   }
   if (axis.decades) {
-    return value < 1000 ? `${written(value)} ${axis.label}` : `${written(value / 1000)} ms`;
+    return value < 1000 ? `${formatNumber(value)} ${axis.label}` : `${formatNumber(value / 1000)} ms`;
   }
-  return last ? `${written(value, 7)} ${axis.label}` : written(value, 7);
+  return last ? `${formatNumber(value, 7)} ${axis.label}` : formatNumber(value, 7);
 }
 
-/** Range of an axis from zero to what there is, and a little at least. */
-function fromZero(least: number): uPlot.Range.Function {
-  return (_plot, _min, max) => [0, Math.max(1.08 * (max ?? 0), least)];
+/** Axis range from zero to slightly above the maximum, at least to `minTop`. */
+function fromZero(minTop: number): uPlot.Range.Function {
+  return (_plot, _min, max) => [0, Math.max(1.08 * (max ?? 0), minTop)];
 }
 
-/** The last seconds of the samples, some of their columns. */
+/** Some columns of the samples of the last seconds. */
 abstract class SamplePlot extends StripPlot {
   protected constructor(
     private readonly history: History,
@@ -196,15 +201,16 @@ abstract class SamplePlot extends StripPlot {
   protected abstract shownAs(column: number, value: number): number;
 
   protected fill(plot: uPlot): void {
+    // The window ends at the newest sample; decimate to the plot's width.
     const newest = this.history.newest;
-    const to = Number.isNaN(newest) ? seconds : Math.max(newest, seconds);
-    const data = decimate(this.history, this.wanted, to - seconds, to, this.bins());
+    const to = Number.isNaN(newest) ? windowSeconds : Math.max(newest, windowSeconds);
+    const data = decimate(this.history, this.wanted, to - windowSeconds, to, this.bins());
     const columns = data.columns.map((column, k) =>
       column.map((value) => (value === null ? null : this.shownAs(this.wanted[k]!, value))),
     );
     plot.batch(() => {
       plot.setData([data.times, ...columns] as uPlot.AlignedData, true);
-      plot.setScale("x", { min: to - seconds, max: to });
+      plot.setScale("x", { min: to - windowSeconds, max: to });
     });
   }
 }
@@ -213,7 +219,7 @@ const forceColumn = sampleColumns.indexOf("force");
 const depthColumn = sampleColumns.indexOf("depth");
 const firstStage = sampleColumns.indexOf("total");
 
-/** Force at the hand, and how deep the proxy is held back from the hand. */
+/** Force at the hand, and depth of the hip behind the proxy. */
 export class FeelPlot extends SamplePlot {
   constructor(history: History) {
     super(history, [forceColumn, depthColumn], "At the hand");
@@ -238,11 +244,11 @@ export class FeelPlot extends SamplePlot {
   }
 }
 
-/** What each part of a step takes. */
+/** Times of the stages of a step. */
 export class StagePlot extends SamplePlot {
   private logarithmic = true;
 
-  constructor(history: History, touched: () => void) {
+  constructor(history: History, changed: () => void) {
     const select = element("select", { "aria-label": "Axis of the stage times" });
     select.append(element("option", {}, "logarithmic"), element("option", {}, "linear"));
     const columns = sampleColumns.slice(firstStage).map((_, k) => firstStage + k);
@@ -250,11 +256,11 @@ export class StagePlot extends SamplePlot {
     select.addEventListener("change", () => {
       this.logarithmic = select.selectedIndex === 0;
       this.rebuild();
-      touched();
+      changed();
     });
   }
   protected shownAs(_column: number, value: number): number {
-    return this.logarithmic ? Math.max(value, leastTime) : value;
+    return this.logarithmic ? Math.max(value, minTime) : value;
   }
   protected lines(): Line[] {
     const colours = ["ink", "first", "second", "third", "fourth"];
@@ -269,19 +275,19 @@ export class StagePlot extends SamplePlot {
   }
   protected scales(): uPlot.Scales {
     const y: uPlot.Scale = this.logarithmic
-      ? { distr: 3, range: (_plot, min, max) => decadesAbout(min, max) }
+      ? { distr: 3, range: (_plot, min, max) => decadeRange(min, max) }
       : { range: fromZero(10) };
     return { x: { time: false, auto: false }, y };
   }
 }
 
-function decadesAbout(min: number | null, max: number | null): [number, number] {
-  const low = 10 ** Math.floor(Math.log10(Math.max(min ?? 1, leastTime)));
+function decadeRange(min: number | null, max: number | null): [number, number] {
+  const low = 10 ** Math.floor(Math.log10(Math.max(min ?? 1, minTime)));
   const high = 10 ** Math.ceil(Math.log10(Math.max(max ?? 100, 10 * low)));
   return [low, high];
 }
 
-/** How long rt-core's periods were: a bar for each bin, a line at the 99th percentile. */
+/** Histogram of rt-core's periods, with a line at the 99th percentile. */
 export class PeriodPlot extends StripPlot {
   private device: DeviceMessage | null = null;
 
@@ -322,7 +328,9 @@ export class PeriodPlot extends StripPlot {
       return;
     }
     const { ctx, bbox } = plot;
+    // Pixel-aligned position of the line.
     const x = Math.round(plot.valToPos(p99, "x", true)) + 0.5;
+    // Dashed vertical line, with its label on the side that has more room.
     ctx.save();
     ctx.strokeStyle = ctx.fillStyle = this.colour("warn");
     ctx.setLineDash([4, 3]);
@@ -338,16 +346,16 @@ export class PeriodPlot extends StripPlot {
   }
 }
 
-/** How old host-sim's newest frame is when rt-core uses it, over the last minute. */
+/** Age of host-sim's newest frame when rt-core uses it, over the last minute. */
 export class AgePlot extends StripPlot {
   constructor(private readonly history: History) {
     super("Age of host-sim's frames");
   }
   protected lines(): Line[] {
     return [
-      { label: "half", colour: "first" },
+      { label: "median", colour: "first" },
       { label: "99 %", colour: "second" },
-      { label: "most", colour: "quiet", dash: [5, 3] },
+      { label: "max", colour: "quiet", dash: [5, 3] },
     ];
   }
   protected axes(): Axis[] {
@@ -358,11 +366,11 @@ export class AgePlot extends StripPlot {
   }
   protected fill(plot: uPlot): void {
     const to = performance.now() / 1000;
-    const data = decimate(this.history, [0, 1, 2], to - agesFor, to, this.bins());
+    const data = decimate(this.history, [0, 1, 2], to - ageWindow, to, this.bins());
     const ages = data.times.map((time) => time - to);
     plot.batch(() => {
       plot.setData([ages, ...data.columns] as uPlot.AlignedData, true);
-      plot.setScale("x", { min: -agesFor, max: 0 });
+      plot.setScale("x", { min: -ageWindow, max: 0 });
     });
   }
 }

@@ -1,18 +1,18 @@
-// The time line of a recording that is replayed.
+// Timeline of a recording that is played.
 import type { Actions } from "./actions.ts";
-import { button, element, paced, setText } from "./dom.ts";
+import { button, element, throttle, setText } from "./dom.ts";
 import type { Frame, SceneMessage } from "./protocol.ts";
-import { steady, written } from "./scale.ts";
+import { formatFixed, formatNumber } from "./scale.ts";
 
-const writeEvery = 50; // ms
-const sendEvery = 50; // ms
-const settles = 400; // ms after a drag, until the line follows the frames again
+const updateInterval = 50; // ms
+const sendInterval = 50; // ms
+const echoDelay = 400; // ms after a drag before the slider follows the frames again
 const speeds = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
 
-/** Fills `root`, which stays hidden unless a recording is shown. */
+/** Fills `root`, which is hidden unless a recording is played. */
 export class Timeline {
   private readonly play = button("Pause", () => this.togglePlay());
-  private readonly back = button("|◀", () => this.seek(0), { "aria-label": "To the beginning" });
+  private readonly back = button("|◀", () => this.seek(0), { "aria-label": "To the start" });
   private readonly line = element("input", {
     type: "range",
     min: 0,
@@ -22,17 +22,17 @@ export class Timeline {
   private readonly time = element("output", { class: "numbers" });
   private readonly speed = element("select", { "aria-label": "Speed" });
   private readonly warning = element("p", { class: "warning", role: "status", hidden: true });
-  private readonly write = paced(writeEvery, (frame: Frame) => this.writeFrame(frame));
+  private readonly write = throttle(updateInterval, (frame: Frame) => this.writeFrame(frame));
   private readonly sendSeek: (time: number) => void;
   private length = 0;
   private paused = false;
-  private moved = -Infinity;
+  private movedAt = -Infinity;
 
   constructor(
     private readonly root: HTMLElement,
     private readonly actions: Actions,
   ) {
-    this.sendSeek = paced(sendEvery, (time: number) => actions.send({ type: "seek", time }));
+    this.sendSeek = throttle(sendInterval, (time: number) => actions.send({ type: "seek", time }));
     for (const speed of speeds) {
       this.speed.append(element("option", { value: speed }, `${speed} ×`));
     }
@@ -42,7 +42,7 @@ export class Timeline {
     root.append(this.back, this.play, this.line, this.time, this.speed, this.warning);
   }
 
-  /** Whether a recording is shown. */
+  /** Whether a recording is played. */
   get shown(): boolean {
     return !this.root.hidden;
   }
@@ -72,23 +72,23 @@ export class Timeline {
   }
 
   private seek(time: number): void {
-    this.moved = performance.now();
+    this.movedAt = performance.now();
     this.line.valueAsNumber = time;
     this.sendSeek(time);
   }
 
   private writeFrame(frame: Frame): void {
     setText(this.play, frame.paused ? "Play" : "Pause");
-    if (performance.now() - this.moved > settles) {
+    if (performance.now() - this.movedAt > echoDelay) {
       this.line.valueAsNumber = frame.time;
     }
-    setText(this.time, `${steady(frame.time, 2)} of ${steady(this.length, 2, "s")}`);
+    setText(this.time, `${formatFixed(frame.time, 2)} of ${formatFixed(this.length, 2, "s")}`);
     const buffered = frame.hand && this.length > 0 ? frame.hand.buffered / this.length : 0;
-    this.line.style.setProperty("--buffered", `${written(100 * Math.min(buffered, 1), 4)}%`);
-    this.line.setAttribute("aria-valuetext", `${steady(frame.time, 2)} seconds`);
+    this.line.style.setProperty("--buffered", `${formatNumber(100 * Math.min(buffered, 1), 4)}%`);
+    this.line.setAttribute("aria-valuetext", `${formatFixed(frame.time, 2)} seconds`);
     this.warning.hidden = !frame.diverged;
     const words =
-      "This replay has left what was recorded: the recording was made by another version or on another machine.";
+      "This replay differs from the recording, which was made by another version or on another machine.";
     setText(this.warning, frame.diverged ? words : "");
   }
 }

@@ -1,4 +1,4 @@
-// The tool in the hand: its surface and spheres, where the device has it, what it feels, and the planes that it was sent.
+// Tool: its surface and spheres, the device's pose, force and torque arrows, and contact planes.
 import {
   ArrowHelper,
   Box3,
@@ -27,14 +27,14 @@ import type { Frame, Geometry, Hand, Plane, Proxies, SceneMessage } from "./prot
 import { roundScale } from "./round_scale.ts";
 
 const skin = 0xdea480;
-const mostPlanes = 192;
+const maxPlanes = 192;
 const forward = new Vector3(0, 0, 1);
 
-/** An arrow whose scale is a round number that keeps it well within the picture. */
+/** An arrow with a round scale that keeps it well within the view. */
 class ScaledArrow {
   readonly arrow = new ArrowHelper(forward, new Vector3(), 1);
-  private most = 0; // that was seen of late
-  scale = 0; // m a unit
+  private recentMax = 0; // decaying maximum of the magnitude
+  scale = 0; // m per unit
 
   constructor() {
     this.arrow.renderOrder = 3;
@@ -45,19 +45,19 @@ class ScaledArrow {
     }
   }
 
-  /** `room`: m that the longest may have. */
-  point(from: Vector3, what: Vector3, room: number, shown: boolean): void {
+  /** `maxLength`: m, of the longest arrow. */
+  point(from: Vector3, what: Vector3, maxLength: number, shown: boolean): void {
     const size = what.length();
-    this.most = Math.max(size, 0.998 * this.most);
-    this.arrow.visible = shown && size > 1e-3 * Math.max(this.most, 1e-6) && size > 1e-9;
+    this.recentMax = Math.max(size, 0.998 * this.recentMax);
+    this.arrow.visible = shown && size > 1e-3 * Math.max(this.recentMax, 1e-6) && size > 1e-9;
     if (!this.arrow.visible) {
       return;
     }
-    this.scale = roundScale(room / this.most);
+    this.scale = roundScale(maxLength / this.recentMax);
     const length = size * this.scale;
     this.arrow.position.copy(from);
     this.arrow.setDirection(what.clone().divideScalar(size));
-    this.arrow.setLength(length, Math.min(0.3 * length, 0.12 * room), Math.min(0.18 * length, 0.07 * room));
+    this.arrow.setLength(length, Math.min(0.3 * length, 0.12 * maxLength), Math.min(0.18 * length, 0.07 * maxLength));
   }
 
   dispose(): void {
@@ -80,6 +80,7 @@ export class Tool {
   private proxies: Proxies | null = null;
 
   constructor(scene: SceneMessage, geometry: Geometry) {
+    // The skin, if the tool has a mesh.
     this.surface =
       scene.tool.triangles > 0 ? new MovingSurface(scene.tool.vertices, geometry.toolTriangles, skin) : null;
     this.spheres = new InstancedMesh(
@@ -89,6 +90,7 @@ export class Tool {
     );
     this.spheres.frustumCulled = false;
     this.spheres.castShadow = true;
+    // The hip's mark and the coupling's line.
     this.hip = new Mesh(
       new SphereGeometry(1, 24, 16),
       new MeshBasicMaterial({ transparent: true, opacity: 0.3, depthWrite: false }),
@@ -98,10 +100,11 @@ export class Tool {
     this.spring = new Line(ends, new LineBasicMaterial({ depthTest: false, transparent: true }));
     this.spring.frustumCulled = false;
     this.spring.renderOrder = 3;
+    // Contact planes as transparent discs.
     this.planes = new InstancedMesh(
       new CircleGeometry(1, 24),
       new MeshBasicMaterial({ side: DoubleSide, transparent: true, opacity: 0.45, depthWrite: false }),
-      mostPlanes,
+      maxPlanes,
     );
     this.planes.frustumCulled = false;
     this.planes.count = 0;
@@ -109,21 +112,21 @@ export class Tool {
     if (this.surface) {
       this.group.add(this.surface.group);
     }
-    this.takeColours();
+    this.updateColours();
   }
 
-  take(frame: Frame, options: ViewOptions, pictureHeight: number): void {
+  update(frame: Frame, options: ViewOptions, viewHeight: number): void {
     if (frame.toolSurface) {
       this.surface?.move(frame.toolSurface);
     }
     if (frame.proxies) {
       this.proxies = frame.proxies;
-      this.placeSpheres(frame.proxies);
+      this.updateSpheres(frame.proxies);
     }
     if (frame.hand) {
-      this.placeHand(frame.hand, options, pictureHeight);
+      this.updateHand(frame.hand, options, viewHeight);
     }
-    this.placePlanes(options.planes ? (frame.planes ?? []) : []);
+    this.updatePlanes(options.planes ? (frame.planes ?? []) : []);
   }
 
   show(options: ViewOptions, ink: string): void {
@@ -135,20 +138,20 @@ export class Tool {
     }
   }
 
-  /** Spheres, and where the hand has them. */
+  /** Bounds of the spheres and of their goals. */
   extent(): Box3 {
     const box = new Box3();
     const proxies = this.proxies;
     for (let i = 0; i < (proxies?.count ?? 0); ++i) {
-      for (const places of [proxies!.positions, proxies!.goals]) {
-        const centre = new Vector3().fromArray(places, 3 * i);
+      for (const points of [proxies!.positions, proxies!.goals]) {
+        const centre = new Vector3().fromArray(points, 3 * i);
         box.union(new Box3(centre.clone(), centre.clone()).expandByScalar(proxies!.radii[i]!));
       }
     }
     return box;
   }
 
-  /** What one unit of force and of torque is in the picture, m; 0: no arrow is drawn. */
+  /** Lengths of one unit of force and torque, m; 0: no arrow is drawn. */
   scales(): { force: number; torque: number } {
     return {
       force: this.force.arrow.visible ? this.force.scale : 0,
@@ -156,7 +159,7 @@ export class Tool {
     };
   }
 
-  takeColours(): void {
+  updateColours(): void {
     this.touching.set(colourOf("second"));
     this.free.set(colourOf("fourth"));
     this.hip.material.color.set(colourOf("ink"));
@@ -165,7 +168,7 @@ export class Tool {
     this.force.arrow.setColor(colourOf("warn"));
     this.torque.arrow.setColor(colourOf("first"));
     if (this.proxies) {
-      this.placeSpheres(this.proxies);
+      this.updateSpheres(this.proxies);
     }
   }
 
@@ -182,17 +185,17 @@ export class Tool {
     this.torque.dispose();
   }
 
-  private placeSpheres(proxies: Proxies): void {
-    const place = new Matrix4();
+  private updateSpheres(proxies: Proxies): void {
+    const matrix = new Matrix4();
     this.spheres.count = Math.min(proxies.count, this.spheres.instanceMatrix.count);
     for (let i = 0; i < this.spheres.count; ++i) {
       const radius = proxies.radii[i]!;
-      place.compose(
+      matrix.compose(
         new Vector3().fromArray(proxies.positions, 3 * i),
         new Quaternion(),
         new Vector3(radius, radius, radius),
       );
-      this.spheres.setMatrixAt(i, place);
+      this.spheres.setMatrixAt(i, matrix);
       this.spheres.setColorAt(i, proxies.touches[i] ? this.touching : this.free);
     }
     this.spheres.instanceMatrix.needsUpdate = true;
@@ -201,45 +204,51 @@ export class Tool {
     }
   }
 
-  /** Of one sphere, its own; else a small mark. */
+  /** Radius of the hip's mark: that of a single sphere, otherwise smaller. */
   private markRadius(): number {
     const proxies = this.proxies;
     return !proxies || proxies.count === 0 ? 0.01 : proxies.count === 1 ? proxies.radii[0]! : 0.5 * proxies.radii[0]!;
   }
 
-  private placeHand(hand: Hand, options: ViewOptions, pictureHeight: number): void {
+  private updateHand(hand: Hand, options: ViewOptions, viewHeight: number): void {
     const tool = new Vector3(...hand.tool);
     const hip = new Vector3(...hand.hip);
     const radius = this.markRadius();
+    // Mark of the hip, and the coupling as a line from the tool to it.
     this.hip.position.copy(hip);
     this.hip.scale.setScalar(radius);
     this.hip.visible = hip.distanceTo(tool) > 0.02 * radius;
     this.spring.visible = this.hip.visible;
     const ends = this.spring.geometry.getAttribute("position");
+    // Line from tool to hip.
     ends.setXYZ(0, tool.x, tool.y, tool.z);
     ends.setXYZ(1, hip.x, hip.y, hip.z);
     ends.needsUpdate = true;
-    const room = 0.3 * pictureHeight;
-    this.force.point(tool, new Vector3(...hand.force), room, options.arrows);
-    this.torque.point(tool, new Vector3(...hand.torque), 0.6 * room, options.arrows);
+    // Wrench on the tool, in the scene.
+    const maxLength = 0.3 * viewHeight;
+    this.force.point(tool, new Vector3(...hand.force), maxLength, options.arrows);
+    this.torque.point(tool, new Vector3(...hand.torque), 0.6 * maxLength, options.arrows);
   }
 
-  /** Discs where the planes are next to the proxies: the offset holds for a proxy's centre, so the surface is a radius nearer. */
-  private placePlanes(planes: Plane[]): void {
+  /**
+   * Discs on the contact planes. A plane's offset applies to the proxy's centre, so the surface is one radius nearer.
+   */
+  private updatePlanes(planes: Plane[]): void {
     const proxies = this.proxies;
-    const place = new Matrix4();
+    const matrix = new Matrix4();
     this.planes.count = 0;
     for (const plane of planes) {
-      if (!proxies || plane.proxy >= proxies.count || this.planes.count >= mostPlanes) {
+      if (!proxies || plane.proxy >= proxies.count || this.planes.count >= maxPlanes) {
         continue;
       }
+      // Project the proxy's centre onto the surface; larger discs for touched planes.
       const normal = new Vector3(...plane.normal);
       const centre = new Vector3().fromArray(proxies.positions, 3 * plane.proxy);
       const radius = proxies.radii[plane.proxy]!;
       centre.addScaledVector(normal, plane.offset - normal.dot(centre) - radius);
       const size = (plane.touches ? 1.5 : 0.8) * radius;
-      place.compose(centre, new Quaternion().setFromUnitVectors(forward, normal), new Vector3(size, size, size));
-      this.planes.setMatrixAt(this.planes.count++, place);
+      matrix.compose(centre, new Quaternion().setFromUnitVectors(forward, normal), new Vector3(size, size, size));
+      this.planes.setMatrixAt(this.planes.count++, matrix);
     }
     this.planes.instanceMatrix.needsUpdate = true;
   }

@@ -1,4 +1,4 @@
-// Messages put together here by hand, byte by byte as PROTOCOL.md has them, are read as they were meant.
+// Messages assembled byte by byte according to PROTOCOL.md are decoded correctly.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
@@ -107,8 +107,8 @@ test("geometry: every body, the tool, ellipsoids, groups and links in their orde
   assert.deepEqual([...geometry.links], [0, 1]);
 });
 
-test("a frame without parts has its time, step and each flag of its own", () => {
-  const flags = ["inContact", "squeezed", "paused", "recording", "diverged"] as const;
+test("a frame without parts has its time, its step and each flag", () => {
+  const flags = ["inContact", "overconstrained", "paused", "recording", "diverged"] as const;
   flags.forEach((flag, bit) => {
     const frame = readFrame(bytes(["u32", 2, 7], ["f64", 1.25, 2 ** 40], ["u32", 1 << bit, 0]));
     assert.equal(frame.scene, 7);
@@ -149,7 +149,7 @@ test("a surface fills its box, from the first to the last of 65536 places, and n
   assert.equal(frame.toolSurface, null);
 });
 
-test("unknown parts are passed over", () => {
+test("unknown parts are skipped", () => {
   const frame = readFrame(
     bytes(...head, ["u32", 0, 2], ["u32", 99, 0, 3, 12, 1, 2, 3], ["u32", 7, 0, 2, 8], ["f32", 20, 0.5]),
   );
@@ -237,7 +237,7 @@ test("octahedral normals, folded as Cigolle et al. have it, come back within hal
         const out = new Float32Array(3);
         unfoldNormal(Math.round(127 * folded[0]!) / 127, Math.round(127 * folded[1]!) / 127, out, 0);
         const length = Math.hypot(x, y, z);
-        // Half a step is 1/254 in u and v; unfolding and making it a unit vector stretch that to three times as much at most.
+        // Half a step is 1/254 in u and v; decoding and normalisation magnify it at most threefold.
         close(out, [x / length, y / length, z / length], 3 / 254);
       }
     }

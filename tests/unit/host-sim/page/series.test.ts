@@ -1,4 +1,4 @@
-// What a plot shows of many samples: nothing that stands out is lost, and nothing old stays.
+// Decimation keeps every extreme value, and the history drops old samples.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
@@ -24,14 +24,14 @@ test("a full history keeps the newest rows in their order", () => {
   assert.equal(history.indexOf(10), 4);
 });
 
-test("time that goes back begins a history anew", () => {
+test("a time that goes back clears the history", () => {
   const history = filled(5, 1, () => 1);
   history.push(0.5, [2]);
   assert.equal(history.length, 1);
   assert.equal(history.value(0, 0), 2);
 });
 
-test("few samples are shown as they are", () => {
+test("few samples are returned unchanged", () => {
   const history = filled(10, 1, (i) => i * i);
   const { times, columns } = decimate(history, [0], 2, 5, 100);
   assert.deepEqual(times, [2, 3, 4, 5]);
@@ -50,7 +50,7 @@ test("a single peak among ten thousand samples is in two points a bin, wherever 
   }
 });
 
-test("a picture that moves on by a whole bin shows the same points for what is still in it", () => {
+test("a plot scrolled by a whole bin keeps its remaining points", () => {
   const history = filled(4000, 0.001, (i) => Math.sin(i * i));
   const width = 2 / 128; // exact in binary, so that bins are the same at both times
   const before = decimate(history, [0], 0, 2, 128);
@@ -58,7 +58,7 @@ test("a picture that moves on by a whole bin shows the same points for what is s
   assert.deepEqual(after.columns[0]!.slice(0, 200), before.columns[0]!.slice(2, 202));
 });
 
-test("what was dropped breaks the line", () => {
+test("dropped samples break the line", () => {
   const history = new History(1, 10);
   history.push(0, [1]);
   history.gap();

@@ -1,15 +1,15 @@
-// What tests, and whoever is curious, may look at in the browser's console: `haptic.force`.
+// Observable state of the page for tests and for the browser's console, e.g. `haptic.force`.
 import type { ConnectionState } from "./connection.ts";
 import type { Frame, SceneMessage, Triple } from "./protocol.ts";
 
-export interface Seen {
+export interface PageState {
   state: ConnectionState;
   scene: string;
   control: boolean;
   time: number; // s
   step: number;
-  frames: number; // that came
-  pictures: number; // that were drawn
+  frames: number; // received
+  pictures: number; // drawn
   paused: boolean;
   inContact: boolean;
   handSource: string;
@@ -23,16 +23,16 @@ export interface Seen {
   viewers: number;
   parameters: Record<string, number>;
   arrow: boolean; // a force arrow is drawn
-  refused: string; // why the last request was
+  refused: string; // reason of the last refusal
 }
 
 declare global {
   interface Window {
-    haptic: Seen;
+    haptic: PageState;
   }
 }
 
-export function nothingSeen(): Seen {
+export function initialPageState(): PageState {
   return {
     state: "connecting",
     scene: "",
@@ -58,26 +58,26 @@ export function nothingSeen(): Seen {
   };
 }
 
-/** Notes what a frame says. */
-export function note(seen: Seen, frame: Frame, scene: SceneMessage): void {
-  seen.frames += 1;
-  seen.time = frame.time;
-  seen.step = frame.step;
-  seen.paused = frame.paused;
-  seen.inContact = frame.inContact;
+/** Records the content of a frame. */
+export function recordFrame(pageState: PageState, frame: Frame, scene: SceneMessage): void {
+  pageState.frames += 1;
+  pageState.time = frame.time;
+  pageState.step = frame.step;
+  pageState.paused = frame.paused;
+  pageState.inContact = frame.inContact;
   if (frame.hand) {
-    seen.handSource = frame.hand.source;
-    seen.hip = frame.hand.hip;
-    seen.tool = frame.hand.tool;
-    seen.force = frame.hand.force;
-    seen.torque = frame.hand.torque;
-    seen.depth = frame.hand.depth;
-    seen.viewers = frame.hand.viewers;
+    pageState.handSource = frame.hand.source;
+    pageState.hip = frame.hand.hip;
+    pageState.tool = frame.hand.tool;
+    pageState.force = frame.hand.force;
+    pageState.torque = frame.hand.torque;
+    pageState.depth = frame.hand.depth;
+    pageState.viewers = frame.hand.viewers;
   }
   frame.parameters?.forEach((value, k) => {
     const parameter = scene.parameters[k];
     if (parameter) {
-      seen.parameters[parameter.key] = value;
+      pageState.parameters[parameter.key] = value;
     }
   });
 }
