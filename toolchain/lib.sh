@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# What the scripts of this folder share. Sourced, not run.
+# Functions that the scripts of this folder share. Sourced, not run.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
@@ -9,7 +9,7 @@ die() {
     exit 1
 }
 
-# packages_of GROUP...: the packages of these groups, one a line, but for those whose command is there already.
+# packages_of GROUP...: prints the packages of these groups, one a line, without those whose command already exists.
 packages_of() {
     local groups="$*" package command
     awk -v groups="$groups" 'BEGIN { n = split(groups, g, " "); for (i = 1; i <= n; i++) wanted[g[i]] = 1 }
@@ -19,7 +19,7 @@ packages_of() {
         done
 }
 
-# need GROUP...: installs what is missing of these groups, and says what. Quick and silent where nothing is.
+# need GROUP...: installs the missing packages of these groups and names them. Quick and silent if none is missing.
 need() {
     local missing=() package
     while read -r package; do
@@ -46,9 +46,9 @@ need() {
     rm -f "$log"
 }
 
-# apt_for ARCHITECTURE FOLDER: an apt of its own in FOLDER, for the packages of ARCHITECTURE (arm64, ...) from this machine's
-# sources, as if nothing were installed. APT_CONFIG=FOLDER/apt.conf apt-get ... then speaks of it; this machine's apt and
-# dpkg stay as they are, and learn of no foreign architecture.
+# apt_for ARCHITECTURE FOLDER: makes a separate apt in FOLDER for the packages of ARCHITECTURE (arm64, ...) from this
+# machine's sources, as if nothing were installed. Use it with APT_CONFIG=FOLDER/apt.conf. This machine's apt and dpkg are
+# not changed and gain no foreign architecture.
 apt_for() {
     local architecture=$1 folder=$2
     mkdir -p "$folder"/state/lists/partial "$folder"/cache/archives/partial
@@ -64,7 +64,7 @@ END
         { tail -n 5 "$folder/update.log" >&2; die "apt-get update for $architecture failed; do the sources have that architecture?"; }
 }
 
-# build PRESET [CMAKE-OPTION...] [-- TARGET...]: configures once, builds what has changed.
+# build PRESET [CMAKE-OPTION...] [-- TARGET...]: configures the preset and builds what has changed.
 build() {
     local preset=$1 options=(-DHAPTIC_PRECOMPILE=ON) targets=()
     shift

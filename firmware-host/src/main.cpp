@@ -1,4 +1,4 @@
-// firmware-host: the Spidar-G6's board, hosted on Linux.
+// firmware-host: command line of the emulated Spidar-G6 boards.
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <cmath>
@@ -10,23 +10,24 @@
 #include <vector>
 
 #include "commands/commands.hpp"
-#include "haptic/pose_track.hpp"
+#include "commands/firmware_host_documents.hpp"
 #include "commands/serve_command.hpp"
+#include "haptic/pose_track.hpp"
 
 namespace {
 
+using haptic::device::DeviceGeometry;
 using haptic::device::ExchangeRequest;
-using haptic::device::Variant;
 
 constexpr int kFailed = 1;
 constexpr int kWrongArguments = 2;
 constexpr double kUnitTolerance = 1e-6;
-// s, within this a time in nanoseconds fits the 64 bits that hold it.
-constexpr double kLongest = 9e9;
-// m, half the length that 16 bits count.
-constexpr double kFurthest = 0.5;
+// s; representable in nanoseconds with 64 bits.
+constexpr double kMaxTime = 9e9;
+// m; half the length that a 16-bit counter covers.
+constexpr double kMaxDistance = 0.5;
 
-/// The numbers of "a,b,c", all finite. Throws CLI::ValidationError that names the option.
+/// Parses "a,b,c" into finite numbers. Throws CLI::ValidationError that names the option.
 std::vector<double> numbers_of(const std::string& option, std::string_view text) {
     std::vector<double> numbers;
     while (true) {
@@ -51,7 +52,7 @@ std::vector<double> numbers_of(const std::string& option, std::string_view text)
 haptic::Pose pose_of(const std::string& text) {
     const std::vector<double> v = numbers_of("--pose", text);
     if (v.size() != 3 && v.size() != 7) {
-        throw CLI::ValidationError("--pose", "needs x,y,z or x,y,z,qw,qx,qy,qz, not " + std::to_string(v.size()) +
+        throw CLI::ValidationError("--pose", "must be x,y,z or x,y,z,qw,qx,qy,qz, not " + std::to_string(v.size()) +
                                                  (v.size() == 1 ? " number" : " numbers"));
     }
     haptic::Pose pose{{v[0], v[1], v[2]}, {1.0, 0.0, 0.0, 0.0}};
@@ -66,15 +67,16 @@ haptic::Pose pose_of(const std::string& text) {
     return pose;
 }
 
-double tension_of(const std::string& option, double tension, const Variant& variant) {
-    if (!std::isfinite(tension) || tension < 0.0 || tension > variant.maximum_tension) {
-        throw CLI::ValidationError(option, "a tension must be within 0 and " + std::to_string(variant.maximum_tension) +
-                                               " N, not " + std::to_string(tension));
+double tension_of(const std::string& option, double tension, const DeviceGeometry& geometry) {
+    if (!std::isfinite(tension) || tension < 0.0 || tension > geometry.maximum_tension) {
+        throw CLI::ValidationError(option, "a tension must be between 0 and " +
+                                               std::to_string(geometry.maximum_tension) + " N, not " +
+                                               std::to_string(tension));
     }
     return tension;
 }
 
-/// What was typed after `exchange`, as typed.
+/// Command line after `exchange`.
 struct ExchangeArguments {
     std::string hand;
     double at_s = 0.0;
@@ -84,49 +86,47 @@ struct ExchangeArguments {
     bool hex = false;
 };
 
-CLI::App* add_exchange(CLI::App& app, ExchangeArguments& arguments, const Variant& variant) {
+CLI::App* add_exchange(CLI::App& app, ExchangeArguments& arguments, const DeviceGeometry& geometry) {
     CLI::App* exchange = app.add_subcommand(
-        "exchange", "Send one packet to an emulated board and show what goes both ways, and what the strings then do");
-    arguments.tension = variant.minimum_tension;
+        "exchange", "Send one packet to an emulated board; show both packets and the wrench of the strings");
+    arguments.tension = geometry.minimum_tension;
     CLI::Option* hand = exchange->add_option("--hand", arguments.hand,
                                              "Recording (CSV: time_s,x_m,y_m,z_m[,qw,qx,qy,qz]) that the hand follows");
-    exchange->add_option("--at", arguments.at_s, "s, the time in the recording")->needs(hand)->capture_default_str();
-    exchange
-        ->add_option("--pose", arguments.pose,
-                     "x,y,z[,qw,qx,qy,qz] in m and as a unit quaternion: a hand that holds still")
+    exchange->add_option("--at", arguments.at_s, "Time in the recording, s")->needs(hand)->capture_default_str();
+    exchange->add_option("--pose", arguments.pose, "x,y,z[,qw,qx,qy,qz]: pose of the hand, m and unit quaternion")
         ->excludes(hand);
     CLI::Option* tension =
-        exchange->add_option("--tension", arguments.tension, "N, of every string")->capture_default_str();
-    exchange->add_option("--tensions", arguments.tensions, "N, of each string: t0,...,t7")->excludes(tension);
-    exchange->add_flag("--hex", arguments.hex, "Show the packets' bytes too");
+        exchange->add_option("--tension", arguments.tension, "Tension of every string, N")->capture_default_str();
+    exchange->add_option("--tensions", arguments.tensions, "Tension of each string, N: t0,...,t7")->excludes(tension);
+    exchange->add_flag("--hex", arguments.hex, "Also show the packets' bytes");
     return exchange;
 }
 
-ExchangeRequest request_of(const ExchangeArguments& arguments, const Variant& variant) {
+ExchangeRequest request_of(const ExchangeArguments& arguments, const DeviceGeometry& geometry) {
     ExchangeRequest request;
     request.hex = arguments.hex;
-    if (!std::isfinite(arguments.at_s) || arguments.at_s < 0.0 || arguments.at_s > kLongest) {
-        throw CLI::ValidationError("--at", "needs a time of 0 s or more, not " + std::to_string(arguments.at_s));
+    if (!std::isfinite(arguments.at_s) || arguments.at_s < 0.0 || arguments.at_s > kMaxTime) {
+        throw CLI::ValidationError("--at", "must be a time of 0 s or more, not " + std::to_string(arguments.at_s));
     }
     if (!arguments.pose.empty()) {
         request.grip = pose_of(arguments.pose);
     }
     if (arguments.tensions.empty()) {
-        request.tensions.fill(tension_of("--tension", arguments.tension, variant));
+        request.tensions.fill(tension_of("--tension", arguments.tension, geometry));
     } else {
         const std::vector<double> tensions = numbers_of("--tensions", arguments.tensions);
         if (tensions.size() != haptic::kStrings) {
-            throw CLI::ValidationError("--tensions",
-                                       "needs 8 numbers, one for each string, not " + std::to_string(tensions.size()));
+            throw CLI::ValidationError(
+                "--tensions", "must be 8 numbers, one for each string, not " + std::to_string(tensions.size()));
         }
         for (std::size_t i = 0; i < tensions.size(); ++i) {
-            request.tensions[i] = tension_of("--tensions", tensions[i], variant);
+            request.tensions[i] = tension_of("--tensions", tensions[i], geometry);
         }
     }
     if (!arguments.hand.empty()) {
         request.grip = haptic::PoseTrack::load(arguments.hand).at(haptic::nanoseconds(arguments.at_s));
     }
-    if (!(glm::length(request.grip.position) <= kFurthest)) {
+    if (!(glm::length(request.grip.position) <= kMaxDistance)) {
         throw CLI::ValidationError(arguments.hand.empty() ? "--pose" : "--hand",
                                    "the hand is more than 0.5 m from the centre, where the counters wrap");
     }
@@ -134,26 +134,36 @@ ExchangeRequest request_of(const ExchangeArguments& arguments, const Variant& va
 }
 
 int run(int argc, char** argv) {
-    const Variant variant = haptic::device::spidar_g6_x3r();
-    CLI::App app{"The Spidar-G6's board, hosted on Linux: its geometry, its packets, and an emulated device."};
+    const DeviceGeometry geometry = haptic::device::spidar_g6_x3r();
+    CLI::App app{"Emulated Spidar-G6 boards: device geometries, packets, and an emulated device.", "firmware-host"};
     app.require_subcommand(1);
+    haptic::add_generate_option(app, haptic::device::firmware_host_documents);
     ExchangeArguments arguments;
-    const CLI::App* exchange = add_exchange(app, arguments, variant);
-    CLI::App* const variants = app.add_subcommand(
-        "variants", "Show geometry, constants and reach of each frame that is built in, or of those in files");
-    std::vector<std::string> variant_files;
-    variants->add_option("FILE", variant_files, "TOML files, checked and shown instead of what is built in");
+    const CLI::App* exchange = add_exchange(app, arguments, geometry);
+    std::vector<std::string> geometry_files;
+    const auto add_geometries = [&](const char* name) {
+        CLI::App* const command = app.add_subcommand(
+            name, "Show geometry, constants and reach of the built-in device geometries, or of files");
+        command->add_option("FILE", geometry_files, "TOML files to check and show instead of the built-in ones");
+        return command;
+    };
+    const CLI::App* const geometries = add_geometries("geometries");
+    // The former name; CLI11 hides subcommands without a group from the help.
+    const CLI::App* const variants = add_geometries("variants")->group("");
     haptic::device::ServeArguments serve_arguments;
     const CLI::App* serve = haptic::device::add_serve(app, serve_arguments);
 
-    bool held = true;
+    bool succeeded = true;
     try {
         app.parse(argc, argv);
         if (variants->parsed()) {
-            haptic::device::run_variants(variant_files);
+            std::fputs("firmware-host: `variants` is now called `geometries`\n", stderr);
+        }
+        if (geometries->parsed() || variants->parsed()) {
+            haptic::device::run_geometries(geometry_files);
         }
         if (exchange->parsed()) {
-            held = haptic::device::run_exchange(variant, request_of(arguments, variant));
+            succeeded = haptic::device::run_exchange(geometry, request_of(arguments, geometry));
         }
         if (serve->parsed()) {
             haptic::device::run_serve(serve_arguments);
@@ -165,7 +175,7 @@ int run(int argc, char** argv) {
         std::perror("firmware-host: standard output");
         return kFailed;
     }
-    return held ? 0 : kFailed;
+    return succeeded ? 0 : kFailed;
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// host-sim: simulates a scene and tells the haptic loop what may be felt.
+// host-sim: simulates a scene and sends its contacts to the haptic loop.
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -7,26 +7,28 @@
 #include <vector>
 
 #include "app/commands.hpp"
+#include "app/host_sim_documents.hpp"
 
 namespace {
 
 int run(int argc, char** argv) {
     CLI::App app("Simulates deformable objects and sends the contacts of a haptic tool to rt-core.", "host-sim");
     app.require_subcommand(1);
+    haptic::add_generate_option(app, haptic::sim::host_sim_documents);
     std::vector<std::pair<const CLI::App*, haptic::sim::Command>> commands;
     const auto add = [&](const char* name, const char* what, haptic::sim::Command (*command)(CLI::App&)) {
         CLI::App& subcommand = *app.add_subcommand(name, what);
         commands.emplace_back(&subcommand, command(subcommand));
     };
     add("run", "Run a scene", haptic::sim::add_run_command);
-    add("play", "Show a recording to browsers, simulated again", haptic::sim::add_play_command);
+    add("play", "Simulate a recording again and show it to browsers", haptic::sim::add_play_command);
     add("scenes", "List the built-in scenes", haptic::sim::add_scenes_command);
-    add("mesh", "Check a mesh file, and say what is in it", haptic::sim::add_mesh_command);
-    add("model", "Build the particles of a body, say what they are, and write them to a file",
+    add("mesh", "Check a mesh file and describe its contents", haptic::sim::add_mesh_command);
+    add("model", "Build the particles of a body, describe them, and write them to a file",
         haptic::sim::add_model_command);
-    add("tool", "Build a tool, and say how well its spheres stand for it", haptic::sim::add_tool_command);
-    add("reproduce", "Make the figures and tables of the thesis again", haptic::sim::add_reproduce_command);
-    add("query", "Answer single queries of the contact code", haptic::sim::add_query_command);
+    add("tool", "Build a tool and report how well its spheres cover it", haptic::sim::add_tool_command);
+    add("reproduce", "Reproduce the figures and tables of the thesis", haptic::sim::add_reproduce_command);
+    add("query", "Answer single queries to the contact code", haptic::sim::add_query_command);
     CLI11_PARSE(app, argc, argv);
     for (const auto& [subcommand, command] : commands) {
         if (subcommand->parsed()) {

@@ -8,11 +8,12 @@
 
 #include "commands/calibrate_command.hpp"
 #include "commands/doctor_command.hpp"
-#include "haptic/device/fault.hpp"
-#include "process/settings.hpp"
 #include "commands/measure_command.hpp"
+#include "commands/rt_core_documents.hpp"
 #include "commands/run_command.hpp"
 #include "commands/stability_command.hpp"
+#include "haptic/device/fault.hpp"
+#include "process/settings.hpp"
 
 namespace {
 
@@ -22,7 +23,7 @@ using haptic::rt::MeasureOptions;
 using haptic::rt::RunOptions;
 using haptic::rt::StabilityOptions;
 
-/// Empty for a fault that can be.
+/// The problem with a --fault, for CLI11; empty if it is valid.
 std::string problem_of_fault(const std::string& text) {
     try {
         static_cast<void>(haptic::device::parse_fault(text));
@@ -32,71 +33,69 @@ std::string problem_of_fault(const std::string& text) {
     }
 }
 
-/// What every command that runs the loop takes.
+/// Options of every command that runs the loop.
 void describe_loop(CLI::App& run, RunOptions& options) {
-    run.add_option("--config", options.config, "TOML file; see --print-config")->type_name("F.toml");
-    run.add_option("--set", options.assignments, "one key for this run, e.g. limits.force=4 (repeatable)")
+    run.add_option("--config", options.config, "configuration file (TOML); see --print-config")->type_name("F.toml");
+    run.add_option("--set", options.assignments, "overrides one configuration key, e.g. limits.force=4 (repeatable)")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    run.add_option("--device", options.device, "emulated, usb, tty:PATH or replay:F.csv")
+    run.add_option("--device", options.device, "device to drive: emulated, usb, tty:PATH or replay:F.csv")
         ->type_name("DEVICE")
         ->capture_default_str();
-    run.add_option("--hand", options.hand, "recording that the emulated hand follows once the loop runs")
+    run.add_option("--hand", options.hand, "recording that the emulated hand follows once the loop is running")
         ->type_name("F.csv");
     run.add_option("--fault", options.faults,
-                   "what is to go wrong with the emulated device, with times from running on (repeatable): " +
+                   "fault of the emulated device, with its time since the loop is running (repeatable): " +
                        haptic::device::fault_help())
         ->type_name("KIND@T")
         ->allow_extra_args(false)
         ->check([](const std::string& text) { return problem_of_fault(text); });
-    run.add_option("--session", options.session, "joins this process to the host-sim of the same session")
+    run.add_option("--session", options.session, "session name; connects to the host-sim of the same session")
         ->type_name("NAME")
         ->capture_default_str();
-    run.add_option("--report", options.report, "writes measurements as JSON")->type_name("F.json");
-    run.add_flag("--rearm", options.rearm, "after the device was lost, waits for it and goes on, as safety.rearm");
+    run.add_option("--report", options.report, "writes the measurements to a JSON file")->type_name("F.json");
+    run.add_flag("--rearm", options.rearm, "after the device was lost, waits for it and re-arms, like safety.rearm");
 }
 
 void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
     describe_loop(run, options);
-    run.add_option("--duration", duration_s, "seconds after which to stop; until Ctrl-C without it")
+    run.add_option("--duration", duration_s, "seconds after which to stop; default: until Ctrl-C")
         ->type_name("S")
         ->check(CLI::PositiveNumber);
-    run.add_option("--record", options.record, "writes every tick as CSV")->type_name("F.csv");
+    run.add_option("--record", options.record, "writes every tick to a CSV file")->type_name("F.csv");
 }
 
 CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
     CLI::App* const measure = app.add_subcommand(
-        "measure", "Runs the loop as run does, and says how late it is, where its time goes and why");
+        "measure", "Runs the loop as run does, and reports its latency, where its time goes and why");
     describe_loop(*measure, options.run);
-    measure->add_option("--duration", options.duration_s, "seconds of the loop; Ctrl-C ends it before")
+    measure->add_option("--duration", options.duration_s, "seconds to run the loop; Ctrl-C ends it early")
         ->type_name("S")
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
     measure
         ->add_option("--load", options.load,
-                     "what loads the machine meanwhile: none, stress-ng, or \"stress-ng ARGUMENTS\"")
+                     "load on the machine meanwhile: none, stress-ng, or \"stress-ng ARGUMENTS\"")
         ->type_name("LOAD")
         ->capture_default_str();
-    CLI::Option* const cyclictest = measure->add_flag(
-        "--cyclictest", options.cyclictest,
-        "takes turns with cyclictest on the same processor and priority, which makes the run twice as long");
-    measure->add_option("--alternate", options.alternate_s, "seconds of each turn")
+    CLI::Option* const cyclictest =
+        measure->add_flag("--cyclictest", options.cyclictest,
+                          "alternates with cyclictest on the same processor and priority; doubles the run time");
+    measure->add_option("--alternate", options.alternate_s, "seconds of each turn with --cyclictest")
         ->type_name("S")
         ->check(CLI::Range(1.0, 3600.0))
         ->needs(cyclictest)
         ->capture_default_str();
     measure
         ->add_option("--loopback", options.loopback,
-                     "line that is wired to the tick's probe, whose edges the kernel stamps, as probes.loopback")
+                     "GPIO line wired to the tick's probe, whose edges the kernel timestamps, like probes.loopback")
         ->type_name("LINE")
         ->excludes(cyclictest);
-    measure->add_option("--html", options.html, "writes a page with plots")->type_name("F.html");
+    measure->add_option("--html", options.html, "writes an HTML page with plots")->type_name("F.html");
     CLI::Option* const from =
-        measure
-            ->add_option("--from", options.from,
-                         "measures nothing: shows a report that was written before, as --html too")
+        measure->add_option("--from", options.from, "measures nothing: shows an existing report; also with --html")
             ->type_name("F.json");
-    measure->add_option("--compare", options.compare, "measures nothing: compares two reports that were written before")
+    measure->add_option("--compare", options.compare, "measures nothing: compares two existing reports")
         ->type_name("A.json B.json")
         ->expected(2)
         ->excludes(from);
@@ -106,88 +105,101 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
 CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
     CLI::App* const stability =
         app.add_subcommand("stability",
-                           "Maps for which stiffness and delay a virtual wall is stable, with and without "
+                           "Maps the stiffness and delay at which a virtual wall is stable, with and without "
                            "the passivity controller");
-    stability->add_option("--out", options.out, "folder for stability.csv and the gnuplot script that draws it")
+    stability->add_option("--out", options.out, "output folder for stability.csv and the map, stability.html")
         ->type_name("DIR")
         ->required();
-    stability->add_option("--config", options.config, "TOML file; see --print-config")->type_name("F.toml");
-    stability->add_option("--set", options.assignments, "one key, e.g. passivity.control=damp (repeatable)")
+    stability->add_option("--config", options.config, "configuration file (TOML); see --print-config")
+        ->type_name("F.toml");
+    stability
+        ->add_option("--set", options.assignments,
+                     "overrides one configuration key, e.g. passivity.control=damp (repeatable)")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    stability->add_option("--rows", options.rows, "stiffnesses from 10 to 2000 N/m")
+    stability->add_option("--rows", options.rows, "number of stiffnesses from 10 to 2000 N/m")
         ->check(CLI::Range(2, 100))
         ->capture_default_str();
-    stability->add_option("--columns", options.columns, "delays from 0 to 20 ms")
+    stability->add_option("--columns", options.columns, "number of delays from 0 to 20 ms")
         ->check(CLI::Range(2, 100))
         ->capture_default_str();
     stability->add_option("--duration", options.duration_s, "seconds of each trial")
         ->check(CLI::Range(1.0, 60.0))
         ->capture_default_str();
-    stability->add_option("--hand-stiffness", options.hand_stiffness, "N/m, of the hand that presses")
+    stability->add_option("--hand-stiffness", options.hand_stiffness, "stiffness of the pressing hand, N/m")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
-    stability->add_option("--hand-damping", options.hand_damping, "N*s/m, of the hand that presses")
+    stability->add_option("--hand-damping", options.hand_damping, "damping of the pressing hand, N*s/m")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
     return stability;
 }
 
 void describe_calibrate(CLI::App& calibrate, CalibrateOptions& options) {
-    calibrate.add_option("--config", options.run.config, "TOML file; see --print-config")->type_name("F.toml");
-    calibrate.add_option("--set", options.run.assignments, "one key, e.g. usb.port=1-2 (repeatable)")
+    calibrate.add_option("--config", options.run.config, "configuration file (TOML); see --print-config")
+        ->type_name("F.toml");
+    calibrate
+        .add_option("--set", options.run.assignments, "overrides one configuration key, e.g. usb.port=1-2 (repeatable)")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    calibrate.add_option("--device", options.run.device, "emulated or usb")->type_name("DEVICE")->capture_default_str();
-    calibrate.add_option("--hand", options.run.hand, "recording that the emulated hand follows once the loop runs")
+    calibrate.add_option("--device", options.run.device, "device to calibrate: emulated or usb")
+        ->type_name("DEVICE")
+        ->capture_default_str();
+    calibrate
+        .add_option("--hand", options.run.hand, "recording that the emulated hand follows once the loop is running")
         ->type_name("F.csv");
-    calibrate.add_option("--variant", options.variant, "the frame as it is known so far: name or file")
+    calibrate.add_option("--geometry", options.geometry, "nominal device geometry: name or file")
         ->type_name("NAME|F.toml");
-    calibrate.add_option("--fit", options.fit, "only fits a recording that there is already")->type_name("F.csv");
-    calibrate.add_option("--out", options.out, "the calibrated frame; the old file is kept as F.toml.bak-1, -2, ...")
+    // The former name of --geometry.
+    calibrate.add_option("--variant", options.geometry)->group("");
+    calibrate.add_option("--fit", options.fit, "measures nothing: fits an existing recording")->type_name("F.csv");
+    calibrate
+        .add_option("--out", options.out,
+                    "file for the calibrated device geometry; an old one is kept as F.toml.bak-1, -2, ...")
         ->type_name("F.toml");
-    calibrate.add_option("--record", options.run.record, "where the recording of the wiggle goes")->type_name("F.csv");
-    calibrate.add_option("--hold", options.hold_s, "seconds for which the grip is held at the centre")
+    calibrate.add_option("--record", options.run.record, "file for the recording of the wiggle")->type_name("F.csv");
+    calibrate.add_option("--hold", options.hold_s, "seconds to hold the grip at the centre")
         ->check(CLI::Range(0.1, 60.0))
         ->capture_default_str();
-    calibrate.add_option("--wiggle", options.wiggle_s, "seconds in which the grip is moved about")
+    calibrate.add_option("--wiggle", options.wiggle_s, "seconds to move the grip about")
         ->check(CLI::Range(1.0, 600.0))
         ->capture_default_str();
     calibrate
         .add_option("--weigh", options.weights,
-                    "string that just lifts a mass at a digit, e.g. 3=0.200@31 (repeatable)")
-        ->type_name("STRING=KG@DIGIT")
+                    "string that just lifts a mass at a DAC code, e.g. 3=0.200@31 (repeatable)")
+        ->type_name("STRING=KG@CODE")
         ->allow_extra_args(false);
     const auto deviation = [&calibrate](const char* name, double& value, const char* of_what) {
-        calibrate.add_option(name, value, std::string("how well ") + of_what + " is known so far, standard deviation")
+        calibrate.add_option(name, value, std::string("standard deviation of the nominal value of ") + of_what)
             ->check(CLI::Range(1e-6, 0.1))
             ->capture_default_str();
     };
     deviation("--motor-deviation", options.fit_settings.motor, "each coordinate of a motor (m)");
     deviation("--knot-deviation", options.fit_settings.knot, "each coordinate of a knot (m)");
-    deviation("--scale-deviation", options.fit_settings.scale, "the length of a count (relative)");
-    calibrate.add_flag("--yes", options.yes, "asks nothing");
+    deviation("--scale-deviation", options.fit_settings.scale, "the metres per count (relative)");
+    calibrate.add_flag("--yes", options.yes, "answers all questions with yes");
 }
 
 CLI::App* describe_doctor(CLI::App& app, DoctorOptions& options) {
     CLI::App* const doctor = app.add_subcommand(
         "doctor",
-        "Says what of this machine keeps the loop from its period, and the command that mends it; changes nothing");
-    doctor->add_option("--config", options.config, "TOML file of the loop that is to run; see --print-config")
+        "Checks what on this machine disturbs the loop, and prints the command that fixes it; changes nothing");
+    doctor->add_option("--config", options.config, "configuration file (TOML) of the loop; see --print-config")
         ->type_name("F.toml");
-    doctor->add_option("--set", options.assignments, "one key, e.g. loop.cpu=3 (repeatable)")
+    doctor->add_option("--set", options.assignments, "overrides one configuration key, e.g. loop.cpu=3 (repeatable)")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    doctor->add_option("--json", options.json, "writes the findings as JSON, too")->type_name("F.json");
-    doctor->add_option("--root", options.root, "looks at a copy of /proc, /sys, /dev and /etc below this folder")
+    doctor->add_option("--json", options.json, "also writes the findings to a JSON file")->type_name("F.json");
+    doctor->add_option("--root", options.root, "checks a copy of /proc, /sys, /dev and /etc below this folder instead")
         ->type_name("DIR")
         ->check(CLI::ExistingDirectory);
     return doctor;
 }
 
 int run_application(int argc, char** argv) {
-    CLI::App app("The real-time process of the haptic system: drives a Spidar-G6 at 1 kHz");
-    app.set_help_all_flag("--help-all", "Help of all commands");
+    CLI::App app("Real-time process of the haptic system: drives a Spidar-G6 at 1 kHz", "rt-core");
+    app.set_help_all_flag("--help-all", "Prints the help of all commands");
+    haptic::add_generate_option(app, haptic::rt::rt_core_documents);
     bool print_config = false;
     app.add_flag("--print-config", print_config, "Prints the commented default configuration");
     RunOptions options;
@@ -200,14 +212,15 @@ int run_application(int argc, char** argv) {
     MeasureOptions measurement;
     const CLI::App* const measure = describe_measure(app, measurement);
     CalibrateOptions calibration;
-    CLI::App* const calibrate = app.add_subcommand("calibrate", "Finds the geometry of the frame, and writes its file");
+    CLI::App* const calibrate =
+        app.add_subcommand("calibrate", "Calibrates the geometry of the device and writes its file");
     describe_calibrate(*calibrate, calibration);
     DoctorOptions doctor_options;
     const CLI::App* const doctor = describe_doctor(app, doctor_options);
     try {
         app.parse(argc, argv);
         if (print_config) {
-            std::fwrite(haptic::rt::default_config_text().data(), 1, haptic::rt::default_config_text().size(), stdout);
+            std::fputs(haptic::rt::default_config_text().c_str(), stdout);
             return 0;
         }
         if (app.get_subcommands().empty()) {

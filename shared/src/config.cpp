@@ -1,7 +1,7 @@
 #include "haptic/config.hpp"
 
-// toml++ 3.3 asserts that a table's name begins as a name does, which a file such as "[.a]" does not, and without
-// assertions takes it for granted. Here it throws, in every build.
+// toml++ 3.3 asserts that a table's name starts with a valid character, which fails for "[.a]"; without assertions the
+// behaviour is undefined. Here a failed assertion throws in every build.
 namespace haptic {
 struct BrokenAssertion {};
 [[noreturn]] static void break_assertion() {
@@ -11,8 +11,8 @@ struct BrokenAssertion {};
 #undef NDEBUG
 #define TOML_ASSERT(expr) ((expr) ? static_cast<void>(0) : haptic::break_assertion())
 #include <cstdint>
-// When toml++ 3.3 asks whether a character beyond ASCII is a space, it takes it for unreachable that some near its
-// spaces are none. Here the answer is no. They may stand in strings, where it asks too.
+// toml++ 3.3 classifies characters beyond ASCII with a switch whose default is marked unreachable, although characters
+// near its spaces reach it, in strings too. Here the default answers "not a space".
 #include <toml++/impl/preprocessor.h>
 #pragma push_macro("TOML_UNREACHABLE")
 #undef TOML_UNREACHABLE
@@ -24,9 +24,11 @@ struct BrokenAssertion {};
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <fstream>
 #include <glm/geometric.hpp>
 #include <iterator>
+#include <map>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -72,11 +74,12 @@ std::string shown(double value) {
 }
 
 std::string shown(Range range) {
-    return "[" + shown(range.least) + ", " + shown(range.most) + "]";
+    return "[" + shown(range.min) + ", " + shown(range.max) + "]";
 }
 
-/// As in the file. Lists by hand: toml++ 3.3 converts the logarithm of a fraction in one to an unsigned number.
-// NOLINTNEXTLINE(misc-no-recursion): no deeper than the parser lets lists be nested
+/// A value as in the file. Arrays are written here because toml++ 3.3 converts the logarithm of a fraction in an array
+/// to an unsigned number.
+// NOLINTNEXTLINE(misc-no-recursion): the parser bounds the depth of nested arrays
 std::string shown(const toml::node& node) {
     if (const toml::array* const array = node.as_array(); array != nullptr && !array->empty()) {
         std::string text;
@@ -93,7 +96,7 @@ std::string shown(const toml::node& node) {
     return out.str();
 }
 
-/// A key as it may stand in a file.
+/// A key as TOML: bare, or in quotes if it has other characters.
 std::string shown_key(const toml::key& key) {
     const std::string_view name = key.str();
     const bool bare = !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
@@ -102,9 +105,8 @@ std::string shown_key(const toml::key& key) {
     return bare ? std::string(name) : shown(toml::value<std::string>(std::string(name)));
 }
 
-/// All that is in a table: its values, then the tables in it under `[heading.key]`, lists of them under
-/// [[heading.key]].
-// NOLINTNEXTLINE(misc-no-recursion): no deeper than the parser lets tables be nested
+/// Writes the values of a table, then its tables under [heading.key] and its arrays of tables under [[heading.key]].
+// NOLINTNEXTLINE(misc-no-recursion): the parser bounds the depth of nested tables
 void write_table(std::ostream& out, const toml::table& table, const std::string& heading) {
     const auto below = [&heading](const toml::key& key) {
         return heading.empty() ? shown_key(key) : heading + "." + shown_key(key);
@@ -133,7 +135,7 @@ std::string trimmed(std::string_view text) {
     return begin == std::string_view::npos ? "" : std::string(text.substr(begin, end - begin + 1));
 }
 
-/// Number of insertions, deletions, replacements and swaps of neighbours that make b of a (optimal string alignment).
+/// Number of insertions, deletions, replacements and swaps of neighbours that turn a into b (optimal string alignment).
 std::size_t edit_distance(std::string_view a, std::string_view b) {
     std::vector<std::size_t> before_last(b.size() + 1);
     std::vector<std::size_t> last(b.size() + 1);
@@ -154,13 +156,13 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
     return last.back();
 }
 
-/// The end of the message about an unknown key: the known key that was probably meant, or what its table may hold.
+/// End of the message about an unknown key: the known key that was probably meant, or all known keys of its table.
 std::string remedy(const std::string& unknown, const std::set<std::string>& known) {
     const std::string* nearest = nullptr;
     std::size_t nearest_distance = std::max<std::size_t>(2, unknown.size() / 3) + 1;
     for (const std::string& candidate : known) {
         if (last_part(candidate) == last_part(unknown)) {
-            return "; did you mean " + in_quotes(candidate) + "?";  // the right name in the wrong table
+            return "; did you mean " + in_quotes(candidate) + "?";  // right name, wrong table
         }
         if (const std::size_t distance = edit_distance(unknown, candidate); distance < nearest_distance) {
             nearest = &candidate;
@@ -181,8 +183,8 @@ std::string remedy(const std::string& unknown, const std::set<std::string>& know
     return neighbours.empty() ? "" : "; known " + place + ": " + neighbours;
 }
 
-/// A word that may stand without quotes after "--set key=": a name, a path, a time; nothing that looks like broken
-/// TOML.
+/// Whether a value after "--set key=" is taken as a string without quotes: a name, path or time, but nothing that looks
+/// like broken TOML.
 bool is_bare_word(std::string_view value) {
     const auto starts_word = [](char c) {
         return std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '/' || c == '.' || c == '~';
@@ -191,7 +193,7 @@ bool is_bare_word(std::string_view value) {
         return std::iscntrl(static_cast<unsigned char>(c)) != 0 ||
                std::string_view("\"'[]{}#=,").find(c) != std::string_view::npos;
     };
-    // 9030000.pl061 is a GPIO chip and 1-2.4 a USB port; 1..5 is a number that was mistyped.
+    // 9030000.pl061 is a GPIO chip and 1-2.4 a USB port, but 1..5 is a mistyped number.
     const auto is_of_no_number = [](char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '-'; };
     const bool starts_like_number = !value.empty() && std::isdigit(static_cast<unsigned char>(value.front())) != 0;
     const bool is_name = starts_like_number && std::any_of(value.begin(), value.end(), is_of_no_number);
@@ -199,7 +201,7 @@ bool is_bare_word(std::string_view value) {
            std::none_of(value.begin(), value.end(), breaks_word);
 }
 
-/// The node below another one: by its name in a table, by its number in a list.
+/// Child node: by name in a table, by index in an array.
 const toml::node* child(const toml::node& node, const std::string& part) {
     if (const toml::table* const table = node.as_table()) {
         return table->get(part);
@@ -218,12 +220,12 @@ bool breaks_an_assertion(std::string_view toml) {
     } catch (const BrokenAssertion&) {
         return true;
     } catch (const toml::parse_error&) {
-        return false;  // the part ends in the middle of something
+        return false;  // this part of the text ends inside a construct
     }
 }
 
-/// The number of the line that breaks an assertion of the parser: the parser goes from the front to the back, so a part
-/// of the text from its start breaks it exactly if it reaches that line.
+/// Number of the line at which the parser's assertion fails. The parser reads front to back, so a prefix of the text
+/// fails exactly if it includes that line: found by bisection.
 std::size_t line_of_broken_assertion(std::string_view toml) {
     std::vector<std::size_t> ends;  // of each line
     for (std::size_t i = 0; i < toml.size(); ++i) {
@@ -241,8 +243,9 @@ std::size_t line_of_broken_assertion(std::string_view toml) {
 struct Config::State {
     std::string name;  // of the file, for messages; empty without one
     toml::table root;
-    std::set<std::string> overridden;  // keys given by set(), for messages
-    std::set<std::string> known;       // keys that a getter asked for
+    std::map<std::string, std::size_t> overridden;  // keys given by set(), with the number of the last such call
+    std::size_t overrides = 0;                      // calls of set()
+    std::set<std::string> known;                    // keys that a getter has read
 
     const toml::node* find(const std::string& key) const {
         const toml::node* node = &root;
@@ -260,23 +263,23 @@ struct Config::State {
         return find(key);
     }
 
-    /// The override that gave this key its value: itself or a table around it.
+    /// The override that gave this key its value: the key itself or an enclosing table.
     std::optional<std::string> override_of(std::string_view key) const {
         for (; !key.empty(); key = table_part(key)) {
             if (const auto found = overridden.find(std::string(key)); found != overridden.end()) {
-                return *found;
+                return found->first;
             }
         }
         return std::nullopt;
     }
 
-    /// "FILE:LINE: KEY: ", "--set KEY: ", or as much of it as there is.
+    /// "FILE:LINE: KEY: ", "--set KEY: ", or the parts of it that are known.
     std::string where(const std::string& key) const {
         if (const auto set_key = override_of(key)) {
             return "--set " + *set_key + ": " + (*set_key == key ? "" : key + ": ");
         }
         const std::string file = name.empty() ? "configuration" : name;
-        // Of a key that is missing, the line of the table that should have it.
+        // A missing key gets the line of the table that should contain it.
         const toml::node* node = find(key);
         for (std::string_view around = table_part(key); node == nullptr && !around.empty();
              around = table_part(around)) {
@@ -289,6 +292,13 @@ struct Config::State {
         throw ConfigError(where(key) + problem);
     }
 
+    /// The table that contains a key; nullptr if there is none.
+    toml::table* table_of(std::string_view key) {
+        const std::string_view around = table_part(key);
+        const toml::node* const node = around.empty() ? &root : find(std::string(around));
+        return node == nullptr ? nullptr : const_cast<toml::table*>(node->as_table());  // ours, so not const
+    }
+
     double checked_number(const std::string& key, const toml::node& node, Range range) const {
         const std::optional<double> value = node.is_number() ? node.value<double>() : std::nullopt;
         if (!value) {
@@ -297,7 +307,7 @@ struct Config::State {
         if (!std::isfinite(*value)) {
             fail(key, "must be a finite number, is " + shown(node));
         }
-        if (*value < range.least || *value > range.most) {
+        if (*value < range.min || *value > range.max) {
             fail(key, "must be within " + shown(range) + ", is " + shown(*value));
         }
         return *value;
@@ -334,7 +344,7 @@ struct Config::State {
         return next != known.end() && next->starts_with(table + ".");
     }
 
-    /// Every key below the table that nobody asked for; a table of which nothing is known counts as one key if empty.
+    /// Collects every key in a table that no getter has read. An empty table without known keys counts as one key.
     void collect_unknown(const toml::table& table, const std::string& prefix, std::vector<Unknown>& unknown) const {
         for (const auto& [name_of_key, node] : table) {
             const std::string key = prefix + std::string(name_of_key.str());
@@ -373,7 +383,7 @@ Config Config::load(const std::filesystem::path& file) {
     std::ifstream stream(file, std::ios::binary);
     std::ostringstream content;
     if (!stream || std::filesystem::is_directory(file) || !(content << stream.rdbuf()).good()) {
-        // An empty file leaves `content` failed without an error: it is an empty configuration.
+        // An empty file sets failbit of `content` without an error: an empty configuration.
         if (stream.is_open() && !std::filesystem::is_directory(file) && content.str().empty()) {
             return parse("", file.string());
         }
@@ -437,7 +447,7 @@ void Config::set(std::string_view assignment) {
         }
     }
     table->insert_or_assign(parts.back(), std::move(*parsed.get("value")));
-    state_->overridden.insert(key);
+    state_->overridden[key] = ++state_->overrides;
 }
 
 double Config::number(const std::string& key, double otherwise, Range range) const {
@@ -523,6 +533,42 @@ std::size_t Config::tables(const std::string& key) const {
         state_->fail(key, "must be tables, each headed [[" + key + "]], is " + shown(*node));
     }
     return node->as_array()->size();
+}
+
+void Config::accept_old_key(const std::string& old_key, const std::string& key) const {
+    if (!has(old_key)) {
+        return;
+    }
+    // The later of two values counts: that of the file is the earliest.
+    const auto order_of = [this](const std::string& which) {
+        const auto override_key = state_->override_of(which);
+        return override_key ? state_->overridden.at(*override_key) : 0;
+    };
+    const std::size_t old_order = order_of(old_key);
+    const bool both = has(key);
+    if (both && old_order == order_of(key)) {
+        fail(old_key, "is the former name of " + key + ", which is given too; keep one of them");
+    }
+    const std::string notice = state_->where(old_key) + "is the former name of " + key + "; please rename it\n";
+    static_cast<void>(std::fputs(notice.c_str(), stderr));
+    toml::table* const from = state_->table_of(old_key);
+    if (!both || old_order > order_of(key)) {
+        // A moved node keeps its line, for messages about its value; a copied one would not.
+        toml::node& node = *from->get(last_part(old_key));
+        toml::table* to = state_->table_of(key);
+        if (to == nullptr) {
+            to = state_->root.insert_or_assign(table_part(key), toml::table{}).first->second.as_table();
+        }
+        node.visit([&](auto& value) { to->insert_or_assign(last_part(key), std::move(value)); });
+        if (old_order > 0) {
+            state_->overridden[key] = old_order;
+        }
+    }
+    from->erase(last_part(old_key));
+    const std::string_view table = table_part(old_key);
+    if (from->empty() && !table.empty()) {
+        state_->table_of(table)->erase(last_part(table));
+    }
 }
 
 std::string Config::toml() const {

@@ -54,14 +54,14 @@ std::optional<Integer> whole_number(std::string_view cell) {
     return error == std::errc{} && end == cell.data() + cell.size() ? std::optional(value) : std::nullopt;
 }
 
-/// Numbers in their shortest exact form, after a comma where there is something before.
+/// Appends a number in its shortest exact form, after a comma unless the line is empty.
 template <class Number>
 void append(std::string& line, Number value) {
-    char digits[32];
+    char buffer[32];
     if (!line.empty()) {
         line += ',';
     }
-    line.append(digits, std::to_chars(std::begin(digits), std::end(digits), value).ptr);
+    line.append(buffer, std::to_chars(std::begin(buffer), std::end(buffer), value).ptr);
 }
 
 [[noreturn]] void fail(const std::string& file, std::size_t line, const std::string& problem) {
@@ -86,12 +86,12 @@ std::string text_of(const CsvCell& cell) {
 }
 
 void append_row(std::string& text, std::span<const double> values) {
-    char digits[32];
+    char buffer[32];
     for (std::size_t i = 0; i < values.size(); ++i) {
         if (i > 0) {
             text += ',';
         }
-        text.append(digits, std::to_chars(std::begin(digits), std::end(digits), values[i]).ptr);
+        text.append(buffer, std::to_chars(std::begin(buffer), std::end(buffer), values[i]).ptr);
     }
     text += '\n';
 }
@@ -105,10 +105,12 @@ CsvReader::CsvReader(const std::filesystem::path& file) : file_(file.string()) {
     if (!stream_) {
         throw CsvError(file_ + ": cannot be read: " + std::generic_category().message(errno));
     }
+    // Notes before the header.
     while (next_line() && is_note(line_)) {
         notes_.emplace_back(trimmed(trimmed(line_).substr(1)));
     }
-    line_number_ = std::max<std::size_t>(line_number_, 1);  // also of an empty file
+    line_number_ = std::max<std::size_t>(line_number_, 1);  // for messages about an empty file
+    // Header: column names, possibly after a byte order mark.
     std::string_view header = line_;
     if (header.starts_with(kByteOrderMark)) {
         header.remove_prefix(kByteOrderMark.size());
@@ -286,10 +288,10 @@ void CsvWriter::close() {
     if (!stream_) {
         const int error = errno != 0 ? errno : EIO;
         detail::discard(temporary_, file_);
-        throw CsvError(file_.string() + ": could not be written whole: " + std::generic_category().message(error));
+        throw CsvError(file_.string() + ": could not be written completely: " + std::generic_category().message(error));
     }
     if (const std::error_code error = detail::put_in_place(temporary_, file_)) {
-        throw CsvError(file_.string() + ": cannot be put in place: " + error.message());
+        throw CsvError(file_.string() + ": cannot be renamed into place: " + error.message());
     }
 }
 

@@ -9,14 +9,14 @@
 namespace haptic {
 namespace {
 
-constexpr std::int64_t kWaitNs = 20'000'000;               // after which the thread looks whether it is to end
-constexpr std::size_t kStackBytes = std::size_t{1} << 18;  // all of it is locked where all memory is
+constexpr std::int64_t kWaitNs = 20'000'000;               // interval at which the thread checks whether to end
+constexpr std::size_t kStackBytes = std::size_t{1} << 18;  // small, because mlockall locks all of it
 constexpr std::size_t kBatch = 64;
 
 }  // namespace
 
-EdgeCapture::EdgeCapture(std::unique_ptr<EdgeSource> line, std::size_t room, std::function<void()> prepare)
-    : line_(std::move(line)), prepare_(std::move(prepare)), edges_(room) {
+EdgeCapture::EdgeCapture(std::unique_ptr<EdgeSource> line, std::size_t capacity, std::function<void()> prepare)
+    : line_(std::move(line)), prepare_(std::move(prepare)), edges_(capacity) {
     pthread_attr_t attributes;
     int error = pthread_attr_init(&attributes);
     if (error == 0) {
@@ -60,7 +60,7 @@ void EdgeCapture::capture() {
     while (!ending_.load()) {
         keep(std::span(batch).first(line_->read(batch, kWaitNs)));
     }
-    // The last edge may still be on its way through the kernel.
+    // Read the edges that the kernel still holds.
     for (std::size_t count = kBatch; count > 0;) {
         count = line_->read(batch, kWaitNs);
         keep(std::span(batch).first(count));

@@ -3,24 +3,26 @@
 namespace haptic {
 namespace {
 
-/// ns, since the last deadline not after an instant.
+/// Time since the last deadline at or before `time_ns`, ns: the time modulo the period.
 std::int64_t after_deadline(std::int64_t time_ns, const EdgeExpectation& expected) {
     const std::int64_t phase_ns = (time_ns - expected.deadline_ns) % expected.period_ns;
     return phase_ns < 0 ? phase_ns + expected.period_ns : phase_ns;
 }
 
-/// The last rising edge, if it may still be measured from.
-struct Reference {
+/// The last rising edge, if measurements may start from it.
+struct LastRise {
     std::int64_t rise_ns = -1;  // -1: none
-    bool whole = false;         // a falling edge came after it
+    bool fallen = false;        // its falling edge was seen
 };
 
-void take_rise(EdgeStatistics& statistics, Reference& last, std::int64_t time_ns, const EdgeExpectation& expected) {
+void take_rise(EdgeStatistics& statistics, LastRise& last, std::int64_t time_ns, const EdgeExpectation& expected) {
+    // Lateness of the edge within its period.
     ++statistics.rising;
     if (expected.deadline_ns >= 0) {
         statistics.lateness.record(after_deadline(time_ns, expected));
     }
-    if (last.rise_ns >= 0 && (last.whole || expected.kind == EdgeKind::Rising)) {
+    // Period since the last rise. With both edges captured, a missing fall in between means that edges were lost.
+    if (last.rise_ns >= 0 && (last.fallen || expected.kind == EdgeKind::Rising)) {
         const std::int64_t period_ns = time_ns - last.rise_ns;
         statistics.longest_at_ns = period_ns > statistics.period.max_ns() ? time_ns : statistics.longest_at_ns;
         statistics.long_periods += 2 * period_ns >= 3 * expected.period_ns ? 1u : 0u;
@@ -29,13 +31,14 @@ void take_rise(EdgeStatistics& statistics, Reference& last, std::int64_t time_ns
     last = {time_ns, false};
 }
 
-void take_fall(EdgeStatistics& statistics, Reference& last, std::int64_t time_ns) {
+void take_fall(EdgeStatistics& statistics, LastRise& last, std::int64_t time_ns) {
     ++statistics.falling;
-    if (last.rise_ns >= 0 && !last.whole) {
+    if (last.rise_ns >= 0 && !last.fallen) {
+        // High time: how long the loop worked.
         statistics.high.record(time_ns - last.rise_ns);
-        last.whole = true;
+        last.fallen = true;
     } else {
-        last = {};  // of the rise between nothing is known
+        last = {};  // a second fall: the rise in between was lost
     }
 }
 
@@ -43,11 +46,13 @@ void take_fall(EdgeStatistics& statistics, Reference& last, std::int64_t time_ns
 
 EdgeStatistics edge_statistics(std::span<const Edge> edges, const EdgeExpectation& expected) {
     EdgeStatistics statistics;
-    Reference last;
+    LastRise last;
     const Edge* before = nullptr;
     for (const Edge& edge : edges) {
-        const bool again = before != nullptr && before->rising == edge.rising;
-        statistics.lost += again && expected.kind == EdgeKind::Both ? 1u : 0u;
+        // Two edges in the same direction: one in between was lost.
+        const bool same_direction = before != nullptr && before->rising == edge.rising;
+        statistics.lost += same_direction && expected.kind == EdgeKind::Both ? 1u : 0u;
+        // Lateness and period of a rise, high time of a fall.
         if (edge.rising) {
             take_rise(statistics, last, edge.time_ns, expected);
         } else {
@@ -55,6 +60,7 @@ EdgeStatistics edge_statistics(std::span<const Edge> edges, const EdgeExpectatio
         }
         before = &edge;
     }
+    // Time span of the capture.
     if (!edges.empty()) {
         statistics.first_ns = edges.front().time_ns;
         statistics.last_ns = edges.back().time_ns;

@@ -1,4 +1,5 @@
-// Where a result is written until it is whole: beside its place, so that a reader never sees half of it.
+// File replacement: a result is written to a temporary file next to its destination and renamed when complete, so that
+// readers never see an incomplete file.
 #pragma once
 
 #include <unistd.h>
@@ -10,8 +11,8 @@
 
 namespace haptic::detail {
 
-/// The temporary file that will be renamed to `file`; `file` itself where there is something that a rename would
-/// replace by a plain file (/dev/null, /dev/stdout, a pipe).
+/// Name of the temporary file that will be renamed to `file`. `file` itself if it is not a regular file (/dev/null,
+/// /dev/stdout, a pipe), which a rename would replace.
 inline std::filesystem::path temporary_beside(const std::filesystem::path& file) {
     static std::atomic<unsigned> serial{0};
     std::error_code ignored;
@@ -24,7 +25,7 @@ inline std::filesystem::path temporary_beside(const std::filesystem::path& file)
     return temporary;
 }
 
-/// Gives up what was written so far.
+/// Removes the temporary file.
 inline void discard(const std::filesystem::path& temporary, const std::filesystem::path& file) noexcept {
     if (temporary != file) {
         std::error_code ignored;
@@ -32,7 +33,7 @@ inline void discard(const std::filesystem::path& temporary, const std::filesyste
     }
 }
 
-/// Puts the whole file in its place. Where that fails the temporary file is removed.
+/// Renames the complete file to its destination. Removes the temporary file on failure.
 [[nodiscard]] inline std::error_code put_in_place(const std::filesystem::path& temporary,
                                                   const std::filesystem::path& file) noexcept {
     std::error_code error;

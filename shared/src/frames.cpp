@@ -87,6 +87,7 @@ FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT {
     if (frame.proxy_count > kMaxProxies) {
         return FrameDefect::ProxyCount;
     }
+    // Coupling: finite and not negative.
     const double coupling[] = {frame.stiffness,          frame.torque_stiffness, frame.damping,
                                frame.rotational_damping, frame.static_friction,  frame.dynamic_friction};
     if (!all_finite(coupling)) {
@@ -100,6 +101,7 @@ FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT {
     if (frame.step_ns <= 0 || frame.step_ns > kNanosecondsPerSecond) {
         return FrameDefect::Step;
     }
+    // Proxies and their planes.
     for (std::uint32_t i = 0; i < frame.proxy_count; ++i) {
         if (const FrameDefect defect = find_defect(frame.proxies[i]); defect != FrameDefect::None) {
             return defect;
@@ -111,7 +113,7 @@ FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT {
 std::string_view describe(FrameDefect defect) noexcept {
     switch (defect) {
         case FrameDefect::None:
-            return "the frame is sound";
+            return "the frame is valid";
         case FrameDefect::ProxyCount:
             return "more proxies than HAPTIC_MAX_PROXIES";
         case FrameDefect::PlaneCount:
@@ -123,7 +125,7 @@ std::string_view describe(FrameDefect defect) noexcept {
         case FrameDefect::Coupling:
             return "a stiffness, damping or friction is negative";
         case FrameDefect::Step:
-            return "step_ns is not within 1 ns and 1 s";
+            return "step_ns is not between 1 ns and 1 s";
     }
     return "unknown defect";
 }

@@ -1,4 +1,4 @@
-// The one file that knows libgpiod (version 1.6, of Debian 12). Version 2 would be a second file with the same
+// GPIO lines with libgpiod 1.6 (Debian 12). No other file uses libgpiod; version 2 would be a second file with the same
 // functions.
 #include <gpiod.h>
 
@@ -18,8 +18,8 @@
 namespace haptic {
 namespace {
 
-// What the kernel keeps for a reader of edges, and gives in one read.
-constexpr std::size_t kMostEvents = 16;
+// Size of the kernel's buffer of edges, and limit of one read.
+constexpr std::size_t kMaxEvents = 16;
 
 struct CloseChip {
     void operator()(gpiod_chip* chip) const { gpiod_chip_close(chip); }  // releases its lines too
@@ -30,7 +30,7 @@ using Chip = std::unique_ptr<gpiod_chip, CloseChip>;
     const int error = errno;
     const bool forbidden = error == EACCES || error == EPERM;
     throw std::runtime_error(line.purpose + ": " + what + ": " + std::system_category().message(error) + "; " +
-                             (forbidden ? "ls -l /dev/gpiochip* says which group may open it" : remedy));
+                             (forbidden ? "ls -l /dev/gpiochip* shows which group may open it" : remedy));
 }
 
 bool is_offset(const std::string& line) {
@@ -47,7 +47,7 @@ class OpenedLine {
         if (!chip_) {
             errno = errno == 0 ? ENOENT : errno;
             refuse(which, "no GPIO chip '" + which.chip + "'",
-                   "gpiodetect lists names and labels of those that there are");
+                   "gpiodetect lists names and labels of the existing chips");
         }
         line_ = is_offset(which.line) ? gpiod_chip_get_line(chip_.get(), static_cast<unsigned>(std::stoul(which.line)))
                                       : gpiod_chip_find_line(chip_.get(), which.line.c_str());
@@ -58,17 +58,17 @@ class OpenedLine {
     }
 
     [[nodiscard]] gpiod_line* line() const { return line_; }
-    /// Throws unless the request was granted.
+    /// Throws if the request was refused.
     void check(int result, const GpioLine& which) const {
         if (result != 0) {
-            refuse(which, name_, "gpioinfo says who uses it");
+            refuse(which, name_, "gpioinfo shows its consumer");
         }
     }
 
   private:
     std::string name_;
     Chip chip_;
-    gpiod_line* line_ = nullptr;  // the chip's
+    gpiod_line* line_ = nullptr;  // owned by the chip
 };
 
 class GpioOutput final : public OutputLine {
@@ -107,7 +107,7 @@ class GpioInput final : public InputLine {
   public:
     GpioInput(const GpioLine& which, GpioBias bias) : opened_(which) {
         opened_.check(gpiod_line_request_input_flags(opened_.line(), which.user.c_str(), flag_of(bias)), which);
-        (void)GpioInput::is_up();  // fails now rather than in the first look
+        (void)GpioInput::is_up();  // fail now rather than at the first use
     }
 
     [[nodiscard]] bool is_up() override {
@@ -130,8 +130,8 @@ class GpioEdges final : public EdgeSource {
         opened_.check(request(opened_.line(), which.user.c_str()), which);
     }
 
-    [[nodiscard]] std::size_t read(std::span<Edge> edges, std::int64_t at_most_ns) override {
-        const timespec time{at_most_ns / kNanosecondsPerSecond, at_most_ns % kNanosecondsPerSecond};
+    [[nodiscard]] std::size_t read(std::span<Edge> edges, std::int64_t max_wait_ns) override {
+        const timespec time{max_wait_ns / kNanosecondsPerSecond, max_wait_ns % kNanosecondsPerSecond};
         const int waiting = gpiod_line_event_wait(opened_.line(), &time);
         if (waiting == 0 || (waiting < 0 && errno == EINTR) || edges.empty()) {
             return 0;
@@ -139,9 +139,9 @@ class GpioEdges final : public EdgeSource {
         if (waiting < 0) {
             throw std::system_error(errno, std::system_category(), "waiting for an edge of a GPIO line");
         }
-        std::array<gpiod_line_event, kMostEvents> events{};
-        const auto room = static_cast<unsigned>(std::min(events.size(), edges.size()));
-        const int count = gpiod_line_event_read_multiple(opened_.line(), events.data(), room);
+        std::array<gpiod_line_event, kMaxEvents> events{};
+        const auto limit = static_cast<unsigned>(std::min(events.size(), edges.size()));
+        const int count = gpiod_line_event_read_multiple(opened_.line(), events.data(), limit);
         if (count < 0) {
             throw std::system_error(errno, std::system_category(), "reading edges of a GPIO line");
         }

@@ -18,7 +18,7 @@ struct haptic_state_reader {
 
 namespace {
 
-/// Of fixed size, so that telling of an error cannot fail itself.
+/// Fixed size, so that reporting an error cannot fail.
 std::array<char, 1024>& last_error() noexcept {
     thread_local std::array<char, 1024> text{};
     return text;
@@ -28,7 +28,7 @@ void set_last_error(const char* what) noexcept {
     std::snprintf(last_error().data(), last_error().size(), "%s", what);
 }
 
-/// The value of an expression that may throw, or `otherwise` with the error's text kept.
+/// Calls a function that may throw. On an exception stores its text and returns `otherwise`.
 template <class Value, class Function>
 Value guarded(Value otherwise, const Function& function) noexcept {
     try {
@@ -87,9 +87,8 @@ uint64_t haptic_contact_writer_publish(haptic_contact_writer* writer, haptic_con
     }
     if (const haptic::FrameDefect defect = haptic::find_defect(*frame); defect != haptic::FrameDefect::None) {
         const std::string_view why = haptic::describe(defect);
-        std::snprintf(last_error().data(), last_error().size(),
-                      "haptic_contact_writer_publish: the frame is refused: %.*s", static_cast<int>(why.size()),
-                      why.data());
+        std::snprintf(last_error().data(), last_error().size(), "haptic_contact_writer_publish: invalid frame: %.*s",
+                      static_cast<int>(why.size()), why.data());
         return 0;
     }
     frame->publish_time_ns = now_ns;
@@ -121,7 +120,7 @@ int haptic_state_reader_read(haptic_state_reader* reader, haptic_device_state* s
         is_null(state, "haptic_state_reader_read: state is NULL")) {
         return -1;
     }
-    // By way of a copy: a read that the writer overtook leaves its target half-written.
+    // Read into a scratch copy: a read that is overtaken by the writer leaves its target inconsistent.
     if (!reader->ring.read_newest(reader->scratch)) {
         return 0;
     }

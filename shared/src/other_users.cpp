@@ -13,7 +13,7 @@
 namespace haptic {
 namespace {
 
-/// The user in "haptic-<uid>-<session>-contact" or "-state".
+/// User id in the file name "haptic-<uid>-<session>-contact" or "-state"; empty for other names.
 std::optional<uid_t> user_in(std::string_view file, std::string_view session) {
     constexpr std::string_view prefix = "haptic-";
     if (!file.starts_with(prefix)) {
@@ -64,11 +64,10 @@ std::string describe_other_users(const std::string& session, const std::filesyst
     if (names.empty()) {
         return {};
     }
-    return "session \"" + session + "\" is also there for user " + names + ", but this process is of user " +
+    return "session \"" + session + "\" also exists for user " + names + ", but this process runs as user " +
            name_of(geteuid()) +
-           ": rings are private to a user, and these two do not meet. Run both processes as the same user (sudo -u "
-           "USER, or "
-           "both as services), or take another --session if they are not meant to";
+           ": rings are private to a user, so the two processes cannot connect. Run both as the same user (sudo -u "
+           "USER, or both as services), or use another --session if they should not connect";
 }
 
 }  // namespace haptic

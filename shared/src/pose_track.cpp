@@ -15,7 +15,7 @@ namespace {
 constexpr double kUnitTolerance = 1e-6;
 constexpr const char* kQuaternionColumns[] = {"qw", "qx", "qy", "qz"};
 
-/// Index of the first time that does not exceed the one before it; the size if there is none.
+/// Index of the first time that is not later than its predecessor; the size if there is none.
 std::size_t first_not_increasing(const std::vector<double>& times_s) {
     const auto found = std::adjacent_find(times_s.begin(), times_s.end(), [](double a, double b) { return !(a < b); });
     return found == times_s.end() ? times_s.size() : static_cast<std::size_t>(found - times_s.begin()) + 1;
@@ -36,13 +36,13 @@ PoseTrack::PoseTrack(std::vector<double> times_s, std::vector<Pose> poses)
         throw std::invalid_argument("a track needs at least one pose and as many times as poses");
     }
     if (const std::size_t row = first_not_increasing(times_s_); row != times_s_.size()) {
-        throw std::invalid_argument("time " + std::to_string(row) + " of the track is not later than the one before");
+        throw std::invalid_argument("time " + std::to_string(row) + " of the track is not later than its predecessor");
     }
 }
 
 PoseTrack PoseTrack::load(const std::filesystem::path& file) {
     const CsvTable table = CsvTable::load(file);
-    // Blank lines and notes between rows are rare enough that the row says the place well.
+    // Line number of a row, assuming no blank lines or notes between rows.
     const auto fail = [&](std::size_t row, const std::string& problem) {
         throw CsvError(table.name() + ":" + std::to_string(table.header_line() + 1 + row) + ": " + problem);
     };
@@ -55,9 +55,10 @@ PoseTrack PoseTrack::load(const std::filesystem::path& file) {
     if (table.rows() == 0) {
         fail(0, "there is no pose");
     }
+    // Times and positions, then the optional orientations.
     std::vector<double> times_s(time.begin(), time.end());
     if (const std::size_t row = first_not_increasing(times_s); row != times_s.size()) {
-        fail(row, "time_s is not later than in the row before");
+        fail(row, "time_s is not later than in the previous row");
     }
     std::vector<Pose> poses(table.rows());
     for (std::size_t row = 0; row < table.rows(); ++row) {
@@ -81,6 +82,7 @@ PoseTrack PoseTrack::load(const std::filesystem::path& file) {
 
 Pose PoseTrack::at(std::int64_t time_ns) const HAPTIC_RT {
     const double time_s = seconds(time_ns);
+    // Rows on either side of the time.
     const auto after = std::upper_bound(times_s_.begin(), times_s_.end(), time_s);
     if (after == times_s_.begin()) {
         return poses_.front();

@@ -1,4 +1,4 @@
-// Probes outside of the loop: opened, tried, configured, put down. Apart from probe.cpp because this may allocate.
+// Probe, cold half: opens, tests, configures and closes. Separate from probe.cpp, because it may allocate.
 #include <algorithm>
 #include <limits>
 #include <stdexcept>
@@ -11,7 +11,7 @@
 namespace haptic {
 namespace {
 
-// The quickest of so many is not one that was interrupted.
+// Number of trials; the fastest one was not interrupted.
 constexpr int kTrials = 8;
 
 std::string in_microseconds(std::int64_t duration_ns) {
@@ -22,20 +22,21 @@ std::string in_microseconds(std::int64_t duration_ns) {
 
 Probe::Probe(std::unique_ptr<OutputLine> line, const std::string& purpose, Clock clock, std::int64_t slowest_edge_ns)
     : line_(std::move(line)) {
-    std::int64_t quickest_ns = std::numeric_limits<std::int64_t>::max();
+    std::int64_t fastest_ns = std::numeric_limits<std::int64_t>::max();
     for (int trial = 0; trial < kTrials; ++trial) {
         const std::int64_t before_ns = clock();
         if (const int error = line_->set(false); error != 0) {
             throw std::runtime_error(purpose + ": the line cannot be set: " + std::system_category().message(error) +
-                                     "; gpioinfo says whether it is an output that the kernel lets go");
+                                     "; gpioinfo shows whether it is an output that is free");
         }
-        quickest_ns = std::min(quickest_ns, clock() - before_ns);
+        fastest_ns = std::min(fastest_ns, clock() - before_ns);
     }
-    if (quickest_ns > slowest_edge_ns) {
-        throw std::runtime_error(purpose + ": an edge takes " + in_microseconds(quickest_ns) + ", more than the " +
-                                 in_microseconds(slowest_edge_ns) +
-                                 " of probes.slowest_edge_s; choose a line of the processor itself, not one of an "
-                                 "expander behind I2C or SPI, or allow more where the loop can bear it");
+    if (fastest_ns > slowest_edge_ns) {
+        throw std::runtime_error(
+            purpose + ": an edge takes " + in_microseconds(fastest_ns) + ", more than the " +
+            in_microseconds(slowest_edge_ns) +
+            " of probes.slowest_edge_s; choose a line of the processor itself instead of an expander "
+            "behind I2C or SPI, or raise the limit if the loop has time");
     }
 }
 
@@ -58,8 +59,22 @@ std::optional<GpioLine> read_probe_line(const Config& config, const std::string&
     return GpioLine{chip, line, name + " probe (probes.chip, " + key + ")", user + " " + name};
 }
 
-std::int64_t read_slowest_edge_ns(const Config& config) {
-    return nanoseconds(config.number("probes.slowest_edge_s", seconds(Probe::kSlowestEdgeNs), {1e-6, 0.1}));
+const SettingTable<ProbeSettings>& probe_settings() {
+    using S = ProbeSettings;
+    using V = SettingValues<S>;
+    static const SettingTable<S> table{
+        "probes",
+        "Output lines of a GPIO chip for an oscilloscope.",
+        {
+            {{.key = "chip", .meaning = "GPIO chip of the lines: label (gpiodetect lists them), name or path."},
+             V::text(&S::chip)},
+            {{.key = "slowest_edge_s",
+              .unit = "s",
+              .meaning = "Longest time that setting a line may take. Raise it for lines behind I2C or emulated lines, "
+                         "where the loop has time for them."},
+             V::duration(&S::slowest_edge_ns, {1e-6, 0.1})},
+        }};
+    return table;
 }
 
 Probe open_probe(const std::optional<GpioLine>& line, Probe::Clock clock, std::int64_t slowest_edge_ns) {

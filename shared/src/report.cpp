@@ -15,7 +15,7 @@ double microseconds(std::int64_t duration_ns) {
     return static_cast<double>(duration_ns) * 1e-3;
 }
 
-/// What the last system call said; an input/output error where it said nothing.
+/// errno as an error code; EIO if errno is not set.
 std::error_code last_error() {
     return {errno != 0 ? errno : EIO, std::generic_category()};
 }

@@ -16,6 +16,7 @@ SharedWord* words_of(RingSlotHeader& slot) HAPTIC_RT {
 }  // namespace
 
 void RingMemory::initialise(RingKind kind) const noexcept {
+    // `magic` last, with release: a process that acquires it sees all other fields.
     RingHeader& ring = header();
     ring.identity.abi.store(HAPTIC_ABI_VERSION, kRelease);
     ring.identity.kind.store(static_cast<std::uint32_t>(kind), kRelease);
@@ -46,14 +47,22 @@ void RingMemory::publish(std::uint64_t sequence, const void* frame, std::size_t 
     const auto* const source = static_cast<const std::byte*>(frame);
     const std::size_t count = std::min(bytes, slot_bytes_) / sizeof(std::uint64_t);
 
+    // 1. Mark the slot as incomplete. A reader that later acquires any of the words below sees this stamp or a later
+    // one
+    //    in its second check, and rejects its copy.
     slot.stamp.store(2 * sequence - 1, kRelease);
     slot.words.store(count, kRelease);
+    // 2. The words. Release stores, so that none becomes visible before the odd stamp.
     for (std::size_t i = 0; i < count; ++i) {
         std::uint64_t word = 0;
         std::memcpy(&word, source + i * sizeof word, sizeof word);
         words[i].store(word, kRelease);
     }
+    // 3. Mark the slot as complete: a reader that acquires this stamp sees all words of the frame.
     slot.stamp.store(2 * sequence, kRelease);
+    // 4. Announce it. `head` comes last: a reader that acquires it finds a complete slot, unless the writer has wrapped
+    // around
+    //    since, and a heartbeat at least as recent.
     header().progress.heartbeat_ns.store(now_ns, kRelease);
     header().progress.head.store(sequence, kRelease);
 }
@@ -62,21 +71,24 @@ bool RingMemory::read(std::uint64_t sequence, void* frame) const HAPTIC_RT {
     auto* const target = static_cast<std::byte*>(frame);
     RingSlotHeader& slot = slot_of(sequence);
     const SharedWord* const words = words_of(slot);
+    // Complete and of this frame? Acquire: the words below are loaded after this check.
     if (slot.stamp.load(kAcquire) != 2 * sequence) {
         return false;
     }
-    // The count may already be the next frame's, or anything at all: it addresses nothing beyond the slot.
+    // The count may belong to a later frame or be corrupt: clamp it, so that no access leaves the slot.
     const std::uint64_t count = std::min<std::uint64_t>(slot.words.load(kAcquire), slot_bytes_ / sizeof(std::uint64_t));
     for (std::size_t i = 0; i < count; ++i) {
         const std::uint64_t word = words[i].load(kAcquire);
         std::memcpy(target + i * sizeof word, &word, sizeof word);
     }
+    // Still unchanged? Each word was acquired, so a copy with a word of a later frame finds a later stamp here.
     return slot.stamp.load(kAcquire) == 2 * sequence;
 }
 
 RingMemory::Read RingMemory::read_newest(std::uint64_t last, void* frame) const HAPTIC_RT {
     Read result;
     for (int attempt = 0; attempt < kRingReadAttempts; ++attempt) {
+        // Acquire: pairs with the release store of head in publish().
         const std::uint64_t newest = header().progress.head.load(kAcquire);
         if (newest <= last || newest > kLastSequence) {
             return result;
@@ -85,6 +97,7 @@ RingMemory::Read RingMemory::read_newest(std::uint64_t last, void* frame) const 
             result.sequence = newest;
             return result;
         }
+        // The writer wrapped around during the copy: retry with the frame that is now the newest.
         ++result.overtaken;
     }
     return result;

@@ -16,7 +16,7 @@ namespace haptic::detail {
 
 class ObservedSegment {
   public:
-    /// Maps a segment that was checked. Throws RingError.
+    /// Maps a checked segment read-only. Throws RingError.
     ObservedSegment(const SegmentChecks& checks, Descriptor fd, const struct stat& status)
         : fd_(std::move(fd)),
           device_(status.st_dev),
@@ -33,7 +33,7 @@ class ObservedSegment {
     ~ObservedSegment() { munmap(&memory_.header(), bytes_); }
 
     [[nodiscard]] const RingMemory& memory() const noexcept { return memory_; }
-    /// Of this file while we have it open no other has the number.
+    /// Whether this is the same file. Its inode number is not reused while we keep it open.
     [[nodiscard]] bool is(const struct stat& status) const noexcept {
         return status.st_dev == device_ && status.st_ino == inode_;
     }
@@ -49,7 +49,7 @@ class ObservedSegment {
 
 RingObserverBase::RingObserverBase(const std::string& session, RingKind kind, std::size_t slot_bytes)
     : session_(session), kind_(kind), slot_bytes_(slot_bytes) {
-    static_cast<void>(ring_segment_name(session, kind));  // refuses a bad name now
+    static_cast<void>(ring_segment_name(session, kind));  // throws for a bad name
 }
 
 RingObserverBase::RingObserverBase(RingObserverBase&&) noexcept = default;
@@ -77,7 +77,7 @@ void RingObserverBase::find_segment() {
         if (errno != ENOENT) {
             checks.refuse_unopened(errno);
         }
-        // Removed by hand under a writer that goes on in it, it is still worth looking at.
+        // Removed by hand while its writer continues: keep observing the old segment.
         if (!has_writer()) {
             leave();
         }
@@ -93,18 +93,20 @@ void RingObserverBase::find_segment() {
     }
     leave();
     if (status.st_size == 0) {
-        return;  // is being created
+        return;  // it is being created
     }
-    // Read rather than mapped until it is known to be whole: only then no creator truncates it any more.
+    // Read the header with pread until it is known to be complete: before that, its creator may truncate the file, and
+    // access to a mapping would be a bus error.
     alignas(RingHeader) std::array<std::byte, sizeof(RingHeader)> copy{};
     const auto size = static_cast<std::size_t>(status.st_size);
     checks.read_header(fd.get(), size, copy.data());
     const RingHeader& header = *reinterpret_cast<const RingHeader*>(copy.data());
     if (header.identity.magic.load() == 0) {
-        return;  // likewise
+        return;  // it is being created
     }
     checks.refuse_other_layout(header, size);
     segment_ = std::make_unique<ObservedSegment>(checks, std::move(fd), status);
+    // Start with the oldest slot that the ring still holds.
     const std::uint64_t head = segment_->memory().header().progress.head.load(std::memory_order_acquire);
     last_ = head > kRingSlots ? head - kRingSlots : 0;
     counts_.segments += 1;
@@ -130,10 +132,11 @@ bool RingObserverBase::next_bytes(void* slot) noexcept {
     const RingMemory& memory = segment_->memory();
     const std::uint64_t head = memory.header().progress.head.load(std::memory_order_acquire);
     if (head < last_ || head > kLastSequence) {
-        // Writers only ever count on: somebody damaged it, or it is not what we attached to. Looked at anew.
+        // Writers never count backwards: the segment is damaged or was replaced. Detach; attend() checks it again.
         leave();
         return false;
     }
+    // Skip the slots that the writer has overwritten.
     const std::uint64_t oldest = head >= kRingSlots ? head - kRingSlots + 1 : 1;
     std::uint64_t sequence = std::max(last_ + 1, oldest);
     counts_.missed += sequence - last_ - 1;
@@ -143,7 +146,7 @@ bool RingObserverBase::next_bytes(void* slot) noexcept {
             counts_.slots += 1;
             return true;
         }
-        counts_.missed += 1;  // the writer came round
+        counts_.missed += 1;  // overwritten during the copy
     }
     return false;
 }

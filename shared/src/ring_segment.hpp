@@ -1,4 +1,4 @@
-// The shared-memory segment of a ring: created, checked, locked, mapped, and removed by the last to leave.
+// Ring segment: creates, checks, locks and maps the shared memory of a ring; the last process to leave removes it.
 #pragma once
 
 #include <atomic>
@@ -14,18 +14,18 @@ namespace haptic::detail {
 
 class RingSegment {
   public:
-    /// Attaches in a role, creating or healing the segment where needed. Throws RingError.
+    /// Attaches in a role; creates or repairs the segment if necessary. Throws RingError.
     RingSegment(const std::string& session, RingKind kind, std::size_t slot_bytes, RingLock role);
     RingSegment(const RingSegment&) = delete;
     RingSegment& operator=(const RingSegment&) = delete;
-    /// Gives the role back; removes the segment if the other role is free.
+    /// Releases the role; removes the segment if the other role is free.
     ~RingSegment();
 
     [[nodiscard]] const RingMemory& memory() const HAPTIC_RT { return memory_; }
 
   private:
     [[nodiscard]] Descriptor open_and_lock() const;
-    void make_sound(int fd) const;
+    void make_valid(int fd) const;
     void create(int fd) const;
     void take_role(int fd) const;
     [[nodiscard]] void* map(int fd) const;

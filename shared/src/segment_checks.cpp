@@ -73,14 +73,14 @@ void SegmentChecks::fail_system(const std::string& action, int error) const {
 }
 
 std::string SegmentChecks::removal() const {
-    return "; end what uses session \"" + session_ + "\", then: rm /dev/shm" + name_;
+    return "; end the processes of session \"" + session_ + "\", then: rm /dev/shm" + name_;
 }
 
 void SegmentChecks::refuse_unopened(int error) const {
-    // A link, a foreign file, a directory (EINVAL from glibc), a device or socket.
+    // Symbolic link, file of another user, directory (EINVAL from glibc), device or socket.
     if (error == ELOOP || error == EACCES || error == EINVAL || error == EISDIR || error == ENXIO) {
-        fail(RingError::Kind::Foreign, "is not ours to use: " + std::generic_category().message(error) +
-                                           "; see what it is: ls -l /dev/shm" + name_ +
+        fail(RingError::Kind::Foreign, "cannot be used: " + std::generic_category().message(error) +
+                                           "; inspect it with: ls -l /dev/shm" + name_ +
                                            ", then remove it: sudo rm -r /dev/shm" + name_);
     }
     fail_system("opened", error);
@@ -92,17 +92,17 @@ void SegmentChecks::refuse_foreign(int fd) const {
         fail_system("examined", errno);
     }
     if (!S_ISREG(status.st_mode)) {
-        fail(RingError::Kind::Foreign, "is not a plain segment; remove it: rm /dev/shm" + name_);
+        fail(RingError::Kind::Foreign, "is not a regular file; remove it: rm /dev/shm" + name_);
     }
     if (status.st_uid != geteuid()) {
-        fail(RingError::Kind::Foreign, "belongs to user " + std::to_string(status.st_uid) + ", not to us (" +
+        fail(RingError::Kind::Foreign, "belongs to user " + std::to_string(status.st_uid) + ", not to this user (" +
                                            std::to_string(geteuid()) + "); remove it: sudo rm /dev/shm" + name_);
     }
     if ((status.st_mode & kOthers) != 0) {
         std::array<char, 8> mode{};
         std::snprintf(mode.data(), mode.size(), "%04o", status.st_mode & 07777u);
         fail(RingError::Kind::Foreign,
-             "is open to other users (mode " + std::string(mode.data()) + ", must be 0600)" + removal());
+             "is accessible to other users (mode " + std::string(mode.data()) + ", must be 0600)" + removal());
     }
 }
 
@@ -137,7 +137,7 @@ void SegmentChecks::refuse_other_layout(const RingHeader& header, std::size_t si
     }
     if (header.progress.head.load() > kLastSequence) {
         fail(RingError::Kind::Damaged,
-             "is damaged: its count of frames is " + std::to_string(header.progress.head.load()) + removal());
+             "is damaged: its frame counter is " + std::to_string(header.progress.head.load()) + removal());
     }
 }
 

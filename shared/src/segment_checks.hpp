@@ -1,4 +1,4 @@
-// What a ring's segment is called and must be: the refusals that its two ends and its observers share.
+// Segment checks: the name of a ring's segment and its validation, shared by both ends and the observers.
 #pragma once
 
 #include <cstddef>
@@ -10,17 +10,18 @@
 
 namespace haptic::detail {
 
-/// The byte of the segment on which a process holds an open-file-description lock for as long as it has that part.
+/// Byte of the segment on which a process holds an open-file-description lock while it has the role.
 enum class RingLock : std::uint8_t {
     Writer = 0,
     Reader = 1,
-    Change = 2  // held while a segment is created, checked or removed, never longer
+    Change = 2  // held only while a segment is created, checked or removed
 };
 
-/// Whether another open file holds any of `count` bytes from this one on. The descriptor may be read-only.
+/// Whether another open file description locks any of `count` bytes starting at `byte`. The descriptor may be
+/// read-only.
 [[nodiscard]] bool is_held_by_another(int fd, RingLock byte, std::int64_t count);
 
-/// A file descriptor that closes itself, and with it gives back every lock that it holds.
+/// Owning file descriptor. Closing it releases its locks.
 class Descriptor {
   public:
     Descriptor() = default;
@@ -34,7 +35,8 @@ class Descriptor {
     int fd_ = -1;
 };
 
-/// One segment's name and layout. Every refusal is a RingError that says which segment, what is wrong, and what to do.
+/// Name and expected layout of one segment. Every refusal throws a RingError with the segment, the problem and a
+/// remedy.
 class SegmentChecks {
   public:
     /// Throws RingError::Kind::BadSessionName.
@@ -44,16 +46,16 @@ class SegmentChecks {
     [[nodiscard]] const std::string& session() const noexcept { return session_; }
     [[nodiscard]] RingKind kind() const noexcept { return kind_; }
     [[nodiscard]] std::size_t slot_bytes() const noexcept { return slot_bytes_; }
-    /// "; end what uses session ..., then: rm ...", to end a message with.
+    /// End of a message: "; end the processes of session ..., then: rm ...".
     [[nodiscard]] std::string removal() const;
 
-    /// That shm_open failed with this error.
+    /// Reports that shm_open failed with this errno.
     [[noreturn]] void refuse_unopened(int error) const;
-    /// A file of another user, one that others may open, or no plain file.
+    /// Refuses a file of another user, one that others can open, or one that is not a regular file.
     void refuse_foreign(int fd) const;
-    /// Copies what the segment begins with. The size is that of the file.
+    /// Copies the header of a segment; `size` is the size of the file.
     void read_header(int fd, std::size_t size, void* header) const;
-    /// A ring of another kind, release or size, or a damaged one.
+    /// Refuses a ring of another kind, ABI version or size, or a damaged one.
     void refuse_other_layout(const RingHeader& header, std::size_t size) const;
 
     [[noreturn]] void fail(RingError::Kind kind, const std::string& problem) const;

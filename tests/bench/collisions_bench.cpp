@@ -1,4 +1,4 @@
-// Collisions between bodies: 548 ellipsoids in 4 bodies, as four fish are, in a heap on the ground and far apart.
+// Collisions between bodies: 548 ellipsoids in 4 bodies, like four fish, in a heap on the ground and far apart.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 namespace haptic::sim {
 namespace {
 
-/// ns of this thread's work, so that what else the machine does is not counted.
+/// CPU time of this thread in ns, so that other load of the machine is not counted.
 std::int64_t work_ns() {
     timespec now{};
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -35,7 +35,7 @@ ParticleModel four_clouds(double apart) {
     return model;
 }
 
-/// Whole steps; the counters are medians of the stages in microseconds, and what there was to do.
+/// Whole steps; the counters are medians of the stages in microseconds, and the numbers of contacts.
 void measure(benchmark::State& state, ParticleModel model, bool ground) {
     const FlushDenormals flush;
     ParticleSolver solver(model, {.gravity = {0.0, ground ? -9.81 : 0.0, 0.0}});

@@ -1,6 +1,6 @@
-// The contact geometry: one query, one triangle of a cloth frame, the tree, and each move of the proxy.
-// Figures to hold these against: refit 3.2 us and query 0.9 us for 4,096 triangles, 25 ns a triangle of a cloth frame,
-// 200 ns a random query; the thesis reports 300 to 1,000 us for what refit_and_secure does.
+// Contact geometry: one query, one triangle of a cloth frame, the tree, and each move of the proxy.
+// Reference figures: refit 3.2 us and query 0.9 us for 4,096 triangles, 25 ns a triangle of a cloth frame, 200 ns a
+// random query. The thesis reports 300 to 1,000 us for the work of refit_and_secure.
 
 #include <benchmark/benchmark.h>
 
@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "contact/friction.hpp"
-#include "haptic/sim/contact/planes_in_reach.hpp"
 #include "contact/pop_out.hpp"
 #include "contact/secure_position.hpp"
+#include "contact/speculative_planes.hpp"
 #include "contact/swept_tree.hpp"
 #include "contact/thesis/thesis_ccd.hpp"
 #include "contact/triangle_ccd.hpp"
@@ -29,7 +29,7 @@ using namespace haptic::sim;
 
 constexpr double kRadius = 0.03;  // m
 
-/// The cloth of the thesis: 1 m, 33 x 33 vertices, 4,096 double-faced triangles, a little wavy, falling at 14 m/s.
+/// The cloth of the thesis: 1 m, 33 x 33 vertices, 4,096 double-faced triangles, slightly wavy, falling at 14 m/s.
 struct Cloth {
     explicit Cloth(double height, double travel = 0.14) {
         constexpr std::uint32_t kCells = 32;
@@ -67,7 +67,7 @@ Vec3 in_cube(std::mt19937_64& engine, double half) {
     return {uniform(engine, half), uniform(engine, half), uniform(engine, half)};
 }
 
-/// Triangles of about the sphere's size that deform while they travel about five radii; about 0.8 of them touch.
+/// Triangles of about the sphere's size that deform while they move about five radii; about 0.8 of them touch.
 void random_query(benchmark::State& state) {
     std::mt19937_64 engine(1);
     std::vector<MovingTriangle> queries;
@@ -89,8 +89,8 @@ void random_query(benchmark::State& state) {
 }
 BENCHMARK(random_query)->ArgName("deforming")->Arg(0)->Arg(1);
 
-/// Every triangle of a cloth frame without a tree, as the thesis does; time is for the whole frame.
-/// items_per_second counts triangles.
+/// Every triangle of a cloth frame without a tree, as in the thesis; time is for the whole frame. items_per_second
+/// counts triangles.
 void cloth_frame_without_tree(benchmark::State& state) {
     const Cloth cloth(0.09);
     for (auto _ : state) {
@@ -141,7 +141,7 @@ void secure(benchmark::State& state) {
 }
 BENCHMARK(secure)->ArgName("resting")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
 
-/// From the secure position back to the device, against the cloth where it has arrived.
+/// From the secure position back to the device, against the cloth at the end of its step.
 void virtual_proxy(benchmark::State& state) {
     const Cloth cloth(0.09);
     SweptTree tree(cloth.start, cloth.triangles);
@@ -156,7 +156,7 @@ void virtual_proxy(benchmark::State& state) {
 BENCHMARK(virtual_proxy)->Unit(benchmark::kMicrosecond);
 
 /// One proxy that a hand slides over a fish, 5 mm deep, with three more fish beside it: 6,800 triangles. 1: the fish
-/// are rough. The slowest of its steps counts too.
+/// are rough. The slowest of its steps is reported too.
 void virtual_proxy_on_fish(benchmark::State& state) {
     const TriangleMesh fish = make_fish_mesh({});
     std::vector<std::vector<Vec3>> vertices;
@@ -176,7 +176,7 @@ void virtual_proxy_on_fish(benchmark::State& state) {
     ContactSettings settings;
     settings.static_friction = state.range(0) != 0 ? 0.8 : 0.0;
     settings.dynamic_friction = state.range(0) != 0 ? 0.5 : 0.0;
-    // A way along its back: from above, down until it touches, then 5 mm deeper.
+    // Path along its back: down from above until it touches, then 5 mm deeper.
     std::vector<Vec3> goals;
     for (int k = 0; k < 100; ++k) {
         const Vec3 above(-0.1 + 0.002 * k, 0.3, 0.001);
@@ -185,7 +185,7 @@ void virtual_proxy_on_fish(benchmark::State& state) {
     }
     for (auto _ : state) {
         Vec3 proxy = goals[0] + Vec3(0, 0.1, 0);
-        ProxyGrip grip;
+        FrictionState grip;
         for (const Vec3& goal : goals) {
             const PopOut popped = pop_out(surfaces, proxy, kRadius, settings);
             proxy = move_proxy(surfaces, {proxy, popped.position, goal}, kRadius, 0.001, settings, grip).position;
@@ -196,15 +196,15 @@ void virtual_proxy_on_fish(benchmark::State& state) {
 }
 BENCHMARK(virtual_proxy_on_fish)->ArgName("rough")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
 
-/// The thesis' figure 4.15: Algorithm 2 for so many triangles in range and so many iterations, the search for them left
-/// out. thesis_ms is what it prints (Intel Core i5-4210U), plain_ms what a plain implementation took on the machine
-/// class that these figures are held against.
+/// Figure 4.15 of the thesis: Algorithm 2 for given numbers of triangles in range and of iterations, without the search
+/// for them. thesis_ms is the printed value (Intel Core i5-4210U), plain_ms the time of a plain implementation on the
+/// class of machine that these figures are compared with.
 void thesis_pop_out(benchmark::State& state) {
     const auto triangles = pop_out_table_triangles(static_cast<int>(state.range(0)));
     ContactSettings settings;
     settings.pop_out_limit = static_cast<int>(state.range(1));
     for (auto _ : state) {
-        benchmark::DoNotOptimize(pop_through(triangles, Vec3(0.0), kPopOutTableRadius, settings));
+        benchmark::DoNotOptimize(pop_out_of_list(triangles, Vec3(0.0), kPopOutTableRadius, settings));
     }
     constexpr std::array<double, 9> kThesis{0.01, 0.134, 0.989, 0.018, 0.166, 1.533, 0.028, 0.269, 2.234};
     constexpr std::array<double, 9> kPlain{0.001, 0.018, 0.056, 0.002, 0.014, 0.238, 0.002, 0.021, 0.189};
@@ -218,7 +218,7 @@ BENCHMARK(thesis_pop_out)
     ->ArgsProduct({{10, 20, 30}, {10, 100, 1000}})
     ->Unit(benchmark::kMillisecond);
 
-/// Both methods in a fan 3 m deep, from where the proxy has two thirds of its room: 1 is the thesis' method.
+/// Both methods in a fan 3 m deep, from where the proxy has two thirds of its room; 1 is the thesis' method.
 void pop_out_of_a_fan(benchmark::State& state) {
     std::vector<Vec3> vertices{{0.0, -3.0, 0.0}};
     std::vector<Triangle> triangles;
@@ -239,20 +239,20 @@ void pop_out_of_a_fan(benchmark::State& state) {
 }
 BENCHMARK(pop_out_of_a_fan)->ArgName("thesis")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
 
-void planes_in_reach(benchmark::State& state) {
+void speculative_planes(benchmark::State& state) {
     const Cloth cloth(0.18);
     SweptTree tree(cloth.start, cloth.triangles);
     tree.refit(cloth.motion());
     const std::array<MovingSurface, 1> surfaces{MovingSurface{cloth.motion(), &tree}};
     for (auto _ : state) {
         benchmark::DoNotOptimize(
-            planes_in_reach(surfaces, {}, {.position = Vec3(0.0), .radius = kRadius, .reach = 0.01, .dt = 0.01}));
+            speculative_planes(surfaces, {}, {.position = Vec3(0.0), .radius = kRadius, .reach = 0.01, .dt = 0.01}));
     }
 }
-BENCHMARK(planes_in_reach)->Unit(benchmark::kMicrosecond);
+BENCHMARK(speculative_planes)->Unit(benchmark::kMicrosecond);
 
-/// A floor of triangles as large as the cloth's, a square of them that grows with their number: all but some forty are
-/// far away from the sphere that rests on it.
+/// A floor of triangles as large as the cloth's, in a square that grows with their number. All but about forty are far
+/// away from the sphere that rests on it.
 struct Floor {
     explicit Floor(std::int64_t about) {
         const auto cells = static_cast<std::uint32_t>(std::lround(std::sqrt(static_cast<double>(about) / 2.0)));
@@ -284,7 +284,7 @@ void sizes(benchmark::internal::Benchmark* b) {
     b->ArgName("triangles")->RangeMultiplier(4)->Range(1 << 10, 1 << 20)->Unit(benchmark::kMicrosecond);
 }
 
-/// All that a step asks of the contact code, the refit aside: near-logarithmic in the number of triangles.
+/// All contact queries of a step without the refit: near-logarithmic in the number of triangles.
 void contact_step_among(benchmark::State& state) {
     const Floor floor(state.range(0));
     SweptTree tree(floor.start, floor.triangles);
@@ -295,13 +295,13 @@ void contact_step_among(benchmark::State& state) {
         const SecurePosition secure = secure_position(surfaces, resting, kRadius, {});
         const PopOut popped = pop_out(surfaces, secure.position, kRadius, {});
         const ProxyMove moved = move_proxy(surfaces, popped.position, resting - Vec3(0, 0.01, 0), kRadius, 0.01, {});
-        benchmark::DoNotOptimize(planes_in_reach(
+        benchmark::DoNotOptimize(speculative_planes(
             surfaces, moved.contacts, {.position = moved.position, .radius = kRadius, .reach = 0.01, .dt = 0.01}));
     }
 }
 BENCHMARK(contact_step_among)->Apply(sizes);
 
-/// The refit of as many, each step if they move; items_per_second counts triangles.
+/// Refit of as many triangles, each step if they move; items_per_second counts triangles.
 void refit_of(benchmark::State& state) {
     const Floor floor(state.range(0));
     SweptTree tree(floor.start, floor.triangles);
@@ -313,7 +313,8 @@ void refit_of(benchmark::State& state) {
 }
 BENCHMARK(refit_of)->Apply(sizes);
 
-/// As many, cut into 1, 8, ... bodies of 128 triangles far away, and the cloth: what each further body costs a sphere.
+/// As many triangles, cut into 1, 8, ... bodies of 128 triangles far away, and the cloth: the cost of each further
+/// body.
 void secure_among_bodies(benchmark::State& state) {
     const Cloth cloth(-kRadius - 0.0048, -1e-4);
     SweptTree tree(cloth.start, cloth.triangles);
@@ -335,8 +336,7 @@ void secure_among_bodies(benchmark::State& state) {
 }
 BENCHMARK(secure_among_bodies)->ArgName("far")->Arg(0)->Arg(8)->Arg(64)->Arg(512)->Unit(benchmark::kMicrosecond);
 
-/// Corners and centre on integers, a radius of 1e-9 of them, as the tests that hold the answers against exact
-/// arithmetic.
+/// Corners and centre on integers, a radius of 1e-9 of them, as in the tests against exact arithmetic.
 void vanishing_sphere(benchmark::State& state) {
     std::mt19937_64 engine(52);
     const auto on_grid = [&] {
@@ -364,7 +364,7 @@ void vanishing_sphere(benchmark::State& state) {
 }
 BENCHMARK(vanishing_sphere);
 
-/// The thesis' Algorithm 1 over the tree, on the frame of refit_and_secure; and over all triangles, as the thesis does.
+/// Algorithm 1 of the thesis over the tree, on the frame of refit_and_secure; and over all triangles, as in the thesis.
 void thesis_secure(benchmark::State& state) {
     const Cloth cloth(0.09);
     SweptTree tree(cloth.start, cloth.triangles);
@@ -392,7 +392,7 @@ void thesis_without_tree(benchmark::State& state) {
 }
 BENCHMARK(thesis_without_tree)->Unit(benchmark::kMicrosecond);
 
-/// What --verify costs a step.
+/// Cost of --verify a step.
 void verification(benchmark::State& state) {
     const Cloth cloth(0.09);
     SweptTree tree(cloth.start, cloth.triangles);

@@ -1,8 +1,7 @@
-// The kernels of one tick of rt-core: pose from lengths, local proxies against their planes, tensions from the wrench.
+// Benchmark of the kernels of a tick: pose from lengths, local proxies against their planes, tensions from the wrench.
 //
-// Google Benchmark's own time is the mean over many calls; what a real-time loop cares for is the tail, so each
-// benchmark also times every call by itself and reports p50, p99.9 and the longest, less the clock's own cost, in
-// nanoseconds.
+// Google Benchmark reports the mean over many calls. A real-time loop depends on the tail, so each benchmark also times
+// every single call and reports p50, p99.9 and the maximum, less the clock's own cost, in nanoseconds.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -13,21 +12,21 @@
 #include <vector>
 
 #include "clock_cost.hpp"
-#include "haptic/device/variant.hpp"
 #include "device/kinematics.hpp"
-#include "rendering/local_proxy.hpp"
 #include "device/tension.hpp"
+#include "haptic/device/device_geometry.hpp"
+#include "rendering/local_proxy.hpp"
 
 namespace haptic::rt {
 namespace {
 
-constexpr std::size_t kInputs = 4096;  // a power of two; together below the size of a second-level cache
+constexpr std::size_t kInputs = 4096;  // power of two; all inputs fit into the second-level cache
 
 using bench::Clock;
 using bench::clock_cost;
 using bench::nanoseconds_between;
 
-/// Times each call of work(i) by itself.
+/// Times each call of work(i) individually.
 template <typename Work>
 void measure(benchmark::State& state, Work work) {
     const double cost = clock_cost();
@@ -63,14 +62,14 @@ class Inputs {
             return Vec3(x, y, normal(engine)) * size;
         };
         for (std::size_t i = 0; i < kInputs; ++i) {
-            // A hand at 1 Hz that comes round to its start, and random wrenches of a few newtons.
+            // A periodic hand motion at 1 Hz, and random wrenches of a few newtons.
             const double phase = 2.0 * 3.14159265358979 * static_cast<double>(i) / kInputs;
             const Pose pose{{0.02 * std::sin(4.0 * phase), 0.015 * std::cos(3.0 * phase), 0.01 * std::sin(2.0 * phase)},
                             glm::angleAxis(0.4 * std::sin(4.0 * phase), glm::normalize(Vec3(1.0, 0.5, -0.3)))};
-            lengths[i] = string_lengths(variant, pose);
-            wires[i] = wire_matrix(variant, pose);
+            lengths[i] = string_lengths(geometry, pose);
+            wires[i] = wire_matrix(geometry, pose);
             wrenches[i] = {vector(2.0), vector(0.02)};
-            // The wrench of a smooth contact, for a warm start.
+            // Wrench of a smooth contact, for a warm start.
             smooth[i] = {{1.0 + std::sin(5.0 * phase), 2.0 * std::cos(3.0 * phase), -1.0},
                          {0.02 * std::sin(3.0 * phase), 0.0, 0.01 * std::cos(4.0 * phase)}};
             targets[i] = vector(0.01);
@@ -80,7 +79,7 @@ class Inputs {
         }
     }
 
-    device::Variant variant = device::spidar_g6_x3r();
+    device::DeviceGeometry geometry = device::spidar_g6_x3r();
     TensionSettings settings{0.3, 20.0, 1.0 / 0.0225};
     std::vector<StringArray> lengths = std::vector<StringArray>(kInputs);
     std::vector<WireMatrix> wires = std::vector<WireMatrix>(kInputs);
@@ -97,7 +96,7 @@ const Inputs& inputs() {
 
 void pose_solve(benchmark::State& state) {
     const Inputs& in = inputs();
-    PoseSolver solver(in.variant);
+    PoseSolver solver(in.geometry);
     measure(state, [&](std::size_t i) { benchmark::DoNotOptimize(solver.solve(in.lengths[i])); });
 }
 BENCHMARK(pose_solve)->UseManualTime();
@@ -126,7 +125,7 @@ void tension_random_cold(benchmark::State& state) {
 }
 BENCHMARK(tension_random_cold)->UseManualTime();
 
-/// Argument: planes of the proxy.
+/// Argument: number of planes of the proxy.
 void local_projection(benchmark::State& state) {
     const Inputs& in = inputs();
     const auto count = static_cast<std::size_t>(state.range(0));
@@ -136,12 +135,12 @@ void local_projection(benchmark::State& state) {
 }
 BENCHMARK(local_projection)->UseManualTime()->DenseRange(1, 3);
 
-/// One tick's computation: pose, then the argument's number of proxies with three planes each, their coupling summed up
-/// to a wrench, wires and tensions. Most planes of a frame are in reach, not in touch: one proxy in four is held.
+/// Computation of one tick: pose, local proxies with three planes each (argument: their number), sum of their springs,
+/// wire matrix and tensions. One proxy in four is in contact, because most planes of a frame are only nearby.
 void tick_computation(benchmark::State& state) {
     const Inputs& in = inputs();
     const auto proxies = static_cast<std::size_t>(state.range(0));
-    PoseSolver pose_solver(in.variant);
+    PoseSolver pose_solver(in.geometry);
     TensionSolver tension_solver(in.settings);
     std::vector<std::array<HalfSpace, kMaxPlanes>> planes(proxies);
     std::vector<Vec3> offsets(proxies);
@@ -162,7 +161,7 @@ void tick_computation(benchmark::State& state) {
             wrench.force += force;
             wrench.torque += glm::cross(arm, force);
         }
-        benchmark::DoNotOptimize(tension_solver.solve(wire_matrix(in.variant, pose), wrench));
+        benchmark::DoNotOptimize(tension_solver.solve(wire_matrix(in.geometry, pose), wrench));
     });
 }
 BENCHMARK(tick_computation)->UseManualTime()->Arg(1)->Arg(37)->Arg(64);

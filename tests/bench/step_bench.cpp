@@ -1,5 +1,5 @@
-// The steps of every built-in scene, by stage, free and in contact; and the dynamics alone in the set-ups that earlier
-// figures are for.
+// Benchmark of the simulation step: every built-in scene by timing stage, free and in contact; and the dynamics alone
+// in the configurations of earlier figures.
 //
 //     step_bench --benchmark_filter=scene/four_fish
 #include <benchmark/benchmark.h>
@@ -23,7 +23,7 @@
 namespace haptic::sim {
 namespace {
 
-/// The value in us that this part of the durations is below.
+/// Quantile of the durations, us.
 double quantile_us(std::vector<std::int64_t>& durations_ns, double part) {
     if (durations_ns.empty()) {
         return 0.0;
@@ -45,10 +45,9 @@ constexpr std::array<Stage, 7> kStages{{{"ccd_us", &StageTimes::ccd_ns},
                                         {"skin_us", &StageTimes::skin_ns},
                                         {"total_us", &StageTimes::total_ns}}};
 
-/// A built-in scene by its own script from beginning to end, of which the steps count in which the hand touches
-/// something, or those in which it does not. One iteration takes as long as all of these steps; items are steps. The
-/// counters are medians of the stages, and of all that concerns the proxy (ccd, popout, proxy) what 999 of 1,000 steps
-/// keep to.
+/// Runs a built-in scene with its own script and counts the steps in contact, or those without. The time of an
+/// iteration is that of all these steps; items are steps. Counters are the medians of the stages, and the 99.9 %
+/// quantile of the proxy's stages together (ccd, popout, proxy).
 void scene(benchmark::State& state, const std::string& name, bool in_contact) {
     const Scene scene = read_scene(open_scene(name), name);
     const std::int64_t step_ns = nanoseconds(scene.solver.step);
@@ -94,8 +93,8 @@ BENCHMARK_CAPTURE(scene, fish_slide_in_contact, "fish-slide", true)->UseManualTi
 BENCHMARK_CAPTURE(scene, four_fish_free, "four-fish", false)->UseManualTime()->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(scene, four_fish_in_contact, "four-fish", true)->UseManualTime()->Unit(benchmark::kMillisecond);
 
-/// 1,089 groups and 4,160 links, as many passes as the arguments say: 2 is what a curtain needs. All numbers of lanes
-/// in one run, so that their ratios can be compared.
+/// 1,089 groups and 4,160 links; the argument is the number of passes: 2 for a curtain. All numbers of lanes in one
+/// run, so that their ratios can be compared.
 void dynamics(benchmark::State& state) {
     const FlushDenormals flush;
     ParticleModel model = make_cloth_particles({}, 0.3, 1.0);
@@ -121,7 +120,7 @@ void each_number_of_lanes(benchmark::internal::Benchmark* bench) {
 }
 BENCHMARK(dynamics)->Apply(each_number_of_lanes)->Unit(benchmark::kMicrosecond);
 
-/// The dynamics of four-fish without contacts: 548 particles in four bodies, each in a group of nine, bent; 5
+/// The dynamics of four-fish without contacts: 548 particles in four bent bodies, each particle with a group of nine; 5
 /// iterations.
 void four_bodies(benchmark::State& state) {
     const FlushDenormals flush;

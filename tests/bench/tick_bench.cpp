@@ -1,5 +1,5 @@
-// One whole tick: counters in, pose, frame, proxies, wrench, tensions, motors out, state published, record kept. The
-// board's packets are prepared beforehand, so that what is measured is the tick and not the emulation of a device.
+// Benchmark of a whole tick: counters in, pose, frame, proxies, wrench, tensions, motors out, state published, record
+// kept. The board's packets are prepared beforehand, so that the device's emulation is not measured.
 #include <benchmark/benchmark.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -12,9 +12,12 @@
 #include <string>
 #include <vector>
 
+#include "boards/sh4_board.hpp"
+#include "codecs/sh4_codec.hpp"
+#include "emulated/sh4_firmware.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/denormals.hpp"
-#include "boards/sh4_board.hpp"
+#include "haptic/device/emulated_device.hpp"
 #include "haptic/histogram.hpp"
 #include "haptic/ring.hpp"
 #include "tick/tick.hpp"
@@ -23,9 +26,9 @@ namespace haptic::rt {
 namespace {
 
 constexpr std::int64_t kTickNs = 1'000'000;
-constexpr int kPackets = 4000;  // ticks of the hand's motion, repeated
+constexpr int kPackets = 4000;  // ticks of the hand's motion, which repeats
 
-/// A hand that goes round a small circle at 0.25 m/s and turns to and fro.
+/// Hand moving on a small circle at 0.25 m/s and rotating back and forth.
 PoseTrack moving_hand() {
     std::vector<double> times_s;
     std::vector<Pose> poses;
@@ -39,11 +42,11 @@ PoseTrack moving_hand() {
     return {times_s, poses};
 }
 
-/// The packets that an emulated board would have sent.
+/// Packets that an emulated board would send.
 class PreparedTransport final : public device::Transport {
   public:
     PreparedTransport() : packets_(kPackets) {
-        device::EmulatedDevice grip({.variant = device::spidar_g6_x3r(), .hand = moving_hand()});
+        device::EmulatedDevice grip({.geometry = device::spidar_g6_x3r(), .hand = moving_hand()});
         device::Sh4Firmware firmware(grip);
         device::Sh4Packet out{};
         device::encode(device::Sh4Command{}, out);
@@ -55,7 +58,7 @@ class PreparedTransport final : public device::Transport {
     device::ExchangeStatus exchange(device::PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT override {
         benchmark::DoNotOptimize(packets.out[0].data());
         device::Sh4Packet& packet = packets_[moving ? static_cast<std::size_t>(now_ns / kTickNs % kPackets) : 0];
-        std::copy_n(packets.out[0].begin() + 2, 2 * kStrings, packet.begin());  // D/A echo
+        std::copy_n(packets.out[0].begin() + 2, 2 * kStrings, packet.begin());  // echo of the DAC codes
         std::copy(packet.begin(), packet.end(), packets.in.begin());
         packets.received = packet.size();
         return device::ExchangeStatus::Ok;
@@ -69,7 +72,7 @@ class PreparedTransport final : public device::Transport {
     std::vector<device::Sh4Packet> packets_;
 };
 
-/// Each particle within reach of three planes, of which about half hold it at any time.
+/// Frame in which each particle has three planes, about half of them active at any time.
 ContactFrame frame_of(std::uint32_t proxies, bool series) {
     ContactFrame frame{};
     frame.flags = series ? std::uint32_t{HAPTIC_FRAME_SERIES_SPRINGS} : 0u;
@@ -93,12 +96,12 @@ ContactFrame frame_of(std::uint32_t proxies, bool series) {
     return frame;
 }
 
-/// In place of a GPIO line: enters the kernel and comes back, which is what an edge costs before the driver writes its
-/// register. What that adds is the machine's: probes.edge_us of the report of a run with probes.
+/// Stand-in for a GPIO line: one system call, the cost of an edge without the driver's register write. The full cost on
+/// a machine is probes.edge_us in the report of a run with probes.
 class EmptyCall final : public OutputLine {
   public:
     int set(bool /*up*/) HAPTIC_RT override {
-        HAPTIC_RT_EXCEPTION_BEGIN("reads a number of the process, and waits for nothing")
+        HAPTIC_RT_EXCEPTION_BEGIN("reads a number of the process and does not wait")
         benchmark::DoNotOptimize(syscall(SYS_getppid));
         HAPTIC_RT_EXCEPTION_END
         return 0;
@@ -113,8 +116,7 @@ void probe_edge(benchmark::State& state) {
 }
 BENCHMARK(probe_edge);
 
-/// Arguments: proxy particles, ticks from one frame to the next, whether the springs are in series, whether there are
-/// probes of the tick and of the frames.
+/// Arguments: number of proxy particles, ticks per frame, springs in series (0 or 1), probes (0 or 1).
 void tick(benchmark::State& state) {
     const FlushDenormals flush;
     const std::string session = "tick-bench-" + std::to_string(getpid());
@@ -159,7 +161,7 @@ void tick(benchmark::State& state) {
         state.SetIterationTime(1e-9 * static_cast<double>(taken_ns));
     }
     if (subject->safety_state() != SafetyState::Running || subject->instruments().contact_ticks == 0) {
-        state.SkipWithError("the tick did not run in contact");
+        state.SkipWithError("the tick was not running in contact");
     }
     state.counters["p50_us"] = 1e-3 * static_cast<double>(histogram->percentile_ns(0.5));
     state.counters["p99.9_us"] = 1e-3 * static_cast<double>(histogram->percentile_ns(0.999));

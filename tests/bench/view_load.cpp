@@ -1,6 +1,6 @@
-// What viewers cost a run: the same steps again and again with none, one and twenty of them, in turns, since the
-// machine's speed drifts. Step times are of every step, from the record; the viewers are real connections that take all
-// they are sent, in this process, on the other processors.
+// Cost of viewers to a run: repeats the same steps with none, one and twenty viewers in turn, since the machine's speed
+// drifts. Times are of every step, from the recording; the viewers are real connections that read everything, in this
+// process, on other processors.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
@@ -27,27 +27,27 @@ using namespace haptic::test;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr double kFramesWithin = 0.25;  // s, after which rates are taken: the scene itself has been sent by then
+constexpr double kFramesWithin = 0.25;  // s, before rates are measured: by then the scene itself has been sent
 
 struct Options {
     std::string host_sim;
     std::vector<std::string> scenes{"four-fish", "curtain-hand"};
     std::vector<std::size_t> viewers{0, 1, 20};
-    std::vector<std::string> before;  // a command that starts another, with its arguments
+    std::vector<std::string> before;  // a command that starts host-sim, with its arguments
     double step_s = 0.002;
     double seconds = 6.0;
     int rounds = 4;
 };
 
-/// One number of viewers, over all rounds.
+/// Results for one number of viewers, over all rounds.
 struct Load {
     std::vector<double> step_us;
-    std::vector<double> view_us_p99;  // one a round
+    std::vector<double> view_us_p99;  // one per round
     double late_steps = 0.0;
-    double view_cpu_s = 0.0;  // of host-sim's threads that do not simulate
+    double view_cpu_s = 0.0;  // CPU time of host-sim's threads other than the simulation's
     double watched_s = 0.0;
-    double frames = 0.0;  // of one viewer
-    double bytes = 0.0;   // likewise
+    double frames = 0.0;  // mean per viewer
+    double bytes = 0.0;   // mean per viewer
 };
 
 double percentile(std::vector<double> values, double fraction) {
@@ -59,8 +59,8 @@ double percentile(std::vector<double> values, double fraction) {
     return values[std::clamp<std::size_t>(rank, 1, values.size()) - 1];
 }
 
-/// Seconds that the threads of a process have run, but for its first one.
-double cpu_beside_main(int pid) {
+/// CPU time, s, of all threads of a process but the main one.
+double cpu_of_other_threads(int pid) {
     double total_ns = 0.0;
     for (const auto& thread : std::filesystem::directory_iterator("/proc/" + std::to_string(pid) + "/task")) {
         if (thread.path().filename() != std::to_string(pid)) {
@@ -72,7 +72,7 @@ double cpu_beside_main(int pid) {
     return total_ns * 1e-9;
 }
 
-/// Takes what comes for a while; what it came to for one viewer is added to `load`.
+/// Lets the viewers read for a while and adds their mean counts to `load`.
 void watch(Process& sim, ViewClients& viewers, double watch_s, Load& load) {
     std::vector<ViewClient*> all;
     for (const auto& viewer : viewers) {
@@ -90,12 +90,13 @@ void watch(Process& sim, ViewClients& viewers, double watch_s, Load& load) {
     };
     const auto frames = [](const ViewClient& viewer) { return viewer.frames(); };
     const auto bytes = [](const ViewClient& viewer) { return viewer.bytes(); };
+    // Skip the start, then measure CPU time, frames and bytes over the interval.
     take_for(kFramesWithin);
-    const double cpu_before = cpu_beside_main(sim.pid());
+    const double cpu_before = cpu_of_other_threads(sim.pid());
     const double frames_before = sum(frames);
     const double bytes_before = sum(bytes);
     take_for(watch_s);
-    load.view_cpu_s += cpu_beside_main(sim.pid()) - cpu_before;
+    load.view_cpu_s += cpu_of_other_threads(sim.pid()) - cpu_before;
     load.frames += sum(frames) - frames_before;
     load.bytes += sum(bytes) - bytes_before;
     load.watched_s += watch_s;
@@ -103,6 +104,7 @@ void watch(Process& sim, ViewClients& viewers, double watch_s, Load& load) {
 
 void run_once(const Options& options, const std::string& scene, std::size_t count, Load& load) {
     const ScratchFolder folder;
+    // Start host-sim with a recording and a report.
     std::vector<std::string> command = options.before;
     const std::vector<std::string> run{options.host_sim,
                                        "run",
@@ -124,13 +126,14 @@ void run_once(const Options& options, const std::string& scene, std::size_t coun
     command.insert(command.end(), run.begin(), run.end());
     Process sim(command, folder / "log");
     if (!sim.wait_for_text("the live view is at", seconds(30)) || !view_port_in(sim.output())) {
-        throw std::runtime_error("host-sim shows no live view:\n" + sim.output());
+        throw std::runtime_error("host-sim did not start its live view:\n" + sim.output());
     }
     ViewClients viewers;
     for (std::size_t i = 0; i < count; ++i) {
         viewers.push_back(std::make_unique<ViewClient>(*view_port_in(sim.output())));
         viewers.back()->say(R"({"type":"watch","particles":false,"planes":true,"samples":true})");
     }
+    // Measure during most of the run, then keep reading until it ends.
     watch(sim, viewers, 0.8 * options.seconds - kFramesWithin, load);
     std::vector<ViewClient*> all;
     for (const auto& viewer : viewers) {
@@ -139,8 +142,9 @@ void run_once(const Options& options, const std::string& scene, std::size_t coun
     std::optional<int> status;
     take_until(all, seconds(60), [&] { return (status = sim.wait_for(milliseconds(0))).has_value(); });
     if (status != 0) {
-        throw std::runtime_error("host-sim did not end in order:\n" + sim.output());
+        throw std::runtime_error("host-sim did not end cleanly:\n" + sim.output());
     }
+    // Step times from the recording, counters from the report.
     const haptic::CsvTable record = haptic::CsvTable::load(folder / "record.csv");
     const auto steps = record.column("step_us");
     load.step_us.insert(load.step_us.end(), steps.begin(), steps.end());
@@ -172,16 +176,19 @@ void print(const std::string& scene, const std::map<std::size_t, Load>& loads) {
 
 Options read_options(int argc, char** argv) {
     Options options;
-    CLI::App app("What viewers cost a run of host-sim");
+    CLI::App app("Measure the cost of viewers to a run of host-sim");
     std::string before;
-    app.add_option("host-sim", options.host_sim, "The program")->required();
+    app.add_option("host-sim", options.host_sim, "Path of host-sim")->required();
     app.add_option("--scene", options.scenes, "Scenes; repeatable")->capture_default_str();
-    app.add_option("--viewers", options.viewers, "Numbers of viewers, the first to compare with")
+    app.add_option("--viewers", options.viewers, "Numbers of viewers; the first is the reference")
         ->capture_default_str();
-    app.add_option("--before", before, "What starts host-sim, e.g. \"/usr/bin/chrt -f 50 /usr/bin/taskset -c 1\"");
-    app.add_option("--step", options.step_s, "s, of the simulation")->capture_default_str();
-    app.add_option("--seconds", options.seconds, "Of one run")->check(CLI::Range(1.0, 3600.0))->capture_default_str();
-    app.add_option("--rounds", options.rounds, "Runs with each number")
+    app.add_option("--before", before,
+                   "Command that starts host-sim, e.g. \"/usr/bin/chrt -f 50 /usr/bin/taskset -c 1\"");
+    app.add_option("--step", options.step_s, "Step of the simulation, s")->capture_default_str();
+    app.add_option("--seconds", options.seconds, "Duration of one run, s")
+        ->check(CLI::Range(1.0, 3600.0))
+        ->capture_default_str();
+    app.add_option("--rounds", options.rounds, "Runs per number of viewers")
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
     try {

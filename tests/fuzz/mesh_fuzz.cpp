@@ -1,8 +1,8 @@
-// Meshes from anything: bytes as a file of each format, and numbers as triangles. They are refused with a MeshError
-// that begins with the name, or give a mesh that keeps every promise of mesh_check.hpp. assimp itself runs in a child
-// process and may break there; the fuzzer does not see that, and must not.
+// Fuzz target: meshes from arbitrary bytes as a file of each format, and from numbers as triangles. The result is a
+// MeshError that starts with the name, or a mesh that satisfies mesh_check.hpp. assimp runs in a child process and may
+// crash there; this does not count as a finding.
 //
-// The first byte says what the others are.
+// The first byte selects the interpretation of the others.
 #include <pthread.h>
 #include <sanitizer/common_interface_defs.h>
 #include <unistd.h>
@@ -38,7 +38,7 @@ void require(bool held, const char* what) {
     }
 }
 
-/// Each edge is gone through as often one way as the other.
+/// Whether each edge is traversed equally often in both directions.
 bool is_balanced(const TriangleMesh& mesh) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, int> surplus;
     for (const Triangle& t : mesh.triangles) {
@@ -79,9 +79,9 @@ void check(const CheckedMesh& checked) {
 
 void read_file(std::span<const std::byte> bytes, MeshFormat format) {
     haptic::sim::MeshFileSettings settings;
-    settings.most_seconds = 1;
-    settings.check.most_vertices = 100'000;
-    settings.check.most_triangles = 100'000;
+    settings.max_seconds = 1;
+    settings.check.max_vertices = 100'000;
+    settings.check.max_triangles = 100'000;
     try {
         check(haptic::sim::parse_mesh(bytes, format, "fuzz", settings));
     } catch (const haptic::sim::MeshError& error) {
@@ -89,7 +89,7 @@ void read_file(std::span<const std::byte> bytes, MeshFormat format) {
     }
 }
 
-/// Small numbers, so that places and corners coincide often; now and then any number.
+/// Mostly small numbers, so that positions and corners often coincide; sometimes any number.
 void read_soup(std::span<const std::byte> bytes) {
     std::vector<Vec3> vertices;
     std::vector<Triangle> triangles;
@@ -118,13 +118,13 @@ void read_soup(std::span<const std::byte> bytes) {
 
 }  // namespace
 
-// No single allocation of the child's is larger, whatever a file says; its limit of memory does not hold here.
+// Limits a single allocation of the child. Its memory limit has no effect here.
 extern "C" const char* __asan_default_options() {
     return "max_allocation_size_mb=256:handle_segv=0:handle_abort=0:handle_sigfpe=0";
 }
 
 extern "C" int LLVMFuzzerInitialize(int* /*argc*/, char*** /*argv*/) {
-    // In the child a death is no finding: the fuzzer shall neither say so nor keep the input.
+    // A crash of the child is no finding: suppress the fuzzer's report and artifact.
     return pthread_atfork(nullptr, nullptr, [] {
         __sanitizer_set_death_callback(nullptr);
         (void)::chdir("/proc");

@@ -1,8 +1,8 @@
-// The codecs of all boards, fed with anything: a decoder reads nothing beyond the bytes that it was given, and what it
-// understood comes through encoding and decoding unchanged. So do firmware and driver of each board, with anything as
-// packets: nothing leaves its range, and the line is usable afterwards.
+// Fuzz target: the codecs of all boards. A decoder must not read beyond its input, and a decoded packet must survive
+// encoding and decoding unchanged. Firmware and driver of each board receive arbitrary packets: all values must stay in
+// range, and the line must be usable afterwards.
 //
-// The first byte says what the others are.
+// The first byte selects the interpretation of the others.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -12,14 +12,16 @@
 #include <span>
 #include <vector>
 
-#include "haptic/device/emulated_board.hpp"
-#include "boards/sh4_board.hpp"
-#include "boards/simple_board.hpp"
-#include "boards/uart_board.hpp"
+#include "boards/make_board.hpp"
+#include "codecs/sh4_codec.hpp"
+#include "codecs/simple_codec.hpp"
+#include "codecs/uart_codec.hpp"
+#include "emulated/make_firmware.hpp"
+#include "haptic/device/emulated_device.hpp"
 
 namespace {
 
-using namespace haptic::device;  // NOLINT(google-build-using-namespace): everything here is about it
+using namespace haptic::device;  // NOLINT(google-build-using-namespace): used throughout
 using haptic::kStrings;
 using Bytes = std::span<const std::byte>;
 
@@ -30,7 +32,7 @@ void require(bool held, const char* what) {
     }
 }
 
-/// Packets of USB boards: one decoder, one encoder of a fixed length.
+/// Packets of USB boards: one decoder and one encoder, fixed length.
 template <typename Value, std::size_t kBytes>
 void go_round(Bytes input) {
     Value first;
@@ -88,41 +90,42 @@ void go_round_uart(Bytes input) {
     }
 }
 
-Variant variant_of(BoardKind kind) {
-    Variant variant = spidar_g6_x3r();
-    variant.board = kind;
+DeviceGeometry geometry_of(BoardKind kind) {
+    DeviceGeometry geometry = spidar_g6_x3r();
+    geometry.board = kind;
     if (kind == BoardKind::Uart) {
-        variant.uart_boards = {4, 4};
+        geometry.uart_boards = {4, 4};
     }
-    return variant;
+    return geometry;
 }
 
-/// Firmware gets the input in packets whose first byte is their length.
+/// Feeds a firmware with packets; the first byte of each is its length.
 void feed_firmware(BoardKind kind, Bytes input) {
-    EmulatedDevice device({.variant = variant_of(kind)});
+    EmulatedDevice device({.geometry = geometry_of(kind)});
     const std::unique_ptr<Firmware> firmware = make_firmware(kind, device);
     std::array<std::byte, 512> in{};
-    const std::int16_t least = kind == BoardKind::Uart ? -kMaximumDigit : 0;
+    const std::int16_t least = kind == BoardKind::Uart ? -kMaxDacCode : 0;
     while (!input.empty()) {
         const std::size_t asked = std::to_integer<std::size_t>(input[0]);
-        // 0 stands for the length of an SH4 packet, which one byte cannot hold.
+        // 0 means the length of an SH4 packet, which does not fit in a byte.
         const std::size_t length = std::min(input.size() - 1, asked == 0 ? kSh4PacketBytes : asked);
         const std::vector<std::byte> packet(input.begin() + 1, input.begin() + 1 + static_cast<std::ptrdiff_t>(length));
         input = input.subspan(1 + length);
         firmware->receive(packet, 0);
         require(firmware->reply(in, 0) <= in.size(), "an answer is no longer than there is room for");
-        for (const std::int16_t digit : device.digits()) {
-            require(digit >= least && digit <= kMaximumDigit, "motors get no more than twelve bits");
+        for (const std::int16_t dac_code : device.dac_codes()) {
+            require(dac_code >= least && dac_code <= kMaxDacCode, "motors get no more than twelve bits");
         }
     }
-    // Whatever it was told, it listens after silence: a USB board at once, a line after its longest command.
+    // After any input the firmware must respond again: a USB board at once, a serial line after its longest command.
     const std::vector<std::byte> silence(4 * 256, std::byte{0});
     firmware->receive(silence, 0);
     while (firmware->reply(in, 0) > 0) {
     }
 }
 
-/// Answers with the input, cut into pieces whose first byte is their length: 0 for that of an SH4 packet, 255 for none.
+/// Replies with pieces of the input; the first byte of each is its length, 0 for that of an SH4 packet, 255 for no
+/// reply.
 class AnyAnswer final : public Transport {
   public:
     explicit AnyAnswer(Bytes input) : input_(input) {}
@@ -178,7 +181,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (size == 0) {
         return 0;
     }
-    // A copy of exactly that size, so that a byte read beyond it is found.
+    // A copy of exactly this size, so that the sanitizer finds a read beyond it.
     const std::vector<std::byte> copy(reinterpret_cast<const std::byte*>(data) + 1,
                                       reinterpret_cast<const std::byte*>(data) + size);
     switch (data[0] % 12) {

@@ -1,5 +1,5 @@
-// Scene files, fed with anything: they are refused with a ConfigError that names the file, or give a scene whose size
-// is bounded. A small one is made and stepped: what cannot be simulated is refused in words, and what can stays finite.
+// Fuzz target: scene files. The result is a ConfigError that names the file, or a scene of bounded size. A small scene
+// is created and stepped: it is refused with a message or stays finite.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -19,7 +19,7 @@ using haptic::sim::ModelSettings;
 using haptic::sim::Scene;
 
 constexpr std::size_t kSmall = 300;  // triangles
-constexpr double kFewPasses = 1000;  // of the solver, a step
+constexpr double kFewPasses = 1000;  // solver passes per step
 constexpr int kSteps = 3;
 
 void require(bool held, const char* what) {
@@ -41,14 +41,14 @@ bool is_finite(const haptic::Vec3& v) {
     return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// Throws std::invalid_argument for what cannot be made, std::runtime_error for what ceases to be finite.
+/// Throws std::invalid_argument for an invalid scene, std::runtime_error for a state that is not finite.
 void run(const Scene& scene) {
     const auto reads_files = [](const ModelSettings& model) { return !model.file.empty() || !model.particles.empty(); };
     if (reads_files(scene.model) || std::any_of(scene.objects.begin(), scene.objects.end(), reads_files)) {
-        return;  // whatever lies on this machine is no input of this test
+        return;  // files of this machine are not inputs of this test
     }
     if (scene.tool && (scene.tool->shape != haptic::sim::ToolShape::Sphere || !scene.tool->file.empty())) {
-        return;  // the spheres of others are looked for, which takes a second
+        return;  // searching for a sphere cover takes a second
     }
     haptic::sim::Simulation simulation(scene);
     require(simulation.mesh().triangles.size() == triangles_of(scene), "there are as many triangles as expected");
@@ -76,8 +76,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         }
     } catch (const haptic::ConfigError& error) {
         require(std::string_view(error.what()).starts_with("fuzz.toml"), "an error names the file");
-    } catch (const std::invalid_argument&) {  // NOLINT(bugprone-empty-catch): refused in words
-    } catch (const std::runtime_error&) {     // NOLINT(bugprone-empty-catch): ceased to be finite, and says so
+    } catch (const std::invalid_argument&) {  // NOLINT(bugprone-empty-catch): refused with a message
+    } catch (const std::runtime_error&) {     // NOLINT(bugprone-empty-catch): not finite, and reported
     }
     return 0;
 }

@@ -1,6 +1,5 @@
-// A session of the USB/IP server, fed with anything a client may send, in pieces of any size, before an SH4 board that
-// refuses what is no packet of its own. Promises: it never keeps more than it says, answers nothing once it has ended,
-// and gives the device back.
+// Fuzz target: a USB/IP session with arbitrary client input in pieces of any size, in front of an SH4 board that
+// ignores invalid packets. The session must bound its memory, stop replying once ended, and release the device.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -9,8 +8,9 @@
 #include <memory>
 #include <span>
 
-#include "haptic/device/digits.hpp"
-#include "haptic/device/emulated_board.hpp"
+#include "emulated/make_firmware.hpp"
+#include "haptic/device/dac_codes.hpp"
+#include "haptic/device/emulated_device.hpp"
 #include "usbip/usbip_session.hpp"
 
 namespace {
@@ -18,8 +18,8 @@ namespace {
 using haptic::device::UsbipExport;
 using haptic::device::UsbipSession;
 
-// A message of the client is answered by less than this, but for the data of transfers, which the board has to make.
-constexpr std::size_t kMostAnswered = 12 + 312 + 4;
+// Limit of the reply to one message, without the data of transfers, which the board produces.
+constexpr std::size_t kMaxAnswered = 12 + 312 + 4;
 constexpr std::size_t kShortestMessage = 8;
 
 void require(bool held, const char* what) {
@@ -32,8 +32,8 @@ void require(bool held, const char* what) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-    static const haptic::device::Variant variant = haptic::device::spidar_g6_x3r();  // read from its file once
-    haptic::device::EmulatedDevice device({.variant = variant});
+    static const haptic::device::DeviceGeometry geometry = haptic::device::spidar_g6_x3r();  // parsed once
+    haptic::device::EmulatedDevice device({.geometry = geometry});
     const auto firmware = haptic::device::make_firmware(haptic::device::BoardKind::Sh4, device);
     UsbipExport exported(haptic::device::BoardKind::Sh4, *firmware);
     if (size == 0) {
@@ -49,7 +49,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             const bool had_ended = session.ended();
             const std::size_t before = session.output().size();
             session.receive(rest.first(std::min(piece, rest.size())), now_ns);
-            session.fill(now_ns);
+            session.complete_pending(now_ns);
             require(!had_ended || session.output().size() == before, "an ended session answers nothing");
             require(!session.ended() || !session.owns_device(), "an ended session has no device");
             rest = rest.subspan(std::min(piece, rest.size()));
@@ -57,9 +57,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         }
         answered = session.output().size();
         const std::size_t messages = size / kShortestMessage + 1;
-        require(answered <= messages * (kMostAnswered + haptic::device::kBulkPacketBytes), "answers are bounded");
-        for (const std::int16_t digit : device.digits()) {
-            require(digit >= 0 && digit <= haptic::device::kMaximumDigit, "digits have 12 bits");
+        require(answered <= messages * (kMaxAnswered + haptic::device::kBulkPacketBytes), "answers are bounded");
+        for (const std::int16_t dac_code : device.dac_codes()) {
+            require(dac_code >= 0 && dac_code <= haptic::device::kMaxDacCode, "digits have 12 bits");
         }
     }
     require(exported.owner() == nullptr, "the device is given back");

@@ -1,5 +1,5 @@
-// What a page says, by anybody who says anything: it is a command within the bounds that command.hpp promises, is
-// refused in words, or is not of the protocol. Nothing is thrown.
+// Fuzz target: messages of a page. The result is a command within the bounds of command.hpp, a refusal with a reason,
+// or "not of the protocol". Nothing is thrown.
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace {
 
 using namespace haptic::sim::view;
 
-constexpr std::size_t kLongestReason = 120;  // fits into a close frame
+constexpr std::size_t kLongestReason = 120;  // fits in a close frame
 
 void require(bool held, const char* what) {
     if (!held) {
@@ -51,7 +51,7 @@ struct Bounds {
     }
     void operator()(const MoveHand& move) const {
         for (const double coordinate : {move.position.x, move.position.y, move.position.z}) {
-            require(std::abs(coordinate) <= kFarthestHand, "the hand is not far");
+            require(std::abs(coordinate) <= kMaxHandCoordinate, "the hand is not far");
         }
         if (move.orientation) {
             const haptic::Quat& q = *move.orientation;
@@ -75,7 +75,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         std::visit(Bounds{scene}, *command);
         require(!type_of(*command).empty(), "a command has a name");
     } else if (const auto* refusal = std::get_if<Refusal>(&request)) {
-        require(!refusal->why.empty() && refused_message(*refusal).size() < kLongestRequest, "a refusal says why");
+        require(!refusal->why.empty() && refused_message(*refusal).size() < kMaxRequestBytes, "a refusal says why");
     } else if (const auto* malformed = std::get_if<Malformed>(&request)) {
         require(!malformed->why.empty() && malformed->why.size() <= kLongestReason, "the end has a reason");
     }

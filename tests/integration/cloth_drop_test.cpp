@@ -1,4 +1,4 @@
-// The cloth falls 10 m onto the proxy, and what it does is felt at the strings: the whole chain in lockstep.
+// The cloth falls 10 m onto the proxy and is felt at the strings: the whole chain in lockstep.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,14 +11,14 @@
 namespace haptic::test {
 namespace {
 
-constexpr double kDigit = 1.0 / (0.365296803653 * 415.0);  // N, that one digit of the D/A stands for
-constexpr double kForceLimit = 8.0;                        // N, rt-core's default
+constexpr double kDacCode = 1.0 / (0.365296803653 * 415.0);  // N per DAC code
+constexpr double kForceLimit = 8.0;                          // N, rt-core's default
 
 Lockstep::Settings cloth_drop(const PoseTrack& hand = PoseTrack()) {
     return {.scene = sim::read_scene(sim::open_scene("cloth-drop"), "cloth-drop"), .hand = hand, .tick = {}};
 }
 
-/// The hand swings 8 mm to and fro and turns a little while the cloth comes down.
+/// The hand oscillates by 8 mm and rotates slightly while the cloth falls.
 PoseTrack moving_hand() {
     std::vector<double> times;
     std::vector<Pose> poses;
@@ -33,30 +33,31 @@ PoseTrack moving_hand() {
     return {std::move(times), std::move(poses)};
 }
 
-/// Distance from a point to a triangle by dense sampling of barycentric coordinates: slow, never too small, and shares
-/// nothing with the contact code.
+/// Distance from a point to a triangle by dense sampling of barycentric coordinates: slow, never too small, independent
+/// of the contact code.
 double sampled_distance(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
     constexpr int kSamples = 24;
-    double least = HUGE_VAL;
+    double min_distance = HUGE_VAL;
     for (int i = 0; i <= kSamples; ++i) {
         for (int j = 0; i + j <= kSamples; ++j) {
             const double u = static_cast<double>(i) / kSamples;
             const double v = static_cast<double>(j) / kSamples;
-            least = std::min(least, glm::length(p - (a + u * (b - a) + v * (c - a))));
+            min_distance = std::min(min_distance, glm::length(p - (a + u * (b - a) + v * (c - a))));
         }
     }
-    return least;
+    return min_distance;
 }
 
 double clearance(const Vec3& proxy, const std::vector<Vec3>& vertices, const std::vector<sim::Triangle>& triangles) {
-    constexpr double kNear = 0.15;  // m, beyond which a triangle of 3 cm is not looked at
-    double least = HUGE_VAL;
+    constexpr double kNear = 0.15;  // m; farther triangles of 3 cm are skipped
+    double min_distance = HUGE_VAL;
     for (const sim::Triangle& t : triangles) {
         if (glm::length(vertices[t[0]] - proxy) < kNear) {
-            least = std::min(least, sampled_distance(proxy, vertices[t[0]], vertices[t[1]], vertices[t[2]]));
+            min_distance =
+                std::min(min_distance, sampled_distance(proxy, vertices[t[0]], vertices[t[1]], vertices[t[2]]));
         }
     }
-    return least;
+    return min_distance;
 }
 
 TEST(ClothDrop, IsCaughtByAHandThatHoldsStill) {
@@ -69,11 +70,11 @@ TEST(ClothDrop, IsCaughtByAHandThatHoldsStill) {
             peak = std::max(peak, glm::length(tick.rendered.force));
         });
         ASSERT_FALSE(result.crossed) << "the proxy's centre passed through the cloth in step " << step;
-        ASSERT_FALSE(result.let_through) << "step " << step;
+        ASSERT_FALSE(result.passed_through) << "step " << step;
         contacts += result.in_contact ? 1 : 0;
         before = step < 130 ? peak : before;
     }
-    EXPECT_EQ(before, 0.0) << "N, before the cloth came after 1.43 s: free motion must be free";
+    EXPECT_EQ(before, 0.0) << "N, before the cloth arrives at 1.43 s: free motion must have no force";
     EXPECT_GT(contacts, 10);
     EXPECT_GT(peak, 0.1) << "N";
     EXPECT_LE(peak, kForceLimit * (1.0 + 1e-9)) << "N";
@@ -82,7 +83,7 @@ TEST(ClothDrop, IsCaughtByAHandThatHoldsStill) {
 
 TEST(ClothDrop, StringsMakeTheWrenchThatIsRendered) {
     Lockstep chain(cloth_drop(moving_hand()));
-    const device::Variant variant = device::spidar_g6_x3r();
+    const device::DeviceGeometry geometry = device::spidar_g6_x3r();
     double force_error = 0.0;
     double torque_error = 0.0;
     double peak = 0.0;
@@ -93,16 +94,16 @@ TEST(ClothDrop, StringsMakeTheWrenchThatIsRendered) {
             torque_error = std::max(torque_error, glm::length(pulled.torque - tick.rendered.torque));
             peak = std::max(peak, glm::length(tick.rendered.force));
             for (const double tension : board.device().tensions()) {
-                ASSERT_GE(tension, variant.minimum_tension - kDigit) << "N";
-                ASSERT_LE(tension, variant.maximum_tension) << "N";
+                ASSERT_GE(tension, geometry.minimum_tension - kDacCode) << "N";
+                ASSERT_LE(tension, geometry.maximum_tension) << "N";
             }
         });
     }
     // The tensions are summed over the true directions of the strings, where the grip really is. Digits are cut off
     // below, so each string may lack up to one; what the encoders do not resolve of the pose is far below that.
     EXPECT_GT(peak, 0.1) << "N: without a force this proves nothing";
-    EXPECT_LE(force_error, 8.0 * kDigit) << "N";
-    EXPECT_LE(torque_error, 8.0 * kDigit * 0.0225) << "N*m, at the grip's radius";
+    EXPECT_LE(force_error, 8.0 * kDacCode) << "N";
+    EXPECT_LE(torque_error, 8.0 * kDacCode * 0.0225) << "N*m, at the grip's radius";
 }
 
 TEST(ClothDrop, PoseIsKnownToTheEncodersResolutionWhileTheHandMoves) {
@@ -121,19 +122,19 @@ TEST(ClothDrop, TouchesTheProxyAndNeverOverlapsIt) {
     const sim::ProxySettings proxy = chain.simulation().scene().proxy;
     double nearest = HUGE_VAL;
     for (int step = 0; step < 250; ++step) {
-        // The proxy of a step stands among the surfaces as they are at its start.
+        // A step places its proxy among the surfaces at the beginning of the step.
         const std::vector<Vec3> vertices = chain.simulation().vertices();
         const sim::StepResult result = chain.step();
-        if (!result.squeezed) {
-            const double least = clearance(result.proxy, vertices, chain.simulation().mesh().triangles);
-            ASSERT_GE(least, proxy.radius * proxy.shrink * (1.0 - 1e-9)) << "m, step " << step;
-            nearest = std::min(nearest, least);
+        if (!result.overconstrained) {
+            const double min_distance = clearance(result.proxy, vertices, chain.simulation().mesh().triangles);
+            ASSERT_GE(min_distance, proxy.radius * proxy.shrink * (1.0 - 1e-9)) << "m, step " << step;
+            nearest = std::min(nearest, min_distance);
         }
     }
     EXPECT_LT(nearest, proxy.radius * 1.05) << "m: the cloth never came near";
 }
 
-/// FNV-1a over everything that the chain did.
+/// FNV-1a hash over all results of the chain.
 std::uint64_t run_and_hash() {
     Lockstep chain(cloth_drop(moving_hand()));
     std::uint64_t hash = 14695981039346656037ull;
@@ -160,7 +161,7 @@ TEST(ClothDrop, IsTheSameToTheLastBitEachTime) {
 }
 
 TEST(ClothDrop, EndsInTheSameStateOnEveryMachineAndCompiler) {
-    // Whoever changes the method on purpose changes this number; nobody else may.
+    // Changes only with a deliberate change of the method.
     constexpr std::uint64_t kStateAfterTheScene = 0x1688f2bf0ac8e0ec;
     sim::Simulation simulation(cloth_drop().scene);
     for (std::int64_t step = 0; step < 250; ++step) {

@@ -1,5 +1,5 @@
-// Every way out of a process that drives motors leaves them at zero. The process is a child that runs a real loop on a
-// board whose motors are in shared memory, so that they can be looked at when it is dead.
+// Every exit path of a process that drives motors leaves them at zero. The process is a child that runs a real loop on
+// a board whose motor values are in shared memory, where they can be checked after its death.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -31,7 +31,7 @@ using test::SharedMotors;
 using test::SharedMotorsPage;
 using test::sleep_ms;
 
-/// As rt-core sets things up, from the board to the loop.
+/// The objects of rt-core from the board to the loop, constructed in the same order.
 void drive(SharedMotors& motors, const haptic::test::RingSession& session,
            const std::function<void(RealtimeLoop&)>& act) {
     const AlternateSignalStack signal_stack;
@@ -60,13 +60,13 @@ void drive(SharedMotors& motors, const haptic::test::RingSession& session,
         sleep_ms(1);
     }
     if (!loop.finished()) {
-        _exit(99);  // it was to end otherwise, and did not
+        _exit(99);  // the exit path under test did not end the process
     }
 }
 
 struct WayOut {
     const char* name;
-    int status;  // of waitpid(): the exit status, or 1000 plus the signal
+    int status;  // from waitpid(): the exit status, or 1000 + the signal number
     void (*act)(SharedMotors& motors, RealtimeLoop& loop);
     bool without_sanitizers = false;
 };
@@ -75,7 +75,7 @@ void stop(RealtimeLoop& loop) {
     loop.request_stop();
 }
 
-/// The stack of the main thread grows up to a limit that the shell sets, which may be none. It holds from then on.
+/// Limits the stack of the main thread from here on, because the shell's limit may be "unlimited".
 void overflow_stack() {
     rlimit limit{};
     if (getrlimit(RLIMIT_STACK, &limit) != 0) {

@@ -1,6 +1,7 @@
-// What goes wrong, and what the hand feels of it: each fault is injected into the emulated board or device while the
-// hand presses into a floor, and force and change of force are measured at the device, where the strings really pull.
-// The table of README.md is what this prints:   build/release/tests/integration/fault_table_test
+// Fault table: injects each fault into the emulated board or device while the hand presses into a floor, and measures
+// the force and its rate of change at the device, from the actual string tensions. Prints the table of the
+// documentation:
+//     build/release/tests/integration/fault_table_test
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -24,29 +25,29 @@
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/ring.hpp"
+#include "measure/recording.hpp"
+#include "measure/run_report.hpp"
 #include "process/held_hand.hpp"
 #include "process/loop.hpp"
 #include "process/motor_gate.hpp"
-#include "measure/recording.hpp"
-#include "measure/run_report.hpp"
-#include "tick/tick.hpp"
 #include "process/watchdog.hpp"
 #include "ring_session.hpp"
+#include "tick/tick.hpp"
 
 namespace haptic::rt {
 namespace {
 
 constexpr std::int64_t kTickNs = 1'000'000;
-constexpr double kDigitN = 1.0 / (0.365296803653 * 415.0);  // N, that one D/A digit stands for
-constexpr double kDigits = 8.0 * kDigitN;                   // N: eight strings, each cut by up to one digit
-constexpr int kInjectTick = 1500;                           // after the loop runs
+constexpr double kDacCodeN = 1.0 / (0.365296803653 * 415.0);  // N, tension of one DAC code
+constexpr double kDacCodes = 8.0 * kDacCodeN;                 // N: eight strings, each truncated by up to one code
+constexpr int kInjectTick = 1500;                             // ticks after the loop is running
 constexpr double kInjectS = 1.5;
 
 std::int64_t still_clock() HAPTIC_RT {
     return 0;
 }
 
-/// Two centimetres down, 5 mm into a floor, and on to the side at 0.1 m/s and back, for as long as anybody looks.
+/// Hand that moves 2 cm down, 5 mm into a floor, and then sideways at 0.1 m/s, back and forth for 12 s.
 PoseTrack pressing_hand() {
     std::vector<double> times{0.0, 0.3};
     std::vector<Pose> poses{Pose{}, Pose{{0.0, -0.02, 0.0}, Quat(1, 0, 0, 0)}};
@@ -71,7 +72,7 @@ ContactFrame floor_frame(std::int64_t now_ns) {
     return frame;
 }
 
-/// What a case may change of a run, tick by tick.
+/// State of a run that a case may change, tick by tick.
 struct Turn {
     device::EmulatedBoard* board;
     Tick* tick;
@@ -83,14 +84,14 @@ struct Turn {
 
 struct Case {
     std::string name;
-    std::string fault;            // for parse_fault(), without its time; empty: `act` does it
-    std::uint32_t bits = 0;       // the fault that must be named, one of them; 0: none
-    double slew_allowance = 0.0;  // N, in one ms beyond the limit of rate, and why:
+    std::string fault;            // for parse_fault(), without its time; empty: `act` injects it
+    std::uint32_t bits = 0;       // faults of which at least one must be reported; 0: none
+    double slew_allowance = 0.0;  // N in 1 ms above the rate limit, with the reason:
     const char* because = "";
     std::function<void(const Turn&)> act = nullptr;
     std::function<void(TickSettings&)> set = nullptr;
-    std::uint32_t flag = 0;        // HAPTIC_TICK_* that names it where it is no fault
-    double force_allowance = 0.0;  // N, beyond what was felt before
+    std::uint32_t flag = 0;        // HAPTIC_TICK_* flag that reports it if it is no fault
+    double force_allowance = 0.0;  // N above the force before the fault
 };
 
 struct Row {
@@ -101,7 +102,7 @@ struct Row {
     double force_n = 0.0;
     double slew_n_per_ms = 0.0;
     std::string state;
-    double settled_ms = -1.0;  // without force, after the fault
+    double settled_ms = -1.0;  // time from the fault until the force is gone; -1: never
     double left_n = 0.0;       // force at the end
 };
 
@@ -135,14 +136,14 @@ std::string joined(const std::vector<std::string>& names) {
     return text.empty() ? "-" : text;
 }
 
-/// The last two seconds are on disk, with the reason in the last row.
-void expect_black_box(const BlackBox& box, std::uint32_t bits, const std::string& name, std::size_t least_rows) {
+/// Checks that the last two seconds are on disk, with the fault in the last row.
+void expect_black_box(const BlackBox& box, std::uint32_t bits, const std::string& name, std::size_t min_rows) {
     const std::filesystem::path file =
         std::filesystem::temp_directory_path() / ("haptic-fault-table-" + std::to_string(getpid()) + ".csv");
     write_black_box(file, box);
     const CsvTable table = CsvTable::load(file);
     std::filesystem::remove(file);
-    EXPECT_GE(table.rows(), least_rows) << name;
+    EXPECT_GE(table.rows(), min_rows) << name;
     const auto last = static_cast<std::uint32_t>(table.column("faults").back());
     EXPECT_EQ(last & bits, bits) << name;
     EXPECT_EQ(table.column("safety_state").back(), HAPTIC_DISARMED) << name;
@@ -160,7 +161,7 @@ Row run(const Case& what) {
         text.insert(end == std::string::npos ? text.size() : end, "@" + std::to_string(kInjectS));
         faults.push_back(device::parse_fault(text));
     }
-    device::EmulatedBoard board({.variant = settings.variant,
+    device::EmulatedBoard board({.geometry = settings.geometry,
                                  .hand = pressing_hand(),
                                  .power_up = {100, 65500, 3, 40000, 0, 7, 12345, 65535},
                                  .hand_waits = true,
@@ -172,12 +173,12 @@ Row run(const Case& what) {
     RingWriter<DeviceState> states(session.name());
     RingWriter<ContactFrame> frames_out(session.name());
     Tick tick(settings, held, frames_in, states, still_clock);
-    held.follow(tick);
+    held.attach(tick);
 
     Row row;
     row.name = what.name;
     std::int64_t now_ns = 1'000'000'000;
-    int running_ticks = 0;  // of the hand's clock
+    int running_ticks = 0;  // since the hand was released
     Wrench last;
     std::uint32_t seen_flags = 0;
     tick.arm();
@@ -233,10 +234,11 @@ Row run(const Case& what) {
         EXPECT_EQ(tick.safety_state(), SafetyState::Running) << what.name;
         EXPECT_TRUE(what.flag == 0 || (seen_flags & what.flag) != 0) << what.name;
     }
-    // The floor's force does not grow because something fails, and no limit is broken by it.
+    // A fault must not increase the floor's force nor break a limit.
     EXPECT_LE(row.force_n, row.before_n + 0.2 + what.force_allowance) << what.name;
-    EXPECT_LE(row.force_n, settings.limits.force + kDigits) << what.name;
-    EXPECT_LE(row.slew_n_per_ms, settings.limits.force_rate * 1e-3 + 2.0 * kDigits + what.slew_allowance) << what.name;
+    EXPECT_LE(row.force_n, settings.limits.force + kDacCodes) << what.name;
+    EXPECT_LE(row.slew_n_per_ms, settings.limits.force_rate * 1e-3 + 2.0 * kDacCodes + what.slew_allowance)
+        << what.name;
     return row;
 }
 
@@ -311,7 +313,7 @@ std::vector<Case> cases() {
     return list;
 }
 
-/// Hangs where the board would, and lets another thread see what the motors have meanwhile.
+/// Board that hangs in an exchange, and shows the motor values to another thread meanwhile.
 class HangingBoard final : public device::Board {
   public:
     explicit HangingBoard(device::Board& board) : board_(&board) {}
@@ -331,11 +333,11 @@ class HangingBoard final : public device::Board {
     device::Board* board_;
 };
 
-/// In real time, because a loop that hangs has no other: nothing here is asserted of how long it takes.
+/// Runs in real time, because only a real loop can hang; makes no assertions about durations.
 Row run_watchdog() {
     TickSettings settings;
     settings.safety.overrun_ticks = 100'000;
-    device::EmulatedBoard board({.variant = settings.variant});
+    device::EmulatedBoard board({.geometry = settings.geometry});
     HangingBoard hanging(board);
     MotorGate gate(hanging);
     const haptic::test::RingSession session;
@@ -371,7 +373,7 @@ Row run_watchdog() {
     EXPECT_TRUE(watchdog.fired());
     EXPECT_EQ(glm::length(board.device().wrench().force), 0.0);
     row.force_n = row.before_n;
-    row.slew_n_per_ms = row.before_n;  // nothing fades where nothing runs
+    row.slew_n_per_ms = row.before_n;  // no fade-out, because no tick runs
     row.settled_ms = row.detected_ms;
     hanging.hang = false;
     wait([&] { return loop.finished(); });

@@ -1,7 +1,7 @@
-// What the hand feels of a slow simulation: with 30, 60 and 100 steps a second under a loop of 1 kHz, the force may
-// change from one millisecond to the next by what the surface's own motion makes, and half as much again:
+// Force of a slow simulation: with 30, 60 and 100 steps/s under a loop of 1 kHz, the force may change from one
+// millisecond to the next by at most 1.5 times what the surface's own motion causes:
 //     |dF| <= 1.5 k v T + 1 mN,    v: speed of the surface relative to the hand, as the simulation's frame says
-// however the frames contradict one another, and however late they come.
+// even if frames contradict one another or arrive late.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,37 +12,37 @@
 #include <string>
 #include <vector>
 
-#include "rendering/renderer.hpp"
 #include "lockstep.hpp"
+#include "rendering/renderer.hpp"
 
 namespace haptic::test {
 namespace {
 
 constexpr double kTick = 1e-3;        // s
-constexpr double kReleaseTicks = 50;  // in which a force ends whose surface is gone
+constexpr double kReleaseTicks = 50;  // for a force to end after its surface is gone
 
-/// A step of the force against what it may be.
+/// Steps of the force relative to the bound.
 struct Steps {
     double largest = 0.0;    // N
-    double over = 0.0;       // most of |dF| / bound
-    double raw = 0.0;        // the same of a loop that renders each frame as it is
-    double raw_steps = 0.0;  // N, largest step of that one
+    double over = 0.0;       // maximum of |dF| / bound
+    double raw = 0.0;        // the same for a loop that renders each frame unfiltered
+    double raw_steps = 0.0;  // N, largest step of that loop
     double peak = 0.0;       // N
     int contact_ticks = 0;
 };
 
-/// Longest way of the hand in a tick relative to one of the planes, m.
-double relative_way(const ContactFrame& frame, const Vec3& way) {
+/// m, longest displacement of the hand relative to any of the planes in a tick.
+double relative_displacement(const ContactFrame& frame, const Vec3& displacement) {
     const ProxyContact& proxy = frame.proxies[0];
-    double longest = proxy.plane_count == 0 ? glm::length(way) : 0.0;
+    double longest = proxy.plane_count == 0 ? glm::length(displacement) : 0.0;
     for (std::uint32_t k = 0; k < proxy.plane_count; ++k) {
         const ContactPlane& plane = proxy.planes[k];
-        longest = std::max(longest, glm::length(way - plane.velocity * kTick * to_vec3(plane.normal)));
+        longest = std::max(longest, glm::length(displacement - plane.velocity * kTick * to_vec3(plane.normal)));
     }
     return longest;
 }
 
-/// Judges each tick by the frame that it rendered, which it copies when the tick took it.
+/// Checks each tick against the frame that it rendered, copied when the tick read it.
 class Judge {
   public:
     void see(const rt::TickRecord& tick, const ContactFrame& newest) {
@@ -53,8 +53,8 @@ class Judge {
         const Vec3 force = tick.rendered.force;
         const Vec3 raw = rt::render(frame_, tick.pose, tick.velocity, tick.now_ns).wrench.force;
         if (seen_) {
-            const double way = relative_way(frame_, tick.pose.position - position_);
-            double bound = 1.5 * frame_.stiffness * way + 1e-3;
+            const double displacement = relative_displacement(frame_, tick.pose.position - position_);
+            double bound = 1.5 * frame_.stiffness * displacement + 1e-3;
             raw_worst(glm::length(raw - raw_), bound);
             if (tick.in_contact == 0) {
                 lost_ = in_contact_ ? glm::length(force_) : lost_;
@@ -92,11 +92,11 @@ class Judge {
 
 struct Case {
     int steps_per_s;
-    double late;  // steps, that each frame comes after the beginning of its own
-    bool moving;  // the hand swings
+    double late;  // delay of each frame after the beginning of its step, in steps
+    bool moving;  // the hand oscillates
 };
 
-/// To and fro by some mm, as fast as 0.05 m/s.
+/// Oscillation of a few mm at up to 0.05 m/s.
 PoseTrack swinging_hand() {
     std::vector<double> times;
     std::vector<Pose> poses;
@@ -137,9 +137,9 @@ TEST_P(FrameArrival, ForceChangesNoFasterThanTheSurfaceMoves) {
         which.steps_per_s, which.late, which.moving ? "moves" : "still", steps.contact_ticks, steps.peak,
         1e3 * steps.largest, steps.over, 1e3 * steps.raw_steps, steps.raw);
     EXPECT_LE(steps.over, 1.0 + 1e-6);
-    EXPECT_GT(steps.contact_ticks, 100) << "the cloth was hardly felt: this proves nothing";
+    EXPECT_GT(steps.contact_ticks, 100) << "too little contact to prove anything";
     EXPECT_GT(steps.peak, 0.5) << "N";
-    EXPECT_GT(steps.raw, 3.0) << "without the follower the bound must fail: else this proves nothing";
+    EXPECT_GT(steps.raw, 3.0) << "without the follower the bound must be violated, or this proves nothing";
 }
 
 INSTANTIATE_TEST_SUITE_P(Rates, FrameArrival,

@@ -1,5 +1,5 @@
-// A hand as a person moves it, tracked at 1 kHz to a millimetre, in every scene: nothing tunnels, the force has no
-// spikes, and the run is done again from its recordings to the last bit.
+// Human-like hand, tracked at 1 kHz to a millimetre, in every scene: nothing tunnels, the force has no spikes, and the
+// run is repeated from its recordings to the bit.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,34 +14,34 @@
 #include <vector>
 
 #include "haptic/denormals.hpp"
+#include "lockstep.hpp"
 #include "measure/recording.hpp"
 #include "measure/replay.hpp"
-#include "lockstep.hpp"
 #include "temporary_file.hpp"
 
 namespace haptic::test {
 namespace {
 
-constexpr std::ptrdiff_t kWindow = 101;  // ticks, about each one
-constexpr double kQuantum = 1e-3;        // m, to which the hand was tracked
-constexpr double kStroke = 0.3;          // s, from one place to the next
-constexpr double kReach = 0.003;         // m at the device, by which a stroke misses the script's place
+constexpr std::ptrdiff_t kWindow = 101;  // ticks, centred on each
+constexpr double kQuantum = 1e-3;        // m, resolution of the tracking
+constexpr double kStroke = 0.3;          // s, from one point to the next
+constexpr double kReach = 0.003;         // m at the device, deviation of a stroke's end from the script
 constexpr double kTremor = 0.0003;       // m, at 9 to 11 Hz
-constexpr double kMostMedians = 2.0;     // by which nothing stands out of its 0.1 s
-constexpr int kRampMs = 600;             // in which the hand goes from the device's centre to where the script begins
+constexpr double kMaxMedians = 2.0;      // bound of a spike, in medians of the 0.1 s around it
+constexpr int kRampMs = 600;             // ms, from the device's centre to the start of the script
 
 std::int64_t no_clock() HAPTIC_RT {
     return 0;
 }
 
-/// A number in -1..1 that looks random and is the same on every machine (a chaotic map of integers).
+/// Pseudo-random number in -1..1, the same on every machine (integer hash).
 class Wander {
   public:
     double next() {
         state_ = state_ * 6364136223846793005u + 1442695040888963407u;
         return static_cast<double>(state_ >> 33) / 1073741824.0 - 1.0;
     }
-    Vec3 place() {
+    Vec3 random_point() {
         const double x = next();
         const double y = next();
         return kReach * Vec3(x, y, next());
@@ -59,17 +59,17 @@ struct Trace {
     std::string scene;
     double from_s;      // of the script
     double duration_s;  // after the ramp
-    /// Whoever holds the grip begins with it straight, however the script has the tool turned then.
+    /// The grip starts unrotated, whatever the script's orientation of the tool.
     bool straight = false;
-    /// How the hand turns the grip, where the script has the tool turned.
+    /// Orientation of the grip for an orientation of the tool in the script.
     [[nodiscard]] Quat turned(const Quat& script, const Quat& first) const {
         return straight ? glm::normalize(script * glm::conjugate(first)) : script;
     }
-    /// From then on, since the ramp, s, the button is held that closes the tool; negative: never.
+    /// s after the ramp: from then on the closing button is held; negative: never.
     double closes_s = -1.0;
 };
 
-/// The scene as it is held.
+/// The scene with its grip orientation.
 sim::Scene scene_of(const Trace& trace) {
     sim::Scene scene = sim::read_scene(sim::open_scene(trace.scene), trace.scene);
     if (trace.straight) {
@@ -79,7 +79,7 @@ sim::Scene scene_of(const Trace& trace) {
     return scene;
 }
 
-/// Strokes of least jerk through places about the script's way, with tremor, cut to millimetres. The script begins
+/// Minimum-jerk strokes between points near the script's path, with tremor, quantised to millimetres. The script starts
 /// after the ramp.
 PoseTrack human_hand(const sim::Scene& scene, const Trace& trace) {
     const sim::Workspace workspace(scene.workspace);
@@ -94,14 +94,14 @@ PoseTrack human_hand(const sim::Scene& scene, const Trace& trace) {
     };
     const Pose begin = script_at(trace.from_s);
     Vec3 from(0.0);
-    Vec3 to = wander.place();
+    Vec3 to = wander.random_point();
     int stroke = 0;
     for (int ms = 0; ms <= static_cast<int>(trace.duration_s * 1000.0) + kRampMs; ++ms) {
         const double t = 1e-3 * ms;
         if (t >= (stroke + 1) * kStroke) {
             ++stroke;
             from = to;
-            to = wander.place();
+            to = wander.random_point();
         }
         const double ramp = minimum_jerk(std::min(1.0, static_cast<double>(ms) / kRampMs));
         const Pose script = ms < kRampMs ? interpolate(Pose{}, begin, ramp)
@@ -117,8 +117,7 @@ PoseTrack human_hand(const sim::Scene& scene, const Trace& trace) {
     return {std::move(times), std::move(poses)};
 }
 
-/// By how much the force stands out of the median of the 0.1 s round it at the most, N, where all of that is in
-/// contact.
+/// N, greatest excess of the force over the median of the 0.1 s around it, where all of these are in contact.
 double worst_spike(const std::vector<double>& force) {
     double worst = 0.0;
     std::vector<double> window;
@@ -140,8 +139,8 @@ std::ostream& operator<<(std::ostream& out, const Trace& trace) {
 
 class HumanTrace : public testing::TestWithParam<Trace> {};
 
-/// The trace through the whole chain, which must not tunnel, and again from both recordings, to the bit. `force`, N, is
-/// that of each tick.
+/// Runs the trace through the whole chain without tunnelling, then repeats it from both recordings, to the bit.
+/// `force`: N, per tick.
 void run_twice(const Trace& trace, std::vector<double>& force) {
     const FlushDenormals flush;
     const sim::Scene scene = scene_of(trace);
@@ -165,7 +164,7 @@ void run_twice(const Trace& trace, std::vector<double>& force) {
             });
             inputs.push_back(chain.input());
             ASSERT_FALSE(result.crossed) << "the proxy's centre passed through a surface in step " << step;
-            ASSERT_FALSE(result.let_through) << "step " << step;
+            ASSERT_FALSE(result.passed_through) << "step " << step;
             writer.drain();
         }
         writer.close();
@@ -178,7 +177,7 @@ void run_twice(const Trace& trace, std::vector<double>& force) {
     for (const sim::StepInput& input : inputs) {
         again.step(input);
     }
-    EXPECT_EQ(again.state_hash(), hash) << "host-sim from the poses that it was given";
+    EXPECT_EQ(again.state_hash(), hash) << "host-sim repeated from its input poses";
     const RingSession session;
     RingWriter<DeviceState> states(session.name());
     rt::Replay replay(file, settings, states, no_clock);
@@ -188,28 +187,27 @@ void run_twice(const Trace& trace, std::vector<double>& force) {
         << replay.result().first().first << " in line " << replay.result().first().second.line;
 }
 
-TEST_P(HumanTrace, TunnelsNowhereHasNoSpikesAndIsTheSameAgain) {
+TEST_P(HumanTrace, DoesNotTunnelHasNoSpikesAndIsRepeatable) {
     const Trace& trace = GetParam();
     std::vector<double> force;
     run_twice(trace, force);
     ASSERT_FALSE(HasFatalFailure());
     std::vector<double> felt = force;
     std::erase_if(felt, [](double f) { return f <= 0.0; });
-    ASSERT_GT(felt.size(), 150u) << "ms in contact: without any this proves nothing";
+    ASSERT_GT(felt.size(), 150u) << "too few ms in contact to prove anything";
     std::sort(felt.begin(), felt.end());
-    // A hit may be as strong as it is; a spike stands out of its own 0.1 s. What the scene makes of a hand that leaps
-    // by millimetres is in both.
+    // An impact may be strong; a spike stands out of its own 0.1 s. The effect of a hand that jumps by millimetres is
+    // in both.
     const double median = felt[felt.size() / 2];
     const double spike = worst_spike(force);
     std::printf("%-10s %5zu ms in contact, median %.2f N, largest %.2f N, out of its own 0.1 s by %.2f N\n",
                 trace.scene.c_str(), felt.size(), median, felt.back(), spike);
-    EXPECT_LE(spike, kMostMedians * median);
+    EXPECT_LE(spike, kMaxMedians * median);
 }
 
-// Nothing is said of spikes here: rt-core's passivity controller damps as long as the grip lasts, presumably because
-// nobody tells it of the energy that closing fingers put into what they hold, and a hand that leaps by a millimetre
-// feels that.
-TEST(HumanGrip, TunnelsNowhereAndIsTheSameAgain) {
+// No claim about spikes here: rt-core's passivity controller damps throughout the grip, presumably because it does not
+// see the energy that closing fingers put into the object, and a hand that jumps by a millimetre feels that.
+TEST(HumanGrip, DoesNotTunnelAndIsRepeatable) {
     std::vector<double> force;
     run_twice({"fish-grab", 0.2, 1.7, false, 0.3}, force);
     EXPECT_GT(std::count_if(force.begin(), force.end(), [](double f) { return f > 0.0; }), 1000);  // ms in contact

@@ -130,7 +130,7 @@ TEST_F(StandingScene, SoDoesOneThatBeginsAnewInItsPlace) {
     config.set("model.velocity=[0.0, -3.0, 0.0]");
     chain.simulation() = sim::Simulation(sim::read_scene(config, "cloth-drop"));
     chain.simulation().set_verification(true);
-    chain.simulation().couple_anew();
+    chain.simulation().recouple();
     go_on();
 }
 

@@ -11,9 +11,9 @@
 namespace haptic::test {
 namespace {
 
-constexpr int kCaught = 158;  // step at which the cloth presses most
+constexpr int kCaught = 158;  // step of the greatest force
 constexpr int kSteps = 230;
-constexpr double kSlew = 0.03;  // N/ms; 1.7 N that fade in 0.1 s make 0.017
+constexpr double kSlew = 0.03;  // N/ms; 1.7 N fading in 0.1 s give 0.017
 
 class LiveWorkspace : public testing::Test {
   protected:
@@ -25,8 +25,8 @@ class LiveWorkspace : public testing::Test {
                 const Vec3 now = tick.rendered.force;
                 if (step >= kCaught) {
                     slew = std::max(slew, glm::length(now - force));
-                    least = std::min(least, glm::length(now));
-                    after = least == 0.0 ? std::max(after, glm::length(now)) : after;
+                    min_force = std::min(min_force, glm::length(now));
+                    after = min_force == 0.0 ? std::max(after, glm::length(now)) : after;
                 } else {
                     peak = std::max(peak, glm::length(now));
                 }
@@ -35,9 +35,9 @@ class LiveWorkspace : public testing::Test {
             ASSERT_FALSE(result.crossed) << "step " << step;
         }
         EXPECT_EQ(chain.tick().faults(), 0u);
-        EXPECT_GT(peak, 1.0) << "N: without a force there is nothing that could jump";
-        EXPECT_EQ(least, 0.0) << "N: it was never uncoupled";
-        EXPECT_GT(after, 0.05) << "N: it was never felt again";
+        EXPECT_GT(peak, 1.0) << "N: no force that could jump";
+        EXPECT_EQ(min_force, 0.0) << "N: never uncoupled";
+        EXPECT_GT(after, 0.05) << "N: never coupled again";
         EXPECT_LE(slew, kSlew) << "N/ms";
         std::printf("from %.2f N to 0 and up to %.2f N again: %.1f mN/ms at most\n", peak, after, 1e3 * slew);
     }
@@ -45,10 +45,10 @@ class LiveWorkspace : public testing::Test {
     Lockstep chain{
         {.scene = sim::read_scene(sim::open_scene("cloth-drop"), "cloth-drop"), .hand = PoseTrack(), .tick = {}}};
     Vec3 force{0.0};
-    double peak = 0.0;   // N, before
-    double least = 1e9;  // N, since
-    double after = 0.0;  // N, most once it was zero
-    double slew = 0.0;   // N/ms, most
+    double peak = 0.0;       // N, maximum before the change
+    double min_force = 1e9;  // N, minimum since
+    double after = 0.0;      // N, maximum after it was zero
+    double slew = 0.0;       // N/ms, maximum
 };
 
 TEST_F(LiveWorkspace, ClutchNeverMakesTheForceJump) {
@@ -75,10 +75,10 @@ TEST_F(LiveWorkspace, ChangeOfScalesAndRotationNeverMakesTheForceJump) {
                 next.force_scale * chain.simulation().scene().coupling.stiffness / next.scale, 1e-12);
 }
 
-TEST_F(LiveWorkspace, ChangeOfTheOffsetPutsTheHandElsewhereWithoutAJumpOfTheForce) {
+TEST_F(LiveWorkspace, ChangeOfTheOffsetMovesTheHandWithoutAJumpOfTheForce) {
     sim::WorkspaceSettings next = chain.simulation().scene().workspace;
-    // The hand, which stays at the device's origin, comes to be 0.2 m higher in the scene, on the other side of the
-    // cloth, but the tool cannot go there: it is stopped by the cloth, and what was in its way is felt from nothing.
+    // The hand, still at the device's origin, is mapped 0.2 m higher, to the other side of the cloth. The tool cannot
+    // follow: the cloth stops it, and the force starts at zero.
     next.offset = Vec3(0.0, -0.2 * next.scale, 0.0);
     run([&](int step) {
         if (step == kCaught) {

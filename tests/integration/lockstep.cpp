@@ -12,7 +12,7 @@ std::int64_t standing_clock() HAPTIC_RT {
     return 0;
 }
 
-/// The hand holds still at the centre until start_ns, then follows the track.
+/// The hand rests at the centre until start_ns, then follows the track.
 PoseTrack from(std::int64_t start_ns, const PoseTrack& track) {
     std::vector<double> times{0.0};
     std::vector<Pose> poses{Pose{}};
@@ -32,7 +32,7 @@ Lockstep::Lockstep(const Settings& settings)
       state_reader_(session_.name()),
       frames_(session_.name()),
       start_ns_(rt::arming_time_ns(settings.tick.safety) + kArmingMarginNs),
-      board_({.variant = settings.tick.variant,
+      board_({.geometry = settings.tick.geometry,
               .hand = from(start_ns_, settings.hand),
               .power_up = {60000, 1, 32768, 12345, 65535, 0, 40000, 777}}),
       tick_(settings.tick, board_, frame_reader_, state_writer_, standing_clock),

@@ -1,4 +1,4 @@
-// The whole chain in lockstep, recorded, and rt-core's part of it done again from the recording alone.
+// The whole chain in lockstep is recorded; rt-core's part is repeated from the recording alone.
 #include "measure/replay.hpp"
 
 #include <gtest/gtest.h>
@@ -8,20 +8,20 @@
 #include <vector>
 
 #include "haptic/denormals.hpp"
-#include "measure/recording.hpp"
 #include "lockstep.hpp"
+#include "measure/recording.hpp"
 #include "temporary_file.hpp"
 
 namespace haptic::test {
 namespace {
 
-constexpr double kQuantum = 1e-3;  // m, to which a hand was tracked
+constexpr double kQuantum = 1e-3;  // m, resolution of the tracking
 
 std::int64_t no_clock() HAPTIC_RT {
     return 0;
 }
 
-/// A hand at 1 kHz as a coarse tracker gave it: it jumps by a millimetre at a time.
+/// Hand at 1 kHz from a coarse tracker: jumps by a millimetre at a time.
 PoseTrack quantised_hand(double duration_s) {
     std::vector<double> times;
     std::vector<Pose> poses;
@@ -38,7 +38,7 @@ PoseTrack quantised_hand(double duration_s) {
 
 class LockstepReplay : public testing::Test {
   protected:
-    /// Runs the scene with the recorder on; the largest force, N.
+    /// Runs the scene with the recorder on; returns the greatest force, N.
     double record(int steps) {
         const FlushDenormals flush;
         rt::Recorder recorder(16384, 1024);
@@ -73,15 +73,15 @@ class LockstepReplay : public testing::Test {
     std::filesystem::path file = folder.file("chain.csv");
 };
 
-TEST_F(LockstepReplay, OfACoarselyTrackedHandMakesTheSamePosesAndWrenches) {
-    EXPECT_GT(record(230), 0.1) << "N: without a force this proves little";
+TEST_F(LockstepReplay, OfACoarselyTrackedHandGivesTheSamePosesAndWrenches) {
+    EXPECT_GT(record(230), 0.1) << "N: too small a force to prove anything";
     const rt::ReplayResult result = replay();
     EXPECT_GT(result.ticks, 2300u);
     EXPECT_GE(result.frames, 229u);
     EXPECT_TRUE(result.identical()) << result.first().first << " in line " << result.first().second.line;
 }
 
-TEST_F(LockstepReplay, WithASofterLimitMovesTheSameAndPushesLess) {
+TEST_F(LockstepReplay, WithALowerForceLimitHasTheSameMotionAndLessForce) {
     record(230);
     settings.limits.force = 0.05;
     const rt::ReplayResult result = replay();

@@ -1,5 +1,5 @@
-// Either side is killed at any instant, hundreds of times, and comes back: the other goes on and sees only whole
-// frames.
+// Either end of a ring is killed at random times, hundreds of times, and comes back: the other end continues and sees
+// only complete frames.
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/stat.h>
@@ -29,16 +29,16 @@ using test::start_process;
 using test::wait_for;
 
 constexpr int kKills = 200;
-constexpr unsigned kProcesses = 8;  // that come and go at once
+constexpr unsigned kProcesses = 8;  // that attach and detach concurrently
 constexpr int kRounds = 50;
 constexpr std::int64_t kPatience = 10 * kNanosecondsPerSecond;  // ns
 
-/// When the next victim dies: one in four while it starts, the others at some point of their work.
+/// When the next process is killed: one in four during start-up, the others while working.
 class Death {
   public:
     explicit Death(std::mt19937& random) : at_start_(random() % 4 == 0), delay_ns_(draw(random, at_start_)) {}
 
-    /// Asked again and again while the victim lives; `working` from when it was first seen at work.
+    /// Polled while the process lives; `working` once it was first seen at work.
     bool has_come(bool working) {
         const std::int64_t now_ns = monotonic_now_ns();
         if (begin_ns_ == 0 && (at_start_ || working)) {
@@ -66,7 +66,7 @@ class Death {
     }
 }
 
-/// What the reader of many writers must see.
+/// Checks of a reader of many successive writers.
 struct ReaderChecks {
     std::uint64_t torn = 0;
     std::uint64_t not_rising = 0;
@@ -111,7 +111,7 @@ TEST(RingKill, TheReaderGoesOnThroughTwoHundredKilledWriters) {
             ASSERT_TRUE(WIFSIGNALED(status)) << "the writer ended by itself with status " << status;
             take();
         }
-        // One that lives: the ring is as good as new.
+        // A writer that lives: the ring works as if new.
         PatternWriter<ContactFrame> writer(session.name());
         const std::uint64_t sequence = writer.publish_pattern(*frame, monotonic_now_ns());
         EXPECT_GT(sequence, checks.last);
@@ -149,7 +149,7 @@ struct ReaderReport {
         }
         report.frames.fetch_add(1);
         report.torn.fetch_add(is_whole(*frame) ? 0u : 1u);
-        // The first frame may be one that the reader before this one has seen.
+        // The previous reader may have seen the first frame.
         const std::uint64_t last = report.last.load();
         report.not_rising.fetch_add(frame->sequence > last || (first && frame->sequence == last) ? 0u : 1u);
         report.last.store(frame->sequence);
@@ -177,7 +177,7 @@ TEST(RingKill, TheWriterGoesOnThroughTwoHundredKilledReaders) {
             const int status = wait_for(reader);
             ASSERT_TRUE(WIFSIGNALED(status)) << "the reader ended by itself with status " << status;
         }
-        // One that lives sees the newest.
+        // A reader that lives sees the newest frame.
         RingReader<ContactFrame> reader(session.name());
         ASSERT_TRUE(reader.read_newest(*frame));
         EXPECT_EQ(frame->sequence, published);
@@ -193,7 +193,7 @@ TEST(RingKill, TheWriterGoesOnThroughTwoHundredKilledReaders) {
                 static_cast<unsigned long long>(report->frames.load()), static_cast<unsigned long long>(published));
 }
 
-/// Waits for a condition that another process brings about.
+/// Waits for a condition that another process causes.
 template <class Condition>
 bool comes_true(const Condition& condition) {
     const std::int64_t deadline_ns = monotonic_now_ns() + kPatience;
@@ -253,7 +253,7 @@ TEST(RingKill, AStoppedReaderDoesNotHoldTheWriterUp) {
 
 TEST(RingKill, ManyProcessesThatStartAndEndAtOnceShareTheRolesAndLeaveNothing) {
     const RingSession session;
-    // Each tries both roles again and again. A role is taken or it is not; anything else is an error.
+    // Each process tries both roles repeatedly. A role is free or taken; any other result is an error.
     const auto come_and_go = [&](unsigned seed) {
         std::mt19937 random(seed);
         auto frame = std::make_unique<ContactFrame>();

@@ -1,5 +1,5 @@
-// An observer beside writers that end in order or are killed at any instant, with the segment removed and made anew
-// between: it sees only whole frames, and none of the writers notices it.
+// An observer of writers that end in an orderly way or are killed, with the segment removed and recreated in between:
+// it sees only complete frames, and no writer is affected.
 #include <gtest/gtest.h>
 #include <sched.h>
 
@@ -25,12 +25,12 @@ using test::wait_for;
 
 constexpr int kWriters = 60;
 
-/// Everything that an observer takes, checked.
+/// An observer that checks every slot.
 class Watch {
   public:
     explicit Watch(const std::string& session) : observer_(session) {}
 
-    /// Takes what is there, then looks for another segment, as if a long time had passed.
+    /// Reads all available slots, then checks for a new segment as if a long time had passed.
     void look() {
         while (observer_.next(*frame_)) {
             torn_ += is_whole(*frame_) ? 0u : 1u;

@@ -1,4 +1,4 @@
-// Frames whose every word follows from their sequence and session, and processes to send and receive them.
+// Test pattern for rings: frames whose words are determined by sequence and session, and processes that exchange them.
 #pragma once
 
 #include <sys/mman.h>
@@ -20,7 +20,7 @@
 
 namespace haptic::test {
 
-/// SplitMix64 (Steele et al. 2014): one word of another frame, or in another place, shows.
+/// SplitMix64 (Steele et al. 2014), so that a word of another frame or at another index is detected.
 inline std::uint64_t mix(std::uint64_t x) noexcept {
     x += 0x9E3779B97F4A7C15;
     x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9;
@@ -28,7 +28,7 @@ inline std::uint64_t mix(std::uint64_t x) noexcept {
     return x ^ (x >> 31);
 }
 
-/// Words 0 and 1 of a slot are its sequence and session; a contact frame's count of proxies says how long it is.
+/// Words 0 and 1 of a slot are its sequence and session; proxy_count determines the length of a contact frame.
 template <class Slot>
 inline constexpr std::size_t kFirstPatternWord = 2;
 template <>
@@ -39,7 +39,7 @@ inline void set_length(ContactFrame& slot, std::uint64_t seed) noexcept {
     slot.proxy_count = seed % 4 == 0 ? static_cast<std::uint32_t>(mix(seed) % (kMaxProxies + 1)) : kMaxProxies;
 }
 
-/// Fills the part in use for the sequence that the slot will get. A counter does for each word, after one mixing.
+/// Fills the used part for the sequence that the slot will get: one mixed seed, then a counter per word.
 template <class Slot>
 void fill(Slot& slot, std::uint64_t sequence, std::uint64_t session) noexcept {
     set_length(slot, sequence);
@@ -52,7 +52,7 @@ void fill(Slot& slot, std::uint64_t sequence, std::uint64_t session) noexcept {
     }
 }
 
-/// Whether every word in use is of this frame.
+/// Whether every used word belongs to this frame.
 template <class Slot>
 bool is_whole(const Slot& slot) noexcept {
     Slot expected_length{};
@@ -69,7 +69,7 @@ bool is_whole(const Slot& slot) noexcept {
     return whole;
 }
 
-/// A writer of such frames. Its predecessor may have died at any number; the ring knows which comes next.
+/// A writer of such frames. It continues after its predecessor, which may have died at any frame.
 template <class Slot>
 class PatternWriter : public RingWriter<Slot> {
   public:
@@ -80,7 +80,7 @@ class PatternWriter : public RingWriter<Slot> {
     }
 };
 
-/// A value that this process and its children share.
+/// A value shared between this process and its children.
 template <class Value>
 class Shared {
   public:
@@ -103,7 +103,7 @@ class Shared {
 
 /// Runs a function in a child process, which then exits with its result; 99 if it throws.
 inline pid_t start_process(const std::function<int()>& function) {
-    std::fflush(nullptr);  // or the child would print what is still buffered again
+    std::fflush(nullptr);  // otherwise the child would print buffered output again
     const pid_t child = fork();
     if (child < 0) {
         throw std::runtime_error("cannot fork");
@@ -120,7 +120,7 @@ inline pid_t start_process(const std::function<int()>& function) {
     return child;
 }
 
-/// The status of an ended child as waitpid gives it.
+/// Exit status of a child, as returned by waitpid.
 inline int wait_for(pid_t child) {
     int status = 0;
     while (waitpid(child, &status, 0) != child) {

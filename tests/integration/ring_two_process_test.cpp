@@ -1,5 +1,5 @@
-// Two processes pass millions of checksummed frames through a ring at full speed: none is torn, none comes twice or
-// late.
+// Two processes pass millions of checksummed frames through a ring at full speed: none is torn, repeated or out of
+// order.
 #include <gtest/gtest.h>
 #include <sched.h>
 
@@ -24,12 +24,12 @@ using test::start_process;
 using test::wait_for;
 
 struct Progress {
-    std::atomic<std::uint64_t> taken{0};  // sequence of the last frame that the reader took
+    std::atomic<std::uint64_t> taken{0};  // sequence of the last frame read
     std::atomic<bool> enough{false};
     std::atomic<std::uint64_t> published{0};
 };
 
-/// Spins for a while, since what it waits for is mostly a few hundred nanoseconds away, then lets others run.
+/// Spins for a while, because the wait is usually a few hundred nanoseconds, then yields.
 class SpinWait {
   public:
     void pause() {
@@ -43,8 +43,8 @@ class SpinWait {
     unsigned spins_ = 0;
 };
 
-/// Publishes without pause in bursts of up to 16 frames, twice round the ring; then lets the reader take one, so
-/// that the two make headway on one core as well. The ring itself never waits.
+/// Publishes bursts of up to 16 frames without pause, twice around the ring, then lets the reader take one, so that
+/// both make progress on a single core, too. The ring itself never waits.
 template <class Slot>
 int publish_until_enough(const std::string& session, Progress& progress) {
     PatternWriter<Slot> writer(session);
@@ -65,7 +65,7 @@ int publish_until_enough(const std::string& session, Progress& progress) {
     return 0;
 }
 
-/// Takes `wanted` frames, then all that is still there; everything about them is checked.
+/// Reads `wanted` frames, then the remaining one, and checks each completely.
 template <class Slot>
 void expect_whole_frames(std::uint64_t wanted) {
     const RingSession session;
@@ -119,7 +119,7 @@ TEST(RingTwoProcesses, AMillionFullContactFramesArriveWhole) {
     expect_whole_frames<ContactFrame>(HAPTIC_TEST_FRAMES / 10);
 }
 
-/// The checker itself: what it must not let pass.
+/// Verifies the checker: it must reject invalid frames.
 TEST(RingTwoProcesses, ATornFrameWouldBeNoticed) {
     auto frame = std::make_unique<ContactFrame>();
     frame->session = 5;

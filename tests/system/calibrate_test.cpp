@@ -1,4 +1,4 @@
-// `rt-core calibrate` as a person uses it, on an emulated frame that is not as its drawing says.
+// `rt-core calibrate` as a person uses it, on an emulated device whose geometry differs from its nominal one.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "haptic/csv.hpp"
-#include "haptic/device/variant_file.hpp"
+#include "haptic/device/device_geometry_file.hpp"
 #include "haptic/types.hpp"
 #include "process.hpp"
 
@@ -35,7 +35,7 @@ class Calibrate : public testing::Test {
         std::ofstream(folder / "truth.toml") << device::to_toml(truth, "as it was built");
     }
 
-    /// Holds still for two seconds, then moves about.
+    /// Hand that holds still for 2 s, then moves.
     std::string hand() {
         CsvWriter writer(folder / "hand.csv", {"time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"});
         for (int i = 0; i <= 900; ++i) {
@@ -52,8 +52,8 @@ class Calibrate : public testing::Test {
         return folder / "hand.csv";
     }
 
-    /// Root mean square of how far the motors and knots of two frames are from each other, m.
-    static double distance(const device::Variant& a, const device::Variant& b) {
+    /// RMS distance between the motors and knots of two geometries, m.
+    static double distance(const device::DeviceGeometry& a, const device::DeviceGeometry& b) {
         double sum = 0.0;
         for (std::size_t i = 0; i < kStrings; ++i) {
             const Vec3 motor = a.strings[i].motor - b.strings[i].motor;
@@ -64,20 +64,20 @@ class Calibrate : public testing::Test {
     }
 
     ScratchFolder folder;
-    device::Variant nominal = device::builtin_variant("SpidarG6X3R");
-    device::Variant truth;
+    device::DeviceGeometry nominal = device::built_in_geometry("SpidarG6X3R");
+    device::DeviceGeometry truth;
 };
 
-TEST_F(Calibrate, FindsAFrameFromARecordingAndKeepsTheFileThatWasThere) {
+TEST_F(Calibrate, FindsTheGeometryAndBacksUpTheOldFile) {
     const std::string recording = folder / "wiggle.csv";
     const Finished run_once = run({RT_CORE, "run", "--session", unique_session(), "--set",
-                                   "device.variant=" + (folder / "truth.toml").string(), "--hand", hand(), "--duration",
-                                   "8", "--record", recording});
+                                   "device.geometry=" + (folder / "truth.toml").string(), "--hand", hand(),
+                                   "--duration", "8", "--record", recording});
     ASSERT_EQ(run_once.status, 0) << run_once.output;
 
     const std::string out = folder / "mine.toml";
     std::ofstream(out) << "precious";
-    const Finished fitted = run({RT_CORE, "calibrate", "--fit", recording, "--variant", "SpidarG6X3R", "--out", out,
+    const Finished fitted = run({RT_CORE, "calibrate", "--fit", recording, "--geometry", "SpidarG6X3R", "--out", out,
                                  "--weigh", "3=0.200@31", "--yes"});
     ASSERT_EQ(fitted.status, 0) << fitted.output;
     EXPECT_THAT(fitted.output,
@@ -86,21 +86,21 @@ TEST_F(Calibrate, FindsAFrameFromARecordingAndKeepsTheFileThatWasThere) {
     std::getline(std::ifstream(folder / "mine.toml.bak-1"), kept);
     EXPECT_EQ(kept, "precious");
 
-    const device::Variant found = device::load_variant(out);
+    const device::DeviceGeometry found = device::load_device_geometry(out);
     EXPECT_LT(distance(found, truth), 0.8 * distance(nominal, truth)) << "m";
-    EXPECT_NEAR(found.strings[3].newtons_per_digit, 0.2 * 9.80665 / 31.0, 1e-12);
-    EXPECT_EQ(found.strings[2].newtons_per_digit, nominal.strings[2].newtons_per_digit);
+    EXPECT_NEAR(found.strings[3].newtons_per_code, 0.2 * 9.80665 / 31.0, 1e-12);
+    EXPECT_EQ(found.strings[2].newtons_per_code, nominal.strings[2].newtons_per_code);
     EXPECT_EQ(found.maximum_tension, nominal.maximum_tension);
 }
 
 TEST_F(Calibrate, GuidesAHandThroughHoldingAndMoving) {
     const std::string out = folder / "mine.toml";
-    const Finished guided = run({RT_CORE, "calibrate", "--variant", folder / "truth.toml", "--hand", hand(), "--hold",
+    const Finished guided = run({RT_CORE, "calibrate", "--geometry", folder / "truth.toml", "--hand", hand(), "--hold",
                                  "1", "--wiggle", "5", "--out", out, "--yes"});
     ASSERT_EQ(guided.status, 0) << guided.output;
     EXPECT_THAT(guided.output, AllOf(HasSubstr("at the centre"), HasSubstr("held for 1.0 s"),
-                                     HasSubstr("string 0: +0 counts"), HasSubstr("moved x"), HasSubstr("written to")));
-    EXPECT_LT(distance(device::load_variant(out), truth), 5e-4) << "m: the file was right already";
+                                     HasSubstr("string 0: +0 counts"), HasSubstr("range x"), HasSubstr("written to")));
+    EXPECT_LT(distance(device::load_device_geometry(out), truth), 5e-4) << "m: the file was right already";
     std::string first;
     std::getline(std::ifstream(out), first);
     EXPECT_EQ(first, "# as it was built") << "the comment is kept";
@@ -117,10 +117,10 @@ TEST_F(Calibrate, ChangesNothingWhenTheGripWasNotHeld) {
     EXPECT_FALSE(std::filesystem::exists(out));
 }
 
-TEST_F(Calibrate, AsksNothingOfNobody) {
+TEST_F(Calibrate, RefusesToAskWithoutATerminal) {
     const Finished guided = run({"/bin/sh", "-c", std::string(RT_CORE) + " calibrate </dev/null"});
     EXPECT_EQ(guided.status, 2);
-    EXPECT_THAT(guided.output, AllOf(HasSubstr("no terminal"), HasSubstr("--yes")));
+    EXPECT_THAT(guided.output, AllOf(HasSubstr("not a terminal"), HasSubstr("--yes")));
     const Finished weighed = run({RT_CORE, "calibrate", "--yes", "--weigh", "9=1@2"});
     EXPECT_EQ(weighed.status, 2);
     EXPECT_THAT(weighed.output, HasSubstr("9=1@2"));

@@ -1,4 +1,4 @@
-// rt-core measure as users run it: what it writes, and what it refuses.
+// `rt-core measure` as users run it: output files, text and refusals.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -22,7 +22,7 @@ using testing::IsEmpty;
 class Measure : public testing::Test {
   protected:
     [[nodiscard]] Finished measure(const std::vector<std::string>& arguments) const {
-        // How long this machine keeps a thread waiting is not what is tested here.
+        // Scheduling delays of the test machine must not cause a fault.
         std::vector<std::string> command = {RT_CORE,      "measure", "--session", session,
                                             "--duration", "1.5",     "--set",     "safety.overrun_ticks=100000"};
         command.insert(command.end(), arguments.begin(), arguments.end());
@@ -58,7 +58,7 @@ TEST_F(Measure, WritesTextReportAndPageOfOneRun) {
     EXPECT_THAT(compared.output, HasSubstr("second / first            1.00"));
 }
 
-TEST_F(Measure, TakesTurnsWithCyclictest) {
+TEST_F(Measure, AlternatesWithCyclictest) {
     if (access("/usr/bin/cyclictest", X_OK) != 0) {
         GTEST_SKIP() << "there is no cyclictest: package rt-tests";
     }
@@ -90,7 +90,7 @@ TEST_F(Measure, NamesThePackageOfAProgramThatIsMissing) {
 TEST_F(Measure, RefusesWhatItCannotMeasureOrRead) {
     Finished finished = measure({"--device", "replay:x.csv"});
     EXPECT_EQ(finished.status, 2);
-    EXPECT_THAT(finished.output, HasSubstr("says nothing of latency"));
+    EXPECT_THAT(finished.output, HasSubstr("cannot measure latency"));
     finished = measure({"--load", "make"});
     EXPECT_EQ(finished.status, 2);
     EXPECT_THAT(finished.output, HasSubstr("must be none, stress-ng"));
@@ -100,7 +100,7 @@ TEST_F(Measure, RefusesWhatItCannotMeasureOrRead) {
     std::ofstream(folder / "other.json") << "{\"ticks\": 3}";
     finished = run({RT_CORE, "measure", "--from", folder / "other.json"});
     EXPECT_EQ(finished.status, 1);
-    EXPECT_THAT(finished.output, AllOf(HasSubstr("other.json"), HasSubstr("no report of a measurement")));
+    EXPECT_THAT(finished.output, AllOf(HasSubstr("other.json"), HasSubstr("not a measurement report")));
     finished = run({RT_CORE, "measure", "--compare", folder / "other.json", folder / "missing.json"});
     EXPECT_EQ(finished.status, 1);
 }

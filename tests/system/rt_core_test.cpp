@@ -1,4 +1,4 @@
-// The rt-core executable by itself, on the emulated device: how it ends, and what it says.
+// The rt-core executable on the emulated device: exit statuses and messages.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -31,7 +31,7 @@ class RtCore : public testing::Test {
 
 TEST_F(RtCore, EndsWithTheFaultsNameAndTheLastTicksWhenAnEncoderJumps) {
     const std::string hand = folder / "hand.csv";
-    // Ten centimetres in a millisecond.
+    // A jump of 0.1 m in 1 ms.
     std::ofstream(hand) << "time_s,x_m,y_m,z_m\n0,0,0,0\n0.2,0,0,0\n0.201,0.1,0,0\n9,0.1,0,0\n";
     std::vector<std::string> command = run_for("20");
     for (const std::string& argument :
@@ -60,7 +60,7 @@ TEST_F(RtCore, RefusesADeviceThatItCannotDrive) {
     }
 }
 
-TEST_F(RtCore, CountsEachTimeThatItsDeviceIsLostAndGoesOnIfItIsToldTo) {
+TEST_F(RtCore, RecoversALostDeviceWithRearm) {
     std::vector<std::string> command = run_for("3");
     for (const std::string& argument :
          {std::string("--fault"), std::string("unplug@0.2/0.5"), std::string("--set"),
@@ -82,7 +82,7 @@ TEST_F(RtCore, CountsEachTimeThatItsDeviceIsLostAndGoesOnIfItIsToldTo) {
     EXPECT_EQ(report.at("safety").at("faults"), nlohmann::json({"stop"}));
 }
 
-TEST_F(RtCore, TakesTheConfigurationThatItPrints) {
+TEST_F(RtCore, AcceptsTheConfigurationThatItPrints) {
     const Finished printed = run({RT_CORE, "--print-config"});
     ASSERT_EQ(printed.status, 0);
     const std::string config = folder / "rt-core.toml";
@@ -94,10 +94,10 @@ TEST_F(RtCore, TakesTheConfigurationThatItPrints) {
     EXPECT_THAT(finished.output, HasSubstr("500 Hz"));
 }
 
-TEST_F(RtCore, GoesOnWithoutPrivilegesAndSaysWhichAndHowToGrantThem) {
+TEST_F(RtCore, ContinuesWithoutPrivilegesAndNamesTheirRemedies) {
     std::vector<std::string> command = {"/usr/bin/prlimit", "--rtprio=0", "--memlock=65536"};
     if (geteuid() == 0) {
-        // Nobody, who has no capabilities.
+        // User nobody, without capabilities.
         command.insert(command.begin(),
                        {"/usr/bin/setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--inh-caps=-all"});
         if (run({"/usr/bin/setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "/usr/bin/test", "-x",
@@ -116,7 +116,7 @@ TEST_F(RtCore, GoesOnWithoutPrivilegesAndSaysWhichAndHowToGrantThem) {
                                        HasSubstr("setcap"), HasSubstr("limits.d")));
 }
 
-TEST_F(RtCore, WritesARecordingThatIsAHandForTheNextRun) {
+TEST_F(RtCore, WritesARecordingUsableAsAHand) {
     const std::string first = folder / "first.csv";
     std::vector<std::string> command = run_for("1.2");
     command.insert(command.end(), {"--record", first});
@@ -130,18 +130,18 @@ TEST_F(RtCore, WritesARecordingThatIsAHandForTheNextRun) {
 
 TEST_F(RtCore, DiagnosesTheMachineAndWritesTheFindings) {
     const std::string json = folder / "doctor.json";
-    // A machine without files is one of which nothing good is known.
+    // On a machine without files nothing can be found good.
     const std::filesystem::path empty = folder / "empty";
     std::filesystem::create_directories(empty);
     const Finished finished = run({RT_CORE, "doctor", "--root", empty, "--set", "loop.cpu=2", "--json", json});
     EXPECT_EQ(finished.status, 5);
-    EXPECT_THAT(finished.output, HasSubstr("mend: sudo haptic-tune apply cmdline --cpu 2 && sudo reboot"));
+    EXPECT_THAT(finished.output, HasSubstr("fix:  sudo haptic-tune apply cmdline --cpu 2 && sudo reboot"));
     const nlohmann::json findings = nlohmann::json::parse(std::ifstream(json));
     EXPECT_EQ(findings.at("good"), false);
     EXPECT_EQ(findings.at("processor"), 2);
 }
 
-TEST_F(RtCore, RefusesToDiagnoseWithWrongSettingsOrForNoReader) {
+TEST_F(RtCore, FailsToDiagnoseWithInvalidSettingsOrOutput) {
     const Finished setting = run({RT_CORE, "doctor", "--set", "loop.cpu=second"});
     EXPECT_EQ(setting.status, 1);
     EXPECT_THAT(setting.output, HasSubstr("loop.cpu"));

@@ -1,5 +1,5 @@
-// rt-core on a serial line: a pseudo terminal behind which the emulated UART boards are, served by firmware-host or, to
-// see what the motors have in the end, by this test itself.
+// rt-core on a serial line: a pseudo terminal with emulated UART boards, served by firmware-host or, to observe the
+// final DAC codes of the motors, by this test itself.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -15,14 +15,14 @@
 #include <thread>
 #include <vector>
 
+#include "emulated/uart_firmware.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/csv.hpp"
+#include "haptic/device/device_geometry_file.hpp"
 #include "haptic/device/emulated_device.hpp"
-#include "usbip/tty_server.hpp"
-#include "boards/uart_board.hpp"
-#include "haptic/device/variant_file.hpp"
 #include "process.hpp"
 #include "pty.hpp"
+#include "usbip/tty_server.hpp"
 
 namespace haptic::test {
 namespace {
@@ -34,18 +34,18 @@ using testing::IsEmpty;
 
 class ServedTty : public testing::Test {
   protected:
-    /// A loop that a busy machine keeps up with: 50 Hz, and two ticks for each exchange.
-    [[nodiscard]] std::vector<std::string> rt_core(const std::string& variant, const std::string& path) const {
+    /// A loop that a busy machine can sustain: 50 Hz, two ticks per exchange.
+    [[nodiscard]] std::vector<std::string> rt_core(const std::string& geometry, const std::string& path) const {
         std::vector<std::string> command = {RT_CORE, "run", "--session", session, "--device", "tty:" + path};
         for (const std::string& setting :
-             {"device.variant=" + variant, std::string("loop.period_s=0.02"), std::string("loop.warm_up_ticks=1"),
+             {"device.geometry=" + geometry, std::string("loop.period_s=0.02"), std::string("loop.warm_up_ticks=1"),
               std::string("device.uart_timeout_s=0.04"), std::string("safety.overrun_ticks=1000"),
               std::string("safety.watchdog_s=1")}) {
             command.insert(command.end(), {"--set", setting});
         }
         return command;
     }
-    /// Whether this machine lets a process drive a real device at all.
+    /// Whether this machine allows a process to drive a real device.
     static bool refused(const std::string& output) {
         return output.find("not driven without real-time privileges") != std::string::npos;
     }
@@ -55,20 +55,20 @@ class ServedTty : public testing::Test {
     std::string session = unique_session();
 };
 
-class ServedTtyOfEachVariant : public ServedTty, public testing::WithParamInterface<const char*> {};
+class ServedTtyOfEachGeometry : public ServedTty, public testing::WithParamInterface<const char*> {};
 
-INSTANTIATE_TEST_SUITE_P(Boards, ServedTtyOfEachVariant, testing::Values("SpidarG6X4", "SpidarG6X5R"),
+INSTANTIATE_TEST_SUITE_P(Boards, ServedTtyOfEachGeometry, testing::Values("SpidarG6X4", "SpidarG6X5R"),
                          [](const auto& param) { return std::string(param.param); });
 
-TEST_P(ServedTtyOfEachVariant, BringsTheHandsPosesToRtCore) {
+TEST_P(ServedTtyOfEachGeometry, BringsTheHandsPosesToRtCore) {
     const std::string hand = folder / "hand.csv";
-    // 12 mm to the side and 8 mm up, a turn of 0.2 rad about y, in half a second; then it stays.
+    // 12 mm to the side, 8 mm up and a rotation of 0.2 rad about y within half a second; then at rest.
     const double half = 0.1;
     std::ofstream(hand) << "time_s,x_m,y_m,z_m,qw,qx,qy,qz\n0,0,0,0,1,0,0,0\n0.5,0.012,0.008,-0.005," << std::cos(half)
                         << ",0," << std::sin(half) << ",0\n";
     const std::string link = folder / "line";
     Process server(
-        {FIRMWARE_HOST, "serve", "--tty", link, "--variant", GetParam(), "--hand", hand, "--hand-delay", "0.7"},
+        {FIRMWARE_HOST, "serve", "--tty", link, "--geometry", GetParam(), "--hand", hand, "--hand-delay", "0.7"},
         folder / "server.log");
     ASSERT_TRUE(server.wait_for_text("tty:", 10s)) << server.output();
 
@@ -82,7 +82,7 @@ TEST_P(ServedTtyOfEachVariant, BringsTheHandsPosesToRtCore) {
     ASSERT_EQ(finished.status, 0) << finished.output << server.output();
     EXPECT_THAT(finished.output, HasSubstr("model"));
 
-    // Where the hand stays: to a few counts of its encoders, 35 um each, and what they make of an angle at 2 cm.
+    // The final pose, to a few encoder counts of 35 um, and the corresponding angle at 2 cm.
     const CsvTable table = CsvTable::load(record);
     double furthest = 0.0;
     std::size_t at = 0;
@@ -104,7 +104,7 @@ TEST_P(ServedTtyOfEachVariant, BringsTheHandsPosesToRtCore) {
 
 TEST_F(ServedTty, FaultsByNameWhenTheServerDies) {
     const std::string link = folder / "line";
-    Process server({FIRMWARE_HOST, "serve", "--tty", link, "--variant", "SpidarG6X4"}, folder / "server.log");
+    Process server({FIRMWARE_HOST, "serve", "--tty", link, "--geometry", "SpidarG6X4"}, folder / "server.log");
     ASSERT_TRUE(server.wait_for_text("tty:", 10s)) << server.output();
     std::vector<std::string> command = rt_core("SpidarG6X4", link);
     command.insert(command.end(), {"--report", folder / "run.json", "--duration", "60"});
@@ -121,12 +121,12 @@ TEST_F(ServedTty, FaultsByNameWhenTheServerDies) {
     const nlohmann::json report = nlohmann::json::parse(std::ifstream(folder / "run.json"));
     EXPECT_EQ(report.at("safety").at("faults"), nlohmann::json({"exchange"}));
     EXPECT_EQ(report.at("safety").at("state"), "disarmed");
-    std::filesystem::remove(link);  // what a killed server leaves
+    std::filesystem::remove(link);  // left by a killed server
 }
 
 TEST_F(ServedTty, GoesOnWhenTheServerIsBack) {
     const std::string link = folder / "line";
-    const std::vector<std::string> serve = {FIRMWARE_HOST, "serve", "--tty", link, "--variant", "SpidarG6X5R"};
+    const std::vector<std::string> serve = {FIRMWARE_HOST, "serve", "--tty", link, "--geometry", "SpidarG6X5R"};
     std::vector<std::string> command = rt_core("SpidarG6X5R", link);
     command.insert(command.end(), {"--rearm", "--report", folder / "run.json"});
     std::optional<Process> server;
@@ -143,12 +143,12 @@ TEST_F(ServedTty, GoesOnWhenTheServerIsBack) {
     ASSERT_TRUE(core.wait_for_text("not yet", 20s)) << core.output();
     server.reset();
     server.emplace(serve, folder / "second.log");
-    EXPECT_TRUE(core.wait_for_text("is back; keep the grip", 20s)) << core.output();
+    EXPECT_TRUE(core.wait_for_text("is back; hold the grip", 20s)) << core.output();
     core.signal(SIGTERM);
     EXPECT_EQ(core.wait_for(20s), 0) << core.output();
 }
 
-/// The boards in this process, so that what the motors have can be seen.
+/// The boards in this process, so that the motors' DAC codes are visible.
 class MotorsOnATty : public ServedTty {
   protected:
     MotorsOnATty() : thread_([this] { serve(); }) {}
@@ -156,12 +156,12 @@ class MotorsOnATty : public ServedTty {
         done_ = true;
         thread_.join();
     }
-    std::array<std::int16_t, kStrings> digits() {
+    std::array<std::int16_t, kStrings> dac_codes() {
         const std::scoped_lock lock(mutex_);
-        return device_.digits();
+        return device_.dac_codes();
     }
-    static bool all_zero(const std::array<std::int16_t, kStrings>& digits) {
-        return digits == std::array<std::int16_t, kStrings>{};
+    static bool all_zero(const std::array<std::int16_t, kStrings>& dac_codes) {
+        return dac_codes == std::array<std::int16_t, kStrings>{};
     }
     [[nodiscard]] std::string path() const { return server_.path(); }
 
@@ -176,7 +176,7 @@ class MotorsOnATty : public ServedTty {
     }
 
     std::mutex mutex_;
-    device::EmulatedDevice device_{{.variant = device::builtin_variant("SpidarG6X4")}};
+    device::EmulatedDevice device_{{.geometry = device::built_in_geometry("SpidarG6X4")}};
     device::UartFirmware firmware_{device_};
     device::TtyServer server_{firmware_, {}};
     std::atomic<bool> done_{false};
@@ -184,7 +184,7 @@ class MotorsOnATty : public ServedTty {
 };
 
 TEST_F(MotorsOnATty, AreAtZeroAfterACrashAndAfterAStop) {
-    for (const int signal : {SIGSEGV, SIGTERM}) {  // the second one takes away what a crash leaves in /dev/shm
+    for (const int signal : {SIGSEGV, SIGTERM}) {  // the second run removes what the crash left in /dev/shm
         Process core(rt_core("SpidarG6X4", path()), folder / "core.log");
         if (!core.wait_for_text("running", 20s)) {
             if (refused(core.output())) {
@@ -192,14 +192,14 @@ TEST_F(MotorsOnATty, AreAtZeroAfterACrashAndAfterAStop) {
             }
             FAIL() << core.output();
         }
-        EXPECT_FALSE(all_zero(digits())) << "at least the minimum tension";
+        EXPECT_FALSE(all_zero(dac_codes())) << "at least the minimum tension";
         core.signal(signal);
         EXPECT_EQ(core.wait_for(20s), signal == SIGTERM ? 0 : 128 + signal) << core.output();
-        // What was sent last may still be in the terminal.
-        for (int k = 0; k < 200 && !all_zero(digits()); ++k) {
+        // The last packet may still be in the terminal's buffer.
+        for (int k = 0; k < 200 && !all_zero(dac_codes()); ++k) {
             std::this_thread::sleep_for(10ms);
         }
-        EXPECT_TRUE(all_zero(digits()));
+        EXPECT_TRUE(all_zero(dac_codes()));
     }
 }
 
@@ -209,7 +209,7 @@ TEST_F(ServedTty, RefusesALineThatIsNoneAndAVariantWithoutOne) {
     EXPECT_THAT(none.output, AllOf(HasSubstr("tty:/dev/does-not-exist"), HasSubstr("/dev/serial/by-id")));
     const Finished usb = run(rt_core("SpidarG6X3R", "/dev/null"));
     EXPECT_EQ(usb.status, 2);
-    EXPECT_THAT(usb.output, AllOf(HasSubstr("SpidarG6X3R"), HasSubstr("device.variant")));
+    EXPECT_THAT(usb.output, AllOf(HasSubstr("SpidarG6X3R"), HasSubstr("device.geometry")));
     const device::test::Pty silent;
     std::vector<std::string> command = rt_core("SpidarG6X4", silent.path());
     command.insert(command.end(), {"--set", "device.uart_timeout_s=0.001"});

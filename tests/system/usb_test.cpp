@@ -1,4 +1,4 @@
-// rt-core --device usb: the executable with unmodified libusb, on boards that umockdev's usbfs has.
+// rt-core --device usb: the executable with unmodified libusb, on boards of umockdev's usbfs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -32,7 +32,7 @@ class RtCoreUsb : public testing::Test {
     }
     void TearDown() override { EXPECT_THAT(segments_of(session), IsEmpty()); }
 
-    /// Ticks of 10 ms and an exchange that may take long: each request goes through another process here.
+    /// Ticks of 10 ms and a long exchange limit: each request goes through another process here.
     [[nodiscard]] std::vector<std::string> command(const std::vector<std::string>& more) const {
         std::vector<std::string> words = {RT_CORE, "run", "--session", session, "--device", "usb"};
         for (const char* assignment :
@@ -57,10 +57,10 @@ TEST_F(RtCoreUsb, DrivesABoardAndLeavesItsMotorsAtZero) {
     FakeUsbBoard& board = bus.plug({});
     Process process(command({"--report", report_file}), log);
     ASSERT_TRUE(process.wait_for_text("running", kLong)) << process.output();
-    EXPECT_NE(board.digits(), kZeros);
+    EXPECT_NE(board.dac_codes(), kZeros);
     process.signal(SIGINT);
     EXPECT_EQ(process.wait_for(kLong), 0) << process.output();
-    EXPECT_EQ(board.digits(), kZeros);
+    EXPECT_EQ(board.dac_codes(), kZeros);
     EXPECT_THAT(process.output(), HasSubstr("a SpidarG6X3R, 0cec:0205 at 1-1 (/dev/bus/usb/001/002)"));
     const nlohmann::json exchange = report().at("exchange");
     EXPECT_GT(exchange.at("statuses").at("ok"), 10);
@@ -100,14 +100,14 @@ TEST_F(RtCoreUsb, GoesOnByItselfWhenTheDeviceIsPluggedInAgain) {
     ASSERT_TRUE(process.wait_for_text("not yet: no USB device 0cec:0205", kLong)) << process.output();
     const FakeUsbBoard& again = bus.plug({.number = 3});
     ASSERT_TRUE(process.wait_for_text("/dev/bus/usb/001/003) is back", kLong)) << process.output();
-    for (int i = 0; i < 3000 && again.digits() == kZeros; ++i) {
+    for (int i = 0; i < 3000 && again.dac_codes() == kZeros; ++i) {
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
-    EXPECT_NE(again.digits(), kZeros) << "it tightens the strings again";
+    EXPECT_NE(again.dac_codes(), kZeros) << "it tightens the strings again";
     std::this_thread::sleep_for(std::chrono::milliseconds(300));
     process.signal(SIGINT);
     EXPECT_EQ(process.wait_for(kLong), 0) << process.output();
-    EXPECT_EQ(again.digits(), kZeros);
+    EXPECT_EQ(again.dac_codes(), kZeros);
     const nlohmann::json result = report();
     ASSERT_EQ(result.at("interruptions").size(), 1U);
     const nlohmann::json& interruption = result.at("interruptions").at(0);
@@ -117,7 +117,7 @@ TEST_F(RtCoreUsb, GoesOnByItselfWhenTheDeviceIsPluggedInAgain) {
     EXPECT_EQ(result.at("safety").at("faults"), nlohmann::json({"stop"}));
     EXPECT_THAT(process.output(), HasSubstr("interrupted at"));
     EXPECT_GT(CsvTable::load(folder / "run.fault.csv").rows(), 10u);
-    // Measurements of both stretches, without the time between them.
+    // Measurements of both runs, without the time in between.
     EXPECT_GT(result.at("exchange").at("statuses").at("ok"), 20);
     EXPECT_GT(result.at("exchange").at("statuses").at("disconnected"), 0);
     const auto times = CsvTable::load(recording).column("time_s");
@@ -140,11 +140,11 @@ TEST_F(RtCoreUsb, SendsZerosWhenItCrashes) {
     FakeUsbBoard& board = bus.plug({});
     Process process(command({}), log);
     ASSERT_TRUE(process.wait_for_text("running", kLong)) << process.output();
-    EXPECT_NE(board.digits(), kZeros);
+    EXPECT_NE(board.dac_codes(), kZeros);
     process.signal(SIGSEGV);
     EXPECT_EQ(process.wait_for(kLong), 128 + SIGSEGV);
-    EXPECT_EQ(board.digits(), kZeros);
-    // What the process left behind is the session's segment: taken away by the next one.
+    EXPECT_EQ(board.dac_codes(), kZeros);
+    // The process leaves the session's segment; the next one removes it.
     EXPECT_EQ(run({RT_CORE, "run", "--session", session, "--duration", "0.01"}).status, 0);
 }
 

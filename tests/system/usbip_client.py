@@ -37,13 +37,13 @@ MINIMUM_DIGIT = 45  # 0.3 N: trunc(0.3 * 0.365296803653 V/N * 415 digits/V)
 IN, OUT = 1, 0
 
 
-def turned(p):
+def rotated(p):
     c = math.sqrt(0.5)
     return (c * (p[0] - p[2]), p[1], c * (p[0] + p[2]))
 
 
-MOTORS = [turned([s * h for s, h in zip(corner, HALF)]) for corner in CORNERS]
-POINTS = [turned([k * GRIP for k in knot]) for knot in KNOTS]
+MOTORS = [rotated([s * h for s, h in zip(corner, HALF)]) for corner in CORNERS]
+POINTS = [rotated([k * GRIP for k in knot]) for knot in KNOTS]
 
 
 def rotate(axis, angle, p):

@@ -1,4 +1,4 @@
-// `firmware-host serve --usbip` as others meet it: foreign clients, and how it ends.
+// `firmware-host serve --usbip`: independent clients, and how it ends.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ using testing::HasSubstr;
 
 class UsbipServe : public testing::Test {
   protected:
-    /// Serves on a free port, with more arguments.
+    /// Serves on a free port with additional arguments.
     void serve(const std::vector<std::string>& more = {}) {
         std::vector<std::string> command = {FIRMWARE_HOST, "serve", "--usbip", "127.0.0.1:0"};
         command.insert(command.end(), more.begin(), more.end());
@@ -63,7 +63,7 @@ TEST_F(UsbipServe, AFrameWithASimpleBoardIsListedAsThatBoard) {
     text.replace(board, 13, "board = \"simple\"");
     const std::string file = folder / "simple.toml";
     std::ofstream(file) << text;
-    serve({"--variant", file});
+    serve({"--geometry", file});
     const Finished listed = run({usbip, "--tcp-port", port, "list", "-r", "127.0.0.1"});
     EXPECT_THAT(listed.output, HasSubstr("(0cec:0203)"));
 }
@@ -120,8 +120,8 @@ TEST_F(UsbipServe, WrongArgumentsAreRefusedWithTheirName) {
     } cases[] = {
         {{"--usbip", "nowhere"}, "127.0.0.1:3240"},
         {{"--usbip", "127.0.0.1:99999"}, "port"},
-        {{"--usbip", "127.0.0.1:0", "--variant", "SpidarG7"}, "SpidarG7"},
-        {{"--usbip", "127.0.0.1:0", "--variant", "SpidarG6X5R"}, "serial line"},
+        {{"--usbip", "127.0.0.1:0", "--geometry", "SpidarG7"}, "SpidarG7"},
+        {{"--usbip", "127.0.0.1:0", "--geometry", "SpidarG6X5R"}, "serial line"},
         {{"--usbip", "127.0.0.1:0", "--hand-delay", "-1"}, "--hand-delay"},
         {{"--usbip", "127.0.0.1:0", "--hand-delay", "nan"}, "--hand-delay"},
         {{"--frobnicate"}, "--frobnicate"},

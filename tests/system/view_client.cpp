@@ -45,7 +45,7 @@ std::uint64_t big_endian(std::string_view bytes) {
     return value;
 }
 
-/// A fragment from a client is masked; a mask of zeros is one, too.
+/// Client fragments are masked; a mask of zeros is valid.
 std::string fragment(unsigned opcode, std::string_view content) {
     std::string bytes;
     bytes += static_cast<char>(kFinal | opcode);
@@ -60,7 +60,7 @@ std::string fragment(unsigned opcode, std::string_view content) {
     return bytes.append(content);
 }
 
-/// The value of "type", which host-sim writes without an escape.
+/// The value of "type", which host-sim writes without escapes.
 std::string type_of(std::string_view json) {
     constexpr std::string_view key = "\"type\":\"";
     const std::size_t begin = json.find(key);
@@ -122,7 +122,7 @@ void Socket::reset() {
 
 ViewClient::ViewClient(std::uint16_t port, int receive_buffer) : socket_(port, receive_buffer) {
     const std::string host = "127.0.0.1:" + std::to_string(port);
-    // The key is the example of RFC 6455; the answer to it is the server's affair, not this test's.
+    // The key of RFC 6455's example; this test does not check the answer to it.
     socket_.send("GET /stream HTTP/1.1\r\nHost: " + host + "\r\nOrigin: http://" + host +
                  "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
                  "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: haptic-view-1\r\n\r\n");

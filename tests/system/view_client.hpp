@@ -1,5 +1,5 @@
-// A viewer as small as can be: one WebSocket to host-sim's live view, by hand, so that tests and measurements can be a
-// hundred of them, and can do what no browser does. Speaks host-sim/page/PROTOCOL.md.
+// Minimal viewer: one WebSocket to host-sim's live view, by hand, so that tests and benchmarks can open a hundred of
+// them and do what no browser does. Protocol: host-sim/page/PROTOCOL.md.
 #pragma once
 
 #include <chrono>
@@ -14,7 +14,7 @@
 
 namespace haptic::test {
 
-/// A connected TCP socket of the loopback device that does not block; closes itself.
+/// A connected, non-blocking TCP socket on the loopback device; closes itself.
 class Socket {
   public:
     /// Connects; throws std::system_error.
@@ -24,11 +24,11 @@ class Socket {
     ~Socket();
 
     [[nodiscard]] int descriptor() const noexcept { return fd_; }
-    /// Sends all of it, or as much as goes. False if the connection is gone.
+    /// Sends all of it, or as much as the socket accepts. Returns false if the connection is gone.
     bool send(std::string_view bytes) const;
-    /// Appends what has come. False if the connection is at its end.
+    /// Appends received bytes. Returns false at the end of the connection.
     bool receive(std::string& bytes) const;
-    /// Ends the connection with a reset in place of an orderly end.
+    /// Closes the connection with a reset.
     void reset();
 
   private:
@@ -37,12 +37,12 @@ class Socket {
 
 class ViewClient {
   public:
-    /// Connects and asks for the stream. `receive_buffer`: bytes that the kernel holds for it; 0: as usual.
+    /// Connects and requests the stream. `receive_buffer`: size of the kernel's buffer, bytes; 0: default.
     explicit ViewClient(std::uint16_t port, int receive_buffer = 0);
 
-    /// Takes all that has come, without waiting.
+    /// Reads everything received, without waiting.
     void take();
-    /// A text message, e.g. {"type":"pause","on":true}.
+    /// Sends a text message, e.g. {"type":"pause","on":true}.
     bool say(std::string_view text);
 
     [[nodiscard]] const Socket& socket() const noexcept { return socket_; }
@@ -52,7 +52,7 @@ class ViewClient {
     [[nodiscard]] int close_code() const noexcept { return close_code_; }  // of the server; 0: none
     [[nodiscard]] std::uint64_t bytes() const noexcept { return bytes_; }  // on the wire
     [[nodiscard]] std::uint64_t frames() const noexcept { return count("frame"); }
-    /// Messages of a type: of JSON, or "geometry", "frame", "samples".
+    /// Number of messages of a type: of JSON, or "geometry", "frame", "samples".
     [[nodiscard]] std::uint64_t count(const std::string& type) const;
     /// The newest text message of a type; empty if there was none.
     [[nodiscard]] std::string newest(const std::string& type) const;
@@ -65,8 +65,8 @@ class ViewClient {
     void take_message();
 
     Socket socket_;
-    std::string in_;       // not taken apart yet
-    std::string message_;  // its fragments so far
+    std::string in_;       // received, not yet parsed
+    std::string message_;  // fragments of the current message
     bool text_ = false;
     bool closed_ = false;
     int status_ = 0;
@@ -80,14 +80,14 @@ class ViewClient {
 
 using ViewClients = std::vector<std::unique_ptr<ViewClient>>;
 
-/// Has all of them take what comes until the condition holds. False if the time ends first.
+/// Lets all viewers read until the condition holds. Returns false on timeout.
 bool take_until(const std::vector<ViewClient*>& clients, std::chrono::milliseconds time,
                 const std::function<bool()>& condition);
 
-/// The port in the address of the live view that a process has printed.
+/// The port in the live view's address, from the output of a process.
 [[nodiscard]] std::optional<std::uint16_t> view_port_in(const std::string& output);
 
-/// What a process of ours takes, from /proc.
+/// Resources used by a process, from /proc.
 [[nodiscard]] std::size_t open_descriptors(int pid);
 [[nodiscard]] std::size_t resident_bytes(int pid);
 

@@ -1,5 +1,5 @@
-// Viewers of the live view who are many, dead, slow, rude or in a hurry: the run goes on, whoever behaves is served,
-// and nothing of the others is kept. Without a claim on time: a step that is late is late for many reasons here.
+// Many, dead, slow, misbehaving and short-lived viewers: the run continues, well-behaved viewers are served, and
+// nothing of the others remains. No claims about time: on a busy machine a step can be late for many reasons.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ using std::chrono::seconds;
 
 constexpr std::size_t kHundred = 100;
 constexpr std::size_t kDead = 20;
-constexpr std::uint64_t kSome = 20;  // frames that show that frames come
+constexpr std::uint64_t kSome = 20;  // frames that show that the stream is alive
 constexpr std::size_t kMegabyte = 1'000'000;
 
 class ViewCrowd : public testing::Test {
@@ -35,7 +35,7 @@ class ViewCrowd : public testing::Test {
     std::unique_ptr<ViewClient> viewer(int receive_buffer = 0) {
         return std::make_unique<ViewClient>(port_, receive_buffer);
     }
-    /// Whether this viewer is sent some more frames, while the others take theirs.
+    /// Whether this viewer receives more frames while the others read theirs.
     bool is_served(ViewClient& good, const ViewClients& others = {}) {
         std::vector<ViewClient*> all{&good};
         for (const auto& other : others) {
@@ -44,11 +44,11 @@ class ViewCrowd : public testing::Test {
         const std::uint64_t before = good.frames();
         return take_until(all, seconds(20), [&] { return good.frames() >= before + kSome; });
     }
-    /// Whether the process comes to have so many descriptors open, with one viewer who goes on looking.
+    /// Whether the process reaches this number of open descriptors while one viewer continues to read.
     bool comes_to_descriptors(std::size_t wanted, ViewClient& good) {
         return take_until({&good}, seconds(20), [&] { return open_descriptors(sim_.pid()) == wanted; });
     }
-    /// The run ends in order when it is told to, having made steps to its end.
+    /// The run ends cleanly on request, having made steps until then.
     void expect_sound_end(ViewClient& good) {
         const double before = good.step();
         EXPECT_TRUE(is_served(good)) << "at the end as at the beginning";
@@ -69,7 +69,7 @@ class ViewCrowd : public testing::Test {
                  folder_ / "host-sim.log"};
 };
 
-TEST_F(ViewCrowd, AHundredAreServedAndLeaveNothingBehind) {
+TEST_F(ViewCrowd, ServesAHundredViewersAndReleasesTheirResources) {
     auto good = viewer();
     ASSERT_TRUE(is_served(*good));
     const std::size_t descriptors = open_descriptors(sim_.pid());
@@ -91,18 +91,18 @@ TEST_F(ViewCrowd, AHundredAreServedAndLeaveNothingBehind) {
         EXPECT_TRUE(is_served(*good, crowd));
         crowd.clear();
         EXPECT_TRUE(comes_to_descriptors(descriptors, *good));
-        // A frame of four-fish is some 50 kB; each connection has one in hand at most.
+        // A frame of four-fish has some 50 kB; each connection holds at most one.
         EXPECT_LT(resident_bytes(sim_.pid()), memory + 60 * kMegabyte);
     }
     expect_sound_end(*good);
 }
 
-TEST_F(ViewCrowd, ThoseWhoTakeNothingHoldUpNobodyAndNothingIsKeptForThem) {
+TEST_F(ViewCrowd, ClosesViewersThatDoNotReadWithoutDelayingOthers) {
     auto good = viewer();
     ASSERT_TRUE(is_served(*good));
     const std::size_t descriptors = open_descriptors(sim_.pid());
     const std::size_t memory = resident_bytes(sim_.pid());
-    ViewClients dead;  // as a browser that was stopped: connected, and never reading
+    ViewClients dead;  // like a stopped browser: connected, never reading
     for (std::size_t i = 0; i < kDead; ++i) {
         dead.push_back(viewer(4096));
     }
@@ -118,19 +118,19 @@ TEST_F(ViewCrowd, ThoseWhoTakeNothingHoldUpNobodyAndNothingIsKeptForThem) {
     expect_sound_end(*good);
 }
 
-TEST_F(ViewCrowd, HalfAHandshakeHoldsUpNobody) {
+TEST_F(ViewCrowd, IncompleteHandshakesDelayNobody) {
     auto good = viewer();
     ASSERT_TRUE(is_served(*good));
     const std::size_t descriptors = open_descriptors(sim_.pid());
     std::vector<std::unique_ptr<Socket>> halves;
     for (std::size_t i = 0; i < kDead; ++i) {
-        halves.push_back(std::make_unique<Socket>(port_));  // says nothing at all
+        halves.push_back(std::make_unique<Socket>(port_));  // sends nothing at all
         halves.push_back(std::make_unique<Socket>(port_));
         halves.back()->send("GET / HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port_) + "\r\nX-Slow: ");
         halves.push_back(std::make_unique<Socket>(port_));
         halves.back()->send("GET /stream HTTP/1.1\r\nUpgrade: websocket\r\nSec-WebSocket-Key: ");
     }
-    // The header goes on for ever, letter by letter.
+    // An endless header, byte by byte.
     for (int i = 0; i < 10; ++i) {
         for (const auto& half : halves) {
             half->send("x");
@@ -145,7 +145,7 @@ TEST_F(ViewCrowd, HalfAHandshakeHoldsUpNobody) {
     expect_sound_end(*good);
 }
 
-TEST_F(ViewCrowd, ThoseWhoComeAndGoAtOnceLeaveNothingBehind) {
+TEST_F(ViewCrowd, ReleasesTheResourcesOfShortLivedConnections) {
     auto good = viewer();
     ASSERT_TRUE(is_served(*good));
     const std::size_t descriptors = open_descriptors(sim_.pid());
@@ -158,7 +158,7 @@ TEST_F(ViewCrowd, ThoseWhoComeAndGoAtOnceLeaveNothingBehind) {
                 break;
             }
             case 1:
-                static_cast<void>(viewer());  // gone before the answer
+                static_cast<void>(viewer());  // closed before the answer
                 break;
             default: {
                 auto each = viewer();
@@ -173,10 +173,10 @@ TEST_F(ViewCrowd, ThoseWhoComeAndGoAtOnceLeaveNothingBehind) {
     expect_sound_end(*good);
 }
 
-TEST_F(ViewCrowd, ARudeOneIsClosedAndNobodyElseNotices) {
+TEST_F(ViewCrowd, ClosesAMisbehavingViewerWithoutAffectingOthers) {
     auto good = viewer();
     ASSERT_TRUE(is_served(*good));
-    // Said while the geometry is still under way, in pieces.
+    // Sent in fragments while the geometry is still being received.
     const auto closed_with = [&](const std::string& text) {
         auto rude = viewer();
         EXPECT_TRUE(take_until({rude.get(), good.get()}, seconds(10), [&] { return rude->count("scene") == 1; }));
@@ -187,13 +187,13 @@ TEST_F(ViewCrowd, ARudeOneIsClosedAndNobodyElseNotices) {
     EXPECT_EQ(closed_with("{"), 1008);
     EXPECT_EQ(closed_with(R"({"type":"format","disk":"c:"})"), 1008);
     EXPECT_EQ(closed_with(std::string(2000, ' ')), 1008);
-    // Without --view-control no one may pause it; that is no reason to close.
+    // Without --view-control a pause is refused; that does not close the connection.
     good->say(R"({"type":"pause","on":true})");
     EXPECT_TRUE(take_until({good.get()}, seconds(10), [&] { return good->count("refused") == 1; }));
     expect_sound_end(*good);
 }
 
-TEST_F(ViewCrowd, MoreThanThereIsRoomForAreToldSo) {
+TEST_F(ViewCrowd, RejectsViewersBeyondTheLimit) {
     auto good = viewer();
     ASSERT_TRUE(is_served(*good));
     ViewClients crowd;

@@ -1,4 +1,4 @@
-// What viewers are told of the real-time process, from the real one.
+// Device messages to viewers, from a real rt-core.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -28,7 +28,7 @@ class ViewDevice : public testing::Test {
         ASSERT_TRUE(sim_.wait_for_text("the live view is at", seconds(20))) << sim_.output();
         viewer_ = std::make_unique<ViewClient>(view_port_in(sim_.output()).value());
     }
-    /// Whether a device message comes of which this is true; it is the newest then.
+    /// Waits for a device message that satisfies the condition; it is the newest then.
     bool comes(const std::function<bool(const json&)>& is_so) {
         return take_until({viewer_.get()}, seconds(20), [&] {
             const std::string text = viewer_->newest("device");
@@ -51,7 +51,7 @@ bool is_running(const json& device) {
     return device.at("connected") && device.at("state") == "running" && device.at("frame_age_ms").at("p50") > 0.0;
 }
 
-TEST_F(ViewDevice, IsToldAsItRunsDiesAndComesBack) {
+TEST_F(ViewDevice, ReportsRunningDyingAndReturning) {
     EXPECT_TRUE(comes([](const json& device) { return !device.at("connected").get<bool>(); }));
     EXPECT_EQ(device_.at("state"), "absent");
 
@@ -59,7 +59,7 @@ TEST_F(ViewDevice, IsToldAsItRunsDiesAndComesBack) {
     ASSERT_TRUE(comes(is_running)) << device_ << rt->output() << sim_.output();
     EXPECT_THAT(device_.at("faults"), IsEmpty());
     EXPECT_GT(device_.at("rate_hz"), 0.0);
-    // No claim on how regular it is: 1 ms, on a machine that has more to do.
+    // No claim about regularity: 1 ms ticks on a busy machine.
     EXPECT_GT(device_.at("period_us").at("p50"), 100.0);
     EXPECT_LT(device_.at("period_us").at("p50"), 10'000.0);
     const auto counts = device_.at("period_us").at("counts").get<std::vector<std::uint64_t>>();

@@ -1,4 +1,4 @@
-// A run before a viewer who may change it, and a recording that is played: through the real server, from outside.
+// A run controlled by a viewer, and the playback of a recording, through the real server.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -30,7 +30,7 @@ class Viewed {
     [[nodiscard]] ViewClient& client() { return *client_; }
     [[nodiscard]] Process& process() { return process_; }
     bool until(const std::function<bool()>& condition) { return take_until({client_.get()}, seconds(30), condition); }
-    /// Some more frames are shown.
+    /// Waits for some more frames.
     bool sees_more(std::uint64_t frames = 10) {
         const std::uint64_t before = client_->frames();
         return until([&] { return client_->frames() >= before + frames; });
@@ -66,7 +66,7 @@ std::vector<std::string> run_of(const std::string& scene, const std::string& clo
 
 class ViewRun : public testing::TestWithParam<const char*> {};
 
-TEST_P(ViewRun, StandsGoesOnStartsAnewAndChangesItsScene) {
+TEST_P(ViewRun, PausesResumesRestartsAndChangesItsScene) {
     Viewed run(run_of("cloth-drop", GetParam()));
     ASSERT_TRUE(run.there()) << run.process().output();
     ViewClient& viewer = run.client();
@@ -101,7 +101,7 @@ TEST_P(ViewRun, StandsGoesOnStartsAnewAndChangesItsScene) {
 INSTANTIATE_TEST_SUITE_P(Clocks, ViewRun, testing::Values("real", "lockstep"),
                          [](const auto& clock) { return std::string(clock.param); });
 
-TEST(ViewPlay, ARecordPlaysAsItWasAndCanBeSought) {
+TEST(ViewPlay, PlaysARecordingExactlyAndSeeks) {
     ScratchFolder folder;
     const std::string record = (folder / "r.csv").string();
     ASSERT_EQ(run({HOST_SIM, "run", "fish-slide", "--steps", "300", "--record", record}).status, 0);
@@ -113,7 +113,7 @@ TEST(ViewPlay, ARecordPlaysAsItWasAndCanBeSought) {
     EXPECT_NEAR(scene.at("length").get<double>(), 3.0, 1e-9);
     EXPECT_TRUE(play.until([&] { return viewer.time() > 0.5; }));
     ASSERT_TRUE(viewer.say(R"({"type":"pause","on":true})"));
-    // What is not computed yet cannot be sought, so ask until it is.
+    // A time that is not computed yet cannot be reached, so repeat the request.
     EXPECT_TRUE(play.until([&] {
         (void)viewer.say(R"({"type":"seek","time":2.5})");
         return play.sees_more(3) && viewer.time() == 2.5;
@@ -121,10 +121,10 @@ TEST(ViewPlay, ARecordPlaysAsItWasAndCanBeSought) {
     ASSERT_TRUE(viewer.say(R"({"type":"pause","on":false})"));
     EXPECT_TRUE(play.until([&] { return viewer.time() == 3.0; }));
     (void)play.end();
-    EXPECT_THAT(play.process().output(), ::testing::Not(HasSubstr("not where it was recorded")));
+    EXPECT_THAT(play.process().output(), ::testing::Not(HasSubstr("differs from the recording")));
 }
 
-TEST(ViewPlay, SaysWhatIsMissing) {
+TEST(ViewPlay, NamesTheMissingOption) {
     ScratchFolder folder;
     const std::string record = (folder / "r.csv").string();
     std::ofstream(record) << "time_s,x_m,y_m,z_m\n0,0,0,0\n1,0,0,0\n";

@@ -1,6 +1,6 @@
-# haptic_npm_packages(FOLDER FAILED): what package.json and package-lock.json of this directory name, in FOLDER/node_modules. It is
-# fetched when CMake configures, so that a machine without the registry can do without, and once for each lock. FAILED is true
-# where npm could not fetch it.
+# haptic_npm_packages(FOLDER FAILED): fetches the packages of package.json and package-lock.json of this directory to
+# FOLDER/node_modules, when CMake configures and once for each lock file, so that a machine without the registry can build
+# without them. FAILED is true if npm could not fetch them.
 function(haptic_npm_packages folder failed)
     set(${failed} FALSE PARENT_SCOPE)
     file(SHA256 ${CMAKE_CURRENT_SOURCE_DIR}/package-lock.json lock)

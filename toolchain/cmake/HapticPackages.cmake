@@ -2,8 +2,8 @@
 set(HAPTIC_MAINTAINER "The haptic project's authors <root@localhost>" CACHE STRING "Who answers for the Debian packages: Name <address>")
 set(debian ${CMAKE_CURRENT_LIST_DIR}/../debian)
 
-# haptic_package(COMPONENT SECTION SUMMARY TEXT): what holds for each of them. TEXT is the description's, in lines of 76
-# characters at most. Depends on the libraries that its programs are linked with, which dpkg-shlibdeps finds.
+# haptic_package(COMPONENT SECTION SUMMARY TEXT): sets the variables of one package. TEXT is its description, in lines of at
+# most 76 characters. dpkg-shlibdeps finds the libraries that its programs depend on.
 function(haptic_package component section summary text)
     string(TOUPPER ${component} upper)
     string(REPLACE "_" "-" name haptic-${component})
@@ -15,8 +15,8 @@ function(haptic_package component section summary text)
     install(FILES ${CMAKE_CURRENT_BINARY_DIR}/changelog.gz DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${name} COMPONENT ${component})
 endfunction()
 
-# Debian's changelog names the version; what changed is in CHANGELOG.md. Without a time, so that the same tree makes the
-# same package.
+# Debian's changelog names the version; CHANGELOG.md describes the changes. No time, so that the same tree makes the same
+# package.
 file(CONFIGURE OUTPUT changelog CONTENT "haptic (@PROJECT_VERSION@) bookworm; urgency=medium
 
   * CHANGELOG.md of the source says what changed.
@@ -46,7 +46,7 @@ install(FILES ${PROJECT_SOURCE_DIR}/shared/README.md DESTINATION ${CMAKE_INSTALL
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME haptic)
-# Each has a summary of its own.
+# Each package has its own summary.
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")
 set(CPACK_PACKAGE_CONTACT "${HAPTIC_MAINTAINER}")
 set(CPACK_DEB_COMPONENT_INSTALL ON)
@@ -55,7 +55,7 @@ set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
-# With /usr as the prefix itself, and not a folder to prepend, haptic_configuration() knows that /etc is its place.
+# The prefix is /usr itself, not a folder to prepend, so haptic_configuration() installs to /etc.
 set(CPACK_SET_DESTDIR ON)
 set(CPACK_INSTALL_PREFIX /usr)
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
@@ -75,7 +75,7 @@ set(CPACK_DEBIAN_RT_CORE_PACKAGE_SUGGESTS "haptic-host-sim, rt-tests, stress-ng"
 set(CPACK_DEBIAN_HOST_SIM_PACKAGE_DEPENDS "${sysusers}")
 set(CPACK_DEBIAN_HOST_SIM_PACKAGE_SUGGESTS "haptic-rt-core")
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libglm-dev, libusb-1.0-0-dev, libgpiod-dev (<< 2), libassimp-dev, pkg-config")
-# report.hpp names its JSON value; nothing else of what is installed asks for it.
+# Only report.hpp among the installed headers includes nlohmann-json.
 set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS "nlohmann-json3-dev")
 foreach(component IN ITEMS rt_core host_sim)
     string(TOUPPER ${component} upper)
@@ -84,7 +84,7 @@ foreach(component IN ITEMS rt_core host_sim)
     set(CPACK_DEBIAN_${upper}_PACKAGE_CONTROL_EXTRA
         ${debian}/postinst ${debian}/prerm ${debian}/postrm ${debian}/${name}/conffiles)
 endforeach()
-# Cross-built programs are looked up in the packages that the sysroot was made of.
+# Dependencies of cross-built programs come from the packages of the sysroot.
 if(CMAKE_CROSSCOMPILING)
     get_filename_component(CPACK_HAPTIC_PACKAGES "${HAPTIC_SYSROOT}/../packages" ABSOLUTE)
     set(CPACK_PROJECT_CONFIG_FILE ${CMAKE_CURRENT_LIST_DIR}/cross-shlibdeps.cmake)

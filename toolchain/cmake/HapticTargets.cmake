@@ -1,22 +1,23 @@
-# The two ways in which this project makes a target, so that no folder repeats them:
-#   haptic_library(NAME)                    a static library, exported as haptic::NAME
+# Functions that make the targets of this project:
+#   haptic_library(NAME)                    a static library, haptic::NAME, installed with its headers
+#   haptic_internal_library(NAME)           one that only this build uses
 #   haptic_executable(NAME COMPONENT)       an executable, installed with that component
-# Both take sources with target_sources() afterwards. A component is one package (HapticPackages.cmake): rt_core, host_sim,
-# and dev for what others build against.
+# All take sources with target_sources() afterwards. A component is one package (HapticPackages.cmake): rt_core, host_sim,
+# and dev for what other projects build against.
 
-# Flags that hold for everything that is built here, and for nothing that a user builds against us.
+# Flags for everything that is built here, and for nothing that a user builds against it.
 add_library(haptic_options INTERFACE)
 target_compile_features(haptic_options INTERFACE cxx_std_20)
 target_compile_options(haptic_options INTERFACE
     -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor>
-    # The same operations on each machine and compiler, so that a recorded state can be compared bit for bit.
+    # The same floating-point operations on each machine and compiler, so that states can be compared bit for bit.
     -ffp-contract=off
     $<$<BOOL:${HAPTIC_WARNINGS_AS_ERRORS}>:-Werror>)
 # g++ 12 warns of "a" + std::string (GCC bug 105651), which g++ 13 no longer does.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
     target_compile_options(haptic_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wno-restrict>)
 endif()
-# Of ARM's calling convention g++ remarks what changed in its version 10: nothing that is built here is that old.
+# g++ notes that ARM's calling convention changed in its version 10. Nothing that is built here is that old.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_SYSTEM_PROCESSOR STREQUAL "aarch64")
     target_compile_options(haptic_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wno-psabi>)
 endif()
@@ -28,23 +29,49 @@ if(HAPTIC_SANITIZE)
     target_link_options(haptic_options INTERFACE -fsanitize=${HAPTIC_SANITIZE})
 endif()
 
-# HAPTIC_RT_CHECKS is on where the compiler can prove the real-time contract (clang 20 or newer).
+# clang 20 or newer proves the real-time contract.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 20)
     target_compile_options(haptic_options INTERFACE
         $<$<COMPILE_LANGUAGE:CXX>:-Wfunction-effects> $<$<COMPILE_LANGUAGE:CXX>:-Werror=function-effects>)
 endif()
 
-function(haptic_library name)
+# Headers that most sources include: a third of the time that a source takes to compile goes into them. A build without
+# HAPTIC_PRECOMPILE (and clang-tidy) shows whether each source includes what it uses.
+set(haptic_common_headers "")
+foreach(header IN ITEMS algorithm array cmath cstdint functional memory optional span stdexcept string string_view utility vector
+        glm/geometric.hpp glm/gtc/quaternion.hpp glm/mat3x3.hpp glm/vec3.hpp)
+    list(APPEND haptic_common_headers $<$<COMPILE_LANGUAGE:CXX>:<${header}$<ANGLE-R>>)
+endforeach()
+
+# g++ 12 suppresses its false warnings about joined strings (GCC bug 105651) in system headers, but not in precompiled ones.
+set(haptic_precompiled_options
+    $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-array-bounds> $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-stringop-overflow>
+    $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-stringop-overread>)
+
+# haptic_internal_library(NAME): a static library, haptic::NAME, that is not installed. Its headers lie beside its sources,
+# in the caller's src/.
+function(haptic_internal_library name)
     string(REPLACE "-" "_" target ${name})
     add_library(haptic_${target} STATIC)
     add_library(haptic::${target} ALIAS haptic_${target})
-    set_target_properties(haptic_${target} PROPERTIES EXPORT_NAME ${target} CXX_EXTENSIONS OFF
-                          POSITION_INDEPENDENT_CODE ON)
+    set_target_properties(haptic_${target} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON
+                          HAPTIC_SOURCE_DIR ${CMAKE_CURRENT_SOURCE_DIR}/src)
     target_compile_features(haptic_${target} PUBLIC cxx_std_20)
-    target_include_directories(haptic_${target}
-        PUBLIC $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>
-               $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/src>)
+    target_include_directories(haptic_${target} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
     target_link_libraries(haptic_${target} PRIVATE $<BUILD_INTERFACE:haptic_options>)
+    if(HAPTIC_PRECOMPILE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+        target_precompile_headers(haptic_${target} PRIVATE ${haptic_common_headers})
+        target_compile_options(haptic_${target} PRIVATE ${haptic_precompiled_options})
+    endif()
+endfunction()
+
+# haptic_library(NAME): the same, installed with the headers of include/ and exported.
+function(haptic_library name)
+    haptic_internal_library(${name})
+    string(REPLACE "-" "_" target ${name})
+    set_target_properties(haptic_${target} PROPERTIES EXPORT_NAME ${target})
+    target_include_directories(haptic_${target}
+        PUBLIC $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
     install(TARGETS haptic_${target} EXPORT hapticTargets COMPONENT dev)
     install(DIRECTORY include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT dev)
 endfunction()
@@ -53,13 +80,13 @@ function(haptic_executable name component)
     add_executable(${name})
     set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
     target_link_libraries(${name} PRIVATE haptic_options)
-    # All symbols are bound when the process starts: the first call of a library's function is no slower than the next.
+    # Bind all symbols at start, so that the first call of a library function is no slower than the next.
     target_link_options(${name} PRIVATE LINKER:-z,relro,-z,now)
     install(TARGETS ${name} COMPONENT ${component})
 endfunction()
 
-# haptic_configuration(FOLDER COMPONENT FILES...): installs files that a user edits to FOLDER of <prefix>/etc, which is /etc
-# itself where the prefix is /usr. That is asked when they are installed, because the prefix may be given only then.
+# haptic_configuration(FOLDER COMPONENT FILES...): installs files that a user edits to FOLDER of <prefix>/etc, or of /etc if
+# the prefix is /usr. The prefix is evaluated at installation, because it may be given only then.
 function(haptic_configuration folder component)
     foreach(file IN LISTS ARGN)
         cmake_path(ABSOLUTE_PATH file)
@@ -72,9 +99,66 @@ function(haptic_configuration folder component)
     endforeach()
 endfunction()
 
-# haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, each test known to ctest. Tests run
-# beside others unless it is ALONE, as those are that go by the clock or have threads that wait for each other. COST: what
-# takes longest begins first.
+# haptic_manual(COMPONENT PAGES...): installs man pages, compressed as Debian wants them.
+function(haptic_manual component)
+    file(MAKE_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR}/man)
+    foreach(page IN LISTS ARGN)
+        cmake_path(ABSOLUTE_PATH page)
+        cmake_path(GET page FILENAME name)
+        string(REGEX MATCH "[0-9]$" section ${name})
+        set(compressed ${CMAKE_CURRENT_BINARY_DIR}/man/${name}.gz)
+        add_custom_command(OUTPUT ${compressed} COMMAND gzip -9nc ${page} > ${compressed} DEPENDS ${page})
+        add_custom_target(${name}-page ALL DEPENDS ${compressed})
+        install(FILES ${compressed} DESTINATION ${CMAKE_INSTALL_MANDIR}/man${section} COMPONENT ${component})
+    endforeach()
+endfunction()
+
+# haptic_completion(COMPONENT PROGRAM FOLDER): installs FOLDER/PROGRAM.bash, FOLDER/_PROGRAM (zsh) and FOLDER/PROGRAM.fish.
+# Debian's zsh reads vendor-completions below /usr, and site-functions below /usr/local.
+function(haptic_completion component program folder)
+    install(FILES ${folder}/${program}.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+            RENAME ${program} COMPONENT ${component})
+    install(FILES ${folder}/${program}.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d COMPONENT ${component})
+    install(CODE "
+        set(zsh site-functions)
+        if(CMAKE_INSTALL_PREFIX MATCHES \"^/(usr/?)?$\")
+            set(zsh vendor-completions)
+        endif()
+        file(INSTALL \"${folder}/_${program}\"
+             DESTINATION \"\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_DATADIR}/zsh/\${zsh}\")" COMPONENT ${component})
+endfunction()
+
+# haptic_documents(PROGRAM COMPONENT MAN pages... FILES files...): runs PROGRAM --generate, which writes its man pages, its
+# shell completion and further files to documents/ of the build folder; installs pages and completion. A cross-built
+# program runs under the emulator of the toolchain file.
+function(haptic_documents program component)
+    cmake_parse_arguments(arg "" "" "MAN;FILES" ${ARGN})
+    if(CMAKE_CROSSCOMPILING AND NOT CMAKE_CROSSCOMPILING_EMULATOR)
+        message(FATAL_ERROR "${program} writes its man pages itself, which needs qemu-aarch64-static: toolchain/setup cross")
+    endif()
+    set(folder ${CMAKE_CURRENT_BINARY_DIR}/documents)
+    set(outputs ${arg_MAN} ${arg_FILES} ${program}.bash _${program} ${program}.fish)
+    list(TRANSFORM outputs PREPEND ${folder}/)
+    add_custom_command(OUTPUT ${outputs} COMMAND ${program} --generate ${folder} DEPENDS ${program}
+                       COMMENT "Writing the documents of ${program}")
+    add_custom_target(${program}-documents ALL DEPENDS ${outputs})
+    list(TRANSFORM arg_MAN PREPEND ${folder}/)
+    haptic_manual(${component} ${arg_MAN})
+    haptic_completion(${component} ${program} ${folder})
+endfunction()
+
+# haptic_uses_private_headers(TARGET LIBRARIES...): lets a test include what these libraries keep beside their sources.
+function(haptic_uses_private_headers target)
+    foreach(library IN LISTS ARGN)
+        get_target_property(folder ${library} HAPTIC_SOURCE_DIR)
+        if(folder)
+            target_include_directories(${target} PRIVATE ${folder})
+        endif()
+    endforeach()
+endfunction()
+
+# haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, with each of its tests known to ctest.
+# Tests run in parallel unless they are ALONE, as tests with real time or several threads are. COST: the longest start first.
 function(haptic_test name)
     cmake_parse_arguments(arg "ALONE" "LABEL;TIMEOUT;COST;ENVIRONMENT" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
     if(NOT arg_TIMEOUT)
@@ -87,7 +171,8 @@ function(haptic_test name)
     set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
     target_link_libraries(${name} PRIVATE haptic_options ${arg_LIBRARIES} GTest::gmock GTest::gtest_main)
     # Headers that several tests share are at the root of their folder of tests.
-    target_include_directories(${name} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
+    target_include_directories(${name} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/tests/unit/shared)
+    haptic_uses_private_headers(${name} ${arg_LIBRARIES})
     target_compile_definitions(${name} PRIVATE ${arg_DEFINITIONS})
     if(TARGET haptic_test_headers)
         target_precompile_headers(${name} REUSE_FROM haptic_test_headers)
@@ -102,7 +187,8 @@ function(haptic_benchmark name)
     add_executable(${name} ${arg_SOURCES})
     set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
     target_link_libraries(${name} PRIVATE haptic_options ${arg_LIBRARIES} benchmark::benchmark)
-    # The library's macros use __COUNTER__, which newer clang reports as an extension.
+    haptic_uses_private_headers(${name} ${arg_LIBRARIES})
+    # The library's macros use __COUNTER__, which newer versions of clang report as an extension.
     if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 22)
         set_source_files_properties(${arg_SOURCES} PROPERTIES COMPILE_OPTIONS -Wno-c2y-extensions)
     endif()

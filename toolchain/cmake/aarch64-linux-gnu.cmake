@@ -1,5 +1,5 @@
-# Builds for 64-bit ARM on any Debian: the compiler and its C library are Debian's cross compiler's, all other libraries and
-# headers are those of Debian's arm64 packages, which toolchain/cross unpacks into the sysroot.
+# Toolchain for 64-bit ARM on any Debian: compiler and C library of Debian's cross compiler, all other libraries and headers
+# of Debian's arm64 packages, which toolchain/cross unpacks into the sysroot.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_LIBRARY_ARCHITECTURE aarch64-linux-gnu)
@@ -14,7 +14,7 @@ if(NOT EXISTS "${sysroot}/usr/lib/aarch64-linux-gnu/pkgconfig")
     message(FATAL_ERROR "no arm64 libraries in ${sysroot}: toolchain/cross puts them there")
 endif()
 
-# Programs are this machine's; what is compiled and linked against is never this machine's.
+# Find programs on this machine; find headers and libraries only in the sysroot.
 set(CMAKE_FIND_ROOT_PATH "${sysroot}" /usr/aarch64-linux-gnu)
 set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
 set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
@@ -23,17 +23,17 @@ set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
 set(ENV{PKG_CONFIG_LIBDIR} "${sysroot}/usr/lib/aarch64-linux-gnu/pkgconfig:${sysroot}/usr/share/pkgconfig")
 set(ENV{PKG_CONFIG_SYSROOT_DIR} "${sysroot}")
 
-# Headers that differ from one architecture to another, such as OpenSSL's, which libwebsockets names. Last, because the
-# C library's are there, too, and the compiler has its own.
+# Architecture-dependent headers, such as OpenSSL's, which libwebsockets includes. Last, because the C library's are there,
+# too, and the compiler has its own.
 set(CMAKE_C_FLAGS_INIT "-idirafter ${sysroot}/usr/include/aarch64-linux-gnu")
 set(CMAKE_CXX_FLAGS_INIT "-idirafter ${sysroot}/usr/include/aarch64-linux-gnu")
 
-# Where the linker finds the libraries that our libraries need.
+# The linker finds the dependencies of our libraries here.
 set(link_flags "-Wl,-rpath-link,${sysroot}/usr/lib/aarch64-linux-gnu:${sysroot}/lib/aarch64-linux-gnu")
 set(CMAKE_EXE_LINKER_FLAGS_INIT "${link_flags}")
 set(CMAKE_SHARED_LINKER_FLAGS_INIT "${link_flags}")
 
-# Tests run under QEMU's user emulation, if it is there, with the sysroot's C library.
+# Tests run under QEMU's user emulation, if installed, with the sysroot's C library.
 find_program(HAPTIC_QEMU_AARCH64 qemu-aarch64-static)
 if(HAPTIC_QEMU_AARCH64)
     set(CMAKE_CROSSCOMPILING_EMULATOR "${HAPTIC_QEMU_AARCH64};-L;${sysroot}")

@@ -5,50 +5,47 @@
 #include "codecs/pio.hpp"
 
 namespace haptic::device {
-namespace {
-
-constexpr std::uint32_t kWordMask = 0xFFFF;
-
-/// Raw counters and the host's are each other's negatives.
-std::uint32_t negated(std::uint32_t counter) HAPTIC_RT {
-    return (0U - counter) & kWordMask;
-}
-
-}  // namespace
 
 void Sh4Board::start() {
     transport_->drain();
-    owed_ = false;
+    reply_overdue_ = false;
     sent_ = {};
 }
 
 ExchangeStatus Sh4Board::exchange(const MotorCommand& command, BoardReading& reading, std::int64_t now_ns) HAPTIC_RT {
+    // Without the echo only order matches replies to commands: remove an overdue reply first.
     Sh4Reply reply;
-    if (owed_ && !check_echo_) {
-        (void)fetch({}, reply, now_ns);  // whether it came or not, none is awaited any more
+    if (reply_overdue_ && !check_echo_) {
+        (void)fetch({}, reply, now_ns);  // received or not, none is expected any more
     }
-    owed_ = false;
+    reply_overdue_ = false;
+
+    // The DAC is unsigned: negative codes become zero.
     Sh4Command sent;
     for (std::size_t i = 0; i < kStrings; ++i) {
-        sent.digits[i] = static_cast<std::uint16_t>(std::clamp<int>(command.digits[i], 0, kMaximumDigit));
+        sent.dac_codes[i] = static_cast<std::uint16_t>(std::clamp<int>(command.dac_codes[i], 0, kMaxDacCode));
     }
     encode(sent, out_);
     ExchangeStatus status = fetch(out_, reply, now_ns);
-    if (status == ExchangeStatus::Ok && check_echo_ && reply.digits != sent.digits) {
+
+    // The echo of an earlier command means that we are behind: fetch one more reply. An echo that was never sent is a
+    // fault of the board, for which another reply would not help.
+    if (status == ExchangeStatus::Ok && check_echo_ && reply.dac_codes != sent.dac_codes) {
         status = ExchangeStatus::Stale;
-        if (sent_lately(reply.digits) && fetch({}, reply, now_ns) == ExchangeStatus::Ok &&
-            reply.digits == sent.digits) {
+        if (sent_recently(reply.dac_codes) && fetch({}, reply, now_ns) == ExchangeStatus::Ok &&
+            reply.dac_codes == sent.dac_codes) {
             status = ExchangeStatus::Ok;
         }
     }
-    sent_[next_] = sent.digits;
-    next_ = (next_ + 1) % kRemembered;
+    sent_[next_] = sent.dac_codes;
+    next_ = (next_ + 1) % kHistory;
     if (status != ExchangeStatus::Ok) {
-        owed_ = status == ExchangeStatus::Timeout;
+        reply_overdue_ = status == ExchangeStatus::Timeout;
         return status;
     }
+
     for (std::size_t i = 0; i < kStrings; ++i) {
-        reading.counters[i] = negated(reply.counters[i]);
+        reading.counters[i] = negated_counter(reply.counters[i]);
     }
     reading.analog = reply.analog;
     reading.buttons = pio_buttons(reply.pio);
@@ -62,48 +59,18 @@ ExchangeStatus Sh4Board::fetch(std::span<const std::byte> out, Sh4Reply& reply, 
     if (status != ExchangeStatus::Ok) {
         return status;
     }
-    const bool whole = decode(std::span<const std::byte>(in_).first(packets.received), reply) == PacketDefect::None;
-    return whole ? ExchangeStatus::Ok : ExchangeStatus::Short;
+    const bool complete = decode(std::span<const std::byte>(in_).first(packets.received), reply) == PacketDefect::None;
+    return complete ? ExchangeStatus::Ok : ExchangeStatus::Short;
 }
 
-bool Sh4Board::sent_lately(const Digits& digits) const HAPTIC_RT {
-    return std::find(sent_.begin(), sent_.end(), digits) != sent_.end();
+bool Sh4Board::sent_recently(const DacCodes& dac_codes) const HAPTIC_RT {
+    return std::find(sent_.begin(), sent_.end(), dac_codes) != sent_.end();
 }
 
 void Sh4Board::zero_motors(std::int64_t now_ns) HAPTIC_RT {
-    Sh4Packet out;  // its own: another thread may be within exchange()
+    Sh4Packet out;  // not out_: another thread may be inside exchange()
     encode(Sh4Command{}, out);
     transport_->send_last(out, now_ns);
-}
-
-void Sh4Firmware::receive(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT {
-    Sh4Command command;
-    if (decode(out, command) != PacketDefect::None) {
-        return;
-    }
-    std::array<std::int16_t, kStrings> digits{};
-    for (std::size_t i = 0; i < kStrings; ++i) {
-        digits[i] = static_cast<std::int16_t>(command.digits[i]);
-    }
-    device_->advance(now_ns);
-    device_->set_digits(digits);
-
-    Sh4Reply reply;
-    for (std::size_t i = 0; i < kStrings; ++i) {
-        reply.digits[i] = static_cast<std::uint16_t>(device_->echo()[i]);
-    }
-    const std::array<std::uint32_t, kStrings> counters = device_->counters();
-    for (std::size_t i = 0; i < kStrings; ++i) {
-        reply.counters[i] = static_cast<std::uint16_t>(negated(counters[i]));
-    }
-    reply.pio = pio_of(device_->buttons(), device_->rotary());
-    Sh4Packet in;
-    encode(reply, in);
-    replies_.push(in);
-}
-
-std::size_t Sh4Firmware::reply(std::span<std::byte> in, std::int64_t /*now_ns*/) HAPTIC_RT {
-    return replies_.pop(in);
 }
 
 }  // namespace haptic::device

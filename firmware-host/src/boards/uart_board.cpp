@@ -5,70 +5,71 @@
 namespace haptic::device {
 namespace {
 
-// So many times the transport's bound an id is waited for while looking for boards.
-constexpr int kPatience = 5;
-constexpr std::size_t kFewestZeros = 5;
+// Multiples of the transport's time limit that discovery waits for an id.
+constexpr int kQueryAttempts = 5;
+constexpr std::size_t kMinZeros = 5;
 // Zeros after a request for board info, as the published driver sends them.
 constexpr std::size_t kInfoZeros = 26;
 
-// Each board gets at least as many zeros as the longest command has bytes: whatever was half sent is then over.
-constexpr std::array<std::byte, kUartLongestCommand> kEndOfAnything{};
+// As many zeros as the longest command has bytes: they end any command that was sent in part.
+constexpr std::array<std::byte, kUartLongestCommand> kFlush{};
 
 }  // namespace
 
 UartBoard::UartBoard(Transport& transport, const UartOptions& options) : transport_(&transport), options_(options) {}
 
 void UartBoard::start() {
-    zero_bytes_.store(0);
+    zero_bytes_.store(0);  // zero_motors() sends nothing until the packet is rebuilt
     nodes_.clear();
     failed_ = false;
     transport_->drain();
-    look_for_boards();
+    discover_boards();
     if (options_.set_lengths) {
         for (const Node& node : nodes_) {
-            std::array<std::byte, kUartLengthsBytes + kFewestZeros> out{};
+            std::array<std::byte, kUartLengthsBytes + kMinZeros> out{};
             encode_lengths(node.id, uart_lengths(node.info), std::span(out).first(kUartLengthsBytes));
-            ask(out, {});
+            query(out, {});
         }
     }
     transport_->drain();
     prepare_packets();
 }
 
-void UartBoard::look_for_boards() {
-    ask(kEndOfAnything, {});
+void UartBoard::discover_boards() {
+    query(kFlush, {});
     std::size_t motors = 0;
     for (int id = 0; id < kUartIds; ++id) {
         std::array<std::byte, kUartInfoCommandBytes + kInfoZeros> out{};
         out[0] = encode_header({id, static_cast<std::uint8_t>(UartCommand::BoardInfo)});
         std::array<std::byte, kUartInfoReplyBytes> in{};
-        const std::size_t received = ask(out, in);
+        const std::size_t received = query(out, in);
         if (received == 0) {
             continue;
         }
         UartBoardInfo info;
         bool known = decode_info(std::span<const std::byte>(in).first(received), id, info) == PacketDefect::None;
-        if (!known) {  // what was left of an earlier session may stand before it
-            ask(kEndOfAnything, {});
+        if (!known) {  // bytes of an earlier session may precede the reply: flush and ask again
+            query(kFlush, {});
             transport_->drain();
-            known = decode_info(std::span<const std::byte>(in).first(ask(out, in)), id, info) == PacketDefect::None;
+            known = decode_info(std::span<const std::byte>(in).first(query(out, in)), id, info) == PacketDefect::None;
         }
         if (!known || !is_usable(info)) {
-            throw BoardError("motor boards: what answers to id " + std::to_string(id) +
-                             " is no board info; do two boards have the same id, or is the line's speed another?");
+            throw BoardError("motor boards: the reply to id " + std::to_string(id) +
+                             " is not a board info; do two boards share this id, or is the baud rate wrong?");
         }
         nodes_.push_back({.id = id, .info = info, .first = motors});
         motors += info.motors;
     }
     if (motors != kStrings) {
-        const std::string those = nodes_.empty() ? "nothing" : found();
+        const std::string detected = nodes_.empty() ? "nothing" : found();
         nodes_.clear();
-        throw BoardError("motor boards: eight motors are needed, and the line has " + std::to_string(motors) + " (" +
-                         those + "); has every board power, and an id of its own?");
+        throw BoardError("motor boards: eight motors are required, the line has " + std::to_string(motors) + " (" +
+                         detected + "); is every board powered, with an id of its own?");
     }
 }
 
 void UartBoard::prepare_packets() {
+    // The zero packet starts with zeros that end the longest current command.
     std::size_t out = 0;
     std::size_t in = 0;
     std::size_t zero = kUartLongestCurrentCommand;
@@ -85,12 +86,14 @@ void UartBoard::prepare_packets() {
     }
     out_.assign(out, std::byte{0});
     in_.assign(in, std::byte{0});
-    zero_bytes_.store(zero, std::memory_order_release);  // what it is of stands there before
+    // Release: a thread that reads a length other than 0 also sees the bytes of zero_.
+    zero_bytes_.store(zero, std::memory_order_release);
 }
 
-std::size_t UartBoard::ask(std::span<const std::byte> out, std::span<std::byte> in) {
+std::size_t UartBoard::query(std::span<const std::byte> out, std::span<std::byte> in) {
     std::size_t received = 0;
-    for (int attempt = 0; attempt == 0 || (attempt < kPatience && received < in.size()); ++attempt) {
+    for (int attempt = 0; attempt == 0 || (attempt < kQueryAttempts && received < in.size()); ++attempt) {
+        // Send once, then only wait for the rest of the reply.
         PacketExchange packets{{attempt == 0 ? out : std::span<const std::byte>()}, in.subspan(received)};
         const ExchangeStatus status = transport_->exchange(packets, 0);
         if (status == ExchangeStatus::Ok) {
@@ -105,12 +108,12 @@ std::size_t UartBoard::ask(std::span<const std::byte> out, std::span<std::byte> 
 
 std::size_t UartBoard::padding(std::size_t command, std::size_t reply) const HAPTIC_RT {
     const auto wanted = static_cast<std::size_t>(options_.padding) + reply;
-    return std::max(kFewestZeros, wanted > command ? wanted - command : 0);
+    return std::max(kMinZeros, wanted > command ? wanted - command : 0);
 }
 
-void UartBoard::come_to_rest(std::int64_t now_ns) HAPTIC_RT {
-    PacketExchange packets{{std::span<const std::byte>(kEndOfAnything)}, std::span<std::byte>(in_)};
-    (void)transport_->exchange(packets, now_ns);  // whatever comes is of the exchange that failed
+void UartBoard::flush_line(std::int64_t now_ns) HAPTIC_RT {
+    PacketExchange packets{{std::span<const std::byte>(kFlush)}, std::span<std::byte>(in_)};
+    (void)transport_->exchange(packets, now_ns);  // any reply belongs to the exchange that failed
 }
 
 ExchangeStatus UartBoard::exchange(const MotorCommand& command, BoardReading& reading, std::int64_t now_ns) HAPTIC_RT {
@@ -118,12 +121,14 @@ ExchangeStatus UartBoard::exchange(const MotorCommand& command, BoardReading& re
         return ExchangeStatus::Disconnected;
     }
     if (failed_) {
-        come_to_rest(now_ns);
+        flush_line(now_ns);
     }
-    failed_ = true;
+    failed_ = true;  // until all replies are decoded
+
+    // One packet with the currents of all boards. The zeros between the commands were set by prepare_packets().
     for (const Node& node : nodes_) {
         UartCurrents currents{};
-        std::copy_n(command.digits.begin() + static_cast<std::ptrdiff_t>(node.first), node.info.motors,
+        std::copy_n(command.dac_codes.begin() + static_cast<std::ptrdiff_t>(node.first), node.info.motors,
                     currents.begin());
         encode_currents(node.id, node.info, currents,
                         std::span(out_).subspan(node.command, uart_current_command_bytes(node.info)));
@@ -136,18 +141,20 @@ ExchangeStatus UartBoard::exchange(const MotorCommand& command, BoardReading& re
     if (packets.received != in_.size()) {
         return ExchangeStatus::Short;
     }
-    BoardReading found;
+
+    // `reading` is written only if every board's reply is well-formed.
+    BoardReading decoded;
     for (const Node& node : nodes_) {
-        if (take(node, found) != PacketDefect::None) {
+        if (decode_node(node, decoded) != PacketDefect::None) {
             return ExchangeStatus::Malformed;
         }
     }
-    reading = found;
+    reading = decoded;
     failed_ = false;
     return ExchangeStatus::Ok;
 }
 
-PacketDefect UartBoard::take(const Node& node, BoardReading& reading) const HAPTIC_RT {
+PacketDefect UartBoard::decode_node(const Node& node, BoardReading& reading) const HAPTIC_RT {
     UartReply reply;
     const PacketDefect defect =
         decode_reply(std::span<const std::byte>(in_).subspan(node.reply, uart_current_reply_bytes(node.info)), node.id,
@@ -162,6 +169,7 @@ PacketDefect UartBoard::take(const Node& node, BoardReading& reading) const HAPT
 }
 
 void UartBoard::zero_motors(std::int64_t now_ns) HAPTIC_RT {
+    // Acquire: pairs with the release in prepare_packets(), so that zero_ is complete.
     const std::size_t bytes = zero_bytes_.load(std::memory_order_acquire);
     if (bytes > 0) {
         transport_->send_last(std::span<const std::byte>(zero_).first(bytes), now_ns);

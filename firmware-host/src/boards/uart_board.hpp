@@ -1,4 +1,4 @@
-// The UART motor boards of one line, both ends: how a host drives them, and their firmware hosted on Linux.
+// Host driver of the UART motor boards on one serial line.
 #pragma once
 
 #include <array>
@@ -9,35 +9,32 @@
 #include <string>
 #include <vector>
 
-#include <haptic/device/board.hpp>
-#include <haptic/device/board_options.hpp>
-#include <haptic/device/emulated_device.hpp>
-#include "emulated/firmware.hpp"
-#include "transport/transport.hpp"
 #include "codecs/uart_codec.hpp"
+#include "haptic/device/board.hpp"
+#include "haptic/device/board_options.hpp"
+#include "transport/transport.hpp"
 
 namespace haptic::device {
 
-/// Host side. start() looks for boards; those that answer, by rising id, are strings 0 to 7 in the order of their
-/// motors. An exchange sends all boards their currents, each followed by the zeros that clock its answer out, and takes
-/// all answers. Currents have a sign; counters are the positions, modulo 65536. `analog` is the force sensors' raw
-/// value.
+/// start() detects the boards. Ordered by id, their motors are strings 0 to 7. An exchange sends each board its
+/// currents, followed by the zeros that clock its reply out, and receives all replies. Currents have a sign; counters
+/// are the positions modulo 65536; `analog` is the raw value of the force sensors.
 ///
-/// Nothing in an answer tells to which command it belongs, so that after an exchange that failed the next one first
-/// brings the line to rest: an exchange takes at most twice the transport's bound.
+/// Nothing in a reply identifies its command. After an exchange that failed, the next one therefore first flushes the
+/// line; an exchange takes at most twice the transport's time limit.
 class UartBoard final : public Board {
   public:
     /// The transport must outlive the board.
     explicit UartBoard(Transport& transport, const UartOptions& options = {});
 
-    /// Ends what may be half sent, asks each id in turn who it is, and tells all boards how long the commands to the
-    /// others are. Throws BoardError where there are not eight motors on the line. An id that does not answer is waited
-    /// for five times the transport's bound, 10 ms with the usual one.
+    /// Ends a command that was sent in part, asks each id for its board info, and tells all boards the lengths of the
+    /// commands to the others. Throws BoardError unless the line has eight motors. Waits for an id that does not reply
+    /// for five times the transport's time limit, 10 ms by default.
     void start() override;
     ExchangeStatus exchange(const MotorCommand& command, BoardReading& reading, std::int64_t now_ns) HAPTIC_RT override;
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override;
 
-    /// What start() found, for people: "id 0: model 5, 4 motors; id 1: ..."
+    /// Boards that start() detected, for reports: "id 0: model 5, 4 motors; id 1: ..."
     [[nodiscard]] std::string found() const;
 
   private:
@@ -45,76 +42,31 @@ class UartBoard final : public Board {
         int id = 0;
         UartBoardInfo info;
         std::size_t first = 0;    // string of its first motor
-        std::size_t command = 0;  // where its command begins in out_
-        std::size_t reply = 0;    // where its answer begins in in_
+        std::size_t command = 0;  // offset of its command in out_
+        std::size_t reply = 0;    // offset of its reply in in_
     };
 
-    void look_for_boards();
+    void discover_boards();
     void prepare_packets();
-    std::size_t ask(std::span<const std::byte> out, std::span<std::byte> in);
-    void come_to_rest(std::int64_t now_ns) HAPTIC_RT;
+    /// Sends a packet and receives up to in.size() bytes; returns their number. Throws BoardError if the line fails.
+    std::size_t query(std::span<const std::byte> out, std::span<std::byte> in);
+    /// Ends any partial command and discards the replies of an exchange that failed.
+    void flush_line(std::int64_t now_ns) HAPTIC_RT;
+    /// Zeros to send after a command so that its reply is clocked out.
     [[nodiscard]] std::size_t padding(std::size_t command, std::size_t reply) const HAPTIC_RT;
-    [[nodiscard]] PacketDefect take(const Node& node, BoardReading& reading) const HAPTIC_RT;
+    [[nodiscard]] PacketDefect decode_node(const Node& node, BoardReading& reading) const HAPTIC_RT;
 
     Transport* transport_;
     UartOptions options_;
-    std::vector<Node> nodes_;     // made by start(), read only after it
-    std::vector<std::byte> out_;  // of an exchange, all boards
-    std::vector<std::byte> in_;
-    bool failed_ = false;  // the last exchange
-    // Of zero_motors(), in any thread and while start() may run: ends what is half sent, then no current anywhere.
+    std::vector<Node> nodes_;     // written by start(), read-only afterwards
+    std::vector<std::byte> out_;  // commands of one exchange, all boards
+    std::vector<std::byte> in_;   // replies of one exchange, all boards
+    bool failed_ = false;         // the last exchange failed
+    // For zero_motors(), which any thread may call while start() runs: zeros that end a partial command, then zero
+    // current for every board. zero_bytes_ is 0 while the packet is incomplete.
     std::array<std::byte, 2 * kUartLongestCurrentCommand + kUartIds> zero_{};
     std::atomic<std::size_t> zero_bytes_{0};
-    static_assert(std::atomic<std::size_t>::is_always_lock_free, "only then may a signal handler use it");
-};
-
-/// Board side: up to eight boards on one line, fed with any part of the stream at a time. It takes the strict side
-/// where the real boards are unknown: an answer comes out one byte for each byte that follows the command, no sooner; a
-/// board that was not told how long another's commands are takes their contents for headers; a current beyond +-4095 is
-/// not answered and changes nothing; of the commands only board info, set lengths and current do anything.
-class UartFirmware final : public Firmware {
-  public:
-    struct Place {
-        int id = 0;
-        UartBoardInfo info;
-    };
-
-    /// The boards of the device's variant, with ids from 0. The device must outlive its firmware. Throws
-    /// std::invalid_argument for a variant whose boards do not drive eight motors.
-    explicit UartFirmware(EmulatedDevice& device);
-    /// Any boards: at most eight, different ids, at most eight motors together, string by string in their order.
-    UartFirmware(EmulatedDevice& device, const std::vector<Place>& places);
-
-    /// A part of the stream, of any length.
-    void receive(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override;
-    /// As much of the boards' stream as there is.
-    std::size_t reply(std::span<std::byte> in, std::int64_t now_ns) HAPTIC_RT override;
-
-  private:
-    struct Node {
-        int id = 0;
-        UartBoardInfo info;
-        std::size_t first = 0;                        // string of its first motor
-        std::array<UartLengths, kUartIds> lengths{};  // of the commands to each id; 0 where it was not told
-        std::array<std::byte, kUartLongestCommand> packet{};
-        std::size_t have = 0;     // bytes of the packet
-        std::size_t awaited = 0;  // its length, once its header is there
-    };
-
-    void feed(Node& node, std::byte byte, std::int64_t now_ns) HAPTIC_RT;
-    void take_packet(Node& node, std::int64_t now_ns) HAPTIC_RT;
-    void answer_info(const Node& node) HAPTIC_RT;
-    void answer_currents(const Node& node, std::span<const std::byte> packet, std::int64_t now_ns) HAPTIC_RT;
-    void queue(std::span<const std::byte> answer) HAPTIC_RT;
-
-    static constexpr std::size_t kQueueBytes = 512;
-
-    EmulatedDevice* device_;
-    std::vector<Node> nodes_;
-    std::array<std::byte, kQueueBytes> queue_{};  // a ring: what the boards have to say
-    std::size_t first_ = 0;                       // oldest byte
-    std::size_t clocked_ = 0;                     // bytes that have left the boards and wait for the host
-    std::size_t waiting_ = 0;                     // bytes behind them, still in a board
+    static_assert(std::atomic<std::size_t>::is_always_lock_free, "required in a signal handler");
 };
 
 }  // namespace haptic::device

@@ -1,11 +1,11 @@
-// Little-endian words within packets. The caller answers for at + the word's size being within the bytes.
+// Little-endian 16-bit words in packets. Precondition: at + 2 <= bytes.size().
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
-#include <haptic/realtime.hpp>
+#include "haptic/realtime.hpp"
 
 namespace haptic::device {
 

@@ -1,9 +1,9 @@
-// The low byte of the PIO word, alike on both USB boards: bits 0-2 are external switches, 4-7 the rotary id switch.
+// PIO word of both USB boards, low byte: bits 0-2 are external switches, bits 4-7 the rotary id switch.
 #pragma once
 
 #include <cstdint>
 
-#include <haptic/realtime.hpp>
+#include "haptic/realtime.hpp"
 
 namespace haptic::device {
 

@@ -11,9 +11,9 @@ constexpr std::byte kUpdateAll{0x01};
 constexpr std::byte kBaseAnalyser{0x0E};
 
 // Offsets in the OUT packet.
-constexpr std::size_t kOutDigits = 2;
+constexpr std::size_t kOutDacCodes = 2;
 // Offsets in the IN packet.
-constexpr std::size_t kInDigits = 0;
+constexpr std::size_t kInDacCodes = 0;
 constexpr std::size_t kInCounters = 16;
 constexpr std::size_t kInAnalog = 32;
 constexpr std::size_t kInPio = 48;
@@ -40,7 +40,7 @@ void encode(const Sh4Command& command, std::span<std::byte, kSh4PacketBytes> out
     out[0] = kUpdateAll;
     out[1] = kBaseAnalyser;
     for (std::size_t i = 0; i < kStrings; ++i) {
-        store_word(out, kOutDigits + 2 * i, std::min<std::uint16_t>(command.digits[i], kMaximumDigit));
+        store_word(out, kOutDacCodes + 2 * i, std::min<std::uint16_t>(command.dac_codes[i], kMaxDacCode));
     }
 }
 
@@ -48,8 +48,8 @@ PacketDefect decode(std::span<const std::byte> in, Sh4Reply& reply) HAPTIC_RT {
     if (in.size() != kSh4PacketBytes) {
         return PacketDefect::Length;
     }
-    // No word is checked further: what a deployed board puts into echo, A/D and info is not certain.
-    load_words(in, kInDigits, reply.digits);
+    // The words are not validated: the contents of echo, A/D and info on real boards are not known for certain.
+    load_words(in, kInDacCodes, reply.dac_codes);
     load_words(in, kInCounters, reply.counters);
     load_words(in, kInAnalog, reply.analog);
     reply.pio = load_word(in, kInPio);
@@ -66,20 +66,21 @@ PacketDefect decode(std::span<const std::byte> out, Sh4Command& command) HAPTIC_
     if (out[0] != kUpdateAll || out[1] != kBaseAnalyser) {
         return PacketDefect::Opcode;
     }
-    Words digits{};
-    load_words(out, kOutDigits, digits);
-    for (const std::uint16_t digit : digits) {
-        if (digit > kMaximumDigit) {
-            return PacketDefect::Digit;
+    // Validate all codes before writing any.
+    Words dac_codes{};
+    load_words(out, kOutDacCodes, dac_codes);
+    for (const std::uint16_t dac_code : dac_codes) {
+        if (dac_code > kMaxDacCode) {
+            return PacketDefect::DacCode;
         }
     }
-    command.digits = digits;
+    command.dac_codes = dac_codes;
     return PacketDefect::None;
 }
 
 void encode(const Sh4Reply& reply, std::span<std::byte, kSh4PacketBytes> in) HAPTIC_RT {
     std::fill(in.begin(), in.end(), std::byte{0});
-    store_words(in, kInDigits, reply.digits);
+    store_words(in, kInDacCodes, reply.dac_codes);
     store_words(in, kInCounters, reply.counters);
     store_words(in, kInAnalog, reply.analog);
     store_word(in, kInPio, reply.pio);

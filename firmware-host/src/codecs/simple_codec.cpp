@@ -10,12 +10,12 @@ namespace {
 constexpr std::byte kEncoders{0xA2};
 constexpr std::byte kPhase{0x1A};
 constexpr std::byte kClear{0x19};
-constexpr std::byte kDigits{0x52};
+constexpr std::byte kDacCodes{0x52};
 constexpr std::byte kLatch{0x51};
 
 // Offsets in an OUT packet.
 constexpr std::size_t kOutChannels = 2;
-constexpr std::size_t kOutDigits = 1;
+constexpr std::size_t kOutDacCodes = 1;
 // Offsets in an IN packet.
 constexpr std::size_t kCounterBytes = 3;
 constexpr std::size_t kInPio = 24;
@@ -31,10 +31,10 @@ void encode(const SimpleCommand& command, std::span<std::byte, kSimplePacketByte
             out[1] = command.request == SimpleRequest::Phase ? kPhase : kClear;
             out[kOutChannels] = std::byte{command.channels};
             break;
-        case SimpleRequest::Digits:
-            out[0] = kDigits;
+        case SimpleRequest::DacCodes:
+            out[0] = kDacCodes;
             for (std::size_t i = 0; i < kStrings; ++i) {
-                store_word(out, kOutDigits + 2 * i, std::min<std::uint16_t>(command.digits[i], kMaximumDigit));
+                store_word(out, kOutDacCodes + 2 * i, std::min<std::uint16_t>(command.dac_codes[i], kMaxDacCode));
             }
             break;
         case SimpleRequest::Latch:
@@ -60,16 +60,17 @@ PacketDefect decode(std::span<const std::byte> out, SimpleCommand& command) HAPT
     if (out.size() != kSimplePacketBytes) {
         return PacketDefect::Length;
     }
+    // `command` is written only if the whole packet is valid.
     SimpleCommand found;
     if (out[0] == kEncoders && (out[1] == kPhase || out[1] == kClear)) {
         found.request = out[1] == kPhase ? SimpleRequest::Phase : SimpleRequest::Clear;
         found.channels = std::to_integer<std::uint8_t>(out[kOutChannels]);
-    } else if (out[0] == kDigits) {
-        found.request = SimpleRequest::Digits;
+    } else if (out[0] == kDacCodes) {
+        found.request = SimpleRequest::DacCodes;
         for (std::size_t i = 0; i < kStrings; ++i) {
-            found.digits[i] = load_word(out, kOutDigits + 2 * i);
-            if (found.digits[i] > kMaximumDigit) {
-                return PacketDefect::Digit;
+            found.dac_codes[i] = load_word(out, kOutDacCodes + 2 * i);
+            if (found.dac_codes[i] > kMaxDacCode) {
+                return PacketDefect::DacCode;
             }
         }
     } else if (out[0] != kLatch) {

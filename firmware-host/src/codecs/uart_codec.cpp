@@ -14,7 +14,7 @@ std::byte header_of(int id, UartCommand command) HAPTIC_RT {
     return encode_header({id, static_cast<std::uint8_t>(command)});
 }
 
-/// Length and header of a packet, whatever its direction.
+/// Checks length and header of a packet in either direction.
 PacketDefect find_defect(std::span<const std::byte> packet, std::size_t length, int id, UartCommand command) HAPTIC_RT {
     if (packet.size() != length) {
         return PacketDefect::Length;
@@ -39,9 +39,10 @@ UartHeader decode_header(std::byte header) HAPTIC_RT {
 }
 
 UartLengths uart_lengths(const UartBoardInfo& info) HAPTIC_RT {
-    const unsigned words = 2U * info.motors;                           // bytes of one int16 a motor
-    const unsigned jacobian = words * std::max(1U, 0U + info.forces);  // and of one a motor and force
+    const unsigned words = 2U * info.motors;                           // bytes: one int16 per motor
+    const unsigned jacobian = words * std::max(1U, 0U + info.forces);  // and one per motor and force sensor
     const unsigned force_control = info.forces == 0 ? words : words + jacobian;
+    // In the order of UartCommand. @source Springhead, commandTemplate.h
     const std::array<unsigned, kUartCommands> bytes = {1,
                                                        1,
                                                        static_cast<unsigned>(kUartLengthsBytes),
@@ -67,7 +68,7 @@ PacketDefect encode_currents(int id, const UartBoardInfo& info, const UartCurren
     }
     out[0] = header_of(id, UartCommand::Current);
     for (std::size_t i = 0; i < info.motors; ++i) {
-        const int clamped = std::clamp<int>(currents[i], -kMaximumDigit, kMaximumDigit);
+        const int clamped = std::clamp<int>(currents[i], -kMaxDacCode, kMaxDacCode);
         store_word(out, 1 + 2 * i, static_cast<std::uint16_t>(clamped));
     }
     return PacketDefect::None;
@@ -99,6 +100,7 @@ PacketDefect decode_reply(std::span<const std::byte> in, int id, const UartBoard
     if (defect != PacketDefect::None) {
         return defect;
     }
+    // After the header: positions, velocities, forces.
     std::size_t at = 1;
     for (std::size_t i = 0; i < info.motors; ++i, at += 2) {
         reply.positions[i] = load_word(in, at);
@@ -118,11 +120,12 @@ PacketDefect decode_currents(std::span<const std::byte> out, int id, const UartB
     if (defect != PacketDefect::None) {
         return defect;
     }
+    // `currents` is written only if all values are in range.
     UartCurrents found = currents;
     for (std::size_t i = 0; i < info.motors; ++i) {
         found[i] = static_cast<std::int16_t>(load_word(out, 1 + 2 * i));
-        if (found[i] > kMaximumDigit || found[i] < -kMaximumDigit) {
-            return PacketDefect::Digit;
+        if (found[i] > kMaxDacCode || found[i] < -kMaxDacCode) {
+            return PacketDefect::DacCode;
         }
     }
     currents = found;

@@ -1,15 +1,14 @@
-// Packets of the UART motor boards (X4, X5, T1), both directions: the driver and the emulated boards use the same
-// functions, so that each checks the other.
+// Codec of the UART motor boards (X4, X5, T1), both directions. Driver and emulated boards use the same functions.
 //
-// Up to eight boards share one line of 2 Mbit/s, 8N1. A packet is a header byte, board id | command << 3, and what
-// belongs to the command; words are int16, little-endian. A board has `motors` motors and `forces` force sensors:
-//   1 board info    1 byte                                  answer of 7: header, model, targets, motors, currents,
+// Up to eight boards share one line of 2 Mbit/s, 8N1. A packet is a header byte, board id | command << 3, followed by
+// the command's contents; words are int16, little-endian. A board has `motors` motors and `forces` force sensors:
+//   1 board info    1 byte                                  reply of 7: header, model, targets, motors, currents,
 //                                                           forces, touches
-//   2 set lengths   13: how long each of the 12 commands to this board is, so that the others can skip it   no answer
-//   6 current       1 + 2 motors: currents, -4095..4095     answer of 1 + 4 motors + 2 forces: positions, velocities,
+//   2 set lengths   13: length of each of the 12 commands to this board, so that other boards can skip them   no reply
+//   6 current       1 + 2 motors: currents, -4095..4095     reply of 1 + 4 motors + 2 forces: positions, velocities,
 //                                                           forces
-// Nothing but the header tells packets apart, and no byte checks them. A board sends a byte of its answer for each byte
-// that it receives, so a command is followed by zeros; a zero is the command "none", to board 0.
+// Packets are distinguished only by their header and have no checksum. A board sends one byte of its reply for each
+// byte that it receives, so a command is followed by zeros; a zero byte is the command "none" to board 0.
 // @source device-facts, section 2.6; Springhead, DRUartMotorDriver and commandTemplate.h.
 #pragma once
 
@@ -18,10 +17,10 @@
 #include <cstdint>
 #include <span>
 
-#include <haptic/device/digits.hpp>
-#include <haptic/device/packet.hpp>
-#include <haptic/frames.hpp>
-#include <haptic/realtime.hpp>
+#include "codecs/packet_defect.hpp"
+#include "haptic/device/dac_codes.hpp"
+#include "haptic/frames.hpp"
+#include "haptic/realtime.hpp"
 
 namespace haptic::device {
 
@@ -34,7 +33,7 @@ inline constexpr std::size_t kUartInfoReplyBytes = 7;
 inline constexpr std::size_t kUartLengthsBytes = 1 + kUartCommands;
 inline constexpr std::size_t kUartLongestCurrentCommand = 1 + 2 * kStrings;
 inline constexpr std::size_t kUartLongestCurrentReply = 1 + 4 * kStrings + 2 * std::size_t{kUartMaximumForces};
-// "All" to a board of 8 motors and 4 force sensors, the longest command that there is.
+// The longest command of all: "All" to a board with 8 motors and 4 force sensors.
 inline constexpr std::size_t kUartLongestCommand = 85;
 
 enum class UartCommand : std::uint8_t {
@@ -54,12 +53,12 @@ enum class UartCommand : std::uint8_t {
 
 struct UartHeader {
     int id = 0;                // 0..7
-    std::uint8_t command = 0;  // UartCommand, or a number above that nobody knows
+    std::uint8_t command = 0;  // UartCommand, or a larger number without meaning
 
     friend bool operator==(const UartHeader&, const UartHeader&) = default;
 };
 
-/// What a board says of itself.
+/// Properties that a board reports.
 struct UartBoardInfo {
     std::uint8_t model = 0;  // 5: "B3M" of 4 motors; 7: "B5M" of 8 motors and 4 force sensors
     std::uint8_t targets = 0;
@@ -71,11 +70,11 @@ struct UartBoardInfo {
     friend bool operator==(const UartBoardInfo&, const UartBoardInfo&) = default;
 };
 
-/// The two boards that a Spidar-G6 is known to have.
+/// The two boards known from Spidar-G6 devices.
 inline constexpr UartBoardInfo kUartB3M{5, 12, 4, 4, 0, 0};
 inline constexpr UartBoardInfo kUartB5M{7, 12, 8, 8, 4, 0};
 
-/// Whether a board of this kind can be one of ours: 1 to 8 motors, at most 4 force sensors, a model that is not 0.
+/// Whether the driver supports such a board: 1 to 8 motors, at most 4 force sensors, a nonzero model.
 [[nodiscard]] bool is_usable(const UartBoardInfo& info) HAPTIC_RT;
 
 struct UartReply {
@@ -86,26 +85,26 @@ struct UartReply {
     friend bool operator==(const UartReply&, const UartReply&) = default;
 };
 
-using UartCurrents = std::array<std::int16_t, kStrings>;  // the first `motors` of it
+using UartCurrents = std::array<std::int16_t, kStrings>;  // the first `motors` elements
 using UartLengths = std::array<std::uint8_t, kUartCommands>;
 
 [[nodiscard]] std::byte encode_header(const UartHeader& header) HAPTIC_RT;
 [[nodiscard]] UartHeader decode_header(std::byte header) HAPTIC_RT;
 
-/// Of usable boards.
+/// Packet lengths of usable boards.
 [[nodiscard]] constexpr std::size_t uart_current_command_bytes(const UartBoardInfo& info) HAPTIC_RT {
     return 1 + 2 * std::size_t{info.motors};
 }
 [[nodiscard]] constexpr std::size_t uart_current_reply_bytes(const UartBoardInfo& info) HAPTIC_RT {
     return 1 + 4 * std::size_t{info.motors} + 2 * std::size_t{info.forces};
 }
-/// How long each command to such a board is, header included.
+/// Length of each command to such a board, header included.
 [[nodiscard]] UartLengths uart_lengths(const UartBoardInfo& info) HAPTIC_RT;
 
-/// Encoders write exactly as many bytes as the packet has; a span of another length stays as it is, and they return
-/// Length. Decoders look at the length, and at the header against the id and the command that it should have.
+// Encoders require a span of exactly the packet's length; otherwise they leave it unchanged and return Length. Decoders
+// check the length, and that the header has the expected id and command.
 
-/// Host side. Currents are clamped to +-kMaximumDigit.
+/// Host side. Currents are clamped to +-kMaxDacCode.
 PacketDefect encode_currents(int id, const UartBoardInfo& info, const UartCurrents& currents,
                              std::span<std::byte> out) HAPTIC_RT;
 PacketDefect encode_lengths(int id, const UartLengths& lengths, std::span<std::byte> out) HAPTIC_RT;

@@ -1,28 +1,28 @@
-// What the executable firmware-host does, once its command line has been understood.
+// Commands of the executable firmware-host, after the command line was parsed.
 #pragma once
 
 #include <array>
 #include <string>
 #include <vector>
 
-#include <haptic/device/variant.hpp>
-#include <haptic/frames.hpp>
-#include <haptic/types.hpp>
+#include "haptic/device/device_geometry.hpp"
+#include "haptic/frames.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::device {
 
 struct ExchangeRequest {
-    Pose grip;                                // where the hand holds the grip
+    Pose grip;                                // pose of the grip
     std::array<double, kStrings> tensions{};  // N
-    bool hex = false;                         // the packets' bytes too
+    bool hex = false;                         // also print the packets' bytes
 };
 
-/// Sends one OUT packet to an emulated board and prints what went both ways, and what the strings then do. False, with
-/// the reason on stderr, if the board did not answer.
-bool run_exchange(const Variant& variant, const ExchangeRequest& request);
+/// Sends one OUT packet to an emulated board and prints both packets and the resulting wrench. Returns false, with the
+/// reason on stderr, if the board did not reply.
+bool run_exchange(const DeviceGeometry& geometry, const ExchangeRequest& request);
 
-/// Prints geometry, constants, reach and warnings of each variant in these files; of the built-in ones without any.
-/// Throws ConfigError for a file that is none.
-void run_variants(const std::vector<std::string>& files);
+/// Prints geometry, constants, reach and warnings of the device geometries in these files, or of the built-in ones if
+/// there are no files. Throws ConfigError for an invalid file.
+void run_geometries(const std::vector<std::string>& files);
 
 }  // namespace haptic::device

@@ -15,27 +15,27 @@
 #include <system_error>
 #include <vector>
 
-#include <haptic/clock.hpp>
-#include <haptic/config.hpp>
-#include <haptic/device/emulated_board.hpp>
-#include <haptic/device/emulated_config.hpp>
-#include <haptic/device/fault.hpp>
-#include <haptic/device/hand_file.hpp>
 #include "emulated/hand_keeper.hpp"
+#include "emulated/make_firmware.hpp"
+#include "haptic/clock.hpp"
+#include "haptic/config.hpp"
+#include "haptic/device/device_geometry_file.hpp"
+#include "haptic/device/emulated_config.hpp"
+#include "haptic/device/fault.hpp"
+#include "haptic/device/hand_file.hpp"
 #include "usbip/tty_server.hpp"
 #include "usbip/usbip_server.hpp"
-#include <haptic/device/variant_file.hpp>
 
 namespace haptic::device {
 namespace {
 
-constexpr double kLongestDelay = 3600.0;  // s
+constexpr double kMaxHandDelay = 3600.0;  // s
 
 [[noreturn]] void fail(const char* what) {
     throw std::system_error(errno, std::generic_category(), what);
 }
 
-/// The signals that end the service, as a file descriptor.
+/// Signals that end the service, as a file descriptor.
 class StopSignals {
   public:
     StopSignals() {
@@ -47,7 +47,7 @@ class StopSignals {
         pthread_sigmask(SIG_BLOCK, &set, nullptr);
         descriptor_ = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
         if (descriptor_ < 0) {
-            fail("cannot make a descriptor for signals");
+            fail("cannot create a descriptor for signals");
         }
     }
     StopSignals(const StopSignals&) = delete;
@@ -60,48 +60,48 @@ class StopSignals {
     int descriptor_ = -1;
 };
 
-/// A line of the log, which is for people: it appears at once.
-void say(std::string_view line) {
+/// Prints a log line and flushes it.
+void log_line(std::string_view line) {
     std::printf("%.*s\n", static_cast<int>(line.size()), line.data());
     std::fflush(stdout);
 }
 
-Variant variant_of(const std::string& name_or_path) {
+DeviceGeometry geometry_of(const std::string& name_or_path) {
     try {
-        return find_variant(name_or_path);
+        return find_device_geometry(name_or_path);
     } catch (const std::invalid_argument& error) {
-        throw CLI::ValidationError("--variant", error.what());
+        throw CLI::ValidationError("--geometry", error.what());
     }
 }
 
-/// Where to listen for a variant that can be served over USB.
-NetworkAddress usbip_address(const std::string& text, const Variant& variant) {
+/// Address of the USB/IP server. Refuses a device geometry whose board is not on USB.
+NetworkAddress usbip_address(const std::string& text, const DeviceGeometry& geometry) {
     try {
-        static_cast<void>(usb_identity(variant.board));
+        static_cast<void>(usb_identity(geometry.board));
         return parse_network_address(text);
     } catch (const std::invalid_argument& error) {
         throw CLI::ValidationError("--usbip", error.what());
     }
 }
 
-std::unique_ptr<Server> serve_usbip(const NetworkAddress& address, const Variant& variant, Firmware& firmware) {
-    auto server = std::make_unique<UsbipServer>(address, variant.board, firmware,
-                                                [](std::string_view line) { say("usbip: " + std::string(line)); });
-    const UsbIdentity identity = usb_identity(variant.board);
+std::unique_ptr<Server> serve_usbip(const NetworkAddress& address, const DeviceGeometry& geometry, Firmware& firmware) {
+    auto server = std::make_unique<UsbipServer>(address, geometry.board, firmware,
+                                                [](std::string_view line) { log_line("usbip: " + std::string(line)); });
+    const UsbIdentity identity = usb_identity(geometry.board);
     const NetworkAddress& real = server->address();
-    std::printf("usbip: %s as %04x:%04x, bus id 1-1, listening on %s:%u\n", variant.name.c_str(), identity.vendor,
+    std::printf("usbip: %s as %04x:%04x, bus id 1-1, listening on %s:%u\n", geometry.name.c_str(), identity.vendor,
                 identity.product, real.host.c_str(), static_cast<unsigned>(real.port));
     std::fflush(stdout);
     return server;
 }
 
-/// What stands behind the board: frame, hand, mechanics, faults.
-EmulatedDevice::Settings device_settings(const ServeArguments& arguments, const Variant& variant) {
+/// Settings of the device behind the board: geometry, hand, mechanics, faults.
+EmulatedDevice::Settings device_settings(const ServeArguments& arguments, const DeviceGeometry& geometry) {
     Config config = arguments.config ? Config::load(*arguments.config) : Config();
     for (const std::string& assignment : arguments.assignments) {
         config.set(assignment);
     }
-    EmulatedDevice::Settings settings{.variant = variant,
+    EmulatedDevice::Settings settings{.geometry = geometry,
                                       .hand = arguments.hand ? hand_from_centre(*arguments.hand) : PoseTrack(),
                                       .hand_waits = true,
                                       .mechanics = read_emulated(config)};
@@ -116,14 +116,15 @@ EmulatedDevice::Settings device_settings(const ServeArguments& arguments, const 
     return settings;
 }
 
-std::unique_ptr<Server> serve_tty(const std::string& link, const Variant& variant, Firmware& firmware) {
+std::unique_ptr<Server> serve_tty(const std::string& link, const DeviceGeometry& geometry, Firmware& firmware) {
     auto server =
         std::make_unique<TtyServer>(firmware, link.empty() ? std::nullopt : std::optional<std::filesystem::path>(link));
-    say("tty: " + variant.name + " at " + server->path().string() + (link.empty() ? "" : ", linked from " + link));
+    log_line("tty: " + geometry.name + " at " + server->path().string() +
+             (link.empty() ? "" : ", linked from " + link));
     return server;
 }
 
-/// When the earliest of them has something to do, from now; nullptr for never.
+/// Time until the earliest server is due; nullptr for never.
 const timespec* time_left(const std::vector<std::unique_ptr<Server>>& servers, timespec& storage) {
     std::optional<std::int64_t> earliest;
     for (const auto& server : servers) {
@@ -160,37 +161,52 @@ void serve_until_stopped(const std::vector<std::unique_ptr<Server>>& servers, co
 }  // namespace
 
 CLI::App* add_serve(CLI::App& app, ServeArguments& arguments) {
-    CLI::App* serve = app.add_subcommand("serve", "Serve an emulated board until a signal comes");
+    CLI::App* serve = app.add_subcommand("serve", "Serve an emulated board until a signal arrives");
     arguments.usbip = "127.0.0.1:3240";
-    arguments.usbip_asked =
+    arguments.usbip_option =
         serve
-            ->add_option("--usbip", arguments.usbip,
-                         "ADDR:PORT to listen on; port 0 is any free one. Served if nothing else is")
+            ->add_option(
+                "--usbip", arguments.usbip,
+                "USB/IP server: ADDR:PORT to listen on; port 0 selects a free one. Default unless --tty is given")
             ->expected(0, 1)
             ->capture_default_str();
-    arguments.tty_asked =
+    arguments.tty_option =
         serve
-            ->add_option("--tty", arguments.tty,
-                         "A pseudo terminal as the serial line of a variant with UART boards; LINK becomes a symbolic "
-                         "link to it")
+            ->add_option(
+                "--tty", arguments.tty,
+                "Serial line: a pseudo terminal for a device geometry with UART boards; LINK becomes a symbolic "
+                "link to it")
             ->type_name("[LINK]")
             ->expected(0, 1);
-    serve->add_option("--variant", arguments.variant, "Frame, and with it the board: a built-in name or a TOML file")
-        ->capture_default_str();
-    serve->add_option("--hand", arguments.hand,
-                      "Recording (CSV: time_s,x_m,y_m,z_m[,qw,qx,qy,qz]) that the hand follows; else it holds still");
+    const auto geometry = [&](const char* name) {
+        return serve->add_option(name, arguments.geometry,
+                                 "Device geometry, which also selects the board: a built-in name or a TOML file");
+    };
+    CLI::Option* const current = geometry("--geometry")->capture_default_str();
+    // The former name; CLI11 hides options without a group from the help.
+    CLI::Option* const former = geometry("--variant")->group("");
+    serve->callback([current, former] {
+        if (current->count() > 0 && former->count() > 0) {
+            throw CLI::ValidationError("--variant", "is the former name of --geometry; give only one of them");
+        }
+    });
+    serve->add_option(
+        "--hand", arguments.hand,
+        "Recording (CSV: time_s,x_m,y_m,z_m[,qw,qx,qy,qz]) that the hand follows; without it the hand is still");
     serve
-        ->add_option("--hand-delay", arguments.hand_delay_s,
-                     "s, from the packet that makes all strings taut to a hand that moves: the driver calibrates then")
+        ->add_option(
+            "--hand-delay", arguments.hand_delay_s,
+            "Time in s from the packet that makes all strings taut until the hand moves; the driver calibrates in "
+            "between")
         ->capture_default_str();
     serve
         ->add_option("--fault", arguments.faults,
-                     "What is to go wrong, with times from the first exchange on (repeatable): " + fault_help())
+                     "Fault to inject, with its time since the first exchange (repeatable): " + fault_help())
         ->type_name("KIND@T")
         ->allow_extra_args(false);
-    serve->add_option("--config", arguments.config, "TOML file with a table [emulated]: the grip's mechanics")
+    serve->add_option("--config", arguments.config, "TOML file with a table [emulated]: mechanics of the grip")
         ->type_name("F.toml");
-    serve->add_option("--set", arguments.assignments, "one key, e.g. emulated.mechanics=impedance (repeatable)")
+    serve->add_option("--set", arguments.assignments, "Set one key, e.g. emulated.mechanics=impedance (repeatable)")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
     return serve;
@@ -198,30 +214,30 @@ CLI::App* add_serve(CLI::App& app, ServeArguments& arguments) {
 
 void run_serve(const ServeArguments& arguments) {
     if (!std::isfinite(arguments.hand_delay_s) || arguments.hand_delay_s < 0.0 ||
-        arguments.hand_delay_s > kLongestDelay) {
-        throw CLI::ValidationError("--hand-delay", "needs 0 to 3600 s");
+        arguments.hand_delay_s > kMaxHandDelay) {
+        throw CLI::ValidationError("--hand-delay", "must be 0 to 3600 s");
     }
-    const Variant variant = variant_of(arguments.variant);
-    const bool tty = arguments.tty_asked->count() > 0;
-    const bool usbip = arguments.usbip_asked->count() > 0 || !tty;
-    if (tty && variant.board != BoardKind::Uart) {
-        throw CLI::ValidationError("--tty", "the board of " + variant.name + " has no serial line; use --usbip");
+    const DeviceGeometry geometry = geometry_of(arguments.geometry);
+    const bool tty = arguments.tty_option->count() > 0;
+    const bool usbip = arguments.usbip_option->count() > 0 || !tty;
+    if (tty && geometry.board != BoardKind::Uart) {
+        throw CLI::ValidationError("--tty", "the board of " + geometry.name + " has no serial line; use --usbip");
     }
-    const NetworkAddress address = usbip ? usbip_address(arguments.usbip, variant) : NetworkAddress{};
+    const NetworkAddress address = usbip ? usbip_address(arguments.usbip, geometry) : NetworkAddress{};
     const StopSignals signals;
-    EmulatedDevice device(device_settings(arguments, variant));
-    const std::unique_ptr<Firmware> board = make_firmware(variant.board, device);
+    EmulatedDevice device(device_settings(arguments, geometry));
+    const std::unique_ptr<Firmware> board = make_firmware(geometry.board, device);
     HandKeeper firmware(*board, device, nanoseconds(arguments.hand_delay_s));
 
     std::vector<std::unique_ptr<Server>> servers;
     if (usbip) {
-        servers.push_back(serve_usbip(address, variant, firmware));
+        servers.push_back(serve_usbip(address, geometry, firmware));
     }
     if (tty) {
-        servers.push_back(serve_tty(arguments.tty, variant, firmware));
+        servers.push_back(serve_tty(arguments.tty, geometry, firmware));
     }
     serve_until_stopped(servers, signals);
-    say("stopped");
+    log_line("stopped");
 }
 
 }  // namespace haptic::device

@@ -1,4 +1,4 @@
-// `firmware-host serve`: an emulated board for other processes and machines.
+// `firmware-host serve`: makes an emulated board available to other processes and machines.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -9,26 +9,26 @@
 
 namespace haptic::device {
 
-/// What was typed after `serve`.
+/// Command line after `serve`.
 struct ServeArguments {
     std::string usbip;  // ADDR:PORT
-    CLI::Option* usbip_asked = nullptr;
+    CLI::Option* usbip_option = nullptr;
     std::string tty;  // LINK, empty for none
-    CLI::Option* tty_asked = nullptr;
-    std::string variant = "SpidarG6X3R";
+    CLI::Option* tty_option = nullptr;
+    std::string geometry = "SpidarG6X3R";
     std::optional<std::filesystem::path> hand;
     double hand_delay_s = 0.5;
     std::vector<std::string> faults;              // fault.hpp
-    std::optional<std::filesystem::path> config;  // of which the table [emulated] counts
+    std::optional<std::filesystem::path> config;  // only its table [emulated] is used
     std::vector<std::string> assignments;         // --set
 };
 
-/// Adds the subcommand; the arguments must outlive the parsing.
+/// Adds the subcommand. The arguments must outlive the parsing.
 CLI::App* add_serve(CLI::App& app, ServeArguments& arguments);
 
-/// Serves until SIGINT, SIGTERM or SIGHUP. Prints a line for each server that listens, and one for each client that
-/// comes or goes. Throws ConfigError, CLI::ValidationError for arguments that cannot be, and std::runtime_error for
-/// what the system refuses.
+/// Serves until SIGINT, SIGTERM or SIGHUP. Prints a line for each listening server, and for each client that connects
+/// or disconnects. Throws ConfigError, CLI::ValidationError for invalid arguments, and std::runtime_error for errors of
+/// the system.
 void run_serve(const ServeArguments& arguments);
 
 }  // namespace haptic::device

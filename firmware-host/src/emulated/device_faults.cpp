@@ -3,17 +3,18 @@
 #include <algorithm>
 #include <utility>
 
-#include <haptic/types.hpp>
+#include "haptic/types.hpp"
 
 namespace haptic::device {
 
 DeviceFaults::DeviceFaults(std::vector<Fault> faults) : faults_(std::move(faults)) {
-    std::erase_if(faults_, [](const Fault& fault) { return is_of_packets(fault.kind); });
+    std::erase_if(faults_, [](const Fault& fault) { return is_packet_fault(fault.kind); });
 }
 
 void DeviceFaults::advance(std::int64_t time_ns, std::int64_t passed_ns) HAPTIC_RT {
+    // Sum the active faults of each string.
     std::array<double, kStrings> slack{};
-    added_ = {};
+    offset_ = {};
     stuck_ = {};
     dead_ = {};
     motors_frozen_ = false;
@@ -26,38 +27,39 @@ void DeviceFaults::advance(std::int64_t time_ns, std::int64_t passed_ns) HAPTIC_
             echo_frozen_ = fault.echo_frozen;
         }
         for (std::size_t i = 0; i < kStrings; ++i) {
-            if (!fault.concerns(i)) {
+            if (!fault.affects(i)) {
                 continue;
             }
             stuck_[i] = stuck_[i] || fault.kind == FaultKind::Stuck;
-            added_[i] += fault.kind == FaultKind::Jump ? static_cast<std::uint32_t>(fault.counts) : 0U;
+            offset_[i] += fault.kind == FaultKind::Jump ? static_cast<std::uint32_t>(fault.counts) : 0U;
             dead_[i] = dead_[i] || (fault.kind == FaultKind::Slack && fault.motor_dead);
             slack[i] += fault.kind == FaultKind::Slack ? fault.slack_m : 0.0;
         }
     }
-    const double taken_back = kTakenBack * seconds(std::max<std::int64_t>(passed_ns, 0));
+    // Slack appears at once, but is removed at a limited speed.
+    const double removable = kSlackRemovalSpeed * seconds(std::max<std::int64_t>(passed_ns, 0));
     for (std::size_t i = 0; i < kStrings; ++i) {
-        slack_[i] = std::max(slack[i], slack_[i] - taken_back);
-        holding_[i] = holding_[i] && stuck_[i];
+        slack_[i] = std::max(slack[i], slack_[i] - removable);
+        has_latched_[i] = has_latched_[i] && stuck_[i];
     }
 }
 
-void DeviceFaults::hold(const std::array<std::uint32_t, kStrings>& counters) HAPTIC_RT {
+void DeviceFaults::latch_stuck_encoders(const std::array<std::uint32_t, kStrings>& counters) HAPTIC_RT {
     for (std::size_t i = 0; i < kStrings; ++i) {
-        if (stuck_[i] && !holding_[i]) {
-            held_[i] = counters[i] + added_[i];
-            holding_[i] = true;
+        if (stuck_[i] && !has_latched_[i]) {
+            latched_[i] = counters[i] + offset_[i];
+            has_latched_[i] = true;
         }
     }
 }
 
 std::array<std::uint32_t, kStrings> DeviceFaults::counters(
     const std::array<std::uint32_t, kStrings>& counters) const HAPTIC_RT {
-    std::array<std::uint32_t, kStrings> said{};
+    std::array<std::uint32_t, kStrings> reported{};
     for (std::size_t i = 0; i < kStrings; ++i) {
-        said[i] = holding_[i] ? held_[i] : counters[i] + added_[i];
+        reported[i] = has_latched_[i] ? latched_[i] : counters[i] + offset_[i];
     }
-    return said;
+    return reported;
 }
 
 }  // namespace haptic::device

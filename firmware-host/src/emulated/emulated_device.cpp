@@ -1,4 +1,4 @@
-#include <haptic/device/emulated_device.hpp>
+#include "haptic/device/emulated_device.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,14 +6,17 @@
 #include <string>
 #include <utility>
 
-#include <haptic/device/digits.hpp>
+#include "emulated/device_faults.hpp"
+#include "emulated/hand_motion.hpp"
+#include "emulated/mechanical_grip.hpp"
+#include "haptic/device/dac_codes.hpp"
 
 namespace haptic::device {
 namespace {
 
 constexpr std::uint8_t kButtonMask = 0x07;
-constexpr std::uint8_t kRotaryMaximum = 15;
-// m/s, at which a motor reels in slack where no mechanics say otherwise.
+constexpr std::uint8_t kMaxRotary = 15;
+// m/s at which a motor reels in a slack string, used without mechanics.
 constexpr double kReelSpeed = 0.5;
 
 /// From the grip's knot to the motor, m, device frame.
@@ -25,13 +28,14 @@ constexpr std::uint32_t mask_of(int bits) HAPTIC_RT {
     return (1U << static_cast<unsigned>(bits)) - 1U;
 }
 
-/// The counter of a string that is `paid_out` metres longer than at the centre, modulo 2^bits. Counts are rounded to
-/// nearest, so that the emulated device has no bias; which edge a real one counts first depends on its power-up.
+/// Counter, modulo 2^bits, of a string that is `paid_out` metres longer than at the centre. Counts are rounded to
+/// nearest, so that the emulated device has no bias; the first edge of a real encoder depends on its power-up.
 std::uint32_t counter_of(double paid_out, double metres_per_count, std::uint32_t power_up, int bits) HAPTIC_RT {
     const std::uint32_t mask = mask_of(bits);
     const double wrap = static_cast<double>(mask) + 1.0;
     const double counts = std::floor(paid_out / std::fabs(metres_per_count) + 0.5);
-    const double wrapped = std::isfinite(counts) ? counts - wrap * std::floor(counts / wrap) : 0.0;  // exact
+    // Reduce modulo 2^bits before the conversion to an integer: exact in double precision, defined for any length.
+    const double wrapped = std::isfinite(counts) ? counts - wrap * std::floor(counts / wrap) : 0.0;
     const auto steps = static_cast<std::uint32_t>(wrapped);
     const std::uint32_t counter = metres_per_count < 0.0 ? power_up - steps : power_up + steps;
     return counter & mask;
@@ -43,150 +47,221 @@ bool usable(double scale) {
 
 }  // namespace
 
-EmulatedDevice::EmulatedDevice(Settings settings)
-    : settings_(std::move(settings)),
-      hand_(settings_.hand, settings_.hand_waits),
-      faults_(settings_.faults),
-      grip_(hand_.pose()) {
-    const Variant& variant = settings_.variant;
+struct EmulatedDevice::State {
+    explicit State(Settings a_settings)
+        : settings(std::move(a_settings)),
+          hand(settings.hand, settings.hand_waits),
+          faults(settings.faults),
+          grip(hand.pose()) {}
+
+    /// Counters without faults.
+    [[nodiscard]] std::array<std::uint32_t, kStrings> true_counters() const HAPTIC_RT;
+    /// Moves the grip with the hand, and the motors of slack strings; without mechanics.
+    void move_ideally(std::int64_t passed_ns) HAPTIC_RT;
+    [[nodiscard]] double paid_out_length(std::size_t string) const HAPTIC_RT;
+    [[nodiscard]] std::array<double, kStrings> tensions() const HAPTIC_RT;
+    [[nodiscard]] std::array<double, kStrings> string_tensions() const HAPTIC_RT;
+
+    Settings settings;
+    HandMotion hand;
+    std::optional<MechanicalGrip> mechanical;
+    DeviceFaults faults;
+    Pose grip;
+    std::array<std::int16_t, kStrings> dac_codes{};  // of the motors
+    std::array<std::int16_t, kStrings> written{};    // by the firmware
+    std::array<double, kStrings> reeled{};           // m of slack that the motor has reeled in; without mechanics
+    std::int64_t last_ns = 0;
+    std::int64_t fault_ns = 0;  // fault clock at last_ns
+    std::uint8_t buttons = 0;
+    bool started = false;
+    bool released = false;
+};
+
+EmulatedDevice::EmulatedDevice(Settings settings) : state_(std::make_unique<State>(std::move(settings))) {
+    const DeviceGeometry& geometry = state_->settings.geometry;
     for (std::size_t i = 0; i < kStrings; ++i) {
-        if (!usable(variant.strings[i].metres_per_count) || !usable(variant.strings[i].newtons_per_digit)) {
-            throw std::invalid_argument("emulated device: variant '" + variant.name + "', string " + std::to_string(i) +
-                                        ": metres_per_count and newtons_per_digit must be finite and not zero");
+        if (!usable(geometry.strings[i].metres_per_count) || !usable(geometry.strings[i].newtons_per_code)) {
+            throw std::invalid_argument("emulated device: device geometry '" + geometry.name + "', string " +
+                                        std::to_string(i) +
+                                        ": metres_per_count and newtons_per_code must be finite and not zero");
         }
     }
-    if (settings_.mechanics) {
-        mechanical_.emplace(variant, *settings_.mechanics, grip_);
+    if (state_->settings.mechanics) {
+        state_->mechanical.emplace(geometry, *state_->settings.mechanics, state_->grip);
     }
-    if (settings_.rotary > kRotaryMaximum) {
+    if (state_->settings.rotary > kMaxRotary) {
         throw std::invalid_argument("emulated device: the rotary switch has positions 0 to 15, not " +
-                                    std::to_string(settings_.rotary));
+                                    std::to_string(state_->settings.rotary));
     }
 }
+
+EmulatedDevice::~EmulatedDevice() = default;
 
 void EmulatedDevice::advance(std::int64_t now_ns) HAPTIC_RT {
-    const std::int64_t passed_ns = started_ ? now_ns - last_ns_ : 0;
-    fault_ns_ = std::max<std::int64_t>(fault_time_ns(now_ns), 0);
-    hand_.advance(passed_ns);
-    started_ = true;
-    last_ns_ = now_ns;
-    faults_.advance(fault_time_ns(now_ns), passed_ns);
-    if (mechanical_) {
+    State& s = *state_;
+    const std::int64_t passed_ns = s.started ? now_ns - s.last_ns : 0;
+    // Advance the clocks of faults and hand before the grip, which depends on both.
+    s.fault_ns = std::max<std::int64_t>(fault_time_ns(now_ns), 0);
+    s.hand.advance(passed_ns);
+    s.started = true;
+    s.last_ns = now_ns;
+    s.faults.advance(fault_time_ns(now_ns), passed_ns);
+    if (s.mechanical) {
         MechanicalGrip::Drive drive;
-        drive.pull = tensions();
-        drive.slack = faults_.slack();
-        drive.held = hand_.waits() && mechanical_->mechanics().hand == Hand::Free;
-        mechanical_->advance(now_ns, drive, hand_);
-        grip_ = mechanical_->state().pose;
+        drive.pull = s.tensions();
+        drive.slack = s.faults.slack();
+        // A free grip falls only after the hand was released.
+        drive.held = s.hand.waits() && s.mechanical->mechanics().hand == Hand::Free;
+        s.mechanical->advance(now_ns, drive, s.hand);
+        s.grip = s.mechanical->state().pose;
     } else {
-        move_ideally(passed_ns);
+        s.move_ideally(passed_ns);
     }
-    faults_.hold(true_counters());
+    s.faults.latch_stuck_encoders(s.true_counters());
 }
 
-void EmulatedDevice::set_digits(const std::array<std::int16_t, kStrings>& digits) HAPTIC_RT {
-    written_ = digits;
-    if (!faults_.motors_frozen()) {
-        digits_ = digits;
+void EmulatedDevice::set_dac_codes(const std::array<std::int16_t, kStrings>& dac_codes) HAPTIC_RT {
+    state_->written = dac_codes;
+    if (!state_->faults.motors_frozen()) {
+        state_->dac_codes = dac_codes;
     }
+}
+
+const std::array<std::int16_t, kStrings>& EmulatedDevice::dac_codes() const HAPTIC_RT {
+    return state_->dac_codes;
 }
 
 const std::array<std::int16_t, kStrings>& EmulatedDevice::echo() const HAPTIC_RT {
-    return faults_.motors_frozen() && !faults_.echo_frozen() ? written_ : digits_;
+    const bool echoes_written = state_->faults.motors_frozen() && !state_->faults.echo_frozen();
+    return echoes_written ? state_->written : state_->dac_codes;
 }
 
 void EmulatedDevice::release_hand() HAPTIC_RT {
-    hand_.release();
-    released_ = true;
+    state_->hand.release();
+    state_->released = true;
+}
+
+void EmulatedDevice::hold_hand() HAPTIC_RT {
+    state_->hand.hold();
+}
+
+void EmulatedDevice::set_buttons(std::uint8_t buttons) HAPTIC_RT {
+    state_->buttons = buttons;
+}
+
+std::uint8_t EmulatedDevice::buttons() const HAPTIC_RT {
+    return state_->buttons & kButtonMask;
+}
+
+std::uint8_t EmulatedDevice::rotary() const HAPTIC_RT {
+    return state_->settings.rotary;
+}
+
+const DeviceGeometry& EmulatedDevice::geometry() const HAPTIC_RT {
+    return state_->settings.geometry;
+}
+
+Pose EmulatedDevice::grip_pose() const HAPTIC_RT {
+    return state_->grip;
+}
+
+const std::vector<Fault>& EmulatedDevice::faults() const noexcept {
+    return state_->settings.faults;
 }
 
 std::int64_t EmulatedDevice::fault_time_ns(std::int64_t now_ns) const HAPTIC_RT {
-    if (!started_ || (settings_.faults_wait && !released_)) {
+    if (!state_->started || (state_->settings.faults_wait && !state_->released)) {
         return -1;
     }
-    return fault_ns_ + std::max<std::int64_t>(now_ns - last_ns_, 0);
+    return state_->fault_ns + std::max<std::int64_t>(now_ns - state_->last_ns, 0);
 }
 
-void EmulatedDevice::move_ideally(std::int64_t passed_ns) HAPTIC_RT {
-    if (settings_.faults.empty()) {
-        grip_ = hand_.pose();
+void EmulatedDevice::State::move_ideally(std::int64_t passed_ns) HAPTIC_RT {
+    if (settings.faults.empty()) {
+        grip = hand.pose();
         return;
     }
     std::array<double, kStrings> before{};
     for (std::size_t i = 0; i < kStrings; ++i) {
         before[i] = paid_out_length(i);
     }
-    grip_ = hand_.pose();
-    const double reeled = kReelSpeed * seconds(std::max<std::int64_t>(passed_ns, 0));
+    grip = hand.pose();
+    // A motor reels in at most the slack of its string.
+    const double reelable = kReelSpeed * seconds(std::max<std::int64_t>(passed_ns, 0));
     for (std::size_t i = 0; i < kStrings; ++i) {
-        if (faults_.dead()[i]) {  // it turns only where a taut string turns it
-            reeled_[i] += paid_out_length(i) - before[i];
-        } else if (digits_[i] != 0) {
-            reeled_[i] += reeled;
+        if (faults.dead()[i]) {  // a dead motor turns only when a taut string turns it
+            reeled[i] += paid_out_length(i) - before[i];
+        } else if (dac_codes[i] != 0) {
+            reeled[i] += reelable;
         }
-        reeled_[i] = std::min(reeled_[i], faults_.slack()[i]);
+        reeled[i] = std::min(reeled[i], faults.slack()[i]);
     }
 }
 
-std::uint8_t EmulatedDevice::buttons() const HAPTIC_RT {
-    return buttons_ & kButtonMask;
-}
-
 std::array<std::uint32_t, kStrings> EmulatedDevice::counters() const HAPTIC_RT {
-    const std::uint32_t mask = mask_of(counter_bits(settings_.variant.board));
-    std::array<std::uint32_t, kStrings> counters = faults_.counters(true_counters());
+    const std::uint32_t mask = mask_of(counter_bits(state_->settings.geometry.board));
+    std::array<std::uint32_t, kStrings> counters = state_->faults.counters(state_->true_counters());
     for (std::uint32_t& counter : counters) {
         counter &= mask;
     }
     return counters;
 }
 
-std::array<std::uint32_t, kStrings> EmulatedDevice::true_counters() const HAPTIC_RT {
+std::array<std::uint32_t, kStrings> EmulatedDevice::State::true_counters() const HAPTIC_RT {
     std::array<std::uint32_t, kStrings> counters{};
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const StringFacts& string = settings_.variant.strings[i];
-        const double paid_out = paid_out_length(i) - settings_.variant.rest_length(i);
+        const StringFacts& string = settings.geometry.strings[i];
+        const double paid_out = paid_out_length(i) - settings.geometry.rest_length(i);
         counters[i] =
-            counter_of(paid_out, string.metres_per_count, settings_.power_up[i], counter_bits(settings_.variant.board));
+            counter_of(paid_out, string.metres_per_count, settings.power_up[i], counter_bits(settings.geometry.board));
     }
     return counters;
 }
 
 std::array<double, kStrings> EmulatedDevice::tensions() const HAPTIC_RT {
+    return state_->tensions();
+}
+
+std::array<double, kStrings> EmulatedDevice::State::tensions() const HAPTIC_RT {
     std::array<double, kStrings> tensions{};
     for (std::size_t i = 0; i < kStrings; ++i) {
-        if (!faults_.dead()[i]) {
-            tensions[i] = tension_of_digit(digits_[i], settings_.variant.strings[i].newtons_per_digit);
+        if (!faults.dead()[i]) {
+            tensions[i] = tension_of_dac_code(dac_codes[i], settings.geometry.strings[i].newtons_per_code);
         }
     }
     return tensions;
 }
 
-double EmulatedDevice::paid_out_length(std::size_t string) const HAPTIC_RT {
-    if (mechanical_) {
-        return mechanical_->state().length[string];
+double EmulatedDevice::State::paid_out_length(std::size_t string) const HAPTIC_RT {
+    if (mechanical) {
+        return mechanical->state().length[string];
     }
-    const Vec3 span = string_vector(settings_.variant.strings[string], grip_);
-    return std::sqrt(glm::dot(span, span)) - reeled_[string];
+    const Vec3 span = string_vector(settings.geometry.strings[string], grip);
+    return std::sqrt(glm::dot(span, span)) - reeled[string];
 }
 
 std::array<double, kStrings> EmulatedDevice::string_tensions() const HAPTIC_RT {
-    if (mechanical_) {
-        return mechanical_->tensions(faults_.slack());
+    return state_->string_tensions();
+}
+
+std::array<double, kStrings> EmulatedDevice::State::string_tensions() const HAPTIC_RT {
+    if (mechanical) {
+        return mechanical->tensions(faults.slack());
     }
     std::array<double, kStrings> carried = tensions();
     for (std::size_t i = 0; i < kStrings; ++i) {
-        carried[i] = reeled_[i] < faults_.slack()[i] ? 0.0 : carried[i];
+        carried[i] = reeled[i] < faults.slack()[i] ? 0.0 : carried[i];
     }
     return carried;
 }
 
 Twist EmulatedDevice::grip_velocity() const HAPTIC_RT {
-    return mechanical_ ? twist_of(mechanical_->mechanics(), mechanical_->state()) : Twist{};
+    const std::optional<MechanicalGrip>& mechanical = state_->mechanical;
+    return mechanical ? twist_of(mechanical->mechanics(), mechanical->state()) : Twist{};
 }
 
 Wrench EmulatedDevice::wrench() const HAPTIC_RT {
-    return wrench_of_strings(settings_.variant, grip_, string_tensions());
+    return wrench_of_strings(state_->settings.geometry, state_->grip, state_->string_tensions());
 }
 
 }  // namespace haptic::device

@@ -8,8 +8,8 @@ namespace haptic::device {
 FaultyFirmware::FaultyFirmware(std::unique_ptr<Firmware> firmware, const EmulatedDevice& device,
                                std::vector<Fault> faults)
     : firmware_(std::move(firmware)), device_(&device), faults_(std::move(faults)) {
-    std::erase_if(faults_, [](const Fault& fault) { return !is_of_packets(fault.kind); });
-    suffered_.resize(faults_.size());
+    std::erase_if(faults_, [](const Fault& fault) { return !is_packet_fault(fault.kind); });
+    affected_.resize(faults_.size());
 }
 
 bool FaultyFirmware::connected(std::int64_t now_ns) const HAPTIC_RT {
@@ -23,13 +23,13 @@ void FaultyFirmware::receive(std::span<const std::byte> out, std::int64_t now_ns
     if (!connected(now_ns)) {
         return;
     }
-    if (out.size() > kLongestPacket) {  // of no board: as it is, so that its length stays wrong
+    if (out.size() > kLongestPacket) {  // not a packet of any board: pass it on, so that its length stays wrong
         firmware_->receive(out, now_ns);
         return;
     }
     packet_.size = out.size();
     std::copy(out.begin(), out.end(), packet_.bytes.begin());
-    suffer(commands_, packet_, true, now_ns);
+    transmit(commands_, packet_, true, now_ns);
     deliver_commands(now_ns);
 }
 
@@ -56,17 +56,18 @@ void FaultyFirmware::deliver_commands(std::int64_t now_ns) HAPTIC_RT {
 }
 
 void FaultyFirmware::fetch_replies(std::int64_t now_ns) HAPTIC_RT {
-    // A firmware that answered for ever would be a mistake of ours.
-    for (std::size_t k = 0; k < kMostWaiting; ++k) {
+    // Bounded, in case a firmware's replies never end.
+    for (std::size_t k = 0; k < kMaxWaiting; ++k) {
         packet_.size = firmware_->reply(packet_.bytes, now_ns);
         if (packet_.size == 0) {
             return;
         }
-        suffer(replies_, packet_, false, now_ns);
+        transmit(replies_, packet_, false, now_ns);
     }
 }
 
-void FaultyFirmware::suffer(Queue& queue, Packet& packet, bool command, std::int64_t now_ns) HAPTIC_RT {
+void FaultyFirmware::transmit(Queue& queue, Packet& packet, bool command, std::int64_t now_ns) HAPTIC_RT {
+    // Every active fault of this direction that has packets left applies.
     packet.sent_ns = device_->fault_time_ns(now_ns);
     packet.due_ns = now_ns;
     bool lost = false;
@@ -74,10 +75,10 @@ void FaultyFirmware::suffer(Queue& queue, Packet& packet, bool command, std::int
     for (std::size_t k = 0; k < faults_.size(); ++k) {
         const Fault& fault = faults_[k];
         if (fault.commands != command || !fault.active(packet.sent_ns) ||
-            (fault.packets > 0 && suffered_[k] >= fault.packets)) {
+            (fault.packets > 0 && affected_[k] >= fault.packets)) {
             continue;
         }
-        ++suffered_[k];
+        ++affected_[k];
         switch (fault.kind) {
             case FaultKind::Drop:
                 lost = true;
@@ -105,11 +106,12 @@ void FaultyFirmware::suffer(Queue& queue, Packet& packet, bool command, std::int
                 break;
         }
     }
+    // An empty packet is no packet. A full queue loses the rest.
     if (lost || packet.size == 0) {
         return;
     }
-    for (std::size_t k = 0; k < copies && queue.count < kMostWaiting; ++k) {
-        queue.packets[(queue.first + queue.count) % kMostWaiting] = packet;
+    for (std::size_t k = 0; k < copies && queue.count < kMaxWaiting; ++k) {
+        queue.packets[(queue.first + queue.count) % kMaxWaiting] = packet;
         ++queue.count;
     }
 }
@@ -118,15 +120,16 @@ const FaultyFirmware::Packet* FaultyFirmware::take(Queue& queue, std::int64_t no
     const std::int64_t time_ns = device_->fault_time_ns(now_ns);
     while (queue.count > 0) {
         const Packet& packet = queue.packets[queue.first];
-        const bool pulled = std::any_of(faults_.begin(), faults_.end(), [&](const Fault& fault) HAPTIC_RT {
+        // The cable was unplugged after the packet was sent.
+        const bool unplugged = std::any_of(faults_.begin(), faults_.end(), [&](const Fault& fault) HAPTIC_RT {
             return fault.kind == FaultKind::Unplug && packet.sent_ns < fault.begin_ns && fault.begin_ns <= time_ns;
         });
-        if (!pulled && packet.due_ns > now_ns) {
+        if (!unplugged && packet.due_ns > now_ns) {
             return nullptr;
         }
-        queue.first = (queue.first + 1) % kMostWaiting;
+        queue.first = (queue.first + 1) % kMaxWaiting;
         --queue.count;
-        if (!pulled) {
+        if (!unplugged) {
             return &packet;
         }
     }
@@ -134,7 +137,7 @@ const FaultyFirmware::Packet* FaultyFirmware::take(Queue& queue, std::int64_t no
 }
 
 std::size_t FaultyFirmware::random_bit(std::size_t bits) HAPTIC_RT {
-    // Marsaglia's xorshift: the same bits in every run.
+    // Marsaglia's xorshift: reproducible.
     random_ ^= random_ << 13U;
     random_ ^= random_ >> 7U;
     random_ ^= random_ << 17U;

@@ -1,4 +1,5 @@
-// A firmware behind a cable that loses, delays, repeats, cuts and corrupts packets on command, or is pulled out.
+// Faulty firmware: a firmware behind a cable that loses, delays, repeats, truncates and corrupts packets on command, or
+// is unplugged.
 #pragma once
 
 #include <array>
@@ -8,21 +9,21 @@
 #include <span>
 #include <vector>
 
-#include <haptic/device/emulated_device.hpp>
-#include <haptic/device/fault.hpp>
 #include "emulated/firmware.hpp"
-#include <haptic/realtime.hpp>
+#include "haptic/device/emulated_device.hpp"
+#include "haptic/device/fault.hpp"
+#include "haptic/realtime.hpp"
 
 namespace haptic::device {
 
-/// Applies those faults that are of packets; the device knows when (EmulatedDevice::fault_time_ns). Where several
-/// hold at once a packet suffers all of them. What is delayed comes when the caller's time has passed: in process,
-/// where nobody waits, an answer that is late is one that did not come, and the next exchange gets it.
+/// Applies the packet faults at the times of the device's fault clock (EmulatedDevice::fault_time_ns). If several
+/// faults are active, a packet is subject to all of them. A delayed packet arrives once the caller's time has passed:
+/// in process nobody waits, so a late reply counts as missing and the next exchange receives it.
 class FaultyFirmware final : public Firmware {
   public:
     static constexpr std::size_t kLongestPacket = 512;
-    /// Packets that wait each way; what finds no room is lost.
-    static constexpr std::size_t kMostWaiting = 16;
+    /// Capacity of each direction's queue; packets beyond it are lost.
+    static constexpr std::size_t kMaxWaiting = 16;
 
     /// The device must outlive its firmware.
     FaultyFirmware(std::unique_ptr<Firmware> firmware, const EmulatedDevice& device, std::vector<Fault> faults);
@@ -35,27 +36,29 @@ class FaultyFirmware final : public Firmware {
     struct Packet {
         std::array<std::byte, kLongestPacket> bytes{};
         std::size_t size = 0;
-        std::int64_t sent_ns = 0;  // on the faults' clock
-        std::int64_t due_ns = 0;   // on the caller's
+        std::int64_t sent_ns = 0;  // on the fault clock
+        std::int64_t due_ns = 0;   // on the caller's clock
     };
+    /// Circular buffer.
     struct Queue {
-        std::array<Packet, kMostWaiting> packets;
+        std::array<Packet, kMaxWaiting> packets;
         std::size_t first = 0;
         std::size_t count = 0;
     };
 
     void fetch_replies(std::int64_t now_ns) HAPTIC_RT;
     void deliver_commands(std::int64_t now_ns) HAPTIC_RT;
-    /// What becomes of one packet, put into its queue.
-    void suffer(Queue& queue, Packet& packet, bool command, std::int64_t now_ns) HAPTIC_RT;
-    /// The oldest one if it is due, else nullptr; what was under way when the cable was pulled is gone.
+    /// Applies the active faults to one packet and queues the result.
+    void transmit(Queue& queue, Packet& packet, bool command, std::int64_t now_ns) HAPTIC_RT;
+    /// Removes the oldest packet if it is due, else returns nullptr. Packets in transit when the cable was unplugged
+    /// are discarded.
     const Packet* take(Queue& queue, std::int64_t now_ns) HAPTIC_RT;
     std::size_t random_bit(std::size_t bits) HAPTIC_RT;
 
     std::unique_ptr<Firmware> firmware_;
     const EmulatedDevice* device_;
     std::vector<Fault> faults_;
-    std::vector<std::int64_t> suffered_;  // packets, of each fault
+    std::vector<std::int64_t> affected_;  // number of packets that each fault has affected
     Queue commands_;
     Queue replies_;
     Packet packet_;

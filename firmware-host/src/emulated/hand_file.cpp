@@ -1,18 +1,18 @@
-#include <haptic/device/hand_file.hpp>
+#include "haptic/device/hand_file.hpp"
 
 #include <glm/geometric.hpp>
 #include <utility>
 #include <vector>
 
-#include <haptic/csv.hpp>
-#include <haptic/types.hpp>
+#include "haptic/csv.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::device {
 namespace {
 
 constexpr double kApproachS = 0.5;
-// What a string may be out by and still count as at the centre: well below an encoder count (17 um).
-constexpr double kAtCentre = 1e-6;  // m, rad
+// m, rad; tolerance of the centre, well below an encoder count (17 um).
+constexpr double kAtCentre = 1e-6;
 
 bool at_centre(const Pose& pose) {
     const Quat& q = pose.orientation;
@@ -28,6 +28,7 @@ PoseTrack hand_from_centre(const std::filesystem::path& file) {
     if (rows.empty() || at_centre(track.at(nanoseconds(rows.front())))) {
         return track;
     }
+    // Prepend the centre, kApproachS before the first row.
     std::vector<double> times_s{0.0};
     std::vector<Pose> poses{Pose{}};
     for (const double time_s : rows) {

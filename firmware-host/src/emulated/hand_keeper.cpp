@@ -1,18 +1,18 @@
 #include "emulated/hand_keeper.hpp"
 
-#include <haptic/device/digits.hpp>
+#include "haptic/device/dac_codes.hpp"
 
 namespace haptic::device {
 namespace {
 
-/// Whether every motor pulls at least as it does when its driver asks for the minimum.
+/// Whether every motor pulls at least with the DAC code of the minimum tension.
 bool all_taut(const EmulatedDevice& device) HAPTIC_RT {
-    const Variant& variant = device.variant();
+    const DeviceGeometry& geometry = device.geometry();
     const auto tensions = device.tensions();
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const double newtons_per_digit = variant.strings[i].newtons_per_digit;
-        const std::int16_t digit = digit_of_tension(variant.minimum_tension, newtons_per_digit);
-        if (tensions[i] < tension_of_digit(digit, newtons_per_digit)) {
+        const double newtons_per_code = geometry.strings[i].newtons_per_code;
+        const std::int16_t dac_code = dac_code_of_tension(geometry.minimum_tension, newtons_per_code);
+        if (tensions[i] < tension_of_dac_code(dac_code, newtons_per_code)) {
             return false;
         }
     }
@@ -32,6 +32,7 @@ bool all_slack(const EmulatedDevice& device) HAPTIC_RT {
 
 void HandKeeper::receive(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT {
     firmware_->receive(out, now_ns);
+    // Slack -> Taut -> (after the delay) Moving -> Slack.
     switch (state_) {
         case State::Slack:
             if (all_taut(*device_)) {

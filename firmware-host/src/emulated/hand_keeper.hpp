@@ -1,23 +1,23 @@
-// A hand that behaves as a person who uses a served board: it waits at the centre while the motors are slack or ramp
-// up, begins to move some time after all strings have come taut, and takes the grip back when they go slack again.
+// Hand keeper: makes the hand of a served board behave like a user. It waits at the centre while the motors are slack
+// or ramp up, starts to move some time after all strings are taut, and returns when they become slack again.
 //
-// A driver calibrates between the two. A board sees its packets only, not what the driver has done with them, so "some
-// time" has to be long enough for that.
+// A driver calibrates while the hand waits. A board only sees its packets and not the state of the driver, so the delay
+// must be long enough for the calibration.
 #pragma once
 
 #include <cstdint>
 
-#include <haptic/device/emulated_device.hpp>
 #include "emulated/firmware.hpp"
-#include <haptic/realtime.hpp>
+#include "haptic/device/emulated_device.hpp"
+#include "haptic/realtime.hpp"
 
 namespace haptic::device {
 
-/// Stands before a firmware and watches what its packets do to the motors.
+/// Decorator of a firmware that observes the effect of its packets on the motors.
 class HandKeeper final : public Firmware {
   public:
-    /// Both must outlive the keeper. The device's hand is to wait (Settings::hand_waits). `delay_ns` counts from the
-    /// first packet by which all motors carry the variant's minimum tension.
+    /// Both must outlive the keeper. The device's Settings::hand_waits must be set. `delay_ns` counts from the first
+    /// packet after which all motors carry the geometry's minimum tension.
     HandKeeper(Firmware& firmware, EmulatedDevice& device, std::int64_t delay_ns)
         : firmware_(&firmware), device_(&device), delay_ns_(delay_ns) {}
 

@@ -1,51 +1,52 @@
-// The grip's mechanics moved on to the caller's time in steps of a fixed length, and the hand's track with them.
+// Mechanical grip: integrates the grip's mechanics to the caller's time in steps of fixed length, along with the hand's
+// track.
 #pragma once
 
 #include <array>
 #include <cstdint>
 
-#include <haptic/device/grip_mechanics.hpp>
 #include "emulated/hand_motion.hpp"
-#include <haptic/device/variant.hpp>
-#include <haptic/realtime.hpp>
+#include "haptic/device/device_geometry.hpp"
+#include "haptic/device/grip_mechanics.hpp"
+#include "haptic/realtime.hpp"
 
 namespace haptic::device {
 
-/// The steps lie on a grid that begins at the first advance(); between the grid and the caller's time the state is
-/// carried on by its velocity. Whoever divides the same time into other advances gets the same bits.
+/// The steps lie on a time grid that starts at the first advance(). Between the last grid point and the caller's time
+/// the state is extrapolated with its velocity. The result is bit-identical however the same time is divided into
+/// advances.
 class MechanicalGrip {
   public:
-    /// What acts from the last advance() to this one.
+    /// Inputs from the last advance() to this one.
     struct Drive {
         std::array<double, kStrings> pull{};   // N, of the motors
         std::array<double, kStrings> slack{};  // m
         bool held = false;                     // the grip is held rigidly
     };
 
-    /// Steps that one advance() makes at most: 50 ms or less of time, about 0.3 ms of work. Before a longer interval
-    /// (the host was away) the hand carries grip and strings along to where it is by then; a free grip waits.
-    static constexpr std::int64_t kMostSteps = 1000;
+    /// Limit of the steps of one advance(): 50 ms of time or less, about 0.3 ms of work. If a longer interval passed
+    /// (the host was suspended), the hand first carries grip and strings along for the excess; a free grip waits.
+    static constexpr std::int64_t kMaxSteps = 1000;
 
-    /// At rest at a pose. Throws std::invalid_argument for mechanics that cannot be, or are too stiff to be followed in
-    /// steps of 5 us.
-    MechanicalGrip(const Variant& variant, const GripMechanics& mechanics, const Pose& start);
+    /// Starts at rest. Throws std::invalid_argument for invalid mechanics, or if they are too stiff for steps of 5 us.
+    MechanicalGrip(const DeviceGeometry& geometry, const GripMechanics& mechanics, const Pose& start);
 
-    /// `hand` has already moved on to now. Bounded by kMostSteps. Time that goes backwards changes nothing.
+    /// `hand` must already be at now_ns. Bounded by kMaxSteps. Time that goes backwards has no effect.
     void advance(std::int64_t now_ns, const Drive& drive, const HandMotion& hand) HAPTIC_RT;
 
-    /// At the time of the last advance().
+    /// State at the last advance().
     [[nodiscard]] const GripState& state() const HAPTIC_RT { return now_; }
     [[nodiscard]] const GripMechanics& mechanics() const HAPTIC_RT { return mechanics_; }
-    /// N, what the strings carry.
+    /// Tensions that the strings carry, N.
     [[nodiscard]] std::array<double, kStrings> tensions(const std::array<double, kStrings>& slack) const HAPTIC_RT;
-    /// ns, of one step: at most 50 us, a millisecond is a multiple of it.
+    /// Length of one step, ns: at most 50 us, a divisor of a millisecond.
     [[nodiscard]] std::int64_t step_ns() const HAPTIC_RT { return step_ns_; }
 
   private:
     void carry_over(std::int64_t gap_ns, std::int64_t now_ns, const Drive& drive, const HandMotion& hand) HAPTIC_RT;
     void extrapolate(double time_s) HAPTIC_RT;
 
-    Variant variant_;
+    DeviceGeometry geometry_;
     GripMechanics mechanics_;
     GripState grid_;  // at grid_ns_
     GripState now_;   // at the last advance

@@ -1,4 +1,4 @@
-// Answers that wait in an emulated board until the host fetches them.
+// Queue of replies that wait in an emulated board until the host fetches them.
 #pragma once
 
 #include <algorithm>
@@ -6,12 +6,12 @@
 #include <cstddef>
 #include <span>
 
-#include <haptic/realtime.hpp>
+#include "haptic/realtime.hpp"
 
 namespace haptic::device {
 
-/// Packets of a fixed length, oldest first. An EZ-USB bulk endpoint has room for four packets of 512 bytes at most; an
-/// answer that finds no room is lost, so that a host which fell behind sees old answers first, as at a real endpoint.
+/// Packets of a fixed length, oldest first. An EZ-USB bulk endpoint holds at most four packets of 512 bytes. A reply
+/// that does not fit is lost, so a host that fell behind receives old replies first, as from a real endpoint.
 template <std::size_t Bytes>
 class ReplyQueue {
   public:
@@ -25,7 +25,8 @@ class ReplyQueue {
         }
     }
 
-    /// Takes the oldest packet, or as much of it as there is room for: its length, 0 if none waits.
+    /// Removes the oldest packet and copies as much of it as fits. Returns the number of bytes, 0 if the queue is
+    /// empty.
     std::size_t pop(std::span<std::byte> in) HAPTIC_RT {
         if (count_ == 0) {
             return 0;

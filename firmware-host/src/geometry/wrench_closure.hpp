@@ -1,11 +1,12 @@
-// What eight strings that only pull can do to a grip: whether they can make every wrench, and how much of one.
+// Wrench closure: the wrenches that eight strings, which only pull, can exert on the grip.
 //
-// At a pose the tensions t make the wrench A^T t, A the wire matrix (8 x 6, row i is [u_i, r_i x u_i]: unit vector from
-// knot to motor, its moment about the grip's origin). Where A has rank 6, the tensions that make a wrench w are
-// t_w + N z, N (8 x 2) a basis of the tensions that cancel. All questions here are then linear programmes of three
-// unknowns with few constraints, solved exactly (to rounding) by trying each vertex. For the cold path.
+// At a pose, tensions t exert the wrench A^T t. A is the wire matrix (8 x 6); its row i is [u_i, r_i x u_i]: the unit
+// vector from knot to motor, and its moment about the grip's origin. If A has rank 6, the tensions of a wrench w are
+// t_w + N z, where the columns of N (8 x 2) span the null space of A^T, the tensions that cancel. Each question below
+// is then a linear programme with three unknowns and few constraints, solved exactly (to rounding) by enumerating its
+// vertices. For the cold path.
 // @source Roberts, Graham and Lippitt 1998, "On the inverse kinematics, statics, and fault tolerance of cable-suspended
-// robots", for wrench closure as positive tensions in the null space.
+// robots": wrench closure as positive tensions in the null space.
 #pragma once
 
 #include <array>
@@ -13,8 +14,8 @@
 #include <string>
 #include <vector>
 
-#include <haptic/device/variant.hpp>
-#include <haptic/types.hpp>
+#include "haptic/device/device_geometry.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::device {
 
@@ -23,21 +24,21 @@ using WrenchVector = std::array<double, 6>;
 
 struct WrenchClosure {
     bool determined = false;  // A has rank 6: the lengths determine the pose
-    // Of tensions that cancel, the least over the largest, at the best choice of them: 0..1. More than 0:
-    // wrench-closed, the strings make every wrench if only they may pull hard enough. 1: eight equal tensions cancel.
-    double evenness = 0.0;
-    // Signed axes of force and torque that no tensions make without another component: "+Fx", ... "-Tz". Empty if
+    // Largest ratio of smallest to largest tension over all tensions that cancel, 0..1. Positive: the pose is
+    // wrench-closed, the strings can exert every wrench if they may pull hard enough. 1: eight equal tensions cancel.
+    double tension_factor = 0.0;
+    // Signed axes of force and torque that no tensions exert without another component: "+Fx", ... "-Tz". Empty if
     // wrench-closed.
     std::vector<std::string> missing;
 
-    [[nodiscard]] bool closed() const { return evenness > 0.0; }
+    [[nodiscard]] bool closed() const { return tension_factor > 0.0; }
 };
 
-[[nodiscard]] WrenchClosure wrench_closure(const Variant& variant, const Pose& device_from_grip);
+[[nodiscard]] WrenchClosure wrench_closure(const DeviceGeometry& geometry, const Pose& device_from_grip);
 
-/// The largest factor on a wrench that tensions within the variant's bounds still make, exactly and with nothing beside
-/// it. Nothing if they make no multiple of it, zero included.
-[[nodiscard]] std::optional<double> wrench_reach(const Variant& variant, const Pose& device_from_grip,
+/// Largest factor of a wrench that tensions within the geometry's limits exert exactly, without any other component.
+/// Empty if no multiple of it is possible, zero included.
+[[nodiscard]] std::optional<double> wrench_reach(const DeviceGeometry& geometry, const Pose& device_from_grip,
                                                  const WrenchVector& direction);
 
 }  // namespace haptic::device

@@ -12,7 +12,7 @@
 #include <string>
 #include <utility>
 
-#include <haptic/device/board.hpp>
+#include "haptic/device/exchange_status.hpp"
 
 namespace haptic::device {
 namespace {
@@ -36,18 +36,17 @@ const char* remedy_of(int error) noexcept {
         case ENOENT:
         case ENXIO:
         case ENODEV:
-            return "is the adapter plugged in? `ls /dev/serial/by-id` names those that are";
+            return "is the adapter plugged in? `ls /dev/serial/by-id` lists the connected ones";
         case EACCES:
         case EPERM:
-            return "your user has to be a member of the group that owns it: `sudo usermod -aG dialout $USER`, then log "
-                   "in again";
+            return "your user must be in the group that owns it: `sudo usermod -aG dialout $USER`, then log in again";
         case EBUSY:
         case EWOULDBLOCK:
-            return "another process drives it: end that first";
+            return "it is in use by another process: end that process first";
         case ENOTTY:
-            return "it is no serial line";
+            return "it is not a serial line";
         default:
-            return "see `dmesg` for what the kernel says of it";
+            return "check the kernel's messages: `dmesg`";
     }
 }
 
@@ -55,7 +54,7 @@ const char* remedy_of(int error) noexcept {
     throw BoardError(path.string() + ": " + what + ": " + std::strerror(error) + "; " + remedy_of(error));
 }
 
-/// Closes what was opened, unless it is given away.
+/// Owns a descriptor until release().
 class Descriptor {
   public:
     explicit Descriptor(int value) noexcept : value_(value) {}
@@ -69,7 +68,7 @@ class Descriptor {
     int value_;
 };
 
-/// Adapters that hold bytes back until many have come are asked not to. Those that know nothing of it do not mind.
+/// Asks adapters that buffer input to deliver it immediately. Ignored by drivers without this option.
 void ask_for_low_latency(int descriptor) noexcept {
     serial_struct serial{};
     if (ioctl(descriptor, TIOCGSERIAL, &serial) == 0) {
@@ -93,8 +92,8 @@ void close_serial_line(int descriptor) noexcept {
 int open_serial_line(const std::filesystem::path& path, int baud) {
     const speed_t speed = speed_of(baud);
     if (speed == B0) {
-        throw BoardError(path.string() + ": no serial line runs at " + std::to_string(baud) +
-                         " bit/s; 2000000 is what the boards are made for");
+        throw BoardError(path.string() + ": unsupported baud rate " + std::to_string(baud) +
+                         " bit/s; the boards use 2000000");
     }
     Descriptor line(open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (line.get() < 0) {
@@ -104,24 +103,25 @@ int open_serial_line(const std::filesystem::path& path, int baud) {
     if (tcgetattr(line.get(), &wanted) != 0) {
         fail(path, "cannot be set up", errno);
     }
-    // Unlike TIOCEXCL it also keeps a second process of root's away, and ends with the process.
+    // flock, because TIOCEXCL does not exclude root and persists after the process.
     if (flock(line.get(), LOCK_EX | LOCK_NB) != 0) {
-        fail(path, "cannot be had alone", errno);
+        fail(path, "cannot be locked for exclusive use", errno);
     }
+    // Raw 8N1: no modem control, no flow control, receiver on.
     cfmakeraw(&wanted);
     wanted.c_cflag |= static_cast<tcflag_t>(CLOCAL | CREAD);
     wanted.c_cflag &= ~static_cast<tcflag_t>(CRTSCTS | CSTOPB | HUPCL);
     wanted.c_iflag &= ~static_cast<tcflag_t>(IXON | IXOFF | IXANY);
-    wanted.c_cc[VMIN] = 1;  // with 0 a read() of nothing could not be told from the end of the line
+    wanted.c_cc[VMIN] = 1;  // with 0, read() returns 0 both without input and after a hang-up
     wanted.c_cc[VTIME] = 0;
     if (cfsetspeed(&wanted, speed) != 0 || tcsetattr(line.get(), TCSANOW, &wanted) != 0) {
         fail(path, "cannot be set to raw mode at that speed", errno);
     }
-    // tcsetattr() is content if it could set anything at all.
+    // tcsetattr() succeeds if it could set any one attribute: read the rate back.
     termios got{};
     if (tcgetattr(line.get(), &got) != 0 || cfgetospeed(&got) != speed || cfgetispeed(&got) != speed) {
-        throw BoardError(path.string() + ": the line does not run at " + std::to_string(baud) +
-                         " bit/s; the adapter has to know that speed");
+        throw BoardError(path.string() + ": the adapter did not accept " + std::to_string(baud) +
+                         " bit/s; use an adapter that supports this rate");
     }
     ask_for_low_latency(line.get());
     return line.release();

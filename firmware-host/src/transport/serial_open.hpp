@@ -1,18 +1,18 @@
-// Opening and closing a serial line, which may allocate and wait.
+// Opens and closes a serial line. May allocate and block.
 #pragma once
 
 #include <filesystem>
 
 namespace haptic::device {
 
-/// A descriptor that does not block: raw, 8N1, without flow control, for nobody else. Throws BoardError that says what
-/// the system refuses and what to do.
+/// Returns a non-blocking descriptor: raw, 8N1, without flow control, exclusive. Throws BoardError with the system's
+/// refusal and a remedy.
 [[nodiscard]] int open_serial_line(const std::filesystem::path& path, int baud);
 
-/// Nothing for a negative descriptor.
+/// No effect for a negative descriptor.
 void close_serial_line(int descriptor) noexcept;
 
-/// The speeds that termios has a name for and that open_serial_line takes, bit/s.
+/// Whether open_serial_line() accepts a rate, bit/s: those that termios names.
 [[nodiscard]] bool is_serial_speed(int baud) noexcept;
 
 }  // namespace haptic::device

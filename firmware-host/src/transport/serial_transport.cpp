@@ -3,7 +3,7 @@
 #include <array>
 #include <utility>
 
-#include <haptic/clock.hpp>
+#include "haptic/clock.hpp"
 #include "transport/serial_line.hpp"
 #include "transport/serial_open.hpp"
 
@@ -11,15 +11,15 @@ namespace haptic::device {
 namespace {
 
 constexpr std::size_t kDiscardBytes = 256;
-// Reads that throw away what stood in the input; four of them are more than three exchanges bring.
+// Reads that discard old input; four hold more than the input of three exchanges.
 constexpr int kDiscardReads = 4;
 constexpr std::int64_t kSilenceNs = 20'000'000;
 constexpr std::int64_t kLongestDrainNs = 200'000'000;
 
 void discard_input(int descriptor) HAPTIC_RT {
-    std::array<std::byte, kDiscardBytes> thrown_away{};
+    std::array<std::byte, kDiscardBytes> discarded{};
     for (int k = 0; k < kDiscardReads; ++k) {
-        if (line_read(descriptor, thrown_away).bytes < thrown_away.size()) {
+        if (line_read(descriptor, discarded).bytes < discarded.size()) {
             return;
         }
     }
@@ -42,14 +42,15 @@ void SerialTransport::reopen() {
 ExchangeStatus SerialTransport::exchange(PacketExchange& packets, std::int64_t /*now_ns*/) HAPTIC_RT {
     const std::int64_t deadline_ns = monotonic_now_ns() + settings_.timeout_ns;
     packets.received = 0;
-    bool fresh = false;  // the input has been emptied
+    // Discard old input once, immediately before the first packet.
+    bool input_empty = false;
     for (const std::span<const std::byte> out : packets.out) {
         if (out.empty()) {
             continue;
         }
-        if (!fresh) {
+        if (!input_empty) {
             discard_input(descriptor_.load());
-            fresh = true;
+            input_empty = true;
         }
         const ExchangeStatus sent = send(out, deadline_ns);
         if (sent != ExchangeStatus::Ok) {
@@ -70,7 +71,7 @@ ExchangeStatus SerialTransport::send(std::span<const std::byte> out, std::int64_
         if (out.empty()) {
             break;
         }
-        // The kernel's buffer holds many exchanges: it is full only where the line does not move at all.
+        // The kernel's buffer holds many exchanges: it is full only if the line is stuck.
         const std::int64_t left_ns = deadline_ns - monotonic_now_ns();
         if (left_ns <= 0 || line_wait(descriptor, LineEvent::Room, left_ns) != LineState::Moved) {
             return ExchangeStatus::Timeout;
@@ -91,7 +92,7 @@ ExchangeStatus SerialTransport::receive(PacketExchange& packets, std::int64_t de
         if (packets.received == packets.in.size()) {
             break;
         }
-        // Each wait ends with at least a byte, or at the deadline: no more rounds than there are bytes.
+        // Each wait ends with at least one byte or at the deadline, which bounds the iterations by the bytes.
         const LineState waited = left_ns > 0 ? line_wait(descriptor, LineEvent::Input, left_ns) : LineState::Idle;
         if (waited == LineState::Gone) {
             return ExchangeStatus::Disconnected;

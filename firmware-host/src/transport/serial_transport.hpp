@@ -1,4 +1,4 @@
-// A serial line to UART motor boards: termios, raw, without flow control.
+// Serial transport: a serial line to UART motor boards. termios, raw, without flow control.
 #pragma once
 
 #include <atomic>
@@ -10,35 +10,32 @@
 
 namespace haptic::device {
 
-/// An exchange sends, then reads until as many bytes have come as there is room for, or the time is over; what came
-/// until then is Ok with its length, nothing at all Timeout. What stood in the input before it is thrown away. It makes
-/// a bounded number of system calls, none of which waits longer than the time that is left (serial_line.cpp). Time is
-/// the system's, whatever the caller's clock is.
+/// An exchange discards old input, sends, then reads until the reply buffer is full or the time limit is reached. A
+/// partial reply is Ok with its length; no reply is Timeout. The number of system calls is bounded, and none waits
+/// longer than the remaining time (serial_line.cpp). Times are CLOCK_MONOTONIC, not the caller's clock.
 ///
-/// Many USB adapters hold bytes back for up to 16 ms unless told otherwise; this asks for low latency where the driver
-/// knows of it.
+/// Many USB adapters delay input by up to 16 ms; low latency is requested if the driver supports it.
 class SerialTransport final : public Transport {
   public:
     struct Settings {
-        std::int64_t timeout_ns = 2'000'000;  // ns, from the beginning of an exchange to its end at the latest
-        int baud = 2'000'000;                 // bit/s, one of those that the kernel has a name for
+        std::int64_t timeout_ns = 2'000'000;  // ns, for a whole exchange
+        int baud = 2'000'000;                 // bit/s, one of the rates that the kernel names (Bxxx)
     };
 
-    /// Opens the line for nobody else. Throws BoardError that says what the system refuses and what to do.
+    /// Opens the line exclusively. Throws BoardError with the system's refusal and a remedy.
     SerialTransport(std::filesystem::path path, const Settings& settings);
     SerialTransport(const SerialTransport&) = delete;
     SerialTransport& operator=(const SerialTransport&) = delete;
     ~SerialTransport() override;
 
     ExchangeStatus exchange(PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT override;
-    /// One write() that does not wait: may be called in a signal handler, and while another thread is within
-    /// exchange().
+    /// One non-blocking write(). May be called in a signal handler, and while another thread is inside exchange().
     void send_last(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override;
-    /// Reads until nothing has come for 20 ms, for 0.2 s at most.
+    /// Reads until nothing has arrived for 20 ms, for at most 0.2 s.
     void drain() override;
 
-    /// Closes the line and opens it anew, as after its adapter was plugged in again; not while another thread
-    /// exchanges. Throws as the constructor does.
+    /// Closes the line and opens it again, for example after the adapter was reconnected. Must not run while another
+    /// thread exchanges. Throws as the constructor does.
     void reopen();
 
     [[nodiscard]] const std::filesystem::path& path() const noexcept { return path_; }
@@ -49,7 +46,7 @@ class SerialTransport final : public Transport {
 
     std::filesystem::path path_;
     Settings settings_;
-    std::atomic<int> descriptor_{-1};
+    std::atomic<int> descriptor_{-1};  // also read by signal handlers
 };
 
 }  // namespace haptic::device

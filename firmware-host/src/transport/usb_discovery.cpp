@@ -1,4 +1,4 @@
-#include <haptic/device/usb_discovery.hpp>
+#include "haptic/device/usb_discovery.hpp"
 
 #include <algorithm>
 #include <array>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr const char* kDevices = "/sys/bus/usb/devices";
 
-/// The number in a file of sysfs; nothing if the file went away with its device.
+/// Number in a sysfs file; empty if the file disappeared with its device.
 std::optional<unsigned> number_in(const std::filesystem::path& file, int base) {
     std::ifstream stream(file);
     std::string text;
@@ -24,12 +24,13 @@ std::optional<unsigned> number_in(const std::filesystem::path& file, int base) {
 }
 
 std::optional<UsbDevice> read_device(const std::filesystem::path& folder) {
+    // Device directories have these four files; interface directories do not.
     const auto vendor = number_in(folder / "idVendor", 16);
     const auto product = number_in(folder / "idProduct", 16);
     const auto bus = number_in(folder / "busnum", 10);
     const auto number = number_in(folder / "devnum", 10);
     if (!vendor || !product || !bus || !number) {
-        return std::nullopt;  // an interface ("1-2:1.0"), or a device that is going
+        return std::nullopt;  // an interface ("1-2:1.0"), or a device being removed
     }
     std::array<char, 64> node{};
     std::snprintf(node.data(), node.size(), "/dev/bus/usb/%03u/%03u", *bus, *number);
@@ -38,7 +39,7 @@ std::optional<UsbDevice> read_device(const std::filesystem::path& folder) {
                      node.data()};
 }
 
-std::optional<std::uint16_t> four_digits(std::string_view text) {
+std::optional<std::uint16_t> four_hex_digits(std::string_view text) {
     std::uint16_t number = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number, 16);
     if (text.size() != 4 || error != std::errc{} || end != text.data() + text.size()) {
@@ -63,8 +64,8 @@ std::optional<UsbId> parse_usb_id(std::string_view text) {
     if (text.size() != 9 || text[4] != ':') {
         return std::nullopt;
     }
-    const auto vendor = four_digits(text.substr(0, 4));
-    const auto product = four_digits(text.substr(5));
+    const auto vendor = four_hex_digits(text.substr(0, 4));
+    const auto product = four_hex_digits(text.substr(5));
     if (!vendor || !product) {
         return std::nullopt;
     }
@@ -110,13 +111,13 @@ std::string describe_absence(const std::vector<UsbDevice>& devices, const UsbSel
     std::string text = "no USB device " + to_string(selection.id) +
                        (selection.path.empty() ? std::string() : " at " + selection.path) + ". ";
     if (devices.empty()) {
-        return text + "There is no USB device at all: has this kernel USB (" + kDevices + ")?";
+        return text + "This machine has no USB device at all: does its kernel support USB (" + kDevices + ")?";
     }
-    text += "There are:";
+    text += "Connected devices:";
     for (const UsbDevice& device : devices) {
         text += "\n  " + to_string(device);
     }
-    return text + "\nCheck power and cable of the device; device.usb_id and device.usb_path choose another one";
+    return text + "\nCheck power and cable of the device; device.usb_id and device.usb_path select another one";
 }
 
 }  // namespace haptic::device

@@ -1,9 +1,9 @@
-// What an exchange over USB does: all of it within the tick. Opening and closing are in usb_transport.cpp.
+// USB exchange: the real-time half of UsbTransport, called by the tick. usb_transport.cpp opens and closes.
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 
-#include <haptic/clock.hpp>
+#include "haptic/clock.hpp"
 #include "transport/usb_link.hpp"
 #include "transport/usb_syscalls.hpp"
 
@@ -42,18 +42,18 @@ ExchangeStatus status_of_transfer(const libusb_transfer& transfer) HAPTIC_RT {
     return ExchangeStatus::Failed;
 }
 
-/// Of a transfer that still runs: not yet.
+/// Timeout for a transfer that has not ended.
 ExchangeStatus status_of(const UsbSlot& slot) HAPTIC_RT {
     return slot.submitted ? ExchangeStatus::Timeout : status_of_transfer(*slot.transfer);
 }
 
-/// Ended, and not well.
+/// The transfer has ended with an error.
 bool failed(const UsbSlot& slot) HAPTIC_RT {
     return !slot.submitted && slot.transfer->status != LIBUSB_TRANSFER_COMPLETED;
 }
 
-/// As if its transfer had ended well and carried nothing; one that still runs is left alone.
-void forget(UsbSlot& slot) HAPTIC_RT {
+/// Resets the result of the previous exchange to an empty success. A transfer in flight is left unchanged.
+void reset_result(UsbSlot& slot) HAPTIC_RT {
     if (!slot.submitted) {
         slot.transfer->status = LIBUSB_TRANSFER_COMPLETED;
         slot.transfer->length = 0;
@@ -71,18 +71,21 @@ ExchangeStatus submit(UsbSlot& slot, std::size_t length) HAPTIC_RT {
 }  // namespace
 
 void UsbTransport::Link::start_clearing() HAPTIC_RT {
+    // Relaxed: the release store of `clearing` and the semaphore publish these flags to the thread.
     stalled[0].store(failed(out[0]) || failed(out[1]), std::memory_order_relaxed);
     stalled[1].store(failed(in), std::memory_order_relaxed);
+    // Release: a thread that sees `clearing` set also sees the flags above.
     clearing.store(true, std::memory_order_release);
-    usb::wake(to_clear);
+    usb::wake(clear_request);
 }
 
 void UsbTransport::handle_until(std::int64_t deadline_ns) HAPTIC_RT {
     Link& link = *link_;
     while (true) {
-        usb::take_ended(link.context);
-        const bool over = failed(link.in) || failed(link.out[0]) || failed(link.out[1]);
-        if (!link.busy() || over || monotonic_now_ns() >= deadline_ns) {
+        usb::reap_transfers(link.context);
+        // One failed transfer decides the exchange: do not wait for the others.
+        const bool any_failed = failed(link.in) || failed(link.out[0]) || failed(link.out[1]);
+        if (!link.busy() || any_failed || monotonic_now_ns() >= deadline_ns) {
             return;
         }
         usb::wait_for_transfer(link.node, deadline_ns);
@@ -91,12 +94,13 @@ void UsbTransport::handle_until(std::int64_t deadline_ns) HAPTIC_RT {
 
 ExchangeStatus UsbTransport::submit_all(const PacketExchange& packets) HAPTIC_RT {
     Link& link = *link_;
-    // An IN that is still submitted, because its answer never came, serves this exchange.
+    // IN first. An IN transfer whose reply never came is still submitted and serves this exchange.
     if (!packets.in.empty() && !link.in.submitted) {
         if (const ExchangeStatus status = submit(link.in, kUsbBufferBytes); status != ExchangeStatus::Ok) {
             return status;
         }
     }
+    // Then the OUT transfers, from our own buffers: the caller's may be gone before a late transfer ends.
     for (std::size_t i = 0; i < packets.out.size(); ++i) {
         const std::span<const std::byte> out = packets.out[i];
         if (out.empty()) {
@@ -115,6 +119,7 @@ ExchangeStatus UsbTransport::submit_all(const PacketExchange& packets) HAPTIC_RT
 
 ExchangeStatus UsbTransport::outcome(PacketExchange& packets) HAPTIC_RT {
     Link& link = *link_;
+    // Every OUT transfer must have carried its whole packet.
     for (const UsbSlot& slot : link.out) {
         const ExchangeStatus status = status_of(slot);
         if (status != ExchangeStatus::Ok) {
@@ -127,6 +132,7 @@ ExchangeStatus UsbTransport::outcome(PacketExchange& packets) HAPTIC_RT {
     if (packets.in.empty()) {
         return ExchangeStatus::Ok;
     }
+    // IN: a reply longer than the caller's buffer is of the wrong length.
     const ExchangeStatus status = status_of(link.in);
     if (status != ExchangeStatus::Ok) {
         return status;
@@ -146,22 +152,26 @@ ExchangeStatus UsbTransport::exchange(PacketExchange& packets, std::int64_t /*no
         return ExchangeStatus::Disconnected;
     }
     Link& link = *link_;
+    // Acquire: pairs with the thread's release store after it cleared the halts.
     if (link.clearing.load(std::memory_order_acquire)) {
         return ExchangeStatus::Stalled;
     }
     const std::int64_t deadline_ns = monotonic_now_ns() + settings_.timeout_ns;
-    // What the last exchange left: a late answer is thrown away, and no command overtakes one that is still on its way.
-    usb::take_ended(link.context);
+    // Finish the previous exchange: discard a late reply, and wait for OUT transfers in flight, so that no command
+    // overtakes another.
+    usb::reap_transfers(link.context);
     while ((link.out[0].submitted || link.out[1].submitted) && monotonic_now_ns() < deadline_ns) {
         usb::wait_for_transfer(link.node, deadline_ns);
-        usb::take_ended(link.context);
+        usb::reap_transfers(link.context);
     }
     if (link.out[0].submitted || link.out[1].submitted) {
         return ExchangeStatus::Timeout;
     }
-    forget(link.in);
-    forget(link.out[0]);
-    forget(link.out[1]);
+
+    // Submit, wait until all transfers have ended or the deadline is reached, and evaluate the results.
+    reset_result(link.in);
+    reset_result(link.out[0]);
+    reset_result(link.out[1]);
     ExchangeStatus status = submit_all(packets);
     if (status == ExchangeStatus::Ok) {
         handle_until(deadline_ns);
@@ -176,6 +186,7 @@ ExchangeStatus UsbTransport::exchange(PacketExchange& packets, std::int64_t /*no
 }
 
 void UsbTransport::send_last(std::span<const std::byte> out, std::int64_t /*now_ns*/) HAPTIC_RT {
+    // Acquire: pairs with the release in open(), after which the node is ready for use.
     const int node = node_.load(std::memory_order_acquire);
     if (node < 0) {
         return;

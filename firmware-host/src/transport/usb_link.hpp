@@ -1,4 +1,4 @@
-// What a UsbTransport has of an open device.
+// Link: the resources of an open USB device: libusb handles, transfers, buffers, and the thread that clears halts.
 #pragma once
 
 #include <libusb.h>
@@ -13,15 +13,14 @@
 
 namespace haptic::device {
 
-/// The longest packet of a known board. Also the packet size of a high-speed bulk endpoint, so that no answer
-/// overflows.
+/// Longest packet of a known board. Equal to the packet size of a high-speed bulk endpoint, so that no reply overflows.
 inline constexpr std::size_t kUsbBufferBytes = 512;
 
-/// One transfer with its buffer, used again and again. It lies still, because libusb keeps pointers to it.
+/// One reusable transfer with its buffer. Its address is fixed, because libusb keeps pointers to it.
 struct UsbSlot {
     libusb_transfer* transfer = nullptr;
     std::array<unsigned char, kUsbBufferBytes> buffer{};
-    bool submitted = false;  // and has not ended
+    bool submitted = false;  // and not ended
 };
 
 struct UsbTransport::Link {
@@ -36,21 +35,22 @@ struct UsbTransport::Link {
     UsbSlot in;
     std::array<UsbSlot, 2> out;
 
-    bool lost = false;                  // the kernel said that there is no device any more
-    std::atomic<bool> clearing{false};  // set by an exchange, reset by the thread below
+    bool lost = false;                  // the kernel reported that the device is gone
+    std::atomic<bool> clearing{false};  // set by an exchange, reset by halt_clearer
 
     void start_clearing() HAPTIC_RT;
 
-    /// Clears halts when it is told to: libusb_clear_halt() waits for a control transfer, which only the kernel bounds.
-    std::thread clearer;
-    sem_t to_clear{};
+    /// Clears halts on request. libusb_clear_halt() waits for a control transfer, which only the kernel bounds, so that
+    /// an exchange must not call it.
+    std::thread halt_clearer;
+    sem_t clear_request{};
     std::array<std::atomic<bool>, 2> stalled{};  // OUT, IN
     std::atomic<bool> ending{false};
 
     [[nodiscard]] std::array<UsbSlot*, 3> slots() noexcept { return {&in, &out[0], &out[1]}; }
     [[nodiscard]] bool busy() const HAPTIC_RT { return in.submitted || out[0].submitted || out[1].submitted; }
-    /// Cancels what is submitted and waits for its end, at most so long. False if something did not end.
-    bool settle(std::int64_t at_most_ns) noexcept;
+    /// Cancels all submitted transfers and waits until they end. False if one has not ended after `max_wait_ns`.
+    bool cancel_all(std::int64_t max_wait_ns) noexcept;
 };
 
 }  // namespace haptic::device

@@ -9,8 +9,8 @@
 #include <cstddef>
 #include <ctime>
 
-#include <haptic/clock.hpp>
-#include <haptic/types.hpp>
+#include "haptic/clock.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::device::usb {
 namespace {
@@ -23,8 +23,7 @@ int submit(libusb_transfer* transfer) HAPTIC_RT {
     int result = 0;
     HAPTIC_RT_EXCEPTION_BEGIN(
         "USBDEVFS_SUBMITURB queues and returns. libusb allocates one URB (56 bytes) and takes locks that no other "
-        "thread "
-        "of ours takes; part of the exchange, whose bound is device.usb_timeout_s")
+        "thread of this process takes; part of the exchange, whose bound is device.usb_timeout_s")
     result = libusb_submit_transfer(transfer);
     HAPTIC_RT_EXCEPTION_END
     return result;
@@ -35,18 +34,18 @@ void wait_for_transfer(int node, std::int64_t deadline_ns) HAPTIC_RT {
     const timespec left{left_ns / kNanosecondsPerSecond, left_ns % kNanosecondsPerSecond};
     pollfd ended{node, POLLOUT, 0};
     HAPTIC_RT_EXCEPTION_BEGIN(
-        "waiting is the purpose; it ends at the deadline, which is device.usb_timeout_s after the exchange began. A "
-        "signal ends it early, and the caller waits again for what is left")
-    // libusb's own wait counts in whole milliseconds.
+        "waiting is the purpose; it ends at the deadline, device.usb_timeout_s after the start of the exchange. A "
+        "signal ends it early, and the caller waits again for the remaining time")
+    // ppoll instead of libusb's wait, which has a resolution of milliseconds.
     static_cast<void>(ppoll(&ended, 1, &left, nullptr));
     HAPTIC_RT_EXCEPTION_END
 }
 
-void take_ended(libusb_context* context) HAPTIC_RT {
+void reap_transfers(libusb_context* context) HAPTIC_RT {
     timeval none{0, 0};
     HAPTIC_RT_EXCEPTION_BEGIN(
-        "USBDEVFS_REAPURBNDELAY for each transfer that has ended, three at most, and once more to find that there is "
-        "none; libusb frees their URBs. The poll within does not wait")
+        "USBDEVFS_REAPURBNDELAY for each ended transfer, at most three, and once more to find no other; libusb frees "
+        "their URBs. Its poll does not wait")
     static_cast<void>(libusb_handle_events_timeout_completed(context, &none, nullptr));
     HAPTIC_RT_EXCEPTION_END
 }
@@ -64,7 +63,7 @@ int send_now(int node, unsigned char endpoint, std::span<const std::byte> out) H
     bulk.timeout = kSendTimeoutMs;
     bulk.data = const_cast<std::byte*>(out.data());  // the kernel only reads it
     int error = 0;
-    HAPTIC_RT_EXCEPTION_BEGIN("the kernel gives up after 20 ms; never called by a tick, only on the way out")
+    HAPTIC_RT_EXCEPTION_BEGIN("the kernel gives up after 20 ms; called only on exit paths, never by a tick")
     error = ioctl(node, USBDEVFS_BULK, &bulk) < 0 ? errno : 0;
     HAPTIC_RT_EXCEPTION_END
     return error;
@@ -72,7 +71,7 @@ int send_now(int node, unsigned char endpoint, std::span<const std::byte> out) H
 
 void clear_halt_now(int node, unsigned char endpoint) HAPTIC_RT {
     unsigned number = endpoint;
-    HAPTIC_RT_EXCEPTION_BEGIN("one control transfer, after 5 s given up by the kernel; only on the way out")
+    HAPTIC_RT_EXCEPTION_BEGIN("one control transfer, at most 5 s in the kernel; called only on exit paths")
     static_cast<void>(ioctl(node, USBDEVFS_CLEAR_HALT, &number));
     HAPTIC_RT_EXCEPTION_END
 }

@@ -1,4 +1,4 @@
-// Every call out of this process that a USB exchange makes: libusb's, and the kernel's own where libusb's would lock.
+// System calls of a USB exchange: through libusb, or directly to the kernel where libusb would take a lock.
 #pragma once
 
 #include <libusb.h>
@@ -7,26 +7,26 @@
 #include <cstdint>
 #include <span>
 
-#include <haptic/realtime.hpp>
+#include "haptic/realtime.hpp"
 
 namespace haptic::device::usb {
 
-/// 0, or one of libusb_error.
+/// Returns 0 or a libusb_error.
 [[nodiscard]] int submit(libusb_transfer* transfer) HAPTIC_RT;
 
-/// Sleeps until a transfer of this node has ended, or until an instant of CLOCK_MONOTONIC.
+/// Sleeps until a transfer of this node has ended, or until the deadline (CLOCK_MONOTONIC).
 void wait_for_transfer(int node, std::int64_t deadline_ns) HAPTIC_RT;
 
-/// Takes the transfers that have ended, and calls their callbacks; waits for none.
-void take_ended(libusb_context* context) HAPTIC_RT;
+/// Reaps the transfers that have ended and calls their callbacks. Does not wait.
+void reap_transfers(libusb_context* context) HAPTIC_RT;
 
-/// Wakes the thread that waits for it.
+/// Wakes the thread that waits on the semaphore.
 void wake(sem_t& semaphore) HAPTIC_RT;
 
-/// Sends a packet to an endpoint by one system call that waits for the board to take it. 0, or the error.
+/// Sends a packet to an endpoint with one system call that waits until the board accepts it. Returns 0 or an errno.
 int send_now(int node, unsigned char endpoint, std::span<const std::byte> out) HAPTIC_RT;
 
-/// Lets a stalled endpoint go on.
+/// Clears the halt of a stalled endpoint.
 void clear_halt_now(int node, unsigned char endpoint) HAPTIC_RT;
 
 }  // namespace haptic::device::usb

@@ -1,4 +1,4 @@
-// Opening, draining and closing a USB device: the cold half of UsbTransport.
+// USB transport, cold half: opens, drains and closes a device. usb_exchange.cpp holds the real-time half.
 #include "transport/usb_transport.hpp"
 
 #include <fcntl.h>
@@ -12,7 +12,7 @@
 #include <cstring>
 #include <system_error>
 
-#include <haptic/clock.hpp>
+#include "haptic/clock.hpp"
 #include "transport/usb_link.hpp"
 #include "transport/usb_syscalls.hpp"
 
@@ -21,8 +21,8 @@ namespace {
 
 constexpr int kInterface = 0;
 constexpr unsigned kDrainMs = 10;
-constexpr int kMostStalePackets = 64;
-constexpr std::int64_t kSettleNs = 1'000'000'000;
+constexpr int kMaxStalePackets = 64;
+constexpr std::int64_t kCancelNs = 1'000'000'000;
 
 std::string hex(unsigned value) {
     std::array<char, 16> text{};
@@ -48,13 +48,13 @@ int open_node(const std::filesystem::path& node) {
     const int error = errno;
     if (error == EACCES || error == EPERM) {
         fail(node,
-             "this user may not open it. Install the udev rule 70-spidar-g6.rules into /etc/udev/rules.d, run "
-             "'sudo udevadm control --reload && sudo udevadm trigger', and plug the device in again");
+             "permission denied for this user. Install the udev rule 70-spidar-g6.rules into /etc/udev/rules.d, run "
+             "'sudo udevadm control --reload && sudo udevadm trigger', and reconnect the device");
     }
     fail(node, "cannot be opened: " + std::system_category().message(error));
 }
 
-/// The bulk endpoints of the boards, or a message that lists what is there instead.
+/// Refuses a device without the boards' bulk endpoints, with a list of those that it has.
 void check_endpoints(libusb_device* device, const std::filesystem::path& node) {
     libusb_config_descriptor* config = nullptr;
     require(libusb_get_active_config_descriptor(device, &config), node, "has no active configuration");
@@ -74,7 +74,7 @@ void check_endpoints(libusb_device* device, const std::filesystem::path& node) {
     libusb_free_config_descriptor(config);
     if (!has_out || !has_in) {
         fail(node,
-             "is no board that this driver knows: it needs the bulk endpoints 0x02 and 0x86 in interface 0, and "
+             "is not a board known to this driver: the bulk endpoints 0x02 and 0x86 are required in interface 0, it "
              "has " +
                  (found.empty() ? "none" : found));
     }
@@ -89,7 +89,7 @@ void allocate(UsbSlot& slot, libusb_device_handle* handle, unsigned char endpoin
     if (slot.transfer == nullptr) {
         throw std::bad_alloc();
     }
-    // No time-out of libusb's own: it would cancel, and arm a timer for each transfer.
+    // Without a libusb time-out, which would arm a timer for each transfer and cancel it.
     libusb_fill_bulk_transfer(slot.transfer, handle, endpoint, slot.buffer.data(), static_cast<int>(slot.buffer.size()),
                               &on_transfer_ended, &slot, 0);
 }
@@ -98,7 +98,7 @@ void claim(libusb_device_handle* handle, const std::filesystem::path& node) {
     libusb_set_auto_detach_kernel_driver(handle, 1);
     const int result = libusb_claim_interface(handle, kInterface);
     if (result == LIBUSB_ERROR_BUSY) {
-        fail(node, "another program drives it already. End that program, or choose another device");
+        fail(node, "in use by another program. End that program, or select another device");
     }
     require(result, node, "its interface cannot be claimed");
 }
@@ -106,19 +106,19 @@ void claim(libusb_device_handle* handle, const std::filesystem::path& node) {
 }  // namespace
 
 UsbTransport::Link::~Link() {
-    if (clearer.joinable()) {
+    if (halt_clearer.joinable()) {
         ending.store(true);
-        sem_post(&to_clear);
-        clearer.join();
-        sem_destroy(&to_clear);
+        sem_post(&clear_request);
+        halt_clearer.join();
+        sem_destroy(&clear_request);
     }
     if (handle != nullptr) {
-        settle(kSettleNs);
+        cancel_all(kCancelNs);
         libusb_release_interface(handle, kInterface);
         libusb_close(handle);
     }
     if (node >= 0) {
-        ::close(node);  // the kernel ends what did not settle, so that nothing writes to the buffers any more
+        ::close(node);  // the kernel then ends the remaining transfers: nothing writes to the buffers
     }
     for (const UsbSlot* const slot : slots()) {
         libusb_free_transfer(slot->transfer);
@@ -128,13 +128,13 @@ UsbTransport::Link::~Link() {
     }
 }
 
-bool UsbTransport::Link::settle(std::int64_t at_most_ns) noexcept {
+bool UsbTransport::Link::cancel_all(std::int64_t max_wait_ns) noexcept {
     for (const UsbSlot* const slot : slots()) {
         if (slot->submitted) {
             libusb_cancel_transfer(slot->transfer);
         }
     }
-    const std::int64_t end_ns = monotonic_now_ns() + at_most_ns;
+    const std::int64_t end_ns = monotonic_now_ns() + max_wait_ns;
     while (busy() && monotonic_now_ns() < end_ns) {
         timeval wait{0, 10'000};
         libusb_handle_events_timeout_completed(context, &wait, nullptr);
@@ -156,33 +156,36 @@ void UsbTransport::open(const std::filesystem::path& path) {
     close();
     auto link = std::make_unique<Link>();
     link->node = open_node(path);
-    // The device is found without libusb, which would otherwise look for devices in a thread of its own, for ever.
+    // We discover devices ourselves; libusb would run a permanent thread for that.
     libusb_set_option(nullptr, LIBUSB_OPTION_NO_DEVICE_DISCOVERY);
-    require(libusb_init(&link->context), path, "libusb does not start");
+    require(libusb_init(&link->context), path, "libusb cannot be initialised");
     libusb_set_option(link->context, LIBUSB_OPTION_LOG_LEVEL, LIBUSB_LOG_LEVEL_NONE);
-    // A node of our own, so that send_last() needs nothing but its file descriptor.
-    require(libusb_wrap_sys_device(link->context, link->node, &link->handle), path, "libusb cannot take it");
+    // libusb wraps our own descriptor of the node, so that send_last() can use it without libusb.
+    require(libusb_wrap_sys_device(link->context, link->node, &link->handle), path, "libusb cannot open it");
     check_endpoints(libusb_get_device(link->handle), path);
     claim(link->handle, path);
     allocate(link->in, link->handle, kEndpointIn);
     allocate(link->out[0], link->handle, kEndpointOut);
     allocate(link->out[1], link->handle, kEndpointOut);
 
-    sem_init(&link->to_clear, 0, 0);
+    // Thread that clears halts on request.
+    sem_init(&link->clear_request, 0, 0);
     Link* const cleared = link.get();
-    link->clearer = std::thread([cleared] {
+    link->halt_clearer = std::thread([cleared] {
         while (true) {
-            while (sem_wait(&cleared->to_clear) != 0) {
+            while (sem_wait(&cleared->clear_request) != 0) {
             }
             if (cleared->ending.load()) {
                 return;
             }
+            // Relaxed: the semaphore orders these loads after the stores of start_clearing().
             if (cleared->stalled[0].load(std::memory_order_relaxed)) {
                 libusb_clear_halt(cleared->handle, kEndpointOut);
             }
             if (cleared->stalled[1].load(std::memory_order_relaxed)) {
                 libusb_clear_halt(cleared->handle, kEndpointIn);
             }
+            // Release: the next exchange starts only after both halts are cleared.
             cleared->clearing.store(false, std::memory_order_release);
         }
     });
@@ -193,6 +196,7 @@ void UsbTransport::open(const std::filesystem::path& path) {
         link_.reset();
         throw;
     }
+    // Release: send_last() in another thread or a signal handler now finds a usable node.
     node_.store(link_->node, std::memory_order_release);
 }
 
@@ -205,7 +209,7 @@ bool UsbTransport::reset() {
     if (link_ == nullptr) {
         return false;
     }
-    link_->settle(kSettleNs);
+    link_->cancel_all(kCancelNs);
     return libusb_reset_device(link_->handle) == 0;
 }
 
@@ -219,22 +223,23 @@ bool UsbTransport::gone() const noexcept {
 
 void UsbTransport::drain() {
     if (link_ == nullptr) {
-        throw UsbError("USB device: is not open");
+        throw UsbError("USB device: not open");
     }
     Link& link = *link_;
-    if (!link.settle(kSettleNs)) {
-        throw UsbError("USB device: a transfer cannot be cancelled. Unplug it and plug it in again");
+    if (!link.cancel_all(kCancelNs)) {
+        throw UsbError("USB device: a transfer cannot be cancelled. Reconnect the device");
     }
     while (link.clearing.load(std::memory_order_acquire)) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));  // the kernel bounds it
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));  // bounded by the kernel
     }
-    // As the vendor's driver does, and of IN only: a board that did not begin anew to count its packets, as it should,
-    // would lose the next command.
+    // Resets the data toggle, as the vendor's driver does. Only for IN: if the board does not reset its toggle of OUT
+    // as it should, it would lose the next command.
     if (libusb_clear_halt(link.handle, kEndpointIn) == LIBUSB_ERROR_NO_DEVICE) {
         link.lost = true;
-        throw UsbError("USB device: disconnected while it was opened");
+        throw UsbError("USB device: disconnected during opening");
     }
-    for (int i = 0; i < kMostStalePackets; ++i) {
+    // Read until the endpoint is silent for kDrainMs.
+    for (int i = 0; i < kMaxStalePackets; ++i) {
         int received = 0;
         const int result = libusb_bulk_transfer(link.handle, kEndpointIn, link.in.buffer.data(),
                                                 static_cast<int>(link.in.buffer.size()), &received, kDrainMs);
@@ -243,14 +248,14 @@ void UsbTransport::drain() {
         }
         if (result == LIBUSB_ERROR_NO_DEVICE) {
             link.lost = true;
-            throw UsbError("USB device: disconnected while it was opened");
+            throw UsbError("USB device: disconnected during opening");
         }
         if (result == LIBUSB_ERROR_PIPE) {
             libusb_clear_halt(link.handle, kEndpointIn);
         }
     }
-    throw UsbError("USB device: sends without being asked (" + std::to_string(kMostStalePackets) +
-                   " packets). Unplug it, and plug it in again");
+    throw UsbError("USB device: keeps sending unrequested packets (" + std::to_string(kMaxStalePackets) +
+                   "). Reconnect the device");
 }
 
 }  // namespace haptic::device

@@ -1,12 +1,12 @@
-// Bulk packets to a USB board through libusb.
+// USB transport: bulk packets to a USB board through libusb.
 //
-// One exchange submits the IN transfer first, then the OUT transfers, so that the answer is already awaited when the
-// command arrives, and then handles libusb's events until all have ended or the bound has passed. What has not ended by
-// then stays submitted, and the next exchange takes it up: cancelling a transfer makes the kernel wait for the host
-// controller, and that has no bound. An answer that came too late is thrown away there.
+// An exchange submits the IN transfer first and then the OUT transfers, so that the host is ready for the reply before
+// the board receives the command. It then handles libusb events until all transfers have ended or the time limit is
+// reached. A transfer that has not ended stays submitted and the next exchange continues with it, because cancelling
+// makes the kernel wait for the host controller without a bound. A late reply is discarded then.
 //
-// Transfers and buffers are allocated when the device is opened. libusb allocates all the same, on each submit; the
-// README counts it.
+// Transfers and buffers are allocated when the device is opened. libusb still allocates in each submit; the README
+// counts these allocations.
 #pragma once
 
 #include <atomic>
@@ -16,12 +16,12 @@
 #include <span>
 #include <string>
 
+#include "haptic/realtime.hpp"
 #include "transport/transport.hpp"
-#include <haptic/realtime.hpp>
 
 namespace haptic::device {
 
-/// What is wrong with a USB device, where, and what to do.
+/// A problem with a USB device: which device, what is wrong, and what to do.
 class UsbError : public BoardError {
   public:
     using BoardError::BoardError;
@@ -29,37 +29,39 @@ class UsbError : public BoardError {
 
 class UsbTransport final : public Transport {
   public:
-    // Of every known board: interface 0, alternate setting 0. @source Springhead DRCyUsb20Sh4.cpp (2012)
+    // The same on every known board: interface 0, alternate setting 0. @source Springhead DRCyUsb20Sh4.cpp (2012)
     static constexpr unsigned char kEndpointOut = 0x02;
     static constexpr unsigned char kEndpointIn = 0x86;
 
     struct Settings {
-        std::int64_t timeout_ns = 2'000'000;  // ns, from the beginning of an exchange to its end at the latest
+        std::int64_t timeout_ns = 2'000'000;  // ns, for a whole exchange
     };
 
-    /// Closed: each exchange() is Disconnected until open().
+    /// Closed: exchange() returns Disconnected until open().
     explicit UsbTransport(const Settings& settings);
     UsbTransport(const UsbTransport&) = delete;
     UsbTransport& operator=(const UsbTransport&) = delete;
     ~UsbTransport() override;
 
-    /// Opens a device node (/dev/bus/usb/BBB/DDD), checks its endpoints, takes interface 0 from whatever kernel driver
-    /// has it, and drains it. Throws UsbError; the transport is then closed. Not while another thread is within it.
+    /// Opens a device node (/dev/bus/usb/BBB/DDD), checks its endpoints, detaches any kernel driver from interface 0,
+    /// claims it and drains it. Throws UsbError and leaves the transport closed. Must not run while another thread is
+    /// inside a call of it.
     void open(const std::filesystem::path& node);
-    /// Ends every transfer and gives the device back. Blocks for a second at most, unless the kernel does for longer.
+    /// Cancels all transfers and releases the device. Blocks for at most a second, unless the kernel blocks longer.
     void close() noexcept;
-    /// Makes the device enumerate again where its endpoints do not answer. False if it has to be opened anew.
+    /// Resets the device if its endpoints do not respond. False if it must be opened again.
     bool reset();
-    /// Whether the device has gone, as the kernel sees it; for reports. True if it was never opened.
+    /// Whether the kernel no longer has the device; for reports. True if it was never opened.
     [[nodiscard]] bool gone() const noexcept;
 
-    /// Never longer than timeout_ns, its own work (some ten system calls) not counted. Time is the system's, not
-    /// now_ns. A stalled endpoint is cleared by a thread of the transport's; exchanges are Stalled until it is done.
+    /// Takes at most timeout_ns plus its own work of about ten system calls. The time is CLOCK_MONOTONIC, not now_ns. A
+    /// background thread clears a stalled endpoint; exchanges return Stalled until it has finished.
     ExchangeStatus exchange(PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT override;
-    /// One system call on the device node, without libusb and its locks: from any thread and from signal handlers. The
-    /// kernel waits for the board to take the packet, 20 ms at most. A stalled endpoint is cleared and tried once more.
+    /// One system call on the device node, without libusb and its locks: may be called from any thread and from signal
+    /// handlers. The kernel waits at most 20 ms for the board to accept the packet. A stalled endpoint is cleared and
+    /// the packet sent once more.
     void send_last(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override;
-    /// Clears a halt of IN, and reads until nothing comes for 10 ms. Throws UsbError if it does not end.
+    /// Clears a halt of IN, and reads until nothing arrives for 10 ms. Throws UsbError if the input does not end.
     void drain() override;
 
   private:

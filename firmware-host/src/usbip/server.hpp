@@ -1,4 +1,5 @@
-// Something that `firmware-host serve` runs: an emulated board's plug, be it USB over the network or a serial line.
+// Server: makes an emulated board available to other processes, over USB/IP or a pseudo terminal. `firmware-host serve`
+// runs one or more.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +11,11 @@ class Server {
   public:
     virtual ~Server() = default;
 
-    /// A file descriptor that is readable (poll's POLLIN) while there is something to do; an epoll instance is one.
+    /// File descriptor that is readable (POLLIN) while there is work; may be an epoll instance.
     [[nodiscard]] virtual int descriptor() const noexcept = 0;
-    /// When there will be something to do even if nothing arrives, on the caller's clock.
+    /// Time of the next work that does not depend on input, on the caller's clock; empty if none.
     [[nodiscard]] virtual std::optional<std::int64_t> due_ns() const = 0;
-    /// Does what there is to do, and waits for nothing.
+    /// Does the pending work without blocking.
     virtual void step(std::int64_t now_ns) = 0;
 };
 

@@ -6,7 +6,7 @@
 namespace haptic::device {
 namespace {
 
-// Chapter 9 of the USB 2.0 specification.
+// USB 2.0 specification, chapter 9: request fields (9.3), request codes (9.4), descriptor types (9.5).
 constexpr unsigned kDirectionIn = 0x80;
 constexpr unsigned kTypeMask = 0x60;  // 0: standard
 constexpr unsigned kRecipientMask = 0x1F;
@@ -35,7 +35,7 @@ constexpr std::uint8_t kOtherSpeed = 7;
 constexpr std::uint16_t kHaltFeature = 0;
 constexpr std::uint8_t kVendorSpecific = 0xFF;
 constexpr std::uint8_t kControlPacketBytes = 64;
-constexpr std::uint8_t kSelfPowered = 0xC0;  // motors need more than a bus gives
+constexpr std::uint8_t kSelfPowered = 0xC0;  // the motors need more power than the bus supplies
 constexpr std::uint8_t kHalfMilliamperes = 50;
 constexpr std::uint8_t kBulk = 2;
 constexpr std::uint16_t kFullSpeedPacketBytes = 64;
@@ -61,7 +61,7 @@ UsbDeviceModel::ControlResult done() {
     return {};
 }
 
-UsbDeviceModel::ControlResult answer(Bytes data, std::uint16_t length) {
+UsbDeviceModel::ControlResult reply_with(Bytes data, std::uint16_t length) {
     data.resize(std::min<std::size_t>(data.size(), length));
     return {.stalled = false, .data = std::move(data)};
 }
@@ -69,7 +69,7 @@ UsbDeviceModel::ControlResult answer(Bytes data, std::uint16_t length) {
 UsbDeviceModel::ControlResult status_word(unsigned word, std::uint16_t length) {
     Bytes data;
     put16(data, word);
-    return answer(std::move(data), length);
+    return reply_with(std::move(data), length);
 }
 
 void put_endpoint(Bytes& bytes, std::uint8_t address, std::uint16_t packet_bytes) {
@@ -78,7 +78,7 @@ void put_endpoint(Bytes& bytes, std::uint8_t address, std::uint16_t packet_bytes
     put8(bytes, address);
     put8(bytes, kBulk);
     put16(bytes, packet_bytes);
-    put8(bytes, 0);  // a bulk OUT of high speed: never asks for pauses
+    put8(bytes, 0);  // bInterval of a high-speed bulk OUT endpoint: never NAKs
 }
 
 }  // namespace
@@ -92,7 +92,8 @@ UsbIdentity usb_identity(BoardKind kind) {
         case BoardKind::Uart:
             break;
     }
-    throw std::invalid_argument("this variant's board has a serial line, no USB: it cannot be served with --usbip");
+    throw std::invalid_argument(
+        "this device geometry's board is on a serial line, not on USB: it cannot be served with --usbip");
 }
 
 SetupPacket decode_setup(std::span<const std::uint8_t, 8> bytes) noexcept {
@@ -115,6 +116,7 @@ bool UsbDeviceModel::usable(std::uint8_t endpoint) const noexcept {
 }
 
 Bytes UsbDeviceModel::device_descriptor() const {
+    // USB 2.0, table 9-8.
     Bytes bytes;
     put8(bytes, 18);
     put8(bytes, kDevice);
@@ -125,14 +127,15 @@ Bytes UsbDeviceModel::device_descriptor() const {
     put16(bytes, identity_.vendor);
     put16(bytes, identity_.product);
     put16(bytes, identity_.release);
-    put8(bytes, 1);  // manufacturer's string
-    put8(bytes, 2);  // product's
-    put8(bytes, 3);  // serial number's
-    put8(bytes, 1);  // configurations
+    put8(bytes, 1);  // string index of the manufacturer
+    put8(bytes, 2);  // of the product
+    put8(bytes, 3);  // of the serial number
+    put8(bytes, 1);  // number of configurations
     return bytes;
 }
 
 Bytes UsbDeviceModel::qualifier_descriptor() {
+    // USB 2.0, table 9-9: the device at the other speed.
     Bytes bytes;
     put8(bytes, 10);
     put8(bytes, kQualifier);
@@ -148,25 +151,28 @@ Bytes UsbDeviceModel::qualifier_descriptor() {
 Bytes UsbDeviceModel::configuration_descriptor(Speed speed) {
     const bool high = speed == Speed::High;
     const std::uint16_t packet_bytes = high ? static_cast<std::uint16_t>(kBulkPacketBytes) : kFullSpeedPacketBytes;
+    // Configuration descriptor, table 9-10. Its total length includes interface and endpoints.
     Bytes bytes;
     put8(bytes, 9);
     put8(bytes, high ? kConfiguration : kOtherSpeed);
     put16(bytes, 9 + 9 + 7 + 7);
-    put8(bytes, 1);  // interfaces
-    put8(bytes, 1);  // this configuration's number
+    put8(bytes, 1);  // number of interfaces
+    put8(bytes, 1);  // value of this configuration
     put8(bytes, 0);  // no string
     put8(bytes, kSelfPowered);
     put8(bytes, kHalfMilliamperes);
 
+    // Interface descriptor, table 9-12.
     put8(bytes, 9);
     put8(bytes, kInterface);
     put8(bytes, 0);  // number
     put8(bytes, 0);  // alternate setting
-    put8(bytes, 2);  // endpoints
+    put8(bytes, 2);  // number of endpoints
     put8(bytes, kVendorSpecific);
     put16(bytes, 0);
     put8(bytes, 0);  // no string
 
+    // Endpoint descriptors, table 9-13.
     put_endpoint(bytes, kEndpointOut, packet_bytes);
     put_endpoint(bytes, kEndpointIn, packet_bytes);
     return bytes;
@@ -189,6 +195,7 @@ Bytes UsbDeviceModel::string_descriptor(std::uint8_t index) const {
     if (index > texts.size()) {
         return {};
     }
+    // ASCII to UTF-16LE.
     for (const char c : std::string_view(*texts[index - 1U]).substr(0, kLongestString)) {
         put16(bytes, static_cast<unsigned char>(c));
     }
@@ -200,20 +207,20 @@ UsbDeviceModel::ControlResult UsbDeviceModel::descriptor(const SetupPacket& setu
     const auto index = static_cast<std::uint8_t>(setup.value & 0xFFU);
     if (type == kString) {
         Bytes text = string_descriptor(index);
-        return text.empty() ? stall() : answer(std::move(text), setup.length);
+        return text.empty() ? stall() : reply_with(std::move(text), setup.length);
     }
     if (index != 0) {
         return stall();
     }
     switch (type) {
         case kDevice:
-            return answer(device_descriptor(), setup.length);
+            return reply_with(device_descriptor(), setup.length);
         case kConfiguration:
-            return answer(configuration_descriptor(Speed::High), setup.length);
+            return reply_with(configuration_descriptor(Speed::High), setup.length);
         case kQualifier:
-            return answer(qualifier_descriptor(), setup.length);
+            return reply_with(qualifier_descriptor(), setup.length);
         case kOtherSpeed:
-            return answer(configuration_descriptor(Speed::Full), setup.length);
+            return reply_with(configuration_descriptor(Speed::Full), setup.length);
         default:
             return stall();
     }
@@ -224,19 +231,20 @@ UsbDeviceModel::ControlResult UsbDeviceModel::control_device(const SetupPacket& 
     if (in) {
         switch (setup.request) {
             case kGetStatus:
-                return status_word(1, setup.length);  // self-powered, wakes nobody
+                return status_word(1, setup.length);  // self-powered, no remote wakeup
             case kGetDescriptor:
                 return descriptor(setup);
             case kGetConfiguration:
-                return answer({static_cast<std::byte>(configuration_)}, setup.length);
+                return reply_with({static_cast<std::byte>(configuration_)}, setup.length);
             default:
                 return stall();
         }
     }
     switch (setup.request) {
         case kSetAddress:
-            return done();  // addresses are the exporting host's business
+            return done();  // the exporting host assigns addresses
         case kSetConfiguration:
+            // 0: back to the address state; 1: the only configuration. Both clear the halts (9.1.1.5).
             if (setup.value > 1) {
                 return stall();
             }
@@ -257,8 +265,9 @@ UsbDeviceModel::ControlResult UsbDeviceModel::control_interface(const SetupPacke
         return status_word(0, setup.length);
     }
     if (in && setup.request == kGetInterface) {
-        return answer({std::byte{0}}, setup.length);
+        return reply_with({std::byte{0}}, setup.length);
     }
+    // Selecting an alternate setting clears the halts of its endpoints (9.1.1.5).
     if (!in && setup.request == kSetInterface && setup.value == 0) {
         out_halted_ = false;
         in_halted_ = false;
@@ -276,7 +285,7 @@ bool* UsbDeviceModel::halt_of(std::uint16_t endpoint) noexcept {
 
 UsbDeviceModel::ControlResult UsbDeviceModel::control_endpoint(const SetupPacket& setup) {
     const bool in = (setup.request_type & kDirectionIn) != 0;
-    if ((setup.index & ~kDirectionIn) == 0) {  // endpoint 0 is never halted
+    if ((setup.index & ~kDirectionIn) == 0) {  // the control endpoint cannot be halted
         return in && setup.request == kGetStatus ? status_word(0, setup.length) : stall();
     }
     bool* halt = halt_of(setup.index);
@@ -295,7 +304,7 @@ UsbDeviceModel::ControlResult UsbDeviceModel::control_endpoint(const SetupPacket
 
 UsbDeviceModel::ControlResult UsbDeviceModel::control(const SetupPacket& setup) {
     if ((setup.request_type & kTypeMask) != 0) {
-        return stall();  // requests of a class or vendor: none
+        return stall();  // no class or vendor requests
     }
     switch (setup.request_type & kRecipientMask) {
         case kRecipientDevice:

@@ -1,8 +1,10 @@
-// The USB device that a board is: its descriptors and its answers on endpoint 0. Knows nothing of packets' meaning.
+// USB device model: the descriptors of a board and its replies to control requests on endpoint 0. It does not interpret
+// the board's packets.
 //
-// One configuration, one vendor-specific interface without alternates, bulk OUT 0x02 and bulk IN 0x86 of 512 bytes, as
-// the boards' host software uses them. Class codes, strings, release and power of the real boards are not known; here
-// they say that the device is emulated.
+// One configuration; one vendor-specific interface without alternate settings; bulk OUT 0x02 and bulk IN 0x86 of 512
+// bytes, as the boards' host software expects. Class codes, strings, release and power of the real boards are unknown;
+// the values here identify an emulated device.
+// @source Universal Serial Bus Specification 2.0, chapter 9.
 #pragma once
 
 #include <array>
@@ -14,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include <haptic/device/variant.hpp>
+#include "haptic/device/device_geometry.hpp"
 
 namespace haptic::device {
 
@@ -22,20 +24,20 @@ inline constexpr std::uint8_t kEndpointOut = 0x02;
 inline constexpr std::uint8_t kEndpointIn = 0x86;
 inline constexpr std::size_t kBulkPacketBytes = 512;
 
-/// What tells one USB device from another.
+/// Identifying fields of the descriptors.
 struct UsbIdentity {
     std::uint16_t vendor = 0;
     std::uint16_t product = 0;
     std::uint16_t release = 0;   // binary-coded decimal
-    std::string manufacturer{};  // these three ASCII, at most 126 characters
+    std::string manufacturer{};  // ASCII, at most 126 characters, as the two below
     std::string product_name{};
     std::string serial{};
 };
 
-/// Of a board with a USB plug. Throws std::invalid_argument for one without.
+/// Identity of a USB board. Throws std::invalid_argument for a board without USB.
 [[nodiscard]] UsbIdentity usb_identity(BoardKind kind);
 
-/// The eight bytes that begin a control transfer.
+/// Setup packet: the first eight bytes of a control transfer.
 struct SetupPacket {
     std::uint8_t request_type = 0;
     std::uint8_t request = 0;
@@ -44,32 +46,33 @@ struct SetupPacket {
     std::uint16_t length = 0;
 };
 
-/// Little-endian, as on the bus.
+/// Decodes the little-endian bytes of the bus.
 [[nodiscard]] SetupPacket decode_setup(std::span<const std::uint8_t, 8> bytes) noexcept;
 
 class UsbDeviceModel {
   public:
     explicit UsbDeviceModel(UsbIdentity identity) : identity_(std::move(identity)) {}
 
-    /// What a device is after it was plugged in and configured by the host that exports it.
+    /// Returns to the state of a newly connected device that the exporting host has configured: configuration 1, no
+    /// halts.
     void reset() noexcept;
 
     struct ControlResult {
-        bool stalled = false;           // the request is not one of this device's
-        std::vector<std::byte> data{};  // at most SetupPacket::length bytes; empty where nothing goes in
+        bool stalled = false;           // the request is not supported
+        std::vector<std::byte> data{};  // at most SetupPacket::length bytes; empty without an IN data stage
     };
-    /// Answers a request. Those that stall change nothing.
+    /// Handles a request. A request that stalls has no effect.
     [[nodiscard]] ControlResult control(const SetupPacket& setup);
 
-    /// Whether a bulk endpoint takes transfers: the device is configured and the endpoint not halted.
+    /// Whether a bulk endpoint accepts transfers: the device is configured and the endpoint is not halted.
     [[nodiscard]] bool usable(std::uint8_t endpoint) const noexcept;
 
     [[nodiscard]] std::vector<std::byte> device_descriptor() const;
     [[nodiscard]] static std::vector<std::byte> qualifier_descriptor();
-    /// With interface and endpoints. At full speed, which this device is never used at, endpoints are of 64 bytes.
+    /// Configuration with its interface and endpoints. At full speed, which is never used, endpoints have 64 bytes.
     enum class Speed : std::uint8_t { Full, High };
     [[nodiscard]] static std::vector<std::byte> configuration_descriptor(Speed speed);
-    /// Language 0x0409; index 0 is the list of languages. Empty where there is none.
+    /// Index 0: the list of languages, only 0x0409. Empty if there is no such string.
     [[nodiscard]] std::vector<std::byte> string_descriptor(std::uint8_t index) const;
 
     [[nodiscard]] const UsbIdentity& identity() const noexcept { return identity_; }

@@ -50,7 +50,7 @@ void put_zeros(std::vector<std::byte>& stream, std::size_t count) {
     stream.insert(stream.end(), count, std::byte{0});
 }
 
-/// A text in a field of fixed size, zeros behind it, at least one.
+/// Text in a field of fixed size, zero-padded and zero-terminated.
 void put_text(std::vector<std::byte>& stream, std::string_view text, std::size_t size) {
     const std::string_view kept = text.substr(0, size - 1);
     for (const char c : kept) {
@@ -82,7 +82,7 @@ void put_device(std::vector<std::byte>& stream, const DeviceRecord& device, std:
     put8(stream, static_cast<std::uint32_t>(interfaces));
 }
 
-/// A server's header names neither device, direction nor endpoint: a client knows its transfers by their sequence.
+/// Header of a reply. Device, direction and endpoint are zero: clients match replies by sequence number.
 void put_basic(std::vector<std::byte>& stream, std::uint32_t command, std::uint32_t sequence) {
     put32(stream, command);
     put32(stream, sequence);
@@ -112,7 +112,7 @@ std::string_view describe(Defect defect) noexcept {
         case Defect::Length:
             return "a transfer of more than 65536 bytes";
         case Defect::Isochronous:
-            return "an isochronous transfer, to a device that has none";
+            return "an isochronous transfer, which the device does not support";
     }
     return "an unknown defect";
 }
@@ -133,6 +133,7 @@ std::string decode_bus_id(std::span<const std::byte, kBusIdBytes> bytes) {
 }
 
 std::variant<Submit, Unlink, Defect> decode_urb(std::span<const std::byte, kUrbBytes> bytes) noexcept {
+    // Common header: command, sequence, device, direction, endpoint.
     const std::uint32_t command = load32(bytes, 0);
     const std::uint32_t sequence = load32(bytes, 4);
     const std::uint32_t device = load32(bytes, 8);
@@ -144,19 +145,21 @@ std::variant<Submit, Unlink, Defect> decode_urb(std::span<const std::byte, kUrbB
     if (command != kCommandSubmit) {
         return Defect::Command;
     }
+    // SUBMIT: validate every field that later code depends on.
     if (direction > kDirectionIn) {
         return Defect::Direction;
     }
     if (endpoint > kHighestEndpoint) {
         return Defect::Endpoint;
     }
-    Submit submit{.sequence = sequence,
-                  .device = device,
-                  .in = direction == kDirectionIn,
-                  .endpoint = static_cast<std::uint8_t>(endpoint),
-                  .flags = load32(bytes, 20),
-                  .length = load32(bytes, 24),  // signed in the protocol: a negative one is far beyond the bound
-                  .packets_field = load32(bytes, 32)};
+    Submit submit{
+        .sequence = sequence,
+        .device = device,
+        .in = direction == kDirectionIn,
+        .endpoint = static_cast<std::uint8_t>(endpoint),
+        .flags = load32(bytes, 20),
+        .length = load32(bytes, 24),  // signed in the protocol: as unsigned, a negative length exceeds the limit
+        .packets_field = load32(bytes, 32)};
     if (submit.length > kLongestTransfer) {
         return Defect::Length;
     }

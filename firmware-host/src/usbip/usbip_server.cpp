@@ -20,15 +20,15 @@ namespace haptic::device {
 namespace {
 
 constexpr std::size_t kReadBytes = 65536;
-// A client that lets more than this lie unread is not read from either, until it has caught up.
-constexpr std::size_t kMostUnsent = 262144;
+// Bytes; a client with more unread output is not read from until it has caught up.
+constexpr std::size_t kMaxUnsent = 262144;
 constexpr int kBacklog = 16;
 constexpr int kEventsAtOnce = 32;
-// s, after which a machine that vanished without a word has lost the device.
+// s; TCP keep-alive, so that a machine that disappeared without closing loses the device.
 constexpr int kKeepAliveIdle = 5;
 constexpr int kKeepAliveInterval = 1;
 constexpr int kKeepAliveCount = 5;
-constexpr unsigned kVanishedMs = 10'000;
+constexpr unsigned kUserTimeoutMs = 10'000;
 
 struct FreeAddresses {
     void operator()(addrinfo* list) const noexcept { freeaddrinfo(list); }
@@ -52,7 +52,7 @@ Addresses resolve(const NetworkAddress& address) {
     const int error = getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &list);
     if (error != 0) {
         throw std::invalid_argument("usbip: '" + address.host +
-                                    "' is no address of this machine: " + gai_strerror(error));
+                                    "' is not an address of this machine: " + gai_strerror(error));
     }
     return Addresses(list);
 }
@@ -66,18 +66,18 @@ NetworkAddress name_of(const sockaddr_storage& storage, socklen_t size) {
     if (getnameinfo(generic, size, host.data(), host.size(), service.data(), service.size(),
                     NI_NUMERICHOST | NI_NUMERICSERV) == 0) {
         name.host = host.data();
-        const std::string_view digits(service.data());
-        std::from_chars(digits.data(), digits.data() + digits.size(), name.port);
+        const std::string_view port(service.data());
+        std::from_chars(port.data(), port.data() + port.size(), name.port);
     }
     return name;
 }
 
 void set_option(int socket, int level, int name, unsigned value) {
-    // Each makes the service better and none is needed for it.
+    // Failure is ignored: these options are improvements, not requirements.
     static_cast<void>(setsockopt(socket, level, name, &value, sizeof value));
 }
 
-/// Listens on the first address of a list that can be had; -1 with errno of the last one.
+/// Listens on the first available address of a list. Returns -1 with the errno of the last one on failure.
 int listen_on(const addrinfo* list) {
     int socket = -1;
     for (const addrinfo* each = list; each != nullptr && socket < 0; each = each->ai_next) {
@@ -108,7 +108,7 @@ NetworkAddress parse_network_address(std::string_view text) {
         throw wrong("has no port");
     }
     std::string_view host = text.substr(0, colon);
-    const std::string_view digits = text.substr(colon + 1);
+    const std::string_view port = text.substr(colon + 1);
     if (host.starts_with('[') && host.ends_with(']')) {
         host = host.substr(1, host.size() - 2);
     } else if (host.find(':') != std::string_view::npos) {
@@ -118,8 +118,8 @@ NetworkAddress parse_network_address(std::string_view text) {
         throw wrong("has no host");
     }
     NetworkAddress address{std::string(host), 0};
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), address.port);
-    if (error != std::errc{} || end != digits.data() + digits.size()) {
+    const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), address.port);
+    if (error != std::errc{} || end != port.data() + port.size()) {
         throw wrong("has no port between 0 and 65535");
     }
     return address;
@@ -139,7 +139,7 @@ UsbipServer::UsbipServer(const NetworkAddress& address, BoardKind kind, Firmware
     listener_ = listen_on(list.get());
     epoll_event event{};
     event.events = EPOLLIN;
-    event.data.ptr = nullptr;  // the listener; a client's is its own
+    event.data.ptr = nullptr;  // nullptr: the listener; otherwise the Client
     if (listener_ < 0 || epoll_ctl(epoll_, EPOLL_CTL_ADD, listener_, &event) != 0) {
         const int error = errno;
         ::close(epoll_);
@@ -165,10 +165,10 @@ std::optional<std::int64_t> UsbipServer::due_ns() const {
     std::optional<std::int64_t> due;
     for (const Client& client : clients_) {
         if (client.session.waits_for_firmware()) {
-            due = std::min(due.value_or(INT64_MAX), now_ns_ + kAnswerPollNs);
+            due = std::min(due.value_or(INT64_MAX), now_ns_ + kReplyPollNs);
         }
         if (!client.imported) {
-            due = std::min(due.value_or(INT64_MAX), client.since_ns + kPatienceNs);
+            due = std::min(due.value_or(INT64_MAX), client.since_ns + kImportTimeoutNs);
         }
     }
     return due;
@@ -176,7 +176,8 @@ std::optional<std::int64_t> UsbipServer::due_ns() const {
 
 void UsbipServer::step(std::int64_t now_ns) {
     now_ns_ = now_ns;
-    look_at_cable(now_ns);
+    update_cable(now_ns);
+    // Accept and read.
     std::array<epoll_event, kEventsAtOnce> events{};
     const int count = epoll_wait(epoll_, events.data(), kEventsAtOnce, 0);
     for (int i = 0; i < count; ++i) {
@@ -187,12 +188,13 @@ void UsbipServer::step(std::int64_t now_ns) {
             read_from(*client, now_ns);
         }
     }
-    look_at_cable(now_ns);  // a packet may have been the one at which it is pulled
+    update_cable(now_ns);  // handling a packet may have unplugged it
+    // Complete, time out and write. `next` is taken first, because both may erase the client.
     for (auto client = clients_.begin(); client != clients_.end();) {
         const auto next = std::next(client);
-        client->session.fill(now_ns);
-        if (!client->imported && now_ns - client->since_ns >= kPatienceNs) {
-            close(client, client->session.ended() ? "did not read its answer" : "asked for nothing in 10 s");
+        client->session.complete_pending(now_ns);
+        if (!client->imported && now_ns - client->since_ns >= kImportTimeoutNs) {
+            close(client, client->session.ended() ? "did not read its reply" : "sent no request for 10 s");
         } else {
             write_to(client);
         }
@@ -210,20 +212,21 @@ void UsbipServer::accept_clients(std::int64_t now_ns) {
             if (errno == EINTR || errno == ECONNABORTED) {
                 continue;
             }
-            return;  // EAGAIN: no more of them. Out of descriptors: those that wait are taken later
+            return;  // EAGAIN: no more clients. Out of descriptors: they stay in the backlog
         }
         const std::string name = text_of(name_of(storage, size));
-        if (clients_.size() >= kMostClients) {
+        if (clients_.size() >= kMaxClients) {
             ::close(socket);
-            report_(name + " refused: there are " + std::to_string(kMostClients) + " clients already");
+            report_(name + " refused: " + std::to_string(kMaxClients) + " clients are connected already");
             continue;
         }
+        // No delay for small packets; detect a client that disappeared.
         set_option(socket, IPPROTO_TCP, TCP_NODELAY, 1);
         set_option(socket, SOL_SOCKET, SO_KEEPALIVE, 1);
         set_option(socket, IPPROTO_TCP, TCP_KEEPIDLE, kKeepAliveIdle);
         set_option(socket, IPPROTO_TCP, TCP_KEEPINTVL, kKeepAliveInterval);
         set_option(socket, IPPROTO_TCP, TCP_KEEPCNT, kKeepAliveCount);
-        set_option(socket, IPPROTO_TCP, TCP_USER_TIMEOUT, kVanishedMs);
+        set_option(socket, IPPROTO_TCP, TCP_USER_TIMEOUT, kUserTimeoutMs);
         Client& client = clients_.emplace_back(socket, name, now_ns, exported_);
         epoll_event event{};
         event.events = EPOLLIN;
@@ -274,7 +277,7 @@ void UsbipServer::write_to(std::list<Client>::iterator client) {
         sent += static_cast<std::size_t>(count);
     }
     output.erase(output.begin(), output.begin() + static_cast<std::ptrdiff_t>(sent));
-    // A client of which nothing can be understood any more is not waited for.
+    // An ended session is closed once its output is sent; one that owned the device immediately, to release the device.
     if (client->session.ended() && (output.empty() || client->imported)) {
         close(client, client->session.reason());
         return;
@@ -283,9 +286,10 @@ void UsbipServer::write_to(std::list<Client>::iterator client) {
 }
 
 void UsbipServer::watch(Client& client) {
+    // Back-pressure: stop reading while too much output is unsent.
     const std::size_t unsent = client.session.output().size();
     const bool wants_to_send = unsent > 0;
-    const bool reading = unsent < kMostUnsent && !client.session.ended();
+    const bool reading = unsent < kMaxUnsent && !client.session.ended();
     if (wants_to_send == client.wants_to_send && reading == client.reading) {
         return;
     }
@@ -298,7 +302,7 @@ void UsbipServer::watch(Client& client) {
 }
 
 void UsbipServer::close(std::list<Client>::iterator client, std::string_view reason) {
-    ::close(client->socket);  // which takes it out of the epoll instance too
+    ::close(client->socket);  // also removes it from the epoll instance
     std::string line = client->name;
     if (client->imported) {
         line += " has lost the device";
@@ -310,7 +314,7 @@ void UsbipServer::close(std::list<Client>::iterator client, std::string_view rea
     clients_.erase(client);
 }
 
-void UsbipServer::look_at_cable(std::int64_t now_ns) {
+void UsbipServer::update_cable(std::int64_t now_ns) {
     const bool plugged = firmware_->connected(now_ns);
     if (plugged == exported_.plugged) {
         return;

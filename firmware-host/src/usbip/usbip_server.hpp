@@ -1,9 +1,9 @@
-// Serves an emulated board over USB/IP (TCP), so that a Linux kernel with vhci-hcd gets a USB device that it cannot
-// tell from one with a cable.
+// USB/IP server: exports an emulated board over TCP. A Linux kernel with vhci-hcd attaches it as a USB device
+// indistinguishable from a real one.
 //
-// One thread, no waiting: sockets that do not block behind one epoll instance, stepped by the caller with the caller's
-// time. A client that sends rubbish, sends nothing, reads nothing or vanishes costs its own connection at most. The
-// protocol knows no passwords: whoever reaches the port has the device.
+// Single-threaded and non-blocking: non-blocking sockets behind one epoll instance, stepped by the caller with the
+// caller's time. A client that sends invalid data, sends nothing, reads nothing or disappears only loses its own
+// connection. The protocol has no authentication: every client that reaches the port can use the device.
 #pragma once
 
 #include <cstddef>
@@ -21,31 +21,31 @@
 
 namespace haptic::device {
 
-/// Where a server listens.
+/// Address that a server listens on.
 struct NetworkAddress {
     std::string host;
-    std::uint16_t port = 0;  // 0: any free one
+    std::uint16_t port = 0;  // 0: any free port
 };
 
-/// Of "ADDR:PORT" or "[ADDR]:PORT". Throws std::invalid_argument that says what is wrong.
+/// Parses "ADDR:PORT" or "[ADDR]:PORT". Throws std::invalid_argument with the reason.
 [[nodiscard]] NetworkAddress parse_network_address(std::string_view text);
 
 class UsbipServer final : public Server {
   public:
-    static constexpr std::size_t kMostClients = 16;
-    static constexpr std::int64_t kPatienceNs = 10'000'000'000;  // for a client that has not imported anything yet
-    static constexpr std::int64_t kAnswerPollNs = 250'000;  // how often a firmware is asked that has not answered yet
+    static constexpr std::size_t kMaxClients = 16;
+    static constexpr std::int64_t kImportTimeoutNs = 10'000'000'000;  // from connection to import
+    static constexpr std::int64_t kReplyPollNs = 250'000;  // poll interval of a firmware with pending transfers
 
     using Report = std::function<void(std::string_view)>;
 
-    /// Listens. The firmware must outlive the server; `report` is told a line about each client. Throws
-    /// std::system_error if the address cannot be had and std::invalid_argument for a board without a USB plug.
+    /// Starts to listen. The firmware must outlive the server. `report` receives a line about each client. Throws
+    /// std::system_error if the address is not available and std::invalid_argument for a board without USB.
     UsbipServer(const NetworkAddress& address, BoardKind kind, Firmware& firmware, Report report);
     UsbipServer(const UsbipServer&) = delete;
     UsbipServer& operator=(const UsbipServer&) = delete;
     ~UsbipServer() override;
 
-    /// Host and port where it listens really.
+    /// Actual host and port.
     [[nodiscard]] const NetworkAddress& address() const noexcept { return address_; }
 
     [[nodiscard]] int descriptor() const noexcept override { return epoll_; }
@@ -64,17 +64,18 @@ class UsbipServer final : public Server {
         std::int64_t since_ns;
         UsbipSession session;
         bool imported = false;
-        bool wants_to_send = false;  // as epoll was told
+        bool wants_to_send = false;  // as registered with epoll
         bool reading = true;
     };
 
-    /// Whether the firmware says that the cable is in. A client that has the device loses it when it is pulled.
-    void look_at_cable(std::int64_t now_ns);
+    /// Follows the firmware's cable: when it is unplugged, the client that has the device is disconnected.
+    void update_cable(std::int64_t now_ns);
     void accept_clients(std::int64_t now_ns);
     void read_from(Client& client, std::int64_t now_ns);
-    /// Sends what can be sent, and closes what has ended. The client may be gone afterwards.
+    /// Sends pending output and closes a session that has ended. Invalidates the client in that case.
     void write_to(std::list<Client>::iterator client);
     void close(std::list<Client>::iterator client, std::string_view reason);
+    /// Registers with epoll what the client waits for.
     void watch(Client& client);
 
     Report report_;
@@ -84,7 +85,7 @@ class UsbipServer final : public Server {
     int epoll_ = -1;
     int listener_ = -1;
     std::list<Client> clients_;
-    std::vector<std::byte> buffer_;  // what is received goes through it
+    std::vector<std::byte> buffer_;  // receive buffer
     std::int64_t now_ns_ = 0;
 };
 

@@ -29,7 +29,7 @@ usbip::DeviceRecord record_of(const UsbIdentity& identity) {
             .configurations = 1};
 }
 
-/// Printable characters of a foreign text.
+/// Quotes text from a client; unprintable characters become '?'.
 std::string quoted(const std::string& text) {
     std::string shown = "'";
     for (const char c : text) {
@@ -53,7 +53,7 @@ void UsbipSession::end(std::string reason) {
     reason_ = std::move(reason);
     ended_ = true;
     input_.clear();
-    waiting_.clear();
+    pending_.clear();
     if (owns_device()) {
         exported_->owner_ = nullptr;
     }
@@ -68,14 +68,16 @@ void UsbipSession::receive(std::span<const std::byte> bytes, std::int64_t now_ns
     if (ended_) {
         return;
     }
-    // The usual case, whole messages, is handled where it lies; what is left of the last one waits for its rest.
+    // Complete messages are handled in place, without a copy. An incomplete one is kept in input_ until its rest
+    // arrives.
     const bool joined = !input_.empty();
     if (joined) {
         input_.insert(input_.end(), bytes.begin(), bytes.end());
     }
-    std::vector<std::byte> kept;
-    kept.swap(input_);
-    std::span<const std::byte> rest = joined ? std::span<const std::byte>(kept) : bytes;
+    std::vector<std::byte> joined_input;
+    joined_input.swap(input_);
+    std::span<const std::byte> rest = joined ? std::span<const std::byte>(joined_input) : bytes;
+    // Handle message by message. 0 bytes used: the rest is incomplete.
     while (!rest.empty() && !ended_) {
         const std::size_t used = handle(rest, now_ns);
         if (used == 0) {
@@ -83,6 +85,7 @@ void UsbipSession::receive(std::span<const std::byte> bytes, std::int64_t now_ns
         }
         rest = rest.subspan(used);
     }
+    // Keep the incomplete rest.
     if (!ended_) {
         input_.assign(rest.begin(), rest.end());
     }
@@ -98,17 +101,20 @@ std::size_t UsbipSession::handle_operation(std::span<const std::byte> bytes) {
     }
     const usbip::OperationHeader header = usbip::decode_operation(bytes.first<usbip::kOperationBytes>());
     if (header.version != usbip::kVersion) {
-        end("not USB/IP of version 1.1.1");
+        end("not USB/IP version 1.1.1");
         return bytes.size();
     }
+    // List: one reply, then the connection ends.
     if (header.code == usbip::kRequestDeviceList) {
-        const bool available = exported_->plugged && exported_->owner_ == nullptr;  // others are not to be imported
+        const bool available =
+            exported_->plugged && exported_->owner_ == nullptr;  // a device in use cannot be imported
         usbip::append_device_list(output_, std::span(&exported_->record_, available ? 1U : 0U), kInterfaces);
         end("");
         return bytes.size();
     }
+    // Import: the bus id follows the header; from then on the connection carries URBs.
     if (header.code != usbip::kRequestImport) {
-        end("an operation that is neither a list nor an import");
+        end("an operation other than list or import");
         return bytes.size();
     }
     if (bytes.size() < kImportBytes) {
@@ -121,16 +127,19 @@ std::size_t UsbipSession::handle_operation(std::span<const std::byte> bytes) {
 void UsbipSession::import(const std::string& bus_id) {
     using usbip::OperationStatus;
     const usbip::DeviceRecord& record = exported_->record_;
+    // A refusal is a reply with a status, and ends the connection.
     if (!exported_->plugged || bus_id != record.bus_id) {
         usbip::append_import(output_, OperationStatus::NoDevice, record, 0);
-        end("asked for " + quoted(bus_id) + ", which is not here");
+        end("asked for " + quoted(bus_id) + ", which is not exported");
         return;
     }
+    // A device has one client at a time.
     if (exported_->owner_ != nullptr) {
         usbip::append_import(output_, OperationStatus::Busy, record, 0);
         end("refused: another client has the device");
         return;
     }
+    // Grant: the client sees a newly connected device.
     exported_->owner_ = this;
     exported_->model_.reset();
     usbip::append_import(output_, OperationStatus::Ok, record, kInterfaces.size());
@@ -140,6 +149,7 @@ std::size_t UsbipSession::handle_urb(std::span<const std::byte> bytes, std::int6
     if (bytes.size() < usbip::kUrbBytes) {
         return 0;
     }
+    // Every message begins with a header of fixed size: defect, unlink or submit.
     const auto message = usbip::decode_urb(bytes.first<usbip::kUrbBytes>());
     if (const auto* defect = std::get_if<usbip::Defect>(&message)) {
         end("sent " + std::string(usbip::describe(*defect)));
@@ -149,15 +159,18 @@ std::size_t UsbipSession::handle_urb(std::span<const std::byte> bytes, std::int6
         unlink(*unlinked);
         return usbip::kUrbBytes;
     }
+    // A transfer for the imported device.
     const auto& submit = std::get<usbip::Submit>(message);
     if (submit.device != usbip::device_id(exported_->record_)) {
         end("sent a transfer to a device that it has not imported");
         return bytes.size();
     }
+    // The data of an OUT transfer follows the header: wait until all of it has arrived.
     const std::size_t total = usbip::kUrbBytes + (submit.in ? 0 : submit.length);
     if (bytes.size() < total) {
         return 0;
     }
+    // Endpoint 0 is the control endpoint; the others are bulk endpoints.
     const std::span<const std::byte> data = bytes.subspan(usbip::kUrbBytes, total - usbip::kUrbBytes);
     if (submit.endpoint == 0) {
         submit_control(submit);
@@ -170,28 +183,34 @@ std::size_t UsbipSession::handle_urb(std::span<const std::byte> bytes, std::int6
 }
 
 void UsbipSession::submit_control(const usbip::Submit& submit) {
+    // The device model answers; a request that it does not know stalls the endpoint.
     const SetupPacket setup = decode_setup(submit.setup);
     UsbDeviceModel& model = exported_->model_;
     const UsbDeviceModel::ControlResult result = model.control(setup);
     const std::int32_t status = result.stalled ? usbip::kStalled : usbip::kOk;
     if (submit.in) {
+        // A reply is cut to the length that the client asked for.
         const std::size_t count = std::min<std::size_t>(result.data.size(), submit.length);
         usbip::append_in_reply(output_, submit, status, std::span(result.data).first(count));
     } else {
         usbip::append_out_reply(output_, submit, status, result.stalled ? 0 : submit.length);
     }
+    // A request may have halted IN or deconfigured the device.
     if (!model.usable(kEndpointIn)) {
-        fail_waiting(usbip::kStalled);
+        fail_pending(usbip::kStalled);
     }
 }
 
 void UsbipSession::submit_out(const usbip::Submit& submit, std::span<const std::byte> data, std::int64_t now_ns) {
+    // A halted endpoint stalls.
     if (!exported_->model_.usable(submit.endpoint)) {
         usbip::append_out_reply(output_, submit, usbip::kStalled, 0);
         return;
     }
+    // As on the bus, the OUT transfer completes before the IN transfers that its packets cause.
     const bool whole_packets = data.size() % kBulkPacketBytes == 0;
     usbip::append_out_reply(output_, submit, usbip::kOk, submit.length);
+    // Split into bus packets. A transfer of whole packets ends with an empty one only if kZeroPacket asks for it.
     for (std::span<const std::byte> rest = data; !rest.empty();) {
         const std::size_t count = std::min(rest.size(), kBulkPacketBytes);
         exported_->firmware_->receive(rest.first(count), now_ns);
@@ -200,7 +219,8 @@ void UsbipSession::submit_out(const usbip::Submit& submit, std::span<const std::
     if (data.empty() || (whole_packets && (submit.flags & usbip::kZeroPacket) != 0)) {
         exported_->firmware_->receive({}, now_ns);
     }
-    fill(now_ns);
+    // The firmware may have answered: complete the waiting IN transfers.
+    complete_pending(now_ns);
 }
 
 void UsbipSession::submit_in(const usbip::Submit& submit, std::int64_t now_ns) {
@@ -208,60 +228,66 @@ void UsbipSession::submit_in(const usbip::Submit& submit, std::int64_t now_ns) {
         usbip::append_in_reply(output_, submit, usbip::kStalled, {});
         return;
     }
-    if (waiting_.size() >= kMostWaiting) {
-        end("left more than " + std::to_string(kMostWaiting) + " transfers waiting");
+    // Bounds the memory that one client can occupy.
+    if (pending_.size() >= kMaxPending) {
+        end("left more than " + std::to_string(kMaxPending) + " transfers pending");
         return;
     }
-    waiting_.push_back({submit, {}});
-    fill(now_ns);
+    // The transfer waits for data from the firmware, which may be ready already.
+    pending_.push_back({submit, {}});
+    complete_pending(now_ns);
 }
 
 void UsbipSession::unlink(const usbip::Unlink& unlink) {
-    const auto found = std::find_if(waiting_.begin(), waiting_.end(),
-                                    [&](const Waiting& waiting) { return waiting.submit.sequence == unlink.target; });
-    // What is not there any more was answered before: the client has that answer, or will read it before this one.
-    usbip::append_unlink_reply(output_, unlink, found == waiting_.end() ? usbip::kOk : usbip::kConnectionReset);
-    if (found != waiting_.end()) {
-        waiting_.erase(found);
+    const auto found = std::find_if(pending_.begin(), pending_.end(),
+                                    [&](const PendingIn& pending) { return pending.submit.sequence == unlink.target; });
+    // A transfer that is no longer pending has already been replied to; the client reads that reply before this one.
+    usbip::append_unlink_reply(output_, unlink, found == pending_.end() ? usbip::kOk : usbip::kConnectionReset);
+    if (found != pending_.end()) {
+        pending_.erase(found);
     }
 }
 
-void UsbipSession::fill(std::int64_t now_ns) {
+void UsbipSession::complete_pending(std::int64_t now_ns) {
     std::array<std::byte, kBulkPacketBytes> packet{};
-    while (!waiting_.empty()) {
+    while (!pending_.empty()) {
+        // Packet by packet to the oldest transfer; a transfer may take several.
         const std::size_t count = exported_->firmware_->reply(packet, now_ns);
         if (count == 0) {
             return;
         }
         if (add_packet(std::span<const std::byte>(packet).first(count))) {
-            waiting_.pop_front();
+            pending_.pop_front();
         }
     }
 }
 
 bool UsbipSession::add_packet(std::span<const std::byte> packet) {
-    Waiting& waiting = waiting_.front();
-    const std::size_t room = waiting.submit.length - waiting.data.size();
+    PendingIn& pending = pending_.front();
+    // Space left in the oldest transfer.
+    const std::size_t room = pending.submit.length - pending.data.size();
     const std::span<const std::byte> taken = packet.first(std::min(room, packet.size()));
-    waiting.data.insert(waiting.data.end(), taken.begin(), taken.end());
-    const bool is_short = waiting.data.size() < waiting.submit.length;
+    pending.data.insert(pending.data.end(), taken.begin(), taken.end());
+    // More data than requested is babble. A transfer ends when it is full or with a packet shorter than the maximum.
+    const bool is_short = pending.data.size() < pending.submit.length;
     if (packet.size() > room) {
-        usbip::append_in_reply(output_, waiting.submit, usbip::kBabble, waiting.data);
+        usbip::append_in_reply(output_, pending.submit, usbip::kBabble, pending.data);
         return true;
     }
     if (is_short && packet.size() == kBulkPacketBytes) {
         return false;
     }
-    const bool failed = is_short && (waiting.submit.flags & usbip::kShortIsError) != 0;
-    usbip::append_in_reply(output_, waiting.submit, failed ? usbip::kShortTransfer : usbip::kOk, waiting.data);
+    // A short transfer is complete, and an error only if the client says so.
+    const bool failed = is_short && (pending.submit.flags & usbip::kShortIsError) != 0;
+    usbip::append_in_reply(output_, pending.submit, failed ? usbip::kShortTransfer : usbip::kOk, pending.data);
     return true;
 }
 
-void UsbipSession::fail_waiting(std::int32_t status) {
-    for (const Waiting& waiting : waiting_) {
-        usbip::append_in_reply(output_, waiting.submit, status, waiting.data);
+void UsbipSession::fail_pending(std::int32_t status) {
+    for (const PendingIn& pending : pending_) {
+        usbip::append_in_reply(output_, pending.submit, status, pending.data);
     }
-    waiting_.clear();
+    pending_.clear();
 }
 
 }  // namespace haptic::device

@@ -1,8 +1,8 @@
-// One client of the USB/IP server, without its socket: bytes in, bytes out.
+// USB/IP session: one client of the server, without its socket: bytes in, bytes out.
 //
-// Until the client imports the device it may ask for the list and is then done with; from the import on the device is
-// its own. An OUT transfer is cut into packets of 512 bytes, each given to the firmware. An IN transfer waits until the
-// firmware has answers to fill it, or one that is shorter than a packet; it can be taken back before that.
+// A client either requests the device list, after which the session ends, or imports the device, which then belongs to
+// it. An OUT transfer is split into packets of 512 bytes for the firmware. An IN transfer is pending until the
+// firmware's replies fill it or one is shorter than a packet; until then the client may cancel it.
 #pragma once
 
 #include <cstddef>
@@ -20,13 +20,13 @@ namespace haptic::device {
 
 class UsbipSession;
 
-/// The device that all sessions share and one of them may own.
+/// The exported device: shared by all sessions, owned by at most one.
 class UsbipExport {
   public:
-    /// The firmware must outlive its export. Throws std::invalid_argument for a board without a USB plug.
+    /// The firmware must outlive its export. Throws std::invalid_argument for a board without USB.
     UsbipExport(BoardKind kind, Firmware& firmware);
 
-    /// Whether the device is there; without it clients see an empty list.
+    /// Whether the device is connected; otherwise clients see an empty list.
     bool plugged = true;
 
     [[nodiscard]] const usbip::DeviceRecord& record() const noexcept { return record_; }
@@ -42,40 +42,40 @@ class UsbipExport {
 
 class UsbipSession {
   public:
-    /// IN transfers that may wait; more end the session.
-    static constexpr std::size_t kMostWaiting = 256;
+    /// Limit of pending IN transfers; one more ends the session.
+    static constexpr std::size_t kMaxPending = 256;
 
     /// The export must outlive its sessions.
     explicit UsbipSession(UsbipExport& exported) : exported_(&exported) {}
     UsbipSession(const UsbipSession&) = delete;
     UsbipSession& operator=(const UsbipSession&) = delete;
-    /// Gives the device back.
+    /// Releases the device.
     ~UsbipSession();
 
-    /// Takes what the client sent, in pieces of any size, and answers as far as it can.
+    /// Takes bytes from the client, in pieces of any size, and appends the replies to output().
     void receive(std::span<const std::byte> bytes, std::int64_t now_ns);
-    /// The connection is lost: what was not sent yet is thrown away.
+    /// The connection is lost: discards the output and ends the session.
     void drop(std::string reason);
-    /// Fills IN transfers that wait, if the firmware has answers meanwhile.
-    void fill(std::int64_t now_ns);
+    /// Completes pending IN transfers with the firmware's replies.
+    void complete_pending(std::int64_t now_ns);
 
-    /// What is to be sent to the client. Whoever sends it takes it from here.
+    /// Bytes to send to the client. The sender removes what it has sent.
     [[nodiscard]] std::vector<std::byte>& output() noexcept { return output_; }
 
     [[nodiscard]] bool owns_device() const noexcept { return exported_->owner_ == this; }
-    [[nodiscard]] bool waits_for_firmware() const noexcept { return !waiting_.empty(); }
-    /// Nothing more is read; once the output is sent the connection is to be closed.
+    [[nodiscard]] bool waits_for_firmware() const noexcept { return !pending_.empty(); }
+    /// The session reads no more input. Close the connection once the output is sent.
     [[nodiscard]] bool ended() const noexcept { return ended_; }
-    /// Why it ended: empty if the client got all that it asked for.
+    /// Why it ended; empty if the client's request was fulfilled.
     [[nodiscard]] const std::string& reason() const noexcept { return reason_; }
 
   private:
-    struct Waiting {
+    struct PendingIn {
         usbip::Submit submit;
         std::vector<std::byte> data;
     };
 
-    /// Handles the message at the beginning of the bytes: how many it has, 0 if it is not complete yet.
+    /// Handles the first message of the bytes. Returns its length, or 0 if it is incomplete.
     std::size_t handle(std::span<const std::byte> bytes, std::int64_t now_ns);
     std::size_t handle_operation(std::span<const std::byte> bytes);
     std::size_t handle_urb(std::span<const std::byte> bytes, std::int64_t now_ns);
@@ -84,15 +84,15 @@ class UsbipSession {
     void submit_out(const usbip::Submit& submit, std::span<const std::byte> data, std::int64_t now_ns);
     void submit_in(const usbip::Submit& submit, std::int64_t now_ns);
     void unlink(const usbip::Unlink& unlink);
-    /// Adds one packet to the oldest transfer that waits; true if that is then answered.
+    /// Adds one packet to the oldest pending transfer. Returns true if this completes the transfer.
     bool add_packet(std::span<const std::byte> packet);
-    void fail_waiting(std::int32_t status);
+    void fail_pending(std::int32_t status);
     void end(std::string reason);
 
     UsbipExport* exported_;
     std::vector<std::byte> input_;  // an incomplete message
     std::vector<std::byte> output_;
-    std::deque<Waiting> waiting_;
+    std::deque<PendingIn> pending_;
     std::string reason_;
     bool ended_ = false;
 };

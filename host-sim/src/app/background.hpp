@@ -1,4 +1,4 @@
-// Work beside a run that takes longer than a step may.
+// Background work: tasks that take longer than a step.
 #pragma once
 
 #include <pthread.h>
@@ -9,8 +9,8 @@
 
 namespace haptic::sim {
 
-/// Calls `work` on a thread of its own with the ordinary scheduling policy, whatever that of the process is, so that it
-/// never keeps the run from its deadlines. The future waits for it at its end.
+/// Calls `work` on a new thread under SCHED_OTHER, whatever the policy of the caller, so that it cannot delay a
+/// real-time run. The future's destructor waits for it.
 template <class Work>
 [[nodiscard]] auto in_background(Work work) {
     return std::async(std::launch::async, [work = std::move(work)] {

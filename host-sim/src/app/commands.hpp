@@ -1,4 +1,4 @@
-// The subcommands of host-sim. Each registers its options and returns what runs it.
+// Subcommands of host-sim. Each function adds its options to the parser and returns the command to run after parsing.
 #pragma once
 
 #include <functional>
@@ -9,7 +9,7 @@ class App;
 
 namespace haptic::sim {
 
-/// Runs a parsed command; the value is the exit status.
+/// Runs a parsed command and returns the exit status.
 using Command = std::function<int()>;
 
 [[nodiscard]] Command add_mesh_command(CLI::App& app);

@@ -33,7 +33,7 @@ StepInput DeviceHand::at(std::int64_t time_ns, std::int64_t now_ns) {
     }
     fresh_ = latest_ns_ != 0 && now_ns - latest_ns_ <= kFreshNs;
     if (!fresh_) {
-        input_.buttons = 0;  // a button that nobody reports is not held
+        input_.buttons = 0;  // a button that is not reported counts as released
     }
     input_.time_ns = time_ns;
     return input_;

@@ -1,18 +1,18 @@
 #include "app/hand_sources.hpp"
 
-#include <haptic/pose_track.hpp>
-#include <haptic/types.hpp>
+#include "haptic/pose_track.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// m/s; a fast human hand
+// m/s, a fast human hand
 constexpr double kHostileSpeed = 5.0;
-// rad/s; faster than a wrist, with a whole turn in less than half a second
+// rad/s, faster than a wrist
 constexpr double kHostileTurn = 15.0;
-// s, in which the hand comes nearer to a mouse by the factor e: smooth between two places that a screen's rate apart
+// s, time constant of the hand's lag behind the mouse: smooths positions that arrive at a screen's rate
 constexpr double kMouseLag = 0.03;
-// s, in which the hand goes back to where the script has it
+// s, duration of the hand's return to the script
 constexpr double kReturn = 0.5;
 
 }  // namespace
@@ -38,7 +38,7 @@ void HandSources::begin(const Simulation& simulation) {
     }
 }
 
-bool HandSources::taken() const noexcept {
+bool HandSources::is_locked() const noexcept {
     return source_ == view::HandSource::Input || source_ == view::HandSource::Device;
 }
 
@@ -49,8 +49,9 @@ StepInput HandSources::at(const Simulation& simulation, const Times& times) {
     if (device_) {
         input = device_->at(times.step_ns, times.now_ns);
     }
+    // A recording takes precedence; it is followed over the scene's time.
     const bool has_device = device_ && device_->fresh() && !input_;
-    device_came_ = has_device && !had_device;
+    device_appeared_ = has_device && !had_device;
     if (input_) {
         const StepInput recorded = input_->at(seconds(times.scene_ns) - input_->begin());
         input.device = recorded.device;
@@ -74,6 +75,7 @@ StepInput HandSources::at(const Simulation& simulation, const Times& times) {
 }
 
 void HandSources::follow_mouse(const Simulation& simulation, StepInput& input) {
+    // First-order lag.
     const double step = simulation.scene().solver.step;
     mouse_ = interpolate(mouse_, mouse_goal_, step / (step + kMouseLag));
     input.device = simulation.workspace().to_device(mouse_);
@@ -84,7 +86,7 @@ void HandSources::follow_mouse(const Simulation& simulation, StepInput& input) {
 
 void HandSources::play_script(const Simulation& simulation, std::int64_t time_ns, StepInput& input) {
     if (hostile_) {
-        const Vec3 hand = hostile_->after(simulation.scene().solver.step, simulation.vertices());
+        const Vec3 hand = hostile_->advance(simulation.scene().solver.step, simulation.vertices());
         input.device = simulation.workspace().to_device(Pose{hand, hostile_->orientation()});
         input.curl = hostile_->curl();
         return;
@@ -92,6 +94,7 @@ void HandSources::play_script(const Simulation& simulation, std::int64_t time_ns
     const StepInput script = simulation.scripted_input(time_ns);
     input.device = script.device;
     input.curl = script.curl;
+    // Ease from where the hand was left to the moving script pose: 3 s^2 - 2 s^3.
     if (!returning_from_) {
         return;
     }
@@ -107,7 +110,7 @@ void HandSources::play_script(const Simulation& simulation, std::int64_t time_ns
 }
 
 void HandSources::move(const Simulation& simulation, const view::MoveHand& where) {
-    if (taken()) {
+    if (is_locked()) {
         return;
     }
     if (source_ != view::HandSource::Mouse) {
@@ -127,7 +130,7 @@ void HandSources::release() noexcept {
 }
 
 void HandSources::follow_script(const Simulation& simulation) {
-    if (taken() || source_ == view::HandSource::Script) {
+    if (is_locked() || source_ == view::HandSource::Script) {
         return;
     }
     source_ = view::HandSource::Script;

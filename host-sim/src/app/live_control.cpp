@@ -4,13 +4,13 @@
 #include <utility>
 #include <variant>
 
-#include <haptic/types.hpp>
+#include "haptic/types.hpp"
 #include "view/capture.hpp"
 
 namespace haptic::sim {
 namespace {
 
-constexpr std::int64_t kMeasureNs = 250'000'000;  // over which the speed is measured
+constexpr std::int64_t kMeasureNs = 250'000'000;  // period of speed measurements
 
 }  // namespace
 
@@ -22,23 +22,23 @@ void LiveControl::introduce(Simulation& simulation, const LiveSettings& own, Han
     measured_s_ = 0.0;
     view::SceneDescription description = view::describe(simulation);
     description.parameters = parameters_->descriptions();
-    view_->introduce(description);
+    view_->set_scene(description);
 }
 
 void LiveControl::serve() {
     for (view::Command command; view_->next_command(command);) {
-        std::visit([this](const auto& what) { obey(what); }, command);
+        std::visit([this](const auto& what) { handle(what); }, command);
     }
     if (std::optional<std::string> csv = recordings_.take_offer()) {
         view_->offer_record(std::move(*csv));
     }
 }
 
-std::optional<SceneWish> LiveControl::take_wish() {
-    return std::exchange(wish_, std::nullopt);
+std::optional<SceneRequest> LiveControl::take_request() {
+    return std::exchange(request_, std::nullopt);
 }
 
-void LiveControl::obey(const view::SetParameter& command) {
+void LiveControl::handle(const view::SetParameter& command) {
     const LiveSettings before = simulation_->settings();
     const LiveSettings next = parameters_->with(before, command.parameter, command.value);
     if (next == before) {
@@ -49,24 +49,24 @@ void LiveControl::obey(const view::SetParameter& command) {
     ++counts_.changes;
 }
 
-void LiveControl::obey(const view::SetPaused& command) {
+void LiveControl::handle(const view::SetPaused& command) {
     paused_ = command.paused;
     single_steps_ = 0;
 }
 
-void LiveControl::obey(const view::SingleStep& command) {
+void LiveControl::handle(const view::SingleStep& command) {
     single_steps_ = paused_ ? command.steps : 0;
 }
 
-void LiveControl::obey(const view::Reset& /*command*/) {
-    wish_ = SceneWish{};
+void LiveControl::handle(const view::Reset& /*command*/) {
+    request_ = SceneRequest{};
 }
 
-void LiveControl::obey(const view::ChangeScene& command) {
-    wish_ = SceneWish{command.name};
+void LiveControl::handle(const view::ChangeScene& command) {
+    request_ = SceneRequest{command.name};
 }
 
-void LiveControl::obey(const view::SetRecording& command) {
+void LiveControl::handle(const view::SetRecording& command) {
     if (command.on) {
         recordings_.start_offer(simulation_->steps());
     } else {
@@ -74,15 +74,15 @@ void LiveControl::obey(const view::SetRecording& command) {
     }
 }
 
-void LiveControl::obey(const view::MoveHand& command) {
+void LiveControl::handle(const view::MoveHand& command) {
     hand_->move(*simulation_, command);
 }
 
-void LiveControl::obey(const view::ReleaseHand& /*command*/) {
+void LiveControl::handle(const view::ReleaseHand& /*command*/) {
     hand_->release();
 }
 
-void LiveControl::obey(const view::FollowScript& /*command*/) {
+void LiveControl::handle(const view::FollowScript& /*command*/) {
     hand_->follow_script(*simulation_);
 }
 
@@ -90,7 +90,7 @@ void LiveControl::after_step(const StepResult& result, std::uint64_t late_steps,
     result_ = result;
     late_steps_ = late_steps;
     single_steps_ -= single_steps_ > 0 ? 1 : 0;
-    view_->add(view::sample_of(result));
+    view_->add_sample(view::sample_of(result));
     show(now_ns);
 }
 
@@ -106,7 +106,7 @@ void LiveControl::measure_speed(std::int64_t now_ns) {
 
 void LiveControl::show(std::int64_t now_ns) {
     measure_speed(now_ns);
-    view::SceneSnapshot* const moment = view_->wanted();
+    view::SceneSnapshot* const moment = view_->requested_snapshot();
     if (moment == nullptr) {
         return;
     }
@@ -118,7 +118,7 @@ void LiveControl::show(std::int64_t now_ns) {
                    .speed = speed_,
                    .late_steps = late_steps_,
                    .parameters = parameters_->values(simulation_->settings())};
-    view_->show();
+    view_->publish_snapshot();
 }
 
 }  // namespace haptic::sim

@@ -1,7 +1,7 @@
-// A run and its viewers: shows them the moments, and does what they ask for.
+// Live control: executes viewers' commands on a run and shows them its state.
 //
-// What they ask is done between two steps, in the order in which it was asked. A scene that is to begin anew, or
-// another one, is for the run to make (take_wish()).
+// Commands are executed between two steps, in the order of their arrival. Resets and changes of the scene are left to
+// the run (take_request()).
 #pragma once
 
 #include <cstdint>
@@ -12,18 +12,18 @@
 
 #include "app/hand_sources.hpp"
 #include "app/recordings.hpp"
-#include <haptic/sim/simulation.hpp>
+#include "haptic/sim/simulation.hpp"
 #include "view/live_parameters.hpp"
 #include "view/live_view.hpp"
 
 namespace haptic::sim {
 
-/// Another simulation is wanted in place of this one.
-struct SceneWish {
-    std::string scene;  // a built-in one; empty: the present one from its start
+/// Request for a new simulation.
+struct SceneRequest {
+    std::string scene;  // built-in scene; empty: restart the current one
 };
 
-/// What was asked for so far.
+/// Number of executed commands.
 struct ViewCounts {
     std::uint64_t changes = 0;  // of parameters
     std::uint64_t resets = 0;
@@ -35,57 +35,57 @@ class LiveControl {
     LiveControl(std::unique_ptr<view::LiveView> view, Recordings& recordings)
         : view_(std::move(view)), recordings_(recordings) {}
 
-    /// A simulation begins, which all that follows is about. `own` are the settings that its scene has by itself.
+    /// Attaches to a new simulation. `own`: settings of its scene before any change.
     void introduce(Simulation& simulation, const LiveSettings& own, HandSources& hand);
 
-    /// Does what viewers have asked for since the last call.
+    /// Executes the commands that arrived since the last call.
     void serve();
-    /// A step is not to be made now: the run is paused, and no single step is wanted.
-    [[nodiscard]] bool stands() const noexcept { return paused_ && single_steps_ == 0; }
+    /// Paused, without a single step to make.
+    [[nodiscard]] bool is_idle() const noexcept { return paused_ && single_steps_ == 0; }
     [[nodiscard]] bool paused() const noexcept { return paused_; }
-    [[nodiscard]] std::optional<SceneWish> take_wish();
-    /// For what viewers have not asked for, but must see: nothing is stepped until they go on.
+    [[nodiscard]] std::optional<SceneRequest> take_request();
+    /// Pauses without a command, for an event that viewers must see.
     void pause() noexcept { paused_ = true; }
 
-    /// A step was made.
+    /// To be called after each step.
     void after_step(const StepResult& result, std::uint64_t late_steps, std::int64_t now_ns);
-    /// Shows the moment, if somebody waits for one; also while the scene stands.
+    /// Shows the current state if a viewer waits for one; also while idle.
     void show(std::int64_t now_ns);
     void frame_published(std::uint64_t sequence, std::int64_t time_ns) { view_->frame_published(sequence, time_ns); }
 
-    /// A wish was fulfilled.
+    /// A request was fulfilled.
     void count(bool other_scene) noexcept { ++(other_scene ? counts_.scenes : counts_.resets); }
     [[nodiscard]] const ViewCounts& counts() const noexcept { return counts_; }
     [[nodiscard]] std::string url() const { return view_->url(); }
 
   private:
-    void obey(const view::SetParameter& command);
-    void obey(const view::SetPaused& command);
-    void obey(const view::SingleStep& command);
-    void obey(const view::Reset& command);
-    void obey(const view::ChangeScene& command);
-    void obey(const view::SetRecording& command);
-    void obey(const view::MoveHand& command);
-    void obey(const view::ReleaseHand& command);
-    void obey(const view::FollowScript& command);
-    void obey(const view::Seek& /*command*/) {}      // of recordings
-    void obey(const view::SetSpeed& /*command*/) {}  // likewise
+    void handle(const view::SetParameter& command);
+    void handle(const view::SetPaused& command);
+    void handle(const view::SingleStep& command);
+    void handle(const view::Reset& command);
+    void handle(const view::ChangeScene& command);
+    void handle(const view::SetRecording& command);
+    void handle(const view::MoveHand& command);
+    void handle(const view::ReleaseHand& command);
+    void handle(const view::FollowScript& command);
+    void handle(const view::Seek& /*command*/) {}      // recordings only
+    void handle(const view::SetSpeed& /*command*/) {}  // recordings only
     void measure_speed(std::int64_t now_ns);
 
     std::unique_ptr<view::LiveView> view_;
     Recordings& recordings_;
     Simulation* simulation_ = nullptr;
     HandSources* hand_ = nullptr;
-    std::unique_ptr<view::LiveParameters> parameters_;  // of the simulation
+    std::unique_ptr<view::LiveParameters> parameters_;  // of the current simulation
     StepResult result_;                                 // of the last step
     bool paused_ = false;
-    int single_steps_ = 0;  // still to be made though paused
-    std::optional<SceneWish> wish_;
+    int single_steps_ = 0;  // left to make while paused
+    std::optional<SceneRequest> request_;
     ViewCounts counts_;
     std::uint64_t late_steps_ = 0;
-    double speed_ = 0.0;            // simulated seconds a second
-    double measured_s_ = 0.0;       // simulated, when the speed was last measured
-    std::int64_t measured_ns_ = 0;  // and when that was
+    double speed_ = 0.0;            // simulated seconds per second
+    double measured_s_ = 0.0;       // simulated time at the last measurement of the speed
+    std::int64_t measured_ns_ = 0;  // clock time of that
 };
 
 }  // namespace haptic::sim

@@ -14,7 +14,7 @@ void log_to_stderr() {
     spdlog::set_default_logger(std::move(logger));
 }
 
-void warn_of(const std::string& warning) {
+void warn_unless_empty(const std::string& warning) {
     if (!warning.empty()) {
         spdlog::warn("{}", warning);
     }

@@ -1,14 +1,14 @@
-// Where the commands that run for long say what happens.
+// Log of the long-running commands.
 #pragma once
 
 #include <string>
 
 namespace haptic::sim {
 
-/// From here on what is logged goes to stderr, each line after "host-sim: ".
+/// Sends the log to stderr, each line prefixed by "host-sim: ".
 void log_to_stderr();
 
-/// Logs a warning, unless it is empty.
-void warn_of(const std::string& warning);
+/// Logs a warning, unless the text is empty.
+void warn_unless_empty(const std::string& warning);
 
 }  // namespace haptic::sim

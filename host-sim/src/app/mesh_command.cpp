@@ -1,4 +1,4 @@
-// host-sim mesh: what is in a mesh file, and whether it can be simulated.
+// host-sim mesh: checks a mesh file and describes its contents.
 #include <CLI/CLI.hpp>
 #include <iomanip>
 #include <iostream>
@@ -6,7 +6,7 @@
 #include <string>
 
 #include "app/commands.hpp"
-#include <haptic/sim/mesh_file.hpp>
+#include "haptic/sim/mesh_file.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -25,7 +25,7 @@ std::string shown(const Vec3& v) {
 
 std::string describe_kind(const MeshReport& report) {
     if (report.closed) {
-        return report.turned ? "closed (it was inside out)" : "closed";
+        return report.turned ? "closed (was inside out)" : "closed";
     }
     if (report.double_faced > 0 && 2 * report.double_faced == report.triangles) {
         return "open, double-faced";
@@ -38,10 +38,9 @@ void print(std::ostream& out, const MeshOptions& options, const MeshReport& repo
         << "  vertices      " << report.vertices << " of " << report.vertices_given << " (" << report.welded
         << " merged, " << report.unused << " unused)\n"
         << "  triangles     " << report.triangles << " of " << report.triangles_given << " (" << report.collapsed
-        << " collapsed, " << report.duplicates << " twice, " << report.flipped << " turned over)\n"
+        << " degenerate, " << report.duplicates << " duplicate, " << report.flipped << " flipped)\n"
         << "  surface       " << describe_kind(report) << "; parts: " << report.components
-        << "; open edges: " << report.boundary_edges << "; edges of more than two triangles: " << report.crowded_edges
-        << '\n'
+        << "; open edges: " << report.boundary_edges << "; non-manifold edges: " << report.crowded_edges << '\n'
         << std::setprecision(6) << "  box           " << shown(report.low) << " to " << shown(report.high) << " m\n"
         << "  area          " << report.area << " m^2\n";
     if (report.closed) {
@@ -65,12 +64,12 @@ int run_mesh(const MeshOptions& options) {
 
 Command add_mesh_command(CLI::App& app) {
     const auto options = std::make_shared<MeshOptions>();
-    app.footer("Exit status 0 if it can be simulated, 1 if not.");
+    app.footer("Exit status 0 if the mesh can be simulated, 1 if not.");
     app.add_option("file", options->file, "Mesh file: .obj, .ply, .stl, .gltf or .glb")->required();
-    app.add_option("--out", options->out, "Write the mesh as it would be simulated: .obj or .ply");
+    app.add_option("--out", options->out, "Write the mesh as simulated: .obj or .ply");
     app.add_option("--scale", options->settings.scale, "Metres per unit of the file")->capture_default_str();
     app.add_option("--weld", options->settings.check.weld_tolerance,
-                   "Merge vertices no farther apart than this part of the mesh's diagonal")
+                   "Merge vertices within this distance, as a fraction of the mesh's diagonal")
         ->capture_default_str();
     return [options] { return run_mesh(*options); };
 }

@@ -1,8 +1,7 @@
-// host-sim model: builds the particles of a body, says what they are, and writes them to a file that can be edited.
+// host-sim model: builds the particles of a body, describes them, and writes them to an editable file.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <glm/geometric.hpp>
 #include <iomanip>
@@ -15,10 +14,11 @@
 
 #include "app/commands.hpp"
 #include "app/toml_string.hpp"
-#include <haptic/config.hpp>
-#include "model/model_file.hpp"
-#include <haptic/sim/model_settings.hpp>
 #include "dynamics/rotation.hpp"
+#include "haptic/config.hpp"
+#include "haptic/sim/model_settings.hpp"
+#include "model/generator_table.hpp"
+#include "model/model_file.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -30,28 +30,27 @@ struct ModelOptions {
 };
 
 bool is_generator(const std::string& what) {
-    constexpr std::array generators{"cloth", "curtain", "fan", "fish", "plate", "rod"};
-    return std::find(generators.begin(), generators.end(), what) != generators.end();
+    return std::ranges::any_of(generator_table(), [&](const GeneratorEntry& entry) { return what == entry.name; });
 }
 
-/// Least, middle and greatest, m or members.
+/// Minimum, median and maximum of some values.
 struct Spread {
     explicit Spread(std::vector<double> values) {
         if (values.empty()) {
             return;
         }
         std::sort(values.begin(), values.end());
-        least = values.front();
-        middle = values[values.size() / 2];
-        most = values.back();
+        min = values.front();
+        median = values[values.size() / 2];
+        max = values.back();
     }
-    double least = 0.0;
-    double middle = 0.0;
-    double most = 0.0;
+    double min = 0.0;
+    double median = 0.0;
+    double max = 0.0;
 };
 
 std::ostream& operator<<(std::ostream& out, const Spread& spread) {
-    return out << spread.least << " .. " << spread.most << ", middle " << spread.middle;
+    return out << spread.min << " .. " << spread.max << ", median " << spread.median;
 }
 
 std::vector<double> nearest_distances(const ParticleModel& model) {
@@ -96,9 +95,9 @@ void print(std::ostream& out, const DeformableBody& body) {
     for (const double m : model.mass) {
         mass += m;
     }
-    std::size_t led = 0;
+    std::size_t driven = 0;
     for (const Motion& motion : body.motions) {
-        led += motion.particles.size();
+        driven += motion.particles.size();
     }
     std::vector<double> semi_axes;
     for (const Vec3& axes : model.semi_axes) {
@@ -108,18 +107,18 @@ void print(std::ostream& out, const DeformableBody& body) {
         << "  mesh          " << body.mesh.vertices.size() << " vertices, " << body.mesh.triangles.size()
         << " triangles, " << (body.mesh.closed ? "closed" : "open") << '\n'
         << "  particles     " << model.size() << " (" << std::count(model.pinned.begin(), model.pinned.end(), 1)
-        << " fixed, " << led << " of them led)\n";
+        << " fixed, " << driven << " of them driven)\n";
     if (model.size() > 1) {
-        out << "  spacing       " << Spread(nearest_distances(model)) << " m, to the nearest other\n";
+        out << "  spacing       " << Spread(nearest_distances(model)) << " m, to the nearest neighbour\n";
     }
-    out << "  mass          " << mass << " kg; of a particle " << Spread(model.mass) << " kg\n"
+    out << "  mass          " << mass << " kg; per particle " << Spread(model.mass) << " kg\n"
         << "  groups        " << model.groups.size() << " of " << Spread(members) << " members; stiffness";
     for (const double stiffness : stiffnesses) {
         out << ' ' << stiffness;
     }
     out << "\n  links         " << model.links.size() << '\n'
         << "  ellipsoids    semi-axes " << Spread(semi_axes) << " m; " << 100.0 * covered_part(body)
-        << " % of the vertices are in one\n";
+        << " % of the vertices are inside one\n";
 }
 
 int run_model(const ModelOptions& options) {
@@ -147,12 +146,12 @@ int run_model(const ModelOptions& options) {
 
 Command add_model_command(CLI::App& app) {
     const auto options = std::make_shared<ModelOptions>();
-    app.add_option("what", options->what, "cloth, curtain, fan, fish, plate, rod, or a mesh file")->required();
+    app.add_option("what", options->what, generator_names() + ", or a mesh file")->required();
     app.add_option("--set", options->assignments,
-                   "Override a key of the scenes' [model] table, e.g. model.particles_count=200; repeatable")
+                   "Override a key of the [model] table, e.g. model.particles_count=200; repeatable")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    app.add_option("--out", options->out, "Write the particles there: a scene reads them with model.particles");
+    app.add_option("--out", options->out, "Write the particles to this file; a scene reads it with model.particles");
     return [options] { return run_model(*options); };
 }
 

@@ -8,14 +8,17 @@
 #include <type_traits>
 #include <utility>
 
+#include "simd/aabb.hpp"
+
 namespace haptic::sim {
 namespace {
 
-constexpr double kPlaces = 65535.0;
-constexpr double kTurns = 32767.0;
-// Of the interval: a moment that comes so much early is in time.
-constexpr double kEarly = 1e-6;
+constexpr double kPositionSteps = 65535.0;
+constexpr double kRotationSteps = 32767.0;
+// Part of the interval by which a snapshot may be early, for rounding.
+constexpr double kTimeTolerance = 1e-6;
 
+/// Appends values to a byte string.
 class Packer {
   public:
     template <class T>
@@ -32,30 +35,25 @@ class Packer {
             put(value);
         }
     }
-    void put_places(std::span<const Vec3> places) {
-        if (places.empty()) {
+    void put_positions(std::span<const Vec3> positions) {
+        if (positions.empty()) {
             return;
         }
-        Vec3 low = places.front();
-        Vec3 high = low;
-        for (const Vec3& p : places) {
-            low = glm::min(low, p);
-            high = glm::max(high, p);
-        }
+        const auto [low, high] = aabb_of(positions);
         put(low);
         put(high);
-        for (const Vec3& p : places) {
+        for (const Vec3& p : positions) {
             for (int k = 0; k < 3; ++k) {
                 const double size = high[k] - low[k];
                 const double part = size > 0.0 ? (p[k] - low[k]) / size : 0.0;
-                put(static_cast<std::uint16_t>(std::lround(part * kPlaces)));
+                put(static_cast<std::uint16_t>(std::lround(part * kPositionSteps)));
             }
         }
     }
-    void put_turns(std::span<const Quat> turns) {
-        for (const Quat& q : turns) {
+    void put_orientations(std::span<const Quat> orientations) {
+        for (const Quat& q : orientations) {
             for (const double c : {q.w, q.x, q.y, q.z}) {
-                put(static_cast<std::int16_t>(std::lround(std::clamp(c, -1.0, 1.0) * kTurns)));
+                put(static_cast<std::int16_t>(std::lround(std::clamp(c, -1.0, 1.0) * kRotationSteps)));
             }
         }
     }
@@ -68,7 +66,7 @@ class Packer {
     std::vector<std::byte> bytes_;
 };
 
-/// In the order of a Packer.
+/// Reads values in the order in which a Packer wrote them.
 class Unpacker {
   public:
     explicit Unpacker(std::span<const std::byte> bytes) : bytes_(bytes) {}
@@ -91,24 +89,24 @@ class Unpacker {
             get(value);
         }
     }
-    void get_places(std::span<Vec3> places) {
-        if (places.empty()) {
+    void get_positions(std::span<Vec3> positions) {
+        if (positions.empty()) {
             return;
         }
         const auto low = get<Vec3>();
         const auto high = get<Vec3>();
-        for (Vec3& p : places) {
+        for (Vec3& p : positions) {
             for (int k = 0; k < 3; ++k) {
-                p[k] = low[k] + (high[k] - low[k]) * (get<std::uint16_t>() / kPlaces);
+                p[k] = low[k] + (high[k] - low[k]) * (get<std::uint16_t>() / kPositionSteps);
             }
         }
     }
-    void get_turns(std::span<Quat> turns) {
-        for (Quat& q : turns) {
-            q.w = get<std::int16_t>() / kTurns;
-            q.x = get<std::int16_t>() / kTurns;
-            q.y = get<std::int16_t>() / kTurns;
-            q.z = get<std::int16_t>() / kTurns;
+    void get_orientations(std::span<Quat> orientations) {
+        for (Quat& q : orientations) {
+            q.w = get<std::int16_t>() / kRotationSteps;
+            q.x = get<std::int16_t>() / kRotationSteps;
+            q.y = get<std::int16_t>() / kRotationSteps;
+            q.z = get<std::int16_t>() / kRotationSteps;
             q = glm::normalize(q);
         }
     }
@@ -118,9 +116,9 @@ class Unpacker {
     std::size_t at_ = 0;
 };
 
-/// What is kept as it is, in one order for both ways.
+/// Members stored without loss, in the same order for packing and unpacking.
 template <class Moment, class Visit>
-void visit_rest(Moment& moment, Visit&& visit) {
+void visit_unpacked(Moment& moment, Visit&& visit) {
     visit(moment.step);
     visit(moment.tool);
     visit(moment.hip);
@@ -131,12 +129,12 @@ void visit_rest(Moment& moment, Visit&& visit) {
     visit(moment.curl);
     visit(moment.depth);
     visit(moment.in_contact);
-    visit(moment.squeezed);
+    visit(moment.overconstrained);
 }
 
 }  // namespace
 
-MomentStore::MomentStore(const view::SceneDescription& scene, std::size_t most_bytes) : most_bytes_(most_bytes) {
+MomentStore::MomentStore(const view::SceneDescription& scene, std::size_t max_bytes) : max_bytes_(max_bytes) {
     for (const view::BodyDescription& body : scene.bodies) {
         body_vertices_.push_back(body.vertices);
         body_particles_.push_back(body.particles);
@@ -145,36 +143,39 @@ MomentStore::MomentStore(const view::SceneDescription& scene, std::size_t most_b
 
 bool MomentStore::wants(double time) const {
     const std::lock_guard lock(mutex_);
-    return moments_.empty() || time >= moments_.back().time + interval_ * (1.0 - kEarly);
+    return moments_.empty() || time >= moments_.back().time + interval_ * (1.0 - kTimeTolerance);
 }
 
 void MomentStore::add(const view::SceneSnapshot& moment) {
+    // Exact members, then quantised ones: vertices and particles per body, each in its own box.
     Packer packer;
-    visit_rest(moment, [&](const auto& value) { packer.put(value); });
+    visit_unpacked(moment, [&](const auto& value) { packer.put(value); });
     packer.put_all(moment.proxies);
     packer.put_all(moment.planes);
     std::size_t at = 0;
     for (const std::size_t count : body_vertices_) {
-        packer.put_places(std::span(moment.vertices).subspan(at, count));
+        packer.put_positions(std::span(moment.vertices).subspan(at, count));
         at += count;
     }
     at = 0;
     for (const std::size_t count : body_particles_) {
-        packer.put_places(std::span(moment.particles).subspan(at, count));
+        packer.put_positions(std::span(moment.particles).subspan(at, count));
         at += count;
     }
-    packer.put_turns(moment.orientations);
-    packer.put_places(moment.tool_vertices);
+    packer.put_orientations(moment.orientations);
+    packer.put_positions(moment.tool_vertices);
     Packed packed{moment.time, packer.take()};
+    // Packing needs no lock; adding does.
     const std::lock_guard lock(mutex_);
     bytes_ += packed.bytes.size();
     moments_.push_back(std::move(packed));
-    if (bytes_ > most_bytes_) {
+    if (bytes_ > max_bytes_) {
         thin_out();
     }
 }
 
 void MomentStore::thin_out() {
+    // Keep the even ones in place.
     std::size_t kept = 0;
     bytes_ = 0;
     for (std::size_t k = 0; k < moments_.size(); k += 2, ++kept) {
@@ -202,25 +203,25 @@ bool MomentStore::find(double time, view::SceneSnapshot& out) const {
     const Packed& packed = moments_[index_of(time)];
     Unpacker unpacker(packed.bytes);
     out.time = packed.time;
-    visit_rest(out, [&](auto& value) { unpacker.get(value); });
+    visit_unpacked(out, [&](auto& value) { unpacker.get(value); });
     unpacker.get_all(out.proxies);
     unpacker.get_all(out.planes);
     std::size_t at = 0;
     for (const std::size_t count : body_vertices_) {
-        unpacker.get_places(std::span(out.vertices).subspan(at, count));
+        unpacker.get_positions(std::span(out.vertices).subspan(at, count));
         at += count;
     }
     at = 0;
     for (const std::size_t count : body_particles_) {
-        unpacker.get_places(std::span(out.particles).subspan(at, count));
+        unpacker.get_positions(std::span(out.particles).subspan(at, count));
         at += count;
     }
-    unpacker.get_turns(out.orientations);
-    unpacker.get_places(out.tool_vertices);
+    unpacker.get_orientations(out.orientations);
+    unpacker.get_positions(out.tool_vertices);
     return true;
 }
 
-double MomentStore::beside(double time, std::int64_t by) const {
+double MomentStore::time_of_neighbour(double time, std::int64_t by) const {
     const std::lock_guard lock(mutex_);
     if (moments_.empty()) {
         return 0.0;

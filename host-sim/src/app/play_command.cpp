@@ -1,4 +1,4 @@
-// host-sim play: a recording, simulated again and shown to viewers with a time line.
+// host-sim play: simulates a recording again and shows it to viewers with a time line.
 
 #include <spdlog/spdlog.h>
 
@@ -16,16 +16,16 @@
 #include "app/recorded_run.hpp"
 #include "app/replay.hpp"
 #include "app/stop_signal.hpp"
-#include <haptic/clock.hpp>
-#include <haptic/sim/scene.hpp>
-#include <haptic/types.hpp>
+#include "haptic/clock.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/types.hpp"
 #include "view/live_view.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// A screen's rate.
-constexpr std::int64_t kMomentNs = 16'666'667;
+// 60 Hz.
+constexpr std::int64_t kFramePeriodNs = 16'666'667;
 
 struct PlayOptions {
     std::string record;
@@ -35,7 +35,7 @@ struct PlayOptions {
     bool watch_only = false;
 };
 
-/// What to open, and what to set in it: as the record says, or in its place as the command line does.
+/// Scene and settings to play: the record's own, or those of the command line.
 struct PlayedScene {
     std::string which;
     std::vector<std::string> assignments;
@@ -49,8 +49,7 @@ PlayedScene find_scene(const PlayOptions& options, const std::optional<RecordNot
     }
     if (!notes) {
         throw std::runtime_error(options.record +
-                                 ": does not say of which scene it is; --scene NAME says in which one its hand is to "
-                                 "be followed");
+                                 ": names no scene; give one in which to follow its hand with --scene NAME");
     }
     PlayedScene own{notes->scene, notes->assignments, notes->first_step, true};
     own.assignments.insert(own.assignments.end(), options.assignments.begin(), options.assignments.end());
@@ -69,8 +68,9 @@ Scene open(const PlayedScene& scene) {
 int play(const PlayOptions& options, bool viewed) {
     if (!viewed) {
         throw std::runtime_error(
-            "play shows a recording to browsers: add --view, or --view ADDR:PORT; to run it again without being "
-            "watched, for a report or with --verify, use host-sim run SCENE --input " +
+            "play shows a recording to browsers: add --view or --view ADDR:PORT. To repeat a recording without "
+            "viewers, "
+            "for a report or with --verify, use host-sim run SCENE --input " +
             options.record);
     }
     const RecordedRun record = RecordedRun::load(options.record);
@@ -78,22 +78,23 @@ int play(const PlayOptions& options, bool viewed) {
     Replay replay(open(scene), record, scene.as_recorded, monotonic_now_ns);
     if (scene.first_step > 0) {
         spdlog::warn(
-            "the record begins at step {} of its scene, whose state then it does not have: it is played from "
-            "the scene's start",
+            "the record begins at step {} of its scene but does not contain the state at that step; playing it from "
+            "the "
+            "scene's start",
             scene.first_step);
     }
     view::LiveViewSettings settings = view::parse_view_address(options.view_address);
     settings.control = !options.watch_only;
-    warn_of(view::exposure_of(settings));
+    warn_unless_empty(view::exposure_of(settings));
     const StopOnSignal stop;
     const std::unique_ptr<view::LiveView> view = view::open_live_view(settings);
     spdlog::info("{}: {} s of {}; the live view is at {}", options.record, record.length(),
                  replay.simulation().scene().name, view->url());
     Playback playback(replay, record, *view);
     for (std::int64_t last_ns = monotonic_now_ns(); !stop_requested();) {
-        sleep_until(last_ns + kMomentNs);
+        sleep_until(last_ns + kFramePeriodNs);
         const std::int64_t now_ns = monotonic_now_ns();
-        playback.go_on(seconds(now_ns - last_ns));
+        playback.advance(seconds(now_ns - last_ns));
         last_ns = now_ns;
     }
     return 0;
@@ -104,21 +105,22 @@ int play(const PlayOptions& options, bool viewed) {
 Command add_play_command(CLI::App& app) {
     const auto options = std::make_shared<PlayOptions>();
     app.add_option("record", options->record,
-                   "A recording: of host-sim run --record, which says its scene, or any with time_s, x_m, y_m, z_m in "
-                   "the device's frame, as rt-core's, with --scene")
+                   "Recording by host-sim run --record, which names its scene; or, with --scene, any CSV with time_s, "
+                   "x_m, y_m, "
+                   "z_m in the device frame, such as rt-core's")
         ->required();
     const CLI::Option* const view =
         app.add_option("--view", options->view_address,
-                       "Show it to browsers, at this address of this machine; without one, to this machine alone "
-                       "[127.0.0.1:7060]. Viewers may seek, pause and change the speed, for all who watch: there is "
-                       "no device that it could disturb")
+                       "Serve the live view to browsers at this address of this machine; without ADDR:PORT, to this "
+                       "machine only "
+                       "[127.0.0.1:7060]. Every viewer may seek, pause and change the speed for all viewers")
             ->type_name("[ADDR:PORT]")
             ->expected(0, 1);
-    app.add_flag("--watch-only", options->watch_only, "Viewers may not even do that");
+    app.add_flag("--watch-only", options->watch_only, "Viewers may not seek, pause or change the speed");
     app.add_option("--scene", options->scene,
-                   "A built-in scene or a scene file in place of the record's own: the hand is followed over time")
+                   "Built-in scene or scene file in place of the record's own; the hand is followed over time")
         ->type_name("SCENE");
-    app.add_option("--set", options->assignments, "Override a key of the scene; repeatable")
+    app.add_option("--set", options->assignments, "Override a scene key; repeatable")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
     return [options, view] {

@@ -13,7 +13,7 @@ namespace {
 
 view::SceneDescription describe_recording(const Simulation& simulation, double length) {
     view::SceneDescription description = view::describe(simulation);
-    description.scenes.clear();  // there is no other
+    description.scenes.clear();  // a recording has no other scene
     description.length = length;
     return description;
 }
@@ -23,7 +23,7 @@ view::SceneDescription describe_recording(const Simulation& simulation, double l
 Playback::Playback(Replay& replay, const RecordedRun& record, view::LiveView& view)
     : replay_(replay), view_(view), length_(record.length()), moments_(view::describe(replay.simulation())) {
     samples_.reserve(record.rows());
-    view_.introduce(describe_recording(replay.simulation(), length_));
+    view_.set_scene(describe_recording(replay.simulation(), length_));
     thread_ = std::thread([this] { compute(); });
 }
 
@@ -33,7 +33,7 @@ Playback::~Playback() {
 }
 
 void Playback::keep(const StepResult& result, view::SceneSnapshot& moment) {
-    {
+    {  // every step for the plots, snapshots at the store's rate
         const std::lock_guard lock(samples_mutex_);
         samples_.push_back(view::sample_of(result));
     }
@@ -45,8 +45,9 @@ void Playback::keep(const StepResult& result, view::SceneSnapshot& moment) {
     if (replay_.diverged_at() && !diverged_) {
         diverged_ = true;
         spdlog::warn(
-            "from row {} on the proxy is not where it was recorded: not the scene of the record, or not all "
-            "of it",
+            "the replay differs from the recording from row {} on: the scene is not that of the record, or the record "
+            "is "
+            "incomplete",
             *replay_.diverged_at() + 1);
     }
 }
@@ -58,30 +59,31 @@ void Playback::compute() {
             keep(result, moment);
         }
     } catch (const std::exception& error) {
-        spdlog::error("the recording ends here: {}", error.what());
+        spdlog::error("replay stopped: {}", error.what());
     }
 }
 
-void Playback::obey(const view::SetPaused& command) {
+void Playback::handle(const view::SetPaused& command) {
     paused_ = command.paused;
     if (!paused_ && time_ >= length_) {
-        obey(view::Seek{0.0});  // who plays what has ended wants it again
+        handle(view::Seek{0.0});  // play at the end restarts
     }
 }
 
-void Playback::obey(const view::SingleStep& command) {
+void Playback::handle(const view::SingleStep& command) {
     if (paused_) {
-        const double next = moments_.beside(time_, command.steps);
+        const double next = moments_.time_of_neighbour(time_, command.steps);
         show_samples(next);
         time_ = next;
     }
 }
 
-void Playback::obey(const view::Reset& /*command*/) {
-    obey(view::Seek{0.0});
+void Playback::handle(const view::Reset& /*command*/) {
+    handle(view::Seek{0.0});
 }
 
-void Playback::obey(const view::Seek& command) {
+void Playback::handle(const view::Seek& command) {
+    // Seek within the computed part; plots continue with the first sample from there on.
     time_ = std::clamp(command.time, 0.0, buffered());
     const std::lock_guard lock(samples_mutex_);
     const auto next = std::lower_bound(samples_.begin(), samples_.end(), time_,
@@ -89,19 +91,19 @@ void Playback::obey(const view::Seek& command) {
     next_sample_ = static_cast<std::size_t>(next - samples_.begin());
 }
 
-void Playback::obey(const view::SetSpeed& command) {
+void Playback::handle(const view::SetSpeed& command) {
     speed_ = command.speed;
 }
 
 void Playback::show_samples(double until) {
     const std::lock_guard lock(samples_mutex_);
     for (; next_sample_ < samples_.size() && samples_[next_sample_].time < until; ++next_sample_) {
-        view_.add(samples_[next_sample_]);
+        view_.add_sample(samples_[next_sample_]);
     }
 }
 
 void Playback::show_moment() {
-    view::SceneSnapshot* const moment = view_.wanted();
+    view::SceneSnapshot* const moment = view_.requested_snapshot();
     if (moment == nullptr || !moments_.find(time_, *moment)) {
         return;
     }
@@ -112,14 +114,15 @@ void Playback::show_moment() {
     moment->run.speed = paused_ ? 0.0 : speed_;
     moment->run.buffered = buffered();
     moment->run.diverged = diverged();
-    view_.show();
+    view_.publish_snapshot();
     seen_ = true;
 }
 
-void Playback::go_on(double elapsed_s) {
+void Playback::advance(double elapsed_s) {
     for (view::Command command; view_.next_command(command);) {
-        std::visit([this](const auto& what) { obey(what); }, command);
+        std::visit([this](const auto& what) { handle(what); }, command);
     }
+    // Playing never overtakes the simulating thread.
     if (!paused_ && seen_) {
         const double next = std::min(time_ + speed_ * elapsed_s, buffered());
         show_samples(next);

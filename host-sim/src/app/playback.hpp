@@ -1,5 +1,5 @@
-// A recording before viewers: simulated again on a thread of its own, as fast as that goes, and shown from what that
-// thread has kept, at any speed, from any time on.
+// Playback: shows a recording to viewers at any speed and from any time. A thread simulates it again as fast as
+// possible and stores snapshots; viewers are served from these.
 #pragma once
 
 #include <atomic>
@@ -19,19 +19,19 @@ namespace haptic::sim {
 
 class Playback {
   public:
-    /// What `replay` makes of `record` is shown by `view`, which has to outlive this.
+    /// Starts the simulating thread. All arguments must outlive this object.
     Playback(Replay& replay, const RecordedRun& record, view::LiveView& view);
     Playback(const Playback&) = delete;
     Playback& operator=(const Playback&) = delete;
     ~Playback();
 
-    /// Goes on by that much time, s, of whoever watches: does what was asked for, shows the moment. The recording
-    /// begins once somebody has looked.
-    void go_on(double elapsed_s);
+    /// Advances by that much of the viewers' time, s: executes commands and shows the current moment. The recording
+    /// starts when the first viewer has seen a moment.
+    void advance(double elapsed_s);
 
-    /// s, from the recording's start: what is shown.
+    /// s, shown time since the start of the recording.
     [[nodiscard]] double time() const noexcept { return time_; }
-    /// s: how far it has been computed.
+    /// s, computed so far.
     [[nodiscard]] double buffered() const noexcept { return buffered_; }
     [[nodiscard]] bool diverged() const noexcept { return diverged_; }
     [[nodiscard]] bool paused() const noexcept { return paused_; }
@@ -39,32 +39,32 @@ class Playback {
   private:
     void compute();
     void keep(const StepResult& result, view::SceneSnapshot& moment);
-    void obey(const view::SetPaused& command);
-    void obey(const view::SingleStep& command);
-    void obey(const view::Reset& command);
-    void obey(const view::Seek& command);
-    void obey(const view::SetSpeed& command);
-    /// What is for runs.
+    void handle(const view::SetPaused& command);
+    void handle(const view::SingleStep& command);
+    void handle(const view::Reset& command);
+    void handle(const view::Seek& command);
+    void handle(const view::SetSpeed& command);
+    /// Commands for runs have no effect.
     template <class Other>
-    void obey(const Other& /*command*/) {}
+    void handle(const Other& /*command*/) {}
     void show_samples(double until);
     void show_moment();
 
-    Replay& replay_;  // the thread's
+    Replay& replay_;  // used by the thread only
     view::LiveView& view_;
     double length_;
     MomentStore moments_;
     std::mutex samples_mutex_;
-    std::vector<view::StepSample> samples_;  // of all steps so far
-    std::size_t next_sample_ = 0;            // that was not shown yet
+    std::vector<view::StepSample> samples_;  // of all steps so far; guarded by samples_mutex_
+    std::size_t next_sample_ = 0;            // first sample that was not shown yet
     std::atomic<double> buffered_{0.0};
     std::atomic<bool> diverged_{false};
     std::atomic<bool> stop_{false};
     double time_ = 0.0;
     double speed_ = 1.0;
     bool paused_ = false;
-    bool seen_ = false;   // by anybody, so far
-    std::thread thread_;  // last: all else is there before it begins
+    bool seen_ = false;   // a viewer has seen a moment
+    std::thread thread_;  // last member: starts after the others are initialised
 };
 
 }  // namespace haptic::sim

@@ -36,15 +36,15 @@ std::string_view trimmed(std::string_view text) {
     return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
 }
 
-/// Throws std::invalid_argument that says which field is wrong.
+/// Parses a field. Throws std::invalid_argument that names it.
 double number(std::string_view field, std::size_t index) {
-    std::string_view digits = trimmed(field);
-    if (digits.size() > 1 && digits[0] == '+' && digits[1] != '-') {
-        digits.remove_prefix(1);
+    std::string_view text = trimmed(field);
+    if (text.size() > 1 && text[0] == '+' && text[1] != '-') {
+        text.remove_prefix(1);
     }
     double value = 0.0;
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-    if (error != std::errc{} || end != digits.data() + digits.size() || !std::isfinite(value)) {
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value)) {
         throw std::invalid_argument("field " + std::to_string(index + 1) + " is not a finite number: \"" +
                                     std::string(trimmed(field)) + "\"");
     }
@@ -73,7 +73,7 @@ Query parse(std::string_view line) {
     return q;
 }
 
-/// Where the step leaves the centre, were this triangle all there is.
+/// Position of the centre after a step among this triangle alone: secure position, then pop-out.
 Vec3 secured(const Query& q) {
     const std::array<Vec3, 3> start{q.triangle.start.a, q.triangle.start.b, q.triangle.start.c};
     const std::array<Vec3, 3> end{q.triangle.end.a, q.triangle.end.b, q.triangle.end.c};
@@ -101,7 +101,7 @@ void append(std::string& line, const Vec3& value) {
     append(line, value.z);
 }
 
-/// From the touched point to the centre; from the face where the centre is on it.
+/// Unit normal from the touched point to the centre; the face normal if they coincide.
 Vec3 contact_normal(const Query& q, const TriangleTouch& touch) {
     Vec3 n = -touch.at.point;
     double length = std::sqrt(glm::dot(n, n));

@@ -5,14 +5,14 @@
 #include <stdexcept>
 #include <string>
 
-#include <haptic/csv.hpp>
-#include <haptic/pose_track.hpp>
-#include <haptic/sim/curl_track.hpp>
+#include "haptic/csv.hpp"
+#include "haptic/pose_track.hpp"
+#include "haptic/sim/curl_track.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// s: a time in nanoseconds and one in seconds that are nearer to one another are the same.
+// s, tolerance in comparing a time in nanoseconds with one in seconds.
 constexpr double kSameTime = 5e-10;
 
 std::vector<double> column_of(const CsvTable& table, const char* name) {
@@ -38,7 +38,7 @@ std::vector<Pose> poses_of(const CsvTable& table) {
 }  // namespace
 
 RecordedRun RecordedRun::load(const std::filesystem::path& file) {
-    // These refuse what is no hand: times that do not increase, turns that are none, curls beyond 0 and 1.
+    // Validation: increasing times, unit quaternions, curls in 0..1.
     (void)PoseTrack::load(file);
     (void)CurlTrack::load(file);
     const CsvTable table = CsvTable::load(file);
@@ -54,7 +54,7 @@ RecordedRun RecordedRun::load(const std::filesystem::path& file) {
     run.buttons_ = column_of(table, "buttons");
     for (const double buttons : run.buttons_) {
         if (!(buttons >= 0.0 && buttons <= 4294967295.0)) {
-            throw CsvError(table.name() + ": buttons must be 32 bits, there is " + std::to_string(buttons));
+            throw CsvError(table.name() + ": buttons must be a 32-bit number, found " + std::to_string(buttons));
         }
     }
     const std::vector<double> x = column_of(table, "proxy_x_m");

@@ -27,14 +27,14 @@ void Recordings::add(const StepInput& input, const StepResult& result) {
     }
     if (offered_) {
         offered_->add(input, result);
-        if (offered_->rows() >= kMostOffered) {
+        if (offered_->rows() >= kMaxOffered) {
             finish_offer();
         }
     }
 }
 
 void Recordings::note(std::uint64_t step, const std::string& what) {
-    // Of what a slider went through between two steps, the last counts.
+    // A slider may change a key several times between two steps.
     const auto key_of = [](const std::string& text) { return text.substr(0, text.find('=')); };
     for (auto last = notes_.changes.rbegin(); last != notes_.changes.rend() && last->step == step; ++last) {
         if (key_of(last->what) == key_of(what)) {
@@ -47,7 +47,7 @@ void Recordings::note(std::uint64_t step, const std::string& what) {
 
 void Recordings::start_offer(std::uint64_t step) {
     if (!offered_) {
-        offered_.emplace(kMostOffered);
+        offered_.emplace(kMaxOffered);
         offered_from_ = step;
     }
 }

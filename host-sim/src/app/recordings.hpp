@@ -1,4 +1,4 @@
-// What is recorded of a run: into the file that --record names, and for viewers who ask for it.
+// Recordings of a run: for the file of --record, and for download by viewers.
 #pragma once
 
 #include <cstddef>
@@ -10,32 +10,32 @@
 #include <string>
 
 #include "app/step_record.hpp"
-#include <haptic/sim/simulation.hpp>
+#include "haptic/sim/simulation.hpp"
 
 namespace haptic::sim {
 
 class Recordings {
   public:
-    /// Steps that a viewer's record holds at most; then it ends by itself. Some 40 MB, half an hour at 100 steps/s.
-    static constexpr std::size_t kMostOffered = 200'000;
+    /// Maximum number of steps in a viewer's record; it then ends by itself. About 40 MB, half an hour at 100 steps/s.
+    static constexpr std::size_t kMaxOffered = 200'000;
 
-    /// `to_file` keeps every step; `room` is the number of steps to reserve for that.
+    /// `to_file`: keep every step for write(), with memory reserved for `room` steps.
     Recordings(bool to_file, std::size_t room);
 
-    /// A scene begins: what was recorded of the one before is dropped, but for what a viewer was recording, which ends.
+    /// To be called for each new simulation: drops the steps kept so far, and finishes a viewer's record.
     void begin(RecordNotes origin);
     void add(const StepInput& input, const StepResult& result);
-    /// Of what a viewer or a file changed, before the step with that number.
+    /// Notes a change made before that step. Of several changes of one key before a step, the last counts.
     void note(std::uint64_t step, const std::string& what);
 
-    /// For a viewer, from the step with that number on. Nothing, if one is recorded already.
+    /// Starts a viewer's record at that step. No effect if one is being recorded.
     void start_offer(std::uint64_t step);
-    /// Begins to make a file of it, on a thread of its own: that takes longer than a step.
+    /// Ends it and converts it to CSV on a background thread, which takes longer than a step.
     void finish_offer();
-    /// The oldest that is finished, once.
+    /// Returns the oldest finished CSV and forgets it.
     [[nodiscard]] std::optional<std::string> take_offer();
     [[nodiscard]] bool offering() const noexcept { return offered_.has_value(); }
-    /// Steps of what is being recorded for a viewer.
+    /// Number of steps in the viewer's current record.
     [[nodiscard]] std::size_t offered_steps() const noexcept { return offered_ ? offered_->rows() : 0; }
 
     /// Throws CsvError.
@@ -43,11 +43,11 @@ class Recordings {
 
   private:
     std::size_t room_;
-    RecordNotes notes_;  // of the scene, with all changes since its start
+    RecordNotes notes_;  // with all changes since the start of the scene
     std::optional<StepRecord> kept_;
     std::optional<StepRecord> offered_;
     std::uint64_t offered_from_ = 0;
-    std::deque<std::future<std::string>> finished_;  // in their order
+    std::deque<std::future<std::string>> finished_;  // in the order of their end
 };
 
 }  // namespace haptic::sim

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include <haptic/config.hpp>
+#include "haptic/config.hpp"
 #include "view/live_parameters.hpp"
 
 namespace haptic::sim {
@@ -19,14 +19,15 @@ Replay::Replay(const Scene& scene, const RecordedRun& record, bool as_recorded, 
     : record_(record), notes_(as_recorded && record.notes() ? &*record.notes() : nullptr), simulation_(scene, clock) {}
 
 void Replay::make_changes() {
+    // Workspace keys are collected, since they change together; other changes are made one by one.
     const std::vector<LiveChange>& changes = notes_->changes;
     const std::uint64_t now = notes_->first_step + row_;
     Config workspace;
     bool moves = false;
     for (; changes_made_ < changes.size() && changes[changes_made_].step <= now; ++changes_made_) {
         const std::string& what = changes[changes_made_].what;
-        if (what == kCoupleAnew) {
-            simulation_.couple_anew();
+        if (what == kRecouple) {
+            simulation_.recouple();
         } else if (is_of_workspace(what)) {
             workspace.set(what);
             moves = true;
@@ -46,6 +47,7 @@ bool Replay::step(StepResult& result) {
     if (notes_ != nullptr) {
         make_changes();
     }
+    // A bitwise comparison: a replay of the same scene is exact.
     result = simulation_.step(notes_ != nullptr ? record_.row(row_) : record_.at(simulation_.time()));
     if (notes_ != nullptr && !diverged_at_) {
         if (const std::optional<Vec3> was = record_.proxy(row_); was && *was != result.proxy) {

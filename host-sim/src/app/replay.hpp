@@ -1,34 +1,34 @@
-// A recorded run made again, step by step: the same scene, the same hand, the same changes at the same steps.
+// Replay: repeats a recorded run step by step, with the same scene, hand, and live changes.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 
 #include "app/recorded_run.hpp"
-#include <haptic/sim/scene.hpp>
-#include <haptic/sim/simulation.hpp>
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
 
 namespace haptic::sim {
 
 class Replay {
   public:
-    /// `as_recorded`: the scene is the record's own, so each row is a step, and what was changed is changed again.
-    /// Else the hand is followed over time, at the scene's own rate. `clock` times the stages. Throws
-    /// std::invalid_argument, ConfigError.
+    /// `as_recorded`: the scene is the record's own; each row is a step and live changes are repeated. Otherwise the
+    /// hand is followed over time at the scene's rate. `clock` times the stages. Throws std::invalid_argument,
+    /// ConfigError.
     Replay(const Scene& scene, const RecordedRun& record, bool as_recorded, Simulation::ClockFunction clock = nullptr);
 
-    /// Makes the next step; false: the record is at its end.
+    /// Makes the next step. False at the end of the record.
     bool step(StepResult& result);
 
     [[nodiscard]] const Simulation& simulation() const noexcept { return simulation_; }
-    /// The row at which the proxy first was elsewhere than recorded; none so far, or nothing to compare with.
+    /// First row whose proxy differs from the record; nullopt if none does, or the record has no proxy.
     [[nodiscard]] std::optional<std::uint64_t> diverged_at() const noexcept { return diverged_at_; }
 
   private:
     void make_changes();
 
     const RecordedRun& record_;
-    const RecordNotes* notes_;  // null: the hand is followed over time
+    const RecordNotes* notes_;  // null: follow the hand over time
     Simulation simulation_;
     std::uint64_t row_ = 0;
     std::size_t changes_made_ = 0;

@@ -1,4 +1,4 @@
-// host-sim reproduce: the thesis' figures and tables again, beside its own numbers.
+// host-sim reproduce: recreates the thesis' figures and tables, beside the thesis' own numbers.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "app/commands.hpp"
-#include <haptic/clock.hpp>
+#include "haptic/clock.hpp"
 #include "reproduce/study.hpp"
 
 namespace haptic::sim {
@@ -23,9 +23,9 @@ int go(const Options& options) {
     const reproduce::Study study(options.out, monotonic_now_ns);
     std::vector<reproduce::Figure> figures;
     for (const reproduce::Reproduction& which : reproduce::reproductions()) {
-        const bool wanted = options.figures.empty() || std::find(options.figures.begin(), options.figures.end(),
-                                                                 which.number) != options.figures.end();
-        if (!wanted) {
+        const bool selected = options.figures.empty() || std::find(options.figures.begin(), options.figures.end(),
+                                                                   which.number) != options.figures.end();
+        if (!selected) {
             continue;
         }
         std::cout << "figure " << which.number << ": " << which.title << '\n' << std::flush;
@@ -43,7 +43,7 @@ int go(const Options& options) {
 Command add_reproduce_command(CLI::App& app) {
     const auto options = std::make_shared<Options>();
     std::vector<std::string> known;
-    std::string described = "Figures of chapters 4 and 5 to reproduce; all if none is named:";
+    std::string described = "Figures of chapters 4 and 5 to reproduce; default: all. Available:";
     for (const reproduce::Reproduction& which : reproduce::reproductions()) {
         known.emplace_back(which.number);
         described += std::string("\n  ") + which.number + "  " + which.title;

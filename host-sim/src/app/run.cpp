@@ -13,19 +13,19 @@
 #include <utility>
 
 #include "app/background.hpp"
-#include <haptic/clock.hpp>
-#include <haptic/csv.hpp>
-#include <haptic/other_users.hpp>
-#include <haptic/report.hpp>
+#include "haptic/clock.hpp"
+#include "haptic/csv.hpp"
+#include "haptic/other_users.hpp"
+#include "haptic/report.hpp"
 #include "view/live_parameters.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// Steps for which a run without an end reserves memory.
-constexpr std::uint64_t kRoomAtLeast = 100'000;
-// How often a waiting run looks for the device.
-constexpr std::int64_t kLookEveryNs = 1'000'000;
+// Steps to reserve memory for in a run without an end.
+constexpr std::uint64_t kReservedSteps = 100'000;
+// Polling period while waiting for the device.
+constexpr std::int64_t kPollPeriodNs = 1'000'000;
 
 }  // namespace
 
@@ -34,13 +34,13 @@ Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::Live
       steps_(plan.steps),
       real_(plan.real),
       scene_(plan.scene),
-      own_settings_(live_settings_of(plan.scene)),
+      scene_settings_(live_settings_of(plan.scene)),
       origin_(plan.origin),
       simulation_(plan.scene, monotonic_now_ns),
       statistics_(),
-      recordings_(!options.record.empty(), plan.steps > 0 ? plan.steps : kRoomAtLeast),
+      recordings_(!options.record.empty(), plan.steps > 0 ? plan.steps : kReservedSteps),
       workspace_(plan.workspace),
-      frames_(plan.session.empty() ? nullptr : std::make_unique<FrameOutlet>(plan.session)),
+      frames_(plan.session.empty() ? nullptr : std::make_unique<ContactFramePublisher>(plan.session)),
       states_(plan.real ? std::make_unique<RingReader<DeviceState>>(plan.session) : nullptr),
       hand_(plan.hand, states_.get()),
       step_probe_(open_probe(plan.scene.step_probe, &monotonic_now_ns, plan.scene.step_probe_slowest_edge_ns)) {
@@ -52,29 +52,30 @@ Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::Live
     if (view) {
         live_ = std::make_unique<LiveControl>(std::move(view), recordings_);
     }
-    begin();
+    start_scene();
 }
 
-/// What is about one simulation begins with it.
-void Run::begin() {
+/// Resets everything that belongs to one simulation.
+void Run::start_scene() {
     simulation_.set_verification(options_.verify);
     statistics_ = {};
     recordings_.begin(origin_);
     snapshots_ = options_.snapshots.empty() ? nullptr : std::make_unique<Snapshots>(simulation_);
     hand_.begin(simulation_);
-    begun_ns_ = monotonic_now_ns();
+    start_ns_ = monotonic_now_ns();
     scene_ns_ = 0;
-    broken_ = false;
+    unstable_ = false;
     if (live_) {
-        live_->introduce(simulation_, own_settings_, hand_);
+        live_->introduce(simulation_, scene_settings_, hand_);
     }
 }
 
-bool Run::wanted() const {
+bool Run::should_continue() const {
     return !stop_requested() && (steps_ == 0 || statistics_.steps() < steps_);
 }
 
-/// False if the simulation broke down under what viewers had set; it is then begun anew as its file says.
+/// Makes a step. False if the simulation diverged under settings changed by viewers: it is then rebuilt with the
+/// scene's own settings, paused. Without such changes the error ends the run.
 bool Run::try_step(const StepInput& input, StepResult& result) {
     if (!live_ || live_->counts().changes == 0) {
         result = simulation_.step(input);
@@ -84,17 +85,17 @@ bool Run::try_step(const StepInput& input, StepResult& result) {
         result = simulation_.step(input);
         return true;
     } catch (const std::runtime_error& error) {
-        spdlog::error("{}; the scene begins anew, paused, with its own parameters", error.what());
-        simulation_.change_settings(own_settings_);
+        spdlog::error("{}. The scene restarts, paused, with its own parameters", error.what());
+        simulation_.change_settings(scene_settings_);
         live_->pause();
-        broken_ = true;
-        make_next({});
+        unstable_ = true;
+        start_next_scene({});
         return false;
     }
 }
 
-/// What viewers see of a step that was made and published.
-void Run::tell_viewers(const StepResult& result, const Published& frame) {
+/// Sends a step and its published frame to the viewers, and times that.
+void Run::update_viewers(const StepResult& result, const Published& frame) {
     if (!live_) {
         return;
     }
@@ -103,7 +104,7 @@ void Run::tell_viewers(const StepResult& result, const Published& frame) {
         live_->frame_published(frame.sequence, frame.time_ns);
     }
     live_->after_step(result, late_, begin_ns);
-    telling_.record(monotonic_now_ns() - begin_ns);
+    viewer_times_.record(monotonic_now_ns() - begin_ns);
 }
 
 Run::Published Run::publish(const StepInput& input) {
@@ -114,16 +115,19 @@ Run::Published Run::publish(const StepInput& input) {
     return {frames_->publish(simulation_.frame(), states_ ? now_ns : input.time_ns, now_ns), now_ns};
 }
 
-void Run::one_step(const HandSources::Times& times) {
+void Run::make_step(const HandSources::Times& times) {
+    // The hand may have moved away from the tool while the run was idle or the device absent: couple them again from
+    // zero force.
     const StepInput input = hand_.at(simulation_, times);
-    if (live_ && frames_ && hand_.source() == view::HandSource::Device && (stood_ || hand_.device_came())) {
-        simulation_.couple_anew();  // the hand may be elsewhere than the tool was left
-        recordings_.note(simulation_.steps(), std::string(kCoupleAnew));
+    if (live_ && frames_ && hand_.source() == view::HandSource::Device && (was_idle_ || hand_.device_appeared())) {
+        simulation_.recouple();
+        recordings_.note(simulation_.steps(), std::string(kRecouple));
     }
-    stood_ = false;
+    was_idle_ = false;
     if (snapshots_) {
         snapshots_->before_step();
     }
+    // The probe line brackets step and publication, for measurement at a pin.
     step_probe_.set(true);
     StepResult result;
     const bool made = try_step(input, result);
@@ -132,20 +136,21 @@ void Run::one_step(const HandSources::Times& times) {
     if (!made) {
         return;
     }
+    // Everything below happens after the frame is on its way.
     scene_ns_ += nanoseconds(result.step);
     statistics_.add(result);
     recordings_.add(input, result);
     if (snapshots_) {
         snapshots_->after_step(result);
     }
-    tell_viewers(result, frame);
+    update_viewers(result, frame);
 }
 
 void Run::follow_workspace(std::int64_t now_ns) {
     if (!workspace_) {
         return;
     }
-    if (const std::optional<WorkspaceSettings> next = workspace_->look(now_ns)) {
+    if (const std::optional<WorkspaceSettings> next = workspace_->poll(now_ns)) {
         simulation_.change_workspace(*next);
         for (const std::string& assignment : assignments_of(*next)) {
             recordings_.note(simulation_.steps(), assignment);
@@ -153,82 +158,83 @@ void Run::follow_workspace(std::int64_t now_ns) {
         ++workspace_changes_;
         spdlog::info("workspace: scale {}, force scale {}, clutch button {}", next->scale, next->force_scale,
                      next->clutch_button);
-    } else if (!workspace_->complaint().empty()) {
-        spdlog::warn("the workspace stays as it is: {}", workspace_->complaint());
+    } else if (!workspace_->error().empty()) {
+        spdlog::warn("workspace unchanged: {}", workspace_->error());
     }
 }
 
-/// What viewers ask for. False if the scene stands now.
+/// Executes viewers' commands. False if the run is idle.
 bool Run::serve() {
     if (!live_) {
         return true;
     }
     live_->serve();
-    if (const std::optional<SceneWish> wish = live_->take_wish()) {
-        make_next(*wish);
+    if (const std::optional<SceneRequest> request = live_->take_request()) {
+        start_next_scene(*request);
     }
-    take_next();
-    return !next_ && !live_->stands();
+    switch_to_next_scene();
+    return !next_ && !live_->is_idle();
 }
 
-/// A moment in which the scene stands.
-void Run::stand() {
+/// One idle period: serves the haptic loop and the viewers without stepping.
+void Run::idle() {
     const std::int64_t now_ns = monotonic_now_ns();
-    stood_ = true;
+    was_idle_ = true;
     if (frames_) {
-        if (const std::uint64_t sequence = frames_->stand(now_ns); sequence != 0) {
+        if (const std::uint64_t sequence = frames_->publish_idle(now_ns); sequence != 0) {
             live_->frame_published(sequence, now_ns);
         }
     }
-    if (!broken_) {
+    if (!unstable_) {
         live_->show(now_ns);
     }
-    sleep_until(now_ns + FrameOutlet::kStandNs);
+    sleep_until(now_ns + ContactFramePublisher::kIdlePeriodNs);
 }
 
-/// A scene that begins anew keeps what was changed while it ran.
-void Run::keep_changes(NextScene& next) const {
+/// Lets a restarted scene keep the changes made while it ran, as assignments in its record.
+void Run::carry_over_changes(NextScene& next) const {
     Scene& scene = next.scene;
-    std::vector<std::string>& said = next.origin.assignments;
-    for (std::string& assignment : view::LiveParameters(simulation_, own_settings_)
+    std::vector<std::string>& assignments = next.origin.assignments;
+    for (std::string& assignment : view::LiveParameters(simulation_, scene_settings_)
                                        .assignments(live_settings_of(scene), simulation_.settings())) {
-        said.push_back(std::move(assignment));
+        assignments.push_back(std::move(assignment));
     }
     apply(simulation_.settings(), scene);
     if (!scene.tool && scene.proxy.reach > scene.proxy.radius) {
         scene.proxy.reach = scene.proxy.radius;
-        said.push_back("proxy.reach=" + text_of(scene.proxy.reach));
+        assignments.push_back("proxy.reach=" + text_of(scene.proxy.reach));
     }
     if (workspace_) {
         scene.workspace = workspace_->settings();
         for (std::string& assignment : assignments_of(scene.workspace)) {
-            said.push_back(std::move(assignment));
+            assignments.push_back(std::move(assignment));
         }
     }
 }
 
-void Run::make_next(const SceneWish& wish) {
+void Run::start_next_scene(const SceneRequest& request) {
     if (next_) {
-        return;  // one at a time; who asks gets the one that is being made
+        return;  // one at a time: later requests are dropped
     }
     NextScene next{scene_, origin_, {}};
     try {
-        if (wish.scene.empty()) {
-            keep_changes(next);
+        if (request.scene.empty()) {
+            carry_over_changes(next);
         } else {
-            next.scene = read_scene(open_scene(wish.scene), wish.scene);
-            next.origin = {.scene = wish.scene, .assignments = {}, .first_step = 0, .changes = {}};
+            next.scene = read_scene(open_scene(request.scene), request.scene);
+            next.origin = {.scene = request.scene, .assignments = {}, .first_step = 0, .changes = {}};
         }
     } catch (const std::exception& error) {
-        spdlog::error("the scene stays: {}", error.what());
+        spdlog::error("scene unchanged: {}", error.what());
         return;
     }
+    // Building takes longer than a step.
     next.made = in_background([scene = next.scene] { return Simulation(scene, monotonic_now_ns); });
     next_ = std::move(next);
 }
 
-/// Puts what was made in place, once it is and the hand feels nothing of what was before.
-void Run::take_next() {
+/// Switches to the next simulation once it is built and the force of the current one has faded out.
+void Run::switch_to_next_scene() {
     if (!next_ || next_->made.wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
         return;
     }
@@ -240,26 +246,26 @@ void Run::take_next() {
     try {
         simulation_ = next.made.get();
     } catch (const std::exception& error) {
-        spdlog::error("the scene stays: {}", error.what());
+        spdlog::error("scene unchanged: {}", error.what());
         return;
     }
     if (next.origin.scene != origin_.scene) {
-        workspace_.reset();  // was meant for the other one
-        own_settings_ = live_settings_of(next.scene);
+        workspace_.reset();  // belonged to the other scene
+        scene_settings_ = live_settings_of(next.scene);
     }
     live_->count(next.origin.scene != origin_.scene);
     scene_ = std::move(next.scene);
     origin_ = std::move(next.origin);
-    begin();
+    start_scene();
 }
 
 void Run::run_lockstep() {
-    while (wanted()) {
+    while (should_continue()) {
         if (serve()) {
-            one_step({.scene_ns = scene_ns_, .step_ns = scene_ns_, .now_ns = 0});
+            make_step({.scene_ns = scene_ns_, .step_ns = scene_ns_, .now_ns = 0});
             continue;
         }
-        stand();
+        idle();
     }
 }
 
@@ -276,22 +282,22 @@ void Run::wait_for_device() {
         if (live_) {
             live_->show(now_ns);
         }
-        sleep_until(now_ns + kLookEveryNs);
+        sleep_until(now_ns + kPollPeriodNs);
     }
 }
 
-void Run::say_whether_fresh() {
+void Run::log_device_freshness() {
     const bool fresh = hand_.device()->fresh();
     if (hand_.source() == view::HandSource::Input || fresh == was_fresh_) {
         return;
     }
     was_fresh_ = fresh;
     if (fresh) {
-        spdlog::info("the device is there: the hand follows it");
+        spdlog::info("device found: the hand follows it");
     } else if (hand_.source() == view::HandSource::Script) {
         spdlog::info("no fresh device state: the hand follows the scene's script until rt-core publishes one");
     } else {
-        spdlog::info("no fresh device state: the hand stays where it is until rt-core publishes one");
+        spdlog::info("no fresh device state: the hand stays in place until rt-core publishes one");
     }
 }
 
@@ -299,12 +305,12 @@ void Run::run_real() {
     if (options_.wait_s > 0.0) {
         wait_for_device();
     }
-    std::int64_t start_ns = monotonic_now_ns();  // of what is recorded
-    for (std::int64_t deadline_ns = start_ns; wanted();) {
+    std::int64_t start_ns = monotonic_now_ns();  // time 0 of a recorded input
+    for (std::int64_t deadline_ns = start_ns; should_continue();) {
         if (!serve()) {
-            stand();
+            idle();
             const std::int64_t now_ns = monotonic_now_ns();
-            start_ns += now_ns - deadline_ns;
+            start_ns += now_ns - deadline_ns;  // idle time does not count
             deadline_ns = now_ns;
             continue;
         }
@@ -312,21 +318,22 @@ void Run::run_real() {
         const std::int64_t now_ns = monotonic_now_ns();
         const std::int64_t step_ns = nanoseconds(simulation_.scene().solver.step);
         if (now_ns >= deadline_ns + step_ns) {
-            // The phase is kept, the scene falls behind by whole steps.
+            // Overrun: keep the phase, skip whole periods. The scene falls behind real time by as many steps.
             late_ += static_cast<std::uint64_t>((now_ns - deadline_ns) / step_ns);
             deadline_ns += (now_ns - deadline_ns) / step_ns * step_ns;
         }
         const bool recorded = hand_.source() == view::HandSource::Input;
-        one_step({.scene_ns = recorded ? deadline_ns - start_ns : scene_ns_, .step_ns = deadline_ns, .now_ns = now_ns});
-        say_whether_fresh();
+        make_step(
+            {.scene_ns = recorded ? deadline_ns - start_ns : scene_ns_, .step_ns = deadline_ns, .now_ns = now_ns});
+        log_device_freshness();
         follow_workspace(now_ns);
         deadline_ns += nanoseconds(simulation_.scene().solver.step);
     }
     if (late_ > 0) {
-        spdlog::warn("{} step deadlines were missed; the scene ran slower than real time by as many steps", late_);
+        spdlog::warn("{} step deadlines missed: the scene fell behind real time by as many steps", late_);
     }
     if (const std::uint64_t rejected = hand_.device()->rejected(); rejected > 0) {
-        spdlog::warn("{} device states were not valid and were ignored", rejected);
+        spdlog::warn("{} invalid device states ignored", rejected);
     }
 }
 
@@ -350,12 +357,12 @@ nlohmann::json Run::view_report() const {
             {"changes", counts.changes},
             {"resets", counts.resets},
             {"scenes", counts.scenes},
-            {"us", summary_us(telling_)}};
+            {"us", summary_us(viewer_times_)}};
 }
 
 void Run::write_results(double wall_s) const {
     if (step_probe_.off()) {
-        spdlog::warn("probe off after {} edges: the kernel refused one: {}", step_probe_.edges(),
+        spdlog::warn("probe switched off after {} edges: {}", step_probe_.edges(),
                      std::system_category().message(step_probe_.error()));
     }
     if (!options_.report.empty()) {
@@ -378,21 +385,21 @@ void Run::write_results(double wall_s) const {
     std::cout << statistics_.summary(simulation_, wall_s, options_.verify) << std::flush;
 }
 
-int Run::go() {
+int Run::execute() {
     const Scene& scene = simulation_.scene();
     spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, real_ ? "real" : "lockstep",
                  scene.solver.step);
     if (live_) {
         spdlog::info("the live view is at {}", live_->url());
     }
-    begun_ns_ = monotonic_now_ns();
+    start_ns_ = monotonic_now_ns();
     if (states_) {
         run_real();
     } else {
         run_lockstep();
     }
-    const double wall_s = seconds(monotonic_now_ns() - begun_ns_);
-    frames_.reset();  // leaves the rings before anything slow is done
+    const double wall_s = seconds(monotonic_now_ns() - start_ns_);
+    frames_.reset();  // release the rings before slow work
     states_.reset();
     if (stop_requested()) {
         spdlog::info("stopped by a signal after {} steps", statistics_.steps());

@@ -1,10 +1,9 @@
-// A scene from its start to its end, under a virtual clock or the real one, alone or before viewers.
+// Run: executes a scene from start to end, in lockstep (as fast as possible) or in real time, with or without viewers.
 //
-//     as fast as can be (lockstep), or at the scene's own deadlines (real):
-//         what viewers asked for -> hand -> step -> frame to the ring -> statistics, records -> moment to the viewers
+//     viewers' commands -> hand -> step -> contact frame to the ring -> statistics, records -> snapshot to the viewers
 //
-// With viewers the run may stand: paused, or while another scene is made, on a thread of its own. It then goes on
-// serving them, and the haptic loop (frame_outlet.hpp).
+// With viewers a run can be idle: paused, or while another scene is built on a thread of its own. Viewers and the
+// haptic loop are served meanwhile (contact_frame_publisher.hpp).
 #pragma once
 
 #include <cstdint>
@@ -13,7 +12,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 
-#include "app/frame_outlet.hpp"
+#include "app/contact_frame_publisher.hpp"
 #include "app/hand_sources.hpp"
 #include "app/live_control.hpp"
 #include "app/recordings.hpp"
@@ -21,80 +20,80 @@
 #include "app/run_statistics.hpp"
 #include "app/snapshots.hpp"
 #include "app/stop_signal.hpp"
-#include <haptic/histogram.hpp>
-#include <haptic/probe.hpp>
-#include <haptic/ring.hpp>
-#include <haptic/sim/simulation.hpp>
+#include "haptic/histogram.hpp"
+#include "haptic/probe.hpp"
+#include "haptic/ring.hpp"
+#include "haptic/sim/simulation.hpp"
 
 namespace haptic::sim {
 
 class Run {
   public:
-    /// `view` shows it; null: nobody is shown anything. Throws for what cannot be had: rings, probe, files.
+    /// `view` may be null: no viewers. Throws if rings, probe or files cannot be opened.
     Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::LiveView> view);
-    /// The exit status.
-    int go();
+    /// Runs to the end and returns the exit status.
+    int execute();
 
   private:
-    /// A simulation that is being made in place of the present one.
+    /// A simulation under construction that will replace the current one.
     struct NextScene {
         Scene scene;
         RecordNotes origin;
         std::future<Simulation> made;
     };
 
-    /// A frame that went to the ring; sequence 0: none did.
+    /// A published contact frame; sequence 0: none.
     struct Published {
         std::uint64_t sequence = 0;
         std::int64_t time_ns = 0;
     };
 
-    void begin();
+    void start_scene();
     void run_lockstep();
     void run_real();
     void wait_for_device();
-    void one_step(const HandSources::Times& times);
+    void make_step(const HandSources::Times& times);
     bool try_step(const StepInput& input, StepResult& result);
     [[nodiscard]] Published publish(const StepInput& input);
-    void tell_viewers(const StepResult& result, const Published& frame);
+    void update_viewers(const StepResult& result, const Published& frame);
     void follow_workspace(std::int64_t now_ns);
-    void say_whether_fresh();
+    void log_device_freshness();
     bool serve();
-    void stand();
-    void keep_changes(NextScene& next) const;
-    void make_next(const SceneWish& wish);
-    void take_next();
-    [[nodiscard]] bool wanted() const;
+    void idle();
+    void carry_over_changes(NextScene& next) const;
+    void start_next_scene(const SceneRequest& request);
+    void switch_to_next_scene();
+    [[nodiscard]] bool should_continue() const;
     [[nodiscard]] nlohmann::json probe_report() const;
     [[nodiscard]] nlohmann::json view_report() const;
     void write_results(double wall_s) const;
 
-    const StopOnSignal stop_;  // first: from before there are rings until after there are none
+    const StopOnSignal stop_;  // first member: outlives the rings
     const RunOptions& options_;
     std::uint64_t steps_;  // 0: until stopped
     bool real_;
-    Scene scene_;                // as it begins
-    LiveSettings own_settings_;  // of the scene, before anything was changed
+    Scene scene_;                  // at its start
+    LiveSettings scene_settings_;  // the scene's own, before any change
     RecordNotes origin_;
     Simulation simulation_;
     RunStatistics statistics_;
     Recordings recordings_;
     std::unique_ptr<Snapshots> snapshots_;
     std::shared_ptr<WorkspaceFile> workspace_;
-    std::unique_ptr<FrameOutlet> frames_;
+    std::unique_ptr<ContactFramePublisher> frames_;
     std::unique_ptr<RingReader<DeviceState>> states_;
     HandSources hand_;
     std::unique_ptr<LiveControl> live_;
     std::optional<NextScene> next_;
-    bool stood_ = false;         // before the step that comes
-    bool broken_ = false;        // the simulation is no longer finite: not to be shown
-    Probe step_probe_;           // up during each step
-    std::int64_t begun_ns_ = 0;  // when the simulation did
+    bool was_idle_ = false;      // before the next step
+    bool unstable_ = false;      // the simulation is no longer finite and must not be shown
+    Probe step_probe_;           // high during each step
+    std::int64_t start_ns_ = 0;  // start of the current simulation
     std::int64_t scene_ns_ = 0;
     std::uint64_t late_ = 0;
-    Histogram telling_;  // what viewers cost a step
+    Histogram viewer_times_;  // time that viewers cost per step
     std::uint64_t workspace_changes_ = 0;
-    bool was_fresh_ = true;  // so that a device that is missing from the beginning is said
+    bool was_fresh_ = true;  // true, so that a device missing from the start is logged
 };
 
 }  // namespace haptic::sim

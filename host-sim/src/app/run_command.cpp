@@ -9,7 +9,7 @@
 #include "app/log.hpp"
 #include "app/run.hpp"
 #include "app/run_options.hpp"
-#include <haptic/sim/scene.hpp>
+#include "haptic/sim/scene.hpp"
 
 namespace haptic::sim {
 
@@ -20,15 +20,20 @@ Command add_run_command(CLI::App& app) {
         log_to_stderr();
         const Plan plan(*options);
         if (plan.view) {
-            warn_of(view::exposure_of(*plan.view));
+            warn_unless_empty(view::exposure_of(*plan.view));
         }
-        return Run(*options, plan, plan.view ? view::open_live_view(*plan.view) : nullptr).go();
+        return Run(*options, plan, plan.view ? view::open_live_view(*plan.view) : nullptr).execute();
     };
 }
 
 Command add_scenes_command(CLI::App& app) {
-    (void)app;
-    return [] {
+    const auto reference = std::make_shared<bool>(false);
+    app.add_flag("--reference", *reference, "Print a commented scene file with every key and its default instead");
+    return [reference] {
+        if (*reference) {
+            std::cout << default_scene_text();
+            return 0;
+        }
         for (const BuiltInScene& scene : built_in_scenes()) {
             const Config config = open_scene(std::string(scene.name));
             std::cout << scene.name << ": " << read_scene(config, std::string(scene.name)).description << '\n';

@@ -11,7 +11,7 @@
 namespace haptic::sim {
 namespace {
 
-/// Finds out before a long run, not after it, that a result could not be written.
+/// Checks before a long run that its results can be written.
 void require_folder_of(const std::string& file) {
     const std::filesystem::path folder = std::filesystem::path(file).parent_path();
     if (!folder.empty() && !std::filesystem::is_directory(folder)) {
@@ -19,7 +19,7 @@ void require_folder_of(const std::string& file) {
     }
 }
 
-/// The seed in "hostile:SEED", 1 in "hostile", none in "script". Throws for anything else.
+/// SEED of "hostile:SEED", 1 for "hostile", nullopt for "script". Throws for any other text.
 std::optional<std::uint64_t> hostile_seed_of(const std::string& hand) {
     constexpr std::string_view hostile = "hostile";
     if (hand == "script") {
@@ -36,7 +36,7 @@ std::optional<std::uint64_t> hostile_seed_of(const std::string& hand) {
             return seed;
         }
     }
-    throw std::runtime_error("--hand " + hand + ": must be script, hostile, or hostile:SEED with a whole number SEED");
+    throw std::runtime_error("--hand " + hand + ": must be script, hostile, or hostile:SEED with an integer SEED");
 }
 
 }  // namespace
@@ -59,14 +59,14 @@ Plan::Plan(const RunOptions& options) {
         }
     }
     if (options.view_control && !options.view) {
-        throw std::runtime_error("--view-control: lets viewers change the run, and there are none without --view");
+        throw std::runtime_error("--view-control requires --view");
     }
     const double duration_s = options.duration_s.value_or(options.view ? 0.0 : scene.duration_s);
     steps = options.steps.value_or(static_cast<std::uint64_t>(std::llround(duration_s / scene.solver.step)));
     real = options.clock.empty() ? options.view : options.clock == "real";
     hand = {.input = options.input, .hostile_seed = hostile_seed_of(options.hand), .scripted = !real || options.view};
     if (hand.hostile_seed && (real || !options.input.empty())) {
-        throw std::runtime_error("--hand hostile: goes with --clock lockstep and without --input");
+        throw std::runtime_error("--hand hostile requires --clock lockstep and excludes --input");
     }
     session = real && options.session.empty() ? "default" : options.session;
     if (options.view) {
@@ -77,55 +77,62 @@ Plan::Plan(const RunOptions& options) {
 }
 
 void add_run_options(CLI::App& app, RunOptions& options) {
-    app.add_option("scene", options.scene, "A built-in scene (host-sim scenes) or a scene file, NAME.toml")->required();
-    app.add_option("--set", options.assignments, "Override a key of the scene, e.g. solver.iterations=5; repeatable")
+    app.add_option("scene", options.scene, "Built-in scene (list: host-sim scenes) or scene file NAME.toml")
+        ->required();
+    app.add_option("--set", options.assignments, "Override a scene key, e.g. solver.iterations=5; repeatable")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    app.add_option("--session", options.session,
-                   "Name of the rings that join this process to rt-core; with --clock lockstep, frames are published "
-                   "only if it is given [default]");
-    auto* duration = app.add_option("--duration", options.duration_s,
-                                    "Simulated seconds; 0 runs until stopped [the scene's; with --view 0]")
-                         ->check(CLI::Range(0.0, 1e6));
-    app.add_option("--steps", options.steps, "Number of steps; 0 runs until stopped")->excludes(duration);
-    app.add_option("--clock", options.clock,
-                   "real: paced, the hand is the device of rt-core; lockstep: as fast as can be, the hand is the "
-                   "scene's script or --input [lockstep; with --view real]")
-        ->check(CLI::IsMember({"real", "lockstep"}));
-    app.add_option("--input", options.input,
-                   "Follow a recorded hand: time_s, x_m, y_m, z_m, ... in the device frame; curl and buttons, if "
-                   "there are such columns, close it and press them");
-    app.add_option("--hand", options.hand,
-                   "With --clock lockstep: script, the scene's own; hostile or hostile:SEED, one that darts at the "
-                   "surfaces at up to 5 m/s, to be used with --verify")
-        ->capture_default_str();
     app.add_option(
-        "--workspace", options.workspace,
-        "A file with a table [workspace] in place of the scene's; with --clock real it is taken anew, without "
-        "a jump of the force, whenever it changes");
+        "--session", options.session,
+        "Name of the rings shared with rt-core; with --clock lockstep, frames are published only if it is given "
+        "[default]");
+    auto* duration = app.add_option("--duration", options.duration_s,
+                                    "Simulated seconds; 0: until stopped [the scene's; 0 with --view]")
+                         ->check(CLI::Range(0.0, 1e6));
+    app.add_option("--steps", options.steps, "Number of steps; 0: until stopped")->excludes(duration);
+    app.add_option("--clock", options.clock,
+                   "real: in real time, the hand is rt-core's device; lockstep: as fast as possible, the hand is the "
+                   "scene's script or --input [lockstep; real with --view]")
+        ->check(CLI::IsMember({"real", "lockstep"}));
+    app.add_option(
+        "--input", options.input,
+        "Follow a recorded hand: CSV with time_s, x_m, y_m, z_m, ... in the device frame, and optionally curl and "
+        "buttons");
+    app.add_option(
+           "--hand", options.hand,
+           "With --clock lockstep: script (the scene's), or hostile or hostile:SEED, a random hand that darts at the "
+           "surfaces at up to 5 m/s, for use with --verify")
+        ->capture_default_str();
+    app.add_option("--workspace", options.workspace,
+                   "File with a table [workspace] that replaces the scene's; with --clock real it is reloaded whenever "
+                   "it changes, "
+                   "without a jump of the force");
     app.add_option("--wait", options.wait_s,
-                   "With --clock real: seconds to hold the scene back at most, until rt-core is running")
+                   "With --clock real: wait at most this many seconds for rt-core to run before the scene starts")
         ->check(CLI::Range(0.0, 3600.0));
     app.add_option("--report", options.report, "Write a JSON report at the end");
     app.add_option("--record", options.record, "Write a CSV record of every step at the end");
-    app.add_option("--snapshots", options.snapshots, "Write POV-Ray scenes of the moments round the contact there");
+    app.add_option("--snapshots", options.snapshots,
+                   "Folder for POV-Ray scenes of the moments around the first contact");
     app.add_option_function<std::string>(
            "--view",
            [&options](const std::string& address) {
                options.view = true;
                options.view_address = address;
            },
-           "Show the scene to browsers, at this address of this machine; without one, to this machine alone "
+           "Serve a live view to browsers at this address of this machine; without ADDR:PORT, to this machine only "
            "[127.0.0.1:7060]")
         ->type_name("[ADDR:PORT]")
         ->expected(0, 1)
         ->trigger_on_parse();
+    app.add_flag("--view-control", options.view_control,
+                 "With --view: viewers may pause and reset, change scene and parameters, record, and move the hand "
+                 "with the mouse "
+                 "unless a device holds it");
     app.add_flag(
-        "--view-control", options.view_control,
-        "With --view: viewers may change the run: pause, reset, other scenes, parameters, record, and the hand "
-        "with the mouse as long as no device has it");
-    app.add_flag("--verify", options.verify,
-                 "Check every step independently for a proxy that passed through a surface; exit status 1 if one did");
+        "--verify", options.verify,
+        "Check in every step, by an independent method, that no proxy passed through a surface; exit status 1 if one "
+        "did");
 }
 
 }  // namespace haptic::sim

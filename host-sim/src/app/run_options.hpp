@@ -1,4 +1,4 @@
-// What host-sim run is told on its command line, and what follows from that before the run begins.
+// Command line of `host-sim run`, and the plan that follows from it.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 #include "app/hand_sources.hpp"
 #include "app/step_record.hpp"
 #include "app/workspace_file.hpp"
-#include <haptic/sim/scene.hpp>
+#include "haptic/sim/scene.hpp"
 #include "view/live_view.hpp"
 
 namespace CLI {  // NOLINT(readability-identifier-naming): theirs
@@ -39,12 +39,12 @@ struct RunOptions {
     bool verify = false;
 };
 
-/// Binds the options of host-sim run to a place that outlives the parsing.
+/// Adds the options of `host-sim run` to a parser. `options` must outlive it.
 void add_run_options(CLI::App& app, RunOptions& options);
 
-/// What has to be known before a run can be set up.
+/// Everything needed to set up a run.
 struct Plan {
-    /// Throws for whatever is wrong with the options.
+    /// Throws for invalid or contradictory options.
     explicit Plan(const RunOptions& options);
 
     Scene scene;
@@ -52,8 +52,8 @@ struct Plan {
     std::uint64_t steps = 0;  // 0: until stopped
     bool real = false;
     HandSettings hand;
-    std::string session;                       // of the rings; empty: none are used
-    std::shared_ptr<WorkspaceFile> workspace;  // null: that of the scene
+    std::string session;                       // name of the rings; empty: no rings
+    std::shared_ptr<WorkspaceFile> workspace;  // null: the scene's
     std::optional<view::LiveViewSettings> view;
 };
 

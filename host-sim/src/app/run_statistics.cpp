@@ -6,12 +6,13 @@
 #include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
 
-#include <haptic/report.hpp>
+#include "haptic/report.hpp"
+#include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// Of a sum of steps.
+// Tolerance for rounding in a sum of steps.
 constexpr double kRounding = 1.0 - 1e-9;
 
 std::string hexadecimal(std::uint64_t value) {
@@ -51,6 +52,7 @@ void RunStatistics::add(const StepResult& result) {
     times_.deform.record(t.deform_ns);
     times_.collide.record(t.collide_ns);
     times_.skin.record(t.skin_ns);
+    // Contact: total, mean force, and the longest contact without a break.
     const double hand_force = glm::length(result.hand_force);
     if (result.in_contact) {
         ++in_contact_;
@@ -63,20 +65,21 @@ void RunStatistics::add(const StepResult& result) {
     } else {
         held_s_ = 0.0;
     }
-    longest_held_s_ = std::max(longest_held_s_, held_s_);
-    squeezed_ += result.squeezed ? 1 : 0;
-    let_through_ += result.let_through ? 1 : 0;
+    max_held_s_ = std::max(max_held_s_, held_s_);
+    // Failures and extremes.
+    overconstrained_ += result.overconstrained ? 1 : 0;
+    passed_through_ += result.passed_through ? 1 : 0;
     escapes_ += result.crossed ? 1 : 0;
-    most_collided_ = std::max(most_collided_, result.collided);
-    highest_torque_ = std::max(highest_torque_, glm::length(result.hand_torque));
-    deepest_ = std::max(deepest_, result.depth);
-    highest_force_ = std::max(highest_force_, hand_force);
-    highest_scene_force_ = std::max(highest_scene_force_, glm::length(result.force));
+    max_collided_ = std::max(max_collided_, result.collided);
+    max_hand_torque_ = std::max(max_hand_torque_, glm::length(result.hand_torque));
+    max_depth_ = std::max(max_depth_, result.depth);
+    max_hand_force_ = std::max(max_hand_force_, hand_force);
+    max_scene_force_ = std::max(max_scene_force_, glm::length(result.force));
 }
 
 bool RunStatistics::caught() const noexcept {
-    const bool held = longest_held_s_ >= kHeldForSeconds * kRounding || held_s_ > 0.0;
-    return held && escapes_ == 0 && let_through_ == 0;
+    const bool held = max_held_s_ >= kHeldForSeconds * kRounding || held_s_ > 0.0;
+    return held && escapes_ == 0 && passed_through_ == 0;
 }
 
 nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s, bool verified) const {
@@ -93,17 +96,20 @@ nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s
                         {"triangles", simulation.mesh().triangles.size()},
                         {"particles", simulation.model().size()},
                         {"proxies", simulation.tool().particles().size()}};
-    report["contact"] = {
-        {"steps_in_contact", in_contact_}, {"escapes", escapes_},         {"verified", verified},
-        {"max_depth_m", deepest_},         {"squeezed_steps", squeezed_}, {"let_through", let_through_},
-        {"most_proxies", most_collided_}};
+    report["contact"] = {{"steps_in_contact", in_contact_},
+                         {"escapes", escapes_},
+                         {"verified", verified},
+                         {"max_depth_m", max_depth_},
+                         {"squeezed_steps", overconstrained_},
+                         {"let_through", passed_through_},
+                         {"most_proxies", max_collided_}};
     if (first_contact_s_ >= 0.0) {
         report["contact"]["first_contact_s"] = first_contact_s_;
     }
-    report["force_N"] = {{"max", highest_force_},
+    report["force_N"] = {{"max", max_hand_force_},
                          {"mean_in_contact", in_contact_ > 0 ? force_sum_ / static_cast<double>(in_contact_) : 0.0},
-                         {"max_in_scene", highest_scene_force_}};
-    report["torque_Nm"] = {{"max", highest_torque_}};
+                         {"max_in_scene", max_scene_force_}};
+    report["torque_Nm"] = {{"max", max_hand_torque_}};
     report["timing_us"] = {{"total", summary_us(times_.total)},     {"ccd", summary_us(times_.ccd)},
                            {"popout", summary_us(times_.popout)},   {"proxy", summary_us(times_.proxy)},
                            {"tool", summary_us(times_.tool)},       {"deform", summary_us(times_.deform)},
@@ -117,20 +123,20 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
     std::string text = simulation.scene().name + ": " +
                        format("%.2f s in %llu steps\n", simulated, static_cast<unsigned long long>(steps_));
     text += line("caught", caught() ? "yes" : "no");
-    text += line("escapes", verified ? std::to_string(escapes_) : "not counted (--verify counts them)");
+    text += line("escapes", verified ? std::to_string(escapes_) : "not counted (use --verify)");
     text += line("in contact", first_contact_s_ < 0.0
                                    ? std::string("never")
                                    : format("%llu steps, first at %.2f s", static_cast<unsigned long long>(in_contact_),
                                             first_contact_s_));
-    if (squeezed_ + let_through_ > 0) {
-        text +=
-            line("squeezed", format("%llu steps, %llu surfaces let through", static_cast<unsigned long long>(squeezed_),
-                                    static_cast<unsigned long long>(let_through_)));
+    if (overconstrained_ + passed_through_ > 0) {
+        text += line("overconstrained", format("%llu steps, %llu surfaces passed through",
+                                               static_cast<unsigned long long>(overconstrained_),
+                                               static_cast<unsigned long long>(passed_through_)));
     }
-    text += line("peak force", format("%.2f N at the hand, %.2f N in the scene", highest_force_, highest_scene_force_));
+    text += line("peak force", format("%.2f N at the hand, %.2f N in the scene", max_hand_force_, max_scene_force_));
     if (simulation.tool().particles().size() > 1) {
         text += line("tool", format("%zu proxies, at most %zu in contact, peak torque %.4f N*m at the hand",
-                                    simulation.tool().particles().size(), most_collided_, highest_torque_));
+                                    simulation.tool().particles().size(), max_collided_, max_hand_torque_));
     }
     text += line("speed", format("%.0f steps/s", wall_s > 0.0 ? static_cast<double>(steps_) / wall_s : 0.0));
     text += line("us per step", "      p50       p99       max");

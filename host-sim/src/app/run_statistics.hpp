@@ -1,12 +1,12 @@
-// What is kept of a run for its summary and its report.
+// Run statistics: figures of a run for its summary and its report.
 #pragma once
 
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include <haptic/histogram.hpp>
-#include <haptic/sim/simulation.hpp>
+#include "haptic/histogram.hpp"
+#include "haptic/sim/simulation.hpp"
 
 namespace haptic::sim {
 
@@ -20,12 +20,12 @@ class RunStatistics {
 
     [[nodiscard]] std::uint64_t escapes() const noexcept { return escapes_; }
     [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
-    /// The surface was held without a break for kHeldForSeconds, or until the run ended, and never passed.
+    /// Contact lasted kHeldForSeconds without a break, or until the end, and no surface was passed.
     [[nodiscard]] bool caught() const noexcept;
 
-    /// The JSON report, keys as the design gives them. `wall_s` is what the run took.
+    /// JSON report. `wall_s`: duration of the run, s.
     [[nodiscard]] nlohmann::json report(const Simulation& simulation, double wall_s, bool verified) const;
-    /// The short table for a person.
+    /// Short table for the terminal.
     [[nodiscard]] std::string summary(const Simulation& simulation, double wall_s, bool verified) const;
 
   private:
@@ -34,19 +34,19 @@ class RunStatistics {
     StageHistograms times_;
     std::uint64_t steps_ = 0;
     std::uint64_t in_contact_ = 0;
-    double held_s_ = 0.0;  // in contact up to now without a break
-    double longest_held_s_ = 0.0;
+    double held_s_ = 0.0;  // duration of the current contact
+    double max_held_s_ = 0.0;
     double held_since_s_ = 0.0;
-    std::uint64_t squeezed_ = 0;
-    std::uint64_t let_through_ = 0;
+    std::uint64_t overconstrained_ = 0;
+    std::uint64_t passed_through_ = 0;
     std::uint64_t escapes_ = 0;
     double first_contact_s_ = -1.0;
-    double deepest_ = 0.0;
-    double highest_force_ = 0.0;        // N, hand
-    double highest_scene_force_ = 0.0;  // N
-    double highest_torque_ = 0.0;       // N*m, hand
-    std::size_t most_collided_ = 0;     // proxies in contact at once
-    double force_sum_ = 0.0;            // N, hand, over steps in contact
+    double max_depth_ = 0.0;
+    double max_hand_force_ = 0.0;   // N, hand
+    double max_scene_force_ = 0.0;  // N
+    double max_hand_torque_ = 0.0;  // N*m, hand
+    std::size_t max_collided_ = 0;  // maximum number of proxies in contact
+    double force_sum_ = 0.0;        // N, hand, sum over steps in contact
 };
 
 }  // namespace haptic::sim

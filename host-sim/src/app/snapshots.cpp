@@ -10,8 +10,8 @@ namespace {
 
 constexpr std::uint64_t kSoonAfter = 7;  // steps
 constexpr std::uint64_t kLater = 100;
-constexpr double kAboveFloor = 0.1;  // m
-constexpr double kFloor = -1.6;      // m, or lower, below all that is drawn
+constexpr double kAboveFloor = 0.1;  // m, clearance of the vertices
+constexpr double kFloor = -1.6;      // m; lowered below all vertices if necessary
 
 }  // namespace
 

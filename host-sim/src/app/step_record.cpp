@@ -5,8 +5,8 @@
 #include <charconv>
 #include <stdexcept>
 
-#include <haptic/csv.hpp>
-#include <haptic/types.hpp>
+#include "haptic/csv.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -19,7 +19,7 @@ std::vector<std::string> column_names() {
             "fz_n",      "in_contact", "step_us",   "tx_nm",   "ty_nm",   "tz_nm",   "curl", "buttons"};
 }
 
-/// A note is one line; TOML takes a blank for the end of a line.
+/// Notes are single lines; in TOML a space may replace a line break here.
 std::string on_one_line(std::string text) {
     std::replace(text.begin(), text.end(), '\n', ' ');
     return text;
@@ -29,7 +29,7 @@ std::uint64_t number_of(std::string_view text, const std::string& line) {
     std::uint64_t number = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
     if (error != std::errc() || end != text.data() + text.size()) {
-        throw std::invalid_argument("the note \"" + line + "\" has no number of a step");
+        throw std::invalid_argument("the note \"" + line + "\" has no valid step number");
     }
     return number;
 }
@@ -76,7 +76,7 @@ std::optional<RecordNotes> read_notes(std::span<const std::string> lines) {
             notes.changes.push_back(
                 {number_of(rest.substr(0, next), line), std::string(rest.substr(std::min(next + 1, rest.size())))});
         } else {
-            throw std::invalid_argument("the note \"" + line + "\" is not one of a record of this version");
+            throw std::invalid_argument("the note \"" + line + "\" is unknown to this version");
         }
     }
     return notes;
@@ -84,10 +84,10 @@ std::optional<RecordNotes> read_notes(std::span<const std::string> lines) {
 
 std::vector<std::string> assignments_of(const WorkspaceSettings& workspace) {
     const Vec3& offset = workspace.offset;
-    const Quat& turn = workspace.rotation;
+    const Quat& rotation = workspace.rotation;
     return {"workspace.scale=" + text_of(workspace.scale),
             "workspace.offset=" + list_of({offset.x, offset.y, offset.z}),
-            "workspace.rotation=" + list_of({turn.w, turn.x, turn.y, turn.z}),
+            "workspace.rotation=" + list_of({rotation.w, rotation.x, rotation.y, rotation.z}),
             "workspace.force_scale=" + text_of(workspace.force_scale),
             "workspace.clutch_button=" + std::to_string(workspace.clutch_button),
             "workspace.clutch_fade=" + text_of(workspace.clutch_fade)};

@@ -1,12 +1,12 @@
-// A record of every step: CSV that is valid input to --input, and that says all it takes to make the run again, bit for
-// bit: before the header, as notes,
+// Step record: CSV of every step of a run. It is valid input to --input and contains everything needed to repeat the
+// run bit for bit, as notes before the header:
 //
 //     # host-sim record 1
-//     # scene cloth-drop                         a built-in scene or a scene file
+//     # scene cloth-drop                         built-in scene or scene file
 //     # set solver.iterations=5                  as --set, in this order
-//     # first-step 0                             the step of the scene that is the first row's
-//     # change 120 coupling.stiffness=20         live, before the step with that number; of workspace.* all keys
-//     together # change 130 couple-anew                   Simulation::couple_anew()
+//     # first-step 0                             step of the scene that the first row belongs to
+//     # change 120 coupling.stiffness=20         live change before that step; workspace.* with all its keys
+//     # change 130 couple-anew                   Simulation::recouple()
 #pragma once
 
 #include <array>
@@ -19,41 +19,42 @@
 #include <string_view>
 #include <vector>
 
-#include <haptic/sim/simulation.hpp>
+#include "haptic/sim/simulation.hpp"
 
 namespace haptic::sim {
 
-/// What was changed while a scene ran: an assignment as that of --set, or kCoupleAnew.
+/// Live change: an assignment as in --set, or kRecouple.
 struct LiveChange {
-    std::uint64_t step = 0;  // before which it was made
+    std::uint64_t step = 0;  // made before this step
     std::string what;
 };
 
-inline constexpr std::string_view kCoupleAnew = "couple-anew";
+inline constexpr std::string_view kRecouple = "couple-anew";
 
 struct RecordNotes {
-    std::string scene;                     // as `host-sim run` takes it
+    std::string scene;                     // as in `host-sim run`
     std::vector<std::string> assignments;  // as --set
     std::uint64_t first_step = 0;
     std::vector<LiveChange> changes;
 };
 
+/// Notes as lines, without the leading "# ".
 [[nodiscard]] std::vector<std::string> lines_of(const RecordNotes& notes);
-/// None, if these are not the notes of such a record. Throws std::invalid_argument for a line that is wrong.
+/// Parses notes; nullopt if the first line is not that of a record. Throws std::invalid_argument for an invalid line.
 [[nodiscard]] std::optional<RecordNotes> read_notes(std::span<const std::string> lines);
 
-/// A mapping as assignments of all its keys.
+/// Assignments of all keys of a workspace.
 [[nodiscard]] std::vector<std::string> assignments_of(const WorkspaceSettings& workspace);
 
 class StepRecord {
   public:
-    /// `room` is what to reserve, so that adding does not allocate; more rows are no error.
+    /// Reserves memory for `room` rows, so that add() does not allocate; more rows are allowed.
     explicit StepRecord(std::size_t room) { rows_.reserve(room); }
 
     void add(const StepInput& input, const StepResult& result);
 
     [[nodiscard]] std::size_t rows() const noexcept { return rows_.size(); }
-    /// The whole file.
+    /// Contents of the file.
     [[nodiscard]] std::string csv(const RecordNotes& notes) const;
     /// Throws CsvError.
     void write(const std::filesystem::path& file, const RecordNotes& notes) const;

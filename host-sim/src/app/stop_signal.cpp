@@ -3,7 +3,7 @@
 #include <cerrno>
 #include <ctime>
 
-#include <haptic/types.hpp>
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -19,7 +19,7 @@ void request_stop(int /*signal*/) {
 StopOnSignal::StopOnSignal() {
     requested = 0;
     struct sigaction action{};
-    action.sa_handler = request_stop;  // without SA_RESTART: the sleep of the run ends at once
+    action.sa_handler = request_stop;  // without SA_RESTART, so that a sleep ends at once
     (void)sigaction(SIGINT, &action, &old_interrupt_);
     (void)sigaction(SIGTERM, &action, &old_terminate_);
     (void)sigaction(SIGHUP, &action, &old_hangup_);

@@ -1,4 +1,4 @@
-// How a person ends a run that has no end, and how the run waits without missing that.
+// Stop signals: orderly end of a run on SIGINT, SIGTERM or SIGHUP, and a sleep that they interrupt.
 #pragma once
 
 #include <csignal>
@@ -6,7 +6,7 @@
 
 namespace haptic::sim {
 
-/// While it lives, SIGINT, SIGTERM and SIGHUP end the run in an orderly way instead of the process.
+/// While an object exists, these signals request a stop instead of terminating the process.
 class StopOnSignal {
   public:
     StopOnSignal();
@@ -20,10 +20,10 @@ class StopOnSignal {
     struct sigaction old_hangup_{};
 };
 
-/// One of them came since the last StopOnSignal began to live.
+/// A stop was requested since the last StopOnSignal was constructed.
 [[nodiscard]] bool stop_requested() noexcept;
 
-/// Until a time of CLOCK_MONOTONIC, or until one of them comes.
+/// Sleeps until a time of CLOCK_MONOTONIC, ns, or until a stop is requested.
 void sleep_until(std::int64_t time_ns) noexcept;
 
 }  // namespace haptic::sim

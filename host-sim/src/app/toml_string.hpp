@@ -1,11 +1,11 @@
-// A text of the command line as a value for Config::set().
+// TOML string: quotes a command-line argument for Config::set().
 #pragma once
 
 #include <string>
 
 namespace haptic::sim {
 
-/// `text` as a TOML string.
+/// `text` as a quoted TOML string.
 [[nodiscard]] inline std::string toml_string(const std::string& text) {
     std::string result = "\"";
     for (const char c : text) {

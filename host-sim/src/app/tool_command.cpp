@@ -1,9 +1,8 @@
-// host-sim tool: builds the tool that the hand would hold, and says how well its spheres stand for its mesh.
+// host-sim tool: builds a tool and reports how well its spheres approximate its mesh.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
-#include <glm/common.hpp>
 #include <iomanip>
 #include <iostream>
 #include <memory>
@@ -12,12 +11,13 @@
 
 #include "app/commands.hpp"
 #include "app/toml_string.hpp"
-#include <haptic/config.hpp>
-#include <haptic/sim/mesh_file.hpp>
-#include <haptic/sim/scene.hpp>
-#include <haptic/sim/tool_model.hpp>
+#include "haptic/config.hpp"
+#include "haptic/sim/mesh_file.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/tool_model.hpp"
+#include "haptic/types.hpp"
+#include "simd/aabb.hpp"
 #include "tool/tool_proxies.hpp"
-#include <haptic/types.hpp>
 
 namespace haptic::sim {
 namespace {
@@ -45,30 +45,25 @@ bool is_mesh(const std::string& what) {
 
 void print(std::ostream& out, const ToolModel& tool, bool list) {
     const DeformableBody& body = tool.body;
-    Vec3 low = body.mesh.vertices.front();
-    Vec3 high = low;
-    for (const Vec3& p : body.mesh.vertices) {
-        low = glm::min(low, p);
-        high = glm::max(high, p);
-    }
+    const auto [low, high] = aabb_of(body.mesh.vertices);
     std::vector<double> radii = tool.radius;
     std::sort(radii.begin(), radii.end());
     out << std::setprecision(4) << body.name << ":\n"
         << "  mesh          " << body.mesh.vertices.size() << " vertices, " << body.mesh.triangles.size()
         << " triangles, " << (body.mesh.closed ? "closed" : "open") << '\n'
         << "  box           (" << low.x << ", " << low.y << ", " << low.z << ") to (" << high.x << ", " << high.y
-        << ", " << high.z << ") m, in the grip's frame\n"
+        << ", " << high.z << ") m, grip frame\n"
         << "  spheres       " << radii.size();
     if (tool.added > 0) {
-        out << ", " << tool.added << " of them to close gaps";
+        out << ", " << tool.added << " of them added to close gaps";
     }
-    out << "; radius " << radii.front() << " .. " << radii.back() << " m, middle " << radii[radii.size() / 2] << '\n'
+    out << "; radius " << radii.front() << " .. " << radii.back() << " m, median " << radii[radii.size() / 2] << '\n'
         << "  cover error   " << tool.cover_error << " m\n"
         << "  widest gap    " << tool.widest_gap << " m" << (tool.widest_gap > 0.0 ? "" : " (none)") << '\n'
         << "  groups        " << body.particles.groups.size() << ", links " << body.particles.links.size()
         << ", iterations " << tool.iterations << '\n';
     if (!tool.joints.empty()) {
-        out << "  joints        " << tool.joints.joints() - 1 << ", by which it closes\n";
+        out << "  joints        " << tool.joints.joints() - 1 << " (it can close)\n";
     }
     if (list) {
         out << "x_m,y_m,z_m,radius_m,mass_kg\n" << std::setprecision(17);
@@ -97,7 +92,7 @@ ToolSettings settings_of(const ToolOptions& options) {
     return settings;
 }
 
-/// The tool with its rest shape at a curl in place of the one in which it was made.
+/// Replaces the tool's rest shape by that at a curl.
 void close(ToolModel& tool, double curl) {
     const ToolProxies::Settings still{.contact = {}, .reach = 0.0, .step = 0.01};
     const ToolProxies closed(tool, still, Pose{}, curl);
@@ -122,14 +117,13 @@ int run_tool(const ToolOptions& options) {
 
 Command add_tool_command(CLI::App& app) {
     const auto options = std::make_shared<ToolOptions>();
-    app.add_option("what", options->what, "sphere, hand, rod, probe, a mesh file, or a scene whose tool it is")
-        ->required();
+    app.add_option("what", options->what, "sphere, hand, rod, probe, a mesh file, or a scene for its tool")->required();
     app.add_option("--set", options->assignments,
-                   "Override a key of the scenes' [tool] table, e.g. tool.spheres=20; repeatable")
+                   "Override a key of the [tool] table, e.g. tool.spheres=20; repeatable")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    app.add_option("--mesh", options->mesh, "Write its mesh, in the grip's frame: .obj or .ply");
-    app.add_flag("--list", options->list, "List the spheres, in the grip's frame");
+    app.add_option("--mesh", options->mesh, "Write the mesh, in the grip frame: .obj or .ply");
+    app.add_flag("--list", options->list, "List the spheres, in the grip frame");
     return [options] { return run_tool(*options); };
 }
 

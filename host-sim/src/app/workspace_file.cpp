@@ -4,14 +4,14 @@
 
 #include <utility>
 
-#include <haptic/config.hpp>
-#include <haptic/sim/scene.hpp>
-#include <haptic/types.hpp>
+#include "haptic/config.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 
-WorkspaceFile::WorkspaceFile(std::filesystem::path file, const WorkspaceSettings& otherwise)
-    : file_(std::move(file)), otherwise_(otherwise), stamp_(stamp()), seen_(stamp_), settings_(read()) {}
+WorkspaceFile::WorkspaceFile(std::filesystem::path file, const WorkspaceSettings& defaults)
+    : file_(std::move(file)), defaults_(defaults), stamp_(stamp()), seen_(stamp_), settings_(read()) {}
 
 WorkspaceFile::Stamp WorkspaceFile::stamp() const {
     struct stat found{};
@@ -24,18 +24,18 @@ WorkspaceFile::Stamp WorkspaceFile::stamp() const {
 
 WorkspaceSettings WorkspaceFile::read() const {
     const Config config = Config::load(file_);
-    const WorkspaceSettings settings = read_workspace(config, otherwise_);
+    const WorkspaceSettings settings = read_workspace(config, defaults_);
     config.reject_unknown();
     return settings;
 }
 
-std::optional<WorkspaceSettings> WorkspaceFile::look(std::int64_t now_ns) {
-    complaint_.clear();
-    if (now_ns < next_look_ns_) {
+std::optional<WorkspaceSettings> WorkspaceFile::poll(std::int64_t now_ns) {
+    error_.clear();
+    if (now_ns < next_poll_ns_) {
         return std::nullopt;
     }
-    next_look_ns_ = now_ns + kLookNs;
-    // The stamp comes first: a file that is written to while it is read is read again at the next look.
+    next_poll_ns_ = now_ns + kPollNs;
+    // Take the stamp before reading: a file that is written during the read is read again in the next poll.
     const Stamp now = stamp();
     const bool settled = now == seen_;
     seen_ = now;
@@ -44,7 +44,7 @@ std::optional<WorkspaceSettings> WorkspaceFile::look(std::int64_t now_ns) {
     }
     stamp_ = now;
     if (now.size <= 0) {
-        return std::nullopt;  // an editor puts another one in its place
+        return std::nullopt;  // an editor is replacing the file
     }
     try {
         const WorkspaceSettings next = read();
@@ -54,7 +54,7 @@ std::optional<WorkspaceSettings> WorkspaceFile::look(std::int64_t now_ns) {
         settings_ = next;
         return next;
     } catch (const ConfigError& error) {
-        complaint_ = error.what();
+        error_ = error.what();
         return std::nullopt;
     }
 }

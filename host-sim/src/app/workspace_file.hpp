@@ -1,4 +1,4 @@
-// A workspace that the user changes while the scene runs: a file with a table [workspace], looked at now and then.
+// Workspace file: a file with a table [workspace] that the user may edit while the scene runs; polled.
 #pragma once
 
 #include <cstdint>
@@ -6,46 +6,46 @@
 #include <optional>
 #include <string>
 
-#include <haptic/sim/workspace.hpp>
+#include "haptic/sim/workspace.hpp"
 
 namespace haptic::sim {
 
 class WorkspaceFile {
   public:
-    /// Reads the file; keys that it does not name are as in `otherwise`, now and in each later reading. Throws
+    /// Reads the file; keys that it lacks are taken from `defaults`, now and whenever it is read again. Throws
     /// ConfigError.
-    WorkspaceFile(std::filesystem::path file, const WorkspaceSettings& otherwise);
+    WorkspaceFile(std::filesystem::path file, const WorkspaceSettings& defaults);
 
     [[nodiscard]] const WorkspaceSettings& settings() const noexcept { return settings_; }
 
-    /// The new settings if the file has changed since it was read, not since the last look (so that nobody is still at
-    /// it), and says something else; looks at it once in kLookNs at most, by a time that only goes on. A file that is
-    /// wrong changes nothing, and complaint() says why.
-    [[nodiscard]] std::optional<WorkspaceSettings> look(std::int64_t now_ns);
+    /// Returns new settings if the file has changed since it was read, is unchanged since the last poll (its writer has
+    /// finished), and differs in content. Accesses the file at most once per kPollNs; now_ns must not decrease. An
+    /// invalid file changes nothing and sets error().
+    [[nodiscard]] std::optional<WorkspaceSettings> poll(std::int64_t now_ns);
 
-    /// What is wrong with the file as it was found in the last look; empty if nothing is, or if it was said before.
-    [[nodiscard]] const std::string& complaint() const noexcept { return complaint_; }
+    /// Error found by the last poll(); empty if there is none, or if it was reported before.
+    [[nodiscard]] const std::string& error() const noexcept { return error_; }
 
-    static constexpr std::int64_t kLookNs = 200'000'000;
+    static constexpr std::int64_t kPollNs = 200'000'000;
 
   private:
-    /// What tells one state of a file from another without reading it.
+    /// Identifies a version of the file without reading it.
     struct Stamp {
         std::int64_t modified_ns = 0;
         std::uint64_t inode = 0;
-        std::int64_t size = -1;  // -1: there is no such file
+        std::int64_t size = -1;  // -1: no such file
         bool operator==(const Stamp&) const = default;
     };
     [[nodiscard]] Stamp stamp() const;
     [[nodiscard]] WorkspaceSettings read() const;
 
     std::filesystem::path file_;
-    WorkspaceSettings otherwise_;
-    Stamp stamp_;  // as it was read
-    Stamp seen_;   // in the last look
+    WorkspaceSettings defaults_;
+    Stamp stamp_;  // when last read
+    Stamp seen_;   // in the last poll
     WorkspaceSettings settings_;
-    std::string complaint_;
-    std::int64_t next_look_ns_ = 0;
+    std::string error_;
+    std::int64_t next_poll_ns_ = 0;
 };
 
 }  // namespace haptic::sim

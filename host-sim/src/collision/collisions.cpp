@@ -1,4 +1,4 @@
-#include <haptic/sim/collisions.hpp>
+#include "haptic/sim/collisions.hpp"
 
 #include <algorithm>
 #include <array>
@@ -10,52 +10,52 @@
 #include <utility>
 #include <vector>
 
-#include "simd/collider_rows.hpp"
-#include "simd/ellipsoid_lanes.hpp"
-#include "simd/projection.hpp"
 #include "collision/swept_pairs.hpp"
+#include "simd/ellipsoid_lanes.hpp"
+#include "simd/kernels.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// How far constraints may lead a particle beyond its way from x to u, for a pair to be found all the same: this part of
-// its mean semi-axis, and of its way.
+// Slack of the broad phase: a pair is found although constraints move a particle beyond its path from x to u, by this
+// share of its mean semi-axis and of its path.
 constexpr double kSlackOfSize = 0.2;
-constexpr double kSlackOfWay = 0.25;
-// Room for pairs, per particle.
+constexpr double kSlackOfPath = 0.25;
+// Capacity for pairs, per particle.
 constexpr std::size_t kPairsPerParticle = 64;
 constexpr std::size_t kPlanesPerParticle = 32;
-// Up to so many bodies, particles that are in no other body's box are left out before the grid is made.
-constexpr std::size_t kMostBodiesToClip = 64;
-// Passes in finish(), which end when no contact is deeper than this part of the least mean semi-axis, or when there and
-// back has left more than that part of the greatest depth: what is squeezed from all sides is for later steps.
-constexpr int kMostMorePasses = 8;
-constexpr double kDeep = 0.05;
-constexpr double kStagnant = 0.75;
-// Mean semi-axes by which two bodies may come nearer in a sub-step. With 5 passes over the constraints, clouds of 137
-// particles of stiffness 0.9, 0.05 m thick, begin to get through one another at 5, and do not at 4.
-constexpr double kMostApproach = 3.0;
+// Up to this number of bodies, particles outside all other bodies' boxes are skipped before the broad phase.
+constexpr std::size_t kMaxBodiesToClip = 64;
+// Extra passes in finish(). They end when no contact is deeper than kMaxDepth of the smallest mean semi-axis, or when
+// two passes reduced the largest depth to no less than kStagnation: overconstrained contacts are left to later steps.
+constexpr int kMaxExtraPasses = 8;
+constexpr double kMaxDepth = 0.05;
+constexpr double kStagnation = 0.75;
+// Largest approach of two bodies in a sub-step, in mean semi-axes. With 5 solver iterations, clouds of 137 particles of
+// stiffness 0.9, 0.05 m thick, begin to pass through one another at 5 and do not at 4.
+constexpr double kMaxApproach = 3.0;
 // m: beyond any scene; arithmetic with it stays finite.
-constexpr double kFarthest = 1e12;
+constexpr double kMaxCoordinate = 1e12;
 
 void check(const CollisionSettings& s) {
     const auto refuse = [](const std::string& why) { throw std::invalid_argument("collisions: " + why); };
     if (!std::isfinite(s.ground_height)) {
         refuse("ground_height must be finite");
     }
+    // The dynamic friction cone must lie inside the static one.
     if (!(s.static_friction >= 0.0) || !std::isfinite(s.static_friction) || !(s.dynamic_friction >= 0.0) ||
         !(s.dynamic_friction <= s.static_friction)) {
         refuse("friction must be at least 0, and dynamic_friction at most static_friction");
     }
-    if (s.most_substeps < 1 || s.most_substeps > 100) {
-        refuse("most_substeps must be in 1..100");
+    if (s.max_substeps < 1 || s.max_substeps > 100) {
+        refuse("max_substeps must be in 1..100");
     }
     if (!(s.push_out_speed >= 0.0) || !std::isfinite(s.push_out_speed)) {
         refuse("push_out_speed must be at least 0");
     }
 }
 
-Vec3 place_of(const Row& row) noexcept {
+Vec3 position_of(const Row& row) noexcept {
     return {row.number[0], row.number[1], row.number[2]};
 }
 
@@ -65,7 +65,7 @@ void move(Row& row, const Vec3& by) noexcept {
     row.number[2] += by.z;
 }
 
-/// What does not change.
+/// Constant data of a particle.
 struct Collider {
     double size;          // m, mean semi-axis
     double reach;         // m, largest semi-axis
@@ -73,29 +73,29 @@ struct Collider {
     std::uint32_t body;
 };
 
-/// How a body moves as a whole, for an estimate.
+/// Rigid estimate of a body's motion.
 struct BodyMotion {
-    double size = kFarthest;  // m, mean of the particles' mean semi-axes
-    Vec3 velocity{0.0};       // m/s, mean
-    double unrest = 0.0;      // m/s, greatest deviation from it
-    double descent = 0.0;     // m/s, greatest downward
+    double size = kMaxCoordinate;  // m, mean of the particles' mean semi-axes
+    Vec3 velocity{0.0};            // m/s, mean of its particles
+    double spread = 0.0;           // m/s, largest deviation from it
+    double descent = 0.0;          // m/s, largest downward speed
 };
 
-/// Between two particles. Fills one cache line: most of them are only looked at.
+/// Separating plane of a pair. Fills one cache line, because most planes are only read.
 struct alignas(64) Plane {
     std::uint32_t first;
     std::uint32_t second;
-    Vec3 normal;         // toward the first
-    double least;        // m, that the first has to be ahead of the second along the normal
-    double push;         // m, by which they have been moved apart in this sub-step, at least 0
-    double first_share;  // of each displacement
+    Vec3 normal;            // unit, toward the first
+    double min_separation;  // m, required distance of the centres along the normal
+    double push;            // m, total normal displacement in this sub-step, at least 0
+    double first_share;     // of each displacement, by inverse mass
     double second_share;
 };
 
-/// What a plane needs when it pushes.
+/// Data of a plane that is needed only when it pushes.
 struct PlaneDetail {
-    Vec3 from;  // m, the first seen from the second at the start
-    Vec3 rub;   // m, displacement by friction, along the plane
+    Vec3 from;      // m, offset of the centres at the start, second to first
+    Vec3 friction;  // m, total tangential displacement by friction
 };
 
 bool overlap(const Bounds& a, const Bounds& b) noexcept {
@@ -106,37 +106,24 @@ bool overlap(const Bounds& a, const Bounds& b) noexcept {
     return both;
 }
 
-bool usable(const SweptBox& box) noexcept {
-    const auto in_range = [](double x) { return x > -kFarthest && x < kFarthest; };
-    return in_range(box.low.x) && in_range(box.low.y) && in_range(box.low.z) && in_range(box.high.x) &&
-           in_range(box.high.y) && in_range(box.high.z);
-}
-
-/// Those that this machine can do, by number of lanes.
-std::vector<const ColliderKernels*> usable_kernels() {
-    std::vector<const ColliderKernels*> usable{&kColliderOneLane, &kColliderTwoLanes};
-#if defined(__x86_64__)
-    if (__builtin_cpu_supports("avx2") != 0) {
-        usable.push_back(&kColliderFourLanes);
-    }
-    if (__builtin_cpu_supports("avx512f") != 0) {
-        usable.push_back(&kColliderEightLanes);
-    }
-#endif
-    return usable;
+bool is_in_range(const Aabb& box) noexcept {
+    const auto in_range = [](double x) { return x > -kMaxCoordinate && x < kMaxCoordinate; };
+    return in_range(box.min.x) && in_range(box.min.y) && in_range(box.min.z) && in_range(box.max.x) &&
+           in_range(box.max.y) && in_range(box.max.z);
 }
 
 LaneVec<double> lane(const Vec3& v) noexcept {
     return {v.x, v.y, v.z};
 }
 
-/// What is known of each particle, in rows.
+/// Data of all particles as structure of arrays, for the kernels.
 class Colliders {
   public:
     explicit Colliders(const ParticleModel& model)
-        : length_(model.size() + kMostLanes), number_(collider_row::kCount * length_) {
+        : length_(model.size() + kMaxLanes), number_(collider_row::kCount * length_) {
         using namespace collider_row;
         for (std::size_t i = 0; i < model.size(); ++i) {
+            // Constant rows only; find_path_boxes() and find_ellipsoid_boxes() fill the others in each sub-step.
             const Vec3& axes = model.semi_axes[i];
             const Quat& q = model.axes[i];
             set(kSemiAxes, i, {axes.x, axes.y, axes.z});
@@ -156,7 +143,7 @@ class Colliders {
         return {number(0), number(1), number(2), number(3), number(4), number(5)};
     }
 
-    static constexpr std::size_t kMostLanes = 8;
+    static constexpr std::size_t kMaxLanes = 8;
 
   private:
     void set(std::size_t row, std::size_t particle, std::initializer_list<double> numbers) {
@@ -169,61 +156,66 @@ class Colliders {
     std::vector<double> number_;
 };
 
-/// Between particles and the ground; as many as there may be.
-class GroundLedger {
+/// Contacts of particles with the ground, in preallocated arrays.
+class GroundContactList {
   public:
-    explicit GroundLedger(std::size_t most)
-        : particle_(most),
-          least_(most),
-          push_(most),
-          start_{std::vector<double>(most), std::vector<double>(most)},
-          rub_{std::vector<double>(most), std::vector<double>(most)} {}
+    explicit GroundContactList(std::size_t capacity)
+        : particle_(capacity),
+          min_height_(capacity),
+          push_(capacity),
+          start_{std::vector<double>(capacity), std::vector<double>(capacity)},
+          friction_{std::vector<double>(capacity), std::vector<double>(capacity)} {}
 
     void clear() noexcept { pushing_ = others_ = 0; }
-    /// Those that are likely to push come first. Which comes when makes no difference but in time.
+    /// Adds a particle. Those likely to push come first, which only saves time.
     void add(std::uint32_t particle, bool likely) noexcept {
         particle_[likely ? pushing_++ : particle_.size() - ++others_] = particle;
     }
-    /// When all have been added.
+    /// Call after the last add(): closes the gap and initialises the contacts.
     void begin(const Colliders& colliders) noexcept {
+        // The list grew from both ends: append the unlikely contacts to the likely ones.
         const auto end = particle_.end();
         std::copy(end - static_cast<std::ptrdiff_t>(others_), end,
                   particle_.begin() + static_cast<std::ptrdiff_t>(pushing_));
+        // Start values: permitted height, tangential start position for the slip, no push yet.
         for (std::size_t k = 0; k < size(); ++k) {
-            least_[k] = colliders.at(collider_row::kGroundLeast, particle_[k]);
+            min_height_[k] = colliders.at(collider_row::kGroundHeight, particle_[k]);
             start_[0][k] = colliders.at(collider_row::kFrom, particle_[k]);
             start_[1][k] = colliders.at(collider_row::kFrom + 2, particle_[k]);
-            push_[k] = rub_[0][k] = rub_[1][k] = 0.0;
+            push_[k] = friction_[0][k] = friction_[1][k] = 0.0;
         }
     }
 
     [[nodiscard]] std::size_t size() const noexcept { return pushing_ + others_; }
     [[nodiscard]] GroundContacts contacts() noexcept {
-        return {size(),        particle_.data(),
-                least_.data(), {start_[0].data(), start_[1].data()},
-                push_.data(),  {rub_[0].data(), rub_[1].data()}};
+        return {size(),
+                particle_.data(),
+                min_height_.data(),
+                {start_[0].data(), start_[1].data()},
+                push_.data(),
+                {friction_[0].data(), friction_[1].data()}};
     }
 
   private:
     std::size_t pushing_ = 0;
     std::size_t others_ = 0;
     std::vector<std::uint32_t> particle_;
-    std::vector<double> least_;
+    std::vector<double> min_height_;
     std::vector<double> push_;
     std::array<std::vector<double>, 2> start_;
-    std::array<std::vector<double>, 2> rub_;
+    std::array<std::vector<double>, 2> friction_;
 };
 
-/// Planes that are laid together.
+/// Batch of planes computed by one kernel call.
 class PlaneChunk {
   public:
-    static constexpr std::size_t kMost = 256;
+    static constexpr std::size_t kMax = 256;
     [[nodiscard]] PlaneRows rows() noexcept {
         return {first.data(), second.data(), {x.data(), y.data(), z.data()}, least.data(), clearance.data()};
     }
 
     template <class Number>
-    using Numbers = std::array<Number, kMost + Colliders::kMostLanes>;
+    using Numbers = std::array<Number, kMax + Colliders::kMaxLanes>;
     Numbers<std::uint32_t> first{};
     Numbers<std::uint32_t> second{};
     Numbers<double> x{};
@@ -236,21 +228,20 @@ class PlaneChunk {
 }  // namespace
 
 const ColliderKernels& collider_kernels(std::size_t lanes) {
-    const std::vector<const ColliderKernels*> usable = usable_kernels();
     if (lanes == ParticleCollisions::kWidest) {
-        return *usable.back();
+        return widest_kernels().colliders;
     }
-    for (const ColliderKernels* kernels : usable) {
-        if (kernels->lanes == lanes) {
-            return *kernels;
+    for (const Kernels* kernels : usable_kernels()) {
+        if (kernels->colliders.lanes == lanes) {
+            return kernels->colliders;
         }
     }
-    throw std::invalid_argument("collisions: this machine has no vectors of " + std::to_string(lanes) +
-                                " lanes; ParticleCollisions::usable_lanes() tells those that it has");
+    throw std::invalid_argument("collisions: this machine does not support vectors of " + std::to_string(lanes) +
+                                " lanes; ParticleCollisions::usable_lanes() lists the supported numbers");
 }
 
 struct ParticleCollisions::State {
-    /// Adds what it lives to the time spent.
+    /// Adds its lifetime to the time spent.
     class Timed {
       public:
         explicit Timed(State& state) : state_(state), since_(state.now()) {}
@@ -263,25 +254,25 @@ struct ParticleCollisions::State {
         std::int64_t since_;
     };
 
-    State(const ParticleModel& model, const CollisionSettings& which, ClockFunction time, std::size_t lanes);
+    State(const ParticleModel& model, const CollisionSettings& given, ClockFunction time, std::size_t lanes);
 
     [[nodiscard]] std::int64_t now() const { return clock == nullptr ? 0 : clock(); }
     [[nodiscard]] int needed_substeps(const ParticleModel& start, double step);
     [[nodiscard]] bool all_are_slow(const ParticleModel& start, double step) const noexcept;
-    void find_motions(const ParticleModel& start, double step);
-    [[nodiscard]] double greatest_approach(double step) const;
-    void find_ways(const ParticleModel& start, const MovingParticles& predicted);
+    void estimate_motions(const ParticleModel& start, double step);
+    [[nodiscard]] double max_approach(double step) const;
+    void sweep_particles(const ParticleModel& start, const MovingParticles& predicted);
     void mark_near() noexcept;
     void find_shapes(const MovingParticles& predicted) noexcept;
     void find_boxes();
-    void lay_planes();
-    void lay_chunk(std::size_t count);
-    void lay_ground();
-    void aim(Plane& to_aim, const PlaneDetail& with, const Vec3& to) const noexcept;
-    void press(Plane& on, PlaneDetail& with, Row* place) const noexcept;
-    void press_all(Row* place) noexcept;
-    [[nodiscard]] Vec3 held_by_friction(const Vec3& wanted, double push) const noexcept;
-    [[nodiscard]] double deepest(const Row* place) const noexcept;
+    void find_planes();
+    void make_planes(std::size_t count);
+    void find_ground_contacts();
+    void fit_plane(Plane& fitted, const PlaneDetail& info, const Vec3& to) const noexcept;
+    void project_plane(Plane& contact, PlaneDetail& info, Row* position) const noexcept;
+    void project_all(Row* position) noexcept;
+    [[nodiscard]] Vec3 clamp_to_cone(const Vec3& wanted, double push) const noexcept;
+    [[nodiscard]] double max_depth(const Row* position) const noexcept;
     void write_pushes(Row* pushed) noexcept;
 
     CollisionSettings settings;
@@ -290,31 +281,31 @@ struct ParticleCollisions::State {
     std::vector<Collider> collider;  // per particle
     Colliders colliders;
     ColliderRows rows;
-    double greatest_reach = 0.0;         // m
-    double least_size = kFarthest;       // m, of those that collide
-    double least_body_size = kFarthest;  // m, mean of its particles' mean semi-axes
+    double max_reach = 0.0;                 // m
+    double min_size = kMaxCoordinate;       // m, of colliding particles
+    double min_body_size = kMaxCoordinate;  // m, smallest mean of a body's mean semi-axes
     bool forward = true;
     CollisionCounts counts;
     ClockFunction clock;
     std::int64_t spent_ns = 0;
 
-    // Of the sub-step.
+    // Per sub-step.
     double push_out = 0.0;            // m
-    std::vector<std::int64_t> near;   // per particle, and a whole vector
-    std::vector<Bounds> body_bounds;  // per body, of its ways
-    std::vector<BodyMotion> motion;   // per body, of the step
-    std::vector<SweptBox> box;        // of particles that other bodies may meet
+    std::vector<std::int64_t> near;   // per particle, padded by a whole vector
+    std::vector<Bounds> body_bounds;  // per body, over its particles' paths
+    std::vector<BodyMotion> motion;   // per body, over the step
+    std::vector<SweptBox> box;        // of particles that may meet other bodies
     SweptPairs finder;
-    std::vector<BoxPair> pair;  // as many as there is room for
+    std::vector<BoxPair> pair;  // preallocated
     PlaneChunk chunk;
     std::vector<Plane> plane;
     std::vector<PlaneDetail> detail;  // per plane
-    GroundLedger ground;
+    GroundContactList ground;
 };
 
-ParticleCollisions::State::State(const ParticleModel& model, const CollisionSettings& which, ClockFunction time,
+ParticleCollisions::State::State(const ParticleModel& model, const CollisionSettings& given, ClockFunction time,
                                  std::size_t lanes)
-    : settings(which),
+    : settings(given),
       kernels(collider_kernels(lanes)),
       bodies(model.bodies),
       colliders(model),
@@ -323,11 +314,13 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
       near(rows.length),
       finder(model.size(), kernels),
       ground(settings.ground ? model.size() : 0) {
-    check(which);
+    check(given);
     model.check();
+    // A model without a list of bodies is one body.
     if (bodies.empty()) {
         bodies.push_back({0, static_cast<std::uint32_t>(model.size())});
     }
+    // Constant data of particles and bodies.
     body_bounds.resize(bodies.size());
     motion.resize(bodies.size());
     for (std::uint32_t b = 0; b < bodies.size(); ++b) {
@@ -336,20 +329,23 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
         for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
             const double size = colliders.at(collider_row::kSize, i);
             const double reach = colliders.at(collider_row::kReach, i);
+            // Pinned particles get the inverse mass 0: they push but are not pushed.
             const double inverse_mass = model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i];
             collider.push_back({size, reach, inverse_mass, b});
-            greatest_reach = std::max(greatest_reach, reach);
+            max_reach = std::max(max_reach, reach);
+            // Particles of size 0 do not collide: leave them out of the sizes that scale approaches and depths.
             if (size > 0.0) {
-                least_size = std::min(least_size, size);
+                min_size = std::min(min_size, size);
                 sum += size;
                 ++colliding;
             }
         }
         if (colliding > 0) {
             motion[b].size = sum / colliding;
-            least_body_size = std::min(least_body_size, motion[b].size);
+            min_body_size = std::min(min_body_size, motion[b].size);
         }
     }
+    // Capacities.
     const bool alone = bodies.size() < 2 || !settings.between_bodies;
     box.reserve(alone ? 0 : model.size());
     pair.resize(kPairsPerParticle * box.capacity());
@@ -357,10 +353,12 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
     detail.reserve(plane.capacity());
 }
 
-void ParticleCollisions::State::find_motions(const ParticleModel& start, double step) {
+/// Estimates each body's mean velocity, its deviation, and its box over the step.
+void ParticleCollisions::State::estimate_motions(const ParticleModel& start, double step) {
     for (std::size_t b = 0; b < bodies.size(); ++b) {
-        Vec3 lowest(kFarthest);
-        Vec3 highest(-kFarthest);
+        // Box of the body over the step, from balls of the largest semi-axis about both ends of each path.
+        Vec3 lowest(kMaxCoordinate);
+        Vec3 highest(-kMaxCoordinate);
         Vec3 sum(0.0);
         double descent = 0.0;
         for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
@@ -368,161 +366,191 @@ void ParticleCollisions::State::find_motions(const ParticleModel& start, double 
             const Vec3 to = from + step * start.velocity[i];
             lowest = glm::min(lowest, glm::min(from, to) - Vec3(collider[i].reach));
             highest = glm::max(highest, glm::max(from, to) + Vec3(collider[i].reach));
+            // Sum for the mean velocity, and the fastest fall for the approach to the ground.
             sum += start.velocity[i];
             descent = std::max(descent, -start.velocity[i].y);
         }
+        // Largest deviation from the mean velocity.
         const Vec3 mean = sum / static_cast<double>(bodies[b].end - bodies[b].begin);
-        double unrest_squared = 0.0;
+        double spread_squared = 0.0;
         for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
             const Vec3 off = start.velocity[i] - mean;
-            unrest_squared = std::max(unrest_squared, glm::dot(off, off));
+            spread_squared = std::max(spread_squared, glm::dot(off, off));
         }
+        // Any two particles of two bodies approach at most at the difference of the means plus both deviations.
         body_bounds[b] = {{lowest.x, lowest.y, lowest.z}, {highest.x, highest.y, highest.z}};
-        motion[b] = {motion[b].size, mean, std::sqrt(unrest_squared), descent};
+        motion[b] = {motion[b].size, mean, std::sqrt(spread_squared), descent};
     }
 }
 
-/// In a step, in mean semi-axes, of bodies whose boxes meet on their ways.
-double ParticleCollisions::State::greatest_approach(double step) const {
-    double greatest = 0.0;
+/// Largest approach in a step, in mean semi-axes, of two bodies whose boxes overlap, or of a body and the ground.
+double ParticleCollisions::State::max_approach(double step) const {
+    double max_ratio = 0.0;
     for (std::size_t b = 0; b < bodies.size(); ++b) {
+        // Ground: fastest fall of a body whose box reaches it.
         if (settings.ground && body_bounds[b].low[1] < settings.ground_height) {
-            greatest = std::max(greatest, step * motion[b].descent / motion[b].size);
+            max_ratio = std::max(max_ratio, step * motion[b].descent / motion[b].size);
         }
+        // Pairs of bodies: bound of the relative speed, |v_b - v_o| + spreads, over the thinner body's particle size.
         for (std::size_t other = 0; settings.between_bodies && other < b; ++other) {
             if (overlap(body_bounds[b], body_bounds[other])) {
                 const double speed =
-                    glm::length(motion[b].velocity - motion[other].velocity) + motion[b].unrest + motion[other].unrest;
-                greatest = std::max(greatest, step * speed / std::min(motion[b].size, motion[other].size));
+                    glm::length(motion[b].velocity - motion[other].velocity) + motion[b].spread + motion[other].spread;
+                max_ratio = std::max(max_ratio, step * speed / std::min(motion[b].size, motion[other].size));
             }
         }
     }
-    return greatest;
+    return max_ratio;
 }
 
-/// Whether all are so slow that one sub-step does, wherever they are: no two bodies come nearer to each other than by
-/// the sum of their particles' greatest speeds, and no mean differs from a particle's velocity by more than twice that.
+/// Whether all particles are so slow that one sub-step suffices wherever they are. Two mean velocities differ by at
+/// most twice the largest speed, and each deviation is at most twice it: six times in total.
 bool ParticleCollisions::State::all_are_slow(const ParticleModel& start, double step) const noexcept {
     double squared = 0.0;
     for (const Vec3& v : start.velocity) {
         squared = std::max(squared, glm::dot(v, v));
     }
-    const double approach = 6.0 * step * std::sqrt(squared) / least_body_size;
-    return approach < kMostApproach;
+    const double approach = 6.0 * step * std::sqrt(squared) / min_body_size;
+    return approach < kMaxApproach;
 }
 
+/// Sub-steps such that no approach exceeds kMaxApproach mean semi-axes.
 int ParticleCollisions::State::needed_substeps(const ParticleModel& start, double step) {
     if (all_are_slow(start, step)) {
         return 1;
     }
-    find_motions(start, step);
-    const double parts = greatest_approach(step) / kMostApproach;
-    return parts < settings.most_substeps ? static_cast<int>(parts) + 1 : settings.most_substeps;
+    estimate_motions(start, step);
+    const double parts = max_approach(step) / kMaxApproach;
+    return parts < settings.max_substeps ? static_cast<int>(parts) + 1 : settings.max_substeps;
 }
 
-void ParticleCollisions::State::find_ways(const ParticleModel& start, const MovingParticles& predicted) {
+/// Swept boxes of all particles from x to u, as balls with slack, and of all bodies.
+void ParticleCollisions::State::sweep_particles(const ParticleModel& start, const MovingParticles& predicted) {
     static_assert(sizeof(Vec3) == 3 * sizeof(double) && sizeof(Row) == 4 * sizeof(double));
-    kernels.find_ways(rows, collider.size(), {&start.position[0].x, 3}, {predicted.place[0].number, 4},
-                      {.of_size = kSlackOfSize, .of_way = kSlackOfWay});
+    // Per particle: path from x to u, with slack because constraints move u again.
+    kernels.find_path_boxes(rows, collider.size(), {&start.position[0].x, 3}, {predicted.position[0].number, 4},
+                            {.of_size = kSlackOfSize, .of_path = kSlackOfPath});
+    // Per body: box of all its particles, for the culling in mark_near().
     for (std::size_t b = 0; b < bodies.size(); ++b) {
         body_bounds[b] = kernels.bounds(rows, bodies[b].begin, bodies[b].end);
     }
 }
 
-/// What may meet another body or the ground.
+/// Marks the particles that may meet another body or the ground.
 void ParticleCollisions::State::mark_near() noexcept {
-    const bool clip = bodies.size() <= kMostBodiesToClip;
+    // Clipping tests all pairs of bodies, so with many bodies every particle goes to the broad phase.
+    const bool clip = bodies.size() <= kMaxBodiesToClip;
     std::fill(near.begin(), near.end(), box.capacity() == 0 || clip ? 0 : kNearBody);
-    // Others may press a particle down by as much as it reaches.
-    const Bounds low_enough{{-kBeyondAll, -kBeyondAll, -kBeyondAll},
-                            {kBeyondAll, settings.ground_height + greatest_reach, kBeyondAll}};
+    // Other particles may push a particle down by as much as it extends.
+    const Bounds low_enough{{-kUnbounded, -kUnbounded, -kUnbounded},
+                            {kUnbounded, settings.ground_height + max_reach, kUnbounded}};
     for (std::size_t b = 0; b < bodies.size(); ++b) {
+        // Skip whole bodies by their boxes before testing their particles.
         const auto mark = [&](const Bounds& bounds, std::int64_t bit) {
             if (overlap(body_bounds[b], bounds)) {
                 kernels.mark(rows, bodies[b].begin, bodies[b].end, bounds, bit, near.data());
             }
         };
+        // Particles inside another body's box may meet that body.
         for (std::size_t other = 0; clip && box.capacity() > 0 && other < bodies.size(); ++other) {
             if (other != b) {
                 mark(body_bounds[other], kNearBody);
             }
         }
+        // Particles low enough may meet the ground.
         if (settings.ground) {
             mark(low_enough, kNearGround);
         }
     }
 }
 
+/// Shape matrices and exact boxes of the marked particles, from their predicted orientations.
 void ParticleCollisions::State::find_shapes(const MovingParticles& predicted) noexcept {
     for (std::size_t i = 0; i < collider.size(); ++i) {
+        // Only marked particles need an orientation; the rest keep their conservative balls.
         if (near[i] != 0) {
             for (std::size_t k = 0; k < 4; ++k) {
-                rows[collider_row::kTurn + k][i] = predicted.body[i].turn.number[k];
+                rows[collider_row::kOrientation + k][i] = predicted.f32[i].orientation.number[k];
             }
         }
     }
-    kernels.find_shapes(rows, collider.size(), near.data(), {settings.ground_height, push_out});
+    kernels.find_ellipsoid_boxes(rows, collider.size(), near.data(), {settings.ground_height, push_out});
 }
 
+/// Boxes of the marked particles, for the broad phase.
 void ParticleCollisions::State::find_boxes() {
     box.clear();
     for (std::size_t i = 0; i < collider.size(); ++i) {
+        // Skip particles that can meet no other body, and those without extent.
         if ((near[i] & kNearBody) == 0 || !(collider[i].size > 0.0)) {
             continue;
         }
-        const SweptBox around{colliders.vector(collider_row::kLow, i), colliders.vector(collider_row::kHigh, i),
-                              static_cast<std::uint32_t>(i), collider[i].body};
-        if (usable(around)) {
+        const SweptBox around{{colliders.vector(collider_row::kLow, i), colliders.vector(collider_row::kHigh, i)},
+                              static_cast<std::uint32_t>(i),
+                              collider[i].body};
+        // The broad phase requires finite boxes, so a diverged particle is left out.
+        if (is_in_range(around.box)) {
             box.push_back(around);
         }
     }
 }
 
-void ParticleCollisions::State::aim(Plane& to_aim, const PlaneDetail& with, const Vec3& to) const noexcept {
-    const LaneSymmetric<double> first = colliders.shape(to_aim.first);
-    const LaneSymmetric<double> second = colliders.shape(to_aim.second);
-    const LaneVec<double> from = lane(with.from);
-    const LaneVec<double> normal = lane_parting_normal(
-        LanePassage<double>{first, second, collider[to_aim.second].size / collider[to_aim.first].size, from, lane(to)});
+/// Fits the plane of a pair for the path to its present offset.
+void ParticleCollisions::State::fit_plane(Plane& fitted, const PlaneDetail& info, const Vec3& to) const noexcept {
+    const LaneSymmetric<double> first = colliders.shape(fitted.first);
+    const LaneSymmetric<double> second = colliders.shape(fitted.second);
+    const LaneVec<double> from = lane(info.from);
+    // Normal of M where the path enters it (ellipsoids.hpp).
+    const LaneVec<double> normal = lane_separating_normal(
+        LaneSweep<double>{first, second, collider[fitted.second].size / collider[fitted.first].size, from, lane(to)});
+    // Required separation r + min(0, gap + h push_out_speed): an initial overlap is kept or slowly resolved.
     const double reach = lane_reach(first, normal) + lane_reach(second, normal);
     const double gap = dot(normal, from) - reach;
-    to_aim.normal = {normal.x, normal.y, normal.z};
-    to_aim.least = reach + std::min(0.0, gap + push_out);
+    fitted.normal = {normal.x, normal.y, normal.z};
+    fitted.min_separation = reach + std::min(0.0, gap + push_out);
 }
 
-/// The pairs in the chunk.
-void ParticleCollisions::State::lay_chunk(std::size_t count) {
+/// Computes the planes of the pairs in the chunk, and keeps those that can be violated.
+void ParticleCollisions::State::make_planes(std::size_t count) {
+    // Kernel: separating normal, required separation and worst-case clearance of each pair.
     const PlaneRows laid = chunk.rows();
-    kernels.lay_planes(rows, count, laid, push_out);
+    kernels.find_planes(rows, count, laid, push_out);
     for (std::size_t k = 0; k < count; ++k) {
+        // A positive clearance holds wherever both particles stop on their paths: no plane needed.
         if (chunk.clearance[k] > 0.0) {
             continue;
         }
+        // No allocation here: a pair beyond the capacity is counted and not kept apart.
         if (plane.size() == plane.capacity()) {
             ++counts.dropped;
             continue;
         }
+        // Displacements are in inverse proportion to the masses.
         const std::uint32_t a = chunk.first[k];
         const std::uint32_t b = chunk.second[k];
-        const double yielding = collider[a].inverse_mass + collider[b].inverse_mass;
+        const double inverse_mass = collider[a].inverse_mass + collider[b].inverse_mass;
         plane.push_back({.first = a,
                          .second = b,
                          .normal = {chunk.x[k], chunk.y[k], chunk.z[k]},
-                         .least = chunk.least[k],
+                         .min_separation = chunk.least[k],
                          .push = 0.0,
-                         .first_share = collider[a].inverse_mass / yielding,
-                         .second_share = collider[b].inverse_mass / yielding});
+                         .first_share = collider[a].inverse_mass / inverse_mass,
+                         .second_share = collider[b].inverse_mass / inverse_mass});
+        // Offset x1 - x2 at the start, from which friction measures the slip.
         detail.push_back(
             {colliders.vector(collider_row::kFrom, a) - colliders.vector(collider_row::kFrom, b), Vec3(0.0)});
     }
 }
 
-void ParticleCollisions::State::lay_planes() {
+/// Broad phase, then planes of all pairs in chunks.
+void ParticleCollisions::State::find_planes() {
     plane.clear();
     detail.clear();
+    // Broad phase: pairs of different bodies whose swept boxes overlap.
     const std::size_t found = finder.find(box, pair);
     counts.near += found;
     counts.dropped += found - std::min(found, pair.size());
+    // Narrow phase: one plane per pair, in chunks of one kernel call. Pairs of pinned particles cannot move.
     std::size_t count = 0;
     for (std::size_t k = 0; k < std::min(found, pair.size()); ++k) {
         const std::uint32_t a = box[pair[k].first].particle;
@@ -532,31 +560,35 @@ void ParticleCollisions::State::lay_planes() {
         }
         chunk.first[count] = a;
         chunk.second[count] = b;
-        if (++count == PlaneChunk::kMost) {
-            lay_chunk(count);
+        // The chunk is full: compute its planes and start the next one.
+        if (++count == PlaneChunk::kMax) {
+            make_planes(count);
             count = 0;
         }
     }
-    lay_chunk(count);
+    make_planes(count);
     counts.planes += plane.size();
 }
 
-void ParticleCollisions::State::lay_ground() {
+/// Contacts of all particles that the ground may push.
+void ParticleCollisions::State::find_ground_contacts() {
     ground.clear();
-    const double* least = rows[collider_row::kGroundLeast];
+    // The permitted height already contains the tolerance for an initial overlap (find_ellipsoid_boxes).
+    const double* min_height = rows[collider_row::kGroundHeight];
     const double* low = rows[collider_row::kLow + 1];
     const double* to = rows[collider_row::kTo + 1];
     for (std::size_t i = 0; i < collider.size(); ++i) {
-        // Others may press it down by as much again.
+        // Other particles may push it down by as much as it extends.
         if ((near[i] & kNearGround) != 0 && low[i] - collider[i].reach < settings.ground_height &&
             collider[i].inverse_mass > 0.0) {
-            ground.add(static_cast<std::uint32_t>(i), to[i] < least[i]);
+            ground.add(static_cast<std::uint32_t>(i), to[i] < min_height[i]);
         }
     }
     ground.begin(colliders);
 }
 
-Vec3 ParticleCollisions::State::held_by_friction(const Vec3& wanted, double push) const noexcept {
+/// Coulomb limit (Macklin 2014, equation 24): unchanged inside the static cone, scaled to the dynamic one outside.
+Vec3 ParticleCollisions::State::clamp_to_cone(const Vec3& wanted, double push) const noexcept {
     const double length = glm::length(wanted);
     if (length <= settings.static_friction * push) {
         return wanted;
@@ -564,73 +596,87 @@ Vec3 ParticleCollisions::State::held_by_friction(const Vec3& wanted, double push
     return (settings.dynamic_friction * push / length) * wanted;
 }
 
-void ParticleCollisions::State::press(Plane& on, PlaneDetail& with, Row* place) const noexcept {
-    Row& a = place[on.first];
-    Row& b = place[on.second];
-    const Vec3 between = place_of(a) - place_of(b);
-    double ahead = glm::dot(on.normal, between) - on.least;
-    if (on.push == 0.0) {
-        if (ahead >= 0.0) {
+/// Projects one plane constraint: PBD with an accumulated displacement that stays non-negative.
+void ParticleCollisions::State::project_plane(Plane& contact, PlaneDetail& info, Row* position) const noexcept {
+    Row& a = position[contact.first];
+    Row& b = position[contact.second];
+    const Vec3 offset = position_of(a) - position_of(b);
+    // Constraint value C = n.(u1 - u2) - min_separation; inactive while C >= 0.
+    double clearance = glm::dot(contact.normal, offset) - contact.min_separation;
+    if (contact.push == 0.0) {
+        if (clearance >= 0.0) {
             return;
         }
-        aim(on, with, between);
-        ahead = glm::dot(on.normal, between) - on.least;
-        if (ahead >= 0.0) {
+        // First violation: fit the plane to where the pair is now.
+        fit_plane(contact, info, offset);
+        clearance = glm::dot(contact.normal, offset) - contact.min_separation;
+        if (clearance >= 0.0) {
             return;
         }
     }
-    const double change = std::max(-ahead, -on.push);
-    on.push += change;
-    Vec3 apart = change * on.normal;
+    // Push by -C, but take back no more than was pushed in this sub-step.
+    const double change = std::max(-clearance, -contact.push);
+    contact.push += change;
+    Vec3 correction = change * contact.normal;
+    // Friction: undo the slip of the whole sub-step along the plane, within the friction cone. Apply the change since
+    // the last pass.
     if (settings.static_friction > 0.0) {
-        const Vec3 moved = between - with.from;
-        const Vec3 slip = moved - glm::dot(on.normal, moved) * on.normal;
-        const Vec3 rub = held_by_friction(with.rub - slip, on.push);
-        apart += rub - with.rub;
-        with.rub = rub;
+        const Vec3 moved = offset - info.from;
+        const Vec3 slip = moved - glm::dot(contact.normal, moved) * contact.normal;
+        const Vec3 friction = clamp_to_cone(info.friction - slip, contact.push);
+        correction += friction - info.friction;
+        info.friction = friction;
     }
-    if (on.first_share > 0.0) {
-        move(a, on.first_share * apart);
+    // Momentum-conserving correction, by inverse mass.
+    if (contact.first_share > 0.0) {
+        move(a, contact.first_share * correction);
     }
-    if (on.second_share > 0.0) {
-        move(b, -on.second_share * apart);
+    if (contact.second_share > 0.0) {
+        move(b, -contact.second_share * correction);
     }
 }
 
-/// There and back, so that no direction of the order is preferred. The ground, which does not yield, has the last word.
-void ParticleCollisions::State::press_all(Row* place) noexcept {
+/// One pass over all planes, alternately forward and backward, so that the order has no preferred direction. The ground
+/// does not yield and comes last.
+void ParticleCollisions::State::project_all(Row* position) noexcept {
     const std::size_t count = plane.size();
     for (std::size_t k = 0; k < count; ++k) {
-        const std::size_t which = forward ? k : count - 1 - k;
-        press(plane[which], detail[which], place);
+        const std::size_t index = forward ? k : count - 1 - k;
+        project_plane(plane[index], detail[index], position);
     }
-    kernels.press_ground(ground.contacts(), {settings.static_friction, settings.dynamic_friction}, place->number);
+    kernels.project_ground(ground.contacts(), {settings.static_friction, settings.dynamic_friction}, position->number);
     forward = !forward;
 }
 
-double ParticleCollisions::State::deepest(const Row* place) const noexcept {
-    double least = 0.0;
+/// Depth of the deepest violated plane, m.
+double ParticleCollisions::State::max_depth(const Row* position) const noexcept {
+    double min_clearance = 0.0;
     for (const Plane& p : plane) {
-        least = std::min(least, glm::dot(p.normal, place_of(place[p.first]) - place_of(place[p.second])) - p.least);
+        min_clearance = std::min(
+            min_clearance,
+            glm::dot(p.normal, position_of(position[p.first]) - position_of(position[p.second])) - p.min_separation);
     }
-    return -least;
+    return -min_clearance;
 }
 
+/// Writes each particle's total displacement by collisions in this sub-step.
 void ParticleCollisions::State::write_pushes(Row* pushed) noexcept {
+    // Total displacement of each pair along and across its normal, shared by inverse mass.
     std::fill_n(pushed, collider.size(), Row{});
     for (std::size_t k = 0; k < plane.size(); ++k) {
         const Plane& p = plane[k];
         if (p.push > 0.0) {
-            const Vec3 apart = p.push * p.normal + detail[k].rub;
-            move(pushed[p.first], p.first_share * apart);
-            move(pushed[p.second], -p.second_share * apart);
+            const Vec3 correction = p.push * p.normal + detail[k].friction;
+            move(pushed[p.first], p.first_share * correction);
+            move(pushed[p.second], -p.second_share * correction);
             ++counts.pressed;
         }
     }
+    // The ground is immovable, so its push goes to the particle alone.
     const GroundContacts below = ground.contacts();
     for (std::size_t k = 0; k < below.count; ++k) {
         if (below.push[k] > 0.0) {
-            move(pushed[below.particle[k]], {below.rub[0][k], below.push[k], below.rub[1][k]});
+            move(pushed[below.particle[k]], {below.friction[0][k], below.push[k], below.friction[1][k]});
             ++counts.pressed;
         }
     }
@@ -654,43 +700,49 @@ void ParticleCollisions::find(const ParticleModel& start, const MovingParticles&
     if (s.collider.empty()) {
         return;
     }
-    s.find_ways(start, predicted);
+    // Broad phase input: swept boxes, marks, shapes.
+    s.sweep_particles(start, predicted);
     s.mark_near();
     s.find_shapes(predicted);
+    // Planes between particles, then the ground.
     if (s.box.capacity() > 0) {
         s.find_boxes();
-        s.lay_planes();
+        s.find_planes();
     }
     if (s.settings.ground) {
-        s.lay_ground();
+        s.find_ground_contacts();
     }
 }
 
 void ParticleCollisions::project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
     const State::Timed timed(*state_);
-    state_->press_all(now.place);
+    state_->project_all(now.position);
 }
 
 void ParticleCollisions::finish(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
     State& s = *state_;
     const State::Timed timed(s);
-    double before_last = kFarthest;
-    double last = kFarthest;
-    for (int pass = 0; pass < kMostMorePasses; ++pass) {
-        const double depth = s.deepest(now.place);
-        if (depth <= kDeep * s.least_size || depth > kStagnant * before_last) {
+    // Depths before the last two passes; at first too large to count as stagnation.
+    double before_last = kMaxCoordinate;
+    double last = kMaxCoordinate;
+    // Extra passes while contacts are deep and still improve.
+    for (int pass = 0; pass < kMaxExtraPasses; ++pass) {
+        const double depth = s.max_depth(now.position);
+        // Stop when shallow enough, or when two passes did not reduce the depth: then contacts conflict.
+        if (depth <= kMaxDepth * s.min_size || depth > kStagnation * before_last) {
             break;
         }
         before_last = std::exchange(last, depth);
-        s.press_all(now.place);
+        s.project_all(now.position);
     }
+    // The solver turns these displacements into velocities.
     s.write_pushes(now.pushed);
 }
 
 std::vector<std::size_t> ParticleCollisions::usable_lanes() {
     std::vector<std::size_t> lanes;
-    for (const ColliderKernels* kernels : usable_kernels()) {
-        lanes.push_back(kernels->lanes);
+    for (const Kernels* kernels : usable_kernels()) {
+        lanes.push_back(kernels->colliders.lanes);
     }
     return lanes;
 }

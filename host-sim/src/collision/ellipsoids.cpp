@@ -15,9 +15,9 @@ LaneSymmetric<double> lane(const EllipsoidShape& s) noexcept {
 
 }  // namespace
 
-EllipsoidShape shape_of(const Vec3& semi_axes, const Quat& turn) noexcept {
-    const LaneSymmetric<double> s =
-        lane_shape(lane(semi_axes), lane_matrix(LaneQuat<double>{turn.w, turn.x, turn.y, turn.z}));
+EllipsoidShape shape_of(const Vec3& semi_axes, const Quat& orientation) noexcept {
+    const LaneSymmetric<double> s = lane_shape(
+        lane(semi_axes), lane_matrix(LaneQuat<double>{orientation.w, orientation.x, orientation.y, orientation.z}));
     return {s.xx, s.yy, s.zz, s.yx, s.zx, s.zy};
 }
 
@@ -25,9 +25,9 @@ double reach_of(const EllipsoidShape& shape, const Vec3& normal) noexcept {
     return lane_reach(lane(shape), lane(normal));
 }
 
-Vec3 parting_normal(const EllipsoidPassage& passage) noexcept {
-    const LaneVec<double> normal = lane_parting_normal(LanePassage<double>{
-        lane(passage.first), lane(passage.second), passage.size_ratio, lane(passage.from), lane(passage.to)});
+Vec3 separating_normal(const EllipsoidSweep& sweep) noexcept {
+    const LaneVec<double> normal = lane_separating_normal(
+        LaneSweep<double>{lane(sweep.first), lane(sweep.second), sweep.size_ratio, lane(sweep.from), lane(sweep.to)});
     return {normal.x, normal.y, normal.z};
 }
 

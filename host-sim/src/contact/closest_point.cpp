@@ -1,4 +1,4 @@
-#include <haptic/sim/closest_point.hpp>
+#include "haptic/sim/closest_point.hpp"
 
 #include <glm/geometric.hpp>
 
@@ -6,10 +6,11 @@ namespace haptic::sim {
 
 namespace {
 
-// A triangle whose height is below this share of its sides is taken as its three edges. The nearest point then lies off
+// A triangle whose height is below this share of its sides is treated as its three edges. The closest point is then off
 // by at most half the height, which changes the distance d by less than height^2 / (8 d): nothing at double precision.
 constexpr double kSliver = 1e-7;
 
+/// Result at a vertex.
 ClosestPoint at_vertex(const Vec3& p, const Vec3& vertex, std::uint8_t index) HAPTIC_RT {
     ClosestPoint result;
     result.point = vertex;
@@ -22,6 +23,7 @@ ClosestPoint at_vertex(const Vec3& p, const Vec3& vertex, std::uint8_t index) HA
     return result;
 }
 
+/// Result on an edge, at `share` of its length.
 ClosestPoint at_edge(const Vec3& p, const Vec3& from, const Vec3& to, double share, std::uint8_t index) HAPTIC_RT {
     ClosestPoint result;
     result.point = from + (to - from) * share;
@@ -35,6 +37,7 @@ ClosestPoint at_edge(const Vec3& p, const Vec3& from, const Vec3& to, double sha
     return result;
 }
 
+/// Closest point on a segment (Ericson 5.1.2).
 ClosestPoint on_segment(const Vec3& p, const Vec3& from, const Vec3& to, std::uint8_t index) HAPTIC_RT {
     const Vec3 e = to - from;
     const double along = glm::dot(p - from, e);
@@ -48,6 +51,7 @@ ClosestPoint on_segment(const Vec3& p, const Vec3& from, const Vec3& to, std::ui
     return at_edge(p, from, to, along / length2, index);
 }
 
+/// Closest of the points on the three edges.
 ClosestPoint on_edges(const Vec3& p, const TriangleCorners& t) HAPTIC_RT {
     ClosestPoint best = on_segment(p, t.a, t.b, 0);
     const ClosestPoint bc = on_segment(p, t.b, t.c, 1);
@@ -78,6 +82,7 @@ const char* describe(Feature feature) noexcept {
 }
 
 ClosestPoint closest_point_on_triangle(const Vec3& p, const TriangleCorners& t) HAPTIC_RT {
+    // Vertex regions: outside both edges that meet there.
     const Vec3 ab = t.b - t.a;
     const Vec3 ac = t.c - t.a;
     const Vec3 ap = p - t.a;
@@ -98,12 +103,14 @@ ClosestPoint closest_point_on_triangle(const Vec3& p, const TriangleCorners& t) 
     if (d6 >= 0.0 && d5 <= d6) {
         return at_vertex(p, t.c, 2);
     }
+    // Degenerate triangle.
     const Vec3 n = glm::cross(ab, ac);
     const double nn = glm::dot(n, n);
     if (!(nn > kSliver * kSliver * glm::dot(ab, ab) * glm::dot(ac, ac))) {
         return on_edges(p, t);
     }
-    // Areas by cross products, not by the products of d1..d6 as in the book: these cancel by the square of the height.
+    // Edge regions, by the signed areas opposite to each vertex. These are computed as cross products instead of the
+    // book's products of d1..d6, which cancel by the square of the height.
     const double vc = glm::dot(n, glm::cross(ap, bp));
     if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) {
         return at_edge(p, t.a, t.b, d1 / (d1 - d3), 0);
@@ -119,8 +126,9 @@ ClosestPoint closest_point_on_triangle(const Vec3& p, const TriangleCorners& t) 
         return at_edge(p, t.b, t.c, toward_c / (toward_c + toward_b), 1);
     }
     if (va < 0.0 || vb < 0.0 || vc < 0.0) {
-        return on_edges(p, t);  // the regions contradict each other by rounding
+        return on_edges(p, t);  // by rounding, the regions contradict each other
     }
+    // Face region: barycentric weights are the normalised areas.
     ClosestPoint result;
     result.weights = Vec3(va, vb, vc) / (va + vb + vc);
     result.point = t.a + ab * result.weights.y + ac * result.weights.z;

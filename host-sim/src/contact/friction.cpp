@@ -4,142 +4,158 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 
-#include "contact/hold.hpp"
+#include "contact/active_contacts.hpp"
 
 namespace haptic::sim {
 
 namespace {
 
-constexpr int kSlides = 6;           // moves of one slide; on a flat place one is enough
-constexpr double kOnTheCone = 0.01;  // of the limit: near enough to it
-constexpr double kDependent = 1e-9;  // squared length that a normal must keep beside the others
+constexpr int kMaxSlideMoves = 6;        // moves of one slide; on a flat surface one suffices
+constexpr double kConeTolerance = 0.01;  // of the friction limit: close enough to the cone
+constexpr double kDependentNormal =
+    1e-9;  // squared length of a normal that is left beside the others, below which it is dependent
 
 double length_of(const Vec3& v) noexcept {
     return std::sqrt(glm::dot(v, v));
 }
 
-/// The forces at a place, over the stiffness of the coupling.
-struct Load {
-    double normal = 0.0;  // m, sum of the multipliers
-    Vec3 along{0.0};      // m, from where the proxy would slide to where it is
-    bool held = false;    // by a plane
-    bool known = true;    // false: no room, nothing can be said
+/// Coupling force at the contact, divided by the coupling's stiffness.
+struct ContactLoad {
+    double normal = 0.0;      // m, sum of the multipliers lambda_k
+    Vec3 tangential{0.0};     // m, x - x0 along the planes
+    bool in_contact = false;  // a plane is active
+    bool feasible = true;     // false: the touched planes leave no room, so the load is unknown
 };
 
-/// A proxy that is taken along, sticks or slides.
-class Slider {
+/// Moves one proxy through one step: carried by the surfaces, sticking or sliding.
+class FrictionMover {
   public:
-    Slider(const NearSurfaces& surfaces, const ProxyStep& step, double radius, double dt,
-           const ContactSettings& settings, ProxyPath* path)
+    FrictionMover(const NearSurfaces& surfaces, const ProxyStep& step, double radius, double dt,
+                  const ContactSettings& settings, ProxyPath* path)
         : surfaces_(surfaces),
           step_(step),
           settings_(settings),
           radius_(radius),
           dt_(dt),
           path_(path),
-          at_(step.from) {}
+          position_(step.from) {}
 
-    ProxyMove run(ProxyGrip& grip) noexcept {
-        if (grip.held_by.count > 0) {
-            reach(step_.before + carrying_velocity(surfaces_.all(), grip, 1.0));
+    ProxyMove run(FrictionState& state) noexcept {
+        // Stick: start where the surfaces carry the proxy (dt = 1 turns the velocity into a displacement).
+        if (state.held_by.count > 0) {
+            move_toward(step_.before + carrying_velocity(surfaces_.all(), state, 1.0));
         }
-        Load load = look();
-        if (!load.held) {
-            fly();
-            load = look();
-            grip.slides = false;
+        // Not in contact: go to the first contact on the way to the goal, where static friction applies.
+        ContactLoad load = evaluate_load();
+        if (!load.in_contact) {
+            advance_to_first_contact();
+            load = evaluate_load();
+            state.slides = false;
         }
-        if (!load.known) {
-            reach(step_.goal);
-            load = look();
-        } else if (load.held) {
-            const double limit = (grip.slides ? settings_.dynamic_friction : settings_.static_friction) * load.normal;
-            grip.slides = length_of(load.along) > limit * (1.0 + 1e-9);
-            if (grip.slides) {
-                load = slide(load);
+        if (!load.feasible) {
+            // No room: friction is undefined, so move without it.
+            move_toward(step_.goal);
+            load = evaluate_load();
+        } else if (load.in_contact) {
+            // Coulomb: stick while |x - x0| <= mu sum lambda_k, otherwise slide to the dynamic cone.
+            const double limit = (state.slides ? settings_.dynamic_friction : settings_.static_friction) * load.normal;
+            state.slides = length_of(load.tangential) > limit * (1.0 + 1e-9);
+            if (state.slides) {
+                load = slide_to_cone(load);
             }
         }
-        take_hold(grip);
-        result_.position = at_;
-        result_.contacts = grip.held_by;
+        store_contacts(state);
+        result_.position = position_;
+        result_.contacts = state.held_by;
         return result_;
     }
 
   private:
-    void reach(const Vec3& goal) noexcept {
-        const ProxyMove move = move_proxy(surfaces_, at_, goal, radius_, dt_, settings_, path_);
-        at_ = move.position;
+    void move_toward(const Vec3& goal) noexcept {
+        const ProxyMove move = move_proxy(surfaces_, position_, goal, radius_, dt_, settings_, path_);
+        position_ = move.position;
         result_.iterations += move.iterations;
         result_.converged = result_.converged && move.converged;
     }
 
-    /// Straight toward the goal to the first touch, and there to the whole radius.
-    void fly() noexcept {
-        const Vec3 way = step_.goal - at_;
+    /// Advances along the direct path to the goal until the shrunk sphere touches, then moves to the full radius.
+    void advance_to_first_contact() noexcept {
+        const Vec3 displacement = step_.goal - position_;
         const double shrunk = radius_ * settings_.shrink;
-        const Vec3 touch = at_ + way * free_fraction(surfaces_, at_, way, shrunk, settings_.shrink);
-        reach(touch);
+        const Vec3 contact =
+            position_ + displacement * free_fraction(surfaces_, position_, displacement, shrunk, settings_.shrink);
+        move_toward(contact);
     }
 
-    Load look() noexcept {
-        hold_.look(surfaces_, at_, step_.goal, radius_, settings_);
-        const PlaneSet::Room& room = hold_.room();
-        Load load;
-        load.known = room.any;
-        load.held = room.any && room.at.active_count > 0;
-        if (!load.held) {
+    /// Normal and tangential load at the present position, for the goal.
+    ContactLoad evaluate_load() noexcept {
+        // x0: nearest point to the goal outside the planes that the proxy touches.
+        active_contacts_.update(surfaces_, position_, step_.goal, radius_, settings_);
+        const PlaneSet::Fit& fit = active_contacts_.fit();
+        ContactLoad load;
+        load.feasible = fit.feasible;
+        load.in_contact = fit.feasible && fit.projection.active_count > 0;
+        if (!load.in_contact) {
             return load;
         }
-        load.along = at_ - room.at.point;
-        std::array<Vec3, kMaxSurfacePlanes> across{};
-        for (std::size_t k = 0; k < room.at.active_count; ++k) {
-            load.normal += room.at.multiplier[k];
-            Vec3 n = hold_.points()[room.at.active[k]].normal;
+        // x - x0, still with a normal part.
+        load.tangential = position_ - fit.projection.point;
+        // Sum of the multipliers, and Gram-Schmidt over the active normals: the tangential load is what is left of x -
+        // x0.
+        std::array<Vec3, kMaxSurfacePlanes> basis{};
+        for (std::size_t k = 0; k < fit.projection.active_count; ++k) {
+            load.normal += fit.projection.multiplier[k];
+            Vec3 n = active_contacts_.points()[fit.projection.active[k]].normal;
             for (std::size_t i = 0; i < k; ++i) {
-                n -= across[i] * glm::dot(across[i], n);
+                n -= basis[i] * glm::dot(basis[i], n);
             }
-            const double left = glm::dot(n, n);
-            if (left > kDependent) {
-                across[k] = n / std::sqrt(left);
-                load.along -= across[k] * glm::dot(across[k], load.along);
+            const double squared = glm::dot(n, n);
+            if (squared > kDependentNormal) {
+                basis[k] = n / std::sqrt(squared);
+                load.tangential -= basis[k] * glm::dot(basis[k], load.tangential);
             }
         }
         return load;
     }
 
-    /// Toward the frictionless place until the goal is on the dynamic cone. On a flat place the proxy for a goal that
-    /// is a share s of the way back to where it stuck keeps the share s of its offset.
-    Load slide(Load load) noexcept {
-        const Vec3 stuck = at_;
+    /// Moves toward the frictionless position until the goal lies on the dynamic friction cone. On a flat surface the
+    /// offset x - x0 is proportional to the share s by which the goal is moved back to the sticking point.
+    ContactLoad slide_to_cone(ContactLoad load) noexcept {
+        // Fixed-point iteration on s; exact after one move while the normal load stays the same.
+        const Vec3 stuck = position_;
         double share = 1.0;
-        for (int k = 0; k < kSlides; ++k) {
+        for (int k = 0; k < kMaxSlideMoves; ++k) {
+            // Done if |x - x0| is mu_d sum lambda_k to 1 %.
             const double limit = settings_.dynamic_friction * load.normal;
-            const double along = length_of(load.along);
-            if (std::abs(along - limit) <= kOnTheCone * limit || !(along > 0.0)) {
+            const double tangential = length_of(load.tangential);
+            if (std::abs(tangential - limit) <= kConeTolerance * limit || !(tangential > 0.0)) {
                 break;
             }
-            share = std::min(share * limit / along, 1.0);
-            reach(step_.goal + (stuck - step_.goal) * share);
-            load = look();
-            if (!load.held || limit == 0.0) {
+            // Scale the share so that the offset meets the limit, and move there without friction.
+            share = std::min(share * limit / tangential, 1.0);
+            move_toward(step_.goal + (stuck - step_.goal) * share);
+            load = evaluate_load();
+            if (!load.in_contact || limit == 0.0) {
                 break;
             }
         }
         return load;
     }
 
-    void take_hold(ProxyGrip& grip) noexcept {
-        grip.held_by = hold_.planes(surfaces_, dt_);
-        grip.share = {};
-        const Projection& at = hold_.room().at;
+    /// Stores the active planes and their shares of the normal force for the next step.
+    void store_contacts(FrictionState& state) noexcept {
+        state.held_by = active_contacts_.planes(surfaces_, dt_);
+        state.share = {};
+        const Projection& projection = active_contacts_.fit().projection;
+        // Share of each plane in sum lambda_k; even shares if no plane presses.
         double sum = 0.0;
-        for (std::size_t k = 0; k < grip.held_by.count; ++k) {
-            sum += at.multiplier[k];
+        for (std::size_t k = 0; k < state.held_by.count; ++k) {
+            sum += projection.multiplier[k];
         }
-        for (std::size_t k = 0; k < grip.held_by.count; ++k) {
-            grip.share[k] = sum > 0.0 ? at.multiplier[k] / sum : 1.0 / grip.held_by.count;
+        for (std::size_t k = 0; k < state.held_by.count; ++k) {
+            state.share[k] = sum > 0.0 ? projection.multiplier[k] / sum : 1.0 / state.held_by.count;
         }
-        grip.slides = grip.slides && grip.held_by.count > 0;
+        state.slides = state.slides && state.held_by.count > 0;
     }
 
     NearSurfaces surfaces_;
@@ -148,42 +164,44 @@ class Slider {
     double radius_;
     double dt_;
     ProxyPath* path_;
-    Vec3 at_;
-    Hold hold_;
+    Vec3 position_;
+    ActiveContacts active_contacts_;
     ProxyMove result_;
 };
 
 }  // namespace
 
 ProxyMove move_proxy(const NearSurfaces& surfaces, const ProxyStep& step, double radius, double dt,
-                     const ContactSettings& settings, ProxyGrip& grip, ProxyPath* path) noexcept {
+                     const ContactSettings& settings, FrictionState& state, ProxyPath* path) noexcept {
     if (settings.static_friction == 0.0 && settings.dynamic_friction == 0.0) {
         return move_proxy(surfaces, step.from, step.goal, radius, dt, settings, path);
     }
-    return Slider(surfaces, step, radius, dt, settings, path).run(grip);
+    return FrictionMover(surfaces, step, radius, dt, settings, path).run(state);
 }
 
 FrictionParts divide_friction(const Vec3& force, const SurfacePlanes& contacts,
                               const std::array<double, kMaxSurfacePlanes>& strength) noexcept {
-    Vec3 left = force;
+    // Remove the normal parts.
+    Vec3 tangential = force;
     double sum = 0.0;
     for (std::size_t c = 0; c < contacts.count; ++c) {
-        left -= strength[c] * contacts.plane[c].normal;
+        tangential -= strength[c] * contacts.plane[c].normal;
         sum += strength[c];
     }
+    // Share out the rest by normal force.
     FrictionParts parts{};
     for (std::size_t c = 0; c < contacts.count; ++c) {
-        parts[c] = left * (sum > 0.0 ? strength[c] / sum : 1.0 / contacts.count);
+        parts[c] = tangential * (sum > 0.0 ? strength[c] / sum : 1.0 / contacts.count);
     }
     return parts;
 }
 
-Vec3 carrying_velocity(std::span<const MovingSurface> surfaces, const ProxyGrip& grip, double dt) noexcept {
+Vec3 carrying_velocity(std::span<const MovingSurface> surfaces, const FrictionState& state, double dt) noexcept {
     Vec3 velocity(0.0);
-    for (std::size_t k = 0; k < grip.held_by.count; ++k) {
-        const SurfacePoint& touched = grip.held_by.plane[k].touched;
+    for (std::size_t k = 0; k < state.held_by.count; ++k) {
+        const SurfacePoint& touched = state.held_by.plane[k].touched;
         velocity +=
-            displacement_of(surfaces[touched.object].motion, touched.triangle, touched.weights) * (grip.share[k] / dt);
+            displacement_of(surfaces[touched.object].motion, touched.triangle, touched.weights) * (state.share[k] / dt);
     }
     return velocity;
 }

@@ -10,24 +10,27 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr double kParallel = 1e-24;  // Gram determinant below which normals count as dependent
-constexpr double kNearly = 1e-4;     // and below which those of two planes are better solved for by sum and difference
+constexpr double kParallel = 1e-24;  // Gram determinant below which normals are linearly dependent
+constexpr double kNearly = 1e-4;     // Gram determinant below which two planes are solved by sum and difference
 constexpr int kMaxRefinements = 3;
 constexpr int kMaxExchanges = 64;
 
-/// Up to four half-spaces, of which at most three hold the point.
+/// Up to four half-spaces, of which at most three are active.
 struct Basis {
     std::array<std::uint32_t, 4> index{};
     std::uint32_t count = 0;
 };
 
-/// How far along each normal to go, so that the sum of all goes by b[k] along normal k. False if they are dependent.
+/// Solves the normal equations dot(n[k], sum_i lambda[i] n[i]) = b[k] of one to three planes. False if the normals are
+/// linearly dependent.
 bool multipliers(const std::array<Vec3, 3>& n, const std::array<double, 3>& b, std::uint32_t count,
                  std::array<double, 3>& lambda) HAPTIC_RT {
+    // One plane: unit normal, so the multiplier is the distance.
     if (count == 1) {
         lambda[0] = b[0];
         return true;
     }
+    // Two planes: Cramer's rule with the Gram matrix [[1, g], [g, 1]].
     if (count == 2) {
         const double g = glm::dot(n[0], n[1]);
         const double det = 1.0 - g * g;
@@ -36,7 +39,8 @@ bool multipliers(const std::array<Vec3, 3>& n, const std::array<double, 3>& b, s
             lambda[1] = (b[1] - g * b[0]) / det;
             return true;
         }
-        // Unit normals: their sum and difference are square to one another, however near to parallel they are.
+        // Nearly parallel: the Gram determinant cancels. The sum and difference of unit normals are orthogonal at any
+        // angle, so solve along these two directions instead.
         const Vec3 sum = n[0] + n[1];
         const Vec3 difference = n[0] - n[1];
         const double ss = glm::dot(sum, sum);
@@ -44,13 +48,15 @@ bool multipliers(const std::array<Vec3, 3>& n, const std::array<double, 3>& b, s
         if (ss * dd < 4.0 * kParallel) {
             return false;
         }
+        // Components of the displacement along sum and difference, converted back.
         const double along = (b[0] + b[1]) / ss;
         const double across = (b[0] - b[1]) / dd;
         lambda[0] = along + across;
         lambda[1] = along - across;
         return true;
     }
-    // Three planes meet in a point: displacement = sum b_k (n_i x n_j) / det; multipliers from it by the same duals.
+    // Three planes meet in a point: displacement = sum b_k (n_i x n_j) / det. The same dual vectors give the
+    // multipliers.
     const double det = glm::dot(n[0], glm::cross(n[1], n[2]));
     if (det * det < kParallel) {
         return false;
@@ -64,27 +70,31 @@ bool multipliers(const std::array<Vec3, 3>& n, const std::array<double, 3>& b, s
     return true;
 }
 
+/// Solution on the boundaries of one set of planes.
 struct Held {
     Vec3 point{0.0};
     std::array<double, 3> lambda{};  // m, along the normal of each member
 };
 
-/// The point nearest to the target on the boundaries of `members`, if it is pushed onto each of them. Planes that are
-/// nearly parallel lose digits, so what is left of the distance to them is solved for again.
+/// Nearest point to the target on all boundaries of `members`. False if a multiplier is negative (the plane would pull)
+/// or the normals are dependent. Nearly parallel planes lose digits, which iterative refinement recovers.
 bool solve_on(std::span<const HalfSpace> all, const std::array<std::uint32_t, 3>& members, std::uint32_t count,
               const Vec3& target, double tolerance, Held& held) HAPTIC_RT {
     std::array<Vec3, 3> n{};
     std::array<double, 3> b{};
+    // Right-hand side: signed distance from the target to each plane.
     for (std::uint32_t k = 0; k < count; ++k) {
         n[k] = all[members[k]].normal;
         b[k] = all[members[k]].offset - glm::dot(n[k], target);
     }
     std::array<double, 3>& lambda = held.lambda;
     Vec3& point = held.point;
+    // Direct solution, refined below.
     if (!multipliers(n, b, count, lambda)) {
         return false;
     }
     for (int refinement = 0;; ++refinement) {
+        // KKT conditions: x = target + sum lambda_k n_k with lambda_k >= 0.
         point = target;
         for (std::uint32_t k = 0; k < count; ++k) {
             if (lambda[k] < 0.0) {
@@ -92,6 +102,7 @@ bool solve_on(std::span<const HalfSpace> all, const std::array<std::uint32_t, 3>
             }
             point += n[k] * lambda[k];
         }
+        // Residual of each plane equation, which becomes the next right-hand side.
         double worst = 0.0;
         for (std::uint32_t k = 0; k < count; ++k) {
             b[k] = all[members[k]].offset - glm::dot(n[k], point);
@@ -100,6 +111,7 @@ bool solve_on(std::span<const HalfSpace> all, const std::array<std::uint32_t, 3>
         if (worst <= tolerance || refinement == kMaxRefinements) {
             return true;
         }
+        // Refinement step: solve for the residual and add the correction.
         std::array<double, 3> more{};
         if (!multipliers(n, b, count, more)) {
             return true;
@@ -110,14 +122,16 @@ bool solve_on(std::span<const HalfSpace> all, const std::array<std::uint32_t, 3>
     }
 }
 
-/// Solves for a basis of at most four: the subset that holds the point and leaves none of the basis violated.
+/// Finds the active subset of a basis of at most four: smallest first, feasible for the whole basis.
 bool solve_basis(std::span<const HalfSpace> all, const Basis& basis, const Vec3& target, double tolerance,
                  Projection& out) HAPTIC_RT {
+    // Active-set candidates by increasing size, at most 14 for a basis of four.
     for (int size = 1; size <= 3; ++size) {
         for (std::uint32_t mask = 1; mask < (1u << basis.count); ++mask) {
             if (std::popcount(mask) != size) {
                 continue;
             }
+            // Members of this subset.
             std::array<std::uint32_t, 3> members{};
             std::uint32_t count = 0;
             for (std::uint32_t k = 0; k < basis.count; ++k) {
@@ -129,6 +143,7 @@ bool solve_basis(std::span<const HalfSpace> all, const Basis& basis, const Vec3&
             if (!solve_on(all, members, count, target, tolerance, held)) {
                 continue;
             }
+            // Primal feasibility: the solution must satisfy the rest of the basis.
             bool holds = true;
             for (std::uint32_t k = 0; k < basis.count; ++k) {
                 const HalfSpace& h = all[basis.index[k]];
@@ -152,6 +167,7 @@ Projection project_onto(std::span<const HalfSpace> half_spaces, const Vec3& targ
     Projection result;
     result.point = target;
     for (int exchange = 0; exchange < kMaxExchanges; ++exchange) {
+        // Most violated half-space at the present optimum.
         double worst = tolerance;
         std::uint32_t enters = 0;
         for (std::uint32_t k = 0; k < half_spaces.size(); ++k) {
@@ -164,16 +180,18 @@ Projection project_onto(std::span<const HalfSpace> half_spaces, const Vec3& targ
         if (worst <= tolerance) {
             return result;
         }
+        // New basis: the present active set and the entering half-space.
         Basis basis;
         for (std::uint32_t k = 0; k < result.active_count; ++k) {
             basis.index[basis.count++] = result.active[k];
         }
         basis.index[basis.count++] = enters;
-        // A tenth of the tolerance, so that what leaves the basis is not the most violated one again.
+        // A tenth of the tolerance, so that the half-space that leaves the basis does not enter again at once.
         if (!solve_basis(half_spaces, basis, target, 0.1 * tolerance, result)) {
             break;
         }
     }
+    // Infeasible, or no convergence within kMaxExchanges.
     Projection none;
     none.point = target;
     none.feasible = false;

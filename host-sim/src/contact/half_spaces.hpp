@@ -1,26 +1,27 @@
-// The point of an intersection of half-spaces that is nearest to a given point, exactly.
+// Projection onto an intersection of half-spaces: the exact nearest point, by an active-set method.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <span>
 
-#include <haptic/realtime.hpp>
-#include <haptic/types.hpp>
+#include "haptic/realtime.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 
+/// Nearest point with its active set and Lagrange multipliers.
 struct Projection {
-    Vec3 point{0.0};
-    bool feasible = true;                   // false: no point is in all half-spaces; `point` is then the target
-    std::uint8_t active_count = 0;          // half-spaces that hold the point, at most three
+    Vec3 point{0.0};                        // m
+    bool feasible = true;                   // false: the half-spaces have no common point; `point` is then the target
+    std::uint8_t active_count = 0;          // active half-spaces, at most three
     std::array<std::uint32_t, 3> active{};  // their indices
     std::array<double, 3> multiplier{};     // m, each >= 0: point - target = sum multiplier * normal over them
 };
 
-/// Minimises |x - target|^2 over all half-spaces. The optimum is held by at most three of them, so the most violated
-/// one is exchanged into the basis until none is violated (an LP-type problem: the distance grows with each exchange).
-/// A half-space counts as satisfied when violated by less than `tolerance` (m). No libm, no allocation.
+/// Minimises |x - target|^2 over all half-spaces. At most three of them are active at the optimum. So the most violated
+/// one is exchanged into the basis until none is violated; this is an LP-type problem, whose distance grows with each
+/// exchange. A half-space violated by less than `tolerance` (m) counts as satisfied. No libm, no allocation.
 [[nodiscard]] Projection project_onto(std::span<const HalfSpace> half_spaces, const Vec3& target,
                                       double tolerance) HAPTIC_RT;
 

@@ -3,58 +3,66 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 
-#include "contact/touching.hpp"
+#include "contact/contact_points.hpp"
 #include "contact/thesis/thesis_pop_out.hpp"
 
 namespace haptic::sim {
 
 namespace {
 
-// On its way out the sphere may come nearer to a triangle that is not in its way yet, but not by more than this share
-// of its distance: the centre stays on its side.
+// How near the sphere may come on its way out to a triangle that does not yet clip it, as a share of the distance: the
+// centre stays on its side.
 constexpr double kRelease = 0.5;
 
 }  // namespace
 
 PopOut pop_out(const NearSurfaces& surfaces, const Vec3& center, double radius, const ContactSettings& settings,
                ProxyPath* path) noexcept {
+    // Algorithm 2 as printed, for comparison.
     if (settings.pop_out == PopOutMethod::Thesis) {
         return thesis_pop_out(surfaces.all(), center, radius, settings, path);
     }
-    // Half-way between found and placed: clear enough not to be popped again, and reached in spite of rounding.
-    const double enough = radius * 0.5 * (1.0 + settings.shrink);
+    // Half-way between the radius that finds contacts and the full radius: clear enough not to be popped again, and
+    // reachable in spite of rounding.
+    const double min_clearance = radius * 0.5 * (1.0 + settings.shrink);
     PopOut result;
     result.position = center;
-    TouchingSet touching;
+    ContactPointSet contacts;
     for (;; ++result.iterations) {
-        touching.gather(surfaces, 1.0, result.position, touching_reach(radius, settings), nullptr);
-        result.clearance = touching.clearance(radius);
-        if (result.clearance >= enough || result.iterations >= settings.max_pop_outs) {
+        // Stop once clear.
+        contacts.collect(surfaces, 1.0, result.position, contact_reach(radius, settings), nullptr);
+        result.clearance = contacts.clearance(radius);
+        if (result.clearance >= min_clearance || result.iterations >= settings.max_pop_outs) {
             break;
         }
+        // One half-space per contact point; nearest point outside all of them, with the largest radius that fits.
         PlaneSet planes;
-        for (const Touching& t : touching.points()) {
+        for (const ContactPoint& t : contacts.points()) {
             planes.add(t.normal, glm::dot(t.normal, t.point));
         }
-        const PlaneSet::Room room = planes.project_with_room(result.position, radius, 0.5 * result.clearance);
-        if (!room.any) {
+        const PlaneSet::Fit fit = planes.project_with_largest_radius(result.position, radius, 0.5 * result.clearance);
+        // The half-spaces leave no room even at half of the present clearance.
+        if (!fit.feasible) {
             break;
         }
-        Vec3 move = room.at.point - result.position;
+        // Move toward that point, by a radius at most.
+        Vec3 move = fit.projection.point - result.position;
         const double length = std::sqrt(glm::dot(move, move));
-        if (length <= kArrived * radius) {
-            break;  // as clear as it gets
+        if (length <= kMinMove * radius) {
+            break;  // as clear as possible
         }
         if (length > radius) {
-            move *= radius / length;  // planes speak for the neighbourhood of their points only
+            move *= radius / length;  // a plane represents its triangle only near the contact point
         }
-        move *= free_fraction(surfaces, result.position, move, room.radius * settings.shrink, kRelease);
+        // Sweep the move.
+        move *= free_fraction(surfaces, result.position, move, fit.radius * settings.shrink, kRelease);
         result.position += move;
         if (path != nullptr) {
             path->append(1.0, result.position);
         }
     }
-    result.squeezed = result.clearance < radius * settings.shrink;
+    // Still nearer than the radius that finds contacts: the proxy has no room.
+    result.overconstrained = result.clearance < radius * settings.shrink;
     return result;
 }
 

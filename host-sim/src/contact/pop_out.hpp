@@ -1,25 +1,26 @@
-// What is left to do once all surfaces have arrived: push the proxy clear of those that still clip it (thesis, 4.2.4).
+// Pop-out: moves the proxy clear of surfaces that still clip it once all have arrived (thesis 4.2.4).
 #pragma once
 
-#include <haptic/sim/contact.hpp>
+#include "contact/contact_candidates.hpp"
 #include "contact/proxy_path.hpp"
-#include <haptic/sim/contact/surroundings.hpp>
-#include <haptic/types.hpp>
+#include "haptic/sim/contact.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 
+/// Result of pop_out().
 struct PopOut {
-    Vec3 position{0.0};
-    double clearance = 0.0;  // m, distance to the nearest surface; the radius if none is nearer
-    int iterations = 0;      // moves; with Algorithm 2 passes that moved
-    bool squeezed = false;   // clearance stayed below radius * shrink: there is no more room here
+    Vec3 position{0.0};            // m, centre
+    double clearance = 0.0;        // m, distance to the nearest surface; the radius if none is nearer
+    int iterations = 0;            // moves; with Algorithm 2, passes that moved
+    bool overconstrained = false;  // clearance stayed below radius * shrink: no more room here
 };
 
-/// Moves a sphere to the nearest place where it is clear of all surfaces at the end of the step. Every triangle within
-/// the radius gives one half-space and all are met together, so that the order of triangles does not matter; the side
-/// is the one on which the centre is, and every move is swept, so that it stays there.
-/// settings.pop_out = Thesis calls thesis_pop_out() instead.
-/// @source in place of the thesis' Algorithm 2, whose result depends on the order of triangles (4.6.1)
+/// Moves a sphere to the nearest position at which it is clear of all surfaces at the end of the step. Each triangle
+/// within the radius gives one half-space, on the side of the centre. All half-spaces are satisfied together, so the
+/// order of triangles does not matter. Every move is swept, so that the centre stays on its side. With settings.pop_out
+/// = Thesis it runs thesis_pop_out() instead. No allocation; at most settings.max_pop_outs moves.
+/// @source replaces Algorithm 2 of the thesis, whose result depends on the order of triangles (4.6.1)
 [[nodiscard]] PopOut pop_out(const NearSurfaces& surfaces, const Vec3& center, double radius,
                              const ContactSettings& settings, ProxyPath* path = nullptr) noexcept;
 

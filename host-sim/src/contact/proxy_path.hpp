@@ -1,23 +1,24 @@
-// The way that a proxy's centre took during one step: the certificate that it passed through nothing.
+// Proxy path: the piecewise linear path of a proxy's centre during one step. It certifies that no surface was crossed.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <span>
 
-#include <haptic/types.hpp>
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 
-/// Where the centre was at a time of the step. Between two knots the centre and all surfaces move linearly; between
-/// two knots of equal time the surfaces stand still.
+/// Position of the centre at a time of the step. Between two knots the centre and all surfaces move linearly; between
+/// two knots of equal time the surfaces rest.
 struct PathKnot {
-    double time = 0.0;  // of the step, in [0, 1]
-    Vec3 position{0.0};
+    double time = 0.0;   // in [0, 1]
+    Vec3 position{0.0};  // m
 };
 
 /// Fixed memory for one proxy and one step. The contact code appends; the verification, which shares no code with it,
-/// checks every piece. Any continuous path that crosses no surface proves that no side was changed, whoever drew it.
+/// checks every piece. Any continuous path that crosses no surface proves that the centre changed side of none,
+/// whatever computed it.
 class ProxyPath {
   public:
     /// More than all moves of one step together: see ContactSettings.
@@ -35,10 +36,10 @@ class ProxyPath {
             complete_ = false;
         }
     }
-    /// Takes back what came after the first `knots` knots: the proxy never went there.
+    /// Drops all knots after the first `knots`, which the proxy did not follow.
     void rewind(std::size_t knots) noexcept { count_ = knots < count_ ? knots : count_; }
     [[nodiscard]] std::span<const PathKnot> knots() const noexcept { return {knots_.data(), count_}; }
-    /// False once a knot had to be dropped; the path then proves nothing.
+    /// False once a knot was dropped for lack of space; the path then proves nothing.
     [[nodiscard]] bool complete() const noexcept { return complete_; }
 
   private:

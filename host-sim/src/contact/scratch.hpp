@@ -1,5 +1,4 @@
-// Room for a bounded number of things, without a beginning: to clear 10 kB for each query would cost more than the
-// query.
+// Fixed-capacity array without initialisation: clearing 10 kB for each query would cost more than the query.
 #pragma once
 
 #include <array>
@@ -8,7 +7,7 @@
 
 namespace haptic::sim {
 
-/// Elements are what was there before until they are assigned.
+/// Elements have indeterminate values until they are assigned.
 template <class T, std::size_t Capacity>
 class Scratch {
     static_assert(std::is_trivially_copyable_v<T> && std::is_trivially_destructible_v<T>);

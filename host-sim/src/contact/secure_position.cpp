@@ -5,7 +5,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
-#include "contact/touching.hpp"
+#include "contact/contact_points.hpp"
 #include "contact/thesis/thesis_ccd.hpp"
 #include "contact/triangle_ccd.hpp"
 
@@ -13,89 +13,97 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr double kLeastRoom = 0.02;     // of the radius: with less between surfaces the centre is pinched
-constexpr double kPinched = 1.05;       // of the least room: nearer than this there is none to lose
-constexpr double kLeastStep = 1e-6;     // of the step: a ride shorter than this leads nowhere
-constexpr int kHalvings = 6;            // of a ride, until it is short enough
-constexpr int kExactRides = 3;          // before what clips the sphere may come nearer
-constexpr double kPassing = 0.9;        // of its distance, by this much
-constexpr double kLateRelease = 0.5;    // and by this much when rides run short
-constexpr double kLateShrink = 0.7;     // of the sphere for each of these rides
-constexpr double kSharpestTurn = 0.25;  // cosine: a surface that turns further is followed in parts
+constexpr double kMinRadius = 0.02;          // of the radius: with less room the centre is overconstrained
+constexpr double kNoMargin = 1.05;           // of the smallest radius: a clearance below this has no margin left
+constexpr double kMinAdvance = 1e-6;         // of the step: a shorter advance makes no progress
+constexpr int kHalvings = 6;                 // of an advance, until it is short enough
+constexpr int kExactAdvances = 3;            // number of advances before the release is relaxed
+constexpr double kPassingRelease = 0.9;      // release after kExactAdvances, share of the present distance
+constexpr double kLateRelease = 0.5;         // release once half of the advances are used
+constexpr double kLateShrink = 0.7;          // of the radius, for each advance beyond half of them
+constexpr double kMinRotationCosine = 0.25;  // a larger rotation of the contact normal is followed in parts
 
-/// An orthonormal frame that turns with a triangle; its first axis is the touched edge. Zero where degenerate.
-struct Frame {
+/// Orthonormal frame attached to a moving triangle. `along` is the touched edge, `up` the face normal. Invalid for a
+/// degenerate triangle.
+struct TriangleFrame {
     Vec3 along{0.0};
     Vec3 up{0.0};
     Vec3 side{0.0};
-    bool good = false;
+    bool valid = false;
 };
 
-Frame frame_of(const TriangleCorners& t, const ClosestPoint& at) noexcept {
+TriangleFrame frame_of(const TriangleCorners& t, const ClosestPoint& at) noexcept {
+    // Axis along the touched edge; edge ab for a face or a vertex.
     Vec3 e = t.b - t.a;
     if (at.feature == Feature::Edge && at.index == 1) {
         e = t.c - t.b;
     } else if (at.feature == Feature::Edge && at.index == 2) {
         e = t.a - t.c;
     }
+    // Face normal and squared lengths.
     const Vec3 n = glm::cross(t.b - t.a, t.c - t.a);
     const double ee = glm::dot(e, e);
     const double nn = glm::dot(n, n);
-    Frame frame;
-    // Below this share the triangle is a needle, whose normal says nothing.
+    TriangleFrame frame;
+    // A needle (height below 1e-6 of its sides) has no reliable normal.
     if (nn > 1e-12 * ee * glm::dot(t.c - t.a, t.c - t.a) && ee > 0.0) {
         frame.along = e / std::sqrt(ee);
         frame.up = n / std::sqrt(nn);
         frame.side = glm::cross(frame.up, frame.along);
-        frame.good = true;
+        frame.valid = true;
     }
     return frame;
 }
 
-/// A touched point and its direction at a later time, both taken along by the triangle's motion.
-struct Carried {
+/// Contact point and normal at a later time, carried by the triangle.
+struct PredictedContact {
     Vec3 point{0.0};
     Vec3 normal{0.0};
 };
 
-Carried carry(const SurfaceMotion& motion, const Touching& t, double now, double then) noexcept {
-    const TriangleCorners at_then = corners_of(motion, t.triangle, then);
-    Carried carried{blend(at_then, t.at.weights), t.normal};
-    const Frame from = frame_of(corners_of(motion, t.triangle, now), t.at);
-    const Frame to = frame_of(at_then, t.at);
-    if (from.good && to.good) {
+PredictedContact predict_contact(const SurfaceMotion& motion, const ContactPoint& t, double now,
+                                 double later) noexcept {
+    // The point follows its barycentric weights.
+    const TriangleCorners corners_later = corners_of(motion, t.triangle, later);
+    PredictedContact predicted{blend(corners_later, t.at.weights), t.normal};
+    const TriangleFrame from = frame_of(corners_of(motion, t.triangle, now), t.at);
+    const TriangleFrame to = frame_of(corners_later, t.at);
+    // The normal keeps its components in the triangle's frame.
+    if (from.valid && to.valid) {
         const Vec3 n = to.along * glm::dot(from.along, t.normal) + to.up * glm::dot(from.up, t.normal) +
                        to.side * glm::dot(from.side, t.normal);
         const double length = std::sqrt(glm::dot(n, n));
-        carried.normal = n / length;
+        predicted.normal = n / length;
     }
-    return carried;
+    return predicted;
 }
 
-struct Hit {
-    bool hits = false;
-    double share = 1.0;  // of the piece
-    SurfacePoint what;
+/// Earliest contact on one piece of the path.
+struct FirstContact {
+    bool found = false;
+    double share = 1.0;  // of the piece, in [0, 1]
+    SurfacePoint surface;
     Vec3 normal{0.0};
 };
 
-/// One straight piece of the ride.
+/// One straight piece of the path, from (from_time, from) to (to_time, to).
 struct Piece {
     double from_time = 0.0;
     double to_time = 1.0;
     Vec3 from{0.0};
     Vec3 to{0.0};
-    double radius = 0.0;
-    double release = 1.0;
+    double radius = 0.0;   // m, radius of the swept sphere
+    double release = 1.0;  // of the present distance: how near a triangle that clips the sphere may come
 };
 
-/// First touch on a piece, sphere and triangles both moving: in the sphere's frame the triangles still move linearly.
-Hit sweep(const NearSurfaces& surfaces, const Piece& piece, const Ignored& ignored) noexcept {
-    Hit hit;
-    const SweptBall ball(piece.from, piece.to, piece.radius);
+/// Earliest contact on a piece, with the sphere and the triangles both moving.
+FirstContact first_contact(const NearSurfaces& surfaces, const Piece& piece, const IgnoredSurfaces& ignored) noexcept {
+    FirstContact hit;
+    const SweptSphere sphere(piece.from, piece.to, piece.radius);
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
         const SurfaceMotion& motion = surfaces[object].motion;
-        surfaces.query(object, ball, When::Step, [&](std::uint32_t triangle) {
+        surfaces.query(object, sphere, QueryTime::WholeStep, [&](std::uint32_t triangle) {
+            // Relative motion: in the sphere's frame the triangles still move linearly, so half-CCD applies.
             const TriangleCorners t0 = corners_of(motion, triangle, piece.from_time);
             const TriangleCorners t1 = corners_of(motion, triangle, piece.to_time);
             const MovingTriangle relative{{t0.a - piece.from, t0.b - piece.from, t0.c - piece.from},
@@ -103,12 +111,13 @@ Hit sweep(const NearSurfaces& surfaces, const Piece& piece, const Ignored& ignor
             if (ignored.has(object, triangle)) {
                 return;
             }
+            // A later triangle needs to be searched only up to the earliest contact so far.
             const TriangleTouch touch =
                 sphere_triangle_ccd(Vec3(0.0), piece.radius, relative, hit.share, piece.release);
-            if (touch.touches && (!hit.hits || touch.time < hit.share)) {
-                hit.hits = true;
+            if (touch.touches && (!hit.found || touch.time < hit.share)) {
+                hit.found = true;
                 hit.share = touch.time;
-                hit.what = {object, triangle, touch.at.feature, touch.at.weights};
+                hit.surface = {object, triangle, touch.at.feature, touch.at.weights};
                 const double length = std::sqrt(touch.at.squared_distance);
                 hit.normal = length > 0.0 ? -touch.at.point / length : Vec3(0.0);
             }
@@ -117,28 +126,34 @@ Hit sweep(const NearSurfaces& surfaces, const Piece& piece, const Ignored& ignor
     return hit;
 }
 
-/// The state of one proxy on its way through the step.
-class Rider {
+/// State of one proxy on its way through the step.
+class SecurePositionSolver {
   public:
-    Rider(const NearSurfaces& surfaces, const Vec3& center, double radius, const ContactSettings& settings)
+    SecurePositionSolver(const NearSurfaces& surfaces, const Vec3& center, double radius,
+                         const ContactSettings& settings)
         : surfaces_(surfaces), settings_(settings), radius_(radius), position_(center) {}
 
+    /// Conservative advancement over the step: collect contacts, plan a piece, sweep it, move to its end or first
+    /// contact.
     SecurePosition run(ProxyPath* path) noexcept {
-        for (result_.rides = 0; time_ < 1.0; ++result_.rides) {
-            if (result_.rides >= settings_.max_rides) {
-                give_way(0);
+        for (result_.advances = 0; time_ < 1.0; ++result_.advances) {
+            // Out of iterations: report the contacts as passed through and stay.
+            if (result_.advances >= settings_.max_advances) {
+                let_fastest_pass(0);
                 time_ = 1.0;
                 append(path);
                 break;
             }
-            touching_.gather(surfaces_, time_, position_, touching_reach(radius_, settings_), &ignored_);
-            if (!plan()) {
+            // Contacts at the present time bound the next piece.
+            contact_set_.collect(surfaces_, time_, position_, contact_reach(radius_, settings_), &ignored_);
+            if (!plan_piece()) {
                 continue;
             }
-            const Hit hit = sweep(surfaces_, piece_, ignored_);
-            was_hit_ = hit.hits;
-            if (hit.hits) {
-                note(time_ + (piece_.to_time - time_) * hit.share, hit.what, hit.normal);
+            // Half-CCD along the planned piece; stop at the earliest contact.
+            const FirstContact hit = first_contact(surfaces_, piece_, ignored_);
+            was_stopped_ = hit.found;
+            if (hit.found) {
+                record_first_contact(time_ + (piece_.to_time - time_) * hit.share, hit.surface, hit.normal);
                 time_ += (piece_.to_time - time_) * hit.share;
                 position_ += (piece_.to - piece_.from) * hit.share;
             } else {
@@ -158,158 +173,176 @@ class Rider {
         }
     }
 
-    void note(double time, const SurfacePoint& what, const Vec3& normal) noexcept {
+    void record_first_contact(double time, const SurfacePoint& surface, const Vec3& normal) noexcept {
         if (!result_.touched) {
             result_.touched = true;
             result_.first_time = time;
-            result_.first = what;
+            result_.first = surface;
             result_.first_normal = normal;
         }
     }
 
-    /// How near the sphere may come to anything on this piece. What already clips the sphere may come a little nearer
-    /// on the way, for it is the end of the ride that must be clear: by a thousandth on the first rides, by a tenth
-    /// after, by half once half of the rides are used up, when the sphere itself becomes smaller too. So the rides
-    /// suffice and the centre stays clear, whatever happens to the rest of the sphere on the way.
-    void fill_piece(double until, const Vec3& aim, double room) noexcept {
-        const int late = result_.rides - settings_.max_rides / 2;
-        piece_.radius = std::min(radius_, room) * settings_.shrink;
+    /// Fills in the next piece, with the tolerance on its way. Only the end of a piece must be clear. So a triangle
+    /// that already clips the sphere may come nearer on the way: to `shrink` of its distance on the first advances,
+    /// then to 0.9, and to 0.5 once half of the advances are used, when the sphere shrinks too. This bounds the number
+    /// of advances and keeps the centre clear, whatever the rest of the sphere touches on the way.
+    void set_piece(double until, const Vec3& target, double available_radius) noexcept {
+        // Late advances shrink the swept sphere.
+        const int late = result_.advances - settings_.max_advances / 2;
+        piece_.radius = std::min(radius_, available_radius) * settings_.shrink;
         for (int k = 0; k < late; ++k) {
             piece_.radius *= kLateShrink;
         }
+        // Release: how near to its present distance a clipping triangle may come.
         piece_.release = settings_.shrink;
-        if (result_.rides >= kExactRides) {
-            piece_.release = std::min(piece_.release, late > 0 ? kLateRelease : kPassing);
+        if (result_.advances >= kExactAdvances) {
+            piece_.release = std::min(piece_.release, late > 0 ? kLateRelease : kPassingRelease);
         }
         piece_.from_time = time_;
         piece_.to_time = until;
         piece_.from = position_;
-        piece_.to = aim;
+        piece_.to = target;
     }
 
-    /// Where the touching surfaces will be, as planes.
-    void predict(double then) noexcept {
+    /// Tangent planes of the touching features, predicted at a later time.
+    void predict_planes(double later) noexcept {
         planes_.clear();
-        for (const Touching& t : touching_.points()) {
-            const Carried c = carry(surfaces_[t.object].motion, t, time_, then);
+        for (const ContactPoint& t : contact_set_.points()) {
+            const PredictedContact c = predict_contact(surfaces_[t.object].motion, t, time_, later);
             planes_.add(c.normal, glm::dot(c.normal, c.point));
         }
     }
 
-    /// The touching point that comes nearest to the standing sphere by the end, if any comes nearer than allowed.
-    [[nodiscard]] bool find_lead(std::size_t& lead) const noexcept {
+    /// Finds the contact whose predicted plane is violated most by the sphere at rest. False if none is violated.
+    [[nodiscard]] bool find_deepest(std::size_t& deepest) const noexcept {
         double worst = 0.0;
         bool found = false;
         for (std::size_t k = 0; k < planes_.size(); ++k) {
-            const double allowed = std::min(radius_, touching_.points()[k].distance) * settings_.shrink;
+            // A triangle that is already nearer than the radius only has to keep its distance.
+            const double allowed = std::min(radius_, contact_set_.points()[k].distance) * settings_.shrink;
             const double depth = allowed - planes_.height(k, position_);
             if (depth > worst) {
                 worst = depth;
-                lead = k;
+                deepest = k;
                 found = true;
             }
         }
         return found;
     }
 
-    /// Beside the touched point at a later time. The offset is where the tangent planes of both times meet: a straight
-    /// way there stays outside the turning plane all the time (in the plane of the turn, with k = s (1 - s) (1 - cos),
-    /// its height is radius * (1 - k) / sqrt(1 - 2 k)).
-    [[nodiscard]] Vec3 beside(const Touching& t, double then) const noexcept {
-        const Carried c = carry(surfaces_[t.object].motion, t, time_, then);
+    /// Target beside the contact point at a later time: the intersection of the tangent planes at both times, at
+    /// distance `radius` from each. On the straight path there the sphere stays outside the rotating plane at all
+    /// times: in the plane of rotation, with k = s (1 - s) (1 - cos), its height is radius * (1 - k) / sqrt(1 - 2 k).
+    [[nodiscard]] Vec3 target_beside(const ContactPoint& t, double later) const noexcept {
+        const PredictedContact c = predict_contact(surfaces_[t.object].motion, t, time_, later);
         return c.point + (t.normal + c.normal) * (radius_ / (1.0 + glm::dot(t.normal, c.normal)));
     }
 
-    /// Plans the next piece; false if there was none and a surface was let through instead.
-    bool plan() noexcept {
-        // What touched may come nearer first and be gone by the end: then the ride ends where it is nearer still.
+    /// Plans the next piece. False if no piece is feasible and a surface was allowed to pass through instead.
+    bool plan_piece() noexcept {
+        // Which contact will press deepest at t = 1? A surface that stopped the last piece may come nearer and leave
+        // again before t = 1; then halve the horizon until it presses.
         double until = 1.0;
-        std::size_t lead = 0;
-        predict(until);
-        bool rides = find_lead(lead);
-        for (int k = 0; k < kHalvings && !rides && was_hit_; ++k) {
+        std::size_t deepest = 0;
+        predict_planes(until);
+        bool needs_advance = find_deepest(deepest);
+        for (int k = 0; k < kHalvings && !needs_advance && was_stopped_; ++k) {
             until = time_ + 0.5 * (until - time_);
-            predict(until);
-            rides = find_lead(lead);
+            predict_planes(until);
+            needs_advance = find_deepest(deepest);
         }
-        if (!rides) {
-            fill_piece(1.0, position_, radius_);
-            piece_.release = was_hit_ ? std::min(piece_.release, kPassing) : piece_.release;
+        // Nothing presses: rest until t = 1 or the next contact.
+        if (!needs_advance) {
+            set_piece(1.0, position_, radius_);
+            piece_.release = was_stopped_ ? std::min(piece_.release, kPassingRelease) : piece_.release;
             return true;
         }
-        const Touching& t = touching_.points()[lead];
-        note(time_, surface_point(t), t.normal);
+        // Shorten the horizon until the deepest contact's normal turns little: beside a plane that rotates further the
+        // target would lie far away.
+        const ContactPoint& t = contact_set_.points()[deepest];
+        record_first_contact(time_, surface_point(t), t.normal);
         for (int k = 0; k < kHalvings; ++k) {
-            const Carried c = carry(surfaces_[t.object].motion, t, time_, until);
-            if (glm::dot(c.normal, t.normal) >= kSharpestTurn) {
+            const PredictedContact c = predict_contact(surfaces_[t.object].motion, t, time_, until);
+            if (glm::dot(c.normal, t.normal) >= kMinRotationCosine) {
                 break;
             }
             until = time_ + 0.5 * (until - time_);
         }
-        const double clearance = touching_.clearance(radius_);
-        if (least_room_ == 0.0) {
-            least_room_ = std::min(kLeastRoom * radius_, 0.5 * clearance);
+        // Smallest usable radius: kMinRadius, or half the clearance at the first contact if that is less.
+        const double clearance = contact_set_.clearance(radius_);
+        if (min_radius_ == 0.0) {
+            min_radius_ = std::min(kMinRadius * radius_, 0.5 * clearance);
         }
-        PlaneSet::Room room = room_at(t, until, least_room_);
-        if (!room.any) {
-            until = clearance > kPinched * least_room_ ? last_time_with_room(t, until) : time_;
-            if (until - time_ < kLeastStep) {
-                give_way(lead);
+        // Target: nearest point to target_beside() outside all predicted planes, with the largest radius that fits.
+        PlaneSet::Fit fit = fit_at(t, until, min_radius_);
+        if (!fit.feasible) {
+            // No room at `until`: advance to the last time that has room. If that is now, the centre is
+            // overconstrained.
+            until = clearance > kNoMargin * min_radius_ ? last_feasible_time(t, until) : time_;
+            if (until - time_ < kMinAdvance) {
+                let_fastest_pass(deepest);
                 return false;
             }
-            room = room_at(t, until, least_room_);
+            fit = fit_at(t, until, min_radius_);
         }
-        result_.squeezed = result_.squeezed || room.radius < radius_ * settings_.shrink;
-        fill_piece(until, room.any ? room.at.point : position_, room.radius);
+        // A smaller radius than the shrunk one means that the whole sphere does not fit.
+        result_.overconstrained = result_.overconstrained || fit.radius < radius_ * settings_.shrink;
+        set_piece(until, fit.feasible ? fit.projection.point : position_, fit.radius);
         return true;
     }
 
-    PlaneSet::Room room_at(const Touching& t, double then, double least) noexcept {
-        predict(then);
-        return planes_.project_with_room(beside(t, then), radius_, least);
+    /// Best target at a later time: project target_beside() onto the predicted half-spaces.
+    PlaneSet::Fit fit_at(const ContactPoint& t, double later, double min_radius) noexcept {
+        predict_planes(later);
+        return planes_.project_with_largest_radius(target_beside(t, later), radius_, min_radius);
     }
 
-    double last_time_with_room(const Touching& t, double without) noexcept {
-        double with = time_;
-        while (without - with > 0.25 * kLeastStep) {
-            const double middle = 0.5 * (with + without);
-            predict(middle);
-            if (planes_.project(beside(t, middle), least_room_).feasible) {
-                with = middle;
+    /// Last time at which a sphere of the smallest radius fits, by bisection. `infeasible` is a time at which it does
+    /// not.
+    double last_feasible_time(const ContactPoint& t, double infeasible) noexcept {
+        double feasible = time_;
+        while (infeasible - feasible > 0.25 * kMinAdvance) {
+            const double middle = 0.5 * (feasible + infeasible);
+            predict_planes(middle);
+            if (planes_.project(target_beside(t, middle), min_radius_).feasible) {
+                feasible = middle;
             } else {
-                without = middle;
+                infeasible = middle;
             }
         }
-        return with;
+        return feasible;
     }
 
-    /// Lets the fastest of the surfaces that pinch the centre through.
-    void give_way(std::size_t lead) noexcept {
-        result_.squeezed = true;
-        result_.let_through = true;
-        const std::span<const Touching> points = touching_.points();
+    /// Allows the fastest of the surfaces that overconstrain the centre to pass through, and ignores it from now on.
+    void let_fastest_pass(std::size_t deepest) noexcept {
+        result_.overconstrained = true;
+        result_.passed_through = true;
+        const std::span<const ContactPoint> points = contact_set_.points();
         if (points.empty()) {
             return;
         }
-        std::size_t fastest = std::min(lead, points.size() - 1);
-        double most = -1.0;
+        // Fastest contact by its normal speed.
+        std::size_t fastest = std::min(deepest, points.size() - 1);
+        double max_speed = -1.0;
         bool one_object = true;
         for (std::size_t k = 0; k < points.size(); ++k) {
             const Vec3 d =
                 displacement_of(surfaces_[points[k].object].motion, points[k].triangle, points[k].at.weights);
             const double speed = std::abs(glm::dot(points[k].normal, d));
-            if (speed > most) {
-                most = speed;
+            if (speed > max_speed) {
+                max_speed = speed;
                 fastest = k;
             }
             one_object = one_object && points[k].object == points[0].object;
         }
         result_.passed = surface_point(points[fastest]);
+        // Contacts of several objects: ignore the whole fast object.
         if (!one_object) {
-            static_cast<void>(ignored_.add(points[fastest].object, Ignored::kWhole));
+            static_cast<void>(ignored_.add(points[fastest].object, IgnoredSurfaces::kWhole));
             return;
         }
-        for (const Touching& t : points) {
+        // One object folds onto itself: ignore only its triangles on the fast side.
+        for (const ContactPoint& t : points) {
             if (glm::dot(t.normal, points[fastest].normal) > 0.0) {
                 static_cast<void>(ignored_.add(t.object, t.triangle));
             }
@@ -321,10 +354,10 @@ class Rider {
     double radius_;
     Vec3 position_;
     double time_ = 0.0;
-    bool was_hit_ = false;     // the last piece ended at a touch
-    double least_room_ = 0.0;  // m, with less the centre is pinched; 0 until something touches
-    Ignored ignored_;
-    TouchingSet touching_;
+    bool was_stopped_ = false;  // the last piece ended at a contact
+    double min_radius_ = 0.0;   // m, smallest usable radius; 0 until something touches
+    IgnoredSurfaces ignored_;
+    ContactPointSet contact_set_;
     PlaneSet planes_;
     Piece piece_;
     SecurePosition result_;
@@ -337,7 +370,7 @@ SecurePosition secure_position(const NearSurfaces& surfaces, const Vec3& center,
     if (settings.method == CcdMethod::Thesis) {
         return thesis_secure_position(surfaces.all(), center, radius, settings, path);
     }
-    return Rider(surfaces, center, radius, settings).run(path);
+    return SecurePositionSolver(surfaces, center, radius, settings).run(path);
 }
 
 }  // namespace haptic::sim

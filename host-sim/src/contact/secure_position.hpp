@@ -1,39 +1,42 @@
-// Where a proxy is safe after all surfaces have moved: the first half of a step (thesis, 4.2.2).
+// Secure position: half-CCD of a sphere at rest against moving surfaces, the first half of a step (thesis 4.2.2).
 //
-// The proxy stands while the surfaces move, until the first of them touches it. From there it rides with the touched
-// point, straight to the place beside the moved surface where it is clear of it at t = 1; that ride is swept against
-// everything, and where something else touches on the way, the next ride is clear of all that touch then: the place
-// nearest to the ride's aim in the half-spaces that the touching features will bound at t = 1. Each ride keeps a
-// positive distance from every surface, so the centre changes side of none.
+// The proxy rests until the first moving surface touches it. From there it advances in straight pieces. Each piece
+// leads to the position beside the moved contact point at which the sphere is clear of that surface at t = 1. The piece
+// is swept against all surfaces, sphere and triangles both moving. If another surface stops it, the next target is the
+// point nearest to the position beside the contact that lies in the half-spaces which all touching features will bound
+// at t = 1. Every piece keeps a positive distance from every surface, so the centre changes side of none.
 //
-// Where the half-spaces leave no room for the whole sphere, `squeezed` is set and the proxy makes do with the largest
-// radius for which there is room. Where they leave no room even for its centre (surfaces that pass through one another
-// right there), the fastest of them is let through and named: the anvil holds, the hammer passes.
+// If the half-spaces leave no room for the whole sphere, `overconstrained` is set and the largest radius that fits is
+// used. If they leave no room even for the centre (surfaces that pass through one another at this point), the fastest
+// surface is allowed to pass through and is reported: the anvil holds, the hammer passes.
 #pragma once
 
 #include <cstdint>
 
-#include <haptic/sim/contact.hpp>
+#include "contact/contact_candidates.hpp"
 #include "contact/proxy_path.hpp"
-#include <haptic/sim/contact/surroundings.hpp>
-#include <haptic/types.hpp>
+#include "haptic/sim/contact.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 
+/// Result of secure_position().
 struct SecurePosition {
-    Vec3 position{0.0};       // m, of the centre at t = 1
-    bool touched = false;     // something came within the radius
-    double first_time = 1.0;  // in [0, 1], when
-    SurfacePoint first;       // what
-    Vec3 first_normal{0.0};   // unit, from the surface to the centre
-    int rides = 0;
-    bool squeezed = false;     // less room than the radius on the way
-    bool let_through = false;  // no room for the centre: `passed` went through it
+    Vec3 position{0.0};            // m, centre at t = 1
+    bool touched = false;          // a surface came within the radius
+    double first_time = 1.0;       // in [0, 1], time of the first contact
+    SurfacePoint first;            // point of the first contact
+    Vec3 first_normal{0.0};        // unit, from the surface to the centre
+    int advances = 0;              // pieces of the path, at most ContactSettings::max_advances
+    bool overconstrained = false;  // at some point less room than the radius
+    bool passed_through = false;   // no room for the centre: `passed` went through it
     SurfacePoint passed;
 };
 
-/// The secure position of a sphere that stands at `center` while `surfaces` move. Appends the ride to `path` if given.
-/// Deterministic, no allocation, no libm. With `settings.method` Thesis it is Algorithm 1 instead (thesis_ccd.hpp).
+/// Computes the secure position of a sphere that rests at `center` while `surfaces` move through the step. Appends the
+/// pieces to `path` if given. Deterministic, no allocation, no libm. With `settings.method` Thesis it runs Algorithm 1
+/// instead (thesis_ccd.hpp).
+/// @source thesis 4.2.2; differs: any number of contacts, and the move to the secure position is swept
 [[nodiscard]] SecurePosition secure_position(const NearSurfaces& surfaces, const Vec3& center, double radius,
                                              const ContactSettings& settings, ProxyPath* path = nullptr) noexcept;
 

@@ -7,48 +7,29 @@
 #include <stdexcept>
 #include <string>
 
-#include "simd/refit.hpp"
+#include "simd/kernels.hpp"
 
 namespace haptic::sim {
 
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr std::size_t kLeastToSplit = 7;  // a child with fewer triangles is not split further to fill its node
+constexpr std::size_t kMinToSplit = 7;  // a smaller child is not split further to fill its node
 
 using Pair = SweptTree::Pair;
 constexpr Pair kEmpty{kInfinity, kInfinity};
 
-inline Pair least(const Pair& x, const Pair& y) noexcept {
+inline Pair min_of(const Pair& x, const Pair& y) noexcept {
     return x < y ? x : y;
 }
 
-Box box_of(const PointExtremes& x) noexcept {
+Aabb box_of(const PointExtremes& x) noexcept {
     return {Vec3(x.low[0], x.low[1], x.low[2]), Vec3(x.high[0], x.high[1], x.high[2])};
-}
-
-#if defined(__x86_64__)
-bool has_wide_registers() noexcept {
-    return __builtin_cpu_supports("avx2") != 0;
-}
-#endif
-
-Box empty_box() noexcept {
-    return {Vec3(kInfinity), Vec3(-kInfinity)};
 }
 
 }  // namespace
 
-Box box_about(const Vec3& p, const Vec3& q, double margin) noexcept {
-    Box box;
-    for (int k = 0; k < 3; ++k) {
-        box.low[k] = std::min(p[k], q[k]) - margin;
-        box.high[k] = std::max(p[k], q[k]) + margin;
-    }
-    return box;
-}
-
-/// Builds top-down: ranges of triangles, halved at the median of their centres along the longest axis, the largest
+/// Top-down builder. Ranges of triangles are halved at the median of their centres along the longest axis, largest
 /// range first, until a node has eight children.
 struct SweptTree::Builder {
     struct Range {
@@ -61,19 +42,20 @@ struct SweptTree::Builder {
     std::span<const Triangle> triangles;
     std::vector<Vec3> centres;
     std::vector<std::uint32_t> order;
-    std::vector<std::uint32_t> last_seen;  // by vertex: the leaf that listed it last, plus 1
-    std::vector<std::uint32_t> shared;     // of the leaf at hand: vertices that an earlier leaf has
+    std::vector<std::uint32_t> last_seen;  // per vertex: 1 + the last leaf that listed it
+    std::vector<std::uint32_t> shared;     // vertices of the current leaf that an earlier leaf has too
 
+    /// Splits a range at its median; returns the upper half.
     Range halve(Range& range) {
-        Box box = empty_box();
+        // Longest axis of the centres.
+        Aabb box;
         for (std::size_t k = range.begin; k < range.end; ++k) {
-            box.low = glm::min(box.low, centres[order[k]]);
-            box.high = glm::max(box.high, centres[order[k]]);
+            box.extend(centres[order[k]]);
         }
-        const Vec3 size = box.high - box.low;
+        const Vec3 size = box.size();
         const int axis = size.x >= size.y && size.x >= size.z ? 0 : (size.y >= size.z ? 1 : 2);
         const std::size_t middle = range.begin + range.size() / 2;
-        // Equal centres (the two faces of a double-faced triangle) stay side by side, in the order of their numbers.
+        // Ties are broken by index: equal centres (both faces of a double-faced triangle) stay together.
         std::nth_element(order.begin() + static_cast<std::ptrdiff_t>(range.begin),
                          order.begin() + static_cast<std::ptrdiff_t>(middle),
                          order.begin() + static_cast<std::ptrdiff_t>(range.end),
@@ -87,6 +69,8 @@ struct SweptTree::Builder {
         return upper;
     }
 
+    /// Adds a leaf with its triangles, in rising order, and their vertices without repetition. Vertices that no earlier
+    /// leaf has come first: only these count for the surface's displacement.
     std::uint32_t add_leaf(const Range& range, std::uint32_t node, std::uint32_t slot) {
         const auto index = static_cast<std::uint32_t>(tree.leaves_.size());
         Leaf leaf{};
@@ -95,8 +79,10 @@ struct SweptTree::Builder {
         leaf.triangles_begin = static_cast<std::uint32_t>(tree.leaf_triangles_.size());
         LeafVertices vertices;
         vertices.begin = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
+        // Rising triangle order within the leaf, for a deterministic order of visits.
         std::sort(order.begin() + static_cast<std::ptrdiff_t>(range.begin),
                   order.begin() + static_cast<std::ptrdiff_t>(range.end));
+        // Each vertex once: new to the tree, or shared with an earlier leaf.
         shared.clear();
         for (std::size_t k = range.begin; k < range.end; ++k) {
             tree.leaf_triangles_.push_back(order[k]);
@@ -108,6 +94,7 @@ struct SweptTree::Builder {
                 }
             }
         }
+        // The shared vertices follow the new ones.
         vertices.shared = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
         tree.leaf_vertices_.insert(tree.leaf_vertices_.end(), shared.begin(), shared.end());
         leaf.triangles_end = static_cast<std::uint32_t>(tree.leaf_triangles_.size());
@@ -117,7 +104,9 @@ struct SweptTree::Builder {
         return index | kLeaf;
     }
 
+    /// Adds a node and, recursively, its children. Returns its index.
     std::uint32_t add_node(const Range& all, std::uint32_t parent) {
+        // Split the largest child until there are eight.
         std::array<Range, kWidth> child{};
         child[0] = all;
         std::size_t count = 1;
@@ -125,11 +114,12 @@ struct SweptTree::Builder {
             const auto largest =
                 std::max_element(child.begin(), child.begin() + static_cast<std::ptrdiff_t>(count),
                                  [](const Range& left, const Range& right) { return left.size() < right.size(); });
-            if (largest->size() < kLeastToSplit) {
+            if (largest->size() < kMinToSplit) {
                 break;
             }
             child[count++] = halve(*largest);
         }
+        // Empty slots have infinite bounds and never overlap.
         const auto index = static_cast<std::uint32_t>(tree.nodes_.size());
         Node node{};
         for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -138,9 +128,10 @@ struct SweptTree::Builder {
         }
         tree.nodes_.push_back(node);
         tree.parents_.push_back(parent);
+        // Depth first: children follow their parent in the array.
         for (std::size_t k = 0; k < count; ++k) {
             const auto slot = static_cast<std::uint32_t>(k);
-            const std::uint32_t added = child[k].size() <= kMostInLeaf
+            const std::uint32_t added = child[k].size() <= kMaxInLeaf
                                             ? add_leaf(child[k], index, slot)
                                             : add_node(child[k], index * static_cast<std::uint32_t>(kWidth) + slot);
             tree.nodes_[index].child[k] = added;
@@ -149,10 +140,10 @@ struct SweptTree::Builder {
     }
 };
 
-SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles)
-    : bounds_(empty_box()), displacement_{} {
+SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles) {
     Builder builder{*this, triangles, {}, {}, {}, {}};
     builder.centres.reserve(triangles.size());
+    // Centre of each triangle, by which it is sorted.
     for (std::size_t k = 0; k < triangles.size(); ++k) {
         Vec3 sum(0.0);
         for (const std::uint32_t vertex : triangles[k]) {
@@ -168,6 +159,7 @@ SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> trian
     if (triangles.empty()) {
         return;
     }
+    // Build over all triangles.
     builder.order.resize(triangles.size());
     std::iota(builder.order.begin(), builder.order.end(), 0u);
     builder.last_seen.assign(rest.size(), 0u);
@@ -175,12 +167,13 @@ SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> trian
     leaf_boxes_.resize(leaves_.size());
 }
 
-void SweptTree::refit(const SurfaceMotion& motion, [[maybe_unused]] bool wide) noexcept {
+void SweptTree::refit(const SurfaceMotion& motion, bool wide) noexcept {
     if (leaves_.empty()) {
-        displacement_ = {};
+        displacement_ = {Vec3(0.0), Vec3(0.0)};
         return;
     }
     static_assert(sizeof(Vec3) == 3 * sizeof(double));
+    // Boxes of all leaves, by the widest registers that the machine has.
     PointExtremes displacement{};
     const RefitTask task{.start = &motion.start.data()->x,
                          .end = &motion.end.data()->x,
@@ -190,29 +183,22 @@ void SweptTree::refit(const SurfaceMotion& motion, [[maybe_unused]] bool wide) n
                          .leaves = leaves_.size(),
                          .box = leaf_boxes_.data(),
                          .displacement = &displacement};
-#if defined(__x86_64__)
-    static const bool has_avx2 = has_wide_registers();
-    if (wide && has_avx2) {
-        refit_avx2(task);
-    } else {
-        refit_baseline(task);
-    }
-#else
-    refit_baseline(task);
-#endif
+    (wide ? widest_kernels() : kBaselineKernels).refit(task);
     displacement_ = box_of(displacement);
+    // Write the leaves' boxes into their parents.
     for (std::size_t k = 0; k < leaves_.size(); ++k) {
         store(nodes_[leaves_[k].node], leaves_[k].slot, leaf_boxes_[k]);
     }
+    // Bottom-up: a node's box is the union of its children. Children follow their parents, so go backwards.
     for (std::size_t index = nodes_.size(); index-- > 0;) {
         const Node& node = nodes_[index];
-        const auto least_of = [](const std::array<Pair, kWidth / 2>& x) {
-            const Pair p = least(least(x[0], x[1]), least(x[2], x[3]));
+        const auto min_of_all = [](const std::array<Pair, kWidth / 2>& x) {
+            const Pair p = min_of(min_of(x[0], x[1]), min_of(x[2], x[3]));
             return p[0] < p[1] ? p[0] : p[1];
         };
         const PointExtremes box{
-            {least_of(node.low[0]), least_of(node.low[1]), least_of(node.low[2]), 0.0},
-            {-least_of(node.minus_high[0]), -least_of(node.minus_high[1]), -least_of(node.minus_high[2]), 0.0}};
+            {min_of_all(node.low[0]), min_of_all(node.low[1]), min_of_all(node.low[2]), 0.0},
+            {-min_of_all(node.minus_high[0]), -min_of_all(node.minus_high[1]), -min_of_all(node.minus_high[2]), 0.0}};
         if (index > 0) {
             store(nodes_[parents_[index] / kWidth], parents_[index] % kWidth, box);
         } else {

@@ -9,26 +9,28 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr double kFine = 1e-12;          // of the radius: closer than this is a touch
-constexpr double kRounding = 8e-16;      // of the coordinates: no distance is known better
-constexpr int kFineAdvances = 200;       // then kCreepTolerance takes the place of kFine
-constexpr int kMaxAdvances = 2000;       // then the triangle counts as touching; not met in 10^8 random queries
-constexpr double kNever = 2.0;           // longer than any step
-constexpr double kPassed = 0.9;          // cosine: a touched point straight across was passed, not left aside
-constexpr double kOblique = 1e-3;        // of the coordinates: the direction from a nearer point is made square first
-constexpr double kPassageShare = 1e-11;  // radius of a point, as a share of the triangle's extent
+constexpr double kContactTolerance = 1e-12;  // of the radius: a smaller gap is a contact
+constexpr double kRounding = 8e-16;          // of the coordinates: distances are not known better
+constexpr int kFineIterations = 200;         // after these, kCreepTolerance replaces kContactTolerance
+constexpr int kMaxIterations = 2000;         // then the triangle counts as touching; not reached in 10^8 random queries
+constexpr double kNever = 2.0;               // longer than any step
+constexpr double kPassedCosine = 0.9;        // beyond this cosine the triangle has passed over the centre, flat
+constexpr double kOblique = 1e-3;        // of the coordinates: at a smaller distance the normal is orthogonalised first
+constexpr double kPassageShare = 1e-11;  // of the triangle's extent: radius that represents a point
 
+/// Largest norm of three vectors.
 double longest(const TriangleCorners& t) HAPTIC_RT {
     return std::sqrt(std::max({glm::dot(t.a, t.a), glm::dot(t.b, t.b), glm::dot(t.c, t.c)}));
 }
 
-TriangleCorners moved(const TriangleCorners& from, const TriangleCorners& by, double time) HAPTIC_RT {
-    return {from.a + by.a * time, from.b + by.b * time, from.c + by.c * time};
+/// Corners at a time, from their start and their displacement over the step.
+TriangleCorners moved(const TriangleCorners& from, const TriangleCorners& motion, double time) HAPTIC_RT {
+    return {from.a + motion.a * time, from.b + motion.b * time, from.c + motion.c * time};
 }
 
-/// Whether the box about the whole motion misses that about the sphere.
-bool stays_outside(const TriangleCorners& s, const TriangleCorners& by, double radius) HAPTIC_RT {
-    const TriangleCorners e = moved(s, by, 1.0);
+/// Whether the box of the whole motion is disjoint from the box of the sphere at the origin.
+bool boxes_disjoint(const TriangleCorners& s, const TriangleCorners& motion, double radius) HAPTIC_RT {
+    const TriangleCorners e = moved(s, motion, 1.0);
     const double low = std::max({std::min({s.a.x, s.b.x, s.c.x, e.a.x, e.b.x, e.c.x}),
                                  std::min({s.a.y, s.b.y, s.c.y, e.a.y, e.b.y, e.c.y}),
                                  std::min({s.a.z, s.b.z, s.c.z, e.a.z, e.b.z, e.c.z})});
@@ -38,53 +40,55 @@ bool stays_outside(const TriangleCorners& s, const TriangleCorners& by, double r
     return low > radius || high < -radius;
 }
 
-/// A direction made square to the touched face or edge. Any unit vector is safe to use for a plane, only this one is
-/// good where the nearest point is so near that the rounding of its difference from the centre tilts it into the
-/// triangle.
-[[gnu::noinline]] Vec3 squared_up(const Vec3& n, const ClosestPoint& at, const TriangleCorners& t) HAPTIC_RT {
-    Vec3 square = n;
+/// Makes a direction orthogonal to the touched face or edge. Any unit vector gives a safe bound. But if the closest
+/// point is very near, rounding tilts its direction into the triangle, and only the orthogonal one bounds well.
+[[gnu::noinline]] Vec3 orthogonalized(const Vec3& n, const ClosestPoint& at, const TriangleCorners& t) HAPTIC_RT {
+    // Face: its normal, on the side of n. Edge: remove the component along it. Vertex: unchanged.
+    Vec3 normal = n;
     if (at.feature == Feature::Face) {
-        square = glm::cross(t.b - t.a, t.c - t.a);
-        square = glm::dot(square, n) < 0.0 ? -square : square;
+        normal = glm::cross(t.b - t.a, t.c - t.a);
+        normal = glm::dot(normal, n) < 0.0 ? -normal : normal;
     } else if (at.feature == Feature::Edge) {
         const Vec3 e = at.index == 0 ? t.b - t.a : (at.index == 1 ? t.c - t.b : t.a - t.c);
         const double ee = glm::dot(e, e);
-        square -= ee > 0.0 ? e * (glm::dot(n, e) / ee) : Vec3(0.0);
+        normal -= ee > 0.0 ? e * (glm::dot(n, e) / ee) : Vec3(0.0);
     }
-    const double length = std::sqrt(glm::dot(square, square));
-    return length > 0.0 ? square / length : n;
+    const double length = std::sqrt(glm::dot(normal, normal));
+    return length > 0.0 ? normal / length : n;
 }
 
-/// From the nearest point to the origin, unit.
-inline Vec3 direction_of(const ClosestPoint& at, double distance, double least, const TriangleCorners& t) HAPTIC_RT {
+/// Unit direction from the closest point to the origin.
+inline Vec3 direction_of(const ClosestPoint& at, double distance, double min_distance,
+                         const TriangleCorners& t) HAPTIC_RT {
     const Vec3 n = at.point * (-1.0 / distance);
-    return distance >= least ? n : squared_up(n, at, t);
+    return distance >= min_distance ? n : orthogonalized(n, at, t);
 }
 
-/// How far ahead the corners stay beyond the plane that is `radius` from the origin and faces the nearest point.
-/// `n` is unit, from the nearest point to the origin.
-double time_to_plane(const Vec3& n, double radius, const TriangleCorners& now, const TriangleCorners& by) HAPTIC_RT {
-    double least = kNever;
-    for (const auto& [x, dx] : {std::pair{now.a, by.a}, std::pair{now.b, by.b}, std::pair{now.c, by.c}}) {
+/// Time for which all corners stay beyond the plane at distance `radius` from the origin that faces the closest point.
+/// `n` is unit, from the closest point to the origin.
+double time_to_plane(const Vec3& n, double radius, const TriangleCorners& now,
+                     const TriangleCorners& motion) HAPTIC_RT {
+    double first = kNever;
+    for (const auto& [x, dx] : {std::pair{now.a, motion.a}, std::pair{now.b, motion.b}, std::pair{now.c, motion.c}}) {
         const double rate = glm::dot(n, dx);
         const double gap = -glm::dot(n, x) - radius;
         if (gap < 0.0) {
-            return 0.0;  // by rounding of n the plane does not separate, so it bounds nothing
+            return 0.0;  // rounding of n: the plane does not separate, so it bounds nothing
         }
-        if (rate > 0.0 && gap < least * rate) {
-            least = gap / rate;
+        if (rate > 0.0 && gap < first * rate) {
+            first = gap / rate;
         }
     }
-    return least;
+    return first;
 }
 
-/// Whether a plane whose normal turns linearly from n0 to n1 keeps the triangle out of the sphere from `now` to `then`.
-/// With c = dot(n0, n1), the normal's length is at most that of the quadratic with Bernstein coefficients 1, (1 + c)/2,
-/// 1, and dot(n(s), x(s)) is a quadratic too; comparing coefficients compares the functions.
+/// Whether a plane whose normal rotates linearly from n0 to n1 separates triangle and sphere from `now` to `later`.
+/// With c = dot(n0, n1), the length of the normal is at most the quadratic with Bernstein coefficients 1, (1 + c)/2, 1.
+/// dot(n(s), x(s)) is a quadratic too, so comparing coefficients compares the functions.
 bool separated(const Vec3& n0, const Vec3& n1, double radius, const TriangleCorners& now,
-               const TriangleCorners& then) HAPTIC_RT {
+               const TriangleCorners& later) HAPTIC_RT {
     const double middle = radius * (1.0 + glm::dot(n0, n1));
-    for (const auto& [x0, x1] : {std::pair{now.a, then.a}, std::pair{now.b, then.b}, std::pair{now.c, then.c}}) {
+    for (const auto& [x0, x1] : {std::pair{now.a, later.a}, std::pair{now.b, later.b}, std::pair{now.c, later.c}}) {
         if (-glm::dot(n0, x0) < radius || -glm::dot(n1, x1) < radius ||
             -(glm::dot(n0, x1) + glm::dot(n1, x0)) < middle) {
             return false;
@@ -107,101 +111,116 @@ TriangleCorners corners_at(const MovingTriangle& triangle, double time) HAPTIC_R
 
 TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const MovingTriangle& triangle, double limit,
                                   double release) HAPTIC_RT {
+    // Work in the sphere's frame: corners relative to the centre, and their displacement over the step.
     const TriangleCorners start{triangle.start.a - center, triangle.start.b - center, triangle.start.c - center};
-    const TriangleCorners by{triangle.end.a - triangle.start.a, triangle.end.b - triangle.start.b,
-                             triangle.end.c - triangle.start.c};
+    const TriangleCorners motion{triangle.end.a - triangle.start.a, triangle.end.b - triangle.start.b,
+                                 triangle.end.c - triangle.start.c};
     TriangleTouch touch;
-    if (stays_outside(start, by, radius)) {
+    if (boxes_disjoint(start, motion, radius)) {
         return touch;
     }
-    const double fastest = longest(by);
+    // Lipschitz bound of the distance, and tolerances relative to the coordinates.
+    const double fastest = longest(motion);
     const double extent = longest(start) + fastest;
     const double rounding = kRounding * extent;
     const double oblique = kOblique * extent;
-    double ahead = limit;  // longest leap worth trying
-    bool went_too_far = false;
+    double max_leap = limit;  // longest leap worth trying
+    bool overshot = false;
     TriangleCorners now = start;
+    // Distance at the start; release lets a triangle inside the radius come a little nearer first.
     touch.at = closest_point_on_triangle(Vec3(0.0), now);
     double distance = std::sqrt(touch.at.squared_distance);
     const double threshold = std::min(radius, release * distance);
     for (touch.iterations = 1;; ++touch.iterations) {
+        // Contact: the gap is within tolerance. After kFineIterations the tolerance is relaxed, so that the loop ends.
         const double gap = distance - threshold;
-        const double tolerance = (touch.iterations <= kFineAdvances ? kFine : kCreepTolerance) * threshold + rounding;
-        if (gap <= tolerance || touch.iterations >= kMaxAdvances) {
+        const double tolerance =
+            (touch.iterations <= kFineIterations ? kContactTolerance : kCreepTolerance) * threshold + rounding;
+        if (gap <= tolerance || touch.iterations >= kMaxIterations) {
             touch.touches = true;
             return touch;
         }
+        // Safe step: the longer of the Lipschitz bound and the time to the separating plane.
         const Vec3 n = direction_of(touch.at, distance, oblique, now);
-        const double step = std::max(gap < fastest ? gap / fastest : kNever, time_to_plane(n, threshold, now, by));
-        const double rest = limit - touch.time;
-        if (step > rest) {
+        const double step = std::max(gap < fastest ? gap / fastest : kNever, time_to_plane(n, threshold, now, motion));
+        const double remaining = limit - touch.time;
+        if (step > remaining) {
             return touch;
         }
-        // A leap: to the end of the step, or to where Newton's method sees the touch (just before it, so that it is met
-        // from outside in spite of rounding). A convex distance is met from above by Newton's method, a concave one by
-        // the chord to the leap that went too far.
-        const double to_close = gap - 0.5 * tolerance;
-        const double closing = glm::dot(n, blend(by, touch.at.weights));
-        const double leap = std::min({ahead, rest, to_close < rest * closing ? to_close / closing : rest});
+        // Try a longer leap: to the end of the step, or to where Newton's method predicts the contact (slightly before
+        // it, so that it is approached from outside in spite of rounding). Newton's method approaches the root of a
+        // convex distance from above. For a concave distance the chord to the leap that overshot does.
+        const double remaining_gap = gap - 0.5 * tolerance;
+        const double closing_speed = glm::dot(n, blend(motion, touch.at.weights));
+        const double leap =
+            std::min({max_leap, remaining,
+                      remaining_gap < remaining * closing_speed ? remaining_gap / closing_speed : remaining});
         if (leap > step) {
-            const TriangleCorners then = moved(start, by, touch.time + leap);
-            const ClosestPoint at = closest_point_on_triangle(Vec3(0.0), then);
-            const double far = std::sqrt(at.squared_distance);
-            if (far <= threshold) {
-                // Where the distance is convex the chord goes too far as well, and again by nearly as much: not twice.
-                const double chord = to_close / (distance - far);
-                ahead = leap * (went_too_far ? std::min(chord, 0.5) : chord);
-                went_too_far = true;
-                if (ahead > step) {
+            const TriangleCorners later = moved(start, motion, touch.time + leap);
+            const ClosestPoint at = closest_point_on_triangle(Vec3(0.0), later);
+            const double later_distance = std::sqrt(at.squared_distance);
+            // Overshot: try the chord instead.
+            if (later_distance <= threshold) {
+                // If the distance is convex, the chord overshoots again by nearly as much: then halve.
+                const double chord = remaining_gap / (distance - later_distance);
+                max_leap = leap * (overshot ? std::min(chord, 0.5) : chord);
+                overshot = true;
+                if (max_leap > step) {
                     continue;
                 }
-            } else if (separated(n, direction_of(at, far, oblique, then), threshold, now, then)) {
-                if (leap >= rest) {
+            } else if (separated(n, direction_of(at, later_distance, oblique, later), threshold, now, later)) {
+                // A rotating plane proves that the leap passed no contact: accept it and allow a longer one next.
+                if (leap >= remaining) {
                     return touch;
                 }
-                went_too_far = false;
+                overshot = false;
                 touch.time += leap;
                 touch.at = at;
-                distance = far;
-                now = then;
-                ahead = 4.0 * leap;
+                distance = later_distance;
+                now = later;
+                max_leap = 4.0 * leap;
                 continue;
-            } else if (glm::dot(n, at.point) > kPassed * far) {
-                // The triangle has just passed, flat: the chord of the signed distance.
-                ahead = leap * std::max(0.25, to_close / (distance + far));
-                if (ahead > step) {
+            } else if (glm::dot(n, at.point) > kPassedCosine * later_distance) {
+                // The triangle has passed over the centre, flat: use the chord of the signed distance.
+                max_leap = leap * std::max(0.25, remaining_gap / (distance + later_distance));
+                if (max_leap > step) {
                     continue;
                 }
             } else {
-                ahead = 0.25 * leap;
+                // No proof: try a shorter leap after the safe step.
+                max_leap = 0.25 * leap;
             }
         }
-        went_too_far = false;
+        // Take the safe step.
+        overshot = false;
         touch.time += step;
-        now = moved(start, by, touch.time);
+        now = moved(start, motion, touch.time);
         touch.at = closest_point_on_triangle(Vec3(0.0), now);
         distance = std::sqrt(touch.at.squared_distance);
     }
 }
 
 PointPassage point_passage(const Vec3& point, const MovingTriangle& triangle) HAPTIC_RT {
+    // Conservative advancement with a vanishing radius finds the passage.
     const TriangleCorners start{triangle.start.a - point, triangle.start.b - point, triangle.start.c - point};
-    const TriangleCorners by{triangle.end.a - triangle.start.a, triangle.end.b - triangle.start.b,
-                             triangle.end.c - triangle.start.c};
-    const double extent = longest(start) + longest(by);
+    const TriangleCorners motion{triangle.end.a - triangle.start.a, triangle.end.b - triangle.start.b,
+                                 triangle.end.c - triangle.start.c};
+    const double extent = longest(start) + longest(motion);
     const double radius = kPassageShare * extent;
     const TriangleTouch touch = sphere_triangle_ccd(point, radius, triangle);
     if (!touch.touches) {
         return {};
     }
-    // Newton on the coplanarity cubic, kept only where it brings the triangle nearer to the point.
+    // Newton's method on the coplanarity cubic det(a, b, c) = 0 (thesis equation 4.5) refines the time. A candidate is
+    // kept only if the triangle is nearer to the point then.
     double time = touch.time;
     double best = touch.at.squared_distance;
     double candidate = time;
     for (int k = 0; k < 6; ++k) {
-        const TriangleCorners at = moved(start, by, candidate);
-        const double slope = glm::dot(by.a, glm::cross(at.b, at.c)) + glm::dot(at.a, glm::cross(by.b, at.c)) +
-                             glm::dot(at.a, glm::cross(at.b, by.c));
+        const TriangleCorners at = moved(start, motion, candidate);
+        // Derivative of the determinant.
+        const double slope = glm::dot(motion.a, glm::cross(at.b, at.c)) + glm::dot(at.a, glm::cross(motion.b, at.c)) +
+                             glm::dot(at.a, glm::cross(at.b, motion.c));
         if (slope == 0.0) {
             break;
         }
@@ -209,7 +228,7 @@ PointPassage point_passage(const Vec3& point, const MovingTriangle& triangle) HA
         if (!(candidate >= 0.0 && candidate <= 1.0)) {
             break;
         }
-        const double squared = closest_point_on_triangle(Vec3(0.0), moved(start, by, candidate)).squared_distance;
+        const double squared = closest_point_on_triangle(Vec3(0.0), moved(start, motion, candidate)).squared_distance;
         if (squared < best) {
             best = squared;
             time = candidate;

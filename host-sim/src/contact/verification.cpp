@@ -1,4 +1,5 @@
-// Includes nothing of the contact code but the record of the path: what judges must not share its mistakes.
+// Includes nothing of the contact code but the recorded path: a judge must not share its mistakes. So it has its own
+// box type, too.
 #include "contact/verification.hpp"
 
 #include <algorithm>
@@ -12,20 +13,22 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr double kInside = 1e-12;  // of the triangle's area: on the border counts as through
-constexpr double kLine = 1e-22;    // square of height over length, below which a triangle is a line
+constexpr double kBorderTolerance = 1e-12;  // of the triangle's squared area: on the border counts as inside
+constexpr double kLineTolerance = 1e-22;    // squared height over length below which a triangle is a line
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kRounding = 1e-12;  // of a coordinate: far above what interpolating it rounds
-constexpr double kFlat = 1e-13;      // of the cube of the extent: the triangle never leaves the point's plane
+constexpr double kRounding = 1e-12;           // of a coordinate: far above the rounding of interpolation
+constexpr double kCoplanarTolerance = 1e-13;  // of the cube of the extent: the triangle never leaves the point's plane
 
 using Corners = std::array<Vec3, 3>;
 
-/// A triangle in motion, relative to the moving centre: corner k goes from[k] -> to[k].
+/// Moving triangle in the frame of the moving centre: corner k moves from from[k] to to[k], so the centre is the
+/// origin.
 struct Relative {
     Corners from;
     Corners to;
 };
 
+/// Corners at share s of the piece, in [0, 1].
 Corners at(const Relative& r, double s) {
     Corners x{};
     for (std::size_t k = 0; k < 3; ++k) {
@@ -38,25 +41,27 @@ double triple(const Vec3& a, const Vec3& b, const Vec3& c) {
     return glm::dot(a, glm::cross(b, c));
 }
 
-/// Whether the origin, which is in the triangle's plane up to rounding, is inside the triangle.
+/// Whether the origin, which lies in the triangle's plane up to rounding, is inside the triangle.
 bool origin_inside(const Corners& x) {
     const Vec3 n = glm::cross(x[1] - x[0], x[2] - x[0]);
     const double area2 = glm::dot(n, n);
     const double longest2 = std::max(glm::dot(x[1] - x[0], x[1] - x[0]), glm::dot(x[2] - x[0], x[2] - x[0]));
-    if (area2 <= kLine * longest2 * longest2) {
-        return false;  // a line is no surface
+    if (area2 <= kLineTolerance * longest2 * longest2) {
+        return false;  // a line is not a surface
     }
+    // Inside: the origin is on the inner side of all three edges.
     for (std::size_t k = 0; k < 3; ++k) {
-        if (glm::dot(n, glm::cross(x[k], x[(k + 1) % 3])) < -kInside * area2) {
+        if (glm::dot(n, glm::cross(x[k], x[(k + 1) % 3])) < -kBorderTolerance * area2) {
             return false;
         }
     }
     return true;
 }
 
-/// c0 + c1 s + c2 s^2 + c3 s^3, its roots in [0, 1] in rising order, by bisection between its extrema.
+/// Coplanarity cubic c0 + c1 s + c2 s^2 + c3 s^3 = det(x0(s), x1(s), x2(s)) (Provot 1997), with its roots in [0, 1].
 class Cubic {
   public:
+    /// Coefficients by the multilinearity of the determinant.
     explicit Cubic(const Relative& r) {
         const Corners& p = r.from;
         Corners d{};
@@ -67,12 +72,15 @@ class Cubic {
               triple(p[0], d[1], d[2]) + triple(d[0], p[1], d[2]) + triple(d[0], d[1], p[2]), triple(d[0], d[1], d[2])};
     }
 
+    /// Whether all coefficients are rounding: the triangle moves in a plane through the origin.
     [[nodiscard]] bool vanishes(double extent) const {
         const double largest = std::max({std::abs(c_[0]), std::abs(c_[1]), std::abs(c_[2]), std::abs(c_[3])});
-        return largest <= kFlat * extent * extent * extent;
+        return largest <= kCoplanarTolerance * extent * extent * extent;
     }
 
+    /// Roots in [0, 1] in rising order, by bisection between the extrema. Returns their number.
     [[nodiscard]] std::size_t roots(std::array<double, 4>& out) const {
+        // The extrema split [0, 1] into monotone pieces.
         std::array<double, 4> knots{0.0, 1.0, 1.0, 1.0};
         std::size_t count = 1;
         for (const double e : extrema()) {
@@ -82,6 +90,7 @@ class Cubic {
         }
         knots[count++] = 1.0;
         std::size_t found = 0;
+        // A root at the left end, a sign change, or a root at the right end of the last piece.
         for (std::size_t k = 0; k + 1 < count; ++k) {
             double low = knots[k];
             double high = knots[k + 1];
@@ -105,7 +114,7 @@ class Cubic {
   private:
     [[nodiscard]] double value(double s) const { return ((c_[3] * s + c_[2]) * s + c_[1]) * s + c_[0]; }
 
-    /// Roots of the derivative in rising order; 2 where there is none.
+    /// Roots of the derivative in rising order; 2 where there is none. The larger one by the form without cancellation.
     [[nodiscard]] std::array<double, 2> extrema() const {
         const double a = 3.0 * c_[3];
         const double b = c_[2];
@@ -123,13 +132,16 @@ class Cubic {
     std::array<double, 4> c_{};
 };
 
-/// A triangle that slides in its own plane: the origin comes into it where one of its edges passes over the origin.
+/// First time at which a triangle that slides in its own plane contains the origin: at the start, or when one of its
+/// edges passes over the origin.
 bool slides_over_origin(const Relative& r, double& time) {
+    // Project along the dominant axis of the normal.
     const Vec3 n = glm::abs(glm::cross(r.from[1] - r.from[0], r.from[2] - r.from[0])) +
                    glm::abs(glm::cross(r.to[1] - r.to[0], r.to[2] - r.to[0]));
     const int drop = n.x >= n.y && n.x >= n.z ? 0 : (n.y >= n.z ? 1 : 2);
     const int u = (drop + 1) % 3;
     const int v = (drop + 2) % 3;
+    // Contained from the start.
     double first = 2.0;
     if (origin_inside(r.from)) {
         first = 0.0;
@@ -139,6 +151,7 @@ bool slides_over_origin(const Relative& r, double& time) {
         const auto cross2 = [&](const Vec3& x, const Vec3& y) { return x[u] * y[v] - x[v] * y[u]; };
         const Vec3 dk = r.to[k] - r.from[k];
         const Vec3 dj = r.to[j] - r.from[j];
+        // Origin on the line through an edge: the quadratic cross(xk(s), xj(s)) = 0.
         const double c0 = cross2(r.from[k], r.from[j]);
         const double c1 = cross2(dk, r.from[j]) + cross2(r.from[k], dj);
         const double c2 = cross2(dk, dj);
@@ -146,6 +159,7 @@ bool slides_over_origin(const Relative& r, double& time) {
         if (discriminant < 0.0) {
             continue;
         }
+        // Both roots, without cancellation.
         const double q = -0.5 * (c1 + std::copysign(std::sqrt(discriminant), c1));
         for (const double s : {c2 != 0.0 ? q / c2 : 2.0, q != 0.0 ? c0 / q : 2.0}) {
             if (s >= 0.0 && s <= 1.0 && s < first && origin_inside(at(r, s))) {
@@ -157,12 +171,13 @@ bool slides_over_origin(const Relative& r, double& time) {
     return first <= 1.0;
 }
 
-/// First share of the piece at which the triangle holds the origin.
+/// First share of the piece at which the triangle contains the origin.
 bool first_passage(const Relative& r, double& share) {
     double extent = 0.0;
     for (std::size_t k = 0; k < 3; ++k) {
         extent = std::max({extent, glm::length(r.from[k]), glm::length(r.to[k])});
     }
+    // Coplanarity is necessary; then the inside test at each root.
     const Cubic cubic(r);
     if (cubic.vanishes(extent)) {
         return slides_over_origin(r, share);
@@ -178,6 +193,7 @@ bool first_passage(const Relative& r, double& share) {
     return false;
 }
 
+/// Whether the box of the whole motion misses the origin.
 bool box_misses_origin(const Relative& r) {
     for (int axis = 0; axis < 3; ++axis) {
         bool below = true;
@@ -198,14 +214,15 @@ Triangle sorted(Triangle t) {
     return t;
 }
 
-/// Adds what one triangle does to a path between a knot and the next. `first_of_piece` is where in `found` what this
-/// piece crosses of the same surface begins.
-void judge(std::span<const SurfaceMotion> surfaces, std::uint32_t object, std::uint32_t triangle,
-           std::span<const PathKnot> path, std::uint32_t piece, std::size_t first_of_piece,
-           std::vector<Crossing>& found) {
+/// Tests one triangle against one piece of a path and appends a crossing. `first_of_piece` is the index in `found` of
+/// the first crossing of this piece with the same surface.
+void check_triangle(std::span<const SurfaceMotion> surfaces, std::uint32_t object, std::uint32_t triangle,
+                    std::span<const PathKnot> path, std::uint32_t piece, std::size_t first_of_piece,
+                    std::vector<Crossing>& found) {
     const SurfaceMotion& motion = surfaces[object];
     const PathKnot& p = path[piece];
     const PathKnot& q = path[piece + 1];
+    // Motion of the triangle over this piece, relative to the centre.
     Relative r{};
     for (std::size_t k = 0; k < 3; ++k) {
         const Vec3& x0 = motion.start[motion.triangles[triangle][k]];
@@ -217,6 +234,7 @@ void judge(std::span<const SurfaceMotion> surfaces, std::uint32_t object, std::u
     if (box_misses_origin(r) || !first_passage(r, share)) {
         return;
     }
+    // Report both faces of a double-faced triangle once.
     const bool other_face = std::any_of(
         found.begin() + static_cast<std::ptrdiff_t>(first_of_piece), found.end(),
         [&](const Crossing& c) { return sorted(motion.triangles[c.triangle]) == sorted(motion.triangles[triangle]); });
@@ -226,8 +244,8 @@ void judge(std::span<const SurfaceMotion> surfaces, std::uint32_t object, std::u
     }
 }
 
-/// Bounds of places, wide enough for whatever rounding does to places between them.
-struct Extent {
+/// Axis-aligned box, widened by more than the rounding of interpolation.
+struct Bounds {
     Vec3 low{kInfinity};
     Vec3 high{-kInfinity};
 
@@ -235,7 +253,7 @@ struct Extent {
         low = glm::min(low, x);
         high = glm::max(high, x);
     }
-    void add(const Extent& other) {
+    void add(const Bounds& other) {
         low = glm::min(low, other.low);
         high = glm::max(high, other.high);
     }
@@ -244,46 +262,46 @@ struct Extent {
         low -= rounding;
         high += rounding;
     }
-    [[nodiscard]] bool meets(const Extent& other) const {
+    [[nodiscard]] bool meets(const Bounds& other) const {
         return low.x <= other.high.x && high.x >= other.low.x && low.y <= other.high.y && high.y >= other.low.y &&
                low.z <= other.high.z && high.z >= other.low.z;
     }
 };
 
-/// Of each path.
-std::vector<Extent> extents_of(std::span<const std::span<const PathKnot>> paths) {
-    std::vector<Extent> extents(paths.size());
+/// Box of each path.
+std::vector<Bounds> bounds_of(std::span<const std::span<const PathKnot>> paths) {
+    std::vector<Bounds> path_bounds(paths.size());
     for (std::size_t k = 0; k < paths.size(); ++k) {
         for (const PathKnot& knot : paths[k]) {
-            extents[k].add(knot.position);
+            path_bounds[k].add(knot.position);
         }
-        extents[k].widen();
+        path_bounds[k].widen();
     }
-    return extents;
+    return path_bounds;
 }
 
-/// A triangle's number, and where it is over the whole step.
-struct Near {
+/// Triangle index and its box over the whole step.
+struct Candidate {
     std::uint32_t triangle;
-    Extent extent;
+    Bounds bounds;
 };
 
-/// The triangles of a surface that come into an extent at some time of the step, in the order of their numbers.
-void collect(const SurfaceMotion& motion, const Extent& of_all, std::vector<Near>& near) {
-    std::vector<Extent> ways(motion.start.size());  // of the vertices
-    for (std::size_t v = 0; v < ways.size(); ++v) {
-        ways[v].add(motion.start[v]);
-        ways[v].add(motion.end[v]);
-        ways[v].widen();
+/// Collects the triangles of a surface whose boxes overlap `all`, by rising index.
+void collect_candidates(const SurfaceMotion& motion, const Bounds& all, std::vector<Candidate>& candidates) {
+    std::vector<Bounds> swept(motion.start.size());  // path of each vertex
+    for (std::size_t v = 0; v < swept.size(); ++v) {
+        swept[v].add(motion.start[v]);
+        swept[v].add(motion.end[v]);
+        swept[v].widen();
     }
-    near.clear();
+    candidates.clear();
     for (std::uint32_t triangle = 0; triangle < motion.triangles.size(); ++triangle) {
-        Extent extent;
+        Bounds bounds;
         for (const std::uint32_t vertex : motion.triangles[triangle]) {
-            extent.add(ways[vertex]);
+            bounds.add(swept[vertex]);
         }
-        if (extent.meets(of_all)) {
-            near.push_back({triangle, extent});
+        if (bounds.meets(all)) {
+            candidates.push_back({triangle, bounds});
         }
     }
 }
@@ -296,7 +314,7 @@ std::vector<Crossing> find_crossings(std::span<const SurfaceMotion> surfaces, st
         for (std::uint32_t piece = 0; piece + 1 < path.size(); ++piece) {
             const std::size_t first_of_piece = found.size();
             for (std::uint32_t triangle = 0; triangle < surfaces[object].triangles.size(); ++triangle) {
-                judge(surfaces, object, triangle, path, piece, first_of_piece, found);
+                check_triangle(surfaces, object, triangle, path, piece, first_of_piece, found);
             }
         }
     }
@@ -306,25 +324,28 @@ std::vector<Crossing> find_crossings(std::span<const SurfaceMotion> surfaces, st
 std::vector<std::vector<Crossing>> find_crossings(std::span<const SurfaceMotion> surfaces,
                                                   std::span<const std::span<const PathKnot>> paths) {
     std::vector<std::vector<Crossing>> found(paths.size());
-    const std::vector<Extent> extents = extents_of(paths);
-    Extent of_all;
-    for (const Extent& extent : extents) {
-        of_all.add(extent);
+    const std::vector<Bounds> path_bounds = bounds_of(paths);
+    // Box of all paths, to discard most triangles at once.
+    Bounds all;
+    for (const Bounds& bounds : path_bounds) {
+        all.add(bounds);
     }
-    std::vector<Near> near;
+    std::vector<Candidate> candidates;
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
-        collect(surfaces[object], of_all, near);
+        collect_candidates(surfaces[object], all, candidates);
         for (std::size_t k = 0; k < paths.size(); ++k) {
-            std::vector<std::uint32_t> met;
-            for (const Near& n : near) {
-                if (n.extent.meets(extents[k])) {
-                    met.push_back(n.triangle);
+            // Triangles near this path.
+            std::vector<std::uint32_t> crossing_candidates;
+            for (const Candidate& n : candidates) {
+                if (n.bounds.meets(path_bounds[k])) {
+                    crossing_candidates.push_back(n.triangle);
                 }
             }
-            for (std::uint32_t piece = 0; piece + 1 < paths[k].size() && !met.empty(); ++piece) {
+            // Exact test against each piece.
+            for (std::uint32_t piece = 0; piece + 1 < paths[k].size() && !crossing_candidates.empty(); ++piece) {
                 const std::size_t first_of_piece = found[k].size();
-                for (const std::uint32_t triangle : met) {
-                    judge(surfaces, object, triangle, paths[k], piece, first_of_piece, found[k]);
+                for (const std::uint32_t triangle : crossing_candidates) {
+                    check_triangle(surfaces, object, triangle, paths[k], piece, first_of_piece, found[k]);
                 }
             }
         }
@@ -335,6 +356,7 @@ std::vector<std::vector<Crossing>> find_crossings(std::span<const SurfaceMotion>
 double winding_number(std::span<const Vec3> vertices, std::span<const Triangle> triangles, const Vec3& point) {
     double angle = 0.0;
     for (const Triangle& t : triangles) {
+        // Solid angle: tan(omega / 2) = det(a, b, c) / below.
         const Vec3 a = vertices[t[0]] - point;
         const Vec3 b = vertices[t[1]] - point;
         const Vec3 c = vertices[t[2]] - point;

@@ -9,9 +9,9 @@
 namespace haptic::sim {
 namespace {
 
-constexpr std::size_t kMostColours = 4096;
+constexpr std::size_t kMaxColours = 4096;
 
-/// Greedy colouring: constraints in order, each with the first colour that none of its particles has.
+/// Greedy graph colouring: each constraint, in order, gets the first colour that none of its particles has.
 /// @return the constraints of each colour
 template <class Particles>
 std::vector<std::vector<std::uint32_t>> colour(std::size_t constraints, std::size_t particles,
@@ -20,6 +20,7 @@ std::vector<std::vector<std::uint32_t>> colour(std::size_t constraints, std::siz
     std::vector<std::vector<std::uint32_t>> of_colour;
     for (std::uint32_t c = 0; c < constraints; ++c) {
         std::size_t choice = 0;
+        // First colour that no particle of the constraint has yet.
         for (; choice < used.size(); ++choice) {
             bool clash = false;
             for_each_particle(c, [&](std::uint32_t p) { clash = clash || used[choice][p]; });
@@ -27,8 +28,9 @@ std::vector<std::vector<std::uint32_t>> colour(std::size_t constraints, std::siz
                 break;
             }
         }
+        // All colours clash: open another one.
         if (choice == used.size()) {
-            if (choice == kMostColours) {
+            if (choice == kMaxColours) {
                 throw std::invalid_argument("solver: a particle is in too many constraints");
             }
             used.emplace_back(particles, false);
@@ -40,7 +42,7 @@ std::vector<std::vector<std::uint32_t>> colour(std::size_t constraints, std::siz
     return of_colour;
 }
 
-/// Some of the model's links by colour.
+/// Colours the given subset of the model's links.
 std::vector<std::vector<std::uint32_t>> colour_links(const ParticleModel& model,
                                                      const std::vector<std::uint32_t>& links) {
     auto colours = colour(links.size(), model.size(), [&](std::uint32_t l, const auto& visit) {
@@ -55,12 +57,12 @@ std::vector<std::vector<std::uint32_t>> colour_links(const ParticleModel& model,
     return colours;
 }
 
-/// As constraints name a particle.
-std::uint32_t named(std::uint32_t particle) {
-    return particle * static_cast<std::uint32_t>(kNumbersOfRow);
+/// The offset by which constraints refer to a particle.
+std::uint32_t offset_of(std::uint32_t particle) {
+    return particle * static_cast<std::uint32_t>(kDoublesPerRow);
 }
 
-/// 1 / kg; 0 for what no constraint moves.
+/// 1 / kg; 0 for pinned particles.
 double inverse_mass(const ParticleModel& model, std::uint32_t particle) {
     return model.pinned[particle] != 0 ? 0.0 : 1.0 / model.mass[particle];
 }
@@ -68,12 +70,14 @@ double inverse_mass(const ParticleModel& model, std::uint32_t particle) {
 }  // namespace
 
 ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lanes)
-    : lanes_(lanes), bodies_((model.size() + lanes - 1) / lanes * lanes) {
+    : lanes_(lanes), particles_((model.size() + lanes - 1) / lanes * lanes) {
+    // Links with a compliance are springs: projected by XPBD, in double.
     std::vector<std::uint32_t> links;
     std::vector<std::uint32_t> springs;
     for (std::uint32_t l = 0; l < model.links.size(); ++l) {
         (model.links[l].compliance > 0.0 ? springs : links).push_back(l);
     }
+    // Links, then springs, then groups, each in colours and whole vectors of lanes.
     batch_links(model, links);
     batch_springs(model, springs);
     batch_groups(model);
@@ -81,22 +85,25 @@ ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lan
     group_start_.resize(3 * member_.size());
 }
 
-void ConstraintBatches::begin(double h) noexcept {
+void ConstraintBatches::begin_substep(double h) noexcept {
     if (h != step_) {
-        soften(h);
+        set_softness(h);
     }
+    // Multipliers of XPBD start at 0 in each sub-step.
     std::fill(spring_.pull.begin(), spring_.pull.end(), 0.0);
     std::fill(shift_.begin(), shift_.end(), 0.0f);
 }
 
-void ConstraintBatches::soften(double h) noexcept {
+void ConstraintBatches::set_softness(double h) noexcept {
+    // XPBD: s = compliance / h^2, and the gain stiffness / (w_a + w_b + s) of springs.
     const double inverse_square = 1.0 / (h * h);
     for (std::size_t k = 0; k < spring_.softness.size(); ++k) {
         const double softness = spring_.compliance[k] * inverse_square;
-        const double mobility = spring_.first_inverse_mass[k] + spring_.second_inverse_mass[k];
+        const double inverse_mass_sum = spring_.first_inverse_mass[k] + spring_.second_inverse_mass[k];
         spring_.softness[k] = softness;
-        spring_.gain[k] = mobility > 0.0 ? spring_.stiffness[k] / (mobility + softness) : 0.0;
+        spring_.gain[k] = inverse_mass_sum > 0.0 ? spring_.stiffness[k] / (inverse_mass_sum + softness) : 0.0;
     }
+    // Groups: the factor stiffness / (1 + s) is applied once here instead of per member.
     for (std::size_t k = 0; k < softness_.size(); ++k) {
         const double softness = compliance_[k] * inverse_square;
         softness_[k] = static_cast<float>(softness);
@@ -106,11 +113,13 @@ void ConstraintBatches::soften(double h) noexcept {
 }
 
 void ConstraintBatches::batch_links(const ParticleModel& model, const std::vector<std::uint32_t>& links) {
+    // Links of one colour share no particle, so a vector of them can be projected at once.
     const auto colours = colour_links(model, links);
     link_colours_ += colours.size();
+    // Each end's share of the correction, stiffness * w / (w_a + w_b).
     const auto add = [&](std::uint32_t a, std::uint32_t b, double length, double share_a, double share_b) {
-        first_.push_back(named(a));
-        second_.push_back(named(b));
+        first_.push_back(offset_of(a));
+        second_.push_back(offset_of(b));
         rest_length_.push_back(static_cast<float>(length));
         first_share_.push_back(static_cast<float>(share_a));
         second_share_.push_back(static_cast<float>(share_b));
@@ -120,14 +129,16 @@ void ConstraintBatches::batch_links(const ParticleModel& model, const std::vecto
             const Link& link = model.links[l];
             const double a = inverse_mass(model, link.first);
             const double b = inverse_mass(model, link.second);
+            // Links between two pinned particles do nothing.
             if (a + b > 0.0) {
                 add(link.first, link.second, link.rest_length, link.stiffness * a / (a + b),
                     link.stiffness * b / (a + b));
             }
         }
+        // Fill the last vector of the colour with links of a padding particle to itself.
         while (first_.size() % lanes_ != 0) {
-            const std::uint32_t nobody = nobody_in(first_.size() % lanes_);
-            add(nobody, nobody, 0.0, 0.0, 0.0);
+            const std::uint32_t padding = padding_particle(first_.size() % lanes_);
+            add(padding, padding, 0.0, 0.0, 0.0);
         }
     }
 }
@@ -135,9 +146,10 @@ void ConstraintBatches::batch_links(const ParticleModel& model, const std::vecto
 void ConstraintBatches::batch_springs(const ParticleModel& model, const std::vector<std::uint32_t>& links) {
     const auto colours = colour_links(model, links);
     link_colours_ += colours.size();
+    // Unlike rigid links, springs need both inverse masses: their gain depends on the sub-step.
     const auto add = [&](const Link& link, double a, double b) {
-        spring_.first.push_back(named(link.first));
-        spring_.second.push_back(named(link.second));
+        spring_.first.push_back(offset_of(link.first));
+        spring_.second.push_back(offset_of(link.second));
         spring_.rest_length.push_back(link.rest_length);
         spring_.first_inverse_mass.push_back(a);
         spring_.second_inverse_mass.push_back(b);
@@ -149,28 +161,33 @@ void ConstraintBatches::batch_springs(const ParticleModel& model, const std::vec
             const Link& link = model.links[l];
             const double a = inverse_mass(model, link.first);
             const double b = inverse_mass(model, link.second);
+            // Springs between two pinned particles do nothing.
             if (a + b > 0.0) {
                 add(link, a, b);
             }
         }
+        // Fill the last vector of the colour.
         while (spring_.first.size() % lanes_ != 0) {
-            const std::uint32_t nobody = nobody_in(spring_.first.size() % lanes_);
-            add({nobody, nobody, 0.0, 0.0, 0.0}, 0.0, 0.0);
+            const std::uint32_t padding = padding_particle(spring_.first.size() % lanes_);
+            add({padding, padding, 0.0, 0.0, 0.0}, 0.0, 0.0);
         }
     }
+    // Filled by set_softness() and the kernels.
     for (LaneArray<double>* numbers : {&spring_.softness, &spring_.gain, &spring_.pull}) {
         numbers->resize(spring_.first.size());
     }
 }
 
 void ConstraintBatches::batch_groups(const ParticleModel& model) {
+    // Groups of one colour share no particle.
     auto colours = colour(model.groups.size(), model.size(), [&](std::uint32_t g, const auto& visit) {
         for (const std::uint32_t p : model.groups[g].members) {
             visit(p);
         }
     });
     group_colours_ = colours.size();
-    // Not by stable_partition: the one of libstdc++ 12 does not compile without warnings under clang.
+    // Compliant groups last, then by decreasing size. Not std::stable_partition: that of libstdc++ 12 does not compile
+    // without warnings with clang.
     const auto is_compliant = [&](std::uint32_t g) { return model.groups[g].compliance > 0.0; };
     const auto sort = [&](std::vector<std::uint32_t>& groups) {
         std::sort(groups.begin(), groups.end(), [&](std::uint32_t a, std::uint32_t b) {
@@ -178,39 +195,44 @@ void ConstraintBatches::batch_groups(const ParticleModel& model) {
                    std::tuple(is_compliant(b), model.groups[a].members.size(), b);
         });
     };
-    // What shares a particle keeps the order of its colours, so that this changes no bit either, but fills the lanes:
-    // each group goes to the first round that has room and comes after those that it has to come after.
+    // Fill the lanes across colours: each group goes to the first round with room that comes after the rounds of all
+    // groups that share a particle with it and precede it. Their relative order stays, so no bit changes.
     std::vector<std::vector<std::uint32_t>> rounds;
-    std::vector<std::size_t> next(model.size(), 0);  // round of each particle that is not over yet
+    std::vector<std::size_t> next(model.size(), 0);  // per particle: first round after those that use it
     for (std::vector<std::uint32_t>& same : colours) {
         sort(same);
         for (const std::uint32_t g : same) {
+            // First round after those of the group's particles.
             std::size_t round = 0;
             for (const std::uint32_t p : model.groups[g].members) {
                 round = std::max(round, next[p]);
             }
-            while (round < rounds.size() && rounds[round].size() == kMostLanes) {
+            // A round holds as many groups as the widest vectors have lanes.
+            while (round < rounds.size() && rounds[round].size() == kMaxLanes) {
                 ++round;
             }
             rounds.resize(std::max(rounds.size(), round + 1));
             rounds[round].push_back(g);
+            // Later groups with these particles must come after this round.
             for (const std::uint32_t p : model.groups[g].members) {
                 next[p] = round + 1;
             }
         }
     }
+    // Rigid and compliant groups of a round go to separate batches, since their kernels differ.
     for (std::vector<std::uint32_t>& round : rounds) {
         sort(round);
         const auto compliant = std::find_if(round.begin(), round.end(), is_compliant);
-        batch_alike(model, {round.begin(), compliant});
-        batch_alike(model, {compliant, round.end()});
+        batch_same_kind(model, {round.begin(), compliant});
+        batch_same_kind(model, {compliant, round.end()});
     }
+    // Only compliant groups accumulate displacements.
     if (std::any_of(run_.begin(), run_.end(), [](const GroupRun& run) { return run.compliant; })) {
         shift_.resize(rest_offset_.size());
     }
 }
 
-void ConstraintBatches::batch_alike(const ParticleModel& model, const std::vector<std::uint32_t>& groups) {
+void ConstraintBatches::batch_same_kind(const ParticleModel& model, const std::vector<std::uint32_t>& groups) {
     const std::size_t first_batch = batch_.size();
     for (std::size_t first = 0; first < groups.size(); first += lanes_) {
         add_batch(model, groups, first);
@@ -220,15 +242,17 @@ void ConstraintBatches::batch_alike(const ParticleModel& model, const std::vecto
 
 void ConstraintBatches::divide_into_runs(std::size_t first_batch, bool compliant) {
     for (std::size_t b = first_batch; b < batch_.size(); ++b) {
+        // Open another run when this one is full or needs other masks.
         GroupRun* last = b == first_batch ? nullptr : &run_.back();
-        if (last == nullptr || last->batches == kMostBatchesInRun || last->uneven != uneven(b)) {
-            last = &run_.emplace_back(GroupRun{static_cast<std::uint32_t>(b), 0, uneven(b), compliant});
+        if (last == nullptr || last->batches == kMaxBatchesInRun || last->uneven != is_uneven(b)) {
+            last = &run_.emplace_back(GroupRun{static_cast<std::uint32_t>(b), 0, is_uneven(b), compliant});
         }
         ++last->batches;
     }
 }
 
-bool ConstraintBatches::uneven(std::size_t batch) const noexcept {
+bool ConstraintBatches::is_uneven(std::size_t batch) const noexcept {
+    // Uneven: a lane with a group has a slot without a free member. Lanes without a group do not count.
     const std::size_t first = batch_[batch].first_slot * lanes_;
     for (std::size_t i = 0; i < batch_[batch].slots * lanes_; ++i) {
         const bool group_exists = inverse_mass_[batch * lanes_ + i % lanes_] > 0.0f;
@@ -243,13 +267,15 @@ void ConstraintBatches::add_batch(const ParticleModel& model, const std::vector<
                                   std::size_t first) {
     const std::size_t slots = model.groups[groups[first]].members.size();  // sorted: none is larger
     batch_.push_back({static_cast<std::uint32_t>(member_.size() / lanes_), static_cast<std::uint32_t>(slots)});
+    // Start with every slot empty: padding particle, weight 0, not free.
     const std::size_t begin = member_.size();
     for (std::size_t i = 0; i < slots * lanes_; ++i) {
-        member_.push_back(named(nobody_in(i % lanes_)));
+        member_.push_back(offset_of(padding_particle(i % lanes_)));
     }
     weight_.resize(member_.size(), 0.0f);
     member_is_free_.resize(member_.size(), 0);
     rest_offset_.resize(3 * member_.size(), 0.0f);
+    // Lanes beyond the last group stay empty.
     for (std::size_t lane = 0; lane < lanes_; ++lane) {
         const Group* group = first + lane < groups.size() ? &model.groups[groups[first + lane]] : nullptr;
         add_group(model, group, begin + lane);
@@ -257,8 +283,9 @@ void ConstraintBatches::add_batch(const ParticleModel& model, const std::vector<
 }
 
 void ConstraintBatches::add_group(const ParticleModel& model, const Group* group, std::size_t first_member) {
+    // Empty lane: a group without members, which moves nothing.
     if (group == nullptr) {
-        centre_.push_back(named(nobody_in(first_member % lanes_)));
+        centre_.push_back(offset_of(padding_particle(first_member % lanes_)));
         rigid_stiffness_.push_back(0.0);
         stiffness_.push_back(0.0f);
         compliance_.push_back(0.0);
@@ -267,20 +294,22 @@ void ConstraintBatches::add_group(const ParticleModel& model, const Group* group
         centre_is_free_.push_back(0);
         return;
     }
+    // Constants of the group. Its stiffness is that without compliance until set_softness().
     double mass = 0.0;
     for (const std::uint32_t p : group->members) {
         mass += model.mass[p];
     }
-    centre_.push_back(named(group->centre));
+    centre_.push_back(offset_of(group->centre));
     rigid_stiffness_.push_back(group->stiffness);
     stiffness_.push_back(static_cast<float>(group->stiffness));
     compliance_.push_back(group->compliance);
     softness_.push_back(0.0f);
     inverse_mass_.push_back(static_cast<float>(1.0 / mass));
     centre_is_free_.push_back(model.pinned[group->centre] != 0 ? 0 : 1);
+    // Members of one lane are `lanes_` apart.
     std::size_t at = first_member;
     for (const std::uint32_t p : group->members) {
-        member_[at] = named(p);
+        member_[at] = offset_of(p);
         weight_[at] = static_cast<float>(model.mass[p] / mass);
         member_is_free_[at] = model.pinned[p] != 0 ? 0 : 1;
         at += lanes_;
@@ -290,7 +319,8 @@ void ConstraintBatches::add_group(const ParticleModel& model, const Group* group
 
 void ConstraintBatches::set_rest_offsets(const ParticleModel& model, std::size_t first_member,
                                          std::size_t members) noexcept {
-    const auto particle = [&](std::size_t slot) { return member_[first_member + slot * lanes_] / kNumbersOfRow; };
+    const auto particle = [&](std::size_t slot) { return member_[first_member + slot * lanes_] / kDoublesPerRow; };
+    // Rest centroid, weighted by mass.
     double mass = 0.0;
     Vec3 centroid(0.0);
     for (std::size_t slot = 0; slot < members; ++slot) {
@@ -298,6 +328,7 @@ void ConstraintBatches::set_rest_offsets(const ParticleModel& model, std::size_t
         centroid += model.mass[particle(slot)] * model.rest_position[particle(slot)];
     }
     centroid /= mass;
+    // Layout [slot][x, y, z][lane].
     const std::size_t lane = first_member % lanes_;
     std::size_t at = first_member;
     for (std::size_t slot = 0; slot < members; ++slot) {
@@ -312,15 +343,18 @@ void ConstraintBatches::set_rest_offsets(const ParticleModel& model, std::size_t
 
 void ConstraintBatches::set_rest_shape(const ParticleModel& model) noexcept {
     const auto length = [&](std::uint32_t a, std::uint32_t b) {
-        return glm::length(model.rest_position[a / kNumbersOfRow] - model.rest_position[b / kNumbersOfRow]);
+        return glm::length(model.rest_position[a / kDoublesPerRow] - model.rest_position[b / kDoublesPerRow]);
     };
-    const auto exists = [&](std::uint32_t name) { return name / kNumbersOfRow < model.size(); };
+    // Padding particles come after the model's and have no rest position.
+    const auto exists = [&](std::uint32_t name) { return name / kDoublesPerRow < model.size(); };
+    // Links and springs: rest length is the distance of the rest positions.
     for (std::size_t k = 0; k < first_.size(); ++k) {
         rest_length_[k] = exists(first_[k]) ? static_cast<float>(length(first_[k], second_[k])) : 0.0f;
     }
     for (std::size_t k = 0; k < spring_.first.size(); ++k) {
         spring_.rest_length[k] = exists(spring_.first[k]) ? length(spring_.first[k], spring_.second[k]) : 0.0;
     }
+    // The members of a lane's group are those before its first padding particle.
     for (std::size_t b = 0; b < batch_.size(); ++b) {
         for (std::size_t lane = 0; lane < lanes_; ++lane) {
             const std::size_t first = batch_[b].first_slot * lanes_ + lane;
@@ -360,7 +394,7 @@ SpringBatches ConstraintBatches::springs() noexcept {
 GroupBatches ConstraintBatches::groups() noexcept {
     return {.runs = run_.size(),
             .run = run_.data(),
-            .most_slots = most_slots(),
+            .max_slots = max_slots(),
             .batches = batch_.size(),
             .batch = batch_.data(),
             .centre = centre_.data(),
@@ -376,12 +410,12 @@ GroupBatches ConstraintBatches::groups() noexcept {
             .shift = shift_.data()};
 }
 
-std::size_t ConstraintBatches::most_slots() const noexcept {
-    std::size_t most = 0;
+std::size_t ConstraintBatches::max_slots() const noexcept {
+    std::size_t max = 0;
     for (const GroupBatch& batch : batch_) {
-        most = std::max<std::size_t>(most, batch.slots);
+        max = std::max<std::size_t>(max, batch.slots);
     }
-    return most;
+    return max;
 }
 
 }  // namespace haptic::sim

@@ -1,7 +1,7 @@
-// A model's constraints in the order and the batches in which they are projected.
+// Constraint batches: a model's constraints in the order and layout in which the kernels project them.
 //
-// Constraints of one colour share no particle, so their order among themselves changes no bit of the result: groups of
-// a colour are sorted by size, that batches are even, and a batch is a colour's next so many.
+// Constraints of one colour share no particle, so their order changes no bit of the result. Groups of a colour are
+// sorted by size, to make batches even, and divided into batches of one constraint per lane.
 #pragma once
 
 #include <cstddef>
@@ -9,12 +9,12 @@
 #include <new>
 #include <vector>
 
-#include <haptic/sim/particles.hpp>
+#include "haptic/sim/particles.hpp"
 #include "simd/projection.hpp"
 
 namespace haptic::sim {
 
-/// Puts the first element on a cache line's border, so that no vector lies across two.
+/// Aligns arrays to cache lines, so that no vector register is loaded across two.
 template <class T>
 struct CacheLineAllocator {
     using value_type = T;
@@ -33,53 +33,54 @@ using LaneArray = std::vector<T, CacheLineAllocator<T>>;
 
 class ConstraintBatches {
   public:
-    /// The model has been checked. Throws std::invalid_argument if a particle is in too many constraints.
+    /// Precondition: model.check() has passed. Throws std::invalid_argument if a particle is in too many constraints.
     ConstraintBatches(const ParticleModel& model, std::size_t lanes);
 
-    /// Forgets what compliant constraints have pulled, and makes them as soft as a sub-step of length h, s, sees them.
-    void begin(double h) noexcept;
+    /// Resets the multipliers of compliant constraints and computes their softness for a sub-step of length h, s.
+    void begin_substep(double h) noexcept;
 
-    /// Groups and links as the particles are at rest now.
+    /// Takes rest offsets of groups and lengths of links from the model's rest positions.
     void set_rest_shape(const ParticleModel& model) noexcept;
 
-    /// The number of particles, filled up to whole vectors.
-    [[nodiscard]] std::size_t bodies() const noexcept { return bodies_; }
-    /// With those that stand for nobody, one for each lane.
-    [[nodiscard]] std::size_t all_bodies() const noexcept { return bodies_ + lanes_; }
+    /// Number of particles, rounded up to whole vectors.
+    [[nodiscard]] std::size_t whole_vectors() const noexcept { return particles_; }
+    /// whole_vectors() plus one padding particle per lane.
+    [[nodiscard]] std::size_t padded_particles() const noexcept { return particles_ + lanes_; }
     [[nodiscard]] LinkBatches links() noexcept;
-    /// Its softness and gain, and those of compliant groups, are for begin() to write.
+    /// softness and gain are valid after begin_substep().
     [[nodiscard]] SpringBatches springs() noexcept;
     [[nodiscard]] GroupBatches groups() noexcept;
     [[nodiscard]] std::size_t link_colours() const noexcept { return link_colours_; }
     [[nodiscard]] std::size_t group_colours() const noexcept { return group_colours_; }
-    /// Slots of the largest batch.
-    [[nodiscard]] std::size_t most_slots() const noexcept;
+    /// Slots of the largest batch of groups.
+    [[nodiscard]] std::size_t max_slots() const noexcept;
 
   private:
-    void soften(double h) noexcept;
+    void set_softness(double h) noexcept;
     void batch_links(const ParticleModel& model, const std::vector<std::uint32_t>& links);
     void batch_springs(const ParticleModel& model, const std::vector<std::uint32_t>& links);
     void batch_groups(const ParticleModel& model);
     void add_batch(const ParticleModel& model, const std::vector<std::uint32_t>& groups, std::size_t first);
-    /// All with a compliance, or all without.
-    void batch_alike(const ParticleModel& model, const std::vector<std::uint32_t>& groups);
+    /// Batches `groups` in their order; all have a compliance or none has.
+    void batch_same_kind(const ParticleModel& model, const std::vector<std::uint32_t>& groups);
     void divide_into_runs(std::size_t first_batch, bool compliant);
-    [[nodiscard]] bool uneven(std::size_t batch) const noexcept;
-    /// Of a lane's own, since lanes that write to the same place wait for one another.
-    [[nodiscard]] std::uint32_t nobody_in(std::size_t lane) const noexcept {
-        return static_cast<std::uint32_t>(bodies_ + lane);
+    [[nodiscard]] bool is_uneven(std::size_t batch) const noexcept;
+    /// The lane's padding particle. One per lane, since stores of several lanes to one address would wait for each
+    /// other.
+    [[nodiscard]] std::uint32_t padding_particle(std::size_t lane) const noexcept {
+        return static_cast<std::uint32_t>(particles_ + lane);
     }
     void add_group(const ParticleModel& model, const Group* group, std::size_t first_member);
-    /// The rest shape of the group whose first member is there, and how many members it has.
+    /// Writes the rest offsets of the group whose first member is at this index.
     void set_rest_offsets(const ParticleModel& model, std::size_t first_member, std::size_t members) noexcept;
 
     std::size_t lanes_;
-    std::size_t bodies_;
-    double step_ = 0.0;  // s, that softness holds for
+    std::size_t particles_;
+    double step_ = 0.0;  // s, sub-step for which softness was computed
     std::size_t link_colours_ = 0;
     std::size_t group_colours_ = 0;
 
-    // What LinkBatches and GroupBatches point to.
+    // Storage of LinkBatches and GroupBatches.
     LaneArray<std::uint32_t> first_;
     LaneArray<std::uint32_t> second_;
     LaneArray<float> rest_length_;
@@ -103,7 +104,7 @@ class ConstraintBatches {
     LaneArray<std::uint32_t> centre_;
     LaneArray<float> stiffness_;
     std::vector<double> compliance_;
-    std::vector<double> rigid_stiffness_;  // without softness
+    std::vector<double> rigid_stiffness_;  // stiffness before softness is applied
     LaneArray<float> softness_;
     LaneArray<float> inverse_mass_;
     LaneArray<std::int32_t> centre_is_free_;
@@ -115,7 +116,7 @@ class ConstraintBatches {
     LaneArray<float> shift_;  // empty without compliant groups
 };
 
-/// m r^2 / 5, kg m^2: what weights the orientation of a ball in the moment matrix.
+/// m r^2 / 5, kg m^2: weight of a ball's orientation in the moment matrix.
 [[nodiscard]] inline double spin_mass(const ParticleModel& model, std::size_t particle) {
     return 0.2 * model.mass[particle] * model.radius[particle] * model.radius[particle];
 }

@@ -1,4 +1,4 @@
-#include <haptic/sim/deformable.hpp>
+#include "haptic/sim/deformable.hpp"
 
 #include <cmath>
 
@@ -18,13 +18,13 @@ Vec3 offset_at(const Motion& motion, double time_s) noexcept {
     while (motion.times[next] <= time_s) {
         ++next;
     }
-    const double part = (time_s - motion.times[next - 1]) / (motion.times[next] - motion.times[next - 1]);
-    return motion.offsets[next - 1] + part * (motion.offsets[next] - motion.offsets[next - 1]);
+    const double fraction = (time_s - motion.times[next - 1]) / (motion.times[next] - motion.times[next - 1]);
+    return motion.offsets[next - 1] + fraction * (motion.offsets[next] - motion.offsets[next - 1]);
 }
 
 void place(DeformableBody& body, const Placement& placement) {
-    const Mat3 turn = to_matrix(placement.orientation);
-    const auto move = [&](Vec3& p) { p = placement.position + turn * p; };
+    const Mat3 rotation = to_matrix(placement.orientation);
+    const auto move = [&](Vec3& p) { p = placement.position + rotation * p; };
     for (Vec3& vertex : body.mesh.vertices) {
         move(vertex);
     }
@@ -33,15 +33,15 @@ void place(DeformableBody& body, const Placement& placement) {
         move(model.rest_position[i]);
         move(model.position[i]);
         model.axes[i] = placement.orientation * model.axes[i];
-        model.velocity[i] = turn * model.velocity[i];
-        model.angular_velocity[i] = turn * model.angular_velocity[i];
+        model.velocity[i] = rotation * model.velocity[i];
+        model.angular_velocity[i] = rotation * model.angular_velocity[i];
         if (model.pinned[i] == 0) {
             model.velocity[i] += placement.velocity;
         }
     }
     for (Motion& motion : body.motions) {
         for (Vec3& offset : motion.offsets) {
-            offset = turn * offset;
+            offset = rotation * offset;
         }
     }
 }

@@ -1,4 +1,4 @@
-#include <haptic/sim/particles.hpp>
+#include "haptic/sim/particles.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -27,7 +27,7 @@ void check_group(const ParticleModel& model, std::size_t index) {
     std::vector<std::uint32_t> members = group.members;
     std::sort(members.begin(), members.end());
     if (members.empty() || members.back() >= model.size()) {
-        refuse("group", index, "has no members, or one that does not exist");
+        refuse("group", index, "has no members or a member that does not exist");
     }
     if (std::adjacent_find(members.begin(), members.end()) != members.end()) {
         refuse("group", index, "has a member twice");
@@ -47,7 +47,7 @@ void check_bodies(const ParticleModel& model) {
     std::size_t end = 0;
     for (std::size_t b = 0; b < model.bodies.size(); ++b) {
         if (model.bodies[b].begin != end || model.bodies[b].end <= end) {
-            refuse("body", b, "does not begin where the one before it ends, or is empty");
+            refuse("body", b, "is empty or does not start where the previous one ends");
         }
         end = model.bodies[b].end;
     }
@@ -58,14 +58,14 @@ void check_bodies(const ParticleModel& model) {
 
 }  // namespace
 
-void ParticleModel::add(const Vec3& where, double particle_mass, double particle_radius) {
-    rest_position.push_back(where);
+void ParticleModel::add(const Vec3& at, double particle_mass, double particle_radius) {
+    rest_position.push_back(at);
     mass.push_back(particle_mass);
     radius.push_back(particle_radius);
     semi_axes.emplace_back(0.0);
     axes.emplace_back(1.0, 0.0, 0.0, 0.0);
     pinned.push_back(0);
-    position.push_back(where);
+    position.push_back(at);
     velocity.emplace_back(0.0);
     orientation.emplace_back(1.0, 0.0, 0.0, 0.0);
     angular_velocity.emplace_back(0.0);
@@ -173,7 +173,7 @@ double kinetic_energy(const ParticleModel& model) {
 }
 
 bool is_finite(const ParticleModel& model) {
-    // 0 * x is 0 for a finite x and not a number otherwise, so one test at the end serves, and the loop has no branch.
+    // 0 * x is 0 for a finite x and not a number otherwise: one test at the end, and a loop without branches.
     double sum = 0.0;
     for (std::size_t i = 0; i < model.size(); ++i) {
         const Vec3& x = model.position[i];

@@ -25,12 +25,12 @@ Mat3 to_matrix(const Quat& q) noexcept {
     return Mat3(plain(m.x), plain(m.y), plain(m.z));
 }
 
-Quat turned(const Quat& q, const Vec3& turn) noexcept {
-    return plain(lane_turned(lane(q), lane(turn)));
+Quat turned(const Quat& q, const Vec3& rotation) noexcept {
+    return plain(lane_rotated(lane(q), lane(rotation)));
 }
 
 Vec3 turn_between(const Quat& from, const Quat& to) noexcept {
-    return plain(lane_turn_between(lane(from), lane(to)));
+    return plain(lane_rotation_between(lane(from), lane(to)));
 }
 
 Quat extract_rotation(const Mat3& matrix, const Quat& guess, int iterations) noexcept {

@@ -1,4 +1,4 @@
-#include <haptic/sim/skin.hpp>
+#include "haptic/sim/skin.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "simd/kernels.hpp"
 #include "simd/lane_rotation.hpp"
-#include "simd/skinning.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -17,13 +17,13 @@ void check(const SkinVertex& vertex, std::size_t index, std::size_t particles) {
         throw std::invalid_argument("skin: vertex " + std::to_string(index) + " " + why);
     };
     double sum = 0.0;
-    for (std::size_t k = 0; k < SkinVertex::kMost; ++k) {
+    for (std::size_t k = 0; k < SkinVertex::kMax; ++k) {
         if (vertex.particle[k] >= particles) {
-            refuse("is carried by particle " + std::to_string(vertex.particle[k]) + ", of " +
+            refuse("refers to particle " + std::to_string(vertex.particle[k]) + ", but the model has " +
                    std::to_string(particles));
         }
         if (!(vertex.weight[k] >= 0.0)) {
-            refuse("has a weight below 0");
+            refuse("has a negative weight");
         }
         sum += vertex.weight[k];
     }
@@ -34,14 +34,6 @@ void check(const SkinVertex& vertex, std::size_t index, std::size_t particles) {
 
 bool is_particle(const SkinVertex& vertex, std::size_t index) {
     return vertex.particle[0] == index && vertex.weight[0] == 1.0;
-}
-
-bool has_wide_registers() {
-#if defined(__x86_64__)
-    return __builtin_cpu_supports("avx2") != 0;
-#else
-    return false;
-#endif
 }
 
 void set_row(SkinRow& row, const LaneVec<double>& v) {
@@ -69,9 +61,9 @@ Skinner::Skinner(std::span<const Vec3> rest, const ParticleModel& model, const S
     : rest_(rest.begin(), rest.end()),
       rest_position_(model.rest_position),
       frame_(model.size()),
-      placed_position_(model.size(), Vec3(std::numeric_limits<double>::quiet_NaN())),
-      placed_orientation_(model.orientation),
-      wide_(wide && has_wide_registers()) {
+      skinned_position_(model.size(), Vec3(std::numeric_limits<double>::quiet_NaN())),
+      skinned_orientation_(model.orientation),
+      skin_((wide ? widest_kernels() : kBaselineKernels).skin) {
     if (skin.size() != rest.size()) {
         throw std::invalid_argument("skin: " + std::to_string(skin.size()) + " elements for " +
                                     std::to_string(rest.size()) + " vertices");
@@ -80,7 +72,7 @@ Skinner::Skinner(std::span<const Vec3> rest, const ParticleModel& model, const S
     for (std::size_t j = 0; j < skin.size(); ++j) {
         check(skin[j], j, model.size());
         one_to_one_ = one_to_one_ && is_particle(skin[j], j) && rest[j] == model.rest_position[j];
-        for (std::size_t k = 0; k < SkinVertex::kMost; ++k) {
+        for (std::size_t k = 0; k < SkinVertex::kMax; ++k) {
             particle_.push_back(skin[j].particle[k]);
             weight_.push_back(skin[j].weight[k]);
         }
@@ -91,50 +83,46 @@ Skinner::Skinner(Skinner&&) noexcept = default;
 Skinner& Skinner::operator=(Skinner&&) noexcept = default;
 Skinner::~Skinner() = default;
 
-void Skinner::place(const ParticleModel& model, std::span<Vec3> vertices) {
-    place(model, {0, std::min(vertices.size(), rest_.size()), 0, frame_.size()}, vertices);
+void Skinner::skin_vertices(const ParticleModel& model, std::span<Vec3> vertices) {
+    skin_vertices(model, {0, std::min(vertices.size(), rest_.size()), 0, frame_.size()}, vertices);
 }
 
 bool Skinner::has_moved(const ParticleModel& model, const Part& part) const noexcept {
     for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
-        if (model.position[i] != placed_position_[i] || model.orientation[i] != placed_orientation_[i]) {
+        if (model.position[i] != skinned_position_[i] || model.orientation[i] != skinned_orientation_[i]) {
             return true;
         }
     }
     return false;
 }
 
-void Skinner::place(const ParticleModel& model, const Part& part, std::span<Vec3> vertices) {
+void Skinner::skin_vertices(const ParticleModel& model, const Part& part, std::span<Vec3> vertices) {
     for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
-        placed_position_[i] = model.position[i];
-        placed_orientation_[i] = model.orientation[i];
+        skinned_position_[i] = model.position[i];
+        skinned_orientation_[i] = model.orientation[i];
     }
+    // Cloth: the vertices are the particles.
     if (one_to_one_) {
         std::copy_n(&model.position[part.first_vertex], part.vertices, &vertices[part.first_vertex]);
         return;
     }
+    // Transform of each particle: p -> R p + (x - R X).
     for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
         const Quat& q = model.orientation[i];
-        const LaneMat<double> turn = lane_matrix(LaneQuat<double>{q.w, q.x, q.y, q.z});
-        set_row(frame_[i].row[0], turn.x);
-        set_row(frame_[i].row[1], turn.y);
-        set_row(frame_[i].row[2], turn.z);
-        set_row(frame_[i].row[3], lane(model.position[i]) - turn * lane(rest_position_[i]));
+        const LaneMat<double> rotation = lane_matrix(LaneQuat<double>{q.w, q.x, q.y, q.z});
+        set_row(frame_[i].row[0], rotation.x);
+        set_row(frame_[i].row[1], rotation.y);
+        set_row(frame_[i].row[2], rotation.z);
+        set_row(frame_[i].row[3], lane(model.position[i]) - rotation * lane(rest_position_[i]));
     }
-    static_assert(sizeof(Vec3) == 3 * sizeof(double));
+    static_assert(sizeof(Vec3) == 3 * sizeof(double) && SkinVertex::kMax == kParticlesPerVertex);
     const SkinningTask task{.vertices = part.vertices,
-                            .particle = particle_.data() + part.first_vertex * SkinVertex::kMost,
-                            .weight = weight_.data() + part.first_vertex * SkinVertex::kMost,
+                            .particle = particle_.data() + part.first_vertex * SkinVertex::kMax,
+                            .weight = weight_.data() + part.first_vertex * SkinVertex::kMax,
                             .rest = &rest_.data()[part.first_vertex].x,
                             .frame = frame_.data(),
                             .out = &vertices.data()[part.first_vertex].x};
-#if defined(__x86_64__)
-    if (wide_) {
-        skin_avx2(task);
-        return;
-    }
-#endif
-    skin_baseline(task);
+    skin_(task);
 }
 
 }  // namespace haptic::sim

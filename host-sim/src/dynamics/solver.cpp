@@ -1,4 +1,4 @@
-#include <haptic/sim/solver.hpp>
+#include "haptic/sim/solver.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 
 #include "dynamics/constraint_batches.hpp"
 #include "dynamics/rotation.hpp"
-#include "simd/projection.hpp"
+#include "simd/kernels.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -19,17 +19,17 @@ void check(const SolverSettings& s) {
         refuse("step must be positive");
     }
     if (s.substeps < 1 || s.iterations < 0 || s.rotation_iterations < 1) {
-        refuse("needs at least one sub-step and one rotation iteration, and no negative number of iterations");
+        refuse("substeps and rotation_iterations must be at least 1, iterations at least 0");
     }
     if (!(s.drag >= 0.0) || !(s.drag * s.step < 1.0)) {
         refuse("drag must be at least 0 and less than 1 / step");
     }
-    if (!(s.settling >= 0.0) || !(s.settling * s.step <= 1.0)) {
-        refuse("settling must be at least 0 and at most 1 / step");
+    if (!(s.shape_damping >= 0.0) || !(s.shape_damping * s.step <= 1.0)) {
+        refuse("shape_damping must be at least 0 and at most 1 / step");
     }
 }
 
-/// a += scale * p q^T, where the matrix is stored by columns.
+/// a += scale * p q^T.
 void add_outer(Mat3& a, double scale, const Vec3& p, const Vec3& q) {
     const Vec3 sp = scale * p;
     a[0] += sp * q.x;
@@ -54,7 +54,7 @@ std::vector<ParticleRange> bodies_of(const ParticleModel& model) {
     return {{0, static_cast<std::uint32_t>(model.size())}};
 }
 
-bool nothing_pinned(const ParticleModel& model, const ParticleRange& body) {
+bool has_no_pinned(const ParticleModel& model, const ParticleRange& body) {
     const auto first = model.pinned.begin();
     return std::all_of(first + body.begin, first + body.end, [](std::uint8_t pin) { return pin == 0; });
 }
@@ -69,124 +69,118 @@ void set_vector(Row& row, const Vec3& p) {
     row.number[2] = p.z;
 }
 
-/// Those that this machine can do, by number of lanes.
-std::vector<const Projection*> usable_projections() {
-    std::vector<const Projection*> usable{&kOneLane, &kFourLanes};
-#if defined(__x86_64__)
-    if (__builtin_cpu_supports("avx2") != 0) {
-        usable.push_back(&kEightLanes);
-    }
-    if (__builtin_cpu_supports("avx512f") != 0) {
-        usable.push_back(&kSixteenLanes);
-    }
-#endif
-    return usable;
-}
-
-const Projection& choose_projection(std::size_t lanes) {
-    const std::vector<const Projection*> usable = usable_projections();
+/// Throws std::invalid_argument for a number of lanes that this machine does not have.
+const ProjectionKernels& choose_projection(std::size_t lanes) {
     if (lanes == ParticleSolver::kWidest) {
-        return *usable.back();
+        return widest_kernels().projection;
     }
-    for (const Projection* projection : usable) {
-        if (projection->lanes == lanes) {
-            return *projection;
+    for (const Kernels* kernels : usable_kernels()) {
+        if (kernels->projection.lanes == lanes) {
+            return kernels->projection;
         }
     }
     throw std::invalid_argument("solver: this machine has no vectors of " + std::to_string(lanes) +
-                                " lanes; ParticleSolver::usable_lanes() tells those that it has");
+                                " lanes; ParticleSolver::usable_lanes() lists the numbers it has");
 }
 
 }  // namespace
 
-struct ParticleSolver::Projecting {
-    Projecting(const ParticleModel& model, std::size_t lanes)
+/// The constraints in batches, and the particles in the form in which they are projected.
+struct ParticleSolver::ProjectionState {
+    ProjectionState(const ParticleModel& model, std::size_t lanes)
         : projection(choose_projection(lanes)),
           batches(model, projection.lanes),
           links(batches.links()),
           springs(batches.springs()),
           groups(batches.groups()),
-          place(batches.all_bodies()),
+          position(batches.padded_particles()),
           start(model.size()),
-          body(batches.all_bodies()),
-          scratch(kMostBatchesInRun * batches.most_slots() * kNumbersOfSlot * projection.lanes),
+          f32(batches.padded_particles()),
+          scratch(kMaxBatchesInRun * batches.max_slots() * kFloatsPerSlot * projection.lanes),
           pushed(model.size()),
-          before(batches.bodies()),
-          turn(batches.bodies(), Row{{1.0, 0.0, 0.0, 0.0}}),
-          turning(batches.bodies()),
-          rate(batches.bodies()) {
+          before(batches.whole_vectors()),
+          orientation(batches.whole_vectors(), Row{{1.0, 0.0, 0.0, 0.0}}),
+          rotation(batches.whole_vectors()),
+          angular_velocity(batches.whole_vectors()) {
         for (std::size_t i = 0; i < model.size(); ++i) {
-            place[i].number[3] = spin_mass(model, i);
+            position[i].number[3] = spin_mass(model, i);
         }
     }
 
     void set_orientation(std::size_t particle, const Quat& q) {
-        turn[particle] = {{q.w, q.x, q.y, q.z}};
+        orientation[particle] = {{q.w, q.x, q.y, q.z}};
         for (std::size_t k = 0; k < 4; ++k) {
-            body[particle].turn.number[k] = static_cast<float>(turn[particle].number[k]);
+            f32[particle].orientation.number[k] = static_cast<float>(orientation[particle].number[k]);
         }
     }
 
-    [[nodiscard]] Quat orientation(std::size_t particle) const {
-        const Row& q = turn[particle];
+    [[nodiscard]] Quat orientation_of(std::size_t particle) const {
+        const Row& q = orientation[particle];
         return Quat(q.number[0], q.number[1], q.number[2], q.number[3]);
     }
 
-    /// As the rows of `turning` say.
-    void turn_bodies(const ParticleModel& model) {
-        projection.turn_bodies(turning.size(), turning.data(), turn.data(), body.data());
+    /// By the rotation vectors in `rotation`.
+    void rotate_particles(const ParticleModel& model) {
+        projection.rotate_particles(rotation.size(), rotation.data(), orientation.data(), f32.data());
+        // Rotation by 0 normalises, which may change a bit: restore the particles that do not rotate.
         for (std::size_t i = 0; i < model.size(); ++i) {
             if (model.pinned[i] != 0 && model.angular_velocity[i] == Vec3(0.0)) {
-                set_orientation(i, model.orientation[i]);  // turning by 0 normalises, which may change a bit
+                set_orientation(i, model.orientation[i]);
             }
         }
     }
 
-    [[nodiscard]] MovingParticles moving() { return {place.data(), body.data(), scratch.data(), pushed.data()}; }
+    [[nodiscard]] MovingParticles moving() { return {position.data(), f32.data(), scratch.data(), pushed.data()}; }
 
-    void find_rates(double h) {
-        projection.find_rates(before.size(), before.data(), body.data(), h, turn.data(), rate.data());
+    void find_angular_velocities(double h) {
+        projection.find_angular_velocities(before.size(), before.data(), f32.data(), h, orientation.data(),
+                                           angular_velocity.data());
     }
 
+    /// One Gauss-Seidel pass over all constraints.
     void sweep(bool forward, int rotation_iterations) {
         const MovingParticles particles = moving();
         projection.project_links(links, forward, particles);
-        if (springs.count > 0) {  // which move places
-            add_moved();
+        if (springs.count > 0) {  // springs move positions, in double
+            apply_displacements();
             projection.project_springs(springs, forward, particles);
-            find_moved();
+            round_displacements();
         }
         projection.project_groups(groups, forward, rotation_iterations, particles);
     }
 
-    /// After the prediction of a sub-step of length h.
-    void begin(double h) {
-        batches.begin(h);
+    /// After the prediction of a sub-step of length h, s.
+    void begin_substep(double h) {
+        batches.begin_substep(h);
         for (std::size_t i = 0; i < start.size(); ++i) {
-            start[i] = place[i];
+            start[i] = position[i];
             start[i].number[3] = 0.0;
         }
-        find_moved();
-        projection.begin(links, groups, place.data());
+        round_displacements();
+        projection.begin_substep(links, groups, position.data());
     }
-    void find_moved() { projection.find_moved(start.size(), place.data(), start.data(), body.data()); }
-    void add_moved() { projection.add_moved(start.size(), body.data(), start.data(), place.data()); }
+    void round_displacements() {
+        projection.round_displacements(start.size(), position.data(), start.data(), f32.data());
+    }
+    void apply_displacements() {
+        projection.apply_displacements(start.size(), f32.data(), start.data(), position.data());
+    }
 
-    const Projection& projection;
+    const ProjectionKernels& projection;
     ConstraintBatches batches;
     LinkBatches links;
     SpringBatches springs;
     GroupBatches groups;
     // See MovingParticles.
-    LaneArray<Row> place;
-    LaneArray<Row> start;  // place when the sub-step began, and 0
-    LaneArray<Body> body;
+    LaneArray<Row> position;
+    LaneArray<Row> start;  // predicted position at the start of the sub-step; fourth number 0
+    LaneArray<ParticleF32> f32;
     LaneArray<float> scratch;
     LaneArray<Row> pushed;
-    LaneArray<Row> before;   // turn at the start of the sub-step
-    LaneArray<Row> turn;     // as predicted, then at the end of the sub-step
-    LaneArray<Row> turning;  // h w
-    LaneArray<Row> rate;     // w at the end of the sub-step
+    LaneArray<Row> before;            // orientation at the start of the sub-step
+    LaneArray<Row> orientation;       // predicted, then final orientation of the sub-step
+    LaneArray<Row> rotation;          // h w
+    LaneArray<Row> angular_velocity;  // w at the end of the sub-step
 };
 
 ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings& settings, std::size_t lanes)
@@ -194,9 +188,9 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
     check(settings);
     model.check();
     for (const ParticleRange& body : bodies_of(model)) {
-        bodies_.push_back({body, nothing_pinned(model, body)});
+        bodies_.push_back({body, has_no_pinned(model, body)});
     }
-    now_ = std::make_unique<Projecting>(model, lanes);
+    state_ = std::make_unique<ProjectionState>(model, lanes);
     predicted_.resize(model.size());
 }
 
@@ -206,84 +200,92 @@ ParticleSolver::~ParticleSolver() = default;
 
 std::vector<std::size_t> ParticleSolver::usable_lanes() {
     std::vector<std::size_t> lanes;
-    for (const Projection* projection : usable_projections()) {
-        lanes.push_back(projection->lanes);
+    for (const Kernels* kernels : usable_kernels()) {
+        lanes.push_back(kernels->projection.lanes);
     }
     return lanes;
 }
 
 std::size_t ParticleSolver::lanes() const noexcept {
-    return now_->projection.lanes;
+    return state_->projection.lanes;
 }
 std::size_t ParticleSolver::group_colours() const noexcept {
-    return now_->batches.group_colours();
+    return state_->batches.group_colours();
 }
 std::size_t ParticleSolver::link_colours() const noexcept {
-    return now_->batches.link_colours();
+    return state_->batches.link_colours();
 }
 
 void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, SolverContacts* contacts) {
+    // Sub-steps: as set, or more if bodies approach so fast that they could pass through one another.
     const int substeps =
         std::max(settings_.substeps, contacts == nullptr ? 1 : contacts->substeps(model, settings_.step));
     const double h = settings_.step / substeps;
     for (int s = 0; s < substeps; ++s) {
+        // v <- v + h (f / m + g), u <- x + h v, orientations rotated by h w.
         predict(model, force, h);
-        now_->begin(h);
+        state_->begin_substep(h);
         if (contacts != nullptr) {
-            contacts->find(model, now_->moving(), h);
+            // Algorithm 3, line 15: contacts along the paths x to u.
+            contacts->find(model, state_->moving(), h);
         }
+        // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction.
         for (int i = 0; i < settings_.iterations; ++i) {
-            now_->sweep(
-                i % 2 == 0,
-                settings_.rotation_iterations);  // there and back, so that no direction of the order is preferred
+            state_->sweep(i % 2 == 0, settings_.rotation_iterations);
             if (contacts != nullptr) {
-                now_->add_moved();
-                contacts->project(model, now_->moving(), h);
-                now_->find_moved();
+                state_->apply_displacements();
+                contacts->project(model, state_->moving(), h);
+                state_->round_displacements();
             }
         }
+        // With contacts, each iteration has applied the displacements already.
         if (contacts == nullptr) {
-            now_->add_moved();
+            state_->apply_displacements();
         }
         if (contacts != nullptr) {
-            contacts->finish(model, now_->moving(), h);
-            count_pushes(h);
+            // Contacts may push further, and change momentum: restore_momenta() must not undo that.
+            contacts->finish(model, state_->moving(), h);
+            add_contact_velocities(h);
         }
+        // v <- (u - x) / h, w <- rotation / h, x <- u, then the corrections of momentum and the damping.
         update(model, h);
     }
 }
 
 void ParticleSolver::project(ParticleModel& model, std::span<const std::uint8_t> held) {
+    // Start from the model's positions and orientations: no prediction.
     for (std::size_t i = 0; i < model.size(); ++i) {
-        set_vector(now_->place[i], model.position[i]);
-        now_->set_orientation(i, model.orientation[i]);
-        now_->before[i] = now_->turn[i];
+        set_vector(state_->position[i], model.position[i]);
+        state_->set_orientation(i, model.orientation[i]);
+        state_->before[i] = state_->orientation[i];
     }
-    now_->begin(settings_.step);
+    state_->begin_substep(settings_.step);
     for (int pass = 0; pass < settings_.iterations; ++pass) {
-        now_->sweep(pass % 2 == 0, settings_.rotation_iterations);
-        now_->add_moved();
+        state_->sweep(pass % 2 == 0, settings_.rotation_iterations);
+        // Held particles return to where they were.
+        state_->apply_displacements();
         for (std::size_t i = 0; i < held.size(); ++i) {
             if (held[i] != 0) {
-                set_vector(now_->place[i], model.position[i]);
+                set_vector(state_->position[i], model.position[i]);
             }
         }
-        now_->find_moved();
+        state_->round_displacements();
     }
-    now_->find_rates(settings_.step);
+    // Adds the rotations by the constraints to the orientations in double; the angular velocities are not used.
+    state_->find_angular_velocities(settings_.step);
     for (std::size_t i = 0; i < model.size(); ++i) {
-        model.position[i] = vector_of(now_->place[i]);
+        model.position[i] = vector_of(state_->position[i]);
         if (model.pinned[i] == 0) {
-            model.orientation[i] = now_->orientation(i);
+            model.orientation[i] = state_->orientation_of(i);
         }
     }
 }
 
 void ParticleSolver::set_rest_shape(const ParticleModel& model) noexcept {
-    now_->batches.set_rest_shape(model);
+    state_->batches.set_rest_shape(model);
 }
 
-void ParticleSolver::set_pace(double step, int iterations) {
+void ParticleSolver::set_step_and_iterations(double step, int iterations) {
     SolverSettings next = settings_;
     next.step = step;
     next.iterations = iterations;
@@ -291,62 +293,74 @@ void ParticleSolver::set_pace(double step, int iterations) {
     settings_ = next;
 }
 
-void ParticleSolver::count_pushes(double h) {
+void ParticleSolver::add_contact_velocities(double h) {
     for (std::size_t i = 0; i < predicted_.size(); ++i) {
-        predicted_[i] += vector_of(now_->pushed[i]) / h;
+        predicted_[i] += vector_of(state_->pushed[i]) / h;
     }
 }
 
 void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, double h) {
+    // Drag: the factor 1 - h drag of both velocities.
     const double keep = 1.0 - h * settings_.drag;
     for (std::size_t i = 0; i < model.size(); ++i) {
         const Quat& q = model.orientation[i];
-        now_->before[i] = now_->turn[i] = {{q.w, q.x, q.y, q.z}};
+        state_->before[i] = state_->orientation[i] = {{q.w, q.x, q.y, q.z}};
+        // Pinned particles follow their own velocities. Those at rest keep all bits.
         if (model.pinned[i] != 0) {
             predicted_[i] = model.velocity[i];
             const bool still = predicted_[i] == Vec3(0.0);
-            set_vector(now_->place[i], still ? model.position[i] : model.position[i] + h * predicted_[i]);
-            set_vector(now_->turning[i], h * model.angular_velocity[i]);
+            set_vector(state_->position[i], still ? model.position[i] : model.position[i] + h * predicted_[i]);
+            set_vector(state_->rotation[i], h * model.angular_velocity[i]);
             continue;
         }
+        // Free particles: drag, gravity and external force.
         Vec3 v = keep * model.velocity[i] + h * settings_.gravity;
         if (!force.empty()) {
             v += (h / model.mass[i]) * force[i];
         }
         predicted_[i] = v;
-        set_vector(now_->place[i], model.position[i] + h * v);
-        set_vector(now_->turning[i], h * keep * model.angular_velocity[i]);
+        // u = x + h v, and the rotation vector h w.
+        set_vector(state_->position[i], model.position[i] + h * v);
+        set_vector(state_->rotation[i], h * keep * model.angular_velocity[i]);
     }
-    now_->turn_bodies(model);
+    // q <- rotation(h w) q, for all particles in vectors.
+    state_->rotate_particles(model);
 }
 
 void ParticleSolver::update(ParticleModel& model, double h) {
-    now_->find_rates(h);
+    // w <- rotation / h, from the orientations before and after the projections.
+    state_->find_angular_velocities(h);
     for (std::size_t i = 0; i < model.size(); ++i) {
+        // Orientations; pinned particles without rotation keep all bits.
         if (model.pinned[i] == 0 || model.angular_velocity[i] != Vec3(0.0)) {
-            model.orientation[i] = now_->orientation(i);
+            model.orientation[i] = state_->orientation_of(i);
         }
+        // v <- (u - x) / h. Pinned particles keep the velocities that were set.
         if (model.pinned[i] == 0) {
-            model.velocity[i] = (vector_of(now_->place[i]) - model.position[i]) / h;
-            model.angular_velocity[i] = vector_of(now_->rate[i]);
+            model.velocity[i] = (vector_of(state_->position[i]) - model.position[i]) / h;
+            model.angular_velocity[i] = vector_of(state_->angular_velocity[i]);
         }
     }
-    for (const Whole& body : bodies_) {
+    // Needs the positions at the start of the sub-step, so before x <- u.
+    for (const Body& body : bodies_) {
         if (body.is_free) {
             restore_momenta(model, body.particles, h);
         }
     }
+    // x <- u.
     for (std::size_t i = 0; i < model.size(); ++i) {
-        model.position[i] = vector_of(now_->place[i]);
+        model.position[i] = vector_of(state_->position[i]);
     }
-    if (settings_.settling > 0.0) {
-        for (const Whole& body : bodies_) {
-            settle(model, body.particles, h);
+    // Last: damping keeps the restored momenta, about the final positions.
+    if (settings_.shape_damping > 0.0) {
+        for (const Body& body : bodies_) {
+            damp_shape(model, body.particles, h);
         }
     }
 }
 
 void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& body, double h) {
+    // Momenta that the projections have lost, about the centre of mass: sum m (v_predicted - v) and sum p x that.
     const Vec3 centre = centre_of_mass(model, body);
     double mass = 0.0;
     Vec3 linear(0.0);
@@ -360,35 +374,41 @@ void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& 
         angular += glm::cross(p, lost);
         add_outer(scatter, model.mass[i], p, p);
     }
+    // Lost linear momentum as a velocity: rounding alone, since every projection conserves it.
     linear /= mass;
-    const Vec3 rate = settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0);
+    // Add them back as a rigid motion, dv + w x p, to velocities and predicted positions.
+    const Vec3 omega = settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0);
     for (std::size_t i = body.begin; i < body.end; ++i) {
-        const Vec3 dv = linear + glm::cross(rate, model.position[i] - centre);
+        const Vec3 dv = linear + glm::cross(omega, model.position[i] - centre);
         model.velocity[i] += dv;
-        set_vector(now_->place[i], vector_of(now_->place[i]) + h * dv);
+        set_vector(state_->position[i], vector_of(state_->position[i]) + h * dv);
     }
 }
 
-void ParticleSolver::settle(ParticleModel& model, const ParticleRange& body, double h) const {
+void ParticleSolver::damp_shape(ParticleModel& model, const ParticleRange& body, double h) const {
+    // Rigid motion with the body's momenta: v_c = P / M, w = I^-1 L (Müller et al. 2007, section 3.5).
     const Vec3 centre = centre_of_mass(model, body);
     double mass = 0.0;
     Vec3 linear(0.0);
     Vec3 angular(0.0);
     Mat3 scatter(0.0);
     for (std::size_t i = body.begin; i < body.end; ++i) {
+        // Sums for M, P, L and the scatter matrix sum m p p^T, from which I follows.
         const Vec3 p = model.position[i] - centre;
         mass += model.mass[i];
         linear += model.mass[i] * model.velocity[i];
         angular += model.mass[i] * glm::cross(p, model.velocity[i]);
         add_outer(scatter, model.mass[i], p, p);
     }
+    // v_c and w; the rigid velocity of a particle is v_c + w x p.
     linear /= mass;
-    const Vec3 rate = solve_inertia(scatter, angular);
-    const double part = h * settings_.settling;
+    const Vec3 omega = solve_inertia(scatter, angular);
+    // Blend each free particle's velocity toward the rigid one.
+    const double fraction = h * settings_.shape_damping;
     for (std::size_t i = body.begin; i < body.end; ++i) {
         if (model.pinned[i] == 0) {
-            const Vec3 rigid = linear + glm::cross(rate, model.position[i] - centre);
-            model.velocity[i] += part * (rigid - model.velocity[i]);
+            const Vec3 rigid = linear + glm::cross(omega, model.position[i] - centre);
+            model.velocity[i] += fraction * (rigid - model.velocity[i]);
         }
     }
 }

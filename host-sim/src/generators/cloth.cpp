@@ -1,4 +1,4 @@
-#include <haptic/sim/cloth.hpp>
+#include "haptic/sim/cloth.hpp"
 
 #include <cmath>
 #include <glm/geometric.hpp>
@@ -10,12 +10,12 @@
 namespace haptic::sim {
 namespace {
 
-// Beyond this, indices and running times are no longer what the scenes are for.
-constexpr std::uint32_t kMostPerSide = 1024;
+// Limits memory and running time.
+constexpr std::uint32_t kMaxPerSide = 1024;
 
 void check(const ClothShape& shape) {
-    if (shape.vertices_per_side < 2 || shape.vertices_per_side > kMostPerSide) {
-        throw std::invalid_argument("cloth: vertices per side must be 2 to " + std::to_string(kMostPerSide));
+    if (shape.vertices_per_side < 2 || shape.vertices_per_side > kMaxPerSide) {
+        throw std::invalid_argument("cloth: vertices per side must be 2 to " + std::to_string(kMaxPerSide));
     }
     if (!(shape.side > 0.0) || !(shape.mass > 0.0)) {
         throw std::invalid_argument("cloth: side and mass must be positive");
@@ -49,7 +49,7 @@ TriangleMesh make_cloth_mesh(const ClothShape& shape) {
             const std::uint32_t b = a + 1;
             const std::uint32_t c = a + n;
             const std::uint32_t d = c + 1;
-            // Counter-clockwise seen from +y, where x points right and z points down the page.
+            // Corners of the cell: a b in one row, c d in the next. Counter-clockwise seen from +y.
             if ((i + j) % 2 == 0) {
                 mesh.triangles.push_back({a, c, d});
                 mesh.triangles.push_back({a, d, b});
@@ -59,6 +59,7 @@ TriangleMesh make_cloth_mesh(const ClothShape& shape) {
             }
         }
     }
+    // Back faces: the same triangles with reversed winding.
     for (std::size_t t = 0; t < one_side; ++t) {
         const Triangle front = mesh.triangles[t];
         mesh.triangles.push_back({front[0], front[2], front[1]});
@@ -76,7 +77,7 @@ ParticleModel make_cloth_particles(const ClothShape& shape, double group_stiffne
     ParticleModel model;
     for (std::uint32_t j = 0; j < n; ++j) {
         for (std::uint32_t i = 0; i < n; ++i) {
-            // Balls that just touch along the grid.
+            // Balls that touch along the grid.
             model.add(vertex(shape, scene_from_cloth, i, j), particle_mass, 0.5 * spacing);
             model.semi_axes.back() = Vec3(0.5 * spacing);
         }
@@ -84,6 +85,7 @@ ParticleModel make_cloth_particles(const ClothShape& shape, double group_stiffne
     const auto link = [&](std::uint32_t a, std::uint32_t b) {
         model.links.push_back({a, b, glm::length(model.rest_position[b] - model.rest_position[a]), link_stiffness});
     };
+    // A group of each particle with its neighbours in the 3 x 3 block, and a link to each later one.
     for (std::uint32_t j = 0; j < n; ++j) {
         for (std::uint32_t i = 0; i < n; ++i) {
             const std::uint32_t self = j * n + i;

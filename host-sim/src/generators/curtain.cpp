@@ -1,4 +1,4 @@
-#include <haptic/sim/curtain.hpp>
+#include "haptic/sim/curtain.hpp"
 
 #include <cmath>
 #include <stdexcept>
@@ -8,13 +8,13 @@
 namespace haptic::sim {
 namespace {
 
-/// The cloth about the origin, lying.
-ClothShape lying(const CurtainShape& shape) {
+/// The horizontal cloth about the origin.
+ClothShape horizontal_cloth(const CurtainShape& shape) {
     return {.vertices_per_side = shape.vertices_per_side, .side = shape.side, .mass = shape.mass};
 }
 
-/// From the lying cloth to the curtain: x stays, z points down, the front looks along +z. Exact, unlike a rotation by
-/// half square roots.
+/// Turns the horizontal cloth upright: x stays, z points down, the front looks along +z. Exact, unlike a rotation with
+/// sqrt(1/2).
 void hang(std::vector<Vec3>& points, const CurtainShape& shape) {
     const Mat3 scene_from_curtain = to_matrix(shape.orientation);
     for (Vec3& p : points) {
@@ -35,14 +35,14 @@ void CurtainShape::check() const {
 
 TriangleMesh make_curtain_mesh(const CurtainShape& shape) {
     shape.check();
-    TriangleMesh mesh = make_cloth_mesh(lying(shape));
+    TriangleMesh mesh = make_cloth_mesh(horizontal_cloth(shape));
     hang(mesh.vertices, shape);
     return mesh;
 }
 
 ParticleModel make_curtain_particles(const CurtainShape& shape, double group_stiffness, double link_stiffness) {
     shape.check();
-    ParticleModel model = make_cloth_particles(lying(shape), group_stiffness, link_stiffness);
+    ParticleModel model = make_cloth_particles(horizontal_cloth(shape), group_stiffness, link_stiffness);
     hang(model.rest_position, shape);
     model.position = model.rest_position;
     for (std::uint32_t i = 0; i < shape.vertices_per_side; ++i) {

@@ -1,4 +1,4 @@
-#include <haptic/sim/fan.hpp>
+#include "haptic/sim/fan.hpp"
 
 #include <cmath>
 #include <glm/geometric.hpp>
@@ -10,26 +10,27 @@
 namespace haptic::sim {
 namespace {
 
-constexpr std::uint32_t kFewestOnRim = 3;
-constexpr std::uint32_t kMostOnRim = 4096;
+constexpr std::uint32_t kMinOnRim = 3;
+constexpr std::uint32_t kMaxOnRim = 4096;
 constexpr double kHalfPi = 1.5707963267948966;
 
-/// Cosine and sine of `turns` quarter turns, 0 to 1/2, to rounding. By their power series, because those of the
+/// Cosine and sine of `turns` quarter turns, 0 to 1/2, accurate to rounding. Power series, because the functions of the
 /// mathematical library differ between machines.
 std::pair<double, double> cosine_and_sine(double turns) {
     const double angle = turns * kHalfPi;
     const double square = angle * angle;
     double cosine = 1.0;
     double sine = 1.0;
-    for (int n = 18; n >= 2; n -= 2) {  // the next term is (pi/4)^20 / 20!, 3e-21
+    for (int n = 18; n >= 2; n -= 2) {  // Horner; the first omitted term is (pi/4)^20 / 20!, 3e-21
         cosine = 1.0 - cosine * square / (n * (n - 1));
         sine = 1.0 - sine * square / (n * (n + 1));
     }
     return {cosine, sine * angle};
 }
 
-/// Point `k` of `n` evenly about the unit circle, k < n, as (cosine, sine).
+/// Point `k` of `n` evenly spaced points of the unit circle, k < n, as (cosine, sine).
 std::pair<double, double> circle_point(std::uint32_t k, std::uint32_t n) {
+    // Reduce to the first octant: quarter turn and fraction of it, mirrored at 45 degrees.
     const std::uint32_t quarter = 4 * k / n;
     const double turns = static_cast<double>(4 * k - quarter * n) / n;  // 0 to 1, from the start of the quarter
     const bool beyond_middle = turns > 0.5;
@@ -62,9 +63,9 @@ std::vector<Vec3> vertices_of(const FanShape& shape) {
 }  // namespace
 
 void FanShape::check() const {
-    if (rim_vertices < kFewestOnRim || rim_vertices > kMostOnRim) {
-        throw std::invalid_argument("fan: rim vertices must be " + std::to_string(kFewestOnRim) + " to " +
-                                    std::to_string(kMostOnRim));
+    if (rim_vertices < kMinOnRim || rim_vertices > kMaxOnRim) {
+        throw std::invalid_argument("fan: rim vertices must be " + std::to_string(kMinOnRim) + " to " +
+                                    std::to_string(kMaxOnRim));
     }
     if (!(rim_radius > 0.0) || !std::isfinite(rim_radius) || !(mass > 0.0) || !std::isfinite(mass)) {
         throw std::invalid_argument("fan: rim radius and mass must be positive");
@@ -85,10 +86,11 @@ TriangleMesh make_fan_mesh(const FanShape& shape) {
 ParticleModel make_fan_particles(const FanShape& shape, double group_stiffness) {
     shape.check();
     const std::vector<Vec3> vertices = vertices_of(shape);
-    // Balls that just touch along the rim.
+    // Balls that touch along the rim.
     const double radius = 0.5 * glm::length(vertices[2] - vertices[1]);
     ParticleModel model;
     const std::uint32_t n = shape.rim_vertices;
+    // The centre's group has all particles; a rim particle's has the centre and its neighbours.
     Group about_centre{0, {}, group_stiffness};
     about_centre.members.reserve(vertices.size());
     for (std::uint32_t i = 0; i < vertices.size(); ++i) {

@@ -14,10 +14,10 @@ namespace {
 
 constexpr std::size_t kAround = 32;
 constexpr std::size_t kQuarter = kAround / 4;
-constexpr double kRingSpacing = 0.5;  // of a straight part, in diameters
-constexpr double kSlimmest = 200.0;   // length in diameters
+constexpr double kRingSpacing = 0.5;       // along straight parts, in diameters
+constexpr double kMaxSlenderness = 200.0;  // length in diameters
 
-/// A point of the outline, which runs from the pole at -z to that at +z.
+/// A point of the profile, which runs from the pole at -z to that at +z.
 struct Outline {
     double z;
     double radius;
@@ -28,7 +28,8 @@ struct Direction {
     double sine;
 };
 
-/// Unit vectors 0 to 90 degrees from the first axis, evenly apart: halved angles need square roots only.
+/// Unit vectors at equal angles from 0 to 90 degrees. Each is the normalised sum of two known neighbours, so that only
+/// square roots are needed.
 std::array<Direction, kQuarter + 1> quarter_circle() {
     std::array<Direction, kQuarter + 1> quarter{};
     quarter.front() = {1.0, 0.0};
@@ -59,8 +60,7 @@ Direction around(std::size_t k) {
     }
 }
 
-/// The rings of a half circle about z, from the step `first` after its pole at -z to the step `last`; half of kAround
-/// would be the other pole.
+/// Adds rings `first` to `last` of a sphere centred at z; ring 0 is its pole at -z, ring kAround / 2 the other pole.
 void add_arc(std::vector<Outline>& outline, double z, double radius, std::size_t first, std::size_t last) {
     for (std::size_t k = first; k <= last; ++k) {
         const Direction d = around(k);
@@ -68,7 +68,7 @@ void add_arc(std::vector<Outline>& outline, double z, double radius, std::size_t
     }
 }
 
-/// The rings of a straight part between its ends, of which none is added.
+/// Adds the rings of a cylinder between its ends, without the ends.
 void add_straight(std::vector<Outline>& outline, double from, double to, double radius) {
     const double wanted = std::ceil((to - from) / (2.0 * kRingSpacing * radius));
     const int rings = static_cast<int>(std::max(wanted, 1.0));
@@ -77,7 +77,7 @@ void add_straight(std::vector<Outline>& outline, double from, double to, double 
     }
 }
 
-/// The skin of a line of rings between two poles.
+/// The surface over a sequence of rings between two poles.
 TriangleMesh revolve(double low, const std::vector<Outline>& rings, double high) {
     TriangleMesh mesh;
     mesh.closed = true;
@@ -121,10 +121,10 @@ TriangleMesh make_sphere_mesh(double radius) {
 }
 
 TriangleMesh make_rod_mesh(double length, double thickness) {
-    require(thickness > 0.0 && length > thickness && length <= kSlimmest * thickness,
-            "rod: it must be longer than it is thick, at most 200 times, and its thickness positive");
+    require(thickness > 0.0 && length > thickness && length <= kMaxSlenderness * thickness,
+            "rod: thickness must be positive and length between 1 and 200 times the thickness");
     const double radius = 0.5 * thickness;
-    const double end = 0.5 * length - radius;  // the centres of the hemispheres
+    const double end = 0.5 * length - radius;  // z of the hemispheres' centres
     std::vector<Outline> outline;
     add_arc(outline, -end, radius, 1, kQuarter);
     add_straight(outline, -end, end, radius);
@@ -136,9 +136,9 @@ TriangleMesh make_probe_mesh(double length, double thickness, double ball_radius
     const double radius = 0.5 * thickness;
     require(
         thickness > 0.0 && ball_radius > radius && length > 2.0 * ball_radius + radius &&
-            length <= kSlimmest * thickness,
-        "probe: the ball must be thicker than the shaft, and the whole longer than ball and end of the shaft, at most "
-        "200 times as long as the shaft is thick");
+            length <= kMaxSlenderness * thickness,
+        "probe: the ball must be thicker than the shaft, and the length must exceed ball and shaft end and be at most "
+        "200 times the thickness");
     const double ball = -0.5 * length + ball_radius;
     const double end = 0.5 * length - radius;
     const double root =
@@ -146,7 +146,7 @@ TriangleMesh make_probe_mesh(double length, double thickness, double ball_radius
     std::vector<Outline> outline;
     for (std::size_t k = 1; k < kAround / 2; ++k) {
         const double z = ball - ball_radius * around(k).cosine;
-        // The last ring before the root stays half a ring away from it.
+        // Stop before the rings come close to the root of the shaft.
         if (2 * k > kAround / 2 && ball_radius * around(k).sine < 1.1 * radius) {
             break;
         }

@@ -1,19 +1,20 @@
-#include <haptic/sim/rigid_shapes.hpp>
+#include "haptic/sim/rigid_shapes.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <glm/common.hpp>
 #include <stdexcept>
 #include <string>
+
+#include "simd/aabb.hpp"
 
 namespace haptic::sim {
 namespace {
 
-constexpr std::uint32_t kMostCells = 256;
+constexpr std::uint32_t kMaxCells = 256;
 constexpr std::uint32_t kRodSides = 12;
 constexpr double kHalfRootOfThree = 0.86602540378443865;
-// Cosines of the multiples of 30 degrees; the sine is that of three before.
+// Cosines of k * 30 degrees; the sine is entry k - 3.
 constexpr std::array<double, kRodSides> kCosine{1.0,  kHalfRootOfThree,  0.5,  0.0, -0.5, -kHalfRootOfThree,
                                                 -1.0, -kHalfRootOfThree, -0.5, 0.0, 0.5,  kHalfRootOfThree};
 
@@ -26,8 +27,8 @@ void require_size(double size, const char* what) {
 }  // namespace
 
 void PlateShape::check() const {
-    if (cells < 1 || cells > kMostCells) {
-        throw std::invalid_argument("plate: cells must be 1 to " + std::to_string(kMostCells));
+    if (cells < 1 || cells > kMaxCells) {
+        throw std::invalid_argument("plate: cells must be 1 to " + std::to_string(kMaxCells));
     }
     for (int k = 0; k < 3; ++k) {
         require_size(size[k], "plate: each size");
@@ -73,7 +74,7 @@ TriangleMesh make_plate_mesh(const PlateShape& shape) {
             mesh.triangles.push_back({below + a, below + a + 1, below + c + 1});
         }
     }
-    // From a to b along the border, seen from above against the clock, which is where the outside is on the right.
+    // Side wall under the border edge from a to b, counter-clockwise seen from above.
     const auto wall = [&](std::uint32_t a, std::uint32_t b) {
         mesh.triangles.push_back({a, below + a, below + b});
         mesh.triangles.push_back({a, below + b, b});
@@ -112,15 +113,9 @@ TriangleMesh make_rod_mesh(const RodShape& shape) {
 }
 
 ParticleModel make_rigid_particles(const TriangleMesh& mesh, double mass) {
-    Vec3 low = mesh.vertices.front();
-    Vec3 high = low;
-    for (const Vec3& p : mesh.vertices) {
-        low = glm::min(low, p);
-        high = glm::max(high, p);
-    }
-    const Vec3 size = high - low;
+    const Vec3 size = aabb_of(mesh.vertices).size();
     const auto count = static_cast<double>(mesh.vertices.size());
-    // No constraint asks for it; of the order of the distance between particles.
+    // Unused by pinned particles: of the order of the spacing.
     const double radius = 0.5 * std::max({size.x, size.y, size.z}) / std::sqrt(count);
     ParticleModel model;
     for (const Vec3& p : mesh.vertices) {

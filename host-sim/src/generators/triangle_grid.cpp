@@ -6,29 +6,34 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
-#include <haptic/sim/closest_point.hpp>
+#include "haptic/sim/closest_point.hpp"
+#include "simd/aabb.hpp"
 
 namespace haptic::sim {
 namespace {
 
-constexpr double kMostCells = 96.0;  // in a row
+constexpr double kMaxCells = 96.0;  // along an axis
 constexpr double kNoCrossing = 2.0;
 
 TriangleCorners corners_of(std::span<const Vec3> vertices, const Triangle& t) {
     return {vertices[t[0]], vertices[t[1]], vertices[t[2]]};
 }
 
-/// Part of the way from `from` to `to` at which the triangle is crossed, its border included.
+/// Parameter at which the segment crosses the triangle, its border included.
 double crossing(const Vec3& from, const Vec3& to, const TriangleCorners& t, double on_plane) {
     const Vec3 normal = glm::cross(t.b - t.a, t.c - t.a);
+    // The ends must lie on different sides of the plane, the start not on it.
     const double before = glm::dot(from - t.a, normal);
     const double after = glm::dot(to - t.a, normal);
     const double limit = on_plane * glm::length(normal);
     if (std::abs(before) <= limit || before * after > 0.0 || before == after) {
         return kNoCrossing;
     }
-    const Vec3 way = to - from;
-    const auto side = [&](const Vec3& p, const Vec3& q) { return glm::dot(glm::cross(p - from, q - from), way); };
+    // Inside if the segment passes all edges on the same side (signed volumes; Ericson, section 5.3.4).
+    const Vec3 displacement = to - from;
+    const auto side = [&](const Vec3& p, const Vec3& q) {
+        return glm::dot(glm::cross(p - from, q - from), displacement);
+    };
     const double u = side(t.a, t.b);
     const double v = side(t.b, t.c);
     const double w = side(t.c, t.a);
@@ -40,23 +45,21 @@ double crossing(const Vec3& from, const Vec3& to, const TriangleCorners& t, doub
 
 TriangleGrid::TriangleGrid(std::span<const Vec3> vertices, std::span<const Triangle> triangles, double cell)
     : vertices_(vertices), triangles_(triangles) {
-    Vec3 high = low_ = vertices.empty() ? Vec3(0.0) : vertices.front();
-    for (const Vec3& v : vertices) {
-        low_ = glm::min(low_, v);
-        high = glm::max(high, v);
-    }
+    const Aabb box = vertices.empty() ? Aabb{Vec3(0.0), Vec3(0.0)} : aabb_of(vertices);
+    low_ = box.min;
     for (std::size_t k = 0; k < 3; ++k) {
-        const double width = high[static_cast<int>(k)] - low_[static_cast<int>(k)];
-        const double cells = std::clamp(std::ceil(width / cell), 1.0, kMostCells);
+        const double width = box.max[static_cast<int>(k)] - box.min[static_cast<int>(k)];
+        const double cells = std::clamp(std::ceil(width / cell), 1.0, kMaxCells);
         count_[k] = static_cast<std::size_t>(cells);
         cells_per_metre_[static_cast<int>(k)] = width > 0.0 ? cells / width : 0.0;
     }
     first_.assign(count_[0] * count_[1] * count_[2] + 1, 0);
-    // Once to count, once to fill in.
+    // Counting sort: the first pass counts the triangles of each cell, the second fills them in.
     for (const bool filling : {false, true}) {
         for (std::uint32_t t = 0; t < triangles.size(); ++t) {
             const TriangleCorners c = corners_of(vertices, triangles[t]);
-            const Cells range = cells_of(glm::min(c.a, glm::min(c.b, c.c)), glm::max(c.a, glm::max(c.b, c.c)));
+            const Aabb around = aabb_of(c.a, c.b, c.c);
+            const Cells range = cells_of(around.min, around.max);
             for (std::size_t z = range.low[2]; z <= range.high[2]; ++z) {
                 for (std::size_t y = range.low[1]; y <= range.high[1]; ++y) {
                     for (std::size_t x = range.low[0]; x <= range.high[0]; ++x) {
@@ -74,7 +77,7 @@ TriangleGrid::TriangleGrid(std::span<const Vec3> vertices, std::span<const Trian
             std::uint32_t sum = 0;
             for (std::uint32_t& slot : first_) {
                 sum += slot;
-                slot = sum;  // the end of the cell: filling goes down from it
+                slot = sum;  // end of the cell; filling counts down from it
             }
             member_.resize(sum);
         }

@@ -1,4 +1,4 @@
-// The triangles of a resting mesh in boxes of equal size, for questions about small neighbourhoods.
+// Uniform grid over the triangles of a resting mesh, for queries about small neighbourhoods.
 #pragma once
 
 #include <array>
@@ -7,21 +7,21 @@
 #include <span>
 #include <vector>
 
-#include <haptic/sim/mesh.hpp>
-#include <haptic/types.hpp>
+#include "haptic/sim/mesh.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 
 class TriangleGrid {
   public:
-    /// The vertices and triangles must outlive the grid. Boxes are about `cell` wide (m), not more than 96 in a row.
+    /// Vertices and triangles must outlive the grid. Cells are about `cell` wide, m; at most 96 along an axis.
     TriangleGrid(std::span<const Vec3> vertices, std::span<const Triangle> triangles, double cell);
 
-    /// The first crossing of the segment from `from` to `to`, as the part of the way in 0..1; 2 if there is none.
-    /// Triangles in whose plane `from` lies, to `on_plane` (m), are left out.
+    /// Parameter in 0..1 of the first crossing along the segment from `from` to `to`; 2 if there is none. Ignores
+    /// triangles whose plane is within `on_plane`, m, of `from`.
     [[nodiscard]] double first_crossing(const Vec3& from, const Vec3& to, double on_plane) const;
 
-    /// Whether some triangle comes nearer to p than `distance` (m).
+    /// Whether a triangle is nearer to p than `distance`, m.
     [[nodiscard]] bool near(const Vec3& p, double distance) const;
 
   private:
@@ -38,8 +38,8 @@ class TriangleGrid {
     Vec3 low_{0.0};
     Vec3 cells_per_metre_{0.0};
     std::array<std::size_t, 3> count_{};
-    std::vector<std::uint32_t> first_;  // per cell and one more, into member_
-    std::vector<std::uint32_t> member_;
+    std::vector<std::uint32_t> first_;   // [cell + 1], index into member_
+    std::vector<std::uint32_t> member_;  // triangles, cell by cell
 };
 
 }  // namespace haptic::sim

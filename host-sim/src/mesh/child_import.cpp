@@ -1,4 +1,4 @@
-// The child process: what it may have, and how its result comes back, through a pipe.
+// Child process of the mesh import: its resource limits, and the transfer of its result through a pipe.
 #include <fcntl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -33,20 +33,20 @@ constexpr bool kSanitized = false;
 constexpr bool kSanitized = false;
 #endif
 
-constexpr std::size_t kMostText = 1U << 16U;  // bytes, of a message or of all warnings
+constexpr std::size_t kMaxText = 1U << 16U;  // bytes, of an error message or of all warnings
 
-/// What the child says first.
+/// First record that the child writes.
 struct Header {
     std::uint64_t magic;
-    std::uint64_t vertices;   // then as many Vec3
-    std::uint64_t triangles;  // then as many Triangle
-    std::uint64_t text;       // then as many bytes: warnings, a line each, or what was thrown
-    std::uint64_t threw;      // 1: there is nothing but the text
+    std::uint64_t vertices;   // followed by this many Vec3
+    std::uint64_t triangles;  // followed by this many Triangle
+    std::uint64_t text;       // followed by this many bytes: one warning a line, or the exception's message
+    std::uint64_t threw;      // 1: only the text follows
 };
 constexpr std::uint64_t kMagic = 0x6873'656d'2d70'6168U;
 static_assert(std::is_trivially_copyable_v<Vec3> && sizeof(Vec3) == 3 * sizeof(double));
 
-/// A file descriptor that closes itself.
+/// Owns a file descriptor.
 class Descriptor {
   public:
     explicit Descriptor(int descriptor) : descriptor_(descriptor) {}
@@ -73,14 +73,14 @@ void write_all(int to, const void* data, std::size_t bytes) {
             continue;
         }
         if (written <= 0) {
-            ::_exit(1);  // the parent has gone
+            ::_exit(1);  // the parent has closed its end
         }
         from += written;
         bytes -= static_cast<std::size_t>(written);
     }
 }
 
-/// False where the other end was closed before.
+/// False if the other end was closed too early.
 bool read_all(int from, void* data, std::size_t bytes) {
     auto* to = static_cast<char*>(data);
     while (bytes > 0) {
@@ -97,24 +97,24 @@ bool read_all(int from, void* data, std::size_t bytes) {
     return true;
 }
 
-void limit(decltype(RLIMIT_AS) resource, rlim_t most) {
+void limit(decltype(RLIMIT_AS) resource, rlim_t max) {
     rlimit limits{};
     if (::getrlimit(resource, &limits) == 0) {
-        limits.rlim_cur = std::min(limits.rlim_cur, most);
+        limits.rlim_cur = std::min(limits.rlim_cur, max);
         (void)::setrlimit(resource, &limits);
     }
 }
 
-/// The life of the child.
-[[noreturn]] void live(const std::function<ImportedMesh()>& work, int to, const ChildLimits& limits) {
-    // A crash is the parent's news, not that of a handler which this process may have, and leaves no core behind.
+/// Body of the child process.
+[[noreturn]] void run_child(const std::function<ImportedMesh()>& work, int to, const ChildLimits& limits) {
+    // The parent reports a crash: remove inherited handlers, and write no core file.
     for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGXCPU, SIGPIPE}) {
         if (!kSanitized || signal == SIGXCPU || signal == SIGPIPE) {
             (void)std::signal(signal, SIG_DFL);
         }
     }
-    if (const int nowhere = kSanitized ? -1 : ::open("/dev/null", O_WRONLY | O_CLOEXEC); nowhere >= 0) {
-        (void)::dup2(nowhere, STDERR_FILENO);  // assimp's assertions are of no use to a user
+    if (const int null_device = kSanitized ? -1 : ::open("/dev/null", O_WRONLY | O_CLOEXEC); null_device >= 0) {
+        (void)::dup2(null_device, STDERR_FILENO);  // hides assimp's assertion messages
     }
     limit(RLIMIT_CORE, 0);
     limit(RLIMIT_CPU, limits.cpu_s);
@@ -131,15 +131,15 @@ void limit(decltype(RLIMIT_AS) resource, rlim_t most) {
         }
     } catch (const std::bad_alloc&) {
         header.threw = 1;
-        text = "takes more than " + std::to_string(limits.memory_bytes >> 20U) + " MiB of memory";
+        text = "needs more than " + std::to_string(limits.memory_bytes >> 20U) + " MiB of memory";
     } catch (const std::exception& error) {
         header.threw = 1;
         text = error.what();
     } catch (...) {
         header.threw = 1;
-        text = "assimp threw something unknown";
+        text = "assimp threw an unknown exception";
     }
-    text.resize(std::min(text.size(), kMostText));
+    text.resize(std::min(text.size(), kMaxText));
     header.text = text.size();
     if (header.threw == 0) {
         header.vertices = mesh.vertices.size();
@@ -149,14 +149,14 @@ void limit(decltype(RLIMIT_AS) resource, rlim_t most) {
     write_all(to, text.data(), text.size());
     write_all(to, mesh.vertices.data(), header.vertices * sizeof(Vec3));
     write_all(to, mesh.triangles.data(), header.triangles * sizeof(Triangle));
-    ::_exit(0);  // nothing of the parent's is destroyed or flushed twice
+    ::_exit(0);  // without destructors and flushing, which belong to the parent
 }
 
-/// What the child says, believed no more than its limits allow. False where it said less than it announced.
-bool listen(int from, const ImportRequest& request, ImportedMesh& mesh, std::string& thrown) {
+/// Receives the child's result, within the limits of the request. False if less arrives than announced.
+bool receive(int from, const ImportRequest& request, ImportedMesh& mesh, std::string& thrown) {
     Header header{};
-    if (!read_all(from, &header, sizeof header) || header.magic != kMagic || header.text > kMostText ||
-        header.vertices > request.most_vertices || header.triangles > request.most_triangles) {
+    if (!read_all(from, &header, sizeof header) || header.magic != kMagic || header.text > kMaxText ||
+        header.vertices > request.max_vertices || header.triangles > request.max_triangles) {
         return false;
     }
     std::string text(header.text, '\0');
@@ -164,7 +164,7 @@ bool listen(int from, const ImportRequest& request, ImportedMesh& mesh, std::str
         return false;
     }
     if (header.threw != 0) {
-        thrown = text.empty() ? "assimp says nothing" : text;
+        thrown = text.empty() ? "assimp gives no reason" : text;
         return true;
     }
     mesh.vertices.resize(header.vertices);
@@ -181,24 +181,24 @@ bool listen(int from, const ImportRequest& request, ImportedMesh& mesh, std::str
     return true;
 }
 
-/// Waits for the child's end; how it died, or nothing where it ended by itself.
-std::string bury(pid_t child, const ChildLimits& limits) {
+/// Waits for the child. Returns a description of how it died, or nothing if it exited normally.
+std::string wait_for(pid_t child, const ChildLimits& limits) {
     int status = 0;
     while (::waitpid(child, &status, 0) < 0) {
         if (errno != EINTR) {
-            return {};  // somebody else has waited for it; what it said counts
+            return {};  // already reaped elsewhere: rely on its result
         }
     }
     if (WIFSIGNALED(status)) {
         const int signal = WTERMSIG(status);
         if (signal == SIGXCPU || signal == SIGKILL) {
-            return "was given up after " + std::to_string(limits.cpu_s) + " s of computing, or for want of memory";
+            return "was given up after " + std::to_string(limits.cpu_s) + " s of CPU time, or for lack of memory";
         }
         return "broke assimp (signal " + std::to_string(signal) +
-               "): it is malformed in a way that assimp does not notice";
+               "): the file is malformed in a way that assimp does not detect";
     }
     return WEXITSTATUS(status) == 0 ? std::string()
-                                    : "broke assimp: it is malformed in a way that assimp does not notice";
+                                    : "broke assimp: the file is malformed in a way that assimp does not detect";
 }
 
 }  // namespace
@@ -207,35 +207,35 @@ ImportedMesh in_child(const std::function<ImportedMesh()>& work, const ImportReq
                       const ChildLimits& limits) {
     std::array<int, 2> ends{};
     if (::pipe2(ends.data(), O_CLOEXEC) != 0) {
-        throw std::runtime_error("no pipe to a child process: " + std::system_category().message(errno));
+        throw std::runtime_error("cannot create a pipe to a child process: " + std::system_category().message(errno));
     }
     Descriptor from(ends[0]);
     Descriptor to(ends[1]);
     const pid_t child = ::fork();
     if (child < 0) {
-        throw std::runtime_error("no child process to read it in: " + std::system_category().message(errno));
+        throw std::runtime_error("cannot create a child process: " + std::system_category().message(errno));
     }
     if (child == 0) {
-        live(work, to.get(), limits);
+        run_child(work, to.get(), limits);
     }
     to.close();
     ImportedMesh mesh;
     std::string thrown;
-    bool whole = false;
+    bool complete = false;
     try {
-        whole = listen(from.get(), request, mesh, thrown);
+        complete = receive(from.get(), request, mesh, thrown);
     } catch (...) {
         from.close();
-        (void)bury(child, limits);
+        (void)wait_for(child, limits);
         throw;
     }
-    from.close();  // a child that still writes ends by it
-    const std::string death = bury(child, limits);
+    from.close();  // ends a child that is still writing
+    const std::string death = wait_for(child, limits);
     if (!death.empty()) {
         throw std::runtime_error(death);
     }
-    if (!whole) {
-        throw std::runtime_error("broke assimp: what came back is not what was announced");
+    if (!complete) {
+        throw std::runtime_error("broke assimp: the result is not what was announced");
     }
     if (!thrown.empty()) {
         throw std::runtime_error(thrown);

@@ -1,10 +1,9 @@
-#include <haptic/sim/mesh_check.hpp>
+#include "haptic/sim/mesh_check.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <limits>
 #include <optional>
@@ -12,16 +11,17 @@
 #include <utility>
 
 #include "mesh/mesh_topology.hpp"
+#include "simd/aabb.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// Beyond this no scene is meant, and squares of lengths stay far from overflow.
-constexpr double kFarthest = 1e6;  // m
-// Height of a triangle by its longest side, below which its corners are on a line: some roundings of 32 bits.
-constexpr double kLeastHeight = 1e-6;
-// Volume by the cube of the box's diagonal, below which nothing is enclosed.
-constexpr double kLeastVolume = 1e-12;
+// Largest coordinate; squares of lengths stay far from overflow.
+constexpr double kMaxCoordinate = 1e6;  // m
+// Ratio of height to longest side below which corners count as collinear: a few roundings of 32 bits.
+constexpr double kMinHeight = 1e-6;
+// Ratio of volume to the cube of the box's diagonal below which nothing is enclosed.
+constexpr double kMinVolume = 1e-12;
 
 std::string counted(std::size_t count, const std::string& singular, const std::string& plural) {
     return std::to_string(count) + " " + (count == 1 ? singular : plural);
@@ -36,12 +36,12 @@ class Checker {
     CheckedMesh check() {
         report_.vertices_given = given_vertices_.size();
         report_.triangles_given = given_triangles_.size();
-        refuse_what_is_too_large();
-        refuse_what_is_no_number();
-        refuse_what_is_no_index();
+        refuse_too_large();
+        refuse_non_finite_vertices();
+        refuse_bad_indices();
         weld_and_collapse();
-        leave_out_duplicates();
-        leave_out_unused();
+        remove_duplicates();
+        remove_unused_vertices();
         measure_triangles();
         orient_and_close();
         describe();
@@ -53,66 +53,64 @@ class Checker {
   private:
     [[noreturn]] void refuse(const std::string& problem) const { throw MeshError(name_ + ": " + problem); }
 
-    /// A triangle as it was given.
+    /// Names a triangle of the input.
     [[nodiscard]] std::string given(std::size_t triangle) const {
         const auto& [a, b, c] = given_triangles_[triangle];
         return "triangle " + std::to_string(triangle) + " (vertices " + std::to_string(a) + ", " + std::to_string(b) +
                ", " + std::to_string(c) + ")";
     }
 
-    /// One that was kept, as it was given.
+    /// Names a kept triangle by its number in the input.
     [[nodiscard]] std::string kept(std::size_t triangle) const { return given(source_[triangle]); }
 
     void warn(const std::string& text) { report_.warnings.push_back(text); }
 
-    void refuse_what_is_too_large() const {
+    void refuse_too_large() const {
         if (given_triangles_.empty()) {
-            refuse("has no triangles; points and lines alone cannot be felt");
+            refuse("has no triangles; points and lines alone have no surface to touch");
         }
-        if (given_triangles_.size() > settings_.most_triangles) {
+        if (given_triangles_.size() > settings_.max_triangles) {
             refuse("has " + std::to_string(given_triangles_.size()) + " triangles, more than the " +
-                   std::to_string(settings_.most_triangles) + " that are allowed; simplify it first");
+                   std::to_string(settings_.max_triangles) + " allowed; simplify the mesh first");
         }
-        if (given_vertices_.size() > settings_.most_vertices) {
+        if (given_vertices_.size() > settings_.max_vertices) {
             refuse("has " + std::to_string(given_vertices_.size()) + " vertices, more than the " +
-                   std::to_string(settings_.most_vertices) + " that are allowed; simplify it first");
+                   std::to_string(settings_.max_vertices) + " allowed; simplify the mesh first");
         }
     }
 
-    void refuse_what_is_no_number() const {
+    void refuse_non_finite_vertices() const {
         for (std::size_t i = 0; i < given_vertices_.size(); ++i) {
             const Vec3& v = given_vertices_[i];
             if (!std::isfinite(v.x) || !std::isfinite(v.y) || !std::isfinite(v.z)) {
-                refuse("vertex " + std::to_string(i) + " has a coordinate that is no finite number");
+                refuse("vertex " + std::to_string(i) + " has a coordinate that is not a finite number");
             }
-            if (std::max({std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}) > kFarthest) {
+            if (std::max({std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}) > kMaxCoordinate) {
                 refuse("vertex " + std::to_string(i) + " is more than 1000 km away; is the scale right?");
             }
         }
     }
 
-    void refuse_what_is_no_index() const {
+    void refuse_bad_indices() const {
         for (std::size_t t = 0; t < given_triangles_.size(); ++t) {
             if (*std::max_element(given_triangles_[t].begin(), given_triangles_[t].end()) >= given_vertices_.size()) {
-                refuse(given(t) + " has a vertex that is not there; there are " +
+                refuse(given(t) + " refers to a vertex that does not exist; the number of vertices is " +
                        std::to_string(given_vertices_.size()));
             }
         }
     }
 
-    /// Merges vertices, and leaves out the triangles that have an edge less by it.
+    /// Merges vertices and removes the triangles that lose an edge by it.
     void weld_and_collapse() {
-        Vec3 low(std::numeric_limits<double>::infinity());
-        Vec3 high(-std::numeric_limits<double>::infinity());
+        Aabb box;
         for (const Triangle& triangle : given_triangles_) {
             for (const std::uint32_t i : triangle) {
-                low = glm::min(low, given_vertices_[i]);
-                high = glm::max(high, given_vertices_[i]);
+                box.extend(given_vertices_[i]);
             }
         }
-        report_.low = low;
-        report_.high = high;
-        diagonal_ = glm::length(high - low);
+        report_.low = box.min;
+        report_.high = box.max;
+        diagonal_ = glm::length(box.size());
         const std::vector<std::uint32_t> representative = weld(given_vertices_, settings_.weld_tolerance * diagonal_);
         for (std::uint32_t i = 0; i < representative.size(); ++i) {
             report_.welded += representative[i] != i ? 1U : 0U;
@@ -132,16 +130,17 @@ class Checker {
         }
         if (first) {
             warn(counted(report_.collapsed, "triangle has", "triangles have") +
-                 " two corners at one place and is left out; the first is " + given(*first));
+                 " two corners in the same position; removed; the first is " + given(*first));
         }
         if (mesh_.triangles.empty()) {
-            refuse("has no triangle with an area; " + given(0) + " has two corners at one place");
+            refuse("has no triangle with an area; " + given(0) + " has two corners in the same position");
         }
     }
 
-    /// Of triangles with the same corners in the same sense, the first stays. Those in the opposite sense are the other
-    /// face of a double-faced sheet.
-    void leave_out_duplicates() {
+    /// Keeps the first of triangles with the same corners and winding. Opposite winding makes the other face of a
+    /// double-faced sheet.
+    void remove_duplicates() {
+        // Sort by the set of corners, then by winding: even or odd permutation of the sorted corners.
         struct Key {
             Triangle corners;
             bool odd;
@@ -160,6 +159,7 @@ class Checker {
         std::sort(keys.begin(), keys.end(), [](const Key& a, const Key& b) {
             return std::tie(a.corners, a.odd, a.triangle) < std::tie(b.corners, b.odd, b.triangle);
         });
+        // Equal neighbours are duplicates; those that differ only in winding are paired as twins.
         std::vector<std::uint8_t> is_duplicate(mesh_.triangles.size(), 0);
         std::vector<std::uint32_t> twin(mesh_.triangles.size(), kNone);
         const Key* last = nullptr;
@@ -174,10 +174,10 @@ class Checker {
             }
             last = &key;
         }
-        keep_those_without(is_duplicate, twin);
+        remove_marked(is_duplicate, twin);
     }
 
-    void keep_those_without(const std::vector<std::uint8_t>& is_duplicate, const std::vector<std::uint32_t>& twin) {
+    void remove_marked(const std::vector<std::uint8_t>& is_duplicate, const std::vector<std::uint32_t>& twin) {
         std::size_t kept_count = 0;
         std::optional<std::size_t> first;
         in_sheet_.clear();
@@ -199,31 +199,31 @@ class Checker {
         source_.resize(kept_count);
         if (first) {
             warn(counted(report_.duplicates, "triangle has", "triangles have") +
-                 " the corners of one before and is left out; the first is " + given(*first));
+                 " the same corners as an earlier one; removed; the first is " + given(*first));
         }
     }
 
-    void leave_out_unused() {
-        std::vector<std::uint32_t> place(given_vertices_.size(), kNone);
+    void remove_unused_vertices() {
+        std::vector<std::uint32_t> new_index(given_vertices_.size(), kNone);
         for (const Triangle& triangle : mesh_.triangles) {
             for (const std::uint32_t i : triangle) {
-                place[i] = 0;
+                new_index[i] = 0;
             }
         }
-        for (std::uint32_t i = 0; i < place.size(); ++i) {
-            if (place[i] != kNone) {
-                place[i] = static_cast<std::uint32_t>(mesh_.vertices.size());
+        for (std::uint32_t i = 0; i < new_index.size(); ++i) {
+            if (new_index[i] != kNone) {
+                new_index[i] = static_cast<std::uint32_t>(mesh_.vertices.size());
                 mesh_.vertices.push_back(given_vertices_[i]);
             }
         }
         report_.unused = given_vertices_.size() - report_.welded - mesh_.vertices.size();
         for (Triangle& triangle : mesh_.triangles) {
             for (std::uint32_t& i : triangle) {
-                i = place[i];
+                i = new_index[i];
             }
         }
         if (report_.unused > 0) {
-            warn(counted(report_.unused, "vertex belongs", "vertices belong") + " to no triangle and is left out");
+            warn(counted(report_.unused, "vertex belongs", "vertices belong") + " to no triangle; removed");
         }
     }
 
@@ -242,7 +242,7 @@ class Checker {
                                                         mesh_.vertices[mesh_.triangles[t][i]]));
             }
             report_.area += 0.5 * area;
-            if (!(area > kLeastHeight * longest * longest)) {
+            if (!(area > kMinHeight * longest * longest)) {
                 ++report_.degenerate;
                 first = first.value_or(t);
             }
@@ -252,14 +252,15 @@ class Checker {
         }
         if (first) {
             warn(counted(report_.degenerate, "triangle has", "triangles have") +
-                 " its corners on a line; it is kept, because its neighbours would not meet without it; the first is " +
+                 " collinear corners; kept, because removal would separate the neighbours; the first is " +
                  kept(*first));
         }
     }
 
-    void turn_over(std::size_t triangle) { std::swap(mesh_.triangles[triangle][1], mesh_.triangles[triangle][2]); }
+    void reverse(std::size_t triangle) { std::swap(mesh_.triangles[triangle][1], mesh_.triangles[triangle][2]); }
 
     void orient_and_close() {
+        // Edges and vertices where the mesh is not a manifold.
         std::vector<detail::Side> sides = detail::sorted_sides(mesh_.triangles, in_sheet_);
         describe_edges(sides);
         const detail::Fans fans = detail::count_fans(mesh_.triangles, in_sheet_, sides, mesh_.vertices.size());
@@ -272,22 +273,24 @@ class Checker {
         }
         report_.components = detail::count_parts(mesh_.triangles, mesh_.vertices.size());
 
+        // Reverse the triangles that disagree with the majority of their part. Faces of sheets have both windings
+        // already.
         const detail::Orientation orientation = detail::orient(mesh_.triangles.size(), sides);
         report_.orientable = orientation.orientable;
         if (!orientation.orientable) {
-            warn("the surface has one side only, like a Möbius strip: it has no inside");
+            warn("the surface has one side only, like a Möbius strip, and no inside");
         }
         std::optional<std::size_t> first;
         for (std::size_t t = 0; orientation.orientable && t < mesh_.triangles.size(); ++t) {
             if (orientation.flip[t] != 0 && is_paired_[t] == 0) {
-                turn_over(t);
+                reverse(t);
                 ++report_.flipped;
                 first = first.value_or(t);
             }
         }
         if (first) {
-            warn(counted(report_.flipped, "triangle looks", "triangles look") +
-                 " to another side than its neighbours and is turned over; the first is " + kept(*first));
+            warn(counted(report_.flipped, "triangle was", "triangles were") +
+                 " oriented against the neighbours and reversed; the first is " + kept(*first));
         }
         close();
     }
@@ -306,17 +309,17 @@ class Checker {
         });
         if (crowded) {
             warn(counted(report_.crowded_edges, "edge has", "edges have") +
-                 " more than two triangles: no surface, but it can be felt; the first such triangle is " +
+                 " more than two triangles: not a manifold, but it can be touched; the first such triangle is " +
                  kept(*crowded));
         }
         if (boundary && report_.double_faced < mesh_.triangles.size() - report_.double_faced) {
-            warn("it is open: " + counted(report_.boundary_edges, "edge has", "edges have") +
+            warn("the mesh is open: " + counted(report_.boundary_edges, "edge has", "edges have") +
                  " one triangle only, the first is " + kept(*boundary) + "; it has no inside");
         }
     }
 
-    /// Closed: every edge is gone through as often one way as the other, and something is enclosed. The two faces of a
-    /// sheet cancel and are left out.
+    /// Determines whether the mesh is closed: every edge is traversed equally often in both directions, and the
+    /// enclosed volume is not 0. The two faces of a sheet cancel and do not count.
     void close() {
         std::vector<std::uint8_t> counts(mesh_.triangles.size());
         std::transform(is_paired_.begin(), is_paired_.end(), counts.begin(),
@@ -332,6 +335,7 @@ class Checker {
         if (!balanced) {
             return;
         }
+        // Divergence theorem: sum of signed tetrahedra, relative to the middle for accuracy.
         const Vec3 middle = 0.5 * (report_.low + report_.high);
         double volume = 0.0;
         for (std::size_t t = 0; t < mesh_.triangles.size(); ++t) {
@@ -340,7 +344,7 @@ class Checker {
                     glm::dot(mesh_.vertices[mesh_.triangles[t][0]] - middle, twice_area(mesh_.triangles[t])) / 6.0;
             }
         }
-        report_.closed = std::fabs(volume) > kLeastVolume * diagonal_ * diagonal_ * diagonal_;
+        report_.closed = std::fabs(volume) > kMinVolume * diagonal_ * diagonal_ * diagonal_;
         mesh_.closed = report_.closed;
         if (!report_.closed) {
             return;
@@ -350,17 +354,17 @@ class Checker {
             report_.turned = true;
             for (std::size_t t = 0; t < mesh_.triangles.size(); ++t) {
                 if (counts[t] != 0) {
-                    turn_over(t);
+                    reverse(t);
                 }
             }
-            warn("it was inside out: every triangle is turned over");
+            warn("the mesh was inside out; every triangle was reversed");
         }
     }
 
-    /// What needs no naming of elements.
+    /// Adds the warnings about the mesh as a whole.
     void describe() {
         if (report_.components > 1) {
-            warn("it has " + std::to_string(report_.components) + " parts that share no vertex");
+            warn("the mesh has " + std::to_string(report_.components) + " parts that share no vertex");
         }
     }
 
@@ -375,9 +379,9 @@ class Checker {
     TriangleMesh mesh_;
     MeshReport report_;
     // Per triangle kept.
-    std::vector<std::uint32_t> source_;    // its number as it was given
+    std::vector<std::uint32_t> source_;    // number in the input
     std::vector<std::uint8_t> in_sheet_;   // 0: the second face of a pair
-    std::vector<std::uint8_t> is_paired_;  // 1: it is one of a pair
+    std::vector<std::uint8_t> is_paired_;  // 1: one of a pair
 };
 
 }  // namespace
@@ -386,8 +390,8 @@ void MeshCheckSettings::check() const {
     if (!(weld_tolerance >= 0.0) || weld_tolerance > 0.01) {
         throw std::invalid_argument("mesh: weld_tolerance must be 0 to 0.01 of the diagonal");
     }
-    if (most_triangles < 1 || most_triangles > 100'000'000 || most_vertices < 3 || most_vertices > 300'000'000) {
-        throw std::invalid_argument("mesh: at most 100 million triangles and 300 million vertices can be allowed");
+    if (max_triangles < 1 || max_triangles > 100'000'000 || max_vertices < 3 || max_vertices > 300'000'000) {
+        throw std::invalid_argument("mesh: max_triangles must be 1 to 100 million, max_vertices 3 to 300 million");
     }
 }
 

@@ -1,4 +1,4 @@
-#include <haptic/sim/mesh_file.hpp>
+#include "haptic/sim/mesh_file.hpp"
 
 #include <unistd.h>
 
@@ -37,7 +37,7 @@ std::string_view as_text(std::span<const std::byte> bytes) {
     return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// A little-endian number; 0 where there are too few bytes.
+/// Little-endian number at `at`; 0 if the bytes end before.
 std::uint32_t u32_at(std::span<const std::byte> bytes, std::size_t at) {
     std::uint32_t value = 0;
     for (std::size_t i = 0; at + 4 <= bytes.size() && i < 4; ++i) {
@@ -46,15 +46,15 @@ std::uint32_t u32_at(std::span<const std::byte> bytes, std::size_t at) {
     return value;
 }
 
-// Bytes of a binary STL file: before the first facet, and of each.
+// Binary STL: bytes of the header and of each facet.
 constexpr std::size_t kStlHeader = 84;
 constexpr std::size_t kStlFacet = 50;
-constexpr std::size_t kLongestPlyHeader = 1U << 16U;
+constexpr std::size_t kMaxPlyHeader = 1U << 16U;
 constexpr std::size_t kGlbHeader = 12;
 constexpr std::size_t kGlbChunkHeader = 8;
 
-// What a file says of itself is held against its size before assimp believes it. Each returns what is wrong, or
-// nothing.
+// Consistency of a file's own claims with its size, checked before assimp trusts them. Each function returns a
+// description of the contradiction, or nothing.
 
 std::string contradiction_in_stl(std::span<const std::byte> bytes, const MeshCheckSettings& limits) {
     const std::size_t count = u32_at(bytes, kStlHeader - 4);
@@ -63,18 +63,18 @@ std::string contradiction_in_stl(std::span<const std::byte> bytes, const MeshChe
         return {};
     }
     if (bytes.size() < kStlHeader) {
-        return "is no STL file: it is shorter than the header of a binary one, and does not begin with \"solid\"";
+        return "is not an STL file: it is shorter than the header of a binary one and does not begin with \"solid\"";
     }
     if (!exact) {
-        return "says that it has " + std::to_string(count) + " triangles, but has " + std::to_string(bytes.size()) +
+        return "claims to have " + std::to_string(count) + " triangles, but has " + std::to_string(bytes.size()) +
                " bytes in place of " + std::to_string(kStlHeader + kStlFacet * count);
     }
-    return count > limits.most_triangles ? "has " + std::to_string(count) + " triangles, more than the " +
-                                               std::to_string(limits.most_triangles) + " that are allowed"
-                                         : std::string();
+    return count > limits.max_triangles ? "has " + std::to_string(count) + " triangles, more than the " +
+                                              std::to_string(limits.max_triangles) + " allowed"
+                                        : std::string();
 }
 
-/// Lines that have something in them.
+/// Number of non-blank lines.
 std::size_t count_lines(std::string_view text) {
     std::size_t count = 0;
     bool has_something = false;
@@ -86,8 +86,8 @@ std::size_t count_lines(std::string_view text) {
     return count + (has_something ? 1U : 0U);
 }
 
-/// Bytes before the line end_header; npos where there is no such line. assimp takes the word within another line for
-/// one half the way, and then runs into anything.
+/// Bytes before the line end_header; npos without such a line. assimp accepts the word within another line and then
+/// reads out of bounds.
 std::size_t ply_header(std::string_view text) {
     constexpr std::string_view word = "end_header";
     for (std::size_t at = text.find(word); at != std::string_view::npos; at = text.find(word, at + 1)) {
@@ -101,9 +101,9 @@ std::size_t ply_header(std::string_view text) {
 }
 
 std::string contradiction_in_ply(std::span<const std::byte> bytes) {
-    const std::string_view head = as_text(bytes).substr(0, kLongestPlyHeader);
+    const std::string_view head = as_text(bytes).substr(0, kMaxPlyHeader);
     if (!head.starts_with("ply")) {
-        return "is no PLY file: it does not begin with \"ply\"";
+        return "is not a PLY file: it does not begin with \"ply\"";
     }
     const std::size_t header = ply_header(head);
     if (header == std::string_view::npos) {
@@ -122,11 +122,11 @@ std::string contradiction_in_ply(std::span<const std::byte> bytes) {
         }
         std::uint64_t count = 0;
         const auto [end, error] = std::from_chars(line.data() + last + 1, line.data() + line.size(), count);
-        // Each takes a line of text, or a byte at least. assimp would look for a missing line for ever.
+        // Each element takes a line of text, or at least a byte. assimp searches for a missing line for ever.
         if (error != std::errc() || end == line.data() + last + 1 || count > room - total) {
-            return "says \"" + std::string(line.substr(0, 80)) + "\", but has room for " + std::to_string(room) +
-                   (is_text ? " lines after its header" : " bytes") + (total > 0 ? " in all" : "") +
-                   "; is the file whole?";
+            return "declares \"" + std::string(line.substr(0, 80)) + "\", but has room for " + std::to_string(room) +
+                   (is_text ? " lines after its header" : " bytes") + (total > 0 ? " in total" : "") +
+                   "; is the file complete?";
         }
         total += count;
     }
@@ -135,19 +135,18 @@ std::string contradiction_in_ply(std::span<const std::byte> bytes) {
 
 std::string contradiction_in_glb(std::span<const std::byte> bytes) {
     if (bytes.size() < kGlbHeader + kGlbChunkHeader || !as_text(bytes).starts_with("glTF")) {
-        return "is no binary glTF file: it does not begin with \"glTF\"";
+        return "is not a binary glTF file: it does not begin with \"glTF\"";
     }
     if (u32_at(bytes, 4) != 2) {
-        return "is glTF " + std::to_string(u32_at(bytes, 4)) + "; only glTF 2 is understood";
+        return "is glTF " + std::to_string(u32_at(bytes, 4)) + "; only glTF 2 is supported";
     }
     if (u32_at(bytes, 8) != bytes.size()) {
-        return "says that it has " + std::to_string(u32_at(bytes, 8)) + " bytes, but has " +
-               std::to_string(bytes.size());
+        return "claims to have " + std::to_string(u32_at(bytes, 8)) + " bytes, but has " + std::to_string(bytes.size());
     }
     for (std::size_t at = kGlbHeader; at < bytes.size();) {
         const std::size_t length = u32_at(bytes, at);
         if (bytes.size() - at < kGlbChunkHeader || bytes.size() - at - kGlbChunkHeader < length) {
-            return "has a chunk at byte " + std::to_string(at) + " that is longer than the file";
+            return "has a chunk at byte " + std::to_string(at) + " that extends beyond the end of the file";
         }
         at += kGlbChunkHeader + length;
     }
@@ -169,18 +168,18 @@ std::string contradiction_in(std::span<const std::byte> bytes, MeshFormat format
     return {};
 }
 
-/// The bytes of a regular file; a pipe or a device would keep us waiting.
-std::vector<std::byte> read_bytes(const std::filesystem::path& file, std::size_t most) {
+/// Reads a regular file. Refuses pipes and devices, which could block.
+std::vector<std::byte> read_bytes(const std::filesystem::path& file, std::size_t max_bytes) {
     std::error_code error;
     if (!std::filesystem::is_regular_file(file, error)) {
-        throw MeshError(file.string() + ": " + (error ? error.message() : "is no file"));
+        throw MeshError(file.string() + ": " + (error ? error.message() : "is not a regular file"));
     }
     const std::uintmax_t size = std::filesystem::file_size(file, error);
-    if (error || size > most) {
+    if (error || size > max_bytes) {
         throw MeshError(file.string() + ": " +
                         (error ? error.message()
-                               : "has " + std::to_string(size) + " bytes, more than the " + std::to_string(most) +
-                                     " that are allowed; simplify it first"));
+                               : "has " + std::to_string(size) + " bytes, more than the " + std::to_string(max_bytes) +
+                                     " allowed; simplify the mesh first"));
     }
     std::vector<std::byte> bytes(static_cast<std::size_t>(size));
     std::ifstream in(file, std::ios::binary);
@@ -194,9 +193,8 @@ std::vector<std::byte> read_bytes(const std::filesystem::path& file, std::size_t
 CheckedMesh parse(std::span<const std::byte> bytes, MeshFormat format, const std::string& name,
                   const std::filesystem::path& folder, const MeshFileSettings& settings) {
     settings.validate();
-    if (bytes.size() > settings.most_bytes) {
-        throw MeshError(name + ": has more than the " + std::to_string(settings.most_bytes) +
-                        " bytes that are allowed");
+    if (bytes.size() > settings.max_bytes) {
+        throw MeshError(name + ": has more than the " + std::to_string(settings.max_bytes) + " bytes allowed");
     }
     if (bytes.empty()) {
         throw MeshError(name + ": is empty");
@@ -205,12 +203,13 @@ CheckedMesh parse(std::span<const std::byte> bytes, MeshFormat format, const std
     if (!contradiction.empty()) {
         throw MeshError(name + ": " + contradiction);
     }
+    // assimp runs in a child process with limits.
     const detail::ImportRequest request{
-        bytes, format, folder, settings.most_bytes, settings.check.most_vertices, settings.check.most_triangles};
+        bytes, format, folder, settings.max_bytes, settings.check.max_vertices, settings.check.max_triangles};
     detail::ImportedMesh imported;
     try {
         imported =
-            detail::in_child([&] { return detail::import_mesh(request); }, request, {.cpu_s = settings.most_seconds});
+            detail::in_child([&] { return detail::import_mesh(request); }, request, {.cpu_s = settings.max_seconds});
     } catch (const std::runtime_error& error) {
         throw MeshError(name + ": " + error.what());
     }
@@ -223,6 +222,7 @@ CheckedMesh parse(std::span<const std::byte> bytes, MeshFormat format, const std
     return checked;
 }
 
+/// Shortest text that reads back as the same double.
 std::string shortest(double value) {
     std::array<char, 32> digits{};
     return {digits.data(), std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr};
@@ -255,8 +255,8 @@ void MeshFileSettings::validate() const {
     if (!(scale >= 1e-6) || !(scale <= 1e6)) {
         throw std::invalid_argument("mesh: scale must be 1e-6 to 1e6 m per unit of the file");
     }
-    if (most_seconds < 1 || most_seconds > 3600) {
-        throw std::invalid_argument("mesh: assimp may be allowed 1 to 3600 s");
+    if (max_seconds < 1 || max_seconds > 3600) {
+        throw std::invalid_argument("mesh: max_seconds must be 1 to 3600");
     }
     check.check();
 }
@@ -268,13 +268,13 @@ MeshFormat mesh_format(const std::filesystem::path& file) {
             return format;
         }
     }
-    throw MeshError(file.string() + ": mesh files end in " + std::string(kKnownFormats));
+    throw MeshError(file.string() + ": not a mesh file; known extensions are " + std::string(kKnownFormats));
 }
 
 CheckedMesh read_mesh(const std::filesystem::path& file, const MeshFileSettings& settings) {
     settings.validate();
     const MeshFormat format = mesh_format(file);
-    const std::vector<std::byte> bytes = read_bytes(file, settings.most_bytes);
+    const std::vector<std::byte> bytes = read_bytes(file, settings.max_bytes);
     const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
     return parse(bytes, format, file.string(), folder, settings);
 }
@@ -302,7 +302,7 @@ void write_mesh(const std::filesystem::path& file, const TriangleMesh& mesh) {
         out.close();
         if (!out) {
             std::filesystem::remove(temporary, error);
-            throw MeshError(file.string() + ": cannot be written; does its folder exist, and is there room?");
+            throw MeshError(file.string() + ": cannot be written; does its folder exist, and is the disk full?");
         }
     }
     std::filesystem::rename(temporary, file, error);

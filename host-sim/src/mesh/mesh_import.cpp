@@ -22,10 +22,10 @@
 namespace haptic::sim::detail {
 namespace {
 
-/// How assimp calls the importer of a format: of all that it has, only this one is left to look at the bytes.
+/// Name of assimp's importer for a format, and of the file that it is told to read.
 struct FormatName {
     const char* importer;
-    const char* file;  // the name that the bytes get
+    const char* file;  // name given to the bytes in memory
 };
 
 FormatName name_of(MeshFormat format) {
@@ -44,17 +44,17 @@ FormatName name_of(MeshFormat format) {
     throw std::runtime_error("unknown format");
 }
 
-/// A file that was read whole.
+/// A file read completely into memory.
 class OwnedStream final : public Assimp::MemoryIOStream {
   public:
     explicit OwnedStream(std::vector<std::uint8_t> bytes)
         : MemoryIOStream(bytes.data(), bytes.size()), bytes_(std::move(bytes)) {}
 
   private:
-    std::vector<std::uint8_t> bytes_;  // moved, its elements stay where they are
+    std::vector<std::uint8_t> bytes_;  // the base class points to the elements, which a move keeps
 };
 
-/// The files that assimp may open: the one in memory, and those in its folder that it refers to.
+/// The files that assimp may open: the one in memory, and for .gltf those in its folder.
 class Files final : public Assimp::IOSystem {
   public:
     Files(const ImportRequest& request, std::string name) : request_(request), name_(std::move(name)) {}
@@ -74,7 +74,7 @@ class Files final : public Assimp::IOSystem {
         const std::filesystem::path path = inside(file);
         std::error_code error;
         const std::uintmax_t size = path.empty() ? 0 : std::filesystem::file_size(path, error);
-        if (path.empty() || error || size > request_.most_bytes - read_) {
+        if (path.empty() || error || size > request_.max_bytes - read_) {
             return nullptr;
         }
         read_ += static_cast<std::size_t>(size);
@@ -85,7 +85,7 @@ class Files final : public Assimp::IOSystem {
     }
 
   private:
-    /// Where a file is that may be read; empty for any other. Links that lead out of the folder do not help.
+    /// Path of a file that may be read; empty for any other, also for links that lead out of the folder.
     [[nodiscard]] std::filesystem::path inside(const char* file) const {
         if (request_.folder.empty() || request_.format != MeshFormat::Gltf) {
             return {};
@@ -102,20 +102,20 @@ class Files final : public Assimp::IOSystem {
 
     const ImportRequest& request_;
     std::string name_;
-    std::size_t read_ = 0;  // bytes, of all files but the first
+    std::size_t read_ = 0;  // bytes, of all files except the first
 };
 
-/// Leaves the importer of the format only; assimp would let each of its fifty guess.
+/// Removes all other importers, so that assimp does not guess the format.
 void keep_only(Assimp::Importer& importer, const char* name) {
     for (std::size_t i = importer.GetImporterCount(); i > 0; --i) {
         const aiImporterDesc* description = importer.GetImporterInfo(i - 1);
         if (description == nullptr || std::string_view(description->mName) != name) {
             Assimp::BaseImporter* other = importer.GetImporter(i - 1);
-            (void)importer.UnregisterLoader(other);  // and leaves it to the caller, whose process ends soon
+            (void)importer.UnregisterLoader(other);  // not deleted: the process ends soon
         }
     }
     if (importer.GetImporterCount() != 1) {
-        throw std::runtime_error("this assimp has no \"" + std::string(name) + "\"");
+        throw std::runtime_error("this version of assimp has no \"" + std::string(name) + "\"");
     }
 }
 
@@ -125,7 +125,7 @@ Mat4 to_matrix(const aiMatrix4x4& m) {
     return {{m.a1, m.b1, m.c1, m.d1}, {m.a2, m.b2, m.c2, m.d2}, {m.a3, m.b3, m.c3, m.d3}, {m.a4, m.b4, m.c4, m.d4}};
 }
 
-/// Collects the triangles of a scene, each where its node puts it.
+/// Collects the triangles of a scene, transformed by its nodes.
 class Collector {
   public:
     explicit Collector(const ImportRequest& request) : request_(request) {}
@@ -138,14 +138,14 @@ class Collector {
             if (node == nullptr) {
                 continue;
             }
-            const Mat4 placed = parent * to_matrix(node->mTransformation);
+            const Mat4 transform = parent * to_matrix(node->mTransformation);
             for (unsigned i = 0; i < node->mNumMeshes; ++i) {
                 if (node->mMeshes[i] < scene.mNumMeshes) {
-                    add(*scene.mMeshes[node->mMeshes[i]], placed);
+                    add(*scene.mMeshes[node->mMeshes[i]], transform);
                 }
             }
             for (unsigned i = node->mNumChildren; i > 0; --i) {
-                open.emplace_back(node->mChildren[i - 1], placed);
+                open.emplace_back(node->mChildren[i - 1], transform);
             }
         }
         warn(points_, "point", "points");
@@ -154,32 +154,33 @@ class Collector {
     }
 
   private:
-    void add(const aiMesh& part, const Mat4& placed) {
+    void add(const aiMesh& part, const Mat4& transform) {
         if (part.mVertices == nullptr || (part.mFaces == nullptr && part.mNumFaces > 0)) {
             return;
         }
-        // Limits first: a scene may show one mesh as often as it likes.
-        if (part.mNumVertices > request_.most_vertices - mesh_.vertices.size()) {
-            throw std::runtime_error("has more than the " + std::to_string(request_.most_vertices) +
-                                     " vertices that are allowed; simplify it first");
+        // Check the limit first: a scene may instantiate one mesh any number of times.
+        if (part.mNumVertices > request_.max_vertices - mesh_.vertices.size()) {
+            throw std::runtime_error("has more than the " + std::to_string(request_.max_vertices) +
+                                     " vertices allowed; simplify the mesh first");
         }
         const auto first = static_cast<std::uint32_t>(mesh_.vertices.size());
         for (unsigned i = 0; i < part.mNumVertices; ++i) {
             const aiVector3D& v = part.mVertices[i];
-            mesh_.vertices.emplace_back(placed * glm::dvec4(v.x, v.y, v.z, 1.0));
+            mesh_.vertices.emplace_back(transform * glm::dvec4(v.x, v.y, v.z, 1.0));
         }
-        const bool mirrors = glm::determinant(Mat3(placed)) < 0.0;
+        // A mirroring transform reverses the winding.
+        const bool mirrors = glm::determinant(Mat3(transform)) < 0.0;
         for (unsigned f = 0; f < part.mNumFaces; ++f) {
             const aiFace& face = part.mFaces[f];
-            // assimp leaves out nothing of a file that was cut off, and fills up with faces without corners.
+            // assimp completes a truncated file with faces without corners.
             if (face.mNumIndices == 0 || face.mIndices == nullptr) {
                 throw std::runtime_error("face " + std::to_string(f) + " of " + std::to_string(part.mNumFaces) +
-                                         " has no corners; is the file whole?");
+                                         " has no corners; is the file complete?");
             }
             for (unsigned i = 0; i < face.mNumIndices; ++i) {
                 if (face.mIndices[i] >= part.mNumVertices) {
-                    throw std::runtime_error("face " + std::to_string(f) + " has vertex " +
-                                             std::to_string(face.mIndices[i]) + ", there are " +
+                    throw std::runtime_error("face " + std::to_string(f) + " refers to vertex " +
+                                             std::to_string(face.mIndices[i]) + ", but the number of vertices is " +
                                              std::to_string(part.mNumVertices));
                 }
             }
@@ -193,13 +194,13 @@ class Collector {
         if (face.size() < 3) {
             return;
         }
-        if (face.size() > kMostCorners) {
+        if (face.size() > kMaxCorners) {
             throw std::runtime_error("has a face of " + std::to_string(face.size()) + " corners, more than the " +
-                                     std::to_string(kMostCorners) + " that are cut into triangles");
+                                     std::to_string(kMaxCorners) + " allowed");
         }
-        if (face.size() - 2 > request_.most_triangles - mesh_.triangles.size()) {
-            throw std::runtime_error("has more than the " + std::to_string(request_.most_triangles) +
-                                     " triangles that are allowed; simplify it first");
+        if (face.size() - 2 > request_.max_triangles - mesh_.triangles.size()) {
+            throw std::runtime_error("has more than the " + std::to_string(request_.max_triangles) +
+                                     " triangles allowed; simplify the mesh first");
         }
         corners_.clear();
         for (const unsigned i : face) {
@@ -214,11 +215,11 @@ class Collector {
         if (count > 0) {
             mesh_.warnings.push_back(std::to_string(count) + " " +
                                      (count == 1 ? std::string(singular) + " is" : std::string(plural) + " are") +
-                                     " left out: only faces can be felt");
+                                     " ignored: only faces have a surface to touch");
         }
     }
 
-    static constexpr std::size_t kMostCorners = 1000;
+    static constexpr std::size_t kMaxCorners = 1000;
 
     const ImportRequest& request_;
     ImportedMesh mesh_;
@@ -233,7 +234,7 @@ ImportedMesh import_mesh(const ImportRequest& request) {
     const FormatName name = name_of(request.format);
     Assimp::Importer importer;
     keep_only(importer, name.importer);
-    importer.SetIOHandler(new Files(request, name.file));  // the importer's from here
+    importer.SetIOHandler(new Files(request, name.file));  // the importer takes ownership
     const aiScene* scene = importer.ReadFile(name.file, 0);
     if (scene == nullptr) {
         throw std::runtime_error(importer.GetErrorString());

@@ -9,14 +9,14 @@ namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-/// Disjoint sets whose members are each on one of two sides.
+/// Disjoint sets whose members each have one of two orientations (union-find with parity).
 class SidedSets {
   public:
     explicit SidedSets(std::size_t count) : parent_(count), other_(count, 0) {
         std::iota(parent_.begin(), parent_.end(), 0U);
     }
 
-    /// The smallest member of the set, and whether `i` is on its other side.
+    /// The smallest member of the set, and whether `i` has the opposite orientation.
     [[nodiscard]] std::pair<std::uint32_t, bool> find(std::uint32_t i) {
         std::uint32_t root = i;
         std::uint8_t side = 0;
@@ -25,7 +25,7 @@ class SidedSets {
             root = parent_[root];
         }
         const std::uint8_t found = side;
-        while (parent_[i] != root) {  // shortens the way for the next who asks
+        while (parent_[i] != root) {  // path compression
             const std::uint32_t next = std::exchange(parent_[i], root);
             const std::uint8_t to_next = std::exchange(other_[i], side);
             side ^= to_next;
@@ -34,11 +34,11 @@ class SidedSets {
         return {root, found != 0};
     }
 
-    /// False if they are in one set already and not as demanded.
-    bool unite(std::uint32_t i, std::uint32_t j, bool on_other_sides) {
+    /// False if both are in one set already and their orientations contradict the demand.
+    bool unite(std::uint32_t i, std::uint32_t j, bool opposite) {
         const auto [a, a_other] = find(i);
         const auto [b, b_other] = find(j);
-        const bool other = (a_other != b_other) != on_other_sides;
+        const bool other = (a_other != b_other) != opposite;
         if (a == b) {
             return !other;
         }
@@ -49,7 +49,7 @@ class SidedSets {
 
   private:
     std::vector<std::uint32_t> parent_;
-    std::vector<std::uint8_t> other_;  // 1: not on the side of the parent
+    std::vector<std::uint8_t> other_;  // 1: orientation opposite to the parent's
 };
 
 std::uint32_t corner(const Triangle& triangle, std::uint32_t index, std::uint32_t vertex) {
@@ -83,6 +83,7 @@ Orientation orient(std::size_t triangles, std::span<const Side> sides) {
             orientation.orientable = false;
         }
     });
+    // Per part: count both orientations, then reverse the smaller half.
     std::vector<std::uint32_t> members(triangles, 0);
     std::vector<std::uint32_t> others(triangles, 0);
     for (std::uint32_t t = 0; t < triangles; ++t) {
@@ -93,14 +94,15 @@ Orientation orient(std::size_t triangles, std::span<const Side> sides) {
     orientation.flip.assign(triangles, 0);
     for (std::uint32_t t = 0; t < triangles; ++t) {
         const auto [root, other] = sets.find(t);
-        const bool others_are_more = others[root] > members[root] - others[root];
-        orientation.flip[t] = other != others_are_more ? 1 : 0;
+        const bool majority_is_other = others[root] > members[root] - others[root];
+        orientation.flip[t] = other != majority_is_other ? 1 : 0;
     }
     return orientation;
 }
 
 Fans count_fans(std::span<const Triangle> triangles, std::span<const std::uint8_t> counts, std::span<const Side> sides,
                 std::size_t vertices) {
+    // Join the corners of triangles that share an edge: each set of corners is a fan about its vertex.
     DisjointSets corners(3 * triangles.size());
     for_each_edge(sides, [&](std::span<const Side> edge) {
         for (std::size_t i = 1; i < edge.size(); ++i) {
@@ -111,6 +113,7 @@ Fans count_fans(std::span<const Triangle> triangles, std::span<const std::uint8_
             }
         }
     });
+    // A vertex with corners in more than one set is pinched.
     std::vector<std::uint32_t> fan(vertices, kNone);
     std::vector<std::uint8_t> pinched(vertices, 0);
     for (std::uint32_t t = 0; t < triangles.size(); ++t) {

@@ -1,4 +1,4 @@
-// How triangles hang together: edges, parts, fans, sides.
+// Mesh connectivity: edges, connected parts, fans about vertices, orientation.
 #pragma once
 
 #include <cstdint>
@@ -7,11 +7,11 @@
 #include <utility>
 #include <vector>
 
-#include <haptic/sim/mesh.hpp>
+#include "haptic/sim/mesh.hpp"
 
 namespace haptic::sim::detail {
 
-/// Disjoint sets; the smallest member of a set stands for it.
+/// Disjoint sets (union-find), represented by their smallest member.
 class DisjointSets {
   public:
     explicit DisjointSets(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), 0U); }
@@ -34,15 +34,15 @@ class DisjointSets {
     std::vector<std::uint32_t> parent_;
 };
 
-/// A side of a triangle.
+/// One side of a triangle: a directed edge.
 struct Side {
-    std::uint32_t low = 0;  // the lesser of its vertices
+    std::uint32_t low = 0;  // smaller vertex index
     std::uint32_t high = 0;
     std::uint32_t triangle = 0;
     bool forward = false;  // from low to high
 };
 
-/// The sides of the triangles for which `counts` is not 0, by edge, then by triangle.
+/// Sides of the triangles whose `counts` is not 0, sorted by edge, then by triangle.
 [[nodiscard]] std::vector<Side> sorted_sides(std::span<const Triangle> triangles, std::span<const std::uint8_t> counts);
 
 /// Calls `visit` with the sides of each edge, in the order of sorted_sides.
@@ -59,23 +59,23 @@ void for_each_edge(std::span<const Side> sides, Visitor visit) {
 }
 
 struct Orientation {
-    std::vector<std::uint8_t> flip;  // 1 for each triangle that has to be turned over to agree with its neighbours
+    std::vector<std::uint8_t> flip;  // 1: the triangle must be reversed to agree with its neighbours
     bool orientable = true;
 };
 
-/// Makes neighbours over edges of two triangles agree. Of each part, the lesser half is turned over; of two equal
-/// halves that without the part's first triangle.
+/// Orients neighbours across edges of two triangles consistently. Reverses the smaller half of each part; of two equal
+/// halves the one without the part's first triangle.
 [[nodiscard]] Orientation orient(std::size_t triangles, std::span<const Side> sides);
 
 struct Fans {
-    std::size_t pinched = 0;  // vertices whose triangles make more than one fan
-    std::uint32_t first = 0;  // of them
+    std::size_t pinched = 0;  // vertices with more than one fan of triangles
+    std::uint32_t first = 0;  // such vertex
 };
 
 [[nodiscard]] Fans count_fans(std::span<const Triangle> triangles, std::span<const std::uint8_t> counts,
                               std::span<const Side> sides, std::size_t vertices);
 
-/// Parts that share no vertex; each vertex belongs to some triangle.
+/// Number of parts that share no vertex. Every vertex must belong to a triangle.
 [[nodiscard]] std::size_t count_parts(std::span<const Triangle> triangles, std::size_t vertices);
 
 }  // namespace haptic::sim::detail

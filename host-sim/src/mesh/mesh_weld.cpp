@@ -1,3 +1,4 @@
+// Vertex welding with a hash grid.
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -8,19 +9,19 @@
 #include <span>
 #include <vector>
 
-#include <haptic/sim/mesh_check.hpp>
+#include "haptic/sim/mesh_check.hpp"
 
 namespace haptic::sim {
 namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-// Of a cell, in tolerances: large enough that most balls of that radius lie in one cell, small enough that no cell has
-// room for many vertices that are a tolerance apart.
+// Cell size in tolerances: large enough that most balls of that radius lie in one cell, small enough that few kept
+// vertices, a tolerance apart, fit into one.
 constexpr double kCell = 4.0;
-// Cells are never smaller than this part of the largest coordinate, so that their numbers are exact.
-constexpr double kLeastCell = 1e-12;
+// Smallest cell size as a fraction of the largest coordinate, so that cell numbers are exact.
+constexpr double kMinCell = 1e-12;
 
-/// The vertices kept so far, by the cell that they are in.
+/// Hash grid of the vertices kept so far.
 class Grid {
   public:
     Grid(std::span<const Vec3> vertices, double tolerance) : vertices_(vertices), tolerance_(tolerance) {
@@ -28,7 +29,7 @@ class Grid {
         for (const Vec3& v : vertices) {
             largest = std::max({largest, std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)});
         }
-        const double cell = std::max({kCell * tolerance, kLeastCell * largest, std::numeric_limits<double>::min()});
+        const double cell = std::max({kCell * tolerance, kMinCell * largest, std::numeric_limits<double>::min()});
         cells_per_m_ = 1.0 / cell;
         first_.assign(std::bit_ceil(2 * vertices.size() + 1), kNone);
         next_.assign(vertices.size(), kNone);
@@ -67,7 +68,7 @@ class Grid {
         return static_cast<std::int64_t>(std::floor(coordinate * cells_per_m_));
     }
 
-    /// Cells may share a slot: what counts is the distance, so that costs time only.
+    /// Hash of a cell. Cells that share a slot cost time only, because distances decide.
     [[nodiscard]] std::size_t slot(std::int64_t x, std::int64_t y, std::int64_t z) const {
         std::uint64_t hash = 0;
         for (const std::int64_t n : {x, y, z}) {
@@ -80,8 +81,9 @@ class Grid {
     [[nodiscard]] std::uint32_t first_in(std::size_t slot, const Vec3& v) const {
         std::uint32_t found = kNone;
         for (std::uint32_t other = first_[slot]; other != kNone; other = next_[other]) {
-            const Vec3 apart = vertices_[other] - v;
-            if (tolerance_ > 0.0 ? glm::dot(apart, apart) <= tolerance_ * tolerance_ : vertices_[other] == v) {
+            const Vec3 separation = vertices_[other] - v;
+            if (tolerance_ > 0.0 ? glm::dot(separation, separation) <= tolerance_ * tolerance_
+                                 : vertices_[other] == v) {
                 found = std::min(found, other);
             }
         }
@@ -91,8 +93,8 @@ class Grid {
     std::span<const Vec3> vertices_;
     double tolerance_;
     double cells_per_m_ = 1.0;
-    std::vector<std::uint32_t> first_;  // of each slot, the newest vertex in it
-    std::vector<std::uint32_t> next_;   // of each kept vertex, the one before it in its slot
+    std::vector<std::uint32_t> first_;  // [slot], newest vertex in it
+    std::vector<std::uint32_t> next_;   // [vertex], the previous one in its slot
 };
 
 }  // namespace

@@ -11,9 +11,9 @@ namespace {
 
 using Vec2 = glm::dvec2;
 
-/// Drops the coordinate along which the polygon has most area, so that it runs counter-clockwise.
+/// Projects the polygon along the axis of its largest area, so that it runs counter-clockwise.
 std::vector<Vec2> flattened(std::span<const Vec3> corners) {
-    Vec3 normal(0.0);  // Newell: twice the area, seen along each axis
+    Vec3 normal(0.0);  // twice the projected area along each axis
     for (std::size_t i = 0; i < corners.size(); ++i) {
         normal += glm::cross(corners[i] - corners[0], corners[(i + 1) % corners.size()] - corners[0]);
     }
@@ -29,24 +29,25 @@ std::vector<Vec2> flattened(std::span<const Vec3> corners) {
     return flat;
 }
 
-/// Twice the area to the left of a-b-c.
-double turn(const Vec2& a, const Vec2& b, const Vec2& c) {
+/// Twice the signed area of the triangle abc: positive if counter-clockwise (Ericson, section 3.1.6.1).
+double orient2d(const Vec2& a, const Vec2& b, const Vec2& c) {
     return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
-/// Whether the corner at `place` of what is left sticks out, with nothing else of the polygon in its triangle.
-bool is_ear(const std::vector<Vec2>& flat, const std::vector<std::uint32_t>& left, std::size_t place) {
-    const std::size_t n = left.size();
-    const Vec2& a = flat[left[(place + n - 1) % n]];
-    const Vec2& b = flat[left[place]];
-    const Vec2& c = flat[left[(place + 1) % n]];
-    if (!(turn(a, b, c) > 0.0)) {
+/// Whether corner `at` of the remaining polygon is an ear: convex, with no other corner in its triangle.
+bool is_ear(const std::vector<Vec2>& flat, const std::vector<std::uint32_t>& rest, std::size_t at) {
+    const std::size_t n = rest.size();
+    const Vec2& a = flat[rest[(at + n - 1) % n]];
+    const Vec2& b = flat[rest[at]];
+    const Vec2& c = flat[rest[(at + 1) % n]];
+    if (!(orient2d(a, b, c) > 0.0)) {
         return false;
     }
     for (std::size_t i = 2; i + 1 < n; ++i) {
-        const Vec2& p = flat[left[(place + i) % n]];
-        // The border counts as inside; another corner at the same place does not, because a bridge to a hole has two.
-        if (p != a && p != b && p != c && turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0) {
+        const Vec2& p = flat[rest[(at + i) % n]];
+        // The border counts as inside. A coincident corner does not: a bridge to a hole has each of its corners twice.
+        if (p != a && p != b && p != c && orient2d(a, b, p) >= 0.0 && orient2d(b, c, p) >= 0.0 &&
+            orient2d(c, a, p) >= 0.0) {
             return false;
         }
     }
@@ -57,20 +58,20 @@ bool is_ear(const std::vector<Vec2>& flat, const std::vector<std::uint32_t>& lef
 
 std::vector<Triangle> cut_polygon(std::span<const Vec3> corners) {
     const std::vector<Vec2> flat = flattened(corners);
-    std::vector<std::uint32_t> left(corners.size());
-    std::iota(left.begin(), left.end(), 0U);
+    std::vector<std::uint32_t> rest(corners.size());
+    std::iota(rest.begin(), rest.end(), 0U);
     std::vector<Triangle> triangles;
     triangles.reserve(corners.size() - 2);
     for (std::size_t n = corners.size(); n > 3; --n) {
-        std::size_t place = 1;  // a rectangle is cut along its first corner
-        while (place <= n && !is_ear(flat, left, place % n)) {
-            ++place;
+        std::size_t at = 1;  // a rectangle is split along the diagonal from its first corner
+        while (at <= n && !is_ear(flat, rest, at % n)) {
+            ++at;
         }
-        place = place <= n ? place % n : 1;  // without an ear it is no simple polygon
-        triangles.push_back({left[(place + n - 1) % n], left[place], left[(place + 1) % n]});
-        left.erase(left.begin() + static_cast<std::ptrdiff_t>(place));
+        at = at <= n ? at % n : 1;  // no ear: not a simple polygon
+        triangles.push_back({rest[(at + n - 1) % n], rest[at], rest[(at + 1) % n]});
+        rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(at));
     }
-    triangles.push_back({left[0], left[1], left[2]});
+    triangles.push_back({rest[0], rest[1], rest[2]});
     return triangles;
 }
 

@@ -12,8 +12,8 @@
 #include <stdexcept>
 #include <vector>
 
-#include <haptic/sim/model_builder.hpp>
-#include <haptic/sim/skin.hpp>
+#include "haptic/sim/model_builder.hpp"
+#include "haptic/sim/skin.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -26,27 +26,27 @@ constexpr Range kCompliances{0.0, 1e6};
 constexpr double kUnitTolerance = 1e-6;
 
 constexpr const char* kExplanation =
-    R"(# Particles of a deformable body: host-sim model wrote this, and a scene reads it: [model] particles = "THIS FILE".
-# Units: m, kg, s. The frame is that of the mesh before the scene puts it in its place. Particles count from 0, in the
-# order of their tables. Skinning weights are not here: they are made from the particles' places when this is read.
+    R"(# Particles of a deformable body, written by host-sim model. A scene reads them with [model] particles = "THIS FILE".
+# Units: m, kg, s. Frame: that of the mesh before the scene places it. Particles count from 0, in the order of their tables.
+# There are no skinning weights: they are computed from the particles' positions when the file is read.
 #
 # [[particle]]
-#   position     where it rests
+#   position     rest position
 #   mass         kg
-#   radius       of the solid ball that has its own inertia: how much its orientation counts in a fit
-#   semi_axes    of the ellipsoid that other bodies collide with; [0, 0, 0]: nothing does
-#   axes         (w, x, y, z), unit: how the ellipsoid lies
-#   fixed        true: nothing moves it, unless a [[motion]] does
-#   neighbours   those that are matched to their rest shape together with it; a particle without this key has no group
+#   radius       of the solid ball with the particle's own inertia: weight of its orientation in shape matching
+#   semi_axes    of the ellipsoid with which other bodies collide; [0, 0, 0]: no collisions
+#   axes         (w, x, y, z), unit: orientation of the ellipsoid
+#   fixed        true: it does not move, except by a [[motion]]
+#   neighbours   other members of its shape-matching group; without this key the particle has no group
 #   stiffness    0 .. 1 of that group: 0 limp, 1 rigid
-#   compliance   s^2 of that group: 0, or how far a force per mass (m/s^2) takes a member from its place
-# [[link]]       particles = [a, b]; stiffness 0 .. 1; compliance in m/N; rest_length: their distance if left out
+#   compliance   s^2 of that group: 0, or displacement of a member from its goal per force per mass (m/s^2)
+# [[link]]       particles = [a, b]; stiffness 0 .. 1; compliance in m/N; rest_length: default is their distance
 # [[motion]]     particles = [...], all fixed; times = [0.0, ...] in s; offsets = [x, y, z for each time]; repeat
 
 )";
 
-/// The shortest text that reads back to the same double, with a point or an exponent so that TOML takes it for one.
-std::string shown(double value) {
+/// Shortest text that reads back as the same double, with a point or exponent, so that TOML reads a float.
+std::string to_toml(double value) {
     std::array<char, 40> text{};
     const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
     std::string result(text.data(), end);
@@ -56,19 +56,19 @@ std::string shown(double value) {
     return result;
 }
 
-std::string shown(std::span<const double> values) {
+std::string to_toml(std::span<const double> values) {
     std::string text = "[";
     for (const double value : values) {
-        text += (text.size() > 1 ? ", " : "") + shown(value);
+        text += (text.size() > 1 ? ", " : "") + to_toml(value);
     }
     return text + "]";
 }
 
-std::string shown(const Vec3& v) {
-    return shown(std::array{v.x, v.y, v.z});
+std::string to_toml(const Vec3& v) {
+    return to_toml(std::array{v.x, v.y, v.z});
 }
 
-std::string shown(std::span<const std::uint32_t> indices) {
+std::string to_toml(std::span<const std::uint32_t> indices) {
     std::string text = "[";
     for (const std::uint32_t index : indices) {
         text += (text.size() > 1 ? ", " : "") + std::to_string(index);
@@ -78,9 +78,10 @@ std::string shown(std::span<const std::uint32_t> indices) {
 
 void write_particle(std::string& out, const ParticleModel& model, std::uint32_t i, const Group* group) {
     const Quat& q = model.axes[i];
-    out += "[[particle]]  # " + std::to_string(i) + "\nposition = " + shown(model.rest_position[i]) +
-           "\nmass = " + shown(model.mass[i]) + "\nradius = " + shown(model.radius[i]) +
-           "\nsemi_axes = " + shown(model.semi_axes[i]) + "\naxes = " + shown(std::array{q.w, q.x, q.y, q.z}) + "\n";
+    out += "[[particle]]  # " + std::to_string(i) + "\nposition = " + to_toml(model.rest_position[i]) +
+           "\nmass = " + to_toml(model.mass[i]) + "\nradius = " + to_toml(model.radius[i]) +
+           "\nsemi_axes = " + to_toml(model.semi_axes[i]) + "\naxes = " + to_toml(std::array{q.w, q.x, q.y, q.z}) +
+           "\n";
     if (model.pinned[i] != 0) {
         out += "fixed = true\n";
     }
@@ -88,9 +89,9 @@ void write_particle(std::string& out, const ParticleModel& model, std::uint32_t 
         std::vector<std::uint32_t> neighbours = group->members;
         std::erase(neighbours, i);
         std::sort(neighbours.begin(), neighbours.end());
-        out += "neighbours = " + shown(neighbours) + "\nstiffness = " + shown(group->stiffness) + "\n";
+        out += "neighbours = " + to_toml(neighbours) + "\nstiffness = " + to_toml(group->stiffness) + "\n";
         if (group->compliance > 0.0) {
-            out += "compliance = " + shown(group->compliance) + "\n";
+            out += "compliance = " + to_toml(group->compliance) + "\n";
         }
     }
     out += "\n";
@@ -104,9 +105,9 @@ class ModelReader {
         DeformableBody body;
         body.name = config_.text("name", "model");
         count_ = config_.tables("particle");
-        if (count_ == 0 || count_ > BuilderSettings::kMostParticles) {
-            config_.fail("particle", "needs 1 to " + std::to_string(BuilderSettings::kMostParticles) +
-                                         " tables, each headed [[particle]], has " + std::to_string(count_));
+        if (count_ == 0 || count_ > BuilderSettings::kMaxParticles) {
+            config_.fail("particle", "needs 1 to " + std::to_string(BuilderSettings::kMaxParticles) +
+                                         " [[particle]] tables, has " + std::to_string(count_));
         }
         for (std::size_t i = 0; i < count_; ++i) {
             read_particle("particle." + std::to_string(i), static_cast<std::uint32_t>(i), body.particles);
@@ -133,7 +134,7 @@ class ModelReader {
         for (const double value : config_.numbers(key, {}, {0.0, static_cast<double>(count_ - 1)})) {
             const auto index = static_cast<std::uint32_t>(value);
             if (static_cast<double>(index) != value) {
-                config_.fail(key, "must hold numbers of particles, 0 to " + std::to_string(count_ - 1));
+                config_.fail(key, "must contain particle indices, 0 to " + std::to_string(count_ - 1));
             }
             if (std::find(indices.begin(), indices.end(), index) != indices.end()) {
                 config_.fail(key, "has particle " + std::to_string(index) + " twice");
@@ -144,7 +145,7 @@ class ModelReader {
     }
 
     void read_particle(const std::string& table, std::uint32_t i, ParticleModel& model) const {
-        require(table + ".position", "where the particle rests, [x, y, z] in m");
+        require(table + ".position", "rest position, [x, y, z] in m");
         require(table + ".mass", "in kg");
         model.add(config_.vec3(table + ".position", Vec3(0.0), kPositions),
                   config_.number(table + ".mass", 0.0, kMasses), config_.number(table + ".radius", 0.0, kSizes));
@@ -153,7 +154,7 @@ class ModelReader {
         if (q.size() != 4 || std::abs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) > kUnitTolerance) {
             config_.fail(table + ".axes", "must be a unit quaternion (w, x, y, z)");
         }
-        model.axes[i] = Quat(q[0], q[1], q[2], q[3]);  // as it stands: normalising might change a bit
+        model.axes[i] = Quat(q[0], q[1], q[2], q[3]);  // not normalised, which might change a bit
         model.pinned[i] = config_.flag(table + ".fixed", false) ? 1 : 0;
         Group group{i, {i}};
         group.stiffness = config_.number(table + ".stiffness", group.stiffness, kUnitInterval);
@@ -163,7 +164,7 @@ class ModelReader {
         }
         for (const std::uint32_t neighbour : read_indices(table + ".neighbours")) {
             if (neighbour == i) {
-                config_.fail(table + ".neighbours", "has the particle itself, which is in its group anyway");
+                config_.fail(table + ".neighbours", "contains the particle itself, which is always in its group");
             }
             group.members.push_back(neighbour);
         }
@@ -174,7 +175,7 @@ class ModelReader {
     void read_link(const std::string& table, ParticleModel& model) const {
         const std::vector<std::uint32_t> ends = read_indices(table + ".particles");
         if (ends.size() != 2) {
-            config_.fail(table + ".particles", "must be the two particles that keep their distance, as in [3, 7]");
+            config_.fail(table + ".particles", "must be the two particles of the link, for example [3, 7]");
         }
         const double distance = glm::length(model.rest_position[ends[1]] - model.rest_position[ends[0]]);
         Link link{ends[0], ends[1], config_.number(table + ".rest_length", distance, kSizes)};
@@ -188,9 +189,8 @@ class ModelReader {
         motion.particles = read_indices(table + ".particles");
         for (const std::uint32_t i : motion.particles) {
             if (model.pinned[i] == 0) {
-                config_.fail(table + ".particles",
-                             "has particle " + std::to_string(i) +
-                                 ", which is not fixed: a particle that is led needs fixed = true");
+                config_.fail(table + ".particles", "has particle " + std::to_string(i) +
+                                                       ", which is not fixed: particles of a motion need fixed = true");
             }
         }
         motion.times = config_.numbers(table + ".times", {}, {0.0, 1e6});
@@ -198,7 +198,7 @@ class ModelReader {
         if (motion.times.empty() || motion.times.front() != 0.0 ||
             std::adjacent_find(motion.times.begin(), motion.times.end(), [](double a, double b) { return !(b > a); }) !=
                 motion.times.end()) {
-            config_.fail(table + ".times", "must begin with 0 and increase from each element to the next");
+            config_.fail(table + ".times", "must start with 0 and increase strictly");
         }
         if (offsets.size() != 3 * motion.times.size()) {
             config_.fail(table + ".offsets", "needs three numbers (x, y, z) for each of the " +
@@ -230,10 +230,10 @@ std::string model_toml(const DeformableBody& body) {
         write_particle(out, model, i, group_about[i]);
     }
     for (const Link& link : model.links) {
-        out += "[[link]]\nparticles = " + shown(std::array{link.first, link.second}) +
-               "\nrest_length = " + shown(link.rest_length) + "\nstiffness = " + shown(link.stiffness) + "\n";
+        out += "[[link]]\nparticles = " + to_toml(std::array{link.first, link.second}) +
+               "\nrest_length = " + to_toml(link.rest_length) + "\nstiffness = " + to_toml(link.stiffness) + "\n";
         if (link.compliance > 0.0) {
-            out += "compliance = " + shown(link.compliance) + "\n";
+            out += "compliance = " + to_toml(link.compliance) + "\n";
         }
         out += "\n";
     }
@@ -242,8 +242,8 @@ std::string model_toml(const DeformableBody& body) {
         for (const Vec3& offset : motion.offsets) {
             offsets.insert(offsets.end(), {offset.x, offset.y, offset.z});
         }
-        out += "[[motion]]\nparticles = " + shown(motion.particles) + "\ntimes = " + shown(motion.times) +
-               "\noffsets = " + shown(offsets) + "\nrepeat = " + (motion.repeat ? "true" : "false") + "\n\n";
+        out += "[[motion]]\nparticles = " + to_toml(motion.particles) + "\ntimes = " + to_toml(motion.times) +
+               "\noffsets = " + to_toml(offsets) + "\nrepeat = " + (motion.repeat ? "true" : "false") + "\n\n";
     }
     return out;
 }

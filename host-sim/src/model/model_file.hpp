@@ -1,28 +1,29 @@
-// Particle models as files: TOML that a person can read and change, one table for each particle.
+// Particle model files: TOML for reading and editing, one table per particle.
 //
-// The file holds what moves a mesh, not the mesh, and no skinning weights: those follow from where the particles are
-// and are made again when it is read, so that a particle can be moved, added or taken away.
+// The file has the particles, not the mesh, and no skinning weights. These follow from the particles' positions and are
+// made when the file is read, so that particles can be moved, added or removed.
 #pragma once
 
 #include <filesystem>
 #include <string>
 
-#include <haptic/config.hpp>
-#include <haptic/sim/deformable.hpp>
-#include <haptic/sim/mesh.hpp>
+#include "haptic/config.hpp"
+#include "haptic/sim/deformable.hpp"
+#include "haptic/sim/mesh.hpp"
 
 namespace haptic::sim {
 
-/// The particles, groups, links and motions of a body, in the frame that its rest positions have. Every number has as
-/// many digits as it takes to read the same double again.
+/// Particles, groups, links and motions of a body, in the frame of its rest positions. Every number reads back as the
+/// same double.
 [[nodiscard]] std::string model_toml(const DeformableBody& body);
 
-/// Writes model_toml() to a file. Throws std::runtime_error that names it if it cannot be written.
+/// Writes model_toml() to a file. Throws std::runtime_error with the file's name if that fails.
 void save_model(const std::filesystem::path& file, const DeformableBody& body);
 
-/// The body that a mesh and the file's particles make; they are in the same frame. `bridge` is that of BuilderSettings.
-/// What model_toml() wrote is read back to the same bits. Throws ConfigError, with file and line, for what is missing,
-/// unknown, out of range, or names a particle that is none; std::invalid_argument for a mesh that build_skin refuses.
+/// Makes a body from a mesh and the file's particles, in the same frame. `bridge` is as in BuilderSettings. Reads the
+/// output of model_toml() back to the same bits. Throws ConfigError, with file and line, for keys that are missing,
+/// unknown or out of range and for particles that do not exist; std::invalid_argument for a mesh that build_skin()
+/// refuses.
 [[nodiscard]] DeformableBody read_model_file(const Config& config, const TriangleMesh& mesh, double bridge);
 
 }  // namespace haptic::sim

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kFar = std::numeric_limits<double>::infinity();
 
-using Reached = std::tuple<double, std::uint32_t, std::uint32_t>;  // distance, source, piece
+using Reached = std::tuple<double, std::uint32_t, std::uint32_t>;  // distance, source, sample
 using Frontier = std::priority_queue<Reached, std::vector<Reached>, std::greater<>>;
 
 std::uint32_t farthest_from_mean(const SampleGraph& graph) {
@@ -31,29 +31,29 @@ std::uint32_t farthest_from_mean(const SampleGraph& graph) {
     return farthest;
 }
 
-/// For each cell its centroid, with the piece of the cell that is nearest to it.
-std::vector<Site> middles(const SampleGraph& graph, const std::vector<std::vector<Source>>& nearest,
-                          std::size_t cells) {
-    std::vector<Site> middle(cells);
+/// The centroid of each cell, with the sample of the cell nearest to it.
+std::vector<Site> centroids(const SampleGraph& graph, const std::vector<std::vector<Source>>& nearest,
+                            std::size_t cells) {
+    std::vector<Site> centroid(cells);
     std::vector<double> share(cells, 0.0);
     for (std::size_t i = 0; i < graph.size(); ++i) {
         const std::uint32_t cell = nearest[i].front().index;
-        middle[cell].position += graph.share[i] * graph.position[i];
+        centroid[cell].position += graph.share[i] * graph.position[i];
         share[cell] += graph.share[i];
     }
     for (std::size_t c = 0; c < cells; ++c) {
-        middle[c].position /= share[c];
+        centroid[c].position /= share[c];
     }
-    std::vector<double> least(cells, kFar);
+    std::vector<double> min_distance(cells, kFar);
     for (std::uint32_t i = 0; i < graph.size(); ++i) {
         const std::uint32_t cell = nearest[i].front().index;
-        const double distance = glm::length(graph.position[i] - middle[cell].position);
-        if (distance < least[cell]) {
-            least[cell] = distance;
-            middle[cell].piece = i;
+        const double distance = glm::length(graph.position[i] - centroid[cell].position);
+        if (distance < min_distance[cell]) {
+            min_distance[cell] = distance;
+            centroid[cell].sample = i;
         }
     }
-    return middle;
+    return centroid;
 }
 
 }  // namespace
@@ -64,10 +64,11 @@ bool nearer(const Source& a, const Source& b) noexcept {
 
 std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::span<const Site> sites,
                                                  std::size_t count) {
-    std::vector<std::vector<Source>> found(graph.size());  // sorted; the final ones come first
+    std::vector<std::vector<Source>> found(graph.size());  // per sample, sorted by nearer()
     Frontier frontier;
-    const auto offer = [&](std::uint32_t piece, const Source& source) {
-        std::vector<Source>& known = found[piece];
+    // Offers a source to a sample; it is kept if it is among the `count` nearest so far.
+    const auto offer = [&](std::uint32_t sample, const Source& source) {
+        std::vector<Source>& known = found[sample];
         const auto same =
             std::find_if(known.begin(), known.end(), [&](const Source& s) { return s.index == source.index; });
         if (same != known.end() ? !nearer(source, *same) : known.size() == count && !nearer(source, known.back())) {
@@ -79,29 +80,30 @@ std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::
             known.pop_back();
         }
         known.insert(std::upper_bound(known.begin(), known.end(), source, nearer), source);
-        frontier.emplace(source.distance, source.index, piece);
+        frontier.emplace(source.distance, source.index, sample);
     };
-    // From its place a site reaches the next pieces straight.
+    // A site reaches its own sample and the samples next to it along straight lines.
     for (std::uint32_t s = 0; s < sites.size(); ++s) {
-        const auto reach = [&](std::uint32_t piece) {
-            offer(piece, {glm::length(graph.position[piece] - sites[s].position), s});
+        const auto reach = [&](std::uint32_t sample) {
+            offer(sample, {glm::length(graph.position[sample] - sites[s].position), s});
         };
-        reach(sites[s].piece);
-        for (const Way& way : graph.ways_from(sites[s].piece)) {
-            reach(way.to);
+        reach(sites[s].sample);
+        for (const Edge& edge : graph.edges_from(sites[s].sample)) {
+            reach(edge.to);
         }
     }
+    // Dijkstra with several sources: extend the nearest entry, unless a shorter one has replaced it.
     while (!frontier.empty()) {
-        const auto [distance, source, piece] = frontier.top();
+        const auto [distance, source, sample] = frontier.top();
         frontier.pop();
-        const bool outdone =
-            std::none_of(found[piece].begin(), found[piece].end(),
+        const bool replaced =
+            std::none_of(found[sample].begin(), found[sample].end(),
                          [&, d = distance, i = source](const Source& s) { return s.index == i && s.distance == d; });
-        if (outdone) {
+        if (replaced) {
             continue;
         }
-        for (const Way& way : graph.ways_from(piece)) {
-            offer(way.to, {distance + way.length, source});
+        for (const Edge& edge : graph.edges_from(sample)) {
+            offer(edge.to, {distance + edge.length, source});
         }
     }
     return found;
@@ -111,6 +113,7 @@ std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count) {
     std::vector<Site> chosen;
     std::vector<double> distance(graph.size(), kFar);
     std::uint32_t next = farthest_from_mean(graph);
+    // Each new site updates the distance to the nearest site; the sample with the largest distance is next.
     while (chosen.size() < count) {
         chosen.push_back({graph.position[next], next});
         std::priority_queue<std::pair<double, std::uint32_t>, std::vector<std::pair<double, std::uint32_t>>,
@@ -119,15 +122,15 @@ std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count) {
         distance[next] = 0.0;
         frontier.emplace(0.0, next);
         while (!frontier.empty()) {
-            const auto [reached, piece] = frontier.top();
+            const auto [reached, sample] = frontier.top();
             frontier.pop();
-            if (reached > distance[piece]) {
+            if (reached > distance[sample]) {
                 continue;
             }
-            for (const Way& way : graph.ways_from(piece)) {
-                if (reached + way.length < distance[way.to]) {
-                    distance[way.to] = reached + way.length;
-                    frontier.emplace(distance[way.to], way.to);
+            for (const Edge& edge : graph.edges_from(sample)) {
+                if (reached + edge.length < distance[edge.to]) {
+                    distance[edge.to] = reached + edge.length;
+                    frontier.emplace(distance[edge.to], edge.to);
                 }
             }
         }
@@ -138,27 +141,28 @@ std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count) {
 
 void relax(const SampleGraph& graph, std::vector<Site>& sites, int iterations) {
     for (int k = 0; k < iterations; ++k) {
-        sites = middles(graph, nearest_sources(graph, sites, 1), sites.size());
+        sites = centroids(graph, nearest_sources(graph, sites, 1), sites.size());
     }
-    // Where the body is bent, a centroid may lie outside it and next to what is another's: back into the body then.
+    // In a bent body a centroid may lie outside, next to samples of another site. Such a site returns to its own
+    // sample.
     const std::vector<std::vector<Source>> nearest = nearest_sources(graph, sites, 1);
-    std::vector<Vec3> places;
-    places.reserve(sites.size());
+    std::vector<Vec3> positions;
+    positions.reserve(sites.size());
     for (const Site& site : sites) {
-        places.push_back(site.position);
+        positions.push_back(site.position);
     }
-    const std::vector<Site> found = sites_at(graph, places);
+    const std::vector<Site> found = sites_at(graph, positions);
     for (std::uint32_t s = 0; s < sites.size(); ++s) {
-        if (nearest[found[s].piece].front().index == s) {
-            sites[s].piece = found[s].piece;
+        if (nearest[found[s].sample].front().index == s) {
+            sites[s].sample = found[s].sample;
         } else {
-            sites[s].position = graph.position[sites[s].piece];
+            sites[s].position = graph.position[sites[s].sample];
         }
     }
 }
 
-std::vector<Site> sites_at(const SampleGraph& graph, std::span<const Vec3> places) {
-    // Along x both ways from the place, until the next piece is farther in x alone than the nearest is.
+std::vector<Site> sites_at(const SampleGraph& graph, std::span<const Vec3> positions) {
+    // Search the samples sorted by x in both directions, until the distance in x alone exceeds the smallest distance.
     std::vector<std::pair<double, std::uint32_t>> along;
     along.reserve(graph.size());
     for (std::uint32_t i = 0; i < graph.size(); ++i) {
@@ -166,21 +170,21 @@ std::vector<Site> sites_at(const SampleGraph& graph, std::span<const Vec3> place
     }
     std::sort(along.begin(), along.end());
     std::vector<Site> sites;
-    for (const Vec3& place : places) {
+    for (const Vec3& position : positions) {
         std::pair<double, std::uint32_t> nearest{kFar, 0};
-        const auto consider = [&](const std::pair<double, std::uint32_t>& piece) {
-            if (std::abs(piece.first - place.x) > nearest.first) {
+        const auto consider = [&](const std::pair<double, std::uint32_t>& sample) {
+            if (std::abs(sample.first - position.x) > nearest.first) {
                 return false;
             }
-            nearest = std::min(nearest, {glm::length(graph.position[piece.second] - place), piece.second});
+            nearest = std::min(nearest, {glm::length(graph.position[sample.second] - position), sample.second});
             return true;
         };
-        const auto start = std::lower_bound(along.begin(), along.end(), std::pair{place.x, std::uint32_t{0}});
+        const auto start = std::lower_bound(along.begin(), along.end(), std::pair{position.x, std::uint32_t{0}});
         for (auto next = start; next != along.end() && consider(*next); ++next) {
         }
         for (auto next = start; next != along.begin() && consider(*(next - 1)); --next) {
         }
-        sites.push_back({place, nearest.second});
+        sites.push_back({position, nearest.second});
     }
     return sites;
 }

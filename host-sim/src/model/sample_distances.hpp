@@ -1,4 +1,4 @@
-// Distances within a body, along the ways of its sample graph (Dijkstra 1959).
+// Distances within a body, along the edges of its sample graph (E. W. Dijkstra, 1959).
 #pragma once
 
 #include <cstddef>
@@ -10,34 +10,34 @@
 
 namespace haptic::sim {
 
-/// A source and how far it is.
+/// A source (site) and its distance.
 struct Source {
-    double distance = 0.0;  // m, along ways
+    double distance = 0.0;  // m, along edges
     std::uint32_t index = 0;
 };
 
-/// Order by distance; of two equally far the one with the lower index comes first.
+/// Orders by distance, then by index.
 [[nodiscard]] bool nearer(const Source& a, const Source& b) noexcept;
 
-/// Where a particle is, and a piece there.
+/// Position of a particle, and the sample it belongs to.
 struct Site {
     Vec3 position{0.0};  // m
-    std::uint32_t piece = 0;
+    std::uint32_t sample = 0;
 };
 
-/// For each piece up to `count` nearest sites, nearest first; of two equally far the one with the lower index.
+/// Up to `count` nearest sites of each sample, in the order of nearer().
 [[nodiscard]] std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::span<const Site> sites,
                                                                std::size_t count);
 
-/// As many sites as asked for, evenly spread: each is the piece farthest from those before it (Gonzalez 1985), the
-/// first the one farthest from the pieces' mean.
+/// Chooses `count` evenly spread sites by farthest-point sampling (T. F. Gonzalez, 1985). The first is the sample
+/// farthest from the samples' mean.
 [[nodiscard]] std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count);
 
-/// Moves each site to the centroid of what is nearest to it, over and over (Lloyd 1982). In the end the piece nearest
-/// to a site, whatever lies between, is one that no other site is nearer to.
+/// Moves each site repeatedly to the centroid of the samples nearest to it (S. P. Lloyd, 1982). Afterwards the sample
+/// at the smallest straight distance from a site belongs to that site.
 void relax(const SampleGraph& graph, std::vector<Site>& sites, int iterations);
 
-/// Sites for places, each with the piece nearest to it.
-[[nodiscard]] std::vector<Site> sites_at(const SampleGraph& graph, std::span<const Vec3> places);
+/// Sites at given positions, each with the sample nearest to it.
+[[nodiscard]] std::vector<Site> sites_at(const SampleGraph& graph, std::span<const Vec3> positions);
 
 }  // namespace haptic::sim

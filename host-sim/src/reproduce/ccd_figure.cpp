@@ -1,4 +1,4 @@
-// Figure 4.7: where Algorithm 1 looks for contacts, and so how many it misses.
+// Figure 4.7: share of contacts that Algorithm 1 misses.
 
 #include <fstream>
 #include <stdexcept>
@@ -13,7 +13,7 @@ namespace haptic::sim::reproduce {
 namespace {
 
 std::string share(std::uint64_t part, std::uint64_t whole) {
-    return shown(whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0.0, 1) + " %";
+    return format_fixed(whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0.0, 1) + " %";
 }
 
 }  // namespace
@@ -23,13 +23,11 @@ Figure missed_contacts(const Study& study) {
     figure.number = "4.7";
     figure.title = "contacts that the detection misses";
     figure.conditions =
-        "Random motions of single triangles and of whole cloths (0.25 m, waves of up to 20 mm) that go 4.7 radii in a "
-        "step, "
-        "as the thesis' falling cloth does, about a standing sphere that is clear of them at first. An oracle that "
-        "shares "
-        "no code with either method says which of them touch. The thesis' method is Algorithm 1 and what overlaps at "
-        "the "
-        "end of the step, which is left to the pop-out. The thesis shows the situations and gives no number.";
+        "Random motions of single triangles and of whole cloths (0.25 m, waves of up to 20 mm) that travel 4.7 "
+        "radii per step, as the thesis' falling cloth does, past a fixed sphere that they do not touch at first. "
+        "An oracle that shares no code with either method decides which of them touch. The thesis' method is "
+        "Algorithm 1 plus overlap at the end of the step, which is left to the pop-out. The thesis shows the "
+        "situations and gives no number.";
     const auto table = measure_ccd_misses({});
     std::ofstream csv(study.data(figure, "figure-4.7"));
     write_ccd_misses(csv, table);
@@ -45,15 +43,14 @@ Figure missed_contacts(const Study& study) {
     study.plot(figure, "figure-4.7-missed", "Share of contacts that are missed.",
                "set ylabel '% of contacts'\nset style data histograms\nset style histogram clustered gap 1\n"
                "set style fill solid 0.9\nset boxwidth 0.9\nset yrange [0:100]\nset xtics rotate by -20\n"
-               "plot 'figure-4.7.csv' using 15:xtic(2) skip 1 lc rgb '#b3710f' title 'Algorithm 1 alone', "
-               "'' using 10 skip 1 lc rgb '#c8553d' title 'with overlap at the end', "
-               "'' using ($6 / $4 * 100) skip 1 lc rgb '#2a6f97' title 'here'\n");
+               "plot 'figure-4.7.csv' using 15:xtic(2) skip 1 lc 4 title 'Algorithm 1 alone', "
+               "'' using 10 skip 1 lc 2 title 'with overlap at the end', "
+               "'' using ($6 / $4 * 100) skip 1 lc 1 title 'here'\n");
     figure.remarks =
-        "The numbers in the thesis' column are of its method as we run it on the same motions. It looks only when a "
-        "triangle's plane passes through the sphere's centre, so what clips the sphere beside its centre and is gone "
-        "by "
-        "the end of the step is missed: rims, corners and strips pass through the ball. What it finds, it finds a "
-        "quarter to a half of a step late.";
+        "The thesis' column is its method as we run it on the same motions. Algorithm 1 finds a contact only when "
+        "a triangle's plane passes through the sphere's centre. A triangle that touches the sphere beside its "
+        "centre and has left by the end of the step is missed: edges, corners and strips pass through the sphere. "
+        "The contacts that it finds are a quarter to half a step late.";
     return figure;
 }
 

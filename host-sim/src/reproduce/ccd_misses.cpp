@@ -20,13 +20,13 @@ namespace haptic::sim::reproduce {
 
 namespace {
 
-constexpr double kInvented = 1.0001;  // of the radius: further than this nothing may be reported
-constexpr double kClear = 1.0025;     // of the radius: nearer than this counts as touched when the step begins
-constexpr double kRadius = 0.03;      // m, as in the thesis
-constexpr double kTravel = 0.14;      // m a step: 14 m/s at 10 ms
+constexpr double kSpuriousFactor = 1.0001;  // of the radius: a report beyond this distance is spurious
+constexpr double kClearFactor = 1.0025;     // of the radius: a motion that starts nearer than this is discarded
+constexpr double kRadius = 0.03;            // m, as in the thesis
+constexpr double kTravel = 0.14;            // m per step: 14 m/s at 10 ms
 constexpr double kPi = 3.14159265358979323846;
 
-/// Random numbers that are the same with every standard library: std:: distributions are not.
+/// Random numbers that do not depend on the standard library, as std:: distributions do.
 class Random {
   public:
     explicit Random(std::uint64_t seed) : engine_(seed) {}
@@ -52,53 +52,56 @@ class Random {
     std::mt19937_64 engine_;
 };
 
-/// Rodrigues' rotation.
-Vec3 turned(const Vec3& x, const Vec3& axis, double angle) {
+/// Rotation by Rodrigues' formula.
+Vec3 rotate(const Vec3& x, const Vec3& axis, double angle) {
     const double c = std::cos(angle);
     return x * c + glm::cross(axis, x) * std::sin(angle) + axis * (glm::dot(axis, x) * (1.0 - c));
 }
 
-/// Counts what one method says of each motion.
+/// Compares the reports of one method with the oracle.
 class Tally {
   public:
-    void add(const OracleTouch& truth, bool far_off, bool reported, double time) {
+    void add(const OracleTouch& truth, bool beyond, bool reported, double time) {
+        // A contact is either missed or detected with some delay; a report without one counts only beyond the margin.
         if (truth.verdict == Verdict::Touches) {
             if (!reported) {
                 ++score_.missed;
                 return;
             }
-            const double late = time - truth.time;
-            score_.latest = seen_ == 0 ? late : std::max(score_.latest, late);
-            sum_ += late;
-            ++seen_;
-        } else if (reported && far_off) {
-            ++score_.invented;
+            const double delay = time - truth.time;
+            score_.max_delay = detected_ == 0 ? delay : std::max(score_.max_delay, delay);
+            sum_ += delay;
+            ++detected_;
+        } else if (reported && beyond) {
+            ++score_.spurious;
         }
     }
     [[nodiscard]] CcdScore score() const {
         CcdScore score = score_;
-        score.mean_late = seen_ > 0 ? sum_ / static_cast<double>(seen_) : 0.0;
+        score.mean_delay = detected_ > 0 ? sum_ / static_cast<double>(detected_) : 0.0;
         return score;
     }
 
   private:
     CcdScore score_;
-    std::uint64_t seen_ = 0;
+    std::uint64_t detected_ = 0;
     double sum_ = 0.0;
 };
 
 enum class Motion { Translating, Deforming, Rotating, Slow };
 
-/// About a sphere of radius 1 at the origin: a triangle of about its size that is aimed to pass nearby and goes as far
-/// in the step as the cloth of the thesis does, or, where slow, less than a radius.
+/// Draws a triangle of about the size of the unit sphere at the origin, aimed to pass near it. It travels as far in the
+/// step as the thesis' cloth does, or less than a radius if slow.
 LinearTriangle draw_triangle(Random& random, Motion motion) {
     for (;;) {
+        // The triangle passes its aim at a random time of the step.
         const Vec3 aim = random.in_cube(1.5);
         const double length = motion == Motion::Slow ? random.uniform(0.0, 1.0) : kTravel / kRadius;
         const Vec3 travel = random.direction() * length;
         const double ahead = random.uniform(0.0, 1.0);
         const Vec3 axis = random.direction();
         const double angle = random.uniform(-1.5, 1.5);
+        // Corners at both ends of the step; each kind of motion adds its own change of shape or attitude.
         LinearTriangle t;
         for (std::size_t k = 0; k < t.start.size(); ++k) {
             const Vec3 x = random.in_cube(1.5);
@@ -108,16 +111,16 @@ LinearTriangle draw_triangle(Random& random, Motion motion) {
             if (motion == Motion::Deforming) {
                 t.end[k] += change;
             } else if (motion == Motion::Rotating) {
-                t.end[k] += turned(x, axis, angle) - x;
+                t.end[k] += rotate(x, axis, angle) - x;
             }
         }
-        if (point_triangle_distance(Vec3(0.0), t.start) > kClear) {
+        if (point_triangle_distance(Vec3(0.0), t.start) > kClearFactor) {
             return t;
         }
     }
 }
 
-/// With the radius 1 about the origin.
+/// Runs both methods on single triangles and the unit sphere at the origin.
 CcdMisses measure_triangles(Motion motion, const char* name, const CcdMissesSettings& settings) {
     CcdMisses row;
     row.set = "triangle";
@@ -128,21 +131,24 @@ CcdMisses measure_triangles(Motion motion, const char* name, const CcdMissesSett
     for (std::uint32_t k = 0; k < settings.triangles; ++k) {
         const LinearTriangle t = draw_triangle(random, motion);
         ++row.drawn;
+        // The oracle's verdict; only a triangle that stays clearly outside can be reported spuriously.
         const OracleTouch truth = first_time_within(Vec3(0.0), 1.0, t);
         if (truth.verdict == Verdict::Undecided) {
             ++row.undecided;
             continue;
         }
         const bool touches = truth.verdict == Verdict::Touches;
-        const bool far_off = !touches && first_time_within(Vec3(0.0), kInvented, t).verdict == Verdict::Clear;
+        const bool beyond = !touches && first_time_within(Vec3(0.0), kSpuriousFactor, t).verdict == Verdict::Clear;
         row.contacts += touches ? 1 : 0;
+        // Our continuous collision detection.
         const MovingTriangle moving{{t.start[0], t.start[1], t.start[2]}, {t.end[0], t.end[1], t.end[2]}};
-        const TriangleTouch ours = sphere_triangle_ccd(Vec3(0.0), 1.0, moving);
-        complete.add(truth, far_off, ours.touches, ours.time);
-        const ThesisContact theirs = thesis_triangle_ccd(Vec3(0.0), 1.0, moving);
-        const bool found = theirs.feature != Feature::None;
+        const TriangleTouch complete_result = sphere_triangle_ccd(Vec3(0.0), 1.0, moving);
+        complete.add(truth, beyond, complete_result.touches, complete_result.time);
+        // The thesis: Algorithm 1, then overlap at the end of the step, left to the pop-out.
+        const ThesisContact thesis_result = thesis_triangle_ccd(Vec3(0.0), 1.0, moving);
+        const bool found = thesis_result.feature != Feature::None;
         const bool overlaps = point_triangle_distance(Vec3(0.0), t.end) < 1.0;
-        thesis.add(truth, far_off, found || overlaps, found ? theirs.time : 1.0);
+        thesis.add(truth, beyond, found || overlaps, found ? thesis_result.time : 1.0);
         row.algorithm_1 += touches && !found ? 1 : 0;
     }
     row.complete = complete.score();
@@ -152,12 +158,12 @@ CcdMisses measure_triangles(Motion motion, const char* name, const CcdMissesSett
 
 enum class Attitude { Random, EdgeOn, Tumbling };
 
-constexpr double kSide = 0.25;         // m, of the cloth
-constexpr std::uint32_t kCells = 8;    // a side: the triangles of the thesis' cloth
-constexpr double kHighestWave = 0.02;  // m
-constexpr double kAim = 0.15;          // m: up to here from the sphere the middle of the cloth may pass
+constexpr double kSide = 0.25;           // m, of the cloth
+constexpr std::uint32_t kCells = 8;      // per side: the triangles of the thesis' cloth
+constexpr double kMaxWaveHeight = 0.02;  // m
+constexpr double kAimRange = 0.15;       // m: largest coordinate of the point that the centre of the cloth aims at
 
-/// A cloth in flight, double-faced as the thesis' is.
+/// A flying cloth, double-faced as in the thesis.
 class FlyingCloth {
   public:
     FlyingCloth() : start_(vertex_count()), end_(vertex_count()) {
@@ -167,6 +173,7 @@ class FlyingCloth {
                                    kSide * (j / static_cast<double>(kCells) - 0.5));
             }
         }
+        // Two triangles per cell, each with its back face.
         for (std::uint32_t i = 0; i < kCells; ++i) {
             for (std::uint32_t j = 0; j < kCells; ++j) {
                 const std::uint32_t a = i * (kCells + 1) + j;
@@ -180,31 +187,33 @@ class FlyingCloth {
         tree_.emplace_back(rest_, triangles_);
     }
 
-    /// A step in which the cloth passes near the origin. Its middle aims at a point from which its rim may clip the
-    /// sphere, and is anywhere on its way when the step begins.
+    /// Draws a step in which the cloth passes near the origin. Its centre aims at a point from which its edge may touch
+    /// the sphere, and starts anywhere on its path.
     void draw(Random& random, Attitude attitude) {
         const Vec3 axis = random.direction();
         const double angle = random.uniform(-kPi, kPi);
-        const Vec3 normal = turned(Vec3(0.0, 1.0, 0.0), axis, angle);
+        const Vec3 normal = rotate(Vec3(0.0, 1.0, 0.0), axis, angle);
         Vec3 travel = random.direction();
         if (attitude == Attitude::EdgeOn) {
-            // Nearly so: the thesis' cloth is never quite flat either.
+            // Nearly edge-on: the thesis' cloth is never quite flat either.
             travel -= normal * (glm::dot(travel, normal) - random.uniform(-0.1, 0.1));
         }
         travel *= kTravel / glm::length(travel);
+        // Rotation during the step, path and shape of the waves.
         const Vec3 spin = random.direction();
-        const double by = attitude == Attitude::Tumbling ? random.uniform(-1.0, 1.0) : 0.0;
-        const Vec3 aim = random.in_cube(kAim);
+        const double spin_angle = attitude == Attitude::Tumbling ? random.uniform(-1.0, 1.0) : 0.0;
+        const Vec3 aim = random.in_cube(kAimRange);
         const Vec3 from = aim - travel * random.uniform(0.0, 1.0);
-        const double height = random.uniform(0.0, kHighestWave);
+        const double height = random.uniform(0.0, kMaxWaveHeight);
         const double along = random.uniform(0.0, 2.0 * kPi);
         const double across = random.uniform(0.0, 2.0 * kPi);
         for (std::size_t v = 0; v < rest_.size(); ++v) {
+            // Waves, attitude at the start, and motion during the step.
             Vec3 p = rest_[v];
             p.y = height * std::sin(25.0 * p.x + along) * std::sin(31.0 * p.z + across);
-            const Vec3 placed = turned(p, axis, angle);
-            start_[v] = from + placed;
-            end_[v] = from + travel + turned(placed, spin, by);
+            const Vec3 rotated = rotate(p, axis, angle);
+            start_[v] = from + rotated;
+            end_[v] = from + travel + rotate(rotated, spin, spin_angle);
         }
     }
 
@@ -228,8 +237,8 @@ class FlyingCloth {
     std::vector<SweptTree> tree_;  // one
 };
 
-/// The first touch of any triangle. Every second one is the other face of the one before.
-OracleTouch first_of_cloth(const FlyingCloth& cloth, double radius) {
+/// The first contact of any triangle. Every second triangle is the back face of the one before it.
+OracleTouch first_cloth_contact(const FlyingCloth& cloth, double radius) {
     OracleTouch first{Verdict::Clear, 2.0};
     for (std::size_t k = 0; k < cloth.triangle_count(); k += 2) {
         const OracleTouch touch = first_time_within(Vec3(0.0), radius, cloth.triangle(k));
@@ -243,12 +252,12 @@ OracleTouch first_of_cloth(const FlyingCloth& cloth, double radius) {
     return first;
 }
 
-double least_distance(const FlyingCloth& cloth, double time) {
-    double least = HUGE_VAL;
+double min_distance(const FlyingCloth& cloth, double time) {
+    double min = HUGE_VAL;
     for (std::size_t k = 0; k < cloth.triangle_count(); k += 2) {
-        least = std::min(least, point_triangle_distance(Vec3(0.0), corners_at_time(cloth.triangle(k), time)));
+        min = std::min(min, point_triangle_distance(Vec3(0.0), corners_at_time(cloth.triangle(k), time)));
     }
-    return least;
+    return min;
 }
 
 CcdMisses measure_cloth(Attitude attitude, const char* name, const CcdMissesSettings& settings) {
@@ -258,33 +267,36 @@ CcdMisses measure_cloth(Attitude attitude, const char* name, const CcdMissesSett
     Random random(settings.seed * 16 + 8 + static_cast<std::uint64_t>(attitude));
     FlyingCloth cloth;
     ContactSettings method;
-    // Both find contacts with the radius less the shrink, so that is the radius in question.
+    // Both methods look for contacts with the shrunk radius.
     const double radius = kRadius * method.shrink;
     Tally complete;
     Tally thesis;
     while (row.drawn < settings.frames) {
         cloth.draw(random, attitude);
-        if (least_distance(cloth, 0.0) <= kRadius * kClear) {
+        // Only motions that start clear of the sphere count.
+        if (min_distance(cloth, 0.0) <= kRadius * kClearFactor) {
             continue;
         }
         ++row.drawn;
-        const OracleTouch truth = first_of_cloth(cloth, radius);
+        const OracleTouch truth = first_cloth_contact(cloth, radius);
         if (truth.verdict == Verdict::Undecided) {
             ++row.undecided;
             continue;
         }
         const bool touches = truth.verdict == Verdict::Touches;
-        const bool far_off = !touches && first_of_cloth(cloth, radius * kInvented).verdict == Verdict::Clear;
+        const bool beyond = !touches && first_cloth_contact(cloth, radius * kSpuriousFactor).verdict == Verdict::Clear;
         row.contacts += touches ? 1 : 0;
+        // Both methods on the same swept tree.
         const std::array<MovingSurface, 1> surfaces{cloth.surface()};
         method.method = CcdMethod::Complete;
-        const SecurePosition ours = secure_position(surfaces, Vec3(0.0), kRadius, method);
-        complete.add(truth, far_off, ours.touched, ours.first_time);
+        const SecurePosition complete_result = secure_position(surfaces, Vec3(0.0), kRadius, method);
+        complete.add(truth, beyond, complete_result.touched, complete_result.first_time);
         method.method = CcdMethod::Thesis;
-        const SecurePosition theirs = secure_position(surfaces, Vec3(0.0), kRadius, method);
-        const bool overlaps = least_distance(cloth, 1.0) < radius;
-        thesis.add(truth, far_off, theirs.touched || overlaps, theirs.touched ? theirs.first_time : 1.0);
-        row.algorithm_1 += touches && !theirs.touched ? 1 : 0;
+        const SecurePosition thesis_result = secure_position(surfaces, Vec3(0.0), kRadius, method);
+        const bool overlaps = min_distance(cloth, 1.0) < radius;
+        thesis.add(truth, beyond, thesis_result.touched || overlaps,
+                   thesis_result.touched ? thesis_result.first_time : 1.0);
+        row.algorithm_1 += touches && !thesis_result.touched ? 1 : 0;
     }
     row.complete = complete.score();
     row.thesis = thesis.score();
@@ -299,6 +311,7 @@ double percent(std::uint64_t part, std::uint64_t whole) {
 
 std::vector<CcdMisses> measure_ccd_misses(const CcdMissesSettings& settings) {
     std::vector<CcdMisses> table;
+    // Single triangles by kind of motion, then cloths by attitude.
     table.push_back(measure_triangles(Motion::Translating, "translating", settings));
     table.push_back(measure_triangles(Motion::Deforming, "deforming", settings));
     table.push_back(measure_triangles(Motion::Rotating, "rotating", settings));
@@ -315,10 +328,10 @@ void write_ccd_misses(std::ostream& out, std::span<const CcdMisses> table) {
            "algorithm_1_missed_percent\n";
     for (const CcdMisses& row : table) {
         out << std::defaultfloat << std::setprecision(6) << row.set << ',' << row.motion << ',' << row.drawn << ','
-            << row.contacts << ',' << row.undecided << ',' << row.complete.missed << ',' << row.complete.invented << ','
-            << row.complete.latest << ',' << row.thesis.missed << ',' << percent(row.thesis.missed, row.contacts) << ','
-            << row.thesis.invented << ',' << row.thesis.latest << ',' << row.thesis.mean_late << ',' << row.algorithm_1
-            << ',' << percent(row.algorithm_1, row.contacts) << '\n';
+            << row.contacts << ',' << row.undecided << ',' << row.complete.missed << ',' << row.complete.spurious << ','
+            << row.complete.max_delay << ',' << row.thesis.missed << ',' << percent(row.thesis.missed, row.contacts)
+            << ',' << row.thesis.spurious << ',' << row.thesis.max_delay << ',' << row.thesis.mean_delay << ','
+            << row.algorithm_1 << ',' << percent(row.algorithm_1, row.contacts) << '\n';
     }
 }
 
@@ -326,12 +339,12 @@ void print_ccd_misses(std::ostream& out, std::span<const CcdMisses> table) {
     const std::ios_base::fmtflags flags = out.flags();
     out << std::left << std::setw(10) << "set" << std::setw(30) << "motion" << std::right << std::setw(10) << "contacts"
         << std::setw(14) << "ours missed" << std::setw(16) << "thesis missed" << std::setw(22) << "Algorithm 1 alone"
-        << std::setw(16) << "thesis late" << '\n';
+        << std::setw(16) << "thesis delay" << '\n';
     for (const CcdMisses& row : table) {
         out << std::left << std::setw(10) << row.set << std::setw(30) << row.motion << std::right << std::setw(10)
             << row.contacts << std::setw(14) << row.complete.missed << std::fixed << std::setprecision(1)
             << std::setw(14) << percent(row.thesis.missed, row.contacts) << " %" << std::setw(20)
-            << percent(row.algorithm_1, row.contacts) << " %" << std::setw(11) << 100.0 * row.thesis.mean_late
+            << percent(row.algorithm_1, row.contacts) << " %" << std::setw(11) << 100.0 * row.thesis.mean_delay
             << " % step" << '\n';
     }
     out.flags(flags);

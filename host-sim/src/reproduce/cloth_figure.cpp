@@ -13,12 +13,13 @@
 namespace haptic::sim::reproduce {
 namespace {
 
-/// Before the contact, the step of the contact with where the cloth was before, and some steps later: the moments that
-/// the thesis shows.
-struct Moments {
+/// Takes pictures at the moments that the thesis shows: one step before the contact, the step of the contact with the
+/// previous cloth, and some steps later.
+struct Pictures {
     static constexpr std::uint64_t kLater = 12;  // steps
 
-    void look(const Study& study, Figure& figure, const SceneRun& run) {
+    void observe(const Study& study, Figure& figure, const SceneRun& run) {
+        // First contact: the previous step, and this one with the previous cloth in grey.
         if (first_ == 0 && run.result().in_contact) {
             first_ = run.simulation().steps();
             PictureScene before = run.picture("one step before the contact");
@@ -45,7 +46,7 @@ struct Moments {
     }
 
   private:
-    std::uint64_t first_ = 0;  // step of the contact; 0: not yet
+    std::uint64_t first_ = 0;  // step of the contact; 0: none yet
     std::vector<Vec3> previous_;
 };
 
@@ -56,21 +57,21 @@ Figure cloth_drop(const Study& study) {
     figure.number = "4.13";
     figure.title = "a cloth dropped from 10 m is caught";
     figure.conditions =
-        "Scene cloth-drop: 1,089 vertices, 4,096 triangles (double-faced), step 0.01 s, proxy 0.03 m, the hand fixed "
-        "at the "
-        "origin. The cloth arrives at 14 m/s and moves 4.7 radii of the proxy in a step. The thesis gives no mass and "
-        "no "
-        "stiffness: here 100 g and 10 N/m, with a loss that grows with depth so that the cloth is not thrown back.";
+        "Scene cloth-drop: 1,089 vertices, 4,096 triangles (double-faced), step 0.01 s, proxy 0.03 m, the hand "
+        "fixed at the origin. The cloth arrives at 14 m/s and moves 4.7 proxy radii per step. The thesis gives "
+        "neither mass nor stiffness: here 100 g and 10 N/m, with damping that grows with depth so that the cloth "
+        "does not bounce.";
+    // Run the scene; record every step and its detection time.
     SceneRun run("cloth-drop", {}, study.clock());
-    Moments moments;
+    Pictures pictures;
     std::vector<double> ccd_us;
     double peak = 0.0;
     std::uint64_t in_contact = 0;
     CsvWriter csv(study.data(figure, "figure-4.13"),
                   {"time_s", "force_x_n", "force_y_n", "force_z_n", "proxy_y_m", "hip_y_m", "ccd_us"});
-    while (!run.over()) {
+    while (!run.finished()) {
         const StepResult& result = run.step();
-        moments.look(study, figure, run);
+        pictures.observe(study, figure, run);
         const double us = static_cast<double>(result.times.ccd_ns) * 1e-3;
         csv.row(
             std::array{run.time_s(), result.force.x, result.force.y, result.force.z, result.proxy.y, result.hip.y, us});
@@ -79,22 +80,24 @@ Figure cloth_drop(const Study& study) {
         in_contact += result.in_contact ? 1 : 0;
     }
     csv.close();
+    // Plot, then compare with the thesis.
     study.plot(figure, "figure-4.13-force", "Force in the scene; the hand is fixed.",
                "set xlabel 'time, s'\nset ylabel 'force, N'\nset xrange [1.3:*]\n"
                "plot 'figure-4.13.csv' using 'time_s':'force_y_n' with lines lw 2 title 'up', '' using "
                "'time_s':'force_x_n' with lines title 'x', '' using 'time_s':'force_z_n' with lines title 'z'\n");
     figure.comparisons = {
-        {"cloth caught", "yes; without the method no", in_contact > 0 && run.escapes() == 0 ? "yes" : "no"},
+        {"cloth caught", "yes; not without the method", in_contact > 0 && run.escapes() == 0 ? "yes" : "no"},
         {"steps at which something passed through the proxy (independent check)", "-", std::to_string(run.escapes())},
-        {"collision detection, refit of the tree included, a step", "300 to 1,000 us",
-         shown(quantile(ccd_us, 0.5), 1) + " us (median), " + shown(quantile(ccd_us, 0.99), 1) + " us (99 %)"},
-        {"largest force in the scene", "(figure only)", shown(peak, 1) + " N"},
+        {"collision detection per step, including the refit of the tree", "300 to 1,000 us",
+         format_fixed(quantile(ccd_us, 0.5), 1) + " us (median), " + format_fixed(quantile(ccd_us, 0.99), 1) +
+             " us (99 %)"},
+        {"largest force in the scene", "(figure only)", format_fixed(peak, 1) + " N"},
         {"steps in contact", "(figure only)", std::to_string(in_contact)},
     };
     figure.remarks =
-        "The thesis tests all triangles against the proxy's centre; here a tree over the moving triangles names the "
-        "few that "
-        "may touch. The form of the force depends on mass and stiffness, which the thesis does not give.";
+        "The thesis tests all triangles against the proxy's centre; here a tree over the moving triangles selects "
+        "the few that may touch. The shape of the force depends on mass and stiffness, which the thesis does not "
+        "give.";
     return figure;
 }
 

@@ -10,36 +10,30 @@
 
 #include "haptic/csv.hpp"
 #include "haptic/types.hpp"
+#include "reproduce/haptic_render.hpp"
 #include "reproduce/scene_run.hpp"
 #include "reproduce/study.hpp"
-#include "reproduce/tool_render.hpp"
+#include "reproduce/tool_picture.hpp"
 
 namespace haptic::sim::reproduce {
 namespace {
 
 constexpr std::array kCurtainColour{0.93, 0.76, 0.22};
 
-struct Shot {
-    double time_s;
-    const char* name;
-    const char* caption;
-    Vec3 camera;
-};
-
-/// Room about a place.
-PictureBox about(const Vec3& place, double half) {
-    return {place - half, place + half};
+/// Cube around a point.
+Aabb cube_around(const Vec3& centre, double half) {
+    return {centre - half, centre + half};
 }
 
 void take(const Study& study, Figure& figure, const SceneRun& run, const Shot& shot) {
-    ToolPicture picture = tool_picture(run, shot.caption, ToolLook::Skin);
+    ToolPicture picture = tool_picture(run, shot.caption, ToolStyle::Skin);
     picture.scene.objects.front().colour = kCurtainColour;
     picture.scene.camera = shot.camera;
-    picture.scene.view = about(run.result().proxy, 1.5);
+    picture.scene.view = cube_around(run.result().proxy, 1.5);
     study.picture(figure, "figure-5.5-" + std::string(shot.name), shot.caption, picture.scene);
 }
 
-/// Stages of the step, grouped as the thesis does.
+/// Times of the stages of a step, us, grouped as in the thesis.
 struct Times {
     std::vector<double> whole;
     std::vector<double> constraints;
@@ -58,26 +52,27 @@ struct Times {
 };
 
 std::string medians(const std::vector<double>& free, const std::vector<double>& touching) {
-    return shown(quantile(free, 0.5), 0) + " us free, " + shown(quantile(touching, 0.5), 0) + " us in contact";
+    return format_fixed(quantile(free, 0.5), 0) + " us free, " + format_fixed(quantile(touching, 0.5), 0) +
+           " us in contact";
 }
 
-/// What can be said of the force where nothing touches.
-struct InTheAir {
+/// Statistics of the samples without contact.
+struct FreeMotion {
     std::size_t samples = 0;
-    double fastest = 0.0;  // m/s
-    double force = 0.0;    // N, the largest
-    double torque = 0.0;   // N*m
+    double max_speed = 0.0;  // m/s
+    double force = 0.0;      // N, maximum
+    double torque = 0.0;     // N*m
 
-    explicit InTheAir(const std::vector<ToolSample>& all) {
+    explicit FreeMotion(const std::vector<HapticSample>& all) {
         for (std::size_t k = 1; k < all.size(); ++k) {
-            const ToolSample& s = all[k];
+            const HapticSample& s = all[k];
             if (s.collided > 0) {
                 continue;
             }
             ++samples;
             force = std::max(force, glm::length(s.force));
             torque = std::max(torque, glm::length(s.torque));
-            fastest = std::max(fastest, glm::length(s.hip - all[k - 1].hip) / (s.time_s - all[k - 1].time_s));
+            max_speed = std::max(max_speed, glm::length(s.hip - all[k - 1].hip) / (s.time_s - all[k - 1].time_s));
         }
     }
 };
@@ -89,35 +84,35 @@ Figure curtain_hand(const Study& study) {
     figure.number = "5.5";
     figure.title = "a deformable hand on a curtain";
     figure.conditions =
-        "Scene curtain-hand: a double-faced curtain of 8 m and 200 g, 1,089 vertices, 4,096 triangles, a particle a "
-        "vertex, two iterations; a hand of 1 kg, 3,906 triangles, 37 particles, four iterations; both springs 20 N/m. "
-        "It "
-        "moves to and fro in the air, slaps the curtain with the palm, hits it with the fingertips, presses it with a "
-        "turn, and leaves: 2.5 s, as in the thesis. Force and torque at 1 kHz, in the scene, from the planes of a "
-        "simulation at 100 steps/s.";
+        "Scene curtain-hand: a double-faced curtain of 8 m and 200 g with 1,089 vertices, 4,096 triangles, one "
+        "particle per vertex and two iterations; a hand of 1 kg with 3,906 triangles, 37 particles and four "
+        "iterations; both springs 20 N/m. The hand moves to and fro in the air, slaps the curtain with the palm, "
+        "hits it with the fingertips, presses and turns, and leaves: 2.5 s, as in the thesis. Force and torque at "
+        "1 kHz, in the scene, rendered from the planes of a simulation at 100 steps/s.";
+    // Run the scene, render each frame at 1 kHz, and take the pictures of the thesis.
     SceneRun run("curtain-hand", {}, study.clock());
     const std::array<Shot, 5> shots{
-        {{0.22, "1-air", "In the air: the tool is where the hand is.", {0.8, 0.3, 1.0}},
-         {0.6, "2-slap", "The flat hand slaps the curtain; grey: where the hand has it.", {0.9, 0.25, 0.6}},
+        {{0.22, "1-air", "In the air: the tool is at the device's pose.", {0.8, 0.3, 1.0}},
+         {0.6, "2-slap", "The flat hand slaps the curtain; grey: the pose of the device.", {0.9, 0.25, 0.6}},
          {1.05, "3-poke", "The fingertips hit the curtain and bend.", {1.0, 0.25, 0.35}},
          {1.8, "4-press", "The hand presses the curtain.", {0.9, 0.25, 0.6}},
          {2.1, "5-turn", "It turns while it presses.", {0.9, 0.25, 0.6}}}};
-    std::vector<ToolSample> samples;
+    std::vector<HapticSample> samples;
     Times free;
     Times touching;
     std::size_t next = 0;
-    std::size_t most_collided = 0;
+    std::size_t max_collided = 0;
     const std::int64_t step_ns = nanoseconds(run.simulation().scene().solver.step);
-    while (!run.over()) {
+    while (!run.finished()) {
         const StepResult& result = run.step();
         const ContactFrame& frame = run.simulation().frame();
-        render_tool(run.simulation(), frame, frame.plane_time_ns, frame.plane_time_ns + step_ns, samples);
+        render_haptics(run.simulation(), frame, frame.plane_time_ns, frame.plane_time_ns + step_ns, samples);
         (result.in_contact ? touching : free).add(result.times);
-        most_collided = std::max(most_collided, result.collided);
+        max_collided = std::max(max_collided, result.collided);
         if (next < shots.size() && run.time_s() + 1e-9 >= shots[next].time_s) {
             take(study, figure, run, shots[next]);
             if (next == 3) {
-                ToolPicture spheres = tool_picture(run, "the spheres of the hand", ToolLook::Spheres);
+                ToolPicture spheres = tool_picture(run, "the spheres of the hand", ToolStyle::Spheres);
                 spheres.scene.objects.erase(spheres.scene.objects.begin());  // the curtain
                 spheres.scene.camera = {0.5, 0.3, 1.0};
                 study.picture(figure, "figure-5.5-spheres", "The hand and its 37 spheres; those in contact are orange.",
@@ -126,57 +121,64 @@ Figure curtain_hand(const Study& study) {
             ++next;
         }
     }
+    // The samples as data, and their maxima.
     CsvWriter csv(study.data(figure, "figure-5.5"),
                   {"time_s", "x_m", "y_m", "z_m", "force_x_n", "force_y_n", "force_z_n", "torque_x_nm", "torque_y_nm",
                    "torque_z_nm", "particles_in_contact"});
     double force = 0.0;
     double torque = 0.0;
-    for (const ToolSample& s : samples) {
+    for (const HapticSample& s : samples) {
         csv.row(std::array{s.time_s, s.hip.x, s.hip.y, s.hip.z, s.force.x, s.force.y, s.force.z, s.torque.x, s.torque.y,
                            s.torque.z, static_cast<double>(s.collided)});
         force = std::max(force, glm::length(s.force));
         torque = std::max(torque, glm::length(s.torque));
     }
     csv.close();
+    // One plot each of position, force and torque.
     const auto plot = [&](const std::string& name, const std::string& caption, const std::string& axis, int column) {
-        const auto line = [&](int k, const char* title, const char* colour) {
+        const auto line = [&](int k, const char* title, int line_type) {
             return std::string(k == 0 ? "plot 'figure-5.5.csv'" : ", ''") + " using 1:" + std::to_string(column + k) +
-                   " skip 1 with lines lw 2 lc rgb '" + colour + "' title '" + title + "'";
+                   " skip 1 with lines lw 2 lc " + std::to_string(line_type) + " title '" + title + "'";
         };
         study.plot(figure, "figure-5.5-" + name, caption,
-                   "set xlabel 'time, s'\nset ylabel '" + axis + "'\n" + line(0, "x", "#c8553d") +
-                       line(1, "y", "#5f8744") + line(2, "z", "#2a6f97") + "\n");
+                   "set xlabel 'time, s'\nset ylabel '" + axis + "'\n" + line(0, "x", 2) + line(1, "y", 3) +
+                       line(2, "z", 1) + "\n");
     };
-    plot("position", "Where the hand has the tool, in the scene.", "m", 2);
+    plot("position", "Position of the device, in the scene.", "m", 2);
     plot("force", "Force on the hand, in the scene.", "N", 5);
     plot("torque", "Torque on the hand, in the scene.", "N m", 8);
 
-    const InTheAir air(samples);
+    // Comparison with the thesis.
+    const FreeMotion free_motion(samples);
     const double touching_us = quantile(touching.whole, 0.5);
     figure.comparisons = {
-        {"force in the air", "none that inertia causes",
-         air.force == 0.0 && air.torque == 0.0
-             ? "exactly 0, and so is the torque, in all " + std::to_string(air.samples) +
-                   " ms without contact, at up to " + shown(air.fastest, 1) + " m/s in the scene (" +
-                   shown(air.fastest * run.simulation().workspace().settings().scale, 2) + " m/s at the device)"
-             : "up to " + shown(air.force, 6) + " N and " + shown(air.torque, 6) + " N m"},
-        {"steps a second in contact", "45 to 59", touching_us > 0.0 ? shown(1e6 / touching_us, 0) : "never in contact"},
+        {"force in the air", "none caused by inertia",
+         free_motion.force == 0.0 && free_motion.torque == 0.0
+             ? "exactly 0, and so is the torque, in all " + std::to_string(free_motion.samples) +
+                   " ms without contact, at up to " + format_fixed(free_motion.max_speed, 1) + " m/s in the scene (" +
+                   format_fixed(free_motion.max_speed * run.simulation().workspace().settings().scale, 2) +
+                   " m/s at the device)"
+             : "up to " + format_fixed(free_motion.force, 6) + " N and " + format_fixed(free_motion.torque, 6) +
+                   " N m"},
+        {"steps a second in contact", "45 to 59",
+         touching_us > 0.0 ? format_fixed(1e6 / touching_us, 0) : "never in contact"},
         {"whole step", "17,000 to 22,000 us", medians(free.whole, touching.whole)},
         {"constraints of curtain and hand", "4,000 us", medians(free.constraints, touching.constraints)},
         {"collision detection with pop-out", "3,000 us", medians(free.detection, touching.detection)},
         {"both runs of the virtual proxy, with planes and contact force", "8,000 to 12,000 us",
          medians(free.proxy, touching.proxy)},
-        {"all contact work of a step, 99.9 %", "-", shown(quantile(touching.proxy_and_detection, 0.999), 0) + " us"},
-        {"most particles in contact at once", "-", std::to_string(most_collided) + " of 37"},
+        {"all contact computation of a step, 99.9th percentile", "-",
+         format_fixed(quantile(touching.proxy_and_detection, 0.999), 0) + " us"},
+        {"largest number of particles in contact", "-", std::to_string(max_collided) + " of 37"},
         {"largest force and torque in the scene", "(figure only)",
-         shown(force, 1) + " N, " + shown(torque, 1) + " N m"},
-        {"particles through which something passed (independent check of each one's way)", "-",
+         format_fixed(force, 1) + " N, " + format_fixed(torque, 1) + " N m"},
+        {"particles through which something passed (independent check of each path)", "-",
          std::to_string(run.escapes())},
     };
     figure.remarks =
-        "The hand's way is a script of ours, and the thesis does not say how large its hand is, so the curves can be "
-        "compared in kind only: nothing in the air, a push that grows with the depth, no oscillation after the "
-        "impacts.";
+        "The path of the hand is our own script, and the thesis does not give the size of its hand, so the curves "
+        "can be compared qualitatively only: no force in the air, a force that grows with depth, no oscillation "
+        "after the impacts.";
     return figure;
 }
 

@@ -7,25 +7,28 @@
 #include <vector>
 
 #include "haptic/csv.hpp"
+#include "reproduce/haptic_render.hpp"
 #include "reproduce/scene_run.hpp"
 #include "reproduce/study.hpp"
 
 namespace haptic::sim::reproduce {
 namespace {
 
-struct Shot {
+struct FishShot {
     double time_s;
     const char* name;
     const char* caption;
 };
 
 /// Runs a scene to its end, renders it at 1 kHz and takes pictures at the given times.
-std::vector<HapticSample> feel(const Study& study, Figure& figure, SceneRun& run, std::span<const Shot> shots) {
+std::vector<HapticSample> run_and_render(const Study& study, Figure& figure, SceneRun& run,
+                                         std::span<const FishShot> shots) {
     std::vector<HapticSample> samples;
     std::size_t next = 0;
-    while (!run.over()) {
+    while (!run.finished()) {
         run.step();
-        run.render(samples);
+        const ContactFrame& frame = run.simulation().frame();
+        render_haptics(run.simulation(), frame, frame.plane_time_ns, frame.plane_time_ns + frame.step_ns, samples);
         if (next < shots.size() && run.time_s() >= shots[next].time_s) {
             PictureScene picture = run.picture(shots[next].caption);
             picture.camera = {0.25, 0.45, 1.0};
@@ -45,7 +48,7 @@ void write(const Study& study, Figure& figure, std::span<const HapticSample> sam
     csv.close();
 }
 
-/// Of the samples between two times.
+/// The samples between two times.
 std::span<const HapticSample> between(std::span<const HapticSample> samples, double from_s, double to_s) {
     const auto before = [](const HapticSample& s, double time_s) { return s.time_s < time_s; };
     const auto first = std::lower_bound(samples.begin(), samples.end(), from_s, before);
@@ -53,16 +56,17 @@ std::span<const HapticSample> between(std::span<const HapticSample> samples, dou
     return {first, last};
 }
 
-double largest_slew(std::span<const HapticSample> samples) {
+double max_force_step(std::span<const HapticSample> samples) {
+    // Largest change of the force between two samples (1 ms).
     double largest = 0.0;
     for (std::size_t k = 1; k < samples.size(); ++k) {
         largest = std::max(largest, glm::length(samples[k].force - samples[k - 1].force));
     }
-    return largest;  // N in a millisecond
+    return largest;  // N per ms
 }
 
-/// Longest time without any force, ms.
-int longest_gap(std::span<const HapticSample> samples) {
+/// Longest time without force, ms (samples).
+int longest_gap_ms(std::span<const HapticSample> samples) {
     int longest = 0;
     int gap = 0;
     for (const HapticSample& s : samples) {
@@ -72,9 +76,11 @@ int longest_gap(std::span<const HapticSample> samples) {
     return longest;
 }
 
-/// Maxima of the force that stand out from the minima beside them by at least `prominence`, N.
-int peaks(std::span<const HapticSample> samples, double prominence) {
+/// Counts the maxima of the vertical force that exceed the adjacent minima by at least `prominence`, N.
+int count_peaks(std::span<const HapticSample> samples, double prominence) {
     int count = 0;
+    // State machine with hysteresis: follow a rise until the force falls by `prominence`, then a fall until it rises by
+    // it.
     double low = samples.empty() ? 0.0 : samples.front().force.y;
     double high = low;
     bool rising = true;
@@ -100,12 +106,12 @@ int peaks(std::span<const HapticSample> samples, double prominence) {
     return count;
 }
 
-double most(std::span<const HapticSample> samples) {
-    double most_n = 0.0;
+double max_force(std::span<const HapticSample> samples) {
+    double max_n = 0.0;
     for (const HapticSample& s : samples) {
-        most_n = std::max(most_n, s.force.y);
+        max_n = std::max(max_n, s.force.y);
     }
-    return most_n;
+    return max_n;
 }
 
 }  // namespace
@@ -115,42 +121,42 @@ Figure fish_hold(const Study& study) {
     figure.number = "4.16";
     figure.title = "holding the tail of a living fish";
     figure.conditions =
-        "Scene fish-hold: 137 particles with eight neighbours, stiffness 0.9 for the head, 0.6 for belly and tail, the "
-        "belly "
-        "stuck to the table, neck and upper tail moved up and down twice and again; coupling 10 N/m without damping. "
-        "The "
-        "fish is ours (852 vertices, 1,700 triangles; the thesis' 1,047 vertices are split at seams). Force and "
-        "positions at "
-        "1 kHz, from the planes of a simulation at 100 steps/s.";
+        "Scene fish-hold: 137 particles with eight neighbours each, stiffness 0.9 for the head, 0.6 for belly and "
+        "tail; the belly is fixed to the table, neck and upper tail move up and down twice, repeatedly; coupling "
+        "10 N/m without damping. The fish is our own (852 vertices, 1,700 triangles; the thesis' 1,047 vertices "
+        "are split at seams). Force and positions at 1 kHz, rendered from the planes of a simulation at 100 "
+        "steps/s.";
     SceneRun run("fish-hold", {}, study.clock());
-    const std::array<Shot, 4> shots{{{1.3, "1", "The hand comes down on the tail."},
-                                     {2.9, "2", "The tail is pressed onto the table, at rest."},
-                                     {3.7, "3", "The fish lifts its tail against the hand."},
-                                     {3.8, "4", "Between two shakes."}}};
-    const std::vector<HapticSample> samples = feel(study, figure, run, shots);
+    const std::array<FishShot, 4> shots{{{1.3, "1", "The hand comes down on the tail."},
+                                         {2.9, "2", "The tail is pressed onto the table, at rest."},
+                                         {3.7, "3", "The fish lifts its tail against the hand."},
+                                         {3.8, "4", "Between two shakes."}}};
+    // Run, record and plot.
+    const std::vector<HapticSample> samples = run_and_render(study, figure, run, shots);
     write(study, figure, samples);
     study.plot(figure, "figure-4.16-force", "Vertical force on the hand, in the scene, at 1 kHz.",
                "set xlabel 'time, s'\nset ylabel 'force, N'\n"
-               "plot 'figure-4.16.csv' using 'time_s':'force_y_n' with lines lc rgb '#c8553d' notitle\n");
-    study.plot(
-        figure, "figure-4.16-positions", "Heights of proxy and hand.",
-        "set xlabel 'time, s'\nset ylabel 'height, m'\n"
-        "plot 'figure-4.16.csv' using 'time_s':'proxy_y_m' with lines lw 2 lc rgb '#2a6f97' title 'proxy', '' using "
-        "'time_s':'hip_y_m' with lines lc rgb '#555555' title 'hand (HIP)'\n");
+               "plot 'figure-4.16.csv' using 'time_s':'force_y_n' with lines lc 2 notitle\n");
+    study.plot(figure, "figure-4.16-positions", "Heights of proxy and hand.",
+               "set xlabel 'time, s'\nset ylabel 'height, m'\n"
+               "plot 'figure-4.16.csv' using 'time_s':'proxy_y_m' with lines lw 2 lc 1 title 'proxy', '' using "
+               "'time_s':'hip_y_m' with lines lc 8 title 'hand (HIP)'\n");
+    // From 2.2 s on the tail is held.
     const auto held = between(samples, 2.2, 8.0);
     figure.comparisons = {
-        {"the tail is held without a break", "stably", longest_gap(held) == 0 ? "yes, from 2.2 s to the end" : "no"},
-        {"peaks of the force from 2.2 s on", "one for each shake (figure)", std::to_string(peaks(held, 0.02))},
-        {"largest force", "(figure only)", shown(most(samples), 3) + " N"},
-        {"largest change of the force in a millisecond", "-", shown(1e3 * largest_slew(samples), 2) + " mN"},
+        {"the tail is held without interruption", "stably",
+         longest_gap_ms(held) == 0 ? "yes, from 2.2 s to the end" : "no"},
+        {"count_peaks of the force from 2.2 s on", "one for each shake (figure)",
+         std::to_string(count_peaks(held, 0.02))},
+        {"largest force", "(figure only)", format_fixed(max_force(samples), 3) + " N"},
+        {"largest change of the force in a millisecond", "-", format_fixed(1e3 * max_force_step(samples), 2) + " mN"},
         {"steps at which something passed through (independent check)", "-", std::to_string(run.escapes())},
     };
     figure.remarks =
-        "The height of the peaks follows from size, mass and way of shaking, which the thesis does not give; that "
-        "there is "
-        "one for each shake and that the hand keeps hold is what can be compared. The largest change in a millisecond "
-        "is "
-        "that of the bare planes where a frame arrives; rt-core spreads it over the step.";
+        "The height of the peaks follows from size, mass and motion of the fish, which the thesis does not give. "
+        "Comparable are that each shake causes one peak and that the hand does not lose the tail. The largest "
+        "change per millisecond is that of the unsmoothed planes when a frame arrives; rt-core spreads it over "
+        "the step.";
     return figure;
 }
 
@@ -159,28 +165,29 @@ Figure fish_slide(const Study& study) {
     figure.number = "4.17";
     figure.title = "sliding along a fish from head to tail";
     figure.conditions =
-        "Scene fish-slide: the fish of figure 4.16 without its motion; the hand slides along it at one height from "
-        "head to "
-        "tail in 4 s. Force at 1 kHz.";
+        "Scene fish-slide: the fish of figure 4.16 without its motion; the hand slides along it from head to tail "
+        "at constant height in 4 s. Force at 1 kHz.";
     SceneRun run("fish-slide", {}, study.clock());
-    const std::array<Shot, 2> shots{
+    const std::array<FishShot, 2> shots{
         {{2.0, "1", "The hand slides over the head."}, {4.0, "2", "The hand slides over the tail."}}};
-    const std::vector<HapticSample> samples = feel(study, figure, run, shots);
+    const std::vector<HapticSample> samples = run_and_render(study, figure, run, shots);
     write(study, figure, samples);
     study.plot(
         figure, "figure-4.17-force",
-        "Vertical force on the hand against its place along the fish; the head is on the left.",
-        "set xlabel 'place along the fish, m (head on the left)'\nset ylabel 'force, N'\nset xrange [0.15:-0.16]\n"
-        "plot 'figure-4.17.csv' using ($1 >= 1 && $1 <= 5 ? $2 : NaN):7 skip 1 with lines lc rgb '#c8553d' "
+        "Vertical force on the hand against its position along the fish; the head is on the left.",
+        "set xlabel 'position along the fish, m (head on the left)'\nset ylabel 'force, N'\nset xrange [0.15:-0.16]\n"
+        "plot 'figure-4.17.csv' using ($1 >= 1 && $1 <= 5 ? $2 : NaN):7 skip 1 with lines lc 2 "
         "notitle\n");
+    // From 1.1 s to 4.6 s the hand is on the fish.
     const auto on_fish = between(samples, 1.1, 4.6);
     figure.comparisons = {
-        {"longest time without force while on the fish", "none (figure)", std::to_string(longest_gap(on_fish)) + " ms"},
-        {"largest force", "(figure only)", shown(most(samples), 3) + " N"},
-        {"largest change of the force in a millisecond", "-", shown(1e3 * largest_slew(on_fish), 2) + " mN"},
+        {"longest time without force while on the fish", "none (figure)",
+         std::to_string(longest_gap_ms(on_fish)) + " ms"},
+        {"largest force", "(figure only)", format_fixed(max_force(samples), 3) + " N"},
+        {"largest change of the force in a millisecond", "-", format_fixed(1e3 * max_force_step(on_fish), 2) + " mN"},
         {"steps at which something passed through (independent check)", "-", std::to_string(run.escapes())},
     };
-    figure.remarks = "As in the thesis the force follows the outline of the fish and falls where it is soft.";
+    figure.remarks = "As in the thesis, the force follows the outline of the fish and drops where the fish is soft.";
     return figure;
 }
 

@@ -1,4 +1,4 @@
-// Figure 4.18: where the time of a step goes with four fish.
+// Figure 4.18: time of each stage of a step with four fish.
 
 #include <array>
 #include <string>
@@ -35,16 +35,15 @@ Figure four_fish(const Study& study) {
     figure.number = "4.18";
     figure.title = "four fish: time of each stage";
     figure.conditions =
-        "Scene four-fish: 6,800 triangles, 548 particles, five iterations a step, ellipsoids that collide with one "
-        "another "
-        "and with the table. Medians over the steps in which the hand touches nothing and over those in which it does, "
-        "one "
-        "core. The independent check of each step is not in the times.";
+        "Scene four-fish: 6,800 triangles, 548 particles, five iterations per step, ellipsoids that collide with "
+        "one another and with the table. Medians over the steps without and with contact of the hand, on one "
+        "core. The independent check of each step is not included in the times.";
+    // Collect the time of each stage, with and without contact, and take one picture.
     SceneRun run("four-fish", {}, study.clock());
     Samples free;
     Samples touching;
     bool shot = false;
-    while (!run.over()) {
+    while (!run.finished()) {
         const StepResult& result = run.step();
         for (std::size_t s = 0; s < kStages.size(); ++s) {
             (result.in_contact ? touching : free)[s].push_back(static_cast<double>(result.times.*kStages[s].time_ns) *
@@ -57,33 +56,35 @@ Figure four_fish(const Study& study) {
             study.picture(figure, "figure-4.18-heap", "The hand among the four fish.", picture);
         }
     }
+    // Medians as data and as comparison.
     CsvWriter csv(study.data(figure, "figure-4.18"), {"stage", "free_us", "in_contact_us"});
     for (std::size_t s = 0; s < kStages.size(); ++s) {
         const double free_us = quantile(free[s], 0.5);
         const double touching_us = quantile(touching[s], 0.5);
         csv.row(std::array{static_cast<double>(s), free_us, touching_us});
-        figure.comparisons.push_back({kStages[s].name, kStages[s].thesis,
-                                      shown(free_us, 1) + " us free, " + shown(touching_us, 1) + " us in contact"});
+        figure.comparisons.push_back(
+            {kStages[s].name, kStages[s].thesis,
+             format_fixed(free_us, 1) + " us free, " + format_fixed(touching_us, 1) + " us in contact"});
     }
     csv.close();
     const double touching_us = quantile(touching[0], 0.5);
     figure.comparisons.push_back(
-        {"steps in contact, of all", "-",
+        {"steps in contact, of all steps", "-",
          std::to_string(touching[0].size()) + " of " + std::to_string(touching[0].size() + free[0].size())});
-    figure.comparisons.push_back({"steps a second in contact", "55",
-                                  touching_us > 0.0 ? shown(1e6 / touching_us, 0) : std::string("never in contact")});
+    figure.comparisons.push_back(
+        {"steps a second in contact", "55",
+         touching_us > 0.0 ? format_fixed(1e6 / touching_us, 0) : std::string("never in contact")});
     figure.comparisons.push_back(
         {"steps at which something passed through (independent check)", "-", std::to_string(run.escapes())});
     study.plot(
         figure, "figure-4.18-stages", "Time of each stage, microseconds, medians.",
         "set ylabel 'us'\nset style data histograms\nset style histogram clustered gap 1\nset style fill solid 0.8\n"
         "set xtics ('all' 0, 'collisions' 1, 'deformation' 2, 'skinning' 3, 'CCD' 4, 'pop-out' 5, 'proxy' 6)\n"
-        "plot 'figure-4.18.csv' using 2 skip 1 title 'free' lc rgb '#2a6f97', '' using 3 skip 1 title 'in contact' lc "
-        "rgb '#b3710f'\n");
+        "plot 'figure-4.18.csv' using 2 skip 1 title 'free' lc 1, '' using 3 skip 1 title 'in contact' lc 4\n");
     figure.remarks =
-        "Eight constraints at a time in vector registers, in the order of a graph colouring, make the deformation "
-        "fast; the "
-        "proxy looks only at the triangles that a tree of moving boxes names, so it no longer is the largest part.";
+        "The deformation is fast because eight constraints are processed at a time in vector registers, in the "
+        "order of a graph colouring. The proxy tests only the triangles that a tree of moving boxes selects, so "
+        "it is no longer the largest part.";
     return figure;
 }
 

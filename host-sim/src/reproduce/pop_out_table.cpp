@@ -15,8 +15,8 @@ constexpr std::array<std::array<double, 3>, 3> kThesis{{// ms
                                                         {0.018, 0.166, 1.533},
                                                         {0.028, 0.269, 2.234}}};
 constexpr int kRepetitions = 10;
-constexpr double kHalfSlit = 0.9;  // of the radius
-constexpr double kFarOff = 1.6;    // of the radius: in range, not penetrated
+constexpr double kHalfSlitWidth = 0.9;    // of the radius
+constexpr double kInRangeDistance = 1.6;  // of the radius: in range, not penetrated
 
 }  // namespace
 
@@ -24,9 +24,10 @@ std::vector<InRangeTriangle> pop_out_table_triangles(int count) {
     constexpr double r = kPopOutTableRadius;
     std::vector<InRangeTriangle> triangles;
     for (int k = 0; k < count; ++k) {
+        // Alternate between the two sides of the slit; `kind` selects face, edge, vertex or out of reach.
         const double side = k % 2 == 0 ? -1.0 : 1.0;
         const int kind = k / 2 % 4;
-        const double x = side * (kind == 3 ? kFarOff : kHalfSlit) * r;
+        const double x = side * (kind == 3 ? kInRangeDistance : kHalfSlitWidth) * r;
         const double beyond = x + side * r;
         TriangleCorners t;
         if (kind == 1) {
@@ -44,19 +45,20 @@ std::vector<InRangeTriangle> pop_out_table_triangles(int count) {
 std::vector<PopOutTiming> measure_pop_out_table(std::int64_t (*clock)()) {
     std::vector<PopOutTiming> table;
     for (std::size_t row = 0; row < kTriangles.size(); ++row) {
+        // Same triangles for all iteration limits of a row.
         const std::vector<InRangeTriangle> triangles = pop_out_table_triangles(kTriangles[row]);
         for (std::size_t column = 0; column < kIterations.size(); ++column) {
             ContactSettings settings;
             settings.pop_out_limit = kIterations[column];
-            // Once without the clock, so that the first figure does not pay for cold memory.
-            bool whole = !pop_through(triangles, Vec3(0.0), kPopOutTableRadius, settings).clear;
+            // One untimed run first, so that the first figure does not include cold caches.
+            bool exhausted = !pop_out_of_list(triangles, Vec3(0.0), kPopOutTableRadius, settings).clear;
             const std::int64_t begin = clock();
             for (int k = 0; k < kRepetitions; ++k) {
-                whole = whole && !pop_through(triangles, Vec3(0.0), kPopOutTableRadius, settings).clear;
+                exhausted = exhausted && !pop_out_of_list(triangles, Vec3(0.0), kPopOutTableRadius, settings).clear;
             }
             const std::int64_t end = clock();
-            if (!whole) {
-                throw std::logic_error("pop-out table: the proxy got clear before its iterations were used up");
+            if (!exhausted) {
+                throw std::logic_error("pop-out table: the proxy got clear before the iteration limit");
             }
             table.push_back({kTriangles[row], kIterations[column],
                              1e-6 * static_cast<double>(end - begin) / kRepetitions, kThesis[row][column]});

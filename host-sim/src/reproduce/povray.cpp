@@ -5,10 +5,8 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
-#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <iterator>
-#include <limits>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -17,8 +15,9 @@
 namespace haptic::sim {
 namespace {
 
-// What is the same in every picture. POV-Ray is left-handed; a camera whose right is -x shows our frame as it is.
-constexpr std::string_view kSurroundings = R"(
+// Preamble of every picture. POV-Ray is left-handed; a camera whose right vector is -x shows our right-handed scene
+// correctly.
+constexpr std::string_view kPreamble = R"(
 #version 3.7;
 global_settings { assumed_gamma 1.0 max_trace_level 8 }
 
@@ -36,7 +35,8 @@ global_settings { assumed_gamma 1.0 max_trace_level 8 }
 }
 )";
 
-std::string shown(double value) {
+/// A number or a vector in POV-Ray's syntax; values below 1e-9 become 0.
+std::string pov(double value) {
     std::array<char, 32> digits{};
     const double rounded = std::fabs(value) < 1e-9 ? 0.0 : value;
     const auto end =
@@ -44,13 +44,13 @@ std::string shown(double value) {
     return {digits.data(), end};
 }
 
-std::string shown(const Vec3& v) {
-    std::string text = shown(v.x);
-    text.insert(0, 1, '<').append(", ").append(shown(v.y)).append(", ").append(shown(v.z)).push_back('>');
+std::string pov(const Vec3& v) {
+    std::string text = pov(v.x);
+    text.insert(0, 1, '<').append(", ").append(pov(v.y)).append(", ").append(pov(v.z)).push_back('>');
     return text;
 }
 
-/// Mean of the normals of the faces about each vertex, weighted by their area.
+/// Area-weighted mean of the face normals at each vertex.
 std::vector<Vec3> vertex_normals(const PictureObject& object) {
     std::vector<Vec3> normals(object.vertices.size(), Vec3(0.0));
     for (const auto& [a, b, c] : object.triangles) {
@@ -69,21 +69,21 @@ std::vector<Vec3> vertex_normals(const PictureObject& object) {
 void write_list(std::ostream& out, const char* name, std::span<const Vec3> vectors) {
     out << "    " << name << " {\n        " << vectors.size();
     for (std::size_t i = 0; i < vectors.size(); ++i) {
-        out << (i % 3 == 0 ? ",\n        " : ", ") << shown(vectors[i]);
+        out << (i % 3 == 0 ? ",\n        " : ", ") << pov(vectors[i]);
     }
     out << "\n    }\n";
 }
 
 std::string skin_texture(const std::array<double, 3>& colour, double transmit) {
-    return "texture {\n        pigment { rgb " + shown(Vec3(colour[0], colour[1], colour[2])) + " transmit " +
-           shown(transmit) + " }\n        finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }\n    }";
+    return "texture {\n        pigment { rgb " + pov(Vec3(colour[0], colour[1], colour[2])) + " transmit " +
+           pov(transmit) + " }\n        finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }\n    }";
 }
 
-// Open surfaces let a little through, so that the proxy behind them is seen.
+// Open surfaces are slightly transparent, so that the proxy behind them is visible.
 constexpr double kTransmit = 0.16;
 constexpr double kGhostTransmit = 0.7;
-constexpr std::array kBack{0.96, 0.83, 0.55};
-constexpr std::array kGhost{0.5, 0.5, 0.5};
+constexpr std::array kBackColour{0.96, 0.83, 0.55};
+constexpr std::array kGhostColour{0.5, 0.5, 0.5};
 
 void write_mesh(std::ostream& out, const PictureObject& object) {
     out << "mesh2 {\n";
@@ -92,51 +92,49 @@ void write_mesh(std::ostream& out, const PictureObject& object) {
         write_list(out, "normal_vectors", vertex_normals(object));
     }
     out << "    face_indices {\n        " << object.triangles.size();
-    // The other way round than in our right-handed frame: POV-Ray takes its interior side from the winding, too.
+    // Reversed winding: POV-Ray derives the interior side from the winding in its left-handed frame.
     for (std::size_t t = 0; t < object.triangles.size(); ++t) {
         const auto& [a, b, c] = object.triangles[t];
         out << (t % 8 == 0 ? ",\n        " : ", ") << "<" << a << ", " << c << ", " << b << ">";
     }
     out << "\n    }\n    ";
+    // Material: ghosts transparent, closed surfaces opaque, open surfaces with a second colour for the back.
     if (object.ghost) {
-        out << skin_texture(kGhost, kGhostTransmit) << " no_shadow";
+        out << skin_texture(kGhostColour, kGhostTransmit) << " no_shadow";
     } else if (object.closed) {
         out << skin_texture(object.colour, 0.0);
     } else {
-        out << skin_texture(object.colour, kTransmit) << "\n    interior_" << skin_texture(kBack, kTransmit);
+        out << skin_texture(object.colour, kTransmit) << "\n    interior_" << skin_texture(kBackColour, kTransmit);
     }
     out << "\n}\n";
 }
 
 void write_ground(std::ostream& out, const PictureScene& scene) {
-    out << "plane {\n    y, " << shown(scene.floor)
-        << "\n    pigment { checker rgb <0.84, 0.86, 0.88> rgb <0.80, 0.82, 0.845> scale " << shown(scene.tile)
+    out << "plane {\n    y, " << pov(scene.floor)
+        << "\n    pigment { checker rgb <0.84, 0.86, 0.88> rgb <0.80, 0.82, 0.845> scale " << pov(scene.tile)
         << " }\n    finish { ambient 0.25 diffuse 0.7 }\n}\n\n";
 }
 
-constexpr double kAngle = 30.0;     // degrees, of the view's width
-constexpr double kTangent = 0.175;  // of half the view's height: tan(15 deg) * 3/4 at 4:3, less a margin
-constexpr double kLampsUpTo = 8.0;  // m, of the camera's distance: as far as the nearer lamps light the scene well
+constexpr double kAngle = 30.0;  // degrees, horizontal field of view
+constexpr double kHalfHeight =
+    0.175;  // tangent of half the vertical field of view: tan(15 deg) * 3/4 at 4:3, less a margin
+constexpr double kLampRange =
+    8.0;  // m, distance of the camera up to which the lamps at their base positions light the scene well
 
-/// All objects, and proxy and hip or the spheres.
-PictureBox whole_of(const PictureScene& scene) {
-    constexpr double infinity = std::numeric_limits<double>::infinity();
-    PictureBox box{Vec3(infinity), Vec3(-infinity)};
-    const auto add = [&box](const Vec3& v) {
-        box.low = glm::min(box.low, v);
-        box.high = glm::max(box.high, v);
-    };
+/// Bounding box of all objects, and of proxy and hip or the tool's spheres.
+Aabb bounds(const PictureScene& scene) {
+    Aabb box;
     if (scene.proxy_radius > 0.0) {
-        add(scene.proxy);
-        add(scene.hip);
+        box.extend(scene.proxy);
+        box.extend(scene.hip);
     }
     for (const PictureSphere& sphere : scene.spheres) {
-        add(sphere.centre - sphere.radius);
-        add(sphere.centre + sphere.radius);
+        box.extend(sphere.centre - sphere.radius);
+        box.extend(sphere.centre + sphere.radius);
     }
     for (const PictureObject& object : scene.objects) {
         for (const Vec3& v : object.vertices) {
-            add(v);
+            box.extend(v);
         }
     }
     return box;
@@ -147,49 +145,51 @@ struct Camera {
     double distance;  // m
 };
 
-/// Has what is to be seen in its view, with a margin.
+/// A camera that sees the requested box with a margin.
 Camera camera_for(const PictureScene& scene) {
-    const auto [low, high] = scene.view ? *scene.view : whole_of(scene);
-    const double across = std::hypot(high.x - low.x, high.z - low.z) * 0.75;  // as wide as 4:3 is high
-    return {0.5 * (low + high), 0.5 * std::max(high.y - low.y, across) / kTangent + 0.35 * across};
+    const auto [low, high] = scene.view ? *scene.view : bounds(scene);
+    const double across =
+        std::hypot(high.x - low.x, high.z - low.z) * 0.75;  // horizontal extent, scaled to the height of a 4:3 picture
+    return {0.5 * (low + high), 0.5 * std::max(high.y - low.y, across) / kHalfHeight + 0.35 * across};
 }
 
 void write_camera(std::ostream& out, const PictureScene& scene, const Camera& camera) {
     const Vec3 location = camera.look_at + camera.distance * glm::normalize(scene.camera);
-    out << "camera {\n    location " << shown(location) << "\n    up y\n    right -x * image_width / image_height\n"
-        << "    angle " << shown(kAngle) << "\n    look_at " << shown(camera.look_at) << "\n}\n\n";
+    out << "camera {\n    location " << pov(location) << "\n    up y\n    right -x * image_width / image_height\n"
+        << "    angle " << pov(kAngle) << "\n    look_at " << pov(camera.look_at) << "\n}\n\n";
 }
 
-/// Fog and lamps; those of a wide scene are farther away.
+/// Background, fog and lamps; the lamps of a large scene are farther away.
 void write_light(std::ostream& out, const Camera& camera) {
-    const double size = std::max(1.0, camera.distance / kLampsUpTo);
-    const auto lamp = [&](const Vec3& place) { return "light_source {\n    " + shown(size * place); };
-    out << "background { rgb <0.90, 0.93, 0.97> }\nfog { fog_type 1 distance " << shown(45.0 * size)
+    // One area light with soft shadows, and two fill lights without.
+    const double size = std::max(1.0, camera.distance / kLampRange);
+    const auto lamp = [&](const Vec3& position) { return "light_source {\n    " + pov(size * position); };
+    out << "background { rgb <0.90, 0.93, 0.97> }\nfog { fog_type 1 distance " << pov(45.0 * size)
         << " rgb <0.90, 0.93, 0.97> }\n"
-        << lamp({-3.5, 6.0, 5.0}) << " rgb <1.0, 0.97, 0.92>\n    area_light " << shown(size * Vec3(1.2, 0.0, 0.0))
-        << ", " << shown(size * Vec3(0.0, 0.0, 1.2)) << ", 5, 5 adaptive 1 jitter\n}\n"
+        << lamp({-3.5, 6.0, 5.0}) << " rgb <1.0, 0.97, 0.92>\n    area_light " << pov(size * Vec3(1.2, 0.0, 0.0))
+        << ", " << pov(size * Vec3(0.0, 0.0, 1.2)) << ", 5, 5 adaptive 1 jitter\n}\n"
         << lamp({5.0, 3.0, 3.5}) << " rgb <0.30, 0.33, 0.40> shadowless\n}\n"
         << lamp({0.0, -2.0, 4.0}) << " rgb <0.34, 0.32, 0.31> shadowless\n}\n\n";
 }
 
 void write_tool(std::ostream& out, const PictureScene& scene) {
     for (const PictureSphere& sphere : scene.spheres) {
-        out << "sphere { " << shown(sphere.centre) << ", " << shown(sphere.radius) << " texture { "
+        out << "sphere { " << pov(sphere.centre) << ", " << pov(sphere.radius) << " texture { "
             << (sphere.touching ? "TouchingBall" : "ProxyBall") << " } }\n";
     }
     if (!(scene.proxy_radius > 0.0)) {
         return;
     }
-    out << "sphere { " << shown(scene.proxy) << ", " << shown(scene.proxy_radius) << " texture { ProxyBall } }\n";
-    out << "sphere { " << shown(scene.hip) << ", " << shown(0.4 * scene.proxy_radius) << " texture { Hip } }\n";
+    out << "sphere { " << pov(scene.proxy) << ", " << pov(scene.proxy_radius) << " texture { ProxyBall } }\n";
+    out << "sphere { " << pov(scene.hip) << ", " << pov(0.4 * scene.proxy_radius) << " texture { Hip } }\n";
     if (glm::length(scene.hip - scene.proxy) > scene.proxy_radius) {
-        out << "cylinder { " << shown(scene.hip) << ", " << shown(scene.proxy) << ", "
-            << shown(0.08 * scene.proxy_radius) << " texture { Hip } no_shadow }  // the coupling\n";
+        out << "cylinder { " << pov(scene.hip) << ", " << pov(scene.proxy) << ", " << pov(0.08 * scene.proxy_radius)
+            << " texture { Hip } no_shadow }  // the coupling\n";
     }
 }
 
 void write_all(std::ostream& out, const PictureScene& scene) {
-    out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kSurroundings << '\n';
+    out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kPreamble << '\n';
     const Camera camera = camera_for(scene);
     write_light(out, camera);
     write_camera(out, scene, camera);
@@ -201,7 +201,7 @@ void write_all(std::ostream& out, const PictureScene& scene) {
     }
 }
 
-// One after the other; the first is that of cloth-drop.
+// Colours of the bodies in turn; the first is that of cloth-drop.
 constexpr std::array<std::array<double, 3>, 4> kColours{
     {{0.78, 0.16, 0.14}, {0.90, 0.55, 0.13}, {0.20, 0.50, 0.58}, {0.45, 0.56, 0.22}}};
 
@@ -211,7 +211,7 @@ std::vector<PictureObject> objects_of(const Simulation& simulation, std::span<co
     std::vector<PictureObject> objects;
     for (const SceneBody& body : simulation.bodies()) {
         const std::vector<Triangle>& all = body.mesh.triangles;
-        // The second half of a double-faced mesh is the same surface once more.
+        // The second half of a double-faced mesh repeats the same surface.
         const auto count = static_cast<std::ptrdiff_t>(body.mesh.double_faced ? all.size() / 2 : all.size());
         objects.push_back({.vertices = vertices.subspan(body.first_vertex, body.mesh.vertices.size()),
                            .triangles = {all.begin(), all.begin() + count},
@@ -222,6 +222,7 @@ std::vector<PictureObject> objects_of(const Simulation& simulation, std::span<co
 }
 
 void write_picture_scene(const std::filesystem::path& file, const PictureScene& scene) {
+    // Readers never see a partial file: write a temporary one and rename it.
     std::filesystem::path temporary = file;
     temporary += ".part";
     {

@@ -1,49 +1,38 @@
-// A built-in scene run by its own script, and what a haptic loop would make of its frames.
+// Scene run: one of the built-in scenes, run by its own script to its end.
 #pragma once
 
 #include <cstdint>
 #include <string>
 #include <vector>
 
-#include "reproduce/povray.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "haptic/types.hpp"
+#include "reproduce/povray.hpp"
 
 namespace haptic::sim::reproduce {
 
-/// One millisecond of haptic rendering, in the scene.
-struct HapticSample {
-    double time_s = 0.0;
-    Vec3 hip{0.0};    // m
-    Vec3 proxy{0.0};  // m
-    Vec3 force{0.0};  // N, on the hand
-};
-
 class SceneRun {
   public:
-    /// A built-in scene with some keys set as by --set. The clock times the stages; null: none.
+    /// Loads a built-in scene; `assignments` are "key=value", as for --set. The clock measures the stages; null: no
+    /// times.
     SceneRun(const std::string& scene, const std::vector<std::string>& assignments, std::int64_t (*clock)());
 
-    /// The scene has run for as long as it says.
-    [[nodiscard]] bool over() const noexcept;
+    /// The simulation has reached the duration of the scene.
+    [[nodiscard]] bool finished() const noexcept;
 
-    /// One step of the script, verified by the independent check. The vertices as the step found them are kept.
+    /// Makes one step of the script, with the independent check, and stores the vertices as the step found them.
     const StepResult& step();
 
-    /// Renders the last frame at 1 kHz until the next step is due: at each millisecond the proxy is the point nearest
-    /// to the hip within the frame's half-spaces, which move on with their velocities, and the force is that of the
-    /// coupling's spring. So does rt-core (with limits, smoothing and damping on top).
-    void render(std::vector<HapticSample>& samples) const;
-
-    /// The scene as the last step found it and with what it made of the proxy. The picture points into this object.
+    /// The scene as the last step found it, with the proxy that this step produced. The picture refers to this object.
     [[nodiscard]] PictureScene picture(const std::string& title) const;
 
     [[nodiscard]] const Simulation& simulation() const noexcept { return simulation_; }
     [[nodiscard]] const StepResult& result() const noexcept { return result_; }
-    /// Where the vertices were when the last step began.
+    /// Vertices at the beginning of the last step, m.
     [[nodiscard]] const std::vector<Vec3>& vertices() const noexcept { return vertices_; }
-    /// s, of the beginning of the last step.
+    /// Time at the beginning of the last step, s.
     [[nodiscard]] double time_s() const noexcept { return time_s_; }
+    /// Steps in which the independent check found that a surface passed through the proxy.
     [[nodiscard]] std::uint64_t escapes() const noexcept { return escapes_; }
 
   private:
@@ -54,10 +43,10 @@ class SceneRun {
     std::uint64_t escapes_ = 0;
 };
 
-/// The value that this part (0 .. less than 1) of the others is below; 0 if there are none.
-[[nodiscard]] double quantile(std::vector<double> values, double part);
+/// Quantile: the value below which this fraction (0 .. less than 1) of the values lies; 0 if there are none.
+[[nodiscard]] double quantile(std::vector<double> values, double fraction);
 
-/// "1.23" with so many digits behind the point.
-[[nodiscard]] std::string shown(double value, int digits);
+/// A number with a fixed number of digits behind the decimal point, e.g. "1.23".
+[[nodiscard]] std::string format_fixed(double value, int digits);
 
 }  // namespace haptic::sim::reproduce

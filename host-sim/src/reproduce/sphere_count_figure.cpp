@@ -15,10 +15,11 @@ namespace {
 
 constexpr std::array kCounts{1, 2, 3, 5, 8, 12, 16, 20, 25, 30, 35, 40, 45, 50};
 
-/// Of the steps in which the tool touches nothing, or of those in which it does, us.
+/// Times of the steps without contact, or of those with contact, us.
 struct Times {
     std::vector<double> whole;
-    std::vector<double> tool;  // all that grows with the spheres: detection, pop-out, virtual proxies, constraints
+    std::vector<double>
+        tool;  // everything that grows with the spheres: detection, pop-out, virtual proxies, constraints
 
     void add(const StageTimes& t) {
         whole.push_back(static_cast<double>(t.total_ns) * 1e-3);
@@ -32,7 +33,7 @@ struct Row {
     Times touching;
 };
 
-/// Straight line through points by least squares, and how much of their variance it explains.
+/// Least-squares line, and the share of the variance that it explains.
 struct Line {
     double offset = 0.0;
     double slope = 0.0;
@@ -41,6 +42,7 @@ struct Line {
 
 Line fit(const std::vector<double>& x, const std::vector<double>& y) {
     const auto count = static_cast<double>(x.size());
+    // Means, then sums of squares about them.
     double mean_x = 0.0;
     double mean_y = 0.0;
     for (std::size_t k = 0; k < x.size(); ++k) {
@@ -62,7 +64,7 @@ Row run_with(int spheres, std::int64_t (*clock)()) {
     Row row;
     row.spheres = spheres;
     SceneRun run("curtain-hand", {"tool.spheres=" + std::to_string(spheres)}, clock);
-    while (!run.over()) {
+    while (!run.finished()) {
         const StepResult& result = run.step();
         (result.in_contact ? row.touching : row.free).add(result.times);
     }
@@ -70,8 +72,8 @@ Row run_with(int spheres, std::int64_t (*clock)()) {
 }
 
 std::string equation(const Line& line) {
-    return shown(line.offset, 0) + " us + " + shown(line.slope, 2) + " us a sphere (R^2 " + shown(line.explained, 3) +
-           ")";
+    return format_fixed(line.offset, 0) + " us + " + format_fixed(line.slope, 2) + " us per sphere (R^2 " +
+           format_fixed(line.explained, 3) + ")";
 }
 
 }  // namespace
@@ -81,11 +83,11 @@ Figure sphere_counts(const Study& study) {
     figure.number = "5.6";
     figure.title = "time of a step against the number of spheres";
     figure.conditions =
-        "Scene curtain-hand with 1 to 50 spheres. Medians over the steps in which the tool touches nothing, and over "
-        "those "
-        "in which it does (marked with * in the thesis), of the whole step and of all that the tool takes in it: "
-        "detection with the refit of the curtain's tree, pop-out, both runs of the virtual proxy, the planes for the "
-        "hand, the contact force, the tool's constraints. One core; the independent check is not in the times.";
+        "Scene curtain-hand with 1 to 50 spheres. Medians over the steps without contact and over those with "
+        "contact (marked * in the thesis), of the whole step and of the tool's part: detection including the "
+        "refit of the curtain's tree, pop-out, both runs of the virtual proxy, the planes for the hand, the "
+        "contact force, and the tool's constraints. One core; the independent check is not included in the times.";
+    // Medians for each number of spheres.
     std::vector<double> counts;
     std::vector<double> free;
     std::vector<double> touching;
@@ -101,22 +103,22 @@ Figure sphere_counts(const Study& study) {
         touching.push_back(quantile(row.touching.tool, 0.5));
     }
     csv.close();
-    study.plot(
-        figure, "figure-5.6-times", "Median time of a step, microseconds.",
-        "set xlabel 'spheres'\nset ylabel 'us'\nset yrange [0:*]\n"
-        "plot 'figure-5.6.csv' using 1:3 skip 1 with linespoints pt 7 ps 0.6 lc rgb '#c8553d' title 'step, in "
-        "contact', '' using 1:2 skip 1 with linespoints pt 7 ps 0.6 lc rgb '#b3710f' title 'step, free', '' using "
-        "1:5 skip 1 with linespoints pt 7 ps 0.6 lc rgb '#2a6f97' title 'tool, in contact', '' using 1:4 skip 1 "
-        "with linespoints pt 7 ps 0.6 lc rgb '#8ab6cf' title 'tool, free'\n");
+    study.plot(figure, "figure-5.6-times", "Median time of a step, microseconds.",
+               "set xlabel 'spheres'\nset ylabel 'us'\nset yrange [0:*]\n"
+               "plot 'figure-5.6.csv' using 1:3 skip 1 with linespoints pt 7 ps 0.6 lc 2 title 'step, in "
+               "contact', '' using 1:2 skip 1 with linespoints pt 7 ps 0.6 lc 4 title 'step, free', '' using "
+               "1:5 skip 1 with linespoints pt 7 ps 0.6 lc 1 title 'tool, in contact', '' using 1:4 skip 1 "
+               "with linespoints pt 7 ps 0.6 lc 7 title 'tool, free'\n");
+    // Linear fit of the tool's part over the number of spheres.
     const Line in_contact = fit(counts, touching);
     figure.comparisons = {
         {"the tool's part, in contact", "grows with the number (figure)", equation(in_contact)},
         {"the tool's part, free", "grows with the number (figure)", equation(fit(counts, free))},
-        {"a sphere, all in all", "some 400 us (15 ms for 37)", shown(in_contact.slope, 2) + " us"},
+        {"per sphere, in total", "some 400 us (15 ms for 37)", format_fixed(in_contact.slope, 2) + " us"},
     };
     figure.remarks =
-        "Where a sphere is counts as much as that it is there: with few spheres the hand touches the curtain in fewer "
-        "places than it has fingers.";
+        "The position of a sphere matters as much as its presence: with few spheres the hand touches the curtain "
+        "in fewer places than it has fingers.";
     return figure;
 }
 

@@ -33,7 +33,9 @@ constexpr std::array<Reproduction, 13> kReproductions{{
     {"scaling", "A step among up to a million triangles", scaling},
 }};
 
-constexpr std::string_view kPlotHead =
+// Style of all plots. Line types: 1 ours, 2 the thesis (red), 3 green, 4 ochre, 5 grey, 6 violet, 7 light blue, 8 dark
+// grey.
+constexpr std::string_view kPlotPreamble =
     R"(set terminal svg size 760,340 dynamic font 'sans-serif,13'
 set datafile separator comma
 set grid linecolor '#dddddd'
@@ -42,15 +44,19 @@ set linetype 1 linewidth 1.5 linecolor '#2a6f97'
 set linetype 2 linewidth 1.5 linecolor '#c8553d'
 set linetype 3 linewidth 1.5 linecolor '#5f8744'
 set linetype 4 linewidth 1.5 linecolor '#b3710f'
+set linetype 5 linewidth 1.5 linecolor '#999999'
+set linetype 6 linewidth 1.5 linecolor '#8a6fb0'
+set linetype 7 linewidth 1.5 linecolor '#8ab6cf'
+set linetype 8 linewidth 1.5 linecolor '#555555'
 set tics nomirror
 set key outside top center horizontal
 )";
 
 constexpr std::string_view kIntroduction =
-    R"(<p>Each figure of "Haptic Proxy for Dynamic Deformable Objects" (Tokyo Institute of Technology), chapters 4 and 5, from
-the scenes built into this program. Beside our numbers stand those of the thesis, which were measured on an Intel Core i5-4210U
-(1.7 GHz; chapter 5: i5-7300); ours are of the machine on which this page was made, on one core. Where the thesis does not give a mass, a size or a stiffness,
-the scene's file says what was chosen.</p>
+    R"(<p>The figures of chapters 4 and 5 of "Haptic Proxy for Dynamic Deformable Objects" (Tokyo Institute of Technology),
+reproduced with the scenes built into this program. The thesis' numbers, shown beside ours, were measured on an Intel Core i5-4210U
+(1.7 GHz; chapter 5: i5-7300). Ours were measured on one core of the machine on which this page was made. Where the thesis gives no
+mass, size or stiffness, the scene's file says what was chosen.</p>
 )";
 
 void write_file(const std::filesystem::path& file, std::string_view content) {
@@ -58,7 +64,7 @@ void write_file(const std::filesystem::path& file, std::string_view content) {
     out << content;
     out.close();
     if (!out) {
-        throw std::runtime_error(file.string() + ": cannot be written; is there room?");
+        throw std::runtime_error(file.string() + ": cannot be written; is the disk full?");
     }
 }
 
@@ -67,7 +73,7 @@ void write_images(std::ostream& out, const Figure& figure) {
     for (const Image& image : figure.images) {
         out << (image.file.ends_with(".svg") ? "<figure class=\"gnuplot\">" : "<figure>");
         if (image.file.empty()) {
-            out << "<p class=\"quiet\">(not drawn: gnuplot or povray is missing or failed)</p>";
+            out << "<p class=\"quiet\">(not drawn: gnuplot or povray is missing or has failed)</p>";
         } else {
             out << "<img alt=\"" << html_text(image.caption) << "\" src=\"" << image.file << "\">";
         }
@@ -78,8 +84,9 @@ void write_images(std::ostream& out, const Figure& figure) {
 
 void write_figure(std::ostream& out, const Figure& figure) {
     const bool numbered = !figure.number.empty() && figure.number[0] >= '0' && figure.number[0] <= '9';
-    out << "<section><h2 id=\"figure-" << figure.number << "\">" << (numbered ? "Figure " : "Beside them, ")
+    out << "<section><h2 id=\"figure-" << figure.number << "\">" << (numbered ? "Figure " : "Additional: ")
         << figure.number << ": " << html_text(figure.title) << "</h2>\n<p>" << html_text(figure.conditions) << "</p>\n";
+    // Numbers of the thesis beside ours, then the images and links to the data.
     if (!figure.comparisons.empty()) {
         out << "<table><tr><th></th><th>thesis</th><th>here</th></tr>\n";
         for (const Comparison& c : figure.comparisons) {
@@ -112,12 +119,14 @@ std::filesystem::path Study::data(Figure& figure, const std::string& name) const
 }
 
 bool Study::run(const std::vector<std::string>& command, const std::string& name) const {
+    // posix_spawnp wants an argument list that ends with null.
     std::vector<char*> arguments;
     arguments.reserve(command.size() + 1);
     for (const std::string& word : command) {
         arguments.push_back(const_cast<char*>(word.c_str()));  // posix_spawnp does not write to them
     }
     arguments.push_back(nullptr);
+    // No input; output to NAME.log; working directory: the folder.
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     const std::string log = (folder_ / (name + ".log")).string();
@@ -131,6 +140,7 @@ bool Study::run(const std::vector<std::string>& command, const std::string& name
     if (refused != 0) {
         return false;
     }
+    // Wait for the program, also across signals.
     int status = 0;
     while (waitpid(child, &status, 0) < 0) {
         if (errno != EINTR) {
@@ -142,7 +152,7 @@ bool Study::run(const std::vector<std::string>& command, const std::string& name
 
 void Study::plot(Figure& figure, const std::string& name, const std::string& caption,
                  const std::string& commands) const {
-    write_file(folder_ / (name + ".gp"), std::string(kPlotHead) + "set output '" + name + ".svg'\n" + commands);
+    write_file(folder_ / (name + ".gp"), std::string(kPlotPreamble) + "set output '" + name + ".svg'\n" + commands);
     const bool drawn = run({"gnuplot", name + ".gp"}, name);
     figure.images.push_back({drawn ? name + ".svg" : "", caption});
 }
@@ -164,7 +174,7 @@ std::filesystem::path Study::write_page(std::span<const Figure> figures) const {
     out << "</body></html>\n";
     out.close();
     if (!out) {
-        throw std::runtime_error(file.string() + ": cannot be written; is there room?");
+        throw std::runtime_error(file.string() + ": cannot be written; is the disk full?");
     }
     return file;
 }

@@ -1,8 +1,8 @@
-// What `host-sim reproduce` writes: for each figure of the thesis its data, plots, pictures and numbers beside the
-// thesis', and one page that shows them all.
+// Output of `host-sim reproduce`: for each figure of the thesis its data, plots, pictures and numbers beside the
+// thesis', and one page with all of them.
 //
-// Data are CSV files, plots gnuplot files, pictures POV-Ray files, and all three stay in the folder, so that anybody
-// can look into them or draw them anew. Where gnuplot or povray is missing, the page says so in the picture's place.
+// Data are CSV files, plots gnuplot files, pictures POV-Ray files; all remain in the folder, so that they can be
+// inspected or redrawn. If gnuplot or povray is missing, the page says so in place of the image.
 #pragma once
 
 #include <cstdint>
@@ -15,10 +15,10 @@
 
 namespace haptic::sim::reproduce {
 
-/// A number of the thesis and ours.
+/// One number of the thesis beside ours.
 struct Comparison {
     std::string what;
-    std::string thesis;  // "-" where it gives none
+    std::string thesis;  // "-" if the thesis gives none
     std::string ours;
 };
 
@@ -29,24 +29,25 @@ struct Image {
 };
 
 struct Figure {
-    std::string number;      // "4.13", as in the thesis; a word if it has no such figure
-    std::string title;       // what it shows
-    std::string conditions;  // what was run, and in what it differs from the thesis
+    std::string number;      // "4.13", as in the thesis; a word for a figure that is not in it
+    std::string title;       // what the figure shows
+    std::string conditions;  // what was run, and how that differs from the thesis
     std::vector<Comparison> comparisons;
     std::vector<Image> images;
     std::vector<std::string> data;  // CSV files, in the folder
-    std::string remarks;            // what differs, and why
+    std::string remarks;            // what differs in the result, and why
 };
 
-/// The folder of one run of the command.
+/// The output folder of one run of the command.
 class Study {
   public:
-    /// Makes the folder if need be. `now` gives monotonic nanoseconds. Throws std::filesystem::filesystem_error.
+    /// Creates the folder if necessary. `now` returns monotonic nanoseconds. Throws std::filesystem::filesystem_error.
     Study(std::filesystem::path folder, std::int64_t (*now)());
 
-    /// The path of a data file, which the figure lists from now on.
+    /// Registers a data file with the figure and returns its path.
     [[nodiscard]] std::filesystem::path data(Figure& figure, const std::string& name) const;
-    /// Draws a plot with gnuplot and adds it to the figure. `commands` find the data files by their bare names.
+    /// Draws a plot with gnuplot and adds it to the figure. `commands` refer to data files by their bare names and to
+    /// the colours of all plots by the line types 1 to 8 (study.cpp).
     void plot(Figure& figure, const std::string& name, const std::string& caption, const std::string& commands) const;
     /// Renders a picture with POV-Ray and adds it to the figure.
     void picture(Figure& figure, const std::string& name, const std::string& caption, const PictureScene& scene) const;
@@ -63,7 +64,7 @@ class Study {
     std::int64_t (*clock_)();
 };
 
-/// One figure of the thesis and what makes it anew.
+/// One figure of the thesis and the function that reproduces it.
 struct Reproduction {
     const char* number;
     const char* title;
@@ -73,7 +74,7 @@ struct Reproduction {
 /// All figures that can be reproduced, in the order of the thesis.
 [[nodiscard]] std::span<const Reproduction> reproductions();
 
-// What makes each figure; see reproductions().
+// One function per figure; see reproductions().
 [[nodiscard]] Figure missed_contacts(const Study& study);
 [[nodiscard]] Figure cloth_drop(const Study& study);
 [[nodiscard]] Figure pop_out_iterations(const Study& study);

@@ -1,5 +1,5 @@
-// When a moving triangle first comes within a distance of a point, by brute force: what contact methods are judged by.
-// Shares no code with them but the type of a vector.
+// Contact oracle: by brute force, when a moving triangle first comes within a distance of a point. The reference for
+// contact methods; it shares no code with them but the vector type.
 #pragma once
 
 #include <array>
@@ -16,27 +16,28 @@ struct LinearTriangle {
     Corners end{};
 };
 
-/// Distance from a point to a triangle: the least of those to the three edges, and of that to the plane where the foot
-/// of the perpendicular is inside.
+/// Distance from a point to a triangle: the minimum over the three edges and, if the foot of the perpendicular is
+/// inside, the plane.
 [[nodiscard]] double point_triangle_distance(const Vec3& p, const Corners& triangle);
 
-/// Corners at a time.
+/// Corners at time t.
 [[nodiscard]] Corners corners_at_time(const LinearTriangle& triangle, double time);
 
 enum class Verdict { Clear, Touches, Undecided };
 
 struct OracleTouch {
     Verdict verdict = Verdict::Undecided;
-    double time = 2.0;  // Touches: at this time the distance is within the radius, and before it none was found
+    double time = 2.0;  // Touches: the distance is within the radius at this time, and no earlier such time was found
 };
 
-/// Halves [0, 1] wherever the distance at the middle, less what the fastest corner can do in half of the interval, is
-/// within the radius. Touches and Clear are proofs to rounding: one has a time at which the distance is within the
-/// radius, the other has intervals without one that cover the step. What is nearer than `grazing` of the radius beyond
-/// it is clear where the intervals become that short; Undecided after `kMostLooks` distances.
+/// Bisects [0, 1] wherever the distance at the middle, less the largest distance that a corner can travel in half of
+/// the interval, is within the radius. Touches and Clear are proofs up to rounding: the former has a time at which the
+/// distance is within the radius, the latter a cover of the step by intervals without one. Distances within kGrazing
+/// radii beyond the radius count as clear once the intervals are short enough. Undecided after kMaxEvaluations
+/// distances.
 [[nodiscard]] OracleTouch first_time_within(const Vec3& p, double radius, const LinearTriangle& triangle);
 
 inline constexpr double kGrazing = 1e-10;  // of the radius
-inline constexpr int kMostLooks = 200'000;
+inline constexpr int kMaxEvaluations = 200'000;
 
 }  // namespace haptic::sim::reproduce

@@ -7,7 +7,7 @@
 namespace haptic::sim {
 namespace {
 
-/// kg, per particle: what a force accelerates.
+/// kg, per particle: inertia against forces; infinite if pinned.
 std::vector<double> moved_mass(const ParticleModel& particles) {
     std::vector<double> mass = particles.mass;
     for (std::size_t i = 0; i < mass.size(); ++i) {
@@ -26,8 +26,8 @@ void append(TriangleMesh& mesh, const TriangleMesh& added) {
     }
 }
 
-/// The triangles that contact looks at. It acts on both sides of each, so the second face of a double-faced triangle
-/// (the second half of such a mesh) would only say all once more. The thesis' methods are given what the thesis had.
+/// Triangles for contact. Contact is two-sided, so the back faces of a double-faced mesh (its second half) are left out
+/// as duplicates. The thesis' methods get them, as in the thesis.
 std::span<const Triangle> touchable(const TriangleMesh& mesh, const ContactSettings& contact) {
     const std::span<const Triangle> all = mesh.triangles;
     const bool as_thesis = contact.method == CcdMethod::Thesis || contact.pop_out == PopOutMethod::Thesis;
@@ -49,6 +49,7 @@ Assembly::Assembly(const Scene& scene) {
 }
 
 void Assembly::add(DeformableBody&& body, const Scene& scene) {
+    // Append mesh and skin, with the skin's particle indices shifted to the common array.
     const std::size_t vertices = mesh.vertices.size();
     const std::size_t particles = model.size();
     append(mesh, body.mesh);
@@ -65,7 +66,7 @@ void Assembly::add(DeformableBody&& body, const Scene& scene) {
     bodies.push_back({std::move(body.name), vertices, particles, std::move(body.mesh)});
 }
 
-void Assembly::lead(double now_s, double step_s) {
+void Assembly::drive(double now_s, double step_s) {
     for (std::size_t b = 0; b < bodies.size(); ++b) {
         for (const Motion& motion : motions[b]) {
             const Vec3 after = offset_at(motion, now_s + step_s);

@@ -1,5 +1,5 @@
-// All bodies of a scene as one: the particles that the solver steps, the mesh that they carry, the skin between the
-// two, and what the contact code needs of each body.
+// Assembly: all bodies of a scene in common arrays. Particles for the solver, the mesh that they carry, the skin
+// between the two, and per body what the contact code needs.
 #pragma once
 
 #include <cstddef>
@@ -7,23 +7,23 @@
 #include <vector>
 
 #include "contact/swept_tree.hpp"
-#include <haptic/sim/contact_force.hpp>
-#include <haptic/sim/deformable.hpp>
-#include <haptic/sim/mesh.hpp>
-#include <haptic/sim/particles.hpp>
-#include <haptic/sim/scene.hpp>
-#include <haptic/sim/simulation.hpp>
-#include <haptic/sim/skin.hpp>
+#include "haptic/sim/contact_force.hpp"
+#include "haptic/sim/deformable.hpp"
+#include "haptic/sim/mesh.hpp"
+#include "haptic/sim/particles.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/scene_body.hpp"
+#include "haptic/sim/skin.hpp"
 
 namespace haptic::sim {
 
 struct Assembly {
     explicit Assembly(const Scene& scene);
 
-    /// Sets the velocities of all particles that are led, so that they get to where they have to be a step after now.
-    void lead(double now_s, double step_s);
+    /// Sets the velocities of all driven particles so that they reach their prescribed positions at now_s + step_s.
+    void drive(double now_s, double step_s);
 
-    /// What carries and what is carried in one body.
+    /// Ranges of a body's vertices and particles in the common arrays.
     [[nodiscard]] Skinner::Part part(std::size_t body) const {
         const std::size_t first = bodies[body].first_particle;
         const std::size_t next = body + 1 < bodies.size() ? bodies[body + 1].first_particle : model.size();
@@ -31,7 +31,7 @@ struct Assembly {
     }
 
     // Of all bodies together.
-    ParticleModel model;  // in motion
+    ParticleModel model;  // current state
     TriangleMesh mesh;    // at rest
     Skin skin;
     // Per body.

@@ -1,12 +1,12 @@
-#include <haptic/sim/curl_track.hpp>
+#include "haptic/sim/curl_track.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
 
-#include <haptic/csv.hpp>
-#include <haptic/types.hpp>
+#include "haptic/csv.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 

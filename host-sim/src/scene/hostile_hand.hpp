@@ -1,26 +1,25 @@
-// A hand that tries to get through: it darts at random points of the scene's surfaces and past them, stops dead, jumps
-// aside and comes back, turns over meanwhile, as fast as it is allowed to, and opens and closes. Contact has to hold
-// against it.
+// Hostile hand: a random hand that tries to break through surfaces. It darts at random vertices and past them, stops
+// dead, rotates, closes and opens, up to given speeds. Contact must hold against it.
 #pragma once
 
 #include <cstdint>
 #include <span>
 
-#include <haptic/types.hpp>
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 
 class HostileHand {
   public:
-    /// The hand starts at `start` (m, scene), not turned, and never moves faster than `most_speed` (m/s) nor turns
-    /// faster than `most_turn` (rad/s). The same seed gives the same way, given the same surfaces.
-    HostileHand(std::uint64_t seed, double most_speed, double most_turn, const Vec3& start) noexcept;
+    /// Starts at `start` (m, scene), unrotated, and never exceeds `max_speed` (m/s) and `max_turn_rate` (rad/s). The
+    /// same seed and surfaces give the same motion.
+    HostileHand(std::uint64_t seed, double max_speed, double max_turn_rate, const Vec3& start) noexcept;
 
-    /// Where the hand is `dt` seconds later. `vertices` (m, scene) are what it aims at; with none it stays.
-    [[nodiscard]] Vec3 after(double dt, std::span<const Vec3> vertices) noexcept;
-    /// How it is turned then: scene_from_grip.
+    /// Advances by `dt` (s) and returns the position. `vertices` (m, scene) are its targets; without any it stays.
+    [[nodiscard]] Vec3 advance(double dt, std::span<const Vec3> vertices) noexcept;
+    /// scene_from_grip.
     [[nodiscard]] const Quat& orientation() const noexcept { return orientation_; }
-    /// How far it is closed then, 0..1: as fast as fingers are. For a tool that can close.
+    /// 0..1, for a tool that can close; at most 10/s.
     [[nodiscard]] double curl() const noexcept { return curl_; }
 
   private:
@@ -34,23 +33,23 @@ class HostileHand {
         std::uint64_t state_;
     };
 
-    void choose(std::span<const Vec3> vertices) noexcept;
-    void choose_turn() noexcept;
-    void choose_curl() noexcept;
-    void turn(double dt) noexcept;
+    void choose_aim(std::span<const Vec3> vertices) noexcept;
+    void choose_orientation_aim() noexcept;
+    void choose_curl_aim() noexcept;
+    void rotate(double dt) noexcept;
 
-    Random way_;
-    Random turns_;  // numbers of its own: how it turns does not change its way
-    Random curls_;  // likewise
-    double most_speed_;
-    double most_turn_;
+    Random path_random_;
+    Random rotation_random_;  // separate generators: rotation and curl do not affect the path
+    Random curl_random_;
+    double max_speed_;
+    double max_turn_rate_;
     Vec3 position_;
     Vec3 aim_;
     double speed_ = 0.0;   // m/s, toward the aim
-    double left_s_ = 0.0;  // until the next aim is chosen, at the latest
+    double left_s_ = 0.0;  // s, until the next aim is chosen
     Quat orientation_{1.0, 0.0, 0.0, 0.0};
-    Quat turn_aim_{1.0, 0.0, 0.0, 0.0};
-    double turn_speed_ = 0.0;  // rad/s
+    Quat orientation_aim_{1.0, 0.0, 0.0, 0.0};
+    double turn_rate_ = 0.0;  // rad/s
     double curl_ = 0.0;
     double curl_aim_ = 0.0;
     double curl_speed_ = 0.0;  // 1/s

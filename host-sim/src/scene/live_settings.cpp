@@ -1,71 +1,110 @@
-#include <haptic/sim/live_settings.hpp>
+#include "haptic/sim/live_settings.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
 namespace haptic::sim {
 namespace {
 
-void require(const char* what, double value, const Range& range) {
-    if (!(value >= range.least && value <= range.most)) {
-        throw std::invalid_argument(std::string(what) + " must be " + std::to_string(range.least) + " to " +
-                                    std::to_string(range.most) + ", is " + std::to_string(value));
-    }
-}
-
-double between(double from, double to, double part) noexcept {
+double interpolated(double from, double to, double part) noexcept {
     return part < 1.0 ? from + part * (to - from) : to;
 }
 
-/// N/m, of the springs that make the torque.
+/// N/m, of the springs that produce the torque.
 double torque_stiffness_of(const LiveSettings& settings) noexcept {
     return settings.torque_stiffness > 0.0 ? settings.torque_stiffness : settings.stiffness;
 }
 
+/// The LiveSetting of a member of both structs.
+template <auto kMember, typename OfScene>
+LiveSetting live_setting(const char* key, OfScene of_scene) {
+    using T = std::remove_reference_t<decltype(LiveSettings{}.*kMember)>;
+    return {.key = key,
+            .get = [](const LiveSettings& s) { return static_cast<double>(s.*kMember); },
+            .set =
+                [](LiveSettings& s, double v) {
+                    if constexpr (std::is_floating_point_v<T>) {
+                        s.*kMember = v;
+                    } else {
+                        s.*kMember = static_cast<T>(std::lround(v));
+                    }
+                },
+            .read =
+                [of_scene](const Scene& scene, LiveSettings& s) {
+                    if (const T* const value = of_scene(const_cast<Scene&>(scene))) {  // only read
+                        s.*kMember = *value;
+                    }
+                },
+            .write =
+                [of_scene](const LiveSettings& s, Scene& scene) {
+                    if (T* const value = of_scene(scene)) {
+                        *value = s.*kMember;
+                    }
+                }};
+}
+
+/// The list with the range of each setting, from the reference of the scene's keys.
+std::vector<LiveSetting> with_ranges(std::vector<LiveSetting> list) {
+    const SettingReference& reference = scene_reference();
+    for (LiveSetting& setting : list) {
+        const SettingType type = find_setting(reference, setting.key).type;
+        setting.range = type.range.value_or(Range{0.0, static_cast<double>(type.choices.size()) - 1.0});
+    }
+    return list;
+}
+
 }  // namespace
 
+const std::vector<LiveSetting>& live_setting_list() {
+    using S = LiveSettings;
+    static const std::vector<LiveSetting> list = with_ranges({
+        live_setting<&S::stiffness>("coupling.stiffness", [](Scene& s) { return &s.coupling.stiffness; }),
+        live_setting<&S::torque_stiffness>("coupling.torque_stiffness",
+                                           [](Scene& s) { return &s.coupling.torque_stiffness; }),
+        live_setting<&S::radius>("proxy.radius", [](Scene& s) { return &s.proxy.radius; }),
+        live_setting<&S::shrink>("proxy.shrink", [](Scene& s) { return &s.contact.shrink; }),
+        live_setting<&S::static_friction>("proxy.static_friction", [](Scene& s) { return &s.contact.static_friction; }),
+        live_setting<&S::dynamic_friction>("proxy.dynamic_friction",
+                                           [](Scene& s) { return &s.contact.dynamic_friction; }),
+        live_setting<&S::iterations>("solver.iterations", [](Scene& s) { return &s.solver.iterations; }),
+        live_setting<&S::tool_iterations>("tool.iterations",
+                                          [](Scene& s) { return s.tool ? &s.tool->iterations : nullptr; }),
+        live_setting<&S::step>("solver.step", [](Scene& s) { return &s.solver.step; }),
+        live_setting<&S::method>("contact.method", [](Scene& s) { return &s.contact.method; }),
+        live_setting<&S::pop_out>("contact.pop_out", [](Scene& s) { return &s.contact.pop_out; }),
+    });
+    return list;
+}
+
 LiveSettings live_settings_of(const Scene& scene) {
-    return {.stiffness = scene.coupling.stiffness,
-            .torque_stiffness = scene.coupling.torque_stiffness,
-            .radius = scene.proxy.radius,
-            .shrink = scene.contact.shrink,
-            .iterations = scene.solver.iterations,
-            .tool_iterations = scene.tool ? scene.tool->iterations : 0,
-            .step = scene.solver.step,
-            .method = scene.contact.method,
-            .pop_out = scene.contact.pop_out,
-            .static_friction = scene.contact.static_friction,
-            .dynamic_friction = scene.contact.dynamic_friction};
+    LiveSettings settings;
+    for (const LiveSetting& setting : live_setting_list()) {
+        setting.read(scene, settings);
+    }
+    return settings;
 }
 
 void apply(const LiveSettings& settings, Scene& scene) {
-    scene.coupling.stiffness = settings.stiffness;
-    scene.coupling.torque_stiffness = settings.torque_stiffness;
-    scene.proxy.radius = settings.radius;
-    scene.proxy.shrink = settings.shrink;
-    scene.contact.shrink = settings.shrink;
-    scene.solver.iterations = settings.iterations;
-    if (scene.tool) {
-        scene.tool->iterations = settings.tool_iterations;
+    for (const LiveSetting& setting : live_setting_list()) {
+        setting.write(settings, scene);
     }
-    scene.solver.step = settings.step;
-    scene.contact.method = settings.method;
-    scene.contact.pop_out = settings.pop_out;
-    scene.contact.static_friction = settings.static_friction;
-    scene.contact.dynamic_friction = settings.dynamic_friction;
+    scene.proxy.shrink = settings.shrink;
 }
 
 void check(const LiveSettings& settings) {
-    require("coupling.stiffness", settings.stiffness, ranges::kStiffness);
-    require("coupling.torque_stiffness", settings.torque_stiffness, ranges::kStiffness);
-    require("proxy.radius", settings.radius, ranges::kRadius);
-    require("proxy.shrink", settings.shrink, ranges::kShrink);
-    require("solver.iterations", settings.iterations, ranges::kIterations);
-    require("tool.iterations", settings.tool_iterations, ranges::kIterations);
-    require("solver.step", settings.step, ranges::kStep);
-    require("proxy.static_friction", settings.static_friction, ranges::kFriction);
-    require("proxy.dynamic_friction", settings.dynamic_friction, {0.0, settings.static_friction});
+    for (const LiveSetting& setting : live_setting_list()) {
+        const double value = setting.get(settings);
+        Range range = setting.range;
+        if (setting.key == "proxy.dynamic_friction") {
+            range.max = settings.static_friction;
+        }
+        if (!(value >= range.min && value <= range.max)) {
+            throw std::invalid_argument(std::string(setting.key) + " must be " + std::to_string(range.min) + " to " +
+                                        std::to_string(range.max) + ", is " + std::to_string(value));
+        }
+    }
 }
 
 void SettingsFade::go_to(const LiveSettings& asked) noexcept {
@@ -77,15 +116,17 @@ void SettingsFade::go_to(const LiveSettings& asked) noexcept {
 const LiveSettings& SettingsFade::advance(double step_s) noexcept {
     age_s_ += step_s;
     const double part = age_s_ / kFade;
+    // Step, iterations and methods apply at once; what makes a force is interpolated over kFade.
     LiveSettings next = asked_;
-    next.stiffness = between(from_.stiffness, asked_.stiffness, part);
+    next.stiffness = interpolated(from_.stiffness, asked_.stiffness, part);
     if (part < 1.0 && from_.torque_stiffness != asked_.torque_stiffness) {
-        next.torque_stiffness = between(torque_stiffness_of(from_), torque_stiffness_of(asked_), part);
+        next.torque_stiffness = interpolated(torque_stiffness_of(from_), torque_stiffness_of(asked_), part);
     }
-    next.shrink = between(from_.shrink, asked_.shrink, part);
-    next.static_friction = between(from_.static_friction, asked_.static_friction, part);
-    next.dynamic_friction = between(from_.dynamic_friction, asked_.dynamic_friction, part);
-    const double growth = 1.0 + std::min(kMostGrowth, kRadiusRate * step_s);
+    next.shrink = interpolated(from_.shrink, asked_.shrink, part);
+    next.static_friction = interpolated(from_.static_friction, asked_.static_friction, part);
+    next.dynamic_friction = interpolated(from_.dynamic_friction, asked_.dynamic_friction, part);
+    // The radius changes by a bounded factor per step.
+    const double growth = 1.0 + std::min(kMaxGrowth, kRadiusRate * step_s);
     next.radius = std::clamp(asked_.radius, now_.radius / growth, now_.radius * growth);
     return now_ = next;
 }

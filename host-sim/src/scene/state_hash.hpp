@@ -1,4 +1,4 @@
-// A number that two runs share if they went through the same states, for all practical purposes.
+// State hash: a 64-bit fingerprint by which two runs are compared for bitwise equality.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@
 
 namespace haptic::sim {
 
-/// FNV-1a, 64 bits, over the bytes of numbers as they lie in memory. -0 and 0 differ.
+/// FNV-1a, 64 bits, over the bytes of the numbers in memory. -0 and 0 differ.
 /// @source G. Fowler, L. Noll, K.-P. Vo, draft-eastlake-fnv
 class StateHash {
   public:

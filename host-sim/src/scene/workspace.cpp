@@ -1,4 +1,4 @@
-#include <haptic/sim/workspace.hpp>
+#include "haptic/sim/workspace.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,13 +11,13 @@
 namespace haptic::sim {
 namespace {
 
-// s, that a new mapping stays uncoupled: long enough for a loop of 1 kHz to see it, and for the tool to arrive.
-constexpr double kApart = 0.02;
+// s, minimum uncoupled time after a change of the mapping: a 1 kHz loop sees it, and the tool reaches its new pose.
+constexpr double kMinUncoupledS = 0.02;
 
 }  // namespace
 
 Workspace::Workspace(const WorkspaceSettings& settings)
-    : settings_(settings), asked_offset_(settings.offset), device_from_scene_(to_matrix(settings.rotation)) {
+    : settings_(settings), requested_offset_(settings.offset), device_from_scene_(to_matrix(settings.rotation)) {
     if (!(settings.scale > 0.0) || !std::isfinite(settings.scale)) {
         throw std::invalid_argument("workspace: scale must be positive");
     }
@@ -77,41 +77,44 @@ void Workspace::anchor(const Pose& grip, const Pose& tool) noexcept {
     grip_from_tool_ = glm::normalize(glm::conjugate(grip.orientation) * settings_.rotation * tool.orientation);
 }
 
-void Clutch::take(const Workspace& next, const Pose& grip, const Pose& tool, Workspace& workspace) noexcept {
-    const bool moved = next.asked_offset() != workspace.asked_offset();
+void Clutch::take_mapping(const Workspace& next, const Pose& grip, const Pose& tool, Workspace& workspace) noexcept {
+    const bool moved = next.requested_offset() != workspace.requested_offset();
     workspace = next;
-    apart_s_ = kApart;
+    uncoupled_left_s_ = kMinUncoupledS;
     hip_ = moved ? workspace.to_scene(grip) : tool;
 }
 
 Pose Clutch::engage(bool held, const Pose& grip, const Tool& tool, double step_s, Workspace& workspace) noexcept {
     const double fade = workspace.settings().clutch_fade;
     const double change = fade > step_s ? step_s / fade : 1.0;
-    const bool stands = held || changing();
-    if (stands || held_) {  // stands, and is laid under the hand anew; for the last time in the step of its release
-        if (!held_) {
+    // `holds`: the hip does not follow the hand. held_ is last step's value, so the step of the release still anchors.
+    const bool holds = held || changing();
+    if (holds || held_) {
+        if (!held_) {  // the hip stays where it was at the start of the hold
             hip_ = workspace.to_scene(grip);
         }
-        if (stands) {
+        if (holds) {
             gain_ = std::max(0.0, gain_ - change);
         }
+        // Without coupling the hip can move to the tool unnoticed.
         if (uncoupled()) {
             hip_ = tool.pose;
-            apart_s_ = std::max(0.0, apart_s_ - step_s);
+            uncoupled_left_s_ = std::max(0.0, uncoupled_left_s_ - step_s);
         }
         if (uncoupled() && next_) {
-            take(*next_, grip, tool.pose, workspace);
+            take_mapping(*next_, grip, tool.pose, workspace);
             next_.reset();
         }
+        // The grip's present pose now maps to the hip.
         workspace.anchor(grip, hip_);
-        if (!stands && uncoupled() && tool.in_shape) {
-            gain_ = 1.0;  // at once: with the hip on the tool there is no force that could jump
+        if (!holds && uncoupled() && tool.in_shape) {
+            gain_ = 1.0;  // no fade needed: with the hip at the tool the force is zero
         }
     } else {
         gain_ = std::min(1.0, gain_ + change);
         hip_ = workspace.to_scene(grip);
     }
-    held_ = stands;
+    held_ = holds;
     return hip_;
 }
 

@@ -1,4 +1,4 @@
-// What ellipsoids.hpp declares, over lanes; the equations and their sources are there.
+// Ellipsoid geometry over lanes. ellipsoids.hpp declares the same for single numbers, with equations and sources.
 #pragma once
 
 #include "simd/lanes.hpp"
@@ -25,13 +25,13 @@ HAPTIC_LANES LaneSymmetric<Real> adjugate(const LaneSymmetric<Real>& m) noexcept
             m.zx * m.zy - m.yx * m.zz, m.yx * m.zy - m.zx * m.yy, m.yx * m.zx - m.zy * m.xx};
 }
 
-/// 0 for what rounding has made negative.
+/// Square root; 0 for arguments that rounding made negative.
 template <class Real>
-HAPTIC_LANES Real root_of_positive(Real x) noexcept {
+HAPTIC_LANES Real root_or_zero(Real x) noexcept {
     return square_root(select(x > 0.0, x, Real{}));
 }
 
-/// See shape_of(); the columns of the rotation.
+/// Shape matrix R diag(a^2) R^T, with R by columns.
 template <class Real>
 HAPTIC_LANES LaneSymmetric<Real> lane_shape(const LaneVec<Real>& semi_axes, const LaneMat<Real>& r) noexcept {
     const LaneVec<Real> x = semi_axes.x * r.x;
@@ -41,44 +41,48 @@ HAPTIC_LANES LaneSymmetric<Real> lane_shape(const LaneVec<Real>& semi_axes, cons
             x.y * x.x + y.y * y.x + z.y * z.x, x.z * x.x + y.z * y.x + z.z * z.x, x.z * x.y + y.z * y.y + z.z * z.y};
 }
 
-/// See reach_of().
+/// Support distance along a unit normal, h(n) = sqrt(n^T S n).
 template <class Real>
 HAPTIC_LANES Real lane_reach(const LaneSymmetric<Real>& shape, const LaneVec<Real>& normal) noexcept {
-    return root_of_positive(dot(normal, product(shape, normal)));
+    return root_or_zero(dot(normal, product(shape, normal)));
 }
 
-/// See EllipsoidPassage.
+/// Two shapes, the ratio of their sizes p, and the first centre relative to the second at t = 0 and t = 1, m.
 template <class Real>
-struct LanePassage {
+struct LaneSweep {
     LaneSymmetric<Real> first, second;
     Real size_ratio;
     LaneVec<Real> from, to;
 };
 
-/// When the way enters M, or is nearest to it; all arguments are scaled by det M.
+/// Time in [0, 1] at which the path enters the ellipsoid M, or is nearest to it: the smaller root of
+/// v.v t^2 + 2 (p.v) t + (p.p - 1) = 0 in the metric of M^-1. All arguments are scaled by det M.
 template <class Real>
 HAPTIC_LANES Real lane_time_of_contact(Real speed_squared, Real along, Real outside) noexcept {
-    const Real before_nearest = root_of_positive(along * along - speed_squared * outside);
-    const Real time = (-along - before_nearest) / speed_squared;  // of one that does not move: not used
-    const Real at_most_1 = select(time < 1.0, time, broadcast<Real>(1.0));
-    return select(along < 0.0, select(outside > 0.0, at_most_1, Real{}), Real{});
+    const Real half_chord = root_or_zero(along * along - speed_squared * outside);
+    const Real time = (-along - half_chord) / speed_squared;  // not a number without displacement: not selected
+    const Real clamped = select(time < 1.0, time, broadcast<Real>(1.0));
+    return select(along < 0.0, select(outside > 0.0, clamped, Real{}), Real{});
 }
 
-/// See parting_normal().
+/// Unit normal toward the first, at which it enters M or passes nearest to it.
 template <class Real>
-HAPTIC_LANES LaneVec<Real> lane_parting_normal(const LanePassage<Real>& passage) noexcept {
-    const Real p = passage.size_ratio;
-    const LaneSymmetric<Real> m = combined(1.0 + p, passage.first, 1.0 + 1.0 / p, passage.second);
+HAPTIC_LANES LaneVec<Real> lane_separating_normal(const LaneSweep<Real>& sweep) noexcept {
+    // Ellipsoid M that contains the Minkowski sum of both shapes, for the ratio of their sizes.
+    const Real p = sweep.size_ratio;
+    const LaneSymmetric<Real> m = combined(1.0 + p, sweep.first, 1.0 + 1.0 / p, sweep.second);
     const LaneSymmetric<Real> inverse = adjugate(m);  // times det M
     const Real det = m.xx * inverse.xx + m.yx * inverse.yx + m.zx * inverse.zx;
-    const LaneVec<Real> way = passage.to - passage.from;
-    const LaneVec<Real> from = product(inverse, passage.from);
-    const LaneVec<Real> going = product(inverse, way);
-    const Real time = lane_time_of_contact(dot(way, going), dot(passage.from, going), dot(passage.from, from) - det);
-    const LaneVec<Real> normal = from + time * going;
+    // Position and displacement multiplied by M^-1 det M; the normal is the gradient of M's quadric at the contact.
+    const LaneVec<Real> displacement = sweep.to - sweep.from;
+    const LaneVec<Real> from = product(inverse, sweep.from);
+    const LaneVec<Real> velocity = product(inverse, displacement);
+    const Real time =
+        lane_time_of_contact(dot(displacement, velocity), dot(sweep.from, velocity), dot(sweep.from, from) - det);
+    const LaneVec<Real> normal = from + time * velocity;
     const Real length_squared = dot(normal, normal);
     const Real scale = 1.0 / square_root(length_squared);
-    // Centres in one place have no direction in which to part.
+    // Coincident centres have no direction: separate them vertically.
     const LaneVec<Real> upward{Real{}, broadcast<Real>(1.0), Real{}};
     return select(length_squared > 0.0, scale * normal, upward);
 }

@@ -1,19 +1,19 @@
-// What haptic/sim/rotation.hpp declares, over lanes; the equations and their sources are there.
+// Rotations over lanes. dynamics/rotation.hpp declares the same for single numbers, with equations and sources.
 #pragma once
 
 #include "simd/lanes.hpp"
 
 namespace haptic::sim {
 
-// Half a turn has no finite Cayley vector: it is cut off just before.
-inline constexpr double kLeastCosine = 1e-6;
-// Relative to the inertia: far below rounding of the determined part, above what rounding leaves in the undetermined
-// one.
+// A half turn has no finite Cayley vector: the cosine of half the angle is kept above this.
+inline constexpr double kMinCosine = 1e-6;
+// Added to the inertia, relative to it: far below the rounding of a determined direction, above what rounding leaves in
+// an undetermined one.
 template <class Number>
 inline constexpr Number kRegularisation = static_cast<Number>(sizeof(Number) == sizeof(double) ? 1e-13 : 1e-6);
-// Of the trace of a scatter matrix: what is less counts as one place. The inverse of a pivot stays finite.
+// Smallest trace of a scatter matrix; below, the points count as coincident. Keeps inverse pivots finite.
 template <class Number>
-inline constexpr Number kLeastScatter = static_cast<Number>(sizeof(Number) == sizeof(double) ? 1e-280 : 1e-30);
+inline constexpr Number kMinScatter = static_cast<Number>(sizeof(Number) == sizeof(double) ? 1e-280 : 1e-30);
 
 template <class Real>
 HAPTIC_LANES LaneMat<Real> lane_matrix(const LaneQuat<Real>& q) noexcept {
@@ -45,22 +45,26 @@ HAPTIC_LANES LaneQuat<Real> normalised(const LaneQuat<Real>& q) noexcept {
 }
 
 template <class Real>
-HAPTIC_LANES LaneQuat<Real> lane_turned(const LaneQuat<Real>& q, const LaneVec<Real>& turn) noexcept {
+HAPTIC_LANES LaneQuat<Real> lane_rotated(const LaneQuat<Real>& q, const LaneVec<Real>& rotation) noexcept {
+    // Cayley map: (1, rotation / 2), normalised.
     const NumberOf<Real> half(0.5);
-    return normalised(LaneQuat<Real>{broadcast<Real>(NumberOf<Real>(1)), half * turn.x, half * turn.y, half * turn.z} *
-                      q);
+    return normalised(
+        LaneQuat<Real>{broadcast<Real>(NumberOf<Real>(1)), half * rotation.x, half * rotation.y, half * rotation.z} *
+        q);
 }
 
 template <class Real>
-HAPTIC_LANES LaneVec<Real> lane_turn_between(const LaneQuat<Real>& from, const LaneQuat<Real>& to) noexcept {
+HAPTIC_LANES LaneVec<Real> lane_rotation_between(const LaneQuat<Real>& from, const LaneQuat<Real>& to) noexcept {
+    // Vector part over scalar part of to * conj(from), times 2. Dividing by the signed scalar takes the shorter
+    // rotation.
     const LaneQuat<Real> r = to * LaneQuat<Real>{from.w, -from.x, -from.y, -from.z};
-    const NumberOf<Real> least(kLeastCosine);
-    const Real cut_off = copy_sign(broadcast<Real>(least), r.w);
-    const Real w = select(absolute(r.w) < least, cut_off, r.w);
+    const NumberOf<Real> min_cosine(kMinCosine);
+    const Real limited = copy_sign(broadcast<Real>(min_cosine), r.w);
+    const Real w = select(absolute(r.w) < min_cosine, limited, r.w);
     return (NumberOf<Real>(2) / w) * LaneVec<Real>{r.x, r.y, r.z};
 }
 
-/// Horn's matrix K, for which tr(R(q)^T A) = q^T K q; symmetric.
+/// Horn's symmetric matrix K of A, with tr(R(q)^T A) = q^T K q.
 template <class Real>
 struct LaneOverlap {
     Real ww, xx, yy, zz, wx, wy, wz, xy, xz, yz;
@@ -102,16 +106,18 @@ HAPTIC_LANES LaneQuat<Real> operator*(const LaneOverlap<Real>& k, const LaneQuat
 template <class Real>
 HAPTIC_LANES LaneQuat<Real> lane_greatest_overlap(const LaneOverlap<Real>& k, const LaneQuat<Real>& guess,
                                                   int iterations) noexcept {
+    // Power iteration toward the eigenvector of K with the largest eigenvalue, q <- normalise((K + shift) q). With
+    // o = q^T K q the shift 2 |o| - o makes it a descent for any sign of o.
     LaneQuat<Real> q = guess;
     for (int i = 0; i < iterations; ++i) {
         const LaneQuat<Real> g = k * q;
         const Real overlap = dot(q, g);
-        const Real size = absolute(overlap);
-        const Real shift = (size - overlap) + size;
+        const Real magnitude = absolute(overlap);
+        const Real shift = (magnitude - overlap) + magnitude;
         const LaneQuat<Real> next{g.w + shift * q.w, g.x + shift * q.x, g.y + shift * q.y, g.z + shift * q.z};
         const Real square = dot(next, next);
         const Real scale = NumberOf<Real>(1) / square_root(square);
-        // Where the square is 0 the matrix says nothing, and 0 has been divided by 0.
+        // A square of 0 means that K determines nothing: keep q instead of 0 / 0.
         q = select(square > NumberOf<Real>(0),
                    LaneQuat<Real>{next.w * scale, next.x * scale, next.y * scale, next.z * scale}, q);
     }
@@ -130,11 +136,12 @@ struct LaneInertia {
     Real inverse_d0, inverse_d1, inverse_d2, l10, l20, l21;
 };
 
-/// trace(S) 1 - S, where S is the scatter matrix; all 0 where all points are in one place.
+/// Factors of trace(S) 1 - S, with S the scatter matrix; all 0 where all points coincide.
 template <class Real>
 HAPTIC_LANES LaneInertia<Real> lane_inertia(const LaneSymmetric<Real>& scatter) noexcept {
     using Number = NumberOf<Real>;
     const Number one(1);
+    // Tensor (a d e; d b f; e f c) with a slightly raised diagonal, so that it is not singular for collinear points.
     const Real trace = scatter.xx + scatter.yy + scatter.zz;
     const Real diagonal = trace * (one + kRegularisation<Number>);
     const Real b = diagonal - scatter.yy;
@@ -142,25 +149,26 @@ HAPTIC_LANES LaneInertia<Real> lane_inertia(const LaneSymmetric<Real>& scatter) 
     const Real d = -scatter.yx;
     const Real e = -scatter.zx;
     const Real f = -scatter.zy;
-    // Of the tensor (a d e; d b f; e f c); every pivot is at least trace * kRegularisation.
-    const Real least = trace * kRegularisation<Number>;
+    // LDL^T by columns. Every pivot is at least trace * kRegularisation.
+    const Real min_pivot = trace * kRegularisation<Number>;
     const Real a = diagonal - scatter.xx;
-    const Real i0 = one / select(a > least, a, least);
+    const Real i0 = one / select(a > min_pivot, a, min_pivot);
     const Real l10 = d * i0;
     const Real l20 = e * i0;
     const Real p1 = b - l10 * d;
-    const Real i1 = one / select(p1 > least, p1, least);
+    const Real i1 = one / select(p1 > min_pivot, p1, min_pivot);
     const Real g = f - l20 * d;
     const Real l21 = g * i1;
     const Real p2 = c - l20 * e - l21 * g;
-    const Real i2 = one / select(p2 > least, p2, least);
-    const auto spread = trace > kLeastScatter<Number>;
+    const Real i2 = one / select(p2 > min_pivot, p2, min_pivot);
+    // Coincident points: all factors 0, so that solving gives 0.
+    const auto spread = trace > kMinScatter<Number>;
     const Real zero{};
     return {select(spread, i0, zero),  select(spread, i1, zero),  select(spread, i2, zero),
             select(spread, l10, zero), select(spread, l20, zero), select(spread, l21, zero)};
 }
 
-/// The rate that has this momentum.
+/// Angular velocity of this angular momentum: forward and back substitution with L D L^T.
 template <class Real>
 HAPTIC_LANES LaneVec<Real> operator/(const LaneVec<Real>& momentum, const LaneInertia<Real>& inertia) noexcept {
     const Real y1 = momentum.y - inertia.l10 * momentum.x;

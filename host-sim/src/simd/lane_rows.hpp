@@ -1,4 +1,4 @@
-// Rows of particles into lanes and back (see lanes.hpp for where this may be used).
+// Gather and scatter: rows of particles into lanes and back. lanes.hpp says where these may be used.
 #pragma once
 
 #include "simd/lanes.hpp"
@@ -6,7 +6,7 @@
 
 namespace haptic::sim {
 
-/// A row of each lane, by columns.
+/// One row of four numbers per lane, stored by columns.
 template <class Real>
 struct LaneRow {
     Real a, b, c, d;
@@ -29,7 +29,7 @@ HAPTIC_LANES LaneRow<Real> row_of(const LaneQuat<Real>& q) noexcept {
 template <class Real>
 HAPTIC_LANES LaneRow<Real> transposed(const LaneRow<Real>& m) noexcept {
     return [&]<std::size_t... I>(std::index_sequence<I...>) __attribute__((always_inline)) {
-        // For one run: numbers of the second register are 4 and more.
+        // Indices within one run of four lanes; 4 and more refer to the second operand.
         constexpr std::size_t low[4] = {0, 4, 1, 5};
         constexpr std::size_t high[4] = {2, 6, 3, 7};
         constexpr std::size_t first[4] = {0, 1, 4, 5};
@@ -38,6 +38,7 @@ HAPTIC_LANES LaneRow<Real> transposed(const LaneRow<Real>& m) noexcept {
             const std::size_t i = pattern[lane % 4];
             return lane / 4 * 4 + i % 4 + (i < 4 ? 0 : sizeof...(I));
         };
+        // Two rounds of interleaving: pairs of a and b, pairs of c and d, then both together.
         const Real ab01 = __builtin_shufflevector(m.a, m.b, at(I, low)...);
         const Real ab23 = __builtin_shufflevector(m.a, m.b, at(I, high)...);
         const Real cd01 = __builtin_shufflevector(m.c, m.d, at(I, low)...);
@@ -48,7 +49,8 @@ HAPTIC_LANES LaneRow<Real> transposed(const LaneRow<Real>& m) noexcept {
     }(std::make_index_sequence<kLanes<Real>>{});
 }
 
-/// A row for each of four lanes or more, from quad(lane).
+/// Columns of the rows quad(lane), for four lanes or more. Lanes k, 4 + k, 8 + k and 12 + k share a register before the
+/// transposition.
 template <class Real, class QuadAt>
 HAPTIC_LANES LaneRow<Real> join(const QuadAt& quad) noexcept {
     if constexpr (kLanes<Real> == 4) {
@@ -70,7 +72,7 @@ HAPTIC_LANES LaneRow<Real> join(const QuadAt& quad) noexcept {
     }
 }
 
-/// A row for each of two lanes of double, from half(lane, which).
+/// Columns of two rows of doubles, each given by its halves half(lane, 0) and half(lane, 1).
 template <class Real, class HalfAt>
 HAPTIC_LANES LaneRow<Real> join_halves(const HalfAt& half) noexcept {
     const Real ab0 = half(0, 0);
@@ -81,7 +83,7 @@ HAPTIC_LANES LaneRow<Real> join_halves(const HalfAt& half) noexcept {
             __builtin_shufflevector(cd0, cd1, 0, 2), __builtin_shufflevector(cd0, cd1, 1, 3)};
 }
 
-/// The four numbers at at(lane) of each lane.
+/// Loads the four numbers at address at(lane) into each lane.
 template <class Real, class At>
 HAPTIC_LANES LaneRow<Real> gather(const At& at) noexcept {
     if constexpr (kLanes<Real> == 1) {
@@ -95,7 +97,7 @@ HAPTIC_LANES LaneRow<Real> gather(const At& at) noexcept {
     }
 }
 
-/// The reverse of gather().
+/// Stores the four numbers of each lane at address at(lane).
 template <class Real, class At>
 HAPTIC_LANES void scatter(const LaneRow<Real>& value, const At& at) noexcept {
     if constexpr (kLanes<Real> == 1) {
@@ -129,47 +131,52 @@ HAPTIC_LANES void scatter(const LaneRow<Real>& value, const At& at) noexcept {
     }
 }
 
-/// A Body of each lane.
+/// One ParticleF32 per lane.
 template <class Real>
-struct LaneBody {
-    LaneRow<Real> moved, turn;
+struct LaneParticle {
+    LaneRow<Real> displacement, orientation;
 };
 
-/// The eight numbers at at(lane) of each lane.
+/// Loads the ParticleF32 at address at(lane) into each lane.
 template <class Real, class At>
-HAPTIC_LANES LaneBody<Real> gather_bodies(const At& at) noexcept {
+HAPTIC_LANES LaneParticle<Real> gather_particles(const At& at) noexcept {
     if constexpr (kLanes<Real> == 16) {
         using Eight = typename LaneTypes<8, float>::Real;
         const auto two = [&](std::size_t k) __attribute__((always_inline)) {
             return __builtin_shufflevector(load<Eight>(at(k)), load<Eight>(at(4 + k)), 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10,
                                            11, 12, 13, 14, 15);
         };
-        LaneRow<Real> moved{};
-        LaneRow<Real> turn{};
-        const auto part = [&](std::size_t k, Real& moved_part, Real& turn_part) __attribute__((always_inline)) {
+        LaneRow<Real> displacement{};
+        LaneRow<Real> orientation{};
+        // Each pair of registers holds four particles: the first four numbers of each are its displacement.
+        const auto part = [&](std::size_t k, Real& displacement_part,
+                              Real& orientation_part) __attribute__((always_inline)) {
             const Real low = two(k);
             const Real high = two(8 + k);
-            moved_part = __builtin_shufflevector(low, high, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27);
-            turn_part = __builtin_shufflevector(low, high, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31);
+            displacement_part =
+                __builtin_shufflevector(low, high, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27);
+            orientation_part =
+                __builtin_shufflevector(low, high, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31);
         };
-        part(0, moved.a, turn.a);
-        part(1, moved.b, turn.b);
-        part(2, moved.c, turn.c);
-        part(3, moved.d, turn.d);
-        return {transposed(moved), transposed(turn)};
+        part(0, displacement.a, orientation.a);
+        part(1, displacement.b, orientation.b);
+        part(2, displacement.c, orientation.c);
+        part(3, displacement.d, orientation.d);
+        return {transposed(displacement), transposed(orientation)};
     } else {
         return {gather<Real>(at),
                 gather<Real>([&](std::size_t lane) __attribute__((always_inline)) { return at(lane) + 4; })};
     }
 }
 
-/// The part of a row of doubles that one register holds, where this many lanes of float do.
+/// Register that holds a row of doubles, or half or one number of it: the machine's width where it has this many lanes
+/// of float.
 template <std::size_t Lanes>
 using DoublePiece = typename LaneTypes<(Lanes < 8 ? (Lanes + 1) / 2 : 4)>::Real;
 template <std::size_t Lanes>
 inline constexpr std::size_t kDoublePieces = 4 / kLanes<DoublePiece<Lanes>>;
 
-/// A row of one particle, in registers.
+/// One Row in registers.
 template <std::size_t Lanes>
 struct DoubleRow {
     DoublePiece<Lanes> piece[kDoublePieces<Lanes>];
@@ -204,7 +211,7 @@ HAPTIC_LANES DoubleRow<Lanes> operator*(DoubleRow<Lanes> a, const DoubleRow<Lane
     return a;
 }
 
-/// A row of one particle in float: one register, where there are any.
+/// One FloatRow: a register, except with one lane.
 template <std::size_t Lanes>
 using QuadOf = std::conditional_t<Lanes == 1, FloatRow, typename LaneTypes<4, float>::Real>;
 
@@ -249,11 +256,11 @@ HAPTIC_LANES DoubleRow<Lanes> widened(const QuadOf<Lanes>& row) noexcept {
     }
 }
 
-/// Doubles for as many lanes of float, in as many registers as it takes.
+/// Doubles in a register of the same size: half as many lanes, at least one.
 template <class Real>
 using Wide = typename LaneTypes<(kLanes<Real> + 1) / 2>::Real;
 
-/// By columns, from row(lane) for each lane of a Wide<Real>.
+/// Columns of the rows row(lane), one for each lane of a Wide<Real>.
 template <class Real, class RowAt>
 HAPTIC_LANES LaneRow<Wide<Real>> columns(const RowAt& row) noexcept {
     if constexpr (kLanes<Real> == 1) {

@@ -1,13 +1,13 @@
-// Arithmetic in lanes: one number, or several side by side in a vector register.
+// Lane arithmetic: one number, or several side by side in a vector register.
 //
-// Constraints of one colour share no particle, so that several can be projected at once, each in its lane. Code is
-// written once, over a type Real, which is a number or the compilers' vector type of several. An operation on
-// vectors is that operation on each lane, rounded alike, and none is contracted (-ffp-contract=off). So every lane goes
-// through the bits that a number alone would; what a scalar would branch on is computed and then chosen with select().
+// Constraints of one colour share no particle, so several are projected at once, one per lane. Code is written once,
+// over a type Real, which is a number or the compiler's vector type. A vector operation rounds each lane as the scalar
+// operation does, and none is contracted (-ffp-contract=off), so every lane has the bits of the scalar computation.
+// Branches become select(): both sides are computed, then one is chosen.
 //
-// The same function compiled for different machines must not have the same name, or the linker might keep the copy with
-// instructions that this one does not have. So everything here is either inlined or a template of a width that only one
-// translation unit uses, and no function of the standard library is called.
+// A function compiled for different instruction sets must not have the same name in both, or the linker may keep the
+// copy with instructions that the machine lacks. Everything here is therefore either always inlined or a template over
+// a width that only one source file uses, and nothing calls the standard library.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,7 @@
 #include <type_traits>
 #include <utility>
 
-// Inlined also where little is optimised: a call would pass each vector through memory.
+// Always inlined, even with little optimisation: a call would pass each vector through memory.
 #define HAPTIC_LANES [[gnu::always_inline]] inline
 
 namespace haptic::sim {
@@ -48,7 +48,7 @@ struct LaneOf<float> {
     using Number = float;
 };
 
-/// What each lane of a Real holds: double or float.
+/// Type of one lane of a Real: double or float.
 template <class Real>
 using NumberOf = typename LaneOf<Real>::Number;
 template <class Real>
@@ -58,13 +58,13 @@ inline constexpr std::size_t kLanes = sizeof(Real) / kBytesOfLane<Real>;
 template <class Real>
 using BitsOf = typename LaneTypes<kLanes<Real>, NumberOf<Real>>::Bits;
 
-/// value in each lane.
+/// Sets every lane to `value`.
 template <class Real>
 HAPTIC_LANES Real broadcast(NumberOf<Real> value) noexcept {
     return value - Real{};
 }
 
-/// From and to consecutive numbers in memory.
+/// Load from and store to consecutive numbers in memory, without alignment.
 template <class Real>
 HAPTIC_LANES Real load(const NumberOf<Real>* from) noexcept {
     Real result;
@@ -77,7 +77,7 @@ HAPTIC_LANES void store(Real value, NumberOf<Real>* to) noexcept {
     __builtin_memcpy(to, &value, sizeof(Real));
 }
 
-/// Lanes whose number is not 0: what select() takes.
+/// Condition for select(): true in lanes whose number is not 0.
 template <class Real>
 HAPTIC_LANES auto load_mask(const BitsOfNumber<NumberOf<Real>>* from) noexcept {
     BitsOf<Real> bits;
@@ -117,7 +117,7 @@ HAPTIC_LANES Real square_root(Real x) noexcept {
         return __builtin_elementwise_sqrt(x);
 #else
         return [&]<std::size_t... I>(std::index_sequence<I...>) {
-            return Real{square_root<NumberOf<Real>>(x[I])...};  // one instruction, where errno is not asked for
+            return Real{square_root<NumberOf<Real>>(x[I])...};  // one instruction, given -fno-math-errno
         }(std::make_index_sequence<kLanes<Real>>{});
 #endif
     }
@@ -157,7 +157,7 @@ HAPTIC_LANES LaneVec<Real> select(Mask condition, const LaneVec<Real>& yes, cons
     return {select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z)};
 }
 
-/// Columns, as in glm.
+/// 3 x 3 matrix by columns, as in glm.
 template <class Real>
 struct LaneMat {
     LaneVec<Real> x, y, z;
@@ -180,7 +180,7 @@ HAPTIC_LANES LaneMat<Real> select(Mask condition, const LaneMat<Real>& yes, cons
     return {select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z)};
 }
 
-/// A symmetric matrix by its lower triangle.
+/// Symmetric 3 x 3 matrix by its lower triangle.
 template <class Real>
 struct LaneSymmetric {
     Real xx, yy, zz, yx, zx, zy;

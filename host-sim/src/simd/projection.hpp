@@ -1,13 +1,14 @@
-// The constraints of a model in batches, and the functions that project them; solver.hpp has the equations.
+// Constraint projection: the constraints of a model in batches, and the kernels that project them. The equations are in
+// haptic/sim/solver.hpp.
 //
-// A batch holds as many constraints of one colour as there are lanes. Everything that is constant lies in the order in
-// which it is read, a number for each lane; what moves is gathered from the particles and put back.
+// A batch holds one constraint per lane, all of the same colour. Constant data lies in the order in which it is read,
+// one number per lane; particles are gathered into lanes and scattered back.
 //
-// Places are double, and constraints are projected in float. What two particles are apart when a sub-step begins is
-// subtracted in double and then rounded; from there on only counts how far each has moved. So rounding is relative to
-// the size of a group, not to where in the world it is, and no motion is so small that it is lost. Lanes that have no
-// constraint, and members that a group of the batch does not have, refer to a particle of the lane's own that weighs
-// nothing; these come after the last whole vector.
+// Positions are double, projections are float. The offset between two particles at the start of a sub-step is computed
+// in double and then rounded; after that only displacements within the sub-step count. Rounding is therefore relative
+// to the size of a group, not to its position in the world, and no motion is too small to be kept. Unused lanes, and
+// members missing from a group of the batch, refer to a padding particle without mass. Each lane has its own, after the
+// last whole vector of particles.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +16,7 @@
 
 namespace haptic::sim {
 
-/// Four numbers of a particle, so that one load brings in all of them.
+/// Four numbers of a particle, loaded at once.
 struct alignas(32) Row {
     double number[4] = {};
 };
@@ -24,37 +25,37 @@ struct alignas(16) FloatRow {
     float number[4] = {};
 };
 
-/// A particle while constraints are projected.
-struct alignas(32) Body {
-    FloatRow moved;                           // x, y, z in this sub-step, m; m r^2 / 5, kg m^2
-    FloatRow turn{{1.0f, 0.0f, 0.0f, 0.0f}};  // w, x, y, z: unit, present_from_rest
+/// Single-precision state of a particle while constraints are projected.
+struct alignas(32) ParticleF32 {
+    FloatRow displacement;                           // x, y, z in this sub-step, m; m r^2 / 5, kg m^2
+    FloatRow orientation{{1.0f, 0.0f, 0.0f, 0.0f}};  // w, x, y, z: unit, present_from_rest
 };
 
-/// Constraints name a particle by this times its index, from which it takes no shift to find its row.
-inline constexpr std::size_t kNumbersOfRow = sizeof(Row) / sizeof(double);
-inline constexpr std::size_t kNumbersOfBody = sizeof(Body) / sizeof(float);
-static_assert(kNumbersOfBody == 2 * kNumbersOfRow);
+/// Constraints name a particle by its index times this, so that its row is found without a shift.
+inline constexpr std::size_t kDoublesPerRow = sizeof(Row) / sizeof(double);
+inline constexpr std::size_t kFloatsPerParticle = sizeof(ParticleF32) / sizeof(float);
+static_assert(kFloatsPerParticle == 2 * kDoublesPerRow);
 
-/// What moves in the course of a step, per particle, filled up to whole vectors, and one more for each lane.
+/// Particles in the course of a step, filled up to whole vectors, plus one padding particle per lane.
 struct MovingParticles {
-    Row* place;  // x, y, z, m r^2 / 5: m, kg m^2; constraints write what they move to `body`
-    Body* body;
-    float* scratch;  // [kMostBatchesInRun][most slots][kNumbersOfSlot][lane]
-    Row* pushed;     // x, y, z: what contacts have moved it by in this sub-step, m; SolverContacts write it
+    Row* position;     // x, y, z, m; m r^2 / 5, kg m^2. Constraints move `f32` instead
+    ParticleF32* f32;  // per particle
+    float* scratch;    // [kMaxBatchesInRun][max_slots][kFloatsPerSlot][lane]
+    Row* pushed;       // x, y, z: displacement by contacts in this sub-step, m; written by SolverContacts
 };
 
-/// Of shape [batch][lane], if no other is given.
+/// Rigid distance constraints. Arrays have shape [batch][lane] unless noted.
 struct LinkBatches {
     std::size_t count;
     const std::uint32_t* first;
     const std::uint32_t* second;
     const float* rest_length;  // m
-    const float* first_share;  // stiffness * w1 / (w1 + w2), w inverse mass
+    const float* first_share;  // stiffness * w1 / (w1 + w2), with w the inverse masses
     const float* second_share;
-    float* start;  // [batch][x, y, z][lane], m, from first to second when the sub-step began
+    float* start;  // [batch][x, y, z][lane], m, from first to second at the start of the sub-step
 };
 
-/// Links with a compliance. Arrays of shape [batch][lane].
+/// Links with a compliance. Arrays have shape [batch][lane].
 struct SpringBatches {
     std::size_t count;
     const std::uint32_t* first;
@@ -64,7 +65,7 @@ struct SpringBatches {
     const double* second_inverse_mass;
     const double* softness;  // 1 / kg, compliance / h^2
     const double* gain;      // kg, stiffness / (w1 + w2 + softness)
-    double* pull;            // kg m, tension * h^2 of this sub-step
+    double* pull;            // kg m, the multiplier: tension * h^2 of this sub-step
 };
 
 struct GroupBatch {
@@ -72,69 +73,63 @@ struct GroupBatch {
     std::uint32_t slots;       // members of the largest group
 };
 
-/// Batches of one colour that are taken through the stages of the projection together. Stages that hand on their
-/// results in memory are 5 to 7 % faster than one long function, which moves more numbers between registers and stack.
-/// How many batches a run has made no difference that could be measured on Zen 5, from 1 to 8.
+/// Batches of one colour that pass through the phases of the projection together. Phases that exchange their results in
+/// memory are 5 to 7 % faster than one long function, which moves more numbers between registers and stack. The number
+/// of batches in a run, from 1 to 8, made no measurable difference on Zen 5.
 struct GroupRun {
     std::uint32_t first_batch;
-    std::uint32_t batches;  // 1..kMostBatchesInRun
-    bool uneven;            // some group is smaller than its batch, or something is pinned: the masks are needed
-    bool compliant;         // all groups have a compliance; else none has
+    std::uint32_t batches;  // 1..kMaxBatchesInRun
+    bool uneven;            // some group is smaller than its batch, or a particle is pinned: the masks are needed
+    bool compliant;         // all groups have a compliance; otherwise none has
 };
-inline constexpr std::size_t kMostBatchesInRun = 4;
-inline constexpr std::size_t kNumbersOfSlot = 7;  // of a member, from one stage to the next: offset, moved
+inline constexpr std::size_t kMaxBatchesInRun = 4;
+inline constexpr std::size_t kFloatsPerSlot = 7;  // passed from phase to phase: offset, displacement, m r^2 / 5
 
-inline constexpr std::size_t kMostLanes = 16;  // of any machine
+inline constexpr std::size_t kMaxLanes = 16;  // of any machine
 
+/// Shape-matching groups.
 struct GroupBatches {
     std::size_t runs;
-    const GroupRun* run;     // [run]
-    std::size_t most_slots;  // of any batch
+    const GroupRun* run;    // [run]
+    std::size_t max_slots;  // of any batch
     std::size_t batches;
     const GroupBatch* batch;  // [batch]
     // [batch][lane]
     const std::uint32_t* centre;
-    const float* stiffness;              // compliant: stiffness / (1 + softness)
+    const float* stiffness;              // compliant groups: stiffness / (1 + softness)
     const float* softness;               // compliance / h^2
     const float* inverse_mass;           // 1 / kg
     const std::int32_t* centre_is_free;  // 0: pinned
     // [slot][lane]
     const std::uint32_t* member;
-    const float* weight;                 // part of the group's mass; 0: its group is smaller
+    const float* weight;                 // fraction of the group's mass; 0: the group has fewer members
     const float* rest_offset;            // [slot][x, y, z][lane], m, from the group's rest centroid
-    float* start;                        // [slot][x, y, z][lane], m, from the centre when the sub-step began
-    const std::int32_t* member_is_free;  // 0: pinned, or does not exist
-    float* shift;                        // [slot][x, y, z][lane], m, by which compliant groups have moved it, so far
+    float* start;                        // [slot][x, y, z][lane], m, from the centre at the start of the sub-step
+    const std::int32_t* member_is_free;  // 0: pinned, or no such member
+    float* shift;                        // [slot][x, y, z][lane], m, displacement by compliant groups so far
 };
 
-/// One of the ways to project, which all give the same bits. Counts of bodies are multiples of `lanes`.
-struct Projection {
+/// Projection kernels for one number of lanes. All give the same bits. Particle counts are multiples of `lanes`.
+struct ProjectionKernels {
     std::size_t lanes;
-    /// Turns each body by its rotation vector x, y, z. `turn` (w, x, y, z) is its turn before and after.
-    void (*turn_bodies)(std::size_t count, const Row* turning, Row* turn, Body* body) noexcept;
-    /// Writes the rates, rad/s, that took each body from its turn `before` to its present one within the step, s.
-    /// `turn` is that of turn_bodies(), and becomes the present one: what constraints have turned a body by, added to
-    /// it in double.
-    void (*find_rates)(std::size_t count, const Row* before, const Body* body, double step, Row* turn,
-                       Row* rate) noexcept;
-    /// Writes the offsets of links and groups when a sub-step begins.
-    void (*begin)(const LinkBatches& links, const GroupBatches& groups, const Row* place) noexcept;
-    /// Rounds how far `count` places are from where they were when the sub-step began.
-    void (*find_moved)(std::size_t count, const Row* place, const Row* start, Body* body) noexcept;
-    /// Adds to the places what particles have been moved by since. Leaves alone all bits of what has not moved.
-    void (*add_moved)(std::size_t count, const Body* body, const Row* start, Row* place) noexcept;
+    /// Rotates each particle by its rotation vector x, y, z, rad. `orientation` (w, x, y, z) is read and updated; `f32`
+    /// receives it rounded.
+    void (*rotate_particles)(std::size_t count, const Row* rotation, Row* orientation, ParticleF32* f32) noexcept;
+    /// Writes the angular velocity, rad/s, that leads from orientation `before` to the present one within `step`, s.
+    /// `orientation` is the result of rotate_particles(); the rotation by constraints is added to it in double.
+    void (*find_angular_velocities)(std::size_t count, const Row* before, const ParticleF32* f32, double step,
+                                    Row* orientation, Row* angular_velocity) noexcept;
+    /// Writes the offsets of links and groups at the start of a sub-step.
+    void (*begin_substep)(const LinkBatches& links, const GroupBatches& groups, const Row* position) noexcept;
+    /// Rounds the displacement of each particle since the start of the sub-step to float.
+    void (*round_displacements)(std::size_t count, const Row* position, const Row* start, ParticleF32* f32) noexcept;
+    /// Adds to the positions how far particles have moved since round_displacements(). A particle that has not moved
+    /// keeps all bits.
+    void (*apply_displacements)(std::size_t count, const ParticleF32* f32, const Row* start, Row* position) noexcept;
     void (*project_links)(const LinkBatches& links, bool forward, const MovingParticles& particles) noexcept;
     void (*project_springs)(const SpringBatches& springs, bool forward, const MovingParticles& particles) noexcept;
     void (*project_groups)(const GroupBatches& groups, bool forward, int rotation_iterations,
                            const MovingParticles& particles) noexcept;
 };
-
-// One lane serves as reference; four fit the baseline of x86-64 and aarch64.
-extern const Projection kOneLane;
-extern const Projection kFourLanes;
-#if defined(__x86_64__)
-extern const Projection kEightLanes;    // AVX2
-extern const Projection kSixteenLanes;  // AVX-512F
-#endif
 
 }  // namespace haptic::sim

@@ -1,30 +1,30 @@
-// The inner loop of skinning (skin.hpp), for registers of different width.
+// Skinning kernel: the inner loop of linear blend skinning (haptic/sim/skin.hpp), for registers of different width.
 //
-// The frames of a vertex's particles are blended, and the blend is applied to where the vertex is at rest: rows of four
-// numbers, so that a frame's column is one load and every operation is done on x, y, z and an unused number at once.
-// Rounding is that of single numbers, whatever the width, so the bits are the same.
+// The transforms of a vertex's particles are blended, then the blend is applied to the rest position. Transforms are
+// columns of four numbers, so that a column is one load and x, y, z and an unused number are computed together. Each
+// number is rounded as alone, so the bits do not depend on the width.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
-
-#include <haptic/sim/skin.hpp>
 
 namespace haptic::sim {
 
-/// Four numbers, of which the last is not used.
+/// Four numbers; the last is unused.
 struct alignas(32) SkinRow {
     double number[4] = {};
 };
 
-/// A particle's motion: the point p at rest is at row[0] p.x + row[1] p.y + row[2] p.z + row[3]. The first three are
-/// the columns of its rotation.
+/// Transform of a particle: the rest point p moves to row[0] p.x + row[1] p.y + row[2] p.z + row[3]. The first three
+/// are the columns of its rotation matrix.
 struct ParticleFrame {
     SkinRow row[4];
 };
 
-/// What one call skins; `particle` and `weight` are of shape [vertex][SkinVertex::kMost].
+/// Particles that move one vertex: SkinVertex::kMax.
+inline constexpr std::size_t kParticlesPerVertex = 4;
+
+/// Input and output of one call; `particle` and `weight` have shape [vertex][kParticlesPerVertex].
 struct SkinningTask {
     std::size_t vertices;
     const std::uint32_t* particle;
@@ -35,10 +35,5 @@ struct SkinningTask {
 };
 
 using SkinningFunction = void (*)(const SkinningTask&) noexcept;
-
-void skin_baseline(const SkinningTask& task) noexcept;
-#if defined(__x86_64__)
-void skin_avx2(const SkinningTask& task) noexcept;
-#endif
 
 }  // namespace haptic::sim

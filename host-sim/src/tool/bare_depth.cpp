@@ -6,10 +6,10 @@
 namespace haptic::sim {
 namespace {
 
-constexpr double kExact = 0.01;
-constexpr int kMostDivisions = 60;  // by halves: 2^-30 of a side
+constexpr double kRelativeError = 0.01;
+constexpr int kMaxDivisions = 60;  // bisections: down to 2^-30 of a side
 
-/// The same triangle, its longest side from a to b.
+/// The triangle with its corners rotated so that the longest side runs from a to b.
 TriangleCorners longest_first(const TriangleCorners& t) {
     const Vec3 ab = t.b - t.a;
     const Vec3 bc = t.c - t.b;
@@ -22,18 +22,19 @@ TriangleCorners longest_first(const TriangleCorners& t) {
 
 }  // namespace
 
-void BareDepth::look_at(const Vec3& p) {
-    double least = std::numeric_limits<double>::infinity();
+void BareDepth::measure(const Vec3& p) {
+    double distance = std::numeric_limits<double>::infinity();
     for (const Ball& ball : balls_) {
-        least = std::min(least, glm::length(p - ball.centre) - ball.radius);
+        distance = std::min(distance, glm::length(p - ball.centre) - ball.radius);
     }
-    if (least > seen_) {
-        seen_ = least;
+    if (distance > max_seen_) {
+        max_seen_ = distance;
         farthest_ = p;
     }
 }
 
-void BareDepth::take(const TriangleCorners& triangle, int divisions) {
+void BareDepth::add(const TriangleCorners& triangle, int divisions) {
+    // Bound of this triangle: min over the balls of the max over the corners. Prune if it cannot raise the total.
     double bound = std::numeric_limits<double>::infinity();
     for (const Ball& ball : balls_) {
         const double farthest = std::max({glm::length(triangle.a - ball.centre), glm::length(triangle.b - ball.centre),
@@ -43,17 +44,19 @@ void BareDepth::take(const TriangleCorners& triangle, int divisions) {
     if (bound <= bound_) {
         return;
     }
-    look_at(triangle.a);
-    look_at(triangle.b);
-    look_at(triangle.c);
-    if (bound - seen_ <= std::max(finest_, kExact * seen_) || divisions == kMostDivisions) {
+    // Raise the lower bound at the corners; stop where the two bounds meet.
+    measure(triangle.a);
+    measure(triangle.b);
+    measure(triangle.c);
+    if (bound - max_seen_ <= std::max(resolution_, kRelativeError * max_seen_) || divisions == kMaxDivisions) {
         bound_ = bound;
         return;
     }
+    // Bisect the longest side, which keeps the pieces well shaped.
     const TriangleCorners t = longest_first(triangle);
     const Vec3 middle = 0.5 * (t.a + t.b);
-    take({t.a, middle, t.c}, divisions + 1);
-    take({middle, t.b, t.c}, divisions + 1);
+    add({t.a, middle, t.c}, divisions + 1);
+    add({middle, t.b, t.c}, divisions + 1);
 }
 
 }  // namespace haptic::sim

@@ -1,40 +1,41 @@
-// How far the points of triangles are from the nearest of some balls, at most: a bound for every point.
+// Bare depth: an upper bound of the distance from any point of some triangles to the nearest of a set of balls.
 #pragma once
 
 #include <limits>
 #include <span>
 
-#include <haptic/sim/closest_point.hpp>
+#include "haptic/sim/closest_point.hpp"
+#include "haptic/types.hpp"
 #include "tool/sphere_cover.hpp"
-#include <haptic/types.hpp>
 
 namespace haptic::sim {
 
-/// The distance from a ball is convex, so over a triangle it is greatest in a corner, and that of the ball whose
-/// farthest corner is nearest bounds what the triangle misses. Triangles are halved until that bound is close to what
-/// was seen.
+/// Branch and bound. The distance from a ball is convex, so over a triangle it is greatest at a corner; the smallest
+/// such maximum over the balls bounds the triangle's distance from their union. Triangles are bisected until the bound
+/// is close to the greatest distance found at a corner.
 class BareDepth {
   public:
-    /// `finest`, m, or 1 % where that is more: how much the bound may exceed what is. The balls, at least one, must
-    /// outlive it.
-    BareDepth(std::span<const Ball> balls, double finest) : balls_(balls), finest_(finest) {}
+    /// The bound exceeds the true value by at most `resolution` (m), or 1 % if that is more. `balls`: at least one;
+    /// they must outlive this object.
+    BareDepth(std::span<const Ball> balls, double resolution) : balls_(balls), resolution_(resolution) {}
 
-    /// Takes a triangle in; it may be a segment or a point.
-    void take(const TriangleCorners& triangle) { take(triangle, 0); }
+    /// Includes a triangle; it may be degenerate, a segment or a point.
+    void add(const TriangleCorners& triangle) { add(triangle, 0); }
 
-    /// m, of all triangles taken so far; negative if they are inside balls, the least deep point by that much.
+    /// m, upper bound over all triangles so far; negative if all their points are inside balls.
     [[nodiscard]] double bound() const noexcept { return bound_; }
-    /// m, of the point that was seen to be farthest away.
-    [[nodiscard]] double seen() const noexcept { return seen_; }
+    /// m, the greatest distance found at a point: a lower bound.
+    [[nodiscard]] double max_seen() const noexcept { return max_seen_; }
+    /// The point with that distance.
     [[nodiscard]] const Vec3& farthest() const noexcept { return farthest_; }
 
   private:
-    void take(const TriangleCorners& triangle, int divisions);
-    void look_at(const Vec3& p);
+    void add(const TriangleCorners& triangle, int divisions);
+    void measure(const Vec3& p);
 
     std::span<const Ball> balls_;
-    double finest_;
-    double seen_ = -std::numeric_limits<double>::infinity();
+    double resolution_;
+    double max_seen_ = -std::numeric_limits<double>::infinity();
     double bound_ = -std::numeric_limits<double>::infinity();
     Vec3 farthest_{0.0};
 };

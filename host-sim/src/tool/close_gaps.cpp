@@ -7,29 +7,33 @@
 #include <stdexcept>
 #include <string>
 
+#include "simd/aabb.hpp"
 #include "tool/bare_depth.hpp"
 
 namespace haptic::sim {
 namespace {
 
-constexpr double kKept = 0.9;  // of the radii, within which the net is to be
-constexpr double kFinest = 1e-4;
-constexpr std::size_t kMostCounted = 1000;
+constexpr double kCoveredPart = 0.9;  // part of the radii that must cover the net
+constexpr double kResolution = 1e-4;
+constexpr std::size_t kMaxAll = 1000;
 
-using Corners = std::array<std::uint32_t, 3>;  // of a triangle; of a line, the second and third are the same
+using NetTriangle = std::array<std::uint32_t, 3>;  // indices of balls; a segment repeats its second
 
-bool touch(const Neighbours& neighbours, std::uint32_t a, std::uint32_t b) {
+bool are_neighbours(const Neighbours& neighbours, std::uint32_t a, std::uint32_t b) {
     return std::binary_search(neighbours.begin(), neighbours.end(), std::pair{a, b});
 }
 
-std::vector<Corners> net_of(const Neighbours& neighbours) {
-    std::vector<Corners> net;
+/// Segments between neighbours, then triangles between mutual neighbours a < b < c.
+std::vector<NetTriangle> net_of(const Neighbours& neighbours) {
+    std::vector<NetTriangle> net;
+    // Segments.
     for (const auto& [a, b] : neighbours) {
         net.push_back({a, b, b});
     }
+    // Triangles: c is a neighbour of both a and b.
     for (const auto& [a, b] : neighbours) {
         for (const auto& [first, c] : neighbours) {
-            if (first == b && touch(neighbours, a, c)) {
+            if (first == b && are_neighbours(neighbours, a, c)) {
                 net.push_back({a, b, c});
             }
         }
@@ -37,77 +41,82 @@ std::vector<Corners> net_of(const Neighbours& neighbours) {
     return net;
 }
 
-TriangleCorners corners_of(std::span<const Ball> balls, const Corners& t) {
+TriangleCorners corners_of(std::span<const Ball> balls, const NetTriangle& t) {
     return {balls[t[0]].centre, balls[t[1]].centre, balls[t[2]].centre};
 }
 
-double finest_of(std::span<const Ball> balls) {
-    Vec3 low = balls[0].centre;
-    Vec3 high = low;
+double resolution_of(std::span<const Ball> balls) {
+    Aabb box;
     for (const Ball& ball : balls) {
-        low = glm::min(low, ball.centre - ball.radius);
-        high = glm::max(high, ball.centre + ball.radius);
+        box.extend(Aabb{ball.centre - ball.radius, ball.centre + ball.radius});
     }
-    return kFinest * glm::length(high - low);
+    return kResolution * glm::length(box.size());
 }
 
-/// `now` with their radii shortened.
-std::vector<Ball> kept(const std::vector<Ball>& now) {
+/// The balls with their radii reduced to kCoveredPart.
+std::vector<Ball> shrunken(const std::vector<Ball>& now) {
     std::vector<Ball> balls = now;
     for (Ball& ball : balls) {
-        ball.radius *= kKept;
+        ball.radius *= kCoveredPart;
     }
     return balls;
 }
 
-/// Adds the fewest balls evenly along a line that is not covered.
-void fill_line(std::span<const Ball> given, const Corners& line, double finest, const Room& room,
+/// Adds the fewest evenly spaced balls that cover a segment, if it is not covered.
+void fill_line(std::span<const Ball> given, const NetTriangle& line, double resolution, const RadiusLimit& limit,
                std::vector<Ball>& all) {
-    const std::vector<Ball> present = kept(all);
-    BareDepth bare(present, finest);
-    bare.take(corners_of(given, line));
-    if (bare.seen() <= 0.0) {
+    // Nothing to do if the balls so far cover the segment with reduced radii.
+    const std::vector<Ball> present = shrunken(all);
+    BareDepth bare(present, resolution);
+    bare.add(corners_of(given, line));
+    if (bare.max_seen() <= 0.0) {
         return;
     }
+    // Smallest number of balls in between whose spacing lets the reduced radii of neighbours meet.
     const Ball& from = given[line[0]];
     const Ball& to = given[line[1]];
     const double length = glm::length(to.centre - from.centre);
-    for (std::size_t between = 1; between <= kMostCounted; ++between) {
+    for (std::size_t between = 1; between <= kMaxAll; ++between) {
         const double part = 1.0 / static_cast<double>(between + 1);
-        // Neighbours are nearest to bare where both are small, at one of the ends.
+        // Radii are linear along the segment, so the critical pair is the one at its thin end.
         const double smaller = std::min(from.radius, to.radius);
-        const double beside = smaller + part * (std::max(from.radius, to.radius) - smaller);
-        if (part * length > kKept * (smaller + beside)) {
+        const double next = smaller + part * (std::max(from.radius, to.radius) - smaller);
+        if (part * length > kCoveredPart * (smaller + next)) {
             continue;
         }
+        // Place them; the limit may shrink a ball, or leave it out where none may be.
         for (std::size_t k = 1; k <= between; ++k) {
             const double at = static_cast<double>(k) * part;
             const Vec3 centre = glm::mix(from.centre, to.centre, at);
-            const double radius = std::min(glm::mix(from.radius, to.radius, at), room(centre));
-            if (radius > finest) {
+            const double radius = std::min(glm::mix(from.radius, to.radius, at), limit(centre));
+            if (radius > resolution) {
                 all.push_back({centre, radius});
             }
         }
         return;
     }
-    throw std::invalid_argument("tool: closing the gaps takes more than " + std::to_string(kMostCounted) +
-                                " spheres; have larger ones");
+    throw std::invalid_argument("tool: closing the gaps needs more than " + std::to_string(kMaxAll) +
+                                " spheres; use larger spheres");
 }
 
-/// Adds a ball where a triangle or line is farthest from the others, until it is covered or has no room.
-void fill_rest(std::span<const Ball> given, const Corners& t, double finest, const Room& room, std::vector<Ball>& all) {
+/// Adds a ball at the uncovered point farthest from all balls, again and again, until the triangle or segment is
+/// covered or no ball may be there. Its radius is interpolated between the corners'.
+void fill_rest(std::span<const Ball> given, const NetTriangle& t, double resolution, const RadiusLimit& limit,
+               std::vector<Ball>& all) {
     const TriangleCorners corners = corners_of(given, t);
-    while (all.size() < kMostCounted) {
-        const std::vector<Ball> present = kept(all);
-        BareDepth bare(present, finest);
-        bare.take(corners);
-        if (bare.seen() <= 0.0) {
+    while (all.size() < kMaxAll) {
+        // Uncovered point farthest from all reduced balls.
+        const std::vector<Ball> present = shrunken(all);
+        BareDepth bare(present, resolution);
+        bare.add(corners);
+        if (bare.max_seen() <= 0.0) {
             return;
         }
+        // Radius interpolated at that point, within the limit.
         const Vec3 weights = closest_point_on_triangle(bare.farthest(), corners).weights;
         const Vec3 radii(given[t[0]].radius, given[t[1]].radius, given[t[2]].radius);
-        const double radius = std::min(glm::dot(weights, radii), room(bare.farthest()));
-        if (!(radius > finest)) {
+        const double radius = std::min(glm::dot(weights, radii), limit(bare.farthest()));
+        if (!(radius > resolution)) {
             return;
         }
         all.push_back({bare.farthest(), radius});
@@ -117,28 +126,30 @@ void fill_rest(std::span<const Ball> given, const Corners& t, double finest, con
 }  // namespace
 
 double widest_gap(std::span<const Ball> balls, const Neighbours& neighbours) {
-    BareDepth bare(balls, finest_of(balls));
-    for (const Corners& t : net_of(neighbours)) {
-        bare.take(corners_of(balls, t));
+    BareDepth bare(balls, resolution_of(balls));
+    for (const NetTriangle& t : net_of(neighbours)) {
+        bare.add(corners_of(balls, t));
     }
-    return 2.0 * std::max(0.0, bare.seen());
+    return 2.0 * std::max(0.0, bare.max_seen());
 }
 
-std::vector<Ball> close_gaps(std::span<const Ball> balls, const Neighbours& neighbours, std::size_t most,
-                             const Room& room) {
+std::vector<Ball> close_gaps(std::span<const Ball> balls, const Neighbours& neighbours, std::size_t max_count,
+                             const RadiusLimit& limit) {
+    // Segments come first in the net; their balls cover most of the triangles too.
     std::vector<Ball> all(balls.begin(), balls.end());
-    const double finest = finest_of(balls);
-    for (const Corners& t : net_of(neighbours)) {
+    const double resolution = resolution_of(balls);
+    for (const NetTriangle& t : net_of(neighbours)) {
         if (t[1] == t[2]) {
-            fill_line(balls, t, finest, room, all);
+            fill_line(balls, t, resolution, limit, all);
         }
-        fill_rest(balls, t, finest, room, all);
+        fill_rest(balls, t, resolution, limit, all);
     }
-    if (all.size() > most) {
+    // Cover everything first, so that the message can say how many are needed.
+    if (all.size() > max_count) {
         throw std::invalid_argument("tool: closing the gaps between its " + std::to_string(balls.size()) +
-                                    " spheres takes " + (all.size() < kMostCounted ? "" : "more than ") +
-                                    std::to_string(all.size()) + ", and there may be " + std::to_string(most) +
-                                    "; have larger spheres, or fewer where they are close");
+                                    " spheres needs " + (all.size() < kMaxAll ? "" : "more than ") +
+                                    std::to_string(all.size()) + "; the maximum is " + std::to_string(max_count) +
+                                    ". Use larger spheres, or fewer where they are close together");
     }
     return all;
 }

@@ -1,4 +1,4 @@
-#include <haptic/sim/contact_force.hpp>
+#include "haptic/sim/contact_force.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,8 +10,7 @@
 namespace haptic::sim {
 namespace {
 
-// Rounds of the division among two or three planes; the error falls by the square of the cosine between normals in
-// each.
+// Gauss-Seidel rounds. Each reduces the error by the squared cosine of the angle between the normals.
 constexpr int kRounds = 32;
 
 constexpr std::uint32_t kNone = 0xffffffffu;
@@ -19,18 +18,18 @@ constexpr std::uint32_t kNone = 0xffffffffu;
 }  // namespace
 
 ContactShares divide_force(const Vec3& force, const SurfacePlanes& contacts) noexcept {
-    // Each plane in turn takes what the others leave along its normal (Gauss-Seidel on the normal equations, projected
-    // onto shares that push).
+    // Projected Gauss-Seidel on the normal equations: each plane in turn takes what the others leave along its normal,
+    // but never pulls.
     ContactShares shares{};
-    Vec3 left = force;
+    Vec3 left = force;  // residual: force - sum s_c n_c
     const int rounds = contacts.count > 1 ? kRounds : 1;
     for (int round = 0; round < rounds; ++round) {
         for (std::size_t c = 0; c < contacts.count; ++c) {
             const Vec3& normal = contacts.plane[c].normal;
-            const double wanted = shares[c] + glm::dot(left, normal);
-            const double allowed = wanted > 0.0 ? wanted : 0.0;
-            left -= (allowed - shares[c]) * normal;
-            shares[c] = allowed;
+            const double unclamped = shares[c] + glm::dot(left, normal);
+            const double clamped = unclamped > 0.0 ? unclamped : 0.0;
+            left -= (clamped - shares[c]) * normal;
+            shares[c] = clamped;
         }
     }
     return shares;
@@ -49,7 +48,8 @@ PressureMask::PressureMask(const TriangleMesh& rest, const Skin& skin, std::span
     if (skin_.size() != rest_.size()) {
         throw std::invalid_argument("pressure mask: needs one skin element for each vertex");
     }
-    // Cells of the mask's size, but not so small that their numbers leave the range of integers.
+    // Uniform grid over the rest shape. Cells have the mask's radius, with a lower limit that keeps cell indices in the
+    // range of int32.
     double furthest = 0.0;
     for (const Vec3& p : rest_) {
         furthest = std::max({furthest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
@@ -72,37 +72,39 @@ PressureMask::Cell PressureMask::cell_of(const Vec3& rest) const {
 }
 
 void PressureMask::find_vertices(const Vec3& centre) {
+    // w_j ~ (R^2 - d_j^2)^2 for the vertices in the 3 x 3 x 3 cells around the centre.
     const double radius_squared = radius_ * radius_;
     vertices_.clear();
     const Cell middle = cell_of(centre);
     for (std::int32_t x = middle[0] - 1; x <= middle[0] + 1; ++x) {
         for (std::int32_t y = middle[1] - 1; y <= middle[1] + 1; ++y) {
-            // Cells that differ only in z follow one another.
+            // Cells are sorted lexicographically: those that differ only in z are adjacent.
             const Cell first{x, y, middle[2] - 1};
             const Cell last{x, y, middle[2] + 1};
             const auto before = [](const CellVertex& entry, const Cell& cell) { return entry.cell < cell; };
             for (auto at = std::lower_bound(grid_.begin(), grid_.end(), first, before);
                  at != grid_.end() && at->cell <= last; ++at) {
-                const Vec3 apart = rest_[at->vertex] - centre;
-                const double inside = radius_squared - glm::dot(apart, apart);
+                const Vec3 offset = rest_[at->vertex] - centre;
+                const double inside = radius_squared - glm::dot(offset, offset);
                 if (inside > 0.0) {
                     vertices_.push_back({at->vertex, inside * inside});
                 }
             }
         }
     }
-    // One order, whatever the cells are.
+    // Summation order independent of the grid.
     std::sort(vertices_.begin(), vertices_.end(), [](const Pressed& a, const Pressed& b) { return a.index < b.index; });
 }
 
 void PressureMask::find_particles() {
     for (const Pressed& p : particles_) {
-        slot_[p.index] = kNone;
+        slot_[p.index] = kNone;  // clear only what the last call set
     }
     particles_.clear();
+    // W_i = sum over j of w_j b_ji
     for (const Pressed& v : vertices_) {
         const SkinVertex& carried = skin_[v.index];
-        for (std::size_t k = 0; k < SkinVertex::kMost; ++k) {
+        for (std::size_t k = 0; k < SkinVertex::kMax; ++k) {
             if (!(carried.weight[k] > 0.0)) {
                 continue;
             }
@@ -116,7 +118,7 @@ void PressureMask::find_particles() {
     }
 }
 
-PressedPatch PressureMask::lay(const SurfacePoint& touched, std::span<const Vec3> particle_velocity) {
+PressedPatch PressureMask::center_on(const SurfacePoint& touched, std::span<const Vec3> particle_velocity) {
     const Triangle& corners = triangles_[touched.triangle];
     find_vertices(touched.weights.x * rest_[corners[0]] + touched.weights.y * rest_[corners[1]] +
                   touched.weights.z * rest_[corners[2]]);
@@ -124,6 +126,7 @@ PressedPatch PressureMask::lay(const SurfacePoint& touched, std::span<const Vec3
         vertices_.assign(
             {{corners[0], touched.weights.x}, {corners[1], touched.weights.y}, {corners[2], touched.weights.z}});
     }
+    // Normalise: sum w_j = 1.
     double sum = 0.0;
     for (const Pressed& v : vertices_) {
         sum += v.weight;
@@ -132,6 +135,7 @@ PressedPatch PressureMask::lay(const SurfacePoint& touched, std::span<const Vec3
         v.weight /= sum;
     }
     find_particles();
+    // Weighted velocity, and effective mass 1 / sum(W_i^2 / m_i).
     PressedPatch patch;
     double inverse_mass = 0.0;
     for (const Pressed& p : particles_) {
@@ -149,7 +153,7 @@ void PressureMask::press(const Vec3& force, std::span<Vec3> particle_force) cons
 }
 
 double contact_damping(double share, double patch_mass, double step_s, const Coupling& coupling) noexcept {
-    const double damping = share * coupling.loss;  // k d c
+    const double damping = share * coupling.hunt_crossley_damping;  // k d c; implicit in v' = v - F h / m below
     const double mass = patch_mass > coupling.tied_mass ? patch_mass : coupling.tied_mass;
     return damping / (1.0 + damping * step_s / mass);
 }

@@ -16,17 +16,17 @@
 namespace haptic::sim {
 namespace {
 
-// All lengths are parts of the way from the wrist's crease to the tip of the middle finger, about.
+// Unit of length here: about the distance from the wrist's crease to the tip of the middle finger.
 
-/// A finger from its knuckle, by joints, to the middle of its tip.
-struct Joint {
-    Vec3 place;
+/// Joint of a finger; the last one is the centre of the fingertip.
+struct FingerJoint {
+    Vec3 center;
     double radius;
 };
 
-using Finger = std::array<Joint, 4>;
+using Finger = std::array<FingerJoint, 4>;
 
-// The palm is moved by none; each finger has a joint at the beginning of each of its three bones, the thumb comes last.
+// Joint 0 is the fixed palm. Each finger has a joint at the start of each of its three bones; the thumb comes last.
 constexpr std::uint32_t kPalmJoint = 0;
 constexpr std::uint32_t kJointsOfFinger = 3;
 constexpr std::uint32_t kThumbJoint = 1 + 4 * kJointsOfFinger;
@@ -81,14 +81,15 @@ Shape make_shape() {
             }}};
 }
 
-/// From one joint of a finger to the next.
-ToolBone bone_between(const Finger& finger, std::size_t joint, std::uint32_t moved_by) {
-    const Joint& from = finger[joint];
-    const Joint& to = finger[joint + 1];
-    return {moved_by, from.place, from.radius, to.place, to.radius};
+/// Bone from one joint of a finger to the next.
+ToolBone bone_between(const Finger& finger, std::size_t joint, std::uint32_t joint_index) {
+    const FingerJoint& from = finger[joint];
+    const FingerJoint& to = finger[joint + 1];
+    return {joint_index, from.center, from.radius, to.center, to.radius};
 }
 
-/// The lesser of the two, with a fillet where they differ by less than `width`; smooth, and at most width / 4 less.
+/// Smooth minimum: rounds the transition where a and b differ by less than `width`; at most width / 4 below the
+/// minimum.
 double blended(double a, double b, double width) {
     const double near = std::max(width - std::abs(a - b), 0.0) / width;
     return std::min(a, b) - 0.25 * width * near * near;
@@ -99,12 +100,14 @@ constexpr double kRootFillet = 0.05;     // between finger and palm
 constexpr double kJointFillet = 0.008;   // between the bones of a finger
 constexpr double kBetweenFillet = 0.01;  // between fingers
 
-/// About the distance from the skin; negative inside.
+/// Approximate signed distance from the skin; negative inside. Smooth union of all bones.
 double field(const Shape& shape, const Vec3& p) {
+    // Palm: smooth union of its bones.
     double palm = distance(p, shape.palm.front());
     for (std::size_t i = 1; i < shape.palm.size(); ++i) {
         palm = blended(palm, distance(p, shape.palm[i]), kPalmFillet);
     }
+    // Each finger is joined to the palm first. Adjacent fingers then blend only slightly, so that they stay apart.
     double whole = palm;
     for (const Finger& joints : shape.fingers) {
         double finger = 1.0;
@@ -116,6 +119,7 @@ double field(const Shape& shape, const Vec3& p) {
     return whole;
 }
 
+/// Gradient of the field by central differences.
 Vec3 gradient(const Shape& shape, const Vec3& p) {
     constexpr double step = 1e-4;
     Vec3 result(0.0);
@@ -129,34 +133,39 @@ Vec3 gradient(const Shape& shape, const Vec3& p) {
     return result;
 }
 
-// The width of the net's cubes, at which there are kHandTriangles. No node of the grid is nearer to the skin than 2e-5,
-// so that no rounding changes that.
-constexpr double kCube = 0.028989;
+// Width of the grid cells, chosen to give kHandTriangles. No grid node is within 2e-5 of the skin, so rounding cannot
+// change the count.
+constexpr double kCellSize = 0.028989;
 
+/// Surface net of the field's zero set.
 class Net {
   public:
     explicit Net(const Shape& shape) : shape_(shape) {
+        // Nodes of the grid over the bounding box.
         for (std::size_t k = 0; k < 3; ++k) {
-            nodes_[k] = static_cast<std::size_t>((kHigh[k] - kLow[k]) / kCube) + 2;
+            nodes_[k] = static_cast<std::size_t>((kHigh[k] - kLow[k]) / kCellSize) + 2;
         }
+        // Sample the field at all nodes.
         value_.resize(nodes_[0] * nodes_[1] * nodes_[2]);
         for (std::size_t i = 0; i < nodes_[0]; ++i) {
             for (std::size_t j = 0; j < nodes_[1]; ++j) {
                 for (std::size_t k = 0; k < nodes_[2]; ++k) {
-                    value_[index(i, j, k)] = field(shape, place(i, j, k));
+                    value_[index(i, j, k)] = field(shape, node_position(i, j, k));
                 }
             }
         }
     }
 
     TriangleMesh build() {
+        // Surface net: vertices in crossed cells, quads around crossed edges, then smoothing on the skin.
         add_vertices();
         add_quads();
         for (int round = 0; round < kRounds; ++round) {
-            even_out();
+            smooth();
         }
         TriangleMesh mesh;
         mesh.closed = true;
+        // Split each quad along its shorter diagonal.
         for (const auto& [a, b, c, d] : quads_) {
             const Vec3 ac = vertices_[c] - vertices_[a];
             const Vec3 bd = vertices_[d] - vertices_[b];
@@ -168,6 +177,7 @@ class Net {
                 mesh.triangles.push_back({b, c, d});
             }
         }
+        // Reach the exact number of triangles of the thesis' hand.
         mesh.vertices = std::move(vertices_);
         split_longest_edge(mesh);
         return mesh;
@@ -184,12 +194,12 @@ class Net {
     [[nodiscard]] std::size_t index(std::size_t i, std::size_t j, std::size_t k) const {
         return (i * nodes_[1] + j) * nodes_[2] + k;
     }
-    [[nodiscard]] static Vec3 place(std::size_t i, std::size_t j, std::size_t k) {
-        return {kLow[0] + kCube * static_cast<double>(i), kLow[1] + kCube * static_cast<double>(j),
-                kLow[2] + kCube * static_cast<double>(k)};
+    [[nodiscard]] static Vec3 node_position(std::size_t i, std::size_t j, std::size_t k) {
+        return {kLow[0] + kCellSize * static_cast<double>(i), kLow[1] + kCellSize * static_cast<double>(j),
+                kLow[2] + kCellSize * static_cast<double>(k)};
     }
 
-    /// One vertex in each cube that the skin passes through: the mean of where it cuts the edges.
+    /// One vertex in each cell that the skin crosses: the mean of its crossings of the cell's edges.
     void add_vertices() {
         vertex_of_.assign(value_.size(), kNone);
         for (std::size_t i = 0; i + 1 < nodes_[0]; ++i) {
@@ -202,6 +212,7 @@ class Net {
     }
 
     void add_vertex(std::size_t i, std::size_t j, std::size_t k) {
+        // All twelve edges of the cell: node a and its neighbour b with one more bit set.
         Vec3 sum(0.0);
         double cuts = 0.0;
         for (std::size_t a = 0; a < 8; ++a) {
@@ -210,27 +221,30 @@ class Net {
                 if (b == a) {
                     continue;
                 }
+                // Linear interpolation of the zero crossing on the edge from node a to node b.
                 const double at_a = value_[index(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2))];
                 const double at_b = value_[index(i + (b & 1), j + (b >> 1 & 1), k + (b >> 2))];
                 if ((at_a < 0.0) == (at_b < 0.0)) {
                     continue;
                 }
-                sum += glm::mix(place(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2)),
-                                place(i + (b & 1), j + (b >> 1 & 1), k + (b >> 2)), at_a / (at_a - at_b));
+                sum += glm::mix(node_position(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2)),
+                                node_position(i + (b & 1), j + (b >> 1 & 1), k + (b >> 2)), at_a / (at_a - at_b));
                 cuts += 1.0;
             }
         }
+        // The mean of the crossings stays inside the cell.
         if (cuts > 0.0) {
             vertex_of_[index(i, j, k)] = static_cast<std::uint32_t>(vertices_.size());
             vertices_.push_back(sum / cuts);
         }
     }
 
-    /// One quad over each edge of the grid that the skin cuts, from the four cubes about it.
+    /// One quad for each grid edge that the skin crosses, joining the vertices of the four cells around that edge.
     void add_quads() {
         for (std::size_t i = 1; i + 1 < nodes_[0]; ++i) {
             for (std::size_t j = 1; j + 1 < nodes_[1]; ++j) {
                 for (std::size_t k = 1; k + 1 < nodes_[2]; ++k) {
+                    // The three edges from this node along x, y and z, each with its four cells in order around it.
                     const bool here = value_[index(i, j, k)] < 0.0;
                     add_quad(here, value_[index(i + 1, j, k)] < 0.0,
                              {index(i, j, k), index(i, j - 1, k), index(i, j - 1, k - 1), index(i, j, k - 1)});
@@ -244,26 +258,30 @@ class Net {
     }
 
     void add_quad(bool inside, bool next_inside, const std::array<std::size_t, 4>& cubes) {
+        // No crossing on this edge.
         if (inside == next_inside) {
             return;
         }
         Quad quad{vertex_of_[cubes[0]], vertex_of_[cubes[1]], vertex_of_[cubes[2]], vertex_of_[cubes[3]]};
+        // Reverse the winding where the field decreases along the edge, so that the normal points outward.
         if (!inside) {
             std::swap(quad[1], quad[3]);
         }
         quads_.push_back(quad);
     }
 
-    void to_skin(Vec3& p) const {
+    /// Newton steps along the gradient.
+    void project_onto_skin(Vec3& p) const {
         for (int newton = 0; newton < 2; ++newton) {
             const Vec3 slope = gradient(shape_, p);
             p -= slope * (field(shape_, p) / glm::dot(slope, slope));
         }
     }
 
-    /// Each line of the grid goes in as often as it comes out, so a net has a multiple of four triangles; and the hand
-    /// of the thesis has two more.
+    /// Every grid line enters the skin as often as it leaves, so a net has a multiple of four triangles; the thesis'
+    /// hand has two more. Splitting one edge adds two.
     void split_longest_edge(TriangleMesh& mesh) const {
+        // The longest edge yields the best-shaped halves.
         double longest = 0.0;
         std::uint32_t from = 0;
         std::uint32_t to = 0;
@@ -277,9 +295,10 @@ class Net {
                 }
             }
         }
+        // New vertex at the middle of the edge, on the skin; each of the two triangles at the edge is split in halves.
         const auto middle = static_cast<std::uint32_t>(mesh.vertices.size());
         mesh.vertices.push_back(0.5 * (mesh.vertices[from] + mesh.vertices[to]));
-        to_skin(mesh.vertices.back());
+        project_onto_skin(mesh.vertices.back());
         const std::size_t count = mesh.triangles.size();
         for (std::size_t i = 0; i < count; ++i) {
             Triangle half = mesh.triangles[i];
@@ -288,60 +307,65 @@ class Net {
             if (a == half.end() || b == half.end()) {
                 continue;
             }
+            // One half keeps the end `to`, the other the end `from`.
             *a = middle;
             *std::find(mesh.triangles[i].begin(), mesh.triangles[i].end(), to) = middle;
             mesh.triangles.push_back(half);
         }
     }
 
-    /// Each vertex to the mean of those it has an edge with, then straight to the skin.
-    void even_out() {
+    /// Laplacian smoothing: moves each vertex 0.6 of the way to the mean of its edge neighbours, then projects it onto
+    /// the skin.
+    void smooth() {
+        // Sum of the neighbours of each vertex, over the quads around it.
         std::vector<Vec3> sum(vertices_.size(), Vec3(0.0));
         std::vector<double> count(vertices_.size(), 0.0);
         for (const Quad& quad : quads_) {
             for (std::size_t k = 0; k < 4; ++k) {
-                // Each edge is met twice, once from either side.
+                // Every edge is visited twice, once from each of its quads.
                 sum[quad[k]] += vertices_[quad[(k + 1) % 4]] + vertices_[quad[(k + 3) % 4]];
                 count[quad[k]] += 2.0;
             }
         }
+        // Smoothing shrinks the mesh, so each vertex goes back to the zero set.
         for (std::size_t v = 0; v < vertices_.size(); ++v) {
             Vec3 p = glm::mix(vertices_[v], sum[v] / count[v], 0.6);
-            to_skin(p);
+            project_onto_skin(p);
             vertices_[v] = p;
         }
     }
 
     const Shape& shape_;
     std::array<std::size_t, 3> nodes_{};
-    std::vector<double> value_;             // of the field, per node
-    std::vector<std::uint32_t> vertex_of_;  // the cube whose lowest node it is
+    std::vector<double> value_;             // per node: field
+    std::vector<std::uint32_t> vertex_of_;  // per node: vertex of the cell whose lowest node it is, or kNone
     std::vector<Vec3> vertices_;
     std::vector<Quad> quads_;
 };
 
-// 2 tan of half the angles by which the joints of a fist are bent: 75, 90 and 55 degrees.
+// Rotations of a fist's finger joints, 2 tan(angle / 2): 75, 90 and 55 degrees.
 constexpr std::array<double, kJointsOfFinger> kFingerBends{1.535, 2.0, 1.04};
-// Likewise of the thumb, 53 and 70 degrees toward the fingers; before it bends, its first joint opposes it to them.
+// Of the thumb's joints: 53 and 70 degrees toward the fingers. Its first joint opposes it to them before it bends.
 constexpr std::array<double, kJointsOfFinger> kThumbBends{0.0, 1.0, 1.4};
-constexpr Vec3 kThumbOpposedTo{0.02, -0.34, -0.13};
-constexpr double kThumbOpposedAt = 0.1;  // curl
-constexpr Vec3 kPalmLooksTo{0.0, -1.0, 0.0};
-constexpr Vec3 kThumbBendsTo{0.1, 0.25, -1.0};  // once it is opposed
+constexpr Vec3 kThumbOpposedDirection{0.02, -0.34, -0.13};
+constexpr double kThumbOpposedCurl = 0.1;  // curl
+constexpr Vec3 kPalmDirection{0.0, -1.0, 0.0};
+constexpr Vec3 kThumbBendDirection{0.1, 0.25, -1.0};  // after opposition
 
-/// Of a turn that takes one direction toward another.
-Vec3 axis_from(const Vec3& direction, const Vec3& toward) {
+/// Unit axis of the rotation from one direction toward another.
+Vec3 axis_of(const Vec3& direction, const Vec3& toward) {
     return glm::normalize(glm::cross(direction, toward));
 }
 
-/// The turn of turned() that takes one direction to another.
-Vec3 turn_from(const Vec3& direction, const Vec3& to) {
+/// Rotation from one direction to another as turned() takes it: 2 tan(angle / 2) about the axis, with
+/// tan^2(angle / 2) = (1 - cos) / (1 + cos).
+Vec3 rotation_between(const Vec3& direction, const Vec3& to) {
     const double cosine = glm::dot(glm::normalize(direction), glm::normalize(to));
-    return 2.0 * std::sqrt((1.0 - cosine) / (1.0 + cosine)) * axis_from(direction, to);
+    return 2.0 * std::sqrt((1.0 - cosine) / (1.0 + cosine)) * axis_of(direction, to);
 }
 
-/// From the end of the wrist to the tip of the middle finger, as the bones are given.
-constexpr double kExtent = 1.0982;
+/// Length from the end of the wrist to the tip of the middle finger, in the unit above.
+constexpr double kBoneExtent = 1.0982;
 
 void require_length(double length) {
     if (!(length > 0.0) || !std::isfinite(length)) {
@@ -353,6 +377,7 @@ void require_length(double length) {
 
 TriangleMesh make_hand_mesh(double length) {
     require_length(length);
+    // Mesh in the unit above, then scaled to the length along the hand's axis z.
     const Shape shape = make_shape();
     TriangleMesh mesh = Net(shape).build();
     const auto [low, high] = std::minmax_element(mesh.vertices.begin(), mesh.vertices.end(),
@@ -368,29 +393,34 @@ ToolSkeleton make_hand_skeleton(double length) {
     require_length(length);
     const Shape shape = make_shape();
     ToolSkeleton hand{{{}}, {shape.palm.begin(), shape.palm.end()}};
+    // The thumb bends in its opposed pose, but axes are given at curl 0: rotate the bending direction back.
     const Finger& thumb = shape.fingers.back();
-    const Vec3 opposing = turn_from(thumb.back().place - thumb.front().place, kThumbOpposedTo);
-    const Mat3 opposed = to_matrix(turned(Quat(1.0, 0.0, 0.0, 0.0), opposing));
+    const Vec3 opposition = rotation_between(thumb.back().center - thumb.front().center, kThumbOpposedDirection);
+    const Mat3 opposed = to_matrix(turned(Quat(1.0, 0.0, 0.0, 0.0), opposition));
     for (const Finger& finger : shape.fingers) {
         const bool is_thumb = &finger == &thumb;
-        const Vec3 bends_to = is_thumb ? glm::transpose(opposed) * kThumbBendsTo : kPalmLooksTo;
+        const Vec3 bend_direction = is_thumb ? glm::transpose(opposed) * kThumbBendDirection : kPalmDirection;
         for (std::size_t k = 0; k < kJointsOfFinger; ++k) {
             const auto number = static_cast<std::uint32_t>(hand.joints.size());
-            ToolJoint joint{.parent = k == 0 ? kPalmJoint : number - 1, .place = finger[k].place};
+            // The first joint of a finger hangs on the palm, the others on the joint before.
+            ToolJoint joint{.parent = k == 0 ? kPalmJoint : number - 1, .position = finger[k].center};
+            // The thumb opposes the fingers early, then bends with them.
             if (is_thumb && k == 0) {
-                joint.turn = opposing;
-                joint.done_at = kThumbOpposedAt;
+                joint.rotation = opposition;
+                joint.full_curl = kThumbOpposedCurl;
             } else {
-                const Vec3 axis = axis_from(finger[k + 1].place - finger[k].place, bends_to);
-                joint.turn = (is_thumb ? kThumbBends[k] : kFingerBends[k]) * axis;
+                // Axis normal to the bone and the bending direction; angle of the closed fist.
+                const Vec3 axis = axis_of(finger[k + 1].center - finger[k].center, bend_direction);
+                joint.rotation = (is_thumb ? kThumbBends[k] : kFingerBends[k]) * axis;
             }
             hand.joints.push_back(joint);
             hand.bones.push_back(bone_between(finger, k, number));
         }
     }
-    const double scale = length / kExtent;
+    // Joints scale with the length; rotations do not.
+    const double scale = length / kBoneExtent;
     for (ToolJoint& joint : hand.joints) {
-        joint.place *= scale;
+        joint.position *= scale;
     }
     for (ToolBone& bone : hand.bones) {
         bone = {bone.joint, scale * bone.from, scale * bone.from_radius, scale * bone.to, scale * bone.to_radius};

@@ -12,57 +12,45 @@
 #include <string>
 #include <unordered_set>
 
-#include "tool/bare_depth.hpp"
-#include <haptic/sim/closest_point.hpp>
 #include "contact/verification.hpp"
-#include "model/sample_graph.hpp"
 #include "generators/triangle_grid.hpp"
+#include "haptic/sim/closest_point.hpp"
+#include "model/sample_graph.hpp"
+#include "simd/aabb.hpp"
+#include "tool/bare_depth.hpp"
 
 namespace haptic::sim {
 namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kSamples = 2500.0;  // about; of the surface
-constexpr std::size_t kMostCandidates = 1000;
-constexpr double kMostCuts = 64.0;  // of a triangle's side, by samples
-constexpr double kOnPlane = 1e-9;   // of the mesh's size
-constexpr int kMostShrinkings = 30;
-constexpr double kShrunken = 1.0 - 1e-3;  // a ball this near to touching nothing inside is not shrunk on
+constexpr double kSamples = 2500.0;  // approximate number of surface samples
+constexpr std::size_t kMaxCandidates = 1000;
+constexpr double kMaxCuts = 64.0;  // subdivisions of a triangle's side for sampling
+constexpr double kOnPlane = 1e-9;  // part of the mesh's size
+constexpr int kMaxShrinkings = 30;
+constexpr double kConverged =
+    1.0 - 1e-3;  // shrinking stops when no sample is deeper inside the ball than this part of its radius
 constexpr int kHalvings = 14;
 constexpr int kRelaxations = 40;
-constexpr int kGrowings = 24;
-constexpr double kAlike = 1.03;  // bare over proud
+constexpr int kMaxGrowthRounds = 24;
+constexpr double kBalanced = 1.03;  // ratio of bare to proud at which growing stops
 constexpr int kSwaps = 12;
-constexpr int kPolishings = 4;
-constexpr int kMostMoves = 40;
-constexpr double kWorthwhile = 0.02;  // gain of a step, in steps
-constexpr int kStepHalvings = 5;      // of the samples' pitch
-constexpr double kFinest = 1e-4;      // of the mesh's size
+constexpr int kRefinements = 4;
+constexpr int kMaxMoves = 40;
+constexpr double kMinGain = 0.02;     // smallest worthwhile gain of a move, as a part of the move
+constexpr int kStepHalvings = 5;      // from the samples' pitch
+constexpr double kResolution = 1e-4;  // part of the mesh's size
 
 [[noreturn]] void refuse(const std::string& why) {
     throw std::invalid_argument("sphere cover: " + why);
 }
 
-struct Box {
-    Vec3 low{kInfinite};
-    Vec3 high{-kInfinite};
-};
-
-Box box_of(const TriangleMesh& mesh) {
-    Box box;
-    for (const Vec3& p : mesh.vertices) {
-        box.low = glm::min(box.low, p);
-        box.high = glm::max(box.high, p);
-    }
-    return box;
-}
-
 struct Sample {
-    Vec3 place{0.0};
+    Vec3 position{0.0};
     Vec3 normal{0.0};  // outward
 };
 
-/// Where a sample falls, and to which of six sides it looks: of those with the same key one is enough.
+/// Grid cell of a sample and the dominant axis of its normal. One sample per key is kept.
 struct SampleKey {
     std::array<std::int64_t, 4> part{};
     bool operator==(const SampleKey&) const = default;
@@ -79,6 +67,7 @@ struct SampleKeyHash {
     }
 };
 
+/// Dominant axis and sign of a normal, 0 to 5.
 std::int64_t side_of(const Vec3& normal) {
     int axis = 0;
     for (int k = 1; k < 3; ++k) {
@@ -89,12 +78,14 @@ std::int64_t side_of(const Vec3& normal) {
     return 2 * axis + (normal[axis] < 0.0 ? 1 : 0);
 }
 
-/// Points of the surface about `pitch` apart, evenly over large triangles, one of many small ones.
+/// Surface samples about `pitch` apart: several per large triangle, one for many small ones.
 std::vector<Sample> sample(const TriangleMesh& mesh, double pitch) {
     std::vector<Sample> samples;
     std::unordered_set<SampleKey, SampleKeyHash> taken;
+    // The back faces of a double-faced mesh would repeat every sample.
     const std::size_t count = mesh.double_faced ? mesh.triangles.size() / 2 : mesh.triangles.size();
     for (std::size_t t = 0; t < count; ++t) {
+        // Subdivide the triangle until its pieces are smaller than the pitch.
         const auto& [i, j, k] = mesh.triangles[t];
         const Vec3& a = mesh.vertices[i];
         const Vec3 u = mesh.vertices[j] - a;
@@ -104,17 +95,19 @@ std::vector<Sample> sample(const TriangleMesh& mesh, double pitch) {
         if (!(twice_area > 0.0)) {
             continue;
         }
+        // Pieces somewhat longer than the pitch suffice: their centroids are about a pitch apart.
         const double longest = std::sqrt(std::max({glm::dot(u, u), glm::dot(v, v), glm::dot(u - v, u - v)}));
-        const int cuts = static_cast<int>(std::clamp(std::ceil(longest / (1.4 * pitch)), 1.0, kMostCuts));
+        const int cuts = static_cast<int>(std::clamp(std::ceil(longest / (1.4 * pitch)), 1.0, kMaxCuts));
         for (int row = 0; row < cuts; ++row) {
             for (int at = 0; at < 2 * (cuts - row) - 1; ++at) {
-                // Centroids of the small triangles: those that stand, and those that hang between them.
+                // Centroids of the pieces: upright ones at even `at`, inverted ones in between.
                 const double third = at % 2 == 0 ? 1.0 / 3.0 : 2.0 / 3.0;
                 const int quad = at / 2;
                 const double along = (quad + third) / cuts;
                 const double across = (row + third) / cuts;
                 const Sample found{a + along * u + across * v, normal / twice_area};
-                const Vec3 cell = glm::floor(found.place / pitch);
+                // One sample per cell and side, so that both faces of a thin wall keep theirs.
+                const Vec3 cell = glm::floor(found.position / pitch);
                 const SampleKey key{{static_cast<std::int64_t>(cell.x), static_cast<std::int64_t>(cell.y),
                                      static_cast<std::int64_t>(cell.z), side_of(found.normal)}};
                 if (taken.insert(key).second) {
@@ -126,34 +119,37 @@ std::vector<Sample> sample(const TriangleMesh& mesh, double pitch) {
     return samples;
 }
 
-/// The ball inside that touches at the sample and somewhere else, or has the radius `most`. `thickness` is how far it
-/// is from the sample straight through the body.
-Ball inner_ball(const std::vector<Sample>& samples, const Sample& touched, double most, double thickness) {
-    const double widest = std::min(most, 0.5 * thickness);
-    Ball ball{touched.place - widest * touched.normal, widest};
-    for (int k = 0; k < kMostShrinkings; ++k) {
+/// Medial ball by shrinking (Ma, Bae, Choi 2012): touches the surface from inside at a sample and at one more place,
+/// unless `max_radius` limits it. `thickness`, m: distance through the body along the inward normal.
+Ball inner_ball(const std::vector<Sample>& samples, const Sample& touched, double max_radius, double thickness) {
+    // Start with the largest ball that fits between the sample and the opposite wall.
+    const double widest = std::min(max_radius, 0.5 * thickness);
+    Ball ball{touched.position - widest * touched.normal, widest};
+    for (int k = 0; k < kMaxShrinkings; ++k) {
+        // The sample deepest inside the ball is the next place to touch.
         double nearest = kInfinite;
         const Sample* other = nullptr;
         for (const Sample& sample : samples) {
-            const Vec3 arm = sample.place - ball.centre;
+            const Vec3 arm = sample.position - ball.centre;
             const double squared = glm::dot(arm, arm);
             if (squared < nearest) {
                 nearest = squared;
                 other = &sample;
             }
         }
-        const Vec3 chord = touched.place - other->place;
+        // Ball through both samples, tangent at the touched one: r = |chord|^2 / (2 chord . n).
+        const Vec3 chord = touched.position - other->position;
         const double depth = glm::dot(chord, touched.normal);
-        if (nearest >= kShrunken * kShrunken * ball.radius * ball.radius || !(depth > 0.0)) {
+        if (nearest >= kConverged * kConverged * ball.radius * ball.radius || !(depth > 0.0)) {
             break;
         }
         ball.radius = std::min(ball.radius, glm::dot(chord, chord) / (2.0 * depth));
-        ball.centre = touched.place - ball.radius * touched.normal;
+        ball.centre = touched.position - ball.radius * touched.normal;
     }
     return ball;
 }
 
-/// Distances from the surface, each from all triangles that may be nearest.
+/// Exact distance from a mesh's surface; bounding balls prune triangles.
 class Surface {
   public:
     explicit Surface(const TriangleMesh& mesh) : mesh_(mesh) {
@@ -166,20 +162,22 @@ class Surface {
         }
     }
 
-    /// m
+    /// m, unsigned.
     [[nodiscard]] double distance(const Vec3& p) const {
-        double least = kInfinite;
+        double min_distance = kInfinite;
         for (std::size_t t = 0; t < bounds_.size(); ++t) {
+            // Skip a triangle whose bounding ball is farther away than the nearest triangle so far.
             const Vec3 arm = p - bounds_[t].centre;
-            const double within = least + bounds_[t].radius;
+            const double within = min_distance + bounds_[t].radius;
             if (glm::dot(arm, arm) >= within * within) {
                 continue;
             }
+            // Exact distance from the triangle.
             const auto& [i, j, k] = mesh_.triangles[t];
             const TriangleCorners corners{mesh_.vertices[i], mesh_.vertices[j], mesh_.vertices[k]};
-            least = std::min(least, std::sqrt(closest_point_on_triangle(p, corners).squared_distance));
+            min_distance = std::min(min_distance, std::sqrt(closest_point_on_triangle(p, corners).squared_distance));
         }
-        return least;
+        return min_distance;
     }
 
   private:
@@ -187,31 +185,36 @@ class Surface {
     std::vector<Ball> bounds_;
 };
 
-/// Where spheres may be; `radius` of a candidate is that of the ball that fits inside.
+/// Candidate positions of spheres. A candidate's radius is that of the inscribed ball there; 0 for an open mesh.
 class Candidates {
   public:
     Candidates(const TriangleMesh& mesh, double fixed_radius) : fixed_(fixed_radius), closed_(mesh.closed) {
+        // Samples, and a limited number of candidates from them.
         pitch_ = std::sqrt(surface_area(mesh) / (mesh.double_faced ? 2.0 : 1.0) / kSamples);
         samples_ = sample(mesh, pitch_);
-        const Box box = box_of(mesh);
-        const double size = glm::length(box.high - box.low);
+        const Aabb box = aabb_of(mesh.vertices);
+        const double size = glm::length(box.size());
         size_ = size;
-        const double most = fixed_ > 0.0 ? fixed_ : size;
-        const std::size_t every = (samples_.size() + kMostCandidates - 1) / kMostCandidates;
+        const double max_radius = fixed_ > 0.0 ? fixed_ : size;
+        // Every n-th sample becomes a candidate, so that their number is limited.
+        const std::size_t every = (samples_.size() + kMaxCandidates - 1) / kMaxCandidates;
         const TriangleGrid grid(mesh.vertices, mesh.triangles, 2.0 * pitch_);
         const Surface surface(mesh);
         for (std::size_t i = 0; i < samples_.size(); i += every) {
             const Sample& s = samples_[i];
+            // An open mesh has no inside: candidates are on the surface itself.
             if (!mesh.closed) {
-                balls_.push_back({s.place, 0.0});
+                balls_.push_back({s.position, 0.0});
                 continue;
             }
-            const double crossing = grid.first_crossing(s.place, s.place - size * s.normal, kOnPlane * size);
+            // Thickness of the body along the inward normal.
+            const double crossing = grid.first_crossing(s.position, s.position - size * s.normal, kOnPlane * size);
             if (crossing > 1.0) {
-                continue;  // through an edge, or the skin passes through itself
+                continue;  // the ray hits an edge, or the mesh intersects itself
             }
-            Ball ball = inner_ball(samples_, s, most, crossing * size);
-            ball.radius = std::min(surface.distance(ball.centre), most);
+            // Shrinking tests samples only; the exact distance keeps the ball inside.
+            Ball ball = inner_ball(samples_, s, max_radius, crossing * size);
+            ball.radius = std::min(surface.distance(ball.centre), max_radius);
             if (ball.radius > kOnPlane * size) {
                 balls_.push_back(ball);
             }
@@ -223,15 +226,15 @@ class Candidates {
     [[nodiscard]] const Ball& operator[](std::size_t candidate) const { return balls_[candidate]; }
     [[nodiscard]] double pitch() const noexcept { return pitch_; }  // m, of the samples
 
-    /// m, of a sample from the centre.
+    /// m, from the ball's centre to a sample.
     [[nodiscard]] double distance(const Ball& ball, std::size_t sample) const {
-        return glm::length(samples_[sample].place - ball.centre);
+        return glm::length(samples_[sample].position - ball.centre);
     }
 
-    /// m, the distance of the samples that a candidate misses by no more than `allowance`; negative if it does so with
-    /// all.
+    /// m: a ball misses the samples up to this distance from its centre by at most `allowance`. Negative: it misses all
+    /// by more.
     [[nodiscard]] double reach(const Ball& ball, double allowance) const {
-        if (relative_) {
+        if (weighted_) {
             return ball.radius + allowance * std::sqrt(size_ * ball.radius);
         }
         if (!(fixed_ > 0.0)) {
@@ -240,29 +243,30 @@ class Candidates {
         return closed_ && fixed_ - ball.radius > allowance ? -1.0 : fixed_ + allowance;
     }
 
-    /// Of a sample from the centre, m^2.
+    /// m^2, from the ball's centre to a sample.
     [[nodiscard]] double squared_distance(const Ball& ball, std::size_t sample) const {
-        const Vec3 arm = samples_[sample].place - ball.centre;
+        const Vec3 arm = samples_[sample].position - ball.centre;
         return glm::dot(arm, arm);
     }
 
-    /// Some candidate misses no sample by more.
-    [[nodiscard]] double enough() const {
+    /// An allowance at which a single candidate covers all samples.
+    [[nodiscard]] double sufficient_allowance() const {
         double largest = 0.0;
         for (const Ball& ball : balls_) {
             largest = std::max(largest, ball.radius);
         }
-        return relative_ ? std::sqrt(size_ / largest) : size_;
+        return weighted_ ? std::sqrt(size_ / largest) : size_;
     }
 
-    /// Misses count from now on by the root of the radius of the ball that has them, instead of m.
-    void count_relative() noexcept { relative_ = closed_ && !(fixed_ > 0.0); }
+    /// From now on divides misses by the square root of the ball's radius, so that thin parts are met more closely. No
+    /// effect for an open mesh or a fixed radius.
+    void weight_by_radius() noexcept { weighted_ = closed_ && !(fixed_ > 0.0); }
 
-    /// By how much a ball misses a sample, m or, if that is how misses count, in parts of its radius; at a fixed
-    /// radius, also what it stands proud.
+    /// Distance by which a ball misses a sample, m; weighted if weight_by_radius() was called. At a fixed radius, at
+    /// least the distance by which the ball stands proud.
     [[nodiscard]] double miss(const Ball& ball, std::size_t sample) const {
         const double distance = this->distance(ball, sample);
-        if (relative_) {
+        if (weighted_) {
             return (distance - ball.radius) / std::sqrt(size_ * ball.radius);
         }
         if (!(fixed_ > 0.0)) {
@@ -278,14 +282,16 @@ class Candidates {
     double pitch_ = 0.0;
     double size_ = 0.0;  // m, of the mesh
     bool closed_ = false;
-    bool relative_ = false;
+    bool weighted_ = false;
 };
 
-using Choice = std::vector<std::uint32_t>;  // of candidates
+using Choice = std::vector<std::uint32_t>;  // indices of candidates
 using Bits = std::vector<std::uint64_t>;
 
-/// Candidates that miss no sample by more than `allowance`; empty if it takes more than `most`.
-Choice choose(const Candidates& candidates, double allowance, std::size_t most) {
+/// Greedy set cover: candidates that miss no sample by more than `allowance`; empty if more than `max_count` are
+/// needed.
+Choice choose(const Candidates& candidates, double allowance, std::size_t max_count) {
+    // Bit s of row c: candidate c covers sample s.
     const std::size_t words = (candidates.samples() + 63) / 64;
     Bits within(candidates.size() * words, 0);
     for (std::size_t c = 0; c < candidates.size(); ++c) {
@@ -297,6 +303,7 @@ Choice choose(const Candidates& candidates, double allowance, std::size_t most) 
             within[c * words + s / 64] |= static_cast<std::uint64_t>(taken) << (s % 64);
         }
     }
+    // Samples that are not covered yet, and how many of them a candidate covers.
     Bits open(words, 0);
     for (std::size_t s = 0; s < candidates.samples(); ++s) {
         open[s / 64] |= std::uint64_t{1} << (s % 64);
@@ -308,15 +315,18 @@ Choice choose(const Candidates& candidates, double allowance, std::size_t most) 
         }
         return gain;
     };
-    // What a candidate would gain only ever gets less, so an old gain bounds it (Minoux 1978).
+    // Lazy greedy (Minoux 1978): gains only shrink, so an outdated gain is an upper bound. Ties go to the lower index,
+    // for the same result on every machine.
     std::vector<int> gains(candidates.size(), static_cast<int>(candidates.samples()));
     Choice chosen;
     std::size_t left = candidates.samples();
     while (left > 0) {
+        // The candidate with the greatest gain; recompute only those whose bound could beat it.
         auto winner = static_cast<std::uint32_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
         gains[winner] = gain_of(winner);
         int best = gains[winner];
         for (std::uint32_t c = 0; c < candidates.size(); ++c) {
+            // Bound too small, or equal with a higher index: cannot win.
             if (gains[c] < best || (gains[c] == best && c >= winner)) {
                 continue;
             }
@@ -326,11 +336,13 @@ Choice choose(const Candidates& candidates, double allowance, std::size_t most) 
                 winner = c;
             }
         }
-        if (best == 0 || chosen.size() == most) {
+        // Some sample is out of reach of all candidates, or the count is used up.
+        if (best == 0 || chosen.size() == max_count) {
             return {};
         }
         chosen.push_back(winner);
         left -= static_cast<std::size_t>(best);
+        // Remove the samples that the winner covers.
         for (std::size_t w = 0; w < words; ++w) {
             open[w] &= ~within[winner * words + w];
         }
@@ -338,10 +350,10 @@ Choice choose(const Candidates& candidates, double allowance, std::size_t most) 
     return chosen;
 }
 
-/// The chosen one that misses each sample least, and by how much.
+/// Assignment of each sample to the ball that misses it least, and the worst miss.
 struct Assignment {
-    std::vector<std::uint32_t> owner;  // per sample, into the choice
-    double worst = -kInfinite;         // m
+    std::vector<std::uint32_t> owner;  // per sample: index of the ball
+    double worst = -kInfinite;         // m, or weighted
     std::size_t worst_sample = 0;
 };
 
@@ -349,16 +361,18 @@ Assignment assign(const Candidates& candidates, std::span<const Ball> chosen) {
     Assignment result;
     result.owner.resize(candidates.samples());
     for (std::size_t s = 0; s < candidates.samples(); ++s) {
-        double least = kInfinite;
+        // Owner of the sample: the ball that misses it least.
+        double min_miss = kInfinite;
         for (std::uint32_t k = 0; k < chosen.size(); ++k) {
             const double miss = candidates.miss(chosen[k], s);
-            if (miss < least) {
-                least = miss;
+            if (miss < min_miss) {
+                min_miss = miss;
                 result.owner[s] = k;
             }
         }
-        if (least > result.worst) {
-            result.worst = least;
+        // The worst-covered sample is the error of the cover.
+        if (min_miss > result.worst) {
+            result.worst = min_miss;
             result.worst_sample = s;
         }
     }
@@ -373,7 +387,7 @@ std::vector<Ball> balls_of(const Candidates& candidates, const Choice& chosen) {
     return balls;
 }
 
-/// Of those that own samples: which ones.
+/// The samples that each ball owns.
 std::vector<std::vector<std::uint32_t>> owned_by(const Assignment& assignment, std::size_t count) {
     std::vector<std::vector<std::uint32_t>> owned(count);
     for (std::uint32_t s = 0; s < assignment.owner.size(); ++s) {
@@ -382,13 +396,15 @@ std::vector<std::vector<std::uint32_t>> owned_by(const Assignment& assignment, s
     return owned;
 }
 
-/// Moves each chosen one to the candidate that misses what it owns least, as long as the whole gains by it.
+/// Lloyd relaxation with the worst miss in place of the mean square: moves each ball to the candidate that misses its
+/// own samples least, and reassigns, while the worst miss shrinks.
 Choice relaxed(const Candidates& candidates, Choice chosen) {
     Assignment now = assign(candidates, balls_of(candidates, chosen));
     for (int round = 0; round < kRelaxations; ++round) {
         const std::vector<std::vector<std::uint32_t>> owned = owned_by(now, chosen.size());
         Choice moved = chosen;
         for (std::size_t k = 0; k < chosen.size(); ++k) {
+            // Worst miss of a candidate over the samples of ball k; ends early once it reaches `enough`.
             const auto worst_of = [&](std::uint32_t candidate, double enough) {
                 double worst = -kInfinite;
                 for (const std::uint32_t s : owned[k]) {
@@ -399,15 +415,17 @@ Choice relaxed(const Candidates& candidates, Choice chosen) {
                 }
                 return worst;
             };
-            double least = worst_of(chosen[k], kInfinite);
+            // A candidate is abandoned as soon as it is no better than the best so far.
+            double min_miss = worst_of(chosen[k], kInfinite);
             for (std::uint32_t c = 0; c < candidates.size(); ++c) {
-                const double worst = worst_of(c, least);
-                if (worst < least) {
-                    least = worst;
+                const double worst = worst_of(c, min_miss);
+                if (worst < min_miss) {
+                    min_miss = worst;
                     moved[k] = c;
                 }
             }
         }
+        // Owners change with the balls: reassign, and stop when the cover is no better.
         Assignment then = assign(candidates, balls_of(candidates, moved));
         if (!(then.worst < now.worst)) {
             break;
@@ -418,12 +436,13 @@ Choice relaxed(const Candidates& candidates, Choice chosen) {
     return chosen;
 }
 
-/// A candidate where most is missed: the largest that halves it.
-std::uint32_t helper(const Candidates& candidates, const Choice& chosen) {
+/// The largest unused candidate that at least halves the worst miss.
+std::uint32_t worst_sample_candidate(const Candidates& candidates, const Choice& chosen) {
     const Assignment now = assign(candidates, balls_of(candidates, chosen));
     std::uint32_t winner = 0;
     double largest = -1.0;
     for (std::uint32_t c = 0; c < candidates.size(); ++c) {
+        // Large balls are preferred, because they also cover more of the samples around.
         const bool halves = candidates.miss(candidates[c], now.worst_sample) <= 0.5 * std::max(0.0, now.worst);
         if (halves && candidates[c].radius > largest && std::find(chosen.begin(), chosen.end(), c) == chosen.end()) {
             largest = candidates[c].radius;
@@ -433,10 +452,11 @@ std::uint32_t helper(const Candidates& candidates, const Choice& chosen) {
     return winner;
 }
 
-/// Of some balls the one without which the others miss least.
-std::size_t least_missed(const Candidates& candidates, const std::vector<Ball>& balls) {
+/// The ball whose removal leaves the smallest worst miss: its samples' second best misses decide.
+std::size_t most_redundant(const Candidates& candidates, const std::vector<Ball>& balls) {
     std::vector<double> without(balls.size(), -kInfinite);
     for (std::size_t s = 0; s < candidates.samples(); ++s) {
+        // Smallest and second smallest miss of the sample.
         double first = kInfinite;
         double second = kInfinite;
         std::size_t owner = 0;
@@ -450,37 +470,44 @@ std::size_t least_missed(const Candidates& candidates, const std::vector<Ball>& 
                 second = std::min(second, miss);
             }
         }
+        // Without its owner, the sample falls to the second.
         without[owner] = std::max(without[owner], second);
     }
     return static_cast<std::size_t>(std::min_element(without.begin(), without.end()) - without.begin());
 }
 
-/// As many as asked for, with the least allowance found.
+/// `count` candidates with a small worst miss: bisection of the allowance, then relaxation and swaps.
 Choice choose_count(const Candidates& candidates, std::size_t count) {
     count = std::min(count, candidates.size());
-    const double most = candidates.enough();
-    double enough = most;
-    double too_little = 0.0;
-    Choice best = choose(candidates, enough, count);
-    for (int k = 0; k < kHalvings && enough - too_little > kFinest * most; ++k) {
-        const double middle = 0.5 * (enough + too_little);
+    // Bisect for the smallest allowance that `count` candidates can meet.
+    const double max_allowance = candidates.sufficient_allowance();
+    double allowance = max_allowance;
+    double too_small = 0.0;
+    Choice best = choose(candidates, allowance, count);
+    for (int k = 0; k < kHalvings && allowance - too_small > kResolution * max_allowance; ++k) {
+        // Greedy cover at the middle: too small an allowance if it needs more than `count`.
+        const double middle = 0.5 * (allowance + too_small);
         Choice chosen = choose(candidates, middle, count);
         if (chosen.empty()) {
-            too_little = middle;
+            too_small = middle;
         } else {
-            enough = middle;
+            allowance = middle;
             best = std::move(chosen);
         }
     }
+    // Use up the count where it helps most, then relax.
     while (best.size() < count) {
-        best.push_back(helper(candidates, best));
+        best.push_back(worst_sample_candidate(candidates, best));
     }
     best = relaxed(candidates, std::move(best));
+    // Swap the most redundant ball for one at the worst sample while that improves the cover.
     double worst = assign(candidates, balls_of(candidates, best)).worst;
     for (int swap = 0; swap < kSwaps; ++swap) {
+        // Remove the ball whose loss costs least, and cover the worst sample instead.
         Choice tried = best;
-        tried.erase(tried.begin() + static_cast<std::ptrdiff_t>(least_missed(candidates, balls_of(candidates, best))));
-        tried.push_back(helper(candidates, tried));
+        tried.erase(tried.begin() +
+                    static_cast<std::ptrdiff_t>(most_redundant(candidates, balls_of(candidates, best))));
+        tried.push_back(worst_sample_candidate(candidates, tried));
         tried = relaxed(candidates, std::move(tried));
         const double then = assign(candidates, balls_of(candidates, tried)).worst;
         if (!(then < worst)) {
@@ -492,13 +519,14 @@ Choice choose_count(const Candidates& candidates, std::size_t count) {
     return best;
 }
 
-/// Moves balls in small steps to where they miss less of what they own. A step is shorter than the way to the surface,
-/// so they stay inside.
-std::vector<Ball> polished(const TriangleMesh& mesh, const Candidates& candidates, std::vector<Ball> balls,
-                           double most) {
+/// Pattern search: moves each ball along the axes, in steps that halve, to where it misses its own samples less. A step
+/// is shorter than the distance to the surface, so the ball stays inside.
+std::vector<Ball> refined(const TriangleMesh& mesh, const Candidates& candidates, std::vector<Ball> balls,
+                          double max_radius) {
     const Surface surface(mesh);
     Assignment now = assign(candidates, balls);
-    for (int round = 0; round < kPolishings; ++round) {
+    for (int round = 0; round < kRefinements; ++round) {
+        // Each ball is optimised for its own samples, with the assignment fixed.
         const std::vector<std::vector<std::uint32_t>> owned = owned_by(now, balls.size());
         std::vector<Ball> moved = balls;
         for (std::size_t k = 0; k < balls.size(); ++k) {
@@ -509,19 +537,23 @@ std::vector<Ball> polished(const TriangleMesh& mesh, const Candidates& candidate
                 }
                 return worst;
             };
-            double least = worst_of(moved[k]);
+            // Steps start at the pitch of the samples and halve when none of the six directions gains.
+            double min_miss = worst_of(moved[k]);
             double step = candidates.pitch();
             int halvings = 0;
-            for (int moves = 0; moves < kMostMoves && halvings < kStepHalvings; ++moves) {
+            for (int moves = 0; moves < kMaxMoves && halvings < kStepHalvings; ++moves) {
+                // Try a step in each of the six axis directions; halve the step when none is worth it.
                 const Ball from = moved[k];
-                const double way = std::min(step, 0.5 * from.radius);
+                const double step_length = std::min(step, 0.5 * from.radius);
                 for (int direction = 0; direction < 6; ++direction) {
                     Ball tried = from;
-                    tried.centre[direction / 2] += direction % 2 == 0 ? way : -way;
-                    tried.radius = std::min(surface.distance(tried.centre), most);
+                    tried.centre[direction / 2] += direction % 2 == 0 ? step_length : -step_length;
+                    // At the new centre the ball is again as large as fits.
+                    tried.radius = std::min(surface.distance(tried.centre), max_radius);
                     const double worst = worst_of(tried);
-                    if (worst < least - kWorthwhile * way) {
-                        least = worst;
+                    // Small gains are not worth a move; they would only creep.
+                    if (worst < min_miss - kMinGain * step_length) {
+                        min_miss = worst;
                         moved[k] = tried;
                     }
                 }
@@ -531,6 +563,7 @@ std::vector<Ball> polished(const TriangleMesh& mesh, const Candidates& candidate
                 }
             }
         }
+        // Keep the round only if the worst miss over all samples shrinks.
         Assignment then = assign(candidates, moved);
         if (!(then.worst < now.worst)) {
             break;
@@ -542,27 +575,30 @@ std::vector<Ball> polished(const TriangleMesh& mesh, const Candidates& candidate
 }
 
 BareDepth bare_depth(const TriangleMesh& mesh, std::span<const Ball> balls) {
-    const Box box = box_of(mesh);
-    BareDepth bare(balls, kFinest * glm::length(box.high - box.low));
+    const Aabb box = aabb_of(mesh.vertices);
+    BareDepth bare(balls, kResolution * glm::length(box.size()));
     for (const auto& [i, j, k] : mesh.triangles) {
-        bare.take({mesh.vertices[i], mesh.vertices[j], mesh.vertices[k]});
+        bare.add({mesh.vertices[i], mesh.vertices[j], mesh.vertices[k]});
     }
     return bare;
 }
 
-/// The spheres of a choice, as large as is best.
+/// The spheres of a choice: refined positions, and radii that balance bare against proud.
 std::vector<Ball> spheres_of(const TriangleMesh& mesh, const Candidates& candidates, const Choice& chosen,
                              double fixed_radius) {
+    // Inscribed balls at refined positions.
     std::vector<Ball> balls = balls_of(candidates, chosen);
     if (mesh.closed) {
-        balls = polished(mesh, candidates, std::move(balls), fixed_radius > 0.0 ? fixed_radius : kInfinite);
+        balls = refined(mesh, candidates, std::move(balls), fixed_radius > 0.0 ? fixed_radius : kInfinite);
     }
+    // A fixed radius leaves nothing to balance.
     if (fixed_radius > 0.0) {
         for (Ball& ball : balls) {
             ball.radius = fixed_radius;
         }
         return balls;
     }
+    // An open mesh has no inside to stand proud of: grow all balls until nothing is bare.
     if (!mesh.closed) {
         const double missed = std::max(0.0, bare_depth(mesh, balls).bound());
         for (Ball& ball : balls) {
@@ -570,6 +606,7 @@ std::vector<Ball> spheres_of(const TriangleMesh& mesh, const Candidates& candida
         }
         return balls;
     }
+    // Each ball grows by half of what it misses of its own samples: then bare equals proud at the samples.
     const std::vector<Ball> inner = balls;
     const std::vector<std::vector<std::uint32_t>> owned = owned_by(assign(candidates, inner), inner.size());
     for (std::size_t k = 0; k < balls.size(); ++k) {
@@ -579,22 +616,25 @@ std::vector<Ball> spheres_of(const TriangleMesh& mesh, const Candidates& candida
         }
         balls[k].radius += 0.5 * missed;
     }
-    // What lies between the samples is missed by more: the ball nearest to the worst of it takes half of the rest.
-    for (int round = 0; round < kGrowings; ++round) {
+    // Points between samples are missed by more. The ball nearest to the worst of them takes half of the difference.
+    for (int round = 0; round < kMaxGrowthRounds; ++round) {
+        // Proud: how far the farthest-grown ball stands out of the mesh.
         double proud = 0.0;
         for (std::size_t k = 0; k < balls.size(); ++k) {
             proud = std::max(proud, balls[k].radius - inner[k].radius);
         }
         const BareDepth bare = bare_depth(mesh, balls);
-        if (bare.bound() <= kAlike * proud) {
+        // Balanced: the surface is hardly farther outside the balls than these are outside the surface.
+        if (bare.bound() <= kBalanced * proud) {
             break;
         }
+        // Ball nearest to the point that is farthest from all balls.
         std::size_t nearest = 0;
-        double least = kInfinite;
+        double min_miss = kInfinite;
         for (std::size_t k = 0; k < balls.size(); ++k) {
             const double miss = glm::length(bare.farthest() - balls[k].centre) - balls[k].radius;
-            if (miss < least) {
-                least = miss;
+            if (miss < min_miss) {
+                min_miss = miss;
                 nearest = k;
             }
         }
@@ -606,6 +646,7 @@ std::vector<Ball> spheres_of(const TriangleMesh& mesh, const Candidates& candida
 }  // namespace
 
 double depth_in(const TriangleMesh& mesh, const Vec3& p) {
+    // Distance from the nearest triangle; the winding number gives the sign.
     double squared = kInfinite;
     for (const auto& [i, j, k] : mesh.triangles) {
         const TriangleCorners corners{mesh.vertices[i], mesh.vertices[j], mesh.vertices[k]};
@@ -617,8 +658,9 @@ double depth_in(const TriangleMesh& mesh, const Vec3& p) {
 
 CoverError measure_cover(const TriangleMesh& mesh, std::span<const Ball> balls) {
     if (balls.empty()) {
-        refuse("there is no sphere");
+        refuse("at least one sphere is needed");
     }
+    // Bare: greatest distance of the surface from the balls. Proud: radius beyond the depth of the centre.
     CoverError error{std::max(0.0, bare_depth(mesh, balls).bound()), 0.0};
     for (const Ball& ball : balls) {
         error.proud = std::max(error.proud, ball.radius - (mesh.closed ? depth_in(mesh, ball.centre) : 0.0));
@@ -627,6 +669,7 @@ CoverError measure_cover(const TriangleMesh& mesh, std::span<const Ball> balls) 
 }
 
 std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettings& settings) {
+    // Refuse what no cover can satisfy.
     if (!(surface_area(mesh) > 0.0)) {
         refuse("the mesh has no area");
     }
@@ -634,28 +677,31 @@ std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettin
         refuse("the radius must be 0 or more");
     }
     if (settings.count == 0 && !(settings.error > 0.0)) {
-        refuse("say how many spheres, or the error that they may leave");
+        refuse("give a number of spheres or a cover error");
     }
-    if (settings.count > settings.most_count) {
-        refuse(std::to_string(settings.count) + " spheres are more than the " + std::to_string(settings.most_count) +
-               " that are possible");
+    if (settings.count > settings.max_count) {
+        refuse(std::to_string(settings.count) + " spheres exceed the maximum of " + std::to_string(settings.max_count));
     }
+    // Inscribed balls to choose from.
     Candidates candidates(mesh, settings.radius);
     if (candidates.size() == 0) {
-        refuse("no ball fits into the mesh: does it enclose a volume, outward oriented?");
+        refuse("no ball fits into the mesh; it must enclose a volume and be oriented outward");
     }
+    // Given number: thin parts should be covered more closely than thick ones.
     if (settings.count > 0) {
-        candidates.count_relative();
+        candidates.weight_by_radius();
         return spheres_of(mesh, candidates, choose_count(candidates, settings.count), settings.radius);
     }
-    // Balls grow by half of what they miss. What lies between samples may ask for a little more.
-    const double asked = settings.error * (mesh.closed && settings.radius == 0.0 ? 2.0 : 1.0);
+    // Balls grow by half of their misses, so the allowance is twice the error. Points between samples may be missed by
+    // more: retry with smaller allowances.
+    const double allowance = settings.error * (mesh.closed && settings.radius == 0.0 ? 2.0 : 1.0);
     constexpr std::array slack{1.0, 0.9, 0.8, 0.65, 0.5};
     for (const double part : slack) {
-        const Choice chosen = choose(candidates, part * asked, settings.most_count);
+        const Choice chosen = choose(candidates, part * allowance, settings.max_count);
         if (chosen.empty()) {
             break;
         }
+        // Measure the finished cover against the mesh itself, not against the samples.
         std::vector<Ball> balls = spheres_of(mesh, candidates, relaxed(candidates, chosen), settings.radius);
         const CoverError error = measure_cover(mesh, balls);
         const bool only_bare = !mesh.closed && settings.radius > 0.0;
@@ -663,12 +709,13 @@ std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettin
             return balls;
         }
     }
+    // Not possible: report the error that the greatest number of spheres leaves.
     const CoverError left = measure_cover(
-        mesh, spheres_of(mesh, candidates, choose_count(candidates, settings.most_count), settings.radius));
-    refuse("an error of " + std::to_string(settings.error) + " m takes more than " +
-           std::to_string(settings.most_count) + " spheres, which leave " + std::to_string(left.bare) +
-           " m bare and stand " + std::to_string(left.proud) + " m proud; allow more error" +
-           (settings.radius > 0.0 ? ", or spheres of another radius" : ""));
+        mesh, spheres_of(mesh, candidates, choose_count(candidates, settings.max_count), settings.radius));
+    refuse("an error of " + std::to_string(settings.error) + " m needs more than " +
+           std::to_string(settings.max_count) + " spheres; that many leave " + std::to_string(left.bare) +
+           " m bare and stand " + std::to_string(left.proud) + " m proud. Allow a larger error" +
+           (settings.radius > 0.0 ? ", or change the radius" : ""));
 }
 
 }  // namespace haptic::sim

@@ -1,25 +1,25 @@
-// Spheres that stand for a mesh in contact: few of them, and a bound on what they miss.
+// Sphere cover: a small set of spheres that approximates a mesh for contact, with a proven bound of its error.
 //
-// A cover errs by what it leaves bare, the greatest distance of a point of the surface from the nearest sphere, and by
-// how far a sphere stands proud of what the mesh encloses. Both are bounds that hold for every point of the surface,
-// not for samples of it.
+// The error has two parts. Bare: the greatest distance of a surface point from the nearest sphere. Proud: the greatest
+// distance by which a sphere stands out of the mesh. Both bound every point of the surface, not only samples.
 //
-// Candidates are balls that touch a closed mesh from inside in two places or more (its medial axis; found by shrinking
-// a ball that touches at a sample, Ma, Bae, Choi 2012). A ball of radius d about c misses a sample s by |s - c| - d.
-// Balls are chosen greedily, the one first that takes in most samples within an allowance, which is halved until the
-// number fits; then each moves to where it misses least of what it takes in, over and over (Lloyd 1982, with the
-// greatest miss in place of the mean square). In the end each ball grows by half of what it misses, so bare and proud
-// are alike. Where a number of spheres is given, a miss counts the more the smaller the ball is that has it, by the
-// root of its radius, so that thin parts, fingers, are met more closely than thick ones. An open mesh has no inside:
-// its spheres sit on it.
+// Candidates are balls that touch a closed mesh from inside in two or more places, its medial axis, found by shrinking
+// a ball that touches at a sample (Ma, Bae, Choi 2012). A ball of radius d about c misses a sample s by |s - c| - d.
+//   1. Greedy set cover: choose the candidate that covers most samples within an allowance; bisect the allowance until
+//      the number fits.
+//   2. Relaxation (Lloyd 1982, with the worst miss in place of the mean square): move each ball to where it misses its
+//      own samples least.
+//   3. Grow each ball by half of its miss, so that bare equals proud.
+// If a number of spheres is given, misses are divided by the square root of the ball's radius, so that thin parts such
+// as fingers are met more closely than thick ones. An open mesh has no inside: its spheres are centred on it.
 #pragma once
 
 #include <cstddef>
 #include <span>
 #include <vector>
 
-#include <haptic/sim/mesh.hpp>
-#include <haptic/types.hpp>
+#include "haptic/sim/mesh.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::sim {
 
@@ -29,26 +29,27 @@ struct Ball {
 };
 
 struct CoverSettings {
-    std::size_t count = 0;  // of spheres; 0: as many as `error` asks for, most_count at most
-    std::size_t most_count = 64;
-    double radius = 0.0;  // m, of each; 0: each has its own
-    double error = 0.0;   // m, if count is 0. An open mesh with a radius: of what is bare only
+    std::size_t count = 0;  // number of spheres; 0: as many as `error` requires, up to max_count
+    std::size_t max_count = 64;
+    double radius = 0.0;  // m, the same for all; 0: each fits the mesh
+    double error = 0.0;   // m, used if count is 0; for an open mesh with a radius it limits `bare` only
 };
 
 struct CoverError {
     double bare = 0.0;   // m
-    double proud = 0.0;  // m; of an open mesh the greatest radius
+    double proud = 0.0;  // m; the greatest radius if the mesh is open
 };
 
-/// m, from a point to the surface of a closed mesh; negative outside.
+/// Depth of a point inside a closed mesh, m; negative outside.
 [[nodiscard]] double depth_in(const TriangleMesh& mesh, const Vec3& p);
 
-/// What a cover misses: upper bounds, `bare` at most 1 % above what it is, or 1e-4 of the mesh's size. Of at least one
-/// ball.
+/// Upper bounds of a cover's error. `bare` exceeds the true value by at most 1 %, or 1e-4 of the mesh's size. Throws
+/// std::invalid_argument for no balls.
 [[nodiscard]] CoverError measure_cover(const TriangleMesh& mesh, std::span<const Ball> balls);
 
-/// Spheres for a mesh, the same on every machine. Some 0.1 s for thousands of triangles. Throws std::invalid_argument:
-/// a mesh without area, nothing that says how many, more spheres than most_count, and the error that those would leave.
+/// Covers a mesh with spheres, the same bits on every machine. Takes about 0.1 s for thousands of triangles. Throws
+/// std::invalid_argument: a mesh without area; neither count nor error; more than max_count spheres needed, with the
+/// error that max_count would leave.
 [[nodiscard]] std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettings& settings);
 
 }  // namespace haptic::sim

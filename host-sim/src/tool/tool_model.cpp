@@ -1,4 +1,4 @@
-#include <haptic/sim/tool_model.hpp>
+#include "haptic/sim/tool_model.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,20 +7,21 @@
 #include <stdexcept>
 #include <string>
 
+#include "dynamics/rotation.hpp"
+#include "generators/revolved.hpp"
+#include "generators/triangle_grid.hpp"
+#include "haptic/sim/mesh_file.hpp"
+#include "haptic/sim/model_builder.hpp"
+#include "simd/aabb.hpp"
 #include "tool/close_gaps.hpp"
 #include "tool/hand_mesh.hpp"
-#include <haptic/sim/mesh_file.hpp>
-#include <haptic/sim/model_builder.hpp>
-#include "generators/revolved.hpp"
-#include "dynamics/rotation.hpp"
 #include "tool/sphere_cover.hpp"
-#include "generators/triangle_grid.hpp"
 
 namespace haptic::sim {
 namespace {
 
-constexpr double kUsualError = 0.02;  // of the longest side
-constexpr double kGridCell = 0.03;    // of the longest side
+constexpr double kUsualError = 0.02;  // default cover error, part of the longest side
+constexpr double kGridCell = 0.03;    // of the triangle grid, part of the longest side
 
 [[noreturn]] void refuse(const std::string& why) {
     throw std::invalid_argument("tool: " + why);
@@ -31,9 +32,9 @@ bool can_close(const ToolSettings& settings) {
 }
 
 void check(const ToolSettings& s) {
-    if (s.spheres > ToolSettings::kMostSpheres) {
-        refuse(std::to_string(s.spheres) + " spheres are more than the " + std::to_string(ToolSettings::kMostSpheres) +
-               " that a tool may have");
+    if (s.spheres > ToolSettings::kMaxSpheres) {
+        refuse(std::to_string(s.spheres) + " spheres exceed the maximum of " +
+               std::to_string(ToolSettings::kMaxSpheres));
     }
     if (!(s.radius >= 0.0) || !std::isfinite(s.radius) || !(s.cover_error >= 0.0) || !std::isfinite(s.cover_error)) {
         refuse("radius and cover_error must be 0 or more");
@@ -46,19 +47,14 @@ void check(const ToolSettings& s) {
         refuse("curl and close_to must be 0 to 1, and close_speed positive");
     }
     if (!can_close(s) && (s.curl > 0.0 || s.close_button >= 0)) {
-        refuse("only the generated hand can close; leave out curl and close_button");
+        refuse("curl and close_button are for the generated hand only");
     }
 }
 
 Vec3 size_of(const TriangleMesh& mesh, Vec3& middle) {
-    Vec3 low = mesh.vertices.front();
-    Vec3 high = low;
-    for (const Vec3& p : mesh.vertices) {
-        low = glm::min(low, p);
-        high = glm::max(high, p);
-    }
-    middle = 0.5 * (low + high);
-    return high - low;
+    const Aabb box = aabb_of(mesh.vertices);
+    middle = box.center();
+    return box.size();
 }
 
 double longest_side(const TriangleMesh& mesh) {
@@ -100,7 +96,7 @@ TriangleMesh mesh_of(const ToolSettings& settings) {
     return make_sphere_mesh(settings.ball_radius);
 }
 
-/// Evenly apart on the z axis, from the first place to the last.
+/// Balls evenly spaced on the z axis, from z = first to z = last.
 void add_row(std::vector<Ball>& balls, std::size_t count, double first, double last, double radius) {
     for (std::size_t k = 0; k < count; ++k) {
         const double part = count > 1 ? static_cast<double>(k) / static_cast<double>(count - 1) : 0.5;
@@ -108,7 +104,7 @@ void add_row(std::vector<Ball>& balls, std::size_t count, double first, double l
     }
 }
 
-/// So many spheres for a solid of revolution.
+/// `count` spheres in a row for a rod, a probe or a sphere.
 std::vector<Ball> row_of(const ToolSettings& settings, std::size_t count) {
     std::vector<Ball> balls;
     const double shaft = 0.5 * settings.thickness;
@@ -120,7 +116,7 @@ std::vector<Ball> row_of(const ToolSettings& settings, std::size_t count) {
         case ToolShape::Probe: {
             const double ball = -0.5 * settings.length + settings.ball_radius;
             balls.push_back({{0.0, 0.0, ball}, settings.ball_radius});
-            // Half a space between ball and shaft, as the ball covers as much of the shaft as half a sphere would.
+            // Half a spacing between ball and shaft: the ball covers as much of the shaft as half a sphere would.
             const double root = ball + settings.ball_radius;
             const double space = count > 1 ? (end - root) / (static_cast<double>(count) - 1.5) : 0.0;
             add_row(balls, count - 1, count > 2 ? root + 0.5 * space : end, end, shaft);
@@ -137,33 +133,34 @@ std::vector<Ball> row_of(const ToolSettings& settings, std::size_t count) {
     return balls;
 }
 
-double wanted_error(const ToolSettings& settings, const TriangleMesh& mesh) {
+double requested_error(const ToolSettings& settings, const TriangleMesh& mesh) {
     return settings.cover_error > 0.0 ? settings.cover_error : kUsualError * longest_side(mesh);
 }
 
-/// Spheres for what was generated about an axis, where they are known without a search.
+/// Spheres for a generated solid of revolution: a row, without a search for positions.
 std::vector<Ball> row_for(const ToolSettings& settings, const TriangleMesh& mesh) {
     if (settings.shape == ToolShape::Sphere) {
         if (settings.spheres > 1) {
-            refuse("a sphere is made of one sphere; for more, take a rod, or a mesh from a file");
+            refuse("the sphere has exactly one sphere; for more, use a rod or a mesh file");
         }
         return row_of(settings, 1);
     }
     if (settings.spheres > 0) {
         return row_of(settings, settings.spheres);
     }
-    const double wanted = wanted_error(settings, mesh);
+    const double max_error = requested_error(settings, mesh);
     const auto error_of = [&](std::size_t count) { return measure_cover(mesh, row_of(settings, count)); };
-    const auto enough = [&](const CoverError& error) { return std::max(error.bare, error.proud) <= wanted; };
-    const CoverError left = error_of(ToolSettings::kMostSpheres);
+    const auto enough = [&](const CoverError& error) { return std::max(error.bare, error.proud) <= max_error; };
+    const CoverError left = error_of(ToolSettings::kMaxSpheres);
     if (!enough(left)) {
-        refuse("to cover it within " + std::to_string(wanted) + " m takes more than " +
-               std::to_string(ToolSettings::kMostSpheres) + " spheres, which leave " + std::to_string(left.bare) +
-               " m bare and stand " + std::to_string(left.proud) + " m proud; raise cover_error, or make it thicker");
+        refuse("a cover error of " + std::to_string(max_error) + " m needs more than " +
+               std::to_string(ToolSettings::kMaxSpheres) + " spheres; that many leave " + std::to_string(left.bare) +
+               " m bare and stand " + std::to_string(left.proud) +
+               " m proud. Raise cover_error, or make the tool thicker");
     }
-    // More spheres in a row never leave more bare.
+    // Bisection: the error does not grow with the number of spheres in a row.
     std::size_t too_few = 0;
-    std::size_t count = ToolSettings::kMostSpheres;
+    std::size_t count = ToolSettings::kMaxSpheres;
     while (count - too_few > 1) {
         const std::size_t middle = (count + too_few) / 2;
         (enough(error_of(middle)) ? count : too_few) = middle;
@@ -180,13 +177,13 @@ std::vector<Ball> spheres_for(const ToolSettings& settings, const TriangleMesh& 
     if (settings.file.empty() && settings.spheres == 0 && settings.cover_error == 0.0) {
         cover.count = kHandSpheres;
     }
-    cover.most_count = ToolSettings::kMostSpheres;
+    cover.max_count = ToolSettings::kMaxSpheres;
     cover.radius = settings.radius;
-    cover.error = wanted_error(settings, mesh);
+    cover.error = requested_error(settings, mesh);
     return cover_with_spheres(mesh, cover);
 }
 
-/// Neighbours whose centres see one another within the body: what is between two fingers is no gap.
+/// Neighbours whose segment lies inside the mesh: the space between two fingers is not a gap of the cover.
 Neighbours joined_inside(const TriangleMesh& mesh, const std::vector<Ball>& balls, const Neighbours& neighbours) {
     if (!mesh.closed) {
         return neighbours;
@@ -210,14 +207,14 @@ std::vector<Vec3> centres_of(const std::vector<Ball>& balls) {
     return centres;
 }
 
-/// In the grip's frame.
+/// Skeleton of the hand in the grip frame.
 ToolSkeleton placed_skeleton(const ToolSettings& settings) {
     ToolSkeleton skeleton = make_hand_skeleton(settings.length);
-    const Mat3 turn = to_matrix(settings.grip.orientation);
-    const auto put = [&](Vec3& p) { p = turn * p + settings.grip.position; };
+    const Mat3 rotation = to_matrix(settings.grip.orientation);
+    const auto put = [&](Vec3& p) { p = rotation * p + settings.grip.position; };
     for (ToolJoint& joint : skeleton.joints) {
-        put(joint.place);
-        joint.turn = turn * joint.turn;
+        put(joint.position);
+        joint.rotation = rotation * joint.rotation;
     }
     for (ToolBone& bone : skeleton.bones) {
         put(bone.from);
@@ -245,6 +242,14 @@ std::string name_of(const ToolSettings& settings) {
 
 }  // namespace
 
+ToolModel one_sphere(double radius) {
+    ToolModel tool;
+    tool.body.name = "sphere";
+    tool.body.particles.add(Vec3(0.0), 1.0, radius);
+    tool.radius = {radius};
+    return tool;
+}
+
 ToolModel make_tool(const ToolSettings& settings) {
     check(settings);
     const TriangleMesh mesh = mesh_of(settings);
@@ -253,24 +258,25 @@ ToolModel make_tool(const ToolSettings& settings) {
     builder.mass = settings.mass;
     builder.group_stiffness = settings.group_stiffness;
     builder.link_stiffness = settings.link_stiffness;
+    // Spheres, particles at their centres, and the net of neighbours in which there must be no gap.
     std::vector<Ball> balls = spheres_for(settings, mesh);
     PlacedBody placed = build_body_at(mesh, centres_of(balls), builder);
     const Neighbours net = joined_inside(mesh, balls, placed.neighbours);
     ToolModel tool;
     if (settings.close_gaps) {
         const std::size_t before = balls.size();
-        // None stands out farther than those that are there.
+        // An added sphere may stand out as far as the existing ones do; an open mesh does not limit it.
         const CoverError error = measure_cover(mesh, balls);
-        const Room room = [&](const Vec3& p) {
+        const RadiusLimit radius_limit = [&](const Vec3& p) {
             return mesh.closed ? depth_in(mesh, p) + std::max(error.bare, error.proud) : longest_side(mesh);
         };
-        balls = close_gaps(balls, net, ToolSettings::kMostSpheres, room);
+        balls = close_gaps(balls, net, ToolSettings::kMaxSpheres, radius_limit);
         tool.added = balls.size() - before;
         if (tool.added > 0) {
             placed = build_body_at(mesh, centres_of(balls), builder);
         }
     }
-    // The net is that of the first spheres: with what was added, it has no gap left.
+    // Measured on the net of the original spheres: added ones cover it.
     tool.widest_gap = widest_gap(balls, net);
     const CoverError error = measure_cover(mesh, balls);
     tool.cover_error = std::max(error.bare, error.proud);

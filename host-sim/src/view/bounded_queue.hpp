@@ -1,5 +1,5 @@
-// A queue of fixed length between two threads, one that pushes and one that pops. Neither waits: what finds no room
-// is left to the caller.
+// Bounded single-producer, single-consumer queue: lock-free, and it never blocks. A full or empty queue is reported to
+// the caller.
 #pragma once
 
 #include <array>
@@ -15,34 +15,34 @@ class BoundedQueue {
     static_assert(kCapacity > 0 && (kCapacity & (kCapacity - 1)) == 0);
 
   public:
-    /// False, and `value` as it was, if there is no room.
+    /// Returns false and leaves `value` unchanged when the queue is full.
     [[nodiscard]] bool push(Value&& value) noexcept {
-        const std::size_t tail = tail_.load(std::memory_order_relaxed);  // this thread's own
-        // Acquire: the other thread has moved the value out before its place is written anew.
+        const std::size_t tail = tail_.load(std::memory_order_relaxed);  // written by this thread only
+        // Acquire: the consumer has moved the value out before its slot is overwritten.
         if (tail - head_.load(std::memory_order_acquire) == kCapacity) {
             return false;
         }
         values_[tail % kCapacity] = std::move(value);
-        tail_.store(tail + 1, std::memory_order_release);  // the value before its place counts
+        tail_.store(tail + 1, std::memory_order_release);  // release: the value is visible before its slot counts
         return true;
     }
 
-    /// False, and `value` as it was, if there is nothing.
+    /// Returns false and leaves `value` unchanged when the queue is empty.
     [[nodiscard]] bool pop(Value& value) noexcept {
-        const std::size_t head = head_.load(std::memory_order_relaxed);  // this thread's own
-        // Acquire: what was written before the place counted is seen.
+        const std::size_t head = head_.load(std::memory_order_relaxed);  // written by this thread only
+        // Acquire: the value is visible once its slot counts.
         if (head == tail_.load(std::memory_order_acquire)) {
             return false;
         }
         value = std::move(values_[head % kCapacity]);
-        head_.store(head + 1, std::memory_order_release);  // moved out before the place is free
+        head_.store(head + 1, std::memory_order_release);  // release: the value has left before its slot is free
         return true;
     }
 
   private:
     std::array<Value, kCapacity> values_{};
-    // Apart, so that the two threads do not take one cache line from each other.
-    alignas(64) std::atomic<std::size_t> head_{0};  // taken so far
+    // On separate cache lines, to avoid false sharing between the two threads.
+    alignas(64) std::atomic<std::size_t> head_{0};  // popped so far
     alignas(64) std::atomic<std::size_t> tail_{0};  // pushed so far
 };
 

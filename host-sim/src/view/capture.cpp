@@ -27,10 +27,11 @@ void describe_bodies(const Simulation& simulation, SceneDescription& out) {
     }
 }
 
-/// The planes that were sent of one proxy; their velocities are those of the frame.
+/// Appends the planes that were sent for one proxy, with the velocities of the contact frame, in scene units.
 void add_planes(const Simulation& simulation, std::size_t proxy, SceneSnapshot& out) {
-    const ToolParticle& particle = simulation.tool().particles()[proxy];
+    const ToolProxy& particle = simulation.tool().particles()[proxy];
     const ContactFrame& frame = simulation.frame();
+    // The frame's velocities are in the device frame; divide by the workspace's scale.
     const bool sent = proxy < frame.proxy_count && frame.proxies[proxy].plane_count == particle.planes.count;
     for (std::size_t p = 0; p < particle.planes.count; ++p) {
         const SurfacePlane& plane = particle.planes.plane[p];
@@ -59,13 +60,15 @@ SceneDescription describe(const Simulation& simulation) {
         out.scenes.emplace_back(other.name);
     }
     describe_bodies(simulation, out);
+    // Particle model: ellipsoids, shape-matching groups and links.
     out.semi_axes = simulation.model().semi_axes;
     out.ellipsoid_axes = simulation.model().axes;
     out.groups = simulation.model().groups;
     out.links = simulation.model().links;
+    // Tool: skin and proxies.
     out.tool_triangles = simulation.tool().mesh().triangles;
     out.tool_vertices = simulation.tool().mesh().vertices.size();
-    for (const ToolParticle& particle : simulation.tool().particles()) {
+    for (const ToolProxy& particle : simulation.tool().particles()) {
         out.proxy_radii.push_back(particle.radius);
     }
     if (scene.collisions.ground) {
@@ -89,17 +92,19 @@ void make_room(const Simulation& simulation, SceneSnapshot& out) {
 void capture(const Simulation& simulation, const StepResult& result, SceneSnapshot& out) {
     const ParticleModel& model = simulation.model();
     out.step = simulation.steps();
+    // Bodies: skinned vertices and the particles that drive them.
     out.time = simulation.time();
     out.vertices.assign(simulation.vertices().begin(), simulation.vertices().end());
     out.particles.assign(model.position.begin(), model.position.end());
     out.orientations.assign(model.orientation.begin(), model.orientation.end());
+    // Tool: its skin, its proxies and their contact planes.
     const ToolProxies& tool = simulation.tool();
     out.tool_vertices.resize(tool.mesh().vertices.size());
     tool.vertices(out.tool_vertices);
     out.proxies.resize(tool.particles().size());
     out.planes.clear();
     for (std::size_t i = 0; i < out.proxies.size(); ++i) {
-        const ToolParticle& particle = tool.particles()[i];
+        const ToolProxy& particle = tool.particles()[i];
         out.proxies[i] = {.position = particle.position,
                           .goal = particle.goal,
                           .radius = particle.radius,
@@ -107,6 +112,7 @@ void capture(const Simulation& simulation, const StepResult& result, SceneSnapsh
                           .sticks = particle.sticks()};
         add_planes(simulation, i, out);
     }
+    // Poses, wrench and contact state of this step.
     out.tool = tool.pose();
     out.hip = tool.hip();
     out.force = result.force;
@@ -116,7 +122,7 @@ void capture(const Simulation& simulation, const StepResult& result, SceneSnapsh
     out.curl = result.curl;
     out.depth = result.depth;
     out.in_contact = result.in_contact;
-    out.squeezed = result.squeezed;
+    out.overconstrained = result.overconstrained;
 }
 
 StepSample sample_of(const StepResult& result) noexcept {

@@ -1,4 +1,4 @@
-// What a viewer is shown of a simulation: copied out of it between two steps.
+// Snapshot capture: copies what the viewers are shown out of the simulation, between two steps.
 #pragma once
 
 #include "haptic/sim/simulation.hpp"
@@ -6,16 +6,17 @@
 
 namespace haptic::sim::view {
 
-/// Everything but the parameters and the length, which are the run's.
+/// Describes the scene, except for its parameters and the length of a recording, which the caller fills in.
 [[nodiscard]] SceneDescription describe(const Simulation& simulation);
 
-/// Makes room in a snapshot, so that capture() does not allocate.
+/// Sizes a snapshot, so that capture() does not allocate.
 void make_room(const Simulation& simulation, SceneSnapshot& out);
 
-/// The moment after a step with this input and result: bodies as the next step finds them, the tool as this one left
-/// it, the planes as they were sent. Leaves `out.run` alone. Does not allocate where there is room.
+/// Captures the state after a step: bodies as the next step finds them, the tool as this step left it, the planes as
+/// they were sent. Leaves `out.run` unchanged. Does not allocate once the snapshot has been sized.
 void capture(const Simulation& simulation, const StepResult& result, SceneSnapshot& out);
 
+/// The plotted quantities of one step.
 [[nodiscard]] StepSample sample_of(const StepResult& result) noexcept;
 
 }  // namespace haptic::sim::view

@@ -1,5 +1,5 @@
-// What a viewer may ask of a run. All but looking needs --view-control; the view refuses it otherwise, and the run
-// never sees it.
+// Viewer commands: the requests that change a run. All of them need --view-control; without it the view refuses them
+// and the run never sees them.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace haptic::sim::view {
 
-/// A parameter of the scene's description gets another value, which is within its range.
+/// Sets a parameter of the scene's description, by index, to a value within its range.
 struct SetParameter {
     std::size_t parameter = 0;
     double value = 0.0;
@@ -19,35 +19,35 @@ struct SetParameter {
 struct SetPaused {
     bool paused = false;
 };
-/// Of a paused run.
+/// Steps a paused run.
 struct SingleStep {
     int steps = 1;  // 1 .. 1000
 };
-/// The scene from its start, with the parameters as they are.
+/// Restarts the scene with the current parameters.
 struct Reset {};
-/// Another built-in scene, one of those that the description lists.
+/// Loads another built-in scene, one of those that the description lists.
 struct ChangeScene {
     std::string name;
 };
-/// From here on each step is kept, or no longer.
+/// Starts or stops the recording of steps.
 struct SetRecording {
     bool on = false;
 };
-/// The mouse has the hand, at a place of the scene.
+/// Gives the hand to the mouse, at a position in the scene.
 struct MoveHand {
-    Vec3 position{0.0};               // m, scene; within kFarthestHand
-    std::optional<Quat> orientation;  // unit, scene_from_tool; none: as it is
-    std::optional<double> curl;       // 0 .. 1; none: as it is
+    Vec3 position{0.0};               // m, scene; within kMaxHandCoordinate
+    std::optional<Quat> orientation;  // unit, scene_from_tool; none: unchanged
+    std::optional<double> curl;       // 0 .. 1; none: unchanged
 };
-/// The mouse lets the hand go: it stays where it is.
+/// Releases the hand, which stays where it is.
 struct ReleaseHand {};
-/// The hand goes back to the scene's script.
+/// Returns the hand to the scene's script.
 struct FollowScript {};
-/// Of a recording: goes on from there.
+/// Moves the playback of a recording to a time.
 struct Seek {
     double time = 0.0;  // s, from its start
 };
-/// Of a recording: simulated seconds a second.
+/// Sets the playback speed, in simulated seconds per second.
 struct SetSpeed {
     double speed = 1.0;  // 0.01 .. 10
 };
@@ -55,6 +55,6 @@ struct SetSpeed {
 using Command = std::variant<SetParameter, SetPaused, SingleStep, Reset, ChangeScene, SetRecording, MoveHand,
                              ReleaseHand, FollowScript, Seek, SetSpeed>;
 
-inline constexpr double kFarthestHand = 1000.0;  // m, of each coordinate
+inline constexpr double kMaxHandCoordinate = 1000.0;  // m, limit of each coordinate
 
 }  // namespace haptic::sim::view

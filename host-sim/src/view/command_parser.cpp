@@ -6,6 +6,7 @@
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <type_traits>
 #include <utility>
 
 namespace haptic::sim::view {
@@ -13,19 +14,19 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kMostSteps = 1000;
-constexpr double kSlowest = 0.01;  // simulated seconds a second
-constexpr double kFastest = 10.0;
+constexpr int kMaxSteps = 1000;
+constexpr double kMinSpeed = 0.01;  // simulated seconds per second
+constexpr double kMaxSpeed = 10.0;
 
-/// The members of a message, each of which has to be of its type. Throws Malformed and Refusal.
+/// The members of a message, checked for their types. Throws Malformed and Refusal.
 class Members {
   public:
     Members(const Json& message, std::string type) : message_(message), type_(std::move(type)) {}
 
     [[nodiscard]] const std::string& type() const noexcept { return type_; }
 
-    /// A member that the message may not have is no slip of the pen: somebody means something that we do not know.
-    void only(std::initializer_list<std::string_view> names) const {
+    /// Rejects unknown members: their sender means something that this version does not do.
+    void allow_only(std::initializer_list<std::string_view> names) const {
         for (const auto& [name, value] : message_.items()) {
             if (name != "type" && std::find(names.begin(), names.end(), name) == names.end()) {
                 throw Malformed{type_ + " has a member that it does not know"};
@@ -62,18 +63,18 @@ class Members {
     std::string type_;
 };
 
-std::string written(double number) {
+std::string format_number(double number) {
     return Json(number).dump();
 }
 
 Watch read_watch(const Members& members) {
-    members.only({"particles", "planes", "samples"});
+    members.allow_only({"particles", "planes", "samples"});
     const auto wants = [&](const char* name) { return members.has(name) && members.boolean(name); };
     return {wants("particles"), wants("planes"), wants("samples")};
 }
 
 SetParameter read_set(const Members& members, const SceneDescription& scene) {
-    members.only({"key", "value"});
+    members.allow_only({"key", "value"});
     const std::string key = members.string("key");
     const double value = members.number("value");
     const auto found = std::find_if(scene.parameters.begin(), scene.parameters.end(),
@@ -81,29 +82,31 @@ SetParameter read_set(const Members& members, const SceneDescription& scene) {
     if (found == scene.parameters.end()) {
         members.refuse("this scene has no parameter of that name");
     }
-    const bool chosen = !found->choices.empty();
-    const double least = chosen ? 0.0 : found->least;
-    const double most = chosen ? static_cast<double>(found->choices.size() - 1) : found->most;
-    if (!(value >= least && value <= most)) {
-        members.refuse(found->key + " must be from " + written(least) + " to " + written(most));
+    // A choice is an index into its list; any other parameter has a range.
+    // A choice is an index into its list; any other parameter has a range.
+    const bool is_choice = !found->choices.empty();
+    const double min = is_choice ? 0.0 : found->least;
+    const double max = is_choice ? static_cast<double>(found->choices.size() - 1) : found->most;
+    if (!(value >= min && value <= max)) {
+        members.refuse(found->key + " must be from " + format_number(min) + " to " + format_number(max));
     }
-    if ((chosen || found->whole) && value != std::floor(value)) {
+    if ((is_choice || found->whole) && value != std::floor(value)) {
         members.refuse(found->key + " must be a whole number");
     }
     return {static_cast<std::size_t>(found - scene.parameters.begin()), value};
 }
 
 SingleStep read_step(const Members& members) {
-    members.only({"steps"});
+    members.allow_only({"steps"});
     const double steps = members.has("steps") ? members.number("steps") : 1.0;
-    if (!(steps >= 1.0 && steps <= kMostSteps) || steps != std::floor(steps)) {
-        members.refuse("steps must be a whole number from 1 to " + std::to_string(kMostSteps));
+    if (!(steps >= 1.0 && steps <= kMaxSteps) || steps != std::floor(steps)) {
+        members.refuse("steps must be a whole number from 1 to " + std::to_string(kMaxSteps));
     }
     return {static_cast<int>(steps)};
 }
 
 ChangeScene read_scene_change(const Members& members, const SceneDescription& scene) {
-    members.only({"name"});
+    members.allow_only({"name"});
     const std::string name = members.string("name");
     if (std::find(scene.scenes.begin(), scene.scenes.end(), name) == scene.scenes.end()) {
         members.refuse("there is no scene of that name here");
@@ -121,12 +124,13 @@ Quat read_orientation(const Members& members) {
 }
 
 MoveHand read_hand(const Members& members) {
-    members.only({"position", "orientation", "curl"});
+    members.allow_only({"position", "orientation", "curl"});
     MoveHand move;
     const auto [x, y, z] = members.numbers<3>("position");
     for (const double coordinate : {x, y, z}) {
-        if (!(std::abs(coordinate) <= kFarthestHand)) {
-            members.refuse("the hand may be " + written(kFarthestHand) + " m away at most");
+        if (!(std::abs(coordinate) <= kMaxHandCoordinate)) {
+            members.refuse("each coordinate of the hand must be within " + format_number(kMaxHandCoordinate) +
+                           " m of the origin");
         }
     }
     move.position = {x, y, z};
@@ -143,70 +147,78 @@ MoveHand read_hand(const Members& members) {
 }
 
 Seek read_seek(const Members& members, const SceneDescription& scene) {
-    members.only({"time"});
+    members.allow_only({"time"});
     const double time = members.number("time");
     if (!(time >= 0.0 && time <= scene.length)) {
-        members.refuse(scene.length > 0.0 ? "the time must be from 0 to " + written(scene.length) + " s"
-                                          : "this is no recording that is played");
+        members.refuse(scene.length > 0.0 ? "the time must be from 0 to " + format_number(scene.length) + " s"
+                                          : "this is not a recording");
     }
     return {time};
 }
 
 SetSpeed read_speed(const Members& members) {
-    members.only({"speed"});
+    members.allow_only({"speed"});
     const double speed = members.number("speed");
-    if (!(speed >= kSlowest && speed <= kFastest)) {
-        members.refuse("speed must be from " + written(kSlowest) + " to " + written(kFastest));
+    if (!(speed >= kMinSpeed && speed <= kMaxSpeed)) {
+        members.refuse("speed must be from " + format_number(kMinSpeed) + " to " + format_number(kMaxSpeed));
     }
     return {speed};
 }
 
-/// A command without members of its own.
-template <class Bare>
-Bare read_bare(const Members& members) {
-    members.only({});
+/// Reads a command without members.
+template <class Empty>
+Empty read_empty(const Members& members) {
+    members.allow_only({});
     return {};
 }
 
+SetPaused read_pause(const Members& members) {
+    members.allow_only({"on"});
+    return {members.boolean("on")};
+}
+
+SetRecording read_record(const Members& members) {
+    members.allow_only({"on"});
+    return {members.boolean("on")};
+}
+
+/// A message type and the function that reads it.
+struct RequestReader {
+    const char* type;
+    Request (*read)(const Members&, const SceneDescription&);
+};
+
+/// Reader of a command that depends on its message alone, or on the scene as well.
+template <auto kRead>
+Request read_command(const Members& members, const SceneDescription& scene) {
+    if constexpr (std::is_invocable_v<decltype(kRead), const Members&>) {
+        return Command(kRead(members));
+    } else {
+        return Command(kRead(members, scene));
+    }
+}
+
+/// All requests: the commands in the order of Command's alternatives, then the subscription.
+constexpr std::array<RequestReader, std::variant_size_v<Command> + 1> kReaders{{
+    {"set", read_command<read_set>},
+    {"pause", read_command<read_pause>},
+    {"step", read_command<read_step>},
+    {"reset", read_command<read_empty<Reset>>},
+    {"scene", read_command<read_scene_change>},
+    {"record", read_command<read_record>},
+    {"hand", read_command<read_hand>},
+    {"release", read_command<read_empty<ReleaseHand>>},
+    {"script", read_command<read_empty<FollowScript>>},
+    {"seek", read_command<read_seek>},
+    {"speed", read_command<read_speed>},
+    {"watch", [](const Members& members, const SceneDescription& /*scene*/) { return Request(read_watch(members)); }},
+}};
+
 Request read_request(const Members& members, const SceneDescription& scene) {
-    const std::string& type = members.type();
-    if (type == "watch") {
-        return read_watch(members);
-    }
-    if (type == "set") {
-        return Command(read_set(members, scene));
-    }
-    if (type == "pause") {
-        members.only({"on"});
-        return Command(SetPaused{members.boolean("on")});
-    }
-    if (type == "step") {
-        return Command(read_step(members));
-    }
-    if (type == "reset") {
-        return Command(read_bare<Reset>(members));
-    }
-    if (type == "scene") {
-        return Command(read_scene_change(members, scene));
-    }
-    if (type == "record") {
-        members.only({"on"});
-        return Command(SetRecording{members.boolean("on")});
-    }
-    if (type == "hand") {
-        return Command(read_hand(members));
-    }
-    if (type == "release") {
-        return Command(read_bare<ReleaseHand>(members));
-    }
-    if (type == "script") {
-        return Command(read_bare<FollowScript>(members));
-    }
-    if (type == "seek") {
-        return Command(read_seek(members, scene));
-    }
-    if (type == "speed") {
-        return Command(read_speed(members));
+    for (const RequestReader& reader : kReaders) {
+        if (members.type() == reader.type) {
+            return reader.read(members, scene);
+        }
     }
     return Malformed{"there is no message of that type"};
 }
@@ -214,20 +226,21 @@ Request read_request(const Members& members, const SceneDescription& scene) {
 }  // namespace
 
 Request parse_request(std::string_view text, const SceneDescription& description) {
-    if (text.size() > kLongestRequest) {
-        return Malformed{"longer than " + std::to_string(kLongestRequest) + " bytes"};
+    if (text.size() > kMaxRequestBytes) {
+        return Malformed{"longer than " + std::to_string(kMaxRequestBytes) + " bytes"};
     }
     const Json message = Json::parse(text, nullptr, false);
-    // The library takes a zero byte for the end.
+    // The library stops at a zero byte, so reject it here.
     if (!message.is_object() || text.find('\0') != std::string_view::npos) {
-        return Malformed{"no JSON object"};
+        return Malformed{"not a JSON object"};
     }
     const auto type = message.find("type");
     if (type == message.end() || !type->is_string()) {
-        return Malformed{"no type"};
+        return Malformed{"without a type"};
     }
-    constexpr std::size_t longest_type = 16;
-    if (type->get_ref<const std::string&>().size() > longest_type) {
+    // A long type would not fit into a refusal.
+    constexpr std::size_t max_type_bytes = 16;
+    if (type->get_ref<const std::string&>().size() > max_type_bytes) {
         return Malformed{"there is no message of that type"};
     }
     try {
@@ -240,10 +253,7 @@ Request parse_request(std::string_view text, const SceneDescription& description
 }
 
 std::string type_of(const Command& command) {
-    // As in Command.
-    constexpr std::array<const char*, std::variant_size_v<Command>> types = {
-        "set", "pause", "step", "reset", "scene", "record", "hand", "release", "script", "seek", "speed"};
-    return types[command.index()];
+    return kReaders[command.index()].type;
 }
 
 std::string refused_message(const Refusal& refusal) {

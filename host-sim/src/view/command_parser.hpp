@@ -1,4 +1,4 @@
-// What a page says, from text (host-sim/page/PROTOCOL.md). Pure; believes nothing.
+// Parser of the page's requests (host-sim/page/PROTOCOL.md). Pure functions; the input is untrusted.
 #pragma once
 
 #include <cstddef>
@@ -11,34 +11,34 @@
 
 namespace haptic::sim::view {
 
-inline constexpr std::size_t kLongestRequest = 1024;  // bytes
-/// How far an orientation may be from unit length. It is normalised.
+inline constexpr std::size_t kMaxRequestBytes = 1024;
+/// Tolerance on the length of an orientation, which is then normalised.
 inline constexpr double kUnitTolerance = 1e-3;
 
-/// What a viewer wants to be sent beside the frames themselves.
+/// The optional streams that a viewer has subscribed to.
 struct Watch {
     bool particles = false;
     bool planes = false;
     bool samples = false;
 };
 
-/// Well-formed, but nothing that can be done here.
+/// A well-formed request that is not allowed or not possible now.
 struct Refusal {
-    std::string command;  // its type
+    std::string command;  // its message type
     std::string why;
 };
 
-/// Not of the protocol. Whoever sent it is no page of ours.
+/// A message outside the protocol. Its sender is disconnected.
 struct Malformed {
-    std::string why;  // at most 120 bytes: it fits into a close frame
+    std::string why;  // at most 120 bytes, to fit into a close frame
 };
 
 using Request = std::variant<Watch, Command, Refusal, Malformed>;
 
-/// Reads a message. Names and ranges are those of `description`.
+/// Parses a message. Names and ranges are checked against `description`.
 [[nodiscard]] Request parse_request(std::string_view text, const SceneDescription& description);
 
-/// What a command's message is called.
+/// The message type of a command.
 [[nodiscard]] std::string type_of(const Command& command);
 
 /// The message "refused".

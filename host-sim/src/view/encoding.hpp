@@ -1,8 +1,9 @@
-// What goes to viewers, as bytes (host-sim/page/PROTOCOL.md). Pure: descriptions and moments in, messages out.
+// Message encoder: descriptions and snapshots of a scene as messages for viewers (host-sim/page/PROTOCOL.md). Pure
+// functions.
 //
-// A moment is encoded once for all viewers, in parts that begin with their own header; what a viewer gets is a header
-// and those parts whose version it does not have. A part gets another version when what it shows has changed since it
-// was encoded last.
+// A snapshot is encoded once for all viewers, in parts with headers of their own. A viewer is sent a header and the
+// parts whose version it does not have yet. A part gets a new version when its content has changed since it was last
+// encoded.
 #pragma once
 
 #include <array>
@@ -18,7 +19,7 @@ namespace haptic::sim::view {
 
 using Bytes = std::vector<std::byte>;
 
-/// What the kinds of binary messages, and of the parts of a frame, are called.
+/// Kinds of binary messages, and of the parts of a frame, as sent.
 enum class MessageKind : std::uint32_t { Geometry = 1, Frame = 2, Samples = 3 };
 enum class PartKind : std::uint32_t {
     BodySurface = 1,
@@ -30,76 +31,77 @@ enum class PartKind : std::uint32_t {
     Parameters = 7
 };
 
-/// The message "scene". `scene` is the number of the description among those of this view.
+/// The message "scene". `scene` numbers the descriptions of one view.
 [[nodiscard]] std::string scene_message(const SceneDescription& description, std::uint32_t scene, bool control);
 
-/// The message "geometry": what goes with it.
+/// The message "geometry", which follows "scene".
 [[nodiscard]] Bytes geometry_message(const SceneDescription& description, std::uint32_t scene);
 
-/// The message "samples". None of them is missing in between; `dropped` are missing before the first.
+/// The message "samples". The samples are consecutive; `dropped` samples are missing before the first.
 [[nodiscard]] Bytes samples_message(std::span<const StepSample> samples, std::uint32_t scene, std::uint32_t dropped);
 
-/// The triangles without those whose three vertices another one before them has: a surface with two faces is drawn
-/// once, and the normals of its faces do not cancel.
+/// The triangles without repetitions: of those with the same three vertices only the first is kept. A double-faced
+/// surface is drawn once, and the normals of its faces do not cancel.
 [[nodiscard]] std::vector<Triangle> single_faces(std::span<const Triangle> triangles);
 
-/// A unit vector as two numbers, v / 127. Anything that has no direction becomes (0, 0, 1).
+/// Octahedral encoding of a unit vector as two numbers, v / 127. A vector without a direction becomes (0, 0, 1).
 /// @source Z. Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", 2014
 [[nodiscard]] std::array<std::int8_t, 2> octahedral(const Vec3& normal) noexcept;
 
-/// A part of a frame.
+/// One part of a frame message.
 struct EncodedPart {
-    Bytes bytes;                // with its header; empty: there is none
+    Bytes bytes;                // with its header; empty: there is no such part
     std::uint64_t version = 0;  // 0: not encoded yet
 };
 
-/// One moment.
-struct EncodedMoment {
+/// One encoded snapshot.
+struct EncodedSnapshot {
     double time = 0.0;  // s
     std::uint64_t step = 0;
     std::uint32_t flags = 0;
-    std::vector<EncodedPart> surfaces;   // per body, and the tool's last
-    std::vector<EncodedPart> particles;  // per body; as old as the last moment in which somebody watched them
+    std::vector<EncodedPart> surfaces;   // one per body, then the tool's
+    std::vector<EncodedPart> particles;  // one per body; from the last snapshot encoded while a viewer subscribed
     Bytes planes;                        // one part
-    Bytes rest;                          // kRestParts parts: proxies, hand, parameters
+    Bytes remaining;                     // kRemainingParts parts: proxies, hand, parameters
 };
-inline constexpr std::uint32_t kRestParts = 3;
+inline constexpr std::uint32_t kRemainingParts = 3;
 
-/// The header of a frame with that many parts; the number of parts comes last.
-void append_frame_header(Bytes& message, const EncodedMoment& moment, std::uint32_t scene, std::uint32_t parts);
+/// Appends the header of a frame message with this many parts; the number of parts comes last.
+void append_frame_header(Bytes& message, const EncodedSnapshot& snapshot, std::uint32_t scene, std::uint32_t parts);
 
-/// Encodes the moments of one scene.
-class MomentEncoder {
+/// Encodes the snapshots of one scene.
+class SnapshotEncoder {
   public:
-    explicit MomentEncoder(const SceneDescription& description);
+    explicit SnapshotEncoder(const SceneDescription& description);
 
-    /// Parts that are as they were keep their version. Particles are encoded only if they are `watched`.
+    /// Unchanged parts keep their version. Particles are encoded only if a viewer subscribed to them
+    /// (`particles_watched`).
     void encode(const SceneSnapshot& snapshot, bool particles_watched, std::size_t viewers);
-    [[nodiscard]] const EncodedMoment& moment() const noexcept { return moment_; }
+    [[nodiscard]] const EncodedSnapshot& encoded() const noexcept { return encoded_; }
 
   private:
     struct Surface {
-        std::size_t first = 0;  // of the vertices it is made of
+        std::size_t first = 0;  // index of its first vertex
         std::size_t count = 0;
         std::vector<Triangle> faces;
-        std::vector<Vec3> shown;  // as encoded last
+        std::vector<Vec3> encoded_vertices;  // when last encoded
     };
     struct Particles {
         std::size_t first = 0;
         std::size_t count = 0;
-        std::vector<Vec3> shown;
-        std::vector<Quat> shown_orientations;
+        std::vector<Vec3> encoded_positions;
+        std::vector<Quat> encoded_orientations;
     };
 
     void encode_surface(std::size_t k, PartKind kind, std::span<const Vec3> vertices);
-    void encode_particles(std::size_t k, std::span<const Vec3> places, std::span<const Quat> orientations);
-    void encode_rest(const SceneSnapshot& snapshot, std::size_t viewers);
+    void encode_particles(std::size_t k, std::span<const Vec3> positions, std::span<const Quat> orientations);
+    void encode_remaining(const SceneSnapshot& snapshot, std::size_t viewers);
 
     std::vector<Surface> surfaces_;
     std::vector<Particles> particles_;
     std::size_t parameters_ = 0;
     std::vector<Vec3> normals_;  // scratch
-    EncodedMoment moment_;
+    EncodedSnapshot encoded_;
 };
 
 }  // namespace haptic::sim::view

@@ -16,6 +16,7 @@ namespace {
 
 constexpr int kBacklog = 64;
 
+/// Throws an error with advice for the likely causes.
 [[noreturn]] void refuse(const std::string& address, std::uint16_t port, int error) {
     std::string advice;
     if (error == EADDRINUSE) {
@@ -26,7 +27,7 @@ constexpr int kBacklog = 64;
     } else if (error == EADDRNOTAVAIL) {
         advice = "; this machine does not have that address: ip address lists those that it has";
     } else if (error == EACCES) {
-        advice = "; ports below 1024 are root's: give another";
+        advice = "; ports below 1024 need root: choose another";
     }
     throw std::runtime_error("--view: cannot listen on " + address + ", port " + std::to_string(port) + ": " +
                              std::generic_category().message(error) + advice);
@@ -35,19 +36,21 @@ constexpr int kBacklog = 64;
 }  // namespace
 
 int listen_on(const std::string& address, std::uint16_t port) {
+    // Numeric addresses only: no name lookup, IPv4 or IPv6.
     addrinfo hints{};
     hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV | AI_PASSIVE;
     hints.ai_socktype = SOCK_STREAM;
     addrinfo* found = nullptr;
     if (getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &found) != 0) {
-        throw std::runtime_error("--view: " + address + " is no IP address; give one of this machine, e.g. 127.0.0.1");
+        throw std::runtime_error("--view: " + address +
+                                 " is not an IP address; give one of this machine, e.g. 127.0.0.1");
     }
     const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> owner(found, freeaddrinfo);
     const int socket = ::socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (socket < 0) {
         refuse(address, port, errno);
     }
-    // A host-sim that starts again gets its port although connections of the one before still linger.
+    // SO_REUSEADDR: a restarted host-sim gets its port while connections of the previous one are in TIME_WAIT.
     const int yes = 1;
     (void)setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
     if (bind(socket, found->ai_addr, found->ai_addrlen) != 0 || listen(socket, kBacklog) != 0) {
@@ -64,7 +67,7 @@ std::uint16_t port_of(int socket) {
     if (getsockname(socket, reinterpret_cast<sockaddr*>(&name), &length) != 0) {
         throw std::system_error(errno, std::generic_category(), "getsockname");
     }
-    // The port stands at the same place in both.
+    // IPv4 and IPv6 addresses have the port at the same offset.
     static_assert(offsetof(sockaddr_in, sin_port) == offsetof(sockaddr_in6, sin6_port));
     return ntohs(reinterpret_cast<const sockaddr_in*>(&name)->sin_port);
 }

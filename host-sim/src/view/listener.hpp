@@ -1,4 +1,4 @@
-// A listening TCP socket.
+// Listening TCP socket.
 #pragma once
 
 #include <cstdint>
@@ -6,11 +6,11 @@
 
 namespace haptic::sim::view {
 
-/// Listens on a numeric address. The descriptor is the caller's, does not block, and does not outlive an exec. Throws
-/// std::runtime_error that says what to do.
+/// Listens on a numeric address. The returned descriptor is non-blocking and close-on-exec; the caller owns it. Throws
+/// std::runtime_error with advice.
 [[nodiscard]] int listen_on(const std::string& address, std::uint16_t port);
 
-/// The port that a listening socket got.
+/// The port that a listening socket is bound to.
 [[nodiscard]] std::uint16_t port_of(int socket);
 
 }  // namespace haptic::sim::view

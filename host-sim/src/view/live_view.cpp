@@ -19,25 +19,26 @@
 #include "view/bounded_queue.hpp"
 #include "view/device_telemetry.hpp"
 #include "view/encoding.hpp"
-#include "view/newest.hpp"
 #include "view/page_files.hpp"
+#include "view/triple_buffer.hpp"
 #include "view/viewer.hpp"
 #include "view/web_server.hpp"
 
 namespace haptic::sim::view {
 namespace {
 
-constexpr std::int64_t kMomentPeriodNs = kNanosecondsPerSecond / 60;
+constexpr std::int64_t kSnapshotPeriodNs = kNanosecondsPerSecond / 60;
 constexpr std::int64_t kDevicePeriodNs = kNanosecondsPerSecond / 5;
 constexpr std::size_t kQueuedSamples = 4096;
 constexpr std::size_t kQueuedCommands = 256;
-constexpr int kNice = 5;  // the simulation goes first
+constexpr int kNice = 5;  // the simulation has priority
 
-/// A scene, and the moments of it. Another scene brings its own, so that no moment is taken for one of another.
-struct Stage {
+/// A scene and the buffer of its snapshots. Each scene has its own, so that snapshots of different scenes cannot be
+/// confused.
+struct SceneStream {
     std::uint32_t scene = 0;
     SceneDescription description;
-    Newest<SceneSnapshot> moments;
+    TripleBuffer<SceneSnapshot> snapshots;
 };
 
 void prepare(SceneSnapshot& snapshot, const SceneDescription& description) {
@@ -53,7 +54,7 @@ void prepare(SceneSnapshot& snapshot, const SceneDescription& description) {
     snapshot.planes.reserve(3 * description.proxy_radii.size());
 }
 
-/// Without the header, and the notes before it, which begin with #.
+/// Number of rows, excluding the header and the comment lines in front of it, which start with #.
 std::size_t rows_of_csv(std::string_view csv) {
     std::size_t lines = 0;
     for (std::size_t at = 0; at < csv.size();) {
@@ -64,25 +65,25 @@ std::size_t rows_of_csv(std::string_view csv) {
     return lines == 0 ? 0 : lines - 1;
 }
 
-/// What the process inherits for its real-time work is not for this thread, and its signals are the main thread's.
-void become_ordinary_thread() {
+/// Gives up the inherited real-time scheduling and names the thread. Signals are left to the main thread.
+void leave_real_time() {
     (void)pthread_setname_np(pthread_self(), "haptic-view");
     const sched_param none{};
     (void)pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);
     (void)setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
 }
 
-/// Blocks all signals while it lives; a thread that is started meanwhile has them blocked for ever.
-class SignalsBlocked {
+/// Blocks all signals during its lifetime. A thread started meanwhile inherits the mask and keeps it.
+class BlockedSignals {
   public:
-    SignalsBlocked() {
+    BlockedSignals() {
         sigset_t all{};
         (void)sigfillset(&all);
         (void)pthread_sigmask(SIG_SETMASK, &all, &before_);
     }
-    SignalsBlocked(const SignalsBlocked&) = delete;
-    SignalsBlocked& operator=(const SignalsBlocked&) = delete;
-    ~SignalsBlocked() { (void)pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+    BlockedSignals(const BlockedSignals&) = delete;
+    BlockedSignals& operator=(const BlockedSignals&) = delete;
+    ~BlockedSignals() { (void)pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
 
   private:
     sigset_t before_{};
@@ -96,28 +97,31 @@ class ServedView final : public LiveView, private WebHandler {
     ~ServedView() override;
 
     [[nodiscard]] std::string url() const override;
-    void introduce(const SceneDescription& scene) override;
-    [[nodiscard]] SceneSnapshot* wanted() noexcept override;
-    void show() noexcept override;
-    void add(const StepSample& sample) noexcept override;
+    // Called on the simulation's thread.
+    void set_scene(const SceneDescription& scene) override;
+    [[nodiscard]] SceneSnapshot* requested_snapshot() noexcept override;
+    void publish_snapshot() noexcept override;
+    void add_sample(const StepSample& sample) noexcept override;
     void frame_published(std::uint64_t sequence, std::int64_t time_ns) noexcept override;
     [[nodiscard]] bool next_command(Command& command) override;
     void offer_record(std::string csv) override;
 
   private:
-    /// A viewer, and the way from its connection to the view and back.
-    class Seat final : public Conversation {
+    /// One viewer, connected to the view.
+    class ViewerSession final : public Connection {
       public:
-        explicit Seat(ServedView& view) : view_(view), viewer_(view.settings_.control) { view_.seats_.push_back(this); }
-        Seat(const Seat&) = delete;
-        Seat& operator=(const Seat&) = delete;
-        ~Seat() override { view_.leave(*this); }
-
-        [[nodiscard]] std::optional<Closing> hear(std::string_view text) override;
-        [[nodiscard]] bool next_message(Outgoing& message) override {
-            return viewer_.compose(view_.shown_, monotonic_now_ns(), message);
+        explicit ViewerSession(ServedView& view) : view_(view), viewer_(view.settings_.control) {
+            view_.sessions_.push_back(this);
         }
-        [[nodiscard]] bool has_ended() const override { return viewer_.told_bye(); }
+        ViewerSession(const ViewerSession&) = delete;
+        ViewerSession& operator=(const ViewerSession&) = delete;
+        ~ViewerSession() override { view_.remove_session(*this); }
+
+        [[nodiscard]] std::optional<Closing> on_message(std::string_view text) override;
+        [[nodiscard]] bool next_message(Outgoing& message) override {
+            return viewer_.compose(view_.state_, monotonic_now_ns(), message);
+        }
+        [[nodiscard]] bool has_ended() const override { return viewer_.bye_sent(); }
         [[nodiscard]] const Viewer& viewer() const noexcept { return viewer_; }
 
       private:
@@ -125,48 +129,49 @@ class ServedView final : public LiveView, private WebHandler {
         Viewer viewer_;
     };
 
-    // Of the view's thread.
-    [[nodiscard]] std::unique_ptr<Conversation> join() override { return std::make_unique<Seat>(*this); }
+    // Called on the view's thread.
+    [[nodiscard]] std::unique_ptr<Connection> connect() override { return std::make_unique<ViewerSession>(*this); }
     [[nodiscard]] std::optional<Resource> resource(std::string_view path) override;
     void tick() override;
-    void leave(Seat& seat);
-    bool take_news();
-    void take_stage(std::shared_ptr<Stage> stage);
-    bool take_moment();
+    void remove_session(ViewerSession& session);
+    bool take_updates();
+    void switch_scene(std::shared_ptr<SceneStream> stream);
+    bool take_snapshot();
     bool take_samples(std::int64_t now_ns);
-    bool look_at_device(std::int64_t now_ns);
-    void ask(std::int64_t now_ns);
+    bool poll_device(std::int64_t now_ns);
+    void request_snapshot(std::int64_t now_ns);
     template <class Predicate>
     [[nodiscard]] bool any_viewer(Predicate&& holds) const {
-        return std::any_of(seats_.begin(), seats_.end(), [&](const Seat* seat) { return holds(seat->viewer()); });
+        return std::any_of(sessions_.begin(), sessions_.end(),
+                           [&](const ViewerSession* session) { return holds(session->viewer()); });
     }
 
     const LiveViewSettings settings_;
 
-    // Between the threads.
-    std::atomic<bool> asked_{false};            // a moment is waited for
-    std::atomic<bool> samples_watched_{false};  // so are samples
+    // Shared between the threads.
+    std::atomic<bool> snapshot_requested_{false};  // a viewer is ready for a snapshot
+    std::atomic<bool> samples_watched_{false};     // a viewer has subscribed to samples
     BoundedQueue<NumberedSample, kQueuedSamples> samples_;
     BoundedQueue<Command, kQueuedCommands> commands_;
-    std::atomic<bool> news_{false};  // something was put under the mutex
+    std::atomic<bool> update_pending_{false};  // new_stream_ or new_record_ is set
     std::mutex mutex_;
-    std::shared_ptr<Stage> new_stage_;
+    std::shared_ptr<SceneStream> new_stream_;
     std::shared_ptr<const std::string> new_record_;
 
-    std::unique_ptr<DeviceTelemetry> device_;  // null: there are no rings
+    std::unique_ptr<DeviceTelemetry> device_;  // null: there is no session
 
-    // Of the simulation's thread.
-    std::shared_ptr<Stage> stage_;
+    // Owned by the simulation's thread.
+    std::shared_ptr<SceneStream> stream_;
     std::uint64_t samples_so_far_ = 0;
 
-    // Of the view's thread.
-    std::vector<Seat*> seats_;
-    const Seat* hand_ = nullptr;  // who moved the hand last, and has not let it go
-    std::shared_ptr<Stage> shown_stage_;
-    std::unique_ptr<MomentEncoder> encoder_;
+    // Owned by the view's thread.
+    std::vector<ViewerSession*> sessions_;
+    const ViewerSession* hand_owner_ = nullptr;  // moved the hand last and has not released it
+    std::shared_ptr<SceneStream> shown_stream_;
+    std::unique_ptr<SnapshotEncoder> encoder_;
     std::shared_ptr<const std::string> record_;
-    Shown shown_;
-    std::int64_t next_ask_ns_ = 0;
+    ViewState state_;
+    std::int64_t next_request_ns_ = 0;
     std::int64_t next_device_ns_ = 0;
     std::int64_t next_samples_ns_ = 0;
 
@@ -178,9 +183,9 @@ ServedView::ServedView(const LiveViewSettings& settings)
     : settings_(settings),
       device_(settings.session.empty() ? nullptr : std::make_unique<DeviceTelemetry>(settings.session)),
       server_(settings.address, settings.port, *this) {
-    const SignalsBlocked blocked;
+    const BlockedSignals blocked;
     thread_ = std::thread([this] {
-        become_ordinary_thread();
+        leave_real_time();
         server_.run();
     });
 }
@@ -192,7 +197,7 @@ ServedView::~ServedView() {
 
 std::string ServedView::url() const {
     std::string host = settings_.address;
-    if (host == "0.0.0.0" || host == "::") {  // whatever address a browser has of this machine
+    if (host == "0.0.0.0" || host == "::") {  // all addresses: name the machine instead
         std::array<char, 256> name{};
         host = gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "localhost";
     } else if (host.find(':') != std::string::npos) {
@@ -201,37 +206,39 @@ std::string ServedView::url() const {
     return "http://" + host + ":" + std::to_string(server_.port()) + "/";
 }
 
-void ServedView::introduce(const SceneDescription& scene) {
-    auto stage = std::make_shared<Stage>();
-    stage->scene = stage_ ? stage_->scene + 1 : 1;
-    stage->description = scene;
-    stage->moments.prepare([&](SceneSnapshot& snapshot) { prepare(snapshot, scene); });
+void ServedView::set_scene(const SceneDescription& scene) {
+    // Size all three buffers now, so that the simulation does not allocate later.
+    auto stream = std::make_shared<SceneStream>();
+    stream->scene = stream_ ? stream_->scene + 1 : 1;
+    stream->description = scene;
+    stream->snapshots.prepare([&](SceneSnapshot& snapshot) { prepare(snapshot, scene); });
     {
         const std::lock_guard lock(mutex_);
-        new_stage_ = stage;
+        new_stream_ = stream;
     }
-    stage_ = std::move(stage);
-    news_.store(true, std::memory_order_release);
+    stream_ = std::move(stream);
+    // Release: the view's thread that sees the flag also sees the stream.
+    update_pending_.store(true, std::memory_order_release);
     server_.wake();
 }
 
-SceneSnapshot* ServedView::wanted() noexcept {
-    // Relaxed: the buffer belongs to this thread anyway.
-    return asked_.load(std::memory_order_relaxed) && stage_ ? &stage_->moments.back() : nullptr;
+SceneSnapshot* ServedView::requested_snapshot() noexcept {
+    // Relaxed: the buffer is this thread's in any case.
+    return snapshot_requested_.load(std::memory_order_relaxed) && stream_ ? &stream_->snapshots.back() : nullptr;
 }
 
-void ServedView::show() noexcept {
-    // Before it is published: whoever takes it, and asks for the next one, asks after this.
-    asked_.store(false, std::memory_order_relaxed);
-    stage_->moments.publish();
+void ServedView::publish_snapshot() noexcept {
+    // Clear the request before publishing: a request for the next snapshot comes after this.
+    snapshot_requested_.store(false, std::memory_order_relaxed);
+    stream_->snapshots.publish();
     server_.wake();
 }
 
-void ServedView::add(const StepSample& sample) noexcept {
+void ServedView::add_sample(const StepSample& sample) noexcept {
     const std::uint64_t number = samples_so_far_++;
     if (samples_watched_.load(std::memory_order_relaxed)) {
-        (void)samples_.push(
-            {stage_ ? stage_->scene : 0, number, sample});  // where there is no room, its number will be missing
+        // If the queue is full, the gap in the numbers shows what was dropped.
+        (void)samples_.push({stream_ ? stream_->scene : 0, number, sample});
     }
 }
 
@@ -251,37 +258,39 @@ void ServedView::offer_record(std::string csv) {
         const std::lock_guard lock(mutex_);
         new_record_ = std::move(record);
     }
-    news_.store(true, std::memory_order_release);
+    update_pending_.store(true, std::memory_order_release);
     server_.wake();
 }
 
-std::optional<Closing> ServedView::Seat::hear(std::string_view text) {
-    static const SceneDescription nothing;
-    const SceneDescription& scene = view_.shown_stage_ ? view_.shown_stage_->description : nothing;
-    Viewer::Heard heard = viewer_.hear(text, scene, monotonic_now_ns());
-    if (auto* closing = std::get_if<Closing>(&heard)) {
+std::optional<Closing> ServedView::ViewerSession::on_message(std::string_view text) {
+    static const SceneDescription kNoScene;
+    const SceneDescription& scene = view_.shown_stream_ ? view_.shown_stream_->description : kNoScene;
+    Viewer::Outcome outcome = viewer_.on_message(text, scene, monotonic_now_ns());
+    if (auto* closing = std::get_if<Closing>(&outcome)) {
         return std::move(*closing);
     }
-    if (auto* command = std::get_if<Command>(&heard)) {
+    if (auto* command = std::get_if<Command>(&outcome)) {
+        // Queue the command for the simulation, and note who holds the hand.
         const std::string type = type_of(*command);
         const bool moves = std::holds_alternative<MoveHand>(*command);
-        const bool lets_go =
+        const bool releases =
             std::holds_alternative<ReleaseHand>(*command) || std::holds_alternative<FollowScript>(*command);
         if (!view_.commands_.push(std::move(*command))) {
-            viewer_.refuse({type, "host-sim has not done yet what it was asked before"});
+            viewer_.refuse({type, "host-sim is busy with earlier requests"});
         } else if (moves) {
-            view_.hand_ = this;
-        } else if (lets_go) {
-            view_.hand_ = nullptr;
+            view_.hand_owner_ = this;
+        } else if (releases) {
+            view_.hand_owner_ = nullptr;
         }
     }
     return std::nullopt;
 }
 
-void ServedView::leave(Seat& seat) {
-    std::erase(seats_, &seat);
-    if (hand_ == &seat) {  // a hand that nobody holds any more
-        hand_ = nullptr;
+void ServedView::remove_session(ViewerSession& session) {
+    std::erase(sessions_, &session);
+    // A viewer that leaves releases the hand.
+    if (hand_owner_ == &session) {
+        hand_owner_ = nullptr;
         (void)commands_.push(ReleaseHand{});
     }
 }
@@ -295,112 +304,120 @@ std::optional<Resource> ServedView::resource(std::string_view path) {
             return Resource{std::string(file.type), file.content, nullptr, {}};
         }
     }
+    // Browsers request it on their own and report an error if it is missing.
     if (path == "/favicon.ico") {
-        return Resource{};  // browsers ask for it unbidden, and complain of an error
+        return Resource{};
     }
     return std::nullopt;
 }
 
 void ServedView::tick() {
     const std::int64_t now_ns = monotonic_now_ns();
-    bool invite = take_news();
-    invite = take_moment() || invite;
-    invite = look_at_device(now_ns) || invite;
-    invite = take_samples(now_ns) || invite;
+    // Collect what the simulation and the device have produced.
+    bool content_changed = take_updates();
+    content_changed = take_snapshot() || content_changed;
+    content_changed = poll_device(now_ns) || content_changed;
+    content_changed = take_samples(now_ns) || content_changed;
     if (server_.stopping()) {
-        shown_.ending = true;
-        invite = true;
+        state_.ending = true;
+        content_changed = true;
     }
-    if (invite) {
-        server_.invite_all();
+    // Offer it to the viewers, and ask the simulation for the next snapshot.
+    if (content_changed) {
+        server_.request_writes();
     }
-    ask(now_ns);
+    request_snapshot(now_ns);
 }
 
-bool ServedView::take_news() {
-    // The flag spares the lock. Acquire: whoever sees it comes to the mutex after the one who set it.
-    if (!news_.exchange(false, std::memory_order_acquire)) {
+bool ServedView::take_updates() {
+    // The flag avoids the lock in most ticks. Acquire: pairs with the release after the data was set under the mutex.
+    if (!update_pending_.exchange(false, std::memory_order_acquire)) {
         return false;
     }
-    std::shared_ptr<Stage> stage;
+    std::shared_ptr<SceneStream> stream;
     std::shared_ptr<const std::string> record;
     {
         const std::lock_guard lock(mutex_);
-        stage = std::exchange(new_stage_, nullptr);
+        stream = std::exchange(new_stream_, nullptr);
         record = std::exchange(new_record_, nullptr);
     }
-    if (stage) {
-        take_stage(std::move(stage));
+    if (stream) {
+        switch_scene(std::move(stream));
     }
+    // Announce the new recording; it is served at /record.csv.
     if (record) {
         const std::size_t rows = rows_of_csv(*record);
         record_ = std::move(record);
-        ++shown_.records;
-        shown_.record = nlohmann::json{{"type", "record"}, {"steps", rows}, {"url", "/record.csv"}}.dump();
+        ++state_.records;
+        state_.record = nlohmann::json{{"type", "record"}, {"steps", rows}, {"url", "/record.csv"}}.dump();
     }
     return true;
 }
 
-void ServedView::take_stage(std::shared_ptr<Stage> stage) {
-    shown_stage_ = std::move(stage);
-    encoder_ = std::make_unique<MomentEncoder>(shown_stage_->description);
-    shown_.scene = shown_stage_->scene;
-    shown_.scene_text = scene_message(shown_stage_->description, shown_.scene, settings_.control);
-    shown_.geometry = geometry_message(shown_stage_->description, shown_.scene);
-    shown_.moment = nullptr;
-    shown_.moments = 0;
-    shown_.samples.clear();
+void ServedView::switch_scene(std::shared_ptr<SceneStream> stream) {
+    // Encode once what every viewer of this scene is sent first.
+    shown_stream_ = std::move(stream);
+    encoder_ = std::make_unique<SnapshotEncoder>(shown_stream_->description);
+    state_.scene = shown_stream_->scene;
+    state_.scene_text = scene_message(shown_stream_->description, state_.scene, settings_.control);
+    state_.geometry = geometry_message(shown_stream_->description, state_.scene);
+    state_.snapshot = nullptr;
+    state_.snapshots = 0;
+    state_.samples.clear();
 }
 
-bool ServedView::take_moment() {
-    if (!shown_stage_ || !shown_stage_->moments.take()) {
+bool ServedView::take_snapshot() {
+    if (!shown_stream_ || !shown_stream_->snapshots.take()) {
         return false;
     }
+    // Particles are encoded only while a viewer is subscribed to them.
     const bool particles = any_viewer([](const Viewer& viewer) { return viewer.watch().particles; });
-    encoder_->encode(shown_stage_->moments.front(), particles, seats_.size());
-    shown_.moment = &encoder_->moment();
-    ++shown_.moments;
+    encoder_->encode(shown_stream_->snapshots.front(), particles, sessions_.size());
+    state_.snapshot = &encoder_->encoded();
+    ++state_.snapshots;
     return true;
 }
 
 bool ServedView::take_samples(std::int64_t now_ns) {
     const bool watched = any_viewer([](const Viewer& viewer) { return viewer.watch().samples; });
     samples_watched_.store(watched, std::memory_order_relaxed);
+    // Drop samples of a previous scene that were still queued.
     for (NumberedSample sample; samples_.pop(sample);) {
-        if (sample.scene == shown_.scene) {
-            shown_.samples.add(sample);
+        if (sample.scene == state_.scene) {
+            state_.samples.add(sample);
         }
     }
-    // Mostly they go with the moments; a run that shows none has samples all the same.
+    // Wake the viewers for samples at the snapshot rate: a run may produce samples without snapshots.
     if (!watched || now_ns < next_samples_ns_) {
         return false;
     }
-    next_samples_ns_ = now_ns + kMomentPeriodNs;
+    next_samples_ns_ = now_ns + kSnapshotPeriodNs;
     return true;
 }
 
-bool ServedView::look_at_device(std::int64_t now_ns) {
-    if (!device_ || seats_.empty()) {
+bool ServedView::poll_device(std::int64_t now_ns) {
+    if (!device_ || sessions_.empty()) {
         return false;
     }
-    device_->look(now_ns);
+    // Poll at every tick, so as not to miss states; report less often.
+    device_->poll(now_ns);
     if (now_ns < next_device_ns_) {
         return false;
     }
     next_device_ns_ = now_ns + kDevicePeriodNs;
-    shown_.device = device_->message(now_ns);
-    ++shown_.devices;
+    state_.device = device_->message(now_ns);
+    ++state_.devices;
     return true;
 }
 
-void ServedView::ask(std::int64_t now_ns) {
-    if (now_ns < next_ask_ns_ || asked_.load(std::memory_order_relaxed) ||
-        !any_viewer([](const Viewer& viewer) { return viewer.waits(); })) {
+void ServedView::request_snapshot(std::int64_t now_ns) {
+    if (now_ns < next_request_ns_ || snapshot_requested_.load(std::memory_order_relaxed) ||
+        !any_viewer([](const Viewer& viewer) { return viewer.wants_snapshot(); })) {
         return;
     }
-    // At the rate on average, though the ticks do not meet it; but what was missed is not made up for.
-    next_ask_ns_ = (now_ns - next_ask_ns_ < kMomentPeriodNs ? next_ask_ns_ : now_ns) + kMomentPeriodNs;
-    asked_.store(true, std::memory_order_relaxed);
+    // Keep the average rate although ticks do not coincide with it, but do not make up for missed periods.
+    next_request_ns_ = (now_ns - next_request_ns_ < kSnapshotPeriodNs ? next_request_ns_ : now_ns) + kSnapshotPeriodNs;
+    snapshot_requested_.store(true, std::memory_order_relaxed);
 }
 
 }  // namespace

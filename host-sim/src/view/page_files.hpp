@@ -1,4 +1,4 @@
-// The page, compiled in.
+// Page files: the live view's page, compiled into the executable.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 namespace haptic::sim::view {
 
 struct PageFile {
-    std::string_view path;  // that it is served at, e.g. "/page.js"
+    std::string_view path;  // where it is served, e.g. "/page.js"
     std::string_view type;  // e.g. "text/javascript; charset=utf-8"
     std::span<const std::byte> content;
 };

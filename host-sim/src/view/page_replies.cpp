@@ -14,13 +14,13 @@
 namespace haptic::sim::view {
 namespace {
 
-constexpr std::size_t kPiece = 65536;  // bytes that are written at once
+constexpr std::size_t kChunk = 65536;  // bytes per write
 
 bool has_header(lws* wsi, lws_token_indexes token) {
     return lws_hdr_total_length(wsi, token) > 0;
 }
 
-std::string machine_name() {
+std::string local_host_name() {
     std::array<char, 256> name{};
     return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "localhost";
 }
@@ -38,35 +38,37 @@ bool refuse_request(lws* wsi, unsigned status, const char* why) {
     return true;
 }
 
-PageReplies::PageReplies() : machine_(machine_name()) {}
+PageReplies::PageReplies() : host_name_(local_host_name()) {}
 
-bool PageReplies::refuse_stranger(lws* wsi) const {
+bool PageReplies::reject_foreign(lws* wsi) const {
     const std::string host = request_header(wsi, WSI_TOKEN_HOST);
-    if (!host_is_own(host, machine_)) {
+    if (!host_is_own(host, host_name_)) {
         return refuse_request(
             wsi, HTTP_STATUS_BAD_REQUEST,
-            "This is no name of this machine: ask for it by its address, its host name, or as localhost.");
+            "The Host header does not name this machine: use its IP address, its host name, or localhost.");
     }
     if (has_header(wsi, WSI_TOKEN_ORIGIN) && !origin_is_host(request_header(wsi, WSI_TOKEN_ORIGIN), host)) {
-        return refuse_request(wsi, HTTP_STATUS_FORBIDDEN, "A page of another site may not look.");
+        return refuse_request(wsi, HTTP_STATUS_FORBIDDEN, "Pages of other sites may not access the live view.");
     }
     return false;
 }
 
-int PageReplies::begin(lws* wsi, std::optional<Resource> resource) {
-    if (refuse_stranger(wsi)) {
+int PageReplies::start(lws* wsi, std::optional<Resource> resource) {
+    if (reject_foreign(wsi)) {
         return -1;
     }
+    // Only GET and HEAD of a known resource get further.
     const bool get = has_header(wsi, WSI_TOKEN_GET_URI);
     const bool head = has_header(wsi, WSI_TOKEN_HEAD_URI);
     if (!get && !head) {
-        (void)refuse_request(wsi, HTTP_STATUS_METHOD_NOT_ALLOWED, "GET and HEAD are all that can be done here.");
+        (void)refuse_request(wsi, HTTP_STATUS_METHOD_NOT_ALLOWED, "Only GET and HEAD are supported.");
         return -1;
     }
     if (!resource) {
-        (void)refuse_request(wsi, HTTP_STATUS_NOT_FOUND, "There is nothing here.");
+        (void)refuse_request(wsi, HTTP_STATUS_NOT_FOUND, "Not found.");
         return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
     }
+    // Compose the response header in a buffer that starts with the library's own space.
     std::array<unsigned char, LWS_PRE + 2048> space{};
     unsigned char* const begin = space.data() + LWS_PRE;
     unsigned char* at = begin;
@@ -76,20 +78,23 @@ int PageReplies::begin(lws* wsi, std::optional<Resource> resource) {
                                            reinterpret_cast<const unsigned char*>(value.data()),
                                            static_cast<int>(value.size()), &at, end) == 0;
     };
-    // Not every browser takes 'self' to mean the WebSocket of the same host. The Host is known to be a plain name.
+    // Not every browser lets 'self' cover the WebSocket of the same host, so name it. The Host is known to be a plain
+    // name.
     const std::string host = request_header(wsi, WSI_TOKEN_HOST);
     const std::size_t length = resource->content.size();
-    bool good =
+    bool fits =
         (length == 0 ? lws_add_http_header_status(wsi, HTTP_STATUS_NO_CONTENT, &at, end)
                      : lws_add_http_common_headers(wsi, HTTP_STATUS_OK, resource->type.c_str(), length, &at, end)) == 0;
-    good = good && add("content-security-policy:", "default-src 'self'; connect-src 'self' ws://" + host + " wss://" +
+    fits = fits && add("content-security-policy:", "default-src 'self'; connect-src 'self' ws://" + host + " wss://" +
                                                        host + "; frame-ancestors 'none'; base-uri 'none'");
+    // Offer a download as a file instead of showing it.
     if (!resource->download_as.empty()) {
-        good = good && add("content-disposition:", "attachment; filename=\"" + resource->download_as + "\"");
+        fits = fits && add("content-disposition:", "attachment; filename=\"" + resource->download_as + "\"");
     }
-    if (!good || lws_finalize_write_http_header(wsi, begin, &at, end) != 0) {
+    if (!fits || lws_finalize_write_http_header(wsi, begin, &at, end) != 0) {
         return -1;
     }
+    // HEAD, and an empty resource, end with the header; anything else is sent in chunks.
     if (head || length == 0) {
         return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
     }
@@ -98,14 +103,15 @@ int PageReplies::begin(lws* wsi, std::optional<Resource> resource) {
     return 0;
 }
 
-int PageReplies::go_on(lws* wsi) {
+int PageReplies::resume(lws* wsi) {
     const auto found = replies_.find(wsi);
     if (found == replies_.end()) {
         return 0;
     }
+    // Copy the next chunk behind the space that the library needs for its header.
     Reply& reply = found->second;
     const std::span<const std::byte> rest = reply.resource.content.subspan(reply.sent);
-    const std::size_t length = std::min(rest.size(), kPiece);
+    const std::size_t length = std::min(rest.size(), kChunk);
     std::vector<unsigned char> chunk(LWS_PRE + length);
     std::memcpy(chunk.data() + LWS_PRE, rest.data(), length);
     const bool last = length == rest.size();
@@ -113,7 +119,8 @@ int PageReplies::go_on(lws* wsi) {
     if (written < static_cast<int>(length)) {
         return -1;
     }
-    lws_set_timeout(wsi, PENDING_TIMEOUT_HTTP_CONTENT, kRequestPatienceS);
+    // Progress restarts the timeout.
+    lws_set_timeout(wsi, PENDING_TIMEOUT_HTTP_CONTENT, kRequestTimeoutS);
     reply.sent += length;
     if (last) {
         replies_.erase(found);

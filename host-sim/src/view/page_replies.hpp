@@ -1,5 +1,5 @@
-// Answers to HTTP requests: pages and files, in as many pieces as the socket takes, and refusals. For libwebsockets, on
-// the thread of its event loop; what returns an int returns what a callback of the library is to return.
+// HTTP replies: pages and files, in chunks as the socket takes them, and error replies. For libwebsockets, on the
+// thread of its event loop; a function that returns int returns the result of a libwebsockets callback.
 #pragma once
 
 #include <libwebsockets.h>
@@ -13,26 +13,26 @@
 
 namespace haptic::sim::view {
 
-inline constexpr int kRequestPatienceS = 10;  // with one that does not come to its end
+inline constexpr int kRequestTimeoutS = 10;  // for a request that never completes
 
-/// A header of a request; empty if it is not there, or longer than any that is good.
+/// A header of a request; empty if it is missing or longer than 511 bytes.
 [[nodiscard]] std::string request_header(lws* wsi, lws_token_indexes token);
 
-/// Answers with an error. Always true: it is the answer.
+/// Replies with an error. Always returns true, so that a caller can return it as "answered".
 bool refuse_request(lws* wsi, unsigned status, const char* why);
 
 class PageReplies {
   public:
     PageReplies();
 
-    /// Answers those who ask for another machine, or from the page of another site; true if this was one.
-    [[nodiscard]] bool refuse_stranger(lws* wsi) const;
+    /// Rejects a request whose Host is not this machine or whose Origin is another site; returns true if it did.
+    [[nodiscard]] bool reject_foreign(lws* wsi) const;
 
-    /// Answers a request for a resource; none: there is nothing at that path.
-    int begin(lws* wsi, std::optional<Resource> resource);
-    /// The socket takes more.
-    int go_on(lws* wsi);
-    /// The connection is no more.
+    /// Starts the reply to a request for a resource; without one it replies 404.
+    int start(lws* wsi, std::optional<Resource> resource);
+    /// Writes the next chunk when the socket is writable.
+    int resume(lws* wsi);
+    /// The connection has been closed.
     void forget(lws* wsi) { replies_.erase(wsi); }
 
   private:
@@ -41,7 +41,7 @@ class PageReplies {
         std::size_t sent = 0;
     };
 
-    std::string machine_;  // its host name
+    std::string host_name_;
     std::map<const lws*, Reply> replies_;
 };
 

@@ -30,7 +30,7 @@ bool is_address(int family, std::string_view text) {
     return inet_pton(family, std::string(text).c_str(), address.data()) == 1;
 }
 
-/// What stands before ":PORT", without the brackets of an IPv6 address; none if the whole is not of that form.
+/// The host part before ":PORT", without the brackets of an IPv6 address; empty if the text is malformed.
 struct Name {
     std::string_view text;
     bool bracketed = false;
@@ -39,8 +39,10 @@ std::optional<Name> name_of(std::string_view host) {
     if (host.find('\0') != std::string_view::npos) {
         return std::nullopt;
     }
+    // "[IPv6]" or a name up to the colon.
     Name name;
     std::string_view rest;
+    // The name ends at the bracket or at the colon.
     if (host.starts_with('[')) {
         const std::size_t close = host.find(']');
         if (close == std::string_view::npos) {
@@ -53,6 +55,7 @@ std::optional<Name> name_of(std::string_view host) {
         name = {host.substr(0, colon), false};
         rest = host.substr(colon);
     }
+    // The remainder must be nothing or a port.
     if (!rest.empty() && (rest.front() != ':' || !is_port(rest.substr(1)))) {
         return std::nullopt;
     }

@@ -19,9 +19,9 @@ void SampleHistory::clear() noexcept {
     begin_ = 0;
 }
 
-SampleHistory::Run SampleHistory::from(std::uint64_t number, std::size_t most) const {
+SampleHistory::Run SampleHistory::from(std::uint64_t number, std::size_t max_count) const {
     const auto at = [&](std::size_t k) -> const NumberedSample& { return ring_[(begin_ + k) % ring_.size()]; };
-    std::size_t first = 0;  // by bisection: the numbers rise
+    std::size_t first = 0;  // binary search: numbers increase
     for (std::size_t last = ring_.size(); first < last;) {
         const std::size_t middle = first + (last - first) / 2;
         if (at(middle).number < number) {
@@ -30,8 +30,9 @@ SampleHistory::Run SampleHistory::from(std::uint64_t number, std::size_t most) c
             last = middle;
         }
     }
+    // Copy samples up to the first gap.
     Run run;
-    for (std::size_t k = first; k < ring_.size() && run.samples.size() < most; ++k) {
+    for (std::size_t k = first; k < ring_.size() && run.samples.size() < max_count; ++k) {
         if (run.samples.empty()) {
             run.number = at(k).number;
         } else if (at(k).number != run.number + run.samples.size()) {

@@ -1,4 +1,4 @@
-// The newest samples of a run, by number, for viewers that each take them at their own pace.
+// Sample history: the newest step samples of a run, numbered, so that each viewer reads them at its own pace.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace haptic::sim::view {
 
-/// A sample of a scene, and how many there were before it, kept or not.
+/// A sample of a scene and its number, which also counts dropped samples.
 struct NumberedSample {
     std::uint32_t scene = 0;
     std::uint64_t number = 0;
@@ -20,25 +20,25 @@ class SampleHistory {
   public:
     static constexpr std::size_t kCapacity = 8192;
 
-    /// Their numbers rise; where they do not follow one another, some were dropped.
+    /// Numbers must increase; a gap means dropped samples.
     void add(const NumberedSample& sample);
 
-    /// Forgets them all.
+    /// Removes all samples.
     void clear() noexcept;
 
-    /// Samples that follow one another.
+    /// Consecutive samples.
     struct Run {
         std::uint64_t number = 0;  // of the first
         std::vector<StepSample> samples;
     };
-    /// The oldest ones from `number` on, at most `most` of them; empty if there are none.
-    [[nodiscard]] Run from(std::uint64_t number, std::size_t most) const;
+    /// The first consecutive samples from `number` on, at most `max_count`; empty if there are none.
+    [[nodiscard]] Run from(std::uint64_t number, std::size_t max_count) const;
 
     /// The number after the newest.
     [[nodiscard]] std::uint64_t end() const noexcept { return end_; }
 
   private:
-    std::vector<NumberedSample> ring_;  // once it is full, the oldest is at begin_
+    std::vector<NumberedSample> ring_;  // when full, the oldest is at begin_
     std::size_t begin_ = 0;
     std::uint64_t end_ = 0;
 };

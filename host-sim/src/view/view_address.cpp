@@ -1,4 +1,4 @@
-// Where a view listens, from what was typed.
+// Parses the address given to --view, and warns when it is reachable from other machines.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 
@@ -11,6 +11,7 @@
 namespace haptic::sim::view {
 namespace {
 
+/// Throws an error that quotes the argument and shows the accepted forms.
 [[noreturn]] void refuse(const std::string& text, const std::string& why) {
     throw std::invalid_argument("--view " + text + ": " + why +
                                 "; give ADDR:PORT or PORT, e.g. 127.0.0.1:7060, or [::1]:7060");
@@ -20,7 +21,7 @@ std::uint16_t port_of(const std::string& text, std::string_view digits) {
     std::uint16_t port = 0;
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), port);
     if (digits.empty() || error != std::errc() || end != digits.data() + digits.size()) {
-        refuse(text, "the port must be a whole number from 0 to 65535");
+        refuse(text, "the port must be an integer from 0 to 65535");
     }
     return port;
 }
@@ -31,14 +32,14 @@ std::string address_of(const std::string& text, const std::string& address, int 
     }
     std::array<unsigned char, sizeof(in6_addr)> raw{};
     if (address.find('\0') != std::string::npos || inet_pton(family, address.c_str(), raw.data()) != 1) {
-        refuse(text, family == AF_INET6 ? "between the brackets there must be an IPv6 address"
+        refuse(text, family == AF_INET6 ? "the text in brackets must be an IPv6 address"
                                         : "the address must be an IP address of this machine");
     }
     return address;
 }
 
-/// Of the loopback device: 127.0.0.0/8 and ::1, which no packet of another machine reaches.
-bool is_own(const std::string& address) {
+/// Whether the address is a loopback address: 127.0.0.0/8 or ::1.
+bool is_loopback(const std::string& address) {
     in_addr v4{};
     if (inet_pton(AF_INET, address.c_str(), &v4) == 1) {
         return ntohl(v4.s_addr) >> 24 == 127;
@@ -54,20 +55,23 @@ LiveViewSettings parse_view_address(const std::string& text) {
     if (text.empty()) {
         return settings;
     }
+    // "[IPv6]:PORT"
     if (text.front() == '[') {
         const std::size_t close = text.find("]:");
         if (close == std::string::npos) {
-            refuse(text, "an IPv6 address in brackets, a colon and a port are expected");
+            refuse(text, "expected an IPv6 address in brackets, a colon and a port");
         }
         settings.address = address_of(text, text.substr(1, close - 1), AF_INET6);
         settings.port = port_of(text, std::string_view(text).substr(close + 2));
         return settings;
     }
+    // "PORT"
     const std::size_t colon = text.find(':');
     if (colon == std::string::npos) {
         settings.port = port_of(text, text);
         return settings;
     }
+    // "IPv4:PORT"
     if (text.find(':', colon + 1) != std::string::npos) {
         refuse(text, "an IPv6 address must be in brackets");
     }
@@ -77,12 +81,12 @@ LiveViewSettings parse_view_address(const std::string& text) {
 }
 
 std::string exposure_of(const LiveViewSettings& settings) {
-    if (is_own(settings.address)) {
+    if (is_loopback(settings.address)) {
         return "";
     }
-    return "whoever reaches address " + settings.address + " may look at this run" +
+    return "anyone who can reach " + settings.address + " can watch this run" +
            (settings.control ? " and change it" : "") +
-           ": nobody is asked for a password; for this machine alone give --view without an address, and look through "
+           ", without a password; to allow only this machine, give --view without an address and connect through "
            "ssh -L 7060:localhost:7060 from elsewhere";
 }
 

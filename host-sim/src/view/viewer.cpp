@@ -10,9 +10,9 @@
 namespace haptic::sim::view {
 namespace {
 
-constexpr std::int64_t kSamplesPeriod = kNanosecondsPerSecond / 30;
-constexpr std::size_t kMostSamples = 1024;  // in one message
-constexpr std::uint64_t kBefore = 1024;     // samples that one gets from before it came, if there are any
+constexpr std::int64_t kSamplesPeriodNs = kNanosecondsPerSecond / 30;
+constexpr std::size_t kMaxSamples = 1024;        // per message
+constexpr std::uint64_t kInitialHistory = 1024;  // earlier samples that a new subscriber gets
 
 void assign_text(Outgoing& message, std::string_view text) {
     message.text = true;
@@ -20,7 +20,7 @@ void assign_text(Outgoing& message, std::string_view text) {
     message.bytes.assign(bytes.begin(), bytes.end());
 }
 
-/// Appends the parts that are newer than the viewer's, which then has them.
+/// Appends the parts that are newer than the viewer's copy and records their versions; returns their number.
 std::uint32_t append_newer(Bytes& message, const std::vector<EncodedPart>& parts, std::vector<std::uint64_t>& had) {
     std::uint32_t appended = 0;
     had.resize(parts.size(), 0);
@@ -36,9 +36,10 @@ std::uint32_t append_newer(Bytes& message, const std::vector<EncodedPart>& parts
 
 }  // namespace
 
-bool Viewer::within_rate(std::int64_t now_ns) noexcept {
-    allowance_ = std::min(kMostRequests, allowance_ + kMostRequests * seconds(now_ns - heard_ns_));
-    heard_ns_ = now_ns;
+/// Token bucket: kMaxRequests tokens, refilled at kMaxRequests per second. Returns false if it is empty.
+bool Viewer::take_allowance(std::int64_t now_ns) noexcept {
+    allowance_ = std::min(kMaxRequests, allowance_ + kMaxRequests * seconds(now_ns - last_message_ns_));
+    last_message_ns_ = now_ns;
     if (allowance_ < 1.0) {
         return false;
     }
@@ -46,14 +47,15 @@ bool Viewer::within_rate(std::int64_t now_ns) noexcept {
     return true;
 }
 
-Viewer::Heard Viewer::hear(std::string_view text, const SceneDescription& description, std::int64_t now_ns) {
-    if (!within_rate(now_ns)) {
+Viewer::Outcome Viewer::on_message(std::string_view text, const SceneDescription& description, std::int64_t now_ns) {
+    if (!take_allowance(now_ns)) {
         return Closing{kPolicyViolation, "more than 200 messages a second"};
     }
     Request request = parse_request(text, description);
     if (const auto* malformed = std::get_if<Malformed>(&request)) {
         return Closing{kPolicyViolation, malformed->why};
     }
+    // A renewed subscription to samples starts with the recent history again.
     if (const auto* watch = std::get_if<Watch>(&request)) {
         samples_begun_ = samples_begun_ && watch->samples && watch_.samples;
         watch_ = *watch;
@@ -61,7 +63,7 @@ Viewer::Heard Viewer::hear(std::string_view text, const SceneDescription& descri
         refuse(*refusal);
     } else if (!control_) {
         refuse({type_of(std::get<Command>(request)),
-                "this view is for looking only: host-sim was started without --view-control"});
+                "this view is read-only: host-sim was started without --view-control"});
     } else {
         return std::get<Command>(std::move(request));
     }
@@ -69,100 +71,102 @@ Viewer::Heard Viewer::hear(std::string_view text, const SceneDescription& descri
 }
 
 void Viewer::refuse(const Refusal& refusal) {
-    if (refusals_.size() < kMostRefusals) {
+    if (refusals_.size() < kMaxRefusals) {
         refusals_.push_back(refused_message(refusal));
     }
 }
 
-bool Viewer::compose(const Shown& shown, std::int64_t now_ns, Outgoing& message) {
-    waits_ = false;
-    if (told_bye_) {
+bool Viewer::compose(const ViewState& state, std::int64_t now_ns, Outgoing& message) {
+    wants_snapshot_ = false;
+    if (bye_sent_) {
         return false;
     }
-    if (compose_notice(shown, message) || compose_samples(shown, now_ns, message)) {
+    // Notices first, then samples, then the newest snapshot.
+    if (compose_notice(state, message) || compose_samples(state, now_ns, message)) {
         return true;
     }
     if (geometry_ == 0) {
-        return false;  // there is no scene yet
-    }
-    if (moments_ == shown.moments) {
-        waits_ = true;
         return false;
     }
-    compose_frame(shown, message);
+    if (snapshots_ == state.snapshots) {
+        wants_snapshot_ = true;
+        return false;
+    }
+    compose_frame(state, message);
     return true;
 }
 
-bool Viewer::compose_notice(const Shown& shown, Outgoing& message) {
-    if (shown.ending) {
-        told_bye_ = true;
+bool Viewer::compose_notice(const ViewState& state, Outgoing& message) {
+    if (state.ending) {
+        bye_sent_ = true;
         assign_text(message, R"({"type":"bye"})");
-    } else if (scene_ != shown.scene) {
-        scene_ = shown.scene;
-        assign_text(message, shown.scene_text);
-    } else if (geometry_ != shown.scene) {
-        geometry_ = shown.scene;
-        moments_ = 0;
+    } else if (scene_ != state.scene) {
+        scene_ = state.scene;
+        assign_text(message, state.scene_text);
+    } else if (geometry_ != state.scene) {
+        geometry_ = state.scene;
+        snapshots_ = 0;
         surfaces_.clear();
         particles_.clear();
         samples_begun_ = false;
         message.text = false;
-        message.bytes = shown.geometry;
+        message.bytes = state.geometry;
     } else if (!refusals_.empty()) {
         assign_text(message, refusals_.front());
         refusals_.pop_front();
-    } else if (records_ != shown.records) {
-        records_ = shown.records;
-        assign_text(message, shown.record);
-    } else if (devices_ != shown.devices) {
-        devices_ = shown.devices;
-        assign_text(message, shown.device);
+    } else if (records_ != state.records) {
+        records_ = state.records;
+        assign_text(message, state.record);
+    } else if (devices_ != state.devices) {
+        devices_ = state.devices;
+        assign_text(message, state.device);
     } else {
         return false;
     }
     return true;
 }
 
-bool Viewer::compose_samples(const Shown& shown, std::int64_t now_ns, Outgoing& message) {
-    if (!watch_.samples || geometry_ == 0 || now_ns - samples_ns_ < kSamplesPeriod) {
+bool Viewer::compose_samples(const ViewState& state, std::int64_t now_ns, Outgoing& message) {
+    if (!watch_.samples || geometry_ == 0 || now_ns - samples_ns_ < kSamplesPeriodNs) {
         return false;
     }
     if (!samples_begun_) {
-        samples_ = std::max(shown.samples.end(), kBefore) - kBefore;
+        // A new subscriber starts some samples before the newest.
+        samples_ = std::max(state.samples.end(), kInitialHistory) - kInitialHistory;
     }
-    const SampleHistory::Run run = shown.samples.from(samples_, kMostSamples);
+    const SampleHistory::Run run = state.samples.from(samples_, kMaxSamples);
     if (run.samples.empty()) {
         return false;
     }
     message.text = false;
     const std::uint64_t dropped = samples_begun_ ? run.number - samples_ : 0;
-    message.bytes = samples_message(run.samples, shown.scene, static_cast<std::uint32_t>(dropped));
+    message.bytes = samples_message(run.samples, state.scene, static_cast<std::uint32_t>(dropped));
     samples_begun_ = true;
     samples_ = run.number + run.samples.size();
-    // One that is behind catches up without a pause.
-    samples_ns_ = samples_ == shown.samples.end() ? now_ns : 0;
+    // A viewer that is behind catches up without waiting for the period.
+    samples_ns_ = samples_ == state.samples.end() ? now_ns : 0;
     return true;
 }
 
-void Viewer::compose_frame(const Shown& shown, Outgoing& message) {
-    const EncodedMoment& moment = *shown.moment;
+void Viewer::compose_frame(const ViewState& state, Outgoing& message) {
+    const EncodedSnapshot& snapshot = *state.snapshot;
     message.text = false;
     message.bytes.clear();
-    // The number of parts is known when they are there.
-    append_frame_header(message.bytes, moment, shown.scene, 0);
+    append_frame_header(message.bytes, snapshot, state.scene, 0);
     const std::size_t count_at = message.bytes.size() - sizeof(std::uint32_t);
-    std::uint32_t parts = append_newer(message.bytes, moment.surfaces, surfaces_);
+    // Only the parts that changed since this viewer's last frame, and only the subscribed kinds.
+    std::uint32_t parts = append_newer(message.bytes, snapshot.surfaces, surfaces_);
     if (watch_.particles) {
-        parts += append_newer(message.bytes, moment.particles, particles_);
+        parts += append_newer(message.bytes, snapshot.particles, particles_);
     }
     if (watch_.planes) {
-        message.bytes.insert(message.bytes.end(), moment.planes.begin(), moment.planes.end());
+        message.bytes.insert(message.bytes.end(), snapshot.planes.begin(), snapshot.planes.end());
         ++parts;
     }
-    message.bytes.insert(message.bytes.end(), moment.rest.begin(), moment.rest.end());
-    parts += kRestParts;
+    message.bytes.insert(message.bytes.end(), snapshot.remaining.begin(), snapshot.remaining.end());
+    parts += kRemainingParts;
     std::memcpy(message.bytes.data() + count_at, &parts, sizeof(parts));
-    moments_ = shown.moments;
+    snapshots_ = state.snapshots;
 }
 
 }  // namespace haptic::sim::view

@@ -1,5 +1,5 @@
-// One viewer, from within: what it was sent, what it wants, and what it is sent next. Without sockets; whoever has
-// these asks for the next message when the one before has gone.
+// Viewer session, without sockets: what one viewer has been sent, what it subscribed to, and what it is sent next. The
+// caller asks for the next message once the previous one has been sent.
 #pragma once
 
 #include <cstdint>
@@ -16,28 +16,29 @@
 
 namespace haptic::sim::view {
 
-/// What all viewers are shown. Each number that counts something is 0 as long as there is nothing of it.
-struct Shown {
+/// Content that all viewers are shown. A counter is 0 until the first item of its kind exists.
+struct ViewState {
     std::uint32_t scene = 0;
-    std::string scene_text;                 // the message
-    Bytes geometry;                         // likewise
-    const EncodedMoment* moment = nullptr;  // the newest; null before the first
-    std::uint64_t moments = 0;              // of this scene so far
-    SampleHistory samples;                  // of this scene
-    std::string device;                     // the message
-    std::uint64_t devices = 0;              // such messages so far
-    std::string record;                     // the message
-    std::uint64_t records = 0;              // likewise
+    std::string scene_text;                     // the message "scene"
+    Bytes geometry;                             // the message "geometry"
+    const EncodedSnapshot* snapshot = nullptr;  // the newest; null before the first
+    std::uint64_t snapshots = 0;                // of this scene so far
+    SampleHistory samples;                      // of this scene
+    std::string device;                         // the message "device"
+    std::uint64_t devices = 0;                  // number of such messages so far
+    std::string record;                         // the message "record"
+    std::uint64_t records = 0;                  // number of such messages so far
+    // host-sim is about to end
     bool ending = false;
 };
 
-/// A message to be sent.
+/// A message to send.
 struct Outgoing {
     bool text = false;
     Bytes bytes;
 };
 
-/// The connection is to be closed, for that reason (RFC 6455, section 7.4).
+/// A request to close the connection, with its status code and reason (RFC 6455, section 7.4).
 struct Closing {
     std::uint16_t code = 0;
     std::string why;
@@ -46,57 +47,57 @@ inline constexpr std::uint16_t kGoingAway = 1001;
 inline constexpr std::uint16_t kUnsupportedData = 1003;
 inline constexpr std::uint16_t kPolicyViolation = 1008;
 
-inline constexpr double kMostRequests = 200.0;    // a second, and in one burst
-inline constexpr std::size_t kMostRefusals = 32;  // that wait to be sent
+inline constexpr double kMaxRequests = 200.0;    // per second, and in one burst
+inline constexpr std::size_t kMaxRefusals = 32;  // waiting to be sent; more are dropped
 
 class Viewer {
   public:
-    /// Nothing to be done, a command for the run, or the end.
-    using Heard = std::variant<std::monostate, Command, Closing>;
+    /// Nothing to do, a command for the run, or the end of the connection.
+    using Outcome = std::variant<std::monostate, Command, Closing>;
 
-    /// `control`: may command.
+    /// `control`: the viewer may change the run.
     explicit Viewer(bool control) : control_(control) {}
 
-    /// A whole text message came at `now_ns`.
-    [[nodiscard]] Heard hear(std::string_view text, const SceneDescription& description, std::int64_t now_ns);
+    /// Handles a complete text message received at `now_ns` (monotonic).
+    [[nodiscard]] Outcome on_message(std::string_view text, const SceneDescription& description, std::int64_t now_ns);
 
-    /// Is told why what it asked for is not done.
+    /// Queues the reason for which a request is not carried out.
     void refuse(const Refusal& refusal);
 
-    /// Writes the next message to `message`; false, and `message` as it was, if there is none for now.
-    [[nodiscard]] bool compose(const Shown& shown, std::int64_t now_ns, Outgoing& message);
+    /// Writes the next message to `message`; returns false and leaves `message` unchanged if there is none for now.
+    [[nodiscard]] bool compose(const ViewState& state, std::int64_t now_ns, Outgoing& message);
 
-    /// It has taken everything there was, a whole scene among it: another moment would be sent at once.
-    [[nodiscard]] bool waits() const noexcept { return waits_; }
-    /// It has been told that this is the end.
-    [[nodiscard]] bool told_bye() const noexcept { return told_bye_; }
+    /// The viewer has received everything, including a whole scene, so a new snapshot would be sent at once.
+    [[nodiscard]] bool wants_snapshot() const noexcept { return wants_snapshot_; }
+    /// The message "bye" has been sent.
+    [[nodiscard]] bool bye_sent() const noexcept { return bye_sent_; }
     [[nodiscard]] const Watch& watch() const noexcept { return watch_; }
 
   private:
-    bool within_rate(std::int64_t now_ns) noexcept;
-    [[nodiscard]] bool compose_notice(const Shown& shown, Outgoing& message);
-    [[nodiscard]] bool compose_samples(const Shown& shown, std::int64_t now_ns, Outgoing& message);
-    void compose_frame(const Shown& shown, Outgoing& message);
+    bool take_allowance(std::int64_t now_ns) noexcept;
+    [[nodiscard]] bool compose_notice(const ViewState& state, Outgoing& message);
+    [[nodiscard]] bool compose_samples(const ViewState& state, std::int64_t now_ns, Outgoing& message);
+    void compose_frame(const ViewState& state, Outgoing& message);
 
     bool control_ = false;
     Watch watch_;
-    double allowance_ = kMostRequests;
-    std::int64_t heard_ns_ = 0;
+    double allowance_ = kMaxRequests;
+    std::int64_t last_message_ns_ = 0;
     std::deque<std::string> refusals_;
 
-    // What it was sent of the scene.
+    // Versions and counters of what this viewer has been sent.
     std::uint32_t scene_ = 0;
     std::uint32_t geometry_ = 0;
-    std::uint64_t moments_ = 0;
-    std::vector<std::uint64_t> surfaces_;   // versions, as EncodedMoment::surfaces
-    std::vector<std::uint64_t> particles_;  // likewise
-    bool samples_begun_ = false;            // since it watches them, in this scene
-    std::uint64_t samples_ = 0;             // number of the next
+    std::uint64_t snapshots_ = 0;
+    std::vector<std::uint64_t> surfaces_;   // versions, as EncodedSnapshot::surfaces
+    std::vector<std::uint64_t> particles_;  // versions, as EncodedSnapshot::particles
+    bool samples_begun_ = false;            // since it subscribed to them, in this scene
+    std::uint64_t samples_ = 0;             // number of the next sample
     std::int64_t samples_ns_ = 0;
     std::uint64_t devices_ = 0;
     std::uint64_t records_ = 0;
-    bool waits_ = false;
-    bool told_bye_ = false;
+    bool wants_snapshot_ = false;
+    bool bye_sent_ = false;
 };
 
 }  // namespace haptic::sim::view

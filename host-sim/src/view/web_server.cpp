@@ -27,19 +27,20 @@
 namespace haptic::sim::view {
 namespace {
 
-constexpr std::size_t kMostSockets = kMostViewers + 32;  // the rest are for pages
-constexpr std::size_t kChunk = 65536;                    // bytes that are written at once
-// What the kernel may hold back for one viewer: more would only make what it shows old.
+constexpr std::size_t kMaxSockets = kMaxViewers + 32;  // the additional ones are for page requests
+constexpr std::size_t kChunk = 65536;                  // bytes per write
+// Limits on what the kernel buffers per viewer: a longer queue would only delay what the viewer sees.
 constexpr int kSendBuffer = 262144;
-constexpr int kUnsentAtMost = 131072;
-constexpr std::int64_t kFarewellNs = 250'000'000;
+constexpr int kMaxUnsent = 131072;
+// Time for viewers to take the last message after stop().
+constexpr std::int64_t kShutdownNs = 250'000'000;
 
-// What the library calls protocols beside that of the stream: of pages, the listening socket and the timer.
+// Names of the library's "protocols" besides the stream: HTTP pages, the listening socket and the timer.
 constexpr const char* kPages = "pages";
 constexpr const char* kListener = "listener";
 constexpr const char* kTimer = "timer";
 
-/// Of every response.
+/// Headers of every response.
 const lws_protocol_vhost_options* security_headers() {
     static const lws_protocol_vhost_options sniff{nullptr, nullptr, "x-content-type-options:", "nosniff"};
     static const lws_protocol_vhost_options frame{&sniff, nullptr, "x-frame-options:", "DENY"};
@@ -48,23 +49,24 @@ const lws_protocol_vhost_options* security_headers() {
     return &cache;
 }
 
-bool speaks(lws* wsi, const char* protocol) {
+bool has_protocol(lws* wsi, const char* protocol) {
     return std::strcmp(lws_get_protocol(wsi)->name, protocol) == 0;
 }
 
-/// The library ignores SIGPIPE for the whole process, which is not for it to decide.
-class SigpipeAsItWas {
+/// Restores the process's SIGPIPE action, which the library changes when it is initialised.
+class SigpipeGuard {
   public:
-    SigpipeAsItWas() { (void)sigaction(SIGPIPE, nullptr, &before_); }
-    SigpipeAsItWas(const SigpipeAsItWas&) = delete;
-    SigpipeAsItWas& operator=(const SigpipeAsItWas&) = delete;
-    ~SigpipeAsItWas() { (void)sigaction(SIGPIPE, &before_, nullptr); }
+    SigpipeGuard() { (void)sigaction(SIGPIPE, nullptr, &before_); }
+    SigpipeGuard(const SigpipeGuard&) = delete;
+    SigpipeGuard& operator=(const SigpipeGuard&) = delete;
+    ~SigpipeGuard() { (void)sigaction(SIGPIPE, &before_, nullptr); }
 
   private:
     struct sigaction before_{};
 };
 
-/// A descriptor in reserve: with none left a connection cannot even be refused, and would be offered for ever.
+/// Spare file descriptor. When none is left, a pending connection could not even be refused and accept() would report
+/// it for ever; closing the spare one makes room to accept and close it.
 class SpareDescriptor {
   public:
     SpareDescriptor() { open(); }
@@ -83,15 +85,15 @@ class SpareDescriptor {
     int descriptor_ = -1;
 };
 
-/// A viewer's connection.
-struct Connection {
-    std::unique_ptr<Conversation> conversation;
-    std::string heard;                    // the fragments of a message so far
+/// The socket of one viewer.
+struct ViewerSocket {
+    std::unique_ptr<Connection> connection;
+    std::string received;                 // fragments of the current message
     std::vector<unsigned char> outgoing;  // LWS_PRE bytes for the library, then the message
-    std::size_t sent = 0;                 // with those
+    std::size_t sent = 0;                 // bytes of `outgoing`, including LWS_PRE
     bool text = false;
-    std::int64_t asked_ns = 0;       // since when the socket has taken nothing; 0: nothing waits for it
-    std::optional<Closing> closing;  // as soon as what is on its way has gone
+    std::int64_t waiting_since_ns = 0;  // since when a write has been pending; 0: none is
+    std::optional<Closing> closing;     // set: close after the message in progress
 };
 
 }  // namespace
@@ -103,56 +105,60 @@ class WebServer::Impl {
     Impl& operator=(const Impl&) = delete;
     ~Impl();
 
+    // The public interface; see WebServer.
     [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
     void run();
     void wake() noexcept { lws_cancel_service(context_); }
     void stop() noexcept;
     [[nodiscard]] bool stopping() const noexcept { return stop_.load(std::memory_order_relaxed); }
-    [[nodiscard]] std::size_t viewers() const noexcept { return connections_.size(); }
-    void invite_all();
+    [[nodiscard]] std::size_t viewers() const noexcept { return viewers_.size(); }
+    void request_writes();
 
   private:
-    /// The library calls back as C does: nothing may be thrown through it.
+    /// Callback of the C library: exceptions must not pass through it.
     static int on_event(lws* wsi, lws_callback_reasons reason, void* user, void* in, std::size_t length);
     static const std::array<lws_protocols, 5>& protocols();
     int on(lws* wsi, lws_callback_reasons reason, const void* in, std::size_t length);
 
+    // Listening socket and timer.
     void adopt(int descriptor, const char* protocol);
-    int take_from(lws* wsi);
+    int on_descriptor_readable(lws* wsi);
     void accept_all(int listener);
-    void admit(int socket);
+    void add_socket(int socket);
+    // One viewer: from the upgrade of its request to the close frame.
     int check_upgrade(lws* wsi);
     void join(lws* wsi);
-    int hear(lws* wsi, std::string_view fragment);
+    int on_message(lws* wsi, std::string_view fragment);
     int write(lws* wsi);
-    int write_chunk(lws* wsi, Connection& connection);
+    int write_chunk(lws* wsi, ViewerSocket& viewer);
     int close(lws* wsi, const Closing& closing);
-    int close_later(lws* wsi, Connection& connection, const Closing& closing);
-    void invite(lws* wsi, Connection& connection);
+    int close_later(lws* wsi, ViewerSocket& viewer, const Closing& closing);
+    void request_write(lws* wsi, ViewerSocket& viewer);
     void forget(lws* wsi);
+    // All viewers.
     void tick();
     void close_stuck(std::int64_t now_ns);
-    void keep_time();
+    void update_timer();
 
     WebHandler& handler_;
     std::int64_t stuck_after_ns_ = 0;
     std::uint16_t port_ = 0;
     PageReplies pages_;
     SpareDescriptor spare_;
-    std::set<const lws*> sockets_;  // accepted, and not yet closed
-    std::map<lws*, Connection> connections_;
-    std::set<lws*> closing_;  // were connections; their close frame is on its way
+    std::set<const lws*> sockets_;  // accepted and not yet closed
+    std::map<lws*, ViewerSocket> viewers_;
+    std::set<lws*> closing_;  // former viewers whose close frame is being sent
     std::atomic<bool> stop_{false};
-    std::int64_t end_ns_ = 0;  // once it stops: when it ends at the latest
+    std::int64_t end_ns_ = 0;  // after stop(): when run() returns at the latest
     bool ended_ = false;
-    bool ticking_ = false;
-    int timer_ = -1;  // the library's, as soon as it has it
+    bool timer_armed_ = false;
+    int timer_ = -1;  // owned by the library once adopted
     lws_context* context_ = nullptr;
 };
 
 const std::array<lws_protocols, 5>& WebServer::Impl::protocols() {
     static const std::array<lws_protocols, 5> list = {{{kPages, on_event, 0, 0, 0, nullptr, 0},
-                                                       {kSubprotocol, on_event, 0, kLongestRequest, 0, nullptr, 0},
+                                                       {kSubprotocol, on_event, 0, kMaxRequestBytes, 0, nullptr, 0},
                                                        {kListener, on_event, 0, 0, 0, nullptr, 0},
                                                        {kTimer, on_event, 0, 0, 0, nullptr, 0},
                                                        {nullptr, nullptr, 0, 0, 0, nullptr, 0}}};
@@ -164,16 +170,19 @@ int WebServer::Impl::on_event(lws* wsi, lws_callback_reasons reason, void* /*use
     try {
         return server->on(wsi, reason, in, length);
     } catch (const std::exception&) {
-        return -1;  // ends this connection alone: memory ran out, or what it was told of could not be computed
+        // Close only this connection: memory ran out, or its handler failed.
+        return -1;
     }
 }
 
 WebServer::Impl::Impl(const std::string& address, std::uint16_t port, WebHandler& handler, std::int64_t stuck_after_ns)
     : handler_(handler), stuck_after_ns_(stuck_after_ns) {
+    // Open the listening socket first: its errors are the user's to correct.
     const int listener = listen_on(address, port);
     port_ = port_of(listener);
-    const SigpipeAsItWas keep;
+    const SigpipeGuard keep;
     lws_set_log_level(0, nullptr);
+    // The library opens no socket of its own and does not change user or group; it checks text messages for UTF-8.
     lws_context_creation_info info{};
     info.port = CONTEXT_PORT_NO_LISTEN_SERVER;
     info.protocols = protocols().data();
@@ -182,16 +191,17 @@ WebServer::Impl::Impl(const std::string& address, std::uint16_t port, WebHandler
     info.server_string = "host-sim";
     info.gid = static_cast<decltype(info.gid)>(-1);
     info.uid = static_cast<decltype(info.uid)>(-1);
-    info.fd_limit_per_thread = static_cast<unsigned>(kMostSockets) + 16;
-    info.timeout_secs = kRequestPatienceS;
+    info.fd_limit_per_thread = static_cast<unsigned>(kMaxSockets) + 16;
+    info.timeout_secs = kRequestTimeoutS;
     info.user = this;
+    // The constructor owns the listener until the library has adopted it.
     context_ = lws_create_context(&info);
     if (context_ == nullptr) {
         (void)::close(listener);
-        throw std::runtime_error("--view: libwebsockets could not be set up; is there memory, are there descriptors?");
+        throw std::runtime_error("--view: cannot initialise libwebsockets; check free memory and file descriptors");
     }
     adopt(listener, kListener);
-    // A timer of the library's own would be rounded down to milliseconds, and the rest of each spent in a busy loop.
+    // The library's own timers round down to milliseconds and busy-wait for the remainder, so use a timerfd.
     timer_ = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
     adopt(timer_, kTimer);
 }
@@ -200,7 +210,7 @@ WebServer::Impl::~Impl() {
     lws_context_destroy(context_);
 }
 
-/// The descriptor is the library's from here on.
+/// Hands a descriptor over to the library, which owns it from here on. Destroys the context and throws on failure.
 void WebServer::Impl::adopt(int descriptor, const char* protocol) {
     lws_sock_file_fd_type adopted{};
     adopted.filefd = descriptor;
@@ -210,7 +220,8 @@ void WebServer::Impl::adopt(int descriptor, const char* protocol) {
             (void)::close(descriptor);
         }
         lws_context_destroy(context_);
-        throw std::runtime_error(std::string("--view: there is no ") + protocol + "; are there descriptors left?");
+        throw std::runtime_error(std::string("--view: cannot set up the ") + protocol +
+                                 "; check free file descriptors");
     }
 }
 
@@ -220,7 +231,7 @@ void WebServer::Impl::run() {
 }
 
 void WebServer::Impl::stop() noexcept {
-    stop_.store(true, std::memory_order_relaxed);  // wake() is a system call that orders it
+    stop_.store(true, std::memory_order_relaxed);  // relaxed: the system call in wake() orders it
     wake();
 }
 
@@ -228,29 +239,34 @@ int WebServer::Impl::on(lws* wsi, lws_callback_reasons reason, const void* in, s
     const auto text = [&] { return std::string_view(static_cast<const char*>(in), length); };
     switch (reason) {
         case LWS_CALLBACK_RAW_RX_FILE:
-            return take_from(wsi);
+            return on_descriptor_readable(wsi);
+        // Decide on a new WebSocket, first by request, then by subprotocol.
         case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
             return check_upgrade(wsi);
         case LWS_CALLBACK_FILTER_PROTOCOL_CONNECTION:
-            return speaks(wsi, kSubprotocol) ? 0 : 1;
+            return has_protocol(wsi, kSubprotocol) ? 0 : 1;
+        // Ordinary HTTP.
         case LWS_CALLBACK_HTTP:
-            return pages_.begin(wsi, handler_.resource(text()));
+            return pages_.start(wsi, handler_.resource(text()));
         case LWS_CALLBACK_HTTP_WRITEABLE:
-            return pages_.go_on(wsi);
+            return pages_.resume(wsi);
+        // An open WebSocket.
         case LWS_CALLBACK_ESTABLISHED:
             join(wsi);
             return 0;
         case LWS_CALLBACK_RECEIVE:
-            return hear(wsi, text());
+            return on_message(wsi, text());
         case LWS_CALLBACK_SERVER_WRITEABLE:
             return write(wsi);
+        // Any end, of either kind; several of these may come for one socket.
         case LWS_CALLBACK_CLOSED:
         case LWS_CALLBACK_CLOSED_HTTP:
         case LWS_CALLBACK_WSI_DESTROY:
             forget(wsi);
             return 0;
         case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
-            if (speaks(wsi, kPages)) {  // of each protocol it is told once
+            // Reported once per protocol; handle it once.
+            if (has_protocol(wsi, kPages)) {
                 tick();
             }
             return 0;
@@ -259,17 +275,17 @@ int WebServer::Impl::on(lws* wsi, lws_callback_reasons reason, const void* in, s
     }
 }
 
-/// Of the listening socket and the timer, both of which have to go on whatever happens.
-int WebServer::Impl::take_from(lws* wsi) {
+/// The listening socket or the timer is readable. Always returns 0: both must continue whatever happens.
+int WebServer::Impl::on_descriptor_readable(lws* wsi) {
     try {
-        if (speaks(wsi, kListener)) {
+        if (has_protocol(wsi, kListener)) {
             accept_all(lws_get_socket_fd(wsi));
         } else {
             std::uint64_t times = 0;
             (void)::read(timer_, &times, sizeof(times));
             tick();
         }
-    } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): memory ran out: perhaps there is some next time
+    } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): out of memory; retry at the next event
     }
     return 0;
 }
@@ -278,8 +294,9 @@ void WebServer::Impl::accept_all(int listener) {
     while (true) {
         const int socket = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
         if (socket >= 0) {
-            admit(socket);
+            add_socket(socket);
         } else if (errno == EMFILE || errno == ENFILE) {
+            // Out of descriptors: use the spare one to refuse the connection.
             spare_.close();
             const int refused = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC);
             if (refused >= 0) {
@@ -293,175 +310,183 @@ void WebServer::Impl::accept_all(int listener) {
     }
 }
 
-void WebServer::Impl::admit(int socket) {
-    if (sockets_.size() >= kMostSockets) {
+void WebServer::Impl::add_socket(int socket) {
+    if (sockets_.size() >= kMaxSockets) {
         (void)::close(socket);
         return;
     }
+    // Send at once, and bound what the kernel queues.
     const int yes = 1;
     (void)setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
     (void)setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof(kSendBuffer));
-    (void)setsockopt(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kUnsentAtMost, sizeof(kUnsentAtMost));
+    (void)setsockopt(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kMaxUnsent, sizeof(kMaxUnsent));
     if (const lws* wsi = lws_adopt_socket(context_, socket); wsi != nullptr) {
         sockets_.insert(wsi);
     }
 }
 
-/// 0: go on; 1: answered.
+/// Decides on a WebSocket upgrade. Returns 0 to accept it, 1 if the request has been answered.
 int WebServer::Impl::check_upgrade(lws* wsi) {
-    if (pages_.refuse_stranger(wsi)) {
+    if (pages_.reject_foreign(wsi)) {
         return 1;
     }
-    // The library would also speak HTTP/2, which nothing here needs.
+    // Only WebSocket upgrades of the stream: the library would also accept HTTP/2.
     if (request_header(wsi, WSI_TOKEN_GET_URI) != kStreamPath || request_header(wsi, WSI_TOKEN_PROTOCOL).empty() ||
         strcasecmp(request_header(wsi, WSI_TOKEN_UPGRADE).c_str(), "websocket") != 0) {
         return refuse_request(wsi, HTTP_STATUS_NOT_FOUND,
-                              "The stream is a WebSocket, /stream, subprotocol haptic-view-1.");
+                              "The stream is the WebSocket /stream, subprotocol haptic-view-1.");
     }
-    if (connections_.size() >= kMostViewers || stopping()) {
-        return refuse_request(wsi, HTTP_STATUS_SERVICE_UNAVAILABLE, "There are as many viewers as there can be.");
+    if (viewers_.size() >= kMaxViewers || stopping()) {
+        return refuse_request(wsi, HTTP_STATUS_SERVICE_UNAVAILABLE, "The maximum number of viewers is connected.");
     }
     return 0;
 }
 
 void WebServer::Impl::join(lws* wsi) {
-    Connection& connection = connections_[wsi];
-    connection.conversation = handler_.join();
-    invite(wsi, connection);
-    keep_time();
+    ViewerSocket& viewer = viewers_[wsi];
+    viewer.connection = handler_.connect();
+    request_write(wsi, viewer);
+    update_timer();
 }
 
-int WebServer::Impl::hear(lws* wsi, std::string_view fragment) {
-    const auto found = connections_.find(wsi);
-    if (found == connections_.end() || found->second.closing) {
-        return 0;  // it has said enough
+int WebServer::Impl::on_message(lws* wsi, std::string_view fragment) {
+    const auto found = viewers_.find(wsi);
+    if (found == viewers_.end() || found->second.closing) {
+        return 0;  // ignore messages after the decision to close
     }
-    Connection& connection = found->second;
+    ViewerSocket& viewer = found->second;
     if (lws_frame_is_binary(wsi) != 0) {
-        return close_later(wsi, connection, {kUnsupportedData, "only text is understood"});
+        return close_later(wsi, viewer, {kUnsupportedData, "only text messages are accepted"});
     }
-    // What a frame announces counts as much as what has come of it.
-    if (connection.heard.size() + fragment.size() + lws_remaining_packet_payload(wsi) > kLongestRequest) {
-        return close_later(wsi, connection,
-                           {kPolicyViolation, "longer than " + std::to_string(kLongestRequest) + " bytes"});
+    // Include the announced but not yet received part of the frame in the limit.
+    if (viewer.received.size() + fragment.size() + lws_remaining_packet_payload(wsi) > kMaxRequestBytes) {
+        return close_later(wsi, viewer,
+                           {kPolicyViolation, "longer than " + std::to_string(kMaxRequestBytes) + " bytes"});
     }
-    connection.heard += fragment;
+    viewer.received += fragment;
     if (lws_is_final_fragment(wsi) == 0) {
         return 0;
     }
-    const std::string text = std::exchange(connection.heard, {});
-    if (const std::optional<Closing> closing = connection.conversation->hear(text)) {
-        return close_later(wsi, connection, *closing);
+    // The message is complete: handle it.
+    const std::string text = std::exchange(viewer.received, {});
+    if (const std::optional<Closing> closing = viewer.connection->on_message(text)) {
+        return close_later(wsi, viewer, *closing);
     }
-    invite(wsi, connection);
+    request_write(wsi, viewer);
     return 0;
 }
 
 int WebServer::Impl::write(lws* wsi) {
-    const auto found = connections_.find(wsi);
-    if (found == connections_.end()) {
+    const auto found = viewers_.find(wsi);
+    if (found == viewers_.end()) {
         return 0;
     }
-    Connection& connection = found->second;
-    connection.asked_ns = 0;
-    if (connection.closing) {
-        return close(wsi, Closing(*connection.closing));
+    ViewerSocket& viewer = found->second;
+    // The socket is writable: it is not stuck.
+    viewer.waiting_since_ns = 0;
+    if (viewer.closing) {
+        return close(wsi, Closing(*viewer.closing));
     }
-    if (connection.sent < connection.outgoing.size()) {
-        return write_chunk(wsi, connection);
+    // Continue the message in progress before starting the next one.
+    if (viewer.sent < viewer.outgoing.size()) {
+        return write_chunk(wsi, viewer);
     }
     Outgoing message;
-    if (connection.conversation->next_message(message)) {
-        connection.text = message.text;
-        connection.outgoing.resize(LWS_PRE + message.bytes.size());
-        std::transform(message.bytes.begin(), message.bytes.end(), connection.outgoing.begin() + LWS_PRE,
+    if (viewer.connection->next_message(message)) {
+        // Copy the message behind the space that the library needs for its header.
+        viewer.text = message.text;
+        viewer.outgoing.resize(LWS_PRE + message.bytes.size());
+        std::transform(message.bytes.begin(), message.bytes.end(), viewer.outgoing.begin() + LWS_PRE,
                        [](std::byte byte) { return std::to_integer<unsigned char>(byte); });
-        connection.sent = LWS_PRE;
-        return write_chunk(wsi, connection);
+        viewer.sent = LWS_PRE;
+        return write_chunk(wsi, viewer);
     }
-    return connection.conversation->has_ended() ? close(wsi, {kGoingAway, "host-sim ends"}) : 0;
+    return viewer.connection->has_ended() ? close(wsi, {kGoingAway, "host-sim is ending"}) : 0;
 }
 
-/// A message goes in pieces, so that one who takes it slowly is told from one who takes nothing. The library writes a
-/// piece's header in front of it, over what has gone already.
-int WebServer::Impl::write_chunk(lws* wsi, Connection& connection) {
-    const std::size_t length = std::min(connection.outgoing.size() - connection.sent, kChunk);
-    const bool first = connection.sent == LWS_PRE;
-    const bool last = connection.sent + length == connection.outgoing.size();
-    const int flags = lws_write_ws_flags(connection.text ? LWS_WRITE_TEXT : LWS_WRITE_BINARY, first, last);
-    if (lws_write(wsi, connection.outgoing.data() + connection.sent, length, static_cast<lws_write_protocol>(flags)) <
+/// Writes the next chunk of a message. Chunks distinguish a slow socket from a stuck one. The library writes each
+/// chunk's header in front of it, over bytes already sent.
+int WebServer::Impl::write_chunk(lws* wsi, ViewerSocket& viewer) {
+    const std::size_t length = std::min(viewer.outgoing.size() - viewer.sent, kChunk);
+    const bool first = viewer.sent == LWS_PRE;
+    const bool last = viewer.sent + length == viewer.outgoing.size();
+    const int flags = lws_write_ws_flags(viewer.text ? LWS_WRITE_TEXT : LWS_WRITE_BINARY, first, last);
+    if (lws_write(wsi, viewer.outgoing.data() + viewer.sent, length, static_cast<lws_write_protocol>(flags)) <
         static_cast<int>(length)) {
         return -1;
     }
-    connection.sent += length;
-    invite(wsi, connection);
+    viewer.sent += length;
+    request_write(wsi, viewer);
     return 0;
 }
 
-/// Nothing may follow a close frame, and nothing that is said after it counts.
+/// Sends a close frame and forgets the viewer: nothing may follow the frame, and later messages are ignored.
 int WebServer::Impl::close(lws* wsi, const Closing& closing) {
     std::string why = closing.why;
     lws_close_reason(wsi, static_cast<lws_close_status>(closing.code), reinterpret_cast<unsigned char*>(why.data()),
                      why.size());
-    connections_.erase(wsi);
+    viewers_.erase(wsi);
     closing_.insert(wsi);
     return -1;
 }
 
-/// The library sends no close frame while a piece of a message is still on its way.
-int WebServer::Impl::close_later(lws* wsi, Connection& connection, const Closing& closing) {
-    connection.closing = closing;
-    invite(wsi, connection);
+/// Defers the close frame: the library does not send one while a message is in progress.
+int WebServer::Impl::close_later(lws* wsi, ViewerSocket& viewer, const Closing& closing) {
+    viewer.closing = closing;
+    request_write(wsi, viewer);
     return 0;
 }
 
-void WebServer::Impl::invite(lws* wsi, Connection& connection) {
-    if (connection.asked_ns == 0) {
-        connection.asked_ns = monotonic_now_ns();
+void WebServer::Impl::request_write(lws* wsi, ViewerSocket& viewer) {
+    if (viewer.waiting_since_ns == 0) {
+        viewer.waiting_since_ns = monotonic_now_ns();
         (void)lws_callback_on_writable(wsi);
     }
 }
 
-void WebServer::Impl::invite_all() {
-    for (auto& [wsi, connection] : connections_) {
-        invite(wsi, connection);
+void WebServer::Impl::request_writes() {
+    for (auto& [wsi, viewer] : viewers_) {
+        request_write(wsi, viewer);
     }
 }
 
 void WebServer::Impl::forget(lws* wsi) {
     pages_.forget(wsi);
-    connections_.erase(wsi);
+    viewers_.erase(wsi);
     closing_.erase(wsi);
     sockets_.erase(wsi);
 }
 
 void WebServer::Impl::tick() {
     const std::int64_t now_ns = monotonic_now_ns();
+    // The first tick after stop() starts the shutdown period.
     if (stopping() && end_ns_ == 0) {
-        end_ns_ = now_ns + kFarewellNs;
-        invite_all();
+        end_ns_ = now_ns + kShutdownNs;
+        request_writes();
     }
+    // Let the handler produce messages, then drop stuck viewers.
     handler_.tick();
     close_stuck(now_ns);
-    ended_ = stopping() && ((connections_.empty() && closing_.empty()) || now_ns >= end_ns_);
-    keep_time();
+    // End when all viewers have gone or the shutdown period is over.
+    ended_ = stopping() && ((viewers_.empty() && closing_.empty()) || now_ns >= end_ns_);
+    update_timer();
 }
 
 void WebServer::Impl::close_stuck(std::int64_t now_ns) {
-    for (auto& [wsi, connection] : connections_) {
-        if (connection.asked_ns != 0 && now_ns - connection.asked_ns > stuck_after_ns_) {
+    for (auto& [wsi, viewer] : viewers_) {
+        if (viewer.waiting_since_ns != 0 && now_ns - viewer.waiting_since_ns > stuck_after_ns_) {
             lws_set_timeout(wsi, PENDING_TIMEOUT_KILLED_BY_PARENT, LWS_TO_KILL_ASYNC);
         }
     }
 }
 
-/// Ticks while there is somebody to tick for.
-void WebServer::Impl::keep_time() {
-    const bool needed = !connections_.empty() || !closing_.empty();
-    if (needed == ticking_) {
+/// Arms the timer while a viewer is connected or closing.
+void WebServer::Impl::update_timer() {
+    const bool needed = !viewers_.empty() || !closing_.empty();
+    if (needed == timer_armed_) {
         return;
     }
-    ticking_ = needed;
+    timer_armed_ = needed;
     const timespec period{0, needed ? kTickNs : 0};
     const itimerspec timer{period, period};
     (void)timerfd_settime(timer_, 0, &timer, nullptr);
@@ -489,8 +514,8 @@ bool WebServer::stopping() const noexcept {
 std::size_t WebServer::viewers() const noexcept {
     return impl_->viewers();
 }
-void WebServer::invite_all() {
-    impl_->invite_all();
+void WebServer::request_writes() {
+    impl_->request_writes();
 }
 
 }  // namespace haptic::sim::view

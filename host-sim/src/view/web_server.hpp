@@ -1,10 +1,10 @@
-// HTTP and WebSocket for a few viewers, by libwebsockets, all on one thread. It knows who may connect and how much one
-// may say or hold up; what is said it leaves to a WebHandler.
+// Web server: HTTP and WebSocket for a few viewers by libwebsockets, all on one thread. It decides who may connect and
+// limits what a viewer may send or hold up; the content of messages is the WebHandler's.
 //
-// Only GET and HEAD, and one WebSocket, /stream, of the subprotocol haptic-view-1. Refused are requests whose Host is
-// not this machine's (400), from a page that this server did not serve (403), and more than kMostViewers (503). A
-// viewer is closed, and nobody else notices, when it says anything but text messages of kLongestRequest bytes at most,
-// or when its socket takes nothing for kStuckAfterNs.
+// It accepts only GET and HEAD, and one WebSocket, /stream, of subprotocol haptic-view-1. It rejects requests whose
+// Host is not this machine (400), requests from a page that this server did not serve (403), and viewers beyond
+// kMaxViewers (503). It closes a viewer that sends anything but text messages of at most kMaxRequestBytes, or whose
+// socket accepts nothing for kStuckAfterNs; other viewers are not affected.
 #pragma once
 
 #include <cstdint>
@@ -18,37 +18,38 @@
 
 namespace haptic::sim::view {
 
-inline constexpr std::size_t kMostViewers = 128;
+inline constexpr std::size_t kMaxViewers = 128;
 inline constexpr std::int64_t kStuckAfterNs = 10'000'000'000;
 inline constexpr std::int64_t kTickNs = 4'000'000;
 inline constexpr const char* kStreamPath = "/stream";
 inline constexpr const char* kSubprotocol = "haptic-view-1";
 
-/// What is served at a path.
+/// Content served at a path.
 struct Resource {
     std::string type;                    // e.g. "text/html; charset=utf-8"
-    std::span<const std::byte> content;  // empty: there is none, which is no error
-    std::shared_ptr<const void> owner;   // keeps the content; null: it is there for ever
-    std::string download_as;             // a file name; empty: it is shown
+    std::span<const std::byte> content;  // empty: the path exists but has no content (204)
+    std::shared_ptr<const void> owner;   // keeps the content alive; null: static content
+    std::string download_as;             // a file name; empty: shown in the browser
 };
 
-/// One connected viewer. Calls come from the server's thread; whatever is thrown closes this viewer.
-class Conversation {
+/// One connected viewer. Called from the server's thread; an exception closes this viewer.
+class Connection {
   public:
-    Conversation() = default;
-    Conversation(const Conversation&) = delete;
-    Conversation& operator=(const Conversation&) = delete;
-    virtual ~Conversation() = default;
+    Connection() = default;
+    Connection(const Connection&) = delete;
+    Connection& operator=(const Connection&) = delete;
+    virtual ~Connection() = default;
 
-    /// A whole text message; closes the connection if it says so.
-    [[nodiscard]] virtual std::optional<Closing> hear(std::string_view text) = 0;
-    /// The message before has gone: writes the next one, or returns false until invited again.
+    /// Handles a complete text message. Returns a Closing to close the connection.
+    [[nodiscard]] virtual std::optional<Closing> on_message(std::string_view text) = 0;
+    /// Writes the next message once the previous one has been sent; returns false if there is none until the next
+    /// request_writes().
     [[nodiscard]] virtual bool next_message(Outgoing& message) = 0;
-    /// Nothing will follow: the connection is to be closed.
+    /// No more messages will follow; the server closes the connection.
     [[nodiscard]] virtual bool has_ended() const = 0;
 };
 
-/// Calls come from the server's thread.
+/// Supplier of content. Called from the server's thread.
 class WebHandler {
   public:
     WebHandler() = default;
@@ -56,38 +57,38 @@ class WebHandler {
     WebHandler& operator=(const WebHandler&) = delete;
     virtual ~WebHandler() = default;
 
-    [[nodiscard]] virtual std::unique_ptr<Conversation> join() = 0;
+    [[nodiscard]] virtual std::unique_ptr<Connection> connect() = 0;
     [[nodiscard]] virtual std::optional<Resource> resource(std::string_view path) = 0;
-    /// Every kTickNs while somebody is connected, and after each wake().
+    /// Called every kTickNs while a viewer is connected, and after each wake().
     virtual void tick() = 0;
 };
 
 class WebServer {
   public:
-    /// Listens; port 0: any that is free. `stuck_after_ns`: when a viewer whose socket takes nothing is closed. Throws
-    /// std::runtime_error: the address cannot be had.
+    /// Starts to listen; port 0 selects a free port. A viewer whose socket accepts nothing for `stuck_after_ns` is
+    /// closed. Throws std::runtime_error if the address is not available.
     WebServer(const std::string& address, std::uint16_t port, WebHandler& handler,
               std::int64_t stuck_after_ns = kStuckAfterNs);
     WebServer(const WebServer&) = delete;
     WebServer& operator=(const WebServer&) = delete;
     ~WebServer();
 
-    /// The port that it listens on, also where any was asked for.
+    /// The port that it listens on, also when port 0 was given.
     [[nodiscard]] std::uint16_t port() const noexcept;
 
-    /// Serves on the calling thread, until stop() and then until all conversations have ended, a quarter of a second
-    /// at most.
+    /// Serves on the calling thread until stop(), then until all connections have closed, at most a quarter of a second
+    /// longer.
     void run();
 
-    /// From any thread; neither waits nor allocates.
+    /// Callable from any thread; neither blocks nor allocates.
     void wake() noexcept;
     void stop() noexcept;
 
-    // From the server's thread.
+    // To be called from the server's thread.
     [[nodiscard]] bool stopping() const noexcept;
     [[nodiscard]] std::size_t viewers() const noexcept;
-    /// Asks every conversation for its next message as soon as its socket takes one.
-    void invite_all();
+    /// Asks every connection for its next message as soon as its socket is writable.
+    void request_writes();
 
   private:
     class Impl;

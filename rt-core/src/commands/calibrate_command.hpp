@@ -1,4 +1,5 @@
-// `rt-core calibrate`: a person moves the grip, and the file of the frame says afterwards what the frame really is.
+// `rt-core calibrate`: finds the real geometry of a device from a recording in which a person moves the grip, and
+// writes its file.
 #pragma once
 
 #include <filesystem>
@@ -6,24 +7,24 @@
 #include <string>
 #include <vector>
 
-#include "device/geometry_fit.hpp"
 #include "commands/run_command.hpp"
+#include "device/geometry_fit.hpp"
 
 namespace haptic::rt {
 
 struct CalibrateOptions {
-    RunOptions run;                            // device, configuration, hand; session and recording are chosen here
-    std::optional<std::string> variant;        // name or file; that of the configuration otherwise
-    std::optional<std::filesystem::path> fit;  // a recording that there is already
+    RunOptions run;                            // device, configuration, hand; the command sets session and recording
+    std::optional<std::string> geometry;       // nominal geometry, name or file; default: that of the configuration
+    std::optional<std::filesystem::path> fit;  // existing recording to fit, instead of running the loop
     std::optional<std::filesystem::path> out;
-    std::vector<std::string> weights;  // "STRING=KILOGRAMS@DIGIT"
-    double hold_s = 1.0;               // s, for which the grip is held still after it was calibrated
-    double wiggle_s = 30.0;            // s, in which it is moved
-    bool yes = false;                  // ask nothing
+    std::vector<std::string> weights;  // "STRING=KILOGRAMS@CODE"
+    double hold_s = 1.0;               // s, duration for which the grip is held still after its calibration
+    double wiggle_s = 30.0;            // s, duration for which it is moved
+    bool yes = false;                  // no questions
     FitSettings fit_settings;
 };
 
-/// Exit status 0 if a geometry was found, and written where it was to be. Throws Refusal, ConfigError, CsvError.
+/// Returns 0 if a geometry was found and, unless declined, written. Throws Refusal, ConfigError, CsvError.
 int calibrate_command(const CalibrateOptions& options);
 
 }  // namespace haptic::rt

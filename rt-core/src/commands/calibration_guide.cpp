@@ -9,7 +9,7 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kShowNs = 250'000'000;
+constexpr std::int64_t kShowNs = 250'000'000;  // between two updates of the progress line
 constexpr double kDegrees = 57.29577951308232;
 constexpr double kMillimetres = 1e3;
 
@@ -21,17 +21,18 @@ std::string text(const char* format, auto... values) {
 
 }  // namespace
 
-void CalibrationGuide::saw(const TickRecord& tick) {
+void CalibrationGuide::on_tick(const TickRecord& tick) {
     if (done()) {
         return;
     }
-    count(tick);
+    accumulate_counts(tick);
+    // Advance the phase that this tick belongs to.
     const bool running = tick.safety_state == HAPTIC_RUNNING;
     switch (phase_) {
         case Phase::Waiting:
             if (running) {
-                begin(Phase::Holding, tick);
-                std::printf("\nThe grip is taken as centred and level. Hold it there.\n");
+                enter(Phase::Holding, tick);
+                std::printf("\nThis pose is taken as centred and level. Hold the grip there.\n");
             } else {
                 wait(tick);
             }
@@ -46,23 +47,25 @@ void CalibrationGuide::saw(const TickRecord& tick) {
         case Phase::Failed:
             break;
     }
+    // A stop or a fault before the end is a failure.
     if (!done() && phase_ != Phase::Waiting && !running) {
         phase_ = Phase::Failed;
-        problem_ = "the loop stopped before the grip was moved about for long enough";
+        problem_ = "the loop stopped before the grip had been moved for the whole time";
     }
 }
 
-void CalibrationGuide::count(const TickRecord& tick) {
-    const unsigned unused = 32U - static_cast<unsigned>(device::counter_bits(settings_.variant.board));
+void CalibrationGuide::accumulate_counts(const TickRecord& tick) {
+    // Sign-extends the difference of two counters of 16, 24 or 32 bits, so that it survives a wrap-around.
+    const unsigned unused = 32U - static_cast<unsigned>(device::counter_bits(settings_.geometry.board));
     for (std::size_t i = 0; i < kStrings && counted_; ++i) {
         counts_[i] += static_cast<std::int32_t>((tick.counters[i] - last_[i]) << unused) >> unused;
-        strings_[i].take(static_cast<double>(counts_[i]));
+        strings_[i].add(static_cast<double>(counts_[i]));
     }
     last_ = tick.counters;
     counted_ = true;
 }
 
-void CalibrationGuide::begin(Phase phase, const TickRecord& tick) {
+void CalibrationGuide::enter(Phase phase, const TickRecord& tick) {
     phase_ = phase;
     begin_ns_ = tick.now_ns;
     counts_ = {};
@@ -74,7 +77,7 @@ void CalibrationGuide::begin(Phase phase, const TickRecord& tick) {
 double CalibrationGuide::largest_movement() const {
     double largest = 0.0;
     for (std::size_t i = 0; i < kStrings; ++i) {
-        largest = std::max(largest, strings_[i].width() * std::fabs(settings_.variant.strings[i].metres_per_count));
+        largest = std::max(largest, strings_[i].width() * std::fabs(settings_.geometry.strings[i].metres_per_count));
     }
     return largest;
 }
@@ -92,7 +95,7 @@ void CalibrationGuide::show(const TickRecord& tick, const std::string& line) {
 
 void CalibrationGuide::wait(const TickRecord& tick) {
     if (tick.now_ns - shown_ns_ >= kShowNs) {
-        show(tick, text("hold still: the strings moved by %.2f mm at most in the last quarter second",
+        show(tick, text("hold still: largest movement of a string in the last quarter second %.2f mm",
                         kMillimetres * largest_movement()));
         counts_ = {};
         strings_ = {};
@@ -101,58 +104,63 @@ void CalibrationGuide::wait(const TickRecord& tick) {
 
 void CalibrationGuide::hold(const TickRecord& tick) {
     worst_residual_ = std::max(worst_residual_, tick.residual);
-    show(tick, text("held: the strings moved by %.3f mm at most, lengths contradict by %.1f um",
+    show(tick, text("held: largest movement of a string %.3f mm, residual of the lengths %.1f um",
                     kMillimetres * largest_movement(), 1e6 * worst_residual_));
     if (seconds(tick.now_ns - begin_ns_) < settings_.hold_s) {
         return;
     }
-    end_hold();
+    judge_hold();
     if (phase_ == Phase::Holding) {
-        begin(Phase::Wiggling, tick);
+        enter(Phase::Wiggling, tick);
     }
 }
 
-void CalibrationGuide::end_hold() {
+void CalibrationGuide::judge_hold() {
+    // Print the result of the hold.
     const double movement = largest_movement();
-    std::printf("\nheld for %.1f s: the strings moved by %.3f mm at most, lengths contradict by %.1f um at most\n",
+    std::printf("\nheld for %.1f s: largest movement of a string %.3f mm, largest residual of the lengths %.1f um\n",
                 settings_.hold_s, kMillimetres * movement, 1e6 * worst_residual_);
     for (std::size_t i = 0; i < kStrings; ++i) {
-        std::printf("  string %zu: %+lld counts, over %.0f\n", i, static_cast<long long>(counts_[i]),
+        std::printf("  string %zu: %+lld counts, range %.0f\n", i, static_cast<long long>(counts_[i]),
                     strings_[i].width());
     }
+    // Fail if a string moved, or if the lengths are inconsistent; else go on to the wiggle.
     if (movement > settings_.movement) {
         phase_ = Phase::Failed;
-        problem_ = text("the grip was not held still: a string moved by %.2f mm, %.2f mm are allowed",
+        problem_ = text("the grip was not held still: a string moved by %.2f mm, the limit is %.2f mm",
                         kMillimetres * movement, kMillimetres * settings_.movement);
     } else if (worst_residual_ > settings_.residual) {
         phase_ = Phase::Failed;
-        problem_ = text("the lengths contradict each other by %.2f mm although the grip was held: is a string slack?",
+        problem_ = text("the residual of the string lengths is %.2f mm although the grip was held: is a string slack?",
                         kMillimetres * worst_residual_);
     } else {
         std::printf(
-            "Now move the grip for %.0f s, slowly and without letting a string go slack: 2 cm to each side, up and\n"
-            "down, to and fro, and turn it about every axis by 20 degrees and more, also while it is off the centre.\n",
+            "Now move the grip for %.0f s, slowly and with all strings taut: 2 cm to each side, up and down, back and\n"
+            "forth, and rotate it about every axis by at least 20 degrees, away from the centre too.\n",
             settings_.wiggle_s);
     }
 }
 
+std::string CalibrationGuide::extents_text() const {
+    return text("x %.0f y %.0f z %.0f mm, rotation x %.0f y %.0f z %.0f degrees", kMillimetres * axes_[0].width(),
+                kMillimetres * axes_[1].width(), kMillimetres * axes_[2].width(), kDegrees * axes_[3].width(),
+                kDegrees * axes_[4].width(), kDegrees * axes_[5].width());
+}
+
 void CalibrationGuide::wiggle(const TickRecord& tick) {
-    const Vec3 turn = rotation_between(Quat(1.0, 0.0, 0.0, 0.0), tick.pose.orientation);
+    // Rotation vector (rad) from the level orientation.
+    const Vec3 rotation = rotation_between(Quat(1.0, 0.0, 0.0, 0.0), tick.pose.orientation);
     for (int i = 0; i < 3; ++i) {
-        axes_[static_cast<std::size_t>(i)].take(tick.pose.position[i]);
-        axes_[static_cast<std::size_t>(i) + 3].take(turn[i]);
+        axes_[static_cast<std::size_t>(i)].add(tick.pose.position[i]);
+        axes_[static_cast<std::size_t>(i) + 3].add(rotation[i]);
     }
     const double left_s = settings_.wiggle_s - seconds(tick.now_ns - begin_ns_);
-    show(tick, text("%3.0f s left; moved x %.0f y %.0f z %.0f mm, turned x %.0f y %.0f z %.0f degrees", left_s,
-                    kMillimetres * axes_[0].width(), kMillimetres * axes_[1].width(), kMillimetres * axes_[2].width(),
-                    kDegrees * axes_[3].width(), kDegrees * axes_[4].width(), kDegrees * axes_[5].width()));
+    show(tick, text("%3.0f s left; range ", left_s) + extents_text());
     if (left_s > 0.0) {
         return;
     }
     phase_ = Phase::Done;
-    std::printf("\nmoved x %.0f y %.0f z %.0f mm, turned x %.0f y %.0f z %.0f degrees\n",
-                kMillimetres * axes_[0].width(), kMillimetres * axes_[1].width(), kMillimetres * axes_[2].width(),
-                kDegrees * axes_[3].width(), kDegrees * axes_[4].width(), kDegrees * axes_[5].width());
+    std::printf("\nrange %s\n", extents_text().c_str());
 }
 
 }  // namespace haptic::rt

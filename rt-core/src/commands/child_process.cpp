@@ -16,7 +16,8 @@
 namespace haptic::rt {
 namespace {
 
-/// Attributes and files of a process to be, given back at the end.
+/// RAII owner of the attributes and file actions of posix_spawn(): default signals and scheduling, own process group,
+/// all standard streams on /dev/null.
 class SpawnSettings {
   public:
     SpawnSettings() {
@@ -88,11 +89,11 @@ ChildProcess::~ChildProcess() {
         while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
         }
     } else {
-        kill(-pid_, SIGKILL);  // what it has left behind, if anything
+        kill(-pid_, SIGKILL);  // processes that it has left behind
     }
 }
 
-std::optional<int> ChildProcess::ended() {
+std::optional<int> ChildProcess::exit_status() {
     int status = 0;
     if (!status_ && waitpid(pid_, &status, WNOHANG) == pid_) {
         status_ = shell_status(status);
@@ -104,7 +105,7 @@ void ChildProcess::terminate() const {
     kill(-pid_, SIGTERM);
 }
 
-std::string in_words(const std::vector<std::string>& command) {
+std::string command_text(const std::vector<std::string>& command) {
     std::string words;
     for (const std::string& word : command) {
         words += (words.empty() ? "" : " ") + word;

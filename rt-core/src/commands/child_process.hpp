@@ -1,5 +1,5 @@
-// A program of somebody else's that runs beside the loop: started with ordinary scheduling and signals, whatever this
-// process has, in a group of its own, and ended with everything that it has started.
+// Child process: an external program that runs next to the loop, with default scheduling and signal handling, in its
+// own process group, which is killed as a whole.
 #pragma once
 
 #include <sys/types.h>
@@ -10,21 +10,21 @@
 
 namespace haptic::rt {
 
-/// The program's path, found in PATH. Throws Refusal that names the Debian package that has it if it is not there.
+/// Path of a program, searched in PATH. Throws Refusal, which names the Debian package to install.
 [[nodiscard]] std::string find_program(const std::string& name, const std::string& package);
 
 class ChildProcess {
   public:
-    /// Starts a command (path and arguments) whose output goes nowhere. Throws Refusal.
+    /// Starts a command (path and arguments) with its output discarded. Throws Refusal.
     explicit ChildProcess(std::vector<std::string> command);
     ChildProcess(const ChildProcess&) = delete;
     ChildProcess& operator=(const ChildProcess&) = delete;
-    /// Kills the group and waits.
+    /// Kills the process group and waits for its leader.
     ~ChildProcess();
 
-    /// How it ended, as a shell says it (128 + signal number for a signal); nothing while it runs.
-    [[nodiscard]] std::optional<int> ended();
-    /// Asks the group to end.
+    /// Exit status as in a shell (128 + signal number for a signal); empty while it runs.
+    [[nodiscard]] std::optional<int> exit_status();
+    /// Sends SIGTERM to the group.
     void terminate() const;
 
   private:
@@ -32,7 +32,7 @@ class ChildProcess {
     std::optional<int> status_;
 };
 
-/// The command as one would type it.
-[[nodiscard]] std::string in_words(const std::vector<std::string>& command);
+/// The words of a command, joined by spaces.
+[[nodiscard]] std::string command_text(const std::vector<std::string>& command);
 
 }  // namespace haptic::rt

@@ -13,23 +13,23 @@
 #include <stdexcept>
 
 #include "commands/child_process.hpp"
-#include <haptic/clock.hpp>
+#include "haptic/clock.hpp"
 
 namespace haptic::rt {
 namespace {
 
-constexpr int kKeptNs = 1'000'000;  // the most that cyclictest has buckets for
+constexpr int kKeptNs = 1'000'000;  // largest histogram that cyclictest accepts, one bucket per ns
 constexpr std::int64_t kPollNs = 20'000'000;
-constexpr std::int64_t kLongestDelayNs = 30 * kNanosecondsPerSecond;  // of its end, on a machine that is very slow
+constexpr std::int64_t kMaxDelayNs = 30 * kNanosecondsPerSecond;  // tolerated after its nominal end, on slow machines
 
-/// A file that is gone at the end.
+/// RAII temporary file.
 class TemporaryFile {
   public:
     TemporaryFile() : path_(std::filesystem::temp_directory_path() / "rt-core-cyclictest-XXXXXX") {
         std::string name = path_.string();
         const int file = mkstemp(name.data());
         if (file < 0) {
-            throw std::runtime_error(path_.string() + ": no temporary file for cyclictest's result can be made");
+            throw std::runtime_error(path_.string() + ": cannot create a temporary file for cyclictest's result");
         }
         close(file);
         path_ = name;
@@ -46,32 +46,6 @@ class TemporaryFile {
     std::filesystem::path path_;
 };
 
-/// Lets what the calling thread starts run on a processor too, as long as it lives: cyclictest takes none that its
-/// parent may not use, and an isolated one is not among those.
-class Admit {
-  public:
-    explicit Admit(int cpu) {
-        CPU_ZERO(&before_);
-        if (cpu < 0 || cpu >= CPU_SETSIZE || sched_getaffinity(0, sizeof before_, &before_) != 0) {
-            return;
-        }
-        cpu_set_t more = before_;
-        CPU_SET(static_cast<std::size_t>(cpu), &more);
-        admitted_ = pthread_setaffinity_np(pthread_self(), sizeof more, &more) == 0;
-    }
-    Admit(const Admit&) = delete;
-    Admit& operator=(const Admit&) = delete;
-    ~Admit() {
-        if (admitted_) {
-            pthread_setaffinity_np(pthread_self(), sizeof before_, &before_);
-        }
-    }
-
-  private:
-    cpu_set_t before_{};
-    bool admitted_ = false;
-};
-
 std::string text_of(const std::filesystem::path& file) {
     const std::ifstream stream(file);
     std::ostringstream text;
@@ -85,6 +59,7 @@ void add_cyclictest(const std::string& json, CyclictestResult& result) {
     try {
         const nlohmann::json report = nlohmann::json::parse(json);
         const nlohmann::json& thread = report.at("thread").at("0");
+        // Histogram {"latency in ns": count} of the only thread.
         std::uint64_t kept = 0;
         for (const auto& [latency_ns, count] : thread.at("histogram").items()) {
             const std::int64_t duration_ns = std::stoll(latency_ns);
@@ -93,14 +68,14 @@ void add_cyclictest(const std::string& json, CyclictestResult& result) {
             }
             kept += count.get<std::uint64_t>();
         }
-        // What was longer than it keeps it only counts: all of it stands as the longest.
+        // Cycles beyond the histogram have no latency of their own: record each with the maximum.
         const auto cycles = thread.at("cycles").get<std::uint64_t>();
         for (; kept < cycles; ++kept) {
             result.wakeup.record(thread.at("max").get<std::int64_t>());
-            ++result.beyond;
+            ++result.overflowed;
         }
     } catch (const std::exception& error) {
-        throw std::runtime_error(std::string("cyclictest's result cannot be read: ") + error.what());
+        throw std::runtime_error(std::string("cannot parse cyclictest's result: ") + error.what());
     }
 }
 
@@ -109,10 +84,11 @@ Cyclictest::Cyclictest() : program_(find_program("cyclictest", "rt-tests")) {}
 void Cyclictest::prepare(const RealtimeSetup& setup, std::int64_t period_ns, double duration_s) {
     cpu_ = setup.cpu;
     duration_s_ = std::max(1.0, std::round(duration_s));
+    // Same policy, priority, period and processor as the loop.
     const bool fifo = setup.policy == "SCHED_FIFO";
     command_ = {program_,
                 "--quiet",
-                "--default-system",  // what holds for the loop holds for it: this process keeps the machine as it is
+                "--default-system",  // no tuning of its own: it shall run under the same conditions as the loop
                 "--nsecs",
                 "--histogram=" + std::to_string(kKeptNs),
                 "--interval=" + std::to_string(period_ns / 1000),
@@ -125,21 +101,23 @@ void Cyclictest::prepare(const RealtimeSetup& setup, std::int64_t period_ns, dou
     if (setup.memory_locked) {
         command_.emplace_back("--mlockall");
     }
-    result_.command = in_words(command_);
+    result_.command = command_text(command_);
 }
 
 bool Cyclictest::run(const StopSignals& signals) {
     const TemporaryFile file;
     std::vector<std::string> command = command_;
     command.push_back("--json=" + file.path().string());
-    const Admit admit(cpu_);
+    // cyclictest uses only processors that its parent may use, and an isolated one is usually not among those.
+    const ScopedAffinity include(cpu_, ScopedAffinity::Change::Include);
     ChildProcess child(command);
     const std::int64_t begin_ns = monotonic_now_ns();
     while (true) {
-        if (const std::optional<int> status = child.ended()) {
+        // Collect the result once it has ended; end it early on a signal or a timeout.
+        if (const std::optional<int> status = child.exit_status()) {
             if (*status != 0) {
                 throw std::runtime_error("cyclictest failed with status " + std::to_string(*status) + ": " +
-                                         in_words(command));
+                                         command_text(command));
             }
             add_cyclictest(text_of(file.path()), result_);
             return true;
@@ -147,8 +125,8 @@ bool Cyclictest::run(const StopSignals& signals) {
         if (signals.wait(kPollNs) != 0) {
             return false;
         }
-        if (monotonic_now_ns() - begin_ns > nanoseconds(duration_s_) + kLongestDelayNs) {
-            throw std::runtime_error("cyclictest does not end: " + in_words(command));
+        if (monotonic_now_ns() - begin_ns > nanoseconds(duration_s_) + kMaxDelayNs) {
+            throw std::runtime_error("cyclictest does not terminate: " + command_text(command));
         }
     }
 }

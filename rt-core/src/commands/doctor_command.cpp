@@ -3,23 +3,20 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include <haptic/report.hpp>
-#include "doctor/doctor.hpp"
-#include "process/settings.hpp"
 #include "commands/run_command.hpp"
+#include "doctor/doctor.hpp"
+#include "haptic/report.hpp"
+#include "process/settings.hpp"
 
 namespace haptic::rt {
 namespace {
 
 DoctorSettings settings_of(const DoctorOptions& options) {
-    Config config = options.config ? Config::load(*options.config) : Config();
-    for (const std::string& assignment : options.assignments) {
-        config.set(assignment);
-    }
-    const Settings settings = read_settings(config);
+    const Settings settings = read_settings(load_config(options.config, options.assignments));
     DoctorSettings result{
         .priority = settings.loop.priority, .cpu = settings.loop.cpu, .idle_exit_us = settings.loop.idle_exit_us};
-    const std::optional<device::UsbId> known = device::usb_id_of(settings.tick.variant.board);
+    // A board without a known USB id is on a serial line, whatever usb.id says.
+    const std::optional<device::UsbId> known = device::usb_id_of(settings.tick.geometry.board);
     if (const std::optional<device::UsbId> id = settings.usb.id ? settings.usb.id : known; known && id) {
         result.usb = device::UsbSelection{.id = *id, .path = settings.usb.path};
     }

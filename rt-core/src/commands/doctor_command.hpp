@@ -1,4 +1,4 @@
-// `rt-core doctor`: what of this machine keeps the loop from its period.
+// `rt-core doctor`: checks whether this machine is set up for a real-time loop.
 #pragma once
 
 #include <filesystem>
@@ -15,8 +15,8 @@ struct DoctorOptions {
     std::filesystem::path root = "/";
 };
 
-/// Prints the findings. 0 if none is bad, kExitUnfit otherwise. Throws ConfigError, std::runtime_error for a file that
-/// cannot be written.
+/// Prints the findings. Returns 0 if none is bad, else kExitUnfit. Throws ConfigError, and std::runtime_error for a
+/// file that cannot be written.
 int doctor_command(const DoctorOptions& options);
 
 }  // namespace haptic::rt

@@ -13,27 +13,28 @@
 
 #include "commands/child_process.hpp"
 #include "commands/cyclictest.hpp"
-#include <haptic/clock.hpp>
-#include <haptic/edge_capture.hpp>
-#include <haptic/report.hpp>
-#include "process/idle_request.hpp"
+#include "commands/run.hpp"
+#include "haptic/clock.hpp"
+#include "haptic/edge_capture.hpp"
+#include "haptic/report.hpp"
 #include "measure/kernel_watch.hpp"
 #include "measure/measure_page.hpp"
 #include "measure/measure_report.hpp"
-#include "commands/run.hpp"
+#include "process/idle_request.hpp"
 
 namespace haptic::rt {
 namespace {
 
-/// CLOCK_REALTIME less CLOCK_MONOTONIC.
+/// CLOCK_REALTIME minus CLOCK_MONOTONIC, ns.
 std::int64_t real_minus_monotonic() {
     timespec real{};
     clock_gettime(CLOCK_REALTIME, &real);
     return real.tv_sec * kNanosecondsPerSecond + real.tv_nsec - monotonic_now_ns();
 }
 
-/// The command that --load asks for; empty for none. Throws Refusal.
+/// Command of --load; empty for none. Throws Refusal.
 std::vector<std::string> load_command(const std::string& load) {
+    // Only stress-ng is allowed, so that no arbitrary command is run.
     std::istringstream words(load);
     std::vector<std::string> command;
     for (std::string word; words >> word;) {
@@ -47,7 +48,7 @@ std::vector<std::string> load_command(const std::string& load) {
     }
     command.front() = find_program("stress-ng", "stress-ng");
     if (command.size() == 1) {
-        // Computation on every processor, memory that is taken and given back, writes, and messages between processes.
+        // Computation on every processor, memory allocation, disk writes, and messages between processes.
         for (const char* word : {"--cpu", "0", "--vm", "1", "--vm-bytes", "64M", "--io", "1", "--sock", "1"}) {
             command.emplace_back(word);
         }
@@ -55,30 +56,31 @@ std::vector<std::string> load_command(const std::string& load) {
     return command;
 }
 
-/// Begins to read the line that is wired to the tick's; nullptr if there is none. Throws if it cannot be read.
+/// Starts to capture the edges of the line wired to the tick's probe; nullptr if none is configured. Throws if it
+/// cannot be read.
 std::unique_ptr<EdgeCapture> capture_loopback(double duration_s, const Settings& settings) {
     if (!settings.probes.loopback) {
         return nullptr;
     }
-    constexpr double margin_s = 15.0;  // warm-up, and the fade at the end
+    constexpr double margin_s = 15.0;  // for the warm-up and the fade-out
     const double edges = 2.0 * (duration_s + margin_s) / seconds(settings.loop.period_ns);
     return std::make_unique<EdgeCapture>(open_edge_source(*settings.probes.loopback, settings.probes.loopback_edges),
                                          static_cast<std::size_t>(edges),
                                          [loop = settings.loop] { prepare_side_thread(loop.priority, loop.cpu); });
 }
 
-/// What is done beside the loop while it is measured.
-class Measuring final : public RunCompanion {
+/// Runs load, capture, kernel counters and cyclictest alongside the measured loop.
+class Measuring final : public RunHooks {
   public:
     Measuring(const MeasureOptions& options, const Settings& settings);
 
     [[nodiscard]] TimingLog& log() override { return log_; }
-    void begin(const RealtimeSetup& setup) override;
-    void look(std::int64_t now_ns) override;
-    [[nodiscard]] std::optional<double> stretch_s() const override;
-    [[nodiscard]] bool pause(const StopSignals& signals) override;
+    void on_ready(const RealtimeSetup& setup) override;
+    void on_poll(std::int64_t now_ns) override;
+    [[nodiscard]] std::optional<double> segment_s() const override;
+    [[nodiscard]] bool on_pause(const StopSignals& signals) override;
 
-    /// Ends load and capture, and says what was found.
+    /// Ends load and capture, and returns the report.
     [[nodiscard]] nlohmann::json report(const RunResult& result, const Instruments& instruments);
 
   private:
@@ -87,15 +89,15 @@ class Measuring final : public RunCompanion {
     const MeasureOptions& options_;
     const Settings& settings_;
     std::vector<std::string> load_command_;
-    std::unique_ptr<Cyclictest> cyclictest_;  // nullptr: not asked for
+    std::unique_ptr<Cyclictest> cyclictest_;  // nullptr: not requested
     TimingLog log_;
     std::unique_ptr<KernelWatch> kernel_;
     int cpu_ = -1;
-    std::unique_ptr<AwayFrom> away_;  // what watches the loop does not disturb it
+    std::unique_ptr<ScopedAffinity> off_loop_cpu_;  // keeps this thread off the loop's processor
     std::unique_ptr<ChildProcess> load_;
-    std::unique_ptr<EdgeCapture> capture_;  // nullptr: not asked for
+    std::unique_ptr<EdgeCapture> capture_;  // nullptr: not requested
     std::unique_ptr<LoopbackResult> loopback_;
-    bool load_ended_ = false;  // by itself, before the run did
+    bool load_ended_ = false;  // the load terminated before the run did
     std::int64_t began_ns_ = 0;
 };
 
@@ -106,7 +108,7 @@ Measuring::Measuring(const MeasureOptions& options, const Settings& settings)
     }
 }
 
-void Measuring::begin(const RealtimeSetup& setup) {
+void Measuring::on_ready(const RealtimeSetup& setup) {
     cpu_ = setup.cpu;
     kernel_ = std::make_unique<KernelWatch>(cpu_);
     if (cyclictest_) {
@@ -114,36 +116,38 @@ void Measuring::begin(const RealtimeSetup& setup) {
     }
     if (!load_command_.empty()) {
         load_ = std::make_unique<ChildProcess>(load_command_);
-        spdlog::info("load: {}", in_words(load_command_));
+        spdlog::info("load: {}", command_text(load_command_));
     }
     capture_ = capture_loopback(options_.duration_s, settings_);
-    away_ = std::make_unique<AwayFrom>(cpu_);
+    // Only now, so that the load may also run on the loop's processor.
+    off_loop_cpu_ = std::make_unique<ScopedAffinity>(cpu_, ScopedAffinity::Change::Exclude);
     began_ns_ = monotonic_now_ns();
     kernel_->restart(began_ns_);
 }
 
-void Measuring::look(std::int64_t now_ns) {
-    kernel_->look(now_ns, log_);
+void Measuring::on_poll(std::int64_t now_ns) {
+    kernel_->poll(now_ns, log_);
     if (!load_ || load_ended_) {
         return;
     }
-    if (const std::optional<int> status = load_->ended()) {
+    if (const std::optional<int> status = load_->exit_status()) {
         load_ended_ = true;
-        spdlog::warn("the load has ended by itself, with status {}: {}", *status, in_words(load_command_));
+        spdlog::warn("the load ended early, with status {}: {}", *status, command_text(load_command_));
     }
 }
 
-std::optional<double> Measuring::stretch_s() const {
+std::optional<double> Measuring::segment_s() const {
     return cyclictest_ ? std::optional<double>(options_.alternate_s) : std::nullopt;
 }
 
-bool Measuring::pause(const StopSignals& signals) {
+bool Measuring::on_pause(const StopSignals& signals) {
     kernel_->finish(monotonic_now_ns(), log_);
     spdlog::info("cyclictest for {} s", options_.alternate_s);
-    away_.reset();
-    const IdleRequest idle(settings_.loop.idle_exit_us);  // as the loop's thread does
+    // Same conditions as for the loop: its processor, and the same limit of the idle states.
+    off_loop_cpu_.reset();
+    const IdleRequest idle(settings_.loop.idle_exit_us);
     const bool go_on = cyclictest_->run(signals);
-    away_ = std::make_unique<AwayFrom>(cpu_);
+    off_loop_cpu_ = std::make_unique<ScopedAffinity>(cpu_, ScopedAffinity::Change::Exclude);
     kernel_->restart(monotonic_now_ns());
     return go_on;
 }
@@ -154,19 +158,21 @@ void Measuring::end_capture() {
         return;
     }
     capture_->stop();
+    // Line and capture errors.
     loopback_ = std::make_unique<LoopbackResult>();
     loopback_->line = lines.loopback->line + " of " + lines.loopback->chip;
     loopback_->kind = lines.loopback_edges;
     loopback_->dropped = capture_->dropped();
     loopback_->problem = capture_->problem();
-    // A loop that began anew, after a device that was lost, has deadlines of its own.
-    const bool one_phase = log_.stretches() == 1 && !log_.worst().empty();
+    // Deadlines are start + k * period of one loop; a loop that was restarted has another phase, and no lateness.
+    const bool one_phase = log_.segments() == 1 && !log_.worst().empty();
     loopback_->edges = edge_statistics(capture_->edges(), {.period_ns = settings_.loop.period_ns,
                                                            .deadline_ns = one_phase ? log_.worst()[0].deadline_ns : -1,
                                                            .kind = lines.loopback_edges});
 }
 
 nlohmann::json Measuring::report(const RunResult& result, const Instruments& instruments) {
+    // Stop everything that runs next to the loop before evaluating it.
     kernel_->finish(monotonic_now_ns(), log_);
     load_.reset();
     end_capture();
@@ -177,8 +183,8 @@ nlohmann::json Measuring::report(const RunResult& result, const Instruments& ins
                                                  .began_ns = began_ns_,
                                                  .real_minus_monotonic_ns = real_minus_monotonic(),
                                                  .period_ns = settings_.loop.period_ns,
-                                                 .load = in_words(load_command_),
-                                                 .other = cyclictest_ ? &cyclictest_->result() : nullptr,
+                                                 .load = command_text(load_command_),
+                                                 .cyclictest = cyclictest_ ? &cyclictest_->result() : nullptr,
                                                  .loopback = loopback_.get()});
     report["measure"]["load_ended_early"] = load_ended_;
     return report;
@@ -193,7 +199,7 @@ nlohmann::json load_report(const std::filesystem::path& file) {
     try {
         report = nlohmann::json::parse(stream);
     } catch (const nlohmann::json::exception& error) {
-        throw std::runtime_error(file.string() + ": is no JSON: " + error.what());
+        throw std::runtime_error(file.string() + ": is not JSON: " + error.what());
     }
     require_measurement(report, file.string());
     return report;
@@ -208,8 +214,8 @@ void write_page(const std::filesystem::path& file, const std::string& page) {
     }
 }
 
-/// Everything that is asked for, of a report that there is.
-void tell(const MeasureOptions& options, const nlohmann::json& report) {
+/// Writes the page, if requested, and prints the report as text.
+void show(const MeasureOptions& options, const nlohmann::json& report) {
     if (options.html) {
         write_page(*options.html, measure_page(report));
     }
@@ -217,16 +223,18 @@ void tell(const MeasureOptions& options, const nlohmann::json& report) {
 }
 
 int measure(const MeasureOptions& options) {
-    Config config = load_config(options.run);
+    Config config = load_config(options.run.config, options.run.assignments);
     if (options.loopback) {
         config.set("probes.loopback=\"" + *options.loopback + "\"");
     }
+    // Settings of the run, with --loopback as probes.loopback.
     const Settings settings = read_settings(config);
     if (settings.probes.loopback && options.cyclictest) {
         throw Refusal(
-            "measure --cyclictest: the line of probes.loopback stands still while cyclictest runs; measure the two "
-            "apart");
+            "measure --cyclictest: cannot be combined with probes.loopback, whose line is idle while cyclictest runs; "
+            "measure one after the other");
     }
+    // Run with the measurement as hooks; report, page and text are made at the end.
     const StopSignals signals;
     Measuring measuring(options, settings);
     Run run(options.run, settings, signals, &measuring);
@@ -235,8 +243,8 @@ int measure(const MeasureOptions& options) {
         if (options.run.report) {
             write_report(*options.run.report, report);
         }
-        tell(options, report);
-        return result.held() ? 0 : kExitFaulted;
+        show(options, report);
+        return result.succeeded() ? 0 : kExitFaulted;
     });
 }
 
@@ -261,12 +269,12 @@ int measure_command(const MeasureOptions& options) {
         return compare(options);
     }
     if (options.from) {
-        tell(options, load_report(*options.from));
+        show(options, load_report(*options.from));
         return 0;
     }
     if (options.run.device.starts_with("replay:")) {
         throw Refusal("measure --device " + options.run.device +
-                      ": a replay runs as fast as it can and says nothing of latency; the choices are emulated, usb "
+                      ": a replay runs as fast as possible and cannot measure latency; the choices are emulated, usb "
                       "and tty:PATH");
     }
     MeasureOptions measured = options;

@@ -1,4 +1,4 @@
-// `rt-core measure`: how late the loop is, where its time goes, and why.
+// `rt-core measure`: measures the latency of the loop, the time of its stages, and the causes of late ticks.
 #pragma once
 
 #include <filesystem>
@@ -13,17 +13,17 @@ namespace haptic::rt {
 struct MeasureOptions {
     RunOptions run;
     double duration_s = 60.0;   // of the loop
-    std::string load = "none";  // or "stress-ng", with arguments or without
+    std::string load = "none";  // or "stress-ng", with or without arguments
     bool cyclictest = false;
-    double alternate_s = 5.0;             // after which the loop and cyclictest take turns
-    std::optional<std::string> loopback;  // as probes.loopback
+    double alternate_s = 5.0;             // duration of each turn of the loop and of cyclictest
+    std::optional<std::string> loopback;  // like probes.loopback
     std::optional<std::filesystem::path> html;
-    std::optional<std::filesystem::path> from;   // a report; nothing is measured
-    std::vector<std::filesystem::path> compare;  // two reports; nothing is measured
+    std::optional<std::filesystem::path> from;   // existing report to show instead of measuring
+    std::vector<std::filesystem::path> compare;  // two existing reports to compare instead of measuring
 };
 
-/// Returns the exit status, as run_command(). Throws what it throws, and std::runtime_error for reports that cannot be
-/// read.
+/// Returns an exit status like run_command(). Throws the same exceptions, and std::runtime_error for reports that
+/// cannot be read.
 int measure_command(const MeasureOptions& options);
 
 }  // namespace haptic::rt

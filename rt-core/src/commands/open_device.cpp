@@ -5,14 +5,14 @@
 #include <utility>
 #include <vector>
 
-#include <haptic/clock.hpp>
-#include <haptic/device/emulated_board.hpp>
-#include <haptic/device/fault.hpp>
-#include <haptic/device/hand_file.hpp>
-#include <haptic/device/usb_board.hpp>
-#include <haptic/pose_track.hpp>
-#include "process/held_hand.hpp"
 #include "commands/tty_device.hpp"
+#include "haptic/clock.hpp"
+#include "haptic/device/emulated_board.hpp"
+#include "haptic/device/fault.hpp"
+#include "haptic/device/hand_file.hpp"
+#include "haptic/device/usb_board.hpp"
+#include "haptic/pose_track.hpp"
+#include "process/held_hand.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -20,7 +20,7 @@ namespace {
 class EmulatedDevice final : public OpenedDevice {
   public:
     EmulatedDevice(const Settings& settings, PoseTrack hand, std::vector<device::Fault> faults)
-        : emulated_({.variant = settings.tick.variant,
+        : emulated_({.geometry = settings.tick.geometry,
                      .hand = std::move(hand),
                      .hand_waits = true,
                      .mechanics = settings.mechanics,
@@ -30,11 +30,11 @@ class EmulatedDevice final : public OpenedDevice {
           board_(emulated_) {}
 
     [[nodiscard]] device::Board& board() override { return board_; }
-    [[nodiscard]] bool real() const override { return false; }
+    [[nodiscard]] bool is_real() const override { return false; }
     [[nodiscard]] std::string description() const override {
-        return "an emulated " + emulated_.device().variant().name;
+        return "an emulated " + emulated_.device().geometry().name;
     }
-    void follow(const Tick& tick) override { board_.follow(tick); }
+    void attach(const Tick& tick) override { board_.attach(tick); }
 
   private:
     device::EmulatedBoard emulated_;
@@ -44,36 +44,36 @@ class EmulatedDevice final : public OpenedDevice {
 class UsbDevice final : public OpenedDevice {
   public:
     explicit UsbDevice(const Settings& settings)
-        : board_(settings.tick.variant.board, selection(settings), {.timeout_ns = settings.usb.timeout_ns},
-                 settings.board),
-          variant_(settings.tick.variant.name),
+        : board_(settings.tick.geometry.board, selection(settings), settings.usb.timeout_ns, settings.board),
+          geometry_(settings.tick.geometry.name),
           timeout_ns_(settings.usb.timeout_ns) {}
 
     [[nodiscard]] device::Board& board() override { return board_; }
-    [[nodiscard]] bool real() const override { return true; }
+    [[nodiscard]] bool is_real() const override { return true; }
     [[nodiscard]] std::string description() const override {
-        return "a " + variant_ + ", " + to_string(board_.device());
+        return "a " + geometry_ + ", " + to_string(board_.device());
     }
-    [[nodiscard]] std::int64_t exchange_bound_ns() const override { return kMostTransfers * timeout_ns_; }
+    [[nodiscard]] std::int64_t exchange_bound_ns() const override { return kMaxTransfers * timeout_ns_; }
     void reopen() override { board_.reopen(); }
 
   private:
-    static constexpr std::int64_t kMostTransfers = 2;  // a board that finds an old answer fetches one more
+    static constexpr std::int64_t kMaxTransfers = 2;  // after a stale answer the board reads once more
 
     static device::UsbSelection selection(const Settings& settings) {
-        const device::Variant& variant = settings.tick.variant;
-        const std::optional<device::UsbId> known = device::usb_id_of(variant.board);
+        const device::DeviceGeometry& geometry = settings.tick.geometry;
+        const std::optional<device::UsbId> known = device::usb_id_of(geometry.board);
         if (!known) {
-            throw Refusal("--device usb: the board of " + variant.name + " has a serial line; use --device tty:PATH");
+            throw Refusal("--device usb: the board of " + geometry.name +
+                          " is on a serial line; use --device tty:PATH");
         }
-        if (settings.tick.exchanges * kMostTransfers * settings.usb.timeout_ns >= settings.watchdog.limit_ns) {
-            throw Refusal("--device usb: device.usb_timeout_s lets a tick wait for longer than safety.watchdog_s does");
+        if (settings.tick.exchanges * kMaxTransfers * settings.usb.timeout_ns >= settings.watchdog.limit_ns) {
+            throw Refusal("--device usb: device.usb_timeout_s lets a tick wait longer than safety.watchdog_s allows");
         }
         return {settings.usb.id.value_or(*known), settings.usb.path, settings.usb.rotary};
     }
 
     device::UsbBoard board_;
-    std::string variant_;
+    std::string geometry_;
     std::int64_t timeout_ns_;
 };
 
@@ -104,7 +104,7 @@ std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Setti
             settings, options.hand ? device::hand_from_centre(*options.hand) : PoseTrack(), faults_of(options));
     }
     if (!options.faults.empty()) {
-        throw Refusal("--fault: only an emulated device fails on command, not --device " + name);
+        throw Refusal("--fault: only the emulated device can simulate faults, not --device " + name);
     }
     try {
         if (name == "usb") {

@@ -1,14 +1,14 @@
-// The device that --device names, opened, with everything that it stands on.
+// Opened devices: the device named by --device, with its board and everything the board depends on.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <string>
 
-#include <haptic/device/board.hpp>
+#include "commands/run_command.hpp"
+#include "haptic/device/board.hpp"
 #include "process/settings.hpp"
 #include "tick/tick.hpp"
-#include "commands/run_command.hpp"
 
 namespace haptic::rt {
 
@@ -19,23 +19,23 @@ class OpenedDevice {
     OpenedDevice& operator=(const OpenedDevice&) = delete;
     virtual ~OpenedDevice() = default;
 
-    /// What the tick drives; the same object for as long as this lives.
+    /// The board that the tick drives; the same object for the lifetime of the device.
     [[nodiscard]] virtual device::Board& board() = 0;
-    /// Its motors pull at a person: a loop that may be late must not drive them.
-    [[nodiscard]] virtual bool real() const = 0;
-    /// What and where, as a noun with its article.
+    /// True if its motors can pull a person's hand: a loop without real-time privileges must not drive them.
+    [[nodiscard]] virtual bool is_real() const = 0;
+    /// Kind and location, as a noun with its article.
     [[nodiscard]] virtual std::string description() const = 0;
-    /// ns, longest that one exchange() with its board waits; 0 if it never does.
+    /// Upper bound (ns) on the wait of one exchange() with the board; 0 if it never waits.
     [[nodiscard]] virtual std::int64_t exchange_bound_ns() const { return 0; }
-    /// After an exchange fault: makes the device ready again, its motors at zero. Throws device::BoardError as long as
-    /// it is not there. Only while no loop runs.
+    /// Makes the device usable again after an exchange fault, with motors at zero. Call only while no loop runs. Throws
+    /// device::BoardError while the device is absent.
     virtual void reopen();
-    /// The tick that is going to drive it, told before the loop starts.
-    virtual void follow(const Tick& /*tick*/) {}
+    /// Called with the tick that will drive the device, before the loop starts.
+    virtual void attach(const Tick& /*tick*/) {}
 };
 
-/// Throws Refusal for a device that is not known or cannot be opened, and CsvError for a recording that it is to
-/// follow.
+/// Opens the device of the options. Throws Refusal for a device that is unknown or cannot be opened, and CsvError for a
+/// hand recording that cannot be read.
 [[nodiscard]] std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Settings& settings);
 
 }  // namespace haptic::rt

@@ -8,9 +8,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include <haptic/clock.hpp>
-#include <haptic/report.hpp>
-#include <haptic/ring.hpp>
+#include "haptic/clock.hpp"
+#include "haptic/report.hpp"
+#include "haptic/ring.hpp"
 #include "measure/recording.hpp"
 #include "measure/replay.hpp"
 #include "measure/run_report.hpp"
@@ -20,27 +20,17 @@ namespace haptic::rt {
 namespace {
 
 constexpr std::string_view kPrefix = "replay:";
-constexpr std::uint64_t kTicksADrain = 1000;  // of the replay's own recording; its queues hold more
+constexpr std::uint64_t kTicksPerDrain = 1000;  // of the replay's own recording; its queues hold twice as many
 
-std::filesystem::path config_file(const std::filesystem::path& recording) {
-    return std::filesystem::path(recording).replace_extension("config.toml");
-}
-
-/// The settings of the recording, unless others are asked for.
-Config load_config(const RunOptions& options, const std::filesystem::path& recording) {
-    const std::filesystem::path beside = config_file(recording);
-    Config config;
-    if (options.config) {
-        config = Config::load(*options.config);
-    } else if (std::filesystem::exists(beside)) {
-        config = Config::load(beside);
-    } else {
-        spdlog::warn("{} is missing: replaying with the default settings", beside.string());
+/// The settings of --config, else those of the recording, with the assignments applied.
+Config load_replay_config(const RunOptions& options, const std::filesystem::path& recording) {
+    std::optional<std::filesystem::path> file = options.config;
+    if (!file && std::filesystem::exists(config_file_of(recording))) {
+        file = config_file_of(recording);
+    } else if (!file) {
+        spdlog::warn("{} is missing: replaying with the default settings", config_file_of(recording).string());
     }
-    for (const std::string& assignment : options.assignments) {
-        config.set(assignment);
-    }
-    return config;
+    return load_config(file, options.assignments);
 }
 
 nlohmann::json differences_json(const ReplayResult& result) {
@@ -61,9 +51,10 @@ nlohmann::json differences_json(const ReplayResult& result) {
 }
 
 void print(const ReplayResult& result, std::int64_t recorded_ns, std::int64_t took_ns) {
-    std::printf("replayed %llu ticks and %llu frames, %.3f s of them in %.3f s\n",
+    std::printf("replayed %llu ticks and %llu frames, %.3f s of recording in %.3f s\n",
                 static_cast<unsigned long long>(result.ticks), static_cast<unsigned long long>(result.frames),
                 seconds(recorded_ns), seconds(took_ns));
+    // Verdict, then the first difference, then all differing columns.
     if (result.identical()) {
         std::printf("identical: %zu columns of every tick\n", result.compared_columns);
         return;
@@ -79,20 +70,21 @@ void print(const ReplayResult& result, std::int64_t recorded_ns, std::int64_t to
     }
 }
 
-/// The ring that the replay publishes its states to: nobody's, so that it may run beside the real thing.
+/// Session of the ring to which the replay publishes its states; private, so that it cannot disturb a running rt-core.
 std::string private_session() {
     return "replay-" + std::to_string(getpid());
 }
 
 void run_all(Replay& replay, const RunOptions& options, const Settings& settings) {
-    Recorder recorder(options.record ? std::max<std::size_t>(settings.queue_ticks, 2 * kTicksADrain) : 2,
-                      options.record ? 2 * kTicksADrain : 2);
+    Recorder recorder(options.record ? std::max<std::size_t>(settings.queue_ticks, 2 * kTicksPerDrain) : 2,
+                      options.record ? 2 * kTicksPerDrain : 2);
     std::optional<RecordFile> record;
     if (options.record) {
         record.emplace(*options.record, recorder);
     }
+    // Replay tick by tick, writing the new recording in batches.
     while (replay.step(record ? &recorder : nullptr)) {
-        if (record && replay.result().ticks % kTicksADrain == 0) {
+        if (record && replay.result().ticks % kTicksPerDrain == 0) {
             record->drain();
         }
         if (options.duration_s && replay.recorded_ns() >= nanoseconds(*options.duration_s)) {
@@ -108,15 +100,16 @@ void run_all(Replay& replay, const RunOptions& options, const Settings& settings
 
 int replay_command(const RunOptions& options) {
     if (options.hand) {
-        throw Refusal("--hand: a replay has the hand of its recording");
+        throw Refusal("--hand: a replay uses the hand of its recording");
     }
+    // Replay with a private ring.
     const std::filesystem::path recording = options.device.substr(kPrefix.size());
-    const Config config = load_config(options, recording);
+    const Config config = load_replay_config(options, recording);
     const Settings settings = read_settings(config);
     RingWriter<DeviceState> states(private_session());
     Replay replay(recording, settings.tick, states, &monotonic_now_ns);
     if (options.record) {
-        write_config_beside(*options.record, config);
+        save_config_for(*options.record, config);
     }
     const std::int64_t start_ns = monotonic_now_ns();
     run_all(replay, options, settings);
@@ -126,6 +119,7 @@ int replay_command(const RunOptions& options) {
     if (result.ticks == 0) {
         throw CsvError(recording.string() + ": the recording has no ticks");
     }
+    // Report like a run, with the differences added.
     RunResult run;
     run.state = replay.tick().safety_state();
     run.faults = replay.tick().faults();
@@ -143,11 +137,15 @@ int replay_command(const RunOptions& options) {
     return result.identical() || other_settings ? 0 : kExitDiffers;
 }
 
-void write_config_beside(const std::filesystem::path& recording, const Config& config) {
+std::filesystem::path config_file_of(const std::filesystem::path& recording) {
+    return std::filesystem::path(recording).replace_extension("config.toml");
+}
+
+void save_config_for(const std::filesystem::path& recording, const Config& config) {
     if (std::filesystem::exists(recording) && !std::filesystem::is_regular_file(recording)) {
-        return;  // a pipe has nothing beside it
+        return;  // a recording to a pipe keeps no settings
     }
-    const std::filesystem::path file = config_file(recording);
+    const std::filesystem::path file = config_file_of(recording);
     std::ofstream stream(file, std::ios::binary | std::ios::trunc);
     stream << "# Settings of the recording " << recording.filename().string() << ".\n" << config.toml();
     stream.close();

@@ -1,16 +1,19 @@
-// `rt-core run --device replay:F.csv`: a recorded run once more, as fast as it goes, and whether it came out the same.
+// `rt-core run --device replay:F.csv`: replays a recorded run as fast as possible and compares the results.
 #pragma once
 
-#include <haptic/config.hpp>
 #include "commands/run_command.hpp"
+#include "haptic/config.hpp"
 
 namespace haptic::rt {
 
-/// Exit status 0 if every tick came out as recorded, or if other settings were asked for; kExitDiffers if not.
-/// Throws Refusal, ConfigError, CsvError.
+/// Returns 0 if every tick matches the recording or if other settings were requested, else kExitDiffers. Throws
+/// Refusal, ConfigError, CsvError.
 int replay_command(const RunOptions& options);
 
-/// Keeps the settings of a run beside its recording, for the replay. Throws std::runtime_error that names the file.
-void write_config_beside(const std::filesystem::path& recording, const Config& config);
+/// File that holds the settings of a recording: F.config.toml for F.csv.
+[[nodiscard]] std::filesystem::path config_file_of(const std::filesystem::path& recording);
+
+/// Saves the settings of a run next to its recording, for the replay. Throws std::runtime_error that names the file.
+void save_config_for(const std::filesystem::path& recording, const Config& config);
 
 }  // namespace haptic::rt

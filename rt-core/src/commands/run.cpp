@@ -11,39 +11,42 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include <haptic/clock.hpp>
-#include <haptic/other_users.hpp>
+#include "haptic/clock.hpp"
+#include "haptic/other_users.hpp"
 
 namespace haptic::rt {
 namespace {
 
 constexpr std::int64_t kPollNs = 20'000'000;
-// Between two attempts to open a device that was lost.
+// Interval between two attempts to open a lost device.
 constexpr std::int64_t kReopenNs = 200'000'000;
-// What a device that is gone may cause; any other fault ends the run.
-constexpr std::uint32_t kFaultsOfLoss = HAPTIC_FAULT_EXCHANGE | HAPTIC_FAULT_OVERRUN;
-// For which a loop that hangs may still come back before the process is left without it.
+// Faults that a lost device may cause; any other fault ends the run.
+constexpr std::uint32_t kDeviceLossFaults = HAPTIC_FAULT_EXCHANGE | HAPTIC_FAULT_OVERRUN;
+// Grace period for a hanging loop to recover before the process exits without it.
 constexpr std::int64_t kHungWaitNs = 1'000'000'000;
-// A loop without real-time privileges, which drives no real device, may be kept waiting by others for so long.
+// Watchdog limit of a loop without real-time privileges, which other programs may delay; it drives no real device.
 constexpr std::int64_t kDegradedWatchdogNs = 2'000'000'000;
 
-/// Says what the kernel refused and how to grant it. A real device is not driven by a loop that may be late.
-void judge_setup(const RealtimeSetup& setup, bool real) {
+/// Logs what the kernel refused and how to grant it. Throws Refusal for a real device, which a loop that may be late
+/// must not drive.
+void report_setup(const RealtimeSetup& setup, bool real) {
     for (const MissingPrivilege& one : setup.missing) {
         spdlog::warn("degraded: {}", one.what);
         spdlog::warn("  it needs {}", one.needs);
         spdlog::warn("  {}", one.remedy);
     }
+    // Refuse a real device; an emulated one can hurt nobody.
     if (setup.degraded() && real) {
-        throw Refusal("a real device is not driven without real-time privileges: see above for what is missing");
+        throw Refusal("a real device is not driven without real-time privileges; the missing ones are listed above");
     }
     if (setup.degraded()) {
-        spdlog::warn("going on because the device is emulated");
+        spdlog::warn("continuing because the device is emulated");
     }
 }
 
-/// Of the nth fault of this run, from 0.
+/// Path of the black box of the nth fault of this run, counted from 0: beside the report, the recording, or here.
 std::filesystem::path black_box_path(const RunOptions& options, std::size_t nth) {
+    // Faults after the first are numbered.
     const std::string extension = nth == 0 ? "fault.csv" : "fault-" + std::to_string(nth + 1) + ".csv";
     if (options.report) {
         return std::filesystem::path(*options.report).replace_extension(extension);
@@ -54,51 +57,58 @@ std::filesystem::path black_box_path(const RunOptions& options, std::size_t nth)
     return "rt-core-" + options.session + "." + extension;
 }
 
+/// Writes the last ticks to a file and returns its path.
 std::string keep_black_box(const RunOptions& options, const Tick& tick, std::size_t nth) {
     const std::filesystem::path box = black_box_path(options, nth);
     write_black_box(box, tick.black_box());
+    // A requested stop is no error.
     const bool fault = (tick.faults() & ~std::uint32_t{HAPTIC_FAULT_STOP}) != 0;
     spdlog::log(fault ? spdlog::level::err : spdlog::level::info, "{}: the last {} ticks are in {}",
                 fault ? "faulted" : "stopped", tick.black_box().size(), box.string());
     return box.string();
 }
 
-/// What may end a run.
-struct Watchers {
+/// Everything that may end a loop, and the hooks to call meanwhile.
+struct StopSources {
     const StopSignals& signals;
     const Watchdog& watchdog;
-    const StopWatch* stop_watch;  // nullptr: no stop line
-    const RunObserver* observer;  // nullptr: none
-    RunCompanion* companion;      // nullptr: none
+    const StopLineMonitor* stop_monitor;  // nullptr: no stop line
+    const RunObserver* observer;          // nullptr: none
+    RunHooks* hooks;                      // nullptr: none
 };
 
-/// Waits for the end, writing the recording meanwhile. False if the loop hangs and does not come back.
-bool supervise(RealtimeLoop& loop, const Watchers& watchers, std::optional<RecordFile>& record, std::int64_t end_ns,
+/// Supervises the loop until it ends: forwards stop requests, writes the recording, calls the hooks. Returns false if
+/// the loop hangs for longer than kHungWaitNs.
+bool supervise(RealtimeLoop& loop, const StopSources& sources, std::optional<RecordFile>& record, std::int64_t end_ns,
                StopReason& reason) {
     bool announced = false;
     bool stopping = false;
     std::int64_t hung_ns = 0;
     while (!loop.finished()) {
-        if (watchers.watchdog.fired() && hung_ns == 0) {
-            spdlog::error("watchdog: the loop hangs; zeros were sent to the motors");
+        // Watchdog: give a hanging loop some time to return.
+        if (sources.watchdog.fired() && hung_ns == 0) {
+            spdlog::error("watchdog: the loop hangs; the motors were set to zero");
             hung_ns = monotonic_now_ns();
         }
         if (hung_ns != 0 && monotonic_now_ns() - hung_ns > kHungWaitNs) {
             return false;
         }
-        const int signal = watchers.signals.wait(kPollNs);
-        const bool over = monotonic_now_ns() >= end_ns || (watchers.observer != nullptr && watchers.observer->done());
+        // Stop requests: a signal, the end of the duration or an observer; then the stop line.
+        const int signal = sources.signals.wait(kPollNs);
+        const bool over = monotonic_now_ns() >= end_ns || (sources.observer != nullptr && sources.observer->done());
         if ((signal != 0 || over) && !stopping) {
-            spdlog::info("stopping: {}", signal != 0 ? "asked to by a signal" : "the time is over");
+            // The tick fades out; the loop ends when it is disarmed.
+            spdlog::info("stopping: {}", signal != 0 ? "signal received" : "end of the run");
             loop.request_stop();
             reason = {signal != 0 ? "signal" : "duration", signal != 0};
             stopping = true;
         }
-        if (watchers.stop_watch != nullptr && watchers.stop_watch->stopped() && !stopping) {
-            spdlog::warn("stopping: {}", watchers.stop_watch->reason());
+        if (sources.stop_monitor != nullptr && sources.stop_monitor->stopped() && !stopping) {
+            spdlog::warn("stopping: {}", sources.stop_monitor->reason());
             reason = {"line", true};
             stopping = true;
         }
+        // Periodic work.
         if (!announced && loop.safety_state() == SafetyState::Running) {
             spdlog::info("running");
             announced = true;
@@ -106,30 +116,32 @@ bool supervise(RealtimeLoop& loop, const Watchers& watchers, std::optional<Recor
         if (record) {
             record->drain();
         }
-        if (watchers.companion != nullptr) {
-            watchers.companion->look(monotonic_now_ns());
+        if (sources.hooks != nullptr) {
+            sources.hooks->on_poll(monotonic_now_ns());
         }
     }
     return true;
 }
 
-/// Waits for a device that was lost. False if the run is to end first.
-bool wait_until_back(OpenedDevice& device, const StopSignals& signals, std::int64_t end_ns) {
-    spdlog::warn("waiting until {} is back; Ctrl-C ends the run", device.description());
+/// Tries to reopen a lost device until it is back; false if a signal or the end of the run comes first.
+bool wait_for_device(OpenedDevice& device, const StopSignals& signals, std::int64_t end_ns) {
+    spdlog::warn("waiting for {} to come back; Ctrl-C ends the run", device.description());
     std::string problem;
     while (true) {
+        // reopen() throws until the device is connected again.
         try {
             device.reopen();
-            spdlog::info("{} is back; keep the grip still at the centre", device.description());
+            spdlog::info("{} is back; hold the grip still at the centre", device.description());
             return true;
         } catch (const device::BoardError& error) {
+            // Log each problem once, not at every attempt.
             if (problem != error.what()) {
                 problem = error.what();
                 spdlog::info("not yet: {}", problem);
             }
         }
         if (signals.wait(kReopenNs) != 0 || monotonic_now_ns() >= end_ns) {
-            spdlog::info("stopping: the device has not come back");
+            spdlog::info("stopping: the device did not come back");
             return false;
         }
     }
@@ -137,27 +149,31 @@ bool wait_until_back(OpenedDevice& device, const StopSignals& signals, std::int6
 
 WatchdogSettings watchdog_settings(const Settings& settings, const RealtimeSetup& setup) {
     WatchdogSettings result = settings.watchdog;
+    // The processor that the loop was granted. Without priority the loop can be late, so the limit is longer.
     result.loop_cpu = setup.cpu >= 0 ? setup.cpu : settings.loop.cpu;
     result.limit_ns = setup.degraded() ? std::max(result.limit_ns, kDegradedWatchdogNs) : result.limit_ns;
     return result;
 }
 
-/// Opened before anything moves, so that a stop line that is configured and not there is no surprise later. The tick
-/// must outlive it.
-std::unique_ptr<StopWatch> watch_stop_line(const Settings& settings, Tick& tick) {
+/// Opens the configured stop line before anything moves, so that a missing line is reported at once. The tick must
+/// outlive the monitor.
+std::unique_ptr<StopLineMonitor> open_stop_monitor(const Settings& settings, Tick& tick) {
     if (settings.stop_line.chip.empty()) {
         return nullptr;
     }
-    return std::make_unique<StopWatch>(open_gpio_stop_line(settings.stop_line), [&tick] { tick.stop_for_good(); });
+    return std::make_unique<StopLineMonitor>(open_gpio_stop_line(settings.stop_line),
+                                             [&tick] { tick.stop_for_good(); });
 }
 
 }  // namespace
 
 StopSignals::StopSignals() {
     sigemptyset(&set_);
+    // Block the stop signals, and take them with sigtimedwait() in supervise().
     for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGTSTP}) {
         sigaddset(&set_, signal);
     }
+    // A closed pipe or a background terminal must not end or stop the process while motors pull.
     for (const int signal : {SIGPIPE, SIGTTIN, SIGTTOU}) {
         std::signal(signal, SIG_IGN);
     }
@@ -167,22 +183,14 @@ StopSignals::StopSignals() {
 int StopSignals::wait(std::int64_t at_most_ns) const {
     const timespec time{at_most_ns / kNanosecondsPerSecond, at_most_ns % kNanosecondsPerSecond};
     const int signal = sigtimedwait(&set_, nullptr, &time);
-    return signal > 0 ? signal : 0;  // EAGAIN and EINTR: none yet
+    return signal > 0 ? signal : 0;  // EAGAIN, EINTR: none yet
 }
 
-Config load_config(const RunOptions& options) {
-    Config config = options.config ? Config::load(*options.config) : Config();
-    for (const std::string& assignment : options.assignments) {
-        config.set(assignment);
-    }
-    return config;
-}
-
-Run::Run(const RunOptions& options, const Settings& settings, const StopSignals& signals, RunCompanion* companion)
+Run::Run(const RunOptions& options, const Settings& settings, const StopSignals& signals, RunHooks* hooks)
     : options_(options),
       settings_(settings),
       signals_(signals),
-      companion_(companion),
+      hooks_(hooks),
       device_(open_device(options, settings)),
       frames_(options.session),
       states_(options.session),
@@ -191,36 +199,42 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
       tick_(settings.tick, gate_, frames_, states_, &monotonic_now_ns),
       recorder_(options.record ? settings.queue_ticks : 2, options.record ? settings.queue_frames : 2),
       guard_(gate_) {
+    // Outputs and inputs of the tick: probes, the device's hooks, and the recording.
     if (settings.probes.tick || settings.probes.frame) {
         tick_.show_on(&probes_);
     }
-    device_->follow(tick_);
+    device_->attach(tick_);
     if (options.record) {
         record_.emplace(*options.record, recorder_);
         if (options.observer != nullptr) {
-            record_->tell([observer = options.observer](const TickRecord& one) { observer->saw(one); });
+            record_->set_observer([observer = options.observer](const TickRecord& tick) { observer->on_tick(tick); });
         }
     }
+    // Everything large is allocated: lock memory, and create the loop's thread.
     prepare_process(prepared_);
     loop_ = std::make_unique<RealtimeLoop>(settings.loop, tick_, prepared_);
+    // The loop's thread is prepared and waits; report what it was granted.
     result_.setup = loop_->setup();
-    judge_setup(result_.setup, device_->real());
-    spdlog::info("session {}: {} Hz on {}; keep the grip still at the centre", options.session,
+    report_setup(result_.setup, device_->is_real());
+    spdlog::info("session {}: {} Hz on {}; hold the grip still at the centre", options.session,
                  static_cast<double>(kNanosecondsPerSecond) / static_cast<double>(settings.loop.period_ns),
                  device_->description());
+    // A second session may disturb this one.
     if (const std::string others = describe_other_users(options.session); !others.empty()) {
         spdlog::warn("{}", others);
     }
-    if (companion_ != nullptr) {
-        companion_->begin(result_.setup);
+    // Ready, but nothing moves before start().
+    if (hooks_ != nullptr) {
+        hooks_->on_ready(result_.setup);
     }
+    // Last, the threads that can stop the loop.
     watchdog_ = std::make_unique<Watchdog>(watchdog_settings(settings, result_.setup), tick_, gate_);
-    stop_watch_ = watch_stop_line(settings, tick_);
+    stop_monitor_ = open_stop_monitor(settings, tick_);
     start_ns_ = monotonic_now_ns();
 }
 
-bool Run::may_come_back() const {
-    const bool lost = (tick_.faults() & HAPTIC_FAULT_EXCHANGE) != 0 && (tick_.faults() & ~kFaultsOfLoss) == 0;
+bool Run::can_recover() const {
+    const bool lost = (tick_.faults() & HAPTIC_FAULT_EXCHANGE) != 0 && (tick_.faults() & ~kDeviceLossFaults) == 0;
     return lost && (options_.rearm || settings_.rearm) && !gate_.closed();
 }
 
@@ -230,69 +244,76 @@ std::int64_t Run::end_ns() const {
 }
 
 void Run::run_loops() {
-    while (run_loop() && go_on_after_loop()) {
+    while (run_loop() && continue_after_loop()) {
         loop_ = std::make_unique<RealtimeLoop>(settings_.loop, tick_, prepared_);
     }
 }
 
 bool Run::run_loop() {
-    const Watchers watchers{signals_, *watchdog_, stop_watch_.get(), options_.observer, companion_};
+    const StopSources sources{signals_, *watchdog_, stop_monitor_.get(), options_.observer, hooks_};
+    // This loop ends with the run or with the current segment.
     std::int64_t until_ns = end_ns();
-    if (const auto stretch_s = companion_ != nullptr ? companion_->stretch_s() : std::nullopt) {
-        until_ns = std::min(until_ns, monotonic_now_ns() + nanoseconds(*stretch_s));
+    if (const auto segment_s = hooks_ != nullptr ? hooks_->segment_s() : std::nullopt) {
+        until_ns = std::min(until_ns, monotonic_now_ns() + nanoseconds(*segment_s));
     }
+    // Start the loop and supervise it to its end.
     stop_ = StopReason{};
-    loop_->start(options_.record ? &recorder_ : nullptr, companion_ != nullptr ? &companion_->log() : nullptr);
-    hung_ = !supervise(*loop_, watchers, record_, until_ns, stop_);
+    loop_->start(options_.record ? &recorder_ : nullptr, hooks_ != nullptr ? &hooks_->log() : nullptr);
+    hung_ = !supervise(*loop_, sources, record_, until_ns, stop_);
     if (hung_) {
         return false;
     }
+    // Normal end: the thread is gone, and its usage is complete.
     loop_->join();
     result_.usage += loop_->usage();
     return true;
 }
 
-bool Run::go_on_after_loop() {
-    if (may_come_back()) {
-        waited_in_vain_ = !come_back();
-        return !waited_in_vain_;
+bool Run::continue_after_loop() {
+    if (can_recover()) {
+        device_not_recovered_ = !recover_device();
+        return !device_not_recovered_;
     }
-    return pause_is_due() && pause() && monotonic_now_ns() < end_ns();
+    return pause_due() && pause() && monotonic_now_ns() < end_ns();
 }
 
-bool Run::come_back() {
+bool Run::recover_device() {
     const std::int64_t lost_ns = monotonic_now_ns();
+    // Record the loss and keep its black box before the next loop overwrites it.
     Interruption interruption;
     interruption.at_s = seconds(lost_ns - start_ns_ - paused_ns_);
     interruption.faults = tick_.faults();
     interruption.cause = tick_.instruments().last_failure;
     interruption.black_box = keep_black_box(options_, tick_, result_.interruptions.size());
-    const bool back = wait_until_back(*device_, signals_, end_ns());
+    // Wait, and record how long the loss lasted.
+    const bool back = wait_for_device(*device_, signals_, end_ns());
     interruption.lost_s = seconds(monotonic_now_ns() - lost_ns);
     result_.interruptions.push_back(std::move(interruption));
     return back;
 }
 
-bool Run::pause_is_due() const {
-    // Whatever else ended the loop ends the run.
-    return companion_ != nullptr && companion_->stretch_s() && std::string_view(stop_.name) == "duration" &&
+bool Run::pause_due() const {
+    // A segment that ended for any other reason than its duration ends the run.
+    return hooks_ != nullptr && hooks_->segment_s() && std::string_view(stop_.name) == "duration" &&
            tick_.faults() == HAPTIC_FAULT_STOP && !gate_.closed();
 }
 
 bool Run::pause() {
     const std::int64_t begin_ns = monotonic_now_ns();
-    const bool go_on = companion_->pause(signals_);
+    const bool go_on = hooks_->on_pause(signals_);
     paused_ns_ += monotonic_now_ns() - begin_ns;
     return go_on;
 }
 
-void Run::collect(Instruments& instruments, bool records_ours) {
+void Run::collect(Instruments& instruments, bool own_records) {
+    // Results that do not come from the tick: times, device, dropped records.
     result_.duration_s = seconds(monotonic_now_ns() - start_ns_ - paused_ns_);
     result_.device = device_->description();
     result_.exchange_bound_ns = settings_.tick.exchanges * device_->exchange_bound_ns();
     result_.records_dropped = recorder_.dropped();
     result_.frames_dropped = recorder_.frames_dropped();
-    if (records_ours) {
+    // The tick's own records, unless a hanging loop may still write to them.
+    if (own_records) {
         result_.state = hung_ ? SafetyState::Disarmed : tick_.safety_state();
         result_.faults = tick_.faults();
         result_.suspects = tick_.suspect_strings();
@@ -300,34 +321,40 @@ void Run::collect(Instruments& instruments, bool records_ours) {
         instruments = tick_.instruments();
     }
     result_.faults |= watchdog_->fired() ? std::uint32_t{HAPTIC_FAULT_WATCHDOG} : 0u;
+    // A stop without any other origin came from a button of the device.
     if ((result_.faults & HAPTIC_FAULT_STOP) != 0 && std::string_view(stop_.name) == "none") {
         stop_ = {"button", true};
     }
     result_.stop = stop_.name;
 }
 
-bool Run::black_box_is_worth_keeping() const {
-    // Of a stop that a person asked for too, but not as litter in the folder where the program happens to run.
-    return !waited_in_vain_ && (!result_.held() || (stop_.pressed && (options_.report || options_.record)));
+bool Run::should_keep_black_box() const {
+    // After a fault always; after a stop by a person only if the user named an output file, so that a plain run does
+    // not leave files in the working directory.
+    return !device_not_recovered_ && (!result_.succeeded() || (stop_.pressed && (options_.report || options_.record)));
 }
 
 int Run::execute(const Conclusion& conclude) {
     const auto instruments = std::make_unique<Instruments>();
+    // Run, with pauses and recoveries in between.
     run_loops();
-    const bool records_ours = !hung_ || tick_.abandon();
+    // From here on the motors stay at zero, whatever a hanging loop may still send.
+    const bool own_records = !hung_ || tick_.abandon();
     gate_.close();
-    collect(*instruments, records_ours);
+    collect(*instruments, own_records);
+    // Finish the recording, and keep the last ticks where they matter.
     if (record_) {
         record_->close();
     }
-    if (records_ours && black_box_is_worth_keeping()) {
+    if (own_records && should_keep_black_box()) {
         (void)keep_black_box(options_, tick_, result_.interruptions.size());
     }
+    // Write the report, which determines the exit status.
     const int status = conclude(result_, *instruments);
     if (hung_) {
-        // Its thread cannot be joined, and what it refers to must not be destroyed under it.
+        // The loop's thread cannot be joined, and the objects it uses must not be destroyed under it.
         std::fflush(nullptr);
-        gate_.close();  // for a command that has come through since
+        gate_.close();  // overrides a command that was under way at the first close()
         _exit(status);
     }
     return status;

@@ -1,5 +1,5 @@
-// One run of the real-time loop and of everything around it: the device, the rings, the recording, the watchdog and the
-// ways out. `rt-core run` is one; `rt-core measure` is one that somebody accompanies.
+// Run: one run of the real-time loop with everything around it, that is the device, the rings, the recording, the
+// watchdog and the exit paths. `rt-core run` and `rt-core measure` are built on it.
 #pragma once
 
 #include <csignal>
@@ -8,96 +8,95 @@
 #include <memory>
 #include <optional>
 
-#include <haptic/config.hpp>
-#include <haptic/ring.hpp>
-#include "process/crash_guard.hpp"
-#include "process/motor_gate.hpp"
-#include "measure/recording.hpp"
-#include "measure/run_report.hpp"
-#include "process/settings.hpp"
-#include "process/watchdog.hpp"
 #include "commands/open_device.hpp"
 #include "commands/run_command.hpp"
+#include "haptic/ring.hpp"
+#include "measure/recording.hpp"
+#include "measure/run_report.hpp"
+#include "process/crash_guard.hpp"
+#include "process/motor_gate.hpp"
+#include "process/settings.hpp"
+#include "process/watchdog.hpp"
 
 namespace haptic::rt {
 
-/// Signals that mean an orderly stop wait to be asked for, in every thread that is created from here on. SIGTSTP
-/// (Ctrl-Z) is one of them: a process that stands still leaves its motors pulling. So would one that is stopped or
-/// killed for writing to a terminal or a pipe that it may not write to.
+/// Blocks the signals that request an orderly stop, in every thread created from here on, so that wait() can collect
+/// them. They include SIGTSTP (Ctrl-Z), because a suspended process leaves its motors pulling. SIGPIPE, SIGTTIN and
+/// SIGTTOU, which would suspend or kill a process for writing to a closed pipe or a terminal, are ignored.
 class StopSignals {
   public:
     StopSignals();
-    /// Waits for one, at most so long. The signal's number, 0 for none.
+    /// Waits at most this long for a signal; returns its number, or 0 for none.
     [[nodiscard]] int wait(std::int64_t at_most_ns) const;
 
   private:
     sigset_t set_{};
 };
 
-/// Goes with a run, in the thread that supervises it.
-class RunCompanion {
+/// Callbacks of a run, called in the thread that supervises it.
+class RunHooks {
   public:
-    virtual ~RunCompanion() = default;
-    /// Where the loop's thread notes each tick that is measured; it must outlive the run.
+    virtual ~RunHooks() = default;
+    /// Log in which the loop's thread notes each measured tick; must outlive the run.
     [[nodiscard]] virtual TimingLog& log() = 0;
-    /// Everything is open and nothing moves yet. What is missing to go on is thrown here.
-    virtual void begin(const RealtimeSetup& setup) = 0;
-    /// Every 20 ms while the loop runs.
-    virtual void look(std::int64_t now_ns) = 0;
-    /// After so long the loop ends, motors at zero, for a pause(); nothing: it does not.
-    [[nodiscard]] virtual std::optional<double> stretch_s() const = 0;
-    /// Does what it likes while no loop runs; the run's duration stands still. False: the run is to end.
-    [[nodiscard]] virtual bool pause(const StopSignals& signals) = 0;
+    /// Called when everything is open and nothing moves yet. Throws to cancel the run.
+    virtual void on_ready(const RealtimeSetup& setup) = 0;
+    /// Called every 20 ms while the loop runs.
+    virtual void on_poll(std::int64_t now_ns) = 0;
+    /// Duration after which the loop ends, with motors at zero, for on_pause(); empty for a run without pauses.
+    [[nodiscard]] virtual std::optional<double> segment_s() const = 0;
+    /// Called between two segments, while no loop runs; does not count towards the run's duration. Returns false to end
+    /// the run.
+    [[nodiscard]] virtual bool on_pause(const StopSignals& signals) = 0;
 };
 
-/// Who asked for the stop, as the report says it.
+/// Origin of a stop, as named in the report.
 struct StopReason {
     const char* name = "none";
-    bool pressed = false;  // a person did: then the last ticks may tell why
+    bool pressed = false;  // by a person: the last ticks may explain why
 };
 
-/// The configuration that the options name. Throws ConfigError.
-[[nodiscard]] Config load_config(const RunOptions& options);
-
-/// Runs the loop once, or several times one after the other where the device is lost and comes back, or where there are
-/// pauses. Members are in the order in which they have to be there, and go the other way round.
-class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is that of their lives
+/// Runs the loop once, or several times in succession where a lost device comes back or the hooks ask for pauses.
+/// Members are declared in the order in which they must be constructed.
+class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is that of construction
   public:
-    /// Makes of the result what the run is for, and returns the exit status of the process.
+    /// Reports the result, and returns the exit status of the process.
     using Conclusion = std::function<int(const RunResult&, const Instruments&)>;
 
-    /// Opens everything; the references and the companion (nullptr: none) must outlive it. Throws Refusal, CsvError,
+    /// Opens everything. The references and the hooks (nullptr: none) must outlive the run. Throws Refusal, CsvError,
     /// RingError.
-    Run(const RunOptions& options, const Settings& settings, const StopSignals& signals,
-        RunCompanion* companion = nullptr);
+    Run(const RunOptions& options, const Settings& settings, const StopSignals& signals, RunHooks* hooks = nullptr);
 
-    /// Runs, and returns the conclusion's status when the loop has ended; ends the process with it if the loop hangs.
+    /// Runs until the end, and returns the status from `conclude`. If the loop hangs, ends the process with that
+    /// status.
     [[nodiscard]] int execute(const Conclusion& conclude);
 
   private:
-    /// Loop after loop, until the run is to end or one hangs.
+    /// Runs one loop after another until the run is to end or a loop hangs.
     void run_loops();
-    /// False if it hangs and does not come back.
+    /// Runs one loop to its end; false if it hangs for good.
     [[nodiscard]] bool run_loop();
-    /// False if the run is to end.
-    [[nodiscard]] bool go_on_after_loop();
-    [[nodiscard]] bool pause_is_due() const;
+    /// Recovers a lost device or pauses, whichever is due; false if the run is to end.
+    [[nodiscard]] bool continue_after_loop();
+    [[nodiscard]] bool pause_due() const;
     [[nodiscard]] bool pause();
-    [[nodiscard]] bool may_come_back() const;
-    /// After an exchange fault that has faded: keeps the last ticks and waits. False if the run is to end.
-    [[nodiscard]] bool come_back();
+    /// True if the loop ended because the device was lost, and waiting for it is enabled.
+    [[nodiscard]] bool can_recover() const;
+    /// Keeps the last ticks and waits for the lost device; false if the run is to end first.
+    [[nodiscard]] bool recover_device();
     [[nodiscard]] std::int64_t end_ns() const;
-    void collect(Instruments& instruments, bool records_ours);
-    [[nodiscard]] bool black_box_is_worth_keeping() const;
+    /// Fills result_, and copies the instruments if the tick's records belong to this thread.
+    void collect(Instruments& instruments, bool own_records);
+    [[nodiscard]] bool should_keep_black_box() const;
 
     const RunOptions& options_;
     const Settings& settings_;
     const StopSignals& signals_;
-    RunCompanion* companion_;
+    RunHooks* hooks_;
     RunResult result_;
     StopReason stop_;
-    bool hung_ = false;            // the loop does not come back
-    bool waited_in_vain_ = false;  // for a device that was lost
+    bool hung_ = false;                  // the loop's thread will not end
+    bool device_not_recovered_ = false;  // the run ended while waiting for a lost device
     std::int64_t start_ns_ = 0;
     std::int64_t paused_ns_ = 0;
 
@@ -112,9 +111,9 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     AlternateSignalStack signal_stack_;
     CrashGuard guard_;
     RealtimeSetup prepared_;
-    std::unique_ptr<Watchdog> watchdog_;  // outlives the loop, so that it also watches it end
+    std::unique_ptr<Watchdog> watchdog_;  // outlives the loop, to watch its end too
     std::unique_ptr<RealtimeLoop> loop_;
-    std::unique_ptr<StopWatch> stop_watch_;
+    std::unique_ptr<StopLineMonitor> stop_monitor_;
 };
 
 }  // namespace haptic::rt

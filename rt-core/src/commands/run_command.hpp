@@ -1,4 +1,4 @@
-// `rt-core run`: everything around the real-time thread.
+// `rt-core run`: options, exit statuses and entry point of a run of the real-time loop.
 #pragma once
 
 #include <filesystem>
@@ -7,16 +7,17 @@
 #include <string>
 #include <vector>
 
+#include "haptic/config.hpp"
 #include "tick/tick_record.hpp"
 
 namespace haptic::rt {
 
-/// Follows a run that is recorded, in the thread that writes, some milliseconds after each tick.
+/// Observes the ticks of a recorded run, in the thread that writes the recording, some milliseconds after each tick.
 class RunObserver {
   public:
     virtual ~RunObserver() = default;
-    virtual void saw(const TickRecord& tick) = 0;
-    /// The run is to stop.
+    virtual void on_tick(const TickRecord& tick) = 0;
+    /// True to end the run.
     [[nodiscard]] virtual bool done() const = 0;
 };
 
@@ -25,29 +26,33 @@ struct RunOptions {
     std::vector<std::string> assignments;  // --set
     std::string device = "emulated";
     std::optional<std::filesystem::path> hand;
-    std::vector<std::string> faults;  // of the emulated device, device/fault.hpp
+    std::vector<std::string> faults;  // of the emulated device, see haptic/device/fault.hpp
     std::string session = "default";
     std::optional<double> duration_s;
     std::optional<std::filesystem::path> report;
     std::optional<std::filesystem::path> record;
-    bool rearm = false;  // as safety.rearm
+    bool rearm = false;  // like safety.rearm
     RunObserver* observer = nullptr;
 };
 
-// Exit statuses beside 0, which means that the run held.
+// Exit statuses; 0 is a run without a fault.
 inline constexpr int kExitError = 1;    // configuration, files, session
-inline constexpr int kExitRefused = 2;  // this device cannot be driven here
+inline constexpr int kExitRefused = 2;  // the device cannot be driven on this machine
 inline constexpr int kExitFaulted = 3;  // the run ended in a fault
-inline constexpr int kExitDiffers = 4;  // a replay did not come out as it was recorded
-inline constexpr int kExitUnfit = 5;    // doctor found something bad
+inline constexpr int kExitDiffers = 4;  // a replay differs from its recording
+inline constexpr int kExitUnfit = 5;    // doctor found a problem
 
-/// The device cannot be driven, in this version or with these privileges.
+/// The device cannot be driven, by this version or with these privileges.
 class Refusal : public std::runtime_error {
   public:
     using std::runtime_error::runtime_error;
 };
 
-/// Runs until it is stopped or faulted; returns the exit status. Throws Refusal, ConfigError, CsvError, RingError.
+/// The configuration file, or the defaults without one, with the assignments of --set applied. Throws ConfigError.
+[[nodiscard]] Config load_config(const std::optional<std::filesystem::path>& file,
+                                 const std::vector<std::string>& assignments);
+
+/// Runs until stopped or faulted, and returns the exit status. Throws Refusal, ConfigError, CsvError, RingError.
 int run_command(const RunOptions& options);
 
 }  // namespace haptic::rt

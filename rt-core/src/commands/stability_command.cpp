@@ -10,21 +10,27 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "rendering/passivity.hpp"
-#include "process/settings.hpp"
-#include "measure/stability.hpp"
 #include "commands/run_command.hpp"
+#include "haptic/html.hpp"
+#include "measure/stability.hpp"
+#include "measure/svg_plot.hpp"
+#include "process/settings.hpp"
+#include "rendering/passivity.hpp"
 
 namespace haptic::rt {
 namespace {
 
-constexpr double kSoftest = 10.0;  // N/m
-constexpr double kStiffest = 2000.0;
-constexpr double kLongestS = 0.02;  // delay
+constexpr double kSoftest = 10.0;     // N/m
+constexpr double kStiffest = 2000.0;  // N/m
+constexpr double kLongestS = 0.02;    // s, delay
 constexpr double kMillimetre = 1e-3;
+// Amplitudes at the ends of the colour scale.
+constexpr double kFaintest = 0.01 * kMillimetre;   // m
+constexpr double kStrongest = 20.0 * kMillimetre;  // m
 
+/// One trial and its outcome.
 struct Cell {
-    LateAnswer late = LateAnswer::Planes;
+    DelayedPart late = DelayedPart::Planes;
     bool controlled = false;
     int row = 0;
     int column = 0;
@@ -40,7 +46,7 @@ struct Axes {
 
 Axes axes_of(const StabilityOptions& options, std::int64_t period_ns) {
     if (options.rows < 2 || options.columns < 2) {
-        throw std::invalid_argument("stability: a map has two rows and two columns at least");
+        throw std::invalid_argument("stability: a map needs at least two rows and two columns");
     }
     Axes axes;
     for (int row = 0; row < options.rows; ++row) {
@@ -54,13 +60,10 @@ Axes axes_of(const StabilityOptions& options, std::int64_t period_ns) {
 }
 
 Settings settings_of(const StabilityOptions& options) {
-    Config config = options.config ? Config::load(*options.config) : Config();
-    for (const std::string& assignment : options.assignments) {
-        config.set(assignment);
-    }
+    const Config config = load_config(options.config, options.assignments);
     Settings settings = read_settings(config);
     if (settings.tick.passivity.control == PassivityControl::Observe) {
-        config.fail("passivity.control", "must be bound or damp: the map without a controller is drawn anyway");
+        config.fail("passivity.control", "must be bound or damp: the map without a controller is always drawn too");
     }
     return settings;
 }
@@ -82,7 +85,7 @@ void write_csv(const std::filesystem::path& file, const std::vector<Cell>& cells
         const StabilityOutcome& outcome = cell.outcome;
         csv << name_of(cell.late) << ',' << (cell.controlled ? 1 : 0) << ',' << cell.stiffness << ','
             << seconds(cell.delay_ns) * 1e3 << ',' << outcome.first_amplitude / kMillimetre << ','
-            << outcome.last_amplitude / kMillimetre << ',' << outcome.least_energy << ',' << outcome.peak_force << ','
+            << outcome.last_amplitude / kMillimetre << ',' << outcome.min_energy << ',' << outcome.peak_force << ','
             << outcome.controlled << ',' << outcome.faults << ',' << (outcome.grows ? 1 : 0) << ',' << cell.row << ','
             << cell.column << '\n';
     }
@@ -92,89 +95,109 @@ void write_csv(const std::filesystem::path& file, const std::vector<Cell>& cells
     }
 }
 
-std::string title_of(LateAnswer late) {
+std::string title_of(DelayedPart late) {
     switch (late) {
-        case LateAnswer::Planes:
+        case DelayedPart::Planes:
             return "planes late";
-        case LateAnswer::Contact:
+        case DelayedPart::Contact:
             return "contact flag late";
-        case LateAnswer::Force:
+        case DelayedPart::Force:
             return "force late";
     }
     return "";
 }
 
-/// Rows and columns are drawn as such; the axes are labelled with what they stand for.
-void write_gnuplot(const std::filesystem::path& file, const Axes& axes, const TickSettings& tick) {
-    std::ofstream gp = opened(file);
-    const int rows = static_cast<int>(axes.stiffnesses.size());
-    const int columns = static_cast<int>(axes.delays_ns.size());
-    gp << "# gnuplot stability.gp, in the folder of stability.csv\n"
-          "set terminal pngcairo size 1280,860 font 'sans,11'\n"
-          "set output 'stability.png'\n"
-          "set datafile separator ','\n"
-          "set multiplot layout 2,3 margins 0.07,0.88,0.10,0.90 spacing 0.02,0.11 "
-          "title \"A grip of 0.1 kg and 0.3 N s/m is pressed on a virtual wall: how far it still vibrates at the end\\n"
-          "cross: the vibration grows or is kept up; dashed: passive below 2 b / T, for a late force 2 b / (T + 2 "
-          "delay)\"\n"
-          "set palette defined (0 '#f7fbf4', 0.35 '#9fd0a8', 0.55 '#f2c14e', 0.8 '#d1495b', 1 '#5b1a3a')\n"
-          "set logscale cb\n"
-          "set cbrange [0.01:20]\n"
-          "set tics out nomirror\n"
-          "set xtics offset 0,0.4\n"
-          "unset key\n";
-    gp << "set xrange [-0.5:" << columns - 0.5 << "]\nset yrange [-0.5:" << rows - 0.5 << "]\n";
-    gp << "set xtics (";
-    for (int i = 0; i < columns; i += columns > 12 ? 2 : 1) {
-        gp << (i > 0 ? "," : "") << "'" << seconds(axes.delays_ns[static_cast<std::size_t>(i)]) * 1e3 << "' " << i;
+/// Colour of an amplitude (m), from green at kFaintest through yellow to dark red at kStrongest on a logarithmic scale.
+std::string colour_of(double amplitude) {
+    struct Stop {
+        double at;
+        std::array<double, 3> rgb;
+    };
+    constexpr std::array<Stop, 5> stops{{{0.0, {247, 251, 244}},
+                                         {0.35, {159, 208, 168}},
+                                         {0.55, {242, 193, 78}},
+                                         {0.8, {209, 73, 91}},
+                                         {1.0, {91, 26, 58}}}};
+    const double share = std::log(std::max(amplitude, kFaintest) / kFaintest) / std::log(kStrongest / kFaintest);
+    std::size_t i = 1;
+    while (i + 1 < stops.size() && share > stops[i].at) {
+        ++i;
     }
-    gp << ")\n";
-    // Where the sampled and late spring stops being passive: 2 b / (T + 2 delay), in rows and columns.
-    const double step_s = kLongestS / (columns - 1.0);
-    gp << "row(k) = " << rows - 1 << " * log(k / " << kSoftest << ") / log(" << kStiffest / kSoftest << ")\n";
-    gp << "late(x) = row(2 * " << tick.passivity.damping << " / (" << seconds(tick.period_ns) << " + 2 * x * " << step_s
-       << "))\n";
-    gp << "prompt(x) = row(2 * " << tick.passivity.damping << " / " << seconds(tick.period_ns) << ")\n";
-    for (const bool controlled : {false, true}) {
-        for (const LateAnswer late : kLateAnswers) {
-            const bool left = late == LateAnswer::Planes;
-            gp << "set title '" << title_of(late) << (controlled ? ", controlled" : ", not controlled") << "'\n";
-            gp << (controlled ? "set xlabel 'delay (ms)'\n" : "unset xlabel\n");
-            gp << (left ? "set ylabel 'stiffness (N/m)'\n" : "unset ylabel\n");
-            gp << "set ytics (";
-            for (int i = 0; i < rows; ++i) {
-                std::array<char, 32> label{};
-                std::snprintf(label.data(), label.size(), "%.0f", axes.stiffnesses[static_cast<std::size_t>(i)]);
-                gp << (i > 0 ? "," : "") << "'" << (left ? label.data() : "") << "' " << i;
-            }
-            gp << ")\n";
-            if (late == LateAnswer::Force) {
-                gp << "set colorbox user origin 0.90,0.10 size 0.018,0.80\nset cblabel 'last 0.4 s, lowest to highest "
-                      "(mm)'\n";
-            } else {
-                gp << "unset colorbox\n";
-            }
-            const auto chosen = [&](const std::string& value) {
-                return "(strcol(1) eq '" + std::string(name_of(late)) + "' && $2 == " + (controlled ? "1" : "0") +
-                       " ? " + value + " : NaN)";
-            };
-            gp << "plot 'stability.csv' skip 1 using " << chosen("$13")
-               << ":12:(0.5):(0.5):($6 < 0.01 ? 0.01 : $6) with boxxyerror fillstyle solid noborder fillcolor palette "
-                  ", \\\n"
-               << "     '' skip 1 using 13:" << chosen("($11 == 1 ? $12 : NaN)")
-               << " with points pt 2 ps 0.9 lc rgb 'black', \\\n"
-               << "     " << (late == LateAnswer::Force ? "late(x)" : "prompt(x)")
-               << " with lines lw 2 dt 2 lc rgb '#22577a'\n";
+    // Linear interpolation between the two stops around the value.
+    const double t = std::clamp((share - stops[i - 1].at) / (stops[i].at - stops[i - 1].at), 0.0, 1.0);
+    std::array<int, 3> rgb{};
+    for (std::size_t c = 0; c < rgb.size(); ++c) {
+        rgb[c] = static_cast<int>(std::lround(std::lerp(stops[i - 1].rgb[c], stops[i].rgb[c], t)));
+    }
+    std::array<char, 16> text{};
+    std::snprintf(text.data(), text.size(), "#%02x%02x%02x", rgb[0] & 0xff, rgb[1] & 0xff, rgb[2] & 0xff);
+    return text.data();
+}
+
+/// One map: stiffness against delay, a cell for each trial, and the passivity limit as a line.
+std::string map_of(const std::vector<Cell>& cells, DelayedPart late, bool controlled, const StabilityOptions& options,
+                   const TickSettings& tick) {
+    // Half the distance between neighbouring cells: a ratio of stiffnesses, a difference of delays.
+    const double half_ratio = std::pow(kStiffest / kSoftest, 0.5 / (options.rows - 1.0));
+    const double half_step_ms = 500.0 * kLongestS / (options.columns - 1.0);
+    SvgPlot plot({-half_step_ms, kLongestS * 1e3 + half_step_ms}, {kSoftest / half_ratio, kStiffest * half_ratio},
+                 "delay, ms", "stiffness, N/m", true);
+    for (const Cell& cell : cells) {
+        if (cell.late != late || cell.controlled != controlled) {
+            continue;
+        }
+        // Cells keep their equal widths although the delays are rounded to whole ticks.
+        const double delay_ms = 2.0 * half_step_ms * cell.column;
+        plot.cell({delay_ms - half_step_ms, delay_ms + half_step_ms},
+                  {cell.stiffness / half_ratio, cell.stiffness * half_ratio}, colour_of(cell.outcome.last_amplitude));
+        if (cell.outcome.grows) {
+            plot.cross(delay_ms, cell.stiffness);
         }
     }
-    gp << "unset multiplot\n";
+    // A sampled spring with delay is passive up to K = 2 b / (T + 2 delay); only a late force feels the delay.
+    std::vector<std::pair<double, double>> limit;
+    constexpr int points = 100;
+    for (int i = 0; i <= points; ++i) {
+        const double delay_s = kLongestS * i / points;
+        const double felt_s = late == DelayedPart::Force ? delay_s : 0.0;
+        limit.emplace_back(delay_s * 1e3,
+                           passive_stiffness(tick.passivity.damping, 0.0, 0.0, seconds(tick.period_ns), felt_s));
+    }
+    plot.line(limit, "first");
+    const std::string title = title_of(late) + (controlled ? ", controlled" : ", not controlled");
+    return "<figure>" + plot.svg(title) + "<figcaption>" + title + "</figcaption></figure>\n";
+}
+
+void write_page(const std::filesystem::path& file, const std::vector<Cell>& cells, const StabilityOptions& options,
+                const TickSettings& tick) {
+    std::ofstream page = opened(file);
+    page << page_top("Stability of a virtual wall")
+         << "<p>A grip of 0.1 kg and 0.3 N s/m is pressed against a virtual wall. Colour: amplitude of the vibration "
+            "in the last 0.4 s, lowest to highest:";
+    for (const double amplitude_mm : {0.01, 0.1, 1.0, 5.0, 20.0}) {
+        page << "<span class=\"swatch\" style=\"background:" << colour_of(amplitude_mm * kMillimetre) << "\"></span>"
+             << amplitude_mm << " mm";
+    }
+    page << ". Cross: the vibration grows or is sustained. Line: the passivity limit 2 b / T, for a late force "
+            "2 b / (T + 2 delay).</p>\n<div class=\"pictures\">\n";
+    for (const bool controlled : {false, true}) {
+        for (const DelayedPart late : kDelayedParts) {
+            page << map_of(cells, late, controlled, options, tick);
+        }
+    }
+    page << "</div>\n</body></html>\n";
+    page.close();
+    if (!page) {
+        throw std::runtime_error(file.string() + ": cannot be written");
+    }
 }
 
 void print_summary(const std::vector<Cell>& cells) {
-    std::printf("%-10s %-12s %8s %8s %14s %12s\n", "late", "controller", "trials", "growing", "least energy",
-                "largest end");
-    for (const LateAnswer late : kLateAnswers) {
+    std::printf("%-10s %-12s %8s %8s %14s %14s\n", "late", "controller", "trials", "growing", "min energy",
+                "max amplitude");
+    for (const DelayedPart late : kDelayedParts) {
         for (const bool controlled : {false, true}) {
+            // Aggregate the trials of one map.
             int trials = 0;
             int growing = 0;
             double energy = 0.0;
@@ -183,14 +206,32 @@ void print_summary(const std::vector<Cell>& cells) {
                 if (cell.late == late && cell.controlled == controlled) {
                     ++trials;
                     growing += cell.outcome.grows ? 1 : 0;
-                    energy = std::min(energy, cell.outcome.least_energy);
+                    energy = std::min(energy, cell.outcome.min_energy);
                     largest = std::max(largest, cell.outcome.last_amplitude);
                 }
             }
-            std::printf("%-10s %-12s %8d %8d %12.2e J %9.2f mm\n", std::string(name_of(late)).c_str(),
+            std::printf("%-10s %-12s %8d %8d %12.2e J %11.2f mm\n", std::string(name_of(late)).c_str(),
                         controlled ? "on" : "off", trials, growing, energy, largest / kMillimetre);
         }
     }
+}
+
+/// Runs the trial of one cell with the settings of this map.
+StabilityOutcome run_cell(const Cell& cell, const StabilityOptions& options, const TickSettings& tick) {
+    StabilityTrial trial;
+    trial.late = cell.late;
+    trial.stiffness = cell.stiffness;
+    trial.delay_ns = cell.delay_ns;
+    trial.duration_s = options.duration_s;
+    trial.tick = tick;
+    // The map shows the controller alone, so the stiffness limit is switched off.
+    trial.tick.frames.largest_stiffness = std::numeric_limits<double>::infinity();
+    if (!cell.controlled) {
+        trial.tick.passivity.control = PassivityControl::Observe;
+    }
+    trial.mechanics.hand_stiffness = options.hand_stiffness;
+    trial.mechanics.hand_damping = options.hand_damping;
+    return run_stability_trial(trial);
 }
 
 }  // namespace
@@ -199,44 +240,34 @@ int stability_command(const StabilityOptions& options) {
     const Settings settings = settings_of(options);
     const Axes axes = axes_of(options, settings.tick.period_ns);
     std::filesystem::create_directories(options.out);
+    // One trial per cell of the six maps.
     std::vector<Cell> cells;
-    for (const LateAnswer late : kLateAnswers) {
+    for (const DelayedPart late : kDelayedParts) {
         for (const bool controlled : {false, true}) {
             for (int row = 0; row < options.rows; ++row) {
                 for (int column = 0; column < options.columns; ++column) {
-                    Cell cell;
-                    cell.late = late;
-                    cell.controlled = controlled;
-                    cell.row = row;
-                    cell.column = column;
-                    cell.stiffness = axes.stiffnesses[static_cast<std::size_t>(row)];
-                    cell.delay_ns = axes.delays_ns[static_cast<std::size_t>(column)];
-                    StabilityTrial trial;
-                    trial.late = late;
-                    trial.stiffness = cell.stiffness;
-                    trial.delay_ns = cell.delay_ns;
-                    trial.duration_s = options.duration_s;
-                    trial.tick = settings.tick;
-                    trial.tick.frames.largest_stiffness = std::numeric_limits<double>::infinity();
-                    if (!controlled) {
-                        trial.tick.passivity.control = PassivityControl::Observe;
-                    }
-                    trial.mechanics.hand_stiffness = options.hand_stiffness;
-                    trial.mechanics.hand_damping = options.hand_damping;
-                    cell.outcome = try_contact(trial);
+                    Cell cell{.late = late,
+                              .controlled = controlled,
+                              .row = row,
+                              .column = column,
+                              .stiffness = axes.stiffnesses[static_cast<std::size_t>(row)],
+                              .delay_ns = axes.delays_ns[static_cast<std::size_t>(column)],
+                              .outcome = {}};
+                    cell.outcome = run_cell(cell, options, settings.tick);
                     cells.push_back(cell);
                 }
             }
         }
     }
+    // Write data, maps and summary.
     write_csv(options.out / "stability.csv", cells);
-    write_gnuplot(options.out / "stability.gp", axes, settings.tick);
+    write_page(options.out / "stability.html", cells, options, settings.tick);
     print_summary(cells);
-    std::printf("written: %s; (cd %s && gnuplot stability.gp) draws stability.png\n",
-                (options.out / "stability.csv").c_str(), options.out.c_str());
-    const bool held = std::none_of(cells.begin(), cells.end(),
-                                   [](const Cell& cell) { return cell.controlled && cell.outcome.grows; });
-    return held ? 0 : kExitFaulted;
+    std::printf("written: %s and %s\n", (options.out / "stability.csv").c_str(),
+                (options.out / "stability.html").c_str());
+    const bool stable = std::none_of(cells.begin(), cells.end(),
+                                     [](const Cell& cell) { return cell.controlled && cell.outcome.grows; });
+    return stable ? 0 : kExitFaulted;
 }
 
 }  // namespace haptic::rt

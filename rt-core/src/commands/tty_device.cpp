@@ -1,7 +1,6 @@
 #include "commands/tty_device.hpp"
 
-#include "transport/serial_transport.hpp"
-#include "boards/uart_board.hpp"
+#include "haptic/device/tty_board.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -9,45 +8,39 @@ namespace {
 class TtyDevice final : public OpenedDevice {
   public:
     TtyDevice(const std::filesystem::path& path, const Settings& settings)
-        : transport_(path, settings.serial),
-          board_(transport_, settings.board.uart),
-          variant_(settings.tick.variant.name),
+        : board_(path, settings.serial, settings.board.uart),
+          geometry_(settings.tick.geometry.name),
           timeout_ns_(settings.serial.timeout_ns) {
         board_.start();
     }
 
     [[nodiscard]] device::Board& board() override { return board_; }
-    [[nodiscard]] bool real() const override { return true; }
+    [[nodiscard]] bool is_real() const override { return true; }
     [[nodiscard]] std::string description() const override {
-        return "a " + variant_ + " on " + transport_.path().string() + " (" + board_.found() + ")";
+        return "a " + geometry_ + " on " + board_.path().string() + " (" + board_.found() + ")";
     }
 
-    [[nodiscard]] std::int64_t exchange_bound_ns() const override { return kMostExchanges * timeout_ns_; }
-    void reopen() override {
-        transport_.reopen();
-        board_.start();
-    }
+    [[nodiscard]] std::int64_t exchange_bound_ns() const override { return kMaxExchanges * timeout_ns_; }
+    void reopen() override { board_.reopen(); }
 
-    static constexpr std::int64_t kMostExchanges = 2;  // after one that failed the line is first brought to rest
+    static constexpr std::int64_t kMaxExchanges = 2;  // after a failed exchange the line is drained first
 
   private:
-    device::SerialTransport transport_;
-    device::UartBoard board_;
-    std::string variant_;
+    device::TtyBoard board_;
+    std::string geometry_;
     std::int64_t timeout_ns_;
 };
 
 }  // namespace
 
 std::unique_ptr<OpenedDevice> open_tty_device(const std::filesystem::path& path, const Settings& settings) {
-    if (settings.tick.variant.board != device::BoardKind::Uart) {
-        throw Refusal("--device tty:" + path.string() + ": the board of variant " + settings.tick.variant.name +
-                      " has no serial line; set device.variant to the frame that hangs on it");
+    if (settings.tick.geometry.board != device::BoardKind::Uart) {
+        throw Refusal("--device tty:" + path.string() + ": the board of geometry " + settings.tick.geometry.name +
+                      " has no serial line; set device.geometry to the device on this line");
     }
-    if (settings.tick.exchanges * TtyDevice::kMostExchanges * settings.serial.timeout_ns >=
-        settings.watchdog.limit_ns) {
+    if (settings.tick.exchanges * TtyDevice::kMaxExchanges * settings.serial.timeout_ns >= settings.watchdog.limit_ns) {
         throw Refusal("--device tty:" + path.string() +
-                      ": device.uart_timeout_s lets a tick wait for longer than safety.watchdog_s does");
+                      ": device.uart_timeout_s lets a tick wait longer than safety.watchdog_s allows");
     }
     return std::make_unique<TtyDevice>(path, settings);
 }

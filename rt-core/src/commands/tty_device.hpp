@@ -1,16 +1,16 @@
-// UART motor boards on a serial line: --device tty:PATH.
+// Serial device: UART motor boards on a serial line, --device tty:PATH.
 #pragma once
 
 #include <filesystem>
 #include <memory>
 
-#include "process/settings.hpp"
 #include "commands/open_device.hpp"
+#include "process/settings.hpp"
 
 namespace haptic::rt {
 
-/// Throws Refusal where the variant has another board, and device::BoardError where the line cannot be had or has not
-/// eight motors.
+/// Opens the line and finds the motors. Throws Refusal if the configured device has another kind of board, and
+/// device::BoardError if the line cannot be opened or does not have eight motors.
 [[nodiscard]] std::unique_ptr<OpenedDevice> open_tty_device(const std::filesystem::path& path,
                                                             const Settings& settings);
 

@@ -8,21 +8,21 @@
 namespace haptic::rt {
 namespace {
 
-// A latch may fall on the far side of a count's edge at both ends.
+// Counts: quantisation of a difference, up to one count at each of the two latches.
 constexpr double kQuantisationCounts = 2.0;
 
-/// The value nearest to zero of a counter modulo 2^(32 - unused_bits).
-std::int32_t extended(std::uint32_t counter, unsigned unused_bits) HAPTIC_RT {
+/// Sign extension: the value nearest to zero that is equal to the counter modulo 2^(32 - unused_bits).
+std::int32_t sign_extended(std::uint32_t counter, unsigned unused_bits) HAPTIC_RT {
     return static_cast<std::int32_t>(counter << unused_bits) >> unused_bits;
 }
 
 }  // namespace
 
-StringEncoders::StringEncoders(const device::Variant& variant, double maximum_speed)
-    : maximum_speed_(maximum_speed), unused_bits_(32U - static_cast<unsigned>(device::counter_bits(variant.board))) {
+StringEncoders::StringEncoders(const device::DeviceGeometry& geometry, double maximum_speed)
+    : maximum_speed_(maximum_speed), unused_bits_(32U - static_cast<unsigned>(device::counter_bits(geometry.board))) {
     for (std::size_t i = 0; i < kStrings; ++i) {
-        metres_per_count_[i] = variant.strings[i].metres_per_count;
-        rest_lengths_[i] = variant.rest_length(i);
+        metres_per_count_[i] = geometry.strings[i].metres_per_count;
+        rest_lengths_[i] = geometry.rest_length(i);
     }
     lengths_ = rest_lengths_;
 }
@@ -30,7 +30,7 @@ StringEncoders::StringEncoders(const device::Variant& variant, double maximum_sp
 bool StringEncoders::update(const RawCounters& raw, std::int64_t elapsed_ns) HAPTIC_RT {
     if (!started_) {
         for (std::size_t i = 0; i < kStrings; ++i) {
-            counts_[i] = extended(raw[i], unused_bits_);
+            counts_[i] = sign_extended(raw[i], unused_bits_);
         }
         raw_ = raw;
         started_ = true;
@@ -41,11 +41,12 @@ bool StringEncoders::update(const RawCounters& raw, std::int64_t elapsed_ns) HAP
     if (lost_) {
         return false;
     }
-    const double most = maximum_speed_ * seconds(elapsed_ns);  // m
+    // Reject the latch as a whole if any string moved farther than possible.
+    const double max_movement = maximum_speed_ * seconds(elapsed_ns);  // m
     std::array<std::int32_t, kStrings> steps{};
     for (std::size_t i = 0; i < kStrings; ++i) {
-        steps[i] = extended(raw[i] - raw_[i], unused_bits_);
-        if ((std::abs(steps[i]) - kQuantisationCounts) * std::fabs(metres_per_count_[i]) > most) {
+        steps[i] = sign_extended(raw[i] - raw_[i], unused_bits_);
+        if ((std::abs(steps[i]) - kQuantisationCounts) * std::fabs(metres_per_count_[i]) > max_movement) {
             lost_ = true;
             return false;
         }

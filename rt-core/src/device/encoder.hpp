@@ -1,18 +1,18 @@
-// From the wrapping counters of the board to the lengths of the strings.
+// String encoders: string lengths from the wrapping counters of the board.
 //
-// A board counts modulo 2^16 or 2^24 and is never cleared. The host extends a counter by the nearest difference.
-// Lengths are relative: calibrate() says that the present counts belong to the rest lengths, that is to the grip held
-// level at the centre.
+// A board counts modulo 2^16 or 2^24 and never resets its counters. The host unwraps them by the nearest difference.
+// Lengths are relative: calibrate() declares that the present counts belong to the rest lengths, that is, to the grip
+// held level at the centre.
 // @source device-facts, section 2.3 (SH4 board), 3 (calibration).
 #pragma once
 
 #include <array>
 #include <cstdint>
 
-#include <haptic/device/variant.hpp>
-#include <haptic/frames.hpp>
-#include <haptic/realtime.hpp>
 #include "device/kinematics.hpp"
+#include "haptic/device/device_geometry.hpp"
+#include "haptic/frames.hpp"
+#include "haptic/realtime.hpp"
 
 namespace haptic::rt {
 
@@ -20,24 +20,24 @@ using RawCounters = std::array<std::uint32_t, kStrings>;  // modulo 2^counter_bi
 
 class StringEncoders {
   public:
-    /// maximum_speed: m/s, of a string; what is faster is not a hand. Ball-park 2.
-    StringEncoders(const device::Variant& variant, double maximum_speed);
+    /// maximum_speed: m/s, fastest string that a hand can cause; about 2.
+    StringEncoders(const device::DeviceGeometry& geometry, double maximum_speed);
 
-    /// Takes one latch of all counters, elapsed_ns after the last one that was taken. False if a string moved faster
-    /// than maximum_speed: where the strings are is then not known any more, so that neither this latch nor any other
-    /// is taken, and the lengths stay, until restart().
+    /// Takes one latch of all counters, elapsed_ns after the last accepted one. Returns false if a string moved faster
+    /// than maximum_speed. The string lengths are then unknown: this latch and all later ones are rejected, and
+    /// lengths() does not change, until restart().
     bool update(const RawCounters& raw, std::int64_t elapsed_ns) HAPTIC_RT;
 
-    /// The next latch is taken whatever it says, and counts as a calibration.
+    /// Accepts the next latch unconditionally, as a calibration.
     void restart() HAPTIC_RT;
 
-    /// The present counts are those of the rest lengths from now on.
+    /// Declares the present counts those of the rest lengths.
     void calibrate() HAPTIC_RT;
 
-    /// m. The first latch counts as a calibration, so that there is a pose from the start; it means little before one.
+    /// m. The first latch counts as a calibration, so that a pose exists at once; it is meaningless until calibrate().
     [[nodiscard]] const StringArray& lengths() const HAPTIC_RT { return lengths_; }
 
-    /// Largest movement of a string since the last calibrate() or mark(), m: whether the grip is held still.
+    /// m, largest movement of a string since the last mark(): tells whether the grip is held still.
     [[nodiscard]] double largest_movement() const HAPTIC_RT;
     void mark() HAPTIC_RT { marked_ = counts_; }
 
@@ -45,16 +45,16 @@ class StringEncoders {
     using Counts = std::array<std::int64_t, kStrings>;
 
     double maximum_speed_;
-    unsigned unused_bits_;            // of 32, above those that a counter has
+    unsigned unused_bits_;            // high bits of 32 that the counter does not have
     StringArray metres_per_count_{};  // signed
     StringArray rest_lengths_{};
     StringArray lengths_{};
-    Counts counts_{};  // extended and negated
+    Counts counts_{};  // unwrapped
     Counts offsets_{};
     Counts marked_{};
     RawCounters raw_{};
     bool started_ = false;
-    bool lost_ = false;  // a jump was seen
+    bool lost_ = false;  // a counter jumped
 };
 
 }  // namespace haptic::rt

@@ -4,28 +4,26 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "haptic/numeric.hpp"
+
 namespace haptic::rt {
 namespace {
 
-// Steps of one Gauss-Newton iteration are cut to these: far more than a hand moves in a millisecond, and little enough
-// that the linearised lengths still mean something.
-constexpr double kLongestStep = 0.05;  // m
-constexpr double kWidestStep = 0.5;    // rad
+// Limits of one Gauss-Newton step: far more than a hand moves in a millisecond, and small enough for the linearisation
+// of the lengths to hold.
+constexpr double kMaxTranslationStep = 0.05;  // m
+constexpr double kMaxRotationStep = 0.5;      // rad
 
-// The smallest pivot of the scaled normal matrix that still counts as full rank. Its eigenvalues are 0.75 to 3.9 at the
-// centre of an X3R; at 1e-3 an encoder count (17 um) already shows as half a millimetre.
-constexpr double kSmallestPivot = 1e-3;
+// Smallest pivot of the scaled normal matrix that counts as full rank. Its eigenvalues at the centre of an X3R are 0.75
+// to 3.9; at 1e-3 one encoder count (17 um) moves the pose by half a millimetre.
+constexpr double kMinPivot = 1e-3;
 
-// m. A string of no length has no direction: its span of zero over this gives a row of zeros.
-constexpr double kLeastLength = 1e-100;
+// m. A string of zero length has no direction; dividing its zero span by this gives a zero row.
+constexpr double kMinLength = 1e-100;
 
 using Mat6 = std::array<Vec6, 6>;
 
-bool is_finite(const Vec3& v) HAPTIC_RT {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
-
-/// Two sums side by side, which the compiler keeps in one register.
+/// Dot product as two partial sums, which the compiler keeps in one SIMD register.
 double dot(const StringArray& a, const StringArray& b) HAPTIC_RT {
     double even = 0.0;
     double odd = 0.0;
@@ -36,17 +34,19 @@ double dot(const StringArray& a, const StringArray& b) HAPTIC_RT {
     return even + odd;
 }
 
-/// Solves m x = b in place of b for a symmetric m, of which the lower triangle is read and overwritten, as L D L^T: no
-/// square roots. False if a pivot is too small.
+/// Solves m x = b by the factorisation m = L D L^T, x in place of b. Of the symmetric m the lower triangle is read and
+/// overwritten. False if a pivot is below kMinPivot.
 bool solve_symmetric(Mat6& m, Vec6& b) HAPTIC_RT {
+    // Factorisation, with the forward substitution of b in the same pass.
     Vec6 inverse{};
     for (std::size_t column = 0; column < 6; ++column) {
         const double pivot = m[column][column];
-        if (!(pivot > kSmallestPivot)) {  // also when it is not a number
+        if (!(pivot > kMinPivot)) {  // true for NaN
             return false;
         }
         inverse[column] = 1.0 / pivot;
         for (std::size_t row = column + 1; row < 6; ++row) {
+            // Row update: m_rk -= L_rc D_c L_kc, and the same for b. The entry (row, column) keeps L_rc D_c.
             const double factor = m[row][column] * inverse[column];
             for (std::size_t k = column + 1; k <= row; ++k) {
                 m[row][k] -= factor * m[k][column];
@@ -54,7 +54,9 @@ bool solve_symmetric(Mat6& m, Vec6& b) HAPTIC_RT {
             b[row] -= factor * b[column];
         }
     }
+    // Back substitution.
     for (std::size_t row = 6; row-- > 0;) {
+        // x_r = (b_r - sum m_kr x_k) / D_r with k > r.
         double value = b[row];
         for (std::size_t k = row + 1; k < 6; ++k) {
             value -= m[k][row] * b[k];
@@ -64,23 +66,23 @@ bool solve_symmetric(Mat6& m, Vec6& b) HAPTIC_RT {
     return true;
 }
 
-Vec3 shortened(const Vec3& step, double longest) HAPTIC_RT {
+Vec3 clamped_length(const Vec3& step, double longest) HAPTIC_RT {
     const double length = std::sqrt(glm::dot(step, step));
     return length > longest ? step * (longest / length) : step;
 }
 
-/// Turns by a small rotation vector, device frame. The unnormalised quaternion (1, v/2) turns by 2 atan(|v|/2), which
-/// is |v| to third order: as good a step for Gauss-Newton as the exact one, and never further than half a turn.
-Quat turned(const Quat& orientation, const Vec3& rotation) HAPTIC_RT {
+/// Rotates by a small rotation vector v, device frame. The unnormalised quaternion (1, v/2) rotates by 2 atan(|v|/2),
+/// which equals |v| to third order: as good a Gauss-Newton step as the exact rotation, and always below pi.
+Quat rotated(const Quat& orientation, const Vec3& rotation) HAPTIC_RT {
     const Vec3 half = 0.5 * rotation;
     const Quat product = Quat(1.0, half.x, half.y, half.z) * orientation;
     return product * (1.0 / std::sqrt(glm::dot(product, product)));
 }
 
 struct StringState {
-    Vec3 arm;        // m, from the grip's origin to the knot, device frame
-    Vec3 direction;  // unit, from knot to motor; zero for a string of no length
-    double length;   // m
+    Vec3 moment_arm;  // m, r_i: from the grip's origin to the knot, device frame
+    Vec3 direction;   // unit, u_i: from knot to motor; zero for a string of zero length
+    double length;    // m, l_i
 };
 
 StringState string_state(const device::StringFacts& string, const Mat3& rotation, const Vec3& position) HAPTIC_RT {
@@ -92,21 +94,22 @@ StringState string_state(const device::StringFacts& string, const Mat3& rotation
 
 }  // namespace
 
-StringArray string_lengths(const device::Variant& variant, const Pose& device_from_grip) HAPTIC_RT {
+StringArray string_lengths(const device::DeviceGeometry& geometry, const Pose& device_from_grip) HAPTIC_RT {
     const Mat3 rotation = glm::mat3_cast(device_from_grip.orientation);
     StringArray lengths{};
     for (std::size_t i = 0; i < kStrings; ++i) {
-        lengths[i] = string_state(variant.strings[i], rotation, device_from_grip.position).length;
+        lengths[i] = string_state(geometry.strings[i], rotation, device_from_grip.position).length;
     }
     return lengths;
 }
 
-WireMatrix wire_matrix(const device::Variant& variant, const Pose& device_from_grip) HAPTIC_RT {
+WireMatrix wire_matrix(const device::DeviceGeometry& geometry, const Pose& device_from_grip) HAPTIC_RT {
     const Mat3 rotation = glm::mat3_cast(device_from_grip.orientation);
     WireMatrix wires{};
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const StringState state = string_state(variant.strings[i], rotation, device_from_grip.position);
-        const Vec3 moment = glm::cross(state.arm, state.direction);
+        const StringState state = string_state(geometry.strings[i], rotation, device_from_grip.position);
+        // Row i of A: [u_i, r_i x u_i].
+        const Vec3 moment = glm::cross(state.moment_arm, state.direction);
         wires[i] = {state.direction.x, state.direction.y, state.direction.z, moment.x, moment.y, moment.z};
     }
     return wires;
@@ -122,21 +125,25 @@ Wrench wrench_of_tensions(const WireMatrix& wires, const StringArray& tensions) 
     return wrench;
 }
 
-PoseSolver::PoseSolver(const device::Variant& variant) : variant_(variant) {
+PoseSolver::PoseSolver(const device::DeviceGeometry& geometry) : geometry_(geometry) {
+    // Radius of the grip (farthest knot), and reach of the device (farthest motor).
     double radius = 0.0;
-    for (const device::StringFacts& string : variant.strings) {
+    for (const device::StringFacts& string : geometry.strings) {
         radius = std::max(radius, glm::length(string.grip));
         reach_ = std::max(reach_, glm::length(string.motor));
     }
     if (!(radius > 0.0) || !std::isfinite(radius) || !(reach_ > 0.0) || !std::isfinite(reach_)) {
-        throw std::invalid_argument("pose solver: variant '" + variant.name + "' has no finite geometry");
+        throw std::invalid_argument("pose solver: device geometry '" + geometry.name +
+                                    "' needs finite motor and knot positions away from the origin");
     }
+    // Rotations are solved for in metres at the grip's radius, so that all columns of A have entries of about 1.
     rotation_scale_ = 1.0 / radius;
     for (std::size_t i = 0; i < kStrings; ++i) {
         for (std::size_t k = 0; k < 3; ++k) {
             const auto component = static_cast<Vec3::length_type>(k);
-            motor_[k][i] = variant.strings[i].motor[component];
-            grip_[k][i] = variant.strings[i].grip[component];
+            // Structure of arrays, for the vectorised loop of gauss_newton_step().
+            motor_[k][i] = geometry.strings[i].motor[component];
+            grip_[k][i] = geometry.strings[i].grip[component];
         }
     }
 }
@@ -146,44 +153,50 @@ void PoseSolver::reset(const Pose& pose) HAPTIC_RT {
     const double squared = glm::dot(q, q);
     estimate_ = PoseEstimate{};
     if (is_finite(pose.position) && std::isfinite(squared) && squared > 0.0) {
-        estimate_.pose = {shortened(pose.position, reach_), q * (1.0 / std::sqrt(squared))};
+        estimate_.pose = {clamped_length(pose.position, reach_), q * (1.0 / std::sqrt(squared))};
     }
 }
 
-PoseStatus PoseSolver::improve(const StringArray& lengths, std::size_t without, Pose& pose) const HAPTIC_RT {
+PoseStatus PoseSolver::gauss_newton_step(const StringArray& lengths, std::size_t without, Pose& pose) const HAPTIC_RT {
     const Mat3 r = glm::mat3_cast(pose.orientation);
     const Vec3 p = pose.position;
-    // Column-wise, one lane a string, without branches, so that the compiler takes several strings at a time.
+    // Columns of A = [u, r x u] with rotations scaled, and length errors l(pose) - l. One lane a string and no
+    // branches, so that the compiler vectorises over strings.
     std::array<StringArray, 6> columns{};
     StringArray error{};
     for (std::size_t i = 0; i < kStrings; ++i) {
         const double bx = grip_[0][i];
         const double by = grip_[1][i];
         const double bz = grip_[2][i];
+        // r = R b, w = a - p - r, u = w / |w|.
         const double arm_x = r[0][0] * bx + r[1][0] * by + r[2][0] * bz;
         const double arm_y = r[0][1] * bx + r[1][1] * by + r[2][1] * bz;
         const double arm_z = r[0][2] * bx + r[1][2] * by + r[2][2] * bz;
         const double span_x = motor_[0][i] - p.x - arm_x;
         const double span_y = motor_[1][i] - p.y - arm_y;
         const double span_z = motor_[2][i] - p.z - arm_z;
+        // Length l_i of the string and its direction u_i.
         const double length = std::sqrt(span_x * span_x + span_y * span_y + span_z * span_z);
-        const double inverse = 1.0 / std::max(length, kLeastLength);
+        const double inverse = 1.0 / std::max(length, kMinLength);
         const double ux = span_x * inverse;
         const double uy = span_y * inverse;
         const double uz = span_z * inverse;
+        // Row i: [u, r x u / radius].
         columns[0][i] = ux;
         columns[1][i] = uy;
         columns[2][i] = uz;
         columns[3][i] = (arm_y * uz - arm_z * uy) * rotation_scale_;
         columns[4][i] = (arm_z * ux - arm_x * uz) * rotation_scale_;
         columns[5][i] = (arm_x * uy - arm_y * ux) * rotation_scale_;
-        error[i] = length - lengths[i];  // dl = -A dx
+        error[i] = length - lengths[i];  // sign of dl = -A dx
     }
+    // A zero row takes a string out of the least squares.
     if (without < kStrings) {
         for (StringArray& column : columns) {
             column[without] = 0.0;
         }
     }
+    // Normal equations A^T A dx = A^T error.
     Mat6 normal{};
     Vec6 step{};
     for (std::size_t j = 0; j < 6; ++j) {
@@ -192,42 +205,49 @@ PoseStatus PoseSolver::improve(const StringArray& lengths, std::size_t without, 
             normal[j][k] = dot(columns[j], columns[k]);
         }
     }
+    // No full rank: this pose or set of strings does not determine six degrees of freedom.
     if (!solve_symmetric(normal, step)) {
         return PoseStatus::RankDeficient;
     }
-    const Vec3 translation = shortened({step[0], step[1], step[2]}, kLongestStep);
-    const Vec3 turn = shortened(Vec3(step[3], step[4], step[5]) * rotation_scale_, kWidestStep);
-    if (!is_finite(translation) || !is_finite(turn)) {
+    // Limited step, back in radians; the position stays within reach.
+    const Vec3 translation = clamped_length({step[0], step[1], step[2]}, kMaxTranslationStep);
+    const Vec3 rotation = clamped_length(Vec3(step[3], step[4], step[5]) * rotation_scale_, kMaxRotationStep);
+    if (!is_finite(translation) || !is_finite(rotation)) {
         return PoseStatus::NonFinite;
     }
-    pose.position = shortened(pose.position + translation, reach_);
-    pose.orientation = turned(pose.orientation, turn);
+    pose.position = clamped_length(pose.position + translation, reach_);
+    pose.orientation = rotated(pose.orientation, rotation);
     return PoseStatus::Ok;
 }
 
 PoseEstimate PoseSolver::solve_from(const Pose& start, const StringArray& lengths,
                                     std::size_t without) const HAPTIC_RT {
     PoseEstimate next{start, 0.0, PoseStatus::Ok, {}};
+    // Non-finite lengths stop the solver before they reach the pose.
     for (const double length : lengths) {
         if (!std::isfinite(length)) {
             next.status = PoseStatus::NonFinite;
         }
     }
+    // Fixed number of Gauss-Newton steps: the run time does not depend on the data.
     for (int iteration = 0; iteration < kIterations && next.status == PoseStatus::Ok; ++iteration) {
-        next.status = improve(lengths, without, next.pose);
+        next.status = gauss_newton_step(lengths, without, next.pose);
     }
     if (next.status == PoseStatus::Ok) {
-        const StringArray explained = string_lengths(variant_, next.pose);
+        // Residuals at the solution: measured minus explained lengths.
+        const StringArray explained = string_lengths(geometry_, next.pose);
         double sum = 0.0;
         for (std::size_t i = 0; i < kStrings; ++i) {
             next.residuals[i] = lengths[i] - explained[i];
             sum += i == without ? 0.0 : next.residuals[i] * next.residuals[i];
         }
+        // Root mean square over the strings. The one left out adds nothing to the sum.
         next.residual = std::sqrt(sum / static_cast<double>(kStrings));
         if (!std::isfinite(next.residual)) {
             next.status = PoseStatus::NonFinite;
         }
     }
+    // On failure the pose stays at the start.
     return next.status == PoseStatus::Ok ? next : PoseEstimate{start, 0.0, next.status, {}};
 }
 

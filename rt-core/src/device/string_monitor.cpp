@@ -7,19 +7,18 @@
 namespace haptic::rt {
 namespace {
 
-// Evidence is gathered from this share of the threshold on.
+// Evidence is summed once the residual exceeds this share of the threshold.
 constexpr double kWatchedShare = 0.25;
 
-// Of what the eight leave unexplained: the others agree without a string as well as without the best one, if they leave
-// no more than so much in addition. An angle of 8 degrees between what two strings do to the lengths.
-constexpr double kAsGood = 0.02;
-
-constexpr double kNever = std::numeric_limits<double>::max();
+// A string is as suspect as the best one if leaving it out leaves at most this share of the total unexplained error
+// more than leaving out the best one. Corresponds to 8 degrees between the effects of the two strings on the lengths.
+constexpr double kEquallyGood = 0.02;
 
 }  // namespace
 
-StringMonitor::StringMonitor(const device::Variant& variant, const StringMonitorSettings& settings)
-    : solver_(variant), residual_(settings.residual), kept_(std::exp(-1.0 / settings.memory_ticks)) {
+StringMonitor::StringMonitor(const device::DeviceGeometry& geometry, const StringMonitorSettings& settings)
+    : solver_(geometry), residual_(settings.residual), kept_(std::exp(-1.0 / settings.memory_ticks)) {
+    // Both settings are divisors or thresholds: zero and infinity make no sense.
     for (const double value : {settings.residual, settings.memory_ticks}) {
         if (!(value > 0.0) || !std::isfinite(value)) {
             throw std::invalid_argument("string monitor: settings must be positive and finite");
@@ -32,42 +31,50 @@ void StringMonitor::reset(const Pose& pose) HAPTIC_RT {
         one.pose = pose;
     }
     unexplained_ = StringArray{};
-    left_ = 0.0;
+    unexplained_by_all_ = 0.0;
     suspicion_ = StringSuspicion{};
 }
 
 const StringSuspicion& StringMonitor::update(const StringArray& lengths, const PoseEstimate& estimate) HAPTIC_RT {
+    // All agree, or there is no pose to compare with: forget the evidence.
     if (estimate.status != PoseStatus::Ok || !(estimate.residual > kWatchedShare * residual_)) {
         reset(estimate.pose);
         return suspicion_;
     }
-    left_ = kept_ * left_ + estimate.residual * estimate.residual;
+    unexplained_by_all_ = kept_ * unexplained_by_all_ + estimate.residual * estimate.residual;
+    // Solve the pose leaving out each string in turn; evidence decays exponentially.
     StringArray errors{};
     for (std::size_t i = 0; i < kStrings; ++i) {
+        // Start at the last pose found without string i: if i is the faulty one, it is near the true pose.
         PoseEstimate& one = without_[i];
         one = solver_.solve_without(i, lengths, one.pose);
         errors[i] = one.residuals[i];
+        // Error that remains without string i. If the pose is not determined without it, leaving it out explains
+        // nothing.
         const double left =
             one.status == PoseStatus::Ok ? one.residual * one.residual : estimate.residual * estimate.residual;
         unexplained_[i] = kept_ * unexplained_[i] + left;
     }
+    // Name suspects only while the present residual is above the threshold.
     suspicion_ = StringSuspicion{};
     if (estimate.residual > residual_) {
-        judge(errors);
+        find_suspects(errors);
     }
     return suspicion_;
 }
 
-void StringMonitor::judge(const std::array<double, kStrings>& errors) HAPTIC_RT {
-    double least = kNever;
+void StringMonitor::find_suspects(const std::array<double, kStrings>& errors) HAPTIC_RT {
+    double min_unexplained = std::numeric_limits<double>::max();
+    // The most likely string is the one whose removal leaves the least unexplained.
     for (std::size_t i = 0; i < kStrings; ++i) {
-        if (unexplained_[i] < least) {
-            least = unexplained_[i];
+        if (unexplained_[i] < min_unexplained) {
+            min_unexplained = unexplained_[i];
             suspicion_.error = errors[i];
         }
     }
+    // Every string that is about as good is a suspect too.
     for (std::size_t i = 0; i < kStrings; ++i) {
-        if (unexplained_[i] <= least + kAsGood * left_) {
+        if (unexplained_[i] <= min_unexplained + kEquallyGood * unexplained_by_all_) {
             const auto bit = static_cast<std::uint8_t>(1U << i);
             suspicion_.strings = static_cast<std::uint8_t>(suspicion_.strings | bit);
             suspicion_.slack = static_cast<std::uint8_t>(suspicion_.slack | (errors[i] > 0.0 ? bit : 0U));

@@ -1,59 +1,59 @@
-// Which string contradicts the others, and whether it is slack.
+// String monitor: finds the string whose measured length contradicts the other seven, and whether it is slack.
 //
-// Eight lengths determine six coordinates, so two of them are redundant, and seven still determine the pose with one
-// length to spare. Once the eight contradict each other, the pose is solved eight times more, each time without one of
-// the strings: without the one at fault the other seven agree, whatever its error (as long as it is the only one), and
-// what it reads beyond the length that they explain is that error.
+// Eight lengths determine six coordinates, so two lengths are redundant; seven lengths still leave one. When the eight
+// lengths contradict each other, the pose is solved eight more times, leaving out one string each time. Without the
+// faulty string the other seven agree, however large its error (as long as only one is faulty). Its error is its
+// measured length minus the length that the other seven explain.
 //
-// One spare length tells strings apart only as far as they pull in different ways: in frames as symmetrical as these
-// most strings have, near the centre, one to three others without which the rest agree as well. So what is named is a
-// set. It narrows as the hand moves: the string at fault goes on explaining the contradiction and its likes do not, so
-// what each string leaves unexplained is summed up over the last ticks.
+// One redundant length distinguishes two strings only where they affect the lengths differently. In device geometries
+// as symmetric as these, most strings have one to three others near the centre whose removal fits equally well, so the
+// result is a set of suspects. It narrows as the hand moves: the faulty string keeps explaining the contradiction and
+// the others do not. The unexplained squared error without each string is therefore summed over the last ticks.
 //
-// A string that reads longer than the others explain is slack: its motor has paid out, or has not yet wound in, more
-// than the distance from pulley to knot. One that reads shorter (it broke and was wound in, it slipped, its encoder
-// stands still while it pays out) is a contradiction like any other.
+// A string that reads longer than the others explain is slack: its motor has paid out more than the distance from
+// pulley to knot, or has not yet wound it in. A string that reads shorter (it broke and was wound in, it slipped, or
+// its encoder stopped while it paid out) is reported as a residual only.
 #pragma once
 
 #include <array>
 #include <cstdint>
 
-#include <haptic/realtime.hpp>
 #include "device/kinematics.hpp"
+#include "haptic/realtime.hpp"
 
 namespace haptic::rt {
 
 struct StringMonitorSettings {
-    double residual = 1e-3;      // m, rms of measured minus explained lengths; below it no string is named
-    double memory_ticks = 50.0;  // over which evidence is summed up
+    double residual = 1e-3;      // m, rms of measured minus explained lengths; no suspects below it
+    double memory_ticks = 50.0;  // ticks, time constant of the sum of evidence
 };
 
 struct StringSuspicion {
-    std::uint8_t strings = 0;  // bit i: without string i the others agree, as well as without any other; 0: all agree
-    std::uint8_t slack = 0;    // those of them that read longer than the others explain
-    double error = 0.0;        // m, measured minus explained, of the likeliest of them
+    std::uint8_t strings = 0;  // bit i: string i is suspected; 0: all lengths agree
+    std::uint8_t slack = 0;    // the suspects that read longer than the others explain
+    double error = 0.0;        // m, measured minus explained, of the most likely suspect
 };
 
 class StringMonitor {
   public:
-    /// Throws std::invalid_argument for settings that are not positive and finite, and like PoseSolver.
-    StringMonitor(const device::Variant& variant, const StringMonitorSettings& settings);
+    /// Throws std::invalid_argument for settings that are not positive and finite, and as PoseSolver does.
+    StringMonitor(const device::DeviceGeometry& geometry, const StringMonitorSettings& settings);
 
-    /// Takes one tick's lengths and the pose that explains all eight best. While they agree it costs nothing; else at
-    /// most eight solutions of the pose.
+    /// Takes one tick's lengths and the least-squares pose of all eight. Costs at most eight pose solutions, and
+    /// nothing while the lengths agree.
     const StringSuspicion& update(const StringArray& lengths, const PoseEstimate& estimate) HAPTIC_RT;
     void reset(const Pose& pose) HAPTIC_RT;
     [[nodiscard]] const StringSuspicion& suspicion() const HAPTIC_RT { return suspicion_; }
 
   private:
-    void judge(const std::array<double, kStrings>& errors) HAPTIC_RT;
+    void find_suspects(const std::array<double, kStrings>& errors) HAPTIC_RT;
 
     PoseSolver solver_;
     double residual_;
-    double kept_;                                 // share of the evidence that the next tick keeps
-    std::array<PoseEstimate, kStrings> without_;  // poses without each string; the last good one while all agree
-    StringArray unexplained_{};                   // m^2, without each string
-    double left_ = 0.0;                           // m^2, by all eight
+    double kept_;                                 // share of the evidence that is kept per tick
+    std::array<PoseEstimate, kStrings> without_;  // poses leaving out each string; the last good pose while all agree
+    StringArray unexplained_{};                   // m^2, leaving out each string, summed over ticks
+    double unexplained_by_all_ = 0.0;             // m^2, with all eight, summed over ticks
     StringSuspicion suspicion_;
 };
 

@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "haptic/numeric.hpp"
+
 namespace haptic::rt {
 namespace {
 
@@ -13,23 +15,23 @@ constexpr std::int8_t kLower = -1;
 constexpr std::int8_t kFree = 0;
 constexpr std::int8_t kUpper = +1;
 
-// A multiplier is wrong only beyond this, relative to the largest term of the gradient: rounding of the gradient.
+// Relative to the largest term of the gradient: the sign of a multiplier counts only beyond the gradient's rounding.
 constexpr double kMultiplierTolerance = 1e-12;
 
-// A wrench is shortened to this before anything is formed from it, in tensions at full pull: out of reach of any
-// strings, and far from overflow.
-constexpr double kLargestWrench = 1e4;
+// In strings at full pull: a wrench is scaled down to this before it is used. Out of reach of any strings, and far from
+// overflow.
+constexpr double kMaxWrench = 1e4;
 
-// Sum of all entries' sizes: wires are of unit length, and their levers of centimetres.
-constexpr double kLargestWires = 1e6;
+// Bound on the sum of |entry| of the wire matrix. Wires are unit vectors with moment arms of centimetres.
+constexpr double kMaxWireSum = 1e6;
 
-// `reached`.
+// Tolerances of TensionResult::reached.
 constexpr double kRelativeError = 1e-3;
 constexpr double kForceError = 1e-3;    // N
 constexpr double kTorqueError = 50e-6;  // N*m
 
 using Matrix = std::array<StringArray, kN>;
-using Set = std::array<std::int8_t, kN>;
+using ActiveSet = std::array<std::int8_t, kN>;
 
 double length(const Vec3& v) HAPTIC_RT {
     return std::sqrt(glm::dot(v, v));
@@ -43,12 +45,8 @@ double dot(const Vec6& a, const Vec6& b) HAPTIC_RT {
     return sum;
 }
 
-bool is_finite(const Vec3& v) HAPTIC_RT {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
-
-/// minimise 1/2 x^T hessian x - linear^T x  over  lower <= x <= upper.
-struct BoxProgramme {
+/// Box-constrained quadratic programme: minimise 1/2 x^T hessian x - linear^T x  over  lower <= x <= upper.
+struct BoxQp {
     Matrix hessian{};
     StringArray linear{};
     StringArray lower{};
@@ -67,28 +65,31 @@ struct BoxProgramme {
         return side == kLower ? lower[i] : upper[i];
     }
 
-    /// Whether the gradient pushes a string at a bound back into the box.
-    [[nodiscard]] bool wants_release(std::int8_t side, double slope) const HAPTIC_RT {
-        return side == kLower ? slope < -tolerance : slope > tolerance;
+    /// True if the objective falls when a variable at a bound moves into the box (negative multiplier).
+    [[nodiscard]] bool wants_release(std::int8_t side, double gradient) const HAPTIC_RT {
+        return side == kLower ? gradient < -tolerance : gradient > tolerance;
     }
 };
 
-/// Moves x's free components to the minimum of their face, the others staying where they are: step solves
-/// H_FF step = -g_F. False if the face's Hessian is not positive definite, which only rounding can cause.
-bool newton_step(const BoxProgramme& programme, const Set& set, const StringArray& x, StringArray& step) HAPTIC_RT {
+/// Newton step of the free variables to the minimum of their face, the others fixed: solves H_FF step = -g_F. False if
+/// H_FF is not positive definite, which only rounding can cause.
+bool newton_step(const BoxQp& qp, const ActiveSet& active, const StringArray& x, StringArray& step) HAPTIC_RT {
+    // Indices of the free set F. Variables at a bound do not move.
     std::array<std::size_t, kN> index{};
     std::size_t count = 0;
     for (std::size_t i = 0; i < kN; ++i) {
         step[i] = 0.0;
-        if (set[i] == kFree) {
+        if (active[i] == kFree) {
             index[count++] = i;
         }
     }
+    // Cholesky H_FF = L L^T row by row, with the forward substitution L y = -g_F in the same pass.
     Matrix factor{};
     StringArray rhs{};
     for (std::size_t row = 0; row < count; ++row) {
-        const StringArray& h = programme.hessian[index[row]];
-        double value = -programme.gradient(x, index[row]);
+        // Off-diagonal entries L_ij = (H_ij - sum L_ik L_jk) / L_jj with k < j, and their part of y.
+        const StringArray& h = qp.hessian[index[row]];
+        double value = -qp.gradient(x, index[row]);
         for (std::size_t column = 0; column < row; ++column) {
             double entry = h[index[column]];
             for (std::size_t k = 0; k < column; ++k) {
@@ -98,6 +99,7 @@ bool newton_step(const BoxProgramme& programme, const Set& set, const StringArra
             factor[row][column] = entry;
             value -= entry * rhs[column];
         }
+        // Diagonal entry L_ii = sqrt(H_ii - sum L_ik^2), stored as its reciprocal.
         double pivot = h[index[row]];
         for (std::size_t k = 0; k < row; ++k) {
             pivot -= factor[row][k] * factor[row][k];
@@ -108,6 +110,7 @@ bool newton_step(const BoxProgramme& programme, const Set& set, const StringArra
         factor[row][row] = 1.0 / std::sqrt(pivot);
         rhs[row] = value * factor[row][row];
     }
+    // Back substitution L^T step = y.
     for (std::size_t row = count; row-- > 0;) {
         double value = rhs[row];
         for (std::size_t k = row + 1; k < count; ++k) {
@@ -119,52 +122,58 @@ bool newton_step(const BoxProgramme& programme, const Set& set, const StringArra
     return true;
 }
 
-void clamp_to_set(const BoxProgramme& programme, const Set& set, StringArray& x) HAPTIC_RT {
+/// Puts every variable of the active set on its bound, and clamps the free ones to the box.
+void project_onto_face(const BoxQp& qp, const ActiveSet& active, StringArray& x) HAPTIC_RT {
     for (std::size_t i = 0; i < kN; ++i) {
-        x[i] = set[i] == kFree ? std::clamp(x[i], programme.lower[i], programme.upper[i]) : programme.bound(set[i], i);
+        x[i] = active[i] == kFree ? std::clamp(x[i], qp.lower[i], qp.upper[i]) : qp.bound(active[i], i);
     }
 }
 
-/// One round of block principal pivoting: x goes to the minimum of the face, whether the box allows it or not, and
-/// every component that then breaks a condition changes sides at once. Returns how many did; 0: x is the minimum.
-int exchange_block(const BoxProgramme& programme, Set& set, StringArray& x) HAPTIC_RT {
+/// One round of block principal pivoting. x moves to the minimum of the face, inside the box or not; then every
+/// variable that violates an optimality condition changes sides at once. Returns their number; 0: x is the minimum.
+int exchange_block(const BoxQp& qp, ActiveSet& active, StringArray& x) HAPTIC_RT {
+    // Minimum over the free variables.
     StringArray step{};
-    clamp_to_set(programme, set, x);
-    if (!newton_step(programme, set, x, step)) {
+    project_onto_face(qp, active, x);
+    if (!newton_step(qp, active, x, step)) {
         return static_cast<int>(kN);
     }
     for (std::size_t i = 0; i < kN; ++i) {
+        // No clamp: the exchange has to see which variables leave the box.
         x[i] += step[i];
     }
+    // Exchange: a bound with a negative multiplier is released, a free variable outside the box goes to its bound.
     int exchanged = 0;
     for (std::size_t i = 0; i < kN; ++i) {
-        if (set[i] != kFree) {
-            if (programme.wants_release(set[i], programme.gradient(x, i))) {
-                set[i] = kFree;
+        if (active[i] != kFree) {
+            if (qp.wants_release(active[i], qp.gradient(x, i))) {
+                active[i] = kFree;
                 ++exchanged;
             }
-        } else if (x[i] < programme.lower[i] || x[i] > programme.upper[i]) {
-            set[i] = x[i] < programme.lower[i] ? kLower : kUpper;
+        } else if (x[i] < qp.lower[i] || x[i] > qp.upper[i]) {
+            active[i] = x[i] < qp.lower[i] ? kLower : kUpper;
             ++exchanged;
         }
     }
     return exchanged;
 }
 
-/// One round of the primal active-set method, x within the box before and after. True: x is the minimum. `stalled` says
-/// that the last step had no length.
-bool descend(const BoxProgramme& programme, Set& set, StringArray& x, bool& stalled) HAPTIC_RT {
+/// One round of the primal active-set method; x stays within the box. Returns true if x is the minimum. `stalled`: the
+/// last step had zero length.
+bool active_set_step(const BoxQp& qp, ActiveSet& active, StringArray& x, bool& stalled) HAPTIC_RT {
+    // Step towards the minimum of the current face.
     StringArray step{};
-    if (!newton_step(programme, set, x, step)) {
+    if (!newton_step(qp, active, x, step)) {
         return false;
     }
+    // Ratio test: the largest fraction of the step that keeps every free variable in the box.
     double fraction = 1.0;
     std::size_t blocking = kN;
     for (std::size_t i = 0; i < kN; ++i) {
+        // Only a variable that the full step takes out of the box can limit the fraction.
         const double goal = x[i] + step[i];
-        if (set[i] == kFree && (goal < programme.lower[i] || goal > programme.upper[i])) {
-            const double allowed =
-                ((goal < programme.lower[i] ? programme.lower[i] : programme.upper[i]) - x[i]) / step[i];
+        if (active[i] == kFree && (goal < qp.lower[i] || goal > qp.upper[i])) {
+            const double allowed = ((goal < qp.lower[i] ? qp.lower[i] : qp.upper[i]) - x[i]) / step[i];
             if (allowed < fraction) {
                 fraction = allowed;
                 blocking = i;
@@ -172,50 +181,58 @@ bool descend(const BoxProgramme& programme, Set& set, StringArray& x, bool& stal
         }
     }
     for (std::size_t i = 0; i < kN; ++i) {
-        x[i] = std::clamp(x[i] + fraction * step[i], programme.lower[i], programme.upper[i]);
+        // The clamp corrects only the rounding of the product.
+        x[i] = std::clamp(x[i] + fraction * step[i], qp.lower[i], qp.upper[i]);
     }
+    // The step was cut: the blocking variable joins the active set.
     if (blocking < kN) {
-        set[blocking] = step[blocking] < 0.0 ? kLower : kUpper;
-        x[blocking] = programme.bound(set[blocking], blocking);
+        active[blocking] = step[blocking] < 0.0 ? kLower : kUpper;
+        x[blocking] = qp.bound(active[blocking], blocking);
         stalled = !(fraction > 0.0);
         return false;
     }
-    // The one that wants it most, as long as steps have a length and so the objective falls; after one without, the
-    // first one (Bland's rule), so that no series of such steps comes back to its start.
+    // The face's minimum was reached: release the bound with the most negative multiplier. After a step of zero length
+    // the objective did not fall; then release the first one (Bland's rule), which excludes cycling.
     std::size_t released = kN;
     double strongest = 0.0;
     for (std::size_t i = 0; i < kN; ++i) {
-        if (set[i] == kFree) {
+        if (active[i] == kFree) {
             continue;
         }
-        const double slope = programme.gradient(x, i);
-        if (programme.wants_release(set[i], slope) && std::abs(slope) > strongest) {
+        // Steepest descent among the bounds; the first one found is enough after a stall.
+        const double gradient = qp.gradient(x, i);
+        if (qp.wants_release(active[i], gradient) && std::abs(gradient) > strongest) {
             released = i;
-            strongest = std::abs(slope);
+            strongest = std::abs(gradient);
             if (stalled) {
                 break;
             }
         }
     }
+    // No bound wants release: the optimality conditions hold, and x is the minimum.
     if (released == kN) {
         return true;
     }
-    set[released] = kFree;
+    active[released] = kFree;
     return false;
 }
 
-bool minimise(const BoxProgramme& programme, Set& set, StringArray& x, int& rounds) HAPTIC_RT {
+/// Block pivoting first, then the active-set method. Returns false if both used up their rounds.
+bool minimise(const BoxQp& qp, ActiveSet& active, StringArray& x, int& rounds) HAPTIC_RT {
+    // Block pivoting usually ends within its rounds, but may cycle.
     for (int round = 0; round < TensionSolver::kBlockRounds; ++round) {
         ++rounds;
-        if (exchange_block(programme, set, x) == 0) {
+        if (exchange_block(qp, active, x) == 0) {
             return true;
         }
     }
-    clamp_to_set(programme, set, x);
+    // The active-set method needs a feasible start. From there every step lowers the objective, or Bland's rule
+    // applies.
+    project_onto_face(qp, active, x);
     bool stalled = false;
     for (int round = 0; round < TensionSolver::kDescentRounds; ++round) {
         ++rounds;
-        if (descend(programme, set, x, stalled)) {
+        if (active_set_step(qp, active, x, stalled)) {
             return true;
         }
     }
@@ -229,11 +246,12 @@ bool is_usable(const WireMatrix& wires) HAPTIC_RT {
             sum += std::abs(entry);
         }
     }
-    return sum < kLargestWires;  // not if it is not a number
+    return sum < kMaxWireSum;  // false for NaN
 }
 
-/// What a wrench must be multiplied by so that no component is above so many tensions at full pull.
-double shortening_of(const Wrench& goal, double strings, const TensionSettings& settings) HAPTIC_RT {
+/// Factor, at most 1, that brings every component of the wrench within `strings` strings at full pull.
+double scale_to_pull(const Wrench& goal, double strings, const TensionSettings& settings) HAPTIC_RT {
+    // Largest component, with torques converted to forces at the grip's radius.
     double size = 0.0;
     for (Vec3::length_type k = 0; k < 3; ++k) {
         size = std::max({size, std::abs(goal.force[k]), std::abs(goal.torque[k]) * settings.torque_scale});
@@ -246,8 +264,11 @@ Wrench scaled(const Wrench& wrench, double factor) HAPTIC_RT {
     return {wrench.force * factor, wrench.torque * factor};
 }
 
-BoxProgramme programme_of(const WireMatrix& wires, const Wrench& goal, const StringArray& previous,
-                          const StringArray& maxima, const TensionSettings& settings) HAPTIC_RT {
+/// The programme of the file header in standard form, with B = A W^T:
+/// hessian = B B^T + (effort + continuity) I,  linear = B W w + effort t_min + continuity t_previous.
+BoxQp build_qp(const WireMatrix& wires, const Wrench& goal, const StringArray& previous, const StringArray& maxima,
+               const TensionSettings& settings) HAPTIC_RT {
+    // W w and B: torques scaled to forces at the grip's radius.
     const double scale = settings.torque_scale;
     const Vec6 weighted_goal{goal.force.x,          goal.force.y,          goal.force.z,
                              goal.torque.x * scale, goal.torque.y * scale, goal.torque.z * scale};
@@ -257,31 +278,33 @@ BoxProgramme programme_of(const WireMatrix& wires, const Wrench& goal, const Str
             row[k] *= scale;
         }
     }
-    BoxProgramme programme;
+    BoxQp qp;
     double largest_term = 0.0;
     for (std::size_t i = 0; i < kN; ++i) {
-        programme.lower[i] = std::max(settings.minimum, previous[i] - settings.slew);
+        // Box: tension bounds, intersected with the slew around the previous tension.
+        qp.lower[i] = std::max(settings.minimum, previous[i] - settings.slew);
         const double maximum = std::clamp(maxima[i], settings.minimum, settings.maximum);
-        programme.upper[i] = std::max(programme.lower[i], std::min(maximum, previous[i] + settings.slew));
+        qp.upper[i] = std::max(qp.lower[i], std::min(maximum, previous[i] + settings.slew));
+        // Hessian and linear term.
         for (std::size_t j = 0; j <= i; ++j) {
             const double entry = dot(weighted[i], weighted[j]);
-            programme.hessian[i][j] = entry;
-            programme.hessian[j][i] = entry;
+            qp.hessian[i][j] = entry;
+            qp.hessian[j][i] = entry;
         }
-        programme.hessian[i][i] += settings.effort + settings.continuity;
-        programme.linear[i] =
+        qp.hessian[i][i] += settings.effort + settings.continuity;
+        qp.linear[i] =
             dot(weighted[i], weighted_goal) + settings.effort * settings.minimum + settings.continuity * previous[i];
-        largest_term =
-            std::max({largest_term, std::abs(programme.linear[i]), programme.hessian[i][i] * settings.maximum});
+        largest_term = std::max({largest_term, std::abs(qp.linear[i]), qp.hessian[i][i] * settings.maximum});
     }
-    programme.tolerance = kMultiplierTolerance * largest_term;
-    return programme;
+    // Tolerance relative to the largest term that the gradient sums up.
+    qp.tolerance = kMultiplierTolerance * largest_term;
+    return qp;
 }
 
-/// Whether what is made falls short of the goal along it, so that a smaller share of it is met better: the sign of the
-/// derivative of the squared error by the share, which is convex in it. Strings may also be unable to make a share that
-/// is too small, zero included.
-bool lacks(const Wrench& made, const Wrench& goal, const TensionSettings& settings) HAPTIC_RT {
+/// True if the made wrench falls short of the goal along it, so that a smaller multiple of the goal is met better: the
+/// sign of the derivative of the squared error by the multiple. The error is convex in it. A multiple can also be too
+/// small to be feasible, zero included.
+bool falls_short(const Wrench& made, const Wrench& goal, const TensionSettings& settings) HAPTIC_RT {
     const double squared_scale = settings.torque_scale * settings.torque_scale;
     return glm::dot(goal.force - made.force, goal.force) +
                squared_scale * glm::dot(goal.torque - made.torque, goal.torque) >
@@ -308,7 +331,8 @@ TensionSolver::TensionSolver(const TensionSettings& settings) : settings_(settin
     require(std::isfinite(settings.torque_scale) && settings.torque_scale > 0.0, "the torque scale must be positive");
     require(std::isfinite(settings.effort) && std::isfinite(settings.continuity) && settings.effort >= 0.0 &&
                 settings.continuity >= 0.0 && settings.effort + settings.continuity >= 1e-9,
-            "effort and continuity must not be negative, and must sum to 1e-9 or more, or the tensions are not unique");
+            "effort and continuity must not be negative and must sum to at least 1e-9; otherwise the tensions are not "
+            "unique");
     require(settings.slew > 0.0, "the slew must be positive");
     maxima_.fill(settings.maximum);
     reset();
@@ -316,12 +340,13 @@ TensionSolver::TensionSolver(const TensionSettings& settings) : settings_(settin
 
 void TensionSolver::reset() HAPTIC_RT {
     previous_.fill(settings_.minimum);
-    at_bound_.fill(kLower);
+    active_.fill(kLower);
 }
 
 TensionResult TensionSolver::solve(const WireMatrix& wires, const Wrench& wanted) HAPTIC_RT {
     TensionResult result;
     result.tensions.fill(settings_.minimum);
+    // Unusable input: minimum tensions, and a zero wrench in place of one that is not finite.
     if (!is_usable(wires)) {
         reset();
         result.reached = false;
@@ -329,51 +354,60 @@ TensionResult TensionSolver::solve(const WireMatrix& wires, const Wrench& wanted
         return result;
     }
     const Wrench goal = is_finite(wanted.force) && is_finite(wanted.torque) ? wanted : Wrench{};
-    const double shortening = shortening_of(goal, kLargestWrench, settings_);
-    aim(wires, scaled(goal, shortening), at_bound_, result);
-    result.reached = result.reached && shortening == 1.0;
+    // Scale an absurdly large wrench down to avoid overflow, then solve; infeasible wrenches may be scaled further.
+    const double scale = scale_to_pull(goal, kMaxWrench, settings_);
+    solve_for(wires, scaled(goal, scale), active_, result);
+    result.reached = result.reached && scale == 1.0;
     if (!result.reached && settings_.infeasible == Infeasible::Direction) {
-        keep_direction(wires, goal, at_bound_, result);
+        scale_to_feasible(wires, goal, active_, result);
     }
     previous_ = result.tensions;
     return result;
 }
 
-void TensionSolver::aim(const WireMatrix& wires, const Wrench& goal, Set& set, TensionResult& result) const HAPTIC_RT {
-    const BoxProgramme programme = programme_of(wires, goal, previous_, maxima_, settings_);
+void TensionSolver::solve_for(const WireMatrix& wires, const Wrench& goal, ActiveSet& active,
+                              TensionResult& result) const HAPTIC_RT {
+    // The last tick's tensions and active set are a near-optimal start.
+    const BoxQp qp = build_qp(wires, goal, previous_, maxima_, settings_);
     StringArray x = previous_;
-    result.exact = minimise(programme, set, x, result.rounds);
+    result.exact = minimise(qp, active, x, result.rounds);
+    // The clamp holds on every path, also if the rounds were used up or rounding broke the factorisation.
     for (std::size_t i = 0; i < kN; ++i) {
-        result.tensions[i] =
-            std::isfinite(x[i]) ? std::clamp(x[i], programme.lower[i], programme.upper[i]) : previous_[i];
+        result.tensions[i] = std::isfinite(x[i]) ? std::clamp(x[i], qp.lower[i], qp.upper[i]) : previous_[i];
     }
+    // The wrench really made, and whether it matches the goal.
     result.wrench = wrench_of_tensions(wires, result.tensions);
     result.reached = is_met(result.wrench, goal);
 }
 
-void TensionSolver::keep_direction(const WireMatrix& wires, const Wrench& goal, Set& set,
-                                   TensionResult& result) const HAPTIC_RT {
-    // No more than eight strings at full pull make, so that the halvings are spent on what can be.
-    const double most = shortening_of(goal, static_cast<double>(kN), settings_);
+void TensionSolver::scale_to_feasible(const WireMatrix& wires, const Wrench& goal, ActiveSet& active,
+                                      TensionResult& result) const HAPTIC_RT {
+    // Start the bisection at what eight strings at full pull could make at most, so that no halving is wasted beyond.
+    const double max_scale = scale_to_pull(goal, static_cast<double>(kN), settings_);
     double low = 0.0;
     double high = 1.0;
-    Set tried_set = set;
+    ActiveSet tried_active = active;
     TensionResult tried = result;
+    // Bisection for the largest feasible multiple. Multiples can be infeasible by being too small as well, hence the
+    // derivative decides which half to keep; the last multiple that was met is the result.
     for (int k = 0; k < kHalvings; ++k) {
+        // Solve for the middle of the interval, starting from the active set of the try before.
         const double share = 0.5 * (low + high);
-        const Wrench shared = scaled(goal, share * most);
-        aim(wires, shared, tried_set, tried);
+        const Wrench shared = scaled(goal, share * max_scale);
+        solve_for(wires, shared, tried_active, tried);
+        // Feasible: keep this multiple and try a larger one. Otherwise follow the derivative of the error.
         if (tried.reached) {
             low = share;
-            set = tried_set;
+            active = tried_active;
             result = tried;
-            result.scale = share * most;
-        } else if (lacks(tried.wrench, shared, settings_)) {
+            result.scale = share * max_scale;
+        } else if (falls_short(tried.wrench, shared, settings_)) {
             high = share;
         } else {
             low = share;
         }
     }
+    // Rounds of all tries together; the wanted wrench itself stays unreached.
     result.rounds = tried.rounds;
     result.reached = false;
 }

@@ -1,82 +1,88 @@
-// Distribution of a wrench over eight strings that can only pull, within bounds.
+// Tension distribution: the tensions of eight strings that make a wrench, within bounds, as a quadratic programme.
 //
 // minimise  |W (A^T t - w)|^2 + effort * |t - t_min|^2 + continuity * |t - t_previous|^2   over  t_min <= t <= t_max,
 //                                                                                    |t - t_previous| <= slew
-// with W scaling torque by the grip's radius. A strictly convex quadratic programme of 8 unknowns in a box: its minimum
-// is unique, and is found exactly (to rounding), warm-started from the set of strings that were at a bound in the last
-// tick. Two methods share the work, each round of both a Cholesky factorisation of at most 8 x 8:
-//   1. Block principal pivoting: solve for the free strings, change the side of every string that breaks a condition,
-//      repeat. Nearly always done after 1 to 4 rounds, but may cycle.
+// A is the wire matrix, w the wanted wrench, and W scales torque by the inverse of the grip's radius. The programme has
+// eight unknowns in a box and is strictly convex, so its minimum is unique. It is found exactly (to rounding), starting
+// from the active set of the last tick. Two methods are used in turn; a round of either costs one Cholesky
+// factorisation of at most 8 x 8:
+//   1. Block principal pivoting: solve for the free strings, then move every string that violates an optimality
+//      condition to the other side of its bound, and repeat. Nearly always done after 1 to 4 rounds, but may cycle.
 //      @source Judice and Pires 1994, "A block principal pivoting algorithm for large-scale strictly monotone linear
 //      complementarity problems".
-//   2. If it has not ended after kBlockRounds: the primal active-set method from the point reached, cut to the box.
-//      Each step that has a length lowers the objective and steps without one follow Bland's rule, so no set of bounds
-//      comes twice and the method ends; kDescentRounds is twice what any of three million random wrenches needed.
+//   2. If kBlockRounds did not suffice: the primal active-set method, started at the last point clamped to the box.
+//      Every step of positive length lowers the objective, and steps of zero length follow Bland's rule, so no active
+//      set repeats and the method terminates. kDescentRounds is twice the maximum seen over three million random
+//      wrenches.
 #pragma once
 
 #include <cstdint>
 #include <limits>
 
-#include <haptic/realtime.hpp>
 #include "device/kinematics.hpp"
+#include "haptic/realtime.hpp"
 
 namespace haptic::rt {
 
-/// What is made of a wrench that tensions within their bounds cannot make.
+/// What to do with a wrench that no tensions within the bounds can make.
 enum class Infeasible : std::uint8_t {
-    Closest,   // the wrench nearest to it, in the norm above: may push to the side of where it was asked to
-    Direction  // the largest share of it, force and torque alike, that can be made
+    Closest,   // make the closest wrench in the norm above; its direction may differ from the wanted one
+    Direction  // make the largest multiple, at most 1, of the wanted wrench; force and torque scale together
 };
 
 struct TensionSettings {
     double minimum = 0.0;       // N
     double maximum = 0.0;       // N
-    double torque_scale = 1.0;  // 1/m: torque error is weighed as force error at a lever of 1 / torque_scale
-    double effort = 1e-5;       // 1: small beside 1, so that the wrench is met wherever it can be
-    double continuity = 1e-5;   // 1: likewise; picks the nearest of the many tensions that make nearly one wrench
-    // N per call: no tension changes by more. At the border of what the strings can reach, the tensions that come
-    // closest to a wrench jump between two sets that make nearly the same one; this bounds the jump.
+    double torque_scale = 1.0;  // 1/m: a torque error counts like a force error at a moment arm of 1 / torque_scale
+    double effort = 1e-5;       // 1; small against 1, so that a feasible wrench is met
+    double continuity = 1e-5;   // 1; small against 1; picks the nearest of the tensions that make nearly one wrench
+    // N per call: the largest change of a tension. At the border of the feasible wrenches the optimal tensions can jump
+    // between two sets that make nearly the same wrench; this bounds the jump.
     double slew = std::numeric_limits<double>::infinity();
     Infeasible infeasible = Infeasible::Closest;
 };
 
 struct TensionResult {
     StringArray tensions{};  // N, within minimum and maximum on every path
-    Wrench wrench;           // A^T t: what these tensions really make
-    double scale = 1.0;      // share of the wrench that was aimed at: below 1 only with Infeasible::Direction
-    bool reached = true;     // the wrench asked for is met to 1e-3 relative, and 1 mN / 0.05 mN*m absolute
-    bool exact = true;       // the optimality conditions hold; false only if the bound on the work was met first
-    int rounds = 0;  // of the solver, at most kBlockRounds + kDescentRounds, and times kHalvings + 1 for Direction
+    Wrench wrench;           // A^T t: the wrench that these tensions make
+    double scale = 1.0;      // share of the wanted wrench that was solved for; below 1 only with Infeasible::Direction
+    bool reached = true;     // the wanted wrench is met to 1e-3 relative, or to 1 mN and 0.05 mN*m
+    bool exact = true;       // the optimality conditions hold; false only if the rounds were used up first
+    int rounds = 0;  // at most kBlockRounds + kDescentRounds; with Infeasible::Direction kHalvings + 1 times as many
 };
 
 class TensionSolver {
   public:
     static constexpr int kBlockRounds = 3;
     static constexpr int kDescentRounds = 45;
-    // Of the share of an infeasible wrench, which so is found to 1 in 4096 of eight strings at full pull.
+    // Bisection steps on the scale of an infeasible wrench. They resolve it to 1/4096 of eight strings at full pull.
     static constexpr int kHalvings = 12;
 
     /// Throws std::invalid_argument for settings that leave the box empty or the minimum not unique.
     explicit TensionSolver(const TensionSettings& settings);
-    /// At most kBlockRounds + kDescentRounds rounds; with Infeasible::Direction, for an infeasible wrench, that again
-    /// for each of kHalvings shares of it, and the closest is made where no share can be. A wrench that is not finite
-    /// counts as zero, one far beyond what any strings reach is shortened first, and wires that are not finite give the
-    /// minimum tension, neither reached nor exact.
+    /// Solves the programme, with previous tensions and active set taken from the last call. Bounded by kBlockRounds +
+    /// kDescentRounds rounds, times kHalvings + 1 for an infeasible wrench with Infeasible::Direction; if no multiple
+    /// of the wrench is feasible, the closest wrench is made. A wrench that is not finite counts as zero. A wrench far
+    /// beyond the strings' reach is scaled down first. Wires that are not finite give the minimum tensions, neither
+    /// reached nor exact.
     TensionResult solve(const WireMatrix& wires, const Wrench& wanted) HAPTIC_RT;
+    /// Forgets the last call: previous tensions at the minimum.
     void reset() HAPTIC_RT;
-    /// N: the largest tension of each string from now on, within the settings' bounds; the slew holds all the same.
+    /// N: upper bound of each string's tension from now on, clamped to the settings' bounds. The slew still applies.
     void set_maxima(const StringArray& maxima) HAPTIC_RT { maxima_ = maxima; }
 
   private:
-    using Set = std::array<std::int8_t, kStrings>;  // -1 lower bound, +1 upper, 0 free
+    using ActiveSet = std::array<std::int8_t, kStrings>;  // -1: at the lower bound, +1: at the upper, 0: free
 
-    void aim(const WireMatrix& wires, const Wrench& goal, Set& set, TensionResult& result) const HAPTIC_RT;
-    void keep_direction(const WireMatrix& wires, const Wrench& goal, Set& set, TensionResult& result) const HAPTIC_RT;
+    void solve_for(const WireMatrix& wires, const Wrench& goal, ActiveSet& active,
+                   TensionResult& result) const HAPTIC_RT;
+    void scale_to_feasible(const WireMatrix& wires, const Wrench& goal, ActiveSet& active,
+                           TensionResult& result) const HAPTIC_RT;
 
     TensionSettings settings_;
     StringArray maxima_{};
     StringArray previous_{};
-    Set at_bound_{};
+    ActiveSet active_{};
 };
 
 }  // namespace haptic::rt

@@ -2,23 +2,43 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 
-#include <haptic/rt/smooth.hpp>
-#include <haptic/types.hpp>
+#include "haptic/numeric.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::rt {
 namespace {
 
-// Share of the continuous tension that is left at load 1: below 1, so that the load settles before it gets there.
-constexpr double kLeftAtFullLoad = 0.9;
+// Share of the continuous rating that is allowed at load 1. Below 1, so that the load settles before it reaches 1.
+constexpr double kShareAtFullLoad = 0.9;
+
+void require(bool condition, const char* problem) {
+    if (!condition) {
+        throw std::invalid_argument(std::string("thermal model: ") + problem);
+    }
+}
 
 }  // namespace
+
+ThermalModel::ThermalModel(const ThermalSettings& settings) : settings_(settings) {
+    require(settings.derate_from >= 0.0 && settings.derate_from < 1.0,
+            "the load at which derating begins must be in 0..1");
+    for (const MotorRating& motor : settings.motors) {
+        require(motor.time_constant_s > 0.0, "a motor's thermal time constant must be positive");
+        // (1 / 1.2)^2 = 0.7: the minimum tension alone must not reach the default derate_from.
+        require(motor.continuous > 1.2 * settings.minimum,
+                "a motor's continuous tension must be above 1.2 times the minimum tension");
+    }
+}
 
 void ThermalModel::update(const StringArray& tensions, std::int64_t elapsed_ns) HAPTIC_RT {
     const double dt = std::max(0.0, seconds(elapsed_ns));
     for (std::size_t i = 0; i < kStrings; ++i) {
         const MotorRating& motor = settings_.motors[i];
         const double share = tensions[i] / motor.continuous;
+        // Exact solution of the first-order model at constant tension.
         const double settled = share * share;
         loads_[i] = settled + (loads_[i] - settled) * std::exp(-dt / motor.time_constant_s);
     }
@@ -27,10 +47,10 @@ void ThermalModel::update(const StringArray& tensions, std::int64_t elapsed_ns) 
 StringArray ThermalModel::bounds() const HAPTIC_RT {
     StringArray bounds{};
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const double least =
-            std::clamp(kLeftAtFullLoad * settings_.motors[i].continuous, settings_.minimum, settings_.maximum);
-        const double taken = smooth_step((loads_[i] - settings_.derate_from) / (1.0 - settings_.derate_from));
-        bounds[i] = settings_.maximum + (least - settings_.maximum) * taken;
+        const double full_load_bound =
+            std::clamp(kShareAtFullLoad * settings_.motors[i].continuous, settings_.minimum, settings_.maximum);
+        const double derating = smooth_step((loads_[i] - settings_.derate_from) / (1.0 - settings_.derate_from));
+        bounds[i] = settings_.maximum + (full_load_bound - settings_.maximum) * derating;
     }
     return bounds;
 }

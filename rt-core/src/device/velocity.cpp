@@ -10,32 +10,35 @@
 namespace haptic::rt {
 
 Vec3 rotation_between(const Quat& from, const Quat& to) HAPTIC_RT {
-    Quat turn = to * glm::conjugate(from);
-    if (turn.w < 0.0) {
-        turn = -turn;  // the same rotation, the shorter way
+    // Relative rotation (cos(angle / 2), axis * sin(angle / 2)).
+    Quat rotation = to * glm::conjugate(from);
+    if (rotation.w < 0.0) {
+        rotation = -rotation;  // q and -q are the same rotation; take the angle below pi
     }
-    const Vec3 axis(turn.x, turn.y, turn.z);
+    const Vec3 axis(rotation.x, rotation.y, rotation.z);
     const double sine = glm::length(axis);
-    // angle / sine tends to 2 as the angle vanishes; there the quotient itself would be 0 / 0.
-    const double scale = sine > 1e-9 ? 2.0 * std::atan2(sine, turn.w) / sine : 2.0;
+    // axis has length sin(angle / 2). angle / sine tends to 2 for small angles, where the quotient would be 0 / 0.
+    const double scale = sine > 1e-9 ? 2.0 * std::atan2(sine, rotation.w) / sine : 2.0;
     return scale * axis;
 }
 
-PoseNoise quantisation_noise(const device::Variant& variant) {
-    // Each length off by e moves the pose to the one that explains the lengths best: PoseSolver itself, one string at a
-    // time, and linear for steps this small.
+PoseNoise quantisation_noise(const device::DeviceGeometry& geometry) {
+    // Columns of the pseudo-inverse by finite differences: the pose that PoseSolver finds when one length is off by a
+    // step. Linear for steps this small.
     constexpr double step = 1e-6;  // m
     PoseNoise noise;
-    const StringArray rest = string_lengths(variant, {});
+    const StringArray rest = string_lengths(geometry, {});
     for (std::size_t i = 0; i < kStrings; ++i) {
-        PoseSolver solver(variant);
+        // Pose change of one string's step.
+        PoseSolver solver(geometry);
         StringArray lengths = rest;
         lengths[i] += step;
         const PoseEstimate& estimate = solver.solve(lengths);
         if (estimate.status != PoseStatus::Ok) {
             return {};
         }
-        const double half_counts = 0.5 * std::fabs(variant.strings[i].metres_per_count) / step;
+        // Rounding is at most half a count; the worst cases of all strings add up.
+        const double half_counts = 0.5 * std::fabs(geometry.strings[i].metres_per_count) / step;
         noise.position += half_counts * glm::abs(estimate.pose.position);
         noise.rotation += half_counts * glm::abs(rotation_between({1.0, 0.0, 0.0, 0.0}, estimate.pose.orientation));
     }
@@ -43,9 +46,11 @@ PoseNoise quantisation_noise(const device::Variant& variant) {
 }
 
 AdaptiveVelocity::AdaptiveVelocity(const VelocitySettings& settings) : window_ticks_(settings.window_ticks) {
-    if (settings.window_ticks < 1 || settings.window_ticks > kMostTicks) {
+    // The window must fit the ring of past poses.
+    if (settings.window_ticks < 1 || settings.window_ticks > kMaxTicks) {
         throw std::invalid_argument("velocity: the window must have 1 to 64 ticks");
     }
+    // Noise band per coordinate: position, then rotation.
     for (std::size_t k = 0; k < 3; ++k) {
         const auto axis = static_cast<Vec3::length_type>(k);
         noise_[k] = settings.noise.position[axis];
@@ -58,35 +63,40 @@ AdaptiveVelocity::AdaptiveVelocity(const VelocitySettings& settings) : window_ti
     }
 }
 
-std::size_t AdaptiveVelocity::back(int ticks) const HAPTIC_RT {
+std::size_t AdaptiveVelocity::index_before(int ticks) const HAPTIC_RT {
     return (newest_ + kSize - static_cast<std::size_t>(ticks)) % kSize;
 }
 
 double AdaptiveVelocity::slope(std::size_t coordinate) const HAPTIC_RT {
+    // Everything relative to the newest pose.
     const double now_s = times_s_[newest_];
     const double now = history_[newest_][coordinate];
     const double band = noise_[coordinate];
-    // Slopes of lines through the newest pose that miss none so far by more than the band; and the sums of the best
-    // line, about the newest pose, which counts with zeros.
-    double least = -HUGE_VAL;
-    double largest = HUGE_VAL;
+    // Interval of slopes of lines through the newest pose that miss no pose of the window by more than the band.
+    double min_slope = -HUGE_VAL;
+    double max_slope = HUGE_VAL;
+    // Sums of the least-squares line, relative to the newest pose, which therefore adds zeros.
     double sum_t = 0.0;
     double sum_x = 0.0;
     double sum_tt = 0.0;
     double sum_tx = 0.0;
     double best = 0.0;
+    // Grow the window backwards in time while the line through both its ends stays in the interval.
     for (int n = 1; n <= filled_; ++n) {
-        const std::size_t index = back(n);
+        // Line from the n-th pose before to the newest: its slope must miss no pose in between.
+        const std::size_t index = index_before(n);
         const double t = times_s_[index] - now_s;  // negative
         const double x = history_[index][coordinate] - now;
         const double inverse = 1.0 / t;
         const double through = x * inverse;
-        if (n > 1 && !(least <= through && through <= largest)) {
+        if (n > 1 && !(min_slope <= through && through <= max_slope)) {
             break;
         }
+        // Narrow the interval to the slopes that pass this pose within its band.
         const double spread = -band * inverse;
-        least = std::max(least, through - spread);
-        largest = std::min(largest, through + spread);
+        min_slope = std::max(min_slope, through - spread);
+        max_slope = std::min(max_slope, through + spread);
+        // Least-squares slope over n + 1 points.
         sum_t += t;
         sum_x += x;
         sum_tt += t * t;
@@ -98,18 +108,21 @@ double AdaptiveVelocity::slope(std::size_t coordinate) const HAPTIC_RT {
 }
 
 const Twist& AdaptiveVelocity::update(const Pose& pose, std::int64_t elapsed_ns) HAPTIC_RT {
-    const Vec3 turned = rotation_between(last_.orientation, pose.orientation);
+    // Next sample: position, and rotation as the sum of rotation vectors, which does not wrap.
+    const Vec3 rotation = rotation_between(last_.orientation, pose.orientation);
     Coordinates next = history_[newest_];
     for (std::size_t k = 0; k < 3; ++k) {
         const auto axis = static_cast<Vec3::length_type>(k);
         next[k] = pose.position[axis];
-        next[k + 3] += turned[axis];
+        next[k + 3] += rotation[axis];
     }
     last_ = pose;
+    // No time has passed: replace the newest sample.
     if (elapsed_ns <= 0) {
         history_[newest_] = next;
         return twist_;
     }
+    // Append to the ring, and evaluate the slope of every coordinate.
     const double time_s = times_s_[newest_] + seconds(elapsed_ns);
     newest_ = (newest_ + 1) % kSize;
     history_[newest_] = next;

@@ -17,7 +17,7 @@ constexpr std::array kChecks{
     &check_memory_lock,  &check_usb_access, &check_usb_autosuspend, &check_usb_interrupt,
 };
 
-// Columns of the text.
+// Column widths of the text, in characters.
 constexpr std::size_t kVerdictWidth = 9;
 constexpr std::size_t kNameWidth = 17;
 
@@ -53,11 +53,12 @@ Diagnosis examine(const Machine& machine, const DoctorSettings& settings) {
     const std::vector<int> online = machine.cpus("/sys/devices/system/cpu/online");
     const std::vector<int> isolated = machine.cpus("/sys/devices/system/cpu/isolated");
     const std::vector<int> allowed = parse_cpu_list(machine.value_of("/proc/self/status", "Cpus_allowed_list:"));
+    // Check the processor that the loop would be pinned to.
     const int cpu =
         settings.cpu >= 0
             ? settings.cpu
             : choose_cpu({.allowed = allowed.empty() ? online : allowed, .online = online, .isolated = isolated});
-    const Examination examination{machine, settings, cpu, online, isolated};
+    const CheckContext examination{machine, settings, cpu, online, isolated};
     Diagnosis diagnosis{cpu, {}};
     for (const auto check : kChecks) {
         diagnosis.findings.push_back(check(examination));
@@ -75,7 +76,7 @@ std::string text_of(const Diagnosis& diagnosis) {
         }
         text += margin + padded("", kNameWidth) + "why:  " + one.why + "\n";
         if (!one.remedy.empty()) {
-            text += margin + padded("", kNameWidth) + "mend: " + one.remedy + "\n";
+            text += margin + padded("", kNameWidth) + "fix:  " + one.remedy + "\n";
         }
     }
     return text + std::to_string(count(diagnosis, Verdict::Good)) + " good, " +

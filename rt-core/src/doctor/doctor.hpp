@@ -1,4 +1,5 @@
-// What of a machine keeps the loop from its period, and what mends it. Nothing is changed.
+// Doctor: checks whether a machine is set up for a real-time loop, and names the command that fixes each problem.
+// Read-only.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -7,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include <haptic/device/usb_discovery.hpp>
+#include "haptic/device/usb_discovery.hpp"
 #include "process/machine.hpp"
 
 namespace haptic::rt {
@@ -15,34 +16,35 @@ namespace haptic::rt {
 enum class Verdict { Good, Bad, Unknown };
 [[nodiscard]] std::string_view verdict_name(Verdict verdict) noexcept;
 
-/// One thing that was looked at.
+/// Result of one check.
 struct Finding {
-    std::string name;  // stays the same between versions: "kernel", "isolation", ...
+    std::string name;  // stable between versions: "kernel", "isolation", ...
     Verdict verdict = Verdict::Unknown;
-    std::string found;   // what holds here
-    std::string why;     // what it does to the loop
-    std::string remedy;  // the command that mends it; empty where nothing is to be mended
+    std::string found;   // state of this machine
+    std::string why;     // effect on the loop
+    std::string remedy;  // command that fixes it; empty if nothing needs fixing
 };
 
-/// As rt-core would run.
+/// Settings that rt-core would run with.
 struct DoctorSettings {
-    int priority = 80;                             // of the loop; its watchdog has the next one
+    int priority = 80;                             // SCHED_FIFO, of the loop; its watchdog runs one higher
     int cpu = -1;                                  // -1: choose_cpu() of cpu_list.hpp
     int idle_exit_us = 0;                          // loop.idle_exit_us
-    std::optional<device::UsbSelection> usb = {};  // the board; nothing for one that has a serial line
+    std::optional<device::UsbSelection> usb = {};  // the board; empty for a board on a serial line
 };
 
 struct Diagnosis {
-    int cpu = 0;  // the loop's processor
+    int cpu = 0;  // processor of the loop
     std::vector<Finding> findings;
 
-    /// Nothing is bad. What could not be found out counts as neither.
+    /// True if no finding is Bad; Unknown findings do not count.
     [[nodiscard]] bool good() const noexcept;
 };
 
+/// Runs all checks, in the order of the text.
 [[nodiscard]] Diagnosis examine(const Machine& machine, const DoctorSettings& settings);
 
-/// A line for each finding; for what is not good also why it matters, and the command.
+/// One line per finding; a finding that is not good also gets its reason and its command.
 [[nodiscard]] std::string text_of(const Diagnosis& diagnosis);
 /// {processor, good, checks: [{name, verdict, found, why, remedy}, ...]}
 [[nodiscard]] nlohmann::json json_of(const Diagnosis& diagnosis);

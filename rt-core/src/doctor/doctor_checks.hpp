@@ -1,4 +1,4 @@
-// The single checks of the doctor, each a function of the machine.
+// The doctor's checks. Each is a pure function of the machine and the settings, and returns one finding.
 #pragma once
 
 #include <algorithm>
@@ -9,24 +9,26 @@
 
 namespace haptic::rt {
 
-/// What every check looks at.
-struct Examination {
+inline constexpr const char* kNeedsTwoProcessors = "none: use a machine with at least two processors";
+
+/// Inputs of every check.
+struct CheckContext {
     const Machine& machine;
     const DoctorSettings& settings;
-    int cpu;  // the loop's
+    int cpu;  // of the loop
     std::vector<int> online;
     std::vector<int> isolated;
 
-    /// A file of the loop's processor: cpu_file("cpufreq/scaling_governor").
+    /// Path of a sysfs file of the loop's processor: cpu_file("cpufreq/scaling_governor").
     [[nodiscard]] std::string cpu_file(const std::string& name) const {
         return "/sys/devices/system/cpu/cpu" + std::to_string(cpu) + "/" + name;
     }
     [[nodiscard]] std::string processor() const { return "processor " + std::to_string(cpu); }
-    /// The command of haptic-tune for one of its steps.
+    /// Command that applies one step of haptic-tune.
     [[nodiscard]] std::string tune(const std::string& step) const {
         return "sudo haptic-tune apply " + step + " --cpu " + std::to_string(cpu);
     }
-    /// All processors but the loop's.
+    /// Online processors except the loop's.
     [[nodiscard]] std::vector<int> others() const {
         std::vector<int> rest = online;
         rest.erase(std::remove(rest.begin(), rest.end(), cpu), rest.end());
@@ -38,31 +40,31 @@ struct Examination {
     return std::find(cpus.begin(), cpus.end(), cpu) != cpus.end();
 }
 
-// The kernel and its command line: doctor_kernel.cpp
-[[nodiscard]] Finding check_kernel(const Examination& of);
-[[nodiscard]] Finding check_isolation(const Examination& of);
-[[nodiscard]] Finding check_timer_tick(const Examination& of);
-[[nodiscard]] Finding check_rcu(const Examination& of);
-[[nodiscard]] Finding check_throttling(const Examination& of);
-[[nodiscard]] Finding check_huge_pages(const Examination& of);
-[[nodiscard]] Finding check_clock_source(const Examination& of);
+// Kernel and its command line: doctor_kernel.cpp
+[[nodiscard]] Finding check_kernel(const CheckContext& context);
+[[nodiscard]] Finding check_isolation(const CheckContext& context);
+[[nodiscard]] Finding check_timer_tick(const CheckContext& context);
+[[nodiscard]] Finding check_rcu(const CheckContext& context);
+[[nodiscard]] Finding check_throttling(const CheckContext& context);
+[[nodiscard]] Finding check_huge_pages(const CheckContext& context);
+[[nodiscard]] Finding check_clock_source(const CheckContext& context);
 
-// The loop's processor: doctor_processor.cpp
-[[nodiscard]] Finding check_processor(const Examination& of);
-[[nodiscard]] Finding check_interrupts(const Examination& of);
-[[nodiscard]] Finding check_rivals(const Examination& of);
-[[nodiscard]] Finding check_siblings(const Examination& of);
-[[nodiscard]] Finding check_governor(const Examination& of);
-[[nodiscard]] Finding check_idle_states(const Examination& of);
-[[nodiscard]] Finding check_steal(const Examination& of);
+// Processor of the loop: doctor_processor.cpp
+[[nodiscard]] Finding check_processor(const CheckContext& context);
+[[nodiscard]] Finding check_interrupts(const CheckContext& context);
+[[nodiscard]] Finding check_rivals(const CheckContext& context);
+[[nodiscard]] Finding check_siblings(const CheckContext& context);
+[[nodiscard]] Finding check_governor(const CheckContext& context);
+[[nodiscard]] Finding check_idle_states(const CheckContext& context);
+[[nodiscard]] Finding check_steal(const CheckContext& context);
 
-// What this process may do: doctor_rights.cpp
-[[nodiscard]] Finding check_priority(const Examination& of);
-[[nodiscard]] Finding check_memory_lock(const Examination& of);
+// Privileges of this process: doctor_rights.cpp
+[[nodiscard]] Finding check_priority(const CheckContext& context);
+[[nodiscard]] Finding check_memory_lock(const CheckContext& context);
 
-// The board on USB: doctor_usb.cpp
-[[nodiscard]] Finding check_usb_access(const Examination& of);
-[[nodiscard]] Finding check_usb_autosuspend(const Examination& of);
-[[nodiscard]] Finding check_usb_interrupt(const Examination& of);
+// USB board and its controller: doctor_usb.cpp
+[[nodiscard]] Finding check_usb_access(const CheckContext& context);
+[[nodiscard]] Finding check_usb_autosuspend(const CheckContext& context);
+[[nodiscard]] Finding check_usb_interrupt(const CheckContext& context);
 
 }  // namespace haptic::rt

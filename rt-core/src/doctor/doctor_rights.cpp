@@ -1,4 +1,4 @@
-// Checks of what the kernel grants to this user, without trying: /proc/self/limits and the capabilities.
+// Doctor checks of the privileges of this process, read from /proc/self/limits and its capabilities.
 #include <charconv>
 #include <sstream>
 
@@ -18,7 +18,7 @@ bool has_capability(const Machine& machine, int number) {
     return error == std::errc{} && end == text.data() + text.size() && ((bits >> number) & 1U) != 0;
 }
 
-/// The soft limit as /proc/self/limits has it: a number or "unlimited"; empty if it cannot be read.
+/// Soft limit as in /proc/self/limits: a number or "unlimited"; empty if it cannot be read.
 std::string soft_limit(const Machine& machine, const std::string& name) {
     std::istringstream values(machine.value_of("/proc/self/limits", name));
     std::string soft;
@@ -32,15 +32,15 @@ std::string remedy(const Machine& machine) {
                : "sudo setcap cap_sys_nice,cap_ipc_lock+ep \"$(command -v rt-core)\"";
 }
 
-/// A right that either a limit or a capability grants.
+/// A privilege that either a resource limit or a capability grants.
 struct Right {
     std::string name;
     std::string why;
-    std::string limit;  // as /proc/self/limits calls it
-    std::string unit;   // of the limit, as it is shown
+    std::string limit;  // its name in /proc/self/limits
+    std::string unit;   // of the limit, as printed
     int capability;
     const char* capability_name;
-    std::int64_t enough;  // of the limit; -1: only "unlimited"
+    std::int64_t enough;  // smallest sufficient limit; -1: only "unlimited"
 };
 
 bool is_enough(const std::string& soft, std::int64_t enough) {
@@ -50,9 +50,9 @@ bool is_enough(const std::string& soft, std::int64_t enough) {
            (error == std::errc{} && end == soft.data() + soft.size() && enough >= 0 && value >= enough);
 }
 
-Finding check_right(const Examination& of, const Right& right) {
-    const std::string soft = soft_limit(of.machine, right.limit);
-    if (has_capability(of.machine, right.capability)) {
+Finding check_right(const CheckContext& context, const Right& right) {
+    const std::string soft = soft_limit(context.machine, right.limit);
+    if (has_capability(context.machine, right.capability)) {
         return {right.name, Verdict::Good, std::string("granted by ") + right.capability_name, right.why, {}};
     }
     if (soft.empty()) {
@@ -60,18 +60,19 @@ Finding check_right(const Examination& of, const Right& right) {
     }
     const bool granted = is_enough(soft, right.enough);
     return {right.name, granted ? Verdict::Good : Verdict::Bad,
-            "the limit of this user is " + soft + (soft == "unlimited" ? "" : right.unit), right.why,
-            granted ? std::string() : remedy(of.machine)};
+            "this user's limit is " + soft + (soft == "unlimited" ? "" : right.unit), right.why,
+            granted ? std::string() : remedy(context.machine)};
 }
 
 }  // namespace
 
-Finding check_priority(const Examination& of) {
-    const int needed = of.settings.priority + 1;
-    return check_right(of,
+Finding check_priority(const CheckContext& context) {
+    const int needed = context.settings.priority + 1;
+    return check_right(context,
                        {.name = "priority",
-                        .why = "without SCHED_FIFO the loop waits its turn behind every other program; it needs " +
-                               std::to_string(of.settings.priority) + ", and its watchdog " + std::to_string(needed),
+                        .why = "without SCHED_FIFO the loop shares the processor with every other program; it needs "
+                               "priority " +
+                               std::to_string(context.settings.priority) + ", its watchdog " + std::to_string(needed),
                         .limit = "Max realtime priority",
                         .unit = "",
                         .capability = kSysNice,
@@ -79,14 +80,14 @@ Finding check_priority(const Examination& of) {
                         .enough = needed});
 }
 
-Finding check_memory_lock(const Examination& of) {
-    return check_right(of, {.name = "memory_lock",
-                            .why = "memory that is not locked may have to be fetched in the middle of a tick",
-                            .limit = "Max locked memory",
-                            .unit = " bytes",
-                            .capability = kIpcLock,
-                            .capability_name = "CAP_IPC_LOCK",
-                            .enough = -1});
+Finding check_memory_lock(const CheckContext& context) {
+    return check_right(context, {.name = "memory_lock",
+                                 .why = "memory that is not locked may cause a page fault in the middle of a tick",
+                                 .limit = "Max locked memory",
+                                 .unit = " bytes",
+                                 .capability = kIpcLock,
+                                 .capability_name = "CAP_IPC_LOCK",
+                                 .enough = -1});
 }
 
 }  // namespace haptic::rt

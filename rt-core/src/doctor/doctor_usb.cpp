@@ -1,4 +1,4 @@
-// Checks of a board on USB and of its controller.
+// Doctor checks of the USB board and its controller.
 #include <array>
 #include <cstdio>
 #include <system_error>
@@ -16,24 +16,25 @@ struct Board {
     std::string node;  // "/dev/bus/usb/001/007"
 };
 
-/// Those that the settings mean. Empty without any, and for a board that has no USB.
-std::vector<Board> boards(const Examination& of) {
+/// Plugged-in boards that match the settings; empty for a board without USB.
+std::vector<Board> boards(const CheckContext& context) {
     std::vector<Board> found;
-    if (!of.settings.usb) {
+    if (!context.settings.usb) {
         return found;
     }
-    for (const std::string& port : of.machine.names("/sys/bus/usb/devices")) {
+    for (const std::string& port : context.machine.names("/sys/bus/usb/devices")) {
         const std::string folder = std::string(kDevices) + port + "/";
-        const std::string id = of.machine.line(folder + "idVendor").value_or("") + ":" +
-                               of.machine.line(folder + "idProduct").value_or("");
-        if (id != device::to_string(of.settings.usb->id)) {
+        // Match the USB id, then the configured port or device node.
+        const std::string id = context.machine.line(folder + "idVendor").value_or("") + ":" +
+                               context.machine.line(folder + "idProduct").value_or("");
+        if (id != device::to_string(context.settings.usb->id)) {
             continue;
         }
         std::array<char, 64> node{};
         std::snprintf(node.data(), node.size(), "/dev/bus/usb/%03lld/%03lld",
-                      static_cast<long long>(of.machine.number(folder + "busnum").value_or(0)),
-                      static_cast<long long>(of.machine.number(folder + "devnum").value_or(0)));
-        const std::string& wanted = of.settings.usb->path;
+                      static_cast<long long>(context.machine.number(folder + "busnum").value_or(0)),
+                      static_cast<long long>(context.machine.number(folder + "devnum").value_or(0)));
+        const std::string& wanted = context.settings.usb->path;
         if (wanted.empty() || wanted == port || wanted == node.data()) {
             found.push_back({port, node.data()});
         }
@@ -50,17 +51,18 @@ bool has_udev_rule(const Machine& machine) {
     return false;
 }
 
-std::string absent(const Examination& of) {
-    return of.settings.usb ? "no " + device::to_string(of.settings.usb->id) + " is plugged in"
-                           : "the board of this frame has a serial line";
+std::string absent(const CheckContext& context) {
+    return context.settings.usb ? "no " + device::to_string(context.settings.usb->id) + " is plugged in"
+                                : "the board of this device is on a serial line";
 }
 
-/// Interrupts of the controller behind a USB device or root hub: those of the nearest device above it that has any.
+/// Interrupts of the controller of a USB device or root hub: those of its nearest ancestor in sysfs that has any.
 std::vector<int> controller_interrupts(const Machine& machine, const std::string& name) {
     std::error_code error;
     std::filesystem::path device = std::filesystem::canonical(machine.file(std::string(kDevices) + name), error);
     const std::filesystem::path top = std::filesystem::canonical(machine.file("/sys"), error);
     std::vector<int> numbers;
+    // Walk up to the root of sysfs until a device has interrupts: MSI vectors, else its legacy line.
     for (; !error && device != top && device.has_relative_path() && numbers.empty(); device = device.parent_path()) {
         const std::string relative = "/sys/" + std::filesystem::relative(device, top).string();
         for (const std::string& number : machine.names(relative + "/msi_irqs")) {
@@ -74,8 +76,8 @@ std::vector<int> controller_interrupts(const Machine& machine, const std::string
     return numbers;
 }
 
-/// Those of all USB controllers by the names that the kernel gives to their handlers, such as xhci-hcd:usb1: for
-/// controllers on a system on chip, of which /sys shows no interrupt.
+/// Interrupts of all USB controllers, found by handler names such as xhci-hcd:usb1. For controllers on a system on
+/// chip, whose interrupts are not in /sys.
 std::vector<int> interrupts_by_name(const std::vector<Interrupt>& interrupts) {
     std::vector<int> numbers;
     for (const Interrupt& one : interrupts) {
@@ -86,34 +88,36 @@ std::vector<int> interrupts_by_name(const std::vector<Interrupt>& interrupts) {
     return numbers;
 }
 
-/// The boards, or without any all root hubs.
-std::vector<std::string> ends_of_controllers(const Examination& of) {
-    std::vector<std::string> ends;
-    for (const Board& board : boards(of)) {
-        ends.push_back(board.port);
+/// USB devices whose controllers matter: the boards, or all root hubs if no board is plugged in.
+std::vector<std::string> devices_to_trace(const CheckContext& context) {
+    std::vector<std::string> devices;
+    for (const Board& board : boards(context)) {
+        devices.push_back(board.port);
     }
-    if (!ends.empty()) {
-        return ends;
+    if (!devices.empty()) {
+        return devices;
     }
-    for (const std::string& name : of.machine.names("/sys/bus/usb/devices")) {
+    for (const std::string& name : context.machine.names("/sys/bus/usb/devices")) {
         if (name.starts_with("usb")) {
-            ends.push_back(name);
+            devices.push_back(name);
         }
     }
-    return ends;
+    return devices;
 }
 
 }  // namespace
 
-Finding check_usb_access(const Examination& of) {
-    Finding finding{"usb_access", Verdict::Unknown, absent(of), "without it rt-core cannot open the board", {}};
-    for (const Board& board : boards(of)) {
-        const bool mine = of.machine.may_write(board.node);
+Finding check_usb_access(const CheckContext& context) {
+    Finding finding{
+        "usb_access", Verdict::Unknown, absent(context), "without write access rt-core cannot open the board", {}};
+    for (const Board& board : boards(context)) {
+        const bool mine = context.machine.may_write(board.node);
         finding.verdict = mine && finding.verdict != Verdict::Bad ? Verdict::Good : Verdict::Bad;
-        finding.found = board.port + " (" + board.node + ") " + (mine ? "may be used" : "may not be used by this user");
+        finding.found =
+            board.port + " (" + board.node + ") is " + (mine ? "accessible" : "not accessible to this user");
         if (!mine) {
             finding.remedy =
-                has_udev_rule(of.machine)
+                has_udev_rule(context.machine)
                     ? "sudo usermod -aG haptic \"$USER\", and log in again"
                     : "sudo install -m 644 firmware-host/udev/70-spidar-g6.rules /etc/udev/rules.d/ && sudo "
                       "udevadm control --reload && sudo udevadm trigger";
@@ -123,15 +127,15 @@ Finding check_usb_access(const Examination& of) {
     return finding;
 }
 
-Finding check_usb_autosuspend(const Examination& of) {
+Finding check_usb_autosuspend(const CheckContext& context) {
     Finding finding{"usb_autosuspend",
                     Verdict::Unknown,
-                    absent(of),
-                    "a board that the kernel puts to sleep between transfers takes milliseconds to answer again",
+                    absent(context),
+                    "a board that the kernel suspends between transfers takes milliseconds to wake up",
                     {}};
-    for (const Board& board : boards(of)) {
+    for (const Board& board : boards(context)) {
         const std::string file = std::string(kDevices) + board.port + "/power/control";
-        const std::string control = of.machine.line(file).value_or(std::string());
+        const std::string control = context.machine.line(file).value_or(std::string());
         finding.verdict = control == "auto" ? Verdict::Bad : Verdict::Good;
         finding.found =
             "the board at " + board.port + (control == "auto" ? " may be suspended" : " is never suspended");
@@ -140,10 +144,12 @@ Finding check_usb_autosuspend(const Examination& of) {
             return finding;
         }
     }
-    if (finding.verdict == Verdict::Unknown && of.settings.usb) {
-        const bool rule = has_udev_rule(of.machine);
+    // No board is plugged in: check whether the udev rule would keep it awake.
+    if (finding.verdict == Verdict::Unknown && context.settings.usb) {
+        const bool rule = has_udev_rule(context.machine);
         finding.verdict = rule ? Verdict::Good : Verdict::Bad;
-        finding.found += rule ? "; the udev rule will keep it awake" : ", and there is no udev rule to keep it awake";
+        finding.found +=
+            rule ? "; the udev rule will keep it awake" : ", and no udev rule is installed to keep it awake";
         finding.remedy = rule ? std::string()
                               : "sudo install -m 644 firmware-host/udev/70-spidar-g6.rules /etc/udev/rules.d/ && sudo "
                                 "udevadm control --reload";
@@ -151,16 +157,17 @@ Finding check_usb_autosuspend(const Examination& of) {
     return finding;
 }
 
-Finding check_usb_interrupt(const Examination& of) {
+Finding check_usb_interrupt(const CheckContext& context) {
     Finding finding{"usb_interrupt",
                     Verdict::Unknown,
                     "no USB controller with an interrupt",
-                    "the controller's interrupt ends each exchange with the board; on the loop's own processor it also "
-                    "comes for every other device of that controller",
+                    "the controller's interrupt ends each exchange with the board; on the loop's processor it would "
+                    "also interrupt the loop for every other device of that controller",
                     {}};
-    const std::vector<Interrupt> interrupts = of.machine.interrupts();
-    for (const std::string& end : ends_of_controllers(of)) {
-        std::vector<int> numbers = controller_interrupts(of.machine, end);
+    const std::vector<Interrupt> interrupts = context.machine.interrupts();
+    for (const std::string& device : devices_to_trace(context)) {
+        // Interrupts of the controller of this device.
+        std::vector<int> numbers = controller_interrupts(context.machine, device);
         numbers = numbers.empty() ? interrupts_by_name(interrupts) : numbers;
         for (const int number : numbers) {
             const auto one = std::find_if(interrupts.begin(), interrupts.end(),
@@ -168,14 +175,16 @@ Finding check_usb_interrupt(const Examination& of) {
             if (one == interrupts.end()) {
                 continue;
             }
-            const bool here = contains(one->cpus, of.cpu);
+            // Bad if one of them is routed to the loop's processor.
+            const bool here = contains(one->cpus, context.cpu);
             finding.verdict = here ? Verdict::Bad : Verdict::Good;
-            finding.found = "interrupt " + std::to_string(number) + " (" + one->handlers + ") of " + end +
-                            " comes to processor " + cpu_list_text(one->cpus);
+            finding.found = "interrupt " + std::to_string(number) + " (" + one->handlers + ") of " + device +
+                            " is routed to processor " + cpu_list_text(one->cpus);
             if (here) {
-                finding.remedy = of.others().empty() ? "none: use a machine with two processors at least"
-                                                     : "echo " + cpu_list_text(of.others()) + " | sudo tee /proc/irq/" +
-                                                           std::to_string(number) + "/smp_affinity_list";
+                finding.remedy = context.others().empty()
+                                     ? kNeedsTwoProcessors
+                                     : "echo " + cpu_list_text(context.others()) + " | sudo tee /proc/irq/" +
+                                           std::to_string(number) + "/smp_affinity_list";
                 return finding;
             }
         }

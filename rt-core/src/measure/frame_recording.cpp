@@ -9,7 +9,7 @@
 namespace haptic::rt {
 namespace {
 
-// The first columns, before those of visit_cells().
+// Indices of the leading columns, before those of visit_cells().
 constexpr std::size_t kTime = 0;
 constexpr std::size_t kDefect = 1;
 constexpr std::size_t kParticle = 2;
@@ -22,7 +22,7 @@ void visit_each(Array& values, Visit&& visit) {
     }
 }
 
-/// Every number of a frame and of one of its particles, in the order of the columns; for writing and for reading.
+/// Visits every number of a frame and of one of its proxies in the order of the columns; shared by writer and reader.
 template <class Frame, class Proxy, class Visit>
 void visit_cells(Frame& frame, Proxy& proxy, Visit&& visit) {
     visit(frame.sequence);
@@ -122,7 +122,7 @@ void FrameWriter::write(const RecordedFrame& recorded) {
     for (std::size_t i = 0; i < std::max<std::size_t>(particles, 1); ++i) {
         ProxyContact proxy = particles > 0 ? frame.proxies[i] : ProxyContact{};
         for (std::size_t k = proxy.plane_count; k < kMaxPlanes; ++k) {
-            proxy.planes[k] = ContactPlane{};  // whatever the simulation left there
+            proxy.planes[k] = ContactPlane{};  // stale values beyond plane_count
         }
         const std::int64_t particle = particles > 0 ? static_cast<std::int64_t>(i) : -1;
         row_ = {recorded.now_ns, static_cast<std::int64_t>(recorded.defect), particle};
@@ -140,6 +140,7 @@ FrameReader::FrameReader(const std::filesystem::path& file) : reader_(file) {
 
 void FrameReader::read_row(RecordedFrame& recorded, std::int64_t particle) {
     std::size_t column = kFirstCell;
+    // Reads the next cell into a number of any type, with a range check.
     const auto read = [this, &column](auto& value) {
         const std::size_t cell = order_[column++];
         using Value = std::remove_reference_t<decltype(value)>;
@@ -167,23 +168,25 @@ bool FrameReader::next(RecordedFrame& recorded) {
     recorded.now_ns = reader_.integer(order_[kTime]);
     const std::int64_t defect = reader_.integer(order_[kDefect]);
     if (defect < 0 || defect > static_cast<std::int64_t>(FrameDefect::Step)) {
-        reader_.fail("column defect: there is no defect " + std::to_string(defect));
+        reader_.fail("column defect: unknown defect " + std::to_string(defect));
     }
     recorded.defect = static_cast<FrameDefect>(defect);
+    // One row per proxy, numbered from 0; a single row numbered -1 for a frame without proxies.
     std::int64_t expected = reader_.integer(order_[kParticle]) < 0 ? -1 : 0;
     do {
         if (reader_.integer(order_[kParticle]) != expected) {
-            reader_.fail("column particle: " + std::to_string(expected) + " was to come here");
+            reader_.fail("column particle: expected " + std::to_string(expected));
         }
         read_row(recorded, expected);
         ++expected;
         more_ = reader_.next();
     } while (expected > 0 && expected < static_cast<std::int64_t>(particles_of(recorded.frame)) && more_);
     if (expected < static_cast<std::int64_t>(particles_of(recorded.frame))) {
-        reader_.fail("the frame's particles end too early");
+        reader_.fail("the frame has fewer particles than proxy_count");
     }
     if (recorded.defect != FrameDefect::None && find_defect(recorded.frame) == FrameDefect::None) {
-        recorded.frame.stiffness = -1.0;  // it was a number that cannot be written
+        recorded.frame.stiffness =
+            -1.0;  // the defect was a non-finite number, written as 0: make the frame invalid again
     }
     return true;
 }

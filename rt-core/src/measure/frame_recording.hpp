@@ -1,6 +1,6 @@
-// Contact frames in a recording: one row for each proxy particle of each frame that a tick took, sound or not.
+// Recording of contact frames: one CSV row per proxy of each frame that a tick took, valid or rejected.
 //
-// Beside F.csv they are in F.frames.csv. Each row repeats what belongs to the frame, so that any tool can use it.
+// The file is F.frames.csv next to F.csv. Each row repeats the values of the whole frame, so that any tool can use it.
 #pragma once
 
 #include <filesystem>
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include <haptic/csv.hpp>
+#include "haptic/csv.hpp"
 #include "tick/recorder.hpp"
 
 namespace haptic::rt {
@@ -22,8 +22,8 @@ class FrameWriter {
   public:
     /// Throws CsvError.
     explicit FrameWriter(const std::filesystem::path& file) : writer_(file, frame_columns()) {}
-    /// A frame without particles has one row, with particle -1. Numbers that are not finite, which only a frame with a
-    /// defect has, are written as 0.
+    /// Writes a frame. A frame without proxies has one row, with particle -1. Non-finite numbers, which only a
+    /// defective frame can contain, are written as 0.
     void write(const RecordedFrame& recorded);
     void close() { writer_.close(); }
 
@@ -34,10 +34,10 @@ class FrameWriter {
 
 class FrameReader {
   public:
-    /// Throws CsvError: no such file, columns missing.
+    /// Throws CsvError if the file or a column is missing.
     explicit FrameReader(const std::filesystem::path& file);
-    /// The next frame; false at the end. A frame that had a defect has one again, if not always the same. Throws
-    /// CsvError for rows that do not make a frame.
+    /// Reads the next frame; false at the end. A frame recorded with a defect has a defect again, but not always the
+    /// same. Throws CsvError for rows that do not form a frame.
     bool next(RecordedFrame& recorded);
     [[nodiscard]] const std::string& name() const noexcept { return reader_.name(); }
 
@@ -45,8 +45,8 @@ class FrameReader {
     void read_row(RecordedFrame& recorded, std::int64_t particle);
 
     CsvReader reader_;
-    std::vector<std::size_t> order_;  // where each of frame_columns() is
-    bool more_ = false;               // the reader is at a row that was not taken yet
+    std::vector<std::size_t> order_;  // file column of each of frame_columns()
+    bool more_ = false;               // the reader holds a row that was not used yet
 };
 
 }  // namespace haptic::rt

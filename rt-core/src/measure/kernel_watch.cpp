@@ -7,16 +7,16 @@
 #include <sstream>
 #include <utility>
 
-#include <haptic/types.hpp>
+#include "haptic/types.hpp"
 
 namespace haptic::rt {
 namespace {
 
-constexpr std::size_t kRecent = 16;      // windows that may still be asked for
-constexpr std::size_t kMostKept = 4096;  // far more than the log has ticks
-constexpr std::uint64_t kFew = 20;       // interrupts in a window that are not worth a word
-constexpr int kSteal = 7;                // of /proc/stat: user nice system idle iowait irq softirq steal
-constexpr int kQueued = 7;               // of /proc/schedstat: the eighth number, ns
+constexpr std::size_t kRecent = 16;        // windows whose events may still arrive
+constexpr std::size_t kMaxKept = 4096;     // far more than the log has ticks
+constexpr std::uint64_t kMinUnusual = 20;  // interrupts in a window, below which their rate is not unusual
+constexpr int kSteal = 7;                  // field of /proc/stat: user nice system idle iowait irq softirq steal
+constexpr int kQueued = 7;                 // field of /proc/schedstat: run-queue wait, ns
 
 std::string file_text(const std::filesystem::path& file) {
     const std::ifstream stream(file);
@@ -25,7 +25,8 @@ std::string file_text(const std::filesystem::path& file) {
     return text.str();
 }
 
-/// "timer" of "  0:  10  12  IO-APIC  2-edge  timer", "Local timer interrupts" of "LOC:  10  12  Local timer
+/// Name of an interrupt from the words after its counts. Device interrupts: the handler, "timer" in "0: 10 12 IO-APIC
+/// 2-edge timer". Architecture interrupts: the description, "Local timer interrupts" in "LOC: 10 12 Local timer
 /// interrupts".
 std::string name_of_interrupt(const std::string& label, std::istringstream& rest) {
     std::vector<std::string> words;
@@ -45,7 +46,7 @@ std::string name_of_interrupt(const std::string& label, std::istringstream& rest
     return name;
 }
 
-/// Column of a processor in the first line of /proc/interrupts; -1 if it is not there.
+/// Column of a processor in the header of /proc/interrupts; -1 if it is offline.
 int column_of(const std::string& header, int cpu) {
     std::istringstream words(header);
     const std::string wanted = "CPU" + std::to_string(cpu);
@@ -58,7 +59,7 @@ int column_of(const std::string& header, int cpu) {
     return -1;
 }
 
-/// The number in a line "cpuN a b c ..."; -1 if there is none.
+/// Field of the line "cpuN a b c ..." of a processor; -1 if it is missing.
 std::int64_t field_of_cpu(const std::string& text, int cpu, int field) {
     std::istringstream lines(text);
     const std::string wanted = "cpu" + std::to_string(cpu);
@@ -114,18 +115,19 @@ void KernelWatch::read_interrupts(ProcessorCounts& counts) {
         return;
     }
     const int column = column_of(line, cpu_);
-    const auto columns = std::count(line.begin(), line.end(), 'U');  // of "CPU0 CPU1"
+    const auto columns = std::count(line.begin(), line.end(), 'U');  // the header is "CPU0 CPU1 ..."
     while (column >= 0 && std::getline(lines, line)) {
         std::istringstream words(line);
         std::string label;
         words >> label;
         label.erase(label.find_last_not_of(':') + 1);
+        // One count per processor; pick ours.
         std::uint64_t count = 0;
         bool ours = false;
         for (int i = 0; i < columns; ++i) {
             std::uint64_t value = 0;
             if (!(words >> value)) {
-                words.clear();  // ERR and MIS have one number for all
+                words.clear();  // ERR and MIS have a single number for all processors
                 break;
             }
             count = i == column ? value : count;
@@ -134,6 +136,7 @@ void KernelWatch::read_interrupts(ProcessorCounts& counts) {
         if (!ours) {
             continue;
         }
+        // Add it to the interrupt of this name; several lines may share one.
         const std::string name = name_of_interrupt(label, words);
         const auto known = std::find(names_.begin(), names_.end(), name);
         const auto index = static_cast<std::size_t>(known - names_.begin());
@@ -160,22 +163,22 @@ void KernelWatch::restart(std::int64_t now_ns) {
     begin_ns_ = now_ns;
 }
 
-void KernelWatch::look(std::int64_t now_ns, TimingLog& log) {
+void KernelWatch::poll(std::int64_t now_ns, TimingLog& log) {
     if (now_ns - begin_ns_ < kWindowNs) {
         return;
     }
-    close(now_ns);
+    close_window(now_ns);
     take_events(log);
-    settle(kRecent);
+    retire_windows(kRecent);
 }
 
 void KernelWatch::finish(std::int64_t now_ns, TimingLog& log) {
-    close(now_ns);
+    close_window(now_ns);
     take_events(log);
-    settle(0);
+    retire_windows(0);
 }
 
-void KernelWatch::close(std::int64_t now_ns) {
+void KernelWatch::close_window(std::int64_t now_ns) {
     ProcessorCounts now = read();
     Candidate closed;
     closed.window = {begin_ns_, now_ns, difference(now, last_)};
@@ -195,9 +198,9 @@ void KernelWatch::take_events(TimingLog& log) {
     }
 }
 
-void KernelWatch::settle(std::size_t still_open) {
+void KernelWatch::retire_windows(std::size_t still_open) {
     while (recent_.size() > still_open) {
-        if (recent_.front().wanted && kept_.size() < kMostKept) {
+        if (recent_.front().wanted && kept_.size() < kMaxKept) {
             kept_.push_back(std::move(recent_.front().window));
         }
         recent_.pop_front();
@@ -218,15 +221,17 @@ double KernelWatch::watched_s() const noexcept {
 }
 
 std::string unusual_interrupts(const KernelWindow& window, const KernelWatch& watch) {
+    // Expected count of an interrupt in this window: its total times the window's share of the run.
     const double share = watch.watched_s() > 0.0 ? seconds(window.end_ns - window.begin_ns) / watch.watched_s() : 1.0;
     std::vector<std::pair<std::uint64_t, std::size_t>> unusual;
     for (std::size_t i = 0; i < window.counts.interrupts.size(); ++i) {
         const std::uint64_t count = window.counts.interrupts[i];
         const double usual = share * static_cast<double>(watch.total().interrupts[i]);
-        if (count >= kFew && static_cast<double>(count) >= 2.0 * usual) {
+        if (count >= kMinUnusual && static_cast<double>(count) >= 2.0 * usual) {
             unusual.emplace_back(count, i);
         }
     }
+    // The three most frequent, as text.
     std::sort(unusual.rbegin(), unusual.rend());
     unusual.resize(std::min<std::size_t>(unusual.size(), 3));
     std::string text;

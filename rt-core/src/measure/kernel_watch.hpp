@@ -1,5 +1,5 @@
-// What the kernel counts of the processor that the loop runs on: interrupts, stolen time, and how long threads waited
-// for it. Looked at ten times a second from another thread, so that a late tick has the tenth of a second around it.
+// Kernel watch: samples the kernel's counters of the loop's processor (interrupts, stolen time, run-queue wait) ten
+// times a second from another thread, so that each late tick can be attributed to the window of 0.1 s around it.
 #pragma once
 
 #include <cstddef>
@@ -13,14 +13,14 @@
 
 namespace haptic::rt {
 
-/// Counters of one processor at one time, or their difference. -1 where the kernel does not tell.
+/// Counters of one processor at one time, or the difference of two samples. -1 where the kernel has no such counter.
 struct ProcessorCounts {
-    std::vector<std::uint64_t> interrupts;  // by the names of KernelWatch::names()
-    std::int64_t stolen_ms = -1;            // that a hypervisor gave to others; counted in steps of 10 ms
-    std::int64_t queued_us = -1;            // that threads waited for the processor, all together
+    std::vector<std::uint64_t> interrupts;  // in the order of KernelWatch::names()
+    std::int64_t stolen_ms = -1;            // taken by the hypervisor for other guests; resolution 10 ms
+    std::int64_t queued_us = -1;            // sum over all threads of their wait for the processor
 };
 
-/// Counters between two looks in which something happened that is to be explained.
+/// Counters of a window in which an event occurred that is to be explained.
 struct KernelWindow {
     std::int64_t begin_ns = 0;
     std::int64_t end_ns = 0;
@@ -31,35 +31,37 @@ class KernelWatch {
   public:
     static constexpr std::int64_t kWindowNs = 100'000'000;
 
-    /// `proc` is where the files are that are read: interrupts, stat, schedstat. Any of them may be missing.
+    /// `proc` is the folder of the files to read: interrupts, stat, schedstat. Any of them may be missing.
     explicit KernelWatch(int cpu, std::filesystem::path proc = "/proc");
 
-    /// Begins to count anew, as after a pause: what was since the last look belongs to nobody.
+    /// Starts a new window, for example after a pause; what was counted since the last poll is dropped.
     void restart(std::int64_t now_ns);
-    /// From time to time; looks no more often than is useful. Takes the log's events.
-    void look(std::int64_t now_ns, TimingLog& log);
-    /// At the end, so that the last ticks have their window too.
+    /// Call periodically: closes the window once it is kWindowNs long, and takes the log's events.
+    void poll(std::int64_t now_ns, TimingLog& log);
+    /// Closes the last window, so that the last ticks have theirs too.
     void finish(std::int64_t now_ns, TimingLog& log);
 
-    /// The window around a tick that the log has; nullptr if it was not kept.
+    /// The window around a tick of the log; nullptr if it was not kept.
     [[nodiscard]] const KernelWindow* window_of(std::int64_t at_ns) const noexcept;
+    /// Names of the interrupts.
     [[nodiscard]] const std::vector<std::string>& names() const noexcept { return names_; }
-    /// Of all windows together, and their length in s.
+    /// Sum of all windows.
     [[nodiscard]] const ProcessorCounts& total() const noexcept { return total_; }
+    /// Total length of all windows, s.
     [[nodiscard]] double watched_s() const noexcept;
 
   private:
     struct Candidate {
         KernelWindow window;
-        bool wanted = false;
+        bool wanted = false;  // an event lies in it
     };
 
     [[nodiscard]] ProcessorCounts read();
     void read_interrupts(ProcessorCounts& counts);
-    void close(std::int64_t now_ns);
+    void close_window(std::int64_t now_ns);
     void take_events(TimingLog& log);
-    /// Keeps what is wanted of all windows but the last `still_open`, and forgets the rest.
-    void settle(std::size_t still_open);
+    /// Retires all windows except the last `still_open`: keeps the wanted ones, drops the others.
+    void retire_windows(std::size_t still_open);
 
     int cpu_;
     std::filesystem::path proc_;
@@ -68,12 +70,12 @@ class KernelWatch {
     ProcessorCounts total_;
     std::int64_t begin_ns_ = 0;
     std::int64_t watched_ns_ = 0;
-    std::deque<Candidate> recent_;  // a tick's event may come after the window that it is in
+    std::deque<Candidate> recent_;  // a tick's event may arrive after its window was closed
     std::vector<KernelWindow> kept_;
 };
 
-/// "local timer interrupts 101, virtio1-req.0 37": what came at least twice as often in a window as in the run, and not
-/// just a few times; at most three, the most frequent first.
+/// "local timer interrupts 101, virtio1-req.0 37": interrupts that came at least 20 times in a window, and at least
+/// twice as often as on average in the run; at most three, the most frequent first.
 [[nodiscard]] std::string unusual_interrupts(const KernelWindow& window, const KernelWatch& watch);
 
 }  // namespace haptic::rt

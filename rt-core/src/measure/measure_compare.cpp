@@ -1,3 +1,4 @@
+// Comparison of two measurement reports, as JSON and as text.
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -7,7 +8,7 @@
 namespace haptic::rt {
 namespace {
 
-/// What a report was measured under, as text; two runs that differ in it are no comparison of the loop alone.
+/// Conditions of a measurement. Two runs whose conditions differ do not compare the loop alone.
 nlohmann::json conditions(const nlohmann::json& report) {
     const nlohmann::json& setup = report.at("setup");
     const nlohmann::json& measure = report.at("measure");
@@ -45,6 +46,7 @@ nlohmann::json compared(const nlohmann::json& first, const nlohmann::json& secon
     return result;
 }
 
+/// One line of the table: `part` ("first", "second" or "ratio") of each percentile.
 std::string line_of(const std::string& title, const nlohmann::json& entry, const char* part, int decimals) {
     std::array<char, 48> text{};
     std::snprintf(text.data(), text.size(), "  %-22s", title.c_str());
@@ -65,7 +67,7 @@ std::string line_of(const std::string& title, const nlohmann::json& entry, const
     return line + "\n";
 }
 
-std::string in_words(const nlohmann::json& value) {
+std::string value_text(const nlohmann::json& value) {
     return value.is_null() ? "none" : value.is_string() ? value.get<std::string>() : value.dump();
 }
 
@@ -80,6 +82,7 @@ nlohmann::json compare_measurements(const nlohmann::json& first, const nlohmann:
         latencies[key] =
             compared(first.at("measure").at("latency_us").at(key), second.at("measure").at("latency_us").at(key));
     }
+    // Conditions that differ between the two runs.
     nlohmann::json differences = nlohmann::json::array();
     const nlohmann::json a = conditions(first);
     const nlohmann::json b = conditions(second);
@@ -99,11 +102,13 @@ std::string comparison_text(const nlohmann::json& comparison) {
                 " ticks, " + one.at("deadlines_missed").dump() + " deadlines missed, " + one.at("page_faults").dump() +
                 " page faults\n";
     }
+    // Differing conditions.
     for (const nlohmann::json& key : comparison.at("differences")) {
         const std::string name = key.get<std::string>();
-        text += "  differ in " + name + ": " + in_words(comparison.at("first").at("conditions").at(name)) + " | " +
-                in_words(comparison.at("second").at("conditions").at(name)) + "\n";
+        text += "  different " + name + ": " + value_text(comparison.at("first").at("conditions").at(name)) + " | " +
+                value_text(comparison.at("second").at("conditions").at(name)) + "\n";
     }
+    // Table of the latencies: first, second and their ratio.
     text += percentile_header() + "\n";
     for (const LatencyName& name : latency_names()) {
         const nlohmann::json& entry = comparison.at("latency_us").at(std::string(name.key));

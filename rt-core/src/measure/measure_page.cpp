@@ -7,10 +7,10 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include <haptic/html.hpp>
+#include "haptic/html.hpp"
 #include "measure/measure_report.hpp"
-#include "measure/tick_explanation.hpp"
 #include "measure/svg_plot.hpp"
+#include "measure/tick_explanation.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -18,15 +18,17 @@ namespace {
 using nlohmann::json;
 
 constexpr std::size_t kShownTicks = 12;
-constexpr double kNarrowest = 0.016;  // bin, of two buckets
+constexpr double kMinBinWidth = 0.016;  // in ln(value): two buckets of Histogram
 constexpr std::size_t kShownInterrupts = 8;
 
+/// Microseconds with one decimal below 100.
 std::string us_text(double value_us) {
     std::array<char, 32> text{};
     std::snprintf(text.data(), text.size(), value_us < 99.95 ? "%.1f" : "%.0f", value_us);
     return value_us >= 999.5 ? number_text(value_us) : text.data();
 }
 
+/// "18:02:11.123" of "2026-11-20T18:02:11.123456+01:00".
 std::string clock_time(const json& time_of_day) {
     const auto text = time_of_day.get<std::string>();
     return text.size() < 26 ? text : text.substr(11, 12);
@@ -48,7 +50,7 @@ bool has_values(const json& distribution) {
     return distribution.at("count").get<std::uint64_t>() > 0;
 }
 
-/// A distribution in a plot.
+/// A distribution to plot.
 struct Series {
     const json* distribution;
     std::string name;
@@ -56,16 +58,16 @@ struct Series {
 };
 
 AxisRange range_of(const std::vector<Series>& all) {
-    double least = 1e300;
-    double most = 0.0;
+    double min_us = 1e300;
+    double max_us = 0.0;
     for (const Series& one : all) {
-        least = std::min(least, one.distribution->at("min").get<double>());
-        most = std::max(most, one.distribution->at("max").get<double>());
+        min_us = std::min(min_us, one.distribution->at("min").get<double>());
+        max_us = std::max(max_us, one.distribution->at("max").get<double>());
     }
-    return wide_enough(std::max(least, 0.1), most);
+    return wide_enough(std::max(min_us, 0.1), max_us);
 }
 
-/// Equally wide bins in the logarithm, none narrower than two of the histogram's buckets.
+/// Counts of a distribution in logarithmically equal bins over a range.
 std::vector<double> binned(const json& distribution, AxisRange range, std::size_t bins) {
     std::vector<double> counts(bins, 0.0);
     for (const json& bucket : distribution.at("histogram")) {
@@ -77,26 +79,30 @@ std::vector<double> binned(const json& distribution, AxisRange range, std::size_
     return counts;
 }
 
-/// The first as bars, the others as outlines over it.
+/// Histogram of distributions: the first as bars, the others as outlines over it. Marks the percentiles of the first.
 std::string histogram_plot(const std::vector<Series>& all, const std::string& title) {
     const AxisRange range = range_of(all);
     const double width = std::log(range.to / range.from);
-    const auto bins = static_cast<std::size_t>(std::clamp(width / kNarrowest, 4.0, 100.0));
+    const auto bins = static_cast<std::size_t>(std::clamp(width / kMinBinWidth, 4.0, 100.0));
+    // Counts of each distribution in common bins.
     std::vector<std::vector<double>> counts;
-    double most = 1.0;
+    double max_count = 1.0;
     for (const Series& one : all) {
         counts.push_back(binned(*one.distribution, range, bins));
-        most = std::max(most, *std::max_element(counts.back().begin(), counts.back().end()));
+        max_count = std::max(max_count, *std::max_element(counts.back().begin(), counts.back().end()));
     }
-    SvgPlot plot(range, {0.5, most * 1.4}, "us", "ticks");
+    // The y axis begins at half a tick, so that a single tick is visible on it.
+    SvgPlot plot(range, {0.5, max_count * 1.4}, "us", "ticks");
     const auto edge = [&](std::size_t bin) {
         return range.from * std::exp(width * static_cast<double>(bin) / static_cast<double>(bins));
     };
+    // Bars of the first distribution.
     for (std::size_t i = 0; i < bins; ++i) {
         if (counts[0][i] > 0.0) {
             plot.bar(edge(i), edge(i + 1), counts[0][i], all[0].css_class);
         }
     }
+    // Outlines of the others.
     for (std::size_t s = 1; s < all.size(); ++s) {
         std::vector<std::pair<double, double>> outline;
         for (std::size_t i = 0; i < bins; ++i) {
@@ -106,6 +112,7 @@ std::string histogram_plot(const std::vector<Series>& all, const std::string& ti
         }
         plot.line(outline, all[s].css_class);
     }
+    // Percentile marks, and a legend if there are several distributions.
     for (const char* key : {"p50", "p99", "p9999"}) {
         const std::string word = key == std::string("p9999") ? "p99.99" : key;
         plot.mark(all[0].distribution->at(key).get<double>(), word);
@@ -118,7 +125,7 @@ std::string histogram_plot(const std::vector<Series>& all, const std::string& ti
     return plot.svg(title);
 }
 
-/// Of all values, how many are smaller than what: 1 / (1 - share) against the value.
+/// Tail of a distribution: points (1 / (1 - F), value), with F the fraction of smaller values. 10 is p90, 100 is p99.
 std::vector<std::pair<double, double>> tail(const json& distribution) {
     const double count = distribution.at("count").get<double>();
     std::vector<std::pair<double, double>> points;
@@ -140,7 +147,8 @@ std::string tail_plot(const std::vector<Series>& all) {
     for (const Series& one : all) {
         count = std::max(count, one.distribution->at("count").get<double>());
     }
-    SvgPlot plot({1.0, count}, range_of(all), "of all values, so many are below", "us");
+    SvgPlot plot({1.0, count}, range_of(all), "fraction of values below", "us");
+    // Ticks of the x axis: 50 %, 90 %, 99 %, 99.9 %, ...
     std::vector<std::pair<double, std::string>> ticks = {{2.0, "50 %"}, {10.0, "90 %"}};
     std::string nines = "99";
     double at = 100.0;
@@ -150,6 +158,7 @@ std::string tail_plot(const std::vector<Series>& all) {
         at *= 10.0;
     }
     plot.set_x_ticks(std::move(ticks));
+    // Curves.
     for (const Series& one : all) {
         plot.line(tail(*one.distribution), one.css_class);
         plot.key(one.name, one.css_class);
@@ -157,44 +166,45 @@ std::string tail_plot(const std::vector<Series>& all) {
     return plot.svg("Tails of the distributions");
 }
 
-/// A line of the course over the run.
-struct CourseLine {
+/// A line of the plot over the run.
+struct TimeLine {
     const char* key;
     const char* name;
     const char* css_class;
 };
-constexpr std::array<CourseLine, 2> kCourseLines = {{{"wakeup", "wake-up", "first"}, {"compute", "compute", "second"}}};
+constexpr std::array<TimeLine, 2> kTimeLines = {{{"wakeup", "wake-up", "first"}, {"compute", "compute", "second"}}};
 
-/// Middle of each piece in s, and its largest value in us, 0 where nothing happened.
-std::vector<std::pair<double, double>> points_of(const json& course) {
-    const double start_s = course.at("start_s").get<double>();
-    const double piece_s = course.at("piece_s").get<double>();
+/// Centre of each time bin (s) and its peak (us); 0 for an empty bin, which interrupts the line.
+std::vector<std::pair<double, double>> points_of(const json& history) {
+    const double start_s = history.at("start_s").get<double>();
+    const double bin_s = history.at("piece_s").get<double>();
     std::vector<std::pair<double, double>> points;
-    for (const json& value : course.at("max_us")) {
-        points.emplace_back(start_s + piece_s * (static_cast<double>(points.size()) + 0.5),
+    for (const json& value : history.at("max_us")) {
+        points.emplace_back(start_s + bin_s * (static_cast<double>(points.size()) + 0.5),
                             value.is_null() ? 0.0 : std::max(value.get<double>(), 0.1));
     }
     return points;
 }
 
-std::string course_plot(const json& course) {
-    double most = 1.0;
-    double least = 1e300;
+std::string time_plot(const json& course) {
+    // Ranges of both axes.
+    double max_us = 1.0;
+    double min_us = 1e300;
     double until_s = 1.0;
-    for (const CourseLine& one : kCourseLines) {
+    for (const TimeLine& one : kTimeLines) {
         for (const auto& [at_s, value_us] : points_of(course.at(one.key))) {
-            most = std::max(most, value_us);
-            least = value_us > 0.0 ? std::min(least, value_us) : least;
+            max_us = std::max(max_us, value_us);
+            min_us = value_us > 0.0 ? std::min(min_us, value_us) : min_us;
             until_s = std::max(until_s, at_s);
         }
     }
-    SvgPlot plot({0.0, until_s}, wide_enough(std::min(least, most), most), "time, s", "us, largest of each piece",
+    SvgPlot plot({0.0, until_s}, wide_enough(std::min(min_us, max_us), max_us), "time, s", "us, peak of each interval",
                  true);
-    for (const CourseLine& one : kCourseLines) {
+    for (const TimeLine& one : kTimeLines) {
         plot.line(points_of(course.at(one.key)), one.css_class);
         plot.key(one.name, one.css_class);
     }
-    return plot.svg("Largest wake-up latency and computation over the run");
+    return plot.svg("Peak wake-up latency and computation time over the run");
 }
 
 std::string latency_row(const std::string& title, const json& distribution) {
@@ -234,7 +244,7 @@ std::string latency_table(const json& measure) {
     for (const Percentile& one : kPercentiles) {
         text += std::string("<th class=\"n\">") + one.title + "</th>";
     }
-    text += "<th class=\"n\">max</th><th>largest at, where: cause</th></tr>\n";
+    text += "<th class=\"n\">max</th><th>time, stage and cause of the maximum</th></tr>\n";
     for (const LatencyName& name : latency_names()) {
         text += latency_row(std::string(name.title), measure.at("latency_us").at(std::string(name.key)));
         if (name.latency == Latency::Wakeup && measure.at("cyclictest").is_object()) {
@@ -245,7 +255,7 @@ std::string latency_table(const json& measure) {
     return text + "</table></div>\n";
 }
 
-/// Shares of the time of a tick from its deadline to its end.
+/// Stacked bar: time of each stage as a share of the time from the tick's deadline to its end.
 std::string stage_bar(const json& tick) {
     std::string text = "<div class=\"bar\">";
     const double whole = std::max(tick.at("late_us").get<double>(), 1e-3);
@@ -263,18 +273,19 @@ std::string stage_bar(const json& tick) {
 
 std::string worst_table(const json& worst) {
     std::string text = "<p>Each bar is the time from the deadline to the end of the tick:";
+    // Legend of the stages, then one row per tick.
     for (std::size_t i = 0; i < kLateStages; ++i) {
         text += "<span class=\"swatch s" + std::to_string(i) + "\"></span>" +
                 std::string(name_of(static_cast<LateStage>(i)));
     }
     text +=
         "</p>\n<div class=\"wide\"><table><tr><th>at</th><th class=\"n\">late, us</th><th class=\"n\">missed</th>"
-        "<th>where</th><th>why</th></tr>\n";
+        "<th>stages</th><th>cause</th></tr>\n";
     for (std::size_t i = 0; i < std::min(worst.size(), kShownTicks); ++i) {
         const json& tick = worst.at(i);
         std::string why = tick.at("stage").get<std::string>() + ": " + tick.at("why").get<std::string>();
         if (const auto interrupts = tick.value("unusual_interrupts", std::string()); !interrupts.empty()) {
-            why += "; unusually many interrupts around it: " + interrupts;
+            why += "; unusually many interrupts at that time: " + interrupts;
         }
         text += "<tr>" + cell(clock_time(tick.at("at"))) + number_cell(us_text(tick.at("late_us").get<double>())) +
                 number_cell(tick.at("missed").dump()) + "<td>" + stage_bar(tick) + "</td>" + cell(why) + "</tr>\n";
@@ -287,43 +298,45 @@ std::string kernel_table(const json& kernel) {
     for (const auto& [name, rate] : kernel.at("interrupts_per_s").items()) {
         rates.emplace_back(rate.get<double>(), name);
     }
+    // The most frequent interrupts.
     std::sort(rates.rbegin(), rates.rend());
     rates.resize(std::min(rates.size(), kShownInterrupts));
-    std::string text = "<table><tr><th>on the loop's processor</th><th class=\"n\">per second</th></tr>\n";
+    std::string text = "<table><tr><th>interrupt of the loop's processor</th><th class=\"n\">per second</th></tr>\n";
     for (const auto& [rate, name] : rates) {
         std::array<char, 32> number{};
         std::snprintf(number.data(), number.size(), "%.1f", rate);
         text += "<tr>" + cell(name) + number_cell(number.data()) + "</tr>\n";
     }
-    text += "</table>\n<p>Time that a hypervisor took: ";
-    text += kernel.at("stolen_ms").is_null() ? "not told by this kernel"
+    text += "</table>\n<p>Time stolen by a hypervisor: ";
+    text += kernel.at("stolen_ms").is_null() ? "unknown to this kernel"
                                              : us_text(kernel.at("stolen_ms").get<double>()) + " ms";
     text += ". Time that threads waited for this processor: ";
-    text += kernel.at("queued_ms").is_null() ? "not told by this kernel"
+    text += kernel.at("queued_ms").is_null() ? "unknown to this kernel"
                                              : us_text(kernel.at("queued_ms").get<double>()) + " ms";
     return text + ".</p>\n";
 }
 
-/// The loop as the line that its probe is wired to shows it.
+/// Section about the loop as measured from outside, on the line wired to the tick's probe.
 std::string loopback_section(const json& measure, const json& latencies) {
     const json& loopback = measure.at("loopback");
     std::string text =
-        "<h2>From outside</h2>\n<p>" +
+        "<h2>Measured from outside</h2>\n<p>" +
         html_text("Line " + loopback.at("line").get<std::string>() + ": " + loopback.at("rising").dump() +
                   " rising edges of " + loopback.at("ticks").dump() + " ticks, " + loopback.at("dropped").dump() +
                   " dropped. " + loopback.at("problem").get<std::string>()) +
         "</p>\n";
+    // Each distribution from outside over its counterpart in the loop.
     struct Pair {
         const char* outside;
         const char* inside;
         const char* caption;
     };
     for (const Pair& pair :
-         {Pair{"period_us", "period", "Period, as the kernel stamped the edges and as the loop saw it."},
+         {Pair{"period_us", "period", "Period: between the kernel's time stamps of the edges, and in the loop."},
           Pair{"lateness_us", "wakeup",
-               "Edges after their deadlines, and the wake-ups that made them: the difference is the "
-               "edge, the wire and the interrupt that stamps it."},
-          Pair{"high_us", "compute", "How long the line was up, and the computation."}}) {
+               "Lateness of the edges, and of the wake-ups that caused them. The difference is the time of the output, "
+               "the wire and the interrupt that takes the time stamp."},
+          Pair{"high_us", "compute", "Time that the line was high, and computation time."}}) {
         if (loopback.at(pair.outside).is_object() && has_values(loopback.at(pair.outside)) &&
             has_values(latencies.at(pair.inside))) {
             text += figure(histogram_plot({{&loopback.at(pair.outside), "outside", "first"},
@@ -335,6 +348,7 @@ std::string loopback_section(const json& measure, const json& latencies) {
     return text;
 }
 
+/// Scheduling, kernel and load of a measurement, as a sentence.
 std::string setup_line(const json& report) {
     const json& setup = report.at("setup");
     const json& measure = report.at("measure");
@@ -369,8 +383,9 @@ std::string measure_page(const json& report) {
     const json& measure = report.at("measure");
     const json& latencies = measure.at("latency_us");
     const bool with_other = measure.at("cyclictest").is_object();
-    std::string page = page_top("How late the loop is") + introduction(report) + latency_table(measure);
+    std::string page = page_top("Latency of the loop") + introduction(report) + latency_table(measure);
 
+    // Tails of the main latencies in one plot; those without values are left out.
     page += "<h2>Tails</h2>\n";
     std::vector<Series> tails = {{&latencies.at("wakeup"), "wake-up", "first"}};
     if (with_other) {
@@ -383,12 +398,13 @@ std::string measure_page(const json& report) {
         tails.end());
     if (!tails.empty()) {
         page += figure(tail_plot(tails),
-                       "How late the latest are: a loop that keeps its period has a curve that stays flat "
-                       "to the right.");
+                       "Latency against the fraction of ticks below it. The curve of a loop that keeps its period "
+                       "stays flat to the right.");
     }
-    page += "<h2>Over the run</h2>\n" + figure(course_plot(measure.at("course")),
-                                               "The largest wake-up latency and computation of each piece of the run. "
+    page += "<h2>Over the run</h2>\n" + figure(time_plot(measure.at("course")),
+                                               "Peak wake-up latency and computation time in each interval of the run. "
                                                "Gaps are pauses of the loop.");
+    // One histogram per latency; cyclictest's over the wake-up.
     page += "<h2>Distributions</h2>\n";
     for (const LatencyName& name : latency_names()) {
         const json& distribution = latencies.at(std::string(name.key));

@@ -1,4 +1,4 @@
-// The report of a measurement as one HTML page that needs nothing else: tables, and plots as inline SVG.
+// Measurement page: the report of a measurement as one self-contained HTML page with tables and inline SVG plots.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -6,10 +6,11 @@
 
 namespace haptic::rt {
 
-/// Of one report. Throws std::runtime_error if it is no report of a measurement.
+/// Page of one report. Throws std::runtime_error if it is not a measurement report.
 [[nodiscard]] std::string measure_page(const nlohmann::json& report);
 
-/// Of two, the second drawn over the first. Throws likewise.
+/// Page that compares two reports, the second drawn over the first. Throws std::runtime_error if either is not a
+/// measurement report.
 [[nodiscard]] std::string comparison_page(const nlohmann::json& first, const nlohmann::json& second);
 
 }  // namespace haptic::rt

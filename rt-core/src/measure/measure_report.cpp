@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include <haptic/report.hpp>
+#include "haptic/report.hpp"
 #include "measure/tick_explanation.hpp"
 
 namespace haptic::rt {
@@ -15,15 +15,15 @@ namespace {
 constexpr int kVersion = 1;
 
 constexpr std::array<LatencyName, kLatencies> kNames = {{
-    {Latency::Wakeup, "wakeup", "wake-up", "from the deadline until the tick begins"},
+    {Latency::Wakeup, "wakeup", "wake-up", "from the deadline to the start of the tick"},
     {Latency::Period, "period", "period", "from one wake-up to the next"},
-    {Latency::Compute, "compute", "compute", "the whole tick, from wake-up to end, exchanges included"},
+    {Latency::Compute, "compute", "compute", "the whole tick, from wake-up to end, including the exchanges"},
     {Latency::Exchange, "exchange", "exchange", "the exchanges with the board"},
     {Latency::DeviceToPlane, "device_to_plane", "device to plane",
-     "age of the device state that the planes in use answer, at each tick that renders them"},
+     "age of the device state that the planes in use respond to, at each tick that renders them"},
     {Latency::MotionToForce, "motion_to_force", "motion to force",
-     "from the beginning of the exchange that latches the encoders to the end of the one that gives the motors the "
-     "force of that motion"},
+     "from the start of the exchange that latches the encoders to the end of the exchange that sends the resulting "
+     "force to the motors"},
 }};
 
 double us(std::int64_t duration_ns) {
@@ -65,8 +65,8 @@ std::int64_t stolen_ms_around(const Measurement& m, std::int64_t at_ns) {
     return window == nullptr ? -1 : window->counts.stolen_ms;
 }
 
-/// When, which stage and why: of a distribution's largest value.
-void add_maximum(nlohmann::json& entry, const Measurement& m, const UsualTimes& usual, Latency latency) {
+/// Adds time, stage and cause of a distribution's maximum.
+void add_maximum(nlohmann::json& entry, const Measurement& m, const MedianTimes& usual, Latency latency) {
     const TimedTick& tick = m.log->largest(latency);
     if (tick.number == 0) {
         return;
@@ -74,12 +74,14 @@ void add_maximum(nlohmann::json& entry, const Measurement& m, const UsualTimes& 
     entry["max_at"] = time_of_day(tick.now_ns + m.real_minus_monotonic_ns);
     entry["max_at_s"] = seconds(tick.now_ns - m.began_ns);
     entry["max_tick"] = tick.number;
+    // The age of the planes depends on the simulation, not on this tick.
     if (latency == Latency::DeviceToPlane) {
         entry["max_stage"] = "simulation";
         entry["max_cause"] = "frames";
-        entry["max_why"] = "the newest frame answered a device state as old as that: the simulation takes this time";
+        entry["max_why"] = "the newest frame responded to a device state of this age: the simulation takes this long";
         return;
     }
+    // Wake-up and period are lost before the tick runs, all others in its stages.
     const bool before_tick = latency == Latency::Wakeup || latency == Latency::Period;
     const TickExplanation explained =
         explain(tick, usual, stolen_ms_around(m, tick.now_ns), before_tick ? Explain::Wakeup : Explain::Stages);
@@ -88,7 +90,7 @@ void add_maximum(nlohmann::json& entry, const Measurement& m, const UsualTimes& 
     entry["max_why"] = explained.why;
 }
 
-nlohmann::json latencies_json(const Measurement& m, const UsualTimes& usual) {
+nlohmann::json latencies_json(const Measurement& m, const MedianTimes& usual) {
     nlohmann::json result = nlohmann::json::object();
     for (const LatencyName& name : kNames) {
         nlohmann::json entry = distribution_us(histogram_of(*m.instruments, name.latency));
@@ -99,7 +101,7 @@ nlohmann::json latencies_json(const Measurement& m, const UsualTimes& usual) {
     return result;
 }
 
-nlohmann::json tick_json(const Measurement& m, const UsualTimes& usual, const TimedTick& tick) {
+nlohmann::json tick_json(const Measurement& m, const MedianTimes& usual, const TimedTick& tick) {
     const TickExplanation explained = explain(tick, usual, stolen_ms_around(m, tick.now_ns));
     nlohmann::json stages = nlohmann::json::object();
     for (std::size_t i = 0; i < kLateStages; ++i) {
@@ -127,7 +129,7 @@ nlohmann::json tick_json(const Measurement& m, const UsualTimes& usual, const Ti
     return result;
 }
 
-nlohmann::json worst_json(const Measurement& m, const UsualTimes& usual) {
+nlohmann::json worst_json(const Measurement& m, const MedianTimes& usual) {
     nlohmann::json list = nlohmann::json::array();
     for (const TimedTick& tick : m.log->worst()) {
         list.push_back(tick_json(m, usual, tick));
@@ -135,7 +137,7 @@ nlohmann::json worst_json(const Measurement& m, const UsualTimes& usual) {
     return list;
 }
 
-/// Which causes the late ticks had that are explained.
+/// Missed deadlines, and the causes of those late ticks that are among the explained ones.
 nlohmann::json overruns_json(const Measurement& m, const nlohmann::json& worst) {
     nlohmann::json causes = nlohmann::json::object();
     std::uint64_t explained = 0;
@@ -161,6 +163,7 @@ nlohmann::json kernel_json(const KernelWatch& kernel) {
             interrupts[kernel.names()[i]] = static_cast<double>(total.interrupts[i]) * per_s;
         }
     }
+    // Counters that the kernel does not have are null.
     const auto known = [](std::int64_t value, double unit) {
         return value < 0 ? nlohmann::json() : nlohmann::json(static_cast<double>(value) * unit);
     };
@@ -169,19 +172,19 @@ nlohmann::json kernel_json(const KernelWatch& kernel) {
             {"queued_ms", known(total.queued_us, 1e-3)}};
 }
 
-nlohmann::json course_json(const Course& course, std::int64_t began_ns) {
-    nlohmann::json largest = nlohmann::json::array();
-    for (const std::int64_t value_ns : course.largest_ns()) {
-        largest.push_back(value_ns < 0 ? nlohmann::json() : nlohmann::json(us(value_ns)));
+nlohmann::json history_json(const PeakHistory& history, std::int64_t began_ns) {
+    nlohmann::json peaks = nlohmann::json::array();
+    for (const std::int64_t value_ns : history.peaks_ns()) {
+        peaks.push_back(value_ns < 0 ? nlohmann::json() : nlohmann::json(us(value_ns)));
     }
-    return {{"start_s", course.start_ns() < 0 ? 0.0 : seconds(course.start_ns() - began_ns)},
-            {"piece_s", seconds(course.piece_ns())},
-            {"max_us", largest}};
+    return {{"start_s", history.start_ns() < 0 ? 0.0 : seconds(history.start_ns() - began_ns)},
+            {"piece_s", seconds(history.bin_ns())},
+            {"max_us", peaks}};
 }
 
 nlohmann::json cyclictest_json(const CyclictestResult& other, const nlohmann::json& wakeup) {
     nlohmann::json result = {{"command", other.command},
-                             {"beyond", other.beyond},
+                             {"beyond", other.overflowed},
                              {"wakeup_us", distribution_us(other.wakeup)},
                              {"ratio", nlohmann::json::object()}};
     const auto ratio = [&](const char* key) {
@@ -235,7 +238,7 @@ std::string time_of_day(std::int64_t real_ns) {
 }
 
 nlohmann::json make_measure_report(const Measurement& m) {
-    const UsualTimes usual = usual_times(*m.instruments);
+    const MedianTimes usual = median_times(*m.instruments);
     nlohmann::json report = make_report(*m.result, *m.instruments);
     nlohmann::json latencies = latencies_json(m, usual);
     nlohmann::json worst = worst_json(m, usual);
@@ -247,9 +250,10 @@ nlohmann::json make_measure_report(const Measurement& m) {
                {"overruns", overruns_json(m, worst)},
                {"kernel", kernel_json(*m.kernel)},
                {"course",
-                {{"wakeup", course_json(m.log->wakeup(), m.began_ns)},
-                 {"compute", course_json(m.log->compute(), m.began_ns)}}}};
-    measure["cyclictest"] = m.other == nullptr ? nlohmann::json() : cyclictest_json(*m.other, latencies.at("wakeup"));
+                {{"wakeup", history_json(m.log->wakeup(), m.began_ns)},
+                 {"compute", history_json(m.log->compute(), m.began_ns)}}}};
+    measure["cyclictest"] =
+        m.cyclictest == nullptr ? nlohmann::json() : cyclictest_json(*m.cyclictest, latencies.at("wakeup"));
     measure["loopback"] = m.loopback == nullptr ? nlohmann::json() : loopback_json(*m.loopback, m.result->probes);
     measure["latency_us"] = std::move(latencies);
     measure["worst_ticks"] = std::move(worst);
@@ -259,11 +263,10 @@ nlohmann::json make_measure_report(const Measurement& m) {
 void require_measurement(const nlohmann::json& report, const std::string& origin) {
     if (!report.is_object() || !report.contains("measure") || !report.at("measure").is_object() ||
         !report.at("measure").contains("latency_us")) {
-        throw std::runtime_error(origin + ": is no report of a measurement; rt-core measure --report writes one");
+        throw std::runtime_error(origin + ": is not a measurement report; rt-core measure --report writes one");
     }
     if (report.at("measure").value("version", 0) != kVersion) {
-        throw std::runtime_error(origin +
-                                 ": is a report of another version of rt-core measure, which this one cannot read");
+        throw std::runtime_error(origin + ": was written by another version of rt-core measure, and cannot be read");
     }
 }
 

@@ -1,3 +1,4 @@
+// Measurement report as text for a terminal.
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -8,7 +9,7 @@ namespace haptic::rt {
 namespace {
 
 constexpr std::size_t kShownTicks = 5;
-constexpr double kFewTicks = 10'000;  // below, the last percentile is the maximum
+constexpr double kFewTicks = 10'000;  // with fewer ticks, the last percentile is the maximum
 
 std::string cell(double value_us) {
     std::array<char, 32> text{};
@@ -68,7 +69,7 @@ std::string tick_lines(const nlohmann::json& tick) {
     std::string lines = text.data();
     lines += tick.at("stage").get<std::string>() + ", " + tick.at("why").get<std::string>();
     if (const std::string interrupts = tick.value("unusual_interrupts", ""); !interrupts.empty()) {
-        lines += "; unusually many interrupts around it: " + interrupts;
+        lines += "; unusually many interrupts at that time: " + interrupts;
     }
     return lines + "\n";
 }
@@ -93,9 +94,9 @@ std::string heading(const nlohmann::json& report) {
     return lines;
 }
 
-/// What the line says, below what the tick says of itself.
+/// Results of the loopback line, in the columns of the table above.
 std::string loopback_lines(const nlohmann::json& loopback) {
-    std::string text = "from outside, line " + loopback.at("line").get<std::string>() + ": " +
+    std::string text = "measured from outside, line " + loopback.at("line").get<std::string>() + ": " +
                        std::to_string(loopback.at("rising").get<std::uint64_t>()) + " rising edges of " +
                        std::to_string(loopback.at("ticks").get<std::uint64_t>()) + " ticks, " +
                        std::to_string(loopback.at("dropped").get<std::uint64_t>()) + " dropped\n";
@@ -104,10 +105,10 @@ std::string loopback_lines(const nlohmann::json& loopback) {
         text += row("lateness, outside", loopback.at("lateness_us"));
     }
     if (loopback.at("high_us").is_object()) {
-        text += row("time up, outside", loopback.at("high_us"));
+        text += row("time high, outside", loopback.at("high_us"));
     }
     if (const auto problem = loopback.at("problem").get<std::string>(); !problem.empty()) {
-        text += "the line could not be read to the end: " + problem + "\n";
+        text += "reading the line ended early: " + problem + "\n";
     }
     return text;
 }
@@ -123,6 +124,7 @@ std::string overrun_line(const nlohmann::json& overruns) {
         for (const auto& [cause, count] : overruns.at("causes").items()) {
             causes += (causes.empty() ? "" : ", ") + std::to_string(count.get<int>()) + " " + cause;
         }
+        // Only the latest ticks are explained.
         line += " (" + (explained < late ? "of the latest " + std::to_string(explained) + ": " : std::string()) +
                 causes + ")";
     }
@@ -142,7 +144,8 @@ std::string percentile_header() {
 std::string measure_text(const nlohmann::json& report) {
     require_measurement(report, "this report");
     const nlohmann::json& measure = report.at("measure");
-    std::string text = heading(report) + percentile_header() + "  at, stage: cause\n";
+    // Table of the latencies, cyclictest below the wake-up.
+    std::string text = heading(report) + percentile_header() + "  time, stage: cause\n";
     for (const LatencyName& name : latency_names()) {
         text += row(std::string(name.title), measure.at("latency_us").at(std::string(name.key)));
         if (name.latency == Latency::Wakeup && measure.at("cyclictest").is_object()) {
@@ -156,6 +159,7 @@ std::string measure_text(const nlohmann::json& report) {
     if (report.at("ticks").get<double>() < kFewTicks) {
         text += "fewer than 10,000 ticks: p99.99 is the maximum\n";
     }
+    // Overruns, page faults, preemptions; then the latest ticks and the faults.
     text += overrun_line(measure.at("overruns")) + ", " + std::to_string(report.at("page_faults").get<long long>()) +
             " page faults, " + std::to_string(report.at("context_switches").at("forced").get<long long>()) +
             " times preempted\n";

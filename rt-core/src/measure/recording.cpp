@@ -3,27 +3,27 @@
 #include <cstring>
 #include <type_traits>
 
-#include <haptic/types.hpp>
+#include "haptic/types.hpp"
 
 namespace haptic::rt {
 namespace {
 
 constexpr double kMicrosecondsPerNanosecond = 1e-3;
 constexpr double kMillisecondsPerNanosecond = 1e-6;
-// Ticks that are held back until the recording knows when it was armed: more than any warm-up has.
-constexpr std::size_t kMostBeforeArming = 200'000;
+// Ticks held back until the time of arming is known; more than any warm-up has.
+constexpr std::size_t kMaxBeforeArming = 200'000;
 
 struct Row {
     const TickRecord& tick;
     std::int64_t start_ns;
 };
 
-/// One column, or one for each letter, which then takes the place of the '#' in the name.
+/// One column, or one column per letter, which replaces the '#' in the name.
 struct Column {
     const char* name = "";
     const char* letters = "";
     CsvCell (*value)(const Row& row, int letter) = nullptr;
-    bool measured = false;  // by the clock of this machine
+    bool nondeterministic = false;  // a duration measured by the clock
 };
 
 template <class Integer>
@@ -54,14 +54,14 @@ constexpr const char* kQuaternion = "wxyz";
 constexpr const char* kEight = "01234567";
 static_assert(kStrings == 8);
 
-// Names are for other people's programs: new columns go to the end, and none changes its name or meaning.
+// The columns are a public interface: append new ones, and never change a name or meaning.
 constexpr Column kColumns[] = {
     {"time_s", kOne, [](R r, int) -> CsvCell { return seconds(r.tick.now_ns - r.start_ns); }, true},  // since arming
     {"#_m", kAxes, [](R r, int i) -> CsvCell { return r.tick.pose.position[i]; }},
     {"q#", kQuaternion, [](R r, int i) -> CsvCell { return of_quaternion(r.tick.pose.orientation, i); }},
-    {"f#_n", kAxes, [](R r, int i) -> CsvCell { return r.tick.rendered.force[i]; }},  // asked of the strings
+    {"f#_n", kAxes, [](R r, int i) -> CsvCell { return r.tick.rendered.force[i]; }},  // requested of the strings
     {"t#_nm", kAxes, [](R r, int i) -> CsvCell { return r.tick.rendered.torque[i]; }},
-    {"proxy_#_m", kAxes, [](R r, int i) -> CsvCell { return r.tick.proxy[i]; }},  // of the first particle
+    {"proxy_#_m", kAxes, [](R r, int i) -> CsvCell { return r.tick.proxy[i]; }},  // of the first proxy
     {"t#_n", kEight, [](R r, int i) -> CsvCell { return r.tick.tensions[static_cast<std::size_t>(i)]; }},   // as sent
     {"frame_age_ms", kOne, [](R r, int) -> CsvCell { return milliseconds_or_none(r.tick.frame_age_ns); }},  // -1: none
     {"period_us", kOne, [](R r, int) -> CsvCell { return microseconds(r.tick.period_ns); }},
@@ -79,26 +79,28 @@ constexpr Column kColumns[] = {
     {"counter#", kEight, [](R r, int i) -> CsvCell { return whole(r.tick.counters[static_cast<std::size_t>(i)]); }},
     {"analog#", kEight, [](R r, int i) -> CsvCell { return whole(r.tick.analog[static_cast<std::size_t>(i)]); }},
     {"digit#", kEight,
-     [](R r, int i) -> CsvCell { return whole(r.tick.command.digits[static_cast<std::size_t>(i)]); }},  // as sent
+     [](R r, int i) -> CsvCell { return whole(r.tick.command.dac_codes[static_cast<std::size_t>(i)]); }},  // as sent
     {"buttons", kOne, [](R r, int) -> CsvCell { return whole(r.tick.buttons); }},
     {"rotary", kOne, [](R r, int) -> CsvCell { return whole(r.tick.rotary); }},
     {"residual_m", kOne, [](R r, int) -> CsvCell { return r.tick.residual; }},
     {"v#_m_s", kAxes, [](R r, int i) -> CsvCell { return r.tick.velocity.linear[i]; }},
     {"w#_rad_s", kAxes, [](R r, int i) -> CsvCell { return r.tick.velocity.angular[i]; }},
-    {"made_f#_n", kAxes, [](R r, int i) -> CsvCell { return r.tick.made.force[i]; }},  // by the strings
+    {"made_f#_n", kAxes, [](R r, int i) -> CsvCell { return r.tick.made.force[i]; }},  // produced by the strings
     {"made_t#_nm", kAxes, [](R r, int i) -> CsvCell { return r.tick.made.torque[i]; }},
     {"frame_read", kOne, [](R r, int) -> CsvCell { return whole(r.tick.frame_read); }},  // FrameDefect; -1: none taken
     {"frame_sequence", kOne, [](R r, int) -> CsvCell { return whole(r.tick.frame_sequence); }},
-    {"in_contact", kOne, [](R r, int) -> CsvCell { return whole(r.tick.in_contact); }},  // particles
+    {"in_contact", kOne, [](R r, int) -> CsvCell { return whole(r.tick.in_contact); }},  // number of proxies
     {"energy_j", kOne, [](R r, int) -> CsvCell { return r.tick.energy; }},               // of the passivity observer
     {"rotation_energy_j", kOne, [](R r, int) -> CsvCell { return r.tick.rotation_energy; }},
-    {"passivity_scale", kOne, [](R r, int) -> CsvCell { return r.tick.passivity_scale; }},  // left of the wrench
-    {"cut", kOne, [](R r, int) -> CsvCell { return whole(r.tick.cut); }},  // HAPTIC_FAULT_*, by another thread
+    {"passivity_scale", kOne,
+     [](R r, int) -> CsvCell { return r.tick.passivity_scale; }},          // factor applied to the wrench
+    {"cut", kOne, [](R r, int) -> CsvCell { return whole(r.tick.cut); }},  // HAPTIC_FAULT_*, cut by another thread
 };
 
 template <class Visit>
 void visit_columns(Visit&& visit) {
     for (const Column& column : kColumns) {
+        // One visit per letter, or one for a column without letters.
         const int letters = static_cast<int>(std::strlen(column.letters));
         for (int i = 0; i < letters || i == 0; ++i) {
             visit(column, i);
@@ -112,6 +114,7 @@ const std::vector<std::string>& record_columns() {
     static const std::vector<std::string> columns = [] {
         std::vector<std::string> names;
         visit_columns([&names](const Column& column, int letter) {
+            // Replace the '#' by the letter.
             std::string name = column.name;
             if (const std::size_t mark = name.find('#'); mark != std::string::npos) {
                 name[mark] = column.letters[letter];
@@ -123,11 +126,11 @@ const std::vector<std::string>& record_columns() {
     return columns;
 }
 
-const std::vector<bool>& measured_columns() {
+const std::vector<bool>& nondeterministic_columns() {
     static const std::vector<bool> columns = [] {
-        std::vector<bool> measured;
-        visit_columns([&measured](const Column& column, int) { measured.push_back(column.measured); });
-        return measured;
+        std::vector<bool> flags;
+        visit_columns([&flags](const Column& column, int) { flags.push_back(column.nondeterministic); });
+        return flags;
     }();
     return columns;
 }
@@ -140,6 +143,7 @@ void record_row(const TickRecord& record, std::int64_t start_ns, std::vector<Csv
 
 RecordFile::RecordFile(const std::filesystem::path& file, Recorder& recorder)
     : writer_(file, record_columns()), recorder_(&recorder) {
+    // A pipe or a device takes only the ticks; frames need a file beside it.
     if (!std::filesystem::exists(file) || std::filesystem::is_regular_file(file)) {
         frames_.emplace(frames_file(file));
     }
@@ -161,21 +165,26 @@ void RecordFile::start(std::int64_t start_ns) {
 void RecordFile::drain() {
     TickRecord record;
     while (recorder_->pop(record)) {
-        if (seen_) {
-            seen_(record);
+        // Observers see every tick, those before arming too.
+        if (observer_) {
+            observer_(record);
         }
+        // Hold ticks back until the tick that arms, whose time is zero.
         if (!start_ns_ && (record.requests & kRequestArm) != 0) {
             start(record.now_ns);
         }
+        // Known time of arming: write at once.
         if (start_ns_) {
             write(record, *start_ns_);
             continue;
         }
+        // Otherwise hold back. A run that never arms counts time from its first tick.
         before_arming_.push_back(record);
-        if (before_arming_.size() == kMostBeforeArming) {
+        if (before_arming_.size() == kMaxBeforeArming) {
             start(before_arming_.front().now_ns);
         }
     }
+    // Contact frames go to their own file.
     SpscQueue<RecordedFrame>& frames = recorder_->frames();
     while (const RecordedFrame* const frame = frames.front()) {
         if (frames_) {
@@ -186,6 +195,7 @@ void RecordFile::drain() {
 }
 
 void RecordFile::close() {
+    // Last ticks, and those of a run that was never armed.
     drain();
     if (!start_ns_ && !before_arming_.empty()) {
         start(before_arming_.front().now_ns);

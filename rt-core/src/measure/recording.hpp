@@ -1,7 +1,7 @@
-// Ticks as rows of a CSV recording, and the contact frames that they took as rows of another one beside it.
+// Recording of a run: one CSV row per tick, and a second file with the contact frames.
 //
-// A recording is valid as `--hand` again, and as `--device replay:` (replay.hpp), which makes of what the board and the
-// ring gave the same poses and wrenches once more.
+// A recording can be used as `--hand`, and as `--device replay:` (replay.hpp), which recomputes the same poses and
+// wrenches from the recorded inputs of the board and the ring.
 #pragma once
 
 #include <cstdint>
@@ -12,33 +12,33 @@
 #include <utility>
 #include <vector>
 
-#include <haptic/csv.hpp>
+#include "haptic/csv.hpp"
 #include "measure/frame_recording.hpp"
 #include "tick/recorder.hpp"
 #include "tick/tick_record.hpp"
 
 namespace haptic::rt {
 
-/// Names of all columns; see the table in recording.cpp for what each is.
+/// Names of all columns; the table in recording.cpp describes them.
 [[nodiscard]] const std::vector<std::string>& record_columns();
 
-/// Whether a column says how long something took here and now: such values differ from run to run.
-[[nodiscard]] const std::vector<bool>& measured_columns();
+/// For each column, whether it holds a duration measured by the clock, which differs from run to run.
+[[nodiscard]] const std::vector<bool>& nondeterministic_columns();
 
-/// One row, one cell a column; time_s counts from start_ns.
+/// Converts a tick to one row; time_s counts from start_ns.
 void record_row(const TickRecord& record, std::int64_t start_ns, std::vector<CsvCell>& row);
 
-/// Writes what a Recorder holds, as it comes. time_s counts from arming, so that ticks before it have negative times;
-/// from the first tick if the recording ends unarmed.
+/// Writes the contents of a Recorder while the run goes on. time_s counts from arming, so that earlier ticks have
+/// negative times; from the first tick if the loop was never armed.
 class RecordFile {
   public:
     /// Throws CsvError.
     RecordFile(const std::filesystem::path& file, Recorder& recorder);
-    /// Each tick is also given to `seen` from now on, in the thread that drains.
-    void tell(std::function<void(const TickRecord&)> seen) { seen_ = std::move(seen); }
-    /// Writes all that waits.
+    /// Calls `observer` with each tick from now on, in the thread that calls drain().
+    void set_observer(std::function<void(const TickRecord&)> observer) { observer_ = std::move(observer); }
+    /// Writes everything that is queued.
     void drain();
-    /// Drains and puts both files in their places.
+    /// Drains, and moves both files to their final names.
     void close();
 
   private:
@@ -46,15 +46,15 @@ class RecordFile {
     void start(std::int64_t start_ns);
 
     CsvWriter writer_;
-    std::optional<FrameWriter> frames_;  // none where the recording is a pipe
+    std::optional<FrameWriter> frames_;  // none if the recording is a pipe
     Recorder* recorder_;
-    std::function<void(const TickRecord&)> seen_;
+    std::function<void(const TickRecord&)> observer_;
     std::vector<TickRecord> before_arming_;
     std::optional<std::int64_t> start_ns_;
     std::vector<CsvCell> row_;
 };
 
-/// The last ticks before a fault. Throws CsvError.
+/// Writes the last ticks before a fault or a stop. Throws CsvError.
 void write_black_box(const std::filesystem::path& file, const BlackBox& box);
 
 }  // namespace haptic::rt

@@ -4,7 +4,7 @@
 #include <bit>
 #include <cmath>
 
-#include <haptic/denormals.hpp>
+#include "haptic/denormals.hpp"
 #include "measure/recording.hpp"
 
 namespace haptic::rt {
@@ -23,10 +23,12 @@ double as_double(const CsvCell& cell) {
 
 device::ExchangeStatus ReplayBoard::exchange(const device::MotorCommand& /*command*/, device::BoardReading& reading,
                                              std::int64_t /*now_ns*/) HAPTIC_RT {
+    // First or second exchange of the tick, with its recorded outcome.
     const std::int8_t recorded = exchanges_ == 0 ? answers_.in : answers_.out;
     ++exchanges_;
     const device::ExchangeStatus status =
         recorded == kNoExchange ? device::ExchangeStatus::Ok : static_cast<device::ExchangeStatus>(recorded);
+    // As on the device, a failed exchange leaves the reading unchanged.
     if (status == device::ExchangeStatus::Ok) {
         reading = answers_.reading;
     }
@@ -44,13 +46,13 @@ bool ReplayFrames::read_newest(ContactFrame& frame) HAPTIC_RT {
 
 const std::pair<const std::string, ColumnDifference>& ReplayResult::first() const {
     const std::vector<std::string>& order = record_columns();
-    const auto place = [&order](const std::string& name) { return std::find(order.begin(), order.end(), name); };
-    return *std::min_element(columns.begin(), columns.end(), [&place](const auto& a, const auto& b) {
-        return a.second.line != b.second.line ? a.second.line < b.second.line : place(a.first) < place(b.first);
+    const auto column = [&order](const std::string& name) { return std::find(order.begin(), order.end(), name); };
+    return *std::min_element(columns.begin(), columns.end(), [&column](const auto& a, const auto& b) {
+        return a.second.line != b.second.line ? a.second.line < b.second.line : column(a.first) < column(b.first);
     });
 }
 
-/// Of one tick, as recorded.
+/// Recorded inputs of one tick.
 struct Replay::Inputs {
     std::uint64_t number = 0;
     TickTime time;
@@ -67,6 +69,7 @@ Replay::Replay(const std::filesystem::path& recording, const TickSettings& setti
       settings_(settings),
       states_(&states),
       clock_(clock) {
+    // Columns that feed the tick.
     for (const char* name : kInputs) {
         inputs_[name] = required(name);
     }
@@ -76,8 +79,10 @@ Replay::Replay(const std::filesystem::path& recording, const TickSettings& setti
             inputs_[numbered] = required(numbered.c_str());
         }
     }
+    // Columns to compare: all that the recording has, except measured durations.
     for (std::size_t i = 0; i < record_columns().size(); ++i) {
-        compared_columns_.push_back(measured_columns()[i] ? std::nullopt : recording_.find(record_columns()[i]));
+        compared_columns_.push_back(nondeterministic_columns()[i] ? std::nullopt
+                                                                  : recording_.find(record_columns()[i]));
         result_.compared_columns += compared_columns_.back() ? 1u : 0u;
     }
 }
@@ -87,48 +92,54 @@ std::size_t Replay::required(const char* column) const {
         return *found;
     }
     throw CsvError(recording_.name() + ":1: there is no column " + column +
-                   ": a replay needs what the board gave, as `rt-core run --record` writes it; "
-                   "an older recording can only be followed with --hand");
+                   ": a replay needs the board's data as written by `rt-core run --record`; "
+                   "an older recording can only be used with --hand");
 }
 
 Replay::Inputs Replay::read_inputs() const {
+    // Cells as integers. A value out of range is an error with the file, line and column.
     const auto integer = [this](const std::string& name) { return recording_.integer(inputs_.at(name)); };
-    const auto bounded = [&](const std::string& name, std::int64_t least, std::int64_t most) {
+    const auto bounded = [&](const std::string& name, std::int64_t min, std::int64_t max) {
         const std::int64_t value = integer(name);
-        if (value < least || value > most) {
-            recording_.fail("column " + name + ": " + std::to_string(value) + " is not within " +
-                            std::to_string(least) + " and " + std::to_string(most));
+        if (value < min || value > max) {
+            recording_.fail("column " + name + ": " + std::to_string(value) + " is not between " + std::to_string(min) +
+                            " and " + std::to_string(max));
         }
         return value;
     };
+    // Time and requests of the tick.
     Inputs inputs;
     inputs.number = recording_.natural(inputs_.at("tick"));
     inputs.time = {integer("deadline_ns"), integer("now_ns"), integer("missed")};
     inputs.requests = recording_.natural(inputs_.at("requests"));
     inputs.frame_read = integer("frame_read");
     inputs.cut = static_cast<std::uint32_t>(bounded("cut", 0, UINT32_MAX));
+    // Answers of the board.
     inputs.answers.in = static_cast<std::int8_t>(bounded("exchange_in", kNoExchange, kLastStatus));
     inputs.answers.out = static_cast<std::int8_t>(bounded("exchange_out", kNoExchange, kLastStatus));
     device::BoardReading& reading = inputs.answers.reading;
     reading.buttons = static_cast<std::uint32_t>(bounded("buttons", 0, UINT32_MAX));
     reading.rotary = static_cast<std::uint8_t>(bounded("rotary", 0, UINT8_MAX));
+    // Counters and analog inputs.
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const std::string digit = std::to_string(i);
-        reading.counters[i] = static_cast<std::uint32_t>(bounded("counter" + digit, 0, UINT32_MAX));
-        reading.analog[i] = static_cast<std::uint16_t>(bounded("analog" + digit, 0, UINT16_MAX));
+        const std::string number = std::to_string(i);
+        reading.counters[i] = static_cast<std::uint32_t>(bounded("counter" + number, 0, UINT32_MAX));
+        reading.analog[i] = static_cast<std::uint16_t>(bounded("analog" + number, 0, UINT16_MAX));
     }
     return inputs;
 }
 
 void Replay::check_order(const Inputs& inputs) {
     const bool begins = (inputs.requests & kRequestNew) != 0;
+    // The first row must be the first tick of a run, or the tick's state would be unknown.
     if (!begins && last_number_ == 0) {
         recording_.fail("begins at tick " + std::to_string(inputs.number) +
-                        " of a run: a replay has to know what was before");
+                        " of a run: a replay needs the run from its first tick");
     }
+    // Within a run the tick numbers are consecutive.
     if (!begins && inputs.number != last_number_ + 1) {
         recording_.fail("tick " + std::to_string(last_number_ + 1) +
-                        " is missing: the recording was not written fast enough; raise recording.queue_ticks");
+                        " is missing: the recorder's queue overflowed; raise recording.queue_ticks");
     }
     last_number_ = inputs.number;
 }
@@ -138,21 +149,24 @@ void Replay::load_frame(const Inputs& inputs) {
         frames_.load(nullptr);
         return;
     }
+    // Frames are in the order of their ticks; each belongs to the tick with the same time.
     if (!frame_reader_.next(frame_) || frame_.now_ns != inputs.time.now_ns) {
         recording_.fail("the contact frame of this tick is not in " + frame_reader_.name() +
-                        ": the recording was not written fast enough; raise recording.queue_frames");
+                        ": the recorder's queue overflowed; raise recording.queue_frames");
     }
     ++result_.frames;
     frames_.load(&frame_.frame);
 }
 
 bool Replay::step(Recorder* recorder) {
+    // Next recorded tick.
     if (!recording_.next()) {
         return false;
     }
-    const FlushDenormals flush;  // as the real-time thread does
+    const FlushDenormals flush;  // like the real-time thread
     const Inputs inputs = read_inputs();
     check_order(inputs);
+    // Apply the recorded requests, which in the run came from other threads.
     if ((inputs.requests & kRequestNew) != 0) {
         tick_ = std::make_unique<Tick>(settings_, board_, frames_, *states_, clock_);
     }
@@ -166,9 +180,11 @@ bool Replay::step(Recorder* recorder) {
     if (inputs.cut != 0) {
         tick_->cut(inputs.cut);
     }
+    // Load the inputs, run the tick, and compare.
     board_.load(inputs.answers);
     load_frame(inputs);
     tick_->run(inputs.time);
+    // Times of this tick and of the first.
     now_ns_ = inputs.time.now_ns;
     start_ns_ = result_.ticks == 0 ? now_ns_ : start_ns_;
     ++result_.ticks;
@@ -177,6 +193,7 @@ bool Replay::step(Recorder* recorder) {
 }
 
 void Replay::compare() {
+    // Cells of this tick as the recording would have written them.
     record_row(tick_->last(), 0, row_);
     bool differs = false;
     for (std::size_t i = 0; i < row_.size(); ++i) {
@@ -189,12 +206,13 @@ void Replay::compare() {
         if (replayed == recording_.cell(column)) {
             continue;
         }
-        // Written another way, as by a spreadsheet, it may still be the same number.
+        // The text may differ for the same number, for example after editing in a spreadsheet: compare the bits.
         const double now = as_double(row_[i]);
         const double then = recording_.number(column);
         if (std::bit_cast<std::uint64_t>(now) == std::bit_cast<std::uint64_t>(then)) {
             continue;
         }
+        // Keep the first difference of each column, and the largest.
         differs = true;
         const auto [entry, is_new] = result_.columns.try_emplace(record_columns()[i]);
         ColumnDifference& difference = entry->second;

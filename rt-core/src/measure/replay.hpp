@@ -1,11 +1,12 @@
-// A recorded run once more: what the board, the ring and the clock gave then, through the same tick.
+// Replay: feeds the recorded inputs of the board, the ring and the clock through the same tick, and compares the
+// results.
 //
 //     F.csv         now_ns, deadline_ns, missed, requests ---> TickTime, arm(), stop()
 //                   counters, switches, exchange status -----> ReplayBoard
 //     F.frames.csv  contact frames --------------------------> ReplayFrames
 //
-// With the settings of the recording, every pose, wrench, tension and digit has the same bits again, on the same
-// machine code: the last bits of sin() may differ between C libraries. Ticks follow one another as fast as they can.
+// With the settings of the recording and the same machine code, every pose, wrench, tension and DAC code is identical
+// to the last bit. (sin() may differ in its last bits between C libraries.) Ticks run as fast as possible.
 #pragma once
 
 #include <cstdint>
@@ -16,16 +17,16 @@
 #include <string>
 #include <vector>
 
-#include <haptic/csv.hpp>
-#include <haptic/device/board.hpp>
-#include <haptic/ring.hpp>
+#include "haptic/csv.hpp"
+#include "haptic/device/board.hpp"
+#include "haptic/ring.hpp"
 #include "measure/frame_recording.hpp"
 #include "tick/frame_source.hpp"
 #include "tick/tick.hpp"
 
 namespace haptic::rt {
 
-/// Answers what the recorded board answered, whatever the motors are told.
+/// Board that returns the recorded answers and ignores the motor commands.
 class ReplayBoard final : public device::Board {
   public:
     struct Answers {
@@ -33,13 +34,14 @@ class ReplayBoard final : public device::Board {
         std::int8_t out = kNoExchange;
         device::BoardReading reading;
     };
-    /// For the exchanges of the next tick, in their order.
+    /// Sets the answers to the exchanges of the next tick.
     void load(const Answers& answers) HAPTIC_RT {
         answers_ = answers;
         exchanges_ = 0;
     }
 
-    /// An exchange that was not recorded, as when two a tick are made of one, succeeds.
+    /// Returns the next recorded answer. An exchange that was not recorded, as when a tick now has two instead of one,
+    /// succeeds.
     device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT override;
     void zero_motors(std::int64_t /*now_ns*/) HAPTIC_RT override {}
@@ -49,7 +51,7 @@ class ReplayBoard final : public device::Board {
     int exchanges_ = 0;  // of this tick
 };
 
-/// Gives the frame that it was loaded with, once.
+/// Frame source that returns the loaded frame once.
 class ReplayFrames final : public FrameSource {
   public:
     void load(const ContactFrame* frame) HAPTIC_RT { frame_ = frame; }
@@ -59,13 +61,13 @@ class ReplayFrames final : public FrameSource {
     const ContactFrame* frame_ = nullptr;
 };
 
-/// How a column of the replay differs from the recorded one.
+/// Differences between the replayed and the recorded values of a column.
 struct ColumnDifference {
     std::uint64_t first_tick = 0;
     std::size_t line = 0;  // of the recording
     std::string recorded;
     std::string replayed;
-    double largest = 0.0;  // of all ticks, in the column's unit
+    double largest = 0.0;  // absolute difference over all ticks, in the column's unit
 };
 
 struct ReplayResult {
@@ -73,26 +75,26 @@ struct ReplayResult {
     std::uint64_t differing_ticks = 0;
     std::uint64_t frames = 0;
     std::size_t compared_columns = 0;
-    std::map<std::string, ColumnDifference> columns;  // those that differ
+    std::map<std::string, ColumnDifference> columns;  // only those that differ
 
     [[nodiscard]] bool identical() const noexcept { return differing_ticks == 0; }
-    /// The column that differed first; of several in one tick the one furthest left. Only if not identical().
+    /// The column that differs first; the leftmost one if several differ in that tick. Only if not identical().
     [[nodiscard]] const std::pair<const std::string, ColumnDifference>& first() const;
 };
 
 class Replay {
   public:
-    /// Throws CsvError for a recording that lacks what a replay needs. `states` must outlive the replay.
+    /// Opens the recording. `states` must outlive the replay. Throws CsvError if the recording lacks required columns.
     Replay(const std::filesystem::path& recording, const TickSettings& settings, RingWriter<DeviceState>& states,
            StageClock clock);
 
-    /// Runs the next tick and compares; false at the end. Throws CsvError where ticks or frames are missing.
+    /// Runs the next tick and compares it; false at the end. Throws CsvError if ticks or frames are missing.
     bool step(Recorder* recorder = nullptr);
 
     [[nodiscard]] const ReplayResult& result() const noexcept { return result_; }
-    /// After the first step().
+    /// The tick; valid after the first step().
     [[nodiscard]] const Tick& tick() const { return *tick_; }
-    /// From the first to the last tick so far, ns, as recorded.
+    /// Recorded time from the first to the latest tick, ns.
     [[nodiscard]] std::int64_t recorded_ns() const noexcept { return now_ns_ - start_ns_; }
 
   private:
@@ -112,8 +114,9 @@ class Replay {
     ReplayFrames frames_;
     std::unique_ptr<Tick> tick_;
     RecordedFrame frame_;
-    std::map<std::string, std::size_t> inputs_;                 // where they are in the recording
-    std::vector<std::optional<std::size_t>> compared_columns_;  // likewise, for each of record_columns()
+    std::map<std::string, std::size_t> inputs_;  // column of each input in the recording
+    std::vector<std::optional<std::size_t>>
+        compared_columns_;  // column of each of record_columns(); empty: not compared
     std::vector<CsvCell> row_;
     ReplayResult result_;
     std::uint64_t last_number_ = 0;

@@ -6,7 +6,7 @@
 #include <system_error>
 #include <utility>
 
-#include <haptic/report.hpp>
+#include "haptic/report.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -15,7 +15,7 @@ namespace {
 constexpr std::array<const char*, device::kExchangeStatuses> kStatusNames = {
     "ok", "timeout", "short", "malformed", "stale", "stalled", "disconnected", "failed"};
 
-/// The same as summary_us, a thousandth of it.
+/// summary_us() converted to milliseconds.
 nlohmann::json summary_ms(const Histogram& histogram) {
     nlohmann::json result = summary_us(histogram);
     for (const char* key : {"min", "p50", "p99", "p999", "max"}) {
@@ -92,7 +92,7 @@ std::string line_of(const char* name, const Histogram& histogram) {
     return text.data();
 }
 
-/// One line for each probe that there was.
+/// One line for each configured probe.
 std::string probe_lines(const ProbesUse& probes, const Instruments& m) {
     std::string lines;
     for (const auto& [name, probe] : {std::pair("tick", &probes.tick), std::pair("frame", &probes.frame)}) {
@@ -106,11 +106,11 @@ std::string probe_lines(const ProbesUse& probes, const Instruments& m) {
     return lines.empty() ? lines : lines + line_of("edge", m.probe_edge);
 }
 
-/// What the loop saw and went on from by itself.
+/// Irregularities that the loop handled by itself.
 std::vector<std::string> notices(const Instruments& m) {
     std::vector<std::string> names;
     if (m.stale_ticks > 0) {
-        names.emplace_back("frames_stale");  // the force faded, and came back with the frames
+        names.emplace_back("frames_stale");  // the force faded out, and returned with the frames
     }
     if (m.frames_rejected > 0) {
         names.emplace_back("frames_rejected");
@@ -124,15 +124,15 @@ std::vector<std::string> notices(const Instruments& m) {
     return names;
 }
 
-/// " (string 3)", " (string 0, 3 or 5: the lengths cannot tell them apart here)".
-std::string strings_in_words(std::uint8_t strings) {
+/// Suspected strings in words: " (string 3)", " (string 0, 3 or 5: the lengths cannot distinguish them)".
+std::string suspects_text(std::uint8_t strings) {
     const std::vector<int> numbers = string_numbers(strings);
     std::string text;
     for (std::size_t i = 0; i < numbers.size(); ++i) {
         text += (i == 0 ? "" : i + 1 == numbers.size() ? " or " : ", ") + std::to_string(numbers[i]);
     }
     return numbers.empty() ? ""
-                           : " (string " + text + (numbers.size() > 1 ? ": the lengths do not tell them apart)" : ")");
+                           : " (string " + text + (numbers.size() > 1 ? ": the lengths cannot distinguish them)" : ")");
 }
 
 }  // namespace
@@ -176,7 +176,7 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
         {"peak", {{"force_n", m.peak_force}, {"torque_nm", m.peak_torque}}},
         {"motors", {{"peak_load", m.peak_motor_load}, {"derated_ticks", m.derated_ticks}}},
         {"contact_ticks", m.contact_ticks},
-        {"passivity", {{"energy_min_j", m.least_energy}, {"active_ticks", m.passivity_ticks}}},
+        {"passivity", {{"energy_min_j", m.min_energy}, {"active_ticks", m.passivity_ticks}}},
         {"stiffness_limited_ticks", m.stiffness_limited_ticks},
         {"unreachable_ticks", m.unreachable_ticks},
         {"probes", probes_json(result.probes, m)},
@@ -188,7 +188,7 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
           {"strings", string_numbers(result.suspects)},
           {"stop", result.stop},
           {"notices", notices(m)},
-          {"held", result.held()}}},
+          {"held", result.succeeded()}}},
         {"setup", setup_json(result.setup)},
     };
 }
@@ -196,6 +196,7 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
 std::string summary(const RunResult& result, const Instruments& m) {
     std::array<char, 400> text{};
     std::string lines;
+    // Ticks, latencies, frames and peaks.
     std::snprintf(text.data(), text.size(), "%llu ticks in %.3f s, %llu deadlines missed, %lld page faults\n",
                   static_cast<unsigned long long>(m.ticks), result.duration_s,
                   static_cast<unsigned long long>(m.overruns), static_cast<long long>(result.usage.page_faults));
@@ -210,11 +211,13 @@ std::string summary(const RunResult& result, const Instruments& m) {
     lines += probe_lines(result.probes, m);
     if (result.records_dropped + result.frames_dropped > 0) {
         std::snprintf(text.data(), text.size(),
-                      "the recording lacks %llu ticks and %llu frames: raise recording.queue_ticks, queue_frames\n",
+                      "the recording lacks %llu ticks and %llu frames: raise recording.queue_ticks and "
+                      "recording.queue_frames\n",
                       static_cast<unsigned long long>(result.records_dropped),
                       static_cast<unsigned long long>(result.frames_dropped));
         lines += text.data();
     }
+    // Interruptions and faults, with their causes.
     for (const Interruption& one : result.interruptions) {
         std::snprintf(text.data(), text.size(), "interrupted at %.3f s for %.3f s: %s\n", one.at_s, one.lost_s,
                       std::string(describe(one.cause)).c_str());
@@ -226,10 +229,11 @@ std::string summary(const RunResult& result, const Instruments& m) {
             lines += " (" + std::string(describe(m.last_failure)) + ")";
         }
         if (name == "slack" || name == "residual") {
-            lines += strings_in_words(result.suspects);
+            lines += suspects_text(result.suspects);
         }
         lines += "\n";
     }
+    // Real-time setup.
     if (!result.setup.degraded()) {
         lines += "real-time: " + result.setup.policy + " " + std::to_string(result.setup.priority) + " on processor " +
                  std::to_string(result.setup.cpu) + ", memory locked" +

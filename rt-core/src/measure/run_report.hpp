@@ -1,4 +1,4 @@
-// What a run says of itself: JSON for machines, a few lines for people.
+// Run report: the result of a run as JSON and as a few lines of text.
 #pragma once
 
 #include <cstdint>
@@ -7,18 +7,18 @@
 #include <string_view>
 #include <vector>
 
-#include "tick/instruments.hpp"
 #include "process/realtime_setup.hpp"
+#include "tick/instruments.hpp"
 #include "tick/safety.hpp"
 #include "tick/tick_probes.hpp"
 #include "tick/tick_syscalls.hpp"
 
 namespace haptic::rt {
 
-/// The device was lost, and came back or did not.
+/// An interruption of the run by the loss of the device.
 struct Interruption {
-    double at_s = 0.0;    // since the run began
-    double lost_s = 0.0;  // until it was back, or until the run ended
+    double at_s = 0.0;    // since the start of the run
+    double lost_s = 0.0;  // until the device was back or the run ended
     std::uint32_t faults = 0;
     device::ExchangeStatus cause = device::ExchangeStatus::Ok;
     std::string black_box;  // file
@@ -29,18 +29,18 @@ struct RunResult {
     ThreadUsage usage;
     SafetyState state = SafetyState::Disarmed;
     std::uint32_t faults = 0;
-    std::uint8_t suspects = 0;  // bit i: string i may be the one that a fault slack or residual is about
-    std::string stop = "none";  // who asked for it: signal, duration, line, button
+    std::uint8_t suspects = 0;  // bit i: string i may have caused a fault slack or residual
+    std::string stop = "none";  // origin of the stop: signal, duration, line, button
     std::uint64_t records_dropped = 0;
     std::uint64_t frames_dropped = 0;  // of the recording
     double duration_s = 0.0;
     std::vector<Interruption> interruptions;
     ProbesUse probes;
-    std::string device;                  // what was driven, and where
-    std::int64_t exchange_bound_ns = 0;  // of the stage `exchange`; 0 for a device that makes nothing wait
+    std::string device;                  // description of the device
+    std::int64_t exchange_bound_ns = 0;  // upper bound of the stage `exchange`; 0 for a device that never waits
 
-    /// Nothing went wrong: a stop that was asked for is no fault.
-    [[nodiscard]] bool held() const noexcept { return (faults & ~std::uint32_t{HAPTIC_FAULT_STOP}) == 0; }
+    /// True if there was no fault; a requested stop is none.
+    [[nodiscard]] bool succeeded() const noexcept { return (faults & ~std::uint32_t{HAPTIC_FAULT_STOP}) == 0; }
 };
 
 /// Numbers of the strings whose bits are set.
@@ -49,10 +49,10 @@ struct RunResult {
     return safety_state_name(static_cast<std::uint32_t>(state));
 }
 
-/// The keys are those of the design's section 4, and more.
+/// The report as JSON; its keys are a public interface.
 [[nodiscard]] nlohmann::json make_report(const RunResult& result, const Instruments& instruments);
 
-/// A few lines of text.
+/// The report as a few lines of text.
 [[nodiscard]] std::string summary(const RunResult& result, const Instruments& instruments);
 
 }  // namespace haptic::rt

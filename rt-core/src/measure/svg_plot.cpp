@@ -5,19 +5,20 @@
 #include <cmath>
 #include <cstdio>
 
-#include <haptic/html.hpp>
+#include "haptic/html.hpp"
 
 namespace haptic::rt {
 namespace {
 
-// Pixels.
+// Layout in pixels of the SVG's own coordinate system; y points down.
 constexpr double kWidth = 720.0;
 constexpr double kHeight = 290.0;
 constexpr double kLeft = 72.0;
 constexpr double kRight = 14.0;
 constexpr double kTop = 34.0;
 constexpr double kBottom = 44.0;
-constexpr double kMarkRoom = 38.0;  // of the word of a mark
+constexpr double kMarkRoom = 38.0;  // width reserved for the label of a mark
+constexpr double kCrossRadius = 4.0;
 constexpr std::size_t kFewTicks = 3;
 constexpr std::size_t kManyTicks = 10;
 
@@ -28,7 +29,7 @@ std::string formatted(const char* format, Values... values) {
     return text.data();
 }
 
-/// 1, 2, 5, 10, 20, ... times a power of ten, so that about six of them are in the range.
+/// Multiples of 1, 2 or 5 times a power of ten, with a step that puts about six of them into the range.
 std::vector<double> linear_ticks(AxisRange range) {
     const double rough = (range.to - range.from) / 6.0;
     const double power = std::pow(10.0, std::floor(std::log10(rough)));
@@ -43,6 +44,7 @@ std::vector<double> linear_ticks(AxisRange range) {
     return ticks;
 }
 
+/// Values multiple * 10^n that lie within the range.
 std::vector<double> multiples_of_powers(AxisRange range, const std::vector<double>& multiples) {
     const int first = static_cast<int>(std::floor(std::log10(range.from)));
     const int last = static_cast<int>(std::floor(std::log10(range.to)));
@@ -125,34 +127,52 @@ void SvgPlot::line(const std::vector<std::pair<double, double>>& points, const c
     body_ += "<path class=\"" + std::string(css_class) + "\" d=\"" + path + "\"/>\n";
 }
 
-void SvgPlot::mark(double x, const std::string& word) {
+void SvgPlot::cell(AxisRange x, AxisRange y, const std::string& colour) {
+    const double left = at_x(x.from);
+    const double top = at_y(y.to);
+    body_ += formatted("<rect style=\"fill:%s\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"/>\n",
+                       colour.c_str(), left, top, at_x(x.to) - left, at_y(y.from) - top);
+}
+
+void SvgPlot::cross(double x, double y) {
+    const double left = at_x(x) - kCrossRadius;
+    const double top = at_y(y) - kCrossRadius;
+    const double size = 2.0 * kCrossRadius;
+    body_ += formatted("<path style=\"stroke:#000\" d=\"M%.1f %.1fl%.1f %.1fm%.1f 0l%.1f %.1f\"/>\n", left, top, size,
+                       size, -size, size, -size);
+}
+
+void SvgPlot::mark(double x, const std::string& label) {
     const double at = at_x(x);
     body_ += formatted("<line class=\"mark\" x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\"/>\n", at, kTop, at,
                        kHeight - kBottom);
+    // A label that would overlap the previous one is left out.
     if (at - last_mark_ >= kMarkRoom) {
         body_ += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">%s</text>\n", at, kTop - 4.0,
-                           at > kWidth - kRight - kMarkRoom / 2.0 ? "end" : "middle", html_text(word).c_str());
+                           at > kWidth - kRight - kMarkRoom / 2.0 ? "end" : "middle", html_text(label).c_str());
         last_mark_ = at;
     }
 }
 
-void SvgPlot::key(const std::string& word, const char* css_class) {
+void SvgPlot::key(const std::string& label, const char* css_class) {
     key_ += formatted(
         "<rect class=\"%s key\" x=\"%.1f\" y=\"6\" width=\"12\" height=\"8\"/>"
         "<text x=\"%.1f\" y=\"14\">%s</text>\n",
-        css_class, key_x_, key_x_ + 17.0, html_text(word).c_str());
-    key_x_ += 34.0 + 7.0 * static_cast<double>(word.size());
+        css_class, key_x_, key_x_ + 17.0, html_text(label).c_str());
+    key_x_ += 34.0 + 7.0 * static_cast<double>(label.size());  // swatch and gaps, and about 7 px a letter
 }
 
 std::string SvgPlot::axes() const {
     std::string text;
     const double bottom = kHeight - kBottom;
+    // Grid line and label of each tick of the x axis.
     for (const auto& [at, label] : x_ticks_) {
         const double x = at_x(at);
         text += formatted("<line class=\"grid\" x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\"/>", x, kTop, x, bottom);
         text += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%s</text>\n", x, bottom + 16.0,
                           html_text(label).c_str());
     }
+    // Grid line and label of each tick of the y axis.
     for (const double at : log_ticks(y_)) {
         const double y = at_y(at);
         text += formatted("<line class=\"grid\" x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\"/>", kLeft, y,
@@ -160,6 +180,7 @@ std::string SvgPlot::axes() const {
         text += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">%s</text>\n", kLeft - 6.0, y + 4.0,
                           number_text(at).c_str());
     }
+    // Labels of the axes.
     text += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%s</text>\n", (kLeft + kWidth - kRight) / 2.0,
                       kHeight - 8.0, html_text(x_label_).c_str());
     text += formatted("<text transform=\"translate(14 %.1f) rotate(-90)\" text-anchor=\"middle\">%s</text>\n",

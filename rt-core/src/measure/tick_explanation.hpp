@@ -1,4 +1,5 @@
-// Why a tick was late: which stage took the time, and what the kernel lets one see of the cause.
+// Tick explanation: the stage in which a late tick lost its time, and the cause, inferred from the kernel's
+// counters.
 #pragma once
 
 #include <array>
@@ -11,45 +12,45 @@
 
 namespace haptic::rt {
 
-/// Where a tick can lose time: before it runs, or in one of its stages.
+/// Where a tick can lose time: before it runs (Wakeup), or in one of its stages.
 enum class LateStage : std::uint8_t { Wakeup, Exchange, Pose, Proxy, Tension, Publish, Record };
 inline constexpr std::size_t kLateStages = 1 + kTickStages;
 
 enum class LateCause : std::uint8_t {
-    Usual,      // it took no longer than usual
-    PageFault,  // memory had to be fetched
-    Preempted,  // something of higher priority took the processor away
-    Queued,     // the thread was ready and the processor was not given to it
-    Board,      // the device took that long to answer, or did not
-    Stolen,     // a hypervisor gave the processor to another machine
-    Timer,      // the interrupt that wakes the thread came late
-    Unseen      // the thread had its processor, and something that the kernel does not count took the time
+    Usual,      // no longer than usual
+    PageFault,  // a page was not in memory
+    Preempted,  // a thread of higher priority took the processor
+    Queued,     // the thread was runnable but did not get its processor
+    Board,      // the device answered late or not at all
+    Stolen,     // the hypervisor gave the processor to another guest
+    Timer,      // the timer interrupt that wakes the thread came late
+    Unseen      // the thread had its processor; something that the kernel does not count took the time
 };
 
-/// What is usual in this run, ns: the medians.
-struct UsualTimes {
+/// Median time of each stage in this run, ns.
+struct MedianTimes {
     std::array<std::int64_t, kLateStages> stages_ns{};
 };
-[[nodiscard]] UsualTimes usual_times(const Instruments& instruments);
+[[nodiscard]] MedianTimes median_times(const Instruments& instruments);
 
 struct TickExplanation {
-    LateStage stage = LateStage::Wakeup;  // that lost the most against what is usual
-    std::int64_t excess_ns = 0;           // by which it did
+    LateStage stage = LateStage::Wakeup;  // stage with the largest excess over its median
+    std::int64_t excess_ns = 0;           // that excess
     LateCause cause = LateCause::Usual;
     std::string why;  // a sentence
 };
 
-/// Time that this tick spent in a stage, ns.
+/// Time of this tick in a stage, ns.
 [[nodiscard]] std::int64_t time_in(const TimedTick& tick, LateStage stage);
 
-/// What of a tick is explained: its wake-up, its stages, or both.
+/// Part of a tick to explain: its wake-up, its stages, or both.
 enum class Explain : std::uint8_t { Wakeup, Stages, Both };
 
-/// `stolen_ms`: that a hypervisor took in the tenth of a second around the tick; -1 if the kernel does not tell.
-[[nodiscard]] TickExplanation explain(const TimedTick& tick, const UsualTimes& usual, std::int64_t stolen_ms,
+/// Explains a tick. `stolen_ms`: time stolen by a hypervisor in the 0.1 s around the tick; -1 if unknown.
+[[nodiscard]] TickExplanation explain(const TimedTick& tick, const MedianTimes& usual, std::int64_t stolen_ms,
                                       Explain what = Explain::Both);
 
-/// As the report has them.
+/// Names as used in the report.
 [[nodiscard]] std::string_view name_of(LateStage stage) noexcept;
 [[nodiscard]] std::string_view name_of(LateCause cause) noexcept;
 

@@ -7,13 +7,13 @@
 namespace haptic::rt {
 namespace {
 
-constexpr int kMostCpus = 8192;  // NR_CPUS of the largest kernels
+constexpr int kMaxCpus = 8192;  // NR_CPUS of the largest kernels
 
-/// Takes a number from the front of the text; -1 if there is none.
+/// Consumes a number at the front of the text; -1 if there is none.
 int take_number(std::string_view& text) {
     int number = -1;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-    if (error != std::errc{} || number < 0 || number >= kMostCpus) {
+    if (error != std::errc{} || number < 0 || number >= kMaxCpus) {
         return -1;
     }
     text.remove_prefix(static_cast<std::size_t>(end - text.data()));
@@ -39,6 +39,7 @@ std::vector<int> intersection(const std::vector<int>& a, const std::vector<int>&
 std::vector<int> parse_cpu_list(std::string_view text) {
     std::vector<int> cpus;
     while (!text.empty()) {
+        // A single number or a range "first-last", followed by a comma or the end.
         const int first = take_number(text);
         const int last = take(text, '-') ? take_number(text) : first;
         if (first < 0 || last < first || (!text.empty() && !take(text, ','))) {
@@ -68,11 +69,13 @@ std::string cpu_list_text(const std::vector<int>& cpus) {
 }
 
 int choose_cpu(const CpuChoice& choice) {
+    // An isolated processor within the affinity comes first.
     const std::vector<int> isolated = intersection(choice.isolated, choice.online);
     const std::vector<int> both = intersection(choice.allowed, isolated);
     if (!both.empty()) {
         return both.back();
     }
+    // The affinity counts as narrowed if it lacks a processor that is not isolated.
     std::vector<int> shared;
     std::set_difference(choice.online.begin(), choice.online.end(), isolated.begin(), isolated.end(),
                         std::back_inserter(shared));

@@ -1,4 +1,4 @@
-// Lists of processors as the kernel writes them, and which of them the loop gets.
+// CPU lists in the kernel's format, and the choice of the loop's processor.
 #pragma once
 
 #include <string>
@@ -7,21 +7,21 @@
 
 namespace haptic::rt {
 
-/// "0-2,5" as {0, 1, 2, 5}: ascending, each once. Empty for an empty list, and for what is none.
+/// Parses "0-2,5" to {0, 1, 2, 5}, ascending and unique. Empty for an empty or malformed list.
 [[nodiscard]] std::vector<int> parse_cpu_list(std::string_view text);
 
-/// The reverse: "0-2,5".
+/// Formats a list in the same way.
 [[nodiscard]] std::string cpu_list_text(const std::vector<int>& cpus);
 
-/// What loop.cpu = -1 goes by. Lists are ascending.
+/// Inputs of choose_cpu(). Lists are ascending.
 struct CpuChoice {
     std::vector<int> allowed;   // affinity of the process
     std::vector<int> online;    // /sys/devices/system/cpu/online
     std::vector<int> isolated;  // /sys/devices/system/cpu/isolated
 };
 
-/// The last isolated processor, where the kernel keeps one free; else the last allowed one. A process whose affinity
-/// was narrowed to some processors, by taskset or a cpuset, stays among them: without that it is all that are not
+/// The loop's processor for loop.cpu = -1: the last isolated one, else the last allowed one. A process whose affinity
+/// was narrowed by taskset or a cpuset stays within it; by default the affinity is all processors that are not
 /// isolated.
 [[nodiscard]] int choose_cpu(const CpuChoice& choice);
 

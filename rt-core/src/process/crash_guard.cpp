@@ -14,21 +14,23 @@
 namespace haptic::rt {
 namespace {
 
-// What a mistake in the program raises: handled here whoever else would.
-constexpr std::array kCrashes = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
-// What others may send or a limit may raise, and ends a process that has said nothing else. The real-time signals too.
-constexpr std::array kKillers = {SIGTRAP, SIGSYS,  SIGQUIT, SIGXCPU, SIGXFSZ, SIGALRM,  SIGVTALRM,
-                                 SIGPROF, SIGUSR1, SIGUSR2, SIGIO,   SIGPWR,  SIGSTKFLT};
+// Raised by program errors; always handled here, replacing any other handler.
+constexpr std::array kCrashSignals = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
+// Sent by others or raised by resource limits; fatal by default. The real-time signals belong to them too.
+constexpr std::array kFatalByDefault = {SIGTRAP, SIGSYS,  SIGQUIT, SIGXCPU, SIGXFSZ, SIGALRM,  SIGVTALRM,
+                                        SIGPROF, SIGUSR1, SIGUSR2, SIGIO,   SIGPWR,  SIGSTKFLT};
 constexpr std::size_t kSignalStackBytes = std::size_t{64} << 10;
 
-// A signal handler is given nothing but a number, so what it works on has to be global.
+// Global, because a signal handler receives nothing but a number.
 std::atomic<MotorGate*> guarded_gate{nullptr};
 std::atomic<pid_t> closing_thread{0};
 static_assert(std::atomic<MotorGate*>::is_always_lock_free && std::atomic<pid_t>::is_always_lock_free,
-              "only then may a signal handler use them");
+              "a signal handler may only use lock-free atomics");
 
-/// Once in the life of the process; whoever comes meanwhile waits a little for the zeros to be sent.
+/// Closes the guarded gate, once in the life of the process. A second thread waits a bounded time for the zeros to be
+/// sent. Async-signal-safe.
 void close_gate() noexcept {
+    // The first thread that fails closes the gate; closing_thread names it meanwhile.
     MotorGate* const gate = guarded_gate.exchange(nullptr);
     if (gate != nullptr) {
         closing_thread.store(gettid());
@@ -36,16 +38,17 @@ void close_gate() noexcept {
         closing_thread.store(0);
         return;
     }
+    // Another thread is closing the gate: ending the process now would cut its exchange short.
     const pid_t other = closing_thread.load();
-    if (other != 0 && other != gettid()) {  // the same thread: closing has crashed, and there is nothing to wait for
-        const timespec a_little{0, 2 * MotorGate::kLongestWaitNs};
-        nanosleep(&a_little, nullptr);
+    if (other != 0 && other != gettid()) {  // in the same thread close() itself has crashed: nothing to wait for
+        const timespec wait{0, 2 * MotorGate::kLongestWaitNs};
+        nanosleep(&wait, nullptr);
     }
 }
 
 extern "C" void send_zero_and_die(int signal) {
     close_gate();
-    // Blocked while this handler runs, so that it takes effect on the return from here.
+    // The signal is blocked while this handler runs; the default action takes effect when it returns.
     std::signal(signal, SIG_DFL);
     std::raise(signal);
 }
@@ -55,13 +58,14 @@ extern "C" void send_zero() {
 }
 
 std::vector<int> fatal_signals() {
-    std::vector<int> signals(kCrashes.begin(), kCrashes.end());
-    std::vector<int> killers(kKillers.begin(), kKillers.end());
+    // Crash signals always; the optional ones only where nobody handles them.
+    std::vector<int> signals(kCrashSignals.begin(), kCrashSignals.end());
+    std::vector<int> optional(kFatalByDefault.begin(), kFatalByDefault.end());
     for (int signal = SIGRTMIN; signal <= SIGRTMAX; ++signal) {
-        killers.push_back(signal);
+        optional.push_back(signal);
     }
-    for (const int signal : killers) {
-        // What somebody handles or ignores does not end the process. (Profilers and sanitizers handle some.)
+    for (const int signal : optional) {
+        // A signal that is handled or ignored does not end the process; profilers and sanitizers handle some.
         struct sigaction present{};
         if (sigaction(signal, nullptr, &present) == 0 && present.sa_handler == SIG_DFL) {
             signals.push_back(signal);
@@ -73,16 +77,18 @@ std::vector<int> fatal_signals() {
 }  // namespace
 
 CrashGuard::CrashGuard(MotorGate& gate) : signals_(fatal_signals()) {
+    // One gate per process, because the handlers are global.
     MotorGate* none = nullptr;
     if (!guarded_gate.compare_exchange_strong(none, &gate)) {
         throw std::logic_error("CrashGuard: the process already guards a board");
     }
-    // They cannot be taken back, and do nothing while nothing is guarded.
+    // Exit handlers cannot be removed again; they do nothing while no gate is guarded.
     static std::once_flag once;
     std::call_once(once, [] {
         std::atexit(&send_zero);
         std::at_quick_exit(&send_zero);
     });
+    // Handlers run on the alternate stack, so that a stack overflow can be handled.
     struct sigaction action{};
     action.sa_handler = &send_zero_and_die;
     action.sa_flags = SA_ONSTACK;

@@ -1,5 +1,4 @@
-// Zeros to the motors on every way out of the process that is not its normal end: the boards hold the last value that
-// they were sent.
+// Crash guard: sets the motors to zero on every abnormal exit of the process, because the boards hold the last command.
 #pragma once
 
 #include <cstddef>
@@ -10,15 +9,14 @@
 
 namespace haptic::rt {
 
-/// While one lives, these close the gate, so that zeros are sent and nothing else after them, and then go on as they
-/// would have done without it:
-///   - every signal that would end the process and that the process has made no other arrangement for: SIGSEGV, SIGBUS,
-///     SIGFPE, SIGILL, SIGABRT (std::terminate, failed assertions), SIGTRAP, SIGSYS, SIGQUIT, SIGXCPU, SIGXFSZ,
+/// While it exists, the following close the gate, so that zeros are the last command, and then take their usual effect:
+///   - every signal that would terminate the process: SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT (std::terminate, failed
+///     assertions); and, unless the process handles or ignores them, SIGTRAP, SIGSYS, SIGQUIT, SIGXCPU, SIGXFSZ,
 ///     SIGALRM, SIGVTALRM, SIGPROF, SIGUSR1, SIGUSR2, SIGIO, SIGPWR, SIGSTKFLT and the real-time signals;
-///   - exit() and quick_exit(), from whatever thread.
-/// A stack overflow is one of SIGSEGV's where the thread has an AlternateSignalStack. _exit(), SIGKILL and a machine
-/// that stops send nothing; the power of the motors needs its own switch. One at a time in a process: throws
-/// std::logic_error otherwise.
+///   - exit() and quick_exit(), from any thread.
+/// A stack overflow raises SIGSEGV, which is handled if the thread has an AlternateSignalStack. _exit(), SIGKILL and a
+/// crash of the machine send nothing, so the power of the motors needs a switch of its own. Only one may exist in a
+/// process: throws std::logic_error otherwise.
 class CrashGuard {
   public:
     explicit CrashGuard(MotorGate& gate);
@@ -30,7 +28,7 @@ class CrashGuard {
     std::vector<int> signals_;
 };
 
-/// A stack for signal handlers of the calling thread, so that an overflow of its own stack is also handled.
+/// RAII alternate signal stack of the calling thread, so that an overflow of its own stack can be handled.
 class AlternateSignalStack {
   public:
     AlternateSignalStack();

@@ -2,7 +2,7 @@
 #include <string>
 #include <utility>
 
-#include <haptic/gpio.hpp>
+#include "haptic/gpio.hpp"
 #include "process/stop_input.hpp"
 
 namespace haptic::rt {

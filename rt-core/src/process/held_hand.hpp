@@ -1,21 +1,21 @@
-// An emulated hand that waits at the centre until the loop runs, as a person does.
+// Held hand: keeps the emulated hand at the centre until the loop is running, as a person would.
 #pragma once
 
 #include <cstdint>
 
-#include <haptic/device/emulated_board.hpp>
-#include <haptic/realtime.hpp>
+#include "haptic/device/emulated_board.hpp"
+#include "haptic/realtime.hpp"
 #include "tick/tick.hpp"
 
 namespace haptic::rt {
 
-/// Stands between a tick and an emulated board, and releases the board's waiting hand once the tick is running.
-/// Calibration then always finds the hand where its track begins.
+/// Board decorator between a tick and an emulated board; releases the board's waiting hand once the tick is Running, so
+/// that calibration always finds the hand at the start of its track.
 class HeldHandBoard final : public device::Board {
   public:
     explicit HeldHandBoard(device::EmulatedBoard& board) : board_(&board) {}
-    /// The tick whose state releases the hand; the same thread runs both.
-    void follow(const Tick& tick) noexcept { tick_ = &tick; }
+    /// Sets the tick whose state releases the hand; the thread of that tick must also run the exchanges.
+    void attach(const Tick& tick) noexcept { tick_ = &tick; }
 
     void start() override { board_->start(); }
     device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,

@@ -1,17 +1,17 @@
-// How deep the processors may sleep while the loop runs.
+// Idle request: limits the exit latency of the processors' idle states while the loop runs (PM QoS).
 #pragma once
 
 #include <filesystem>
 
 namespace haptic::rt {
 
-/// Asks the kernel, as long as it lives, that no processor enters an idle state which takes longer than so many
-/// microseconds to leave: a number of 32 bits written to /dev/cpu_dma_latency, which the kernel heeds until the file is
-/// closed (Documentation/power/pm_qos_interface). It holds for all processors, and costs power.
+/// While it exists, no processor enters an idle state with an exit latency above exit_us: a 32-bit number of
+/// microseconds, written to /dev/cpu_dma_latency, that the kernel respects until the file is closed
+/// (Documentation/power/pm_qos_interface). Applies to all processors, and costs power.
 class IdleRequest {
   public:
-    /// A negative time asks for nothing. What the kernel refuses is no error: the loop wakes up later, and that is
-    /// seen.
+    /// A negative value requests nothing. A refusal is no error, because its effect, a late wake-up, is measured
+    /// anyway.
     explicit IdleRequest(int exit_us, const std::filesystem::path& file = "/dev/cpu_dma_latency");
     IdleRequest(const IdleRequest&) = delete;
     IdleRequest& operator=(const IdleRequest&) = delete;

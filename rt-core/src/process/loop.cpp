@@ -1,10 +1,16 @@
 #include "process/loop.hpp"
 
-#include <haptic/clock.hpp>
+#include <utility>
+
+#include "haptic/clock.hpp"
+#include "haptic/denormals.hpp"
+#include "process/crash_guard.hpp"
+#include "process/idle_request.hpp"
 
 namespace haptic::rt {
 
 NextDeadline next_deadline(std::int64_t deadline_ns, std::int64_t period_ns, std::int64_t now_ns) HAPTIC_RT {
+    // An overrun skips whole periods: the loop keeps its phase and never catches up.
     NextDeadline next{deadline_ns + period_ns, 0};
     if (next.deadline_ns <= now_ns) {
         next.missed = (now_ns - next.deadline_ns) / period_ns + 1;
@@ -13,8 +19,61 @@ NextDeadline next_deadline(std::int64_t deadline_ns, std::int64_t period_ns, std
     return next;
 }
 
+RealtimeLoop::RealtimeLoop(const LoopSettings& settings, Tick& tick, RealtimeSetup setup)
+    : settings_(settings),
+      tick_(&tick),
+      setup_(std::move(setup)),
+      measured_(std::make_unique<Instruments>(tick.instruments())) {
+    thread_ = create_thread(&RealtimeLoop::thread_entry, this, kStackBytes, "creating the real-time thread");
+    prepared_.get_future().wait();
+}
+
+RealtimeLoop::~RealtimeLoop() {
+    request_stop();
+    join();
+}
+
+void RealtimeLoop::start(Recorder* recorder, TimingLog* log) {
+    recorder_ = recorder;
+    log_ = log;
+    started_ = true;
+    go_.set_value(true);
+}
+
+void RealtimeLoop::join() {
+    if (joined_) {
+        return;
+    }
+    if (!started_) {
+        go_.set_value(false);
+    }
+    pthread_join(thread_, nullptr);
+    joined_ = true;
+}
+
+void* RealtimeLoop::thread_entry(void* self) {
+    auto* const loop = static_cast<RealtimeLoop*>(self);
+    // Prepare this thread, and report the result through setup().
+    const AlternateSignalStack signal_stack;
+    const FlushDenormals flush;
+    const IdleRequest idle(loop->settings_.idle_exit_us);
+    loop->setup_.idle_exit_us = idle.granted() ? loop->settings_.idle_exit_us : -1;
+    prepare_thread(loop->setup_, loop->settings_.priority, loop->settings_.cpu);
+    // Wait for start(), or for the destructor.
+    std::future<bool> go = loop->go_.get_future();
+    loop->prepared_.set_value();
+    if (go.get()) {
+        if (loop->log_ != nullptr) {
+            loop->log_->attach();
+        }
+        loop->cycle();
+    }
+    loop->finished_.store(true, std::memory_order_release);  // publishes everything that the ticks wrote
+    return nullptr;
+}
+
 std::int64_t RealtimeLoop::run_one(std::int64_t deadline_ns, std::int64_t missed) HAPTIC_RT {
-    sleep_until(deadline_ns);
+    sleep_until(deadline_ns);  // clock_nanosleep, absolute
     tick_->run({deadline_ns, monotonic_now_ns(), missed});
     state_.store(tick_->safety_state(), std::memory_order_relaxed);
     return monotonic_now_ns();
@@ -24,20 +83,23 @@ void RealtimeLoop::warm_up(std::int64_t& deadline_ns) HAPTIC_RT {
     for (int i = 0; i < settings_.warm_up_ticks && !stop_requested_.load(std::memory_order_relaxed); ++i) {
         deadline_ns = next_deadline(deadline_ns, settings_.period_ns, run_one(deadline_ns, 0)).deadline_ns;
     }
-    tick_->set_instruments(*measured_);
+    tick_->set_instruments(*measured_);  // drops what the warm-up has measured
 }
 
 void RealtimeLoop::cycle() HAPTIC_RT {
     tick_->heart().begin();
     NextDeadline next{monotonic_now_ns() + settings_.period_ns, 0};
-    tick_->record_to(recorder_);  // from the first tick on: a replay begins with a tick as new as this one
+    tick_->record_to(recorder_);  // from the first tick on, because a replay starts with a new tick too
+    // Warm up disarmed, then arm: calibration and the tension ramp follow.
     warm_up(next.deadline_ns);
     tick_->arm();
+    // Everything from here on is measured.
     const ThreadUsage before = thread_usage();
     if (log_ != nullptr) {
         log_->begin();
     }
-    // Disarmed again: stopped or faulted, and faded out. relaxed: the flag carries nothing but itself.
+    // Run until the safety machine is disarmed again, that is stopped or faulted, and faded out. relaxed: no other data
+    // depends on the flag.
     do {
         if (stop_requested_.load(std::memory_order_relaxed)) {
             tick_->stop();
@@ -47,6 +109,7 @@ void RealtimeLoop::cycle() HAPTIC_RT {
             log_->add(tick_->last(), tick_->timing(), next.missed);
         }
     } while (tick_->safety_state() != SafetyState::Disarmed);
+    // Leave the motors at zero, and tell the watchdog that silence is expected from here on.
     const ThreadUsage after = thread_usage();
     usage_ = after - before;
     tick_->send_zero(monotonic_now_ns());

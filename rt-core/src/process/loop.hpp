@@ -1,7 +1,7 @@
-// The thread that runs ticks at absolute deadlines.
+// Real-time loop: the thread that runs ticks at absolute deadlines, start + k * period.
 //
-// Deadlines are start + k * period for all time. A tick that wakes late runs at once; deadlines that have passed by the
-// time it is done are counted and skipped, so that the phase is kept and no burst of ticks makes up for lost ones.
+// A tick that wakes late runs at once. Deadlines that have passed by its end are counted and skipped, so that the phase
+// is kept and no burst of ticks makes up for lost ones.
 #pragma once
 
 #include <pthread.h>
@@ -11,23 +11,23 @@
 #include <future>
 #include <memory>
 
-#include <haptic/realtime.hpp>
+#include "haptic/realtime.hpp"
 #include "process/realtime_setup.hpp"
+#include "process/timing_log.hpp"
 #include "tick/tick.hpp"
 #include "tick/tick_syscalls.hpp"
-#include "process/timing_log.hpp"
 
 namespace haptic::rt {
 
 struct LoopSettings {
     std::int64_t period_ns = 1'000'000;  // ns
-    int priority = 80;                   // SCHED_FIFO, 1..97: the watchdog has the next one, the kernel's threads 99
+    int priority = 80;                   // SCHED_FIFO, 1..97: the watchdog uses priority + 1, kernel threads 99
     int cpu = -1;                        // -1: choose_cpu() of cpu_list.hpp
-    int idle_exit_us = 0;                // us: of the idle states that are allowed meanwhile; -1: as it is
-    int warm_up_ticks = 200;             // disarmed, before measuring begins: caches, branch predictors and pages
+    int idle_exit_us = 0;                // us, allowed exit latency of idle states; -1: no request
+    int warm_up_ticks = 200;             // disarmed and not measured; warm caches, branch predictors and pages
 };
 
-/// The deadline after one at which a tick has just ended at now_ns, and how many were skipped to get there.
+/// The first deadline after both deadline_ns and now_ns, the end of its tick, and the number of deadlines skipped.
 struct NextDeadline {
     std::int64_t deadline_ns;
     std::int64_t missed;
@@ -35,31 +35,32 @@ struct NextDeadline {
 [[nodiscard]] NextDeadline next_deadline(std::int64_t deadline_ns, std::int64_t period_ns,
                                          std::int64_t now_ns) HAPTIC_RT;
 
-/// Owns the real-time thread. Use: construct, look at setup(), start(), wait until finished(), join().
+/// Owner of the real-time thread. Use: construct, check setup(), start(), wait until finished(), join().
 class RealtimeLoop {
   public:
-    /// Creates the thread and lets it prepare itself; it then waits for start(). `setup` is that of prepare_process().
-    /// Throws std::system_error if there is no thread to be had.
+    /// Creates the thread, which prepares itself and then waits for start(). `setup` comes from prepare_process().
+    /// Throws std::system_error if the thread cannot be created.
     RealtimeLoop(const LoopSettings& settings, Tick& tick, RealtimeSetup setup);
     RealtimeLoop(const RealtimeLoop&) = delete;
     RealtimeLoop& operator=(const RealtimeLoop&) = delete;
-    /// Stops in an orderly way and joins.
+    /// Stops the loop in an orderly way and joins the thread.
     ~RealtimeLoop();
 
     [[nodiscard]] const RealtimeSetup& setup() const noexcept { return setup_; }
-    /// Warms up, which is not measured, arms, runs until a stop or a fault has been seen through to the disarmed state.
-    /// Each tick, those of the warm-up too, is also kept in the recorder, if there is one; each that is measured in the
-    /// log, if there is one. Both must outlive the loop.
+    /// Starts the loop: warms up, arms the tick, and runs until a stop or a fault has led to the disarmed state. The
+    /// recorder gets every tick, the log every measured one, which excludes the warm-up; nullptr: none. Both must
+    /// outlive the loop.
     void start(Recorder* recorder = nullptr, TimingLog* log = nullptr);
-    /// From any thread, any number of times. The force fades, then the tension, then the loop ends.
+    /// Requests a stop; from any thread, any number of times. The force fades out, then the tension, then the loop
+    /// ends.
     void request_stop() noexcept { stop_requested_.store(true, std::memory_order_relaxed); }
-    /// True once no tick will run any more; the tick's records may then be read.
+    /// True once no further tick will run; the tick's records may then be read.
     [[nodiscard]] bool finished() const noexcept { return finished_.load(std::memory_order_acquire); }
-    /// Of the last tick.
+    /// Safety state after the last tick.
     [[nodiscard]] SafetyState safety_state() const noexcept { return state_.load(std::memory_order_relaxed); }
     void join();
 
-    /// What the kernel counted of the thread from the end of the warm-up to the end; after finished().
+    /// The kernel's counters of the thread from the end of the warm-up to the end; valid after finished().
     [[nodiscard]] ThreadUsage usage() const noexcept { return usage_; }
 
   private:
@@ -71,7 +72,8 @@ class RealtimeLoop {
     LoopSettings settings_;
     Tick* tick_;
     RealtimeSetup setup_;
-    std::unique_ptr<const Instruments> measured_;  // by the tick before this loop
+    std::unique_ptr<const Instruments>
+        measured_;  // instruments of the tick before this loop, restored after the warm-up
     Recorder* recorder_ = nullptr;
     TimingLog* log_ = nullptr;
     ThreadUsage usage_;

@@ -34,19 +34,19 @@ std::optional<Number> whole_number(std::string_view text) {
     return number;
 }
 
-/// Where an interrupt will come to. What was in effect up to now is empty for one that has not been started, and where
-/// the kernel does not know it; it is the old place until the first interrupt after a change.
-std::vector<int> delivered_to(const std::vector<int>& up_to_now, const std::vector<int>& allowed) {
+/// Processors that the next interrupt will be delivered to. The effective affinity is empty for an interrupt that was
+/// never enabled or where the kernel does not know it, and outdated until the first interrupt after a change.
+std::vector<int> delivered_to(const std::vector<int>& effective, const std::vector<int>& allowed) {
     std::vector<int> both;
-    std::set_intersection(up_to_now.begin(), up_to_now.end(), allowed.begin(), allowed.end(), std::back_inserter(both));
+    std::set_intersection(effective.begin(), effective.end(), allowed.begin(), allowed.end(), std::back_inserter(both));
     return both.empty() ? allowed : both;
 }
 
-/// A thread of its /proc/PID/task/TID/stat (proc(5): name in brackets, fields 40 and 41 are rt_priority and policy);
-/// nothing for one that is not scheduled in real time.
+/// Parses /proc/PID/task/TID/stat (proc(5): name in parentheses, fields 40 and 41 are rt_priority and policy). Empty
+/// for a thread without real-time scheduling.
 std::optional<RealtimeThread> realtime_thread(const std::string& stat) {
     const std::size_t open = stat.find('(');
-    const std::size_t close = stat.rfind(')');  // a name may hold brackets
+    const std::size_t close = stat.rfind(')');  // a name may contain parentheses
     if (open == std::string::npos || close == std::string::npos || close < open) {
         return std::nullopt;
     }
@@ -140,6 +140,7 @@ std::vector<Interrupt> Machine::interrupts() const {
         }
         const std::string folder = "/proc/irq/" + name;
         Interrupt interrupt{*number, {}, {}};
+        // Each handler has a folder of its name.
         for (const std::string& entry : names(folder)) {
             std::error_code ignored;
             if (std::filesystem::is_directory(file(folder) / entry, ignored)) {

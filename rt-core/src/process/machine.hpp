@@ -1,4 +1,4 @@
-// A machine as its files show it: /proc, /sys, /dev and /etc, under a root that need not be this machine's.
+// Machine: read-only access to /proc, /sys, /dev and /etc, below a root that need not be this machine's.
 #pragma once
 
 #include <cstdint>
@@ -10,48 +10,49 @@
 
 namespace haptic::rt {
 
-/// A line of interrupts that has a handler.
+/// An interrupt that has a handler.
 struct Interrupt {
     int number = 0;
     std::string handlers;   // "xhci_hcd", "ahci, ehci"
-    std::vector<int> cpus;  // where it is delivered, ascending
+    std::vector<int> cpus;  // processors it is delivered to, ascending
 };
 
 /// A thread of SCHED_FIFO or SCHED_RR.
 struct RealtimeThread {
     int id = 0;
-    std::string name;       // at most 15 characters, as the kernel keeps it
+    std::string name;       // truncated by the kernel to 15 characters
     int priority = 0;       // 1..99
-    std::vector<int> cpus;  // that it may use, ascending
+    std::vector<int> cpus;  // its affinity, ascending
 };
 
-/// Reads, and never writes. What is not there, or may not be read, is empty: no method throws for it.
+/// Read-only view of a machine. No method throws: missing or unreadable files yield empty results.
 class Machine {
   public:
     using MayWrite = std::function<bool(const std::filesystem::path&)>;
 
-    /// `root` is "/", or a folder with a tree like it. `may_write` says whether this process may write to a file;
-    /// by default access(2) does.
+    /// `root` is "/" or a folder with a copy of such a tree. `may_write` tells whether this process may write to a
+    /// file; the default is access(2).
     explicit Machine(std::filesystem::path root = "/", MayWrite may_write = {});
 
-    /// The path of a file of the machine: file("/proc/cmdline").
+    /// Path below the root: file("/proc/cmdline").
     [[nodiscard]] std::filesystem::path file(const std::string& absolute) const;
-    /// The first line; nothing if the file cannot be read.
+    /// First line without surrounding white space; empty optional if the file cannot be read.
     [[nodiscard]] std::optional<std::string> line(const std::string& absolute) const;
     [[nodiscard]] std::vector<std::string> lines(const std::string& absolute) const;
     [[nodiscard]] std::optional<std::int64_t> number(const std::string& absolute) const;
-    /// Processors in a file like /sys/devices/system/cpu/online.
+    /// The CPU list in a file like /sys/devices/system/cpu/online.
     [[nodiscard]] std::vector<int> cpus(const std::string& absolute) const;
-    /// What a folder holds, in alphabetical order.
+    /// Names of the entries of a folder, sorted.
     [[nodiscard]] std::vector<std::string> names(const std::string& absolute) const;
     [[nodiscard]] bool has(const std::string& absolute) const;
     [[nodiscard]] bool may_write(const std::string& absolute) const { return may_write_(file(absolute)); }
 
-    /// The rest of the line of /proc/self/status or the like that begins with `key`, without spaces around it.
+    /// Rest of the first line that begins with `key`, in a file like /proc/self/status, without surrounding white
+    /// space.
     [[nodiscard]] std::string value_of(const std::string& absolute, const std::string& key) const;
-    /// Those of /proc/irq that have handlers, ascending.
+    /// Interrupts of /proc/irq that have handlers, by number.
     [[nodiscard]] std::vector<Interrupt> interrupts() const;
-    /// Those of all processes and of the kernel, ascending; of one that ends meanwhile nothing.
+    /// Real-time threads of all processes and of the kernel, by id. A thread that ends meanwhile is left out.
     [[nodiscard]] std::vector<RealtimeThread> realtime_threads() const;
 
   private:

@@ -1,9 +1,19 @@
 #include "process/motor_gate.hpp"
 
+#include <ctime>
+
+#include "haptic/clock.hpp"
+
 namespace haptic::rt {
+namespace {
+
+constexpr long kPollNs = 100'000;
+
+}  // namespace
 
 device::ExchangeStatus MotorGate::exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                            std::int64_t now_ns) HAPTIC_RT {
+    // Set exchanging_ before reading closed_: either this thread sees the gate closed, or close() sees the exchange.
     exchanging_.store(true);
     const device::ExchangeStatus status =
         board_->exchange(closed_.load() ? device::MotorCommand{} : command, reading, now_ns);
@@ -14,6 +24,23 @@ device::ExchangeStatus MotorGate::exchange(const device::MotorCommand& command, 
 void MotorGate::zero_motors(std::int64_t now_ns) HAPTIC_RT {
     closed_.store(true);
     board_->zero_motors(now_ns);
+}
+
+void MotorGate::close() noexcept {
+    // Replace all later commands by zeros, and send zeros now.
+    zero_motors(monotonic_now_ns());
+    if (!exchanging_.load()) {
+        return;
+    }
+    // The exchange under way may still send the tick's command. The wait is bounded, because the exchange never ends if
+    // its own thread crashed or the board hangs.
+    const std::int64_t end_ns = monotonic_now_ns() + kLongestWaitNs;
+    while (exchanging_.load() && monotonic_now_ns() < end_ns) {
+        const timespec wait{0, kPollNs};
+        nanosleep(&wait, nullptr);
+    }
+    // Override the command that the exchange may have sent.
+    zero_motors(monotonic_now_ns());
 }
 
 }  // namespace haptic::rt

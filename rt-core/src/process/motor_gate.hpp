@@ -1,14 +1,14 @@
-// The last thing before the board: once it is closed, the motors get zeros, whatever the tick goes on to send.
+// Motor gate: the last stage before the board. Once closed, it replaces every command by zeros.
 //
-// A way out of the process (a crash, exit(), the watchdog) sends zeros from one thread while the loop may still be
-// running in another, and the loop's next command would undo them. So every command goes through here.
+// An abnormal exit (a crash, exit(), the watchdog) sends zeros from one thread while the loop may still run in another.
+// Without the gate the loop's next command would override them.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 
-#include <haptic/device/board.hpp>
-#include <haptic/realtime.hpp>
+#include "haptic/device/board.hpp"
+#include "haptic/realtime.hpp"
 
 namespace haptic::rt {
 
@@ -20,11 +20,11 @@ class MotorGate final : public device::Board {
     void start() override { board_->start(); }
     device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT override;
-    /// Closes, and sends zeros once.
+    /// Closes the gate and sends zeros once.
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override;
 
-    /// Closes, sends zeros, and sends them again when an exchange that was under way is over; waits for that end no
-    /// longer than kLongestWaitNs. From any thread or signal handler, any number of times.
+    /// Closes the gate and sends zeros. If an exchange is under way, waits for its end, at most kLongestWaitNs, and
+    /// sends zeros again. From any thread or signal handler, any number of times.
     void close() noexcept;
     [[nodiscard]] bool closed() const HAPTIC_RT { return closed_.load(); }
 
@@ -32,7 +32,7 @@ class MotorGate final : public device::Board {
 
   private:
     device::Board* board_;
-    // Both sequentially consistent: of an exchange that begins and a gate that closes, at least one sees the other.
+    // Both sequentially consistent: when an exchange begins while the gate closes, at least one sees the other.
     std::atomic<bool> closed_{false};
     std::atomic<bool> exchanging_{false};
 };

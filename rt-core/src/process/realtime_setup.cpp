@@ -37,7 +37,7 @@ std::string limits_line(const std::string& line) {
            "' | sudo tee -a /etc/security/limits.d/haptic.conf";
 }
 
-/// The processors that the calling thread may use.
+/// Processors that the calling thread may use, ascending.
 std::vector<int> allowed_cpus() {
     cpu_set_t allowed;
     CPU_ZERO(&allowed);
@@ -60,7 +60,7 @@ std::vector<int> listed_cpus(const char* file) {
     return parse_cpu_list(line);
 }
 
-/// Without a processor of the user's choice.
+/// The loop's processor for loop.cpu = -1.
 int default_cpu() {
     return choose_cpu({.allowed = allowed_cpus(),
                        .online = listed_cpus("/sys/devices/system/cpu/online"),
@@ -80,7 +80,7 @@ void pin(RealtimeSetup& setup, int cpu) {
     int wanted = cpu < 0 ? default_cpu() : cpu;
     int error = try_to_pin(wanted);
     if (const std::vector<int> allowed = allowed_cpus(); error != 0 && cpu < 0 && !allowed.empty()) {
-        wanted = allowed.back();  // a cpuset keeps us from the isolated one
+        wanted = allowed.back();  // a cpuset excludes the isolated one
         error = try_to_pin(wanted);
     }
     if (error == 0) {
@@ -90,7 +90,7 @@ void pin(RealtimeSetup& setup, int cpu) {
     setup.missing.push_back(
         {"not pinned to processor " + std::to_string(wanted) + ": " + error_text(error),
          "a processor that exists and that this process's cpuset allows",
-         "--set loop.cpu=-1 for one that may be used; taskset -p " + std::to_string(getpid()) + " shows which are"});
+         "--set loop.cpu=-1 selects an allowed one; taskset -p " + std::to_string(getpid()) + " lists them"});
 }
 
 void set_fifo(RealtimeSetup& setup, int priority) {
@@ -108,7 +108,7 @@ void set_fifo(RealtimeSetup& setup, int priority) {
                              setcap_command("cap_sys_nice,cap_ipc_lock") + "; " + limits_line("rtprio " + number)});
 }
 
-/// Writes to each page below the stack pointer, so that none is fetched later.
+/// Writes to each page of the stack that a tick may use, so that none faults later.
 void touch_stack() {
     std::array<volatile unsigned char, kTouchedStackBytes> pages;  // NOLINT(*-member-init): only touched
     const auto page = static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
@@ -131,7 +131,7 @@ std::string kernel_name() {
 void prepare_process(RealtimeSetup& setup) {
     setup.kernel = kernel_name();
     setup.preempt_rt = is_preempt_rt(setup.kernel);
-    // Memory that is freed stays ours, and no allocation is mapped apart: either would mean page faults later.
+    // Never return freed memory to the kernel, and never allocate with mmap(): both would cause page faults later.
     mallopt(M_TRIM_THRESHOLD, -1);
     mallopt(M_MMAP_MAX, 0);
     setup.memory_locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
@@ -143,21 +143,39 @@ void prepare_process(RealtimeSetup& setup) {
     }
 }
 
-AwayFrom::AwayFrom(int cpu) {
+ScopedAffinity::ScopedAffinity(int cpu, Change change) {
     CPU_ZERO(&before_);
-    if (sched_getaffinity(0, sizeof before_, &before_) != 0 || cpu < 0 || cpu >= CPU_SETSIZE ||
-        CPU_COUNT(&before_) <= 1) {
+    if (cpu < 0 || cpu >= CPU_SETSIZE || sched_getaffinity(0, sizeof before_, &before_) != 0) {
         return;
     }
-    cpu_set_t others = before_;
-    CPU_CLR(static_cast<std::size_t>(cpu), &others);
-    left_ = pthread_setaffinity_np(pthread_self(), sizeof others, &others) == 0;
+    cpu_set_t changed = before_;
+    if (change == Change::Include) {
+        CPU_SET(static_cast<std::size_t>(cpu), &changed);
+    } else if (CPU_COUNT(&before_) > 1) {
+        CPU_CLR(static_cast<std::size_t>(cpu), &changed);
+    }
+    changed_ = pthread_setaffinity_np(pthread_self(), sizeof changed, &changed) == 0;
 }
 
-AwayFrom::~AwayFrom() {
-    if (left_) {
+ScopedAffinity::~ScopedAffinity() {
+    if (changed_) {
         pthread_setaffinity_np(pthread_self(), sizeof before_, &before_);
     }
+}
+
+pthread_t create_thread(void* (*entry)(void*), void* argument, std::size_t stack_bytes, const char* what) {
+    pthread_t thread{};
+    pthread_attr_t attributes;
+    int error = pthread_attr_init(&attributes);
+    if (error == 0) {
+        error = pthread_attr_setstacksize(&attributes, stack_bytes);
+        error = error == 0 ? pthread_create(&thread, &attributes, entry, argument) : error;
+        pthread_attr_destroy(&attributes);
+    }
+    if (error != 0) {
+        throw std::system_error(error, std::system_category(), what);
+    }
+    return thread;
 }
 
 void prepare_side_thread(int priority, int loop_cpu) {
@@ -168,7 +186,7 @@ void prepare_side_thread(int priority, int loop_cpu) {
         CPU_CLR(static_cast<std::size_t>(avoided), &allowed);
         pthread_setaffinity_np(pthread_self(), sizeof allowed, &allowed);
     }
-    // The limit that was granted for the loop may end at the loop's own priority.
+    // RLIMIT_RTPRIO may have been granted only up to the loop's own priority.
     for (const int wanted : {priority, priority - 1}) {
         sched_param parameters{};
         parameters.sched_priority = wanted;

@@ -1,6 +1,8 @@
-// What a process and its real-time thread ask of the kernel before the first tick, and what to do where it refuses.
+// Real-time setup of the process and its threads: memory locking, SCHED_FIFO, processor affinity, stack; and the remedy
+// for each privilege that the kernel refuses.
 #pragma once
 
+#include <pthread.h>
 #include <sched.h>
 
 #include <cstddef>
@@ -9,64 +11,69 @@
 
 namespace haptic::rt {
 
-/// Something that the kernel refused.
+/// A request that the kernel refused.
 struct MissingPrivilege {
-    std::string what;    // what does not hold now
-    std::string needs;   // which limit or capability would allow it
+    std::string what;    // the consequence, such as "memory is not locked"
+    std::string needs;   // the limit or capability that would allow it
     std::string remedy;  // the command or configuration lines that grant it
 };
 
-/// As the thread really runs; goes into the report.
+/// Actual real-time state of the process and the loop's thread; part of the report.
 struct RealtimeSetup {
-    std::string kernel;  // release and version of uname
+    std::string kernel;  // release and version from uname
     bool preempt_rt = false;
     std::string policy = "SCHED_OTHER";
     int priority = 0;
-    int cpu = -1;  // pinned to; -1: not pinned
+    int cpu = -1;  // processor that the thread is pinned to; -1: not pinned
     bool memory_locked = false;
-    int idle_exit_us = -1;  // asked of the kernel as long as the loop lives; -1: nothing was asked, or it refused
+    int idle_exit_us = -1;  // limit of the idle exit latency while the loop lives; -1: not requested, or refused
     std::vector<MissingPrivilege> missing;
 
     [[nodiscard]] bool degraded() const noexcept { return !missing.empty(); }
 };
 
-/// A PREEMPT_RT kernel says so in uname's version; /sys/kernel/realtime is missing on some.
+/// Recognises a PREEMPT_RT kernel by uname's version, because /sys/kernel/realtime is missing on some.
 [[nodiscard]] bool is_preempt_rt(const std::string& uname_version);
 
 /// Release and version of the running kernel.
 [[nodiscard]] std::string kernel_name();
 
-/// The process: locks all memory, present and future, and keeps the allocator from giving any back, so that no page has
-/// to be fetched in a tick. Call it before the thread is started and after everything large is allocated.
+/// Prepares the process: locks all present and future memory and keeps freed memory, so that no tick page-faults. Call
+/// after everything large is allocated and before the thread is started. A refusal is added to setup.missing.
 void prepare_process(RealtimeSetup& setup);
 
-/// The calling thread: SCHED_FIFO at a priority (1..98), pinned to a processor (-1: choose_cpu() of
-/// cpu_list.hpp), stack touched. Each refusal is added to setup.missing; the others still take effect.
+/// Prepares the calling thread as the loop's: touches its stack, pins it to a processor (-1: choose_cpu() of
+/// cpu_list.hpp), sets SCHED_FIFO at a priority (1..98). Each refusal is added to setup.missing; the rest still takes
+/// effect.
 void prepare_thread(RealtimeSetup& setup, int priority, int cpu);
 
-/// A thread that looks after the loop: SCHED_FIFO at a priority where the kernel allows it, and on any processor but
-/// the loop's (as for prepare_thread) if there is another. Where it is refused the thread goes on as it is.
+/// Prepares the calling thread as one that supervises the loop: SCHED_FIFO at a priority, and any processor except the
+/// loop's (as in prepare_thread) if there is another. Refusals are ignored.
 void prepare_side_thread(int priority, int loop_cpu);
 
-/// Keeps the calling thread off a processor for as long as this lives, if there is another one; -1: off none. Whatever
-/// the thread starts meanwhile is kept off it too.
-class AwayFrom {
+/// RAII change of the calling thread's processor affinity, inherited by whatever it starts meanwhile. No change if cpu
+/// is -1, if the kernel refuses, or if Exclude would leave no processor.
+class ScopedAffinity {
   public:
-    explicit AwayFrom(int cpu);
-    AwayFrom(const AwayFrom&) = delete;
-    AwayFrom& operator=(const AwayFrom&) = delete;
-    ~AwayFrom();
+    enum class Change { Include, Exclude };
+    ScopedAffinity(int cpu, Change change);
+    ScopedAffinity(const ScopedAffinity&) = delete;
+    ScopedAffinity& operator=(const ScopedAffinity&) = delete;
+    ~ScopedAffinity();
 
   private:
     cpu_set_t before_{};
-    bool left_ = false;
+    bool changed_ = false;
 };
 
-/// Bytes of stack of such a thread.
+/// Creates a thread with a stack of stack_bytes. Throws std::system_error with `what`.
+[[nodiscard]] pthread_t create_thread(void* (*entry)(void*), void* argument, std::size_t stack_bytes, const char* what);
+
+/// Stack size of a supervising thread, bytes.
 inline constexpr std::size_t kSideStackBytes = std::size_t{1} << 20;
 
-/// Bytes of stack that the real-time thread has, of which glibc takes its thread-local storage, a sanitizer's included;
-/// and that it touches: a tick needs a fraction of it.
+/// Stack size of the real-time thread, bytes, which includes glibc's and the sanitizers' thread-local storage; and the
+/// part of it that is touched in advance. A tick needs a fraction of either.
 inline constexpr std::size_t kStackBytes = std::size_t{4} << 20;
 inline constexpr std::size_t kTouchedStackBytes = std::size_t{1} << 19;
 

@@ -1,20 +1,21 @@
-// The configuration of the process: rt-core/config/rt-core.toml says what each key means and what it may be.
+// Settings of rt-core: everything that its configuration file says. setting_tables.cpp describes each key.
 #pragma once
 
 #include <cstddef>
 #include <optional>
-#include <string_view>
+#include <string>
 
-#include <haptic/config.hpp>
-#include <haptic/device/board_options.hpp>
-#include <haptic/device/grip_mechanics.hpp>
-#include "transport/serial_transport.hpp"
+#include "haptic/config.hpp"
+#include "haptic/device/board_options.hpp"
+#include "haptic/device/grip_mechanics.hpp"
+#include "haptic/device/tty_board.hpp"
+#include "haptic/setting_documents.hpp"
 #include "process/loop.hpp"
 #include "process/stop_input.hpp"
-#include "tick/tick.hpp"
-#include "tick/tick_probes.hpp"
 #include "process/usb_settings.hpp"
 #include "process/watchdog.hpp"
+#include "tick/tick.hpp"
+#include "tick/tick_probes.hpp"
 
 namespace haptic::rt {
 
@@ -22,27 +23,24 @@ struct Settings {
     TickSettings tick;
     LoopSettings loop;
     device::BoardOptions board;
-    std::optional<device::GripMechanics> mechanics;  // of the emulated device; nothing for an ideal hand
+    std::optional<device::GripMechanics> mechanics;  // of the emulated device; none: the grip follows its recording
     WatchdogSettings watchdog;
     UsbSettings usb;
-    bool rearm = false;  // after the device was lost, wait for it and go on
-    device::SerialTransport::Settings serial;
+    bool rearm = false;  // after the device was lost, wait for it and continue
+    device::TtyBoard::Settings serial;
     GpioStopSettings stop_line;
     ProbeLines probes;
     std::size_t queue_ticks = 16384;  // capacity of the Recorder
-    std::size_t queue_frames = 512;   // likewise; 11 kB each
+    std::size_t queue_frames = 512;   // capacity of the Recorder; 11 kB each
 };
 
-/// Reads every key that there is. Throws ConfigError for a value that is wrong in itself or beside another one, and for
-/// a key that nobody knows.
+/// Reads all keys. Throws ConfigError for a wrong value, for values that contradict each other, and for an unknown key.
 [[nodiscard]] Settings read_settings(const Config& config);
 
-/// Keys device.* that say how a board is spoken to. Throws ConfigError.
-[[nodiscard]] device::BoardOptions read_board_options(const Config& config);
-/// Keys device.uart_* that say how a serial line is run. Throws ConfigError.
-[[nodiscard]] device::SerialTransport::Settings read_serial_settings(const Config& config);
+/// The descriptions of all keys, with their defaults.
+[[nodiscard]] SettingReference setting_reference();
 
-/// The commented file with all defaults, as it is installed.
-[[nodiscard]] std::string_view default_config_text() noexcept;
+/// The commented configuration file with all defaults, as installed.
+[[nodiscard]] std::string default_config_text();
 
 }  // namespace haptic::rt

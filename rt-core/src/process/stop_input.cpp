@@ -2,7 +2,6 @@
 
 #include <chrono>
 #include <exception>
-#include <system_error>
 #include <utility>
 
 #include "process/crash_guard.hpp"
@@ -10,21 +9,13 @@
 
 namespace haptic::rt {
 
-StopWatch::StopWatch(std::unique_ptr<StopLine> line, std::function<void()> stop)
+StopLineMonitor::StopLineMonitor(std::unique_ptr<StopLine> line, std::function<void()> stop)
     : line_(std::move(line)), stop_(std::move(stop)) {
-    pthread_attr_t attributes;
-    int error = pthread_attr_init(&attributes);
-    if (error == 0) {
-        error = pthread_attr_setstacksize(&attributes, kSideStackBytes);
-        error = error == 0 ? pthread_create(&thread_, &attributes, &StopWatch::thread_entry, this) : error;
-        pthread_attr_destroy(&attributes);
-    }
-    if (error != 0) {
-        throw std::system_error(error, std::system_category(), "creating the thread that watches the stop line");
-    }
+    thread_ = create_thread(&StopLineMonitor::thread_entry, this, kSideStackBytes,
+                            "creating the thread that monitors the stop line");
 }
 
-StopWatch::~StopWatch() {
+StopLineMonitor::~StopLineMonitor() {
     {
         const std::lock_guard lock(mutex_);
         ending_ = true;
@@ -33,35 +24,36 @@ StopWatch::~StopWatch() {
     pthread_join(thread_, nullptr);
 }
 
-void* StopWatch::thread_entry(void* self) {
+void* StopLineMonitor::thread_entry(void* self) {
     const AlternateSignalStack signal_stack;
-    static_cast<StopWatch*>(self)->watch();
+    static_cast<StopLineMonitor*>(self)->monitor();
     return nullptr;
 }
 
-bool StopWatch::look() {
+bool StopLineMonitor::poll() {
     try {
         if (!line_->says_stop()) {
             return false;
         }
-        reason_ = "the stop line says so";
+        reason_ = "the stop line is active";
     } catch (const std::exception& error) {
         reason_ = std::string("the stop line cannot be read: ") + error.what();
     }
     return true;
 }
 
-void StopWatch::watch() {
+void StopLineMonitor::monitor() {
     std::unique_lock lock(mutex_);
     while (!ending_) {
         lock.unlock();
-        if (look()) {
+        // Read the line, and call stop_(), without holding the mutex.
+        if (poll()) {
             stopped_.store(true);
             stop_();
             return;
         }
         lock.lock();
-        wake_.wait_for(lock, std::chrono::nanoseconds(kLookNs), [this] { return ending_; });
+        wake_.wait_for(lock, std::chrono::nanoseconds(kPollNs), [this] { return ending_; });
     }
 }
 

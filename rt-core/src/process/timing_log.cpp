@@ -1,5 +1,8 @@
 #include "process/timing_log.hpp"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 
 namespace haptic::rt {
@@ -22,40 +25,58 @@ std::int64_t latency_of(const TimedTick& tick, Latency latency) HAPTIC_RT {
     return -1;
 }
 
-void Course::add(std::int64_t at_ns, std::int64_t value_ns) HAPTIC_RT {
+void PeakHistory::add(std::int64_t at_ns, std::int64_t value_ns) HAPTIC_RT {
     if (start_ns_ < 0) {
         start_ns_ = at_ns;
     }
     const std::int64_t since_ns = std::max<std::int64_t>(0, at_ns - start_ns_);
-    while (since_ns / piece_ns_ >= static_cast<std::int64_t>(kPieces)) {
-        halve();
+    while (since_ns / bin_ns_ >= static_cast<std::int64_t>(kBins)) {
+        merge_pairs();
     }
-    const auto piece = static_cast<std::size_t>(since_ns / piece_ns_);
-    while (used_ <= piece) {
-        largest_ns_[used_++] = -1;
+    const auto bin = static_cast<std::size_t>(since_ns / bin_ns_);
+    while (used_ <= bin) {
+        peaks_ns_[used_++] = -1;
     }
-    largest_ns_[piece] = std::max(largest_ns_[piece], value_ns);
+    peaks_ns_[bin] = std::max(peaks_ns_[bin], value_ns);
 }
 
-void Course::halve() HAPTIC_RT {
+void PeakHistory::merge_pairs() HAPTIC_RT {
     for (std::size_t i = 0; i < used_; i += 2) {
-        largest_ns_[i / 2] = i + 1 < used_ ? std::max(largest_ns_[i], largest_ns_[i + 1]) : largest_ns_[i];
+        peaks_ns_[i / 2] = i + 1 < used_ ? std::max(peaks_ns_[i], peaks_ns_[i + 1]) : peaks_ns_[i];
     }
     used_ = (used_ + 1) / 2;
-    piece_ns_ *= 2;
+    bin_ns_ *= 2;
 }
 
-std::int64_t TimingLog::waited_so_far_ns() const HAPTIC_RT {
-    return waits_ >= 0 ? waited_for_processor_ns(waits_) : -1;
+void TimingLog::attach() {
+    if (schedstat_fd_ >= 0) {
+        close(schedstat_fd_);
+    }
+    // Missing on kernels built without CONFIG_SCHED_INFO; then each tick has waited_ns = -1.
+    schedstat_fd_ = open("/proc/thread-self/schedstat", O_RDONLY | O_CLOEXEC);
+    if (schedstat_fd_ >= 0) {
+        (void)waited_for_processor_ns(schedstat_fd_);  // first read: the kernel allocates its buffer
+    }
+}
+
+TimingLog::~TimingLog() {
+    if (schedstat_fd_ >= 0) {
+        close(schedstat_fd_);
+    }
+}
+
+std::int64_t TimingLog::total_wait_ns() const HAPTIC_RT {
+    return schedstat_fd_ >= 0 ? waited_for_processor_ns(schedstat_fd_) : -1;
 }
 
 void TimingLog::begin() HAPTIC_RT {
-    ++stretches_;
+    ++segments_;
     usage_ = thread_usage();
-    waited_ns_ = waited_so_far_ns();
+    waited_ns_ = total_wait_ns();
 }
 
 void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int64_t missed) HAPTIC_RT {
+    // The times of the tick.
     TimedTick tick;
     tick.number = record.number;
     tick.deadline_ns = record.deadline_ns;
@@ -68,13 +89,15 @@ void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int
     tick.exchange_in = record.exchange_in;
     tick.exchange_out = record.exchange_out;
 
+    // What the kernel counted of the thread since the end of the previous tick.
     const ThreadUsage usage = thread_usage();
     tick.usage = usage - usage_;
     usage_ = usage;
-    const std::int64_t waited_ns = waited_so_far_ns();
+    const std::int64_t waited_ns = total_wait_ns();
     tick.waited_ns = waited_ns >= 0 && waited_ns_ >= 0 ? waited_ns - waited_ns_ : -1;
     waited_ns_ = waited_ns;
 
+    // Totals and peak histories; then an event if the tick is one to explain.
     late_ticks_ += missed > 0 ? 1u : 0u;
     missed_ += static_cast<std::uint64_t>(std::max<std::int64_t>(missed, 0));
     wakeup_.add(tick.now_ns, tick.wakeup_ns());
@@ -89,6 +112,7 @@ void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int
 
 bool TimingLog::keep(const TimedTick& tick) HAPTIC_RT {
     bool kept = false;
+    // Largest value of each latency.
     for (std::size_t i = 0; i < kLatencies; ++i) {
         const auto latency = static_cast<Latency>(i);
         const std::int64_t value_ns = latency_of(tick, latency);
@@ -97,18 +121,19 @@ bool TimingLog::keep(const TimedTick& tick) HAPTIC_RT {
             kept = true;
         }
     }
-    std::size_t place = worst_count_;
-    while (place > 0 && worst_[place - 1].lateness_ns() < tick.lateness_ns()) {
-        --place;
+    // Insertion into the descending list of the latest ticks.
+    std::size_t rank = worst_count_;
+    while (rank > 0 && worst_[rank - 1].lateness_ns() < tick.lateness_ns()) {
+        --rank;
     }
-    if (place == kWorst) {
+    if (rank == kWorst) {
         return kept;
     }
     worst_count_ = std::min(worst_count_ + 1, kWorst);
-    for (std::size_t i = worst_count_ - 1; i > place; --i) {
+    for (std::size_t i = worst_count_ - 1; i > rank; --i) {
         worst_[i] = worst_[i - 1];
     }
-    worst_[place] = tick;
+    worst_[rank] = tick;
     return true;
 }
 

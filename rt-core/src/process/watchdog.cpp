@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
-#include <system_error>
 
-#include <haptic/clock.hpp>
+#include "haptic/clock.hpp"
 #include "process/crash_guard.hpp"
 #include "process/realtime_setup.hpp"
 
@@ -15,11 +14,11 @@ namespace haptic::rt {
 namespace {
 
 constexpr int kExitStatus = 3;  // the run ended in a fault
-constexpr std::int64_t kShortestLookNs = 1'000'000;
-constexpr const char* kMessage = "rt-core: watchdog: the loop hangs and so does the process; leaving it\n";
+constexpr std::int64_t kMinPollNs = 1'000'000;
+constexpr const char* kMessage = "rt-core: watchdog: the loop and the process hang; exiting\n";
 
 void leave() {
-    // Nothing but this: whatever else the process was doing has not come to its end either.
+    // No cleanup, because the rest of the process hangs too.
     [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kMessage, std::strlen(kMessage));
     _exit(kExitStatus);
 }
@@ -28,16 +27,7 @@ void leave() {
 
 Watchdog::Watchdog(const WatchdogSettings& settings, Tick& tick, MotorGate& gate)
     : settings_(settings), tick_(&tick), gate_(&gate) {
-    pthread_attr_t attributes;
-    int error = pthread_attr_init(&attributes);
-    if (error == 0) {
-        error = pthread_attr_setstacksize(&attributes, kSideStackBytes);
-        error = error == 0 ? pthread_create(&thread_, &attributes, &Watchdog::thread_entry, this) : error;
-        pthread_attr_destroy(&attributes);
-    }
-    if (error != 0) {
-        throw std::system_error(error, std::system_category(), "creating the watchdog's thread");
-    }
+    thread_ = create_thread(&Watchdog::thread_entry, this, kSideStackBytes, "creating the watchdog's thread");
 }
 
 Watchdog::~Watchdog() {
@@ -57,7 +47,7 @@ void* Watchdog::thread_entry(void* self) {
     return nullptr;
 }
 
-/// False once the watchdog is to end.
+/// Sleeps until an absolute time; returns false if the watchdog is to end.
 bool Watchdog::wait_until(std::int64_t time_ns) {
     // steady_clock is CLOCK_MONOTONIC.
     const std::chrono::steady_clock::time_point time{std::chrono::nanoseconds(time_ns)};
@@ -66,26 +56,31 @@ bool Watchdog::wait_until(std::int64_t time_ns) {
 }
 
 void Watchdog::watch() {
-    const std::int64_t look_ns = std::max(settings_.limit_ns / SilenceJudge::kLooks, kShortestLookNs);
-    SilenceJudge judge;
-    std::int64_t due_ns = monotonic_now_ns() + look_ns;
+    // Several polls within the limit, so that a single late one cannot fire the watchdog.
+    const std::int64_t poll_ns = std::max(settings_.limit_ns / StallDetector::kChecks, kMinPollNs);
+    StallDetector detector;
+    std::int64_t due_ns = monotonic_now_ns() + poll_ns;
     std::int64_t fired_ns = 0;
     while (wait_until(due_ns)) {
         const std::int64_t now_ns = monotonic_now_ns();
-        const bool late = now_ns - due_ns >= look_ns;
-        due_ns = now_ns + look_ns;
+        // A late poll means that this process was suspended too, so it does not count as silence of the loop.
+        const bool late = now_ns - due_ns >= poll_ns;
+        due_ns = now_ns + poll_ns;
+        // The loop is dead after kChecks polls in a row without a heartbeat.
         const std::uint64_t beats = tick_->heart().beats();
-        const bool dead = judge.dead(beats, late);
+        const bool dead = detector.stalled(beats, late);
         if (fired_ns == 0) {
             if (!dead) {
                 continue;
             }
+            // Disarm the tick, and set the motors to zero.
             fired_ns = now_ns;
             tick_->cut(HAPTIC_FAULT_WATCHDOG);
             gate_->close();
             fired_.store(true);
         } else if (beats != 0) {
-            gate_->close();  // the command that was under way may have come through since
+            // Motors are at zero. Leave the process if the loop does not end within the grace period.
+            gate_->close();  // overrides a command that was under way at the first close()
             if (now_ns - fired_ns >= settings_.grace_ns) {
                 (settings_.last_resort != nullptr ? settings_.last_resort : &leave)();
             }

@@ -1,15 +1,16 @@
-// Zeros to the motors when the loop hangs: a thread of its own that looks whether ticks still end.
+// Watchdog: a thread that polls whether ticks still complete, and sets the motors to zero when the loop hangs.
 //
-// It sleeps nearly always, and takes microseconds when it does not, so it may and does run above the loop (one priority
-// higher, where the kernel allows that) and on another processor if there is one: a loop that spins for ever cannot
-// keep it from running. It measures silence in looks of its own that came in time, not by the clock, so that stopping
-// the whole process (SIGSTOP, a debugger) for however long and letting it go on is no silence of the loop.
+// It sleeps nearly all the time and needs microseconds per poll. Therefore it runs at one priority above the loop
+// (where the kernel allows it) and on another processor if there is one, so that a loop that spins forever cannot
+// starve it. It measures silence in its own timely polls, not by the clock: suspending and resuming the whole process
+// (SIGSTOP, a debugger) does not count as silence of the loop.
 //
-// What happens when the loop is silent:
-//   after the limit (to 1.25 of it)    the gate is closed and zeros are sent, again at each further look; the tick, if
-//                                      it ever goes on, is disarmed at once, with HAPTIC_FAULT_WATCHDOG
-//   when the loop has ended after all  nothing more: the process ends in its normal way
-//   a grace later                      last_resort: the process is left even if its main thread hangs too
+// When the loop is silent:
+//   after limit_ns (up to 1.25 of it)  the gate is closed and zeros are sent, again at each further poll; the tick, if
+//   it
+//                                      ever continues, is disarmed at once with HAPTIC_FAULT_WATCHDOG
+//   if the loop ends after all         nothing more: the process ends in its normal way
+//   grace_ns later                     last_resort: exits the process, even if its main thread hangs too
 #pragma once
 
 #include <pthread.h>
@@ -25,24 +26,24 @@
 namespace haptic::rt {
 
 struct WatchdogSettings {
-    std::int64_t limit_ns = 100'000'000;    // ns, without the end of a tick
-    std::int64_t grace_ns = 5'000'000'000;  // ns, from then until last_resort
-    int priority = 81;                      // SCHED_FIFO; goes on without where that is refused
-    int loop_cpu = -1;                      // processor to keep away from, as LoopSettings::cpu
-    void (*last_resort)() = nullptr;        // nullptr: a line to standard error, then _exit(3)
+    std::int64_t limit_ns = 100'000'000;    // ns, longest time without a completed tick
+    std::int64_t grace_ns = 5'000'000'000;  // ns, from firing until last_resort
+    int priority = 81;                      // SCHED_FIFO; a refusal is ignored
+    int loop_cpu = -1;                      // processor to avoid, as LoopSettings::cpu
+    void (*last_resort)() = nullptr;        // nullptr: prints a line to standard error, then _exit(3)
 };
 
 class Watchdog {
   public:
-    /// Starts to look at once; judges only while the tick's heart beats, or has begun to. Tick and gate must outlive
-    /// it, and it must outlive the loop. Throws std::system_error if there is no thread to be had.
+    /// Starts polling at once; judges only while a loop runs the tick. Tick and gate must outlive the watchdog, which
+    /// must outlive the loop. Throws std::system_error if the thread cannot be created.
     Watchdog(const WatchdogSettings& settings, Tick& tick, MotorGate& gate);
     Watchdog(const Watchdog&) = delete;
     Watchdog& operator=(const Watchdog&) = delete;
-    /// Waits for nothing but the end of a look.
+    /// Waits for the end of the current poll at most.
     ~Watchdog();
 
-    /// Zeros were sent.
+    /// True once zeros were sent.
     [[nodiscard]] bool fired() const noexcept { return fired_.load(); }
 
   private:
@@ -56,7 +57,7 @@ class Watchdog {
     std::atomic<bool> fired_{false};
     std::mutex mutex_;
     std::condition_variable stop_;
-    bool stopping_ = false;  // under the mutex
+    bool stopping_ = false;  // guarded by mutex_
     pthread_t thread_{};
 };
 

@@ -3,23 +3,23 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 
-#include <haptic/rt/finite.hpp>
+#include "haptic/numeric.hpp"
 
 namespace haptic::rt {
 namespace {
 
-/// Shortens v to a length; true if it was longer.
+/// Shortens v to a length. Returns true if it was longer.
 bool shorten(Vec3& v, double length) HAPTIC_RT {
     const double present = glm::length(v);
     if (present <= length) {
         return false;
     }
-    // Where the square of a huge vector overflows there is no direction left to keep.
+    // If the squared length overflowed, the direction is lost: zero.
     v = std::isfinite(present) ? v * (length / present) : Vec3(0.0);
     return true;
 }
 
-/// Moves from toward to by at most a distance; true if it did not get there.
+/// Replaces `to` by the point at most `distance` from `from` towards it. Returns true if `to` was farther.
 bool approach(const Vec3& from, Vec3& to, double distance) HAPTIC_RT {
     Vec3 step = to - from;
     if (!shorten(step, distance)) {
@@ -33,14 +33,15 @@ bool approach(const Vec3& from, Vec3& to, double distance) HAPTIC_RT {
 
 WrenchLimiter::Result WrenchLimiter::apply(const Wrench& wanted, std::int64_t elapsed_ns) HAPTIC_RT {
     Result result;
-    result.wrench.force = finite(wanted.force) ? wanted.force : Vec3(0.0);
-    result.wrench.torque = finite(wanted.torque) ? wanted.torque : Vec3(0.0);
+    result.wrench.force = is_finite(wanted.force) ? wanted.force : Vec3(0.0);
+    result.wrench.torque = is_finite(wanted.torque) ? wanted.torque : Vec3(0.0);
 
+    // Size, keeping the direction.
     const bool force_large = shorten(result.wrench.force, limits_.force);
     const bool torque_large = shorten(result.wrench.torque, limits_.torque);
     result.size_limited = force_large || torque_large;
 
-    // Both ends of a step lie in the same ball, so what lies between them does too.
+    // Rate. Both ends of the step lie in the ball of the size limit, which is convex, so the result does too.
     const double dt = seconds(elapsed_ns);
     const bool force_fast = approach(last_.force, result.wrench.force, limits_.force_rate * dt);
     const bool torque_fast = approach(last_.torque, result.wrench.torque, limits_.torque_rate * dt);

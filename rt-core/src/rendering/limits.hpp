@@ -1,22 +1,22 @@
-// Bounds of the wrench and of its rate, whatever a simulation asks for.
+// Wrench limiter: bounds on the size of the wrench and on its rate, whatever a simulation asks for.
 #pragma once
 
 #include <cstdint>
 
-#include <haptic/realtime.hpp>
-#include <haptic/types.hpp>
+#include "haptic/realtime.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::rt {
 
 struct WrenchLimits {
-    double force = 8.0;          // N; the X3R frame could make about 30, a hand is startled by far less
+    double force = 8.0;          // N; the strings of an X3R could make about 30, but far less startles a hand
     double torque = 0.15;        // N*m
-    double force_rate = 1000.0;  // N/s: a stiffness of 2000 N/m met at 0.5 m/s, so that contact is never blunted by it
+    double force_rate = 1000.0;  // N/s: a stiffness of 2000 N/m hit at 0.5 m/s, so it never softens a contact
     double torque_rate = 20.0;   // N*m/s
 };
 
-/// Limits size (direction is kept) and then rate. Each tick's result is within the limits of size, and differs from the
-/// last by no more than rate times time.
+/// Limits first the size (keeping the direction), then the rate. The result is within the size limits, and differs from
+/// the last result by at most rate times time.
 class WrenchLimiter {
   public:
     explicit WrenchLimiter(const WrenchLimits& limits) : limits_(limits) {}

@@ -6,25 +6,25 @@
 namespace haptic::rt {
 namespace {
 
-// Rounding of coordinates and offsets, relative to the largest of them and 1 m: a plane is kept to this.
+// Relative to the largest coordinate or offset and 1 m: tolerance for lying on a plane.
 constexpr double kRounding = 1e-12;
 
-// How much further than the deepest violation the proxy may be moved. Planes that face one another and open by an angle
-// of a meet at 1 / a times their overlap: below half a degree they are a slit, and not a way out.
-constexpr double kLongestMove = 100.0;
+// Longest displacement of the proxy, in units of the deepest violation. Planes that open by an angle a meet at 1 / a
+// times their overlap: below half a degree they are treated as a slit, not as an edge to move to.
+constexpr double kMaxMove = 100.0;
 
-// Two normals, or three, whose Gram determinant is below this are linearly dependent as far as rounding can tell.
+// Gram determinant below which two or three normals count as linearly dependent.
 constexpr double kDependent = 1e-14;
 
-// m, no point of a scene is further away in the device's frame; products of lengths up to it cannot overflow.
-constexpr double kFarthest = 1e6;
+// m, bound on coordinates in the device frame: products of such lengths cannot overflow.
+constexpr double kMaxCoordinate = 1e6;
 
-// Squared; normals are of unit length, up to the rounding that the reader of a frame allows.
-constexpr double kLongestNormal = 1.01;
+// Squared length; normals are unit vectors up to the rounding that the contact frame's check allows.
+constexpr double kMaxNormalSquared = 1.01;
 
 using Planes = std::span<const HalfSpace>;
 
-/// How far a plane wants the point moved along its normal, m; negative where the point is free of it.
+/// m, depth of the point behind the plane; negative in front of it.
 double violation(const HalfSpace& plane, const Vec3& point) HAPTIC_RT {
     return plane.offset - glm::dot(plane.normal, point);
 }
@@ -37,16 +37,16 @@ double largest_violation(Planes planes, const Vec3& point) HAPTIC_RT {
     return largest;
 }
 
-/// A linear equation dot(row, move) = value.
+/// Linear equation dot(row, move) = value for a displacement of the target.
 struct Equation {
     Vec3 row;
     double value;
 };
 
-/// The shortest move that fulfils two equations. False if the rows are parallel.
+/// The shortest displacement that satisfies two equations. False if the rows are parallel.
 bool shortest_move(const Equation& a, const Equation& b, Vec3& move) HAPTIC_RT {
-    // In the plane of both rows, across one and the other: the cross product keeps its accuracy where the rows are
-    // nearly parallel and the determinant of their Gram matrix, formed from products, would lose it.
+    // The minimum-norm solution lies in the plane of both rows, as a combination of their perpendiculars there. The
+    // cross product stays accurate for nearly parallel rows, where the determinant of the Gram matrix cancels.
     const Vec3 axis = glm::cross(a.row, b.row);
     const double gram = glm::dot(axis, axis);
     if (!(gram > kDependent * glm::dot(a.row, a.row) * glm::dot(b.row, b.row))) {
@@ -56,8 +56,9 @@ bool shortest_move(const Equation& a, const Equation& b, Vec3& move) HAPTIC_RT {
     return true;
 }
 
-/// The move that fulfils three equations. False if the rows are linearly dependent.
+/// The displacement that satisfies three equations, by Cramer's rule. False if the rows are linearly dependent.
 bool shortest_move(const Equation& a, const Equation& b, const Equation& c, Vec3& move) HAPTIC_RT {
+    // Determinant of the three rows: the volume that they span.
     const Vec3 bc = glm::cross(b.row, c.row);
     const double volume = glm::dot(a.row, bc);
     if (!(volume * volume > kDependent)) {
@@ -67,29 +68,31 @@ bool shortest_move(const Equation& a, const Equation& b, const Equation& c, Vec3
     return true;
 }
 
-Equation onto(const HalfSpace& plane, const Vec3& target) HAPTIC_RT {
+/// The displaced target lies on the plane.
+Equation on_plane(const HalfSpace& plane, const Vec3& target) HAPTIC_RT {
     return {plane.normal, violation(plane, target)};
 }
 
-/// The points at which two planes are violated alike.
-Equation alike(const HalfSpace& a, const HalfSpace& b, const Vec3& target) HAPTIC_RT {
+/// The displaced target violates both planes by the same amount.
+Equation equally_violated(const HalfSpace& a, const HalfSpace& b, const Vec3& target) HAPTIC_RT {
     return {a.normal - b.normal, violation(a, target) - violation(b, target)};
 }
 
-/// The nearest of the points offered that keeps all planes.
-struct NearestAllowed {
+/// Keeps the nearest of the candidate points that satisfies all planes.
+struct NearestFeasible {
     Planes planes;
     Vec3 target;
-    double tolerance;
-    double longest;  // m, moves beyond it are refused
+    double tolerance;  // m
+    double max_move;   // m, longer displacements are rejected
     double squared = 0.0;
     Vec3 position{0.0, 0.0, 0.0};
     bool found = false;
 
-    void offer(const Vec3& move) HAPTIC_RT {
+    void consider(const Vec3& move) HAPTIC_RT {
+        // Feasible within the tolerance, near enough, and nearer than the best so far.
         const double length = glm::dot(move, move);
         const Vec3 point = target + move;
-        const bool allowed = length <= longest * longest && largest_violation(planes, point) <= tolerance;
+        const bool allowed = length <= max_move * max_move && largest_violation(planes, point) <= tolerance;
         if (allowed && (!found || length < squared)) {
             found = true;
             squared = length;
@@ -98,79 +101,85 @@ struct NearestAllowed {
     }
 };
 
-/// The point that violates the planes least, of those offered; the nearest of equals.
+/// Keeps the candidate point with the smallest largest violation; among equals, the nearest.
 struct LeastViolated {
     Planes planes;
     Vec3 target;
-    double tolerance;
-    double longest;
+    double tolerance;  // m
+    double max_move;   // m, longer displacements are rejected
     double violated = 0.0;
     double squared = 0.0;
     Vec3 position{0.0, 0.0, 0.0};
     bool found = false;
 
-    void offer(const Vec3& move) HAPTIC_RT {
+    void consider(const Vec3& move) HAPTIC_RT {
+        // Near enough, and less violated than the best so far, or equally and nearer.
         const double length = glm::dot(move, move);
-        if (!(length <= longest * longest)) {
+        if (!(length <= max_move * max_move)) {
             return;
         }
         const Vec3 point = target + move;
-        const double most = largest_violation(planes, point);
-        if (!found || most < violated - tolerance || (most <= violated + tolerance && length < squared)) {
+        const double largest = largest_violation(planes, point);
+        if (!found || largest < violated - tolerance || (largest <= violated + tolerance && length < squared)) {
             found = true;
-            violated = most;
+            violated = largest;
             squared = length;
             position = point;
         }
     }
 };
 
-NearestAllowed nearest_allowed(Planes planes, const Vec3& target, double tolerance, double longest) HAPTIC_RT {
-    NearestAllowed nearest{planes, target, tolerance, longest};
-    // First each violated plane by itself: no allowed point is nearer than a violation is deep, so where the move onto
-    // its plane is allowed, nothing more need be looked at.
+/// Projection onto the feasible set: tries all active sets of one, two and three planes.
+NearestFeasible nearest_feasible(Planes planes, const Vec3& target, double tolerance, double max_move) HAPTIC_RT {
+    NearestFeasible nearest{planes, target, tolerance, max_move};
+    // One active plane. No feasible point is nearer than a violation is deep, so a feasible point on one violated plane
+    // is the minimum, and no larger active set can be better.
     for (const HalfSpace& plane : planes) {
-        if (const Equation on = onto(plane, target); on.value > 0.0) {
-            nearest.offer(on.row * on.value);
+        if (const Equation on = on_plane(plane, target); on.value > 0.0) {
+            nearest.consider(on.row * on.value);
         }
     }
     if (nearest.found || planes.size() == 1) {
         return nearest;
     }
+    // Two active planes: the nearest point of their edge.
     Vec3 move{0.0, 0.0, 0.0};
     for (std::size_t i = 0; i < planes.size(); ++i) {
-        const Equation on_i = onto(planes[i], target);
+        const Equation on_i = on_plane(planes[i], target);
         for (std::size_t j = i + 1; j < planes.size(); ++j) {
-            if (shortest_move(on_i, onto(planes[j], target), move)) {
-                nearest.offer(move);
+            if (shortest_move(on_i, on_plane(planes[j], target), move)) {
+                nearest.consider(move);
             }
         }
     }
+    // Three active planes: their corner.
     if (planes.size() == kMaxPlanes &&
-        shortest_move(onto(planes[0], target), onto(planes[1], target), onto(planes[2], target), move)) {
-        nearest.offer(move);
+        shortest_move(on_plane(planes[0], target), on_plane(planes[1], target), on_plane(planes[2], target), move)) {
+        nearest.consider(move);
     }
     return nearest;
 }
 
-/// Where half-spaces leave no point, their normals depend on one another with positive weights, and the smallest
-/// largest violation is found where two that oppose, or all three, are violated alike.
-LeastViolated least_violated(Planes planes, const Vec3& target, double tolerance, double longest) HAPTIC_RT {
-    LeastViolated least{planes, target, tolerance, longest};
+/// Minimises the largest violation where the half-spaces have no common point. A positive combination of the normals
+/// then vanishes, and at the minimum two opposing planes, or all three, are violated equally.
+LeastViolated least_violated(Planes planes, const Vec3& target, double tolerance, double max_move) HAPTIC_RT {
+    LeastViolated least{planes, target, tolerance, max_move};
+    // The target itself, then two equally violated planes.
     Vec3 move{0.0, 0.0, 0.0};
-    least.offer(move);
+    least.consider(move);
     for (std::size_t i = 0; i < planes.size(); ++i) {
         for (std::size_t j = i + 1; j < planes.size(); ++j) {
-            const Equation both = alike(planes[i], planes[j], target);
+            const Equation both = equally_violated(planes[i], planes[j], target);
             const double squared = glm::dot(both.row, both.row);
             if (squared > kDependent) {
-                least.offer(both.row * (both.value / squared));
+                least.consider(both.row * (both.value / squared));
             }
         }
     }
-    if (planes.size() == kMaxPlanes &&
-        shortest_move(alike(planes[0], planes[1], target), alike(planes[0], planes[2], target), move)) {
-        least.offer(move);
+    // Three equally violated planes: two equations make three violations equal.
+    if (planes.size() == kMaxPlanes && shortest_move(equally_violated(planes[0], planes[1], target),
+                                                     equally_violated(planes[0], planes[2], target), move)) {
+        least.consider(move);
     }
     return least;
 }
@@ -180,40 +189,47 @@ LeastViolated least_violated(Planes planes, const Vec3& target, double tolerance
 LocalProxy project(const Vec3& target, std::span<const HalfSpace> all_planes) HAPTIC_RT {
     LocalProxy proxy;
     const Planes planes = all_planes.first(std::min(all_planes.size(), kMaxPlanes));
+    // Reject input that is not finite or too large; `scale` is the magnitude that rounding is relative to.
     double scale = 1.0;
     bool usable = true;
     for (const double coordinate : {target.x, target.y, target.z}) {
-        usable = usable && std::abs(coordinate) < kFarthest;
+        usable = usable && std::abs(coordinate) < kMaxCoordinate;
         scale = std::max(scale, std::abs(coordinate));
     }
+    // Unusable coordinates must not be published: use the origin instead.
     proxy.position = usable ? target : Vec3{0.0, 0.0, 0.0};
     for (const HalfSpace& plane : planes) {
-        usable = usable && std::abs(plane.offset) < kFarthest && glm::dot(plane.normal, plane.normal) < kLongestNormal;
+        usable = usable && std::abs(plane.offset) < kMaxCoordinate &&
+                 glm::dot(plane.normal, plane.normal) < kMaxNormalSquared;
         scale = std::max(scale, std::abs(plane.offset));
     }
     proxy.feasible = usable;
     if (!usable || planes.empty()) {
         return proxy;
     }
+    // Free motion: the proxy is the target.
     const double deepest = largest_violation(planes, target);
     if (!(deepest > 0.0)) {
         return proxy;
     }
+    // Bounds of the search: rounding, and the longest accepted displacement.
     const double tolerance = kRounding * scale;
-    const double longest = kLongestMove * deepest + tolerance;
+    const double max_move = kMaxMove * deepest + tolerance;
 
-    const NearestAllowed nearest = nearest_allowed(planes, target, tolerance, longest);
-    double held_at = 0.0;  // m, the violation at which a plane holds the proxy
+    // Projection, or the least violated point if there is no feasible one near enough.
+    const NearestFeasible nearest = nearest_feasible(planes, target, tolerance, max_move);
+    double active_violation = 0.0;  // m, the violation of the planes that hold the proxy
     if (nearest.found) {
         proxy.position = nearest.position;
     } else {
-        const LeastViolated least = least_violated(planes, target, tolerance, longest);
+        const LeastViolated least = least_violated(planes, target, tolerance, max_move);
         proxy.position = least.position;
         proxy.feasible = false;
-        held_at = least.violated;
+        active_violation = least.violated;
     }
+    // Active planes: those that the proxy touches, or violates like the worst.
     for (std::size_t k = 0; k < planes.size(); ++k) {
-        if (violation(planes[k], proxy.position) >= held_at - 2.0 * tolerance) {
+        if (violation(planes[k], proxy.position) >= active_violation - 2.0 * tolerance) {
             proxy.active = static_cast<std::uint8_t>(proxy.active | (1U << k));
         }
     }
@@ -222,7 +238,7 @@ LocalProxy project(const Vec3& target, std::span<const HalfSpace> all_planes) HA
 
 HalfSpace plane_at(const ContactPlane& plane, std::int64_t plane_time_ns, std::int64_t time_ns,
                    std::int64_t horizon_ns) HAPTIC_RT {
-    // Times come from another process: their difference may not fit.
+    // The times come from another process: their difference may overflow.
     std::int64_t age_ns = 0;
     if (time_ns > plane_time_ns && __builtin_sub_overflow(time_ns, plane_time_ns, &age_ns)) {
         age_ns = horizon_ns;

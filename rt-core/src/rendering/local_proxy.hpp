@@ -1,34 +1,35 @@
-// The proxy of the haptic rate: the point nearest to the device that up to three half-spaces allow.
+// Local proxy: the point nearest to the device that up to three half-spaces allow, recomputed at the haptic rate.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <span>
 
-#include <haptic/frames.hpp>
-#include <haptic/realtime.hpp>
-#include <haptic/types.hpp>
+#include "haptic/frames.hpp"
+#include "haptic/realtime.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::rt {
 
 struct LocalProxy {
     Vec3 position{0.0, 0.0, 0.0};  // m
-    std::uint8_t active = 0;       // bit k: plane k holds the proxy, the proxy lies on it (if feasible)
-    bool feasible = true;          // false: the planes leave no point; position then minimises the largest violation
+    std::uint8_t active = 0;       // bit k: plane k holds the proxy; if feasible, the proxy lies on it
+    bool feasible = true;          // false: no point satisfies all planes; position minimises the largest violation
 };
 
-/// Exact minimiser of |x - target|^2 over the half-spaces, by enumeration of the active sets (at most eight), not by
-/// iteration. At most kMaxPlanes planes, further ones are ignored. Independent of their order up to rounding.
+/// Projects target onto the intersection of half-spaces: exact minimiser of |x - target|^2, by enumeration of the
+/// active sets (at most eight). At most kMaxPlanes planes; further ones are ignored. Independent of their order up to
+/// rounding. Constant time.
 ///
-/// Planes that face one another and open so little that they meet only 100 times their overlap away (half a degree)
-/// count as leaving no point: a proxy that leapt to where they meet would be felt as a blow. Where no point is left,
-/// the position is that of least violation nearest to the target, for normals that oppose (a slit: half-way) as for
-/// three that close a prism. With a target or plane that is not finite or beyond 1e6 m nothing is held: position is the
-/// target if that is usable, else the origin, and feasible is false.
+/// Opposing planes that meet only 100 times their overlap away (an opening angle of half a degree) count as infeasible:
+/// a proxy that jumped there would be felt as a blow. In the infeasible case the position is the point of least
+/// violation nearest to the target: half-way for two opposing planes, and similarly for three that form a closed prism.
+/// A target or plane that is not finite or beyond 1e6 m gives no contact: position is the target if usable, else the
+/// origin, and feasible is false.
 [[nodiscard]] LocalProxy project(const Vec3& target, std::span<const HalfSpace> planes) HAPTIC_RT;
 
-/// The half-space that a contact plane stands for at a time: its offset moved on by its velocity, for at most
-/// `horizon_ns` after plane_time_ns and not before it.
+/// Half-space of a contact plane at time_ns: its offset extrapolated with its velocity, by at most horizon_ns beyond
+/// plane_time_ns, and never backwards.
 [[nodiscard]] HalfSpace plane_at(const ContactPlane& plane, std::int64_t plane_time_ns, std::int64_t time_ns,
                                  std::int64_t horizon_ns) HAPTIC_RT;
 

@@ -5,21 +5,22 @@
 #include <glm/geometric.hpp>
 #include <limits>
 
-#include <haptic/rt/finite.hpp>
+#include "haptic/numeric.hpp"
 
 namespace haptic::rt {
 namespace {
 
-// Below this part of the allowance the budget ends smoothly and never quite: a wall that owes could else not push, take
-// nothing in, and so owe for ever; and at rest the encoders' last count would switch it on and off.
+// Share of the allowance below which the budget falls off smoothly and never reaches zero. A wall in debt could
+// otherwise not push, take in nothing, and stay in debt; and at rest the last count of the encoders would switch it on
+// and off.
 constexpr double kSoftEnd = 0.1;
 
 bool is_zero(const Wrench& wrench) HAPTIC_RT {
     return wrench.force == Vec3(0.0) && wrench.torque == Vec3(0.0);
 }
 
-/// What may be spent with `left` of the allowance: all of it, and below `soft` less and less. The slope is continuous,
-/// and spending all of it tick after tick takes no more than 17 soft in a thousand ticks.
+/// J that may be spent with `left` remaining: all of it, and below `soft` progressively less. The slope is continuous.
+/// Spending the whole budget every tick takes at most 17 soft in a thousand ticks.
 double budget_of(double left, double soft) HAPTIC_RT {
     if (left >= soft) {
         return left;
@@ -32,16 +33,16 @@ double ratio(double limit, double value) HAPTIC_RT {
     return value > limit ? limit / value : 1.0;
 }
 
-/// What a surface takes out of the springs as it goes, of the part `energy` of what they may keep: as large a part. One
-/// that has jumped without saying so left more in the springs than ever came in, and must not owe for taking it back.
-double taken_along(double surface, double energy, double keep) HAPTIC_RT {
+/// J, work credited to a moving surface. Of a receding one (negative) only the share energy / keep counts: a surface
+/// that jumped unannounced left more in the springs than was credited, and taking it back must not become debt.
+double credited_work(double surface, double energy, double keep) HAPTIC_RT {
     return surface < 0.0 && keep > 0.0 ? surface * std::clamp(energy / keep, 0.0, 1.0) : surface;
 }
 
-/// alpha that pays `debt` with a displacement in a time, at most `largest`.
+/// alpha, at most `largest`, that pays back `debt` (J) in another tick with the same displacement.
 double paying_damping(double debt, const Vec3& displacement, double elapsed_s, double largest) HAPTIC_RT {
     const double square = glm::dot(displacement, displacement);
-    const double energy = largest * square / elapsed_s;  // that the largest alpha would take in another tick like this
+    const double energy = largest * square / elapsed_s;  // J, that the largest alpha takes in such a tick
     return debt >= energy ? largest : largest * debt / energy;
 }
 
@@ -52,14 +53,17 @@ double affordable_share(double power, double acceleration_power, double period_s
     if (!(budget > 0.0)) {
         return 0.0;
     }
+    // P h + Q h^2 / 2 = budget, in the form without cancellation: h = 2 budget / (P + sqrt(P^2 + 2 Q budget)).
     const double divisor = power + std::sqrt(std::max(0.0, power * power + 2.0 * acceleration_power * budget));
     if (!(divisor > 0.0)) {
-        return 1.0;  // a wrench of nothing
+        return 1.0;  // zero wrench
     }
+    // gamma = 1 fits if h covers a tick of holding and the whole ramp.
     const double h = 2.0 * budget / divisor;
     if (h >= period_s + 0.5 * ramp_s) {
         return 1.0;
     }
+    // Otherwise the positive root of h = gamma (T + gamma tau / 2), in the same form.
     return 2.0 * h / (period_s + std::sqrt(period_s * period_s + 2.0 * ramp_s * h));
 }
 
@@ -72,36 +76,42 @@ void Passivity::reset() HAPTIC_RT {
     surface_power_ = 0.0;
 }
 
-void Passivity::observe(const PassivityMotion& motion, const PassivityWish& wish, bool wished) HAPTIC_RT {
+void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& request, bool requested) HAPTIC_RT {
     const double dt = motion.elapsed_s;
-    const bool counts = motion.asked || wished;
+    const bool counts = motion.requested || requested;
     double translation = 0.0;
     double rotation = 0.0;
-    double eaten = 0.0;  // by the device
-    if (motion.asked) {
-        translation -= glm::dot(motion.held.force, motion.moved);
-        rotation -= glm::dot(motion.held.torque, motion.turned);
+    double dissipated = 0.0;  // by the device
+    // Work of the held wrench, exact over the tick, and the dissipation of the device.
+    if (motion.requested) {
+        translation -= glm::dot(motion.held.force, motion.displacement);
+        rotation -= glm::dot(motion.held.torque, motion.rotation);
     }
     if (counts && dt > 0.0) {
-        const double of_translation = settings_.damping * glm::dot(motion.moved, motion.moved) / dt;
-        const double of_rotation = settings_.rotational_damping * glm::dot(motion.turned, motion.turned) / dt;
+        // b |dx|^2 / dt + b_r |dtheta|^2 / dt, at least.
+        const double of_translation = settings_.damping * glm::dot(motion.displacement, motion.displacement) / dt;
+        const double of_rotation = settings_.rotational_damping * glm::dot(motion.rotation, motion.rotation) / dt;
         translation += of_translation;
         rotation += of_rotation;
-        eaten = of_translation + of_rotation;
+        dissipated = of_translation + of_rotation;
     }
-    const double most = settings_.surface_power;
-    const double now = std::clamp(wish.surface_power, -most, most);
-    const double surface = counts ? 0.5 * (surface_power_ + scale_ * now) * wish.elapsed_s : 0.0;
+    // Trapezoidal rule for the work of the moving surfaces.
+    const double max_power = settings_.surface_power;
+    const double now = std::clamp(request.surface_power, -max_power, max_power);
+    const double surface = counts ? 0.5 * (surface_power_ + scale_ * now) * request.elapsed_s : 0.0;
 
-    const double keep = counts ? wish.stored + settings_.store : 0.0;
-    const double taken = translation + rotation;
-    energy_ = std::min(energy_ + taken + taken_along(surface, energy_, keep), keep);
-    tank_ =
-        std::min(tank_ + taken + taken_along(surface, tank_, keep) - (1.0 - settings_.damping_credit) * eaten, keep);
-    translation_ = std::min(translation_ + translation + taken_along(surface, translation_, keep), keep);
+    // E = min(E + work, stored + store), for each of the observers.
+    const double keep = counts ? request.stored + settings_.store : 0.0;
+    // The tank, which the controller spends, gets only damping_credit of the dissipation.
+    const double absorbed = translation + rotation;
+    energy_ = std::min(energy_ + absorbed + credited_work(surface, energy_, keep), keep);
+    tank_ = std::min(
+        tank_ + absorbed + credited_work(surface, tank_, keep) - (1.0 - settings_.damping_credit) * dissipated, keep);
+    translation_ = std::min(translation_ + translation + credited_work(surface, translation_, keep), keep);
     rotation_ = std::min(rotation_ + rotation, keep);
+    // Without a wrench, debt is forgotten with a time constant and surplus is already cut to zero.
     if (!counts) {
-        const double kept = 1.0 / (1.0 + wish.elapsed_s / settings_.forget_s);
+        const double kept = 1.0 / (1.0 + request.elapsed_s / settings_.forget_s);
         energy_ *= kept;
         tank_ *= kept;
         translation_ *= kept;
@@ -109,88 +119,105 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityWish& wish
         scale_ = 1.0;
         surface_power_ = 0.0;
     } else {
-        surface_power_ = now;  // as far as it will be rendered: apply() scales it
+        surface_power_ = now;  // apply() scales it like the wrench
     }
 }
 
-Passivity::Result Passivity::apply(const PassivityMotion& motion, const PassivityWish& wish) HAPTIC_RT {
-    if (!finite(wish.wrench) || !std::isfinite(wish.stored) || !std::isfinite(wish.surface_power) ||
-        !finite(motion.moved) || !finite(motion.turned) || !finite(motion.held)) {
+Passivity::Result Passivity::apply(const PassivityMotion& motion, const PassivityRequest& request) HAPTIC_RT {
+    // Input that is not finite: zero wrench, and the observers stay as they are.
+    if (!is_finite(request.wrench) || !std::isfinite(request.stored) || !std::isfinite(request.surface_power) ||
+        !is_finite(motion.displacement) || !is_finite(motion.rotation) || !is_finite(motion.held)) {
         return {.wrench = Wrench{}, .scale = 0.0, .acted = true};
     }
-    const bool wished = !is_zero(wish.wrench);
-    observe(motion, wish, wished);
-    if (!wished || settings_.control == PassivityControl::Observe) {
-        return {.wrench = wish.wrench};
+    // Observe first: the energy of the last tick limits the wrench of this one.
+    const bool requested = !is_zero(request.wrench);
+    observe(motion, request, requested);
+    if (!requested || settings_.control == PassivityControl::Observe) {
+        return {.wrench = request.wrench};
     }
-    const Result result = settings_.control == PassivityControl::Bound ? bound(motion, wish) : damp(motion, wish);
+    // The surface works against the scaled wrench, so its power is scaled too.
+    const Result result = settings_.control == PassivityControl::Bound ? bound(motion, request) : damp(motion, request);
     surface_power_ *= result.scale;
     return result;
 }
 
-Passivity::Result Passivity::bound(const PassivityMotion& motion, const PassivityWish& wish) HAPTIC_RT {
-    // Only what the limits of size leave of the wish has to be paid for.
-    const double force = glm::length(wish.wrench.force);
-    const double torque = glm::length(wish.wrench.torque);
+Passivity::Result Passivity::bound(const PassivityMotion& motion, const PassivityRequest& request) HAPTIC_RT {
+    // The size limits apply after this: only what they leave of the wrench has to be paid for.
+    const double force = glm::length(request.wrench.force);
+    const double torque = glm::length(request.wrench.torque);
     const double within = std::min(ratio(limits_.force, force), ratio(limits_.torque, torque));
     const double force_within = within * force;
     const double torque_within = within * torque;
 
+    // P = w . v and Q = |F|^2 / m + |T|^2 / I of the limited wrench, and its ramp time tau.
     double power = 0.0;
     if (motion.elapsed_s > 0.0) {
-        power = within * (glm::dot(wish.wrench.force, motion.moved) + glm::dot(wish.wrench.torque, motion.turned)) /
-                motion.elapsed_s;
+        power =
+            within *
+            (glm::dot(request.wrench.force, motion.displacement) + glm::dot(request.wrench.torque, motion.rotation)) /
+            motion.elapsed_s;
     }
+    // Q, and the longer of the two ramp times to zero.
     const double acceleration_power =
         force_within * force_within / settings_.mass + torque_within * torque_within / settings_.inertia;
     const double ramp_s = std::max(force_within / limits_.force_rate, torque_within / limits_.torque_rate);
+    // Largest affordable gamma.
     const double budget = budget_of(tank_ + settings_.allowance, kSoftEnd * settings_.allowance);
-    const double target = affordable_share(std::max(power, 0.0), acceleration_power, wish.period_s, ramp_s, budget);
-    // While the wrench does work a share that rises would push the hand out, be spent, and fall: a vibration of its
-    // own.
-    const double rise = power > 0.0 ? 0.0 : (1.0 - scale_) * wish.elapsed_s / (wish.elapsed_s + settings_.recovery_s);
+    const double target = affordable_share(std::max(power, 0.0), acceleration_power, request.period_s, ramp_s, budget);
+    // gamma recovers only while the wrench does no work. Otherwise a rising gamma would push the hand out, use up the
+    // budget and fall again, which is a vibration of its own.
+    const double rise =
+        power > 0.0 ? 0.0 : (1.0 - scale_) * request.elapsed_s / (request.elapsed_s + settings_.recovery_s);
+    // gamma falls to the target at once, and rises by at most this tick's recovery.
     const double risen = scale_ + rise;
-    // A scale that is all but 1 is 1, so that a wrench is soon again bit for bit what was wished.
+    // Snap to 1 near 1, so that the wrench soon equals the requested one bit for bit.
     scale_ = std::min(target, risen > 0.999 ? 1.0 : risen);
     if (scale_ >= 1.0) {
-        return {.wrench = wish.wrench};
+        return {.wrench = request.wrench};
     }
+    // gamma w, and the brake -(1 - gamma) d v.
     const double share = scale_ * within;
-    Result result{.wrench = {share * wish.wrench.force, share * wish.wrench.torque}, .scale = scale_, .acted = true};
+    Result result{
+        .wrench = {share * request.wrench.force, share * request.wrench.torque}, .scale = scale_, .acted = true};
     if (motion.elapsed_s > 0.0) {
+        // Brake -(1 - gamma) d v of translation and rotation.
         const double part = (1.0 - scale_) / motion.elapsed_s;
-        const Vec3 brake = part * settings_.brake * motion.moved;
-        const Vec3 turn_brake = part * settings_.rotational_brake * motion.turned;
+        const Vec3 brake = part * settings_.brake * motion.displacement;
+        const Vec3 turn_brake = part * settings_.rotational_brake * motion.rotation;
         result.wrench.force -= brake;
         result.wrench.torque -= turn_brake;
-        // What the brake will take is gone: it may not come back as intake. But a count to and fro at rest makes no
-        // debt.
-        const double taken = glm::dot(brake, motion.moved) + glm::dot(turn_brake, motion.turned);
-        tank_ = std::max(tank_ - taken, std::min(tank_, -settings_.allowance));
+        // The energy of the brake is removed from the tank, so that it cannot be given back; but not below
+        // -allowance, so that a count's jitter at rest makes no debt.
+        const double braked = glm::dot(brake, motion.displacement) + glm::dot(turn_brake, motion.rotation);
+        tank_ = std::max(tank_ - braked, std::min(tank_, -settings_.allowance));
     }
     return result;
 }
 
-Passivity::Result Passivity::damp(const PassivityMotion& motion, const PassivityWish& wish) const HAPTIC_RT {
-    Result result{.wrench = wish.wrench};
+Passivity::Result Passivity::damp(const PassivityMotion& motion, const PassivityRequest& request) const HAPTIC_RT {
+    Result result{.wrench = request.wrench};
     if (!(motion.elapsed_s > 0.0)) {
         return result;
     }
-    if (translation_ < 0.0 && motion.moved != Vec3(0.0)) {
-        const double alpha = paying_damping(-translation_, motion.moved, motion.elapsed_s, settings_.largest_damping);
-        result.wrench.force -= alpha / motion.elapsed_s * motion.moved;
+    // Force -alpha v while the observer of translation is in debt.
+    if (translation_ < 0.0 && motion.displacement != Vec3(0.0)) {
+        const double alpha =
+            paying_damping(-translation_, motion.displacement, motion.elapsed_s, settings_.largest_damping);
+        result.wrench.force -= alpha / motion.elapsed_s * motion.displacement;
         result.acted = true;
     }
-    if (rotation_ < 0.0 && motion.turned != Vec3(0.0)) {
+    // Torque -alpha omega while that of rotation is.
+    if (rotation_ < 0.0 && motion.rotation != Vec3(0.0)) {
         const double alpha =
-            paying_damping(-rotation_, motion.turned, motion.elapsed_s, settings_.largest_rotational_damping);
-        result.wrench.torque -= alpha / motion.elapsed_s * motion.turned;
+            paying_damping(-rotation_, motion.rotation, motion.elapsed_s, settings_.largest_rotational_damping);
+        result.wrench.torque -= alpha / motion.elapsed_s * motion.rotation;
         result.acted = true;
     }
     return result;
 }
 
 double passive_stiffness(double damping, double friction, double resolution, double period_s, double delay_s) {
+    // Limit of a sampled spring with delay, K <= 2 b / (T + 2 delay), and of one read in encoder counts.
     const double sampled = 2.0 * damping / (period_s + 2.0 * delay_s);
     const double quantised =
         friction > 0.0 && resolution > 0.0 ? 2.0 * friction / resolution : std::numeric_limits<double>::infinity();

@@ -3,52 +3,58 @@
 #include <algorithm>
 #include <glm/geometric.hpp>
 
-#include <haptic/rt/finite.hpp>
+#include "haptic/numeric.hpp"
 
 namespace haptic::rt {
 namespace {
 
-// How much faster than the surface the force may change.
+// 1: how much faster than the surface's motion implies the force may change.
 constexpr double kCatchUp = 1.5;
-// N/s, that the force may change while all is at rest: 1 mN a millisecond.
-constexpr double kAtRest = 1.0;
-// m, lever of a tool that is a single point: the radius of a grip.
-constexpr double kLeastLever = 0.02;
+// N/s: how fast the force may change at rest, 1 mN per millisecond.
+constexpr double kRateAtRest = 1.0;
+// m, moment arm of a tool that is a single point: the radius of a grip.
+constexpr double kMinMomentArm = 0.02;
 
-/// Part of a way that `allowed` is enough for, 0..1.
-double share_of(double allowed, double way) HAPTIC_RT {
-    return way > allowed ? allowed / way : 1.0;
+/// Fraction of a change that the bound allows, 0..1.
+double allowed_fraction(double allowed, double change) HAPTIC_RT {
+    return change > allowed ? allowed / change : 1.0;
 }
 
 }  // namespace
 
 Wrench WrenchFollower::follow(const WantedWrench& wanted, double elapsed_s) HAPTIC_RT {
-    const Wrench& to = wanted.wrench;
-    // What has no measure cannot be approached: it is passed on, for the caller to refuse.
-    const double measure = glm::dot(to.force, to.force) + glm::dot(to.torque, to.torque);
-    if (leaps_ || !std::isfinite(measure)) {
-        leaps_ = false;
-        felt_ = std::isfinite(measure) ? to : Wrench{};
-        release_ = 0.0;
-        return to;
+    const Wrench& target = wanted.wrench;
+    // A wrench that is not finite cannot be tracked: it is returned as it is, for the caller to reject.
+    const double squared_size = glm::dot(target.force, target.force) + glm::dot(target.torque, target.torque);
+    if (restarts_ || !std::isfinite(squared_size)) {
+        restarts_ = false;
+        output_ = std::isfinite(squared_size) ? target : Wrench{};
+        release_rate_ = 0.0;
+        return target;
     }
-    const double lever = std::max(wanted.lever, kLeastLever);
-    double allowed = kCatchUp * wanted.travel + wanted.stiffening + kAtRest * elapsed_s;
-    double torque_allowed = kCatchUp * wanted.torque_travel + wanted.torque_stiffening + kAtRest * elapsed_s;
+    // |dF| <= 1.5 sum k |u_i| / N + change of stiffness + (1 N/s) T; torque in N at the moment arm.
+    const double arm = std::max(wanted.max_moment_arm, kMinMomentArm);
+    double allowed = kCatchUp * wanted.force_of_motion + wanted.force_of_stiffness + kRateAtRest * elapsed_s;
+    double torque_allowed = kCatchUp * wanted.torque_of_motion + wanted.torque_of_stiffness + kRateAtRest * elapsed_s;
+    // Out of contact: at least the rate that brings the wrench at the end of contact to zero in release_s.
     if (wanted.in_contact) {
-        release_ = 0.0;
+        release_rate_ = 0.0;
     } else {
-        if (release_ == 0.0) {
-            release_ = std::max(glm::length(felt_.force), glm::length(felt_.torque) / lever) / release_s_;
+        if (release_rate_ == 0.0) {
+            release_rate_ = std::max(glm::length(output_.force), glm::length(output_.torque) / arm) / release_s_;
         }
-        allowed = std::max(allowed, release_ * elapsed_s);
-        torque_allowed = std::max(torque_allowed, release_ * elapsed_s);
+        allowed = std::max(allowed, release_rate_ * elapsed_s);
+        torque_allowed = std::max(torque_allowed, release_rate_ * elapsed_s);
     }
-    const Wrench way{to.force - felt_.force, to.torque - felt_.torque};
-    const double share =
-        std::min(share_of(allowed, glm::length(way.force)), share_of(torque_allowed * lever, glm::length(way.torque)));
-    felt_ = share < 1.0 ? Wrench{felt_.force + share * way.force, felt_.torque + share * way.torque} : to;
-    return felt_;
+    // One fraction for force and torque, so that both arrive together.
+    const Wrench change{target.force - output_.force, target.torque - output_.torque};
+    const double fraction = std::min(allowed_fraction(allowed, glm::length(change.force)),
+                                     allowed_fraction(torque_allowed * arm, glm::length(change.torque)));
+    // Exactly the target once it is within the bound.
+    output_ = fraction < 1.0
+                  ? Wrench{output_.force + fraction * change.force, output_.torque + fraction * change.torque}
+                  : target;
+    return output_;
 }
 
 }  // namespace haptic::rt

@@ -1,9 +1,9 @@
-// Where the tick takes contact frames from: the ring, or a recording.
+// Source of the tick's contact frames: the ring, or a recording.
 #pragma once
 
-#include <haptic/frames.hpp>
-#include <haptic/realtime.hpp>
-#include <haptic/ring.hpp>
+#include "haptic/frames.hpp"
+#include "haptic/realtime.hpp"
+#include "haptic/ring.hpp"
 
 namespace haptic::rt {
 
@@ -11,7 +11,8 @@ class FrameSource {
   public:
     virtual ~FrameSource() = default;
 
-    /// The newest frame if there is one that was not returned before; as RingReader::read_newest().
+    /// Copies the newest frame. Returns false if there is none that was not returned before; as
+    /// RingReader::read_newest().
     [[nodiscard]] virtual bool read_newest(ContactFrame& frame) HAPTIC_RT = 0;
 };
 

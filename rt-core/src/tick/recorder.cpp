@@ -1,10 +1,13 @@
 #include "tick/recorder.hpp"
 
+#include <algorithm>
 #include <cstring>
 
-#include <haptic/ring.hpp>
+#include "haptic/ring.hpp"
 
 namespace haptic::rt {
+
+BlackBox::BlackBox(std::size_t capacity) : records_(std::max<std::size_t>(capacity, 1)) {}
 
 void BlackBox::push(const TickRecord& record) HAPTIC_RT {
     records_[next_] = record;
@@ -16,6 +19,9 @@ const TickRecord& BlackBox::at(std::size_t index) const HAPTIC_RT {
     const std::size_t oldest = size_ < records_.size() ? 0 : next_;
     return records_[(oldest + index) % records_.size()];
 }
+
+Recorder::Recorder(std::size_t tick_capacity, std::size_t frame_capacity)
+    : ticks_(tick_capacity), frames_(frame_capacity) {}
 
 void Recorder::push(const TickRecord& record) HAPTIC_RT {
     if (TickRecord* const slot = ticks_.claim()) {

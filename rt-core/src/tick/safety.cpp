@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <haptic/rt/finite.hpp>
-#include <haptic/rt/smooth.hpp>
+#include "haptic/numeric.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -13,8 +12,8 @@ std::uint32_t bit_if(bool condition, std::uint32_t bit) HAPTIC_RT {
     return condition ? bit : 0u;
 }
 
-/// Counts ticks in a row at which something held.
-int count_in_a_row(int so_far, bool now) HAPTIC_RT {
+/// Number of consecutive ticks up to now for which a condition held.
+int count_consecutive(int so_far, bool now) HAPTIC_RT {
     return now ? so_far + 1 : 0;
 }
 
@@ -24,16 +23,18 @@ void SafetyMachine::arm() HAPTIC_RT {
     if (state_ != SafetyState::Disarmed) {
         return;
     }
+    // Forget the last run: faults, counts of consecutive ticks, ramps and wrench.
     state_ = SafetyState::Tensioning;
     faults_ = 0;
     suspects_ = 0;
     failed_exchanges_ = 0;
     large_residuals_ = 0;
     late_ticks_ = 0;
+    // Both ramps start at zero, and nothing is left to fade out.
     tension_ = 0.0;
     wrench_fade_ = 0.0;
     last_wrench_ = Wrench{};
-    still_felt_ = false;
+    rendered_ = false;
 }
 
 void SafetyMachine::stop() HAPTIC_RT {
@@ -49,7 +50,7 @@ void SafetyMachine::cut(std::uint32_t bits) HAPTIC_RT {
 
 void SafetyMachine::fault(std::uint32_t bits) HAPTIC_RT {
     if (state_ == SafetyState::Disarmed) {
-        return;  // nothing acts that could be taken away
+        return;  // motors are at zero already
     }
     faults_ |= bits;
     if (state_ != SafetyState::Faulted) {
@@ -59,8 +60,10 @@ void SafetyMachine::fault(std::uint32_t bits) HAPTIC_RT {
 }
 
 SafetyMachine::Calibration SafetyMachine::update(const TickHealth& health) HAPTIC_RT {
-    watch(health);
-    move_ramps(health.elapsed_ns);
+    // A fault found now starts to fade out in this same tick.
+    check_faults(health);
+    advance_ramps(health.elapsed_ns);
+    // Strings at minimum tension: calibrate as soon as the grip is held still.
     if (state_ == SafetyState::Tensioning && tension_ >= 1.0) {
         state_ = SafetyState::Calibrating;
         still_ns_ = 0;
@@ -69,20 +72,23 @@ SafetyMachine::Calibration SafetyMachine::update(const TickHealth& health) HAPTI
     return state_ == SafetyState::Calibrating ? calibrate(health) : Calibration::None;
 }
 
-void SafetyMachine::watch(const TickHealth& health) HAPTIC_RT {
-    failed_exchanges_ = count_in_a_row(failed_exchanges_, !health.exchange_ok);
-    late_ticks_ = count_in_a_row(late_ticks_, health.late);
-    // Before calibration the lengths are not yet those of one pose.
+void SafetyMachine::check_faults(const TickHealth& health) HAPTIC_RT {
+    // Conditions that are harmless for a few ticks.
+    failed_exchanges_ = count_consecutive(failed_exchanges_, !health.exchange_ok);
+    late_ticks_ = count_consecutive(late_ticks_, health.late);
+    // Before calibration the lengths do not belong to a pose.
     const bool contradiction =
         state_ == SafetyState::Running && !(health.determined && health.residual <= settings_.residual);
-    large_residuals_ = count_in_a_row(large_residuals_, contradiction);
+    large_residuals_ = count_consecutive(large_residuals_, contradiction);
 
+    // Each condition faults after its number of consecutive ticks; a jump, NaN or overheating at once.
     const std::uint32_t bits =
         bit_if(failed_exchanges_ > settings_.exchange_ticks, HAPTIC_FAULT_EXCHANGE) |
         bit_if(late_ticks_ > settings_.overrun_ticks, HAPTIC_FAULT_OVERRUN) |
         bit_if(large_residuals_ > settings_.residual_ticks, health.slack ? HAPTIC_FAULT_SLACK : HAPTIC_FAULT_RESIDUAL) |
         bit_if(health.jump, HAPTIC_FAULT_JUMP) | bit_if(!health.finite, HAPTIC_FAULT_NONFINITE) |
         bit_if(health.overheated, HAPTIC_FAULT_THERMAL);
+    // Keep the strings that the residual points to.
     if ((bits & (HAPTIC_FAULT_SLACK | HAPTIC_FAULT_RESIDUAL)) != 0) {
         suspects_ = health.suspects;
     }
@@ -91,15 +97,17 @@ void SafetyMachine::watch(const TickHealth& health) HAPTIC_RT {
     }
 }
 
-void SafetyMachine::move_ramps(std::int64_t elapsed_ns) HAPTIC_RT {
+void SafetyMachine::advance_ramps(std::int64_t elapsed_ns) HAPTIC_RT {
     const double dt = static_cast<double>(elapsed_ns);
+    // Share of the tension ramp that this tick covers; arming raises the tension, a fault lowers it last.
     const double tension_step = dt / static_cast<double>(settings_.tension_ramp_ns);
     if (state_ == SafetyState::Tensioning) {
         tension_ = std::min(1.0, tension_ + tension_step);
     } else if (state_ == SafetyState::Faulted) {
+        // First the wrench, then the tension once the limiter has let the wrench reach zero.
         if (wrench_fade_ > 0.0) {
             wrench_fade_ = std::max(0.0, wrench_fade_ - dt / static_cast<double>(settings_.fault_fade_ns));
-        } else if (!still_felt_) {
+        } else if (!rendered_) {
             tension_ = std::max(0.0, tension_ - tension_step);
         }
         if (tension_ <= 0.0) {
@@ -109,10 +117,12 @@ void SafetyMachine::move_ramps(std::int64_t elapsed_ns) HAPTIC_RT {
 }
 
 SafetyMachine::Calibration SafetyMachine::calibrate(const TickHealth& health) HAPTIC_RT {
+    // The grip moved, or the counters are not current: restart the hold.
     if (health.largest_movement > settings_.calibration_movement || !health.exchange_ok) {
         still_ns_ = 0;
         return Calibration::Restart;
     }
+    // After the hold time the strings have their rest lengths.
     still_ns_ += health.elapsed_ns;
     if (still_ns_ < settings_.calibration_hold_ns) {
         return Calibration::None;
@@ -121,14 +131,16 @@ SafetyMachine::Calibration SafetyMachine::calibrate(const TickHealth& health) HA
     return Calibration::Take;
 }
 
-Wrench SafetyMachine::shape(const Wrench& wanted) HAPTIC_RT {
+Wrench SafetyMachine::permitted_wrench(const Wrench& wanted) HAPTIC_RT {
+    // Running: pass the wrench. One that is not finite must never reach the motors.
     if (state_ == SafetyState::Running) {
-        if (finite(wanted)) {
+        if (is_finite(wanted)) {
             last_wrench_ = wanted;
             return wanted;
         }
         fault(HAPTIC_FAULT_NONFINITE);
     }
+    // Faulted: fade the last wrench out. In all other states there is none.
     if (state_ != SafetyState::Faulted) {
         return Wrench{};
     }
@@ -136,11 +148,11 @@ Wrench SafetyMachine::shape(const Wrench& wanted) HAPTIC_RT {
     return {factor * last_wrench_.force, factor * last_wrench_.torque};
 }
 
-void SafetyMachine::felt(const Wrench& wrench) HAPTIC_RT {
+void SafetyMachine::set_rendered(const Wrench& wrench) HAPTIC_RT {
     if (state_ == SafetyState::Running) {
         last_wrench_ = wrench;
     }
-    still_felt_ = wrench.force != Vec3(0.0) || wrench.torque != Vec3(0.0);
+    rendered_ = wrench.force != Vec3(0.0) || wrench.torque != Vec3(0.0);
 }
 
 double SafetyMachine::tension_scale() const HAPTIC_RT {

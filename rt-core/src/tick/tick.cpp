@@ -3,72 +3,109 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <utility>
 
-#include <haptic/device/digits.hpp>
+#include "haptic/device/dac_codes.hpp"
 #include "tick/tick_syscalls.hpp"
 
 namespace haptic::rt {
 namespace {
 
-// After a long interruption rates and ramps go on as if it had been this many periods, so that nothing catches up in
-// one step.
-constexpr std::int64_t kMostElapsedPeriods = 2;
+// Periods; after an interruption, rate limits and ramps advance by at most this much, so that nothing catches up in one
+// step.
+constexpr std::int64_t kMaxElapsedPeriods = 2;
 
 }  // namespace
 
+Tick::Tick(const TickSettings& settings, device::Board& board, RingReader<ContactFrame>& frames,
+           RingWriter<DeviceState>& states, StageClock clock)
+    : Tick(settings, board, std::make_unique<RingFrames>(frames), nullptr, states, clock) {}
+
+Tick::Tick(const TickSettings& settings, device::Board& board, FrameSource& frames, RingWriter<DeviceState>& states,
+           StageClock clock)
+    : Tick(settings, board, nullptr, &frames, states, clock) {}
+
+Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<FrameSource> owned, FrameSource* frames,
+           RingWriter<DeviceState>& states, StageClock clock)
+    : settings_(checked(settings)),
+      board_(&board),
+      owned_frames_(std::move(owned)),
+      frames_(frames != nullptr ? frames : owned_frames_.get()),
+      states_(&states),
+      clock_(clock),
+      encoders_(settings.geometry, settings.maximum_string_speed),
+      pose_solver_(settings.geometry),
+      string_monitor_(settings.geometry, {.residual = settings.safety.residual}),
+      velocity_({.window_ticks = settings.velocity_window_ticks, .noise = quantisation_noise(settings.geometry)}),
+      renderer_(settings.frames),
+      passivity_(settings.passivity, settings.limits),
+      limiter_(settings.limits),
+      safety_(settings.safety),
+      thermal_(thermal_settings(settings)),
+      tension_solver_(tension_settings(settings)),
+      black_box_(static_cast<std::size_t>(settings.black_box_ns / settings.period_ns)) {}
+
 void Tick::run(const TickTime& time) HAPTIC_RT {
+    // Measure: the pose, the motion since the last tick, and the faults of this one.
     begin(time);
     exchange_in(time);
     measure_pose(time);
-    watch_health();
+    check_health();
     mark_stage(instruments_.pose, TickStage::Pose);
-    take_frame(time);
+    // Render: the wrench of the newest contact frame at this pose, within all bounds.
+    read_frame(time);
     render_wrench(time);
     mark_stage(instruments_.proxy, TickStage::Proxy);
-    distribute();
+    // Act: the tensions that make the wrench, sent in this tick if there is a second exchange.
+    solve_tensions();
     mark_stage(instruments_.tension, TickStage::Tension);
     exchange_out(time);
+    // Report to the simulation and to the records.
     publish(time);
     mark_stage(instruments_.publish, TickStage::Publish);
     finish(time);
 }
 
 void Tick::begin(const TickTime& time) HAPTIC_RT {
+    // Start of the tick: probe and stage clock.
     started_ns_ = clock_();
     stage_ns_ = started_ns_;
     if (probes_ != nullptr) {
-        show(probes_->tick, true);
+        set_probe(probes_->tick, true);
         stage_ns_ = clock_();
     }
     record_ = TickRecord{};
     timing_ = TickTiming{};
-    if (stop_asked_.load()) {
+    if (stop_requested_.load()) {
         stop();
     }
+    // Inputs of this tick.
     record_.deadline_ns = time.deadline_ns;
     record_.now_ns = time.now_ns;
     record_.missed = time.missed;
     record_.number = ++number_;
     record_.requests = requests_;
     requests_ = 0;
+    // Elapsed time for rates and ramps, clamped; lateness.
     record_.period_ns = first_ ? 0 : time.now_ns - last_now_ns_;
     elapsed_ns_ = first_ ? settings_.period_ns
-                         : std::clamp<std::int64_t>(record_.period_ns, 0, kMostElapsedPeriods * settings_.period_ns);
+                         : std::clamp<std::int64_t>(record_.period_ns, 0, kMaxElapsedPeriods * settings_.period_ns);
     late_ = time.missed > 0 || time.now_ns - time.deadline_ns >= settings_.period_ns;
     set_flag(late_, HAPTIC_TICK_OVERRUN);
     set_flag(probes_ != nullptr && (probes_->tick.off() || probes_->frame.off()), HAPTIC_TICK_PROBE_OFF);
 
+    // Wake-up statistics.
     ++instruments_.ticks;
     instruments_.overruns += static_cast<std::uint64_t>(std::max<std::int64_t>(time.missed, 0));
     instruments_.wakeup.record(time.now_ns - time.deadline_ns);
     if (!first_) {
         instruments_.period.record(record_.period_ns);
     }
-    warm_motors();
+    update_thermal_model();
 }
 
-void Tick::warm_motors() HAPTIC_RT {
-    // The whole time, not the clamped one: a process that stood still has left its motors pulling.
+void Tick::update_thermal_model() HAPTIC_RT {
+    // The unclamped time: while the process was stopped, the motors kept pulling.
     thermal_.update(held_, record_.period_ns);
     tension_solver_.set_maxima(thermal_.bounds());
     set_flag(thermal_.derated(), HAPTIC_TICK_DERATED);
@@ -86,6 +123,8 @@ void Tick::arm() HAPTIC_RT {
 }
 
 device::ExchangeStatus Tick::exchange(device::BoardReading& reading, std::int64_t now_ns) HAPTIC_RT {
+    // An exchange can hang, so the records are lent to the watchdog meanwhile. If it took them, this thread must not
+    // touch them again.
     records_.lend();
     const device::ExchangeStatus status = board_->exchange(command_, reading, now_ns);
     if (!records_.reclaim()) {
@@ -95,55 +134,62 @@ device::ExchangeStatus Tick::exchange(device::BoardReading& reading, std::int64_
 }
 
 void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
-    // The board answers only to a command: the one of the last tick, which with two exchanges it already has.
+    // The board answers only to a command, so the last one is sent again; with two exchanges the board already has it.
     const device::ExchangeStatus status = exchange(reading_, time.now_ns);
     in_ok_ = status == device::ExchangeStatus::Ok;
+    // Count the outcome, and keep the time until the second exchange adds its own.
     instruments_.count(status);
     record_.exchange_in = static_cast<std::int8_t>(status);
     exchange_ns_ = lap();
+    // A latch begins a measurement of motion-to-force; the exchange that sends its command ends it.
     if (in_ok_ && motion_ns_ >= 0) {
-        force_arrived(motion_ns_);  // of the tick before, with one exchange
+        record_motion_to_force(motion_ns_);  // with one exchange: of the tick before
     }
     motion_ns_ = in_ok_ ? started_ns_ : -1;
 }
 
-void Tick::force_arrived(std::int64_t latched_ns) HAPTIC_RT {
+void Tick::record_motion_to_force(std::int64_t latched_ns) HAPTIC_RT {
     timing_.motion_to_force_ns = stage_ns_ - latched_ns;
     instruments_.motion_to_force.record(timing_.motion_to_force_ns);
 }
 
 void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
+    // Without a valid latch the pose stays, and no motion is reported to the passivity observer.
     jump_ = false;
     motion_ = PassivityMotion{};
-    motion_.asked = held_command_.asked;
+    motion_.requested = held_command_.requested;
     if (!in_ok_) {
         return;
     }
+    // Counts to lengths; a jump rejects the latch.
     const std::int64_t since_latch_ns = latched_ ? time.now_ns - last_latch_ns_ : 0;
     if (!encoders_.update(reading_.counters, since_latch_ns)) {
         jump_ = true;
         return;
     }
+    // Pose, string suspicion and velocity.
     const Pose before = estimate_.pose;
     estimate_ = pose_solver_.solve(encoders_.lengths());
     if (safety_.state() == SafetyState::Running) {
         string_monitor_.update(encoders_.lengths(), estimate_);
     }
     velocity_.update(estimate_.pose, since_latch_ns);
-    // The tensions were held, but the wrench turned with the strings: its mean over the way.
+    // The tensions were held, but the wrench changed with the strings' directions: mean of begin and end.
     const Wrench held_before = wrench_of_tensions(wires_, held_command_.tensions);
-    wires_ = wire_matrix(settings_.variant, estimate_.pose);
+    wires_ = wire_matrix(settings_.geometry, estimate_.pose);
     const Wrench held_after = wrench_of_tensions(wires_, held_command_.tensions);
     motion_.held = {0.5 * (held_before.force + held_after.force), 0.5 * (held_before.torque + held_after.torque)};
-    motion_.moved = estimate_.pose.position - before.position;
-    motion_.turned = rotation_between(before.orientation, estimate_.pose.orientation);
+    // Motion over which the held wrench did its work.
+    motion_.displacement = estimate_.pose.position - before.position;
+    motion_.rotation = rotation_between(before.orientation, estimate_.pose.orientation);
     motion_.elapsed_s = seconds(since_latch_ns);
     held_command_ = sent_command_;  // the board took the last command no later than now
     last_latch_ns_ = time.now_ns;
     latched_ = true;
 }
 
-void Tick::watch_health() HAPTIC_RT {
+void Tick::check_health() HAPTIC_RT {
+    // Findings of this tick.
     TickHealth health;
     health.elapsed_ns = elapsed_ns_;
     health.exchange_ok = !exchange_failed_;
@@ -151,20 +197,24 @@ void Tick::watch_health() HAPTIC_RT {
     health.late = late_;
     health.finite = estimate_.status != PoseStatus::NonFinite;
     health.determined = estimate_.status != PoseStatus::RankDeficient;
+    // The suspects count as slack only if every one of them reads too long.
     const StringSuspicion& suspicion = string_monitor_.suspicion();
     health.suspects = suspicion.strings;
     health.slack = suspicion.strings != 0 && suspicion.slack == suspicion.strings;
+    // Suspects into the tick's flags; heat, residual and movement into the findings.
     record_.flags |= std::uint32_t{suspicion.strings} << HAPTIC_TICK_SUSPECTS_SHIFT;
     health.overheated = thermal_.overheated();
     health.residual = estimate_.residual;
     health.largest_movement = encoders_.largest_movement();
+    // Requests from other threads and the stop button come before the state machine's own step.
     if (const std::uint32_t cut = cut_.load(); cut != 0) {
         record_.cut = cut;
         safety_.cut(cut);
     }
-    if (stop_button_says_stop()) {
+    if (stop_button_active()) {
         safety_.stop();
     }
+    // Step of the safety machine; the calibration acts on the encoders.
     switch (safety_.update(health)) {
         case SafetyMachine::Calibration::None:
             break;
@@ -177,7 +227,7 @@ void Tick::watch_health() HAPTIC_RT {
     }
 }
 
-bool Tick::stop_button_says_stop() const HAPTIC_RT {
+bool Tick::stop_button_active() const HAPTIC_RT {
     if (settings_.stop_button < 0 || !in_ok_) {
         return false;
     }
@@ -199,13 +249,15 @@ void Tick::reset_pose() HAPTIC_RT {
     string_monitor_.reset(estimate_.pose);
     velocity_.reset(estimate_.pose);
     motion_ = PassivityMotion{};
-    wires_ = wire_matrix(settings_.variant, estimate_.pose);
+    wires_ = wire_matrix(settings_.geometry, estimate_.pose);
 }
 
-void Tick::take_frame(const TickTime& time) HAPTIC_RT {
+void Tick::read_frame(const TickTime& time) HAPTIC_RT {
+    // Only the newest frame counts; older ones in the ring are skipped.
     if (!frames_->read_newest(renderer_.inbox())) {
         return;
     }
+    // Valid frames replace the one in use; defective ones are recorded and counted only.
     const ContactFrame& frame = renderer_.inbox();
     const FrameDefect defect = renderer_.accept(time.now_ns);
     record_.frame_read = static_cast<std::int8_t>(defect);
@@ -215,7 +267,7 @@ void Tick::take_frame(const TickTime& time) HAPTIC_RT {
     if (defect == FrameDefect::None) {
         ++instruments_.frames_received;
         if (probes_ != nullptr) {
-            show(probes_->frame, !probes_->frame.up());
+            set_probe(probes_->frame, !probes_->frame.up());
         }
     } else {
         ++instruments_.frames_rejected;
@@ -224,8 +276,10 @@ void Tick::take_frame(const TickTime& time) HAPTIC_RT {
 }
 
 void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
+    // Wrench of the frame at this pose.
     const Twist& velocity = velocity_.twist();
     const FrameRenderer::Result rendered = renderer_.render(estimate_.pose, velocity, time.now_ns, elapsed_ns_);
+    // Keep what the records and the flags report of it.
     record_.proxy = rendered.contact.proxy;
     record_.in_contact = rendered.contact.in_contact;
     record_.frame_sequence = rendered.frame_sequence;
@@ -236,8 +290,9 @@ void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     if (!rendered.finite) {
         safety_.fault_nonfinite();
     }
+    // Passivity, then the safety machine, then the limits.
     const bool running = safety_.state() == SafetyState::Running;
-    limit_wrench(safety_.shape(running ? keep_passive(rendered.contact) : Wrench{}));
+    limit_wrench(safety_.permitted_wrench(running ? apply_passivity(rendered.contact) : Wrench{}));
 }
 
 void Tick::limit_wrench(const Wrench& wanted) HAPTIC_RT {
@@ -246,24 +301,26 @@ void Tick::limit_wrench(const Wrench& wanted) HAPTIC_RT {
         limiter_.reset();
         return;
     }
-    // The limits come last, so that they hold for what fades too. While the board does not answer, the wrench stands
-    // still: what the motors hold is the last one that reached them, and the next that does must not be far from it.
-    const bool stand_still = state == SafetyState::Running && !in_ok_;
-    const WrenchLimiter::Result limited = limiter_.apply(wanted, stand_still ? 0 : elapsed_ns_);
+    // The limits come last, so that they hold for a fading wrench too. While the board does not answer, the wrench is
+    // held: the motors hold the last command that reached them, and the next one to arrive must not be far from it.
+    const bool hold_wrench = state == SafetyState::Running && !in_ok_;
+    const WrenchLimiter::Result limited = limiter_.apply(wanted, hold_wrench ? 0 : elapsed_ns_);
+    // Report what the limits cut. A fault fades out from the limited wrench.
     set_flag(limited.size_limited, HAPTIC_TICK_FORCE_LIMITED);
     set_flag(limited.rate_limited, HAPTIC_TICK_SLEW_LIMITED);
     record_.rendered = limited.wrench;
-    safety_.felt(limited.wrench);
+    safety_.set_rendered(limited.wrench);
 }
 
-Wrench Tick::keep_passive(const Contact& contact) HAPTIC_RT {
-    // With one exchange a tick the next command waits for the tick after.
+Wrench Tick::apply_passivity(const Contact& contact) HAPTIC_RT {
+    // With one exchange per tick the next command is sent a tick later.
     const double period_s = seconds(settings_.period_ns) * (settings_.exchanges == 1 ? 2.0 : 1.0);
     const Passivity::Result passive = passivity_.apply(motion_, {.wrench = contact.wrench,
                                                                  .stored = contact.stored,
                                                                  .surface_power = contact.surface_power,
                                                                  .elapsed_s = seconds(elapsed_ns_),
                                                                  .period_s = period_s});
+    // Energies of both observers, and gamma.
     set_flag(passive.acted, HAPTIC_TICK_PASSIVITY_LIMITED);
     record_.energy = passivity_.energy();
     record_.rotation_energy = passivity_.rotation_energy();
@@ -271,38 +328,44 @@ Wrench Tick::keep_passive(const Contact& contact) HAPTIC_RT {
     return passive.wrench;
 }
 
-void Tick::distribute() HAPTIC_RT {
-    // Before calibration the directions of the strings are not known: all pull alike. A fault changes only the scale.
+void Tick::solve_tensions() HAPTIC_RT {
+    // Before calibration the strings' directions are unknown: equal tensions. A fault keeps the solver and fades the
+    // scale.
     const SafetyState state = safety_.state();
     if (state == SafetyState::Running) {
-        solve_tensions_ = true;
+        directions_known_ = true;
     } else if (state != SafetyState::Faulted) {
-        solve_tensions_ = false;
+        directions_known_ = false;
     }
+    // Quadratic programme of tension.hpp, or the minimum tension in every string.
     StringArray tensions{};
-    if (solve_tensions_) {
+    if (directions_known_) {
         const TensionResult solved = tension_solver_.solve(wires_, record_.rendered);
         tensions = solved.tensions;
         set_flag(!solved.reached, HAPTIC_TICK_WRENCH_UNREACHABLE);
     } else {
-        tensions.fill(settings_.variant.minimum_tension);
+        tensions.fill(settings_.geometry.minimum_tension);
     }
+    // Scale by the safety machine's ramp, bound the change, and convert to DAC codes.
     const double scale = safety_.tension_scale();
-    const double most = settings_.tension_rate * seconds(settings_.period_ns);
+    const double max_change = settings_.tension_rate * seconds(settings_.period_ns);
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const double newtons_per_digit = settings_.variant.strings[i].newtons_per_digit;
-        // The solver keeps to the rate; this is for the ramps, however short they were configured.
-        sent_[i] =
-            state == SafetyState::Disarmed ? 0.0 : std::clamp(scale * tensions[i], sent_[i] - most, sent_[i] + most);
-        command_.digits[i] = device::digit_of_tension(sent_[i], newtons_per_digit);
-        record_.tensions[i] = device::tension_of_digit(command_.digits[i], newtons_per_digit);
+        const double newtons_per_code = settings_.geometry.strings[i].newtons_per_code;
+        // The solver respects the rate; this bounds the ramps, however short they are configured.
+        sent_[i] = state == SafetyState::Disarmed
+                       ? 0.0
+                       : std::clamp(scale * tensions[i], sent_[i] - max_change, sent_[i] + max_change);
+        command_.dac_codes[i] = device::dac_code_of_tension(sent_[i], newtons_per_code);
+        record_.tensions[i] = device::tension_of_dac_code(command_.dac_codes[i], newtons_per_code);
     }
+    // The wrench that the tensions of these DAC codes make, and the command as the passivity observer needs it.
     record_.made = wrench_of_tensions(wires_, record_.tensions);
-    const Wrench& asked = record_.rendered;
-    sent_command_ = {record_.tensions, asked.force != Vec3(0.0) || asked.torque != Vec3(0.0)};
+    const Wrench& rendered = record_.rendered;
+    sent_command_ = {record_.tensions, rendered.force != Vec3(0.0) || rendered.torque != Vec3(0.0)};
 }
 
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
+    // Second exchange: the motors, in this same tick.
     bool out_ok = true;
     if (settings_.exchanges == 2) {
         const device::ExchangeStatus status = exchange(unused_, time.now_ns);
@@ -310,18 +373,20 @@ void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
         instruments_.count(status);
         record_.exchange_out = static_cast<std::int8_t>(status);
     }
+    // Timing: both exchanges, and the latency from latch to force.
     timing_.of(TickStage::Exchange) = exchange_ns_ + lap();
     instruments_.exchange.record(timing_.of(TickStage::Exchange));
     if (settings_.exchanges == 2) {
         if (out_ok && motion_ns_ >= 0) {
-            force_arrived(motion_ns_);
+            record_motion_to_force(motion_ns_);
         }
         motion_ns_ = -1;
     }
     exchange_failed_ = !in_ok_ || !out_ok;
     set_flag(exchange_failed_, HAPTIC_TICK_EXCHANGE_FAILED);
+    // Tensions that the motors hold from here on.
     for (std::size_t i = 0; i < kStrings; ++i) {
-        // A command whose answer is missing may have arrived or not.
+        // A command without an answer may have arrived or not: assume the larger tension, for the thermal model.
         held_[i] = out_ok ? record_.tensions[i] : std::max(held_[i], record_.tensions[i]);
     }
     if (settings_.exchanges == 2 && out_ok) {
@@ -330,6 +395,7 @@ void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
 }
 
 void Tick::publish(const TickTime& time) HAPTIC_RT {
+    // Rest of the tick record.
     const Twist& velocity = velocity_.twist();
     record_.pose = estimate_.pose;
     record_.velocity = velocity;
@@ -342,8 +408,10 @@ void Tick::publish(const TickTime& time) HAPTIC_RT {
     record_.safety_state = static_cast<std::uint32_t>(safety_.state());
     record_.faults = safety_.faults();
 
+    // Device state for the simulation.
     state_.latch_time_ns = last_latch_ns_;
     state_.frame_sequence = record_.frame_sequence;
+    // Motion, and the force that the hand feels.
     store(record_.pose.position, state_.position);
     store(record_.pose.orientation, state_.orientation);
     store(velocity.linear, state_.linear_velocity);
@@ -351,6 +419,7 @@ void Tick::publish(const TickTime& time) HAPTIC_RT {
     store(record_.made.force, state_.force);
     store(record_.made.torque, state_.torque);
     store(record_.proxy, state_.proxy_position);
+    // State of the device, and the user's inputs.
     std::copy(record_.tensions.begin(), record_.tensions.end(), std::begin(state_.tension));
     state_.safety_state = record_.safety_state;
     state_.faults = record_.faults;
@@ -360,18 +429,21 @@ void Tick::publish(const TickTime& time) HAPTIC_RT {
 }
 
 void Tick::finish(const TickTime& time) HAPTIC_RT {
+    // Counters and peaks.
     Instruments& m = instruments_;
     m.peak_force = std::max(m.peak_force, glm::length(record_.rendered.force));
     m.peak_torque = std::max(m.peak_torque, glm::length(record_.rendered.torque));
+    // One count per tick and condition, from the flags.
     m.failed_exchanges += (record_.flags & HAPTIC_TICK_EXCHANGE_FAILED) != 0 ? 1u : 0u;
     m.stale_ticks += (record_.flags & HAPTIC_TICK_FRAME_STALE) != 0 ? 1u : 0u;
     m.unreachable_ticks += (record_.flags & HAPTIC_TICK_WRENCH_UNREACHABLE) != 0 ? 1u : 0u;
     m.stiffness_limited_ticks += (record_.flags & HAPTIC_TICK_STIFFNESS_LIMITED) != 0 ? 1u : 0u;
     m.passivity_ticks += (record_.flags & HAPTIC_TICK_PASSIVITY_LIMITED) != 0 ? 1u : 0u;
-    m.least_energy = std::min(m.least_energy, record_.energy);
+    m.min_energy = std::min(m.min_energy, record_.energy);
     m.contact_ticks += record_.in_contact > 0 ? 1u : 0u;
     m.derated_ticks += (record_.flags & HAPTIC_TICK_DERATED) != 0 ? 1u : 0u;
     m.probe_off_ticks += (record_.flags & HAPTIC_TICK_PROBE_OFF) != 0 ? 1u : 0u;
+    // Motor loads, and ages of what was rendered; negative: none.
     for (std::size_t i = 0; i < kStrings; ++i) {
         m.peak_motor_load[i] = std::max(m.peak_motor_load[i], thermal_.loads()[i]);
     }
@@ -381,24 +453,27 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
     if (timing_.state_age_ns >= 0) {
         m.state_age.record(timing_.state_age_ns);
     }
+    // History for the next tick.
     last_now_ns_ = time.now_ns;
     first_ = false;
 
+    // End of the tick: what follows is not part of compute_ns.
     const std::int64_t ended_ns = clock_();
     timing_.of(TickStage::Record) = ended_ns - stage_ns_;
     record_.compute_ns = ended_ns - started_ns_;
     m.compute.record(record_.compute_ns);
+    // Records, the probe's falling edge, and the watchdog's heartbeat.
     black_box_.push(record_);
     if (recorder_ != nullptr) {
         recorder_->push(record_);
     }
     if (probes_ != nullptr) {
-        show(probes_->tick, false);
+        set_probe(probes_->tick, false);
     }
     heart_.beat();
 }
 
-void Tick::show(Probe& probe, bool up) HAPTIC_RT {
+void Tick::set_probe(Probe& probe, bool up) HAPTIC_RT {
     if (!probe.present() || probe.off()) {
         return;
     }
@@ -407,15 +482,11 @@ void Tick::show(Probe& probe, bool up) HAPTIC_RT {
     instruments_.probe_edge.record(clock_() - before_ns);
 }
 
-bool RingFrames::read_newest(ContactFrame& frame) HAPTIC_RT {
-    return reader_->read_newest(frame);
-}
-
 bool Tick::abandon() HAPTIC_RT {
     if (!records_.take()) {
         return false;
     }
-    // The tick that hangs is the last one in the black box, with the reason.
+    // The hanging tick becomes the last one in the black box, with its faults.
     safety_.cut(cut_.load());
     record_.safety_state = static_cast<std::uint32_t>(safety_.state());
     record_.faults = safety_.faults();

@@ -9,7 +9,7 @@
 #include <ctime>
 #include <limits>
 
-#include <haptic/types.hpp>
+#include "haptic/types.hpp"
 
 namespace haptic::rt {
 
@@ -18,8 +18,8 @@ void sleep_until(std::int64_t deadline_ns) HAPTIC_RT {
     deadline.tv_sec = deadline_ns / kNanosecondsPerSecond;
     deadline.tv_nsec = deadline_ns % kNanosecondsPerSecond;
     HAPTIC_RT_EXCEPTION_BEGIN(
-        "waiting is the purpose, and it ends at an absolute time, so that repeating it after a signal "
-        "adds nothing")
+        "waiting is the purpose; it ends at an absolute time, so that repeating it after a signal adds "
+        "nothing")
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &deadline, nullptr) == EINTR) {
     }
     HAPTIC_RT_EXCEPTION_END
@@ -34,8 +34,8 @@ void sleep_for_ever() HAPTIC_RT {
 ThreadUsage thread_usage() HAPTIC_RT {
     rusage usage{};
     HAPTIC_RT_EXCEPTION_BEGIN(
-        "reads counters of the calling thread, takes no lock that another thread holds for long; about "
-        "a microsecond. At the beginning and the end of a run; where one is measured at the end of each tick too")
+        "reads counters of the calling thread and takes no lock that another thread holds for long; about "
+        "a microsecond. Called at the beginning and end of a run, and in a measured run at the end of each tick")
     getrusage(RUSAGE_THREAD, &usage);
     HAPTIC_RT_EXCEPTION_END
     return {usage.ru_minflt + usage.ru_majflt, usage.ru_nvcsw, usage.ru_nivcsw};
@@ -45,11 +45,11 @@ std::int64_t waited_for_processor_ns(int file) HAPTIC_RT {
     std::array<char, 64> text{};
     ssize_t length = 0;
     HAPTIC_RT_EXCEPTION_BEGIN(
-        "the kernel prints three counters of the calling thread, in a buffer that it allocated at the first read; "
-        "about a microsecond, and only where a run is measured, after the motors were sent")
+        "the kernel prints three counters of the calling thread into a buffer that it allocated at the first read; "
+        "about a microsecond, and only in a measured run, after the exchange with the motors")
     length = pread(file, text.data(), text.size(), 0);
     HAPTIC_RT_EXCEPTION_END
-    // The second of three numbers.
+    // Parse the second of three numbers: time spent waiting in the run queue.
     ssize_t at = 0;
     while (at < length && text[static_cast<std::size_t>(at)] != ' ') {
         ++at;

@@ -1,19 +1,19 @@
-// Every system call that the real-time thread makes once it is running. The board's transport has its own.
+// System calls of the running real-time thread. Those of the board's transport are with the transport.
 #pragma once
 
 #include <cstdint>
 
-#include <haptic/realtime.hpp>
+#include "haptic/realtime.hpp"
 
 namespace haptic::rt {
 
-/// Sleeps until an instant of CLOCK_MONOTONIC; at once if it has passed.
+/// Sleeps until a time of CLOCK_MONOTONIC; returns at once if it has passed.
 void sleep_until(std::int64_t deadline_ns) HAPTIC_RT;
 
-/// Never returns: for a thread whose work was taken away from it.
+/// Never returns. For a thread whose records were taken over by another one.
 [[noreturn]] void sleep_for_ever() HAPTIC_RT;
 
-/// What the kernel has counted of the calling thread since it began.
+/// The kernel's counters of the calling thread since its start.
 struct ThreadUsage {
     std::int64_t page_faults = 0;         // minor and major
     std::int64_t voluntary_switches = 0;  // it slept
@@ -32,8 +32,8 @@ struct ThreadUsage {
 }
 [[nodiscard]] ThreadUsage thread_usage() HAPTIC_RT;
 
-/// ns, for which the thread of this open /proc/thread-self/schedstat was ready to run and had no processor, since it
-/// began; -1 if the kernel does not tell.
+/// ns, total time since its start that a thread was runnable without a processor. `file`: its open
+/// /proc/thread-self/schedstat. -1 if the kernel does not provide it.
 [[nodiscard]] std::int64_t waited_for_processor_ns(int file) HAPTIC_RT;
 
 }  // namespace haptic::rt

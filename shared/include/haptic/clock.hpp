@@ -1,5 +1,5 @@
-// Where executables take their time from. Libraries never call this: they are handed the time, so that tests can step
-// everything under one virtual clock.
+// Monotonic clock of the executables. Libraries receive the time as a parameter instead, so that tests can run them on
+// a virtual clock.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace haptic {
 
-/// CLOCK_MONOTONIC in nanoseconds. One vDSO call, no system call on Linux with a usable clock source.
+/// CLOCK_MONOTONIC, ns. One vDSO call, without a system call if the clock source supports it.
 [[nodiscard]] std::int64_t monotonic_now_ns() HAPTIC_RT;
 
 }  // namespace haptic

@@ -1,8 +1,8 @@
-// Configuration and scene files: TOML, every key typed, ranged and known, every error with file, line and remedy.
+// Configuration and scene files in TOML: every key has a type and a range, every error names file, line and remedy.
 //
-// A component reads its keys through the typed getters, which note each key as known; reject_unknown() then refuses
-// what nobody asked for, with its line and the nearest known name. Keys are dotted: "tension.minimum_n". Within a list
-// of tables ([[string]]) the number of the table is a part of the key, from 0: "string.7.motor".
+// The typed getters mark each key that they read as known; reject_unknown() then refuses every other key, with its line
+// and the nearest known name. Keys are dotted: "tension.rate". In an array of tables ([[string]]) the index of the
+// table is part of the key, from 0: "string.7.motor". Settings are best read through a SettingTable (setting.hpp).
 #pragma once
 
 #include <cstddef>
@@ -18,7 +18,7 @@
 
 namespace haptic {
 
-/// what() begins with "FILE:LINE: " (or "--set KEY: "), says what is wrong and what would be right.
+/// A wrong key or value. what() begins with "FILE:LINE: " or "--set KEY: " and says how to correct it.
 class ConfigError : public std::runtime_error {
   public:
     using std::runtime_error::runtime_error;
@@ -26,8 +26,8 @@ class ConfigError : public std::runtime_error {
 
 /// A closed interval of allowed values.
 struct Range {
-    double least;
-    double most;
+    double min;
+    double max;
 };
 
 class Config {
@@ -36,7 +36,7 @@ class Config {
     Config();
     /// Throws ConfigError: missing file, malformed TOML.
     [[nodiscard]] static Config load(const std::filesystem::path& file);
-    /// The same from memory; name stands for the file in messages.
+    /// The same from memory; `name` takes the place of the file name in messages.
     [[nodiscard]] static Config parse(std::string_view toml, std::string_view name);
 
     Config(Config&&) noexcept;
@@ -46,8 +46,8 @@ class Config {
     /// Overrides one key, as on the command line: "solver.iterations=5". The value is TOML; a bare word is a string.
     void set(std::string_view assignment);
 
-    // Getters: the value of the key, or the default where the file does not have it. They throw ConfigError for a value
-    // of the wrong type, not finite, out of range, of the wrong number of elements, or not among the choices.
+    // Getters: the value of the key, or `otherwise` if the key is missing. They throw ConfigError for a value of the
+    // wrong type, not finite, out of range, with the wrong number of elements, or not among the choices.
     [[nodiscard]] double number(const std::string& key, double otherwise, Range range) const;
     [[nodiscard]] std::int64_t integer(const std::string& key, std::int64_t otherwise, Range range) const;
     [[nodiscard]] bool flag(const std::string& key, bool otherwise) const;
@@ -55,24 +55,27 @@ class Config {
     [[nodiscard]] std::string choice(const std::string& key, const std::string& otherwise,
                                      const std::vector<std::string>& choices) const;
     [[nodiscard]] Vec3 vec3(const std::string& key, const Vec3& otherwise, Range range_of_each) const;
-    /// Unit quaternion (w, x, y, z); refused if its length differs from 1 by more than 1e-6, then normalised.
+    /// Unit quaternion (w, x, y, z); refused if its length differs from 1 by more than 1e-6, else normalised.
     [[nodiscard]] Quat quat(const std::string& key, const Quat& otherwise) const;
     [[nodiscard]] std::vector<double> numbers(const std::string& key, const std::vector<double>& otherwise,
                                               Range range_of_each) const;
 
-    /// How many tables [[key]] there are; 0 where the file has none.
+    /// Number of tables [[key]]; 0 if the file has none.
     [[nodiscard]] std::size_t tables(const std::string& key) const;
 
     [[nodiscard]] bool has(const std::string& key) const;
-    /// The key is there and holds a string: for keys that take a number or a word.
+    /// The key has a value, and that is a string. For keys that take a number or a word.
     [[nodiscard]] bool has_text(const std::string& key) const;
-    /// Everything that was given, by file and by set(), as TOML that parse() reads back to the same values.
+    /// Renames a key that has a former name, and writes a notice with its line to standard error. A value from set()
+    /// overrides one from the file, whichever name each uses. Throws ConfigError if one source gives both names.
+    void accept_old_key(const std::string& old_key, const std::string& key) const;
+    /// All values from file and set(), as TOML that parse() reads back to the same values.
     [[nodiscard]] std::string toml() const;
-    /// Throws ConfigError with "FILE:LINE: KEY: problem", for checks between keys that only the component can make.
+    /// Throws ConfigError with "FILE:LINE: KEY: problem". For checks between keys, made by the component.
     [[noreturn]] void fail(const std::string& key, const std::string& problem) const;
-    /// The keys that getters have asked for, in alphabetical order.
+    /// The keys that getters have read, in alphabetical order.
     [[nodiscard]] std::vector<std::string> known_keys() const;
-    /// Throws ConfigError for the first key that no getter has asked for.
+    /// Throws ConfigError for the first key, by line, that no getter has read.
     void reject_unknown() const;
 
   private:

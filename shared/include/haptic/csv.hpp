@@ -1,5 +1,5 @@
-// Recordings: CSV with a header line that names column and unit ("time_s,x_m,..."), numbers only. Lines that begin with
-// # are notes, of which readers of numbers take no notice.
+// CSV recordings: a header line with column names and units ("time_s,x_m,..."), then rows of numbers. Lines that start
+// with # are notes, which readers of numbers skip.
 #pragma once
 
 #include <cstddef>
@@ -22,41 +22,41 @@ class CsvError : public std::runtime_error {
     using std::runtime_error::runtime_error;
 };
 
-/// A number of a recording. Integers are written and read without passing through a double, so that no bit is lost.
+/// One number of a recording. Integers are written and read exactly, never through a double.
 using CsvCell = std::variant<double, std::int64_t, std::uint64_t>;
 
-/// The shortest form that reads back to the same bits, as CsvWriter writes it.
+/// Shortest text that reads back to the same bits, as CsvWriter writes it.
 [[nodiscard]] std::string text_of(const CsvCell& cell);
 
-/// Appends numbers in that form, with commas between them, and ends the line.
+/// Appends numbers in that form, comma-separated, and a newline.
 void append_row(std::string& text, std::span<const double> values);
 
-/// A CSV file row by row, for recordings of any length.
+/// Reads a CSV file row by row, for recordings of any length.
 class CsvReader {
   public:
     /// Throws CsvError: missing file, no header.
     explicit CsvReader(const std::filesystem::path& file);
 
     [[nodiscard]] const std::vector<std::string>& columns() const noexcept { return names_; }
-    /// Where a column is; empty where there is none.
+    /// Index of a column; empty if there is none.
     [[nodiscard]] std::optional<std::size_t> find(std::string_view column) const;
-    /// Throws CsvError that lists the columns the file does have.
+    /// Index of a column. Throws CsvError with the list of existing columns.
     [[nodiscard]] std::size_t index(std::string_view column) const;
 
-    /// Goes on to the next row; false at the end. Throws CsvError for a row with another number of cells.
+    /// Advances to the next row; false at the end. Throws CsvError for a row with the wrong number of cells.
     bool next();
-    /// A cell of the present row. Throws CsvError for what is not a finite number.
+    /// Cell of the current row. Throws CsvError unless it is a finite number.
     [[nodiscard]] double number(std::size_t column) const;
-    /// Throws CsvError for what is not an integer, or not within 64 bits.
+    /// Throws CsvError unless the cell is an integer of 64 bits.
     [[nodiscard]] std::int64_t integer(std::size_t column) const;
     [[nodiscard]] std::uint64_t natural(std::size_t column) const;
-    /// As it is written.
+    /// Text of a cell.
     [[nodiscard]] std::string_view cell(std::size_t column) const { return cells_[column]; }
-    /// Throws CsvError that names file and line of the present row.
+    /// Throws CsvError with file and line of the current row.
     [[noreturn]] void fail(const std::string& problem) const;
     [[nodiscard]] const std::string& name() const noexcept { return file_; }
     [[nodiscard]] std::size_t line() const noexcept { return line_number_; }
-    /// What stands before the header, without the # and the blanks round it.
+    /// Notes before the header, without # and surrounding blanks.
     [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
 
   private:
@@ -69,26 +69,26 @@ class CsvReader {
     std::size_t line_number_ = 0;
     std::vector<std::string> notes_;
     std::vector<std::string> names_;
-    std::vector<std::string_view> cells_;  // of line_
+    std::vector<std::string_view> cells_;  // point into line_
 };
 
 /// A whole CSV file in memory, column by column.
 class CsvTable {
   public:
-    /// Throws CsvError: missing file, no header, a row with another number of cells, a cell that is not a finite
+    /// Throws CsvError: missing file, no header, a row with the wrong number of cells, a cell that is not a finite
     /// number.
     [[nodiscard]] static CsvTable load(const std::filesystem::path& file);
 
     [[nodiscard]] std::size_t rows() const noexcept { return rows_; }
     [[nodiscard]] const std::vector<std::string>& columns() const noexcept { return names_; }
-    /// Empty where there is no such column.
+    /// Values of a column; empty if there is none.
     [[nodiscard]] std::optional<std::span<const double>> find(std::string_view column) const;
-    /// Throws CsvError that lists the columns the file does have.
+    /// Values of a column. Throws CsvError with the list of existing columns.
     [[nodiscard]] std::span<const double> column(std::string_view column) const;
     [[nodiscard]] const std::string& name() const noexcept { return file_; }
-    /// As CsvReader's.
+    /// See CsvReader::notes().
     [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
-    /// The number of the line with the header.
+    /// Line number of the header.
     [[nodiscard]] std::size_t header_line() const noexcept { return header_line_; }
 
   private:
@@ -100,16 +100,16 @@ class CsvTable {
     std::size_t rows_ = 0;
 };
 
-/// Writes rows as they come, to a temporary file that close() renames into place, so that a reader never sees half a
-/// recording. Values are written in the shortest form that reads back to the same bits. Throws CsvError.
+/// Writes rows to a temporary file, which close() renames to the final name, so that readers never see an incomplete
+/// recording. Values are written as the shortest text that reads back to the same bits. Throws CsvError.
 class CsvWriter {
   public:
-    /// `notes` of one line each go before the header.
+    /// `notes`, one line each, precede the header.
     CsvWriter(const std::filesystem::path& file, const std::vector<std::string>& columns,
               const std::vector<std::string>& notes = {});
     CsvWriter(const CsvWriter&) = delete;
     CsvWriter& operator=(const CsvWriter&) = delete;
-    /// Closes without renaming if close() was not reached; the temporary file is removed.
+    /// Discards the temporary file unless close() was called.
     ~CsvWriter();
 
     void row(std::span<const double> values);

@@ -1,13 +1,13 @@
-// Arithmetic on denormal numbers costs a hundred cycles and more on common CPUs, and a cloth that comes to rest is full
-// of them.
+// Flushing of denormal numbers to zero. Arithmetic on them takes a hundred cycles or more on common CPUs, and a cloth
+// at rest is full of them.
 #pragma once
 
 #include <cstdint>
 
 namespace haptic {
 
-/// While it lives, results and operands of the calling thread that are denormal count as zero. A settled cloth steps
-/// almost twice as fast. Every run must use it, or none: it is part of what makes the state hash.
+/// During its lifetime, denormal results and operands of the calling thread are zero. A cloth at rest steps almost
+/// twice as fast. It affects the state hash, so every run must use it.
 class FlushDenormals {
   public:
     FlushDenormals() noexcept;

@@ -1,5 +1,5 @@
-// Reads the edges of a line, with the kernel's time stamps, in a thread of its own: the loop as it is seen from outside
-// of its process, where the line is wired to a probe's.
+// Edge capture: reads the edges of a GPIO line, with the kernel's time stamps, in a separate thread. If the line is
+// wired to a probe, it observes a loop from outside its process.
 #pragma once
 
 #include <pthread.h>
@@ -20,22 +20,22 @@ namespace haptic {
 
 class EdgeCapture {
   public:
-    /// Begins at once. `room`: edges for which memory is taken, and touched, now; a 1 kHz loop makes 1000 or 2000 a
-    /// second, 16 bytes each. `prepare` is called first in the thread, for its priority and processor; it may be empty.
-    /// Throws std::system_error if there is no thread to be had.
-    EdgeCapture(std::unique_ptr<EdgeSource> line, std::size_t room, std::function<void()> prepare = {});
+    /// Starts immediately. `capacity`: number of edges for which memory is allocated and touched now; a 1 kHz loop
+    /// makes 1000 or 2000 per second, 16 bytes each. `prepare` is called first in the thread, to set its priority and
+    /// CPU; it may be empty. Throws std::system_error if the thread cannot be created.
+    EdgeCapture(std::unique_ptr<EdgeSource> line, std::size_t capacity, std::function<void()> prepare = {});
     EdgeCapture(const EdgeCapture&) = delete;
     EdgeCapture& operator=(const EdgeCapture&) = delete;
     ~EdgeCapture();
 
-    /// Takes what the kernel still has, and ends the thread. Any number of times.
+    /// Reads the edges that the kernel still holds and ends the thread. Idempotent.
     void stop();
 
-    // After stop():
+    // Valid after stop():
     [[nodiscard]] std::span<const Edge> edges() const noexcept { return {edges_.data(), count_}; }
-    /// Edges that found no room.
+    /// Edges beyond the capacity.
     [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
-    /// Why the line could not be read any more; empty if it could to the end.
+    /// Error that ended the reading early; empty if none.
     [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
   private:
@@ -54,30 +54,30 @@ class EdgeCapture {
     bool joined_ = false;
 };
 
+/// Known properties of the observed loop.
 struct EdgeExpectation {
     std::int64_t period_ns = 1'000'000;  // of the loop
-    std::int64_t deadline_ns = -1;       // any one of the loop's deadlines, CLOCK_MONOTONIC; -1: not known
-    EdgeKind kind = EdgeKind::Both;      // that were captured
+    std::int64_t deadline_ns = -1;       // any one of the loop's deadlines, CLOCK_MONOTONIC; -1: unknown
+    EdgeKind kind = EdgeKind::Both;      // of the captured edges
 };
 
-/// What the edges of a probe's line say of the loop that makes them.
+/// Timing of a loop, derived from the edges of its probe.
 struct EdgeStatistics {
-    Histogram period;    // ns, from a rising edge to the next
-    Histogram high;      // ns, from a rising edge to its falling edge: how long the loop's work took; of EdgeKind::Both
-    Histogram lateness;  // ns, of a rising edge after the deadline before it; empty where no deadline is known
+    Histogram period;    // ns, between consecutive rising edges
+    Histogram high;      // ns, from a rising edge to its falling edge: duration of the loop's work; EdgeKind::Both only
+    Histogram lateness;  // ns, from the preceding deadline to a rising edge; empty if no deadline is known
     std::uint64_t rising = 0;
     std::uint64_t falling = 0;
-    std::uint64_t lost = 0;          // of EdgeKind::Both, that must have been between two in the same direction
-    std::uint64_t long_periods = 0;  // 1.5 times what is expected, or more: a missed deadline, or an edge that was lost
-    std::int64_t first_ns = 0;       // time of the first and of the last edge
-    std::int64_t last_ns = 0;
-    std::int64_t longest_at_ns = 0;  // when the longest period ended
+    std::uint64_t lost = 0;          // edges missing between two in the same direction; EdgeKind::Both only
+    std::uint64_t long_periods = 0;  // 1.5 expected periods or longer: a missed deadline or a lost edge
+    std::int64_t first_ns = 0;       // time of the first edge
+    std::int64_t last_ns = 0;        // time of the last edge
+    std::int64_t longest_at_ns = 0;  // end of the longest period
 };
 
-/// `edges` in the order in which they came. Periods and times up that an edge known to be lost made longer are left
-/// out. An edge whose loss does not show cannot be told from a missed deadline: Probe::edges() says how many there
-/// should be.
-/// Its histograms make the result 90 kB.
+/// `edges` in order of capture. Periods and high times that span a detectably lost edge are excluded. An edge whose
+/// loss is not detectable looks like a missed deadline; compare with Probe::edges(), the number of edges made. The
+/// result has 90 kB, because of its histograms.
 [[nodiscard]] EdgeStatistics edge_statistics(std::span<const Edge> edges, const EdgeExpectation& expected);
 
 }  // namespace haptic

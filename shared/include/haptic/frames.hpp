@@ -1,4 +1,4 @@
-// The slots of the two rings for C++: names, layout proofs, and the check that a reader makes before it trusts one.
+// Ring slots for C++: type names, layout assertions, and the validation of a received contact frame.
 #pragma once
 
 #include <cstddef>
@@ -33,20 +33,20 @@ enum class FrameDefect : std::uint8_t {
     None,
     ProxyCount,  // more than kMaxProxies
     PlaneCount,  // more than kMaxPlanes
-    NonFinite,   // any number that is used is not finite
+    NonFinite,   // a number that is used is not finite
     Normal,      // a normal's length differs from 1 by more than 1e-6
     Coupling,    // a stiffness, damping or friction is negative
     Step         // step_ns is not positive, or longer than a second
 };
 
-/// Checks everything of a frame that a renderer would use. Bounded by kMaxProxies * kMaxPlanes.
+/// Validates every field that a renderer uses. Bounded by kMaxProxies * kMaxPlanes.
 [[nodiscard]] FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT;
 
-/// One sentence that says what is wrong, for reports; not for the tick.
+/// Describes a defect for reports; not for the tick.
 [[nodiscard]] std::string_view describe(FrameDefect defect) noexcept;
 
-/// Names of what a device state says of itself, for reports and views; not for the tick. A bit or number that none of
-/// HAPTIC_* names has no name, "unknown" for the state.
+/// Names of the codes and bits of a device state, for reports and views; not for the tick. Bits without a HAPTIC_*
+/// constant are omitted; an undefined state is "unknown".
 [[nodiscard]] std::string_view safety_state_name(std::uint32_t safety_state) noexcept;
 [[nodiscard]] std::vector<std::string> fault_names(std::uint32_t faults);
 [[nodiscard]] std::vector<std::string> tick_flag_names(std::uint32_t tick_flags);

@@ -1,7 +1,7 @@
-/* The C interface for other simulators: push contact planes to the real-time process, read the device's state.
+/* C interface for other simulators: publish contact planes to the real-time process, read the device's state.
  *
- * A simulator opens both ends of one session, in any order with the real-time process, and at its own pace reads the
- * newest device state and publishes a contact frame in answer:
+ * A simulator opens both ends of one session, before or after the real-time process does. At its own rate it then reads
+ * the newest device state and publishes a contact frame in response:
  *
  *     haptic_state_reader* states = haptic_state_reader_open("default");
  *     haptic_contact_writer* contacts = haptic_contact_writer_open("default");
@@ -16,7 +16,7 @@
  *             frame.state_time_ns = state.latch_time_ns;
  *         }
  *         frame.plane_time_ns = haptic_now_ns();
- *         frame.step_ns = 1000000;             // the next frame comes in 1 ms
+ *         frame.step_ns = 1000000;             // the next frame follows in 1 ms
  *         frame.stiffness = 500.0;             // N/m
  *         frame.proxy_count = 1;               // a floor at y = 0:
  *         frame.proxies[0].plane_count = 1;
@@ -28,8 +28,8 @@
  *     haptic_contact_writer_close(contacts);
  *     haptic_state_reader_close(states);
  *
- * No function throws or ends the process. Each handle is used by one thread at a time; different handles need no care.
- * After open, nothing here allocates, locks or makes a system call. Link with haptic::shared (find_package(haptic)).
+ * No function throws or ends the process. One thread at a time may use a handle; different handles are independent.
+ * After open, no function allocates, locks or makes a system call. Link with haptic::shared (find_package(haptic)).
  */
 #ifndef HAPTIC_HAPTIC_H
 #define HAPTIC_HAPTIC_H
@@ -45,43 +45,43 @@ extern "C" {
 typedef struct haptic_contact_writer haptic_contact_writer;
 typedef struct haptic_state_reader haptic_state_reader;
 
-/* Of the library, "MAJOR.MINOR.PATCH". */
+/* Version of the library, "MAJOR.MINOR.PATCH". */
 const char* haptic_version(void);
-/* Of the frames and the ring that the library speaks; compare with HAPTIC_ABI_VERSION that you were compiled with. */
+/* ABI version of the library's frames and ring; compare with HAPTIC_ABI_VERSION of your build. */
 uint32_t haptic_abi_version(void);
-/* What the last call that failed in this thread says: what is wrong, where, and what to do. Never NULL; valid until the
- * next call that fails in this thread. */
+/* Message of the last failed call in this thread: the problem, its place, and a remedy. Never NULL; valid until the
+ * next failed call in this thread. */
 const char* haptic_last_error(void);
 /* CLOCK_MONOTONIC in nanoseconds, the clock of every time in a frame. */
 int64_t haptic_now_ns(void);
 
-/* Attaches as the session's source of contact frames, creating its shared memory if it is the first. A session name is
- * 1 to 64 of the characters A-Z a-z 0-9 _ -; the programs' own default is "default". NULL on failure: the name is bad,
- * another process has this part, or the segment is not sound. */
+/* Attaches as the session's writer of contact frames and creates the shared memory if necessary. A session name has 1
+ * to 64 of the characters A-Z a-z 0-9 _ -; the programs' default is "default". NULL on failure: invalid name, another
+ * process has this role, or an invalid segment. */
 haptic_contact_writer* haptic_contact_writer_open(const char* session);
-/* Detaches, so that the real-time process knows of it at once; removes the shared memory if nobody is left. NULL is
+/* Detaches and informs the real-time process immediately; the last one to detach removes the shared memory. NULL is
  * allowed. */
 void haptic_contact_writer_close(haptic_contact_writer* writer);
-/* Publishes a frame; fills in its sequence, session and publish_time_ns (= now_ns). Returns the sequence, or 0 if the
- * frame is not sound (then it is not published): too many proxies or planes, a number that is not finite, a normal that
- * is not of unit length, a negative coupling, step_ns outside 1 ns to 1 s. Never waits. */
+/* Publishes a frame and sets its sequence, session and publish_time_ns (= now_ns). Returns the sequence, or 0 without
+ * publishing if the frame is invalid: too many proxies or planes, a number that is not finite, a normal that is not of
+ * unit length, a negative coupling, step_ns outside 1 ns to 1 s. Never waits. */
 uint64_t haptic_contact_writer_publish(haptic_contact_writer* writer, haptic_contact_frame* frame, int64_t now_ns);
-/* Says that the simulation is alive although it has no new frame. Returns 0, or -1 for NULL. */
+/* Signals that the simulation is alive without a new frame. Returns 0, or -1 for NULL. */
 int haptic_contact_writer_beat(haptic_contact_writer* writer, int64_t now_ns);
 
-/* What the reader can say of the real-time process. */
+/* State of the real-time process as the reader sees it. */
 typedef struct haptic_peer {
-    uint64_t session;     /* of the newest writer; 0 before the first */
-    int64_t heartbeat_ns; /* when it last published; 0 before it first did */
-    uint32_t pid;         /* 0 when none is attached, as far as it said so itself */
-    uint32_t closed;      /* 1 after it left in an orderly way */
+    uint64_t session;     /* of the latest writer; 0 before the first */
+    int64_t heartbeat_ns; /* last publication; 0 before the first */
+    uint32_t pid;         /* as the process itself stored it; 0 when none is attached */
+    uint32_t closed;      /* 1 after it detached in an orderly way */
 } haptic_peer;
 
-/* Attaches as the session's reader of device states; as haptic_contact_writer_open. */
+/* Attaches as the session's reader of device states; fails like haptic_contact_writer_open. */
 haptic_state_reader* haptic_state_reader_open(const char* session);
 void haptic_state_reader_close(haptic_state_reader* reader);
-/* Copies the newest state. Returns 1 if it was not returned before, 0 if there is nothing newer (then *state is as it
- * was), -1 for NULL. Never waits. */
+/* Copies the newest state. Returns 1 if it was not returned before, 0 if there is nothing newer (*state is unchanged),
+ * -1 for NULL. Never waits. */
 int haptic_state_reader_read(haptic_state_reader* reader, haptic_device_state* state);
 /* Returns 0, or -1 for NULL. */
 int haptic_state_reader_peer(const haptic_state_reader* reader, haptic_peer* peer);

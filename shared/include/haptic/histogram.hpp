@@ -1,8 +1,9 @@
-// A histogram of durations for the tick: fixed memory, one increment to record, a known relative error.
+// Histogram of durations for the tick: fixed memory, constant-time recording, bounded relative error.
 //
-// Buckets are logarithmic in powers of two, each divided into kSubBuckets linear ones, so that a percentile is within
-// 1 / (2 * kSubBuckets), 0.4 %, of its true value at any magnitude (the idea of HdrHistogram, Tene 2012). Minimum,
-// maximum and sum are kept exactly. Negative durations count as zero; the last bucket takes all that is longer.
+// Each power of two is divided into kSubBuckets linear buckets, so that a percentile has a relative error of at most
+// 1 / (2 * kSubBuckets) = 0.4 % at any magnitude. Minimum, maximum and sum are exact. Negative durations count as zero;
+// the last bucket also counts all longer durations.
+// @source Tene 2012, HdrHistogram.
 #pragma once
 
 #include <array>
@@ -27,8 +28,8 @@ class Histogram {
     [[nodiscard]] std::int64_t min_ns() const HAPTIC_RT { return count_ == 0 ? 0 : min_ns_; }
     [[nodiscard]] std::int64_t max_ns() const HAPTIC_RT { return max_ns_; }
     [[nodiscard]] double mean_ns() const HAPTIC_RT;
-    /// The duration that a fraction of all records does not exceed; fraction in 0..1. The middle of its bucket, but
-    /// within minimum and maximum. 0 when nothing was recorded.
+    /// Duration that a fraction (0..1) of all records does not exceed: the middle of its bucket, clamped to minimum and
+    /// maximum. 0 if nothing was recorded.
     [[nodiscard]] std::int64_t percentile_ns(double fraction) const HAPTIC_RT;
 
     struct Bucket {

@@ -1,4 +1,4 @@
-// What the pages that both processes write have in common.
+// HTML helpers shared by the pages that both processes write.
 #pragma once
 
 #include <string>
@@ -6,14 +6,14 @@
 
 namespace haptic {
 
-/// The text as it may stand in HTML and SVG, between tags and in quoted attributes.
+/// Escapes text for HTML and SVG content and quoted attributes.
 [[nodiscard]] std::string html_text(std::string_view text);
 
-/// What stands before the content of a page that is read from top to bottom: all up to its title as its first heading,
-/// with the style sheet in it. The page ends with "</body></html>".
+/// Start of a page, up to and including its title as first heading, with the style sheet. The caller appends the
+/// content and "</body></html>".
 [[nodiscard]] std::string page_top(std::string_view title);
 
-/// The style sheet of all pages, page/style.css.
+/// Style sheet of all pages, page/style.css.
 [[nodiscard]] std::string_view page_style();
 
 }  // namespace haptic

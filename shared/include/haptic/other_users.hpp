@@ -1,4 +1,5 @@
-// Rings are private to a user, so two processes of different users never meet. This is how either finds that out.
+// Other users: detects that a session's rings also exist for another user. Rings are private to a user, so processes of
+// different users never connect.
 #pragma once
 
 #include <sys/types.h>
@@ -9,11 +10,11 @@
 
 namespace haptic {
 
-/// The other users who have rings of a session of this name, ascending. It is not known whether their processes live.
+/// Other users that have rings of a session with this name, in ascending order. Their processes may have ended.
 [[nodiscard]] std::vector<uid_t> other_users_of(const std::string& session,
                                                 const std::filesystem::path& folder = "/dev/shm");
 
-/// Says who they are, that the rings do not meet, and what to do; empty where there is none.
+/// Message that names these users, explains the problem and what to do; empty if there are none.
 [[nodiscard]] std::string describe_other_users(const std::string& session,
                                                const std::filesystem::path& folder = "/dev/shm");
 

@@ -1,7 +1,7 @@
-// A probe: an output line that says to an oscilloscope, or to another line of the machine, what a loop is doing now.
+// Probe: a GPIO output that shows an oscilloscope, or an input of this machine, what a loop is doing.
 //
-// An edge costs one system call and nothing else: no allocation, no lock of ours, no wait. If the kernel refuses one,
-// the probe is off from then on and says so; whoever sets it goes on without asking.
+// An edge costs one system call, without allocation, lock or wait. If the kernel refuses an edge, the probe turns
+// itself off and reports it; callers need not check.
 #pragma once
 
 #include <cstdint>
@@ -12,39 +12,39 @@
 #include "haptic/config.hpp"
 #include "haptic/gpio.hpp"
 #include "haptic/realtime.hpp"
+#include "haptic/setting.hpp"
 
 namespace haptic {
 
 class Probe {
   public:
-    /// The longest that an edge may take unless more is allowed, ns. Lines on the processor's own bus take less than a
-    /// tenth of it.
+    /// Default limit of the duration of an edge, ns. Lines on the processor's own bus take less than a tenth of it.
     static constexpr std::int64_t kSlowestEdgeNs = 200'000;
     using Clock = std::int64_t (*)() HAPTIC_RT;
 
-    /// Without a line: set() and toggle() do nothing.
+    /// No line: set() and toggle() have no effect.
     Probe() = default;
-    /// Begins low. Tries the line, which stays low: throws std::runtime_error, `purpose` in front, if it is refused, or
-    /// if each trial takes longer than `slowest_edge_ns`, as behind I2C.
+    /// Starts low. Tests the line without changing its level: throws std::runtime_error, prefixed with `purpose`, if it
+    /// cannot be set, or if every trial takes longer than `slowest_edge_ns`, as behind I2C.
     Probe(std::unique_ptr<OutputLine> line, const std::string& purpose, Clock clock,
           std::int64_t slowest_edge_ns = kSlowestEdgeNs);
     Probe(Probe&&) noexcept = default;
     Probe& operator=(Probe&&) = delete;
-    /// Leaves the line low.
+    /// Sets the line low.
     ~Probe();
 
-    /// One system call, none if the line is there already or the probe is off.
+    /// One system call; none if the line has this level already or the probe is off.
     void set(bool up) HAPTIC_RT;
     void toggle() HAPTIC_RT { set(!up_); }
     [[nodiscard]] bool up() const HAPTIC_RT { return up_; }
 
-    /// There is a line.
+    /// The probe has a line.
     [[nodiscard]] bool present() const HAPTIC_RT { return line_ != nullptr; }
-    /// There is a line, and the kernel has refused an edge of it.
+    /// The kernel refused an edge; no more are made.
     [[nodiscard]] bool off() const HAPTIC_RT { return error_ != 0; }
-    /// Why: the errno of the edge that was refused; 0 if none was.
+    /// errno of the refused edge; 0 if none.
     [[nodiscard]] int error() const HAPTIC_RT { return error_; }
-    /// Edges that were made. For other threads once the one that sets the probe has ended.
+    /// Number of edges made. Other threads may read it after the thread that sets the probe has ended.
     [[nodiscard]] std::uint64_t edges() const HAPTIC_RT { return edges_; }
 
   private:
@@ -54,15 +54,19 @@ class Probe {
     std::uint64_t edges_ = 0;
 };
 
-/// The line that the keys probes.chip and probes.NAME choose, for a user such as "rt-core"; none where the latter is
-/// "". Throws ConfigError for a line without a chip.
+/// Line selected by the keys probes.chip and probes.NAME, for a program such as "rt-core". Empty if probes.NAME is "".
+/// Throws ConfigError for a line without a chip.
 [[nodiscard]] std::optional<GpioLine> read_probe_line(const Config& config, const std::string& name,
                                                       const std::string& user);
 
-/// The key probes.slowest_edge_s, ns: the longest that an edge may take.
-[[nodiscard]] std::int64_t read_slowest_edge_ns(const Config& config);
+/// The keys of [probes] that every program has.
+struct ProbeSettings {
+    std::string chip;                                      // of all lines; read by read_probe_line()
+    std::int64_t slowest_edge_ns = Probe::kSlowestEdgeNs;  // longest time that setting a line may take
+};
+[[nodiscard]] const SettingTable<ProbeSettings>& probe_settings();
 
-/// A probe without a line for none. Throws what open_output_line() and the trial throw.
+/// Opens the probe; without a line if `line` is empty. Throws as open_output_line() and Probe() do.
 [[nodiscard]] Probe open_probe(const std::optional<GpioLine>& line, Probe::Clock clock, std::int64_t slowest_edge_ns);
 
 }  // namespace haptic

@@ -1,12 +1,12 @@
-// The real-time contract, written so that the compiler can hold us to it.
+// Real-time contract as compiler attributes.
 //
-// Every function that the tick of rt-core reaches carries HAPTIC_RT. To every compiler it says noexcept; clang 20 and
-// newer also check that such a function neither allocates, locks, throws nor calls anything that might
-// (-Wfunction-effects), and the real-time sanitizer checks the same while it runs (presets clang-rt and rtsan).
+// Every function reachable from the tick of rt-core carries HAPTIC_RT. All compilers treat it as noexcept. clang 20 and
+// newer also check that such a function does not allocate, lock, throw or call a function that might
+// (-Wfunction-effects); the real-time sanitizer checks the same at run time (presets clang-rt and rtsan).
 //
-// HAPTIC_RT_EXCEPTION_BEGIN(reason) ... HAPTIC_RT_EXCEPTION_END bracket a block with a call that the compiler cannot
-// see through and that we know to be bounded; the sanitizer leaves it alone too. The reason names the bound. There are
-// few; `git grep HAPTIC_RT_EXCEPTION` lists them all.
+// HAPTIC_RT_EXCEPTION_BEGIN(reason) ... HAPTIC_RT_EXCEPTION_END enclose a call that the compiler cannot check but that
+// is known to be bounded. The sanitizer ignores it, too. The reason states the bound. `git grep HAPTIC_RT_EXCEPTION`
+// lists all exceptions.
 #pragma once
 
 #if defined(__clang__) && __clang_major__ >= 20

@@ -1,4 +1,4 @@
-// The JSON report of a run, as both processes write it.
+// JSON report of a run, as both processes write it.
 #pragma once
 
 #include <filesystem>
@@ -15,7 +15,7 @@ namespace haptic {
 /// The non-empty buckets as [[lower_us, upper_us, count], ...], for plots.
 [[nodiscard]] nlohmann::json buckets_us(const Histogram& histogram);
 
-/// Writes to a temporary file beside and renames it into place. Throws std::runtime_error that names the file.
+/// Writes a temporary file and renames it to `file`. Throws std::runtime_error that names the file.
 void write_report(const std::filesystem::path& file, const nlohmann::json& report);
 
 }  // namespace haptic

@@ -1,10 +1,10 @@
-// Looks on at a ring without being its reader: takes no role, holds no lock, maps the segment without the right to
-// write, and sees what is published slot by slot rather than the newest alone.
+// Ring observer: reads every slot of a ring without being its reader. It takes no role, holds no lock and maps the
+// segment read-only.
 //
-// A ring keeps its last kRingSlots slots, so that at 1 kHz whoever wants to see all of them looks every few
-// milliseconds; what was overwritten before is counted, never guessed at. The segment need not be there: one that
-// comes, goes, or is made anew under the same name is found at the next attend(). It is checked as by a reader, and
-// nothing in it is trusted afterwards: a slot is returned whole or not at all (ring.hpp), its content is unchecked.
+// A ring keeps its last kRingSlots slots, so at 1 kHz an observer must read every few milliseconds to see all of them;
+// slots that were overwritten before are counted as missed. The segment need not exist: attend() finds it when it is
+// created, removed or replaced under the same name. It is checked as by a reader and not trusted afterwards: a slot is
+// returned completely or not at all (ring.hpp), and its content is not validated.
 #pragma once
 
 #include <cstdint>
@@ -15,14 +15,14 @@
 
 namespace haptic {
 
-/// For how long an observer does not look whether its segment is still the right one.
+/// Interval at which an observer checks that its segment is still the current one.
 inline constexpr std::int64_t kRingAttendNs = 250'000'000;
 
 /// Counters of an observer.
 struct RingObserveCounts {
     std::uint64_t slots = 0;     // returned
-    std::uint64_t missed = 0;    // published since we attached to the segment, but overwritten before we looked
-    std::uint64_t segments = 0;  // attached to, one after the other
+    std::uint64_t missed = 0;    // published since attaching to the segment, but overwritten before they were read
+    std::uint64_t segments = 0;  // number of attachments
 };
 
 namespace detail {
@@ -30,16 +30,16 @@ class ObservedSegment;  // src/ring_observer.cpp: a checked, read-only mapping
 
 class RingObserverBase {
   public:
-    /// Finds the segment if there is one, and follows when it was made anew; asks the system every kRingAttendNs at
-    /// most. What is still in the segment before is lost: take it first. `now_ns` never falls.
+    /// Attaches to the segment if it exists, and to its replacement if it was recreated; checks at most once per
+    /// kRingAttendNs. Unread slots of a replaced segment are lost: read them first. `now_ns` must not decrease.
     void attend(std::int64_t now_ns);
     [[nodiscard]] bool attached() const noexcept { return segment_ != nullptr; }
-    /// Why the segment that is there cannot be looked at, as a RingError says it; empty if it can, or there is none.
+    /// Why the existing segment cannot be observed, as in RingError::what(); empty otherwise.
     [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
-    /// What the writer says of itself; zeros while not attached.
+    /// State of the writer; zeros while not attached.
     [[nodiscard]] RingPeer peer() const noexcept;
-    /// Whether a process has the writer's role, by its lock: also one that is stopped. A system call.
+    /// Whether a process holds the writer's lock, even if it is stopped. One system call.
     [[nodiscard]] bool has_writer() const noexcept;
     [[nodiscard]] RingObserveCounts counts() const noexcept { return counts_; }
 
@@ -61,7 +61,7 @@ class RingObserverBase {
     std::unique_ptr<ObservedSegment> segment_;
     std::string problem_;
     std::int64_t attend_at_ns_ = 0;
-    std::uint64_t last_ = 0;  // sequence up to which all was returned or missed
+    std::uint64_t last_ = 0;  // all slots up to this sequence were returned or missed
     RingObserveCounts counts_;
 };
 }  // namespace detail
@@ -70,12 +70,12 @@ class RingObserverBase {
 template <class Slot>
 class RingObserver : public detail::RingObserverBase {
   public:
-    /// Attaches to nothing yet: see attend(). Throws RingError::Kind::BadSessionName.
+    /// Does not attach; see attend(). Throws RingError::Kind::BadSessionName.
     explicit RingObserver(const std::string& session)
         : RingObserverBase(session, detail::kRingKind<Slot>, sizeof(Slot)) {}
 
-    /// Copies the oldest slot that is there and was not returned before; `out` is unspecified if there is none. Of a
-    /// segment that was there before us, this begins with the oldest that it still has. kRingSlots copies at most.
+    /// Copies the oldest available slot that was not returned before; if there is none, returns false and `out` is
+    /// unspecified. Of a segment that existed before, it starts with the oldest slot. At most kRingSlots copies.
     [[nodiscard]] bool next(Slot& out) noexcept { return next_bytes(&out); }
 };
 

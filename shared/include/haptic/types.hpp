@@ -1,8 +1,8 @@
-// Rigid-body quantities as both processes use them.
+// Rigid-body types shared by both processes.
 //
-// SI units throughout: m, rad, s, N, N*m. Frames are right-handed, y up. A pose `world_from_grip` maps a point given in
-// the grip's frame to the world: p_world = orientation * p_grip + position. Times are std::int64_t nanoseconds of
-// CLOCK_MONOTONIC, and always named _ns.
+// SI units throughout: m, rad, s, N, N*m. Coordinate frames are right-handed, y up. A pose `world_from_grip` maps a
+// point from the grip frame to the world frame: p_world = orientation * p_grip + position. Times are std::int64_t
+// nanoseconds of CLOCK_MONOTONIC with the suffix _ns.
 #pragma once
 
 #include <cstdint>

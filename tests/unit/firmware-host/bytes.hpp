@@ -1,4 +1,4 @@
-// Packets written as people write them, for tests.
+// Packets as hexadecimal text, for tests.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@ namespace haptic::device::test {
 
 using Bytes = std::vector<std::byte>;
 
-/// The bytes, followed by zeros up to a length.
+/// The bytes, zero-padded to a length.
 inline Bytes bytes(std::initializer_list<int> values, std::size_t length = 0) {
     Bytes result;
     result.reserve(values.size());

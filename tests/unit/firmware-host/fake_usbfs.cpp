@@ -14,8 +14,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include "emulated/make_firmware.hpp"
 #include "haptic/clock.hpp"
-#include "haptic/device/emulated_board.hpp"
+#include "haptic/device/emulated_device.hpp"
 
 namespace haptic::test {
 namespace {
@@ -28,14 +29,14 @@ constexpr int kHighSpeed = 3;  // USB_SPEED_HIGH
 
 using Packet = std::vector<std::byte>;
 
-/// A request's memory in the process that made it.
+/// Memory of a request in the requesting process.
 using Memory = UMockdevIoctlData;
 
 usbdevfs_urb& urb_of(Memory* memory) {
     return *reinterpret_cast<usbdevfs_urb*>(memory->data);
 }
 
-/// What a pointer within the memory points to; it belongs to the memory.
+/// Resolves a pointer in that memory; the result is owned by the memory.
 Memory* resolve(Memory* memory, std::size_t offset, std::size_t length) {
     Memory* const inner = umockdev_ioctl_data_resolve(memory, offset, length, nullptr);
     if (inner != nullptr) {
@@ -114,13 +115,13 @@ std::vector<unsigned char> descriptors(const FakeUsbfs::Settings& s) {
 
 struct FakeUsbBoard::State {
     explicit State(const FakeUsbfs::Settings& s)
-        : settings(s), device(s.device), firmware(device::make_firmware(s.device.variant.board, device)) {}
+        : settings(s), device(s.device), firmware(device::make_firmware(s.device.geometry.board, device)) {}
     ~State() { drop_requests(); }
 
     FakeUsbfs::Settings settings;
     std::string node;
     std::string syspath;
-    bool present = true;  // its files are there
+    bool present = true;  // its files exist
 
     mutable std::mutex mutex;
     device::EmulatedDevice device;
@@ -128,7 +129,7 @@ struct FakeUsbBoard::State {
 
     Fault fault = Fault::None;
     bool unplugged = false;
-    int commands_left = -1;  // until unplugged; negative: for ever
+    int commands_left = -1;  // until it is unplugged; negative: never
     bool occupied = false;
     bool halted_in = false;
     bool halted_out = false;
@@ -137,10 +138,10 @@ struct FakeUsbBoard::State {
     int resets = 0;
     int early_commands = 0;
 
-    UMockdevIoctlClient* client = nullptr;  // that opened the device last
-    std::deque<Packet> answers;             // in the board's buffer
-    std::deque<Packet> held;                // that do not leave it
-    std::deque<Memory*> waiting_in;         // URBs
+    UMockdevIoctlClient* client = nullptr;  // last one to open the device
+    std::deque<Packet> answers;             // replies in the board's buffer
+    std::deque<Packet> held;                // replies held back
+    std::deque<Memory*> waiting_in;         // pending URBs
     std::deque<Memory*> waiting_out;
     std::deque<Memory*> ended;
 
@@ -173,7 +174,7 @@ struct FakeUsbBoard::State {
         end_all(waiting_out, -ESHUTDOWN);
     }
 
-    /// The firmware sees a command, and the fault decides what becomes of its answer.
+    /// Passes a command to the firmware; the fault determines what happens to its reply.
     void take(const Packet& command) {
         ++commands;
         early_commands += waiting_in.empty() ? 1 : 0;
@@ -231,7 +232,7 @@ struct FakeUsbBoard::State {
         }
     }
 
-    // What a request is answered with: 0 or more, or an error as a negative number.
+    // Results of requests: 0 or more, or a negative errno.
     long control(Memory* argument);
     long bulk(Memory* argument);
     long submit(Memory* argument);
@@ -410,9 +411,9 @@ void FakeUsbBoard::occupy() {
     state_->occupied = true;
 }
 
-std::array<std::int16_t, kStrings> FakeUsbBoard::digits() const {
+std::array<std::int16_t, kStrings> FakeUsbBoard::dac_codes() const {
     const std::lock_guard lock(state_->mutex);
-    return state_->device.digits();
+    return state_->device.dac_codes();
 }
 
 Pose FakeUsbBoard::grip_pose() const {
@@ -454,7 +455,7 @@ struct FakeUsbfs::State {
 
     FakeUsbBoard* board_at(const std::string& node) {
         const std::lock_guard lock(mutex);
-        // The newest: a number may be used again.
+        // The latest one: device numbers are reused.
         const auto found = std::find_if(boards.rbegin(), boards.rend(),
                                         [&](const auto& board) { return board->state_->node == node; });
         return found == boards.rend() ? nullptr : found->get();

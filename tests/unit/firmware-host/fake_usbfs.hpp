@@ -1,7 +1,7 @@
-// USB devices that are not there: a usbfs and its sysfs, made by umockdev, whose requests for transfers are answered by
-// the project's own firmware and emulated device. libusb and everything above it run as they are.
+// Fake USB devices: umockdev provides usbfs and sysfs, and the project's emulated firmware and device reply to the
+// transfers. libusb and everything above it run unmodified.
 //
-// The process (and what it starts) has to run under umockdev's preloaded library, as ctest has it do.
+// The process and its children must run with umockdev's preloaded library, as ctest arranges.
 #pragma once
 
 #include <array>
@@ -18,19 +18,19 @@ namespace haptic::test {
 
 class FakeUsbfs;
 
-/// A board on the fake bus. Members may be called while another thread or process drives it.
+/// A board on the fake bus. Thread-safe with respect to its driver, which may be another process.
 class FakeUsbBoard {
   public:
-    /// What it does instead of answering.
+    /// Misbehaviour.
     enum class Fault {
         None,
-        Silent,    // takes commands, never answers
-        Short,     // answers with the first 100 bytes only
-        Overflow,  // sends more than was asked for
-        StallIn,   // the answer's endpoint halts, until its halt is cleared
-        StallOut,  // refuses the command likewise
-        Protocol,  // the answer is damaged on the bus
-        Blocked    // does not even take commands
+        Silent,    // accepts commands, never replies
+        Short,     // replies with the first 100 bytes only
+        Overflow,  // sends more than requested
+        StallIn,   // the IN endpoint halts until cleared
+        StallOut,  // the OUT endpoint halts until cleared
+        Protocol,  // the reply is corrupted on the bus
+        Blocked    // does not accept commands
     };
 
     ~FakeUsbBoard();
@@ -39,21 +39,21 @@ class FakeUsbBoard {
 
     /// From the next command on.
     void misbehave(Fault fault);
-    /// Answers that are held back since Silent or Blocked come now.
+    /// Releases the replies held back since Silent or Blocked.
     void release_answers();
-    /// An answer that nobody has asked for waits to be read.
+    /// Queues an unrequested reply.
     void leave_stale_answer(std::vector<std::byte> packet);
-    /// Unplugged: after so many more commands; at once for 0, in the middle of what is going on.
+    /// Unplugs it after this many more commands; 0: immediately, even during a transfer.
     void unplug_after(int commands);
-    /// Another program has the interface.
+    /// Lets another program claim the interface.
     void occupy();
 
-    [[nodiscard]] std::array<std::int16_t, kStrings> digits() const;
+    [[nodiscard]] std::array<std::int16_t, kStrings> dac_codes() const;
     [[nodiscard]] Pose grip_pose() const;
-    [[nodiscard]] int commands() const;  // packets that it took
+    [[nodiscard]] int commands() const;  // packets accepted
     [[nodiscard]] int halts_cleared() const;
     [[nodiscard]] int resets() const;
-    [[nodiscard]] int early_commands() const;  // that came while no answer was awaited
+    [[nodiscard]] int early_commands() const;  // packets that arrived while no IN transfer was pending
 
   private:
     friend class FakeUsbfs;
@@ -64,23 +64,23 @@ class FakeUsbBoard {
 
 class FakeUsbfs {
   public:
-    /// Throws std::runtime_error where umockdev is not preloaded.
+    /// Throws std::runtime_error if umockdev is not preloaded.
     FakeUsbfs();
     FakeUsbfs(const FakeUsbfs&) = delete;
     FakeUsbfs& operator=(const FakeUsbfs&) = delete;
     ~FakeUsbfs();
 
     struct Settings {
-        device::EmulatedDevice::Settings device{.variant = device::spidar_g6_x3r()};
+        device::EmulatedDevice::Settings device{.geometry = device::spidar_g6_x3r()};
         std::string port = "1-1";
-        int number = 2;  // on its bus
+        int number = 2;  // device number on its bus
         device::UsbId id{0x0cec, 0x0205};
         unsigned char endpoint_in = 0x86;
         unsigned char endpoint_attributes = 0x02;  // bulk
     };
-    /// Plugs a board in. It lives as long as this does, plugged in or not.
+    /// Plugs a board in. The object lives as long as this one, even when unplugged.
     FakeUsbBoard& plug(Settings settings);
-    /// Takes its files away, as the kernel does after an unplugging.
+    /// Removes its files, as the kernel does when a device is unplugged.
     void remove(FakeUsbBoard& board);
 
   private:

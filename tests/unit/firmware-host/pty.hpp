@@ -1,4 +1,4 @@
-// A pseudo terminal as a serial line with somebody at its other end, for tests.
+// Pseudo terminal as a serial line with a peer, for tests.
 #pragma once
 
 #include <fcntl.h>
@@ -40,7 +40,7 @@ class Pty {
             throw std::runtime_error("the pseudo terminal takes nothing");
         }
     }
-    /// So many bytes, or as many as come before a second without any.
+    /// Reads this many bytes, or fewer if none arrives for a second.
     [[nodiscard]] Bytes read(std::size_t count) const {
         Bytes all;
         while (all.size() < count && wait(1000)) {
@@ -69,10 +69,10 @@ class Pty {
     std::string path_;
 };
 
-/// Answers at the far end of a pseudo terminal, in a thread of its own.
+/// Peer at the far end of a pseudo terminal, in a separate thread.
 class FarEnd {
   public:
-    /// `answer` gets what has come and returns what goes back.
+    /// `answer` maps received bytes to the reply.
     FarEnd(const Pty& pty, std::function<Bytes(const Bytes&)> answer)
         : thread_([this, &pty, answer = std::move(answer)] {
               while (!done_) {

@@ -1,4 +1,4 @@
-// A transport to a firmware in this process that loses, holds back, changes and repeats packets, for tests.
+// Transport to an in-process firmware that loses, delays, changes and repeats packets, for tests.
 #pragma once
 
 #include <algorithm>
@@ -32,7 +32,7 @@ class RoughCable final : public Transport {
         if (packets.in.empty()) {
             return ExchangeStatus::Ok;
         }
-        if (answers_held_back > 0) {  // it stays where it is, and the next one comes behind it
+        if (answers_held_back > 0) {  // it stays queued, and the next one follows it
             --answers_held_back;
             return ExchangeStatus::Timeout;
         }
@@ -55,9 +55,9 @@ class RoughCable final : public Transport {
         }
     }
 
-    ExchangeStatus next_status = ExchangeStatus::Ok;          // of every exchange, if not Ok
-    int answers_held_back = 0;                                // so many of the next ones do not come in time
-    std::function<std::size_t(std::span<std::byte>)> change;  // of an answer; returns its length
+    ExchangeStatus next_status = ExchangeStatus::Ok;          // result of every exchange, unless Ok
+    int answers_held_back = 0;                                // number of replies that miss their time limit
+    std::function<std::size_t(std::span<std::byte>)> change;  // modifies a reply; returns its length
     int exchanges = 0;
     std::vector<std::vector<std::byte>> sent;
 

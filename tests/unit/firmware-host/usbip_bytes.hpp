@@ -1,5 +1,4 @@
-// Messages of USB/IP written out by hand, for tests: big-endian words, and the client's half of the protocol, which the
-// server does not have.
+// Hand-written USB/IP messages for tests: big-endian words, and the client's side of the protocol.
 #pragma once
 
 #include <array>
@@ -18,16 +17,16 @@ using Bytes = std::vector<std::byte>;
 inline Bytes hex(std::string_view text) {
     Bytes bytes;
     unsigned value = 0;
-    int digits = 0;
+    int dac_codes = 0;
     for (const char c : text) {
         if (c == ' ' || c == '\n') {
             continue;
         }
         value = value * 16U + static_cast<unsigned>(c <= '9' ? c - '0' : c - 'a' + 10);
-        if (++digits == 2) {
+        if (++dac_codes == 2) {
             bytes.push_back(static_cast<std::byte>(value));
             value = 0;
-            digits = 0;
+            dac_codes = 0;
         }
     }
     return bytes;

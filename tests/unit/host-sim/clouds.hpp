@@ -8,21 +8,21 @@
 #include <random>
 #include <vector>
 
-#include "haptic/sim/particles.hpp"
 #include "dynamics/rotation.hpp"
+#include "haptic/sim/particles.hpp"
 
 namespace haptic::sim {
 
 struct Cloud {
-    Vec3 semi_axes{0.15, 0.05, 0.025};  // m, of the whole
+    Vec3 semi_axes{0.15, 0.05, 0.025};  // m, of the whole body
     std::size_t particles = 137;
     std::size_t neighbours = 8;
     double stiffness = 0.9;
-    double mass = 0.3;  // kg, of the whole
+    double mass = 0.3;  // kg, of the whole body
 };
 
-/// Particles well spread over an ellipsoid, each an ellipsoid that reaches a little beyond its nearest neighbours'
-/// borders and is turned at random, matched with its neighbours.
+/// Particles evenly spread over an ellipsoid. Each is a randomly rotated ellipsoid that slightly overlaps its nearest
+/// neighbours, in a shape-matching group with them.
 inline ParticleModel make_cloud(const Cloud& cloud, std::uint32_t seed) {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
@@ -37,7 +37,7 @@ inline ParticleModel make_cloud(const Cloud& cloud, std::uint32_t seed) {
         }
         return p * cloud.semi_axes;
     };
-    // Each the farthest from those before it of many drawn at random.
+    // Best-candidate sampling: of many random points, the farthest from all earlier ones.
     std::vector<Vec3> points;
     double spacing = 0.0;
     while (points.size() < cloud.particles) {
@@ -77,7 +77,7 @@ inline ParticleModel make_cloud(const Cloud& cloud, std::uint32_t seed) {
     return model;
 }
 
-/// Moves a whole model.
+/// Translates a model and sets its velocity.
 inline ParticleModel moved(ParticleModel model, const Vec3& by, const Vec3& velocity) {
     for (std::size_t i = 0; i < model.size(); ++i) {
         model.position[i] += by;

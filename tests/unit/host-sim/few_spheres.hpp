@@ -8,8 +8,8 @@
 
 namespace haptic::sim::test {
 
-/// A square of side x side spheres in the plane y = 0 of the tool, about its origin, each grouped with all others that
-/// are at most a diagonal away.
+/// side x side spheres in the plane y = 0 of the tool frame, centred on the origin. Each forms a group with its
+/// neighbours, diagonals included.
 inline ToolModel square_of_spheres(int side, double spacing, double radius, double stiffness, int iterations = 4) {
     ToolModel tool;
     ParticleModel& model = tool.body.particles;
@@ -37,7 +37,7 @@ inline ToolModel square_of_spheres(int side, double spacing, double radius, doub
     return tool;
 }
 
-/// Spheres where they are wanted that nothing holds together.
+/// Spheres at given positions without constraints.
 inline ToolModel loose_spheres(const std::vector<Vec3>& where, double radius) {
     ToolModel tool;
     for (const Vec3& o : where) {

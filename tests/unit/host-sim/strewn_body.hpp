@@ -1,4 +1,4 @@
-// A body of the fish's kind: as many particles, in groups as large, at random.
+// Random body with as many particles and as large groups as the thesis' fish.
 #pragma once
 
 #include <algorithm>
@@ -12,10 +12,11 @@
 
 namespace haptic::sim {
 
-inline constexpr std::size_t kParticles = 137;  // of the thesis' fish
+inline constexpr std::size_t kParticles = 137;  // as in the thesis' fish
 inline constexpr std::size_t kMembers = 9;
 
-/// Particles of different masses strewn into an ellipsoid 0.3 m long, each in a group with the eight nearest.
+/// Particles of different masses at random positions in an ellipsoid 0.3 m long, each in a group with its eight
+/// nearest.
 inline ParticleModel strewn_body(std::uint32_t seed, double stiffness) {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> uniform(-1.0, 1.0);

@@ -1,4 +1,4 @@
-// A machine made of files: one on which the doctor finds nothing, to be spoilt by a test.
+// Machine tree: a folder with the files of a healthy machine, in which a test can create a problem for the doctor.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -13,8 +13,8 @@
 
 namespace haptic::rt::test {
 
-/// Four processors in two cores, of which 3 is the loop's and 1 its hyper-thread, isolated too; a board on port 1-2 of
-/// a controller with interrupt 24.
+/// Four processors in two cores. Processor 3 is the loop's and 1 its hyper-thread, both isolated. A board is on port
+/// 1-2 of a controller with interrupt 24.
 class MachineTree {
   public:
     MachineTree() : root_(std::filesystem::path(testing::TempDir()) / ("machine-" + std::to_string(getpid()))) {
@@ -37,7 +37,7 @@ class MachineTree {
         std::ofstream(file(absolute)) << text << '\n';
     }
     void remove(const std::string& absolute) const { std::filesystem::remove_all(file(absolute)); }
-    /// From now on this process may not write there.
+    /// Makes the file read-only for this process.
     void forbid(const std::string& absolute) { forbidden_.insert(file(absolute)); }
 
     [[nodiscard]] Machine machine() const {
@@ -113,7 +113,7 @@ class MachineTree {
         write(folder + "smp_affinity_list", "0-3");
         write(folder + "effective_affinity_list", cpus);
     }
-    /// A process of one thread. Policy: 0 SCHED_OTHER, 1 SCHED_FIFO, 2 SCHED_RR.
+    /// Adds a process with one thread. Policy: 0 SCHED_OTHER, 1 SCHED_FIFO, 2 SCHED_RR.
     void thread(int id, const std::string& name, int priority, int policy, const std::string& cpus) const {
         const std::string number = std::to_string(id);
         const std::string folder = "/proc/" + number + "/task/" + number + "/";
@@ -124,7 +124,7 @@ class MachineTree {
         write(folder + "stat", stat + " " + std::to_string(priority) + " " + std::to_string(policy) + " 0 0");
         write(folder + "status", "Name:\t" + name + "\nCpus_allowed:\tf\nCpus_allowed_list:\t" + cpus);
     }
-    /// /proc/self/limits, whose columns are as wide as the kernel's.
+    /// Writes /proc/self/limits with the kernel's column widths.
     void limits(const std::string& priority, const std::string& memory) const {
         write("/proc/self/limits",
               "Limit                     Soft Limit           Hard Limit           Units     \n"

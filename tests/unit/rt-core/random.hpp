@@ -1,4 +1,4 @@
-// Random numbers and vectors for tests, the same in each run.
+// Random numbers and vectors for tests, reproducible.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ class Random {
   public:
     explicit Random(std::uint64_t seed) : engine_(seed) {}
     double uniform(double least, double most) { return std::uniform_real_distribution<double>(least, most)(engine_); }
-    /// Each coordinate normally distributed, of deviation 1.
+    /// Vector of standard normal coordinates.
     Vec3 normal() {
         std::normal_distribution<double> normal;
         const double x = normal(engine_);

@@ -1,5 +1,5 @@
-// An emulated board whose motors another process can see, after the death of the one that drove them; and whose
-// exchange can be made to hang.
+// Emulated board whose motors stay visible to another process after the driving process has died, and whose exchange
+// can be made to hang.
 #pragma once
 
 #include <sys/mman.h>
@@ -16,24 +16,24 @@
 
 namespace haptic::rt::test {
 
-/// What the motors hold, in memory that a child process shares.
+/// State of the motors, in memory shared with a child process.
 struct SharedMotors {
-    std::array<std::atomic<std::int16_t>, kStrings> digits{};
+    std::array<std::atomic<std::int16_t>, kStrings> dac_codes{};
     std::atomic<int> zeros_sent{0};     // by zero_motors()
     std::atomic<bool> hang{false};      // the next exchange does not return while this is set
-    std::atomic<bool> hanging{false};   // one is waiting
-    std::atomic<bool> overflow{false};  // the next exchange needs more stack than there is
-    std::atomic<bool> ready{false};     // for the test to use
+    std::atomic<bool> hanging{false};   // an exchange is hanging
+    std::atomic<bool> overflow{false};  // the next exchange overflows the stack
+    std::atomic<bool> ready{false};     // free for use by the test
 
     void set(const device::MotorCommand& command) {
         for (std::size_t i = 0; i < kStrings; ++i) {
-            digits[i].store(command.digits[i]);
+            dac_codes[i].store(command.dac_codes[i]);
         }
     }
     [[nodiscard]] int sum() const {
         int sum = 0;
-        for (const auto& digit : digits) {
-            sum += digit.load();
+        for (const auto& dac_code : dac_codes) {
+            sum += dac_code.load();
         }
         return sum;
     }
@@ -64,23 +64,23 @@ inline void sleep_ms(int milliseconds) {
     nanosleep(&time, nullptr);
 }
 
-/// Needs so many bytes of stack. The compiler has to believe that somebody reads each frame, or it makes them small.
+/// Recursion that uses this many bytes of stack; written so that the compiler cannot shrink its stack frames.
 inline int use_stack(std::size_t bytes) HAPTIC_RT {
     std::array<char, 4096> frame{};
     asm volatile("" : : "r"(frame.data()) : "memory");
     return bytes < frame.size() ? frame[0] : use_stack(bytes - frame.size()) + frame[0];
 }
 
-/// Far more than any stack of a test has.
+/// More than the stack of any test.
 constexpr std::size_t kTooMuchStack = std::size_t{256} << 20;
 
 class SharedBoard final : public device::Board {
   public:
-    explicit SharedBoard(SharedMotors& motors) : motors_(&motors), board_({.variant = device::spidar_g6_x3r()}) {}
+    explicit SharedBoard(SharedMotors& motors) : motors_(&motors), board_({.geometry = device::spidar_g6_x3r()}) {}
 
     device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT override {
-        while (motors_->hang.load()) {  // no sleep: the real-time sanitizer allows a tick none
+        while (motors_->hang.load()) {  // no sleep: the real-time sanitizer forbids it in a tick
             motors_->hanging.store(true);
         }
         motors_->hanging.store(false);

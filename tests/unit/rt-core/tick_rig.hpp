@@ -1,4 +1,4 @@
-// A tick with real rings and an emulated board under a virtual clock, for tests.
+// Test rig: a tick with real rings and an emulated board, under a virtual clock.
 #pragma once
 
 #include <unistd.h>
@@ -24,7 +24,7 @@ inline std::int64_t still_clock() HAPTIC_RT {
     return 0;
 }
 
-/// A board that can be told to fail, or to lie about its counters.
+/// Board that can be made to fail, or to report wrong counters.
 class FaultyBoard final : public device::Board {
   public:
     explicit FaultyBoard(device::Board& board) : board_(&board) {}
@@ -35,7 +35,7 @@ class FaultyBoard final : public device::Board {
         }
         const device::ExchangeStatus status = board_->exchange(command, reading, now_ns);
         for (std::size_t i = 0; i < kStrings; ++i) {
-            // Of 16 bits, as those of the board that most tests have.
+            // 16-bit counters, as on the board of most tests.
             reading.counters[i] = added[i] == 0 ? reading.counters[i] : (reading.counters[i] + added[i]) & 0xFFFFU;
         }
         return status;
@@ -43,13 +43,13 @@ class FaultyBoard final : public device::Board {
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }
 
     bool failing = false;
-    std::array<std::uint32_t, kStrings> added{};  // to the counters
+    std::array<std::uint32_t, kStrings> added{};  // offset of each counter
 
   private:
     device::Board* board_;
 };
 
-/// A horizontal plane under one sphere: dot((0,1,0), x) >= height.
+/// Frame with one particle above a horizontal plane: dot((0,1,0), x) >= height.
 inline ContactFrame floor_frame(double height, double stiffness, std::int64_t now_ns) {
     ContactFrame frame{};
     frame.state_time_ns = now_ns;
@@ -70,7 +70,7 @@ class TickRig {
                      const std::optional<device::GripMechanics>& mechanics = {})
         : settings(tick_settings),
           session(unique_session()),
-          board({.variant = tick_settings.variant,
+          board({.geometry = tick_settings.geometry,
                  .hand = std::move(hand),
                  .power_up = {100, 65500, 3, 40000, 0, 7, 12345, 65535},
                  .mechanics = mechanics}),
@@ -81,7 +81,7 @@ class TickRig {
           states_in(session),
           tick(tick_settings, faulty, frames_in, states_out, still_clock) {}
 
-    /// One tick, a period after the last one, `late_ns` after its deadline.
+    /// Runs one tick, a period after the last one and `late_ns` after its deadline.
     void step(std::int64_t late_ns = 0, std::int64_t missed = 0) {
         tick.run({now_ns, now_ns + late_ns, missed});
         now_ns += settings.period_ns;
@@ -91,7 +91,7 @@ class TickRig {
             step();
         }
     }
-    /// Arms and steps until the loop runs. The hand must hold still at the centre until then.
+    /// Arms and steps until Running. The hand must hold still at the centre until then.
     void run_up() {
         tick.arm();
         steps(static_cast<int>(arming_time_ns(settings.safety) / settings.period_ns) + 5);

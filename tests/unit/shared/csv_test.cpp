@@ -180,8 +180,8 @@ TEST(CsvWriter, SaysThatItCannotWrite) {
 }
 
 TEST(CsvWriter, ReportsAFullDisk) {
-    CsvWriter writer("/dev/full", {"a"});  // not a plain file: written directly, and every write to it fails
-    EXPECT_THAT(message_of<CsvError>([&] { writer.close(); }), HasSubstr("/dev/full: could not be written whole"));
+    CsvWriter writer("/dev/full", {"a"});  // not a regular file: written directly, and every write fails
+    EXPECT_THAT(message_of<CsvError>([&] { writer.close(); }), HasSubstr("/dev/full: could not be written completely"));
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ namespace {
 constexpr std::int64_t kPeriodNs = 1'000'000;
 constexpr std::int64_t kStartNs = 77'000'000;
 
-/// Of a loop: wake-ups some time after each deadline, work for some time.
+/// Edges of a loop that wakes up some time after each deadline and works for some time.
 struct Loop {
     std::vector<Edge> edges;
     std::vector<std::int64_t> late_ns;
@@ -92,7 +92,7 @@ TEST(EdgeStatistics, LeaveOutWhatALostEdgeMadeLonger) {
 
 TEST(EdgeStatistics, SayWhenTheLongestPeriodWas) {
     Loop loop = loop_of(100, 5);
-    loop.edges.erase(loop.edges.begin() + 2 * 40, loop.edges.begin() + 2 * 43);  // three ticks that were skipped
+    loop.edges.erase(loop.edges.begin() + 2 * 40, loop.edges.begin() + 2 * 43);  // three skipped ticks
     const EdgeStatistics found = edge_statistics(loop.edges, {.period_ns = kPeriodNs});
     EXPECT_EQ(found.lost, 0u);
     EXPECT_EQ(found.long_periods, 1u);

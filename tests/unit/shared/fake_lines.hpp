@@ -1,5 +1,4 @@
-// Lines of a GPIO chip that no machine has: what is set is remembered, may be refused, and goes over a wire to whoever
-// captures its edges.
+// Fake GPIO lines: an output that records its levels, may refuse them, and passes its edges over a wire to a capture.
 #pragma once
 
 #include <algorithm>
@@ -17,17 +16,17 @@
 
 namespace haptic::test {
 
-/// An output line and the edges that it makes, with times of its own. Neither allocates nor locks.
+/// An output line and its edges, with simulated times. Neither allocates nor locks.
 class FakeWire {
   public:
     static constexpr std::size_t kRoom = 1 << 16;
 
-    /// The line goes over this instant in each call; what follows is `step_ns` later.
+    /// Time of the edge of the next call; advances by `step_ns`.
     std::int64_t time_ns = 0;
     std::int64_t step_ns = 1000;
-    int error = 0;                    // errno of each call from now on; 0: none is refused
+    int error = 0;                    // errno of all further calls; 0: success
     std::uint64_t calls = 0;          // of the line
-    std::atomic<bool> broken{false};  // the edges cannot be read any more
+    std::atomic<bool> broken{false};  // reading edges fails
 
     int set(bool up) noexcept {
         ++calls;
@@ -54,7 +53,7 @@ class FakeWire {
     bool up_ = false;
 };
 
-/// The end of the wire that is set; the wire must outlive it.
+/// Output end of the wire, which must outlive it.
 class FakeOutput final : public OutputLine {
   public:
     explicit FakeOutput(FakeWire& wire) : wire_(&wire) {}
@@ -70,7 +69,7 @@ class FakeOutput final : public OutputLine {
     FakeWire* wire_;
 };
 
-/// The other end.
+/// Input end.
 class FakeEdges final : public EdgeSource {
   public:
     explicit FakeEdges(FakeWire& wire) : wire_(&wire) {}

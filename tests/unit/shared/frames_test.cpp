@@ -19,7 +19,7 @@ using testing::IsEmpty;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// A sound frame that uses everything that a frame has.
+/// A valid frame that uses every field.
 std::unique_ptr<ContactFrame> full_frame() {
     auto frame = std::make_unique<ContactFrame>();
     frame->step_ns = 1'000'000;

@@ -18,7 +18,7 @@ GpioLine line_of_nowhere() {
 }
 
 TEST(Gpio, SaysWhichChipItDidNotFindForWhatAndHowToListThem) {
-    // Without any chip and with some, with and without root: a chip of that name is nowhere.
+    // On any machine, with and without root: no chip has this name.
     const auto says_all = ThrowsMessage<std::runtime_error>(
         AllOf(HasSubstr("'no-such-chip'"), HasSubstr("probes.chip, probes.tick"), HasSubstr("gpio")));
     EXPECT_THAT([] { (void)open_output_line(line_of_nowhere()); }, says_all);

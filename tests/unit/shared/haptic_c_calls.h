@@ -1,5 +1,4 @@
-/* The C half of the test of the C interface: each function returns 0, or the line of the first expectation that failed.
- */
+/* C part of the test of the C interface: each function returns 0 or the line of the first failed expectation. */
 #ifndef HAPTIC_TEST_C_CALLS_H
 #define HAPTIC_TEST_C_CALLS_H
 
@@ -7,9 +6,9 @@
 extern "C" {
 #endif
 
-/* Opens both ends, reads state 1 of the C++ side (latch_time_ns 111), answers it with one plane, leaves. */
+/* Opens both ends, reads state 1 of the C++ side (latch_time_ns 111), publishes one plane in response, closes. */
 int haptic_c_pushes_a_frame(const char* session);
-/* Every misuse must give its error value and a text. */
+/* Every misuse must return its error value and set a message. */
 int haptic_c_refuses_misuse(const char* session);
 
 #ifdef __cplusplus

@@ -10,7 +10,7 @@
 namespace haptic {
 namespace {
 
-/// The smallest recorded duration that a fraction of all does not exceed, from the sorted data itself.
+/// Oracle: percentile from the sorted data.
 std::int64_t exact_percentile(const std::vector<std::int64_t>& sorted, double fraction) {
     const auto rank = static_cast<std::size_t>(std::ceil(fraction * static_cast<double>(sorted.size())));
     return sorted[std::max<std::size_t>(1, rank) - 1];

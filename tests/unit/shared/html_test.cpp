@@ -66,7 +66,7 @@ TEST(PageStyle, AsksForNothingFromElsewhere) {
     EXPECT_EQ(page_style().find('<'), std::string_view::npos) << "it stands between tags";
 }
 
-// WCAG 2.2: text 4.5 to 1 (1.4.3), lines of a plot and the mark of the keyboard's place 3 to 1 (1.4.11).
+// WCAG 2.2: 4.5 to 1 for text (1.4.3), 3 to 1 for plot lines and the focus indicator (1.4.11).
 TEST(PageStyle, CanBeReadOnPaperAndPanelInLightAndInDark) {
     const std::string style(page_style());
     const std::regex expression(R"(--([a-z-]+): light-dark\(#([0-9a-f]{6}), #([0-9a-f]{6})\))");

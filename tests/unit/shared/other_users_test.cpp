@@ -14,7 +14,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-/// A folder in place of /dev/shm.
+/// A folder that replaces /dev/shm.
 class OtherUsers : public testing::Test {
   protected:
     void SetUp() override { std::filesystem::create_directories(folder); }

@@ -20,7 +20,7 @@ Quat about_y(double angle) {
     return {std::cos(angle / 2.0), 0.0, std::sin(angle / 2.0), 0.0};
 }
 
-/// Largest difference of two rotations' matrices: blind to the sign of the quaternions, as a rotation is.
+/// Largest difference of the rotation matrices, which does not depend on the quaternions' signs.
 double distance(const Quat& a, const Quat& b) {
     const Mat3 difference = glm::mat3_cast(a) - glm::mat3_cast(b);
     double largest = 0.0;

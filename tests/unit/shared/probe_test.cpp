@@ -19,7 +19,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
-// ns, by which the clock goes on in each call.
+// ns by which each call advances the clock.
 std::int64_t clock_step_ns = 0;
 std::int64_t clock_ns = 0;
 std::int64_t stepping_clock() HAPTIC_RT {
@@ -117,7 +117,11 @@ TEST(Probe, TakesALineAsSlowAsIsAllowed) {
 }
 
 TEST(ProbeLine, MayBeAsSlowAsTheConfigurationSays) {
-    const auto slowest_of = [](const char* text) { return read_slowest_edge_ns(Config::parse(text, "test.toml")); };
+    const auto slowest_of = [](const char* text) {
+        ProbeSettings settings;
+        probe_settings().read(Config::parse(text, "test.toml"), settings);
+        return settings.slowest_edge_ns;
+    };
     EXPECT_EQ(slowest_of(""), Probe::kSlowestEdgeNs);
     EXPECT_EQ(slowest_of("[probes]\nslowest_edge_s = 0.01\n"), 10'000'000);
     EXPECT_THAT([&slowest_of] { (void)slowest_of("[probes]\nslowest_edge_s = 0.2\n"); },

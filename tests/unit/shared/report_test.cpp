@@ -22,7 +22,7 @@ TEST(Report, SummarisesInMicroseconds) {
     EXPECT_EQ(summary.at("min").get<double>(), 1.0);
     EXPECT_EQ(summary.at("max").get<double>(), 1000.0);
     EXPECT_EQ(summary.at("count").get<int>(), 1000);
-    // A percentile is at most one sub-bucket, a 64th, above the true one.
+    // A percentile exceeds the true one by at most one sub-bucket, 1/64.
     EXPECT_NEAR(summary.at("p50").get<double>(), 500.0, 500.0 / 64);
     EXPECT_NEAR(summary.at("p99").get<double>(), 990.0, 990.0 / 64);
     EXPECT_NEAR(summary.at("p999").get<double>(), 999.0, 999.0 / 64);
@@ -45,7 +45,7 @@ TEST(Report, ListsTheBucketsThatHoldSomething) {
 TEST(Report, IsReplacedAsAWhole) {
     const TemporaryDirectory directory;
     const auto file = directory.write("r.json", "old");
-    write_report(file, {{"ticks", 5}, {"name", "a\xFF"}});  // not UTF-8: replaced, not thrown over
+    write_report(file, {{"ticks", 5}, {"name", "a\xFF"}});  // not UTF-8: replaced without an exception
     const nlohmann::json read = nlohmann::json::parse(test::content_of(file));
     EXPECT_EQ(read.at("ticks").get<int>(), 5);
     EXPECT_EQ(directory.entries(), 1u);

@@ -15,7 +15,7 @@ constexpr std::size_t kWords = 40;
 constexpr std::uint64_t kFrames = 200'000;
 using Frame = std::array<std::uint64_t, kWords>;
 
-/// Every word of a frame follows from its sequence and place, so that one word of another frame shows.
+/// Each word is determined by the frame's sequence and its index, so that a word of another frame is detected.
 std::uint64_t word_of(std::uint64_t sequence, std::size_t i) {
     return (sequence * 0x9E3779B97F4A7C15 + i) * 0xD6E8FEB86659FD93;
 }
@@ -28,8 +28,8 @@ Frame frame_of(std::uint64_t sequence) {
     return frame;
 }
 
-/// A ring in plain memory of this process, which ThreadSanitizer sees from both sides (two mappings of one segment it
-/// would take for two memories).
+/// A ring in ordinary memory, so that ThreadSanitizer sees both ends (it would treat two mappings of a segment as
+/// different memory).
 class RingMemoryTest : public testing::Test {
   protected:
     RingMemoryTest() { ring_.initialise(RingKind::Contact); }
@@ -44,7 +44,7 @@ class RingMemoryTest : public testing::Test {
         const Frame frame = frame_of(sequence);
         ring_.publish(sequence, frame.data(), sizeof frame, static_cast<std::int64_t>(sequence));
     }
-    /// The slot that a sequence belongs to.
+    /// Slot of a sequence number.
     RingSlotHeader& slot_of(std::uint64_t sequence) {
         const std::size_t stride = (RingMemory::bytes(sizeof(Frame)) - sizeof(RingHeader)) / kRingSlots;
         auto* const base = reinterpret_cast<std::byte*>(storage_.data());
@@ -55,7 +55,7 @@ class RingMemoryTest : public testing::Test {
 TEST_F(RingMemoryTest, ATornFrameIsNotReturned) {
     publish(1);
     Frame out{};
-    slot_of(1).stamp.store(2 * (1 + kRingSlots) - 1);  // the writer has come round and begun to overwrite it
+    slot_of(1).stamp.store(2 * (1 + kRingSlots) - 1);  // the writer wrapped around and has started to overwrite it
     const RingMemory::Read read = ring_.read_newest(0, out.data());
     EXPECT_EQ(read.sequence, 0u);
     EXPECT_EQ(read.overtaken, static_cast<std::uint64_t>(kRingReadAttempts));
@@ -63,7 +63,7 @@ TEST_F(RingMemoryTest, ATornFrameIsNotReturned) {
 
 TEST_F(RingMemoryTest, AFrameThatItsWriterDiedInIsNotSeenAndWrittenAnew) {
     publish(1);
-    // Frame 2, killed half-way: stamp odd, some words new.
+    // Frame 2, writer killed half-way: odd stamp, some new words.
     slot_of(2).stamp.store(3);
     slot_of(2).words.store(kWords);
     Frame out{};

@@ -30,7 +30,7 @@ class RingObserverTest : public testing::Test {
     RingObserver<DeviceState> observer_{session_.name()};
     std::int64_t now_ns_ = 0;
 
-    /// A state that says which it is, apart from its sequence.
+    /// A state that carries its number in addition to its sequence.
     static void publish(RingWriter<DeviceState>& writer, int count = 1) {
         for (int i = 0; i < count; ++i) {
             DeviceState state{};
@@ -38,7 +38,7 @@ class RingObserverTest : public testing::Test {
             static_cast<void>(sequence);
         }
     }
-    /// Sequences of all that is there now.
+    /// Sequences of all available slots.
     std::vector<std::uint64_t> take() {
         std::vector<std::uint64_t> sequences;
         DeviceState state{};
@@ -248,7 +248,7 @@ TEST_F(RingObserverTest, SaysWhyASegmentCannotBeLookedAtAndTakesTheNextOne) {
     session_.remove(RingKind::State);
     ASSERT_EQ(symlink("/etc/passwd", session_.path(RingKind::State).c_str()), 0);
     attend_later();
-    EXPECT_THAT(observer_.problem(), HasSubstr("is not ours to use"));
+    EXPECT_THAT(observer_.problem(), HasSubstr("cannot be used"));
     session_.remove(RingKind::State);
     RingWriter<DeviceState> writer(session_.name());
     publish(writer, 1);
@@ -281,7 +281,7 @@ TEST_F(RingObserverTest, WithstandsDamageToWhatItLooksAt) {
         attend_later();
         EXPECT_EQ(take().size(), kRingSlots) << "it looks anew";
     }
-    // A head far ahead of the stamps: nothing is there, and looking for it ends.
+    // A head far ahead of the stamps: no slot is valid, and the search ends.
     const std::uint64_t ahead = detail::kLastSequence;
     session_.write(RingKind::State, head_at, &ahead, sizeof ahead);
     EXPECT_THAT(take(), IsEmpty());

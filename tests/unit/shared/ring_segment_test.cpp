@@ -28,7 +28,7 @@ class RingSegmentTest : public testing::Test {
   protected:
     RingSession session_;
 
-    /// A sound segment without anybody attached, as two killed processes leave it.
+    /// A valid segment with no process attached, as left by two killed processes.
     void leave_sound_segment() const {
         const int fd = session_.open(kKind, O_RDWR | O_CREAT);
         ASSERT_EQ(ftruncate(fd, static_cast<off_t>(kSegmentBytes)), 0);
@@ -43,7 +43,7 @@ class RingSegmentTest : public testing::Test {
         session_.write(kKind, offset, &value, sizeof value);
     }
 
-    /// The refusal of both roles, which must be the same in kind and name the segment.
+    /// Both roles must be refused with the same kind and a message that names the segment.
     void expect_refused(RingError::Kind kind, const testing::Matcher<std::string>& matcher) const {
         expect_role_refused<RingWriter<ContactFrame>>(kind, matcher);
         expect_role_refused<RingReader<ContactFrame>>(kind, matcher);
@@ -141,14 +141,14 @@ TEST_F(RingSegmentTest, RefusesAnOverlongFile) {
 TEST_F(RingSegmentTest, RefusesACountOfFramesThatNoRingCanReach) {
     leave_sound_segment();
     damage(offsetof(RingHeader, progress.head), ~std::uint64_t{0});
-    expect_refused(RingError::Kind::Damaged, AllOf(HasSubstr("count of frames"), HasSubstr(removal())));
+    expect_refused(RingError::Kind::Damaged, AllOf(HasSubstr("frame counter"), HasSubstr(removal())));
 }
 
 TEST_F(RingSegmentTest, RefusesASegmentThatIsOpenToOthers) {
     for (const mode_t mode : {0644u, 0660u, 0602u, 0610u}) {
         leave_sound_segment();
         ASSERT_EQ(chmod(session_.path(kKind).c_str(), mode), 0);
-        expect_refused(RingError::Kind::Foreign, AllOf(HasSubstr("open to other users"), HasSubstr(removal())));
+        expect_refused(RingError::Kind::Foreign, AllOf(HasSubstr("accessible to other users"), HasSubstr(removal())));
         session_.remove(kKind);
     }
 }
@@ -163,7 +163,7 @@ TEST_F(RingSegmentTest, RefusesADirectoryAndAPipe) {
     expect_refused(RingError::Kind::Foreign, HasSubstr("ls -l " + session_.path(kKind)));
     ASSERT_EQ(rmdir(session_.path(kKind).c_str()), 0);
     ASSERT_EQ(mkfifo(session_.path(kKind).c_str(), 0600), 0);
-    expect_refused(RingError::Kind::Foreign, AllOf(HasSubstr("not a plain segment"), HasSubstr(removal())));
+    expect_refused(RingError::Kind::Foreign, AllOf(HasSubstr("not a regular file"), HasSubstr(removal())));
 }
 
 TEST_F(RingSegmentTest, RefusesTheSegmentOfAnotherUser) {
@@ -233,7 +233,7 @@ TEST_F(RingSegmentTest, GivesUpOnAProcessThatKeepsTheSegmentLocked) {
     request.l_start = static_cast<off_t>(detail::RingLock::Change);
     request.l_len = 1;
     ASSERT_EQ(fcntl(fd, F_OFD_SETLK, &request), 0);
-    expect_role_refused<RingWriter<ContactFrame>>(RingError::Kind::System, HasSubstr("stays locked"));
+    expect_role_refused<RingWriter<ContactFrame>>(RingError::Kind::System, HasSubstr("is locked"));
     close(fd);
     expect_works();
 }

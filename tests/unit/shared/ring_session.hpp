@@ -1,4 +1,4 @@
-// Session names and segments for tests of the ring: names that no other test or run has, and nothing left behind.
+// Unique session names for tests of the ring, and removal of their segments.
 #pragma once
 
 #include <fcntl.h>
@@ -15,7 +15,7 @@
 
 namespace haptic::test {
 
-/// A session of this test alone; removes what its segments leave.
+/// A session used only by this test; removes its segments.
 class RingSession {
   public:
     RingSession() {
@@ -36,7 +36,7 @@ class RingSession {
         return lstat(path(kind).c_str(), &status) == 0;
     }
 
-    /// Opens the segment as a file, as a vandal would.
+    /// Opens the segment as a file, to corrupt it.
     [[nodiscard]] int open(RingKind kind, int flags, mode_t mode = 0600) const {
         const int fd = shm_open(ring_segment_name(name_, kind).c_str(), flags, mode);
         if (fd < 0) {

@@ -13,7 +13,7 @@
 namespace haptic {
 namespace {
 
-/// Particles about a grip, each with planes of its own.
+/// Particles around a grip, each with its own plane.
 struct Tool {
     struct Particle {
         Vec3 offset;
@@ -72,7 +72,7 @@ Wrench wrench_at(const Tool& tool, const Pose& grip, double stiffness, double to
     auto rows = tool.rows(grip);
     const Wrench wrench = springs.solve(rows, {stiffness, torque_stiffness, tool.rho()});
     if (stored != nullptr) {
-        *stored = springs.stored();
+        *stored = springs.stored_energy();
     }
     return wrench;
 }
@@ -87,7 +87,7 @@ TEST(SeriesSprings, AreExactlySilentWhereNothingIsPressed) {
     const Wrench wrench = springs.solve(rows, {500.0, 500.0, tool.rho()});
     EXPECT_EQ(wrench.force, Vec3(0.0));
     EXPECT_EQ(wrench.torque, Vec3(0.0));
-    EXPECT_EQ(springs.stored(), 0.0);
+    EXPECT_EQ(springs.stored_energy(), 0.0);
     for (const SpringRow& row : rows) {
         EXPECT_EQ(row.push, 0.0);
     }
@@ -115,10 +115,10 @@ TEST(SeriesSprings, HardlyFeelHowFinelyATiltedToolIsSampled) {
 }
 
 TEST(SeriesSprings, FulfilTheConditionOfTheMinimum) {
-    // The function is convex: what satisfies push = k [s - n (u + phi x r)]+ with k u and k_t rho^2 phi the sums of the
-    // pushes and of their moments is its one minimum.
+    // The function is convex, so its unique minimum satisfies push = k [s - n (u + phi x r)]+, where k u and k_t rho^2
+    // phi are the sums of the pushes and of their moments.
     Random random(1);
-    int most_rounds = 0;
+    int max_rounds = 0;
     SeriesSprings springs;
     for (int trial = 0; trial < 3000; ++trial) {
         const Tool tool = random.tool(1 + trial % static_cast<int>(kMaxSpringRows));
@@ -126,22 +126,22 @@ TEST(SeriesSprings, FulfilTheConditionOfTheMinimum) {
         const double k = random.uniform(1.0, 600.0);
         const double k_t = random.uniform(0.1, 600.0);
         (void)springs.solve(rows, {k, k_t, tool.rho()});
-        most_rounds = std::max(most_rounds, springs.rounds());
+        max_rounds = std::max(max_rounds, springs.rounds());
         Vec3 force(0.0);
         Vec3 moment(0.0);
         for (const SpringRow& row : rows) {
             force += row.push * row.normal;
-            moment += glm::cross(row.lever, row.push * row.normal);
+            moment += glm::cross(row.moment_arm, row.push * row.normal);
         }
         const Vec3 u = force / k;
         const Vec3 phi = moment / (k_t * tool.rho() * tool.rho());
         for (const SpringRow& row : rows) {
-            const double left = row.depth - glm::dot(row.normal, u + glm::cross(phi, row.lever));
-            ASSERT_NEAR(row.push, k * std::max(left, 0.0), 1e-9 * k) << trial;
+            const double remaining = row.depth - glm::dot(row.normal, u + glm::cross(phi, row.moment_arm));
+            ASSERT_NEAR(row.push, k * std::max(remaining, 0.0), 1e-9 * k) << trial;
         }
     }
-    EXPECT_LT(most_rounds, SeriesSprings::kMostRounds);
-    RecordProperty("most_rounds", most_rounds);
+    EXPECT_LT(max_rounds, SeriesSprings::kMaxRounds);
+    RecordProperty("most_rounds", max_rounds);
 }
 
 TEST(SeriesSprings, AreTheGradientOfWhatTheyHold) {
@@ -203,9 +203,9 @@ TEST(SeriesSprings, RecoverFromWhateverComes) {
             row = {{pick(), 0.0, pick()}, glm::normalize(random.vector(1.0)), pick() * 1e-3};
         }
         (void)springs.solve(rows, {std::abs(pick()), std::abs(pick()), std::abs(pick())});
-        EXPECT_LE(springs.rounds(), SeriesSprings::kMostRounds);
+        EXPECT_LE(springs.rounds(), SeriesSprings::kMaxRounds);
     }
-    // After whatever it was, the next good rows are answered as if nothing had been.
+    // After any input, valid rows give the same result as with a new solver.
     auto rows = plate(6).rows({{0.0, -0.003, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)});
     EXPECT_NEAR(springs.solve(rows, {200.0, 200.0, 0.03}).force.y, 200.0 * 0.003 * 36.0 / 37.0, 1e-9);
 }

@@ -1,4 +1,4 @@
-// A file in a directory of its own that vanishes with the test.
+// Temporary file in its own directory, removed with the test.
 #pragma once
 
 #include <cstdlib>
@@ -47,7 +47,7 @@ inline std::string content_of(const std::filesystem::path& file) {
     return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// what() of the Error that `function` throws; "" if it throws none.
+/// what() of the Error thrown by `function`; "" if it does not throw.
 template <class Error, class Function>
 std::string message_of(const Function& function) {
     try {

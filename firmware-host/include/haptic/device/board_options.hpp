@@ -1,4 +1,5 @@
-// What is not known of the real boards for certain, and is therefore the user's to set (keys device.* of rt-core).
+// Board options: properties of the real boards that are not known for certain. The user sets them with the keys
+// device.* of rt-core.
 #pragma once
 
 #include <cstdint>
@@ -6,16 +7,16 @@
 namespace haptic::device {
 
 struct UartOptions {
-    // Zeros after a command beyond what clocks its answer out without delay: answer - command + padding, 5 at least.
-    // 20 is what the published driver sends; fewer are faster, and enough where a board answers at once.
+    // Zero bytes that follow a command, in addition to those that clock its reply out: max(5, reply - command +
+    // padding) are sent. The published driver uses 20. Fewer are faster, and sufficient if a board replies immediately.
     int padding = 20;
-    // Whether boards are told how long the commands to the others on their line are.
+    // Tell each board the lengths of the commands to the other boards on its line.
     bool set_lengths = true;
 };
 
 struct BoardOptions {
-    // SH4: whether bytes 0..15 of an answer repeat the digits of the same exchange, so that an answer to another
-    // command is found out. Without it only the order of packets tells.
+    // SH4: bytes 0..15 of a reply echo the DAC codes of the same exchange, so that a reply to another command is
+    // detected. Without this check only the order of packets matches replies to commands.
     bool check_echo = true;
     // Simple: bit i is the counting direction of encoder i.
     std::uint8_t simple_phase = 0xFF;

@@ -1,47 +1,28 @@
-// A whole emulated Spidar-G6 in this process: the driver of a board, and at the other end of its packets the board's
-// firmware with device and hand behind it. Packets are encoded and decoded as on the cable.
+// Emulated board: a complete Spidar-G6 in this process. The driver of a board exchanges encoded packets with the
+// board's emulated firmware, which has an emulated device and hand behind it.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 
 #include "haptic/device/board.hpp"
 #include "haptic/device/board_options.hpp"
 #include "haptic/device/emulated_device.hpp"
-#include "emulated/firmware.hpp"
-#include "transport/transport.hpp"
 
 namespace haptic::device {
 
-/// Packets to a firmware in this process, and its answers back.
-class EmulatedTransport final : public Transport {
-  public:
-    /// The firmware must outlive the transport.
-    explicit EmulatedTransport(Firmware& firmware) : firmware_(&firmware) {}
-
-    ExchangeStatus exchange(PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT override;
-    void send_last(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override;
-    void drain() override;
-
-  private:
-    Firmware* firmware_;
-};
-
-/// The firmware of a kind of board, in front of a device that outlives it; behind a faulty cable if the device's
-/// settings want faults of packets.
-[[nodiscard]] std::unique_ptr<Firmware> make_firmware(BoardKind kind, EmulatedDevice& device);
-/// The driver of a kind of board, over a transport that outlives it.
-[[nodiscard]] std::unique_ptr<Board> make_board(BoardKind kind, Transport& transport, const BoardOptions& options = {});
+class Firmware;
+class Transport;
 
 class EmulatedBoard final : public Board {
   public:
     using Settings = EmulatedDevice::Settings;
 
-    /// A board that is started. Throws std::invalid_argument for settings that cannot be emulated.
+    /// The board is started on return. Throws std::invalid_argument for settings that cannot be emulated.
     explicit EmulatedBoard(Settings settings, const BoardOptions& options = {});
     EmulatedBoard(const EmulatedBoard&) = delete;
     EmulatedBoard& operator=(const EmulatedBoard&) = delete;
+    ~EmulatedBoard() override;
 
     void start() override { board_->start(); }
     ExchangeStatus exchange(const MotorCommand& command, BoardReading& reading,
@@ -57,7 +38,7 @@ class EmulatedBoard final : public Board {
   private:
     EmulatedDevice device_;
     std::unique_ptr<Firmware> firmware_;
-    EmulatedTransport transport_;
+    std::unique_ptr<Transport> transport_;
     std::unique_ptr<Board> board_;
 };
 

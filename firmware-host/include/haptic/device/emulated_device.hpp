@@ -1,21 +1,19 @@
-// The Spidar-G6 behind an emulated board: grip, strings, motors and encoders, and the hand that holds the grip.
+// Emulated device: the Spidar-G6 behind an emulated board, with grip, strings, motors, encoders and the hand that holds
+// the grip.
 //
-// The firmware (firmware.hpp) sets digits and reads counters; advance() moves everything on to the caller's time. The
-// motors hold their digits until they are sent others, so firmware advances first and then sets what came.
+// The emulated firmware sets DAC codes and reads counters. advance() moves everything to the caller's time. The motors
+// keep their DAC codes until new ones arrive, so a firmware calls advance() first and then set_dac_codes().
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
-#include "haptic/device/board.hpp"
-#include "emulated/device_faults.hpp"
+#include "haptic/device/device_geometry.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/device/grip_mechanics.hpp"
-#include "emulated/hand_motion.hpp"
-#include "emulated/mechanical_grip.hpp"
-#include "haptic/device/variant.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/realtime.hpp"
 
@@ -24,73 +22,60 @@ namespace haptic::device {
 class EmulatedDevice {
   public:
     struct Settings {
-        Variant variant;
+        DeviceGeometry geometry;
         PoseTrack hand{Pose{}};                          // pose over time since the first advance(), or the release
         std::array<std::uint32_t, kStrings> power_up{};  // counters at the centre: arbitrary on the real board
         std::uint8_t rotary = 0;                         // rotary switch, 0..15
-        bool hand_waits = false;                         // at the beginning of its track, until release_hand()
-        std::optional<GripMechanics> mechanics = {};     // without, grip and hand are one, whatever the strings do
-        std::vector<Fault> faults = {};                  // of packets too: make_firmware() hands them on
-        bool faults_wait = false;  // their clock begins when the hand is first released, not at the first advance()
+        bool hand_waits = false;                         // at the start of its track until release_hand()
+        std::optional<GripMechanics> mechanics = {};     // if empty, the grip follows the hand exactly
+        std::vector<Fault> faults = {};                  // device faults; make_firmware() handles the packet faults
+        bool faults_wait = false;  // the fault clock starts when the hand is first released, not at the first advance()
     };
 
     /// Throws std::invalid_argument for settings that cannot be emulated.
     explicit EmulatedDevice(Settings settings);
+    EmulatedDevice(const EmulatedDevice&) = delete;
+    EmulatedDevice& operator=(const EmulatedDevice&) = delete;
+    ~EmulatedDevice();
 
-    /// Moves hand, grip and strings on to a time; the first call is time zero.
+    /// Moves hand, grip and strings to a time. The first call defines time zero.
     void advance(std::int64_t now_ns) HAPTIC_RT;
-    /// What the motors pull with from now on.
-    void set_digits(const std::array<std::int16_t, kStrings>& digits) HAPTIC_RT;
-    /// Lets a waiting hand begin to follow its track, from the last advance() on.
+    /// Sets the motors' DAC codes from now on.
+    void set_dac_codes(const std::array<std::int16_t, kStrings>& dac_codes) HAPTIC_RT;
+    /// Lets a waiting hand follow its track, starting at the time of the last advance().
     void release_hand() HAPTIC_RT;
-    /// Takes the hand back to the beginning of its track, within half a second, where it waits.
-    void hold_hand() HAPTIC_RT { hand_.hold(); }
-    /// External switches, bits 0-2.
-    void set_buttons(std::uint8_t buttons) HAPTIC_RT { buttons_ = buttons; }
+    /// Returns the hand to the start of its track within half a second, where it waits.
+    void hold_hand() HAPTIC_RT;
+    /// Sets the external switches, bits 0-2.
+    void set_buttons(std::uint8_t buttons) HAPTIC_RT;
 
-    /// Encoders of now, modulo 2^counter_bits, in the host's sense of direction.
+    /// Present encoder counters, modulo 2^counter_bits, with the host's sign.
     [[nodiscard]] std::array<std::uint32_t, kStrings> counters() const HAPTIC_RT;
-    [[nodiscard]] const std::array<std::int16_t, kStrings>& digits() const HAPTIC_RT { return digits_; }
+    [[nodiscard]] const std::array<std::int16_t, kStrings>& dac_codes() const HAPTIC_RT;
     [[nodiscard]] std::uint8_t buttons() const HAPTIC_RT;
-    [[nodiscard]] std::uint8_t rotary() const HAPTIC_RT { return settings_.rotary; }
-    [[nodiscard]] const Variant& variant() const HAPTIC_RT { return settings_.variant; }
+    [[nodiscard]] std::uint8_t rotary() const HAPTIC_RT;
+    [[nodiscard]] const DeviceGeometry& geometry() const HAPTIC_RT;
 
-    /// Where the grip is.
-    [[nodiscard]] Pose grip_pose() const HAPTIC_RT { return grip_; }
-    /// Velocity of the grip; of a grip without mechanics zero.
+    [[nodiscard]] Pose grip_pose() const HAPTIC_RT;
+    /// Velocity of the grip; zero without mechanics.
     [[nodiscard]] Twist grip_velocity() const HAPTIC_RT;
-    /// N, what the motors pull.
+    /// Tensions that the motors pull with, N.
     [[nodiscard]] std::array<double, kStrings> tensions() const HAPTIC_RT;
-    /// N, what the strings carry: without mechanics what the motors pull, and nothing while slack.
+    /// Tensions that the strings carry, N. Without mechanics: the motors' tensions, or 0 while a string is slack.
     [[nodiscard]] std::array<double, kStrings> string_tensions() const HAPTIC_RT;
-    /// D/A digits as the board reads them back.
+    /// DAC codes as the board reads them back.
     [[nodiscard]] const std::array<std::int16_t, kStrings>& echo() const HAPTIC_RT;
-    /// Force and torque of all strings on the grip, from the present pose and what the strings carry.
+    /// Force and torque of all strings on the grip, from the present pose and string_tensions().
     [[nodiscard]] Wrench wrench() const HAPTIC_RT;
 
-    /// Those that Settings gave.
-    [[nodiscard]] const std::vector<Fault>& faults() const noexcept { return settings_.faults; }
-    /// ns on the faults' clock; negative before it runs.
+    /// All faults of the Settings.
+    [[nodiscard]] const std::vector<Fault>& faults() const noexcept;
+    /// Time on the fault clock, ns; negative before it starts.
     [[nodiscard]] std::int64_t fault_time_ns(std::int64_t now_ns) const HAPTIC_RT;
 
   private:
-    [[nodiscard]] std::array<std::uint32_t, kStrings> true_counters() const HAPTIC_RT;
-    void move_ideally(std::int64_t passed_ns) HAPTIC_RT;
-    [[nodiscard]] double paid_out_length(std::size_t string) const HAPTIC_RT;
-
-    Settings settings_;
-    HandMotion hand_;
-    std::optional<MechanicalGrip> mechanical_;
-    DeviceFaults faults_;
-    Pose grip_;
-    std::array<std::int16_t, kStrings> digits_{};   // of the motors
-    std::array<std::int16_t, kStrings> written_{};  // by the firmware
-    std::array<double, kStrings> reeled_{};         // m, of the slack; only of a grip without mechanics
-    std::int64_t last_ns_ = 0;
-    std::int64_t fault_ns_ = 0;  // on the faults' clock, at last_ns_
-    std::uint8_t buttons_ = 0;
-    bool started_ = false;
-    bool released_ = false;
+    struct State;
+    std::unique_ptr<State> state_;
 };
 
 }  // namespace haptic::device

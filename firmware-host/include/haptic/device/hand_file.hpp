@@ -1,4 +1,4 @@
-// The file of `--hand`: what the hand that holds an emulated grip does.
+// Hand file: the recording of option --hand, which the hand of an emulated grip follows.
 #pragma once
 
 #include <filesystem>
@@ -7,8 +7,8 @@
 
 namespace haptic::device {
 
-/// The track of a recording, which may begin anywhere: the hand starts at the centre and moves to the first pose in
-/// half a second. A recording that begins at the centre is taken as it is. Throws CsvError.
+/// Loads a recording that may start anywhere: the hand starts at the centre and moves to the first pose within half a
+/// second. A recording that starts at the centre is returned unchanged. Throws CsvError.
 [[nodiscard]] PoseTrack hand_from_centre(const std::filesystem::path& file);
 
 }  // namespace haptic::device

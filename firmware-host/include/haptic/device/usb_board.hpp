@@ -1,26 +1,27 @@
-// A Spidar's board on USB: found, opened and answering.
+// A board on USB: found, opened and responding.
 #pragma once
 
 #include <cstdint>
 #include <memory>
-#include <string>
 
 #include "haptic/device/board.hpp"
 #include "haptic/device/board_options.hpp"
+#include "haptic/device/device_geometry.hpp"
 #include "haptic/device/usb_discovery.hpp"
-#include "transport/usb_transport.hpp"
-#include "haptic/device/variant.hpp"
 #include "haptic/realtime.hpp"
 
 namespace haptic::device {
 
+class UsbTransport;
+
 class UsbBoard final : public Board {
   public:
-    /// Finds the one device that is meant, and makes one exchange with it that sets all motors to zero. Where several
-    /// fit, each is opened and asked like that for its rotary switch. Throws UsbError that lists what there is: none or
-    /// several, not allowed, driven by another program, no answer; BoardError as make_board() and start() do.
-    UsbBoard(BoardKind kind, const UsbSelection& selection, const UsbTransport::Settings& settings,
-             const BoardOptions& options = {});
+    /// Finds the one device that matches the selection and makes one exchange with it that sets all motors to zero. If
+    /// several devices match, each is opened and asked for its rotary switch in the same way. `timeout_ns` limits an
+    /// exchange. Throws BoardError that lists the devices: none or several match, no permission, in use by another
+    /// program, no reply.
+    UsbBoard(BoardKind kind, const UsbSelection& selection, std::int64_t timeout_ns, const BoardOptions& options = {});
+    ~UsbBoard() override;
 
     void start() override { board_->start(); }
 
@@ -30,21 +31,20 @@ class UsbBoard final : public Board {
     }
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }
 
-    /// The same as the constructor does, after the device was lost: for the device with the same selection. Not while
-    /// another thread is within an exchange. Throws UsbError as long as it is not there; the board is then
-    /// Disconnected.
+    /// Repeats the constructor's search after the device was lost. Must not run while another thread is inside an
+    /// exchange. Throws BoardError until the device is back; exchanges return Disconnected meanwhile.
     void reopen();
-    /// The kernel has no such device any more.
-    [[nodiscard]] bool gone() const noexcept { return transport_.gone(); }
+    /// The kernel no longer has the device.
+    [[nodiscard]] bool gone() const noexcept;
     [[nodiscard]] const UsbDevice& device() const noexcept { return device_; }
 
   private:
-    /// The position of its rotary switch.
+    /// Opens a device and makes the first exchange; returns the position of its rotary switch.
     std::uint8_t open(const UsbDevice& device);
     std::uint8_t first_exchange();
 
     UsbSelection selection_;
-    UsbTransport transport_;
+    std::unique_ptr<UsbTransport> transport_;
     std::unique_ptr<Board> board_;
     UsbDevice device_;
 };

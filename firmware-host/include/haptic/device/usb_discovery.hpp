@@ -1,7 +1,7 @@
-// Which USB devices there are, and which of them is meant.
+// USB discovery: lists the USB devices of this machine and selects one.
 //
-// They are read from /sys/bus/usb/devices, afresh each time and without libusb: its list of devices is kept by udev's
-// events, and shows no arrival where no udevd runs.
+// Reads /sys/bus/usb/devices each time, without libusb: libusb's list is updated by udev events and misses new devices
+// where no udevd runs.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "haptic/device/variant.hpp"
+#include "haptic/device/device_geometry.hpp"
 
 namespace haptic::device {
 
@@ -24,34 +24,34 @@ struct UsbId {
 
 /// "0cec:0205"
 [[nodiscard]] std::string to_string(UsbId id);
-/// Nothing for what is not two numbers of four hexadecimal digits with a colon between.
+/// Parses two numbers of four hexadecimal digits separated by a colon; otherwise empty.
 [[nodiscard]] std::optional<UsbId> parse_usb_id(std::string_view text);
-/// Of the boards that are driven over USB; nothing for those that are not.
+/// USB id of a kind of board; empty if it is not a USB board.
 [[nodiscard]] std::optional<UsbId> usb_id_of(BoardKind kind);
 
 struct UsbDevice {
     UsbId id;
-    std::string port;            // bus and ports, "1-2.4": stays the same when the device is plugged in again
-    std::filesystem::path node;  // "/dev/bus/usb/001/007": does not
+    std::string port;            // bus and ports, "1-2.4": unchanged when the device is reconnected
+    std::filesystem::path node;  // "/dev/bus/usb/001/007": changes when it is reconnected
 };
 
 /// "0cec:0205 at 1-2.4 (/dev/bus/usb/001/007)"
 [[nodiscard]] std::string to_string(const UsbDevice& device);
 
-/// What is asked for; everything that is set has to fit.
+/// Selection criteria; all that are set must match.
 struct UsbSelection {
     UsbId id;
-    std::string path{};                    // a port, or a node; empty for any
+    std::string path{};                    // a port or a node; empty: any
     std::optional<std::uint8_t> rotary{};  // 0..15, of the board's rotary switch
 };
 
-/// All devices of this machine, in the order of their ports. Empty where the kernel has no USB.
+/// All devices of this machine, sorted by port. Empty if the kernel has no USB.
 [[nodiscard]] std::vector<UsbDevice> list_usb_devices();
 
-/// Those that id and path fit. The rotary switch shows only in a board's answer.
+/// Devices that match id and path. The rotary switch is visible only in a board's reply and not checked.
 [[nodiscard]] std::vector<UsbDevice> candidates(const std::vector<UsbDevice>& devices, const UsbSelection& selection);
 
-/// Why there is no candidate: what was looked for, what is there instead, and what to do.
+/// Message for a search without candidates: the selection, the connected devices, and what to do.
 [[nodiscard]] std::string describe_absence(const std::vector<UsbDevice>& devices, const UsbSelection& selection);
 
 }  // namespace haptic::device

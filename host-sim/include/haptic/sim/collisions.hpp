@@ -1,28 +1,28 @@
-// Collisions of particles of different bodies, as ellipsoids, and of all particles with the ground (thesis, Algorithm
-// 3, EllipsoidCollisionDetections).
+// Particle collisions: ellipsoids of different bodies against each other, and all particles against the ground (thesis,
+// Algorithm 3, EllipsoidCollisionDetections).
 //
-// Pairs are found once in a step of length h, along the ways from the places x at its start to the predicted ones u, as
-// if each of the two might also stop on its way: a blow changes where both get to. Each pair keeps a plane of normal n
-// that parts the two where they first touch (src/ellipsoids.hpp), so that with r = h1(n) + h2(n)
+// Pairs are found once in a step of length h, along the paths from the positions x at its start to the predicted
+// positions u. Either particle may also stop on its way, because an impact changes where both end. Each pair keeps a
+// plane with normal n that separates the two where they first touch (src/collision/ellipsoids.hpp). With r = h1(n) +
+// h2(n), the constraint
 //
 //     n.(u1 - u2) >= r + min(0, n.(x1 - x2) - r + h push_out_speed)
 //
-// holds the side on which the pair was at the start, however fast it is. What overlaps at the start does not get
-// deeper, and is moved apart no faster than push_out_speed: nothing pops. The plane is laid anew when a pair first
-// violates it. Within a step, a contact gives back what it pushed too much, down to nothing, so that it holds bodies
-// that rebound from their own deformation no harder than needed: restitution is 0 but for what bodies store while they
-// are deformed.
+// keeps the pair on the side where it started, however fast it is. An initial overlap does not get deeper, and is
+// resolved no faster than push_out_speed, so nothing pops. The plane is fitted again when the pair first violates it.
+// Within a step a contact takes back what it pushed too much, down to zero. So bodies that rebound from their own
+// deformation are held no harder than needed: restitution is 0, except for the energy stored in the deformation.
 //
-// A blow has to get from the particles that take it to the whole body within a few iterations. Where bodies meet so
-// fast that one would be through the other before that, the step is divided into sub-steps.
+// An impact has to spread from the particles that it hits to the whole body within a few iterations. If bodies meet so
+// fast that one would pass through the other first, the step is divided into sub-steps.
 //
-// Friction is that of M. Macklin et al., "Unified Particle Physics for Real-Time Applications", 2014, equation 24, with
-// the normal displacement d and the slip of the whole step instead of one iteration's: the slip of the two centres
-// along the plane is undone if that takes at most static_friction d, else by dynamic_friction d. Particles are pushed
-// as points: rolling off one another they slip.
+// Friction follows M. Macklin et al., "Unified Particle Physics for Real-Time Applications", 2014, equation 24, with
+// the normal displacement d and the slip of the whole step instead of one iteration. The slip of the two centres along
+// the plane is undone if that takes at most static_friction d, otherwise by dynamic_friction d. Particles are pushed as
+// points, so rolling counts as slipping.
 //
-// All displacements are in inverse proportion to masses, equal and opposite in momentum to rounding. Pinned particles
-// do not yield. Particles of the same body do not collide.
+// Displacements are in inverse proportion to the masses and conserve momentum to rounding. Pinned particles do not
+// move. Particles of the same body do not collide.
 #pragma once
 
 #include <cstddef>
@@ -36,51 +36,52 @@
 
 namespace haptic::sim {
 
+/// Settings of the collisions of one model.
 struct CollisionSettings {
     bool between_bodies = true;
     bool ground = false;            // the half-space below ground_height is solid
     double ground_height = 0.0;     // m
-    double static_friction = 0.0;   // coefficients, 0 .. 10
-    double dynamic_friction = 0.0;  // at most the static one
-    double push_out_speed = 0.1;    // m/s, at which what overlaps is moved apart
-    int most_substeps = 8;          // 1 .. 100, into which a step is divided where bodies meet fast
+    double static_friction = 0.0;   // coefficient, 0 .. 10
+    double dynamic_friction = 0.0;  // coefficient, 0 .. static_friction
+    double push_out_speed = 0.1;    // m/s, maximum speed at which an initial overlap is resolved
+    int max_substeps = 8;           // 1 .. 100, sub-steps of a step in which bodies meet fast
 };
 
-/// What happened in the last sub-step.
+/// Counts of the last sub-step.
 struct CollisionCounts {
-    std::size_t near = 0;     // pairs whose boxes overlap
-    std::size_t planes = 0;   // pairs that have a plane
-    std::size_t pressed = 0;  // those that push one another, and particles that the ground pushes
-    std::size_t dropped = 0;  // pairs for which there was no room: they are not kept apart
+    std::size_t near = 0;     // pairs with overlapping boxes
+    std::size_t planes = 0;   // pairs with a plane
+    std::size_t pressed = 0;  // pairs that push each other, and particles that the ground pushes
+    std::size_t dropped = 0;  // pairs beyond the capacity: these are not kept apart
 };
 
-/// The collisions of the bodies of one model. All that is needed is allocated when it is made.
+/// Collisions of the bodies of one model. Allocates everything on construction.
 class ParticleCollisions final : public SolverContacts {
   public:
-    /// Monotonic time in ns, for the caller's own measurements; nothing that is simulated depends on it.
+    /// Monotonic clock in ns, for the caller's measurements; the simulation does not depend on it.
     using ClockFunction = std::int64_t (*)();
 
-    /// The most lanes that this machine has.
+    /// The widest vectors that this machine has.
     static constexpr std::size_t kWidest = 0;
 
-    /// Throws std::invalid_argument for a model that check() refuses, settings out of their range, or lanes that this
-    /// machine does not have. Results do not depend on lanes.
+    /// Throws std::invalid_argument for a model that check() refuses, settings out of range, or a number of lanes that
+    /// this machine lacks. Results do not depend on the number of lanes.
     ParticleCollisions(const ParticleModel& model, const CollisionSettings& settings, ClockFunction clock = nullptr,
                        std::size_t lanes = kWidest);
     ~ParticleCollisions() override;
 
-    /// Increasing.
+    /// Numbers of lanes that this machine supports, in rising order.
     [[nodiscard]] static std::vector<std::size_t> usable_lanes();
 
-    /// So many that bodies on the way to each other come nearer by three mean semi-axes a sub-step at most.
+    /// Number of sub-steps such that approaching bodies come nearer by at most three mean semi-axes in each.
     [[nodiscard]] int substeps(const ParticleModel& start, double step) const override;
     void find(const ParticleModel& start, const MovingParticles& predicted, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
-    /// Also passes over contacts that are still deep, a bounded number of times.
+    /// Makes a bounded number of extra passes while contacts are still deep, then writes the total pushes.
     void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
 
     [[nodiscard]] CollisionCounts counts() const noexcept;
-    /// ns spent here since the last call, by the clock; 0 without one.
+    /// ns spent in this class since the last call; 0 without a clock.
     [[nodiscard]] std::int64_t take_time() noexcept;
 
   private:

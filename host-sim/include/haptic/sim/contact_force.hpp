@@ -1,22 +1,22 @@
-// The force of the proxy on the particles it touches.
+// Contact force: the force of the proxies on the particles of the bodies that they touch.
 //
-// The hand is rendered k (proxy - hip), the surface that holds the proxy takes the opposite, F = k (hip - proxy). It is
-// spread over the vertices round the touched point with a pressure mask (thesis, equation 4.1 and section 4.1.3; James
-// & Pai 2000):
+// The hand feels k (proxy - hip); the surface that holds the proxy receives the opposite, F = k (hip - proxy). F is
+// spread over the vertices around the touched point by a pressure mask (thesis, Eq. 4.1, section 4.1.3; James, Pai
+// 2000):
 //
 //     f_j = w_j F,   w_j ~ (1 - d_j^2 / R^2)^2 for d_j < R,   sum w_j = 1
 //
-// with d_j the distance of vertex j from the touched point in the rest shape, so that the mass that takes the force
-// stays the same however the surface is folded or stretched. The particles that carry a vertex take its force by their
-// skinning weights b_ji, so that particle i takes W_i F with W_i = sum over j of w_j b_ji, and all W_i sum to 1: what
-// the particles are given is the opposite of what the hand is given, to rounding.
+// d_j is the distance of vertex j from the touched point in the rest shape, so the mass that takes the force does not
+// depend on how the surface is folded or stretched. A vertex passes its force to its particles by the skinning weights
+// b_ji: particle i receives W_i F, W_i = sum over j of w_j b_ji. All W_i sum to 1, so the particles receive the
+// opposite of the hand's force, to rounding.
 //
-// A spring alone throws back what it has caught. It is therefore given a loss that grows with depth (K. Hunt, F.
-// Crossley, "Coefficient of Restitution Interpreted as Damping in Vibroimpact", 1975), F = k d (1 + c v) for a depth d
-// and a surface that comes nearer with v: unlike a plain damper it starts from nothing, so the hand feels no knock. It
-// is taken at the velocity that the step leads to, v' = v - F h / m, which keeps it stable however light the particles
-// are. m is the mass that the mask presses on, 1 / sum(W_i^2 / m_i), or that of the surface which follows it within a
-// step because constraints tie it to the patch, if that is known to be more.
+// An undamped spring throws objects back. It is therefore combined with Hunt-Crossley damping, F = k d (1 + c v) for a
+// depth d and a surface that approaches at v (K. Hunt, F. Crossley, "Coefficient of Restitution Interpreted as Damping
+// in Vibroimpact", 1975). Unlike a linear damper it starts at zero force, so the hand feels no impulse. It is evaluated
+// implicitly at the velocity that the step leads to, v' = v - F h / m, and is therefore stable for light particles too.
+// m is the effective mass under the mask, 1 / sum(W_i^2 / m_i), or the mass of the surface that follows it within a
+// step because constraints tie it to the patch, if that is known and larger.
 #pragma once
 
 #include <array>
@@ -24,36 +24,39 @@
 #include <span>
 #include <vector>
 
-#include <haptic/sim/contact.hpp>
+#include "haptic/sim/contact.hpp"
+#include "haptic/sim/coupling.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/skin.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
 
-/// How a force on a proxy divides among the contact planes that make it: strengths along their normals, none negative.
-/// A part that no plane can make, which a proxy that has arrived does not have, is left out.
+/// Strengths along the normals of the contact planes that together make a force on a proxy; none is negative.
 using ContactShares = std::array<double, kMaxSurfacePlanes>;  // N
+
+/// Divides a force (N) among contact planes. Drops the part that no plane can make; a proxy in equilibrium has none.
 [[nodiscard]] ContactShares divide_force(const Vec3& force, const SurfacePlanes& contacts) noexcept;
 
-/// The particles that take the force of one contact.
+/// Motion of the particles that take the force of one contact.
 struct PressedPatch {
-    Vec3 velocity{0.0};  // m/s, of the particles, weighted
-    double mass = 0.0;   // kg, that a force on the patch accelerates: 1 / sum(W_i^2 / m_i)
+    Vec3 velocity{0.0};  // m/s, mean of the particles, weighted by W_i
+    double mass = 0.0;   // kg, effective: 1 / sum(W_i^2 / m_i)
 };
 
+/// Pressure mask of one body.
 class PressureMask {
   public:
-    /// `skin` has one element a vertex of `rest`, `mass` (kg) one a particle, infinite where
-    /// nothing moves it; `radius` in m. If no vertex is within the
-    /// radius, the three of the touched triangle take the force by their weights. Throws std::invalid_argument.
+    /// `skin`: one element per vertex of `rest`. `mass`: kg, one per particle, infinite if it cannot move. `radius`: R,
+    /// m. If no vertex is within the radius, the corners of the touched triangle take the force by its barycentric
+    /// weights. Throws std::invalid_argument.
     PressureMask(const TriangleMesh& rest, const Skin& skin, std::span<const double> mass, double radius);
 
-    /// Lays the mask on a touched point. Looks only at vertices round it. No allocation.
-    PressedPatch lay(const SurfacePoint& touched, std::span<const Vec3> particle_velocity);
+    /// Centres the mask on a touched point. Visits only vertices near it. No allocation.
+    PressedPatch center_on(const SurfacePoint& touched, std::span<const Vec3> particle_velocity);
 
-    /// Adds `force` (N) to `particle_force`, one element a particle, as the mask lies. What is added sums up to `force`
-    /// to rounding. No allocation.
+    /// Adds W_i `force` (N) to `particle_force`, one element per particle. The sum added is `force`, to rounding. No
+    /// allocation.
     void press(const Vec3& force, std::span<Vec3> particle_force) const;
 
   private:
@@ -77,25 +80,18 @@ class PressureMask {
     std::vector<double> mass_;  // kg, per particle
     double radius_;
     double cell_size_;
-    std::vector<CellVertex> grid_;     // by cell, within one by vertex
-    std::vector<Pressed> vertices_;    // under the mask
-    std::vector<Pressed> particles_;   // that carry them
-    std::vector<std::uint32_t> slot_;  // per particle: where in particles_, or kNone
+    std::vector<CellVertex> grid_;     // sorted by cell, then vertex
+    std::vector<Pressed> vertices_;    // w_j of the vertices under the mask
+    std::vector<Pressed> particles_;   // W_i of the particles that carry them
+    std::vector<std::uint32_t> slot_;  // per particle: its index in particles_, or kNone
 };
 
-/// Spring and loss between hip and proxy, in the scene.
-struct Coupling {
-    double stiffness = 20.0;  // N/m
-    double loss = 0.0;        // s/m, c above
-    double tied_mass = 0.0;   // kg, of the surface that follows the pressed patch within a step; 0: unknown
-};
-
-/// The damping of one contact, N*s/m. `share` is the strength of the spring alone there, k d, N. Bounded so that within
-/// a step it can bring a patch of that mass to rest, but not turn it round.
+/// Damping of one contact, N*s/m: k d c / (1 + k d c h / m), the implicit Hunt-Crossley coefficient. `share` is k d, N.
+/// Within a step it can stop a patch of mass m, but not reverse it.
 [[nodiscard]] double contact_damping(double share, double patch_mass, double step_s, const Coupling& coupling) noexcept;
 
-/// The strength of the push at one contact, N, at least 0. `closing` is the velocity at which the patch comes toward
-/// the hip, m/s.
+/// Strength of one contact, N, not negative: share + damping * closing. `closing` is the velocity at which the patch
+/// approaches the hip, m/s.
 [[nodiscard]] double contact_push(double share, double closing, double damping) noexcept;
 
 }  // namespace haptic::sim

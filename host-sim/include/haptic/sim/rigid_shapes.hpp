@@ -1,5 +1,5 @@
-// Bodies that do not deform, generated: a plate to slide on, a thin rod to catch on. The tool feels them; other bodies
-// pass through them. They stand still, or go where the regions of their model lead them.
+// Rigid shape generators: a plate to slide on, and a thin rod. The tool feels them; other bodies pass through them.
+// They stay at rest unless the regions of their model move them.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ struct PlateShape {
 
 struct RodShape {
     double length = 1.0;     // m, along x
-    double diameter = 0.02;  // m, of the circle about its corners
+    double diameter = 0.02;  // m, of the circumscribed circle
 
     /// Throws std::invalid_argument.
     void check() const;
@@ -27,20 +27,20 @@ struct RodShape {
 
 /// Triangles of make_plate_mesh: 4 cells (cells + 2).
 [[nodiscard]] std::size_t plate_triangles(const PlateShape& shape) noexcept;
-/// Triangles of make_rod_mesh: two for each of its sides along it, and the two ends.
+/// Triangles of make_rod_mesh: two per side, and the two end caps.
 [[nodiscard]] std::size_t rod_triangles() noexcept;
 
-/// A closed box about the origin. Upper and lower face are grids of cells of two triangles each, whose vertex (column
-/// i, row j) has index j (cells + 1) + i, at x = i, z = j; those of the lower face come after those of the upper one.
-/// Throws std::invalid_argument.
+/// A closed box about the origin. Upper and lower face are grids with two triangles per cell. Vertex (column i, row j)
+/// of the upper face has index j (cells + 1) + i, at x = i, z = j; the lower face follows in the same order. Throws
+/// std::invalid_argument.
 [[nodiscard]] TriangleMesh make_plate_mesh(const PlateShape& shape);
 
-/// A closed prism of twelve sides about the x axis, its middle at the origin. Made with + - * / and sqrt only. Throws
+/// A closed twelve-sided prism about the x axis, centred at the origin. Uses + - * / and sqrt only. Throws
 /// std::invalid_argument.
 [[nodiscard]] TriangleMesh make_rod_mesh(const RodShape& shape);
 
-/// One particle for each vertex, in the same order, all pinned: the mesh keeps its shape. The mass, kg, is spread
-/// evenly and matters to nothing as long as they are.
+/// One pinned particle per vertex, in the same order, so that the mesh keeps its shape. Each has the same part of
+/// `mass`, kg, which has no effect while all are pinned.
 [[nodiscard]] ParticleModel make_rigid_particles(const TriangleMesh& mesh, double mass);
 
 }  // namespace haptic::sim

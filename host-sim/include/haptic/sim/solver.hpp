@@ -1,49 +1,48 @@
-// Position-based dynamics of a model of oriented particles, of one body or many.
+// Position-based dynamics of oriented particles: time stepping and constraint projection of one body or many.
 //
 // One step of length h, with f the force on each particle (thesis, Algorithm 3, lines 9 to 24):
 //
-//     v <- v + h (f / m + gravity);   u <- x + h v;   orientations turn by h w
-//     repeat `iterations` times: project every link, then every group, each at once onto u (Gauss-Seidel)
-//     v <- (u - x) / h;   w <- turn / h;   x <- u
+//     v <- v + h (f / m + gravity);   u <- x + h v;   rotate orientations by h w
+//     repeat `iterations` times: project every link, then every group, directly on u (Gauss-Seidel)
+//     v <- (u - x) / h;   w <- rotation / h;   x <- u
 //
-// A link of rest length d moves its ends along their line, in inverse proportion to their masses, by stiffness times
-// its error (M. Müller et al., "Position Based Dynamics", 2007, equations 10 and 11).
+// Link: with rest length d, its ends move along their line in inverse proportion to their masses, by stiffness times
+// the error (M. Müller et al., "Position Based Dynamics", 2007, equations 10 and 11).
 //
-// A link with a compliance is a spring instead (M. Macklin, M. Müller, N. Chentanez, "XPBD: Position-Based Simulation
-// of Compliant Constrained Dynamics", 2016, equations 17 and 18): with C its stretch and s = compliance / h^2 a
-// projection adds (C - s p) / (w_a + w_b + s) to the pull p that it has exerted in this sub-step, h^2 times the
-// tension. Once the iterations have converged, C is compliance times tension, however many they are and however long
-// the step. They do so the sooner the shorter a sub-step is, which serves better than more iterations (Macklin et al.,
-// "Small Steps in Physics Simulation", 2019). Stiffness is then the part of that which a projection adds, and best left
-// at 1.
+// Link with a compliance: a spring (M. Macklin, M. Müller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant
+// Constrained Dynamics", 2016, equations 17 and 18). With C the stretch and s = compliance / h^2, a projection adds
+// (C - s p) / (w_a + w_b + s) to the pull p of this sub-step, which is h^2 times the tension. After convergence C is
+// compliance times tension, whatever the number of iterations and the length of the step. Shorter sub-steps converge
+// sooner and help more than iterations (Macklin et al., "Small Steps in Physics Simulation", 2019). Stiffness is then
+// the fraction of that increment which a projection adds; leave it at 1.
 //
-// A group with masses m, rest offsets q from its rest centroid and present offsets p from its centroid c has the moment
-// matrix A = sum m p q^T + sum m r^2 / 5 R, with R the particles' orientations as matrices (Müller & Chentanez 2011,
-// equations 10 to 12). Its rotational part T gives each member the goal c + T q, of which it goes `stiffness` of the
-// way; the centre particle takes T as its orientation. A fit that also counts orientations may turn the group as a
-// whole, which no inner force can do; that turn, theta = I^-1 sum m p x d, is taken out again, so that every
-// projection keeps linear and angular momentum to rounding, which is that of float.
+// Group: with masses m, rest offsets q from the rest centroid and present offsets p from the centroid c, its moment
+// matrix is A = sum m p q^T + sum m r^2 / 5 R, where R are the particles' orientations as matrices (Müller & Chentanez
+// 2011, equations 10 to 12; thesis, section 4.1.2). T, the rotational part of A, gives each member the goal c + T q;
+// the member moves the fraction `stiffness` of the distance to it, and the centre particle takes T as its orientation.
+// Because the fit counts orientations, the goals may rotate the group as a whole, which no inner force can do. That
+// rotation, theta = I^-1 sum m p x d, is subtracted, so that every projection keeps linear and angular momentum up to
+// the rounding of float.
 //
-// A group with a compliance, s^2, has the energy 1/2 sum m |d|^2 / compliance, d being what a member lacks to its goal:
-// a member that is displaced is drawn back at the rate compliance^-1/2, rad/s, whatever its mass. Since the best fit
-// is where that energy is least, its gradient takes the goals as constant, and XPBD makes of each member's displacement
-// (d - s e) / (1 + s), e being what this group has displaced it by in this sub-step and s = compliance / h^2. As e is
-// that of earlier iterations, a group may gain angular momentum here, of the order of the motion within a sub-step;
-// what follows below takes it back.
+// Group with a compliance, s^2: its energy is 1/2 sum m |d|^2 / compliance, with d the vector from a member to its
+// goal. A displaced member is pulled back at the rate compliance^-1/2, rad/s, whatever its mass. The best fit minimises
+// this energy, so its gradient may treat the goals as constant, and XPBD displaces each member by (d - s e) / (1 + s),
+// with e its displacement by this group so far in the sub-step and s = compliance / h^2. Since e is that of earlier
+// iterations, a group may gain angular momentum here, of the order of the motion within a sub-step; the correction
+// below removes it.
 //
-// Both loops run in the order of a graph colouring: constraints of one colour share no particle, so that they are done
-// side by side, in the lanes of vector registers, without a change in any bit of the result. The state is double, a
-// projection is float (src/projection.hpp says of what): shapes are kept to 2^-24 of the size of a group.
+// Both loops follow a graph colouring: constraints of one colour share no particle and are projected side by side, in
+// the lanes of vector registers, without changing any bit of the result. State is double, projections are float
+// (src/simd/projection.hpp): shapes are accurate to 2^-24 of the size of a group.
 //
-// Projection at u while the momentum is counted at x is the implicit Euler method, which turns angular momentum into
-// nothing at the rate of the motion within a step. For a body of which nothing is pinned, the step puts it back as one
-// rigid turn of the velocities, and what projections round off the linear momentum as one shift, so that what is left
-// of a body's momenta is what forces and contacts gave it. Damping
-// (`settling`) draws the velocities toward those of a rigid body with the body's momenta and so keeps both (Müller et
-// al. 2007, section 3.5).
+// Momentum: projecting at u while momentum is defined at x is the implicit Euler method, which dissipates angular
+// momentum at the rate of the motion within a step. For a body without pinned particles the step adds the loss back, as
+// a rigid rotation of the velocities, and the linear momentum lost to rounding as a translation. A body's momenta then
+// change only by forces and contacts. `shape_damping` draws the velocities toward the rigid motion with the body's
+// momenta and so conserves both (Müller et al. 2007, section 3.5).
 //
-// Particles that are pinned go where their velocities lead them, whatever pulls at them: x + h v, turned by h w. Both
-// velocities stay what they were set to, 0 for what does not move at all.
+// Pinned particles follow their own velocities, whatever pulls at them: x + h v, rotated by h w. Both velocities keep
+// the values that were set, 0 for a fixed particle.
 #pragma once
 
 #include <cstddef>
@@ -59,44 +58,44 @@ namespace haptic::sim {
 
 struct SolverSettings {
     double step = 0.01;                 // s
-    int substeps = 1;                   // equal parts into which a step is divided, if contacts do not ask for more
+    int substeps = 1;                   // equal parts of a step; contacts may ask for more
     int iterations = 5;                 // passes over the constraints in each sub-step
-    int rotation_iterations = 2;        // steps of the extraction, from the predicted orientation
+    int rotation_iterations = 2;        // of extracting T, starting from the predicted orientation
     Vec3 gravity{0.0, -9.81, 0.0};      // m/s^2
-    double drag = 0.0;                  // 1/s, rate at which velocities decay; 0 keeps momentum
-    double settling = 0.0;              // 1/s, rate at which motion other than that of a rigid body decays
-    bool keep_angular_momentum = true;  // see above; has no effect on a body with pinned particles
+    double drag = 0.0;                  // 1/s, decay rate of velocities; 0 keeps momentum
+    double shape_damping = 0.0;         // 1/s, decay rate of motion other than rigid motion
+    bool keep_angular_momentum = true;  // see above; no effect on a body with pinned particles
 };
 
-struct MovingParticles;  // src/projection.hpp
+struct MovingParticles;  // src/simd/projection.hpp
 
-/// Contacts of particles as the solver sees them, in the course of a sub-step of length h, s. `start` is the state at
-/// its beginning.
+/// Contacts of particles, as the solver calls them within a sub-step of length h, s. `start` is the state at its
+/// beginning.
 class SolverContacts {
   public:
     SolverContacts() = default;
     SolverContacts(const SolverContacts&) = delete;
     SolverContacts& operator=(const SolverContacts&) = delete;
     virtual ~SolverContacts() = default;
-    /// Into how many sub-steps a step, s, has to be divided at least.
+    /// Smallest number of sub-steps for a step, s.
     [[nodiscard]] virtual int substeps(const ParticleModel& /*start*/, double /*step*/) const { return 1; }
-    /// Once, before the constraints: finds what may touch, from where forces lead.
+    /// Called once, before the constraints: finds what may touch, from the positions that forces lead to.
     virtual void find(const ParticleModel& start, const MovingParticles& predicted, double h) = 0;
-    /// After the constraints in each iteration: moves the places in `now` out of one another.
+    /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`.
     virtual void project(const ParticleModel& start, const MovingParticles& now, double h) = 0;
-    /// Once, after the last iteration. May move places still, and writes all of `now.pushed`: by how much each particle
-    /// has been moved since find().
+    /// Called once, after the last iteration. May move positions; writes all of `now.pushed`, each particle's
+    /// displacement by contacts since find().
     virtual void finish(const ParticleModel& start, const MovingParticles& now, double h) = 0;
 };
 
 class ParticleSolver {
   public:
-    /// As many constraints side by side as the machine has lanes for.
+    /// The widest vectors that the machine has.
     static constexpr std::size_t kWidest = 0;
 
-    /// Orders the model's constraints. `lanes` is how many of them are projected side by side: one of usable_lanes() or
-    /// kWidest. It makes no difference to the result. Throws std::invalid_argument for a model that check() refuses,
-    /// settings out of their range, or lanes that the machine does not have.
+    /// Colours and orders the model's constraints. `lanes` is the number projected side by side: one of usable_lanes(),
+    /// or kWidest. It does not affect the result. Throws std::invalid_argument for a model that check() refuses, for
+    /// settings out of range, or for lanes that the machine does not have.
     ParticleSolver(const ParticleModel& model, const SolverSettings& settings, std::size_t lanes = kWidest);
     ParticleSolver(ParticleSolver&&) noexcept;
     ParticleSolver& operator=(ParticleSolver&&) noexcept;
@@ -105,21 +104,22 @@ class ParticleSolver {
     /// Increasing; 1 and 4 everywhere, on x86-64 also 8 (AVX2) and 16 (AVX-512F).
     [[nodiscard]] static std::vector<std::size_t> usable_lanes();
 
-    /// Advances the model, which has to be the one given to the constructor as far as its rest shape and constraints
-    /// go. `force` is in N, per particle, constant over the step; an empty span is no force.
+    /// Advances the model by settings().step. Rest shape and constraints must be those given to the constructor.
+    /// `force` is in N, per particle, constant over the step; an empty span means no force.
     void step(ParticleModel& model, std::span<const Vec3> force, SolverContacts* contacts = nullptr);
 
-    /// Only the constraints: settings().iterations passes over positions and orientations as the model has them. No
-    /// time passes, so nothing has a velocity, weight or momentum; settings().step only says how far compliances give
-    /// way. Particles whose `held` is not 0 are put back where they were after each pass; an empty span holds none.
+    /// Projects the constraints only: settings().iterations passes over the model's positions and orientations. No time
+    /// passes, so velocities, gravity and momentum have no part; settings().step only scales compliances. Particles
+    /// whose `held` is not 0 return to their position after each pass; an empty span holds none.
     void project(ParticleModel& model, std::span<const std::uint8_t> held = {});
 
-    /// Takes over where the model's particles are at rest now: of its groups the shape, of its links the distance. All
-    /// else of the constraints is as it was given to the constructor. No allocation.
+    /// Takes group shapes and link lengths from the model's rest positions. Everything else about the constraints stays
+    /// as given to the constructor. No allocation.
     void set_rest_shape(const ParticleModel& model) noexcept;
 
-    /// From the next step on. Throws std::invalid_argument, and changes nothing, for what the constructor refuses.
-    void set_pace(double step, int iterations);
+    /// Changes step, s, and iterations from the next step on. Throws std::invalid_argument as the constructor does, and
+    /// then changes nothing.
+    void set_step_and_iterations(double step, int iterations);
 
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
     [[nodiscard]] std::size_t lanes() const noexcept;
@@ -127,25 +127,25 @@ class ParticleSolver {
     [[nodiscard]] std::size_t link_colours() const noexcept;
 
   private:
-    struct Projecting;
+    struct ProjectionState;
 
-    struct Whole {
+    struct Body {
         ParticleRange particles;
-        bool is_free = true;  // nothing is pinned
+        bool is_free = true;  // no particle is pinned
     };
 
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
-    void count_pushes(double h);
+    void add_contact_velocities(double h);
     void update(ParticleModel& model, double h);
-    void settle(ParticleModel& model, const ParticleRange& body, double h) const;
+    void damp_shape(ParticleModel& model, const ParticleRange& body, double h) const;
     void restore_momenta(ParticleModel& model, const ParticleRange& body, double h);
 
     SolverSettings settings_;
-    std::vector<Whole> bodies_;        // of the model
-    std::unique_ptr<Projecting> now_;  // constraints, and the particles in the course of a step
+    std::vector<Body> bodies_;
+    std::unique_ptr<ProjectionState> state_;
 
     // Scratch, per particle.
-    std::vector<Vec3> predicted_;  // velocity after forces and contacts, before constraints
+    std::vector<Vec3> predicted_;  // m/s, velocity after forces and contacts, before constraints
 };
 
 }  // namespace haptic::sim

@@ -1,11 +1,10 @@
-// How a tool closes: joints about which parts of its rest shape turn, by one number.
+// Tool joints: a kinematic tree that closes a tool's rest shape by one number, the curl.
 //
-// The curl goes from 0, the shape in which the tool was made, to 1, closed. Joint j turns what hangs on it by
-// 2 atan(c |w_j| / 2) about w_j (the Cayley map, rotation.hpp), c being the curl over that at which the joint is done
-// turning, and is taken along by the joint before it. So a curl
-// gives each particle a rest place and a rest orientation; nothing is integrated and nothing remembers the curl before,
-// which is what the haptic constraint needs (thesis, equation 5.1, with o_i a function of the curl). The thesis' hand
-// keeps its shape (section 5.7).
+// The curl runs from 0, the shape in which the tool was made, to 1, closed. Joint j rotates its subtree about w_j by
+// 2 atan(c |w_j| / 2) (Cayley map, rotation.hpp), c = min(1, curl / full_curl), after its parent's rotation. A curl
+// thus gives each particle a rest position and a rest orientation. Nothing is integrated and no earlier curl is
+// remembered, as the haptic constraint requires (thesis, Eq. 5.1, with o_i a function of the curl). The thesis' hand
+// does not articulate (section 5.7).
 #pragma once
 
 #include <algorithm>
@@ -20,13 +19,13 @@
 namespace haptic::sim {
 
 struct ToolJoint {
-    std::uint32_t parent = 0;  // that takes it along, before it in the list; the first one is its own and never turns
-    Vec3 place{0.0};           // m, at curl 0
-    Vec3 turn{0.0};            // of turned(), when it is done, as the tool is at curl 0
-    double done_at = 1.0;      // curl, more than 0, from which on it turns no farther
+    std::uint32_t parent = 0;  // an earlier joint; joint 0, the root, is its own parent and fixed
+    Vec3 position{0.0};        // m, at curl 0
+    Vec3 rotation{0.0};        // w_j, as turned() takes it: 2 tan(angle / 2) about the axis, axes as at curl 0
+    double full_curl = 1.0;    // curl, positive, at which the rotation is complete
 };
 
-/// What a joint moves: a ball that goes from one place to the other, and grows on its way.
+/// Bone moved by a joint: the volume swept by a ball from one end to the other, its radius linear between them.
 struct ToolBone {
     std::uint32_t joint = 0;
     Vec3 from{0.0};            // m, at curl 0
@@ -40,7 +39,7 @@ struct ToolSkeleton {
     std::vector<ToolBone> bones;
 };
 
-/// m, about, of a point from the flesh about a bone; negative inside.
+/// m, approximate signed distance of a point from a bone's surface; negative inside.
 [[nodiscard]] inline double distance(const Vec3& p, const ToolBone& bone) noexcept {
     const Vec3 along = bone.to - bone.from;
     const double t = std::clamp(glm::dot(p - bone.from, along) / glm::dot(along, along), 0.0, 1.0);
@@ -49,31 +48,31 @@ struct ToolSkeleton {
 
 class ToolJoints {
   public:
-    /// None: the tool has one shape.
+    /// No joints: the rest shape is fixed.
     ToolJoints() = default;
-    /// Each place is moved by the bone that it is deepest in, or nearest to. Throws std::invalid_argument: no joints or
-    /// bones, a parent that does not come before, a joint that is not there.
-    ToolJoints(const ToolSkeleton& skeleton, std::span<const Vec3> places);
+    /// Binds each position (m, curl 0) to the bone with the smallest signed distance. Throws std::invalid_argument: no
+    /// joint or bone, a parent that is not an earlier joint, an unknown joint.
+    ToolJoints(const ToolSkeleton& skeleton, std::span<const Vec3> positions);
 
-    [[nodiscard]] bool empty() const noexcept { return of_place_.empty(); }
+    [[nodiscard]] bool empty() const noexcept { return joint_of_position_.empty(); }
     [[nodiscard]] std::size_t joints() const noexcept { return joints_.size(); }
-    /// The joint that moves a place.
-    [[nodiscard]] std::uint32_t joint_of(std::size_t place) const { return of_place_[place]; }
+    /// The joint that a position is bound to.
+    [[nodiscard]] std::uint32_t joint_of(std::size_t position) const { return joint_of_position_[position]; }
 
-    /// Writes where the places are at a curl of 0..1, and how what is there is turned against curl 0. As many as the
-    /// constructor got. No allocation, no libm but sqrt.
-    void close(double curl, std::span<Vec3> places, std::span<Quat> turns) noexcept;
+    /// Forward kinematics: positions (m) at a curl of 0..1, and rotations relative to curl 0. Sizes as in the
+    /// constructor. No allocation, no libm but sqrt.
+    void apply_curl(double curl, std::span<Vec3> positions, std::span<Quat> rotations) noexcept;
 
   private:
-    struct Moved {
-        Vec3 place{0.0};
-        Quat turn{1.0, 0.0, 0.0, 0.0};
+    struct JointPose {
+        Vec3 position{0.0};
+        Quat rotation{1.0, 0.0, 0.0, 0.0};
     };
 
     std::vector<ToolJoint> joints_;
-    std::vector<std::uint32_t> of_place_;
-    std::vector<Vec3> lever_;   // m, per place: from its joint, at curl 0
-    std::vector<Moved> moved_;  // per joint; the first stays
+    std::vector<std::uint32_t> joint_of_position_;
+    std::vector<Vec3> offset_;     // m, per position: relative to its joint, at curl 0
+    std::vector<JointPose> pose_;  // per joint; the root's is constant
 };
 
 }  // namespace haptic::sim

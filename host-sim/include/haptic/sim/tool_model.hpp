@@ -1,13 +1,12 @@
-// The tool that the hand holds: a mesh, the oriented particles that deform it, and a sphere about each particle, which
-// is its proxy.
+// Tool model: the tool that the hand holds, as a mesh, the oriented particles that deform it, and one proxy sphere per
+// particle.
 //
-// The spheres are found for any mesh (sphere_cover.hpp), or are as many and as large as asked for. Particles sit in
-// their centres; masses, groups and skin are made about them as for any other body (model_builder.hpp). A tool has no
-// state of its own: each step begins at its rest shape where the hand is (thesis, section 5.2.4), so nothing of it is
-// integrated.
+// Spheres are fitted to any mesh (sphere_cover.hpp) or given by number and radius. Particles sit at their centres;
+// masses, groups and skin are built as for any other body (model_builder.hpp). A tool has no state of its own: each
+// step starts from its rest shape at the hip (thesis, section 5.2.4), and nothing of it is integrated.
 //
-// Where spheres leave gaps, what is thin gets between them (thesis, figure 5.9). `close_gaps` puts further spheres
-// between neighbours until the neighbours overlap, and go on overlapping while the tool is stretched by a tenth.
+// Thin objects can pass between spheres (thesis, figure 5.9). `close_gaps` adds spheres until neighbours overlap, and
+// continue to overlap when the tool is stretched by a tenth.
 #pragma once
 
 #include <cstddef>
@@ -24,56 +23,59 @@ namespace haptic::sim {
 
 enum class ToolShape : std::uint8_t { Sphere, Hand, Rod, Probe };
 
-/// The table [tool] of a scene. Lengths are m, in the scene.
+/// Table [tool] of a scene. Lengths in m, scene.
 struct ToolSettings {
-    static constexpr std::size_t kMostSpheres = kMaxProxies;
+    static constexpr std::size_t kMaxSpheres = kMaxProxies;
 
     ToolShape shape = ToolShape::Sphere;
-    double length = 0.19;       // of hand, rod and probe, from end to end; of a file's mesh unless file_scale is given
+    double length = 0.19;       // of hand, rod and probe, end to end; of a mesh file unless file_scale is given
     double thickness = 0.02;    // diameter of the rod, and of the probe's shaft
-    double ball_radius = 0.02;  // of the sphere, and of the ball at the probe's end
-    std::string file;           // of a mesh that takes the place of what is generated; empty: none
-    double file_scale = 0.0;    // m per unit of the file; 0: centred, and as long as `length`
+    double ball_radius = 0.02;  // of the sphere; of the ball at the probe's end
+    std::string file;           // mesh file, replaces the generated mesh; empty: none
+    double file_scale = 0.0;    // m per unit of the file; 0: centred and scaled to `length`
 
-    std::size_t spheres = 0;   // 0: as many as cover_error asks for; to kMostSpheres
-    double radius = 0.0;       // of each sphere; 0: each has its own, as it fits into the mesh
+    std::size_t spheres = 0;   // 0: as many as cover_error requires; at most kMaxSpheres
+    double radius = 0.0;       // of all spheres; 0: each fits the mesh
     double cover_error = 0.0;  // used if spheres is 0; 0: 37 spheres for the hand, else 0.02 of the longest side
-    bool close_gaps = false;   // further spheres between neighbours that leave a gap
+    bool close_gaps = false;   // adds spheres between neighbours that leave a gap
 
-    std::size_t neighbours = 8;    // 1 to 32, that make a group with each particle
-    double mass = 1.0;             // kg, of the whole tool; only the ratios of its particles' masses matter
+    std::size_t neighbours = 8;    // 1 to 32, number that form a shape-matching group with each particle
+    double mass = 1.0;             // kg, of the whole tool; only ratios of particle masses have an effect
     double group_stiffness = 0.6;  // 0..1, of shape matching
-    double link_stiffness = 0.0;   // 0..1, of a distance constraint to each neighbour; 0: there are none
-    int iterations = 4;            // of the tool's own constraints, a step (thesis, section 5.5.1)
+    double link_stiffness = 0.0;   // 0..1, of distance constraints to neighbours; 0: none
+    int iterations = 4;            // of the tool's constraints per step (thesis, section 5.5.1)
 
-    // Of the hand, which alone can close (tool_joints.hpp). A script says how far it is closed (Scene::curl).
-    double curl = 0.0;         // 0..1, where it begins, and while the button is not held
-    int close_button = -1;     // of the grip, 0 to 31: closes the hand while it is held; -1: none does
-    double close_to = 1.0;     // 0..1, the curl to which the button closes it
-    double close_speed = 2.0;  // 1/s, of the curl
+    // Closing: the generated hand only (tool_joints.hpp). A script in the scene overrides the button (Scene::curl).
+    double curl = 0.0;         // 0..1, at the start, and while the button is released
+    int close_button = -1;     // 0 to 31: button of the grip that closes the hand while held; -1: none
+    double close_to = 1.0;     // 0..1, curl to which the button closes the hand
+    double close_speed = 2.0;  // 1/s, rate of change of the curl
 
-    Placement grip;  // grip_from_tool: where the tool's origin is in the grip's frame; without velocity
+    Placement grip;  // grip_from_tool: pose of the tool in the grip frame; velocities unused
 };
 
 struct ToolModel {
-    DeformableBody body;         // rest shape in the grip's frame, in scene units; at most kMostSpheres particles
-    std::vector<double> radius;  // m, of the sphere about each particle
-    int iterations = 0;          // see ToolSettings
-    ToolJoints joints;           // of the particles, in the grip's frame; none if it keeps its shape
-    std::size_t added = 0;       // of the spheres, the last ones: those that close gaps
-    /// m: no point of the mesh's surface is farther than this from a sphere, and no sphere stands out of the mesh (of
-    /// an open one: off it) farther than this. An upper bound, proven to 1 % of it, not an estimate.
+    DeformableBody body;         // rest shape, grip frame, scene units; at most kMaxSpheres particles
+    std::vector<double> radius;  // m, per particle
+    int iterations = 0;          // ToolSettings::iterations
+    ToolJoints joints;           // bound to the particles, grip frame; empty unless the tool can close
+    std::size_t added = 0;       // number of spheres that close gaps; they are the last ones
+    /// m: no surface point is farther from a sphere, and no sphere stands farther out of the mesh (of an open mesh: off
+    /// it). A proven upper bound, tight to 1 %.
     double cover_error = 0.0;
-    /// m: the thickness of the thickest rod that fits between the spheres of neighbours; 0: all overlap, and no gap is
-    /// left between three of them.
+    /// m: diameter of the thickest rod that passes between neighbouring spheres; 0: no gap between two or three of
+    /// them.
     double widest_gap = 0.0;
 };
 
 /// Reads the table [tool]. Throws ConfigError.
 [[nodiscard]] ToolSettings read_tool(const Config& config);
 
-/// Makes the tool; the same, bit for bit, on every machine. Throws std::invalid_argument: a setting out of its range,
-/// more spheres needed than there may be, saying how many; MeshError for a file that cannot be read.
+/// Tool of one sphere about the origin: no constraints and no mesh. `radius` in m, positive.
+[[nodiscard]] ToolModel one_sphere(double radius);
+
+/// Builds the tool, the same bits on every machine. Throws std::invalid_argument: a setting out of range; more spheres
+/// needed than allowed, with the number. Throws MeshError for an unreadable file.
 [[nodiscard]] ToolModel make_tool(const ToolSettings& settings);
 
 }  // namespace haptic::sim

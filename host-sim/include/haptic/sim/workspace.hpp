@@ -1,31 +1,31 @@
-// The mapping between the device, which moves within centimetres, and the scene, which is metres wide.
+// Workspace: the mapping between the device, which moves within centimetres, and the scene, which is metres wide.
 //
 //     x_device = offset + rotation * (scale * x_scene)            F_hand = force_scale * rotation * F_scene
 //
-// A spring k in the scene is then felt as k_hand = force_scale * k / scale, a damper likewise, a torque T as
-// force_scale * scale * rotation * T. Work at the hand is force_scale * scale times the work in the scene, whatever the
-// motion, so that a passive scene is passive at the hand.
+// The hand feels a spring k of the scene as force_scale * k / scale, a damper alike, and a torque T as
+// force_scale * scale * rotation * T. Work at the hand is force_scale * scale times the work in the scene for any
+// motion, so a passive scene is passive at the hand.
 //
-// The tool is turned with the grip, scene_from_tool = rotation^-1 * device_from_grip * grip_from_tool. The last factor
-// is 1 until the clutch lets the grip turn alone; so a turn of the hand about an axis of the room turns the tool about
-// the same axis of the scene, however the two lie to one another.
+// The tool rotates with the grip: scene_from_tool = rotation^-1 * device_from_grip * grip_from_tool. The last factor is
+// the identity until the clutch lets the grip rotate alone. A rotation of the hand about an axis of the room thus
+// rotates the tool about the same axis of the scene, whatever their relative orientation.
 #pragma once
 
 #include <optional>
 
 #include "haptic/frames.hpp"
-#include <haptic/sim/contact.hpp>
+#include "haptic/sim/contact.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
 
 struct WorkspaceSettings {
-    double scale = 0.03;                // m at the device for each m in the scene; 0.001 .. 10
-    Vec3 offset{0.0, 0.0, 0.0};         // m, device frame, where the scene's origin lies
+    double scale = 0.03;                // m at the device per m in the scene; 0.001 .. 10
+    Vec3 offset{0.0, 0.0, 0.0};         // m, device frame: position of the scene's origin
     Quat rotation{1.0, 0.0, 0.0, 0.0};  // device_from_scene
-    double force_scale = 0.2;           // N at the hand for each N in the scene; 0 .. 100
-    int clutch_button = -1;             // the button that uncouples the grip while it is held; -1: none
-    double clutch_fade = 0.1;           // s, in which the force fades out once it is held
+    double force_scale = 0.2;           // N at the hand per N in the scene; 0 .. 100
+    int clutch_button = -1;             // button that uncouples the grip while held; -1: none
+    double clutch_fade = 0.1;           // s, from pressing the button to zero force
 
     bool operator==(const WorkspaceSettings&) const = default;
 };
@@ -39,75 +39,70 @@ class Workspace {
     [[nodiscard]] Vec3 to_device(const Vec3& scene_position) const noexcept;
     [[nodiscard]] Vec3 force_to_device(const Vec3& scene_force) const noexcept;
     [[nodiscard]] Vec3 velocity_to_device(const Vec3& scene_velocity) const noexcept;
-    /// Of a spring or a damper.
+    /// Stiffness or damping, N/m or N*s/m.
     [[nodiscard]] double coupling_to_device(double scene_value) const noexcept;
     [[nodiscard]] Vec3 torque_to_device(const Vec3& scene_torque) const noexcept;
-    /// scene_from_tool, m in the scene, of device_from_grip, m at the device; and back.
+    /// device_from_grip (m, device) to scene_from_tool (m, scene), and back.
     [[nodiscard]] Pose to_scene(const Pose& grip) const noexcept;
     [[nodiscard]] Pose to_device(const Pose& tool) const noexcept;
-    /// m, tool's frame, scene: to m, grip's frame, device.
+    /// Offset in the tool frame (m, scene) to the grip frame (m, device).
     [[nodiscard]] Vec3 offset_to_grip(const Vec3& tool_offset) const noexcept;
-    /// The plane with its offset and velocity as the device sees them.
+    /// Plane in the device frame, its offset (m) and velocity (m/s) included.
     [[nodiscard]] ContactPlane to_device(const SurfacePlane& plane) const noexcept;
 
-    /// Moves the offset, and turns the tool in the grip, so that the two poses coincide.
+    /// Adjusts the offset and grip_from_tool so that this grip pose maps to this tool pose.
     void anchor(const Pose& grip, const Pose& tool) noexcept;
 
-    /// Of now: with the offset that anchor() left.
+    /// Current settings, with the offset that anchor() adjusted.
     [[nodiscard]] const WorkspaceSettings& settings() const noexcept { return settings_; }
-    /// m, the offset that was asked for.
-    [[nodiscard]] const Vec3& asked_offset() const noexcept { return asked_offset_; }
+    /// m, the offset before any anchor().
+    [[nodiscard]] const Vec3& requested_offset() const noexcept { return requested_offset_; }
 
   private:
     WorkspaceSettings settings_;
-    Vec3 asked_offset_;
-    Mat3 device_from_scene_;  // rotation only
+    Vec3 requested_offset_;
+    Mat3 device_from_scene_;  // rotation part
     Quat grip_from_tool_{1.0, 0.0, 0.0, 0.0};
 };
 
-/// The clutch: lets the hand travel and turn while the tool in the scene stands, and the mapping change under it.
-///
-/// While the button is held, the device end of the tool (the hip) stays where it was in the scene, and the coupling
-/// fades to nothing. Once it has, the hip is laid onto the tool, so that on release the force begins at zero; both
-/// ways the force changes without a jump. A tool of many particles that surfaces keep out of its shape is pulled at
-/// however the hip lies; there the coupling comes back as it faded.
-///
-/// A change of the mapping works the clutch by itself: the coupling fades, the new mapping is taken, and the hip is
-/// laid onto the tool, so that the hand goes on from where the tool is. Only where another offset is asked for than
-/// before, the tool travels there first, and turns as the grip is turned, as far as the surfaces let it, while nothing
-/// is coupled.
+/// Clutch: lets the hand move while the tool stays, and the mapping change without a jump of the force.
+/// While the button is held, the hip stays where it was in the scene and the coupling fades to zero. Then the hip is
+/// moved to the tool, so that on release the force starts at zero. A tool that surfaces hold out of its rest shape has
+/// spring forces for any hip; its coupling fades in again instead. A change of the mapping operates the clutch by
+/// itself: the coupling fades out, the new mapping takes effect, and the hip is moved to the tool. If the requested
+/// offset differs, the tool first moves to the new pose of the grip, stopped by surfaces, while uncoupled.
 class Clutch {
   public:
-    /// The tool as the last step left it.
+    /// Tool after the last step.
     struct Tool {
         Pose pose;             // scene_from_tool
-        bool in_shape = true;  // with the hip there, no particle would be pulled at
+        bool in_shape = true;  // with the hip at `pose` no particle has a spring force
     };
-    /// Takes the button's state at the beginning of a step and returns the hip in the scene. Moves the workspace's
-    /// anchor as long as the grip is not coupled, and changes the mapping once it is uncoupled.
+    /// To be called at the beginning of each step of step_s (s) with the button's state; returns the hip, scene.
+    /// Anchors the workspace while uncoupled, and replaces it when a new mapping is due.
     [[nodiscard]] Pose engage(bool held, const Pose& grip, const Tool& tool, double step_s,
                               Workspace& workspace) noexcept;
 
-    /// Asks for another mapping; the last one asked for counts.
-    void change_to(const Workspace& next) noexcept { next_ = next; }
-    /// A change is under way: asked for, not yet taken or not yet coupled again.
-    [[nodiscard]] bool changing() const noexcept { return next_.has_value() || apart_s_ > 0.0; }
+    /// Requests another mapping; the last request counts.
+    void change_mapping(const Workspace& next) noexcept { next_ = next; }
+    /// A requested mapping is not in effect yet, or not coupled again yet.
+    [[nodiscard]] bool changing() const noexcept { return next_.has_value() || uncoupled_left_s_ > 0.0; }
 
-    /// Uncouples at once; the coupling comes back within the fade.
-    void begin_anew() noexcept { gain_ = 0.0; }
+    /// Uncouples at once; the coupling fades in again.
+    void recouple() noexcept { gain_ = 0.0; }
 
     /// Factor of the coupling, 0..1.
     [[nodiscard]] double gain() const noexcept { return gain_; }
     [[nodiscard]] bool uncoupled() const noexcept { return gain_ <= 0.0; }
 
   private:
-    void take(const Workspace& next, const Pose& grip, const Pose& tool, Workspace& workspace) noexcept;
+    void take_mapping(const Workspace& next, const Pose& grip, const Pose& tool, Workspace& workspace) noexcept;
 
     bool held_ = false;
     double gain_ = 1.0;
     Pose hip_;
     std::optional<Workspace> next_;
-    double apart_s_ = 0.0;  // s, left until a change of the mapping is coupled again
+    double uncoupled_left_s_ = 0.0;  // s, until the coupling may return after a change of the mapping
 };
 
 }  // namespace haptic::sim

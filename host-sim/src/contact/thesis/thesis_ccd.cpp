@@ -6,19 +6,19 @@
 #include <glm/geometric.hpp>
 #include <tuple>
 
-#include "contact/touching.hpp"
+#include "contact/contact_points.hpp"
 
 namespace haptic::sim {
 
 namespace {
 
-constexpr double kRounding = 1e-15;  // of the cube of the coordinates: the cubic is not known better
+constexpr double kRounding = 1e-15;  // of the cube of the coordinates: precision of the cubic
 constexpr double kOnBorder = 1e-12;  // of the coordinates: a centre this near to the triangle is inside it
-constexpr double kAside = 1e-3;      // of the radius: how far beside the face the path passes at t_mu
+constexpr double kSideStep = 1e-3;   // of the radius: distance from the face at which the path passes at t_mu
 constexpr int kMaxRefinements = 128;
 constexpr double kNone = -1.0;
 
-/// c[0] + c[1] t + c[2] t^2 + c[3] t^3
+/// Cubic polynomial c[0] + c[1] t + c[2] t^2 + c[3] t^3.
 using Cubic = std::array<double, 4>;
 
 double value(const Cubic& c, double t) HAPTIC_RT {
@@ -29,8 +29,8 @@ double slope(const Cubic& c, double t) HAPTIC_RT {
     return (3.0 * c[3] * t + 2.0 * c[2]) * t + c[1];
 }
 
-/// Root between two times of opposite signs, to the last bit: Newton's method where it stays between, halving
-/// elsewhere.
+/// Root between two times of opposite signs, to the last bit: Newton's method while it stays in the bracket, bisection
+/// otherwise.
 double refine(const Cubic& c, double low, double high) HAPTIC_RT {
     const bool rising = value(c, low) < 0.0;
     double t = 0.5 * (low + high);
@@ -39,6 +39,7 @@ double refine(const Cubic& c, double low, double high) HAPTIC_RT {
         if (f == 0.0) {
             break;
         }
+        // Shrink the bracket to the side of the root.
         ((f < 0.0) == rising ? low : high) = t;
         const double s = slope(c, t);
         double next = s != 0.0 ? t - f / s : low;
@@ -53,12 +54,13 @@ double refine(const Cubic& c, double low, double high) HAPTIC_RT {
     return t;
 }
 
-/// Smallest root in (0, 1), kNone if there is none. The extrema part the cubic into monotone pieces; an extremum that
-/// is zero within `noise` is a double root. A cubic that is noise altogether has no root that could be named.
+/// Smallest root in (0, 1), or kNone. The extrema split the cubic into monotone pieces; an extremum within `noise` of
+/// zero is a double root. A cubic that is entirely noise has no definable root.
 double first_root(const Cubic& c, double noise) HAPTIC_RT {
     if (std::max({std::abs(c[0]), std::abs(c[1]), std::abs(c[2]), std::abs(c[3])}) <= noise) {
         return kNone;
     }
+    // Extrema: roots of the derivative, without cancellation, in rising order.
     std::array<double, 4> cuts{0.0, 1.0, 1.0, 1.0};
     std::size_t count = 1;
     const double discriminant = c[2] * c[2] - 3.0 * c[3] * c[1];
@@ -76,6 +78,7 @@ double first_root(const Cubic& c, double noise) HAPTIC_RT {
         }
     }
     cuts[count++] = 1.0;
+    // First piece with a sign change, or a double root at its end.
     for (std::size_t k = 1; k < count; ++k) {
         const double before = value(c, cuts[k - 1]);
         const double after = value(c, cuts[k]);
@@ -105,21 +108,22 @@ Vec3 unit(const Vec3& v) HAPTIC_RT {
     return length > 0.0 ? v / length : Vec3(0.0);
 }
 
-/// Equation 4.5 about the origin: dot(a(t), n(t)), n being the product of two edges (equation 4.3).
-Cubic coplanarity(const TriangleCorners& start, const TriangleCorners& by) HAPTIC_RT {
+/// Equation 4.5 with the centre at the origin: dot(a(t), n(t)), with n the cross product of two edges (equation 4.3).
+Cubic coplanarity(const TriangleCorners& start, const TriangleCorners& motion) HAPTIC_RT {
     const Vec3 e = start.b - start.a;
     const Vec3 f = start.c - start.a;
-    const Vec3 de = by.b - by.a;
-    const Vec3 df = by.c - by.a;
+    const Vec3 de = motion.b - motion.a;
+    const Vec3 df = motion.c - motion.a;
+    // n(t) = n0 + n1 t + n2 t^2.
     const Vec3 n0 = glm::cross(e, f);
     const Vec3 n1 = glm::cross(de, f) + glm::cross(e, df);
     const Vec3 n2 = glm::cross(de, df);
-    return {glm::dot(start.a, n0), glm::dot(start.a, n1) + glm::dot(by.a, n0),
-            glm::dot(start.a, n2) + glm::dot(by.a, n1), glm::dot(by.a, n2)};
+    return {glm::dot(start.a, n0), glm::dot(start.a, n1) + glm::dot(motion.a, n0),
+            glm::dot(start.a, n2) + glm::dot(motion.a, n1), glm::dot(motion.a, n2)};
 }
 
-/// The first contact of a kind so far.
-struct First {
+/// Earliest contact of one kind.
+struct FirstContact {
     bool found = false;
     ThesisContact contact;
     std::uint32_t object = 0;
@@ -138,27 +142,31 @@ struct First {
 }  // namespace
 
 ThesisContact thesis_triangle_ccd(const Vec3& center, double radius, const MovingTriangle& triangle) HAPTIC_RT {
+    // Centre at the origin.
     const TriangleCorners start{triangle.start.a - center, triangle.start.b - center, triangle.start.c - center};
-    const TriangleCorners by{triangle.end.a - triangle.start.a, triangle.end.b - triangle.start.b,
-                             triangle.end.c - triangle.start.c};
-    const double extent = longest(start) + longest(by);
-    const Cubic cubic = coplanarity(start, by);
+    const TriangleCorners motion{triangle.end.a - triangle.start.a, triangle.end.b - triangle.start.b,
+                                 triangle.end.c - triangle.start.c};
+    // Equations 4.6 to 4.8: F(triangle) is the first root of equation 4.5 in the step.
+    const double extent = longest(start) + longest(motion);
+    const Cubic cubic = coplanarity(start, motion);
     const double time = first_root(cubic, kRounding * extent * extent * extent);
     ThesisContact contact;
     if (time == kNone) {
         return contact;
     }
     const auto at = [&](double t) {
-        return TriangleCorners{start.a + by.a * t, start.b + by.b * t, start.c + by.c * t};
+        return TriangleCorners{start.a + motion.a * t, start.b + motion.b * t, start.c + motion.c * t};
     };
+    // Distance from the centre to the triangle at t_mu decides between the sets S and W.
     contact.time = time;
     contact.at = closest_point_on_triangle(Vec3(0.0), at(time));
     const double distance = std::sqrt(contact.at.squared_distance);
     if (contact.at.feature == Feature::Face || distance <= kOnBorder * extent) {
         contact.feature = Feature::Face;
-        // No root before t_mu: the centre's side is the same up to there.
+        // There is no root before t_mu, so the centre is on the same side until then.
         const double side = value(cubic, 0.5 * time) > 0.0 ? -1.0 : 1.0;
         contact.normal = unit(normal_of(at(1.0))) * side;
+        // Equation 4.11: the triangle is within the radius.
     } else if (distance < radius) {
         contact.feature = contact.at.feature;
         contact.normal = contact.at.point * (-1.0 / distance);
@@ -168,9 +176,10 @@ ThesisContact thesis_triangle_ccd(const Vec3& center, double radius, const Movin
 
 SecurePosition thesis_secure_position(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
                                       const ContactSettings& settings, ProxyPath* path) noexcept {
-    First face;
-    First border;
-    const Box box = box_about(center, center, radius);
+    // Lines 1 and 2: first face contact i, and first edge or vertex contact j.
+    FirstContact face;
+    FirstContact border;
+    const Aabb box = aabb_of_segment(center, center, radius);
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
         const SurfaceMotion& motion = surfaces[object].motion;
         surfaces[object].tree->query(box, [&](std::uint32_t triangle) {
@@ -189,22 +198,24 @@ SecurePosition thesis_secure_position(std::span<const MovingSurface> surfaces, c
             path->append(time, position);
         }
     };
+    // Line 3: a face contact wins.
     if (face.found || border.found) {
-        const First& first = face.found ? face : border;
+        const FirstContact& first = face.found ? face : border;
         const ThesisContact& contact = first.contact;
         const SurfaceMotion& motion = surfaces[first.object].motion;
         result.touched = true;
         result.first_time = contact.time;
         result.first = {first.object, first.triangle, contact.feature, contact.at.weights};
         result.first_normal = contact.normal;
-        result.rides = 1;
+        result.advances = 1;
+        // Line 4: the touched material point at t = 1, offset by the radius along the normal.
         if (face.found) {
-            const TriangleCorners then = corners_of(motion, first.triangle, contact.time);
+            const TriangleCorners at_contact = corners_of(motion, first.triangle, contact.time);
             const double side =
                 glm::dot(normal_of(corners_of(motion.end, motion.triangles[first.triangle])), contact.normal) < 0.0
                     ? -1.0
                     : 1.0;
-            append(contact.time, center + unit(normal_of(then)) * (side * kAside * radius));
+            append(contact.time, center + unit(normal_of(at_contact)) * (side * kSideStep * radius));
             result.position = blend(corners_of(motion.end, motion.triangles[first.triangle]), contact.at.weights) +
                               contact.normal * radius;
         } else {

@@ -7,19 +7,20 @@
 #include <limits>
 #include <tuple>
 
-#include "contact/touching.hpp"
+#include "contact/contact_points.hpp"
 
 namespace haptic::sim {
 
 namespace {
 
-constexpr double kSliver = 1e-7;  // height over sides below which a triangle is its three edges
-constexpr int kShownPops = 128;   // that the path shows one by one; a quarter of what it holds
+constexpr double kSliver = 1e-7;   // height over sides below which a triangle is treated as its three edges
+constexpr int kMaxPathPops = 128;  // recorded in the path one by one; an eighth of its capacity
 
-/// Lines 1 to 5, in the order of the triangles.
+/// in_range_triangle_list (lines 1 to 5), sorted by triangle index at the end.
 class InRangeList {
   public:
     void insert(std::uint32_t object, std::uint32_t triangle, double squared_distance, const TriangleCorners& corners) {
+        // Full: replace the farthest entry if the new triangle is nearer.
         std::size_t at = count_;
         if (count_ < kMaxInRange) {
             ++count_;
@@ -31,6 +32,7 @@ class InRangeList {
         }
         entries_[at] = {object, triangle, squared_distance, corners};
     }
+    /// The list by object and triangle, prepared for the passes.
     std::span<const InRangeTriangle> ordered() noexcept {
         const auto end = entries_.begin() + static_cast<std::ptrdiff_t>(count_);
         std::sort(entries_.begin(), end, [](const Entry& x, const Entry& y) {
@@ -62,47 +64,51 @@ class InRangeList {
     std::size_t count_ = 0;
 };
 
-/// From the nearest point of the triangle's border, as far as it can be the nearest of all, to p.
+/// Vector from the closest point of the triangle's border to p. Only edges with p on their outer side can hold the
+/// closest point.
 Vec3 from_border(const InRangeTriangle& t, const std::array<bool, 3>& beyond, const Vec3& p) noexcept {
     Vec3 nearest(0.0);
-    double least = std::numeric_limits<double>::infinity();
+    double min_squared = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < 3; ++k) {
         if (!beyond[k]) {
             continue;
         }
         const Vec3 d = p - t.edges[k].from;
-        const Vec3 apart = d - t.edges[k].along * std::clamp(glm::dot(d, t.edges[k].along), 0.0, t.edges[k].length);
-        const double squared = glm::dot(apart, apart);
-        if (squared < least) {
-            least = squared;
-            nearest = apart;
+        const Vec3 offset = d - t.edges[k].along * std::clamp(glm::dot(d, t.edges[k].along), 0.0, t.edges[k].length);
+        const double squared = glm::dot(offset, offset);
+        if (squared < min_squared) {
+            min_squared = squared;
+            nearest = offset;
         }
     }
     return nearest;
 }
 
-/// CalculatePenetration: how far and where to the centre has to go, if the triangle is nearer than `found`.
-bool penetrates(const InRangeTriangle& t, const Vec3& p, double found, double& distance, Vec3& direction) noexcept {
+/// CalculatePenetration (line 10): distance and direction from the triangle to the centre, if nearer than `threshold`.
+bool penetrates(const InRangeTriangle& t, const Vec3& p, double threshold, double& distance, Vec3& direction) noexcept {
+    // Far from the plane: no penetration.
     const double height = glm::dot(t.normal, p - t.edges[0].from);
-    if (std::abs(height) >= found) {
+    if (std::abs(height) >= threshold) {
         return false;
     }
     std::array<bool, 3> beyond{};
     for (std::size_t k = 0; k < 3; ++k) {
         beyond[k] = !(glm::dot(t.edges[k].outward, p - t.edges[k].from) < 0.0);
     }
+    // Inside all edges: the face is closest.
     if (!beyond[0] && !beyond[1] && !beyond[2]) {
         distance = std::abs(height);
         direction = height < 0.0 ? -t.normal : t.normal;
         return true;
     }
-    const Vec3 apart = from_border(t, beyond, p);
-    const double squared = glm::dot(apart, apart);
-    if (squared >= found * found) {
+    // Otherwise an edge or a vertex.
+    const Vec3 offset = from_border(t, beyond, p);
+    const double squared = glm::dot(offset, offset);
+    if (squared >= threshold * threshold) {
         return false;
     }
     distance = std::sqrt(squared);
-    direction = distance > 0.0 ? apart / distance : t.normal;
+    direction = distance > 0.0 ? offset / distance : t.normal;
     return true;
 }
 
@@ -112,49 +118,54 @@ InRangeTriangle in_range_triangle(const TriangleCorners& triangle) noexcept {
     const TriangleCorners& t = triangle;
     const Vec3 ab = t.b - t.a;
     const Vec3 ac = t.c - t.a;
+    // A sliver has no usable normal.
     Vec3 n = glm::cross(ab, ac);
     if (!(glm::dot(n, n) > kSliver * kSliver * glm::dot(ab, ab) * glm::dot(ac, ac))) {
         n = Vec3(0.0);
     }
     const double length = std::sqrt(glm::dot(n, n));
-    InRangeTriangle made;
-    made.normal = length > 0.0 ? n / length : Vec3(0.0);
+    InRangeTriangle result;
+    result.normal = length > 0.0 ? n / length : Vec3(0.0);
+    // Edges with their outward direction in the plane.
     const std::array<Vec3, 4> corners{t.a, t.b, t.c, t.a};
     for (std::size_t k = 0; k < 3; ++k) {
         const Vec3 e = corners[k + 1] - corners[k];
         const double along = std::sqrt(glm::dot(e, e));
-        made.edges[k] = {corners[k], along > 0.0 ? e / along : Vec3(0.0), along, glm::cross(e, n)};
+        result.edges[k] = {corners[k], along > 0.0 ? e / along : Vec3(0.0), along, glm::cross(e, n)};
     }
-    return made;
+    return result;
 }
 
-PoppedThrough pop_through(std::span<const InRangeTriangle> triangles, const Vec3& center, double radius,
-                          const ContactSettings& settings, ProxyPath* path) noexcept {
-    const double found = radius * settings.shrink;
-    const double least = radius * settings.pop_out_minimum;
-    PoppedThrough result;
+ListPopOut pop_out_of_list(std::span<const InRangeTriangle> triangles, const Vec3& center, double radius,
+                           const ContactSettings& settings, ProxyPath* path) noexcept {
+    const double threshold = radius * settings.shrink;
+    const double min_pop = radius * settings.pop_out_minimum;
+    ListPopOut result;
     result.position = center;
     Vec3& p = result.position;
     for (; result.iterations < settings.pop_out_limit; ++result.iterations) {
+        // One pass (lines 8 to 13).
         const std::int64_t before = result.pops;
         for (const InRangeTriangle& t : triangles) {
             double distance = 0.0;
             Vec3 direction(0.0);
-            if (!penetrates(t, p, found, distance, direction)) {
+            if (!penetrates(t, p, threshold, distance, direction)) {
                 continue;
             }
-            p += direction * std::max(radius - distance, least);
+            // Line 11: move to the full radius, by at least the minimum.
+            p += direction * std::max(radius - distance, min_pop);
             ++result.pops;
-            if (path != nullptr && result.pops <= kShownPops) {
+            if (path != nullptr && result.pops <= kMaxPathPops) {
                 path->append(1.0, p);
             }
         }
+        // Line 14: no intersection is left.
         if (result.pops == before) {
             break;
         }
     }
     result.clear = result.iterations < settings.pop_out_limit;
-    if (path != nullptr && result.pops > kShownPops) {
+    if (path != nullptr && result.pops > kMaxPathPops) {
         path->append(1.0, p);
     }
     return result;
@@ -163,7 +174,8 @@ PoppedThrough pop_through(std::span<const InRangeTriangle> triangles, const Vec3
 PopOut thesis_pop_out(std::span<const MovingSurface> surfaces, const Vec3& center, double radius,
                       const ContactSettings& settings, ProxyPath* path) noexcept {
     const double range = radius * settings.detection_range;
-    const Box box = box_about(center, center, range);
+    const Aabb box = aabb_of_segment(center, center, range);
+    // Lines 1 to 5: triangles in the detection range, optionally only on the positive side (4.6.1).
     InRangeList list;
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
         const SurfaceMotion& motion = surfaces[object].motion;
@@ -179,14 +191,16 @@ PopOut thesis_pop_out(std::span<const MovingSurface> surfaces, const Vec3& cente
             list.insert(object, triangle, squared, t);
         });
     }
-    const PoppedThrough popped = pop_through(list.ordered(), center, radius, settings, path);
-    TouchingSet touching;
-    touching.gather(surfaces, 1.0, popped.position, radius, nullptr);
+    // Lines 6 to 15.
+    const ListPopOut popped = pop_out_of_list(list.ordered(), center, radius, settings, path);
+    // Clearance of the final position among all surfaces.
+    ContactPointSet contacts;
+    contacts.collect(surfaces, 1.0, popped.position, radius, nullptr);
     PopOut result;
     result.position = popped.position;
     result.iterations = popped.iterations;
-    result.clearance = touching.clearance(radius);
-    result.squeezed = result.clearance < radius * settings.shrink;
+    result.clearance = contacts.clearance(radius);
+    result.overconstrained = result.clearance < radius * settings.shrink;
     return result;
 }
 

@@ -6,7 +6,10 @@
 #include <array>
 
 #include "bytes.hpp"
-#include <haptic/device/emulated_board.hpp>
+#include "codecs/sh4_codec.hpp"
+#include "emulated/sh4_firmware.hpp"
+#include "haptic/device/emulated_board.hpp"
+#include "haptic/device/emulated_device.hpp"
 #include "rough_cable.hpp"
 
 namespace haptic::device {
@@ -15,21 +18,21 @@ namespace {
 using test::Bytes;
 
 constexpr std::array<std::uint32_t, kStrings> kPowerUp = {0, 65535, 32768, 12345, 1, 40000, 7, 60000};
-constexpr std::array<std::int16_t, kStrings> kDigits = {45, 46, 47, 48, 49, 50, 51, 4095};
+constexpr std::array<std::int16_t, kStrings> kDacCodes = {45, 46, 47, 48, 49, 50, 51, 4095};
 
 EmulatedDevice::Settings settings() {
-    return {.variant = spidar_g6_x3r(), .power_up = kPowerUp, .rotary = 0xA};
+    return {.geometry = spidar_g6_x3r(), .power_up = kPowerUp, .rotary = 0xA};
 }
 
-Sh4Packet command_packet(const std::array<std::uint16_t, kStrings>& digits) {
+Sh4Packet command_packet(const std::array<std::uint16_t, kStrings>& dac_codes) {
     Sh4Packet out;
-    encode(Sh4Command{digits}, out);
+    encode(Sh4Command{dac_codes}, out);
     return out;
 }
 
 class Sh4FirmwareTest : public testing::Test {
   protected:
-    /// What the board answers to a packet; nothing is an empty reply.
+    /// Reply of the board to a packet; empty if none.
     Sh4Reply reply_to(const Sh4Packet& out) {
         firmware.receive(out, 0);
         Sh4Packet in;
@@ -43,12 +46,12 @@ class Sh4FirmwareTest : public testing::Test {
     Sh4Firmware firmware{device};
 };
 
-TEST_F(Sh4FirmwareTest, EchoesTheDigitsOfTheSamePacket) {
+TEST_F(Sh4FirmwareTest, EchoesTheDacCodesOfTheSamePacket) {
     const std::array<std::uint16_t, kStrings> first = {45, 46, 47, 48, 49, 50, 51, 52};
     const std::array<std::uint16_t, kStrings> second = {4095, 0, 1, 2, 3, 4, 5, 6};
-    EXPECT_EQ(reply_to(command_packet(first)).digits, first);
-    EXPECT_EQ(reply_to(command_packet(second)).digits, second);
-    EXPECT_EQ(device.digits()[0], 4095);
+    EXPECT_EQ(reply_to(command_packet(first)).dac_codes, first);
+    EXPECT_EQ(reply_to(command_packet(second)).dac_codes, second);
+    EXPECT_EQ(device.dac_codes()[0], 4095);
 }
 
 TEST_F(Sh4FirmwareTest, ReportsButtonsAndRotarySwitch) {
@@ -67,7 +70,7 @@ TEST_F(Sh4FirmwareTest, AnswersEachCommandOnce) {
 
 TEST_F(Sh4FirmwareTest, AnswersNothingToWhatIsNoCommandAndKeepsItsMotors) {
     reply_to(command_packet({45, 45, 45, 45, 45, 45, 45, 45}));
-    const auto before = device.digits();
+    const auto before = device.dac_codes();
     Sh4Packet opcode = command_packet({});
     opcode[1] = std::byte{0x0D};
     Sh4Packet beyond = command_packet({});
@@ -79,7 +82,7 @@ TEST_F(Sh4FirmwareTest, AnswersNothingToWhatIsNoCommandAndKeepsItsMotors) {
           std::span<const std::byte>(whole).first(511), std::span<const std::byte>()}) {
         firmware.receive(wrong, 0);
         EXPECT_EQ(firmware.reply(in, 0), 0U);
-        EXPECT_EQ(device.digits(), before);
+        EXPECT_EQ(device.dac_codes(), before);
     }
 }
 
@@ -87,30 +90,30 @@ TEST(Sh4Board, BringsCountersButtonsAndRotaryOfTheDevice) {
     EmulatedBoard board(settings());
     board.device().set_buttons(0x3);
     BoardReading reading;
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     EXPECT_EQ(reading.counters, kPowerUp);
     EXPECT_EQ(reading.buttons, 0x3U);
     EXPECT_EQ(reading.rotary, 0xA);
-    EXPECT_EQ(board.device().digits(), kDigits);
+    EXPECT_EQ(board.device().dac_codes(), kDacCodes);
 }
 
-TEST(Sh4Board, ClampsDigitsToWhatItsUnsignedConverterMakes) {
+TEST(Sh4Board, ClampsDacCodesToTheRangeOfItsUnsignedDac) {
     EmulatedBoard board(settings());
     BoardReading reading;
     ASSERT_EQ(board.exchange({{-5, -4095, 7, 4096, 32767, -32768, 0, 0}}, reading, 0), ExchangeStatus::Ok);
-    EXPECT_EQ(board.device().digits(), (std::array<std::int16_t, kStrings>{0, 0, 7, 4095, 4095, 0, 0, 0}));
+    EXPECT_EQ(board.device().dac_codes(), (std::array<std::int16_t, kStrings>{0, 0, 7, 4095, 4095, 0, 0, 0}));
 }
 
 TEST(Sh4Board, ZeroesTheMotors) {
     EmulatedBoard board(settings());
     BoardReading reading;
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     board.zero_motors(0);
-    EXPECT_EQ(board.device().digits(), (std::array<std::int16_t, kStrings>{}));
+    EXPECT_EQ(board.device().dac_codes(), (std::array<std::int16_t, kStrings>{}));
 }
 
-/// A board over a cable that can be told to misbehave. The hand goes from the centre to 20 mm at the right within a
-/// second, so that counters tell when they were latched.
+/// A board on a cable that misbehaves on command. The hand moves from the centre 20 mm to the right within a second, so
+/// that the counters show when they were latched.
 class Sh4BoardTest : public testing::Test {
   protected:
     static EmulatedDevice::Settings moving() {
@@ -120,11 +123,11 @@ class Sh4BoardTest : public testing::Test {
         result.power_up = {};
         return result;
     }
-    /// One exchange in which all motors get the same digit.
-    ExchangeStatus exchange(int digit) {
+    /// One exchange with the same DAC code for all motors.
+    ExchangeStatus exchange(int dac_code) {
         now_ns += 100'000'000;
         MotorCommand command;
-        command.digits.fill(static_cast<std::int16_t>(digit));
+        command.dac_codes.fill(static_cast<std::int16_t>(dac_code));
         return board.exchange(command, reading, now_ns);
     }
     /// Whether the counters are those of the last exchange.
@@ -134,9 +137,9 @@ class Sh4BoardTest : public testing::Test {
         return old.counters == device.counters() ? testing::AssertionSuccess()
                                                  : testing::AssertionFailure() << "counters of another time";
     }
-    static Bytes command_of(int digit) {
+    static Bytes command_of(int dac_code) {
         Sh4Command command;
-        command.digits.fill(static_cast<std::uint16_t>(digit));
+        command.dac_codes.fill(static_cast<std::uint16_t>(dac_code));
         Sh4Packet out;
         encode(command, out);
         return Bytes(out.begin(), out.end());
@@ -160,7 +163,7 @@ TEST_F(Sh4BoardTest, ThrowsAwayAnAnswerToAnEarlierSession) {
 }
 
 TEST_F(Sh4BoardTest, TakesNoAnswerToAnotherCommandAndCatchesUp) {
-    firmware.receive(command_of(77), 0);  // of another session, and nobody drains it
+    firmware.receive(command_of(77), 0);  // from another session, and not drained
     const BoardReading untouched = reading;
     EXPECT_EQ(exchange(1), ExchangeStatus::Stale);
     EXPECT_EQ(reading, untouched);
@@ -183,13 +186,13 @@ TEST_F(Sh4BoardTest, CatchesUpWithinTheExchangeAfterAnAnswerThatCameTooLate) {
 TEST_F(Sh4BoardTest, CatchesUpAPacketAnExchangeAndNeverFetchesMoreThanOneMore) {
     EXPECT_EQ(exchange(1), ExchangeStatus::Ok);
     cable.answers_held_back = 3;
-    for (const int digit : {2, 3, 4}) {
-        EXPECT_EQ(exchange(digit), ExchangeStatus::Timeout);
+    for (const int dac_code : {2, 3, 4}) {
+        EXPECT_EQ(exchange(dac_code), ExchangeStatus::Timeout);
     }
-    // Three wait, and a fourth comes: each exchange takes two.
-    for (const int digit : {5, 6}) {
+    // Three are queued and a fourth arrives: each exchange fetches two.
+    for (const int dac_code : {5, 6}) {
         const int before = cable.exchanges;
-        EXPECT_EQ(exchange(digit), ExchangeStatus::Stale);
+        EXPECT_EQ(exchange(dac_code), ExchangeStatus::Stale);
         EXPECT_EQ(cable.exchanges, before + 2);
     }
     EXPECT_EQ(exchange(7), ExchangeStatus::Ok);
@@ -198,7 +201,7 @@ TEST_F(Sh4BoardTest, CatchesUpAPacketAnExchangeAndNeverFetchesMoreThanOneMore) {
 
 TEST_F(Sh4BoardTest, RepeatedAnswerIsFoundByItsEcho) {
     EXPECT_EQ(exchange(1), ExchangeStatus::Ok);
-    firmware.receive(command_of(1), now_ns);  // the same packet once more, as a repeated one would
+    firmware.receive(command_of(1), now_ns);  // the same packet again, as a repeated one
     EXPECT_EQ(exchange(2), ExchangeStatus::Ok);
     EXPECT_TRUE(fresh());
 }
@@ -245,7 +248,7 @@ TEST_F(Sh4BoardTest, WithoutAnEchoAnOverdueAnswerIsFetchedBeforeTheNextCommand) 
     now_ns = 500'000'000;
     EXPECT_EQ(trusting.exchange({}, reading, now_ns), ExchangeStatus::Ok);
     EXPECT_TRUE(fresh());
-    // One that never comes costs one more wait, and no more.
+    // A reply that never comes costs one more wait and nothing else.
     cable.next_status = ExchangeStatus::Timeout;
     EXPECT_EQ(trusting.exchange({}, reading, now_ns), ExchangeStatus::Timeout);
     cable.next_status = ExchangeStatus::Ok;

@@ -6,7 +6,10 @@
 #include <cmath>
 
 #include "bytes.hpp"
-#include <haptic/device/emulated_board.hpp>
+#include "codecs/simple_codec.hpp"
+#include "emulated/simple_firmware.hpp"
+#include "haptic/device/emulated_board.hpp"
+#include "haptic/device/emulated_device.hpp"
 #include "rough_cable.hpp"
 
 namespace haptic::device {
@@ -15,12 +18,12 @@ namespace {
 using test::bytes;
 
 constexpr std::array<std::uint32_t, kStrings> kPowerUp = {0, 0xFFFFFF, 0x800000, 12345, 1, 40000, 7, 60000};
-constexpr std::array<std::int16_t, kStrings> kDigits = {45, 46, 47, 48, 49, 50, 51, 4095};
+constexpr std::array<std::int16_t, kStrings> kDacCodes = {45, 46, 47, 48, 49, 50, 51, 4095};
 
 EmulatedDevice::Settings settings(PoseTrack hand = PoseTrack(Pose{})) {
-    Variant variant = spidar_g6_x3r();
-    variant.board = BoardKind::Simple;
-    return {.variant = variant, .hand = std::move(hand), .power_up = kPowerUp, .rotary = 0xA};
+    DeviceGeometry geometry = spidar_g6_x3r();
+    geometry.board = BoardKind::Simple;
+    return {.geometry = geometry, .hand = std::move(hand), .power_up = kPowerUp, .rotary = 0xA};
 }
 
 /// A millisecond at the centre, then 20 mm to the right.
@@ -29,7 +32,7 @@ PoseTrack step_to_the_right() {
     return {{0.0, 0.001}, {{{0.0, 0.0, 0.0}, level}, {{0.02, 0.0, 0.0}, level}}};
 }
 
-/// Counts by which string i gets longer when the grip goes 20 mm to the right.
+/// Counts by which string i lengthens when the grip moves 20 mm to the right.
 long counts_of_that_step(std::size_t i) {
     const StringFacts string = spidar_g6_x3r().strings[i];
     const double before = glm::length(string.motor - string.grip);
@@ -51,18 +54,18 @@ TEST_F(SimpleBoardTest, StartsWithDirectionsThenClearedCounters) {
     ASSERT_EQ(cable.sent.size(), 2U);
     EXPECT_EQ(cable.sent[0], bytes({0xA2, 0x1A, 0xFF}, 32));
     EXPECT_EQ(cable.sent[1], bytes({0xA2, 0x19, 0xFF}, 32));
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     EXPECT_EQ(reading.counters, (std::array<std::uint32_t, kStrings>{}));
 }
 
-TEST_F(SimpleBoardTest, ExchangesDigitsThenLatch) {
+TEST_F(SimpleBoardTest, SendsDacCodesThenLatch) {
     board.start();
     cable.sent.clear();
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     ASSERT_EQ(cable.sent.size(), 2U);
     EXPECT_EQ(cable.sent[0], bytes({0x52, 45, 0, 46, 0, 47, 0, 48, 0, 49, 0, 50, 0, 51, 0, 0xFF, 0x0F}, 32));
     EXPECT_EQ(cable.sent[1], bytes({0x51}, 32));
-    EXPECT_EQ(device.digits(), kDigits);
+    EXPECT_EQ(device.dac_codes(), kDacCodes);
 }
 
 TEST_F(SimpleBoardTest, CountsInTheHostsSenseModulo24Bits) {
@@ -104,17 +107,17 @@ TEST_F(SimpleBoardTest, BringsButtonsAndRotary) {
     EXPECT_EQ(reading.rotary, 0xA);
 }
 
-TEST_F(SimpleBoardTest, ClampsDigitsToWhatItsUnsignedConverterMakes) {
+TEST_F(SimpleBoardTest, ClampsDacCodesToTheRangeOfItsUnsignedDac) {
     board.start();
     ASSERT_EQ(board.exchange({{-5, -4095, 7, 4096, 32767, -32768, 0, 0}}, reading, 0), ExchangeStatus::Ok);
-    EXPECT_EQ(device.digits(), (std::array<std::int16_t, kStrings>{0, 0, 7, 4095, 4095, 0, 0, 0}));
+    EXPECT_EQ(device.dac_codes(), (std::array<std::int16_t, kStrings>{0, 0, 7, 4095, 4095, 0, 0, 0}));
 }
 
 TEST_F(SimpleBoardTest, ZeroesTheMotors) {
     board.start();
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     board.zero_motors(0);
-    EXPECT_EQ(device.digits(), (std::array<std::int16_t, kStrings>{}));
+    EXPECT_EQ(device.dac_codes(), (std::array<std::int16_t, kStrings>{}));
 }
 
 TEST_F(SimpleBoardTest, ThrowsAwayAnAnswerToAnEarlierSession) {
@@ -157,13 +160,13 @@ TEST_F(SimpleBoardTest, SaysWhatIsWrongWhereTheBoardDoesNotTakeItsStartUpPackets
 
 TEST_F(SimpleBoardTest, FirmwareAnswersNothingToWhatIsNoCommandAndKeepsItsMotors) {
     board.start();
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     std::array<std::byte, 512> in{};
     for (const auto& wrong : {bytes({0x51}, 31), bytes({0x51}, 33), bytes({0x51}, 512), bytes({}), bytes({0x53}, 32),
                               bytes({0xA2, 0x1B, 0xFF}, 32), bytes({0x52, 0x00, 0x10}, 32)}) {
         firmware.receive(wrong, 0);
         EXPECT_EQ(firmware.reply(in, 0), 0U);
-        EXPECT_EQ(device.digits(), kDigits);
+        EXPECT_EQ(device.dac_codes(), kDacCodes);
     }
 }
 
@@ -185,9 +188,9 @@ TEST_F(SimpleBoardTest, FirmwareAnswersEachLatchOnceAndTheOldestFirst) {
 TEST(SimpleBoard, OfAVariantIsStartedWhereTheDeviceIsEmulated) {
     EmulatedBoard board(settings());
     BoardReading reading;
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     EXPECT_EQ(reading.counters, (std::array<std::uint32_t, kStrings>{}));
-    EXPECT_EQ(board.device().digits(), kDigits);
+    EXPECT_EQ(board.device().dac_codes(), kDacCodes);
 }
 
 }  // namespace

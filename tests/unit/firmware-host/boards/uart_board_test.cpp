@@ -8,7 +8,10 @@
 #include <stdexcept>
 
 #include "bytes.hpp"
-#include <haptic/device/emulated_board.hpp>
+#include "codecs/uart_codec.hpp"
+#include "emulated/uart_firmware.hpp"
+#include "haptic/device/emulated_board.hpp"
+#include "haptic/device/emulated_device.hpp"
 #include "rough_cable.hpp"
 
 namespace haptic::device {
@@ -20,19 +23,19 @@ using testing::HasSubstr;
 using testing::ThrowsMessage;
 
 constexpr std::array<std::uint32_t, kStrings> kPowerUp = {0, 65535, 32768, 12345, 1, 40000, 7, 60000};
-constexpr std::array<std::int16_t, kStrings> kDigits = {45, -46, 47, -48, 4095, -4095, 0, 1};
+constexpr std::array<std::int16_t, kStrings> kDacCodes = {45, -46, 47, -48, 4095, -4095, 0, 1};
 
 EmulatedDevice::Settings settings(std::vector<int> boards) {
     const Quat level(1.0, 0.0, 0.0, 0.0);
-    Variant variant = spidar_g6_x3r();
-    variant.board = BoardKind::Uart;
-    variant.uart_boards = std::move(boards);
-    return {.variant = variant,
+    DeviceGeometry geometry = spidar_g6_x3r();
+    geometry.board = BoardKind::Uart;
+    geometry.uart_boards = std::move(boards);
+    return {.geometry = geometry,
             .hand = PoseTrack({0.0, 0.001}, {{{0.0, 0.0, 0.0}, level}, {{0.02, 0.0, 0.0}, level}}),
             .power_up = kPowerUp};
 }
 
-/// Counts by which string i gets longer when the grip goes 20 mm to the right.
+/// Counts by which string i lengthens when the grip moves 20 mm to the right.
 long counts_of_that_step(std::size_t i) {
     const StringFacts string = spidar_g6_x3r().strings[i];
     const double before = glm::length(string.motor - string.grip);
@@ -54,10 +57,10 @@ INSTANTIATE_TEST_SUITE_P(Boards, UartBoardTest, testing::Values(std::vector<int>
 
 TEST_P(UartBoardTest, SetsAllMotorsAndReadsAllEncodersInTheHostsSense) {
     board.start();
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
-    EXPECT_EQ(device.digits(), kDigits);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(device.dac_codes(), kDacCodes);
     EXPECT_EQ(reading.counters, kPowerUp);
-    ASSERT_EQ(board.exchange({kDigits}, reading, 2'000'000), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 2'000'000), ExchangeStatus::Ok);
     for (std::size_t i = 0; i < kStrings; ++i) {
         EXPECT_EQ(reading.counters[i], (kPowerUp[i] + static_cast<std::uint32_t>(counts_of_that_step(i))) & 0xFFFFU)
             << i;
@@ -67,41 +70,41 @@ TEST_P(UartBoardTest, SetsAllMotorsAndReadsAllEncodersInTheHostsSense) {
 TEST_P(UartBoardTest, ClampsCurrents) {
     board.start();
     ASSERT_EQ(board.exchange({{4096, -4096, 32767, -32768, 1, -1, 0, 4095}}, reading, 0), ExchangeStatus::Ok);
-    EXPECT_EQ(device.digits(), (std::array<std::int16_t, kStrings>{4095, -4095, 4095, -4095, 1, -1, 0, 4095}));
+    EXPECT_EQ(device.dac_codes(), (std::array<std::int16_t, kStrings>{4095, -4095, 4095, -4095, 1, -1, 0, 4095}));
 }
 
 TEST_P(UartBoardTest, IsReadyAgainAfterACommandThatWasHalfSent) {
     board.start();
     firmware.receive(bytes({0x30, 0x10, 0x10, 0x10}), 0);
     board.start();
-    EXPECT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
 }
 
 TEST_P(UartBoardTest, ZeroesTheMotorsEvenInTheMiddleOfACommand) {
     board.start();
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     firmware.receive(bytes({0x30, 0x10, 0x00, 0x10}), 0);
     board.zero_motors(0);
-    EXPECT_EQ(device.digits(), (std::array<std::int16_t, kStrings>{}));
+    EXPECT_EQ(device.dac_codes(), (std::array<std::int16_t, kStrings>{}));
 }
 
 TEST_P(UartBoardTest, LeavesTheReadingOnAShortAnswerAndIsReadyAgainAtTheNext) {
     board.start();
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     const BoardReading before = reading;
     for (const std::size_t length : {1U, 16U, 33U}) {
         cable.change = [&](std::span<std::byte>) { return length; };
-        EXPECT_EQ(board.exchange({kDigits}, reading, 2'000'000), ExchangeStatus::Short);
+        EXPECT_EQ(board.exchange({kDacCodes}, reading, 2'000'000), ExchangeStatus::Short);
         EXPECT_EQ(reading, before);
         cable.change = nullptr;
-        ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+        ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     }
 }
 
 TEST_P(UartBoardTest, EveryFlippedBitOfAHeaderIsFound) {
     board.start();
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
-    const std::size_t second = GetParam().size() == 2 ? 17 : 0;  // where its header stands
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
+    const std::size_t second = GetParam().size() == 2 ? 17 : 0;  // offset of its header
     for (const std::size_t at : {std::size_t{0}, second}) {
         for (unsigned bit = 0; bit < 8; ++bit) {
             int answers = 0;
@@ -112,9 +115,9 @@ TEST_P(UartBoardTest, EveryFlippedBitOfAHeaderIsFound) {
                 return in.size();
             };
             const BoardReading before = reading;
-            EXPECT_EQ(board.exchange({kDigits}, reading, 2'000'000), ExchangeStatus::Malformed);
+            EXPECT_EQ(board.exchange({kDacCodes}, reading, 2'000'000), ExchangeStatus::Malformed);
             EXPECT_EQ(reading, before);
-            EXPECT_EQ(board.exchange({kDigits}, reading, 2'000'000), ExchangeStatus::Ok);
+            EXPECT_EQ(board.exchange({kDacCodes}, reading, 2'000'000), ExchangeStatus::Ok);
         }
     }
 }
@@ -148,10 +151,10 @@ TEST(UartBoard, GoldenBytesOfAnExchangeWithOneBoardOfEight) {
     cable.sent.clear();
     BoardReading reading;
     MotorCommand command;
-    command.digits.fill(45);
+    command.dac_codes.fill(45);
     ASSERT_EQ(board.exchange(command, reading, 0), ExchangeStatus::Ok);
     ASSERT_EQ(cable.sent.size(), 1U);
-    // 17 bytes, and 41 - 17 + 20 zeros.
+    // 17 bytes, then 41 - 17 + 20 zeros.
     EXPECT_EQ(cable.sent[0],
               bytes({0x30, 0x2D, 0, 0x2D, 0, 0x2D, 0, 0x2D, 0, 0x2D, 0, 0x2D, 0, 0x2D, 0, 0x2D, 0}, 17 + 44));
 }
@@ -166,7 +169,7 @@ TEST(UartBoard, GoldenBytesOfAnExchangeWithTwoBoardsOfFour) {
     cable.sent.clear();
     BoardReading reading;
     ASSERT_EQ(board.exchange({{1, 2, 3, 4, -1, -2, -3, -4}}, reading, 0), ExchangeStatus::Ok);
-    // 9 bytes, and 17 - 9 + 20 zeros, for each.
+    // For each board 9 bytes, then 17 - 9 + 20 zeros.
     Bytes golden = bytes({0x32, 1, 0, 2, 0, 3, 0, 4, 0}, 37);
     const Bytes second = bytes({0x36, 0xFF, 0xFF, 0xFE, 0xFF, 0xFD, 0xFF, 0xFC, 0xFF}, 37);
     golden.insert(golden.end(), second.begin(), second.end());
@@ -227,7 +230,7 @@ TEST(UartBoard, SaysWhatIsOnALineWithoutEightMotors) {
     test::RoughCable silent(none);
     UartBoard lonely(silent);
     EXPECT_THAT([&] { lonely.start(); }, ThrowsMessage<BoardError>(HasSubstr("nothing")));
-    // Each id is waited for five times the transport's bound: the commands, then four more reads.
+    // Each id is waited for during five time limits: the command, then four more reads.
     EXPECT_EQ(silent.exchanges, 1 + 8 * 5);
 }
 
@@ -237,10 +240,10 @@ TEST(UartBoard, SaysWhereAnAnswerIsNoBoardInfo) {
     test::RoughCable cable(firmware);
     UartBoard board(cable);
     cable.change = [](std::span<std::byte> in) {
-        in[0] = std::byte{0xFF};  // as two boards that talk at once
+        in[0] = std::byte{0xFF};  // as when two boards transmit at once
         return in.size();
     };
-    EXPECT_THAT([&] { board.start(); }, ThrowsMessage<BoardError>(HasSubstr("same id")));
+    EXPECT_THAT([&] { board.start(); }, ThrowsMessage<BoardError>(HasSubstr("share this id")));
 }
 
 TEST(UartBoard, AsksOnceMoreWhereAnAnswerIsNoBoardInfo) {
@@ -300,9 +303,9 @@ TEST(UartFirmware, AnswersAllTheSameHoweverTheStreamIsCut) {
 TEST(UartFirmware, KeepsItsMotorsOnACurrentBeyondItsRange) {
     EmulatedDevice device(settings({8}));
     UartFirmware firmware(device);
-    device.set_digits(kDigits);
+    device.set_dac_codes(kDacCodes);
     firmware.receive(bytes({0x30, 0x00, 0x10}, 80), 0);
-    EXPECT_EQ(device.digits(), kDigits);
+    EXPECT_EQ(device.dac_codes(), kDacCodes);
     std::array<std::byte, 100> in{};
     EXPECT_EQ(firmware.reply(in, 0), 0U);
 }
@@ -336,9 +339,9 @@ TEST(UartFirmware, RefusesLinesThatCannotBe) {
 TEST(UartBoard, OfAVariantIsStartedWhereTheDeviceIsEmulated) {
     EmulatedBoard board(settings({4, 4}));
     BoardReading reading;
-    ASSERT_EQ(board.exchange({kDigits}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
     EXPECT_EQ(reading.counters, kPowerUp);
-    EXPECT_EQ(board.device().digits(), kDigits);
+    EXPECT_EQ(board.device().dac_codes(), kDacCodes);
 }
 
 }  // namespace

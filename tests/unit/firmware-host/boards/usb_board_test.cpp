@@ -1,5 +1,5 @@
-// A board that is found, opened and driven over unmodified libusb.
-#include <haptic/device/usb_board.hpp>
+// UsbBoard over unmodified libusb: found, opened and driven.
+#include "haptic/device/usb_board.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,8 @@
 #include <cmath>
 
 #include "fake_usbfs.hpp"
-#include <haptic/device/digits.hpp>
+#include "haptic/device/dac_codes.hpp"
+#include "transport/usb_transport.hpp"
 
 namespace haptic::device {
 namespace {
@@ -18,8 +19,8 @@ using testing::ThrowsMessage;
 using Fault = test::FakeUsbBoard::Fault;
 
 constexpr UsbId kSh4{0x0cec, 0x0205};
-constexpr UsbTransport::Settings kPatient{.timeout_ns = 1'000'000'000};
-constexpr UsbTransport::Settings kHasty{.timeout_ns = 5'000'000};
+constexpr std::int64_t kPatient = 1'000'000'000;
+constexpr std::int64_t kHasty = 5'000'000;
 
 test::FakeUsbfs::Settings with_rotary(std::uint8_t rotary, const std::string& port, int number) {
     test::FakeUsbfs::Settings settings;
@@ -30,7 +31,7 @@ test::FakeUsbfs::Settings with_rotary(std::uint8_t rotary, const std::string& po
 }
 
 TEST(UsbBoard, BringsCountersThatAgreeWithTheGeometry) {
-    const Variant variant = spidar_g6_x3r();
+    const DeviceGeometry geometry = spidar_g6_x3r();
     Pose grip;
     grip.position = {0.004, -0.003, 0.002};
     test::FakeUsbfs::Settings settings;
@@ -39,15 +40,15 @@ TEST(UsbBoard, BringsCountersThatAgreeWithTheGeometry) {
     test::FakeUsbBoard& plugged = bus.plug(settings);
     UsbBoard board(BoardKind::Sh4, {.id = kSh4}, kPatient);
     MotorCommand command;
-    command.digits.fill(45);
+    command.dac_codes.fill(45);
     BoardReading reading;
     ASSERT_EQ(board.exchange(command, reading, 0), ExchangeStatus::Ok);
-    EXPECT_EQ(plugged.digits(), command.digits);
+    EXPECT_EQ(plugged.dac_codes(), command.dac_codes);
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const StringFacts& string = variant.strings[i];
+        const StringFacts& string = geometry.strings[i];
         const double paid_out =
             glm::length(string.motor - grip.position - string.grip) - glm::length(string.motor - string.grip);
-        // Sixteen bits, of which the upper half is negative; half a count of rounding.
+        // Sixteen bits, the upper half negative; rounding of half a count.
         const auto counts = static_cast<std::int16_t>(reading.counters[i]);
         EXPECT_NEAR(counts * string.metres_per_count, paid_out, 0.5 * std::abs(string.metres_per_count)) << i;
     }
@@ -59,7 +60,7 @@ TEST(UsbBoard, OpensTheOnlyOneThatThereIsAndLeavesItsMotorsAtZero) {
     UsbBoard board(BoardKind::Sh4, {.id = kSh4}, kPatient);
     EXPECT_EQ(board.device().port, "1-2.4");
     EXPECT_GE(plugged.commands(), 1);
-    EXPECT_EQ(plugged.digits(), (std::array<std::int16_t, kStrings>{}));
+    EXPECT_EQ(plugged.dac_codes(), (std::array<std::int16_t, kStrings>{}));
     BoardReading reading;
     ASSERT_EQ(board.exchange({}, reading, 0), ExchangeStatus::Ok);
     EXPECT_EQ(reading.rotary, 5);
@@ -76,8 +77,8 @@ TEST(UsbBoard, TellsTwoDevicesByTheirRotarySwitches) {
     BoardReading reading;
     ASSERT_EQ(left.exchange({{1}}, reading, 0), ExchangeStatus::Ok);
     ASSERT_EQ(right.exchange({{2}}, reading, 0), ExchangeStatus::Ok);
-    EXPECT_EQ(third.digits()[0], 1);
-    EXPECT_EQ(eighth.digits()[0], 2);
+    EXPECT_EQ(third.dac_codes()[0], 1);
+    EXPECT_EQ(eighth.dac_codes()[0], 2);
 }
 
 TEST(UsbBoard, RefusesToGuessAndListsWhatThereIs) {
@@ -104,7 +105,7 @@ TEST(UsbBoard, ResetsADeviceThatDoesNotAnswerAndThenGivesUp) {
     test::FakeUsbBoard& plugged = bus.plug({});
     plugged.misbehave(Fault::Silent);
     EXPECT_THAT([&] { UsbBoard(BoardKind::Sh4, {.id = kSh4}, kHasty); },
-                ThrowsMessage<UsbError>(AllOf(HasSubstr("first exchange failed: no answer in time"), HasSubstr("1-1"),
+                ThrowsMessage<UsbError>(AllOf(HasSubstr("first exchange failed: no reply in time"), HasSubstr("1-1"),
                                               HasSubstr("device.usb_timeout_s"))));
     EXPECT_EQ(plugged.resets(), 1);
 }
@@ -136,9 +137,9 @@ TEST(UsbBoard, IsFoundAgainAtItsPortAfterItWasUnplugged) {
     board.reopen();
     EXPECT_EQ(board.device().node, "/dev/bus/usb/001/003");
     ASSERT_EQ(board.exchange({{7}}, reading, 0), ExchangeStatus::Ok);
-    EXPECT_EQ(again.digits()[0], 7);
+    EXPECT_EQ(again.dac_codes()[0], 7);
     board.zero_motors(0);
-    EXPECT_EQ(again.digits()[0], 0);
+    EXPECT_EQ(again.dac_codes()[0], 0);
 }
 
 }  // namespace

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "bytes.hpp"
-#include <haptic/device/variant.hpp>
+#include "haptic/device/device_geometry.hpp"
 
 namespace haptic::device {
 namespace {
@@ -17,8 +17,8 @@ int at(const Sh4Packet& packet, std::size_t index) {
 
 TEST(Sh4Codec, MinimumTensionIsThePublishedPacket) {
     Sh4Command command;
-    command.digits.fill(
-        static_cast<std::uint16_t>(digit_of_tension(0.3, spidar_g6_x3r().strings[0].newtons_per_digit)));
+    command.dac_codes.fill(
+        static_cast<std::uint16_t>(dac_code_of_tension(0.3, spidar_g6_x3r().strings[0].newtons_per_code)));
     Sh4Packet out;
     out.fill(std::byte{0xAA});
     encode(command, out);
@@ -33,9 +33,9 @@ TEST(Sh4Codec, MinimumTensionIsThePublishedPacket) {
     EXPECT_EQ(out, golden);
 }
 
-TEST(Sh4Codec, DigitsAreLittleEndianInChannelOrder) {
+TEST(Sh4Codec, DacCodesAreLittleEndianInChannelOrder) {
     Sh4Command command;
-    command.digits = {0x0102, 0x0203, 0x0304, 0x0405, 0x0506, 0x0607, 0x0708, 0x0809};
+    command.dac_codes = {0x0102, 0x0203, 0x0304, 0x0405, 0x0506, 0x0607, 0x0708, 0x0809};
     Sh4Packet out;
     encode(command, out);
     const int golden[] = {0x01, 0x0E, 0x02, 0x01, 0x03, 0x02, 0x04, 0x03, 0x05, 0x04,
@@ -47,12 +47,12 @@ TEST(Sh4Codec, DigitsAreLittleEndianInChannelOrder) {
 
 TEST(Sh4Codec, HostNeverSendsMoreThanTwelveBits) {
     Sh4Command command;
-    command.digits = {4095, 4096, 5000, 65535, 0, 1, 4094, 32768};
+    command.dac_codes = {4095, 4096, 5000, 65535, 0, 1, 4094, 32768};
     Sh4Packet out;
     encode(command, out);
     Sh4Command received;
     ASSERT_EQ(decode(std::span<const std::byte>(out), received), PacketDefect::None);
-    EXPECT_EQ(received.digits, (std::array<std::uint16_t, kStrings>{4095, 4095, 4095, 4095, 0, 1, 4094, 4095}));
+    EXPECT_EQ(received.dac_codes, (std::array<std::uint16_t, kStrings>{4095, 4095, 4095, 4095, 0, 1, 4094, 4095}));
 }
 
 TEST(Sh4Codec, BoardRefusesWhatIsNotACommand) {
@@ -73,10 +73,10 @@ TEST(Sh4Codec, BoardRefusesWhatIsNotACommand) {
     wrong[1] = std::byte{0x0F};
     EXPECT_EQ(decode(std::span<const std::byte>(wrong), command), PacketDefect::Opcode);
     wrong = out;
-    wrong[17] = std::byte{0x10};  // channel 7: 0x1000, one more than twelve bits hold
-    EXPECT_EQ(decode(std::span<const std::byte>(wrong), command), PacketDefect::Digit);
+    wrong[17] = std::byte{0x10};  // channel 7: 0x1000, one more than 12 bits can hold
+    EXPECT_EQ(decode(std::span<const std::byte>(wrong), command), PacketDefect::DacCode);
 
-    EXPECT_EQ(command.digits, untouched.digits) << "a refused packet must not change the command";
+    EXPECT_EQ(command.dac_codes, untouched.dac_codes) << "a refused packet must not change the command";
 }
 
 TEST(Sh4Codec, BoardIgnoresTheRestOfTheCommand) {
@@ -86,7 +86,7 @@ TEST(Sh4Codec, BoardIgnoresTheRestOfTheCommand) {
     std::fill(out.begin() + 18, out.end(), std::byte{0xEE});
     Sh4Command received;
     ASSERT_EQ(decode(std::span<const std::byte>(out), received), PacketDefect::None);
-    EXPECT_EQ(received.digits, sent.digits);
+    EXPECT_EQ(received.dac_codes, sent.dac_codes);
 }
 
 TEST(Sh4Codec, ReplyFieldsStandAtTheirOffsets) {
@@ -98,7 +98,7 @@ TEST(Sh4Codec, ReplyFieldsStandAtTheirOffsets) {
     ASSERT_EQ(decode(std::span<const std::byte>(in), reply), PacketDefect::None);
     for (std::size_t i = 0; i < kStrings; ++i) {
         const auto word = [&](std::size_t offset) { return (offset + 2 * i) + ((offset + 2 * i + 1) << 8U); };
-        EXPECT_EQ(reply.digits[i], word(0));
+        EXPECT_EQ(reply.dac_codes[i], word(0));
         EXPECT_EQ(reply.counters[i], word(16));
         EXPECT_EQ(reply.analog[i], word(32));
     }
@@ -108,7 +108,7 @@ TEST(Sh4Codec, ReplyFieldsStandAtTheirOffsets) {
 
 TEST(Sh4Codec, GoldenReply) {
     Sh4Reply reply;
-    reply.digits.fill(45);
+    reply.dac_codes.fill(45);
     reply.counters = {0, 1, 65535, 32767, 32768, 6234, 65536 - 6234, 0x1234};
     reply.analog = {0, 4095, 1, 2, 3, 4, 5, 6};
     reply.pio = 0x00A5;
@@ -141,7 +141,7 @@ TEST(Sh4Codec, EveryReplyComesThroughUnchanged) {
     for (int k = 0; k < 1000; ++k) {
         Sh4Reply sent;
         for (std::size_t i = 0; i < kStrings; ++i) {
-            sent.digits[i] = static_cast<std::uint16_t>(any(random));
+            sent.dac_codes[i] = static_cast<std::uint16_t>(any(random));
             sent.counters[i] = static_cast<std::uint16_t>(any(random));
             sent.analog[i] = static_cast<std::uint16_t>(any(random));
         }
@@ -152,7 +152,7 @@ TEST(Sh4Codec, EveryReplyComesThroughUnchanged) {
         encode(sent, in);
         Sh4Reply received;
         ASSERT_EQ(decode(std::span<const std::byte>(in), received), PacketDefect::None);
-        EXPECT_EQ(received.digits, sent.digits);
+        EXPECT_EQ(received.dac_codes, sent.dac_codes);
         EXPECT_EQ(received.counters, sent.counters);
         EXPECT_EQ(received.analog, sent.analog);
         EXPECT_EQ(received.pio, sent.pio);

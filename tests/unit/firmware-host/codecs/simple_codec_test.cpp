@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "bytes.hpp"
-#include <haptic/device/variant.hpp>
+#include "haptic/device/device_geometry.hpp"
 
 namespace haptic::device {
 namespace {
@@ -23,9 +23,9 @@ SimplePacket encoded(const SimpleCommand& command) {
 }
 
 TEST(SimpleCodec, MinimumTensionIsThePublishedPacket) {
-    SimpleCommand command{.request = SimpleRequest::Digits};
-    command.digits.fill(
-        static_cast<std::uint16_t>(digit_of_tension(0.3, spidar_g6_x3r().strings[0].newtons_per_digit)));
+    SimpleCommand command{.request = SimpleRequest::DacCodes};
+    command.dac_codes.fill(
+        static_cast<std::uint16_t>(dac_code_of_tension(0.3, spidar_g6_x3r().strings[0].newtons_per_code)));
     EXPECT_EQ(bytes_of(encoded(command)),
               bytes({0x52, 0x2D, 0, 0x2D, 0, 0x2D, 0, 0x2D, 0, 0x2D, 0, 0x2D, 0, 0x2D, 0, 0x2D, 0}, 32));
 }
@@ -36,20 +36,20 @@ TEST(SimpleCodec, StartUpAndLatchAreThePublishedPackets) {
     EXPECT_EQ(bytes_of(encoded({.request = SimpleRequest::Latch})), bytes({0x51}, 32));
 }
 
-TEST(SimpleCodec, DigitsAreLittleEndianInChannelOrder) {
-    SimpleCommand command{.request = SimpleRequest::Digits};
-    command.digits = {0x0102, 0x0203, 0x0304, 0x0405, 0x0506, 0x0607, 0x0708, 0x0809};
+TEST(SimpleCodec, DacCodesAreLittleEndianInChannelOrder) {
+    SimpleCommand command{.request = SimpleRequest::DacCodes};
+    command.dac_codes = {0x0102, 0x0203, 0x0304, 0x0405, 0x0506, 0x0607, 0x0708, 0x0809};
     EXPECT_EQ(bytes_of(encoded(command)), bytes({0x52, 0x02, 0x01, 0x03, 0x02, 0x04, 0x03, 0x05, 0x04, 0x06, 0x05, 0x07,
                                                  0x06, 0x08, 0x07, 0x09, 0x08},
                                                 32));
 }
 
 TEST(SimpleCodec, HostNeverSendsMoreThanTwelveBits) {
-    SimpleCommand command{.request = SimpleRequest::Digits};
-    command.digits = {4095, 4096, 5000, 65535, 0, 1, 4094, 32768};
+    SimpleCommand command{.request = SimpleRequest::DacCodes};
+    command.dac_codes = {4095, 4096, 5000, 65535, 0, 1, 4094, 32768};
     SimpleCommand received;
     ASSERT_EQ(decode(std::span<const std::byte>(encoded(command)), received), PacketDefect::None);
-    EXPECT_EQ(received.digits, (std::array<std::uint16_t, kStrings>{4095, 4095, 4095, 4095, 0, 1, 4094, 4095}));
+    EXPECT_EQ(received.dac_codes, (std::array<std::uint16_t, kStrings>{4095, 4095, 4095, 4095, 0, 1, 4094, 4095}));
 }
 
 TEST(SimpleCodec, ReplyFieldsStandAtTheirOffsets) {
@@ -100,11 +100,11 @@ TEST(SimpleCodec, BoardRefusesEveryOtherOpcode) {
             const auto packet = bytes({first, second, 0xFF}, kSimplePacketBytes);
             const PacketDefect defect = decode(std::span(packet), command);
             const bool encoders = first == 0xA2 && (second == 0x1A || second == 0x19);
-            const bool digits =
-                first == 0x52;  // second is a digit's low byte, third its high one: FF is beyond 12 bits
+            const bool dac_codes =
+                first == 0x52;  // second and third are a DAC code's low and high byte: FF exceeds 12 bits
             const bool latch = first == 0x51;
             ASSERT_EQ(defect, encoders || latch ? PacketDefect::None
-                              : digits          ? PacketDefect::Digit
+                              : dac_codes       ? PacketDefect::DacCode
                                                 : PacketDefect::Opcode)
                 << first << " " << second;
             known += defect == PacketDefect::None ? 1 : 0;
@@ -113,12 +113,12 @@ TEST(SimpleCodec, BoardRefusesEveryOtherOpcode) {
     EXPECT_EQ(known, 2 + 256);
 }
 
-TEST(SimpleCodec, BoardRefusesADigitBeyondTwelveBitsInEachChannel) {
+TEST(SimpleCodec, BoardRefusesADacCodeBeyondTwelveBitsInEachChannel) {
     for (std::size_t i = 0; i < kStrings; ++i) {
-        SimplePacket out = encoded({.request = SimpleRequest::Digits});
+        SimplePacket out = encoded({.request = SimpleRequest::DacCodes});
         out[2 + 2 * i] = std::byte{0x10};
         SimpleCommand command{.request = SimpleRequest::Clear};
-        EXPECT_EQ(decode(std::span<const std::byte>(out), command), PacketDefect::Digit);
+        EXPECT_EQ(decode(std::span<const std::byte>(out), command), PacketDefect::DacCode);
         EXPECT_EQ(command.request, SimpleRequest::Clear);
     }
 }

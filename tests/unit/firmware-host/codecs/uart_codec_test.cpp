@@ -142,7 +142,7 @@ TEST(UartCodec, BoardRefusesACurrentBeyondItsRange) {
         out[3] = static_cast<std::byte>(beyond & 0xFF);
         out[4] = static_cast<std::byte>((beyond >> 8) & 0xFF);
         UartCurrents currents = kCurrents;
-        EXPECT_EQ(decode_currents(out, 0, kUartB3M, currents), PacketDefect::Digit);
+        EXPECT_EQ(decode_currents(out, 0, kUartB3M, currents), PacketDefect::DacCode);
         EXPECT_EQ(currents, kCurrents);
     }
 }

@@ -1,4 +1,4 @@
-// The executable firmware-host as a user meets it: what it prints, and its exit status.
+// The executable firmware-host: its output and exit status.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -12,6 +12,7 @@
 
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -40,17 +41,17 @@ TEST(FirmwareHostCommand, HelpNamesCommandsAndOptions) {
     const Outcome help = run("--help");
     EXPECT_EQ(help.status, 0);
     EXPECT_THAT(help.text, HasSubstr("exchange"));
-    EXPECT_THAT(help.text, HasSubstr("variants"));
+    EXPECT_THAT(help.text, AllOf(HasSubstr("geometries"), Not(HasSubstr("variants"))));
     const Outcome exchange = run("exchange --help");
     EXPECT_EQ(exchange.status, 0);
     for (const char* option : {"--hand", "--at", "--pose", "--tension ", "--tensions", "--hex"}) {
         EXPECT_THAT(exchange.text, HasSubstr(option));
     }
-    EXPECT_EQ(run("variants --help").status, 0);
+    EXPECT_EQ(run("geometries --help").status, 0);
 }
 
-TEST(FirmwareHostCommand, VariantsListsTheGeometry) {
-    const Outcome outcome = run("variants");
+TEST(FirmwareHostCommand, GeometriesListsMotorsAndKnots) {
+    const Outcome outcome = run("geometries");
     EXPECT_EQ(outcome.status, 0);
     EXPECT_THAT(outcome.text, HasSubstr("SpidarG6X3R"));
     EXPECT_THAT(outcome.text, HasSubstr("tensions 0.3 to 20 N"));
@@ -59,8 +60,8 @@ TEST(FirmwareHostCommand, VariantsListsTheGeometry) {
         HasSubstr("-84.8528  -76.0000   +0.0000 |  -15.9099   +0.0000  +15.9099 |  103.8376  +16.6555   +6.5964"));
 }
 
-TEST(FirmwareHostCommand, VariantsWarnsOfFramesThatCannotMakeEveryWrench) {
-    const std::string text = run("variants").text;
+TEST(FirmwareHostCommand, GeometriesWarnsOfDevicesThatCannotExertEveryWrench) {
+    const std::string text = run("geometries").text;
     for (const char* name : {"SpidarG6X3L", "SpidarG6X3F", "SpidarG6X4", "SpidarG6X5R", "SpidarG6X5L", "SpidarG6T1"}) {
         EXPECT_THAT(text, HasSubstr(name));
     }
@@ -71,19 +72,51 @@ TEST(FirmwareHostCommand, VariantsWarnsOfFramesThatCannotMakeEveryWrench) {
     EXPECT_THAT(between("SpidarG6X4", "SpidarG6X5R"), Not(HasSubstr("warning")));
 }
 
-TEST(FirmwareHostCommand, VariantsChecksAFileOfTheUser) {
+TEST(FirmwareHostCommand, GeometriesChecksAFileOfTheUser) {
     const std::filesystem::path file =
-        std::filesystem::path(testing::TempDir()) / ("frame-" + std::to_string(getpid()) + ".toml");
-    std::filesystem::copy_file(VARIANTS "/x5r.toml", file, std::filesystem::copy_options::overwrite_existing);
-    const Outcome good = run("variants '" + file.string() + "'");
+        std::filesystem::path(testing::TempDir()) / ("device-" + std::to_string(getpid()) + ".toml");
+    std::filesystem::copy_file(GEOMETRIES "/x5r.toml", file, std::filesystem::copy_options::overwrite_existing);
+    const Outcome good = run("geometries '" + file.string() + "'");
     EXPECT_EQ(good.status, 0);
     EXPECT_THAT(good.text, HasSubstr("SpidarG6X5R"));
     EXPECT_THAT(good.text, Not(HasSubstr("SpidarG6X3R")));
     std::ofstream(file, std::ios::app) << "mottor = 1\n";
-    const Outcome wrong = run("variants '" + file.string() + "'");
+    const Outcome wrong = run("geometries '" + file.string() + "'");
     EXPECT_EQ(wrong.status, 1);
     EXPECT_THAT(wrong.text, HasSubstr(file.string() + ":"));
     EXPECT_THAT(wrong.text, HasSubstr("string.7.mottor: unknown key"));
+    std::filesystem::remove(file);
+}
+
+TEST(FirmwareHostCommand, AcceptsTheFormerNamesOfSubcommandAndOption) {
+    const Outcome current = run("geometries");
+    const Outcome former = run("variants");
+    EXPECT_EQ(former.status, 0);
+    EXPECT_THAT(former.text, AllOf(HasSubstr("`variants` is now called `geometries`"), HasSubstr(current.text)));
+
+    EXPECT_THAT(run("serve --help").text, AllOf(HasSubstr("--geometry"), Not(HasSubstr("--variant"))));
+    for (const char* option : {"--geometry", "--variant"}) {
+        const Outcome outcome = run(std::string("serve ") + option + " SpidarG7");
+        EXPECT_EQ(outcome.status, 2) << option;
+        EXPECT_THAT(outcome.text, HasSubstr("no built-in device geometry is named 'SpidarG7'")) << option;
+    }
+    EXPECT_EQ(run("serve --geometry SpidarG6X3R --variant SpidarG6X3R").status, 2);
+}
+
+TEST(FirmwareHostCommand, NotesTheFormerNameOfAKeyWithItsLine) {
+    const std::filesystem::path file =
+        std::filesystem::path(testing::TempDir()) / ("former-" + std::to_string(getpid()) + ".toml");
+    std::ifstream source(GEOMETRIES "/x5r.toml");
+    std::string text{std::istreambuf_iterator<char>(source), {}};
+    const std::string key = "newtons_per_code = ";
+    for (std::size_t at = text.find(key); at != std::string::npos; at = text.find(key, at)) {
+        text.replace(at, key.size(), "newtons_per_digit = ");
+    }
+    std::ofstream(file) << text;
+    const Outcome outcome = run("geometries '" + file.string() + "'");
+    EXPECT_EQ(outcome.status, 0);
+    EXPECT_THAT(outcome.text,
+                testing::ContainsRegex("toml:[0-9]+: newtons_per_digit: is the old name of newtons_per_code"));
     std::filesystem::remove(file);
 }
 
@@ -91,7 +124,7 @@ TEST(FirmwareHostCommand, ExchangeAtTheCentreShowsThePublishedPacketAndForce) {
     const Outcome outcome = run("exchange --hex");
     EXPECT_EQ(outcome.status, 0);
     EXPECT_THAT(outcome.text, HasSubstr("0  01 0e 2d 00 2d 00 2d 00 2d 00 2d 00 2d 00 2d 00"));
-    // 45 digits are 0.29684 N; equal tension leaves 0.0575 N per newton on x and z.
+    // DAC code 45 is 0.29684 N; equal tension leaves 0.0575 N per newton on x and z.
     EXPECT_THAT(outcome.text, HasSubstr("+0.01706   +0.00000   +0.01706  N"));
 }
 

@@ -5,19 +5,19 @@
 #include <cmath>
 #include <string>
 
-#include <haptic/device/emulated_device.hpp>
+#include "haptic/device/emulated_device.hpp"
 
 namespace haptic::device {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
-constexpr double kPulse = 1.66555e-5;  // m a count
+constexpr double kPulse = 1.66555e-5;  // m per count
 const Quat kLevel(1.0, 0.0, 0.0, 0.0);
 
 /// A hand that moves away from motors 0 and 4 at 0.05 m/s.
 EmulatedDevice::Settings moving(const std::vector<std::string>& faults) {
     EmulatedDevice::Settings settings{
-        .variant = spidar_g6_x3r(),
+        .geometry = spidar_g6_x3r(),
         .hand = PoseTrack({0.0, 0.4}, {{{0.0, 0.0, 0.0}, kLevel}, {{0.02, 0.0, 0.0}, kLevel}})};
     settings.power_up.fill(30'000);
     for (const std::string& text : faults) {
@@ -26,7 +26,7 @@ EmulatedDevice::Settings moving(const std::vector<std::string>& faults) {
     return settings;
 }
 
-/// Counts by which a device's encoders differ from those of one without faults, over the milliseconds.
+/// Compares the encoders of a faulty device with those of a faultless one, millisecond by millisecond.
 class Pair {
   public:
     explicit Pair(EmulatedDevice::Settings settings) : faulty_(settings), sound_(without(settings)) {}
@@ -36,7 +36,7 @@ class Pair {
             faulty_.advance(ms_ * kMs);
             sound_.advance(ms_ * kMs);
             for (EmulatedDevice* device : {&faulty_, &sound_}) {
-                device->set_digits(digits_);
+                device->set_dac_codes(dac_codes_);
             }
         }
     }
@@ -46,7 +46,7 @@ class Pair {
 
     EmulatedDevice faulty_;
     EmulatedDevice sound_;
-    std::array<std::int16_t, kStrings> digits_{45, 45, 45, 45, 45, 45, 45, 45};
+    std::array<std::int16_t, kStrings> dac_codes_{45, 45, 45, 45, 45, 45, 45, 45};
 
   private:
     static EmulatedDevice::Settings without(EmulatedDevice::Settings settings) {
@@ -64,7 +64,7 @@ TEST(DeviceFaults, StuckEncoderStandsStillAndIsRightAgainAfterwards) {
     const auto held = pair.faulty_.counters();
     pair.run_to(199);
     EXPECT_EQ(pair.faulty_.counters()[4], held[4]);
-    EXPECT_GT(pair.difference(4), 100);  // sign -: the true one falls
+    EXPECT_GT(pair.difference(4), 100);  // sign -: the true counter falls
     EXPECT_EQ(pair.difference(0), 0);
     pair.run_to(200);
     EXPECT_EQ(pair.difference(4), 0);
@@ -98,14 +98,14 @@ TEST(DeviceFaults, FrozenMotorsKeepWhatTheyHadAndTheEchoSaysSoOrNot) {
     for (const bool echo_frozen : {true, false}) {
         Pair pair(moving({std::string("dac@0.1/0.1:echo=") + (echo_frozen ? "frozen" : "sent")}));
         pair.run_to(100);
-        const auto before = pair.digits_;
-        pair.digits_.fill(900);
+        const auto before = pair.dac_codes_;
+        pair.dac_codes_.fill(900);
         pair.run_to(150);
-        EXPECT_EQ(pair.faulty_.digits(), before);
-        EXPECT_EQ(pair.faulty_.echo(), echo_frozen ? before : pair.digits_);
-        EXPECT_DOUBLE_EQ(pair.faulty_.tensions()[0], 45 * spidar_g6_x3r().strings[0].newtons_per_digit);
+        EXPECT_EQ(pair.faulty_.dac_codes(), before);
+        EXPECT_EQ(pair.faulty_.echo(), echo_frozen ? before : pair.dac_codes_);
+        EXPECT_DOUBLE_EQ(pair.faulty_.tensions()[0], 45 * spidar_g6_x3r().strings[0].newtons_per_code);
         pair.run_to(200);
-        EXPECT_EQ(pair.faulty_.digits(), pair.digits_);
+        EXPECT_EQ(pair.faulty_.dac_codes(), pair.dac_codes_);
     }
 }
 
@@ -122,7 +122,7 @@ TEST(DeviceFaults, WithoutMechanicsASlackStringPullsNothingUntilItIsReeledIn) {
     EXPECT_NEAR(pair.difference(6) * kPulse, -0.02, 2e-5);
     EXPECT_GT(pair.faulty_.string_tensions()[6], 0.29);
     pair.run_to(310);
-    EXPECT_LT(std::abs(pair.difference(6)), 1201);  // coming back at 0.5 m/s
+    EXPECT_LT(std::abs(pair.difference(6)), 1201);  // returning at 0.5 m/s
     pair.run_to(345);
     EXPECT_EQ(pair.difference(6), 0);
     EXPECT_GT(pair.faulty_.string_tensions()[6], 0.29);
@@ -147,12 +147,12 @@ TEST(DeviceFaults, WithMechanicsTheMotorReelsASlackStringInAndItIsTakenBackGentl
         }
     }
     EXPECT_LT(std::abs(pair.difference(6)), 10);
-    // What a motor that reels in at 0.8 m/s, and one that is pulled at 0.5 m/s, can do: v sqrt(k m) = 14 N.
+    // Bound for a motor that reels in at 0.8 m/s and one that is pulled at 0.5 m/s: v sqrt(k m) = 14 N.
     EXPECT_LT(largest, 20.0);
 }
 
 TEST(DeviceFaults, DeadMotorReelsNothingInAndTurnsWithItsTautString) {
-    // Away from motors 0 and 4 (left) and toward 2 and 6 (right) until 0.2 s, then back beyond where it came from.
+    // Away from motors 0 and 4 (left) and toward 2 and 6 (right) until 0.2 s, then back beyond the start.
     for (const bool mechanics : {false, true}) {
         EmulatedDevice::Settings settings = moving({"slack@0.1/0.6:string=6,metres=0,motor=dead"});
         settings.hand = PoseTrack({0.0, 0.2, 0.6},
@@ -169,8 +169,7 @@ TEST(DeviceFaults, DeadMotorReelsNothingInAndTurnsWithItsTautString) {
         EXPECT_EQ(pair.faulty_.string_tensions()[6], 0.0);
         EXPECT_EQ(pair.faulty_.tensions()[6], 0.0);
         pair.run_to(600);
-        // Taut again, it is paid out with the grip; with mechanics the grip is where seven strings let the hand have
-        // it.
+        // Taut again, it pays out with the grip. With mechanics, the seven other strings limit the grip's position.
         EXPECT_LT(std::abs(pair.difference(6) * kPulse), mechanics ? 1e-3 : 2e-5);
         pair.run_to(900);
         EXPECT_LT(std::abs(pair.difference(6)), 10);

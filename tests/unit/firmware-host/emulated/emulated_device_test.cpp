@@ -1,4 +1,4 @@
-#include <haptic/device/emulated_device.hpp>
+#include "haptic/device/emulated_device.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,13 +12,13 @@ namespace haptic::device {
 namespace {
 
 constexpr std::array<std::uint32_t, kStrings> kPowerUp = {0, 65535, 32768, 12345, 1, 40000, 7, 60000};
-constexpr double kPulse = 1.66555e-5;  // m a count
+constexpr double kPulse = 1.66555e-5;  // m per count
 
 EmulatedDevice::Settings settings(const Pose& pose) {
-    return {.variant = spidar_g6_x3r(), .hand = PoseTrack(pose), .power_up = kPowerUp};
+    return {.geometry = spidar_g6_x3r(), .hand = PoseTrack(pose), .power_up = kPowerUp};
 }
 
-/// Rotation about an axis by Rodrigues' formula, so that the oracle shares no rotation code with the device.
+/// Rotation by Rodrigues' formula, an oracle that shares no code with the device.
 Vec3 rotated(const Vec3& v, const Vec3& axis, double angle) {
     return v * std::cos(angle) + glm::cross(axis, v) * std::sin(angle) +
            axis * glm::dot(axis, v) * (1.0 - std::cos(angle));
@@ -30,7 +30,7 @@ TEST(EmulatedDevice, CountersAreThePowerUpValuesAtTheCentre) {
 }
 
 TEST(EmulatedDevice, CountersFollowTheLengthsRoundedAndWrapped) {
-    const Variant variant = spidar_g6_x3r();
+    const DeviceGeometry geometry = spidar_g6_x3r();
     std::mt19937 random(11);
     std::uniform_real_distribution<double> coordinate(-0.03, 0.03);
     std::uniform_real_distribution<double> angle(-0.6, 0.6);
@@ -42,11 +42,11 @@ TEST(EmulatedDevice, CountersFollowTheLengthsRoundedAndWrapped) {
         EmulatedDevice device(settings({position, Quat(std::cos(turn / 2.0), imaginary.x, imaginary.y, imaginary.z)}));
         const auto counters = device.counters();
         for (std::size_t i = 0; i < kStrings; ++i) {
-            const StringFacts& string = variant.strings[i];
+            const StringFacts& string = geometry.strings[i];
             const double length = glm::length(string.motor - position - rotated(string.grip, axis, turn));
             const double rest = glm::length(string.motor - string.grip);
             const double counted = (length - rest) / string.metres_per_count;
-            // As an integer of any size, brought into 0..65535 by its remainder.
+            // Reduced modulo 65536 as an integer.
             const long raw = static_cast<long>(kPowerUp[i]) + std::lround(counted);
             const long wrapped = ((raw % 65536) + 65536) % 65536;
             const long distance = std::labs(wrapped - static_cast<long>(counters[i]));
@@ -57,7 +57,7 @@ TEST(EmulatedDevice, CountersFollowTheLengthsRoundedAndWrapped) {
 }
 
 TEST(EmulatedDevice, CountersRiseWherePositiveStringsPayOut) {
-    // Away from motor 0 (sign +) and motor 4 (sign -), which stand at the left: both strings get longer.
+    // Away from motor 0 (sign +) and motor 4 (sign -), which are on the left: both strings lengthen.
     EmulatedDevice device(settings({{0.02, 0.0, 0.0}, {1.0, 0.0, 0.0, 0.0}}));
     const auto counters = device.counters();
     EXPECT_GT(static_cast<std::int16_t>(counters[0] - kPowerUp[0]), 500);
@@ -65,7 +65,7 @@ TEST(EmulatedDevice, CountersRiseWherePositiveStringsPayOut) {
 }
 
 TEST(EmulatedDevice, CountersWrapManyTimesForAHandFarAway) {
-    // 10 m is 600,000 counts: nine times round.
+    // 10 m is 600,000 counts: nine wraps.
     const Vec3 away(10.0, 0.0, 0.0);
     EmulatedDevice device(settings({away, {1.0, 0.0, 0.0, 0.0}}));
     const auto counters = device.counters();
@@ -76,36 +76,36 @@ TEST(EmulatedDevice, CountersWrapManyTimesForAHandFarAway) {
     EXPECT_EQ(counters[0], (kPowerUp[0] + std::lround(counted)) % 65536);
 }
 
-TEST(EmulatedDevice, PullsWithTheTensionsOfItsDigits) {
+TEST(EmulatedDevice, PullsWithTheTensionsOfItsDacCodes) {
     EmulatedDevice device(settings({}));
     EXPECT_EQ(device.tensions(), (std::array<double, kStrings>{}));
-    device.set_digits({45, 3031, 4095, 1, 0, 100, 200, 300});
+    device.set_dac_codes({45, 3031, 4095, 1, 0, 100, 200, 300});
     const std::array<double, kStrings> tensions = device.tensions();
-    const double newtons_per_digit = 1.0 / (0.365296803653 * 415.0);
-    EXPECT_DOUBLE_EQ(tensions[0], 45 * newtons_per_digit);
-    EXPECT_DOUBLE_EQ(tensions[1], 3031 * newtons_per_digit);
-    EXPECT_DOUBLE_EQ(tensions[2], 4095 * newtons_per_digit);
+    const double newtons_per_code = 1.0 / (0.365296803653 * 415.0);
+    EXPECT_DOUBLE_EQ(tensions[0], 45 * newtons_per_code);
+    EXPECT_DOUBLE_EQ(tensions[1], 3031 * newtons_per_code);
+    EXPECT_DOUBLE_EQ(tensions[2], 4095 * newtons_per_code);
     EXPECT_DOUBLE_EQ(tensions[4], 0.0);
 }
 
 TEST(EmulatedDevice, WrenchIsTheGradientOfTheWorkOfTheStrings) {
-    // Virtual work: with constant tensions the strings do -sum t_i dl_i, so force and torque are its derivatives by
-    // position and rotation. Lengths by finite differences, without any cross product.
-    const Variant variant = spidar_g6_x3r();
+    // Virtual work: with constant tensions the strings do the work -sum t_i dl_i, so force and torque are its
+    // derivatives with respect to position and rotation. Finite differences of lengths, without cross products.
+    const DeviceGeometry geometry = spidar_g6_x3r();
     const Vec3 position(0.011, -0.017, 0.006);
     const Vec3 axis = glm::normalize(Vec3(0.3, -0.5, 0.8));
     const double turn = 0.4;
     const Vec3 imaginary = axis * std::sin(turn / 2.0);
     EmulatedDevice device(settings({position, Quat(std::cos(turn / 2.0), imaginary.x, imaginary.y, imaginary.z)}));
-    device.set_digits({100, 900, 45, 300, 1500, 600, 45, 2000});
+    device.set_dac_codes({100, 900, 45, 300, 1500, 600, 45, 2000});
     const std::array<double, kStrings> tensions = device.tensions();
     const Wrench wrench = device.wrench();
 
     const auto work = [&](const Vec3& shift, const Vec3& about, double by) {
         double sum = 0.0;
         for (std::size_t i = 0; i < kStrings; ++i) {
-            const Vec3 arm = rotated(rotated(variant.strings[i].grip, axis, turn), about, by);
-            sum -= tensions[i] * glm::length(variant.strings[i].motor - (position + shift) - arm);
+            const Vec3 arm = rotated(rotated(geometry.strings[i].grip, axis, turn), about, by);
+            sum -= tensions[i] * glm::length(geometry.strings[i].motor - (position + shift) - arm);
         }
         return sum;
     };
@@ -152,7 +152,7 @@ TEST(EmulatedDevice, HandWaitsAtTheBeginningOfItsTrackUntilItIsReleased) {
 
 TEST(EmulatedDevice, CountersOfTheSimpleBoardHave24Bits) {
     EmulatedDevice::Settings wide = settings({{0.0, 0.02, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)});
-    wide.variant.board = BoardKind::Simple;
+    wide.geometry.board = BoardKind::Simple;
     wide.power_up.fill(0);
     const auto counters = EmulatedDevice(wide).counters();
     EXPECT_GT(counters[0], 0U);  // longer, sign +
@@ -173,11 +173,11 @@ TEST(EmulatedDevice, HandWithImpedanceGivesWayToTheStrings) {
     EmulatedDevice device(with_mechanics());
     device.advance(0);
     // Strings 2, 6 (right) and 0, 4 (left): more pull from the right.
-    device.set_digits({45, 45, 445, 45, 45, 45, 445, 45});
+    device.set_dac_codes({45, 45, 445, 45, 45, 45, 445, 45});
     for (int k = 1; k <= 3000; ++k) {
         device.advance(k * kMs);
     }
-    // The hand's spring: force over 400 N/m, apart from friction that holds the motors' last 20 mN each.
+    // The hand's spring: force / 400 N/m, except for friction of 20 mN in each motor.
     const Wrench wrench = device.wrench();
     EXPECT_GT(wrench.force.x, 2.0);
     EXPECT_NEAR(device.grip_pose().position.x, wrench.force.x / 400.0, 1e-5);
@@ -188,7 +188,7 @@ TEST(EmulatedDevice, HandWithImpedanceGivesWayToTheStrings) {
 }
 
 TEST(EmulatedDevice, EncodersCountWhatTheMotorsPaidOutAndNotWhereTheGripIs) {
-    // Nobody pulls: the hand moves the grip toward the left, strings 0 and 4 go slack, and their motors do not turn.
+    // No motor pulls: the hand moves the grip to the left, strings 0 and 4 become slack, and their motors do not turn.
     EmulatedDevice::Settings moving = with_mechanics();
     moving.hand = PoseTrack(
         {0.0, 0.2}, {{{0.0, 0.0, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)}, {{-0.02, 0.0, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)}});
@@ -204,10 +204,10 @@ TEST(EmulatedDevice, EncodersCountWhatTheMotorsPaidOutAndNotWhereTheGripIs) {
     EXPECT_NEAR(paid_out * kPulse, 0.018, 2e-3);
 }
 
-TEST(EmulatedDevice, MotorsKeepTheirDigitsUntilOthersCome) {
+TEST(EmulatedDevice, MotorsKeepTheirDacCodesUntilNewOnesArrive) {
     EmulatedDevice device(with_mechanics({.hand = Hand::Free}));
     device.advance(0);
-    device.set_digits({0, 0, 1000, 0, 0, 0, 1000, 0});
+    device.set_dac_codes({0, 0, 1000, 0, 0, 0, 1000, 0});
     device.advance(20 * kMs);
     const Vec3 early = device.grip_velocity().linear;
     device.advance(40 * kMs);
@@ -220,7 +220,7 @@ TEST(EmulatedDevice, WaitingHandHoldsAFreeGripUntilItIsReleased) {
     free.hand_waits = true;
     EmulatedDevice device(std::move(free));
     device.advance(0);
-    device.set_digits({45, 45, 445, 45, 45, 45, 445, 45});
+    device.set_dac_codes({45, 45, 445, 45, 45, 45, 445, 45});
     device.advance(40 * kMs);
     EXPECT_EQ(device.grip_pose().position, Vec3(0.0, 0.0, 0.0));
     device.release_hand();
@@ -236,10 +236,10 @@ TEST(EmulatedDevice, RefusesSettingsThatItCannotEmulate) {
     wrong.mechanics = GripMechanics{.mass = -0.1};
     EXPECT_THROW(EmulatedDevice{wrong}, std::invalid_argument);
     wrong = settings({});
-    wrong.variant.strings[7].metres_per_count = 0.0;
+    wrong.geometry.strings[7].metres_per_count = 0.0;
     EXPECT_THROW(EmulatedDevice{wrong}, std::invalid_argument);
     wrong = settings({});
-    wrong.variant.strings[0].newtons_per_digit = std::numeric_limits<double>::quiet_NaN();
+    wrong.geometry.strings[0].newtons_per_code = std::numeric_limits<double>::quiet_NaN();
     EXPECT_THROW(EmulatedDevice{wrong}, std::invalid_argument);
 }
 

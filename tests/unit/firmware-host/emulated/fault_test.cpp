@@ -1,4 +1,4 @@
-#include <haptic/device/fault.hpp>
+#include "haptic/device/fault.hpp"
 
 #include <gtest/gtest.h>
 
@@ -68,10 +68,12 @@ TEST(Fault, LastsFromItsBeginningForItsDuration) {
 }
 
 TEST(Fault, ErrorsNameTheTextThePlaceAndTheChoices) {
-    EXPECT_EQ(problem_of("dorp@2"),
-              "fault 'dorp@2', column 1: 'dorp' is not a kind of fault; there are drop, delay, duplicate, truncate, "
-              "flip, unplug, stuck, jump, slack and dac");
-    EXPECT_EQ(problem_of("drop"), "fault 'drop', column 5: '@' and the time in seconds are missing, as in drop@2.0");
+    EXPECT_EQ(
+        problem_of("dorp@2"),
+        "fault 'dorp@2', column 1: 'dorp' is not a kind of fault; the choices are drop, delay, duplicate, truncate, "
+        "flip, unplug, stuck, jump, slack and dac");
+    EXPECT_EQ(problem_of("drop"),
+              "fault 'drop', column 5: '@' and the time in seconds are missing; write for example drop@2.0");
     EXPECT_EQ(problem_of("drop@soon"),
               "fault 'drop@soon', column 6: the time (s) needs a number from 0 to 1e+06, not 'soon'");
     EXPECT_EQ(problem_of("drop@2/-1"),
@@ -80,10 +82,11 @@ TEST(Fault, ErrorsNameTheTextThePlaceAndTheChoices) {
               "fault 'drop@2:byte=3', column 8: 'drop' has no parameter 'byte'; it has way and packets");
     EXPECT_EQ(problem_of("unplug@2:way=in"),
               "fault 'unplug@2:way=in', column 10: 'unplug' has no parameter 'way'; it takes none");
-    EXPECT_EQ(problem_of("stuck@2:string=8"),
-              "fault 'stuck@2:string=8', column 16: '8' is not a string; there are 0, 1, 2, 3, 4, 5, 6, 7 and all");
+    EXPECT_EQ(
+        problem_of("stuck@2:string=8"),
+        "fault 'stuck@2:string=8', column 16: '8' is not a string; the choices are 0, 1, 2, 3, 4, 5, 6, 7 and all");
     EXPECT_EQ(problem_of("jump@2:counts=1.5"), "fault 'jump@2:counts=1.5', column 15: counts needs a whole number");
-    EXPECT_EQ(problem_of("drop@2:way"), "fault 'drop@2:way', column 11: 'way' needs a value, as way=...");
+    EXPECT_EQ(problem_of("drop@2:way"), "fault 'drop@2:way', column 11: 'way' needs a value: way=...");
 }
 
 TEST(Fault, NothingUnfinishedIsTaken) {

@@ -5,8 +5,10 @@
 #include <bit>
 #include <string>
 
-#include <haptic/device/emulated_board.hpp>
 #include "codecs/sh4_codec.hpp"
+#include "emulated/emulated_transport.hpp"
+#include "emulated/make_firmware.hpp"
+#include "haptic/device/emulated_device.hpp"
 
 namespace haptic::device {
 namespace {
@@ -15,23 +17,23 @@ constexpr std::int64_t kMs = 1'000'000;
 
 using Bytes = std::vector<std::byte>;
 
-Bytes command(std::uint16_t digit) {
+Bytes command(std::uint16_t dac_code) {
     Sh4Command sent;
-    sent.digits.fill(digit);
+    sent.dac_codes.fill(dac_code);
     Sh4Packet packet;
     encode(sent, packet);
     return {packet.begin(), packet.end()};
 }
 
-/// An SH4 board behind a faulty cable. The k-th exchange is at k ms and sends digit k, so that an answer's echo says
-/// which command it answers.
+/// An SH4 board behind a faulty cable. Exchange k is at k ms and sends DAC code k, so that the echo of a reply
+/// identifies its command.
 class FaultyCable {
   public:
     explicit FaultyCable(const std::vector<std::string>& faults) : device_(settings(faults)) {
         firmware_ = make_firmware(BoardKind::Sh4, device_);
     }
 
-    /// The answer; nothing if none came.
+    /// The reply; empty if none.
     Bytes exchange(int k) {
         const Bytes out = command(static_cast<std::uint16_t>(k));
         firmware_->receive(out, k * kMs);
@@ -42,7 +44,7 @@ class FaultyCable {
         in.resize(firmware_->reply(in, k * kMs));
         return in;
     }
-    /// Digits that the answers of exchanges 0..count-1 echo; -1 for no answer, -2 for one that is none.
+    /// DAC codes echoed by the replies of exchanges 0..count-1; -1: no reply, -2: an invalid reply.
     std::vector<int> echoes(int count) {
         std::vector<int> echoes;
         for (int k = 0; k < count; ++k) {
@@ -55,7 +57,7 @@ class FaultyCable {
         if (in.empty()) {
             return -1;
         }
-        return decode(std::span<const std::byte>(in), reply) == PacketDefect::None ? reply.digits[0] : -2;
+        return decode(std::span<const std::byte>(in), reply) == PacketDefect::None ? reply.dac_codes[0] : -2;
     }
 
     EmulatedDevice device_;
@@ -63,7 +65,7 @@ class FaultyCable {
 
   private:
     static EmulatedDevice::Settings settings(const std::vector<std::string>& texts) {
-        EmulatedDevice::Settings settings{.variant = spidar_g6_x3r()};
+        EmulatedDevice::Settings settings{.geometry = spidar_g6_x3r()};
         for (const std::string& text : texts) {
             settings.faults.push_back(parse_fault(text));
         }
@@ -72,7 +74,7 @@ class FaultyCable {
 };
 
 TEST(FaultyFirmware, ASoundCableIsNoneAtAll) {
-    FaultyCable cable({"jump@0"});  // of the device
+    FaultyCable cable({"jump@0"});  // a device fault
     EXPECT_EQ(dynamic_cast<FaultyFirmware*>(cable.firmware_.get()), nullptr);
     EXPECT_EQ(cable.echoes(4), (std::vector<int>{0, 1, 2, 3}));
 }
@@ -80,7 +82,7 @@ TEST(FaultyFirmware, ASoundCableIsNoneAtAll) {
 TEST(FaultyFirmware, DroppedAnswersComeNotAndTheBoardDidWhatItWasTold) {
     FaultyCable cable({"drop@0.002/0.002"});
     EXPECT_EQ(cable.echoes(3), (std::vector<int>{0, 1, -1}));
-    EXPECT_EQ(cable.device_.digits()[0], 2);
+    EXPECT_EQ(cable.device_.dac_codes()[0], 2);
     EXPECT_TRUE(cable.exchange(3).empty());
     EXPECT_EQ(cable.echo_of(cable.exchange(4)), 4) << "the fault is over";
 }
@@ -88,7 +90,7 @@ TEST(FaultyFirmware, DroppedAnswersComeNotAndTheBoardDidWhatItWasTold) {
 TEST(FaultyFirmware, DroppedCommandsAreNeitherDoneNorAnswered) {
     FaultyCable cable({"drop@0.002/0.002:way=out"});
     EXPECT_EQ(cable.echoes(4), (std::vector<int>{0, 1, -1, -1}));
-    EXPECT_EQ(cable.device_.digits()[0], 1);
+    EXPECT_EQ(cable.device_.dac_codes()[0], 1);
     EXPECT_EQ(cable.echo_of(cable.exchange(4)), 4);
 }
 
@@ -98,7 +100,7 @@ TEST(FaultyFirmware, NoMorePacketsSufferThanWereAskedFor) {
 }
 
 TEST(FaultyFirmware, DelayedAnswersComeInAnotherExchangeAndStayBehind) {
-    // Nobody fetches twice, so the answers stay two behind after the delay has ended.
+    // Nobody fetches twice, so the replies remain two behind after the delay has ended.
     FaultyCable cable({"delay@0.002/0.003:by=0.002"});
     EXPECT_EQ(cable.echoes(8), (std::vector<int>{0, 1, -1, -1, 2, 3, 4, 5}));
 }
@@ -114,9 +116,9 @@ TEST(FaultyFirmware, DelayedAnswerIsThereOnceItsTimeHasCome) {
 TEST(FaultyFirmware, DelayedCommandsAreDoneLate) {
     FaultyCable cable({"delay@0.001/0.001:way=out,by=0.003"});
     EXPECT_EQ(cable.echoes(2), (std::vector<int>{0, -1}));
-    EXPECT_EQ(cable.device_.digits()[0], 0);
+    EXPECT_EQ(cable.device_.dac_codes()[0], 0);
     EXPECT_EQ(cable.echo_of(cable.fetch(4)), 1);
-    EXPECT_EQ(cable.device_.digits()[0], 1);
+    EXPECT_EQ(cable.device_.dac_codes()[0], 1);
 }
 
 TEST(FaultyFirmware, DuplicatedAnswersLeaveTheHostBehind) {
@@ -137,7 +139,7 @@ TEST(FaultyFirmware, TruncatedPacketsLoseTheirEnd) {
     EXPECT_EQ(cable.echo_of(cable.exchange(3)), 3);
     FaultyCable other({"truncate@0.001/0.001:way=out"});
     EXPECT_EQ(other.echoes(3), (std::vector<int>{0, -1, 2}));
-    EXPECT_EQ(other.device_.digits()[0], 2);
+    EXPECT_EQ(other.device_.dac_codes()[0], 2);
 }
 
 TEST(FaultyFirmware, FlippedPacketsDifferInOneBit) {
@@ -162,8 +164,8 @@ TEST(FaultyFirmware, FlippedPacketsDifferInOneBit) {
     }
 }
 
-TEST(FaultyFirmware, FlippedDigitReachesTheMotorOrIsRefused) {
-    // Bit 16: the lowest of string 0's digit. Bit 28: its thirteenth, which no D/A has.
+TEST(FaultyFirmware, FlippedDacCodeReachesTheMotorOrIsRefused) {
+    // Bit 16: bit 0 of string 0's DAC code. Bit 28: its bit 12, beyond the range of any DAC.
     FaultyCable low({"flip@0.001:way=out,bit=16"});
     EXPECT_EQ(low.echoes(3)[2], 3);
     FaultyCable high({"flip@0.001:way=out,bit=28"});
@@ -176,7 +178,7 @@ TEST(FaultyFirmware, UnpluggedCableIsDeadUntilItIsPluggedInAgain) {
     EXPECT_TRUE(cable.firmware_->connected(1 * kMs));
     EXPECT_FALSE(cable.firmware_->connected(2 * kMs));
     EXPECT_TRUE(cable.exchange(3).empty());
-    EXPECT_EQ(cable.device_.digits()[0], 1) << "the motors keep what they had";
+    EXPECT_EQ(cable.device_.dac_codes()[0], 1) << "the motors keep what they had";
     EXPECT_TRUE(cable.firmware_->connected(5 * kMs));
     EXPECT_EQ(cable.echo_of(cable.exchange(5)), 5);
 }
@@ -219,7 +221,7 @@ TEST(FaultyFirmware, MorePacketsThanCanWaitAreLost) {
     while (!cable.fetch(5000).empty()) {
         ++waiting;
     }
-    EXPECT_EQ(waiting, static_cast<int>(FaultyFirmware::kMostWaiting));
+    EXPECT_EQ(waiting, static_cast<int>(FaultyFirmware::kMaxWaiting));
 }
 
 TEST(FaultyFirmware, APacketThatIsTooLongStaysSo) {
@@ -228,7 +230,7 @@ TEST(FaultyFirmware, APacketThatIsTooLongStaysSo) {
     out.push_back(std::byte{0});
     cable.firmware_->receive(out, 0);
     EXPECT_TRUE(cable.fetch(0).empty());
-    EXPECT_EQ(cable.device_.digits()[0], 0);
+    EXPECT_EQ(cable.device_.dac_codes()[0], 0);
 }
 
 }  // namespace

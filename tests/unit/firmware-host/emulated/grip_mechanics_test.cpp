@@ -1,4 +1,4 @@
-#include <haptic/device/grip_mechanics.hpp>
+#include "haptic/device/grip_mechanics.hpp"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@ namespace {
 const Quat kLevel(1.0, 0.0, 0.0, 0.0);
 constexpr double kFineStep = 1e-6;  // s
 
-/// Loose strings, by so much that no motion of these tests straightens them: the grip alone with its hand.
+/// Strings so slack that no motion of these tests straightens them: only grip and hand remain.
 GripLoad without_strings() {
     GripLoad load;
     load.slack.fill(1.0);
@@ -22,14 +22,14 @@ GripLoad without_strings() {
 }
 
 GripState run(const GripMechanics& mechanics, GripState state, const GripLoad& load, double step_s, double time_s) {
-    const Variant variant = spidar_g6_x3r();
+    const DeviceGeometry geometry = spidar_g6_x3r();
     for (long k = 0; k < std::lround(time_s / step_s); ++k) {
-        state = step(variant, mechanics, state, load, step_s);
+        state = step(geometry, mechanics, state, load, step_s);
     }
     return state;
 }
 
-/// Deflection of a damped oscillator that is let go of at x0 from rest.
+/// Deflection of a damped oscillator released at x0 from rest.
 double oscillator(double x0, double mass, double damping, double stiffness, double time_s) {
     const double decay = damping / (2.0 * mass);
     const double rate = std::sqrt(stiffness / mass - decay * decay);
@@ -50,7 +50,7 @@ TEST(GripMechanics, GripOnTheHandsSpringIsADampedOscillator) {
     for (double time_s = 0.05; time_s < 0.3; time_s += 0.05) {
         state = run(mechanics, state, without_strings(), kFineStep, 0.05);
         for (int k = 0; k < 3; ++k) {
-            // First order in the step: half a step's phase at 63 rad/s, 3e-5 of the amplitude.
+            // First-order error: phase of half a step at 63 rad/s, 3e-5 of the amplitude.
             EXPECT_NEAR(state.pose.position[k],
                         oscillator(start[k], mechanics.mass, mechanics.damping + mechanics.hand_damping,
                                    mechanics.hand_stiffness, time_s),
@@ -64,7 +64,7 @@ TEST(GripMechanics, GripTurnsOnTheHandsSpringAsADampedOscillator) {
     mechanics.inertia = Vec3(2e-5, 3e-5, 4e-5);
     for (int axis = 0; axis < 3; ++axis) {
         Vec3 imaginary(0.0, 0.0, 0.0);
-        constexpr double kStart = 0.01;  // rad: the spring's sine is straight to 2e-6
+        constexpr double kStart = 0.01;  // rad: the spring's sine is linear to 2e-6
         imaginary[axis] = std::sin(kStart / 2.0);
         const Quat turn(std::cos(kStart / 2.0), imaginary.x, imaginary.y, imaginary.z);
         const GripState state =
@@ -87,7 +87,7 @@ TEST(GripMechanics, FreeGripKeepsItsMomentaExactlyAndItsEnergyToTheOrderOfTheSte
     mechanics.inertia = Vec3(1e-5, 2e-5, 4e-5);  // tumbles about all three axes
     GripState state = grip_at_rest(spidar_g6_x3r(), {});
     state.velocity = Vec3(0.1, -0.2, 0.05);
-    state.angular_momentum = Vec3(1e-4, 2e-4, -1.5e-4);  // some 10 rad/s
+    state.angular_momentum = Vec3(1e-4, 2e-4, -1.5e-4);  // about 10 rad/s
     const auto energy = [&](const GripState& s) {
         const Twist twist = twist_of(mechanics, s);
         return 0.5 * glm::dot(s.angular_momentum, twist.angular);
@@ -100,15 +100,16 @@ TEST(GripMechanics, FreeGripKeepsItsMomentaExactlyAndItsEnergyToTheOrderOfTheSte
     EXPECT_NEAR(glm::length(end.pose.orientation), 1.0, 1e-14);
 }
 
-/// Energy of grip, strings and motors, with motors that pull with constant tension as a potential; what is lost in
-/// drag, friction and dampers is kept apart. Written from the equations, without the kernel's own tensions.
+/// Energy of grip, strings and motors; motors with constant tension contribute a potential. Losses in drag, friction
+/// and dampers are counted separately. Derived from the equations, without the kernel's tensions.
 struct Ledger {
-    const Variant variant = spidar_g6_x3r();
+    const DeviceGeometry geometry = spidar_g6_x3r();
     GripMechanics m;
     GripLoad load;
 
     double stretch(const GripState& s, std::size_t i) const {
-        return glm::length(variant.strings[i].motor - s.pose.position - s.pose.orientation * variant.strings[i].grip) -
+        return glm::length(geometry.strings[i].motor - s.pose.position -
+                           s.pose.orientation * geometry.strings[i].grip) -
                s.length[i] - load.slack[i];
     }
     double energy(const GripState& s) const {
@@ -128,7 +129,7 @@ struct Ledger {
         }
         return sum;
     }
-    /// W, from two states a step apart.
+    /// W, from two states one step apart.
     double loss(const GripState& a, const GripState& b, double step_s) const {
         const Twist twist = twist_of(m, b);
         const bool hand = m.hand == Hand::Impedance;
@@ -139,7 +140,7 @@ struct Ledger {
             const double speed = b.length_rate[i];
             sum += m.motor_drag * speed * speed + m.motor_friction * std::abs(speed);
             const double rate = (stretch(b, i) - stretch(a, i)) / step_s;
-            // A damper that would push is let go of, as the spring then only gives back what it has.
+            // A damper that would push is inactive; the spring then only returns its stored energy.
             if (stretch(a, i) > 0.0) {
                 const double push = std::max(m.string_damping * rate, -m.string_stiffness * stretch(a, i));
                 sum += push * rate;
@@ -171,11 +172,11 @@ TEST(GripMechanics, EnergyThatIsLostIsWhatDampersAndFrictionTook) {
         const double before = ledger.energy(state);
         double lost = 0.0;
         for (int k = 0; k < 100'000; ++k) {
-            const GripState next = step(ledger.variant, ledger.m, state, ledger.load, kFineStep);
+            const GripState next = step(ledger.geometry, ledger.m, state, ledger.load, kFineStep);
             lost += kFineStep * ledger.loss(state, next, kFineStep);
             state = next;
         }
-        // Some 40 mJ are turned over; the step is first order.
+        // About 40 mJ are exchanged; the method is of first order.
         EXPECT_GT(lost, 0.01);
         EXPECT_NEAR(ledger.energy(state) + lost, before, 0.005 * lost);
     }
@@ -187,10 +188,10 @@ TEST(GripMechanics, EnergyNeverRisesUnderConstantMotors) {
         GripState state = struck();
         double least = ledger.energy(state);
         const double swing = 0.05 * 0.5 * ledger.m.mass * glm::dot(state.velocity, state.velocity);
-        for (int k = 0; k < 40'000; ++k) {  // 2 s of the steps that a device makes
-            state = step(ledger.variant, ledger.m, state, ledger.load, 5e-5);
+        for (int k = 0; k < 40'000; ++k) {  // 2 s at a device's step
+            state = step(ledger.geometry, ledger.m, state, ledger.load, 5e-5);
             const double energy = ledger.energy(state);
-            // Semi-implicit Euler keeps a modified energy; the true one breathes with the step.
+            // Semi-implicit Euler conserves a modified energy; the true energy oscillates with the step.
             ASSERT_LT(energy, least + swing) << "step " << k;
             least = std::min(least, energy);
         }
@@ -202,12 +203,12 @@ TEST(GripMechanics, RestsWhereTheMotorsPullsAndTheHandsSpringAreInBalance) {
     ledger.m.motor_friction = 0.0;
     const GripState state = run(ledger.m, struck(), ledger.load, 5e-5, 5.0);
     EXPECT_LT(glm::length(state.velocity), 1e-9);
-    // Force and torque of strings that carry exactly what the motors pull, from their directions.
+    // Oracle: force and torque from the strings' directions and the motors' tensions.
     Vec3 force(0.0, 0.0, 0.0);
     Vec3 torque(0.0, 0.0, 0.0);
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const Vec3 arm = state.pose.orientation * ledger.variant.strings[i].grip;
-        const Vec3 span = ledger.variant.strings[i].motor - state.pose.position - arm;
+        const Vec3 arm = state.pose.orientation * ledger.geometry.strings[i].grip;
+        const Vec3 span = ledger.geometry.strings[i].motor - state.pose.position - arm;
         force += glm::normalize(span) * ledger.load.pull[i];
         torque += glm::cross(arm, glm::normalize(span)) * ledger.load.pull[i];
         EXPECT_NEAR(glm::length(span) - state.length[i], ledger.load.pull[i] / ledger.m.string_stiffness, 1e-10);
@@ -220,12 +221,12 @@ TEST(GripMechanics, RestsWhereTheMotorsPullsAndTheHandsSpringAreInBalance) {
 }
 
 TEST(GripMechanics, SlackStringsPullNothing) {
-    const Variant variant = spidar_g6_x3r();
+    const DeviceGeometry geometry = spidar_g6_x3r();
     const GripMechanics mechanics;
-    GripState state = grip_at_rest(variant, {});
-    state.pose.position = Vec3(-0.01, 0.0, 0.0);  // towards motors 0 and 4
-    state.velocity = Vec3(-5.0, 0.0, 0.0);        // however fast
-    const auto tensions = string_tensions(variant, mechanics, state, {});
+    GripState state = grip_at_rest(geometry, {});
+    state.pose.position = Vec3(-0.01, 0.0, 0.0);  // toward motors 0 and 4
+    state.velocity = Vec3(-5.0, 0.0, 0.0);        // any speed
+    const auto tensions = string_tensions(geometry, mechanics, state, {});
     EXPECT_EQ(tensions[0], 0.0);
     EXPECT_EQ(tensions[4], 0.0);
     EXPECT_GT(tensions[2], 100.0);
@@ -233,15 +234,15 @@ TEST(GripMechanics, SlackStringsPullNothing) {
 }
 
 TEST(GripMechanics, DamperNeverPushes) {
-    const Variant variant = spidar_g6_x3r();
+    const DeviceGeometry geometry = spidar_g6_x3r();
     GripMechanics mechanics;
     mechanics.string_damping = 100.0;
-    GripState state = grip_at_rest(variant, {});
+    GripState state = grip_at_rest(geometry, {});
     for (double& length : state.length) {
         length -= 1e-6;  // taut with 20 mN
     }
     state.velocity = Vec3(-1.0, 0.0, 0.0);
-    for (const double tension : string_tensions(variant, mechanics, state, {})) {
+    for (const double tension : string_tensions(geometry, mechanics, state, {})) {
         EXPECT_GE(tension, 0.0);
     }
 }
@@ -283,7 +284,7 @@ TEST(GripMechanics, StringIsNeverReeledInBeyondItsPulley) {
 }
 
 TEST(GripMechanics, LongestStepIsStableForAnyPoseAndALargerOneIsNot) {
-    const Variant variant = spidar_g6_x3r();
+    const DeviceGeometry geometry = spidar_g6_x3r();
     std::mt19937 random(5);
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
     for (const double stiffness : {5e3, 2e4, 2e5}) {
@@ -297,12 +298,12 @@ TEST(GripMechanics, LongestStepIsStableForAnyPoseAndALargerOneIsNot) {
             load.hand.position = 0.02 * Vec3(unit(random), unit(random), unit(random));
             load.hand.orientation =
                 glm::normalize(Quat(1.0, 0.3 * unit(random), 0.3 * unit(random), 0.3 * unit(random)));
-            const double longest = longest_step_s(variant, mechanics);
+            const double longest = longest_step_s(geometry, mechanics);
             const auto fastest = [&](double step_s) {
-                GripState state = grip_at_rest(variant, load.hand);
+                GripState state = grip_at_rest(geometry, load.hand);
                 double speed = 0.0;
                 for (int n = 0; n < 4000; ++n) {
-                    state = step(variant, mechanics, state, load, step_s);
+                    state = step(geometry, mechanics, state, load, step_s);
                     speed = std::max(speed, glm::length(state.velocity));
                 }
                 return std::isfinite(speed) ? speed : std::numeric_limits<double>::infinity();

@@ -2,34 +2,36 @@
 
 #include <gtest/gtest.h>
 
-#include "boards/sh4_board.hpp"
+#include "codecs/sh4_codec.hpp"
+#include "emulated/sh4_firmware.hpp"
+#include "haptic/device/emulated_device.hpp"
 
 namespace haptic::device {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
-constexpr std::uint16_t kMinimum = 45;  // digits, 0.3 N on an X3R: trunc(0.3 * 0.365296803653 * 415)
+constexpr std::uint16_t kMinimum = 45;  // DAC code of 0.3 N on an X3R: trunc(0.3 * 0.365296803653 * 415)
 
 class HandKeeperTest : public testing::Test {
   protected:
-    /// One packet with the same digit for all motors, but for the last one.
-    void send(std::uint16_t digit, std::uint16_t last_digit, std::int64_t now_ns) {
+    /// One packet with the same DAC code for all motors except the last.
+    void send(std::uint16_t dac_code, std::uint16_t last_dac_code, std::int64_t now_ns) {
         Sh4Command command;
-        command.digits.fill(digit);
-        command.digits.back() = last_digit;
+        command.dac_codes.fill(dac_code);
+        command.dac_codes.back() = last_dac_code;
         Sh4Packet packet;
         encode(command, packet);
         keeper.receive(packet, now_ns);
     }
-    void send_each_ms(std::uint16_t digit, std::int64_t from_ms, std::int64_t to_ms) {
+    void send_each_ms(std::uint16_t dac_code, std::int64_t from_ms, std::int64_t to_ms) {
         for (std::int64_t ms = from_ms; ms < to_ms; ++ms) {
-            send(digit, digit, ms * kMs);
+            send(dac_code, dac_code, ms * kMs);
         }
     }
     [[nodiscard]] double x() const { return device.grip_pose().position.x; }
 
-    // A tenth of a metre a second along x, from the first instant on.
-    EmulatedDevice device{{.variant = spidar_g6_x3r(),
+    // 0.1 m/s along x from the start.
+    EmulatedDevice device{{.geometry = spidar_g6_x3r(),
                            .hand = PoseTrack({0.0, 10.0}, {Pose{}, Pose{{1.0, 0.0, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)}}),
                            .hand_waits = true}};
     Sh4Firmware board{device};

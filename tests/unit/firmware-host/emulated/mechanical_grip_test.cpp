@@ -6,13 +6,15 @@
 #include <random>
 #include <stdexcept>
 
+#include "emulated/hand_motion.hpp"
+
 namespace haptic::device {
 namespace {
 
 const Quat kLevel(1.0, 0.0, 0.0, 0.0);
 constexpr std::int64_t kMs = 1'000'000;
 
-/// A hand that swings from kStart on.
+/// A hand that starts to swing at kStart.
 class Swing {
   public:
     explicit Swing(const GripMechanics& mechanics = {})
@@ -66,7 +68,7 @@ TEST(MechanicalGrip, FollowsAFirmHandClosely) {
     Swing swing(firm);
     for (std::int64_t t_ns = 0; t_ns <= 300 * kMs; t_ns += kMs) {
         swing.advance(Swing::kStart + t_ns);
-        // 3 N of the strings and 0.1 kg jerked at corners of the track by 0.5 m/s, at 20,000 N/m.
+        // 3 N of the strings, and velocity jumps of 0.5 m/s of 0.1 kg at corners of the track, at 20,000 N/m.
         EXPECT_LT(glm::length(swing.grip_.state().pose.position - swing.track_.at(t_ns).position), 1.5e-3);
     }
 }
@@ -93,10 +95,10 @@ TEST(MechanicalGrip, AfterALongGapTheHandHasCarriedTheGripAlong) {
     const GripState& state = swing.grip_.state();
     EXPECT_LT(glm::length(state.pose.position - swing.track_.at(300 * kMs).position), 0.015);
     EXPECT_LT(glm::length(state.velocity), 1.0);
-    const Variant variant = spidar_g6_x3r();
+    const DeviceGeometry geometry = spidar_g6_x3r();
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const double span = glm::length(variant.strings[i].motor - state.pose.position -
-                                        state.pose.orientation * variant.strings[i].grip);
+        const double span = glm::length(geometry.strings[i].motor - state.pose.position -
+                                        state.pose.orientation * geometry.strings[i].grip);
         EXPECT_NEAR(state.length[i], span, 0.003) << "string " << i;
     }
 }

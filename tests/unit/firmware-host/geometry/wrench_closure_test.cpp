@@ -8,7 +8,7 @@
 #include <glm/geometric.hpp>
 #include <random>
 
-#include <haptic/device/variant_file.hpp>
+#include "haptic/device/device_geometry_file.hpp"
 
 namespace haptic::device {
 namespace {
@@ -23,13 +23,13 @@ constexpr WrenchVector axis(std::size_t k, double size) {
     return wrench;
 }
 
-/// What tensions do, by their definition.
-WrenchVector wrench_of(const Variant& variant, const Pose& pose, const std::array<double, kStrings>& tensions) {
+/// Wrench of tensions by definition.
+WrenchVector wrench_of(const DeviceGeometry& geometry, const Pose& pose, const std::array<double, kStrings>& tensions) {
     Vec3 force(0.0);
     Vec3 torque(0.0);
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const Vec3 arm = glm::mat3_cast(pose.orientation) * variant.strings[i].grip;
-        const Vec3 pull = tensions[i] * glm::normalize(variant.strings[i].motor - pose.position - arm);
+        const Vec3 arm = glm::mat3_cast(pose.orientation) * geometry.strings[i].grip;
+        const Vec3 pull = tensions[i] * glm::normalize(geometry.strings[i].motor - pose.position - arm);
         force += pull;
         torque += glm::cross(arm, pull);
     }
@@ -38,34 +38,34 @@ WrenchVector wrench_of(const Variant& variant, const Pose& pose, const std::arra
 
 TEST(WrenchClosure, HoldsForTheFramesThatRenderSixDegreesOfFreedom) {
     for (const char* name : {"SpidarG6X3R", "SpidarG6X3L", "SpidarG6X4", "SpidarG6X5R", "SpidarG6X5L"}) {
-        const WrenchClosure closure = wrench_closure(builtin_variant(name), {});
+        const WrenchClosure closure = wrench_closure(built_in_geometry(name), {});
         EXPECT_TRUE(closure.determined) << name;
-        EXPECT_GT(closure.evenness, 0.9) << name;
+        EXPECT_GT(closure.tension_factor, 0.9) << name;
         EXPECT_THAT(closure.missing, IsEmpty()) << name;
     }
 }
 
 TEST(WrenchClosure, FailsInYawForX3f) {
-    const Variant variant = builtin_variant("SpidarG6X3F");
-    const WrenchClosure closure = wrench_closure(variant, {});
+    const DeviceGeometry geometry = built_in_geometry("SpidarG6X3F");
+    const WrenchClosure closure = wrench_closure(geometry, {});
     EXPECT_TRUE(closure.determined);
     EXPECT_FALSE(closure.closed());
     // Published: 1 N in each string makes 0.0737 N*m about y, in the list's frame, which is a mirror image of ours. So
-    // every string turns the grip one way, and nothing turns it back.
+    // every string rotates the grip in the same direction, and none in the other.
     std::array<double, kStrings> one{};
     one.fill(1.0);
-    EXPECT_NEAR(wrench_of(variant, {}, one)[4], -0.0737, 5e-5);
+    EXPECT_NEAR(wrench_of(geometry, {}, one)[4], -0.0737, 5e-5);
     EXPECT_THAT(closure.missing, Contains("+Ty"));
     EXPECT_THAT(closure.missing, Not(Contains("-Ty")));
     EXPECT_THAT(closure.missing, Contains("+Fx")) << "not without yaw beside it";
 }
 
 TEST(WrenchClosure, FailsForT1WithEitherWidth) {
-    Variant variant = builtin_variant("SpidarG6T1");
+    DeviceGeometry geometry = built_in_geometry("SpidarG6T1");
     for (const double width : {0.229, 0.074155}) {
-        variant.strings[0].motor.x = -width / 2.0;
-        variant.strings[3].motor.x = +width / 2.0;
-        const WrenchClosure closure = wrench_closure(variant, {});
+        geometry.strings[0].motor.x = -width / 2.0;
+        geometry.strings[3].motor.x = +width / 2.0;
+        const WrenchClosure closure = wrench_closure(geometry, {});
         EXPECT_TRUE(closure.determined);
         EXPECT_FALSE(closure.closed());
         EXPECT_THAT(closure.missing, Contains("+Fz"));
@@ -73,33 +73,33 @@ TEST(WrenchClosure, FailsForT1WithEitherWidth) {
 }
 
 TEST(WrenchClosure, IsLostWhereTheGripIsTurnedTooFar) {
-    const Variant variant = spidar_g6_x3r();
-    EXPECT_TRUE(wrench_closure(variant, {{0.01, 0.01, -0.01}, glm::angleAxis(0.3, Vec3(0, 1, 0))}).closed());
-    EXPECT_FALSE(wrench_closure(variant, {{}, glm::angleAxis(2.0, Vec3(0, 1, 0))}).closed());
+    const DeviceGeometry geometry = spidar_g6_x3r();
+    EXPECT_TRUE(wrench_closure(geometry, {{0.01, 0.01, -0.01}, glm::angleAxis(0.3, Vec3(0, 1, 0))}).closed());
+    EXPECT_FALSE(wrench_closure(geometry, {{}, glm::angleAxis(2.0, Vec3(0, 1, 0))}).closed());
 }
 
 TEST(WrenchClosure, NeedsStringsThatDetermineThePose) {
-    Variant variant = spidar_g6_x3r();
-    for (StringFacts& string : variant.strings) {
+    DeviceGeometry geometry = spidar_g6_x3r();
+    for (StringFacts& string : geometry.strings) {
         string.grip = {0.0, 0.0225, 0.0};
     }
-    const WrenchClosure closure = wrench_closure(variant, {});
+    const WrenchClosure closure = wrench_closure(geometry, {});
     EXPECT_FALSE(closure.determined);
     EXPECT_FALSE(closure.closed());
-    EXPECT_FALSE(wrench_reach(variant, {}, axis(0, 1.0)).has_value());
+    EXPECT_FALSE(wrench_reach(geometry, {}, axis(0, 1.0)).has_value());
 }
 
-TEST(WrenchClosure, EvennessIsThatOfTheBestTensionsFoundBySampling) {
-    // Tensions that cancel are two-dimensional: sampled by angle around a full turn of any two of them.
-    for (const std::string& name : builtin_variant_names()) {
-        const Variant variant = builtin_variant(name);
-        const double evenness = wrench_closure(variant, {}).evenness;
-        // Projecting random tensions on the kernel: t - A (A^T A)^-1 A^T t, by conjugate directions (Gram-Schmidt).
+TEST(WrenchClosure, TensionFactorEqualsTheBestOneFoundBySampling) {
+    // The tensions that cancel form a plane: sample it by angle around two of its vectors.
+    for (const std::string& name : built_in_geometry_names()) {
+        const DeviceGeometry geometry = built_in_geometry(name);
+        const double tension_factor = wrench_closure(geometry, {}).tension_factor;
+        // Project random tensions onto the null space, t - A (A^T A)^-1 A^T t, by Gram-Schmidt.
         std::array<std::array<double, kStrings>, 6> rows{};
         for (std::size_t i = 0; i < kStrings; ++i) {
             std::array<double, kStrings> one{};
             one[i] = 1.0;
-            const WrenchVector column = wrench_of(variant, {}, one);
+            const WrenchVector column = wrench_of(geometry, {}, one);
             for (std::size_t k = 0; k < 6; ++k) {
                 rows[k][i] = column[k];
             }
@@ -144,24 +144,24 @@ TEST(WrenchClosure, EvennessIsThatOfTheBestTensionsFoundBySampling) {
             }
             best = std::max(best, least / largest);
         }
-        EXPECT_NEAR(evenness, best, 1e-3) << name;
+        EXPECT_NEAR(tension_factor, best, 1e-3) << name;
     }
 }
 
 TEST(WrenchReach, IsNoMoreThanTheBoundThatDualityGives) {
     // For any linear functional c with c . axis = 1, the largest c . A^T t over the box bounds the reach; here c is the
     // axis itself.
-    const Variant variant = spidar_g6_x3r();
+    const DeviceGeometry geometry = spidar_g6_x3r();
     for (std::size_t k = 0; k < 6; ++k) {
         for (const double sign : {1.0, -1.0}) {
-            const std::optional<double> reach = wrench_reach(variant, {}, axis(k, sign));
+            const std::optional<double> reach = wrench_reach(geometry, {}, axis(k, sign));
             ASSERT_TRUE(reach.has_value());
             double bound = 0.0;
             for (std::size_t i = 0; i < kStrings; ++i) {
                 std::array<double, kStrings> one{};
                 one[i] = 1.0;
-                const double pull = sign * wrench_of(variant, {}, one)[k];
-                bound += pull * (pull > 0.0 ? variant.maximum_tension : variant.minimum_tension);
+                const double pull = sign * wrench_of(geometry, {}, one)[k];
+                bound += pull * (pull > 0.0 ? geometry.maximum_tension : geometry.minimum_tension);
             }
             EXPECT_LE(*reach, bound * (1.0 + 1e-9));
             EXPECT_GT(*reach, 0.5 * bound);
@@ -170,21 +170,21 @@ TEST(WrenchReach, IsNoMoreThanTheBoundThatDualityGives) {
 }
 
 TEST(WrenchReach, GrowsWithTheTensionsAndScalesWithTheDirection) {
-    Variant variant = builtin_variant("SpidarG6X5R");
-    const double once = *wrench_reach(variant, {}, axis(2, 1.0));
-    EXPECT_NEAR(*wrench_reach(variant, {}, axis(2, 4.0)), once / 4.0, 1e-9);
-    variant.maximum_tension *= 2.0;
-    variant.minimum_tension *= 2.0;
-    EXPECT_NEAR(*wrench_reach(variant, {}, axis(2, 1.0)), 2.0 * once, 1e-9);
-    // Published for 6 N: 7.4, 7.1 and 14.6 N, 0.11, 0.11 and 0.21 N*m, with a few per cent of other components let be.
+    DeviceGeometry geometry = built_in_geometry("SpidarG6X5R");
+    const double once = *wrench_reach(geometry, {}, axis(2, 1.0));
+    EXPECT_NEAR(*wrench_reach(geometry, {}, axis(2, 4.0)), once / 4.0, 1e-9);
+    geometry.maximum_tension *= 2.0;
+    geometry.minimum_tension *= 2.0;
+    EXPECT_NEAR(*wrench_reach(geometry, {}, axis(2, 1.0)), 2.0 * once, 1e-9);
+    // Published for 6 N: 7.4, 7.1 and 14.6 N, 0.11, 0.11 and 0.21 N*m, with a few per cent of other components allowed.
     EXPECT_NEAR(once, 14.6, 0.6);
 }
 
 TEST(WrenchReach, SaysNothingWhereNoMultipleCanBeMade) {
-    const Variant variant = builtin_variant("SpidarG6X3F");
-    EXPECT_FALSE(wrench_reach(variant, {}, axis(0, 1.0)).has_value());
-    EXPECT_TRUE(wrench_reach(variant, {}, axis(4, -1.0)).has_value());
-    EXPECT_FALSE(wrench_reach(variant, {}, axis(4, 1.0)).has_value());
+    const DeviceGeometry geometry = built_in_geometry("SpidarG6X3F");
+    EXPECT_FALSE(wrench_reach(geometry, {}, axis(0, 1.0)).has_value());
+    EXPECT_TRUE(wrench_reach(geometry, {}, axis(4, -1.0)).has_value());
+    EXPECT_FALSE(wrench_reach(geometry, {}, axis(4, 1.0)).has_value());
     EXPECT_FALSE(wrench_reach(spidar_g6_x3r(), {}, WrenchVector{}).has_value());
     EXPECT_FALSE(wrench_reach(spidar_g6_x3r(), {}, axis(0, NAN)).has_value());
 }

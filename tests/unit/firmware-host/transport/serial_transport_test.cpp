@@ -5,10 +5,11 @@
 #include <sys/ioctl.h>
 #include <termios.h>
 
-#include "bytes.hpp"
-#include <haptic/clock.hpp>
-#include <haptic/device/emulated_device.hpp>
 #include "boards/uart_board.hpp"
+#include "bytes.hpp"
+#include "emulated/uart_firmware.hpp"
+#include "haptic/clock.hpp"
+#include "haptic/device/emulated_device.hpp"
 #include "pty.hpp"
 
 namespace haptic::device {
@@ -22,7 +23,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
-// ns: long enough for a busy machine; only exchanges that stay without an answer take it.
+// ns; long enough for a busy machine. Only exchanges without a reply take this long.
 constexpr std::int64_t kPatient = 2'000'000'000;
 constexpr std::int64_t kBrief = 5'000'000;
 
@@ -110,12 +111,12 @@ TEST(SerialTransport, EndsWithinItsTimeWhetherNothingComesOrTooLittle) {
 }
 
 TEST(SerialTransport, EndsWithinItsTimeWhereTheLineTakesNothing) {
-    const Pty pty;  // nobody reads at its other end, and it holds some kilobytes
+    const Pty pty;  // nobody reads its other end, which buffers a few kilobytes
     SerialTransport transport(pty.path(), {.timeout_ns = kBrief});
     const Bytes much(1 << 20, std::byte{0x55});
     Bytes in;
     EXPECT_EQ(exchange(transport, much, in, 1), ExchangeStatus::Timeout);
-    transport.send_last(bytes({1}), 0);  // does not wait either
+    transport.send_last(bytes({1}), 0);  // does not block either
 }
 
 TEST(SerialTransport, SaysThatTheLineIsGone) {
@@ -168,17 +169,17 @@ TEST(SerialTransport, IsRefusedALineThatAnotherOneDrives) {
 TEST(SerialTransport, SaysWhatIsNoSerialLineAndWhatToDo) {
     EXPECT_THAT([] { SerialTransport("/dev/does-not-exist", {}); },
                 ThrowsMessage<BoardError>(AllOf(HasSubstr("/dev/does-not-exist"), HasSubstr("/dev/serial/by-id"))));
-    EXPECT_THAT([] { SerialTransport("/dev/null", {}); }, ThrowsMessage<BoardError>(HasSubstr("no serial line")));
+    EXPECT_THAT([] { SerialTransport("/dev/null", {}); }, ThrowsMessage<BoardError>(HasSubstr("not a serial line")));
     const Pty pty;
     EXPECT_THAT([&] { SerialTransport(pty.path(), {.baud = 12345}); },
                 ThrowsMessage<BoardError>(AllOf(HasSubstr("12345"), HasSubstr("2000000"))));
 }
 
 TEST(SerialTransport, IsALineOnWhichBoardsAreFound) {
-    Variant variant = spidar_g6_x3r();
-    variant.board = BoardKind::Uart;
-    variant.uart_boards = {4, 4};
-    EmulatedDevice device({.variant = variant, .power_up = {1, 2, 3, 4, 5, 6, 7, 65535}});
+    DeviceGeometry geometry = spidar_g6_x3r();
+    geometry.board = BoardKind::Uart;
+    geometry.uart_boards = {4, 4};
+    EmulatedDevice device({.geometry = geometry, .power_up = {1, 2, 3, 4, 5, 6, 7, 65535}});
     UartFirmware firmware(device);
     const Pty pty;
     const FarEnd boards(pty, [&](const Bytes& in) {
@@ -187,7 +188,7 @@ TEST(SerialTransport, IsALineOnWhichBoardsAreFound) {
         out.resize(firmware.reply(out, 0));
         return out;
     });
-    // Six ids do not answer, each for five times this.
+    // Six ids do not reply, each for five times this.
     SerialTransport transport(pty.path(), {.timeout_ns = 20'000'000});
     UartBoard board(transport);
     board.start();

@@ -1,17 +1,17 @@
-// What libusb allocates in an exchange, counted: the figure that firmware-host's README states.
+// Counts the allocations of libusb in an exchange, the figure in firmware-host's documentation.
 #include <gtest/gtest.h>
 
 #include <array>
 
 #include "allocation_guard.hpp"
-#include "fake_usbfs.hpp"
 #include "codecs/sh4_codec.hpp"
+#include "fake_usbfs.hpp"
 #include "transport/usb_transport.hpp"
 
 namespace haptic::device {
 namespace {
 
-// For each transfer, libusb 1.0.26 allocates its URBs when it submits it and frees them when it has ended.
+// libusb 1.0.26 allocates a transfer's URBs on submission and frees them when it ends.
 constexpr std::size_t kCallsForATransfer = 2;
 
 std::size_t calls_in(UsbTransport& transport, PacketExchange packets) {

@@ -1,4 +1,4 @@
-// UsbTransport over unmodified libusb, on a usbfs that umockdev makes; the board behind it is the project's firmware.
+// UsbTransport over unmodified libusb and umockdev's usbfs, with the project's emulated firmware as board.
 #include "transport/usb_transport.hpp"
 
 #include <gmock/gmock.h>
@@ -9,8 +9,8 @@
 #include <thread>
 #include <vector>
 
-#include "fake_usbfs.hpp"
 #include "codecs/sh4_codec.hpp"
+#include "fake_usbfs.hpp"
 
 namespace haptic::device {
 namespace {
@@ -20,19 +20,19 @@ using testing::HasSubstr;
 using testing::ThrowsMessage;
 using Fault = test::FakeUsbBoard::Fault;
 
-constexpr std::array<std::uint16_t, kStrings> kDigits = {45, 46, 47, 48, 49, 50, 51, 4095};
+constexpr std::array<std::uint16_t, kStrings> kDacCodes = {45, 46, 47, 48, 49, 50, 51, 4095};
 
-Sh4Packet packet_of(const std::array<std::uint16_t, kStrings>& digits) {
+Sh4Packet packet_of(const std::array<std::uint16_t, kStrings>& dac_codes) {
     Sh4Packet packet;
-    encode(Sh4Command{digits}, packet);
+    encode(Sh4Command{dac_codes}, packet);
     return packet;
 }
 
 class UsbTransportTest : public testing::Test {
   protected:
-    /// One command and its answer.
-    ExchangeStatus exchange(const std::array<std::uint16_t, kStrings>& digits = kDigits) {
-        const Sh4Packet out = packet_of(digits);
+    /// One command and its reply.
+    ExchangeStatus exchange(const std::array<std::uint16_t, kStrings>& dac_codes = kDacCodes) {
+        const Sh4Packet out = packet_of(dac_codes);
         PacketExchange packets{{std::span<const std::byte>(out)}, std::span<std::byte>(in)};
         const ExchangeStatus status = transport.exchange(packets, 0);
         received = packets.received;
@@ -47,7 +47,7 @@ class UsbTransportTest : public testing::Test {
         EXPECT_EQ(decode(std::span<const std::byte>(in), decoded), PacketDefect::None);
         return decoded;
     }
-    /// Exchanges until one ends otherwise, for 5 s at most.
+    /// Repeats exchanges until one ends with another status, for at most 5 s.
     ExchangeStatus exchange_until(ExchangeStatus wanted) {
         ExchangeStatus status = exchange();
         for (int i = 0; i < 5000 && status != wanted; ++i) {
@@ -59,7 +59,7 @@ class UsbTransportTest : public testing::Test {
 
     test::FakeUsbfs bus;
     test::FakeUsbBoard& board = bus.plug({});
-    // A second: long enough for a machine under load, and over only where no answer comes.
+    // One second: enough for a loaded machine, and reached only without a reply.
     UsbTransport transport{{.timeout_ns = 1'000'000'000}};
     UsbTransport hasty{{.timeout_ns = 2'000'000}};
     Sh4Packet in{};
@@ -71,8 +71,8 @@ TEST_F(UsbTransportTest, CarriesACommandAndItsAnswer) {
     transport.open(node);
     ASSERT_EQ(exchange(), ExchangeStatus::Ok);
     EXPECT_EQ(received, 512U);
-    EXPECT_EQ(reply().digits, kDigits);
-    EXPECT_EQ(board.digits()[7], 4095);
+    EXPECT_EQ(reply().dac_codes, kDacCodes);
+    EXPECT_EQ(board.dac_codes()[7], 4095);
     EXPECT_EQ(board.commands(), 1);
 }
 
@@ -88,23 +88,23 @@ TEST_F(UsbTransportTest, AwaitsTheAnswerBeforeItSendsTheCommand) {
 TEST_F(UsbTransportTest, SendsTwoPacketsInTheirOrderInOneExchange) {
     transport.open(node);
     const Sh4Packet first = packet_of({1, 1, 1, 1, 1, 1, 1, 1});
-    const Sh4Packet second = packet_of(kDigits);
+    const Sh4Packet second = packet_of(kDacCodes);
     PacketExchange packets{{std::span<const std::byte>(first), std::span<const std::byte>(second)},
                            std::span<std::byte>(in)};
     ASSERT_EQ(transport.exchange(packets, 0), ExchangeStatus::Ok);
     EXPECT_EQ(board.commands(), 2);
-    EXPECT_EQ(board.digits()[7], 4095);
+    EXPECT_EQ(board.dac_codes()[7], 4095);
 }
 
 TEST_F(UsbTransportTest, SendsWithoutAwaitingAnythingWhereNoAnswerIsAskedFor) {
     transport.open(node);
-    const Sh4Packet out = packet_of(kDigits);
+    const Sh4Packet out = packet_of(kDacCodes);
     PacketExchange packets{{std::span<const std::byte>(out)}, {}};
     ASSERT_EQ(transport.exchange(packets, 0), ExchangeStatus::Ok);
     EXPECT_EQ(packets.received, 0U);
-    EXPECT_EQ(board.digits()[7], 4095);
+    EXPECT_EQ(board.dac_codes()[7], 4095);
     ASSERT_EQ(read_once(), ExchangeStatus::Ok) << "the answer waits to be read";
-    EXPECT_EQ(reply().digits, kDigits);
+    EXPECT_EQ(reply().dac_codes, kDacCodes);
 }
 
 TEST_F(UsbTransportTest, ThrowsAwayWhatAnEarlierSessionHasLeft) {
@@ -112,13 +112,13 @@ TEST_F(UsbTransportTest, ThrowsAwayWhatAnEarlierSessionHasLeft) {
     board.leave_stale_answer(std::vector<std::byte>(512, std::byte{0xBB}));
     transport.open(node);
     ASSERT_EQ(exchange(), ExchangeStatus::Ok);
-    EXPECT_EQ(reply().digits, kDigits);
+    EXPECT_EQ(reply().dac_codes, kDacCodes);
 }
 
 TEST_F(UsbTransportTest, EndsWithATimeoutWhereNoAnswerComes) {
     hasty.open(node);
     board.misbehave(Fault::Silent);
-    const Sh4Packet out = packet_of(kDigits);
+    const Sh4Packet out = packet_of(kDacCodes);
     const Sh4Packet before = in;
     for (int i = 0; i < 3; ++i) {
         PacketExchange packets{{std::span<const std::byte>(out)}, std::span<std::byte>(in)};
@@ -136,15 +136,15 @@ TEST_F(UsbTransportTest, ThrowsALateAnswerAway) {
     PacketExchange packets{{std::span<const std::byte>(late)}, std::span<std::byte>(in)};
     ASSERT_EQ(hasty.exchange(packets, 0), ExchangeStatus::Timeout);
     board.release_answers();
-    const Sh4Packet out = packet_of(kDigits);
-    // The first exchange of a loaded machine may still end in a time-out of 2 ms, the next ones do not all.
+    const Sh4Packet out = packet_of(kDacCodes);
+    // On a loaded machine the first exchange may exceed 2 ms, but not all of the next ones.
     ExchangeStatus status = ExchangeStatus::Timeout;
     for (int i = 0; i < 100 && status != ExchangeStatus::Ok; ++i) {
         packets = {{std::span<const std::byte>(out)}, std::span<std::byte>(in)};
         status = hasty.exchange(packets, 0);
     }
     ASSERT_EQ(status, ExchangeStatus::Ok);
-    EXPECT_EQ(reply().digits, kDigits);
+    EXPECT_EQ(reply().dac_codes, kDacCodes);
 }
 
 TEST_F(UsbTransportTest, LetsNoCommandOvertakeOneThatTheBoardHasNotTakenYet) {
@@ -169,7 +169,7 @@ TEST_F(UsbTransportTest, GivesAShortAnswerWithItsLength) {
 
 TEST_F(UsbTransportTest, RefusesAnAnswerThatIsLongerThanTheRoomForIt) {
     transport.open(node);
-    const Sh4Packet out = packet_of(kDigits);
+    const Sh4Packet out = packet_of(kDacCodes);
     std::array<std::byte, 32> room{};
     PacketExchange packets{{std::span<const std::byte>(out)}, std::span<std::byte>(room)};
     EXPECT_EQ(transport.exchange(packets, 0), ExchangeStatus::Short);
@@ -185,7 +185,7 @@ TEST_F(UsbTransportTest, ClearsAStallOfEitherEndpointAndGoesOn) {
         board.misbehave(stall);
         EXPECT_EQ(exchange(), ExchangeStatus::Stalled);
         EXPECT_EQ(exchange_until(ExchangeStatus::Ok), ExchangeStatus::Ok);
-        EXPECT_EQ(reply().digits, kDigits);
+        EXPECT_EQ(reply().dac_codes, kDacCodes);
         EXPECT_EQ(board.halts_cleared(), ++cleared);
     }
 }
@@ -208,7 +208,7 @@ TEST_F(UsbTransportTest, IsDisconnectedFromTheExchangeOnInWhichTheCableIsPulled)
     EXPECT_EQ(board.commands(), 2);
     EXPECT_TRUE(transport.gone());
     EXPECT_THROW(transport.drain(), UsbError);
-    transport.send_last(packet_of({}), 0);  // goes nowhere, and returns
+    transport.send_last(packet_of({}), 0);  // has no effect and returns
 }
 
 TEST_F(UsbTransportTest, OpensTheDeviceThatHasBeenPluggedInAgain) {
@@ -221,14 +221,14 @@ TEST_F(UsbTransportTest, OpensTheDeviceThatHasBeenPluggedInAgain) {
     test::FakeUsbBoard& again = bus.plug({.number = 3});
     transport.open("/dev/bus/usb/001/003");
     EXPECT_EQ(exchange(), ExchangeStatus::Ok);
-    EXPECT_EQ(again.digits()[7], 4095);
+    EXPECT_EQ(again.dac_codes()[7], 4095);
 }
 
 TEST_F(UsbTransportTest, SendsTheLastPacketWithoutLibusb) {
     transport.open(node);
     ASSERT_EQ(exchange(), ExchangeStatus::Ok);
     transport.send_last(packet_of({}), 0);
-    EXPECT_EQ(board.digits(), (std::array<std::int16_t, kStrings>{}));
+    EXPECT_EQ(board.dac_codes(), (std::array<std::int16_t, kStrings>{}));
 }
 
 TEST_F(UsbTransportTest, SendsTheLastPacketWhileAnotherThreadIsWithinAnExchange) {
@@ -239,7 +239,7 @@ TEST_F(UsbTransportTest, SendsTheLastPacketWhileAnotherThreadIsWithinAnExchange)
         std::this_thread::yield();
     }
     transport.send_last(packet_of({}), 0);
-    EXPECT_EQ(board.digits(), (std::array<std::int16_t, kStrings>{}));
+    EXPECT_EQ(board.dac_codes(), (std::array<std::int16_t, kStrings>{}));
     board.release_answers();
     exchanging.join();
 }
@@ -249,7 +249,7 @@ TEST_F(UsbTransportTest, ClearsAStallForTheLastPacket) {
     ASSERT_EQ(exchange(), ExchangeStatus::Ok);
     board.misbehave(Fault::StallOut);
     transport.send_last(packet_of({}), 0);
-    EXPECT_EQ(board.digits(), (std::array<std::int16_t, kStrings>{}));
+    EXPECT_EQ(board.dac_codes(), (std::array<std::int16_t, kStrings>{}));
 }
 
 TEST_F(UsbTransportTest, IsDisconnectedWhileItIsClosed) {

@@ -14,10 +14,11 @@
 #include <thread>
 #include <vector>
 
-#include <haptic/device/emulated_device.hpp>
-#include "transport/serial_transport.hpp"
 #include "boards/uart_board.hpp"
-#include <haptic/device/variant_file.hpp>
+#include "emulated/uart_firmware.hpp"
+#include "haptic/device/device_geometry_file.hpp"
+#include "haptic/device/emulated_device.hpp"
+#include "transport/serial_transport.hpp"
 
 namespace haptic::device {
 namespace {
@@ -29,13 +30,13 @@ class TtyServerTest : public testing::Test {
   protected:
     void TearDown() override { std::filesystem::remove(link); }
 
-    EmulatedDevice device{{.variant = builtin_variant("SpidarG6X4"), .power_up = {9, 8, 7, 6, 5, 4, 3, 2}}};
+    EmulatedDevice device{{.geometry = built_in_geometry("SpidarG6X4"), .power_up = {9, 8, 7, 6, 5, 4, 3, 2}}};
     UartFirmware firmware{device};
     std::filesystem::path link =
         std::filesystem::temp_directory_path() / ("haptic-tty-" + std::to_string(getpid()) + "-link");
 };
 
-/// Steps a server in a thread of its own, as `serve` does.
+/// Steps a server in a separate thread, as `serve` does.
 class Served {
   public:
     explicit Served(TtyServer& server)
@@ -90,7 +91,7 @@ TEST_F(TtyServerTest, HasNothingToDoAWhileAfterItsLastInput) {
 TEST_F(TtyServerTest, LosesAnswersThatNobodyFetchesRatherThanWait) {
     TtyServer server(firmware, {});
     const int line = open(server.path().c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK);
-    const std::vector<char> request(9, '\x08');  // board info, again and again
+    const std::vector<char> request(9, '\x08');  // board info, repeatedly
     for (int k = 0; k < 3000; ++k) {
         ASSERT_GE(write(line, request.data(), request.size()), 0);
         server.step(k);

@@ -62,7 +62,7 @@ TEST_F(UsbDevice, StringsAreUtf16InUsEnglish) {
     EXPECT_FALSE(ask(0x80, 6, 0x0301, 0x0409, 255).stalled);
     EXPECT_FALSE(ask(0x80, 6, 0x0302, 0x0409, 255).stalled);
     expect_stall(0x80, 6, 0x0304, 0x0409, 255);
-    expect_stall(0x80, 6, 0x03EE, 0, 18);  // what Windows asks for
+    expect_stall(0x80, 6, 0x03EE, 0, 18);  // Windows requests it
 }
 
 TEST_F(UsbDevice, StringsTooLongForADescriptorAreCut) {
@@ -123,7 +123,7 @@ TEST_F(UsbDevice, AnEndpointIsHaltedAndClearedByItself) {
 }
 
 TEST_F(UsbDevice, RequestsOfClassesAndVendorsAreStalled) {
-    // 40 a0 is how a host loads firmware into the USB chip of these boards.
+    // A host loads firmware into the USB chip of these boards with 40 a0.
     expect_stall(0x40, 0xA0, 0xE600, 0, 1);
     expect_stall(0xC0, 0xA0, 0, 0, 1);
     expect_stall(0x21, 9, 0, 0, 0);

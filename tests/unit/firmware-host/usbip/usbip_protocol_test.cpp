@@ -33,7 +33,7 @@ Bytes sh4_record_bytes() {
     return joined({hex("2f7379732f78"), zeros(250),                   // path
                    hex("312d31"), zeros(29),                          // bus id
                    hex("00000001 00000002 00000003 0cec 0205 0100"),  // bus, address, speed, ids, release
-                   hex("ff 01 02 01 01 01")});                        // classes, configuration, how many
+                   hex("ff 01 02 01 01 01")});                        // classes, configuration, counts
 }
 
 TEST(UsbipProtocol, DeviceListIsThePublishedLayout) {

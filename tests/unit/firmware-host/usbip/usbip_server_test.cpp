@@ -1,4 +1,4 @@
-// The server over real sockets on the loopback, stepped by the test with a time of its own.
+// UsbipServer over real loopback sockets, stepped by the test with its own time.
 #include "usbip/usbip_server.hpp"
 
 #include <arpa/inet.h>
@@ -13,8 +13,9 @@
 #include <stdexcept>
 #include <system_error>
 
-#include <haptic/device/emulated_board.hpp>
 #include "codecs/sh4_codec.hpp"
+#include "emulated/make_firmware.hpp"
+#include "haptic/device/emulated_device.hpp"
 #include "usbip_bytes.hpp"
 
 namespace haptic::device {
@@ -31,7 +32,7 @@ using testing::AllOf;
 using testing::Contains;
 using testing::HasSubstr;
 
-constexpr int kPatienceMs = 5000;  // for bytes on the loopback; a test that needs it has failed
+constexpr int kPatienceMs = 5000;  // for bytes on the loopback; a test that waits this long fails
 
 /// A client's socket.
 class Peer {
@@ -52,7 +53,7 @@ class Peer {
     void send(const Bytes& bytes) const {
         ASSERT_EQ(::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL), static_cast<ssize_t>(bytes.size()));
     }
-    /// As many bytes as the kernel takes at once.
+    /// Sends as many bytes as the kernel accepts immediately.
     [[nodiscard]] ssize_t send_what_goes(const Bytes& bytes) const {
         return ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
     }
@@ -62,7 +63,7 @@ class Peer {
         }
         socket_ = -1;
     }
-    /// The connection ends as it does when a machine loses its power and comes back: with a reset.
+    /// Ends the connection with a reset, as after a power failure of the client.
     void abort() {
         const linger now{1, 0};
         setsockopt(socket_, SOL_SOCKET, SO_LINGER, &now, sizeof now);
@@ -74,7 +75,7 @@ class Peer {
     int socket_;
 };
 
-/// A board whose cable can be pulled.
+/// A board whose cable can be unplugged.
 class PluggedFirmware final : public Firmware {
   public:
     explicit PluggedFirmware(EmulatedDevice& device) : board_(make_firmware(BoardKind::Sh4, device)) {}
@@ -95,8 +96,8 @@ class PluggedFirmware final : public Firmware {
 
 class UsbipServerTest : public testing::Test {
   protected:
-    /// Steps the server until `bytes` have come to the peer or nothing more comes: what came. An end of the connection
-    /// is an end of the bytes.
+    /// Steps the server until the peer has received `bytes` or nothing more arrives; returns the bytes. The end of the
+    /// connection ends them.
     Bytes receive(const Peer& peer, std::size_t bytes) {
         Bytes all;
         while (all.size() < bytes) {
@@ -126,7 +127,7 @@ class UsbipServerTest : public testing::Test {
             }
         }
     }
-    /// Waits until the server or the peer has something to do.
+    /// Waits until the server or the peer has work.
     bool wait_for(const Peer& peer) {
         pollfd either[] = {{server.descriptor(), POLLIN, 0}, {peer.socket(), POLLIN, 0}};
         return poll(either, 2, kPatienceMs) > 0;
@@ -145,16 +146,16 @@ class UsbipServerTest : public testing::Test {
     }
 
     std::int64_t now_ns = 1'000'000'000;
-    EmulatedDevice device{{.variant = spidar_g6_x3r()}};
+    EmulatedDevice device{{.geometry = spidar_g6_x3r()}};
     PluggedFirmware firmware{device};
     std::vector<std::string> reports;
     UsbipServer server{
         {"127.0.0.1", 0}, BoardKind::Sh4, firmware, [this](std::string_view line) { reports.emplace_back(line); }};
 };
 
-Bytes sh4_packet(std::uint16_t digit) {
+Bytes sh4_packet(std::uint16_t dac_code) {
     Sh4Command command;
-    command.digits.fill(digit);
+    command.dac_codes.fill(dac_code);
     Sh4Packet packet;
     encode(command, packet);
     return {packet.begin(), packet.end()};
@@ -201,7 +202,7 @@ TEST_F(UsbipServerTest, CarriesPacketsToTheBoardAndItsAnswersBack) {
     ASSERT_EQ(answers.size(), 48u + 48 + 512);
     EXPECT_EQ(word_at(answers, 4), 2u) << "the OUT is answered first";
     EXPECT_EQ(word_at(answers, 48 + 4), 1u);
-    EXPECT_EQ(device.digits()[7], 45);
+    EXPECT_EQ(device.dac_codes()[7], 45);
     EXPECT_EQ(answers[96], std::byte{45}) << "the echo of the first D/A";
 }
 
@@ -229,7 +230,7 @@ TEST_F(UsbipServerTest, AClientThatIsResetInTheMiddleOfATransferFreesTheDevice) 
     peer.abort();
     wait_and_step();
     EXPECT_EQ(server.clients(), 0u);
-    EXPECT_EQ(device.digits()[0], 0) << "half a packet is none";
+    EXPECT_EQ(device.dac_codes()[0], 0) << "half a packet is none";
     const Peer next(server.address().port);
     import_by(next);
 }
@@ -249,8 +250,8 @@ TEST_F(UsbipServerTest, AClientThatAsksForNothingIsSentAwayInTime) {
     wait_and_step();
     ASSERT_EQ(server.clients(), 1u);
     ASSERT_TRUE(server.due_ns().has_value());
-    EXPECT_EQ(*server.due_ns(), now_ns + UsbipServer::kPatienceNs);
-    now_ns += UsbipServer::kPatienceNs - 1;
+    EXPECT_EQ(*server.due_ns(), now_ns + UsbipServer::kImportTimeoutNs);
+    now_ns += UsbipServer::kImportTimeoutNs - 1;
     step();
     EXPECT_EQ(server.clients(), 1u);
     now_ns += 1;
@@ -262,7 +263,7 @@ TEST_F(UsbipServerTest, AClientThatAsksForNothingIsSentAwayInTime) {
 TEST_F(UsbipServerTest, AClientThatHasImportedMayBeSilentForAsLongAsItLikes) {
     const Peer peer(server.address().port);
     import_by(peer);
-    now_ns += 1000 * UsbipServer::kPatienceNs;
+    now_ns += 1000 * UsbipServer::kImportTimeoutNs;
     step();
     EXPECT_TRUE(server.imported());
     EXPECT_EQ(server.due_ns(), std::nullopt) << "nothing to wake up for";
@@ -273,7 +274,7 @@ TEST_F(UsbipServerTest, AWaitingTransferMakesItAskTheFirmwareAgain) {
     import_by(peer);
     peer.send(submit_in(1, 6, 512));
     wait_and_step();
-    EXPECT_EQ(server.due_ns(), now_ns + UsbipServer::kAnswerPollNs);
+    EXPECT_EQ(server.due_ns(), now_ns + UsbipServer::kReplyPollNs);
     const Bytes packet = sh4_packet(45);
     firmware.receive(packet, now_ns);
     step();
@@ -284,7 +285,7 @@ TEST_F(UsbipServerTest, AWaitingTransferMakesItAskTheFirmwareAgain) {
 TEST_F(UsbipServerTest, AClientThatReadsNothingIsNotReadFromEither) {
     const Peer peer(server.address().port);
     import_by(peer);
-    // Requests with long answers. Sooner or later the server stops taking them and the kernel has no room for more.
+    // Requests with long replies. Eventually the server stops reading and the kernel's buffers are full.
     Bytes requests;
     for (std::uint32_t i = 0; i < 256; ++i) {
         requests = joined({requests, submit_in(i, 0, 255, 0, hex("80 06 0203 0904 ff00"))});
@@ -305,23 +306,23 @@ TEST_F(UsbipServerTest, AClientThatReadsNothingIsNotReadFromEither) {
     EXPECT_LT(rounds, 100'000) << "it takes whatever comes";
     EXPECT_GT(sent, 0);
     EXPECT_TRUE(server.imported());
-    // Other clients are served all the while.
+    // Other clients are still served.
     const Peer other(server.address().port);
     other.send(hex("0111 8005 00000000"));
     EXPECT_EQ(receive(other, 12).size(), 12u);
-    // And it goes on when the client reads again.
+    // The server continues when the client reads again.
     EXPECT_EQ(receive(peer, 1'000'000).size(), 1'000'000u);
 }
 
 TEST_F(UsbipServerTest, NoMoreClientsThanItKeeps) {
     std::vector<std::unique_ptr<Peer>> peers;
-    for (std::size_t i = 0; i < UsbipServer::kMostClients + 1; ++i) {
+    for (std::size_t i = 0; i < UsbipServer::kMaxClients + 1; ++i) {
         peers.push_back(std::make_unique<Peer>(server.address().port));
         wait_and_step();
     }
-    EXPECT_EQ(server.clients(), UsbipServer::kMostClients);
+    EXPECT_EQ(server.clients(), UsbipServer::kMaxClients);
     EXPECT_TRUE(is_closed(*peers.back()));
-    EXPECT_THAT(reports, Contains(HasSubstr("16 clients already")));
+    EXPECT_THAT(reports, Contains(HasSubstr("16 clients are connected already")));
 }
 
 TEST_F(UsbipServerTest, UnpluggingTakesTheDeviceAwayUntilItIsPluggedAgain) {

@@ -7,7 +7,8 @@
 #include <optional>
 #include <random>
 
-#include <haptic/device/emulated_board.hpp>
+#include "emulated/make_firmware.hpp"
+#include "haptic/device/emulated_device.hpp"
 #include "usbip_bytes.hpp"
 
 namespace haptic::device {
@@ -31,7 +32,7 @@ constexpr std::uint32_t kResetStatus = 0xFFFFFF98;     // -104
 constexpr std::uint32_t kOverflowStatus = 0xFFFFFFB5;  // -75
 constexpr std::uint32_t kShortStatus = 0xFFFFFF87;     // -121
 
-/// Keeps what it is sent; answers what it was told to.
+/// Records received packets; replies as configured.
 class ScriptedFirmware final : public Firmware {
   public:
     void receive(std::span<const std::byte> out, std::int64_t /*now_ns*/) HAPTIC_RT override {
@@ -185,7 +186,7 @@ TEST_F(Session, AnInTransferWaitsForAnAnswer) {
     EXPECT_TRUE(tell(submit_in(7, 6, 512)).empty());
     EXPECT_TRUE(session->waits_for_firmware());
     firmware.replies.push_back(packet(512, 9));
-    session->fill(0);
+    session->complete_pending(0);
     EXPECT_EQ(take(*session), in_reply(7, 0, packet(512, 9)));
     EXPECT_FALSE(session->waits_for_firmware());
 }
@@ -200,7 +201,7 @@ TEST_F(Session, AnswersGoToTransfersInTheirOrder) {
     import_device();
     tell(joined({submit_in(1, 6, 512), submit_in(2, 6, 512), submit_in(3, 6, 512)}));
     firmware.replies = {packet(512, 1), packet(512, 2)};
-    session->fill(0);
+    session->complete_pending(0);
     EXPECT_EQ(take(*session), joined({in_reply(1, 0, packet(512, 1)), in_reply(2, 0, packet(512, 2))}));
     EXPECT_TRUE(session->waits_for_firmware());
 }
@@ -227,7 +228,7 @@ TEST_F(Session, UnlinkTakesAWaitingTransferBackAndItsAnswerGoesToTheNext) {
     EXPECT_EQ(tell(unlink(2, 1)), unlink_reply(2, kResetStatus));
     EXPECT_FALSE(session->waits_for_firmware());
     firmware.replies = {packet(512, 4)};
-    session->fill(0);
+    session->complete_pending(0);
     EXPECT_TRUE(take(*session).empty()) << "a transfer that was taken back was answered";
     EXPECT_EQ(tell(submit_in(3, 6, 512)), in_reply(3, 0, packet(512, 4)));
 }
@@ -302,32 +303,32 @@ TEST_F(Session, PiecesOfAnySizeMakeTheSameAnswers) {
 }
 
 TEST(SimpleBoardSession, TwoShortTransfersOutMakeOneShortOneIn) {
-    EmulatedDevice device({.variant = spidar_g6_x3r()});
+    EmulatedDevice device({.geometry = spidar_g6_x3r()});
     const auto firmware = make_firmware(BoardKind::Simple, device);
     UsbipExport exported(BoardKind::Simple, *firmware);
     UsbipSession session(exported);
     session.receive(import_request(), 0);
     EXPECT_EQ(Bytes(session.output().begin() + 308, session.output().begin() + 312), hex("0cec 0203"));
     session.output().clear();
-    // 45 (0x2d) to each motor, latch, and room for more than the 32 bytes that come.
+    // DAC code 45 (0x2d) to each motor, latch, and a request for more than the 32 bytes of the reply.
     session.receive(joined({submit_out(1, 2, joined({hex("52 2d00 2d00 2d00 2d00 2d00 2d00 2d00 2d00"), zeros(15)})),
                             submit_out(2, 2, joined({hex("51"), zeros(31)})), submit_in(3, 6, 512)}),
                     0);
     ASSERT_EQ(session.output().size(), 48u + 48 + 48 + 32);
     EXPECT_EQ(word_at(session.output(), 96 + 4), 3u);
     EXPECT_EQ(word_at(session.output(), 96 + 24), 32u) << "bytes that came";
-    EXPECT_EQ(device.digits()[7], 45);
+    EXPECT_EQ(device.dac_codes()[7], 45);
 }
 
 TEST_F(Session, MoreWaitingTransfersThanItKeepsEndIt) {
     import_device();
-    for (std::uint32_t i = 0; i < UsbipSession::kMostWaiting; ++i) {
+    for (std::uint32_t i = 0; i < UsbipSession::kMaxPending; ++i) {
         tell(submit_in(i, 6, 512));
     }
     ASSERT_FALSE(session->ended());
     tell(submit_in(10'000, 6, 512));
     EXPECT_TRUE(session->ended());
-    EXPECT_THAT(session->reason(), HasSubstr("waiting"));
+    EXPECT_THAT(session->reason(), HasSubstr("pending"));
 }
 
 TEST_F(Session, EndedItTakesNothingMore) {
@@ -337,7 +338,7 @@ TEST_F(Session, EndedItTakesNothingMore) {
 }
 
 TEST_F(Session, RandomBytesNeitherCrashItNorKeepTheDevice) {
-    std::mt19937 random(1);  // NOLINT(bugprone-random-generator-seed): the same bytes in each run
+    std::mt19937 random(1);  // NOLINT(bugprone-random-generator-seed): reproducible
     for (int i = 0; i < 2000; ++i) {
         session.emplace(exported);
         Bytes bytes = joined({import_request(), submit_in(1, 6, 512), submit_out(2, 2, packet(64, 1)), unlink(3, 1)});

@@ -1,4 +1,4 @@
-// The parts of the executable that are more than option parsing.
+// Statistics, records, workspace files and device input of host-sim's commands.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -16,9 +16,9 @@
 #include "app/snapshots.hpp"
 #include "app/step_record.hpp"
 #include "app/workspace_file.hpp"
-#include <haptic/csv.hpp>
-#include <haptic/pose_track.hpp>
-#include <haptic/sim/curl_track.hpp>
+#include "haptic/csv.hpp"
+#include "haptic/pose_track.hpp"
+#include "haptic/sim/curl_track.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -53,7 +53,7 @@ class RunStatisticsTest : public ::testing::Test {
         std::filesystem::path(::testing::TempDir()) / ("haptic-cli-test-" + std::to_string(getpid()));
 };
 
-TEST_F(RunStatisticsTest, ReportHasTheKeysThatOthersReadOf) {
+TEST_F(RunStatisticsTest, ReportHasItsDocumentedKeys) {
     run(30);
     const nlohmann::json report = statistics_.report(simulation_, 0.5, true);
     EXPECT_EQ(report["scene"], "late-drop");
@@ -82,7 +82,7 @@ TEST_F(RunStatisticsTest, NothingIsCaughtBeforeItArrives) {
     EXPECT_THAT(statistics_.summary(simulation_, 0.1, false), HasSubstr("--verify"));
 }
 
-TEST_F(RunStatisticsTest, AnEscapeIsNoCatch) {
+TEST_F(RunStatisticsTest, AnEscapeIsNotACatch) {
     StepResult escaped;
     escaped.in_contact = true;
     escaped.crossed = true;
@@ -104,13 +104,13 @@ TEST_F(RunStatisticsTest, RecordIsAValidHand) {
     EXPECT_EQ(table.column("time_s")[3], 0.03);
     EXPECT_EQ(table.column("in_contact")[11], 1.0);
     EXPECT_LT(table.column("fy_n")[11], -0.1);  // the cloth pulls the hand down
-    EXPECT_EQ(table.column("tx_nm")[11], 0.0);  // one sphere at the grip's origin has no lever
+    EXPECT_EQ(table.column("tx_nm")[11], 0.0);  // one sphere at the grip's origin has no moment arm
     EXPECT_NO_THROW((void)PoseTrack::load(file));
     EXPECT_TRUE(CurlTrack::load(file).known());
     std::filesystem::remove_all(folder_);
 }
 
-TEST_F(RunStatisticsTest, SnapshotsShowTheMomentsRoundTheContact) {
+TEST_F(RunStatisticsTest, SnapshotsShowTheMomentsAroundTheContact) {
     run(120);
     const std::vector<std::filesystem::path> files = snapshots_.write(folder_);
     ASSERT_EQ(files.size(), 4u);
@@ -125,16 +125,16 @@ class WorkspaceFileTest : public ::testing::Test {
   protected:
     void SetUp() override { std::filesystem::create_directories(folder_); }
     void TearDown() override { std::filesystem::remove_all(folder_); }
-    /// Puts another file in its place, as editors do: with the same size and time its inode still differs.
+    /// Replaces the file, as editors do: even with the same size and time its inode differs.
     void write(const std::string& text) {
         const std::filesystem::path fresh = folder_ / "fresh.toml";
         std::ofstream(fresh) << text;
         std::filesystem::rename(fresh, file_);
     }
-    /// The file is seen, and taken when it is still the same.
-    std::optional<WorkspaceSettings> look() {
-        EXPECT_FALSE(workspace_->look(now_ns_ += WorkspaceFile::kLookNs));
-        return workspace_->look(now_ns_ += WorkspaceFile::kLookNs);
+    /// Two polls: the first sees a change, the second accepts it if the file is stable.
+    std::optional<WorkspaceSettings> poll_twice() {
+        EXPECT_FALSE(workspace_->poll(now_ns_ += WorkspaceFile::kPollNs));
+        return workspace_->poll(now_ns_ += WorkspaceFile::kPollNs);
     }
 
     std::filesystem::path folder_ =
@@ -145,47 +145,47 @@ class WorkspaceFileTest : public ::testing::Test {
     std::int64_t now_ns_ = 5'000'000'000;
 };
 
-TEST_F(WorkspaceFileTest, TakesWhatItNamesAndTheRestFromTheScene) {
+TEST_F(WorkspaceFileTest, OverridesTheKeysThatItNames) {
     write("[workspace]\nscale = 0.02\n");
     workspace_ = std::make_unique<WorkspaceFile>(file_, scene_);
     WorkspaceSettings expected = scene_;
     expected.scale = 0.02;
     EXPECT_EQ(workspace_->settings(), expected);
-    EXPECT_FALSE(look());  // it was read already
+    EXPECT_FALSE(poll_twice());  // it was read already
 
     write("[workspace]\nforce_scale = 0.1\n");
     expected = scene_;
     expected.force_scale = 0.1;
-    const std::optional<WorkspaceSettings> next = look();
+    const std::optional<WorkspaceSettings> next = poll_twice();
     ASSERT_TRUE(next.has_value());
     EXPECT_EQ(*next, expected);
-    EXPECT_FALSE(look());
+    EXPECT_FALSE(poll_twice());
 }
 
-TEST_F(WorkspaceFileTest, IsLookedAtFiveTimesASecondAtMost) {
+TEST_F(WorkspaceFileTest, IsPolledAtMostFiveTimesPerSecond) {
     write("[workspace]\n");
     workspace_ = std::make_unique<WorkspaceFile>(file_, scene_);
-    EXPECT_FALSE(look());
+    EXPECT_FALSE(poll_twice());
     write("[workspace]\nscale = 0.02\n");
-    EXPECT_FALSE(workspace_->look(now_ns_ + WorkspaceFile::kLookNs));
-    EXPECT_FALSE(workspace_->look(now_ns_ + 2 * WorkspaceFile::kLookNs - 1));
-    EXPECT_TRUE(workspace_->look(now_ns_ + 2 * WorkspaceFile::kLookNs));
+    EXPECT_FALSE(workspace_->poll(now_ns_ + WorkspaceFile::kPollNs));
+    EXPECT_FALSE(workspace_->poll(now_ns_ + 2 * WorkspaceFile::kPollNs - 1));
+    EXPECT_TRUE(workspace_->poll(now_ns_ + 2 * WorkspaceFile::kPollNs));
 }
 
-TEST_F(WorkspaceFileTest, IsNotTakenWhileItIsStillWrittenTo) {
+TEST_F(WorkspaceFileTest, IsNotAcceptedWhileItIsBeingWritten) {
     write("[workspace]\n");
     workspace_ = std::make_unique<WorkspaceFile>(file_, scene_);
     for (const char* so_far : {"[workspace]\nsca", "[workspace]\nscale = 0.0", "[workspace]\nscale = 0.02"}) {
         write(so_far);
-        EXPECT_FALSE(workspace_->look(now_ns_ += WorkspaceFile::kLookNs));
-        EXPECT_EQ(workspace_->complaint(), "");
+        EXPECT_FALSE(workspace_->poll(now_ns_ += WorkspaceFile::kPollNs));
+        EXPECT_EQ(workspace_->error(), "");
     }
-    const std::optional<WorkspaceSettings> next = workspace_->look(now_ns_ += WorkspaceFile::kLookNs);
+    const std::optional<WorkspaceSettings> next = workspace_->poll(now_ns_ += WorkspaceFile::kPollNs);
     ASSERT_TRUE(next.has_value());
     EXPECT_EQ(next->scale, 0.02);
 }
 
-TEST_F(WorkspaceFileTest, KeepsTheOldOneAndSaysOnceWhereTheNewOneIsWrong) {
+TEST_F(WorkspaceFileTest, KeepsTheOldSettingsAndReportsAnErrorOnce) {
     write("[workspace]\nscale = 0.02\n");
     workspace_ = std::make_unique<WorkspaceFile>(file_, scene_);
     const WorkspaceSettings before = workspace_->settings();
@@ -193,21 +193,21 @@ TEST_F(WorkspaceFileTest, KeepsTheOldOneAndSaysOnceWhereTheNewOneIsWrong) {
          {"[workspace]\nscale = -1.0\n", "[workspace]\nscael = 0.03\n", "[workspace\n",
           "[workspace]\nscale = 0.03\nrotation = [1.0, 1.0, 0.0, 0.0]\n", "[solver]\nstep = 0.1\n"}) {
         write(wrong);
-        EXPECT_FALSE(look()) << wrong;
-        EXPECT_THAT(workspace_->complaint(), HasSubstr("workspace.toml")) << wrong;
+        EXPECT_FALSE(poll_twice()) << wrong;
+        EXPECT_THAT(workspace_->error(), HasSubstr("workspace.toml")) << wrong;
         EXPECT_EQ(workspace_->settings(), before) << wrong;
-        EXPECT_FALSE(look());
-        EXPECT_EQ(workspace_->complaint(), "");
+        EXPECT_FALSE(poll_twice());
+        EXPECT_EQ(workspace_->error(), "");
     }
     std::filesystem::remove(file_);
-    EXPECT_FALSE(look());
-    EXPECT_EQ(workspace_->complaint(), "");
+    EXPECT_FALSE(poll_twice());
+    EXPECT_EQ(workspace_->error(), "");
     write("[workspace]\nscale = 0.03\n");
-    ASSERT_TRUE(look());
+    ASSERT_TRUE(poll_twice());
     EXPECT_EQ(workspace_->settings().scale, 0.03);
 }
 
-TEST_F(WorkspaceFileTest, IsRefusedFromTheBeginningWhereItIsWrongOrMissing) {
+TEST_F(WorkspaceFileTest, IsRejectedAtTheStartIfInvalidOrMissing) {
     EXPECT_THROW(WorkspaceFile(file_, scene_), ConfigError);
     write("[workspace]\nscale = 0.0\n");
     EXPECT_THROW(WorkspaceFile(file_, scene_), ConfigError);
@@ -239,7 +239,7 @@ class DeviceHandTest : public ::testing::Test {
     DeviceHand hand_{reader_, initial_};
 };
 
-TEST_F(DeviceHandTest, StaysWhereItWasUntilAStateComes) {
+TEST_F(DeviceHandTest, StaysInPlaceUntilTheFirstState) {
     EXPECT_EQ(hand_.at(5, kNow).device.position.x, 0.5);
     EXPECT_EQ(hand_.at(6, kNow).time_ns, 6);
     EXPECT_FALSE(hand_.fresh());
@@ -259,7 +259,7 @@ TEST_F(DeviceHandTest, FollowsTheNewestState) {
     EXPECT_TRUE(hand_.fresh());
 }
 
-TEST_F(DeviceHandTest, HoldsItsPlaceAndLetsGoOfTheButtonsWhenStatesGoStale) {
+TEST_F(DeviceHandTest, KeepsThePoseAndReleasesTheButtonsWhenStatesAreStale) {
     DeviceState only = state(0.01);
     (void)writer_.publish(only, kNow);
     (void)hand_.at(0, kNow);
@@ -269,7 +269,7 @@ TEST_F(DeviceHandTest, HoldsItsPlaceAndLetsGoOfTheButtonsWhenStatesGoStale) {
     EXPECT_EQ(input.buttons, 0u);
 }
 
-TEST_F(DeviceHandTest, IgnoresWhatIsNoPose) {
+TEST_F(DeviceHandTest, IgnoresInvalidPoses) {
     DeviceState good = state(0.01);
     DeviceState infinite = state(std::nan(""));
     DeviceState crooked = state(0.02);

@@ -1,5 +1,4 @@
-// What a run does for its viewers, apart from serving them: the hand's sources, pause, changes, records, and playing
-// them.
+// Runs with viewers: sources of the hand, pause, changes, records and their playback.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -15,7 +14,7 @@
 #include <thread>
 #include <vector>
 
-#include "app/frame_outlet.hpp"
+#include "app/contact_frame_publisher.hpp"
 #include "app/hand_sources.hpp"
 #include "app/live_control.hpp"
 #include "app/moment_store.hpp"
@@ -25,9 +24,9 @@
 #include "app/replay.hpp"
 #include "app/run.hpp"
 #include "app/run_options.hpp"
-#include <haptic/csv.hpp>
-#include <haptic/pose_track.hpp>
-#include <haptic/ring.hpp>
+#include "haptic/csv.hpp"
+#include "haptic/pose_track.hpp"
+#include "haptic/ring.hpp"
 #include "view/capture.hpp"
 #include "view/live_view.hpp"
 
@@ -37,20 +36,20 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-/// Viewers that ask for what a test says, and take every moment.
+/// A live view that sends a test's commands and accepts every snapshot.
 class FakeView : public view::LiveView {
   public:
     [[nodiscard]] std::string url() const override { return "http://nowhere/"; }
-    void introduce(const view::SceneDescription& scene) override {
+    void set_scene(const view::SceneDescription& scene) override {
         introduced.push_back(scene);
         moment.vertices.resize(scene.bodies.back().first_vertex + scene.bodies.back().vertices);
         moment.particles.resize(scene.semi_axes.size());
         moment.orientations.resize(scene.semi_axes.size());
         moment.tool_vertices.resize(scene.tool_vertices);
     }
-    [[nodiscard]] view::SceneSnapshot* wanted() noexcept override { return looking ? &moment : nullptr; }
-    void show() noexcept override { ++shown; }
-    void add(const view::StepSample& sample) noexcept override { samples.push_back(sample); }
+    [[nodiscard]] view::SceneSnapshot* requested_snapshot() noexcept override { return looking ? &moment : nullptr; }
+    void publish_snapshot() noexcept override { ++shown; }
+    void add_sample(const view::StepSample& sample) noexcept override { samples.push_back(sample); }
     void frame_published(std::uint64_t sequence, std::int64_t /*time_ns*/) noexcept override { published = sequence; }
     [[nodiscard]] bool next_command(view::Command& command) override {
         if (commands.empty()) {
@@ -76,7 +75,7 @@ Scene scene_named(const std::string& name) {
     return read_scene(open_scene(name), name);
 }
 
-/// A run in small: steps as Run::one_step() makes them.
+/// A minimal run: makes steps as Run::make_step() does.
 class LiveRun : public testing::Test {
   protected:
     LiveRun() {
@@ -87,10 +86,10 @@ class LiveRun : public testing::Test {
         hand.begin(simulation);
         live->introduce(simulation, simulation.settings(), hand);
     }
-    /// True if it was made.
+    /// True if a step was made.
     bool step() {
         live->serve();
-        if (live->stands()) {
+        if (live->is_idle()) {
             live->show(now_ns);
             return false;
         }
@@ -137,7 +136,7 @@ class LiveRun : public testing::Test {
     std::int64_t now_ns = 1'000'000'000;
 };
 
-TEST_F(LiveRun, IsShownAsItIs) {
+TEST_F(LiveRun, IsShownInItsCurrentState) {
     steps(20);
     EXPECT_EQ(view->shown, 20);
     EXPECT_EQ(view->samples.size(), 20u);
@@ -149,7 +148,7 @@ TEST_F(LiveRun, IsShownAsItIs) {
     EXPECT_EQ(view->shown, 20);
 }
 
-TEST_F(LiveRun, PausesStepsOnceAndGoesOnAsIfNothingHadBeen) {
+TEST_F(LiveRun, PausesSingleStepsAndContinuesUnchanged) {
     steps(5);
     ask(view::SetPaused{true});
     steps(10);
@@ -170,7 +169,7 @@ TEST_F(LiveRun, PausesStepsOnceAndGoesOnAsIfNothingHadBeen) {
 TEST_F(LiveRun, SetsParametersWithinTheirRangesAndCountsThem) {
     const std::size_t stiffness = parameter("coupling.stiffness");
     ask(view::SetParameter{stiffness, 20.0});
-    ask(view::SetParameter{stiffness, 20.0});  // is so already
+    ask(view::SetParameter{stiffness, 20.0});  // no change
     ask(view::SetParameter{parameter("solver.step"), 1e9});
     ask(view::SetParameter{99, 1.0});
     steps(1);
@@ -180,17 +179,17 @@ TEST_F(LiveRun, SetsParametersWithinTheirRangesAndCountsThem) {
     EXPECT_EQ(view->moment.run.parameters[stiffness], 20.0);
 }
 
-TEST_F(LiveRun, WishesForScenesAreForTheRun) {
+TEST_F(LiveRun, LeavesSceneRequestsToTheRun) {
     ask(view::Reset{});
     steps(1);
-    ASSERT_TRUE(live->take_wish().has_value());
-    EXPECT_FALSE(live->take_wish().has_value());
+    ASSERT_TRUE(live->take_request().has_value());
+    EXPECT_FALSE(live->take_request().has_value());
     ask(view::ChangeScene{"four-fish"});
     steps(1);
-    EXPECT_EQ(live->take_wish()->scene, "four-fish");
+    EXPECT_EQ(live->take_request()->scene, "four-fish");
 }
 
-TEST_F(LiveRun, MouseTakesTheHandFromTheScriptSmoothlyAndGivesItBack) {
+TEST_F(LiveRun, TheMouseTakesTheHandFromTheScriptSmoothlyAndReturnsIt) {
     steps(5);
     ask(view::MoveHand{Vec3(0.3, 0.1, 0.0), std::nullopt, std::nullopt});
     steps(1);
@@ -207,14 +206,14 @@ TEST_F(LiveRun, MouseTakesTheHandFromTheScriptSmoothlyAndGivesItBack) {
     double before = last.hip.x;
     for (int k = 0; k < 60; ++k) {
         steps(1);
-        EXPECT_LE(std::fabs(last.hip.x - before), 0.3 * 1.5 * 0.01 / 0.5 * 1.01);  // of the easing at its fastest
+        EXPECT_LE(std::fabs(last.hip.x - before), 0.3 * 1.5 * 0.01 / 0.5 * 1.01);  // fastest speed of the easing
         before = last.hip.x;
     }
     EXPECT_EQ(last.hip, Vec3(0.0));
     EXPECT_EQ(view->moment.run.hand, view::HandSource::Script);
 }
 
-TEST_F(LiveRun, DraggedUnderTheClothTheProxyFeelsIt) {
+TEST_F(LiveRun, TheMouseCanDragTheProxyUnderTheCloth) {
     steps(100);
     ask(view::MoveHand{Vec3(0.0, 0.4, 0.0), std::nullopt, std::nullopt});
     steps(46);  // 10 - g t^2 / 2 = 0.4 at 1.4 s
@@ -223,7 +222,7 @@ TEST_F(LiveRun, DraggedUnderTheClothTheProxyFeelsIt) {
     EXPECT_LT(last.hand_force.y, -0.1);
 }
 
-TEST_F(LiveRun, OffersARecordThatMakesTheRunAgainBitForBit) {
+TEST_F(LiveRun, OffersARecordThatRepeatsTheRunBitForBit) {
     ask(view::SetRecording{true});
     steps(100);
     ask(view::SetParameter{parameter("proxy.radius"), 0.06});
@@ -241,7 +240,7 @@ TEST_F(LiveRun, OffersARecordThatMakesTheRunAgainBitForBit) {
         std::filesystem::path(testing::TempDir()) / ("haptic-live-" + std::to_string(getpid()) + ".csv");
     std::ofstream(file) << view->record;
     const RecordedRun record = RecordedRun::load(file);
-    EXPECT_NO_THROW((void)PoseTrack::load(file));  // still a hand for --input
+    EXPECT_NO_THROW((void)PoseTrack::load(file));  // valid for --input
     ASSERT_TRUE(record.notes());
     EXPECT_EQ(record.notes()->changes.size(), 3u);
     EXPECT_EQ(record.rows(), 370u);
@@ -262,7 +261,7 @@ TEST_F(LiveRun, OffersARecordThatMakesTheRunAgainBitForBit) {
     std::filesystem::remove(file);
 }
 
-TEST(ReplayTest, ChangesTheWorkspaceAndCouplesAnewWhereTheRunDid) {
+TEST(ReplayTest, RepeatsWorkspaceChangesAndRecouplingAtTheSameSteps) {
     Simulation simulation(scene_named("fish-slide"));
     Recordings recordings(true, 200);
     recordings.begin({.scene = "fish-slide", .assignments = {}, .first_step = 0, .changes = {}});
@@ -277,8 +276,8 @@ TEST(ReplayTest, ChangesTheWorkspaceAndCouplesAnewWhereTheRunDid) {
             }
         }
         if (k == 160) {
-            simulation.couple_anew();
-            recordings.note(simulation.steps(), std::string(kCoupleAnew));
+            simulation.recouple();
+            recordings.note(simulation.steps(), std::string(kRecouple));
         }
         const StepInput input = simulation.scripted_input(10'000'000 * std::int64_t{k});
         recordings.add(input, simulation.step(input));
@@ -295,11 +294,11 @@ TEST(ReplayTest, ChangesTheWorkspaceAndCouplesAnewWhereTheRunDid) {
     std::filesystem::remove(file);
 }
 
-TEST(RecordNotesTest, SayWhereARecordComesFromAndRefuseWhatTheyDoNotKnow) {
+TEST(RecordNotesTest, DescribeTheOriginOfARecordAndRejectUnknownNotes) {
     const RecordNotes notes{.scene = "my scenes/a b.toml",
                             .assignments = {"solver.iterations=5", "hand.times=[0.0,\n1.0]"},
                             .first_step = 7,
-                            .changes = {{9, "coupling.stiffness=20"}, {9, std::string(kCoupleAnew)}}};
+                            .changes = {{9, "coupling.stiffness=20"}, {9, std::string(kRecouple)}}};
     const std::vector<std::string> lines = lines_of(notes);
     const std::optional<RecordNotes> read = read_notes(lines);
     ASSERT_TRUE(read);
@@ -307,7 +306,7 @@ TEST(RecordNotesTest, SayWhereARecordComesFromAndRefuseWhatTheyDoNotKnow) {
     EXPECT_THAT(read->assignments, ElementsAre("solver.iterations=5", "hand.times=[0.0, 1.0]"));
     EXPECT_EQ(read->first_step, 7u);
     ASSERT_EQ(read->changes.size(), 2u);
-    EXPECT_EQ(read->changes[1].what, kCoupleAnew);
+    EXPECT_EQ(read->changes[1].what, kRecouple);
     EXPECT_EQ(read->changes[1].step, 9u);
     EXPECT_FALSE(read_notes({}));
     const std::vector<std::string> of_somebody_else{"made with love"};
@@ -318,7 +317,7 @@ TEST(RecordNotesTest, SayWhereARecordComesFromAndRefuseWhatTheyDoNotKnow) {
     EXPECT_THROW((void)read_notes(newer), std::invalid_argument);
 }
 
-TEST(RecordNotesTest, OfASliderBetweenTwoStepsTheLastCounts) {
+TEST(RecordNotesTest, KeepOnlyTheLastChangeOfAKeyBetweenTwoSteps) {
     Recordings recordings(false, 0);
     recordings.begin({.scene = "cloth-drop", .assignments = {}, .first_step = 0, .changes = {}});
     recordings.start_offer(0);
@@ -351,7 +350,7 @@ class MomentStoreTest : public testing::Test {
     std::int64_t time_ns = 0;
 };
 
-TEST_F(MomentStoreTest, GivesBackWhatItWasGivenToAPartOfEachBodysSize) {
+TEST_F(MomentStoreTest, ReturnsSnapshotsToAFractionOfEachBodysSize) {
     MomentStore store(description);
     view::SceneSnapshot kept;
     for (int k = 0; k < 220; ++k) {
@@ -383,7 +382,7 @@ TEST_F(MomentStoreTest, GivesBackWhatItWasGivenToAPartOfEachBodysSize) {
     }
 }
 
-TEST_F(MomentStoreTest, BecomesCoarserWhereItIsFullButNeverShorter) {
+TEST_F(MomentStoreTest, BecomesCoarserWhenFullButNeverShorter) {
     MomentStore store(description, 1'000'000);
     double end = 0.0;
     for (int k = 0; k < 400; ++k) {
@@ -398,13 +397,13 @@ TEST_F(MomentStoreTest, BecomesCoarserWhereItIsFullButNeverShorter) {
     view::SceneSnapshot found;
     view::make_room(simulation, found);
     ASSERT_TRUE(store.find(0.0, found));
-    EXPECT_NEAR(found.time, 0.01, 1e-9);  // the first is still there
+    EXPECT_NEAR(found.time, 0.01, 1e-9);  // the first one is kept
     ASSERT_TRUE(store.find(100.0, found));
     EXPECT_EQ(found.time, end);
-    EXPECT_EQ(store.beside(0.0, 1), store.beside(store.beside(0.0, 1), 0));
-    EXPECT_GT(store.beside(0.0, 1), 0.05);  // fewer than at first
-    EXPECT_EQ(store.beside(0.0, -3), store.beside(0.0, 0));
-    EXPECT_EQ(store.beside(0.0, 1'000'000), end);
+    EXPECT_EQ(store.time_of_neighbour(0.0, 1), store.time_of_neighbour(store.time_of_neighbour(0.0, 1), 0));
+    EXPECT_GT(store.time_of_neighbour(0.0, 1), 0.05);  // fewer than initially
+    EXPECT_EQ(store.time_of_neighbour(0.0, -3), store.time_of_neighbour(0.0, 0));
+    EXPECT_EQ(store.time_of_neighbour(0.0, 1'000'000), end);
 }
 
 class PlaybackTest : public testing::Test {
@@ -443,12 +442,12 @@ TEST_F(PlaybackTest, PlaysSeeksPausesStepsAndChangesTheSpeed) {
     EXPECT_NEAR(view.introduced[0].length, 1.0, 1e-9);
     EXPECT_TRUE(view.introduced[0].parameters.empty());
     view.looking = false;
-    playback->go_on(0.1);
-    EXPECT_EQ(playback->time(), 0.0);  // for nobody
+    playback->advance(0.1);
+    EXPECT_EQ(playback->time(), 0.0);  // no viewer yet
     view.looking = true;
-    playback->go_on(0.1);
+    playback->advance(0.1);
     EXPECT_EQ(playback->time(), 0.0);
-    playback->go_on(0.1);
+    playback->advance(0.1);
     EXPECT_NEAR(playback->time(), 0.1, 1e-9);
     EXPECT_EQ(view.samples.size(), 10u);
     EXPECT_EQ(view.moment.run.hand, view::HandSource::Input);
@@ -456,33 +455,33 @@ TEST_F(PlaybackTest, PlaysSeeksPausesStepsAndChangesTheSpeed) {
     EXPECT_FALSE(view.moment.run.diverged);
     view.commands.push_back(view::Seek{0.5});
     view.commands.push_back(view::SetPaused{true});
-    playback->go_on(0.1);
+    playback->advance(0.1);
     EXPECT_NEAR(playback->time(), 0.5, 1e-9);
-    EXPECT_EQ(view.samples.size(), 10u);  // what was leapt over is not plotted
+    EXPECT_EQ(view.samples.size(), 10u);  // skipped steps are not plotted
     const std::uint64_t at = view.moment.step;
     EXPECT_NEAR(static_cast<double>(at), 50.0, 2.0);
     view.commands.push_back(view::SingleStep{1});
-    playback->go_on(0.1);
+    playback->advance(0.1);
     EXPECT_GT(view.moment.step, at);
     EXPECT_LE(view.moment.step, at + 2);
     view.commands.push_back(view::SetSpeed{2.0});
     view.commands.push_back(view::SetPaused{false});
     const double from = playback->time();
-    playback->go_on(0.1);
+    playback->advance(0.1);
     EXPECT_NEAR(playback->time(), from + 0.2, 1e-9);
-    playback->go_on(10.0);
+    playback->advance(10.0);
     EXPECT_NEAR(playback->time(), 1.0, 1e-9);
     EXPECT_TRUE(playback->paused());
     view.commands.push_back(view::SetPaused{false});
-    playback->go_on(0.0);
-    EXPECT_EQ(playback->time(), 0.0);  // again from the start
+    playback->advance(0.0);
+    EXPECT_EQ(playback->time(), 0.0);  // restarted
     view.commands.push_back(view::MoveHand{});
     view.commands.push_back(view::Seek{77.0});
-    playback->go_on(0.0);
+    playback->advance(0.0);
     EXPECT_NEAR(playback->time(), 1.0, 1e-9);
 }
 
-TEST_F(PlaybackTest, AHandOfOldRecordsIsFollowedOverTimeInAnyScene) {
+TEST_F(PlaybackTest, FollowsTheHandOfAnOldRecordOverTimeInAnyScene) {
     Replay other(scene_named("four-fish"), *record, false);
     StepResult result;
     int made = 0;
@@ -490,10 +489,10 @@ TEST_F(PlaybackTest, AHandOfOldRecordsIsFollowedOverTimeInAnyScene) {
         ++made;
     }
     EXPECT_EQ(made, 100);
-    EXPECT_FALSE(other.diverged_at());  // nothing was claimed
+    EXPECT_FALSE(other.diverged_at());  // no notes to compare with
 }
 
-TEST_F(PlaybackTest, AsInputItMakesTheSameBitsWithItsButtons) {
+TEST_F(PlaybackTest, AsInputItGivesTheSameBitsWithItsButtons) {
     Simulation scripted(scene_named("fish-slide"));
     Simulation followed(scene_named("fish-slide"));
     HandSources hand({.input = file.string(), .hostile_seed = std::nullopt, .scripted = true}, nullptr);
@@ -507,14 +506,14 @@ TEST_F(PlaybackTest, AsInputItMakesTheSameBitsWithItsButtons) {
     EXPECT_EQ(scripted.state_hash(), followed.state_hash());
 }
 
-TEST(RecordedRunTest, BetweenRowsPosesAreHalfWayAndButtonsAreHeld) {
+TEST(RecordedRunTest, InterpolatesPosesAndHoldsButtonsBetweenRows) {
     const std::filesystem::path file =
         std::filesystem::path(testing::TempDir()) / ("haptic-rows-" + std::to_string(getpid()) + ".csv");
     std::ofstream(file) << "time_s,x_m,y_m,z_m,curl,buttons\n# a note\n5,0,0,0,0,1\n6,1,0,0,0.5,2\n";
     const RecordedRun run = RecordedRun::load(file);
     EXPECT_FALSE(run.notes());
     EXPECT_EQ(run.begin(), 5.0);
-    EXPECT_EQ(run.length(), 2.0);  // the last row's step is as long as the one before
+    EXPECT_EQ(run.length(), 2.0);  // the last row's step has the length of the one before
     const StepInput middle = run.at(0.5);
     EXPECT_EQ(middle.device.position.x, 0.5);
     EXPECT_EQ(middle.curl, 0.25);
@@ -526,9 +525,9 @@ TEST(RecordedRunTest, BetweenRowsPosesAreHalfWayAndButtonsAreHeld) {
     std::filesystem::remove(file);
 }
 
-TEST(FrameOutletTest, OfASceneThatStandsTheStiffnessFadesAndThePlanesStopButFramesGoOn) {
+TEST(ContactFramePublisherTest, WhileIdleTheStiffnessFadesAndThePlanesRestButFramesContinue) {
     const std::string session = "outlet-" + std::to_string(getpid());
-    FrameOutlet outlet(session);
+    ContactFramePublisher outlet(session);
     RingReader<ContactFrame> reader(session);
     ContactFrame frame{};
     frame.stiffness = 100.0;
@@ -537,7 +536,7 @@ TEST(FrameOutletTest, OfASceneThatStandsTheStiffnessFadesAndThePlanesStopButFram
     frame.proxies[0].plane_count = 1;
     frame.proxies[0].planes[0].normal[1] = 1.0;
     frame.proxies[0].planes[0].velocity = 2.0;
-    EXPECT_EQ(outlet.stand(1'000), 0u);  // nothing was found yet
+    EXPECT_EQ(outlet.publish_idle(1'000), 0u);  // no frame yet
     std::int64_t now_ns = 1'000'000'000;
     ASSERT_NE(outlet.publish(frame, now_ns, now_ns), 0u);
     ContactFrame read{};
@@ -545,11 +544,11 @@ TEST(FrameOutletTest, OfASceneThatStandsTheStiffnessFadesAndThePlanesStopButFram
     EXPECT_EQ(read.stiffness, 100.0);
     double last = 100.0;
     for (int k = 1; k <= 30; ++k) {
-        now_ns += FrameOutlet::kStandNs;
-        EXPECT_NE(outlet.stand(now_ns), 0u);
+        now_ns += ContactFramePublisher::kIdlePeriodNs;
+        EXPECT_NE(outlet.publish_idle(now_ns), 0u);
         ASSERT_TRUE(reader.read_newest(read));
         EXPECT_EQ(haptic::find_defect(read), FrameDefect::None);
-        EXPECT_LE(last - read.stiffness, 100.0 * 0.005 / FrameOutlet::kFade + 1e-9);
+        EXPECT_LE(last - read.stiffness, 100.0 * 0.005 / ContactFramePublisher::kFade + 1e-9);
         EXPECT_EQ(read.proxies[0].planes[0].velocity, 0.0);
         EXPECT_EQ(read.publish_time_ns, now_ns);
         last = read.stiffness;
@@ -559,11 +558,11 @@ TEST(FrameOutletTest, OfASceneThatStandsTheStiffnessFadesAndThePlanesStopButFram
     EXPECT_NE(read.flags & HAPTIC_FRAME_CLUTCHED, 0u);
 }
 
-/// Ends the run at the first moment of the second simulation.
+/// Ends the run at the first snapshot of the second simulation.
 class EndsAfterReset : public FakeView {
   public:
     explicit EndsAfterReset(std::vector<view::SceneSnapshot>& last) : last_(last) {}
-    void show() noexcept override {
+    void publish_snapshot() noexcept override {
         if (introduced.size() == 2) {
             last_.push_back(moment);
             (void)std::raise(SIGINT);
@@ -574,19 +573,19 @@ class EndsAfterReset : public FakeView {
     std::vector<view::SceneSnapshot>& last_;
 };
 
-TEST(RunTest, WhatBreaksDownUnderChangesBeginsAnewPausedWithItsOwnSettings) {
+TEST(RunTest, ASceneThatDivergesUnderChangesRestartsPausedWithItsOwnSettings) {
     RunOptions options;
     options.scene = "cloth-drop";
     options.assignments = {"collisions.ground=false"};
     options.clock = "lockstep";
     options.view = true;
     Plan plan(options);
-    plan.scene.solver.gravity.y = -1e308;  // in a step more than a number can hold
+    plan.scene.solver.gravity.y = -1e308;  // overflows in one step
     std::vector<view::SceneSnapshot> last;
     auto view = std::make_unique<EndsAfterReset>(last);
     view->commands.push_back(view::SetParameter{0, 20.0});
     sim::Run run(options, plan, std::move(view));
-    EXPECT_EQ(run.go(), 0);
+    EXPECT_EQ(run.execute(), 0);
     ASSERT_EQ(last.size(), 1u);
     EXPECT_TRUE(last[0].run.paused);
     EXPECT_EQ(last[0].step, 0u);
@@ -594,7 +593,7 @@ TEST(RunTest, WhatBreaksDownUnderChangesBeginsAnewPausedWithItsOwnSettings) {
     EXPECT_TRUE(std::isfinite(last[0].vertices[0].y));
 }
 
-TEST(RunTest, WithoutChangesItSaysWhatBrokeDown) {
+TEST(RunTest, WithoutChangesADivergenceEndsTheRunWithAnError) {
     RunOptions options;
     options.scene = "cloth-drop";
     options.assignments = {"collisions.ground=false"};
@@ -604,10 +603,10 @@ TEST(RunTest, WithoutChangesItSaysWhatBrokeDown) {
     plan.scene.solver.gravity.y = -1e308;
     plan.steps = 400;
     sim::Run run(options, plan, nullptr);
-    EXPECT_THROW((void)run.go(), std::runtime_error);
+    EXPECT_THROW((void)run.execute(), std::runtime_error);
 }
 
-TEST(PlanTest, AViewIsPacedAndEndlessUnlessSomethingElseIsSaid) {
+TEST(PlanTest, AViewRunsInRealTimeWithoutEndByDefault) {
     RunOptions options;
     options.scene = "cloth-drop";
     options.view = true;
@@ -649,7 +648,7 @@ class DeviceAndMouse : public testing::Test {
     HandSources hand{{.input = "", .hostile_seed = std::nullopt, .scripted = true}, &states};
 };
 
-TEST_F(DeviceAndMouse, TheDeviceWinsAndWhenItGoesTheHandStaysUntilSomebodyTakesIt) {
+TEST_F(DeviceAndMouse, TheDeviceTakesPrecedenceAndTheHandStaysWhenItDisappears) {
     constexpr std::int64_t kSecond = 1'000'000'000;
     hand.begin(simulation);
     (void)at(kSecond);
@@ -660,14 +659,14 @@ TEST_F(DeviceAndMouse, TheDeviceWinsAndWhenItGoesTheHandStaysUntilSomebodyTakesI
     publish(0.01, 2 * kSecond);
     EXPECT_EQ(at(2 * kSecond).device.position.x, 0.01);
     EXPECT_EQ(hand.source(), view::HandSource::Device);
-    EXPECT_TRUE(hand.device_came());
+    EXPECT_TRUE(hand.device_appeared());
     hand.move(simulation, {Vec3(0.5, 0.0, 0.0), std::nullopt, std::nullopt});
     hand.follow_script(simulation);
     hand.release();
     EXPECT_EQ(at(2 * kSecond + 1).device.position.x, 0.01);
     EXPECT_EQ(hand.source(), view::HandSource::Device);
-    EXPECT_FALSE(hand.device_came());
-    EXPECT_EQ(at(3 * kSecond).device.position.x, 0.01);  // it was not heard of for a second
+    EXPECT_FALSE(hand.device_appeared());
+    EXPECT_EQ(at(3 * kSecond).device.position.x, 0.01);  // stale for a second
     EXPECT_EQ(hand.source(), view::HandSource::Still);
     hand.follow_script(simulation);
     (void)at(3 * kSecond + 1);

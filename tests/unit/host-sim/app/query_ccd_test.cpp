@@ -75,7 +75,7 @@ std::string written(const Query& q) {
 constexpr const char* kFalling = "0,0,0,1,-4,5,-4,4,5,-4,0,5,6,-4,-5,-4,4,-5,-4,0,-5,6";
 constexpr const char* kFar = "0,0,0,1,-4,5,-4,4,5,-4,0,5,6,-4,3,-4,4,3,-4,0,3,6";
 
-TEST(QueryCcd, AnswersAFaceThatFallsThroughTheSphere) {
+TEST(QueryCcd, AnswersForAFaceThatFallsThroughTheSphere) {
     const Outcome r = run(std::string(kFalling) + "\n");
     EXPECT_EQ(r.status, 0);
     ASSERT_EQ(r.answers.size(), 1u);
@@ -90,13 +90,13 @@ TEST(QueryCcd, AnswersAFaceThatFallsThroughTheSphere) {
     EXPECT_NEAR(std::stod(f[8]), 0.0, 1e-12);
 }
 
-TEST(QueryCcd, LeavesFieldsEmptyAndTheCentreInPlaceWhereNothingTouches) {
+TEST(QueryCcd, LeavesFieldsEmptyAndTheCentreInPlaceWithoutContact) {
     const Outcome r = run(std::string(kFar) + "\n");
     EXPECT_EQ(r.status, 0);
     EXPECT_THAT(r.answers, testing::ElementsAre("none,,,,,,0,0,0"));
 }
 
-TEST(QueryCcd, SkipsCommentsAndBlankLinesAndTakesSpaces) {
+TEST(QueryCcd, SkipsCommentsAndBlankLinesAndAcceptsSpaces) {
     const Outcome r = run(std::string("# px,py,...\n\n   \n") + kFar + " # a remark\r\n\t" + kFar);
     EXPECT_EQ(r.status, 0);
     EXPECT_EQ(r.answers.size(), 2u);

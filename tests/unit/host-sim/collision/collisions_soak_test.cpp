@@ -1,4 +1,4 @@
-// Bodies thrown together hard, over and over.
+// Soak test: bodies thrown together hard, repeatedly.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,9 +8,9 @@
 
 #include "clouds.hpp"
 #include "collision/ellipsoids.hpp"
-#include <haptic/denormals.hpp>
-#include <haptic/sim/collisions.hpp>
-#include <haptic/sim/solver.hpp>
+#include "haptic/denormals.hpp"
+#include "haptic/sim/collisions.hpp"
+#include "haptic/sim/solver.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -22,7 +22,7 @@ EllipsoidShape shape_now(const ParticleModel& model, std::size_t i) {
     return shape_of(model.semi_axes[i], model.orientation[i] * model.axes[i]);
 }
 
-/// From the corners of a square above the ground toward its middle, each somewhat beside it.
+/// From the corners of a square above the ground toward its centre, each slightly beside it.
 ParticleModel thrown(std::uint32_t seed) {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
@@ -40,8 +40,8 @@ ParticleModel thrown(std::uint32_t seed) {
 }
 
 struct Depths {
-    double deepest = 0.0;  // of the distance at which the two would touch; 1: the centres are in one place
-    double mean = 0.0;     // over pairs that overlap
+    double deepest = 0.0;  // of the distance at which the two would touch; 1: the centres coincide
+    double mean = 0.0;     // over overlapping pairs
 };
 
 Depths depths(const ParticleModel& model) {
@@ -56,7 +56,7 @@ Depths depths(const ParticleModel& model) {
             }
             const EllipsoidShape first = shape_now(model, a);
             const EllipsoidShape second = shape_now(model, b);
-            const Vec3 n = parting_normal({first, second, 1.0, c, c});
+            const Vec3 n = separating_normal({first, second, 1.0, c, c});
             const double depth = 1.0 - glm::dot(n, c) / (reach_of(first, n) + reach_of(second, n));
             if (depth > 0.0) {
                 result.deepest = std::max(result.deepest, depth);
@@ -84,7 +84,8 @@ TEST(Collisions, OfFourBodiesThrownTogetherEndWithNoneInsideAnother) {
                 worst = std::max(worst, depths(model).deepest);
             }
             for (std::size_t i = 0; i < model.size(); ++i) {
-                // What turns within a step may touch the ground with another end than it was stopped for.
+                // A body that rotates within a step may touch the ground with another end than the one that was
+                // stopped.
                 ASSERT_GT(model.position[i].y, 0.0) << seed << " at step " << step;
                 ASSERT_GT(model.position[i].y - std::sqrt(shape_now(model, i).yy), -8e-3) << seed;
             }

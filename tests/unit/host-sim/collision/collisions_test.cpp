@@ -1,4 +1,4 @@
-#include <haptic/sim/collisions.hpp>
+#include "haptic/sim/collisions.hpp"
 
 #include <gtest/gtest.h>
 
@@ -15,8 +15,8 @@
 
 #include "clouds.hpp"
 #include "collision/ellipsoids.hpp"
-#include <haptic/denormals.hpp>
-#include <haptic/sim/solver.hpp>
+#include "haptic/denormals.hpp"
+#include "haptic/sim/solver.hpp"
 #include "scene/state_hash.hpp"
 
 namespace haptic::sim {
@@ -79,7 +79,7 @@ EllipsoidShape shape_now(const ParticleModel& model, std::size_t i) {
     return shape_of(model.semi_axes[i], model.orientation[i] * model.axes[i]);
 }
 
-/// The deepest overlap of two particles of different bodies, as part of the distance at which they would touch.
+/// The deepest overlap of two particles of different bodies, relative to the distance at which they would touch.
 double deepest(const ParticleModel& model) {
     double worst = 0.0;
     for (std::size_t a = 0; a < model.size(); ++a) {
@@ -91,7 +91,7 @@ double deepest(const ParticleModel& model) {
             }
             const EllipsoidShape first = shape_now(model, a);
             const EllipsoidShape second = shape_now(model, b);
-            const Vec3 n = parting_normal({first, second, 1.0, c, c});
+            const Vec3 n = separating_normal({first, second, 1.0, c, c});
             worst = std::max(worst, 1.0 - glm::dot(n, c) / (reach_of(first, n) + reach_of(second, n)));
         }
     }
@@ -110,29 +110,29 @@ TEST(Collisions, StopTwoThatMeetHeadOnHoweverFast) {
     for (const double speed : {0.1, 1.0, 5.0, 50.0, 1000.0}) {
         const std::vector<ParticleModel> pair{lone({0.0, 0.0, 0.0}, {speed, 0.0, 0.0}, Vec3(0.01)),
                                               lone({0.1, 0.0, 0.0}, {-speed, 0.0, 0.0}, Vec3(0.01), 0.03)};
-        Stepping run(together(pair), kFloating, {.most_substeps = 1});
+        Stepping run(together(pair), kFloating, {.max_substeps = 1});
         const Vec3 momentum = linear_momentum(run.model);
         run.step(100);
-        const double apart = run.model.position[1].x - run.model.position[0].x;
-        EXPECT_NEAR(apart, 0.02, 1e-9) << speed;
+        const double distance = run.model.position[1].x - run.model.position[0].x;
+        EXPECT_NEAR(distance, 0.02, 1e-9) << speed;
         EXPECT_LT(glm::length(linear_momentum(run.model) - momentum), 1e-12 * speed);
-        // Restitution is 0: they go on together.
+        // Restitution is 0: they continue together.
         EXPECT_NEAR(run.model.velocity[0].x, -0.5 * speed, 1e-9 * speed);
         EXPECT_NEAR(run.model.velocity[1].x, -0.5 * speed, 1e-9 * speed);
     }
 }
 
-/// Of a fast passage at random, from the way of one seen from the other in small parts.
+/// Sampled result of a random fast passage, seen from the other particle.
 struct Encounter {
     bool touches = false;
     bool misses = true;  // by a good part of their size
 };
 
-Encounter look(const Vec3& from, const Vec3& way, const Vec3& semi_axes) {
+Encounter sample(const Vec3& from, const Vec3& path, const Vec3& semi_axes) {
     Encounter seen;
     for (int k = 0; k <= 200; ++k) {
-        // Two like ellipsoids that are turned alike touch on one of twice their size.
-        const double level = glm::length((from + (k / 200.0) * way) / (2.0 * semi_axes));
+        // Two ellipsoids of equal shape and orientation touch on one of twice their size.
+        const double level = glm::length((from + (k / 200.0) * path) / (2.0 * semi_axes));
         seen.touches = seen.touches || level < 1.0;
         seen.misses = seen.misses && level > 1.05;
     }
@@ -158,14 +158,14 @@ TEST(Collisions, KeepTheSideOfWhatTheyTouchInAStepAndLeaveWhatPassesAlone) {
         const Vec3 common = 10.0 * vector();
         const std::vector<ParticleModel> pair{lone(from, common + velocity, semi_axes),
                                               lone(Vec3(0.0), common, semi_axes)};
-        Stepping run(together(pair), kFloating, {.static_friction = 0.5, .dynamic_friction = 0.4, .most_substeps = 1});
-        const Encounter seen = look(from, kFloating.step * velocity, semi_axes);
+        Stepping run(together(pair), kFloating, {.static_friction = 0.5, .dynamic_friction = 0.4, .max_substeps = 1});
+        const Encounter seen = sample(from, kFloating.step * velocity, semi_axes);
         run.step();
         const Vec3 to = run.model.position[0] - run.model.position[1];
         if (seen.touches) {
             ++touched;
             ASSERT_GT(glm::length(to / (2.0 * semi_axes)), 1.0 - 1e-9) << k;
-            ASSERT_FALSE(look(from, to - from, 0.999 * semi_axes).touches) << k;  // not even on the way
+            ASSERT_FALSE(sample(from, to - from, 0.999 * semi_axes).touches) << k;  // not on the path either
         } else if (seen.misses) {
             ++missed;
             ASSERT_LT(glm::length(run.model.velocity[0] - common - velocity), 1e-10) << k;
@@ -176,17 +176,17 @@ TEST(Collisions, KeepTheSideOfWhatTheyTouchInAStepAndLeaveWhatPassesAlone) {
 }
 
 TEST(Collisions, HoldBackWhatFollowsOneThatIsStopped) {
-    // Both fall alike, ten radii a step; only the lower one meets the ground in it.
+    // Both fall at ten radii a step; only the lower one meets the ground in this step.
     const std::vector<ParticleModel> pair{lone({0.0, 0.03, 0.0}, {0.0, -10.0, 0.0}, Vec3(0.01)),
                                           lone({0.0, 0.06, 0.0}, {0.0, -10.0, 0.0}, Vec3(0.01))};
-    Stepping run(together(pair), kFloating, {.ground = true, .most_substeps = 1});
+    Stepping run(together(pair), kFloating, {.ground = true, .max_substeps = 1});
     run.step();
     EXPECT_NEAR(run.model.position[0].y, 0.01, 1e-12);
-    EXPECT_GE(run.model.position[1].y, 0.03 - 0.05 * 0.01);  // what passes leave is 5 % of a size
+    EXPECT_GE(run.model.position[1].y, 0.03 - 0.05 * 0.01);  // the passes leave 5 % of a size
 }
 
-TEST(Collisions, HappenBetweenEllipsoidsAsTheyAreTurned) {
-    // Long ones side by side, at a distance less than their length; the second one is then turned across.
+TEST(Collisions, HappenBetweenEllipsoidsAsTheyAreOriented) {
+    // Long ellipsoids side by side, closer than their length; the second one is then rotated across.
     const Vec3 axes(0.03, 0.005, 0.005);
     std::vector<ParticleModel> pair{lone({0.0, 0.0, 0.0}, {0.0, 0.0, 1.0}, axes),
                                     lone({0.0, 0.0, 0.02}, Vec3(0.0), axes)};
@@ -197,10 +197,11 @@ TEST(Collisions, HappenBetweenEllipsoidsAsTheyAreTurned) {
     pair[1].position[0].z = pair[1].rest_position[0].z = 0.04;
     Stepping across(together(pair), kFloating, {});
     across.step();
-    EXPECT_NEAR(across.model.position[1].z - across.model.position[0].z, 0.035, 0.06 * 0x1p-24);  // turned in float
+    EXPECT_NEAR(across.model.position[1].z - across.model.position[0].z, 0.035,
+                0.06 * 0x1p-24);  // rotated in single precision
 }
 
-TEST(Collisions, RestOnTheGroundAtTheReachOfTheTurnedEllipsoid) {
+TEST(Collisions, RestOnTheGroundAtTheReachOfTheRotatedEllipsoid) {
     for (const double height : {0.0, -3.0}) {
         ParticleModel model = lone({0.0, height + 1.0, 0.0}, {0.0, -300.0, 0.0}, {0.03, 0.01, 0.01});
         model.axes[0] = glm::angleAxis(0.5, Vec3(0.0, 0.0, 1.0));
@@ -241,7 +242,7 @@ TEST(Collisions, HoldASlopeUpToStaticFrictionAndSlideBeyondByDynamicFriction) {
 }
 
 TEST(Collisions, LetBodiesDragOneAnotherByFriction) {
-    // A light one lies on a heavy one that a pinned one would be: it is led sideways, as gravity presses.
+    // A light body lies on a heavy one, as if on a pinned one: it is moved sideways while gravity presses.
     std::vector<ParticleModel> pair{lone({0.0, 0.11, 0.0}, Vec3(0.0), Vec3(0.01)),
                                     lone({0.0, 0.0, 0.0}, {0.5, 0.0, 0.0}, {1.0, 0.1, 1.0})};
     pair[1].pinned[0] = 1;
@@ -277,7 +278,7 @@ TEST(Collisions, KeepLinearMomentumToRounding) {
     EXPECT_LT(kinetic_energy(run.model), 0.5 * kinetic_energy(start));
 }
 
-TEST(Collisions, MoveApartWhatOverlapsNoFasterThanTold) {
+TEST(Collisions, ResolveAnOverlapNoFasterThanPushOutSpeed) {
     for (const double speed : {0.0, 0.05, 1.0}) {
         const std::vector<ParticleModel> pair{lone({0.0, 0.0, 0.0}, Vec3(0.0), Vec3(0.01)),
                                               lone({0.004, 0.0, 0.0}, Vec3(0.0), Vec3(0.01))};
@@ -285,9 +286,9 @@ TEST(Collisions, MoveApartWhatOverlapsNoFasterThanTold) {
         double before = 0.004;
         for (int i = 0; i < 100; ++i) {
             run.step();
-            const double apart = run.model.position[1].x - run.model.position[0].x;
-            EXPECT_LE(apart - before, speed * 0.01 + 1e-12);
-            before = apart;
+            const double distance = run.model.position[1].x - run.model.position[0].x;
+            EXPECT_LE(distance - before, speed * 0.01 + 1e-12);
+            before = distance;
         }
         const double speed_left = 0.5 * glm::length(run.model.velocity[1] - run.model.velocity[0]);
         EXPECT_LE(speed_left, 0.5 * speed + 1e-12);
@@ -317,16 +318,16 @@ TEST(Collisions, GiveNoEnergyToWhatFallsIntoAHeap) {
     for (const std::uint32_t seed : {1u, 2u, 3u, 4u, 5u}) {
         const ParticleModel start = heap_to_be(seed);
         Stepping run(start, {}, {.ground = true, .static_friction = 0.5, .dynamic_friction = 0.4});
-        run.step(400);  // what bodies store while they are deformed comes back
-        double least = energy(run.model);
+        run.step(400);  // the energy stored in the deformation returns
+        double min_energy = energy(run.model);
         for (int i = 0; i < 400; ++i) {
             run.step();
-            least = std::min(least, energy(run.model));
-            // A heap's particles each fall by g h^2 in a step before they are held: mass * g * g h^2 is 9 mJ.
-            ASSERT_LT(energy(run.model), least + 9e-3) << seed << " at step " << i;
+            min_energy = std::min(min_energy, energy(run.model));
+            // Each particle of a heap falls by g h^2 in a step before it is held: mass * g * g h^2 is 9 mJ.
+            ASSERT_LT(energy(run.model), min_energy + 9e-3) << seed << " at step " << i;
             ASSERT_GT(lowest(run.model), -1e-3) << seed;
         }
-        EXPECT_LT(least, 0.5 * energy(start)) << seed;
+        EXPECT_LT(min_energy, 0.5 * energy(start)) << seed;
         EXPECT_LT(kinetic_energy(run.model), 5e-3) << seed;
         EXPECT_LT(deepest(run.model), 0.1) << seed;
     }
@@ -351,15 +352,15 @@ TEST(Collisions, DivideAStepOnlyWhereBodiesMeetFast) {
     const auto needed = [](const ParticleModel& model, const CollisionSettings& settings) {
         return ParticleCollisions(model, settings).substeps(model, 0.01);
     };
-    const auto pair = [](double apart, double speed) {
+    const auto pair = [](double distance, double speed) {
         const std::vector<ParticleModel> parts{lone(Vec3(0.0), {speed, 0.0, 0.0}, Vec3(0.01)),
-                                               lone({apart, 0.0, 0.0}, {-speed, 0.0, 0.0}, Vec3(0.01))};
+                                               lone({distance, 0.0, 0.0}, {-speed, 0.0, 0.0}, Vec3(0.01))};
         return together(parts);
     };
     EXPECT_EQ(needed(pair(0.05, 1.0), {}), 1);  // 2 radii nearer in a step
     EXPECT_EQ(needed(pair(0.05, 5.0), {}), 4);  // 10 radii
     EXPECT_EQ(needed(pair(5.0, 5.0), {}), 1);   // far away
-    EXPECT_EQ(needed(pair(0.05, 500.0), {.most_substeps = 6}), 6);
+    EXPECT_EQ(needed(pair(0.05, 500.0), {.max_substeps = 6}), 6);
     EXPECT_EQ(needed(pair(0.05, 5.0), {.between_bodies = false}), 1);
     const ParticleModel falling = lone({0.0, 0.05, 0.0}, {0.0, -5.0, 0.0}, Vec3(0.01));
     EXPECT_EQ(needed(falling, {.ground = true}), 2);
@@ -391,7 +392,7 @@ TEST(Collisions, DoNotMoveWhatIsPinned) {
 }
 
 TEST(Collisions, OfManyBodiesAreFoundAsThoseOfFew) {
-    // More than are clipped: a row of balls, the first of which hits the rest.
+    // More bodies than are clipped: a row of balls, the first of which hits the rest.
     std::vector<ParticleModel> row;
     row.reserve(100);
     for (int k = 0; k < 100; ++k) {
@@ -453,8 +454,8 @@ TEST(Collisions, SayWhichSettingIsWrong) {
     for (const CollisionSettings& wrong :
          {CollisionSettings{.ground_height = nan}, CollisionSettings{.static_friction = -0.1},
           CollisionSettings{.static_friction = 0.1, .dynamic_friction = 0.2}, CollisionSettings{.push_out_speed = -1.0},
-          CollisionSettings{.push_out_speed = nan}, CollisionSettings{.most_substeps = 0},
-          CollisionSettings{.most_substeps = 101}}) {
+          CollisionSettings{.push_out_speed = nan}, CollisionSettings{.max_substeps = 0},
+          CollisionSettings{.max_substeps = 101}}) {
         EXPECT_THROW(ParticleCollisions(model, wrong), std::invalid_argument);
     }
 }

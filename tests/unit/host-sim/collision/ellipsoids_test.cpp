@@ -12,7 +12,7 @@
 namespace haptic::sim {
 namespace {
 
-/// An ellipsoid as the tests know it: by its axes, without the shape matrix.
+/// An ellipsoid by its axes, without the shape matrix.
 struct Ellipsoid {
     Vec3 semi_axes;
     Quat turn;
@@ -43,7 +43,7 @@ class Random {
     std::normal_distribution<double> normal_;
 };
 
-/// Evenly over the unit sphere (a golden spiral).
+/// Points evenly distributed over the unit sphere (golden spiral).
 std::vector<Vec3> sphere(int count) {
     std::vector<Vec3> points;
     for (int k = 0; k < count; ++k) {
@@ -55,15 +55,15 @@ std::vector<Vec3> sphere(int count) {
     return points;
 }
 
-/// Whether the first, with its centre at c from that of the second, has a surface point inside the second, or one lies
-/// wholly in the other.
+/// Whether the first ellipsoid, with its centre at c from the second, has a surface point inside the second, or one
+/// lies entirely in the other.
 bool overlap(const Ellipsoid& first, const Ellipsoid& second, const Vec3& c, const std::vector<Vec3>& sphere) {
     return second.level(c) < 1.0 || first.level(c) < 1.0 ||
            std::any_of(
                sphere.begin(), sphere.end(), [&](const Vec3& p) { return second.level(c + first.surface(p)) < 1.0; });
 }
 
-/// How far along a direction the two just touch, by halving with the sampled surface.
+/// Distance along a direction at which the two just touch, by bisection with the sampled surface.
 double touching_distance(const Ellipsoid& first, const Ellipsoid& second, const Vec3& direction,
                          const std::vector<Vec3>& sphere) {
     double inside = 0.0;
@@ -78,7 +78,7 @@ double touching_distance(const Ellipsoid& first, const Ellipsoid& second, const 
 double gap(const Ellipsoid& first, const Ellipsoid& second, const Vec3& from, const Vec3& to) {
     const EllipsoidShape a = first.shape();
     const EllipsoidShape b = second.shape();
-    const Vec3 n = parting_normal({a, b, second.size() / first.size(), from, to});
+    const Vec3 n = separating_normal({a, b, second.size() / first.size(), from, to});
     return glm::dot(n, to) - reach_of(a, n) - reach_of(b, n);
 }
 
@@ -92,7 +92,7 @@ TEST(Ellipsoids, ReachAsFarAsTheirSurfaceDoes) {
         for (const Vec3& p : points) {
             farthest = std::max(farthest, glm::dot(n, e.surface(p)));
         }
-        // Between samples 0.025 rad apart the surface bulges by some 1e-4 of its size.
+        // Between samples 0.025 rad apart the surface bulges by about 1e-4 of its size.
         EXPECT_NEAR(reach_of(e.shape(), n), farthest, 3e-4 * 0.03);
         EXPECT_GE(reach_of(e.shape(), n), farthest - 1e-16);
     }
@@ -106,13 +106,13 @@ TEST(Ellipsoids, WithoutOverlapWhereTheGapIsPositive) {
         const Ellipsoid first = random.ellipsoid(random.uniform(0.5, 2.0));
         const Ellipsoid second = random.ellipsoid(random.uniform(0.5, 2.0));
         const Vec3 c = random.uniform(0.5, 1.6) * (first.size() + second.size()) * random.direction();
-        const double apart = gap(first, second, c, c);
-        if (apart >= 0.0) {
+        const double separation = gap(first, second, c, c);
+        if (separation >= 0.0) {
             ASSERT_FALSE(overlap(first, second, c, points)) << k;
-            near += apart < 0.2 * (first.size() + second.size()) ? 1 : 0;
+            near += separation < 0.2 * (first.size() + second.size()) ? 1 : 0;
         }
     }
-    EXPECT_GT(near, 300);  // the claim is not about distant ones only
+    EXPECT_GT(near, 300);  // the claim is not about distant pairs only
 }
 
 TEST(Ellipsoids, AreKeptApartAFiftiethOfTheirSizeBeforeTheyTouchAtMost) {
@@ -140,7 +140,7 @@ TEST(Ellipsoids, TouchExactlyWhereTheyAreAlikeOrSpheres) {
     Random random(4);
     for (int k = 0; k < 200; ++k) {
         const Ellipsoid first = random.ellipsoid(0.01);
-        // The Minkowski sum of two like ones is a like one of the sum of sizes.
+        // The Minkowski sum of two ellipsoids of equal shape is one of that shape with the sum of sizes.
         const double larger = random.uniform(0.2, 5.0);
         const Ellipsoid second{larger * first.semi_axes, first.turn};
         const Vec3 touching = (1.0 + larger) * first.surface(random.direction());
@@ -183,9 +183,9 @@ TEST(Ellipsoids, PassingAnotherAreStoppedIfTheyWouldTouchAndElseLeftAlone) {
     EXPECT_GT(misses, 200);
 }
 
-TEST(Ellipsoids, InOnePlacePartUpward) {
+TEST(Ellipsoids, WithTheSameCentreSeparateUpward) {
     const EllipsoidShape shape = shape_of(Vec3(0.01), Quat(1, 0, 0, 0));
-    EXPECT_EQ(parting_normal({shape, shape, 1.0, Vec3(0.0), Vec3(0.0)}), Vec3(0.0, 1.0, 0.0));
+    EXPECT_EQ(separating_normal({shape, shape, 1.0, Vec3(0.0), Vec3(0.0)}), Vec3(0.0, 1.0, 0.0));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include <haptic/sim/closest_point.hpp>
+#include "haptic/sim/closest_point.hpp"
 
 #include <gtest/gtest.h>
 
@@ -55,7 +55,7 @@ TEST(ClosestPoint, AgreesWithBruteForceOnRandomTriangles) {
 }
 
 TEST(ClosestPoint, StaysWithinRoundingOnNeedles) {
-    // Heights down to nothing: the books' region tests lose all digits here.
+    // Heights down to zero: the book's region tests lose all digits here.
     Random random(2);
     for (int k = 0; k < 20000; ++k) {
         const double height = std::pow(10.0, -random.uniform(0.0, 18.0));

@@ -1,7 +1,7 @@
-// Claim: as the radius vanishes, a point that a moving triangle passes through is never missed, and none is invented.
+// Claim: as the radius vanishes, no passage of a moving triangle through a point is missed and none is invented.
 //
-// Corners on integers, motions between integers: whether the triangle passes through the origin is then decided without
-// rounding. For translations by a rational time; for deformations by the signs of Bernstein coefficients, which are
+// Corners are integers and so are motions. Whether the triangle passes through the origin is then decided without
+// rounding: for translations by a rational time, for deformations by the signs of Bernstein coefficients, which are
 // integers of at most 126 bits down to intervals of 2^-20.
 #include <gtest/gtest.h>
 
@@ -68,7 +68,7 @@ IntVec normal_of(const IntCorners& t) {
     return cross(minus(t[1], t[0]), minus(t[2], t[0]));
 }
 
-/// Where the origin is above the edge from corner k to the next, inward being positive.
+/// Signed area of the origin against the edge from corner k to the next, positive inward.
 Int inward(const IntCorners& t, std::size_t k, const IntVec& normal) {
     return dot(normal, cross(t[k], t[(k + 1) % 3]));
 }
@@ -77,12 +77,12 @@ bool holds_origin(const IntCorners& t, const IntVec& normal) {
     return inward(t, 0, normal) >= 0 && inward(t, 1, normal) >= 0 && inward(t, 2, normal) >= 0;
 }
 
-/// A triangle in a plane through the origin that slides in it: is the way of the origin against it in touch with it?
+/// A triangle that slides in a plane through the origin: does the path of the origin relative to it meet it?
 bool slides_over_origin(const Case& c, const IntVec& normal) {
     if (holds_origin(c.start, normal) || holds_origin(c.end, normal)) {
         return true;
     }
-    const IntVec way = minus(c.start[0], c.end[0]);
+    const IntVec path = minus(c.start[0], c.end[0]);
     const auto side = [&](const IntVec& from, const IntVec& to, const IntVec& x) {
         return sign(dot(normal, cross(minus(to, from), minus(x, from))));
     };
@@ -90,10 +90,10 @@ bool slides_over_origin(const Case& c, const IntVec& normal) {
     for (std::size_t k = 0; k < 3; ++k) {
         const IntVec& p = c.start[k];
         const IntVec& q = c.start[(k + 1) % 3];
-        const int ways = side(origin, way, p) * side(origin, way, q);
-        const int edges = side(p, q, origin) * side(p, q, way);
-        // Lines upon one another are left to the other two edges, which end in the same corners.
-        if (ways <= 0 && edges <= 0 && (ways < 0 || edges < 0)) {
+        const int path_sides = side(origin, path, p) * side(origin, path, q);
+        const int edge_sides = side(p, q, origin) * side(p, q, path);
+        // Collinear lines are left to the other two edges, which end in the same corners.
+        if (path_sides <= 0 && edge_sides <= 0 && (path_sides < 0 || edge_sides < 0)) {
             return true;
         }
     }
@@ -128,7 +128,7 @@ bool translation_passes(const Case& c) {
     return true;
 }
 
-/// Polynomials as integer Bernstein coefficients over an interval, times a positive factor that is of no interest.
+/// Polynomial as integer Bernstein coefficients over an interval, up to an irrelevant positive factor.
 template <std::size_t N>
 using Bernstein = std::array<Int, N + 1>;
 
@@ -148,7 +148,7 @@ Bernstein<N> bernstein(const std::array<Int, N + 1>& power) {
     return b;
 }
 
-/// The halves of an interval, by the scheme of de Casteljau without its divisions.
+/// Halves an interval by de Casteljau's scheme without its divisions.
 template <std::size_t N>
 std::array<Bernstein<N>, 2> halves(Bernstein<N> b) {
     Bernstein<N> left{};
@@ -182,7 +182,7 @@ VecQuadratic cross(const IntVec& x, const IntVec& dx, const IntVec& y, const Int
     return c;
 }
 
-/// What decides a deformation: zero of `plane`, with no `edge` negative then.
+/// Decides a deformation: a zero of `plane` at which no `edge` is negative.
 struct Conditions {
     Bernstein<3> plane{};
     std::array<Bernstein<4>, 3> edge{};
@@ -213,7 +213,7 @@ Conditions conditions_of(const Case& c) {
     return conditions;
 }
 
-/// Whether the triangle passes through the origin; nothing where 2^-20 of the step does not decide.
+/// Whether the triangle passes through the origin; empty if 2^-20 of the step does not decide.
 std::optional<bool> deformation_passes(const Conditions& c, int levels) {
     if (all(c.plane, 1) || all(c.plane, -1)) {
         return false;
@@ -252,7 +252,7 @@ struct Count {
     int missed = 0;
     int invented = 0;
     int evaluations = 0;
-    int most_evaluations = 0;
+    int max_evaluations = 0;
 
     void add(const Case& c, bool passes, double radius) {
         const TriangleTouch touch = sphere_triangle_ccd(Vec3(0.0), radius, moving(c));
@@ -261,7 +261,7 @@ struct Count {
         missed += passes && !touch.touches ? 1 : 0;
         invented += !passes && touch.touches ? 1 : 0;
         evaluations += touch.iterations;
-        most_evaluations = std::max(most_evaluations, touch.iterations);
+        max_evaluations = std::max(max_evaluations, touch.iterations);
         const bool point = haptic::sim::point_passage(Vec3(0.0), moving(c)).passes;
         missed += passes && !point ? 1 : 0;
         invented += !passes && point ? 1 : 0;
@@ -270,16 +270,16 @@ struct Count {
         testing::Test::RecordProperty("cases", cases);
         testing::Test::RecordProperty("passing", passing);
         testing::Test::RecordProperty("mean_evaluations", std::to_string(evaluations / static_cast<double>(cases)));
-        testing::Test::RecordProperty("most_evaluations", most_evaluations);
+        testing::Test::RecordProperty("most_evaluations", max_evaluations);
         EXPECT_EQ(missed, 0) << "of " << passing << " passages";
         EXPECT_EQ(invented, 0) << "of " << cases - passing;
         EXPECT_GT(passing, cases / 50);
         EXPECT_LT(passing, cases / 2);
-        EXPECT_LT(most_evaluations, 200) << "bounded work";
+        EXPECT_LT(max_evaluations, 200) << "bounded work";
     }
 };
 
-constexpr double kVanishing = 1e-9;  // of the coordinates' unit: below every distance that is not zero here
+constexpr double kVanishing = 1e-9;  // of the coordinates' unit: below every non-zero distance here
 
 TEST(ExactPassage, OfTranslationsOnASmallGridThatMeetBordersAndCornersAllTheTimeIsFoundAndNoOther) {
     Random random(51);
@@ -328,7 +328,7 @@ TEST(ExactPassage, OfDeformationsIsFoundAndNoOther) {
 }
 
 TEST(ExactPassage, TellsWhatItIsToTell) {
-    // The oracle's own test: known answers, one of each kind.
+    // Test of the oracle itself: one known answer of each kind.
     const Case falling{{IntVec{-4, 5, -4}, {4, 5, -4}, {0, 5, 6}}, {IntVec{-4, -5, -4}, {4, -5, -4}, {0, -5, 6}}};
     EXPECT_TRUE(translation_passes(falling));
     EXPECT_EQ(deformation_passes(conditions_of(falling), 20), std::optional(true));

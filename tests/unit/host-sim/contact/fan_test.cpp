@@ -1,5 +1,5 @@
-// The experiment of the thesis' section 4.4.2 on the contact code alone: a hand at 3 m/s goes through a fan from left
-// to right, 1, 2 and 3 m below its rim, and takes the only free vertex, the centre, along with it.
+// The experiment of section 4.4.2 of the thesis, on the contact code alone: a hand at 3 m/s moves through a fan from
+// left to right, 1, 2 and 3 m below its rim, and carries the only free vertex, the centre, along.
 #include "haptic/sim/fan.hpp"
 
 #include <gtest/gtest.h>
@@ -27,15 +27,15 @@ constexpr double kStep = 0.01;    // s
 constexpr double kSpeed = 3.0;    // m/s
 
 struct Passage {
-    int falls = 0;         // steps in which the centre of the proxy passed through the fan
-    int squeezed = 0;      // steps
-    int contacts = 0;      // steps
-    int most_pops = 0;     // iterations of the pop-out in one step
-    double deepest = 0.0;  // m, of the centre vertex
-    bool below = false;    // at the end: it is on the wrong side
+    int falls = 0;            // steps in which the centre of the proxy passed through the fan
+    int overconstrained = 0;  // steps
+    int contacts = 0;         // steps
+    int max_pops = 0;         // iterations of the pop-out in one step
+    double deepest = 0.0;     // m, of the centre vertex
+    bool below = false;       // at the end: it is on the wrong side
 };
 
-/// Height of a point over the cone from the rim to the centre vertex, along the vertical; for points within the rim.
+/// Vertical height of a point above the cone from the rim to the centre vertex; for points within the rim.
 double height_over(const std::vector<Vec3>& vertices, const Vec3& p) {
     double highest = -1e300;
     for (std::size_t k = 1; k < vertices.size(); ++k) {
@@ -53,7 +53,7 @@ double height_over(const std::vector<Vec3>& vertices, const Vec3& p) {
     return p.y - highest;
 }
 
-/// Down at the left, through to the right, up again.
+/// Path of the hand: down at the left, through to the right, up again.
 Vec3 hand_at(double time, double rim, double depth) {
     const double x0 = -0.5 * rim;
     const double down = (depth + 0.2) / kSpeed;
@@ -86,11 +86,11 @@ Passage go_through(double rim, double depth, const ContactSettings& settings, st
         const Vec3 hip = hand_at(k * kStep, rim, depth);
         const Step step = haptic::sim::scenes::step(world, proxy, hip, kRadius, settings);
         passage.falls += step.crossings.empty() ? 0 : 1;
-        passage.squeezed += step.popped.squeezed || step.secure.squeezed ? 1 : 0;
+        passage.overconstrained += step.popped.overconstrained || step.secure.overconstrained ? 1 : 0;
         passage.contacts += step.moved.contacts.count > 0 ? 1 : 0;
-        passage.most_pops = std::max(passage.most_pops, step.popped.iterations);
+        passage.max_pops = std::max(passage.max_pops, step.popped.iterations);
         proxy = step.moved.position;
-        // The centre: 20 N/m from the hand, 1 N/m back to the middle, 5 g, damped so that it still bounces.
+        // Centre vertex: 20 N/m to the hand, 1 N/m back to the middle, 5 g, damped so that it still bounces.
         Vec3 force = -1.0 * fan.end[0];
         for (std::size_t c = 0; c < step.moved.contacts.count; ++c) {
             const auto& plane = step.moved.contacts.plane[c];
@@ -118,7 +118,7 @@ TEST(ProxyInAFan, NeverFallsThroughAtAnyDepthRimAndOrderOfTriangles) {
                 const Passage passage = go_through(rim, depth, {}, order);
                 EXPECT_EQ(passage.falls, 0) << rim << " " << depth << " " << order;
                 EXPECT_FALSE(passage.below) << rim << " " << depth << " " << order;
-                EXPECT_LE(passage.most_pops, 100) << rim << " " << depth << " " << order;
+                EXPECT_LE(passage.max_pops, 100) << rim << " " << depth << " " << order;
                 EXPECT_GT(passage.contacts, 50) << rim << " " << depth << " " << order;
                 EXPECT_GT(passage.deepest, 0.7 * depth) << "the centre went down with the hand";
             }
@@ -136,9 +136,9 @@ TEST(ProxyInAFan, IsLostByTheThesisTwoAlgorithmsWhereTheDefaultKeepsIt) {
             const Passage passage = go_through(rim, depth, settings);
             const std::string where =
                 std::to_string(static_cast<int>(rim)) + "_" + std::to_string(static_cast<int>(depth));
-            RecordProperty("iterations_" + where, passage.most_pops);
+            RecordProperty("iterations_" + where, passage.max_pops);
             RecordProperty("falls_" + where, passage.falls);
-            EXPECT_LE(passage.most_pops, settings.pop_out_limit);
+            EXPECT_LE(passage.max_pops, settings.pop_out_limit);
             EXPECT_GT(passage.contacts, 50) << "it was there";
             falls += passage.falls;
         }
@@ -147,12 +147,12 @@ TEST(ProxyInAFan, IsLostByTheThesisTwoAlgorithmsWhereTheDefaultKeepsIt) {
 }
 
 TEST(ProxyInAFan, NeedsNoPopOutAfterACompleteDetection) {
-    // The ride with the touched surface already ends clear of all that touch: what Algorithm 2 is for does not come up.
+    // The advance with the touched surface already ends clear of all contacts: Algorithm 2 has nothing to do.
     for (const double depth : {1.0, 2.0, 3.0}) {
         ContactSettings settings;
         settings.pop_out = PopOutMethod::Thesis;
         const Passage passage = go_through(1.0, depth, settings);
-        EXPECT_EQ(passage.most_pops, 0) << depth;
+        EXPECT_EQ(passage.max_pops, 0) << depth;
         EXPECT_EQ(passage.falls, 0) << depth;
     }
 }

@@ -1,5 +1,5 @@
-// Claims about sheets at 14 m/s, whatever their attitude and their phase to the steps: caught, clear, on no wrong side;
-// between hammer and anvil; two of them close together.
+// Claims about sheets at 14 m/s, at every attitude and phase relative to the steps: caught, clear, on the right side;
+// between hammer and anvil; two close together.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -33,7 +33,7 @@ bool is_finite(const Vec3& v) {
 
 class FlyingSheet : public testing::Test {
   protected:
-    /// Places the sheet for a step: its middle goes from `from` by `travel`.
+    /// Places the sheet for a step: its centre moves from `from` by `travel`.
     static void fly(Body& body, const Mat3& attitude, const Vec3& from, const Vec3& travel) {
         body.start = placed(body.mesh.vertices, attitude, from);
         body.end = placed(body.mesh.vertices, attitude, from + travel);
@@ -46,7 +46,7 @@ TEST_F(FlyingSheet, TiltedBy30DegreesIsCaughtInEachOf140PhasesAndNeverChangesSid
     const Vec3 travel(0.0, -kTravel, 0.0);
     double nearest = HUGE_VAL;
     for (int phase = 0; phase < kPhases; ++phase) {
-        // About another horizontal axis in each phase.
+        // A different horizontal axis in each phase.
         const Vec3 axis(std::cos(0.7 * phase), 0.0, std::sin(0.7 * phase));
         const Mat3 attitude = rotation(axis, M_PI / 6.0);
         const Vec3 normal = attitude[1];
@@ -59,8 +59,8 @@ TEST_F(FlyingSheet, TiltedBy30DegreesIsCaughtInEachOf140PhasesAndNeverChangesSid
             const Step s = step(world, proxy, Vec3(0.0), kRadius);
             proxy = s.moved.position;
             ASSERT_TRUE(s.crossings.empty()) << "phase " << phase << " step " << k;
-            ASSERT_FALSE(s.secure.squeezed || s.popped.squeezed) << "phase " << phase << " step " << k;
-            // The proxy is where the sheet is, so its height above the plane says which side it is on.
+            ASSERT_FALSE(s.secure.overconstrained || s.popped.overconstrained) << "phase " << phase << " step " << k;
+            // The proxy is near the sheet's centre, so its height above the plane tells the side.
             ASSERT_LT(glm::length(proxy - middle - travel), 0.45) << "phase " << phase << " step " << k;
             ASSERT_LE(glm::dot(normal, proxy - middle - travel), -0.999 * kRadius)
                 << "phase " << phase << " step " << k;
@@ -89,7 +89,7 @@ TEST_F(FlyingSheet, EdgeOnIsMetByItsRimAtEveryOffsetAndInEveryPhase) {
                 proxy = s.moved.position;
                 touched = touched || s.secure.touched;
                 ASSERT_TRUE(s.crossings.empty()) << "offset " << offset << " phase " << phase << " step " << k;
-                ASSERT_FALSE(s.secure.let_through) << "offset " << offset << " phase " << phase << " step " << k;
+                ASSERT_FALSE(s.secure.passed_through) << "offset " << offset << " phase " << phase << " step " << k;
                 nearest = std::min(nearest, world.clearance(proxy) / kRadius);
             }
             ASSERT_TRUE(touched) << "offset " << offset << " phase " << phase;
@@ -104,31 +104,31 @@ TEST_F(FlyingSheet, AsAHammerNeverDrivesTheSphereThroughTheAnvil) {
     Body& floor = world.add(sheet(2.0, 4, false));
     Body& cloth = world.add(sheet(1.0, 16, true));
     floor.start = floor.end = placed(floor.mesh.vertices, kUpright, {0, floor_y, 0});
-    int squeezed = 0;
+    int overconstrained = 0;
     int through = 0;
     for (int phase = 0; phase < kPhases; ++phase) {
         const double height = kRadius + 0.001 * (phase + 0.5);
-        const double gap = height - kTravel - floor_y;  // m, that the step leaves between cloth and floor
+        const double gap = height - kTravel - floor_y;  // m, left by the step between cloth and floor
         fly(cloth, kUpright, {0.01, height, 0.003}, {0.0, -kTravel, 0.0});
         world.refit();
         Step s = step(world, Vec3(0.0), Vec3(0.0), kRadius);
         ASSERT_TRUE(is_finite(s.moved.position)) << phase;
         ASSERT_TRUE(s.secure.touched) << phase;
         ASSERT_GT(s.moved.position.y, floor_y) << phase;
-        ASSERT_EQ(s.secure.squeezed, gap < 2.0 * kRadius * 0.999) << "phase " << phase << " gap " << gap;
-        squeezed += s.secure.squeezed ? 1 : 0;
-        through += s.secure.let_through ? 1 : 0;
+        ASSERT_EQ(s.secure.overconstrained, gap < 2.0 * kRadius * 0.999) << "phase " << phase << " gap " << gap;
+        overconstrained += s.secure.overconstrained ? 1 : 0;
+        through += s.secure.passed_through ? 1 : 0;
         if (gap < 0.0) {
-            ASSERT_TRUE(s.secure.let_through) << phase;
+            ASSERT_TRUE(s.secure.passed_through) << phase;
             ASSERT_EQ(s.secure.passed.object, 1u) << phase << ": the hammer, not the anvil";
             ASSERT_GE(s.popped.position.y, floor_y + 0.999 * kRadius) << phase;
         } else if (gap > 0.1 * kRadius) {
-            ASSERT_FALSE(s.secure.let_through) << phase;
+            ASSERT_FALSE(s.secure.passed_through) << phase;
             ASSERT_TRUE(s.crossings.empty()) << phase;
             ASSERT_LT(s.moved.position.y, floor_y + gap) << phase;
             ASSERT_GE(world.clearance(s.moved.position), 0.9 * std::min(kRadius, 0.5 * gap)) << phase;
         }
-        // Then the hammer rests where it is and the hand pulls down: the anvil holds.
+        // Then the hammer rests and the hand pulls down: the anvil holds.
         for (int k = 0; k < 3; ++k) {
             cloth.stay();
             world.refit();
@@ -137,9 +137,9 @@ TEST_F(FlyingSheet, AsAHammerNeverDrivesTheSphereThroughTheAnvil) {
             ASSERT_GT(s.moved.position.y, floor_y) << phase;
         }
     }
-    RecordProperty("squeezed", squeezed);
+    RecordProperty("squeezed", overconstrained);
     RecordProperty("let_through", through);
-    EXPECT_EQ(squeezed, 120) << "the phases that leave less than the sphere needs";
+    EXPECT_EQ(overconstrained, 120) << "the phases that leave less than the sphere needs";
 }
 
 TEST_F(FlyingSheet, FollowedByAnotherATenthOfAStepBehindLeavesTheSphereAheadOfBothInEachOf1000Runs) {
@@ -161,7 +161,7 @@ TEST_F(FlyingSheet, FollowedByAnotherATenthOfAStepBehindLeavesTheSphereAheadOfBo
         const Step s = step(world, Vec3(0.0), Vec3(0.0), kRadius);
         ASSERT_TRUE(s.crossings.empty()) << k;
         const double ahead = -glm::dot(normal, s.moved.position - first.end[0]);
-        failures += s.secure.touched && !s.secure.squeezed && ahead >= 0.999 * kRadius ? 0 : 1;
+        failures += s.secure.touched && !s.secure.overconstrained && ahead >= 0.999 * kRadius ? 0 : 1;
     }
     EXPECT_EQ(failures, 0) << "of 1,000: between them or behind";
     RecordProperty("failures_of_1000", failures);
@@ -187,8 +187,8 @@ TEST_F(FlyingSheet, MetByAnotherLeavesTheSphereBetweenThemInEachOf1000Runs) {
         world.refit();
         const Step s = step(world, Vec3(0.0), Vec3(0.0), kRadius);
         const double above = glm::dot(normal, s.moved.position - lower.end[0]);
-        const bool fine =
-            s.crossings.empty() && s.secure.squeezed && !s.secure.let_through && above > 0.0 && above < left_open;
+        const bool fine = s.crossings.empty() && s.secure.overconstrained && !s.secure.passed_through && above > 0.0 &&
+                          above < left_open;
         failures += fine ? 0 : 1;
     }
     EXPECT_EQ(failures, 0) << "of 1,000: behind one of them, or not flagged";
@@ -196,8 +196,7 @@ TEST_F(FlyingSheet, MetByAnotherLeavesTheSphereBetweenThemInEachOf1000Runs) {
 }
 
 TEST_F(FlyingSheet, ThatPartsFromAnotherTakesTheSphereAlongOnItsSide) {
-    // Ten millimetres apart, one after another on the same side, they part: one comes down onto the sphere, one goes
-    // up.
+    // Two sheets 10 mm apart on the same side separate: one comes down onto the sphere, one goes up.
     Random random(43);
     Body& near = world.add(sheet(0.5, 8, true));
     Body& far = world.add(sheet(0.5, 8, true));
@@ -212,7 +211,7 @@ TEST_F(FlyingSheet, ThatPartsFromAnotherTakesTheSphereAlongOnItsSide) {
         const Step s = step(world, Vec3(0.0), Vec3(0.0), kRadius);
         ASSERT_TRUE(s.crossings.empty()) << k;
         ASSERT_TRUE(s.secure.touched) << k;
-        ASSERT_FALSE(s.secure.squeezed) << k;
+        ASSERT_FALSE(s.secure.overconstrained) << k;
         ASSERT_LE(glm::dot(normal, s.moved.position - near.end[0]), -0.999 * kRadius) << k;
     }
 }

@@ -13,7 +13,7 @@ namespace {
 using haptic::Mat3;
 using haptic::Vec3;
 using haptic::sim::ContactSettings;
-using haptic::sim::ProxyGrip;
+using haptic::sim::FrictionState;
 using haptic::sim::ProxyMove;
 using haptic::sim::ProxyPath;
 using haptic::sim::oracle::Random;
@@ -28,7 +28,7 @@ constexpr double kRadius = 0.03;
 constexpr double kStep = 0.01;  // s
 constexpr double kStatic = 0.8;
 constexpr double kDynamic = 0.5;
-constexpr double kDepth = 0.02;  // m, of the goal below where the proxy can be
+constexpr double kDepth = 0.02;  // m, of the goal below the lowest position of the proxy
 
 ContactSettings rough(double at_rest = kStatic, double sliding = kDynamic) {
     ContactSettings settings;
@@ -37,13 +37,13 @@ ContactSettings rough(double at_rest = kStatic, double sliding = kDynamic) {
     return settings;
 }
 
-/// A proxy with memory in a world.
+/// A proxy with its friction state, in a world.
 class Hand {
   public:
     explicit Hand(World& world, const Vec3& at, const ContactSettings& settings = rough())
         : world_(world), settings_(settings), at_(at) {}
 
-    /// One whole step toward a goal; the bodies have been moved and refitted.
+    /// One whole step toward a goal; the bodies have already been moved and refitted.
     ProxyMove go(const Vec3& goal) {
         path_.restart(at_);
         const auto secure = secure_position(world_.surfaces, at_, kRadius, settings_, &path_);
@@ -56,7 +56,7 @@ class Hand {
     }
     [[nodiscard]] const Vec3& at() const { return at_; }
 
-    ProxyGrip grip;
+    FrictionState grip;
     std::size_t crossings = 0;
 
   private:
@@ -90,7 +90,7 @@ TEST(Friction, IsTheFrictionlessProxyToTheBitWithoutCoefficients) {
     hills.start = hills.end;
     world.refit();
     Vec3 p(0, 0.2, 0);
-    ProxyGrip grip;
+    FrictionState grip;
     for (int k = 0; k < 60; ++k) {
         const Vec3 goal(random.uniform(-0.4, 0.4), random.uniform(-0.15, 0.1), random.uniform(-0.4, 0.4));
         const ProxyMove plain = haptic::sim::move_proxy(world.surfaces, p, goal, kRadius, kStep, {});
@@ -122,13 +122,13 @@ TEST(Friction, BreaksAwayAtTheStaticConeAndSlidesOnTheDynamicOneUntilItRests) {
     World world = floor_of(20);
     Hand hand(world, over(0.0, 0.0));
     hand.go(under(0.0, 0.0));
-    const Vec3 way(0.6, 0.0, 0.8);
+    const Vec3 direction(0.6, 0.0, 0.8);
     double x = 0.0;
     int broke = 0;
     for (int k = 1; k <= 60; ++k) {
         x += 0.001;
-        const ProxyMove m = hand.go(under(x * way.x, x * way.z));
-        const double behind = x - glm::dot(m.position, way);
+        const ProxyMove m = hand.go(under(x * direction.x, x * direction.z));
+        const double behind = x - glm::dot(m.position, direction);
         if (x <= kStatic * kDepth + 1e-9) {
             ASSERT_NEAR(behind, x, 1e-12);
         } else {
@@ -139,12 +139,12 @@ TEST(Friction, BreaksAwayAtTheStaticConeAndSlidesOnTheDynamicOneUntilItRests) {
         ASSERT_NEAR(m.position.y, kRadius, 1e-9);
     }
     EXPECT_GT(broke, 30);
-    // At rest it sticks again, and holds up to the static cone.
-    hand.go(under(x * way.x, x * way.z));
+    // At rest it sticks again and holds up to the static cone.
+    hand.go(under(x * direction.x, x * direction.z));
     EXPECT_FALSE(hand.grip.slides);
     const Vec3 rest = hand.at();
     const double more = x + 0.9 * (kStatic - kDynamic) * kDepth;
-    hand.go(under(more * way.x, more * way.z));
+    hand.go(under(more * direction.x, more * direction.z));
     EXPECT_EQ(hand.at(), rest);
 }
 
@@ -152,73 +152,73 @@ TEST(Friction, IsTheSameInAllDirectionsAndOnAnyTriangulation) {
     for (const std::uint32_t cells : {1u, 7u, 40u}) {
         World world = floor_of(cells);
         for (int k = 0; k < 16; ++k) {
-            const Vec3 way(std::cos(0.4 * k), 0.0, std::sin(0.4 * k));
+            const Vec3 direction(std::cos(0.4 * k), 0.0, std::sin(0.4 * k));
             Hand hand(world, over(0.013, 0.027));
             hand.go(under(0.013, 0.027));
-            const Vec3 goal = under(0.013, 0.027) + 0.1 * way;
+            const Vec3 goal = under(0.013, 0.027) + 0.1 * direction;
             const ProxyMove m = hand.go(goal);
-            const Vec3 expected = goal + Vec3(0, kDepth, 0) - kDynamic * kDepth * way;
+            const Vec3 expected = goal + Vec3(0, kDepth, 0) - kDynamic * kDepth * direction;
             EXPECT_NEAR(glm::length(m.position - expected), 0.0, 1e-8) << cells << " " << k;
         }
     }
 }
 
-TEST(Friction, TakesAStickingProxyAlongWithItsSurface) {
-    // 1,000 steps of a tenth of a millimetre, the goal going along: no drift.
+TEST(Friction, CarriesAStickingProxyWithItsSurface) {
+    // 1,000 steps of a tenth of a millimetre, the goal moving along: no drift.
     World world = floor_of(10);
     Body& floor = *world.bodies[0];
     Hand hand(world, over(0.01, 0.02));
     hand.go(under(0.015, 0.02));
     const Vec3 stuck = hand.at();
-    Vec3 place(0.0);
+    Vec3 position(0.0);
     for (int k = 0; k < 1000; ++k) {
-        place += Vec3(1e-4, 2e-5 * std::sin(0.1 * k), -5e-5);
+        position += Vec3(1e-4, 2e-5 * std::sin(0.1 * k), -5e-5);
         floor.stay();
-        floor.end = placed(floor.mesh.vertices, Mat3(1.0), place);
+        floor.end = placed(floor.mesh.vertices, Mat3(1.0), position);
         world.refit();
-        hand.go(under(0.015, 0.02) + place);
+        hand.go(under(0.015, 0.02) + position);
     }
-    EXPECT_NEAR(glm::length(hand.at() - place - stuck), 0.0, 1e-3 * kRadius);
+    EXPECT_NEAR(glm::length(hand.at() - position - stuck), 0.0, 1e-3 * kRadius);
     EXPECT_EQ(hand.crossings, 0u);
 }
 
-TEST(Friction, LetsASurfacePullAtAHandThatStandsUntilItSlips) {
+TEST(Friction, LetsASurfacePullAtARestingHandUntilItSlips) {
     World world = floor_of(10);
     Body& floor = *world.bodies[0];
     Hand hand(world, over(0.0, 0.0));
     const Vec3 goal = under(0.0, 0.0);
     hand.go(goal);
-    double most = 0.0;
+    double max_x = 0.0;
     for (int k = 1; k <= 60; ++k) {
         floor.stay();
         floor.end = placed(floor.mesh.vertices, Mat3(1.0), {1e-3 * k, 0.0, 0.0});
         world.refit();
         const ProxyMove m = hand.go(goal);
-        most = std::max(most, m.position.x);
+        max_x = std::max(max_x, m.position.x);
         if (k <= 15) {
             ASSERT_NEAR(m.position.x, 1e-3 * k, 1e-6) << "taken along";
         } else if (k > 17) {
             ASSERT_NEAR(m.position.x, kDynamic * kDepth, 0.1 * kDynamic * kDepth) << "the surface slips through";
         }
     }
-    EXPECT_LE(most, kStatic * kDepth * 1.001);
+    EXPECT_LE(max_x, kStatic * kDepth * 1.001);
     EXPECT_NEAR(haptic::sim::carrying_velocity(world.surfaces, hand.grip, kStep).x, 0.1, 1e-9);
 }
 
 TEST(Friction, RollsWithoutSlipOnASurfaceThatTilts) {
-    // A sphere that does not turn has the velocity of the point it touches: below the axis by its height.
+    // A sphere that does not rotate has the velocity of the touched point: below the axis by its height.
     World world = floor_of(10);
     Body& floor = *world.bodies[0];
     Hand hand(world, over(0.05, 0.0), rough(5.0, 5.0));
     hand.go(under(0.05, 0.0));
-    const double turn = 0.002;
+    const double angle = 0.002;
     floor.stay();
-    floor.end = placed(floor.mesh.vertices, rotation({0, 0, 1}, turn), Vec3(0.0));
+    floor.end = placed(floor.mesh.vertices, rotation({0, 0, 1}, angle), Vec3(0.0));
     world.refit();
     const ProxyMove m = hand.go(under(0.05, 0.0));
-    EXPECT_NEAR(m.position.y - kRadius, 0.05 * turn, 1e-5);
-    EXPECT_NEAR(m.position.x, 0.05, 0.2 * kRadius * turn)
-        << "turning with the surface would have taken it back by r turn";
+    EXPECT_NEAR(m.position.y - kRadius, 0.05 * angle, 1e-5);
+    EXPECT_NEAR(m.position.x, 0.05, 0.2 * kRadius * angle)
+        << "rotating with the surface would have moved it back by r angle";
 }
 
 TEST(Friction, CountsBothWallsOfAGroove) {
@@ -249,17 +249,17 @@ TEST(Friction, KeepsTheForceInTheConeOnARoundBody) {
     Random random(71);
     Hand hand(world, {0.0, 0.45, 0.0});
     Vec3 goal(0.0, 0.31, 0.0);
-    Vec3 way(0.0);
+    Vec3 drift(0.0);
     int sliding = 0;
     for (int k = 0; k < 400; ++k) {
-        way = 0.9 * way + random.in_cube(0.004);
-        goal = glm::normalize(goal + way) * 0.315;
+        drift = 0.9 * drift + random.in_cube(0.004);
+        goal = glm::normalize(goal + drift) * 0.315;
         const ProxyMove m = hand.go(goal);
         ASSERT_GE(world.clearance(m.position), 0.998 * kRadius);
         if (m.contacts.count == 0) {
             continue;
         }
-        // Coulomb's law against an ideal ball: facets of 7.5 degrees turn the normal by up to half of that.
+        // Coulomb's law against an ideal ball: facets of 7.5 degrees tilt the normal by up to half of that.
         const Vec3 n = glm::normalize(m.position);
         const Vec3 force = m.position - goal;
         const double normal = glm::dot(force, n);
@@ -286,7 +286,7 @@ TEST(Friction, LetsGoWithoutAPull) {
 TEST(Friction, BeginsWhereTheProxyLands) {
     World world = floor_of(10);
     Hand hand(world, over(0.0, 0.0) + Vec3(0.0, 0.1, 0.0), rough(10.0, 10.0));
-    // It comes down at 45 degrees and meets the floor half-way: there it sticks.
+    // It comes down at 45 degrees, meets the floor half-way and sticks there.
     const ProxyMove m = hand.go(over(0.2, 0.0) - Vec3(0.0, 0.1, 0.0));
     EXPECT_NEAR(glm::length(m.position - over(0.1, 0.0)), 0.0, 2e-3 * kRadius);
 }
@@ -321,13 +321,13 @@ TEST(Friction, NeverTakesAProxyThroughABodyThatTumbles) {
         Hand hand(world, inside ? Vec3(0.01, 0.02, 0.03) : Vec3(0.01, 0.45, 0.02));
         Vec3 hip = hand.at();
         Mat3 attitude(1.0);
-        Vec3 place(0.0);
+        Vec3 position(0.0);
         int touched = 0;
         for (int k = 0; k < 300; ++k) {
             attitude = rotation(random.direction(), random.uniform(-0.05, 0.05)) * attitude;
-            place = place * 0.95 + random.in_cube(0.02);
+            position = position * 0.95 + random.in_cube(0.02);
             body.stay();
-            body.end = placed(body.mesh.vertices, attitude, place);
+            body.end = placed(body.mesh.vertices, attitude, position);
             world.refit();
             hip = hip * 0.93 + random.in_cube(0.1);
             touched += hand.go(hip).contacts.count > 0 ? 1 : 0;

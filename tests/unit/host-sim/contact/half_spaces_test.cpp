@@ -24,7 +24,7 @@ double violation(const std::vector<HalfSpace>& h, const Vec3& x) {
     return worst;
 }
 
-/// Dykstra's alternating projections converge to the nearest point of an intersection of convex sets.
+/// Dykstra's alternating projections, which converge to the nearest point of an intersection of convex sets.
 Vec3 dykstra(const std::vector<HalfSpace>& h, const Vec3& target) {
     std::vector<Vec3> correction(h.size(), Vec3(0.0));
     Vec3 x = target;
@@ -48,8 +48,8 @@ TEST(HalfSpaces, KeepATargetThatIsInsideAll) {
 }
 
 TEST(HalfSpaces, ThatAreNearlyParallelHoldAPointFarBehindThem) {
-    // A valley, and a pit of three slopes, about the y axis: by symmetry the nearest point is on the axis. Cloth that
-    // is bent a little is such a thing to the proxy above it, with the goal many radii behind.
+    // A valley and a pit of three slopes about the y axis: by symmetry the nearest point is on the axis. Slightly bent
+    // cloth looks like this to the proxy above it, with the goal many radii behind.
     constexpr double offset = 0.03;      // m
     constexpr double tolerance = 3e-11;  // m, as for a sphere of that radius
     double slope = 0.3;
@@ -86,7 +86,7 @@ TEST(HalfSpaces, FindTheNearestPointAsAlternatingProjectionsDo) {
         const Projection p = project_onto(h, target, 1e-10);
         ASSERT_TRUE(p.feasible) << k;
         ASSERT_LE(violation(h, p.point), 1e-9) << k;
-        // Sharp wedges make the oracle slow, not us: both must agree in distance.
+        // Sharp wedges slow down the oracle, not the solver: both must agree in distance.
         ASSERT_NEAR(glm::length(p.point - target), glm::length(dykstra(h, target) - target), 1e-5) << k;
         corners += p.active_count == 3 ? 1 : 0;
     }
@@ -115,7 +115,7 @@ TEST(HalfSpaces, DoNotDependOnTheirOrder) {
 TEST(HalfSpaces, SayWhenThereIsNoPoint) {
     const std::vector<HalfSpace> slab{{{0, 1, 0}, 0.5}, {{0, -1, 0}, -0.4}};
     EXPECT_FALSE(project_onto(slab, {0, 0, 0}, 1e-12).feasible);
-    // Three walls of a prism that has no inside.
+    // Three walls of a prism without interior.
     const double s = std::sqrt(0.75);
     const std::vector<HalfSpace> prism{{{1, 0, 0}, 0.1}, {{-0.5, s, 0}, 0.1}, {{-0.5, -s, 0}, 0.1}};
     EXPECT_FALSE(project_onto(prism, {3, 1, 0}, 1e-12).feasible);

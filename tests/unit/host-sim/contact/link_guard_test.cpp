@@ -15,9 +15,9 @@
 namespace haptic::sim {
 namespace {
 
-/// A mesh that stands still.
-struct Standing {
-    explicit Standing(TriangleMesh made) : mesh(std::move(made)), tree(mesh.vertices, mesh.triangles) {
+/// A mesh at rest.
+struct RestingMesh {
+    explicit RestingMesh(TriangleMesh made) : mesh(std::move(made)), tree(mesh.vertices, mesh.triangles) {
         tree.refit({mesh.vertices, mesh.vertices, mesh.triangles});
     }
     [[nodiscard]] std::vector<MovingSurface> surfaces() const {
@@ -28,23 +28,23 @@ struct Standing {
 };
 
 /// A rod along x, of 4 mm.
-Standing thin_rod() {
-    return Standing(make_rod_mesh({.length = 0.3, .diameter = 0.004}));
+RestingMesh thin_rod() {
+    return RestingMesh(make_rod_mesh({.length = 0.3, .diameter = 0.004}));
 }
 
 TEST(LinkGuard, SeesARodGetBetweenTwoSpheres) {
-    const Standing rod = thin_rod();
+    const RestingMesh rod = thin_rod();
     const auto hit = find_link_hit(
         rod.surfaces(),
         {.a0 = {0.0, 0.012, -0.01}, .b0 = {0.0, 0.012, 0.01}, .a1 = {0.01, -0.03, -0.01}, .b1 = {0.01, -0.03, 0.01}});
     ASSERT_TRUE(hit.has_value());
-    EXPECT_GT(hit->plane.normal.y, 0.999);  // up, toward where the spheres were
+    EXPECT_GT(hit->plane.normal.y, 0.999);  // up, toward the spheres before the move
     EXPECT_EQ(hit->plane.touched.object, 0u);
     EXPECT_NEAR(hit->plane.touched.weights.x + hit->plane.touched.weights.y + hit->plane.touched.weights.z, 1.0, 1e-12);
 }
 
 TEST(LinkGuard, LetsSpheresGoRoundARodOnTheSameSide) {
-    const Standing rod = thin_rod();
+    const RestingMesh rod = thin_rod();
     EXPECT_FALSE(
         find_link_hit(
             rod.surfaces(),
@@ -54,7 +54,7 @@ TEST(LinkGuard, LetsSpheresGoRoundARodOnTheSameSide) {
         find_link_hit(rod.surfaces(),
                       {.a0 = {0.0, 0.1, 0.0}, .b0 = {0.0, 0.1, 0.02}, .a1 = {0.0, 0.01, 0.0}, .b1 = {0.0, 0.01, 0.02}})
             .has_value());
-    // Beyond the rod's end.
+    // Beyond the end of the rod.
     EXPECT_FALSE(find_link_hit(rod.surfaces(), {.a0 = {0.16, 0.012, -0.01},
                                                 .b0 = {0.16, 0.012, 0.01},
                                                 .a1 = {0.16, -0.03, -0.01},
@@ -63,7 +63,7 @@ TEST(LinkGuard, LetsSpheresGoRoundARodOnTheSameSide) {
 }
 
 TEST(LinkGuard, KeepsNothingOfASegmentThatASurfaceAlreadyGoesThrough) {
-    const Standing rod = thin_rod();
+    const RestingMesh rod = thin_rod();
     EXPECT_FALSE(
         find_link_hit(
             rod.surfaces(),
@@ -72,9 +72,9 @@ TEST(LinkGuard, KeepsNothingOfASegmentThatASurfaceAlreadyGoesThrough) {
 }
 
 TEST(LinkGuard, FindsEveryLineThatAPatchIsMovedAcross) {
-    // The oracle: a long thin rod along x is a line; the segment a b, seen along x, is moved across the origin if the
-    // triangles of its patch, projected to y-z, hold it.
-    const Standing rod{make_rod_mesh({.length = 200.0, .diameter = 1e-6})};
+    // Oracle: a long thin rod along x is a line. Seen along x, the segment a b moves across the origin if the triangles
+    // of its patch, projected to y-z, contain it.
+    const RestingMesh rod{make_rod_mesh({.length = 200.0, .diameter = 1e-6})};
     const auto surfaces = rod.surfaces();
     std::mt19937_64 random(7);
     std::uniform_real_distribution<double> place(-1.0, 1.0);

@@ -1,4 +1,4 @@
-// Claim: it makes no difference to the proxy how its surroundings are cut into surfaces, nor what else there is.
+// Claim: neither the division of the surroundings into surfaces nor other surfaces far away change the proxy.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 #include "contact/oracle.hpp"
 #include "contact/scenes.hpp"
-#include "haptic/sim/contact/planes_in_reach.hpp"
+#include "contact/speculative_planes.hpp"
 
 namespace {
 
@@ -41,7 +41,7 @@ TriangleMesh part_of(const TriangleMesh& mesh, std::size_t k, std::size_t parts)
 }
 
 SurfacePlanes reach(const World& world, const Step& s) {
-    return haptic::sim::planes_in_reach(
+    return haptic::sim::speculative_planes(
         world.surfaces, s.moved.contacts,
         {.position = s.moved.position, .radius = kRadius, .reach = 0.3 * kRadius, .dt = 0.01});
 }
@@ -71,11 +71,11 @@ TEST(ManySurfaces, AreAsOneHoweverAMeshIsCut) {
         const Vec3 axis = random.direction();
         const Mat3 attitude = rotation(axis, random.uniform(0.0, 3.0));
         const Vec3 spin = random.direction();
-        const Mat3 turned = rotation(spin, random.uniform(-0.5, 0.5)) * attitude;
+        const Mat3 rotated = rotation(spin, random.uniform(-0.5, 0.5)) * attitude;
         const Vec3 travel = random.direction() * kTravel;
         const Vec3 middle = random.in_cube(0.05);
         const auto start = placed(whole.vertices, attitude, middle - travel * 0.7);
-        const auto end = placed(whole.vertices, turned, middle + travel * 0.3);
+        const auto end = placed(whole.vertices, rotated, middle + travel * 0.3);
         const Vec3 proxy = travel * 0.3;
         one.bodies[0]->start = start;
         one.bodies[0]->end = end;
@@ -124,7 +124,7 @@ TEST(ManySurfaces, OfSizesAThousandApartAreBothMet) {
     Body& ground = world.add(sheet(100.0, 1, false));
     Body& bead = world.add(ball(0.002, 6));
     ground.start = ground.end = placed(ground.mesh.vertices, Mat3(1.0), {0, -0.05, 0});
-    // The bead is shot at the sphere from above at 14 m/s and drives it onto the ground.
+    // The bead hits the sphere from above at 14 m/s and drives it onto the ground.
     for (int k = 0; k < 20; ++k) {
         const double height = 0.035 + 0.003 * k;
         bead.start = placed(bead.mesh.vertices, Mat3(1.0), {0.0003, height, 0.0004});
@@ -137,7 +137,7 @@ TEST(ManySurfaces, OfSizesAThousandApartAreBothMet) {
     }
 }
 
-/// What a surface of a crowd does in a step.
+/// Motion of one surface of a crowd.
 struct Flight {
     Vec3 middle{0.0};
     Vec3 velocity{0.0};  // m a step
@@ -160,7 +160,7 @@ TEST(ManySurfaces, CrowdAroundAHostileHandWithoutPassingItUnsaid) {
     Vec3 proxy(0.0);
     Vec3 hip(0.0);
     int contacts = 0;
-    int let_through = 0;
+    int passed_through = 0;
     for (int k = 0; k < 1500; ++k) {
         for (std::size_t b = 0; b < flights.size(); ++b) {
             Flight& f = flights[b];
@@ -176,22 +176,22 @@ TEST(ManySurfaces, CrowdAroundAHostileHandWithoutPassingItUnsaid) {
             body.end = placed(body.mesh.vertices, rotation(f.axis, f.angle), f.middle);
         }
         world.refit();
-        // Up to 5 m/s and now and then a leap: the hand is not what keeps the proxy out.
+        // Up to 5 m/s with occasional jumps: it is not the hand that keeps the proxy out.
         hip = random.below(50) == 0 ? random.in_cube(0.3) : 0.9 * hip + random.in_cube(0.03);
         const Step s = step(world, proxy, hip, kRadius);
         proxy = s.moved.position;
         ASSERT_TRUE(std::isfinite(proxy.x + proxy.y + proxy.z)) << k;
-        if (s.secure.let_through) {
-            ++let_through;
+        if (s.secure.passed_through) {
+            ++passed_through;
         } else {
             ASSERT_TRUE(s.crossings.empty()) << "step " << k << ": passed by surface " << s.crossings[0].object;
         }
         contacts += s.moved.contacts.count > 0 ? 1 : 0;
     }
     EXPECT_GT(contacts, 300);
-    EXPECT_LT(let_through, 150) << "surfaces that pass through one another at the proxy are few";
+    EXPECT_LT(passed_through, 150) << "surfaces that pass through one another at the proxy are few";
     RecordProperty("in_contact_of_1500", contacts);
-    RecordProperty("let_through_of_1500", let_through);
+    RecordProperty("let_through_of_1500", passed_through);
 }
 
 }  // namespace

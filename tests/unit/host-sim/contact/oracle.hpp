@@ -1,4 +1,4 @@
-// Brute-force answers to judge the contact code by. Shares nothing with it but the types of mesh and path.
+// Oracle: brute-force answers for the tests of the contact code. Shares only the types of mesh and path with it.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@ struct Query {
     Corners end{};
 };
 
-/// Random numbers that are the same with every standard library: std:: distributions are not.
+/// Random numbers that are the same with every standard library; the distributions of std:: are not.
 class Random {
   public:
     explicit Random(std::uint64_t seed) : engine_(seed) {}
@@ -54,7 +54,7 @@ inline double segment_distance(const Vec3& p, const Vec3& a, const Vec3& b) {
     return glm::length(p - (a + s * e));
 }
 
-/// Distance to a triangle: the least of the three edges, and of the plane where the foot is inside.
+/// Distance to a triangle: the minimum of its three edges, and of its plane if the foot is inside.
 inline double distance(const Vec3& p, const Corners& t) {
     double d =
         std::min({segment_distance(p, t[0], t[1]), segment_distance(p, t[1], t[2]), segment_distance(p, t[2], t[0])});
@@ -83,18 +83,18 @@ inline Corners at(const Query& q, double t) {
 }
 
 struct Answer {
-    double least = 1e300;     // m, distance found at any time
-    bool touches = false;     // a time was found at which the distance is within the radius
-    double first_time = 2.0;  // first such time, by bisection; never before the true one
+    double min_distance = 1e300;  // m, minimum distance found at any time
+    bool touches = false;         // at some sampled time the distance is within the radius
+    double first_time = 2.0;      // first such time, by bisection; never before the true one
 };
 
-/// Samples the distance at `samples` + 1 times and refines each local minimum by golden sections.
+/// Samples the distance at `samples` + 1 times and refines each local minimum by golden-section search.
 inline Answer sample(const Query& q, int samples) {
     const auto d = [&](double t) { return distance(q.center, at(q, t)); };
     Answer answer;
     double before_time = 0.0;
-    const auto look = [&](double t, double value) {
-        answer.least = std::min(answer.least, value);
+    const auto record = [&](double t, double value) {
+        answer.min_distance = std::min(answer.min_distance, value);
         if (value <= q.radius && !answer.touches) {
             answer.touches = true;
             double low = before_time;
@@ -131,14 +131,14 @@ inline Answer sample(const Query& q, int samples) {
             }
             const double t = 0.5 * (low + high);
             if (t < static_cast<double>(k) / samples) {
-                look(t, d(t));
-                look(static_cast<double>(k) / samples, value[i]);
+                record(t, d(t));
+                record(static_cast<double>(k) / samples, value[i]);
             } else {
-                look(static_cast<double>(k) / samples, value[i]);
-                look(t, d(t));
+                record(static_cast<double>(k) / samples, value[i]);
+                record(t, d(t));
             }
         } else {
-            look(static_cast<double>(k) / samples, value[i]);
+            record(static_cast<double>(k) / samples, value[i]);
         }
     }
     return answer;

@@ -56,7 +56,7 @@ TEST(PopOut, PushesToTheSideTheCentreIsOn) {
         const Popped p = pop(world, {0.01, height, 0.02});
         EXPECT_NEAR(p.result.position.y, std::copysign(kRadius, height), 1e-9);
         EXPECT_NEAR(p.result.position.x, 0.01, 1e-9);
-        EXPECT_FALSE(p.result.squeezed);
+        EXPECT_FALSE(p.result.overconstrained);
         EXPECT_EQ(p.crossings, 0u);
     }
 }
@@ -76,7 +76,7 @@ TEST(PopOut, ClimbsOutOfANarrowFanWithoutFallingThrough) {
             const Vec3 p(out * std::cos(angle), -depth + height, out * std::sin(angle));
             const Popped popped = pop(world, p);
             ASSERT_EQ(popped.crossings, 0u) << depth << " " << k;
-            ASSERT_FALSE(popped.result.squeezed) << depth << " " << k;
+            ASSERT_FALSE(popped.result.overconstrained) << depth << " " << k;
             ASSERT_GE(world.clearance(popped.result.position), 0.999 * kRadius) << depth << " " << k;
             worst = std::max(worst, popped.result.iterations);
         }
@@ -84,11 +84,11 @@ TEST(PopOut, ClimbsOutOfANarrowFanWithoutFallingThrough) {
     }
 }
 
-// AT8: the three cases of the thesis' figure 4.19 and its fan, in 1,000 random orders of the triangles each. What
-// Algorithm 2 does there is in thesis_pop_out_test.cpp.
+// The three cases of figure 4.19 of the thesis and its fan, in 1,000 random orders of the triangles each.
+// thesis_pop_out_test.cpp shows what Algorithm 2 does there.
 
-/// Pops a proxy out of the mesh in 1,000 random orders of its triangles: the end must be the same, with no crossing.
-/// Returns it.
+/// Pops a proxy out of the mesh in 1,000 random orders of its triangles. The end must be the same each time, without a
+/// crossing. Returns it.
 PopOut in_any_order(TriangleMesh mesh, const Vec3& p, std::uint64_t seed) {
     Random random(seed);
     PopOut first;
@@ -100,7 +100,7 @@ PopOut in_any_order(TriangleMesh mesh, const Vec3& p, std::uint64_t seed) {
         first = k == 0 ? popped.result : first;
         EXPECT_EQ(popped.crossings, 0u) << k;
         EXPECT_LE(glm::length(popped.result.position - first.position), 1e-9) << k;
-        EXPECT_EQ(popped.result.squeezed, first.squeezed) << k;
+        EXPECT_EQ(popped.result.overconstrained, first.overconstrained) << k;
         if (testing::Test::HasFailure()) {
             break;
         }
@@ -111,9 +111,10 @@ PopOut in_any_order(TriangleMesh mesh, const Vec3& p, std::uint64_t seed) {
 
 TEST(PopOut, KeepsItsSideOfAThinWallThoughATriangleClips) {
     const PopOut popped = in_any_order(haptic::sim::tight::clipped_wall(4), haptic::sim::tight::kBesideWall, 51);
-    // There are 0.7 radii between the wall and what clips: it stays in the middle and says that it has no room.
+    // There are 0.7 radii between the wall and the clipping face: it stays in the middle and reports that it has no
+    // room.
     EXPECT_NEAR(popped.position.x, 0.5 * haptic::sim::tight::kClip, 1e-3 * kRadius);
-    EXPECT_TRUE(popped.squeezed);
+    EXPECT_TRUE(popped.overconstrained);
     EXPECT_NEAR(popped.clearance, 0.5 * haptic::sim::tight::kClip, 1e-3 * kRadius);
 }
 
@@ -123,7 +124,7 @@ TEST(PopOut, StaysInTheMiddleOfParallelFacesAndSaysSo) {
         haptic::sim::tight::append(mesh, sheet(0.5, 4, false), Mat3(1.0), {0, -half, 0});
         haptic::sim::tight::append(mesh, sheet(0.5, 4, false), Mat3(1.0), {0, half, 0});
         const PopOut popped = in_any_order(mesh, {0.01, 0.3 * half, 0.02}, 52);
-        EXPECT_TRUE(popped.squeezed);
+        EXPECT_TRUE(popped.overconstrained);
         EXPECT_NEAR(popped.position.y, 0.0, 1e-3 * kRadius) << half;
         EXPECT_NEAR(popped.clearance, half, 1e-3 * kRadius) << half;
     }
@@ -132,7 +133,7 @@ TEST(PopOut, StaysInTheMiddleOfParallelFacesAndSaysSo) {
 TEST(PopOut, StaysInAPocketThatIsTooSmallWhereThereIsMostRoom) {
     const Vec3 half = haptic::sim::tight::kPocket;
     const PopOut popped = in_any_order(haptic::sim::scenes::box(half), haptic::sim::tight::kInPocket, 53);
-    EXPECT_TRUE(popped.squeezed);
+    EXPECT_TRUE(popped.overconstrained);
     EXPECT_NEAR(popped.clearance, half.x, 1e-3 * kRadius);
     EXPECT_NEAR(popped.position.x, 0.0, 1e-3 * kRadius);
     EXPECT_NEAR(popped.position.z, 0.0, 1e-3 * kRadius);
@@ -145,9 +146,9 @@ TEST(PopOut, ClimbsOutOfAFanToTheSamePlaceInAnyOrderOfItsTriangles) {
             const double height = random.uniform(0.2, 0.9) * kRadius;
             const Vec3 p(0.1 * rim / depth * height, height - depth, -0.3 * rim / depth * height);
             const PopOut popped = in_any_order(fan(rim, depth), p, 55);
-            EXPECT_FALSE(popped.squeezed) << depth << " " << rim;
+            EXPECT_FALSE(popped.overconstrained) << depth << " " << rim;
             EXPECT_LE(popped.iterations, 100) << depth << " " << rim;
-            // Still inside the cone, as near to its faces as may be.
+            // Still inside the cone, as near to its faces as possible.
             World world;
             world.add(fan(rim, depth));
             EXPECT_GT(popped.position.y, -depth + height);

@@ -1,4 +1,4 @@
-// Surfaces for the contact tests, and one whole step of a proxy among them with the verification's verdict.
+// Scenes: surfaces for the contact tests, and one whole step of a proxy among them, verified.
 #pragma once
 
 #include <cmath>
@@ -19,8 +19,7 @@
 
 namespace haptic::sim::scenes {
 
-/// A square sheet in the plane y = 0 about the origin: n x n cells of two triangles, each also reversed if
-/// double-faced.
+/// Square sheet in the plane y = 0 about the origin: n x n cells of two triangles, each also reversed if double-faced.
 inline TriangleMesh sheet(double side, std::uint32_t n, bool double_faced) {
     TriangleMesh mesh;
     for (std::uint32_t i = 0; i <= n; ++i) {
@@ -45,7 +44,7 @@ inline TriangleMesh sheet(double side, std::uint32_t n, bool double_faced) {
     return mesh;
 }
 
-/// A closed sphere of rings and 2 * rings meridians, outward faces.
+/// Closed sphere of `rings` rings and 2 * rings meridians, faces outward.
 inline TriangleMesh ball(double radius, std::uint32_t rings) {
     TriangleMesh mesh;
     const std::uint32_t around = 2 * rings;
@@ -73,7 +72,7 @@ inline TriangleMesh ball(double radius, std::uint32_t rings) {
     return mesh;
 }
 
-/// A closed box of 12 triangles, outward faces.
+/// Closed box of 12 triangles, faces outward.
 inline TriangleMesh box(const Vec3& half) {
     TriangleMesh mesh;
     for (int k = 0; k < 8; ++k) {
@@ -150,13 +149,13 @@ class World {
     }
     /// Distance to the nearest surface at the end of the step, by brute force.
     [[nodiscard]] double clearance(const Vec3& p) const {
-        double least = 1e300;
+        double nearest = 1e300;
         for (const auto& body : bodies) {
             for (const Triangle& t : body->mesh.triangles) {
-                least = std::min(least, oracle::distance(p, {body->end[t[0]], body->end[t[1]], body->end[t[2]]}));
+                nearest = std::min(nearest, oracle::distance(p, {body->end[t[0]], body->end[t[1]], body->end[t[2]]}));
             }
         }
-        return least;
+        return nearest;
     }
 
     std::vector<std::unique_ptr<Body>> bodies;
@@ -170,7 +169,7 @@ struct Step {
     std::vector<Crossing> crossings;
 };
 
-/// Secure position, pop-out and virtual proxy, with the verdict of the verification over the whole path.
+/// One step: secure position, pop-out and virtual proxy, with the verification of the whole path.
 inline Step step(World& world, const Vec3& proxy, const Vec3& hip, double radius, const ContactSettings& settings = {},
                  bool verify = true) {
     static thread_local ProxyPath path;

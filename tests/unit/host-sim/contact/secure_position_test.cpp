@@ -24,14 +24,14 @@ constexpr double kRadius = 0.03;  // m, as in the thesis
 constexpr double kTravel = 0.14;  // m a step: 14 m/s at 10 ms
 constexpr Mat3 kUpright(1.0);
 
-/// Whether any triangle comes within the radius of the standing sphere at any time, by sampling each of them.
+/// Whether any triangle comes within the radius of the resting sphere at any time, by sampling each of them.
 bool touched_by_anything(const Body& body, const Vec3& p, double radius) {
     for (const haptic::sim::Triangle& t : body.mesh.triangles) {
         const haptic::sim::oracle::Query q{p,
                                            radius,
                                            {body.start[t[0]], body.start[t[1]], body.start[t[2]]},
                                            {body.end[t[0]], body.end[t[1]], body.end[t[2]]}};
-        // Too far at its nearest corner for all of its size and motion.
+        // Its nearest corner is too far away for its size and motion.
         double size = 0.0;
         for (std::size_t k = 0; k < 3; ++k) {
             size = std::max({size, glm::length(q.end[k] - q.start[k]), glm::length(q.start[k] - q.start[0])});
@@ -71,7 +71,7 @@ TEST(SecurePosition, CatchesTheClothOfTheThesisInEachOf140Phases) {
         ASSERT_TRUE(s.secure.touched) << phase;
         ASSERT_NEAR(s.secure.first_time, 0.001 * (phase + 0.5) / kTravel, 3e-4) << phase;
         ASSERT_TRUE(s.crossings.empty()) << phase;
-        ASSERT_FALSE(s.secure.squeezed) << phase;
+        ASSERT_FALSE(s.secure.overconstrained) << phase;
         ASSERT_GE(world.clearance(s.popped.position), 0.999 * kRadius) << phase;
         ASSERT_LE(s.moved.position.y, height - kTravel - 0.999 * kRadius) << "phase " << phase << ": below the cloth";
         ASSERT_EQ(s.moved.contacts.count, 1u) << phase;
@@ -93,12 +93,12 @@ TEST_P(Attitudes, AFlyingClothIsNeverMissedAndNeverPassesTheCentre) {
     for (int k = 0; k < 500; ++k) {
         const Mat3 attitude = rotation(random.direction(), random.uniform(0.0, 3.0));
         Vec3 travel = random.direction() * kTravel;
-        Mat3 turned = attitude;
+        Mat3 rotated = attitude;
         if (GetParam() == Attitude::EdgeOn) {
             const Vec3 normal = attitude[1];
             travel = glm::normalize(travel - normal * glm::dot(travel, normal)) * kTravel;
         } else if (GetParam() == Attitude::Tumbling) {
-            turned = rotation(random.direction(), random.uniform(-0.8, 0.8)) * attitude;
+            rotated = rotation(random.direction(), random.uniform(-0.8, 0.8)) * attitude;
         }
         const double waves = random.uniform(0.0, 0.02);
         std::vector<Vec3> rest = cloth.mesh.vertices;
@@ -112,14 +112,14 @@ TEST_P(Attitudes, AFlyingClothIsNeverMissedAndNeverPassesTheCentre) {
             continue;
         }
         cloth.start = start;
-        cloth.end = placed(rest, turned, middle + travel * random.uniform(0.2, 0.7));
+        cloth.end = placed(rest, rotated, middle + travel * random.uniform(0.2, 0.7));
         world.refit();
         const Step s = step(world, Vec3(0.0), Vec3(0.0), kRadius);
         ASSERT_TRUE(s.crossings.empty()) << k;
         ASSERT_GE(world.clearance(s.moved.position), 0.998 * kRadius) << k;
-        ASSERT_FALSE(s.secure.let_through) << k;
+        ASSERT_FALSE(s.secure.passed_through) << k;
         touched += s.secure.touched ? 1 : 0;
-        // A touch shallower than the shrink is left to the virtual proxy.
+        // A contact shallower than the shrink is left to the virtual proxy.
         missed += !s.secure.touched && touched_by_anything(cloth, Vec3(0.0), 0.9985 * kRadius) ? 1 : 0;
     }
     EXPECT_EQ(missed, 0);
@@ -145,7 +145,7 @@ TEST(SecurePosition, MeetsARimEdgeOnAtEveryOffset) {
     }
 }
 
-TEST(SecurePosition, RidesWithATurningSheetWithoutBeingPassed) {
+TEST(SecurePosition, AdvancesWithARotatingSheetWithoutBeingPassed) {
     World world;
     Body& cloth = world.add(sheet(0.5, 16, true));
     for (int k = 0; k < 60; ++k) {
@@ -158,11 +158,12 @@ TEST(SecurePosition, RidesWithATurningSheetWithoutBeingPassed) {
         ASSERT_TRUE(s.secure.touched) << angle;
         ASSERT_TRUE(s.crossings.empty()) << angle;
         ASSERT_GE(world.clearance(s.popped.position), 0.999 * kRadius) << angle;
-        ASSERT_LE(s.secure.rides, 5) << angle << ": the way beside the touched point stays outside the turning face";
+        ASSERT_LE(s.secure.advances, 5) << angle
+                                        << ": the path beside the contact point stays outside the rotating face";
     }
 }
 
-TEST(SecurePosition, IsSqueezedBetweenHammerAndAnvilButOnNoWrongSideWhileThereIsRoom) {
+TEST(SecurePosition, IsOverconstrainedBetweenHammerAndAnvilButOnNoWrongSideWhileThereIsRoom) {
     for (const double gap : {0.05, 0.03, 0.01}) {
         World world;
         Body& floor = world.add(sheet(2.0, 4, false));
@@ -172,8 +173,8 @@ TEST(SecurePosition, IsSqueezedBetweenHammerAndAnvilButOnNoWrongSideWhileThereIs
         cloth.end = placed(cloth.mesh.vertices, kUpright, {0.01, -0.05 + gap, 0.003});
         world.refit();
         const Step s = step(world, Vec3(0.0), Vec3(0.0), kRadius);
-        EXPECT_TRUE(s.secure.squeezed) << gap;
-        EXPECT_FALSE(s.secure.let_through) << gap;
+        EXPECT_TRUE(s.secure.overconstrained) << gap;
+        EXPECT_FALSE(s.secure.passed_through) << gap;
         EXPECT_TRUE(s.crossings.empty()) << gap;
         EXPECT_GT(s.moved.position.y, -0.05) << gap;
         EXPECT_LT(s.moved.position.y, -0.05 + gap) << gap;
@@ -190,13 +191,13 @@ TEST(SecurePosition, TheAnvilHoldsWhereTheHammerFallsThroughIt) {
     cloth.end = placed(cloth.mesh.vertices, kUpright, {0.01, 0.06 - kTravel, 0.003});
     world.refit();
     const Step s = step(world, Vec3(0.0), Vec3(0.0), kRadius);
-    EXPECT_TRUE(s.secure.squeezed);
-    EXPECT_TRUE(s.secure.let_through);
+    EXPECT_TRUE(s.secure.overconstrained);
+    EXPECT_TRUE(s.secure.passed_through);
     EXPECT_EQ(s.secure.passed.object, 1u) << "the cloth, not the floor";
-    EXPECT_LE(s.secure.rides, 8) << "by decision, not because the rides ran out";
+    EXPECT_LE(s.secure.advances, 8) << "by decision, not because the advances ran out";
     EXPECT_GT(s.secure.position.y, -0.05);
     EXPECT_GE(s.popped.position.y, -0.05 + 0.999 * kRadius);
-    ASSERT_FALSE(s.crossings.empty()) << "the verification tells what was let through";
+    ASSERT_FALSE(s.crossings.empty()) << "the verification reports the surface that passed through";
     for (const auto& crossing : s.crossings) {
         EXPECT_EQ(crossing.object, 1u);
     }
@@ -207,7 +208,7 @@ TEST(SecurePosition, IsTheSameForEveryOrderOfTriangles) {
     const haptic::sim::TriangleMesh mesh = sheet(0.5, 8, true);
     for (int k = 0; k < 20; ++k) {
         const Mat3 attitude = rotation(random.direction(), random.uniform(0.0, 3.0));
-        const Mat3 turned = rotation(random.direction(), 0.3) * attitude;
+        const Mat3 rotated = rotation(random.direction(), 0.3) * attitude;
         const Vec3 travel = random.direction() * kTravel;
         Vec3 reference(0.0);
         for (int order = 0; order < 4; ++order) {
@@ -218,7 +219,7 @@ TEST(SecurePosition, IsTheSameForEveryOrderOfTriangles) {
             World world;
             Body& cloth = world.add(shuffled);
             cloth.start = placed(mesh.vertices, attitude, -travel * 0.5);
-            cloth.end = placed(mesh.vertices, turned, travel * 0.5);
+            cloth.end = placed(mesh.vertices, rotated, travel * 0.5);
             world.refit();
             const Step s = step(world, Vec3(0.0), Vec3(0.0), kRadius, {}, false);
             if (order == 0) {

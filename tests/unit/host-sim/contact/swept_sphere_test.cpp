@@ -15,7 +15,7 @@ using haptic::sim::TriangleCorners;
 using haptic::sim::oracle::Query;
 using haptic::sim::oracle::Random;
 
-/// The sphere's move as the opposite move of the triangle, so that the sampling oracle can judge it.
+/// The sphere's move as the opposite move of the triangle, for the sampling oracle.
 Query as_query(const Vec3& from, const Vec3& move, const TriangleCorners& t, double radius) {
     Query q;
     q.center = from;
@@ -39,7 +39,7 @@ TEST(SweptSphere, MissesNothingAndInventsNothingOnRandomMoves) {
         }
         const SphereHit hit = sweep_sphere(from, move, radius, distance, t);
         const auto truth = haptic::sim::oracle::sample(as_query(from, move, t, radius), 100);
-        if (truth.touches && truth.least < radius * (1.0 - 1e-9)) {
+        if (truth.touches && truth.min_distance < radius * (1.0 - 1e-9)) {
             ++hits;
             ASSERT_TRUE(hit.hits) << k;
             ASSERT_LE(hit.fraction, truth.first_time + 1e-9) << k;

@@ -13,15 +13,15 @@
 namespace {
 
 using haptic::Vec3;
-using haptic::sim::Box;
+using haptic::sim::Aabb;
 using haptic::sim::SweptTree;
 using haptic::sim::Triangle;
 using haptic::sim::TriangleMesh;
 using haptic::sim::oracle::Random;
 
-bool meets(const Box& a, const Vec3& low, const Vec3& high) {
+bool meets(const Aabb& a, const Vec3& low, const Vec3& high) {
     for (int k = 0; k < 3; ++k) {
-        if (a.low[k] > high[k] || a.high[k] < low[k]) {
+        if (a.min[k] > high[k] || a.max[k] < low[k]) {
             return false;
         }
     }
@@ -44,7 +44,8 @@ TEST_P(OfSize, FindsEveryTriangleWhoseSweptBoxMeetsTheQuery) {
         }
         tree.refit({start, end, mesh.triangles});
         for (int k = 0; k < 40; ++k) {
-            const Box box = haptic::sim::box_about(random.in_cube(0.6), random.in_cube(0.6), random.uniform(0, 0.1));
+            const Aabb box =
+                haptic::sim::aabb_of_segment(random.in_cube(0.6), random.in_cube(0.6), random.uniform(0, 0.1));
             std::multiset<std::uint32_t> found;
             tree.query(box, [&](std::uint32_t t) { found.insert(t); });
             visited += found.size();
@@ -60,8 +61,8 @@ TEST_P(OfSize, FindsEveryTriangleWhoseSweptBoxMeetsTheQuery) {
                     ASSERT_EQ(found.count(t), 1u) << "triangle " << t;
                 }
                 for (int axis = 0; axis < 3; ++axis) {
-                    ASSERT_LE(tree.bounds().low[axis], low[axis]);
-                    ASSERT_GE(tree.bounds().high[axis], high[axis]);
+                    ASSERT_LE(tree.bounds().min[axis], low[axis]);
+                    ASSERT_GE(tree.bounds().max[axis], high[axis]);
                 }
             }
         }
@@ -76,7 +77,7 @@ TEST(SweptTree, VisitsFewOfManyTriangles) {
     SweptTree tree(mesh.vertices, mesh.triangles);
     tree.refit({mesh.vertices, mesh.vertices, mesh.triangles});
     std::size_t visited = 0;
-    tree.query(haptic::sim::box_about({0.1, 0, 0.1}, {0.1, 0, 0.1}, 0.03), [&](std::uint32_t) { ++visited; });
+    tree.query(haptic::sim::aabb_of_segment({0.1, 0, 0.1}, {0.1, 0, 0.1}, 0.03), [&](std::uint32_t) { ++visited; });
     EXPECT_GE(visited, 16u);
     EXPECT_LT(visited, 160u) << "of 4096";
     EXPECT_EQ(tree.leaf_count(), 512u);
@@ -89,8 +90,8 @@ TEST(SweptTree, KnowsTheExtremesOfTheMotion) {
     end[0] += Vec3(0.1, 0, -0.2);
     end[5] += Vec3(-0.3, 0, 0.4);
     tree.refit({mesh.vertices, end, mesh.triangles});
-    EXPECT_NEAR(glm::length(tree.displacement().low - Vec3(-0.3, 0, -0.2)), 0.0, 1e-15);
-    EXPECT_NEAR(glm::length(tree.displacement().high - Vec3(0.1, 0, 0.4)), 0.0, 1e-15);
+    EXPECT_NEAR(glm::length(tree.displacement().min - Vec3(-0.3, 0, -0.2)), 0.0, 1e-15);
+    EXPECT_NEAR(glm::length(tree.displacement().max - Vec3(0.1, 0, 0.4)), 0.0, 1e-15);
 }
 
 TEST(SweptTree, LeavesVerticesOfNoTriangleOutOfTheMotion) {
@@ -100,14 +101,14 @@ TEST(SweptTree, LeavesVerticesOfNoTriangleOutOfTheMotion) {
     std::vector<Vec3> end = mesh.vertices;
     end.back() += Vec3(0.0, 7.0, 0.0);
     tree.refit({mesh.vertices, end, mesh.triangles});
-    EXPECT_EQ(tree.displacement().high, Vec3(0.0));
-    EXPECT_EQ(tree.bounds().high.y, 0.0);
+    EXPECT_EQ(tree.displacement().max, Vec3(0.0));
+    EXPECT_EQ(tree.bounds().max.y, 0.0);
 }
 
 TEST(SweptTree, FindsNothingBeforeTheFirstRefit) {
     const TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, 3, false);
     const SweptTree tree(mesh.vertices, mesh.triangles);
-    tree.query(haptic::sim::box_about({0, 0, 0}, {0, 0, 0}, 9.0), [](std::uint32_t) { FAIL(); });
+    tree.query(haptic::sim::aabb_of_segment({0, 0, 0}, {0, 0, 0}, 9.0), [](std::uint32_t) { FAIL(); });
 }
 
 TEST(SweptTree, HasTheSameBoxesWhateverRegistersThereAre) {
@@ -122,12 +123,12 @@ TEST(SweptTree, HasTheSameBoxesWhateverRegistersThereAre) {
         }
         wide.refit({mesh.vertices, end, mesh.triangles});
         narrow.refit({mesh.vertices, end, mesh.triangles}, false);
-        EXPECT_EQ(wide.bounds().low, narrow.bounds().low);
-        EXPECT_EQ(wide.bounds().high, narrow.bounds().high);
-        EXPECT_EQ(wide.displacement().low, narrow.displacement().low);
-        EXPECT_EQ(wide.displacement().high, narrow.displacement().high);
+        EXPECT_EQ(wide.bounds().min, narrow.bounds().min);
+        EXPECT_EQ(wide.bounds().max, narrow.bounds().max);
+        EXPECT_EQ(wide.displacement().min, narrow.displacement().min);
+        EXPECT_EQ(wide.displacement().max, narrow.displacement().max);
         for (int k = 0; k < 100; ++k) {
-            const Box box = haptic::sim::box_about(random.in_cube(0.6), random.in_cube(0.6), 0.01);
+            const Aabb box = haptic::sim::aabb_of_segment(random.in_cube(0.6), random.in_cube(0.6), 0.01);
             std::vector<std::uint32_t> a;
             std::vector<std::uint32_t> b;
             wide.query(box, [&](std::uint32_t t) { a.push_back(t); });
@@ -137,7 +138,7 @@ TEST(SweptTree, HasTheSameBoxesWhateverRegistersThereAre) {
     }
 }
 
-TEST(SweptTree, HoldsForASurfaceThatStandsWhereItCameToRest) {
+TEST(SweptTree, HoldsForASurfaceThatCameToRest) {
     Random random(12);
     haptic::sim::scenes::World refitted;
     haptic::sim::scenes::World left_alone;
@@ -167,7 +168,7 @@ TEST(SweptTree, TakesAMeshWithoutTrianglesAndRefusesAnIndexWithoutVertex) {
     const std::vector<Vec3> vertices{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
     SweptTree none(vertices, {});
     none.refit({vertices, vertices, {}});
-    none.query(haptic::sim::box_about({0, 0, 0}, {0, 0, 0}, 9.0), [](std::uint32_t) { FAIL(); });
+    none.query(haptic::sim::aabb_of_segment({0, 0, 0}, {0, 0, 0}, 9.0), [](std::uint32_t) { FAIL(); });
     const std::vector<Triangle> bad{{0, 1, 3}};
     EXPECT_THROW(SweptTree(vertices, bad), std::invalid_argument);
 }
@@ -178,7 +179,7 @@ TEST(SweptTree, TakesManyTrianglesInOnePlace) {
     SweptTree tree(vertices, pile);
     tree.refit({vertices, vertices, pile});
     std::size_t visited = 0;
-    tree.query(haptic::sim::box_about({0, 0, 0}, {0, 0, 0}, 0.1), [&](std::uint32_t) { ++visited; });
+    tree.query(haptic::sim::aabb_of_segment({0, 0, 0}, {0, 0, 0}, 0.1), [&](std::uint32_t) { ++visited; });
     EXPECT_EQ(visited, 1000u);
 }
 

@@ -1,5 +1,5 @@
-// Places that are hard to get out of, for both methods of popping out: the fan of the thesis' figure 4.14 and the three
-// cases of its figure 4.19.
+// Tight places: geometry that is hard to pop out of, for both methods. The fan of figure 4.14 of the thesis and the
+// three cases of its figure 4.19.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace haptic::sim::tight {
 
 inline constexpr double kRadius = 0.03;  // m, of the proxy
 
-/// A centre pressed down into a cone, 32 fixed vertices round it: 33 vertices, 32 triangles, single-faced.
+/// Fan: a centre pressed down into a cone, surrounded by 32 fixed vertices; 33 vertices, 32 triangles, single-faced.
 inline TriangleMesh fan(double rim, double depth) {
     TriangleMesh mesh;
     mesh.vertices.emplace_back(0.0, -depth, 0.0);
@@ -25,7 +25,7 @@ inline TriangleMesh fan(double rim, double depth) {
     return mesh;
 }
 
-/// The same triangles in a random order (Fisher, Yates).
+/// The same triangles in random order (Fisher, Yates).
 inline void shuffle(TriangleMesh& mesh, oracle::Random& random) {
     for (std::size_t j = mesh.triangles.size() - 1; j > 0; --j) {
         std::swap(mesh.triangles[j], mesh.triangles[random.below(static_cast<std::uint32_t>(j + 1))]);
@@ -42,12 +42,12 @@ inline void append(TriangleMesh& to, const TriangleMesh& what, const Mat3& turn,
     }
 }
 
-/// Figure 4.19, left: a thin wall in the plane x = 0 that faces right, and on its right a face that clips the proxy
+/// Figure 4.19, left: a thin wall in the plane x = 0 that faces right, and to its right a face that clips the proxy
 /// with its back.
 inline constexpr double kClip = 0.7 * kRadius;
 inline const Vec3 kBesideWall(0.3 * kRadius, 0.002, 0.001);
 inline TriangleMesh clipped_wall(std::uint32_t cells) {
-    // A sheet's normal is +y; turned by -90 degrees about z it is +x.
+    // A sheet's normal is +y; rotated by -90 degrees about z it is +x.
     const Mat3 upright = scenes::rotation({0, 0, 1}, -M_PI / 2);
     TriangleMesh mesh;
     append(mesh, scenes::sheet(0.2, cells, false), upright, Vec3(0.0));
@@ -66,7 +66,7 @@ inline scenes::World slit(double half, bool lower_first) {
     return world;
 }
 
-/// Figure 4.19, right: a closed pocket smaller than the proxy, half its size, and a place in it.
+/// Figure 4.19, right: a closed pocket half the size of the proxy, and a position in it.
 inline const Vec3 kPocket(0.02, 0.025, 0.02);
 inline const Vec3 kInPocket(0.01, 0.0, -0.012);
 

@@ -29,13 +29,13 @@ class AgainstSampling : public testing::TestWithParam<Motion> {};
 TEST_P(AgainstSampling, MissesNothingAndInventsNothingAndIsNeverLate) {
     Random random(11 + static_cast<std::uint64_t>(GetParam()));
     int touching = 0;
-    int most = 0;
+    int max_iterations = 0;
     for (int k = 0; k < 1500; ++k) {
         Query q = haptic::sim::oracle::random_query(random, GetParam(), 1.0);
         q.radius = k % 3 == 0 ? random.uniform(1e-3, 1.0) : q.radius;
         const auto truth = haptic::sim::oracle::sample(q, 200);
         const TriangleTouch ours = sphere_triangle_ccd(q.center, q.radius, moving(q));
-        most = std::max(most, ours.iterations);
+        max_iterations = std::max(max_iterations, ours.iterations);
         if (truth.touches) {
             ++touching;
             ASSERT_TRUE(ours.touches) << "query " << k << ": missed a touch at " << truth.first_time;
@@ -43,12 +43,12 @@ TEST_P(AgainstSampling, MissesNothingAndInventsNothingAndIsNeverLate) {
             const double there = haptic::sim::oracle::distance(q.center, haptic::sim::oracle::at(q, ours.time));
             ASSERT_LE(there, q.radius * (1.0 + 1e-4)) << "query " << k << ": stops early";
         } else if (ours.touches) {
-            ASSERT_LE(truth.least, q.radius * (1.0 + 1e-4)) << "query " << k << ": invented";
+            ASSERT_LE(truth.min_distance, q.radius * (1.0 + 1e-4)) << "query " << k << ": invented";
         }
     }
     EXPECT_GT(touching, 300);
     EXPECT_LT(touching, 1500);
-    RecordProperty("most_iterations", most);
+    RecordProperty("most_iterations", max_iterations);
 }
 
 INSTANTIATE_TEST_SUITE_P(Motions, AgainstSampling,
@@ -96,9 +96,9 @@ TEST(SphereTriangleCcd, TimesAnEdgeAndACornerThatComeEdgeOnExactly) {
 }
 
 TEST(SphereTriangleCcd, TouchesAtZeroWhatTouchesFromTheStart) {
-    const MovingTriangle standing{{{-1, 0.5, -1}, {1, 0.5, -1}, {0, 0.5, 1}},
-                                  {{-1, 0.5, -1}, {1, 0.5, -1}, {0, 0.5, 1}}};
-    const TriangleTouch touch = sphere_triangle_ccd(Vec3(0.0), 1.0, standing);
+    const MovingTriangle resting{{{-1, 0.5, -1}, {1, 0.5, -1}, {0, 0.5, 1}},
+                                 {{-1, 0.5, -1}, {1, 0.5, -1}, {0, 0.5, 1}}};
+    const TriangleTouch touch = sphere_triangle_ccd(Vec3(0.0), 1.0, resting);
     EXPECT_TRUE(touch.touches);
     EXPECT_EQ(touch.time, 0.0);
 }
@@ -111,7 +111,7 @@ TEST(SphereTriangleCcd, LetsATriangleThatIsReleasedAlreadyGo) {
 }
 
 TEST(SphereTriangleCcd, KeepsASphereThatGrazesAFaceForTheWholeStepCheap) {
-    // A large face slides by at just over the radius: plain advancement would creep along it.
+    // A large face slides past at just over the radius: plain conservative advancement would creep along it.
     const MovingTriangle sliding{{{-9, 1.0001, -9}, {9, 1.0001, -9}, {0, 1.0001, 9}},
                                  {{-6, 1.0001, -9}, {12, 1.0001, -9}, {3, 1.0001, 9}}};
     const TriangleTouch touch = sphere_triangle_ccd(Vec3(0.0), 1.0, sliding);

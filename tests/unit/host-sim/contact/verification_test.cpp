@@ -34,7 +34,7 @@ TEST(Verification, FiresOnAProxyThatWasTeleportedThroughASheet) {
     EXPECT_NEAR(found[0].position.y, 0.0, 1e-12);
 }
 
-TEST(Verification, FiresOnASheetThatFallsThroughAStandingProxy) {
+TEST(Verification, FiresOnASheetThatFallsThroughARestingProxy) {
     Body sheet(haptic::sim::scenes::sheet(1.0, 8, false));
     for (std::size_t k = 0; k < sheet.end.size(); ++k) {
         sheet.start[k].y = 0.05;
@@ -55,15 +55,15 @@ TEST(Verification, CountsThereAndBackTwice) {
     EXPECT_EQ(check(sheet, {{0.0, {0.01, 0.2, 0.02}}, {0.5, {0.03, -0.1, 0.02}}, {1.0, {0.03, 0.1, 0.02}}}).size(), 2u);
 }
 
-TEST(Verification, LetsTheProxyPassRoundTheBorder) {
+TEST(Verification, LetsTheProxyPassAroundTheBorder) {
     const Body sheet(haptic::sim::scenes::sheet(1.0, 8, true));
     EXPECT_TRUE(
         check(sheet, {{0.0, {0.4, 0.2, 0.0}}, {0.3, {0.6, 0.1, 0.0}}, {0.6, {0.6, -0.1, 0.0}}, {1.0, {0.2, -0.1, 0.0}}})
             .empty());
 }
 
-TEST(Verification, LetsTheProxyRideOnATurningSheet) {
-    // The sheet turns by 40 degrees about x while the proxy keeps 0.03 above it, in 20 straight pieces.
+TEST(Verification, LetsTheProxyAdvanceWithARotatingSheet) {
+    // The sheet rotates by 40 degrees about x while the proxy keeps 0.03 above it, in 20 straight pieces.
     Body sheet(haptic::sim::scenes::sheet(1.0, 8, true));
     sheet.end =
         haptic::sim::scenes::placed(sheet.mesh.vertices, haptic::sim::scenes::rotation({1, 0, 0}, 0.7), {0, -0.3, 0});
@@ -89,7 +89,7 @@ TEST(Verification, SeesASheetThatCutsEdgeOnThroughTheCentre) {
     EXPECT_TRUE(check(sheet, {{0.0, {0, 1e-6, 0.01}}, {1.0, {0, 1e-6, 0.01}}}).empty());
 }
 
-TEST(Verification, AgreesWithTheWindingNumberOnRandomWaysThroughABall) {
+TEST(Verification, AgreesWithTheWindingNumberOnRandomPathsThroughABall) {
     Random random(8);
     const Body ball(haptic::sim::scenes::ball(0.5, 6));
     int through = 0;
@@ -106,16 +106,16 @@ TEST(Verification, AgreesWithTheWindingNumberOnRandomWaysThroughABall) {
     EXPECT_GT(through, 100);
 }
 
-/// Several bodies that fly about and deform, and ways of several pieces among them. `away` from the origin.
+/// Several bodies that move and deform, and paths of several pieces among them, `away` from the origin.
 struct Crowd {
     Crowd(Random& random, const Vec3& away) {
         for (const TriangleMesh& mesh : {haptic::sim::scenes::ball(0.3, 4), haptic::sim::scenes::sheet(1.2, 6, true)}) {
             Body body(mesh);
             const Vec3 shift = away + random.in_cube(0.3);
-            const Vec3 way = random.in_cube(0.4);
+            const Vec3 travel = random.in_cube(0.4);
             for (std::size_t v = 0; v < body.start.size(); ++v) {
                 body.start[v] += shift + random.in_cube(0.02);
-                body.end[v] += shift + way + random.in_cube(0.02);
+                body.end[v] += shift + travel + random.in_cube(0.02);
             }
             bodies.push_back(std::move(body));
         }
@@ -130,22 +130,22 @@ struct Crowd {
             }
             paths.push_back(knots);
         }
-        paths.push_back({{0.0, away}});  // of no piece
+        paths.push_back({{0.0, away}});  // without a piece
     }
-    [[nodiscard]] std::vector<std::span<const PathKnot>> ways() const { return {paths.begin(), paths.end()}; }
+    [[nodiscard]] std::vector<std::span<const PathKnot>> spans() const { return {paths.begin(), paths.end()}; }
 
     std::vector<Body> bodies;
-    std::vector<SurfaceMotion> motions;  // of the bodies, where they are
+    std::vector<SurfaceMotion> motions;  // of the bodies, at their present positions
     std::vector<std::vector<PathKnot>> paths;
 };
 
 TEST(Verification, OfManyPathsTogetherIsThatOfEachAlone) {
     Random random(10);
     std::size_t crossings = 0;
-    for (const double away : {0.0, 1e7}) {  // there numbers are 2e-9 m apart
+    for (const double away : {0.0, 1e7}) {  // numbers there are 2e-9 m apart
         for (int round = 0; round < 60; ++round) {
             const Crowd crowd(random, Vec3(away, -away, 0.5 * away));
-            const auto together = find_crossings(crowd.motions, crowd.ways());
+            const auto together = find_crossings(crowd.motions, crowd.spans());
             ASSERT_EQ(together.size(), crowd.paths.size());
             for (std::size_t k = 0; k < crowd.paths.size(); ++k) {
                 const auto alone = find_crossings(crowd.motions, std::span<const PathKnot>(crowd.paths[k]));
@@ -165,8 +165,8 @@ TEST(Verification, OfManyPathsTogetherIsThatOfEachAlone) {
 }
 
 TEST(Verification, OfAPathThatOnlyRoundingBringsOntoASurfaceIsTheSameTogether) {
-    // Between its equal heights at both ends of the step, a sheet that stands still is where rounding puts it: that may
-    // be beyond both.
+    // At equal heights at both ends of the step, a resting sheet is interpolated to where rounding puts it between
+    // them, which may be beyond both.
     int rounded = 0;
     for (int k = 1; k < 100; ++k) {
         const double height = 0.3;

@@ -32,7 +32,7 @@ ProxyMove move(World& world, const Vec3& from, const Vec3& goal) {
     return haptic::sim::move_proxy(world.surfaces, from, goal, kRadius, 0.01, {});
 }
 
-/// Whether some place near `p` that is clear of everything is nearer to the goal by more than `gain`.
+/// Whether some clear position near `p` is nearer to the goal by more than `gain`.
 bool can_do_better(const World& world, const Vec3& p, const Vec3& goal, Random& random, double gain) {
     for (int k = 0; k < 200; ++k) {
         const Vec3 q = p + random.direction() * (kRadius * random.uniform(0.02, 0.1));
@@ -71,8 +71,8 @@ TEST(VirtualProxy, RestsOnAPlaneAboveTheGoal) {
     EXPECT_NEAR(glm::length(point - Vec3(0.21, 0, 0.11)), 0.0, 1e-9);
 }
 
-// Proxy shrink (thesis, 4.1.4) is a tolerance: contacts are found with a part of the radius, and the proxy is placed at
-// all of it, so that it looks and feels its size whatever the shrink.
+// Proxy shrink (thesis 4.1.4) is a tolerance. Contacts are found with the shrunk radius and the proxy is placed at the
+// full radius, so that it looks and feels its full size whatever the shrink.
 
 TEST(VirtualProxy, RestsAtItsWholeRadiusWhateverTheShrink) {
     World flat;
@@ -95,8 +95,8 @@ TEST(VirtualProxy, RestsAtItsWholeRadiusWhateverTheShrink) {
     }
 }
 
-TEST(VirtualProxy, IsLetBeWhereOnlyTheShrunkSphereFits) {
-    // Where it stands, between the shrunk and the whole radius, nothing pops it and nothing makes it move.
+TEST(VirtualProxy, StaysWhereOnlyTheShrunkSphereFits) {
+    // Between the shrunk and the full radius nothing pops it and nothing makes it move.
     World world;
     world.add(sheet(1.0, 8, true));
     world.refit();
@@ -108,8 +108,8 @@ TEST(VirtualProxy, IsLetBeWhereOnlyTheShrunkSphereFits) {
 }
 
 TEST(VirtualProxy, FitsAChannelThatIsWiderThanTheShrunkSphereOnly) {
-    // The limit that the thesis names: it gets into a hole of its own size. At half a thousandth less it does, at two
-    // thousandths less it does not.
+    // The limit named in the thesis: the proxy fits into a hole of its own size. At half a thousandth less it does, at
+    // two thousandths less it does not.
     for (const bool fits : {true, false}) {
         World world;
         const double half = (fits ? 0.9995 : 0.998) * kRadius;
@@ -154,7 +154,7 @@ TEST(VirtualProxy, RollsAboutAConvexEdgeAndACornerToTheNearestPoint) {
     World world;
     world.add(box({0.5, 0.5, 0.5}));
     world.refit();
-    // Goals just inside the box: the nearest place is straight out from the edge or the corner.
+    // Goals just inside the box: the nearest position is straight out from the edge or the corner.
     const Vec3 by_edge(0.505, 0.51, 0.1);
     const ProxyMove edge = move(world, {0.45, 0.6, 0.1}, by_edge);
     const Vec3 on_edge = Vec3(0.5, 0.5, 0.1) + glm::normalize(Vec3(0.005, 0.01, 0)) * kRadius;
@@ -239,7 +239,7 @@ TEST(VirtualProxy, NeverGetsIntoOrOutOfAClosedMeshOnALongRandomWalk) {
             Vec3 place(0.0);
             int touched = 0;
             for (int k = 0; k < 500; ++k) {
-                // The body tumbles by up to a twentieth of a radian and 20 mm a step, the hip by up to 100 mm.
+                // The body tumbles by up to a twentieth of a radian and 20 mm a step, the hip moves by up to 100 mm.
                 attitude = rotation(random.direction(), random.uniform(-0.05, 0.05)) * attitude;
                 place = place * 0.95 + random.in_cube(0.02);
                 body.stay();
@@ -248,7 +248,7 @@ TEST(VirtualProxy, NeverGetsIntoOrOutOfAClosedMeshOnALongRandomWalk) {
                 hip = hip * 0.93 + random.in_cube(0.1);
                 const Step s = step(world, p, hip, kRadius);
                 ASSERT_TRUE(s.crossings.empty()) << k;
-                ASSERT_FALSE(s.secure.let_through) << k;
+                ASSERT_FALSE(s.secure.passed_through) << k;
                 p = s.moved.position;
                 ASSERT_NEAR(haptic::sim::winding_number(body.end, body.mesh.triangles, p), inside ? 1.0 : 0.0, 1e-6)
                     << k;
@@ -269,7 +269,7 @@ TEST(VirtualProxy, StaysInASlitThatIsTooNarrowAndSlidesAlongIt) {
     world.refit();
     const Step s = step(world, {0, 0.001, 0}, {0.1, 0.4, 0.05}, kRadius);
     EXPECT_TRUE(s.crossings.empty());
-    EXPECT_TRUE(s.popped.squeezed);
+    EXPECT_TRUE(s.popped.overconstrained);
     EXPECT_NEAR(s.moved.position.x, 0.1, 1e-3);
     EXPECT_NEAR(s.moved.position.z, 0.05, 1e-3);
     EXPECT_LT(std::abs(s.moved.position.y), 0.02);

@@ -1,12 +1,12 @@
-#include <haptic/sim/deformable.hpp>
+#include "haptic/sim/deformable.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <glm/geometric.hpp>
 
-#include <haptic/sim/cloth.hpp>
 #include "dynamics/rotation.hpp"
+#include "haptic/sim/cloth.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -23,7 +23,7 @@ DeformableBody small_cloth() {
 // 30 degrees about z: cos(15), sin(15).
 const Placement kAside{{1.0, 2.0, 3.0}, {0.9659258262890683, 0.0, 0.0, 0.25881904510252074}, {0.0, -1.0, 0.5}};
 
-TEST(Placement, TurnsAndMovesSurfaceParticlesAndMotionsAlike) {
+TEST(Placement, TransformsSurfaceParticlesAndMotions) {
     DeformableBody body = small_cloth();
     body.particles.pinned[0] = 1;
     body.motions.push_back({{0}, {0.0, 1.0}, {Vec3(0.0), Vec3(0.1, 0.0, 0.0)}, false});
@@ -44,7 +44,7 @@ TEST(Placement, TurnsAndMovesSurfaceParticlesAndMotionsAlike) {
     EXPECT_LT(glm::length(body.motions[0].offsets[1] - Vec3(0.1 * std::sqrt(3.0) / 2.0, 0.05, 0.0)), 1e-15);
 }
 
-TEST(Motion, GoesThroughItsOffsetsAndStays) {
+TEST(Motion, InterpolatesItsOffsetsAndHoldsTheLast) {
     const Motion motion{{0}, {0.0, 1.0, 3.0}, {Vec3(0.0), Vec3(0.0, 2.0, 0.0), Vec3(0.0, 0.0, 4.0)}, false};
     EXPECT_EQ(offset_at(motion, 0.0), Vec3(0.0));
     EXPECT_EQ(offset_at(motion, 0.5), Vec3(0.0, 1.0, 0.0));
@@ -52,7 +52,7 @@ TEST(Motion, GoesThroughItsOffsetsAndStays) {
     EXPECT_EQ(offset_at(motion, 100.0), Vec3(0.0, 0.0, 4.0));
 }
 
-TEST(Motion, BeginsAgainIfItRepeats) {
+TEST(Motion, IsPeriodicIfItRepeats) {
     const Motion motion{{0}, {0.0, 1.0, 2.0}, {Vec3(0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0)}, true};
     for (const double whole : {0.0, 2.0, 20.0}) {
         EXPECT_LT(glm::length(offset_at(motion, whole + 0.25) - Vec3(0.0, 0.25, 0.0)), 1e-13);
@@ -75,7 +75,7 @@ TEST(ParticleModel, AppendsBodiesWithTheirGroupsAndLinks) {
     EXPECT_EQ(both.links.back().second, body.particles.links.back().second + n);
 }
 
-TEST(ParticleModel, RefusesBodiesThatLeaveParticlesOut) {
+TEST(ParticleModel, RefusesBodiesThatDoNotCoverAllParticles) {
     ParticleModel model = small_cloth().particles;
     model.bodies = {{0, 10}, {12, 25}};
     EXPECT_THROW(model.check(), std::invalid_argument);

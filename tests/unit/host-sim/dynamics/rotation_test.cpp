@@ -30,7 +30,7 @@ class RotationTest : public ::testing::Test {
     std::mt19937 random_{7};
 };
 
-TEST_F(RotationTest, MatrixTurnsVectorsAsTheQuaternionDoes) {
+TEST_F(RotationTest, MatrixRotatesVectorsLikeTheQuaternion) {
     for (int i = 0; i < 100; ++i) {
         const Quat q = rotation();
         const Vec3 v = vector();
@@ -38,17 +38,17 @@ TEST_F(RotationTest, MatrixTurnsVectorsAsTheQuaternionDoes) {
     }
 }
 
-TEST_F(RotationTest, TurnBetweenUndoesTurned) {
+TEST_F(RotationTest, TurnBetweenInvertsTurned) {
     for (int i = 0; i < 100; ++i) {
         const Quat q = rotation();
         const Vec3 turn = 3.0 * vector();
         EXPECT_NEAR(glm::length(turn_between(q, turned(q, turn)) - turn), 0.0, 1e-13);
-        // The other sign of a quaternion is the same orientation.
+        // q and -q are the same orientation.
         EXPECT_NEAR(glm::length(turn_between(q, -turned(q, turn)) - turn), 0.0, 1e-13);
     }
 }
 
-TEST_F(RotationTest, TurnIsTheExponentialToThirdOrder) {
+TEST_F(RotationTest, TurnedMatchesTheExponentialToThirdOrder) {
     const Vec3 turn(0.0, 0.02, 0.0);
     const Quat exact = glm::angleAxis(0.02, Vec3(0.0, 1.0, 0.0));
     const Quat q = turned(Quat(1.0, 0.0, 0.0, 0.0), turn);
@@ -56,7 +56,7 @@ TEST_F(RotationTest, TurnIsTheExponentialToThirdOrder) {
     EXPECT_TRUE(std::isfinite(turn_between(Quat(1, 0, 0, 0), Quat(0, 1, 0, 0)).x));  // half a turn
 }
 
-TEST_F(RotationTest, FindsTheRotationOfAStretchedOne) {
+TEST_F(RotationTest, FindsTheRotationOfAStretchedMatrix) {
     for (int i = 0; i < 100; ++i) {
         const Quat truth = rotation();
         const Mat3 half = Mat3(vector(), vector(), vector());
@@ -101,8 +101,8 @@ TEST_F(RotationTest, FindsTheRotationOfAFlatMatrix) {
     }
 }
 
-TEST_F(RotationTest, TurnsAnInvertedMatrixAboutItsWeakestDirectionFromAnyGuess) {
-    // Of A = R diag(a, b, -c) with a > b > c the rotation with the greatest overlap is R: it gives up the least.
+TEST_F(RotationTest, FlipsAnInvertedMatrixAlongItsWeakestDirectionFromAnyGuess) {
+    // For A = R diag(a, b, -c) with a > b > c, the rotation that maximises tr(R^T A) is R.
     for (int i = 0; i < 100; ++i) {
         const Quat truth = rotation();
         const Mat3 basis = to_matrix(rotation());
@@ -112,18 +112,18 @@ TEST_F(RotationTest, TurnsAnInvertedMatrixAboutItsWeakestDirectionFromAnyGuess) 
     }
 }
 
-TEST_F(RotationTest, KeepsTheGuessWhereTheMatrixSaysNothing) {
+TEST_F(RotationTest, KeepsTheGuessWhereTheMatrixIsUndetermined) {
     const Quat guess = rotation();
     const Quat of_nothing = extract_rotation(Mat3(0.0), guess, 5);
     EXPECT_EQ(of_nothing.w, guess.w);
     EXPECT_EQ(of_nothing.x, guess.x);
-    // Points on a line along x, unturned: any turn about x fits, and the guess is one.
+    // Collinear points along x, not rotated: every rotation about x fits, so the guess does.
     const Quat about_line = glm::angleAxis(0.7, Vec3(1.0, 0.0, 0.0));
     const Quat found = extract_rotation(Mat3(1, 0, 0, 0, 0, 0, 0, 0, 0), about_line, 50);
     EXPECT_NEAR(std::abs(glm::dot(found, about_line)), 1.0, 1e-12);
 }
 
-TEST_F(RotationTest, InertiaSolutionCarriesTheMomentum) {
+TEST_F(RotationTest, InertiaSolutionHasTheMomentum) {
     for (int i = 0; i < 100; ++i) {
         Mat3 scatter(0.0);
         const Vec3 rate = vector();
@@ -137,7 +137,7 @@ TEST_F(RotationTest, InertiaSolutionCarriesTheMomentum) {
     }
 }
 
-TEST_F(RotationTest, InertiaSolutionOfCollinearPointsCarriesTheMomentumAndStaysBounded) {
+TEST_F(RotationTest, InertiaSolutionOfCollinearPointsHasTheMomentumAndIsBounded) {
     for (int i = 0; i < 100; ++i) {
         const Vec3 line = glm::normalize(vector());
         Mat3 scatter(0.0);
@@ -149,7 +149,7 @@ TEST_F(RotationTest, InertiaSolutionOfCollinearPointsCarriesTheMomentumAndStaysB
         }
         const Vec3 x = solve_inertia(scatter, momentum);
         EXPECT_TRUE(std::isfinite(glm::length(x)));
-        // What x makes of the points' motion is what counts: its part along the line moves nothing.
+        // Compare the points' velocities: the component of x along the line moves no point.
         const Vec3 across = x - glm::dot(x, line) * line;
         const double trace = scatter[0][0] + scatter[1][1] + scatter[2][2];
         EXPECT_NEAR(glm::length(trace * across - momentum), 0.0, 1e-9);

@@ -1,4 +1,4 @@
-#include <haptic/sim/skin.hpp>
+#include "haptic/sim/skin.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,10 +9,10 @@
 #include <stdexcept>
 #include <vector>
 
-#include <haptic/sim/fish.hpp>
-#include <haptic/sim/model_builder.hpp>
 #include "dynamics/rotation.hpp"
-#include <haptic/sim/solver.hpp>
+#include "haptic/sim/fish.hpp"
+#include "haptic/sim/model_builder.hpp"
+#include "haptic/sim/solver.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -24,11 +24,11 @@ const DeformableBody& fish() {
 
 std::vector<Vec3> skinned(const DeformableBody& body, const ParticleModel& model, bool wide = true) {
     std::vector<Vec3> vertices(body.mesh.vertices.size());
-    Skinner(body.mesh.vertices, body.particles, body.skin, wide).place(model, vertices);
+    Skinner(body.mesh.vertices, body.particles, body.skin, wide).skin_vertices(model, vertices);
     return vertices;
 }
 
-/// Least and greatest ratio of an edge's length to that at rest.
+/// Smallest and largest ratio of an edge's length to its rest length.
 std::pair<double, double> stretch_of(const TriangleMesh& mesh, const std::vector<Vec3>& vertices) {
     double least = std::numeric_limits<double>::infinity();
     double most = 0.0;
@@ -45,7 +45,7 @@ std::pair<double, double> stretch_of(const TriangleMesh& mesh, const std::vector
     return {least, most};
 }
 
-/// The fish's particles bent about y into a part of a circle, `angle` radians over its length.
+/// The fish's particles bent about y into an arc of `angle` radians over its length.
 ParticleModel bent_fish(double angle) {
     ParticleModel model = fish().particles;
     const double curvature = angle / 0.3;
@@ -79,7 +79,7 @@ TEST(Skin, IsTheBlendOfItsParticles) {
     const std::vector<Vec3> vertices = skinned(fish(), model);
     for (std::size_t j = 0; j < vertices.size(); ++j) {
         Vec3 expected(0.0);
-        for (std::size_t k = 0; k < SkinVertex::kMost; ++k) {
+        for (std::size_t k = 0; k < SkinVertex::kMax; ++k) {
             const std::uint32_t i = fish().skin[j].particle[k];
             expected +=
                 fish().skin[j].weight[k] * (model.position[i] + to_matrix(model.orientation[i]) *
@@ -89,13 +89,13 @@ TEST(Skin, IsTheBlendOfItsParticles) {
     }
 }
 
-TEST(Skin, HasTheSameBitsWhateverTheRegisters) {
+TEST(Skin, HasTheSameBitsForAnyRegisterWidth) {
     const ParticleModel model = bent_fish(1.0);
     EXPECT_EQ(skinned(fish(), model, true), skinned(fish(), model, false));
 }
 
 TEST(Skin, BendsWithoutTearsOrSpikes) {
-    // Of the bend itself, edges on the outside are up to 1 + angle * 0.04 / 0.3 times as long: 1.3 at 2.2 radians.
+    // The bend alone stretches outer edges by up to 1 + angle * 0.04 / 0.3: 1.3 at 2.2 radians.
     for (const double angle : {0.5, 1.0, 2.2, -2.2}) {
         const auto [least, most] = stretch_of(fish().mesh, skinned(fish(), bent_fish(angle)));
         EXPECT_GT(least, 1.0 - 0.15 * std::abs(angle)) << angle;
@@ -103,9 +103,9 @@ TEST(Skin, BendsWithoutTearsOrSpikes) {
     }
 }
 
-TEST(Skin, StaysWholeWhereShapeMatchingBendsTheFish) {
-    // The middle is held, and the tail, 0.08 m away, is led 0.06 m to the side within 0.15 s and back, without turning.
-    // Straight from one to the other it is 1.25 times as far then.
+TEST(Skin, StaysSmoothWhereShapeMatchingBendsTheFish) {
+    // The middle is fixed. The tail, 0.08 m away, moves 0.06 m to the side within 0.15 s and back, without rotating. At
+    // the turning point their straight distance is 1.25 times that at rest.
     ParticleModel model = fish().particles;
     std::vector<std::uint32_t> led;
     for (std::uint32_t i = 0; i < model.size(); ++i) {
@@ -115,7 +115,7 @@ TEST(Skin, StaysWholeWhereShapeMatchingBendsTheFish) {
             led.push_back(i);
         }
     }
-    ParticleSolver solver(model, {.step = 0.005, .iterations = 5, .gravity = Vec3(0.0), .settling = 5.0});
+    ParticleSolver solver(model, {.step = 0.005, .iterations = 5, .gravity = Vec3(0.0), .shape_damping = 5.0});
     Skinner skinner(fish().mesh.vertices, fish().particles, fish().skin);
     std::vector<Vec3> vertices(fish().mesh.vertices.size());
     double least = 1.0;
@@ -128,7 +128,7 @@ TEST(Skin, StaysWholeWhereShapeMatchingBendsTheFish) {
             model.velocity[i] = Vec3(0.0, 0.0, speed);
         }
         solver.step(model, {});
-        skinner.place(model, vertices);
+        skinner.skin_vertices(model, vertices);
         const auto [shortest, longest] = stretch_of(fish().mesh, vertices);
         least = std::min(least, shortest);
         most = std::max(most, longest);
@@ -141,7 +141,7 @@ TEST(Skin, StaysWholeWhereShapeMatchingBendsTheFish) {
     EXPECT_GT(least, 0.25);
 }
 
-TEST(Skin, OfParticlesIsWhereTheyAre) {
+TEST(Skin, OfOneVertexPerParticleCopiesPositions) {
     const std::vector<Vec3> rest{{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}};
     ParticleModel model;
     model.add(rest[0], 1.0, 0.1);
@@ -149,11 +149,11 @@ TEST(Skin, OfParticlesIsWhereTheyAre) {
     Skinner skinner(rest, model, skin_of_particles(2));
     model.position = {{0.1, 0.2, 0.3}, {-0.4, 0.5, 1e-300}};
     std::vector<Vec3> vertices(2);
-    skinner.place(model, vertices);
+    skinner.skin_vertices(model, vertices);
     EXPECT_EQ(vertices, model.position);
 }
 
-TEST(Skin, OfOneBodyOfSeveralIsPlacedAloneAndOnlyWhereItHasMoved) {
+TEST(Skin, UpdatesOnlyTheBodyThatHasMoved) {
     ParticleModel model = fish().particles;
     model.append(fish().particles);
     std::vector<Vec3> rest = fish().mesh.vertices;
@@ -171,22 +171,22 @@ TEST(Skin, OfOneBodyOfSeveralIsPlacedAloneAndOnlyWhereItHasMoved) {
     const Skinner::Part second{half, half, fish().particles.size(), fish().particles.size()};
     EXPECT_TRUE(skinner.has_moved(model, first)) << "it was never placed";
     std::vector<Vec3> vertices(rest.size(), Vec3(7.0));
-    skinner.place(model, first, vertices);
+    skinner.skin_vertices(model, first, vertices);
     EXPECT_EQ(vertices[half], Vec3(7.0));
     EXPECT_TRUE(skinner.has_moved(model, second));
-    skinner.place(model, second, vertices);
+    skinner.skin_vertices(model, second, vertices);
     EXPECT_FALSE(skinner.has_moved(model, first) || skinner.has_moved(model, second));
     model.position[second.first_particle + 3].y += 0.01;
     model.orientation[2] = turned(model.orientation[2], Vec3(0.0, 0.1, 0.0));
     EXPECT_TRUE(skinner.has_moved(model, first) && skinner.has_moved(model, second));
-    skinner.place(model, first, vertices);
-    skinner.place(model, second, vertices);
+    skinner.skin_vertices(model, first, vertices);
+    skinner.skin_vertices(model, second, vertices);
     std::vector<Vec3> whole(rest.size());
-    Skinner(rest, model, skin, false).place(model, whole);
+    Skinner(rest, model, skin, false).skin_vertices(model, whole);
     EXPECT_EQ(vertices, whole);
 }
 
-TEST(Skin, RefusesWeightsThatAreNone) {
+TEST(Skin, RefusesInvalidWeights) {
     const std::vector<Vec3> rest{{0.0, 0.0, 0.0}};
     ParticleModel model;
     model.add(rest[0], 1.0, 0.1);

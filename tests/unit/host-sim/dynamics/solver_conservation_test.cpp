@@ -1,19 +1,19 @@
-// What a free body of the fish's kind keeps over a minute: momenta to rounding, and never more energy than it had.
+// Conservation by a free fish-like body over a minute: momenta up to rounding, and energy that never grows.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
 
-#include <haptic/denormals.hpp>
 #include "dynamics/rotation.hpp"
-#include <haptic/sim/solver.hpp>
+#include "haptic/denormals.hpp"
+#include "haptic/sim/solver.hpp"
 #include "strewn_body.hpp"
 
 namespace haptic::sim {
 namespace {
 
-/// Bends the body by an arc of which the ends stand out by `height`, m, and sets it spinning and travelling.
+/// Bends the body into an arc whose ends are displaced by `height`, m, and makes it spin and translate.
 void bend_and_throw(ParticleModel& model, double height) {
     const Vec3 rate(1.0, 4.0, 2.0);  // rad/s
     for (std::size_t i = 0; i < model.size(); ++i) {
@@ -36,7 +36,7 @@ Vec3 spin_about_centre(const ParticleModel& model) {
     return angular_momentum(model) - glm::cross(centre / mass, linear_momentum(model));
 }
 
-/// Kinetic, about the centre of mass, J.
+/// Kinetic energy relative to the centre of mass, J.
 double inner_kinetic_energy(const ParticleModel& model) {
     double mass = 0.0;
     for (const double m : model.mass) {
@@ -46,8 +46,8 @@ double inner_kinetic_energy(const ParticleModel& model) {
     return kinetic_energy(model) - 0.5 * glm::dot(p, p) / mass;
 }
 
-/// Of compliant groups, J: 1/2 sum m |d|^2 / compliance, with d from the best fit of the positions alone. That is the
-/// least which the groups can hold.
+/// Energy of compliant groups, J: 1/2 sum m |d|^2 / compliance, with d from the best fit of the positions alone. A
+/// lower bound of the energy that the groups store.
 double elastic_energy(const ParticleModel& model) {
     double energy = 0.0;
     for (const Group& group : model.groups) {
@@ -77,14 +77,14 @@ double elastic_energy(const ParticleModel& model) {
 constexpr SolverSettings kFree{.gravity = {0.0, 0.0, 0.0}};
 constexpr int kMinute = 6000;  // steps of 0.01 s
 
-TEST(SolverConservation, ABentSpinningBodyKeepsItsMomentaAndCalmsDownOverAMinute) {
+TEST(SolverConservation, ABentSpinningBodyKeepsItsMomentaAndLosesEnergyOverAMinute) {
     const FlushDenormals flush;
     ParticleModel model = strewn_body(1, 0.6);
     bend_and_throw(model, 0.04);
     ParticleSolver solver(model, kFree);
     const Vec3 linear = linear_momentum(model);
     const Vec3 spin = spin_about_centre(model);
-    double highest = 0.0;  // J, while the bend turns into motion
+    double highest = 0.0;  // J, while the bend is converted to motion
     for (int i = 0; i < 20; ++i) {
         solver.step(model, {});
         highest = std::max(highest, inner_kinetic_energy(model));
@@ -93,8 +93,8 @@ TEST(SolverConservation, ABentSpinningBodyKeepsItsMomentaAndCalmsDownOverAMinute
         solver.step(model, {});
         ASSERT_LE(inner_kinetic_energy(model), highest) << "step " << i;
     }
-    // Rounding only. The body ends 22 m away: a place is known to 4e-15 m, a velocity to 4e-13 m/s, and each of 6,000
-    // steps rounds 45 times.
+    // Rounding only. The body ends 22 m away, where a position has a precision of 4e-15 m and a velocity of 4e-13 m/s;
+    // each of 6,000 steps rounds 45 times.
     EXPECT_LT(glm::length(linear_momentum(model) - linear), 1e-8 * glm::length(linear));
     EXPECT_LT(glm::length(spin_about_centre(model) - spin), 1e-10 * glm::length(spin));
 }
@@ -105,9 +105,9 @@ TEST(SolverConservation, ASpinningBodyNeverMovesMoreThanAtFirst) {
         ParticleModel model = strewn_body(2, stiffness);
         bend_and_throw(model, 0.0);
         ParticleSolver solver(model, kFree);
-        const double start = inner_kinetic_energy(model);  // all its energy: it has its rest shape
+        const double start = inner_kinetic_energy(model);  // its whole energy: it has its rest shape
         solver.step(model, {});
-        // The first step replaces tangents by chords, which shows in the order of the turn within a step, squared.
+        // The first step replaces tangents by chords: an error of the order of the squared rotation within a step.
         const double turn = kFree.step * glm::length(model.angular_velocity[0]);
         EXPECT_LE(inner_kinetic_energy(model), start * (1.0 + 0.25 * turn * turn));
         for (int i = 1; i < kMinute / 6; ++i) {

@@ -1,4 +1,4 @@
-#include <haptic/sim/solver.hpp>
+#include "haptic/sim/solver.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,9 +13,9 @@
 #include <utility>
 #include <vector>
 
-#include <haptic/denormals.hpp>
-#include <haptic/sim/cloth.hpp>
 #include "dynamics/rotation.hpp"
+#include "haptic/denormals.hpp"
+#include "haptic/sim/cloth.hpp"
 #include "scene/state_hash.hpp"
 #include "simd/projection.hpp"
 #include "strewn_body.hpp"
@@ -27,7 +27,7 @@ ParticleModel sheet(std::uint32_t side = 9) {
     return make_cloth_particles({.vertices_per_side = side, .side = 0.25, .mass = 0.01}, 0.7, 1.0);
 }
 
-/// Displaced and moving at random, so that every constraint has something to do.
+/// Random displacements and velocities, so that every constraint is violated.
 ParticleModel crumpled_sheet(std::uint32_t side = 9) {
     ParticleModel model = sheet(side);
     std::mt19937 random(3);
@@ -42,8 +42,8 @@ ParticleModel crumpled_sheet(std::uint32_t side = 9) {
     return model;
 }
 
-/// Groups and links of all sizes between particles at random, some pinned, some in one place: all that makes lanes
-/// differ from one another.
+/// Groups and links of all sizes between random particles, some pinned, some coincident: everything that makes lanes
+/// differ.
 ParticleModel tangle(std::uint32_t seed) {
     std::mt19937 random(seed);
     std::normal_distribution<double> normal;
@@ -59,7 +59,7 @@ ParticleModel tangle(std::uint32_t seed) {
         model.angular_velocity[i] = vector();
         model.pinned[i] = below(12) == 0 ? 1 : 0;
         if (model.pinned[i] != 0) {
-            model.position[i].x = -0.0;  // nothing may be added to it, not even 0
+            model.position[i].x = -0.0;  // adding even 0 would change it
         }
     }
     for (std::uint32_t c = 0; c < 40; ++c) {
@@ -101,7 +101,7 @@ double inner_kinetic_energy(const ParticleModel& model) {
 }
 
 constexpr SolverSettings kFree{.gravity = {0.0, 0.0, 0.0}};
-constexpr double kRounding = 0x1p-24;  // of float, in which constraints are projected, relative to the size of a group
+constexpr double kRounding = 0x1p-24;                     // of float projections, relative to the size of a group
 constexpr double kSheetRounding = 8 * 0.044 * kRounding;  // m, over the 8 cells of a sheet(), 4.4 cm across
 
 TEST(Solver, KeepsLinearAndAngularMomentumOfAFreeSheet) {
@@ -118,8 +118,8 @@ TEST(Solver, KeepsLinearAndAngularMomentumOfAFreeSheet) {
 }
 
 TEST(Solver, OneProjectionKeepsAngularMomentumOfEachGroup) {
-    // From rest, with one pass and nothing put back, the momentum that a step makes is that of the projections alone,
-    // and of the order of the motion squared: halving the displacement must quarter it.
+    // From rest, with one pass and without the momentum correction, the momentum after a step comes from the
+    // projections alone and is of second order in the motion: halving the displacement must quarter it.
     const auto made = [](double scale) {
         ParticleModel model = sheet();
         const ParticleModel shaken = crumpled_sheet();
@@ -129,21 +129,21 @@ TEST(Solver, OneProjectionKeepsAngularMomentumOfEachGroup) {
         SolverSettings settings = kFree;
         settings.iterations = 1;
         settings.keep_angular_momentum = false;
-        // All at once on the same state, so that what moves in the first pass is not seen by the second.
+        // All groups on the same state, so that no group sees the motion by another.
         ParticleModel one_group = model;
         one_group.links.clear();
         one_group.groups.resize(1);
         ParticleSolver(one_group, settings).step(one_group, {});
         return glm::length(angular_momentum(one_group)) / std::sqrt(kinetic_energy(one_group));
     };
-    // One group: projected at the state where momentum is counted, so rounding is all that may be left of what a rigid
-    // body of its inertia, 4 corners of a cell of 3 cm, would have: sqrt(2 I) for each root of energy.
+    // One group, projected at the state where momentum is defined: only rounding may remain, relative to the momentum
+    // of a rigid body with its inertia (4 corners of a cell of 3 cm), sqrt(2 I) per root of energy.
     const double inertia = 4.0 * (0.01 / 81.0) * 0.022 * 0.022;  // kg m^2
     EXPECT_LT(made(1.0), 64.0 * kRounding * std::sqrt(2.0 * inertia));
     EXPECT_LT(made(0.5), 64.0 * kRounding * std::sqrt(2.0 * inertia));
 }
 
-TEST(Solver, FallsByTheSumOfTheSemiImplicitScheme) {
+TEST(Solver, FallsAsTheSemiImplicitSchemePredicts) {
     ParticleModel model = sheet();
     const SolverSettings settings;
     ParticleSolver solver(model, settings);
@@ -184,7 +184,7 @@ TEST(Solver, KeepsARotatedModelRigid) {
     }
     for (std::size_t i = 0; i < model.size(); ++i) {
         EXPECT_LT(glm::length(model.position[i] - (turn * model.rest_position[i] + Vec3(1.0, 2.0, 3.0))),
-                  4.0 * kSheetRounding);  // each cell is turned alike only to rounding
+                  4.0 * kSheetRounding);  // cells rotate alike only up to rounding
     }
 }
 
@@ -201,7 +201,7 @@ TEST(Solver, SpinsAtAConstantRateAndKeepsItsShape) {
         solver.step(model, {});
     }
     EXPECT_NEAR(kinetic_energy(model), energy, 0.01 * energy);
-    // Half a milliradian of stretch is what the centrifugal motion h^2 w^2 / 2 of a step leaves before projection.
+    // A stretch of 0.5e-3 is the centrifugal displacement h^2 w^2 / 2 of a step before projection.
     for (const Link& link : model.links) {
         const double length = glm::length(model.position[link.second] - model.position[link.first]);
         EXPECT_NEAR(length, link.rest_length, 1e-3 * link.rest_length);
@@ -211,7 +211,7 @@ TEST(Solver, SpinsAtAConstantRateAndKeepsItsShape) {
 TEST(Solver, NeverGainsEnergy) {
     ParticleModel model = crumpled_sheet(5);
     ParticleSolver solver(model, kFree);
-    double highest = 0.0;  // J; after the first steps have turned deformation into motion
+    double highest = 0.0;  // J; after the first steps have converted deformation to motion
     for (int i = 0; i < 20; ++i) {
         solver.step(model, {});
         highest = std::max(highest, inner_kinetic_energy(model));
@@ -233,12 +233,12 @@ TEST(Solver, LeavesPinnedParticlesWhereTheyAre) {
     EXPECT_EQ(model.position[0], model.rest_position[0]);
     EXPECT_EQ(model.position[8], model.rest_position[8]);
     EXPECT_EQ(model.velocity[0], Vec3(0.0));
-    // The rest hangs below: the far edge has swung down and is held.
+    // The rest hangs: the far edge has swung down and stopped.
     EXPECT_LT(model.position[76].y, -0.1);
     EXPECT_GT(model.position[76].y, -0.4);
 }
 
-TEST(Solver, LeadsPinnedParticlesByTheirVelocitiesWhateverPullsAtThem) {
+TEST(Solver, MovesPinnedParticlesByTheirVelocitiesOnly) {
     for (const int substeps : {1, 4}) {
         ParticleModel model = sheet();
         model.pinned[0] = model.pinned[40] = 1;
@@ -246,7 +246,7 @@ TEST(Solver, LeadsPinnedParticlesByTheirVelocitiesWhateverPullsAtThem) {
         const Vec3 rate(0.0, 2.0, 0.0);
         model.velocity[0] = velocity;
         model.angular_velocity[0] = rate;
-        const SolverSettings settings{.substeps = substeps, .drag = 3.0, .settling = 2.0};
+        const SolverSettings settings{.substeps = substeps, .drag = 3.0, .shape_damping = 2.0};
         const double h = settings.step / substeps;
         ParticleSolver solver(model, settings);
         Quat turn = model.orientation[0];
@@ -266,7 +266,7 @@ TEST(Solver, LeadsPinnedParticlesByTheirVelocitiesWhateverPullsAtThem) {
     }
 }
 
-TEST(Solver, DrawsTheRestAlongWithWhatIsLed) {
+TEST(Solver, PullsFreeParticlesAlongWithMovingPinnedOnes) {
     ParticleModel model = sheet();
     const Vec3 velocity(1.0, 0.0, 0.0);
     for (std::size_t i = 0; i < 9; ++i) {
@@ -285,12 +285,12 @@ TEST(Solver, DrawsTheRestAlongWithWhatIsLed) {
     }
 }
 
-/// Notes what the solver shows at each call, and moves one particle in each iteration.
+/// Records the solver's calls and moves one particle in each iteration.
 class Prodding : public SolverContacts {
   public:
     Prodding(std::size_t particle, const Vec3& by) : particle_(particle), by_(by) {}
     void find(const ParticleModel& start, const MovingParticles& predicted, double /*h*/) override {
-        seen.push_back(predicted.place[particle_].number[0]);
+        seen.push_back(predicted.position[particle_].number[0]);
         calls += 'f';
         for (std::size_t i = 0; i < start.size(); ++i) {
             predicted.pushed[i] = {};
@@ -299,7 +299,7 @@ class Prodding : public SolverContacts {
     void project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) override {
         calls += 'p';
         for (int k = 0; k < 3; ++k) {
-            now.place[particle_].number[k] += by_[k];
+            now.position[particle_].number[k] += by_[k];
             now.pushed[particle_].number[k] += by_[k];
         }
     }
@@ -333,25 +333,25 @@ TEST(Solver, ContactsChangeTheMomentaByWhatTheyPush) {
     for (int i = 0; i < 20; ++i) {
         const Vec3 push(2e-5, -1e-5, 3e-5);
         Prodding contact(8, push);
-        // As often as there are iterations; it acts where the particle was.
+        // Once per iteration; the push acts at the particle's position at the start.
         const Vec3 impulse = model.mass[8] * (kFree.iterations / kFree.step) * push;
         const Vec3 linear = linear_momentum(model) + impulse;
         const Vec3 angular = angular_momentum(model) + glm::cross(model.position[8], impulse);
         solver.step(model, {}, &contact);
         EXPECT_LT(glm::length(linear_momentum(model) - linear), 1e-14);
-        // The new momentum is counted where the particles have gone, along their velocities.
+        // The new momentum is evaluated at the particles' new positions.
         EXPECT_LT(glm::length(angular_momentum(model) - angular), 1e-14);
     }
 }
 
-TEST(Solver, ABodyInCompanyGoesThroughTheBitsThatItHasAlone) {
+TEST(Solver, ABodyHasTheSameBitsAloneAndBesideOthers) {
     const ParticleModel first = crumpled_sheet(9);
     ParticleModel second = crumpled_sheet(6);
     second.pinned[3] = 1;
     second.velocity[3] = Vec3(0.1);
     ParticleModel both = first;
     both.append(second);
-    const SolverSettings settings{.substeps = 2, .settling = 1.0};
+    const SolverSettings settings{.substeps = 2, .shape_damping = 1.0};
     const auto run = [&](ParticleModel model) {
         ParticleSolver solver(model, settings);
         for (int i = 0; i < 30; ++i) {
@@ -371,7 +371,7 @@ TEST(Solver, ABodyInCompanyGoesThroughTheBitsThatItHasAlone) {
     }
 }
 
-TEST(Solver, EachFreeBodyKeepsItsMomentaBesideOneThatIsHeld) {
+TEST(Solver, EachFreeBodyKeepsItsMomentaBesideAPinnedOne) {
     ParticleModel first = crumpled_sheet();
     ParticleModel second = crumpled_sheet();
     for (std::size_t i = 0; i < second.size(); ++i) {
@@ -392,28 +392,28 @@ TEST(Solver, EachFreeBodyKeepsItsMomentaBesideOneThatIsHeld) {
         return only;
     };
     SolverSettings settings = kFree;
-    settings.settling = 3.0;
+    settings.shape_damping = 3.0;
     ParticleSolver solver(model, settings);
     const std::vector<ParticleModel> before{part(0), part(1)};
     for (int i = 0; i < 300; ++i) {
         solver.step(model, {});
     }
     for (std::size_t b = 0; b < 2; ++b) {
-        // Rounding only: in each of 300 steps of 0.01 s some 50 projections round places up to 30 m away; 10 g.
+        // Rounding only: in each of 300 steps of 0.01 s about 50 projections round positions up to 30 m away; 10 g.
         const double rounding = 300 * 50 * 0.01 * (30.0 * 0x1p-53) / 0.01;
         EXPECT_LT(glm::length(linear_momentum(part(b)) - linear_momentum(before[b])), rounding) << b;
         EXPECT_LT(glm::length(angular_momentum(part(b)) - angular_momentum(before[b])), 30.0 * rounding) << b;
     }
 }
 
-TEST(Solver, GoesThroughTheSameBitsOnEveryMachine) {
-    // A cloth that is let go while two corners are held. The number changes with every change of the arithmetic; that
-    // it is the same for all compilers, levels of optimisation and CPUs is the point.
+TEST(Solver, HasTheSameBitsOnEveryMachine) {
+    // A cloth released with two corners fixed. The hash changes with every change of the arithmetic, but must be the
+    // same for all compilers, optimisation levels and CPUs.
     const FlushDenormals flush;
     for (const std::size_t lanes : ParticleSolver::usable_lanes()) {
         ParticleModel model = sheet(17);
         model.pinned[0] = model.pinned[16] = 1;
-        ParticleSolver solver(model, {.settling = 1.0}, lanes);
+        ParticleSolver solver(model, {.shape_damping = 1.0}, lanes);
         for (int i = 0; i < 100; ++i) {
             solver.step(model, {});
         }
@@ -426,7 +426,7 @@ TEST(Solver, HasTheSameBitsWithAnyNumberOfLanes) {
     ASSERT_GE(widths.size(), 2u);
     for (std::uint32_t seed = 0; seed < 20; ++seed) {
         const ParticleModel model = tangle(seed);
-        const SolverSettings settings{.step = 0.004, .substeps = 2, .iterations = 3, .settling = 2.0};
+        const SolverSettings settings{.step = 0.004, .substeps = 2, .iterations = 3, .shape_damping = 2.0};
         const auto run = [&](std::size_t lanes, bool flushed) {
             ParticleModel copy = model;
             ParticleSolver solver(copy, settings, lanes);
@@ -445,7 +445,7 @@ TEST(Solver, HasTheSameBitsWithAnyNumberOfLanes) {
     }
 }
 
-TEST(Solver, ProjectsOntoANewRestShapeAsIfItHadBeenBuiltForIt) {
+TEST(Solver, SetRestShapeMatchesANewSolver) {
     ParticleModel straight = strewn_body(3, 0.7);
     for (std::uint32_t i = 1; i < 40; ++i) {
         const double length = glm::length(straight.rest_position[i] - straight.rest_position[i - 1]);
@@ -472,17 +472,17 @@ TEST(Solver, ProjectsOntoANewRestShapeAsIfItHadBeenBuiltForIt) {
     }
 }
 
-TEST(Solver, TakesTheWidestLanesUnlessToldOtherwise) {
+TEST(Solver, UsesTheWidestLanesByDefault) {
     const ParticleModel model = sheet();
     EXPECT_EQ(ParticleSolver(model, {}).lanes(), ParticleSolver::usable_lanes().back());
     EXPECT_EQ(ParticleSolver::usable_lanes().front(), 1u);
     EXPECT_THROW(ParticleSolver(model, {}, 3), std::invalid_argument);
 }
 
-TEST(Solver, SettlesWithoutLosingMomentum) {
+TEST(Solver, ShapeDampingKeepsMomentum) {
     ParticleModel model = crumpled_sheet();
     SolverSettings settings = kFree;
-    settings.settling = 5.0;
+    settings.shape_damping = 5.0;
     ParticleSolver solver(model, settings);
     const Vec3 linear = linear_momentum(model);
     const Vec3 angular = angular_momentum(model);
@@ -510,7 +510,7 @@ TEST(Solver, PullsAStretchedPairToItsLength) {
     EXPECT_NEAR(model.position[1].x, 1.3, 1.4 * kRounding);
 }
 
-/// A chain that hangs from its first particle along -y, with a drag in which it comes to rest.
+/// A chain that hangs from its first particle along -y, with drag, so that it comes to rest.
 ParticleModel hanging_chain(std::uint32_t links, double mass, double compliance) {
     ParticleModel model;
     model.add(Vec3(0.0), 1.0, 0.0);
@@ -541,7 +541,7 @@ TEST(Solver, ACompliantLinkStretchesAsTheSpringDoesWithAnyStepAndIterations) {
     }
 }
 
-/// Asks for now few, now many sub-steps, as contacts do.
+/// Requests a varying number of sub-steps, as contacts do.
 class Hasty : public SolverContacts {
   public:
     [[nodiscard]] int substeps(const ParticleModel& /*start*/, double /*step*/) const override { return wanted; }
@@ -553,9 +553,9 @@ class Hasty : public SolverContacts {
     int wanted = 1;
 };
 
-TEST(Solver, ASpringStaysTheSameWhenContactsDivideItsSteps) {
+TEST(Solver, ASpringIsIndependentOfTheSubStepsThatContactsRequest) {
     ParticleModel model = hanging_chain(1, 0.2, 0.003);
-    model.add({1.0, 0.0, 0.0}, 0.1, 0.1);  // beside it, a body that is pressed together
+    model.add({1.0, 0.0, 0.0}, 0.1, 0.1);  // beside it, a compressed body
     model.add({2.0, 0.0, 0.0}, 0.1, 0.1);
     model.groups.push_back({2, {2, 3}, 1.0, 0.004});
     model.bodies = {{0, 2}, {2, 4}};
@@ -582,7 +582,7 @@ TEST(Solver, AChainOfCompliantLinksStretchesByItsTensions) {
         int substeps;
         int iterations;
     };
-    // Within 1 %. Two iterations of 0.01 s would leave 11 %, but as sub-steps of 0.002 s they do.
+    // Within 1 % with sub-steps of 0.002 s; two iterations of 0.01 s would leave 11 %.
     for (const auto& [step, substeps, iterations] :
          {Effort{0.01, 1, 5}, Effort{0.01, 1, 40}, Effort{0.002, 1, 2}, Effort{0.01, 5, 2}}) {
         ParticleModel model = hanging_chain(count, mass, compliance);
@@ -599,8 +599,8 @@ TEST(Solver, AChainOfCompliantLinksStretchesByItsTensions) {
     }
 }
 
-TEST(Solver, ALinkWithoutComplianceStretchesByWhatStepAndIterationsLeave) {
-    // What compliance is for: the same chain, held by stiffness alone.
+TEST(Solver, ALinkWithoutComplianceDependsOnStepAndIterations) {
+    // For comparison, the same chain with stiffness instead of compliance.
     const auto stretch = [](int iterations, double step) {
         ParticleModel model = hanging_chain(1, 0.2, 0.0);
         model.links[0].stiffness = 0.3;
@@ -614,10 +614,10 @@ TEST(Solver, ALinkWithoutComplianceStretchesByWhatStepAndIterationsLeave) {
     EXPECT_GT(stretch(1, 0.01), 20.0 * stretch(1, 0.002));
 }
 
-TEST(Solver, ACompliantGroupGivesWayByForcePerMassWithAnyStepAndIterations) {
+TEST(Solver, ACompliantGroupYieldsByForcePerMassWithAnyStepAndIterations) {
     const double compliance = 0.004;  // s^2
     const std::vector<double> mass{0.1, 0.1, 0.3, 0.3};
-    // In and against the line of each pair, so that neither the centroid nor the orientation takes part of it.
+    // Along and against the line of each pair, so that neither centroid nor orientation changes.
     const std::vector<Vec3> acceleration{{2.0, 0.0, 0.0}, {-2.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, -1.0, 0.0}};
     for (const double step : {0.01, 0.002}) {
         for (const int iterations : {1, 3, 20}) {
@@ -673,7 +673,7 @@ TEST(Solver, AcceleratesByForceOverMass) {
     EXPECT_NEAR(model.position[0].x, 0.0002, 1e-15);
 }
 
-/// Particles that are all in the group of the first, or in one of each.
+/// Particles in one group about the first, or with a group about each.
 ParticleModel matched(const std::vector<Vec3>& rest, std::size_t centres) {
     ParticleModel model;
     Group group{0, {}, 1.0};
@@ -687,8 +687,8 @@ ParticleModel matched(const std::vector<Vec3>& rest, std::size_t centres) {
     return model;
 }
 
-/// Whether the model lies as a proper rotation and a shift of its rest shape would put it, by distances and, of groups
-/// that have a volume, handedness.
+/// Whether the model is a proper rigid transform of its rest shape, by distances and, for groups with a volume,
+/// handedness.
 void expect_rest_shape(const ParticleModel& model, double tolerance) {
     const auto& x = model.position;
     const auto& rest = model.rest_position;
@@ -733,7 +733,7 @@ TEST(Solver, AnInvertedGroupTurnsRightSideOut) {
     }
 }
 
-TEST(Solver, AGroupThatIsPressedFlatToALineOrToAPointTakesItsShapeAgain) {
+TEST(Solver, AGroupCompressedToAPlaneALineOrAPointRecoversItsShape) {
     for (const auto& [y, z] : {std::pair{1.0, 0.0}, {0.0, 0.0}}) {
         ParticleModel model = matched(kSolid, kSolid.size());
         for (Vec3& x : model.position) {
@@ -762,7 +762,7 @@ TEST(Solver, GroupsThatAreFlatOrCollinearAtRestReturnFromAnyState) {
     }
 }
 
-TEST(Solver, ATurnedFlatOrCollinearGroupIsSeenAsTurnedAndLeftAlone) {
+TEST(Solver, ARotatedFlatOrCollinearGroupStaysAtRest) {
     const Quat turn = glm::angleAxis(2.2, glm::normalize(Vec3(0.3, -1.0, 0.5)));
     for (const std::vector<Vec3>& rest : {kFlat, kLine}) {
         ParticleModel model = matched(rest, rest.size());
@@ -778,8 +778,8 @@ TEST(Solver, ATurnedFlatOrCollinearGroupIsSeenAsTurnedAndLeftAlone) {
     }
 }
 
-TEST(Solver, OrientationsSayHowACollinearGroupIsTwistedAboutItsLine) {
-    // Positions on a line say nothing of it: without orientations the moment matrix would leave it undetermined.
+TEST(Solver, OrientationsDetermineTheTwistOfACollinearGroup) {
+    // Collinear positions do not determine the twist: without orientations the moment matrix would be singular.
     ParticleModel model = matched(kLine, 1);
     const Quat twist = glm::angleAxis(0.9, Vec3(1.0, 0.0, 0.0));
     model.orientation[1] = model.orientation[2] = twist;
@@ -805,7 +805,7 @@ TEST(Solver, AGroupOfASingleParticleFollowsIt) {
             turn = turned(turn, {0.0, 0.0, 0.02});
         }
         EXPECT_LT(glm::length(model.position[0] - Vec3(1.0, 2.5, 3.0)), 1e-12);
-        // Five times in each of 50 steps its turn is rounded, and the rate is what it turned by in the last step.
+        // The rotation is rounded five times in each of 50 steps; the rate is that of the last step.
         const double lag = 5 * 50 * kRounding;  // rad
         EXPECT_NEAR(std::abs(glm::dot(model.orientation[0], turn)), 1.0, 0.125 * lag * lag) << "radius " << radius;
         EXPECT_NEAR(model.angular_velocity[0].z, 2.0, 5 * kRounding / kFree.step);
@@ -825,17 +825,17 @@ TEST(Solver, ReturnsAFlatSheetToItsShape) {
     }
 }
 
-TEST(Solver, ColoursSoThatTheFewestPossibleRoundsAreNeeded) {
+TEST(Solver, UsesTheMinimumNumberOfColours) {
     const ParticleModel model = make_cloth_particles({}, 1.0, 1.0);
     const ParticleSolver solver(model, {});
-    // A particle is in nine groups and has eight links: fewer colours cannot be.
+    // A particle is in nine groups and has eight links, so that many colours are the minimum.
     EXPECT_GE(solver.group_colours(), 9u);
     EXPECT_LE(solver.group_colours(), 16u);
     EXPECT_GE(solver.link_colours(), 8u);
     EXPECT_LE(solver.link_colours(), 12u);
 }
 
-TEST(Solver, RefusesModelsAndSettingsThatAreWrong) {
+TEST(Solver, RefusesInvalidModelsAndSettings) {
     ParticleModel model = sheet();
     EXPECT_THROW(ParticleSolver(model, {.step = 0.0}), std::invalid_argument);
     EXPECT_THROW(ParticleSolver(model, {.substeps = 0}), std::invalid_argument);

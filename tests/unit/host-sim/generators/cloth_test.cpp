@@ -1,4 +1,4 @@
-#include <haptic/sim/cloth.hpp>
+#include "haptic/sim/cloth.hpp"
 
 #include <gtest/gtest.h>
 
@@ -23,11 +23,11 @@ TEST(Cloth, HasTheCountsOfTheThesis) {
 TEST(Cloth, CollidesWithBallsThatTouchAlongTheGrid) {
     const ParticleModel model = make_cloth_particles({.vertices_per_side = 5, .side = 0.4}, 1.0, 1.0);
     for (const Vec3& axes : model.semi_axes) {
-        EXPECT_EQ(axes, Vec3(0.05));  // m, half of the cells
+        EXPECT_EQ(axes, Vec3(0.05));  // m, half a cell
     }
 }
 
-TEST(Cloth, CarriesEveryTriangleOnceForEachFace) {
+TEST(Cloth, HasEveryTriangleOncePerFace) {
     const TriangleMesh mesh = make_cloth_mesh({.vertices_per_side = 9});
     std::set<Triangle> seen;
     double area = 0.0;
@@ -63,7 +63,7 @@ TEST(Cloth, LinksAnInnerParticleToEightNeighbours) {
     EXPECT_NO_THROW(model.check());
 }
 
-TEST(Cloth, LiesWhereItIsPut) {
+TEST(Cloth, FollowsItsPlacement) {
     const double half = std::sqrt(0.5);
     const ClothShape shape{
         .vertices_per_side = 3, .side = 2.0, .centre = {1.0, 2.0, 3.0}, .orientation = {half, half, 0, 0}};
@@ -73,7 +73,7 @@ TEST(Cloth, LiesWhereItIsPut) {
     EXPECT_EQ(make_cloth_particles(shape, 1.0, 1.0).position, mesh.vertices);
 }
 
-TEST(Cloth, RefusesShapesThatAreNone) {
+TEST(Cloth, RefusesInvalidShapes) {
     EXPECT_THROW((void)make_cloth_mesh({.vertices_per_side = 1}), std::invalid_argument);
     EXPECT_THROW((void)make_cloth_mesh({.side = 0.0}), std::invalid_argument);
     EXPECT_THROW((void)make_cloth_particles({.mass = -1.0}, 1.0, 1.0), std::invalid_argument);

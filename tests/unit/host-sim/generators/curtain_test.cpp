@@ -1,4 +1,4 @@
-#include <haptic/sim/curtain.hpp>
+#include "haptic/sim/curtain.hpp"
 
 #include <gtest/gtest.h>
 
@@ -49,7 +49,7 @@ TEST(Curtain, LinksKeepTheirLengthsWhereverItHangs) {
     }
 }
 
-TEST(Curtain, RefusesShapesThatAreNone) {
+TEST(Curtain, RefusesInvalidShapes) {
     EXPECT_THROW((void)make_curtain_mesh({.vertices_per_side = 1}), std::invalid_argument);
     EXPECT_THROW((void)make_curtain_mesh({.side = 0.0}), std::invalid_argument);
     EXPECT_THROW((void)make_curtain_particles({.mass = -1.0}, 0.3, 1.0), std::invalid_argument);

@@ -1,4 +1,4 @@
-#include <haptic/sim/fan.hpp>
+#include "haptic/sim/fan.hpp"
 
 #include <gtest/gtest.h>
 
@@ -22,7 +22,7 @@ TEST(Fan, HasTheCountsOfTheThesis) {
 }
 
 TEST(Fan, HasItsRimOnACircle) {
-    // The angle itself is rounded to 4e-16, the products with 2 m to as much again.
+    // The angle is rounded to 4e-16; the products with 2 m add the same again.
     for (const std::uint32_t n : {3u, 5u, 10u, 32u, 1023u}) {
         const TriangleMesh mesh = make_fan_mesh({.rim_vertices = n, .rim_radius = 2.0, .centre = {1.0, -1.0, 0.5}});
         for (std::uint32_t k = 0; k < n; ++k) {
@@ -74,7 +74,7 @@ TEST(Fan, MatchesEachParticleWithItsNeighboursOnTheFan) {
     }
 }
 
-TEST(Fan, RefusesShapesThatAreNone) {
+TEST(Fan, RefusesInvalidShapes) {
     EXPECT_THROW((void)make_fan_mesh({.rim_vertices = 2}), std::invalid_argument);
     EXPECT_THROW((void)make_fan_mesh({.rim_vertices = 5000}), std::invalid_argument);
     EXPECT_THROW((void)make_fan_mesh({.rim_radius = -1.0}), std::invalid_argument);

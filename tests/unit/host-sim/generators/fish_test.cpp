@@ -1,4 +1,4 @@
-#include <haptic/sim/fish.hpp>
+#include "haptic/sim/fish.hpp"
 
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ namespace {
 
 using Edge = std::pair<std::uint32_t, std::uint32_t>;
 
-/// How often each directed edge occurs.
+/// Occurrences of each directed edge.
 std::map<Edge, int> edges_of(const TriangleMesh& mesh) {
     std::map<Edge, int> edges;
     for (const Triangle& t : mesh.triangles) {
@@ -29,7 +29,7 @@ std::map<Edge, int> edges_of(const TriangleMesh& mesh) {
     return edges;
 }
 
-/// By the divergence theorem; positive if faces look outward.
+/// By the divergence theorem; positive if faces are oriented outward.
 double volume_of(const TriangleMesh& mesh) {
     double six_volumes = 0.0;
     for (const auto& [a, b, c] : mesh.triangles) {
@@ -52,7 +52,7 @@ void expect_closed_and_consistent(const TriangleMesh& mesh) {
     EXPECT_TRUE(mesh.closed);
 }
 
-/// Whether the segment crosses the inside of the triangle, by the signs of five volumes.
+/// Whether the segment crosses the interior of the triangle, by the signs of five volumes.
 bool crosses(const Vec3& p, const Vec3& q, const Vec3& a, const Vec3& b, const Vec3& c) {
     const auto volume = [](const Vec3& o, const Vec3& u, const Vec3& v, const Vec3& w) {
         return glm::dot(u - o, glm::cross(v - o, w - o));
@@ -74,10 +74,10 @@ TEST(Fish, HasTheTrianglesOfTheThesisAndNoSeam) {
     EXPECT_EQ(std::set(mesh.vertices.begin(), mesh.vertices.end(), before).size(), 852u);
 }
 
-TEST(Fish, IsClosedAndLooksOutward) {
+TEST(Fish, IsClosedAndOrientedOutward) {
     const TriangleMesh mesh = make_fish_mesh({});
     expect_closed_and_consistent(mesh);
-    // A fish is slimmer than the ellipsoid with its body's half axes (0.41, 0.13 and 0.071 lengths), and fuller than
+    // The volume is between that of the ellipsoid with the body's half axes (0.41, 0.13 and 0.071 lengths) and that of
     // two cones.
     const double ellipsoid = 4.0 / 3.0 * std::numbers::pi * 0.41 * 0.13 * 0.071 * 0.3 * 0.3 * 0.3;
     EXPECT_GT(volume_of(mesh), 0.5 * ellipsoid);
@@ -93,7 +93,7 @@ TEST(Fish, HasNoTriangleWithoutArea) {
     EXPECT_GT(least, 5e-7);  // m^2; the mean is 6e-5
 }
 
-TEST(Fish, SkinDoesNotPassThroughItself) {
+TEST(Fish, DoesNotIntersectItself) {
     const TriangleMesh mesh = make_fish_mesh({});
     std::vector<std::pair<Vec3, Vec3>> boxes;
     for (const auto& [a, b, c] : mesh.triangles) {
@@ -165,7 +165,7 @@ TEST(Fish, LooksAlongXWithItsBackUp) {
     EXPECT_DOUBLE_EQ(low.x, 0.0);
     EXPECT_DOUBLE_EQ(high.x, 2.0);
     EXPECT_DOUBLE_EQ(low.z, -high.z);
-    EXPECT_GT(widest_at, 1.0);  // the head's half is the thick one
+    EXPECT_GT(widest_at, 1.0);  // the thickest part is in the front half
     EXPECT_GT(high.y, -low.y);  // the dorsal fin
     EXPECT_NEAR(high.y - low.y, 0.4 * 2.0, 0.1);
 }
@@ -189,7 +189,7 @@ TEST(Fish, KeepsItsShapeWhenRefined) {
     EXPECT_NEAR(volume_of(fine), volume_of(coarse), 1e-16);
 }
 
-TEST(Fish, RefusesShapesThatAreNone) {
+TEST(Fish, RefusesInvalidShapes) {
     EXPECT_THROW((void)make_fish_mesh({.length = 0.0}), std::invalid_argument);
     EXPECT_THROW((void)make_fish_mesh({.length = std::numeric_limits<double>::infinity()}), std::invalid_argument);
     EXPECT_THROW((void)make_fish_mesh({.refinements = 6}), std::invalid_argument);

@@ -8,12 +8,12 @@
 #include <numbers>
 #include <stdexcept>
 
-#include <haptic/sim/mesh_check.hpp>
+#include "haptic/sim/mesh_check.hpp"
 
 namespace haptic::sim {
 namespace {
 
-/// Nothing is welded, left out or turned over, so it was whole before.
+/// The check changes nothing: the mesh was closed and consistent.
 MeshReport report_of(const TriangleMesh& mesh) {
     const MeshReport report = check_mesh(mesh.vertices, mesh.triangles, {}, "generated").report;
     EXPECT_TRUE(report.warnings.empty());
@@ -23,7 +23,7 @@ MeshReport report_of(const TriangleMesh& mesh) {
     return report;
 }
 
-// A regular 32-gon has the part sin(x) / x of the circle's area, x = 2 pi / 32; the outline has as many corners.
+// A regular 32-gon has sin(x) / x of the circle's area, x = 2 pi / 32; the profile has as many corners.
 constexpr double kInscribed = 0.02;
 
 TEST(Revolved, SolidsHaveTheVolumesOfTheirFormulas) {
@@ -38,7 +38,7 @@ TEST(Revolved, SolidsHaveTheVolumesOfTheirFormulas) {
     EXPECT_LT(rod, rod_formula);
     EXPECT_GT(rod, (1.0 - kInscribed) * rod_formula);
 
-    // The ball, and the shaft from where it leaves the ball; the ball's cap within the shaft is flat.
+    // The ball, and the shaft from its root; the ball's cap inside the shaft is flat.
     const double root = std::sqrt(0.03 * 0.03 - 0.01 * 0.01);
     const double cap_height = 0.03 - root;
     const double cap = pi * cap_height * cap_height * (3.0 * 0.03 - cap_height) / 3.0;
@@ -60,7 +60,7 @@ TEST(Revolved, SolidsReachFromEndToEnd) {
     }
 }
 
-TEST(Revolved, RefusesWhatIsNoSolid) {
+TEST(Revolved, RefusesInvalidDimensions) {
     EXPECT_THROW((void)make_sphere_mesh(0.0), std::invalid_argument);
     EXPECT_THROW((void)make_rod_mesh(0.02, 0.02), std::invalid_argument);
     EXPECT_THROW((void)make_rod_mesh(0.02, -1.0), std::invalid_argument);

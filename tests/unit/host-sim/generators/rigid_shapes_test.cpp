@@ -1,4 +1,4 @@
-#include <haptic/sim/rigid_shapes.hpp>
+#include "haptic/sim/rigid_shapes.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,13 +12,13 @@
 #include <stdexcept>
 #include <utility>
 
-#include <haptic/sim/scene.hpp>
-#include <haptic/sim/simulation.hpp>
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
 
 namespace haptic::sim {
 namespace {
 
-/// By the divergence theorem; positive if the faces look outward.
+/// By the divergence theorem; positive if the faces are oriented outward.
 double volume(const TriangleMesh& mesh) {
     double sum = 0.0;
     for (const auto& [a, b, c] : mesh.triangles) {
@@ -27,7 +27,7 @@ double volume(const TriangleMesh& mesh) {
     return sum;
 }
 
-/// Each edge is gone through once each way.
+/// Whether each edge is traversed once in each direction.
 bool is_closed(const TriangleMesh& mesh) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, int> ways;
     for (const auto& [a, b, c] : mesh.triangles) {
@@ -71,7 +71,7 @@ TEST(Rod, IsAClosedPrismOfItsSize) {
     }
 }
 
-TEST(RigidShapes, RefuseWhatHasNoSize) {
+TEST(RigidShapes, RefuseInvalidSizes) {
     EXPECT_THROW((void)make_plate_mesh({.cells = 0}), std::invalid_argument);
     EXPECT_THROW((void)make_plate_mesh({.cells = 257}), std::invalid_argument);
     EXPECT_THROW((void)make_plate_mesh({.size = {1.0, 0.0, 1.0}}), std::invalid_argument);
@@ -79,7 +79,7 @@ TEST(RigidShapes, RefuseWhatHasNoSize) {
     EXPECT_THROW((void)make_rod_mesh({.diameter = std::numeric_limits<double>::infinity()}), std::invalid_argument);
 }
 
-TEST(RigidShapes, KeepTheirShapeUnderAnyForceAndGoWhereTheyAreLed) {
+TEST(RigidShapes, KeepTheirShapeUnderForceAndFollowPrescribedMotion) {
     const char* const toml = R"([model]
 generator = "plate"
 size = [0.4, 0.02, 0.4]
@@ -106,7 +106,7 @@ positions = [0.0, 0.05, 0.0]
     for (std::size_t i = 0; i < rest.size(); ++i) {
         EXPECT_NEAR(glm::length(simulation.vertices()[i] - rest[i] - Vec3(0.0, 0.1, 0.0)), 0.0, 1e-12);
     }
-    // On the plate lifted by 0.1 m: its upper face, and the proxy's radius.
+    // On the plate, raised by 0.1 m: upper face plus the proxy's radius.
     EXPECT_NEAR(result.proxy.y, 0.1 + 0.01 + 0.03, 1e-6);
     EXPECT_NEAR(result.force.y, 1000.0 * 0.09, 1e-2);  // N
 }

@@ -1,4 +1,4 @@
-#include <haptic/sim/mesh_check.hpp>
+#include "haptic/sim/mesh_check.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,9 +16,9 @@
 #include <utility>
 #include <vector>
 
-#include <haptic/sim/cloth.hpp>
-#include <haptic/sim/fan.hpp>
-#include <haptic/sim/fish.hpp>
+#include "haptic/sim/cloth.hpp"
+#include "haptic/sim/fan.hpp"
+#include "haptic/sim/fish.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -48,7 +48,7 @@ std::string refusal(const Soup& soup, const MeshCheckSettings& settings = {}) {
     return "not refused";
 }
 
-/// A unit cube from the origin, outward oriented.
+/// A unit cube with a corner at the origin, oriented outward.
 Soup cube(const Vec3& at = Vec3(0.0)) {
     Soup soup;
     for (unsigned i = 0; i < 8; ++i) {
@@ -67,7 +67,7 @@ void append(Soup& soup, const Soup& other) {
     }
 }
 
-/// Every triangle with three vertices of its own, as in an STL file.
+/// Separate vertices for each triangle, as in an STL file.
 Soup split(const Soup& soup) {
     Soup parts;
     for (const Triangle& triangle : soup.triangles) {
@@ -80,7 +80,7 @@ Soup split(const Soup& soup) {
     return parts;
 }
 
-TEST(MeshCheck, FindsNothingToSayOfACube) {
+TEST(MeshCheck, HasNoWarningsForACube) {
     const Soup given = cube({5.0, -3.0, 1.0});
     const auto [mesh, report] = check(given);
     EXPECT_EQ(mesh.vertices, given.vertices);
@@ -122,7 +122,7 @@ TEST(MeshCheck, WeldsWithinTheToleranceAndNotBeyond) {
     EXPECT_EQ(check(split(cube()), {.weld_tolerance = 0.0}).report.vertices, 8u);
 }
 
-TEST(Weld, MatchesTryingAllPairs) {
+TEST(Weld, MatchesBruteForce) {
     std::mt19937 random(7);
     for (const double tolerance : {0.0, 1e-3, 0.02, 0.3}) {
         std::vector<Vec3> points;
@@ -151,13 +151,13 @@ TEST(Weld, MatchesTryingAllPairs) {
     }
 }
 
-TEST(Weld, TakesZeroOfEitherSignForOneAndCoordinatesFarApart) {
+TEST(Weld, HandlesSignedZeroAndDistantCoordinates) {
     const std::vector<Vec3> points{{0.0, 0.0, 0.0}, {-0.0, 0.0, -0.0}, {1e6, 0.0, 0.0}, {1e6, 0.0, 1e-9}, {1e-9, 0, 0}};
     EXPECT_THAT(weld(points, 0.0), ElementsAre(0, 0, 2, 3, 4));
     EXPECT_THAT(weld(points, 1e-8), ElementsAre(0, 0, 2, 2, 0));
 }
 
-TEST(MeshCheck, NamesTheVertexThatIsNoNumber) {
+TEST(MeshCheck, NamesTheVertexThatIsNotFinite) {
     Soup given = cube();
     given.vertices[5].y = std::numeric_limits<double>::quiet_NaN();
     EXPECT_THAT(refusal(given), AllOf(StartsWith("test: "), HasSubstr("vertex 5")));
@@ -167,25 +167,25 @@ TEST(MeshCheck, NamesTheVertexThatIsNoNumber) {
     EXPECT_THAT(refusal(given), AllOf(HasSubstr("vertex 5"), HasSubstr("scale")));
 }
 
-TEST(MeshCheck, NamesTheTriangleWhoseVertexIsNotThere) {
+TEST(MeshCheck, NamesTheTriangleWithABadIndex) {
     Soup given = cube();
     given.triangles[7] = {2, 8, 3};
     EXPECT_THAT(refusal(given), HasSubstr("triangle 7 (vertices 2, 8, 3)"));
 }
 
-TEST(MeshCheck, RefusesWhatIsTooMuchOrNothing) {
-    EXPECT_THAT(refusal(cube(), {.most_triangles = 11}), HasSubstr("12 triangles, more than the 11"));
-    EXPECT_THAT(refusal(cube(), {.most_vertices = 7}), HasSubstr("8 vertices, more than the 7"));
-    EXPECT_EQ(refusal(cube(), {.most_vertices = 8, .most_triangles = 12}), "not refused");
+TEST(MeshCheck, RefusesTooManyElementsOrNone) {
+    EXPECT_THAT(refusal(cube(), {.max_triangles = 11}), HasSubstr("12 triangles, more than the 11"));
+    EXPECT_THAT(refusal(cube(), {.max_vertices = 7}), HasSubstr("8 vertices, more than the 7"));
+    EXPECT_EQ(refusal(cube(), {.max_vertices = 8, .max_triangles = 12}), "not refused");
     EXPECT_THAT(refusal({cube().vertices, {}}), HasSubstr("no triangles"));
     EXPECT_THAT(refusal({{{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}, {{0, 1, 2}}}), HasSubstr("triangle 0 (vertices 0, 1, 2)"));
     EXPECT_THAT(refusal({{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, {{0, 1, 2}}}), HasSubstr("triangle 0 (vertices 0, 1, 2)"));
     EXPECT_THROW((void)check(cube(), {.weld_tolerance = 0.1}), std::invalid_argument);
     EXPECT_THROW((void)check(cube(), {.weld_tolerance = -1e-9}), std::invalid_argument);
-    EXPECT_THROW((void)check(cube(), {.most_triangles = 0}), std::invalid_argument);
+    EXPECT_THROW((void)check(cube(), {.max_triangles = 0}), std::invalid_argument);
 }
 
-TEST(MeshCheck, LeavesOutTrianglesThatCollapse) {
+TEST(MeshCheck, RemovesTrianglesThatCollapse) {
     Soup given = cube();
     given.triangles.insert(given.triangles.begin() + 3, {6, 6, 7});
     const auto [mesh, report] = check(given);
@@ -194,7 +194,7 @@ TEST(MeshCheck, LeavesOutTrianglesThatCollapse) {
     EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("triangle 3 (vertices 6, 6, 7)")));
 }
 
-TEST(MeshCheck, LeavesOutTrianglesThatAreThereTwice) {
+TEST(MeshCheck, RemovesDuplicateTriangles) {
     Soup given = cube();
     given.triangles.push_back({7, 4, 5});  // as {4, 5, 7}
     const auto [mesh, report] = check(given);
@@ -205,7 +205,7 @@ TEST(MeshCheck, LeavesOutTrianglesThatAreThereTwice) {
     EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("triangle 12 (vertices 7, 4, 5)")));
 }
 
-TEST(MeshCheck, LeavesOutVerticesThatCarryNothing) {
+TEST(MeshCheck, RemovesUnusedVertices) {
     Soup given = cube();
     given.vertices.insert(given.vertices.begin(), Vec3(100.0, 0.0, 0.0));
     for (Triangle& triangle : given.triangles) {
@@ -220,8 +220,8 @@ TEST(MeshCheck, LeavesOutVerticesThatCarryNothing) {
     EXPECT_EQ(report.high, Vec3(1.0));
 }
 
-TEST(MeshCheck, KeepsTrianglesOnALineThatHoldTheirNeighboursTogether) {
-    // One edge of a tetrahedron has a vertex in its middle; the face beyond closes the gap with a flat triangle.
+TEST(MeshCheck, KeepsDegenerateTrianglesThatConnectTheirNeighbours) {
+    // A tetrahedron with a vertex in the middle of one edge; a degenerate triangle closes the gap to the opposite face.
     const Soup given{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0.5, 0, 0}},
                      {{0, 2, 1}, {0, 4, 3}, {4, 1, 3}, {0, 1, 4}, {0, 3, 2}, {1, 2, 3}}};
     const auto [mesh, report] = check(given);
@@ -232,7 +232,7 @@ TEST(MeshCheck, KeepsTrianglesOnALineThatHoldTheirNeighboursTogether) {
     EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("triangle 3 (vertices 0, 1, 4)")));
 }
 
-TEST(MeshCheck, TakesAMeshWithAHoleForOpen) {
+TEST(MeshCheck, TreatsAMeshWithAHoleAsOpen) {
     Soup given = cube();
     given.triangles.erase(given.triangles.begin() + 4);
     const auto [mesh, report] = check(given);
@@ -242,7 +242,7 @@ TEST(MeshCheck, TakesAMeshWithAHoleForOpen) {
     EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("3 edges have one triangle only")));
 }
 
-TEST(MeshCheck, TurnsTheInsideOut) {
+TEST(MeshCheck, ReversesAnInsideOutMesh) {
     Soup given = cube();
     for (Triangle& triangle : given.triangles) {
         std::swap(triangle[1], triangle[2]);
@@ -254,7 +254,7 @@ TEST(MeshCheck, TurnsTheInsideOut) {
     EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("inside out")));
 }
 
-TEST(MeshCheck, TurnsOverTheFewThatDisagree) {
+TEST(MeshCheck, ReversesTheMinorityThatDisagrees) {
     Soup given = cube();
     std::swap(given.triangles[2][1], given.triangles[2][2]);
     std::swap(given.triangles[9][1], given.triangles[9][2]);
@@ -265,7 +265,7 @@ TEST(MeshCheck, TurnsOverTheFewThatDisagree) {
     EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("triangle 2 (vertices 4, 7, 5)")));
 }
 
-TEST(MeshCheck, SeesThatAMoebiusStripHasNoSides) {
+TEST(MeshCheck, FindsThatAMoebiusStripIsNotOrientable) {
     Soup given;
     constexpr std::uint32_t kSteps = 12;
     for (std::uint32_t i = 0; i < kSteps; ++i) {
@@ -291,7 +291,7 @@ TEST(MeshCheck, SeesThatAMoebiusStripHasNoSides) {
     EXPECT_THAT(report.warnings, Contains(HasSubstr("one side only")));
 }
 
-TEST(MeshCheck, KnowsADoubleFacedSheet) {
+TEST(MeshCheck, RecognisesADoubleFacedSheet) {
     const TriangleMesh cloth = make_cloth_mesh({.vertices_per_side = 5});
     const auto [mesh, report] = check({cloth.vertices, cloth.triangles});
     EXPECT_EQ(report.double_faced, 32u);
@@ -314,7 +314,7 @@ TEST(MeshCheck, NamesWhereThreeTrianglesShareAnEdge) {
     EXPECT_THAT(report.warnings, Contains(HasSubstr("triangle 2 (vertices 0, 1, 4)")));
 }
 
-TEST(MeshCheck, SeesPartsThatTouchInOneVertex) {
+TEST(MeshCheck, FindsPartsThatTouchInOneVertex) {
     Soup given = cube();
     append(given, cube({1.0, 1.0, 1.0}));
     const auto [mesh, report] = check(given);
@@ -352,7 +352,7 @@ TEST(MeshCheck, CountsACavityAsSuch) {
     EXPECT_NEAR(report.volume, 1.0 - 0.125, 1e-14);
 }
 
-TEST(MeshCheck, AcceptsWhatIsGenerated) {
+TEST(MeshCheck, AcceptsGeneratedMeshes) {
     const TriangleMesh fish = make_fish_mesh({});
     const auto [mesh, report] = check({fish.vertices, fish.triangles});
     EXPECT_THAT(report.warnings, IsEmpty());
@@ -365,7 +365,7 @@ TEST(MeshCheck, AcceptsWhatIsGenerated) {
     EXPECT_EQ(checked.report.boundary_edges, 32u);
 }
 
-/// Edges, counted by a map.
+/// Counts edges with a map.
 struct CountedEdges {
     std::size_t boundary = 0;
     std::size_t crowded = 0;
@@ -389,7 +389,7 @@ CountedEdges count_edges(const std::vector<Triangle>& triangles) {
     return counted;
 }
 
-TEST(MeshCheck, CountsEdgesOfAnySoupAsAMapDoesAndSaysTheSameOfItsOwnResult) {
+TEST(MeshCheck, CountsEdgesOfRandomTrianglesLikeAMapAndIsIdempotent) {
     std::mt19937 random(3);
     for (int round = 0; round < 200; ++round) {
         Soup given;

@@ -1,4 +1,4 @@
-#include <haptic/sim/mesh_file.hpp>
+#include "haptic/sim/mesh_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@
 #include <string_view>
 #include <vector>
 
-#include <haptic/sim/fish.hpp>
+#include "haptic/sim/fish.hpp"
 #include "mesh/mesh_import.hpp"
 
 namespace haptic::sim {
@@ -32,7 +32,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::StartsWith;
 
-// Twice as wide as high, three times as deep; no coordinate is rounded in 32 bits.
+// Proportions 2 : 1 : 3; all coordinates are exact in 32 bits.
 constexpr std::array<std::array<float, 3>, 8> kBox{
     {{0, 0, 0}, {2, 0, 0}, {0, 1, 0}, {2, 1, 0}, {0, 0, 3}, {2, 0, 3}, {0, 1, 3}, {2, 1, 3}}};
 constexpr std::array<std::array<std::uint32_t, 4>, 6> kSides{
@@ -150,7 +150,7 @@ std::string gltf_buffer() {
 }
 
 std::string base64(const std::string& bytes) {
-    constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    constexpr std::string_view kDacCodes = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     std::string out;
     for (std::size_t i = 0; i < bytes.size(); i += 3) {
         std::uint32_t group = 0;
@@ -158,13 +158,13 @@ std::string base64(const std::string& bytes) {
             group = group << 8U | (i + j < bytes.size() ? static_cast<unsigned char>(bytes[i + j]) : 0U);
         }
         for (std::size_t j = 0; j < 4; ++j) {
-            out += i + j > bytes.size() ? '=' : kDigits[group >> (18U - 6U * static_cast<unsigned>(j)) & 63U];
+            out += i + j > bytes.size() ? '=' : kDacCodes[group >> (18U - 6U * static_cast<unsigned>(j)) & 63U];
         }
     }
     return out;
 }
 
-/// `buffer` is what the buffer's object says beside its length; `nodes` and `mode` are the scene's.
+/// `buffer` has the members of the buffer object besides its length; `nodes` and `mode` are those of the scene.
 std::string gltf_json(const std::string& buffer, const std::string& nodes = R"([{"mesh": 0}])", int mode = 4) {
     return R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": )" + nodes +
            R"(, "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": )" +
@@ -219,7 +219,7 @@ void expect_the_box(const CheckedMesh& checked) {
     EXPECT_THAT(checked.report.warnings, IsEmpty());
 }
 
-/// A folder that goes with the test.
+/// A temporary folder, removed after the test.
 class MeshFile : public ::testing::Test {
   protected:
     MeshFile() { std::filesystem::create_directories(folder_); }
@@ -256,7 +256,7 @@ TEST_F(MeshFile, IsReadInEachFormat) {
     expect_the_box(read_mesh(write("box.glb", glb())));
 }
 
-TEST_F(MeshFile, OfGltfMayHaveItsBufferBesideIt) {
+TEST_F(MeshFile, OfGltfMayHaveASeparateBufferFile) {
     (void)write("box.bin", gltf_buffer());
     expect_the_box(read_mesh(write("box.gltf", gltf_json(R"("uri": "box.bin", )"))));
 }
@@ -280,8 +280,8 @@ TEST_F(MeshFile, IsScaledToMetres) {
     EXPECT_EQ(load_mesh(folder_ / "box.stl", {.scale = 0.5}).vertices.size(), 8u);
 }
 
-TEST(MeshParser, PutsPartsWhereTheirNodesAre) {
-    // A parent that doubles and moves, a child that turns by a quarter about y, and one that mirrors.
+TEST(MeshParser, AppliesTheTransformsOfNodes) {
+    // A parent that scales by 2 and translates, a child with a quarter turn about y, and one that mirrors.
     const std::string nodes = R"([{"children": [1, 2], "translation": [10, 0, 0], "scale": [2, 2, 2]},
         {"mesh": 0, "rotation": [0, 0.70710678118, 0, 0.70710678118]},
         {"mesh": 0, "translation": [0, 5, 0], "scale": [1, -1, 1]}])";
@@ -291,19 +291,19 @@ TEST(MeshParser, PutsPartsWhereTheirNodesAre) {
     EXPECT_TRUE(checked.report.closed);
     EXPECT_FALSE(checked.report.turned);
     EXPECT_NEAR(checked.report.volume, 2 * 48.0, 1e-4);
-    // The first: x to -z, z to x, twice, moved. The second: y from 4 to 5, twice, moved.
+    // First child: x to -z, z to x, scaled, translated. Second: y from 4 to 5, scaled, translated.
     EXPECT_NEAR(glm::length(checked.report.low - Vec3(10.0, 0.0, -4.0)), 0.0, 1e-5);
     EXPECT_NEAR(glm::length(checked.report.high - Vec3(16.0, 10.0, 6.0)), 0.0, 1e-5);
 }
 
-TEST(MeshParser, TurnsAMirroredPartTheRightWayOut) {
+TEST(MeshParser, ReversesAMirroredPart) {
     const CheckedMesh checked = parse(gltf_embedded(R"([{"mesh": 0, "scale": [-1, 1, 1]}])"), MeshFormat::Gltf);
     EXPECT_FALSE(checked.report.turned);
     EXPECT_NEAR(checked.report.volume, 6.0, 1e-12);
     EXPECT_EQ(checked.report.low, Vec3(-2.0, 0.0, 0.0));
 }
 
-TEST(MeshParser, CutsPolygonsThatAreNotConvex) {
+TEST(MeshParser, SplitsConcavePolygons) {
     // An L of three unit squares.
     const CheckedMesh checked =
         parse("v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nf 1 2 3 4 5 6\n", MeshFormat::Obj);
@@ -312,20 +312,20 @@ TEST(MeshParser, CutsPolygonsThatAreNotConvex) {
     EXPECT_FALSE(checked.report.closed);
 }
 
-TEST(MeshParser, SaysWhichPrimitivesItLeavesOut) {
+TEST(MeshParser, WarnsAboutIgnoredPrimitives) {
     const CheckedMesh checked = parse("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nl 1 2\nl 2 3\np 1\n", MeshFormat::Obj);
     EXPECT_EQ(checked.report.triangles, 1u);
     EXPECT_THAT(checked.report.warnings,
-                AllOf(Contains(StartsWith("2 lines are left out")), Contains(StartsWith("1 point is left out"))));
+                AllOf(Contains(StartsWith("2 lines are ignored")), Contains(StartsWith("1 point is ignored"))));
 }
 
-TEST(MeshParser, RefusesClouds) {
+TEST(MeshParser, RefusesPointClouds) {
     EXPECT_THAT(refusal("v 0 0 0\nv 1 0 0\nv 0 1 0\np 1 2 3\n", MeshFormat::Obj), HasSubstr("triangle"));
     EXPECT_THAT(refusal(gltf_embedded(R"([{"mesh": 0}])", 0), MeshFormat::Gltf), HasSubstr("triangle"));
     EXPECT_THAT(refusal(gltf_embedded(R"([{"mesh": 0}])", 1), MeshFormat::Gltf), HasSubstr("triangle"));
 }
 
-TEST(MeshParser, BelievesNoHeader) {
+TEST(MeshParser, DoesNotTrustHeaders) {
     std::string stl = stl_binary();
     stl[83] = '\x7f';
     EXPECT_THAT(refusal(stl, MeshFormat::Stl), AllOf(StartsWith("box: "), HasSubstr("2130706444 triangles")));
@@ -355,7 +355,7 @@ TEST(MeshParser, BelievesNoHeader) {
     EXPECT_THAT(refusal("", MeshFormat::Obj), HasSubstr("is empty"));
 }
 
-TEST(MeshParser, SurvivesFilesThatEndAnywhere) {
+TEST(MeshParser, SurvivesTruncatedFiles) {
     const std::array<std::pair<MeshFormat, std::string>, 7> files{{{MeshFormat::Obj, obj_quads()},
                                                                    {MeshFormat::Ply, ply_text()},
                                                                    {MeshFormat::Ply, ply_binary(false)},
@@ -377,34 +377,34 @@ TEST(MeshParser, SurvivesFilesThatEndAnywhere) {
 
 TEST(MeshParser, HasLimits) {
     MeshFileSettings settings;
-    settings.check.most_triangles = 11;
+    settings.check.max_triangles = 11;
     EXPECT_THAT(refusal(stl_binary(), MeshFormat::Stl, settings), HasSubstr("12 triangles, more than the 11"));
     EXPECT_THAT(refusal(obj_quads(), MeshFormat::Obj, settings), HasSubstr("more than the 11 triangles"));
-    settings.check.most_triangles = 12;
+    settings.check.max_triangles = 12;
     EXPECT_EQ(refusal(obj_quads(), MeshFormat::Obj, settings), "not refused");
-    settings.check.most_vertices = 23;  // OBJ: four of each side
+    settings.check.max_vertices = 23;  // OBJ: four per side
     EXPECT_THAT(refusal(obj_quads(), MeshFormat::Obj, settings), HasSubstr("more than the 23 vertices"));
-    settings.most_bytes = 100;
+    settings.max_bytes = 100;
     EXPECT_THAT(refusal(obj_quads(), MeshFormat::Obj, settings), HasSubstr("100 bytes"));
     EXPECT_THROW((void)parse(obj_quads(), MeshFormat::Obj, {.scale = 0.0}), std::invalid_argument);
-    EXPECT_THROW((void)parse(obj_quads(), MeshFormat::Obj, {.most_seconds = 0}), std::invalid_argument);
+    EXPECT_THROW((void)parse(obj_quads(), MeshFormat::Obj, {.max_seconds = 0}), std::invalid_argument);
 }
 
-TEST_F(MeshFile, IsRefusedByNameWhereItCannotBeRead) {
+TEST_F(MeshFile, NamesTheFileThatCannotBeRead) {
     EXPECT_THAT(refusal_of(folder_ / "fish.fbx"), AllOf(HasSubstr("fish.fbx"), HasSubstr(".glb")));
     EXPECT_THAT(refusal_of(folder_ / "none.obj"), HasSubstr("none.obj"));
     std::filesystem::create_directory(folder_ / "folder.stl");
-    EXPECT_THAT(refusal_of(folder_ / "folder.stl"), HasSubstr("is no file"));
+    EXPECT_THAT(refusal_of(folder_ / "folder.stl"), HasSubstr("is not a regular file"));
     EXPECT_THAT(refusal_of(write("empty.ply", "")), HasSubstr("is empty"));
     try {
-        (void)read_mesh(write("large.stl", stl_binary()), {.most_bytes = 600});
+        (void)read_mesh(write("large.stl", stl_binary()), {.max_bytes = 600});
         FAIL() << "read";
     } catch (const MeshError& error) {
         EXPECT_THAT(error.what(), AllOf(HasSubstr("large.stl"), HasSubstr("684 bytes, more than the 600")));
     }
 }
 
-TEST_F(MeshFile, IsWrittenSoThatItIsReadAgain) {
+TEST_F(MeshFile, ReadsBackWhatItWrites) {
     const TriangleMesh fish = make_fish_mesh({.length = 0.5});
     for (const char* name : {"fish.obj", "fish.ply"}) {
         write_mesh(folder_ / name, fish);
@@ -415,7 +415,7 @@ TEST_F(MeshFile, IsWrittenSoThatItIsReadAgain) {
         EXPECT_THAT(report.warnings, IsEmpty());
         for (std::size_t t = 0; t < fish.triangles.size(); ++t) {
             for (std::size_t i = 0; i < 3; ++i) {
-                // Half a metre in 32 bits.
+                // Rounding of 0.5 m in 32 bits.
                 const Vec3 apart = mesh.vertices[mesh.triangles[t][i]] - fish.vertices[fish.triangles[t][i]];
                 EXPECT_LT(glm::length(apart), 5e-8);
             }
@@ -426,7 +426,7 @@ TEST_F(MeshFile, IsWrittenSoThatItIsReadAgain) {
 }
 
 detail::ImportRequest small_request() {
-    return {.bytes = {}, .folder = {}, .most_bytes = 1000, .most_vertices = 4, .most_triangles = 4};
+    return {.bytes = {}, .folder = {}, .max_bytes = 1000, .max_vertices = 4, .max_triangles = 4};
 }
 
 std::string death_of(const std::function<detail::ImportedMesh()>& work, const detail::ChildLimits& limits = {}) {
@@ -438,7 +438,7 @@ std::string death_of(const std::function<detail::ImportedMesh()>& work, const de
     return "alive";
 }
 
-TEST(ImportInAChild, BringsBackWhatItMade) {
+TEST(ImportInAChild, ReturnsTheResult) {
     const auto mesh = detail::in_child(
         [] { return detail::ImportedMesh{{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}}, {{2, 1, 0}}, {"one", "two"}}; },
         small_request(), {});
@@ -447,7 +447,7 @@ TEST(ImportInAChild, BringsBackWhatItMade) {
     EXPECT_THAT(mesh.warnings, ElementsAre("one", "two"));
 }
 
-TEST(ImportInAChild, KeepsWhatHappensToItself) {
+TEST(ImportInAChild, ReportsCrashesOfTheChild) {
     EXPECT_THAT(death_of([]() -> detail::ImportedMesh { std::abort(); }), HasSubstr("broke assimp"));
     EXPECT_THAT(death_of([]() -> detail::ImportedMesh {
                     (void)std::raise(SIGSEGV);
@@ -459,7 +459,7 @@ TEST(ImportInAChild, KeepsWhatHappensToItself) {
     EXPECT_THAT(death_of([]() -> detail::ImportedMesh { throw 5; }), HasSubstr("unknown"));
 }
 
-TEST(ImportInAChild, MayNotBringMoreThanWasAsked) {
+TEST(ImportInAChild, RefusesResultsBeyondTheLimits) {
     EXPECT_THAT(death_of([] {
                     detail::ImportedMesh mesh;
                     mesh.vertices.resize(5);
@@ -468,7 +468,7 @@ TEST(ImportInAChild, MayNotBringMoreThanWasAsked) {
                 HasSubstr("not what was announced"));
 }
 
-TEST(ImportInAChild, IsGivenUpWhenItTakesForEver) {
+TEST(ImportInAChild, EndsAtTheTimeLimit) {
     EXPECT_THAT(death_of(
                     [] {
                         const volatile bool for_ever = true;

@@ -19,7 +19,7 @@ Vec3 twice_area(const std::vector<Vec3>& corners) {
     return sum;
 }
 
-/// Triangles in the polygon's sense whose areas add up to its own can neither overlap nor leave out anything.
+/// Triangles with the polygon's winding whose areas sum to the polygon's area neither overlap nor leave gaps.
 void expect_cut(const std::vector<Vec3>& corners) {
     const std::vector<Triangle> triangles = cut_polygon(corners);
     ASSERT_EQ(triangles.size(), corners.size() - 2);
@@ -33,7 +33,7 @@ void expect_cut(const std::vector<Vec3>& corners) {
     EXPECT_NEAR(sum, glm::length(whole), 1e-12 * glm::length(whole));
 }
 
-TEST(Polygon, IsCutWhateverItsShape) {
+TEST(Polygon, SplitsAnyShape) {
     expect_cut({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});
     expect_cut({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}});
     expect_cut({{0, 0, 0}, {3, 0, 0}, {0.5, 0.5, 0}, {0, 3, 0}});                    // an arrow
@@ -51,7 +51,7 @@ TEST(Polygon, IsCutWhateverItsShape) {
                 {1, 1, 0}});  // bridge to it
 }
 
-TEST(Polygon, IsCutInAnyAttitude) {
+TEST(Polygon, SplitsInAnyOrientation) {
     std::mt19937 random(11);
     const auto uniform = [&random] { return static_cast<double>(random()) / 4294967296.0; };
     for (int round = 0; round < 300; ++round) {
@@ -74,12 +74,12 @@ TEST(Polygon, IsCutInAnyAttitude) {
     }
 }
 
-TEST(Polygon, IsCutAlongItsFirstCornerWhereItIsConvex) {
+TEST(Polygon, SplitsAConvexQuadAtItsFirstCorner) {
     const std::vector<Vec3> square{{0, 0, 0}, {0, 0, 1}, {0, 1, 1}, {0, 1, 0}};
     EXPECT_EQ(cut_polygon(square), (std::vector<Triangle>{{0, 1, 2}, {0, 2, 3}}));
 }
 
-TEST(Polygon, EndsWhereThereIsNoEar) {
+TEST(Polygon, TerminatesWithoutAnEar) {
     EXPECT_EQ(cut_polygon(std::vector<Vec3>(6, Vec3(1.0))).size(), 4u);                                // a point
     EXPECT_EQ(cut_polygon(std::vector<Vec3>{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}}).size(), 2u);  // a line
     EXPECT_EQ(cut_polygon(std::vector<Vec3>{{0, 0, 0}, {1, 1, 0}, {1, 0, 0}, {0, 1, 0}}).size(), 2u);  // a bow

@@ -1,4 +1,4 @@
-#include <haptic/sim/model_builder.hpp>
+#include "haptic/sim/model_builder.hpp"
 
 #include <gtest/gtest.h>
 
@@ -15,9 +15,9 @@
 #include <string>
 #include <vector>
 
-#include <haptic/sim/cloth.hpp>
-#include <haptic/sim/fish.hpp>
 #include "dynamics/rotation.hpp"
+#include "haptic/sim/cloth.hpp"
+#include "haptic/sim/fish.hpp"
 #include "scene/state_hash.hpp"
 
 namespace haptic::sim {
@@ -28,7 +28,7 @@ const DeformableBody& fish() {
     return body;
 }
 
-/// A closed box, each side a grid of n by n squares.
+/// A closed box; each side is a grid of n by n squares.
 TriangleMesh box(const Vec3& low, const Vec3& high, std::uint32_t n) {
     TriangleMesh mesh;
     mesh.closed = true;
@@ -74,7 +74,7 @@ void append(TriangleMesh& to, const TriangleMesh& from) {
     }
 }
 
-/// Particles that groups tie to the first one, directly or over others.
+/// Particles connected to the first one by groups, directly or through others.
 std::size_t held_by_first(const ParticleModel& model) {
     std::vector<std::vector<std::uint32_t>> tied(model.size());
     for (const Group& group : model.groups) {
@@ -124,7 +124,7 @@ void expect_sound(const DeformableBody& body, std::size_t particles, const Build
 TEST(ModelBuilder, GivesAFishTheParticlesOfTheThesis) {
     expect_sound(fish(), 137, {});
     for (const Group& group : fish().particles.groups) {
-        EXPECT_GE(group.members.size(), 9u);  // itself and eight more
+        EXPECT_GE(group.members.size(), 9u);  // itself and eight neighbours
         EXPECT_LE(group.members.size(), 11u);
     }
     EXPECT_TRUE(fish().particles.links.empty());
@@ -158,7 +158,7 @@ TEST(ModelBuilder, SpreadsParticlesEvenly) {
         }
     }
     const auto [least, most] = std::minmax_element(nearest.begin(), nearest.end());
-    // Chance would give a ratio of hundreds; a lattice 1.
+    // Random positions would give a ratio of hundreds, a lattice 1.
     EXPECT_LT(*most / *least, 2.5);
 }
 
@@ -174,7 +174,7 @@ TEST(ModelBuilder, CoversTheBodyWithEllipsoids) {
         covered += inside ? 1u : 0u;
     }
     EXPECT_GT(static_cast<double>(covered), 0.9 * static_cast<double>(fish().mesh.vertices.size()));
-    // And hardly more than that: the ellipsoids do not stand out from the body's box.
+    // But not much more: the ellipsoids do not protrude from the body's box.
     for (std::size_t i = 0; i < model.size(); ++i) {
         const Mat3 axes = to_matrix(model.axes[i]);
         for (int k = 0; k < 3; ++k) {
@@ -187,8 +187,8 @@ TEST(ModelBuilder, CoversTheBodyWithEllipsoids) {
     }
 }
 
-TEST(ModelBuilder, SharesMassByVolume) {
-    // Two cubes, one with eight times the volume of the other, joined by their nearest sides.
+TEST(ModelBuilder, DistributesMassByVolume) {
+    // Two cubes with a volume ratio of eight, joined at their nearest sides.
     TriangleMesh mesh = box(Vec3(0.0), Vec3(0.2), 4);
     append(mesh, box(Vec3(0.21, 0.0, 0.0), Vec3(0.31, 0.1, 0.1), 4));
     const DeformableBody body = build_body(mesh, {.particles = 90, .mass = 0.9});
@@ -200,8 +200,8 @@ TEST(ModelBuilder, SharesMassByVolume) {
 }
 
 TEST(ModelBuilder, LinksNothingAcrossAGap) {
-    // A comb: three teeth 0.02 thick, 0.02 apart, 0.2 long, on a back. Particles are 0.03 apart, so that through the
-    // air the next tooth would be among the nearest.
+    // A comb: three teeth 0.02 thick, 0.02 apart and 0.2 long, on a back. Particles are 0.03 apart, so that in straight
+    // distance the next tooth would be among the nearest.
     TriangleMesh mesh;
     mesh.closed = true;
     const std::array<double, 6> teeth{0.0, 0.02, 0.04, 0.06, 0.08, 0.10};
@@ -227,7 +227,7 @@ TEST(ModelBuilder, LinksNothingAcrossAGap) {
         mesh.triangles.push_back({i, j, n + j});
         mesh.triangles.push_back({i, n + j, n + i});
     }
-    // The caps: each tooth a quad, and the back a polygon about the upper corners.
+    // The caps: a quad for each tooth, and a polygon for the back.
     const auto quad = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
         mesh.triangles.push_back({a, c, b});
         mesh.triangles.push_back({a, d, c});
@@ -268,9 +268,9 @@ TEST(ModelBuilder, LinksNothingAcrossAGap) {
     }
 }
 
-TEST(ModelBuilder, WeighsNeighbouringVerticesAlike) {
-    // Weights fall with the distance in parts of the spacing, 14 mm here, so along an edge of length l no particle's
-    // weight may change by more than a few l / 14 mm.
+TEST(ModelBuilder, HasContinuousWeights) {
+    // Weights decrease with distance over spacing, here 14 mm. Along an edge of length l no weight may change by more
+    // than a few l / 14 mm.
     const DeformableBody& body = fish();
     const auto weight_of = [&](std::uint32_t vertex, std::uint32_t particle) {
         double sum = 0.0;
@@ -300,7 +300,7 @@ TEST(ModelBuilder, PutsAParticleOnEveryVertexIfAskedTo) {
     const DeformableBody body = build_body(mesh, settings);
     expect_sound(body, 81, settings);
     EXPECT_EQ(body.particles.rest_position, mesh.vertices);
-    // In the middle, the eight nearest are the eight of the grid, as the cloth's generator links them.
+    // Away from the border the eight nearest are the grid neighbours that the cloth generator links.
     const ParticleModel made = make_cloth_particles({.vertices_per_side = 9}, 0.3, 1.0);
     EXPECT_EQ(body.particles.groups[40].members, made.groups[40].members);
 }
@@ -339,7 +339,7 @@ TEST(ModelBuilder, BuildsOneParticleInTheMiddle) {
     const DeformableBody body = build_body(box(Vec3(-1.0), Vec3(1.0), 3), {.particles = 1, .mass = 2.0});
     expect_sound(body, 1, {.mass = 2.0});
     EXPECT_LT(glm::length(body.particles.rest_position[0]), 0.05);
-    // The ellipsoid of a cube is a ball: that of the same second moments has the radius sqrt(5 / 3).
+    // The ellipsoid of a cube is a ball; with the same second moments its radius is sqrt(5 / 3).
     EXPECT_NEAR(body.particles.radius[0], std::sqrt(5.0 / 3.0), 0.1);
     for (int k = 0; k < 3; ++k) {
         EXPECT_NEAR(body.particles.semi_axes[0][k], 1.2 * std::sqrt(5.0 / 3.0), 0.1);
@@ -353,13 +353,13 @@ TEST(ModelBuilder, BuildsTwoParticlesThatShareTheBody) {
     EXPECT_NEAR(std::abs(body.particles.rest_position[0].x - body.particles.rest_position[1].x), 1.0, 0.3);
 }
 
-TEST(ModelBuilder, HoldsPartsTogetherThatAreNear) {
+TEST(ModelBuilder, JoinsPartsThatAreNear) {
     TriangleMesh mesh = box(Vec3(0.0), Vec3(0.2), 3);
     append(mesh, box(Vec3(0.205, 0.05, 0.05), Vec3(0.22, 0.06, 0.06), 1));
     expect_sound(build_body(mesh, {.particles = 20}), 20, {});
 }
 
-TEST(ModelBuilder, RefusesPartsThatNothingHoldsAndSaysWhatWould) {
+TEST(ModelBuilder, RefusesUnconnectedPartsAndNamesTheRemedy) {
     TriangleMesh mesh = box(Vec3(0.0), Vec3(0.2), 3);
     append(mesh, box(Vec3(0.7, 0.0, 0.0), Vec3(0.9, 0.2, 0.2), 3));
     try {
@@ -373,7 +373,7 @@ TEST(ModelBuilder, RefusesPartsThatNothingHoldsAndSaysWhatWould) {
     expect_sound(build_body(mesh, {.particles = 40, .bridge = 0.6}), 40, {});
 }
 
-TEST(ModelBuilder, RefusesWhatItCannotBuild) {
+TEST(ModelBuilder, RefusesInvalidInput) {
     const TriangleMesh good = box(Vec3(0.0), Vec3(1.0), 1);
     const auto refused = [](const TriangleMesh& mesh, const BuilderSettings& settings, const std::string& why) {
         try {
@@ -404,7 +404,7 @@ TEST(ModelBuilder, RefusesWhatItCannotBuild) {
     EXPECT_TRUE(refused(bad, {}, "area"));
 }
 
-TEST(ModelBuilder, MakesTheSkinOfItsOwnParticlesAgain) {
+TEST(ModelBuilder, RebuildsTheSkinOfItsOwnParticles) {
     const DeformableBody& body = fish();
     const Skin again = build_skin(body.mesh, body.particles, 0.0);
     ASSERT_EQ(again.size(), body.skin.size());

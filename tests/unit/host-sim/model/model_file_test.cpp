@@ -11,13 +11,13 @@
 #include <string_view>
 #include <vector>
 
-#include <haptic/sim/fish.hpp>
-#include <haptic/sim/model_settings.hpp>
+#include "haptic/sim/fish.hpp"
+#include "haptic/sim/model_settings.hpp"
 
 namespace haptic::sim {
 namespace {
 
-/// A fish of few particles, with everything in it that a file can hold.
+/// A fish with few particles and every feature that a file can have.
 const DeformableBody& fish() {
     static const DeformableBody made = [] {
         DeformableBody body = build_body(make_fish_mesh({}), {.particles = 30, .neighbours = 5, .link_stiffness = 0.3});
@@ -91,7 +91,7 @@ TEST(ModelFile, KeepsEveryBit) {
     EXPECT_EQ(model_toml(again), model_toml(fish()));
 }
 
-TEST(ModelFile, MakesTheSkinAnewWhereAParticleWasMoved) {
+TEST(ModelFile, RebuildsTheSkinWhenAParticleWasMoved) {
     DeformableBody moved = fish();
     moved.particles.rest_position[0] += Vec3(0.0, 0.0, 0.004);
     const DeformableBody again = read(model_toml(moved));
@@ -117,13 +117,13 @@ TEST(ModelFile, NamesLineAndRemedyOfWhatIsWrong) {
     expect_refused(replaced(good, "axes = [", "axes = [1.0, "), "axes", "numbers");
     expect_refused(replaced(good, "neighbours = [", "neighbours = [30, "), "particle.0.neighbours", "29");
     expect_refused(replaced(good, "neighbours = [", "neighbours = [0, "), "particle.0.neighbours", "itself");
-    expect_refused(replaced(good, "neighbours = [", "neighbours = [1.5, "), "particle.0.neighbours", "numbers of");
+    expect_refused(replaced(good, "neighbours = [", "neighbours = [1.5, "), "particle.0.neighbours", "indices");
     expect_refused(replaced(good, "particles = [3, 7]", "particles = [3, 8]"), "motion.0.particles", "fixed = true");
     expect_refused(replaced(good, "times = [0.0, 0.1", "times = [0.0, 0.0"), "motion.0.times", "increase");
     expect_refused("name = \"nothing\"\n", "particle", "[[particle]]");
 }
 
-TEST(ModelFile, TakesThePlaceOfTheBuiltParticles) {
+TEST(ModelFile, ReplacesTheBuiltParticles) {
     const std::filesystem::path file =
         std::filesystem::path(testing::TempDir()) / ("model-file-test-" + std::to_string(getpid()) + ".toml");
     save_model(file, fish());

@@ -1,4 +1,4 @@
-#include <haptic/sim/model_settings.hpp>
+#include "haptic/sim/model_settings.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
-#include <haptic/sim/mesh_check.hpp>
-#include <haptic/sim/scene.hpp>
-#include <haptic/sim/simulation.hpp>
+#include "haptic/sim/mesh_check.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
 
 namespace haptic::sim {
 namespace {

@@ -1,5 +1,5 @@
-// Claims: on random motions our detection misses, delays and invents nothing, and the thesis' misses about as many
-// contacts as its incompleteness lets expect; judged by an oracle that is itself judged here.
+// On random motions our detection misses, delays and invents no contact, and the thesis' method misses about as many as
+// its incompleteness predicts, according to an oracle that is tested here as well.
 #include "reproduce/ccd_misses.hpp"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ using haptic::sim::reproduce::LinearTriangle;
 using haptic::sim::reproduce::OracleTouch;
 using haptic::sim::reproduce::Verdict;
 
-TEST(TouchOracle, TimesFaceEdgeAndCornerAsTheyFallExactly) {
+TEST(TouchOracle, TimesFaceEdgeAndCornerExactly) {
     const LinearTriangle face{{Vec3{-4, 5, -4}, {4, 5, -4}, {0, 5, 6}}, {Vec3{-4, -5, -4}, {4, -5, -4}, {0, -5, 6}}};
     EXPECT_NEAR(first_time_within(Vec3(0.0), 1.0, face).time, 0.4, 1e-10);
     const LinearTriangle edge{{Vec3{5, 0, -3}, {5, 0, 3}, {9, 0, 0}}, {Vec3{-5, 0, -3}, {-5, 0, 3}, {-1, 0, 0}}};
@@ -49,7 +49,7 @@ TEST(TouchOracle, AgreesWithDenseSampling) {
             ASSERT_LE(touch.time, sampled.first_time + 1e-9) << k;
         }
         if (touch.verdict == Verdict::Touches) {
-            // What sampling passed over is there: the oracle names the time.
+            // The oracle found a contact between samples: check it at the oracle's time.
             ASSERT_LE(haptic::sim::oracle::distance(q.center, haptic::sim::oracle::at(q, touch.time)), q.radius) << k;
         }
     }
@@ -71,13 +71,13 @@ TEST(CcdMisses, OursIsCompleteWhereTheThesisMissesAThirdOfTheTrianglesAndATenthO
         EXPECT_GT(row.contacts, 100u) << what;
         EXPECT_LT(row.contacts, row.drawn) << what;
         EXPECT_EQ(row.complete.missed, 0u) << what;
-        EXPECT_EQ(row.complete.invented, 0u) << what;
-        EXPECT_LE(row.complete.latest, 1e-9) << what << ": of the step";
-        EXPECT_EQ(row.thesis.invented, 0u) << what;
-        EXPECT_GE(row.thesis.latest, 0.9) << what << ": it waits for the centre, or for the end of the step";
+        EXPECT_EQ(row.complete.spurious, 0u) << what;
+        EXPECT_LE(row.complete.max_delay, 1e-9) << what << ": of the step";
+        EXPECT_EQ(row.thesis.spurious, 0u) << what;
+        EXPECT_GE(row.thesis.max_delay, 0.9) << what << ": it waits for the centre, or for the end of the step";
         EXPECT_GE(row.algorithm_1, row.thesis.missed) << what;
     }
-    for (std::size_t k = 0; k < 3; ++k) {  // known of other draws: 0.285 to 0.308
+    for (std::size_t k = 0; k < 3; ++k) {  // other seeds give 0.285 to 0.308
         EXPECT_GT(share(table[k].thesis.missed, table[k].contacts), 0.20) << table[k].motion;
         EXPECT_LT(share(table[k].thesis.missed, table[k].contacts), 0.35) << table[k].motion;
     }
@@ -90,7 +90,7 @@ TEST(CcdMisses, OursIsCompleteWhereTheThesisMissesAThirdOfTheTrianglesAndATenthO
     EXPECT_LT(share(table[5].thesis.missed, table[5].contacts), 0.30) << "edge-on";
 }
 
-TEST(CcdMisses, WritesALineForEachMotionWithAsManyFieldsAsTheHeader) {
+TEST(CcdMisses, WritesOneLinePerMotionWithTheFieldsOfTheHeader) {
     const auto table = haptic::sim::reproduce::measure_ccd_misses({.triangles = 20, .frames = 5, .seed = 3});
     std::ostringstream out;
     haptic::sim::reproduce::write_ccd_misses(out, table);

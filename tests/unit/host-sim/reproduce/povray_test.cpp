@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include <haptic/config.hpp>
-#include <haptic/sim/cloth.hpp>
-#include <haptic/sim/scene.hpp>
-#include <haptic/sim/simulation.hpp>
+#include "haptic/config.hpp"
+#include "haptic/sim/cloth.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -41,7 +41,7 @@ TEST(PictureScene, NamesEveryVertexAndFace) {
     std::filesystem::remove(file);
 }
 
-TEST(PictureScene, ShowsTheSpheresOfAToolInPlaceOfTheProxy) {
+TEST(PictureScene, ShowsAToolsSpheresInsteadOfTheProxy) {
     const std::filesystem::path file =
         std::filesystem::path(::testing::TempDir()) / ("haptic-tool-picture-test-" + std::to_string(getpid()) + ".pov");
     PictureScene scene;
@@ -58,7 +58,7 @@ TEST(PictureScene, ShowsTheSpheresOfAToolInPlaceOfTheProxy) {
     EXPECT_THAT(text, HasSubstr("sphere { <2, 2, 3>, 0.25 texture { TouchingBall } }"));
     EXPECT_THAT(text, Not(HasSubstr("texture { Hip }")));
     EXPECT_THAT(text, HasSubstr("look_at <1.375, 2, 3>"));  // the middle of 0.5 .. 2.25
-    scene.view = PictureBox{{-1.0, -1.0, -1.0}, {1.0, 3.0, 1.0}};
+    scene.view = Aabb{{-1.0, -1.0, -1.0}, {1.0, 3.0, 1.0}};
     EXPECT_THAT(written(), HasSubstr("look_at <0, 1, 0>"));
     std::filesystem::remove(file);
 }
@@ -80,7 +80,7 @@ TEST(PictureScene, ShowsEachBodyOnceInAColourOfItsOwn) {
     EXPECT_EQ(objects[1].vertices[0].x, objects[0].vertices[0].x + 2.0);
 }
 
-TEST(PictureScene, SaysWhichFileItCouldNotWrite) {
+TEST(PictureScene, NamesTheFileThatItCannotWrite) {
     const TriangleMesh mesh = make_cloth_mesh({.vertices_per_side = 2});
     PictureScene scene;
     scene.objects.push_back({.vertices = mesh.vertices, .triangles = mesh.triangles});

@@ -1,4 +1,4 @@
-// Scene popout-fan as figure 4.14 of the thesis has it: the deeper the funnel, the more iterations of its pop-out.
+// Scene popout-fan, figure 4.14 of the thesis: the deeper the funnel, the more pop-out iterations.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,13 +9,13 @@
 #include <string>
 #include <vector>
 
-#include <haptic/sim/scene.hpp>
-#include <haptic/sim/simulation.hpp>
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
 
 namespace haptic::sim {
 namespace {
 
-constexpr std::size_t kDepths = 3;  // of the hand while it crosses: 1, 2, 3 m
+constexpr std::size_t kDepths = 3;  // number of depths of the hand: 1, 2, 3 m
 
 struct Crossings {
     std::array<int, kDepths> iterations{};  // sums over the steps of each crossing
@@ -50,18 +50,18 @@ Crossings cross_the_fan(const std::vector<std::string>& settings) {
     return crossings;
 }
 
-TEST(PopOutFan, TakesTheThesisMoreIterationsTheDeeperItIs) {
+TEST(PopOutFan, NeedsMoreIterationsByTheThesisTheDeeperItIs) {
     const Crossings thesis = cross_the_fan({"contact.method=thesis", "contact.pop_out=thesis"});
     EXPECT_EQ(thesis.crossed, 0u);
     EXPECT_LT(thesis.mean(0), thesis.mean(1));
     EXPECT_LT(thesis.mean(1), thesis.mean(2));
     EXPECT_GT(thesis.mean(2), 1.0);
     for (std::size_t k = 0; k < kDepths; ++k) {
-        EXPECT_NEAR(thesis.lowest.at(k), -static_cast<double>(k + 1), 0.1) << "m, where the thesis has the centre";
+        EXPECT_NEAR(thesis.lowest.at(k), -static_cast<double>(k + 1), 0.1) << "m, centre as in the thesis";
     }
 }
 
-TEST(PopOutFan, LeavesNothingToPopOutOfToOurs) {
+TEST(PopOutFan, NeedsNoPopOutByOurs) {
     const Crossings ours = cross_the_fan({});
     EXPECT_EQ(ours.crossed, 0u);
     for (std::size_t k = 0; k < kDepths; ++k) {

@@ -1,13 +1,17 @@
-#include <haptic/sim/scene.hpp>
+#include "haptic/sim/scene.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <string>
+#include <vector>
+
+#include "haptic/sim/live_settings.hpp"
 
 namespace haptic::sim {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 Scene read(const std::string& toml) {
@@ -31,7 +35,7 @@ TEST(Scene, ClothDropIsTheExperimentOfTheThesis) {
     EXPECT_EQ(scene.model.cloth.side, 1.0);
     EXPECT_EQ(scene.model.cloth.centre, Vec3(0.0, 10.0, 0.0));
     EXPECT_EQ(scene.solver.step, 0.01);
-    EXPECT_EQ(scene.solver.drag, 0.0);  // or it would not arrive at 14 m/s
+    EXPECT_EQ(scene.solver.drag, 0.0);  // so that it arrives at 14 m/s
     EXPECT_EQ(scene.proxy.radius, 0.03);
     EXPECT_EQ(scene.proxy.shrink, 0.999);
     EXPECT_GE(scene.coupling.stiffness, 10.0);
@@ -120,13 +124,13 @@ TEST(Scene, FollowsTheScriptOfTheHand) {
 
 TEST(Scene, TurnsTheHandAsItsScriptSays) {
     const std::string hand = "[hand]\ntimes = [0.0, 2.0]\npositions = [0, 0, 0, 0, 0, 0]\norientations = ";
-    // From not turned to half a turn about y: a quarter at half the time.
+    // From 0 to 180 degrees about y: 90 degrees at half the time.
     const Scene scene = read(hand + "[1, 0, 0, 0, 0, 0, 1, 0]\n");
     const Vec3 turned = scene.hand.at(kNanosecondsPerSecond).orientation * Vec3(1.0, 0.0, 0.0);
     EXPECT_NEAR(glm::length(turned - Vec3(0.0, 0.0, -1.0)), 0.0, 1e-12);
     EXPECT_THAT(refusal(hand + "[1, 0, 0, 0]\n"), HasSubstr("test.toml:4"));
     EXPECT_THAT(refusal(hand + "[1, 0, 0, 0]\n"), HasSubstr("four numbers"));
-    EXPECT_THAT(refusal(hand + "[1, 0, 0, 0, 0.5, 0, 0, 0.5]\n"), HasSubstr("number 1 is not of unit length"));
+    EXPECT_THAT(refusal(hand + "[1, 0, 0, 0, 0.5, 0, 0, 0.5]\n"), HasSubstr("quaternion 1 must be of unit length"));
 }
 
 TEST(Scene, RefusesWhatItDoesNotKnowWithTheLine) {
@@ -144,7 +148,7 @@ TEST(Scene, RefusesValuesOutOfRange) {
                 HasSubstr("coupling.torque_stiffness"));
     EXPECT_THAT(refusal("[hand]\ntimes = [0.0, 1.0]\npositions = [0.0, 0.0, 0.0]\n"), HasSubstr("hand.positions"));
     EXPECT_THAT(refusal("[hand]\ntimes = [1.0, 1.0]\npositions = [0, 0, 0, 1, 1, 1]\n"), HasSubstr("hand.times"));
-    EXPECT_THAT(refusal("[hand]\ncurl = [0.5]\n"), HasSubstr("only the generated hand can"));
+    EXPECT_THAT(refusal("[hand]\ncurl = [0.5]\n"), HasSubstr("tool.generator = \"hand\""));
     EXPECT_THAT(refusal("[tool]\ngenerator = \"rod\"\n[hand]\ncurl = [0.5]\n"), HasSubstr("test.toml:4"));
     EXPECT_THAT(refusal("[tool]\ngenerator = \"hand\"\n[hand]\ncurl = [0.5, 0.5]\n"), HasSubstr("hand.curl"));
     EXPECT_THAT(refusal("[tool]\ngenerator = \"hand\"\n[hand]\ncurl = [1.5]\n"), HasSubstr("hand.curl"));
@@ -161,25 +165,58 @@ TEST(Scene, ListsTheKnownNamesForAnUnknownOne) {
     EXPECT_THROW((void)open_scene("missing.toml"), ConfigError);
 }
 
-TEST(SceneFile, OfTheClothNamesEveryKeyThatAnySceneMayHave) {
+TEST(SceneReference, DescribesExactlyTheKeysThatAreRead) {
     Config config = open_scene("cloth-drop");
     config.set("model.regions=[{low=[-1, -1, -1], high=[1, 1, 1]}]");
     config.set("model.copies=[{position=[0, 0, 0]}]");
     config.set("tool.generator=sphere");
     (void)read_scene(config, "every key");
-    std::string text;
-    for (const BuiltInScene& scene : built_in_scenes()) {
-        if (scene.name == "cloth-drop") {
-            text = scene.toml;
+    std::vector<std::string> read;
+    for (std::string key : config.known_keys()) {
+        if (const std::size_t index = key.find(".0."); index != std::string::npos) {
+            key.erase(index, 2);  // "model.regions.0.low" is described as "model.regions.low"
+        }
+        if (key != "model.regions" && key != "model.copies" && key != "objects") {
+            read.push_back(key);
         }
     }
-    for (const std::string& key : config.known_keys()) {
-        const std::string name = key.substr(key.rfind('.') + 1);
-        EXPECT_TRUE(text.find("\n" + name + " = ") != std::string::npos ||
-                    text.find("\n# " + name + " = ") != std::string::npos || name == "regions" || name == "copies" ||
-                    name == "objects")
-            << key;
+    std::vector<std::string> described;
+    for (const SettingSection& section : scene_reference()) {
+        for (const SettingDescription& setting : section.settings) {
+            described.push_back(full_key(section, setting));
+            EXPECT_FALSE(setting.meaning.empty()) << described.back();
+        }
     }
+    EXPECT_THAT(described, testing::UnorderedElementsAreArray(read));
+}
+
+TEST(SceneReference, WritesAFileThatReadsBackToTheDefaults) {
+    const Scene written = read(default_scene_text());
+    const Scene built_in = read("[model]\ngenerator = \"cloth\"\n");
+    EXPECT_EQ(written.duration_s, built_in.duration_s);
+    EXPECT_EQ(written.model.mass, built_in.model.mass);
+    EXPECT_EQ(written.model.file_scale, built_in.model.file_scale);
+    EXPECT_EQ(written.model.cloth.centre, built_in.model.cloth.centre);
+    EXPECT_EQ(written.model.builder.particles, built_in.model.builder.particles);
+    EXPECT_EQ(written.solver.shape_damping, built_in.solver.shape_damping);
+    EXPECT_EQ(written.solver.gravity, built_in.solver.gravity);
+    EXPECT_EQ(written.collisions.push_out_speed, built_in.collisions.push_out_speed);
+    EXPECT_EQ(written.contact.method, built_in.contact.method);
+    EXPECT_EQ(written.workspace, built_in.workspace);
+    EXPECT_EQ(live_settings_of(written), live_settings_of(built_in));
+    EXPECT_FALSE(written.tool) << "an optional table is commented out";
+    EXPECT_TRUE(written.model.regions.empty());
+}
+
+TEST(Scene, AcceptsFormerNamesOfKeys) {
+    testing::internal::CaptureStderr();
+    const Scene scene = read("[solver]\nsettling = 3.0\n[collisions]\nmost_substeps = 4\n[coupling]\nloss = 0.5\n");
+    EXPECT_EQ(scene.solver.shape_damping, 3.0);
+    EXPECT_EQ(scene.collisions.max_substeps, 4);
+    EXPECT_EQ(scene.coupling.hunt_crossley_damping, 0.5);
+    EXPECT_THAT(testing::internal::GetCapturedStderr(),
+                AllOf(HasSubstr("test.toml:2: solver.settling: is the former name of solver.shape_damping"),
+                      HasSubstr("test.toml:6: coupling.loss: is the former name of coupling.hunt_crossley_damping")));
 }
 
 TEST(Scene, ClosesTheHandAsItsScriptSays) {

@@ -1,4 +1,4 @@
-#include <haptic/sim/simulation.hpp>
+#include "haptic/sim/simulation.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,15 +7,15 @@
 #include <glm/geometric.hpp>
 #include <string>
 
-#include <haptic/config.hpp>
-#include <haptic/frames.hpp>
+#include "haptic/config.hpp"
+#include "haptic/frames.hpp"
 
 namespace haptic::sim {
 namespace {
 
 using ::testing::HasSubstr;
 
-/// cloth-drop from half a metre, at the speed it has there after falling from ten.
+/// cloth-drop from 0.5 m, at the speed that it has there after a fall from 10 m.
 Scene late_drop(double shift = 0.0, const std::vector<std::string>& more = {}) {
     Config config = open_scene("cloth-drop");
     config.set("model.height=0.5");
@@ -39,12 +39,12 @@ TEST(Simulation, CatchesTheClothAndHoldsIt) {
     for (int i = 0; in_contact < 30 && i < 60; ++i) {
         const StepResult result = simulation.step(simulation.scripted_input(time_of(i)));
         EXPECT_FALSE(result.crossed) << "step " << i;
-        EXPECT_FALSE(result.let_through) << "step " << i;
-        EXPECT_TRUE(result.in_contact || in_contact == 0) << "lost at step " << i;
+        EXPECT_FALSE(result.passed_through) << "step " << i;
+        EXPECT_TRUE(result.in_contact || in_contact == 0) << "contact lost at step " << i;
         in_contact += result.in_contact ? 1 : 0;
         highest = std::max(highest, glm::length(result.hand_force));
         if (!result.in_contact) {
-            EXPECT_EQ(result.hand_force, Vec3(0.0));  // exactly nothing in the air
+            EXPECT_EQ(result.hand_force, Vec3(0.0));  // exactly zero in free space
         }
     }
     EXPECT_EQ(in_contact, 30);  // 0.3 s
@@ -52,23 +52,23 @@ TEST(Simulation, CatchesTheClothAndHoldsIt) {
     EXPECT_LT(highest, 8.0);    // rt-core's limit
 }
 
-TEST(Simulation, LaysTheClothThatMissesTheHandOnTheGround) {
+TEST(Simulation, AClothThatMissesTheHandComesToRestOnTheGround) {
     Config config = open_scene("cloth-drop");
     config.set("model.height=0.0");
     config.set("model.offset=[1.0, 0.0, 0.0]");
     Simulation simulation(read_scene(config, "aside"));
-    for (int i = 0; i < 120; ++i) {  // it has fallen 1.5 m after 0.55 s
+    for (int i = 0; i < 120; ++i) {  // it falls 1.5 m in 0.55 s
         EXPECT_FALSE(simulation.step(simulation.scripted_input(time_of(i))).in_contact);
     }
     const double ground = simulation.scene().collisions.ground_height;
     for (const Vec3& vertex : simulation.vertices()) {
-        EXPECT_NEAR(vertex.y, ground, 0.1);  // m; folds may stand up
+        EXPECT_NEAR(vertex.y, ground, 0.1);  // m; folds may rise
         EXPECT_GT(vertex.y, ground);
     }
 }
 
-TEST(Simulation, HoldsOneOfManyBodiesAsIfItWereAlone) {
-    // The second cloth falls 3 m aside and is never touched; the first must not know of it.
+TEST(Simulation, HoldsOneOfTwoBodiesAsIfItWereAlone) {
+    // The second cloth falls 3 m to the side and is never touched; it must not affect the first.
     Config config = open_scene("cloth-drop");
     for (const char* assignment :
          {"model.height=0.5", "model.velocity=[0.0, -13.66, 0.0]", "collisions.ground=false"}) {
@@ -88,15 +88,15 @@ TEST(Simulation, HoldsOneOfManyBodiesAsIfItWereAlone) {
         const StepResult result = two.step(two.scripted_input(time_of(i)));
         EXPECT_FALSE(result.crossed) << "step " << i;
         EXPECT_EQ(result.in_contact, expected.in_contact) << "step " << i;
-        // Copies are put in place with other rounding of the last bit, of which a rounding to float makes 1e-8 m now
-        // and then; a contact of 16 N at 14 m/s magnifies that.
+        // The copies are placed with different rounding in the last bit, which conversion to float can turn into 1e-8
+        // m; a contact of 16 N at 14 m/s amplifies that.
         EXPECT_LT(glm::length(result.proxy - expected.proxy), 1e-5) << "step " << i;
         EXPECT_LT(glm::length(result.force - expected.force), 2e-3) << "step " << i;
     }
 }
 
-TEST(Simulation, TellsWhichBodyIsTouched) {
-    // The same experiment with the cloth that is caught as the second body: its force must reach its particles.
+TEST(Simulation, AppliesTheForceToTheTouchedBody) {
+    // The touched cloth is the second body here: the force must reach its particles.
     Config config = open_scene("cloth-drop");
     for (const char* assignment :
          {"model.height=0.5", "model.velocity=[0.0, -13.66, 0.0]", "collisions.ground=false"}) {
@@ -122,8 +122,8 @@ TEST(Simulation, TellsWhichBodyIsTouched) {
     EXPECT_GT(pushed, 1.0);
 }
 
-TEST(Simulation, DoesNotCatchWithoutLookingBetweenTheSteps) {
-    // The experiment means something only if the sheet is on one side of the ball before a step and clear of it after.
+TEST(Simulation, DoesNotCatchWithoutContinuousCollisionDetection) {
+    // Without CCD the sheet is on one side of the ball before a step and clear of it on the other after.
     Simulation simulation(late_drop());
     bool passed_between = false;
     for (int i = 0; i < 10; ++i) {
@@ -135,8 +135,8 @@ TEST(Simulation, DoesNotCatchWithoutLookingBetweenTheSteps) {
     EXPECT_TRUE(passed_between);
 }
 
-TEST(Simulation, DragsARoughClothAlongAndFeelsAsMuch) {
-    // The hand goes aside at 0.2 m/s once the cloth lies on it.
+TEST(Simulation, DragsARoughClothAndFeelsTheOppositeForce) {
+    // The hand moves sideways at 0.2 m/s once the cloth lies on it.
     const auto push = [](const std::string& friction) {
         Simulation simulation(late_drop(0.0, {"solver.gravity=[0.0, 0.0, 0.0]", "proxy.static_friction=" + friction,
                                               "proxy.dynamic_friction=" + friction}));
@@ -156,23 +156,23 @@ TEST(Simulation, DragsARoughClothAlongAndFeelsAsMuch) {
     for (int i = 0; i < 8; ++i) {
         (void)simulation.step(simulation.scripted_input(time_of(i)));
     }
-    // What the hand gets, so that it feels it at its own rate: at the last step the cloth still falls about the ball.
+    // The frame's planes carry the surface's velocity: at the last step the cloth still falls around the ball.
     const ContactFrame& frame = simulation.frame();
     EXPECT_EQ(frame.static_friction, 0.7);
     EXPECT_EQ(frame.dynamic_friction, 0.4);
     ASSERT_GT(frame.proxies[0].plane_count, 0u);
     const ContactPlane& plane = frame.proxies[0].planes[0];
     const double along = glm::dot(to_vec3(frame.proxies[0].surface_velocity), to_vec3(plane.normal));
-    EXPECT_NEAR(along, plane.velocity, 0.05 * std::abs(plane.velocity) + 1e-6) << "in the device's frame and scale";
+    EXPECT_NEAR(along, plane.velocity, 0.05 * std::abs(plane.velocity) + 1e-6) << "device frame and scale";
 
     const double smooth = push("0.0");
     const double rough = push("0.5");
     EXPECT_GT(rough, 0.003);
-    EXPECT_GT(rough, 1.3 * smooth) << "which is not nothing: the cloth folds round the ball";
+    EXPECT_GT(rough, 1.3 * smooth) << "the smooth one is not zero: the cloth folds around the ball";
 }
 
 TEST(Simulation, GivesTheParticlesTheOppositeOfTheForceOnTheTool) {
-    // Nothing else acts: what the model gains in momentum, the tool's force has taken.
+    // No other force acts: the model's gain in momentum is the opposite of the tool's impulse.
     Simulation simulation(late_drop(0.0, {"solver.gravity=[0.0, 0.0, 0.0]"}));
     const double step = simulation.scene().solver.step;
     int compared = 0;
@@ -186,7 +186,7 @@ TEST(Simulation, GivesTheParticlesTheOppositeOfTheForceOnTheTool) {
     EXPECT_GT(compared, 20);
 }
 
-TEST(Simulation, GoesThroughTheSameBitsTwice) {
+TEST(Simulation, IsDeterministicToTheBit) {
     Simulation first(late_drop());
     Simulation second(late_drop());
     for (int i = 0; i < 40; ++i) {
@@ -199,7 +199,7 @@ TEST(Simulation, GoesThroughTheSameBitsTwice) {
     EXPECT_NE(other.state_hash(), first.state_hash());
 }
 
-TEST(Simulation, SendsThePlaneBeforeItTouchesAndMovesItToWhereTheSurfaceWillBe) {
+TEST(Simulation, SendsPlanesBeforeContactWithTheVelocityOfTheSurface) {
     Simulation simulation(late_drop());
     const Workspace workspace(simulation.scene().workspace);
     for (int i = 0; i < 10; ++i) {
@@ -208,7 +208,7 @@ TEST(Simulation, SendsThePlaneBeforeItTouchesAndMovesItToWhereTheSurfaceWillBe) 
         ASSERT_EQ(find_defect(frame), FrameDefect::None);
         EXPECT_EQ(frame.plane_time_ns, time_of(i));
         if (result.in_contact) {
-            FAIL() << "touched without notice";
+            FAIL() << "touched without a preceding plane";
         }
         if (frame.proxies[0].plane_count == 0) {
             continue;
@@ -224,7 +224,7 @@ TEST(Simulation, SendsThePlaneBeforeItTouchesAndMovesItToWhereTheSurfaceWillBe) 
         EXPECT_NEAR(at_end, (-surface + simulation.scene().proxy.radius) * workspace.settings().scale, 1e-4 * 0.03);
         return;
     }
-    FAIL() << "never came near";
+    FAIL() << "never came into reach";
 }
 
 TEST(Simulation, FramesCarryTheCouplingFeltAtTheHand) {
@@ -268,13 +268,13 @@ TEST(Simulation, FollowsTheHandInFreeSpaceWithoutForce) {
 
 TEST(Simulation, NamesTheStepAtWhichTheStateIsNoLongerFinite) {
     Scene scene = late_drop(0.0, {"collisions.ground=false"});
-    scene.solver.gravity.y = -1e308;  // after some two hundred steps the velocity overflows
+    scene.solver.gravity.y = -1e308;  // the velocity overflows after about 200 steps
     Simulation simulation(scene);
     try {
         for (int i = 0; i < 400; ++i) {
             (void)simulation.step(simulation.scripted_input(time_of(i)));
         }
-        FAIL() << "went on";
+        FAIL() << "did not throw";
     } catch (const std::runtime_error& error) {
         EXPECT_THAT(error.what(), HasSubstr("step "));
         EXPECT_THAT(error.what(), HasSubstr("no longer finite"));
@@ -293,9 +293,9 @@ TEST(Simulation, TimesItsStagesByTheCallersClock) {
     for (const std::int64_t stage : {t.ccd_ns, t.popout_ns, t.tool_ns, t.deform_ns, t.skin_ns}) {
         EXPECT_EQ(stage, 1000);
     }
-    EXPECT_EQ(t.proxy_ns, 3000);  // on both sides of the tool's constraints, and the force
-    EXPECT_EQ(t.collide_ns, 0);   // one body over no ground
-    EXPECT_EQ(t.total_ns, 9000);  // and one for the frame
+    EXPECT_EQ(t.proxy_ns, 3000);  // before and after the tool's constraints, and the force
+    EXPECT_EQ(t.collide_ns, 0);   // one body, no ground
+    EXPECT_EQ(t.total_ns, 9000);  // plus one for the frame
     Simulation without(late_drop());
     EXPECT_EQ(without.step(without.scripted_input(0)).times.total_ns, 0);
 }

@@ -1,4 +1,4 @@
-// No step of any scene allocates or frees, whatever the hand does, nor does showing it.
+// Neither a step of any scene nor its capture for viewers allocates or frees memory.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,10 +8,10 @@
 #include <string_view>
 #include <vector>
 
-#include "../../rt-core/guards/allocation_guard.hpp"
+#include "../rt-core/guards/allocation_guard.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
 #include "scene/hostile_hand.hpp"
-#include <haptic/sim/scene.hpp>
-#include <haptic/sim/simulation.hpp>
 #include "view/capture.hpp"
 
 namespace haptic::sim {
@@ -27,7 +27,7 @@ Scene scene_with(const std::string& name, const std::vector<std::string>& assign
     return read_scene(config, name);
 }
 
-/// What steps allocated, and how many of them touched nothing or something.
+/// Number of allocations in some steps, and numbers of steps without and with contact.
 struct Count {
     std::size_t calls = 0;
     std::uint64_t free = 0;
@@ -55,8 +55,8 @@ Count by_script(const Scene& scene) {
     return count;
 }
 
-constexpr double kMostSpeed = 5.0;  // m/s
-constexpr double kMostTurn = 15.0;  // rad/s
+constexpr double kMaxSpeed = 5.0;  // m/s
+constexpr double kMaxTurn = 15.0;  // rad/s
 constexpr int kSteps = 250;
 
 class StepAllocations : public testing::TestWithParam<std::string_view> {};
@@ -70,7 +70,7 @@ TEST_P(StepAllocations, AreNoneWithTheScriptedHandFreeAndInContact) {
 
 TEST_P(StepAllocations, AreNoneWithAHostileHandAndTheClutch) {
     Simulation simulation(scene_with(std::string(GetParam()), {}));
-    HostileHand hand(3, kMostSpeed, kMostTurn, simulation.proxy());
+    HostileHand hand(3, kMaxSpeed, kMaxTurn, simulation.proxy());
     const Scene& scene = simulation.scene();
     const std::int64_t step_ns = nanoseconds(scene.solver.step);
     WorkspaceSettings narrower = scene.workspace;
@@ -79,7 +79,8 @@ TEST_P(StepAllocations, AreNoneWithAHostileHandAndTheClutch) {
     for (int k = 0; k < kSteps; ++k) {
         StepInput input;
         input.time_ns = k * step_ns;
-        input.device.position = simulation.workspace().to_device(hand.after(scene.solver.step, simulation.vertices()));
+        input.device.position =
+            simulation.workspace().to_device(hand.advance(scene.solver.step, simulation.vertices()));
         input.device.orientation = hand.orientation();
         input.buttons = k % 50 > 40 ? ~0u : 0u;
         if (k == kSteps / 2) {

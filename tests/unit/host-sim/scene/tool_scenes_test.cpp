@@ -1,4 +1,4 @@
-// What the built-in scenes of tools are there to show.
+// Built-in scenes with tools demonstrate what they are made for.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,21 +9,20 @@
 #include <string>
 #include <vector>
 
-#include <haptic/config.hpp>
-#include <haptic/sim/scene.hpp>
-#include <haptic/sim/simulation.hpp>
+#include "haptic/config.hpp"
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
+#include "haptic/types.hpp"
 #include "tool/tool_proxies.hpp"
-#include <haptic/types.hpp>
 
 namespace haptic::sim {
 namespace {
 
-/// m, height at which the line through the tool's spheres passes the plane z = 0 that the rod lies in; none if it does
-/// not reach across it.
+/// m, height at which the line through the tool's spheres crosses the plane z = 0 of the rod; nullopt if it does not.
 std::optional<double> height_at_rod(const ToolProxies& tool) {
-    std::vector<ToolParticle> row(tool.particles().begin(), tool.particles().end());
+    std::vector<ToolProxy> row(tool.particles().begin(), tool.particles().end());
     std::sort(row.begin(), row.end(),
-              [](const ToolParticle& p, const ToolParticle& q) { return p.rest_offset.z < q.rest_offset.z; });
+              [](const ToolProxy& p, const ToolProxy& q) { return p.rest_offset.z < q.rest_offset.z; });
     for (std::size_t k = 1; k < row.size(); ++k) {
         const Vec3& a = row[k - 1].position;
         const Vec3& b = row[k].position;
@@ -42,7 +41,7 @@ Scene scene_with(const std::string& name, const std::vector<std::string>& assign
     return read_scene(config, name);
 }
 
-/// m, of the particles of all bodies.
+/// m, mean height of the particles of all bodies.
 double mean_height(const Simulation& simulation) {
     double sum = 0.0;
     for (const Vec3& p : simulation.model().position) {
@@ -51,7 +50,7 @@ double mean_height(const Simulation& simulation) {
     return sum / static_cast<double>(simulation.model().size());
 }
 
-/// The same after so many seconds of the script.
+/// Mean height after that many seconds of the script.
 double height_after(Simulation& simulation, double seconds_of_script) {
     const std::int64_t step_ns = nanoseconds(simulation.scene().solver.step);
     for (std::int64_t time_ns = 0; time_ns < nanoseconds(seconds_of_script); time_ns += step_ns) {
@@ -61,7 +60,7 @@ double height_after(Simulation& simulation, double seconds_of_script) {
 }
 
 // Figure 5.9: a thin rod between two spheres of the tool.
-TEST(RodGap, LetsNoThinRodThroughHoweverDeepTheToolIsPressed) {
+TEST(RodGap, LetsNoThinRodThroughAtAnyDepth) {
     Simulation simulation(scene_with("rod-gap", {}));
     simulation.set_verification(true);
     int pressed = 0;
@@ -79,7 +78,7 @@ TEST(RodGap, LetsNoThinRodThroughHoweverDeepTheToolIsPressed) {
     EXPECT_GT(pressed, 150);
 }
 
-TEST(RodGap, LetsItThroughAsTheThesisDoesIfItsGapsAreOpen) {
+TEST(RodGap, LetsItThroughWithOpenGapsAsInTheThesis) {
     Simulation simulation(scene_with("rod-gap", {"tool.close_gaps=false"}));
     for (int k = 0; k < 150; ++k) {
         (void)simulation.step(simulation.scripted_input(10'000'000 * std::int64_t{k}));
@@ -87,7 +86,7 @@ TEST(RodGap, LetsItThroughAsTheThesisDoesIfItsGapsAreOpen) {
     EXPECT_LT(height_at_rod(simulation.tool()).value_or(0.0), -0.02);
 }
 
-/// Runs the script on until a time.
+/// Continues the script until a time.
 void run_until(Simulation& simulation, double seconds_of_script) {
     const std::int64_t step_ns = nanoseconds(simulation.scene().solver.step);
     for (auto time_ns = static_cast<std::int64_t>(simulation.steps()) * step_ns;
@@ -96,7 +95,7 @@ void run_until(Simulation& simulation, double seconds_of_script) {
     }
 }
 
-// The script of fish-grab, s.
+// Times in the script of fish-grab, s.
 constexpr double kLifted = 2.0;
 constexpr double kHeadDown = 2.8;
 constexpr double kPalmUp = 3.7;
@@ -109,9 +108,9 @@ TEST(FishGrab, HoldsTheFishFromBothSidesWithThePalmOverBesideAndUnderIt) {
     const auto over_palm = [&] { return mean_height(simulation) - simulation.tool().hip().position.y; };
     EXPECT_GT(mean_height(simulation), lay_at + 0.1);  // m
     EXPECT_LT(over_palm(), -0.03) << "the palm is not over the fish";
-    double from_fingers = 0.0;  // m, sum of how far those goals are beyond the surface that it pushes along z
+    double from_fingers = 0.0;  // m, sum of the depths of goals beyond surfaces that push along z
     double from_thumb = 0.0;
-    for (const ToolParticle& p : simulation.tool().particles()) {
+    for (const ToolProxy& p : simulation.tool().particles()) {
         if (p.in_contact()) {
             const double z = p.held_at.z - p.goal.z;
             (z < 0.0 ? from_fingers : from_thumb) += std::abs(z);
@@ -144,7 +143,7 @@ TEST(FishGrab, IsNotLiftedByAHandThatStaysOpen) {
     EXPECT_LT(mean_height(open), lay_at + 0.03);
 }
 
-TEST(FishGrab, ClosesByAButtonWhereNoScriptLeadsIt) {
+TEST(FishGrab, ClosesByAButtonWithoutAScript) {
     Simulation simulation(scene_with("fish-grab", {"tool.close_speed=1.0"}));
     StepInput input = simulation.scripted_input(0);
     const double open = simulation.tool().curl();

@@ -1,4 +1,4 @@
-// Algorithm 4 as a whole: the tool of many spheres among the bodies of a scene.
+// Algorithm 4 as a whole: a tool of many spheres among the bodies of a scene.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,10 +10,11 @@
 #include <vector>
 
 #include "few_spheres.hpp"
-#include <haptic/config.hpp>
-#include <haptic/frames.hpp>
+#include "haptic/config.hpp"
+#include "haptic/frames.hpp"
+#include "haptic/sim/simulation.hpp"
 #include "scene/hostile_hand.hpp"
-#include <haptic/sim/simulation.hpp>
+#include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -29,7 +30,7 @@ Scene scene_with(const std::vector<std::string>& assignments) {
     return read_scene(config, "tool-step");
 }
 
-/// A plate whose upper face is at y = 0, which nothing moves.
+/// A fixed plate whose upper face is at y = 0.
 Scene plate(const std::vector<std::string>& more = {}) {
     std::vector<std::string> all{"model.generator=plate", "model.size=[2.0, 0.2, 2.0]", "model.cells=4",
                                  "model.height=-0.1", "hand.positions=[0.0, 0.1, 0.0]"};
@@ -48,7 +49,7 @@ Quat turn(double angle, const Vec3& axis) {
     return glm::angleAxis(angle, glm::normalize(axis));
 }
 
-TEST(ToolStep, FreeMotionIsWithoutForceAndTorqueToTheBitAtAnySpeed) {
+TEST(ToolStep, FreeMotionHasExactlyZeroForceAndTorqueAtAnySpeed) {
     const Scene scene = plate({"model.height=-5.0"});
     Simulation simulation(scene, test::square_of_spheres(6, kSpacing, kRadius, 0.6));
     simulation.set_verification(true);
@@ -65,15 +66,16 @@ TEST(ToolStep, FreeMotionIsWithoutForceAndTorqueToTheBitAtAnySpeed) {
         ASSERT_EQ(result.hand_torque, Vec3(0.0)) << i;
         ASSERT_EQ(result.collided, 0u) << i;
         const Pose hip = simulation.workspace().to_scene(input.device);
-        for (const ToolParticle& p : simulation.tool().particles()) {
+        for (const ToolProxy& p : simulation.tool().particles()) {
             ASSERT_LT(glm::length(p.position - (hip.position + hip.orientation * p.rest_offset)), 1e-6 * kRadius) << i;
         }
     }
     EXPECT_EQ(simulation.frame().proxy_count, 36u);
 }
 
-TEST(ToolStep, PressedFlatItIsFeltWithTheWholeSpring) {
-    Simulation simulation(plate({"coupling.loss=0.0"}), test::square_of_spheres(4, kSpacing, kRadius, 0.6));
+TEST(ToolStep, PressedFlatItHasTheStiffnessOfTheWholeSpring) {
+    Simulation simulation(plate({"coupling.hunt_crossley_damping=0.0"}),
+                          test::square_of_spheres(4, kSpacing, kRadius, 0.6));
     const double k = simulation.scene().coupling.stiffness;
     simulation.set_verification(true);
     for (int i = 0; i < 30; ++i) {
@@ -87,9 +89,9 @@ TEST(ToolStep, PressedFlatItIsFeltWithTheWholeSpring) {
     }
 }
 
-TEST(ToolStep, ForceAndTorqueAreTheSumsOverWhatTouchesDividedByTheNumberOfAll) {
-    // Thesis, section 5.2.2, with what each sphere lacks to the plate by hand.
-    Simulation simulation(plate({"coupling.torque_stiffness=30.0", "coupling.loss=0.0"}),
+TEST(ToolStep, ForceAndTorqueAreSumsOverContactsDividedByTheNumberOfParticles) {
+    // Thesis, section 5.2.2, with each sphere's depth below the plate computed independently.
+    Simulation simulation(plate({"coupling.torque_stiffness=30.0", "coupling.hunt_crossley_damping=0.0"}),
                           test::square_of_spheres(4, kSpacing, kRadius, 0.6));
     const double k = simulation.scene().coupling.stiffness;
     simulation.set_verification(true);
@@ -101,13 +103,13 @@ TEST(ToolStep, ForceAndTorqueAreTheSumsOverWhatTouchesDividedByTheNumberOfAll) {
         Vec3 force(0.0);
         Vec3 torque(0.0);
         std::size_t touching = 0;
-        for (const ToolParticle& p : simulation.tool().particles()) {
-            const Vec3 lever = hip.orientation * p.rest_offset;
-            const double depth = kRadius - (hip.position + lever).y;
+        for (const ToolProxy& p : simulation.tool().particles()) {
+            const Vec3 moment_arm = hip.orientation * p.rest_offset;
+            const double depth = kRadius - (hip.position + moment_arm).y;
             if (depth > 0.0) {
                 ++touching;
                 force += Vec3(0.0, k * depth / 16.0, 0.0);
-                torque += glm::cross(lever, Vec3(0.0, 30.0 * depth / 16.0, 0.0));
+                torque += glm::cross(moment_arm, Vec3(0.0, 30.0 * depth / 16.0, 0.0));
             }
         }
         EXPECT_EQ(result.collided, touching) << i;
@@ -118,14 +120,14 @@ TEST(ToolStep, ForceAndTorqueAreTheSumsOverWhatTouchesDividedByTheNumberOfAll) {
         EXPECT_NEAR(glm::length(result.hand_torque), work * glm::length(result.torque), 1e-12) << i;
         fewest = touching > 0 ? std::min(fewest, touching) : fewest;
     }
-    EXPECT_LT(fewest, 4u) << "the tilted tool comes down on its corner";
+    EXPECT_LT(fewest, 4u) << "the tilted tool touches with its corner first";
 }
 
-TEST(ToolStep, WithSpringsInSeriesTheForceHardlyDependsOnHowManySpheresThereAre) {
-    // One face of the tool of side 0.21 m, pressed flat, of 4, 16 and 64 spheres: k M / (1 + M) times the depth.
+TEST(ToolStep, WithSpringsInSeriesTheForceHardlyDependsOnTheNumberOfSpheres) {
+    // A square tool of side 0.21 m with 4, 16 and 64 spheres, pressed flat: F = k M / (1 + M) times the depth.
     const double depth = 0.01;
     for (const int side : {2, 4, 8}) {
-        Simulation simulation(plate({"coupling.loss=0.0", "coupling.share=series"}),
+        Simulation simulation(plate({"coupling.hunt_crossley_damping=0.0", "coupling.share=series"}),
                               test::square_of_spheres(side, 0.21 / (side - 1), kRadius, 0.6));
         const double k = simulation.scene().coupling.stiffness;
         StepResult result;
@@ -139,7 +141,7 @@ TEST(ToolStep, WithSpringsInSeriesTheForceHardlyDependsOnHowManySpheresThereAre)
     }
 }
 
-TEST(ToolStep, WithSpringsInSeriesBodiesGetTheOppositeWithFrictionAndLoss) {
+TEST(ToolStep, WithSpringsInSeriesBodiesGetTheOppositeWithFrictionAndDamping) {
     Simulation simulation(
         scene_with({"model.height=0.1", "model.velocity=[0.0, -3.0, 0.0]", "solver.gravity=[0.0, 0.0, 0.0]",
                     "coupling.share=series", "proxy.static_friction=0.5", "proxy.dynamic_friction=0.4"}),
@@ -157,9 +159,9 @@ TEST(ToolStep, WithSpringsInSeriesBodiesGetTheOppositeWithFrictionAndLoss) {
     EXPECT_GT(compared, 10);
 }
 
-TEST(ToolStep, TheThesisOwnSchemeTakesWhatTheToolLacksWhole) {
-    // Section 5.2.2 to the letter: F = k / N sum (p_i - g_i) over what touches.
-    Simulation simulation(plate({"coupling.loss=0.0", "coupling.multi_rate=positions"}),
+TEST(ToolStep, TheThesisSchemeUsesTheFullDistanceToTheGoals) {
+    // Section 5.2.2 literally: F = k / N sum (p_i - g_i) over the particles in contact.
+    Simulation simulation(plate({"coupling.hunt_crossley_damping=0.0", "coupling.multi_rate=positions"}),
                           test::square_of_spheres(4, kSpacing, kRadius, 0.9));
     const double k = simulation.scene().coupling.stiffness;
     double along = 0.0;
@@ -168,7 +170,7 @@ TEST(ToolStep, TheThesisOwnSchemeTakesWhatTheToolLacksWhole) {
         const StepResult result = simulation.step(at(simulation, i, hip));
         Vec3 force(0.0);
         Vec3 torque(0.0);
-        for (const ToolParticle& p : simulation.tool().particles()) {
+        for (const ToolProxy& p : simulation.tool().particles()) {
             if (p.in_contact() && p.position.y - p.goal.y > 0.0) {
                 force += k / 16.0 * (p.position - p.goal);
                 torque += glm::cross(p.goal - hip.position, k / 16.0 * (p.position - p.goal));
@@ -198,7 +200,7 @@ TEST(ToolStep, ASceneWithAToolRunsWithItsSpheresAndSkin) {
     }
 }
 
-TEST(ToolStep, FrameTellsEachSphereWithItsOffsetInTheGripAndItsPlanes) {
+TEST(ToolStep, FrameHasEachSphereWithItsOffsetInTheGripAndItsPlanes) {
     Scene scene = plate({"proxy.reach=0.02", "workspace.rotation=[0.5, 0.5, 0.5, 0.5]"});
     scene.workspace.offset = {0.01, -0.02, 0.03};
     Simulation simulation(scene, test::square_of_spheres(8, kSpacing, kRadius, 0.6));
@@ -211,19 +213,19 @@ TEST(ToolStep, FrameTellsEachSphereWithItsOffsetInTheGripAndItsPlanes) {
     const ContactFrame& frame = simulation.frame();
     ASSERT_EQ(find_defect(frame), FrameDefect::None);
     ASSERT_EQ(frame.proxy_count, 64u);
-    const std::span<const ToolParticle> particles = simulation.tool().particles();
+    const std::span<const ToolProxy> particles = simulation.tool().particles();
     std::size_t planes = 0;
     for (std::size_t i = 0; i < 64; ++i) {
-        const ProxyContact& told = frame.proxies[i];
-        // Where the grip has it, by what the frame says and by what the simulation has.
-        const Vec3 goal = input.device.position + input.device.orientation * to_vec3(told.rest_offset);
+        const ProxyContact& sent = frame.proxies[i];
+        // Goal by the frame's offset and by the simulation.
+        const Vec3 goal = input.device.position + input.device.orientation * to_vec3(sent.rest_offset);
         EXPECT_LT(glm::length(goal - simulation.workspace().to_device(particles[i].goal)), 1e-15);
         const double height = particles[i].goal.y - kRadius;
-        EXPECT_EQ(told.in_contact != 0, height < 0.0) << i;
-        EXPECT_EQ(told.plane_count, height < 0.019 ? 1u : 0u) << i;
-        if (told.plane_count > 0) {
+        EXPECT_EQ(sent.in_contact != 0, height < 0.0) << i;
+        EXPECT_EQ(sent.plane_count, height < 0.019 ? 1u : 0u) << i;
+        if (sent.plane_count > 0) {
             ++planes;
-            const double above = glm::dot(to_vec3(told.planes[0].normal), goal) - told.planes[0].offset;
+            const double above = glm::dot(to_vec3(sent.planes[0].normal), goal) - sent.planes[0].offset;
             EXPECT_NEAR(above, height * simulation.workspace().settings().scale, 1e-12) << i;
         }
     }
@@ -231,7 +233,7 @@ TEST(ToolStep, FrameTellsEachSphereWithItsOffsetInTheGripAndItsPlanes) {
     EXPECT_LT(planes, 64u);
 }
 
-TEST(ToolStep, BodiesGetTheOppositeOfWhatTheToolGets) {
+TEST(ToolStep, BodiesGetTheOppositeOfTheToolsForce) {
     Simulation simulation(
         scene_with({"model.height=0.1", "model.velocity=[0.0, -3.0, 0.0]", "solver.gravity=[0.0, 0.0, 0.0]"}),
         test::square_of_spheres(3, kSpacing, kRadius, 0.6));
@@ -251,7 +253,7 @@ TEST(ToolStep, BodiesGetTheOppositeOfWhatTheToolGets) {
 }
 
 TEST(ToolStep, LiftsABodyAndCarriesItAsideByFriction) {
-    // A cloth of 20 g settles on a tray of spheres, which then goes up by 0.3 m and aside by 0.3 m.
+    // A cloth of 20 g settles on a tray of spheres, which then moves up by 0.3 m and sideways by 0.3 m.
     const auto carry = [](const std::string& friction) {
         Simulation simulation(
             scene_with({"model.side=0.25", "model.vertices_per_side=13", "model.mass=0.02", "model.height=0.05",
@@ -278,17 +280,17 @@ TEST(ToolStep, LiftsABodyAndCarriesItAsideByFriction) {
     EXPECT_GT(rough.y, 0.25);
     EXPECT_NEAR(rough.x, 0.3, 0.06);
     const Vec3 smooth = carry("0.0");
-    EXPECT_LT(smooth.x, rough.x - 0.03) << "which the spheres leave behind where it is smooth";
+    EXPECT_LT(smooth.x, rough.x - 0.03) << "a smooth cloth is left behind";
 }
 
-TEST(ToolStep, NoSphereIsDraggedThroughAHostileHandsCloth) {
+TEST(ToolStep, AHostileHandDragsNoSphereThroughTheCloth) {
     const Scene scene = scene_with({"model.height=0.3", "collisions.ground=true", "collisions.ground_height=-0.5"});
     Simulation simulation(scene, test::square_of_spheres(3, kSpacing, kRadius, 0.8));
     simulation.set_verification(true);
     HostileHand hand(5, 5.0, 10.0, simulation.proxy());
     std::size_t collided = 0;
     for (int i = 0; i < 250; ++i) {
-        const Vec3 aim = hand.after(scene.solver.step, simulation.vertices());
+        const Vec3 aim = hand.advance(scene.solver.step, simulation.vertices());
         const Pose hip{aim, hand.orientation()};
         const StepResult result = simulation.step(at(simulation, i, hip));
         EXPECT_EQ(result.crossings, 0u) << i;
@@ -297,7 +299,7 @@ TEST(ToolStep, NoSphereIsDraggedThroughAHostileHandsCloth) {
     EXPECT_GT(collided, 3u);
 }
 
-TEST(ToolStep, GoesThroughTheSameBitsTwice) {
+TEST(ToolStep, IsDeterministicToTheBit) {
     const auto run = [] {
         Simulation simulation(scene_with({"model.height=0.2", "model.velocity=[0.0, -8.0, 0.0]"}),
                               test::square_of_spheres(3, kSpacing, kRadius, 0.6));
@@ -309,7 +311,7 @@ TEST(ToolStep, GoesThroughTheSameBitsTwice) {
     EXPECT_EQ(run(), run());
 }
 
-TEST(ToolStep, ClutchLetsTheGripTurnAloneAndGoesOnFromThere) {
+TEST(ToolStep, ClutchLetsTheGripRotateAloneAndContinuesFromThere) {
     const Scene scene = plate({"model.height=-5.0"});
     Simulation simulation(scene, test::square_of_spheres(3, kSpacing, kRadius, 0.6));
     const Quat begin = turn(0.4, {0, 0, 1});
@@ -324,19 +326,19 @@ TEST(ToolStep, ClutchLetsTheGripTurnAloneAndGoesOnFromThere) {
     const StepResult before = step(0, false);
     EXPECT_LT(std::abs(std::abs(glm::dot(before.proxy_orientation, begin)) - 1.0), 1e-12);
     for (int i = 1; i < 40; ++i) {
-        grip.orientation = turn(0.02 * (i - 1), {1, 0, 0}) * begin;  // from the step after that of the button
+        grip.orientation = turn(0.02 * (i - 1), {1, 0, 0}) * begin;  // from the step after the button is pressed
         grip.position.y = 0.001 * (i - 1);
         const StepResult held = step(i, true);
         EXPECT_LT(glm::length(held.proxy - before.proxy), 1e-12) << i;
         EXPECT_LT(std::abs(std::abs(glm::dot(held.proxy_orientation, begin)) - 1.0), 1e-12) << i;
     }
     (void)step(40, false);
-    // A turn of the hand about an axis of the room is one of the tool about that axis.
+    // A rotation of the hand about an axis of the room rotates the tool about the same axis.
     const Quat more = turn(0.3, {0, 1, 1});
     grip.orientation = more * grip.orientation;
     const StepResult after = step(41, false);
     EXPECT_LT(std::abs(std::abs(glm::dot(after.proxy_orientation, more * begin)) - 1.0), 1e-12);
-    // What the frame says of the spheres fits the grip that is turned otherwise than the tool.
+    // The frame's offsets fit the grip, whose orientation differs from the tool's.
     const ContactFrame& frame = simulation.frame();
     for (std::size_t i = 0; i < frame.proxy_count; ++i) {
         const Vec3 goal = grip.position + grip.orientation * to_vec3(frame.proxies[i].rest_offset);
@@ -345,26 +347,26 @@ TEST(ToolStep, ClutchLetsTheGripTurnAloneAndGoesOnFromThere) {
 }
 
 TEST(ToolStep, ClutchNeverMakesForceOrTorqueJump) {
-    // Pressed tilted into the plate; the coupling fades, comes back, and neither way by more than the fade's share.
+    // Pressed into the plate at a tilt; the coupling fades out and in, per step by at most the fade's share.
     Simulation simulation(plate({"workspace.clutch_fade=0.1"}), test::square_of_spheres(4, kSpacing, kRadius, 0.3));
     const Pose hip{{0.0, 0.01, 0.0}, turn(0.2, {1, 0, 1})};
     StepInput input = at(simulation, 0, hip);
     Vec3 force(0.0);
     Vec3 torque(0.0);
-    double most = 0.0;
-    double most_torque = 0.0;
+    double max_force = 0.0;
+    double max_torque = 0.0;
     for (int i = 0; i < 120; ++i) {
         input.time_ns = 10'000'000 * std::int64_t{i};
         input.buttons = i >= 20 && i < 60 ? 1 : 0;
         const StepResult result = simulation.step(input);
         if (i == 19) {
-            most = glm::length(result.force);
-            most_torque = glm::length(result.torque);
-            ASSERT_GT(most, 0.1);
-            ASSERT_GT(most_torque, 1e-4);
+            max_force = glm::length(result.force);
+            max_torque = glm::length(result.torque);
+            ASSERT_GT(max_force, 0.1);
+            ASSERT_GT(max_torque, 1e-4);
         } else if (i > 19) {
-            EXPECT_LE(glm::length(result.force - force), 0.11 * most) << i;
-            EXPECT_LE(glm::length(result.torque - torque), 0.11 * most_torque) << i;
+            EXPECT_LE(glm::length(result.force - force), 0.11 * max_force) << i;
+            EXPECT_LE(glm::length(result.torque - torque), 0.11 * max_torque) << i;
         }
         if (i == 59) {
             EXPECT_EQ(result.force, Vec3(0.0));

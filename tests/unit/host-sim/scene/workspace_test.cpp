@@ -1,4 +1,4 @@
-#include <haptic/sim/workspace.hpp>
+#include "haptic/sim/workspace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -30,7 +30,7 @@ class WorkspaceTest : public ::testing::Test {
                                .force_scale = 0.3};
 };
 
-TEST_F(WorkspaceTest, TakesAPositionThereAndBack) {
+TEST_F(WorkspaceTest, MapsPositionsThereAndBack) {
     const Workspace workspace(settings);
     for (int i = 0; i < 100; ++i) {
         const Vec3 x = vector();
@@ -77,13 +77,13 @@ TEST_F(WorkspaceTest, MapsAPlaneToThePlaneOfTheMappedPoints) {
         const Vec3 normal = to_vec3(mapped.normal);
         EXPECT_NEAR(glm::length(normal), 1.0, 1e-14);
         EXPECT_NEAR(glm::dot(normal, workspace.to_device(on_plane)), mapped.offset, 1e-14);
-        // A second later the point has moved three metres along the normal.
+        // One second later the point has moved 3 m along the normal.
         const Vec3 moved = workspace.to_device(on_plane + 3.0 * plane.normal);
         EXPECT_NEAR(glm::dot(normal, moved), mapped.offset + mapped.velocity * 1.0, 1e-14);
     }
 }
 
-TEST_F(WorkspaceTest, TurnsTheGripWithTheScene) {
+TEST_F(WorkspaceTest, RotatesTheGripWithTheScene) {
     const Workspace workspace(settings);
     const Quat grip = glm::normalize(Quat(0.3, 0.1, -0.5, 0.7));
     const Vec3 axis(0.0, 0.0, 1.0);
@@ -92,18 +92,18 @@ TEST_F(WorkspaceTest, TurnsTheGripWithTheScene) {
     EXPECT_LT(glm::length(back - grip * axis), 1e-14);
 }
 
-TEST_F(WorkspaceTest, AnchorLaysOnePositionOnTheOther) {
+TEST_F(WorkspaceTest, AnchorMakesOnePoseCoincideWithTheOther) {
     Workspace workspace(settings);
     workspace.anchor(at({0.02, 0.0, -0.01}), at({5.0, 6.0, 7.0}));
     EXPECT_LT(glm::length(workspace.to_scene({0.02, 0.0, -0.01}) - Vec3(5.0, 6.0, 7.0)), 1e-12);
 }
 
-TEST_F(WorkspaceTest, RefusesScalesThatAreNone) {
+TEST_F(WorkspaceTest, RejectsInvalidScales) {
     EXPECT_THROW(Workspace({.scale = 0.0}), std::invalid_argument);
     EXPECT_THROW(Workspace({.force_scale = -1.0}), std::invalid_argument);
 }
 
-/// A hand that pushes into a floor at y = 0 of the scene, travels with the clutch held, and lets go of it.
+/// A hand pushes into a floor at y = 0 of the scene, moves with the clutch held, and releases it.
 TEST_F(WorkspaceTest, ClutchNeverJumpsTheForce) {
     Workspace workspace(settings);
     Clutch clutch;
@@ -120,9 +120,10 @@ TEST_F(WorkspaceTest, ClutchNeverJumpsTheForce) {
         const Vec3 hip = clutch.engage(held, at(device), {at(proxy)}, step, workspace).position;
         proxy = Vec3(hip.x, std::max(hip.y, 0.0), hip.z);
         const double force = clutch.gain() * stiffness * (proxy.y - hip.y);
-        // The fade takes a tenth of a second, and the hand moves hand_speed * step / scale in a step.
-        const double most = stiffness * (0.2 * 1.1 * step / settings.clutch_fade + hand_speed * step / settings.scale);
-        EXPECT_LE(std::abs(force - last_force), most) << "step " << i;
+        // The fade takes 0.1 s; in a step the hand moves hand_speed * step / scale in the scene.
+        const double max_change =
+            stiffness * (0.2 * 1.1 * step / settings.clutch_fade + hand_speed * step / settings.scale);
+        EXPECT_LE(std::abs(force - last_force), max_change) << "step " << i;
         last_force = force;
         if (i == 110) {
             EXPECT_TRUE(clutch.uncoupled());
@@ -137,7 +138,7 @@ TEST_F(WorkspaceTest, ClutchNeverJumpsTheForce) {
     EXPECT_GT(workspace.to_scene(device).x, farthest);  // it follows the hand again
 }
 
-TEST_F(WorkspaceTest, ClutchStandsWhileItIsHeld) {
+TEST_F(WorkspaceTest, ClutchHoldsTheHipWhilePressed) {
     Workspace workspace(settings);
     Clutch clutch;
     const Vec3 held_at = workspace.to_scene({0.01, 0.0, 0.0});
@@ -146,18 +147,18 @@ TEST_F(WorkspaceTest, ClutchStandsWhileItIsHeld) {
             clutch.engage(true, at({0.01 + 0.001 * i, 0.0, 0.0}), {at(Vec3(9.0))}, 0.01, workspace).position;
         EXPECT_LT(glm::length(hip - held_at), 1e-12);
     }
-    // Let go before the fade was over: the scene's point stays under the hand.
+    // Released before the fade is over: the same point of the scene stays under the hand.
     const Vec3 hip = clutch.engage(false, at({0.02, 0.0, 0.0}), {at(Vec3(9.0))}, 0.01, workspace).position;
     EXPECT_LT(glm::length(hip - held_at), 1e-12);
 }
 
-/// Any mapping that a scene file may ask for, sizes spread evenly over their decades.
+/// Random valid mappings; magnitudes log-uniform.
 WorkspaceSettings any_settings(std::mt19937& random) {
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
     std::normal_distribution<double> normal;
-    const auto decades = [&](double least, double most) {
+    const auto decades = [&](double minimum, double maximum) {
         const double share = 0.5 * (1.0 + unit(random));
-        return least * std::pow(most / least, share);
+        return minimum * std::pow(maximum / minimum, share);
     };
     WorkspaceSettings any;
     any.scale = decades(1e-3, 10.0);
@@ -172,23 +173,23 @@ WorkspaceSettings any_settings(std::mt19937& random) {
     return any;
 }
 
-TEST_F(WorkspaceTest, HoldsItsLawsForAnyMappingThatASceneMayHave) {
+TEST_F(WorkspaceTest, KeepsItsInvariantsForAnyValidMapping) {
     for (int i = 0; i < 2000; ++i) {
         const WorkspaceSettings any = any_settings(random_);
         const Workspace workspace(any);
         const Vec3 x = vector();
         const Vec3 y = vector();
-        // A round trip loses what the offset rounds away, seen from the scene.
+        // Round trip, up to the rounding of the offset in scene units.
         const double rounding = 8e-16 * (glm::length(any.offset) / any.scale + glm::length(x)) * 4.0;
         ASSERT_LE(glm::length(workspace.to_scene(workspace.to_device(x)) - x), rounding);
-        // Lengths go by the scale and angles stay, so that handedness does.
+        // Lengths scale, angles and handedness are preserved.
         const Vec3 dx = workspace.to_device(x) - workspace.to_device(Vec3(0.0));
         const Vec3 dy = workspace.to_device(y) - workspace.to_device(Vec3(0.0));
         const double s2 = any.scale * any.scale;
         const double small = 1e-13 * (s2 * glm::length(x) * glm::length(y) + any.scale * 10.0);
         ASSERT_NEAR(glm::dot(dx, dy), s2 * glm::dot(x, y), small);
         ASSERT_LE(glm::length(glm::cross(dx, dy) - s2 * (any.rotation * glm::cross(x, y))), small);
-        // Work is force_scale * scale times that of the scene, a spring's force the same by either way.
+        // Work scales by force_scale * scale; a spring's force is the same computed in either frame.
         const Vec3 force = vector();
         const double work = glm::dot(workspace.force_to_device(force), dx);
         ASSERT_NEAR(work, any.force_scale * any.scale * glm::dot(force, x),
@@ -199,12 +200,12 @@ TEST_F(WorkspaceTest, HoldsItsLawsForAnyMappingThatASceneMayHave) {
     }
 }
 
-/// A hand above a floor at y = 0 of the scene, under which it pushes.
+/// A hand that pushes into a floor at y = 0 of the scene.
 class ChangeTest : public WorkspaceTest {
   protected:
     static constexpr double kStep = 0.005;
 
-    /// A step with the hand there; the virtual proxy stays above the floor.
+    /// One step with the hand at a position; the virtual proxy stays above the floor.
     double step(const Vec3& device, bool held = false) {
         hip = clutch.engage(held, at(device), {at(proxy)}, kStep, workspace).position;
         proxy = Vec3(hip.x, std::max(hip.y, 0.0), hip.z);
@@ -219,22 +220,22 @@ class ChangeTest : public WorkspaceTest {
     double force = 0.0;
 };
 
-TEST_F(ChangeTest, FadesTheForceTakesTheMappingAndBeginsAgainAtZeroWhereTheToolIs) {
+TEST_F(ChangeTest, FadesTheForceThenChangesTheMappingAndRestartsFromZeroForceAtTheTool) {
     const Vec3 device = workspace.to_device({0.3, -0.2, 0.1});
     double before = step(device);
-    const double most = before;
-    ASSERT_GT(most, 0.0);
+    const double initial = before;
+    ASSERT_GT(initial, 0.0);
     WorkspaceSettings next = settings;
     next.scale = 0.1;
     next.rotation = glm::angleAxis(-1.2, glm::normalize(Vec3(0, 1, 3)));
     next.force_scale = 1.5;
-    clutch.change_to(Workspace(next));
+    clutch.change_mapping(Workspace(next));
     int uncoupled = 0;
     for (int i = 0; i < 100; ++i) {
         const Vec3 stood = proxy;
         const double now = step(device);
-        EXPECT_LE(std::abs(now - before), most * kStep / settings.clutch_fade * (1.0 + 1e-9)) << i;
-        EXPECT_LT(glm::length(proxy - stood), 1e-12) << "the tool stays where it is";
+        EXPECT_LE(std::abs(now - before), initial * kStep / settings.clutch_fade * (1.0 + 1e-9)) << i;
+        EXPECT_LT(glm::length(proxy - stood), 1e-12) << "the tool stays in place";
         uncoupled += clutch.uncoupled() ? 1 : 0;
         before = now;
     }
@@ -244,14 +245,14 @@ TEST_F(ChangeTest, FadesTheForceTakesTheMappingAndBeginsAgainAtZeroWhereTheToolI
     EXPECT_EQ(workspace.settings().scale, next.scale);
     EXPECT_EQ(workspace.settings().force_scale, next.force_scale);
     EXPECT_LT(glm::length(workspace.to_scene(device) - proxy), 1e-12);
-    // And it is the new mapping by which it follows the hand.
+    // It follows the hand by the new mapping.
     const Vec3 from = hip;
     step(device + Vec3(0.0, 0.01, 0.0));
     EXPECT_LT(glm::length((hip - from) - glm::inverse(next.rotation) * Vec3(0.0, 0.01, 0.0) / next.scale), 1e-12);
 }
 
-TEST_F(ChangeTest, TravelsWhereAnotherOffsetIsAskedForAsFarAsTheSurfacesLetIt) {
-    for (const double height : {0.4, -0.4}) {  // m, in the scene, of where the new offset puts the hand
+TEST_F(ChangeTest, MovesTheToolToANewOffsetUntilSurfacesStopIt) {
+    for (const double height : {0.4, -0.4}) {  // m, scene: height of the hand by the new offset
         workspace = Workspace(settings);
         clutch = Clutch();
         proxy = Vec3(0.0);
@@ -259,29 +260,29 @@ TEST_F(ChangeTest, TravelsWhereAnotherOffsetIsAskedForAsFarAsTheSurfacesLetIt) {
         step(device);
         WorkspaceSettings next = settings;
         next.offset = device - settings.rotation * (settings.scale * Vec3(0.2, height, 0.0));
-        clutch.change_to(Workspace(next));
+        clutch.change_mapping(Workspace(next));
         double largest = 0.0;
         for (int i = 0; i < 60; ++i) {
             const double before = force;
             step(device);
-            largest = i > 20 ? std::max(largest, std::abs(force - before)) : 0.0;  // the old one has faded by then
+            largest = i > 20 ? std::max(largest, std::abs(force - before)) : 0.0;  // the old force has faded by then
         }
-        EXPECT_LE(largest, 1e-12) << "no force at the new place";
+        EXPECT_LE(largest, 1e-12) << "no force at the new position";
         EXPECT_LT(glm::length(proxy - Vec3(0.2, std::max(height, 0.0), 0.0)), 1e-12);
         EXPECT_FALSE(clutch.changing());
         EXPECT_EQ(clutch.gain(), 1.0);
     }
 }
 
-TEST_F(ChangeTest, TheLastMappingAskedForCountsAndAHeldButtonKeepsItUncoupled) {
+TEST_F(ChangeTest, TheLastRequestedMappingCountsAndAHeldButtonKeepsItUncoupled) {
     const Vec3 device = workspace.to_device({0.0, -0.2, 0.0});
     step(device);
     WorkspaceSettings next = settings;
     next.scale = 0.2;
-    clutch.change_to(Workspace(next));
+    clutch.change_mapping(Workspace(next));
     step(device);
     next.scale = 0.3;
-    clutch.change_to(Workspace(next));
+    clutch.change_mapping(Workspace(next));
     for (int i = 0; i < 100; ++i) {
         step(device, true);
     }

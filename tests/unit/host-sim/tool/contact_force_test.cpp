@@ -1,4 +1,4 @@
-#include <haptic/sim/contact_force.hpp>
+#include "haptic/sim/contact_force.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include <haptic/sim/cloth.hpp>
+#include "haptic/sim/cloth.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -24,7 +24,7 @@ Vec3 sum(std::span<const Vec3> forces) {
     return std::accumulate(forces.begin(), forces.end(), Vec3(0.0));
 }
 
-TEST(DivideForce, GivesEachPlaneItsPartOfAForceMadeOfTheirNormals) {
+TEST(DivideForce, DividesASumOfNormalsIntoItsParts) {
     const SurfacePlanes contacts = planes({{1, 0, 0}, {1, 2, 0}, {0, 1, 3}});
     const ContactShares strength{2.0, 3.0, 5.0};
     Vec3 force(0.0);
@@ -51,14 +51,14 @@ TEST(DivideForce, NeverPullsAtASurface) {
     }
 }
 
-TEST(DivideForce, TakesAForceAlongTheOnlyNormalWhole) {
+TEST(DivideForce, GivesASinglePlaneTheWholeNormalForce) {
     const ContactShares shares = divide_force({0.0, 7.0, 0.0}, planes({{0, 2, 0}}));
     EXPECT_EQ(shares[0], 7.0);
     EXPECT_EQ(divide_force({1.0, 2.0, 3.0}, {})[0], 0.0);
 }
 
 TEST(ContactPush, IsTheSpringAloneWithoutDampingOrMotion) {
-    EXPECT_EQ(contact_damping(3.0, 0.002, 0.01, {.stiffness = 20.0, .loss = 0.0}), 0.0);
+    EXPECT_EQ(contact_damping(3.0, 0.002, 0.01, {.stiffness = 20.0, .hunt_crossley_damping = 0.0}), 0.0);
     EXPECT_EQ(contact_push(3.0, 14.0, 0.0), 3.0);
     EXPECT_EQ(contact_push(3.0, 0.0, 0.5), 3.0);
 }
@@ -69,15 +69,15 @@ TEST(ContactPush, ResistsApproachMoreThanRetreatAndNeverPulls) {
     EXPECT_EQ(contact_push(3.0, -500.0, 0.5), 0.0);
 }
 
-TEST(ContactDamping, IsTheLawsOwnWhereThePatchIsHeavy) {
-    EXPECT_NEAR(contact_damping(5.0, 1e9, 0.01, {.loss = 2.0}), 10.0, 1e-6);
+TEST(ContactDamping, IsHuntCrossleyForAHeavyPatch) {
+    EXPECT_NEAR(contact_damping(5.0, 1e9, 0.01, {.hunt_crossley_damping = 2.0}), 10.0, 1e-6);
 }
 
-TEST(ContactDamping, NeverTurnsAPatchRoundHoweverLightItIs) {
+TEST(ContactDamping, NeverReversesAPatchHoweverLight) {
     const double step = 0.01;
     for (const double mass : {1e-6, 1e-3, 1.0}) {
         for (const double closing : {0.1, 14.0, 1000.0}) {
-            const double by_loss = closing * contact_damping(5.0, mass, step, {.loss = 10.0});
+            const double by_loss = closing * contact_damping(5.0, mass, step, {.hunt_crossley_damping = 10.0});
             EXPECT_LE(by_loss * step / mass, closing * (1.0 + 1e-9));
         }
     }
@@ -94,19 +94,19 @@ class PressureMaskTest : public ::testing::Test {
 TEST_F(PressureMaskTest, AppliesExactlyTheForceItIsGiven) {
     PressureMask mask(mesh, skin_of_particles(mesh.vertices.size()), mass, 0.1);
     const Vec3 given(0.3, -7.0, 1.1);
-    (void)mask.lay({.triangle = 1000, .weights = {0.2, 0.5, 0.3}}, still);
+    (void)mask.center_on({.triangle = 1000, .weights = {0.2, 0.5, 0.3}}, still);
     mask.press(given, force);
     EXPECT_LT(glm::length(sum(force) - given), 1e-14 * glm::length(given) * 100);
 }
 
-TEST_F(PressureMaskTest, PressesOnlyWithinItsRadiusAndMostInTheMiddle) {
+TEST_F(PressureMaskTest, PressesOnlyWithinItsRadiusAndMostAtItsCentre) {
     PressureMask mask(mesh, skin_of_particles(mesh.vertices.size()), mass, 0.1);
     const std::uint32_t centre = 16 * 33 + 16;
     std::uint32_t triangle = 0;
     while (mesh.triangles[triangle][0] != centre) {
         ++triangle;
     }
-    (void)mask.lay({.triangle = triangle, .weights = {1.0, 0.0, 0.0}}, still);
+    (void)mask.center_on({.triangle = triangle, .weights = {1.0, 0.0, 0.0}}, still);
     mask.press({0.0, -1.0, 0.0}, force);
     std::size_t pressed = 0;
     for (std::size_t j = 0; j < force.size(); ++j) {
@@ -118,14 +118,14 @@ TEST_F(PressureMaskTest, PressesOnlyWithinItsRadiusAndMostInTheMiddle) {
     EXPECT_EQ(pressed, 37u);  // grid points within 3.2 spacings
 }
 
-TEST_F(PressureMaskTest, TurnsNothingWhenItPressesOnTheMiddle) {
+TEST_F(PressureMaskTest, MakesNoTorqueWhenCentredOnTheCloth) {
     PressureMask mask(mesh, skin_of_particles(mesh.vertices.size()), mass, 0.2);
     const std::uint32_t centre = 16 * 33 + 16;
     std::uint32_t triangle = 0;
     while (mesh.triangles[triangle][0] != centre) {
         ++triangle;
     }
-    (void)mask.lay({.triangle = triangle, .weights = {1.0, 0.0, 0.0}}, still);
+    (void)mask.center_on({.triangle = triangle, .weights = {1.0, 0.0, 0.0}}, still);
     mask.press({0.0, -1.0, 0.0}, force);
     Vec3 torque(0.0);
     for (std::size_t j = 0; j < force.size(); ++j) {
@@ -134,26 +134,26 @@ TEST_F(PressureMaskTest, TurnsNothingWhenItPressesOnTheMiddle) {
     EXPECT_LT(glm::length(torque), 1e-15);
 }
 
-TEST_F(PressureMaskTest, KnowsMassAndVelocityOfWhatItPressesOn) {
+TEST_F(PressureMaskTest, ReportsMassAndVelocityOfThePatch) {
     PressureMask mask(mesh, skin_of_particles(mesh.vertices.size()), mass, 0.1);
     const std::vector<Vec3> moving(mesh.vertices.size(), Vec3(1.0, -2.0, 3.0));
-    const PressedPatch patch = mask.lay({.triangle = 1000, .weights = {0.2, 0.5, 0.3}}, moving);
+    const PressedPatch patch = mask.center_on({.triangle = 1000, .weights = {0.2, 0.5, 0.3}}, moving);
     EXPECT_LT(glm::length(patch.velocity - Vec3(1.0, -2.0, 3.0)), 1e-14);
-    // A force changes the patch's velocity as if the whole force acted on its mass.
+    // A force changes the patch's velocity as if all of it acted on the patch's mass.
     mask.press({0.0, 1.0, 0.0}, force);
     std::vector<Vec3> pushed = still;
     for (std::size_t j = 0; j < pushed.size(); ++j) {
         pushed[j] = force[j] / mass[j];
     }
-    const PressedPatch after = mask.lay({.triangle = 1000, .weights = {0.2, 0.5, 0.3}}, pushed);
+    const PressedPatch after = mask.center_on({.triangle = 1000, .weights = {0.2, 0.5, 0.3}}, pushed);
     EXPECT_NEAR(after.velocity.y, 1.0 / patch.mass, 1e-9 / patch.mass);
-    // (1 - r^2)^2 over a disk weighs as much as 5/9 of it evenly, and the cloth has 1 m^2 for its 1,089 masses.
+    // The mask (1 - r^2)^2 on a disk has the effective mass of 5/9 of it; the cloth has 1,089 masses on 1 m^2.
     EXPECT_NEAR(patch.mass, 5.0 / 9.0 * 3.14159 * 0.01 * 1e-4 * 1024, 0.1 * patch.mass);
 }
 
-TEST_F(PressureMaskTest, FallsBackOnTheTouchedTriangle) {
+TEST_F(PressureMaskTest, FallsBackToTheTouchedTriangle) {
     PressureMask mask(mesh, skin_of_particles(mesh.vertices.size()), mass, 1e-6);
-    (void)mask.lay({.triangle = 7, .weights = {0.25, 0.25, 0.5}}, still);
+    (void)mask.center_on({.triangle = 7, .weights = {0.25, 0.25, 0.5}}, still);
     mask.press({0.0, 1.0, 0.0}, force);
     const Triangle& corners = mesh.triangles[7];
     EXPECT_EQ(force[corners[0]].y, 0.25);

@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 #include "contact/verification.hpp"
-#include <haptic/sim/mesh_check.hpp>
+#include "haptic/sim/mesh_check.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -21,9 +21,9 @@ const TriangleMesh& hand() {
     return mesh;
 }
 
-TEST(HandMesh, HasTheTrianglesOfTheThesisInOneClosedSkin) {
+TEST(HandMesh, HasAsManyTrianglesAsTheThesisInOneClosedSkin) {
     EXPECT_EQ(hand().triangles.size(), 3906u);
-    EXPECT_EQ(hand().vertices.size(), 1955u);  // Euler: V - 3/2 T + T = 2, a skin without a hole
+    EXPECT_EQ(hand().vertices.size(), 1955u);  // Euler: V - 3/2 T + T = 2 for a closed surface of genus 0
     const MeshReport report = check_mesh(hand().vertices, hand().triangles, {}, "hand").report;
     EXPECT_TRUE(report.warnings.empty()) << report.warnings.front();
     EXPECT_TRUE(hand().closed && report.closed && !report.turned);
@@ -37,17 +37,17 @@ TEST(HandMesh, HasTheSizeOfAHand) {
     EXPECT_NEAR(size.z, 0.19, 1e-12);
     EXPECT_NEAR(size.x, 0.12, 0.02);  // spread
     EXPECT_NEAR(size.y, 0.045, 0.015);
-    // Hands displace some 0.35 litres at a length of 0.19 m without the wrist; this one is 0.16 m long without it.
+    // A hand of 0.19 m without the wrist displaces about 0.35 litres; this one is 0.16 m long without it.
     EXPECT_GT(report.volume, 0.15e-3);
     EXPECT_LT(report.volume, 0.35e-3);
 }
 
-/// Whether a point, given in parts of the whole length, is in the hand.
+/// Whether a point, in units of the hand's length, is inside.
 bool is_in(double x, double y, double z) {
     return winding_number(hand().vertices, hand().triangles, 0.19 * Vec3(x, y, z)) > 0.5;
 }
 
-/// How many separate stretches of the line z = constant, at a height, are in the hand.
+/// Number of separate segments of a line along x, at given z and y, that are inside.
 int crossings_at(double z, double y) {
     int count = 0;
     bool before = false;
@@ -59,7 +59,7 @@ int crossings_at(double z, double y) {
     return count;
 }
 
-TEST(HandMesh, HasFiveFingersThatStandApart) {
+TEST(HandMesh, HasFiveSeparateFingers) {
     EXPECT_EQ(crossings_at(0.2, -0.01), 1);    // wrist
     EXPECT_EQ(crossings_at(-0.05, -0.01), 1);  // palm; the thumb is below
     EXPECT_EQ(crossings_at(-0.08, -0.09), 1);  // the thumb alone
@@ -69,22 +69,22 @@ TEST(HandMesh, HasFiveFingersThatStandApart) {
     EXPECT_GT(crossings_at(-0.28, -0.02), crossings_at(-0.5, -0.09));  // the middle finger is the longest
 }
 
-TEST(HandMesh, IsEvenlyCut) {
-    double least = 1.0;
+TEST(HandMesh, HasTrianglesOfEvenSize) {
+    double min_edge = 1.0;
     double longest = 0.0;
     for (const Triangle& t : hand().triangles) {
         for (std::size_t k = 0; k < 3; ++k) {
             const double edge = glm::length(hand().vertices[t[(k + 1) % 3]] - hand().vertices[t[k]]);
-            least = std::min(least, edge);
+            min_edge = std::min(min_edge, edge);
             longest = std::max(longest, edge);
         }
     }
-    // Area over triangles gives edges of 5 mm.
-    EXPECT_GT(least, 0.0005);
+    // Area per triangle corresponds to edges of 5 mm.
+    EXPECT_GT(min_edge, 0.0005);
     EXPECT_LT(longest, 0.010);
 }
 
-TEST(HandMesh, IsAsLongAsAskedFor) {
+TEST(HandMesh, HasTheRequestedLength) {
     const TriangleMesh twice = make_hand_mesh(0.38);
     ASSERT_EQ(twice.vertices.size(), hand().vertices.size());
     for (std::size_t i = 0; i < twice.vertices.size(); ++i) {

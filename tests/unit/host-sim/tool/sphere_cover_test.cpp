@@ -12,10 +12,10 @@
 #include <string>
 #include <vector>
 
-#include "tool/close_gaps.hpp"
-#include <haptic/sim/cloth.hpp>
-#include <haptic/sim/fish.hpp>
 #include "generators/revolved.hpp"
+#include "haptic/sim/cloth.hpp"
+#include "haptic/sim/fish.hpp"
+#include "tool/close_gaps.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -24,31 +24,30 @@ using testing::HasSubstr;
 
 /// Distance of a point from the nearest sphere's surface, negative inside.
 double outside(const Vec3& p, const std::vector<Ball>& balls) {
-    double least = std::numeric_limits<double>::infinity();
+    double min_distance = std::numeric_limits<double>::infinity();
     for (const Ball& ball : balls) {
-        least = std::min(least, glm::length(p - ball.centre) - ball.radius);
+        min_distance = std::min(min_distance, glm::length(p - ball.centre) - ball.radius);
     }
-    return least;
+    return min_distance;
 }
 
-/// By brute force: n^2 / 2 points of each triangle.
+/// Greatest distance by brute force over n^2 / 2 points of each triangle.
 double sampled_bare(const TriangleMesh& mesh, const std::vector<Ball>& balls, int n) {
-    double most = 0.0;
+    double max_distance = 0.0;
     for (const auto& [a, b, c] : mesh.triangles) {
         for (int i = 0; i <= n; ++i) {
             for (int j = 0; i + j <= n; ++j) {
                 const double u = static_cast<double>(i) / n;
                 const double v = static_cast<double>(j) / n;
                 const Vec3 p = (1.0 - u - v) * mesh.vertices[a] + u * mesh.vertices[b] + v * mesh.vertices[c];
-                most = std::max(most, outside(p, balls));
+                max_distance = std::max(max_distance, outside(p, balls));
             }
         }
     }
-    return most;
+    return max_distance;
 }
 
-/// Points of a closed mesh's surface that are deeper in a ball than it may stand out show that it stands out farther.
-/// The greatest depth of a surface point below a sphere, over the points that the mesh's surface has.
+/// Greatest depth of a surface point inside a ball: a lower bound of how far a ball stands proud.
 double sampled_proud(const TriangleMesh& mesh, const Ball& ball, int n) {
     double nearest = std::numeric_limits<double>::infinity();
     for (const auto& [a, b, c] : mesh.triangles) {
@@ -64,30 +63,30 @@ double sampled_proud(const TriangleMesh& mesh, const Ball& ball, int n) {
     return ball.radius - nearest;
 }
 
-TEST(SphereCover, BoundsWhatDenseSamplesFindAndNoMoreThanAHundredthAbove) {
+TEST(SphereCover, BoundsDenseSamplesAndExceedsThemByAtMostOnePercent) {
     const TriangleMesh fish = make_fish_mesh({});
     const std::vector<Ball> balls = cover_with_spheres(fish, {.count = 30});
     ASSERT_EQ(balls.size(), 30u);
     const CoverError error = measure_cover(fish, balls);
     const double bare = sampled_bare(fish, balls, 12);
     EXPECT_LE(bare, error.bare);
-    EXPECT_LE(error.bare, 1.02 * bare + 1e-4 * 0.4);  // the sampling misses a little; 0.4 m is the fish's diagonal
+    EXPECT_LE(error.bare, 1.02 * bare + 1e-4 * 0.4);  // sampling error; 0.4 m is the fish's diagonal
     double proud = 0.0;
     for (const Ball& ball : balls) {
         proud = std::max(proud, sampled_proud(fish, ball, 6));
     }
     EXPECT_LE(proud, error.proud);
-    EXPECT_NEAR(error.bare, error.proud, 0.15 * error.proud);  // shared evenly, but for what is between samples
+    EXPECT_NEAR(error.bare, error.proud, 0.15 * error.proud);  // balanced, except between samples
 }
 
-TEST(SphereCover, KeepsTheErrorAskedForWithFewerSpheresTheMoreItMayBe) {
+TEST(SphereCover, KeepsTheRequestedErrorWithFewerSpheresForALargerError) {
     const TriangleMesh fish = make_fish_mesh({});
     std::size_t before = 65;
-    for (const double asked : {0.008, 0.012, 0.02}) {
-        const std::vector<Ball> balls = cover_with_spheres(fish, {.error = asked});
+    for (const double requested : {0.008, 0.012, 0.02}) {
+        const std::vector<Ball> balls = cover_with_spheres(fish, {.error = requested});
         const CoverError error = measure_cover(fish, balls);
-        EXPECT_LE(error.bare, asked);
-        EXPECT_LE(error.proud, asked);
+        EXPECT_LE(error.bare, requested);
+        EXPECT_LE(error.proud, requested);
         EXPECT_LT(balls.size(), before);
         before = balls.size();
     }
@@ -97,12 +96,12 @@ TEST(SphereCover, OfABallIsThatBall) {
     const TriangleMesh sphere = make_sphere_mesh(0.05);
     const std::vector<Ball> balls = cover_with_spheres(sphere, {.count = 1});
     ASSERT_EQ(balls.size(), 1u);
-    // Facets lie up to 0.5 % inside, and there are some 3,000 candidates' samples to find the middle with.
+    // Facets lie up to 0.5 % inside the sphere; the centre is found from about 3,000 samples.
     EXPECT_LT(glm::length(balls[0].centre), 0.01 * 0.05);
     EXPECT_NEAR(balls[0].radius, 0.05, 0.01 * 0.05);
 }
 
-TEST(SphereCover, HasTheRadiusAskedFor) {
+TEST(SphereCover, HasTheRequestedRadius) {
     const TriangleMesh fish = make_fish_mesh({});
     const std::vector<Ball> balls = cover_with_spheres(fish, {.count = 40, .radius = 0.012});
     ASSERT_EQ(balls.size(), 40u);
@@ -119,24 +118,24 @@ TEST(SphereCover, OfASheetSitsOnItAndLeavesNothingBare) {
         EXPECT_EQ(ball.centre.y, 0.0);
     }
     EXPECT_LE(sampled_bare(sheet, balls, 8), 1e-4 * std::sqrt(2.0));
-    // A square lattice of 16 would need a circumradius of 0.177.
+    // For comparison: a square lattice of 16 has a circumradius of 0.177.
     EXPECT_LT(balls[0].radius, 1.35 * 0.177);
     EXPECT_EQ(measure_cover(sheet, balls).proud, balls[0].radius);
 }
 
-TEST(SphereCover, SaysHowFarTheMostSpheresGet) {
+TEST(SphereCover, ReportsTheErrorThatTheMaximumNumberLeaves) {
     try {
-        (void)cover_with_spheres(make_fish_mesh({}), {.most_count = 8, .error = 1e-4});
+        (void)cover_with_spheres(make_fish_mesh({}), {.max_count = 8, .error = 1e-4});
         FAIL() << "accepted";
     } catch (const std::invalid_argument& error) {
-        EXPECT_THAT(error.what(), HasSubstr("more than 8 spheres, which leave 0.0"));
+        EXPECT_THAT(error.what(), HasSubstr("more than 8 spheres; that many leave 0.0"));
     }
     EXPECT_THROW((void)cover_with_spheres(make_fish_mesh({}), {}), std::invalid_argument);
     EXPECT_THROW((void)cover_with_spheres(make_fish_mesh({}), {.count = 65}), std::invalid_argument);
     EXPECT_THROW((void)cover_with_spheres({}, {.count = 1}), std::invalid_argument);
 }
 
-// Three balls of radius 1 in the corners of a triangle with sides of 3.4, which leave 1.4 between each two.
+// Three balls of radius 1 at the corners of an equilateral triangle of side 3.4: gaps of 1.4.
 const std::vector<Ball>& three_balls() {
     static const std::vector<Ball> balls{
         {{0.0, 0.0, 0.0}, 1.0}, {{3.4, 0.0, 0.0}, 1.0}, {{1.7, 1.7 * std::sqrt(3.0), 0.0}, 1.0}};
@@ -147,17 +146,17 @@ double anywhere(const Vec3& /*p*/) {
     return 1e9;
 }
 
-TEST(CloseGaps, MeasuresTheThickestRodThatFitsBetweenNeighbours) {
+TEST(CloseGaps, MeasuresTheThickestRodThatPassesBetweenNeighbours) {
     EXPECT_NEAR(widest_gap(three_balls(), {{0, 1}}), 1.4, 0.015);
-    // In the middle of the three, the nearest centre is 3.4 / sqrt(3) away.
+    // The centroid is 3.4 / sqrt(3) from each centre.
     EXPECT_NEAR(widest_gap(three_balls(), {{0, 1}, {0, 2}, {1, 2}}), 2.0 * (3.4 / std::sqrt(3.0) - 1.0), 0.02);
     EXPECT_EQ(widest_gap(three_balls(), {}), 0.0);
 }
 
-TEST(CloseGaps, LeavesNoPointOfTheNetBareThoughItIsStretchedByATenth) {
+TEST(CloseGaps, CoversTheNetEvenWhenStretchedByATenth) {
     const std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs{{0, 1}, {0, 2}, {1, 2}};
     std::vector<Ball> closed = close_gaps(three_balls(), pairs, 64, anywhere);
-    EXPECT_EQ(closed.size(), 10u);  // one on each side leaves a hole in each of four triangles of 1.7
+    EXPECT_EQ(closed.size(), 10u);  // one per side leaves a hole in each of four triangles of side 1.7
     for (Ball& ball : closed) {
         ball.centre *= 1.1;
     }
@@ -172,7 +171,7 @@ TEST(CloseGaps, LeavesNoPointOfTheNetBareThoughItIsStretchedByATenth) {
     }
 }
 
-TEST(CloseGaps, PutsBallsThatGrowEvenlyBetweenTwoOfDifferentSize) {
+TEST(CloseGaps, InterpolatesRadiiBetweenTwoBallsOfDifferentSize) {
     const std::vector<Ball> two{{{0.0, 0.0, 0.0}, 1.0}, {{9.0, 0.0, 0.0}, 2.0}};
     const std::vector<Ball> closed = close_gaps(two, {{0, 1}}, 64, anywhere);
     ASSERT_GT(closed.size(), 2u);
@@ -182,7 +181,7 @@ TEST(CloseGaps, PutsBallsThatGrowEvenlyBetweenTwoOfDifferentSize) {
     EXPECT_EQ(widest_gap(closed, {{0, 1}}), 0.0);
 }
 
-TEST(CloseGaps, AddsNoBallLargerThanItsRoomAndNoneWhereThereIsNone) {
+TEST(CloseGaps, RespectsTheRadiusLimit) {
     const std::vector<Ball> two{{{0.0, 0.0, 0.0}, 1.0}, {{4.0, 0.0, 0.0}, 1.0}};
     const std::vector<Ball> closed = close_gaps(two, {{0, 1}}, 64, [](const Vec3&) { return 0.3; });
     ASSERT_GT(closed.size(), 4u);
@@ -193,7 +192,7 @@ TEST(CloseGaps, AddsNoBallLargerThanItsRoomAndNoneWhereThereIsNone) {
     EXPECT_EQ(close_gaps(two, {{0, 1}}, 64, [](const Vec3&) { return -0.1; }).size(), 2u);
 }
 
-TEST(CloseGaps, AddsNothingWhereNothingIsOpenAndSaysHowManyAreTooMany) {
+TEST(CloseGaps, AddsNothingWithoutGapsAndReportsHowManyAreTooMany) {
     const std::vector<Ball> near{{{0.0, 0.0, 0.0}, 1.0}, {{1.5, 0.0, 0.0}, 1.0}};
     EXPECT_EQ(close_gaps(near, {{0, 1}}, 64, anywhere).size(), 2u);
     const std::vector<Ball> far{{{0.0, 0.0, 0.0}, 1.0}, {{200.0, 0.0, 0.0}, 1.0}};
@@ -201,7 +200,7 @@ TEST(CloseGaps, AddsNothingWhereNothingIsOpenAndSaysHowManyAreTooMany) {
         (void)close_gaps(far, {{0, 1}}, 64, anywhere);
         FAIL() << "accepted";
     } catch (const std::invalid_argument& error) {
-        EXPECT_THAT(error.what(), HasSubstr("takes 113"));  // 112 spaces of 1.79: 0.9 times two radii is 1.8
+        EXPECT_THAT(error.what(), HasSubstr("needs 113"));  // 112 spacings of 1.79: 0.9 times two radii is 1.8
     }
 }
 

@@ -1,4 +1,4 @@
-#include <haptic/sim/tool_model.hpp>
+#include "haptic/sim/tool_model.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include <haptic/sim/mesh_file.hpp>
 #include "generators/revolved.hpp"
-#include <haptic/sim/scene.hpp>
+#include "haptic/sim/mesh_file.hpp"
+#include "haptic/sim/scene.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -37,7 +37,7 @@ void expect_whole(const ToolModel& tool) {
     }
 }
 
-TEST(ToolModel, OfNothingButATableIsTheSceneProxy) {
+TEST(ToolModel, OfAnEmptyTableIsTheSceneProxy) {
     const ToolModel tool = tool_of("tool = {}\nproxy = {radius = 0.04}");
     expect_whole(tool);
     ASSERT_EQ(tool.radius.size(), 1u);
@@ -46,7 +46,7 @@ TEST(ToolModel, OfNothingButATableIsTheSceneProxy) {
     EXPECT_EQ(tool.widest_gap, 0.0);
 }
 
-TEST(ToolModel, OfARodHasSpheresEvenlyFromEndToEnd) {
+TEST(ToolModel, OfARodHasEvenlySpacedSpheres) {
     const ToolModel tool =
         tool_of("[tool]\ngenerator = \"rod\"\nlength = 0.22\nthickness = 0.02\nspheres = 5\nmass = 0.5");
     expect_whole(tool);
@@ -57,28 +57,28 @@ TEST(ToolModel, OfARodHasSpheresEvenlyFromEndToEnd) {
         EXPECT_EQ(tool.radius[k], 0.01);
     }
     EXPECT_NEAR(tool.widest_gap, 0.03, 0.01 * 0.03);
-    // Half way between two spheres, on the surface: sqrt(0.025^2 + 0.01^2) - 0.01.
+    // On the surface, half way between two spheres: sqrt(0.025^2 + 0.01^2) - 0.01.
     EXPECT_NEAR(tool.cover_error, std::hypot(0.025, 0.01) - 0.01, 0.01 * 0.017);
     const std::vector<double>& mass = tool.body.particles.mass;
     EXPECT_NEAR(std::accumulate(mass.begin(), mass.end(), 0.0), 0.5, 1e-12);
 }
 
-TEST(ToolModel, ClosesTheGapsOfARodAndSaysSoIfItCannot) {
+TEST(ToolModel, ClosesTheGapsOfARodOrReportsThatItCannot) {
     const ToolModel tool =
         tool_of("[tool]\ngenerator = \"rod\"\nlength = 0.22\nthickness = 0.02\nspheres = 5\nclose_gaps = true");
     expect_whole(tool);
-    EXPECT_EQ(tool.added, 8u);  // 0.05 in three spaces of 0.0167; 0.9 times two radii is 0.018
+    EXPECT_EQ(tool.added, 8u);  // three spacings of 0.0167 in 0.05; 0.9 times two radii is 0.018
     EXPECT_EQ(tool.radius.size(), 13u);
     EXPECT_EQ(tool.widest_gap, 0.0);
     try {
         (void)tool_of("[tool]\ngenerator = \"rod\"\nlength = 2.0\nthickness = 0.02\nspheres = 5\nclose_gaps = true");
         FAIL() << "accepted";
     } catch (const std::invalid_argument& error) {
-        EXPECT_THAT(error.what(), HasSubstr("between its 5 spheres takes 113, and there may be 64"));
+        EXPECT_THAT(error.what(), HasSubstr("between its 5 spheres needs 113; the maximum is 64"));
     }
 }
 
-TEST(ToolModel, TakesAsFewSpheresAsTheErrorAllows) {
+TEST(ToolModel, UsesAsFewSpheresAsTheErrorAllows) {
     const auto with = [](double error) {
         ToolSettings settings;
         settings.shape = ToolShape::Probe;
@@ -98,8 +98,8 @@ TEST(ToolModel, TakesAsFewSpheresAsTheErrorAllows) {
     EXPECT_THROW((void)with(1e-6), std::invalid_argument);
 }
 
-TEST(ToolModel, IsPutIntoTheFrameOfTheGrip) {
-    // A quarter turn about x takes -z to y.
+TEST(ToolModel, IsTransformedToTheGripFrame) {
+    // A rotation of 90 degrees about x takes -z to y.
     const ToolModel tool = tool_of(
         "[tool]\ngenerator = \"probe\"\nposition = [0.1, 0.0, 0.0]\n"
         "orientation = [0.7071067811865476, 0.7071067811865475, 0.0, 0.0]");
@@ -114,18 +114,18 @@ const ToolModel& hand() {
     return tool;
 }
 
-/// The parts into which groups hold the particles together.
+/// Connected components of the particles under their groups.
 std::size_t parts_of(const ParticleModel& model) {
     std::vector<std::size_t> part(model.size());
     std::iota(part.begin(), part.end(), std::size_t{0});
     for (std::size_t round = 0; round < model.size(); ++round) {
         for (const Group& group : model.groups) {
-            std::size_t least = part[group.centre];
+            std::size_t lowest = part[group.centre];
             for (const std::uint32_t member : group.members) {
-                least = std::min(least, part[member]);
+                lowest = std::min(lowest, part[member]);
             }
             for (const std::uint32_t member : group.members) {
-                part[member] = least;
+                part[member] = lowest;
             }
         }
     }
@@ -140,7 +140,7 @@ TEST(ToolModel, OfTheHandHasTheCountsOfTheThesisAndCoversTheHandWithinAFortiethO
     EXPECT_EQ(hand().iterations, 4);
     EXPECT_EQ(parts_of(hand().body.particles), 1u);
     EXPECT_LT(hand().cover_error, 0.19 / 40.0);
-    // No vertex is farther away than what is stated, and none as far within: spheres do not stand out by more.
+    // No vertex is farther from the spheres than the stated error, nor deeper inside one.
     double farthest = 0.0;
     for (const Vec3& p : hand().body.mesh.vertices) {
         double nearest = 1.0;
@@ -154,7 +154,7 @@ TEST(ToolModel, OfTheHandHasTheCountsOfTheThesisAndCoversTheHandWithinAFortiethO
     EXPECT_GT(farthest, 0.5 * hand().cover_error);
 }
 
-TEST(ToolModel, OfTheHandIsClosedWithinTheSpheresThatThereMayBe) {
+TEST(ToolModel, OfTheHandHasNoGapsWithinTheMaximumNumberOfSpheres) {
     const ToolModel closed = tool_of("[tool]\ngenerator = \"hand\"\nclose_gaps = true");
     expect_whole(closed);
     EXPECT_GT(hand().widest_gap, 0.0);
@@ -166,7 +166,7 @@ TEST(ToolModel, OfTheHandIsClosedWithinTheSpheresThatThereMayBe) {
     }
 }
 
-TEST(ToolModel, OfAMeshFromAFileIsAsLongAsAskedFor) {
+TEST(ToolModel, OfAMeshFileHasTheRequestedLength) {
     const std::filesystem::path file =
         std::filesystem::temp_directory_path() / ("tool_model_test_" + std::to_string(getpid()) + ".obj");
     write_mesh(file, make_rod_mesh(7.0, 2.0));
@@ -179,13 +179,13 @@ TEST(ToolModel, OfAMeshFromAFileIsAsLongAsAskedFor) {
     expect_whole(tool);
     EXPECT_EQ(tool.radius.size(), 6u);
     for (const double radius : tool.radius) {
-        EXPECT_NEAR(radius, 0.02, 0.0024);  // as thick as the rod, and grown by what it would miss
+        EXPECT_NEAR(radius, 0.02, 0.0024);  // the rod's radius, grown by half of the miss
     }
-    // Six spheres at even places would leave sqrt(0.02^2 + 0.01^2) - 0.02 between two; half of it, if they grow.
+    // Six evenly spaced spheres miss sqrt(0.02^2 + 0.01^2) - 0.02 between two; half of it once they grow.
     EXPECT_LT(tool.cover_error, 0.0024);
 }
 
-TEST(ToolModel, RefusesWhatItCannotMakeInWords) {
+TEST(ToolModel, RejectsInvalidSettingsWithAReason) {
     EXPECT_THROW((void)tool_of("[tool]\ngenerator = \"spoon\""), ConfigError);
     EXPECT_THROW((void)tool_of("[tool]\nspheres = 65"), ConfigError);
     EXPECT_THROW((void)tool_of("[tool]\nspheres = 2"), std::invalid_argument);
@@ -193,7 +193,7 @@ TEST(ToolModel, RefusesWhatItCannotMakeInWords) {
     EXPECT_THROW((void)tool_of("[tool]\nfile = \"/nowhere/tool.obj\""), std::runtime_error);
 }
 
-TEST(ToolModel, OfASceneIsThereIfItHasTheTable) {
+TEST(ToolModel, OfASceneExistsIfItHasTheTable) {
     Config without = open_scene("cloth-drop");
     EXPECT_FALSE(read_scene(without, "scene").tool.has_value());
     Config with = open_scene("cloth-drop");

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "few_spheres.hpp"
 #include "contact/verification.hpp"
+#include "few_spheres.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -23,7 +23,7 @@ constexpr double kRadius = 0.02;  // m
 constexpr double kStep = 0.01;    // s
 constexpr Quat kLevel(1.0, 0.0, 0.0, 0.0);
 
-/// A square in a plane of constant y that stands.
+/// A fixed square in a plane of constant y.
 struct Sheet {
     explicit Sheet(double half, double height = 0.0, const Vec3& shift = Vec3(0.0))
         : vertices{Vec3{-half, height, -half} + shift, Vec3{-half, height, half} + shift,
@@ -38,14 +38,14 @@ struct Sheet {
 };
 
 void step(ToolProxies& tool, std::span<const MovingSurface> surfaces, const Pose& hip) {
-    tool.aim(hip);
-    tool.look_round(surfaces);
-    tool.secure();
+    tool.set_goals(hip);
+    tool.collect(surfaces);
+    tool.find_secure_positions();
     tool.pop_out();
-    tool.approach();
-    tool.constrain();
+    tool.move_to_goals();
+    tool.project_constraints();
     tool.revise();
-    tool.look_ahead();
+    tool.collect_speculative_planes();
 }
 
 ToolProxies::Settings settings(double friction = 0.0) {
@@ -66,7 +66,7 @@ bool crossed(const ToolProxies& tool, const Sheet& sheet) {
     return false;
 }
 
-TEST(ToolProxies, RefusesWhatIsNoToolAndSaysWhy) {
+TEST(ToolProxies, RejectsInvalidToolsWithAReason) {
     const auto refusal = [](const ToolModel& model) -> std::string {
         try {
             const ToolProxies tool(model, settings(), {});
@@ -84,8 +84,9 @@ TEST(ToolProxies, RefusesWhatIsNoToolAndSaysWhy) {
     EXPECT_EQ(refusal(one_sphere(kRadius)), "taken");
 }
 
-TEST(ToolProxies, ConstraintsBendTheToolRoundAnEdgeAndLeaveNoSphereInside) {
-    // The middle of a row of spheres is stopped by a narrow sheet, the ends go on; the groups pull the middle on.
+TEST(ToolProxies, ConstraintsBendTheToolAroundAnEdgeAndLeaveNoSphereInside) {
+    // A narrow sheet stops the middle of a row of spheres while the ends move on, so the groups pull the middle into
+    // it.
     const Sheet sheet(0.05);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
     ToolProxies tool(test::square_of_spheres(5, 0.06, kRadius, 1.0, 8), settings(), {{0.0, 0.1, 0.0}, kLevel});
@@ -93,28 +94,28 @@ TEST(ToolProxies, ConstraintsBendTheToolRoundAnEdgeAndLeaveNoSphereInside) {
     bool would_have_crossed = false;
     for (int i = 0; i < 60; ++i) {
         const Pose hip{{0.0, 0.1 - 0.005 * i, 0.0}, kLevel};
-        tool.aim(hip);
-        tool.look_round(surfaces);
-        tool.secure();
+        tool.set_goals(hip);
+        tool.collect(surfaces);
+        tool.find_secure_positions();
         tool.pop_out();
-        tool.approach();
-        tool.constrain();
+        tool.move_to_goals();
+        tool.project_constraints();
         would_have_crossed = would_have_crossed || tool.model().position[12].y < 0.0;
         tool.revise();
         EXPECT_FALSE(crossed(tool, sheet)) << i;
         EXPECT_GE(tool.particles()[12].position.y, 0.998 * kRadius) << i;
     }
     EXPECT_TRUE(would_have_crossed) << "the half-CCD has had nothing to do";
-    const std::span<const ToolParticle> particles = tool.particles();
+    const std::span<const ToolProxy> particles = tool.particles();
     EXPECT_TRUE(particles[12].in_contact());
     EXPECT_FALSE(particles[0].in_contact());
-    // Bent: the neighbours of the middle one are held back, the corners are where the hand has them or nearly so.
+    // Bent: the neighbours of the middle one are held back, the corners are near their goals.
     EXPECT_GT(particles[11].position.y - particles[11].goal.y, 0.01);
     EXPECT_LT(particles[11].position.y, particles[12].position.y);
 }
 
-TEST(ToolProxies, TakesNothingFromOneStepToTheNextInTheAir) {
-    // However it got there, the tool is where the hand has it, in its rest shape: no inertia.
+TEST(ToolProxies, HasNoMemoryOfEarlierStepsInFreeSpace) {
+    // Whatever its path, the tool is at the hip in its rest shape: no inertia.
     const std::array<MovingSurface, 0> nothing{};
     const ToolModel model = test::square_of_spheres(4, 0.06, kRadius, 0.5);
     ToolProxies straight(model, settings(), {});
@@ -133,8 +134,8 @@ TEST(ToolProxies, TakesNothingFromOneStepToTheNextInTheAir) {
     EXPECT_LT(glm::length(wild.pose().position - last.position), 1e-12);
 }
 
-TEST(ToolProxies, IsTheSphereOfChapterFourWhereItHasOneParticleAnywhere) {
-    // A particle away from the grip goes the way of a sphere whose device is there.
+TEST(ToolProxies, EqualsTheSphereOfChapterFourWithASingleParticle) {
+    // A particle at an offset from the grip moves like a single sphere whose device is at that offset.
     const Sheet sheet(1.0);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
     const Vec3 offset(0.1, -0.05, 0.02);
@@ -151,8 +152,8 @@ TEST(ToolProxies, IsTheSphereOfChapterFourWhereItHasOneParticleAnywhere) {
     EXPECT_TRUE(away.particles()[0].in_contact());
 }
 
-TEST(ToolProxies, ContactDoesNotComeAndGoWhileTheToolRests) {
-    // Pressed tilted: the constraints lift some spheres off again, but their goals stay beyond the sheet.
+TEST(ToolProxies, ContactDoesNotFlickerWhileTheToolRests) {
+    // Pressed at a tilt: the constraints lift some spheres off again, but their goals stay beyond the sheet.
     const Sheet sheet(1.0);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
     const Pose hip{{0.0, 0.0, 0.0}, glm::angleAxis(0.25, glm::normalize(Vec3(1, 0, 0.3)))};
@@ -160,7 +161,7 @@ TEST(ToolProxies, ContactDoesNotComeAndGoWhileTheToolRests) {
     std::size_t lifted = 0;
     for (int i = 0; i < 50; ++i) {
         step(tool, surfaces, hip);
-        for (const ToolParticle& p : tool.particles()) {
+        for (const ToolProxy& p : tool.particles()) {
             EXPECT_EQ(p.in_contact(), p.goal.y < kRadius) << i;
             if (p.in_contact()) {
                 EXPECT_NEAR(p.contacts.plane[0].offset, kRadius, 1e-9) << i;
@@ -171,7 +172,7 @@ TEST(ToolProxies, ContactDoesNotComeAndGoWhileTheToolRests) {
     EXPECT_GT(lifted, 0u);
 }
 
-TEST(ToolProxies, FrictionHoldsSpheresWhereTheyTouchWhileTheToolIsFittedToThem) {
+TEST(ToolProxies, FrictionFixesTouchingSpheresWhileTheConstraintsMoveTheOthers) {
     const Sheet sheet(1.0);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
     ToolProxies tool(test::square_of_spheres(4, 0.05, kRadius, 0.8), settings(1.0), {{0.0, 0.1, 0.0}, kLevel});
@@ -179,7 +180,7 @@ TEST(ToolProxies, FrictionHoldsSpheresWhereTheyTouchWhileTheToolIsFittedToThem) 
         step(tool, surfaces, {{0.0, 0.1 - 0.009 * i, 0.0}, kLevel});  // 1 cm into it
     }
     std::vector<Vec3> stuck;
-    for (const ToolParticle& p : tool.particles()) {
+    for (const ToolProxy& p : tool.particles()) {
         EXPECT_TRUE(p.sticks());
         stuck.push_back(p.position);
     }

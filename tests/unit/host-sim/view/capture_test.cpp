@@ -1,4 +1,4 @@
-// What is shown of a simulation is what it has.
+// Captured descriptions, snapshots and samples match the simulation.
 #include "view/capture.hpp"
 
 #include <gtest/gtest.h>
@@ -7,8 +7,9 @@
 #include <glm/geometric.hpp>
 #include <string>
 
-#include <haptic/sim/scene.hpp>
-#include <haptic/sim/simulation.hpp>
+#include "haptic/sim/scene.hpp"
+#include "haptic/sim/simulation.hpp"
+#include "tool/tool_proxies.hpp"
 #include "view/live_parameters.hpp"
 
 namespace haptic::sim::view {
@@ -29,7 +30,7 @@ class Capture : public testing::TestWithParam<const char*> {
     std::int64_t time_ns = 0;
 };
 
-TEST_P(Capture, DescribesAllThatTheSceneIsMadeOf) {
+TEST_P(Capture, DescribesEveryPartOfTheScene) {
     const SceneDescription scene = describe(simulation);
     EXPECT_EQ(scene.name, GetParam());
     EXPECT_EQ(scene.text, simulation.scene().description);
@@ -59,7 +60,7 @@ TEST_P(Capture, DescribesAllThatTheSceneIsMadeOf) {
     EXPECT_EQ(scene.ground_height.has_value(), simulation.scene().collisions.ground);
 }
 
-TEST_P(Capture, ShowsTheMomentThatTheSimulationIsIn) {
+TEST_P(Capture, CapturesTheCurrentStateOfTheSimulation) {
     run_until_touched();
     SceneSnapshot moment;
     make_room(simulation, moment);
@@ -86,7 +87,7 @@ TEST_P(Capture, ShowsTheMomentThatTheSimulationIsIn) {
     EXPECT_EQ(touching, result.collided);
 }
 
-TEST_P(Capture, ShowsThePlanesThatTheHapticLoopWasSent) {
+TEST_P(Capture, CapturesThePlanesSentToTheHapticLoop) {
     run_until_touched();
     SceneSnapshot moment;
     capture(simulation, result, moment);
@@ -109,7 +110,7 @@ TEST_P(Capture, ShowsThePlanesThatTheHapticLoopWasSent) {
     EXPECT_GT(next, 0u);
 }
 
-TEST_P(Capture, SamplesWhatAStepCameTo) {
+TEST_P(Capture, SamplesTheResultOfAStep) {
     run_until_touched();
     result.times.ccd_ns = 1500;
     const StepSample sample = sample_of(result);
@@ -130,7 +131,7 @@ Simulation simulation_of(const std::string& name) {
     return Simulation(read_scene(open_scene(name), name));
 }
 
-TEST(LiveParametersTest, AreThoseThatTheSceneHasAndWithinWhatItsFileMaySay) {
+TEST(LiveParametersTest, MatchTheSceneAndStayWithinTheRangesOfItsFile) {
     const Simulation sphere = simulation_of("cloth-drop");
     const Simulation hand = simulation_of("curtain-hand");
     const auto has = [](const Simulation& simulation, const std::string& key) {
@@ -149,7 +150,7 @@ TEST(LiveParametersTest, AreThoseThatTheSceneHasAndWithinWhatItsFileMaySay) {
     EXPECT_FALSE(has(sphere, "coupling.torque_stiffness"));
     for (const Simulation* simulation : {&sphere, &hand}) {
         const LiveParameters all(*simulation);
-        ASSERT_LE(all.descriptions().size(), kMostParameters);
+        ASSERT_LE(all.descriptions().size(), kMaxParameters);
         const auto values = all.values(simulation->settings());
         for (std::size_t k = 0; k < all.descriptions().size(); ++k) {
             const ParameterDescription& one = all.descriptions()[k];
@@ -161,7 +162,7 @@ TEST(LiveParametersTest, AreThoseThatTheSceneHasAndWithinWhatItsFileMaySay) {
                 const LiveSettings changed = all.with(simulation->settings(), k, end);
                 EXPECT_NO_THROW(check(changed)) << one.key;
                 EXPECT_NEAR(all.values(changed)[k], end, 1e-9 * std::fabs(end)) << one.key;
-                // What a record says of it reads back to the same bits.
+                // The value in a recording reads back to the same bits.
                 EXPECT_EQ(assigned(simulation->settings(), all.assignment(changed, k)), changed) << one.key;
             }
         }

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "shown_scene.hpp"
+#include "small_scene.hpp"
 
 namespace haptic::sim::view {
 namespace {
@@ -20,7 +20,7 @@ Request parse(std::string_view text) {
     return parse_request(text, scene);
 }
 
-/// The command of type `Wanted` in a text, which has to hold one.
+/// The command of type `Wanted` that the text must contain.
 template <class Wanted>
 Wanted command(std::string_view text) {
     const Request request = parse(text);
@@ -64,7 +64,7 @@ TEST(CommandParser, ReadsTheHandWithOrWithoutOrientationAndCurl) {
     EXPECT_EQ(full.curl, 1.0);
 }
 
-TEST(CommandParser, TakesWhatIsNotOfTheProtocolForMalformed) {
+TEST(CommandParser, RejectsMessagesOutsideTheProtocolAsMalformed) {
     const std::vector<std::string> texts = {
         "",
         "null",
@@ -96,7 +96,7 @@ TEST(CommandParser, TakesWhatIsNotOfTheProtocolForMalformed) {
         R"({"type":"seek"})",
         R"({"type":"speed","speed":[]})",
         R"({"type":")" + std::string(900, 'x') + R"("})",
-        R"({"type":"reset"})" + std::string(kLongestRequest, ' '),
+        R"({"type":"reset"})" + std::string(kMaxRequestBytes, ' '),
         std::string(1000, '['),
     };
     for (const std::string& text : texts) {
@@ -108,7 +108,7 @@ TEST(CommandParser, TakesWhatIsNotOfTheProtocolForMalformed) {
     }
 }
 
-TEST(CommandParser, RefusesWithAReasonWhatCannotBeDone) {
+TEST(CommandParser, RefusesImpossibleCommandsWithAReason) {
     struct Case {
         std::string text;
         std::string why;
@@ -145,13 +145,13 @@ TEST(CommandParser, RefusesWithAReasonWhatCannotBeDone) {
     }
 }
 
-TEST(CommandParser, RefusesToSeekInARun) {
+TEST(CommandParser, RefusesToSeekInALiveRun) {
     const Request request = parse_request(R"({"type":"seek","time":0.5})", test::small_description());
     ASSERT_TRUE(std::holds_alternative<Refusal>(request));
-    EXPECT_THAT(std::get<Refusal>(request).why, HasSubstr("no recording"));
+    EXPECT_THAT(std::get<Refusal>(request).why, HasSubstr("not a recording"));
 }
 
-TEST(CommandParser, CallsACommandWhatItsMessageIsCalled) {
+TEST(CommandParser, NamesEachCommandByItsMessageType) {
     EXPECT_EQ(type_of(SetParameter{}), "set");
     EXPECT_EQ(type_of(MoveHand{}), "hand");
     EXPECT_EQ(type_of(SetSpeed{}), "speed");

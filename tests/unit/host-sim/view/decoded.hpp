@@ -1,4 +1,4 @@
-// What a page makes of the binary messages: read by PROTOCOL.md alone, with nothing of the encoder.
+// Independent decoder of binary messages, from PROTOCOL.md alone, without the encoder's code.
 #pragma once
 
 #include <cmath>
@@ -13,7 +13,7 @@
 
 namespace haptic::sim::view::test {
 
-/// Reads numbers one after the other; throws where there are none left.
+/// Reads numbers sequentially; throws at the end.
 class Reader {
   public:
     explicit Reader(std::span<const std::byte> bytes) : bytes_(bytes) {}

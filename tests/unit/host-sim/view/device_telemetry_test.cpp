@@ -34,15 +34,15 @@ class DeviceTelemetryTest : public testing::Test {
 
     DeviceTelemetryTest() {
         state_.safety_state = HAPTIC_RUNNING;
-        telemetry_.look(now_ns_);  // attaches
+        telemetry_.poll(now_ns_);  // attaches to the ring
     }
-    /// A tick that latches `period_ns` after the one before; looked at every third.
+    /// A tick that latches `period_ns` after the previous one; the ring is polled at every third tick.
     void tick(std::int64_t period_ns) {
         now_ns_ += period_ns;
         state_.latch_time_ns = now_ns_;
         writer_->publish(state_, now_ns_);
         if (++ticks_ % 3 == 0) {
-            telemetry_.look(now_ns_);
+            telemetry_.poll(now_ns_);
         }
     }
     void ticks(int count, std::int64_t period_ns = kMillisecond) {
@@ -51,7 +51,7 @@ class DeviceTelemetryTest : public testing::Test {
         }
     }
     json message() {
-        telemetry_.look(now_ns_);
+        telemetry_.poll(now_ns_);
         return json::parse(telemetry_.message(now_ns_));
     }
 
@@ -64,7 +64,7 @@ std::uint64_t sum(const json& counts) {
                            [](std::uint64_t total, const json& count) { return total + count.get<std::uint64_t>(); });
 }
 
-TEST_F(DeviceTelemetryTest, SaysThatThereIsNoDeviceWhereThereAreNoStates) {
+TEST_F(DeviceTelemetryTest, ReportsNoDeviceWithoutStates) {
     const json absent = message();
     EXPECT_EQ(absent.at("type"), "device");
     EXPECT_EQ(absent.at("connected"), false);
@@ -79,7 +79,7 @@ TEST_F(DeviceTelemetryTest, SaysThatThereIsNoDeviceWhereThereAreNoStates) {
     EXPECT_EQ(absent.at("frame_age_ms").at("p99"), 0.0);
 }
 
-TEST_F(DeviceTelemetryTest, TellsARegularLoop) {
+TEST_F(DeviceTelemetryTest, ReportsARegularLoop) {
     ticks(2000);
     const json device = message();
     EXPECT_EQ(device.at("connected"), true);
@@ -93,12 +93,12 @@ TEST_F(DeviceTelemetryTest, TellsARegularLoop) {
     EXPECT_EQ(device.at("window_s"), 10.0);
 }
 
-TEST_F(DeviceTelemetryTest, BinsEveryPeriodWhereItBelongs) {
+TEST_F(DeviceTelemetryTest, PutsEveryPeriodIntoItsBin) {
     std::mt19937 random(3);
     std::vector<std::int64_t> periods;
     tick(kMillisecond);
     for (int i = 0; i < 5000; ++i) {
-        // Mostly within 40 us, one in fifty up to 400 us late; nanoseconds.
+        // Most within 40 us, one in fifty up to 400 us late; nanoseconds.
         const auto usual = std::uniform_int_distribution<std::int64_t>(980'000, 1'020'000)(random);
         const auto late = std::uniform_int_distribution<std::int64_t>(1'000'000, 1'400'000)(random);
         periods.push_back(i % 50 == 0 ? late : usual);
@@ -124,7 +124,7 @@ TEST_F(DeviceTelemetryTest, BinsEveryPeriodWhereItBelongs) {
     EXPECT_DOUBLE_EQ(period.at("max").get<double>(), static_cast<double>(periods[4999]) / 1000.0);
 }
 
-TEST_F(DeviceTelemetryTest, ShowsWithNarrowBinsWhatVariesLittle) {
+TEST_F(DeviceTelemetryTest, UsesNarrowBinsForSmallVariation) {
     // Two values 3 us apart, at 1 kHz and at 4 kHz: not all in one bin.
     for (const std::int64_t nominal : {kMillisecond, kMillisecond / 4}) {
         ticks(2, nominal);
@@ -138,7 +138,7 @@ TEST_F(DeviceTelemetryTest, ShowsWithNarrowBinsWhatVariesLittle) {
     }
 }
 
-TEST_F(DeviceTelemetryTest, HasNoEdgeBelowNothing) {
+TEST_F(DeviceTelemetryTest, HasNoNegativeBinEdge) {
     tick(kMillisecond);
     for (int i = 0; i < 200; ++i) {
         tick(i % 10 == 0 ? 30 * kMillisecond : kMillisecond / 8);
@@ -150,8 +150,8 @@ TEST_F(DeviceTelemetryTest, HasNoEdgeBelowNothing) {
 
 TEST_F(DeviceTelemetryTest, CountsDeadlinesThatPassedWithoutALatch) {
     ticks(100);
-    // A loop of 1 kHz whose deadlines are at whole milliseconds and which keeps its phase: it latches when it wakes,
-    // and then at the first deadline that is yet to come. Lateness of four ticks, ns.
+    // A 1 kHz loop with deadlines at whole milliseconds that keeps its phase: it latches when it wakes, and then at the
+    // next deadline. Lateness of four ticks, ns.
     std::uint64_t missed = 0;
     for (const std::int64_t late : {2'300'000, 960'000, 1'000'000, 33'530'000}) {
         tick(kMillisecond + late);
@@ -163,10 +163,10 @@ TEST_F(DeviceTelemetryTest, CountsDeadlinesThatPassedWithoutALatch) {
     EXPECT_EQ(message().at("missed"), missed);
 }
 
-TEST_F(DeviceTelemetryTest, ClaimsNothingOfStatesThatItDidNotSee) {
+TEST_F(DeviceTelemetryTest, ExcludesUnseenStatesFromTheStatistics) {
     ticks(300);
-    telemetry_.look(now_ns_);
-    for (int i = 0; i < 20; ++i) {  // 12 of these are overwritten before we look
+    telemetry_.poll(now_ns_);
+    for (int i = 0; i < 20; ++i) {  // 12 of these are overwritten before the next poll
         now_ns_ += kMillisecond;
         state_.latch_time_ns = now_ns_;
         writer_->publish(state_, now_ns_);
@@ -178,7 +178,7 @@ TEST_F(DeviceTelemetryTest, ClaimsNothingOfStatesThatItDidNotSee) {
     EXPECT_NEAR(device.at("rate_hz").get<double>(), 1000.0, 1e-6) << "by their numbers they are counted";
 }
 
-TEST_F(DeviceTelemetryTest, ForgetsWhatIsOlderThanItsWindow) {
+TEST_F(DeviceTelemetryTest, DropsStatesOlderThanItsWindow) {
     ticks(10);
     tick(5 * kMillisecond);
     ticks(9'000);
@@ -190,7 +190,7 @@ TEST_F(DeviceTelemetryTest, ForgetsWhatIsOlderThanItsWindow) {
     EXPECT_EQ(sum(device.at("period_us").at("counts")), 10'001u) << "both ends of the window are in it";
 }
 
-TEST_F(DeviceTelemetryTest, BeginsAnewAfterNobodyLooked) {
+TEST_F(DeviceTelemetryTest, RestartsTheWindowAfterAPauseInPolling) {
     ticks(30);
     now_ns_ += 2 * kSecond;
     for (int i = 0; i < 2000; ++i) {
@@ -203,7 +203,7 @@ TEST_F(DeviceTelemetryTest, BeginsAnewAfterNobodyLooked) {
     EXPECT_EQ(message().at("unseen"), 0);
 }
 
-TEST_F(DeviceTelemetryTest, NamesFaultsAsTheyAreAndFlagsSinceTheLastMessage) {
+TEST_F(DeviceTelemetryTest, ReportsCurrentFaultsAndFlagsSinceTheLastMessage) {
     state_.tick_flags = HAPTIC_TICK_FORCE_LIMITED;
     tick(kMillisecond);
     state_.tick_flags = HAPTIC_TICK_OVERRUN;
@@ -222,10 +222,10 @@ TEST_F(DeviceTelemetryTest, NamesFaultsAsTheyAreAndFlagsSinceTheLastMessage) {
     EXPECT_THAT(device.at("faults"), ElementsAre("stop", "watchdog"));
 }
 
-TEST_F(DeviceTelemetryTest, TellsHowOldAFrameWasAtTheLatchOfTheTickThatRenderedIt) {
+TEST_F(DeviceTelemetryTest, ReportsTheAgeOfAFrameAtTheLatchThatRenderedIt) {
     std::vector<std::int64_t> ages;
     for (std::uint64_t frame = 1; frame <= 400; ++frame) {
-        // Each is rendered by two ticks, frame % 7 * 0.1 + 0.3 ms after it was published and a period later.
+        // Each frame is rendered by two ticks, frame % 7 * 0.1 + 0.3 ms after its publication and one period later.
         const std::int64_t age = static_cast<std::int64_t>(frame % 7) * 100'000 + 300'000;
         telemetry_.frame_published(frame, now_ns_ + kMillisecond - age);
         state_.frame_sequence = frame;
@@ -239,7 +239,7 @@ TEST_F(DeviceTelemetryTest, TellsHowOldAFrameWasAtTheLatchOfTheTickThatRenderedI
     EXPECT_DOUBLE_EQ(age.at("max").get<double>(), 1.9);
 }
 
-TEST_F(DeviceTelemetryTest, KnowsNoAgeOfFramesThatAreNotItsOwn) {
+TEST_F(DeviceTelemetryTest, HasNoAgeForFramesOfOtherPublishers) {
     telemetry_.frame_published(5, now_ns_);
     state_.frame_sequence = 4;
     ticks(5);
@@ -248,7 +248,7 @@ TEST_F(DeviceTelemetryTest, KnowsNoAgeOfFramesThatAreNotItsOwn) {
     EXPECT_EQ(message().at("frame_age_ms").at("max"), 0.0);
 }
 
-TEST_F(DeviceTelemetryTest, TellsWhenTheLoopEndsAndWhenItComesBack) {
+TEST_F(DeviceTelemetryTest, ReportsTheEndAndTheReturnOfTheLoop) {
     const RingReader<DeviceState> host(session_.name());  // host-sim, which keeps the segment
     ticks(50);
     EXPECT_EQ(message().at("connected"), true);
@@ -265,24 +265,24 @@ TEST_F(DeviceTelemetryTest, TellsWhenTheLoopEndsAndWhenItComesBack) {
     EXPECT_EQ(device.at("missed"), 0);
 }
 
-TEST_F(DeviceTelemetryTest, FindsARingThatWasMadeAnew) {
+TEST_F(DeviceTelemetryTest, FindsARecreatedRing) {
     ticks(50);
     writer_.reset();
     writer_.emplace(session_.name());
     now_ns_ += kRingAttendNs;
-    telemetry_.look(now_ns_);
+    telemetry_.poll(now_ns_);
     ticks(30);
     EXPECT_EQ(message().at("connected"), true);
     EXPECT_EQ(message().at("missed"), 0);
 }
 
-TEST_F(DeviceTelemetryTest, IsNotMisledByStatesThatCannotBe) {
+TEST_F(DeviceTelemetryTest, IgnoresImpossibleStates) {
     ticks(30);
     for (const std::int64_t latch : {std::numeric_limits<std::int64_t>::min(), std::int64_t{-1}, std::int64_t{0},
                                      now_ns_ + 3600 * kSecond, std::numeric_limits<std::int64_t>::max()}) {
         state_.latch_time_ns = latch;
         writer_->publish(state_, now_ns_);
-        telemetry_.look(now_ns_);
+        telemetry_.poll(now_ns_);
     }
     state_.safety_state = 77;
     state_.faults = ~0u;
@@ -298,7 +298,7 @@ TEST_F(DeviceTelemetryTest, IsNotMisledByStatesThatCannotBe) {
     EXPECT_EQ(message().at("period_us").at("max"), 1000.0);
 }
 
-TEST(PublishTimesRing, NeverGiveAFrameAnothersTimeBesideAWriter) {
+TEST(PublishTimesRing, NeverReturnTheTimeOfAnotherFrameDuringWrites) {
     PublishTimes times;
     constexpr std::uint64_t kFrames = 200'000;
     const auto time_of = [](std::uint64_t sequence) { return static_cast<std::int64_t>(sequence * 7919); };
@@ -316,7 +316,7 @@ TEST(PublishTimesRing, NeverGiveAFrameAnothersTimeBesideAWriter) {
         for (const std::uint64_t back :
              {std::uint64_t{0}, std::uint64_t{3}, std::uint64_t{PublishTimes::kFrames - 1}}) {
             const std::uint64_t sequence = last > back ? last - back : 0;
-            if (const auto time_ns = times.of(sequence)) {
+            if (const auto time_ns = times.find(sequence)) {
                 ++found;
                 wrong += *time_ns == time_of(sequence) ? 0u : 1u;
             }

@@ -11,7 +11,7 @@
 #include <random>
 
 #include "decoded.hpp"
-#include "shown_scene.hpp"
+#include "small_scene.hpp"
 #include "view/viewer.hpp"
 
 namespace haptic::sim::view {
@@ -27,7 +27,7 @@ using test::Surface;
 
 constexpr double kDegree = 3.14159265358979323846 / 180.0;
 
-/// A sphere of triangles about `centre`: what the normals have to be is known.
+/// A triangulated sphere around `centre`, whose normals are known.
 struct Ball {
     std::vector<Vec3> vertices;
     std::vector<Triangle> triangles;
@@ -58,21 +58,21 @@ SceneDescription one_body(const Ball& body) {
     return scene;
 }
 
-/// The frame that somebody gets who has nothing yet and watches everything.
-Frame whole_frame(const EncodedMoment& moment) {
+/// The frame sent to a new viewer that subscribes to everything.
+Frame whole_frame(const EncodedSnapshot& snapshot) {
     Viewer viewer(false);
-    Shown shown;
-    shown.scene = 3;
-    (void)viewer.hear(R"({"type":"watch","particles":true,"planes":true})", {}, 1);
-    shown.moment = &moment;
-    shown.moments = 1;
+    ViewState state;
+    state.scene = 3;
+    (void)viewer.on_message(R"({"type":"watch","particles":true,"planes":true})", {}, 1);
+    state.snapshot = &snapshot;
+    state.snapshots = 1;
     Outgoing message;
-    while (viewer.compose(shown, 1, message) && (message.text || message.bytes.empty())) {
+    while (viewer.compose(state, 1, message) && (message.text || message.bytes.empty())) {
     }
     return read_frame(message.bytes);
 }
 
-TEST(Encoding, KeepsPositionsToAPartOfTheBodysBox) {
+TEST(Encoding, KeepsPositionsToTheResolutionOfTheBox) {
     std::mt19937 random(7);  // NOLINT(bugprone-random-generator-seed)
     std::normal_distribution<double> spread;
     for (const double size : {1e-3, 1.0, 1e3}) {
@@ -84,15 +84,15 @@ TEST(Encoding, KeepsPositionsToAPartOfTheBodysBox) {
             }
             SceneSnapshot snapshot;
             snapshot.vertices = body.vertices;
-            MomentEncoder encoder(one_body(body));
+            SnapshotEncoder encoder(one_body(body));
             encoder.encode(snapshot, false, 1);
-            const Frame frame = whole_frame(encoder.moment());
+            const Frame frame = whole_frame(encoder.encoded());
             ASSERT_NE(frame.part(1), nullptr);
             const Surface surface = read_surface(*frame.part(1));
             ASSERT_EQ(surface.positions.size(), body.vertices.size());
             for (std::size_t v = 0; v < body.vertices.size(); ++v) {
                 for (int axis = 0; axis < 3; ++axis) {
-                    // Half a part of the box.
+                    // Half a quantization step.
                     const double bound = 0.5001 * surface.size[axis] / 65535.0;
                     EXPECT_LE(std::abs(surface.positions[v][axis] - body.vertices[v][axis]), bound);
                 }
@@ -105,9 +105,9 @@ TEST(Encoding, FitsTheBoxToTheBody) {
     const Ball body = ball({1.0, 2.0, 3.0}, 0.5, 12);
     SceneSnapshot snapshot;
     snapshot.vertices = body.vertices;
-    MomentEncoder encoder(one_body(body));
+    SnapshotEncoder encoder(one_body(body));
     encoder.encode(snapshot, false, 1);
-    const Frame frame = whole_frame(encoder.moment());
+    const Frame frame = whole_frame(encoder.encoded());
     const Surface surface = read_surface(*frame.part(1));
     for (int axis = 0; axis < 3; ++axis) {
         EXPECT_NEAR(surface.size[axis], 1.0, 1e-6);
@@ -118,9 +118,9 @@ TEST(Encoding, KeepsNormalsToADegree) {
     const Ball body = ball(Vec3(0.0), 1.0, 90);
     SceneSnapshot snapshot;
     snapshot.vertices = body.vertices;
-    MomentEncoder encoder(one_body(body));
+    SnapshotEncoder encoder(one_body(body));
     encoder.encode(snapshot, false, 1);
-    const Frame frame = whole_frame(encoder.moment());
+    const Frame frame = whole_frame(encoder.encoded());
     const Surface surface = read_surface(*frame.part(1));
     double worst = 0.0;
     for (std::size_t v = 180; v + 180 < body.vertices.size(); ++v) {  // at the poles triangles are degenerate
@@ -130,7 +130,7 @@ TEST(Encoding, KeepsNormalsToADegree) {
     EXPECT_GT(worst, 0.1 * kDegree);  // 8 bits cannot be better: what is compared is what was sent
 }
 
-TEST(Encoding, TurnsEveryDirectionIntoTwoNumbersAndBack) {
+TEST(Encoding, EncodesAndDecodesEveryDirection) {
     std::mt19937 random(11);  // NOLINT(bugprone-random-generator-seed)
     std::normal_distribution<double> spread;
     std::vector<Vec3> directions = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}, {1, 0, -1e-9}};
@@ -144,7 +144,7 @@ TEST(Encoding, TurnsEveryDirectionIntoTwoNumbersAndBack) {
     }
 }
 
-TEST(Encoding, MakesNumbersOfWhatAreNone) {
+TEST(Encoding, EncodesNonFiniteValuesAsNumbers) {
     constexpr double nan = std::numeric_limits<double>::quiet_NaN();
     constexpr double infinity = std::numeric_limits<double>::infinity();
     Ball body = ball(Vec3(0.0), 1.0, 6);
@@ -152,9 +152,9 @@ TEST(Encoding, MakesNumbersOfWhatAreNone) {
     body.vertices[5] = {0.0, infinity, 0.0};
     SceneSnapshot snapshot;
     snapshot.vertices = body.vertices;
-    MomentEncoder encoder(one_body(body));
+    SnapshotEncoder encoder(one_body(body));
     encoder.encode(snapshot, false, 1);
-    const Frame frame = whole_frame(encoder.moment());
+    const Frame frame = whole_frame(encoder.encoded());
     const Surface surface = read_surface(*frame.part(1));
     for (std::size_t v = 0; v < body.vertices.size(); ++v) {
         EXPECT_LE(glm::length(surface.positions[v]), 2.0);
@@ -166,27 +166,27 @@ TEST(Encoding, MakesNumbersOfWhatAreNone) {
     EXPECT_EQ(octahedral(Vec3(nan, 0.0, 1.0)), (std::array<std::int8_t, 2>{0, 0}));
 }
 
-TEST(Encoding, DrawsASurfaceWithTwoFacesOnceSoThatItsNormalsDoNotCancel) {
+TEST(Encoding, DropsBackFacesSoThatNormalsDoNotCancel) {
     const SceneDescription scene = test::small_description();
     EXPECT_EQ(single_faces(scene.bodies[0].triangles), (std::vector<Triangle>{{0, 1, 2}, {1, 3, 2}}));
-    MomentEncoder encoder(scene);
+    SnapshotEncoder encoder(scene);
     encoder.encode(test::small_snapshot(), false, 1);
-    const Frame frame = whole_frame(encoder.moment());
+    const Frame frame = whole_frame(encoder.encoded());
     const Vec3 normal = read_surface(*frame.part(1)).normals[0];
     EXPECT_LT(normal.y, -std::cos(1.0 * kDegree));  // (b - a) x (c - a) of the first triangle: x times z is -y
 }
 
-TEST(Encoding, SendsOnlyWhatChanged) {
+TEST(Encoding, GivesOnlyChangedPartsANewVersion) {
     const SceneDescription scene = test::small_description();
     SceneSnapshot snapshot = test::small_snapshot();
-    MomentEncoder encoder(scene);
+    SnapshotEncoder encoder(scene);
     encoder.encode(snapshot, true, 1);
     const auto versions = [&] {
         std::vector<std::uint64_t> all;
-        for (const EncodedPart& part : encoder.moment().surfaces) {
+        for (const EncodedPart& part : encoder.encoded().surfaces) {
             all.push_back(part.version);
         }
-        for (const EncodedPart& part : encoder.moment().particles) {
+        for (const EncodedPart& part : encoder.encoded().particles) {
             all.push_back(part.version);
         }
         return all;
@@ -202,13 +202,13 @@ TEST(Encoding, SendsOnlyWhatChanged) {
     encoder.encode(snapshot, true, 1);
     EXPECT_EQ(versions(), (std::vector<std::uint64_t>{1, 2, 2, 2, 1}));
     snapshot.particles[2].x += 0.1;
-    encoder.encode(snapshot, false, 1);  // nobody watches
+    encoder.encode(snapshot, false, 1);  // nobody is subscribed
     EXPECT_EQ(versions(), (std::vector<std::uint64_t>{1, 2, 2, 2, 1}));
     encoder.encode(snapshot, true, 1);
     EXPECT_EQ(versions(), (std::vector<std::uint64_t>{1, 2, 2, 2, 2}));
 }
 
-TEST(Encoding, SendsParticlesProxiesPlanesHandAndParametersAsTheProtocolSays) {
+TEST(Encoding, SendsParticlesProxiesPlanesHandAndParametersAsSpecified) {
     SceneSnapshot snapshot = test::small_snapshot();
     snapshot.time = 1.25;
     snapshot.step = 125;
@@ -225,9 +225,9 @@ TEST(Encoding, SendsParticlesProxiesPlanesHandAndParametersAsTheProtocolSays) {
     snapshot.run.hand = HandSource::Mouse;
     snapshot.run.late_steps = 3;
     snapshot.run.recorded_steps = 1000;
-    MomentEncoder encoder(test::small_description());
+    SnapshotEncoder encoder(test::small_description());
     encoder.encode(snapshot, true, 2);
-    const Frame frame = whole_frame(encoder.moment());
+    const Frame frame = whole_frame(encoder.encoded());
     EXPECT_EQ(frame.scene, 3U);
     EXPECT_EQ(frame.time, 1.25);
     EXPECT_EQ(frame.step, 125.0);

@@ -20,14 +20,14 @@
 #include <utility>
 #include <vector>
 
-#include "shown_scene.hpp"
+#include "small_scene.hpp"
 #include "socket_client.hpp"
 #include "view/page_files.hpp"
 #include "view/web_server.hpp"
 
 namespace haptic::sim::view {
 
-/// In place of the page that host-sim has.
+/// Replaces the real page.
 std::span<const PageFile> page_files() {
     static const std::string script(300'000, 'x');  // more than a socket takes at once
     static constexpr std::string_view page = "<!doctype html><p>page";
@@ -51,7 +51,7 @@ using test::StreamClient;
 struct Served {
     explicit Served(bool control = false) : view(open_live_view({"127.0.0.1", 0, control, ""})) {
         port = test::port_in(view->url());
-        view->introduce(test::small_description());
+        view->set_scene(test::small_description());
     }
     std::string host() const { return "Host: " + own_host(port) + "\r\n"; }
 
@@ -59,7 +59,7 @@ struct Served {
     std::uint16_t port = 0;
 };
 
-/// One body of many vertices: a frame of it is more than a socket takes of somebody who does not read.
+/// One body of many vertices: a frame of it exceeds what the socket of a client that does not read can hold.
 SceneDescription large_description() {
     SceneDescription scene;
     scene.name = "large";
@@ -67,7 +67,7 @@ SceneDescription large_description() {
     return scene;
 }
 
-TEST(LiveViewPage, IsServedAsWhatItIsAndMayLoadNothingFromElsewhere) {
+TEST(LiveViewPage, IsServedWithItsTypeAndAStrictContentPolicy) {
     const Served served;
     const auto page = request(served.port, "GET /", served.host());
     EXPECT_EQ(page.status, 200);
@@ -87,7 +87,7 @@ TEST(LiveViewPage, IsServedAsWhatItIsAndMayLoadNothingFromElsewhere) {
     EXPECT_EQ(request(served.port, "GET /favicon.ico", served.host()).status, 204);
 }
 
-TEST(LiveViewStream, BeginsWithTheSceneItsGeometryAndAFrameOfAllBodies) {
+TEST(LiveViewStream, StartsWithTheSceneItsGeometryAndACompleteFrame) {
     const Served served;
     const test::Run run(*served.view);
     StreamClient client(served.port);
@@ -103,13 +103,13 @@ TEST(LiveViewStream, BeginsWithTheSceneItsGeometryAndAFrameOfAllBodies) {
     ASSERT_TRUE(frame);
     EXPECT_EQ(number_at<std::uint32_t>(frame->bytes, 0), 2U);
     EXPECT_EQ(number_at<std::uint32_t>(frame->bytes, 28), 6U);  // two bodies, tool; proxies, hand, parameters
-    // From then on only the body that moves is sent.
+    // Later frames contain only the body that moves.
     const std::string next = client.next_binary(2);
     EXPECT_EQ(number_at<std::uint32_t>(next, 28), 4U);
     EXPECT_GT(number_at<double>(next, 16), number_at<double>(frame->bytes, 16));
 }
 
-TEST(LiveViewPage, IsRefusedToOtherMethodsPathsNamesAndSites) {
+TEST(LiveViewPage, RejectsOtherMethodsPathsHostsAndOrigins) {
     const Served served;
     EXPECT_EQ(request(served.port, "POST /", served.host() + "Content-Length: 0\r\n").status, 405);
     EXPECT_EQ(request(served.port, "DELETE /", served.host()).status, 405);
@@ -126,7 +126,7 @@ TEST(LiveViewPage, IsRefusedToOtherMethodsPathsNamesAndSites) {
     EXPECT_EQ(request(served.port, "GET /", served.host()).status, 200);
 }
 
-TEST(LiveViewStream, IsRefusedToOtherPathsProtocolsNamesAndSites) {
+TEST(LiveViewStream, RejectsOtherPathsProtocolsHostsAndOrigins) {
     const Served served;
     const auto status = [&](const Handshake& handshake) { return StreamClient(served.port, handshake).status(); };
     EXPECT_EQ(status({.origin = "http://" + own_host(served.port)}), 101);
@@ -147,7 +147,7 @@ TEST(LiveViewStream, IsRefusedToOtherPathsProtocolsNamesAndSites) {
     EXPECT_EQ(status({}), 101);
 }
 
-TEST(LiveViewStream, IsForLookingUnlessControlIsGiven) {
+TEST(LiveViewStream, IsReadOnlyWithoutControl) {
     const Served served;
     test::Run run(*served.view);
     StreamClient client(served.port);
@@ -156,7 +156,7 @@ TEST(LiveViewStream, IsForLookingUnlessControlIsGiven) {
     EXPECT_EQ(run.commands(), 0U);
 }
 
-TEST(LiveViewStream, TakesCommandsToTheRunInTheirOrder) {
+TEST(LiveViewStream, PassesCommandsToTheRunInOrder) {
     const Served served(true);
     test::Run run(*served.view);
     StreamClient client(served.port);
@@ -175,7 +175,7 @@ TEST(LiveViewStream, TakesCommandsToTheRunInTheirOrder) {
     EXPECT_EQ(Json::parse(client.next_text("refused")).at("command"), "scene");
 }
 
-TEST(LiveViewStream, LetsTheHandGoWhenWhoHeldItLeaves) {
+TEST(LiveViewStream, ReleasesTheHandWhenItsOwnerLeaves) {
     const Served served(true);
     test::Run run(*served.view);
     {
@@ -186,7 +186,7 @@ TEST(LiveViewStream, LetsTheHandGoWhenWhoHeldItLeaves) {
     EXPECT_TRUE(std::holds_alternative<ReleaseHand>(run.next_command()));
 }
 
-TEST(LiveViewStream, ClosesOnlyTheClientThatDoesNotKeepToTheProtocol) {
+TEST(LiveViewStream, ClosesOnlyTheClientThatViolatesTheProtocol) {
     const Served served;
     const test::Run run(*served.view);
     StreamClient other(served.port);
@@ -219,14 +219,14 @@ TEST(LiveViewStream, ClosesOnlyTheClientThatDoesNotKeepToTheProtocol) {
     EXPECT_NE(code_after([](StreamClient& client) { client.send_frame(0x83, "no such opcode"); }), 0);
 }
 
-TEST(LiveViewStream, SaysWhyItClosesAlsoInTheMiddleOfALongMessageAndNothingAfterThat) {
+TEST(LiveViewStream, SendsTheCloseReasonAlsoDuringALongMessageAndNothingAfterIt) {
     SceneDescription scene = large_description();
     scene.bodies[0].triangles.clear();
     for (std::uint32_t k = 0; k + 2 < 40'000; ++k) {
         scene.bodies[0].triangles.push_back({k, k + 1, k + 2});
     }
     const auto view = open_live_view({"127.0.0.1", 0, false, ""});
-    view->introduce(scene);
+    view->set_scene(scene);
     SceneSnapshot moment;
     moment.vertices.resize(40'000);
     const test::Run run(*view, moment);
@@ -237,7 +237,7 @@ TEST(LiveViewStream, SaysWhyItClosesAlsoInTheMiddleOfALongMessageAndNothingAfter
     EXPECT_FALSE(client.next(200));
 }
 
-TEST(LiveViewStream, TakesAMessageInFragments) {
+TEST(LiveViewStream, AcceptsAFragmentedMessage) {
     const Served served;
     StreamClient client(served.port);
     client.send_frame(0x01, R"({"type":)");
@@ -246,9 +246,9 @@ TEST(LiveViewStream, TakesAMessageInFragments) {
     EXPECT_EQ(Json::parse(client.next_text("refused")).at("command"), "reset");
 }
 
-TEST(LiveViewStream, IsNotHeldUpByOneWhoDoesNotRead) {
+TEST(LiveViewStream, IsNotDelayedByAClientThatDoesNotRead) {
     const auto view = open_live_view({"127.0.0.1", 0, false, ""});
-    view->introduce(large_description());
+    view->set_scene(large_description());
     SceneSnapshot moment;
     moment.vertices.resize(40'000);
     const test::Run run(*view, moment);
@@ -262,7 +262,7 @@ TEST(LiveViewStream, IsNotHeldUpByOneWhoDoesNotRead) {
         ASSERT_GT(number_at<double>(frame, 16), before);
         before = number_at<double>(frame, 16);
     }
-    // When it reads at last it has missed what came between, and gets the newest, whole.
+    // When it reads at last, it has missed the frames in between and gets the newest, complete.
     std::size_t frames = 0;
     while (number_at<double>(mute.next_binary(2), 16) < before) {
         ++frames;
@@ -270,22 +270,22 @@ TEST(LiveViewStream, IsNotHeldUpByOneWhoDoesNotRead) {
     EXPECT_LT(frames, 15U);
 }
 
-/// Talks without an end to who comes first, and answers the others.
-class Talker final : public WebHandler {
+/// Sends endlessly to the first connection, and answers the others.
+class EndlessSender final : public WebHandler {
   public:
-    std::unique_ptr<Conversation> join() override { return std::make_unique<Talk>(listeners_); }
+    std::unique_ptr<Connection> connect() override { return std::make_unique<Talk>(listeners_); }
     std::optional<Resource> resource(std::string_view /*path*/) override { return std::nullopt; }
     void tick() override {}
     int listeners() const { return listeners_; }
 
   private:
-    class Talk final : public Conversation {
+    class Talk final : public Connection {
       public:
         explicit Talk(std::atomic<int>& listeners) : listeners_(listeners), endless_(listeners++ == 0) {}
         Talk(const Talk&) = delete;
         Talk& operator=(const Talk&) = delete;
         ~Talk() override { --listeners_; }
-        std::optional<Closing> hear(std::string_view /*text*/) override {
+        std::optional<Closing> on_message(std::string_view /*text*/) override {
             answers_ = true;
             return std::nullopt;
         }
@@ -304,7 +304,7 @@ class Talker final : public WebHandler {
     std::atomic<int> listeners_{0};
 };
 
-/// Serves while it lives.
+/// Serves during its lifetime.
 class Serving {
   public:
     explicit Serving(WebServer& server) : server_(server), thread_([&server] { server.run(); }) {}
@@ -320,23 +320,23 @@ class Serving {
     std::thread thread_;
 };
 
-TEST(WebServerThread, ClosesAClientWhoseSocketTakesNothing) {
-    Talker talker;
-    WebServer server("127.0.0.1", 0, talker, 200'000'000);
+TEST(WebServerThread, ClosesAClientWhoseSocketAcceptsNothing) {
+    EndlessSender sender;
+    WebServer server("127.0.0.1", 0, sender, 200'000'000);
     const Serving serving(server);
     StreamClient dead(server.port(), {.receive_buffer = 4096});
-    while (talker.listeners() < 1) {
+    while (sender.listeners() < 1) {
         std::this_thread::yield();
     }
     StreamClient alive(server.port());
-    while (talker.listeners() < 2) {
+    while (sender.listeners() < 2) {
         std::this_thread::yield();
     }
-    while (talker.listeners() == 2) {
+    while (sender.listeners() == 2) {
         alive.say("?");
         ASSERT_TRUE(alive.next());
     }
-    // What was on its way can still be read; then comes the end.
+    // Data sent earlier can still be read; then the connection ends.
     while (dead.next()) {
     }
     EXPECT_TRUE(dead.ended());
@@ -344,11 +344,11 @@ TEST(WebServerThread, ClosesAClientWhoseSocketTakesNothing) {
     EXPECT_TRUE(alive.next());
 }
 
-TEST(LiveViewStream, HasPlaceForSoManyViewers) {
+TEST(LiveViewStream, LimitsTheNumberOfViewers) {
     const Served served;
     const test::Run run(*served.view);
     std::vector<std::unique_ptr<StreamClient>> clients;
-    for (std::size_t k = 0; k < kMostViewers; ++k) {
+    for (std::size_t k = 0; k < kMaxViewers; ++k) {
         clients.push_back(std::make_unique<StreamClient>(served.port));
         ASSERT_EQ(clients.back()->status(), 101) << k;
     }
@@ -358,7 +358,7 @@ TEST(LiveViewStream, HasPlaceForSoManyViewers) {
         EXPECT_FALSE(client->next_binary(2).empty());
     }
     clients.pop_back();
-    // It leaves in its own time.
+    // The server notices the departure asynchronously.
     int status = 0;
     while (status != 101) {
         status = StreamClient(served.port).status();
@@ -366,23 +366,23 @@ TEST(LiveViewStream, HasPlaceForSoManyViewers) {
     }
 }
 
-TEST(LiveViewStream, ShowsAnotherSceneFromItsBeginning) {
+TEST(LiveViewStream, RestartsTheStreamForAnotherScene) {
     const Served served;
     StreamClient client(served.port);
     EXPECT_EQ(Json::parse(client.next_text("scene")).at("name"), "small");
-    served.view->introduce(large_description());
+    served.view->set_scene(large_description());
     EXPECT_EQ(Json::parse(client.next_text("scene")).at("name"), "large");
     EXPECT_EQ(number_at<std::uint32_t>(client.next_binary(1), 4), 2U);
     SceneSnapshot* snapshot = nullptr;
-    while ((snapshot = served.view->wanted()) == nullptr) {
+    while ((snapshot = served.view->requested_snapshot()) == nullptr) {
         std::this_thread::yield();
     }
     EXPECT_EQ(snapshot->vertices.size(), 40'000U);
-    served.view->show();
+    served.view->publish_snapshot();
     EXPECT_EQ(number_at<std::uint32_t>(client.next_binary(2), 4), 2U);
 }
 
-TEST(LiveViewStream, BringsSamplesToThoseWhoWatchThem) {
+TEST(LiveViewStream, SendsSamplesToSubscribers) {
     const Served served;
     const test::Run run(*served.view);
     StreamClient client(served.port);
@@ -400,7 +400,7 @@ TEST(LiveViewStream, BringsSamplesToThoseWhoWatchThem) {
     }
 }
 
-TEST(LiveViewStream, OffersARecord) {
+TEST(LiveViewStream, OffersARecording) {
     const Served served;
     StreamClient client(served.port);
     (void)client.next_text("scene");
@@ -413,14 +413,14 @@ TEST(LiveViewStream, OffersARecord) {
     EXPECT_EQ(csv.header("content-disposition"), "attachment; filename=\"record.csv\"");
 }
 
-TEST(LiveViewStream, TellsOfTheDeviceWhereThereIsASession) {
+TEST(LiveViewStream, ReportsTheDeviceIfThereIsASession) {
     const auto view = open_live_view({"127.0.0.1", 0, false, "nobody-" + std::to_string(getpid())});
-    view->introduce(test::small_description());
+    view->set_scene(test::small_description());
     StreamClient client(test::port_in(view->url()));
     EXPECT_EQ(Json::parse(client.next_text("device")).at("connected"), false);
 }
 
-TEST(LiveViewStream, SaysByeAndEndsAlsoBesideOneWhoDoesNotRead) {
+TEST(LiveViewStream, SaysByeAndEndsEvenIfAClientDoesNotRead) {
     auto served = std::make_unique<Served>();
     StreamClient client(served->port);
     const StreamClient mute(served->port, {.receive_buffer = 4096});
@@ -430,18 +430,18 @@ TEST(LiveViewStream, SaysByeAndEndsAlsoBesideOneWhoDoesNotRead) {
     EXPECT_EQ(client.close_code(), 1001);
 }
 
-TEST(LiveViewThread, WantsNothingWhileNobodyLooks) {
+TEST(LiveViewThread, RequestsNoSnapshotWithoutViewers) {
     const Served served;
-    EXPECT_EQ(served.view->wanted(), nullptr);
+    EXPECT_EQ(served.view->requested_snapshot(), nullptr);
     (void)request(served.port, "GET /", served.host());
-    EXPECT_EQ(served.view->wanted(), nullptr);
+    EXPECT_EQ(served.view->requested_snapshot(), nullptr);
     const StreamClient client(served.port);
-    while (served.view->wanted() == nullptr) {
+    while (served.view->requested_snapshot() == nullptr) {
         std::this_thread::yield();
     }
 }
 
-/// A line of /proc/self/task/TID/status, without its name.
+/// The value of a line of /proc/self/task/TID/status.
 std::string status_line(pid_t thread, const std::string& name) {
     std::ifstream file("/proc/self/task/" + std::to_string(thread) + "/status");
     for (std::string line; std::getline(file, line);) {
@@ -452,7 +452,7 @@ std::string status_line(pid_t thread, const std::string& name) {
     return {};
 }
 
-TEST(LiveViewThread, IsOrdinaryAndLeavesSignalsToOthers) {
+TEST(LiveViewThread, HasOrdinarySchedulingAndBlocksSignals) {
     const Served served;
     (void)request(served.port, "GET /", served.host());  // it runs
     int found = 0;
@@ -472,7 +472,7 @@ TEST(LiveViewThread, IsOrdinaryAndLeavesSignalsToOthers) {
     EXPECT_EQ(found, 1);
 }
 
-TEST(LiveViewAddress, SaysWhatToDoWhereItCannotListen) {
+TEST(LiveViewAddress, GivesAdviceIfItCannotListen) {
     const auto why = [](const LiveViewSettings& settings) -> std::string {
         try {
             (void)open_live_view(settings);
@@ -486,10 +486,10 @@ TEST(LiveViewAddress, SaysWhatToDoWhereItCannotListen) {
     EXPECT_THAT(taken, HasSubstr("127.0.0.1, port " + std::to_string(served.port)));
     EXPECT_THAT(taken, HasSubstr("give another port, e.g. --view " + std::to_string(served.port + 1)));
     EXPECT_THAT(why({"203.0.113.7", 0, false, ""}), HasSubstr("does not have that address"));
-    EXPECT_THAT(why({"nowhere", 0, false, ""}), HasSubstr("no IP address"));
+    EXPECT_THAT(why({"nowhere", 0, false, ""}), HasSubstr("not an IP address"));
 }
 
-TEST(LiveViewAddress, IsFoundByWhatABrowserCanAskFor) {
+TEST(LiveViewAddress, IsAValidUrlForABrowser) {
     EXPECT_THAT(open_live_view({"127.0.0.1", 0, false, ""})->url(), testing::MatchesRegex("http://127.0.0.1:[0-9]+/"));
     const auto everywhere = open_live_view({"0.0.0.0", 0, false, ""});
     const std::string host = everywhere->url().substr(7, everywhere->url().size() - 8);

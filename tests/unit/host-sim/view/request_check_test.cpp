@@ -15,14 +15,14 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-TEST(RequestCheck, TakesAddressesLocalhostAndTheMachinesNameForItsOwn) {
+TEST(RequestCheck, AcceptsAddressesLocalhostAndTheHostName) {
     for (const char* host : {"127.0.0.1", "127.0.0.1:7060", "192.168.1.7:80", "[::1]", "[::1]:7060", "[fe80::1]:1",
                              "localhost", "LocalHost:8080", "lab-pc", "LAB-PC:7060"}) {
         EXPECT_TRUE(host_is_own(host, "lab-pc")) << host;
     }
 }
 
-TEST(RequestCheck, TakesNoOtherNameForItsOwn) {
+TEST(RequestCheck, RejectsEveryOtherHost) {
     for (const char* host : {"",
                              ":7060",
                              "evil.example",
@@ -52,7 +52,7 @@ TEST(RequestCheck, TakesNoOtherNameForItsOwn) {
     EXPECT_FALSE(host_is_own("", ""));
 }
 
-TEST(RequestCheck, TakesAPageForItsOwnOnlyFromTheSameHostAndPort) {
+TEST(RequestCheck, AcceptsAPageOnlyFromTheSameHostAndPort) {
     EXPECT_TRUE(origin_is_host("http://127.0.0.1:7060", "127.0.0.1:7060"));
     EXPECT_TRUE(origin_is_host("https://localhost:8443", "LOCALHOST:8443"));
     for (const char* origin :
@@ -63,7 +63,7 @@ TEST(RequestCheck, TakesAPageForItsOwnOnlyFromTheSameHostAndPort) {
     }
 }
 
-TEST(ViewAddress, IsLoopbackUnlessAnotherIsGiven) {
+TEST(ViewAddress, IsLoopbackByDefault) {
     EXPECT_EQ(parse_view_address("").address, "127.0.0.1");
     EXPECT_EQ(parse_view_address("").port, 7060);
     EXPECT_EQ(parse_view_address("8080").address, "127.0.0.1");
@@ -76,21 +76,22 @@ TEST(ViewAddress, IsLoopbackUnlessAnotherIsGiven) {
     EXPECT_FALSE(parse_view_address("8080").control);
 }
 
-TEST(ViewAddress, WarnsOfOneThatOtherMachinesReach) {
+TEST(ViewAddress, WarnsIfOtherMachinesCanReachIt) {
     for (const char* own : {"127.0.0.1:7060", "127.8.8.8:1", "[::1]:7060", "localhost:1", ""}) {
         EXPECT_EQ(exposure_of(parse_view_address(own)), "") << own;
     }
     for (const char* open :
          {"0.0.0.0:7060", "192.168.1.7:7060", "[::]:7060", "[fe80::1]:7060", "[::ffff:10.0.0.1]:1"}) {
         LiveViewSettings settings = parse_view_address(open);
-        EXPECT_THAT(exposure_of(settings), AllOf(HasSubstr(settings.address), HasSubstr("look"), HasSubstr("ssh -L")));
+        EXPECT_THAT(exposure_of(settings),
+                    AllOf(HasSubstr(settings.address), HasSubstr("watch this run"), HasSubstr("ssh -L")));
         EXPECT_THAT(exposure_of(settings), Not(HasSubstr("change")));
         settings.control = true;
         EXPECT_THAT(exposure_of(settings), HasSubstr("change"));
     }
 }
 
-TEST(ViewAddress, SaysWhatIsWrong) {
+TEST(ViewAddress, ReportsTheErrorInAnAddress) {
     struct Case {
         const char* text;
         const char* why;

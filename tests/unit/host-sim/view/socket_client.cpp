@@ -131,7 +131,7 @@ StreamClient::StreamClient(std::uint16_t port, const Handshake& handshake)
         received_ += some;
     }
     status_ = status_of(received_);
-    // RFC 6455, section 1.3, has this key and its answer as an example.
+    // Key and accept value of the example in RFC 6455, section 1.3.
     if (status_ == 101 && received_.find("s3pPLMBiTxaQ9kYGzzhZRbK+xOo=") == std::string::npos) {
         throw std::runtime_error("the handshake's answer is wrong");
     }
@@ -185,7 +185,7 @@ std::optional<WsMessage> StreamClient::next(int patience_ms) {
         const bool last = (byte(0) & 0x80U) != 0;
         const unsigned opcode = byte(0) & 0x0FU;
         std::size_t header = 2;
-        std::uint64_t length = byte(1);  // a server masks nothing
+        std::uint64_t length = byte(1);  // servers do not mask
         const std::size_t more = length == 126 ? 2 : (length == 127 ? 8 : 0);
         if (!fill(header + more, patience_ms)) {
             return std::nullopt;

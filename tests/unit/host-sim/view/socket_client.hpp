@@ -1,4 +1,4 @@
-// A client of the live view that has nothing of the server's code: a socket, HTTP and WebSocket by hand (RFC 6455).
+// Independent client of the live view: socket, HTTP and WebSocket by hand (RFC 6455), without the server's code.
 #pragma once
 
 #include <cstddef>
@@ -10,19 +10,19 @@
 
 namespace haptic::sim::view::test {
 
-inline constexpr int kPatience_ms = 5000;  // after this a test has failed anyway
+inline constexpr int kPatience_ms = 5000;  // timeout after which a test fails
 
 /// A TCP connection to 127.0.0.1.
 class Connection {
   public:
-    /// With a small buffer it takes little that it does not read.
+    /// A small receive buffer makes the socket full soon when it is not read.
     explicit Connection(std::uint16_t port, int receive_buffer = 0);
     Connection(const Connection&) = delete;
     Connection& operator=(const Connection&) = delete;
     ~Connection();
 
     void send(std::string_view bytes);
-    /// Whatever has come, after waiting for something at most that long; empty: nothing, or the end.
+    /// Received bytes, after waiting for some at most this long; empty: none, or the end.
     std::string receive(int patience_ms = kPatience_ms);
     [[nodiscard]] bool ended() const noexcept { return ended_; }
 
@@ -36,14 +36,14 @@ struct HttpReply {
     std::string headers;
     std::string body;
 
-    /// The value of a header, whose name is in lower case; empty if there is none.
+    /// Value of a header, given by its name in lower case; empty if it is missing.
     [[nodiscard]] std::string header(std::string_view name) const;
 };
 
-/// "METHOD PATH", and headers, each with its line end.
+/// Sends "METHOD PATH" with headers, each with its line end.
 HttpReply request(std::uint16_t port, const std::string& method_and_path, const std::string& headers);
 
-/// The Host that a browser on this machine names.
+/// The Host that a browser on this machine sends.
 std::string own_host(std::uint16_t port);
 
 struct WsMessage {
@@ -71,16 +71,16 @@ class StreamClient {
     void say(std::string_view text) { send_frame(0x81, text); }
     /// `first_byte`: FIN and opcode.
     void send_frame(unsigned first_byte, std::string_view payload);
-    /// Only announces a frame of that length.
+    /// Announces a frame of this length without sending it.
     void announce_frame(unsigned first_byte, std::uint64_t length);
 
-    /// The next message; none if nothing came in time, or the connection ended without one.
+    /// The next message; none if nothing came in time or the connection ended without one.
     std::optional<WsMessage> next(int patience_ms = kPatience_ms);
-    /// The next text message of that type; what comes before is skipped.
+    /// The next text message of this type; earlier messages are skipped.
     std::string next_text(std::string_view type);
-    /// The next binary message of that kind; what comes before is skipped.
+    /// The next binary message of this kind; earlier messages are skipped.
     std::string next_binary(std::uint32_t kind);
-    /// Reads to the end; the code that the server closed with, 0 if it did not say.
+    /// Reads to the end; returns the server's close code, 0 if it sent none.
     int close_code();
     /// Whether the server has ended the connection.
     [[nodiscard]] bool ended() const noexcept { return connection_.ended(); }

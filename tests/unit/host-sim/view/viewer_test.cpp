@@ -7,7 +7,7 @@
 #include <string>
 
 #include "decoded.hpp"
-#include "shown_scene.hpp"
+#include "small_scene.hpp"
 
 namespace haptic::sim::view {
 namespace {
@@ -20,177 +20,179 @@ std::string text_of(const Outgoing& message) {
     return {reinterpret_cast<const char*>(message.bytes.data()), message.bytes.size()};
 }
 
-/// Something to look at, whose clock is turned by hand.
-struct Stage {
-    Stage() : description(test::small_description()), snapshot(test::small_snapshot()), encoder(description) {
-        shown.scene = 1;
-        shown.scene_text = scene_message(description, 1, false);
-        shown.geometry = geometry_message(description, 1);
+/// A scene to view, with a clock set by the test.
+struct TestScene {
+    TestScene() : description(test::small_description()), snapshot(test::small_snapshot()), encoder(description) {
+        state.scene = 1;
+        state.scene_text = scene_message(description, 1, false);
+        state.geometry = geometry_message(description, 1);
     }
-    void show() {
+    void publish() {
         encoder.encode(snapshot, true, 1);
-        shown.moment = &encoder.moment();
-        ++shown.moments;
+        state.snapshot = &encoder.encoded();
+        ++state.snapshots;
     }
     /// The next message; fails if there is none.
     Outgoing next(Viewer& viewer) {
         Outgoing message;
-        EXPECT_TRUE(viewer.compose(shown, now_ns, message));
+        EXPECT_TRUE(viewer.compose(state, now_ns, message));
         return message;
     }
     bool has_next(Viewer& viewer) {
         Outgoing message;
-        return viewer.compose(shown, now_ns, message);
+        return viewer.compose(state, now_ns, message);
     }
-    Viewer::Heard say(Viewer& viewer, const std::string& text) { return viewer.hear(text, description, now_ns); }
+    Viewer::Outcome say(Viewer& viewer, const std::string& text) {
+        return viewer.on_message(text, description, now_ns);
+    }
 
     SceneDescription description;
     SceneSnapshot snapshot;
-    MomentEncoder encoder;
-    Shown shown;
+    SnapshotEncoder encoder;
+    ViewState state;
     std::int64_t now_ns = kSecond;
 };
 
-TEST(Viewer, HasNothingToSeeBeforeThereIsAScene) {
+TEST(Viewer, GetsNothingBeforeTheFirstScene) {
     Viewer viewer(false);
-    const Shown nothing;
+    const ViewState nothing;
     Outgoing message;
     EXPECT_FALSE(viewer.compose(nothing, 0, message));
-    EXPECT_FALSE(viewer.waits());
+    EXPECT_FALSE(viewer.wants_snapshot());
 }
 
-TEST(Viewer, GetsSceneAndGeometryAndThenWaitsForAMoment) {
-    Stage stage;
+TEST(Viewer, GetsSceneAndGeometryAndThenWantsASnapshot) {
+    TestScene scene;
     Viewer viewer(false);
-    EXPECT_EQ(text_of(stage.next(viewer)), stage.shown.scene_text);
-    EXPECT_EQ(stage.next(viewer).bytes, stage.shown.geometry);
-    EXPECT_FALSE(viewer.waits());
-    EXPECT_FALSE(stage.has_next(viewer));
-    EXPECT_TRUE(viewer.waits());
-    stage.show();
-    EXPECT_EQ(test::read_frame(stage.next(viewer).bytes).parts.size(), 3U + kRestParts);
-    EXPECT_FALSE(viewer.waits());
-    EXPECT_FALSE(stage.has_next(viewer));
-    EXPECT_TRUE(viewer.waits());
+    EXPECT_EQ(text_of(scene.next(viewer)), scene.state.scene_text);
+    EXPECT_EQ(scene.next(viewer).bytes, scene.state.geometry);
+    EXPECT_FALSE(viewer.wants_snapshot());
+    EXPECT_FALSE(scene.has_next(viewer));
+    EXPECT_TRUE(viewer.wants_snapshot());
+    scene.publish();
+    EXPECT_EQ(test::read_frame(scene.next(viewer).bytes).parts.size(), 3U + kRemainingParts);
+    EXPECT_FALSE(viewer.wants_snapshot());
+    EXPECT_FALSE(scene.has_next(viewer));
+    EXPECT_TRUE(viewer.wants_snapshot());
 }
 
-TEST(Viewer, GetsWhatMovedWhileItMissedMoments) {
-    Stage stage;
+TEST(Viewer, GetsBodiesThatMovedInMissedSnapshots) {
+    TestScene scene;
     Viewer slow(false);
-    stage.show();
+    scene.publish();
     for (int k = 0; k < 3; ++k) {
-        stage.next(slow);
+        scene.next(slow);
     }
-    stage.snapshot.vertices[0].y += 0.1;  // the first body moves in a moment that it does not get
-    stage.show();
-    stage.snapshot.vertices[7].y += 0.1;  // and the second in the next
-    stage.show();
-    const auto frame = test::read_frame(stage.next(slow).bytes);
+    scene.snapshot.vertices[0].y += 0.1;  // the first body moves in a snapshot that it does not get
+    scene.publish();
+    scene.snapshot.vertices[7].y += 0.1;  // and the second in the next
+    scene.publish();
+    const auto frame = test::read_frame(scene.next(slow).bytes);
     EXPECT_NE(frame.part(1, 0), nullptr);
     EXPECT_NE(frame.part(1, 1), nullptr);
     EXPECT_EQ(frame.part(2), nullptr);
-    EXPECT_FALSE(stage.has_next(slow));
+    EXPECT_FALSE(scene.has_next(slow));
 }
 
-TEST(Viewer, GetsParticlesAndPlanesOnlyIfItWatchesThem) {
-    Stage stage;
+TEST(Viewer, GetsParticlesAndPlanesOnlyIfSubscribed) {
+    TestScene scene;
     Viewer viewer(false);
-    stage.show();
-    stage.next(viewer);
-    stage.next(viewer);
-    auto frame = test::read_frame(stage.next(viewer).bytes);
+    scene.publish();
+    scene.next(viewer);
+    scene.next(viewer);
+    auto frame = test::read_frame(scene.next(viewer).bytes);
     EXPECT_EQ(frame.part(3), nullptr);
     EXPECT_EQ(frame.part(5), nullptr);
-    stage.say(viewer, R"({"type":"watch","particles":true,"planes":true})");
-    stage.show();
-    frame = test::read_frame(stage.next(viewer).bytes);
+    scene.say(viewer, R"({"type":"watch","particles":true,"planes":true})");
+    scene.publish();
+    frame = test::read_frame(scene.next(viewer).bytes);
     EXPECT_NE(frame.part(3, 0), nullptr);
     EXPECT_NE(frame.part(3, 1), nullptr);
     EXPECT_NE(frame.part(5), nullptr);
 }
 
-TEST(Viewer, GetsAnotherSceneAsAWhole) {
-    Stage stage;
+TEST(Viewer, GetsACompleteNewScene) {
+    TestScene scene;
     Viewer viewer(false);
-    stage.show();
+    scene.publish();
     for (int k = 0; k < 3; ++k) {
-        stage.next(viewer);
+        scene.next(viewer);
     }
-    stage.shown.scene = 2;
-    stage.shown.scene_text = R"({"type":"scene","scene":2})";
-    stage.shown.moments = 0;
-    EXPECT_EQ(text_of(stage.next(viewer)), stage.shown.scene_text);
-    EXPECT_EQ(stage.next(viewer).bytes, stage.shown.geometry);
-    EXPECT_FALSE(stage.has_next(viewer));
-    EXPECT_TRUE(viewer.waits());
-    stage.show();
-    EXPECT_EQ(test::read_frame(stage.next(viewer).bytes).parts.size(), 3U + kRestParts);
+    scene.state.scene = 2;
+    scene.state.scene_text = R"({"type":"scene","scene":2})";
+    scene.state.snapshots = 0;
+    EXPECT_EQ(text_of(scene.next(viewer)), scene.state.scene_text);
+    EXPECT_EQ(scene.next(viewer).bytes, scene.state.geometry);
+    EXPECT_FALSE(scene.has_next(viewer));
+    EXPECT_TRUE(viewer.wants_snapshot());
+    scene.publish();
+    EXPECT_EQ(test::read_frame(scene.next(viewer).bytes).parts.size(), 3U + kRemainingParts);
 }
 
-TEST(Viewer, MayOnlyLookUnlessItIsGivenControl) {
-    Stage stage;
+TEST(Viewer, IsReadOnlyWithoutControl) {
+    TestScene scene;
     Viewer looks(false);
-    EXPECT_TRUE(std::holds_alternative<std::monostate>(stage.say(looks, R"({"type":"reset"})")));
-    stage.next(looks);
-    stage.next(looks);
-    const Json refused = Json::parse(text_of(stage.next(looks)));
+    EXPECT_TRUE(std::holds_alternative<std::monostate>(scene.say(looks, R"({"type":"reset"})")));
+    scene.next(looks);
+    scene.next(looks);
+    const Json refused = Json::parse(text_of(scene.next(looks)));
     EXPECT_EQ(refused.at("type"), "refused");
     EXPECT_EQ(refused.at("command"), "reset");
     EXPECT_THAT(refused.at("why").get<std::string>(), testing::HasSubstr("--view-control"));
     Viewer commands(true);
-    const auto heard = stage.say(commands, R"({"type":"pause","on":true})");
+    const auto heard = scene.say(commands, R"({"type":"pause","on":true})");
     ASSERT_TRUE(std::holds_alternative<Command>(heard));
     EXPECT_TRUE(std::get<SetPaused>(std::get<Command>(heard)).paused);
 }
 
-TEST(Viewer, MaySayTwoHundredThingsASecondAndNoMore) {
-    Stage stage;
+TEST(Viewer, MaySendTwoHundredMessagesPerSecond) {
+    TestScene scene;
     Viewer viewer(false);
     const std::string text = R"({"type":"watch"})";
-    const auto may_go_on = [&] { return std::holds_alternative<std::monostate>(stage.say(viewer, text)); };
+    const auto may_go_on = [&] { return std::holds_alternative<std::monostate>(scene.say(viewer, text)); };
     for (int k = 0; k < 200; ++k) {
         ASSERT_TRUE(may_go_on());
     }
-    stage.now_ns += kSecond / 200;
+    scene.now_ns += kSecond / 200;
     EXPECT_TRUE(may_go_on());
-    const auto closing = stage.say(viewer, text);
+    const auto closing = scene.say(viewer, text);
     ASSERT_TRUE(std::holds_alternative<Closing>(closing));
     EXPECT_EQ(std::get<Closing>(closing).code, 1008);
     Viewer steady(false);
     for (int k = 0; k < 2000; ++k) {
-        stage.now_ns += kSecond / 200;
-        ASSERT_TRUE(std::holds_alternative<std::monostate>(stage.say(steady, text)));
+        scene.now_ns += kSecond / 200;
+        ASSERT_TRUE(std::holds_alternative<std::monostate>(scene.say(steady, text)));
     }
 }
 
-TEST(Viewer, IsToldOnlySoManyRefusalsAtOnce) {
-    Stage stage;
+TEST(Viewer, QueuesALimitedNumberOfRefusals) {
+    TestScene scene;
     Viewer viewer(false);
     for (int k = 0; k < 150; ++k) {
-        stage.say(viewer, R"({"type":"reset"})");
+        scene.say(viewer, R"({"type":"reset"})");
     }
     std::size_t messages = 0;
-    while (stage.has_next(viewer)) {
+    while (scene.has_next(viewer)) {
         ++messages;
     }
-    EXPECT_EQ(messages, 2 + kMostRefusals);
+    EXPECT_EQ(messages, 2 + kMaxRefusals);
 }
 
-TEST(Viewer, GetsSamplesFromWhereItBeganAndHearsHowManyItMissed) {
-    Stage stage;
+TEST(Viewer, GetsSamplesFromItsSubscriptionOnAndTheNumberMissed) {
+    TestScene scene;
     Viewer viewer(false);
-    stage.next(viewer);
-    stage.next(viewer);
+    scene.next(viewer);
+    scene.next(viewer);
     const auto add = [&](std::uint64_t from, std::uint64_t to) {
         for (std::uint64_t k = from; k < to; ++k) {
-            stage.shown.samples.add({1, k, {static_cast<double>(k)}});
+            scene.state.samples.add({1, k, {static_cast<double>(k)}});
         }
     };
     add(5000, 5003);
-    EXPECT_FALSE(stage.has_next(viewer));  // it does not watch them
-    stage.say(viewer, R"({"type":"watch","samples":true})");
+    EXPECT_FALSE(scene.has_next(viewer));  // not subscribed
+    scene.say(viewer, R"({"type":"watch","samples":true})");
     const auto read = [&] {
-        const Outgoing message = stage.next(viewer);
+        const Outgoing message = scene.next(viewer);
         test::Reader reader(message.bytes);
         EXPECT_EQ(reader.u32(), 3U);
         (void)reader.u32();
@@ -200,37 +202,37 @@ TEST(Viewer, GetsSamplesFromWhereItBeganAndHearsHowManyItMissed) {
     };
     EXPECT_EQ(read(), std::tuple(5000.0, 3U, 0U));
     add(5003, 5005);
-    add(5010, 5011);                       // five found no room
-    EXPECT_FALSE(stage.has_next(viewer));  // thirty messages a second are enough
-    stage.now_ns += kSecond / 10;
+    add(5010, 5011);                       // five were dropped
+    EXPECT_FALSE(scene.has_next(viewer));  // at most thirty messages per second
+    scene.now_ns += kSecond / 10;
     EXPECT_EQ(read(), std::tuple(5003.0, 2U, 0U));
     EXPECT_EQ(read(), std::tuple(5010.0, 1U, 5U));
     add(5011, 5011 + 10'000);  // more than are kept
-    stage.now_ns += kSecond / 10;
+    scene.now_ns += kSecond / 10;
     const auto [first, count, dropped] = read();
     EXPECT_EQ(first, 5011.0 + 10'000 - SampleHistory::kCapacity);
     EXPECT_EQ(dropped, 10'000 - SampleHistory::kCapacity);
     EXPECT_EQ(count, 1024U);
 }
 
-TEST(Viewer, IsToldOfDeviceRecordAndEnd) {
-    Stage stage;
+TEST(Viewer, GetsDeviceRecordAndByeMessages) {
+    TestScene scene;
     Viewer viewer(false);
-    stage.next(viewer);
-    stage.next(viewer);
-    stage.shown.device = "device";
-    stage.shown.devices = 1;
-    stage.shown.record = "record";
-    stage.shown.records = 1;
-    EXPECT_EQ(text_of(stage.next(viewer)), "record");
-    EXPECT_EQ(text_of(stage.next(viewer)), "device");
-    EXPECT_FALSE(stage.has_next(viewer));
-    stage.show();
-    stage.shown.ending = true;
-    EXPECT_FALSE(viewer.told_bye());
-    EXPECT_EQ(text_of(stage.next(viewer)), R"({"type":"bye"})");
-    EXPECT_TRUE(viewer.told_bye());
-    EXPECT_FALSE(stage.has_next(viewer));
+    scene.next(viewer);
+    scene.next(viewer);
+    scene.state.device = "device";
+    scene.state.devices = 1;
+    scene.state.record = "record";
+    scene.state.records = 1;
+    EXPECT_EQ(text_of(scene.next(viewer)), "record");
+    EXPECT_EQ(text_of(scene.next(viewer)), "device");
+    EXPECT_FALSE(scene.has_next(viewer));
+    scene.publish();
+    scene.state.ending = true;
+    EXPECT_FALSE(viewer.bye_sent());
+    EXPECT_EQ(text_of(scene.next(viewer)), R"({"type":"bye"})");
+    EXPECT_TRUE(viewer.bye_sent());
+    EXPECT_FALSE(scene.has_next(viewer));
 }
 
 }  // namespace

@@ -10,9 +10,9 @@
 #include <random>
 #include <stdexcept>
 
-#include <haptic/csv.hpp>
-#include <haptic/device/emulated_device.hpp>
-#include <haptic/device/variant_file.hpp>
+#include "haptic/csv.hpp"
+#include "haptic/device/device_geometry_file.hpp"
+#include "haptic/device/emulated_device.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -22,25 +22,25 @@ using testing::HasSubstr;
 
 constexpr int kValues = 56;
 
-/// A frame as it was built: the nominal one, each number out by as much as the priors say.
-device::Variant built(const device::Variant& nominal, const FitSettings& priors, std::mt19937& random) {
+/// A device as built: the nominal geometry with errors drawn from the priors.
+device::DeviceGeometry built(const device::DeviceGeometry& nominal, const FitSettings& priors, std::mt19937& random) {
     std::normal_distribution<double> normal;
-    device::Variant variant = nominal;
-    for (device::StringFacts& string : variant.strings) {
+    device::DeviceGeometry geometry = nominal;
+    for (device::StringFacts& string : geometry.strings) {
         for (int k = 0; k < 3; ++k) {
             string.motor[k] += priors.motor * normal(random);
             string.grip[k] += priors.knot * normal(random);
         }
         string.metres_per_count *= 1.0 + priors.scale * normal(random);
     }
-    return variant;
+    return geometry;
 }
 
-/// A person who moves the grip by +-2 cm and turns it by +-25 degrees or so, not quite from the centre on.
+/// A hand that moves the grip by about +-2 cm and +-25 degrees, starting slightly off the centre.
 PoseTrack wiggling_hand(std::mt19937& random, double size = 1.0) {
     std::normal_distribution<double> normal;
     Vec3 begin(0.0);
-    for (int k = 0; k < 3; ++k) {  // one after the other: the order of a call's arguments is the compiler's
+    for (int k = 0; k < 3; ++k) {  // separate statements: the evaluation order of arguments is unspecified
         begin[k] = 5e-4 * normal(random);
     }
     std::uniform_real_distribution<double> frequency(0.3, 1.7);
@@ -72,9 +72,9 @@ PoseTrack wiggling_hand(std::mt19937& random, double size = 1.0) {
     return {std::move(times), std::move(poses)};
 }
 
-/// Counts as the board of the emulated device gives them, each 5 ms.
-Wiggle counted(const device::Variant& variant, const PoseTrack& hand) {
-    device::EmulatedDevice device({.variant = variant, .hand = hand});
+/// Counts that the board of the emulated device gives every 5 ms.
+Wiggle counted(const device::DeviceGeometry& geometry, const PoseTrack& hand) {
+    device::EmulatedDevice device({.geometry = geometry, .hand = hand});
     Wiggle wiggle;
     std::array<std::uint32_t, kStrings> last{};
     for (std::int64_t t = 0; t < nanoseconds(20.0); t += 5'000'000) {
@@ -93,15 +93,15 @@ Wiggle counted(const device::Variant& variant, const PoseTrack& hand) {
 
 FitSettings quick() {
     FitSettings settings;
-    settings.most_samples = 500;
+    settings.max_samples = 500;
     return settings;
 }
 
 /// True minus nominal, in the order of GeometryFit::values.
-std::vector<double> differences(const device::Variant& variant, const device::Variant& nominal) {
+std::vector<double> differences(const device::DeviceGeometry& geometry, const device::DeviceGeometry& nominal) {
     std::vector<double> result;
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const device::StringFacts& is = variant.strings[i];
+        const device::StringFacts& is = geometry.strings[i];
         const device::StringFacts& was = nominal.strings[i];
         for (int k = 0; k < 3; ++k) {
             result.push_back(is.motor[k] - was.motor[k]);
@@ -114,26 +114,26 @@ std::vector<double> differences(const device::Variant& variant, const device::Va
     return result;
 }
 
-TEST(GeometryFit, FindsTheFrameAsItWasBuiltAndKnowsHowWell) {
+TEST(GeometryFit, FindsTheDeviceAsBuiltWithRealisticDeviations) {
     const FitSettings settings = quick();
-    const device::Variant nominal = device::builtin_variant("SpidarG6X3R");
+    const device::DeviceGeometry nominal = device::built_in_geometry("SpidarG6X3R");
     constexpr int kSeeds = 12;
     double all_square = 0.0;
     double determined_square = 0.0;
     int determined = 0;
     for (unsigned seed = 0; seed < kSeeds; ++seed) {
         std::mt19937 random(seed);
-        const device::Variant truth = built(nominal, settings, random);
+        const device::DeviceGeometry truth = built(nominal, settings, random);
         const GeometryFit fit = fit_geometry(nominal, counted(truth, wiggling_hand(random)), settings);
         ASSERT_TRUE(fit.converged);
         ASSERT_EQ(fit.values.size(), static_cast<std::size_t>(kValues));
         const double rounding = std::fabs(nominal.strings[0].metres_per_count) / std::sqrt(12.0);
         EXPECT_GT(fit.rms_before, 10.0 * rounding) << "m, seed " << seed;
-        EXPECT_NEAR(fit.rms_after, rounding, 0.15 * rounding) << "m: what rounding to counts leaves, seed " << seed;
+        EXPECT_NEAR(fit.rms_after, rounding, 0.15 * rounding) << "m: the rounding to counts, seed " << seed;
 
-        // What is left of the truth, in units of what the fit says of itself.
+        // Remaining errors, in units of the standard deviations that the fit reports.
         const std::vector<double> real = differences(truth, nominal);
-        const std::vector<double> found = differences(fit.variant, nominal);
+        const std::vector<double> found = differences(fit.geometry, nominal);
         double before = 0.0;
         double after = 0.0;
         for (int i = 0; i < kValues; ++i) {
@@ -149,30 +149,31 @@ TEST(GeometryFit, FindsTheFrameAsItWasBuiltAndKnowsHowWell) {
                 determined_square += std::pow(error / value.deviation, 2);
             }
         }
-        EXPECT_LT(after, 0.75 * before) << "the fit is no nearer to the truth than the drawing was, seed " << seed;
+        EXPECT_LT(after, 0.75 * before) << "the fit is hardly closer to the truth than the nominal geometry, seed "
+                                        << seed;
     }
-    // Means of squares of unit normals, but values of one fit depend on one another: as if they were half as many, the
-    // standard deviation of the mean of 12 x 56 is 0.08.
+    // Mean of squares of standard normal values. Those of one fit are correlated; counted as half as many, the standard
+    // deviation of the mean of 12 x 56 is 0.08.
     EXPECT_NEAR(all_square / (kSeeds * kValues), 1.0, 0.3);
     ASSERT_GT(determined, 200) << "of 672";
     EXPECT_NEAR(determined_square / determined, 1.0, 0.5);
 }
 
-TEST(GeometryFit, LeavesARightGeometryAsItIs) {
+TEST(GeometryFit, LeavesACorrectGeometryUnchanged) {
     std::mt19937 random(3);
-    const device::Variant nominal = device::builtin_variant("SpidarG6X4");
+    const device::DeviceGeometry nominal = device::built_in_geometry("SpidarG6X4");
     const GeometryFit fit = fit_geometry(nominal, counted(nominal, wiggling_hand(random)), quick());
     for (const FittedValue& value : fit.values) {
         EXPECT_LT(std::fabs(value.change), 3.5 * value.deviation) << value.name;
     }
 }
 
-TEST(GeometryFit, IsNotMisledByAFewLengthsThatAreFarOut) {
+TEST(GeometryFit, IsRobustAgainstAFewOutliers) {
     std::mt19937 random(8);
     const FitSettings settings;
-    const device::Variant nominal = device::builtin_variant("SpidarG6X3R");
-    const device::Variant truth = built(nominal, settings, random);
-    Wiggle wiggle = thinned(counted(truth, wiggling_hand(random)), quick().most_samples);
+    const device::DeviceGeometry nominal = device::built_in_geometry("SpidarG6X3R");
+    const device::DeviceGeometry truth = built(nominal, settings, random);
+    Wiggle wiggle = thinned(counted(truth, wiggling_hand(random)), quick().max_samples);
     const GeometryFit clean = fit_geometry(nominal, wiggle, quick());
     std::size_t spoilt = 0;
     for (std::size_t k = 50; k < wiggle.size(); k += 50) {
@@ -186,23 +187,23 @@ TEST(GeometryFit, IsNotMisledByAFewLengthsThatAreFarOut) {
     EXPECT_LT(fit.noise, 2.0 * clean.noise);
 }
 
-TEST(GeometryFit, SaysWhatASmallWiggleDoesNotTell) {
+TEST(GeometryFit, ReportsWhatASmallWiggleDoesNotDetermine) {
     std::mt19937 random(4);
     const FitSettings settings;
-    const device::Variant nominal = device::builtin_variant("SpidarG6X3R");
-    const device::Variant truth = built(nominal, settings, random);
+    const device::DeviceGeometry nominal = device::built_in_geometry("SpidarG6X3R");
+    const device::DeviceGeometry truth = built(nominal, settings, random);
     const GeometryFit wide = fit_geometry(nominal, counted(truth, wiggling_hand(random)), quick());
     const GeometryFit small = fit_geometry(nominal, counted(truth, wiggling_hand(random, 0.1)), quick());
-    const auto told = [](const GeometryFit& fit) {
+    const auto determined = [](const GeometryFit& fit) {
         return std::count_if(fit.values.begin(), fit.values.end(),
                              [](const auto& value) { return value.determined(); });
     };
-    EXPECT_GT(told(wide), told(small));
-    EXPECT_THAT(describe(small), HasSubstr("the wiggle says little of it"));
+    EXPECT_GT(determined(wide), determined(small));
+    EXPECT_THAT(describe(small), HasSubstr("not determined by the wiggle"));
 }
 
-TEST(GeometryFit, RefusesAGripThatWasNotMoved) {
-    const device::Variant nominal = device::builtin_variant("SpidarG6X3R");
+TEST(GeometryFit, RejectsAGripThatWasNotMoved) {
+    const device::DeviceGeometry nominal = device::built_in_geometry("SpidarG6X3R");
     const auto message = [&nominal](const Wiggle& wiggle) {
         try {
             static_cast<void>(fit_geometry(nominal, wiggle));
@@ -211,17 +212,17 @@ TEST(GeometryFit, RefusesAGripThatWasNotMoved) {
         }
         return std::string();
     };
-    EXPECT_THAT(message(Wiggle(10)), HasSubstr("50 samples at least, there are 10"));
-    EXPECT_THAT(message(Wiggle(1000)), AllOf(HasSubstr("0.0"), HasSubstr("turn it about all three axes")));
+    EXPECT_THAT(message(Wiggle(10)), HasSubstr("at least 50 samples, but there are 10"));
+    EXPECT_THAT(message(Wiggle(1000)), AllOf(HasSubstr("0.0"), HasSubstr("rotate it about all three axes")));
 }
 
-TEST(Thinned, KeepsSamplesApartAndNoMoreThanWanted) {
+TEST(Thinned, SpacesSamplesByMovementAndKeepsAtMostTheWantedNumber) {
     std::mt19937 random(2);
-    const Wiggle wiggle = counted(device::builtin_variant("SpidarG6X3R"), wiggling_hand(random));
+    const Wiggle wiggle = counted(device::built_in_geometry("SpidarG6X3R"), wiggling_hand(random));
     const Wiggle few = thinned(wiggle, 300);
     EXPECT_LE(few.size(), 300u);
     EXPECT_GT(few.size(), 200u);
-    EXPECT_EQ(thinned(Wiggle(1000), 300).size(), 1u) << "a grip that rests says one thing";
+    EXPECT_EQ(thinned(Wiggle(1000), 300).size(), 1u) << "a resting grip is one sample";
     EXPECT_EQ(thinned(few, 300), few);
 }
 
@@ -234,13 +235,13 @@ TEST(LoadWiggle, UnwrapsCountersFromTheCalibrationOn) {
                            "3,3,65533,0,0,0,0,0,90\n"
                            "4,3,65533,0,0,0,0,0,0\n"
                            "3,0,0,0,0,0,0,0,0\n";
-    const Wiggle wiggle = load_wiggle(file, device::builtin_variant("SpidarG6X3R"));
+    const Wiggle wiggle = load_wiggle(file, device::built_in_geometry("SpidarG6X3R"));
     EXPECT_EQ(wiggle, (Wiggle{StringCounts{}, StringCounts{9, -8, 0, 0, 0, 0, 0, -10}}));
     std::ofstream(file) << "safety_state,counter0,counter1,counter2,counter3,counter4,counter5,counter6,counter7\n"
                            "2,7,0,0,0,0,0,0,0\n";
-    EXPECT_THROW(static_cast<void>(load_wiggle(file, device::builtin_variant("SpidarG6X3R"))), CsvError);
+    EXPECT_THROW(static_cast<void>(load_wiggle(file, device::built_in_geometry("SpidarG6X3R"))), CsvError);
     std::ofstream(file) << "time_s,x_m\n";
-    EXPECT_THROW(static_cast<void>(load_wiggle(file, device::builtin_variant("SpidarG6X3R"))), CsvError);
+    EXPECT_THROW(static_cast<void>(load_wiggle(file, device::built_in_geometry("SpidarG6X3R"))), CsvError);
     std::filesystem::remove(file);
 }
 

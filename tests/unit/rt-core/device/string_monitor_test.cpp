@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include <haptic/device/variant_file.hpp>
+#include "haptic/device/device_geometry_file.hpp"
 #include "random.hpp"
 
 namespace haptic::rt {
@@ -24,16 +24,16 @@ constexpr std::uint8_t mask(std::initializer_list<int> strings) {
     return static_cast<std::uint8_t>(bits);
 }
 
-/// A hand, a solver and a monitor, a tick at a time; one string reads wrong.
+/// A hand, a solver and a monitor, stepped tick by tick; one string reads wrong.
 class Rig {
   public:
-    explicit Rig(const device::Variant& variant, double residual = 1e-3)
-        : variant_(variant), solver_(variant), monitor_(variant, {.residual = residual}) {}
+    explicit Rig(const device::DeviceGeometry& geometry, double residual = 1e-3)
+        : geometry_(geometry), solver_(geometry), monitor_(geometry, {.residual = residual}) {}
 
     StringSuspicion tick(const Pose& pose, std::size_t wrong, double by) {
-        StringArray lengths = string_lengths(variant_, pose);
+        StringArray lengths = string_lengths(geometry_, pose);
         for (std::size_t i = 0; i < kStrings; ++i) {
-            const double count = std::fabs(variant_.strings[i].metres_per_count);
+            const double count = std::fabs(geometry_.strings[i].metres_per_count);
             lengths[i] = std::floor(lengths[i] / count + 0.5) * count;
         }
         lengths[wrong] += by;
@@ -47,13 +47,13 @@ class Rig {
     [[nodiscard]] double residual() const { return residual_; }
 
   private:
-    device::Variant variant_;
+    device::DeviceGeometry geometry_;
     PoseSolver solver_;
     StringMonitor monitor_;
     double residual_ = 0.0;
 };
 
-TEST(StringMonitor, NamesNobodyWhileTheLengthsAgree) {
+TEST(StringMonitor, SuspectsNoStringWhileTheLengthsAgree) {
     Rig rig(device::spidar_g6_x3r());
     test::Random random(1);
     for (int k = 0; k < 500; ++k) {
@@ -62,8 +62,8 @@ TEST(StringMonitor, NamesNobodyWhileTheLengthsAgree) {
     }
 }
 
-TEST(StringMonitor, AtTheCentreNamesTheStringWithItsLikes) {
-    // An X3R at the centre is symmetrical: the knots on the axis (2, 3, 6, 7) have one like, the others three.
+TEST(StringMonitor, AtTheCentreSuspectsTheStringAndItsMirrorImages) {
+    // An X3R at the centre is symmetric: strings on the axis (2, 3, 6, 7) have one mirror image, the others three.
     const std::array<std::uint8_t, kStrings> likes = {mask({0, 3, 5, 6}), mask({1, 2, 4, 7}), mask({2, 7}),
                                                       mask({3, 6}),       mask({1, 2, 4, 7}), mask({0, 3, 5, 6}),
                                                       mask({3, 6}),       mask({2, 7})};
@@ -83,12 +83,12 @@ TEST(StringMonitor, AtTheCentreNamesTheStringWithItsLikes) {
     }
 }
 
-TEST(StringMonitor, NeverMissesTheStringAndMostlyKnowsItsSense) {
-    // Anywhere within 2 cm and 20 degrees, on every frame that renders: a string that pays out, or is wound in, within
-    // 10 ticks while the hand moves.
+TEST(StringMonitor, NeverMissesTheStringAndUsuallyKnowsTheSignOfItsError) {
+    // Anywhere within 2 cm and 20 degrees, on every device that renders: a string pays out, or is wound in, within 10
+    // ticks while the hand moves.
     test::Random random(2);
     for (const char* name : {"SpidarG6X3R", "SpidarG6X3L", "SpidarG6X4", "SpidarG6X5R"}) {
-        const device::Variant variant = device::builtin_variant(name);
+        const device::DeviceGeometry geometry = device::built_in_geometry(name);
         int seen = 0;
         int named = 0;
         int sensed = 0;
@@ -100,7 +100,7 @@ TEST(StringMonitor, NeverMissesTheStringAndMostlyKnowsItsSense) {
             const Vec3 axis = random.direction();
             const auto wrong = static_cast<std::size_t>(random.uniform(0.0, 7.999));
             const double by = (k % 2 == 0 ? 1.0 : -1.0) * random.uniform(0.005, 0.015);
-            Rig rig(variant);
+            Rig rig(geometry);
             rig.begin({start, level});
             StringSuspicion found;
             for (int tick = 0; tick < 40; ++tick) {
@@ -110,7 +110,7 @@ TEST(StringMonitor, NeverMissesTheStringAndMostlyKnowsItsSense) {
             }
             if (found.strings == 0) {
                 EXPECT_LE(rig.residual(), 1e-3);
-                continue;  // too small to show here
+                continue;  // too small to be visible at this pose
             }
             ++seen;
             named += found.strings >> wrong & 1;
@@ -120,14 +120,14 @@ TEST(StringMonitor, NeverMissesTheStringAndMostlyKnowsItsSense) {
         EXPECT_GT(seen, 200) << name;
         EXPECT_EQ(named, seen) << name;
         EXPECT_GT(sensed, 0.9 * seen) << name;
-        EXPECT_LT(candidates, 2.2 * seen) << name << ": of 8";
+        EXPECT_LT(candidates, 2.2 * seen) << name << ": suspects of 8 strings";
         RecordProperty(std::string(name) + "_mean_set", std::to_string(double(candidates) / seen));
     }
 }
 
 TEST(StringMonitor, NarrowsTheSetAsTheHandMoves) {
-    const device::Variant variant = device::spidar_g6_x3r();
-    Rig rig(variant, 3e-4);
+    const device::DeviceGeometry geometry = device::spidar_g6_x3r();
+    Rig rig(geometry, 3e-4);
     rig.begin({});
     rig.tick({}, 0, 0.0);
     EXPECT_EQ(std::popcount(rig.tick({}, 0, 0.006).strings), 4);
@@ -142,7 +142,7 @@ TEST(StringMonitor, NarrowsTheSetAsTheHandMoves) {
     EXPECT_NEAR(found.error, 0.006, 1e-4);
 }
 
-TEST(StringMonitor, ForgetsOnceTheLengthsAgreeAgain) {
+TEST(StringMonitor, ForgetsTheEvidenceOnceTheLengthsAgreeAgain) {
     Rig rig(device::spidar_g6_x3r());
     rig.begin({});
     rig.tick({}, 4, 0.0);
@@ -151,7 +151,7 @@ TEST(StringMonitor, ForgetsOnceTheLengthsAgreeAgain) {
     EXPECT_EQ(rig.tick({}, 4, 0.0).strings, 0);
 }
 
-TEST(StringMonitor, NamesNobodyWithoutAPose) {
+TEST(StringMonitor, SuspectsNoStringWithoutAPose) {
     StringMonitor monitor(device::spidar_g6_x3r(), {});
     PoseEstimate estimate;
     estimate.residual = 0.01;
@@ -163,18 +163,18 @@ TEST(StringMonitor, NamesNobodyWithoutAPose) {
     EXPECT_EQ(monitor.update(lengths, estimate).slack, 0);
 }
 
-TEST(StringMonitor, RefusesSettingsThatAreNone) {
+TEST(StringMonitor, RejectsInvalidSettings) {
     EXPECT_THROW(StringMonitor(device::spidar_g6_x3r(), {.residual = 0.0}), std::invalid_argument);
     EXPECT_THROW(StringMonitor(device::spidar_g6_x3r(), {.memory_ticks = -1.0}), std::invalid_argument);
 }
 
-TEST(PoseSolverWithout, ExplainsSevenLengthsAndSaysWhatTheEighthIsOff) {
-    const device::Variant variant = device::spidar_g6_x3r();
-    const PoseSolver solver(variant);
+TEST(PoseSolverWithout, ExplainsSevenLengthsAndReportsTheErrorOfTheEighth) {
+    const device::DeviceGeometry geometry = device::spidar_g6_x3r();
+    const PoseSolver solver(geometry);
     test::Random random(5);
     for (std::size_t i = 0; i < kStrings; ++i) {
         const Pose pose{random.direction() * 0.01, glm::angleAxis(0.2, random.direction())};
-        StringArray lengths = string_lengths(variant, pose);
+        StringArray lengths = string_lengths(geometry, pose);
         lengths[i] += 0.1;
         PoseEstimate estimate;
         for (int update = 0; update < 3; ++update) {

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include <haptic/device/variant_file.hpp>
 #include "geometry/wrench_closure.hpp"
+#include "haptic/device/device_geometry_file.hpp"
 #include "random.hpp"
 
 namespace haptic::rt {
@@ -40,50 +40,50 @@ WireMatrix centre_wires() {
     return wire_matrix(device::spidar_g6_x3r(), {});
 }
 
-TensionSettings settings_of(const device::Variant& variant) {
+TensionSettings settings_of(const device::DeviceGeometry& geometry) {
     TensionSettings settings;
-    settings.minimum = variant.minimum_tension;
-    settings.maximum = variant.maximum_tension;
+    settings.minimum = geometry.minimum_tension;
+    settings.maximum = geometry.maximum_tension;
     double radius = 0.0;
-    for (const device::StringFacts& string : variant.strings) {
+    for (const device::StringFacts& string : geometry.strings) {
         radius = std::max(radius, glm::length(string.grip));
     }
     settings.torque_scale = 1.0 / radius;
     return settings;
 }
 
-const std::vector<device::Variant>& all_variants() {
-    static const std::vector<device::Variant> variants = [] {
-        std::vector<device::Variant> made;
-        for (const std::string& name : device::builtin_variant_names()) {
-            made.push_back(device::builtin_variant(name));
+const std::vector<device::DeviceGeometry>& all_geometries() {
+    static const std::vector<device::DeviceGeometry> geometries = [] {
+        std::vector<device::DeviceGeometry> made;
+        for (const std::string& name : device::built_in_geometry_names()) {
+            made.push_back(device::built_in_geometry(name));
         }
         return made;
     }();
-    return variants;
+    return geometries;
 }
 
 class Random : public test::Random {
   public:
     using test::Random::Random;
-    /// Anywhere in the frame, turned by up to about a radian.
+    /// Anywhere in the workspace, rotated by up to about a radian.
     Pose pose() {
         const Vec3 position = normal() * 0.015;
         const Vec3 half = normal() * 0.15;
         return {position, glm::normalize(Quat(1.0, half.x, half.y, half.z))};
     }
     WireMatrix wires() { return wire_matrix(x3r_, pose()); }
-    /// From a hundredth of a newton to a hundred: in reach and far out of it.
+    /// From 0.01 N to 100 N: feasible and far from feasible.
     Wrench wrench() {
         const double size = std::pow(10.0, uniform(-2.0, 2.0));
         return {normal() * size, normal() * size * 0.02};
     }
 
   private:
-    device::Variant x3r_ = device::spidar_g6_x3r();
+    device::DeviceGeometry x3r_ = device::spidar_g6_x3r();
 };
 
-/// The programme as the header states it, evaluated in long double from that statement alone.
+/// The programme as the header states it, evaluated in long double independently of the solver.
 struct Programme {
     WireMatrix wires{};
     Wrench wanted;
@@ -124,8 +124,8 @@ struct Programme {
                 std::min(settings.maximum, previous[i] + settings.slew)};
     }
 
-    /// The largest violation of the optimality conditions: half the gradient, where it does not push against a bound,
-    /// relative to the wrench asked for (and 1 N).
+    /// Largest violation of the optimality conditions: half the gradient where it does not push against a bound,
+    /// relative to the wanted wrench (and 1 N).
     [[nodiscard]] double kkt_violation(const StringArray& t) const {
         const std::array<Real, 6> error = weighted_error(t);
         const double size =
@@ -180,7 +180,7 @@ bool solve_dense(std::array<std::array<long double, 8>, 8>& m, std::array<long d
     return true;
 }
 
-/// The minimum over all 3^8 ways of putting strings at their lower bound, at their upper one, or free.
+/// Brute force: the minimum over all 3^8 assignments of strings to lower bound, upper bound or free.
 StringArray brute_force(const Programme& programme) {
     std::array<std::array<long double, 8>, 8> hessian{};
     std::array<long double, 8> linear{};
@@ -242,25 +242,25 @@ StringArray brute_force(const Programme& programme) {
     return best;
 }
 
-TEST(Tension, SixDegreesOfFreedomAreReproducedAtTheCentreOfEveryFrameThatRenders) {
+TEST(Tension, SixDegreesOfFreedomAreReproducedAtTheCentreOfEveryDeviceThatRenders) {
     int frames = 0;
-    for (const device::Variant& variant : all_variants()) {
-        if (!device::wrench_closure(variant, {}).closed()) {
+    for (const device::DeviceGeometry& geometry : all_geometries()) {
+        if (!device::wrench_closure(geometry, {}).closed()) {
             continue;
         }
         ++frames;
-        const WireMatrix wires = wire_matrix(variant, {});
+        const WireMatrix wires = wire_matrix(geometry, {});
         for (int axis = 0; axis < 6; ++axis) {
             for (const double sign : {-1.0, 1.0}) {
-                SCOPED_TRACE(testing::Message() << variant.name << ", axis " << axis << ", sign " << sign);
+                SCOPED_TRACE(testing::Message() << geometry.name << ", axis " << axis << ", sign " << sign);
                 Wrench wanted;
                 (axis < 3 ? wanted.force : wanted.torque)[axis % 3] = sign * (axis < 3 ? 3.0 : 0.020);
-                TensionSolver solver(settings_of(variant));
+                TensionSolver solver(settings_of(geometry));
                 const TensionResult result = solver.solve(wires, wanted);
                 EXPECT_TRUE(result.reached);
                 EXPECT_TRUE(result.exact);
-                // 1e-4 of what was asked for, on that axis and across it, forces and torques compared at the knots.
-                const double scale = settings_of(variant).torque_scale;
+                // 1e-4 of the wanted wrench, on the axis and across it; forces and torques are compared at the knots.
+                const double scale = settings_of(geometry).torque_scale;
                 const double asked = glm::length(wanted.force) + glm::length(wanted.torque) * scale;
                 EXPECT_LT(glm::length(result.wrench.force - wanted.force), 1e-4 * asked);
                 EXPECT_LT(glm::length(result.wrench.torque - wanted.torque) * scale, 1e-4 * asked);
@@ -270,19 +270,19 @@ TEST(Tension, SixDegreesOfFreedomAreReproducedAtTheCentreOfEveryFrameThatRenders
     EXPECT_EQ(frames, 5);
 }
 
-TEST(Tension, OptimalityConditionsHoldForAMillionWrenchesAndPosesOnAllFrames) {
+TEST(Tension, OptimalityConditionsHoldForAMillionWrenchesAndPosesOnAllDevices) {
     Random random(21);
     constexpr int kCases = 1'000'000;
-    const int each = kCases / static_cast<int>(all_variants().size()) + 1;
+    const int each = kCases / static_cast<int>(all_geometries().size()) + 1;
     double worst = 0.0;
-    int most_rounds = 0;
+    int max_rounds = 0;
     int reached = 0;
-    for (const device::Variant& variant : all_variants()) {
-        const TensionSettings settings = settings_of(variant);
+    for (const device::DeviceGeometry& geometry : all_geometries()) {
+        const TensionSettings settings = settings_of(geometry);
         TensionSolver solver(settings);
         StringArray previous = all(settings.minimum);
         for (int k = 0; k < each; ++k) {
-            const Programme programme{wire_matrix(variant, random.pose()), random.wrench(), settings, previous};
+            const Programme programme{wire_matrix(geometry, random.pose()), random.wrench(), settings, previous};
             const TensionResult result = solver.solve(programme.wires, programme.wanted);
             ASSERT_TRUE(result.exact);
             for (const double tension : result.tensions) {
@@ -290,43 +290,43 @@ TEST(Tension, OptimalityConditionsHoldForAMillionWrenchesAndPosesOnAllFrames) {
                 ASSERT_LE(tension, settings.maximum);
             }
             worst = std::max(worst, programme.kkt_violation(result.tensions));
-            most_rounds = std::max(most_rounds, result.rounds);
+            max_rounds = std::max(max_rounds, result.rounds);
             reached += result.reached ? 1 : 0;
             previous = result.tensions;
         }
     }
     EXPECT_LT(worst, 1e-9);
-    EXPECT_LE(most_rounds, 30);
-    // The cases are of both kinds, or the claim above is thin.
+    EXPECT_LE(max_rounds, 30);
+    // Guard: feasible and infeasible cases must both occur often.
     EXPECT_GT(reached, kCases / 5);
     EXPECT_LT(reached, kCases * 4 / 5);
     RecordProperty("worst_kkt", std::to_string(worst * 1e12) + "e-12");
-    RecordProperty("most_rounds", most_rounds);
+    RecordProperty("most_rounds", max_rounds);
 }
 
-TEST(Tension, KeepsTheDirectionOfAnInfeasibleWrenchAndAsMuchOfItAsCanBeMade) {
-    // How much can be made is known from elsewhere: wrench_reach() tries every vertex of the linear programme.
+TEST(Tension, KeepsTheDirectionOfAnInfeasibleWrenchAndTheLargestFeasibleShare) {
+    // Oracle for the largest share: wrench_reach() tries every vertex of the linear programme.
     Random random(31);
     int infeasible = 0;
-    int most_rounds = 0;
+    int max_rounds = 0;
     double share_of_reach = 0.0;
     for (const char* name : {"SpidarG6X3R", "SpidarG6X4", "SpidarG6X5R"}) {
-        const device::Variant variant = device::builtin_variant(name);
-        TensionSettings settings = settings_of(variant);
+        const device::DeviceGeometry geometry = device::built_in_geometry(name);
+        TensionSettings settings = settings_of(geometry);
         settings.infeasible = Infeasible::Direction;
         for (int k = 0; k < 1000; ++k) {
             const Pose pose{random.direction() * 0.01, glm::angleAxis(0.2, random.direction())};
-            const WireMatrix wires = wire_matrix(variant, pose);
+            const WireMatrix wires = wire_matrix(geometry, pose);
             const Wrench wanted = random.wrench();
             TensionSolver solver(settings);
             const TensionResult result = solver.solve(wires, wanted);
-            most_rounds = std::max(most_rounds, result.rounds);
+            max_rounds = std::max(max_rounds, result.rounds);
             for (const double tension : result.tensions) {
                 ASSERT_GE(tension, settings.minimum);
                 ASSERT_LE(tension, settings.maximum);
             }
             const std::optional<double> reach = device::wrench_reach(
-                variant, pose,
+                geometry, pose,
                 {wanted.force.x, wanted.force.y, wanted.force.z, wanted.torque.x, wanted.torque.y, wanted.torque.z});
             ASSERT_TRUE(reach.has_value());
             if (result.reached) {
@@ -335,12 +335,12 @@ TEST(Tension, KeepsTheDirectionOfAnInfeasibleWrenchAndAsMuchOfItAsCanBeMade) {
             }
             const double size = std::max(glm::length(wanted.force), glm::length(wanted.torque) * settings.torque_scale);
             if (*reach * size < 0.5) {
-                continue;  // hardly anything can be made: what is met is met within the absolute tolerance only
+                continue;  // almost infeasible: only the absolute tolerance applies
             }
             ++infeasible;
-            // Short of it by 8 strings at full pull / 4096, and where the weight of effort keeps the last of it from
-            // being met to 1e-3; beyond it by as much as a wrench that is met to 1e-3 may lie outside. Both are more
-            // where the direction runs along the border of what can be made.
+            // Below the oracle by 8 strings at full pull / 4096, and by what the effort term keeps from being met to
+            // 1e-3; above it by as much as a wrench met to 1e-3 may lie outside. Both are larger where the direction
+            // runs along the border of the feasible wrenches.
             share_of_reach += result.scale / *reach;
             EXPECT_GT(result.scale * size, *reach * size * 0.93 - 8.0 * settings.maximum / 4096.0);
             EXPECT_LT(result.scale * size, *reach * size * 1.05 + 0.02);
@@ -352,12 +352,12 @@ TEST(Tension, KeepsTheDirectionOfAnInfeasibleWrenchAndAsMuchOfItAsCanBeMade) {
     }
     EXPECT_GT(infeasible, 500);
     EXPECT_NEAR(share_of_reach / infeasible, 1.0, 0.01);
-    EXPECT_LE(most_rounds,
+    EXPECT_LE(max_rounds,
               (TensionSolver::kHalvings + 1) * (TensionSolver::kBlockRounds + TensionSolver::kDescentRounds));
-    RecordProperty("most_rounds", most_rounds);
+    RecordProperty("most_rounds", max_rounds);
 }
 
-TEST(Tension, KeepingTheDirectionChangesNothingOfAFeasibleWrench) {
+TEST(Tension, KeepingTheDirectionDoesNotChangeAFeasibleWrench) {
     Random random(32);
     TensionSettings settings = x3r_settings();
     TensionSolver closest(settings);
@@ -372,7 +372,7 @@ TEST(Tension, KeepingTheDirectionChangesNothingOfAFeasibleWrench) {
     }
 }
 
-TEST(Tension, KeepsTheSlewAndTheBoundsWhileItKeepsTheDirection) {
+TEST(Tension, RespectsSlewAndBoundsWhileKeepingTheDirection) {
     Random random(33);
     TensionSettings settings = x3r_settings();
     settings.infeasible = Infeasible::Direction;
@@ -443,7 +443,7 @@ TEST(Tension, KeepsMinimumTensionWhenTheWrenchIsInfeasible) {
                 EXPECT_GE(tension, 0.3);
                 EXPECT_LE(tension, 20.0);
             }
-            EXPECT_GT(glm::dot(result.wrench.force, direction), 10.0) << "must pull where it was asked to";
+            EXPECT_GT(glm::dot(result.wrench.force, direction), 10.0) << "must pull in the wanted direction";
         }
     }
 }
@@ -465,7 +465,7 @@ TEST(Tension, ReportsTheWrenchThatTheTensionsMake) {
     }
 }
 
-TEST(Tension, ReachedSaysWhetherTheWrenchIsMet) {
+TEST(Tension, ReachedTellsWhetherTheWrenchIsMet) {
     Random random(25);
     TensionSolver solver(x3r_settings());
     for (int k = 0; k < 5000; ++k) {
@@ -479,9 +479,9 @@ TEST(Tension, ReachedSaysWhetherTheWrenchIsMet) {
     }
 }
 
-TEST(Tension, SmallChangesMoveTensionsNoFurtherThanTheTermsAllow) {
-    // For the same previous tensions, the minimiser of a programme whose curvature is at least effort + continuity
-    // cannot move by more than |W dw| / sqrt(effort + continuity): see README, Kernels.
+TEST(Tension, SmallChangesOfTheWrenchMoveTensionsByABoundedAmount) {
+    // For the same previous tensions, the minimiser of a programme with curvature of at least effort + continuity moves
+    // by at most |W dw| / sqrt(effort + continuity).
     Random random(26);
     const Wrench small{{0.001, -0.002, 0.001}, {1e-5, 2e-5, -1e-5}};
     for (const double continuity : {1e-5, 1e-3, 1e-1}) {
@@ -509,8 +509,8 @@ TEST(Tension, SmallChangesMoveTensionsNoFurtherThanTheTermsAllow) {
 }
 
 TEST(Tension, ContinuityTakesTheTensionsNearestToTheLastOnes) {
-    // Two of eight dimensions do not change the wrench. After a detour through another wrench the tensions come back
-    // to the least effort at once without continuity, and only slowly with a strong one.
+    // Two of eight dimensions do not change the wrench. After a detour through another wrench the tensions return to
+    // the minimum effort at once without continuity, and only slowly with a strong one.
     const WireMatrix wires = centre_wires();
     const Wrench detour{{0.0, 0.0, 0.0}, {0.05, 0.0, 0.0}};
     const auto change_after = [&](double continuity) {
@@ -533,7 +533,7 @@ TEST(Tension, ContinuityTakesTheTensionsNearestToTheLastOnes) {
 }
 
 TEST(Tension, SlewBoundsAJumpBetweenDistantSets) {
-    // Found at the border of reach: 0.02 N more moves a string by 18 N if nothing stops it.
+    // A case at the border of the feasible wrenches: without slew, 0.02 N more moves a string by 18 N.
     TensionSettings settings = x3r_settings();
     settings.slew = 0.25;
     TensionSolver solver(settings);
@@ -561,7 +561,7 @@ TEST(Tension, NonFiniteWrenchCountsAsZero) {
     }
 }
 
-TEST(Tension, NonFiniteWiresGiveMinimumTensionAndSaySo) {
+TEST(Tension, NonFiniteWiresGiveMinimumTensionAndAreReported) {
     TensionSolver solver(x3r_settings());
     solver.solve(centre_wires(), {{5.0, 0.0, 0.0}, {0.0, 0.0, 0.0}});
     for (const double bad : {kNaN, kInfinity, 1e308, 1e150, -1e7}) {
@@ -577,15 +577,15 @@ TEST(Tension, NonFiniteWiresGiveMinimumTensionAndSaySo) {
     EXPECT_TRUE(solver.solve(centre_wires(), {{5.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}).reached) << "and it recovers";
 }
 
-TEST(Tension, DegenerateWiresStillHaveOneAnswer) {
+TEST(Tension, DegenerateWiresStillHaveAUniqueMinimum) {
     const TensionSettings settings = x3r_settings();
-    // No string can do anything: least effort.
+    // No string has any effect: minimum effort.
     TensionSolver idle(settings);
     const TensionResult none = idle.solve(WireMatrix{}, {{1.0, 0.0, 0.0}, {0.0, 0.0, 0.0}});
     EXPECT_EQ(none.tensions, all(0.3));
     EXPECT_TRUE(none.exact);
     EXPECT_FALSE(none.reached);
-    // Eight equal strings: they share.
+    // Eight equal strings share the load.
     WireMatrix equal{};
     for (Vec6& row : equal) {
         row = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0};
@@ -599,7 +599,7 @@ TEST(Tension, DegenerateWiresStillHaveOneAnswer) {
 }
 
 TEST(Tension, WrenchesOnTheFacesOfTheBoxAreSolved) {
-    // The wrench of tensions that are themselves at bounds: multipliers of zero, where an active-set method may cycle.
+    // Wrenches of tensions that are at bounds themselves: zero multipliers, where an active-set method may cycle.
     Random random(28);
     const WireMatrix wires = centre_wires();
     TensionSolver solver(x3r_settings());
@@ -633,7 +633,7 @@ TEST(Tension, SameCallsGiveTheSameBits) {
     }
 }
 
-TEST(Tension, RefusesSettingsWithoutAUniqueMinimum) {
+TEST(Tension, RejectsSettingsWithoutAUniqueMinimum) {
     const auto refused = [](auto change) {
         TensionSettings settings = x3r_settings();
         change(settings);

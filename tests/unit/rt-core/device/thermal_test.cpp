@@ -32,7 +32,7 @@ StringArray all(double tension) {
 }
 
 TEST(ThermalModel, FollowsTheClosedFormOfTheFirstOrderModel) {
-    // u^2 (1 - exp(-t / tau)) from cold, then the same towards another tension; each motor by its own figures.
+    // u^2 (1 - exp(-t / tau)) from cold, then the same towards another tension; each motor with its own rating.
     ThermalSettings settings = ratings();
     for (std::size_t i = 0; i < kStrings; ++i) {
         settings.motors[i] = {5.0 + static_cast<double>(i), 3.0 + 2.0 * static_cast<double>(i)};
@@ -63,7 +63,7 @@ TEST(ThermalModel, GivesTheSameLoadForOneLongStepAsForManyShortOnes) {
     EXPECT_NEAR(fine.loads()[3], coarse.loads()[3], 1e-12);
 }
 
-TEST(ThermalModel, ReachesItsLimitWhenTheModelSays) {
+TEST(ThermalModel, ReachesLoadOneAfterTheTimeOfTheFormula) {
     // tau ln(u^2 / (u^2 - 1)) at u = 2.
     const double expected_s = kTau * std::log(4.0 / 3.0);
     ThermalModel model(ratings());
@@ -75,7 +75,7 @@ TEST(ThermalModel, ReachesItsLimitWhenTheModelSays) {
     EXPECT_NEAR(seconds(time_ns), expected_s, 1e-3);
 }
 
-TEST(ThermalModel, BearsItsContinuousTensionForAsLongAsNobodyCouldWait) {
+TEST(ThermalModel, HoldsItsContinuousTensionIndefinitely) {
     ThermalModel model(ratings());
     model.update(all(0.999 * kContinuous), 24 * 3600 * kNanosecondsPerSecond);
     EXPECT_FALSE(model.overheated());
@@ -93,7 +93,7 @@ TEST(ThermalModel, LowersItsBoundsSmoothlyAndNeverBelowTheMinimum) {
         for (std::size_t i = 0; i < kStrings; ++i) {
             ASSERT_LE(now[i], last[i]);
             ASSERT_GE(now[i], settings.minimum);
-            // The load rises by (t / c)^2 / tau at most, and the steepest slope of the bound is 1.5 of its way.
+            // The load rises by at most (t / c)^2 / tau, and the steepest slope of the bound is 1.5 times its range.
             const double c = settings.motors[i].continuous;
             const double rise = 225.0 / (c * c) / kTau * 1e-3;
             ASSERT_LE(last[i] - now[i], 1.5 * settings.maximum * rise / (1.0 - settings.derate_from));
@@ -104,7 +104,7 @@ TEST(ThermalModel, LowersItsBoundsSmoothlyAndNeverBelowTheMinimum) {
     EXPECT_NEAR(last[1], 0.9 * kContinuous, 1e-9);
 }
 
-TEST(ThermalModel, NeverOverheatsWhileItsBoundsAreKept) {
+TEST(ThermalModel, NeverOverheatsWithinItsBounds) {
     test::Random random(3);
     for (const double derate_from : {0.0, 0.3, 0.7, 0.99}) {
         ThermalSettings settings = ratings();
@@ -126,7 +126,7 @@ TEST(ThermalModel, NeverOverheatsWhileItsBoundsAreKept) {
     }
 }
 
-TEST(ThermalModel, RefusesRatingsThatCannotBe) {
+TEST(ThermalModel, RejectsInvalidRatings) {
     const auto refuses = [](void (*spoil)(ThermalSettings&)) {
         ThermalSettings settings = ratings();
         spoil(settings);
@@ -137,22 +137,22 @@ TEST(ThermalModel, RefusesRatingsThatCannotBe) {
     refuses([](ThermalSettings& s) { s.derate_from = 1.0; });
 }
 
-/// Motors that warm up in a second and bear little, so that a test need not last minutes.
+/// Motors that warm up in a second and have low ratings, so that a test takes seconds instead of minutes.
 TickSettings quick_motors() {
     TickSettings settings;
     settings.motors.continuous_share = 0.1;
     settings.motors.time_constant_s = 0.5;
-    // A floor that leaps under a resting hand has no energy for 8 N of its own.
+    // The passivity controller would not let a floor that jumps under a resting hand push with 8 N.
     settings.passivity.control = PassivityControl::Observe;
     return settings;
 }
 
-TEST(TickThermal, SparesWarmMotorsAndKeepsRunning) {
+TEST(TickThermal, DeratesWarmMotorsAndKeepsRunning) {
     test::TickRig rig(PoseTrack(), quick_motors());
     rig.run_up();
     double least = 8.0;
     for (int i = 0; i < 5000; ++i) {
-        rig.publish(test::floor_frame(0.05, 1000.0, rig.now_ns));  // 8 N, the limit of force
+        rig.publish(test::floor_frame(0.05, 1000.0, rig.now_ns));  // 8 N, the force limit
         rig.step();
         least = i > 3000 ? std::min(least, rig.board.device().wrench().force.y) : least;
         for (const double tension : rig.board.device().tensions()) {
@@ -165,14 +165,14 @@ TEST(TickThermal, SparesWarmMotorsAndKeepsRunning) {
     const StringArray& loads = rig.tick.instruments().peak_motor_load;
     EXPECT_GT(*std::max_element(loads.begin(), loads.end()), 0.7);
     EXPECT_LT(*std::max_element(loads.begin(), loads.end()), 1.0);
-    // Four strings pull up, each with 1.8 to 2 N at most: less force than was asked for, but not none.
+    // Four strings pull up with at most 1.8 to 2 N each: less force than requested, but not zero.
     EXPECT_GT(least, 3.0);
     EXPECT_LT(least, 7.5);
 }
 
-TEST(TickThermal, FaultsWhenTheMotorsGoOnPullingAlthoughTheyWereSpared) {
+TEST(TickThermal, FaultsWhenTheMotorsKeepPullingDespiteDerating) {
     TickSettings settings = quick_motors();
-    settings.safety.exchange_ticks = 100'000;  // nobody else notices
+    settings.safety.exchange_ticks = 100'000;  // no exchange fault comes first
     test::TickRig rig(PoseTrack(), settings);
     rig.run_up();
     for (int i = 0; i < 100; ++i) {
@@ -180,12 +180,12 @@ TEST(TickThermal, FaultsWhenTheMotorsGoOnPullingAlthoughTheyWereSpared) {
         rig.step();
     }
     ASSERT_EQ(rig.tick.safety_state(), SafetyState::Running);
-    rig.faulty.failing = true;  // the motors hold what they have
+    rig.faulty.failing = true;  // the motors hold their last command
     rig.steps(1000);
     EXPECT_EQ(rig.tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_THERMAL));
 }
 
-TEST(TickThermal, CountsTheTimeForWhichTheProcessStoodStill) {
+TEST(TickThermal, CountsTheTimeForWhichTheProcessWasStopped) {
     test::TickRig rig(PoseTrack(), quick_motors());
     rig.run_up();
     for (int i = 0; i < 50; ++i) {

@@ -10,8 +10,8 @@
 #include <numbers>
 #include <stdexcept>
 
-#include <haptic/device/variant_file.hpp>
 #include "device/encoder.hpp"
+#include "haptic/device/device_geometry_file.hpp"
 #include "random.hpp"
 
 namespace haptic::rt {
@@ -28,7 +28,7 @@ VelocitySettings x3r_settings() {
     return {.window_ticks = 8, .noise = quantisation_noise(device::spidar_g6_x3r())};
 }
 
-/// What was used before, and is elsewhere: difference of poses and a first-order low pass.
+/// The usual alternative: difference of poses and a first-order low-pass filter.
 class LowPass {
   public:
     explicit LowPass(double time_constant_s) : share_(kTick / (time_constant_s + kTick)) {}
@@ -44,22 +44,22 @@ class LowPass {
     double velocity_ = 0.0;
 };
 
-/// Poses as an X3R measures them: lengths to whole counts, then PoseSolver.
+/// Poses as an X3R measures them: lengths rounded to whole counts, then PoseSolver.
 class Measured {
   public:
     Pose operator()(const Pose& pose) {
-        StringArray lengths = string_lengths(variant_, pose);
+        StringArray lengths = string_lengths(geometry_, pose);
         for (std::size_t i = 0; i < kStrings; ++i) {
-            const double count = std::fabs(variant_.strings[i].metres_per_count);
-            const double rest = variant_.rest_length(i);
+            const double count = std::fabs(geometry_.strings[i].metres_per_count);
+            const double rest = geometry_.rest_length(i);
             lengths[i] = rest + std::floor((lengths[i] - rest) / count + 0.5) * count;
         }
         return solver_.solve(lengths).pose;
     }
 
   private:
-    device::Variant variant_ = device::spidar_g6_x3r();
-    PoseSolver solver_{variant_};
+    device::DeviceGeometry geometry_ = device::spidar_g6_x3r();
+    PoseSolver solver_{geometry_};
 };
 
 struct Errors {
@@ -67,7 +67,7 @@ struct Errors {
     double low_pass = 0.0;
 };
 
-/// Errors of both along x for a motion of the grip, after half a second.
+/// Errors of both estimators along x for a motion of the grip, from half a second on.
 Errors errors_of(const std::function<double(double)>& position, const std::function<double(double)>& velocity) {
     Measured measured;
     AdaptiveVelocity adaptive(x3r_settings());
@@ -98,7 +98,7 @@ TEST(RotationBetween, IsTheAxisTimesTheAngle) {
     }
 }
 
-TEST(RotationBetween, TakesTheShorterWayWhateverTheSignOfTheQuaternion) {
+TEST(RotationBetween, HasAnAngleBelowPiForEitherSignOfTheQuaternion) {
     const Quat to = turn({0, 1, 0}, 0.2);
     EXPECT_LT(glm::length(rotation_between(Quat(1, 0, 0, 0), -to) - Vec3(0, 0.2, 0)), 1e-12);
     const Vec3 back = rotation_between(Quat(1, 0, 0, 0), turn({0, 1, 0}, 2.0 * std::numbers::pi - 0.2));
@@ -118,7 +118,7 @@ TEST(AdaptiveVelocity, IsExactForASteadyTwist) {
     }
 }
 
-TEST(AdaptiveVelocity, TakesTicksOfAnyLength) {
+TEST(AdaptiveVelocity, AcceptsTicksOfAnyLength) {
     AdaptiveVelocity filter(x3r_settings());
     test::Random random(3);
     filter.reset({});
@@ -132,7 +132,7 @@ TEST(AdaptiveVelocity, TakesTicksOfAnyLength) {
 }
 
 TEST(AdaptiveVelocity, FollowsASuddenStopWithinTwoTicks) {
-    // 0.5 m/s, then nothing. A low pass of 4 ms still reports 0.13 m/s after 6 ms.
+    // 0.5 m/s, then a stop. A low-pass filter of 4 ms still reports 0.13 m/s after 6 ms.
     AdaptiveVelocity filter(x3r_settings());
     filter.reset({});
     for (int tick = 1; tick <= 50; ++tick) {
@@ -151,8 +151,8 @@ TEST(AdaptiveVelocity, AtRestIsZeroWhenTheCountersStandStill) {
     EXPECT_LT(glm::length(filter.twist().angular), 1e-12);
 }
 
-TEST(AdaptiveVelocity, HasLessNoiseAndLessLagThanTheLowPass) {
-    // Slow: the encoders' quantisation is all that there is. Fast: lag is. In between both are.
+TEST(AdaptiveVelocity, HasLessNoiseAndLessLagThanTheLowPassFilter) {
+    // Slow: quantisation dominates. Fast: lag dominates. In between both matter.
     const auto sine = [](double amplitude, double hz) {
         const double omega = 2.0 * std::numbers::pi * hz;
         return errors_of([=](double t) { return amplitude * std::sin(omega * t); },
@@ -180,14 +180,14 @@ TEST(AdaptiveVelocity, WithAWindowOfOneTickIsTheDifferenceQuotient) {
     EXPECT_NEAR(filter.update({Vec3(1.003, 0, 0), Quat(1, 0, 0, 0)}, 2 * kTickNs).linear.x, 1.0, 1e-9);
 }
 
-TEST(AdaptiveVelocity, KeepsItsVelocityWhereNoTimeHasPassed) {
+TEST(AdaptiveVelocity, KeepsItsVelocityWhenNoTimeHasPassed) {
     AdaptiveVelocity filter(x3r_settings());
     filter.update({Vec3(0.001, 0, 0), Quat(1, 0, 0, 0)}, kTickNs);
     const Vec3 before = filter.twist().linear;
     EXPECT_EQ(filter.update({Vec3(5, 0, 0), Quat(1, 0, 0, 0)}, 0).linear, before);
 }
 
-TEST(AdaptiveVelocity, ForgetsWhatWasBeforeAReset) {
+TEST(AdaptiveVelocity, ForgetsTheHistoryAtAReset) {
     AdaptiveVelocity filter(x3r_settings());
     for (int tick = 0; tick < 50; ++tick) {
         filter.update({Vec3(0.001 * tick, 0, 0), turn({0, 0, 1}, 0.01 * tick)}, kTickNs);
@@ -199,26 +199,26 @@ TEST(AdaptiveVelocity, ForgetsWhatWasBeforeAReset) {
     EXPECT_EQ(filter.twist().angular, Vec3(0.0));
 }
 
-TEST(AdaptiveVelocity, RefusesAWindowThatIsNone) {
+TEST(AdaptiveVelocity, RejectsInvalidSettings) {
     EXPECT_THROW(AdaptiveVelocity({.window_ticks = 0, .noise = {}}), std::invalid_argument);
     EXPECT_THROW(AdaptiveVelocity({.window_ticks = 65, .noise = {}}), std::invalid_argument);
     EXPECT_THROW(AdaptiveVelocity({.window_ticks = 16, .noise = {.position = Vec3(-1.0), .rotation = Vec3(0.0)}}),
                  std::invalid_argument);
 }
 
-TEST(QuantisationNoise, BoundsWhatRoundingTheCountersDoes) {
+TEST(QuantisationNoise, BoundsTheErrorOfRoundedCounters) {
     for (const char* name : {"SpidarG6X3R", "SpidarG6X4", "SpidarG6X5R"}) {
-        const device::Variant variant = device::builtin_variant(name);
-        const PoseNoise noise = quantisation_noise(variant);
+        const device::DeviceGeometry geometry = device::built_in_geometry(name);
+        const PoseNoise noise = quantisation_noise(geometry);
         test::Random random(4);
         Vec3 furthest(0.0);
         Vec3 widest(0.0);
         for (int k = 0; k < 3000; ++k) {
-            StringArray lengths = string_lengths(variant, {});
+            StringArray lengths = string_lengths(geometry, {});
             for (std::size_t i = 0; i < kStrings; ++i) {
-                lengths[i] += random.uniform(-0.5, 0.5) * variant.strings[i].metres_per_count;
+                lengths[i] += random.uniform(-0.5, 0.5) * geometry.strings[i].metres_per_count;
             }
-            PoseSolver solver(variant);
+            PoseSolver solver(geometry);
             const Pose pose = solver.solve(lengths).pose;
             furthest = glm::max(furthest, glm::abs(pose.position));
             widest = glm::max(widest, glm::abs(rotation_between(Quat(1, 0, 0, 0), pose.orientation)));

@@ -23,7 +23,7 @@ class DoctorTest : public testing::Test {
   protected:
     [[nodiscard]] Diagnosis diagnosis() const { return examine(tree.machine(), settings); }
 
-    /// Names of what has a verdict.
+    /// Names of the findings with a verdict.
     [[nodiscard]] std::vector<std::string> that_are(Verdict verdict) const {
         std::vector<std::string> names;
         for (const Finding& one : diagnosis().findings) {
@@ -44,7 +44,7 @@ class DoctorTest : public testing::Test {
         return {};
     }
 
-    /// Only this is bad now, and its command is this.
+    /// Expects that exactly this finding is bad, with this remedy.
     void expect_only(const std::string& name, const std::string& remedy) const {
         EXPECT_THAT(that_are(Verdict::Bad), ElementsAre(name));
         EXPECT_THAT(finding(name).remedy, HasSubstr(remedy));
@@ -55,7 +55,7 @@ class DoctorTest : public testing::Test {
     DoctorSettings settings{.usb = device::UsbSelection{.id = kBoard}};
 };
 
-TEST_F(DoctorTest, FindsNothingOnAMachineThatIsWellSetUp) {
+TEST_F(DoctorTest, FindsNothingBadOnAWellConfiguredMachine) {
     EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
     EXPECT_THAT(that_are(Verdict::Unknown), IsEmpty());
     EXPECT_TRUE(diagnosis().good());
@@ -78,7 +78,7 @@ TEST_F(DoctorTest, NamesAProcessorThatIsNotIsolated) {
     expect_only("isolation", "haptic-tune apply cmdline --cpu 2 && sudo reboot");
 }
 
-TEST_F(DoctorTest, SaysThatOneProcessorIsTooFewForIsolation) {
+TEST_F(DoctorTest, NeedsTwoProcessorsForIsolation) {
     settings.cpu = 0;
     tree.write("/sys/devices/system/cpu/online", "0");
     tree.write("/sys/devices/system/cpu/isolated", "");
@@ -108,12 +108,12 @@ TEST_F(DoctorTest, NamesInterruptsOnTheLoopsProcessor) {
     EXPECT_THAT(finding("interrupts").found, HasSubstr("30 eth0"));
 }
 
-TEST_F(DoctorTest, TakesTheAskedForAffinityWhereTheEffectiveOneIsNotKnown) {
+TEST_F(DoctorTest, UsesTheRequestedAffinityIfTheEffectiveOneIsUnknown) {
     tree.interrupt(30, "eth0", "");
     expect_only("interrupts", "haptic-tune apply irqs --cpu 3");
 }
 
-TEST_F(DoctorTest, TakesAnInterruptThatHasBeenSentAwayForGoneBeforeItComesAgain) {
+TEST_F(DoctorTest, TreatsAReroutedInterruptAsGoneAtOnce) {
     tree.interrupt(30, "eth0", "3");
     tree.write("/proc/irq/30/smp_affinity_list", "0-2");
     EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
@@ -129,7 +129,7 @@ TEST_F(DoctorTest, NamesAnotherThreadThatMayTakeTheProcessor) {
     EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
 }
 
-TEST_F(DoctorTest, NamesAHyperThreadThatOthersUse) {
+TEST_F(DoctorTest, NamesABusyHyperThread) {
     tree.write("/sys/devices/system/cpu/isolated", "3");
     tree.write("/proc/self/status", "CapEff:\t0\nCpus_allowed_list:\t0-2");
     expect_only("siblings", "haptic-tune apply siblings --cpu 3");
@@ -142,13 +142,13 @@ TEST_F(DoctorTest, NamesAGovernorThatSlowsDown) {
     expect_only("governor", "haptic-tune apply governor --cpu 3");
 }
 
-TEST_F(DoctorTest, DoesNotKnowOfAGovernorWhereTheKernelSetsNoFrequency) {
+TEST_F(DoctorTest, ReportsNoVerdictWithoutFrequencyControl) {
     tree.remove("/sys/devices/system/cpu/cpu3/cpufreq");
     EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("governor"));
     EXPECT_TRUE(diagnosis().good());
 }
 
-TEST_F(DoctorTest, NamesDeepIdleStatesThatItMayNotKeepAway) {
+TEST_F(DoctorTest, NamesDeepIdleStatesThatItCannotBlock) {
     tree.forbid("/dev/cpu_dma_latency");
     expect_only("idle_states", "chgrp haptic /dev/cpu_dma_latency");
     EXPECT_THAT(finding("idle_states").found, HasSubstr("C6 takes 133 us"));
@@ -177,12 +177,12 @@ TEST_F(DoctorTest, NamesThrottling) {
     EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
 }
 
-TEST_F(DoctorTest, NamesHugePagesThatComeUnasked) {
+TEST_F(DoctorTest, NamesAutomaticHugePages) {
     tree.write("/sys/kernel/mm/transparent_hugepage/enabled", "[always] madvise never");
     expect_only("huge_pages", "haptic-tune apply hugepages");
 }
 
-TEST_F(DoctorTest, NamesTimeThatAHypervisorTook) {
+TEST_F(DoctorTest, NamesTimeStolenByAHypervisor) {
     tree.write("/proc/stat", "cpu  1 0 1 900 0 0 0 0 0 0\ncpu3 1 0 1 900 0 0 0 25 0 0");
     expect_only("stolen_time", "none from here");
     EXPECT_THAT(finding("stolen_time").found, HasSubstr("250 ms"));
@@ -207,9 +207,9 @@ TEST_F(DoctorTest, OffersCapabilitiesWhereNoLimitsAreInstalled) {
     EXPECT_THAT(finding("priority").remedy, HasSubstr("setcap cap_sys_nice,cap_ipc_lock+ep"));
 }
 
-TEST_F(DoctorTest, IsContentWithCapabilitiesInPlaceOfLimits) {
+TEST_F(DoctorTest, AcceptsCapabilitiesInPlaceOfLimits) {
     tree.limits("0", "8388608");
-    // Bits 14 and 23.
+    // Bits 14 (CAP_IPC_LOCK) and 23 (CAP_SYS_NICE).
     tree.write("/proc/self/status", "CapEff:\t0000000000804000\nCpus_allowed_list:\t0,2");
     EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
     tree.write("/proc/self/status", "CapEff:\t0000000000004000\nCpus_allowed_list:\t0,2");
@@ -241,7 +241,7 @@ TEST_F(DoctorTest, FindsTheLineOfAControllerWithoutMessageSignalledInterrupts) {
     EXPECT_THAT(finding("usb_interrupt").found, HasSubstr("interrupt 18 (ehci_hcd:usb1) of 1-2"));
 }
 
-TEST_F(DoctorTest, KnowsAControllerOnASystemOnChipByTheNameOfItsInterrupt) {
+TEST_F(DoctorTest, FindsASystemOnChipControllerByItsHandlerName) {
     tree.remove("/sys/devices/pci0000:00/0000:00:14.0/msi_irqs");
     tree.remove("/sys/devices/pci0000:00/0000:00:14.0/irq");
     tree.remove("/proc/irq/24");
@@ -250,7 +250,7 @@ TEST_F(DoctorTest, KnowsAControllerOnASystemOnChipByTheNameOfItsInterrupt) {
     EXPECT_THAT(finding("usb_interrupt").found, HasSubstr("interrupt 24 (xhci-hcd:usb1)"));
 }
 
-TEST_F(DoctorTest, LooksAtTheBoardThatTheSettingsMean) {
+TEST_F(DoctorTest, ChecksTheBoardOfTheSettings) {
     tree.write("/sys/bus/usb/devices/1-2/power/control", "auto");
     settings.usb->path = "1-3";
     EXPECT_EQ(finding("usb_access").verdict, Verdict::Unknown);
@@ -268,13 +268,13 @@ TEST_F(DoctorTest, ExpectsTheUdevRuleWhereNoBoardIsPluggedIn) {
     EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
 }
 
-TEST_F(DoctorTest, AsksNothingOfUsbForABoardOnASerialLine) {
+TEST_F(DoctorTest, ReportsNoVerdictOnUsbForABoardOnASerialLine) {
     settings.usb.reset();
     EXPECT_EQ(finding("usb_autosuspend").verdict, Verdict::Unknown);
     EXPECT_TRUE(diagnosis().good());
 }
 
-TEST_F(DoctorTest, DoesNotKnowWhatItCannotRead) {
+TEST_F(DoctorTest, ReportsUnreadableFilesAsUnknown) {
     tree.remove("/proc");
     tree.remove("/sys");
     for (const Finding& one : diagnosis().findings) {
@@ -287,7 +287,7 @@ TEST_F(DoctorTest, DoesNotKnowWhatItCannotRead) {
     EXPECT_EQ(finding("stolen_time").verdict, Verdict::Unknown);
 }
 
-TEST_F(DoctorTest, SaysOfWhatIsBadWhyAndWhatMendsItOnAnyMachine) {
+TEST_F(DoctorTest, GivesReasonAndRemedyForEveryBadFinding) {
     for (const Finding& one : examine(Machine(), settings).findings) {
         EXPECT_FALSE(one.found.empty()) << one.name;
         EXPECT_FALSE(one.why.empty()) << one.name;
@@ -318,7 +318,7 @@ TEST_F(DoctorTest, WritesALineForEachFindingAndTheCommandForTheBadOnes) {
     const std::string text = text_of(diagnosis());
     EXPECT_THAT(text, HasSubstr("good     kernel           6.1.0-38-rt-amd64, PREEMPT_RT\n"));
     EXPECT_THAT(text, HasSubstr("bad      throttling       real-time threads may run for 950000 us of 1000000\n"));
-    EXPECT_THAT(text, HasSubstr("mend: sudo haptic-tune apply throttling --cpu 3\n"));
+    EXPECT_THAT(text, HasSubstr("fix:  sudo haptic-tune apply throttling --cpu 3\n"));
     EXPECT_THAT(text, HasSubstr("18 good, 1 bad, 0 unknown\n"));
 }
 

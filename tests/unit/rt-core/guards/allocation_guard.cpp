@@ -3,7 +3,7 @@
 #include <cerrno>
 #include <cstddef>
 
-// The C library's own allocator under its other names, which nothing replaces.
+// The C library's allocator under its internal names, which are not replaced.
 // NOLINTBEGIN(*-reserved-identifier,*-identifier-naming)
 extern "C" {
 void* __libc_malloc(std::size_t size);
@@ -16,7 +16,7 @@ void __libc_free(void* memory);
 
 namespace {
 
-// In the executable's own thread-local storage, so that touching them allocates nothing.
+// In the executable's own thread-local storage, so that accessing them allocates nothing.
 thread_local bool guarded = false;
 thread_local std::size_t counted = 0;
 

@@ -1,5 +1,5 @@
-// Counts what the calling thread allocates and frees while a guard lives. Link allocation_guard.cpp into a test's
-// executable: it takes the place of the C library's allocator, and with it of operator new.
+// Allocation guard: counts the calling thread's allocations and frees during its lifetime. Linking allocation_guard.cpp
+// into a test replaces the C library's allocator, and with it operator new.
 #pragma once
 
 #include <cstddef>

@@ -16,7 +16,7 @@
 namespace haptic::test {
 namespace {
 
-// On x86-64 a reference relative to the instruction pointer counts from the end of its four bytes.
+// On x86-64 an instruction-relative reference counts from the end of its four bytes.
 #if defined(__x86_64__)
 constexpr std::int64_t kBias = 4;
 #else
@@ -24,7 +24,7 @@ constexpr std::int64_t kBias = 0;
 #endif
 
 void each_line(const std::string& command, const std::function<void(const std::string&)>& take) {
-    // The command is made of paths that the build chose.
+    // The command consists of paths chosen by the build.
     FILE* const pipe = popen(command.c_str(), "r");  // NOLINT(bugprone-command-processor)
     if (pipe == nullptr) {
         throw std::runtime_error("cannot run: " + command);
@@ -42,7 +42,7 @@ void each_line(const std::string& command, const std::function<void(const std::s
     }
 }
 
-/// "name+0x12", "name-0x4" or "name": the name, and the addend if it is wanted.
+/// Splits "name+0x12", "name-0x4" or "name" into the name and the addend.
 std::string without_addend(const std::string& text, std::int64_t* addend = nullptr) {
     const std::size_t sign = text.find_last_of("+-");
     if (sign == std::string::npos || text.compare(sign + 1, 2, "0x") != 0) {
@@ -62,17 +62,17 @@ std::string in_angles(const std::string& line) {
                : line.substr(open + 1, close - open - 1);
 }
 
-/// The code of one object of an archive, as objdump prints it.
+/// The code of one object file of an archive, as printed by objdump.
 struct Object {
     struct Reference {
         std::string from;
-        std::string section;  // of the code that is referred to, where only that is known
+        std::string section;  // of the target, if only section and offset are known
         std::int64_t offset;
     };
     std::map<std::string, std::map<std::int64_t, std::string>> functions;  // by section and address
     std::vector<Reference> references;
 
-    /// Makes calls out of references to a place in a section.
+    /// Turns references to section offsets into calls of the functions there.
     void resolve(std::map<std::string, std::set<std::string>>& calls) const {
         for (const Reference& reference : references) {
             const auto section = functions.find(reference.section);
@@ -119,7 +119,7 @@ void CallGraph::read_code(const std::string& objdump, const std::string& archive
     Object object;
     std::string section;
     std::string function;
-    std::string pending;  // target of the last instruction, unless a relocation says better
+    std::string pending;  // target of the last instruction, unless a relocation follows
     const auto take_pending = [&] {
         if (!pending.empty() && pending != function) {
             calls_[function].insert(pending);
@@ -163,7 +163,7 @@ std::vector<std::string> CallGraph::find(const std::string& qualified_name) cons
     std::vector<std::string> found;
     for (const auto& [symbol, unused] : calls_) {
         const std::string name = demangle(symbol);
-        // clang names the parts that it splits off as gcc does: "f() [clone .cold]".
+        // Parts split off by the compiler: "f() [clone .cold]".
         if (name == qualified_name || name.starts_with(qualified_name + "(")) {
             found.push_back(symbol);
         }

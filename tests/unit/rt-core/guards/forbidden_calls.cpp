@@ -1,4 +1,4 @@
-// What a tick must never do, for the test that proves that the check of its symbols sees it.
+// Calls that a tick must never make, for the test that the symbol check detects them.
 #include <cstdio>
 #include <mutex>
 #include <new>

@@ -1,5 +1,5 @@
-// What the compiler must refuse: a function under the real-time contract that allocates two calls down. Only compiled
-// by the test RealtimeContract.CompilerRefusesAnAllocationTwoCallsDown, and only to fail.
+// Code that the compiler must reject: a function under the real-time contract that allocates two calls down. Compiled
+// only by the test RealtimeContract.CompilerRefusesAnAllocationTwoCallsDown, which expects an error.
 #include <vector>
 
 #include "haptic/realtime.hpp"

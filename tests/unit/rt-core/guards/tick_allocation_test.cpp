@@ -1,4 +1,4 @@
-// No tick allocates or frees, whatever happens in it.
+// No tick allocates or frees memory, in any situation.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -17,7 +17,7 @@ using haptic::test::AllocationGuard;
 using test::floor_frame;
 using test::TickRig;
 
-/// Keeps the compiler from leaving out an allocation that nobody looks at.
+/// Keeps the compiler from removing an unused allocation.
 void look_at(const void* memory) {
     __asm__ volatile("" : : "g"(memory) : "memory");
 }
@@ -27,7 +27,7 @@ TEST(AllocationGuard, CountsNothingWhereNothingIsAllocated) {
     EXPECT_EQ(guard.calls(), 0u);
 }
 
-TEST(AllocationGuard, FiresForEveryWayToAllocate) {
+TEST(AllocationGuard, CountsEveryWayToAllocate) {
     const auto counts = [](void (*act)()) {
         const AllocationGuard guard;
         act();
@@ -59,7 +59,7 @@ TEST(AllocationGuard, FiresForEveryWayToAllocate) {
               3u);
 }
 
-TEST(AllocationGuard, LooksAtItsOwnThreadOnly) {
+TEST(AllocationGuard, CountsItsOwnThreadOnly) {
     std::thread other;
     {
         const AllocationGuard guard;
@@ -94,7 +94,7 @@ class TickAllocations : public testing::Test {
         }
     }
 
-    /// Guarded ticks with a frame each tenth.
+    /// Allocations in a number of ticks, with a frame every tenth.
     std::size_t calls_in(int ticks, bool with_frames = true) {
         const AllocationGuard guard;
         for (int i = 0; i < ticks; ++i) {
@@ -109,11 +109,11 @@ class TickAllocations : public testing::Test {
     }
 
     TickRig rig;
-    Recorder recorder{1024};  // nobody drains it: dropping must not allocate either
+    Recorder recorder{1024};  // never drained: dropping must not allocate either
     ContactFrame frame{};
 };
 
-TEST_F(TickAllocations, AreNoneFromArmingThroughContactToTheStop) {
+TEST_F(TickAllocations, AreZeroFromArmingThroughContactToTheStop) {
     rig.tick.arm();
     EXPECT_EQ(calls_in(5000), 0u);
     EXPECT_GT(rig.tick.instruments().contact_ticks, 1000u);
@@ -124,10 +124,10 @@ TEST_F(TickAllocations, AreNoneFromArmingThroughContactToTheStop) {
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
 }
 
-TEST_F(TickAllocations, AreNoneWhenEverythingGoesWrong) {
+TEST_F(TickAllocations, AreZeroWhenEverythingGoesWrong) {
     rig.tick.arm();
     EXPECT_EQ(calls_in(1500), 0u);
-    frame.proxies[3].planes[0].normal[1] = 7.0;  // refused
+    frame.proxies[3].planes[0].normal[1] = 7.0;  // rejected
     EXPECT_EQ(calls_in(100), 0u);
     rig.faulty.added[1] = 9000;  // a jump
     EXPECT_EQ(calls_in(100), 0u);

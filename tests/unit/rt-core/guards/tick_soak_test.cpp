@@ -1,5 +1,5 @@
-// Ten million ticks, almost three hours of a 1 kHz loop, in virtual time: through contact, lost frames, stops and new
-// arming. None of them allocates, frees or takes a page fault.
+// Soak test: ten million ticks in virtual time, almost three hours of a 1 kHz loop, through contact, lost frames, stops
+// and re-arming. None of them allocates, frees or takes a page fault.
 #include <gtest/gtest.h>
 #include <malloc.h>
 #include <sys/mman.h>
@@ -26,11 +26,11 @@ using test::TickRig;
 
 constexpr std::int64_t kTicks = 10'000'000;
 constexpr std::int64_t kWarmTicks = 20'000;
-constexpr std::int64_t kPhaseTicks = 20'000;     // each begins with arming, and ends with a stop
+constexpr std::int64_t kPhaseTicks = 20'000;     // each begins with arming and ends with a stop
 constexpr std::int64_t kStopTicks = 1'500;       // in which force and tension fade
-constexpr std::int64_t kHoldNs = 2'000'000'000;  // for which the hand is still in each phase, to be calibrated
+constexpr std::int64_t kHoldNs = 2'000'000'000;  // for which the hand holds still in each phase, for the calibration
 
-/// Still at the centre at the beginning of each phase, then in and out of the floor while it turns.
+/// At rest at the centre at the beginning of each phase, then in and out of the floor while rotating.
 PoseTrack restless_hand() {
     const std::int64_t phases = (kTicks + kWarmTicks) / kPhaseTicks + 1;
     std::vector<double> times_s;
@@ -56,7 +56,7 @@ PoseTrack restless_hand() {
 class TickSoak : public testing::Test {
   protected:
     TickSoak() {
-        // As prepare_process() does it. Locking is refused to some users; without it nothing else may touch the pages.
+        // As in prepare_process(). Some users may not lock memory; the pages must then stay untouched by anything else.
         mallopt(M_TRIM_THRESHOLD, -1);
         mallopt(M_MMAP_MAX, 0);
         (void)mlockall(MCL_CURRENT | MCL_FUTURE);
@@ -96,7 +96,7 @@ class TickSoak : public testing::Test {
     }
 
     TickRig rig{restless_hand()};
-    Recorder recorder{1024};  // nobody drains it: dropping must not allocate either
+    Recorder recorder{1024};  // never drained: dropping must not allocate either
     ContactFrame frame{};
     std::unique_ptr<FakeWire> tick_wire = std::make_unique<FakeWire>();
     std::unique_ptr<FakeWire> frame_wire = std::make_unique<FakeWire>();
@@ -118,7 +118,7 @@ TEST_F(TickSoak, TenMillionTicksNeitherAllocateNorTakeAPageFault) {
     EXPECT_EQ(calls, 0u);
     EXPECT_EQ(after.page_faults - before.page_faults, 0);
 
-    // It did what it was to do, most of the time.
+    // Guard: most ticks were in the intended state.
     const Instruments& m = rig.tick.instruments();
     EXPECT_EQ(m.ticks, static_cast<std::uint64_t>(kTicks + kWarmTicks));
     EXPECT_GT(m.contact_ticks, static_cast<std::uint64_t>(kTicks / 5));

@@ -1,5 +1,5 @@
-// Nothing that the tick reaches refers to a symbol which is not on the committed list: no allocator, lock, stream or
-// exception can hide behind an innocent call, whatever compiler was used.
+// Symbol check of the tick: functions reachable from it refer only to external symbols on the committed list, so that
+// no allocator, lock, stream or exception can hide behind a call, with any compiler.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -13,7 +13,7 @@
 namespace haptic::test {
 namespace {
 
-/// One symbol a line; what follows # says why.
+/// Reads the list: one symbol per line, comments after #.
 std::set<std::string> read_allowed(const std::string& file) {
     std::ifstream stream(file);
     if (!stream) {
@@ -40,7 +40,7 @@ const CallGraph& tick_graph() {
     return graph;
 }
 
-/// Everything that a real-time thread enters: its loop, and what a tick calls through a pointer.
+/// Entry points of the real-time thread: its loop, and every function that a tick calls through a pointer.
 const std::vector<std::string>& roots() {
     static const std::vector<std::string> names = {
         "haptic::rt::RealtimeLoop::cycle",       "haptic::rt::Tick::run",
@@ -53,6 +53,7 @@ const std::vector<std::string>& roots() {
         "haptic::device::FaultyFirmware::reply", "haptic::device::FaultyFirmware::connected",
         "haptic::device::UartBoard::exchange",   "haptic::device::UartFirmware::receive",
         "haptic::device::UartFirmware::reply",   "haptic::device::SerialTransport::exchange",
+        "haptic::device::TtyBoard::exchange",
     };
     return names;
 }
@@ -75,44 +76,44 @@ TEST(TickSymbols, AreAllOnTheAllowList) {
     }
 }
 
-TEST(TickSymbols, OfTheUsbExchangeAreLibusbsToSubmitAndToReapAndTheKernelsToWaitAndToSend) {
-    // Its own list: what a stage with a bound of its own may call, nothing else of the tick may.
+TEST(TickSymbols, OfTheUsbExchangeAreThoseOfLibusbAndTheKernelAlone) {
+    // A separate list: the USB exchange has its own bound, and only it may make these calls.
     std::set<std::string> allowed = read_allowed(ALLOWED_SYMBOLS);
     allowed.insert({"libusb_submit_transfer", "libusb_handle_events_timeout_completed", "ppoll", "sem_post"});
-    allowed.insert({"ioctl", "__errno_location"});  // of the last packet
+    allowed.insert({"ioctl", "__errno_location"});  // for the last packet
     const std::vector<std::string> usb = {"haptic::device::UsbTransport::exchange",
                                           "haptic::device::UsbTransport::send_last"};
     const CallGraph::Reach reach = reach_of(tick_graph(), usb);
     for (const auto& [symbol, user] : reach.externals) {
         EXPECT_TRUE(allowed.contains(symbol)) << demangle(user) << " refers to " << symbol;
     }
-    EXPECT_TRUE(reach.externals.contains("libusb_submit_transfer")) << "looked for in vain";
+    EXPECT_TRUE(reach.externals.contains("libusb_submit_transfer")) << "the check did not find the expected call";
 }
 
-TEST(TickSymbols, OfAProbesEdgeAreOneCallOfLibgpiod) {
+TEST(TickSymbols, OfAProbeEdgeAreOneCallOfLibgpiod) {
     std::set<std::string> allowed = read_allowed(ALLOWED_SYMBOLS);
     allowed.insert("gpiod_line_set_value");
     const CallGraph::Reach reach = reach_of(tick_graph(), {"haptic::(anonymous namespace)::GpioOutput::set"});
     for (const auto& [symbol, user] : reach.externals) {
         EXPECT_TRUE(allowed.contains(symbol)) << demangle(user) << " refers to " << symbol;
     }
-    EXPECT_TRUE(reach.externals.contains("gpiod_line_set_value")) << "looked for in vain";
+    EXPECT_TRUE(reach.externals.contains("gpiod_line_set_value")) << "the check did not find the expected call";
 }
 
 #ifdef GPIOD_ARCHIVE
-TEST(TickSymbols, OfLibgpiodsCallAreTheKernels) {
+TEST(TickSymbols, OfThatCallOfLibgpiodAreTheKernels) {
     const CallGraph graph(OBJDUMP, NM, {GPIOD_ARCHIVE});
     const CallGraph::Reach reach = reach_of(graph, {"gpiod_line_set_value"});
     const std::set<std::string> allowed = {"ioctl", "__errno_location", "memset", "__stack_chk_fail"};
     for (const auto& [symbol, user] : reach.externals) {
         EXPECT_TRUE(allowed.contains(symbol)) << user << " refers to " << symbol;
     }
-    EXPECT_TRUE(reach.externals.contains("ioctl")) << "looked for in vain";
+    EXPECT_TRUE(reach.externals.contains("ioctl")) << "the check did not find the expected call";
 }
 #endif
 
-TEST(TickSymbols, AreLookedForInEveryPartOfTheTick) {
-    // A check that reached nothing would find nothing.
+TEST(TickSymbols, ReachEveryPartOfTheTick) {
+    // Guard: a check that reaches no function finds nothing.
     const CallGraph::Reach reach = reach_of(tick_graph(), roots());
     for (const char* part :
          {"haptic::rt::sleep_until", "haptic::rt::StringEncoders::update", "haptic::rt::PoseSolver::solve",

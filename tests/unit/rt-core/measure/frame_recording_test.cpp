@@ -54,7 +54,7 @@ class FrameRecording : public testing::Test {
     std::filesystem::path file = folder / "run.frames.csv";
 };
 
-/// Any finite number at all, and sometimes minus zero.
+/// Any finite number, sometimes -0.0.
 double any_number(std::mt19937_64& random) {
     double value = std::bit_cast<double>(random());
     while (!std::isfinite(value)) {
@@ -114,7 +114,7 @@ TEST_F(FrameRecording, GivesTheSameBitsBack) {
     }
 }
 
-TEST_F(FrameRecording, KeepsThatAFrameHadADefect) {
+TEST_F(FrameRecording, KeepsADefectiveFrameDefective) {
     std::vector<RecordedFrame> frames(3);
     for (RecordedFrame& recorded : frames) {
         recorded.frame = test::floor_frame(0.0, 100.0, 7);
@@ -135,7 +135,7 @@ TEST_F(FrameRecording, KeepsThatAFrameHadADefect) {
     }
 }
 
-TEST_F(FrameRecording, IsATableThatAnyToolReads) {
+TEST_F(FrameRecording, IsReadableAsATable) {
     std::mt19937_64 random(6);
     RecordedFrame broken = any_frame(random);
     broken.frame.damping = std::numeric_limits<double>::quiet_NaN();
@@ -143,7 +143,7 @@ TEST_F(FrameRecording, IsATableThatAnyToolReads) {
     EXPECT_NO_THROW(static_cast<void>(CsvTable::load(file)));
 }
 
-TEST_F(FrameRecording, NamesTheLineOfRowsThatMakeNoFrame) {
+TEST_F(FrameRecording, NamesTheLineOfRowsThatFormNoFrame) {
     EXPECT_THAT(error_of("now_ns,defect\n"), HasSubstr("there is no column particle"));
     std::string header;
     std::string zeros;
@@ -152,10 +152,11 @@ TEST_F(FrameRecording, NamesTheLineOfRowsThatMakeNoFrame) {
         zeros += frame_columns()[i] == "proxy_count" ? ",2" : ",0";
     }
     header = "now_ns,defect,particle" + header + "\n";
-    EXPECT_THAT(error_of(header + "1,0,0" + zeros + "\n"), HasSubstr("csv:2: the frame's particles end too early"));
+    EXPECT_THAT(error_of(header + "1,0,0" + zeros + "\n"),
+                HasSubstr("csv:2: the frame has fewer particles than proxy_count"));
     EXPECT_THAT(error_of(header + "1,0,0" + zeros + "\n1,0,2" + zeros + "\n"),
-                HasSubstr("csv:3: column particle: 1 was to come here"));
-    EXPECT_THAT(error_of(header + "1,99,0" + zeros + "\n"), HasSubstr("csv:2: column defect: there is no defect 99"));
+                HasSubstr("csv:3: column particle: expected 1"));
+    EXPECT_THAT(error_of(header + "1,99,0" + zeros + "\n"), HasSubstr("csv:2: column defect: unknown defect 99"));
     EXPECT_EQ(error_of(header + "1,0,0" + zeros + "\n1,0,1" + zeros + "\n"), "");
 }
 

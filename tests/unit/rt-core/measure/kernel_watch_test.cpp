@@ -16,7 +16,7 @@ using testing::ElementsAre;
 
 constexpr std::int64_t kWindow = KernelWatch::kWindowNs;
 
-/// A /proc of a machine with two processors, of which the second is watched.
+/// A /proc folder of a machine with two processors; the second is watched.
 class KernelWatchTest : public testing::Test {
   protected:
     KernelWatchTest() { std::filesystem::create_directories(proc); }
@@ -33,7 +33,7 @@ class KernelWatchTest : public testing::Test {
         std::ofstream(proc / "schedstat") << "version 15\ntimestamp 4295\ncpu0 0 0 0 0 0 0 1 2 3\ndomain0 3 1\n"
                                           << "cpu1 0 0 0 0 0 0 55 " << queued_ns << " 3\n";
     }
-    /// A tick that the log keeps.
+    /// Adds a tick that the log keeps.
     void late_tick(std::int64_t now_ns) {
         TickRecord record;
         record.number = ++number;
@@ -49,17 +49,17 @@ class KernelWatchTest : public testing::Test {
     std::int64_t lateness_ns = 100'000;
 };
 
-TEST_F(KernelWatchTest, HasTheWindowAroundALateTickWithWhatItsProcessorCounted) {
+TEST_F(KernelWatchTest, KeepsTheWindowAroundALateTick) {
     write(1000, 10, 5, 1'000'000);
     KernelWatch watch(1, proc);
     watch.restart(0);
     write(1100, 10, 5, 2'000'000);
-    watch.look(kWindow, *log);
+    watch.poll(kWindow, *log);
     late_tick(kWindow + 1);
     write(1200, 510, 6, 9'000'000);
-    watch.look(2 * kWindow, *log);
+    watch.poll(2 * kWindow, *log);
     write(1300, 510, 6, 9'000'000);
-    watch.look(2 * kWindow + 1, *log);  // too early to be of use
+    watch.poll(2 * kWindow + 1, *log);  // too early to close a window
     watch.finish(3 * kWindow, *log);
 
     EXPECT_EQ(watch.window_of(1), nullptr) << "nothing happened in it";
@@ -77,7 +77,7 @@ TEST_F(KernelWatchTest, HasTheWindowAroundALateTickWithWhatItsProcessorCounted) 
     EXPECT_DOUBLE_EQ(watch.watched_s(), 0.3);
 }
 
-TEST_F(KernelWatchTest, LeavesOutWhatHappensInAPause) {
+TEST_F(KernelWatchTest, IgnoresCountsDuringAPause) {
     write(1000, 0, 0, 0);
     KernelWatch watch(1, proc);
     watch.restart(0);
@@ -91,7 +91,7 @@ TEST_F(KernelWatchTest, LeavesOutWhatHappensInAPause) {
     EXPECT_DOUBLE_EQ(watch.watched_s(), 0.2);
 }
 
-TEST_F(KernelWatchTest, SaysThatItDoesNotKnowWhereTheKernelDoesNotTell) {
+TEST_F(KernelWatchTest, ReportsCountersThatTheKernelLacksAsUnknown) {
     KernelWatch watch(1, proc / "nowhere");
     watch.restart(0);
     late_tick(1);
@@ -107,11 +107,11 @@ TEST_F(KernelWatchTest, KeepsAWindowWhoseTickIsReportedLater) {
     write(0, 0, 0, 0);
     KernelWatch watch(1, proc);
     watch.restart(0);
-    watch.look(kWindow, *log);
-    watch.look(2 * kWindow, *log);
+    watch.poll(kWindow, *log);
+    watch.poll(2 * kWindow, *log);
     late_tick(kWindow - 1);
     for (int i = 3; i < 40; ++i) {
-        watch.look(i * kWindow, *log);
+        watch.poll(i * kWindow, *log);
     }
     EXPECT_NE(watch.window_of(kWindow - 1), nullptr);
 }

@@ -25,7 +25,7 @@ std::size_t times(const std::string& text, const std::string& part) {
     return count;
 }
 
-/// A report of so many ticks; of no wake-up that was measured if there are none.
+/// A report of this many ticks; 0 leaves all distributions empty.
 nlohmann::json report_of(int ticks, const std::string& device = "a device") {
     const auto instruments = std::make_unique<Instruments>();
     const auto log = std::make_unique<TimingLog>();
@@ -46,7 +46,7 @@ nlohmann::json report_of(int ticks, const std::string& device = "a device") {
         {.result = &result, .instruments = instruments.get(), .log = log.get(), .kernel = &kernel});
 }
 
-TEST(MeasurePage, DrawsEachDistributionThatThereIs) {
+TEST(MeasurePage, DrawsEachDistributionWithValues) {
     const std::string page = measure_page(report_of(100));
     EXPECT_EQ(times(page, "<svg "), 4U) << "tails, course, wake-up and compute";
     EXPECT_EQ(times(page, "<svg "), times(page, "</svg>"));
@@ -54,20 +54,20 @@ TEST(MeasurePage, DrawsEachDistributionThatThereIs) {
     EXPECT_THAT(page, Not(HasSubstr("<script")));
 }
 
-TEST(MeasurePage, HasAsManyBarsAsValuesThatDiffer) {
-    // 1 us alone is one bar, however wide the plot.
+TEST(MeasurePage, DrawsOneBarPerDistinctValue) {
+    // A single value of 1 us is a single bar.
     const std::string one = measure_page(report_of(1));
     EXPECT_EQ(times(one, "<rect class=\"first\" "), 2U) << "one of wake-up, one of compute";
     const std::string two = measure_page(report_of(2));
     EXPECT_EQ(times(two, "<rect class=\"first\" "), 3U);
 }
 
-TEST(MeasurePage, CanBeOfARunThatWasOverBeforeItBegan) {
+TEST(MeasurePage, CanShowARunWithoutTicks) {
     const std::string page = measure_page(report_of(0));
     EXPECT_THAT(page, AllOf(HasSubstr("none"), Not(HasSubstr("nan"))));
 }
 
-TEST(MeasurePage, WritesWhatIsGivenAsTextAndNotAsMarkup) {
+TEST(MeasurePage, EscapesTextFromTheReport) {
     const std::string page = measure_page(report_of(3, "a <b>\"board\"</b> & more"));
     EXPECT_THAT(page, HasSubstr("a &lt;b&gt;&quot;board&quot;&lt;/b&gt; &amp; more"));
     EXPECT_THAT(page, Not(HasSubstr("<b>")));

@@ -17,7 +17,7 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-/// A measurement made of ticks that are given.
+/// A measurement of given ticks.
 class MeasureReport : public testing::Test {
   protected:
     MeasureReport() {
@@ -49,7 +49,7 @@ class MeasureReport : public testing::Test {
                                     .log = log.get(),
                                     .kernel = &kernel,
                                     .real_minus_monotonic_ns = 1'800'000'000'000'000'000,
-                                    .other = other.get()});
+                                    .cyclictest = other.get()});
     }
 
     RunResult result;
@@ -78,7 +78,7 @@ TEST_F(MeasureReport, HasTheKeysOfARunAndThoseOfAMeasurement) {
     EXPECT_FALSE(measure.at("latency_us").at("device_to_plane").contains("max_at")) << "there was no frame";
 }
 
-TEST_F(MeasureReport, HasThePercentilesThatSortingGives) {
+TEST_F(MeasureReport, HasThePercentilesOfTheSortedValues) {
     std::mt19937 random(3);
     std::lognormal_distribution<double> duration(10.0, 1.0);  // ns
     std::vector<std::int64_t> all;
@@ -99,7 +99,7 @@ TEST_F(MeasureReport, HasThePercentilesThatSortingGives) {
     EXPECT_EQ(wakeup.at("count"), 30'000);
 }
 
-TEST_F(MeasureReport, SaysWhenTheLargestWasAndWhichStageWasItsCause) {
+TEST_F(MeasureReport, NamesTimeAndStageOfTheMaximum) {
     for (int i = 0; i < 100; ++i) {
         tick(20'000, 5000);
     }
@@ -160,10 +160,10 @@ TEST_F(MeasureReport, IsComparedWithAnother) {
     EXPECT_DOUBLE_EQ(comparison.at("latency_us").at("compute").at("max").at("ratio").get<double>(), 2.0);
     EXPECT_TRUE(comparison.at("latency_us").at("device_to_plane").at("max").at("ratio").is_null());
     EXPECT_EQ(comparison.at("differences"), nlohmann::json({"preempt_rt"}));
-    EXPECT_THAT(comparison_text(comparison), HasSubstr("differ in preempt_rt: false | true"));
+    EXPECT_THAT(comparison_text(comparison), HasSubstr("different preempt_rt: false | true"));
 }
 
-TEST_F(MeasureReport, IsNotTakenForOneWhereItIsNone) {
+TEST_F(MeasureReport, RefusesJsonThatIsNoMeasurement) {
     EXPECT_THROW(require_measurement(nlohmann::json::array(), "x"), std::runtime_error);
     EXPECT_THROW(require_measurement(make_report(result, *instruments), "x"), std::runtime_error);
     nlohmann::json other_version = report();

@@ -10,7 +10,7 @@
 #include <set>
 #include <string>
 
-#include <haptic/device/hand_file.hpp>
+#include "haptic/device/hand_file.hpp"
 #include "process/held_hand.hpp"
 #include "tick_rig.hpp"
 
@@ -31,12 +31,12 @@ TEST_F(RecordingTest, HasOneColumnForEachNumberOfARow) {
     std::vector<CsvCell> row;
     record_row(TickRecord{}, 0, row);
     EXPECT_EQ(record_columns().size(), row.size());
-    EXPECT_EQ(measured_columns().size(), row.size());
+    EXPECT_EQ(nondeterministic_columns().size(), row.size());
     const std::set<std::string> names(record_columns().begin(), record_columns().end());
     EXPECT_EQ(names.size(), row.size()) << "two columns have one name";
 }
 
-TEST_F(RecordingTest, BeginsWithTheColumnsThatOtherProgramsKnow) {
+TEST_F(RecordingTest, BeginsWithTheDocumentedColumns) {
     const std::vector<std::string> known = {
         "time_s", "x_m",   "y_m",   "z_m",   "qw",        "qx",           "qy",        "qz",         "fx_n", "fy_n",
         "fz_n",   "tx_nm", "ty_nm", "tz_nm", "proxy_x_m", "proxy_y_m",    "proxy_z_m", "t0_n",       "t1_n", "t2_n",
@@ -61,7 +61,7 @@ TEST_F(RecordingTest, PutsEachQuantityUnderItsName) {
     tick.exchange_in = static_cast<std::int8_t>(device::ExchangeStatus::Stalled);
     tick.counters[7] = 65535;
     tick.analog[2] = 4095;
-    tick.command.digits[3] = -77;
+    tick.command.dac_codes[3] = -77;
     tick.velocity.angular.y = 0.25;
     BlackBox box(4);
     TickRecord earlier;
@@ -99,9 +99,9 @@ TEST_F(RecordingTest, PutsEachQuantityUnderItsName) {
     EXPECT_EQ(value("wy_rad_s"), 0.25);
 }
 
-TEST_F(RecordingTest, KeepsTimesToTheNanosecondOnAMachineThatNeverSleeps) {
+TEST_F(RecordingTest, KeepsNanosecondsAfterMonthsOfUptime) {
     TickRecord tick;
-    tick.now_ns = 9'007'199'254'740'993;  // 104 days; no double is this number
+    tick.now_ns = 9'007'199'254'740'993;  // 104 days; not representable as a double
     tick.deadline_ns = tick.now_ns - 2;
     BlackBox box(1);
     box.push(tick);
@@ -130,7 +130,7 @@ TEST_F(RecordingTest, CountsTimeFromArmingAndKeepsTheTicksBefore) {
     EXPECT_EQ(table.column("tick").back(), static_cast<double>(table.rows()));
 }
 
-TEST_F(RecordingTest, OfARunIsAHandForAnotherOne) {
+TEST_F(RecordingTest, CanBeTheHandOfAnotherRun) {
     const PoseTrack hand({0.0, 1.0, 1.4, 9.0},
                          {Pose{}, Pose{}, Pose{{0.01, -0.01, 0.0}, glm::angleAxis(0.2, Vec3(0, 0, 1))},
                           Pose{{0.01, -0.01, 0.0}, glm::angleAxis(0.2, Vec3(0, 0, 1))}});
@@ -153,7 +153,7 @@ TEST_F(RecordingTest, OfARunIsAHandForAnotherOne) {
     }
 }
 
-TEST_F(RecordingTest, LeavesNothingBehindWhenItIsNotClosed) {
+TEST_F(RecordingTest, LeavesNoFileWhenItIsNotClosed) {
     Recorder recorder(4);
     {
         const RecordFile record(file, recorder);
@@ -171,17 +171,17 @@ TEST_F(RecordingTest, ThatBeginsElsewhereIsReachedFromTheCentreInHalfASecond) {
 }
 
 TEST(HeldHandBoard, LetsTheHandMoveOnlyOnceTheLoopRuns) {
-    // The hand moves from the first instant on; held, it is calibrated at the centre all the same.
+    // The recorded hand moves from the start; held back, it is nevertheless calibrated at the centre.
     const PoseTrack hand({0.0, 0.5, 9.0},
                          {Pose{}, Pose{{0.01, 0, 0}, Quat(1, 0, 0, 0)}, Pose{{0.01, 0, 0}, Quat(1, 0, 0, 0)}});
     const TickSettings settings;
     const std::string session = test::unique_session();
-    device::EmulatedBoard board({.variant = settings.variant, .hand = hand, .hand_waits = true});
+    device::EmulatedBoard board({.geometry = settings.geometry, .hand = hand, .hand_waits = true});
     HeldHandBoard held(board);
     RingReader<ContactFrame> frames(session);
     RingWriter<DeviceState> states(session);
     Tick tick(settings, held, frames, states, test::still_clock);
-    held.follow(tick);
+    held.attach(tick);
     tick.arm();
     std::int64_t now_ns = 7'000'000'000;
     while (tick.safety_state() != SafetyState::Running) {

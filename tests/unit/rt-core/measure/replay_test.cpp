@@ -9,7 +9,7 @@
 #include <functional>
 #include <sstream>
 
-#include <haptic/denormals.hpp>
+#include "haptic/denormals.hpp"
 #include "measure/recording.hpp"
 #include "tick_rig.hpp"
 
@@ -19,7 +19,7 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-/// Down into the floor and up again, turning a little.
+/// Hand that moves down into the floor and up again, with a slight rotation.
 PoseTrack into_the_floor() {
     const Quat turned = glm::angleAxis(0.2, glm::normalize(Vec3(1.0, 2.0, 0.5)));
     return {{0.0, 0.8, 1.1, 1.4, 9.0},
@@ -31,7 +31,7 @@ class ReplayTest : public testing::Test {
     void SetUp() override { std::filesystem::create_directory(folder); }
     void TearDown() override { std::filesystem::remove_all(folder); }
 
-    /// A run with frames each 10 ms, recorded; `disturb` may do something before each tick from the first on.
+    /// Records a run with a frame every 10 ms; `disturb` is called before each tick.
     void record(int ticks, const std::function<void(test::TickRig&, int)>& disturb = {}) {
         const FlushDenormals flush;
         test::TickRig rig(into_the_floor(), settings);
@@ -91,7 +91,7 @@ class ReplayTest : public testing::Test {
             stream << line << '\n';
         }
     }
-    /// Replaces one cell; line as an editor counts it.
+    /// Replaces one cell; lines are counted from 1, including the header.
     void edit(std::size_t line, const std::string& column, const std::string& value) const {
         std::vector<std::string> lines = lines_of(file);
         const auto& names = record_columns();
@@ -113,7 +113,7 @@ class ReplayTest : public testing::Test {
     std::uint32_t faults = 0;
 };
 
-TEST_F(ReplayTest, MakesEveryTickAgainToTheLastBit) {
+TEST_F(ReplayTest, ReproducesEveryTickToTheLastBit) {
     record(2500);
     const ReplayResult result = replay();
     EXPECT_EQ(result.ticks, 2520u);
@@ -122,13 +122,13 @@ TEST_F(ReplayTest, MakesEveryTickAgainToTheLastBit) {
     EXPECT_TRUE(result.identical()) << result.first().first << " in line " << result.first().second.line;
 }
 
-TEST_F(ReplayTest, WithOneExchangeATickIsTheSameToo) {
+TEST_F(ReplayTest, ReproducesARunWithOneExchangePerTick) {
     settings.exchanges = 1;
     record(1500);
     EXPECT_TRUE(replay().identical());
 }
 
-TEST_F(ReplayTest, OfAReplayIsTheSameAgain) {
+TEST_F(ReplayTest, ReproducesTheRecordingOfAReplay) {
     record(1500);
     const auto first = lines_of(file);
     Recorder recorder(8192, 1024);
@@ -148,7 +148,7 @@ TEST_F(ReplayTest, FaultsWhereTheRunDid) {
         rig.faulty.failing = (i % 40) < 4 || i > 2000;
         if (i == 1500) {
             ContactFrame broken = test::floor_frame(0.0, -1.0, rig.now_ns);
-            rig.publish(broken);  // refused
+            rig.publish(broken);  // rejected by the tick
         }
     });
     const ReplayResult result = replay();
@@ -173,7 +173,7 @@ TEST_F(ReplayTest, StopsAndArmsAgainWhereTheRunDid) {
 TEST_F(ReplayTest, NamesTheFirstTickAndColumnThatDiffer) {
     record(1500);
     edit(1000, "fy_n", "0.125");
-    const std::string digit = std::to_string(static_cast<int>(CsvTable::load(file).column("digit3")[1198]));
+    const std::string dac_code = std::to_string(static_cast<int>(CsvTable::load(file).column("digit3")[1198]));
     edit(1200, "digit3", "7");
     const ReplayResult result = replay();
     EXPECT_EQ(result.differing_ticks, 2u);
@@ -181,11 +181,11 @@ TEST_F(ReplayTest, NamesTheFirstTickAndColumnThatDiffer) {
     EXPECT_EQ(result.first().second.line, 1000u);
     EXPECT_EQ(result.first().second.first_tick, 999u);
     EXPECT_EQ(result.first().second.recorded, "0.125");
-    EXPECT_EQ(result.columns.at("digit3").replayed, digit);
-    EXPECT_EQ(result.columns.at("digit3").largest, std::stod(digit) - 7.0);
+    EXPECT_EQ(result.columns.at("digit3").replayed, dac_code);
+    EXPECT_EQ(result.columns.at("digit3").largest, std::stod(dac_code) - 7.0);
 }
 
-TEST_F(ReplayTest, SeesACounterThatIsOneCountOff) {
+TEST_F(ReplayTest, DetectsACounterThatIsOneCountOff) {
     record(1500);
     edit(1300, "counter5", std::to_string(static_cast<int>(CsvTable::load(file).column("counter5")[1298]) ^ 1));
     const ReplayResult result = replay();
@@ -194,7 +194,7 @@ TEST_F(ReplayTest, SeesACounterThatIsOneCountOff) {
     EXPECT_EQ(result.columns.at("x_m").line, 1300u);
 }
 
-TEST_F(ReplayTest, WithOtherSettingsSaysWhatThatChanges) {
+TEST_F(ReplayTest, ReportsTheEffectOfOtherSettings) {
     record(2000);
     settings.limits.force = 1.0;
     const ReplayResult result = replay();
@@ -203,14 +203,14 @@ TEST_F(ReplayTest, WithOtherSettingsSaysWhatThatChanges) {
     EXPECT_EQ(result.ticks, 2020u);
 }
 
-TEST_F(ReplayTest, RefusesARecordingWithoutWhatTheBoardGave) {
+TEST_F(ReplayTest, RefusesARecordingWithoutTheBoardsData) {
     std::ofstream(file) << "time_s,x_m,y_m,z_m\n0,0,0,0\n";
     EXPECT_THAT(error(), AllOf(HasSubstr("run.csv:1: there is no column counter0"), HasSubstr("--hand")));
     std::filesystem::remove(file);
     EXPECT_THAT(error(), HasSubstr("run.csv: cannot be read"));
 }
 
-TEST_F(ReplayTest, RefusesARecordingWithHoles) {
+TEST_F(ReplayTest, RefusesARecordingWithMissingTicks) {
     record(1500);
     const std::vector<std::string> whole = lines_of(file);
     std::vector<std::string> lines = whole;
@@ -230,10 +230,10 @@ TEST_F(ReplayTest, RefusesARecordingWithHoles) {
     EXPECT_THAT(error(), HasSubstr("run.frames.csv: cannot be read"));
 }
 
-TEST_F(ReplayTest, RefusesValuesThatNoBoardGives) {
+TEST_F(ReplayTest, RefusesValuesOutOfRange) {
     record(1500);
     edit(900, "counter2", "4294967296");
-    EXPECT_THAT(error(), HasSubstr("run.csv:900: column counter2: 4294967296 is not within 0 and 4294967295"));
+    EXPECT_THAT(error(), HasSubstr("run.csv:900: column counter2: 4294967296 is not between 0 and 4294967295"));
     edit(900, "counter2", "1.5");
     EXPECT_THAT(error(), HasSubstr("run.csv:900: column counter2: \"1.5\" is not an integer"));
     edit(800, "exchange_in", "99");

@@ -14,7 +14,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Not;
 
-TEST(RunReport, HasTheKeysOfTheDesign) {
+TEST(RunReport, HasTheDocumentedKeys) {
     const auto instruments = std::make_unique<Instruments>();
     instruments->ticks = 12;
     instruments->overruns = 3;
@@ -48,15 +48,15 @@ TEST(RunReport, HasTheKeysOfTheDesign) {
     EXPECT_EQ(report.at("histograms").at("period").size(), 1u);
 }
 
-TEST(RunReport, TellsARequestedStopFromAFault) {
+TEST(RunReport, DistinguishesARequestedStopFromAFault) {
     RunResult result;
     result.faults = HAPTIC_FAULT_STOP;
-    EXPECT_TRUE(result.held());
+    EXPECT_TRUE(result.succeeded());
     result.faults |= HAPTIC_FAULT_OVERRUN;
-    EXPECT_FALSE(result.held());
+    EXPECT_FALSE(result.succeeded());
 }
 
-TEST(RunReport, SaysHowExchangesEndedAndHowLongOneMayTake) {
+TEST(RunReport, CountsExchangeStatusesAndStatesTheirBound) {
     const auto instruments = std::make_unique<Instruments>();
     instruments->count(device::ExchangeStatus::Ok);
     instruments->count(device::ExchangeStatus::Ok);
@@ -76,7 +76,7 @@ TEST(RunReport, SaysHowExchangesEndedAndHowLongOneMayTake) {
     EXPECT_THAT(summary(result, *instruments), HasSubstr("FAULT: exchange (disconnected)"));
 }
 
-TEST(RunReport, SaysHowTheProbesWereUsedAndWhyOneIsOff) {
+TEST(RunReport, ReportsUseAndFailureOfTheProbes) {
     const auto instruments = std::make_unique<Instruments>();
     RunResult result;
     EXPECT_TRUE(make_report(result, *instruments).at("probes").at("tick").is_null());
@@ -94,7 +94,7 @@ TEST(RunReport, SaysHowTheProbesWereUsedAndWhyOneIsOff) {
     EXPECT_THAT(summary(result, *instruments), testing::AllOf(HasSubstr("24 edges"), HasSubstr("OFF: Input/output")));
 }
 
-TEST(RunReport, NamesTheStringsThatAFaultIsAbout) {
+TEST(RunReport, NamesTheSuspectedStringsOfAFault) {
     const auto instruments = std::make_unique<Instruments>();
     RunResult result;
     result.faults = HAPTIC_FAULT_SLACK;
@@ -104,10 +104,10 @@ TEST(RunReport, NamesTheStringsThatAFaultIsAbout) {
     result.suspects = 0b1101001;
     EXPECT_THAT(string_numbers(result.suspects), ElementsAre(0, 3, 5, 6));
     EXPECT_THAT(summary(result, *instruments),
-                HasSubstr("FAULT: slack (string 0, 3, 5 or 6: the lengths do not tell them apart)\n"));
+                HasSubstr("FAULT: slack (string 0, 3, 5 or 6: the lengths cannot distinguish them)\n"));
 }
 
-TEST(RunReport, SaysInItsSummaryWhatIsMissing) {
+TEST(RunReport, ListsMissingPrivilegesAndFaultsInTheSummary) {
     const auto instruments = std::make_unique<Instruments>();
     RunResult result;
     result.setup.missing.push_back({"memory is not locked: no", "RLIMIT_MEMLOCK", "setcap"});

@@ -10,7 +10,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// A tick as they usually are: 5 us late, 10 us long.
+/// A typical tick: 5 us late, 10 us long.
 TimedTick usual_tick() {
     TimedTick tick;
     tick.number = 7;
@@ -25,11 +25,11 @@ TimedTick usual_tick() {
     return tick;
 }
 
-UsualTimes usual() {
+MedianTimes usual() {
     return {{5000, 3000, 2000, 1000, 2000, 1000, 0}};
 }
 
-/// The same, with more time in a stage.
+/// A typical tick with additional time in one stage.
 TimedTick longer(TickStage stage, std::int64_t by_ns) {
     TimedTick tick = usual_tick();
     tick.timing.of(stage) += by_ns;
@@ -37,14 +37,14 @@ TimedTick longer(TickStage stage, std::int64_t by_ns) {
     return tick;
 }
 
-TEST(TickExplanation, FindsNothingToExplainInATickAsUsual) {
+TEST(TickExplanation, FindsNothingToExplainInATypicalTick) {
     EXPECT_EQ(explain(usual_tick(), usual(), 0).cause, LateCause::Usual);
 }
 
-TEST(TickExplanation, NamesTheStageThatLostTheMost) {
+TEST(TickExplanation, NamesTheStageWithTheLargestExcess) {
     for (std::size_t i = 0; i < kTickStages; ++i) {
         TimedTick tick = longer(static_cast<TickStage>(i), 300'000);
-        tick.now_ns += 100'000;  // it was late, too, but by less
+        tick.now_ns += 100'000;  // late as well, but by less
         const TickExplanation explained = explain(tick, usual(), 0);
         EXPECT_EQ(static_cast<std::size_t>(explained.stage), i + 1);
         EXPECT_NEAR(static_cast<double>(explained.excess_ns), 300'000.0, 2000.0);
@@ -52,7 +52,7 @@ TEST(TickExplanation, NamesTheStageThatLostTheMost) {
     }
 }
 
-TEST(TickExplanation, TellsAThreadThatWaitedForItsProcessorFromATimerThatCameLate) {
+TEST(TickExplanation, DistinguishesRunQueueWaitFromALateTimer) {
     TimedTick tick = usual_tick();
     tick.now_ns += 400'000;
     tick.waited_ns = 390'000;
@@ -63,7 +63,7 @@ TEST(TickExplanation, TellsAThreadThatWaitedForItsProcessorFromATimerThatCameLat
     EXPECT_EQ(explain(tick, usual(), 10).cause, LateCause::Stolen);
     tick.waited_ns = -1;
     EXPECT_EQ(explain(tick, usual(), -1).cause, LateCause::Timer);
-    EXPECT_THAT(explain(tick, usual(), -1).why, HasSubstr("this kernel does not tell"));
+    EXPECT_THAT(explain(tick, usual(), -1).why, HasSubstr("this kernel does not report"));
 }
 
 TEST(TickExplanation, BlamesAPageFaultBeforeThePreemptionThatItCauses) {
@@ -82,7 +82,7 @@ TEST(TickExplanation, BlamesAPageFaultBeforeThePreemptionThatItCauses) {
     EXPECT_EQ(explain(tick, usual(), 0).cause, LateCause::Preempted) << "for how long is not known";
 }
 
-TEST(TickExplanation, SaysWhatIsTheBoards) {
+TEST(TickExplanation, AttributesFailedAndSlowExchangesToTheBoard) {
     TimedTick tick = longer(TickStage::Exchange, 2'000'000);
     tick.usage.voluntary_switches = 3;
     EXPECT_EQ(explain(tick, usual(), 0).cause, LateCause::Board);
@@ -94,15 +94,15 @@ TEST(TickExplanation, SaysWhatIsTheBoards) {
     EXPECT_EQ(explain(tick, usual(), 0).cause, LateCause::Unseen) << "no board keeps a pose waiting";
 }
 
-TEST(TickExplanation, TakesTheMediansOfTheRunForUsual) {
+TEST(TickExplanation, ComparesWithTheMediansOfTheRun) {
     const auto instruments = std::make_unique<Instruments>();
     for (int i = 0; i < 9; ++i) {
         instruments->wakeup.record(100);
         instruments->proxy.record(70);
     }
     instruments->wakeup.record(1'000'000);
-    EXPECT_EQ(usual_times(*instruments).stages_ns[0], 100);
-    EXPECT_EQ(usual_times(*instruments).stages_ns[static_cast<std::size_t>(LateStage::Proxy)], 70);
+    EXPECT_EQ(median_times(*instruments).stages_ns[0], 100);
+    EXPECT_EQ(median_times(*instruments).stages_ns[static_cast<std::size_t>(LateStage::Proxy)], 70);
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ TEST(CpuList, ReadsRangesAndSingleProcessorsInAnyOrder) {
     EXPECT_THAT(parse_cpu_list("5,0-1,1"), ElementsAre(0, 1, 5));
 }
 
-TEST(CpuList, IsEmptyForWhatIsNone) {
+TEST(CpuList, IsEmptyForMalformedText) {
     for (const char* const text : {"", "(null)", "3-1", "1,,2", "1-", "-1", "1 2", "99999", "0-99999999999"}) {
         EXPECT_THAT(parse_cpu_list(text), IsEmpty()) << text;
     }
@@ -32,17 +32,17 @@ TEST(CpuChoice, IsTheLastAllowedProcessorWhereNoneIsIsolated) {
     EXPECT_EQ(choose_cpu({.allowed = {}, .online = {0}, .isolated = {}}), 0);
 }
 
-TEST(CpuChoice, IsTheLastIsolatedProcessorThoughTheProcessDoesNotStartThere) {
+TEST(CpuChoice, PrefersTheLastIsolatedProcessorOutsideTheDefaultAffinity) {
     EXPECT_EQ(choose_cpu({.allowed = {0, 3}, .online = {0, 1, 2, 3}, .isolated = {1, 2}}), 2);
     EXPECT_EQ(choose_cpu({.allowed = {0, 1, 2}, .online = {0, 1, 2, 3}, .isolated = {3}}), 3);
 }
 
-TEST(CpuChoice, StaysAmongTheProcessorsToWhichTheUserNarrowedTheProcess) {
+TEST(CpuChoice, StaysWithinANarrowedAffinity) {
     EXPECT_EQ(choose_cpu({.allowed = {1}, .online = {0, 1, 2, 3}, .isolated = {3}}), 1);
     EXPECT_EQ(choose_cpu({.allowed = {0, 2}, .online = {0, 1, 2, 3}, .isolated = {2, 3}}), 2);
 }
 
-TEST(CpuChoice, PassesOverAnIsolatedProcessorThatIsOffline) {
+TEST(CpuChoice, SkipsAnIsolatedProcessorThatIsOffline) {
     EXPECT_EQ(choose_cpu({.allowed = {0, 1}, .online = {0, 1}, .isolated = {3}}), 1);
 }
 

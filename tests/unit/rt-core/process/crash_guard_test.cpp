@@ -30,7 +30,7 @@ class CrashGuardTest : public testing::TestWithParam<Crash> {};
 TEST_P(CrashGuardTest, SendsZerosAndDiesOfTheSameSignal) {
     SharedMotorsPage motors;
     device::MotorCommand command;
-    command.digits.fill(1234);
+    command.dac_codes.fill(1234);
     motors->set(command);
 
     const pid_t child = fork();
@@ -66,7 +66,7 @@ INSTANTIATE_TEST_SUITE_P(Each, CrashGuardTest,
                                          Crash{"Terminate", SIGABRT, [] { std::terminate(); }}),
                          [](const testing::TestParamInfo<Crash>& param) { return param.param.name; });
 
-TEST(CrashGuard, IsOneAtATime) {
+TEST(CrashGuard, ExistsOnceAtATime) {
     SharedMotors motors;
     SharedBoard board(motors);
     MotorGate gate(board);

@@ -11,7 +11,7 @@
 namespace haptic::rt {
 namespace {
 
-/// Stands for /dev/cpu_dma_latency.
+/// Temporary file in place of /dev/cpu_dma_latency.
 class IdleRequestTest : public testing::Test {
   protected:
     void SetUp() override { std::ofstream(file).put('\0'); }
@@ -29,12 +29,12 @@ TEST_F(IdleRequestTest, WritesTheTimeAsTheKernelReadsIt) {
     EXPECT_EQ(written, 250);
 }
 
-TEST_F(IdleRequestTest, AsksForNothingWithANegativeTime) {
+TEST_F(IdleRequestTest, RequestsNothingForANegativeTime) {
     EXPECT_FALSE(IdleRequest(-1, file).granted());
     EXPECT_EQ(std::filesystem::file_size(file), 1U);
 }
 
-TEST_F(IdleRequestTest, GoesOnWithoutItWhereTheKernelHasNone) {
+TEST_F(IdleRequestTest, ToleratesAKernelWithoutTheFile) {
     EXPECT_FALSE(IdleRequest(0, file / "missing").granted());
 }
 

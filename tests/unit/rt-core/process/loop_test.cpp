@@ -9,7 +9,7 @@
 #include <string>
 #include <thread>
 
-#include <haptic/clock.hpp>
+#include "haptic/clock.hpp"
 #include "tick_rig.hpp"
 
 namespace haptic::rt {
@@ -23,7 +23,7 @@ TEST(NextDeadline, IsAPeriodLaterWhenTheTickWasInTime) {
     EXPECT_EQ(next.missed, 0);
 }
 
-TEST(NextDeadline, KeepsThePhaseAndCountsWhatItSkips) {
+TEST(NextDeadline, KeepsThePhaseAndCountsSkippedDeadlines) {
     for (std::int64_t now = 5000; now < 20'000; now += 37) {
         const NextDeadline next = next_deadline(5000, 1000, now);
         ASSERT_EQ(next.deadline_ns % 1000, 0);
@@ -40,7 +40,7 @@ TEST(IsPreemptRt, ReadsTheVersionThatUnameGives) {
     EXPECT_FALSE(is_preempt_rt("6.1.0-26-amd64 #1 SMP PREEMPT_DYNAMIC Debian 6.1.112-1 (2024-09-30)"));
 }
 
-/// What the kernel says that this process has locked.
+/// Memory that this process has locked, from the kernel.
 long locked_kilobytes() {
     std::ifstream status("/proc/self/status");
     std::string key;
@@ -54,11 +54,11 @@ long locked_kilobytes() {
     return 0;
 }
 
-/// Real thread, real clock, emulated board.
+/// A loop with a real thread and clock on an emulated board.
 class RealtimeLoopTest : public testing::Test {
   protected:
     RealtimeLoopTest()
-        : board({.variant = settings.variant}),
+        : board({.geometry = settings.geometry}),
           frames(session),
           states(session),
           tick(settings, board, frames, states, &monotonic_now_ns) {
@@ -77,7 +77,7 @@ class RealtimeLoopTest : public testing::Test {
         TickSettings quick_settings;
         quick_settings.safety.tension_ramp_ns = 50'000'000;
         quick_settings.safety.calibration_hold_ns = 20'000'000;
-        // How long this machine keeps a thread waiting is not what is tested here.
+        // Scheduling delays of the test machine are not under test.
         quick_settings.safety.overrun_ticks = 100'000;
         return quick_settings;
     }
@@ -103,7 +103,7 @@ TEST_F(RealtimeLoopTest, ArmsRunsAndEndsWithZerosAtTheMotors) {
     for (const double tension : board.device().tensions()) {
         EXPECT_EQ(tension, 0.0);
     }
-    // Every tick was due at the first deadline plus whole periods: nothing drifted.
+    // Every deadline is the first one plus whole periods: no drift.
     TickRecord record;
     ASSERT_TRUE(recorder.pop(record));
     const std::int64_t phase_ns = record.deadline_ns % settings.period_ns;
@@ -127,8 +127,8 @@ TEST_F(RealtimeLoopTest, CanBeStoppedBeforeItWasStartedOrArmed) {
     EXPECT_EQ(tick.safety_state(), SafetyState::Disarmed);
 }
 
-TEST_F(RealtimeLoopTest, NamesWhatTheKernelRefusesAndHowToGrantIt) {
-    loop_settings.cpu = 1023;  // there is no such processor here
+TEST_F(RealtimeLoopTest, NamesRefusedPrivilegesAndTheirRemedies) {
+    loop_settings.cpu = 1023;  // does not exist on any test machine
     const RealtimeLoop loop(loop_settings, tick, {});
     const std::vector<MissingPrivilege>& missing = loop.setup().missing;
     ASSERT_FALSE(missing.empty());
@@ -141,7 +141,7 @@ TEST_F(RealtimeLoopTest, NamesWhatTheKernelRefusesAndHowToGrantIt) {
     }
 }
 
-TEST_F(RealtimeLoopTest, TakesNoPageFaultsOnceItIsWarm) {
+TEST_F(RealtimeLoopTest, HasNoPageFaultsAfterWarmUp) {
     RealtimeSetup setup;
     prepare_process(setup);
     if (!setup.memory_locked) {

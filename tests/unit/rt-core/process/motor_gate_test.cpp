@@ -12,13 +12,13 @@ namespace {
 using test::SharedBoard;
 using test::SharedMotors;
 
-device::MotorCommand all(std::int16_t digit) {
+device::MotorCommand all(std::int16_t dac_code) {
     device::MotorCommand command;
-    command.digits.fill(digit);
+    command.dac_codes.fill(dac_code);
     return command;
 }
 
-TEST(MotorGate, PassesCommandsOnUntilItIsClosedAndZerosFromThenOn) {
+TEST(MotorGate, PassesCommandsUntilClosedAndZerosThereafter) {
     SharedMotors motors;
     SharedBoard board(motors);
     MotorGate gate(board);
@@ -33,7 +33,7 @@ TEST(MotorGate, PassesCommandsOnUntilItIsClosedAndZerosFromThenOn) {
 }
 
 TEST(MotorGate, SendsZerosAgainAfterACommandThatWasUnderWay) {
-    // The board takes the command only after the gate was closed: what zero_motors() alone leaves behind is not zero.
+    // The board applies the command after the gate was closed, so that zero_motors() alone would not leave zeros.
     SharedMotors motors;
     motors.hang = true;
     SharedBoard board(motors);
@@ -51,7 +51,7 @@ TEST(MotorGate, SendsZerosAgainAfterACommandThatWasUnderWay) {
         }
         motors.hang = false;
     });
-    // close() gives up after its bound; on a machine that is slow beyond it the next call sends the last zeros.
+    // close() gives up after its bound; on a slower machine the next call sends the last zeros.
     while (motors.hanging) {
         gate.close();
     }
@@ -62,7 +62,7 @@ TEST(MotorGate, SendsZerosAgainAfterACommandThatWasUnderWay) {
     EXPECT_GE(motors.zeros_sent, 2);
 }
 
-TEST(MotorGate, DoesNotWaitForEverForABoardThatHangs) {
+TEST(MotorGate, BoundsItsWaitForABoardThatHangs) {
     SharedMotors motors;
     motors.hang = true;
     SharedBoard board(motors);

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include <haptic/device/variant_file.hpp>
+#include "haptic/device/device_geometry_file.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -44,9 +44,9 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.stop_line.line, b.stop_line.line);
     EXPECT_EQ(a.stop_line.stop_when_high, b.stop_line.stop_when_high);
     EXPECT_EQ(a.tick.period_ns, b.tick.period_ns);
-    EXPECT_EQ(a.tick.variant.name, b.tick.variant.name);
-    EXPECT_EQ(a.tick.variant.minimum_tension, b.tick.variant.minimum_tension);
-    EXPECT_EQ(a.tick.variant.maximum_tension, b.tick.variant.maximum_tension);
+    EXPECT_EQ(a.tick.geometry.name, b.tick.geometry.name);
+    EXPECT_EQ(a.tick.geometry.minimum_tension, b.tick.geometry.minimum_tension);
+    EXPECT_EQ(a.tick.geometry.maximum_tension, b.tick.geometry.maximum_tension);
     EXPECT_EQ(a.tick.maximum_string_speed, b.tick.maximum_string_speed);
     EXPECT_EQ(a.tick.velocity_window_ticks, b.tick.velocity_window_ticks);
     EXPECT_EQ(a.tick.tension_effort, b.tick.tension_effort);
@@ -145,7 +145,7 @@ TEST(Settings, ChooseThePassivityController) {
 }
 
 TEST(Settings, OfTheInstalledFileNameEveryKey) {
-    // Each key that the file has, set to a value that no key may have, must be refused by name: so it is read.
+    // Each key of the file, set to a value that no key may have, must be refused by name: so it is read.
     const std::string text(default_config_text());
     std::vector<std::string> keys;
     std::string section;
@@ -154,9 +154,10 @@ TEST(Settings, OfTheInstalledFileNameEveryKey) {
         const std::size_t end = text.find('\n', begin);
         const std::string line = text.substr(begin, end - begin);
         begin = end + 1;
+        const std::size_t first = line.find_first_not_of(' ');
         if (line.starts_with('[')) {
             section = line.substr(1, line.find(']') - 1);
-        } else if (!line.empty() && !line.starts_with('#')) {
+        } else if (first != std::string::npos && line[first] != '#') {
             const std::string key = section + "." + line.substr(0, line.find(' '));
             Config config;
             config.set(key + "=[1, 2]");
@@ -167,7 +168,16 @@ TEST(Settings, OfTheInstalledFileNameEveryKey) {
     }
     const Config nothing;
     (void)read_settings(nothing);
-    EXPECT_THAT(keys, UnorderedElementsAreArray(nothing.known_keys())) << "the keys that read_settings() asks for";
+    EXPECT_THAT(keys, UnorderedElementsAreArray(nothing.known_keys())) << "the keys that read_settings() reads";
+}
+
+TEST(Settings, HaveFormerNamesThatAreStillRead) {
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(read("[device]\nvariant = \"SpidarG6X5R\"\n").tick.geometry.name, "SpidarG6X5R");
+    EXPECT_EQ(read("[passivity]\nlargest_damping = 7.0\n").tick.passivity.largest_damping, 7.0);
+    EXPECT_EQ(read("[passivity]\nlargest_rotational_damping = 0.5\n").tick.passivity.largest_rotational_damping, 0.5);
+    EXPECT_THAT(testing::internal::GetCapturedStderr(),
+                HasSubstr("test.toml:2: device.variant: is the former name of device.geometry"));
 }
 
 TEST(Settings, TakeWhatTheFileSays) {
@@ -183,7 +193,7 @@ TEST(Settings, TakeWhatTheFileSays) {
     EXPECT_EQ(settings.tick.tension_infeasible, Infeasible::Direction);
     EXPECT_EQ(settings.tick.safety.fault_fade_ns, 200'000'000);
     EXPECT_EQ(settings.tick.safety.exchange_ticks, 9);
-    EXPECT_EQ(settings.tick.variant.minimum_tension, 0.5);
+    EXPECT_EQ(settings.tick.geometry.minimum_tension, 0.5);
 }
 
 TEST(Settings, ChooseTheLinesOfTheProbes) {
@@ -235,38 +245,38 @@ TEST(Settings, RefuseAWatchdogThatWouldNotWaitForATick) {
                 ThrowsMessage<ConfigError>(HasSubstr("safety.watchdog_s")));
 }
 
-TEST(Settings, TensionsOnlyNarrowThoseOfTheVariant) {
-    const device::Variant own = read("[device]\nvariant = \"SpidarG6X5R\"\n").tick.variant;
+TEST(Settings, TensionsOnlyNarrowThoseOfTheGeometry) {
+    const device::DeviceGeometry own = read("[device]\ngeometry = \"SpidarG6X5R\"\n").tick.geometry;
     EXPECT_EQ(own.name, "SpidarG6X5R");
     EXPECT_EQ(own.minimum_tension, 0.3);
-    EXPECT_EQ(own.maximum_tension, 6.0) << "not the 20 N of the default variant";
-    const device::Variant narrow =
-        read("[device]\nvariant = \"SpidarG6X5R\"\nminimum_tension = 0.4\nmaximum_tension = 5.0\n").tick.variant;
+    EXPECT_EQ(own.maximum_tension, 6.0) << "not the 20 N of the default geometry";
+    const device::DeviceGeometry narrow =
+        read("[device]\ngeometry = \"SpidarG6X5R\"\nminimum_tension = 0.4\nmaximum_tension = 5.0\n").tick.geometry;
     EXPECT_EQ(narrow.minimum_tension, 0.4);
     EXPECT_EQ(narrow.maximum_tension, 5.0);
-    const device::Variant wide =
-        read("[device]\nvariant = \"SpidarG6X5R\"\nminimum_tension = 0.1\nmaximum_tension = 15.0\n").tick.variant;
+    const device::DeviceGeometry wide =
+        read("[device]\ngeometry = \"SpidarG6X5R\"\nminimum_tension = 0.1\nmaximum_tension = 15.0\n").tick.geometry;
     EXPECT_EQ(wide.minimum_tension, 0.3);
     EXPECT_EQ(wide.maximum_tension, 6.0);
 }
 
-TEST(Settings, TakeAVariantFromAFile) {
+TEST(Settings, TakeAGeometryFromAFile) {
     const std::filesystem::path file =
         std::filesystem::path(testing::TempDir()) / ("settings-" + std::to_string(getpid()) + ".toml");
-    device::Variant mine = device::spidar_g6_x3r();
+    device::DeviceGeometry mine = device::spidar_g6_x3r();
     mine.name = "Mine";
-    mine.strings[3].newtons_per_digit *= 1.01;
+    mine.strings[3].newtons_per_code *= 1.01;
     std::ofstream(file) << device::to_toml(mine, "");
     Config config;
-    config.set("device.variant=" + file.string());
-    EXPECT_EQ(read_settings(config).tick.variant, mine);
+    config.set("device.geometry=" + file.string());
+    EXPECT_EQ(read_settings(config).tick.geometry, mine);
     std::filesystem::remove(file);
     EXPECT_THAT([&] { (void)read_settings(config); }, ThrowsMessage<ConfigError>(HasSubstr(file.string())));
 }
 
-TEST(Settings, RefuseAVariantThatNobodyKnowsAndNameThoseThereAre) {
-    EXPECT_THAT([] { (void)read("[device]\nvariant = \"X9\"\n"); },
-                ThrowsMessage<ConfigError>(testing::AllOf(HasSubstr("test.toml:2: device.variant: no variant is named"),
+TEST(Settings, RefuseAnUnknownGeometryAndNameTheBuiltInOnes) {
+    EXPECT_THAT([] { (void)read("[device]\ngeometry = \"X9\"\n"); },
+                ThrowsMessage<ConfigError>(testing::AllOf(HasSubstr("test.toml:2: device.geometry: no "),
                                                           HasSubstr("SpidarG6X3R"), HasSubstr("SpidarG6T1"))));
 }
 

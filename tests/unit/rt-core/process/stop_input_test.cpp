@@ -17,7 +17,7 @@ namespace {
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
-/// What the wire does.
+/// A line whose state the test sets.
 struct Wire {
     std::atomic<bool> stop{false};
     std::atomic<bool> gone{false};
@@ -48,40 +48,40 @@ bool wait_for(Condition&& condition) {
     return condition();
 }
 
-TEST(StopWatch, SaysStopOnceWhenTheLineDoes) {
+TEST(StopLineMonitor, CallsStopOnceWhenTheLineIsActive) {
     Wire wire;
     std::atomic<int> stops{0};
-    const StopWatch watch(std::make_unique<FakeLine>(wire), [&stops] { ++stops; });
+    const StopLineMonitor watch(std::make_unique<FakeLine>(wire), [&stops] { ++stops; });
     ASSERT_TRUE(wait_for([&wire] { return wire.looks >= 5; }));
     EXPECT_FALSE(watch.stopped());
     wire.stop = true;
     ASSERT_TRUE(wait_for([&stops] { return stops > 0; }));
     EXPECT_TRUE(watch.stopped());
     const int looks = wire.looks;
-    std::this_thread::sleep_for(std::chrono::nanoseconds(4 * StopWatch::kLookNs));
+    std::this_thread::sleep_for(std::chrono::nanoseconds(4 * StopLineMonitor::kPollNs));
     EXPECT_EQ(wire.looks, looks) << "nothing is left to be watched";
     EXPECT_EQ(stops, 1);
 }
 
-TEST(StopWatch, TakesALineThatCannotBeReadForAStop) {
+TEST(StopLineMonitor, TreatsAnUnreadableLineAsAStop) {
     Wire wire;
     std::atomic<int> stops{0};
-    const StopWatch watch(std::make_unique<FakeLine>(wire), [&stops] { ++stops; });
+    const StopLineMonitor watch(std::make_unique<FakeLine>(wire), [&stops] { ++stops; });
     wire.gone = true;
     ASSERT_TRUE(wait_for([&stops] { return stops > 0; }));
     EXPECT_THAT(watch.reason(), HasSubstr("no such device"));
 }
 
-TEST(StopWatch, EndsWithoutAStop) {
+TEST(StopLineMonitor, EndsWithoutAStop) {
     Wire wire;
     std::atomic<int> stops{0};
     {
-        const StopWatch watch(std::make_unique<FakeLine>(wire), [&stops] { ++stops; });
+        const StopLineMonitor watch(std::make_unique<FakeLine>(wire), [&stops] { ++stops; });
     }
     EXPECT_EQ(stops, 0);
 }
 
-TEST(GpioStopLine, SaysWhichChipItDidNotFindAndHowToListThem) {
+TEST(GpioStopLine, NamesTheMissingChipAndHowToListThem) {
     EXPECT_THAT([] { (void)open_gpio_stop_line({.chip = "no-such-chip", .line = 3, .stop_when_high = true}); },
                 ThrowsMessage<std::runtime_error>(testing::AllOf(
                     HasSubstr("'no-such-chip'"), HasSubstr("safety.stop_chip"), HasSubstr("gpiodetect"))));
@@ -93,7 +93,7 @@ TEST_P(StopButton, OfTheBoardStopsTheLoopInItsOrderlyWay) {
     TickSettings settings;
     settings.stop_button = 1;
     settings.stop_when_released = GetParam();
-    const std::uint8_t quiet = settings.stop_when_released ? 0b010 : 0b101;  // the other buttons do not matter
+    const std::uint8_t quiet = settings.stop_when_released ? 0b010 : 0b101;  // other buttons have no effect
     const std::uint8_t stop = settings.stop_when_released ? 0b101 : 0b010;
     test::TickRig rig(PoseTrack(), settings);
     rig.board.device().set_buttons(quiet);
@@ -105,12 +105,12 @@ TEST_P(StopButton, OfTheBoardStopsTheLoopInItsOrderlyWay) {
     EXPECT_EQ(rig.tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_STOP));
     rig.steps(700);
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
-    // While it is held the motors get nothing.
+    // While the button is held the motors stay at zero.
     rig.tick.arm();
     rig.step();
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
     EXPECT_EQ(rig.tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_STOP));
-    EXPECT_EQ(rig.board.device().digits(), (std::array<std::int16_t, kStrings>{}));
+    EXPECT_EQ(rig.board.device().dac_codes(), (std::array<std::int16_t, kStrings>{}));
 }
 
 INSTANTIATE_TEST_SUITE_P(Each, StopButton, testing::Bool(), [](const testing::TestParamInfo<bool>& param) {

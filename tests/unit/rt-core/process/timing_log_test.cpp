@@ -10,14 +10,14 @@
 #include <random>
 #include <vector>
 
-#include <haptic/clock.hpp>
+#include "haptic/clock.hpp"
 
 namespace haptic::rt {
 namespace {
 
 constexpr std::int64_t kPeriodNs = 1'000'000;
 
-/// The nth tick, late and long by so much.
+/// The nth tick with a given lateness and duration.
 TickRecord tick_of(std::uint64_t number, std::int64_t wakeup_ns, std::int64_t compute_ns) {
     TickRecord record;
     record.number = number;
@@ -28,7 +28,7 @@ TickRecord tick_of(std::uint64_t number, std::int64_t wakeup_ns, std::int64_t co
     return record;
 }
 
-TEST(TimingLog, KeepsTheTicksThatEndLatestWhateverTheirOrder) {
+TEST(TimingLog, KeepsTheLatestTicksInAnyOrder) {
     std::mt19937 random(1);
     std::uniform_int_distribution<std::int64_t> duration(0, 2'000'000);
     const auto log = std::make_unique<TimingLog>();
@@ -45,7 +45,7 @@ TEST(TimingLog, KeepsTheTicksThatEndLatestWhateverTheirOrder) {
     }
 }
 
-TEST(TimingLog, KnowsWhichTickHadTheLargestOfEachLatency) {
+TEST(TimingLog, KeepsTheTickWithTheMaximumOfEachLatency) {
     const auto log = std::make_unique<TimingLog>();
     TickTiming timing;
     log->add(tick_of(1, 10'000, 20'000), timing, 0);
@@ -64,7 +64,7 @@ TEST(TimingLog, KnowsWhichTickHadTheLargestOfEachLatency) {
     EXPECT_EQ(log->missed(), 2U);
 }
 
-TEST(TimingLog, CountsOfEachTickWhatTheKernelCountsOfItsThread) {
+TEST(TimingLog, AttributesTheKernelsThreadCountersToEachTick) {
     const auto log = std::make_unique<TimingLog>();
     log->attach();
     log->begin();
@@ -73,7 +73,7 @@ TEST(TimingLog, CountsOfEachTickWhatTheKernelCountsOfItsThread) {
     log->add(tick_of(1, 0, 0), {}, 0);
     EXPECT_GE(log->worst()[0].usage.voluntary_switches, 2);
     usleep(1000);
-    log->add(tick_of(2, 1, 0), {}, 0);  // the later one comes first
+    log->add(tick_of(2, 1, 0), {}, 0);  // the later tick is listed first
     EXPECT_EQ(log->worst()[0].number, 2U);
     EXPECT_GE(log->worst()[0].usage.voluntary_switches, 1);
     EXPECT_LT(log->worst()[0].usage.voluntary_switches, log->worst()[1].usage.voluntary_switches)
@@ -85,7 +85,7 @@ TEST(TimingLog, CountsOfEachTickWhatTheKernelCountsOfItsThread) {
     }
 }
 
-TEST(TimingLog, TellsAnotherThreadOfTheTicksThatItKeeps) {
+TEST(TimingLog, PassesEventsOfKeptTicksToAnotherThread) {
     const auto log = std::make_unique<TimingLog>();
     std::int64_t at_ns = 0;
     EXPECT_FALSE(log->take_event(at_ns));
@@ -101,31 +101,31 @@ TEST(TimingLog, TellsAnotherThreadOfTheTicksThatItKeeps) {
     EXPECT_FALSE(log->take_event(at_ns)) << "the others are neither later nor longer than those kept before";
 }
 
-TEST(Course, HasTheLargestOfEachPieceHoweverLongTheRun) {
+TEST(PeakHistory, KeepsThePeakOfEachBinForRunsOfAnyLength) {
     std::mt19937 random(2);
     std::uniform_int_distribution<std::int64_t> duration(0, 100'000);
-    Course course;
+    PeakHistory course;
     std::vector<std::int64_t> values;  // every 10 ms
     constexpr std::int64_t kStepNs = 10'000'000;
     for (int i = 0; i < 7000; ++i) {
         values.push_back(duration(random));
         course.add(5'000'000'000 + i * kStepNs, values.back());
     }
-    const std::int64_t steps = course.piece_ns() / kStepNs;
-    ASSERT_LE(course.largest_ns().size(), Course::kPieces);
-    ASSERT_GT(course.largest_ns().size(), Course::kPieces / 2 - 1);
-    for (std::size_t i = 0; i < course.largest_ns().size(); ++i) {
+    const std::int64_t steps = course.bin_ns() / kStepNs;
+    ASSERT_LE(course.peaks_ns().size(), PeakHistory::kBins);
+    ASSERT_GT(course.peaks_ns().size(), PeakHistory::kBins / 2 - 1);
+    for (std::size_t i = 0; i < course.peaks_ns().size(); ++i) {
         const auto begin = values.begin() + static_cast<std::ptrdiff_t>(i) * steps;
         const auto end = values.end() - begin < steps ? values.end() : begin + steps;
-        ASSERT_EQ(course.largest_ns()[i], *std::max_element(begin, end)) << i;
+        ASSERT_EQ(course.peaks_ns()[i], *std::max_element(begin, end)) << i;
     }
 }
 
-TEST(Course, ShowsWhereNothingHappened) {
-    Course course;
+TEST(PeakHistory, MarksEmptyBins) {
+    PeakHistory course;
     course.add(0, 7);
-    course.add(3 * course.piece_ns(), 9);
-    EXPECT_THAT(std::vector<std::int64_t>(course.largest_ns().begin(), course.largest_ns().end()),
+    course.add(3 * course.bin_ns(), 9);
+    EXPECT_THAT(std::vector<std::int64_t>(course.peaks_ns().begin(), course.peaks_ns().end()),
                 testing::ElementsAre(7, -1, -1, 9));
 }
 

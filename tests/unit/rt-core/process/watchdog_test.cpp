@@ -9,7 +9,7 @@
 #include <functional>
 #include <thread>
 
-#include <haptic/clock.hpp>
+#include "haptic/clock.hpp"
 #include "process/crash_guard.hpp"
 #include "process/loop.hpp"
 #include "shared_board.hpp"
@@ -23,7 +23,7 @@ using test::SharedMotors;
 using test::SharedMotorsPage;
 using test::sleep_ms;
 
-/// A real loop with its watchdog, on a board whose motors others can see.
+/// A real loop with its watchdog, on a board whose motor values other threads can read.
 struct WatchedLoop {
     explicit WatchedLoop(SharedMotors& shared, const WatchdogSettings& watchdog_settings)
         : motors(shared),
@@ -49,7 +49,7 @@ struct WatchedLoop {
         settings.warm_up_ticks = 5;
         return settings;
     }
-    /// Bounded; false if it never came true.
+    /// Waits a bounded time; false if the condition stays false.
     static bool wait(const std::function<bool()>& condition) {
         const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(30);
         while (!condition() && std::chrono::steady_clock::now() < limit) {
@@ -102,7 +102,7 @@ TEST(Watchdog, SendsZerosWhileAnExchangeHangsAndNamesTheFaultWhenItComesBack) {
     EXPECT_NE(run.tick.black_box().at(run.tick.black_box().size() - 1).faults & HAPTIC_FAULT_WATCHDOG, 0u);
 }
 
-TEST(Watchdog, LeavesTheRecordsOfALoopThatNeverComesBackToOthers) {
+TEST(Watchdog, ReleasesTheRecordsOfALoopThatHangsForGood) {
     SharedMotorsPage motors;
     const pid_t child = fork();
     ASSERT_GE(child, 0);
@@ -114,9 +114,9 @@ TEST(Watchdog, LeavesTheRecordsOfALoopThatNeverComesBackToOthers) {
         const bool ours = run.tick.abandon();
         const std::size_t ticks = run.tick.black_box().size();
         const std::uint64_t counted = run.tick.instruments().ticks;
-        motors->hang = false;  // too late: its thread sleeps from here on
+        motors->hang = false;  // too late: the board's thread keeps sleeping
         sleep_ms(20);
-        run.gate.close();  // what was under way when the gate was closed has come through since
+        run.gate.close();  // overrides the command that was under way when the gate was closed
         const bool nothing_came = run.tick.black_box().size() == ticks && run.tick.instruments().ticks == counted;
         _exit(ran && fired && ours && ticks > 50 && nothing_came ? 0 : 1);
     }
@@ -127,7 +127,7 @@ TEST(Watchdog, LeavesTheRecordsOfALoopThatNeverComesBackToOthers) {
     EXPECT_EQ(motors->sum(), 0);
 }
 
-TEST(Watchdog, LeavesTheProcessWhenNobodyElseDoes) {
+TEST(Watchdog, ExitsTheProcessWhenTheMainThreadHangsToo) {
     SharedMotorsPage motors;
     const pid_t child = fork();
     ASSERT_GE(child, 0);
@@ -137,7 +137,7 @@ TEST(Watchdog, LeavesTheProcessWhenNobodyElseDoes) {
         WatchedLoop run(*motors, settings);
         run.wait_until_running();
         motors->hang = true;
-        // An exception in the main thread: the loop's destructor waits for a loop that never ends.
+        // As after an exception in the main thread: the loop's destructor waits forever for the hanging loop.
         run.loop.join();
         _exit(0);
     }
@@ -148,7 +148,7 @@ TEST(Watchdog, LeavesTheProcessWhenNobodyElseDoes) {
     EXPECT_EQ(motors->sum(), 0);
 }
 
-TEST(Watchdog, TakesAProcessThatWasStoppedForNoLoopThatHangs) {
+TEST(Watchdog, DoesNotMistakeASuspendedProcessForAHangingLoop) {
     SharedMotorsPage motors;
     const pid_t child = fork();
     ASSERT_GE(child, 0);
@@ -184,7 +184,8 @@ TEST(Watchdog, TakesAProcessThatWasStoppedForNoLoopThatHangs) {
 
 TEST(Watchdog, EndsAtOnceWhateverItsLimit) {
     WatchdogSettings settings;
-    settings.limit_ns = 3600 * kNanosecondsPerSecond;  // the test's own time limit would tell
+    settings.limit_ns =
+        3600 * kNanosecondsPerSecond;  // a dependence on this limit would exceed the test's own time limit
     SharedMotors motors;
     for (int i = 0; i < 20; ++i) {
         SharedBoard board(motors);

@@ -14,7 +14,7 @@ constexpr std::int64_t kTickNs = 1'000'000;
 const WrenchLimits kLimits{8.0, 0.15, 1000.0, 20.0};
 constexpr double kRounding = 1e-12;
 
-TEST(WrenchLimiter, LeavesAWrenchWithinItsLimitsExactlyAsItIs) {
+TEST(WrenchLimiter, LeavesAWrenchWithinItsLimitsUnchanged) {
     WrenchLimiter limiter(kLimits);
     const Wrench small{{0.3, -0.2, 0.1}, {0.001, 0.002, -0.003}};
     const WrenchLimiter::Result result = limiter.apply(small, kTickNs);
@@ -35,7 +35,7 @@ TEST(WrenchLimiter, ShortensALargeForceAndKeepsItsDirection) {
     EXPECT_LT(glm::length(result.wrench.force - 8.0 * direction), 1e-9);
 }
 
-TEST(WrenchLimiter, NeverExceedsSizeOrRateUnderARandomDemand) {
+TEST(WrenchLimiter, NeverExceedsSizeOrRateForRandomWrenches) {
     WrenchLimiter limiter(kLimits);
     std::mt19937_64 random(7);
     std::normal_distribution<double> force(0.0, 10.0);
@@ -53,7 +53,7 @@ TEST(WrenchLimiter, NeverExceedsSizeOrRateUnderARandomDemand) {
     }
 }
 
-TEST(WrenchLimiter, TakesWhatIsNotFiniteAsZero) {
+TEST(WrenchLimiter, TreatsANonFiniteWrenchAsZero) {
     WrenchLimiter limiter(kLimits);
     limiter.apply({{0.5, 0, 0}, {}}, kTickNs);
     for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {

@@ -36,7 +36,7 @@ double largest_violation(const Planes& planes, const Vec3& x) {
     return largest;
 }
 
-/// Dykstra's alternating projections: another method than enumeration, which converges to the same point.
+/// Oracle: Dykstra's alternating projections, which converge to the same point as the enumeration.
 /// @source Boyle and Dykstra 1986.
 Vec3 dykstra(const Vec3& target, const Planes& planes, int sweeps) {
     Vec3 x = target;
@@ -56,8 +56,8 @@ Vec3 dykstra(const Vec3& target, const Planes& planes, int sweeps) {
     return x;
 }
 
-/// Whether x is the projection: feasible, and no feasible point of a dense cloud around it is nearer to the target.
-/// For a convex set it is enough to look close by.
+/// True if x is the projection: feasible, and no feasible point of a dense cloud around it is nearer to the target. For
+/// a convex set a local check suffices.
 void expect_nearest(const Vec3& target, const Planes& planes, const Vec3& x, Random& random) {
     ASSERT_LE(largest_violation(planes, x), kRounding);
     const double distance = glm::length(target - x);
@@ -101,8 +101,8 @@ TEST(LocalProxy, AnEdgeAndACornerHoldItWithTwoAndThreePlanes) {
     EXPECT_EQ(corner.active, 7);
 }
 
-TEST(LocalProxy, APlaneThatTheOthersAlreadyKeepDoesNotHold) {
-    // The shallow plane is violated by the device, but not at the surface of the steep one.
+TEST(LocalProxy, APlaneImpliedByTheOthersIsNotActive) {
+    // The device violates the shallow plane, but the projection onto the steep one does not.
     const Planes planes = {{{0.0, 1.0, 0.0}, 0.02}, {glm::normalize(Vec3(0.1, 1.0, 0.0)), 0.005}};
     const LocalProxy proxy = project({0.0, 0.0, 0.0}, planes);
     EXPECT_LT(glm::length(proxy.position - Vec3(0.0, 0.02, 0.0)), kRounding);
@@ -119,7 +119,7 @@ TEST(LocalProxy, AgreesWithDykstraOnRandomPlanes) {
         if (!proxy.feasible) {
             continue;
         }
-        // Alternating projections creep where planes are nearly parallel: compare where they have converged.
+        // Alternating projections converge slowly for nearly parallel planes: compare only where they have converged.
         const Vec3 other = dykstra(target, planes, 3000);
         if (largest_violation(planes, other) < 1e-14) {
             ++compared;
@@ -129,7 +129,7 @@ TEST(LocalProxy, AgreesWithDykstraOnRandomPlanes) {
     EXPECT_GT(compared, 2500);
 }
 
-TEST(LocalProxy, NoNearerPointIsAllowed) {
+TEST(LocalProxy, NoNearerPointIsFeasible) {
     Random random(32);
     for (int k = 0; k < 3000; ++k) {
         const Planes planes = random.planes(static_cast<std::size_t>(k % 3) + 1);
@@ -141,9 +141,9 @@ TEST(LocalProxy, NoNearerPointIsAllowed) {
     }
 }
 
-TEST(LocalProxy, MoveIsMadeOfThePushesOfThePlanesThatHoldIt) {
-    // The optimality conditions: x is allowed, and x - target = sum of weight_k normal_k over the planes that hold it,
-    // with weights of zero or more. Weights by orthogonalisation of the normals, apart from how the kernel found x.
+TEST(LocalProxy, SatisfiesTheOptimalityConditions) {
+    // x is feasible, and x - target = sum of weight_k normal_k over the active planes with nonnegative weights. The
+    // weights come from orthogonalised normals, independently of the kernel.
     Random random(33);
     int held_by[4] = {};
     for (int k = 0; k < 20000; ++k) {
@@ -162,7 +162,7 @@ TEST(LocalProxy, MoveIsMadeOfThePushesOfThePlanesThatHoldIt) {
             }
         }
         ++held_by[normals.size()];
-        // The part of a normal that the others cannot make takes its weight out of the move.
+        // The component of a normal orthogonal to the others gives its weight.
         const Vec3 move = proxy.position - target;
         Vec3 rest = move;
         for (std::size_t i = 0; i < normals.size(); ++i) {
@@ -182,11 +182,11 @@ TEST(LocalProxy, MoveIsMadeOfThePushesOfThePlanesThatHoldIt) {
             EXPECT_GE(weight, -1e-9);
             rest -= weight * normals[i];
         }
-        // Where three normals are nearly dependent, weights are large beside the move: rounding in proportion.
+        // Weights of nearly dependent normals are large against the displacement, and so is their rounding.
         EXPECT_LT(glm::length(rest), 1e-7 * (glm::length(move) + 1e-3));
     }
     for (const int count : held_by) {
-        EXPECT_GT(count, 200) << "each number of planes must have held it";
+        EXPECT_GT(count, 200) << "each number of active planes must occur";
     }
 }
 
@@ -237,8 +237,8 @@ TEST(LocalProxy, OfParallelPlanesTheHigherHolds) {
     EXPECT_EQ(proxy.active, 2);
 }
 
-TEST(LocalProxy, NearlyCoincidentPlanesOfOneSurfaceDoNotThrowItAway) {
-    // Two triangles of one flat face: normals that differ by rounding, or by a little more.
+TEST(LocalProxy, NearlyCoincidentPlanesOfOneSurfaceDoNotMakeItJump) {
+    // Two triangles of one flat face: normals that differ by rounding, or slightly more.
     for (const double tilt : {1e-16, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3}) {
         const Planes planes = {{{0.0, 1.0, 0.0}, 0.01},
                                {glm::normalize(Vec3(tilt, 1.0, 0.0)), 0.01},
@@ -249,7 +249,7 @@ TEST(LocalProxy, NearlyCoincidentPlanesOfOneSurfaceDoNotThrowItAway) {
     }
 }
 
-TEST(LocalProxy, InASlitWithRoomItStaysInTheRoom) {
+TEST(LocalProxy, InAFeasibleSlitItStaysBetweenThePlanes) {
     const Planes planes = {{{0.0, 1.0, 0.0}, 0.00}, {{0.0, -1.0, 0.0}, -0.01}};  // 0 <= y <= 0.01
     EXPECT_EQ(project({0.0, -0.02, 0.0}, planes).position, Vec3(0.0, 0.0, 0.0));
     EXPECT_LT(glm::length(project({0.0, 0.05, 0.0}, planes).position - Vec3(0.0, 0.01, 0.0)), kRounding);
@@ -257,7 +257,7 @@ TEST(LocalProxy, InASlitWithRoomItStaysInTheRoom) {
     EXPECT_TRUE(project({0.0, -0.02, 0.0}, planes).feasible);
 }
 
-TEST(LocalProxy, InASlitOfNoWidthItStaysOnTheSheet) {
+TEST(LocalProxy, InASlitOfZeroWidthItStaysOnTheCommonPlane) {
     const Planes planes = {{{0.0, 1.0, 0.0}, 0.01}, {{0.0, -1.0, 0.0}, -0.01}};
     for (const double y : {-0.02, 0.01, 0.03}) {
         const LocalProxy proxy = project({0.004, y, 0.0}, planes);
@@ -266,7 +266,7 @@ TEST(LocalProxy, InASlitOfNoWidthItStaysOnTheSheet) {
     }
 }
 
-TEST(LocalProxy, InASlitWithoutRoomItTakesTheMiddle) {
+TEST(LocalProxy, InAnInfeasibleSlitItIsHalfWay) {
     const Planes planes = {{{0.0, 1.0, 0.0}, 0.01}, {{0.0, -1.0, 0.0}, 0.00}};  // y >= 0.01 and y <= 0
     for (const double y : {-0.03, 0.0, 0.004, 0.05}) {
         const LocalProxy proxy = project({0.02, y, -0.01}, planes);
@@ -276,31 +276,31 @@ TEST(LocalProxy, InASlitWithoutRoomItTakesTheMiddle) {
     }
 }
 
-TEST(LocalProxy, ASlitWithoutRoomIsLeftOnlyAsFarAsAThirdPlaneAsks) {
+TEST(LocalProxy, InAnInfeasibleSlitAThirdPlaneIsKeptToTheSameViolation) {
     const Planes planes = {{{0.0, 1.0, 0.0}, 0.01}, {{0.0, -1.0, 0.0}, 0.00}, {{1.0, 0.0, 0.0}, 0.03}};
     const LocalProxy proxy = project({0.0, 0.0, 0.0}, planes);
     EXPECT_FALSE(proxy.feasible);
-    // The slit cannot be kept better than to 5 mm; the third plane need not be kept better than that either.
+    // The slit is violated by at least 5 mm, so the third plane need not be kept better than that either.
     EXPECT_LT(glm::length(proxy.position - Vec3(0.025, 0.005, 0.0)), kRounding);
 }
 
 TEST(LocalProxy, FacingPlanesThatHardlyOpenCountAsASlit) {
-    // They meet at 1 cm / tilt: up to kilometres away, where no hand is.
+    // They meet at 1 cm / tilt: up to kilometres away.
     for (const double tilt : {1e-3, 1e-5, 1e-7, 1e-9, 1e-12, 1e-15}) {
         const Planes planes = {{glm::normalize(Vec3(tilt, 1.0, 0.0)), 0.01}, {{0.0, -1.0, 0.0}, 0.00}};
         const LocalProxy proxy = project({0.0, 0.0, 0.0}, planes);
         EXPECT_FALSE(proxy.feasible);
         EXPECT_LT(glm::length(proxy.position - Vec3(0.0, 0.005, 0.0)), 0.02 * tilt + kRounding);
     }
-    // A groove that opens by 5 degrees is a way out, and the exact one is taken.
+    // A groove that opens by 5 degrees is left exactly at its edge.
     const Planes groove = {{glm::normalize(Vec3(0.0874887, 1.0, 0.0)), 0.01}, {{0.0, -1.0, 0.0}, 0.00}};
     const LocalProxy proxy = project({0.0, 0.0, 0.0}, groove);
     EXPECT_TRUE(proxy.feasible);
     EXPECT_LT(largest_violation(groove, proxy.position), kRounding);
 }
 
-TEST(LocalProxy, APrismWithoutRoomIsViolatedAlikeOnAllSides) {
-    // Three planes 120 degrees apart that face inward, 1 cm beyond one another.
+TEST(LocalProxy, AnInfeasiblePrismIsViolatedEquallyOnAllSides) {
+    // Three planes at 120 degrees that face inward and overlap by 1 cm.
     const double half_root = std::sqrt(3.0) / 2.0;
     const Planes planes = {{{1.0, 0.0, 0.0}, 0.01}, {{-0.5, half_root, 0.0}, 0.01}, {{-0.5, -half_root, 0.0}, 0.01}};
     for (const Vec3& target : {Vec3(0.0, 0.0, 0.02), Vec3(0.03, -0.01, 0.02), Vec3(-0.002, 0.001, 0.02)}) {
@@ -312,7 +312,7 @@ TEST(LocalProxy, APrismWithoutRoomIsViolatedAlikeOnAllSides) {
 }
 
 TEST(LocalProxy, NearlyCoplanarNormalsGiveAPointNearby) {
-    // The same prism, its planes tilted so that they meet: exactly where they do so within reach, else as a prism.
+    // The same prism with its planes tilted so that they meet: at that corner if it is near enough, else as a prism.
     const double half_root = std::sqrt(3.0) / 2.0;
     for (const double tilt : {0.3, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-14}) {
         const Planes planes = {{glm::normalize(Vec3(1.0, 0.0, tilt)), 0.01},
@@ -329,9 +329,9 @@ TEST(LocalProxy, NearlyCoplanarNormalsGiveAPointNearby) {
     }
 }
 
-TEST(LocalProxy, LeastViolationIsTheLeastThereIs) {
-    // Infeasible triples: normals that depend on one another with positive weights. Oracle: by duality the smallest
-    // largest violation is the weighted mean of the offsets.
+TEST(LocalProxy, LeastViolationIsTheMinimum) {
+    // Infeasible triples: a positive combination of the normals vanishes. Oracle: by duality the smallest largest
+    // violation is the weighted mean of the offsets.
     Random random(35);
     for (int k = 0; k < 2000; ++k) {
         const Vec3 a = random.direction();
@@ -381,7 +381,7 @@ TEST(LocalProxy, IsFiniteForAnyFinitePlanes) {
     }
 }
 
-TEST(LocalProxy, HoldsNothingByPlanesThatAreNone) {
+TEST(LocalProxy, IgnoresInvalidPlanesAndTargets) {
     const Vec3 target(0.01, 0.02, 0.03);
     const HalfSpace floor{{0.0, 1.0, 0.0}, 0.05};
     for (const double bad :
@@ -407,7 +407,7 @@ TEST(PlaneAt, MovesWithItsVelocity) {
     EXPECT_NEAR(plane.offset, 0.01 - 2.0 * 0.003, 1e-15);
 }
 
-TEST(PlaneAt, StaysWhereItIsBeforeItsTime) {
+TEST(PlaneAt, IsNotExtrapolatedBackwards) {
     EXPECT_EQ(plane_at(contact_plane(0.01, 5.0), 1'000'000, 0, 10'000'000).offset, 0.01);
 }
 
@@ -416,7 +416,7 @@ TEST(PlaneAt, MovesNoFurtherThanTheHorizon) {
     EXPECT_EQ(plane_at(contact_plane(0.0, 1.0), 0, 1'000'000'000, -5).offset, 0.0);
 }
 
-TEST(PlaneAt, TimesThatAreNonsenseStayWithinTheHorizon) {
+TEST(PlaneAt, OverflowingTimesStayWithinTheHorizon) {
     constexpr std::int64_t kFirst = std::numeric_limits<std::int64_t>::min();
     constexpr std::int64_t kLast = std::numeric_limits<std::int64_t>::max();
     EXPECT_NEAR(plane_at(contact_plane(0.0, 1.0), kFirst, kLast, 15'000'000).offset, 0.015, 1e-15);

@@ -28,18 +28,20 @@ PassivitySettings with(PassivityControl control) {
     return settings;
 }
 
-/// What a grip at depth `d` in a resting wall of stiffness k wishes, d < 0: outside.
-PassivityWish wall(double k, double d) {
+/// Request of a grip at depth d in a resting wall of stiffness k; d < 0: outside.
+PassivityRequest wall(double k, double d) {
     const double depth = std::max(0.0, d);
     return {.wrench = {k * depth * kUp, Vec3(0.0)}, .stored = 0.5 * k * depth * depth};
 }
 
 PassivityMotion moved_up(double by, double held_force) {
-    return {
-        .moved = by * kUp, .elapsed_s = kPeriod_s, .held = {held_force * kUp, Vec3(0.0)}, .asked = held_force != 0.0};
+    return {.displacement = by * kUp,
+            .elapsed_s = kPeriod_s,
+            .held = {held_force * kUp, Vec3(0.0)},
+            .requested = held_force != 0.0};
 }
 
-TEST(AffordableShare, IsTheLargestWhoseEndTheBudgetPays) {
+TEST(AffordableShare, IsTheLargestThatTheBudgetCanEnd) {
     Random random(1);
     for (int i = 0; i < 100'000; ++i) {
         const double power = std::max(0.0, random.uniform(-1.0, 5.0));
@@ -49,7 +51,7 @@ TEST(AffordableShare, IsTheLargestWhoseEndTheBudgetPays) {
         const double share = affordable_share(power, acceleration_power, kPeriod_s, ramp_s, budget);
         ASSERT_GT(share, 0.0);
         ASSERT_LE(share, 1.0);
-        // The wrench is held for a period and then falls linearly to zero in share * ramp_s; impulse by pulse.
+        // Oracle: integrates the wrench, held for a period and then falling linearly to zero in share * ramp_s.
         const auto cost = [&](double part) {
             const double h = part * (kPeriod_s + 0.5 * part * ramp_s);
             return power * h + 0.5 * acceleration_power * h * h;
@@ -61,7 +63,7 @@ TEST(AffordableShare, IsTheLargestWhoseEndTheBudgetPays) {
     }
 }
 
-TEST(AffordableShare, IsNothingWithoutABudgetAndAllOfAWrenchThatIsNone) {
+TEST(AffordableShare, IsZeroWithoutABudgetAndOneForAZeroWrench) {
     EXPECT_EQ(affordable_share(1.0, 1.0, kPeriod_s, 0.01, 0.0), 0.0);
     EXPECT_EQ(affordable_share(1.0, 1.0, kPeriod_s, 0.01, -1.0), 0.0);
     EXPECT_EQ(affordable_share(0.0, 0.0, kPeriod_s, 0.0, 1e-9), 1.0);
@@ -74,10 +76,10 @@ TEST(PassiveStiffness, IsThatOfAbbottAndOkamura) {
     EXPECT_DOUBLE_EQ(passive_stiffness(0.3, 0.0, 1.7e-5, 1e-3, 0.02), 0.6 / 0.041);
 }
 
-TEST(PassivityObserver, KnowsTheEnergyOfASampledSpringExactly) {
+TEST(PassivityObserver, HasTheExactEnergyOfASampledSpring) {
     // E = K d^2 / 2 + (b / T - K / 2) sum dx^2, for any motion within the wall.
     PassivitySettings settings = with(PassivityControl::Observe);
-    settings.store = 1.0;  // beyond what is taken in here
+    settings.store = 1.0;  // more than is taken in here
     for (const double k : {50.0, 300.0, 600.0, 2000.0}) {
         Passivity passivity(settings, {});
         Random random(7);
@@ -99,8 +101,8 @@ TEST(PassivityObserver, KnowsTheEnergyOfASampledSpringExactly) {
     }
 }
 
-/// Random strokes in and out of a resting wall; the least energy that is observed.
-double least_energy_of_strokes(double k, std::uint64_t seed) {
+/// Smallest observed energy of random strokes in and out of a resting wall.
+double min_energy_of_strokes(double k, std::uint64_t seed) {
     Passivity passivity(with(PassivityControl::Observe), {});
     Random random(seed);
     double depth = -1e-3;
@@ -118,18 +120,18 @@ double least_energy_of_strokes(double k, std::uint64_t seed) {
     return least;
 }
 
-TEST(PassivityObserver, NeverSeesAContactGiveEnergyUpToTheStiffnessThatIsPassive) {
+TEST(PassivityObserver, ObservesNoGeneratedEnergyUpToThePassiveStiffness) {
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
         for (const double k : {10.0, 100.0, 300.0, kPassive}) {
-            ASSERT_GE(least_energy_of_strokes(k, seed), -1e-12) << k << " N/m, seed " << seed;
+            ASSERT_GE(min_energy_of_strokes(k, seed), -1e-12) << k << " N/m, seed " << seed;
         }
     }
 }
 
-TEST(PassivityObserver, SeesAContactGiveEnergyBeyondThatStiffness) {
+TEST(PassivityObserver, ObservesGeneratedEnergyBeyondThatStiffness) {
     int seen = 0;
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-        seen += least_energy_of_strokes(2.0 * kPassive, seed) < kFloor_j ? 1 : 0;
+        seen += min_energy_of_strokes(2.0 * kPassive, seed) < kFloor_j ? 1 : 0;
     }
     EXPECT_EQ(seen, 20);
 }
@@ -146,10 +148,10 @@ TEST(PassivityObserver, CountsRotationLikeTranslation) {
     for (int i = 0; i < 2000; ++i) {
         const double next = std::clamp(angle + random.uniform(-2e-3, 2e-3), 1e-6, 0.2);
         PassivityMotion motion;
-        motion.turned = (angle - next) * kUp;
+        motion.rotation = (angle - next) * kUp;
         motion.elapsed_s = kPeriod_s;
         motion.held.torque = torque * kUp;
-        motion.asked = torque != 0.0;
+        motion.requested = torque != 0.0;
         passivity.apply(motion, {.wrench = {Vec3(0.0), k * next * kUp}, .stored = 0.5 * k * next * next});
         squares += (next - angle) * (next - angle);
         angle = next;
@@ -161,8 +163,8 @@ TEST(PassivityObserver, CountsRotationLikeTranslation) {
     }
 }
 
-TEST(PassivityObserver, TakesTheWorkOfASurfaceThatIsAnnouncedForTheSimulations) {
-    // A surface of 300 N/m rises at 0.1 m/s under a grip that gives way at 0.06 m/s: E stays that of the spring.
+TEST(PassivityObserver, CreditsTheWorkOfAnAnnouncedSurface) {
+    // A surface of 300 N/m rises at 0.1 m/s under a grip that yields at 0.06 m/s: E stays that of the spring.
     Passivity passivity(with(PassivityControl::Observe), {});
     const double k = 300.0;
     double force = 0.0;
@@ -170,17 +172,17 @@ TEST(PassivityObserver, TakesTheWorkOfASurfaceThatIsAnnouncedForTheSimulations) 
     for (int i = 0; i < 100; ++i) {
         const double given_way = i == 0 ? 0.0 : 6e-5;
         depth += i == 0 ? 0.0 : 1e-4 - given_way;
-        PassivityWish wish = wall(k, depth);
+        PassivityRequest wish = wall(k, depth);
         wish.surface_power = 0.1 * k * depth;
         passivity.apply(moved_up(given_way, force), wish);
         force = k * depth;
-        // Half a tick's force on the grip's way is what the sampled spring gives beyond the ideal one.
+        // The sampled spring gives half a tick's force times the grip's displacement more than an ideal one.
         ASSERT_GE(passivity.energy(), 0.5 * k * depth * depth - 1e-12) << i;
     }
     EXPECT_GT(depth, 3e-3);
 }
 
-TEST(Passivity, LeavesFreeMotionExactlyZeroWhateverItOwes) {
+TEST(Passivity, LeavesFreeMotionExactlyZeroInSpiteOfADebt) {
     Passivity passivity(with(PassivityControl::Bound), {});
     for (int i = 0; i < 100; ++i) {
         passivity.apply(moved_up(1e-3, 5.0), wall(2000.0, 5e-3));
@@ -191,12 +193,12 @@ TEST(Passivity, LeavesFreeMotionExactlyZeroWhateverItOwes) {
         Random random(5);
         for (int i = 0; i < 1000; ++i) {
             PassivityMotion motion;
-            motion.moved = 1e-3 * random.normal();
-            motion.turned = 1e-2 * random.normal();
+            motion.displacement = 1e-3 * random.normal();
+            motion.rotation = 1e-2 * random.normal();
             motion.elapsed_s = kPeriod_s;
             if (i < 100) {
-                motion.held.force = 100.0 * motion.moved;  // a debt
-                motion.asked = true;
+                motion.held.force = 100.0 * motion.displacement;  // a debt
+                motion.requested = true;
             }
             const Passivity::Result result = free.apply(motion, {});
             ASSERT_EQ(result.wrench.force, Vec3(0.0));
@@ -209,7 +211,7 @@ TEST(Passivity, LeavesFreeMotionExactlyZeroWhateverItOwes) {
     EXPECT_FALSE(result.acted);
 }
 
-TEST(Passivity, LicensesNothingInAContactWithWhatAnEarlierOneTookIn) {
+TEST(Passivity, DoesNotSpendInOneContactWhatAnEarlierOneStored) {
     Passivity passivity(with(PassivityControl::Bound), {});
     for (int i = 1; i <= 100; ++i) {  // 1 cm into a wall that then vanishes
         passivity.apply(moved_up(-1e-4, 1e-2 * i), wall(100.0, 1e-4 * i));
@@ -219,18 +221,18 @@ TEST(Passivity, LicensesNothingInAContactWithWhatAnEarlierOneTookIn) {
     EXPECT_EQ(passivity.energy(), 0.0);
 }
 
-TEST(Passivity, KeepsNoMoreThanTheSpringsHoldAndALittle) {
+TEST(Passivity, StoresNoMoreThanTheSpringsEnergyAndTheAllowance) {
     const PassivitySettings settings = with(PassivityControl::Bound);
     Passivity passivity(settings, {});
-    for (int i = 0; i < 1000; ++i) {  // rubbed against friction: 5 N against the motion for a metre
+    for (int i = 0; i < 1000; ++i) {  // rubbing against friction: 5 N against the motion over a metre
         passivity.apply(moved_up(-1e-3, 5.0), wall(500.0, 4e-3));
         ASSERT_LE(passivity.energy(), 0.5 * 500.0 * 16e-6 + settings.store);
     }
     EXPECT_EQ(passivity.energy(), 0.5 * 500.0 * 16e-6 + settings.store);
 }
 
-TEST(Passivity, GivesBackAnIdealContactBitForBit) {
-    // A tap of 0.2 m/s on walls up to half of the passive stiffness, whose leak the credit for damping covers.
+TEST(Passivity, LeavesAnIdealContactUnchangedBitForBit) {
+    // A tap at 0.2 m/s on walls up to half the passive stiffness, whose energy leak the damping credit covers.
     for (const double k : {20.0, 100.0, 300.0}) {
         Passivity passivity(with(PassivityControl::Bound), {});
         double depth = -1e-3;
@@ -240,7 +242,7 @@ TEST(Passivity, GivesBackAnIdealContactBitForBit) {
         for (double t = -0.005; t < last + 0.01; t += kPeriod_s) {
             const double next =
                 t < 0.0 || t > last ? -std::fabs(0.2 * (t < 0.0 ? t : t - last)) : 0.2 / omega * std::sin(omega * t);
-            const PassivityWish wish = wall(k, next);
+            const PassivityRequest wish = wall(k, next);
             const Passivity::Result result = passivity.apply(moved_up(depth - next, force), wish);
             ASSERT_FALSE(result.acted) << k << " N/m at " << t << " s";
             ASSERT_EQ(result.wrench.force, wish.wrench.force);
@@ -250,8 +252,8 @@ TEST(Passivity, GivesBackAnIdealContactBitForBit) {
     }
 }
 
-TEST(Passivity, GivesARestingHandTheForceOfASurfaceThatAnnouncesItsMotion) {
-    // 300 N/m against a hand that yields 400 N/m, quasi-static, with and without the announcement.
+TEST(Passivity, LetsAnAnnouncedSurfacePushARestingHand) {
+    // 300 N/m against a hand of 400 N/m, quasi-static, with and without the announcement.
     std::array<double, 2> reached{};
     for (const bool announced : {false, true}) {
         Passivity passivity(with(PassivityControl::Bound), {});
@@ -260,7 +262,7 @@ TEST(Passivity, GivesARestingHandTheForceOfASurfaceThatAnnouncesItsMotion) {
         for (int i = 1; i <= 200; ++i) {
             const double surface = 1e-4 * i;  // m, rising at 0.1 m/s
             const double next = force / 400.0;
-            PassivityWish wish = wall(300.0, surface - next);
+            PassivityRequest wish = wall(300.0, surface - next);
             wish.surface_power = announced ? 0.1 * wish.wrench.force.y : 0.0;
             const Passivity::Result result = passivity.apply(moved_up(next - grip, force), wish);
             grip = next;
@@ -272,7 +274,7 @@ TEST(Passivity, GivesARestingHandTheForceOfASurfaceThatAnnouncesItsMotion) {
     EXPECT_LT(reached[0], 0.7 * reached[1]);
 }
 
-/// A grip of 0.1 kg and 0.3 N s/m that an undamped hand presses against a wall whose force is `delay` ticks late.
+/// Grip of 0.1 kg and 0.3 N s/m pressed by an undamped hand against a wall whose force is `delay` ticks late.
 class DelayedWall {
   public:
     DelayedWall(PassivityControl control, double k, int delay, double hand)
@@ -287,7 +289,7 @@ class DelayedWall {
             tick();
         }
     }
-    /// m, between the highest and the lowest point of the next ticks.
+    /// m, peak-to-peak motion over the next ticks.
     double amplitude(int ticks) {
         double high = -1.0;
         double low = 1.0;
@@ -298,7 +300,7 @@ class DelayedWall {
         }
         return high - low;
     }
-    [[nodiscard]] double least_energy() const { return least_; }
+    [[nodiscard]] double min_energy() const { return least_; }
 
   private:
     static constexpr double kStart = 0.005;
@@ -335,7 +337,7 @@ class DelayedWall {
     double time_s_ = 0.0;
 };
 
-TEST(Passivity, LetsNoVibrationGrowWhateverTheStiffnessAndTheDelay) {
+TEST(Passivity, KeepsVibrationFromGrowingForAnyStiffnessAndDelay) {
     for (const double hand : {100.0, 400.0}) {
         for (const double k : {10.0, 30.0, 100.0, 300.0, 600.0, 1000.0, 2000.0}) {
             for (const int delay : {0, 1, 2, 5, 10, 20}) {
@@ -345,26 +347,26 @@ TEST(Passivity, LetsNoVibrationGrowWhateverTheStiffnessAndTheDelay) {
                 wall.run(3200);
                 const double last = wall.amplitude(500);
                 EXPECT_LT(last, std::max(first, 2e-4)) << k << " N/m, " << delay << " ticks, hand " << hand;
-                EXPECT_GE(wall.least_energy(), kFloor_j) << k << " N/m, " << delay << " ticks, hand " << hand;
+                EXPECT_GE(wall.min_energy(), kFloor_j) << k << " N/m, " << delay << " ticks, hand " << hand;
             }
         }
     }
 }
 
-TEST(Passivity, IsWhatKeepsThatVibrationFromGrowing) {
+TEST(Passivity, WithoutItThatVibrationGrows) {
     DelayedWall wall(PassivityControl::Observe, 300.0, 5, 100.0);
     wall.run(300);
     const double first = wall.amplitude(500);
     wall.run(700);
     EXPECT_GT(wall.amplitude(500), 2.0 * first);
-    EXPECT_LT(wall.least_energy(), 100.0 * kFloor_j);
+    EXPECT_LT(wall.min_energy(), 100.0 * kFloor_j);
 }
 
-TEST(Passivity, OfTheDampingKindPaysADebtBackAndNoFaster) {
+TEST(Passivity, DampingPaysADebtBackAndNoMore) {
     PassivitySettings settings = with(PassivityControl::Damp);
     settings.damping = 0.0;
     Passivity passivity(settings, {});
-    passivity.apply(moved_up(1e-4, 1.0), wall(100.0, 0.01));  // 0.1 mJ out that never came in
+    passivity.apply(moved_up(1e-4, 1.0), wall(100.0, 0.01));  // 0.1 mJ given without having been taken
     ASSERT_LT(passivity.energy(), 0.0);
     const double wished = 1.0;
     const Passivity::Result fast = passivity.apply(moved_up(1e-3, 1e-9), wall(100.0, 0.01));
@@ -377,10 +379,10 @@ TEST(Passivity, OfTheDampingKindPaysADebtBackAndNoFaster) {
     EXPECT_NEAR(wished - limited.wrench.force.y, settings.largest_damping * 1e-5 / kPeriod_s, 1e-9);
 }
 
-TEST(Passivity, MakesNothingOfWhatIsNoNumber) {
+TEST(Passivity, GivesZeroForNonFiniteInput) {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     Passivity passivity(with(PassivityControl::Bound), {});
-    PassivityWish wish = wall(100.0, 0.01);
+    PassivityRequest wish = wall(100.0, 0.01);
     wish.stored = nan;
     EXPECT_EQ(passivity.apply(moved_up(0.0, 0.0), wish).wrench.force, Vec3(0.0));
     EXPECT_EQ(passivity.apply(moved_up(nan, 1.0), wall(100.0, 0.01)).wrench.force, Vec3(0.0));

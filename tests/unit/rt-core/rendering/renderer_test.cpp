@@ -30,7 +30,7 @@ void set_plane(ContactPlane& plane, const Vec3& normal, double offset, double ve
     plane.velocity = velocity;
 }
 
-TEST(Render, MakesNoForceAtAllInFreeMotion) {
+TEST(Render, MakesExactlyNoForceInFreeMotion) {
     ContactFrame frame = floor_frame(-0.01, kStiffness, 0);
     frame.damping = 20.0;
     frame.rotational_damping = 1.0;
@@ -51,7 +51,7 @@ TEST(Render, IsASpringFromTheDeviceToTheProxyOfOneSphere) {
     EXPECT_EQ(contact.in_contact, 1u);
 }
 
-TEST(Render, MovesPlanesOnForOneAndAHalfStepsAndNoLonger) {
+TEST(Render, ExtrapolatesPlanesForOneAndAHalfSteps) {
     ContactFrame frame = floor_frame(0.0, kStiffness, 0);
     frame.step_ns = 10'000'000;
     frame.proxies[0].planes[0].velocity = 0.1;  // m/s upward
@@ -64,19 +64,19 @@ TEST(Render, MovesPlanesOnForOneAndAHalfStepsAndNoLonger) {
     EXPECT_NEAR(depth(80'000'000), 0.0025, 1e-12);
 }
 
-TEST(Render, TellsTheEnergyOfItsSpringsAndThePowerOfMovingSurfaces) {
+TEST(Render, ReportsTheEnergyOfItsSpringsAndThePowerOfMovingSurfaces) {
     ContactFrame frame = floor_frame(0.0, kStiffness, 0);
     frame.proxies[0].planes[0].velocity = 0.05;
     frame.proxy_count = 2;  // the second in free space
     const Contact contact = render(frame, at(-0.004), {}, 0);
     EXPECT_NEAR(contact.stored, 0.5 * kStiffness * 0.004 * 0.004 / 2.0, 1e-15);
     EXPECT_NEAR(contact.surface_power, 0.05 * kStiffness * 0.004 / 2.0, 1e-15);
-    // Beyond the horizon planes stand, and bring nothing.
+    // Beyond the horizon planes stand still and have no power.
     EXPECT_EQ(render(frame, at(-0.004), {}, 16'000'000).surface_power, 0.0);
     EXPECT_GT(render(frame, at(-0.004), {}, 15'000'000).surface_power, 0.0);
 }
 
-TEST(FrameRenderer, RendersNoMoreThanTheLargestStiffnessAndSaysSo) {
+TEST(FrameRenderer, LimitsTheStiffnessAndReportsIt) {
     FrameSettings settings;
     settings.largest_stiffness = 600.0;
     const auto renderer = std::make_unique<FrameRenderer>(settings);
@@ -96,13 +96,13 @@ TEST(Render, DampsTheMotionOfTheGripRelativeToTheSurface) {
     ContactFrame frame = floor_frame(0.0, kStiffness, 0);
     frame.damping = 10.0;  // N*s/m
     frame.proxies[0].planes[0].velocity = 0.05;
-    // Into the surface at 0.1 m/s, which itself rises at 0.05: closing at 0.15 m/s. Sliding is not damped.
+    // Into the surface at 0.1 m/s while it rises at 0.05: closing speed 0.15 m/s. Sliding is not damped.
     const Contact contact = render(frame, at(-0.004), {{0.3, -0.1, 0.0}, {}}, 0);
     EXPECT_NEAR(contact.wrench.force.y, kStiffness * 0.004 + 10.0 * 0.15, 1e-12);
     EXPECT_NEAR(contact.wrench.force.x, 0.0, 1e-15);
 }
 
-TEST(Render, NeverPullsIntoASurfaceThatTheGripLeaves) {
+TEST(Render, NeverPullsTowardsASurfaceThatTheGripLeaves) {
     ContactFrame frame = floor_frame(0.0, kStiffness, 0);
     frame.damping = 100.0;
     const Contact contact = render(frame, at(-0.001), {{0.0, 2.0, 0.0}, {}}, 0);
@@ -110,7 +110,7 @@ TEST(Render, NeverPullsIntoASurfaceThatTheGripLeaves) {
     EXPECT_EQ(contact.in_contact, 1u);
 }
 
-TEST(Render, TakesTheSpeedOfTheEdgeBetweenTwoMovingPlanes) {
+TEST(Render, UsesTheSpeedOfTheEdgeOfTwoMovingPlanes) {
     // A right-angled groove whose walls close in at 0.03 and 0.04 m/s: the edge moves at (0.03, 0.04, 0).
     ContactFrame frame = floor_frame(0.0, 1000.0, 0);
     frame.damping = 10.0;
@@ -153,7 +153,7 @@ TEST(Render, DividesForceAndTorqueByTheNumberOfAllParticles) {
     EXPECT_NEAR(contact.wrench.force.y, force / 4.0, 1e-9);
     EXPECT_NEAR(contact.wrench.torque.z, 0.02 * std::cos(tilt) * force / 4.0, 1e-9);
     EXPECT_NEAR(contact.wrench.torque.x, 0.0, 1e-12);
-    EXPECT_GT(contact.wrench.torque.z, 0.0) << "the torque must turn the grip level again";
+    EXPECT_GT(contact.wrench.torque.z, 0.0) << "the torque must rotate the grip back to level";
 }
 
 TEST(Render, DampsRotationByTheShareOfParticlesInContact) {
@@ -170,12 +170,12 @@ TEST(Render, MakesNoForceWhileClutched) {
     EXPECT_EQ(render(frame, at(-0.004), {}, 0).wrench.force, Vec3(0.0));
 }
 
-GripMotion standing(const Vec3& position, const Vec3& velocity = Vec3(0.0), double elapsed_s = 0.0) {
+GripMotion at_rest(const Vec3& position, const Vec3& velocity = Vec3(0.0), double elapsed_s = 0.0) {
     const Pose grip{position, Quat(1, 0, 0, 0)};
     return {grip, {velocity, Vec3(0.0)}, grip, elapsed_s};
 }
 
-/// A rough floor at y = 0 that goes along x, if it goes.
+/// Floor at y = 0 with friction, moving along x.
 ContactFrame rough_floor(double velocity = 0.0) {
     ContactFrame frame = floor_frame(0.0, kStiffness, 0);
     frame.step_ns = kNanosecondsPerSecond;
@@ -185,14 +185,14 @@ ContactFrame rough_floor(double velocity = 0.0) {
     return frame;
 }
 
-TEST(Render, HoldsTheGripByFrictionAndWithdrawsNothingOfTheNormalForce) {
+TEST(Render, HoldsTheGripByFrictionWithoutReducingTheNormalForce) {
     const ContactFrame frame = rough_floor();
     ToolMemory memory;
     constexpr double kDepth = 0.004;
     const auto push = [&](double x) {
-        return render(frame, {kStiffness, kStiffness}, standing({x, -kDepth, 0.0}), 0, memory);
+        return render(frame, {kStiffness, kStiffness}, at_rest({x, -kDepth, 0.0}), 0, memory);
     };
-    EXPECT_EQ(push(0.0).wrench.force.x, 0.0) << "it sticks where it touches";
+    EXPECT_EQ(push(0.0).wrench.force.x, 0.0) << "it sticks where it first touches";
     const Contact stuck = push(0.003);
     EXPECT_NEAR(stuck.wrench.force.x, -kStiffness * 0.003, 1e-12);
     EXPECT_NEAR(stuck.wrench.force.y, kStiffness * kDepth, 1e-12);
@@ -203,40 +203,40 @@ TEST(Render, HoldsTheGripByFrictionAndWithdrawsNothingOfTheNormalForce) {
     EXPECT_NEAR(slides.proxy.x, 0.01 - 0.5 * kDepth, 1e-15);
 }
 
-TEST(Render, TakesFromFrictionWhatDampingTakesFromTheNormalForce) {
+TEST(Render, ReducesFrictionInProportionToTheDampedNormalForce) {
     ContactFrame frame = rough_floor();
     frame.damping = 10.0;
     ToolMemory memory;
-    (void)render(frame, {kStiffness, kStiffness}, standing({0.0, -0.004, 0.0}), 0, memory);
-    const Vec3 place(0.002, -0.004, 0.0);
-    const Vec3 leaving(0.0, 0.1, 0.0);  // m/s, takes half of the 2 N
-    const Contact half = render(frame, {kStiffness, kStiffness}, standing(place, leaving), 0, memory);
+    (void)render(frame, {kStiffness, kStiffness}, at_rest({0.0, -0.004, 0.0}), 0, memory);
+    const Vec3 position(0.002, -0.004, 0.0);
+    const Vec3 leaving(0.0, 0.1, 0.0);  // m/s, damping takes half of the 2 N
+    const Contact half = render(frame, {kStiffness, kStiffness}, at_rest(position, leaving), 0, memory);
     EXPECT_NEAR(half.wrench.force.y, 1.0, 1e-12);
     EXPECT_NEAR(half.wrench.force.x, -0.5, 1e-12);
-    const Contact none = render(frame, {kStiffness, kStiffness}, standing(place, 10.0 * leaving), 0, memory);
+    const Contact none = render(frame, {kStiffness, kStiffness}, at_rest(position, 10.0 * leaving), 0, memory);
     EXPECT_EQ(none.wrench.force.x, 0.0);
 }
 
-TEST(Render, IsPulledAlongByARoughSurfaceAndTellsItsPower) {
+TEST(Render, IsDraggedByAMovingRoughSurfaceAndReportsItsPower) {
     const ContactFrame frame = rough_floor(0.1);
     ToolMemory memory;
     Contact contact;
     for (int k = 0; k <= 20; ++k) {
         contact =
-            render(frame, {kStiffness, kStiffness}, standing({0.0, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, memory);
+            render(frame, {kStiffness, kStiffness}, at_rest({0.0, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, memory);
         ASSERT_NEAR(contact.wrench.force.x, kStiffness * 1e-4 * k, 1e-9) << k;
         ASSERT_NEAR(contact.surface_power, contact.wrench.force.x * 0.1, 1e-9) << k;
-        ASSERT_NEAR(contact.way, 1e-4, 1e-12) << "relative to the surface, which goes while the hand stands";
+        ASSERT_NEAR(contact.displacement, 1e-4, 1e-12) << "relative to the surface, which moves while the hand rests";
     }
 }
 
-TEST(Render, HasNoFrictionWithoutItsCoefficientsWhateverTheSurfaceDoes) {
+TEST(Render, HasNoFrictionWithZeroCoefficients) {
     ContactFrame frame = rough_floor(0.1);
     frame.static_friction = frame.dynamic_friction = 0.0;
     ToolMemory memory;
     for (int k = 0; k < 10; ++k) {
         const Contact contact = render(frame, {kStiffness, kStiffness},
-                                       standing({1e-3 * k, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, memory);
+                                       at_rest({1e-3 * k, -0.004, 0.0}, Vec3(0.0), 1e-3), kTickNs * k, memory);
         ASSERT_EQ(contact.wrench.force.x, 0.0);
         ASSERT_EQ(contact.surface_power, 0.0);
     }
@@ -281,13 +281,13 @@ TEST_F(FrameRendererTest, MakesNoForceBeforeTheFirstFrame) {
     EXPECT_FALSE(result.stale);
 }
 
-TEST_F(FrameRendererTest, TakesUpTheFirstFramesWithoutAStep) {
-    // 2 N over a ramp of 50 ms, steepest slope 1.5: 0.06 N a tick.
+TEST_F(FrameRendererTest, BlendsInTheFirstFrames) {
+    // 2 N over a ramp of 50 ms, steepest slope 1.5: 0.06 N per tick.
     feed(60, kStiffness, 1, 1.5 * 2.0 / 50.0 + 1e-9);
     EXPECT_NEAR(last.contact.wrench.force.y, 2.0, 1e-9);
 }
 
-TEST_F(FrameRendererTest, FadesToExactlyZeroWhenFramesStopAndNotBefore) {
+TEST_F(FrameRendererTest, FadesToExactlyZeroOnceFramesAreStale) {
     feed(101, kStiffness, 1, 1.0);
     for (int i = 0; i < 80; ++i) {
         EXPECT_NEAR(step().contact.wrench.force.y, 2.0, 1e-9);
@@ -304,7 +304,7 @@ TEST_F(FrameRendererTest, FadesToExactlyZeroWhenFramesStopAndNotBefore) {
     EXPECT_TRUE(last.stale);
 }
 
-TEST_F(FrameRendererTest, GivesASlowSimulationThreeOfItsSteps) {
+TEST_F(FrameRendererTest, AllowsASlowSimulationThreeOfItsSteps) {
     ContactFrame slow = floor_frame(0.0, kStiffness, now_ns);
     slow.step_ns = 50'000'000;
     give(slow);
@@ -314,7 +314,7 @@ TEST_F(FrameRendererTest, GivesASlowSimulationThreeOfItsSteps) {
     EXPECT_TRUE(step().stale);
 }
 
-TEST_F(FrameRendererTest, TakesUpFramesAgainWithoutAStepAfterAFade) {
+TEST_F(FrameRendererTest, BlendsInFramesAfterAFade) {
     feed(100, kStiffness, 1, 1.0);
     for (int i = 0; i < 300; ++i) {
         step();
@@ -323,7 +323,7 @@ TEST_F(FrameRendererTest, TakesUpFramesAgainWithoutAStepAfterAFade) {
     EXPECT_NEAR(last.contact.wrench.force.y, 2.0, 1e-9);
 }
 
-TEST_F(FrameRendererTest, TakesUpFramesAgainWithoutAStepInTheMidstOfAFade) {
+TEST_F(FrameRendererTest, BlendsInFramesDuringAFade) {
     feed(100, kStiffness, 1, 1.0);
     while (step().contact.wrench.force.y > 1.0) {
     }
@@ -337,7 +337,7 @@ TEST_F(FrameRendererTest, BlendsFromOneSessionToTheNext) {
     EXPECT_NEAR(last.contact.wrench.force.y, 6.0, 1e-9);
 }
 
-TEST_F(FrameRendererTest, WorksTheClutchWithoutAStep) {
+TEST_F(FrameRendererTest, BlendsWhenTheClutchChanges) {
     feed(100, kStiffness, 1, 1.0);
     ContactFrame clutched = floor_frame(0.0, kStiffness, now_ns);
     clutched.flags = HAPTIC_FRAME_CLUTCHED;
@@ -349,7 +349,7 @@ TEST_F(FrameRendererTest, WorksTheClutchWithoutAStep) {
     EXPECT_EQ(last.contact.wrench.force, Vec3(0.0));
 }
 
-TEST_F(FrameRendererTest, DoesNotBelieveATimeOfPublishingInTheFuture) {
+TEST_F(FrameRendererTest, DistrustsAPublishingTimeInTheFuture) {
     ContactFrame liar = floor_frame(0.0, kStiffness, now_ns);
     liar.publish_time_ns = now_ns + 1'000'000'000'000;
     give(liar);
@@ -359,7 +359,7 @@ TEST_F(FrameRendererTest, DoesNotBelieveATimeOfPublishingInTheFuture) {
     EXPECT_TRUE(last.stale);
 }
 
-TEST_F(FrameRendererTest, MakesNoForceOfAFrameThatWasOldWhenItWasFound) {
+TEST_F(FrameRendererTest, MakesNoForceFromAFrameThatWasAlreadyStale) {
     const ContactFrame old = floor_frame(0.0, kStiffness, now_ns - 10'000'000'000);
     give(old);
     for (int i = 0; i < 200; ++i) {
@@ -380,12 +380,12 @@ TEST_F(FrameRendererTest, KeepsTheLastGoodFrameWhenOneIsDefective) {
     EXPECT_EQ(last.frame_sequence, good);
 }
 
-/// A sheet that goes up and down as sin^2, known to the simulation at each step exactly, as host-sim knows the motion
-/// of the step that begins: its planes interpolate. What is felt of it by a hand that rests.
+/// Result of a resting hand on a sheet that moves up and down as sin^2. The simulation knows the motion of each step
+/// exactly when the step begins, as host-sim does, so its planes interpolate.
 struct SheetRun {
-    double most_over = -1.0;  // N, that a change in a millisecond is beyond the bound
-    double most_error = 0.0;  // N, against k times the true depth
-    double peak = 0.0;        // N
+    double max_over = -1.0;  // N, largest excess of a change in a millisecond over the bound
+    double max_error = 0.0;  // N, against k times the true depth
+    double peak = 0.0;       // N
 };
 
 SheetRun press_with_a_sheet(std::int64_t step_ns, std::int64_t late_ns, double damping, double normal_noise) {
@@ -408,7 +408,7 @@ SheetRun press_with_a_sheet(std::int64_t step_ns, std::int64_t late_ns, double d
             frame.step_ns = step_ns;
             frame.damping = damping * (1.0 + 0.5 * static_cast<double>(step % 3));
             ContactPlane& plane = frame.proxies[0].planes[0];
-            random = 4.0 * random * (1.0 - random);  // chaos in 0..1
+            random = 4.0 * random * (1.0 - random);  // logistic map, chaotic in 0..1
             store(glm::normalize(Vec3(normal_noise * (random - 0.5), 1.0, 0.0)), plane.normal);
             plane.velocity = (height(t + h) - height(t)) / h;
             frame.publish_time_ns = now;
@@ -416,14 +416,14 @@ SheetRun press_with_a_sheet(std::int64_t step_ns, std::int64_t late_ns, double d
             renderer.inbox() = frame;
             EXPECT_EQ(renderer.accept(now), FrameDefect::None);
         }
-        const FrameRenderer::Result felt = renderer.render({}, {}, now, kTickNs);
-        const double force = felt.contact.wrench.force.y;
-        if (now > 100'000'000) {  // taken up
+        const FrameRenderer::Result result = renderer.render({}, {}, now, kTickNs);
+        const double force = result.contact.wrench.force.y;
+        if (now > 100'000'000) {  // blended in
             const ContactPlane& plane = frame.proxies[0].planes[0];
             const double bound = 1.5 * kStiffness * std::fabs(plane.velocity) * 1e-3 + 1e-3;
-            run.most_over = std::max(run.most_over, std::fabs(force - before) - bound);
-            run.most_error =
-                std::max(run.most_error, std::fabs(force - kStiffness * std::max(0.0, height(seconds(now)))));
+            run.max_over = std::max(run.max_over, std::fabs(force - before) - bound);
+            run.max_error =
+                std::max(run.max_error, std::fabs(force - kStiffness * std::max(0.0, height(seconds(now)))));
             run.peak = std::max(run.peak, force);
         }
         before = force;
@@ -431,36 +431,36 @@ SheetRun press_with_a_sheet(std::int64_t step_ns, std::int64_t late_ns, double d
     return run;
 }
 
-TEST(FrameRendererOfASheet, FollowsItExactlyToTheChordsOfItsWayWhenFramesComeInTime) {
+TEST(FrameRendererOfASheet, FollowsItUpToTheChordErrorWhenFramesArriveInTime) {
     for (const std::int64_t hz : {30, 60, 100}) {
         const std::int64_t step_ns = kNanosecondsPerSecond / hz;
         const SheetRun run = press_with_a_sheet(step_ns, 0, 0.0, 0.0);
-        EXPECT_LE(run.most_over, 1e-12) << hz;
-        // A chord of an arc with acceleration a misses it by a h^2 / 8, and where the arc bends the follower has to
-        // make up for no more than a frame that comes up to a tick after its step began: v T.
+        EXPECT_LE(run.max_over, 1e-12) << hz;
+        // A chord of a path with acceleration a misses it by a h^2 / 8. The follower lags by at most a frame that
+        // arrives up to a tick after its step began: v T.
         const double a = 2.0 * kSheetTravel * std::pow(std::numbers::pi / kSheetPeriod, 2);
         const double h = seconds(step_ns);
         const double v = kSheetTravel * std::numbers::pi / kSheetPeriod;
-        EXPECT_LE(run.most_error, kStiffness * (a * h * h / 8.0 + v * 1e-3)) << hz;
+        EXPECT_LE(run.max_error, kStiffness * (a * h * h / 8.0 + v * 1e-3)) << hz;
         EXPECT_GT(run.peak, 0.9 * kStiffness * 0.015) << hz;
     }
 }
 
-TEST(FrameRendererOfASheet, NeverChangesTheForceFasterThanTheSheetMovesHoweverLateAndRoughTheFrames) {
+TEST(FrameRendererOfASheet, BoundsTheRateOfForceForLateAndNoisyFrames) {
     for (const std::int64_t hz : {30, 60, 100}) {
         for (const double late : {0.0, 0.3, 0.9, 2.4}) {
             for (const double damping : {0.0, 8.0}) {
                 const std::int64_t step_ns = kNanosecondsPerSecond / hz;
                 const auto late_ns = static_cast<std::int64_t>(late * static_cast<double>(step_ns));
                 const SheetRun run = press_with_a_sheet(step_ns, late_ns, damping, 0.2);
-                EXPECT_LE(run.most_over, 1e-12) << hz << " steps/s, " << late << " steps late, " << damping;
+                EXPECT_LE(run.max_over, 1e-12) << hz << " steps/s, " << late << " steps late, " << damping;
                 EXPECT_GT(run.peak, 0.5 * kStiffness * 0.015) << hz << ' ' << late << ' ' << damping;
             }
         }
     }
 }
 
-TEST_F(FrameRendererTest, KeepsItsGripFromFrameToFrameAndLosesItWithTheSession) {
+TEST_F(FrameRendererTest, KeepsFrictionFromFrameToFrameAndDropsItWithTheSession) {
     const auto push = [this](double x) {
         now_ns += kTickNs;
         return renderer->render({Vec3(x, -0.004, 0.0), Quat(1, 0, 0, 0)}, {}, now_ns, kTickNs).contact;
@@ -477,17 +477,17 @@ TEST_F(FrameRendererTest, KeepsItsGripFromFrameToFrameAndLosesItWithTheSession) 
         }
         const double x = 1e-5 * std::min(k, 100);
         const Contact contact = push(x);
-        if (k > 60) {  // taken up
+        if (k > 60) {  // blended in
             ASSERT_NEAR(contact.wrench.force.x, -kStiffness * x, 1e-9) << k;
         }
     }
     give(frame(), 2);
-    EXPECT_NEAR(push(0.001).proxy.x, 0.001, 1e-15) << "another simulation: it sticks where it is";
+    EXPECT_NEAR(push(0.001).proxy.x, 0.001, 1e-15) << "another simulation: it sticks at the present position";
 }
 
-TEST_F(FrameRendererTest, DampingIsTakenUpNoFasterThanTheSurfaceMoves) {
-    // A floor that stands, then comes up at 0.2 m/s against a damping of 10 N*s/m: 2 N more. The spring adds 0.1 N a
-    // tick, and the damping may add half of that and 1 mN.
+TEST_F(FrameRendererTest, BoundsTheRateOfDampingByTheSurfacesSpeed) {
+    // A resting floor starts to rise at 0.2 m/s with a damping of 10 N*s/m: 2 N more. The spring adds 0.1 N per tick,
+    // and the damping may add half of that and 1 mN.
     feed(101, kStiffness, 1, 1.0);
     const double before = last.contact.wrench.force.y;
     ContactFrame frame = floor_frame(0.0, kStiffness, now_ns);
@@ -500,7 +500,7 @@ TEST_F(FrameRendererTest, DampingIsTakenUpNoFasterThanTheSurfaceMoves) {
     }
 }
 
-TEST_F(FrameRendererTest, LeavesASurfaceWithTheHandAtOnceAndWithoutAPull) {
+TEST_F(FrameRendererTest, FollowsAHandThatLeavesWithoutLagAndWithoutPulling) {
     feed(101, kStiffness, 1, 1.0);
     for (int i = 0; i < 40; ++i) {  // 0.2 m/s upward
         const double force = step(-0.004 + 0.0002 * i).contact.wrench.force.y;
@@ -508,7 +508,7 @@ TEST_F(FrameRendererTest, LeavesASurfaceWithTheHandAtOnceAndWithoutAPull) {
     }
 }
 
-TEST_F(FrameRendererTest, EndsAForceWhoseSurfaceIsGoneWithinTheRamp) {
+TEST_F(FrameRendererTest, EndsTheForceOfAVanishedSurfaceWithinTheRamp) {
     feed(101, kStiffness, 1, 1.0);
     ContactFrame gone = floor_frame(0.0, kStiffness, now_ns);
     gone.proxies[0].plane_count = 0;
@@ -521,19 +521,19 @@ TEST_F(FrameRendererTest, EndsAForceWhoseSurfaceIsGoneWithinTheRamp) {
     EXPECT_EQ(step().contact.wrench.force, Vec3(0.0));
 }
 
-TEST_F(FrameRendererTest, TakesAFloorThatLeapsUnderARestingHandUpSlowly) {
+TEST_F(FrameRendererTest, RendersAJumpingFloorSlowlyToARestingHand) {
     feed(101, kStiffness, 1, 1.0);
     const double before = last.contact.wrench.force.y;
     give(floor_frame(0.002, kStiffness, now_ns), 1);
     for (int i = 1; i <= 20; ++i) {
         ASSERT_NEAR(step().contact.wrench.force.y, before + 1e-3 * i, 1e-9);
     }
-    // And at once as the hand moves: 1.5 k of its way, of which the spring itself takes one.
+    // Faster once the hand moves: 1.5 k times its displacement, including the spring itself.
     const double rest = last.contact.wrench.force.y;
     EXPECT_NEAR(step(-0.0041).contact.wrench.force.y, rest + 1.5 * kStiffness * 1e-4 + 1e-3, 1e-9);
 }
 
-TEST_F(FrameRendererTest, TakesUpAChangedStiffnessOverAStep) {
+TEST_F(FrameRendererTest, InterpolatesAChangedStiffnessOverAStep) {
     feed(101, kStiffness, 1, 1.0);
     give(floor_frame(0.0, 2.0 * kStiffness, now_ns), 1);
     double before = last.contact.wrench.force.y;
@@ -555,7 +555,7 @@ TEST_F(FrameRendererTest, RecoversFromAForceThatOverflows) {
         step();
     }
     EXPECT_TRUE(std::isfinite(last.contact.wrench.force.y));
-    // Frames of another session blend from what was felt; that must not poison them.
+    // Frames of another session blend from the last wrench, which must not carry the overflow over.
     for (int i = 0; i < 100; ++i) {
         give(floor_frame(0.0, kStiffness, now_ns), 2);
         step();

@@ -15,10 +15,10 @@ constexpr double kTick = 1e-3;  // s
 constexpr double kRelease = 0.05;
 
 WantedWrench wanted(const Vec3& force, double travel = 0.0, bool in_contact = true) {
-    return {.wrench = {force, Vec3(0.0)}, .travel = travel, .in_contact = in_contact};
+    return {.wrench = {force, Vec3(0.0)}, .force_of_motion = travel, .in_contact = in_contact};
 }
 
-TEST(WrenchFollower, KeepsToItsBoundAndGoesTowardWhatIsWantedWhateverItIs) {
+TEST(WrenchFollower, RespectsItsBoundAndApproachesAnyWantedWrench) {
     test::Random random(5);
     WrenchFollower follower(kRelease);
     Wrench felt = follower.follow(wanted(Vec3(1.0, 0.0, 0.0)), kTick);
@@ -26,18 +26,18 @@ TEST(WrenchFollower, KeepsToItsBoundAndGoesTowardWhatIsWantedWhateverItIs) {
         WantedWrench next;
         next.wrench.force = random.normal();
         next.wrench.torque = 0.05 * random.normal();
-        next.travel = random.uniform(0.0, 0.5);
-        next.torque_travel = random.uniform(0.0, 0.5);
-        next.stiffening = random.uniform(0.0, 1.0) < 0.1 ? 0.2 : 0.0;
-        next.torque_stiffening = random.uniform(0.0, 1.0) < 0.1 ? 0.3 : 0.0;
-        next.lever = 0.05;
+        next.force_of_motion = random.uniform(0.0, 0.5);
+        next.torque_of_motion = random.uniform(0.0, 0.5);
+        next.force_of_stiffness = random.uniform(0.0, 1.0) < 0.1 ? 0.2 : 0.0;
+        next.torque_of_stiffness = random.uniform(0.0, 1.0) < 0.1 ? 0.3 : 0.0;
+        next.max_moment_arm = 0.05;
         next.in_contact = true;
         const Wrench now = follower.follow(next, kTick);
-        const double bound = 1.5 * next.travel + next.stiffening + 1e-3;
-        const double torque_bound = (1.5 * next.torque_travel + next.torque_stiffening + 1e-3) * 0.05;
+        const double bound = 1.5 * next.force_of_motion + next.force_of_stiffness + 1e-3;
+        const double torque_bound = (1.5 * next.torque_of_motion + next.torque_of_stiffness + 1e-3) * 0.05;
         ASSERT_LE(glm::length(now.force - felt.force), bound * (1.0 + 1e-12));
         ASSERT_LE(glm::length(now.torque - felt.torque), torque_bound * (1.0 + 1e-12));
-        // Along the straight way, and as far as one of the two bounds allows.
+        // Along the straight line, by as much as the tighter of the two bounds allows.
         const Vec3 way = next.wrench.force - felt.force;
         const double share = glm::dot(now.force - felt.force, way) / glm::dot(way, way);
         ASSERT_LT(glm::length(now.force - felt.force - share * way), 1e-12);
@@ -48,14 +48,14 @@ TEST(WrenchFollower, KeepsToItsBoundAndGoesTowardWhatIsWantedWhateverItIs) {
     }
 }
 
-TEST(WrenchFollower, IsTheWantedWrenchToTheLastBitWhereTheBoundAllows) {
+TEST(WrenchFollower, EqualsTheWantedWrenchBitForBitWhereTheBoundAllows) {
     WrenchFollower follower(kRelease);
     (void)follower.follow(wanted({0.1, 0.2, 0.3}), kTick);
     const Vec3 next(0.1 + 1e-4, 0.2 - 3e-4, 0.3 + 1.0 / 3.0 * 1e-4);
     EXPECT_EQ(follower.follow(wanted(next), kTick).force, next);
 }
 
-TEST(WrenchFollower, EndsInExactlyZeroWithinTheReleaseOnceNothingIsTouched) {
+TEST(WrenchFollower, ReachesExactlyZeroWithinTheReleaseTimeAfterContact) {
     WrenchFollower follower(kRelease);
     (void)follower.follow(wanted({3.0, -4.0, 0.0}), kTick);
     double before = 5.0;
@@ -67,15 +67,15 @@ TEST(WrenchFollower, EndsInExactlyZeroWithinTheReleaseOnceNothingIsTouched) {
     EXPECT_EQ(before, 0.0);
 }
 
-TEST(WrenchFollower, LeapsOnceWhereItIsTold) {
+TEST(WrenchFollower, TakesTheNextWrenchAtOnceAfterARestart) {
     WrenchFollower follower(kRelease);
     (void)follower.follow(wanted({1.0, 0.0, 0.0}), kTick);
-    follower.leap();
+    follower.restart();
     EXPECT_EQ(follower.follow(wanted({9.0, 0.0, 0.0}), kTick).force.x, 9.0);
     EXPECT_NEAR(follower.follow(wanted({1.0, 0.0, 0.0}), kTick).force.x, 9.0 - 1e-3, 1e-12);
 }
 
-TEST(WrenchFollower, PassesOnWhatHasNoMeasureAndForgetsIt) {
+TEST(WrenchFollower, PassesANonFiniteWrenchOnAndForgetsIt) {
     WrenchFollower follower(kRelease);
     (void)follower.follow(wanted({1.0, 0.0, 0.0}), kTick);
     const double infinite = std::numeric_limits<double>::infinity();

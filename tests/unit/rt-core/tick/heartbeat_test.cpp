@@ -18,52 +18,52 @@ TEST(Heartbeat, BeatsOnlyWhileALoopRuns) {
     EXPECT_EQ(heart.beats(), 0u);
 }
 
-TEST(SilenceJudge, CallsALoopDeadAfterSoManyLooksThatSawNothingNew) {
-    SilenceJudge judge;
+TEST(StallDetector, ReportsAStallAfterEnoughChecksWithoutANewBeat) {
+    StallDetector detector;
     for (std::uint64_t beat = 1; beat < 100; ++beat) {
-        ASSERT_FALSE(judge.dead(beat, false));
+        ASSERT_FALSE(detector.stalled(beat, false));
     }
-    for (int look = 1; look <= SilenceJudge::kLooks; ++look) {
-        EXPECT_EQ(judge.dead(99, false), look == SilenceJudge::kLooks);
+    for (int check = 1; check <= StallDetector::kChecks; ++check) {
+        EXPECT_EQ(detector.stalled(99, false), check == StallDetector::kChecks);
     }
 }
 
-TEST(SilenceJudge, BeginsAnewWithEachBeat) {
-    SilenceJudge judge;
+TEST(StallDetector, RestartsItsCountAtEachBeat) {
+    StallDetector detector;
     for (int round = 1; round < 50; ++round) {
-        for (int look = 0; look < SilenceJudge::kLooks; ++look) {
-            ASSERT_FALSE(judge.dead(static_cast<std::uint64_t>(round), false));
+        for (int check = 0; check < StallDetector::kChecks; ++check) {
+            ASSERT_FALSE(detector.stalled(static_cast<std::uint64_t>(round), false));
         }
     }
 }
 
-TEST(SilenceJudge, LearnsNothingFromALookThatCameLateItself) {
-    // The process was stopped for an hour in the middle of a silence that was nearly one look too long.
-    SilenceJudge judge;
-    EXPECT_FALSE(judge.dead(7, false));
-    for (int look = 1; look < SilenceJudge::kLooks; ++look) {
-        EXPECT_FALSE(judge.dead(7, false));
+TEST(StallDetector, IgnoresACheckThatCameLateItself) {
+    // The process was stopped for an hour, one check short of a stall.
+    StallDetector detector;
+    EXPECT_FALSE(detector.stalled(7, false));
+    for (int check = 1; check < StallDetector::kChecks; ++check) {
+        EXPECT_FALSE(detector.stalled(7, false));
     }
-    EXPECT_FALSE(judge.dead(7, true));
-    EXPECT_FALSE(judge.dead(8, false)) << "and the loop goes on too";
-    // But a loop that was dead before and stays so is dead.
-    for (int look = 1; look < SilenceJudge::kLooks; ++look) {
-        EXPECT_FALSE(judge.dead(8, false));
-        EXPECT_FALSE(judge.dead(8, true));
+    EXPECT_FALSE(detector.stalled(7, true));
+    EXPECT_FALSE(detector.stalled(8, false)) << "and the loop continues too";
+    // A loop that was stalled before and stays so is reported.
+    for (int check = 1; check < StallDetector::kChecks; ++check) {
+        EXPECT_FALSE(detector.stalled(8, false));
+        EXPECT_FALSE(detector.stalled(8, true));
     }
-    EXPECT_TRUE(judge.dead(8, false));
+    EXPECT_TRUE(detector.stalled(8, false));
 }
 
-TEST(SilenceJudge, ExpectsNothingWhileNoLoopRuns) {
-    SilenceJudge judge;
-    for (int look = 0; look < 100; ++look) {
-        ASSERT_FALSE(judge.dead(0, false));
+TEST(StallDetector, ExpectsNoBeatsWhileNoLoopRuns) {
+    StallDetector detector;
+    for (int check = 0; check < 100; ++check) {
+        ASSERT_FALSE(detector.stalled(0, false));
     }
 }
 
-TEST(RecordOwner, GivesTheRecordsAwayOnlyWhileTheyAreLentAndOnlyOnce) {
+TEST(RecordOwner, HandsTheRecordsOverOnlyWhileLentAndOnlyOnce) {
     RecordOwner owner;
-    EXPECT_FALSE(owner.take()) << "the tick is at work";
+    EXPECT_FALSE(owner.take()) << "the tick owns them";
     owner.lend();
     EXPECT_TRUE(owner.reclaim());
     EXPECT_FALSE(owner.take());

@@ -1,6 +1,5 @@
-// Whatever a simulation and a noisy device say: what reaches the motors stays within the limits, in every tick.
-// Measured where it is felt, at the emulated device, from the digits that its motors were sent and the pose that it
-// really has.
+// Hostile frames and a noisy device: the motors stay within the limits in every tick. Measured at the emulated device,
+// from the DAC codes sent to its motors and its true pose.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,8 +8,8 @@
 #include <limits>
 #include <string>
 
-#include "tick/frame_source.hpp"
 #include "random.hpp"
+#include "tick/frame_source.hpp"
 #include "tick_rig.hpp"
 
 namespace haptic::rt {
@@ -18,9 +17,9 @@ namespace {
 
 using test::Random;
 
-constexpr double kDigitN = 1.0 / (0.365296803653 * 415.0);  // N, that one D/A digit stands for
+constexpr double kDacCodeN = 1.0 / (0.365296803653 * 415.0);  // N per DAC code
 
-/// Frames that no simulation in its senses sends, past the ring, so that sessions and sequence numbers lie too.
+/// Random and contradictory frames, bypassing the ring so that sessions and sequence numbers are wrong too.
 class HostileFrames final : public FrameSource {
   public:
     explicit HostileFrames(std::uint64_t seed) : random_(seed) {}
@@ -74,7 +73,7 @@ class HostileFrames final : public FrameSource {
             proxy.plane_count = static_cast<std::uint32_t>(random_.uniform(0.0, 4.02));
             for (std::uint32_t k = 0; k < std::min<std::uint32_t>(proxy.plane_count, kMaxPlanes); ++k) {
                 store(random_.direction(), proxy.planes[k].normal);
-                proxy.planes[k].offset = random_.uniform(-0.1, 0.1);  // in front of the hand or far behind it
+                proxy.planes[k].offset = random_.uniform(-0.1, 0.1);  // in front of the hand, or far behind it
                 proxy.planes[k].velocity = random_.uniform(-3.0, 3.0);
             }
         }
@@ -85,8 +84,7 @@ class HostileFrames final : public FrameSource {
     std::int64_t now_ns_ = 0;
 };
 
-/// A hand that holds still while the loop arms and then wanders about, up to 2 cm and 0.3 rad, at up to half a metre a
-/// second.
+/// A hand that holds still while the loop arms, then wanders by up to 2 cm and 0.3 rad at up to 0.5 m/s.
 PoseTrack wandering(Random& random) {
     std::vector<double> times{0.0, 0.9};
     std::vector<Pose> poses{Pose{}, Pose{}};
@@ -111,7 +109,7 @@ struct Largest {
     int running_ticks = 0;
 };
 
-/// The limits must hold by themselves, not because something before them asks for less.
+/// Settings in which nothing before the limits reduces the wrench, so that the limits alone are tested.
 TickSettings without_passivity() {
     TickSettings settings;
     settings.passivity.control = PassivityControl::Observe;
@@ -121,7 +119,7 @@ TickSettings without_passivity() {
 void run(std::uint64_t seed, Largest& largest) {
     Random random(seed);
     const TickSettings settings = seed % 2 == 0 ? TickSettings{} : without_passivity();
-    device::EmulatedBoard board({.variant = settings.variant, .hand = wandering(random)});
+    device::EmulatedBoard board({.geometry = settings.geometry, .hand = wandering(random)});
     test::FaultyBoard faulty(board);
     HostileFrames frames(seed);
     RingWriter<DeviceState> states(test::unique_session());
@@ -152,9 +150,9 @@ void run(std::uint64_t seed, Largest& largest) {
         largest.torque_step = std::max(largest.torque_step, glm::length(made.torque - last.torque));
         for (std::size_t k = 0; k < kStrings; ++k) {
             largest.tension_step = std::max(largest.tension_step, std::fabs(tensions[k] - last_tensions[k]));
-            ASSERT_LE(tensions[k], settings.variant.maximum_tension);
+            ASSERT_LE(tensions[k], settings.geometry.maximum_tension);
             if (tick.safety_state() == SafetyState::Running) {
-                ASSERT_GE(tensions[k], settings.variant.minimum_tension - kDigitN);
+                ASSERT_GE(tensions[k], settings.geometry.minimum_tension - kDacCodeN);
             }
         }
         largest.running_ticks += running ? 1 : 0;
@@ -172,19 +170,19 @@ TEST(TickUnderHostileFramesAndNoise, KeepsWrenchTensionAndTheirRatesWithinLimits
     }
     RecordProperty("largest_force_n", std::to_string(largest.force));
     RecordProperty("largest_force_step_n", std::to_string(largest.force_step));
-    // Digits are cut: eight strings, each short by up to one digit. The hand turns and moves on between two ticks.
-    const double digits = static_cast<double>(kStrings) * kDigitN;
-    const double knot = 0.0225;  // m, lever of a string at the grip
-    EXPECT_LE(largest.force, settings.limits.force + digits + 0.1);
-    EXPECT_LE(largest.torque, settings.limits.torque + digits * knot + 0.005);
-    EXPECT_LE(largest.force_step, settings.limits.force_rate * 1e-3 + 2.0 * digits + 0.2);
-    EXPECT_LE(largest.torque_step, settings.limits.torque_rate * 1e-3 + 2.0 * digits * knot + 0.005);
-    EXPECT_LE(largest.tension_step, settings.tension_rate * 1e-3 + kDigitN);
-    EXPECT_GT(largest.force, 0.9 * settings.limits.force) << "nothing was tried";
+    // DAC codes are truncated: each of eight strings is short by up to one code. The hand moves between two ticks.
+    const double dac_codes = static_cast<double>(kStrings) * kDacCodeN;
+    const double knot = 0.0225;  // m, moment arm of a string at the grip
+    EXPECT_LE(largest.force, settings.limits.force + dac_codes + 0.1);
+    EXPECT_LE(largest.torque, settings.limits.torque + dac_codes * knot + 0.005);
+    EXPECT_LE(largest.force_step, settings.limits.force_rate * 1e-3 + 2.0 * dac_codes + 0.2);
+    EXPECT_LE(largest.torque_step, settings.limits.torque_rate * 1e-3 + 2.0 * dac_codes * knot + 0.005);
+    EXPECT_LE(largest.tension_step, settings.tension_rate * 1e-3 + kDacCodeN);
+    EXPECT_GT(largest.force, 0.9 * settings.limits.force) << "the limits were never approached";
     EXPECT_GT(largest.running_ticks, 10'000);
 }
 
-TEST(TickUnderHostileFramesAndNoise, KeepsItsRatesHoweverShortTheFadesAreConfigured) {
+TEST(TickUnderHostileFramesAndNoise, RespectsItsRatesForAnyConfiguredFadeTime) {
     TickSettings settings = without_passivity();
     settings.safety.fault_fade_ns = 1'000'000;
     settings.safety.tension_ramp_ns = 1'000'000;
@@ -203,9 +201,9 @@ TEST(TickUnderHostileFramesAndNoise, KeepsItsRatesHoweverShortTheFadesAreConfigu
         rig.step();
         const Wrench made = rig.board.device().wrench();
         const std::array<double, kStrings> tensions = rig.board.device().tensions();
-        ASSERT_LE(glm::length(made.force - last.force), 1.0 + 16.0 * kDigitN) << i;
+        ASSERT_LE(glm::length(made.force - last.force), 1.0 + 16.0 * kDacCodeN) << i;
         for (std::size_t k = 0; k < kStrings; ++k) {
-            ASSERT_LE(std::fabs(tensions[k] - last_tensions[k]), 3.0 + kDigitN) << i;
+            ASSERT_LE(std::fabs(tensions[k] - last_tensions[k]), 3.0 + kDacCodeN) << i;
         }
         last = made;
         last_tensions = tensions;
@@ -225,7 +223,7 @@ TEST(TickUnderHostileFramesAndNoise, HoldsTheWrenchWhileTheBoardDoesNotAnswer) {
     ASSERT_NEAR(before, 2.0, 0.1);
     rig.faulty.failing = true;
     for (int i = 0; i < rig.settings.safety.exchange_ticks; ++i) {
-        // 8 N would be far from what the motors have; a surface this fast may ask for them at once.
+        // 8 N is far from what the motors hold; a surface this fast may ask for it at once.
         ContactFrame leap = test::floor_frame(0.05, 1000.0, rig.now_ns);
         leap.proxies[0].planes[0].velocity = 10.0;
         rig.publish(leap);
@@ -236,13 +234,13 @@ TEST(TickUnderHostileFramesAndNoise, HoldsTheWrenchWhileTheBoardDoesNotAnswer) {
     for (int i = 0; i < 20; ++i) {
         rig.step();
         const double now = rig.board.device().wrench().force.y;
-        EXPECT_LE(now - last, 1.0 + 16.0 * kDigitN) << i;
+        EXPECT_LE(now - last, 1.0 + 16.0 * kDacCodeN) << i;
         last = now;
     }
     EXPECT_NEAR(last, 8.0, 0.1);
 }
 
-TEST(TickUnderHostileFramesAndNoise, FadesWithANameWhenAFrameMakesAForceWithoutMeasure) {
+TEST(TickUnderHostileFramesAndNoise, FaultsAsNonFiniteWhenAFramesForceOverflows) {
     test::TickRig rig(PoseTrack(), without_passivity());
     rig.run_up();
     for (int i = 0; i < 100; ++i) {
@@ -261,7 +259,7 @@ TEST(TickUnderHostileFramesAndNoise, FadesWithANameWhenAFrameMakesAForceWithoutM
     for (int i = 0; i < 700; ++i) {
         rig.step();
         const double now = rig.board.device().wrench().force.y;
-        ASSERT_LE(std::fabs(now - last), 1.5 * 2.0 / 100.0 + 8 * kDigitN) << i;
+        ASSERT_LE(std::fabs(now - last), 1.5 * 2.0 / 100.0 + 8 * kDacCodeN) << i;
         last = now;
     }
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);

@@ -1,10 +1,10 @@
-// The tick drives a grip that has mass, in strings that stretch, held by a hand that yields.
+// The tick with simulated mechanics: a grip with mass, elastic strings and a compliant hand.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include <haptic/device/grip_mechanics.hpp>
+#include "haptic/device/grip_mechanics.hpp"
 #include "tick_rig.hpp"
 
 namespace haptic::rt {
@@ -15,12 +15,12 @@ using test::TickRig;
 
 const Quat kLevel(1.0, 0.0, 0.0, 0.0);
 
-/// At the centre for the first two seconds, then on its way to a place within half a second.
+/// At the centre for two seconds, then to another pose within half a second.
 PoseTrack hand_that_goes_to(const Pose& pose) {
     return {{0.0, 2.0, 2.5}, {Pose{}, Pose{}, pose}};
 }
 
-TEST(MechanicsInTheLoop, PoseOfAGripThatYieldsIsMeasuredThroughElasticStrings) {
+TEST(MechanicsInTheLoop, PoseOfACompliantGripIsMeasuredThroughElasticStrings) {
     TickRig rig(hand_that_goes_to({{0.015, -0.01, 0.008}, glm::normalize(Quat(1.0, 0.1, -0.05, 0.08))}), {},
                 device::GripMechanics{});
     rig.run_up();
@@ -30,8 +30,8 @@ TEST(MechanicsInTheLoop, PoseOfAGripThatYieldsIsMeasuredThroughElasticStrings) {
         rig.step();
         const Pose grip = rig.board.device().grip_pose();
         const TickRecord& record = rig.tick.last();
-        // 0.06 mm is what the strings' uneven pull moves the grip by where the lengths are set, and the strings give
-        // 15 um at their minimum tension.
+        // The uneven pull of the strings moves the grip by 0.06 mm at the calibration, and the strings stretch by 15 um
+        // at their minimum tension.
         EXPECT_LT(glm::length(record.pose.position - grip.position), 1.2e-4);
         EXPECT_LT(2.0 * std::acos(std::min(1.0, std::abs(glm::dot(record.pose.orientation, grip.orientation)))), 5e-3);
         furthest = std::max(furthest, glm::length(grip.position));
@@ -50,7 +50,7 @@ TEST(MechanicsInTheLoop, HandAndFloorAreTwoSpringsInARow) {
         rig.publish(floor_frame(0.0, kFloor, rig.now_ns));
         rig.step();
     }
-    // K (down - y) = k y, apart from two of the motors' frictions and the digits' truncation: 50 mN.
+    // K (down - y) = k y, up to the friction of two motors and the truncation of DAC codes: 50 mN.
     const double stiffness = device::GripMechanics{}.hand_stiffness;
     const double depth = kDown * stiffness / (stiffness + kFloor);
     EXPECT_NEAR(rig.board.device().grip_pose().position.y, -depth, 0.05 / stiffness + 6e-5);
@@ -60,12 +60,12 @@ TEST(MechanicsInTheLoop, HandAndFloorAreTwoSpringsInARow) {
     EXPECT_EQ(rig.tick.faults(), 0U);
 }
 
-TEST(MechanicsInTheLoop, NobodyHoldsAFreeGripAndTheStringsKeepIt) {
+TEST(MechanicsInTheLoop, AFreeGripIsHeldByTheStringsAlone) {
     TickRig rig(PoseTrack(), {}, device::GripMechanics{.hand = device::Hand::Free});
     rig.run_up();
     ASSERT_EQ(rig.tick.safety_state(), SafetyState::Running);
     rig.steps(2000);
-    // Minimum tension of eight strings is a weak spring to where their pulls balance.
+    // Eight strings at minimum tension are a weak spring to the point where their pulls balance.
     EXPECT_LT(glm::length(rig.board.device().grip_pose().position), 0.02);
     EXPECT_EQ(rig.tick.faults(), 0U);
 }

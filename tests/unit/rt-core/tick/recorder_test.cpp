@@ -18,7 +18,7 @@ TickRecord numbered(std::int64_t number) {
     return record;
 }
 
-TEST(BlackBox, KeepsAllWhileThereIsRoomAndThenTheLast) {
+TEST(BlackBox, KeepsAllRecordsUntilFullThenTheLatest) {
     BlackBox box(5);
     EXPECT_EQ(box.size(), 0u);
     for (std::int64_t i = 0; i < 23; ++i) {
@@ -30,7 +30,7 @@ TEST(BlackBox, KeepsAllWhileThereIsRoomAndThenTheLast) {
     }
 }
 
-TEST(Recorder, GivesBackWhatItWasGivenInOrder) {
+TEST(Recorder, ReturnsRecordsInOrder) {
     Recorder recorder(8);
     TickRecord record;
     EXPECT_FALSE(recorder.pop(record));
@@ -47,7 +47,7 @@ TEST(Recorder, GivesBackWhatItWasGivenInOrder) {
     EXPECT_EQ(recorder.dropped(), 0u);
 }
 
-TEST(Recorder, DropsAndCountsWhatFindsNoRoom) {
+TEST(Recorder, DropsAndCountsRecordsWhenFull) {
     Recorder recorder(8);
     for (std::int64_t i = 0; i < 11; ++i) {
         recorder.push(numbered(i));
@@ -60,7 +60,7 @@ TEST(Recorder, DropsAndCountsWhatFindsNoRoom) {
     }
 }
 
-TEST(Recorder, LosesOnlyWhatItCountsAndTearsNothingBetweenTwoThreads) {
+TEST(Recorder, LosesOnlyCountedRecordsAndTearsNoneBetweenTwoThreads) {
     Recorder recorder(64);
     std::atomic<bool> done{false};
     std::int64_t received = 0;
@@ -68,7 +68,7 @@ TEST(Recorder, LosesOnlyWhatItCountsAndTearsNothingBetweenTwoThreads) {
         TickRecord record;
         std::int64_t last = -1;
         for (bool last_look = false; !last_look;) {
-            last_look = done.load();  // before looking: what was pushed before it is seen below
+            last_look = done.load();  // before popping: everything pushed before it is seen below
             while (recorder.pop(record)) {
                 ++received;
                 ASSERT_GT(record.now_ns, last);

@@ -33,16 +33,16 @@ class SafetyMachineTest : public testing::Test {
     const Wrench wrench{{1.0, 2.0, 3.0}, {0.01, 0.0, 0.0}};
 };
 
-TEST_F(SafetyMachineTest, CarriesNothingWhileDisarmed) {
+TEST_F(SafetyMachineTest, CarriesNoTensionWhileDisarmed) {
     for (int i = 0; i < 10; ++i) {
         machine.update(healthy());
-        EXPECT_EQ(machine.shape(wrench).force, Vec3(0.0));
+        EXPECT_EQ(machine.permitted_wrench(wrench).force, Vec3(0.0));
         EXPECT_EQ(machine.tension_scale(), 0.0);
     }
     EXPECT_EQ(machine.state(), SafetyState::Disarmed);
 }
 
-TEST_F(SafetyMachineTest, GoesThroughTensioningAndCalibratingBeforeAnyWrenchActs) {
+TEST_F(SafetyMachineTest, PassesThroughTensioningAndCalibratingBeforeAnyWrench) {
     machine.arm();
     std::vector<SafetyState> states{machine.state()};
     double last_scale = 0.0;
@@ -53,9 +53,9 @@ TEST_F(SafetyMachineTest, GoesThroughTensioningAndCalibratingBeforeAnyWrenchActs
             states.push_back(machine.state());
         }
         if (machine.state() != SafetyState::Running) {
-            EXPECT_EQ(machine.shape(wrench).force, Vec3(0.0));
+            EXPECT_EQ(machine.permitted_wrench(wrench).force, Vec3(0.0));
         }
-        // At most the steepest slope of the ramp, 1.5 a ramp's length.
+        // The steepest slope of the ramp is 1.5 over its length.
         EXPECT_LE(machine.tension_scale() - last_scale, 1.5 * 1e-3 / 0.5 + 1e-12);
         EXPECT_GE(machine.tension_scale(), last_scale);
         last_scale = machine.tension_scale();
@@ -64,7 +64,7 @@ TEST_F(SafetyMachineTest, GoesThroughTensioningAndCalibratingBeforeAnyWrenchActs
               (std::vector<SafetyState>{SafetyState::Tensioning, SafetyState::Calibrating, SafetyState::Running}));
     EXPECT_EQ(takes, 1);
     EXPECT_EQ(last_scale, 1.0);
-    EXPECT_EQ(machine.shape(wrench).force, wrench.force);
+    EXPECT_EQ(machine.permitted_wrench(wrench).force, wrench.force);
 }
 
 TEST_F(SafetyMachineTest, DoesNotCalibrateAGripThatMoves) {
@@ -80,7 +80,7 @@ TEST_F(SafetyMachineTest, DoesNotCalibrateAGripThatMoves) {
 struct FaultCase {
     std::string name;
     TickHealth health;
-    int ticks;  // in a row that must pass before it is a fault
+    int ticks;  // consecutive, until it is a fault
     std::uint32_t bit;
 };
 
@@ -88,11 +88,11 @@ class SafetyFault : public SafetyMachineTest, public testing::WithParamInterface
 
 TEST_P(SafetyFault, FadesTheWrenchSmoothlyThenTheTensionAndStaysLatched) {
     run_up();
-    machine.shape(wrench);
+    machine.permitted_wrench(wrench);
     for (int i = 0; i < GetParam().ticks; ++i) {
         machine.update(GetParam().health);
         ASSERT_EQ(machine.state(), SafetyState::Running) << i;
-        machine.shape(wrench);
+        machine.permitted_wrench(wrench);
     }
     machine.update(GetParam().health);
     ASSERT_EQ(machine.state(), SafetyState::Faulted);
@@ -103,8 +103,8 @@ TEST_P(SafetyFault, FadesTheWrenchSmoothlyThenTheTensionAndStaysLatched) {
     double last_scale = 1.0;
     int ticks = 0;
     while (machine.state() == SafetyState::Faulted && ticks < 2000) {
-        // Whatever is asked for now: it is not to be trusted any more.
-        const double now = glm::length(machine.shape({{100.0, 0.0, 0.0}, {}}).force);
+        // A new wrench must be ignored while faulted.
+        const double now = glm::length(machine.permitted_wrench({{100.0, 0.0, 0.0}, {}}).force);
         EXPECT_LE(now, last);
         EXPECT_LE(last - now, 1.5 * full * 1e-3 / 0.1 + 1e-9);
         if (now > 0.0) {
@@ -149,7 +149,7 @@ INSTANTIATE_TEST_SUITE_P(
                     fault_case("NonFinite", 0, HAPTIC_FAULT_NONFINITE, [](TickHealth& h) { h.finite = false; })),
     [](const testing::TestParamInfo<FaultCase>& param) { return param.param.name; });
 
-TEST_F(SafetyMachineTest, ForgivesFailuresThatAreNotInARow) {
+TEST_F(SafetyMachineTest, IgnoresFailuresThatAreNotConsecutive) {
     run_up();
     TickHealth failed = healthy();
     failed.exchange_ok = false;
@@ -164,14 +164,14 @@ TEST_F(SafetyMachineTest, ForgivesFailuresThatAreNotInARow) {
 
 TEST_F(SafetyMachineTest, FadesFromTheLastGoodWrenchWhenOneIsNotFinite) {
     run_up();
-    machine.shape(wrench);
-    const Wrench got = machine.shape({{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {}});
+    machine.permitted_wrench(wrench);
+    const Wrench got = machine.permitted_wrench({{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {}});
     EXPECT_EQ(got.force, wrench.force);
     EXPECT_EQ(machine.state(), SafetyState::Faulted);
     EXPECT_EQ(machine.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_NONFINITE));
 }
 
-TEST_F(SafetyMachineTest, StopsFromTensioningByWayOfTheSameRamp) {
+TEST_F(SafetyMachineTest, StopsFromTensioningWithTheSameRamp) {
     machine.arm();
     for (int i = 0; i < 250; ++i) {
         machine.update(healthy());

@@ -1,4 +1,4 @@
-// The passivity observer and controller within the tick.
+// Passivity observer and controller in the tick.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,7 +14,7 @@ namespace {
 using test::floor_frame;
 using test::TickRig;
 
-/// Waits a second, then goes up and down between 0 and `low`, a sine of `hz`.
+/// Waits a second, then moves up and down between 0 and `low` as a sine of `hz`.
 PoseTrack pumping_hand(double low, double hz) {
     std::vector<double> times{0.0};
     std::vector<Pose> poses{Pose{}};
@@ -26,8 +26,8 @@ PoseTrack pumping_hand(double low, double hz) {
     return {std::move(times), std::move(poses)};
 }
 
-TEST(TickPassivity, ObservesTheWorkThatTheStringsReallyDid) {
-    // The oracle knows the board's own tensions and poses, whatever the tick believes of them.
+TEST(TickPassivity, ObservesTheTrueWorkOfTheStrings) {
+    // Oracle: the board's own tensions and poses.
     for (const int exchanges : {2, 1}) {
         TickSettings settings;
         settings.exchanges = exchanges;
@@ -51,26 +51,25 @@ TEST(TickPassivity, ObservesTheWorkThatTheStringsReallyDid) {
         for (int i = 0; i < 1500; ++i) {
             const Vec3 from = rig.board.device().grip_pose().position;
             const Wrench at_from = rig.board.device().wrench();
-            rig.board.device().advance(rig.now_ns);  // the motors still hold what they held
+            rig.board.device().advance(rig.now_ns);  // the motors still hold the last command
             const Vec3 way = rig.board.device().grip_pose().position - from;
             work -= 0.5 * glm::dot(at_from.force + rig.board.device().wrench().force, way);
             press();
             least = std::min(least, work);
             most = std::max(most, work);
-            // The force is up to 5 N, and where the grip is known to some um, now as at the beginning; no more is
-            // added.
+            // The force is up to 5 N and the position is known to a few um at both ends; the error does not accumulate.
             ASSERT_NEAR(rig.tick.last().energy - before, work, 8e-5) << i << ", exchanges " << exchanges;
         }
         EXPECT_GT(most - least, 0.02);
     }
 }
 
-TEST(TickPassivity, MakesNoWrenchAtAllInFreeMotionAfterAContactThatItHadToBound) {
+TEST(TickPassivity, MakesNoWrenchInFreeMotionAfterABoundedContact) {
     TickSettings settings;
-    settings.passivity.damping = 0.0;  // which would pay for it
+    settings.passivity.damping = 0.0;  // no credit for the energy below
     TickRig rig(pumping_hand(-0.02, 2.0), settings);
     rig.run_up();
-    // A floor that is there only when the hand goes up: it would give energy that it never took.
+    // A floor that exists only while the hand moves up would give energy without having taken any.
     double last = 0.0;
     for (int i = 0; i < 1000; ++i) {
         const double height = rig.tick.last().pose.position.y;
@@ -79,11 +78,11 @@ TEST(TickPassivity, MakesNoWrenchAtAllInFreeMotionAfterAContactThatItHadToBound)
         rig.step();
     }
     EXPECT_GT(rig.tick.instruments().passivity_ticks, 100u);
-    EXPECT_GT(rig.tick.instruments().least_energy, -1e-4);
+    EXPECT_GT(rig.tick.instruments().min_energy, -1e-4);
     for (int i = 0; i < 1000; ++i) {
         rig.publish(floor_frame(-1.0, 500.0, rig.now_ns));
         rig.step();
-        if (i > 10) {  // the limits of rate have let go
+        if (i > 10) {  // the rate limits have released the wrench
             ASSERT_EQ(rig.tick.last().rendered.force, Vec3(0.0)) << i;
             ASSERT_EQ(rig.tick.last().rendered.torque, Vec3(0.0)) << i;
             ASSERT_EQ(rig.tick.last().flags & HAPTIC_TICK_PASSIVITY_LIMITED, 0u) << i;
@@ -91,7 +90,7 @@ TEST(TickPassivity, MakesNoWrenchAtAllInFreeMotionAfterAContactThatItHadToBound)
     }
 }
 
-TEST(TickPassivity, SaysWhenTheStiffnessWasLimited) {
+TEST(TickPassivity, ReportsALimitedStiffness) {
     TickSettings settings;
     settings.frames.largest_stiffness = 600.0;
     TickRig rig(pumping_hand(-0.01, 1.0), settings);

@@ -1,11 +1,11 @@
-// What a tick shows on its probes.
+// Probes of the tick.
 #include <gtest/gtest.h>
 
 #include <cerrno>
 #include <memory>
 
 #include "fake_lines.hpp"
-#include <haptic/edge_capture.hpp>
+#include "haptic/edge_capture.hpp"
 #include "tick_rig.hpp"
 
 namespace haptic::rt {
@@ -16,7 +16,7 @@ using haptic::test::FakeWire;
 using test::floor_frame;
 using test::TickRig;
 
-/// Says whether the probe is up while the board is asked.
+/// Board that records whether the probe is high during an exchange.
 class WatchingBoard final : public device::Board {
   public:
     WatchingBoard(device::Board& board, const FakeWire& wire) : board_(&board), wire_(&wire) {}
@@ -47,7 +47,7 @@ class ProbedTick : public testing::Test {
     TickRig rig;
 };
 
-TEST_F(ProbedTick, MakesTwoEdgesATickInWhateverState) {
+TEST_F(ProbedTick, MakesTwoEdgesPerTickInEveryState) {
     rig.run_up();
     rig.steps(100);
     rig.faulty.failing = true;
@@ -60,7 +60,7 @@ TEST_F(ProbedTick, MakesTwoEdgesATickInWhateverState) {
     EXPECT_EQ(rig.tick.instruments().probe_edge.count(), 2 * ticks);
 }
 
-TEST_F(ProbedTick, IsUpWhileTheBoardIsAsked) {
+TEST_F(ProbedTick, IsHighDuringTheExchange) {
     WatchingBoard board(rig.board, *tick_wire);
     Tick tick(rig.settings, board, rig.frames_in, rig.states_out, test::still_clock);
     tick.show_on(&probes);
@@ -72,7 +72,7 @@ TEST_F(ProbedTick, IsUpWhileTheBoardIsAsked) {
     EXPECT_EQ(board.up, 20);
 }
 
-TEST_F(ProbedTick, ShowsEachFrameThatItTakesAndNoneThatItRefuses) {
+TEST_F(ProbedTick, ShowsEachAcceptedFrameAndNoRejectedOne) {
     rig.run_up();
     EXPECT_EQ(frame_wire->edges().size(), 0u);
     for (int i = 0; i < 7; ++i) {
@@ -90,7 +90,7 @@ TEST_F(ProbedTick, ShowsEachFrameThatItTakesAndNoneThatItRefuses) {
     EXPECT_EQ(frame_wire->edges().size(), 7u);
 }
 
-TEST_F(ProbedTick, GoesOnWithAFlagWhenTheKernelRefusesAnEdge) {
+TEST_F(ProbedTick, ContinuesWithAFlagWhenTheKernelRefusesAnEdge) {
     rig.run_up();
     EXPECT_EQ(rig.tick.last().flags & HAPTIC_TICK_PROBE_OFF, 0u);
     tick_wire->error = EIO;
@@ -102,13 +102,13 @@ TEST_F(ProbedTick, GoesOnWithAFlagWhenTheKernelRefusesAnEdge) {
     DeviceState state{};
     ASSERT_TRUE(rig.states_in.read_newest(state));
     EXPECT_NE(state.tick_flags & HAPTIC_TICK_PROBE_OFF, 0u) << "the simulation sees it too";
-    // The other probe is not concerned.
+    // The other probe is unaffected.
     rig.publish(floor_frame(-0.01, 100.0, rig.now_ns));
     rig.step();
     EXPECT_EQ(frame_wire->edges().size(), 1u);
 }
 
-TEST_F(ProbedTick, DoesTheSameAsOneWithoutProbes) {
+TEST_F(ProbedTick, ComputesTheSameAsATickWithoutProbes) {
     TickRig plain;
     rig.tick.arm();
     plain.tick.arm();
@@ -126,8 +126,8 @@ TEST_F(ProbedTick, DoesTheSameAsOneWithoutProbes) {
     EXPECT_EQ(plain.tick.instruments().probe_edge.count(), 0u);
 }
 
-TEST_F(ProbedTick, EdgesSayWhatTheLoopDidWithoutLookingIntoIt) {
-    // The wire's time is the tick's deadline, so that a tick that was skipped shows as a period twice as long.
+TEST_F(ProbedTick, EdgesShowTheTimingOfTheLoop) {
+    // Edges are timed by the tick's deadline, so a skipped tick shows as a period twice as long.
     tick_wire->step_ns = 0;
     const std::int64_t deadline_ns = rig.now_ns;
     for (int i = 0; i < 500; ++i) {
@@ -143,7 +143,7 @@ TEST_F(ProbedTick, EdgesSayWhatTheLoopDidWithoutLookingIntoIt) {
     EXPECT_EQ(seen.lateness.min_ns(), 20'000);
     EXPECT_EQ(seen.lateness.max_ns(), 26'000);
     EXPECT_NEAR(static_cast<double>(seen.period.percentile_ns(0.5)), 1e6, 0.004 * 1e6 + 1000)
-        << "one bucket and a step";
+        << "one bucket and one step";
 }
 
 }  // namespace

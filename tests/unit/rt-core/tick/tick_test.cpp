@@ -19,7 +19,7 @@ using test::floor_frame;
 using test::TickRig;
 
 constexpr double kMillimetre = 1e-3;
-constexpr double kDigitN = 1.0 / (0.365296803653 * 415.0);  // N, that one D/A digit stands for
+constexpr double kDacCodeN = 1.0 / (0.365296803653 * 415.0);  // N per DAC code
 
 /// The hand holds still while the loop arms, then moves by `to` in 0.3 s and stays there.
 PoseTrack hand_to(const Vec3& to) {
@@ -42,8 +42,8 @@ TEST(Tick, RunsAtMinimumTensionAfterArming) {
     rig.run_up();
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Running);
     for (const double tension : rig.board.device().tensions()) {
-        // Digits are truncated.
-        EXPECT_GE(tension, rig.settings.variant.minimum_tension - kDigitN);
+        // DAC codes are truncated.
+        EXPECT_GE(tension, rig.settings.geometry.minimum_tension - kDacCodeN);
     }
     EXPECT_LT(glm::length(rig.board.device().wrench().force), 0.05);
 }
@@ -71,13 +71,13 @@ TEST(Tick, MakesTheSpringForceOfAFloorAtTheBoard) {
         rig.step();
     }
     EXPECT_NEAR(rig.tick.last().rendered.force.y, 2.0, 0.02);
-    // Eight strings, each short of its tension by less than a digit.
-    EXPECT_LT(glm::length(rig.board.device().wrench().force - Vec3(0.0, 2.0, 0.0)), 8 * kDigitN);
+    // Eight strings, each short of its tension by less than a DAC code.
+    EXPECT_LT(glm::length(rig.board.device().wrench().force - Vec3(0.0, 2.0, 0.0)), 8 * kDacCodeN);
     EXPECT_LT(glm::length(rig.board.device().wrench().force - rig.tick.last().made.force), 1e-3);
     EXPECT_EQ(rig.tick.instruments().frames_received, 150u);
 }
 
-TEST(Tick, ReportsTheTensionsAndTheWrenchThatTheBoardHas) {
+TEST(Tick, ReportsTheTensionsAndTheWrenchOfTheBoard) {
     TickRig rig(hand_to({0.0, -0.02, 0.01}));
     rig.run_up();
     for (int i = 0; i < 1000; ++i) {
@@ -88,13 +88,13 @@ TEST(Tick, ReportsTheTensionsAndTheWrenchThatTheBoardHas) {
         for (std::size_t k = 0; k < kStrings; ++k) {
             ASSERT_EQ(state.tension[k], rig.board.device().tensions()[k]);
         }
-        // The pose that the board has and the one that we found differ by an encoder count.
+        // The board's pose and the solved one differ by an encoder count.
         ASSERT_LT(glm::length(to_vec3(state.force) - rig.board.device().wrench().force), 5e-3);
         ASSERT_LT(glm::length(to_vec3(state.torque) - rig.board.device().wrench().torque), 1e-4);
     }
 }
 
-TEST(Tick, PutsTheMotorsOutInTheSameTickAsTheEncodersCameIn) {
+TEST(Tick, SendsTheMotorsInTheTickThatReadTheEncoders) {
     TickRig rig(PoseTrack({0.0, 0.8, 0.8001, 10.0}, {Pose{}, Pose{}, Pose{{0, -1e-3, 0}, Quat(1, 0, 0, 0)},
                                                      Pose{{0, -1e-3, 0}, Quat(1, 0, 0, 0)}}));
     rig.run_up();
@@ -102,12 +102,12 @@ TEST(Tick, PutsTheMotorsOutInTheSameTickAsTheEncodersCameIn) {
         rig.publish(floor_frame(0.0, 300.0, rig.now_ns));
         rig.step();
     }
-    // The first tick that sees the grip below the floor already pushes it back; 0.3 N is below the limit of rate.
+    // The first tick that sees the grip below the floor pushes it back; 0.3 N is below the rate limit.
     EXPECT_NEAR(rig.tick.last().rendered.force.y, 0.3, 0.01);
-    EXPECT_NEAR(rig.board.device().wrench().force.y, 0.3, 8 * kDigitN);
+    EXPECT_NEAR(rig.board.device().wrench().force.y, 0.3, 8 * kDacCodeN);
 }
 
-TEST(Tick, WithOneExchangePutsTheMotorsOutInTheNextTick) {
+TEST(Tick, WithOneExchangeSendsTheMotorsInTheNextTick) {
     TickSettings one;
     one.exchanges = 1;
     TickRig rig(PoseTrack(), one);
@@ -122,7 +122,7 @@ TEST(Tick, WithOneExchangePutsTheMotorsOutInTheNextTick) {
     EXPECT_EQ(rig.board.device().tensions(), sent);
 }
 
-TEST(Tick, CalibratesTheRestLengthsWhereverTheCountersStand) {
+TEST(Tick, CalibratesTheRestLengthsForAnyCounterValues) {
     TickRig rig;
     rig.faulty.added = {65000, 1, 2, 32768, 32767, 9, 10, 40000};
     rig.run_up();
@@ -130,7 +130,7 @@ TEST(Tick, CalibratesTheRestLengthsWhereverTheCountersStand) {
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Running);
 }
 
-TEST(Tick, KeepsThePoseAndGoesOnThroughAFewFailedExchanges) {
+TEST(Tick, KeepsThePoseAndContinuesThroughAFewFailedExchanges) {
     TickRig rig(hand_to({0.01, 0.0, 0.0}));
     rig.run_up();
     rig.steps(1000);
@@ -145,7 +145,7 @@ TEST(Tick, KeepsThePoseAndGoesOnThroughAFewFailedExchanges) {
     EXPECT_EQ(rig.tick.last().flags & HAPTIC_TICK_EXCHANGE_FAILED, 0u);
 }
 
-/// Presses 5 mm into a floor that goes on being published.
+/// Presses 5 mm into a floor that keeps being published.
 void press(TickRig& rig, int ticks) {
     for (int i = 0; i < ticks; ++i) {
         rig.publish(floor_frame(-0.015, 400.0, rig.now_ns));
@@ -182,8 +182,8 @@ TEST(Tick, FadesSmoothlyAtTheBoardWhenAnEncoderJumps) {
     for (int i = 0; i < 800; ++i) {
         press(rig, 1);
         const double now = rig.board.device().wrench().force.y;
-        // 2 N over 100 ms, steepest slope 1.5; truncated digits add a little of either sign.
-        EXPECT_LT(std::fabs(now - last), 1.5 * 2.0 / 100.0 + 8 * kDigitN) << i;
+        // 2 N over 100 ms, steepest slope 1.5; truncated DAC codes add a little of either sign.
+        EXPECT_LT(std::fabs(now - last), 1.5 * 2.0 / 100.0 + 8 * kDacCodeN) << i;
         last = now;
     }
     EXPECT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
@@ -194,7 +194,7 @@ TEST(Tick, FadesSmoothlyAtTheBoardWhenAnEncoderJumps) {
 TEST(Tick, FaultsWhenTheLengthsContradictEachOther) {
     TickRig rig;
     rig.run_up();
-    // One string creeps away by 3 cm, slowly enough to be no jump.
+    // One string drifts by 3 cm, too slowly for a jump.
     for (int i = 0; i < 600 && rig.tick.safety_state() == SafetyState::Running; ++i) {
         rig.faulty.added[4] = static_cast<std::uint16_t>(3 * i);
         rig.step();
@@ -203,10 +203,10 @@ TEST(Tick, FaultsWhenTheLengthsContradictEachOther) {
     EXPECT_EQ(rig.tick.faults() & HAPTIC_FAULT_RESIDUAL, static_cast<std::uint32_t>(HAPTIC_FAULT_RESIDUAL));
 }
 
-TEST(Tick, FaultsOfASlackStringNameIt) {
+TEST(Tick, FaultsOfASlackStringIdentifyIt) {
     TickRig rig;
     rig.run_up();
-    // String 4 counts down as it pays out: it reads longer and longer.
+    // String 4 counts as it pays out and reads longer and longer.
     for (int i = 0; i < 600 && rig.tick.safety_state() == SafetyState::Running; ++i) {
         rig.faulty.added[4] = static_cast<std::uint16_t>(-3 * i);
         rig.step();
@@ -220,7 +220,7 @@ TEST(Tick, FaultsOfASlackStringNameIt) {
     EXPECT_LT(std::popcount(rig.tick.suspect_strings()), 5);
 }
 
-TEST(Tick, FlagsAndCountsOverrunsAndFaultsWhenTheyDoNotEnd) {
+TEST(Tick, FlagsAndCountsOverrunsAndFaultsWhenTheyPersist) {
     TickRig rig;
     rig.run_up();
     rig.step(0, 3);
@@ -237,7 +237,7 @@ TEST(Tick, FlagsAndCountsOverrunsAndFaultsWhenTheyDoNotEnd) {
     EXPECT_EQ(rig.tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_OVERRUN));
 }
 
-TEST(Tick, StopsByWayOfAFadeToZeroAtTheBoard) {
+TEST(Tick, StopsWithAFadeToZeroAtTheBoard) {
     TickRig rig(hand_to({0.0, -0.02, 0.0}));
     rig.run_up();
     press(rig, 1500);
@@ -262,7 +262,7 @@ TEST(Tick, CanBeArmedAgainAfterAFault) {
     EXPECT_EQ(rig.tick.faults(), 0u);
 }
 
-TEST(Tick, RefusesADefectiveFrameAndGoesOnWithTheLastGoodOne) {
+TEST(Tick, RejectsADefectiveFrameAndContinuesWithTheLastGoodOne) {
     TickRig rig(hand_to({0.0, -0.02, 0.0}));
     rig.run_up();
     press(rig, 1500);
@@ -277,15 +277,16 @@ TEST(Tick, RefusesADefectiveFrameAndGoesOnWithTheLastGoodOne) {
     EXPECT_EQ(rig.tick.instruments().frames_rejected, 50u);
 }
 
-TEST(Tick, LimitsForceAndRateWhateverAFrameAsksFor) {
+TEST(Tick, LimitsForceAndRateForAnyFrame) {
     TickSettings settings;
-    settings.passivity.control = PassivityControl::Observe;  // it would not let a leaping floor push so hard
+    settings.passivity.control =
+        PassivityControl::Observe;  // the controller would not let a jumping floor push this hard
     TickRig rig(PoseTrack(), settings);
     rig.run_up();
     Vec3 last(0.0);
     StringArray last_tensions = rig.tick.last().tensions;
     for (int i = 0; i < 500; ++i) {
-        // A floor a metre above the grip, made of steel, that comes and goes.
+        // A very stiff floor a metre above the grip that appears and disappears.
         rig.publish(floor_frame(i / 100 % 2 == 0 ? 1.0 : -1.0, 1e6, rig.now_ns));
         rig.step();
         const Vec3 now = rig.tick.last().rendered.force;
@@ -294,8 +295,8 @@ TEST(Tick, LimitsForceAndRateWhateverAFrameAsksFor) {
         last = now;
         for (std::size_t k = 0; k < kStrings; ++k) {
             const double tension = rig.tick.last().tensions[k];
-            ASSERT_LE(tension, rig.settings.variant.maximum_tension);
-            ASSERT_LE(std::fabs(tension - last_tensions[k]), rig.settings.tension_rate * 1e-3 + kDigitN);
+            ASSERT_LE(tension, rig.settings.geometry.maximum_tension);
+            ASSERT_LE(std::fabs(tension - last_tensions[k]), rig.settings.tension_rate * 1e-3 + kDacCodeN);
             last_tensions[k] = tension;
         }
     }
@@ -336,7 +337,7 @@ TEST(Tick, KeepsTheLastTwoSecondsForTheBlackBox) {
     EXPECT_EQ(box.at(1999).now_ns - box.at(0).now_ns, 1999 * rig.settings.period_ns);
 }
 
-TEST(Tick, GivesEachTickToTheRecorder) {
+TEST(Tick, PushesEachTickToTheRecorder) {
     TickRig rig;
     Recorder recorder(64);
     rig.tick.record_to(&recorder);
@@ -349,7 +350,7 @@ TEST(Tick, GivesEachTickToTheRecorder) {
     EXPECT_FALSE(recorder.pop(record));
 }
 
-TEST(Tick, DoesTheSameBitsTwice) {
+TEST(Tick, IsDeterministicBitForBit) {
     const auto run = [] {
         TickRig rig(hand_to({0.003, -0.02, 0.001}));
         rig.run_up();
@@ -372,7 +373,7 @@ TEST(Tick, DoesTheSameBitsTwice) {
     }
 }
 
-TEST(Tick, SendsZeroOnRequestWhateverTheState) {
+TEST(Tick, SendsZeroOnRequestInAnyState) {
     TickRig rig;
     rig.run_up();
     ASSERT_GT(sum(rig.board.device().tensions()), 2.0);
@@ -380,7 +381,7 @@ TEST(Tick, SendsZeroOnRequestWhateverTheState) {
     EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
 }
 
-TEST(Tick, RefusesSettingsThatCannotBe) {
+TEST(Tick, RejectsInvalidSettings) {
     const auto refuses = [](void (*spoil)(TickSettings&)) {
         TickSettings settings;
         spoil(settings);
@@ -389,7 +390,7 @@ TEST(Tick, RefusesSettingsThatCannotBe) {
     refuses([](TickSettings& s) { s.period_ns = 0; });
     refuses([](TickSettings& s) { s.frames.fade_ns = 0; });
     refuses([](TickSettings& s) { s.limits.force = -1.0; });
-    refuses([](TickSettings& s) { s.variant.maximum_tension = s.variant.minimum_tension; });
+    refuses([](TickSettings& s) { s.geometry.maximum_tension = s.geometry.minimum_tension; });
 }
 
 }  // namespace

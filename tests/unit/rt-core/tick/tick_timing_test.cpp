@@ -15,12 +15,12 @@ using test::TickRig;
 
 std::int64_t looks = 0;
 
-/// A microsecond passes from each look at it to the next.
+/// Clock that advances by a microsecond per call.
 std::int64_t stepping_clock() HAPTIC_RT {
     return 1000 * ++looks;
 }
 
-/// A tick whose stages each take a microsecond.
+/// Tick whose stages take a microsecond each.
 struct TimedRig : TickRig {
     explicit TimedRig(const TickSettings& tick_settings = {})
         : TickRig(PoseTrack(), tick_settings), timed(tick_settings, faulty, frames_in, states_out, stepping_clock) {}
@@ -37,7 +37,7 @@ TickSettings one_exchange() {
     return settings;
 }
 
-TEST(TickTiming, HasStagesThatAddUpToTheWholeTick) {
+TEST(TickTiming, StagesAddUpToTheWholeTick) {
     for (const TickSettings& settings : {TickSettings{}, one_exchange()}) {
         TimedRig rig(settings);
         rig.step();
@@ -52,7 +52,7 @@ TEST(TickTiming, HasStagesThatAddUpToTheWholeTick) {
 TEST(TickTiming, OfAForceEndsInTheSameTickWithTwoExchanges) {
     TimedRig rig;
     rig.step();
-    // Looks: beginning, exchange, pose, proxy, tension, exchange.
+    // Clock calls: beginning, exchange, pose, proxy, tension, exchange.
     EXPECT_EQ(rig.timed.timing().motion_to_force_ns, 5000);
     EXPECT_EQ(rig.timed.instruments().motion_to_force.count(), 1U);
 }
@@ -61,14 +61,14 @@ TEST(TickTiming, OfAForceEndsInTheNextTickWithOneExchange) {
     TimedRig rig(one_exchange());
     const std::int64_t before = looks;
     rig.step();
-    EXPECT_EQ(rig.timed.timing().motion_to_force_ns, -1) << "nothing was latched before";
+    EXPECT_EQ(rig.timed.timing().motion_to_force_ns, -1) << "no earlier latch";
     const std::int64_t looks_of_a_tick = looks - before;
     rig.step();
-    // A whole tick, and the next one's beginning and exchange.
+    // A whole tick, plus the beginning and exchange of the next one.
     EXPECT_EQ(rig.timed.timing().motion_to_force_ns, 1000 * (looks_of_a_tick + 1));
 }
 
-TEST(TickTiming, HasNoForceThatDidNotArrive) {
+TEST(TickTiming, HasNoLatencyForAForceThatDidNotArrive) {
     for (const TickSettings& settings : {TickSettings{}, one_exchange()}) {
         TimedRig rig(settings);
         rig.step();
@@ -78,13 +78,13 @@ TEST(TickTiming, HasNoForceThatDidNotArrive) {
         rig.step();
         EXPECT_EQ(rig.timed.timing().motion_to_force_ns, -1);
         rig.faulty.failing = false;
-        rig.step();  // with one exchange it brings the motors what was made of no motion
+        rig.step();  // with one exchange, this sends a force that has no latch
         const std::uint64_t after = rig.timed.instruments().motion_to_force.count();
         EXPECT_EQ(after - before, settings.exchanges == 1 ? 0U : 1U);
     }
 }
 
-TEST(TickTiming, CountsTheAgeOfTheStateThatThePlanesAnswer) {
+TEST(TickTiming, MeasuresTheAgeOfTheStateBehindThePlanes) {
     TickRig rig;
     rig.run_up();
     EXPECT_EQ(rig.tick.timing().state_age_ns, -1) << "no frame yet";
@@ -92,16 +92,16 @@ TEST(TickTiming, CountsTheAgeOfTheStateThatThePlanesAnswer) {
     frame.state_time_ns = rig.now_ns - 7'000'000;
     rig.publish(frame);
     rig.step();
-    EXPECT_EQ(rig.tick.timing().state_age_ns, -1) << "it answers no state";
+    EXPECT_EQ(rig.tick.timing().state_age_ns, -1) << "the frame was computed from no state";
     frame.state_sequence = 5;
     rig.publish(frame);
     rig.step();
     EXPECT_EQ(rig.tick.timing().state_age_ns, 8'000'000);
     rig.step();
-    EXPECT_EQ(rig.tick.timing().state_age_ns, 9'000'000) << "the planes are in use a tick longer";
+    EXPECT_EQ(rig.tick.timing().state_age_ns, 9'000'000) << "the planes are used one tick longer";
     EXPECT_EQ(rig.tick.instruments().state_age.count(), 2U);
     rig.steps(500);
-    EXPECT_EQ(rig.tick.timing().state_age_ns, -1) << "planes that are stale are in no use";
+    EXPECT_EQ(rig.tick.timing().state_age_ns, -1) << "stale planes are not in use";
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
-// A tool of 37 particles in the whole tick, with a simulation of 50 steps/s at the other end of real rings: what of the
-// simulation's slowness the hand feels. AT9 and AT10 of the thesis' claims.
+// A tool of 37 particles in the whole tick, with a simulation of 50 steps/s at the other end of real rings: how much of
+// the simulation's latency the hand feels. Claims AT9 and AT10 of the thesis.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,8 +22,8 @@ constexpr std::size_t kParticles = 37;
 constexpr double kTick = 1e-3;                // s
 constexpr std::int64_t kStepNs = 20'000'000;  // of the simulation
 constexpr double kSpeed = 0.3;                // m/s, of the slide
-constexpr double kRampS = 0.4;                // s, from the centre to where the slide begins
-constexpr double kSlideS = 0.1;               // s: 30 mm, within which the strings make every wrench
+constexpr double kRampS = 0.4;                // s, from the centre to the start of the slide
+constexpr double kSlideS = 0.1;               // s; 30 mm, within which every wrench is feasible
 constexpr double kDepth = 0.003;              // m, of the lowest particle below the plane
 constexpr double kRadius = 0.02;              // m, of the tool
 constexpr double kHeight = -0.004;            // m, of the grip along the normal while it slides
@@ -33,7 +33,7 @@ struct Plane {
     double offset;
 };
 
-/// What a simulation does with a plane: each particle goes to its goal and stops at the plane, once a step.
+/// Simulation of a plane: once a step each particle moves to its goal and stops at the plane.
 class PlaneSimulation {
   public:
     PlaneSimulation(const Plane& plane, double stiffness, std::uint32_t flags) : plane_(plane) {
@@ -68,7 +68,7 @@ class PlaneSimulation {
         frame_.plane_time_ns = frame_.publish_time_ns = rig.now_ns;
         rig.publish(frame_);
     }
-    /// What the hand should feel of it at a pose: the thesis' law with the planes as they are.
+    /// The ideal wrench at a pose: the thesis' law with the present planes.
     [[nodiscard]] Wrench felt_at(const Pose& grip) const {
         Wrench wrench;
         for (const ProxyContact& particle : std::span(frame_.proxies).first(kParticles)) {
@@ -101,14 +101,14 @@ struct Slide {
     std::uint32_t flags = 0;
 };
 
-/// What a slide did beyond what it should, N, while its speed was constant.
+/// Deviations from the ideal wrench of a slide, N, while its speed was constant.
 struct Felt {
-    double tangential = 0.0;       // most
-    double mean_tangential = 0.0;  // along the slide, against it
-    double ripple = 0.0;           // most, along the normal, against the plane itself or, in series, against the mean
-    double torque_error = 0.0;     // N*m, most, against the plane itself
+    double tangential = 0.0;       // largest
+    double mean_tangential = 0.0;  // mean along the slide, positive against it
+    double ripple = 0.0;           // largest along the normal, from the ideal plane or, in series, from the mean
+    double torque_error = 0.0;     // N*m, largest, from the ideal plane
     double normal = 0.0;           // mean
-    double least_energy = 0.0;     // J
+    double min_energy = 0.0;       // J
     std::uint64_t passivity_ticks = 0;
 };
 
@@ -153,7 +153,7 @@ Felt run(const Slide& slide) {
         }
         rig.step();
         const TickRecord& tick = rig.tick.last();
-        felt.least_energy = std::min(felt.least_energy, tick.energy);
+        felt.min_energy = std::min(felt.min_energy, tick.energy);
         if (rig.now_ns <= begin_ns) {
             continue;
         }
@@ -197,7 +197,7 @@ void expect_no_drag(const Slide& slide) {
     EXPECT_LE(felt.ripple, 0.01 * felt.normal) << slide.stiffness;
     EXPECT_LE(felt.torque_error, 0.01 * felt.normal * kRadius) << slide.stiffness;
     EXPECT_EQ(felt.passivity_ticks, 0u);
-    EXPECT_EQ(felt.least_energy, 0.0);
+    EXPECT_EQ(felt.min_energy, 0.0);
     std::printf("k %g flags %u: normal %.4g N, tangential %.2g of k v T, ripple %.2g, torque error %.2g Nm\n",
                 slide.stiffness, slide.flags, felt.normal, felt.tangential / drag, felt.ripple / felt.normal,
                 felt.torque_error);
@@ -209,7 +209,7 @@ TEST(SlidingTool, IsNotDraggedByASlowSimulationOverALevelPlane) {
     }
 }
 
-TEST(SlidingTool, IsNotDraggedOverATiltedPlaneWithAGripThatTurns) {
+TEST(SlidingTool, IsNotDraggedOverATiltedPlaneWithARotatingGrip) {
     for (const double stiffness : {20.0, 500.0}) {
         expect_no_drag({tilted(), across(), 1.2 * Vec3(0.3, 0.5, 0.8), stiffness});
     }
@@ -228,7 +228,7 @@ TEST(SlidingTool, IsDraggedByTheThesisSchemeOfPositions) {
         slide.flags = HAPTIC_FRAME_HOLD_POSITIONS;
         const Felt felt = run(slide);
         EXPECT_NEAR(felt.normal, planes, 0.02 * planes);
-        // Positions are between nothing and a step old: on average half of k v T of those particles that touch.
+        // Positions are zero to one step old: on average half of k v T per touching particle.
         const double touching = 1.0 / kParticles;  // at least
         const double drag = stiffness * kSpeed * seconds(kStepNs);
         EXPECT_GT(felt.mean_tangential, 0.4 * touching * drag);
@@ -237,8 +237,8 @@ TEST(SlidingTool, IsDraggedByTheThesisSchemeOfPositions) {
     }
 }
 
-TEST(ToolInFreeMotion, MakesNoForceAndNoTorqueAtAllHoweverFast) {
-    // 1 m/s and 20 m/s^2 to and fro, turning; the plane is sent, and is just not reached.
+TEST(ToolInFreeMotion, MakesExactlyNoWrenchAtAnySpeed) {
+    // 1 m/s and 20 m/s^2 back and forth while rotating; the plane is sent but just not reached.
     std::vector<double> times{0.0};
     std::vector<Pose> poses{Pose{}};
     constexpr double rate = 20.0;    // rad/s
@@ -272,8 +272,8 @@ TEST(ToolInFreeMotion, MakesNoForceAndNoTorqueAtAllHoweverFast) {
     }
 }
 
-TEST(ToolThatTouches, IsStoppedInTheTickInWhichItTouchesAndNotAStepLater) {
-    // Down at 0.1 m/s onto a floor that the lowest particle meets in the midst of a step.
+TEST(ToolThatTouches, IsStoppedInTheTickInWhichItTouchesNotAStepLater) {
+    // Down at 0.1 m/s onto a floor that the lowest particle reaches in the middle of a step.
     const std::vector<double> times{0.0, 2.0, 2.2};
     const std::vector<Pose> poses{{}, {}, {Vec3(0.0, -0.02, 0.0), Quat(1, 0, 0, 0)}};
     int late[2] = {0, 0};
@@ -299,14 +299,14 @@ TEST(ToolThatTouches, IsStoppedInTheTickInWhichItTouchesAndNotAStepLater) {
         EXPECT_TRUE(felt);
     }
     EXPECT_EQ(late[0], 0);
-    EXPECT_GT(late[1], 1) << "positions and flags know of it only after the next step";
+    EXPECT_GT(late[1], 1) << "positions and flags show the contact only after the next step";
 }
 
-/// A grip of 0.1 kg in a hand without damping of its own, pressed with two spheres 25 mm to each side onto a floor, and
-/// given a knock: what is left of the trembling about its axis in the end, rad.
+/// rad, residual oscillation about its axis of a grip of 0.1 kg in an undamped hand, pressed onto a floor with two
+/// spheres 25 mm to each side, after a knock.
 struct Trembling {
     double left = 0.0;
-    double least_energy = 0.0;
+    double min_energy = 0.0;
     bool running = false;
 };
 
@@ -321,7 +321,7 @@ Trembling knock(double torque_stiffness, std::uint32_t flags, double largest, Pa
     TickSettings settings;
     settings.frames.largest_rotational_stiffness = largest;
     settings.passivity.control = control;
-    // Into the floor, tilted by 0.05 rad, and level again at once.
+    // Into the floor, tilted by 0.05 rad, then level again at once.
     const std::vector<double> times{0.0, 2.0, 2.2, 2.5, 2.501, 4.0};
     const Vec3 down(0.0, -0.008, 0.0);
     const Quat tilted = glm::angleAxis(0.05, Vec3(0, 0, 1));
@@ -347,7 +347,7 @@ Trembling knock(double torque_stiffness, std::uint32_t flags, double largest, Pa
         }
         rig.step();
         const TickRecord& tick = rig.tick.last();
-        result.least_energy = std::min(result.least_energy, tick.energy);
+        result.min_energy = std::min(result.min_energy, tick.energy);
         if (rig.now_ns > nanoseconds(3.6)) {
             least = std::min(least, tick.pose.orientation.z);
             most = std::max(most, tick.pose.orientation.z);
@@ -358,21 +358,21 @@ Trembling knock(double torque_stiffness, std::uint32_t flags, double largest, Pa
     return result;
 }
 
-TEST(ToolThatTrembles, ComesToRestWithTheLimitOfItsTorqueSpringsAndWithTheController) {
-    constexpr double knocked = 0.1;  // rad, from side to side
+TEST(OscillatingTool, ComesToRestWithTheTorqueStiffnessLimitAndWithTheController) {
+    constexpr double knocked = 0.1;  // rad, peak to peak
     const double passive = passive_stiffness(6e-5, 0.0, 0.0, kTick, 0.0);
     const double infinite = std::numeric_limits<double>::infinity();
     const Trembling unwatched = knock(1000.0, 0, infinite, PassivityControl::Observe);
     EXPECT_GT(unwatched.left, 2.0 * knocked);
-    EXPECT_LT(unwatched.least_energy, -1e-3);
+    EXPECT_LT(unwatched.min_energy, -1e-3);
     const Trembling bound = knock(1000.0, 0, infinite, PassivityControl::Bound);
     EXPECT_LT(bound.left, 0.1 * knocked);
-    EXPECT_GT(bound.least_energy, -1e-4);
+    EXPECT_GT(bound.min_energy, -1e-4);
     for (const std::uint32_t flags : {0u, std::uint32_t{HAPTIC_FRAME_SERIES_SPRINGS}}) {
-        // What is left is as the device's own damping leaves it.
+        // The residual is that of the device's own damping.
         const Trembling limited = knock(4000.0, flags, passive, PassivityControl::Observe);
         EXPECT_LT(limited.left, 0.5 * knocked) << flags;
-        EXPECT_GT(limited.least_energy, -1e-6) << flags;
+        EXPECT_GT(limited.min_energy, -1e-6) << flags;
         EXPECT_TRUE(limited.running) << flags;
     }
 }

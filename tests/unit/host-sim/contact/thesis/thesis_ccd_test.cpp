@@ -87,7 +87,7 @@ TEST(ThesisCcd, TakesTheSmallestRootWithinTheStepOfThree) {
             q.start[i] = random.in_cube(1.0);
             q.end[i] = random.in_cube(1.0);
         }
-        // Sign changes of the volume of origin and corners over fine steps, which need no formula of a cubic.
+        // Sign changes of the signed volume of origin and corners over fine steps, which need no formula of a cubic.
         std::vector<double> roots;
         const auto volume = [&](double t) {
             const auto x = haptic::sim::oracle::at(q, t);
@@ -111,7 +111,7 @@ TEST(ThesisCcd, TakesTheSmallestRootWithinTheStepOfThree) {
         }
         ++taken;
         ASSERT_NE(c.feature, Feature::None) << "query " << k;
-        // Two roots within one step of the sampling are not seen by it: then ours is the earlier one.
+        // The sampling does not see two roots within one of its steps: then the solver's root is the earlier one.
         ASSERT_LE(c.time, roots[0] + 1e-9) << "query " << k;
         if (c.time < roots[0] - 1e-9) {
             ASSERT_NEAR(volume(c.time), 0.0, 1e-12) << "query " << k;
@@ -141,11 +141,11 @@ TEST(ThesisCcd, FindsTheSameContactsAtEveryScale) {
 }
 
 TEST(ThesisCcd, MissesWhatClipsTheSphereWhileItsPlaneDoesNotPassTheCentre) {
-    // An edge-on sheet 0.3 above the centre: ours touches, Algorithm 1 has no root.
+    // An edge-on sheet 0.3 above the centre: the complete method touches, Algorithm 1 has no root.
     const MovingTriangle edge_on{{{5, 0.3, -3}, {5, 0.3, 3}, {9, 0.3, 0}}, {{-9, 0.3, -3}, {-9, 0.3, 3}, {-5, 0.3, 0}}};
     EXPECT_TRUE(haptic::sim::sphere_triangle_ccd(Vec3(0.0), 1.0, edge_on).touches);
     EXPECT_EQ(thesis_triangle_ccd(Vec3(0.0), 1.0, edge_on).feature, Feature::None);
-    // Right through the centre, in its own plane: the cubic vanishes, and names no moment.
+    // Through the centre, in its own plane: the cubic vanishes and defines no time.
     EXPECT_EQ(thesis_triangle_ccd(Vec3(0.0), 1.0, shifted(edge_on, {0, -0.3, 0})).feature, Feature::None);
 }
 

@@ -19,9 +19,9 @@ using haptic::Vec3;
 using haptic::sim::ContactSettings;
 using haptic::sim::in_range_triangle;
 using haptic::sim::InRangeTriangle;
+using haptic::sim::ListPopOut;
 using haptic::sim::PopOut;
 using haptic::sim::PopOutMethod;
-using haptic::sim::PoppedThrough;
 using haptic::sim::ProxyPath;
 using haptic::sim::TriangleMesh;
 using haptic::sim::oracle::Random;
@@ -40,14 +40,14 @@ ContactSettings thesis() {
     return settings;
 }
 
-/// A triangle in the plane y = height, wide enough that the nearest point to anything near the origin is on its face.
+/// A triangle in the plane y = height, so wide that the closest point to anything near the origin is on its face.
 InRangeTriangle level(double height) {
     return in_range_triangle({{-1.0, height, -1.0}, {-1.0, height, 2.0}, {2.0, height, -1.0}});
 }
 
 TEST(ThesisPopOut, PopsToTheFullRadiusFromWhatIsPenetrated) {
     const std::vector<InRangeTriangle> list{level(0.0)};
-    const PoppedThrough p = pop_through(list, {0.01, 0.4 * kRadius, 0.02}, kRadius, thesis());
+    const ListPopOut p = pop_out_of_list(list, {0.01, 0.4 * kRadius, 0.02}, kRadius, thesis());
     EXPECT_NEAR(glm::length(p.position - Vec3(0.01, kRadius, 0.02)), 0.0, 1e-15);
     EXPECT_EQ(p.iterations, 1);
     EXPECT_EQ(p.pops, 1);
@@ -57,7 +57,7 @@ TEST(ThesisPopOut, PopsToTheFullRadiusFromWhatIsPenetrated) {
 TEST(ThesisPopOut, LeavesWhatIsOnlyWithinTheShrink) {
     const std::vector<InRangeTriangle> list{level(0.0)};
     const Vec3 at(0.0, 0.9995 * kRadius, 0.0);
-    const PoppedThrough p = pop_through(list, at, kRadius, thesis());
+    const ListPopOut p = pop_out_of_list(list, at, kRadius, thesis());
     EXPECT_EQ(p.position, at);
     EXPECT_EQ(p.iterations, 0);
 }
@@ -67,13 +67,13 @@ TEST(ThesisPopOut, NeverPopsByLessThanTheMinimum) {
     settings.shrink = 0.99999;
     settings.pop_out_minimum = 0.05;
     const std::vector<InRangeTriangle> list{level(0.0)};
-    const PoppedThrough p = pop_through(list, {0.0, 0.9999 * kRadius, 0.0}, kRadius, settings);
+    const ListPopOut p = pop_out_of_list(list, {0.0, 0.9999 * kRadius, 0.0}, kRadius, settings);
     EXPECT_NEAR(p.position.y, (0.9999 + 0.05) * kRadius, 1e-15);
 }
 
 TEST(ThesisPopOut, PopsACentreOnATriangleAlongItsNormal) {
     const std::vector<InRangeTriangle> list{level(0.0)};
-    const PoppedThrough p = pop_through(list, {0.0, 0.0, 0.0}, kRadius, thesis());
+    const ListPopOut p = pop_out_of_list(list, {0.0, 0.0, 0.0}, kRadius, thesis());
     EXPECT_NEAR(p.position.y, kRadius, 1e-15);
 }
 
@@ -95,8 +95,8 @@ TEST(ThesisPopOut, TakesEachTriangleInTurnFromWhereTheLastOneLeftIt) {
     ASSERT_GT(glm::length(floor_first - slope_first), 1e-4);
     const std::vector<InRangeTriangle> one{floor, slope};
     const std::vector<InRangeTriangle> two{slope, floor};
-    EXPECT_NEAR(glm::length(pop_through(one, start, kRadius, settings).position - floor_first), 0.0, 1e-15);
-    EXPECT_NEAR(glm::length(pop_through(two, start, kRadius, settings).position - slope_first), 0.0, 1e-15);
+    EXPECT_NEAR(glm::length(pop_out_of_list(one, start, kRadius, settings).position - floor_first), 0.0, 1e-15);
+    EXPECT_NEAR(glm::length(pop_out_of_list(two, start, kRadius, settings).position - slope_first), 0.0, 1e-15);
 }
 
 TEST(ThesisPopOut, PopsFromTheNearestPointOfAnyTriangle) {
@@ -116,13 +116,13 @@ TEST(ThesisPopOut, PopsFromTheNearestPointOfAnyTriangle) {
         const std::vector<InRangeTriangle> list{in_range_triangle({c[0], c[1], c[2]})};
         const double before = haptic::sim::oracle::distance(p, c);
         const double radius = 0.5;
-        const PoppedThrough q = pop_through(list, p, radius, settings);
+        const ListPopOut q = pop_out_of_list(list, p, radius, settings);
         if (before >= 0.999 * radius) {
             ASSERT_EQ(q.position, p) << k;
             continue;
         }
         ++popped;
-        // Straight away from the nearest point: the way and the distance that was there add up to the radius.
+        // Straight away from the closest point: displacement and initial distance add up to the radius.
         ASSERT_NEAR(haptic::sim::oracle::distance(q.position, c), radius, 1e-9) << k;
         ASSERT_NEAR(glm::length(q.position - p), radius - before, 1e-9) << k;
     }
@@ -143,7 +143,7 @@ TEST(ThesisPopOut, LooksNoFartherThanTheDetectionRange) {
     settings.detection_range = 1.4;
     const PopOut blind = pop_out(world.surfaces, Vec3(0.0), kRadius, settings);
     EXPECT_EQ(blind.iterations, 1);
-    EXPECT_TRUE(blind.squeezed) << "it does not know of the second wall, but it says that it is not clear";
+    EXPECT_TRUE(blind.overconstrained) << "it does not know of the second wall, but it says that it is not clear";
     EXPECT_NEAR(blind.clearance, 0.6 * kRadius, 1e-12);
     settings.detection_range = 2.01;
     EXPECT_EQ(pop_out(world.surfaces, Vec3(0.0), kRadius, settings).iterations, 7);
@@ -155,21 +155,21 @@ TEST(ThesisPopOut, GetsClearOfAFanInTheEnd) {
         World world;
         world.add(fan(4.0, depth));
         world.refit();
-        int most = 0;
+        int max_iterations = 0;
         for (int k = 0; k < 100; ++k) {
             const double height = random.uniform(1.5, 3.0) * kRadius;
             const Vec3 p = Vec3(0.0, -depth + height, 0.0) + random.in_cube(0.1 * kRadius);
             const PopOut popped = pop_out(world.surfaces, p, kRadius, thesis());
-            EXPECT_FALSE(popped.squeezed) << depth << " " << k;
+            EXPECT_FALSE(popped.overconstrained) << depth << " " << k;
             EXPECT_GE(world.clearance(popped.position), 0.999 * kRadius * (1.0 - 1e-12)) << depth << " " << k;
-            most = std::max(most, popped.iterations);
+            max_iterations = std::max(max_iterations, popped.iterations);
         }
-        RecordProperty("most_iterations_at_depth_" + std::to_string(static_cast<int>(depth)), most);
+        RecordProperty("most_iterations_at_depth_" + std::to_string(static_cast<int>(depth)), max_iterations);
     }
 }
 
-// The three cases of the thesis' figure 4.19, in which its section 4.6.1 says that Algorithm 2 may fail. That the
-// default method does not is in pop_out_test.cpp.
+// The three cases of figure 4.19 of the thesis, in which Algorithm 2 may fail according to section 4.6.1.
+// pop_out_test.cpp shows that the default method does not.
 
 TEST(ThesisPopOut, IsOnTheWrongSideOfAThinWallWhenATriangleThatClipsComesFirst) {
     Random random(53);
@@ -199,9 +199,9 @@ TEST(ThesisPopOut, IsHelpedInThatCaseByTheHalfSpaceCondition) {
         world.add(mesh);
         world.refit();
         const PopOut popped = pop_out(world.surfaces, haptic::sim::tight::kBesideWall, kRadius, settings);
-        // Inner edges of the wall push it aside a little, so not exactly a radius.
+        // Inner edges of the wall push it aside a little, so it is not exactly one radius.
         ASSERT_NEAR(popped.position.x, kRadius, 2e-3 * kRadius) << k;
-        ASSERT_TRUE(popped.squeezed) << "what it did not look at still clips it";
+        ASSERT_TRUE(popped.overconstrained) << "what it did not look at still clips it";
     }
 }
 
@@ -215,7 +215,7 @@ TEST(ThesisPopOut, IsStuckBetweenParallelFacesAndEndsAtTheLastOneOfTheList) {
             path.restart({0, 0.002, 0});
             const PopOut popped = pop_out(world.surfaces, {0, 0.002, 0}, kRadius, settings, &path);
             EXPECT_EQ(popped.iterations, limit);
-            EXPECT_TRUE(popped.squeezed);
+            EXPECT_TRUE(popped.overconstrained);
             EXPECT_TRUE(path.complete());
             EXPECT_NEAR(popped.position.y, lower_first ? -0.3 * kRadius : 0.3 * kRadius, 0.01 * kRadius);
         }
@@ -228,7 +228,7 @@ TEST(ThesisPopOut, IsPoppedThroughOneOfTwoParallelFacesThatAreNearerThanARadius)
     path.restart({0, 0.0, 0});
     const PopOut popped = pop_out(world.surfaces, {0, 0.0, 0}, kRadius, thesis(), &path);
     EXPECT_GT(popped.position.y, 0.45 * kRadius);
-    EXPECT_FALSE(popped.squeezed) << "it thinks that all is well";
+    EXPECT_FALSE(popped.overconstrained) << "it thinks that all is well";
     EXPECT_FALSE(find_crossings(world.motions(), path.knots()).empty());
 }
 
@@ -243,14 +243,14 @@ TEST(ThesisPopOut, IsPoppedOutOfAPocketThatIsTooSmall) {
         world.refit();
         const PopOut popped = pop_out(world.surfaces, haptic::sim::tight::kInPocket, kRadius, thesis());
         const bool inside = std::abs(haptic::sim::winding_number(mesh.vertices, mesh.triangles, popped.position)) > 0.5;
-        EXPECT_TRUE(!inside || popped.squeezed) << k;
+        EXPECT_TRUE(!inside || popped.overconstrained) << k;
         outside += inside ? 0 : 1;
     }
     EXPECT_GT(outside, 50);
 }
 
 TEST(ThesisPopOut, LosesItsSideWhereTheProxyIsDeeperThanItsRadius) {
-    // The centre itself has passed the sheet: nothing in Algorithm 2 remembers where it came from.
+    // The centre itself has passed the sheet, and nothing in Algorithm 2 remembers where it came from.
     World world;
     world.add(sheet(1.0, 8, true));
     world.refit();
@@ -275,7 +275,7 @@ TEST(ThesisPopOut, MakesEveryIterationOfTheTableAndTakesEachOfItsBranchesThere) 
         }
         ContactSettings settings = thesis();
         settings.pop_out_limit = 50;
-        const PoppedThrough p = pop_through(triangles, Vec3(0.0), kRadius, settings);
+        const ListPopOut p = pop_out_of_list(triangles, Vec3(0.0), kRadius, settings);
         EXPECT_EQ(p.iterations, 50);
         EXPECT_FALSE(p.clear);
         EXPECT_GE(p.pops, 50 * (count - kinds[0]) - 1) << "every triangle but those far off, in every pass";
@@ -304,7 +304,7 @@ TEST(ThesisPopOut, SaysWhatRoomIsLeftAlsoWhenMoreThanItsListHoldsAreInRange) {
     const PopOut popped = pop_out(world.surfaces, {0.0003, 0.3 * kRadius, 0.0002}, kRadius, thesis());
     const double clearance = std::min(kRadius, world.clearance(popped.position));
     EXPECT_NEAR(popped.clearance, clearance, 1e-12);
-    EXPECT_EQ(popped.squeezed, clearance < 0.999 * kRadius);
+    EXPECT_EQ(popped.overconstrained, clearance < 0.999 * kRadius);
     EXPECT_GT(popped.position.y, 0.9 * kRadius) << "the nearest were in the list";
 }
 

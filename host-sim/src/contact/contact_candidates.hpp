@@ -1,0 +1,220 @@
+// Contact candidates: the triangles near each proxy of a tool in one step, collected with one traversal of each tree.
+//
+// The queries of a step, some dozen per proxy, all ask for the triangles near the same positions. So each proxy gets a
+// box first: everywhere it can go, including where moving surfaces can carry it. One traversal of each tree tests the
+// boxes of all proxies and lists, per proxy, the triangles in its box. Their boxes are stored in single precision,
+// rounded outward, four side by side. A query inside the proxy's box goes through the list. A query that leaves it, or
+// whose list overflowed, goes through the tree. The list changes how fast the answer comes, never the answer.
+#pragma once
+
+#include <array>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "contact/swept_tree.hpp"
+#include "haptic/types.hpp"
+
+namespace haptic::sim {
+
+/// Region that one proxy may reach in a step.
+struct ProxyReach {
+    Vec3 position{0.0};   // m, centre at the start
+    Vec3 goal{0.0};       // m; beyond one radius per axis the queries go through the trees
+    double radius = 0.0;  // m
+    double margin = 0.0;  // m, by which its goal may still change
+};
+
+/// Which positions of a triangle a query covers.
+enum class QueryTime : std::uint8_t {
+    WholeStep,  // any during the step
+    EndOfStep,  // the positions at t = 1
+};
+
+/// Volume swept by a sphere along a straight line: its box and its bounding sphere.
+struct SweptSphere {
+    SweptSphere(const Vec3& from, const Vec3& to, double radius) noexcept;
+
+    Aabb box;
+    Vec3 center;         // m, centre of the bounding sphere
+    double outer = 0.0;  // m, its radius
+};
+
+class NearSurfaces;
+
+/// Candidate lists of all proxies. Fixed memory, about 14 kB a proxy. Not thread-safe.
+class ContactCandidates {
+  public:
+    static constexpr std::size_t kMaxProxies = 64;
+
+    /// Allocates; later calls do not. Throws std::invalid_argument for more than kMaxProxies.
+    explicit ContactCandidates(std::size_t proxies);
+
+    /// Collects the candidates of all proxies (at most as many as the constructor was given). Call once a step, after
+    /// refitting the trees. Invalidates the results of of(). `surfaces` must outlive them.
+    void collect(std::span<const MovingSurface> surfaces, std::span<const ProxyReach> proxies) noexcept;
+
+    /// The surfaces as one proxy's queries see them, valid until the next collect(). Without a list it queries the
+    /// trees.
+    [[nodiscard]] NearSurfaces of(std::size_t proxy) const noexcept;
+
+    /// Surfaces of the last collect().
+    [[nodiscard]] std::span<const MovingSurface> all() const noexcept { return surfaces_; }
+    /// Number of candidates of a proxy after the last collect().
+    [[nodiscard]] std::size_t listed(std::size_t proxy) const noexcept;
+    /// Number of proxies whose list overflowed in the last collect(); their queries go through the trees.
+    [[nodiscard]] std::size_t overflows() const noexcept;
+
+  private:
+    friend class NearSurfaces;
+
+    static constexpr std::size_t kLanes = 4;        // floats in a register, on every target
+    static constexpr std::size_t kMaxListed = 256;  // triangles of one proxy; each surface starts at a whole register
+    static constexpr std::size_t kMaxRanges = 16;   // surfaces near one proxy
+    static constexpr std::size_t kKinds = 2;        // of QueryTime
+
+    using Lanes = float __attribute__((vector_size(16)));
+    using LaneBits = std::int32_t __attribute__((vector_size(16)));
+    /// Boxes as structure of arrays, [min | -max]: both bounds compare with <=.
+    template <std::size_t Count>
+    struct PackedBoxes {
+        alignas(Lanes) std::array<std::array<float, Count>, 6> bound;
+
+        void set(std::size_t at, const Aabb& box) noexcept;
+        [[nodiscard]] Lanes load(std::size_t which, std::size_t at) const noexcept {
+            Lanes lanes;
+            __builtin_memcpy(&lanes, &bound[which][at], sizeof(lanes));
+            return lanes;
+        }
+    };
+    // Limits to compare packed boxes with.
+    using BoxLimits = std::array<Lanes, 6>;  // [max | -min]
+    struct SphereLimits {
+        explicit SphereLimits(const SweptSphere& sphere) noexcept;
+
+        BoxLimits box;
+        std::array<Lanes, 3> center{};
+        Lanes squared{};  // m^2, squared radius
+    };
+
+    /// Candidates of one surface in a proxy's list: [begin, end).
+    struct SurfaceRange {
+        std::uint32_t object;
+        std::uint32_t begin;  // a multiple of kLanes
+        std::uint32_t end;
+    };
+    struct List {
+        Aabb region;            // the box that was searched
+        BoxLimits limits{};     // of the region
+        bool complete = false;  // false: overflow, query the trees
+        std::uint32_t range_count = 0;
+        std::uint32_t count = 0;
+        std::array<SurfaceRange, kMaxRanges> range{};
+        std::array<std::uint32_t, kMaxListed> triangle{};
+        std::array<PackedBoxes<kMaxListed>, kKinds> box{};  // by QueryTime
+    };
+    using LeafBoxes = std::array<PackedBoxes<SweptTree::kMaxInLeaf>, kKinds>;
+
+    /// Boxes of a leaf's triangles, rounded outward.
+    static void compute_boxes(LeafBoxes& boxes, const SurfaceMotion& motion,
+                              std::span<const std::uint32_t> triangles) noexcept;
+    /// Appends the triangles whose boxes overlap the list's region.
+    static void add(List& list, std::uint32_t object, std::span<const std::uint32_t> triangles,
+                    const LeafBoxes& boxes) noexcept;
+    /// Makes room for one more triangle; false if the list is full.
+    [[nodiscard]] static bool reserve_slot(List& list, std::uint32_t object) noexcept;
+
+    [[nodiscard]] static BoxLimits limits_of(const Aabb& box) noexcept;
+    /// Bit k: box at + k overlaps the limits.
+    template <std::size_t Count>
+    [[nodiscard]] static std::uint32_t overlapping(const PackedBoxes<Count>& box, std::size_t at,
+                                                   const BoxLimits& limit) noexcept {
+        LaneBits meets = LaneBits{1, 2, 4, 8};
+        for (std::size_t k = 0; k < limit.size(); ++k) {
+            meets &= box.load(k, at) <= limit[k];
+        }
+        return mask_of(meets);
+    }
+    /// Same, and it overlaps the bounding sphere too.
+    template <std::size_t Count>
+    [[nodiscard]] static std::uint32_t overlapping(const PackedBoxes<Count>& box, std::size_t at,
+                                                   const SphereLimits& limit) noexcept {
+        const std::uint32_t meets = overlapping(box, at, limit.box);
+        if (meets == 0) {
+            return 0;
+        }
+        // Squared distance from the centre to each box (Ericson 5.1.3.1), four at a time.
+        Lanes squared{};
+        for (std::size_t k = 0; k < 3; ++k) {
+            const Lanes below = box.load(k, at) - limit.center[k];
+            const Lanes above = box.load(k + 3, at) + limit.center[k];
+            const Lanes outside = below > above ? below : above;
+            squared += outside > Lanes{} ? outside * outside : Lanes{};
+        }
+        return meets & mask_of((squared <= limit.squared) & LaneBits{1, 2, 4, 8});
+    }
+    [[nodiscard]] static std::uint32_t mask_of(const LaneBits& lanes) noexcept {
+        return static_cast<std::uint32_t>(lanes[0] | lanes[1] | lanes[2] | lanes[3]);
+    }
+
+    std::span<const MovingSurface> surfaces_;
+    std::vector<List> lists_;
+    std::size_t proxy_count_ = 0;  // of the last collect()
+};
+
+/// The surfaces as one proxy's queries see them: through its candidate list, or through the trees. A view, to be passed
+/// by value.
+class NearSurfaces {
+  public:
+    /// Queries the trees. Accepts any contiguous range of MovingSurface.
+    template <class Surfaces>
+        requires std::convertible_to<const Surfaces&, std::span<const MovingSurface>>
+    NearSurfaces(const Surfaces& surfaces) noexcept : all_(surfaces) {}  // NOLINT(google-explicit-constructor)
+
+    [[nodiscard]] std::size_t size() const noexcept { return all_.size(); }
+    [[nodiscard]] const MovingSurface& operator[](std::size_t object) const noexcept { return all_[object]; }
+    [[nodiscard]] std::span<const MovingSurface> all() const noexcept { return all_; }
+
+    /// Calls visit(triangle index) for every triangle of a surface that enters the swept sphere at a time covered by
+    /// `when`, and for some that do not. The order is always the same. No allocation.
+    template <class Visit>
+    void query(std::uint32_t object, const SweptSphere& sphere, QueryTime when, Visit&& visit) const {
+        const SweptTree& tree = *all_[object].tree;
+        if (!tree.overlaps(sphere.box)) {
+            return;
+        }
+        if (!list_covers(sphere.box)) {
+            tree.query(sphere.box, visit);
+            return;
+        }
+        // Four boxes at a time against the box and the bounding sphere.
+        const ContactCandidates::SphereLimits limit(sphere);
+        const auto& boxes = list_->box[static_cast<std::size_t>(when)];
+        for (std::uint32_t r = 0; r < list_->range_count; ++r) {
+            if (list_->range[r].object != object) {
+                continue;
+            }
+            for (std::uint32_t k = list_->range[r].begin; k < list_->range[r].end; k += ContactCandidates::kLanes) {
+                std::uint32_t hits = ContactCandidates::overlapping(boxes, k, limit);
+                for (; hits != 0; hits &= hits - 1) {
+                    visit(list_->triangle[k + static_cast<std::size_t>(__builtin_ctz(hits))]);
+                }
+            }
+        }
+    }
+
+  private:
+    friend class ContactCandidates;
+    NearSurfaces(std::span<const MovingSurface> all, const ContactCandidates::List* list) noexcept
+        : all_(all), list_(list) {}
+
+    /// Whether the list holds every triangle that may be in the box.
+    [[nodiscard]] bool list_covers(const Aabb& box) const noexcept;
+
+    std::span<const MovingSurface> all_;
+    const ContactCandidates::List* list_ = nullptr;
+};
+
+}  // namespace haptic::sim

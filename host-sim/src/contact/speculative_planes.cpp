@@ -1,0 +1,282 @@
+#include "contact/speculative_planes.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <tuple>
+
+#include "contact/contact_points.hpp"
+#include "contact/scratch.hpp"
+#include "contact/triangle_ccd.hpp"
+
+namespace haptic::sim {
+
+namespace {
+
+constexpr std::size_t kMaxCandidates = 32;
+constexpr double kImpliedTolerance = 1e-9;  // of the radius
+
+/// A plane that may become a contact, with its urgency.
+struct Candidate {
+    SurfacePlane plane;
+    Vec3 point{0.0};   // m, contact point at the end of the step
+    double gap = 0.0;  // m, between proxy and plane at the horizon, if the proxy rests
+};
+
+/// The kMaxCandidates candidates that come nearest, by gap. Ties are broken by index, so that the result does not
+/// depend on the order of the query.
+class Candidates {
+  public:
+    void insert(const Candidate& c) noexcept {
+        const auto rank = [](const Candidate& x) {
+            return std::tuple{x.gap, x.plane.touched.object, x.plane.touched.triangle};
+        };
+        // Full: drop the last, if the new one comes nearer.
+        if (count_ == kMaxCandidates) {
+            if (rank(list_[count_ - 1]) <= rank(c)) {
+                return;
+            }
+            --count_;
+        }
+        // Insertion sort.
+        std::size_t k = count_++;
+        for (; k > 0 && rank(c) < rank(list_[k - 1]); --k) {
+            list_[k] = list_[k - 1];
+        }
+        list_[k] = c;
+    }
+    [[nodiscard]] std::span<const Candidate> list() const noexcept { return {list_.data(), count_}; }
+
+  private:
+    Scratch<Candidate, kMaxCandidates> list_;
+    std::size_t count_ = 0;
+};
+
+/// Motion of a triangle from the end of the step to the horizon, at its present velocity.
+MovingTriangle extrapolate(const SurfaceMotion& motion, std::uint32_t triangle, double horizon) noexcept {
+    const Triangle& t = motion.triangles[triangle];
+    const TriangleCorners now = corners_of(motion.end, t);
+    const TriangleCorners before = corners_of(motion.start, t);
+    return {now,
+            {now.a + (now.a - before.a) * horizon, now.b + (now.b - before.b) * horizon,
+             now.c + (now.c - before.c) * horizon}};
+}
+
+/// Box of the whole motion.
+Aabb box_of(const MovingTriangle& t) noexcept {
+    Aabb box = aabb_of(t.start.a, t.start.b, t.start.c);
+    box.extend(aabb_of(t.end.a, t.end.b, t.end.c));
+    return box;
+}
+
+/// Whether a box lies entirely outside the sphere grown by `reach`, with the tolerance of the CCD.
+bool out_of_reach(const Aabb& box, const SpeculativeQuery& q) noexcept {
+    const Vec3 outside = glm::max(glm::max(box.min - q.position, q.position - box.max), Vec3(0.0));
+    const double reach = (q.radius + q.reach) * (1.0 + kCreepTolerance);
+    return glm::dot(outside, outside) > reach * reach;
+}
+
+/// Extrapolated triangles of one leaf, computed once for all proxies with the same horizon.
+class ExtrapolatedLeaf {
+  public:
+    ExtrapolatedLeaf(const MovingSurface& surface, std::uint32_t leaf) noexcept
+        : motion_(surface.motion),
+          vertices_(surface.tree->vertices_of(leaf)),
+          triangles_(surface.tree->triangles_of(leaf)) {}
+
+    [[nodiscard]] std::span<const std::uint32_t> triangles() const noexcept { return triangles_; }
+
+    /// Whether all of its triangles stay outside the grown sphere.
+    [[nodiscard]] bool is_out_of_reach(const SpeculativeQuery& q) noexcept {
+        if (q.horizon != box_horizon_) {
+            box_horizon_ = q.horizon;
+            box_ = Aabb{};
+            // Box of the leaf's vertices, now and at the horizon.
+            for (const std::uint32_t v : vertices_) {
+                const Vec3& now = motion_.end[v];
+                const Vec3 later = now + (now - motion_.start[v]) * q.horizon;
+                box_.extend(Aabb{glm::min(now, later), glm::max(now, later)});
+            }
+        }
+        return out_of_reach(box_, q);
+    }
+    [[nodiscard]] const MovingTriangle& extrapolated(std::size_t k, const SpeculativeQuery& q) noexcept {
+        extrapolate_all(q.horizon);
+        return extrapolated_[k];
+    }
+    [[nodiscard]] const Aabb& box(std::size_t k, const SpeculativeQuery& q) noexcept {
+        extrapolate_all(q.horizon);
+        return boxes_[k];
+    }
+
+  private:
+    void extrapolate_all(double horizon) noexcept {
+        if (horizon == horizon_) {
+            return;
+        }
+        horizon_ = horizon;
+        for (std::size_t k = 0; k < triangles_.size(); ++k) {
+            extrapolated_[k] = extrapolate(motion_, triangles_[k], horizon);
+            boxes_[k] = box_of(extrapolated_[k]);
+        }
+    }
+
+    const SurfaceMotion& motion_;
+    std::span<const std::uint32_t> vertices_;
+    std::span<const std::uint32_t> triangles_;
+    double box_horizon_ = -1.0;  // of no query yet
+    double horizon_ = -1.0;
+    Aabb box_;
+    Scratch<MovingTriangle, SweptTree::kMaxInLeaf> extrapolated_;
+    Scratch<Aabb, SweptTree::kMaxInLeaf> boxes_;
+};
+
+/// Whether a plane separates the whole triangle from the proxy, now and at the horizon.
+bool implies(const SurfacePlane& plane, const MovingTriangle& t, const SpeculativeQuery& q) noexcept {
+    const auto max_height = [&](const TriangleCorners& x) {
+        return std::max({glm::dot(plane.normal, x.a), glm::dot(plane.normal, x.b), glm::dot(plane.normal, x.c)});
+    };
+    const double base = plane.offset - q.radius + kImpliedTolerance * q.radius;
+    return max_height(t.start) <= base && max_height(t.end) <= base + plane.velocity * q.dt * q.horizon;
+}
+
+/// Plane of one triangle, where the grown sphere first touches it. False if it does not.
+bool predict_plane(const MovingSurface& surface, std::uint32_t object, std::uint32_t triangle,
+                   const MovingTriangle& extrapolated, const SpeculativeQuery& q, Candidate& out) noexcept {
+    const TriangleCorners& now = extrapolated.start;
+    // Half-CCD of the grown sphere at rest against the extrapolated triangle.
+    const TriangleTouch touch = sphere_triangle_ccd(q.position, q.radius + q.reach, extrapolated);
+    const double distance = std::sqrt(touch.at.squared_distance);
+    if (!touch.touches || distance == 0.0) {
+        return false;
+    }
+    // Plane through the contact point, with the normal at the predicted contact and the present velocity along it.
+    out.point = blend(now, touch.at.weights);
+    const Vec3 displacement = displacement_of(surface.motion, triangle, touch.at.weights);
+    SurfacePlane& plane = out.plane;
+    plane.normal = -touch.at.point / distance;
+    plane.offset = glm::dot(plane.normal, out.point) + q.radius;
+    plane.velocity = glm::dot(plane.normal, displacement) / q.dt;
+    plane.touched = {object, triangle, touch.at.feature, touch.at.weights};
+    out.gap = glm::dot(plane.normal, q.position) - plane.offset - plane.velocity * q.dt * q.horizon;
+    return true;
+}
+
+/// Whether a plane already separates the candidate's point from the proxy, now and at the horizon.
+bool implies(const SurfacePlane& plane, const Candidate& c, const SpeculativeQuery& q,
+             std::span<const MovingSurface> surfaces) noexcept {
+    const double above = glm::dot(plane.normal, c.point) - (plane.offset - q.radius);
+    const Vec3 displacement =
+        displacement_of(surfaces[c.plane.touched.object].motion, c.plane.touched.triangle, c.plane.touched.weights);
+    const double rising = glm::dot(plane.normal, displacement) - plane.velocity * q.dt;
+    return above <= kImpliedTolerance * q.radius && above + rising * q.horizon <= kImpliedTolerance * q.radius;
+}
+
+/// Adds the candidates of one leaf for one proxy.
+void add_candidates(ExtrapolatedLeaf& leaf, const MovingSurface& surface, std::uint32_t object,
+                    const SpeculativeTask& task, Candidates& candidates) noexcept {
+    const SpeculativeQuery& q = task.query;
+    if (leaf.is_out_of_reach(q)) {
+        return;
+    }
+    // Cull by box, then skip triangles behind the active contacts.
+    for (std::size_t k = 0; k < leaf.triangles().size(); ++k) {
+        if (out_of_reach(leaf.box(k, q), q)) {
+            continue;
+        }
+        const MovingTriangle& extrapolated = leaf.extrapolated(k, q);
+        bool needed = true;
+        for (std::uint32_t c = 0; c < task.contacts.count; ++c) {
+            needed = needed && !implies(task.contacts.plane[c], extrapolated, q);
+        }
+        Candidate candidate;
+        if (needed && predict_plane(surface, object, leaf.triangles()[k], extrapolated, q, candidate)) {
+            candidates.insert(candidate);
+        }
+    }
+}
+
+/// The active contacts, then the nearest candidates that no chosen plane implies.
+SurfacePlanes select_planes(std::span<const MovingSurface> surfaces, const SpeculativeTask& task,
+                            std::span<const Candidate> candidates) noexcept {
+    SurfacePlanes planes = task.contacts;
+    for (const Candidate& c : candidates) {
+        if (planes.count == kMaxSurfacePlanes) {
+            break;
+        }
+        bool needed = true;
+        for (std::uint32_t k = 0; k < planes.count; ++k) {
+            needed = needed && !implies(planes.plane[k], c, task.query, surfaces);
+        }
+        if (needed) {
+            planes.plane[planes.count++] = c.plane;
+        }
+    }
+    return planes;
+}
+
+/// Box to query for one proxy. A tree's boxes hold the surface during the step; it moves on by displacement * horizon,
+/// so grow the box of the grown sphere against that direction.
+Aabb query_box(const SpeculativeQuery& q, const Aabb& displacement) noexcept {
+    Aabb box = aabb_of_segment(q.position, q.position, q.radius + q.reach);
+    box.min -= glm::max(displacement.max, Vec3(0.0)) * q.horizon;
+    box.max -= glm::min(displacement.min, Vec3(0.0)) * q.horizon;
+    return box;
+}
+
+/// One batch: at most `Capacity` proxies share a traversal.
+template <std::size_t Capacity>
+void find_planes(std::span<const MovingSurface> surfaces, std::span<SpeculativeTask> tasks) noexcept {
+    std::array<Candidates, Capacity> candidates;
+    Scratch<Aabb, Capacity> boxes;
+    std::array<std::size_t, Capacity> active{};
+    std::size_t count = 0;
+    // Proxies with three active contacts have no plane left to fill.
+    for (std::size_t k = 0; k < tasks.size(); ++k) {
+        if (tasks[k].contacts.count < kMaxSurfacePlanes) {
+            active[count++] = k;
+        }
+    }
+    // One traversal of each tree finds the leaves near any proxy; each leaf is extrapolated once.
+    for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
+        const SweptTree& tree = *surfaces[object].tree;
+        for (std::size_t k = 0; k < count; ++k) {
+            boxes[k] = query_box(tasks[active[k]].query, tree.displacement());
+        }
+        tree.query_leaves({boxes.data(), count}, [&](std::uint32_t index, std::uint64_t mask) {
+            ExtrapolatedLeaf leaf(surfaces[object], index);
+            for (; mask != 0; mask &= mask - 1) {
+                const auto k = static_cast<std::size_t>(std::countr_zero(mask));
+                add_candidates(leaf, surfaces[object], object, tasks[active[k]], candidates[k]);
+            }
+        });
+    }
+    // Select from the candidates of each proxy.
+    for (SpeculativeTask& task : tasks) {
+        task.planes = task.contacts;
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+        tasks[active[k]].planes = select_planes(surfaces, tasks[active[k]], candidates[k].list());
+    }
+}
+
+}  // namespace
+
+SurfacePlanes speculative_planes(const NearSurfaces& surfaces, const SurfacePlanes& contacts,
+                                 const SpeculativeQuery& query) noexcept {
+    SpeculativeTask task{contacts, query, {}};
+    find_planes<1>(surfaces.all(), {&task, 1});
+    return task.planes;
+}
+
+void speculative_planes(std::span<const MovingSurface> surfaces, std::span<SpeculativeTask> tasks) noexcept {
+    constexpr std::size_t capacity = ContactCandidates::kMaxProxies;
+    for (std::size_t first = 0; first < tasks.size(); first += capacity) {
+        find_planes<capacity>(surfaces, tasks.subspan(first, std::min(capacity, tasks.size() - first)));
+    }
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,289 @@
+#include "model/model_keys.hpp"
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "haptic/setting.hpp"
+#include "haptic/sim/model_settings.hpp"
+#include "model/generator_table.hpp"
+
+namespace haptic::sim {
+namespace {
+
+// Beyond any scene that the solver is meant for: a typing error is refused instead of costing an hour of computing.
+constexpr Range kPositions{-1e4, 1e4};   // m
+constexpr Range kVelocities{-1e3, 1e3};  // m/s
+constexpr Range kUnitInterval{0.0, 1.0};
+constexpr Range kSizes{0.0, 1e4};       // m
+constexpr Range kLengths{1e-3, 100.0};  // m
+constexpr Range kCompliances{0.0, 1e6};
+
+/// The keys of [model] where several shapes share one, or one member is computed from several.
+struct ModelKeys {
+    ModelSettings model;
+    std::uint32_t vertices_per_side = ClothShape{}.vertices_per_side;
+    double side = 0.0;    // m
+    double length = 0.0;  // m
+    double height = 0.0;  // m
+    double shift = 0.0;   // m
+    Vec3 offset{0.0};     // m
+    Quat orientation{1.0, 0.0, 0.0, 0.0};
+};
+
+struct RegionKeys {
+    Region region;
+    std::vector<double> motion_offsets;  // m, x, y, z for each time
+};
+
+std::vector<std::pair<std::string, Generator>> generator_choices() {
+    std::vector<std::pair<std::string, Generator>> choices;
+    for (const GeneratorEntry& entry : generator_table()) {
+        choices.emplace_back(entry.name, entry.generator);
+    }
+    return choices;
+}
+
+const SettingTable<ModelKeys>& model_table() {
+    using S = ModelKeys;
+    using V = SettingValues<S>;
+    static const SettingTable<S> table{
+        "model",
+        "The body. It is made by a generator, or from a mesh file.",
+        {
+            {{.key = "generator", .meaning = "Shape of the body. Plate and rod are rigid."},
+             V::choice([](S& s) -> auto& { return s.model.generator; }, generator_choices())},
+            {{.key = "file",
+              .meaning = "Mesh file (OBJ, PLY, STL or glTF) that takes the place of the generated mesh. Empty: none."},
+             V::text([](S& s) -> auto& { return s.model.file; })},
+            {{.key = "scale",
+              .unit = "m",
+              .default_note = "1, or 0 if generator is given",
+              .meaning = "Metres per unit of the mesh file. 0: centred, and as long as the generated body."},
+             V::number([](S& s) -> auto& { return s.model.file_scale; }, {0.0, 1e6})},
+            {{.key = "particles",
+              .meaning = "Particle file, as written by host-sim model, whose particles are used. Empty: none."},
+             V::text([](S& s) -> auto& { return s.model.particles; })},
+            {{.key = "vertices_per_side", .meaning = "Vertices along each side of a cloth or curtain."},
+             V::integer(&S::vertices_per_side, {2, 257})},
+            {{.key = "side",
+              .unit = "m",
+              .default_note = "that of the generator",
+              .meaning = "Side of a cloth or curtain."},
+             V::number(&S::side, kLengths)},
+            {{.key = "mass",
+              .unit = "kg",
+              .default_note = "that of the generator",
+              .meaning = "Mass of the whole body."},
+             V::number([](S& s) -> auto& { return s.model.mass; }, {1e-6, 1e3})},
+            {{.key = "height",
+              .unit = "m",
+              .default_note = "10 for a cloth, else 0",
+              .meaning = "Height of the body's origin at the start."},
+             V::number(&S::height, kPositions)},
+            {{.key = "shift",
+              .unit = "m",
+              .meaning = "Added to the height. Shifts the moment of contact within a step."},
+             V::number(&S::shift, kPositions)},
+            {{.key = "offset", .unit = "m", .meaning = "Added to the position of the body's origin."},
+             V::vector(&S::offset, kPositions)},
+            {{.key = "orientation",
+              .meaning = "Rotation of the body (w, x, y, z). A cloth without rotation lies in the x-z plane."},
+             V::rotation(&S::orientation)},
+            {{.key = "velocity", .unit = "m/s", .meaning = "Velocity at the start."},
+             V::vector([](S& s) -> auto& { return s.model.velocity; }, kVelocities)},
+            {{.key = "group_stiffness",
+              .default_note = "that of the generator, or 1 with a group_compliance",
+              .meaning = "Stiffness of shape matching, from 0, limp, to 1, rigid."},
+             V::number([](S& s) -> auto& { return s.model.group_stiffness; }, kUnitInterval)},
+            {{.key = "link_stiffness",
+              .default_note = "that of the generator, or 1 with a link_compliance",
+              .meaning = "Stiffness of the distance constraints between neighbouring particles. 0: none."},
+             V::number([](S& s) -> auto& { return s.model.link_stiffness; }, kUnitInterval)},
+            {{.key = "group_compliance",
+              .unit = "s^2",
+              .meaning = "Compliance of the shape-matching groups (XPBD): displacement per acceleration. 0: off."},
+             V::number([](S& s) -> auto& { return s.model.group_compliance; }, kCompliances)},
+            {{.key = "link_compliance",
+              .unit = "m/N",
+              .meaning = "Compliance of the distance constraints (XPBD), which become springs. 0: off."},
+             V::number([](S& s) -> auto& { return s.model.link_compliance; }, kCompliances)},
+            {{.key = "particles_count", .meaning = "Number of particles of a fish or a mesh file. 0: one per vertex."},
+             V::integer([](S& s) -> auto& { return s.model.builder.particles; },
+                        {0.0, static_cast<double>(BuilderSettings::kMaxParticles)})},
+            {{.key = "neighbours",
+              .meaning = "Neighbours that form a group with each particle of a fish or a mesh file."},
+             V::integer([](S& s) -> auto& { return s.model.builder.neighbours; },
+                        {1.0, static_cast<double>(BuilderSettings::kMaxNeighbours)})},
+            {{.key = "bridge",
+              .unit = "m",
+              .meaning = "Distance over which disconnected parts of a mesh are joined. 0: the spacing of the "
+                         "particles."},
+             V::number([](S& s) -> auto& { return s.model.builder.bridge; }, kSizes)},
+            {{.key = "length",
+              .unit = "m",
+              .default_note = "0.3 for a fish, 1 for a rod",
+              .meaning = "Length of a fish, or of a rod along x."},
+             V::number(&S::length, kLengths)},
+            {{.key = "refinements", .meaning = "Number of times that each triangle of a fish is divided into four."},
+             V::integer([](S& s) -> auto& { return s.model.fish.refinements; }, {0, 5})},
+            {{.key = "rim_vertices", .meaning = "Vertices on the rim of a fan."},
+             V::integer([](S& s) -> auto& { return s.model.fan.rim_vertices; }, {3, 4096})},
+            {{.key = "rim_radius", .unit = "m", .meaning = "Radius of a fan."},
+             V::number([](S& s) -> auto& { return s.model.fan.rim_radius; }, kLengths)},
+            {{.key = "size", .unit = "m", .meaning = "Size of a plate along x, y and z."},
+             V::vector([](S& s) -> auto& { return s.model.plate.size; }, {1e-4, 100.0})},
+            {{.key = "cells", .meaning = "Cells of a plate along x, and as many along z."},
+             V::integer([](S& s) -> auto& { return s.model.plate.cells; }, {1, 256})},
+            {{.key = "diameter", .unit = "m", .meaning = "Diameter of a rod."},
+             V::number([](S& s) -> auto& { return s.model.rod.diameter; }, {1e-4, 100.0})},
+        }};
+    return table;
+}
+
+const SettingTable<RegionKeys>& region_table() {
+    using S = RegionKeys;
+    using V = SettingValues<S>;
+    static const SettingTable<S> table{
+        "model.regions",
+        "Particles whose rest position is in a box, in the body's own frame. If regions overlap, the last one counts.",
+        {
+            {{.key = "low", .unit = "m", .default_note = "required", .meaning = "Lower corner of the box."},
+             V::vector([](S& s) -> auto& { return s.region.low; }, kPositions)},
+            {{.key = "high", .unit = "m", .default_note = "required", .meaning = "Upper corner of the box."},
+             V::vector([](S& s) -> auto& { return s.region.high; }, kPositions)},
+            {{.key = "stiffness",
+              .default_note = "that of the body",
+              .meaning = "Stiffness of the shape-matching groups of these particles."},
+             V::optional_number([](S& s) -> auto& { return s.region.stiffness; }, kUnitInterval)},
+            {{.key = "fixed", .meaning = "Whether these particles stay where they are."},
+             V::flag([](S& s) -> auto& { return s.region.fixed; })},
+            {{.key = "motion_times",
+              .unit = "s",
+              .meaning = "Times of a prescribed motion, increasing from 0. Empty: no prescribed motion."},
+             V::numbers([](S& s) -> auto& { return s.region.motion_times; }, {0.0, 1e6})},
+            {{.key = "motion_offsets", .unit = "m", .meaning = "Displacement x, y, z for each of motion_times."},
+             V::numbers(&S::motion_offsets, kPositions)},
+            {{.key = "motion_repeat", .meaning = "Whether the motion starts again after its last time."},
+             V::flag([](S& s) -> auto& { return s.region.motion_repeat; })},
+        },
+        SectionKind::Repeated};
+    return table;
+}
+
+const SettingTable<Placement>& copy_table() {
+    using S = Placement;
+    using V = SettingValues<S>;
+    static const SettingTable<S> table{
+        "model.copies",
+        "Copies of the body. Without any, the body exists once.",
+        {
+            {{.key = "position", .unit = "m", .meaning = "Added to the position of the body."},
+             V::vector(&S::position, kPositions)},
+            {{.key = "orientation", .meaning = "Rotation (w, x, y, z), applied to the body with its rotation."},
+             V::rotation(&S::orientation)},
+            {{.key = "velocity", .unit = "m/s", .meaning = "Added to the velocity of the body."},
+             V::vector(&S::velocity, kVelocities)},
+        },
+        SectionKind::Repeated};
+    return table;
+}
+
+/// What the keys are if a scene gives none, which depends on the generator and on whether constraints are compliant.
+void set_defaults(ModelKeys& keys) {
+    ModelSettings& model = keys.model;
+    const GeneratorDefaults& defaults = generator_entry(model.generator).defaults;
+    model.mass = defaults.mass;
+    keys.height = defaults.height;
+    keys.side = model.generator == Generator::Curtain ? model.curtain.side : model.cloth.side;
+    keys.length = model.generator == Generator::Rod ? model.rod.length : model.fish.length;
+    // A compliance already makes a constraint soft; a stiffness below 1 would soften it twice.
+    model.group_stiffness = model.group_compliance > 0.0 ? 1.0 : defaults.group_stiffness;
+    model.link_stiffness = model.link_compliance > 0.0 ? 1.0 : defaults.link_stiffness;
+}
+
+ModelKeys read_model_keys(const Config& config, const std::string& table) {
+    ModelKeys keys;
+    for (const char* key : {"generator", "group_compliance", "link_compliance"}) {
+        model_table().read_key(config, table, key, keys);
+    }
+    set_defaults(keys);
+    // A mesh that takes the place of a generated one is made to fit; a mesh alone has the size of its file.
+    keys.model.file_scale = config.has(table + ".generator") ? 0.0 : 1.0;
+    model_table().read(config, table, keys);
+    return keys;
+}
+
+/// Gives each shape the keys that it shares with others.
+ModelSettings with_shapes(const ModelKeys& keys) {
+    ModelSettings model = keys.model;
+    model.cloth.vertices_per_side = model.curtain.vertices_per_side = keys.vertices_per_side;
+    model.cloth.side = model.curtain.side = keys.side;
+    model.cloth.mass = model.curtain.mass = model.fan.mass = model.builder.mass = model.mass;
+    model.cloth.centre = keys.offset + Vec3(0.0, keys.height + keys.shift, 0.0);
+    model.cloth.orientation = keys.orientation;
+    model.placement = {model.cloth.centre, keys.orientation, Vec3(0.0)};
+    model.fish.length = model.rod.length = keys.length;
+    model.builder.group_stiffness = model.group_stiffness;
+    model.builder.link_stiffness = model.link_stiffness;
+    return model;
+}
+
+Region read_region(const Config& config, const std::string& table) {
+    for (const char* corner : {".low", ".high"}) {
+        if (!config.has(table + corner)) {
+            config.fail(table + corner, "is missing: a region is a box between low and high, [x, y, z] each");
+        }
+    }
+    RegionKeys keys;
+    region_table().read(config, table, keys);
+    Region region = std::move(keys.region);
+    const std::vector<double>& offsets = keys.motion_offsets;
+    const std::size_t count = region.motion_times.size();
+    if (offsets.size() != 3 * count) {
+        config.fail(table + ".motion_offsets", "needs three numbers (x, y, z) for each of the " +
+                                                   std::to_string(count) + " elements of motion_times, has " +
+                                                   std::to_string(offsets.size()));
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+        if (i == 0 ? region.motion_times[0] != 0.0 : !(region.motion_times[i] > region.motion_times[i - 1])) {
+            config.fail(table + ".motion_times", "must start at 0 and increase from each element to the next");
+        }
+        region.motion_offsets.emplace_back(offsets[3 * i], offsets[3 * i + 1], offsets[3 * i + 2]);
+    }
+    return region;
+}
+
+}  // namespace
+
+ModelSettings read_model(const Config& config, const std::string& table) {
+    ModelSettings model = with_shapes(read_model_keys(config, table));
+    const std::string regions = table + ".regions";
+    for (std::size_t k = 0; k < config.tables(regions); ++k) {
+        model.regions.push_back(read_region(config, regions + "." + std::to_string(k)));
+    }
+    const std::string copies = table + ".copies";
+    if (const std::size_t count = config.tables(copies); count > 0) {
+        model.copies.assign(count, Placement{});
+        for (std::size_t k = 0; k < count; ++k) {
+            copy_table().read(config, copies + "." + std::to_string(k), model.copies[k]);
+        }
+    }
+    return model;
+}
+
+void add_model_reference(SettingReference& reference) {
+    ModelKeys keys;
+    set_defaults(keys);
+    add_section(reference, model_table().describe(keys));
+    add_section(reference, region_table().describe());
+    add_section(reference, copy_table().describe());
+    add_section(reference, {"objects",
+                            SectionKind::Repeated,
+                            "Further bodies, each with the keys of [model], [[objects.regions]] and "
+                            "[[objects.copies]].",
+                            {}});
+}
+
+}  // namespace haptic::sim

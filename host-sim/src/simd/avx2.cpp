@@ -1,0 +1,20 @@
+// Kernels for AVX2.
+#include "simd/collider_lanes.hpp"
+#include "simd/kernels.hpp"
+#include "simd/projection_lanes.hpp"
+#include "simd/refit_rows.hpp"
+#include "simd/skinning_rows.hpp"
+
+namespace haptic::sim {
+
+void skin_avx2(const SkinningTask& task) noexcept {
+    skin_rows<4>(task);
+}
+
+void refit_avx2(const RefitTask& task) noexcept {
+    RefitRows<4>::run(task);
+}
+
+extern const Kernels kAvx2Kernels{kProjection<8>, kColliderKernels<4>, skin_avx2, refit_avx2};
+
+}  // namespace haptic::sim

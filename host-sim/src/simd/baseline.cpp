@@ -1,0 +1,24 @@
+// Kernels for the registers that every machine has.
+#include "simd/collider_lanes.hpp"
+#include "simd/kernels.hpp"
+#include "simd/projection_lanes.hpp"
+#include "simd/refit_rows.hpp"
+#include "simd/skinning_rows.hpp"
+
+namespace haptic::sim {
+namespace {
+
+void skin_baseline(const SkinningTask& task) noexcept {
+    skin_rows<2>(task);
+}
+
+void refit_baseline(const RefitTask& task) noexcept {
+    RefitRows<2>::run(task);
+}
+
+}  // namespace
+
+extern const Kernels kOneLaneKernels{kProjection<1>, kColliderKernels<1>, skin_baseline, refit_baseline};
+extern const Kernels kBaselineKernels{kProjection<4>, kColliderKernels<2>, skin_baseline, refit_baseline};
+
+}  // namespace haptic::sim
