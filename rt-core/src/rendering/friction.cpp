@@ -4,16 +4,14 @@
 #include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
-#include <glm/matrix.hpp>
 
 #include "haptic/numeric.hpp"
 
 namespace haptic::rt {
 namespace {
 
-// Determinant of the normals' Gram matrix below which active planes count as parallel. The loads of parallel planes add
-// up to the resultant.
-constexpr double kParallel = 1e-9;
+// Squared length of a normal's component that is orthogonal to the others, below which it counts as dependent on them.
+constexpr double kDependent = 1e-9;
 // Relative to the limit: a particle exactly at the friction limit does not slide.
 constexpr double kRounding = 1e-9;
 
@@ -33,31 +31,13 @@ Normals active_normals(const LocalProxy& proxy, std::span<const HalfSpace> plane
     return normals;
 }
 
-/// Total normal load sum lambda_k of push = sum lambda_k n_k.
-double normal_load(const Normals& normals, const Vec3& push) HAPTIC_RT {
-    // One plane carries the whole push.
-    const double resultant = glm::length(push);
-    if (normals.count < 2) {
-        return resultant;
+/// m, total normal load sum lambda_k. Where no point satisfies all planes there are no multipliers, and the load is the
+/// resultant.
+double normal_load(const LocalProxy& proxy, const Vec3& target) HAPTIC_RT {
+    if (!proxy.feasible) {
+        return glm::length(proxy.position - target);
     }
-    // Normal equations: Gram matrix G_ij = n_i . n_j, right-hand side n_i . push. Unused rows stay those of the
-    // identity.
-    Mat3 gram(1.0);
-    Vec3 along(0.0);
-    for (int i = 0; i < normals.count; ++i) {
-        // G_ij and its mirror for j < i. The identity already holds G_ii = 1.
-        const Vec3& ni = normals.n[static_cast<std::size_t>(i)];
-        along[i] = glm::dot(ni, push);
-        for (int j = 0; j < i; ++j) {
-            gram[i][j] = gram[j][i] = glm::dot(ni, normals.n[static_cast<std::size_t>(j)]);
-        }
-    }
-    if (std::fabs(glm::determinant(gram)) < kParallel) {
-        return resultant;
-    }
-    // lambda = G^-1 (n . push). Rounding can make a load negative; planes only push.
-    const Vec3 loads = glm::inverse(gram) * along;
-    return std::max(loads.x, 0.0) + std::max(loads.y, 0.0) + std::max(loads.z, 0.0);
+    return proxy.multiplier[0] + proxy.multiplier[1] + proxy.multiplier[2];
 }
 
 /// The component of v that is tangential to all active planes, by Gram-Schmidt on their normals.
@@ -71,7 +51,7 @@ Vec3 tangential(const Normals& normals, Vec3 v) HAPTIC_RT {
         }
         // Remove its component from v, unless the normal depends on the others.
         const double left = glm::dot(n, n);
-        if (left > kParallel) {
+        if (left > kDependent) {
             basis[k] = n / std::sqrt(left);
             v -= basis[k] * glm::dot(basis[k], v);
         }
@@ -114,7 +94,7 @@ Vec3 apply_friction(const LocalProxy& proxy, const Vec3& target, std::span<const
         offset = feasible_offset(proxy, offset, planes);
     }
     // Friction cone: |x - x0| <= mu sum lambda. Outside it the particle slides to mu_d sum lambda.
-    const double load = normal_load(normals, proxy.position - target);
+    const double load = normal_load(proxy, target);
     const double limit = (state.sliding ? friction.mu_dynamic : friction.mu_static) * load;
     const double length = glm::length(offset);
     // A particle exactly at the limit, up to rounding, still sticks.

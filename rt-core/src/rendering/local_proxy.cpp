@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 
 namespace haptic::rt {
 namespace {
@@ -43,8 +44,14 @@ struct Equation {
     double value;
 };
 
+/// A displacement of the target: move = sum multiplier[i] * row of equation i.
+struct Displacement {
+    Vec3 move{0.0, 0.0, 0.0};
+    std::array<double, kMaxPlanes> multiplier{};
+};
+
 /// The shortest displacement that satisfies two equations. False if the rows are parallel.
-bool shortest_move(const Equation& a, const Equation& b, Vec3& move) HAPTIC_RT {
+bool shortest_move(const Equation& a, const Equation& b, Displacement& shortest) HAPTIC_RT {
     // The minimum-norm solution lies in the plane of both rows, as a combination of their perpendiculars there. The
     // cross product stays accurate for nearly parallel rows, where the determinant of the Gram matrix cancels.
     const Vec3 axis = glm::cross(a.row, b.row);
@@ -52,19 +59,27 @@ bool shortest_move(const Equation& a, const Equation& b, Vec3& move) HAPTIC_RT {
     if (!(gram > kDependent * glm::dot(a.row, a.row) * glm::dot(b.row, b.row))) {
         return false;
     }
-    move = (a.value * glm::cross(b.row, axis) + b.value * glm::cross(axis, a.row)) * (1.0 / gram);
+    const Vec3 dual_a = glm::cross(b.row, axis);
+    const Vec3 dual_b = glm::cross(axis, a.row);
+    shortest.move = (a.value * dual_a + b.value * dual_b) * (1.0 / gram);
+    // The dual vectors extract the multipliers: dual_a . a = gram, dual_a . b = 0.
+    shortest.multiplier = {glm::dot(shortest.move, dual_a) / gram, glm::dot(shortest.move, dual_b) / gram};
     return true;
 }
 
 /// The displacement that satisfies three equations, by Cramer's rule. False if the rows are linearly dependent.
-bool shortest_move(const Equation& a, const Equation& b, const Equation& c, Vec3& move) HAPTIC_RT {
-    // Determinant of the three rows: the volume that they span.
+bool shortest_move(const Equation& a, const Equation& b, const Equation& c, Displacement& shortest) HAPTIC_RT {
+    // Determinant of the three rows: the volume that they span. The dual vectors are the cross products of two rows.
     const Vec3 bc = glm::cross(b.row, c.row);
+    const Vec3 ca = glm::cross(c.row, a.row);
+    const Vec3 ab = glm::cross(a.row, b.row);
     const double volume = glm::dot(a.row, bc);
     if (!(volume * volume > kDependent)) {
         return false;
     }
-    move = (a.value * bc + b.value * glm::cross(c.row, a.row) + c.value * glm::cross(a.row, b.row)) * (1.0 / volume);
+    shortest.move = (a.value * bc + b.value * ca + c.value * ab) * (1.0 / volume);
+    shortest.multiplier = {glm::dot(shortest.move, bc) / volume, glm::dot(shortest.move, ca) / volume,
+                           glm::dot(shortest.move, ab) / volume};
     return true;
 }
 
@@ -86,17 +101,25 @@ struct NearestFeasible {
     double max_move;   // m, longer displacements are rejected
     double squared = 0.0;
     Vec3 position{0.0, 0.0, 0.0};
+    std::array<double, kMaxPlanes> multiplier{};
     bool found = false;
 
-    void consider(const Vec3& move) HAPTIC_RT {
+    /// `index`: the planes that the multipliers of the displacement belong to.
+    void consider(const Displacement& displacement, std::initializer_list<std::size_t> index) HAPTIC_RT {
         // Feasible within the tolerance, near enough, and nearer than the best so far.
-        const double length = glm::dot(move, move);
-        const Vec3 point = target + move;
+        const double length = glm::dot(displacement.move, displacement.move);
+        const Vec3 point = target + displacement.move;
         const bool allowed = length <= max_move * max_move && largest_violation(planes, point) <= tolerance;
         if (allowed && (!found || length < squared)) {
             found = true;
             squared = length;
             position = point;
+            // Rounding can make a multiplier negative; planes only push.
+            multiplier = {};
+            std::size_t i = 0;
+            for (const std::size_t k : index) {
+                multiplier[k] = std::max(displacement.multiplier[i++], 0.0);
+            }
         }
     }
 };
@@ -134,28 +157,28 @@ NearestFeasible nearest_feasible(Planes planes, const Vec3& target, double toler
     NearestFeasible nearest{planes, target, tolerance, max_move};
     // One active plane. No feasible point is nearer than a violation is deep, so a feasible point on one violated plane
     // is the minimum, and no larger active set can be better.
-    for (const HalfSpace& plane : planes) {
-        if (const Equation on = on_plane(plane, target); on.value > 0.0) {
-            nearest.consider(on.row * on.value);
+    for (std::size_t i = 0; i < planes.size(); ++i) {
+        if (const Equation on = on_plane(planes[i], target); on.value > 0.0) {
+            nearest.consider({on.row * on.value, {on.value}}, {i});
         }
     }
     if (nearest.found || planes.size() == 1) {
         return nearest;
     }
     // Two active planes: the nearest point of their edge.
-    Vec3 move{0.0, 0.0, 0.0};
+    Displacement shortest;
     for (std::size_t i = 0; i < planes.size(); ++i) {
         const Equation on_i = on_plane(planes[i], target);
         for (std::size_t j = i + 1; j < planes.size(); ++j) {
-            if (shortest_move(on_i, on_plane(planes[j], target), move)) {
-                nearest.consider(move);
+            if (shortest_move(on_i, on_plane(planes[j], target), shortest)) {
+                nearest.consider(shortest, {i, j});
             }
         }
     }
     // Three active planes: their corner.
-    if (planes.size() == kMaxPlanes &&
-        shortest_move(on_plane(planes[0], target), on_plane(planes[1], target), on_plane(planes[2], target), move)) {
-        nearest.consider(move);
+    if (planes.size() == kMaxPlanes && shortest_move(on_plane(planes[0], target), on_plane(planes[1], target),
+                                                     on_plane(planes[2], target), shortest)) {
+        nearest.consider(shortest, {0, 1, 2});
     }
     return nearest;
 }
@@ -165,8 +188,7 @@ NearestFeasible nearest_feasible(Planes planes, const Vec3& target, double toler
 LeastViolated least_violated(Planes planes, const Vec3& target, double tolerance, double max_move) HAPTIC_RT {
     LeastViolated least{planes, target, tolerance, max_move};
     // The target itself, then two equally violated planes.
-    Vec3 move{0.0, 0.0, 0.0};
-    least.consider(move);
+    least.consider(Vec3(0.0));
     for (std::size_t i = 0; i < planes.size(); ++i) {
         for (std::size_t j = i + 1; j < planes.size(); ++j) {
             const Equation both = equally_violated(planes[i], planes[j], target);
@@ -177,9 +199,10 @@ LeastViolated least_violated(Planes planes, const Vec3& target, double tolerance
         }
     }
     // Three equally violated planes: two equations make three violations equal.
+    Displacement shortest;
     if (planes.size() == kMaxPlanes && shortest_move(equally_violated(planes[0], planes[1], target),
-                                                     equally_violated(planes[0], planes[2], target), move)) {
-        least.consider(move);
+                                                     equally_violated(planes[0], planes[2], target), shortest)) {
+        least.consider(shortest.move);
     }
     return least;
 }
@@ -221,6 +244,7 @@ LocalProxy project(const Vec3& target, std::span<const HalfSpace> all_planes) HA
     double active_violation = 0.0;  // m, the violation of the planes that hold the proxy
     if (nearest.found) {
         proxy.position = nearest.position;
+        proxy.multiplier = nearest.multiplier;
     } else {
         const LeastViolated least = least_violated(planes, target, tolerance, max_move);
         proxy.position = least.position;

@@ -15,6 +15,8 @@ struct LocalProxy {
     Vec3 position{0.0, 0.0, 0.0};  // m
     std::uint8_t active = 0;       // bit k: plane k holds the proxy; if feasible, the proxy lies on it
     bool feasible = true;          // false: no point satisfies all planes; position minimises the largest violation
+    // m, each >= 0: position - target = sum multiplier[k] normal[k]. All 0 if infeasible.
+    std::array<double, kMaxPlanes> multiplier{};
 };
 
 /// Projects target onto the intersection of half-spaces: exact minimiser of |x - target|^2, by enumeration of the

@@ -155,10 +155,14 @@ TEST(LocalProxy, SatisfiesTheOptimalityConditions) {
         }
         ASSERT_LE(largest_violation(planes, proxy.position), kRounding);
         std::vector<Vec3> normals;
+        std::vector<double> multipliers;
         for (std::size_t i = 0; i < planes.size(); ++i) {
             if ((proxy.active >> i & 1) != 0) {
                 EXPECT_NEAR(glm::dot(planes[i].normal, proxy.position), planes[i].offset, 10 * kRounding);
                 normals.push_back(planes[i].normal);
+                multipliers.push_back(proxy.multiplier[i]);
+            } else {
+                EXPECT_EQ(proxy.multiplier[i], 0.0);
             }
         }
         ++held_by[normals.size()];
@@ -180,6 +184,8 @@ TEST(LocalProxy, SatisfiesTheOptimalityConditions) {
             }
             const double weight = glm::dot(own, move) / glm::dot(own, own);
             EXPECT_GE(weight, -1e-9);
+            // Both lose digits with the square of the angle that is left between dependent normals.
+            EXPECT_NEAR(multipliers[i], weight, 1e-9 * (1.0 + 1.0 / glm::dot(own, own)));
             rest -= weight * normals[i];
         }
         // Weights of nearly dependent normals are large against the displacement, and so is their rounding.
