@@ -117,7 +117,9 @@ export class MouseHand {
       const at = new Vector3(...where);
       const pixel = this.viewport.toScreen(at);
       const radius = (this.radiusOf() / this.viewport.viewHeightAt(at)) * this.canvas.clientHeight;
-      return Math.hypot(event.clientX - box.left - pixel.x, event.clientY - box.top - pixel.y) < Math.max(grabRadius, radius);
+      return (
+        Math.hypot(event.clientX - box.left - pixel.x, event.clientY - box.top - pixel.y) < Math.max(grabRadius, radius)
+      );
     });
   }
 
@@ -192,7 +194,9 @@ export class MouseHand {
     this.send({
       type: "hand",
       position: this.position.toArray(),
-      ...(this.rotated ? { orientation: [this.orientation.w, this.orientation.x, this.orientation.y, this.orientation.z] as const } : {}),
+      ...(this.rotated
+        ? { orientation: [this.orientation.w, this.orientation.x, this.orientation.y, this.orientation.z] as const }
+        : {}),
       ...(this.curl === null ? {} : { curl: this.curl }),
     } as Request);
   }

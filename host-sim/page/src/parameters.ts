@@ -25,7 +25,7 @@ export class Parameters {
   }
 
   /** In the order of the scene's parameters. */
-    update(values: Float32Array): void {
+  update(values: Float32Array): void {
     this.showValues.forEach((showValue, i) => {
       const value = values[i];
       if (value !== undefined) {
@@ -59,7 +59,9 @@ export class Parameters {
     const slider = element("input", { type: "range", min: 0, max: 1, step: "any", "aria-label": parameter.label });
     slider.title = `${formatNumber(least)} to ${formatNumber(most)} ${unit}`.trim();
     // Every change goes to host-sim; the slider maps its position through the parameter's scale.
-    const send = throttle(sendInterval, (value: number) => this.actions.send({ type: "set", key: parameter.key, value }));
+    const send = throttle(sendInterval, (value: number) =>
+      this.actions.send({ type: "set", key: parameter.key, value }),
+    );
     let changed = -Infinity;
     const change = (value: number): void => {
       changed = performance.now();

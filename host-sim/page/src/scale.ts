@@ -44,7 +44,8 @@ export function sliderPosition(scale: Scale, value: number): number {
   }
   const position =
     scale.logarithmic && scale.most > 0
-      ? Math.log(Math.max(value, logarithmicMin(scale)) / logarithmicMin(scale)) / Math.log(scale.most / logarithmicMin(scale))
+      ? Math.log(Math.max(value, logarithmicMin(scale)) / logarithmicMin(scale)) /
+        Math.log(scale.most / logarithmicMin(scale))
       : (value - scale.least) / (scale.most - scale.least);
   return Math.min(Math.max(position, 0), 1);
 }

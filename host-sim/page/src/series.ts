@@ -135,11 +135,11 @@ function extremes(history: History, column: number, begin: number, end: number):
       continue;
     }
     if (!(value >= min)) {
-            min = value;
+      min = value;
       minAt = i;
     }
     if (!(value <= max)) {
-            max = value;
+      max = value;
       maxAt = i;
     }
   }

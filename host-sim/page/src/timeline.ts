@@ -87,8 +87,7 @@ export class Timeline {
     this.line.style.setProperty("--buffered", `${formatNumber(100 * Math.min(buffered, 1), 4)}%`);
     this.line.setAttribute("aria-valuetext", `${formatFixed(frame.time, 2)} seconds`);
     this.warning.hidden = !frame.diverged;
-    const words =
-      "This replay differs from the recording, which was made by another version or on another machine.";
+    const words = "This replay differs from the recording, which was made by another version or on another machine.";
     setText(this.warning, frame.diverged ? words : "");
   }
 }

@@ -141,7 +141,9 @@ export class Viewport {
     const half = (fieldOfView * Math.PI) / 360;
     const across = Math.atan(Math.tan(half) * Math.min(1, this.camera.aspect));
     const distance = radius / Math.sin(across);
-    const from = resetDirection ? defaultDirection.clone() : this.camera.position.clone().sub(this.controls.target).normalize();
+    const from = resetDirection
+      ? defaultDirection.clone()
+      : this.camera.position.clone().sub(this.controls.target).normalize();
     this.controls.target.copy(centre);
     this.camera.position.copy(centre).addScaledVector(from, distance);
     // Clip planes, zoom limits, lights and grid follow the size of the scene.
