@@ -38,6 +38,7 @@ std::string joined(const std::vector<std::string>& words, std::string_view separ
 
 std::string quoted_choices(const SettingType& type) {
     std::vector<std::string> quoted;
+    quoted.reserve(type.choices.size());
     for (const std::string& choice : type.choices) {
         quoted.push_back(toml_value(choice));
     }
@@ -129,7 +130,7 @@ void write_toml(std::string& out, const SettingSection& section) {
         const std::size_t indent = line.size();
         const std::size_t width = std::max<std::size_t>(50, kLineWidth - std::min(indent + 2, kLineWidth));
         for (const std::string& part : wrapped(comment_of(setting), width)) {
-            out += line + "# " + part + '\n';
+            out.append(line).append("# ").append(part).append("\n");
             line.assign(indent, ' ');
         }
     }
@@ -173,7 +174,7 @@ std::string heading_of(const SettingSection& section) {
 }  // namespace
 
 std::string toml_value(double value) {
-    std::string text = shortest(value);
+    const std::string text = shortest(value);
     return text.find_first_not_of("-0123456789") == std::string::npos ? text + ".0" : text;
 }
 

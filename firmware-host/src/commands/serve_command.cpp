@@ -182,9 +182,9 @@ CLI::App* add_serve(CLI::App& app, ServeArguments& arguments) {
         return serve->add_option(name, arguments.geometry,
                                  "Device geometry, which also selects the board: a built-in name or a TOML file");
     };
-    CLI::Option* const current = geometry("--geometry")->capture_default_str();
+    const CLI::Option* const current = geometry("--geometry")->capture_default_str();
     // The former name; CLI11 hides options without a group from the help.
-    CLI::Option* const former = geometry("--variant")->group("");
+    const CLI::Option* const former = geometry("--variant")->group("");
     serve->callback([current, former] {
         if (current->count() > 0 && former->count() > 0) {
             throw CLI::ValidationError("--variant", "is the former name of --geometry; give only one of them");

@@ -13,7 +13,7 @@
 #include "haptic/sim/scene.hpp"
 #include "view/live_view.hpp"
 
-namespace CLI {  // NOLINT(readability-identifier-naming): theirs
+namespace CLI {
 class App;
 }
 

@@ -81,8 +81,8 @@ class SweptTree {
             std::uint32_t node;
             std::uint64_t mask;
         };
-        std::array<Pending, kMaxStack>
-            stack;  // NOLINT(cppcoreguidelines-pro-type-member-init): clearing 1 kB would cost more than most queries
+        // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): clearing 1 kB would cost more than most queries
+        std::array<Pending, kMaxStack> stack;
         std::size_t depth = 0;
         stack[depth++] = {0, all};
         while (depth > 0) {

@@ -263,8 +263,8 @@ void ServedView::offer_record(std::string csv) {
 }
 
 std::optional<Closing> ServedView::ViewerSession::on_message(std::string_view text) {
-    static const SceneDescription kNoScene;
-    const SceneDescription& scene = view_.shown_stream_ ? view_.shown_stream_->description : kNoScene;
+    static const SceneDescription no_scene;
+    const SceneDescription& scene = view_.shown_stream_ ? view_.shown_stream_->description : no_scene;
     Viewer::Outcome outcome = viewer_.on_message(text, scene, monotonic_now_ns());
     if (auto* closing = std::get_if<Closing>(&outcome)) {
         return std::move(*closing);

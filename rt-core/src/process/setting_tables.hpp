@@ -52,29 +52,28 @@ const SettingTable<Settings>& recording_table();
 /// through this one list.
 template <typename Visitor>
 void visit_tables(Settings& settings, FileKeys& keys, const Visitor& visit) {
-    TickSettings& tick = settings.tick;
     visit(loop_table(), settings.loop);
     // [device]
     visit(geometry_table(), keys);
-    visit(exchange_table(), tick);
+    visit(exchange_table(), settings.tick);
     visit(usb_choice_table(), keys);
     visit(usb_table(), settings.usb);
     visit(board_table(), settings.board);
     visit(serial_table(), settings.serial);
-    visit(mechanics_table(), tick.passivity);
+    visit(mechanics_table(), settings.tick.passivity);
     visit(friction_table(), keys);
-    visit(velocity_table(), tick);
-    visit(frames_table(), tick.frames);
+    visit(velocity_table(), settings.tick);
+    visit(frames_table(), settings.tick.frames);
     // [limits]
-    visit(limits_table(), tick.limits);
+    visit(limits_table(), settings.tick.limits);
     visit(stiffness_table(), keys);
-    visit(passivity_table(), tick.passivity);
-    visit(tension_table(), tick);
-    visit(motors_table(), tick.motors);
+    visit(passivity_table(), settings.tick.passivity);
+    visit(tension_table(), settings.tick);
+    visit(motors_table(), settings.tick.motors);
     // [safety]
-    visit(safety_table(), tick.safety);
+    visit(safety_table(), settings.tick.safety);
     visit(recovery_table(), settings);
-    visit(stop_button_table(), tick);
+    visit(stop_button_table(), settings.tick);
     visit(stop_line_table(), settings.stop_line);
     // [probes]
     visit(probe_settings(), keys.probes);

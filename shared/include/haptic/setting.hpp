@@ -167,7 +167,7 @@ class SettingValues {
     }
 
     template <typename Member>
-    static SettingValue<S> number_or_word(Member member, Range range, std::vector<std::string> words) {
+    static SettingValue<S> number_or_word(Member member, Range range, const std::vector<std::string>& words) {
         return make(
             member, {"number or choice", range, words},
             [range, words](const Config& c, const std::string& key, NumberOrWord& v) {
@@ -182,10 +182,11 @@ class SettingValues {
 
     /// One of some names; each stands for a value of the member.
     template <typename Member>
-    static SettingValue<S> choice(Member member,
-                                  std::vector<std::pair<std::string, std::type_identity_t<Type<Member>>>> names) {
+    static SettingValue<S> choice(
+        Member member, const std::vector<std::pair<std::string, std::type_identity_t<Type<Member>>>>& names) {
         using T = Type<Member>;
         std::vector<std::string> words;
+        words.reserve(names.size());
         for (const auto& [name, value] : names) {
             words.push_back(name);
         }
@@ -212,7 +213,7 @@ class SettingValues {
 
     /// A value that a function of the component reads: Type parse(config, key). `shown` is its default, as TOML.
     template <typename Member, typename Parse>
-    static SettingValue<S> parsed(Member member, SettingType type, std::string shown, Parse parse) {
+    static SettingValue<S> parsed(Member member, SettingType type, const std::string& shown, Parse parse) {
         return make(
             member, std::move(type),
             [parse](const Config& c, const std::string& key, Type<Member>& v) { v = parse(c, key); },
@@ -247,7 +248,7 @@ class SettingValues {
 
   private:
     template <typename Member, typename Read, typename Show>
-    static SettingValue<S> make(Member member, SettingType type, Read read, Show show) {
+    static SettingValue<S> make(Member member, SettingType type, const Read& read, const Show& show) {
         return {std::move(type),
                 [member, read](const Config& c, const std::string& key, S& s) { read(c, key, std::invoke(member, s)); },
                 [member, show](const S& s) {

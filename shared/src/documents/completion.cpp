@@ -49,6 +49,7 @@ std::vector<std::string> option_names(const CommandText& command) {
 
 std::vector<std::string> command_names(const CommandText& program) {
     std::vector<std::string> names;
+    names.reserve(program.commands.size());
     for (const CommandText& command : program.commands) {
         names.push_back(command.name);
     }
@@ -127,22 +128,20 @@ std::string zsh_text(std::string_view text) {
 
 void write_zsh_options(std::string& out, const CommandText& command, const std::string& function,
                        const std::string& indent) {
+    const auto add_argument = [&](const std::string& text) {
+        out.append(indent).append(quoted(text, "'\\''")).append(" \\\n");
+    };
     for (const OptionText& option : command.options) {
         const std::string value =
             ":" + zsh_text(option.value.empty() ? option.names[0] : option.value) + ":" + zsh_action(option, function);
         if (option.positional) {
             const std::string many = option.repeatable ? "*" : "";
-            out += indent +
-                   quoted(many + ":" + zsh_text(option.names[0]) + ":" + zsh_action(option, function), "'\\''") +
-                   " \\\n";
+            add_argument(many + ":" + zsh_text(option.names[0]) + ":" + zsh_action(option, function));
             continue;
         }
         for (const std::string& name : option.names) {
-            out += indent +
-                   quoted((option.repeatable ? "*" : "") + name + "[" + zsh_text(brief(option.meaning)) + "]" +
-                              (option.kind == ValueKind::None ? "" : (option.value_optional ? ":" : "") + value),
-                          "'\\''") +
-                   " \\\n";
+            add_argument((option.repeatable ? "*" : "") + name + "[" + zsh_text(brief(option.meaning)) + "]" +
+                         (option.kind == ValueKind::None ? "" : (option.value_optional ? ":" : "") + value));
         }
     }
 }
