@@ -156,7 +156,8 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
     return last.back();
 }
 
-/// End of the message about an unknown key: the known key that was probably meant, or all known keys of its table.
+/// End of the message about an unknown key: the known key that was probably meant, all known keys of its table, or, if
+/// there are none, the known tables.
 std::string remedy(const std::string& unknown, const std::set<std::string>& known) {
     const std::string* nearest = nullptr;
     std::size_t nearest_distance = std::max<std::size_t>(2, unknown.size() / 3) + 1;
@@ -178,9 +179,21 @@ std::string remedy(const std::string& unknown, const std::set<std::string>& know
             neighbours += (neighbours.empty() ? "" : ", ") + std::string(last_part(candidate));
         }
     }
-    const std::string place =
-        table_part(unknown).empty() ? "at the top" : "in [" + std::string(table_part(unknown)) + "]";
-    return neighbours.empty() ? "" : "; known " + place + ": " + neighbours;
+    if (!neighbours.empty()) {
+        const std::string place =
+            table_part(unknown).empty() ? "at the top" : "in [" + std::string(table_part(unknown)) + "]";
+        return "; known " + place + ": " + neighbours;
+    }
+    std::string tables;
+    std::string_view last;
+    for (const std::string& candidate : known) {
+        const std::string_view table = std::string_view(candidate).substr(0, candidate.find('.'));
+        if (table != candidate && table != last) {
+            tables += (tables.empty() ? "" : ", ") + std::string(table);
+            last = table;
+        }
+    }
+    return tables.empty() ? "" : "; known tables: " + tables;
 }
 
 /// Whether a value after "--set key=" is taken as a string without quotes: a name, path or time, but nothing that looks
@@ -422,7 +435,7 @@ void Config::set(std::string_view assignment) {
             return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-';
         };
         if (part.empty() || !std::all_of(part.begin(), part.end(), allowed)) {
-            fail_set("is not a key: names of letters, digits, _ and - with dots between, as in tension.minimum_n");
+            fail_set("is not a key: names of letters, digits, _ and - with dots between, as in device.minimum_tension");
         }
     }
     const std::string value = trimmed(assignment.substr(equals + 1));
