@@ -2,8 +2,11 @@
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
+#include <string>
 #include <utility>
 
 #include "commands/calibrate_command.hpp"
@@ -22,6 +25,32 @@ using haptic::rt::DoctorOptions;
 using haptic::rt::MeasureOptions;
 using haptic::rt::RunOptions;
 using haptic::rt::StabilityOptions;
+
+/// A finite number for which `accept` holds. CLI11's own PositiveNumber answers with the largest double in full.
+CLI::Validator number_that(bool (*accept)(double), const std::string& condition, const std::string& name) {
+    return CLI::Validator(
+        [accept, condition](const std::string& text) {
+            double value = 0.0;
+            const bool valid = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && accept(value);
+            return valid ? std::string() : "must be a number " + condition + ", is " + text;
+        },
+        name);
+}
+
+CLI::Validator positive() {
+    return number_that([](double value) { return value > 0.0; }, "above 0", "POSITIVE");
+}
+
+CLI::Validator not_negative() {
+    return number_that([](double value) { return value >= 0.0; }, "of 0 or more", "NONNEGATIVE");
+}
+
+/// Checks before a run that the folder of a result exists.
+std::string problem_of_folder(const std::string& file) {
+    const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+    const bool exists = folder.empty() || std::filesystem::is_directory(folder);
+    return exists ? std::string() : file + ": the folder " + folder.string() + " does not exist";
+}
 
 /// The problem with a --fault, for CLI11; empty if it is valid.
 std::string problem_of_fault(const std::string& text) {
@@ -53,7 +82,9 @@ void describe_loop(CLI::App& run, RunOptions& options) {
     run.add_option("--session", options.session, "session name; connects to the host-sim of the same session")
         ->type_name("NAME")
         ->capture_default_str();
-    run.add_option("--report", options.report, "writes the measurements to a JSON file")->type_name("F.json");
+    run.add_option("--report", options.report, "writes the measurements to a JSON file")
+        ->type_name("F.json")
+        ->check(problem_of_folder);
     run.add_flag("--rearm", options.rearm, "after the device was lost, waits for it and re-arms, like safety.rearm");
 }
 
@@ -61,8 +92,10 @@ void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
     describe_loop(run, options);
     run.add_option("--duration", duration_s, "seconds after which to stop; default: until Ctrl-C")
         ->type_name("S")
-        ->check(CLI::PositiveNumber);
-    run.add_option("--record", options.record, "writes every tick to a CSV file")->type_name("F.csv");
+        ->check(positive());
+    run.add_option("--record", options.record, "writes every tick to a CSV file")
+        ->type_name("F.csv")
+        ->check(problem_of_folder);
 }
 
 CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
@@ -71,7 +104,7 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
     describe_loop(*measure, options.run);
     measure->add_option("--duration", options.duration_s, "seconds to run the loop; Ctrl-C ends it early")
         ->type_name("S")
-        ->check(CLI::PositiveNumber)
+        ->check(positive())
         ->capture_default_str();
     measure
         ->add_option("--load", options.load,
@@ -91,7 +124,9 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
                      "GPIO line wired to the tick's probe, whose edges the kernel timestamps, like probes.loopback")
         ->type_name("LINE")
         ->excludes(cyclictest);
-    measure->add_option("--html", options.html, "writes an HTML page with plots")->type_name("F.html");
+    measure->add_option("--html", options.html, "writes an HTML page with plots")
+        ->type_name("F.html")
+        ->check(problem_of_folder);
     CLI::Option* const from =
         measure->add_option("--from", options.from, "measures nothing: shows an existing report; also with --html")
             ->type_name("F.json");
@@ -127,10 +162,10 @@ CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
         ->check(CLI::Range(1.0, 60.0))
         ->capture_default_str();
     stability->add_option("--hand-stiffness", options.hand_stiffness, "stiffness of the pressing hand, N/m")
-        ->check(CLI::NonNegativeNumber)
+        ->check(not_negative())
         ->capture_default_str();
     stability->add_option("--hand-damping", options.hand_damping, "damping of the pressing hand, N*s/m")
-        ->check(CLI::NonNegativeNumber)
+        ->check(not_negative())
         ->capture_default_str();
     return stability;
 }
@@ -139,7 +174,8 @@ void describe_calibrate(CLI::App& calibrate, CalibrateOptions& options) {
     calibrate.add_option("--config", options.run.config, "configuration file (TOML); see --print-config")
         ->type_name("F.toml");
     calibrate
-        .add_option("--set", options.run.assignments, "overrides one configuration key, e.g. usb.port=1-2 (repeatable)")
+        .add_option("--set", options.run.assignments,
+                    "overrides one configuration key, e.g. device.usb_path=1-2 (repeatable)")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
     calibrate.add_option("--device", options.run.device, "device to calibrate: emulated or usb")
@@ -156,8 +192,11 @@ void describe_calibrate(CLI::App& calibrate, CalibrateOptions& options) {
     calibrate
         .add_option("--out", options.out,
                     "file for the calibrated device geometry; an old one is kept as F.toml.bak-1, -2, ...")
-        ->type_name("F.toml");
-    calibrate.add_option("--record", options.run.record, "file for the recording of the wiggle")->type_name("F.csv");
+        ->type_name("F.toml")
+        ->check(problem_of_folder);
+    calibrate.add_option("--record", options.run.record, "file for the recording of the wiggle")
+        ->type_name("F.csv")
+        ->check(problem_of_folder);
     calibrate.add_option("--hold", options.hold_s, "seconds to hold the grip at the centre")
         ->check(CLI::Range(0.1, 60.0))
         ->capture_default_str();
@@ -189,7 +228,9 @@ CLI::App* describe_doctor(CLI::App& app, DoctorOptions& options) {
     doctor->add_option("--set", options.assignments, "overrides one configuration key, e.g. loop.cpu=3 (repeatable)")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    doctor->add_option("--json", options.json, "also writes the findings to a JSON file")->type_name("F.json");
+    doctor->add_option("--json", options.json, "also writes the findings to a JSON file")
+        ->type_name("F.json")
+        ->check(problem_of_folder);
     doctor->add_option("--root", options.root, "checks a copy of /proc, /sys, /dev and /etc below this folder instead")
         ->type_name("DIR")
         ->check(CLI::ExistingDirectory);

@@ -28,14 +28,15 @@ ProgramDocuments rt_core_documents() {
             "rt-core drives the eight strings of a Spidar-G6 at 1 kHz. It computes the pose of the grip from the "
             "encoders, renders the contact planes that host-sim(1) publishes in shared memory as force and torque, and "
             "distributes them over the strings.\n\n"
-            "It uses SCHED_FIFO and locks its memory. rt-core doctor tells what is missing for that on a machine, and "
+            "It uses SCHED_FIFO and locks its memory. rt-core doctor shows what a machine lacks for that, and "
             "haptic-tune(8) sets a machine up.",
         .exit_status = {{"0", "The run ended in an orderly way."},
                         {std::to_string(kExitError), "Wrong configuration, file or session."},
                         {std::to_string(kExitRefused), "The device cannot be driven on this machine."},
                         {std::to_string(kExitFaulted), "The run ended in a fault."},
                         {std::to_string(kExitDiffers), "A replay differs from its recording."},
-                        {std::to_string(kExitUnfit), "rt-core doctor found a problem."}},
+                        {std::to_string(kExitUnfit), "rt-core doctor found a problem."},
+                        {"above 100", "Wrong arguments."}},
         .files = files,
         .examples = {{"rt-core run --device emulated --duration 10", "Runs the loop on the emulated device."},
                      {"rt-core run --print-config >rt-core.toml", "Writes the default configuration."},
