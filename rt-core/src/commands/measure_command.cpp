@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -9,6 +10,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 #include "commands/child_process.hpp"
@@ -193,7 +195,7 @@ nlohmann::json Measuring::report(const RunResult& result, const Instruments& ins
 nlohmann::json load_report(const std::filesystem::path& file) {
     std::ifstream stream(file);
     if (!stream) {
-        throw std::runtime_error(file.string() + ": cannot be read");
+        throw std::runtime_error(file.string() + ": cannot be read: " + std::generic_category().message(errno));
     }
     nlohmann::json report;
     try {
@@ -210,7 +212,8 @@ void write_page(const std::filesystem::path& file, const std::string& page) {
     stream << page;
     stream.close();
     if (!stream) {
-        throw std::runtime_error(file.string() + ": the page cannot be written");
+        throw std::runtime_error(file.string() +
+                                 ": the page cannot be written; does its folder exist, and is the disk full?");
     }
 }
 

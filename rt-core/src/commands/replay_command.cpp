@@ -150,7 +150,7 @@ void save_config_for(const std::filesystem::path& recording, const Config& confi
     stream << "# Settings of the recording " << recording.filename().string() << ".\n" << config.toml();
     stream.close();
     if (!stream) {
-        throw std::runtime_error(file.string() + ": could not be written");
+        throw std::runtime_error(file.string() + ": cannot be written; does its folder exist, and is the disk full?");
     }
 }
 

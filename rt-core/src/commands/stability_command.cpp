@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -9,6 +10,7 @@
 #include <limits>
 #include <stdexcept>
 #include <string_view>
+#include <system_error>
 
 #include "commands/run_command.hpp"
 #include "haptic/html.hpp"
@@ -71,7 +73,7 @@ Settings settings_of(const StabilityOptions& options) {
 std::ofstream opened(const std::filesystem::path& file) {
     std::ofstream stream(file);
     if (!stream) {
-        throw std::runtime_error(file.string() + ": cannot be written");
+        throw std::runtime_error(file.string() + ": cannot be written: " + std::generic_category().message(errno));
     }
     return stream;
 }
@@ -91,7 +93,7 @@ void write_csv(const std::filesystem::path& file, const std::vector<Cell>& cells
     }
     csv.close();
     if (!csv) {
-        throw std::runtime_error(file.string() + ": cannot be written");
+        throw std::runtime_error(file.string() + ": cannot be written; is the disk full?");
     }
 }
 
@@ -188,7 +190,7 @@ void write_page(const std::filesystem::path& file, const std::vector<Cell>& cell
     page << "</div>\n</body></html>\n";
     page.close();
     if (!page) {
-        throw std::runtime_error(file.string() + ": cannot be written");
+        throw std::runtime_error(file.string() + ": cannot be written; is the disk full?");
     }
 }
 
