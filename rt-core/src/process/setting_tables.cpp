@@ -118,7 +118,8 @@ const SettingTable<UsbSettings>& usb_table() {
              V::text(&S::path)},
             {{.key = "usb_timeout_s",
               .unit = "s",
-              .meaning = "Longest USB transfer of a command and its answer. A tick waits for two to four transfers."},
+              .meaning = "Maximum duration of a command and its answer over USB. A tick waits at most 4 times as long, "
+                         "or twice with device.exchanges = \"one\"."},
              V::duration(&S::timeout_ns, kExchangeTimes)},
         }};
     return table;
@@ -159,7 +160,8 @@ const SettingTable<device::TtyBoard::Settings>& serial_table() {
              V::integer(&S::baud, {115'200, 3'000'000})},
             {{.key = "uart_timeout_s",
               .unit = "s",
-              .meaning = "Longest exchange over the serial line. A tick waits for two to four exchanges."},
+              .meaning = "Maximum duration of a command and its answer over the serial line. A tick waits at most 4 "
+                         "times as long, or twice with device.exchanges = \"one\"."},
              V::duration(&S::timeout_ns, kExchangeTimes)},
         }};
     return table;
@@ -183,11 +185,11 @@ const SettingTable<PassivitySettings>& mechanics_table() {
              V::number(&S::rotational_damping, {0.0, 0.1})},
             {{.key = "mass",
               .unit = "kg",
-              .meaning = "Mass of the grip without a hand: the least that the wrench moves."},
+              .meaning = "Mass of the grip without a hand, the smallest mass that the wrench moves."},
              V::number(&S::mass, {0.001, 10.0})},
             {{.key = "inertia",
               .unit = "kg*m^2",
-              .meaning = "Moment of inertia of the grip without a hand: the least that the torque moves."},
+              .meaning = "Moment of inertia of the grip without a hand, the smallest that the torque moves."},
              V::number(&S::inertia, {1e-7, 0.1})},
         }};
     return table;
@@ -360,7 +362,8 @@ const SettingTable<TickSettings>& tension_table() {
              V::number(&S::tension_continuity, {0.0, 1.0})},
             {{.key = "rate",
               .unit = "N/s",
-              .meaning = "Maximum rate of change of one tension. More than the rate limits of the wrench can cause."},
+              .meaning = "Maximum rate of change of one tension. The default exceeds what the rate limits of the "
+                         "wrench can cause."},
              V::number(&S::tension_rate, {10.0, 1e6})},
         }};
     return table;
@@ -413,11 +416,13 @@ const SettingTable<SafetySettings>& safety_table() {
               .meaning = "Maximum root mean square residual of the string lengths. One string that reads 7 mm wrong "
                          "reaches the default."},
              V::number(&S::residual, {0.0001, 0.1})},
-            {{.key = "residual_ticks", .meaning = "Ticks in a row with a larger residual after which that is a fault."},
+            {{.key = "residual_ticks",
+              .meaning = "Consecutive ticks with a larger residual that are tolerated; one more is a fault."},
              V::integer(&S::residual_ticks, kTicks)},
-            {{.key = "exchange_ticks", .meaning = "Failed exchanges in a row after which that is a fault."},
+            {{.key = "exchange_ticks",
+              .meaning = "Consecutive failed exchanges that are tolerated; one more is a fault."},
              V::integer(&S::exchange_ticks, kTicks)},
-            {{.key = "overrun_ticks", .meaning = "Late ticks in a row after which that is a fault."},
+            {{.key = "overrun_ticks", .meaning = "Consecutive late ticks that are tolerated; one more is a fault."},
              V::integer(&S::overrun_ticks, kTicks)},
         }};
     return table;
@@ -506,7 +511,7 @@ const SettingTable<Settings>& recording_table() {
             {{.key = "queue_ticks",
               .meaning = "Ticks that may wait for the writing thread. Ticks beyond that are dropped and counted."},
              V::integer(&S::queue_ticks, {16, 1'048'576})},
-            {{.key = "queue_frames", .meaning = "Contact frames, 11 kB each, that may wait for the writing thread."},
+            {{.key = "queue_frames", .meaning = "Contact frames, 13 kB each, that may wait for the writing thread."},
              V::integer(&S::queue_frames, {16, 65'536})},
             {{.key = "black_box_s",
               .unit = "s",

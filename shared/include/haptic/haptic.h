@@ -9,7 +9,7 @@
  *         fprintf(stderr, "%s\n", haptic_last_error());
  *     }
  *     haptic_device_state state;
- *     static haptic_contact_frame frame;       // 11 kB
+ *     static haptic_contact_frame frame;       // 13 kB
  *     while (running) {
  *         if (haptic_state_reader_read(states, &state) == 1) {
  *             frame.state_sequence = state.sequence;
