@@ -11,9 +11,11 @@
 
 namespace {
 
+constexpr int kFailed = 1;  // haptic-host-sim.service does not restart after this status
+
 int run(int argc, char** argv) {
     CLI::App app("Simulates deformable objects and sends the contacts of a haptic tool to rt-core.", "host-sim");
-    app.require_subcommand(1);
+    app.require_subcommand(0, 1);  // with none, the check below names a wrong one
     haptic::add_generate_option(app, haptic::sim::host_sim_documents);
     std::vector<std::pair<const CLI::App*, haptic::sim::Command>> commands;
     const auto add = [&](const char* name, const char* what, haptic::sim::Command (*command)(CLI::App&)) {
@@ -29,18 +31,25 @@ int run(int argc, char** argv) {
     add("tool", "Build a tool and report how well its spheres cover it", haptic::sim::add_tool_command);
     add("reproduce", "Reproduce the figures and tables of the thesis", haptic::sim::add_reproduce_command);
     add("query", "Answer single queries to the contact code", haptic::sim::add_query_command);
-    CLI11_PARSE(app, argc, argv);
+    try {
+        app.parse(argc, argv);
+        if (app.get_subcommands().empty()) {
+            throw CLI::RequiredError("A subcommand");
+        }
+    } catch (const CLI::ParseError& error) {
+        return app.exit(error) == 0 ? 0 : kFailed;
+    }
     for (const auto& [subcommand, command] : commands) {
         if (subcommand->parsed()) {
             return command();
         }
     }
-    return 1;
+    return kFailed;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) try { return run(argc, argv); } catch (const std::exception& error) {
     (void)std::fprintf(stderr, "host-sim: %s\n", error.what());
-    return 1;
+    return kFailed;
 }

@@ -16,6 +16,7 @@
 #include "app/toml_string.hpp"
 #include "dynamics/rotation.hpp"
 #include "haptic/config.hpp"
+#include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "model/generator_table.hpp"
 #include "model/model_file.hpp"
@@ -121,11 +122,21 @@ void print(std::ostream& out, const DeformableBody& body) {
         << " % of the vertices are inside one\n";
 }
 
+/// Throws MeshError that lists the generated bodies, for a misspelt one, unless the name is that of a mesh file.
+void require_mesh(const std::string& what) {
+    try {
+        (void)mesh_format(what);
+    } catch (const MeshError& error) {
+        throw MeshError(std::string(error.what()) + "; generated bodies are: " + generator_names());
+    }
+}
+
 int run_model(const ModelOptions& options) {
     Config config;
     if (is_generator(options.what)) {
         config.set("model.generator=" + options.what);
     } else {
+        require_mesh(options.what);
         config.set("model.file=" + toml_string(options.what));
     }
     for (const std::string& assignment : options.assignments) {

@@ -29,9 +29,10 @@ struct ToolOptions {
     bool list = false;
 };
 
+constexpr std::array kGenerators{"sphere", "hand", "rod", "probe"};
+
 bool is_generator(const std::string& what) {
-    constexpr std::array generators{"sphere", "hand", "rod", "probe"};
-    return std::find(generators.begin(), generators.end(), what) != generators.end();
+    return std::find(kGenerators.begin(), kGenerators.end(), what) != kGenerators.end();
 }
 
 bool is_mesh(const std::string& what) {
@@ -74,9 +75,22 @@ void print(std::ostream& out, const ToolModel& tool, bool list) {
     }
 }
 
+/// The scene of this name. Throws ConfigError that also lists the generated tools, for a misspelt one.
+Config scene_of(const std::string& what) {
+    try {
+        return open_scene(what);
+    } catch (const ConfigError& error) {
+        std::string generators;
+        for (const char* generator : kGenerators) {
+            generators += (generators.empty() ? "" : ", ") + std::string(generator);
+        }
+        throw ConfigError(std::string(error.what()) + "; generated tools are: " + generators);
+    }
+}
+
 ToolSettings settings_of(const ToolOptions& options) {
     const bool of_scene = !is_generator(options.what) && !is_mesh(options.what);
-    Config config = of_scene ? open_scene(options.what) : Config();
+    Config config = of_scene ? scene_of(options.what) : Config();
     if (is_generator(options.what)) {
         config.set("tool.generator=" + options.what);
     } else if (!of_scene) {

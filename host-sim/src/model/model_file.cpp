@@ -253,7 +253,7 @@ void save_model(const std::filesystem::path& file, const DeformableBody& body) {
     out << model_toml(body);
     out.close();
     if (!out) {
-        throw std::runtime_error(file.string() + ": cannot be written");
+        throw std::runtime_error(file.string() + ": cannot be written; does its folder exist, and is the disk full?");
     }
 }
 
