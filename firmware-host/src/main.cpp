@@ -136,7 +136,7 @@ ExchangeRequest request_of(const ExchangeArguments& arguments, const DeviceGeome
 int run(int argc, char** argv) {
     const DeviceGeometry geometry = haptic::device::spidar_g6_x3r();
     CLI::App app{"Emulated Spidar-G6 boards: device geometries, packets, and an emulated device.", "firmware-host"};
-    app.require_subcommand(1);
+    app.require_subcommand(0, 1);  // with none, the check below names a wrong one
     haptic::add_generate_option(app, haptic::device::firmware_host_documents);
     ExchangeArguments arguments;
     const CLI::App* exchange = add_exchange(app, arguments, geometry);
@@ -156,6 +156,9 @@ int run(int argc, char** argv) {
     bool succeeded = true;
     try {
         app.parse(argc, argv);
+        if (app.get_subcommands().empty()) {
+            throw CLI::RequiredError("A subcommand");
+        }
         if (variants->parsed()) {
             std::fputs("firmware-host: `variants` is now called `geometries`\n", stderr);
         }
