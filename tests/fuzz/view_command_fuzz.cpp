@@ -41,8 +41,8 @@ struct Bounds {
         require(set.parameter < scene.parameters.size(), "the parameter is one of the scene's");
         const ParameterDescription& parameter = scene.parameters[set.parameter];
         const bool chosen = !parameter.choices.empty();
-        const double most = chosen ? static_cast<double>(parameter.choices.size()) - 1.0 : parameter.most;
-        require(set.value >= (chosen ? 0.0 : parameter.least) && set.value <= most, "a value is within its range");
+        const double max = chosen ? static_cast<double>(parameter.choices.size()) - 1.0 : parameter.max;
+        require(set.value >= (chosen ? 0.0 : parameter.min) && set.value <= max, "a value is within its range");
         require(!(chosen || parameter.whole) || set.value == std::floor(set.value), "a whole number is whole");
     }
     void operator()(const SingleStep& step) const { require(step.steps >= 1 && step.steps <= 1000, "steps are few"); }

@@ -85,8 +85,8 @@ SetParameter read_set(const Members& members, const SceneDescription& scene) {
     // A choice is an index into its list; any other parameter has a range.
     // A choice is an index into its list; any other parameter has a range.
     const bool is_choice = !found->choices.empty();
-    const double min = is_choice ? 0.0 : found->least;
-    const double max = is_choice ? static_cast<double>(found->choices.size() - 1) : found->most;
+    const double min = is_choice ? 0.0 : found->min;
+    const double max = is_choice ? static_cast<double>(found->choices.size() - 1) : found->max;
     if (!(value >= min && value <= max)) {
         members.refuse(found->key + " must be from " + format_number(min) + " to " + format_number(max));
     }

@@ -121,8 +121,8 @@ void add_face_normals(std::span<const Triangle> faces, std::span<const Vec3> ver
 
 nlohmann::json parameter_json(const ParameterDescription& parameter) {
     return {{"key", parameter.key},         {"label", parameter.label},
-            {"unit", parameter.unit},       {"least", parameter.least},
-            {"most", parameter.most},       {"whole", parameter.whole},
+            {"unit", parameter.unit},       {"least", parameter.min},
+            {"most", parameter.max},        {"whole", parameter.whole},
             {"choices", parameter.choices}, {"logarithmic", parameter.logarithmic}};
 }
 

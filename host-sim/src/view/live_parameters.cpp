@@ -66,9 +66,9 @@ void LiveParameters::add(std::string_view key, const Control& control) {
     descriptions_.push_back({.key = std::string(key),
                              .label = text.label,
                              .unit = is_rate(setting) ? "Hz" : text.unit,
-                             .least = std::max(control.min, allowed.min),
-                             .most = text.type.choices.empty() ? std::min(control.max, allowed.max)
-                                                               : static_cast<double>(text.type.choices.size() - 1),
+                             .min = std::max(control.min, allowed.min),
+                             .max = text.type.choices.empty() ? std::min(control.max, allowed.max)
+                                                              : static_cast<double>(text.type.choices.size() - 1),
                              .whole = whole,
                              .logarithmic = control.logarithmic,
                              .choices = text.type.choices});
@@ -112,7 +112,7 @@ LiveSettings LiveParameters::with(const LiveSettings& settings, std::size_t para
     LiveSettings next = settings;
     if (parameter < parameters_.size() && std::isfinite(value)) {
         const LiveSetting& setting = *parameters_[parameter];
-        const double within = std::clamp(value, descriptions_[parameter].least, descriptions_[parameter].most);
+        const double within = std::clamp(value, descriptions_[parameter].min, descriptions_[parameter].max);
         set_value(setting, is_rate(setting) ? 1.0 / within : within, next);
     }
     return next;

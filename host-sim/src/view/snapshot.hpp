@@ -20,8 +20,8 @@ struct ParameterDescription {
     std::string key;                   // in the scene file, e.g. "coupling.stiffness"
     std::string label;                 // shown to the user, e.g. "Stiffness"
     std::string unit;                  // "N/m", "m", "Hz"; empty: none
-    double least = 0.0;                // lower limit of a number
-    double most = 0.0;                 // upper limit of a number
+    double min = 0.0;                  // lower limit of a number
+    double max = 0.0;                  // upper limit of a number
     bool whole = false;                // integers only
     bool logarithmic = false;          // slider with a logarithmic scale
     std::vector<std::string> choices;  // if not empty, the value is an index into these

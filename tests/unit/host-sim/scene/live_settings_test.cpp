@@ -160,14 +160,14 @@ TEST(LiveSettings, WhatIsLedGoesOnWhereItWasWhenTheStepChanges) {
     // The neck: 15 mm at 0.1 s and back at 0.2 s, linear between (the scene's motion_offsets).
     const ParticleModel& model = run.simulation.model();
     const double t = run.simulation.time() - 0.2;
-    double most = 0.0;
+    double maximum = 0.0;
     for (std::size_t i = 0; i < model.size(); ++i) {
         const double x = model.rest_position[i].x;
         if (model.pinned[i] != 0 && x > 0.065 && x < 0.085) {
-            most = std::max(most, glm::length(model.position[i] - model.rest_position[i]));
+            maximum = std::max(maximum, glm::length(model.position[i] - model.rest_position[i]));
         }
     }
-    EXPECT_NEAR(most, 0.015 * t / 0.1, 1e-9);
+    EXPECT_NEAR(maximum, 0.015 * t / 0.1, 1e-9);
 }
 
 /// What a change makes of a scene's state in so many steps.
@@ -253,11 +253,11 @@ TEST_P(UnderContact, NothingPassesHoweverTheSettingsChange) {
             const view::ParameterDescription& one = parameters.descriptions()[which];
             const double at = static_cast<double>((random >> 16) & 255u) / 255.0;
             const bool mild = one.key == "coupling.stiffness" || one.key == "coupling.torque_stiffness";
-            const double most = mild ? 3.0 * parameters.values(live_settings_of(scene))[which] : one.most;
-            const double least = one.key == "solver.step" ? 80.0 : one.least;
+            const double max = mild ? 3.0 * parameters.values(live_settings_of(scene))[which] : one.max;
+            const double min = one.key == "solver.step" ? 80.0 : one.min;
             if (one.key != "contact.method" && one.key != "contact.pop_out") {  // the thesis' own may miss contacts
                 run.simulation.change_settings(
-                    parameters.with(run.simulation.settings(), which, least + at * (most - least)));
+                    parameters.with(run.simulation.settings(), which, min + at * (max - min)));
             }
         }
         const StepResult result = run.step();

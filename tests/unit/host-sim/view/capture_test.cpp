@@ -154,11 +154,11 @@ TEST(LiveParametersTest, MatchTheSceneAndStayWithinTheRangesOfItsFile) {
         const auto values = all.values(simulation->settings());
         for (std::size_t k = 0; k < all.descriptions().size(); ++k) {
             const ParameterDescription& one = all.descriptions()[k];
-            EXPECT_LE(one.least, values[k]) << one.key;
-            EXPECT_GE(one.most, values[k]) << one.key;
-            EXPECT_TRUE(!one.logarithmic || one.least > 0.0) << one.key;
+            EXPECT_LE(one.min, values[k]) << one.key;
+            EXPECT_GE(one.max, values[k]) << one.key;
+            EXPECT_TRUE(!one.logarithmic || one.min > 0.0) << one.key;
             EXPECT_FALSE(one.label.empty()) << one.key;
-            for (const double end : {one.least, one.most}) {
+            for (const double end : {one.min, one.max}) {
                 const LiveSettings changed = all.with(simulation->settings(), k, end);
                 EXPECT_NO_THROW(check(changed)) << one.key;
                 EXPECT_NEAR(all.values(changed)[k], end, 1e-9 * std::fabs(end)) << one.key;
