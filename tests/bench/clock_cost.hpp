@@ -14,12 +14,12 @@ inline double nanoseconds_between(Clock::time_point start, Clock::time_point end
 
 /// ns, what two readings of the clock cost when nothing is between them.
 inline double clock_cost() {
-    double least = 1e9;
+    double minimum = 1e9;
     for (int k = 0; k < 10000; ++k) {
         const auto start = Clock::now();
-        least = std::min(least, nanoseconds_between(start, Clock::now()));
+        minimum = std::min(minimum, nanoseconds_between(start, Clock::now()));
     }
-    return least;
+    return minimum;
 }
 
 }  // namespace haptic::bench

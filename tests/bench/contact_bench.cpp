@@ -344,14 +344,14 @@ void vanishing_sphere(benchmark::State& state) {
         return Vec3(std::round(v.x), std::round(v.y), std::round(v.z));
     };
     std::vector<MovingTriangle> queries(4096);
-    double most = 0.0;
+    double maximum = 0.0;
     double all = 0.0;
     for (MovingTriangle& q : queries) {
         for (Vec3* corner : {&q.start.a, &q.start.b, &q.start.c, &q.end.a, &q.end.b, &q.end.c}) {
             *corner = on_grid();
         }
         const int looks = sphere_triangle_ccd(Vec3(0.0), 1e-9, q).iterations;
-        most = std::max<double>(most, looks);
+        maximum = std::max<double>(maximum, looks);
         all += looks;
     }
     std::size_t next = 0;
@@ -360,7 +360,7 @@ void vanishing_sphere(benchmark::State& state) {
         next = (next + 1) % queries.size();
     }
     state.counters["looks_mean"] = all / static_cast<double>(queries.size());
-    state.counters["looks_most"] = most;
+    state.counters["looks_most"] = maximum;
 }
 BENCHMARK(vanishing_sphere);
 

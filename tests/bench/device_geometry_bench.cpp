@@ -5,7 +5,7 @@
 //   step1_mm, step1_deg ... step3_...   left of a step of 27 mm and 25 degrees after 1, 2, 3 updates, the worst of many
 //                                       directions
 //   noise_um, noise_mdeg                one standard deviation of the pose at the centre from whole counts, worst axis
-//   force_N, torque_mNm                 reach at the centre, the least of all six signed axes; 0: some axis has none
+//   force_N, torque_mNm                 reach at the centre, the smallest of all six signed axes; 0: some axis has none
 //   p50_ns, p999_ns                     one tension solution, smooth wrench and warm start, less the clock's own cost
 #include <benchmark/benchmark.h>
 
@@ -42,7 +42,7 @@ class Random {
         return {x, y, normal_(engine_)};
     }
     Vec3 direction() { return glm::normalize(normal()); }
-    double uniform(double least, double most) { return std::uniform_real_distribution<double>(least, most)(engine_); }
+    double uniform(double min, double max) { return std::uniform_real_distribution<double>(min, max)(engine_); }
 
   private:
     std::mt19937_64 engine_{41};
@@ -104,8 +104,8 @@ void measure_reach(const device::DeviceGeometry& geometry, benchmark::State& sta
         for (const double sign : {1.0, -1.0}) {
             device::WrenchVector direction{};
             direction[axis] = sign;
-            double& least = axis < 3 ? force : torque;
-            least = std::min(least, device::wrench_reach(geometry, {}, direction).value_or(0.0));
+            double& reach = axis < 3 ? force : torque;
+            reach = std::min(reach, device::wrench_reach(geometry, {}, direction).value_or(0.0));
         }
     }
     state.counters["force_N"] = force;
@@ -162,7 +162,7 @@ void geometry_table(benchmark::State& state, const std::string& name) {
 
 [[maybe_unused]] const bool kRegistered = [] {
     for (const std::string& name : device::built_in_geometry_names()) {
-        benchmark::RegisterBenchmark(("variant/" + name).c_str(), geometry_table, name)->UseManualTime();
+        benchmark::RegisterBenchmark(("geometry/" + name).c_str(), geometry_table, name)->UseManualTime();
     }
     return true;
 }();

@@ -1,4 +1,4 @@
-// What the ring costs: a publication, a reading, and the way of a frame from one process to another on the next core.
+// Cost of the ring: a publication, a reading, and the transfer of a frame to another process on the next core.
 //
 // The counters p50_us and p99_us are of the single latencies, each taken with both clocks read on its own core. Both
 // include one reading of the clock, about 0.03 us.

@@ -64,7 +64,7 @@ export function background({ data }) {
     const colour = (data[k] << 16) | (data[k + 1] << 8) | data[k + 2];
     counts.set(colour, (counts.get(colour) ?? 0) + 1);
   }
-  const [colour] = [...counts].reduce((most, one) => (one[1] > most[1] ? one : most));
+  const [colour] = [...counts].reduce((top, one) => (one[1] > top[1] ? one : top));
   return [colour >> 16, (colour >> 8) & 255, colour & 255];
 }
 
@@ -82,20 +82,20 @@ export function difference(one, other) {
   assert.deepEqual([one.width, one.height], [other.width, other.height]);
   let count = 0;
   for (let k = 0; k < one.data.length; k += 3) {
-    const most = Math.max(...[0, 1, 2].map((c) => Math.abs(one.data[k + c] - other.data[k + c])));
-    count += most > 8 ? 1 : 0;
+    const difference = Math.max(...[0, 1, 2].map((c) => Math.abs(one.data[k + c] - other.data[k + c])));
+    count += difference > 8 ? 1 : 0;
   }
   return (3 * count) / one.data.length;
 }
 
 /** Hue in degrees, 0 red, 120 green, 240 blue; null for nearly grey colours. */
 export function hue(red, green, blue) {
-  const most = Math.max(red, green, blue);
-  const chroma = most - Math.min(red, green, blue);
+  const max = Math.max(red, green, blue);
+  const chroma = max - Math.min(red, green, blue);
   if (chroma < 24) {
     return null;
   }
   const sixth =
-    most === red ? (green - blue) / chroma : most === green ? 2 + (blue - red) / chroma : 4 + (red - green) / chroma;
+    max === red ? (green - blue) / chroma : max === green ? 2 + (blue - red) / chroma : 4 + (red - green) / chroma;
   return (60 * sixth + 360) % 360;
 }

@@ -59,7 +59,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         const std::size_t messages = size / kShortestMessage + 1;
         require(answered <= messages * (kMaxAnswered + haptic::device::kBulkPacketBytes), "answers are bounded");
         for (const std::int16_t dac_code : device.dac_codes()) {
-            require(dac_code >= 0 && dac_code <= haptic::device::kMaxDacCode, "digits have 12 bits");
+            require(dac_code >= 0 && dac_code <= haptic::device::kMaxDacCode, "DAC codes have 12 bits");
         }
     }
     require(exported.owner() == nullptr, "the device is given back");

@@ -153,14 +153,14 @@ TEST_P(ExitPaths, LeaveTheMotorsAtZero) {
         }
         _exit(0);
     }
-    int most = 0;
+    int peak = 0;
     int status = 0;
     while (waitpid(child, &status, WNOHANG) == 0) {
-        most = std::max(most, motors->sum());
+        peak = std::max(peak, motors->sum());
         sleep_ms(1);
     }
     EXPECT_TRUE(motors->ready) << "it came to run";
-    EXPECT_GT(most, 300) << "its motors were pulling";
+    EXPECT_GT(peak, 300) << "its motors were pulling";
     EXPECT_EQ(motors->sum(), 0);
     const int end = WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
     EXPECT_EQ(end, way.status);

@@ -8,7 +8,7 @@ namespace {
 constexpr std::int64_t kArmingMarginNs = 50'000'000;
 constexpr double kSampleS = 0.001;
 
-std::int64_t standing_clock() HAPTIC_RT {
+std::int64_t stopped_clock() HAPTIC_RT {
     return 0;
 }
 
@@ -35,7 +35,7 @@ Lockstep::Lockstep(const Settings& settings)
       board_({.geometry = settings.tick.geometry,
               .hand = from(start_ns_, settings.hand),
               .power_up = {60000, 1, 32768, 12345, 65535, 0, 40000, 777}}),
-      tick_(settings.tick, board_, frame_reader_, state_writer_, standing_clock),
+      tick_(settings.tick, board_, frame_reader_, state_writer_, stopped_clock),
       simulation_(settings.scene),
       tick_ns_(settings.tick.period_ns),
       late_ns_(settings.late_ns) {

@@ -203,7 +203,7 @@ TEST_F(MotorsOnATty, AreAtZeroAfterACrashAndAfterAStop) {
     }
 }
 
-TEST_F(ServedTty, RefusesALineThatIsNoneAndAVariantWithoutOne) {
+TEST_F(ServedTty, RefusesALineThatIsNoneAndAGeometryWithoutOne) {
     const Finished none = run(rt_core("SpidarG6X4", "/dev/does-not-exist"));
     EXPECT_EQ(none.status, 2);
     EXPECT_THAT(none.output, AllOf(HasSubstr("tty:/dev/does-not-exist"), HasSubstr("/dev/serial/by-id")));

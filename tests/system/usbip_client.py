@@ -6,7 +6,7 @@ published facts of the Spidar-G6 X3R and its SH4 board. It expects a served X3R 
 `usbip_client.py --hand` prints, imports it, and checks:
 
   descriptors   0cec:0205, high speed, bulk OUT 0x02 and bulk IN 0x86 of 512 bytes
-  packets       one reply of 512 bytes for each command, which echoes its D/A digits
+  packets       one reply of 512 bytes for each command, which echoes its DAC codes
   counters      those of a grip at the centre, then of one place on the straight way that the hand takes, then of its end
   protocol      a second client is told that the device is busy; a waiting transfer can be taken back
 
@@ -32,7 +32,7 @@ CORNERS = [(-1, -1, +1), (+1, -1, +1), (+1, -1, -1), (-1, -1, -1), (-1, +1, +1),
 KNOTS = [(-1, 0, 0), (+1, 0, 0), (0, -1, 0), (0, -1, 0), (-1, 0, 0), (+1, 0, 0), (0, +1, 0), (0, +1, 0)]
 SIGNS = [+1, +1, -1, -1, -1, -1, +1, +1]  # the raw counter falls where this is +, when the string pays out
 METRES_PER_COUNT = 1.66555e-5
-MINIMUM_DIGIT = 45  # 0.3 N: trunc(0.3 * 0.365296803653 V/N * 415 digits/V)
+MINIMUM_CODE = 45  # 0.3 N: trunc(0.3 * 0.365296803653 V/N * 415 codes/V)
 
 IN, OUT = 1, 0
 
@@ -131,7 +131,7 @@ class Connection:
         try:
             self.socket.sendall(header + data)
         except ConnectionError:
-            pass  # whoever waits for the answer finds out
+            pass  # the caller that waits for the answer notices
         return self.sequence
 
     def unlink(self, target):
@@ -153,10 +153,10 @@ class Connection:
         check((command, answered, status) == (3, sequence, 0), "a control request is answered")
         return data
 
-    def exchange(self, digits):
-        """One cycle of an SH4 board: digits out, raw counters in."""
+    def exchange(self, dac_codes):
+        """One cycle of an SH4 board: DAC codes out, raw counters in."""
         wanted = self.submit(IN, 6, 512)
-        sent = self.submit(OUT, 2, 512, b"\x01\x0e" + struct.pack("<8H", *digits) + bytes(494))
+        sent = self.submit(OUT, 2, 512, b"\x01\x0e" + struct.pack("<8H", *dac_codes) + bytes(494))
         answers = {}
         for _ in range(2):
             command, sequence, status, length, data = self.answer({wanted})
@@ -165,7 +165,7 @@ class Connection:
         check(set(answers) == {wanted, sent}, "each transfer of a cycle is answered once")
         reply = answers[wanted]
         check(len(reply) == 512, "a reply has 512 bytes")
-        check(struct.unpack("<8H", reply[:16]) == tuple(digits), "the reply echoes the digits that were sent")
+        check(struct.unpack("<8H", reply[:16]) == tuple(dac_codes), "the reply echoes the DAC codes that were sent")
         return struct.unpack("<8H", reply[16:32])
 
 
@@ -188,11 +188,11 @@ def check_descriptors(client):
 
 
 def check_counters(client):
-    digits = [MINIMUM_DIGIT] * 8
+    dac_codes = [MINIMUM_CODE] * 8
     client.exchange([0] * 8)
     time.sleep(0.6)  # a hand that an earlier client has set in motion goes back now
     at_centre = client.exchange([0] * 8)
-    check(paid_out(client.exchange(digits), at_centre) == [0] * 8, "the grip rests at the centre while the hand waits")
+    check(paid_out(client.exchange(dac_codes), at_centre) == [0] * 8, "the grip rests at the centre while the hand waits")
     end = [math.floor(count + 0.5) for count in counts_at(1.0)]
     at_end = 0
     between = 0
@@ -201,7 +201,7 @@ def check_counters(client):
     while at_end < 200:
         check(time.monotonic() < deadline, "the hand arrives; its counts are %s, not %s" % (paid_out(raw, at_centre) if replies else [], end))
         time.sleep(0.001)
-        raw = client.exchange(digits)
+        raw = client.exchange(dac_codes)
         replies += 1
         counts = paid_out(raw, at_centre)
         # Where on its way is the hand? By the string that changes most; all others must agree to a count of rounding

@@ -108,12 +108,12 @@ TEST_F(ViewCrowd, ClosesViewersThatDoNotReadWithoutDelayingOthers) {
     }
     ASSERT_TRUE(
         take_until({good.get()}, seconds(20), [&] { return open_descriptors(sim_.pid()) == descriptors + kDead; }));
-    std::size_t most = 0;
+    std::size_t peak = 0;
     for (int i = 0; i < 10; ++i) {
         ASSERT_TRUE(is_served(*good));
-        most = std::max(most, resident_bytes(sim_.pid()));
+        peak = std::max(peak, resident_bytes(sim_.pid()));
     }
-    EXPECT_LT(most, memory + 20 * kMegabyte) << "200 frames more would be 10 MB for each of the dead";
+    EXPECT_LT(peak, memory + 20 * kMegabyte) << "200 frames more would be 10 MB for each of the dead";
     EXPECT_TRUE(comes_to_descriptors(descriptors, *good)) << "in the end they are let go";
     expect_sound_end(*good);
 }

@@ -237,7 +237,7 @@ TEST_F(RingObserverTest, SaysWhyASegmentCannotBeLookedAtAndTakesTheNextOne) {
     session_.resize(RingKind::State, bytes);
     attend_later();
     EXPECT_FALSE(observer_.attached());
-    EXPECT_THAT(observer_.problem(), IsEmpty()) << "one without magic likewise";
+    EXPECT_THAT(observer_.problem(), IsEmpty()) << "and so is one without magic";
     const std::uint64_t magic = 42;
     session_.write(RingKind::State, 0, &magic, sizeof magic);
     attend_later();
@@ -279,7 +279,7 @@ TEST_F(RingObserverTest, WithstandsDamageToWhatItLooksAt) {
         const std::uint64_t right = 20;
         session_.write(RingKind::State, head_at, &right, sizeof right);
         attend_later();
-        EXPECT_EQ(take().size(), kRingSlots) << "it looks anew";
+        EXPECT_EQ(take().size(), kRingSlots) << "it reads the whole ring again";
     }
     // A head far ahead of the stamps: no slot is valid, and the search ends.
     const std::uint64_t ahead = detail::kLastSequence;

@@ -32,8 +32,8 @@ struct Tool {
     [[nodiscard]] std::vector<SpringRow> rows(const Pose& grip) const {
         std::vector<SpringRow> rows;
         for (const Particle& p : particles) {
-            const Vec3 lever = grip.orientation * p.offset;
-            rows.push_back({lever, p.normal, p.plane - glm::dot(p.normal, grip.position + lever)});
+            const Vec3 moment_arm = grip.orientation * p.offset;
+            rows.push_back({moment_arm, p.normal, p.plane - glm::dot(p.normal, grip.position + moment_arm)});
         }
         return rows;
     }

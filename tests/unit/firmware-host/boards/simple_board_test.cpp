@@ -185,7 +185,7 @@ TEST_F(SimpleBoardTest, FirmwareAnswersEachLatchOnceAndTheOldestFirst) {
     EXPECT_EQ(firmware.reply(in, 0), 0U);
 }
 
-TEST(SimpleBoard, OfAVariantIsStartedWhereTheDeviceIsEmulated) {
+TEST(SimpleBoard, OfAGeometryIsStartedWhereTheDeviceIsEmulated) {
     EmulatedBoard board(settings());
     BoardReading reading;
     ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);

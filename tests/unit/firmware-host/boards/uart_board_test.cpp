@@ -336,7 +336,7 @@ TEST(UartFirmware, RefusesLinesThatCannotBe) {
     }
 }
 
-TEST(UartBoard, OfAVariantIsStartedWhereTheDeviceIsEmulated) {
+TEST(UartBoard, OfAGeometryIsStartedWhereTheDeviceIsEmulated) {
     EmulatedBoard board(settings({4, 4}));
     BoardReading reading;
     ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);

@@ -122,9 +122,9 @@ struct Ledger {
             sum += e > 0.0 ? 0.5 * m.string_stiffness * e * e : 0.0;
         }
         if (m.hand == Hand::Impedance) {
-            const Vec3 apart = load.hand.position - s.pose.position;
+            const Vec3 displacement = load.hand.position - s.pose.position;
             const double half = std::acos(std::min(1.0, std::abs(glm::dot(load.hand.orientation, s.pose.orientation))));
-            sum += 0.5 * m.hand_stiffness * glm::dot(apart, apart) +
+            sum += 0.5 * m.hand_stiffness * glm::dot(displacement, displacement) +
                    4.0 * m.hand_rotational_stiffness * (1.0 - std::cos(half));
         }
         return sum;
@@ -186,14 +186,14 @@ TEST(GripMechanics, EnergyNeverRisesUnderConstantMotors) {
     for (const Hand hand : {Hand::Impedance, Hand::Free}) {
         const Ledger ledger = shaken(hand);
         GripState state = struck();
-        double least = ledger.energy(state);
+        double lowest = ledger.energy(state);
         const double swing = 0.05 * 0.5 * ledger.m.mass * glm::dot(state.velocity, state.velocity);
         for (int k = 0; k < 40'000; ++k) {  // 2 s at a device's step
             state = step(ledger.geometry, ledger.m, state, ledger.load, 5e-5);
             const double energy = ledger.energy(state);
             // Semi-implicit Euler conserves a modified energy; the true energy oscillates with the step.
-            ASSERT_LT(energy, least + swing) << "step " << k;
-            least = std::min(least, energy);
+            ASSERT_LT(energy, lowest + swing) << "step " << k;
+            lowest = std::min(lowest, energy);
         }
     }
 }

@@ -112,7 +112,7 @@ const std::array<Table, 3> kTables = {{{"SpidarG6X4",
                                           {{60, 73, -60}, {16, 0, 0}, +1, +1},
                                           {{-60, 73, -60}, {0, 0, -16}, +1, +1}}}}}};
 
-TEST(DeviceGeometryFile, BuiltInVariantsHaveThePublishedNumbers) {
+TEST(DeviceGeometryFile, BuiltInGeometriesHaveThePublishedNumbers) {
     for (const Table& table : kTables) {
         SCOPED_TRACE(table.name);
         const DeviceGeometry geometry = built_in_geometry(table.name);

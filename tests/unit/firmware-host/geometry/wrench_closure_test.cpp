@@ -135,14 +135,14 @@ TEST(WrenchClosure, TensionFactorEqualsTheBestOneFoundBySampling) {
         double best = 0.0;
         for (int step = 0; step < 100000; ++step) {
             const double angle = 2.0 * 3.14159265358979 * step / 100000;
-            double least = 1e9;
+            double smallest = 1e9;
             double largest = 0.0;
             for (std::size_t i = 0; i < kStrings; ++i) {
                 const double tension = std::cos(angle) * kernel[0][i] + std::sin(angle) * kernel[1][i];
-                least = std::min(least, tension);
+                smallest = std::min(smallest, tension);
                 largest = std::max(largest, tension);
             }
-            best = std::max(best, least / largest);
+            best = std::max(best, smallest / largest);
         }
         EXPECT_NEAR(tension_factor, best, 1e-3) << name;
     }

@@ -81,12 +81,12 @@ class Session : public testing::Test {
         bytes.swap(from.output());
         return bytes;
     }
-    Bytes tell(const Bytes& bytes) {
+    Bytes reply_to(const Bytes& bytes) {
         session->receive(bytes, 0);
         return take(*session);
     }
     void import_device() {
-        ASSERT_EQ(tell(import_request()).size(), kImportReply);
+        ASSERT_EQ(reply_to(import_request()).size(), kImportReply);
         ASSERT_TRUE(session->owns_device());
     }
 
@@ -96,7 +96,7 @@ class Session : public testing::Test {
 };
 
 TEST_F(Session, ListsTheBoardWithItsInterfaceAndIsThenDone) {
-    const Bytes list = tell(hex("0111 8005 00000000"));
+    const Bytes list = reply_to(hex("0111 8005 00000000"));
     ASSERT_EQ(list.size(), 12u + 312 + 4);
     EXPECT_EQ(word_at(list, 8), 1u);
     EXPECT_EQ(Bytes(list.begin() + 12 + 300, list.begin() + 12 + 306), hex("0cec 0205 0001"));
@@ -122,13 +122,13 @@ TEST_F(Session, ImportGivesTheDeviceToOneClientAndTellsOthersThatItIsBusy) {
 }
 
 TEST_F(Session, ImportOfWhatIsNotHereIsRefused) {
-    EXPECT_EQ(tell(import_request("1-2")), hex("0111 0003 00000004"));
+    EXPECT_EQ(reply_to(import_request("1-2")), hex("0111 0003 00000004"));
     EXPECT_THAT(session->reason(), HasSubstr("'1-2'"));
 }
 
 TEST_F(Session, AnUnpluggedDeviceIsNeitherListedNorGiven) {
     exported.plugged = false;
-    EXPECT_EQ(tell(hex("0111 8005 00000000")), hex("0111 0005 00000000 00000000"));
+    EXPECT_EQ(reply_to(hex("0111 8005 00000000")), hex("0111 0005 00000000 00000000"));
     UsbipSession second(exported);
     second.receive(import_request(), 0);
     EXPECT_EQ(take(second), hex("0111 0003 00000004"));
@@ -154,7 +154,7 @@ TEST_F(Session, RubbishAfterAnImportEndsTheSessionAndFreesTheDevice) {
     for (const Bytes& rubbish : cases) {
         session.emplace(exported);
         import_device();
-        EXPECT_TRUE(tell(rubbish).empty());
+        EXPECT_TRUE(reply_to(rubbish).empty());
         EXPECT_TRUE(session->ended());
         EXPECT_NE(session->reason(), "");
         EXPECT_EQ(exported.owner(), nullptr);
@@ -165,7 +165,7 @@ TEST_F(Session, RubbishAfterAnImportEndsTheSessionAndFreesTheDevice) {
 TEST_F(Session, AnOutTransferReachesTheFirmwarePacketByPacket) {
     import_device();
     const Bytes data = joined({packet(512, 1), packet(512, 2), packet(30, 3)});
-    EXPECT_EQ(tell(submit_out(4, 2, data)), out_reply(4, 0, 1054));
+    EXPECT_EQ(reply_to(submit_out(4, 2, data)), out_reply(4, 0, 1054));
     ASSERT_EQ(firmware.received.size(), 3u);
     EXPECT_EQ(firmware.received[0], packet(512, 1));
     EXPECT_EQ(firmware.received[1], packet(512, 2));
@@ -174,16 +174,16 @@ TEST_F(Session, AnOutTransferReachesTheFirmwarePacketByPacket) {
 
 TEST_F(Session, ATransferOfWholePacketsIsEndedByAnEmptyOneIfAsked) {
     import_device();
-    tell(submit_out(4, 2, packet(512, 1), 0x40));
+    reply_to(submit_out(4, 2, packet(512, 1), 0x40));
     ASSERT_EQ(firmware.received.size(), 2u);
     EXPECT_TRUE(firmware.received[1].empty());
-    tell(submit_out(5, 2, packet(30, 1), 0x40));
+    reply_to(submit_out(5, 2, packet(30, 1), 0x40));
     EXPECT_EQ(firmware.received.size(), 3u);
 }
 
 TEST_F(Session, AnInTransferWaitsForAnAnswer) {
     import_device();
-    EXPECT_TRUE(tell(submit_in(7, 6, 512)).empty());
+    EXPECT_TRUE(reply_to(submit_in(7, 6, 512)).empty());
     EXPECT_TRUE(session->waits_for_firmware());
     firmware.replies.push_back(packet(512, 9));
     session->complete_pending(0);
@@ -194,12 +194,12 @@ TEST_F(Session, AnInTransferWaitsForAnAnswer) {
 TEST_F(Session, AnAnswerWaitsForAnInTransfer) {
     import_device();
     firmware.replies.push_back(packet(512, 9));
-    EXPECT_EQ(tell(submit_in(7, 6, 512)), in_reply(7, 0, packet(512, 9)));
+    EXPECT_EQ(reply_to(submit_in(7, 6, 512)), in_reply(7, 0, packet(512, 9)));
 }
 
 TEST_F(Session, AnswersGoToTransfersInTheirOrder) {
     import_device();
-    tell(joined({submit_in(1, 6, 512), submit_in(2, 6, 512), submit_in(3, 6, 512)}));
+    reply_to(joined({submit_in(1, 6, 512), submit_in(2, 6, 512), submit_in(3, 6, 512)}));
     firmware.replies = {packet(512, 1), packet(512, 2)};
     session->complete_pending(0);
     EXPECT_EQ(take(*session), joined({in_reply(1, 0, packet(512, 1)), in_reply(2, 0, packet(512, 2))}));
@@ -209,76 +209,77 @@ TEST_F(Session, AnswersGoToTransfersInTheirOrder) {
 TEST_F(Session, AShortPacketEndsATransferAndWholeOnesFillIt) {
     import_device();
     firmware.replies = {packet(512, 1), packet(32, 2)};
-    EXPECT_EQ(tell(submit_in(1, 6, 2048)), in_reply(1, 0, joined({packet(512, 1), packet(32, 2)})));
+    EXPECT_EQ(reply_to(submit_in(1, 6, 2048)), in_reply(1, 0, joined({packet(512, 1), packet(32, 2)})));
     firmware.replies = {packet(512, 3), packet(512, 4)};
-    EXPECT_EQ(tell(submit_in(2, 6, 1024)), in_reply(2, 0, joined({packet(512, 3), packet(512, 4)})));
+    EXPECT_EQ(reply_to(submit_in(2, 6, 1024)), in_reply(2, 0, joined({packet(512, 3), packet(512, 4)})));
     firmware.replies = {packet(32, 5)};
-    EXPECT_EQ(tell(submit_in(3, 6, 512, 0x01)), in_reply(3, kShortStatus, packet(32, 5)));
+    EXPECT_EQ(reply_to(submit_in(3, 6, 512, 0x01)), in_reply(3, kShortStatus, packet(32, 5)));
 }
 
 TEST_F(Session, APacketThatDoesNotFitIsAnOverflow) {
     import_device();
     firmware.replies = {packet(512, 1)};
-    EXPECT_EQ(tell(submit_in(1, 6, 54)), in_reply(1, kOverflowStatus, packet(54, 1)));
+    EXPECT_EQ(reply_to(submit_in(1, 6, 54)), in_reply(1, kOverflowStatus, packet(54, 1)));
 }
 
 TEST_F(Session, UnlinkTakesAWaitingTransferBackAndItsAnswerGoesToTheNext) {
     import_device();
-    tell(submit_in(1, 6, 512));
-    EXPECT_EQ(tell(unlink(2, 1)), unlink_reply(2, kResetStatus));
+    reply_to(submit_in(1, 6, 512));
+    EXPECT_EQ(reply_to(unlink(2, 1)), unlink_reply(2, kResetStatus));
     EXPECT_FALSE(session->waits_for_firmware());
     firmware.replies = {packet(512, 4)};
     session->complete_pending(0);
     EXPECT_TRUE(take(*session).empty()) << "a transfer that was taken back was answered";
-    EXPECT_EQ(tell(submit_in(3, 6, 512)), in_reply(3, 0, packet(512, 4)));
+    EXPECT_EQ(reply_to(submit_in(3, 6, 512)), in_reply(3, 0, packet(512, 4)));
 }
 
 TEST_F(Session, UnlinkOfWhatWasAnsweredSaysSo) {
     import_device();
     firmware.replies = {packet(512, 4)};
-    tell(submit_in(1, 6, 512));
-    EXPECT_EQ(tell(unlink(2, 1)), unlink_reply(2, 0));
-    EXPECT_EQ(tell(unlink(3, 99)), unlink_reply(3, 0));
+    reply_to(submit_in(1, 6, 512));
+    EXPECT_EQ(reply_to(unlink(2, 1)), unlink_reply(2, 0));
+    EXPECT_EQ(reply_to(unlink(3, 99)), unlink_reply(3, 0));
 }
 
 TEST_F(Session, EndpointsThatTheBoardDoesNotHaveStall) {
     import_device();
-    EXPECT_EQ(tell(submit_in(1, 2, 512)), in_reply(1, kStallStatus, {}));
-    EXPECT_EQ(tell(submit_out(2, 6, packet(8, 1))), out_reply(2, kStallStatus, 0));
-    EXPECT_EQ(tell(submit_in(3, 15, 512)), in_reply(3, kStallStatus, {}));
+    EXPECT_EQ(reply_to(submit_in(1, 2, 512)), in_reply(1, kStallStatus, {}));
+    EXPECT_EQ(reply_to(submit_out(2, 6, packet(8, 1))), out_reply(2, kStallStatus, 0));
+    EXPECT_EQ(reply_to(submit_in(3, 15, 512)), in_reply(3, kStallStatus, {}));
     EXPECT_TRUE(firmware.received.empty());
 }
 
 TEST_F(Session, ControlRequestsAreAnsweredAtOnce) {
     import_device();
-    EXPECT_EQ(tell(submit_in(1, 0, 18, 0, hex("80 06 0001 0000 1200"))),
+    EXPECT_EQ(reply_to(submit_in(1, 0, 18, 0, hex("80 06 0001 0000 1200"))),
               in_reply(1, 0, hex("12 01 0002 ff 00 00 40 ec0c 0502 0100 01 02 03 01")));
-    EXPECT_EQ(tell(submit_in(2, 0, 8, 0, hex("80 06 0001 0000 1200"))), in_reply(2, 0, hex("12 01 0002 ff 00 00 40")));
-    EXPECT_EQ(tell(submit_out(3, 0, {}, 0, hex("00 09 0100 0000 0000"))), out_reply(3, 0, 0));
-    EXPECT_EQ(tell(submit_in(4, 0, 64, 0, hex("c0 a0 0000 0000 4000"))), in_reply(4, kStallStatus, {}));
-    EXPECT_EQ(tell(submit_out(5, 0, packet(4, 7), 0, hex("40 a0 00e6 0000 0400"))), out_reply(5, kStallStatus, 0));
+    EXPECT_EQ(reply_to(submit_in(2, 0, 8, 0, hex("80 06 0001 0000 1200"))),
+              in_reply(2, 0, hex("12 01 0002 ff 00 00 40")));
+    EXPECT_EQ(reply_to(submit_out(3, 0, {}, 0, hex("00 09 0100 0000 0000"))), out_reply(3, 0, 0));
+    EXPECT_EQ(reply_to(submit_in(4, 0, 64, 0, hex("c0 a0 0000 0000 4000"))), in_reply(4, kStallStatus, {}));
+    EXPECT_EQ(reply_to(submit_out(5, 0, packet(4, 7), 0, hex("40 a0 00e6 0000 0400"))), out_reply(5, kStallStatus, 0));
 }
 
 TEST_F(Session, AHaltStallsWhatWaitsAndWhatComesUntilItIsCleared) {
     import_device();
-    tell(submit_in(1, 6, 512));
-    EXPECT_EQ(tell(submit_out(2, 0, {}, 0, hex("02 03 0000 8600 0000"))),
+    reply_to(submit_in(1, 6, 512));
+    EXPECT_EQ(reply_to(submit_out(2, 0, {}, 0, hex("02 03 0000 8600 0000"))),
               joined({out_reply(2, 0, 0), in_reply(1, kStallStatus, {})}));
-    EXPECT_EQ(tell(submit_in(3, 6, 512)), in_reply(3, kStallStatus, {}));
-    EXPECT_EQ(tell(submit_out(4, 0, {}, 0, hex("02 01 0000 8600 0000"))), out_reply(4, 0, 0));
+    EXPECT_EQ(reply_to(submit_in(3, 6, 512)), in_reply(3, kStallStatus, {}));
+    EXPECT_EQ(reply_to(submit_out(4, 0, {}, 0, hex("02 01 0000 8600 0000"))), out_reply(4, 0, 0));
     firmware.replies = {packet(512, 1)};
-    EXPECT_EQ(tell(submit_in(5, 6, 512)), in_reply(5, 0, packet(512, 1)));
+    EXPECT_EQ(reply_to(submit_in(5, 6, 512)), in_reply(5, 0, packet(512, 1)));
 }
 
 TEST_F(Session, ANewImportFindsNoHaltOfTheLast) {
     import_device();
-    tell(submit_out(2, 0, {}, 0, hex("02 03 0000 8600 0000")));
-    tell(submit_out(3, 0, {}, 0, hex("00 09 0000 0000 0000")));
+    reply_to(submit_out(2, 0, {}, 0, hex("02 03 0000 8600 0000")));
+    reply_to(submit_out(3, 0, {}, 0, hex("00 09 0000 0000 0000")));
     session.reset();
     session.emplace(exported);
     import_device();
     firmware.replies = {packet(512, 1)};
-    EXPECT_EQ(tell(submit_in(5, 6, 512)), in_reply(5, 0, packet(512, 1)));
+    EXPECT_EQ(reply_to(submit_in(5, 6, 512)), in_reply(5, 0, packet(512, 1)));
 }
 
 TEST_F(Session, PiecesOfAnySizeMakeTheSameAnswers) {
@@ -323,17 +324,17 @@ TEST(SimpleBoardSession, TwoShortTransfersOutMakeOneShortOneIn) {
 TEST_F(Session, MoreWaitingTransfersThanItKeepsEndIt) {
     import_device();
     for (std::uint32_t i = 0; i < UsbipSession::kMaxPending; ++i) {
-        tell(submit_in(i, 6, 512));
+        reply_to(submit_in(i, 6, 512));
     }
     ASSERT_FALSE(session->ended());
-    tell(submit_in(10'000, 6, 512));
+    reply_to(submit_in(10'000, 6, 512));
     EXPECT_TRUE(session->ended());
     EXPECT_THAT(session->reason(), HasSubstr("pending"));
 }
 
 TEST_F(Session, EndedItTakesNothingMore) {
-    tell(hex("0111 8005 00000000"));
-    EXPECT_TRUE(tell(import_request()).empty());
+    reply_to(hex("0111 8005 00000000"));
+    EXPECT_TRUE(reply_to(import_request()).empty());
     EXPECT_EQ(exported.owner(), nullptr);
 }
 
@@ -345,7 +346,7 @@ TEST_F(Session, RandomBytesNeitherCrashItNorKeepTheDevice) {
         for (int changes = 0; changes < 1 + i % 8; ++changes) {
             bytes[random() % bytes.size()] = static_cast<std::byte>(random());
         }
-        tell(bytes);
+        reply_to(bytes);
         session.reset();
         ASSERT_EQ(exported.owner(), nullptr);
     }

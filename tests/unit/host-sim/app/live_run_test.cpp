@@ -526,8 +526,8 @@ TEST(RecordedRunTest, InterpolatesPosesAndHoldsButtonsBetweenRows) {
 }
 
 TEST(ContactFramePublisherTest, WhileIdleTheStiffnessFadesAndThePlanesRestButFramesContinue) {
-    const std::string session = "outlet-" + std::to_string(getpid());
-    ContactFramePublisher outlet(session);
+    const std::string session = "publisher-" + std::to_string(getpid());
+    ContactFramePublisher publisher(session);
     RingReader<ContactFrame> reader(session);
     ContactFrame frame{};
     frame.stiffness = 100.0;
@@ -536,16 +536,16 @@ TEST(ContactFramePublisherTest, WhileIdleTheStiffnessFadesAndThePlanesRestButFra
     frame.proxies[0].plane_count = 1;
     frame.proxies[0].planes[0].normal[1] = 1.0;
     frame.proxies[0].planes[0].velocity = 2.0;
-    EXPECT_EQ(outlet.publish_idle(1'000), 0u);  // no frame yet
+    EXPECT_EQ(publisher.publish_idle(1'000), 0u);  // no frame yet
     std::int64_t now_ns = 1'000'000'000;
-    ASSERT_NE(outlet.publish(frame, now_ns, now_ns), 0u);
+    ASSERT_NE(publisher.publish(frame, now_ns, now_ns), 0u);
     ContactFrame read{};
     ASSERT_TRUE(reader.read_newest(read));
     EXPECT_EQ(read.stiffness, 100.0);
     double last = 100.0;
     for (int k = 1; k <= 30; ++k) {
         now_ns += ContactFramePublisher::kIdlePeriodNs;
-        EXPECT_NE(outlet.publish_idle(now_ns), 0u);
+        EXPECT_NE(publisher.publish_idle(now_ns), 0u);
         ASSERT_TRUE(reader.read_newest(read));
         EXPECT_EQ(haptic::find_defect(read), FrameDefect::None);
         EXPECT_LE(last - read.stiffness, 100.0 * 0.005 / ContactFramePublisher::kFade + 1e-9);
@@ -554,7 +554,7 @@ TEST(ContactFramePublisherTest, WhileIdleTheStiffnessFadesAndThePlanesRestButFra
         last = read.stiffness;
     }
     EXPECT_EQ(last, 0.0);
-    EXPECT_TRUE(outlet.faded());
+    EXPECT_TRUE(publisher.faded());
     EXPECT_NE(read.flags & HAPTIC_FRAME_CLUTCHED, 0u);
 }
 

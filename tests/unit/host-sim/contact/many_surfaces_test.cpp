@@ -1,4 +1,4 @@
-// Claim: neither the division of the surroundings into surfaces nor other surfaces far away change the proxy.
+// Claim: neither the division of the scene into surfaces nor other surfaces far away change the proxy.
 #include <gtest/gtest.h>
 
 #include <algorithm>

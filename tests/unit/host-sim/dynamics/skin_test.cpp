@@ -30,19 +30,19 @@ std::vector<Vec3> skinned(const DeformableBody& body, const ParticleModel& model
 
 /// Smallest and largest ratio of an edge's length to its rest length.
 std::pair<double, double> stretch_of(const TriangleMesh& mesh, const std::vector<Vec3>& vertices) {
-    double least = std::numeric_limits<double>::infinity();
-    double most = 0.0;
+    double smallest = std::numeric_limits<double>::infinity();
+    double largest = 0.0;
     for (const Triangle& t : mesh.triangles) {
         for (std::size_t e = 0; e < 3; ++e) {
             const std::uint32_t a = t[e];
             const std::uint32_t b = t[(e + 1) % 3];
             const double ratio =
                 glm::length(vertices[a] - vertices[b]) / glm::length(mesh.vertices[a] - mesh.vertices[b]);
-            least = std::min(least, ratio);
-            most = std::max(most, ratio);
+            smallest = std::min(smallest, ratio);
+            largest = std::max(largest, ratio);
         }
     }
-    return {least, most};
+    return {smallest, largest};
 }
 
 /// The fish's particles bent about y into an arc of `angle` radians over its length.
@@ -97,9 +97,9 @@ TEST(Skin, HasTheSameBitsForAnyRegisterWidth) {
 TEST(Skin, BendsWithoutTearsOrSpikes) {
     // The bend alone stretches outer edges by up to 1 + angle * 0.04 / 0.3: 1.3 at 2.2 radians.
     for (const double angle : {0.5, 1.0, 2.2, -2.2}) {
-        const auto [least, most] = stretch_of(fish().mesh, skinned(fish(), bent_fish(angle)));
-        EXPECT_GT(least, 1.0 - 0.15 * std::abs(angle)) << angle;
-        EXPECT_LT(most, 1.0 + 0.15 * std::abs(angle)) << angle;
+        const auto [smallest, largest] = stretch_of(fish().mesh, skinned(fish(), bent_fish(angle)));
+        EXPECT_GT(smallest, 1.0 - 0.15 * std::abs(angle)) << angle;
+        EXPECT_LT(largest, 1.0 + 0.15 * std::abs(angle)) << angle;
     }
 }
 
@@ -118,8 +118,8 @@ TEST(Skin, StaysSmoothWhereShapeMatchingBendsTheFish) {
     ParticleSolver solver(model, {.step = 0.005, .iterations = 5, .gravity = Vec3(0.0), .shape_damping = 5.0});
     Skinner skinner(fish().mesh.vertices, fish().particles, fish().skin);
     std::vector<Vec3> vertices(fish().mesh.vertices.size());
-    double least = 1.0;
-    double most = 1.0;
+    double smallest = 1.0;
+    double largest = 1.0;
     double farthest = 0.0;
     for (int step = 0; step < 120; ++step) {
         const double phase = static_cast<double>(step % 60) / 30.0;
@@ -130,15 +130,15 @@ TEST(Skin, StaysSmoothWhereShapeMatchingBendsTheFish) {
         solver.step(model, {});
         skinner.skin_vertices(model, vertices);
         const auto [shortest, longest] = stretch_of(fish().mesh, vertices);
-        least = std::min(least, shortest);
-        most = std::max(most, longest);
+        smallest = std::min(smallest, shortest);
+        largest = std::max(largest, longest);
         for (const Vec3& p : vertices) {
             farthest = std::max(farthest, p.z);
         }
     }
     EXPECT_GT(farthest, 0.055);
-    EXPECT_LT(most, 2.5);
-    EXPECT_GT(least, 0.25);
+    EXPECT_LT(largest, 2.5);
+    EXPECT_GT(smallest, 0.25);
 }
 
 TEST(Skin, OfOneVertexPerParticleCopiesPositions) {

@@ -86,11 +86,11 @@ TEST(Fish, IsClosedAndOrientedOutward) {
 
 TEST(Fish, HasNoTriangleWithoutArea) {
     const TriangleMesh mesh = make_fish_mesh({});
-    double least = std::numeric_limits<double>::infinity();
+    double smallest = std::numeric_limits<double>::infinity();
     for (const Triangle& t : mesh.triangles) {
-        least = std::min(least, area_of(mesh, t));
+        smallest = std::min(smallest, area_of(mesh, t));
     }
-    EXPECT_GT(least, 5e-7);  // m^2; the mean is 6e-5
+    EXPECT_GT(smallest, 5e-7);  // m^2; the mean is 6e-5
 }
 
 TEST(Fish, DoesNotIntersectItself) {

@@ -157,9 +157,9 @@ TEST(ModelBuilder, SpreadsParticlesEvenly) {
             }
         }
     }
-    const auto [least, most] = std::minmax_element(nearest.begin(), nearest.end());
+    const auto [closest, farthest] = std::minmax_element(nearest.begin(), nearest.end());
     // Random positions would give a ratio of hundreds, a lattice 1.
-    EXPECT_LT(*most / *least, 2.5);
+    EXPECT_LT(*farthest / *closest, 2.5);
 }
 
 TEST(ModelBuilder, CoversTheBodyWithEllipsoids) {

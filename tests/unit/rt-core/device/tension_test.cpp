@@ -199,7 +199,7 @@ StringArray brute_force(const Programme& programme) {
         linear[i] += settings.effort * settings.minimum + settings.continuity * programme.previous[i];
     }
     StringArray best{};
-    double least = kInfinity;
+    double lowest = kInfinity;
     for (int code = 0; code < 6561; ++code) {
         std::array<std::size_t, 8> free{};
         std::size_t count = 0;
@@ -234,8 +234,8 @@ StringArray brute_force(const Programme& programme) {
             inside = inside && value >= lower - 1e-12 && value <= upper + 1e-12;
             t[free[r]] = value;
         }
-        if (inside && programme.objective(t) < least) {
-            least = programme.objective(t);
+        if (inside && programme.objective(t) < lowest) {
+            lowest = programme.objective(t);
             best = t;
         }
     }

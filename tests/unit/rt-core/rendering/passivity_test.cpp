@@ -172,9 +172,9 @@ TEST(PassivityObserver, CreditsTheWorkOfAnAnnouncedSurface) {
     for (int i = 0; i < 100; ++i) {
         const double given_way = i == 0 ? 0.0 : 6e-5;
         depth += i == 0 ? 0.0 : 1e-4 - given_way;
-        PassivityRequest wish = wall(k, depth);
-        wish.surface_power = 0.1 * k * depth;
-        passivity.apply(moved_up(given_way, force), wish);
+        PassivityRequest request = wall(k, depth);
+        request.surface_power = 0.1 * k * depth;
+        passivity.apply(moved_up(given_way, force), request);
         force = k * depth;
         // The sampled spring gives half a tick's force times the grip's displacement more than an ideal one.
         ASSERT_GE(passivity.energy(), 0.5 * k * depth * depth - 1e-12) << i;
@@ -242,12 +242,12 @@ TEST(Passivity, LeavesAnIdealContactUnchangedBitForBit) {
         for (double t = -0.005; t < last + 0.01; t += kPeriod_s) {
             const double next =
                 t < 0.0 || t > last ? -std::fabs(0.2 * (t < 0.0 ? t : t - last)) : 0.2 / omega * std::sin(omega * t);
-            const PassivityRequest wish = wall(k, next);
-            const Passivity::Result result = passivity.apply(moved_up(depth - next, force), wish);
+            const PassivityRequest request = wall(k, next);
+            const Passivity::Result result = passivity.apply(moved_up(depth - next, force), request);
             ASSERT_FALSE(result.acted) << k << " N/m at " << t << " s";
-            ASSERT_EQ(result.wrench.force, wish.wrench.force);
+            ASSERT_EQ(result.wrench.force, request.wrench.force);
             depth = next;
-            force = wish.wrench.force.y;
+            force = request.wrench.force.y;
         }
     }
 }
@@ -262,9 +262,9 @@ TEST(Passivity, LetsAnAnnouncedSurfacePushARestingHand) {
         for (int i = 1; i <= 200; ++i) {
             const double surface = 1e-4 * i;  // m, rising at 0.1 m/s
             const double next = force / 400.0;
-            PassivityRequest wish = wall(300.0, surface - next);
-            wish.surface_power = announced ? 0.1 * wish.wrench.force.y : 0.0;
-            const Passivity::Result result = passivity.apply(moved_up(next - grip, force), wish);
+            PassivityRequest request = wall(300.0, surface - next);
+            request.surface_power = announced ? 0.1 * request.wrench.force.y : 0.0;
+            const Passivity::Result result = passivity.apply(moved_up(next - grip, force), request);
             grip = next;
             force = result.wrench.force.y;
         }
@@ -368,23 +368,23 @@ TEST(Passivity, DampingPaysADebtBackAndNoMore) {
     Passivity passivity(settings, {});
     passivity.apply(moved_up(1e-4, 1.0), wall(100.0, 0.01));  // 0.1 mJ given without having been taken
     ASSERT_LT(passivity.energy(), 0.0);
-    const double wished = 1.0;
+    const double requested = 1.0;
     const Passivity::Result fast = passivity.apply(moved_up(1e-3, 1e-9), wall(100.0, 0.01));
     const double debt = -passivity.energy();
     EXPECT_GT(debt, 0.0);
-    EXPECT_NEAR((wished - fast.wrench.force.y) * 1e-3, debt, 1e-12);
+    EXPECT_NEAR((requested - fast.wrench.force.y) * 1e-3, debt, 1e-12);
     Passivity slow(settings, {});
     slow.apply(moved_up(1e-4, 1.0), wall(100.0, 0.01));
     const Passivity::Result limited = slow.apply(moved_up(1e-5, 1e-9), wall(100.0, 0.01));
-    EXPECT_NEAR(wished - limited.wrench.force.y, settings.largest_damping * 1e-5 / kPeriod_s, 1e-9);
+    EXPECT_NEAR(requested - limited.wrench.force.y, settings.largest_damping * 1e-5 / kPeriod_s, 1e-9);
 }
 
 TEST(Passivity, GivesZeroForNonFiniteInput) {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     Passivity passivity(with(PassivityControl::Bound), {});
-    PassivityRequest wish = wall(100.0, 0.01);
-    wish.stored = nan;
-    EXPECT_EQ(passivity.apply(moved_up(0.0, 0.0), wish).wrench.force, Vec3(0.0));
+    PassivityRequest request = wall(100.0, 0.01);
+    request.stored = nan;
+    EXPECT_EQ(passivity.apply(moved_up(0.0, 0.0), request).wrench.force, Vec3(0.0));
     EXPECT_EQ(passivity.apply(moved_up(nan, 1.0), wall(100.0, 0.01)).wrench.force, Vec3(0.0));
     EXPECT_TRUE(std::isfinite(passivity.energy()));
     EXPECT_NE(passivity.apply(moved_up(0.0, 0.0), wall(100.0, 0.001)).wrench.force, Vec3(0.0));

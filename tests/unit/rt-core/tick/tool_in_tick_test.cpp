@@ -72,11 +72,11 @@ class PlaneSimulation {
     [[nodiscard]] Wrench felt_at(const Pose& grip) const {
         Wrench wrench;
         for (const ProxyContact& particle : std::span(frame_.proxies).first(kParticles)) {
-            const Vec3 lever = grip.orientation * to_vec3(particle.rest_offset);
-            const double depth = plane_.offset - glm::dot(plane_.normal, grip.position + lever);
+            const Vec3 moment_arm = grip.orientation * to_vec3(particle.rest_offset);
+            const double depth = plane_.offset - glm::dot(plane_.normal, grip.position + moment_arm);
             const Vec3 force = frame_.stiffness / kParticles * std::max(0.0, depth) * plane_.normal;
             wrench.force += force;
-            wrench.torque += glm::cross(lever, force);
+            wrench.torque += glm::cross(moment_arm, force);
         }
         return wrench;
     }
