@@ -31,7 +31,7 @@ export const defaultOptions: ViewOptions = {
 /** Label and shortcut key of each option. */
 export const optionLabels: { option: keyof ViewOptions; label: string; key: string }[] = [
   { option: "surfaces", label: "Surfaces", key: "1" },
-  { option: "wireframe", label: "Wire frame", key: "2" },
+  { option: "wireframe", label: "Wireframe", key: "2" },
   { option: "particles", label: "Particles", key: "3" },
   { option: "ellipsoids", label: "Ellipsoids", key: "4" },
   { option: "groups", label: "Groups", key: "5" },

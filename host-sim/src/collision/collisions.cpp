@@ -211,7 +211,7 @@ class PlaneChunk {
   public:
     static constexpr std::size_t kMax = 256;
     [[nodiscard]] PlaneRows rows() noexcept {
-        return {first.data(), second.data(), {x.data(), y.data(), z.data()}, least.data(), clearance.data()};
+        return {first.data(), second.data(), {x.data(), y.data(), z.data()}, min_separation.data(), clearance.data()};
     }
 
     template <class Number>
@@ -221,7 +221,7 @@ class PlaneChunk {
     Numbers<double> x{};
     Numbers<double> y{};
     Numbers<double> z{};
-    Numbers<double> least{};
+    Numbers<double> min_separation{};
     Numbers<double> clearance{};
 };
 
@@ -532,7 +532,7 @@ void ParticleCollisions::State::make_planes(std::size_t count) {
         plane.push_back({.first = a,
                          .second = b,
                          .normal = {chunk.x[k], chunk.y[k], chunk.z[k]},
-                         .min_separation = chunk.least[k],
+                         .min_separation = chunk.min_separation[k],
                          .push = 0.0,
                          .first_share = collider[a].inverse_mass / inverse_mass,
                          .second_share = collider[b].inverse_mass / inverse_mass});

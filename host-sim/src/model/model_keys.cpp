@@ -190,7 +190,7 @@ const SettingTable<Placement>& copy_table() {
     return table;
 }
 
-/// What the keys are if a scene gives none, which depends on the generator and on whether constraints are compliant.
+/// Sets the defaults of the keys. They depend on the generator and on whether constraints are compliant.
 void set_defaults(ModelKeys& keys) {
     ModelSettings& model = keys.model;
     const GeneratorDefaults& defaults = generator_entry(model.generator).defaults;

@@ -49,7 +49,7 @@ void take(const Study& study, Figure& figure, const SceneRun& run, const Shot& s
 }
 
 /// Statistics of the steps in which the hand holds the fish in the air.
-struct Hold {
+struct GraspStatistics {
     std::size_t min_spheres = ToolSettings::kMaxSpheres;  // spheres in contact
     std::size_t max_spheres = 0;
     double steps = 0.0;
@@ -113,14 +113,14 @@ Figure fish_grip(const Study& study) {
     SceneRun run("fish-grab", {}, study.clock());
     CsvWriter csv(study.data(figure, "figure-5.8"), {"time_s", "curl", "hand_y_m", "fish_y_m", "force_x_n", "force_y_n",
                                                      "force_z_n", "particles_in_contact"});
-    Hold held;
+    GraspStatistics grasp;
     std::size_t next = 0;
     while (!run.finished()) {
         const StepResult& result = run.step();
         csv.row(std::array{run.time_s(), result.curl, result.hip.y, mean_height(run.simulation()), result.force.x,
                            result.force.y, result.force.z, static_cast<double>(result.collided)});
         if (run.time_s() >= kLifted && run.time_s() < kLowered) {
-            held.add(result);
+            grasp.add(result);
         }
         if (next < kShots.size() && run.time_s() + 1e-9 >= kShots[next].time_s) {
             take(study, figure, run, kShots[next++]);
@@ -141,9 +141,9 @@ Figure fish_grip(const Study& study) {
          "also gripping and lifting"},
         {"pose of the hand", "one", "closes: 15 joints, driven by one number"},
         {"spheres in contact while the fish is in the air", "-",
-         std::to_string(held.min_spheres) + " to " + std::to_string(held.max_spheres) + " of 37"},
+         std::to_string(grasp.min_spheres) + " to " + std::to_string(grasp.max_spheres) + " of 37"},
         {"mean upward force on the fish meanwhile, and its weight", "-",
-         format_fixed(held.up / held.steps, 2) + " N, " + format_fixed(weight, 2) + " N"},
+         format_fixed(grasp.up / grasp.steps, 2) + " N, " + format_fixed(weight, 2) + " N"},
         {"particles through which something passed (independent check of each path)", "-",
          std::to_string(run.escapes())},
     };

@@ -24,7 +24,7 @@
 
 namespace haptic::rt {
 
-/// What to do with a wrench that no tensions within the bounds can make.
+/// Treatment of a wrench that no tensions within the bounds can produce.
 enum class Infeasible : std::uint8_t {
     Closest,   // make the closest wrench in the norm above; its direction may differ from the wanted one
     Direction  // make the largest multiple, at most 1, of the wanted wrench; force and torque scale together

@@ -70,7 +70,7 @@ class SafetyMachine {
     /// Disarms at once, without a fade, in any state: the motors are already at zero. The bits stay latched.
     void cut(std::uint32_t bits) HAPTIC_RT;
 
-    /// What the caller has to do with its encoders after update().
+    /// Action that the caller takes on its encoders after update().
     enum class Calibration : std::uint8_t { None, Restart, Take };
 
     /// Advances by one tick. Restart: the grip moved, or calibration begins; measure movement from here. Take: the grip

@@ -40,7 +40,7 @@ struct SettingText {
     std::string_view meaning = {};
 };
 
-/// What values a key takes.
+/// The values that a key accepts.
 struct SettingType {
     std::string name;  // "number", "integer", "true or false", "text", "choice", ...
     std::optional<Range> range = std::nullopt;

@@ -10,7 +10,7 @@ class App;
 
 namespace haptic {
 
-/// What an option's value is, for completion.
+/// Kind of an option's value, for completion.
 enum class ValueKind { None, Words, Settings, Folder, File, Other };
 
 struct OptionText {

@@ -58,7 +58,7 @@ std::vector<std::string> command_names(const CommandText& program) {
 
 // bash
 
-/// What a value may be, as assignments to the variables that the script ends with.
+/// The possible values, as assignments to the variables that the script ends with.
 std::string bash_value(const OptionText& option) {
     switch (option.kind) {
         case ValueKind::Words:

@@ -5,7 +5,7 @@
 
 namespace haptic::sim {
 
-/// What a contact frame reports of the particles in contact.
+/// Content of a contact frame for each particle in contact.
 enum class MultiRate : std::uint8_t {
     Planes,    // the contact planes that hold each particle, and speculative planes in reach
     Positions  // particle positions, the thesis' scheme (section 5.4.1), for comparison: it drags

@@ -34,7 +34,7 @@ struct MeshCheckSettings {
     void check() const;
 };
 
-/// What was found and what was changed. "Given" elements are those of the input, counted from 0.
+/// Findings and changes. "Given" elements are those of the input, counted from 0.
 struct MeshReport {
     std::size_t vertices_given = 0;
     std::size_t triangles_given = 0;

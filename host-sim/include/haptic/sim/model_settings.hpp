@@ -20,7 +20,7 @@ namespace haptic::sim {
 
 enum class Generator : std::uint8_t { Cloth, Curtain, Fan, Fish, Plate, Rod };
 
-/// What is particular about the particles whose rest position is in a box: table [[model.regions]].
+/// Properties of the particles whose rest position is in a box: table [[model.regions]].
 struct Region {
     Vec3 low{0.0};  // m, in the body's frame, the border included
     Vec3 high{0.0};
