@@ -119,7 +119,7 @@ std::string newtons_per_code_key(const Config& config, const std::string& string
 /// Refuses a key that is given under both names.
 void refuse_both_names(const Config& config, const std::string& prefix) {
     if (config.has(prefix + kNewtonsPerCodeKey) && config.has(prefix + kOldNewtonsPerCodeKey)) {
-        config.fail(prefix + kOldNewtonsPerCodeKey, std::string("is the old name of ") + kNewtonsPerCodeKey +
+        config.fail(prefix + kOldNewtonsPerCodeKey, std::string("is the former name of ") + kNewtonsPerCodeKey +
                                                         ", which is given as well; remove one of the two");
     }
 }
@@ -154,7 +154,7 @@ void note_old_names(const Config& config) {
         return;
     }
     try {
-        config.fail(key, std::string("is the old name of ") + kNewtonsPerCodeKey + "; please rename it");
+        config.fail(key, std::string("is the former name of ") + kNewtonsPerCodeKey + "; please rename it");
     } catch (const ConfigError& notice) {  // its text has the file and the line
         std::fprintf(stderr, "%s\n", notice.what());
     }

@@ -116,7 +116,7 @@ TEST(FirmwareHostCommand, NotesTheFormerNameOfAKeyWithItsLine) {
     const Outcome outcome = run("geometries '" + file.string() + "'");
     EXPECT_EQ(outcome.status, 0);
     EXPECT_THAT(outcome.text,
-                testing::ContainsRegex("toml:[0-9]+: newtons_per_digit: is the old name of newtons_per_code"));
+                testing::ContainsRegex("toml:[0-9]+: newtons_per_digit: is the former name of newtons_per_code"));
     std::filesystem::remove(file);
 }
 

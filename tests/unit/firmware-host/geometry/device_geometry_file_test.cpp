@@ -249,7 +249,7 @@ TEST(DeviceGeometryFile, AcceptsTheFormerNameOfNewtonsPerCode) {
     EXPECT_EQ(parse_device_geometry(own, "former.toml").strings[1].newtons_per_code, -0.007);
     expect_refused(
         replaced(own, "newtons_per_digit", "newtons_per_code = -0.007\nnewtons_per_digit"),
-        HasSubstr("string.1.newtons_per_digit: is the old name of newtons_per_code, which is given as well"));
+        HasSubstr("string.1.newtons_per_digit: is the former name of newtons_per_code, which is given as well"));
 }
 
 TEST(DeviceGeometryFile, RefusesWhatIsMissingWithThePlace) {
