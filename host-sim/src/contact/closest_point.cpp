@@ -51,7 +51,7 @@ ClosestPoint on_segment(const Vec3& p, const Vec3& from, const Vec3& to, std::ui
     return at_edge(p, from, to, along / length2, index);
 }
 
-/// Closest of the points on the three edges.
+/// Closest point on the three edges.
 ClosestPoint on_edges(const Vec3& p, const TriangleCorners& t) HAPTIC_RT {
     ClosestPoint best = on_segment(p, t.a, t.b, 0);
     const ClosestPoint bc = on_segment(p, t.b, t.c, 1);
@@ -82,7 +82,7 @@ const char* describe(Feature feature) noexcept {
 }
 
 ClosestPoint closest_point_on_triangle(const Vec3& p, const TriangleCorners& t) HAPTIC_RT {
-    // Vertex regions: outside both edges that meet there.
+    // Vertex regions (Ericson 5.1.5): along both adjacent edges the point projects onto or before the vertex.
     const Vec3 ab = t.b - t.a;
     const Vec3 ac = t.c - t.a;
     const Vec3 ap = p - t.a;
@@ -109,8 +109,8 @@ ClosestPoint closest_point_on_triangle(const Vec3& p, const TriangleCorners& t) 
     if (!(nn > kSliver * kSliver * glm::dot(ab, ab) * glm::dot(ac, ac))) {
         return on_edges(p, t);
     }
-    // Edge regions, by the signed areas opposite to each vertex. These are computed as cross products instead of the
-    // book's products of d1..d6, which cancel by the square of the height.
+    // Edge regions, by the signed areas opposite to each vertex. Cross products replace the book's products of d1..d6,
+    // which lose digits to cancellation in thin triangles.
     const double vc = glm::dot(n, glm::cross(ap, bp));
     if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) {
         return at_edge(p, t.a, t.b, d1 / (d1 - d3), 0);
@@ -126,7 +126,7 @@ ClosestPoint closest_point_on_triangle(const Vec3& p, const TriangleCorners& t) 
         return at_edge(p, t.b, t.c, toward_c / (toward_c + toward_b), 1);
     }
     if (va < 0.0 || vb < 0.0 || vc < 0.0) {
-        return on_edges(p, t);  // by rounding, the regions contradict each other
+        return on_edges(p, t);  // rounding made the regions contradict each other
     }
     // Face region: barycentric weights are the normalised areas.
     ClosestPoint result;

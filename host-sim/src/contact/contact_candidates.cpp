@@ -15,10 +15,10 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr double kMarginRadii = 1.25;  // radii, within which a proxy finds contacts where it is
-constexpr double kMaxGoalRadii = 1.0;  // radii, along each axis
-// Single precision rounds by 6e-8 of a number. The contact code's own rounding, which must not see more than these
-// boxes, is a billionth of that.
+constexpr double kMarginRadii = 1.25;  // radii around the path within which contacts are collected
+constexpr double kMaxGoalRadii = 1.0;  // radii, distance along each axis beyond which a goal is clamped
+// Relative margins. Single precision rounds by 6e-8 of a number; the double-precision tests of the contact code err by
+// about a billionth of that, so every triangle that they accept is inside its rounded box.
 constexpr double kRoundOutward = 1e-6;
 constexpr double kSphereRoundOutward = 1e-5;
 
@@ -31,15 +31,16 @@ float round_up(double x) noexcept {
     return static_cast<float>(x + std::abs(x) * kRoundOutward);
 }
 
-/// Everywhere a proxy can go: around the segment to its goal, also displaced with the surfaces nearby.
+/// Box of all positions that a proxy may reach: around the segment to its goal, also displaced with nearby surfaces.
 Aabb region_of(const ProxyReach& at, std::span<const MovingSurface> surfaces) noexcept {
     // A goal farther than a radius is clamped: the rest of its path goes through the trees.
     const Vec3 max_goal(kMaxGoalRadii * at.radius);
     const Vec3 goal = at.position + glm::clamp(at.goal - at.position, -max_goal, max_goal);
-    // Where the proxy can go and find contacts while the surfaces rest.
+    // Reach while the surfaces rest, contacts included.
     const Aabb reach_box = aabb_of_segment(at.position, goal, kMarginRadii * at.radius + at.margin);
     Aabb region = reach_box;
     for (const MovingSurface& surface : surfaces) {
+        // A surface in reach may carry the proxy by any of its displacements.
         if (surface.tree->overlaps(reach_box)) {
             const Aabb& d = surface.tree->displacement();
             region.extend(Aabb{reach_box.min + d.min, reach_box.max + d.max});
@@ -162,12 +163,13 @@ void ContactCandidates::add(List& list, std::uint32_t object, std::span<const st
     for (std::size_t first = 0; first < triangles.size(); first += kLanes) {
         const std::size_t lanes_used = std::min(kLanes, triangles.size() - first);
         for (std::uint32_t hits = overlapping(step, first, list.limits) & ((1u << lanes_used) - 1u); hits != 0;
-             // Append triangle k with its packed boxes.
              hits &= hits - 1) {
+            // Full: the list is incomplete, so queries use the trees.
             if (!reserve_slot(list, object)) {
                 list.complete = false;
                 return;
             }
+            // Append triangle k with its packed boxes.
             const std::size_t k = first + static_cast<std::size_t>(std::countr_zero(hits));
             list.triangle[list.count] = triangles[k];
             for (std::size_t when = 0; when < kKinds; ++when) {

@@ -12,10 +12,10 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr int kRadiusBisections = 26;  // resolves the radius to 1e-8
+constexpr int kRadiusBisections = 26;  // to 1.5e-8 of the range of radii
 constexpr double kFaceShare =
-    0.9999;  // height above the face over distance to its border, from which the face may replace the border
-constexpr double kRoundingMargin = 1e-6;  // of the radius: more than rounding can amount to
+    0.9999;  // min ratio of height above the face's plane to distance of the contact point, to use its normal
+constexpr double kRoundingMargin = 1e-6;  // of the radius: above any rounding error
 constexpr double kFirstPartRadii = 0.5;   // radii, length of the first part of a long move
 constexpr double kMaxFirstShare = 0.5;    // a first part with a larger share of the move saves nothing
 constexpr double kSamePoint = 1e-9;       // of the reach: contact points closer together are the same
@@ -44,7 +44,7 @@ Vec3 direction(const Vec3& from, const Vec3& to, double distance, const Triangle
     return length > 0.0 ? n / length : Vec3(0.0, 1.0, 0.0);
 }
 
-/// Replaces the tangent plane at the triangle's border by the plane of its face, if the sphere is clear of both.
+/// Replaces the tangent plane at the triangle's border by the plane of its face, if both are equally far away.
 void use_face_normal(ContactPoint& t, const Vec3& center) noexcept {
     const Vec3 n = glm::cross(t.corners.b - t.corners.a, t.corners.c - t.corners.a);
     const double length = std::sqrt(glm::dot(n, n));
@@ -52,7 +52,7 @@ void use_face_normal(ContactPoint& t, const Vec3& center) noexcept {
         return;
     }
     const Vec3 face = n * ((glm::dot(n, t.normal) < 0.0 ? -1.0 : 1.0) / length);
-    // The face must be as far away as the point, so that the new plane does not force the sphere to move.
+    // A nearer plane would force the sphere to move.
     if (glm::dot(face, center - t.point) >= kFaceShare * t.distance) {
         t.normal = face;
         t.at.feature = Feature::Face;
@@ -158,7 +158,7 @@ void ContactPointSet::remove_implied(const Vec3& center, double tolerance) noexc
         for (std::size_t i = 0; i < kept && !implied; ++i) {
             const auto above = [&](const Vec3& x) { return glm::dot(points_[i].normal, x - points_[i].point); };
             const TriangleCorners& t = points_[k].corners;
-            // Behind such a plane: implied if the whole triangle is, rising out of it if not.
+            // Point behind such a plane: the triangle is implied if all of it is behind, and rises out of it if not.
             if (above(points_[k].point) <= tolerance) {
                 implied = std::max({above(t.a), above(t.b), above(t.c)}) <= tolerance;
                 rises = true;
@@ -204,6 +204,7 @@ PlaneSet::Fit PlaneSet::project_with_largest_radius(const Vec3& target, double r
     fit.feasible = fit.projection.feasible;
     double max_radius = radius;
     for (int k = 0; k < kRadiusBisections && fit.feasible; ++k) {
+        // Invariant: fit.radius fits, max_radius does not.
         const double middle = 0.5 * (fit.radius + max_radius);
         const Projection at = project(target, middle);
         if (at.feasible) {
@@ -237,7 +238,7 @@ double free_fraction(const NearSurfaces& surfaces, const Vec3& from, const Vec3&
                 if (distance > max_distance) {
                     return;
                 }
-                // Exact sweep; a triangle inside the radius may be approached to `release` of its distance.
+                // Exact sweep; a triangle that starts close may be approached to `release` times its distance.
                 const SphereHit hit =
                     sweep_sphere(from, displacement, std::min(radius, release * distance), distance, corners);
                 if (hit.hits) {

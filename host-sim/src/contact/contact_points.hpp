@@ -127,8 +127,8 @@ class PlaneSet {
 [[nodiscard]] TriangleCorners corners_of(std::span<const Vec3> vertices, const Triangle& triangle) noexcept;
 
 /// Fraction of a straight move, at the end of the step, up to the first contact of a sphere with `radius`. A triangle
-/// that is nearer than the radius from the start stops the sphere once its distance falls to `release` times the
-/// present one.
+/// nearer than radius / release at the start stops the sphere once its distance falls to `release` times the initial
+/// one.
 [[nodiscard]] double free_fraction(const NearSurfaces& surfaces, const Vec3& from, const Vec3& displacement,
                                    double radius, double release) noexcept;
 

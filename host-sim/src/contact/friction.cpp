@@ -13,7 +13,7 @@ namespace {
 constexpr int kMaxSlideMoves = 6;        // moves of one slide; on a flat surface one suffices
 constexpr double kConeTolerance = 0.01;  // of the friction limit: close enough to the cone
 constexpr double kDependentNormal =
-    1e-9;  // squared length of a normal that is left beside the others, below which it is dependent
+    1e-9;  // squared length of an orthogonalised normal below which it counts as dependent on the others
 
 double length_of(const Vec3& v) noexcept {
     return std::sqrt(glm::dot(v, v));
@@ -45,7 +45,7 @@ class FrictionMover {
         if (state.held_by.count > 0) {
             move_toward(step_.before + carrying_velocity(surfaces_.all(), state, 1.0));
         }
-        // Not in contact: go to the first contact on the way to the goal, where static friction applies.
+        // Not in contact: advance to the first contact on the path to the goal, where static friction applies.
         ContactLoad load = evaluate_load();
         if (!load.in_contact) {
             advance_to_first_contact();
@@ -100,8 +100,7 @@ class FrictionMover {
         }
         // x - x0, still with a normal part.
         load.tangential = position_ - fit.projection.point;
-        // Sum of the multipliers, and Gram-Schmidt over the active normals: the tangential load is what is left of x -
-        // x0.
+        // Sum of the multipliers. Gram-Schmidt over the active normals removes the normal part of x - x0.
         std::array<Vec3, kMaxSurfacePlanes> basis{};
         for (std::size_t k = 0; k < fit.projection.active_count; ++k) {
             load.normal += fit.projection.multiplier[k];

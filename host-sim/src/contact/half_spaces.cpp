@@ -122,7 +122,8 @@ bool solve_on(std::span<const HalfSpace> all, const std::array<std::uint32_t, 3>
     }
 }
 
-/// Finds the active subset of a basis of at most four: smallest first, feasible for the whole basis.
+/// Finds the active subset of a basis of at most four half-spaces: the smallest whose solution satisfies the whole
+/// basis.
 bool solve_basis(std::span<const HalfSpace> all, const Basis& basis, const Vec3& target, double tolerance,
                  Projection& out) HAPTIC_RT {
     // Active-set candidates by increasing size, at most 14 for a basis of four.

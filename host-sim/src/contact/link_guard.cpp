@@ -15,7 +15,7 @@ namespace {
 
 using Corners = std::array<Vec3, 3>;
 
-// Of a normal: if less is left without its component along the segment, the direction is arbitrary.
+// Of a normal: if its component across the segment is shorter, the direction of that component is arbitrary.
 constexpr double kMinNormalShare = 0.05;
 
 /// Six times the signed volume of a tetrahedron.

@@ -10,8 +10,8 @@ namespace haptic::sim {
 
 namespace {
 
-// How near the sphere may come on its way out to a triangle that does not yet clip it, as a share of the distance: the
-// centre stays on its side.
+// Share of its present distance to which a triangle may come during a move. The sphere can then move past other
+// triangles that clip it, and the centre still stays on its side.
 constexpr double kRelease = 0.5;
 
 }  // namespace
@@ -22,8 +22,8 @@ PopOut pop_out(const NearSurfaces& surfaces, const Vec3& center, double radius, 
     if (settings.pop_out == PopOutMethod::Thesis) {
         return thesis_pop_out(surfaces.all(), center, radius, settings, path);
     }
-    // Half-way between the radius that finds contacts and the full radius: clear enough not to be popped again, and
-    // reachable in spite of rounding.
+    // Half-way between the shrunk and the full radius: clear enough not to be popped out again, and reachable in spite
+    // of rounding.
     const double min_clearance = radius * 0.5 * (1.0 + settings.shrink);
     PopOut result;
     result.position = center;
@@ -61,7 +61,7 @@ PopOut pop_out(const NearSurfaces& surfaces, const Vec3& center, double radius, 
             path->append(1.0, result.position);
         }
     }
-    // Still nearer than the radius that finds contacts: the proxy has no room.
+    // Still nearer than the shrunk radius: the proxy has no room.
     result.overconstrained = result.clearance < radius * settings.shrink;
     return result;
 }

@@ -137,7 +137,7 @@ class SecurePositionSolver {
     /// contact.
     SecurePosition run(ProxyPath* path) noexcept {
         for (result_.advances = 0; time_ < 1.0; ++result_.advances) {
-            // Out of iterations: report the contacts as passed through and stay.
+            // Out of advances: stay, and report the fastest contact as passed through.
             if (result_.advances >= settings_.max_advances) {
                 let_fastest_pass(0);
                 time_ = 1.0;
@@ -157,6 +157,7 @@ class SecurePositionSolver {
                 time_ += (piece_.to_time - time_) * hit.share;
                 position_ += (piece_.to - piece_.from) * hit.share;
             } else {
+                // Free path: take the whole piece.
                 time_ = piece_.to_time;
                 position_ = piece_.to;
             }
@@ -182,10 +183,10 @@ class SecurePositionSolver {
         }
     }
 
-    /// Fills in the next piece, with the tolerance on its way. Only the end of a piece must be clear. So a triangle
-    /// that already clips the sphere may come nearer on the way: to `shrink` of its distance on the first advances,
-    /// then to 0.9, and to 0.5 once half of the advances are used, when the sphere shrinks too. This bounds the number
-    /// of advances and keeps the centre clear, whatever the rest of the sphere touches on the way.
+    /// Sets the next piece, with the radius and the release of its sweep. Only the end of a piece must be clear. So a
+    /// triangle that already clips the sphere may come nearer during the piece: to `shrink` of its distance on the
+    /// first advances, then to 0.9, and to 0.5 once half of the advances are used, when the sphere shrinks too. This
+    /// bounds the number of advances and keeps the centre clear, whatever the rest of the sphere touches.
     void set_piece(double until, const Vec3& target, double available_radius) noexcept {
         // Late advances shrink the swept sphere.
         const int late = result_.advances - settings_.max_advances / 2;
@@ -230,7 +231,7 @@ class SecurePositionSolver {
         return found;
     }
 
-    /// Target beside the contact point at a later time: the intersection of the tangent planes at both times, at
+    /// Target next to the contact point at a later time: the intersection of the tangent planes at both times, at
     /// distance `radius` from each. On the straight path there the sphere stays outside the rotating plane at all
     /// times: in the plane of rotation, with k = s (1 - s) (1 - cos), its height is radius * (1 - k) / sqrt(1 - 2 k).
     [[nodiscard]] Vec3 target_beside(const ContactPoint& t, double later) const noexcept {
@@ -240,8 +241,8 @@ class SecurePositionSolver {
 
     /// Plans the next piece. False if no piece is feasible and a surface was allowed to pass through instead.
     bool plan_piece() noexcept {
-        // Which contact will press deepest at t = 1? A surface that stopped the last piece may come nearer and leave
-        // again before t = 1; then halve the horizon until it presses.
+        // Contact with the deepest predicted penetration at t = 1. A surface that stopped the last piece may come
+        // nearer and leave again before t = 1; then halve the horizon until it penetrates.
         double until = 1.0;
         std::size_t deepest = 0;
         predict_planes(until);
@@ -251,14 +252,14 @@ class SecurePositionSolver {
             predict_planes(until);
             needs_advance = find_deepest(deepest);
         }
-        // Nothing presses: rest until t = 1 or the next contact.
+        // No predicted penetration: rest until t = 1 or the next contact.
         if (!needs_advance) {
             set_piece(1.0, position_, radius_);
             piece_.release = was_stopped_ ? std::min(piece_.release, kPassingRelease) : piece_.release;
             return true;
         }
-        // Shorten the horizon until the deepest contact's normal turns little: beside a plane that rotates further the
-        // target would lie far away.
+        // Shorten the horizon until the deepest contact's normal rotates little: the tangent planes before and after a
+        // large rotation meet far away.
         const ContactPoint& t = contact_set_.points()[deepest];
         record_first_contact(time_, surface_point(t), t.normal);
         for (int k = 0; k < kHalvings; ++k) {
@@ -301,6 +302,7 @@ class SecurePositionSolver {
     /// not.
     double last_feasible_time(const ContactPoint& t, double infeasible) noexcept {
         double feasible = time_;
+        // Invariant: the sphere fits at `feasible` and does not at `infeasible`.
         while (infeasible - feasible > 0.25 * kMinAdvance) {
             const double middle = 0.5 * (feasible + infeasible);
             predict_planes(middle);

@@ -1,14 +1,14 @@
 // Secure position: half-CCD of a sphere at rest against moving surfaces, the first half of a step (thesis 4.2.2).
 //
 // The proxy rests until the first moving surface touches it. From there it advances in straight pieces. Each piece
-// leads to the position beside the moved contact point at which the sphere is clear of that surface at t = 1. The piece
-// is swept against all surfaces, sphere and triangles both moving. If another surface stops it, the next target is the
-// point nearest to the position beside the contact that lies in the half-spaces which all touching features will bound
-// at t = 1. Every piece keeps a positive distance from every surface, so the centre changes side of none.
+// leads to the position next to the moved contact point at which the sphere is clear of that surface at t = 1. The
+// piece is swept against all surfaces, sphere and triangles both moving. If another surface stops it, the next target
+// is the point nearest to the position next to the contact that lies in the half-spaces which all touching features
+// will bound at t = 1. Every piece keeps a positive distance from every surface, so the centre changes side of none.
 //
 // If the half-spaces leave no room for the whole sphere, `overconstrained` is set and the largest radius that fits is
 // used. If they leave no room even for the centre (surfaces that pass through one another at this point), the fastest
-// surface is allowed to pass through and is reported: the anvil holds, the hammer passes.
+// surface is allowed to pass through and is reported.
 #pragma once
 
 #include <cstdint>

@@ -127,8 +127,8 @@ class ExtrapolatedLeaf {
     const SurfaceMotion& motion_;
     std::span<const std::uint32_t> vertices_;
     std::span<const std::uint32_t> triangles_;
-    double box_horizon_ = -1.0;  // of no query yet
-    double horizon_ = -1.0;
+    double box_horizon_ = -1.0;  // horizon of box_; -1: none yet
+    double horizon_ = -1.0;      // of extrapolated_ and boxes_; -1: none yet
     Aabb box_;
     Scratch<MovingTriangle, SweptTree::kMaxInLeaf> extrapolated_;
     Scratch<Aabb, SweptTree::kMaxInLeaf> boxes_;
@@ -204,6 +204,7 @@ SurfacePlanes select_planes(std::span<const MovingSurface> surfaces, const Specu
                             std::span<const Candidate> candidates) noexcept {
     SurfacePlanes planes = task.contacts;
     for (const Candidate& c : candidates) {
+        // Candidates come nearest first, so each new plane is tested against all more urgent ones.
         if (planes.count == kMaxSurfacePlanes) {
             break;
         }

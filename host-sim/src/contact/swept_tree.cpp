@@ -30,7 +30,7 @@ Aabb box_of(const PointExtremes& x) noexcept {
 }  // namespace
 
 /// Top-down builder. Ranges of triangles are halved at the median of their centres along the longest axis, largest
-/// range first, until a node has eight children.
+/// range first, until a node has eight children or all ranges are small.
 struct SweptTree::Builder {
     struct Range {
         std::size_t begin;
@@ -69,8 +69,8 @@ struct SweptTree::Builder {
         return upper;
     }
 
-    /// Adds a leaf with its triangles, in rising order, and their vertices without repetition. Vertices that no earlier
-    /// leaf has come first: only these count for the surface's displacement.
+    /// Adds a leaf with its triangles, in rising order, and their vertices without repetition. Vertices that occur in
+    /// no earlier leaf precede the shared ones; only the former count for the surface's displacement.
     std::uint32_t add_leaf(const Range& range, std::uint32_t node, std::uint32_t slot) {
         const auto index = static_cast<std::uint32_t>(tree.leaves_.size());
         Leaf leaf{};
@@ -90,6 +90,7 @@ struct SweptTree::Builder {
                 if (last_seen[vertex] != index + 1) {
                     (last_seen[vertex] == 0 ? tree.leaf_vertices_ : shared).push_back(vertex);
                     last_seen[vertex] = index + 1;
+                    // Refits must not read beyond the surface's last vertex.
                     vertices.last |= vertex + 1 == last_seen.size() ? 1u : 0u;
                 }
             }
@@ -173,7 +174,7 @@ void SweptTree::refit(const SurfaceMotion& motion, bool wide) noexcept {
         return;
     }
     static_assert(sizeof(Vec3) == 3 * sizeof(double));
-    // Boxes of all leaves, by the widest registers that the machine has.
+    // Boxes of all leaves.
     PointExtremes displacement{};
     const RefitTask task{.start = &motion.start.data()->x,
                          .end = &motion.end.data()->x,
@@ -192,6 +193,7 @@ void SweptTree::refit(const SurfaceMotion& motion, bool wide) noexcept {
     // Bottom-up: a node's box is the union of its children. Children follow their parents, so go backwards.
     for (std::size_t index = nodes_.size(); index-- > 0;) {
         const Node& node = nodes_[index];
+        // Minimum over the eight children; maxima are stored negated.
         const auto min_of_all = [](const std::array<Pair, kWidth / 2>& x) {
             const Pair p = min_of(min_of(x[0], x[1]), min_of(x[2], x[3]));
             return p[0] < p[1] ? p[0] : p[1];
@@ -208,6 +210,7 @@ void SweptTree::refit(const SurfaceMotion& motion, bool wide) noexcept {
 }
 
 void SweptTree::store(Node& node, std::size_t slot, const PointExtremes& box) noexcept {
+    // Child boxes lie in pairs of SIMD lanes.
     const std::size_t pair = slot / 2;
     const std::size_t half = slot % 2;
     for (std::size_t axis = 0; axis < 3; ++axis) {

@@ -14,7 +14,7 @@ constexpr double kRounding = 8e-16;          // of the coordinates: distances ar
 constexpr int kFineIterations = 200;         // after these, kCreepTolerance replaces kContactTolerance
 constexpr int kMaxIterations = 2000;         // then the triangle counts as touching; not reached in 10^8 random queries
 constexpr double kNever = 2.0;               // longer than any step
-constexpr double kPassedCosine = 0.9;        // beyond this cosine the triangle has passed over the centre, flat
+constexpr double kPassedCosine = 0.9;        // above this cosine the triangle has passed the centre face-on
 constexpr double kOblique = 1e-3;        // of the coordinates: at a smaller distance the normal is orthogonalised first
 constexpr double kPassageShare = 1e-11;  // of the triangle's extent: radius that represents a point
 
@@ -97,6 +97,7 @@ bool separated(const Vec3& n0, const Vec3& n1, double radius, const TriangleCorn
     return middle > 0.0;
 }
 
+/// Zero where the plane of the triangle passes through the origin.
 double determinant(const TriangleCorners& t) HAPTIC_RT {
     return glm::dot(t.a, glm::cross(t.b, t.c));
 }
@@ -127,7 +128,7 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
     double max_leap = limit;  // longest leap worth trying
     bool overshot = false;
     TriangleCorners now = start;
-    // Distance at the start; release lets a triangle inside the radius come a little nearer first.
+    // Initial distance. The release lets a triangle that starts close come nearer before it counts as a contact.
     touch.at = closest_point_on_triangle(Vec3(0.0), now);
     double distance = std::sqrt(touch.at.squared_distance);
     const double threshold = std::min(radius, release * distance);
@@ -147,9 +148,9 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
         if (step > remaining) {
             return touch;
         }
-        // Try a longer leap: to the end of the step, or to where Newton's method predicts the contact (slightly before
-        // it, so that it is approached from outside in spite of rounding). Newton's method approaches the root of a
-        // convex distance from above. For a concave distance the chord to the leap that overshot does.
+        // Try a longer leap: to the end of the step, or to where Newton's method predicts the contact, less half a
+        // tolerance so that rounding does not carry it past. Newton's method never overshoots a convex distance; for a
+        // concave one the chord to the leap that overshot takes over.
         const double remaining_gap = gap - 0.5 * tolerance;
         const double closing_speed = glm::dot(n, blend(motion, touch.at.weights));
         const double leap =
@@ -159,7 +160,7 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
             const TriangleCorners later = moved(start, motion, touch.time + leap);
             const ClosestPoint at = closest_point_on_triangle(Vec3(0.0), later);
             const double later_distance = std::sqrt(at.squared_distance);
-            // Overshot: try the chord instead.
+            // Overshot: use the chord instead.
             if (later_distance <= threshold) {
                 // If the distance is convex, the chord overshoots again by nearly as much: then halve.
                 const double chord = remaining_gap / (distance - later_distance);
@@ -181,7 +182,7 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
                 max_leap = 4.0 * leap;
                 continue;
             } else if (glm::dot(n, at.point) > kPassedCosine * later_distance) {
-                // The triangle has passed over the centre, flat: use the chord of the signed distance.
+                // The triangle has passed the centre face-on: use the chord of the signed distance.
                 max_leap = leap * std::max(0.25, remaining_gap / (distance + later_distance));
                 if (max_leap > step) {
                     continue;
@@ -228,6 +229,7 @@ PointPassage point_passage(const Vec3& point, const MovingTriangle& triangle) HA
         if (!(candidate >= 0.0 && candidate <= 1.0)) {
             break;
         }
+        // Keep the nearest candidate so far.
         const double squared = closest_point_on_triangle(Vec3(0.0), moved(start, motion, candidate)).squared_distance;
         if (squared < best) {
             best = squared;

@@ -42,8 +42,8 @@ inline constexpr double kNoRelease = 1e300;
 
 /// First time in [0, limit] at which the triangle is within `radius` of `center`. All tolerances are relative to the
 /// radius and the coordinates, so a query scaled by a power of two gives the same bits of time. With `release`, a
-/// triangle that starts within the radius touches only once its distance falls below `release` times the initial one.
-/// Work is bounded by kMaxIterations in the source. No allocation.
+/// triangle that starts nearer than radius / release touches only once its distance falls to `release` times the
+/// initial one. Work is bounded by kMaxIterations in the source. No allocation.
 /// @source Mirtich 1996 (conservative advancement); solves what thesis equation 4.4 leaves without a direct solution
 [[nodiscard]] TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const MovingTriangle& triangle,
                                                 double limit = 1.0, double release = kNoRelease) HAPTIC_RT;
@@ -56,7 +56,7 @@ struct PointPassage {
 
 /// Finds the first passage of the triangle through a point. Complete: conservative advancement with a vanishing radius
 /// also finds the passage of a triangle that slides in its own plane, where the coplanarity cubic (Provot 1997, thesis
-/// equation 4.2) vanishes. The root of the cubic then refines the time to rounding.
+/// equations 4.2 and 4.5) vanishes. The root of the cubic then refines the time to rounding.
 [[nodiscard]] PointPassage point_passage(const Vec3& point, const MovingTriangle& triangle) HAPTIC_RT;
 
 }  // namespace haptic::sim

@@ -1,5 +1,5 @@
-// Includes nothing of the contact code but the recorded path: a judge must not share its mistakes. So it has its own
-// box type, too.
+// Includes only the recorded path of the contact code, so that the check cannot share its mistakes. For the same reason
+// it has its own box type.
 #include "contact/verification.hpp"
 
 #include <algorithm>
@@ -47,7 +47,7 @@ bool origin_inside(const Corners& x) {
     const double area2 = glm::dot(n, n);
     const double longest2 = std::max(glm::dot(x[1] - x[0], x[1] - x[0]), glm::dot(x[2] - x[0], x[2] - x[0]));
     if (area2 <= kLineTolerance * longest2 * longest2) {
-        return false;  // a line is not a surface
+        return false;  // degenerate: a line has no face to cross
     }
     // Inside: the origin is on the inner side of all three edges.
     for (std::size_t k = 0; k < 3; ++k) {
@@ -114,7 +114,7 @@ class Cubic {
   private:
     [[nodiscard]] double value(double s) const { return ((c_[3] * s + c_[2]) * s + c_[1]) * s + c_[0]; }
 
-    /// Roots of the derivative in rising order; 2 where there is none. The larger one by the form without cancellation.
+    /// Roots of the derivative in rising order, without cancellation; 2 where there is none.
     [[nodiscard]] std::array<double, 2> extrema() const {
         const double a = 3.0 * c_[3];
         const double b = c_[2];

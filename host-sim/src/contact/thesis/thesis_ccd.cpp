@@ -162,12 +162,13 @@ ThesisContact thesis_triangle_ccd(const Vec3& center, double radius, const Movin
     contact.at = closest_point_on_triangle(Vec3(0.0), at(time));
     const double distance = std::sqrt(contact.at.squared_distance);
     if (contact.at.feature == Feature::Face || distance <= kOnBorder * extent) {
+        // Equation 4.8, the set S: the centre is inside the triangle.
         contact.feature = Feature::Face;
-        // There is no root before t_mu, so the centre is on the same side until then.
+        // There is no root before t_mu, so half-way there the cubic tells the side where the centre started.
         const double side = value(cubic, 0.5 * time) > 0.0 ? -1.0 : 1.0;
         contact.normal = unit(normal_of(at(1.0))) * side;
-        // Equation 4.11: the triangle is within the radius.
     } else if (distance < radius) {
+        // Equation 4.11, the set W: the triangle is within the radius, so an edge or a vertex touches.
         contact.feature = contact.at.feature;
         contact.normal = contact.at.point * (-1.0 / distance);
     }
@@ -210,6 +211,7 @@ SecurePosition thesis_secure_position(std::span<const MovingSurface> surfaces, c
         result.advances = 1;
         // Line 4: the touched material point at t = 1, offset by the radius along the normal.
         if (face.found) {
+            // At t_mu the path passes next to the face, on the centre's side.
             const TriangleCorners at_contact = corners_of(motion, first.triangle, contact.time);
             const double side =
                 glm::dot(normal_of(corners_of(motion.end, motion.triangles[first.triangle])), contact.normal) < 0.0
@@ -219,6 +221,7 @@ SecurePosition thesis_secure_position(std::span<const MovingSurface> surfaces, c
             result.position = blend(corners_of(motion.end, motion.triangles[first.triangle]), contact.at.weights) +
                               contact.normal * radius;
         } else {
+            // Line 7: out of the penetration, to the full radius from the closest point.
             result.position += contact.normal * (radius - std::sqrt(contact.at.squared_distance));
         }
     }

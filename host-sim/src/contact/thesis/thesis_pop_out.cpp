@@ -73,6 +73,7 @@ Vec3 from_border(const InRangeTriangle& t, const std::array<bool, 3>& beyond, co
         if (!beyond[k]) {
             continue;
         }
+        // Offset from the nearest point of the edge.
         const Vec3 d = p - t.edges[k].from;
         const Vec3 offset = d - t.edges[k].along * std::clamp(glm::dot(d, t.edges[k].along), 0.0, t.edges[k].length);
         const double squared = glm::dot(offset, offset);
@@ -84,13 +85,15 @@ Vec3 from_border(const InRangeTriangle& t, const std::array<bool, 3>& beyond, co
     return nearest;
 }
 
-/// CalculatePenetration (line 10): distance and direction from the triangle to the centre, if nearer than `threshold`.
+/// Test of line 9 and CalculatePenetration of line 10: distance and direction from the triangle to the centre, if
+/// nearer than `threshold`.
 bool penetrates(const InRangeTriangle& t, const Vec3& p, double threshold, double& distance, Vec3& direction) noexcept {
     // Far from the plane: no penetration.
     const double height = glm::dot(t.normal, p - t.edges[0].from);
     if (std::abs(height) >= threshold) {
         return false;
     }
+    // Edges with the point on their outer side.
     std::array<bool, 3> beyond{};
     for (std::size_t k = 0; k < 3; ++k) {
         beyond[k] = !(glm::dot(t.edges[k].outward, p - t.edges[k].from) < 0.0);
