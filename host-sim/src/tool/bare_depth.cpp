@@ -9,7 +9,7 @@ namespace {
 constexpr double kRelativeError = 0.01;
 constexpr int kMaxDivisions = 60;  // bisections: down to 2^-30 of a side
 
-/// The triangle with its corners rotated so that the longest side runs from a to b.
+/// The triangle with its corners permuted cyclically so that the longest side runs from a to b.
 TriangleCorners longest_first(const TriangleCorners& t) {
     const Vec3 ab = t.b - t.a;
     const Vec3 bc = t.c - t.b;

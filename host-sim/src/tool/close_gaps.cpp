@@ -99,8 +99,8 @@ void fill_line(std::span<const Ball> given, const NetTriangle& line, double reso
                                 " spheres; use larger spheres");
 }
 
-/// Adds a ball at the uncovered point farthest from all balls, again and again, until the triangle or segment is
-/// covered or no ball may be there. Its radius is interpolated between the corners'.
+/// Repeatedly adds a ball at the uncovered point farthest from all balls, until the triangle or segment is covered or
+/// no ball may be there. Its radius is interpolated between those at the corners.
 void fill_rest(std::span<const Ball> given, const NetTriangle& t, double resolution, const RadiusLimit& limit,
                std::vector<Ball>& all) {
     const TriangleCorners corners = corners_of(given, t);

@@ -55,6 +55,7 @@ PressureMask::PressureMask(const TriangleMesh& rest, const Skin& skin, std::span
         furthest = std::max({furthest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
     }
     cell_size_ = std::max({radius, 1e-6 * furthest, std::numeric_limits<double>::min()});
+    // Vertices sorted by cell, so that find_vertices() can search for a cell.
     grid_.reserve(rest_.size());
     for (std::uint32_t j = 0; j < rest_.size(); ++j) {
         grid_.push_back({cell_of(rest_[j]), j});
@@ -97,8 +98,9 @@ void PressureMask::find_vertices(const Vec3& centre) {
 }
 
 void PressureMask::find_particles() {
+    // Clear only the slots that the last call set.
     for (const Pressed& p : particles_) {
-        slot_[p.index] = kNone;  // clear only what the last call set
+        slot_[p.index] = kNone;
     }
     particles_.clear();
     // W_i = sum over j of w_j b_ji
@@ -108,6 +110,7 @@ void PressureMask::find_particles() {
             if (!(carried.weight[k] > 0.0)) {
                 continue;
             }
+            // First vertex of this particle: give it a slot.
             const std::uint32_t i = carried.particle[k];
             if (slot_[i] == kNone) {
                 slot_[i] = static_cast<std::uint32_t>(particles_.size());
@@ -122,6 +125,7 @@ PressedPatch PressureMask::center_on(const SurfacePoint& touched, std::span<cons
     const Triangle& corners = triangles_[touched.triangle];
     find_vertices(touched.weights.x * rest_[corners[0]] + touched.weights.y * rest_[corners[1]] +
                   touched.weights.z * rest_[corners[2]]);
+    // No vertex within R: the touched triangle's corners, by the barycentric weights of the point.
     if (vertices_.empty()) {
         vertices_.assign(
             {{corners[0], touched.weights.x}, {corners[1], touched.weights.y}, {corners[2], touched.weights.z}});
@@ -153,7 +157,8 @@ void PressureMask::press(const Vec3& force, std::span<Vec3> particle_force) cons
 }
 
 double contact_damping(double share, double patch_mass, double step_s, const Coupling& coupling) noexcept {
-    const double damping = share * coupling.hunt_crossley_damping;  // k d c; implicit in v' = v - F h / m below
+    const double damping = share * coupling.hunt_crossley_damping;  // k d c
+    // Implicit Euler: evaluating the damping at v' = v - F h / m divides it by 1 + k d c h / m.
     const double mass = patch_mass > coupling.tied_mass ? patch_mass : coupling.tied_mass;
     return damping / (1.0 + damping * step_s / mass);
 }

@@ -278,7 +278,7 @@ class Net {
         }
     }
 
-    /// Every grid line enters the skin as often as it leaves, so a net has a multiple of four triangles; the thesis'
+    /// Every grid line enters the body as often as it leaves it, so a net has a multiple of four triangles; the thesis'
     /// hand has two more. Splitting one edge adds two.
     void split_longest_edge(TriangleMesh& mesh) const {
         // The longest edge yields the best-shaped halves.
@@ -348,7 +348,7 @@ constexpr std::array<double, kJointsOfFinger> kFingerBends{1.535, 2.0, 1.04};
 // Of the thumb's joints: 53 and 70 degrees toward the fingers. Its first joint opposes it to them before it bends.
 constexpr std::array<double, kJointsOfFinger> kThumbBends{0.0, 1.0, 1.4};
 constexpr Vec3 kThumbOpposedDirection{0.02, -0.34, -0.13};
-constexpr double kThumbOpposedCurl = 0.1;  // curl
+constexpr double kThumbOpposedCurl = 0.1;  // curl at which the opposition is complete
 constexpr Vec3 kPalmDirection{0.0, -1.0, 0.0};
 constexpr Vec3 kThumbBendDirection{0.1, 0.25, -1.0};  // after opposition
 
@@ -402,7 +402,7 @@ ToolSkeleton make_hand_skeleton(double length) {
         const Vec3 bend_direction = is_thumb ? glm::transpose(opposed) * kThumbBendDirection : kPalmDirection;
         for (std::size_t k = 0; k < kJointsOfFinger; ++k) {
             const auto number = static_cast<std::uint32_t>(hand.joints.size());
-            // The first joint of a finger hangs on the palm, the others on the joint before.
+            // The parent of a finger's first joint is the palm; that of the others is the joint before.
             ToolJoint joint{.parent = k == 0 ? kPalmJoint : number - 1, .position = finger[k].center};
             // The thumb opposes the fingers early, then bends with them.
             if (is_thumb && k == 0) {

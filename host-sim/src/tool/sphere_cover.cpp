@@ -29,7 +29,7 @@ constexpr double kMaxCuts = 64.0;  // subdivisions of a triangle's side for samp
 constexpr double kOnPlane = 1e-9;  // part of the mesh's size
 constexpr int kMaxShrinkings = 30;
 constexpr double kConverged =
-    1.0 - 1e-3;  // shrinking stops when no sample is deeper inside the ball than this part of its radius
+    1.0 - 1e-3;  // shrinking stops when no sample is nearer to the ball's centre than this part of its radius
 constexpr int kHalvings = 14;
 constexpr int kRelaxations = 40;
 constexpr int kMaxGrowthRounds = 24;
@@ -85,7 +85,7 @@ std::vector<Sample> sample(const TriangleMesh& mesh, double pitch) {
     // The back faces of a double-faced mesh would repeat every sample.
     const std::size_t count = mesh.double_faced ? mesh.triangles.size() / 2 : mesh.triangles.size();
     for (std::size_t t = 0; t < count; ++t) {
-        // Subdivide the triangle until its pieces are smaller than the pitch.
+        // Sides and normal; a degenerate triangle has no normal and gives no samples.
         const auto& [i, j, k] = mesh.triangles[t];
         const Vec3& a = mesh.vertices[i];
         const Vec3 u = mesh.vertices[j] - a;
@@ -95,7 +95,7 @@ std::vector<Sample> sample(const TriangleMesh& mesh, double pitch) {
         if (!(twice_area > 0.0)) {
             continue;
         }
-        // Pieces somewhat longer than the pitch suffice: their centroids are about a pitch apart.
+        // Subdivide into pieces of at most 1.4 pitches, whose centroids are about a pitch apart.
         const double longest = std::sqrt(std::max({glm::dot(u, u), glm::dot(v, v), glm::dot(u - v, u - v)}));
         const int cuts = static_cast<int>(std::clamp(std::ceil(longest / (1.4 * pitch)), 1.0, kMaxCuts));
         for (int row = 0; row < cuts; ++row) {
@@ -258,8 +258,8 @@ class Candidates {
         return weighted_ ? std::sqrt(size_ / largest) : size_;
     }
 
-    /// From now on divides misses by the square root of the ball's radius, so that thin parts are met more closely. No
-    /// effect for an open mesh or a fixed radius.
+    /// From now on divides misses by the square root of the ball's radius, so that thin parts are covered more closely.
+    /// No effect for an open mesh or a fixed radius.
     void weight_by_radius() noexcept { weighted_ = closed_ && !(fixed_ > 0.0); }
 
     /// Distance by which a ball misses a sample, m; weighted if weight_by_radius() was called. At a fixed radius, at
@@ -551,7 +551,7 @@ std::vector<Ball> refined(const TriangleMesh& mesh, const Candidates& candidates
                     // At the new centre the ball is again as large as fits.
                     tried.radius = std::min(surface.distance(tried.centre), max_radius);
                     const double worst = worst_of(tried);
-                    // Small gains are not worth a move; they would only creep.
+                    // Accept only gains that are worth a move.
                     if (worst < min_miss - kMinGain * step_length) {
                         min_miss = worst;
                         moved[k] = tried;
@@ -618,13 +618,13 @@ std::vector<Ball> spheres_of(const TriangleMesh& mesh, const Candidates& candida
     }
     // Points between samples are missed by more. The ball nearest to the worst of them takes half of the difference.
     for (int round = 0; round < kMaxGrowthRounds; ++round) {
-        // Proud: how far the farthest-grown ball stands out of the mesh.
+        // Proud: largest distance by which a grown ball stands out of the mesh.
         double proud = 0.0;
         for (std::size_t k = 0; k < balls.size(); ++k) {
             proud = std::max(proud, balls[k].radius - inner[k].radius);
         }
         const BareDepth bare = bare_depth(mesh, balls);
-        // Balanced: the surface is hardly farther outside the balls than these are outside the surface.
+        // Balanced: bare exceeds proud by at most the factor kBalanced.
         if (bare.bound() <= kBalanced * proud) {
             break;
         }

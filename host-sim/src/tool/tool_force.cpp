@@ -10,7 +10,7 @@ namespace {
 
 /// Spring force of a particle at its contacts, without damping.
 struct SpringForce {
-    ContactShares normal{};      // N, tangential each normal
+    ContactShares normal{};      // N, along each normal
     FrictionParts tangential{};  // N, per contact
 };
 
@@ -60,7 +60,7 @@ struct PressContext {
     double mass_part = 1.0;  // part of a patch's mass per particle: if all press on one patch, their damping together
                              // must not reverse it
     bool use_positions = false;
-    bool has_friction = false;  // surfaces hold by friction
+    bool has_friction = false;  // the surfaces have friction
 };
 
 /// Force on the particle (N, returned); its opposite goes to the touched bodies. Adds to `damping` (N*s/m).
@@ -146,7 +146,7 @@ ToolForce ToolPress::press(const ToolProxies& tool, const PressSettings& setting
         .use_positions = coupling.multi_rate == MultiRate::Positions,
         .has_friction = tool.has_friction()};
     const double stiffness = settings.gain * coupling.stiffness / particle_count;
-    // k_t / k. In series the rotational spring makes the torque of the normal forces, arms included.
+    // k_t / k. In series solve_series() gives the torque of the normal forces, and the ratio is 1 for the rest.
     const double torque_ratio =
         series || !(coupling.stiffness > 0.0) ? 1.0 : torque_stiffness_of(coupling) / coupling.stiffness;
     if (series) {
@@ -163,13 +163,14 @@ ToolForce ToolPress::press(const ToolProxies& tool, const PressSettings& setting
             series ? spring_force_of(p, rows, context.has_friction)
                    : spring_force_of(p, stiffness, context.use_positions, context.has_friction);
         const Vec3 force = press_particle(p, spring_force, context, result.damping);
-        // Eq. of section 5.2.2: T += (k_t / k) r_i x f_i; in series only for damping and friction, which the rows lack.
+        // Section 5.2.2: T += (k_t / k) r_i x f_i; in series only for damping and friction, which the rows lack.
         const Vec3 torque_force = series ? force - sum_of(spring_force.normal, p.contacts) : force;
         result.force += force;
         result.torque += torque_ratio * glm::cross(p.goal - tool.hip().position, torque_force);
         result.depth = std::max(result.depth, glm::length(p.held_at - p.goal));
     }
-    // The haptic loop divides the damping by N, unless in series.
+    // The haptic loop divides the damping of a frame by N, unless in series: report the mean per particle in contact,
+    // times N.
     result.damping *= series ? 1.0 : particle_count / collided;
     return result;
 }

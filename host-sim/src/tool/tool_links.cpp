@@ -73,7 +73,7 @@ void ToolProxies::record_starts() {
 }
 
 void ToolProxies::block(std::size_t particle, const SurfacePlane& plane) {
-    // The barrier is parallel to the surface and passes through the particle's start: it may slide, but not approach.
+    // The barrier is parallel to the surface and passes through the particle's start: the particle may slide along it.
     Start& start = starts_[particle];
     const ToolProxy& p = particles_[particle];
     SurfacePlane barrier = plane;
@@ -82,7 +82,8 @@ void ToolProxies::block(std::size_t particle, const SurfacePlane& plane) {
     if (glm::dot(plane.normal, p.goal) >= barrier.offset) {
         return;  // this particle's goal is on the free side; the other one crosses
     }
-    // With no room left the newest barrier replaces the last one. Repeat the move from its start within the barriers.
+    // If all planes are used, the new barrier replaces the last one. Repeat the move from its start within the
+    // barriers.
     start.barriers.count = std::min<std::uint32_t>(start.barriers.count, kMaxSurfacePlanes - 1);
     start.barriers.plane[start.barriers.count++] = barrier;
     restore_start(particle);
@@ -134,7 +135,7 @@ void ToolProxies::block_crossing_links() {
     for (Start& start : starts_) {
         start.barriers.count = 0;
     }
-    // Gauss-Seidel over the links: block what crosses with the particles where they are now.
+    // Gauss-Seidel over the links: test each with its particles' latest positions, and block those that cross.
     bool crosses = true;
     for (int round = 0; crosses && round < kRounds; ++round) {
         crosses = false;

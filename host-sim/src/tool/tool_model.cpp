@@ -65,10 +65,12 @@ double longest_side(const TriangleMesh& mesh) {
 
 TriangleMesh mesh_of_file(const ToolSettings& settings) {
     MeshFileSettings reading;
+    // A given scale keeps the file's origin.
     if (settings.file_scale > 0.0) {
         reading.scale = settings.file_scale;
         return load_mesh(settings.file, reading);
     }
+    // Without one, the mesh is centred and its longest side becomes `length`.
     TriangleMesh mesh = load_mesh(settings.file, reading);
     Vec3 middle(0.0);
     const Vec3 size = size_of(mesh, middle);
@@ -107,6 +109,7 @@ void add_row(std::vector<Ball>& balls, std::size_t count, double first, double l
 /// `count` spheres in a row for a rod, a probe or a sphere.
 std::vector<Ball> row_of(const ToolSettings& settings, std::size_t count) {
     std::vector<Ball> balls;
+    // Radius of the shaft, and z of the last sphere's centre, so that it ends where the shaft ends.
     const double shaft = 0.5 * settings.thickness;
     const double end = 0.5 * settings.length - shaft;
     switch (settings.shape) {
@@ -127,6 +130,7 @@ std::vector<Ball> row_of(const ToolSettings& settings, std::size_t count) {
             add_row(balls, count, 0.0, 0.0, settings.ball_radius);
             break;
     }
+    // A radius that is set overrides all.
     for (Ball& ball : balls) {
         ball.radius = settings.radius > 0.0 ? settings.radius : ball.radius;
     }
@@ -148,6 +152,7 @@ std::vector<Ball> row_for(const ToolSettings& settings, const TriangleMesh& mesh
     if (settings.spheres > 0) {
         return row_of(settings, settings.spheres);
     }
+    // Refuse an error that even the largest number of spheres exceeds.
     const double max_error = requested_error(settings, mesh);
     const auto error_of = [&](std::size_t count) { return measure_cover(mesh, row_of(settings, count)); };
     const auto enough = [&](const CoverError& error) { return std::max(error.bare, error.proud) <= max_error; };
@@ -174,6 +179,7 @@ std::vector<Ball> spheres_for(const ToolSettings& settings, const TriangleMesh& 
     }
     CoverSettings cover;
     cover.count = settings.spheres;
+    // Default of the generated hand: the number of the thesis (section 5.5.1).
     if (settings.file.empty() && settings.spheres == 0 && settings.cover_error == 0.0) {
         cover.count = kHandSpheres;
     }
@@ -276,7 +282,7 @@ ToolModel make_tool(const ToolSettings& settings) {
             placed = build_body_at(mesh, centres_of(balls), builder);
         }
     }
-    // Measured on the net of the original spheres: added ones cover it.
+    // Gap and cover error with all spheres. The net is that of the original ones: added ones cover it.
     tool.widest_gap = widest_gap(balls, net);
     const CoverError error = measure_cover(mesh, balls);
     tool.cover_error = std::max(error.bare, error.proud);
@@ -284,6 +290,7 @@ ToolModel make_tool(const ToolSettings& settings) {
     for (const Ball& ball : balls) {
         tool.radius.push_back(ball.radius);
     }
+    // Body in the grip frame; the joints need the particles there.
     tool.body = std::move(placed.body);
     tool.body.name = name_of(settings);
     place(tool.body, settings.grip);

@@ -162,12 +162,12 @@ void ToolProxies::find_secure_positions() {
     effort_ = {};
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         ToolProxy& p = particles_[i];
-        // The surfaces carry a sticking particle from here (friction).
+        // Start of the step, from which the surfaces carry a sticking particle (friction).
         last_position_[i] = p.position;
         if (!paths_.empty()) {
             paths_[i].restart(p.position);
         }
-        // Section 4.2.2: move with the surfaces as they swept through the last step.
+        // Section 4.2.2: secure position after the surfaces have moved through the step.
         const SecurePosition secure =
             secure_position(contact_candidates_.of(i), p.position, p.radius, settings_.contact, path_of(i));
         p.position = secure.position;
@@ -197,7 +197,7 @@ void ToolProxies::move_toward(std::size_t particle, const Vec3& goal) {
     const ProxyMove move = move_proxy(contact_candidates_.of(particle),
                                       {.before = last_position_[particle], .from = p.position, .goal = goal}, p.radius,
                                       settings_.step, settings_.contact, p.friction, path_of(particle));
-    // Contacts found here hold the particle unless revise() updates them.
+    // revise() may replace these contacts once the constraints have moved the particle.
     p.position = p.held_at = p.touches_at = move.position;
     p.contacts = move.contacts;
     p.revised = false;
@@ -219,7 +219,7 @@ void ToolProxies::move_to_goals() {
 }
 
 void ToolProxies::project_constraints() {
-    // p_start. Particles in contact under friction are fixed, so that the constraints fit the others to them.
+    // Start at p_start. Particles in contact under friction are fixed, so that the constraints fit the others to them.
     ParticleModel& model = body_.particles;
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         model.position[i] = particles_[i].position;
@@ -246,7 +246,7 @@ void ToolProxies::revise() {
     }
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         ToolProxy& p = particles_[i];
-        // A particle that the constraints left alone needs no second move.
+        // A particle that the constraints did not move needs no half-CCD.
         Vec3& constrained = body_.particles.position[i];  // p: result of the constraints
         if (constrained == p.position) {
             continue;
@@ -323,7 +323,7 @@ void ToolProxies::fit_pose() {
 }
 
 void ToolProxies::collect_speculative_planes() {
-    // Planes start from the contact planes, seen from where these touch the particle.
+    // Query at the position where the contact planes touch the particle; they come first in the result.
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         const ToolProxy& p = particles_[i];
         speculative_tasks_[i] = {
