@@ -113,7 +113,7 @@ void ConstraintBatches::set_softness(double h) noexcept {
 }
 
 void ConstraintBatches::batch_links(const ParticleModel& model, const std::vector<std::uint32_t>& links) {
-    // Links of one colour share no particle, so a vector of them can be projected at once.
+    // Links of one colour share no particle, so one vector projects several at once.
     const auto colours = colour_links(model, links);
     link_colours_ += colours.size();
     // Each end's share of the correction, stiffness * w / (w_a + w_b).

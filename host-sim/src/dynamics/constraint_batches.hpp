@@ -1,7 +1,8 @@
 // Constraint batches: a model's constraints in the order and layout in which the kernels project them.
 //
-// Constraints of one colour share no particle, so their order changes no bit of the result. Groups of a colour are
-// sorted by size, to make batches even, and divided into batches of one constraint per lane.
+// Constraints of one colour share no particle, so their order changes no bit of the result. Groups of several colours
+// are collected in rounds, which share no particle either, sorted by size, to make batches even, and divided into
+// batches of one constraint per lane.
 #pragma once
 
 #include <cstddef>

@@ -7,6 +7,7 @@
 namespace haptic::sim {
 
 Vec3 offset_at(const Motion& motion, double time_s) noexcept {
+    // A repeated motion continues from its start; another one stays at its end.
     const double period = motion.times.back();
     if (motion.repeat && period > 0.0) {
         time_s -= period * std::floor(time_s / period);
@@ -14,6 +15,7 @@ Vec3 offset_at(const Motion& motion, double time_s) noexcept {
     if (time_s >= period) {
         return motion.offsets.back();
     }
+    // Linear interpolation between the two key times around time_s.
     std::size_t next = 1;
     while (motion.times[next] <= time_s) {
         ++next;
@@ -23,6 +25,7 @@ Vec3 offset_at(const Motion& motion, double time_s) noexcept {
 }
 
 void place(DeformableBody& body, const Placement& placement) {
+    // Mesh and particles move rigidly: p -> x + R p.
     const Mat3 rotation = to_matrix(placement.orientation);
     const auto move = [&](Vec3& p) { p = placement.position + rotation * p; };
     for (Vec3& vertex : body.mesh.vertices) {
@@ -32,6 +35,7 @@ void place(DeformableBody& body, const Placement& placement) {
     for (std::size_t i = 0; i < model.size(); ++i) {
         move(model.rest_position[i]);
         move(model.position[i]);
+        // Orientations and velocities rotate; free particles also get the velocity of the placement.
         model.axes[i] = placement.orientation * model.axes[i];
         model.velocity[i] = rotation * model.velocity[i];
         model.angular_velocity[i] = rotation * model.angular_velocity[i];
@@ -39,6 +43,7 @@ void place(DeformableBody& body, const Placement& placement) {
             model.velocity[i] += placement.velocity;
         }
     }
+    // Offsets of scripted motions are vectors: rotated, not moved.
     for (Motion& motion : body.motions) {
         for (Vec3& offset : motion.offsets) {
             offset = rotation * offset;

@@ -72,11 +72,13 @@ void ParticleModel::add(const Vec3& at, double particle_mass, double particle_ra
 }
 
 void ParticleModel::append(const ParticleModel& other) {
+    // A model without a list of bodies is one body.
     const auto first = static_cast<std::uint32_t>(size());
     const auto join = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
     if (bodies.empty() && first > 0) {
         bodies.push_back({0, first});
     }
+    // Per-particle arrays.
     join(rest_position, other.rest_position);
     join(mass, other.mass);
     join(radius, other.radius);
@@ -87,6 +89,7 @@ void ParticleModel::append(const ParticleModel& other) {
     join(velocity, other.velocity);
     join(orientation, other.orientation);
     join(angular_velocity, other.angular_velocity);
+    // Indices of groups, links and bodies are shifted by the particles before.
     for (Group group : other.groups) {
         group.centre += first;
         for (std::uint32_t& member : group.members) {
@@ -108,6 +111,7 @@ void ParticleModel::append(const ParticleModel& other) {
 }
 
 void ParticleModel::check() const {
+    // One element per particle in each array.
     const std::size_t n = size();
     for (const std::size_t other : {rest_position.size(), mass.size(), radius.size(), semi_axes.size(), axes.size(),
                                     pinned.size(), velocity.size(), orientation.size(), angular_velocity.size()}) {
@@ -115,6 +119,7 @@ void ParticleModel::check() const {
             throw std::invalid_argument("particle model: arrays of different lengths");
         }
     }
+    // Constants of the particles, then the state.
     for (std::size_t i = 0; i < n; ++i) {
         if (!(mass[i] > 0.0) || !std::isfinite(mass[i]) || !(radius[i] >= 0.0) || !std::isfinite(radius[i])) {
             refuse("particle", i, "needs a positive mass and a radius of at least 0");
@@ -130,6 +135,7 @@ void ParticleModel::check() const {
     if (!is_finite(*this)) {
         throw std::invalid_argument("particle model: state is not finite");
     }
+    // Bodies and constraints refer to existing particles, with constants in range.
     check_bodies(*this);
     for (std::size_t g = 0; g < groups.size(); ++g) {
         check_group(*this, g);
@@ -173,7 +179,7 @@ double kinetic_energy(const ParticleModel& model) {
 }
 
 bool is_finite(const ParticleModel& model) {
-    // 0 * x is 0 for a finite x and not a number otherwise: one test at the end, and a loop without branches.
+    // 0 * x is 0 for a finite x and NaN otherwise, so one test after a loop without branches suffices.
     double sum = 0.0;
     for (std::size_t i = 0; i < model.size(); ++i) {
         const Vec3& x = model.position[i];

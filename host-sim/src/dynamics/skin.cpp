@@ -68,6 +68,7 @@ Skinner::Skinner(std::span<const Vec3> rest, const ParticleModel& model, const S
         throw std::invalid_argument("skin: " + std::to_string(skin.size()) + " elements for " +
                                     std::to_string(rest.size()) + " vertices");
     }
+    // Flat arrays for the kernel. Cloth, whose vertices are its particles, needs no skinning.
     one_to_one_ = rest.size() == model.size();
     for (std::size_t j = 0; j < skin.size(); ++j) {
         check(skin[j], j, model.size());
@@ -97,6 +98,7 @@ bool Skinner::has_moved(const ParticleModel& model, const Part& part) const noex
 }
 
 void Skinner::skin_vertices(const ParticleModel& model, const Part& part, std::span<Vec3> vertices) {
+    // Record the pose for has_moved().
     for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
         skinned_position_[i] = model.position[i];
         skinned_orientation_[i] = model.orientation[i];
@@ -115,6 +117,7 @@ void Skinner::skin_vertices(const ParticleModel& model, const Part& part, std::s
         set_row(frame_[i].row[2], rotation.z);
         set_row(frame_[i].row[3], lane(model.position[i]) - rotation * lane(rest_position_[i]));
     }
+    // Linear blend skinning: each vertex by the weighted sum of its particles' transforms.
     static_assert(sizeof(Vec3) == 3 * sizeof(double) && SkinVertex::kMax == kParticlesPerVertex);
     const SkinningTask task{.vertices = part.vertices,
                             .particle = particle_.data() + part.first_vertex * SkinVertex::kMax,

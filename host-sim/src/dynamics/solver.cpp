@@ -217,7 +217,7 @@ std::size_t ParticleSolver::link_colours() const noexcept {
 }
 
 void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, SolverContacts* contacts) {
-    // Sub-steps: as set, or more if bodies approach so fast that they could pass through one another.
+    // Sub-steps: as configured, or more if bodies approach so fast that they could pass through one another.
     const int substeps =
         std::max(settings_.substeps, contacts == nullptr ? 1 : contacts->substeps(model, settings_.step));
     const double h = settings_.step / substeps;
@@ -305,7 +305,7 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
     for (std::size_t i = 0; i < model.size(); ++i) {
         const Quat& q = model.orientation[i];
         state_->before[i] = state_->orientation[i] = {{q.w, q.x, q.y, q.z}};
-        // Pinned particles follow their own velocities. Those at rest keep all bits.
+        // Pinned particles follow their own velocities. Those at rest keep their positions bit for bit.
         if (model.pinned[i] != 0) {
             predicted_[i] = model.velocity[i];
             const bool still = predicted_[i] == Vec3(0.0);
@@ -360,7 +360,7 @@ void ParticleSolver::update(ParticleModel& model, double h) {
 }
 
 void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& body, double h) {
-    // Momenta that the projections have lost, about the centre of mass: sum m (v_predicted - v) and sum p x that.
+    // Momenta lost by the projections, about the centre of mass: sums of m (v_predicted - v) and of p x that vector.
     const Vec3 centre = centre_of_mass(model, body);
     double mass = 0.0;
     Vec3 linear(0.0);
@@ -374,7 +374,7 @@ void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& 
         angular += glm::cross(p, lost);
         add_outer(scatter, model.mass[i], p, p);
     }
-    // Lost linear momentum as a velocity: rounding alone, since every projection conserves it.
+    // Velocity of the lost linear momentum. It is rounding error alone, since every projection conserves momentum.
     linear /= mass;
     // Add them back as a rigid motion, dv + w x p, to velocities and predicted positions.
     const Vec3 omega = settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0);

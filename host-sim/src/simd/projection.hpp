@@ -1,8 +1,8 @@
 // Constraint projection: the constraints of a model in batches, and the kernels that project them. The equations are in
 // haptic/sim/solver.hpp.
 //
-// A batch holds one constraint per lane, all of the same colour. Constant data lies in the order in which it is read,
-// one number per lane; particles are gathered into lanes and scattered back.
+// A batch holds one constraint per lane; no two of them share a particle. Constant data lies in the order in which it
+// is read, one number per lane; particles are gathered into lanes and scattered back.
 //
 // Positions are double, projections are float. The offset between two particles at the start of a sub-step is computed
 // in double and then rounded; after that only displacements within the sub-step count. Rounding is therefore relative
@@ -73,9 +73,9 @@ struct GroupBatch {
     std::uint32_t slots;       // members of the largest group
 };
 
-/// Batches of one colour that pass through the phases of the projection together. Phases that exchange their results in
-/// memory are 5 to 7 % faster than one long function, which moves more numbers between registers and stack. The number
-/// of batches in a run, from 1 to 8, made no measurable difference on Zen 5.
+/// Batches of one round (constraint_batches.hpp) that pass through the phases of the projection together. Phases that
+/// exchange their results in memory are 5 to 7 % faster than one long function, which moves more numbers between
+/// registers and stack. The number of batches in a run, from 1 to 8, made no measurable difference on Zen 5.
 struct GroupRun {
     std::uint32_t first_batch;
     std::uint32_t batches;  // 1..kMaxBatchesInRun
