@@ -50,7 +50,7 @@ unsigned slot_bits_for(std::size_t boxes) noexcept {
 
 }  // namespace
 
-/// Writes candidate pairs that really overlap.
+/// Writes the candidate pairs whose exact boxes overlap.
 class SweptPairs::PairWriter {
   public:
     PairWriter(std::span<const SweptBox> boxes, std::span<BoxPair> pairs) noexcept : boxes_(boxes), pairs_(pairs) {}
@@ -183,7 +183,7 @@ std::size_t SweptPairs::find(std::span<const SweptBox> boxes, std::span<BoxPair>
     if (boxes.size() < 2) {
         return 0;
     }
-    // Lattice coordinates of bodies do not fit: use the grid.
+    // Body indices that do not fit into a lattice row: use the grid.
     const auto exceeds_int16 = [](const SweptBox& box) { return box.body >= kMaxBodies; };
     if (std::any_of(boxes.begin(), boxes.end(), exceeds_int16)) {
         return find_in_grid(boxes, pairs);

@@ -6,7 +6,7 @@
 namespace haptic::sim {
 namespace {
 
-/// Asks the processor once, at the first use.
+/// Detects the instruction sets of the processor once, at the first use.
 struct UsableKernels {
     std::array<const Kernels*, 4> entry{&kOneLaneKernels, &kBaselineKernels};
     std::size_t count = 2;
