@@ -59,7 +59,7 @@ Vec3 tangential(const Normals& normals, Vec3 v) HAPTIC_RT {
     return v;
 }
 
-/// Keeps the offset feasible: a plane that does not hold x0 may still block x0 + offset. Returns the offset to the
+/// Keeps the offset feasible: a plane that is inactive at x0 may still block x0 + offset. Returns the offset to the
 /// nearest feasible point, or, where project() finds none near enough, the part of the offset that is free.
 Vec3 feasible_offset(const LocalProxy& proxy, const Vec3& offset, std::span<const HalfSpace> planes) HAPTIC_RT {
     const LocalProxy moved = project(proxy.position + offset, planes);
@@ -69,7 +69,7 @@ Vec3 feasible_offset(const LocalProxy& proxy, const Vec3& offset, std::span<cons
     // Largest fraction of the offset before some plane is crossed.
     double free = 1.0;
     for (const HalfSpace& plane : planes) {
-        // How far the offset goes towards the plane, and how far it may go.
+        // Approach of the offset to the plane, and the distance that is free.
         const double drop = -glm::dot(plane.normal, offset);
         const double room = std::max(0.0, glm::dot(plane.normal, proxy.position) - plane.offset);
         free = drop * free > room ? room / drop : free;

@@ -155,8 +155,8 @@ struct LeastViolated {
 /// Projection onto the feasible set: tries all active sets of one, two and three planes.
 NearestFeasible nearest_feasible(Planes planes, const Vec3& target, double tolerance, double max_move) HAPTIC_RT {
     NearestFeasible nearest{planes, target, tolerance, max_move};
-    // One active plane. No feasible point is nearer than a violation is deep, so a feasible point on one violated plane
-    // is the minimum, and no larger active set can be better.
+    // One active plane. No feasible point is nearer than the deepest violation, so a feasible point on one violated
+    // plane is the minimum, and no larger active set can be better.
     for (std::size_t i = 0; i < planes.size(); ++i) {
         if (const Equation on = on_plane(planes[i], target); on.value > 0.0) {
             nearest.consider({on.row * on.value, {on.value}}, {i});
@@ -241,7 +241,7 @@ LocalProxy project(const Vec3& target, std::span<const HalfSpace> all_planes) HA
 
     // Projection, or the least violated point if there is no feasible one near enough.
     const NearestFeasible nearest = nearest_feasible(planes, target, tolerance, max_move);
-    double active_violation = 0.0;  // m, the violation of the planes that hold the proxy
+    double active_violation = 0.0;  // m, violation of the active planes
     if (nearest.found) {
         proxy.position = nearest.position;
         proxy.multiplier = nearest.multiplier;
@@ -251,7 +251,7 @@ LocalProxy project(const Vec3& target, std::span<const HalfSpace> all_planes) HA
         proxy.feasible = false;
         active_violation = least.violated;
     }
-    // Active planes: those that the proxy touches, or violates like the worst.
+    // Active planes: those that the proxy lies on, or, if infeasible, violates as much as the worst.
     for (std::size_t k = 0; k < planes.size(); ++k) {
         if (violation(planes[k], proxy.position) >= active_violation - 2.0 * tolerance) {
             proxy.active = static_cast<std::uint8_t>(proxy.active | (1U << k));

@@ -24,7 +24,7 @@ struct LocalProxy {
 /// rounding. Constant time.
 ///
 /// Opposing planes that meet only 100 times their overlap away (an opening angle of half a degree) count as infeasible:
-/// a proxy that jumped there would be felt as a blow. In the infeasible case the position is the point of least
+/// a proxy that jumped there would be felt as an impact. In the infeasible case the position is the point of least
 /// violation nearest to the target: half-way for two opposing planes, and similarly for three that form a closed prism.
 /// A target or plane that is not finite or beyond 1e6 m gives no contact: position is the target if usable, else the
 /// origin, and feasible is false.

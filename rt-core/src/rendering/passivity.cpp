@@ -149,7 +149,7 @@ Passivity::Result Passivity::bound(const PassivityMotion& motion, const Passivit
     const double force_within = within * force;
     const double torque_within = within * torque;
 
-    // P = w . v and Q = |F|^2 / m + |T|^2 / I of the limited wrench, and its ramp time tau.
+    // P = w . v of the limited wrench.
     double power = 0.0;
     if (motion.elapsed_s > 0.0) {
         power =
@@ -157,7 +157,7 @@ Passivity::Result Passivity::bound(const PassivityMotion& motion, const Passivit
             (glm::dot(request.wrench.force, motion.displacement) + glm::dot(request.wrench.torque, motion.rotation)) /
             motion.elapsed_s;
     }
-    // Q, and the longer of the two ramp times to zero.
+    // Q = |F|^2 / m + |T|^2 / I, and the ramp time tau to zero: the longer of force and torque.
     const double acceleration_power =
         force_within * force_within / settings_.mass + torque_within * torque_within / settings_.inertia;
     const double ramp_s = std::max(force_within / limits_.force_rate, torque_within / limits_.torque_rate);
@@ -180,7 +180,7 @@ Passivity::Result Passivity::bound(const PassivityMotion& motion, const Passivit
     Result result{
         .wrench = {share * request.wrench.force, share * request.wrench.torque}, .scale = scale_, .acted = true};
     if (motion.elapsed_s > 0.0) {
-        // Brake -(1 - gamma) d v of translation and rotation.
+        // The motion per time is the velocity v of translation and rotation.
         const double part = (1.0 - scale_) / motion.elapsed_s;
         const Vec3 brake = part * settings_.brake * motion.displacement;
         const Vec3 turn_brake = part * settings_.rotational_brake * motion.rotation;
@@ -206,7 +206,7 @@ Passivity::Result Passivity::damp(const PassivityMotion& motion, const Passivity
         result.wrench.force -= alpha / motion.elapsed_s * motion.displacement;
         result.acted = true;
     }
-    // Torque -alpha omega while that of rotation is.
+    // Torque -alpha omega while the observer of rotation is in debt.
     if (rotation_ < 0.0 && motion.rotation != Vec3(0.0)) {
         const double alpha =
             paying_damping(-rotation_, motion.rotation, motion.elapsed_s, settings_.largest_rotational_damping);

@@ -9,7 +9,7 @@
 namespace haptic::rt {
 namespace {
 
-// Steps of a slow simulation for which a frame is fresh at least.
+// Minimum number of simulation steps for which a frame is fresh; decisive for slow simulations.
 constexpr std::int64_t kFreshSteps = 3;
 // As a starting stiffness: no interpolation, the frame's stiffness applies at once.
 constexpr double kImmediately = -1.0;
@@ -82,7 +82,7 @@ void FrameRenderer::render_frame(const GripMotion& grip, std::int64_t now_ns, st
     interpolate_stiffness(elapsed_ns);
     contact = rt::render(frame(), stiffness_, grip, now_ns, memory_);
     if ((frame().flags & HAPTIC_FRAME_HOLD_POSITIONS) != 0) {
-        follower_.restart();  // the thesis' scheme is rendered unchanged, with its steps
+        follower_.restart();  // the thesis' scheme is rendered unchanged, including its discontinuities
     }
     // Springs in series couple the depth of one particle to the orientation of all, with the geometric mean of the two
     // stiffnesses.
@@ -97,9 +97,10 @@ void FrameRenderer::render_frame(const GripMotion& grip, std::int64_t now_ns, st
                                        .max_moment_arm = contact.max_moment_arm,
                                        .in_contact = contact.in_contact > 0},
                                       1e-9 * static_cast<double>(elapsed_ns));
-    // Power of the moving surface, for the passivity observer: of the springs, and of what damping and the follower
-    // make the rendered force differ from theirs. An approaching surface works against the rendered force. A receding
-    // one takes at most what the springs give: with the hand at rest nothing else leaves them.
+    // Power of the moving surfaces, for the passivity observer: power at the springs, plus power of the difference
+    // between rendered and spring force, which is due to damping and the follower. An approaching surface works against
+    // the rendered force. A receding one takes at most the power of the springs: with the hand at rest nothing else
+    // leaves them.
     const double spring_power = contact.surface_power;
     const double power = spring_power + glm::dot(contact.wrench.force - contact.spring.force, contact.surface_velocity);
     contact.surface_power = power >= 0.0 ? power : std::min(0.0, std::max(power, spring_power));

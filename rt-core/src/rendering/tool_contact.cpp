@@ -13,9 +13,9 @@
 namespace haptic::rt {
 namespace {
 
-// Simulation steps for which planes are extrapolated at most: half a step of patience for a late frame.
+// Maximum number of simulation steps for which planes are extrapolated: half a step of margin for a late frame.
 constexpr double kHorizonSteps = 1.5;
-// Determinant of the normals' Gram matrix below which active planes count as parallel, and the deepest represents all.
+// Determinant of the normals' Gram matrix below which active planes count as parallel, and one represents all.
 constexpr double kParallel = 1e-9;
 // s, time constant with which a particle's sticking position moves to the simulation's.
 constexpr double kPullS = 0.1;
@@ -51,7 +51,7 @@ double surface_speed(const Vec3& n, const ProxyContact& contact, std::uint8_t ac
     if (speeds == Vec3(0.0)) {
         return 0.0;  // surfaces at rest, the usual case
     }
-    // Weights w = G^-1 (n_i . n). Parallel planes make G singular; then the deepest one decides.
+    // Weights w = G^-1 (n_i . n). Parallel planes make G singular; then the plane with the normal nearest to n decides.
     if (std::fabs(glm::determinant(gram)) < kParallel) {
         return along[deepest] * speeds[deepest];
     }
@@ -199,7 +199,7 @@ Particle Tool::locate(std::size_t i, FrictionState& friction, Planes& planes) HA
         const LocalProxy proxy = project(goal, used);
         particle.correction = proxy.position - goal;
         particle.active = proxy.active;
-        // Friction beside the projection.
+        // Friction offset from the frictionless proxy. A surface whose planes stand still carries no particle.
         if (moving_) {
             particle.surface_displacement = to_vec3(sent.surface_velocity) * grip_.elapsed_s;
         }
@@ -266,7 +266,7 @@ Contact Tool::render_mean(ToolMemory& memory) HAPTIC_RT {
     // k_t / k scales every torque.
     const double torque_ratio = stiffness_.force > 0.0 ? stiffness_.torque / stiffness_.force : 1.0;
     for (std::size_t i = 0; i < count_; ++i) {
-        // Only collided particles count. The others add nothing but the displacement of a free tool.
+        // Only collided particles count. The others only contribute to the displacement of a free tool.
         const Particle particle = locate(i, memory.friction[i], planes);
         const double depth = glm::length(particle.correction);
         if (particle.active == 0 || !(depth > 0.0)) {
@@ -279,7 +279,7 @@ Contact Tool::render_mean(ToolMemory& memory) HAPTIC_RT {
         const double speed = holds_positions() ? 0.0 : surface_speed(n, *particle.sent, particle.active);
         add_force(particle, {n, depth, speed, frame_->damping, stiffness_.force}, torque_ratio);
         contact_.stored += 0.5 * std::max(stiffness_.force, stiffness_.torque) * depth * depth;
-        // Its displacement relative to the planes that hold it, and to the surface that it sticks to.
+        // Its displacement relative to its active planes, and to the surface that it sticks to.
         const unsigned holding = holds_positions() ? 0u : particle.active;
         double displacement = relative_displacement(particle.displacement, *particle.sent, holding, grip_.elapsed_s);
         if (particle.has_friction) {
@@ -336,7 +336,7 @@ Contact Tool::render_in_series(ToolMemory& memory) HAPTIC_RT {
     rows = rows.first(row_count);
     // Solve all springs at once: the push of each row, and the total wrench.
     const Wrench pushed = memory.springs.solve(rows, {stiffness_.force, stiffness_.torque, gyration(squares_, count_)});
-    // Sum of the pushes, by which the frame's damping is shared out.
+    // Sum of the pushes, for the particles' shares of the frame's damping.
     double pushes = 0.0;  // N
     for (const SpringRow& row : rows) {
         pushes += row.push;

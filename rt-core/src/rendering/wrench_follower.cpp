@@ -8,7 +8,7 @@
 namespace haptic::rt {
 namespace {
 
-// 1: how much faster than the surface's motion implies the force may change.
+// Factor on the change of force that the motion of the surfaces implies; the excess over 1 serves to catch up.
 constexpr double kCatchUp = 1.5;
 // N/s: how fast the force may change at rest, 1 mN per millisecond.
 constexpr double kRateAtRest = 1.0;
