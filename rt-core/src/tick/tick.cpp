@@ -11,8 +11,7 @@
 namespace haptic::rt {
 namespace {
 
-// Periods; after an interruption, rate limits and ramps advance by at most this much, so that nothing catches up in one
-// step.
+// Periods; after an interruption, rate limits and ramps advance by at most this much, so that no output jumps.
 constexpr std::int64_t kMaxElapsedPeriods = 2;
 
 }  // namespace
@@ -189,7 +188,7 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
 }
 
 void Tick::check_health() HAPTIC_RT {
-    // Findings of this tick.
+    // Exchanges of the last tick; timing and pose of this one.
     TickHealth health;
     health.elapsed_ns = elapsed_ns_;
     health.exchange_ok = !exchange_failed_;
@@ -201,7 +200,7 @@ void Tick::check_health() HAPTIC_RT {
     const StringSuspicion& suspicion = string_monitor_.suspicion();
     health.suspects = suspicion.strings;
     health.slack = suspicion.strings != 0 && suspicion.slack == suspicion.strings;
-    // Suspects into the tick's flags; heat, residual and movement into the findings.
+    // Suspects as flags of the tick; motor load, residual and string movement.
     record_.flags |= std::uint32_t{suspicion.strings} << HAPTIC_TICK_SUSPECTS_SHIFT;
     health.overheated = thermal_.overheated();
     health.residual = estimate_.residual;
@@ -279,7 +278,7 @@ void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     // Wrench of the frame at this pose.
     const Twist& velocity = velocity_.twist();
     const FrameRenderer::Result rendered = renderer_.render(estimate_.pose, velocity, time.now_ns, elapsed_ns_);
-    // Keep what the records and the flags report of it.
+    // Values for the record and the flags.
     record_.proxy = rendered.contact.proxy;
     record_.in_contact = rendered.contact.in_contact;
     record_.frame_sequence = rendered.frame_sequence;
@@ -305,7 +304,7 @@ void Tick::limit_wrench(const Wrench& wanted) HAPTIC_RT {
     // held: the motors hold the last command that reached them, and the next one to arrive must not be far from it.
     const bool hold_wrench = state == SafetyState::Running && !in_ok_;
     const WrenchLimiter::Result limited = limiter_.apply(wanted, hold_wrench ? 0 : elapsed_ns_);
-    // Report what the limits cut. A fault fades out from the limited wrench.
+    // Report the limits that acted. A fault fades out from the limited wrench.
     set_flag(limited.size_limited, HAPTIC_TICK_FORCE_LIMITED);
     set_flag(limited.rate_limited, HAPTIC_TICK_SLEW_LIMITED);
     record_.rendered = limited.wrench;

@@ -17,12 +17,14 @@ void require(bool condition, const char* problem) {
 }  // namespace
 
 TickSettings checked(const TickSettings& settings) {
+    // Loop and device.
     const device::DeviceGeometry& geometry = settings.geometry;
     require(settings.period_ns > 0, "period_ns must be positive");
     require(settings.exchanges == 1 || settings.exchanges == 2, "exchanges must be 1 or 2");
     require(geometry.minimum_tension >= 0.0 && geometry.maximum_tension > geometry.minimum_tension,
             "the device's tensions must satisfy 0 <= minimum < maximum");
     require(settings.maximum_string_speed > 0.0, "maximum_string_speed must be positive");
+    // Ramps, limits and stiffnesses.
     require(settings.frames.stale_after_ns > 0 && settings.frames.fade_ns > 0 && settings.frames.ramp_ns > 0,
             "stale_after, fade and ramp times of frames must be positive");
     require(settings.safety.tension_ramp_ns > 0 && settings.safety.fault_fade_ns > 0 &&
@@ -34,6 +36,7 @@ TickSettings checked(const TickSettings& settings) {
     require(settings.tension_rate > 0.0, "tension_rate must be positive");
     require(settings.frames.largest_stiffness >= 0.0 && settings.frames.largest_rotational_stiffness >= 0.0,
             "the maximum stiffness must not be negative");
+    // Passivity controller.
     const PassivitySettings& passivity = settings.passivity;
     require(passivity.allowance >= 0.0 && passivity.store >= 0.0 && passivity.surface_power >= 0.0 &&
                 passivity.damping >= 0.0 && passivity.rotational_damping >= 0.0 && passivity.largest_damping >= 0.0 &&
@@ -53,6 +56,7 @@ TensionSettings tension_settings(const TickSettings& settings) {
     for (const device::StringFacts& string : settings.geometry.strings) {
         radius = std::max(radius, glm::length(string.grip));
     }
+    // Bounds of the tensions, weights of the quadratic programme, and the rate limit per tick.
     TensionSettings result;
     result.minimum = settings.geometry.minimum_tension;
     result.maximum = settings.geometry.maximum_tension;
@@ -70,6 +74,7 @@ ThermalSettings thermal_settings(const TickSettings& settings) {
     result.maximum = settings.geometry.maximum_tension;
     result.derate_from = settings.motors.derate_from;
     for (std::size_t i = 0; i < kStrings; ++i) {
+        // Ratings from the device file, else the defaults of the motor settings.
         const device::StringFacts& string = settings.geometry.strings[i];
         result.motors[i].continuous = string.continuous_tension > 0.0
                                           ? string.continuous_tension

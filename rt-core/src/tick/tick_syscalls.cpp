@@ -49,7 +49,7 @@ std::int64_t waited_for_processor_ns(int file) HAPTIC_RT {
         "about a microsecond, and only in a measured run, after the exchange with the motors")
     length = pread(file, text.data(), text.size(), 0);
     HAPTIC_RT_EXCEPTION_END
-    // Parse the second of three numbers: time spent waiting in the run queue.
+    // Skip the first of three numbers, then parse the second: time spent waiting in the run queue. -1 if incomplete.
     ssize_t at = 0;
     while (at < length && text[static_cast<std::size_t>(at)] != ' ') {
         ++at;
