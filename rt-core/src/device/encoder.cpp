@@ -8,7 +8,7 @@
 namespace haptic::rt {
 namespace {
 
-// Counts: quantisation of a difference, up to one count at each of the two latches.
+// Counts, tolerance for the quantisation of a difference: up to one count at each of the two latches.
 constexpr double kQuantisationCounts = 2.0;
 
 /// Sign extension: the value nearest to zero that is equal to the counter modulo 2^(32 - unused_bits).
@@ -28,6 +28,7 @@ StringEncoders::StringEncoders(const device::DeviceGeometry& geometry, double ma
 }
 
 bool StringEncoders::update(const RawCounters& raw, std::int64_t elapsed_ns) HAPTIC_RT {
+    // The first latch defines the counts; the grip is assumed to be at its rest position.
     if (!started_) {
         for (std::size_t i = 0; i < kStrings; ++i) {
             counts_[i] = sign_extended(raw[i], unused_bits_);
@@ -51,6 +52,7 @@ bool StringEncoders::update(const RawCounters& raw, std::int64_t elapsed_ns) HAP
             return false;
         }
     }
+    // l_i = rest length + metres per count * (counts since the calibration).
     for (std::size_t i = 0; i < kStrings; ++i) {
         counts_[i] += steps[i];
         lengths_[i] = rest_lengths_[i] + metres_per_count_[i] * static_cast<double>(counts_[i] - offsets_[i]);

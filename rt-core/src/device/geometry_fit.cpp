@@ -111,7 +111,7 @@ class Problem {
         // d length = u . da - u . dp - (R b x u) . dtheta - (R^T u) . db.
         result.by_pose = {-u.x, -u.y, -u.z, -m.x, -m.y, -m.z};
         result.by_shared = {u.x, u.y, u.z, -u_of_grip.x, -u_of_grip.y, -u_of_grip.z, -paid_out, -1.0};
-        // The residual is the length divided by 1 + x_scale, and so are its derivatives.
+        // The paid-out length has the factor 1 / (1 + x_scale), so all derivatives have it too.
         for (double& derivative : result.by_pose) {
             derivative *= inverse_scale;
         }
@@ -387,15 +387,15 @@ GeometryFit fit_geometry(const device::DeviceGeometry& nominal, const Wiggle& wi
     minimise(problem, settings.max_iterations, false);
     fit.rms_before = problem.rms(std::numeric_limits<double>::max());
 
-    // Alternate between fit and noise: the true noise shows only once the geometry is right. Start with the rms that
-    // the nominal geometry leaves.
+    // Alternate between fit and noise estimate: the true noise appears only once the geometry is right. Start with the
+    // rms that the nominal geometry leaves.
     problem.set_noise(fit.rms_before);
     for (int round = 0; round < 6; ++round) {
         // Fit all unknowns, with outliers judged by the present noise.
         const Progress progress = minimise(problem, settings.max_iterations, true);
         fit.iterations += progress.iterations;
         fit.converged = progress.converged;
-        // Noise that this fit shows; stop once it agrees within 2 %.
+        // Noise estimate of this fit; stop once it agrees with the assumed one within 2 %.
         const double found = std::max(problem.rms(kHuber * problem.noise()), problem.quantisation());
         if (std::fabs(found - problem.noise()) < 0.02 * problem.noise()) {
             break;

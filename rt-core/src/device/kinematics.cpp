@@ -241,7 +241,7 @@ PoseEstimate PoseSolver::solve_from(const Pose& start, const StringArray& length
             next.residuals[i] = lengths[i] - explained[i];
             sum += i == without ? 0.0 : next.residuals[i] * next.residuals[i];
         }
-        // Root mean square over the strings. The one left out adds nothing to the sum.
+        // Root mean square. A string that is left out adds nothing; the divisor stays the same, for comparison.
         next.residual = std::sqrt(sum / static_cast<double>(kStrings));
         if (!std::isfinite(next.residual)) {
             next.status = PoseStatus::NonFinite;

@@ -62,7 +62,8 @@ class PoseSolver {
     /// Pose of the measured lengths (m). Constant time. The estimate is always finite and its orientation normalised.
     const PoseEstimate& solve(const StringArray& lengths) HAPTIC_RT;
     /// Pose of the other seven lengths, leaving out string `without`, started at `start`; does not change the solver's
-    /// state. The rms residual is that of the seven. On a status other than Ok the pose is `start` and residuals are 0.
+    /// state. The residual sums seven squares but divides by eight, to compare with solve(). On a status other than Ok
+    /// the pose is `start` and residuals are 0.
     [[nodiscard]] PoseEstimate solve_without(std::size_t without, const StringArray& lengths,
                                              const Pose& start) const HAPTIC_RT;
 

@@ -10,15 +10,16 @@ namespace {
 // Evidence is summed once the residual exceeds this share of the threshold.
 constexpr double kWatchedShare = 0.25;
 
-// A string is as suspect as the best one if leaving it out leaves at most this share of the total unexplained error
-// more than leaving out the best one. Corresponds to 8 degrees between the effects of the two strings on the lengths.
+// A string is a suspect too if the error unexplained without it exceeds that without the most likely string by at most
+// this share of the error unexplained by all eight. Corresponds to 8 degrees between the effects of the two strings on
+// the lengths.
 constexpr double kEquallyGood = 0.02;
 
 }  // namespace
 
 StringMonitor::StringMonitor(const device::DeviceGeometry& geometry, const StringMonitorSettings& settings)
     : solver_(geometry), residual_(settings.residual), kept_(std::exp(-1.0 / settings.memory_ticks)) {
-    // Both settings are divisors or thresholds: zero and infinity make no sense.
+    // Thresholds and divisors: neither zero nor infinite.
     for (const double value : {settings.residual, settings.memory_ticks}) {
         if (!(value > 0.0) || !std::isfinite(value)) {
             throw std::invalid_argument("string monitor: settings must be positive and finite");
@@ -36,7 +37,7 @@ void StringMonitor::reset(const Pose& pose) HAPTIC_RT {
 }
 
 const StringSuspicion& StringMonitor::update(const StringArray& lengths, const PoseEstimate& estimate) HAPTIC_RT {
-    // All agree, or there is no pose to compare with: forget the evidence.
+    // All lengths agree, or there is no pose to compare with: discard the evidence.
     if (estimate.status != PoseStatus::Ok || !(estimate.residual > kWatchedShare * residual_)) {
         reset(estimate.pose);
         return suspicion_;

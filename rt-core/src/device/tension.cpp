@@ -18,8 +18,8 @@ constexpr std::int8_t kUpper = +1;
 // Relative to the largest term of the gradient: the sign of a multiplier counts only beyond the gradient's rounding.
 constexpr double kMultiplierTolerance = 1e-12;
 
-// In strings at full pull: a wrench is scaled down to this before it is used. Out of reach of any strings, and far from
-// overflow.
+// In units of the maximum tension: a larger wrench is scaled down to this before it is used. Out of reach of any
+// strings, and far from overflow.
 constexpr double kMaxWrench = 1e4;
 
 // Bound on the sum of |entry| of the wire matrix. Wires are unit vectors with moment arms of centimetres.
@@ -249,7 +249,8 @@ bool is_usable(const WireMatrix& wires) HAPTIC_RT {
     return sum < kMaxWireSum;  // false for NaN
 }
 
-/// Factor, at most 1, that brings every component of the wrench within `strings` strings at full pull.
+/// Factor, at most 1, that brings every component of the wrench within the force of `strings` strings at maximum
+/// tension.
 double scale_to_pull(const Wrench& goal, double strings, const TensionSettings& settings) HAPTIC_RT {
     // Largest component, with torques converted to forces at the grip's radius.
     double size = 0.0;
@@ -382,16 +383,16 @@ void TensionSolver::solve_for(const WireMatrix& wires, const Wrench& goal, Activ
 
 void TensionSolver::scale_to_feasible(const WireMatrix& wires, const Wrench& goal, ActiveSet& active,
                                       TensionResult& result) const HAPTIC_RT {
-    // Start the bisection at what eight strings at full pull could make at most, so that no halving is wasted beyond.
+    // Upper end of the bisection: no multiple beyond eight strings at maximum tension can be feasible.
     const double max_scale = scale_to_pull(goal, static_cast<double>(kN), settings_);
     double low = 0.0;
     double high = 1.0;
     ActiveSet tried_active = active;
     TensionResult tried = result;
-    // Bisection for the largest feasible multiple. Multiples can be infeasible by being too small as well, hence the
-    // derivative decides which half to keep; the last multiple that was met is the result.
+    // Bisection for the largest feasible multiple. A multiple can also be too small to be feasible, so the derivative
+    // of the error decides which half to keep. The last multiple that was met is the result.
     for (int k = 0; k < kHalvings; ++k) {
-        // Solve for the middle of the interval, starting from the active set of the try before.
+        // Solve for the middle of the interval, starting from the last active set.
         const double share = 0.5 * (low + high);
         const Wrench shared = scaled(goal, share * max_scale);
         solve_for(wires, shared, tried_active, tried);
@@ -407,7 +408,7 @@ void TensionSolver::scale_to_feasible(const WireMatrix& wires, const Wrench& goa
             low = share;
         }
     }
-    // Rounds of all tries together; the wanted wrench itself stays unreached.
+    // Rounds of all multiples together; the wanted wrench itself stays unreached.
     result.rounds = tried.rounds;
     result.reached = false;
 }

@@ -38,13 +38,14 @@ void ThermalModel::update(const StringArray& tensions, std::int64_t elapsed_ns) 
     for (std::size_t i = 0; i < kStrings; ++i) {
         const MotorRating& motor = settings_.motors[i];
         const double share = tensions[i] / motor.continuous;
-        // Exact solution of the first-order model at constant tension.
+        // Exact solution of the first-order model at constant tension; `settled` is its steady state.
         const double settled = share * share;
         loads_[i] = settled + (loads_[i] - settled) * std::exp(-dt / motor.time_constant_s);
     }
 }
 
 StringArray ThermalModel::bounds() const HAPTIC_RT {
+    // The bound falls smoothly from the maximum at load derate_from to the sustainable tension at load 1.
     StringArray bounds{};
     for (std::size_t i = 0; i < kStrings; ++i) {
         const double full_load_bound =

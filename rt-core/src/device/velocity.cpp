@@ -83,7 +83,7 @@ double AdaptiveVelocity::slope(std::size_t coordinate) const HAPTIC_RT {
     double best = 0.0;
     // Grow the window backwards in time while the line through both its ends stays in the interval.
     for (int n = 1; n <= filled_; ++n) {
-        // Line from the n-th pose before to the newest: its slope must miss no pose in between.
+        // Slope of the line from the n-th pose before to the newest; it must pass all in between within their bands.
         const std::size_t index = index_before(n);
         const double t = times_s_[index] - now_s;  // negative
         const double x = history_[index][coordinate] - now;

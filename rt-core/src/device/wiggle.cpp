@@ -21,6 +21,7 @@ std::int64_t nearest_difference(std::uint64_t to, std::uint64_t from, int bits) 
 }  // namespace
 
 Wiggle load_wiggle(const std::filesystem::path& recording, const device::DeviceGeometry& geometry) {
+    // Columns of the state and of the eight counters.
     CsvReader reader(recording);
     const std::size_t state = reader.index("safety_state");
     std::array<std::size_t, kStrings> columns{};
@@ -31,12 +32,14 @@ Wiggle load_wiggle(const std::filesystem::path& recording, const device::DeviceG
     Wiggle wiggle;
     std::array<std::uint64_t, kStrings> last{};
     while (reader.next()) {
+        // Only the first uninterrupted run is used.
         if (reader.natural(state) != HAPTIC_RUNNING) {
             if (!wiggle.empty()) {
                 break;  // rows after another arming have another calibration
             }
             continue;
         }
+        // Counts since the first running row, unwrapped across overflows of the counters.
         StringCounts counts{};
         for (std::size_t i = 0; i < kStrings; ++i) {
             const std::uint64_t counter = reader.natural(columns[i]);
