@@ -70,8 +70,8 @@ class ContactPointSet {
     /// Collects the points within `reach` of the centre, nearest first, each point once. Points implied by a nearer one
     /// are left out: a triangle entirely behind the tangent plane of a nearer point cannot be touched. So the inner
     /// edges of a flat or convex surface add no planes. A triangle that starts behind such a plane and rises out of it
-    /// (the other side of a valley) contributes its face, because the sphere will meet the face and not the border
-    /// behind the plane. `time` in [0, 1].
+    /// (the other side of a valley) contributes the plane of its face once the centre is almost above the border of
+    /// that face, because the sphere will meet the face and not the border behind the plane. `time` in [0, 1].
     void collect(const NearSurfaces& surfaces, double time, const Vec3& center, double reach,
                  const IgnoredSurfaces* ignored) noexcept;
 
