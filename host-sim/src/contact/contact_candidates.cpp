@@ -37,7 +37,7 @@ Aabb region_of(const ProxyReach& at, std::span<const MovingSurface> surfaces) no
     const Vec3 max_goal(kMaxGoalRadii * at.radius);
     const Vec3 goal = at.position + glm::clamp(at.goal - at.position, -max_goal, max_goal);
     // Reach while the surfaces rest, contacts included.
-    const Aabb reach_box = aabb_of_segment(at.position, goal, kMarginRadii * at.radius + at.margin);
+    const Aabb reach_box = aabb_of_segment(at.position, goal, kMarginRadii * at.radius);
     Aabb region = reach_box;
     for (const MovingSurface& surface : surfaces) {
         // A surface in reach may carry the proxy by any of its displacements.

@@ -24,7 +24,6 @@ struct ProxyReach {
     Vec3 position{0.0};   // m, centre at the start
     Vec3 goal{0.0};       // m; beyond one radius per axis the queries go through the trees
     double radius = 0.0;  // m
-    double margin = 0.0;  // m, by which its goal may still change
 };
 
 /// Which positions of a triangle a query covers.

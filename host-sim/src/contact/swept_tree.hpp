@@ -129,7 +129,6 @@ class SweptTree {
     [[nodiscard]] const Aabb& bounds() const noexcept { return bounds_; }
     /// Smallest and largest displacement over the step, per component, of the vertices of the triangles, m.
     [[nodiscard]] const Aabb& displacement() const noexcept { return displacement_; }
-    [[nodiscard]] std::size_t node_count() const noexcept { return nodes_.size(); }
     [[nodiscard]] std::size_t leaf_count() const noexcept { return leaves_.size(); }
 
   private:

@@ -1,6 +1,7 @@
 #include "rendering/wrench_follower.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <glm/geometric.hpp>
 
 #include "haptic/numeric.hpp"

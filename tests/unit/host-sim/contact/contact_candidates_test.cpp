@@ -119,7 +119,7 @@ TEST_P(Waves, MoveEachProxyOfAToolToTheSameBitsHoweverItsCandidatesAreFound) {
             // Goals up to some twenty radii away; the last proxies are larger and smaller than the others.
             const Vec3 at = random.in_cube(0.2);
             const double radius = k == 7 ? 2.0 * kRadius : k == 8 ? 0.2 * kRadius : kRadius;
-            tool.push_back({at, at + random.in_cube(random.uniform(0.0, 0.3)), radius, 0.1 * radius});
+            tool.push_back({at, at + random.in_cube(random.uniform(0.0, 0.3)), radius});
         }
         contact_candidates.collect(world.surfaces, tool);
         std::vector<SpeculativeTask> reach;
