@@ -10,8 +10,8 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr double kParallel = 1e-24;  // Gram determinant below which normals are linearly dependent
-constexpr double kNearly = 1e-4;     // Gram determinant below which two planes are solved by sum and difference
+constexpr double kParallel = 1e-24;       // Gram determinant below which normals are linearly dependent
+constexpr double kNearlyParallel = 1e-4;  // Gram determinant below which two planes are solved by sum and difference
 constexpr int kMaxRefinements = 3;
 constexpr int kMaxExchanges = 64;
 
@@ -34,7 +34,7 @@ bool multipliers(const std::array<Vec3, 3>& n, const std::array<double, 3>& b, s
     if (count == 2) {
         const double g = glm::dot(n[0], n[1]);
         const double det = 1.0 - g * g;
-        if (det >= kNearly) {
+        if (det >= kNearlyParallel) {
             lambda[0] = (b[0] - g * b[1]) / det;
             lambda[1] = (b[1] - g * b[0]) / det;
             return true;
@@ -71,7 +71,7 @@ bool multipliers(const std::array<Vec3, 3>& n, const std::array<double, 3>& b, s
 }
 
 /// Solution on the boundaries of one set of planes.
-struct Held {
+struct ActiveSolution {
     Vec3 point{0.0};
     std::array<double, 3> lambda{};  // m, along the normal of each member
 };
@@ -79,7 +79,7 @@ struct Held {
 /// Nearest point to the target on all boundaries of `members`. False if a multiplier is negative (the plane would pull)
 /// or the normals are dependent. Nearly parallel planes lose digits, which iterative refinement recovers.
 bool solve_on(std::span<const HalfSpace> all, const std::array<std::uint32_t, 3>& members, std::uint32_t count,
-              const Vec3& target, double tolerance, Held& held) HAPTIC_RT {
+              const Vec3& target, double tolerance, ActiveSolution& solution) HAPTIC_RT {
     std::array<Vec3, 3> n{};
     std::array<double, 3> b{};
     // Right-hand side: signed distance from the target to each plane.
@@ -87,8 +87,8 @@ bool solve_on(std::span<const HalfSpace> all, const std::array<std::uint32_t, 3>
         n[k] = all[members[k]].normal;
         b[k] = all[members[k]].offset - glm::dot(n[k], target);
     }
-    std::array<double, 3>& lambda = held.lambda;
-    Vec3& point = held.point;
+    std::array<double, 3>& lambda = solution.lambda;
+    Vec3& point = solution.point;
     // Direct solution, refined below.
     if (!multipliers(n, b, count, lambda)) {
         return false;
@@ -112,12 +112,12 @@ bool solve_on(std::span<const HalfSpace> all, const std::array<std::uint32_t, 3>
             return true;
         }
         // Refinement step: solve for the residual and add the correction.
-        std::array<double, 3> more{};
-        if (!multipliers(n, b, count, more)) {
+        std::array<double, 3> correction{};
+        if (!multipliers(n, b, count, correction)) {
             return true;
         }
         for (std::uint32_t k = 0; k < count; ++k) {
-            lambda[k] += more[k];
+            lambda[k] += correction[k];
         }
     }
 }
@@ -140,20 +140,20 @@ bool solve_basis(std::span<const HalfSpace> all, const Basis& basis, const Vec3&
                     members[count++] = basis.index[k];
                 }
             }
-            Held held;
-            if (!solve_on(all, members, count, target, tolerance, held)) {
+            ActiveSolution solution;
+            if (!solve_on(all, members, count, target, tolerance, solution)) {
                 continue;
             }
             // Primal feasibility: the solution must satisfy the rest of the basis.
             bool holds = true;
             for (std::uint32_t k = 0; k < basis.count; ++k) {
                 const HalfSpace& h = all[basis.index[k]];
-                holds = holds && glm::dot(h.normal, held.point) >= h.offset - tolerance;
+                holds = holds && glm::dot(h.normal, solution.point) >= h.offset - tolerance;
             }
             if (holds) {
-                out.point = held.point;
+                out.point = solution.point;
                 out.active = members;
-                out.multiplier = held.lambda;
+                out.multiplier = solution.lambda;
                 out.active_count = static_cast<std::uint8_t>(count);
                 return true;
             }
