@@ -139,7 +139,7 @@ class SecurePositionSolver {
         for (result_.advances = 0; time_ < 1.0; ++result_.advances) {
             // Out of advances: stay, and report the fastest contact as passed through.
             if (result_.advances >= settings_.max_advances) {
-                let_fastest_pass(0);
+                ignore_fastest_contact(0);
                 time_ = 1.0;
                 append(path);
                 break;
@@ -281,7 +281,7 @@ class SecurePositionSolver {
             // overconstrained.
             until = clearance > kNoMargin * min_radius_ ? last_feasible_time(t, until) : time_;
             if (until - time_ < kMinAdvance) {
-                let_fastest_pass(deepest);
+                ignore_fastest_contact(deepest);
                 return false;
             }
             fit = fit_at(t, until, min_radius_);
@@ -316,7 +316,7 @@ class SecurePositionSolver {
     }
 
     /// Allows the fastest of the surfaces that overconstrain the centre to pass through, and ignores it from now on.
-    void let_fastest_pass(std::size_t deepest) noexcept {
+    void ignore_fastest_contact(std::size_t deepest) noexcept {
         result_.overconstrained = true;
         result_.passed_through = true;
         const std::span<const ContactPoint> points = contact_set_.points();
