@@ -73,15 +73,15 @@ ContactCandidates::SphereLimits::SphereLimits(const SweptSphere& sphere) noexcep
         return Lanes{x, x, x, x};
     };
     // The sphere is rounded outward more than the boxes: its test squares and adds.
-    const double outer = sphere.outer * (1.0 + kSphereRoundOutward);
+    const double radius = sphere.bounding_radius * (1.0 + kSphereRoundOutward);
     center = {all(sphere.center.x), all(sphere.center.y), all(sphere.center.z)};
-    squared = all(outer * outer);
+    squared = all(radius * radius);
 }
 
 SweptSphere::SweptSphere(const Vec3& from, const Vec3& to, double radius) noexcept
     : box(aabb_of_segment(from, to, radius)), center(0.5 * (from + to)) {
     const Vec3 half = to - center;
-    outer = radius + std::sqrt(glm::dot(half, half));
+    bounding_radius = radius + std::sqrt(glm::dot(half, half));
 }
 
 ContactCandidates::ContactCandidates(std::size_t proxies) {

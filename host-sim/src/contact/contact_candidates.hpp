@@ -37,8 +37,8 @@ struct SweptSphere {
     SweptSphere(const Vec3& from, const Vec3& to, double radius) noexcept;
 
     Aabb box;
-    Vec3 center;         // m, centre of the bounding sphere
-    double outer = 0.0;  // m, its radius
+    Vec3 center;                   // m, centre of the bounding sphere
+    double bounding_radius = 0.0;  // m
 };
 
 class NearSurfaces;
