@@ -129,12 +129,14 @@ struct FirstContact {
     std::uint32_t object = 0;
     std::uint32_t triangle = 0;
 
-    void offer(const ThesisContact& c, std::uint32_t its_object, std::uint32_t its_triangle) noexcept {
-        if (!found || std::tuple{c.time, its_object, its_triangle} < std::tuple{contact.time, object, triangle}) {
+    /// Keeps the earlier of the present contact and `other`; of two at the same time, the one of the lower indices.
+    void keep_earlier(const ThesisContact& other, std::uint32_t other_object, std::uint32_t other_triangle) noexcept {
+        if (!found ||
+            std::tuple{other.time, other_object, other_triangle} < std::tuple{contact.time, object, triangle}) {
             found = true;
-            contact = c;
-            object = its_object;
-            triangle = its_triangle;
+            contact = other;
+            object = other_object;
+            triangle = other_triangle;
         }
     }
 };
@@ -188,7 +190,7 @@ SecurePosition thesis_secure_position(std::span<const MovingSurface> surfaces, c
                                                             {corners_of(motion.start, motion.triangles[triangle]),
                                                              corners_of(motion.end, motion.triangles[triangle])});
             if (found.feature != Feature::None) {
-                (found.feature == Feature::Face ? face : border).offer(found, object, triangle);
+                (found.feature == Feature::Face ? face : border).keep_earlier(found, object, triangle);
             }
         });
     }
