@@ -42,7 +42,7 @@ class FrictionMover {
 
     ProxyMove run(FrictionState& state) noexcept {
         // Stick: start where the surfaces carry the proxy (dt = 1 turns the velocity into a displacement).
-        if (state.held_by.count > 0) {
+        if (state.active_planes.count > 0) {
             move_toward(step_.before + carrying_velocity(surfaces_.all(), state, 1.0));
         }
         // Not in contact: advance to the first contact on the path to the goal, where static friction applies.
@@ -66,7 +66,7 @@ class FrictionMover {
         }
         store_contacts(state);
         result_.position = position_;
-        result_.contacts = state.held_by;
+        result_.contacts = state.active_planes;
         return result_;
     }
 
@@ -143,18 +143,18 @@ class FrictionMover {
 
     /// Stores the active planes and their shares of the normal force for the next step.
     void store_contacts(FrictionState& state) noexcept {
-        state.held_by = active_contacts_.planes(surfaces_, dt_);
+        state.active_planes = active_contacts_.planes(surfaces_, dt_);
         state.share = {};
         const Projection& projection = active_contacts_.fit().projection;
         // Share of each plane in sum lambda_k; even shares if no plane presses.
         double sum = 0.0;
-        for (std::size_t k = 0; k < state.held_by.count; ++k) {
+        for (std::size_t k = 0; k < state.active_planes.count; ++k) {
             sum += projection.multiplier[k];
         }
-        for (std::size_t k = 0; k < state.held_by.count; ++k) {
-            state.share[k] = sum > 0.0 ? projection.multiplier[k] / sum : 1.0 / state.held_by.count;
+        for (std::size_t k = 0; k < state.active_planes.count; ++k) {
+            state.share[k] = sum > 0.0 ? projection.multiplier[k] / sum : 1.0 / state.active_planes.count;
         }
-        state.slides = state.slides && state.held_by.count > 0;
+        state.slides = state.slides && state.active_planes.count > 0;
     }
 
     NearSurfaces surfaces_;
@@ -197,8 +197,8 @@ FrictionParts divide_friction(const Vec3& force, const SurfacePlanes& contacts,
 
 Vec3 carrying_velocity(std::span<const MovingSurface> surfaces, const FrictionState& state, double dt) noexcept {
     Vec3 velocity(0.0);
-    for (std::size_t k = 0; k < state.held_by.count; ++k) {
-        const SurfacePoint& touched = state.held_by.plane[k].touched;
+    for (std::size_t k = 0; k < state.active_planes.count; ++k) {
+        const SurfacePoint& touched = state.active_planes.plane[k].touched;
         velocity +=
             displacement_of(surfaces[touched.object].motion, touched.triangle, touched.weights) * (state.share[k] / dt);
     }

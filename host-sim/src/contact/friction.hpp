@@ -27,7 +27,7 @@ namespace haptic::sim {
 /// Friction state of a proxy between two steps: its active planes and whether it slides. The planes carry a sticking
 /// proxy in the next step.
 struct FrictionState {
-    SurfacePlanes held_by;
+    SurfacePlanes active_planes;
     std::array<double, kMaxSurfacePlanes> share{};  // of each plane in the normal force, sum 1
     bool slides = false;
 };

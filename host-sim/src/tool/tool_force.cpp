@@ -25,7 +25,7 @@ Vec3 sum_of(const ContactShares& strength, const SurfacePlanes& contacts) {
 /// Section 5.2.2, with a spring of `stiffness` (N/m) per particle: k (x_i - g_i), split into normal and tangential
 /// parts. `use_positions` keeps the tangential part without friction too.
 SpringForce spring_force_of(const ToolProxy& p, double stiffness, bool use_positions, bool has_friction) {
-    const Vec3 spring = stiffness * ((use_positions ? p.position : p.held_at) - p.goal);
+    const Vec3 spring = stiffness * ((use_positions ? p.position : p.constrained_goal) - p.goal);
     SpringForce spring_force{.normal = divide_force(spring, p.contacts)};
     if (use_positions || has_friction) {
         spring_force.tangential = divide_friction(spring, p.contacts, spring_force.normal);
@@ -41,7 +41,7 @@ SpringForce spring_force_of(const ToolProxy& p, std::span<const SpringRow> rows,
     }
     if (has_friction) {
         // The spring's tangential part, scaled like its normal part: by the pushes over the depth beyond the contacts.
-        const Vec3 extension = p.held_at - p.goal;
+        const Vec3 extension = p.constrained_goal - p.goal;
         const Vec3 beyond = sum_of(divide_force(extension, p.contacts), p.contacts);
         const Vec3 pushed = sum_of(spring_force.normal, p.contacts);
         const double depth = glm::length(beyond);
@@ -167,7 +167,7 @@ ToolForce ToolPress::press(const ToolProxies& tool, const PressSettings& setting
         const Vec3 torque_force = series ? force - sum_of(spring_force.normal, p.contacts) : force;
         result.force += force;
         result.torque += torque_ratio * glm::cross(p.goal - tool.hip().position, torque_force);
-        result.depth = std::max(result.depth, glm::length(p.held_at - p.goal));
+        result.depth = std::max(result.depth, glm::length(p.constrained_goal - p.goal));
     }
     // The haptic loop divides the damping of a frame by N, unless in series: report the mean per particle in contact,
     // times N.

@@ -46,7 +46,7 @@ struct ToolForce {
     Vec3 force{0.0};           // N, on the tool
     Vec3 torque{0.0};          // N*m, on the tool about the hip
     double damping = 0.0;      // N*s/m, as in ContactFrame: of one particle's undivided spring; in series of all
-    double depth = 0.0;        // m, greatest distance of a held_at from its goal
+    double depth = 0.0;        // m, greatest distance of a constrained goal from its goal
     std::size_t collided = 0;  // particles in contact
 };
 

@@ -106,7 +106,7 @@ void ToolProxies::add_barriers(std::size_t particle) {
     }
     ToolProxy& p = particles_[particle];
     p.contacts = combined(barriers, p.contacts);
-    p.held_at = nearest_in(p.contacts, p.goal, p.radius);
+    p.constrained_goal = nearest_in(p.contacts, p.goal, p.radius);
 }
 
 bool ToolProxies::restore_crossing_links() {
@@ -158,7 +158,7 @@ void ToolProxies::block_crossing_links() {
     for (std::size_t i = 0; crosses && i < starts_.size(); ++i) {
         if (particles_[i].position == starts_[i].particle.position && starts_[i].barriers.count > 0) {
             particles_[i].contacts.count = 0;
-            particles_[i].held_at = particles_[i].touches_at = particles_[i].position;
+            particles_[i].constrained_goal = particles_[i].contact_position = particles_[i].position;
             add_barriers(i);
         }
     }

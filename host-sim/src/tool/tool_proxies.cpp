@@ -77,7 +77,7 @@ ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const
     has_goals_ = false;
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         ToolProxy& p = particles_[i];
-        p.position = p.held_at = p.touches_at = last_position_[i] = body_.particles.position[i] = p.goal;
+        p.position = p.constrained_goal = p.contact_position = last_position_[i] = body_.particles.position[i] = p.goal;
         body_.particles.orientation[i] = where.orientation;
     }
     pose_ = where;
@@ -198,9 +198,9 @@ void ToolProxies::move_toward(std::size_t particle, const Vec3& goal) {
                                       {.before = last_position_[particle], .from = p.position, .goal = goal}, p.radius,
                                       settings_.step, settings_.contact, p.friction, path_of(particle));
     // revise() may replace these contacts once the constraints have moved the particle.
-    p.position = p.held_at = p.touches_at = move.position;
+    p.position = p.constrained_goal = p.contact_position = move.position;
     p.contacts = move.contacts;
-    p.revised = false;
+    p.stopped_by_half_ccd = false;
     stopped_ = stopped_ || p.in_contact() || !move.converged;
     deflected_ = deflected_ || move.iterations > 1;
 }
@@ -256,13 +256,13 @@ void ToolProxies::revise() {
         const ProxyMove move =
             move_proxy(near, p.position, constrained, p.radius, settings_.step, settings_.contact, path_of(i));
         p.position = constrained = move.position;
-        p.revised = move.contacts.count > 0;
+        p.stopped_by_half_ccd = move.contacts.count > 0;
 
         // A particle whose goal is free counts as in contact only in the thesis' own scheme.
         if (!p.in_contact()) {
-            if (settings_.count_revised && p.revised) {
+            if (settings_.count_revised && p.stopped_by_half_ccd) {
                 p.contacts = move.contacts;
-                p.held_at = p.touches_at = p.position;
+                p.constrained_goal = p.contact_position = p.position;
             }
             continue;
         }
@@ -273,8 +273,8 @@ void ToolProxies::revise() {
         const SurfacePlanes contacts = active.planes(near, settings_.step);
         if (contacts.count > 0) {
             p.contacts = contacts;
-            p.touches_at = p.position;
-            p.held_at = active.fit().projection.point;
+            p.contact_position = p.position;
+            p.constrained_goal = active.fit().projection.point;
             if (linked) {
                 add_barriers(i);
             }
@@ -328,7 +328,7 @@ void ToolProxies::collect_speculative_planes() {
         const ToolProxy& p = particles_[i];
         speculative_tasks_[i] = {
             p.contacts,
-            {.position = p.touches_at, .radius = p.radius, .reach = settings_.reach, .dt = settings_.step},
+            {.position = p.contact_position, .radius = p.radius, .reach = settings_.reach, .dt = settings_.step},
             {}};
     }
     // All particles share one traversal of each tree.

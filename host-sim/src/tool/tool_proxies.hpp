@@ -52,16 +52,16 @@ struct ToolProxy {
     Vec3 goal{0.0};           // m, scene: g_i of Eq. 5.1
     Vec3 goal_velocity{0.0};  // m/s, scene: mean over the step that ends at the goal
     Vec3 position{0.0};       // m, scene
-    Vec3 touches_at{
-        0.0};           // m, scene: where `contacts` touch it; `position`, or p_start if the constraints lifted it off
-    Vec3 held_at{0.0};  // m, scene: the point nearest to the goal that `contacts` allow
-    SurfacePlanes contacts;  // the planes that keep it from its goal
-    SurfacePlanes planes;    // sent to the haptic loop: the contacts, then speculative planes in reach
-    FrictionState friction;  // empty without friction
-    bool revised = false;    // a surface stopped it in the half-CCD
+    /// m, scene: its centre where `contacts` touch it; `position`, or p_start if the constraints lifted it off.
+    Vec3 contact_position{0.0};
+    Vec3 constrained_goal{0.0};        // m, scene: the point nearest to the goal that `contacts` allow
+    SurfacePlanes contacts;            // the planes that keep it from its goal
+    SurfacePlanes planes;              // sent to the haptic loop: the contacts, then speculative planes in reach
+    FrictionState friction;            // empty without friction
+    bool stopped_by_half_ccd = false;  // a surface stopped it in the half-CCD
     [[nodiscard]] bool in_contact() const noexcept { return contacts.count > 0; }
     /// Static friction holds it.
-    [[nodiscard]] bool sticks() const noexcept { return friction.held_by.count > 0 && !friction.slides; }
+    [[nodiscard]] bool sticks() const noexcept { return friction.active_planes.count > 0 && !friction.slides; }
 };
 
 /// Effort and failures of a step, over all particles.

@@ -233,7 +233,7 @@ TEST(Friction, CountsBothWallsOfAGroove) {
     const double bottom = std::sqrt(2.0) * kRadius;
     Hand hand(world, {0.0, bottom + 0.01, 0.0});
     hand.go({0.0, bottom - kDepth, 0.0});
-    ASSERT_EQ(hand.grip.held_by.count, 2u);
+    ASSERT_EQ(hand.grip.active_planes.count, 2u);
     const Vec3 stuck = hand.at();
     const double limit = std::sqrt(2.0) * kDepth;
     hand.go({0.0, bottom - kDepth, 0.98 * kStatic * limit});
@@ -280,7 +280,7 @@ TEST(Friction, LetsGoWithoutAPull) {
     hand.go(under(0.005, 0.0));
     const Vec3 above = over(0.01, 0.02) + Vec3(0, 1e-5, 0);
     EXPECT_EQ(hand.go(above).position, above);
-    EXPECT_EQ(hand.grip.held_by.count, 0u);
+    EXPECT_EQ(hand.grip.active_planes.count, 0u);
 }
 
 TEST(Friction, BeginsWhereTheProxyLands) {

@@ -112,7 +112,7 @@ TEST(FishGrab, HoldsTheFishFromBothSidesWithThePalmOverBesideAndUnderIt) {
     double from_thumb = 0.0;
     for (const ToolProxy& p : simulation.tool().particles()) {
         if (p.in_contact()) {
-            const double z = p.held_at.z - p.goal.z;
+            const double z = p.constrained_goal.z - p.goal.z;
             (z < 0.0 ? from_fingers : from_thumb) += std::abs(z);
         }
     }

@@ -228,7 +228,7 @@ TEST(ClosingHand, StopsOnASheetBetweenItsFingersWithoutPassingIt) {
         if (p.in_contact()) {
             ++stopped;
             EXPECT_LT(p.contacts.plane[0].normal.z, -0.99);
-            EXPECT_GT(glm::length(p.held_at - p.goal), 0.01);
+            EXPECT_GT(glm::length(p.constrained_goal - p.goal), 0.01);
         }
     }
     EXPECT_GE(stopped, 3);
