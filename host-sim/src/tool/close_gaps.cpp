@@ -8,7 +8,7 @@
 #include <string>
 
 #include "simd/aabb.hpp"
-#include "tool/bare_depth.hpp"
+#include "tool/uncovered_depth.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -54,8 +54,8 @@ double resolution_of(std::span<const Ball> balls) {
 }
 
 /// The balls with their radii reduced to kCoveredPart.
-std::vector<Ball> shrunken(const std::vector<Ball>& now) {
-    std::vector<Ball> balls = now;
+std::vector<Ball> shrunken(const std::vector<Ball>& full) {
+    std::vector<Ball> balls = full;
     for (Ball& ball : balls) {
         ball.radius *= kCoveredPart;
     }
@@ -67,9 +67,9 @@ void fill_line(std::span<const Ball> given, const NetTriangle& line, double reso
                std::vector<Ball>& all) {
     // Nothing to do if the balls so far cover the segment with reduced radii.
     const std::vector<Ball> present = shrunken(all);
-    BareDepth bare(present, resolution);
-    bare.add(corners_of(given, line));
-    if (bare.max_seen() <= 0.0) {
+    UncoveredDepth uncovered(present, resolution);
+    uncovered.add(corners_of(given, line));
+    if (uncovered.max_seen() <= 0.0) {
         return;
     }
     // Smallest number of balls in between whose spacing lets the reduced radii of neighbours meet.
@@ -107,30 +107,30 @@ void fill_rest(std::span<const Ball> given, const NetTriangle& t, double resolut
     while (all.size() < kMaxAll) {
         // Uncovered point farthest from all reduced balls.
         const std::vector<Ball> present = shrunken(all);
-        BareDepth bare(present, resolution);
-        bare.add(corners);
-        if (bare.max_seen() <= 0.0) {
+        UncoveredDepth uncovered(present, resolution);
+        uncovered.add(corners);
+        if (uncovered.max_seen() <= 0.0) {
             return;
         }
         // Radius interpolated at that point, within the limit.
-        const Vec3 weights = closest_point_on_triangle(bare.farthest(), corners).weights;
+        const Vec3 weights = closest_point_on_triangle(uncovered.farthest(), corners).weights;
         const Vec3 radii(given[t[0]].radius, given[t[1]].radius, given[t[2]].radius);
-        const double radius = std::min(glm::dot(weights, radii), limit(bare.farthest()));
+        const double radius = std::min(glm::dot(weights, radii), limit(uncovered.farthest()));
         if (!(radius > resolution)) {
             return;
         }
-        all.push_back({bare.farthest(), radius});
+        all.push_back({uncovered.farthest(), radius});
     }
 }
 
 }  // namespace
 
 double widest_gap(std::span<const Ball> balls, const Neighbours& neighbours) {
-    BareDepth bare(balls, resolution_of(balls));
+    UncoveredDepth uncovered(balls, resolution_of(balls));
     for (const NetTriangle& t : net_of(neighbours)) {
-        bare.add(corners_of(balls, t));
+        uncovered.add(corners_of(balls, t));
     }
-    return 2.0 * std::max(0.0, bare.max_seen());
+    return 2.0 * std::max(0.0, uncovered.max_seen());
 }
 
 std::vector<Ball> close_gaps(std::span<const Ball> balls, const Neighbours& neighbours, std::size_t max_count,

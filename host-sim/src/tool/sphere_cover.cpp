@@ -17,7 +17,7 @@
 #include "haptic/sim/closest_point.hpp"
 #include "model/sample_graph.hpp"
 #include "simd/aabb.hpp"
-#include "tool/bare_depth.hpp"
+#include "tool/uncovered_depth.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -33,7 +33,7 @@ constexpr double kConverged =
 constexpr int kHalvings = 14;
 constexpr int kRelaxations = 40;
 constexpr int kMaxGrowthRounds = 24;
-constexpr double kBalanced = 1.03;  // ratio of bare to proud at which growing stops
+constexpr double kBalanced = 1.03;  // ratio of uncovered depth to protrusion at which growing stops
 constexpr int kSwaps = 12;
 constexpr int kRefinements = 4;
 constexpr int kMaxMoves = 40;
@@ -231,8 +231,8 @@ class Candidates {
         return glm::length(samples_[sample].position - ball.centre);
     }
 
-    /// m: a ball misses the samples up to this distance from its centre by at most `allowance`. Negative: it misses all
-    /// by more.
+    /// m: up to this distance from a ball's centre, samples have an error of at most `allowance`. Negative: the error
+    /// of all is larger.
     [[nodiscard]] double reach(const Ball& ball, double allowance) const {
         if (weighted_) {
             return ball.radius + allowance * std::sqrt(size_ * ball.radius);
@@ -258,13 +258,13 @@ class Candidates {
         return weighted_ ? std::sqrt(size_ / largest) : size_;
     }
 
-    /// From now on divides misses by the square root of the ball's radius, so that thin parts are covered more closely.
-    /// No effect for an open mesh or a fixed radius.
+    /// From now on divides sample errors by the square root of the ball's radius, so that thin parts are covered more
+    /// closely. No effect for an open mesh or a fixed radius.
     void weight_by_radius() noexcept { weighted_ = closed_ && !(fixed_ > 0.0); }
 
-    /// Distance by which a ball misses a sample, m; weighted if weight_by_radius() was called. At a fixed radius, at
-    /// least the distance by which the ball stands proud.
-    [[nodiscard]] double miss(const Ball& ball, std::size_t sample) const {
+    /// Error of a sample that one ball has to cover: its distance from the ball's surface, m; weighted if
+    /// weight_by_radius() was called. At a fixed radius, at least the ball's protrusion.
+    [[nodiscard]] double sample_error(const Ball& ball, std::size_t sample) const {
         const double distance = this->distance(ball, sample);
         if (weighted_) {
             return (distance - ball.radius) / std::sqrt(size_ * ball.radius);
@@ -288,7 +288,7 @@ class Candidates {
 using Choice = std::vector<std::uint32_t>;  // indices of candidates
 using Bits = std::vector<std::uint64_t>;
 
-/// Greedy set cover: candidates that miss no sample by more than `allowance`; empty if more than `max_count` are
+/// Greedy set cover: candidates that leave no sample an error above `allowance`; empty if more than `max_count` are
 /// needed.
 Choice choose(const Candidates& candidates, double allowance, std::size_t max_count) {
     // Bit s of row c: candidate c covers sample s.
@@ -304,14 +304,14 @@ Choice choose(const Candidates& candidates, double allowance, std::size_t max_co
         }
     }
     // Samples that are not covered yet, and how many of them a candidate covers.
-    Bits open(words, 0);
+    Bits uncovered(words, 0);
     for (std::size_t s = 0; s < candidates.samples(); ++s) {
-        open[s / 64] |= std::uint64_t{1} << (s % 64);
+        uncovered[s / 64] |= std::uint64_t{1} << (s % 64);
     }
     const auto gain_of = [&](std::uint32_t c) {
         int gain = 0;
         for (std::size_t w = 0; w < words; ++w) {
-            gain += std::popcount(within[c * words + w] & open[w]);
+            gain += std::popcount(within[c * words + w] & uncovered[w]);
         }
         return gain;
     };
@@ -344,13 +344,13 @@ Choice choose(const Candidates& candidates, double allowance, std::size_t max_co
         left -= static_cast<std::size_t>(best);
         // Remove the samples that the winner covers.
         for (std::size_t w = 0; w < words; ++w) {
-            open[w] &= ~within[winner * words + w];
+            uncovered[w] &= ~within[winner * words + w];
         }
     }
     return chosen;
 }
 
-/// Assignment of each sample to the ball that misses it least, and the worst miss.
+/// Assignment of each sample to the ball with the smallest error, and the worst error.
 struct Assignment {
     std::vector<std::uint32_t> owner;  // per sample: index of the ball
     double worst = -kInfinite;         // m, or weighted
@@ -361,18 +361,18 @@ Assignment assign(const Candidates& candidates, std::span<const Ball> chosen) {
     Assignment result;
     result.owner.resize(candidates.samples());
     for (std::size_t s = 0; s < candidates.samples(); ++s) {
-        // Owner of the sample: the ball that misses it least.
-        double min_miss = kInfinite;
+        // Owner of the sample: the ball with the smallest error.
+        double min_error = kInfinite;
         for (std::uint32_t k = 0; k < chosen.size(); ++k) {
-            const double miss = candidates.miss(chosen[k], s);
-            if (miss < min_miss) {
-                min_miss = miss;
+            const double error = candidates.sample_error(chosen[k], s);
+            if (error < min_error) {
+                min_error = error;
                 result.owner[s] = k;
             }
         }
         // The worst-covered sample is the error of the cover.
-        if (min_miss > result.worst) {
-            result.worst = min_miss;
+        if (min_error > result.worst) {
+            result.worst = min_error;
             result.worst_sample = s;
         }
     }
@@ -396,19 +396,19 @@ std::vector<std::vector<std::uint32_t>> owned_by(const Assignment& assignment, s
     return owned;
 }
 
-/// Lloyd relaxation with the worst miss in place of the mean square: moves each ball to the candidate that misses its
-/// own samples least, and reassigns, while the worst miss shrinks.
+/// Lloyd relaxation with the worst error in place of the mean square: moves each ball to the candidate with the
+/// smallest worst error over the ball's own samples, and reassigns, while the worst error shrinks.
 Choice relaxed(const Candidates& candidates, Choice chosen) {
-    Assignment now = assign(candidates, balls_of(candidates, chosen));
+    Assignment current = assign(candidates, balls_of(candidates, chosen));
     for (int round = 0; round < kRelaxations; ++round) {
-        const std::vector<std::vector<std::uint32_t>> owned = owned_by(now, chosen.size());
+        const std::vector<std::vector<std::uint32_t>> owned = owned_by(current, chosen.size());
         Choice moved = chosen;
         for (std::size_t k = 0; k < chosen.size(); ++k) {
-            // Worst miss of a candidate over the samples of ball k; ends early once it reaches `enough`.
+            // Worst error of a candidate over the samples of ball k; ends early once it reaches `enough`.
             const auto worst_of = [&](std::uint32_t candidate, double enough) {
                 double worst = -kInfinite;
                 for (const std::uint32_t s : owned[k]) {
-                    worst = std::max(worst, candidates.miss(candidates[candidate], s));
+                    worst = std::max(worst, candidates.sample_error(candidates[candidate], s));
                     if (worst >= enough) {
                         break;
                     }
@@ -416,34 +416,35 @@ Choice relaxed(const Candidates& candidates, Choice chosen) {
                 return worst;
             };
             // A candidate is abandoned as soon as it is no better than the best so far.
-            double min_miss = worst_of(chosen[k], kInfinite);
+            double min_error = worst_of(chosen[k], kInfinite);
             for (std::uint32_t c = 0; c < candidates.size(); ++c) {
-                const double worst = worst_of(c, min_miss);
-                if (worst < min_miss) {
-                    min_miss = worst;
+                const double worst = worst_of(c, min_error);
+                if (worst < min_error) {
+                    min_error = worst;
                     moved[k] = c;
                 }
             }
         }
         // Owners change with the balls: reassign, and stop when the cover is no better.
-        Assignment then = assign(candidates, balls_of(candidates, moved));
-        if (!(then.worst < now.worst)) {
+        Assignment next = assign(candidates, balls_of(candidates, moved));
+        if (!(next.worst < current.worst)) {
             break;
         }
         chosen = std::move(moved);
-        now = std::move(then);
+        current = std::move(next);
     }
     return chosen;
 }
 
-/// The largest unused candidate that at least halves the worst miss.
+/// The largest unused candidate that at least halves the worst error.
 std::uint32_t worst_sample_candidate(const Candidates& candidates, const Choice& chosen) {
-    const Assignment now = assign(candidates, balls_of(candidates, chosen));
+    const Assignment current = assign(candidates, balls_of(candidates, chosen));
     std::uint32_t winner = 0;
     double largest = -1.0;
     for (std::uint32_t c = 0; c < candidates.size(); ++c) {
         // Large balls are preferred, because they also cover more of the samples around.
-        const bool halves = candidates.miss(candidates[c], now.worst_sample) <= 0.5 * std::max(0.0, now.worst);
+        const bool halves =
+            candidates.sample_error(candidates[c], current.worst_sample) <= 0.5 * std::max(0.0, current.worst);
         if (halves && candidates[c].radius > largest && std::find(chosen.begin(), chosen.end(), c) == chosen.end()) {
             largest = candidates[c].radius;
             winner = c;
@@ -452,22 +453,22 @@ std::uint32_t worst_sample_candidate(const Candidates& candidates, const Choice&
     return winner;
 }
 
-/// The ball whose removal leaves the smallest worst miss: its samples' second best misses decide.
+/// The ball whose removal leaves the smallest worst error: its samples' second smallest errors decide.
 std::size_t most_redundant(const Candidates& candidates, const std::vector<Ball>& balls) {
     std::vector<double> without(balls.size(), -kInfinite);
     for (std::size_t s = 0; s < candidates.samples(); ++s) {
-        // Smallest and second smallest miss of the sample.
+        // Smallest and second smallest error of the sample.
         double first = kInfinite;
         double second = kInfinite;
         std::size_t owner = 0;
         for (std::size_t k = 0; k < balls.size(); ++k) {
-            const double miss = candidates.miss(balls[k], s);
-            if (miss < first) {
+            const double error = candidates.sample_error(balls[k], s);
+            if (error < first) {
                 second = first;
-                first = miss;
+                first = error;
                 owner = k;
             } else {
-                second = std::min(second, miss);
+                second = std::min(second, error);
             }
         }
         // Without its owner, the sample falls to the second.
@@ -476,7 +477,7 @@ std::size_t most_redundant(const Candidates& candidates, const std::vector<Ball>
     return static_cast<std::size_t>(std::min_element(without.begin(), without.end()) - without.begin());
 }
 
-/// `count` candidates with a small worst miss: bisection of the allowance, then relaxation and swaps.
+/// `count` candidates with a small worst error: bisection of the allowance, then relaxation and swaps.
 Choice choose_count(const Candidates& candidates, std::size_t count) {
     count = std::min(count, candidates.size());
     // Bisect for the smallest allowance that `count` candidates can meet.
@@ -509,36 +510,36 @@ Choice choose_count(const Candidates& candidates, std::size_t count) {
                     static_cast<std::ptrdiff_t>(most_redundant(candidates, balls_of(candidates, best))));
         tried.push_back(worst_sample_candidate(candidates, tried));
         tried = relaxed(candidates, std::move(tried));
-        const double then = assign(candidates, balls_of(candidates, tried)).worst;
-        if (!(then < worst)) {
+        const double tried_worst = assign(candidates, balls_of(candidates, tried)).worst;
+        if (!(tried_worst < worst)) {
             break;
         }
-        worst = then;
+        worst = tried_worst;
         best = std::move(tried);
     }
     return best;
 }
 
-/// Pattern search: moves each ball along the axes, in steps that halve, to where it misses its own samples less. A step
-/// is shorter than the distance to the surface, so the ball stays inside.
+/// Pattern search: moves each ball along the axes, in steps that halve, to where the worst error of its own samples is
+/// smaller. A step is shorter than the distance to the surface, so the ball stays inside.
 std::vector<Ball> refined(const TriangleMesh& mesh, const Candidates& candidates, std::vector<Ball> balls,
                           double max_radius) {
     const Surface surface(mesh);
-    Assignment now = assign(candidates, balls);
+    Assignment current = assign(candidates, balls);
     for (int round = 0; round < kRefinements; ++round) {
         // Each ball is optimised for its own samples, with the assignment fixed.
-        const std::vector<std::vector<std::uint32_t>> owned = owned_by(now, balls.size());
+        const std::vector<std::vector<std::uint32_t>> owned = owned_by(current, balls.size());
         std::vector<Ball> moved = balls;
         for (std::size_t k = 0; k < balls.size(); ++k) {
             const auto worst_of = [&](const Ball& ball) {
                 double worst = -kInfinite;
                 for (const std::uint32_t s : owned[k]) {
-                    worst = std::max(worst, candidates.miss(ball, s));
+                    worst = std::max(worst, candidates.sample_error(ball, s));
                 }
                 return worst;
             };
             // Steps start at the pitch of the samples and halve when none of the six directions gains.
-            double min_miss = worst_of(moved[k]);
+            double min_error = worst_of(moved[k]);
             double step = candidates.pitch();
             int halvings = 0;
             for (int moves = 0; moves < kMaxMoves && halvings < kStepHalvings; ++moves) {
@@ -552,8 +553,8 @@ std::vector<Ball> refined(const TriangleMesh& mesh, const Candidates& candidates
                     tried.radius = std::min(surface.distance(tried.centre), max_radius);
                     const double worst = worst_of(tried);
                     // Accept only gains that are worth a move.
-                    if (worst < min_miss - kMinGain * step_length) {
-                        min_miss = worst;
+                    if (worst < min_error - kMinGain * step_length) {
+                        min_error = worst;
                         moved[k] = tried;
                     }
                 }
@@ -563,27 +564,27 @@ std::vector<Ball> refined(const TriangleMesh& mesh, const Candidates& candidates
                 }
             }
         }
-        // Keep the round only if the worst miss over all samples shrinks.
-        Assignment then = assign(candidates, moved);
-        if (!(then.worst < now.worst)) {
+        // Keep the round only if the worst error over all samples shrinks.
+        Assignment next = assign(candidates, moved);
+        if (!(next.worst < current.worst)) {
             break;
         }
         balls = std::move(moved);
-        now = std::move(then);
+        current = std::move(next);
     }
     return balls;
 }
 
-BareDepth bare_depth(const TriangleMesh& mesh, std::span<const Ball> balls) {
+UncoveredDepth uncovered_depth(const TriangleMesh& mesh, std::span<const Ball> balls) {
     const Aabb box = aabb_of(mesh.vertices);
-    BareDepth bare(balls, kResolution * glm::length(box.size()));
+    UncoveredDepth depth(balls, kResolution * glm::length(box.size()));
     for (const auto& [i, j, k] : mesh.triangles) {
-        bare.add({mesh.vertices[i], mesh.vertices[j], mesh.vertices[k]});
+        depth.add({mesh.vertices[i], mesh.vertices[j], mesh.vertices[k]});
     }
-    return bare;
+    return depth;
 }
 
-/// The spheres of a choice: refined positions, and radii that balance bare against proud.
+/// The spheres of a choice: refined positions, and radii that balance uncovered depth against protrusion.
 std::vector<Ball> spheres_of(const TriangleMesh& mesh, const Candidates& candidates, const Choice& chosen,
                              double fixed_radius) {
     // Inscribed balls at refined positions.
@@ -598,47 +599,47 @@ std::vector<Ball> spheres_of(const TriangleMesh& mesh, const Candidates& candida
         }
         return balls;
     }
-    // An open mesh has no inside to stand proud of: grow all balls until nothing is bare.
+    // An open mesh has no inside, so protrusion does not count: grow all balls until nothing is uncovered.
     if (!mesh.closed) {
-        const double missed = std::max(0.0, bare_depth(mesh, balls).bound());
+        const double uncovered = std::max(0.0, uncovered_depth(mesh, balls).bound());
         for (Ball& ball : balls) {
-            ball.radius += missed;
+            ball.radius += uncovered;
         }
         return balls;
     }
-    // Each ball grows by half of what it misses of its own samples: then bare equals proud at the samples.
+    // Each ball grows by half of the uncovered depth of its own samples, which then equals its protrusion there.
     const std::vector<Ball> inner = balls;
     const std::vector<std::vector<std::uint32_t>> owned = owned_by(assign(candidates, inner), inner.size());
     for (std::size_t k = 0; k < balls.size(); ++k) {
-        double missed = 0.0;
+        double uncovered = 0.0;
         for (const std::uint32_t s : owned[k]) {
-            missed = std::max(missed, candidates.distance(inner[k], s) - inner[k].radius);
+            uncovered = std::max(uncovered, candidates.distance(inner[k], s) - inner[k].radius);
         }
-        balls[k].radius += 0.5 * missed;
+        balls[k].radius += 0.5 * uncovered;
     }
-    // Points between samples are missed by more. The ball nearest to the worst of them takes half of the difference.
+    // Points between samples are farther away. The ball nearest to the worst of them takes half of the difference.
     for (int round = 0; round < kMaxGrowthRounds; ++round) {
-        // Proud: largest distance by which a grown ball stands out of the mesh.
-        double proud = 0.0;
+        // Protrusion: largest distance by which a grown ball stands out of the mesh.
+        double protrusion = 0.0;
         for (std::size_t k = 0; k < balls.size(); ++k) {
-            proud = std::max(proud, balls[k].radius - inner[k].radius);
+            protrusion = std::max(protrusion, balls[k].radius - inner[k].radius);
         }
-        const BareDepth bare = bare_depth(mesh, balls);
-        // Balanced: bare exceeds proud by at most the factor kBalanced.
-        if (bare.bound() <= kBalanced * proud) {
+        const UncoveredDepth uncovered = uncovered_depth(mesh, balls);
+        // Balanced: uncovered depth exceeds protrusion by at most the factor kBalanced.
+        if (uncovered.bound() <= kBalanced * protrusion) {
             break;
         }
         // Ball nearest to the point that is farthest from all balls.
         std::size_t nearest = 0;
-        double min_miss = kInfinite;
+        double min_distance = kInfinite;
         for (std::size_t k = 0; k < balls.size(); ++k) {
-            const double miss = glm::length(bare.farthest() - balls[k].centre) - balls[k].radius;
-            if (miss < min_miss) {
-                min_miss = miss;
+            const double distance = glm::length(uncovered.farthest() - balls[k].centre) - balls[k].radius;
+            if (distance < min_distance) {
+                min_distance = distance;
                 nearest = k;
             }
         }
-        balls[nearest].radius += 0.5 * (bare.bound() - proud);
+        balls[nearest].radius += 0.5 * (uncovered.bound() - protrusion);
     }
     return balls;
 }
@@ -660,10 +661,10 @@ CoverError measure_cover(const TriangleMesh& mesh, std::span<const Ball> balls) 
     if (balls.empty()) {
         refuse("at least one sphere is needed");
     }
-    // Bare: greatest distance of the surface from the balls. Proud: radius beyond the depth of the centre.
-    CoverError error{std::max(0.0, bare_depth(mesh, balls).bound()), 0.0};
+    // Uncovered: greatest distance of the surface from the balls. Protrusion: radius beyond the depth of the centre.
+    CoverError error{std::max(0.0, uncovered_depth(mesh, balls).bound()), 0.0};
     for (const Ball& ball : balls) {
-        error.proud = std::max(error.proud, ball.radius - (mesh.closed ? depth_in(mesh, ball.centre) : 0.0));
+        error.protrusion = std::max(error.protrusion, ball.radius - (mesh.closed ? depth_in(mesh, ball.centre) : 0.0));
     }
     return error;
 }
@@ -692,8 +693,8 @@ std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettin
         candidates.weight_by_radius();
         return spheres_of(mesh, candidates, choose_count(candidates, settings.count), settings.radius);
     }
-    // Balls grow by half of their misses, so the allowance is twice the error. Points between samples may be missed by
-    // more: retry with smaller allowances.
+    // Balls grow by half of their samples' errors, so the allowance is twice the error. Points between samples may be
+    // farther away: retry with smaller allowances.
     const double allowance = settings.error * (mesh.closed && settings.radius == 0.0 ? 2.0 : 1.0);
     constexpr std::array slack{1.0, 0.9, 0.8, 0.65, 0.5};
     for (const double part : slack) {
@@ -704,8 +705,8 @@ std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettin
         // Measure the finished cover against the mesh itself, not against the samples.
         std::vector<Ball> balls = spheres_of(mesh, candidates, relaxed(candidates, chosen), settings.radius);
         const CoverError error = measure_cover(mesh, balls);
-        const bool only_bare = !mesh.closed && settings.radius > 0.0;
-        if ((only_bare ? error.bare : std::max(error.bare, error.proud)) <= settings.error) {
+        const bool only_uncovered = !mesh.closed && settings.radius > 0.0;
+        if ((only_uncovered ? error.uncovered : std::max(error.uncovered, error.protrusion)) <= settings.error) {
             return balls;
         }
     }
@@ -713,8 +714,8 @@ std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettin
     const CoverError left = measure_cover(
         mesh, spheres_of(mesh, candidates, choose_count(candidates, settings.max_count), settings.radius));
     refuse("an error of " + std::to_string(settings.error) + " m needs more than " +
-           std::to_string(settings.max_count) + " spheres; that many leave " + std::to_string(left.bare) +
-           " m bare and stand " + std::to_string(left.proud) + " m proud. Allow a larger error" +
+           std::to_string(settings.max_count) + " spheres; that many leave " + std::to_string(left.uncovered) +
+           " m bare and stand " + std::to_string(left.protrusion) + " m proud. Allow a larger error" +
            (settings.radius > 0.0 ? ", or change the radius" : ""));
 }
 

@@ -155,12 +155,14 @@ std::vector<Ball> row_for(const ToolSettings& settings, const TriangleMesh& mesh
     // Refuse an error that even the largest number of spheres exceeds.
     const double max_error = requested_error(settings, mesh);
     const auto error_of = [&](std::size_t count) { return measure_cover(mesh, row_of(settings, count)); };
-    const auto enough = [&](const CoverError& error) { return std::max(error.bare, error.proud) <= max_error; };
+    const auto enough = [&](const CoverError& error) {
+        return std::max(error.uncovered, error.protrusion) <= max_error;
+    };
     const CoverError left = error_of(ToolSettings::kMaxSpheres);
     if (!enough(left)) {
         refuse("a cover error of " + std::to_string(max_error) + " m needs more than " +
-               std::to_string(ToolSettings::kMaxSpheres) + " spheres; that many leave " + std::to_string(left.bare) +
-               " m bare and stand " + std::to_string(left.proud) +
+               std::to_string(ToolSettings::kMaxSpheres) + " spheres; that many leave " +
+               std::to_string(left.uncovered) + " m bare and stand " + std::to_string(left.protrusion) +
                " m proud. Raise cover_error, or make the tool thicker");
     }
     // Bisection: the error does not grow with the number of spheres in a row.
@@ -274,7 +276,7 @@ ToolModel make_tool(const ToolSettings& settings) {
         // An added sphere may stand out as far as the existing ones do; an open mesh does not limit it.
         const CoverError error = measure_cover(mesh, balls);
         const RadiusLimit radius_limit = [&](const Vec3& p) {
-            return mesh.closed ? depth_in(mesh, p) + std::max(error.bare, error.proud) : longest_side(mesh);
+            return mesh.closed ? depth_in(mesh, p) + std::max(error.uncovered, error.protrusion) : longest_side(mesh);
         };
         balls = close_gaps(balls, net, ToolSettings::kMaxSpheres, radius_limit);
         tool.added = balls.size() - before;
@@ -285,7 +287,7 @@ ToolModel make_tool(const ToolSettings& settings) {
     // Gap and cover error with all spheres. The net is that of the original ones: added ones cover it.
     tool.widest_gap = widest_gap(balls, net);
     const CoverError error = measure_cover(mesh, balls);
-    tool.cover_error = std::max(error.bare, error.proud);
+    tool.cover_error = std::max(error.uncovered, error.protrusion);
     tool.iterations = settings.iterations;
     for (const Ball& ball : balls) {
         tool.radius.push_back(ball.radius);

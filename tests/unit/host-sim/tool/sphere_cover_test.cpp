@@ -32,7 +32,7 @@ double outside(const Vec3& p, const std::vector<Ball>& balls) {
 }
 
 /// Greatest distance by brute force over n^2 / 2 points of each triangle.
-double sampled_bare(const TriangleMesh& mesh, const std::vector<Ball>& balls, int n) {
+double sampled_uncovered(const TriangleMesh& mesh, const std::vector<Ball>& balls, int n) {
     double max_distance = 0.0;
     for (const auto& [a, b, c] : mesh.triangles) {
         for (int i = 0; i <= n; ++i) {
@@ -47,8 +47,8 @@ double sampled_bare(const TriangleMesh& mesh, const std::vector<Ball>& balls, in
     return max_distance;
 }
 
-/// Greatest depth of a surface point inside a ball: a lower bound of how far a ball stands proud.
-double sampled_proud(const TriangleMesh& mesh, const Ball& ball, int n) {
+/// Greatest depth of a surface point inside a ball: a lower bound of its protrusion.
+double sampled_protrusion(const TriangleMesh& mesh, const Ball& ball, int n) {
     double nearest = std::numeric_limits<double>::infinity();
     for (const auto& [a, b, c] : mesh.triangles) {
         for (int i = 0; i <= n; ++i) {
@@ -68,15 +68,15 @@ TEST(SphereCover, BoundsDenseSamplesAndExceedsThemByAtMostOnePercent) {
     const std::vector<Ball> balls = cover_with_spheres(fish, {.count = 30});
     ASSERT_EQ(balls.size(), 30u);
     const CoverError error = measure_cover(fish, balls);
-    const double bare = sampled_bare(fish, balls, 12);
-    EXPECT_LE(bare, error.bare);
-    EXPECT_LE(error.bare, 1.02 * bare + 1e-4 * 0.4);  // sampling error; 0.4 m is the fish's diagonal
-    double proud = 0.0;
+    const double uncovered = sampled_uncovered(fish, balls, 12);
+    EXPECT_LE(uncovered, error.uncovered);
+    EXPECT_LE(error.uncovered, 1.02 * uncovered + 1e-4 * 0.4);  // sampling error; 0.4 m is the fish's diagonal
+    double protrusion = 0.0;
     for (const Ball& ball : balls) {
-        proud = std::max(proud, sampled_proud(fish, ball, 6));
+        protrusion = std::max(protrusion, sampled_protrusion(fish, ball, 6));
     }
-    EXPECT_LE(proud, error.proud);
-    EXPECT_NEAR(error.bare, error.proud, 0.15 * error.proud);  // balanced, except between samples
+    EXPECT_LE(protrusion, error.protrusion);
+    EXPECT_NEAR(error.uncovered, error.protrusion, 0.15 * error.protrusion);  // balanced, except between samples
 }
 
 TEST(SphereCover, KeepsTheRequestedErrorWithFewerSpheresForALargerError) {
@@ -85,8 +85,8 @@ TEST(SphereCover, KeepsTheRequestedErrorWithFewerSpheresForALargerError) {
     for (const double requested : {0.008, 0.012, 0.02}) {
         const std::vector<Ball> balls = cover_with_spheres(fish, {.error = requested});
         const CoverError error = measure_cover(fish, balls);
-        EXPECT_LE(error.bare, requested);
-        EXPECT_LE(error.proud, requested);
+        EXPECT_LE(error.uncovered, requested);
+        EXPECT_LE(error.protrusion, requested);
         EXPECT_LT(balls.size(), before);
         before = balls.size();
     }
@@ -108,19 +108,19 @@ TEST(SphereCover, HasTheRequestedRadius) {
     for (const Ball& ball : balls) {
         EXPECT_EQ(ball.radius, 0.012);
     }
-    EXPECT_LE(sampled_bare(fish, balls, 4), measure_cover(fish, balls).bare);
+    EXPECT_LE(sampled_uncovered(fish, balls, 4), measure_cover(fish, balls).uncovered);
 }
 
-TEST(SphereCover, OfASheetSitsOnItAndLeavesNothingBare) {
+TEST(SphereCover, OfASheetSitsOnItAndLeavesNothingUncovered) {
     const TriangleMesh sheet = make_cloth_mesh({.vertices_per_side = 9, .side = 1.0});
     const std::vector<Ball> balls = cover_with_spheres(sheet, {.count = 16});
     for (const Ball& ball : balls) {
         EXPECT_EQ(ball.centre.y, 0.0);
     }
-    EXPECT_LE(sampled_bare(sheet, balls, 8), 1e-4 * std::sqrt(2.0));
+    EXPECT_LE(sampled_uncovered(sheet, balls, 8), 1e-4 * std::sqrt(2.0));
     // For comparison: a square lattice of 16 has a circumradius of 0.177.
     EXPECT_LT(balls[0].radius, 1.35 * 0.177);
-    EXPECT_EQ(measure_cover(sheet, balls).proud, balls[0].radius);
+    EXPECT_EQ(measure_cover(sheet, balls).protrusion, balls[0].radius);
 }
 
 TEST(SphereCover, ReportsTheErrorThatTheMaximumNumberLeaves) {

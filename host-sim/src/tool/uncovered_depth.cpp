@@ -1,4 +1,4 @@
-#include "tool/bare_depth.hpp"
+#include "tool/uncovered_depth.hpp"
 
 #include <algorithm>
 #include <glm/geometric.hpp>
@@ -22,7 +22,7 @@ TriangleCorners longest_first(const TriangleCorners& t) {
 
 }  // namespace
 
-void BareDepth::measure(const Vec3& p) {
+void UncoveredDepth::measure(const Vec3& p) {
     double distance = std::numeric_limits<double>::infinity();
     for (const Ball& ball : balls_) {
         distance = std::min(distance, glm::length(p - ball.centre) - ball.radius);
@@ -33,7 +33,7 @@ void BareDepth::measure(const Vec3& p) {
     }
 }
 
-void BareDepth::add(const TriangleCorners& triangle, int divisions) {
+void UncoveredDepth::add(const TriangleCorners& triangle, int divisions) {
     // Bound of this triangle: min over the balls of the max over the corners. Prune if it cannot raise the total.
     double bound = std::numeric_limits<double>::infinity();
     for (const Ball& ball : balls_) {

@@ -1,4 +1,4 @@
-// Bare depth: an upper bound of the distance from any point of some triangles to the nearest of a set of balls.
+// Uncovered depth: an upper bound of the distance from any point of some triangles to the nearest of a set of balls.
 #pragma once
 
 #include <limits>
@@ -13,11 +13,11 @@ namespace haptic::sim {
 /// Branch and bound. The distance from a ball is convex, so over a triangle it is greatest at a corner; the smallest
 /// such maximum over the balls bounds the triangle's distance from their union. Triangles are bisected until the bound
 /// is close to the greatest distance found at a corner.
-class BareDepth {
+class UncoveredDepth {
   public:
     /// The bound exceeds the true value by at most `resolution` (m), or 1 % if that is more. `balls`: at least one;
     /// they must outlive this object.
-    BareDepth(std::span<const Ball> balls, double resolution) : balls_(balls), resolution_(resolution) {}
+    UncoveredDepth(std::span<const Ball> balls, double resolution) : balls_(balls), resolution_(resolution) {}
 
     /// Includes a triangle; it may be degenerate, a segment or a point.
     void add(const TriangleCorners& triangle) { add(triangle, 0); }
