@@ -107,7 +107,7 @@ void add_row(std::vector<Ball>& balls, std::size_t count, double first, double l
 }
 
 /// `count` spheres in a row for a rod, a probe or a sphere.
-std::vector<Ball> row_of(const ToolSettings& settings, std::size_t count) {
+std::vector<Ball> make_row(const ToolSettings& settings, std::size_t count) {
     std::vector<Ball> balls;
     // Radius of the shaft, and z of the last sphere's centre, so that it ends where the shaft ends.
     const double shaft = 0.5 * settings.thickness;
@@ -142,19 +142,19 @@ double requested_error(const ToolSettings& settings, const TriangleMesh& mesh) {
 }
 
 /// Spheres for a generated solid of revolution: a row, without a search for positions.
-std::vector<Ball> row_for(const ToolSettings& settings, const TriangleMesh& mesh) {
+std::vector<Ball> cover_solid_of_revolution(const ToolSettings& settings, const TriangleMesh& mesh) {
     if (settings.shape == ToolShape::Sphere) {
         if (settings.spheres > 1) {
             refuse("the sphere has exactly one sphere; for more, use a rod or a mesh file");
         }
-        return row_of(settings, 1);
+        return make_row(settings, 1);
     }
     if (settings.spheres > 0) {
-        return row_of(settings, settings.spheres);
+        return make_row(settings, settings.spheres);
     }
     // Refuse an error that even the largest number of spheres exceeds.
     const double max_error = requested_error(settings, mesh);
-    const auto error_of = [&](std::size_t count) { return measure_cover(mesh, row_of(settings, count)); };
+    const auto error_of = [&](std::size_t count) { return measure_cover(mesh, make_row(settings, count)); };
     const auto enough = [&](const CoverError& error) {
         return std::max(error.uncovered, error.protrusion) <= max_error;
     };
@@ -172,12 +172,12 @@ std::vector<Ball> row_for(const ToolSettings& settings, const TriangleMesh& mesh
         const std::size_t middle = (count + too_few) / 2;
         (enough(error_of(middle)) ? count : too_few) = middle;
     }
-    return row_of(settings, count);
+    return make_row(settings, count);
 }
 
 std::vector<Ball> spheres_for(const ToolSettings& settings, const TriangleMesh& mesh) {
     if (settings.file.empty() && settings.shape != ToolShape::Hand) {
-        return row_for(settings, mesh);
+        return cover_solid_of_revolution(settings, mesh);
     }
     CoverSettings cover;
     cover.count = settings.spheres;
