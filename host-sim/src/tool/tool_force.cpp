@@ -56,9 +56,9 @@ SpringForce spring_force_of(const ToolProxy& p, std::span<const SpringRow> rows,
 struct PressContext {
     const PressSettings& settings;
     const PressedBodies& on;
-    Coupling coupling;       // its tied_mass divided among the particles in contact
-    double mass_part = 1.0;  // part of a patch's mass per particle: if all press on one patch, their damping together
-                             // must not reverse it
+    Coupling coupling;                 // its tied_mass divided among the particles in contact
+    double patch_mass_fraction = 1.0;  // part of a patch's mass per particle: if all press on one patch, their damping
+                                       // together must not reverse it
     bool use_positions = false;
     bool has_friction = false;  // the surfaces have friction
 };
@@ -75,7 +75,7 @@ Vec3 press_particle(const ToolProxy& p, const SpringForce& spring_force, const P
         const PressedPatch patch = mask.center_on(plane.touched, context.on.velocity.subspan(first));
         // Hunt-Crossley damping at the velocity at which the patch approaches the goal.
         const double closing = glm::dot(patch.velocity - p.goal_velocity, plane.normal);
-        const double coefficient = contact_damping(spring_force.normal[c], patch.mass * context.mass_part,
+        const double coefficient = contact_damping(spring_force.normal[c], patch.mass * context.patch_mass_fraction,
                                                    context.settings.step, context.coupling);
         const double push = contact_push(spring_force.normal[c], closing, coefficient);
         damping += coefficient;
@@ -142,7 +142,7 @@ ToolForce ToolPress::press(const ToolProxies& tool, const PressSettings& setting
         .settings = settings,
         .on = on,
         .coupling = {coupling.stiffness, coupling.hunt_crossley_damping, coupling.tied_mass / collided},
-        .mass_part = 1.0 / collided,
+        .patch_mass_fraction = 1.0 / collided,
         .use_positions = coupling.multi_rate == MultiRate::Positions,
         .has_friction = tool.has_friction()};
     const double stiffness = settings.gain * coupling.stiffness / particle_count;
