@@ -21,14 +21,14 @@ ContactShares divide_force(const Vec3& force, const SurfacePlanes& contacts) noe
     // Projected Gauss-Seidel on the normal equations: each plane in turn takes what the others leave along its normal,
     // but never pulls.
     ContactShares shares{};
-    Vec3 left = force;  // residual: force - sum s_c n_c
+    Vec3 residual = force;  // force - sum s_c n_c
     const int rounds = contacts.count > 1 ? kRounds : 1;
     for (int round = 0; round < rounds; ++round) {
         for (std::size_t c = 0; c < contacts.count; ++c) {
             const Vec3& normal = contacts.plane[c].normal;
-            const double unclamped = shares[c] + glm::dot(left, normal);
+            const double unclamped = shares[c] + glm::dot(residual, normal);
             const double clamped = unclamped > 0.0 ? unclamped : 0.0;
-            left -= (clamped - shares[c]) * normal;
+            residual -= (clamped - shares[c]) * normal;
             shares[c] = clamped;
         }
     }
