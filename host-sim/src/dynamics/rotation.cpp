@@ -29,7 +29,7 @@ Quat turned(const Quat& q, const Vec3& rotation) noexcept {
     return plain(lane_rotated(lane(q), lane(rotation)));
 }
 
-Vec3 turn_between(const Quat& from, const Quat& to) noexcept {
+Vec3 rotation_between(const Quat& from, const Quat& to) noexcept {
     return plain(lane_rotation_between(lane(from), lane(to)));
 }
 

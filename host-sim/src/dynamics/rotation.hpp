@@ -14,7 +14,7 @@ namespace haptic::sim {
 [[nodiscard]] Quat turned(const Quat& q, const Vec3& rotation) noexcept;
 
 /// Rotation vector with which turned() takes `from` to `to`: its exact inverse, by the smaller angle.
-[[nodiscard]] Vec3 turn_between(const Quat& from, const Quat& to) noexcept;
+[[nodiscard]] Vec3 rotation_between(const Quat& from, const Quat& to) noexcept;
 
 /// Extracts the rotational part of a matrix with `iterations` steps from a guess.
 ///

@@ -74,7 +74,7 @@ void HostileHand::choose_curl_aim() noexcept {
 }
 
 void HostileHand::rotate(double dt) noexcept {
-    const Vec3 rotation = turn_between(orientation_, orientation_aim_);
+    const Vec3 rotation = rotation_between(orientation_, orientation_aim_);
     const double angle = glm::length(rotation);  // 2 tan(angle / 2), not less than the angle
     const double max_angle = turn_rate_ * dt;
     if (angle > max_angle) {

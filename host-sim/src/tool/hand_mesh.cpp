@@ -257,12 +257,12 @@ class Net {
         }
     }
 
-    void add_quad(bool inside, bool next_inside, const std::array<std::size_t, 4>& cubes) {
+    void add_quad(bool inside, bool next_inside, const std::array<std::size_t, 4>& cells) {
         // No crossing on this edge.
         if (inside == next_inside) {
             return;
         }
-        Quad quad{vertex_of_[cubes[0]], vertex_of_[cubes[1]], vertex_of_[cubes[2]], vertex_of_[cubes[3]]};
+        Quad quad{vertex_of_[cells[0]], vertex_of_[cells[1]], vertex_of_[cells[2]], vertex_of_[cells[3]]};
         // Reverse the winding where the field decreases along the edge, so that the normal points outward.
         if (!inside) {
             std::swap(quad[1], quad[3]);
@@ -359,7 +359,7 @@ Vec3 axis_of(const Vec3& direction, const Vec3& toward) {
 
 /// Rotation from one direction to another as turned() takes it: 2 tan(angle / 2) about the axis, with
 /// tan^2(angle / 2) = (1 - cos) / (1 + cos).
-Vec3 rotation_between(const Vec3& direction, const Vec3& to) {
+Vec3 rotation_between_directions(const Vec3& direction, const Vec3& to) {
     const double cosine = glm::dot(glm::normalize(direction), glm::normalize(to));
     return 2.0 * std::sqrt((1.0 - cosine) / (1.0 + cosine)) * axis_of(direction, to);
 }
@@ -395,7 +395,8 @@ ToolSkeleton make_hand_skeleton(double length) {
     ToolSkeleton hand{{{}}, {shape.palm.begin(), shape.palm.end()}};
     // The thumb bends in its opposed pose, but axes are given at curl 0: rotate the bending direction back.
     const Finger& thumb = shape.fingers.back();
-    const Vec3 opposition = rotation_between(thumb.back().center - thumb.front().center, kThumbOpposedDirection);
+    const Vec3 opposition =
+        rotation_between_directions(thumb.back().center - thumb.front().center, kThumbOpposedDirection);
     const Mat3 opposed = to_matrix(turned(Quat(1.0, 0.0, 0.0, 0.0), opposition));
     for (const Finger& finger : shape.fingers) {
         const bool is_thumb = &finger == &thumb;

@@ -42,9 +42,9 @@ TEST_F(RotationTest, TurnBetweenInvertsTurned) {
     for (int i = 0; i < 100; ++i) {
         const Quat q = rotation();
         const Vec3 turn = 3.0 * vector();
-        EXPECT_NEAR(glm::length(turn_between(q, turned(q, turn)) - turn), 0.0, 1e-13);
+        EXPECT_NEAR(glm::length(rotation_between(q, turned(q, turn)) - turn), 0.0, 1e-13);
         // q and -q are the same orientation.
-        EXPECT_NEAR(glm::length(turn_between(q, -turned(q, turn)) - turn), 0.0, 1e-13);
+        EXPECT_NEAR(glm::length(rotation_between(q, -turned(q, turn)) - turn), 0.0, 1e-13);
     }
 }
 
@@ -53,7 +53,7 @@ TEST_F(RotationTest, TurnedMatchesTheExponentialToThirdOrder) {
     const Quat exact = glm::angleAxis(0.02, Vec3(0.0, 1.0, 0.0));
     const Quat q = turned(Quat(1.0, 0.0, 0.0, 0.0), turn);
     EXPECT_LT(std::abs(glm::dot(q, exact) - 1.0), 1e-12);
-    EXPECT_TRUE(std::isfinite(turn_between(Quat(1, 0, 0, 0), Quat(0, 1, 0, 0)).x));  // half a turn
+    EXPECT_TRUE(std::isfinite(rotation_between(Quat(1, 0, 0, 0), Quat(0, 1, 0, 0)).x));  // half a turn
 }
 
 TEST_F(RotationTest, FindsTheRotationOfAStretchedMatrix) {
