@@ -301,7 +301,7 @@ void ParticleSolver::add_contact_velocities(double h) {
 
 void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, double h) {
     // Drag: the factor 1 - h drag of both velocities.
-    const double keep = 1.0 - h * settings_.drag;
+    const double drag_factor = 1.0 - h * settings_.drag;
     for (std::size_t i = 0; i < model.size(); ++i) {
         const Quat& q = model.orientation[i];
         state_->before[i] = state_->orientation[i] = {{q.w, q.x, q.y, q.z}};
@@ -314,14 +314,14 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
             continue;
         }
         // Free particles: drag, gravity and external force.
-        Vec3 v = keep * model.velocity[i] + h * settings_.gravity;
+        Vec3 v = drag_factor * model.velocity[i] + h * settings_.gravity;
         if (!force.empty()) {
             v += (h / model.mass[i]) * force[i];
         }
         predicted_[i] = v;
         // u = x + h v, and the rotation vector h w.
         set_vector(state_->position[i], model.position[i] + h * v);
-        set_vector(state_->rotation[i], h * keep * model.angular_velocity[i]);
+        set_vector(state_->rotation[i], h * drag_factor * model.angular_velocity[i]);
     }
     // q <- rotation(h w) q, for all particles in vectors.
     state_->rotate_particles(model);
