@@ -87,27 +87,27 @@ ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lan
 
 void ConstraintBatches::begin_substep(double h) noexcept {
     if (h != step_) {
-        set_softness(h);
+        scale_compliances(h);
     }
     // Multipliers of XPBD start at 0 in each sub-step.
-    std::fill(spring_.pull.begin(), spring_.pull.end(), 0.0);
+    std::fill(spring_.lambda.begin(), spring_.lambda.end(), 0.0);
     std::fill(shift_.begin(), shift_.end(), 0.0f);
 }
 
-void ConstraintBatches::set_softness(double h) noexcept {
+void ConstraintBatches::scale_compliances(double h) noexcept {
     // XPBD: s = compliance / h^2, and the gain stiffness / (w_a + w_b + s) of springs.
     const double inverse_square = 1.0 / (h * h);
-    for (std::size_t k = 0; k < spring_.softness.size(); ++k) {
-        const double softness = spring_.compliance[k] * inverse_square;
+    for (std::size_t k = 0; k < spring_.scaled_compliance.size(); ++k) {
+        const double scaled_compliance = spring_.compliance[k] * inverse_square;
         const double inverse_mass_sum = spring_.first_inverse_mass[k] + spring_.second_inverse_mass[k];
-        spring_.softness[k] = softness;
-        spring_.gain[k] = inverse_mass_sum > 0.0 ? spring_.stiffness[k] / (inverse_mass_sum + softness) : 0.0;
+        spring_.scaled_compliance[k] = scaled_compliance;
+        spring_.gain[k] = inverse_mass_sum > 0.0 ? spring_.stiffness[k] / (inverse_mass_sum + scaled_compliance) : 0.0;
     }
     // Groups: the factor stiffness / (1 + s) is applied once here instead of per member.
-    for (std::size_t k = 0; k < softness_.size(); ++k) {
-        const double softness = compliance_[k] * inverse_square;
-        softness_[k] = static_cast<float>(softness);
-        stiffness_[k] = static_cast<float>(rigid_stiffness_[k] / (1.0 + softness));
+    for (std::size_t k = 0; k < scaled_compliance_.size(); ++k) {
+        const double scaled_compliance = compliance_[k] * inverse_square;
+        scaled_compliance_[k] = static_cast<float>(scaled_compliance);
+        stiffness_[k] = static_cast<float>(rigid_stiffness_[k] / (1.0 + scaled_compliance));
     }
     step_ = h;
 }
@@ -172,8 +172,8 @@ void ConstraintBatches::batch_springs(const ParticleModel& model, const std::vec
             add({padding, padding, 0.0, 0.0, 0.0}, 0.0, 0.0);
         }
     }
-    // Filled by set_softness() and the kernels.
-    for (LaneArray<double>* numbers : {&spring_.softness, &spring_.gain, &spring_.pull}) {
+    // Filled by scale_compliances() and the kernels.
+    for (LaneArray<double>* numbers : {&spring_.scaled_compliance, &spring_.gain, &spring_.lambda}) {
         numbers->resize(spring_.first.size());
     }
 }
@@ -289,12 +289,12 @@ void ConstraintBatches::add_group(const ParticleModel& model, const Group* group
         rigid_stiffness_.push_back(0.0);
         stiffness_.push_back(0.0f);
         compliance_.push_back(0.0);
-        softness_.push_back(0.0f);
+        scaled_compliance_.push_back(0.0f);
         inverse_mass_.push_back(0.0f);
         centre_is_free_.push_back(0);
         return;
     }
-    // Constants of the group. Its stiffness is that without compliance until set_softness().
+    // Constants of the group. Its stiffness is that without compliance until scale_compliances().
     double mass = 0.0;
     for (const std::uint32_t p : group->members) {
         mass += model.mass[p];
@@ -303,7 +303,7 @@ void ConstraintBatches::add_group(const ParticleModel& model, const Group* group
     rigid_stiffness_.push_back(group->stiffness);
     stiffness_.push_back(static_cast<float>(group->stiffness));
     compliance_.push_back(group->compliance);
-    softness_.push_back(0.0f);
+    scaled_compliance_.push_back(0.0f);
     inverse_mass_.push_back(static_cast<float>(1.0 / mass));
     centre_is_free_.push_back(model.pinned[group->centre] != 0 ? 0 : 1);
     // Members of one lane are `lanes_` apart.
@@ -346,7 +346,7 @@ void ConstraintBatches::set_rest_shape(const ParticleModel& model) noexcept {
         return glm::length(model.rest_position[a / kDoublesPerRow] - model.rest_position[b / kDoublesPerRow]);
     };
     // Padding particles come after the model's and have no rest position.
-    const auto exists = [&](std::uint32_t name) { return name / kDoublesPerRow < model.size(); };
+    const auto exists = [&](std::uint32_t offset) { return offset / kDoublesPerRow < model.size(); };
     // Links and springs: rest length is the distance of the rest positions.
     for (std::size_t k = 0; k < first_.size(); ++k) {
         rest_length_[k] = exists(first_[k]) ? static_cast<float>(length(first_[k], second_[k])) : 0.0f;
@@ -386,9 +386,9 @@ SpringBatches ConstraintBatches::springs() noexcept {
             .rest_length = spring_.rest_length.data(),
             .first_inverse_mass = spring_.first_inverse_mass.data(),
             .second_inverse_mass = spring_.second_inverse_mass.data(),
-            .softness = spring_.softness.data(),
+            .scaled_compliance = spring_.scaled_compliance.data(),
             .gain = spring_.gain.data(),
-            .pull = spring_.pull.data()};
+            .lambda = spring_.lambda.data()};
 }
 
 GroupBatches ConstraintBatches::groups() noexcept {
@@ -399,7 +399,7 @@ GroupBatches ConstraintBatches::groups() noexcept {
             .batch = batch_.data(),
             .centre = centre_.data(),
             .stiffness = stiffness_.data(),
-            .softness = softness_.data(),
+            .scaled_compliance = scaled_compliance_.data(),
             .inverse_mass = inverse_mass_.data(),
             .centre_is_free = centre_is_free_.data(),
             .member = member_.data(),

@@ -37,7 +37,7 @@ class ConstraintBatches {
     /// Precondition: model.check() has passed. Throws std::invalid_argument if a particle is in too many constraints.
     ConstraintBatches(const ParticleModel& model, std::size_t lanes);
 
-    /// Resets the multipliers of compliant constraints and computes their softness for a sub-step of length h, s.
+    /// Resets the multipliers of compliant constraints and scales their compliances for a sub-step of length h, s.
     void begin_substep(double h) noexcept;
 
     /// Takes rest offsets of groups and lengths of links from the model's rest positions.
@@ -48,7 +48,7 @@ class ConstraintBatches {
     /// whole_vectors() plus one padding particle per lane.
     [[nodiscard]] std::size_t padded_particles() const noexcept { return particles_ + lanes_; }
     [[nodiscard]] LinkBatches links() noexcept;
-    /// softness and gain are valid after begin_substep().
+    /// The scaled compliances and gains are valid after begin_substep().
     [[nodiscard]] SpringBatches springs() noexcept;
     [[nodiscard]] GroupBatches groups() noexcept;
     [[nodiscard]] std::size_t link_colours() const noexcept { return link_colours_; }
@@ -57,7 +57,7 @@ class ConstraintBatches {
     [[nodiscard]] std::size_t max_slots() const noexcept;
 
   private:
-    void set_softness(double h) noexcept;
+    void scale_compliances(double h) noexcept;
     void batch_links(const ParticleModel& model, const std::vector<std::uint32_t>& links);
     void batch_springs(const ParticleModel& model, const std::vector<std::uint32_t>& links);
     void batch_groups(const ParticleModel& model);
@@ -77,7 +77,7 @@ class ConstraintBatches {
 
     std::size_t lanes_;
     std::size_t particles_;
-    double step_ = 0.0;  // s, sub-step for which softness was computed
+    double step_ = 0.0;  // s, sub-step for which the compliances are scaled
     std::size_t link_colours_ = 0;
     std::size_t group_colours_ = 0;
 
@@ -96,17 +96,17 @@ class ConstraintBatches {
         LaneArray<double> second_inverse_mass;
         LaneArray<double> compliance;
         LaneArray<double> stiffness;
-        LaneArray<double> softness;
+        LaneArray<double> scaled_compliance;
         LaneArray<double> gain;
-        LaneArray<double> pull;
+        LaneArray<double> lambda;
     } spring_;
     std::vector<GroupRun> run_;
     std::vector<GroupBatch> batch_;
     LaneArray<std::uint32_t> centre_;
     LaneArray<float> stiffness_;
     std::vector<double> compliance_;
-    std::vector<double> rigid_stiffness_;  // stiffness before softness is applied
-    LaneArray<float> softness_;
+    std::vector<double> rigid_stiffness_;  // stiffness before the compliance is applied
+    LaneArray<float> scaled_compliance_;
     LaneArray<float> inverse_mass_;
     LaneArray<std::int32_t> centre_is_free_;
     LaneArray<std::uint32_t> member_;

@@ -63,9 +63,9 @@ struct SpringBatches {
     const double* rest_length;         // m
     const double* first_inverse_mass;  // 1 / kg
     const double* second_inverse_mass;
-    const double* softness;  // 1 / kg, compliance / h^2
-    const double* gain;      // kg, stiffness / (w1 + w2 + softness)
-    double* pull;            // kg m, the multiplier: tension * h^2 of this sub-step
+    const double* scaled_compliance;  // 1 / kg, compliance / h^2
+    const double* gain;               // kg, stiffness / (w1 + w2 + scaled_compliance)
+    double* lambda;                   // kg m, the multiplier: tension * h^2 of this sub-step
 };
 
 struct GroupBatch {
@@ -96,8 +96,8 @@ struct GroupBatches {
     const GroupBatch* batch;  // [batch]
     // [batch][lane]
     const std::uint32_t* centre;
-    const float* stiffness;              // compliant groups: stiffness / (1 + softness)
-    const float* softness;               // compliance / h^2
+    const float* stiffness;              // compliant groups: stiffness / (1 + scaled_compliance)
+    const float* scaled_compliance;      // compliance / h^2
     const float* inverse_mass;           // 1 / kg
     const std::int32_t* centre_is_free;  // 0: pinned
     // [slot][lane]

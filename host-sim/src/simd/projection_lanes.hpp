@@ -200,22 +200,23 @@ HAPTIC_LANES void project_spring_batch(const SpringBatches& springs, std::size_t
     const LaneVec<Real> b = head(second);
     const LaneVec<Real> between = b - a;
     const Real length = square_root(dot(between, between));
-    // Equation 18: change of the multiplier, (C - s p) / (w_a + w_b + s), where p is the pull so far.
-    const Real pull = load<Real>(springs.pull + at);
-    const Real error = length - load<Real>(springs.rest_length + at) - load<Real>(springs.softness + at) * pull;
-    const Real added_pull = load<Real>(springs.gain + at) * error;
+    // Equation 18: change of the multiplier, (C - s lambda) / (w_a + w_b + s), with the scaled compliance s.
+    const Real lambda = load<Real>(springs.lambda + at);
+    const Real error =
+        length - load<Real>(springs.rest_length + at) - load<Real>(springs.scaled_compliance + at) * lambda;
+    const Real delta_lambda = load<Real>(springs.gain + at) * error;
     // Equation 17: both ends move along the spring in proportion to their inverse masses. Coincident ends stay.
-    const LaneVec<Real> along = (added_pull / length) * between;
+    const LaneVec<Real> along = (delta_lambda / length) * between;
     const auto has_direction = length > 0.0;
     const LaneVec<Real> a_new = select(has_direction, a + load<Real>(springs.first_inverse_mass + at) * along, a);
     const LaneVec<Real> b_new = select(has_direction, b - load<Real>(springs.second_inverse_mass + at) * along, b);
-    // p <- p + dp; the pull accumulates over the iterations of the sub-step.
-    store(select(has_direction, pull + added_pull, pull), springs.pull + at);
+    // lambda <- lambda + delta lambda; it accumulates over the iterations of the sub-step.
+    store(select(has_direction, lambda + delta_lambda, lambda), springs.lambda + at);
     scatter<Real>({a_new.x, a_new.y, a_new.z, first.d}, first_at);
     scatter<Real>({b_new.x, b_new.y, b_new.z, second.d}, second_at);
 }
 
-/// In double, since a spring's pull accumulates over the iterations.
+/// In double, since a spring's multiplier accumulates over the iterations.
 template <class Real>
 void project_springs(const SpringBatches& springs, bool forward, const MovingParticles& particles) noexcept {
     const std::size_t parts = springs.count * (kLanes<Real> / kLanes<Wide<Real>>);
@@ -306,7 +307,8 @@ class BatchProjection {
                                                             const LaneVec<Real>& displacement) const noexcept {
         if constexpr (Compliant) {
             const LaneVec<Real> so_far = vector_at(groups_->shift, slot);
-            const LaneVec<Real> added = displacement - (stiffness_ * load<Real>(groups_->softness + at_)) * so_far;
+            const LaneVec<Real> added =
+                displacement - (stiffness_ * load<Real>(groups_->scaled_compliance + at_)) * so_far;
             store_vector(so_far + added, groups_->shift + 3 * member(slot));
             return added;
         } else {

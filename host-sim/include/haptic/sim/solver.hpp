@@ -11,10 +11,10 @@
 //
 // Link with a compliance: a spring (M. Macklin, M. Müller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant
 // Constrained Dynamics", 2016, equations 17 and 18). With C the stretch and s = compliance / h^2, a projection adds
-// (C - s p) / (w_a + w_b + s) to the pull p of this sub-step, which is h^2 times the tension. After convergence C is
-// compliance times tension, whatever the number of iterations and the length of the step. Shorter sub-steps converge
-// sooner and help more than iterations (Macklin et al., "Small Steps in Physics Simulation", 2019). Stiffness is then
-// the fraction of that increment which a projection adds; leave it at 1.
+// (C - s lambda) / (w_a + w_b + s) to the multiplier lambda of this sub-step, which is h^2 times the tension. After
+// convergence C is compliance times tension, whatever the number of iterations and the length of the step. Shorter
+// sub-steps converge sooner and help more than iterations (Macklin et al., "Small Steps in Physics Simulation", 2019).
+// Stiffness is then the fraction of that increment which a projection adds; leave it at 1.
 //
 // Group: with masses m, rest offsets q from the rest centroid and present offsets p from the centroid c, its moment
 // matrix is A = sum m p q^T + sum m r^2 / 5 R, where R are the particles' orientations as matrices (Müller & Chentanez
