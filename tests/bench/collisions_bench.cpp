@@ -57,7 +57,7 @@ void measure(benchmark::State& state, ParticleModel model, bool ground) {
     state.counters["deform_us"] = median_us(deform);
     state.counters["near"] = static_cast<double>(collisions.counts().near);
     state.counters["planes"] = static_cast<double>(collisions.counts().planes);
-    state.counters["pressed"] = static_cast<double>(collisions.counts().pressed);
+    state.counters["pressed"] = static_cast<double>(collisions.counts().active);
 }
 
 void four_clouds_in_a_heap(benchmark::State& state) {

@@ -669,7 +669,7 @@ void ParticleCollisions::State::write_pushes(Row* pushed) noexcept {
             const Vec3 correction = p.push * p.normal + detail[k].friction;
             move(pushed[p.first], p.first_share * correction);
             move(pushed[p.second], -p.second_share * correction);
-            ++counts.pressed;
+            ++counts.active;
         }
     }
     // The ground is immovable, so its push goes to the particle alone.
@@ -677,7 +677,7 @@ void ParticleCollisions::State::write_pushes(Row* pushed) noexcept {
     for (std::size_t k = 0; k < below.count; ++k) {
         if (below.push[k] > 0.0) {
             move(pushed[below.particle[k]], {below.friction[0][k], below.push[k], below.friction[1][k]});
-            ++counts.pressed;
+            ++counts.active;
         }
     }
 }

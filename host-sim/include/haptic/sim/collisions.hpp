@@ -51,7 +51,7 @@ struct CollisionSettings {
 struct CollisionCounts {
     std::size_t near = 0;     // pairs with overlapping boxes
     std::size_t planes = 0;   // pairs with a plane
-    std::size_t pressed = 0;  // pairs that push each other, and particles that the ground pushes
+    std::size_t active = 0;   // pairs that push each other, and particles that the ground pushes
     std::size_t dropped = 0;  // pairs beyond the capacity: these are not kept apart
 };
 
