@@ -18,7 +18,7 @@ constexpr double kHorizonSteps = 1.5;
 // Determinant of the normals' Gram matrix below which active planes count as parallel, and one represents all.
 constexpr double kParallel = 1e-9;
 // s, time constant with which a particle's sticking position moves to the simulation's.
-constexpr double kPullS = 0.1;
+constexpr double kStickCorrectionTimeS = 0.1;
 // Largest displacement of the offset of springs in series per displacement of the rows' depths (series_springs.hpp):
 // the maximum of s / (1 + s^2) over singular values s of the rows.
 constexpr double kSeriesGain = 0.5;
@@ -33,7 +33,7 @@ double surface_speed(const Vec3& n, const ProxyContact& contact, std::uint8_t ac
     Mat3 gram(1.0);
     Vec3 along(0.0);
     Vec3 speeds(0.0);
-    int deepest = -1;
+    int most_aligned = -1;
     for (int i = 0; i < static_cast<int>(kMaxPlanes); ++i) {
         if ((active & (1u << i)) == 0) {
             continue;
@@ -46,14 +46,14 @@ double surface_speed(const Vec3& n, const ProxyContact& contact, std::uint8_t ac
             const bool both = (active & (1u << j)) != 0;
             gram[i][j] = gram[j][i] = both ? glm::dot(normal, to_vec3(contact.planes[j].normal)) : 0.0;
         }
-        deepest = deepest < 0 || along[i] > along[deepest] ? i : deepest;
+        most_aligned = most_aligned < 0 || along[i] > along[most_aligned] ? i : most_aligned;
     }
     if (speeds == Vec3(0.0)) {
         return 0.0;  // surfaces at rest, the usual case
     }
     // Weights w = G^-1 (n_i . n). Parallel planes make G singular; then the plane with the normal nearest to n decides.
     if (std::fabs(glm::determinant(gram)) < kParallel) {
-        return along[deepest] * speeds[deepest];
+        return along[most_aligned] * speeds[most_aligned];
     }
     return glm::dot(glm::inverse(gram) * along, speeds);
 }
@@ -122,7 +122,7 @@ class Tool {
 
   private:
     [[nodiscard]] bool holds_positions() const HAPTIC_RT { return (frame_->flags & HAPTIC_FRAME_HOLD_POSITIONS) != 0; }
-    void pull_to_frame(const ProxyContact& sent, FrictionState& friction) const HAPTIC_RT;
+    void correct_stick_position(const ProxyContact& sent, FrictionState& friction) const HAPTIC_RT;
     [[nodiscard]] Particle locate(std::size_t i, FrictionState& friction, Planes& planes) HAPTIC_RT;
     void add_force(const Particle& particle, const Load& load, double torque_ratio) HAPTIC_RT;
     void add_free_displacement(const Particle& particle) HAPTIC_RT {
@@ -152,7 +152,7 @@ class Tool {
 /// and carries it along with the surface on its own, so the two positions differ and drift. While both report sticking,
 /// the simulation's position is the right one, because it holds the object there. The WrenchFollower bounds what the
 /// hand feels of this.
-void Tool::pull_to_frame(const ProxyContact& sent, FrictionState& friction) const HAPTIC_RT {
+void Tool::correct_stick_position(const ProxyContact& sent, FrictionState& friction) const HAPTIC_RT {
     // Only while both processes report sticking, and the frame's age does not overflow.
     std::int64_t age_ns = 0;
     if (!friction.in_contact || friction.sliding || (sent.in_contact & HAPTIC_PROXY_STICKS) == 0 ||
@@ -162,7 +162,7 @@ void Tool::pull_to_frame(const ProxyContact& sent, FrictionState& friction) cons
     // The simulation's position, extrapolated with the surface to now; first-order low-pass towards it.
     const double moved_s = seconds(std::clamp<std::int64_t>(age_ns, 0, horizon_ns_));
     const Vec3 there = to_vec3(sent.position) + moved_s * to_vec3(sent.surface_velocity);
-    friction.position += grip_.elapsed_s / (grip_.elapsed_s + kPullS) * (there - friction.position);
+    friction.position += grip_.elapsed_s / (grip_.elapsed_s + kStickCorrectionTimeS) * (there - friction.position);
 }
 
 /// Goal, local proxy and friction of particle i at this instant; `planes` receives its extrapolated planes.
@@ -203,7 +203,7 @@ Particle Tool::locate(std::size_t i, FrictionState& friction, Planes& planes) HA
         if (moving_) {
             particle.surface_displacement = to_vec3(sent.surface_velocity) * grip_.elapsed_s;
         }
-        pull_to_frame(sent, friction);
+        correct_stick_position(sent, friction);
         particle.friction_offset =
             apply_friction(proxy, goal, used, {frame_->static_friction, frame_->dynamic_friction},
                            particle.surface_displacement, friction);
@@ -226,26 +226,26 @@ void Tool::add_force(const Particle& particle, const Load& load, double torque_r
         damping = load.damping * (load.speed - glm::dot(goal_velocity, n));
     }
     // Normal force: f_i = max(0, k |d| + damping) n.
-    const double pressed = stiffness_.force * load.depth;
-    const double strength = std::max(0.0, pressed + damping);
-    const Vec3 force = strength * n;
-    const Vec3 spring = pressed * n;
+    const double spring_force = stiffness_.force * load.depth;
+    const double normal_force = std::max(0.0, spring_force + damping);
+    const Vec3 force = normal_force * n;
+    const Vec3 spring = spring_force * n;
     // Torque about the grip: k_t in place of k for the spring, the same damping force.
     contact_.wrench.force += force;
-    contact_.wrench.torque += glm::cross(particle.moment_arm, std::max(0.0, torque_ratio * pressed + damping) * n);
+    contact_.wrench.torque += glm::cross(particle.moment_arm, std::max(0.0, torque_ratio * spring_force + damping) * n);
     contact_.spring.force += spring;
     contact_.spring.torque += glm::cross(particle.moment_arm, torque_ratio * spring);
     // Sums for the wrench follower (depth) and the passivity observer (power and velocity of moving surfaces).
     contact_.depth += load.depth;
     if (moving_) {
-        contact_.surface_power += pressed * load.speed;
+        contact_.surface_power += spring_force * load.speed;
         contact_.surface_velocity += load.depth * load.speed * n;
     }
     if (!particle.has_friction) {
         return;
     }
     // Friction k t_i, reduced in proportion where damping reduces the normal force.
-    const double part = pressed > 0.0 ? std::min(1.0, strength / pressed) : 0.0;
+    const double part = spring_force > 0.0 ? std::min(1.0, normal_force / spring_force) : 0.0;
     // k t_i: force and torque, for the rendered wrench and for the springs without damping.
     const Vec3 tangential = load.friction * particle.friction_offset;
     contact_.wrench.force += part * tangential;
@@ -362,16 +362,16 @@ Contact Tool::render_in_series(ToolMemory& memory) HAPTIC_RT {
             }
         }
         // No row pushes: the particle is free.
-        const double strength = glm::length(force);
-        if (!(strength > 0.0)) {
+        const double normal_force = glm::length(force);
+        if (!(normal_force > 0.0)) {
             add_free_displacement(particle);
             continue;
         }
         // A particle in contact: depth |f_i| / k, its share of the damping, and friction scaled by |f_i| / (k |d|).
         ++contact_.in_contact;
         const double depth = glm::length(particle.correction);
-        const double spring_depth = strength / stiffness_.force;
-        const Load load{force / strength, spring_depth, power / strength, frame_->damping * own_pushes / pushes,
+        const double spring_depth = normal_force / stiffness_.force;
+        const Load load{force / normal_force, spring_depth, power / normal_force, frame_->damping * own_pushes / pushes,
                         depth > 0.0 ? stiffness_.force * spring_depth / depth : 0.0};
         add_force(particle, load, 1.0);
         moments += glm::cross(particle.moment_arm, stiffness_.force * load.depth * load.normal);
