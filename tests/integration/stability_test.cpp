@@ -84,13 +84,13 @@ TEST(Stability, GeneratesNoEnergyUpToThePassiveStiffness) {
 TEST(Stability, IsMaintainedByTheStiffnessLimitAlone) {
     for (const double stiffness : {1000.0, 2000.0}) {
         StabilityTrial limited = trial(DelayedPart::Planes, stiffness, 20, PassivityControl::Observe);
-        limited.tick.frames.largest_stiffness = passive_up_to(0);
+        limited.tick.frames.max_stiffness = passive_up_to(0);
         const StabilityOutcome outcome = run_stability_trial(limited);
         EXPECT_GE(outcome.min_energy, kFloor_j);
         EXPECT_FALSE(outcome.grows);
     }
     StabilityTrial late = trial(DelayedPart::Force, 2000.0, 10, PassivityControl::Observe);
-    late.tick.frames.largest_stiffness = passive_up_to(10);
+    late.tick.frames.max_stiffness = passive_up_to(10);
     EXPECT_FALSE(run_stability_trial(late).grows);
 }
 

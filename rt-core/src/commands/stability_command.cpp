@@ -227,7 +227,7 @@ StabilityOutcome run_cell(const Cell& cell, const StabilityOptions& options, con
     trial.duration_s = options.duration_s;
     trial.tick = tick;
     // The map shows the controller alone, so the stiffness limit is switched off.
-    trial.tick.frames.largest_stiffness = std::numeric_limits<double>::infinity();
+    trial.tick.frames.max_stiffness = std::numeric_limits<double>::infinity();
     if (!cell.controlled) {
         trial.tick.passivity.control = PassivityControl::Observe;
     }

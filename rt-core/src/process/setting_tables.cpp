@@ -334,12 +334,12 @@ const SettingTable<PassivitySettings>& passivity_table() {
               .unit = "N*s/m",
               .old_key = "passivity.largest_damping",
               .meaning = "Maximum damping of \"damp\". Stable below device.mass / loop.period_s."},
-             V::number(&S::largest_damping, {0.0, 1000.0})},
+             V::number(&S::max_damping, {0.0, 1000.0})},
             {{.key = "max_rotational_damping",
               .unit = "N*m*s/rad",
               .old_key = "passivity.largest_rotational_damping",
               .meaning = "Maximum rotational damping of \"damp\"."},
-             V::number(&S::largest_rotational_damping, {0.0, 1.0})},
+             V::number(&S::max_rotational_damping, {0.0, 1.0})},
         }};
     return table;
 }

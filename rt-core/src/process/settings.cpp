@@ -68,9 +68,9 @@ void limit_stiffness(const FileKeys& keys, TickSettings& tick) {
     const double period_s = seconds(tick.period_ns);
     // With one exchange per tick the force is sent a period after its encoders were read.
     const double delay_s = (tick.exchanges == 1 ? period_s : 0.0) + keys.stiffness_delay_s;
-    tick.frames.largest_stiffness = stiffness_limit(
+    tick.frames.max_stiffness = stiffness_limit(
         keys.stiffness, passive_stiffness(device.damping, keys.friction, resolution(tick.geometry), period_s, delay_s));
-    tick.frames.largest_rotational_stiffness = stiffness_limit(
+    tick.frames.max_rotational_stiffness = stiffness_limit(
         keys.rotational_stiffness, passive_stiffness(device.rotational_damping, 0.0, 0.0, period_s, delay_s));
 }
 

@@ -33,17 +33,17 @@ double ratio(double limit, double value) HAPTIC_RT {
     return value > limit ? limit / value : 1.0;
 }
 
-/// J, work credited to a moving surface. Of a receding one (negative) only the share energy / keep counts: a surface
-/// that jumped unannounced left more in the springs than was credited, and taking it back must not become debt.
-double credited_work(double surface, double energy, double keep) HAPTIC_RT {
-    return surface < 0.0 && keep > 0.0 ? surface * std::clamp(energy / keep, 0.0, 1.0) : surface;
+/// J, work credited to a moving surface. Of a receding one (negative) only the part energy / storage_limit counts: a
+/// surface that jumped unannounced left more in the springs than was credited, and taking it back must not become debt.
+double credited_work(double surface, double energy, double storage_limit) HAPTIC_RT {
+    return surface < 0.0 && storage_limit > 0.0 ? surface * std::clamp(energy / storage_limit, 0.0, 1.0) : surface;
 }
 
-/// alpha, at most `largest`, that pays back `debt` (J) in another tick with the same displacement.
-double paying_damping(double debt, const Vec3& displacement, double elapsed_s, double largest) HAPTIC_RT {
+/// alpha, at most `max_damping`, that pays back `debt` (J) in another tick with the same displacement.
+double paying_damping(double debt, const Vec3& displacement, double elapsed_s, double max_damping) HAPTIC_RT {
     const double square = glm::dot(displacement, displacement);
-    const double energy = largest * square / elapsed_s;  // J, that the largest alpha takes in such a tick
-    return debt >= energy ? largest : largest * debt / energy;
+    const double energy = max_damping * square / elapsed_s;  // J, that the maximum takes in such a tick
+    return debt >= energy ? max_damping : max_damping * debt / energy;
 }
 
 }  // namespace
@@ -78,7 +78,7 @@ void Passivity::reset() HAPTIC_RT {
 
 void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& request, bool requested) HAPTIC_RT {
     const double dt = motion.elapsed_s;
-    const bool counts = motion.requested || requested;
+    const bool active = motion.requested || requested;
     double translation = 0.0;
     double rotation = 0.0;
     double dissipated = 0.0;  // by the device
@@ -87,7 +87,7 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& r
         translation -= glm::dot(motion.held.force, motion.displacement);
         rotation -= glm::dot(motion.held.torque, motion.rotation);
     }
-    if (counts && dt > 0.0) {
+    if (active && dt > 0.0) {
         // b |dx|^2 / dt + b_r |dtheta|^2 / dt, at least.
         const double of_translation = settings_.damping * glm::dot(motion.displacement, motion.displacement) / dt;
         const double of_rotation = settings_.rotational_damping * glm::dot(motion.rotation, motion.rotation) / dt;
@@ -97,29 +97,31 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& r
     }
     // Trapezoidal rule for the work of the moving surfaces.
     const double max_power = settings_.surface_power;
-    const double now = std::clamp(request.surface_power, -max_power, max_power);
-    const double surface = counts ? 0.5 * (surface_power_ + scale_ * now) * request.elapsed_s : 0.0;
+    const double power = std::clamp(request.surface_power, -max_power, max_power);
+    const double surface = active ? 0.5 * (surface_power_ + scale_ * power) * request.elapsed_s : 0.0;
 
     // E = min(E + work, stored + store), for each of the observers.
-    const double keep = counts ? request.stored + settings_.store : 0.0;
+    const double storage_limit = active ? request.stored + settings_.store : 0.0;
     // The tank, which the controller spends, gets only damping_credit of the dissipation.
     const double absorbed = translation + rotation;
-    energy_ = std::min(energy_ + absorbed + credited_work(surface, energy_, keep), keep);
+    energy_ = std::min(energy_ + absorbed + credited_work(surface, energy_, storage_limit), storage_limit);
     tank_ = std::min(
-        tank_ + absorbed + credited_work(surface, tank_, keep) - (1.0 - settings_.damping_credit) * dissipated, keep);
-    translation_ = std::min(translation_ + translation + credited_work(surface, translation_, keep), keep);
-    rotation_ = std::min(rotation_ + rotation, keep);
+        tank_ + absorbed + credited_work(surface, tank_, storage_limit) - (1.0 - settings_.damping_credit) * dissipated,
+        storage_limit);
+    translation_ =
+        std::min(translation_ + translation + credited_work(surface, translation_, storage_limit), storage_limit);
+    rotation_ = std::min(rotation_ + rotation, storage_limit);
     // Without a wrench, debt is forgotten with a time constant and surplus is already cut to zero.
-    if (!counts) {
-        const double kept = 1.0 / (1.0 + request.elapsed_s / settings_.forget_s);
-        energy_ *= kept;
-        tank_ *= kept;
-        translation_ *= kept;
-        rotation_ *= kept;
+    if (!active) {
+        const double decay = 1.0 / (1.0 + request.elapsed_s / settings_.forget_s);
+        energy_ *= decay;
+        tank_ *= decay;
+        translation_ *= decay;
+        rotation_ *= decay;
         scale_ = 1.0;
         surface_power_ = 0.0;
     } else {
-        surface_power_ = now;  // apply() scales it like the wrench
+        surface_power_ = power;  // apply() scales it like the wrench
     }
 }
 
@@ -176,9 +178,10 @@ Passivity::Result Passivity::bound(const PassivityMotion& motion, const Passivit
         return {.wrench = request.wrench};
     }
     // gamma w, and the brake -(1 - gamma) d v.
-    const double share = scale_ * within;
-    Result result{
-        .wrench = {share * request.wrench.force, share * request.wrench.torque}, .scale = scale_, .acted = true};
+    const double wrench_scale = scale_ * within;
+    Result result{.wrench = {wrench_scale * request.wrench.force, wrench_scale * request.wrench.torque},
+                  .scale = scale_,
+                  .acted = true};
     if (motion.elapsed_s > 0.0) {
         // The motion per time is the velocity v of translation and rotation.
         const double part = (1.0 - scale_) / motion.elapsed_s;
@@ -202,14 +205,14 @@ Passivity::Result Passivity::damp(const PassivityMotion& motion, const Passivity
     // Force -alpha v while the observer of translation is in debt.
     if (translation_ < 0.0 && motion.displacement != Vec3(0.0)) {
         const double alpha =
-            paying_damping(-translation_, motion.displacement, motion.elapsed_s, settings_.largest_damping);
+            paying_damping(-translation_, motion.displacement, motion.elapsed_s, settings_.max_damping);
         result.wrench.force -= alpha / motion.elapsed_s * motion.displacement;
         result.acted = true;
     }
     // Torque -alpha omega while the observer of rotation is in debt.
     if (rotation_ < 0.0 && motion.rotation != Vec3(0.0)) {
         const double alpha =
-            paying_damping(-rotation_, motion.rotation, motion.elapsed_s, settings_.largest_rotational_damping);
+            paying_damping(-rotation_, motion.rotation, motion.elapsed_s, settings_.max_rotational_damping);
         result.wrench.torque -= alpha / motion.elapsed_s * motion.rotation;
         result.acted = true;
     }

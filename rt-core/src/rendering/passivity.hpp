@@ -60,8 +60,8 @@ struct PassivitySettings {
     double rotational_damping = 6e-5;  // N m s/rad
     double mass = 0.1;                 // kg, of the grip alone: the smallest mass that the wrench may accelerate
     double inertia = 2e-5;             // kg m^2
-    double largest_damping = 30.0;     // N s/m, largest alpha; m / T is 100, and half of that oscillates
-    double largest_rotational_damping = 6e-3;  // N m s/rad
+    double max_damping = 30.0;         // N s/m, largest alpha; m / T is 100, and half of that oscillates
+    double max_rotational_damping = 6e-3;  // N m s/rad
 };
 
 /// Motion of the grip since the last tick, and the wrench held meanwhile.

@@ -47,10 +47,10 @@ void FrameRenderer::limit_stiffness() HAPTIC_RT {
     const Stiffness requested = stiffness_of(frame());
     const double squared_arm = squared_moment_arm(frame());
     Stiffness& allowed = coupling_[current_];
-    allowed.force = std::min(requested.force, settings_.largest_stiffness);
+    allowed.force = std::min(requested.force, settings_.max_stiffness);
     allowed.torque = frame().torque_stiffness > 0.0 ? requested.torque : allowed.force;
-    if (allowed.torque * squared_arm > settings_.largest_rotational_stiffness) {
-        allowed.torque = settings_.largest_rotational_stiffness / squared_arm;
+    if (allowed.torque * squared_arm > settings_.max_rotational_stiffness) {
+        allowed.torque = settings_.max_rotational_stiffness / squared_arm;
     }
     stiffness_limited_[current_] = allowed.force < requested.force || allowed.torque < requested.torque;
 }

@@ -20,9 +20,9 @@ struct FrameSettings {
     std::int64_t fade_ns = 100'000'000;         // ns, in which the wrench of a stale frame fades to zero
     std::int64_t ramp_ns = 50'000'000;          // ns, in which the wrench blends to a new source, or ends after contact
     /// N/m; a larger stiffness of a frame is reduced to this (passive_stiffness).
-    double largest_stiffness = std::numeric_limits<double>::infinity();
+    double max_stiffness = std::numeric_limits<double>::infinity();
     /// N*m/rad; the torque stiffness of a frame is reduced until its particles make at most this (squared_moment_arm).
-    double largest_rotational_stiffness = std::numeric_limits<double>::infinity();
+    double max_rotational_stiffness = std::numeric_limits<double>::infinity();
 };
 
 /// Keeps the newest valid frame and renders it without steps in the wrench:

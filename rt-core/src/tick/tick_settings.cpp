@@ -34,13 +34,13 @@ TickSettings checked(const TickSettings& settings) {
                 settings.limits.torque_rate > 0.0,
             "wrench limits must not be negative, and their rates must be positive");
     require(settings.tension_rate > 0.0, "tension_rate must be positive");
-    require(settings.frames.largest_stiffness >= 0.0 && settings.frames.largest_rotational_stiffness >= 0.0,
+    require(settings.frames.max_stiffness >= 0.0 && settings.frames.max_rotational_stiffness >= 0.0,
             "the maximum stiffness must not be negative");
     // Passivity controller.
     const PassivitySettings& passivity = settings.passivity;
     require(passivity.allowance >= 0.0 && passivity.store >= 0.0 && passivity.surface_power >= 0.0 &&
-                passivity.damping >= 0.0 && passivity.rotational_damping >= 0.0 && passivity.largest_damping >= 0.0 &&
-                passivity.largest_rotational_damping >= 0.0 && passivity.brake >= 0.0 &&
+                passivity.damping >= 0.0 && passivity.rotational_damping >= 0.0 && passivity.max_damping >= 0.0 &&
+                passivity.max_rotational_damping >= 0.0 && passivity.brake >= 0.0 &&
                 passivity.rotational_brake >= 0.0 && passivity.damping_credit >= 0.0,
             "energies, powers and dampings of the passivity controller must not be negative");
     require(passivity.recovery_s >= 0.0 && passivity.forget_s > 0.0 && passivity.mass > 0.0 && passivity.inertia > 0.0,

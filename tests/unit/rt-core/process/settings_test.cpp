@@ -73,8 +73,8 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.tick.passivity.damping_credit, b.tick.passivity.damping_credit);
     EXPECT_EQ(a.tick.passivity.mass, b.tick.passivity.mass);
     EXPECT_EQ(a.tick.passivity.inertia, b.tick.passivity.inertia);
-    EXPECT_EQ(a.tick.passivity.largest_damping, b.tick.passivity.largest_damping);
-    EXPECT_EQ(a.tick.passivity.largest_rotational_damping, b.tick.passivity.largest_rotational_damping);
+    EXPECT_EQ(a.tick.passivity.max_damping, b.tick.passivity.max_damping);
+    EXPECT_EQ(a.tick.passivity.max_rotational_damping, b.tick.passivity.max_rotational_damping);
     EXPECT_EQ(a.tick.safety.tension_ramp_ns, b.tick.safety.tension_ramp_ns);
     EXPECT_EQ(a.tick.safety.calibration_hold_ns, b.tick.safety.calibration_hold_ns);
     EXPECT_EQ(a.tick.safety.calibration_movement, b.tick.safety.calibration_movement);
@@ -123,7 +123,7 @@ TEST(Settings, OfTheInstalledFileAreTheBuiltInOnes) {
 }
 
 TEST(Settings, LimitTheStiffnessToWhatPeriodAndDampingAllow) {
-    const auto limit = [](const std::string& toml) { return read(toml).tick.frames.largest_stiffness; };
+    const auto limit = [](const std::string& toml) { return read(toml).tick.frames.max_stiffness; };
     EXPECT_DOUBLE_EQ(limit(""), 600.0);  // 2 * 0.3 / 0.001
     EXPECT_DOUBLE_EQ(limit("[loop]\nperiod_s = 0.0005\n"), 1200.0);
     EXPECT_DOUBLE_EQ(limit("[device]\nexchanges = \"one\"\n"), 200.0);
@@ -174,8 +174,8 @@ TEST(Settings, OfTheInstalledFileNameEveryKey) {
 TEST(Settings, HaveFormerNamesThatAreStillRead) {
     testing::internal::CaptureStderr();
     EXPECT_EQ(read("[device]\nvariant = \"SpidarG6X5R\"\n").tick.geometry.name, "SpidarG6X5R");
-    EXPECT_EQ(read("[passivity]\nlargest_damping = 7.0\n").tick.passivity.largest_damping, 7.0);
-    EXPECT_EQ(read("[passivity]\nlargest_rotational_damping = 0.5\n").tick.passivity.largest_rotational_damping, 0.5);
+    EXPECT_EQ(read("[passivity]\nlargest_damping = 7.0\n").tick.passivity.max_damping, 7.0);
+    EXPECT_EQ(read("[passivity]\nlargest_rotational_damping = 0.5\n").tick.passivity.max_rotational_damping, 0.5);
     EXPECT_THAT(testing::internal::GetCapturedStderr(),
                 HasSubstr("test.toml:2: device.variant: is the former name of device.geometry"));
 }

@@ -376,7 +376,7 @@ TEST(Passivity, DampingPaysADebtBackAndNoMore) {
     Passivity slow(settings, {});
     slow.apply(moved_up(1e-4, 1.0), wall(100.0, 0.01));
     const Passivity::Result limited = slow.apply(moved_up(1e-5, 1e-9), wall(100.0, 0.01));
-    EXPECT_NEAR(requested - limited.wrench.force.y, settings.largest_damping * 1e-5 / kPeriod_s, 1e-9);
+    EXPECT_NEAR(requested - limited.wrench.force.y, settings.max_damping * 1e-5 / kPeriod_s, 1e-9);
 }
 
 TEST(Passivity, GivesZeroForNonFiniteInput) {

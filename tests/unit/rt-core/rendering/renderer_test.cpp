@@ -78,7 +78,7 @@ TEST(Render, ReportsTheEnergyOfItsSpringsAndThePowerOfMovingSurfaces) {
 
 TEST(FrameRenderer, LimitsTheStiffnessAndReportsIt) {
     FrameSettings settings;
-    settings.largest_stiffness = 600.0;
+    settings.max_stiffness = 600.0;
     const auto renderer = std::make_unique<FrameRenderer>(settings);
     for (const double asked : {500.0, 2000.0, 600.0}) {
         renderer->inbox() = floor_frame(0.0, asked, 0);

@@ -169,7 +169,7 @@ TEST(ToolContact, ConvergesToTheStickingPositionOfTheSimulation) {
 TEST(FrameRendererOfATool, LowersTheTorqueStiffnessToTheRotationalLimit) {
     for (const std::uint32_t flags : {0u, std::uint32_t{HAPTIC_FRAME_SERIES_SPRINGS}}) {
         FrameSettings settings;
-        settings.largest_rotational_stiffness = 0.05;
+        settings.max_rotational_stiffness = 0.05;
         const auto felt = [&](double torque_stiffness) {
             FrameRenderer renderer(settings);
             ContactFrame& frame = renderer.inbox();

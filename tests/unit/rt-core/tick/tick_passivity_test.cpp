@@ -92,7 +92,7 @@ TEST(TickPassivity, MakesNoWrenchInFreeMotionAfterABoundedContact) {
 
 TEST(TickPassivity, ReportsALimitedStiffness) {
     TickSettings settings;
-    settings.frames.largest_stiffness = 600.0;
+    settings.frames.max_stiffness = 600.0;
     TickRig rig(pumping_hand(-0.01, 1.0), settings);
     rig.run_up();
     for (int i = 0; i < 1100; ++i) {

@@ -319,7 +319,7 @@ Trembling knock(double torque_stiffness, std::uint32_t flags, double largest, Pa
     mechanics.motor_friction = 0.0;
     mechanics.motor_drag = 0.0;
     TickSettings settings;
-    settings.frames.largest_rotational_stiffness = largest;
+    settings.frames.max_rotational_stiffness = largest;
     settings.passivity.control = control;
     // Into the floor, tilted by 0.05 rad, then level again at once.
     const std::vector<double> times{0.0, 2.0, 2.2, 2.5, 2.501, 4.0};
