@@ -257,8 +257,8 @@ double scale_to_pull(const Wrench& goal, double strings, const TensionSettings& 
     for (Vec3::length_type k = 0; k < 3; ++k) {
         size = std::max({size, std::abs(goal.force[k]), std::abs(goal.torque[k]) * settings.torque_scale});
     }
-    const double largest = strings * settings.maximum;
-    return size > largest ? largest / size : 1.0;
+    const double max_force = strings * settings.maximum;
+    return size > max_force ? max_force / size : 1.0;
 }
 
 Wrench scaled(const Wrench& wrench, double factor) HAPTIC_RT {
@@ -317,8 +317,8 @@ bool is_met(const Wrench& made, const Wrench& goal) HAPTIC_RT {
            length(made.torque - goal.torque) <= std::max(kTorqueError, kRelativeError * length(goal.torque));
 }
 
-void require(bool held, const char* what) {
-    if (!held) {
+void require(bool condition, const char* what) {
+    if (!condition) {
         throw std::invalid_argument(std::string("tension solver: ") + what);
     }
 }
@@ -393,19 +393,19 @@ void TensionSolver::scale_to_feasible(const WireMatrix& wires, const Wrench& goa
     // of the error decides which half to keep. The last multiple that was met is the result.
     for (int k = 0; k < kHalvings; ++k) {
         // Solve for the middle of the interval, starting from the last active set.
-        const double share = 0.5 * (low + high);
-        const Wrench shared = scaled(goal, share * max_scale);
-        solve_for(wires, shared, tried_active, tried);
+        const double fraction_of_max = 0.5 * (low + high);
+        const Wrench scaled_goal = scaled(goal, fraction_of_max * max_scale);
+        solve_for(wires, scaled_goal, tried_active, tried);
         // Feasible: keep this multiple and try a larger one. Otherwise follow the derivative of the error.
         if (tried.reached) {
-            low = share;
+            low = fraction_of_max;
             active = tried_active;
             result = tried;
-            result.scale = share * max_scale;
-        } else if (falls_short(tried.wrench, shared, settings_)) {
-            high = share;
+            result.scale = fraction_of_max * max_scale;
+        } else if (falls_short(tried.wrench, scaled_goal, settings_)) {
+            high = fraction_of_max;
         } else {
-            low = share;
+            low = fraction_of_max;
         }
     }
     // Rounds of all multiples together; the wanted wrench itself stays unreached.
