@@ -153,10 +153,10 @@ class Problem {
     void step(double lambda, bool shared) {
         // Normal equations of the shared parameters, with every pose eliminated.
         SharedMatrix reduced = SharedMatrix::Zero();
-        Shared right = Shared::Zero();
+        Shared rhs = Shared::Zero();
         std::vector<Sample> samples(wiggle_.size());
         for (std::size_t k = 0; k < wiggle_.size(); ++k) {
-            samples[k] = linearise(k, lambda, shared, reduced, right);
+            samples[k] = linearise(k, lambda, shared, reduced, rhs);
         }
         // Step of the shared parameters from the reduced system. Only the prior's part of its diagonal is damped.
         Shared change = Shared::Zero();
@@ -164,13 +164,13 @@ class Problem {
             // The prior pulls each parameter to its nominal value (zero change).
             const Shared precision = deviations_.array().square().inverse();
             reduced.diagonal() += (1.0 + lambda) * precision;
-            right -= precision.cwiseProduct(shared_);
-            change = reduced.selfadjointView<Eigen::Lower>().ldlt().solve(right);
+            rhs -= precision.cwiseProduct(shared_);
+            change = reduced.selfadjointView<Eigen::Lower>().ldlt().solve(rhs);
             shared_ += change;
         }
         // Back substitution: the step of each pose.
         for (std::size_t k = 0; k < wiggle_.size(); ++k) {
-            const PoseVector d = samples[k].own - samples[k].by_shared * change;
+            const PoseVector d = samples[k].pose_step - samples[k].by_shared * change;
             poses_[k].position += Vec3(d[0], d[1], d[2]);
             poses_[k].orientation = rotated(poses_[k].orientation, Vec3(d[3], d[4], d[5]));
         }
@@ -179,10 +179,10 @@ class Problem {
     /// Covariance of the shared parameters, marginalised over the poses.
     [[nodiscard]] SharedMatrix covariance() const {
         SharedMatrix reduced = SharedMatrix::Zero();
-        Shared right = Shared::Zero();
+        Shared rhs = Shared::Zero();
         for (std::size_t k = 0; k < wiggle_.size(); ++k) {
             // Undamped: the Schur complement is then the information matrix of the shared parameters.
-            static_cast<void>(linearise(k, 0.0, true, reduced, right));
+            static_cast<void>(linearise(k, 0.0, true, reduced, rhs));
         }
         // Add the prior's information and invert.
         reduced.diagonal() += Shared(deviations_.array().square().inverse());
@@ -217,19 +217,19 @@ class Problem {
     void set_noise(double noise) { noise_ = std::max(noise, quantisation_); }
 
   private:
-    /// Step of a pose: own - by_shared * (step of the shared parameters).
+    /// Step of a pose: pose_step - by_shared * (step of the shared parameters).
     struct Sample {
-        PoseVector own = PoseVector::Zero();
+        PoseVector pose_step = PoseVector::Zero();
         CrossMatrix by_shared = CrossMatrix::Zero();
     };
 
     /// Adds sample k to the normal equations of the shared parameters, with its pose eliminated by the Schur complement
     /// S = C - B^T A^-1 B. Fills the lower triangle only.
-    Sample linearise(std::size_t k, double lambda, bool shared, SharedMatrix& reduced, Shared& right) const {
+    Sample linearise(std::size_t k, double lambda, bool shared, SharedMatrix& reduced, Shared& rhs) const {
         // Weighted blocks A (pose), B (cross), C (shared) of the sample's normal equations.
-        PoseMatrix of_pose = PoseMatrix::Zero();
-        PoseVector pose_right = PoseVector::Zero();
-        CrossMatrix crossing = CrossMatrix::Zero();
+        PoseMatrix pose_block = PoseMatrix::Zero();
+        PoseVector pose_rhs = PoseVector::Zero();
+        CrossMatrix cross_block = CrossMatrix::Zero();
         for (std::size_t i = 0; i < kStrings; ++i) {
             const Equation e = equation(k, i);
             // Huber weight over variance.
@@ -240,25 +240,25 @@ class Problem {
             const Eigen::Map<const Eigen::Matrix<double, kPerString, 1>> b(e.by_shared.data());
             const auto at = kPerString * static_cast<Eigen::Index>(i);
             // A += w a a^T, B += w a b^T, C += w b b^T, and the right-hand sides -w e a and -w e b.
-            of_pose += weight * a * a.transpose();
-            pose_right -= weight * e.residual * a;
+            pose_block += weight * a * a.transpose();
+            pose_rhs -= weight * e.residual * a;
             if (shared) {
-                crossing.middleCols<kPerString>(at) += weight * a * b.transpose();
+                cross_block.middleCols<kPerString>(at) += weight * a * b.transpose();
                 reduced.block<kPerString, kPerString>(at, at) += weight * b * b.transpose();
-                right.segment<kPerString>(at) -= weight * e.residual * b;
+                rhs.segment<kPerString>(at) -= weight * e.residual * b;
             }
         }
         // Marquardt damping, then elimination of the pose.
-        of_pose.diagonal() *= 1.0 + lambda;
-        const Eigen::LDLT<PoseMatrix> solver(of_pose);
-        // Pose step for fixed shared parameters: A^-1 pose_right.
+        pose_block.diagonal() *= 1.0 + lambda;
+        const Eigen::LDLT<PoseMatrix> solver(pose_block);
+        // Pose step for fixed shared parameters: A^-1 pose_rhs.
         Sample sample;
-        sample.own = solver.solve(pose_right);
+        sample.pose_step = solver.solve(pose_rhs);
         if (shared) {
             // A^-1 B, then S = C - B^T A^-1 B and its right-hand side.
-            sample.by_shared = solver.solve(crossing);
-            reduced.triangularView<Eigen::Lower>() -= crossing.transpose() * sample.by_shared;
-            right -= crossing.transpose() * sample.own;
+            sample.by_shared = solver.solve(cross_block);
+            reduced.triangularView<Eigen::Lower>() -= cross_block.transpose() * sample.by_shared;
+            rhs -= cross_block.transpose() * sample.pose_step;
         }
         return sample;
     }
