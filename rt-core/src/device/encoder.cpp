@@ -72,11 +72,12 @@ void StringEncoders::calibrate() HAPTIC_RT {
 }
 
 double StringEncoders::largest_movement() const HAPTIC_RT {
-    double largest = 0.0;
+    double max_movement = 0.0;
     for (std::size_t i = 0; i < kStrings; ++i) {
-        largest = std::max(largest, std::fabs(static_cast<double>(counts_[i] - marked_[i]) * metres_per_count_[i]));
+        max_movement =
+            std::max(max_movement, std::fabs(static_cast<double>(counts_[i] - marked_[i]) * metres_per_count_[i]));
     }
-    return largest;
+    return max_movement;
 }
 
 }  // namespace haptic::rt

@@ -59,19 +59,19 @@ Wiggle thinned(const Wiggle& wiggle, std::size_t max_samples) {
         return wiggle;
     }
     // Counts, largest movement of a string between two samples.
-    const auto moved = [](const StringCounts& a, const StringCounts& b) {
-        std::int64_t largest = 0;
+    const auto max_change_between = [](const StringCounts& a, const StringCounts& b) {
+        std::int64_t max_change = 0;
         for (std::size_t i = 0; i < kStrings; ++i) {
-            largest = std::max(largest, std::abs(a[i] - b[i]));
+            max_change = std::max(max_change, std::abs(a[i] - b[i]));
         }
-        return largest;
+        return max_change;
     };
     // Raise the minimum movement between samples until few enough remain.
     Wiggle taken;
     for (std::int64_t min_movement = 1;; min_movement += std::max<std::int64_t>(1, min_movement / 4)) {
         taken.assign(1, wiggle.front());
         for (const StringCounts& counts : wiggle) {
-            if (moved(counts, taken.back()) >= min_movement) {
+            if (max_change_between(counts, taken.back()) >= min_movement) {
                 taken.push_back(counts);
             }
         }
