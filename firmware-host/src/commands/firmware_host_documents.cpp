@@ -1,6 +1,6 @@
 #include "commands/firmware_host_documents.hpp"
 
-#include "haptic/device/emulated_config.hpp"
+#include "haptic/device/emulated_settings.hpp"
 
 namespace haptic::device {
 

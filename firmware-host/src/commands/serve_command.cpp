@@ -20,7 +20,7 @@
 #include "haptic/clock.hpp"
 #include "haptic/config.hpp"
 #include "haptic/device/device_geometry_file.hpp"
-#include "haptic/device/emulated_config.hpp"
+#include "haptic/device/emulated_settings.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/device/hand_file.hpp"
 #include "usbip/tty_server.hpp"

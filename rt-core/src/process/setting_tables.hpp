@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "haptic/device/emulated_config.hpp"
+#include "haptic/device/emulated_settings.hpp"
 #include "haptic/probe.hpp"
 #include "haptic/setting.hpp"
 #include "process/settings.hpp"

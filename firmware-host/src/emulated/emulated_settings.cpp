@@ -1,4 +1,4 @@
-#include "haptic/device/emulated_config.hpp"
+#include "haptic/device/emulated_settings.hpp"
 
 namespace haptic::device {
 

@@ -1,16 +1,16 @@
-#include "haptic/device/emulated_config.hpp"
+#include "haptic/device/emulated_settings.hpp"
 
 #include <gtest/gtest.h>
 
 namespace haptic::device {
 namespace {
 
-TEST(EmulatedConfig, HandIsIdealUnlessSaidOtherwise) {
+TEST(EmulatedSettings, HandIsIdealUnlessSaidOtherwise) {
     EXPECT_FALSE(read_emulated(Config()).has_value());
     EXPECT_FALSE(read_emulated(Config::parse("[emulated]\nmechanics = 'ideal'\nmass = 0.3", "t")).has_value());
 }
 
-TEST(EmulatedConfig, EachKeySetsWhatItsNameSays) {
+TEST(EmulatedSettings, EachKeySetsWhatItsNameSays) {
     const Config config = Config::parse(R"(
 [emulated]
 mechanics = "free"
@@ -48,7 +48,7 @@ hand_rotational_damping = 0.02
     EXPECT_NO_THROW(config.reject_unknown());
 }
 
-TEST(EmulatedConfig, RefusesWhatIsNoMechanicsWithItsLine) {
+TEST(EmulatedSettings, RefusesWhatIsNoMechanicsWithItsLine) {
     try {
         static_cast<void>(read_emulated(Config::parse("[emulated]\nmechanics = 'stiff'", "f.toml")));
         FAIL() << "taken";
