@@ -6,8 +6,9 @@ namespace haptic::sim {
 
 namespace {
 
-// A triangle whose height is below this share of its sides is treated as its three edges. The closest point is then off
-// by at most half the height, which changes the distance d by less than height^2 / (8 d): nothing at double precision.
+// A triangle whose height is below this fraction of its sides is treated as its three edges. The closest point is then
+// off by at most half the height, which changes the distance d by less than height^2 / (8 d): nothing at double
+// precision.
 constexpr double kSliver = 1e-7;
 
 /// Result at a vertex.
@@ -23,13 +24,13 @@ ClosestPoint at_vertex(const Vec3& p, const Vec3& vertex, std::uint8_t index) HA
     return result;
 }
 
-/// Result on an edge, at `share` of its length.
-ClosestPoint at_edge(const Vec3& p, const Vec3& from, const Vec3& to, double share, std::uint8_t index) HAPTIC_RT {
+/// Result on an edge, at `fraction` of its length.
+ClosestPoint at_edge(const Vec3& p, const Vec3& from, const Vec3& to, double fraction, std::uint8_t index) HAPTIC_RT {
     ClosestPoint result;
-    result.point = from + (to - from) * share;
+    result.point = from + (to - from) * fraction;
     result.weights = Vec3(0.0);
-    result.weights[index] = 1.0 - share;
-    result.weights[(index + 1) % 3] = share;
+    result.weights[index] = 1.0 - fraction;
+    result.weights[(index + 1) % 3] = fraction;
     const Vec3 d = p - result.point;
     result.squared_distance = glm::dot(d, d);
     result.feature = Feature::Edge;

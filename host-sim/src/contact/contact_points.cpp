@@ -15,10 +15,10 @@ namespace {
 constexpr int kRadiusBisections = 26;  // to 1.5e-8 of the range of radii
 constexpr double kFaceShare =
     0.9999;  // min ratio of height above the face's plane to distance of the contact point, to use its normal
-constexpr double kRoundingMargin = 1e-6;  // of the radius: above any rounding error
-constexpr double kFirstPartRadii = 0.5;   // radii, length of the first part of a long move
-constexpr double kMaxFirstShare = 0.5;    // a first part with a larger share of the move saves nothing
-constexpr double kSamePoint = 1e-9;       // of the reach: contact points closer together are the same
+constexpr double kRoundingMargin = 1e-6;   // of the radius: above any rounding error
+constexpr double kFirstPartRadii = 0.5;    // radii, length of the first part of a long move
+constexpr double kMaxFirstFraction = 0.5;  // a first part with a larger fraction of the move saves nothing
+constexpr double kSamePoint = 1e-9;        // of the reach: contact points closer together are the same
 
 bool overlaps(const TriangleCorners& t, const Aabb& box) noexcept {
     return overlaps(aabb_of(t.a, t.b, t.c), box);
@@ -120,7 +120,7 @@ void ContactPointSet::collect(const NearSurfaces& surfaces, double time, const V
 
 void ContactPointSet::insert(const ContactPoint& found, double same) noexcept {
     // Ordered by distance, then by index, so that the result does not depend on the order of the query.
-    const auto id = [](const ContactPoint& t) { return std::tuple{t.distance, t.object, t.triangle}; };
+    const auto rank = [](const ContactPoint& t) { return std::tuple{t.distance, t.object, t.triangle}; };
     // A point shared by several triangles (an edge or a vertex) is kept once, with the lowest index.
     for (std::size_t k = 0; k < count_; ++k) {
         const Vec3 separation = points_[k].point - found.point;
@@ -136,14 +136,14 @@ void ContactPointSet::insert(const ContactPoint& found, double same) noexcept {
     }
     // Full: drop the farthest.
     if (count_ == kMaxContactPoints) {
-        if (id(points_[count_ - 1]) <= id(found)) {
+        if (rank(points_[count_ - 1]) <= rank(found)) {
             return;
         }
         --count_;
     }
     // Insertion sort.
     std::size_t k = count_++;
-    for (; k > 0 && id(found) < id(points_[k - 1]); --k) {
+    for (; k > 0 && rank(found) < rank(points_[k - 1]); --k) {
         points_[k] = points_[k - 1];
     }
     points_[k] = found;
@@ -222,7 +222,7 @@ double free_fraction(const NearSurfaces& surfaces, const Vec3& from, const Vec3&
     double fraction = 1.0;
     const Vec3 to = from + displacement;
     // Bounds of the whole move, for the tests of each triangle.
-    const SweptSphere all(from, to, radius);
+    const SweptSphere whole_move(from, to, radius);
     const double length = std::sqrt(glm::dot(displacement, displacement));
     const double max_distance = (radius + length) * (1.0 + kRoundingMargin);
     const auto sweep = [&](const SweptSphere& sphere) {
@@ -231,7 +231,7 @@ double free_fraction(const NearSurfaces& surfaces, const Vec3& from, const Vec3&
             surfaces.query(object, sphere, QueryTime::EndOfStep, [&](std::uint32_t triangle) {
                 // Cull: box, plane of the face, distance.
                 const TriangleCorners corners = corners_of(motion.end, motion.triangles[triangle]);
-                if (!overlaps(corners, all.box) || plane_separates(corners, from, to, radius)) {
+                if (!overlaps(corners, whole_move.box) || plane_separates(corners, from, to, radius)) {
                     return;
                 }
                 const double distance = std::sqrt(closest_point_on_triangle(from, corners).squared_distance);
@@ -249,14 +249,14 @@ double free_fraction(const NearSurfaces& surfaces, const Vec3& from, const Vec3&
     };
     // Long moves in narrow places usually end early. So sweep the first half radius alone: a contact there is the first
     // of the whole move.
-    const double share = kFirstPartRadii * radius / length;
-    if (share < kMaxFirstShare) {
-        sweep(SweptSphere(from, from + displacement * share, radius * (1.0 + kRoundingMargin)));
-        if (fraction < share * (1.0 - kRoundingMargin)) {
+    const double first_fraction = kFirstPartRadii * radius / length;
+    if (first_fraction < kMaxFirstFraction) {
+        sweep(SweptSphere(from, from + displacement * first_fraction, radius * (1.0 + kRoundingMargin)));
+        if (fraction < first_fraction * (1.0 - kRoundingMargin)) {
             return fraction;
         }
     }
-    sweep(all);
+    sweep(whole_move);
     return fraction;
 }
 

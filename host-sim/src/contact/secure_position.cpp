@@ -81,7 +81,7 @@ PredictedContact predict_contact(const SurfaceMotion& motion, const ContactPoint
 /// Earliest contact on one piece of the path.
 struct FirstContact {
     bool found = false;
-    double share = 1.0;  // of the piece, in [0, 1]
+    double fraction = 1.0;  // of the piece, in [0, 1]
     SurfacePoint surface;
     Vec3 normal{0.0};
 };
@@ -113,10 +113,10 @@ FirstContact first_contact(const NearSurfaces& surfaces, const Piece& piece, con
             }
             // A later triangle needs to be searched only up to the earliest contact so far.
             const TriangleTouch touch =
-                sphere_triangle_ccd(Vec3(0.0), piece.radius, relative, hit.share, piece.release);
-            if (touch.touches && (!hit.found || touch.time < hit.share)) {
+                sphere_triangle_ccd(Vec3(0.0), piece.radius, relative, hit.fraction, piece.release);
+            if (touch.touches && (!hit.found || touch.time < hit.fraction)) {
                 hit.found = true;
-                hit.share = touch.time;
+                hit.fraction = touch.time;
                 hit.surface = {object, triangle, touch.at.feature, touch.at.weights};
                 const double length = std::sqrt(touch.at.squared_distance);
                 hit.normal = length > 0.0 ? -touch.at.point / length : Vec3(0.0);
@@ -153,9 +153,9 @@ class SecurePositionSolver {
             const FirstContact hit = first_contact(surfaces_, piece_, ignored_);
             was_stopped_ = hit.found;
             if (hit.found) {
-                record_first_contact(time_ + (piece_.to_time - time_) * hit.share, hit.surface, hit.normal);
-                time_ += (piece_.to_time - time_) * hit.share;
-                position_ += (piece_.to - piece_.from) * hit.share;
+                record_first_contact(time_ + (piece_.to_time - time_) * hit.fraction, hit.surface, hit.normal);
+                time_ += (piece_.to_time - time_) * hit.fraction;
+                position_ += (piece_.to - piece_.from) * hit.fraction;
             } else {
                 // Free path: take the whole piece.
                 time_ = piece_.to_time;

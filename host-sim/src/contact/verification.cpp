@@ -1,5 +1,5 @@
-// Includes only the recorded path of the contact code, so that the check cannot share its mistakes. For the same reason
-// it has its own box type.
+// Includes only the recorded path of the contact code, so that the check cannot share its mistakes. For the same
+// reason it has its own box type.
 #include "contact/verification.hpp"
 
 #include <algorithm>
@@ -28,8 +28,8 @@ struct Relative {
     Corners to;
 };
 
-/// Corners at share s of the piece, in [0, 1].
-Corners at(const Relative& r, double s) {
+/// Corners at fraction s of the piece, in [0, 1].
+Corners corners_at(const Relative& r, double s) {
     Corners x{};
     for (std::size_t k = 0; k < 3; ++k) {
         x[k] = (1.0 - s) * r.from[k] + s * r.to[k];
@@ -138,9 +138,9 @@ bool slides_over_origin(const Relative& r, double& time) {
     // Project along the dominant axis of the normal.
     const Vec3 n = glm::abs(glm::cross(r.from[1] - r.from[0], r.from[2] - r.from[0])) +
                    glm::abs(glm::cross(r.to[1] - r.to[0], r.to[2] - r.to[0]));
-    const int drop = n.x >= n.y && n.x >= n.z ? 0 : (n.y >= n.z ? 1 : 2);
-    const int u = (drop + 1) % 3;
-    const int v = (drop + 2) % 3;
+    const int dropped_axis = n.x >= n.y && n.x >= n.z ? 0 : (n.y >= n.z ? 1 : 2);
+    const int u = (dropped_axis + 1) % 3;
+    const int v = (dropped_axis + 2) % 3;
     // Contained from the start.
     double first = 2.0;
     if (origin_inside(r.from)) {
@@ -162,7 +162,7 @@ bool slides_over_origin(const Relative& r, double& time) {
         // Both roots, without cancellation.
         const double q = -0.5 * (c1 + std::copysign(std::sqrt(discriminant), c1));
         for (const double s : {c2 != 0.0 ? q / c2 : 2.0, q != 0.0 ? c0 / q : 2.0}) {
-            if (s >= 0.0 && s <= 1.0 && s < first && origin_inside(at(r, s))) {
+            if (s >= 0.0 && s <= 1.0 && s < first && origin_inside(corners_at(r, s))) {
                 first = s;
             }
         }
@@ -171,8 +171,8 @@ bool slides_over_origin(const Relative& r, double& time) {
     return first <= 1.0;
 }
 
-/// First share of the piece at which the triangle contains the origin.
-bool first_passage(const Relative& r, double& share) {
+/// First fraction of the piece at which the triangle contains the origin.
+bool first_passage(const Relative& r, double& fraction) {
     double extent = 0.0;
     for (std::size_t k = 0; k < 3; ++k) {
         extent = std::max({extent, glm::length(r.from[k]), glm::length(r.to[k])});
@@ -180,13 +180,13 @@ bool first_passage(const Relative& r, double& share) {
     // Coplanarity is necessary; then the inside test at each root.
     const Cubic cubic(r);
     if (cubic.vanishes(extent)) {
-        return slides_over_origin(r, share);
+        return slides_over_origin(r, fraction);
     }
     std::array<double, 4> roots{};
     const std::size_t count = cubic.roots(roots);
     for (std::size_t k = 0; k < count; ++k) {
-        if (origin_inside(at(r, roots[k]))) {
-            share = roots[k];
+        if (origin_inside(corners_at(r, roots[k]))) {
+            fraction = roots[k];
             return true;
         }
     }
@@ -230,8 +230,8 @@ void check_triangle(std::span<const SurfaceMotion> surfaces, std::uint32_t objec
         r.from[k] = (1.0 - p.time) * x0 + p.time * x1 - p.position;
         r.to[k] = (1.0 - q.time) * x0 + q.time * x1 - q.position;
     }
-    double share = 0.0;
-    if (box_misses_origin(r) || !first_passage(r, share)) {
+    double fraction = 0.0;
+    if (box_misses_origin(r) || !first_passage(r, fraction)) {
         return;
     }
     // Report both faces of a double-faced triangle once.
@@ -239,8 +239,8 @@ void check_triangle(std::span<const SurfaceMotion> surfaces, std::uint32_t objec
         found.begin() + static_cast<std::ptrdiff_t>(first_of_piece), found.end(),
         [&](const Crossing& c) { return sorted(motion.triangles[c.triangle]) == sorted(motion.triangles[triangle]); });
     if (!other_face) {
-        found.push_back({object, triangle, piece, p.time + share * (q.time - p.time),
-                         p.position + share * (q.position - p.position)});
+        found.push_back({object, triangle, piece, p.time + fraction * (q.time - p.time),
+                         p.position + fraction * (q.position - p.position)});
     }
 }
 
@@ -356,15 +356,15 @@ std::vector<std::vector<Crossing>> find_crossings(std::span<const SurfaceMotion>
 double winding_number(std::span<const Vec3> vertices, std::span<const Triangle> triangles, const Vec3& point) {
     double angle = 0.0;
     for (const Triangle& t : triangles) {
-        // Solid angle: tan(omega / 2) = det(a, b, c) / below.
+        // Solid angle: tan(omega / 2) = det(a, b, c) / denominator.
         const Vec3 a = vertices[t[0]] - point;
         const Vec3 b = vertices[t[1]] - point;
         const Vec3 c = vertices[t[2]] - point;
         const double la = glm::length(a);
         const double lb = glm::length(b);
         const double lc = glm::length(c);
-        const double below = la * lb * lc + glm::dot(a, b) * lc + glm::dot(b, c) * la + glm::dot(c, a) * lb;
-        angle += 2.0 * std::atan2(triple(a, b, c), below);
+        const double denominator = la * lb * lc + glm::dot(a, b) * lc + glm::dot(b, c) * la + glm::dot(c, a) * lb;
+        angle += 2.0 * std::atan2(triple(a, b, c), denominator);
     }
     return angle / (4.0 * 3.14159265358979323846);
 }
