@@ -90,33 +90,33 @@ ToolBone bone_between(const Finger& finger, std::size_t joint, std::uint32_t joi
 
 /// Smooth minimum: rounds the transition where a and b differ by less than `width`; at most width / 4 below the
 /// minimum.
-double blended(double a, double b, double width) {
+double smooth_min(double a, double b, double width) {
     const double near = std::max(width - std::abs(a - b), 0.0) / width;
     return std::min(a, b) - 0.25 * width * near * near;
 }
 
 constexpr double kPalmFillet = 0.05;
-constexpr double kRootFillet = 0.05;     // between finger and palm
-constexpr double kJointFillet = 0.008;   // between the bones of a finger
-constexpr double kBetweenFillet = 0.01;  // between fingers
+constexpr double kRootFillet = 0.05;    // between finger and palm
+constexpr double kJointFillet = 0.008;  // between the bones of a finger
+constexpr double kFingerFillet = 0.01;  // between fingers
 
 /// Approximate signed distance from the skin; negative inside. Smooth union of all bones.
 double field(const Shape& shape, const Vec3& p) {
     // Palm: smooth union of its bones.
     double palm = distance(p, shape.palm.front());
     for (std::size_t i = 1; i < shape.palm.size(); ++i) {
-        palm = blended(palm, distance(p, shape.palm[i]), kPalmFillet);
+        palm = smooth_min(palm, distance(p, shape.palm[i]), kPalmFillet);
     }
     // Each finger is joined to the palm first. Adjacent fingers then blend only slightly, so that they stay apart.
-    double whole = palm;
+    double hand = palm;
     for (const Finger& joints : shape.fingers) {
         double finger = 1.0;
         for (std::size_t i = 1; i < joints.size(); ++i) {
-            finger = blended(finger, distance(p, bone_between(joints, i - 1, kPalmJoint)), kJointFillet);
+            finger = smooth_min(finger, distance(p, bone_between(joints, i - 1, kPalmJoint)), kJointFillet);
         }
-        whole = blended(whole, blended(palm, finger, kRootFillet), kBetweenFillet);
+        hand = smooth_min(hand, smooth_min(palm, finger, kRootFillet), kFingerFillet);
     }
-    return whole;
+    return hand;
 }
 
 /// Gradient of the field by central differences.
@@ -138,9 +138,9 @@ Vec3 gradient(const Shape& shape, const Vec3& p) {
 constexpr double kCellSize = 0.028989;
 
 /// Surface net of the field's zero set.
-class Net {
+class SurfaceNet {
   public:
-    explicit Net(const Shape& shape) : shape_(shape) {
+    explicit SurfaceNet(const Shape& shape) : shape_(shape) {
         // Nodes of the grid over the bounding box.
         for (std::size_t k = 0; k < 3; ++k) {
             nodes_[k] = static_cast<std::size_t>((kHigh[k] - kLow[k]) / kCellSize) + 2;
@@ -214,7 +214,7 @@ class Net {
     void add_vertex(std::size_t i, std::size_t j, std::size_t k) {
         // All twelve edges of the cell: node a and its neighbour b with one more bit set.
         Vec3 sum(0.0);
-        double cuts = 0.0;
+        double crossings = 0.0;
         for (std::size_t a = 0; a < 8; ++a) {
             for (std::size_t axis = 1; axis < 8; axis *= 2) {
                 const std::size_t b = a | axis;
@@ -229,13 +229,13 @@ class Net {
                 }
                 sum += glm::mix(node_position(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2)),
                                 node_position(i + (b & 1), j + (b >> 1 & 1), k + (b >> 2)), at_a / (at_a - at_b));
-                cuts += 1.0;
+                crossings += 1.0;
             }
         }
         // The mean of the crossings stays inside the cell.
-        if (cuts > 0.0) {
+        if (crossings > 0.0) {
             vertex_of_[index(i, j, k)] = static_cast<std::uint32_t>(vertices_.size());
-            vertices_.push_back(sum / cuts);
+            vertices_.push_back(sum / crossings);
         }
     }
 
@@ -379,7 +379,7 @@ TriangleMesh make_hand_mesh(double length) {
     require_length(length);
     // Mesh in the unit above, then scaled to the length along the hand's axis z.
     const Shape shape = make_shape();
-    TriangleMesh mesh = Net(shape).build();
+    TriangleMesh mesh = SurfaceNet(shape).build();
     const auto [low, high] = std::minmax_element(mesh.vertices.begin(), mesh.vertices.end(),
                                                  [](const Vec3& a, const Vec3& b) { return a.z < b.z; });
     const double scale = length / (high->z - low->z);
