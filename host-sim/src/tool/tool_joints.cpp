@@ -55,16 +55,16 @@ void ToolJoints::apply_curl(double curl, std::span<Vec3> positions, std::span<Qu
         const ToolJoint& joint = joints_[j];
         const JointPose& parent = pose_[joint.parent];
         // A joint's rotation vector grows with the curl up to the joint's full curl.
-        const double part = std::min(1.0, curl / joint.full_curl);
-        pose_[j].rotation = parent.rotation * turned(Quat(1.0, 0.0, 0.0, 0.0), part * joint.rotation);
+        const double curl_fraction = std::min(1.0, curl / joint.full_curl);
+        pose_[j].rotation = parent.rotation * turned(Quat(1.0, 0.0, 0.0, 0.0), curl_fraction * joint.rotation);
         pose_[j].position =
             parent.position + to_matrix(parent.rotation) * (joint.position - joints_[joint.parent].position);
     }
     // Each position follows its joint rigidly.
     for (std::size_t i = 0; i < joint_of_position_.size(); ++i) {
-        const JointPose& by = pose_[joint_of_position_[i]];
-        positions[i] = by.position + to_matrix(by.rotation) * offset_[i];
-        rotations[i] = by.rotation;
+        const JointPose& joint_pose = pose_[joint_of_position_[i]];
+        positions[i] = joint_pose.position + to_matrix(joint_pose.rotation) * offset_[i];
+        rotations[i] = joint_pose.rotation;
     }
 }
 

@@ -45,8 +45,8 @@ SurfacePlanes combined(const SurfacePlanes& planes, const SurfacePlanes& others)
 /// m/s: velocity of the touched point along the plane's normal, mean over the step.
 double velocity_of(std::span<const MovingSurface> surfaces, const SurfacePlane& plane, double step) {
     const SurfacePoint& touched = plane.touched;
-    const Vec3 travel = displacement_of(surfaces[touched.object].motion, touched.triangle, touched.weights);
-    return glm::dot(plane.normal, travel) / step;
+    const Vec3 displacement = displacement_of(surfaces[touched.object].motion, touched.triangle, touched.weights);
+    return glm::dot(plane.normal, displacement) / step;
 }
 
 }  // namespace
