@@ -299,14 +299,14 @@ Skin make_weights(const std::vector<std::vector<Source>>& candidates) {
     for (std::size_t j = 0; j < skin.size(); ++j) {
         const std::vector<Source>& of_vertex = candidates[j];
         const bool has_fifth = of_vertex.size() > SkinVertex::kMax;
-        const double zero_at = has_fifth ? of_vertex[SkinVertex::kMax].distance : fallback;
+        const double cutoff = has_fifth ? of_vertex[SkinVertex::kMax].distance : fallback;
         const std::size_t count = std::min(SkinVertex::kMax, of_vertex.size());
         // Unused slots repeat the nearest particle with weight 0.
         skin[j].particle.fill(of_vertex.front().index);
         double sum = 0.0;
         for (std::size_t k = 0; k < count; ++k) {
             // (1 - d / d5)^2
-            const double part = zero_at > 0.0 ? 1.0 - of_vertex[k].distance / zero_at : 0.0;
+            const double part = cutoff > 0.0 ? 1.0 - of_vertex[k].distance / cutoff : 0.0;
             skin[j].particle[k] = of_vertex[k].index;
             skin[j].weight[k] = part * part;
             sum += skin[j].weight[k];

@@ -15,17 +15,17 @@
 namespace haptic::sim {
 namespace {
 
-bool stays(const Placement& placement) {
+bool is_identity(const Placement& placement) {
     return placement.position == Vec3(0.0) && placement.orientation == Quat(1.0, 0.0, 0.0, 0.0) &&
            placement.velocity == Vec3(0.0);
 }
 
-bool is_in(const Vec3& p, const Region& region) {
+bool contains(const Vec3& p, const Region& region) {
     return p.x >= region.low.x && p.y >= region.low.y && p.z >= region.low.z &&  //
            p.x <= region.high.x && p.y <= region.high.y && p.z <= region.high.z;
 }
 
-/// The body stands where `placement` says.
+/// Applies one region to a body at `placement`.
 void apply(const Region& region, std::size_t index, const Placement& placement, bool may_be_empty,
            DeformableBody& body) {
     ParticleModel& model = body.particles;
@@ -34,7 +34,7 @@ void apply(const Region& region, std::size_t index, const Placement& placement, 
     std::vector<std::uint8_t> inside(model.size(), 0);
     Motion motion{{}, region.motion_times, region.motion_offsets, region.motion_repeat};
     for (std::uint32_t i = 0; i < model.size(); ++i) {
-        if (is_in(body_from_scene * (model.rest_position[i] - placement.position), region)) {
+        if (contains(body_from_scene * (model.rest_position[i] - placement.position), region)) {
             inside[i] = 1;
             motion.particles.push_back(i);
         }
@@ -53,19 +53,19 @@ void apply(const Region& region, std::size_t index, const Placement& placement, 
             }
         }
     }
-    const bool moves = !motion.times.empty();
-    if (!region.fixed && !moves) {
+    const bool has_motion = !motion.times.empty();
+    if (!region.fixed && !has_motion) {
         return;
     }
     for (const std::uint32_t i : motion.particles) {
         model.pinned[i] = 1;
     }
-    // Nobody leads a particle twice.
+    // The last motion of a particle replaces earlier ones.
     for (Motion& earlier : body.motions) {
         std::erase_if(earlier.particles, [&](std::uint32_t i) { return inside[i] != 0; });
     }
     std::erase_if(body.motions, [](const Motion& earlier) { return earlier.particles.empty(); });
-    if (moves) {
+    if (has_motion) {
         for (Vec3& offset : motion.offsets) {
             offset = scene_from_body * offset;
         }
@@ -73,19 +73,19 @@ void apply(const Region& region, std::size_t index, const Placement& placement, 
     }
 }
 
-void apply_regions(const ModelSettings& settings, const Placement& stands, DeformableBody& body) {
+void apply_regions(const ModelSettings& settings, const Placement& placement, DeformableBody& body) {
     for (std::size_t k = 0; k < settings.regions.size(); ++k) {
-        apply(settings.regions[k], k, stands, !settings.file.empty(), body);
+        apply(settings.regions[k], k, placement, !settings.file.empty(), body);
     }
 }
 
 TriangleMesh mesh_of_file(const ModelSettings& settings) {
-    MeshFileSettings reading;
+    MeshFileSettings file_settings;
     if (settings.file_scale > 0.0) {
-        reading.scale = settings.file_scale;
-        return load_mesh(settings.file, reading);
+        file_settings.scale = settings.file_scale;
+        return load_mesh(settings.file, file_settings);
     }
-    TriangleMesh mesh = load_mesh(settings.file, reading);
+    TriangleMesh mesh = load_mesh(settings.file, file_settings);
     const Aabb box = aabb_of(mesh.vertices);
     const Vec3 size = box.size();
     const double scale = generator_entry(settings.generator).length(settings) / std::max({size.x, size.y, size.z});
@@ -112,19 +112,19 @@ bool is_made_in_place(const ModelSettings& settings) {
 }  // namespace
 
 DeformableBody make_body(const ModelSettings& settings) {
-    ModelSettings about_origin = settings;
-    about_origin.cloth.centre = Vec3(0.0);
-    about_origin.cloth.orientation = Quat(1.0, 0.0, 0.0, 0.0);
+    ModelSettings centred = settings;
+    centred.cloth.centre = Vec3(0.0);
+    centred.cloth.orientation = Quat(1.0, 0.0, 0.0, 0.0);
     DeformableBody body;
     if (!settings.particles.empty()) {
-        const TriangleMesh mesh = settings.file.empty() ? generator_entry(settings.generator).make_mesh(about_origin)
-                                                        : mesh_of_file(settings);
+        const TriangleMesh mesh =
+            settings.file.empty() ? generator_entry(settings.generator).make_mesh(centred) : mesh_of_file(settings);
         body = read_model_file(Config::load(settings.particles), mesh, settings.builder.bridge);
     } else if (!settings.file.empty()) {
         body = build_body(mesh_of_file(settings), settings.builder);
         body.name = std::filesystem::path(settings.file).stem().string();
     } else {
-        body = generate_body(about_origin);
+        body = generate_body(centred);
     }
     if (settings.particles.empty()) {
         set_compliances(settings, body.particles);
@@ -156,7 +156,7 @@ std::vector<DeformableBody> make_bodies(const ModelSettings& settings) {
     std::vector<DeformableBody> bodies;
     for (const Placement& placement : settings.copies) {
         bodies.push_back(body);
-        if (!stays(placement)) {
+        if (!is_identity(placement)) {
             place(bodies.back(), placement);
         }
     }

@@ -12,10 +12,10 @@
 namespace haptic::sim {
 namespace {
 
-constexpr double kFar = std::numeric_limits<double>::infinity();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-using Reached = std::tuple<double, std::uint32_t, std::uint32_t>;  // distance, source, sample
-using Frontier = std::priority_queue<Reached, std::vector<Reached>, std::greater<>>;
+using QueueEntry = std::tuple<double, std::uint32_t, std::uint32_t>;  // distance, source, sample
+using Frontier = std::priority_queue<QueueEntry, std::vector<QueueEntry>, std::greater<>>;
 
 std::uint32_t farthest_from_mean(const SampleGraph& graph) {
     Vec3 mean(0.0);
@@ -44,7 +44,7 @@ std::vector<Site> centroids(const SampleGraph& graph, const std::vector<std::vec
     for (std::size_t c = 0; c < cells; ++c) {
         centroid[c].position /= share[c];
     }
-    std::vector<double> min_distance(cells, kFar);
+    std::vector<double> min_distance(cells, kInfinity);
     for (std::uint32_t i = 0; i < graph.size(); ++i) {
         const std::uint32_t cell = nearest[i].front().index;
         const double distance = glm::length(graph.position[i] - centroid[cell].position);
@@ -66,8 +66,8 @@ std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::
                                                  std::size_t count) {
     std::vector<std::vector<Source>> found(graph.size());  // per sample, sorted by nearer()
     Frontier frontier;
-    // Offers a source to a sample; it is kept if it is among the `count` nearest so far.
-    const auto offer = [&](std::uint32_t sample, const Source& source) {
+    // Inserts a source into the list of a sample if it is among the `count` nearest so far.
+    const auto insert_if_nearer = [&](std::uint32_t sample, const Source& source) {
         std::vector<Source>& known = found[sample];
         const auto same =
             std::find_if(known.begin(), known.end(), [&](const Source& s) { return s.index == source.index; });
@@ -84,12 +84,12 @@ std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::
     };
     // A site reaches its own sample and the samples next to it along straight lines.
     for (std::uint32_t s = 0; s < sites.size(); ++s) {
-        const auto reach = [&](std::uint32_t sample) {
-            offer(sample, {glm::length(graph.position[sample] - sites[s].position), s});
+        const auto seed = [&](std::uint32_t sample) {
+            insert_if_nearer(sample, {glm::length(graph.position[sample] - sites[s].position), s});
         };
-        reach(sites[s].sample);
+        seed(sites[s].sample);
         for (const Edge& edge : graph.edges_from(sites[s].sample)) {
-            reach(edge.to);
+            seed(edge.to);
         }
     }
     // Dijkstra with several sources: extend the nearest entry, unless a shorter one has replaced it.
@@ -103,7 +103,7 @@ std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::
             continue;
         }
         for (const Edge& edge : graph.edges_from(sample)) {
-            offer(edge.to, {distance + edge.length, source});
+            insert_if_nearer(edge.to, {distance + edge.length, source});
         }
     }
     return found;
@@ -111,7 +111,7 @@ std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::
 
 std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count) {
     std::vector<Site> chosen;
-    std::vector<double> distance(graph.size(), kFar);
+    std::vector<double> distance(graph.size(), kInfinity);
     std::uint32_t next = farthest_from_mean(graph);
     // Each new site updates the distance to the nearest site; the sample with the largest distance is next.
     while (chosen.size() < count) {
@@ -163,15 +163,15 @@ void relax(const SampleGraph& graph, std::vector<Site>& sites, int iterations) {
 
 std::vector<Site> sites_at(const SampleGraph& graph, std::span<const Vec3> positions) {
     // Search the samples sorted by x in both directions, until the distance in x alone exceeds the smallest distance.
-    std::vector<std::pair<double, std::uint32_t>> along;
-    along.reserve(graph.size());
+    std::vector<std::pair<double, std::uint32_t>> samples_by_x;
+    samples_by_x.reserve(graph.size());
     for (std::uint32_t i = 0; i < graph.size(); ++i) {
-        along.emplace_back(graph.position[i].x, i);
+        samples_by_x.emplace_back(graph.position[i].x, i);
     }
-    std::sort(along.begin(), along.end());
+    std::sort(samples_by_x.begin(), samples_by_x.end());
     std::vector<Site> sites;
     for (const Vec3& position : positions) {
-        std::pair<double, std::uint32_t> nearest{kFar, 0};
+        std::pair<double, std::uint32_t> nearest{kInfinity, 0};
         const auto consider = [&](const std::pair<double, std::uint32_t>& sample) {
             if (std::abs(sample.first - position.x) > nearest.first) {
                 return false;
@@ -179,10 +179,11 @@ std::vector<Site> sites_at(const SampleGraph& graph, std::span<const Vec3> posit
             nearest = std::min(nearest, {glm::length(graph.position[sample.second] - position), sample.second});
             return true;
         };
-        const auto start = std::lower_bound(along.begin(), along.end(), std::pair{position.x, std::uint32_t{0}});
-        for (auto next = start; next != along.end() && consider(*next); ++next) {
+        const auto start =
+            std::lower_bound(samples_by_x.begin(), samples_by_x.end(), std::pair{position.x, std::uint32_t{0}});
+        for (auto next = start; next != samples_by_x.end() && consider(*next); ++next) {
         }
-        for (auto next = start; next != along.begin() && consider(*(next - 1)); --next) {
+        for (auto next = start; next != samples_by_x.begin() && consider(*(next - 1)); --next) {
         }
         sites.push_back({position, nearest.second});
     }

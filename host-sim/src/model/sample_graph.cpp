@@ -19,10 +19,10 @@ namespace haptic::sim {
 namespace {
 
 // Graph edges reach the lattice neighbours along cube edges and face diagonals, up to 1.41 pitches.
-constexpr double kReach = 1.45;     // of the pitch
-constexpr double kOnPlane = 1e-9;   // of the pitch: a segment that starts in a triangle's plane does not cross it
-constexpr double kAsideY = 0.0131;  // of the pitch, offset of the lattice, see add_lattice()
-constexpr double kAsideZ = 0.0217;
+constexpr double kReach = 1.45;    // of the pitch
+constexpr double kOnPlane = 1e-9;  // of the pitch: a segment that starts in a triangle's plane does not cross it
+constexpr double kLatticeOffsetY = 0.0131;  // of the pitch, offset of the lattice, see add_lattice()
+constexpr double kLatticeOffsetZ = 0.0217;
 constexpr double kMinShare = 1e-6;  // of the mean, so that samples of degenerate triangles have a mass
 constexpr std::size_t kMaxSamples = 8'000'000;
 
@@ -38,7 +38,7 @@ Vec3 double_area(std::span<const Vec3> p, const Triangle& t) {
 class Refinement {
   public:
     Refinement(const TriangleMesh& mesh, double pitch)
-        : vertices(mesh.vertices), triangles(mesh.triangles), longest_(pitch) {
+        : vertices(mesh.vertices), triangles(mesh.triangles), max_edge_(pitch) {
         while (split()) {
         }
     }
@@ -72,7 +72,7 @@ class Refinement {
         std::size_t cuts = 0;
         std::size_t first = 0;
         for (std::size_t k = 0; k < 3; ++k) {
-            long_edge[k] = glm::length(vertices[t[(k + 1) % 3]] - vertices[t[k]]) > longest_;
+            long_edge[k] = glm::length(vertices[t[(k + 1) % 3]] - vertices[t[k]]) > max_edge_;
             cuts += long_edge[k] ? std::size_t{1} : 0;
         }
         if (cuts == 0) {
@@ -114,7 +114,7 @@ class Refinement {
         return entry->second;
     }
 
-    double longest_;
+    double max_edge_;
 };
 
 /// Uniform hash grid of points.
@@ -167,7 +167,7 @@ class PointHash {
 };
 
 /// Distance between c and d, the corners opposite the edge ab, after unfolding both triangles into a plane.
-double across(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
+double unfolded_distance(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
     const Vec3 edge = b - a;
     const double length = glm::length(edge);
     // Degenerate edge: the path through its single point.
@@ -212,8 +212,8 @@ class GraphMaker {
   private:
     void add_edge(std::uint32_t a, std::uint32_t b, double length) {
         if (a != b) {
-            from_.push_back({a, {b, length}});
-            from_.push_back({b, {a, length}});
+            directed_edges_.push_back({a, {b, length}});
+            directed_edges_.push_back({b, {a, length}});
         }
     }
     void add_edge(std::uint32_t a, std::uint32_t b) {
@@ -267,8 +267,10 @@ class GraphMaker {
         const auto rows = static_cast<std::size_t>(std::floor(size.y / pitch_)) + 1;
         const auto layers = static_cast<std::size_t>(std::floor(size.z / pitch_)) + 1;
         // Slightly off centre, so that rows of the lattice do not meet the edges of a symmetric mesh.
-        const double y0 = 0.5 * (box_.min.y + box_.max.y) - (0.5 * static_cast<double>(rows - 1) + kAsideY) * pitch_;
-        const double z0 = 0.5 * (box_.min.z + box_.max.z) - (0.5 * static_cast<double>(layers - 1) + kAsideZ) * pitch_;
+        const double y0 =
+            0.5 * (box_.min.y + box_.max.y) - (0.5 * static_cast<double>(rows - 1) + kLatticeOffsetY) * pitch_;
+        const double z0 =
+            0.5 * (box_.min.z + box_.max.z) - (0.5 * static_cast<double>(layers - 1) + kLatticeOffsetZ) * pitch_;
         // Crossings of each row with the surface, triangle by triangle.
         std::vector<std::vector<std::pair<double, int>>> crossings(rows * layers);
         for (const Triangle& t : mesh_.triangles) {
@@ -388,7 +390,9 @@ class GraphMaker {
             for (std::size_t j = i + 1; j < end; ++j) {
                 const std::uint32_t c = sides[j - 1].opposite;
                 const std::uint32_t d = sides[j].opposite;
-                add_edge(c, d, across(graph_.position[a], graph_.position[b], graph_.position[c], graph_.position[d]));
+                add_edge(
+                    c, d,
+                    unfolded_distance(graph_.position[a], graph_.position[b], graph_.position[c], graph_.position[d]));
             }
             i = end;
         }
@@ -431,7 +435,7 @@ class GraphMaker {
         const auto count = static_cast<std::uint32_t>(graph_.size());
         // Connected components of the graph so far; part 0 contains the first vertex.
         detail::DisjointSets parts(count);
-        for (const auto& [from, edge] : from_) {
+        for (const auto& [from, edge] : directed_edges_) {
             parts.unite(from, edge.to);
         }
         std::vector<std::uint32_t> part(count);
@@ -530,16 +534,16 @@ class GraphMaker {
     void sort_edges() {
         // Histogram of the origins, then prefix sums.
         graph_.first_edge.assign(graph_.size() + 1, 0);
-        for (const auto& [from, edge] : from_) {
+        for (const auto& [from, edge] : directed_edges_) {
             ++graph_.first_edge[from + 1];
         }
         for (std::size_t i = 0; i < graph_.size(); ++i) {
             graph_.first_edge[i + 1] += graph_.first_edge[i];
         }
         // Stable: the edges of a sample keep the order in which they were added.
-        graph_.edges.resize(from_.size());
+        graph_.edges.resize(directed_edges_.size());
         std::vector<std::size_t> next(graph_.first_edge.begin(), graph_.first_edge.end() - 1);
-        for (const auto& [from, edge] : from_) {
+        for (const auto& [from, edge] : directed_edges_) {
             graph_.edges[next[from]++] = edge;
         }
     }
@@ -550,7 +554,7 @@ class GraphMaker {
     Refinement refined_;
     Aabb box_;
     SampleGraph graph_;
-    std::vector<std::pair<std::uint32_t, Edge>> from_;
+    std::vector<std::pair<std::uint32_t, Edge>> directed_edges_;
 };
 
 }  // namespace
