@@ -50,9 +50,9 @@ Vec3 tangential(const Normals& normals, Vec3 v) HAPTIC_RT {
             n -= basis[i] * glm::dot(basis[i], n);
         }
         // Remove its component from v, unless the normal depends on the others.
-        const double left = glm::dot(n, n);
-        if (left > kDependent) {
-            basis[k] = n / std::sqrt(left);
+        const double squared_length = glm::dot(n, n);
+        if (squared_length > kDependent) {
+            basis[k] = n / std::sqrt(squared_length);
             v -= basis[k] * glm::dot(basis[k], v);
         }
     }
@@ -70,9 +70,9 @@ Vec3 feasible_offset(const LocalProxy& proxy, const Vec3& offset, std::span<cons
     double free = 1.0;
     for (const HalfSpace& plane : planes) {
         // Approach of the offset to the plane, and the distance that is free.
-        const double drop = -glm::dot(plane.normal, offset);
-        const double room = std::max(0.0, glm::dot(plane.normal, proxy.position) - plane.offset);
-        free = drop * free > room ? room / drop : free;
+        const double approach = -glm::dot(plane.normal, offset);
+        const double clearance = std::max(0.0, glm::dot(plane.normal, proxy.position) - plane.offset);
+        free = approach * free > clearance ? clearance / approach : free;
     }
     return free * offset;
 }

@@ -8,14 +8,14 @@
 namespace haptic::rt {
 namespace {
 
-/// Shortens v to a length. Returns true if it was longer.
-bool shorten(Vec3& v, double length) HAPTIC_RT {
-    const double present = glm::length(v);
-    if (present <= length) {
+/// Shortens v to at most `max_length`. Returns true if it was longer.
+bool shorten(Vec3& v, double max_length) HAPTIC_RT {
+    const double length = glm::length(v);
+    if (length <= max_length) {
         return false;
     }
     // If the squared length overflowed, the direction is lost: zero.
-    v = std::isfinite(present) ? v * (length / present) : Vec3(0.0);
+    v = std::isfinite(length) ? v * (max_length / length) : Vec3(0.0);
     return true;
 }
 

@@ -30,12 +30,12 @@ double violation(const HalfSpace& plane, const Vec3& point) HAPTIC_RT {
     return plane.offset - glm::dot(plane.normal, point);
 }
 
-double largest_violation(Planes planes, const Vec3& point) HAPTIC_RT {
-    double largest = violation(planes[0], point);
+double max_violation(Planes planes, const Vec3& point) HAPTIC_RT {
+    double worst = violation(planes[0], point);
     for (const HalfSpace& plane : planes.subspan(1)) {
-        largest = std::max(largest, violation(plane, point));
+        worst = std::max(worst, violation(plane, point));
     }
-    return largest;
+    return worst;
 }
 
 /// Linear equation dot(row, move) = value for a displacement of the target.
@@ -109,7 +109,7 @@ struct NearestFeasible {
         // Feasible within the tolerance, near enough, and nearer than the best so far.
         const double length = glm::dot(displacement.move, displacement.move);
         const Vec3 point = target + displacement.move;
-        const bool allowed = length <= max_move * max_move && largest_violation(planes, point) <= tolerance;
+        const bool allowed = length <= max_move * max_move && max_violation(planes, point) <= tolerance;
         if (allowed && (!found || length < squared)) {
             found = true;
             squared = length;
@@ -142,10 +142,10 @@ struct LeastViolated {
             return;
         }
         const Vec3 point = target + move;
-        const double largest = largest_violation(planes, point);
-        if (!found || largest < violated - tolerance || (largest <= violated + tolerance && length < squared)) {
+        const double worst = max_violation(planes, point);
+        if (!found || worst < violated - tolerance || (worst <= violated + tolerance && length < squared)) {
             found = true;
-            violated = largest;
+            violated = worst;
             squared = length;
             position = point;
         }
@@ -186,15 +186,15 @@ NearestFeasible nearest_feasible(Planes planes, const Vec3& target, double toler
 /// Minimises the largest violation where the half-spaces have no common point. A positive combination of the normals
 /// then vanishes, and at the minimum two opposing planes, or all three, are violated equally.
 LeastViolated least_violated(Planes planes, const Vec3& target, double tolerance, double max_move) HAPTIC_RT {
-    LeastViolated least{planes, target, tolerance, max_move};
+    LeastViolated best{planes, target, tolerance, max_move};
     // The target itself, then two equally violated planes.
-    least.consider(Vec3(0.0));
+    best.consider(Vec3(0.0));
     for (std::size_t i = 0; i < planes.size(); ++i) {
         for (std::size_t j = i + 1; j < planes.size(); ++j) {
             const Equation both = equally_violated(planes[i], planes[j], target);
             const double squared = glm::dot(both.row, both.row);
             if (squared > kDependent) {
-                least.consider(both.row * (both.value / squared));
+                best.consider(both.row * (both.value / squared));
             }
         }
     }
@@ -202,9 +202,9 @@ LeastViolated least_violated(Planes planes, const Vec3& target, double tolerance
     Displacement shortest;
     if (planes.size() == kMaxPlanes && shortest_move(equally_violated(planes[0], planes[1], target),
                                                      equally_violated(planes[0], planes[2], target), shortest)) {
-        least.consider(shortest.move);
+        best.consider(shortest.move);
     }
-    return least;
+    return best;
 }
 
 }  // namespace
@@ -231,7 +231,7 @@ LocalProxy project(const Vec3& target, std::span<const HalfSpace> all_planes) HA
         return proxy;
     }
     // Free motion: the proxy is the target.
-    const double deepest = largest_violation(planes, target);
+    const double deepest = max_violation(planes, target);
     if (!(deepest > 0.0)) {
         return proxy;
     }
@@ -246,10 +246,10 @@ LocalProxy project(const Vec3& target, std::span<const HalfSpace> all_planes) HA
         proxy.position = nearest.position;
         proxy.multiplier = nearest.multiplier;
     } else {
-        const LeastViolated least = least_violated(planes, target, tolerance, max_move);
-        proxy.position = least.position;
+        const LeastViolated best = least_violated(planes, target, tolerance, max_move);
+        proxy.position = best.position;
         proxy.feasible = false;
-        active_violation = least.violated;
+        active_violation = best.violated;
     }
     // Active planes: those that the proxy lies on, or, if infeasible, violates as much as the worst.
     for (std::size_t k = 0; k < planes.size(); ++k) {
