@@ -8,7 +8,7 @@ namespace haptic::rt {
 namespace {
 
 // Evidence is summed once the residual exceeds this share of the threshold.
-constexpr double kWatchedShare = 0.25;
+constexpr double kWatchedFraction = 0.25;
 
 // A string is a suspect too if the error unexplained without it exceeds that without the most likely string by at most
 // this share of the error unexplained by all eight. Corresponds to 8 degrees between the effects of the two strings on
@@ -28,8 +28,8 @@ StringMonitor::StringMonitor(const device::DeviceGeometry& geometry, const Strin
 }
 
 void StringMonitor::reset(const Pose& pose) HAPTIC_RT {
-    for (PoseEstimate& one : without_) {
-        one.pose = pose;
+    for (PoseEstimate& estimate_without : without_) {
+        estimate_without.pose = pose;
     }
     unexplained_ = StringArray{};
     unexplained_by_all_ = 0.0;
@@ -38,7 +38,7 @@ void StringMonitor::reset(const Pose& pose) HAPTIC_RT {
 
 const StringSuspicion& StringMonitor::update(const StringArray& lengths, const PoseEstimate& estimate) HAPTIC_RT {
     // All lengths agree, or there is no pose to compare with: discard the evidence.
-    if (estimate.status != PoseStatus::Ok || !(estimate.residual > kWatchedShare * residual_)) {
+    if (estimate.status != PoseStatus::Ok || !(estimate.residual > kWatchedFraction * residual_)) {
         reset(estimate.pose);
         return suspicion_;
     }
@@ -47,14 +47,15 @@ const StringSuspicion& StringMonitor::update(const StringArray& lengths, const P
     StringArray errors{};
     for (std::size_t i = 0; i < kStrings; ++i) {
         // Start at the last pose found without string i: if i is the faulty one, it is near the true pose.
-        PoseEstimate& one = without_[i];
-        one = solver_.solve_without(i, lengths, one.pose);
-        errors[i] = one.residuals[i];
+        PoseEstimate& estimate_without = without_[i];
+        estimate_without = solver_.solve_without(i, lengths, estimate_without.pose);
+        errors[i] = estimate_without.residuals[i];
         // Error that remains without string i. If the pose is not determined without it, leaving it out explains
         // nothing.
-        const double left =
-            one.status == PoseStatus::Ok ? one.residual * one.residual : estimate.residual * estimate.residual;
-        unexplained_[i] = kept_ * unexplained_[i] + left;
+        const double error_without = estimate_without.status == PoseStatus::Ok
+                                         ? estimate_without.residual * estimate_without.residual
+                                         : estimate.residual * estimate.residual;
+        unexplained_[i] = kept_ * unexplained_[i] + error_without;
     }
     // Name suspects only while the present residual is above the threshold.
     suspicion_ = StringSuspicion{};

@@ -12,7 +12,7 @@ namespace haptic::rt {
 namespace {
 
 // Share of the continuous rating that is allowed at load 1. Below 1, so that the load settles before it reaches 1.
-constexpr double kShareAtFullLoad = 0.9;
+constexpr double kFractionAtFullLoad = 0.9;
 
 void require(bool condition, const char* problem) {
     if (!condition) {
@@ -37,10 +37,10 @@ void ThermalModel::update(const StringArray& tensions, std::int64_t elapsed_ns) 
     const double dt = std::max(0.0, seconds(elapsed_ns));
     for (std::size_t i = 0; i < kStrings; ++i) {
         const MotorRating& motor = settings_.motors[i];
-        const double share = tensions[i] / motor.continuous;
-        // Exact solution of the first-order model at constant tension; `settled` is its steady state.
-        const double settled = share * share;
-        loads_[i] = settled + (loads_[i] - settled) * std::exp(-dt / motor.time_constant_s);
+        const double relative_tension = tensions[i] / motor.continuous;
+        // Exact solution of the first-order model at constant tension; `steady_load` is its steady state.
+        const double steady_load = relative_tension * relative_tension;
+        loads_[i] = steady_load + (loads_[i] - steady_load) * std::exp(-dt / motor.time_constant_s);
     }
 }
 
@@ -49,7 +49,7 @@ StringArray ThermalModel::bounds() const HAPTIC_RT {
     StringArray bounds{};
     for (std::size_t i = 0; i < kStrings; ++i) {
         const double full_load_bound =
-            std::clamp(kShareAtFullLoad * settings_.motors[i].continuous, settings_.minimum, settings_.maximum);
+            std::clamp(kFractionAtFullLoad * settings_.motors[i].continuous, settings_.minimum, settings_.maximum);
         const double derating = smooth_step((loads_[i] - settings_.derate_from) / (1.0 - settings_.derate_from));
         bounds[i] = settings_.maximum + (full_load_bound - settings_.maximum) * derating;
     }
