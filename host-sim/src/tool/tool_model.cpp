@@ -20,8 +20,8 @@
 namespace haptic::sim {
 namespace {
 
-constexpr double kUsualError = 0.02;  // default cover error, part of the longest side
-constexpr double kGridCell = 0.03;    // of the triangle grid, part of the longest side
+constexpr double kDefaultCoverError = 0.02;  // default cover error, part of the longest side
+constexpr double kGridCell = 0.03;           // of the triangle grid, part of the longest side
 
 [[noreturn]] void refuse(const std::string& why) {
     throw std::invalid_argument("tool: " + why);
@@ -64,14 +64,14 @@ double longest_side(const TriangleMesh& mesh) {
 }
 
 TriangleMesh mesh_of_file(const ToolSettings& settings) {
-    MeshFileSettings reading;
+    MeshFileSettings file_settings;
     // A given scale keeps the file's origin.
     if (settings.file_scale > 0.0) {
-        reading.scale = settings.file_scale;
-        return load_mesh(settings.file, reading);
+        file_settings.scale = settings.file_scale;
+        return load_mesh(settings.file, file_settings);
     }
     // Without one, the mesh is centred and its longest side becomes `length`.
-    TriangleMesh mesh = load_mesh(settings.file, reading);
+    TriangleMesh mesh = load_mesh(settings.file, file_settings);
     Vec3 middle(0.0);
     const Vec3 size = size_of(mesh, middle);
     const double scale = settings.length / std::max({size.x, size.y, size.z});
@@ -138,7 +138,7 @@ std::vector<Ball> make_row(const ToolSettings& settings, std::size_t count) {
 }
 
 double requested_error(const ToolSettings& settings, const TriangleMesh& mesh) {
-    return settings.cover_error > 0.0 ? settings.cover_error : kUsualError * longest_side(mesh);
+    return settings.cover_error > 0.0 ? settings.cover_error : kDefaultCoverError * longest_side(mesh);
 }
 
 /// Spheres for a generated solid of revolution: a row, without a search for positions.

@@ -302,11 +302,11 @@ void ToolProxies::fit_pose() {
         // mass weights.
         Mat3 moment(0.0);
         for (const ToolProxy& p : particles_) {
-            const Vec3 at = p.position - centre;
+            const Vec3 offset = p.position - centre;
             const Vec3 rest = p.rest_offset - rest_centre_;
-            moment[0] += at * rest.x;
-            moment[1] += at * rest.y;
-            moment[2] += at * rest.z;
+            moment[0] += offset * rest.x;
+            moment[1] += offset * rest.y;
+            moment[2] += offset * rest.z;
         }
         pose_.orientation = extract_rotation(moment, hip_.orientation, kPoseIterations);
     }

@@ -280,8 +280,9 @@ Contact Tool::render_mean(ToolMemory& memory) HAPTIC_RT {
         add_force(particle, {n, depth, speed, frame_->damping, stiffness_.force}, torque_ratio);
         contact_.stored += 0.5 * std::max(stiffness_.force, stiffness_.torque) * depth * depth;
         // Its displacement relative to its active planes, and to the surface that it sticks to.
-        const unsigned holding = holds_positions() ? 0u : particle.active;
-        double displacement = relative_displacement(particle.displacement, *particle.sent, holding, grip_.elapsed_s);
+        const unsigned active_planes = holds_positions() ? 0u : particle.active;
+        double displacement =
+            relative_displacement(particle.displacement, *particle.sent, active_planes, grip_.elapsed_s);
         if (particle.has_friction) {
             displacement = std::max(displacement, glm::length(particle.displacement - particle.surface_displacement));
         }
@@ -335,7 +336,8 @@ Contact Tool::render_in_series(ToolMemory& memory) HAPTIC_RT {
     first_row[count_] = row_count;
     rows = rows.first(row_count);
     // Solve all springs at once: the push of each row, and the total wrench.
-    const Wrench pushed = memory.springs.solve(rows, {stiffness_.force, stiffness_.torque, gyration(squares_, count_)});
+    const Wrench series_wrench =
+        memory.springs.solve(rows, {stiffness_.force, stiffness_.torque, gyration(squares_, count_)});
     // Sum of the pushes, for the particles' shares of the frame's damping.
     double pushes = 0.0;  // N
     for (const SpringRow& row : rows) {
@@ -393,8 +395,8 @@ Contact Tool::render_in_series(ToolMemory& memory) HAPTIC_RT {
     contact_.surface_velocity /= contact_.depth;
     contact_.stored += memory.springs.stored_energy();
     contact_.displacement = kSeriesGain * std::sqrt(squared_displacements);
-    contact_.wrench.torque += pushed.torque - moments;
-    contact_.spring.torque += pushed.torque - moments;
+    contact_.wrench.torque += series_wrench.torque - moments;
+    contact_.spring.torque += series_wrench.torque - moments;
     // Rotational damping grows like the series stiffness, M / (1 + M) for M particles in contact.
     const auto touching = static_cast<double>(contact_.in_contact);
     contact_.wrench.torque -= frame_->rotational_damping * touching / (1.0 + touching) * grip_.velocity.angular;
