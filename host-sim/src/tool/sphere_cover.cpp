@@ -714,8 +714,9 @@ std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettin
     const CoverError left = measure_cover(
         mesh, spheres_of(mesh, candidates, choose_count(candidates, settings.max_count), settings.radius));
     refuse("an error of " + std::to_string(settings.error) + " m needs more than " +
-           std::to_string(settings.max_count) + " spheres; that many leave " + std::to_string(left.uncovered) +
-           " m bare and stand " + std::to_string(left.protrusion) + " m proud. Allow a larger error" +
+           std::to_string(settings.max_count) + " spheres; with that many, the mesh is up to " +
+           std::to_string(left.uncovered) + " m outside the spheres, and the spheres up to " +
+           std::to_string(left.protrusion) + " m outside the mesh. Allow a larger error" +
            (settings.radius > 0.0 ? ", or change the radius" : ""));
 }
 

@@ -161,9 +161,9 @@ std::vector<Ball> cover_solid_of_revolution(const ToolSettings& settings, const 
     const CoverError left = error_of(ToolSettings::kMaxSpheres);
     if (!enough(left)) {
         refuse("a cover error of " + std::to_string(max_error) + " m needs more than " +
-               std::to_string(ToolSettings::kMaxSpheres) + " spheres; that many leave " +
-               std::to_string(left.uncovered) + " m bare and stand " + std::to_string(left.protrusion) +
-               " m proud. Raise cover_error, or make the tool thicker");
+               std::to_string(ToolSettings::kMaxSpheres) + " spheres; with that many, the mesh is up to " +
+               std::to_string(left.uncovered) + " m outside the spheres, and the spheres up to " +
+               std::to_string(left.protrusion) + " m outside the mesh. Raise cover_error, or make the tool thicker");
     }
     // Bisection: the error does not grow with the number of spheres in a row.
     std::size_t too_few = 0;
