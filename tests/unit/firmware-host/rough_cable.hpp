@@ -44,7 +44,7 @@ class RoughCable final : public Transport {
         HAPTIC_RT_EXCEPTION_END
     }
     void send_last(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override {
-        HAPTIC_RT_EXCEPTION_BEGIN("likewise")
+        HAPTIC_RT_EXCEPTION_BEGIN("tests only")
         sent.emplace_back(out.begin(), out.end());
         firmware_->receive(out, now_ns);
         HAPTIC_RT_EXCEPTION_END

@@ -128,7 +128,7 @@ TEST(SphereCover, ReportsTheErrorThatTheMaximumNumberLeaves) {
         (void)cover_with_spheres(make_fish_mesh({}), {.max_count = 8, .error = 1e-4});
         FAIL() << "accepted";
     } catch (const std::invalid_argument& error) {
-        EXPECT_THAT(error.what(), HasSubstr("more than 8 spheres; that many leave 0.0"));
+        EXPECT_THAT(error.what(), HasSubstr("more than 8 spheres; with that many, the mesh is up to 0.0"));
     }
     EXPECT_THROW((void)cover_with_spheres(make_fish_mesh({}), {}), std::invalid_argument);
     EXPECT_THROW((void)cover_with_spheres(make_fish_mesh({}), {.count = 65}), std::invalid_argument);
