@@ -169,7 +169,7 @@ TEST(FirmwareHostCommand, WrongArgumentsAreRefusedWithTheirName) {
         const char* reason;
     } cases[] = {
         {"", "subcommand"},
-        {"frobnicate", "subcommand"},
+        {"frobnicate", "not expected: frobnicate"},
         {"exchange --frobnicate", "--frobnicate"},
         {"exchange --pose 1,2", "--pose"},
         {"exchange --pose 0,0,nan", "'nan' is not a finite number"},
