@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "file_replacement.hpp"
+#include "joined.hpp"
 
 namespace haptic {
 namespace {
@@ -70,11 +71,7 @@ void append(std::string& line, Number value) {
 
 [[noreturn]] void no_such_column(const std::string& file, std::string_view column,
                                  const std::vector<std::string>& names) {
-    std::string list;
-    for (const std::string& name : names) {
-        list += (list.empty() ? "" : ", ") + name;
-    }
-    fail(file, 1, "there is no column " + std::string(column) + "; the file has: " + list);
+    fail(file, 1, "there is no column " + std::string(column) + "; the file has: " + detail::joined(names, ", "));
 }
 
 }  // namespace

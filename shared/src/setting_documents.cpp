@@ -7,8 +7,12 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "joined.hpp"
+
 namespace haptic {
 namespace {
+
+using detail::joined;
 
 constexpr std::size_t kLineWidth = 120;
 constexpr std::size_t kMaxCommentColumn = 36;  // comments of longer assignments begin after the assignment
@@ -24,14 +28,6 @@ std::string shortest(double value) {
         const bool negative = text[e + 1] == '-';
         const std::size_t digits = std::min(text.find_first_not_of("+-0", e + 1), text.size() - 1);
         text = text.substr(0, e + 1) + (negative ? "-" : "") + text.substr(digits);
-    }
-    return text;
-}
-
-std::string joined(const std::vector<std::string>& words, std::string_view separator) {
-    std::string text;
-    for (const std::string& word : words) {
-        text += (text.empty() ? std::string() : std::string(separator)) + word;
     }
     return text;
 }
@@ -286,20 +282,23 @@ std::string roff_text(std::string_view text) {
     return out;
 }
 
+std::string roff_argument(std::string_view text) {
+    std::string out = "\"";
+    for (const char c : roff_text(text)) {
+        out += c == '"' ? "\"\"" : std::string(1, c);
+    }
+    return out + "\"";
+}
+
 std::string roff_reference(const SettingReference& reference) {
     std::string out;
     for (const SettingSection& section : reference) {
-        out += ".SS \"" + roff_text(heading_of(section)) + "\"\n";
+        out += ".SS " + roff_argument(heading_of(section)) + '\n';
         out += section.meaning.empty() ? "" : roff_text(section.meaning) + '\n';
         for (const SettingDescription& setting : section.settings) {
-            out += ".TP\n.BR \"" + roff_text(setting.key) + "\"";
+            out += ".TP\n.BR " + roff_argument(setting.key);
             if (setting.default_note.empty() && !setting.default_value.empty()) {
-                // In a macro argument a quote is written twice.
-                std::string value;
-                for (const char c : roff_text(setting.default_value)) {
-                    value += c == '"' ? "\"\"" : std::string(1, c);
-                }
-                out += " \" = " + value + "\"";
+                out += " " + roff_argument(" = " + setting.default_value);
             }
             out += '\n' + roff_text(comment_of(setting) + remarks_of(setting)) + '\n';
         }

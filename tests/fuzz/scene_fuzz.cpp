@@ -10,11 +10,13 @@
 #include <string_view>
 
 #include "haptic/config.hpp"
+#include "haptic/numeric.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
 
 namespace {
 
+using haptic::is_finite;
 using haptic::sim::ModelSettings;
 using haptic::sim::Scene;
 
@@ -35,10 +37,6 @@ std::size_t triangles_of(const Scene& scene) {
         triangles += haptic::sim::expected_triangles(object);
     }
     return triangles;
-}
-
-bool is_finite(const haptic::Vec3& v) {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
 /// Throws std::invalid_argument for an invalid scene, std::runtime_error for a state that is not finite.

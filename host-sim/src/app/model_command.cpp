@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "app/commands.hpp"
-#include "app/toml_string.hpp"
 #include "dynamics/rotation.hpp"
 #include "haptic/config.hpp"
+#include "haptic/setting.hpp"
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "model/generator_table.hpp"
@@ -137,7 +137,7 @@ int run_model(const ModelOptions& options) {
         config.set("model.generator=" + options.what);
     } else {
         require_mesh(options.what);
-        config.set("model.file=" + toml_string(options.what));
+        config.set("model.file=" + toml_value(options.what));
     }
     for (const std::string& assignment : options.assignments) {
         config.set(assignment);

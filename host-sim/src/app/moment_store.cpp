@@ -22,38 +22,38 @@ constexpr double kTimeTolerance = 1e-6;
 class Packer {
   public:
     template <class T>
-    void put(const T& value) {
+    void value(const T& value) {
         static_assert(std::is_trivially_copyable_v<T>);
         const std::size_t at = bytes_.size();
         bytes_.resize(at + sizeof(T));
         std::memcpy(&bytes_[at], &value, sizeof(T));
     }
     template <class T>
-    void put_all(const std::vector<T>& values) {
-        put(static_cast<std::uint32_t>(values.size()));
-        for (const T& value : values) {
-            put(value);
+    void array(const std::vector<T>& values) {
+        value(static_cast<std::uint32_t>(values.size()));
+        for (const T& element : values) {
+            value(element);
         }
     }
-    void put_positions(std::span<const Vec3> positions) {
+    void positions(std::span<const Vec3> positions) {
         if (positions.empty()) {
             return;
         }
         const auto [low, high] = aabb_of(positions);
-        put(low);
-        put(high);
+        value(low);
+        value(high);
         for (const Vec3& p : positions) {
             for (int k = 0; k < 3; ++k) {
                 const double size = high[k] - low[k];
                 const double part = size > 0.0 ? (p[k] - low[k]) / size : 0.0;
-                put(static_cast<std::uint16_t>(std::lround(part * kPositionSteps)));
+                value(static_cast<std::uint16_t>(std::lround(part * kPositionSteps)));
             }
         }
     }
-    void put_orientations(std::span<const Quat> orientations) {
+    void orientations(std::span<const Quat> orientations) {
         for (const Quat& q : orientations) {
             for (const double c : {q.w, q.x, q.y, q.z}) {
-                put(static_cast<std::int16_t>(std::lround(std::clamp(c, -1.0, 1.0) * kRotationSteps)));
+                value(static_cast<std::int16_t>(std::lround(std::clamp(c, -1.0, 1.0) * kRotationSteps)));
             }
         }
     }
@@ -79,17 +79,17 @@ class Unpacker {
         return value;
     }
     template <class T>
-    void get(T& value) {
+    void value(T& value) {
         value = get<T>();
     }
     template <class T>
-    void get_all(std::vector<T>& values) {
+    void array(std::vector<T>& values) {
         values.resize(get<std::uint32_t>());
-        for (T& value : values) {
-            get(value);
+        for (T& element : values) {
+            value(element);
         }
     }
-    void get_positions(std::span<Vec3> positions) {
+    void positions(std::span<Vec3> positions) {
         if (positions.empty()) {
             return;
         }
@@ -101,7 +101,7 @@ class Unpacker {
             }
         }
     }
-    void get_orientations(std::span<Quat> orientations) {
+    void orientations(std::span<Quat> orientations) {
         for (Quat& q : orientations) {
             q.w = get<std::int16_t>() / kRotationSteps;
             q.x = get<std::int16_t>() / kRotationSteps;
@@ -116,20 +116,35 @@ class Unpacker {
     std::size_t at_ = 0;
 };
 
-/// Members stored without loss, in the same order for packing and unpacking.
-template <class Moment, class Visit>
-void visit_unpacked(Moment& moment, Visit&& visit) {
-    visit(moment.step);
-    visit(moment.tool);
-    visit(moment.hip);
-    visit(moment.force);
-    visit(moment.torque);
-    visit(moment.hand_force);
-    visit(moment.hand_torque);
-    visit(moment.curl);
-    visit(moment.depth);
-    visit(moment.in_contact);
-    visit(moment.overconstrained);
+/// Packs or unpacks a snapshot but for its time: exact members, then quantised ones, with the vertices and particles of
+/// each body in a box of their own.
+template <class Moment, class Bytes>
+void transfer(Moment& moment, Bytes& bytes, const std::vector<std::size_t>& body_vertices,
+              const std::vector<std::size_t>& body_particles) {
+    bytes.value(moment.step);
+    bytes.value(moment.tool);
+    bytes.value(moment.hip);
+    bytes.value(moment.force);
+    bytes.value(moment.torque);
+    bytes.value(moment.hand_force);
+    bytes.value(moment.hand_torque);
+    bytes.value(moment.curl);
+    bytes.value(moment.depth);
+    bytes.value(moment.in_contact);
+    bytes.value(moment.overconstrained);
+    bytes.array(moment.proxies);
+    bytes.array(moment.planes);
+    const auto positions_of = [&](auto& positions, const std::vector<std::size_t>& counts) {
+        std::size_t at = 0;
+        for (const std::size_t count : counts) {
+            bytes.positions(std::span(positions).subspan(at, count));
+            at += count;
+        }
+    };
+    positions_of(moment.vertices, body_vertices);
+    positions_of(moment.particles, body_particles);
+    bytes.orientations(moment.orientations);
+    bytes.positions(moment.tool_vertices);
 }
 
 }  // namespace
@@ -147,23 +162,8 @@ bool MomentStore::wants(double time) const {
 }
 
 void MomentStore::add(const view::SceneSnapshot& moment) {
-    // Exact members, then quantised ones: vertices and particles per body, each in its own box.
     Packer packer;
-    visit_unpacked(moment, [&](const auto& value) { packer.put(value); });
-    packer.put_all(moment.proxies);
-    packer.put_all(moment.planes);
-    std::size_t at = 0;
-    for (const std::size_t count : body_vertices_) {
-        packer.put_positions(std::span(moment.vertices).subspan(at, count));
-        at += count;
-    }
-    at = 0;
-    for (const std::size_t count : body_particles_) {
-        packer.put_positions(std::span(moment.particles).subspan(at, count));
-        at += count;
-    }
-    packer.put_orientations(moment.orientations);
-    packer.put_positions(moment.tool_vertices);
+    transfer(moment, packer, body_vertices_, body_particles_);
     Packed packed{moment.time, packer.take()};
     // Packing needs no lock; adding does.
     const std::lock_guard lock(mutex_);
@@ -203,21 +203,7 @@ bool MomentStore::find(double time, view::SceneSnapshot& out) const {
     const Packed& packed = moments_[index_of(time)];
     Unpacker unpacker(packed.bytes);
     out.time = packed.time;
-    visit_unpacked(out, [&](auto& value) { unpacker.get(value); });
-    unpacker.get_all(out.proxies);
-    unpacker.get_all(out.planes);
-    std::size_t at = 0;
-    for (const std::size_t count : body_vertices_) {
-        unpacker.get_positions(std::span(out.vertices).subspan(at, count));
-        at += count;
-    }
-    at = 0;
-    for (const std::size_t count : body_particles_) {
-        unpacker.get_positions(std::span(out.particles).subspan(at, count));
-        at += count;
-    }
-    unpacker.get_orientations(out.orientations);
-    unpacker.get_positions(out.tool_vertices);
+    transfer(out, unpacker, body_vertices_, body_particles_);
     return true;
 }
 

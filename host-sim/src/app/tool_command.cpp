@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "app/commands.hpp"
-#include "app/toml_string.hpp"
 #include "haptic/config.hpp"
+#include "haptic/setting.hpp"
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/tool_model.hpp"
@@ -94,7 +94,7 @@ ToolSettings settings_of(const ToolOptions& options) {
     if (is_generator(options.what)) {
         config.set("tool.generator=" + options.what);
     } else if (!of_scene) {
-        config.set("tool.file=" + toml_string(options.what));
+        config.set("tool.file=" + toml_value(options.what));
     }
     for (const std::string& assignment : options.assignments) {
         config.set(assignment);

@@ -228,13 +228,9 @@ class PlaneChunk {
 }  // namespace
 
 const ColliderKernels& collider_kernels(std::size_t lanes) {
-    if (lanes == ParticleCollisions::kWidest) {
-        return widest_kernels().colliders;
-    }
-    for (const Kernels* kernels : usable_kernels()) {
-        if (kernels->colliders.lanes == lanes) {
-            return kernels->colliders;
-        }
+    static_assert(ParticleCollisions::kWidest == kWidestLanes);
+    if (const ColliderKernels* const kernels = find_kernels(&Kernels::colliders, lanes)) {
+        return *kernels;
     }
     throw std::invalid_argument("collisions: this machine does not support vectors of " + std::to_string(lanes) +
                                 " lanes; ParticleCollisions::usable_lanes() lists the supported numbers");
@@ -740,11 +736,7 @@ void ParticleCollisions::finish(const ParticleModel& /*start*/, const MovingPart
 }
 
 std::vector<std::size_t> ParticleCollisions::usable_lanes() {
-    std::vector<std::size_t> lanes;
-    for (const Kernels* kernels : usable_kernels()) {
-        lanes.push_back(kernels->colliders.lanes);
-    }
-    return lanes;
+    return lanes_of(&Kernels::colliders);
 }
 
 CollisionCounts ParticleCollisions::counts() const noexcept {

@@ -7,15 +7,13 @@
 #include <string>
 #include <utility>
 
+#include "haptic/numeric.hpp"
+
 namespace haptic::sim {
 namespace {
 
 [[noreturn]] void refuse(const char* what, std::size_t index, const std::string& why) {
     throw std::invalid_argument("particle model: " + std::string(what) + " " + std::to_string(index) + " " + why);
-}
-
-bool finite(const Vec3& v) {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
 bool in_unit_interval(double value) {
@@ -124,11 +122,11 @@ void ParticleModel::check() const {
         if (!(mass[i] > 0.0) || !std::isfinite(mass[i]) || !(radius[i] >= 0.0) || !std::isfinite(radius[i])) {
             refuse("particle", i, "needs a positive mass and a radius of at least 0");
         }
-        if (!finite(rest_position[i])) {
+        if (!haptic::is_finite(rest_position[i])) {
             refuse("particle", i, "has a rest position that is not finite");
         }
         const Vec3& axis = semi_axes[i];
-        if (!finite(axis) || !(axis.x >= 0.0 && axis.y >= 0.0 && axis.z >= 0.0)) {
+        if (!haptic::is_finite(axis) || !(axis.x >= 0.0 && axis.y >= 0.0 && axis.z >= 0.0)) {
             refuse("particle", i, "needs semi-axes of at least 0");
         }
     }

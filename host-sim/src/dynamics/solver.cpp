@@ -71,13 +71,9 @@ void set_vector(Row& row, const Vec3& p) {
 
 /// Throws std::invalid_argument for a number of lanes that this machine does not have.
 const ProjectionKernels& choose_projection(std::size_t lanes) {
-    if (lanes == ParticleSolver::kWidest) {
-        return widest_kernels().projection;
-    }
-    for (const Kernels* kernels : usable_kernels()) {
-        if (kernels->projection.lanes == lanes) {
-            return kernels->projection;
-        }
+    static_assert(ParticleSolver::kWidest == kWidestLanes);
+    if (const ProjectionKernels* const kernels = find_kernels(&Kernels::projection, lanes)) {
+        return *kernels;
     }
     throw std::invalid_argument("solver: this machine has no vectors of " + std::to_string(lanes) +
                                 " lanes; ParticleSolver::usable_lanes() lists the numbers it has");
@@ -199,11 +195,7 @@ ParticleSolver& ParticleSolver::operator=(ParticleSolver&&) noexcept = default;
 ParticleSolver::~ParticleSolver() = default;
 
 std::vector<std::size_t> ParticleSolver::usable_lanes() {
-    std::vector<std::size_t> lanes;
-    for (const Kernels* kernels : usable_kernels()) {
-        lanes.push_back(kernels->projection.lanes);
-    }
-    return lanes;
+    return lanes_of(&Kernels::projection);
 }
 
 std::size_t ParticleSolver::lanes() const noexcept {

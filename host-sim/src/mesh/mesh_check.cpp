@@ -10,6 +10,7 @@
 #include <tuple>
 #include <utility>
 
+#include "haptic/numeric.hpp"
 #include "mesh/mesh_topology.hpp"
 #include "simd/aabb.hpp"
 
@@ -82,7 +83,7 @@ class Checker {
     void refuse_non_finite_vertices() const {
         for (std::size_t i = 0; i < given_vertices_.size(); ++i) {
             const Vec3& v = given_vertices_[i];
-            if (!std::isfinite(v.x) || !std::isfinite(v.y) || !std::isfinite(v.z)) {
+            if (!haptic::is_finite(v)) {
                 refuse("vertex " + std::to_string(i) + " has a coordinate that is not a finite number");
             }
             if (std::max({std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}) > kMaxCoordinate) {

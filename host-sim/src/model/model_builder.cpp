@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "haptic/numeric.hpp"
 #include "mesh/mesh_topology.hpp"
 #include "model/sample_distances.hpp"
 #include "model/sample_graph.hpp"
@@ -66,7 +67,7 @@ void check(const TriangleMesh& mesh) {
     }
     for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
         const Vec3& p = mesh.vertices[i];
-        if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) {
+        if (!haptic::is_finite(p)) {
             refuse("vertex " + std::to_string(i) + " is not finite");
         }
         if (!used[i]) {

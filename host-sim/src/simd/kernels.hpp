@@ -4,7 +4,9 @@
 // different width, each with its own compile flags (see CMakeLists.txt); lanes.hpp says what they have to observe.
 #pragma once
 
+#include <cstddef>
 #include <span>
+#include <vector>
 
 #include "simd/collider_rows.hpp"
 #include "simd/projection.hpp"
@@ -36,5 +38,32 @@ void refit_avx2(const RefitTask& task) noexcept;
 
 /// The last of usable_kernels().
 [[nodiscard]] const Kernels& widest_kernels() noexcept;
+
+constexpr std::size_t kWidestLanes = 0;
+
+/// The part of an entry (`&Kernels::projection`) that has this number of lanes; the widest for kWidestLanes. Null if
+/// this machine has none.
+template <class Part>
+[[nodiscard]] const Part* find_kernels(Part Kernels::* part, std::size_t lanes) noexcept {
+    if (lanes == kWidestLanes) {
+        return &(widest_kernels().*part);
+    }
+    for (const Kernels* kernels : usable_kernels()) {
+        if ((kernels->*part).lanes == lanes) {
+            return &(kernels->*part);
+        }
+    }
+    return nullptr;
+}
+
+/// The numbers of lanes that find_kernels() finds, ascending.
+template <class Part>
+[[nodiscard]] std::vector<std::size_t> lanes_of(Part Kernels::* part) {
+    std::vector<std::size_t> lanes;
+    for (const Kernels* kernels : usable_kernels()) {
+        lanes.push_back((kernels->*part).lanes);
+    }
+    return lanes;
+}
 
 }  // namespace haptic::sim

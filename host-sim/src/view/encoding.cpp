@@ -10,6 +10,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "haptic/numeric.hpp"
+
 namespace haptic::sim::view {
 namespace {
 
@@ -67,10 +69,6 @@ Integer to_fixed_point(double number) noexcept {
     return static_cast<Integer>(std::lround(bounded * largest));
 }
 
-bool is_finite(const Vec3& v) noexcept {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
-
 /// Bounding box in single precision of all finite vertices, so that page and encoder decode against the same box.
 struct Box {
     std::array<float, 3> origin{};
@@ -83,7 +81,7 @@ Box bounding_box(std::span<const Vec3> vertices) {
     Vec3 high(std::numeric_limits<double>::lowest());
     bool any = false;
     for (const Vec3& vertex : vertices) {
-        if (is_finite(vertex)) {
+        if (haptic::is_finite(vertex)) {
             low = glm::min(low, vertex);
             high = glm::max(high, vertex);
             any = true;

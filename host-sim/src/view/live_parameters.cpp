@@ -58,7 +58,7 @@ void LiveParameters::add(std::string_view key, const Control& control) {
     const LiveSetting& setting = *find_live_setting(key);
     const SettingDescription& text = description_of(key);
     const bool whole = text.type.name == "integer" || text.type.name == "choice";
-    Range allowed = text.type.range.value_or(Range{control.min, control.max});
+    Range allowed = setting.range;
     if (is_rate(setting)) {
         allowed = {1.0 / allowed.max, 1.0 / allowed.min};
     }
@@ -67,8 +67,7 @@ void LiveParameters::add(std::string_view key, const Control& control) {
                              .label = text.label,
                              .unit = is_rate(setting) ? "Hz" : text.unit,
                              .min = std::max(control.min, allowed.min),
-                             .max = text.type.choices.empty() ? std::min(control.max, allowed.max)
-                                                              : static_cast<double>(text.type.choices.size() - 1),
+                             .max = text.type.choices.empty() ? std::min(control.max, allowed.max) : allowed.max,
                              .whole = whole,
                              .logarithmic = control.logarithmic,
                              .choices = text.type.choices});

@@ -119,10 +119,9 @@ class SettingValues {
         return make(
             member, {"number", range},
             [range](const Config& c, const std::string& key, std::optional<double>& v) {
+                const double given = c.number(key, 0.0, range);  // notes the key as known, even if it is absent
                 if (c.has(key)) {
-                    v = c.number(key, 0.0, range);
-                } else {
-                    static_cast<void>(c.number(key, 0.0, range));  // notes the key as known
+                    v = given;
                 }
             },
             [](const std::optional<double>& v) { return v ? toml_value(*v) : std::string(); });

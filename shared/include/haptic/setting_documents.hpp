@@ -37,4 +37,7 @@ void add_section(SettingReference& reference, SettingSection section);
 /// Text as it may appear in a roff page.
 [[nodiscard]] std::string roff_text(std::string_view text);
 
+/// The same as one argument of a macro: in quotes, with quotes within it written twice.
+[[nodiscard]] std::string roff_argument(std::string_view text);
+
 }  // namespace haptic

@@ -3,16 +3,12 @@
 #include <algorithm>
 #include <string_view>
 
+#include "joined.hpp"
+
 namespace haptic {
 namespace {
 
-std::string joined(const std::vector<std::string>& words, std::string_view separator) {
-    std::string text;
-    for (const std::string& word : words) {
-        text += (text.empty() ? std::string() : std::string(separator)) + word;
-    }
-    return text;
-}
+using detail::joined;
 
 /// The name of a shell function: "rt-core" becomes "_rt_core".
 std::string function_name(const std::string& program) {
@@ -184,10 +180,9 @@ std::string bash_completion(const CommandText& program, const CompletionWords& w
     const std::string function = function_name(program.name);
     std::string out = "# bash completion for " + program.name +
                       "(1)                              -*- shell-script -*-\n" + function + "() {\n" +
-                      "    local cur prev words cword command= options= words= kind= i\n"
+                      // `line` holds the words of the command line, `words` the candidates.
+                      "    local cur prev line cword command= options= words= kind= i\n"
                       "    _get_comp_words_by_ref -n '=:' -c cur -p prev -w line -i cword 2>/dev/null || return\n";
-    // `words` holds the candidates here, `line` the words of the command line.
-    out.replace(out.find("cur prev words cword"), 20, "cur prev line cword");
     out += "    local settings='" + joined(words.settings, " ") + "'\n";
     out += "    for ((i = 1; i < cword; i++)); do\n        case ${line[i]} in\n            " +
            joined(command_names(program), " | ") + ") command=${line[i]} && break ;;\n        esac\n    done\n";

@@ -4,6 +4,8 @@
 #include <cctype>
 #include <string_view>
 
+#include "joined.hpp"
+
 namespace haptic {
 namespace {
 
@@ -11,15 +13,6 @@ std::string upper(std::string text) {
     std::transform(text.begin(), text.end(), text.begin(),
                    [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
     return text;
-}
-
-/// An argument of a macro, in quotes.
-std::string argument(std::string_view text) {
-    std::string out = "\"";
-    for (const char c : roff_text(text)) {
-        out += c == '"' ? "\"\"" : std::string(1, c);
-    }
-    return out + "\"";
 }
 
 /// Paragraphs: an empty line starts a new one.
@@ -34,59 +27,50 @@ std::string paragraphs(std::string_view text) {
 }
 
 std::string head(const std::string& name, int section, const ManText& text) {
-    return ".TH " + argument(upper(name)) + " " + std::to_string(section) + " \"\" " +
-           argument("haptic " HAPTIC_VERSION) + " \"Haptic system\"\n.SH NAME\n" + roff_text(name) + " \\- " +
+    return ".TH " + roff_argument(upper(name)) + " " + std::to_string(section) + " \"\" " +
+           roff_argument("haptic " HAPTIC_VERSION) + " \"Haptic system\"\n.SH NAME\n" + roff_text(name) + " \\- " +
            roff_text(text.summary) + '\n';
 }
 
 /// A list of terms and their meanings under a heading; nothing for an empty list.
 std::string list(const std::string& heading, const std::vector<std::pair<std::string, std::string>>& entries) {
-    std::string out = entries.empty() ? "" : ".SH " + argument(heading) + '\n';
+    std::string out = entries.empty() ? "" : ".SH " + roff_argument(heading) + '\n';
     for (const auto& [term, meaning] : entries) {
-        out += ".TP\n.B " + argument(term) + '\n' + roff_text(meaning) + '\n';
+        out += ".TP\n.B " + roff_argument(term) + '\n' + roff_text(meaning) + '\n';
     }
     return out;
 }
 
 std::string tail(const ManText& text) {
-    std::string out = list("EXIT STATUS", text.exit_status) + list("FILES", text.files);
-    out += text.examples.empty() ? "" : ".SH EXAMPLES\n";
-    for (const auto& [command, meaning] : text.examples) {
-        out += ".TP\n.B " + argument(command) + '\n' + roff_text(meaning) + '\n';
-    }
+    std::string out =
+        list("EXIT STATUS", text.exit_status) + list("FILES", text.files) + list("EXAMPLES", text.examples);
     out += text.see_also.empty() ? "" : ".SH SEE ALSO\n";
     for (std::size_t i = 0; i < text.see_also.size(); ++i) {
         const std::string& page = text.see_also[i];
         const std::size_t parenthesis = std::min(page.find('('), page.size());
-        out += ".BR " + argument(page.substr(0, parenthesis)) + " " +
-               argument(page.substr(parenthesis) + (i + 1 < text.see_also.size() ? "," : "")) + '\n';
+        out += ".BR " + roff_argument(page.substr(0, parenthesis)) + " " +
+               roff_argument(page.substr(parenthesis) + (i + 1 < text.see_also.size() ? "," : "")) + '\n';
     }
     return out;
 }
 
 std::string option_entry(const OptionText& option) {
     std::string out = ".TP\n";
-    std::string names;
-    for (const std::string& name : option.names) {
-        names += (names.empty() ? "" : ", ") + name;
-    }
+    const std::string names = detail::joined(option.names, ", ");
     const bool optional = option.value_optional && !option.value.starts_with('[');
     const std::string value = optional ? "[" + option.value + "]" : option.value;
     if (option.positional) {
-        out += ".I " + argument(names) + '\n';
+        out += ".I " + roff_argument(names) + '\n';
     } else if (value.empty()) {
-        out += ".B " + argument(names) + '\n';
+        out += ".B " + roff_argument(names) + '\n';
     } else {
-        out += ".BI " + argument(names + " ") + " " + argument(value) + '\n';
+        out += ".BI " + roff_argument(names + " ") + " " + roff_argument(value) + '\n';
     }
     std::string meaning = option.meaning;
     const auto end_sentence = [&meaning] { meaning += meaning.ends_with('.') ? "" : "."; };
     end_sentence();
     if (!option.choices.empty()) {
-        meaning += " One of";
-        for (const std::string& choice : option.choices) {
-            meaning += (choice == option.choices.front() ? " " : ", ") + choice;
-        }
+        meaning += " One of " + detail::joined(option.choices, ", ");
         end_sentence();
     }
     if (!option.default_value.empty()) {
@@ -105,7 +89,7 @@ std::string option_entries(const CommandText& command) {
 }
 
 std::string synopsis(const CommandText& program, const CommandText& command) {
-    std::string out = ".B " + argument(program.name + " " + command.name) + "\n[\\fIoptions\\fR]\n";
+    std::string out = ".B " + roff_argument(program.name + " " + command.name) + "\n[\\fIoptions\\fR]\n";
     for (const OptionText& option : command.options) {
         if (option.positional) {
             const std::string name = "\\fI" + roff_text(option.names[0]) + "\\fR";
@@ -125,7 +109,7 @@ std::string program_man_page(const CommandText& program, const ManText& text) {
     out += ".SH DESCRIPTION\n" + paragraphs(text.description);
     out += ".SH OPTIONS\n" + option_entries(program) + ".SH COMMANDS\n";
     for (const CommandText& command : program.commands) {
-        out += ".SS " + argument(program.name + " " + command.name) + '\n' +
+        out += ".SS " + roff_argument(program.name + " " + command.name) + '\n' +
                roff_text(command.meaning + (command.meaning.ends_with('.') ? "" : ".")) + '\n' +
                option_entries(command);
     }

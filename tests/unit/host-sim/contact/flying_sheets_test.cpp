@@ -9,9 +9,11 @@
 
 #include "contact/oracle.hpp"
 #include "contact/scenes.hpp"
+#include "haptic/numeric.hpp"
 
 namespace {
 
+using haptic::is_finite;
 using haptic::Mat3;
 using haptic::Vec3;
 using haptic::sim::oracle::Random;
@@ -26,10 +28,6 @@ constexpr double kRadius = 0.03;  // m, as in the thesis
 constexpr double kTravel = 0.14;  // m a step: 14 m/s at 10 ms
 constexpr int kPhases = 140;      // a millimetre apart: all of a step
 constexpr Mat3 kUpright(1.0);
-
-bool is_finite(const Vec3& v) {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
 
 class FlyingSheet : public testing::Test {
   protected:
