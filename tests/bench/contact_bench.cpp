@@ -4,12 +4,15 @@
 
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <random>
+#include <span>
 #include <vector>
 
+#include "contact/contact_candidates.hpp"
 #include "contact/friction.hpp"
 #include "contact/pop_out.hpp"
 #include "contact/secure_position.hpp"
@@ -279,6 +282,94 @@ struct Floor {
     std::vector<Vec3> end;
     std::vector<Triangle> triangles;
 };
+
+/// Steps of one proxy among 4,096 triangles, as a tool takes them: candidates, pop-out, proxy, planes.
+class ProxyAmong4096 {
+  public:
+    explicit ProxyAmong4096(std::span<const MovingSurface> surfaces) : surfaces_(surfaces) {}
+
+    /// One step from `from` toward `goal`; returns where it ends. `reach` is that of the speculative planes; 0: none.
+    Vec3 step(const Vec3& from, const Vec3& goal, double reach) {
+        const std::array<ProxyReach, 1> proxy{ProxyReach{from, goal, kRadius}};
+        candidates_.collect(surfaces_, proxy);
+        const NearSurfaces near = candidates_.of(0);
+        const PopOut popped = pop_out(near, from, kRadius, {});
+        const ProxyMove moved = move_proxy(near, popped.position, goal, kRadius, 0.001, {});
+        if (reach > 0.0) {
+            benchmark::DoNotOptimize(speculative_planes(
+                near, moved.contacts, {.position = moved.position, .radius = kRadius, .reach = reach, .dt = 0.001}));
+        }
+        return moved.position;
+    }
+
+  private:
+    std::span<const MovingSurface> surfaces_;
+    ContactCandidates candidates_{1};
+};
+
+constexpr double kPlaneReach = 0.002;  // m
+
+/// A hand moves by 2 mm a step across a floor, without friction. 0: in free air, 5 mm above; 1: in contact, with the
+/// goal 10 mm below the surface; 2: the same with speculative planes.
+void proxy_on_a_floor(benchmark::State& state) {
+    const Floor floor(4096);
+    SweptTree tree(floor.start, floor.triangles);
+    tree.refit(floor.motion());
+    const std::array<MovingSurface, 1> surfaces{MovingSurface{floor.motion(), &tree}};
+    ProxyAmong4096 proxy(surfaces);
+    constexpr std::size_t kSteps = 200;
+    const double height = kRadius + (state.range(0) == 0 ? 0.005 : -0.01);
+    // A straight path, oblique to the edges, there and back.
+    std::vector<Vec3> goals;
+    for (std::size_t k = 0; k < 2 * kSteps; ++k) {
+        const double along = 0.002 * (static_cast<double>(std::min(k, 2 * kSteps - k)) - 0.5 * kSteps);
+        goals.emplace_back(along, height, 0.37 * along);
+    }
+    Vec3 at = goals[0] + Vec3(0.0, state.range(0) == 0 ? 0.0 : 0.01, 0.0);
+    std::size_t step = 0;
+    for (auto _ : state) {
+        at = proxy.step(at, goals[step], state.range(0) == 2 ? kPlaneReach : 0.0);
+        step = (step + 1) % goals.size();
+    }
+    benchmark::DoNotOptimize(at);
+}
+BENCHMARK(proxy_on_a_floor)->ArgName("case")->DenseRange(0, 2)->Unit(benchmark::kMicrosecond);
+
+/// The double-faced cloth at rest on the proxy, from which the proxy goes back to a goal 10 mm inside; cases as above.
+void proxy_under_a_cloth(benchmark::State& state) {
+    const Cloth cloth(state.range(0) == 0 ? -0.05 : 0.025, 1e-4);
+    SweptTree tree(cloth.start, cloth.triangles);
+    tree.refit(cloth.motion());
+    const std::array<MovingSurface, 1> surfaces{MovingSurface{cloth.motion(), &tree}};
+    ProxyAmong4096 proxy(surfaces);
+    for (auto _ : state) {
+        const Vec3 from(0.0, state.range(0) == 0 ? 0.05 : -0.005, 0.0);
+        const Vec3 goal(0.001, state.range(0) == 0 ? 0.05 : 0.01, 0.0005);
+        benchmark::DoNotOptimize(proxy.step(from, goal, state.range(0) == 2 ? kPlaneReach : 0.0));
+    }
+}
+BENCHMARK(proxy_under_a_cloth)->ArgName("case")->DenseRange(0, 2)->Unit(benchmark::kMicrosecond);
+
+/// The proxy of virtual_proxy with its planes. 0: the cloth passes out of reach; 1: proxy; 2: with speculative planes.
+void virtual_proxy_by_trees(benchmark::State& state) {
+    const Cloth cloth(state.range(0) == 0 ? 0.3 : 0.09);
+    SweptTree tree(cloth.start, cloth.triangles);
+    tree.refit(cloth.motion());
+    const std::array<MovingSurface, 1> surfaces{MovingSurface{cloth.motion(), &tree}};
+    const Vec3 secure = secure_position(surfaces, Vec3(0.0), kRadius, {}).position;
+    const Vec3 goal(0.001, 0.0, 0.0);
+    for (auto _ : state) {
+        const PopOut popped = pop_out(surfaces, secure, kRadius, {});
+        const ProxyMove moved = move_proxy(surfaces, popped.position, goal, kRadius, 0.01, {});
+        benchmark::DoNotOptimize(moved.position);
+        if (state.range(0) == 2) {
+            benchmark::DoNotOptimize(
+                speculative_planes(surfaces, moved.contacts,
+                                   {.position = moved.position, .radius = kRadius, .reach = kPlaneReach, .dt = 0.01}));
+        }
+    }
+}
+BENCHMARK(virtual_proxy_by_trees)->ArgName("case")->DenseRange(0, 2)->Unit(benchmark::kMicrosecond);
 
 void sizes(benchmark::internal::Benchmark* b) {
     b->ArgName("triangles")->RangeMultiplier(4)->Range(1 << 10, 1 << 20)->Unit(benchmark::kMicrosecond);

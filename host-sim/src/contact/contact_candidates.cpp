@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "contact/contact_points.hpp"
+#include "contact/scratch.hpp"
 
 namespace haptic::sim {
 
@@ -96,11 +96,10 @@ void ContactCandidates::collect(std::span<const MovingSurface> surfaces, std::sp
     surfaces_ = surfaces;
     proxy_count_ = std::min(proxies.size(), lists_.size());
     // Region of each proxy, with empty lists.
-    std::array<Aabb, kMaxProxies> region;
+    Scratch<Aabb, kMaxProxies> region;
     for (std::size_t p = 0; p < proxy_count_; ++p) {
         List& list = lists_[p];
         region[p] = list.region = region_of(proxies[p], surfaces);
-        list.limits = limits_of(list.region);
         list.complete = true;
         list.range_count = 0;
         list.count = 0;
@@ -159,10 +158,11 @@ void ContactCandidates::compute_boxes(LeafBoxes& boxes, const SurfaceMotion& mot
 void ContactCandidates::add(List& list, std::uint32_t object, std::span<const std::uint32_t> triangles,
                             const LeafBoxes& boxes) noexcept {
     // Four boxes at a time; the leaf's last register may be partly used.
+    const BoxLimits limits = limits_of(list.region);
     const PackedBoxes<SweptTree::kMaxInLeaf>& step = boxes[static_cast<std::size_t>(QueryTime::WholeStep)];
     for (std::size_t first = 0; first < triangles.size(); first += kLanes) {
         const std::size_t lanes_used = std::min(kLanes, triangles.size() - first);
-        for (std::uint32_t hits = overlapping(step, first, list.limits) & ((1u << lanes_used) - 1u); hits != 0;
+        for (std::uint32_t hits = overlapping(step, first, limits) & ((1u << lanes_used) - 1u); hits != 0;
              hits &= hits - 1) {
             // Full: the list is incomplete, so queries use the trees.
             if (!reserve_slot(list, object)) {
@@ -203,15 +203,6 @@ bool ContactCandidates::reserve_slot(List& list, std::uint32_t object) noexcept 
         }
     }
     return true;
-}
-
-bool NearSurfaces::list_covers(const Aabb& box) const noexcept {
-    if (list_ == nullptr) {
-        return false;
-    }
-    const Aabb& all = list_->region;
-    return all.min.x <= box.min.x && all.min.y <= box.min.y && all.min.z <= box.min.z && all.max.x >= box.max.x &&
-           all.max.y >= box.max.y && all.max.z >= box.max.z;
 }
 
 }  // namespace haptic::sim

@@ -7,6 +7,7 @@
 // whose list overflowed, goes through the tree. The list changes how fast the answer comes, never the answer.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <concepts>
 #include <cstddef>
@@ -106,7 +107,6 @@ class ContactCandidates {
     };
     struct List {
         Aabb region;            // the box that was searched
-        BoxLimits limits{};     // of the region
         bool complete = false;  // false: overflow, query the trees
         std::uint32_t range_count = 0;
         std::uint32_t count = 0;
@@ -176,6 +176,15 @@ class NearSurfaces {
     [[nodiscard]] const MovingSurface& operator[](std::size_t object) const noexcept { return all_[object]; }
     [[nodiscard]] std::span<const MovingSurface> all() const noexcept { return all_; }
 
+    /// Whether no surface enters the box during the step, by its outermost box or because the proxy has no candidates:
+    /// the test of free air, before a phase sets up any query. False where a surface may be near.
+    [[nodiscard]] bool is_clear(const Aabb& box) const noexcept {
+        if (list_ != nullptr && list_->range_count == 0 && list_covers(box)) {
+            return true;
+        }
+        return std::none_of(all_.begin(), all_.end(), [&](const MovingSurface& s) { return s.tree->overlaps(box); });
+    }
+
     /// Calls visit(triangle index) for every triangle of a surface that enters the swept sphere at a time covered by
     /// `when`, and for some that do not. The order is always the same. No allocation.
     template <class Visit>
@@ -210,7 +219,9 @@ class NearSurfaces {
         : all_(all), list_(list) {}
 
     /// Whether the list holds every triangle that may be in the box.
-    [[nodiscard]] bool list_covers(const Aabb& box) const noexcept;
+    [[nodiscard]] bool list_covers(const Aabb& box) const noexcept {
+        return list_ != nullptr && contains(list_->region, box);
+    }
 
     std::span<const MovingSurface> all_;
     const ContactCandidates::List* list_ = nullptr;

@@ -175,6 +175,13 @@ ProxyMove move_proxy(const NearSurfaces& surfaces, const ProxyStep& step, double
     if (settings.static_friction == 0.0 && settings.dynamic_friction == 0.0) {
         return move_proxy(surfaces, step.from, step.goal, radius, dt, settings, path);
     }
+    // Free air: nothing carries the proxy, and it reaches its goal.
+    ProxyMove free;
+    if (state.active_planes.count == 0 &&
+        move_through_free_air(surfaces, step.from, step.from + (step.goal - step.from), radius, settings, path, free)) {
+        state = {};
+        return free;
+    }
     return FrictionMover(surfaces, step, radius, dt, settings, path).run(state);
 }
 

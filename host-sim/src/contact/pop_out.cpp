@@ -22,6 +22,11 @@ PopOut pop_out(const NearSurfaces& surfaces, const Vec3& center, double radius, 
     if (settings.pop_out == PopOutMethod::Thesis) {
         return thesis_pop_out(surfaces.all(), center, radius, settings, path);
     }
+    // Free air: clear without a query.
+    const double reach = contact_reach(radius, settings);
+    if (surfaces.is_clear(aabb_of_segment(center, center, reach))) {
+        return {.position = center, .clearance = radius};
+    }
     // Half-way between the shrunk and the full radius: clear enough not to be popped out again, and reachable in spite
     // of rounding.
     const double min_clearance = radius * 0.5 * (1.0 + settings.shrink);
@@ -30,7 +35,7 @@ PopOut pop_out(const NearSurfaces& surfaces, const Vec3& center, double radius, 
     ContactPointSet contacts;
     for (;; ++result.iterations) {
         // Stop once clear.
-        contacts.collect(surfaces, 1.0, result.position, contact_reach(radius, settings), nullptr);
+        contacts.collect(surfaces, 1.0, result.position, reach, nullptr);
         result.clearance = contacts.clearance(radius);
         if (result.clearance >= min_clearance || result.iterations >= settings.max_pop_outs) {
             break;

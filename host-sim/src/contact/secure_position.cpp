@@ -372,6 +372,16 @@ SecurePosition secure_position(const NearSurfaces& surfaces, const Vec3& center,
     if (settings.method == CcdMethod::Thesis) {
         return thesis_secure_position(surfaces.all(), center, radius, settings, path);
     }
+    // Free air: the proxy stays where it is, in one advance.
+    if (surfaces.is_clear(aabb_of_segment(center, center, contact_reach(radius, settings)))) {
+        if (path != nullptr) {
+            path->append(1.0, center);
+        }
+        SecurePosition result;
+        result.position = center;
+        result.advances = 1;
+        return result;
+    }
     return SecurePositionSolver(surfaces, center, radius, settings).run(path);
 }
 

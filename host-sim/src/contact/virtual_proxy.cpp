@@ -129,8 +129,40 @@ class ProxyMover {
 
 }  // namespace
 
+bool move_through_free_air(const NearSurfaces& surfaces, const Vec3& from, const Vec3& goal, double radius,
+                           const ContactSettings& settings, ProxyPath* path, ProxyMove& result) noexcept {
+    const Vec3 move = goal - from;
+    const Vec3 to = from + move;
+    // Every query of the move lies in this box: the sweep's radius is less than the reach of contacts.
+    if (!surfaces.is_clear(aabb_of_segment(from, to, contact_reach(radius, settings)))) {
+        return false;
+    }
+    // Without planes the sub-goal is the goal itself.
+    const auto arrived = [&](const Vec3& left) {
+        return glm::dot(left, left) <= kMinMove * kMinMove * radius * radius;
+    };
+    if (arrived(move)) {
+        result.position = from;
+        return true;
+    }
+    // Far from the origin of coordinates rounding may leave a rest, for which the iteration is needed.
+    if (!arrived(goal - to)) {
+        return false;
+    }
+    result.position = to;
+    result.iterations = 1;
+    if (path != nullptr) {
+        path->append(1.0, to);
+    }
+    return true;
+}
+
 ProxyMove move_proxy(const NearSurfaces& surfaces, const Vec3& from, const Vec3& goal, double radius, double dt,
                      const ContactSettings& settings, ProxyPath* path) noexcept {
+    ProxyMove free;
+    if (move_through_free_air(surfaces, from, goal, radius, settings, path, free)) {
+        return free;
+    }
     return ProxyMover(surfaces, from, goal, radius, settings, path).run(dt);
 }
 

@@ -38,6 +38,12 @@ struct Aabb {
            a.max.z >= b.min.z;
 }
 
+/// Whether the inner box lies in the outer one; borders may touch.
+[[nodiscard]] inline bool contains(const Aabb& outer, const Aabb& inner) noexcept {
+    return outer.min.x <= inner.min.x && outer.min.y <= inner.min.y && outer.min.z <= inner.min.z &&
+           outer.max.x >= inner.max.x && outer.max.y >= inner.max.y && outer.max.z >= inner.max.z;
+}
+
 /// Box of a set of points; empty for none.
 [[nodiscard]] inline Aabb aabb_of(std::span<const Vec3> points) noexcept {
     Aabb box;
