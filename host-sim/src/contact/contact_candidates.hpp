@@ -2,8 +2,8 @@
 //
 // The queries of a step, some dozen per proxy, all ask for the triangles near the same positions. So each proxy gets a
 // box first: everywhere it can go, including where moving surfaces can carry it. One traversal of each tree tests the
-// boxes of all proxies and lists, per proxy, the triangles in its box. Their boxes are stored in single precision,
-// rounded outward, four side by side. A query inside the proxy's box goes through the list. A query that leaves it, or
+// boxes of all proxies and lists, per proxy, the triangles in its box, with their boxes in single precision. A query
+// inside the proxy's box goes through the list. A query that leaves it, or
 // whose list overflowed, goes through the tree. The list changes how fast the answer comes, never the answer.
 #pragma once
 
@@ -15,6 +15,8 @@
 #include <span>
 #include <vector>
 
+#include "contact/leaf_boxes.hpp"
+#include "contact/scratch.hpp"
 #include "contact/swept_tree.hpp"
 #include "haptic/types.hpp"
 
@@ -27,24 +29,9 @@ struct ProxyReach {
     double radius = 0.0;  // m
 };
 
-/// Which positions of a triangle a query covers.
-enum class QueryTime : std::uint8_t {
-    WholeStep,  // any during the step
-    EndOfStep,  // the positions at t = 1
-};
-
-/// Volume swept by a sphere along a straight line: its box and its bounding sphere.
-struct SweptSphere {
-    SweptSphere(const Vec3& from, const Vec3& to, double radius) noexcept;
-
-    Aabb box;
-    Vec3 center;                   // m, centre of the bounding sphere
-    double bounding_radius = 0.0;  // m
-};
-
 class NearSurfaces;
 
-/// Candidate lists of all proxies. Fixed memory, about 14 kB a proxy. Not thread-safe.
+/// Candidate lists of all proxies. Fixed memory, about 18 kB a proxy. Not thread-safe.
 class ContactCandidates {
   public:
     static constexpr std::size_t kMaxProxies = 64;
@@ -70,39 +57,14 @@ class ContactCandidates {
   private:
     friend class NearSurfaces;
 
-    static constexpr std::size_t kLanes = 4;        // floats in a register, on every target
-    static constexpr std::size_t kMaxListed = 256;  // triangles of one proxy; each surface starts at a whole register
+    static constexpr std::size_t kMaxListed = 256;  // triangles of one proxy
     static constexpr std::size_t kMaxRanges = 16;   // surfaces near one proxy
     static constexpr std::size_t kKinds = 2;        // of QueryTime
-
-    using Lanes = float __attribute__((vector_size(16)));
-    using LaneBits = std::int32_t __attribute__((vector_size(16)));
-    /// Boxes as structure of arrays, [min | -max]: both bounds compare with <=.
-    template <std::size_t Count>
-    struct PackedBoxes {
-        alignas(Lanes) std::array<std::array<float, Count>, 6> bound;
-
-        void set(std::size_t at, const Aabb& box) noexcept;
-        [[nodiscard]] Lanes load(std::size_t which, std::size_t at) const noexcept {
-            Lanes lanes;
-            __builtin_memcpy(&lanes, &bound[which][at], sizeof(lanes));
-            return lanes;
-        }
-    };
-    // Limits to compare packed boxes with.
-    using BoxLimits = std::array<Lanes, 6>;  // [max | -min]
-    struct SphereLimits {
-        explicit SphereLimits(const SweptSphere& sphere) noexcept;
-
-        BoxLimits box;
-        std::array<Lanes, 3> center{};
-        Lanes squared{};  // m^2, squared radius
-    };
 
     /// Candidates of one surface in a proxy's list: [begin, end).
     struct SurfaceRange {
         std::uint32_t object;
-        std::uint32_t begin;  // a multiple of kLanes
+        std::uint32_t begin;
         std::uint32_t end;
     };
     struct List {
@@ -110,53 +72,14 @@ class ContactCandidates {
         bool complete = false;  // false: overflow, query the trees
         std::uint32_t range_count = 0;
         std::uint32_t count = 0;
-        std::array<SurfaceRange, kMaxRanges> range{};
-        std::array<std::uint32_t, kMaxListed> triangle{};
-        std::array<PackedBoxes<kMaxListed>, kKinds> box{};  // by QueryTime
+        Scratch<SurfaceRange, kMaxRanges> range;
+        Scratch<std::uint32_t, kMaxListed> triangle;
+        std::array<Scratch<PackedBox, kMaxListed>, kKinds> box;  // by QueryTime
     };
-    using LeafBoxes = std::array<PackedBoxes<SweptTree::kMaxInLeaf>, kKinds>;
 
-    /// Boxes of a leaf's triangles, rounded outward.
-    static void compute_boxes(LeafBoxes& boxes, const SurfaceMotion& motion,
-                              std::span<const std::uint32_t> triangles) noexcept;
-    /// Appends the triangles whose boxes overlap the list's region.
+    /// Appends the triangles of a leaf whose boxes overlap the list's region.
     static void add(List& list, std::uint32_t object, std::span<const std::uint32_t> triangles,
                     const LeafBoxes& boxes) noexcept;
-    /// Makes room for one more triangle; false if the list is full.
-    [[nodiscard]] static bool reserve_slot(List& list, std::uint32_t object) noexcept;
-
-    [[nodiscard]] static BoxLimits limits_of(const Aabb& box) noexcept;
-    /// Bit k: box at + k overlaps the limits.
-    template <std::size_t Count>
-    [[nodiscard]] static std::uint32_t overlapping(const PackedBoxes<Count>& box, std::size_t at,
-                                                   const BoxLimits& limit) noexcept {
-        LaneBits meets = LaneBits{1, 2, 4, 8};
-        for (std::size_t k = 0; k < limit.size(); ++k) {
-            meets &= box.load(k, at) <= limit[k];
-        }
-        return mask_of(meets);
-    }
-    /// Same, and it overlaps the bounding sphere too.
-    template <std::size_t Count>
-    [[nodiscard]] static std::uint32_t overlapping(const PackedBoxes<Count>& box, std::size_t at,
-                                                   const SphereLimits& limit) noexcept {
-        const std::uint32_t meets = overlapping(box, at, limit.box);
-        if (meets == 0) {
-            return 0;
-        }
-        // Squared distance from the centre to each box (Ericson 5.1.3.1), four at a time.
-        Lanes squared{};
-        for (std::size_t k = 0; k < 3; ++k) {
-            const Lanes below = box.load(k, at) - limit.center[k];
-            const Lanes above = box.load(k + 3, at) + limit.center[k];
-            const Lanes outside = below > above ? below : above;
-            squared += outside > Lanes{} ? outside * outside : Lanes{};
-        }
-        return meets & mask_of((squared <= limit.squared) & LaneBits{1, 2, 4, 8});
-    }
-    [[nodiscard]] static std::uint32_t mask_of(const LaneBits& lanes) noexcept {
-        return static_cast<std::uint32_t>(lanes[0] | lanes[1] | lanes[2] | lanes[3]);
-    }
 
     std::span<const MovingSurface> surfaces_;
     std::vector<List> lists_;
@@ -193,21 +116,27 @@ class NearSurfaces {
         if (!tree.overlaps(sphere.box)) {
             return;
         }
+        const SphereLimits limits(sphere);
         if (!list_covers(sphere.box)) {
-            tree.query(sphere.box, visit);
+            tree.query_leaves(sphere.box, [&](std::uint32_t leaf) {
+                const std::span<const std::uint32_t> triangles = tree.triangles_of(leaf);
+                const LeafBoxes boxes(all_[object], leaf, when);
+                for (std::size_t k = 0; k < triangles.size(); ++k) {
+                    if (limits.overlap(boxes.at(when, k))) {
+                        visit(triangles[k]);
+                    }
+                }
+            });
             return;
         }
-        // Four boxes at a time against the box and the bounding sphere.
-        const ContactCandidates::SphereLimits limit(sphere);
         const auto& boxes = list_->box[static_cast<std::size_t>(when)];
         for (std::uint32_t r = 0; r < list_->range_count; ++r) {
             if (list_->range[r].object != object) {
                 continue;
             }
-            for (std::uint32_t k = list_->range[r].begin; k < list_->range[r].end; k += ContactCandidates::kLanes) {
-                std::uint32_t hits = ContactCandidates::overlapping(boxes, k, limit);
-                for (; hits != 0; hits &= hits - 1) {
-                    visit(list_->triangle[k + static_cast<std::size_t>(__builtin_ctz(hits))]);
+            for (std::uint32_t k = list_->range[r].begin; k < list_->range[r].end; ++k) {
+                if (limits.overlap(boxes[k])) {
+                    visit(list_->triangle[k]);
                 }
             }
         }

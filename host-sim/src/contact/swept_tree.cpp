@@ -100,6 +100,16 @@ struct SweptTree::Builder {
         tree.leaf_vertices_.insert(tree.leaf_vertices_.end(), shared.begin(), shared.end());
         leaf.triangles_end = static_cast<std::uint32_t>(tree.leaf_triangles_.size());
         vertices.end = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
+        // Corners by their position in the leaf's list of vertices.
+        const auto first = tree.leaf_vertices_.begin() + static_cast<std::ptrdiff_t>(vertices.begin);
+        for (std::size_t k = range.begin; k < range.end; ++k) {
+            LocalCorners corners{};
+            for (std::size_t c = 0; c < corners.size(); ++c) {
+                corners[c] = static_cast<std::uint8_t>(
+                    std::find(first, tree.leaf_vertices_.end(), triangles[order[k]][c]) - first);
+            }
+            tree.leaf_corners_.push_back(corners);
+        }
         tree.leaves_.push_back(leaf);
         tree.leaf_ranges_.push_back(vertices);
         return index | kLeaf;

@@ -14,6 +14,7 @@
 #include <span>
 #include <vector>
 
+#include "contact/scratch.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/types.hpp"
 #include "simd/aabb.hpp"
@@ -27,6 +28,8 @@ class SweptTree {
     /// Two doubles in one SIMD register, available on every target.
     using Pair = double __attribute__((vector_size(16)));
     static constexpr std::size_t kMaxInLeaf = 16;  // triangles
+    /// Corners of a triangle, as positions among the vertices of its leaf.
+    using LocalCorners = std::array<std::uint8_t, 3>;
 
     /// Splits the triangles at medians along the longest axis, by the positions of `rest`. Every box is empty until the
     /// first refit. Throws std::invalid_argument for a vertex index out of range.
@@ -42,11 +45,21 @@ class SweptTree {
     /// that do. The tree fixes the order. No allocation. A surface that is far away as a whole costs one test.
     template <class Visit>
     void query(const Aabb& box, Visit&& visit) const {
+        query_leaves(box, [&](std::uint32_t leaf) {
+            for (const std::uint32_t triangle : triangles_of(leaf)) {
+                visit(triangle);
+            }
+        });
+    }
+
+    /// Same, leaf by leaf: calls visit(leaf).
+    template <class Visit>
+    void query_leaves(const Aabb& box, Visit&& visit) const {
         if (!overlaps(box)) {
             return;
         }
         // Depth-first traversal with an explicit stack.
-        std::array<std::uint32_t, kMaxStack> stack{};
+        Scratch<std::uint32_t, kMaxStack> stack;
         std::size_t depth = 0;
         stack[depth++] = 0;
         while (depth > 0) {
@@ -56,10 +69,8 @@ class SweptTree {
                 const std::uint32_t child = node.child[static_cast<std::size_t>(__builtin_ctz(hits))];
                 if ((child & kLeaf) == 0) {
                     stack[depth++] = child;
-                    continue;
-                }
-                for (const std::uint32_t triangle : triangles_of(child & ~kLeaf)) {
-                    visit(triangle);
+                } else {
+                    visit(child & ~kLeaf);
                 }
             }
         }
@@ -81,8 +92,7 @@ class SweptTree {
             std::uint32_t node;
             std::uint64_t mask;
         };
-        // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): clearing 1 kB would cost more than most queries
-        std::array<Pending, kMaxStack> stack;
+        Scratch<Pending, kMaxStack> stack;
         std::size_t depth = 0;
         stack[depth++] = {0, all};
         while (depth > 0) {
@@ -123,6 +133,12 @@ class SweptTree {
     [[nodiscard]] std::span<const std::uint32_t> vertices_of(std::uint32_t leaf) const noexcept {
         const LeafVertices& l = leaf_ranges_[leaf];
         return {&leaf_vertices_[l.begin], l.end - l.begin};
+    }
+
+    /// The corners of these triangles, in the order of triangles_of().
+    [[nodiscard]] std::span<const LocalCorners> corners_of(std::uint32_t leaf) const noexcept {
+        const Leaf& l = leaves_[leaf];
+        return {&leaf_corners_[l.triangles_begin], l.triangles_end - l.triangles_begin};
     }
 
     /// Box of the whole surface over the step, m.
@@ -172,6 +188,7 @@ class SweptTree {
     std::vector<Node> nodes_;
     std::vector<Leaf> leaves_;
     std::vector<std::uint32_t> leaf_triangles_;
+    std::vector<LocalCorners> leaf_corners_;  // parallel to leaf_triangles_
     std::vector<std::uint32_t> leaf_vertices_;
     std::vector<LeafVertices> leaf_ranges_;  // in leaf_vertices_
     std::vector<PointExtremes> leaf_boxes_;  // of the last refit
