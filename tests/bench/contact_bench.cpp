@@ -307,7 +307,7 @@ class ProxyAmong4096 {
     ContactCandidates candidates_{1};
 };
 
-constexpr double kPlaneReach = 0.002;  // m
+constexpr double kPlaneReach = 0.01;  // m
 
 /// A hand moves by 2 mm a step across a floor, without friction. 0: in free air, 5 mm above; 1: in contact, with the
 /// goal 10 mm below the surface; 2: the same with speculative planes.

@@ -70,14 +70,19 @@ BoxLimits::BoxLimits(const Aabb& box) noexcept {
     high_ = lanes_of(box.max + margin, kInfinity);
 }
 
-SphereLimits::SphereLimits(const SweptSphere& sphere) noexcept
-    : box_(sphere.box), center_(lanes_of(sphere.center, 0.0f)) {
+SphereLimits::SphereLimits(const Aabb& box, const Aabb& centers, double radius) noexcept
+    : box_(box), centers_{lanes_of(centers.min, 0.0f), lanes_of(centers.max, 0.0f)} {
     // Rounding errs by a share of the coordinates, squaring by a share of the radius.
-    const Vec3 coordinates = glm::abs(sphere.center);
-    const double radius =
-        sphere.bounding_radius * (1.0 + kSphereMargin) + (coordinates.x + coordinates.y + coordinates.z) * kMargin;
-    squared_radius_ = static_cast<float>(radius * radius);
+    const Vec3 coordinates = glm::max(glm::abs(centers.min), glm::abs(centers.max));
+    const double rounded = radius * (1.0 + kSphereMargin) + (coordinates.x + coordinates.y + coordinates.z) * kMargin;
+    squared_radius_ = static_cast<float>(rounded * rounded);
 }
+
+SphereLimits::SphereLimits(const SweptSphere& sphere) noexcept
+    : SphereLimits(sphere.box, {sphere.center, sphere.center}, sphere.bounding_radius) {}
+
+SphereLimits::SphereLimits(const Aabb& centers, double radius) noexcept
+    : SphereLimits({centers.min - Vec3(radius), centers.max + Vec3(radius)}, centers, radius) {}
 
 LeafBoxes::LeafBoxes(const MovingSurface& surface, std::uint32_t leaf, QueryTime when) noexcept {
     const SweptTree& tree = *surface.tree;

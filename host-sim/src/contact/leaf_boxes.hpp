@@ -56,26 +56,31 @@ class BoxLimits {
     PackedBox::Lanes high_;
 };
 
-/// A swept sphere to compare packed boxes with: its box, then its bounding sphere.
+/// A sphere to compare packed boxes with: a box around it, then the sphere itself.
 class SphereLimits {
   public:
+    /// A swept sphere: its box and its bounding sphere.
     explicit SphereLimits(const SweptSphere& sphere) noexcept;
+    /// A sphere whose centre is anywhere in a box.
+    SphereLimits(const Aabb& centers, double radius) noexcept;
 
     [[nodiscard]] bool overlap(const PackedBox& box) const noexcept {
         if (!box_.overlap(box)) {
             return false;
         }
-        // Squared distance from the centre to the box (Ericson 5.1.3.1).
-        const PackedBox::Lanes below = box.low - center_;
-        const PackedBox::Lanes above = center_ - box.high;
+        // Squared distance from the centres to the box (Ericson 5.1.3.1).
+        const PackedBox::Lanes below = box.low - centers_.high;
+        const PackedBox::Lanes above = centers_.low - box.high;
         const PackedBox::Lanes outside = below > above ? below : above;
         const PackedBox::Lanes squared = outside > PackedBox::Lanes{} ? outside * outside : PackedBox::Lanes{};
         return squared[0] + squared[1] + squared[2] <= squared_radius_;
     }
 
   private:
+    SphereLimits(const Aabb& box, const Aabb& centers, double radius) noexcept;
+
     BoxLimits box_;
-    PackedBox::Lanes center_;
+    PackedBox centers_;
     float squared_radius_;  // m^2
 };
 

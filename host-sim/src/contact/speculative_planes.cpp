@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "contact/contact_points.hpp"
+#include "contact/leaf_boxes.hpp"
 #include "contact/scratch.hpp"
 #include "contact/triangle_ccd.hpp"
 
@@ -72,67 +73,24 @@ Aabb box_of(const MovingTriangle& t) noexcept {
     return box;
 }
 
+/// Radius beyond which the CCD never reports a triangle, m.
+double grown_radius(const SpeculativeQuery& q) noexcept {
+    return (q.radius + q.reach) * (1.0 + kCreepTolerance);
+}
+
 /// Whether a box lies entirely outside the sphere grown by `reach`, with the tolerance of the CCD.
 bool out_of_reach(const Aabb& box, const SpeculativeQuery& q) noexcept {
     const Vec3 outside = glm::max(glm::max(box.min - q.position, q.position - box.max), Vec3(0.0));
-    const double reach = (q.radius + q.reach) * (1.0 + kCreepTolerance);
+    const double reach = grown_radius(q);
     return glm::dot(outside, outside) > reach * reach;
 }
 
-/// Extrapolated triangles of one leaf, computed once for all proxies with the same horizon.
-class ExtrapolatedLeaf {
-  public:
-    ExtrapolatedLeaf(const MovingSurface& surface, std::uint32_t leaf) noexcept
-        : motion_(surface.motion),
-          vertices_(surface.tree->vertices_of(leaf)),
-          triangles_(surface.tree->triangles_of(leaf)) {}
-
-    [[nodiscard]] std::span<const std::uint32_t> triangles() const noexcept { return triangles_; }
-
-    /// Whether all of its triangles stay outside the grown sphere.
-    [[nodiscard]] bool is_out_of_reach(const SpeculativeQuery& q) noexcept {
-        if (q.horizon != box_horizon_) {
-            box_horizon_ = q.horizon;
-            box_ = Aabb{};
-            // Box of the leaf's vertices, now and at the horizon.
-            for (const std::uint32_t v : vertices_) {
-                const Vec3& now = motion_.end[v];
-                const Vec3 later = now + (now - motion_.start[v]) * q.horizon;
-                box_.extend(Aabb{glm::min(now, later), glm::max(now, later)});
-            }
-        }
-        return out_of_reach(box_, q);
-    }
-    [[nodiscard]] const MovingTriangle& extrapolated(std::size_t k, const SpeculativeQuery& q) noexcept {
-        extrapolate_all(q.horizon);
-        return extrapolated_[k];
-    }
-    [[nodiscard]] const Aabb& box(std::size_t k, const SpeculativeQuery& q) noexcept {
-        extrapolate_all(q.horizon);
-        return boxes_[k];
-    }
-
-  private:
-    void extrapolate_all(double horizon) noexcept {
-        if (horizon == horizon_) {
-            return;
-        }
-        horizon_ = horizon;
-        for (std::size_t k = 0; k < triangles_.size(); ++k) {
-            extrapolated_[k] = extrapolate(motion_, triangles_[k], horizon);
-            boxes_[k] = box_of(extrapolated_[k]);
-        }
-    }
-
-    const SurfaceMotion& motion_;
-    std::span<const std::uint32_t> vertices_;
-    std::span<const std::uint32_t> triangles_;
-    double box_horizon_ = -1.0;  // horizon of box_; -1: none yet
-    double horizon_ = -1.0;      // of extrapolated_ and boxes_; -1: none yet
-    Aabb box_;
-    Scratch<MovingTriangle, SweptTree::kMaxInLeaf> extrapolated_;
-    Scratch<Aabb, SweptTree::kMaxInLeaf> boxes_;
-};
+/// Centres at which the grown sphere would touch a surface as it is at the end of the step, instead of moving on by any
+/// of its displacements.
+Aabb displaced_centers(const SpeculativeQuery& q, const Aabb& displacement) noexcept {
+    return {q.position - glm::max(displacement.max, Vec3(0.0)) * q.horizon,
+            q.position - glm::min(displacement.min, Vec3(0.0)) * q.horizon};
+}
 
 /// Whether a plane separates the whole triangle from the proxy, now and at the horizon.
 bool implies(const SurfacePlane& plane, const MovingTriangle& t, const SpeculativeQuery& q) noexcept {
@@ -176,24 +134,26 @@ bool implies(const SurfacePlane& plane, const Candidate& c, const SpeculativeQue
 }
 
 /// Adds the candidates of one leaf for one proxy.
-void add_candidates(ExtrapolatedLeaf& leaf, const MovingSurface& surface, std::uint32_t object,
-                    const SpeculativeTask& task, Candidates& candidates) noexcept {
+void add_candidates(const LeafBoxes& boxes, std::uint32_t leaf, const MovingSurface& surface, std::uint32_t object,
+                    const SpeculativeTask& task, const SphereLimits& limits, Candidates& candidates) noexcept {
     const SpeculativeQuery& q = task.query;
-    if (leaf.is_out_of_reach(q)) {
-        return;
-    }
-    // Cull by box, then skip triangles behind the active contacts.
-    for (std::size_t k = 0; k < leaf.triangles().size(); ++k) {
-        if (out_of_reach(leaf.box(k, q), q)) {
+    const std::span<const std::uint32_t> triangles = surface.tree->triangles_of(leaf);
+    for (std::size_t k = 0; k < triangles.size(); ++k) {
+        // Cull by the box at the end of the step and the displacements of the whole surface, then by its own motion.
+        if (!limits.overlap(boxes.at(QueryTime::EndOfStep, k))) {
             continue;
         }
-        const MovingTriangle& extrapolated = leaf.extrapolated(k, q);
+        const MovingTriangle extrapolated = extrapolate(surface.motion, triangles[k], q.horizon);
+        if (out_of_reach(box_of(extrapolated), q)) {
+            continue;
+        }
+        // Skip triangles behind the active contacts.
         bool needed = true;
-        for (std::uint32_t c = 0; c < task.contacts.count; ++c) {
-            needed = needed && !implies(task.contacts.plane[c], extrapolated, q);
+        for (std::uint32_t c = 0; c < task.contacts.count && needed; ++c) {
+            needed = !implies(task.contacts.plane[c], extrapolated, q);
         }
         Candidate candidate;
-        if (needed && predict_plane(surface, object, leaf.triangles()[k], extrapolated, q, candidate)) {
+        if (needed && predict_plane(surface, object, triangles[k], extrapolated, q, candidate)) {
             candidates.insert(candidate);
         }
     }
@@ -219,20 +179,12 @@ SurfacePlanes select_planes(std::span<const MovingSurface> surfaces, const Specu
     return planes;
 }
 
-/// Box to query for one proxy. A tree's boxes hold the surface during the step; it moves on by displacement * horizon,
-/// so grow the box of the grown sphere against that direction.
-Aabb query_box(const SpeculativeQuery& q, const Aabb& displacement) noexcept {
-    Aabb box = aabb_of_segment(q.position, q.position, q.radius + q.reach);
-    box.min -= glm::max(displacement.max, Vec3(0.0)) * q.horizon;
-    box.max -= glm::min(displacement.min, Vec3(0.0)) * q.horizon;
-    return box;
-}
-
 /// One batch: at most `Capacity` proxies share a traversal.
 template <std::size_t Capacity>
 void find_planes(std::span<const MovingSurface> surfaces, std::span<SpeculativeTask> tasks) noexcept {
     std::array<Candidates, Capacity> candidates;
-    Scratch<Aabb, Capacity> boxes;
+    Scratch<Aabb, Capacity> regions;
+    Scratch<SphereLimits, Capacity> limits;
     std::array<std::size_t, Capacity> active{};
     std::size_t count = 0;
     // Proxies with three active contacts have no plane left to fill.
@@ -241,17 +193,21 @@ void find_planes(std::span<const MovingSurface> surfaces, std::span<SpeculativeT
             active[count++] = k;
         }
     }
-    // One traversal of each tree finds the leaves near any proxy; each leaf is extrapolated once.
+    // One traversal of each tree finds the leaves near any proxy. A tree's boxes hold the surface during the step, and
+    // it moves on by displacement * horizon: so the spheres are displaced against that direction.
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
         const SweptTree& tree = *surfaces[object].tree;
         for (std::size_t k = 0; k < count; ++k) {
-            boxes[k] = query_box(tasks[active[k]].query, tree.displacement());
+            const SpeculativeQuery& q = tasks[active[k]].query;
+            const Aabb centers = displaced_centers(q, tree.displacement());
+            regions[k] = {centers.min - Vec3(q.radius + q.reach), centers.max + Vec3(q.radius + q.reach)};
+            limits[k] = SphereLimits(centers, grown_radius(q));
         }
-        tree.query_leaves({boxes.data(), count}, [&](std::uint32_t index, std::uint64_t mask) {
-            ExtrapolatedLeaf leaf(surfaces[object], index);
+        tree.query_leaves({regions.data(), count}, [&](std::uint32_t leaf, std::uint64_t mask) {
+            const LeafBoxes boxes(surfaces[object], leaf, QueryTime::EndOfStep);
             for (; mask != 0; mask &= mask - 1) {
                 const auto k = static_cast<std::size_t>(std::countr_zero(mask));
-                add_candidates(leaf, surfaces[object], object, tasks[active[k]], candidates[k]);
+                add_candidates(boxes, leaf, surfaces[object], object, tasks[active[k]], limits[k], candidates[k]);
             }
         });
     }
