@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "contact/contact_points.hpp"
 #include "contact/scratch.hpp"
 
 namespace haptic::sim {
@@ -44,7 +45,12 @@ ContactCandidates::ContactCandidates(std::size_t proxies) {
                                     std::to_string(kMaxProxies) + " are supported");
     }
     lists_.resize(proxies);
+    last_contacts_.resize(proxies);
 }
+
+ContactCandidates::ContactCandidates(ContactCandidates&&) noexcept = default;
+ContactCandidates& ContactCandidates::operator=(ContactCandidates&&) noexcept = default;
+ContactCandidates::~ContactCandidates() = default;
 
 void ContactCandidates::collect(std::span<const MovingSurface> surfaces, std::span<const ProxyReach> proxies) noexcept {
     surfaces_ = surfaces;
@@ -55,6 +61,7 @@ void ContactCandidates::collect(std::span<const MovingSurface> surfaces, std::sp
         List& list = lists_[p];
         region[p] = list.region = region_of(proxies[p], surfaces);
         list.complete = true;
+        last_contacts_[p].known = false;
         list.range_count = 0;
         list.count = 0;
     }
@@ -71,10 +78,12 @@ void ContactCandidates::collect(std::span<const MovingSurface> surfaces, std::sp
     }
 }
 
-NearSurfaces ContactCandidates::of(std::size_t proxy) const noexcept {
+NearSurfaces ContactCandidates::of(std::size_t proxy) noexcept {
+    if (proxy >= proxy_count_) {
+        return surfaces_;
+    }
     // An overflowed list is incomplete and must not be used.
-    const bool listed = proxy < proxy_count_ && lists_[proxy].complete;
-    return {surfaces_, listed ? &lists_[proxy] : nullptr};
+    return {surfaces_, lists_[proxy].complete ? &lists_[proxy] : nullptr, &last_contacts_[proxy]};
 }
 
 std::size_t ContactCandidates::listed(std::size_t proxy) const noexcept {

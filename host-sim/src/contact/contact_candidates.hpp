@@ -30,6 +30,7 @@ struct ProxyReach {
 };
 
 class NearSurfaces;
+struct LastContacts;
 
 /// Candidate lists of all proxies. Fixed memory, about 18 kB a proxy. Not thread-safe.
 class ContactCandidates {
@@ -38,6 +39,9 @@ class ContactCandidates {
 
     /// Allocates; later calls do not. Throws std::invalid_argument for more than kMaxProxies.
     explicit ContactCandidates(std::size_t proxies);
+    ContactCandidates(ContactCandidates&&) noexcept;
+    ContactCandidates& operator=(ContactCandidates&&) noexcept;
+    ~ContactCandidates();
 
     /// Collects the candidates of all proxies (at most as many as the constructor was given). Call once a step, after
     /// refitting the trees. Invalidates the results of of(). `surfaces` must outlive them.
@@ -45,7 +49,7 @@ class ContactCandidates {
 
     /// The surfaces as one proxy's queries see them, valid until the next collect(). Without a list it queries the
     /// trees.
-    [[nodiscard]] NearSurfaces of(std::size_t proxy) const noexcept;
+    [[nodiscard]] NearSurfaces of(std::size_t proxy) noexcept;
 
     /// Surfaces of the last collect().
     [[nodiscard]] std::span<const MovingSurface> all() const noexcept { return surfaces_; }
@@ -83,7 +87,8 @@ class ContactCandidates {
 
     std::span<const MovingSurface> surfaces_;
     std::vector<List> lists_;
-    std::size_t proxy_count_ = 0;  // of the last collect()
+    std::vector<LastContacts> last_contacts_;  // per proxy
+    std::size_t proxy_count_ = 0;              // of the last collect()
 };
 
 /// The surfaces as one proxy's queries see them: through its candidate list, or through the trees. A view, to be passed
@@ -98,6 +103,9 @@ class NearSurfaces {
     [[nodiscard]] std::size_t size() const noexcept { return all_.size(); }
     [[nodiscard]] const MovingSurface& operator[](std::size_t object) const noexcept { return all_[object]; }
     [[nodiscard]] std::span<const MovingSurface> all() const noexcept { return all_; }
+
+    /// Where the proxy's phases hand on the contact points of its last position; null without candidates.
+    [[nodiscard]] LastContacts* last_contacts() const noexcept { return last_contacts_; }
 
     /// Whether no surface enters the box during the step, by its outermost box or because the proxy has no candidates:
     /// the test of free air, before a phase sets up any query. False where a surface may be near.
@@ -144,8 +152,8 @@ class NearSurfaces {
 
   private:
     friend class ContactCandidates;
-    NearSurfaces(std::span<const MovingSurface> all, const ContactCandidates::List* list) noexcept
-        : all_(all), list_(list) {}
+    NearSurfaces(std::span<const MovingSurface> all, const ContactCandidates::List* list, LastContacts* last) noexcept
+        : all_(all), list_(list), last_contacts_(last) {}
 
     /// Whether the list holds every triangle that may be in the box.
     [[nodiscard]] bool list_covers(const Aabb& box) const noexcept {
@@ -154,6 +162,7 @@ class NearSurfaces {
 
     std::span<const MovingSurface> all_;
     const ContactCandidates::List* list_ = nullptr;
+    LastContacts* last_contacts_ = nullptr;
 };
 
 }  // namespace haptic::sim

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <tuple>
@@ -85,8 +86,39 @@ SurfacePoint surface_point(const ContactPoint& touching) noexcept {
     return {touching.object, touching.triangle, touching.at.feature, touching.at.weights};
 }
 
+ContactPointSet& ContactPointSet::operator=(const ContactPointSet& other) noexcept {
+    if (this != &other) {
+        count_ = other.count_;
+        for (std::size_t k = 0; k < count_; ++k) {
+            points_[k] = other.points_[k];
+        }
+    }
+    return *this;
+}
+
 void ContactPointSet::collect(const NearSurfaces& surfaces, double time, const Vec3& center, double reach,
                               const IgnoredSurfaces* ignored) noexcept {
+    // During the step, or with surfaces ignored, every query is another one.
+    LastContacts* last = time >= 1.0 && ignored == nullptr ? surfaces.last_contacts() : nullptr;
+    if (last == nullptr) {
+        find(surfaces, time, center, reach, ignored);
+        return;
+    }
+    // The same sphere again: the phase before has found its points. Only equal bits are the same.
+    const bool same = last->known && last->reach == reach && std::memcmp(&last->center, &center, sizeof(center)) == 0;
+    if (same) {
+        *this = last->contacts;
+        return;
+    }
+    find(surfaces, time, center, reach, ignored);
+    last->known = true;
+    last->center = center;
+    last->reach = reach;
+    last->contacts = *this;
+}
+
+void ContactPointSet::find(const NearSurfaces& surfaces, double time, const Vec3& center, double reach,
+                           const IgnoredSurfaces* ignored) noexcept {
     count_ = 0;
     const SweptSphere sphere(center, center, reach);
     // Before the end of the step, the boxes swept over the whole step are needed.

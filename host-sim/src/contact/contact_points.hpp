@@ -67,6 +67,12 @@ struct IgnoredSurfaces {
 /// The contact points of a sphere at one time of the step.
 class ContactPointSet {
   public:
+    ContactPointSet() = default;
+    /// Copies only the points there are.
+    ContactPointSet(const ContactPointSet& other) noexcept { *this = other; }
+    ContactPointSet& operator=(const ContactPointSet& other) noexcept;
+    ~ContactPointSet() = default;
+
     /// Collects the points within `reach` of the centre, nearest first, each point once. Points implied by a nearer one
     /// are left out: a triangle entirely behind the tangent plane of a nearer point cannot be touched. So the inner
     /// edges of a flat or convex surface add no planes. A triangle that starts behind such a plane and rises out of it
@@ -83,11 +89,22 @@ class ContactPointSet {
     }
 
   private:
+    void find(const NearSurfaces& surfaces, double time, const Vec3& center, double reach,
+              const IgnoredSurfaces* ignored) noexcept;
     void insert(const ContactPoint& found, double same) noexcept;
     void remove_implied(const Vec3& center, double tolerance) noexcept;
 
     Scratch<ContactPoint, kMaxContactPoints> points_;
     std::size_t count_ = 0;
+};
+
+/// The contact points that a phase of the step found last, at the end of the step. The next phase usually begins where
+/// the one before ended: pop-out, proxy, friction before and after each of its moves, constraints.
+struct LastContacts {
+    bool known = false;
+    Vec3 center{0.0};    // m
+    double reach = 0.0;  // m
+    ContactPointSet contacts;
 };
 
 /// Planes through surface points, before the radius is added: dot(normal, x) >= base + radius.
