@@ -217,6 +217,65 @@ TEST(ContactCandidates, VisitTheTrianglesOfAQueryInTheOrderOfTheTree) {
     EXPECT_GT(seen, 30u);
 }
 
+TEST(ContactCandidates, VisitEveryTriangleThatASphereTouchesFarFromTheOrigin) {
+    // Oracle: the exact closest point of every triangle. At 50 m single precision resolves 4e-6 m.
+    Random random(11);
+    const Vec3 far(50.0, -30.0, 20.0);
+    World world;
+    Body& body = world.add(ball(0.1, 12));
+    for (std::vector<Vec3>* vertices : {&body.start, &body.end}) {
+        for (Vec3& v : *vertices) {
+            v += far;
+        }
+    }
+    world.refit();
+    ContactCandidates contact_candidates(1);
+    std::size_t touched = 0;
+    for (int k = 0; k < 300; ++k) {
+        const Vec3 p = far + random.direction() * random.uniform(0.1, 0.135);
+        const std::array<ProxyReach, 1> proxy{ProxyReach{p, p, kRadius}};
+        contact_candidates.collect(world.surfaces, proxy);
+        const haptic::sim::SweptSphere sphere(p, p, kRadius);
+        for (const NearSurfaces& near : {contact_candidates.of(0), NearSurfaces(world.surfaces)}) {
+            std::vector<std::uint32_t> visited;
+            near.query(0, sphere, haptic::sim::QueryTime::EndOfStep, [&](std::uint32_t t) { visited.push_back(t); });
+            for (std::uint32_t t = 0; t < body.mesh.triangles.size(); ++t) {
+                const haptic::sim::Triangle& c = body.mesh.triangles[t];
+                const auto closest =
+                    haptic::sim::closest_point_on_triangle(p, {body.end[c[0]], body.end[c[1]], body.end[c[2]]});
+                if (closest.squared_distance <= kRadius * kRadius) {
+                    ++touched;
+                    ASSERT_NE(std::find(visited.begin(), visited.end(), t), visited.end()) << t;
+                }
+            }
+        }
+    }
+    EXPECT_GT(touched, 300u);
+}
+
+TEST(ContactCandidates, DoNotHandOnContactPointsToTheNextStep) {
+    World world;
+    Body& body = world.add(sheet(0.4, 12, true));
+    ContactCandidates contact_candidates(1);
+    // The sheet rises under a proxy that begins each step where it was found clear in the step before: at the same
+    // sphere, other points.
+    Vec3 position(0.01, 0.9 * kRadius, 0.02);
+    for (int step = 0; step < 4; ++step) {
+        for (Vec3& v : body.end) {
+            v.y += 0.05 * kRadius;
+        }
+        body.start = body.end;
+        world.refit();
+        const std::array<ProxyReach, 1> proxy{ProxyReach{position, position, kRadius}};
+        contact_candidates.collect(world.surfaces, proxy);
+        const PopOut listed = pop_out(contact_candidates.of(0), position, kRadius, {});
+        const PopOut searched = pop_out(world.surfaces, position, kRadius, {});
+        EXPECT_EQ(listed.position, searched.position) << step;
+        EXPECT_GT(listed.iterations, 0) << step;
+        position = listed.position;
+    }
+}
+
 TEST(ContactCandidates, OfAProxyThatWasNotCollectedAreTheTrees) {
     World world;
     world.add(sheet(0.4, 12, true));
