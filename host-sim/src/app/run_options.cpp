@@ -113,7 +113,7 @@ void add_run_options(CLI::App& app, RunOptions& options) {
     app.add_option("--report", options.report, "Write a JSON report at the end");
     app.add_option("--record", options.record, "Write a CSV record of every step at the end");
     app.add_option("--snapshots", options.snapshots,
-                   "Folder for POV-Ray scenes of the moments around the first contact");
+                   "Folder for POV-Ray scenes of the moments around the first contact and of the largest force");
     app.add_option_function<std::string>(
            "--view",
            [&options](const std::string& address) {

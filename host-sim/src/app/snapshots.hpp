@@ -1,4 +1,4 @@
-// Snapshots: moments around the first contact, kept in memory during a run and written as POV-Ray scenes afterwards.
+// Snapshots: moments of a run, kept in memory while it runs and written as POV-Ray scenes afterwards.
 #pragma once
 
 #include <filesystem>
@@ -6,10 +6,12 @@
 #include <vector>
 
 #include "haptic/sim/simulation.hpp"
+#include "reproduce/tool_picture.hpp"
 
 namespace haptic::sim {
 
-/// Keeps the step before the first contact, the step of the contact, and those 7 and 100 steps later.
+/// Keeps the step before the first contact, the step of the contact, those 0.07 s and 1 s later, and the step with the
+/// largest force at the hand.
 class Snapshots {
   public:
     /// `simulation` must outlive this object.
@@ -19,25 +21,28 @@ class Snapshots {
     void before_step();
     void after_step(const StepResult& result);
 
-    /// Writes a .pov file for each moment that occurred. Creates the folder. Returns the files.
+    /// Writes a .pov file for each moment that occurred: the bodies and the actual tool, all seen from the direction in
+    /// which tool and contacts are hidden least. Creates the folder. Returns the files.
     [[nodiscard]] std::vector<std::filesystem::path> write(const std::filesystem::path& folder) const;
 
   private:
     struct Moment {
         std::string name;
         double time_s = 0.0;
-        std::vector<Vec3> vertices;
-        Vec3 proxy{0.0};
-        Vec3 hip{0.0};
-        bool from_below = false;  // a flat sheet hides the proxy from above
+        std::vector<Vec3> vertices;  // m, scene: surfaces at the beginning of the step
+        reproduce::ToolMoment tool;  // after the step
+        Vec3 hip{0.0};               // m, scene
     };
-    void keep(const char* name, const StepResult& result);
+    void keep(const char* name, const Moment& moment);
 
     const Simulation* simulation_;
     Moment last_;     // previous step
     Moment present_;  // current step
+    Moment peak_;     // step with the largest force; no name: none yet
     std::vector<Moment> kept_;
-    std::uint64_t first_contact_ = 0;  // step number; 0: none yet
+    double peak_force_ = 0.0;        // N, at the hand
+    double first_contact_s_ = -1.0;  // -1: none yet
+    std::size_t later_ = 0;          // moments after the first contact that are kept
 };
 
 }  // namespace haptic::sim

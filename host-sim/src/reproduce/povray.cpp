@@ -12,6 +12,8 @@
 #include <system_error>
 #include <vector>
 
+#include "reproduce/camera.hpp"
+
 namespace haptic::sim {
 namespace {
 
@@ -79,8 +81,6 @@ std::string skin_texture(const std::array<double, 3>& colour, double transmit) {
            pov(transmit) + " }\n        finish { ambient 0.14 diffuse 0.75 specular 0.12 roughness 0.08 }\n    }";
 }
 
-// Open surfaces are slightly transparent, so that the proxy behind them is visible.
-constexpr double kTransmit = 0.16;
 constexpr double kGhostTransmit = 0.7;
 constexpr std::array kBackColour{0.96, 0.83, 0.55};
 constexpr std::array kGhostColour{0.5, 0.5, 0.5};
@@ -104,7 +104,8 @@ void write_mesh(std::ostream& out, const PictureObject& object) {
     } else if (object.closed) {
         out << skin_texture(object.colour, 0.0);
     } else {
-        out << skin_texture(object.colour, kTransmit) << "\n    interior_" << skin_texture(kBackColour, kTransmit);
+        out << skin_texture(object.colour, object.transmit) << "\n    interior_"
+            << skin_texture(kBackColour, object.transmit);
     }
     out << "\n}\n";
 }
@@ -115,55 +116,30 @@ void write_ground(std::ostream& out, const PictureScene& scene) {
         << " }\n    finish { ambient 0.25 diffuse 0.7 }\n}\n\n";
 }
 
-constexpr double kAngle = 30.0;  // degrees, horizontal field of view
-constexpr double kHalfHeight =
-    0.175;  // tangent of half the vertical field of view: tan(15 deg) * 3/4 at 4:3, less a margin
 constexpr double kLampRange =
     8.0;  // m, distance of the camera up to which the lamps at their base positions light the scene well
+constexpr Vec3 kLampsFor{0.45, 0.2, 1.0};  // direction of the camera that the lamps' base positions are meant for
 
-/// Bounding box of all objects, and of proxy and hip or the tool's spheres.
-Aabb bounds(const PictureScene& scene) {
-    Aabb box;
-    if (scene.proxy_radius > 0.0) {
-        box.extend(scene.proxy);
-        box.extend(scene.hip);
-    }
-    for (const PictureSphere& sphere : scene.spheres) {
-        box.extend(sphere.centre - sphere.radius);
-        box.extend(sphere.centre + sphere.radius);
-    }
-    for (const PictureObject& object : scene.objects) {
-        for (const Vec3& v : object.vertices) {
-            box.extend(v);
-        }
-    }
-    return box;
+void write_camera(std::ostream& out, const Camera& camera) {
+    out << "camera {\n    location " << pov(camera.position)
+        << "\n    up y\n    right -x * image_width / image_height\n"
+        << "    angle " << pov(kCameraAngle) << "\n    look_at " << pov(camera.look_at) << "\n}\n\n";
 }
 
-struct Camera {
-    Vec3 look_at;
-    double distance;  // m
-};
-
-/// A camera that sees the requested box with a margin.
-Camera camera_for(const PictureScene& scene) {
-    const auto [low, high] = scene.view ? *scene.view : bounds(scene);
-    const double across =
-        std::hypot(high.x - low.x, high.z - low.z) * 0.75;  // horizontal extent, scaled to the height of a 4:3 picture
-    return {0.5 * (low + high), 0.5 * std::max(high.y - low.y, across) / kHalfHeight + 0.35 * across};
-}
-
-void write_camera(std::ostream& out, const PictureScene& scene, const Camera& camera) {
-    const Vec3 location = camera.look_at + camera.distance * glm::normalize(scene.camera);
-    out << "camera {\n    location " << pov(location) << "\n    up y\n    right -x * image_width / image_height\n"
-        << "    angle " << pov(kAngle) << "\n    look_at " << pov(camera.look_at) << "\n}\n\n";
-}
-
-/// Background, fog and lamps; the lamps of a large scene are farther away.
+/// Background, fog and lamps. The lamps turn with the camera about what it looks at; those of a large scene are
+/// farther away.
 void write_light(std::ostream& out, const Camera& camera) {
-    // One area light with soft shadows, and two fill lights without.
+    // Rotation about y that takes the direction of kLampsFor to the camera's.
+    const Vec3 direction = camera.position - camera.look_at;
+    const double turn = std::atan2(direction.x, direction.z) - std::atan2(kLampsFor.x, kLampsFor.z);
     const double size = std::max(1.0, camera.distance / kLampRange);
-    const auto lamp = [&](const Vec3& position) { return "light_source {\n    " + pov(size * position); };
+    const auto turned = [&](const Vec3& v) {
+        return Vec3(std::cos(turn) * v.x + std::sin(turn) * v.z, v.y, std::cos(turn) * v.z - std::sin(turn) * v.x);
+    };
+    // One area light with soft shadows, and two fill lights without.
+    const auto lamp = [&](const Vec3& position) {
+        return "light_source {\n    " + pov(camera.look_at + size * turned(position));
+    };
     out << "background { rgb <0.90, 0.93, 0.97> }\nfog { fog_type 1 distance " << pov(45.0 * size)
         << " rgb <0.90, 0.93, 0.97> }\n"
         << lamp({-3.5, 6.0, 5.0}) << " rgb <1.0, 0.97, 0.92>\n    area_light " << pov(size * Vec3(1.2, 0.0, 0.0))
@@ -176,6 +152,10 @@ void write_tool(std::ostream& out, const PictureScene& scene) {
     for (const PictureSphere& sphere : scene.spheres) {
         out << "sphere { " << pov(sphere.centre) << ", " << pov(sphere.radius) << " texture { "
             << (sphere.touching ? "TouchingBall" : "ProxyBall") << " } }\n";
+    }
+    for (const PictureSphere& contact : scene.contacts) {
+        out << "sphere { " << pov(contact.centre) << ", " << pov(contact.radius)
+            << " texture { TouchingBall } no_shadow }\n";
     }
     if (!(scene.proxy_radius > 0.0)) {
         return;
@@ -190,9 +170,9 @@ void write_tool(std::ostream& out, const PictureScene& scene) {
 
 void write_all(std::ostream& out, const PictureScene& scene) {
     out << "// " << scene.title << "\n// Render with: povray +A +W1600 +H1200 +IFILE.pov\n" << kPreamble << '\n';
-    const Camera camera = camera_for(scene);
+    const Camera camera = camera_for(scene, scene.camera);
     write_light(out, camera);
-    write_camera(out, scene, camera);
+    write_camera(out, camera);
     write_ground(out, scene);
     write_tool(out, scene);
     out << '\n';

@@ -8,8 +8,22 @@
 #include "haptic/types.hpp"
 #include "reproduce/povray.hpp"
 #include "reproduce/scene_run.hpp"
+#include "tool/tool_proxies.hpp"
 
 namespace haptic::sim::reproduce {
+
+/// What a picture shows of a tool at one moment.
+struct ToolMoment {
+    std::vector<Vec3> skin;               // m, scene: mesh vertices as deformed; empty for a tool without a mesh
+    std::vector<PictureSphere> spheres;   // its proxies
+    std::vector<PictureSphere> contacts;  // marks at the points where proxies in contact touch a surface
+};
+
+/// Copies the tool as the last step left it; reuses the memory of `moment`.
+void capture(const ToolProxies& tool, ToolMoment& moment);
+
+/// The skin as an object of a picture; refers to `moment`. Requires a tool with a mesh.
+[[nodiscard]] PictureObject skin_object(const ToolProxies& tool, const std::vector<Vec3>& vertices);
 
 /// A picture with a tool. `scene` refers to the vectors beside it and to the run.
 struct ToolPicture {

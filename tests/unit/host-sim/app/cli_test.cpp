@@ -9,6 +9,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <sstream>
 #include <string>
 
 #include "app/hand.hpp"
@@ -19,11 +20,13 @@
 #include "haptic/csv.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/sim/curl_track.hpp"
+#include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 Scene late_drop() {
     Config config = open_scene("cloth-drop");
@@ -110,15 +113,39 @@ TEST_F(RunStatisticsTest, RecordIsAValidHand) {
     std::filesystem::remove_all(folder_);
 }
 
-TEST_F(RunStatisticsTest, SnapshotsShowTheMomentsAroundTheContact) {
-    run(120);
+TEST_F(RunStatisticsTest, SnapshotsShowTheMomentsAroundTheContactAndTheLargestForce) {
+    run(150);
     const std::vector<std::filesystem::path> files = snapshots_.write(folder_);
-    ASSERT_EQ(files.size(), 4u);
+    ASSERT_EQ(files.size(), 5u);
     EXPECT_THAT(files[1].string(), HasSubstr("late-drop-2-contact.pov"));
+    EXPECT_THAT(files[4].string(), HasSubstr("late-drop-5-peak-force.pov"));
     for (const std::filesystem::path& file : files) {
         EXPECT_GT(std::filesystem::file_size(file), 50'000u);
     }
     std::filesystem::remove_all(folder_);
+}
+
+TEST(SnapshotsTest, DrawTheMeshOfTheToolAndItsContacts) {
+    // The hand of plane-slide reaches the plate after 0.6 s.
+    Simulation simulation(read_scene(open_scene("plane-slide"), "plane-slide"));
+    Snapshots snapshots(simulation);
+    while (simulation.time() < 0.9) {
+        snapshots.before_step();
+        const auto time_ns = static_cast<std::int64_t>(simulation.steps()) * 20'000'000;
+        snapshots.after_step(simulation.step(simulation.scripted_input(time_ns)));
+    }
+    const std::filesystem::path folder =
+        std::filesystem::path(::testing::TempDir()) / ("haptic-snapshots-test-" + std::to_string(getpid()));
+    const std::vector<std::filesystem::path> files = snapshots.write(folder);
+    ASSERT_EQ(files.size(), 4u);  // no second has passed since the contact
+    std::ostringstream peak;
+    peak << std::ifstream(files.back()).rdbuf();
+    // The plate's vertices and those of the hand, and no ball in place of the hand.
+    const std::size_t vertices = simulation.tool().mesh().vertices.size();
+    EXPECT_THAT(peak.str(), HasSubstr("vertex_vectors {\n        " + std::to_string(vertices) + ","));
+    EXPECT_THAT(peak.str(), Not(HasSubstr("texture { ProxyBall } }")));
+    EXPECT_THAT(peak.str(), HasSubstr("texture { TouchingBall } no_shadow }"));
+    std::filesystem::remove_all(folder);
 }
 
 class WorkspaceFileTest : public ::testing::Test {
