@@ -21,8 +21,8 @@
 #include "device/kinematics.hpp"
 #include "device/tension.hpp"
 #include "device/velocity.hpp"
-#include "geometry/wrench_closure.hpp"
 #include "haptic/device/device_geometry_file.hpp"
+#include "haptic/device/wrench_closure.hpp"
 
 namespace haptic::rt {
 namespace {

@@ -9,10 +9,10 @@
 #include <numeric>
 #include <string_view>
 
-#include "geometry/wrench_closure.hpp"
 #include "haptic/config.hpp"
 #include "haptic/device/dac_codes.hpp"
 #include "haptic/device/device_geometry_file.hpp"
+#include "haptic/device/wrench_closure.hpp"
 
 namespace {
 

@@ -10,8 +10,8 @@
 
 #include "codecs/sh4_codec.hpp"
 #include "emulated/sh4_firmware.hpp"
-#include "geometry/wrench_closure.hpp"
 #include "haptic/device/device_geometry_file.hpp"
+#include "haptic/device/wrench_closure.hpp"
 
 namespace haptic::device {
 namespace {

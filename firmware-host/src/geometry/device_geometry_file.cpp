@@ -11,9 +11,9 @@
 #include <stdexcept>
 
 #include "geometry/built_in_geometries.hpp"
-#include "geometry/wrench_closure.hpp"
 #include "haptic/config.hpp"
 #include "haptic/device/dac_codes.hpp"
+#include "haptic/device/wrench_closure.hpp"
 
 namespace haptic::device {
 namespace {

@@ -1,4 +1,4 @@
-#include "geometry/wrench_closure.hpp"
+#include "haptic/device/wrench_closure.hpp"
 
 #include <algorithm>
 #include <cmath>

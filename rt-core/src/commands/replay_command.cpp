@@ -124,6 +124,7 @@ int replay_command(const RunOptions& options) {
     run.state = replay.tick().safety_state();
     run.faults = replay.tick().faults();
     run.duration_s = seconds(replay.recorded_ns());
+    run.geometry = settings.tick.geometry;
     if (options.report) {
         nlohmann::json report = make_report(run, replay.tick().instruments());
         report["replay"] = differences_json(result);

@@ -309,6 +309,7 @@ void Run::collect(Instruments& instruments, bool own_records) {
     // Results that do not come from the tick: times, device, dropped records.
     result_.duration_s = seconds(monotonic_now_ns() - start_ns_ - paused_ns_);
     result_.device = device_->description();
+    result_.geometry = settings_.tick.geometry;
     result_.exchange_bound_ns = settings_.tick.exchanges * device_->exchange_bound_ns();
     result_.records_dropped = recorder_.dropped();
     result_.frames_dropped = recorder_.frames_dropped();

@@ -3,9 +3,11 @@
 #include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <system_error>
 #include <utility>
 
+#include "haptic/device/wrench_closure.hpp"
 #include "haptic/report.hpp"
 
 namespace haptic::rt {
@@ -64,6 +66,64 @@ nlohmann::json interruptions_json(const std::vector<Interruption>& interruptions
                         {"black_box", one.black_box}});
     }
     return list;
+}
+
+/// Share of the strings' reach that a peak took: 1 / f, where f is the largest multiple of its wrench, force and torque
+/// together, that tensions within their limits exert at its pose. Empty if there is no such multiple, as for no wrench.
+std::optional<double> share_of_reach(const device::DeviceGeometry& geometry, const WrenchAtPose& peak) {
+    const auto& [force, torque] = peak.wrench;
+    const std::optional<double> reach =
+        device::wrench_reach(geometry, peak.pose, {force.x, force.y, force.z, torque.x, torque.y, torque.z});
+    return reach && *reach > 0.0 ? std::optional(1.0 / *reach) : std::nullopt;
+}
+
+nlohmann::json peak_json(const RunResult& result, const Instruments& m) {
+    const auto share = [&](const WrenchAtPose& peak) {
+        const std::optional<double> value = share_of_reach(result.geometry, peak);
+        return value ? nlohmann::json(*value) : nlohmann::json();
+    };
+    return {{"force_n", m.peak_force},
+            {"force_share", share(m.at_peak_force)},
+            {"torque_nm", m.peak_torque},
+            {"torque_share", share(m.at_peak_torque)}};
+}
+
+/// Share of the ticks in which each limit acted.
+nlohmann::json limits_json(const Instruments& m) {
+    const auto share = [&](std::uint64_t ticks) {
+        return m.ticks > 0 ? static_cast<double>(ticks) / static_cast<double>(m.ticks) : 0.0;
+    };
+    return {{"force", share(m.force_limited_ticks)}, {"slew", share(m.slew_limited_ticks)},
+            {"reach", share(m.unreachable_ticks)},   {"stiffness", share(m.stiffness_limited_ticks)},
+            {"passivity", share(m.passivity_ticks)}, {"derating", share(m.derated_ticks)}};
+}
+
+/// Peaks and limits, a line each; a share that does not exist and limits that never acted are left out.
+std::string force_lines(const RunResult& result, const Instruments& m) {
+    const nlohmann::json peak = peak_json(result, m);
+    std::array<char, 160> text{};
+    const auto of_reach = [&](const char* key) {
+        if (peak.at(key).is_null()) {
+            return std::string();
+        }
+        std::snprintf(text.data(), text.size(), " (%.0f %% of the strings' reach)", 100.0 * peak.at(key).get<double>());
+        return std::string(text.data());
+    };
+    const std::string force_share = of_reach("force_share");
+    const std::string torque_share = of_reach("torque_share");
+    std::snprintf(text.data(), text.size(), "peak force %.3f N%s, peak torque %.4f N*m%s\n", m.peak_force,
+                  force_share.c_str(), m.peak_torque, torque_share.c_str());
+    std::string lines = text.data();
+    const nlohmann::json limits = limits_json(m);
+    std::string acted;
+    for (const auto& [name, share] : limits.items()) {
+        if (share.get<double>() > 0.0) {
+            std::snprintf(text.data(), text.size(), "%s%s %.2f %%", acted.empty() ? "" : ", ", name.c_str(),
+                          100.0 * share.get<double>());
+            acted += text.data();
+        }
+    }
+    return acted.empty() ? lines : lines + "limits acted, of all ticks: " + acted + "\n";
 }
 
 nlohmann::json probe_json(const ProbeUse& probe) {
@@ -173,7 +233,8 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
           {"age_ms", summary_ms(m.frame_age)}}},
         {"exchange", exchange_json(result, m)},
         {"interruptions", interruptions_json(result.interruptions)},
-        {"peak", {{"force_n", m.peak_force}, {"torque_nm", m.peak_torque}}},
+        {"peak", peak_json(result, m)},
+        {"limits", limits_json(m)},
         {"motors", {{"peak_load", m.peak_motor_load}, {"derated_ticks", m.derated_ticks}}},
         {"contact_ticks", m.contact_ticks},
         {"passivity", {{"energy_min_j", m.min_energy}, {"active_ticks", m.passivity_ticks}}},
@@ -206,8 +267,7 @@ std::string summary(const RunResult& result, const Instruments& m) {
                   static_cast<unsigned long long>(m.frames_received),
                   static_cast<unsigned long long>(m.frames_rejected), static_cast<unsigned long long>(m.stale_ticks));
     lines += text.data();
-    std::snprintf(text.data(), text.size(), "peak force %.3f N, peak torque %.4f N*m\n", m.peak_force, m.peak_torque);
-    lines += text.data();
+    lines += force_lines(result, m);
     lines += probe_lines(result.probes, m);
     if (result.records_dropped + result.frames_dropped > 0) {
         std::snprintf(text.data(), text.size(),

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "haptic/device/device_geometry.hpp"
 #include "process/realtime_setup.hpp"
 #include "tick/instruments.hpp"
 #include "tick/safety.hpp"
@@ -37,6 +38,7 @@ struct RunResult {
     std::vector<Interruption> interruptions;
     ProbesUse probes;
     std::string device;                  // description of the device
+    device::DeviceGeometry geometry;     // its strings and their tension limits
     std::int64_t exchange_bound_ns = 0;  // upper bound of the stage `exchange`; 0 for a device that never waits
 
     /// True if there was no fault; a requested stop is none.

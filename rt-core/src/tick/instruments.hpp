@@ -9,8 +9,15 @@
 #include "haptic/device/board.hpp"
 #include "haptic/histogram.hpp"
 #include "haptic/realtime.hpp"
+#include "haptic/types.hpp"
 
 namespace haptic::rt {
+
+/// A rendered wrench, and where it was rendered.
+struct WrenchAtPose {
+    Wrench wrench;
+    Pose pose;  // device_from_grip
+};
 
 struct Instruments {
     // Timing stages, ns: both exchanges; counters to velocity; frame, local proxies and wrench; tensions; state to the
@@ -41,11 +48,15 @@ struct Instruments {
     std::uint64_t stale_ticks = 0;
     std::uint64_t contact_ticks = 0;
     std::uint64_t unreachable_ticks = 0;  // ticks with a wrench that the strings cannot make
-    double peak_force = 0.0;              // N, rendered
-    double peak_torque = 0.0;             // N*m
-    std::uint64_t derated_ticks = 0;      // with a derated motor
-    StringArray peak_motor_load{};        // of the thermal model; 1 is a fault
-    std::uint64_t passivity_ticks = 0;    // in which the passivity controller changed the wrench
+    std::uint64_t force_limited_ticks = 0;
+    std::uint64_t slew_limited_ticks = 0;
+    double peak_force = 0.0;   // N, rendered
+    double peak_torque = 0.0;  // N*m
+    WrenchAtPose at_peak_force;
+    WrenchAtPose at_peak_torque;
+    std::uint64_t derated_ticks = 0;    // with a derated motor
+    StringArray peak_motor_load{};      // of the thermal model; 1 is a fault
+    std::uint64_t passivity_ticks = 0;  // in which the passivity controller changed the wrench
     std::uint64_t stiffness_limited_ticks = 0;
     std::uint64_t probe_off_ticks = 0;  // with a probe switched off after an error of the kernel
     double min_energy = 0.0;            // J, of the passivity observer

@@ -428,14 +428,24 @@ void Tick::publish(const TickTime& time) HAPTIC_RT {
 }
 
 void Tick::finish(const TickTime& time) HAPTIC_RT {
-    // Counters and peaks.
+    // Peaks; the report compares them with the strings' reach at the same pose.
     Instruments& m = instruments_;
-    m.peak_force = std::max(m.peak_force, glm::length(record_.rendered.force));
-    m.peak_torque = std::max(m.peak_torque, glm::length(record_.rendered.torque));
+    const double force = glm::length(record_.rendered.force);
+    if (force > m.peak_force) {
+        m.peak_force = force;
+        m.at_peak_force = {record_.rendered, record_.pose};
+    }
+    const double torque = glm::length(record_.rendered.torque);
+    if (torque > m.peak_torque) {
+        m.peak_torque = torque;
+        m.at_peak_torque = {record_.rendered, record_.pose};
+    }
     // One count per tick and condition, from the flags.
     m.failed_exchanges += (record_.flags & HAPTIC_TICK_EXCHANGE_FAILED) != 0 ? 1u : 0u;
     m.stale_ticks += (record_.flags & HAPTIC_TICK_FRAME_STALE) != 0 ? 1u : 0u;
     m.unreachable_ticks += (record_.flags & HAPTIC_TICK_WRENCH_UNREACHABLE) != 0 ? 1u : 0u;
+    m.force_limited_ticks += (record_.flags & HAPTIC_TICK_FORCE_LIMITED) != 0 ? 1u : 0u;
+    m.slew_limited_ticks += (record_.flags & HAPTIC_TICK_SLEW_LIMITED) != 0 ? 1u : 0u;
     m.stiffness_limited_ticks += (record_.flags & HAPTIC_TICK_STIFFNESS_LIMITED) != 0 ? 1u : 0u;
     m.passivity_ticks += (record_.flags & HAPTIC_TICK_PASSIVITY_LIMITED) != 0 ? 1u : 0u;
     m.min_energy = std::min(m.min_energy, record_.energy);

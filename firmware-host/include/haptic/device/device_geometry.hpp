@@ -2,7 +2,7 @@
 //
 // Device frame: origin at the centre of the structure that holds the motors, right-handed, x right, y up, z toward the
 // user. Grip frame: origin at the centre of the grip, axes parallel to the device frame while the grip is level.
-// device_geometry_file.hpp reads both from TOML; geometry/wrench_closure.hpp analyses the wrenches that the strings can
+// device_geometry_file.hpp reads both from TOML; wrench_closure.hpp analyses the wrenches that the strings can
 // produce.
 #pragma once
 

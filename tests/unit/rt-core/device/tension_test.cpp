@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "geometry/wrench_closure.hpp"
 #include "haptic/device/device_geometry_file.hpp"
+#include "haptic/device/wrench_closure.hpp"
 #include "random.hpp"
 
 namespace haptic::rt {

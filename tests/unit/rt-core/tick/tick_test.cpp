@@ -300,7 +300,13 @@ TEST(Tick, LimitsForceAndRateForAnyFrame) {
             last_tensions[k] = tension;
         }
     }
-    EXPECT_EQ(rig.tick.instruments().peak_force, rig.settings.limits.force);
+    // The peak, with the wrench and the pose of its tick.
+    const Instruments& m = rig.tick.instruments();
+    EXPECT_EQ(m.peak_force, rig.settings.limits.force);
+    EXPECT_EQ(glm::length(m.at_peak_force.wrench.force), m.peak_force);
+    EXPECT_LT(glm::length(m.at_peak_force.pose.position - rig.tick.last().pose.position), 1e-3);
+    EXPECT_GT(m.force_limited_ticks, 100u);
+    EXPECT_GE(m.slew_limited_ticks, 7u);  // 8 N at 1 N a tick, at least once
 }
 
 TEST(Tick, DoesNotCatchUpInOneStepAfterALongInterruption) {
