@@ -11,6 +11,7 @@
 
 #include "commands/commands.hpp"
 #include "commands/firmware_host_documents.hpp"
+#include "commands/reach_command.hpp"
 #include "commands/serve_command.hpp"
 #include "haptic/pose_track.hpp"
 
@@ -150,6 +151,8 @@ int run(int argc, char** argv) {
     const CLI::App* const geometries = add_geometries("geometries");
     // The former name; CLI11 hides subcommands without a group from the help.
     const CLI::App* const variants = add_geometries("variants")->group("");
+    haptic::device::ReachArguments reach_arguments;
+    const CLI::App* reach = haptic::device::add_reach(app, reach_arguments);
     haptic::device::ServeArguments serve_arguments;
     const CLI::App* serve = haptic::device::add_serve(app, serve_arguments);
 
@@ -167,6 +170,9 @@ int run(int argc, char** argv) {
         }
         if (exchange->parsed()) {
             succeeded = haptic::device::run_exchange(geometry, request_of(arguments, geometry));
+        }
+        if (reach->parsed()) {
+            haptic::device::run_reach(reach_arguments);
         }
         if (serve->parsed()) {
             haptic::device::run_serve(serve_arguments);

@@ -198,4 +198,29 @@ TEST(FirmwareHostCommand, WrongArgumentsAreRefusedWithTheirName) {
     }
 }
 
+TEST(FirmwareHostCommand, ReachComparesARecordingWithADevice) {
+    // At the centre of an X3R the strings exert 32 N along x in the weaker sense (docs/geometry.md): 6.5 N is within
+    // reach, 65 N is not. The second row turns the grip by 2 rad about y, where its strings are not wrench-closed
+    // (WrenchClosure tests).
+    const std::filesystem::path file =
+        std::filesystem::path(testing::TempDir()) / ("haptic-reach-test-" + std::to_string(getpid()) + ".csv");
+    std::ofstream(file) << "time_s,x_m,y_m,z_m,qw,qx,qy,qz,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm\n"
+                           "0,0,0,0,1,0,0,0,6.5,0,0,0,0,0\n"
+                           "0.5,0.003,0,0.004,0.5403023058681398,0,0.8414709848078965,0,0,0,0,0,0,0\n"
+                           "1,0,0,0,1,0,0,0,65,0,0,0,0,0\n";
+    const Outcome outcome = run("reach " + file.string());
+    EXPECT_EQ(outcome.status, 0) << outcome.text;
+    EXPECT_THAT(outcome.text, HasSubstr("poses                        3\n"));
+    EXPECT_THAT(outcome.text, HasSubstr("largest excursion            5.00 mm\n"));
+    EXPECT_THAT(outcome.text, HasSubstr("largest rotation             114.6 deg\n"));
+    EXPECT_THAT(outcome.text, HasSubstr("poses not wrench-closed      1\n"));
+    EXPECT_THAT(outcome.text, HasSubstr("peak force                   65.000 N\n"));
+    EXPECT_THAT(outcome.text, HasSubstr("at 1.000 s\n"));
+    EXPECT_THAT(outcome.text, HasSubstr("wrenches out of reach        1\n"));
+    std::filesystem::remove(file);
+    const Outcome missing = run("reach /nonexistent.csv");
+    EXPECT_EQ(missing.status, 1);
+    EXPECT_THAT(missing.text, HasSubstr("/nonexistent.csv"));
+}
+
 }  // namespace
