@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <glm/geometric.hpp>
 #include <string>
 #include <vector>
@@ -63,12 +64,28 @@ struct GraspStatistics {
     }
 };
 
-/// Height of the line through the stick's spheres where it passes the rod, m; the rod is at 0, negative is below it.
-double height_at_rod(const ToolProxies& tool) {
-    // Sort the spheres along the stick and interpolate between the two beside the rod, at z = 0.
+/// The stick's spheres, sorted along it.
+std::vector<ToolProxy> spheres_along(const ToolProxies& tool) {
     std::vector<ToolProxy> row(tool.particles().begin(), tool.particles().end());
     std::sort(row.begin(), row.end(),
               [](const ToolProxy& p, const ToolProxy& q) { return p.rest_offset.z < q.rest_offset.z; });
+    return row;
+}
+
+/// Largest strain between neighbouring spheres, positive or negative: length / length at rest - 1.
+double largest_strain(const std::vector<ToolProxy>& row) {
+    double largest = 0.0;
+    for (std::size_t k = 1; k < row.size(); ++k) {
+        const double rest = glm::length(row[k].rest_offset - row[k - 1].rest_offset);
+        const double strain = glm::length(row[k].position - row[k - 1].position) / rest - 1.0;
+        largest = std::abs(strain) > std::abs(largest) ? strain : largest;
+    }
+    return largest;
+}
+
+/// Height of the line through the stick's spheres where it passes the rod, m; the rod is at 0, negative is below it.
+double height_at_rod(const std::vector<ToolProxy>& row) {
+    // Interpolate between the two spheres beside the rod, at z = 0.
     for (std::size_t k = 1; k < row.size(); ++k) {
         const Vec3& a = row[k - 1].position;
         const Vec3& b = row[k].position;
@@ -79,25 +96,40 @@ double height_at_rod(const ToolProxies& tool) {
     return 0.0;
 }
 
-/// Runs rod-gap until the end of the press and takes a picture. Returns the height of the stick over the rod, m;
-/// `force` is N, up.
-double press_on_rod(const Study& study, Figure& figure, bool closed, std::uint64_t& escapes, double& force) {
+/// The stick at the end of the press.
+struct PressedStick {
+    double height = 0.0;  // m, over the rod
+    double force = 0.0;   // N, up
+    double strain = 0.0;  // 1, the largest between neighbouring spheres
+    std::uint64_t escapes = 0;
+};
+
+/// Runs rod-gap until the end of the press and takes pictures of stick and rod: the stick's mesh, and its spheres.
+PressedStick press_on_rod(const Study& study, Figure& figure, bool closed) {
     SceneRun run("rod-gap", {std::string("tool.close_gaps=") + (closed ? "true" : "false")}, study.clock());
     while (run.time_s() < 1.2) {
         run.step();
     }
-    // Picture of stick and rod.
-    ToolPicture picture = tool_picture(run, "the stick on the rod", ToolStyle::Spheres);
-    picture.scene.camera = {0.9, 0.35, 0.5};
     const Vec3 middle(0.0, run.result().proxy.y, 0.0225);
-    picture.scene.view = Aabb{middle - 0.09, middle + 0.09};
-    study.picture(figure, closed ? "figure-5.9-closed" : "figure-5.9-open",
-                  closed ? "Gaps closed: the rod is held, and the stick bends over it."
-                         : "As in the thesis: the rod has gone through between two spheres.",
-                  picture.scene);
-    escapes += run.escapes();
-    force = run.result().force.y;
-    return height_at_rod(run.simulation().tool());
+    for (const ToolStyle style : {ToolStyle::Skin, ToolStyle::Spheres}) {
+        ToolPicture picture = tool_picture(run, "the stick on the rod", style);
+        picture.scene.camera = {0.9, 0.35, 0.5};
+        picture.scene.view = Aabb{middle - 0.09, middle + 0.09};
+        const std::string name = std::string("figure-5.9-") + (closed ? "closed" : "open");
+        if (style == ToolStyle::Skin) {
+            study.picture(figure, name,
+                          closed ? "Gaps closed: the rod holds the stick; grey: the pose of the device."
+                                 : "As in the thesis: the rod has gone through the stick.",
+                          picture.scene);
+        } else {
+            study.picture(
+                figure, name + "-spheres",
+                closed ? "Its spheres; those in contact are orange." : "The rod has passed between two spheres.",
+                picture.scene);
+        }
+    }
+    const std::vector<ToolProxy> row = spheres_along(run.simulation().tool());
+    return {height_at_rod(row), run.result().force.y, largest_strain(row), run.escapes()};
 }
 
 }  // namespace
@@ -157,19 +189,19 @@ Figure rod_in_gap(const Study& study) {
     figure.conditions =
         "Scene rod-gap: a stick of five spheres with gaps of 25 mm is pressed onto a rod of 4 mm, between two "
         "spheres, until the hand is 30 mm below the rod.";
-    std::uint64_t escapes = 0;
-    double held_by = 0.0;
-    double open_force = 0.0;
-    const double closed = press_on_rod(study, figure, true, escapes, held_by);
-    const double open = press_on_rod(study, figure, false, escapes, open_force);
+    const PressedStick closed = press_on_rod(study, figure, true);
+    const PressedStick open = press_on_rod(study, figure, false);
     figure.comparisons = {
         {"the tool as in the thesis", "penetration (figure)",
-         "goes through: it is " + format_fixed(-1e3 * open, 1) + " mm below the rod, force " +
-             format_fixed(open_force, 2) + " N"},
+         "goes through: it is " + format_fixed(-1e3 * open.height, 1) + " mm below the rod, force " +
+             format_fixed(open.force, 2) + " N"},
         {"with tool.close_gaps", "-",
-         "held: it passes " + format_fixed(1e3 * closed, 1) + " mm over the rod's axis, force " +
-             format_fixed(held_by, 2) + " N"},
-        {"spheres through which something passed (independent check of each path)", "-", std::to_string(escapes)},
+         "held: it passes " + format_fixed(1e3 * closed.height, 1) + " mm over the rod's axis, force " +
+             format_fixed(closed.force, 2) + " N"},
+        {"largest strain of the held stick between neighbouring spheres", "-",
+         format_fixed(100.0 * closed.strain, 1) + " %"},
+        {"spheres through which something passed (independent check of each path)", "-",
+         std::to_string(closed.escapes + open.escapes)},
     };
     return figure;
 }

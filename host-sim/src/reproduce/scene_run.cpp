@@ -31,13 +31,26 @@ SceneRun::SceneRun(const std::string& scene, const std::vector<std::string>& ass
 
 bool SceneRun::finished() const noexcept {
     const Scene& scene = simulation_.scene();
-    return (static_cast<double>(simulation_.steps()) + 0.5) * scene.solver.step > scene.duration_s;
+    return (static_cast<double>(simulation_.steps() - settled_steps_) + 0.5) * scene.solver.step > scene.duration_s;
+}
+
+double SceneRun::settle(double speed, double at_most_s) {
+    const double step = simulation_.scene().solver.step;
+    const double farthest = speed * step;  // m, motion of a vertex at rest in one step
+    for (bool resting = false; !resting && simulation_.time() < at_most_s;) {
+        vertices_ = simulation_.vertices();
+        simulation_.step(simulation_.scripted_input(0));
+        resting = std::equal(vertices_.begin(), vertices_.end(), simulation_.vertices().begin(),
+                             [&](const Vec3& a, const Vec3& b) { return glm::length(b - a) <= farthest; });
+    }
+    settled_steps_ = simulation_.steps();
+    return simulation_.time();
 }
 
 const StepResult& SceneRun::step() {
     vertices_ = simulation_.vertices();
     const std::int64_t time_ns =
-        static_cast<std::int64_t>(simulation_.steps()) * nanoseconds(simulation_.scene().solver.step);
+        static_cast<std::int64_t>(simulation_.steps() - settled_steps_) * nanoseconds(simulation_.scene().solver.step);
     time_s_ = seconds(time_ns);
     result_ = simulation_.step(simulation_.scripted_input(time_ns));
     escapes_ += result_.crossed ? 1 : 0;

@@ -20,6 +20,10 @@ class SceneRun {
     /// The simulation has reached the duration of the scene.
     [[nodiscard]] bool finished() const noexcept;
 
+    /// Lets the bodies come to rest, with the hand where its script begins: steps until no vertex is faster than
+    /// `speed` (m/s), or for `at_most_s`. The script then starts at 0. Returns the time that passed, s.
+    double settle(double speed, double at_most_s);
+
     /// Makes one step of the script, with the independent check, and stores the vertices as the step found them.
     const StepResult& step();
 
@@ -30,7 +34,7 @@ class SceneRun {
     [[nodiscard]] const StepResult& result() const noexcept { return result_; }
     /// Vertices at the beginning of the last step, m.
     [[nodiscard]] const std::vector<Vec3>& vertices() const noexcept { return vertices_; }
-    /// Time at the beginning of the last step, s.
+    /// Time of the script at the beginning of the last step, s.
     [[nodiscard]] double time_s() const noexcept { return time_s_; }
     /// Steps in which the independent check found that a surface passed through the proxy.
     [[nodiscard]] std::uint64_t escapes() const noexcept { return escapes_; }
@@ -40,6 +44,7 @@ class SceneRun {
     StepResult result_;
     std::vector<Vec3> vertices_;
     double time_s_ = 0.0;
+    std::uint64_t settled_steps_ = 0;
     std::uint64_t escapes_ = 0;
 };
 
