@@ -33,7 +33,7 @@ void take(const Study& study, Figure& figure, const SceneRun& run, const Shot& s
     ToolPicture picture = tool_picture(run, shot.caption, ToolStyle::Skin);
     picture.scene.objects.front().colour = kCurtainColour;
     picture.scene.camera = shot.camera;
-    picture.scene.view = cube_around(run.result().proxy, 1.5);
+    picture.scene.view = cube_around(run.result().proxy, 1.05);
     study.picture(figure, "figure-5.5-" + std::string(shot.name), shot.caption, picture.scene);
 }
 
