@@ -27,7 +27,7 @@ constexpr double kNearTool = 0.12;
 constexpr double kNearSphere = 12.0;
 // Open surfaces are nearly opaque where at least this share of the tool is visible, and transparent otherwise.
 constexpr double kVisible = 0.5;
-constexpr double kTransparent = 0.6;
+constexpr double kTransparent = 0.4;
 // Points of the tool that the choice of the camera takes into account, at most.
 constexpr std::size_t kTestedPoints = 60;
 
