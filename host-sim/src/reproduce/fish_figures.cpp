@@ -146,8 +146,7 @@ Figure fish_hold(const Study& study) {
     figure.comparisons = {
         {"the tail is held without interruption", "stably",
          longest_gap_ms(held) == 0 ? "yes, from 2.2 s to the end" : "no"},
-        {"peaks of the force from 2.2 s on", "one for each shake (figure)",
-         std::to_string(count_peaks(held, 0.02))},
+        {"peaks of the force from 2.2 s on", "one for each shake (figure)", std::to_string(count_peaks(held, 0.02))},
         {"largest force", "(figure only)", format_fixed(max_force(samples), 3) + " N"},
         {"largest change of the force in a millisecond", "-", format_fixed(1e3 * max_force_step(samples), 2) + " mN"},
         {"steps at which something passed through (independent check)", "-", std::to_string(run.escapes())},
