@@ -22,7 +22,7 @@ struct ToolMoment {
 /// Copies the tool as the last step left it; reuses the memory of `moment`.
 void capture(const ToolProxies& tool, ToolMoment& moment);
 
-/// The skin as an object of a picture; refers to `moment`. Requires a tool with a mesh.
+/// The skin as an object of a picture; it refers to `vertices`. Requires a tool with a mesh.
 [[nodiscard]] PictureObject skin_object(const ToolProxies& tool, const std::vector<Vec3>& vertices);
 
 /// A picture with a tool. `scene` refers to the vectors beside it and to the run.
