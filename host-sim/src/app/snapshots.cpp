@@ -115,6 +115,7 @@ std::vector<std::filesystem::path> Snapshots::write(const std::filesystem::path&
     const Scene& scene = simulation_->scene();
     const ToolProxies& tool = simulation_->tool();
     std::vector<const Moment*> moments;
+    moments.reserve(kept_.size() + 1);
     for (const Moment& moment : kept_) {
         moments.push_back(&moment);
     }

@@ -1,8 +1,10 @@
 #include "contact/contact_points.hpp"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
-#include <cstring>
+#include <cstdint>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <tuple>
@@ -12,7 +14,6 @@
 namespace haptic::sim {
 
 namespace {
-
 constexpr int kRadiusBisections = 26;  // to 1.5e-8 of the range of radii
 constexpr double kFaceShare =
     0.9999;  // min ratio of height above the face's plane to distance of the contact point, to use its normal
@@ -20,6 +21,10 @@ constexpr double kRoundingMargin = 1e-6;   // of the radius: above any rounding 
 constexpr double kFirstPartRadii = 0.5;    // radii, length of the first part of a long move
 constexpr double kMaxFirstFraction = 0.5;  // a first part with a larger fraction of the move saves nothing
 constexpr double kSamePoint = 1e-9;        // of the reach: contact points closer together are the same
+
+std::array<std::uint64_t, 3> bits_of(const Vec3& v) noexcept {
+    return std::bit_cast<std::array<std::uint64_t, 3>>(v);
+}
 
 bool overlaps(const TriangleCorners& t, const Aabb& box) noexcept {
     return overlaps(aabb_of(t.a, t.b, t.c), box);
@@ -105,7 +110,7 @@ void ContactPointSet::collect(const NearSurfaces& surfaces, double time, const V
         return;
     }
     // The same sphere again: the phase before has found its points. Only equal bits are the same.
-    const bool same = last->known && last->reach == reach && std::memcmp(&last->center, &center, sizeof(center)) == 0;
+    const bool same = last->known && last->reach == reach && bits_of(last->center) == bits_of(center);
     if (same) {
         *this = last->contacts;
         return;

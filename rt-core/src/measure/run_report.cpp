@@ -113,7 +113,7 @@ std::string force_lines(const RunResult& result, const Instruments& m) {
     const std::string torque_share = of_reach("torque_share");
     std::snprintf(text.data(), text.size(), "peak force %.3f N%s, peak torque %.4f N*m%s\n", m.peak_force,
                   force_share.c_str(), m.peak_torque, torque_share.c_str());
-    std::string lines = text.data();
+    const std::string lines = text.data();
     const nlohmann::json limits = limits_json(m);
     std::string acted;
     for (const auto& [name, share] : limits.items()) {
