@@ -14,6 +14,7 @@
 namespace haptic::sim {
 
 namespace {
+
 constexpr int kRadiusBisections = 26;  // to 1.5e-8 of the range of radii
 constexpr double kFaceShare =
     0.9999;  // min ratio of height above the face's plane to distance of the contact point, to use its normal
