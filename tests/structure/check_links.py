@@ -2,13 +2,14 @@
 """Checks the documentation of a source tree: check_links.py ROOT
 
 Every relative link of every Markdown file leads to a file, and its anchor to a heading of that file. The README.md of a top-level
-folder has at most 120 lines. Details belong to the folder's docs/.
+folder has at most 120 lines. Details belong to the folder's docs/. No page holds both sides of an unresolved merge.
 """
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+CONFLICT = re.compile(r"^(<{7}|>{7}) ", re.MULTILINE)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 FOLDERS = ("firmware-host", "host-sim", "rt-core", "shared", "toolchain")
 
@@ -29,6 +30,8 @@ def main() -> int:
     problems = []
     for page in (page for page in pages if page.exists()):
         text = re.sub(r"^( {4}|\t).*$", "", page.read_text(), flags=re.MULTILINE)
+        if CONFLICT.search(text):
+            problems.append(f"{page.relative_to(root)} holds both sides of an unresolved merge")
         for link in LINK.findall(text):
             if re.match(r"[a-z]+:", link):
                 continue
