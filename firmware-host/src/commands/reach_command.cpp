@@ -41,16 +41,16 @@ ReachUse reach_use(const DeviceGeometry& geometry, const std::filesystem::path& 
         use.rotation = std::max(use.rotation, 2.0 * std::acos(std::min(1.0, std::fabs(pose.orientation.w))));
         use.open += wrench_closure(geometry, pose).closed() ? 0U : 1U;
         // Wrench: its share of the largest one in its direction.
-        const WrenchVector wrench{v[8], v[9], v[10], v[11], v[12], v[13]};
-        if (wrench == WrenchVector{}) {
+        const Wrench wrench{{v[8], v[9], v[10]}, {v[11], v[12], v[13]}};
+        if (wrench.force == Vec3(0.0) && wrench.torque == Vec3(0.0)) {
             continue;
         }
         use.force = std::max(use.force, std::hypot(v[8], v[9], v[10]));
         use.torque = std::max(use.torque, std::hypot(v[11], v[12], v[13]));
-        const std::optional<double> reach = wrench_reach(geometry, pose, wrench);
-        use.unreached += reach && *reach >= 1.0 ? 0U : 1U;
-        if (reach && *reach > 0.0 && 1.0 / *reach > use.share) {
-            use.share = 1.0 / *reach;
+        const std::optional<double> share = share_of_reach(geometry, pose, wrench);
+        use.unreached += share && *share <= 1.0 ? 0U : 1U;
+        if (share && *share > use.share) {
+            use.share = *share;
             use.share_at_s = v[0];
         }
     }

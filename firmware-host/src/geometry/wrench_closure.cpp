@@ -252,4 +252,12 @@ std::optional<double> wrench_reach(const DeviceGeometry& geometry, const Pose& d
     return *factor * geometry.maximum_tension / size;
 }
 
+std::optional<double> share_of_reach(const DeviceGeometry& geometry, const Pose& device_from_grip,
+                                     const Wrench& wrench) {
+    const auto& [force, torque] = wrench;
+    const std::optional<double> reach =
+        wrench_reach(geometry, device_from_grip, {force.x, force.y, force.z, torque.x, torque.y, torque.z});
+    return reach && *reach > 0.0 ? std::optional(1.0 / *reach) : std::nullopt;
+}
+
 }  // namespace haptic::device

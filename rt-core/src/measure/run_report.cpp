@@ -68,18 +68,9 @@ nlohmann::json interruptions_json(const std::vector<Interruption>& interruptions
     return list;
 }
 
-/// Share of the strings' reach that a peak took: 1 / f, where f is the largest multiple of its wrench, force and torque
-/// together, that tensions within their limits exert at its pose. Empty if there is no such multiple, as for no wrench.
-std::optional<double> share_of_reach(const device::DeviceGeometry& geometry, const WrenchAtPose& peak) {
-    const auto& [force, torque] = peak.wrench;
-    const std::optional<double> reach =
-        device::wrench_reach(geometry, peak.pose, {force.x, force.y, force.z, torque.x, torque.y, torque.z});
-    return reach && *reach > 0.0 ? std::optional(1.0 / *reach) : std::nullopt;
-}
-
 nlohmann::json peak_json(const RunResult& result, const Instruments& m) {
     const auto share = [&](const WrenchAtPose& peak) {
-        const std::optional<double> value = share_of_reach(result.geometry, peak);
+        const std::optional<double> value = device::share_of_reach(result.geometry, peak.pose, peak.wrench);
         return value ? nlohmann::json(*value) : nlohmann::json();
     };
     return {{"force_n", m.peak_force},
@@ -100,17 +91,17 @@ nlohmann::json limits_json(const Instruments& m) {
 
 /// Peaks and limits, a line each; a share that does not exist and limits that never acted are left out.
 std::string force_lines(const RunResult& result, const Instruments& m) {
-    const nlohmann::json peak = peak_json(result, m);
     std::array<char, 160> text{};
-    const auto of_reach = [&](const char* key) {
-        if (peak.at(key).is_null()) {
+    const auto of_reach = [&](const WrenchAtPose& peak) {
+        const std::optional<double> share = device::share_of_reach(result.geometry, peak.pose, peak.wrench);
+        if (!share) {
             return std::string();
         }
-        std::snprintf(text.data(), text.size(), " (%.0f %% of the strings' reach)", 100.0 * peak.at(key).get<double>());
+        std::snprintf(text.data(), text.size(), " (%.0f %% of the strings' reach)", 100.0 * *share);
         return std::string(text.data());
     };
-    const std::string force_share = of_reach("force_share");
-    const std::string torque_share = of_reach("torque_share");
+    const std::string force_share = of_reach(m.at_peak_force);
+    const std::string torque_share = of_reach(m.at_peak_torque);
     std::snprintf(text.data(), text.size(), "peak force %.3f N%s, peak torque %.4f N*m%s\n", m.peak_force,
                   force_share.c_str(), m.peak_torque, torque_share.c_str());
     const std::string lines = text.data();

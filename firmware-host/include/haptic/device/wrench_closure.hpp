@@ -41,4 +41,9 @@ struct WrenchClosure {
 [[nodiscard]] std::optional<double> wrench_reach(const DeviceGeometry& geometry, const Pose& device_from_grip,
                                                  const WrenchVector& direction);
 
+/// Share of its reach that a device needs for a wrench: 1 / wrench_reach, above 1 if the wrench is out of reach. Empty
+/// if no positive multiple of it is possible, as for no wrench.
+[[nodiscard]] std::optional<double> share_of_reach(const DeviceGeometry& geometry, const Pose& device_from_grip,
+                                                   const Wrench& wrench);
+
 }  // namespace haptic::device
