@@ -104,16 +104,18 @@ Vec3 clearest_direction(std::span<const Subject> subjects) {
     for (const double elevation : kElevations) {
         for (const double azimuth : kAzimuths) {
             Candidate candidate{direction_of(azimuth, elevation)};
-            bool above_ground = true;
+            const bool above_ground = std::all_of(subjects.begin(), subjects.end(), [&](const Subject& subject) {
+                const Camera camera = camera_for(*subject.picture, candidate.direction);
+                return camera.position.y > subject.picture->floor + kAboveGround * camera.distance;
+            });
+            if (!above_ground) {
+                continue;
+            }
             for (const auto& [picture, points] : subjects) {
-                const Camera camera = camera_for(*picture, candidate.direction);
-                above_ground = above_ground && camera.position.y > picture->floor + kAboveGround * camera.distance;
-                candidate.visible += visible_share(*picture, camera, points);
+                candidate.visible += visible_share(*picture, camera_for(*picture, candidate.direction), points);
             }
-            if (above_ground) {
-                best = std::max(best, candidate.visible);
-                candidates.push_back(candidate);
-            }
+            best = std::max(best, candidate.visible);
+            candidates.push_back(candidate);
         }
     }
     // The first one in order of preference that shows nearly as much as the best one.
