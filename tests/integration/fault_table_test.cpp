@@ -85,7 +85,7 @@ struct Turn {
 struct Case {
     std::string name;
     std::string fault;            // for parse_fault(), without its time; empty: `act` injects it
-    std::uint32_t bits = 0;       // faults of which at least one must be reported; 0: none
+    std::uint32_t bits = 0;       // at least one of these faults must be reported; 0: none
     double slew_allowance = 0.0;  // N in 1 ms above the rate limit, with the reason:
     const char* because = "";
     std::function<void(const Turn&)> act = nullptr;

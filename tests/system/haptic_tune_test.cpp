@@ -20,7 +20,7 @@ using testing::Not;
 
 const char* const kSnippet = "/etc/default/grub.d/haptic.cfg";
 
-/// Forty processors, of which 39 is the loop's and 19 its hyper-thread; nothing of it set up.
+/// Forty processors: 39 is the loop's, 19 its hyper-thread; nothing is set up yet.
 class HapticTune : public testing::Test {
   protected:
     void SetUp() override {

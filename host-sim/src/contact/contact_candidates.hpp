@@ -3,8 +3,8 @@
 // The queries of a step, some dozen per proxy, all ask for the triangles near the same positions. So each proxy gets a
 // box first: everywhere it can go, including where moving surfaces can carry it. One traversal of each tree tests the
 // boxes of all proxies and lists, per proxy, the triangles in its box, with their boxes in single precision. A query
-// inside the proxy's box goes through the list. A query that leaves it, or
-// whose list overflowed, goes through the tree. The list changes how fast the answer comes, never the answer.
+// inside the proxy's box goes through the list. A query that leaves it, or whose list overflowed, goes through the
+// tree. The list changes how fast the answer comes, never the answer.
 #pragma once
 
 #include <algorithm>
@@ -32,7 +32,7 @@ struct ProxyReach {
 class NearSurfaces;
 struct LastContacts;
 
-/// Candidate lists of all proxies. Fixed memory, about 18 kB a proxy. Not thread-safe.
+/// Candidate lists of all proxies. Fixed memory, about 28 kB a proxy. Not thread-safe.
 class ContactCandidates {
   public:
     static constexpr std::size_t kMaxProxies = 64;

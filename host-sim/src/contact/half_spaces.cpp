@@ -15,7 +15,7 @@ constexpr double kNearlyParallel = 1e-4;  // Gram determinant below which two pl
 constexpr int kMaxRefinements = 3;
 constexpr int kMaxExchanges = 64;
 
-/// Up to four half-spaces, of which at most three are active.
+/// Up to four half-spaces; at most three are active.
 struct Basis {
     std::array<std::uint32_t, 4> index{};
     std::uint32_t count = 0;

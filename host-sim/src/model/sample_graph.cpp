@@ -519,7 +519,7 @@ class GraphMaker {
     }
 
     void enforce_min_share() {
-        // Mean share, of which each sample gets at least a tiny part.
+        // Each sample gets at least a tiny part of the mean share.
         double sum = 0.0;
         for (const double share : graph_.share) {
             sum += share;

@@ -16,7 +16,7 @@ namespace haptic::sim {
 
 struct PopOutTiming {
     int triangles = 0;       // in range
-    int iterations = 0;      // passes over the triangles, all of which were made
+    int iterations = 0;      // passes over the triangles; none was skipped
     double ms = 0.0;         // mean of the repetitions
     double thesis_ms = 0.0;  // on an Intel Core i5-4210U
 };

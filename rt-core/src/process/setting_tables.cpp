@@ -515,7 +515,7 @@ const SettingTable<Settings>& recording_table() {
              V::integer(&S::queue_frames, {16, 65'536})},
             {{.key = "black_box_s",
               .unit = "s",
-              .meaning = "Time before a fault of which all ticks are kept. At least loop.period_s."},
+              .meaning = "Time before a fault for which all ticks are kept. At least loop.period_s."},
              V::duration([](S& s) -> auto& { return s.tick.black_box_ns; }, {0.01, 60.0})},
         }};
     return table;

@@ -16,7 +16,7 @@
 
 namespace haptic::rt {
 
-/// Latencies of which a measurement reports the distribution.
+/// Latencies whose distribution a measurement reports.
 enum class Latency : std::uint8_t { Wakeup, Period, Compute, Exchange, DeviceToPlane, MotionToForce };
 inline constexpr std::size_t kLatencies = 6;
 

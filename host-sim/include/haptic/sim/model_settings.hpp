@@ -59,7 +59,7 @@ struct ModelSettings {
 [[nodiscard]] ModelSettings read_model(const Config& config, const std::string& table);
 
 /// Triangles of the meshes that make_bodies generates, all copies together, before anything is made; 0 for a mesh from
-/// a file, of which that is not known.
+/// a file: unknown until it is read.
 [[nodiscard]] std::size_t expected_triangles(const ModelSettings& settings);
 
 /// Makes one body about the origin, not turned, with what the regions say of it. A region without a particle is refused

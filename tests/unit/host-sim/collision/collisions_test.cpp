@@ -392,7 +392,7 @@ TEST(Collisions, DoNotMoveWhatIsPinned) {
 }
 
 TEST(Collisions, OfManyBodiesAreFoundAsThoseOfFew) {
-    // More bodies than are clipped: a row of balls, the first of which hits the rest.
+    // More bodies than are clipped: a row of balls; the first one hits the rest.
     std::vector<ParticleModel> row;
     row.reserve(100);
     for (int k = 0; k < 100; ++k) {
