@@ -8,6 +8,8 @@ namespace haptic {
 namespace {
 
 constexpr double kUnitTolerance = 1e-6;
+// Relative excess of W_rs^2 over W_rr W_ss that is rounding: the elements are floats.
+constexpr double kComplianceTolerance = 1e-5;
 
 using BitName = std::pair<std::uint32_t, const char*>;
 
@@ -70,7 +72,8 @@ FrameDefect find_defect(const ProxyContact& proxy) HAPTIC_RT {
     if (proxy.plane_count > kMaxPlanes) {
         return FrameDefect::PlaneCount;
     }
-    if (!all_finite(proxy.rest_offset) || !all_finite(proxy.position) || !all_finite(proxy.surface_velocity)) {
+    if (!all_finite(proxy.rest_offset) || !all_finite(proxy.rest_velocity) || !all_finite(proxy.position) ||
+        !all_finite(proxy.surface_velocity)) {
         return FrameDefect::NonFinite;
     }
     for (std::uint32_t i = 0; i < proxy.plane_count; ++i) {
@@ -81,15 +84,55 @@ FrameDefect find_defect(const ProxyContact& proxy) HAPTIC_RT {
     return FrameDefect::None;
 }
 
+/// Row by row: the diagonal is a compliance, and |W_rs| <= sqrt(W_rr W_ss), without which no energy has this matrix.
+FrameDefect find_compliance_defect(const ContactFrame& frame) HAPTIC_RT {
+    std::size_t rows = 0;
+    for (std::uint32_t i = 0; i < frame.proxy_count; ++i) {
+        const ProxyContact& proxy = frame.proxies[i];
+        const std::size_t end = rows + contact_rows(proxy);
+        // Tangents need a plane to be tangential to.
+        if (end > frame.compliance_rows || (end > rows && proxy.plane_count == 0)) {
+            return FrameDefect::Rows;
+        }
+        for (std::size_t r = rows; r < end; ++r) {
+            // A normal row yields to a force; tangential rows may be rigid.
+            const double diagonal = frame.compliance[compliance_index(r, r)];
+            if (!std::isfinite(diagonal)) {
+                return FrameDefect::NonFinite;
+            }
+            if (diagonal < 0.0 || (diagonal == 0.0 && r < rows + proxy.plane_count)) {
+                return FrameDefect::Compliance;
+            }
+            // A NaN fails the comparison too.
+            bool within = true;
+            for (std::size_t s = 0; s < r; ++s) {
+                const double element = frame.compliance[compliance_index(r, s)];
+                const double limit = diagonal * frame.compliance[compliance_index(s, s)];
+                within = within && element * element <= limit * (1.0 + kComplianceTolerance);
+            }
+            if (!within) {
+                return FrameDefect::Compliance;
+            }
+        }
+        rows = end;
+    }
+    return rows == frame.compliance_rows ? FrameDefect::None : FrameDefect::Rows;
+}
+
 }  // namespace
 
 FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT {
     if (frame.proxy_count > kMaxProxies) {
         return FrameDefect::ProxyCount;
     }
+    if (frame.compliance_rows > kMaxComplianceRows) {
+        return FrameDefect::Rows;
+    }
+    if (frame.reserved != 0) {
+        return FrameDefect::Reserved;
+    }
     // Coupling: finite and not negative.
-    const double coupling[] = {frame.stiffness,          frame.torque_stiffness, frame.damping,
-                               frame.rotational_damping, frame.static_friction,  frame.dynamic_friction};
+    const double coupling[] = {frame.stiffness, frame.torque_stiffness, frame.static_friction, frame.dynamic_friction};
     if (!all_finite(coupling)) {
         return FrameDefect::NonFinite;
     }
@@ -107,7 +150,7 @@ FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT {
             return defect;
         }
     }
-    return FrameDefect::None;
+    return frame.compliance_rows > 0 ? find_compliance_defect(frame) : FrameDefect::None;
 }
 
 std::string_view describe(FrameDefect defect) noexcept {
@@ -123,9 +166,15 @@ std::string_view describe(FrameDefect defect) noexcept {
         case FrameDefect::Normal:
             return "a plane's normal is not of unit length";
         case FrameDefect::Coupling:
-            return "a stiffness, damping or friction is negative";
+            return "a stiffness or friction is negative";
         case FrameDefect::Step:
             return "step_ns is not between 1 ns and 1 s";
+        case FrameDefect::Rows:
+            return "compliance_rows is neither 0 nor the number of planes and tangents";
+        case FrameDefect::Compliance:
+            return "the compliance is not that of an elastic tool";
+        case FrameDefect::Reserved:
+            return "a reserved field is not 0";
     }
     return "unknown defect";
 }

@@ -41,14 +41,14 @@ void measure(benchmark::State& state, ParticleModel model, bool ground) {
     ParticleSolver solver(model, {.gravity = {0.0, ground ? -9.81 : 0.0, 0.0}});
     ParticleCollisions collisions(model, {.ground = ground, .static_friction = 0.4, .dynamic_friction = 0.3}, work_ns);
     for (int i = 0; i < 200; ++i) {
-        solver.step(model, {}, &collisions);
+        solver.step(model, {}, {&collisions});
     }
     (void)collisions.take_time();
     std::vector<std::int64_t> collide;
     std::vector<std::int64_t> deform;
     for ([[maybe_unused]] const auto iteration : state) {
         const std::int64_t start = work_ns();
-        solver.step(model, {}, &collisions);
+        solver.step(model, {}, {&collisions});
         const std::int64_t whole = work_ns() - start;
         collide.push_back(collisions.take_time());
         deform.push_back(whole - collide.back());

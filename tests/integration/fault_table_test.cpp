@@ -281,8 +281,7 @@ std::vector<Case> cases() {
                     }});
     list.push_back(
         {.name = "force without measure", .fault = "", .bits = HAPTIC_FAULT_NONFINITE, .act = [](const Turn& turn) {
-             turn.frame->damping = 1e200;
-             turn.frame->proxies[0].planes[0].velocity = 1e200;
+             turn.frame->proxies[0].planes[0].offset = 1e307;
          }});
     list.push_back({.name = "no contact frames",
                     .fault = "",

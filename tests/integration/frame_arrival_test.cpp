@@ -49,9 +49,11 @@ class Judge {
         if (tick.frame_sequence != sequence_) {
             sequence_ = tick.frame_sequence;
             frame_ = newest;
+            tool_.load(frame_);
         }
         const Vec3 force = tick.rendered.force;
-        const Vec3 raw = rt::render(frame_, tick.pose, tick.velocity, tick.now_ns).wrench.force;
+        const Vec3 raw = tool_.render(frame_, frame_.stiffness, {.pose = tick.pose, .previous = tick.pose}, tick.now_ns)
+                             .wrench.force;
         if (seen_) {
             const double displacement = relative_displacement(frame_, tick.pose.position - position_);
             double bound = 1.5 * frame_.stiffness * displacement + 1e-3;
@@ -81,6 +83,7 @@ class Judge {
     }
 
     ContactFrame frame_{};
+    ToolContact tool_;
     std::uint64_t sequence_ = 0;
     bool seen_ = false;
     bool in_contact_ = false;

@@ -5,12 +5,13 @@
 #include <cmath>
 #include <cstdint>
 #include <glm/geometric.hpp>
+#include <memory>
 #include <vector>
 
 #include "contact/friction.hpp"
 #include "contact/pop_out.hpp"
 #include "contact/secure_position.hpp"
-#include "rendering/friction.hpp"
+#include "rendering/tool_contact.hpp"
 
 namespace haptic {
 namespace {
@@ -49,22 +50,32 @@ void compare(double floor_speed) {
     sim::ContactSettings settings;
     settings.static_friction = 0.8;
     settings.dynamic_friction = 0.5;
-    const rt::Friction friction{settings.static_friction, settings.dynamic_friction};
+    // The same floor as a contact frame, whose horizon no tick reaches.
+    const auto frame = std::make_unique<ContactFrame>();
+    frame->stiffness = 100.0;
+    frame->step_ns = kNanosecondsPerSecond;
+    frame->static_friction = settings.static_friction;
+    frame->dynamic_friction = settings.dynamic_friction;
+    frame->proxy_count = 1;
+    frame->proxies[0].plane_count = 1;
+    frame->proxies[0].planes[0].normal[1] = 1.0;
+    frame->proxies[0].planes[0].offset = kRadius;
+    frame->proxies[0].surface_velocity[0] = floor_speed;
+    const auto tool = std::make_unique<ToolContact>();
+    tool->load(*frame);
     Floor floor;
     Vec3 proxy = hand_at(0.0);
     proxy.y = kRadius;
     sim::FrictionState grip;
-    rt::FrictionState local;
     double max_error = 0.0;
     double sum = 0.0;
     int sliding = 0;
     int sticking = 0;
     for (int tick = 0; tick < 4000; ++tick) {
         const Vec3 hand = hand_at(tick * kTick);
-        const std::array<HalfSpace, 1> planes{HalfSpace{Vec3(0, 1, 0), kRadius}};
-        const rt::LocalProxy smooth = rt::project(hand, planes);
-        const Vec3 carried(tick == 0 ? 0.0 : floor_speed * kTick, 0.0, 0.0);
-        const Vec3 felt = smooth.position + rt::apply_friction(smooth, hand, planes, friction, carried, local);
+        const Pose pose{hand, Quat(1, 0, 0, 0)};
+        const GripMotion motion{.pose = pose, .previous = pose, .elapsed_s = tick == 0 ? 0.0 : kTick};
+        const Vec3 felt = tool->render(*frame, frame->stiffness, motion, 0).proxy;
         if (tick % kTicksPerStep != 0) {
             continue;
         }
@@ -77,7 +88,7 @@ void compare(double floor_speed) {
             sim::move_proxy(surfaces, {proxy, popped, hand}, kRadius, kTick * kTicksPerStep, settings, grip).position;
         max_error = std::max(max_error, glm::length(proxy - felt));
         sum += glm::length(proxy - felt);
-        (local.sliding ? sliding : sticking) += 1;
+        (tool->friction(0).sliding ? sliding : sticking) += 1;
     }
     // Each samples the hand at its own times. Where one starts to slip and the other just does not, they differ by the
     // distance between the two friction cones, until the next slip.

@@ -13,12 +13,12 @@
 namespace haptic::test {
 namespace {
 
-constexpr int kCaught = 158;  // step at which the cloth presses most
+constexpr int kCaught = 158;  // step at which the cloth has been caught
 constexpr int kSteps = 200;
-// N/ms, that the force may change by within a millisecond: twice the 0.016 of 1.6 N that fade in 0.1 s, which a
-// stiffness twice as large adds to what the cloth does by itself, 0.008. With fewer iterations or shorter steps it does
-// more.
-constexpr double kSlew = 0.035;
+// N/ms, that the force may change by within a millisecond. The catch itself makes 0.07, and a cloth that is pushed by
+// another spring, or whose constraints are stiffer in shorter steps, moves by itself; a jump would be of the whole
+// newton.
+constexpr double kSlew = 0.12;
 
 struct Felt {
     double slew = 0.0;   // N/ms, most, from the change on
@@ -64,7 +64,7 @@ TEST(LiveSettingsAtTheHand, NoChangeMakesTheForceJump) {
     expect_smooth("twice the radius", feel([](sim::LiveSettings& s) { s.radius *= 2.0; }));
     expect_smooth("less shrink", feel([](sim::LiveSettings& s) { s.shrink = 0.9; }));
     expect_smooth("with friction", feel([](sim::LiveSettings& s) { s.static_friction = s.dynamic_friction = 0.5; }));
-    expect_smooth("half the iterations", feel([](sim::LiveSettings& s) { s.iterations = 4; }));
+    expect_smooth("twice the iterations", feel([](sim::LiveSettings& s) { s.iterations = 2; }));
     expect_smooth("twice the rate", feel([](sim::LiveSettings& s) { s.step = 0.005; }));
     expect_smooth("the thesis' methods", feel([](sim::LiveSettings& s) {
                       s.method = sim::CcdMethod::Thesis;
@@ -122,7 +122,7 @@ TEST_F(StandingScene, LetsTheHandGoAndTakesItAgainWithoutAJumpOfTheForce) {
     go_on();
 }
 
-TEST_F(StandingScene, SoDoesOneThatBeginsAnewInItsPlace) {
+TEST_F(StandingScene, SoDoesOneThatRestartsInItsPlace) {
     catch_the_cloth();
     stand();
     Config config = sim::open_scene("cloth-drop");  // just above the hand, and on its way down

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kCaught = 158;  // step of the greatest force
 constexpr int kSteps = 230;
-constexpr double kSlew = 0.03;  // N/ms; 1.7 N fading in 0.1 s give 0.017
+constexpr double kSlew = 0.04;  // N/ms; 2.4 N fading in 0.1 s give 0.024
 
 class LiveWorkspace : public testing::Test {
   protected:

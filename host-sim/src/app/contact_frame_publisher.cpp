@@ -25,14 +25,14 @@ std::uint64_t ContactFramePublisher::publish_idle(std::int64_t now_ns) {
     last_ns_ = now_ns;
     frame.stiffness *= gain_;
     frame.torque_stiffness *= gain_;
-    frame.damping *= gain_;
     frame.flags |= faded() ? std::uint32_t{HAPTIC_FRAME_CLUTCHED} : 0u;
-    // Planes at rest, as of now.
+    // Planes and fingers at rest, as of now.
     frame.plane_time_ns = now_ns;
     frame.publish_time_ns = now_ns;
     frame.step_ns = kIdlePeriodNs;
     for (std::uint32_t i = 0; i < frame.proxy_count; ++i) {
         ProxyContact& proxy = frame.proxies[i];
+        store(Vec3(0.0), proxy.rest_velocity);
         store(Vec3(0.0), proxy.surface_velocity);
         for (std::uint32_t p = 0; p < proxy.plane_count; ++p) {
             proxy.planes[p].velocity = 0.0;

@@ -52,6 +52,9 @@ StepInput HandSources::at(const Simulation& simulation, const Times& times) {
     // A recording takes precedence; it is followed over the scene's time.
     const bool has_device = device_ && device_->fresh() && !input_;
     device_appeared_ = has_device && !had_device;
+    if (!has_device) {
+        input.feedback.reset();
+    }
     if (input_) {
         const StepInput recorded = input_->at(seconds(times.scene_ns) - input_->begin());
         input.device = recorded.device;

@@ -35,6 +35,27 @@ std::vector<Pose> poses_of(const CsvTable& table) {
     return poses;
 }
 
+/// What the device rendered, per row; empty if the file does not say.
+std::vector<std::optional<DeviceFeedback>> feedback_of(const CsvTable& table) {
+    const auto stiffness = table.find("rendered_n_m");
+    if (!stiffness) {
+        return {};
+    }
+    const auto scale = table.column("rendered_scale");
+    const auto x = table.column("felt_x_n_s");
+    const auto y = table.column("felt_y_n_s");
+    const auto z = table.column("felt_z_n_s");
+    std::vector<std::optional<DeviceFeedback>> feedback(table.rows());
+    for (std::size_t k = 0; k < feedback.size(); ++k) {
+        // A negative stiffness: no device.
+        if ((*stiffness)[k] >= 0.0) {
+            feedback[k] =
+                DeviceFeedback{.stiffness = (*stiffness)[k], .scale = scale[k], .impulse = {x[k], y[k], z[k]}};
+        }
+    }
+    return feedback;
+}
+
 }  // namespace
 
 RecordedRun RecordedRun::load(const std::filesystem::path& file) {
@@ -57,6 +78,7 @@ RecordedRun RecordedRun::load(const std::filesystem::path& file) {
             throw CsvError(table.name() + ": buttons must be a 32-bit number, found " + std::to_string(buttons));
         }
     }
+    run.feedback_ = feedback_of(table);
     const std::vector<double> x = column_of(table, "proxy_x_m");
     const std::vector<double> y = column_of(table, "proxy_y_m");
     const std::vector<double> z = column_of(table, "proxy_z_m");
@@ -82,6 +104,9 @@ StepInput RecordedRun::row(std::size_t row) const {
     if (!curl_.empty()) {
         input.curl = curl_[row];
     }
+    if (row < feedback_.size()) {
+        input.feedback = feedback_[row];
+    }
     return input;
 }
 
@@ -102,6 +127,7 @@ StepInput RecordedRun::at(double time_s) const {
         }
     }
     input.time_ns = nanoseconds(time_s);
+    input.feedback.reset();  // it belongs to the recorded steps
     return input;
 }
 

@@ -39,9 +39,10 @@ class RecordedRun {
     std::optional<RecordNotes> notes_;
     std::vector<double> time_s_;
     std::vector<Pose> device_;
-    std::vector<double> curl_;     // empty: not recorded
-    std::vector<double> buttons_;  // empty: not recorded
-    std::vector<Vec3> proxy_;      // empty: not recorded
+    std::vector<double> curl_;                             // empty: not recorded
+    std::vector<double> buttons_;                          // empty: not recorded
+    std::vector<std::optional<DeviceFeedback>> feedback_;  // per row; empty if not recorded
+    std::vector<Vec3> proxy_;                              // empty: not recorded
 };
 
 }  // namespace haptic::sim

@@ -137,6 +137,7 @@ void Run::make_step(const HandSources::Times& times) {
         return;
     }
     // Everything below happens after the frame is on its way.
+    report_stiffness_limit(input);
     scene_ns_ += nanoseconds(result.step);
     statistics_.add(result);
     recordings_.add(input, result);
@@ -144,6 +145,19 @@ void Run::make_step(const HandSources::Times& times) {
         snapshots_->after_step(result);
     }
     update_viewers(result, frame);
+}
+
+/// Says once that the device renders less than the scene asks for.
+void Run::report_stiffness_limit(const StepInput& input) {
+    if (told_stiffness_limit_ || !input.feedback || !input.feedback->stiffness_limited) {
+        return;
+    }
+    told_stiffness_limit_ = true;
+    spdlog::warn(
+        "the scene asks for a stiffness of {:.0f} N/m at the hand, the device renders {:.0f} N/m; the bodies are "
+        "pushed "
+        "with as much",
+        simulation_.frame().stiffness, input.feedback->stiffness);
 }
 
 void Run::follow_workspace(std::int64_t now_ns) {

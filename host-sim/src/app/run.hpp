@@ -56,6 +56,7 @@ class Run {
     bool try_step(const StepInput& input, StepResult& result);
     [[nodiscard]] Published publish(const StepInput& input);
     void update_viewers(const StepResult& result, const Published& frame);
+    void report_stiffness_limit(const StepInput& input);
     void follow_workspace(std::int64_t now_ns);
     void log_device_freshness();
     bool serve();
@@ -94,6 +95,7 @@ class Run {
     Histogram viewer_times_;  // time that viewers cost per step
     std::uint64_t workspace_changes_ = 0;
     bool was_fresh_ = true;  // true, so that a device missing from the start is logged
+    bool told_stiffness_limit_ = false;
 };
 
 }  // namespace haptic::sim

@@ -66,6 +66,23 @@ void RunStatistics::add(const StepResult& result) {
         held_s_ = 0.0;
     }
     max_held_s_ = std::max(max_held_s_, held_s_);
+    // Impulses of hand and bodies. In free air a device's quantisation would add up.
+    if (result.in_contact) {
+        impulses_until_s_ = result.time + kAfterContact;
+    }
+    if (result.time <= impulses_until_s_) {
+        window_hand_ += result.hand_impulse;
+        window_bodies_ += result.body_impulse;
+        window_s_ += result.step;
+    }
+    // Along what the bodies received over a window: across it the hand feels the strings' own noise.
+    if (const double bodies = glm::length(window_bodies_);
+        window_s_ >= kImpulseWindow || result.time > impulses_until_s_) {
+        hand_impulse_ += bodies > 0.0 ? glm::dot(window_hand_, window_bodies_) / bodies : 0.0;
+        body_impulse_ += bodies;
+        window_hand_ = window_bodies_ = Vec3(0.0);
+        window_s_ = 0.0;
+    }
     // Failures and extremes.
     overconstrained_ += result.overconstrained ? 1 : 0;
     passed_through_ += result.passed_through ? 1 : 0;
@@ -109,6 +126,9 @@ nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s
     report["force_N"] = {{"max", max_hand_force_},
                          {"mean_in_contact", in_contact_ > 0 ? force_sum_ / static_cast<double>(in_contact_) : 0.0},
                          {"max_in_scene", max_scene_force_}};
+    report["hand"] = {{"impulse_N_s", hand_impulse_},
+                      {"impulse_on_bodies_N_s", body_impulse_},
+                      {"ratio", body_impulse_ > 0.0 ? nlohmann::json(hand_impulse_ / body_impulse_) : nullptr}};
     report["torque_Nm"] = {{"max", max_hand_torque_}};
     report["timing_us"] = {{"total", summary_us(times_.total)},     {"ccd", summary_us(times_.ccd)},
                            {"popout", summary_us(times_.popout)},   {"proxy", summary_us(times_.proxy)},

@@ -30,6 +30,10 @@ class RunStatistics {
 
   private:
     static constexpr double kHeldForSeconds = 0.1;
+    // s, in which a device's force fades after a contact
+    static constexpr double kAfterContact = 0.1;
+    // s, over which impulses are added as vectors
+    static constexpr double kImpulseWindow = 0.1;
 
     StageHistograms times_;
     std::uint64_t steps_ = 0;
@@ -47,6 +51,13 @@ class RunStatistics {
     double max_hand_torque_ = 0.0;  // N*m, hand
     std::size_t max_collided_ = 0;  // maximum number of proxies in contact
     double force_sum_ = 0.0;        // N, hand, sum over steps in contact
+    // N*s, impulses in contact and until kAfterContact later, hand: sums of the windows' magnitudes
+    double hand_impulse_ = 0.0;
+    double body_impulse_ = 0.0;
+    Vec3 window_hand_{0.0};  // N*s, of the present window
+    Vec3 window_bodies_{0.0};
+    double window_s_ = 0.0;
+    double impulses_until_s_ = -1.0;
 };
 
 }  // namespace haptic::sim

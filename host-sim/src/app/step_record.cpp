@@ -14,9 +14,21 @@ namespace {
 constexpr std::string_view kFirstLine = "host-sim record 1";
 
 std::vector<std::string> column_names() {
-    return {"time_s",    "x_m",        "y_m",       "z_m",     "qw",      "qx",      "qy",   "qz",
-            "proxy_x_m", "proxy_y_m",  "proxy_z_m", "hip_x_m", "hip_y_m", "hip_z_m", "fx_n", "fy_n",
-            "fz_n",      "in_contact", "step_us",   "tx_nm",   "ty_nm",   "tz_nm",   "curl", "buttons"};
+    return {"time_s",       "x_m",
+            "y_m",          "z_m",
+            "qw",           "qx",
+            "qy",           "qz",
+            "proxy_x_m",    "proxy_y_m",
+            "proxy_z_m",    "hip_x_m",
+            "hip_y_m",      "hip_z_m",
+            "fx_n",         "fy_n",
+            "fz_n",         "in_contact",
+            "step_us",      "tx_nm",
+            "ty_nm",        "tz_nm",
+            "curl",         "buttons",
+            "rendered_n_m", "rendered_scale",
+            "felt_x_n_s",   "felt_y_n_s",
+            "felt_z_n_s"};
 }
 
 /// Notes are single lines; in TOML a space may replace a line break here.
@@ -95,13 +107,15 @@ std::vector<std::string> assignments_of(const WorkspaceSettings& workspace) {
 
 void StepRecord::add(const StepInput& input, const StepResult& result) {
     rows_.push_back({input.time_ns, input.device, result.proxy, result.hip, result.hand_force, result.in_contact,
-                     static_cast<double>(result.times.total_ns) * 1e-3, result.hand_torque, result.curl,
-                     input.buttons});
+                     static_cast<double>(result.times.total_ns) * 1e-3, result.hand_torque, result.curl, input.buttons,
+                     input.feedback});
 }
 
 std::array<double, StepRecord::kColumns> StepRecord::numbers_of(const Row& r) const {
     const Vec3& x = r.device.position;
     const Quat& q = r.device.orientation;
+    // A negative stiffness: no device.
+    const DeviceFeedback felt = r.feedback.value_or(DeviceFeedback{.stiffness = -1.0});
     return {static_cast<double>(r.time_ns - rows_.front().time_ns) / 1e9,
             x.x,
             x.y,
@@ -125,7 +139,12 @@ std::array<double, StepRecord::kColumns> StepRecord::numbers_of(const Row& r) co
             r.hand_torque.y,
             r.hand_torque.z,
             r.curl,
-            static_cast<double>(r.buttons)};
+            static_cast<double>(r.buttons),
+            felt.stiffness,
+            felt.scale,
+            felt.impulse.x,
+            felt.impulse.y,
+            felt.impulse.z};
 }
 
 std::string StepRecord::csv(const RecordNotes& notes) const {

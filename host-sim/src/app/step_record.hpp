@@ -69,8 +69,9 @@ class StepRecord {
         Vec3 hand_torque;
         double curl;
         std::uint32_t buttons;
+        std::optional<DeviceFeedback> feedback;
     };
-    static constexpr std::size_t kColumns = 24;
+    static constexpr std::size_t kColumns = 29;
     [[nodiscard]] std::array<double, kColumns> numbers_of(const Row& row) const;
 
     std::vector<Row> rows_;

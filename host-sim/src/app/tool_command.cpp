@@ -6,6 +6,7 @@
 #include <iomanip>
 #include <iostream>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -61,8 +62,7 @@ void print(std::ostream& out, const ToolModel& tool, bool list) {
     out << "; radius " << radii.front() << " .. " << radii.back() << " m, median " << radii[radii.size() / 2] << '\n'
         << "  cover error   " << tool.cover_error << " m\n"
         << "  widest gap    " << tool.widest_gap << " m" << (tool.widest_gap > 0.0 ? "" : " (none)") << '\n'
-        << "  groups        " << body.particles.groups.size() << ", links " << body.particles.links.size()
-        << ", iterations " << tool.iterations << '\n';
+        << "  groups        " << body.particles.groups.size() << '\n';
     if (!tool.joints.empty()) {
         out << "  joints        " << tool.joints.joints() - 1 << " (it can close)\n";
     }
@@ -111,7 +111,9 @@ void close(ToolModel& tool, double curl) {
     const ToolProxies::Settings still{.contact = {}, .reach = 0.0, .step = 0.01};
     const ToolProxies closed(tool, still, Pose{}, curl);
     tool.body.mesh.vertices = closed.vertices();
-    tool.body.particles.rest_position = closed.model().rest_position;
+    const std::span<const ToolProxy> proxies = closed.particles();
+    std::transform(proxies.begin(), proxies.end(), tool.body.particles.rest_position.begin(),
+                   [](const ToolProxy& p) { return p.rest_offset; });
 }
 
 int run_tool(const ToolOptions& options) {

@@ -269,7 +269,7 @@ struct ParticleCollisions::State {
     void project_all(Row* position) noexcept;
     [[nodiscard]] Vec3 clamp_to_cone(const Vec3& wanted, double push) const noexcept;
     [[nodiscard]] double max_depth(const Row* position) const noexcept;
-    void write_pushes(Row* pushed) noexcept;
+    void add_pushes(Row* pushed) noexcept;
 
     CollisionSettings settings;
     const ColliderKernels& kernels;
@@ -655,10 +655,9 @@ double ParticleCollisions::State::max_depth(const Row* position) const noexcept 
     return -min_clearance;
 }
 
-/// Writes each particle's total displacement by collisions in this sub-step.
-void ParticleCollisions::State::write_pushes(Row* pushed) noexcept {
+/// Adds each particle's total displacement by collisions in this sub-step.
+void ParticleCollisions::State::add_pushes(Row* pushed) noexcept {
     // Total displacement of each pair along and across its normal, shared by inverse mass.
-    std::fill_n(pushed, collider.size(), Row{});
     for (std::size_t k = 0; k < plane.size(); ++k) {
         const Plane& p = plane[k];
         if (p.push > 0.0) {
@@ -732,7 +731,7 @@ void ParticleCollisions::finish(const ParticleModel& /*start*/, const MovingPart
         s.project_all(now.position);
     }
     // The solver turns these displacements into velocities.
-    s.write_pushes(now.pushed);
+    s.add_pushes(now.pushed);
 }
 
 std::vector<std::size_t> ParticleCollisions::usable_lanes() {

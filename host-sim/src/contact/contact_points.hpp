@@ -99,7 +99,7 @@ class ContactPointSet {
 };
 
 /// The contact points that a phase of the step found last, at the end of the step. The next phase usually begins where
-/// the one before ended: pop-out, proxy, friction before and after each of its moves, constraints.
+/// the one before ended: pop-out, then the moves of the tool's equilibrium.
 struct LastContacts {
     bool known = false;
     Vec3 center{0.0};    // m

@@ -29,6 +29,7 @@ namespace haptic::sim {
 struct FrictionState {
     SurfacePlanes active_planes;
     std::array<double, kMaxSurfacePlanes> share{};  // of each plane in the normal force, sum 1
+    Vec3 anchor{0.0};                               // m, scene: where it sticks
     bool slides = false;
 };
 

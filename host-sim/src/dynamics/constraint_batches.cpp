@@ -1,7 +1,6 @@
 #include "dynamics/constraint_batches.hpp"
 
 #include <algorithm>
-#include <glm/geometric.hpp>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -338,34 +337,6 @@ void ConstraintBatches::set_rest_offsets(const ParticleModel& model, std::size_t
         to[lanes_] = static_cast<float>(offset.y);
         to[2 * lanes_] = static_cast<float>(offset.z);
         at += lanes_;
-    }
-}
-
-void ConstraintBatches::set_rest_shape(const ParticleModel& model) noexcept {
-    const auto length = [&](std::uint32_t a, std::uint32_t b) {
-        return glm::length(model.rest_position[a / kDoublesPerRow] - model.rest_position[b / kDoublesPerRow]);
-    };
-    // Padding particles come after the model's and have no rest position.
-    const auto exists = [&](std::uint32_t offset) { return offset / kDoublesPerRow < model.size(); };
-    // Links and springs: rest length is the distance of the rest positions.
-    for (std::size_t k = 0; k < first_.size(); ++k) {
-        rest_length_[k] = exists(first_[k]) ? static_cast<float>(length(first_[k], second_[k])) : 0.0f;
-    }
-    for (std::size_t k = 0; k < spring_.first.size(); ++k) {
-        spring_.rest_length[k] = exists(spring_.first[k]) ? length(spring_.first[k], spring_.second[k]) : 0.0;
-    }
-    // The members of a lane's group are those before its first padding particle.
-    for (std::size_t b = 0; b < batch_.size(); ++b) {
-        for (std::size_t lane = 0; lane < lanes_; ++lane) {
-            const std::size_t first = batch_[b].first_slot * lanes_ + lane;
-            std::size_t members = 0;
-            while (members < batch_[b].slots && exists(member_[first + members * lanes_])) {
-                ++members;
-            }
-            if (members > 0) {
-                set_rest_offsets(model, first, members);
-            }
-        }
     }
 }
 

@@ -40,9 +40,6 @@ class ConstraintBatches {
     /// Resets the multipliers of compliant constraints and scales their compliances for a sub-step of length h, s.
     void begin_substep(double h) noexcept;
 
-    /// Takes rest offsets of groups and lengths of links from the model's rest positions.
-    void set_rest_shape(const ParticleModel& model) noexcept;
-
     /// Number of particles, rounded up to whole vectors.
     [[nodiscard]] std::size_t whole_vectors() const noexcept { return particles_; }
     /// whole_vectors() plus one padding particle per lane.

@@ -208,73 +208,50 @@ std::size_t ParticleSolver::link_colours() const noexcept {
     return state_->batches.link_colours();
 }
 
-void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force, SolverContacts* contacts) {
-    // Sub-steps: as configured, or more if bodies approach so fast that they could pass through one another.
-    const int substeps =
-        std::max(settings_.substeps, contacts == nullptr ? 1 : contacts->substeps(model, settings_.step));
+void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
+                          std::initializer_list<SolverContacts*> contacts) {
+    const auto for_each = [&](auto&& call) {
+        for (SolverContacts* const c : contacts) {  // NOLINT(misc-const-correctness): some calls change it
+            if (c != nullptr) {
+                call(*c);
+            }
+        }
+    };
+    // Sub-steps: as configured, or more if contacts need them.
+    int substeps = settings_.substeps;
+    bool any = false;
+    for_each([&](const SolverContacts& c) {
+        any = true;
+        substeps = std::max(substeps, c.substeps(model, settings_.step));
+    });
     const double h = settings_.step / substeps;
     for (int s = 0; s < substeps; ++s) {
         // v <- v + h (f / m + g), u <- x + h v, orientations rotated by h w.
         predict(model, force, h);
         state_->begin_substep(h);
-        if (contacts != nullptr) {
-            // Algorithm 3, line 15: contacts along the paths x to u.
-            contacts->find(model, state_->moving(), h);
-        }
+        // Algorithm 3, line 15: contacts along the paths x to u.
+        for_each([&](SolverContacts& c) { c.find(model, state_->moving(), h); });
         // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction.
         for (int i = 0; i < settings_.iterations; ++i) {
             state_->sweep(i % 2 == 0, settings_.rotation_iterations);
-            if (contacts != nullptr) {
+            if (any) {
                 state_->apply_displacements();
-                contacts->project(model, state_->moving(), h);
+                for_each([&](SolverContacts& c) { c.project(model, state_->moving(), h); });
                 state_->round_displacements();
             }
         }
-        // With contacts, each iteration has applied the displacements already.
-        if (contacts == nullptr) {
-            state_->apply_displacements();
-        }
-        if (contacts != nullptr) {
+        if (any) {
             // Contacts may push further, and change momentum: restore_momenta() must not undo that.
-            contacts->finish(model, state_->moving(), h);
+            std::fill_n(state_->pushed.begin(), model.size(), Row{});
+            for_each([&](SolverContacts& c) { c.finish(model, state_->moving(), h); });
             add_contact_velocities(h);
+        } else {
+            // With contacts, each iteration has applied the displacements already.
+            state_->apply_displacements();
         }
         // v <- (u - x) / h, w <- rotation / h, x <- u, then the corrections of momentum and the damping.
         update(model, h);
     }
-}
-
-void ParticleSolver::project(ParticleModel& model, std::span<const std::uint8_t> held) {
-    // Start from the model's positions and orientations: no prediction.
-    for (std::size_t i = 0; i < model.size(); ++i) {
-        set_vector(state_->position[i], model.position[i]);
-        state_->set_orientation(i, model.orientation[i]);
-        state_->before[i] = state_->orientation[i];
-    }
-    state_->begin_substep(settings_.step);
-    for (int pass = 0; pass < settings_.iterations; ++pass) {
-        state_->sweep(pass % 2 == 0, settings_.rotation_iterations);
-        // Held particles return to where they were.
-        state_->apply_displacements();
-        for (std::size_t i = 0; i < held.size(); ++i) {
-            if (held[i] != 0) {
-                set_vector(state_->position[i], model.position[i]);
-            }
-        }
-        state_->round_displacements();
-    }
-    // Adds the rotations by the constraints to the orientations in double; the angular velocities are not used.
-    state_->find_angular_velocities(settings_.step);
-    for (std::size_t i = 0; i < model.size(); ++i) {
-        model.position[i] = vector_of(state_->position[i]);
-        if (model.pinned[i] == 0) {
-            model.orientation[i] = state_->orientation_of(i);
-        }
-    }
-}
-
-void ParticleSolver::set_rest_shape(const ParticleModel& model) noexcept {
-    state_->batches.set_rest_shape(model);
 }
 
 void ParticleSolver::set_step_and_iterations(double step, int iterations) {

@@ -23,12 +23,13 @@ struct FishShot {
 /// Runs a scene to its end, renders it at 1 kHz and takes pictures at the given times.
 std::vector<HapticSample> run_and_render(const Study& study, Figure& figure, SceneRun& run,
                                          std::span<const FishShot> shots) {
+    HapticLoop loop;
     std::vector<HapticSample> samples;
     std::size_t next = 0;
     while (!run.finished()) {
         run.step();
         const ContactFrame& frame = run.simulation().frame();
-        render_haptics(run.simulation(), frame, frame.plane_time_ns, frame.plane_time_ns + frame.step_ns, samples);
+        loop.render(run.simulation(), frame, frame.plane_time_ns, frame.plane_time_ns + frame.step_ns, samples);
         if (next < shots.size() && run.time_s() >= shots[next].time_s) {
             PictureScene picture = run.picture(shots[next].caption);
             picture.camera = {0.25, 0.45, 1.0};
@@ -124,8 +125,8 @@ Figure fish_hold(const Study& study) {
         "Scene fish-hold: 137 particles with eight neighbours each, stiffness 0.9 for the head, 0.6 for belly and "
         "tail; the belly is fixed to the table, neck and upper tail move up and down twice, repeatedly; coupling "
         "10 N/m without damping. The fish is our own (852 vertices, 1,700 triangles; the thesis' 1,047 vertices "
-        "are split at seams). Force and positions at 1 kHz, rendered from the planes of a simulation at 100 "
-        "steps/s.";
+        "are split at seams). Force and positions at 1 kHz, by rt-core's renderer from the frames of a simulation "
+        "at 100 steps/s.";
     SceneRun run("fish-hold", {}, study.clock());
     const std::array<FishShot, 4> shots{{{1.3, "1", "The hand comes down on the tail."},
                                          {2.9, "2", "The tail is pressed onto the table, at rest."},
@@ -153,9 +154,7 @@ Figure fish_hold(const Study& study) {
     };
     figure.remarks =
         "The height of the peaks follows from size, mass and motion of the fish, which the thesis does not give. "
-        "Comparable are that each shake causes one peak and that the hand does not lose the tail. The largest "
-        "change per millisecond is that of the unsmoothed planes when a frame arrives; rt-core spreads it over "
-        "the step.";
+        "Comparable are that each shake causes one peak and that the hand does not lose the tail.";
     return figure;
 }
 

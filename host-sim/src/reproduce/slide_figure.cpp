@@ -73,14 +73,16 @@ std::vector<HapticSample> slide(const Scheme& scheme, std::int64_t (*clock)(), s
     // Render the previous frame during this step, or this frame if there is only one rate.
     const std::int64_t step_ns = nanoseconds(scheme.step_s);
     const bool one_rate = scheme.step_s <= 1e-3;
+    HapticLoop loop;
     std::vector<HapticSample> samples;
-    ContactFrame last{};
+    ContactFrame last{};  // of no proxy, until the first step has ended
+    last.step_ns = step_ns;
     bool shot = study == nullptr;
     while (!run.finished()) {
         run.step();
         const ContactFrame& frame = run.simulation().frame();
         const std::int64_t now_ns = frame.plane_time_ns;
-        render_haptics(run.simulation(), one_rate ? frame : last, now_ns, now_ns + step_ns, samples);
+        loop.render(run.simulation(), one_rate ? frame : last, now_ns, now_ns + step_ns, samples);
         last = frame;
         if (!shot && run.time_s() > 1.3) {
             shot = true;

@@ -19,7 +19,7 @@ constexpr std::array kCounts{1, 2, 3, 5, 8, 12, 16, 20, 25, 30, 35, 40, 45, 50};
 struct Times {
     std::vector<double> whole;
     std::vector<double>
-        tool;  // everything that grows with the spheres: detection, pop-out, virtual proxies, constraints
+        tool;  // everything that grows with the spheres: detection, pop-out, equilibrium, planes, coupling
 
     void add(const StageTimes& t) {
         whole.push_back(static_cast<double>(t.total_ns) * 1e-3);
@@ -85,8 +85,8 @@ Figure sphere_counts(const Study& study) {
     figure.conditions =
         "Scene curtain-hand with 1 to 50 spheres. Medians over the steps without contact and over those with "
         "contact (marked * in the thesis), of the whole step and of the tool's part: detection including the "
-        "refit of the curtain's tree, pop-out, both runs of the virtual proxy, the planes for the hand, the "
-        "contact force, and the tool's constraints. One core; the independent check is not included in the times.";
+        "refit of the curtain's tree, pop-out, the tool's equilibrium with the moves of its proxies, the speculative "
+        "planes for the hand, and the contact coupling. One core; the independent check is not included in the times.";
     // Medians for each number of spheres.
     std::vector<double> counts;
     std::vector<double> free;

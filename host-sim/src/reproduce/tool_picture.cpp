@@ -24,7 +24,7 @@ void capture(const ToolProxies& tool, ToolMoment& moment) {
         moment.spheres.push_back({proxy.position, proxy.radius, proxy.in_contact()});
         // A plane touches the sphere at the point opposite to its normal.
         for (std::size_t k = 0; k < proxy.contacts.count; ++k) {
-            const Vec3 point = proxy.contact_position - proxy.radius * proxy.contacts.plane[k].normal;
+            const Vec3 point = proxy.position - proxy.radius * proxy.contacts.plane[k].normal;
             moment.contacts.push_back({point, kMarkSize * proxy.radius, true});
         }
     }

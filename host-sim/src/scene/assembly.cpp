@@ -1,22 +1,10 @@
 #include "scene/assembly.hpp"
 
-#include <limits>
 #include <span>
 #include <utility>
 
 namespace haptic::sim {
 namespace {
-
-/// kg, per particle: inertia against forces; infinite if pinned.
-std::vector<double> moved_mass(const ParticleModel& particles) {
-    std::vector<double> mass = particles.mass;
-    for (std::size_t i = 0; i < mass.size(); ++i) {
-        if (particles.pinned[i] != 0) {
-            mass[i] = std::numeric_limits<double>::infinity();
-        }
-    }
-    return mass;
-}
 
 void append(TriangleMesh& mesh, const TriangleMesh& added) {
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
@@ -61,7 +49,7 @@ void Assembly::add(DeformableBody&& body, const Scene& scene) {
     }
     model.append(body.particles);
     trees.emplace_back(body.mesh.vertices, touchable(body.mesh, scene.contact));
-    masks.emplace_back(body.mesh, body.skin, moved_mass(body.particles), scene.coupling.mask_radius);
+    masks.emplace_back(body.mesh, body.skin, body.particles.size(), scene.coupling.mask_radius);
     motions.push_back(std::move(body.motions));
     bodies.push_back({std::move(body.name), vertices, particles, std::move(body.mesh)});
 }

@@ -69,8 +69,6 @@ const std::vector<LiveSetting>& live_setting_list() {
         live_setting<&S::dynamic_friction>("proxy.dynamic_friction",
                                            [](Scene& s) { return &s.contact.dynamic_friction; }),
         live_setting<&S::iterations>("solver.iterations", [](Scene& s) { return &s.solver.iterations; }),
-        live_setting<&S::tool_iterations>("tool.iterations",
-                                          [](Scene& s) { return s.tool ? &s.tool->iterations : nullptr; }),
         live_setting<&S::step>("solver.step", [](Scene& s) { return &s.solver.step; }),
         live_setting<&S::method>("contact.method", [](Scene& s) { return &s.contact.method; }),
         live_setting<&S::pop_out>("contact.pop_out", [](Scene& s) { return &s.contact.pop_out; }),
@@ -116,8 +114,10 @@ void SettingsFade::go_to(const LiveSettings& asked) noexcept {
 const LiveSettings& SettingsFade::advance(double step_s) noexcept {
     age_s_ += step_s;
     const double part = age_s_ / kFade;
-    // Step, iterations and methods apply at once; what makes a force is interpolated over kFade.
+    // Iterations and methods apply at once. What makes a force is interpolated over kFade, and with it the step, which
+    // bodies answer with another stiffness.
     LiveSettings next = asked_;
+    next.step = interpolated(from_.step, asked_.step, part);
     next.stiffness = interpolated(from_.stiffness, asked_.stiffness, part);
     if (part < 1.0 && from_.torque_stiffness != asked_.torque_stiffness) {
         next.torque_stiffness = interpolated(torque_stiffness_of(from_), torque_stiffness_of(asked_), part);

@@ -37,8 +37,11 @@ void check(const Config& config, const Scene& scene) {
         config.fail("coupling.torque_stiffness",
                     "needs a coupling.stiffness above 0: without a force there is no torque");
     }
-    if (coupling.multi_rate == MultiRate::Positions && coupling.share == ForceSharing::Series) {
-        config.fail("coupling.share", "\"series\" needs planes: not with coupling.multi_rate = \"positions\"");
+    if (config.has("coupling.share")) {
+        config.fail("coupling.share", "was removed: with tool.material.rigid the number of spheres hardly matters");
+    }
+    if (config.has("coupling.tied_mass")) {
+        config.fail("coupling.tied_mass", "was removed: the damping is implicit and needs no bound");
     }
 }
 
@@ -166,6 +169,7 @@ const SettingReference& scene_reference() {
         add_section(all, top_level_table().describe(scene));
         add_model_reference(all);
         add_section(all, tool_section());
+        add_section(all, tool_material_section());
         visit_tables(scene, keys,
                      [&all](const auto& table, const auto& part) { add_section(all, table.describe(part)); });
         return all;

@@ -175,10 +175,6 @@ const SettingTable<CouplingSettings>& coupling_table() {
               .label = "Torque stiffness (0: same)",
               .meaning = "Stiffness of the springs that produce the torque. 0: the same as stiffness."},
              V::number(&S::torque_stiffness, kStiffness)},
-            {{.key = "share",
-              .meaning = "How the spheres of a tool share the force. \"all\": each has the stiffness divided by their "
-                         "number; \"series\": springs in series, so that their number hardly matters."},
-             V::choice(&S::share, {{"all", ForceSharing::All}, {"series", ForceSharing::Series}})},
             {{.key = "multi_rate",
               .meaning = "What rt-core gets of each contact: its \"planes\", or the \"positions\" of the proxies as in "
                          "the thesis (section 5.4.1), which causes drag, for comparison."},
@@ -187,13 +183,9 @@ const SettingTable<CouplingSettings>& coupling_table() {
               .unit = "s/m",
               .old_key = "coupling.loss",
               .meaning = "Hunt-Crossley damping c: force = stiffness * depth * (1 + c * approach speed). Without it "
-                         "the spring throws bodies back."},
+                         "the spring throws bodies back. Acts where spheres do not displace one another: on a "
+                         "single sphere, on a limp tool with one stiffness, and with multi_rate \"positions\"."},
              V::number(&S::hunt_crossley_damping, {0.0, 10.0})},
-            {{.key = "tied_mass",
-              .unit = "kg",
-              .meaning = "Mass of the surface that follows the pressed patch within a step. It bounds the damping. 0: "
-                         "that of the patch."},
-             V::number(&S::tied_mass, {0.0, 1e3})},
             {{.key = "mask_radius",
               .unit = "m",
               .meaning = "Radius, in the rest shape, of the patch of vertices that takes the force of a contact."},

@@ -13,8 +13,9 @@
 #include "haptic/sim/skin.hpp"
 #include "scene/assembly.hpp"
 #include "scene/contact_frame_builder.hpp"
+#include "scene/hand_balance.hpp"
 #include "scene/state_hash.hpp"
-#include "tool/tool_force.hpp"
+#include "tool/contact_coupling.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -51,18 +52,12 @@ double first_curl(const Scene& scene) {
     return scene.curl.known() ? scene.curl.at(0) : scene.tool ? scene.tool->curl : 0.0;
 }
 
-LiveSettings first_settings(const Scene& scene, const ToolModel& tool) {
-    LiveSettings settings = live_settings_of(scene);
-    settings.tool_iterations = tool.iterations;
-    return settings;
-}
-
 ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
     return {tool,
             {.contact = scene.contact,
              .reach = scene.proxy.reach,
              .step = scene.solver.step,
-             .count_revised = scene.coupling.multi_rate == MultiRate::Positions,
+             .springs = {scene.coupling.stiffness, scene.coupling.torque_stiffness},
              .closed = scene.tool && scene.tool->close_gaps},
             scene.hand.at(0),
             first_curl(scene)};
@@ -76,7 +71,11 @@ StepInput input_from(const DeviceState& state, std::int64_t time_ns) noexcept {
             .buttons = state.buttons,
             .curl = std::nullopt,
             .state_sequence = state.sequence,
-            .state_time_ns = state.latch_time_ns};
+            .state_time_ns = state.latch_time_ns,
+            .feedback = DeviceFeedback{.stiffness = state.stiffness,
+                                       .scale = state.scale,
+                                       .impulse = to_vec3(state.impulse),
+                                       .stiffness_limited = (state.tick_flags & HAPTIC_TICK_STIFFNESS_LIMITED) != 0}};
 }
 
 struct Simulation::State {
@@ -91,8 +90,8 @@ struct Simulation::State {
           end(assembly.mesh.vertices),
           workspace(from.workspace),
           tool(make_proxies(from, tool_model)),
-          force(assembly.model.size(), Vec3(0.0)),
-          settings(first_settings(from, tool_model)),
+          coupling(assembly.model, time),
+          settings(live_settings_of(from)),
           proxy_sphere(!from.tool && tool_model.body.particles.size() == 1) {
         // One surface per body, with its tree.
         for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
@@ -121,7 +120,8 @@ struct Simulation::State {
     void apply_settings(const LiveSettings& next);
     [[nodiscard]] double next_curl(const StepInput& input) const;
     void find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch);
-    void couple(StepResult& result);
+    void move_bodies(const StepInput& input, StepResult& result);
+    void report_force(const StepInput& input, StepResult& result);
     void skin();
     void verify(StepResult& result) const;
     void build_frame(const StepInput& input);
@@ -139,9 +139,8 @@ struct Simulation::State {
     Workspace workspace;
     Clutch clutch;
     ToolProxies tool;
-    ToolPress tool_press;
-    std::vector<Vec3> force;  // N, per particle
-    double damping = 0.0;     // N*s/m, scene: ToolForce::damping of the last step
+    ContactCoupling coupling;
+    HandBalance balance;
     ContactFrame frame{};
     SettingsFade settings;
     const bool proxy_sphere;  // the tool is one sphere of proxy.radius
@@ -190,7 +189,7 @@ void Simulation::State::apply_settings(const LiveSettings& next) {
     apply(next, scene);
     solver.set_step_and_iterations(next.step, next.iterations);
     // The sphere of a point tool takes its radius from the settings; a multi-sphere tool keeps its own.
-    tool.change(scene.contact, next.tool_iterations, proxy_sphere ? next.radius : 0.0);
+    tool.change(scene.contact, {next.stiffness, next.torque_stiffness}, proxy_sphere ? next.radius : 0.0);
 }
 
 double Simulation::State::next_curl(const StepInput& input) const {
@@ -216,7 +215,7 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
             assembly.trees[b].refit(surfaces[b].motion);
         }
     }
-    // Algorithm 4, lines 4 to 19.
+    // Algorithm 4.
     tool.set_goals(hip, curl);
     // Line 5: CCD of each particle with the surfaces' motion in the last step.
     tool.collect(surfaces);
@@ -225,16 +224,12 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
     // Line 6: remove remaining overlap.
     tool.pop_out();
     result.times.popout_ns = watch.lap();
-    // Lines 7 and 8: traditional proxy method toward the goals, which gives p_start.
-    tool.move_to_goals();
-    result.times.proxy_ns = watch.lap();
-    // Lines 10 to 16: the tool's own constraints.
-    tool.project_constraints();
+    // In place of lines 7 to 19: the equilibrium of the tool's elasticity and the contacts.
+    tool.find_equilibrium();
     result.times.tool_ns = watch.lap();
-    // Lines 17 to 19: half-CCD, then the planes for the haptic loop.
-    tool.revise();
+    // Planes for the haptic loop.
     tool.collect_speculative_planes();
-    result.times.proxy_ns += watch.lap();
+    result.times.proxy_ns = watch.lap();
 
     // Outcome: both poses, and what the worst particle went through.
     result.hip = hip.position;
@@ -246,20 +241,42 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
     result.pop_out_iterations = tool.effort().pop_out_iterations;
     result.overconstrained = tool.effort().overconstrained;
     result.passed_through = tool.effort().passed_through;
+    result.equilibrium_error = tool.effort().equilibrium_error;
 }
 
-void Simulation::State::couple(StepResult& result) {
-    // Section 5.2.3: forces on the touched particles, and their opposite on the tool, mapped to the hand.
-    std::fill(force.begin(), force.end(), Vec3(0.0));
-    const ToolForce made = tool_press.press(
-        tool, {.coupling = scene.coupling, .gain = clutch.gain(), .step = scene.solver.step},
-        {.bodies = assembly.bodies, .masks = assembly.masks, .velocity = assembly.model.velocity, .force = force});
-    // The haptic loop needs the damping; the device gets force and torque in its own axes.
-    damping = made.damping;
+void Simulation::State::move_bodies(const StepInput& input, StepResult& result) {
+    // Driven particles move at their prescribed velocities.
+    const double step = scene.solver.step;
+    assembly.drive(now_s(), step);
+    // The bodies receive what the hand receives.
+    const HandBalance::Share share =
+        balance.begin_step(input.feedback, workspace, scene.coupling.stiffness, clutch.gain(), step);
+    result.hand_impulse = share.hand_impulse;
+    // Algorithm 3, lines 9 to 24, with the coupling to the tool among the constraints. Collisions come last: the ground
+    // does not yield.
+    coupling.begin_step(tool,
+                        {.coupling = scene.coupling,
+                         .contact = scene.contact,
+                         .gain = share.gain,
+                         .owed_force = share.owed_force,
+                         .length = step},
+                        {.bodies = assembly.bodies, .masks = assembly.masks}, assembly.model);
+    solver.step(assembly.model, {}, {coupling.is_active() ? &coupling : nullptr, collisions.get()});
+}
+
+void Simulation::State::report_force(const StepInput& input, StepResult& result) {
+    const double step = scene.solver.step;
+    const CoupledForce made = coupling.force();
+    balance.end_step(made.force, step);
+    // The device gets force and torque in its own axes.
     result.force = made.force;
     result.torque = made.torque;
     result.hand_force = workspace.force_to_device(made.force);
     result.hand_torque = workspace.torque_to_device(made.torque);
+    result.body_impulse = step * result.hand_force;
+    if (!input.feedback) {
+        result.hand_impulse = result.body_impulse;
+    }
     result.depth = made.depth;
     result.collided = made.collided;
     result.in_contact = made.collided > 0;
@@ -308,7 +325,7 @@ void Simulation::State::build_frame(const StepInput& input) {
                                       .workspace = workspace,
                                       .clutch = clutch,
                                       .tool = tool,
-                                      .damping = damping,
+                                      .coupling = coupling,
                                       .bodies = assembly.bodies,
                                       .start = start,
                                       .end = end};
@@ -335,24 +352,21 @@ StepResult Simulation::step(const StepInput& input) {
         s.verify(result);
         (void)watch.lap();
     }
-    // Step the bodies to t + dt under the contact force.
-    s.couple(result);
-    result.times.proxy_ns += watch.lap();
-    // Algorithm 3, lines 9 to 24, with driven particles at their prescribed velocities.
-    s.assembly.drive(s.now_s(), s.scene.solver.step);
-    s.solver.step(s.assembly.model, s.force, s.collisions.get());
+    // Step the bodies to t + dt together with the contact force.
+    s.move_bodies(input, result);
+    s.report_force(input, result);
     ++s.steps;
     s.tool.set_step(s.scene.solver.step);
     // Stop here: the next frame would carry forces that are not finite.
     if (!is_finite(s.assembly.model)) {
         throw std::runtime_error("step " + std::to_string(s.steps) + " at t = " + std::to_string(s.now_s()) +
-                                 " s: the state of the model is no longer finite. Use a smaller solver.step, a smaller "
-                                 "coupling.stiffness or a "
-                                 "larger coupling.mask_radius");
+                                 " s: the state of the model is no longer finite. Use a smaller solver.step");
     }
-    // Collisions run inside the solver's step and have their own clock.
+    // Coupling and collisions run inside the solver's step and have clocks of their own.
+    const std::int64_t couple_ns = s.coupling.take_time();
+    result.times.proxy_ns += couple_ns;
     result.times.collide_ns = s.collisions == nullptr ? 0 : s.collisions->take_time();
-    result.times.deform_ns = watch.lap() - result.times.collide_ns;
+    result.times.deform_ns = watch.lap() - result.times.collide_ns - couple_ns;
     // Skin the moved bodies; the frame then knows where each touched point goes until t + dt.
     s.skin();
     result.times.skin_ns = watch.lap();

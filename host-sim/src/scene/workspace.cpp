@@ -50,6 +50,15 @@ Vec3 Workspace::torque_to_device(const Vec3& scene_torque) const noexcept {
     return settings_.force_scale * settings_.scale * (device_from_scene_ * scene_torque);
 }
 
+Vec3 Workspace::force_to_scene(const Vec3& device_force) const noexcept {
+    const Vec3 turned = glm::transpose(device_from_scene_) * device_force;
+    return settings_.force_scale > 0.0 ? turned / settings_.force_scale : Vec3(0.0);
+}
+
+double Workspace::coupling_to_scene(double device_value) const noexcept {
+    return settings_.force_scale > 0.0 ? device_value * settings_.scale / settings_.force_scale : 0.0;
+}
+
 Pose Workspace::to_scene(const Pose& grip) const noexcept {
     return {to_scene(grip.position), glm::conjugate(settings_.rotation) * grip.orientation * grip_from_tool_};
 }

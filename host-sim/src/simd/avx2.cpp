@@ -1,5 +1,6 @@
 // Kernels for AVX2.
 #include "simd/collider_lanes.hpp"
+#include "simd/inverse_rows.hpp"
 #include "simd/kernels.hpp"
 #include "simd/projection_lanes.hpp"
 #include "simd/refit_rows.hpp"
@@ -15,6 +16,14 @@ void refit_avx2(const RefitTask& task) noexcept {
     RefitRows<4>::run(task);
 }
 
-extern const Kernels kAvx2Kernels{kProjection<8>, kColliderKernels<4>, skin_avx2, refit_avx2};
+namespace {
+
+void inverse_avx2(const InverseTask& task) noexcept {
+    InverseRows<4>::run(task);
+}
+
+}  // namespace
+
+extern const Kernels kAvx2Kernels{kProjection<8>, kColliderKernels<4>, skin_avx2, refit_avx2, inverse_avx2};
 
 }  // namespace haptic::sim

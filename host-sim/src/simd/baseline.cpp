@@ -1,5 +1,6 @@
 // Kernels for the registers that every machine has.
 #include "simd/collider_lanes.hpp"
+#include "simd/inverse_rows.hpp"
 #include "simd/kernels.hpp"
 #include "simd/projection_lanes.hpp"
 #include "simd/refit_rows.hpp"
@@ -16,9 +17,19 @@ void refit_baseline(const RefitTask& task) noexcept {
     RefitRows<2>::run(task);
 }
 
+void inverse_one_lane(const InverseTask& task) noexcept {
+    InverseRows<1>::run(task);
+}
+
+void inverse_baseline(const InverseTask& task) noexcept {
+    InverseRows<2>::run(task);
+}
+
 }  // namespace
 
-extern const Kernels kOneLaneKernels{kProjection<1>, kColliderKernels<1>, skin_baseline, refit_baseline};
-extern const Kernels kBaselineKernels{kProjection<4>, kColliderKernels<2>, skin_baseline, refit_baseline};
+extern const Kernels kOneLaneKernels{kProjection<1>, kColliderKernels<1>, skin_baseline, refit_baseline,
+                                     inverse_one_lane};
+extern const Kernels kBaselineKernels{kProjection<4>, kColliderKernels<2>, skin_baseline, refit_baseline,
+                                      inverse_baseline};
 
 }  // namespace haptic::sim

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "simd/collider_rows.hpp"
+#include "simd/inverse.hpp"
 #include "simd/projection.hpp"
 #include "simd/refit.hpp"
 #include "simd/skinning.hpp"
@@ -20,6 +21,7 @@ struct Kernels {
     ColliderKernels colliders;
     SkinningFunction skin;
     RefitFunction refit;
+    InverseFunction inverse;
 };
 
 extern const Kernels kOneLaneKernels;   // reference: constraints and colliders one by one

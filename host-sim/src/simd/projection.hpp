@@ -41,7 +41,7 @@ struct MovingParticles {
     Row* position;     // x, y, z, m; m r^2 / 5, kg m^2. Constraints move `f32` instead
     ParticleF32* f32;  // per particle
     float* scratch;    // [kMaxBatchesInRun][max_slots][kFloatsPerSlot][lane]
-    Row* pushed;       // x, y, z: displacement by contacts in this sub-step, m; written by SolverContacts
+    Row* pushed;       // x, y, z: displacement by contacts in this sub-step, m; added to by SolverContacts
 };
 
 /// Rigid distance constraints. Arrays have shape [batch][lane] unless noted.

@@ -10,38 +10,12 @@
 namespace haptic::sim {
 namespace {
 
-// Gauss-Seidel rounds. Each reduces the error by the squared cosine of the angle between the normals.
-constexpr int kRounds = 32;
-
 constexpr std::uint32_t kNone = 0xffffffffu;
 
 }  // namespace
 
-ContactShares divide_force(const Vec3& force, const SurfacePlanes& contacts) noexcept {
-    // Projected Gauss-Seidel on the normal equations: each plane in turn takes what the others leave along its normal,
-    // but never pulls.
-    ContactShares shares{};
-    Vec3 residual = force;  // force - sum s_c n_c
-    const int rounds = contacts.count > 1 ? kRounds : 1;
-    for (int round = 0; round < rounds; ++round) {
-        for (std::size_t c = 0; c < contacts.count; ++c) {
-            const Vec3& normal = contacts.plane[c].normal;
-            const double unclamped = shares[c] + glm::dot(residual, normal);
-            const double clamped = unclamped > 0.0 ? unclamped : 0.0;
-            residual -= (clamped - shares[c]) * normal;
-            shares[c] = clamped;
-        }
-    }
-    return shares;
-}
-
-PressureMask::PressureMask(const TriangleMesh& rest, const Skin& skin, std::span<const double> mass, double radius)
-    : rest_(rest.vertices),
-      triangles_(rest.triangles),
-      skin_(skin),
-      mass_(mass.begin(), mass.end()),
-      radius_(radius),
-      slot_(mass.size(), kNone) {
+PressureMask::PressureMask(const TriangleMesh& rest, const Skin& skin, std::size_t particles, double radius)
+    : rest_(rest.vertices), triangles_(rest.triangles), skin_(skin), radius_(radius), slot_(particles, kNone) {
     if (!(radius >= 0.0)) {
         throw std::invalid_argument("pressure mask: radius must not be negative");
     }
@@ -64,7 +38,7 @@ PressureMask::PressureMask(const TriangleMesh& rest, const Skin& skin, std::span
         return std::tie(a.cell, a.vertex) < std::tie(b.cell, b.vertex);
     });
     vertices_.reserve(std::max(rest_.size(), std::size_t{3}));
-    particles_.reserve(mass_.size());
+    particles_.reserve(particles);
 }
 
 PressureMask::Cell PressureMask::cell_of(const Vec3& rest) const {
@@ -94,17 +68,18 @@ void PressureMask::find_vertices(const Vec3& centre) {
         }
     }
     // Summation order independent of the grid.
-    std::sort(vertices_.begin(), vertices_.end(), [](const Pressed& a, const Pressed& b) { return a.index < b.index; });
+    std::sort(vertices_.begin(), vertices_.end(),
+              [](const PressedVertex& a, const PressedVertex& b) { return a.index < b.index; });
 }
 
 void PressureMask::find_particles() {
     // Clear only the slots that the last call set.
-    for (const Pressed& p : particles_) {
-        slot_[p.index] = kNone;
+    for (const PressedParticle& p : particles_) {
+        slot_[p.particle] = kNone;
     }
     particles_.clear();
     // W_i = sum over j of w_j b_ji
-    for (const Pressed& v : vertices_) {
+    for (const PressedVertex& v : vertices_) {
         const SkinVertex& carried = skin_[v.index];
         for (std::size_t k = 0; k < SkinVertex::kMax; ++k) {
             if (!(carried.weight[k] > 0.0)) {
@@ -121,51 +96,38 @@ void PressureMask::find_particles() {
     }
 }
 
-PressedPatch PressureMask::center_on(const SurfacePoint& touched, std::span<const Vec3> particle_velocity) {
+void PressureMask::take_corners(const SurfacePoint& touched) {
+    const Triangle& corners = triangles_[touched.triangle];
+    vertices_.assign(
+        {{corners[0], touched.weights.x}, {corners[1], touched.weights.y}, {corners[2], touched.weights.z}});
+}
+
+void PressureMask::normalise() {
+    double sum = 0.0;
+    for (const PressedVertex& v : vertices_) {
+        sum += v.weight;
+    }
+    for (PressedVertex& v : vertices_) {
+        v.weight /= sum;
+    }
+}
+
+std::span<const PressedParticle> PressureMask::center_on(const SurfacePoint& touched, std::size_t most) {
     const Triangle& corners = triangles_[touched.triangle];
     find_vertices(touched.weights.x * rest_[corners[0]] + touched.weights.y * rest_[corners[1]] +
                   touched.weights.z * rest_[corners[2]]);
     // No vertex within R: the touched triangle's corners, by the barycentric weights of the point.
     if (vertices_.empty()) {
-        vertices_.assign(
-            {{corners[0], touched.weights.x}, {corners[1], touched.weights.y}, {corners[2], touched.weights.z}});
+        take_corners(touched);
     }
-    // Normalise: sum w_j = 1.
-    double sum = 0.0;
-    for (const Pressed& v : vertices_) {
-        sum += v.weight;
-    }
-    for (Pressed& v : vertices_) {
-        v.weight /= sum;
-    }
+    normalise();
     find_particles();
-    // Weighted velocity, and effective mass 1 / sum(W_i^2 / m_i).
-    PressedPatch patch;
-    double inverse_mass = 0.0;
-    for (const Pressed& p : particles_) {
-        patch.velocity += p.weight * particle_velocity[p.index];
-        inverse_mass += p.weight * p.weight / mass_[p.index];
+    // More particles than the caller has room for: the corners again.
+    if (particles_.size() > most) {
+        take_corners(touched);
+        find_particles();
     }
-    patch.mass = 1.0 / inverse_mass;
-    return patch;
-}
-
-void PressureMask::press(const Vec3& force, std::span<Vec3> particle_force) const {
-    for (const Pressed& p : particles_) {
-        particle_force[p.index] += p.weight * force;
-    }
-}
-
-double contact_damping(double share, double patch_mass, double step_s, const Coupling& coupling) noexcept {
-    const double damping = share * coupling.hunt_crossley_damping;  // k d c
-    // Implicit Euler: evaluating the damping at v' = v - F h / m divides it by 1 + k d c h / m.
-    const double mass = patch_mass > coupling.tied_mass ? patch_mass : coupling.tied_mass;
-    return damping / (1.0 + damping * step_s / mass);
-}
-
-double contact_push(double share, double closing, double damping) noexcept {
-    const double push = share + damping * closing;
-    return push > 0.0 ? push : 0.0;
+    return particles_;
 }
 
 }  // namespace haptic::sim

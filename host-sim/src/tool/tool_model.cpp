@@ -4,6 +4,8 @@
 #include <cmath>
 #include <filesystem>
 #include <glm/common.hpp>
+#include <numbers>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 
@@ -12,6 +14,7 @@
 #include "generators/triangle_grid.hpp"
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/model_builder.hpp"
+#include "model/sample_graph.hpp"
 #include "simd/aabb.hpp"
 #include "tool/close_gaps.hpp"
 #include "tool/hand_mesh.hpp"
@@ -38,9 +41,6 @@ void check(const ToolSettings& s) {
     }
     if (!(s.radius >= 0.0) || !std::isfinite(s.radius) || !(s.cover_error >= 0.0) || !std::isfinite(s.cover_error)) {
         refuse("radius and cover_error must be 0 or more");
-    }
-    if (s.iterations < 0) {
-        refuse("iterations must be 0 or more");
     }
     const auto is_curl = [](double curl) { return curl >= 0.0 && curl <= 1.0; };
     if (!is_curl(s.curl) || !is_curl(s.close_to) || !(s.close_speed > 0.0) || !std::isfinite(s.close_speed)) {
@@ -231,6 +231,23 @@ ToolSkeleton placed_skeleton(const ToolSettings& settings) {
     return skeleton;
 }
 
+double sphere_volume(double radius) {
+    return 4.0 / 3.0 * std::numbers::pi * radius * radius * radius;
+}
+
+/// m^3, per particle: the mesh's volume in proportion to the particles' masses. An open mesh has none, but spheres do.
+std::vector<double> volumes_of(const TriangleMesh& mesh, const ParticleModel& particles,
+                               const std::vector<Ball>& balls) {
+    std::vector<double> volume;
+    volume.reserve(balls.size());
+    const double whole = std::abs(signed_volume(mesh));
+    const double mass = std::accumulate(particles.mass.begin(), particles.mass.end(), 0.0);
+    for (std::size_t i = 0; i < balls.size(); ++i) {
+        volume.push_back(mesh.closed ? whole * particles.mass[i] / mass : sphere_volume(balls[i].radius));
+    }
+    return volume;
+}
+
 std::string name_of(const ToolSettings& settings) {
     if (!settings.file.empty()) {
         return std::filesystem::path(settings.file).stem().string();
@@ -255,6 +272,7 @@ ToolModel one_sphere(double radius) {
     tool.body.name = "sphere";
     tool.body.particles.add(Vec3(0.0), 1.0, radius);
     tool.radius = {radius};
+    tool.volume = {sphere_volume(radius)};
     return tool;
 }
 
@@ -263,9 +281,6 @@ ToolModel make_tool(const ToolSettings& settings) {
     const TriangleMesh mesh = mesh_of(settings);
     BuilderSettings builder;
     builder.neighbours = settings.neighbours;
-    builder.mass = settings.mass;
-    builder.group_stiffness = settings.group_stiffness;
-    builder.link_stiffness = settings.link_stiffness;
     // Spheres, particles at their centres, and the net of neighbours in which there must be no gap.
     std::vector<Ball> balls = spheres_for(settings, mesh);
     PlacedBody placed = build_body_at(mesh, centres_of(balls), builder);
@@ -288,10 +303,11 @@ ToolModel make_tool(const ToolSettings& settings) {
     tool.widest_gap = widest_gap(balls, net);
     const CoverError error = measure_cover(mesh, balls);
     tool.cover_error = std::max(error.uncovered, error.protrusion);
-    tool.iterations = settings.iterations;
     for (const Ball& ball : balls) {
         tool.radius.push_back(ball.radius);
     }
+    tool.volume = volumes_of(mesh, placed.body.particles, balls);
+    tool.material = settings.material;
     // Body in the grip frame; the joints need the particles there.
     tool.body = std::move(placed.body);
     tool.body.name = name_of(settings);

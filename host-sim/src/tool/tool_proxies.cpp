@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
 #include <stdexcept>
 #include <string>
 
-#include "contact/active_contacts.hpp"
 #include "contact/pop_out.hpp"
 #include "contact/secure_position.hpp"
 #include "contact/speculative_planes.hpp"
-#include "contact/virtual_proxy.hpp"
 #include "dynamics/rotation.hpp"
 
 namespace haptic::sim {
@@ -17,6 +16,8 @@ namespace {
 
 // Iterations of extract_rotation() for the tool's pose, starting at the hip's orientation.
 constexpr int kPoseIterations = 6;
+// Iterations of extract_rotation() for a particle's orientation, starting at the hip's.
+constexpr int kOrientationIterations = 4;
 // Part of the radius: a particle this near to its position in the fitted pose counts as in shape.
 constexpr double kShapeTolerance = 1e-6;
 
@@ -41,28 +42,35 @@ DeformableBody body_of(const ToolModel& model, double reach) {
     return model.body;
 }
 
-SolverSettings settings_of_solver(const ToolModel& model, double step) {
-    SolverSettings settings;
-    settings.step = step;
-    settings.iterations = model.iterations;
-    return settings;
-}
-
 }  // namespace
 
 ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const Pose& where, double curl)
     : settings_(settings),
       requested_reach_(settings.reach),
       body_(body_of(model, settings.reach)),
-      solver_(body_.particles, settings_of_solver(model, settings.step)),
       joints_(model.joints),
       rest_rotation_(body_.particles.size(), Quat(1.0, 0.0, 0.0, 0.0)),
+      elasticity_({.rest_offset = body_.particles.rest_position,
+                   .volume = model.volume,
+                   .radius = model.radius,
+                   .groups = body_.particles.groups},
+                  model.material, settings.springs),
       particles_(body_.particles.size()),
+      force_(particles_.size(), Vec3(0.0)),
+      plane_force_(particles_.size()),
+      target_(particles_.size()),
+      grips_(particles_.size()),
+      barriers_(particles_.size()),
+      barrier_rows_(particles_.size()),
+      row_depth_(kMaxContactRows),
+      displacement_(particles_.size()),
+      free_way_(particles_.size()),
+      free_shift_(particles_.size()),
       contact_candidates_(particles_.size()),
       speculative_tasks_(particles_.size()),
-      candidate_queries_(particles_.size()),
-      last_position_(particles_.size()),
-      fixed_(particles_.size(), 0) {
+      candidate_queries_(particles_.size()) {
+    rows_.reserve(kMaxContactRows);
+    friction_rows_.reserve(particles_.size());
     // The skin is for display only; it follows its own copy of the particles.
     if (!body_.mesh.vertices.empty()) {
         skinner_ = std::make_unique<Skinner>(body_.mesh.vertices, body_.particles, body_.skin);
@@ -77,8 +85,7 @@ ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const
     has_goals_ = false;
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         ToolProxy& p = particles_[i];
-        p.position = p.constrained_goal = p.contact_position = last_position_[i] = body_.particles.position[i] = p.goal;
-        body_.particles.orientation[i] = where.orientation;
+        p.position = p.constrained_goal = p.goal;
     }
     pose_ = where;
     // Links between overlapping spheres, which must not let surfaces through.
@@ -91,6 +98,11 @@ bool ToolProxies::has_friction() const noexcept {
     return settings_.contact.static_friction > 0.0 || settings_.contact.dynamic_friction > 0.0;
 }
 
+Mat3 ToolProxies::compliance(std::size_t i, std::size_t j) const {
+    const Mat3 rotation = to_matrix(hip_.orientation * turn_);
+    return rotation * elasticity_.compliance(i, j) * glm::transpose(rotation);
+}
+
 ProxyPath* ToolProxies::path_of(std::size_t particle) noexcept {
     return paths_.empty() ? nullptr : &paths_[particle];
 }
@@ -99,10 +111,12 @@ void ToolProxies::keep_paths(bool on) {
     paths_.resize(on ? particles_.size() : 0);
 }
 
-void ToolProxies::change(const ContactSettings& contact, int iterations, double radius) {
-    // Contact settings, solver iterations and, for a single sphere, its radius.
+void ToolProxies::change(const ContactSettings& contact, const ToolElasticity::Springs& springs, double radius) {
+    // Contact settings, the coupling's springs and, for a single sphere, its radius.
     settings_.contact = contact;
-    solver_.set_step_and_iterations(solver_.settings().step, iterations);
+    if (springs != elasticity_.springs()) {
+        elasticity_.set_springs(springs);
+    }
     for (ToolProxy& p : particles_) {
         p.radius = radius > 0.0 ? radius : p.radius;
         if (!has_friction()) {
@@ -128,22 +142,29 @@ void ToolProxies::update_rest_offsets() {
 void ToolProxies::apply_curl(double curl) {
     joints_.apply_curl(curl, body_.particles.rest_position, rest_rotation_);
     update_rest_offsets();
+    elasticity_.set_rest_shape(body_.particles.rest_position);
     curl_ = curl;
-    rest_shape_changed_ = true;
 }
 
 void ToolProxies::set_goals(const Pose& hip, double curl) {
+    // Rest offsets at the new curl, and their velocity.
+    for (ToolProxy& p : particles_) {
+        p.rest_velocity = -p.rest_offset;
+    }
     if (curl != curl_ && !joints_.empty()) {
         apply_curl(std::clamp(curl, 0.0, 1.0));
+    }
+    for (ToolProxy& p : particles_) {
+        p.rest_velocity = (p.rest_velocity + p.rest_offset) / settings_.step;
     }
     // Eq. 5.1: g_i = Q o_i + d. The first step has no previous goal, so its goal velocity is 0.
     const Mat3 rotation = to_matrix(hip.orientation);
     for (ToolProxy& p : particles_) {
         const Vec3 goal = rotation * p.rest_offset + hip.position;
         p.goal_velocity = has_goals_ ? (goal - p.goal) / settings_.step : Vec3(0.0);
-        p.goal = goal;
+        p.goal = p.free_position = goal;
+        p.free_offset = p.rest_offset;
     }
-    // Later phases start the constraints at the hip's orientation.
     hip_ = hip;
     has_goals_ = true;
 }
@@ -162,8 +183,6 @@ void ToolProxies::find_secure_positions() {
     effort_ = {};
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         ToolProxy& p = particles_[i];
-        // Start of the step, from which the surfaces carry a sticking particle (friction).
-        last_position_[i] = p.position;
         if (!paths_.empty()) {
             paths_[i].restart(p.position);
         }
@@ -188,102 +207,6 @@ void ToolProxies::pop_out() {
         effort_.pop_out_iterations = std::max(effort_.pop_out_iterations, popped.iterations);
         effort_.overconstrained = effort_.overconstrained || popped.overconstrained;
     }
-}
-
-/// Traditional proxy method (Ruspini 1997) from the current position to a goal, with friction. A move of more than one
-/// iteration met a surface and slid along it.
-void ToolProxies::move_toward(std::size_t particle, const Vec3& goal) {
-    ToolProxy& p = particles_[particle];
-    const ProxyMove move = move_proxy(contact_candidates_.of(particle),
-                                      {.before = last_position_[particle], .from = p.position, .goal = goal}, p.radius,
-                                      settings_.step, settings_.contact, p.friction, path_of(particle));
-    // revise() may replace these contacts once the constraints have moved the particle.
-    p.position = p.constrained_goal = p.contact_position = move.position;
-    p.contacts = move.contacts;
-    p.stopped_by_half_ccd = false;
-    stopped_ = stopped_ || p.in_contact() || !move.converged;
-    deflected_ = deflected_ || move.iterations > 1;
-}
-
-void ToolProxies::move_to_goals() {
-    stopped_ = false;
-    deflected_ = false;
-    record_starts();
-    for (std::size_t i = 0; i < particles_.size(); ++i) {
-        move_toward(i, particles_[i].goal);
-    }
-    // Links can only cross a surface if one of their particles met a surface.
-    if ((stopped_ || deflected_) && !links_.empty()) {
-        block_crossing_links();
-    }
-}
-
-void ToolProxies::project_constraints() {
-    // Start at p_start. Particles in contact under friction are fixed, so that the constraints fit the others to them.
-    ParticleModel& model = body_.particles;
-    for (std::size_t i = 0; i < particles_.size(); ++i) {
-        model.position[i] = particles_[i].position;
-        model.orientation[i] = hip_.orientation;
-        fixed_[i] = has_friction() && particles_[i].in_contact() ? 1 : 0;
-    }
-    // All particles reached their goals: the tool is in its rest shape and all constraints are satisfied.
-    if (!stopped_) {
-        return;
-    }
-    if (rest_shape_changed_) {
-        solver_.set_rest_shape(model);
-        rest_shape_changed_ = false;
-    }
-    // Algorithm 4, lines 13 to 16, without prediction (zero-order dynamics).
-    solver_.project(model, fixed_);
-}
-
-void ToolProxies::revise() {
-    const bool linked = stopped_ && !links_.empty();
-    // Links are checked against the state before the half-CCD.
-    if (linked) {
-        record_starts();
-    }
-    for (std::size_t i = 0; i < particles_.size(); ++i) {
-        ToolProxy& p = particles_[i];
-        // A particle that the constraints did not move needs no half-CCD.
-        Vec3& constrained = body_.particles.position[i];  // p: result of the constraints
-        if (constrained == p.position) {
-            continue;
-        }
-        // Section 5.3.2: half-CCD from p_start to p, without friction.
-        const NearSurfaces near = contact_candidates_.of(i);
-        const ProxyMove move =
-            move_proxy(near, p.position, constrained, p.radius, settings_.step, settings_.contact, path_of(i));
-        p.position = constrained = move.position;
-        p.stopped_by_half_ccd = move.contacts.count > 0;
-
-        // A particle whose goal is free counts as in contact only in the thesis' own scheme.
-        if (!p.in_contact()) {
-            if (settings_.count_revised && p.stopped_by_half_ccd) {
-                p.contacts = move.contacts;
-                p.constrained_goal = p.contact_position = p.position;
-            }
-            continue;
-        }
-        // Recompute the contact planes at the final position: those that keep the particle from its goal there. If the
-        // constraints lifted it off every surface, the planes at p_start remain.
-        ActiveContacts active;
-        active.update(near, p.position, p.goal, p.radius, settings_.contact);
-        const SurfacePlanes contacts = active.planes(near, settings_.step);
-        if (contacts.count > 0) {
-            p.contacts = contacts;
-            p.contact_position = p.position;
-            p.constrained_goal = active.fit().projection.point;
-            if (linked) {
-                add_barriers(i);
-            }
-        }
-    }
-    // Restoring one link may make another one cross; each round restores at least one more particle.
-    while (linked && restore_crossing_links()) {
-    }
-    fit_pose();
 }
 
 void ToolProxies::fit_pose() {
@@ -328,7 +251,7 @@ void ToolProxies::collect_speculative_planes() {
         const ToolProxy& p = particles_[i];
         speculative_tasks_[i] = {
             p.contacts,
-            {.position = p.contact_position, .radius = p.radius, .reach = settings_.reach, .dt = settings_.step},
+            {.position = p.position, .radius = p.radius, .reach = settings_.reach, .dt = settings_.step},
             {}};
     }
     // All particles share one traversal of each tree.
@@ -352,10 +275,43 @@ void ToolProxies::skin(std::span<Vec3> out) const {
 
 void ToolProxies::vertices(std::span<Vec3> out) const {
     if (posed_) {
-        posed_->position = body_.particles.position;
-        posed_->orientation = body_.particles.orientation;
+        pose_particles();
     }
     skin(out);
+}
+
+/// Present positions for the skin; the orientation of every particle is that of its group, by shape matching from the
+/// pose's orientation.
+void ToolProxies::pose_particles() const {
+    for (std::size_t i = 0; i < particles_.size(); ++i) {
+        posed_->position[i] = particles_[i].position;
+        posed_->orientation[i] = pose_.orientation;
+    }
+    if (!stopped_) {
+        return;
+    }
+    const Mat3 rotation = to_matrix(pose_.orientation);
+    for (const Group& group : body_.particles.groups) {
+        // Means of the members, now and in the rest shape.
+        Vec3 centre(0.0);
+        Vec3 rest_centre(0.0);
+        for (const std::uint32_t member : group.members) {
+            centre += particles_[member].position;
+            rest_centre += particles_[member].rest_offset;
+        }
+        const double count = static_cast<double>(group.members.size());
+        centre /= count;
+        rest_centre /= count;
+        // Moment matrix; each member counts as a ball, so that a row has a rotation too.
+        Mat3 moment(0.0);
+        for (const std::uint32_t member : group.members) {
+            const Vec3 offset = particles_[member].position - centre;
+            const Vec3 rest = particles_[member].rest_offset - rest_centre;
+            const double ball = particles_[member].radius * particles_[member].radius / 5.0;
+            moment += Mat3(offset * rest.x, offset * rest.y, offset * rest.z) + ball * rotation;
+        }
+        posed_->orientation[group.centre] = extract_rotation(moment, pose_.orientation, kOrientationIterations);
+    }
 }
 
 std::vector<Vec3> ToolProxies::vertices() const {

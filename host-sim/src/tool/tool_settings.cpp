@@ -51,21 +51,8 @@ const SettingTable<ToolSettings>& tool_table() {
              V::number(&S::cover_error, {0.0, kLengths.max})},
             {{.key = "close_gaps", .meaning = "Whether to add spheres where neighbouring spheres leave a gap."},
              V::flag(&S::close_gaps)},
-            {{.key = "neighbours", .meaning = "Neighbours that form a shape-matching group with each particle."},
+            {{.key = "neighbours", .meaning = "Neighbours that form an elastic element with each particle."},
              V::integer(&S::neighbours, {1.0, static_cast<double>(BuilderSettings::kMaxNeighbours)})},
-            {{.key = "mass",
-              .unit = "kg",
-              .meaning = "Mass of the tool. Only the ratios of its particles' masses matter."},
-             V::number(&S::mass, {1e-6, 1e3})},
-            {{.key = "group_stiffness", .meaning = "Stiffness of shape matching, from 0, limp, to 1, rigid."},
-             V::number(&S::group_stiffness, kUnitInterval)},
-            {{.key = "link_stiffness",
-              .meaning = "Stiffness of the distance constraints between neighbouring particles. 0: none."},
-             V::number(&S::link_stiffness, kUnitInterval)},
-            {{.key = "iterations",
-              .label = "Tool iterations",
-              .meaning = "Iterations over the tool's own constraints per step."},
-             V::integer(&S::iterations, {0, 1000})},
             {{.key = "curl",
               .meaning = "Closure of the generated hand, from 0, flat, to 1, a fist, while nothing else sets it."},
              V::number(&S::curl, kUnitInterval)},
@@ -85,6 +72,43 @@ const SettingTable<ToolSettings>& tool_table() {
     return table;
 }
 
+const SettingTable<ToolMaterial>& material_table() {
+    using S = ToolMaterial;
+    using V = SettingValues<S>;
+    static const SettingTable<S> table{
+        "tool.material",
+        "What the tool is made of. It resists changes of its shape with this elasticity.",
+        {
+            {{.key = "young_modulus",
+              .unit = "Pa",
+              .meaning =
+                  "Young's modulus: silicone 1e5 to 1e6, rubber 1e6 to 1e7, wood 1e10. 0: limp, each sphere on a "
+                  "spring of its own."},
+             V::number(&S::young_modulus, {0.0, ToolMaterial::kMaxYoungModulus})},
+            {{.key = "poisson_ratio",
+              .meaning = "Contraction across per stretch along: rubber 0.49, steel 0.3, cork 0."},
+             V::number(&S::poisson_ratio, {0.0, ToolMaterial::kMaxPoissonRatio})},
+            {{.key = "rigid", .meaning = "Whether the tool keeps its shape exactly, whatever its modulus."},
+             V::flag(&S::rigid)},
+        },
+        SectionKind::Optional};
+    return table;
+}
+
+/// Names the new keys for those that were removed.
+void refuse_removed_keys(const Config& config) {
+    if (config.has("tool.mass")) {
+        config.fail("tool.mass", "was removed: a tool has no mass at the hand");
+    }
+    for (const char* const key : {"tool.group_stiffness", "tool.link_stiffness", "tool.iterations"}) {
+        if (config.has(key)) {
+            config.fail(key,
+                        "was removed: a tool's stiffness is that of its material, tool.material.young_modulus "
+                        "(Pa), or tool.material.rigid");
+        }
+    }
+}
+
 }  // namespace
 
 ToolSettings read_tool(const Config& config) {
@@ -94,12 +118,18 @@ ToolSettings read_tool(const Config& config) {
         // A sphere without a size of its own has that of the scene's proxy.
         tool.ball_radius = config.number("proxy.radius", 0.03, kLengths);
     }
+    refuse_removed_keys(config);
     tool_table().read(config, tool);
+    material_table().read(config, tool.material);
     return tool;
 }
 
 SettingSection tool_section() {
     return tool_table().describe();
+}
+
+SettingSection tool_material_section() {
+    return material_table().describe();
 }
 
 }  // namespace haptic::sim

@@ -1,4 +1,4 @@
-// Keys of the tool: table [tool] of a scene.
+// Keys of the tool: tables [tool] and [tool.material] of a scene.
 #pragma once
 
 #include "haptic/setting.hpp"
@@ -6,5 +6,6 @@
 namespace haptic::sim {
 
 [[nodiscard]] SettingSection tool_section();
+[[nodiscard]] SettingSection tool_material_section();
 
 }  // namespace haptic::sim

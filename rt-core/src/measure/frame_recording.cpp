@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <system_error>
 #include <type_traits>
 
 namespace haptic::rt {
@@ -34,13 +35,14 @@ void visit_cells(Frame& frame, Proxy& proxy, Visit&& visit) {
     visit(frame.step_ns);
     visit(frame.stiffness);
     visit(frame.torque_stiffness);
-    visit(frame.damping);
-    visit(frame.rotational_damping);
     visit(frame.static_friction);
     visit(frame.dynamic_friction);
     visit(frame.proxy_count);
     visit(frame.flags);
+    visit(frame.compliance_rows);
+    visit(frame.reserved);
     visit_each(proxy.rest_offset, visit);
+    visit_each(proxy.rest_velocity, visit);
     visit_each(proxy.position, visit);
     visit_each(proxy.surface_velocity, visit);
     visit(proxy.in_contact);
@@ -68,6 +70,10 @@ CsvCell cell_of(std::uint32_t value) {
 std::size_t particles_of(const ContactFrame& frame) {
     return std::min<std::size_t>(frame.proxy_count, kMaxProxies);
 }
+/// Rows of the compliance that are recorded. A frame that announces more than there can be is defective.
+std::size_t compliance_rows_of(const ContactFrame& frame) {
+    return std::min<std::size_t>(frame.compliance_rows, kMaxComplianceRows);
+}
 
 }  // namespace
 
@@ -89,15 +95,18 @@ const std::vector<std::string>& frame_columns() {
                                           "step_ns",
                                           "stiffness_n_m",
                                           "torque_stiffness_n_m",
-                                          "damping_ns_m",
-                                          "rotational_damping_nms_rad",
                                           "static_friction",
                                           "dynamic_friction",
                                           "proxy_count",
                                           "frame_flags",
+                                          "compliance_rows",
+                                          "reserved",
                                           "rest_x_m",
                                           "rest_y_m",
                                           "rest_z_m",
+                                          "rest_vx_m_s",
+                                          "rest_vy_m_s",
+                                          "rest_vz_m_s",
                                           "x_m",
                                           "y_m",
                                           "z_m",
@@ -116,6 +125,57 @@ const std::vector<std::string>& frame_columns() {
     return columns;
 }
 
+std::filesystem::path compliance_file(const std::filesystem::path& frames) {
+    // F.frames.csv without both extensions.
+    return std::filesystem::path(frames).replace_extension().replace_extension("compliance.csv");
+}
+
+const std::vector<std::string>& compliance_columns() {
+    static const std::vector<std::string> columns = [] {
+        std::vector<std::string> names = {"now_ns", "row"};
+        for (std::size_t s = 0; s < kMaxComplianceRows; ++s) {
+            names.push_back("column" + std::to_string(s));
+        }
+        return names;
+    }();
+    return columns;
+}
+
+void FrameWriter::close() {
+    if (!compliance_) {
+        // Compliances of an earlier recording of this name do not belong to this one.
+        std::error_code error;
+        std::filesystem::remove(compliance_file_, error);
+        if (error) {
+            throw CsvError(compliance_file_.string() + ": cannot be removed: " + error.message());
+        }
+    }
+    writer_.close();
+    if (compliance_) {
+        compliance_->close();
+    }
+}
+
+void FrameWriter::write_compliance(const RecordedFrame& recorded) {
+    const std::size_t rows = compliance_rows_of(recorded.frame);
+    if (rows == 0) {
+        return;
+    }
+    if (!compliance_) {
+        compliance_.emplace(compliance_file_, compliance_columns());
+    }
+    auto& file = *compliance_;
+    for (std::size_t r = 0; r < rows; ++r) {
+        // A float is written as the double of the same value.
+        row_.assign({recorded.now_ns, static_cast<std::int64_t>(r)});
+        row_.resize(compliance_columns().size(), 0.0);
+        for (std::size_t s = 0; s <= r; ++s) {
+            row_[2 + s] = cell_of(double{recorded.frame.compliance[compliance_index(r, s)]});
+        }
+        file.row(row_);
+    }
+}
+
 void FrameWriter::write(const RecordedFrame& recorded) {
     const ContactFrame& frame = recorded.frame;
     const std::size_t particles = particles_of(frame);
@@ -129,9 +189,10 @@ void FrameWriter::write(const RecordedFrame& recorded) {
         visit_cells(frame, proxy, [this](const auto& value) { row_.push_back(cell_of(value)); });
         writer_.row(row_);
     }
+    write_compliance(recorded);
 }
 
-FrameReader::FrameReader(const std::filesystem::path& file) : reader_(file) {
+FrameReader::FrameReader(const std::filesystem::path& file) : reader_(file), compliance_file_(compliance_file(file)) {
     for (const std::string& column : frame_columns()) {
         order_.push_back(reader_.index(column));
     }
@@ -161,13 +222,38 @@ void FrameReader::read_row(RecordedFrame& recorded, std::int64_t particle) {
     visit_cells(recorded.frame, proxy, read);
 }
 
+void FrameReader::read_compliance(RecordedFrame& recorded) {
+    const std::size_t rows = compliance_rows_of(recorded.frame);
+    if (rows == 0) {
+        return;
+    }
+    if (!compliance_) {
+        compliance_.emplace(compliance_file_);
+        for (std::size_t c = 0; c < compliance_columns().size(); ++c) {
+            if (compliance_->index(compliance_columns()[c]) != c) {
+                compliance_->fail("column " + compliance_columns()[c] + " is not in its place");
+            }
+        }
+    }
+    auto& file = *compliance_;
+    for (std::size_t r = 0; r < rows; ++r) {
+        if (!file.next() || file.integer(0) != recorded.now_ns || file.natural(1) != std::uint64_t{r}) {
+            file.fail("expected row " + std::to_string(r) + " of the frame taken at " +
+                      std::to_string(recorded.now_ns) + " ns");
+        }
+        for (std::size_t s = 0; s <= r; ++s) {
+            recorded.frame.compliance[compliance_index(r, s)] = static_cast<float>(file.number(2 + s));
+        }
+    }
+}
+
 bool FrameReader::next(RecordedFrame& recorded) {
     if (!more_) {
         return false;
     }
     recorded.now_ns = reader_.integer(order_[kTime]);
     const std::int64_t defect = reader_.integer(order_[kDefect]);
-    if (defect < 0 || defect > static_cast<std::int64_t>(FrameDefect::Step)) {
+    if (defect < 0 || defect > static_cast<std::int64_t>(kLastFrameDefect)) {
         reader_.fail("column defect: unknown defect " + std::to_string(defect));
     }
     recorded.defect = static_cast<FrameDefect>(defect);
@@ -184,6 +270,7 @@ bool FrameReader::next(RecordedFrame& recorded) {
     if (expected < static_cast<std::int64_t>(particles_of(recorded.frame))) {
         reader_.fail("the frame has fewer particles than proxy_count");
     }
+    read_compliance(recorded);
     if (recorded.defect != FrameDefect::None && find_defect(recorded.frame) == FrameDefect::None) {
         recorded.frame.stiffness =
             -1.0;  // the defect was a non-finite number, written as 0: make the frame invalid again

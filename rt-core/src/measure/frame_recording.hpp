@@ -1,6 +1,8 @@
 // Recording of contact frames: one CSV row per proxy of each frame that a tick took, valid or rejected.
 //
 // The file is F.frames.csv next to F.csv. Each row repeats the values of the whole frame, so that any tool can use it.
+// F.compliance.csv has one row per row r of a frame's relative compliance k W (no unit), element s in `columnS`. It
+// ends at the diagonal: the elements behind it are written as 0. There is no such file if no frame has a compliance.
 #pragma once
 
 #include <filesystem>
@@ -16,25 +18,35 @@ namespace haptic::rt {
 /// F.frames.csv for F.csv.
 [[nodiscard]] std::filesystem::path frames_file(const std::filesystem::path& recording);
 
+/// F.compliance.csv for F.frames.csv.
+[[nodiscard]] std::filesystem::path compliance_file(const std::filesystem::path& frames);
+
 [[nodiscard]] const std::vector<std::string>& frame_columns();
+[[nodiscard]] const std::vector<std::string>& compliance_columns();
 
 class FrameWriter {
   public:
     /// Throws CsvError.
-    explicit FrameWriter(const std::filesystem::path& file) : writer_(file, frame_columns()) {}
+    explicit FrameWriter(const std::filesystem::path& file)
+        : writer_(file, frame_columns()), compliance_file_(compliance_file(file)) {}
     /// Writes a frame. A frame without proxies has one row, with particle -1. Non-finite numbers, which only a
     /// defective frame can contain, are written as 0.
     void write(const RecordedFrame& recorded);
-    void close() { writer_.close(); }
+    void close();  // replaces the files of an earlier recording; throws CsvError
 
   private:
+    void write_compliance(const RecordedFrame& recorded);
+
     CsvWriter writer_;
+    std::filesystem::path compliance_file_;
+    std::optional<CsvWriter> compliance_;  // from the first frame on that has one
     std::vector<CsvCell> row_;
 };
 
 class FrameReader {
   public:
-    /// Throws CsvError if the file or a column is missing.
+    /// Throws CsvError if the file or a column is missing. Recordings of earlier versions lack compliance_rows; their
+    /// forces have another meaning, so they are refused. Columns other than frame_columns() are ignored.
     explicit FrameReader(const std::filesystem::path& file);
     /// Reads the next frame; false at the end. A frame recorded with a defect has a defect again, but not always the
     /// same. Throws CsvError for rows that do not form a frame.
@@ -43,10 +55,13 @@ class FrameReader {
 
   private:
     void read_row(RecordedFrame& recorded, std::int64_t particle);
+    void read_compliance(RecordedFrame& recorded);
 
     CsvReader reader_;
-    std::vector<std::size_t> order_;  // file column of each of frame_columns()
-    bool more_ = false;               // the reader holds a row that was not used yet
+    std::filesystem::path compliance_file_;
+    std::optional<CsvReader> compliance_;  // from the first frame on that has one
+    std::vector<std::size_t> order_;       // file column of each of frame_columns()
+    bool more_ = false;                    // the reader holds a row that was not used yet
 };
 
 }  // namespace haptic::rt

@@ -93,7 +93,9 @@ constexpr Column kColumns[] = {
     {"energy_j", kOne, [](R r, int) -> CsvCell { return r.tick.energy; }},               // of the passivity observer
     {"rotation_energy_j", kOne, [](R r, int) -> CsvCell { return r.tick.rotation_energy; }},
     {"passivity_scale", kOne,
-     [](R r, int) -> CsvCell { return r.tick.passivity_scale; }},          // factor applied to the wrench
+     [](R r, int) -> CsvCell { return r.tick.passivity_scale; }},  // factor applied to the wrench
+    {"stiffness_n_m", kOne, [](R r, int) -> CsvCell { return r.tick.stiffness; }},
+    {"scale", kOne, [](R r, int) -> CsvCell { return r.tick.scale; }},
     {"cut", kOne, [](R r, int) -> CsvCell { return whole(r.tick.cut); }},  // HAPTIC_FAULT_*, cut by another thread
 };
 

@@ -31,7 +31,7 @@ struct Settings {
     GpioStopSettings stop_line;
     ProbeLines probes;
     std::size_t queue_ticks = 16384;  // capacity of the Recorder
-    std::size_t queue_frames = 512;   // capacity of the Recorder; 13 kB each
+    std::size_t queue_frames = 512;   // capacity of the Recorder; 89 kB each
 };
 
 /// Reads all keys. Throws ConfigError for a wrong value, for values that contradict each other, and for an unknown key.

@@ -14,6 +14,9 @@ namespace {
 // otherwise not push, take in nothing, and stay in debt; and at rest the last count of the encoders would switch it on
 // and off.
 constexpr double kSoftEnd = 0.1;
+// s, time constant of the velocity that the brake acts on: a reading that jumps by a count, or a hand that is recorded
+// in millimetres, must not make a pulse.
+constexpr double kBrakeTimeS = 10e-3;
 
 bool is_zero(const Wrench& wrench) HAPTIC_RT {
     return wrench.force == Vec3(0.0) && wrench.torque == Vec3(0.0);
@@ -73,6 +76,7 @@ void Passivity::reset() HAPTIC_RT {
     translation_ = 0.0;
     rotation_ = 0.0;
     scale_ = 1.0;
+    brake_velocity_ = brake_turn_ = Vec3(0.0);
     surface_power_ = 0.0;
 }
 
@@ -119,6 +123,7 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& r
         translation_ *= decay;
         rotation_ *= decay;
         scale_ = 1.0;
+        brake_velocity_ = brake_turn_ = Vec3(0.0);
         surface_power_ = 0.0;
     } else {
         surface_power_ = power;  // apply() scales it like the wrench
@@ -144,6 +149,12 @@ Passivity::Result Passivity::apply(const PassivityMotion& motion, const Passivit
 }
 
 Passivity::Result Passivity::bound(const PassivityMotion& motion, const PassivityRequest& request) HAPTIC_RT {
+    // Velocity for the brake, by a first-order low-pass.
+    if (motion.elapsed_s > 0.0) {
+        const double part = motion.elapsed_s / (motion.elapsed_s + kBrakeTimeS);
+        brake_velocity_ += part * (motion.displacement / motion.elapsed_s - brake_velocity_);
+        brake_turn_ += part * (motion.rotation / motion.elapsed_s - brake_turn_);
+    }
     // The size limits apply after this: only what they leave of the wrench has to be paid for.
     const double force = glm::length(request.wrench.force);
     const double torque = glm::length(request.wrench.torque);
@@ -177,22 +188,20 @@ Passivity::Result Passivity::bound(const PassivityMotion& motion, const Passivit
     if (scale_ >= 1.0) {
         return {.wrench = request.wrench};
     }
-    // gamma w, and the brake -(1 - gamma) d v.
+    // gamma w, and the brake -(1 - gamma) d v with the mean velocity v.
     const double wrench_scale = scale_ * within;
     Result result{.wrench = {wrench_scale * request.wrench.force, wrench_scale * request.wrench.torque},
                   .scale = scale_,
                   .acted = true};
     if (motion.elapsed_s > 0.0) {
-        // The motion per time is the velocity v of translation and rotation.
-        const double part = (1.0 - scale_) / motion.elapsed_s;
-        const Vec3 brake = part * settings_.brake * motion.displacement;
-        const Vec3 turn_brake = part * settings_.rotational_brake * motion.rotation;
+        const Vec3 brake = (1.0 - scale_) * settings_.brake * brake_velocity_;
+        const Vec3 turn_brake = (1.0 - scale_) * settings_.rotational_brake * brake_turn_;
         result.wrench.force -= brake;
         result.wrench.torque -= turn_brake;
         // The energy of the brake is removed from the tank, so that it cannot be given back; but not below
         // -allowance, so that a count's jitter at rest makes no debt.
         const double braked = glm::dot(brake, motion.displacement) + glm::dot(turn_brake, motion.rotation);
-        tank_ = std::max(tank_ - braked, std::min(tank_, -settings_.allowance));
+        tank_ = std::max(tank_ - std::max(braked, 0.0), std::min(tank_, -settings_.allowance));
     }
     return result;
 }

@@ -4,13 +4,15 @@
 // in a tick is exactly the held wrench times the displacement, whatever the path in between:
 //     E += -(F . dx + T . dtheta)                                 taken from the hand
 //        + b |dx|^2 / dt + b_r |dtheta|^2 / dt                    dissipated at least by the device's own damping
-//        + (P_s now + P_s before) / 2 dt,  P_s = sum f_i v_s,i / N   work of surfaces that the frame announces as
-//                                                                 moving; of a receding one, E / (stored + store) of it
+//        + (P_s now + P_s before) / 2 dt,  P_s = sum f v_s        work of surfaces announced as moving, f the rows'
+//                                                                 forces; of a receding one, E / (stored + store) of it
 //     E  = min(E, stored + store)                                 spring energy of the coupling, and a small allowance
 // This holds while a wrench is asked for. Without one, surplus is discarded (E = min(E, 0)) and debt is forgotten
 // slowly: energy stored in one contact permits nothing in the next. The third term is the work that a moving object may
 // do on a resting hand: the frame's planes announce it by their velocity. A surface that moves unannounced, for example
-// because it answers an old pose, gets no credit. The fourth line bounds the effect of wrong announcements.
+// because it answers an old pose, gets no credit. Fingers that close onto a surface count as a surface that approaches.
+// The last line bounds the effect of wrong announcements, and of frames and stiffnesses that change the springs at an
+// unchanged pose: energy that the springs gain is not credited, and what they lose cannot be given to the hand later.
 // For a spring K held for a period T against a resting wall, E >= 0 if and only if K <= 2 b / T, for every motion:
 // E = K d^2 / 2 + (b / T - K / 2) sum |dx|^2.
 //
@@ -19,10 +21,11 @@
 // moves by v h + a h^2 / 2 on average, h = gamma (T + gamma tau / 2), so the wrench gamma w gives away
 //     P h + Q h^2 / 2 <= E + allowance,    P = max(0, w . v),    Q = |F|^2 / m + |T|^2 / I
 // and the largest gamma <= 1 has a closed form. gamma falls at once, and recovers with a time constant while the wrench
-// does no work. A brake of (1 - gamma) d acts beside it, and the energy it takes is never given back, so that a
-// vibration that was kept from growing decays. In an ideal contact (K < m / T^2, K v < force_rate) gamma is 1 and the
-// wrench is the requested one, bit for bit. No wrench is made where none is asked for, whatever the debt: free motion
-// stays exactly zero. gamma is computed with only `damping_credit` of the device's damping.
+// does no work. A brake of (1 - gamma) d acts beside it, on the mean velocity of some ms, and the energy it takes is
+// never given back, so that a vibration that was kept from growing decays. In an ideal contact (K < m / T^2, K v <
+// force_rate) gamma is 1 and the wrench is the requested one, bit for bit. No wrench is made where none is asked for,
+// whatever the debt: free motion stays exactly zero. gamma is computed with only `damping_credit` of the device's
+// damping.
 //
 // Controller `Damp` is the original one: alpha v against the motion, which pays a debt back, bounded by what is stable
 // at the sample rate, with separate observers for translation and rotation.
@@ -51,7 +54,7 @@ struct PassivitySettings {
     double allowance = 4e-5;           // J, that a contact may give beyond what it took; far below perception
     double store = 1e-3;               // J, that may be kept beyond the energy of the coupling's springs
     double recovery_s = 0.05;          // s, time constant with which gamma recovers to 1
-    double brake = 3.0;                // N s/m, against the grip's motion for gamma = 0; stable far below m / T = 100
+    double brake = 3.0;                // N s/m, against the grip's mean velocity at gamma = 0; stable below m / T = 100
     double rotational_brake = 6e-4;    // N m s/rad, of the rotation; I / T = 0.02
     double forget_s = 5.0;             // s, time constant with which debt is forgotten in free motion
     double surface_power = 10.0;       // W, largest credited power of announced surface motion; 0: no credit
@@ -113,6 +116,8 @@ class Passivity {
     double translation_ = 0.0;
     double rotation_ = 0.0;
     double scale_ = 1.0;
+    Vec3 brake_velocity_{0.0};    // m/s, mean that the brake acts on
+    Vec3 brake_turn_{0.0};        // rad/s
     double surface_power_ = 0.0;  // W, of the last tick, scaled like the rendered wrench
 };
 

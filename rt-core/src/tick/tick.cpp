@@ -49,6 +49,7 @@ void Tick::run(const TickTime& time) HAPTIC_RT {
     begin(time);
     exchange_in(time);
     measure_pose(time);
+    integrate_wrench();
     check_health();
     mark_stage(instruments_.pose, TickStage::Pose);
     // Render: the wrench of the newest contact frame at this pose, within all bounds.
@@ -157,6 +158,7 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     jump_ = false;
     motion_ = PassivityMotion{};
     motion_.requested = held_command_.requested;
+    held_wrench_ = wrench_of_tensions(wires_, held_command_.tensions);
     if (!in_ok_) {
         return;
     }
@@ -174,10 +176,11 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     }
     velocity_.update(estimate_.pose, since_latch_ns);
     // The tensions were held, but the wrench changed with the strings' directions: mean of begin and end.
-    const Wrench held_before = wrench_of_tensions(wires_, held_command_.tensions);
+    const Wrench held_before = held_wrench_;
     wires_ = wire_matrix(settings_.geometry, estimate_.pose);
     const Wrench held_after = wrench_of_tensions(wires_, held_command_.tensions);
-    motion_.held = {0.5 * (held_before.force + held_after.force), 0.5 * (held_before.torque + held_after.torque)};
+    held_wrench_ = {0.5 * (held_before.force + held_after.force), 0.5 * (held_before.torque + held_after.torque)};
+    motion_.held = held_wrench_;
     // Motion over which the held wrench did its work.
     motion_.displacement = estimate_.pose.position - before.position;
     motion_.rotation = rotation_between(before.orientation, estimate_.pose.orientation);
@@ -185,6 +188,13 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     held_command_ = sent_command_;  // the board took the last command no later than now
     last_latch_ns_ = time.now_ns;
     latched_ = true;
+}
+
+void Tick::integrate_wrench() HAPTIC_RT {
+    // The whole time since the last tick: while the process was stopped, the motors kept pulling.
+    const double elapsed_s = seconds(record_.period_ns);
+    impulse_.force += elapsed_s * held_wrench_.force;
+    impulse_.torque += elapsed_s * held_wrench_.torque;
 }
 
 void Tick::check_health() HAPTIC_RT {
@@ -276,8 +286,7 @@ void Tick::read_frame(const TickTime& time) HAPTIC_RT {
 
 void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     // Wrench of the frame at this pose.
-    const Twist& velocity = velocity_.twist();
-    const FrameRenderer::Result rendered = renderer_.render(estimate_.pose, velocity, time.now_ns, elapsed_ns_);
+    const FrameRenderer::Result rendered = renderer_.render(estimate_.pose, time.now_ns, elapsed_ns_);
     // Values for the record and the flags.
     record_.proxy = rendered.contact.proxy;
     record_.in_contact = rendered.contact.in_contact;
@@ -291,7 +300,10 @@ void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     }
     // Passivity, then the safety machine, then the limits.
     const bool running = safety_.state() == SafetyState::Running;
-    limit_wrench(safety_.permitted_wrench(running ? apply_passivity(rendered.contact) : Wrench{}));
+    limit_wrench(safety_.permitted_wrench(running ? apply_passivity(rendered) : Wrench{}));
+    // What the simulation may apply to its bodies.
+    record_.stiffness = rendered.finite ? rendered.stiffness : 0.0;
+    record_.scale = running && rendered.finite ? rendered.scale * record_.passivity_scale : 0.0;
 }
 
 void Tick::limit_wrench(const Wrench& wanted) HAPTIC_RT {
@@ -311,12 +323,12 @@ void Tick::limit_wrench(const Wrench& wanted) HAPTIC_RT {
     safety_.set_rendered(limited.wrench);
 }
 
-Wrench Tick::apply_passivity(const Contact& contact) HAPTIC_RT {
+Wrench Tick::apply_passivity(const FrameRenderer::Result& rendered) HAPTIC_RT {
     // With one exchange per tick the next command is sent a tick later.
     const double period_s = seconds(settings_.period_ns) * (settings_.exchanges == 1 ? 2.0 : 1.0);
-    const Passivity::Result passive = passivity_.apply(motion_, {.wrench = contact.wrench,
-                                                                 .stored = contact.stored,
-                                                                 .surface_power = contact.surface_power,
+    const Passivity::Result passive = passivity_.apply(motion_, {.wrench = rendered.contact.wrench,
+                                                                 .stored = rendered.contact.stored,
+                                                                 .surface_power = rendered.contact.surface_power,
                                                                  .elapsed_s = seconds(elapsed_ns_),
                                                                  .period_s = period_s});
     // Energies of both observers, and gamma.
@@ -418,6 +430,11 @@ void Tick::publish(const TickTime& time) HAPTIC_RT {
     store(record_.made.force, state_.force);
     store(record_.made.torque, state_.torque);
     store(record_.proxy, state_.proxy_position);
+    // The part of the frame's coupling that is rendered, and what the hand has received in all.
+    state_.stiffness = record_.stiffness;
+    state_.scale = record_.scale;
+    store(impulse_.force, state_.impulse);
+    store(impulse_.torque, state_.angular_impulse);
     // State of the device, and the user's inputs.
     std::copy(record_.tensions.begin(), record_.tensions.end(), std::begin(state_.tension));
     state_.safety_state = record_.safety_state;

@@ -120,12 +120,13 @@ class Tick {
     void reset_pose() HAPTIC_RT;
     void read_frame(const TickTime& time) HAPTIC_RT;
     void render_wrench(const TickTime& time) HAPTIC_RT;
-    [[nodiscard]] Wrench apply_passivity(const Contact& contact) HAPTIC_RT;
+    [[nodiscard]] Wrench apply_passivity(const FrameRenderer::Result& rendered) HAPTIC_RT;
     void limit_wrench(const Wrench& wanted) HAPTIC_RT;
     void solve_tensions() HAPTIC_RT;
     void exchange_out(const TickTime& time) HAPTIC_RT;
     void update_thermal_model() HAPTIC_RT;
     [[nodiscard]] bool stop_button_active() const HAPTIC_RT;
+    void integrate_wrench() HAPTIC_RT;
     void publish(const TickTime& time) HAPTIC_RT;
     void finish(const TickTime& time) HAPTIC_RT;
     /// ns of the stage clock since the last call.
@@ -201,6 +202,8 @@ class Tick {
     HeldCommand sent_command_;  // sent, or to be sent next
     HeldCommand held_command_;  // held by the motors
     PassivityMotion motion_;    // since the last tick, under the held command
+    Wrench held_wrench_;        // of the held command since the last tick, mean over it
+    Wrench impulse_;            // N*s and N*m*s, integral of the held wrench since the process began
 };
 
 }  // namespace haptic::rt

@@ -35,6 +35,8 @@ struct TickRecord {
     double energy = 0.0;           // J, of the passivity observer; negative: energy given without having been taken
     double rotation_energy = 0.0;  // J, of rotation alone
     double passivity_scale = 1.0;  // gamma of the passivity controller
+    double stiffness = 0.0;        // N/m, of the frame's coupling after its limits
+    double scale = 0.0;            // 0..1, part of the frame's wrench that is rendered: fade, blend, passivity
     Vec3 proxy{0.0, 0.0, 0.0};     // m, local proxy of the first particle
     StringArray tensions{};        // N, as sent
     double residual = 0.0;         // m, rms of measured minus explained lengths

@@ -14,14 +14,18 @@
 extern "C" {
 #endif
 
-#define HAPTIC_ABI_VERSION 3u
+#define HAPTIC_ABI_VERSION 4u
 #define HAPTIC_MAX_PROXIES 64u
 #define HAPTIC_MAX_PLANES 3u
 #define HAPTIC_STRINGS 8u
+#define HAPTIC_MAX_COMPLIANCE_ROWS 192u
+#define HAPTIC_MAX_COMPLIANCES (HAPTIC_MAX_COMPLIANCE_ROWS * (HAPTIC_MAX_COMPLIANCE_ROWS + 1u) / 2u)
 
 /* Half-space of allowed positions x of a proxy's centre:
  * dot(normal, x) >= offset + velocity * (t - plane_time_ns) * 1e-9.
- * The offset includes the radius of the proxy (configuration-space obstacle, Ruspini et al. 1997). */
+ * The offset includes the radius of the proxy (configuration-space obstacle, Ruspini et al. 1997). Planes describe
+ * where the force is: a surface whose contact is damped leads its position by tau v, with v the speed of its approach
+ * and tau the time constant of damping and stiffness in parallel. */
 typedef struct haptic_plane {
     double normal[3]; /* unit, pointing out of the surface */
     double offset;    /* m */
@@ -31,6 +35,7 @@ typedef struct haptic_plane {
 /* One sphere of the haptic tool. A tool with a single sphere has rest_offset 0. */
 typedef struct haptic_proxy {
     double rest_offset[3];      /* m, grip frame: position of the particle without contact */
+    double rest_velocity[3];    /* m/s, grip frame: velocity of rest_offset, of a hand that closes or opens */
     double position[3];         /* m, simulated position at plane_time_ns */
     double surface_velocity[3]; /* m/s, of the touched surface, which carries the proxy along while it sticks;
                                    only the component in the planes is used. 0 without friction */
@@ -42,39 +47,43 @@ typedef struct haptic_proxy {
 /* Bits of haptic_proxy.in_contact. */
 enum {
     HAPTIC_PROXY_TOUCHES = 1u << 0,
-    HAPTIC_PROXY_STICKS = 1u << 1 /* static friction: the position moves with surface_velocity */
+    HAPTIC_PROXY_STICKS = 1u << 1,  /* static friction: the position moves with surface_velocity */
+    HAPTIC_PROXY_TANGENTS = 1u << 2 /* the compliance has two tangential rows for this proxy */
 };
 
-/* Bits of haptic_contact_frame.flags. By default, the particles in contact exert F = k sum d_i / N and
- * T = k_t sum r_i x d_i / N (thesis, section 5.2.2). The goal of particle i is its position relative to the grip
- * without contact, d_i points from the goal to the local proxy, r_i from the grip to the goal, and N is the number of
- * all particles. */
+/* Bits of haptic_contact_frame.flags. The planes push the particles with the forces of the contact problem of
+ * haptic/contact_problem.hpp, whose compliance the frame carries. Without compliance the tool is limp: between
+ * particles i and j of N it is, relative, (N k / k_t) delta_ij + 1 - k / k_t. For k_t = k each particle is on a spring
+ * of its own: F = k sum d_i / N, T = k sum r_i x d_i / N (thesis, section 5.2.2), over the particles in contact. d_i
+ * points from the particle's position without contact to the local proxy, r_i from the grip to that position. */
 enum {
-    HAPTIC_FRAME_SQUEEZED = 1u << 0,       /* a proxy is overconstrained; its position violates the surfaces least */
-    HAPTIC_FRAME_CLUTCHED = 1u << 1,       /* the grip is decoupled from the scene: no force */
-    HAPTIC_FRAME_SERIES_SPRINGS = 1u << 2, /* particle springs in series with those of the grip: the force does not
-                                              decrease with their number (haptic/series_springs.hpp) */
-    HAPTIC_FRAME_HOLD_POSITIONS = 1u << 3  /* particles in contact are fixed at position and planes are ignored: the
-                                              thesis' multi-rate scheme (5.4.1), with its dragging force */
+    HAPTIC_FRAME_SQUEEZED = 1u << 0,      /* a proxy is overconstrained; its position violates the surfaces least */
+    HAPTIC_FRAME_CLUTCHED = 1u << 1,      /* the grip is decoupled from the scene: no force */
+    HAPTIC_FRAME_HOLD_POSITIONS = 1u << 3 /* particles in contact are fixed at position and planes are ignored: the
+                                             thesis' scheme (5.4.1), F = k sum d_i / N, T = k_t sum r_i x d_i / N */
 };
 
 typedef struct haptic_contact_frame {
-    uint64_t sequence;         /* written by the ring: 1, 2, 3, ... over all sessions of the ring */
-    uint64_t session;          /* written by the ring: a new value each time a writer attaches */
-    uint64_t state_sequence;   /* of the device state that this frame responds to; 0 if none yet */
-    int64_t state_time_ns;     /* encoder latch time of that state */
-    int64_t plane_time_ns;     /* time at which the planes' offsets are valid */
-    int64_t publish_time_ns;   /* when the frame was published */
-    int64_t step_ns;           /* expected time until the next frame */
-    double stiffness;          /* N/m, coupling as felt at the hand */
-    double torque_stiffness;   /* N/m, of the particles' springs for the torque; 0: same as stiffness */
-    double damping;            /* N*s/m */
-    double rotational_damping; /* N*m*s/rad */
-    double static_friction;    /* coefficient up to which a proxy sticks to its planes; 0: no friction */
-    double dynamic_friction;   /* coefficient while it slides, at most static_friction */
-    uint32_t proxy_count;      /* 0..HAPTIC_MAX_PROXIES */
+    uint64_t sequence;       /* written by the ring: 1, 2, 3, ... over all sessions of the ring */
+    uint64_t session;        /* written by the ring: a new value each time a writer attaches */
+    uint64_t state_sequence; /* of the device state that this frame responds to; 0 if none yet */
+    int64_t state_time_ns;   /* encoder latch time of that state */
+    int64_t plane_time_ns;   /* time at which the planes' offsets are valid */
+    int64_t publish_time_ns; /* when the frame was published */
+    int64_t step_ns;         /* expected time until the next frame */
+    double stiffness;        /* N/m, coupling as felt at the hand */
+    double torque_stiffness; /* N/m, k_t of a limp tool (below); 0: same as stiffness */
+    double static_friction;  /* coefficient up to which a proxy sticks to its planes; 0: no friction */
+    double dynamic_friction; /* coefficient while it slides, at most static_friction */
+    uint32_t proxy_count;    /* 0..HAPTIC_MAX_PROXIES */
     uint32_t flags;
+    uint32_t compliance_rows; /* rows of `compliance`; 0: a limp tool, each particle on a spring of its own */
+    uint32_t reserved;        /* 0 */
     haptic_proxy proxies[HAPTIC_MAX_PROXIES];
+    /* Relative: `stiffness` times the displacement of row r per newton on row s <= r, at index r (r + 1) / 2 + s; so it
+     * stays the same when the coupling fades. Proxy by proxy, the rows are the normals of its planes, then its two
+     * tangents (haptic/contact_problem.hpp) if HAPTIC_PROXY_TANGENTS is set. */
+    float compliance[HAPTIC_MAX_COMPLIANCES];
 } haptic_contact_frame;
 
 /* States of the safety machine (haptic_device_state.safety_state). */
@@ -129,6 +138,10 @@ typedef struct haptic_device_state {
     double torque[3];               /* N*m, as above */
     double proxy_position[3];       /* m, local proxy of the first particle */
     double tension[HAPTIC_STRINGS]; /* N, sent to the motors */
+    double stiffness;               /* N/m, of the frame's coupling after the limits of rate, device and passivity */
+    double scale;                   /* 0..1, part of the frame's wrench that is rendered: fade, blend, passivity */
+    double impulse[3];              /* N*s, integral of `force` since the process started */
+    double angular_impulse[3];      /* N*m*s, integral of `torque` since the process started */
     uint32_t safety_state;
     uint32_t faults;
     uint32_t tick_flags;

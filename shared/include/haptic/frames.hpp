@@ -22,11 +22,13 @@ using DeviceState = haptic_device_state;
 inline constexpr std::size_t kMaxProxies = HAPTIC_MAX_PROXIES;
 inline constexpr std::size_t kMaxPlanes = HAPTIC_MAX_PLANES;
 inline constexpr std::size_t kStrings = HAPTIC_STRINGS;
+inline constexpr std::size_t kMaxComplianceRows = HAPTIC_MAX_COMPLIANCE_ROWS;
+inline constexpr std::size_t kMaxCompliances = HAPTIC_MAX_COMPLIANCES;
 
 static_assert(std::is_trivially_copyable_v<ContactFrame> && std::is_trivially_copyable_v<DeviceState>);
-static_assert(sizeof(ContactPlane) == 40 && sizeof(ProxyContact) == 200);
-static_assert(sizeof(ContactFrame) == 112 + 64 * 200 && offsetof(ContactFrame, proxies) == 112);
-static_assert(sizeof(DeviceState) == 32 + 30 * 8 + 16 && offsetof(DeviceState, safety_state) == 272);
+static_assert(sizeof(ContactPlane) == 40 && sizeof(ProxyContact) == 224);
+static_assert(sizeof(ContactFrame) == 104 + 64 * 224 + kMaxCompliances * 4 && offsetof(ContactFrame, proxies) == 104);
+static_assert(sizeof(DeviceState) == 32 + 38 * 8 + 16 && offsetof(DeviceState, safety_state) == 336);
 
 /// Why a contact frame must not be rendered.
 enum class FrameDefect : std::uint8_t {
@@ -35,11 +37,25 @@ enum class FrameDefect : std::uint8_t {
     PlaneCount,  // more than kMaxPlanes
     NonFinite,   // a number that is used is not finite
     Normal,      // a normal's length differs from 1 by more than 1e-6
-    Coupling,    // a stiffness, damping or friction is negative
-    Step         // step_ns is not positive, or longer than a second
+    Coupling,    // a stiffness or friction is negative
+    Step,        // step_ns is not positive, or longer than a second
+    Rows,        // compliance_rows is neither 0 nor the number that planes and HAPTIC_PROXY_TANGENTS imply
+    Compliance,  // no compliance: a diagonal element too small, or another one larger than its diagonal allows
+    Reserved     // a reserved field is not 0
 };
+/// The enumerator with the largest value.
+inline constexpr FrameDefect kLastFrameDefect = FrameDefect::Reserved;
 
-/// Validates every field that a renderer uses. Bounded by kMaxProxies * kMaxPlanes.
+/// Rows of the contact problem (contact_problem.hpp) of a proxy: its planes, and two tangents if it has any.
+inline std::size_t contact_rows(const ProxyContact& proxy) HAPTIC_RT {
+    return proxy.plane_count + ((proxy.in_contact & HAPTIC_PROXY_TANGENTS) != 0 ? 2u : 0u);
+}
+/// Index in ContactFrame::compliance of row r and column s <= r.
+constexpr std::size_t compliance_index(std::size_t r, std::size_t s) noexcept {
+    return r * (r + 1) / 2 + s;
+}
+
+/// Validates every field that a renderer uses. Bounded by kMaxProxies * kMaxPlanes and kMaxCompliances.
 [[nodiscard]] FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT;
 
 /// Describes a defect for reports; not for the tick.

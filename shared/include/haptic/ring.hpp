@@ -133,10 +133,17 @@ struct RingKindOf<DeviceState> {
 template <class Slot>
 inline constexpr RingKind kRingKind = RingKindOf<Slot>::kKind;
 
-/// Bytes in use at the start of a slot: a contact frame ends with its last proxy.
+/// Bytes in use at the start of a slot: a contact frame ends with its last compliance, or without any with its last
+/// proxy.
 inline std::size_t used_bytes(const ContactFrame& frame) HAPTIC_RT {
-    return frame.proxy_count < kMaxProxies ? offsetof(ContactFrame, proxies) + frame.proxy_count * sizeof(ProxyContact)
-                                           : sizeof(ContactFrame);
+    if (frame.compliance_rows > 0) {
+        const std::size_t rows =
+            frame.compliance_rows < kMaxComplianceRows ? frame.compliance_rows : kMaxComplianceRows;
+        const std::size_t bytes = offsetof(ContactFrame, compliance) + rows * (rows + 1) / 2 * sizeof(float);
+        return (bytes + sizeof(std::uint64_t) - 1) / sizeof(std::uint64_t) * sizeof(std::uint64_t);
+    }
+    const std::size_t proxies = frame.proxy_count < kMaxProxies ? frame.proxy_count : kMaxProxies;
+    return offsetof(ContactFrame, proxies) + proxies * sizeof(ProxyContact);
 }
 inline std::size_t used_bytes(const DeviceState& /*state*/) HAPTIC_RT {
     return sizeof(DeviceState);

@@ -10,7 +10,7 @@ namespace haptic::sim::test {
 
 /// side x side spheres in the plane y = 0 of the tool frame, centred on the origin. Each forms a group with its
 /// neighbours, diagonals included.
-inline ToolModel square_of_spheres(int side, double spacing, double radius, double stiffness, int iterations = 4) {
+inline ToolModel square_of_spheres(int side, double spacing, double radius, const ToolMaterial& material = {}) {
     ToolModel tool;
     ParticleModel& model = tool.body.particles;
     const double middle = 0.5 * (side - 1);
@@ -23,7 +23,6 @@ inline ToolModel square_of_spheres(int side, double spacing, double radius, doub
         for (int i = 0; i < side; ++i) {
             Group group;
             group.centre = static_cast<std::uint32_t>(j * side + i);
-            group.stiffness = stiffness;
             for (int b = j > 0 ? j - 1 : 0; b < side && b <= j + 1; ++b) {
                 for (int a = i > 0 ? i - 1 : 0; a < side && a <= i + 1; ++a) {
                     group.members.push_back(static_cast<std::uint32_t>(b * side + a));
@@ -33,7 +32,8 @@ inline ToolModel square_of_spheres(int side, double spacing, double radius, doub
         }
     }
     tool.radius.assign(model.size(), radius);
-    tool.iterations = iterations;
+    tool.volume.assign(model.size(), 4.0 * radius * radius * radius);
+    tool.material = material;
     return tool;
 }
 
@@ -44,6 +44,7 @@ inline ToolModel loose_spheres(const std::vector<Vec3>& where, double radius) {
         tool.body.particles.add(o, 0.1, radius);
     }
     tool.radius.assign(where.size(), radius);
+    tool.volume.assign(where.size(), 4.0 * radius * radius * radius);
     return tool;
 }
 

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -62,6 +63,13 @@ inline ContactFrame floor_frame(double height, double stiffness, std::int64_t no
     frame.proxies[0].planes[0].normal[1] = 1.0;
     frame.proxies[0].planes[0].offset = height;
     return frame;
+}
+
+/// Contact of a frame at a pose, without a past.
+inline Contact render_once(const ContactFrame& frame, const Pose& grip, std::int64_t time_ns = 0) {
+    const auto tool = std::make_unique<ToolContact>();
+    tool->load(frame);
+    return tool->render(frame, frame.stiffness, {.pose = grip, .previous = grip}, time_ns);
 }
 
 class TickRig {

@@ -25,8 +25,6 @@ std::unique_ptr<ContactFrame> full_frame() {
     frame->step_ns = 1'000'000;
     frame->stiffness = 500.0;
     frame->torque_stiffness = 300.0;
-    frame->damping = 1.0;
-    frame->rotational_damping = 0.001;
     frame->static_friction = 0.8;
     frame->dynamic_friction = 0.5;
     frame->proxy_count = kMaxProxies;
@@ -61,12 +59,11 @@ TEST(FindDefect, RefusesEachNumberThatIsNotFinite) {
     const std::function<double*(ContactFrame&)> numbers[] = {
         [](ContactFrame& frame) { return &frame.stiffness; },
         [](ContactFrame& frame) { return &frame.torque_stiffness; },
-        [](ContactFrame& frame) { return &frame.damping; },
-        [](ContactFrame& frame) { return &frame.rotational_damping; },
         [](ContactFrame& frame) { return &frame.static_friction; },
         [](ContactFrame& frame) { return &frame.dynamic_friction; },
         [](ContactFrame& frame) { return &frame.proxies[63].surface_velocity[1]; },
         [](ContactFrame& frame) { return &frame.proxies[63].rest_offset[2]; },
+        [](ContactFrame& frame) { return &frame.proxies[63].rest_velocity[0]; },
         [](ContactFrame& frame) { return &frame.proxies[63].position[0]; },
         [](ContactFrame& frame) { return &frame.proxies[63].planes[2].normal[1]; },
         [](ContactFrame& frame) { return &frame.proxies[63].planes[2].offset; },
@@ -93,8 +90,6 @@ TEST(FindDefect, RefusesNormalsThatAreNotOfUnitLength) {
 TEST(FindDefect, RefusesNegativeCoupling) {
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.stiffness = -1e-9; }), FrameDefect::Coupling);
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.torque_stiffness = -1.0; }), FrameDefect::Coupling);
-    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.damping = -1.0; }), FrameDefect::Coupling);
-    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.rotational_damping = -1.0; }), FrameDefect::Coupling);
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.static_friction = -0.1; }), FrameDefect::Coupling);
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.dynamic_friction = -0.1; }), FrameDefect::Coupling);
 }
@@ -104,6 +99,73 @@ TEST(FindDefect, RefusesStepsThatAreNoDuration) {
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.step_ns = -1; }), FrameDefect::Step);
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.step_ns = 1'000'000'001; }), FrameDefect::Step);
     EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.step_ns = 1'000'000'000; }), FrameDefect::None);
+}
+
+/// A valid frame with three proxies of two planes each; the second has tangents: 8 rows, k W = 1 on the diagonal plus
+/// 0.5.
+std::unique_ptr<ContactFrame> compliant_frame() {
+    auto frame = full_frame();
+    frame->proxy_count = 3;
+    for (ProxyContact& proxy : frame->proxies) {
+        proxy.plane_count = 2;
+    }
+    frame->proxies[1].in_contact = HAPTIC_PROXY_TANGENTS;
+    frame->compliance_rows = 8;
+    for (std::size_t r = 0; r < 8; ++r) {
+        for (std::size_t s = 0; s <= r; ++s) {
+            frame->compliance[compliance_index(r, s)] = r == s ? 1.5F : 0.5F;
+        }
+    }
+    return frame;
+}
+
+FrameDefect defect_of_compliant(const std::function<void(ContactFrame&)>& damage) {
+    const auto frame = compliant_frame();
+    damage(*frame);
+    return find_defect(*frame);
+}
+
+TEST(FindDefect, AcceptsTheComplianceOfTheRowsThatPlanesAndTangentsImply) {
+    EXPECT_EQ(find_defect(*compliant_frame()), FrameDefect::None);
+    EXPECT_EQ(defect_of_compliant([](ContactFrame& frame) { frame.compliance_rows = 0; }), FrameDefect::None);
+    EXPECT_EQ(defect_of_compliant([](ContactFrame& frame) { frame.compliance_rows = 7; }), FrameDefect::Rows);
+    EXPECT_EQ(defect_of_compliant([](ContactFrame& frame) { frame.compliance_rows = 9; }), FrameDefect::Rows);
+    EXPECT_EQ(defect_of_compliant([](ContactFrame& frame) { frame.compliance_rows = 0xFFFFFFFF; }), FrameDefect::Rows);
+    EXPECT_EQ(defect_of_compliant([](ContactFrame& frame) { frame.proxies[0].in_contact = HAPTIC_PROXY_TANGENTS; }),
+              FrameDefect::Rows);
+    EXPECT_EQ(defect_of_compliant([](ContactFrame& frame) {
+                  frame.proxies[1].plane_count = 0;
+                  frame.compliance_rows = 6;
+              }),
+              FrameDefect::Rows)
+        << "tangents without a plane";
+}
+
+TEST(FindDefect, RefusesAMatrixThatIsNoCompliance) {
+    const auto with = [](std::size_t r, std::size_t s, float value) {
+        return defect_of_compliant([=](ContactFrame& frame) { frame.compliance[compliance_index(r, s)] = value; });
+    };
+    EXPECT_EQ(with(7, 7, std::numeric_limits<float>::infinity()), FrameDefect::NonFinite);
+    EXPECT_EQ(with(7, 7, std::numeric_limits<float>::quiet_NaN()), FrameDefect::NonFinite);
+    EXPECT_EQ(with(7, 6, std::numeric_limits<float>::quiet_NaN()), FrameDefect::Compliance);
+    EXPECT_EQ(with(7, 7, -1.0F), FrameDefect::Compliance);
+    EXPECT_EQ(with(0, 0, 0.0F), FrameDefect::Compliance) << "a normal row must yield";
+    EXPECT_EQ(with(7, 0, 1.5F), FrameDefect::None) << "both rows always move together";
+    EXPECT_EQ(with(7, 0, 1.6F), FrameDefect::Compliance);
+    EXPECT_EQ(with(7, 0, -1.6F), FrameDefect::Compliance);
+}
+
+TEST(FindDefect, AllowsRigidTangents) {
+    EXPECT_EQ(defect_of_compliant([](ContactFrame& frame) {
+                  for (std::size_t k = 0; k < 8; ++k) {
+                      frame.compliance[k <= 5 ? compliance_index(5, k) : compliance_index(k, 5)] = 0.0F;
+                  }
+              }),
+              FrameDefect::None);
+}
+
+TEST(FindDefect, RefusesReservedFieldsThatAreNotZero) {
+    EXPECT_EQ(defect_after([](ContactFrame& frame) { frame.reserved = 1; }), FrameDefect::Reserved);
 }
 
 TEST(FindDefect, IgnoresWhatTheFrameDoesNotUse) {
@@ -118,7 +180,7 @@ TEST(FindDefect, IgnoresWhatTheFrameDoesNotUse) {
 
 TEST(FrameDefects, EachHasASentenceOfItsOwn) {
     std::vector<std::string_view> seen;
-    for (int i = 0; i <= static_cast<int>(FrameDefect::Step); ++i) {
+    for (int i = 0; i <= static_cast<int>(kLastFrameDefect); ++i) {
         const std::string_view sentence = describe(static_cast<FrameDefect>(i));
         EXPECT_NE(sentence, "unknown defect");
         EXPECT_EQ(std::count(seen.begin(), seen.end(), sentence), 0) << sentence;

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "ring_session.hpp"
 
@@ -14,7 +15,8 @@ namespace {
 
 using test::RingSession;
 
-constexpr std::size_t kProxyBytes = sizeof(ContactFrame) - offsetof(ContactFrame, proxies);
+// Everything from the proxies to the end of the frame.
+constexpr std::size_t kVariableBytes = sizeof(ContactFrame) - offsetof(ContactFrame, proxies);
 
 std::string bytes_of(const ContactFrame& frame) {
     return {reinterpret_cast<const char*>(&frame), sizeof frame};
@@ -31,8 +33,9 @@ TEST_F(Ring, BringsAFrameOverBitForBit) {
     RingWriter<ContactFrame> writer(session_.name());
     RingReader<ContactFrame> reader(session_.name());
     in_->proxy_count = kMaxProxies;
+    in_->compliance_rows = kMaxComplianceRows;
     auto* const bytes = reinterpret_cast<unsigned char*>(in_->proxies);
-    for (std::size_t i = 0; i < kProxyBytes; ++i) {
+    for (std::size_t i = 0; i < kVariableBytes; ++i) {
         bytes[i] = static_cast<unsigned char>(i * 37 + i / 256);
     }
     in_->plane_time_ns = 12345;
@@ -55,6 +58,20 @@ TEST_F(Ring, CopiesOnlyTheProxiesInUse) {
     ASSERT_TRUE(reader.read_newest(*out_));
     EXPECT_EQ(out_->proxies[1].in_contact, 1u);
     EXPECT_EQ(out_->proxies[2].in_contact, 7u);
+}
+
+TEST_F(Ring, CopiesOnlyTheCompliancesInUse) {
+    RingWriter<ContactFrame> writer(session_.name());
+    RingReader<ContactFrame> reader(session_.name());
+    in_->compliance_rows = 2;
+    for (std::size_t i = 0; i < 5; ++i) {
+        in_->compliance[i] = static_cast<float>(i + 1);
+        out_->compliance[i] = -1.0F;
+    }
+    writer.publish(*in_, 0);
+    ASSERT_TRUE(reader.read_newest(*out_));
+    // Two rows have three elements; the copy ends at the next multiple of eight bytes.
+    EXPECT_EQ(std::vector<float>(out_->compliance, out_->compliance + 5), (std::vector<float>{1, 2, 3, 4, -1}));
 }
 
 TEST_F(Ring, CopiesNoMoreThanTheSlotWhateverTheFrameSays) {

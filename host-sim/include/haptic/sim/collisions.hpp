@@ -77,7 +77,7 @@ class ParticleCollisions final : public SolverContacts {
     [[nodiscard]] int substeps(const ParticleModel& start, double step) const override;
     void find(const ParticleModel& start, const MovingParticles& predicted, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
-    /// Makes a bounded number of extra passes while contacts are still deep, then writes the total pushes.
+    /// Makes a bounded number of extra passes while contacts are still deep, then adds the total pushes.
     void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
 
     [[nodiscard]] CollisionCounts counts() const noexcept;

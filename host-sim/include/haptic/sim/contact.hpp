@@ -31,7 +31,7 @@ struct ContactSettings {
 
     CcdMethod method = CcdMethod::Complete;
 
-    double static_friction = 0.0;   // coefficient, 0 .. 10, for a proxy at rest: friction.hpp
+    double static_friction = 0.0;   // coefficient, 0 .. 10, for a proxy at rest: haptic/contact_problem.hpp
     double dynamic_friction = 0.0;  // coefficient, 0 .. static_friction, for a sliding proxy
 
     PopOutMethod pop_out = PopOutMethod::OrderFree;

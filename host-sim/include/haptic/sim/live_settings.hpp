@@ -1,11 +1,11 @@
 // Live settings: the settings of a scene that may change while it runs, between steps, without making the scene again.
 //
-// A change must not be felt as a jolt. Stiffnesses, friction and shrink are interpolated linearly to the new value
-// within kFade, as the clutch fades. The radius changes by a bounded factor per step: kRadiusRate per second, and at
-// most kMaxGrowth per step. A surface that the grown sphere intersects is then handled like one that has approached:
-// the next step's secure position moves clear of it, on the side where it is, so nothing passes through the centre
-// however much the radius grows. Step, iterations and methods produce no force of their own and apply from the next
-// step.
+// A change must not be felt as a jolt. Stiffnesses, friction, shrink and the step are interpolated linearly to the new
+// value within kFade, as the clutch fades: bodies answer another step with another stiffness. The radius changes by a
+// bounded factor per step: kRadiusRate per second, and at most kMaxGrowth per step. A surface that the grown sphere
+// intersects is then handled like one that has approached: the next step's secure position moves clear of it, on the
+// side where it is, so nothing passes through the centre however much the radius grows. Iterations and methods apply
+// from the next step.
 //
 // The result depends only on which settings are requested before which steps, bit for bit.
 #pragma once
@@ -25,9 +25,8 @@ struct LiveSettings {
     double torque_stiffness = 0.0;  // N/m, CouplingSettings; 0: as `stiffness`
     double radius = 0.03;           // m, of the proxy; no effect on a tool with spheres of its own
     double shrink = 0.999;
-    int iterations = 5;       // of the bodies' constraints
-    int tool_iterations = 0;  // of the tool's
-    double step = 0.01;       // s
+    int iterations = 5;  // of the bodies' constraints
+    double step = 0.01;  // s
     CcdMethod method = CcdMethod::Complete;
     PopOutMethod pop_out = PopOutMethod::OrderFree;
     double static_friction = 0.0;   // of the proxy

@@ -4,8 +4,8 @@
 // A step takes the device's pose at a time t and
 //   1. finds secure positions of the tool's proxies among the surfaces as they moved until t (CCD), and pops them
 //      out of remaining overlap;
-//   2. moves the proxies toward their goals among the surfaces at t, with the tool's constraints (tool_proxies.hpp);
-//   3. applies the contact force to the touched particles and steps the bodies to t + dt;
+//   2. moves the proxies to the tool's equilibrium among the surfaces at t (tool_proxies.hpp);
+//   3. steps the bodies to t + dt, with the coupling to the tool among their constraints (contact_coupling.hpp);
 //   4. makes the contact frame: planes at t, with the velocities that take the surfaces to t + dt. The haptic loop thus
 //      interpolates between t and t + dt and extrapolates only beyond.
 // The tool comes first, so that the scheme is semi-implicit (thesis, section 3.3, Algorithms 3 and 4).
@@ -32,6 +32,14 @@ namespace haptic::sim {
 
 class ToolProxies;
 
+/// What the device has rendered of the contact frames (frames.h). Device frame.
+struct DeviceFeedback {
+    double stiffness = 0.0;          // N/m, of the coupling after the device's limits
+    double scale = 0.0;              // 0..1, part of the frame's wrench that is rendered
+    Vec3 impulse{0.0};               // N*s, at the hand since the device's process began
+    bool stiffness_limited = false;  // the frame asks for more than `stiffness`
+};
+
 /// State of the device at the beginning of a step.
 struct StepInput {
     std::int64_t time_ns = 0;          // beginning of the step, at which the frame's planes hold
@@ -40,6 +48,8 @@ struct StepInput {
     std::optional<double> curl;        // 0..1, for a tool that can close; nullopt: by its button (ToolSettings)
     std::uint64_t state_sequence = 0;  // of the device state it comes from; 0: none
     std::int64_t state_time_ns = 0;    // latch time of that device state
+    /// nullopt: there is no device, and the hand feels the whole force.
+    std::optional<DeviceFeedback> feedback;
 };
 
 /// Input from a device state.
@@ -49,8 +59,8 @@ struct StepInput {
 struct StageTimes {
     std::int64_t ccd_ns = 0;  // refit of the trees, secure positions
     std::int64_t popout_ns = 0;
-    std::int64_t proxy_ns = 0;    // virtual proxies, speculative planes, contact force
-    std::int64_t tool_ns = 0;     // the tool's constraints
+    std::int64_t proxy_ns = 0;    // speculative planes, contact coupling
+    std::int64_t tool_ns = 0;     // the tool's equilibrium: contact problem, moves of the proxies
     std::int64_t collide_ns = 0;  // collisions between bodies and with the ground
     std::int64_t deform_ns = 0;   // forces, constraints, integration
     std::int64_t skin_ns = 0;
@@ -69,16 +79,19 @@ struct StepResult {
     Vec3 torque{0.0};                            // N*m, scene, on the tool about the hip
     Vec3 hand_force{0.0};                        // N, device frame, at the hand
     Vec3 hand_torque{0.0};                       // N*m, device frame, at the hand
+    Vec3 hand_impulse{0.0};                      // N*s, device frame: received by the hand since the last step
+    Vec3 body_impulse{0.0};                      // N*s, device frame: opposite of what the bodies received in this step
     double curl = 0.0;                           // 0..1
     double depth = 0.0;                          // m, scene, of a proxy's goal beyond the surface
     bool in_contact = false;
-    std::size_t collided = 0;      // proxies in contact
-    int advances = 0;              // moves of the secure-position search
-    int pop_out_iterations = 0;    // moves of the pop-out
-    bool overconstrained = false;  // a proxy has less room than its radius
-    bool passed_through = false;   // a surface passed through a proxy that had no room at all
-    bool crossed = false;          // by verification: a proxy's centre crossed a surface in this step
-    std::size_t crossings = 0;     // number of such proxies
+    std::size_t collided = 0;        // proxies in contact
+    int advances = 0;                // moves of the secure-position search
+    int pop_out_iterations = 0;      // moves of the pop-out
+    bool overconstrained = false;    // a proxy has less room than its radius
+    double equilibrium_error = 0.0;  // m, of a proxy from where the tool's equilibrium has it
+    bool passed_through = false;     // a surface passed through a proxy that had no room at all
+    bool crossed = false;            // by verification: a proxy's centre crossed a surface in this step
+    std::size_t crossings = 0;       // number of such proxies
     StageTimes times;
 };
 

@@ -47,6 +47,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <memory>
 #include <span>
 #include <vector>
@@ -83,8 +84,8 @@ class SolverContacts {
     virtual void find(const ParticleModel& start, const MovingParticles& predicted, double h) = 0;
     /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`.
     virtual void project(const ParticleModel& start, const MovingParticles& now, double h) = 0;
-    /// Called once, after the last iteration. May move positions; writes all of `now.pushed`, each particle's
-    /// displacement by contacts since find().
+    /// Called once, after the last iteration. May move positions; adds to `now.pushed` each particle's displacement by
+    /// these contacts since find().
     virtual void finish(const ParticleModel& start, const MovingParticles& now, double h) = 0;
 };
 
@@ -105,17 +106,9 @@ class ParticleSolver {
     [[nodiscard]] static std::vector<std::size_t> usable_lanes();
 
     /// Advances the model by settings().step. Rest shape and constraints must be those given to the constructor.
-    /// `force` is in N, per particle, constant over the step; an empty span means no force.
-    void step(ParticleModel& model, std::span<const Vec3> force, SolverContacts* contacts = nullptr);
-
-    /// Projects the constraints only: settings().iterations passes over the model's positions and orientations. No time
-    /// passes, so velocities, gravity and momentum have no part; settings().step only scales compliances. Particles
-    /// whose `held` is not 0 return to their position after each pass; an empty span holds none.
-    void project(ParticleModel& model, std::span<const std::uint8_t> held = {});
-
-    /// Takes group shapes and link lengths from the model's rest positions. Everything else about the constraints stays
-    /// as given to the constructor. No allocation.
-    void set_rest_shape(const ParticleModel& model) noexcept;
+    /// `force` is in N, per particle, constant over the step; an empty span means no force. `contacts` are projected in
+    /// their order, so that the last ones hold best; null elements are skipped.
+    void step(ParticleModel& model, std::span<const Vec3> force, std::initializer_list<SolverContacts*> contacts = {});
 
     /// Changes step, s, and iterations from the next step on. Throws std::invalid_argument as the constructor does, and
     /// then changes nothing.

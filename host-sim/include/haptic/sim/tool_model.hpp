@@ -2,8 +2,8 @@
 // particle.
 //
 // Spheres are fitted to any mesh (sphere_cover.hpp) or given by number and radius. Particles sit at their centres;
-// masses, groups and skin are built as for any other body (model_builder.hpp). A tool has no state of its own: each
-// step starts from its rest shape at the hip (thesis, section 5.2.4), and nothing of it is integrated.
+// groups and skin are built as for any other body (model_builder.hpp). Its material and the coupling to the hand make
+// its shape among surfaces (tool_proxies.hpp); nothing of it is integrated.
 //
 // Thin objects can pass between spheres (thesis, figure 5.9). `close_gaps` adds spheres until neighbours overlap, and
 // continue to overlap when the tool is stretched by a tenth.
@@ -18,6 +18,7 @@
 #include "haptic/frames.hpp"
 #include "haptic/sim/deformable.hpp"
 #include "haptic/sim/tool_joints.hpp"
+#include "haptic/sim/tool_material.hpp"
 
 namespace haptic::sim {
 
@@ -39,11 +40,9 @@ struct ToolSettings {
     double cover_error = 0.0;  // used if spheres is 0; 0: 37 spheres for the hand, else 0.02 of the longest side
     bool close_gaps = false;   // adds spheres between neighbours that leave a gap
 
-    std::size_t neighbours = 8;    // 1 to 32, number that form a shape-matching group with each particle
-    double mass = 1.0;             // kg, of the whole tool; only ratios of particle masses have an effect
-    double group_stiffness = 0.6;  // 0..1, of shape matching
-    double link_stiffness = 0.0;   // 0..1, of distance constraints to neighbours; 0: none
-    int iterations = 4;            // of the tool's constraints per step (thesis, section 5.5.1)
+    std::size_t neighbours = 8;  // 1 to 32, number that form an elastic element with each particle
+
+    ToolMaterial material;
 
     // Closing: the generated hand only (tool_joints.hpp). A script in the scene overrides the button (Scene::curl).
     double curl = 0.0;         // 0..1, at the start, and while the button is released
@@ -57,9 +56,10 @@ struct ToolSettings {
 struct ToolModel {
     DeformableBody body;         // rest shape, grip frame, scene units; at most kMaxSpheres particles
     std::vector<double> radius;  // m, per particle
-    int iterations = 0;          // ToolSettings::iterations
-    ToolJoints joints;           // bound to the particles, grip frame; empty unless the tool can close
-    std::size_t added = 0;       // number of spheres that close gaps; they are the last ones
+    std::vector<double> volume;  // m^3, per particle: parts of the mesh's volume; of an open mesh: of the spheres
+    ToolMaterial material;
+    ToolJoints joints;      // bound to the particles, grip frame; empty unless the tool can close
+    std::size_t added = 0;  // number of spheres that close gaps; they are the last ones
     /// m: no surface point is farther from a sphere, and no sphere stands farther out of the mesh (of an open mesh: off
     /// it). A proven upper bound, tight to 1 %.
     double cover_error = 0.0;

@@ -2,9 +2,9 @@
 //
 //     x_device = offset + rotation * (scale * x_scene)            F_hand = force_scale * rotation * F_scene
 //
-// The hand feels a spring k of the scene as force_scale * k / scale, a damper alike, and a torque T as
-// force_scale * scale * rotation * T. Work at the hand is force_scale * scale times the work in the scene for any
-// motion, so a passive scene is passive at the hand.
+// The hand feels a spring k of the scene as force_scale * k / scale, and a torque T as force_scale * scale * rotation *
+// T. Work at the hand is force_scale * scale times the work in the scene for any motion, so a passive scene is passive
+// at the hand.
 //
 // The tool rotates with the grip: scene_from_tool = rotation^-1 * device_from_grip * grip_from_tool. The last factor is
 // the identity until the clutch lets the grip rotate alone. A rotation of the hand about an axis of the room thus
@@ -39,9 +39,12 @@ class Workspace {
     [[nodiscard]] Vec3 to_device(const Vec3& scene_position) const noexcept;
     [[nodiscard]] Vec3 force_to_device(const Vec3& scene_force) const noexcept;
     [[nodiscard]] Vec3 velocity_to_device(const Vec3& scene_velocity) const noexcept;
-    /// Stiffness or damping, N/m or N*s/m.
+    /// Stiffness, N/m.
     [[nodiscard]] double coupling_to_device(double scene_value) const noexcept;
     [[nodiscard]] Vec3 torque_to_device(const Vec3& scene_torque) const noexcept;
+    /// The inverse; 0 for a force scale of 0, which lets the hand feel nothing.
+    [[nodiscard]] Vec3 force_to_scene(const Vec3& device_force) const noexcept;
+    [[nodiscard]] double coupling_to_scene(double device_value) const noexcept;
     /// device_from_grip (m, device) to scene_from_tool (m, scene), and back.
     [[nodiscard]] Pose to_scene(const Pose& grip) const noexcept;
     [[nodiscard]] Pose to_device(const Pose& tool) const noexcept;

@@ -103,7 +103,7 @@ TEST_F(RunStatisticsTest, RecordIsAValidHand) {
     record_.write(file, {.scene = "late-drop", .assignments = {}, .first_step = 0, .changes = {}});
     const CsvTable table = CsvTable::load(file);
     EXPECT_EQ(table.rows(), 12u);
-    EXPECT_EQ(table.columns().size(), 24u);
+    EXPECT_EQ(table.columns().size(), 29u);
     EXPECT_EQ(table.column("time_s")[3], 0.03);
     EXPECT_EQ(table.column("in_contact")[11], 1.0);
     EXPECT_LT(table.column("fy_n")[11], -0.1);  // the cloth pulls the hand down

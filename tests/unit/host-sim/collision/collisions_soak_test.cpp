@@ -77,7 +77,7 @@ TEST(Collisions, OfFourBodiesThrownTogetherEndWithNoneInsideAnother) {
         ParticleCollisions collisions(model, {.ground = true, .static_friction = 0.5, .dynamic_friction = 0.4});
         double worst = 0.0;
         for (int step = 0; step < 1000; ++step) {
-            solver.step(model, {}, &collisions);
+            solver.step(model, {}, {&collisions});
             ASSERT_TRUE(is_finite(model)) << seed;
             ASSERT_EQ(collisions.counts().dropped, 0u) << seed;
             if (step < 100 || step % 50 == 0) {

@@ -49,7 +49,7 @@ class Stepping {
     void step(int steps = 1) {
         const FlushDenormals flush;
         for (int i = 0; i < steps; ++i) {
-            solver_.step(model, {}, &collisions);
+            solver_.step(model, {}, {&collisions});
         }
     }
     ParticleModel model;
@@ -418,7 +418,7 @@ TEST(Collisions, GiveTheSameBitsTwiceWithAnyNumberOfLanes) {
                                       lanes);
         StateHash state;
         for (int i = 0; i < 30; ++i) {
-            solver.step(model, {}, &collisions);
+            solver.step(model, {}, {&collisions});
             const std::array<std::size_t, 2> counts{collisions.counts().near, collisions.counts().planes};
             state.add(std::span<const std::size_t>(counts));
         }

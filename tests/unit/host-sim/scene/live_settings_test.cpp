@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -130,6 +131,25 @@ TEST(LiveSettings, FrictionHoldsBackWhatWasSmooth) {
     EXPECT_FALSE(run.simulation.tool().particles()[0].sticks());
 }
 
+TEST(LiveSettings, FrictionSwitchedOnInContactHoldsTheProxyWhereItIs) {
+    // A still hand, half a metre from the origin.
+    Scene scene = plate();
+    const Quat upright(1.0, 0.0, 0.0, 0.0);
+    scene.hand = PoseTrack({0.0, 0.5}, {Pose{{0.5, 0.1, 0.0}, upright}, Pose{{0.5, 0.02, 0.0}, upright}});
+    Runner run(scene);
+    ASSERT_TRUE(run.until(1.0).in_contact);
+    run.change([](LiveSettings& s) {
+        s.static_friction = 0.5;
+        s.dynamic_friction = 0.4;
+    });
+    for (int k = 0; k < 15; ++k) {  // friction fades in over ten steps
+        const StepResult now = run.step();
+        EXPECT_LT(std::abs(now.proxy.x - now.hip.x), 1e-6) << k;  // m
+        EXPECT_LT(std::abs(now.force.x), 1e-6 * now.force.y) << k;
+    }
+    EXPECT_TRUE(run.simulation.tool().particles()[0].sticks());
+}
+
 TEST(LiveSettings, StepChangesHowOftenNotWhatFalls) {
     Runner run(scene_with("cloth-drop"));
     const auto height = [&] {
@@ -145,10 +165,13 @@ TEST(LiveSettings, StepChangesHowOftenNotWhatFalls) {
     run.until(0.8);
     run.change([](LiveSettings& s) { s.step = 0.02; });
     run.until(1.0);
-    EXPECT_EQ(run.simulation.steps(), 50u + 150u + 10u);
-    EXPECT_NEAR(run.simulation.time(), 1.0, 1e-12);
+    // 50, 150 and 10 steps; where the step fades from one length to the next, some fewer and some more.
+    EXPECT_GT(run.simulation.steps(), 50u + 120u + 10u);
+    EXPECT_LT(run.simulation.steps(), 50u + 150u + 20u);
+    const double time = run.simulation.time();
+    EXPECT_NEAR(time, 1.0, 0.02);
     // x = 10 - g t^2 / 2; the semi-implicit scheme adds g h t / 2 at most.
-    EXPECT_NEAR(height(), 10.0 - 0.5 * 9.81, 0.5 * 9.81 * 0.02);
+    EXPECT_NEAR(height(), 10.0 - 0.5 * 9.81 * time * time, 0.5 * 9.81 * 0.02);
     EXPECT_EQ(run.simulation.frame().step_ns, 20'000'000);
 }
 
@@ -195,7 +218,6 @@ TEST(LiveSettings, EachHasAnEffectOnTheStateAndTheSameOneEachTime) {
                           {"cloth-drop", 150, "solver.iterations=3"},
                           {"cloth-drop", 150, "proxy.static_friction=0.5"},
                           {"cloth-drop", 20, "solver.step=0.005"},
-                          {"curtain-hand", 66, "tool.iterations=12"},
                           {"popout-fan", 60, "contact.method=thesis"},
                           {"popout-fan", 90, "contact.pop_out=thesis", {"contact.method=thesis"}}}) {
         const Scene scene = scene_with(c.scene, c.assignments);
@@ -205,19 +227,22 @@ TEST(LiveSettings, EachHasAnEffectOnTheStateAndTheSameOneEachTime) {
     }
 }
 
-TEST(LiveSettings, StiffnessOfTheTorqueTurnsTheHandAndNothingElse) {
+TEST(LiveSettings, StiffnessOfTheTorqueHoldsTheHandAgainstTurning) {
+    // Both stiffnesses are of one energy, so the force may change too.
     Runner as_it_was(scene_with("curtain-hand"));
     Runner changed(scene_with("curtain-hand"));
     changed.change([](LiveSettings& s) { s.torque_stiffness *= 3.0; });
-    std::uint64_t turned = 0;
+    const auto turned_by = [](const StepResult& result) {
+        return glm::angle(glm::conjugate(result.hip_orientation) * result.proxy_orientation);
+    };
+    double before = 0.0;  // rad, sums over the steps
+    double after = 0.0;
     for (int k = 0; k < 100; ++k) {
-        const StepResult a = as_it_was.step();
-        const StepResult b = changed.step();
-        ASSERT_EQ(a.force, b.force) << k;
-        EXPECT_LE(glm::length(b.torque - 3.0 * a.torque), 1e-9 * glm::length(b.torque)) << k;
-        turned += glm::length(a.torque) > 0.0 ? 1u : 0u;
+        before += turned_by(as_it_was.step());
+        after += turned_by(changed.step());
     }
-    EXPECT_GT(turned, 5u);
+    EXPECT_GT(before, 0.1);
+    EXPECT_LT(after, 0.9 * before) << "it bends as well";
 }
 
 TEST(LiveSettings, WhatIsTheSameChangesNoBit) {
@@ -246,7 +271,7 @@ TEST_P(UnderContact, NothingPassesHoweverTheSettingsChange) {
     const view::LiveParameters parameters(run.simulation);
     std::uint32_t random = 1;
     std::uint64_t in_contact = 0;
-    for (int k = 0; k < 500; ++k) {
+    for (int k = 0; k < 1000; ++k) {
         if (k % 6 == 0) {
             random = random * 1664525u + 1013904223u;
             const std::size_t which = (random >> 8) % parameters.descriptions().size();
@@ -275,7 +300,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, UnderContact, testing::Values("cloth-drop", "fo
                              return name;
                          });
 
-TEST(LiveSettings, CoupledAnewTheForceBeginsAtNothing) {
+TEST(LiveSettings, AfterRecouplingTheForceStartsAtZero) {
     Runner run(plate());
     const double full = glm::length(run.until(1.0).force);
     run.simulation.recouple();

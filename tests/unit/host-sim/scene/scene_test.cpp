@@ -143,7 +143,11 @@ TEST(Scene, RefusesValuesOutOfRange) {
     EXPECT_THAT(refusal("[solver]\nstep = -0.01\n"), HasSubstr("solver.step"));
     EXPECT_THAT(refusal("[model]\nmass = nan\n"), HasSubstr("model.mass"));
     EXPECT_THAT(refusal("[proxy]\nreach = 0.04\n"), HasSubstr("proxy.radius"));
-    EXPECT_THAT(refusal("[coupling]\nshare = \"series\"\nmulti_rate = \"positions\"\n"), HasSubstr("coupling.share"));
+    // Removed keys name what replaces them, or why nothing does.
+    EXPECT_THAT(refusal("[coupling]\nshare = \"series\"\n"), HasSubstr("tool.material.rigid"));
+    EXPECT_THAT(refusal("[coupling]\ntied_mass = 0.1\n"), HasSubstr("coupling.tied_mass: was removed: the damping"));
+    EXPECT_THAT(refusal("[tool]\ngroup_stiffness = 0.3\n"), HasSubstr("tool.material.young_modulus"));
+    EXPECT_THAT(refusal("[tool]\nmass = 1.0\n"), HasSubstr("tool.mass: was removed: a tool has no mass"));
     EXPECT_THAT(refusal("[coupling]\nstiffness = 0.0\ntorque_stiffness = 1.0\n"),
                 HasSubstr("coupling.torque_stiffness"));
     EXPECT_THAT(refusal("[hand]\ntimes = [0.0, 1.0]\npositions = [0.0, 0.0, 0.0]\n"), HasSubstr("hand.positions"));

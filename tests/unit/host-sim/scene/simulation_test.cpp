@@ -9,6 +9,7 @@
 
 #include "haptic/config.hpp"
 #include "haptic/frames.hpp"
+#include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -136,10 +137,12 @@ TEST(Simulation, DoesNotCatchWithoutContinuousCollisionDetection) {
 }
 
 TEST(Simulation, DragsARoughClothAndFeelsTheOppositeForce) {
-    // The hand moves sideways at 0.2 m/s once the cloth lies on it.
+    // The hand moves sideways at 0.2 m/s once the cloth lies on it, so gently that a smooth one hardly folds around it.
     const auto push = [](const std::string& friction) {
-        Simulation simulation(late_drop(0.0, {"solver.gravity=[0.0, 0.0, 0.0]", "proxy.static_friction=" + friction,
-                                              "proxy.dynamic_friction=" + friction}));
+        Simulation simulation(late_drop(
+            0.0,
+            {"model.height=0.05", "model.velocity=[0.0, -1.0, 0.0]", "solver.gravity=[0.0, 0.0, 0.0]",
+             "collisions.ground=false", "proxy.static_friction=" + friction, "proxy.dynamic_friction=" + friction}));
         const double step = simulation.scene().solver.step;
         for (int i = 0; i < 25; ++i) {
             StepInput input = simulation.scripted_input(time_of(i));
@@ -152,23 +155,26 @@ TEST(Simulation, DragsARoughClothAndFeelsTheOppositeForce) {
         }
         return linear_momentum(simulation.model()).x;
     };
-    Simulation simulation(late_drop(0.0, {"proxy.static_friction=0.7", "proxy.dynamic_friction=0.4"}));
-    for (int i = 0; i < 8; ++i) {
+    // Without damping, by which planes lead the surface.
+    Simulation simulation(late_drop(
+        0.0, {"proxy.static_friction=0.7", "proxy.dynamic_friction=0.4", "coupling.hunt_crossley_damping=0.0"}));
+    for (int i = 0; i < 5; ++i) {
         (void)simulation.step(simulation.scripted_input(time_of(i)));
     }
-    // The frame's planes carry the surface's velocity: at the last step the cloth still falls around the ball.
+    // The frame's planes carry the surface's velocity. At the last step one plane touches: its point carries the proxy.
     const ContactFrame& frame = simulation.frame();
     EXPECT_EQ(frame.static_friction, 0.7);
     EXPECT_EQ(frame.dynamic_friction, 0.4);
-    ASSERT_GT(frame.proxies[0].plane_count, 0u);
+    ASSERT_EQ(simulation.tool().particles()[0].contacts.count, 1u);
     const ContactPlane& plane = frame.proxies[0].planes[0];
+    EXPECT_GT(plane.velocity, 0.05);  // m/s, device frame
     const double along = glm::dot(to_vec3(frame.proxies[0].surface_velocity), to_vec3(plane.normal));
-    EXPECT_NEAR(along, plane.velocity, 0.05 * std::abs(plane.velocity) + 1e-6) << "device frame and scale";
+    EXPECT_NEAR(along, plane.velocity, 1e-9) << "device frame and scale";
 
     const double smooth = push("0.0");
     const double rough = push("0.5");
-    EXPECT_GT(rough, 0.003);
-    EXPECT_GT(rough, 1.3 * smooth) << "the smooth one is not zero: the cloth folds around the ball";
+    EXPECT_GT(rough, 0.01);
+    EXPECT_GT(rough, 5.0 * smooth);
 }
 
 TEST(Simulation, GivesTheParticlesTheOppositeOfTheForceOnTheTool) {
@@ -216,7 +222,11 @@ TEST(Simulation, SendsPlanesBeforeContactWithTheVelocityOfTheSurface) {
         // The sheet is still flat: its plane at plane_time is one radius above where it will be a step later, less the
         // radius of the ball.
         const ContactPlane& plane = frame.proxies[0].planes[0];
-        const double speed = simulation.model().velocity[544].y;
+        // In free fall the velocities of the sub-steps increase by g h to that of the last one.
+        const SolverSettings& solver = simulation.scene().solver;
+        const double substep = solver.step / solver.substeps;
+        const double speed =
+            simulation.model().velocity[544].y - 0.5 * (solver.substeps - 1) * solver.gravity.y * substep;
         EXPECT_NEAR(plane.normal[1], -1.0, 1e-9);
         EXPECT_NEAR(plane.velocity, -speed * workspace.settings().scale, 1e-9);
         const double at_end = plane.offset + plane.velocity * seconds(frame.step_ns);
@@ -290,12 +300,14 @@ TEST(Simulation, TimesItsStagesByTheCallersClock) {
     Simulation simulation(late_drop(0.0, {"collisions.ground=false"}), fake_clock);
     const StepResult result = simulation.step(simulation.scripted_input(0));
     const StageTimes& t = result.times;
-    for (const std::int64_t stage : {t.ccd_ns, t.popout_ns, t.tool_ns, t.deform_ns, t.skin_ns}) {
+    for (const std::int64_t stage : {t.ccd_ns, t.popout_ns, t.tool_ns, t.skin_ns}) {
         EXPECT_EQ(stage, 1000);
     }
-    EXPECT_EQ(t.proxy_ns, 3000);  // before and after the tool's constraints, and the force
-    EXPECT_EQ(t.collide_ns, 0);   // one body, no ground
-    EXPECT_EQ(t.total_ns, 9000);  // plus one for the frame
+    // The coupling calls the clock twice in the bodies' step: its own time counts as that of the proxies.
+    EXPECT_EQ(t.proxy_ns, 2000);   // speculative planes, and the coupling
+    EXPECT_EQ(t.deform_ns, 2000);  // between and around the coupling's calls
+    EXPECT_EQ(t.collide_ns, 0);    // one body, no ground
+    EXPECT_EQ(t.total_ns, 9000);   // plus one for the frame
     Simulation without(late_drop());
     EXPECT_EQ(without.step(without.scripted_input(0)).times.total_ns, 0);
 }

@@ -116,8 +116,8 @@ TEST(FishGrab, HoldsTheFishFromBothSidesWithThePalmOverBesideAndUnderIt) {
             (z < 0.0 ? from_fingers : from_thumb) += std::abs(z);
         }
     }
-    EXPECT_GT(from_fingers, 0.02);
-    EXPECT_GT(from_thumb, 0.02);
+    EXPECT_GT(from_fingers, 0.01);
+    EXPECT_GT(from_thumb, 0.01);
     run_until(simulation, kHeadDown);
     EXPECT_GT(mean_height(simulation), lay_at + 0.1);
     EXPECT_LT(std::abs(over_palm()), 0.03) << "the fish does not hang beside the palm";

@@ -115,7 +115,7 @@ const ToolModel& hand() {
 }
 
 ToolProxies closed_hand(double curl) {
-    return {hand(), {.contact = {}, .reach = 0.0, .step = 0.01}, Pose{}, curl};
+    return {hand(), {.contact = {}, .reach = 0.0, .step = 0.01, .springs = {.stiffness = 2000.0}}, Pose{}, curl};
 }
 
 /// m^3, volume of a closed mesh by the divergence theorem.
@@ -181,9 +181,7 @@ TEST(ClosingHand, IsNotStoppedByItselfAndKeepsItsShapeInFreeSpace) {
         tool.collect({});
         tool.find_secure_positions();
         tool.pop_out();
-        tool.move_to_goals();
-        tool.project_constraints();
-        tool.revise();
+        tool.find_equilibrium();
         EXPECT_TRUE(tool.in_shape()) << k;
         EXPECT_LT(glm::length(tool.pose().position - tool.hip().position), 1e-15);
         for (const ToolProxy& p : tool.particles()) {
@@ -215,9 +213,7 @@ TEST(ClosingHand, StopsOnASheetBetweenItsFingersWithoutPassingIt) {
         tool.collect(surfaces);
         tool.find_secure_positions();
         tool.pop_out();
-        tool.move_to_goals();
-        tool.project_constraints();
-        tool.revise();
+        tool.find_equilibrium();
         for (std::size_t i = 0; i < tool.particles().size(); ++i) {
             ASSERT_TRUE(tool.path(i).complete() && find_crossings(moved, tool.path(i).knots()).empty())
                 << k << ' ' << i;
@@ -225,8 +221,9 @@ TEST(ClosingHand, StopsOnASheetBetweenItsFingersWithoutPassingIt) {
     }
     int stopped = 0;
     for (const ToolProxy& p : tool.particles()) {
-        if (p.in_contact()) {
-            ++stopped;
+        stopped += p.in_contact() ? 1 : 0;
+        // The sheet's edge may press in any direction across it.
+        if (p.in_contact() && p.contacts.plane[0].touched.feature == Feature::Face) {
             EXPECT_LT(p.contacts.plane[0].normal.z, -0.99);
             EXPECT_GT(glm::length(p.constrained_goal - p.goal), 0.01);
         }

@@ -42,9 +42,7 @@ void step(ToolProxies& tool, std::span<const MovingSurface> surfaces, const Pose
     tool.collect(surfaces);
     tool.find_secure_positions();
     tool.pop_out();
-    tool.move_to_goals();
-    tool.project_constraints();
-    tool.revise();
+    tool.find_equilibrium();
     tool.collect_speculative_planes();
 }
 
@@ -76,7 +74,7 @@ TEST(ToolProxies, RejectsInvalidToolsWithAReason) {
         return "taken";
     };
     EXPECT_THAT(refusal(ToolModel{}), HasSubstr("has 0 particles"));
-    EXPECT_THAT(refusal(test::square_of_spheres(9, 0.1, kRadius, 1.0)), HasSubstr("has 81 particles"));
+    EXPECT_THAT(refusal(test::square_of_spheres(9, 0.1, kRadius)), HasSubstr("has 81 particles"));
     EXPECT_THAT(refusal(test::loose_spheres({Vec3(0.0)}, 0.005)), HasSubstr("proxy.reach"));
     ToolModel model = test::loose_spheres({Vec3(0.0), Vec3(1.0)}, kRadius);
     model.radius.pop_back();
@@ -84,40 +82,37 @@ TEST(ToolProxies, RejectsInvalidToolsWithAReason) {
     EXPECT_EQ(refusal(one_sphere(kRadius)), "taken");
 }
 
-TEST(ToolProxies, ConstraintsBendTheToolAroundAnEdgeAndLeaveNoSphereInside) {
-    // A narrow sheet stops the middle of a row of spheres while the ends move on, so the groups pull the middle into
-    // it.
+TEST(ToolProxies, BendsAroundAnEdgeAndLeavesNoSphereInside) {
+    // A narrow sheet stops the middle of a row of spheres while the hand moves on.
     const Sheet sheet(0.05);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
-    ToolProxies tool(test::square_of_spheres(5, 0.06, kRadius, 1.0, 8), settings(), {{0.0, 0.1, 0.0}, kLevel});
+    ToolProxies tool(test::square_of_spheres(5, 0.06, kRadius, {.young_modulus = 3e3}), settings(),
+                     {{0.0, 0.1, 0.0}, kLevel});
     tool.keep_paths(true);
-    bool would_have_crossed = false;
     for (int i = 0; i < 60; ++i) {
-        const Pose hip{{0.0, 0.1 - 0.005 * i, 0.0}, kLevel};
-        tool.set_goals(hip);
-        tool.collect(surfaces);
-        tool.find_secure_positions();
-        tool.pop_out();
-        tool.move_to_goals();
-        tool.project_constraints();
-        would_have_crossed = would_have_crossed || tool.model().position[12].y < 0.0;
-        tool.revise();
+        step(tool, surfaces, {{0.0, 0.1 - 0.005 * i, 0.0}, kLevel});
         EXPECT_FALSE(crossed(tool, sheet)) << i;
         EXPECT_GE(tool.particles()[12].position.y, 0.998 * kRadius) << i;
     }
-    EXPECT_TRUE(would_have_crossed) << "the half-CCD has had nothing to do";
+    // Where the row loses its balance and slides down both edges, the equilibrium is far for some steps; it is reached
+    // when the hand stands still.
+    for (int i = 0; i < 5; ++i) {
+        step(tool, surfaces, {{0.0, 0.1 - 0.005 * 59, 0.0}, kLevel});
+    }
+    EXPECT_EQ(tool.effort().equilibrium_error, 0.0);
     const std::span<const ToolProxy> particles = tool.particles();
     EXPECT_TRUE(particles[12].in_contact());
     EXPECT_FALSE(particles[0].in_contact());
-    // Bent: the neighbours of the middle one are held back, the corners are near their goals.
+    // Bent: the neighbours of the middle one are held back, the corners lag less.
     EXPECT_GT(particles[11].position.y - particles[11].goal.y, 0.01);
     EXPECT_LT(particles[11].position.y, particles[12].position.y);
+    EXPECT_LT(particles[0].position.y, particles[11].position.y);
 }
 
 TEST(ToolProxies, HasNoMemoryOfEarlierStepsInFreeSpace) {
     // Whatever its path, the tool is at the hip in its rest shape: no inertia.
     const std::array<MovingSurface, 0> nothing{};
-    const ToolModel model = test::square_of_spheres(4, 0.06, kRadius, 0.5);
+    const ToolModel model = test::square_of_spheres(4, 0.06, kRadius);
     ToolProxies straight(model, settings(), {});
     ToolProxies wild(model, settings(), {});
     const Pose last{{1.0, 2.0, 3.0}, glm::angleAxis(2.0, glm::normalize(Vec3(1, 2, 3)))};
@@ -153,29 +148,36 @@ TEST(ToolProxies, EqualsTheSphereOfChapterFourWithASingleParticle) {
 }
 
 TEST(ToolProxies, ContactDoesNotFlickerWhileTheToolRests) {
-    // Pressed at a tilt: the constraints lift some spheres off again, but their goals stay beyond the sheet.
+    // Pressed at a tilt: the spheres that the others lift off are not in contact, in every step alike.
     const Sheet sheet(1.0);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
     const Pose hip{{0.0, 0.0, 0.0}, glm::angleAxis(0.25, glm::normalize(Vec3(1, 0, 0.3)))};
-    ToolProxies tool(test::square_of_spheres(5, 0.05, kRadius, 1.0), settings(), {{0.0, 0.3, 0.0}, kLevel});
-    std::size_t lifted = 0;
-    for (int i = 0; i < 50; ++i) {
+    ToolProxies tool(test::square_of_spheres(5, 0.05, kRadius), settings(), {{0.0, 0.3, 0.0}, kLevel});
+    for (int k = 0; k < 4; ++k) {
         step(tool, surfaces, hip);
-        for (const ToolProxy& p : tool.particles()) {
-            EXPECT_EQ(p.in_contact(), p.goal.y < kRadius) << i;
-            if (p.in_contact()) {
-                EXPECT_NEAR(p.contacts.plane[0].offset, kRadius, 1e-9) << i;
-                lifted += p.position.y > 1.1 * kRadius ? 1 : 0;
-            }
-        }
+    }
+    std::vector<Vec3> force;
+    std::size_t lifted = 0;
+    for (std::size_t i = 0; i < tool.particles().size(); ++i) {
+        force.push_back(tool.force_on(i));
+        const ToolProxy& p = tool.particles()[i];
+        EXPECT_EQ(p.in_contact(), p.position.y < 1.000001 * kRadius) << i;
+        lifted += p.goal.y < kRadius && !p.in_contact() ? 1u : 0u;
     }
     EXPECT_GT(lifted, 0u);
+    for (int k = 0; k < 50; ++k) {
+        step(tool, surfaces, hip);
+        for (std::size_t i = 0; i < tool.particles().size(); ++i) {
+            EXPECT_EQ(tool.particles()[i].in_contact(), force[i].y > 0.0) << k;
+            EXPECT_LT(glm::length(tool.force_on(i) - force[i]), 1e-9) << k;  // N
+        }
+    }
 }
 
-TEST(ToolProxies, FrictionFixesTouchingSpheresWhileTheConstraintsMoveTheOthers) {
+TEST(ToolProxies, FrictionHoldsTouchingSpheresUntilTheHandPullsHarderThanItPresses) {
     const Sheet sheet(1.0);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
-    ToolProxies tool(test::square_of_spheres(4, 0.05, kRadius, 0.8), settings(1.0), {{0.0, 0.1, 0.0}, kLevel});
+    ToolProxies tool(test::square_of_spheres(4, 0.05, kRadius), settings(1.0), {{0.0, 0.1, 0.0}, kLevel});
     for (int i = 0; i <= 10; ++i) {
         step(tool, surfaces, {{0.0, 0.1 - 0.009 * i, 0.0}, kLevel});  // 1 cm into it
     }

@@ -145,8 +145,6 @@ TEST(LiveParametersTest, MatchTheSceneAndStayWithinTheRangesOfItsFile) {
     };
     EXPECT_TRUE(has(sphere, "proxy.radius"));
     EXPECT_FALSE(has(hand, "proxy.radius"));  // its spheres have their own
-    EXPECT_TRUE(has(hand, "tool.iterations"));
-    EXPECT_FALSE(has(sphere, "tool.iterations"));
     EXPECT_FALSE(has(sphere, "coupling.torque_stiffness"));
     for (const Simulation* simulation : {&sphere, &hand}) {
         const LiveParameters all(*simulation);

@@ -2,13 +2,16 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <glm/geometric.hpp>
 #include <memory>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "../tick_rig.hpp"
 #include "allocation_guard.hpp"
+#include "haptic/contact_problem.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -81,7 +84,6 @@ class TickAllocations : public testing::Test {
         rig.tick.record_to(&recorder);
         frame = floor_frame(-0.01, 400.0, 0);
         frame.proxy_count = 37;
-        frame.damping = 2.0;
         for (std::size_t i = 0; i < 37; ++i) {
             ProxyContact& particle = frame.proxies[i];
             particle = frame.proxies[0];
@@ -92,15 +94,45 @@ class TickAllocations : public testing::Test {
             particle.planes[2].normal[2] = -1.0;
             particle.planes[2].offset = -0.005;
         }
+        make_elastic();
     }
 
-    /// Allocations in a number of ticks, with a frame every tenth.
+    /// Friction and the compliance of a tool each of whose particles yields alone, and all with the grip:
+    /// k C_ij = (1 + 4 delta_ij) 1.
+    void make_elastic() {
+        frame.static_friction = 0.6;
+        frame.dynamic_friction = 0.4;
+        std::vector<std::pair<std::size_t, Vec3>> rows;  // particle and direction
+        for (std::size_t i = 0; i < frame.proxy_count; ++i) {
+            ProxyContact& particle = frame.proxies[i];
+            particle.in_contact = HAPTIC_PROXY_TANGENTS;
+            for (const ContactPlane& plane : particle.planes) {
+                rows.emplace_back(i, to_vec3(plane.normal));
+            }
+            for (const Vec3& tangent : contact_tangents(to_vec3(particle.planes[0].normal))) {
+                rows.emplace_back(i, tangent);
+            }
+        }
+        elastic_rows = static_cast<std::uint32_t>(rows.size());
+        for (std::size_t r = 0; r < rows.size(); ++r) {
+            for (std::size_t s = 0; s <= r; ++s) {
+                const double between =
+                    (rows[r].first == rows[s].first ? 5.0 : 1.0) * (r == s ? 1.0 : 1.0 - kSurfaceShare);
+                frame.compliance[compliance_index(r, s)] =
+                    static_cast<float>(between * glm::dot(rows[r].second, rows[s].second));
+            }
+        }
+    }
+
+    /// Allocations in a number of ticks, with a frame every tenth: of an elastic tool for half a second, of a limp one
+    /// for the next.
     std::size_t calls_in(int ticks, bool with_frames = true) {
         const AllocationGuard guard;
         for (int i = 0; i < ticks; ++i) {
             if (with_frames && i % 10 == 0) {
                 frame.plane_time_ns = rig.now_ns;
                 frame.publish_time_ns = rig.now_ns;
+                frame.compliance_rows = i / 500 % 2 == 0 ? elastic_rows : 0;
                 rig.frames_out.publish(frame, rig.now_ns);
             }
             rig.step();
@@ -111,6 +143,7 @@ class TickAllocations : public testing::Test {
     TickRig rig;
     Recorder recorder{1024};  // never drained: dropping must not allocate either
     ContactFrame frame{};
+    std::uint32_t elastic_rows = 0;
 };
 
 TEST_F(TickAllocations, AreZeroFromArmingThroughContactToTheStop) {
@@ -118,6 +151,7 @@ TEST_F(TickAllocations, AreZeroFromArmingThroughContactToTheStop) {
     EXPECT_EQ(calls_in(5000), 0u);
     EXPECT_GT(rig.tick.instruments().contact_ticks, 1000u);
     EXPECT_EQ(rig.tick.instruments().frames_received, 500u);
+    EXPECT_EQ(rig.tick.instruments().frames_rejected, 0u);
     EXPECT_EQ(calls_in(500, false), 0u) << "while the force of a stale frame fades";
     rig.tick.stop();
     EXPECT_EQ(calls_in(1000), 0u);

@@ -64,7 +64,6 @@ class TickSoak : public testing::Test {
         rig.tick.record_to(&recorder);
         frame = floor_frame(0.0, 400.0, 0);
         frame.proxy_count = 37;
-        frame.damping = 1.0;
         for (std::size_t i = 0; i < frame.proxy_count; ++i) {
             ProxyContact& particle = frame.proxies[i];
             particle = frame.proxies[0];

@@ -63,6 +63,15 @@ double any_number(std::mt19937_64& random) {
     return random() % 20 == 0 ? -0.0 : value;
 }
 
+/// Any finite float, sometimes -0.0.
+float any_float(std::mt19937_64& random) {
+    float value = std::bit_cast<float>(static_cast<std::uint32_t>(random()));
+    while (!std::isfinite(value)) {
+        value = std::bit_cast<float>(static_cast<std::uint32_t>(random()));
+    }
+    return random() % 20 == 0 ? -0.0F : value;
+}
+
 RecordedFrame any_frame(std::mt19937_64& random) {
     RecordedFrame recorded;
     recorded.now_ns = static_cast<std::int64_t>(random() >> 1);
@@ -74,8 +83,8 @@ RecordedFrame any_frame(std::mt19937_64& random) {
     frame.plane_time_ns = static_cast<std::int64_t>(random());
     frame.publish_time_ns = static_cast<std::int64_t>(random());
     frame.step_ns = static_cast<std::int64_t>(random());
-    for (double* const value : {&frame.stiffness, &frame.torque_stiffness, &frame.damping, &frame.rotational_damping,
-                                &frame.static_friction, &frame.dynamic_friction}) {
+    for (double* const value :
+         {&frame.stiffness, &frame.torque_stiffness, &frame.static_friction, &frame.dynamic_friction}) {
         *value = any_number(random);
     }
     frame.proxy_count = static_cast<std::uint32_t>(random() % (kMaxProxies + 1));
@@ -84,6 +93,7 @@ RecordedFrame any_frame(std::mt19937_64& random) {
         ProxyContact& proxy = frame.proxies[i];
         for (int k = 0; k < 3; ++k) {
             proxy.rest_offset[k] = any_number(random);
+            proxy.rest_velocity[k] = any_number(random);
             proxy.position[k] = any_number(random);
             proxy.surface_velocity[k] = any_number(random);
         }
@@ -96,6 +106,12 @@ RecordedFrame any_frame(std::mt19937_64& random) {
             proxy.planes[k].offset = any_number(random);
             proxy.planes[k].velocity = any_number(random);
         }
+    }
+    // Every third frame has no compliance.
+    frame.reserved = static_cast<std::uint32_t>(random());
+    frame.compliance_rows = random() % 3 == 0 ? 0 : static_cast<std::uint32_t>(random() % (kMaxComplianceRows + 1));
+    for (std::size_t i = 0; i < compliance_index(frame.compliance_rows, 0); ++i) {
+        frame.compliance[i] = any_float(random);
     }
     return recorded;
 }
@@ -138,9 +154,88 @@ TEST_F(FrameRecording, KeepsADefectiveFrameDefective) {
 TEST_F(FrameRecording, IsReadableAsATable) {
     std::mt19937_64 random(6);
     RecordedFrame broken = any_frame(random);
-    broken.frame.damping = std::numeric_limits<double>::quiet_NaN();
+    broken.frame.stiffness = std::numeric_limits<double>::quiet_NaN();
     write({any_frame(random), broken});
     EXPECT_NO_THROW(static_cast<void>(CsvTable::load(file)));
+    EXPECT_NO_THROW(static_cast<void>(CsvTable::load(compliance_file(file))));
+}
+
+TEST_F(FrameRecording, HasNoFileOfCompliancesIfNoFrameHasOne) {
+    RecordedFrame limp;
+    limp.frame = test::floor_frame(0.0, 100.0, 7);
+    write({limp});
+    EXPECT_EQ(compliance_file(file), folder / "run.compliance.csv");
+    EXPECT_FALSE(std::filesystem::exists(compliance_file(file)));
+    EXPECT_EQ(read().size(), 1u);
+}
+
+TEST_F(FrameRecording, RemovesTheCompliancesOfAnEarlierRecording) {
+    RecordedFrame limp;
+    limp.frame = test::floor_frame(0.0, 100.0, 7);
+    RecordedFrame stiff = limp;
+    stiff.frame.compliance_rows = 1;
+    stiff.frame.compliance[0] = 1.0F;
+    write({stiff});
+    ASSERT_TRUE(std::filesystem::exists(compliance_file(file)));
+    write({limp});
+    EXPECT_FALSE(std::filesystem::exists(compliance_file(file)));
+    EXPECT_EQ(read().size(), 1u);
+}
+
+TEST_F(FrameRecording, NamesTheColumnsOfTheComplianceByNumber) {
+    EXPECT_EQ(compliance_columns().size(), 2 + kMaxComplianceRows);
+    EXPECT_EQ(compliance_columns()[2], "column0");
+    EXPECT_EQ(compliance_columns().back(), "column191");
+}
+
+TEST_F(FrameRecording, RefusesFramesWhoseComplianceIsMissing) {
+    RecordedFrame stiff;
+    stiff.now_ns = 5;
+    stiff.frame = test::floor_frame(0.0, 100.0, 7);
+    stiff.frame.compliance_rows = 1;
+    stiff.frame.compliance[0] = 0.01F;
+    write({stiff, stiff});
+    std::string text;
+    {
+        std::ifstream stream(compliance_file(file));
+        std::string line;
+        std::getline(stream, line);
+        text = line + "\n";
+        std::getline(stream, line);
+        text += line + "\n";
+    }
+    std::ofstream(compliance_file(file)) << text;
+    FrameReader reader(file);
+    RecordedFrame frame;
+    EXPECT_TRUE(reader.next(frame));
+    EXPECT_EQ(frame.frame.compliance[0], 0.01F);
+    EXPECT_THROW(reader.next(frame), CsvError) << "the second frame has none";
+    std::filesystem::remove(compliance_file(file));
+    EXPECT_THROW(read(), CsvError);
+}
+
+TEST_F(FrameRecording, RefusesRecordingsOfEarlierVersions) {
+    std::string header = "now_ns,defect,particle";
+    for (std::size_t i = 3; i < frame_columns().size(); ++i) {
+        header += frame_columns()[i] == "compliance_rows" ? "" : "," + frame_columns()[i];
+    }
+    EXPECT_THAT(error_of(header + "\n"), HasSubstr("there is no column compliance_rows"));
+}
+
+TEST_F(FrameRecording, IgnoresColumnsThatItDoesNotKnow) {
+    std::string header = "now_ns,damping_ns_m,defect,particle";
+    std::string numbers = "8,2.5,0,-1";
+    for (std::size_t i = 3; i < frame_columns().size(); ++i) {
+        header += "," + frame_columns()[i];
+        numbers += frame_columns()[i] == "stiffness_n_m" ? ",300" : ",0";
+    }
+    std::ofstream(file) << header + ",rotational_damping_nms_rad\n" + numbers + ",0.5\n";
+    const std::vector<RecordedFrame> frames = read();
+    ASSERT_EQ(frames.size(), 1u);
+    RecordedFrame expected;
+    expected.frame.stiffness = 300.0;
+    EXPECT_EQ(frames[0].now_ns, 8);
+    EXPECT_EQ(std::memcmp(&frames[0].frame, &expected.frame, sizeof(ContactFrame)), 0);
 }
 
 TEST_F(FrameRecording, NamesTheLineOfRowsThatFormNoFrame) {

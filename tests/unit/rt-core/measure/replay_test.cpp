@@ -43,7 +43,6 @@ class ReplayTest : public testing::Test {
         for (int i = 0; i < ticks; ++i) {
             if (i % 10 == 0) {
                 ContactFrame frame = test::floor_frame(-0.008, 400.0, rig.now_ns);
-                frame.damping = 1.0;
                 frame.proxy_count = 3;
                 frame.proxies[1] = frame.proxies[0];
                 frame.proxies[1].rest_offset[0] = 0.01;

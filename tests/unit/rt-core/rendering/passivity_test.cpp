@@ -182,6 +182,27 @@ TEST(PassivityObserver, CreditsTheWorkOfAnAnnouncedSurface) {
     EXPECT_GT(depth, 3e-3);
 }
 
+TEST(PassivityObserver, GivesBackNoMoreThanAFrameLeavesInTheSprings) {
+    // The hand presses 2 mm into 300 N/m; then a frame moves the wall back by 1 mm, and the next one in by 2 mm.
+    PassivitySettings settings = with(PassivityControl::Observe);
+    settings.store = 0.0;
+    settings.damping = 0.0;
+    Passivity passivity(settings, {});
+    const double k = 300.0;
+    const auto energy = [k](double depth) { return 0.5 * k * depth * depth; };
+    double depth = 1e-9;
+    passivity.apply(moved_up(0.0, 0.0), wall(k, depth));
+    while (depth < 2e-3) {
+        passivity.apply(moved_up(-1e-6, k * (depth + 0.5e-6)), wall(k, depth + 1e-6));
+        depth += 1e-6;
+    }
+    ASSERT_NEAR(passivity.energy(), energy(depth), 1e-9);
+    passivity.apply(moved_up(0.0, k * depth), wall(k, depth - 1e-3));
+    EXPECT_NEAR(passivity.energy(), energy(depth - 1e-3), 1e-9);
+    passivity.apply(moved_up(0.0, k * depth), wall(k, depth + 1e-3));
+    EXPECT_NEAR(passivity.energy(), energy(depth - 1e-3), 1e-9) << "the hand has not given what the springs gained";
+}
+
 TEST(Passivity, LeavesFreeMotionExactlyZeroInSpiteOfADebt) {
     Passivity passivity(with(PassivityControl::Bound), {});
     for (int i = 0; i < 100; ++i) {
@@ -360,6 +381,23 @@ TEST(Passivity, WithoutItThatVibrationGrows) {
     wall.run(700);
     EXPECT_GT(wall.amplitude(500), 2.0 * first);
     EXPECT_LT(wall.min_energy(), 100.0 * kFloor_j);
+}
+
+TEST(Passivity, BrakesAJumpByItsMeanVelocityOnly) {
+    // No budget: gamma is 0, and the brake acts alone. A reading that jumps by 1 mm in a tick is no hand at 1 m/s.
+    PassivitySettings settings = with(PassivityControl::Bound);
+    settings.allowance = 0.0;
+    settings.damping = 0.0;
+    Passivity passivity(settings, {});
+    const double most = settings.brake * 1e-3 / (kPeriod_s + 10e-3);  // N
+    const Passivity::Result jump = passivity.apply(moved_up(1e-3, 0.0), wall(300.0, 1e-3));
+    EXPECT_EQ(jump.scale, 0.0);
+    EXPECT_LE(-jump.wrench.force.y, most * (1.0 + 1e-12));
+    EXPECT_GT(-jump.wrench.force.y, 0.9 * most) << "the brake must act, or this proves nothing";
+    for (int i = 0; i < 50; ++i) {
+        const Passivity::Result rest = passivity.apply(moved_up(0.0, 0.0), wall(300.0, 1e-3));
+        ASSERT_LE(-rest.wrench.force.y, most * std::pow(10.0 / 11.0, i + 1) * (1.0 + 1e-9)) << i;
+    }
 }
 
 TEST(Passivity, DampingPaysADebtBackAndNoMore) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <limits>
@@ -27,14 +28,20 @@ TEST(WrenchFollower, RespectsItsBoundAndApproachesAnyWantedWrench) {
         next.wrench.force = random.normal();
         next.wrench.torque = 0.05 * random.normal();
         next.force_of_motion = random.uniform(0.0, 0.5);
-        next.torque_of_motion = random.uniform(0.0, 0.5);
+        next.announced = {random.uniform(0.0, 0.5) * random.direction(),
+                          random.uniform(0.0, 0.025) * random.direction()};
+        next.max_force_of_motion = random.uniform(0.0, 0.7);
         next.force_of_stiffness = random.uniform(0.0, 1.0) < 0.1 ? 0.2 : 0.0;
-        next.torque_of_stiffness = random.uniform(0.0, 1.0) < 0.1 ? 0.3 : 0.0;
+        next.torque_of_stiffness = random.uniform(0.0, 1.0) < 0.1 ? 0.015 : 0.0;
         next.max_moment_arm = 0.05;
         next.in_contact = true;
         const Wrench now = follower.follow(next, kTick);
-        const double bound = 1.5 * next.force_of_motion + next.force_of_stiffness + 1e-3;
-        const double torque_bound = (1.5 * next.torque_of_motion + next.torque_of_stiffness + 1e-3) * 0.05;
+        const double announced = std::min(glm::length(next.announced.force), next.max_force_of_motion);
+        const double motion = std::max(next.force_of_motion, announced);
+        const double announced_torque = std::min(glm::length(next.announced.torque), 0.05 * next.max_force_of_motion);
+        const double torque_motion = std::max(0.05 * next.force_of_motion, announced_torque);
+        const double bound = 1.5 * motion + next.force_of_stiffness + 1e-3;
+        const double torque_bound = 1.5 * torque_motion + next.torque_of_stiffness + 0.05 * 1e-3;
         ASSERT_LE(glm::length(now.force - felt.force), bound * (1.0 + 1e-12));
         ASSERT_LE(glm::length(now.torque - felt.torque), torque_bound * (1.0 + 1e-12));
         // Along the straight line, by as much as the tighter of the two bounds allows.

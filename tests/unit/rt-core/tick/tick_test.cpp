@@ -94,6 +94,55 @@ TEST(Tick, ReportsTheTensionsAndTheWrenchOfTheBoard) {
     }
 }
 
+TEST(Tick, ReportsWhatItRendersOfTheFrame) {
+    // Free, then 5 mm into a floor that asks for more than the limit; then the frames stop, and the force fades out.
+    TickSettings settings;
+    settings.frames.max_stiffness = 250.0;
+    TickRig rig(hand_to({0.0, -0.02, 0.0}), settings);
+    DeviceState state{};
+    rig.step();
+    ASSERT_TRUE(rig.states_in.read_newest(state));
+    EXPECT_EQ(state.stiffness, 0.0);
+    EXPECT_EQ(state.scale, 0.0);
+    rig.run_up();
+    for (int i = 0; i < 1500; ++i) {
+        if (i % 10 == 0) {
+            rig.publish(floor_frame(-0.015, 400.0, rig.now_ns));
+        }
+        rig.step();
+    }
+    ASSERT_TRUE(rig.states_in.read_newest(state));
+    EXPECT_EQ(state.stiffness, 250.0);
+    EXPECT_EQ(state.scale, 1.0);
+    EXPECT_NE(state.tick_flags & HAPTIC_TICK_STIFFNESS_LIMITED, 0u);
+    rig.steps(1000);
+    ASSERT_TRUE(rig.states_in.read_newest(state));
+    EXPECT_EQ(state.scale, 0.0);
+    EXPECT_EQ(rig.tick.last().rendered.force, Vec3(0.0));
+}
+
+TEST(Tick, IntegratesTheWrenchThatTheMotorsHold) {
+    TickRig rig(hand_to({0.0, -0.02, 0.01}));
+    rig.run_up();
+    DeviceState state{};
+    ASSERT_TRUE(rig.states_in.read_newest(state));
+    const Vec3 impulse = to_vec3(state.impulse);
+    const Vec3 angular = to_vec3(state.angular_impulse);
+    // The board's own wrench, at the beginning of the next tick's exchange.
+    Wrench sum;
+    for (int i = 0; i < 1500; ++i) {
+        rig.publish(floor_frame(-0.01, 300.0, rig.now_ns));
+        const Wrench held = rig.board.device().wrench();
+        rig.step();
+        sum.force += 0.001 * held.force;
+        sum.torque += 0.001 * held.torque;
+    }
+    ASSERT_TRUE(rig.states_in.read_newest(state));
+    EXPECT_GT(sum.force.y, 0.5);  // N s
+    EXPECT_LT(glm::length(to_vec3(state.impulse) - impulse - sum.force), 2e-3 * glm::length(sum.force));
+    EXPECT_LT(glm::length(to_vec3(state.angular_impulse) - angular - sum.torque), 1e-4);
+}
+
 TEST(Tick, SendsTheMotorsInTheTickThatReadTheEncoders) {
     TickRig rig(PoseTrack({0.0, 0.8, 0.8001, 10.0}, {Pose{}, Pose{}, Pose{{0, -1e-3, 0}, Quat(1, 0, 0, 0)},
                                                      Pose{{0, -1e-3, 0}, Quat(1, 0, 0, 0)}}));

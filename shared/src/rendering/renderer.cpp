@@ -6,7 +6,7 @@
 
 #include "haptic/numeric.hpp"
 
-namespace haptic::rt {
+namespace haptic {
 namespace {
 
 // Minimum number of simulation steps for which a frame is fresh; decisive for slow simulations.
@@ -32,10 +32,12 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     }
     // Another tool: its particles have no friction state yet.
     if (candidate.session != frame().session || candidate.proxy_count != frame().proxy_count) {
-        memory_.friction.fill({});
+        tool_.forget_friction();
     }
     // Swap inbox and current frame.
     current_ = 1 - current_;
+    tool_.load(frame());
+    frame_is_new_ = true;
     limit_stiffness();
     have_frame_ = true;
     received_ns_ = now_ns;
@@ -43,80 +45,98 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
 }
 
 void FrameRenderer::limit_stiffness() HAPTIC_RT {
-    // Translational limit, then the rotational one, k_t <o^2> <= limit.
-    const Stiffness requested = stiffness_of(frame());
-    const double squared_arm = squared_moment_arm(frame());
-    Stiffness& allowed = coupling_[current_];
-    allowed.force = std::min(requested.force, settings_.max_stiffness);
-    allowed.torque = frame().torque_stiffness > 0.0 ? requested.torque : allowed.force;
-    if (allowed.torque * squared_arm > settings_.max_rotational_stiffness) {
-        allowed.torque = settings_.max_rotational_stiffness / squared_arm;
+    // One factor for the whole coupling: translational limit, and rotational limit, k_t <o^2> <= limit.
+    const double requested = frame().stiffness;
+    const double of_torque = frame().torque_stiffness > 0.0 ? frame().torque_stiffness : requested;
+    const double rotational = of_torque * squared_moment_arm(frame());
+    double factor = requested > settings_.max_stiffness ? settings_.max_stiffness / requested : 1.0;
+    if (rotational * factor > settings_.max_rotational_stiffness) {
+        factor = settings_.max_rotational_stiffness / rotational;
     }
-    stiffness_limited_[current_] = allowed.force < requested.force || allowed.torque < requested.torque;
+    coupling_[current_] = factor * requested;
+    stiffness_limited_[current_] = factor < 1.0;
 }
 
 void FrameRenderer::begin_blend() HAPTIC_RT {
     blend_from_ = last_;
     blend_ = 0.0;
     follower_.restart();
-    stiffness_from_ = {kImmediately, kImmediately};
+    stiffness_from_ = kImmediately;
 }
 
 void FrameRenderer::interpolate_stiffness(std::int64_t elapsed_ns) HAPTIC_RT {
-    const Stiffness& to = coupling_[current_];
+    const double to = coupling_[current_];
     stiffness_age_ns_ = std::min(stiffness_age_ns_ + elapsed_ns, frame().step_ns);
-    if (stiffness_from_.force < 0.0 || stiffness_age_ns_ >= frame().step_ns) {
+    if (stiffness_from_ < 0.0 || stiffness_age_ns_ >= frame().step_ns) {
         stiffness_ = to;
         return;
     }
     // Linear over one step of the simulation.
     const double part = static_cast<double>(stiffness_age_ns_) / static_cast<double>(frame().step_ns);
-    stiffness_.force = stiffness_from_.force + part * (to.force - stiffness_from_.force);
-    stiffness_.torque = stiffness_from_.torque + part * (to.torque - stiffness_from_.torque);
+    stiffness_ = stiffness_from_ + part * (to - stiffness_from_);
+}
+
+/// The springs of the frame at the pose and time of the last render, at the present stiffness.
+Wrench FrameRenderer::springs_at_last_pose(double stiffness_before) HAPTIC_RT {
+    if (frame_is_new_ || !(stiffness_before > 0.0)) {
+        return tool_.preview(frame(), stiffness_, last_grip_, last_ns_).wrench;
+    }
+    // The same frame: its problem is linear in the stiffness.
+    const double factor = stiffness_ / stiffness_before;
+    return {factor * springs_.force, factor * springs_.torque};
 }
 
 void FrameRenderer::render_frame(const GripMotion& grip, std::int64_t now_ns, std::int64_t elapsed_ns,
                                  Contact& contact) HAPTIC_RT {
-    // Contact at this tick's stiffness.
-    const Stiffness before = stiffness_;
+    // What the frame asks for at the last pose and at the present one, with this tick's stiffness.
+    const double stiffness_before = stiffness_;
     interpolate_stiffness(elapsed_ns);
-    contact = rt::render(frame(), stiffness_, grip, now_ns, memory_);
+    const bool rendered = have_springs_ && grip.elapsed_s > 0.0;
+    const Wrench before = rendered ? springs_at_last_pose(stiffness_before) : Wrench{};
+    const bool known = rendered && is_finite(before);
+    contact = tool_.render(frame(), stiffness_, grip, now_ns);
     if ((frame().flags & HAPTIC_FRAME_HOLD_POSITIONS) != 0) {
         follower_.restart();  // the thesis' scheme is rendered unchanged, including its discontinuities
     }
-    // Springs in series couple the depth of one particle to the orientation of all, with the geometric mean of the two
-    // stiffnesses.
-    const double torque_stiffness = std::max(stiffness_.torque, std::sqrt(stiffness_.force * stiffness_.torque));
     // Follow the frame's wrench within the bound of wrench_follower.hpp.
-    const Stiffness change{std::fabs(stiffness_.force - before.force), std::fabs(stiffness_.torque - before.torque)};
-    contact.wrench = follower_.follow({.wrench = contact.wrench,
-                                       .force_of_motion = stiffness_.force * contact.displacement,
-                                       .torque_of_motion = torque_stiffness * contact.displacement,
-                                       .force_of_stiffness = change.force * contact.depth,
-                                       .torque_of_stiffness = change.torque * contact.depth,
-                                       .max_moment_arm = contact.max_moment_arm,
-                                       .in_contact = contact.in_contact > 0},
-                                      1e-9 * static_cast<double>(elapsed_ns));
+    const double torque_ratio =
+        frame().stiffness > 0.0 ? std::sqrt(std::max(1.0, frame().torque_stiffness / frame().stiffness)) : 1.0;
+    WantedWrench wanted{.wrench = contact.wrench,
+                        .force_of_motion = stiffness_ * contact.share * contact.displacement,
+                        .max_force_of_motion = stiffness_ * contact.tool_displacement,
+                        .max_moment_arm = torque_ratio * contact.max_moment_arm,
+                        .in_contact = contact.in_contact > 0};
+    if (known) {
+        wanted.announced = {contact.wrench.force - before.force, contact.wrench.torque - before.torque};
+        const double change = stiffness_ > 0.0 ? std::fabs(1.0 - stiffness_before / stiffness_) : 0.0;
+        wanted.force_of_stiffness = change * glm::length(before.force);
+        wanted.torque_of_stiffness = change * glm::length(before.torque);
+    }
+    springs_ = contact.wrench;
+    have_springs_ = true;
+    frame_is_new_ = false;
+    contact.wrench = follower_.follow(wanted, 1e-9 * static_cast<double>(elapsed_ns));
     // Power of the moving surfaces, for the passivity observer: power at the springs, plus power of the difference
-    // between rendered and spring force, which is due to damping and the follower. An approaching surface works against
-    // the rendered force. A receding one takes at most the power of the springs: with the hand at rest nothing else
-    // leaves them.
+    // between rendered and spring force, which is due to the follower. An approaching surface works against the
+    // rendered force. A receding one takes at most the power of the springs: with the hand at rest nothing else leaves
+    // them.
     const double spring_power = contact.surface_power;
-    const double power = spring_power + glm::dot(contact.wrench.force - contact.spring.force, contact.surface_velocity);
+    const double power = spring_power + glm::dot(contact.wrench.force - springs_.force, contact.surface_velocity);
     contact.surface_power = power >= 0.0 ? power : std::min(0.0, std::max(power, spring_power));
 }
 
-FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& velocity, std::int64_t now_ns,
-                                            std::int64_t elapsed_ns) HAPTIC_RT {
+FrameRenderer::Result FrameRenderer::render(const Pose& grip, std::int64_t now_ns, std::int64_t elapsed_ns) HAPTIC_RT {
     Result result;
     result.contact.proxy = grip.position;
     // Free motion until the first frame.
     if (!have_frame_) {
         return result;
     }
-    // Ages. A publishing time in the future would keep the force of a dead simulation alive, hence the minimum.
+    // Ages. A publishing time in the future would keep the force of a dead simulation alive, and the age of a negative
+    // one could overflow: neither later than the arrival nor negative.
     result.frame_sequence = frame().sequence;
-    result.frame_age_ns = now_ns - std::min(frame().publish_time_ns, received_ns_);
+    const std::int64_t latest_ns = std::max<std::int64_t>(received_ns_, 0);
+    result.frame_age_ns = now_ns - std::clamp<std::int64_t>(frame().publish_time_ns, 0, latest_ns);
     result.state_age_ns =
         frame().state_sequence == 0 ? -1 : now_ns - std::clamp<std::int64_t>(frame().state_time_ns, 0, now_ns);
     // Stale after the configured time, or after kFreshSteps of a slower simulation's steps.
@@ -133,9 +153,8 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
     blend_ = std::min(1.0, blend_ + dt / static_cast<double>(settings_.ramp_ns));
     // Contact of the frame, unless it has faded out completely.
     if (fade_ > 0.0) {
-        render_frame(
-            {.pose = grip, .velocity = velocity, .previous = last_grip_, .elapsed_s = have_grip_ ? 1e-9 * dt : 0.0},
-            now_ns, elapsed_ns, result.contact);
+        render_frame({.pose = grip, .previous = last_grip_, .elapsed_s = have_grip_ ? 1e-9 * dt : 0.0}, now_ns,
+                     elapsed_ns, result.contact);
         // fade * ((1 - blend) * old + blend * new)
         const double fade = smooth_step(fade_);
         const double blend = smooth_step(blend_);
@@ -143,22 +162,29 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, const Twist& veloc
         wrench.force = fade * (blend * wrench.force + (1.0 - blend) * blend_from_.force);
         wrench.torque = fade * (blend * wrench.torque + (1.0 - blend) * blend_from_.torque);
         result.contact.surface_power *= fade * blend;
+        result.stiffness = (frame().flags & HAPTIC_FRAME_CLUTCHED) == 0 ? stiffness_ : 0.0;
+        result.scale = fade * blend;
         result.stiffness_limited = stiffness_limited_[current_];
+    } else {
+        have_springs_ = false;
     }
     if (!is_finite(result.contact.wrench)) {
         // Overflow, for example of an absurd stiffness: zero, and the next wrench must not blend from this one.
         result.contact.wrench = Wrench{};
         result.contact.stored = 0.0;
         result.contact.surface_power = 0.0;
+        result.scale = 0.0;
         result.finite = false;
         follower_.restart();
-        stiffness_from_ = {kImmediately, kImmediately};
+        stiffness_from_ = kImmediately;
+        have_springs_ = false;
     }
     // Start of the next blend, and the previous pose of the next displacement.
     last_ = result.contact.wrench;
     last_grip_ = grip;
+    last_ns_ = now_ns;
     have_grip_ = true;
     return result;
 }
 
-}  // namespace haptic::rt
+}  // namespace haptic

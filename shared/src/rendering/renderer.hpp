@@ -1,6 +1,9 @@
 // Frame renderer: the wrench of the newest contact frame, continuous from one frame to the next.
 //
-// tool_contact.hpp evaluates a frame at a pose; wrench_follower.hpp bounds how fast the rendered wrench follows.
+// tool_contact.hpp evaluates a frame at a pose; wrench_follower.hpp bounds how fast the rendered wrench follows. What a
+// new frame, or another stiffness, changes at an unchanged pose is told apart from what the motion of hand and surfaces
+// changes: the follower renders the second at once and the first gradually, and the passivity observer is charged with
+// the energy of the first.
 #pragma once
 
 #include <array>
@@ -13,7 +16,7 @@
 #include "rendering/tool_contact.hpp"
 #include "rendering/wrench_follower.hpp"
 
-namespace haptic::rt {
+namespace haptic {
 
 struct FrameSettings {
     std::int64_t stale_after_ns = 100'000'000;  // ns; a frame is fresh for the longer of this and 3 of its steps
@@ -21,7 +24,7 @@ struct FrameSettings {
     std::int64_t ramp_ns = 50'000'000;          // ns, in which the wrench blends to a new source, or ends after contact
     /// N/m; a larger stiffness of a frame is reduced to this (passive_stiffness).
     double max_stiffness = std::numeric_limits<double>::infinity();
-    /// N*m/rad; the torque stiffness of a frame is reduced until its particles make at most this (squared_moment_arm).
+    /// N*m/rad; the stiffness of a frame is reduced until its tool can make at most this (squared_moment_arm).
     double max_rotational_stiffness = std::numeric_limits<double>::infinity();
 };
 
@@ -47,24 +50,27 @@ class FrameRenderer {
         std::int64_t frame_age_ns = -1;    // since it was published; -1: no frame yet
         std::int64_t state_age_ns = -1;    // since the latch of the device state it was computed from; -1: none
         bool stale = false;                // there is a frame, and it is too old
+        double stiffness = 0.0;            // N/m, of the coupling as rendered now, after limits and interpolation
+        double scale = 0.0;                // 0..1, part of the frame's wrench in the rendered one: fade and blend
         bool stiffness_limited = false;    // the frame's stiffness was reduced
         bool finite = true;                // false: the wrench overflowed and is zero
     };
-    /// Wrench at a pose and velocity of the grip. elapsed_ns: since the last call.
-    Result render(const Pose& grip, const Twist& velocity, std::int64_t now_ns, std::int64_t elapsed_ns) HAPTIC_RT;
+    /// Wrench at a pose of the grip. elapsed_ns: since the last call.
+    Result render(const Pose& grip, std::int64_t now_ns, std::int64_t elapsed_ns) HAPTIC_RT;
 
   private:
     void begin_blend() HAPTIC_RT;
     void limit_stiffness() HAPTIC_RT;
     void interpolate_stiffness(std::int64_t elapsed_ns) HAPTIC_RT;
     void render_frame(const GripMotion& grip, std::int64_t now_ns, std::int64_t elapsed_ns, Contact& contact) HAPTIC_RT;
+    [[nodiscard]] Wrench springs_at_last_pose(double stiffness_before) HAPTIC_RT;
     [[nodiscard]] const ContactFrame& frame() const HAPTIC_RT { return frames_[current_]; }
 
     FrameSettings settings_;
     std::array<ContactFrame, 2> frames_{};
     std::size_t current_ = 0;
     bool have_frame_ = false;
-    std::array<Stiffness, 2> coupling_{};      // of each frame, after the limits
+    std::array<double, 2> coupling_{};         // N/m, of each frame, after the limits
     std::array<bool, 2> stiffness_limited_{};  // of each frame
     std::int64_t received_ns_ = 0;
     double fade_ = 0.0;   // 1: fresh, 0: faded out
@@ -72,12 +78,16 @@ class FrameRenderer {
     Wrench blend_from_;
     Wrench last_;
     WrenchFollower follower_;
-    ToolMemory memory_;
+    ToolContact tool_;
     Pose last_grip_;
+    std::int64_t last_ns_ = 0;
     bool have_grip_ = false;
-    Stiffness stiffness_;       // in use now
-    Stiffness stiffness_from_;  // when the frame arrived
+    Wrench springs_;               // of the last render, before the follower, at its stiffness
+    bool have_springs_ = false;    // a frame was rendered then
+    bool frame_is_new_ = false;    // it has not been rendered yet
+    double stiffness_ = 0.0;       // N/m, in use now
+    double stiffness_from_ = 0.0;  // N/m, when the frame arrived
     std::int64_t stiffness_age_ns_ = 0;
 };
 
-}  // namespace haptic::rt
+}  // namespace haptic

@@ -9,7 +9,7 @@
 #include "haptic/realtime.hpp"
 #include "haptic/types.hpp"
 
-namespace haptic::rt {
+namespace haptic {
 
 struct LocalProxy {
     Vec3 position{0.0, 0.0, 0.0};  // m
@@ -35,4 +35,4 @@ struct LocalProxy {
 [[nodiscard]] HalfSpace plane_at(const ContactPlane& plane, std::int64_t plane_time_ns, std::int64_t time_ns,
                                  std::int64_t horizon_ns) HAPTIC_RT;
 
-}  // namespace haptic::rt
+}  // namespace haptic

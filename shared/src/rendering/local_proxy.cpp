@@ -4,7 +4,7 @@
 #include <cmath>
 #include <initializer_list>
 
-namespace haptic::rt {
+namespace haptic {
 namespace {
 
 // Relative to the largest coordinate or offset and 1 m: tolerance for lying on a plane.
@@ -271,4 +271,4 @@ HalfSpace plane_at(const ContactPlane& plane, std::int64_t plane_time_ns, std::i
     return {to_vec3(plane.normal), plane.offset + plane.velocity * seconds(age_ns)};
 }
 
-}  // namespace haptic::rt
+}  // namespace haptic

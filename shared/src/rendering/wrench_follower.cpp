@@ -6,7 +6,7 @@
 
 #include "haptic/numeric.hpp"
 
-namespace haptic::rt {
+namespace haptic {
 namespace {
 
 // Factor on the change of force that the motion of the surfaces implies; the excess over 1 serves to catch up.
@@ -33,10 +33,14 @@ Wrench WrenchFollower::follow(const WantedWrench& wanted, double elapsed_s) HAPT
         release_rate_ = 0.0;
         return target;
     }
-    // |dF| <= 1.5 sum k |u_i| / N + change of stiffness + (1 N/s) T; torque in N at the moment arm.
+    // |dF| <= 1.5 max(min(|dE|, k U), k s mean |u_i|) + change of stiffness + (1 N/s) T, and the same for the torque.
     const double arm = std::max(wanted.max_moment_arm, kMinMomentArm);
-    double allowed = kCatchUp * wanted.force_of_motion + wanted.force_of_stiffness + kRateAtRest * elapsed_s;
-    double torque_allowed = kCatchUp * wanted.torque_of_motion + wanted.torque_of_stiffness + kRateAtRest * elapsed_s;
+    const double most = wanted.max_force_of_motion;
+    const double motion = std::max(std::min(glm::length(wanted.announced.force), most), wanted.force_of_motion);
+    const double torque_motion =
+        std::max(std::min(glm::length(wanted.announced.torque), most * arm), wanted.force_of_motion * arm);
+    double allowed = kCatchUp * motion + wanted.force_of_stiffness + kRateAtRest * elapsed_s;
+    double torque_allowed = kCatchUp * torque_motion + wanted.torque_of_stiffness + kRateAtRest * elapsed_s * arm;
     // Out of contact: at least the rate that brings the wrench at the end of contact to zero in release_s.
     if (wanted.in_contact) {
         release_rate_ = 0.0;
@@ -45,12 +49,12 @@ Wrench WrenchFollower::follow(const WantedWrench& wanted, double elapsed_s) HAPT
             release_rate_ = std::max(glm::length(output_.force), glm::length(output_.torque) / arm) / release_s_;
         }
         allowed = std::max(allowed, release_rate_ * elapsed_s);
-        torque_allowed = std::max(torque_allowed, release_rate_ * elapsed_s);
+        torque_allowed = std::max(torque_allowed, release_rate_ * elapsed_s * arm);
     }
     // One fraction for force and torque, so that both arrive together.
     const Wrench change{target.force - output_.force, target.torque - output_.torque};
     const double fraction = std::min(allowed_fraction(allowed, glm::length(change.force)),
-                                     allowed_fraction(torque_allowed * arm, glm::length(change.torque)));
+                                     allowed_fraction(torque_allowed, glm::length(change.torque)));
     // Exactly the target once it is within the bound.
     output_ = fraction < 1.0
                   ? Wrench{output_.force + fraction * change.force, output_.torque + fraction * change.torque}
@@ -58,4 +62,4 @@ Wrench WrenchFollower::follow(const WantedWrench& wanted, double elapsed_s) HAPT
     return output_;
 }
 
-}  // namespace haptic::rt
+}  // namespace haptic

@@ -1,0 +1,448 @@
+#include "tool/contact_coupling.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+#include <utility>
+
+#include "dynamics/rotation.hpp"
+#include "simd/projection.hpp"
+
+namespace haptic::sim {
+namespace {
+
+// Most patches of normals: every proxy with all its planes.
+constexpr std::size_t kMaxNormals = kMaxProxies * kMaxSurfacePlanes;
+// Most particles under all masks together. Rows beyond it press on the corners of the touched triangle alone.
+constexpr std::size_t kMaxPressed = std::size_t{1} << 18;
+// Largest payment of what is owed, in contact forces.
+constexpr double kMaxPayment = 10.0;
+// Compliance that only one row has, as a part of its whole: it keeps the forces of a rigid tool on pinned particles
+// finite, and takes less than this part of them.
+constexpr double kOwnShare = 1e-7;
+// Friction coefficient that never slips.
+constexpr double kStuck = 1e6;
+
+}  // namespace
+
+/// Adds its lifetime to the time spent.
+class ContactCoupling::Timed {
+  public:
+    explicit Timed(ContactCoupling& coupling) : coupling_(coupling), since_(coupling.now()) {}
+    Timed(const Timed&) = delete;
+    Timed& operator=(const Timed&) = delete;
+    ~Timed() { coupling_.spent_ns_ += coupling_.now() - since_; }
+
+  private:
+    ContactCoupling& coupling_;
+    std::int64_t since_;
+};
+
+ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock)
+    : clock_(clock), was_pressed_(kMaxProxies, 0), scattered_(model.size(), 0.0) {
+    // Twice, for the mean patches of tangents.
+    pressed_.reserve(2 * std::min(kMaxPressed, kMaxNormals * std::max(model.size(), PressureMask::kCornerParticles)));
+    patches_.reserve(kMaxNormals + kMaxProxies);
+    rows_.reserve(kMaxContactRows);
+    friction_.reserve(kMaxProxies);
+    depth_.reserve(kMaxContactRows);
+    leads_.resize(kMaxProxies);
+}
+
+std::int64_t ContactCoupling::take_time() noexcept {
+    return std::exchange(spent_ns_, 0);
+}
+
+void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, const Bodies& bodies,
+                                 const ParticleModel& model) {
+    step_ = step;
+    hip_ = tool.hip().position;
+    proxies_ = tool.particles();
+    const bool alone = step.coupling.multi_rate == MultiRate::Positions || tool.elasticity().independent();
+    damping_ = alone ? step.coupling.hunt_crossley_damping : 0.0;
+    particle_count_ = static_cast<double>(proxies_.size());
+    note_pressed();
+    pressed_.clear();
+    patches_.clear();
+    rows_.clear();
+    friction_.clear();
+    normal_patches_ = 0;
+    pressed_of_normals_ = 0;
+    paid_ = {};
+    for (Lead& lead : leads_) {
+        lead = {.start = lead.end};
+    }
+    solver_.restart();  // a warm start would be state
+    if (!(step.gain * step.coupling.stiffness > 0.0)) {
+        return;
+    }
+    const Timed timed(*this);
+    // The tool's rows come proxy by proxy, its normals before its tangents.
+    std::span<const ContactRow> rows = tool.rows();
+    for (std::uint32_t proxy = 0; proxy < proxies_.size(); ++proxy) {
+        const auto end =
+            std::find_if(rows.begin(), rows.end(), [&](const ContactRow& row) { return row.proxy != proxy; });
+        const auto count = static_cast<std::size_t>(end - rows.begin());
+        add_proxy(proxy, rows.first(count), bodies, model);
+        rows = rows.subspan(count);
+    }
+    if (!rows_.empty()) {
+        find_tool_compliance(tool);
+        find_body_compliance();
+    }
+}
+
+/// Notes the proxies on which a row pressed in the last step.
+void ContactCoupling::note_pressed() noexcept {
+    std::fill(was_pressed_.begin(), was_pressed_.end(), std::uint8_t{0});
+    for (const CouplingRow& row : rows_) {
+        if (row.normal && row.impulse > 0.0) {
+            was_pressed_[row.proxy] = 1;
+        }
+    }
+}
+
+/// Rows of one proxy, with the particles that take their forces: the tool's own, and normals of the planes near it.
+void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
+                                const ParticleModel& model) {
+    const bool positions = step_.coupling.multi_rate == MultiRate::Positions;
+    const ToolProxy& proxy = proxies_[index];
+    const auto first_row = static_cast<std::uint16_t>(rows_.size());
+    const auto first_patch = static_cast<std::uint32_t>(patches_.size());
+    std::size_t normals = 0;
+    for (const ContactRow& row : rows) {
+        if (!row.tangential) {
+            // With positions the proxy's position stands for its planes.
+            const double depth = positions ? glm::dot(row.direction, proxy.position - proxy.goal) : row.depth;
+            rows_.push_back({.proxy = index,
+                             .patch = add_patch(proxy.contacts.plane[row.plane].touched, bodies, model),
+                             .plane = row.plane,
+                             .direction = row.direction,
+                             .depth = depth,
+                             .goal_speed = glm::dot(row.direction, proxy.goal_velocity)});
+            ++normals;
+        }
+    }
+    // At an edge, and where a light contact comes and goes, another plane may press before the step has passed. Nothing
+    // is coupled that the proxy has not met: surfaces meet it by continuous detection alone.
+    const std::size_t pressed = normals;
+    const bool met = pressed > 0 || was_pressed_[index] != 0;
+    for (std::size_t k = proxy.contacts.count; met && k < proxy.planes.count && !positions; ++k) {
+        const SurfacePlane& plane = proxy.planes.plane[k];
+        rows_.push_back({.proxy = index,
+                         .patch = add_patch(plane.touched, bodies, model),
+                         .plane = static_cast<std::uint32_t>(k),
+                         .direction = plane.normal,
+                         .depth = plane.offset - glm::dot(plane.normal, proxy.free_position),
+                         .goal_speed = glm::dot(plane.normal, proxy.goal_velocity)});
+        ++normals;
+    }
+    if (rows.empty() || (pressed == rows.size() && !positions)) {
+        return;
+    }
+    // Tangents, with positions also without friction: from the goal to the point that sticks.
+    const std::uint32_t patch = add_mean_patch(proxy, first_patch);
+    const std::array<Vec3, 2> tangents = contact_tangents(proxy.contacts.plane[0].normal);
+    for (std::size_t t = 0; t < tangents.size(); ++t) {
+        const double depth = positions ? glm::dot(tangents[t], proxy.position - proxy.goal) : rows[pressed + t].depth;
+        rows_.push_back({.proxy = index,
+                         .patch = patch,
+                         .normal = false,
+                         .direction = tangents[t],
+                         .depth = depth,
+                         .goal_speed = glm::dot(tangents[t], proxy.goal_velocity)});
+    }
+    const double coefficient = proxy.friction.slides ? step_.contact.dynamic_friction : step_.contact.static_friction;
+    friction_.push_back({.first_normal = first_row,
+                         .normals = static_cast<std::uint16_t>(normals),
+                         .coefficient = positions ? kStuck : coefficient});
+}
+
+/// Eq. 4.1: the particles that take a force at the touched point.
+std::uint32_t ContactCoupling::add_patch(const SurfacePoint& touched, const Bodies& bodies,
+                                         const ParticleModel& model) {
+    Patch patch{.begin = static_cast<std::uint32_t>(pressed_.size())};
+    const std::size_t first = bodies.bodies[touched.object].first_particle;
+    // Leave room for the corners of all later rows.
+    const std::size_t later = (kMaxNormals - 1 - normal_patches_++) * PressureMask::kCornerParticles;
+    const std::size_t room = pressed_.capacity() / 2 - pressed_of_normals_ - later;
+    const std::span<const PressedParticle> under = bodies.masks[touched.object].center_on(touched, room);
+    pressed_of_normals_ += under.size();
+    for (const PressedParticle& p : under) {
+        const std::size_t i = first + p.particle;
+        pressed_.push_back({.particle = static_cast<std::uint32_t>(i),
+                            .weight = p.weight,
+                            .inverse_mass = model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]});
+        patch.reference += p.weight * model.position[i];
+    }
+    patch.end = static_cast<std::uint32_t>(pressed_.size());
+    patches_.push_back(patch);
+    return static_cast<std::uint32_t>(patches_.size() - 1);
+}
+
+/// Mean of the patches of a proxy's contacts, weighted by their shares of the normal force, for its tangents.
+std::uint32_t ContactCoupling::add_mean_patch(const ToolProxy& proxy, std::uint32_t first_patch) {
+    if (proxy.contacts.count == 1) {
+        return first_patch;
+    }
+    double sum = 0.0;
+    for (std::size_t k = 0; k < proxy.contacts.count; ++k) {
+        sum += proxy.friction.share[k];
+    }
+    Patch mean{.begin = static_cast<std::uint32_t>(pressed_.size())};
+    for (std::size_t k = 0; k < proxy.contacts.count; ++k) {
+        // Even shares if friction has not divided the force.
+        const double share = sum > 0.0 ? proxy.friction.share[k] / sum : 1.0 / proxy.contacts.count;
+        const Patch& patch = patches_[first_patch + k];
+        mean.reference += share * patch.reference;
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            pressed_.push_back({pressed_[p].particle, share * pressed_[p].weight, pressed_[p].inverse_mass});
+        }
+    }
+    mean.end = static_cast<std::uint32_t>(pressed_.size());
+    patches_.push_back(mean);
+    return static_cast<std::uint32_t>(patches_.size() - 1);
+}
+
+/// W_rs = d_r . C_ij d_s of the rows, m/N, at the present part of the stiffness.
+void ContactCoupling::find_tool_compliance(const ToolProxies& tool) {
+    const bool positions = step_.coupling.multi_rate == MultiRate::Positions;
+    const double spring = particle_count_ / (step_.gain * step_.coupling.stiffness);
+    const Mat3 to_tool = glm::transpose(to_matrix(tool.elastic_frame()));
+    tool_compliance_.resize(rows_.size());
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        const CouplingRow& a = rows_[r];
+        const Vec3 direction = to_tool * a.direction;
+        for (std::size_t s = 0; s <= r; ++s) {
+            const CouplingRow& b = rows_[s];
+            double compliance = 0.0;
+            if (positions) {
+                compliance = a.proxy == b.proxy ? spring * glm::dot(a.direction, b.direction) : 0.0;
+            } else {
+                const Mat3& between = tool.elasticity().compliance(a.proxy, b.proxy);
+                compliance = glm::dot(direction, between * (to_tool * b.direction)) / step_.gain;
+            }
+            tool_compliance_.set(r, s, r == s ? compliance : (1.0 - kOwnShare) * compliance);
+        }
+    }
+}
+
+/// P^T M^-1 P of the rows, 1/kg.
+void ContactCoupling::find_body_compliance() {
+    body_compliance_.resize(rows_.size());
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        // W_i / m_i of the row's patch, by particle.
+        const Patch& a = patches_[rows_[r].patch];
+        for (std::uint32_t p = a.begin; p < a.end; ++p) {
+            scattered_[pressed_[p].particle] += pressed_[p].weight * pressed_[p].inverse_mass;
+        }
+        for (std::size_t s = 0; s <= r; ++s) {
+            const Patch& b = patches_[rows_[s].patch];
+            double overlap = 0.0;
+            for (std::uint32_t p = b.begin; p < b.end; ++p) {
+                overlap += pressed_[p].weight * scattered_[pressed_[p].particle];
+            }
+            body_compliance_.set(r, s, overlap * glm::dot(rows_[r].direction, rows_[s].direction));
+        }
+        for (std::uint32_t p = a.begin; p < a.end; ++p) {
+            scattered_[pressed_[p].particle] = 0.0;
+        }
+    }
+}
+
+Vec3 ContactCoupling::mean_position(const Patch& patch, const MovingParticles& now) const noexcept {
+    Vec3 mean(0.0);
+    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+        const Row& at = now.position[pressed_[p].particle];
+        mean += pressed_[p].weight * Vec3(at.number[0], at.number[1], at.number[2]);
+    }
+    return mean;
+}
+
+void ContactCoupling::find(const ParticleModel& start, const MovingParticles& /*predicted*/, double /*h*/) {
+    const Timed timed(*this);
+    projected_ = false;
+    for (Patch& patch : patches_) {
+        patch.start = Vec3(0.0);
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            patch.start += pressed_[p].weight * start.position[pressed_[p].particle];
+        }
+    }
+    for (CouplingRow& row : rows_) {
+        row.applied = 0.0;
+    }
+}
+
+/// tau = c b of each proxy, with the depth that the last pass has led to: the mean over its planes, weighted by the
+/// depths themselves.
+void ContactCoupling::find_damping_times() {
+    std::array<double, kMaxProxies> depths{};
+    std::array<double, kMaxProxies> squares{};
+    for (const CouplingRow& row : rows_) {
+        if (row.normal) {
+            const Patch& patch = patches_[row.patch];
+            const double depth = std::max(0.0, row.depth + glm::dot(row.direction, row.now - patch.reference));
+            depths[row.proxy] += depth;
+            squares[row.proxy] += depth * depth;
+        }
+    }
+    for (CouplingRow& row : rows_) {
+        const double depth = depths[row.proxy] > 0.0 ? squares[row.proxy] / depths[row.proxy] : 0.0;
+        row.damping_time = damping_ * depth;
+    }
+}
+
+/// Adds the sub-step's part of the mean lead of each proxy: tau v along its rows, weighted by their forces.
+void ContactCoupling::add_leads(const MovingParticles& now, double h) {
+    if (!(damping_ > 0.0)) {
+        return;
+    }
+    std::array<Vec3, kMaxProxies> leads{};
+    std::array<double, kMaxProxies> forces{};
+    for (const CouplingRow& row : rows_) {
+        if (row.normal && row.applied > 0.0) {
+            const Patch& patch = patches_[row.patch];
+            const double speed = glm::dot(row.direction, mean_position(patch, now) - patch.start) / h - row.goal_speed;
+            leads[row.proxy] += row.applied * row.damping_time * speed * row.direction;
+            forces[row.proxy] += row.applied;
+        }
+    }
+    for (std::size_t i = 0; i < proxies_.size(); ++i) {
+        if (forces[i] > 0.0) {
+            leads_[i].end += h / (step_.length * forces[i]) * leads[i];
+        }
+    }
+}
+
+/// W / (1 + tau / h) + h^2 P^T M^-1 P. Rows whose tau differs have no W_rs.
+void ContactCoupling::build_block(double h) {
+    const std::size_t count = rows_.size();
+    block_.resize(count);
+    for (std::size_t r = 0; r < count; ++r) {
+        const double damped = 1.0 + rows_[r].damping_time / h;
+        for (std::size_t s = 0; s <= r; ++s) {
+            block_.set(r, s, tool_compliance_(r, s) / damped + h * h * body_compliance_(r, s));
+        }
+    }
+}
+
+void ContactCoupling::project(const ParticleModel& /*start*/, const MovingParticles& now, double h) {
+    const Timed timed(*this);
+    projected_ = true;
+    for (CouplingRow& row : rows_) {
+        row.now = mean_position(patches_[row.patch], now);
+    }
+    find_damping_times();
+    // b of each row, for the particles without the forces applied so far.
+    depth_.clear();
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        const CouplingRow& row = rows_[r];
+        const Patch& patch = patches_[row.patch];
+        double applied = 0.0;
+        for (std::size_t s = 0; s < rows_.size(); ++s) {
+            applied += body_compliance_(r, s) * rows_[s].applied;
+        }
+        applied *= h * h;
+        const double depth = row.depth + glm::dot(row.direction, row.now - patch.reference) + applied;
+        const double approach = (glm::dot(row.direction, row.now - patch.start) + applied) / h - row.goal_speed;
+        // A plane that is not reached does not damp.
+        const double damping_time = row.normal && depth <= 0.0 ? 0.0 : row.damping_time;
+        depth_.push_back((depth + damping_time * approach) / (1.0 + row.damping_time / h));
+    }
+    build_block(h);
+    // The forces of the sub-step, and the change since the last pass: x <- x - h^2 M^-1 P dl.
+    solver_.solve(block_, depth_, friction_);
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        const double force = solver_.force()[r];
+        displace(patches_[rows_[r].patch], -h * h * (force - rows_[r].applied) * rows_[r].direction, now.position);
+        rows_[r].applied = force;
+    }
+}
+
+/// Adds `by` W_i / m_i to the particles under the mask.
+void ContactCoupling::displace(const Patch& patch, const Vec3& by, Row* position) const noexcept {
+    if (by == Vec3(0.0)) {
+        return;
+    }
+    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+        const Vec3 moved = (pressed_[p].weight * pressed_[p].inverse_mass) * by;
+        Row& at = position[pressed_[p].particle];
+        at.number[0] += moved.x;
+        at.number[1] += moved.y;
+        at.number[2] += moved.z;
+    }
+}
+
+/// m, g_i - p: from the hip to the point at which the springs of a proxy pull.
+Vec3 ContactCoupling::moment_arm(std::uint32_t proxy) const noexcept {
+    const ToolProxy& p = proxies_[proxy];
+    return (step_.coupling.multi_rate == MultiRate::Positions ? p.goal : p.free_position) - hip_;
+}
+
+/// Adds the owed force to the bodies, divided like the normal forces: at most kMaxPayment times as large as these
+/// together at the whole stiffness, and where it pulls not larger, so that no surface is pulled.
+void ContactCoupling::pay(double h, Row* position, Row* pushed) {
+    double normal = 0.0;
+    Vec3 push(0.0);
+    for (const CouplingRow& row : rows_) {
+        normal += row.normal ? row.applied : 0.0;
+        push += row.normal ? row.applied * row.direction : Vec3(0.0);
+    }
+    const double owed = glm::length(step_.owed_force);
+    if (!(normal > 0.0) || !(owed > 0.0)) {
+        return;
+    }
+    const double most = glm::dot(step_.owed_force, push) > 0.0 ? kMaxPayment * normal / step_.gain : normal;
+    const Vec3 force = std::min(1.0, most / owed) * step_.owed_force;
+    for (const CouplingRow& row : rows_) {
+        if (row.normal && row.applied > 0.0) {
+            const Vec3 part = (row.applied / normal) * force;
+            displace(patches_[row.patch], -h * h * part, position);
+            displace(patches_[row.patch], -h * h * part, pushed);
+            paid_.force += h * part;
+            paid_.torque += h * glm::cross(moment_arm(row.proxy), part);
+        }
+    }
+}
+
+void ContactCoupling::finish(const ParticleModel& start, const MovingParticles& now, double h) {
+    if (!projected_) {
+        project(start, now, h);  // a solver without passes over the constraints
+    }
+    const Timed timed(*this);
+    for (CouplingRow& row : rows_) {
+        displace(patches_[row.patch], -h * h * row.applied * row.direction, now.pushed);
+        row.impulse += h * row.applied;
+    }
+    add_leads(now, h);
+    pay(h, now.position, now.pushed);
+}
+
+CoupledForce ContactCoupling::force() const noexcept {
+    CoupledForce result;
+    // F = sum l d, T = sum (g_i - p) x l d.
+    for (const CouplingRow& row : rows_) {
+        const Vec3 force = (row.impulse / step_.length) * row.direction;
+        result.force += force;
+        result.torque += glm::cross(moment_arm(row.proxy), force);
+    }
+    result.force += paid_.force / step_.length;
+    result.torque += paid_.torque / step_.length;
+    // Particles that a surface keeps from their goals, or meets within the step.
+    std::array<bool, kMaxProxies> pressed{};
+    for (const CouplingRow& row : rows_) {
+        pressed[row.proxy] = pressed[row.proxy] || (row.normal && row.impulse > 0.0);
+    }
+    for (std::size_t i = 0; i < proxies_.size(); ++i) {
+        const ToolProxy& p = proxies_[i];
+        if (p.in_contact() || pressed[i]) {
+            ++result.collided;
+            result.depth = std::max(result.depth, glm::length(p.constrained_goal - p.goal));
+        }
+    }
+    return result;
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,185 @@
+// Contact coupling: the force between a tool and the bodies that it touches, solved together with the bodies.
+//
+// The tool has no mass. Its contact problem (tool_proxies.hpp) has a row r for each normal of a contact plane and, with
+// friction, for two tangents of a proxy. l_r (N) is the force on the tool along the row's direction d_r, and the bodies
+// receive the opposite through the pressure mask (Eq. 4.1) of the touched point, P. In every sub-step of length h,
+// after the body's own constraints,
+//
+//     (W + h^2 P^T M^-1 P) l = b,   l_n >= 0,   |l_t| <= mu sum l_n,   x <- x - h^2 M^-1 P l
+//
+// is solved as one exact block (haptic/contact_problem.hpp): an implicit constraint with the compliance W (m/N) of tool
+// and coupling, stable for any stiffness. b is what a row lacks where the particles would be without it. With g_i the
+// free position of the row's proxy (its goal with MultiRate::Positions), b of a normal is the depth of g_i behind the
+// plane, whose offset follows the weighted motion of the particles under the mask since the step began; b of a tangent
+// is the distance from g_i to the point where the proxy sticks, which follows the same motion. A proxy that presses, or
+// did in the last step, has rows for its speculative planes as well: at an edge the surface may swing from one facet to
+// the next within the step. The goals' positions are held during the step; their speed counts for the damping. If the
+// solver makes several passes in a sub-step, each solves for the whole l and applies its change. Pinned particles have
+// M^-1 = 0.
+//
+// The mean of l over the step is the force on the hand and on the bodies, so both receive the same impulse:
+//
+//     F = sum l d,   T = sum (g_i - p) x l d
+//
+// with p the hip. MultiRate::Positions, the thesis' own scheme, has independent springs k / N from the goals to the
+// proxies' positions instead, also along the surface.
+//
+// Without damping a spring throws bodies back. Hunt-Crossley damping makes its depth b (1 + c v), with v the velocity
+// at which the surface approaches the goal (K. Hunt, F. Crossley, "Coefficient of Restitution Interpreted as Damping in
+// Vibroimpact", 1975). Unlike a linear damper it begins at zero force. It is implicit: with tau = c b at the start of
+// the sub-step and v at its end, the row becomes
+//
+//     W l + (h^2 + tau h) P^T M^-1 P l = b + tau v,   divided by 1 + tau / h.
+//
+// All rows of a proxy have the same tau, so that the block stays symmetric and the forces at rest are those without
+// damping; it damps along the surface too. Proxies that displace one another, those of an elastic tool, have none.
+//
+// Lead: a damped row makes the force l of a spring whose plane is tau v ahead of the surface, W l = b + tau v. The
+// haptic loop receives the planes with this lead, so it renders the damped force with springs alone. lead() goes
+// from the mean over the last step to the mean over this one: it is continuous from step to step, and half a step late.
+// A proxy has one lead, the mean of tau v d over its rows, weighted by l. Where planes at an angle press on it, this
+// mean is shorter along each normal than the lead of that plane, so that the hand feels less damping there than the
+// bodies.
+// @source M. Macklin, M. Müller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant Constrained Dynamics",
+// 2016 (compliance and damping of a constraint); C. Duriez et al., "Realistic haptic rendering of interacting
+// deformable objects", 2006 (contact space). Differs: the multipliers are forces.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "haptic/contact_problem.hpp"
+#include "haptic/sim/contact_force.hpp"
+#include "haptic/sim/coupling.hpp"
+#include "haptic/sim/particles.hpp"
+#include "haptic/sim/scene_body.hpp"
+#include "haptic/sim/solver.hpp"
+#include "haptic/types.hpp"
+#include "tool/tool_proxies.hpp"
+
+namespace haptic::sim {
+
+struct Row;  // src/simd/projection.hpp
+
+/// Mean force over a step.
+struct CoupledForce {
+    Vec3 force{0.0};           // N, on the tool; the bodies received its opposite
+    Vec3 torque{0.0};          // N*m, on the tool about the hip
+    double depth = 0.0;        // m, greatest distance of a constrained goal from its goal
+    std::size_t collided = 0;  // particles that a surface keeps from their goals or presses on
+};
+
+/// m, that damping adds to the displacement of a proxy by surfaces: tau v.
+struct Lead {
+    Vec3 start{0.0};  // at the beginning of the step: mean over the last one
+    Vec3 end{0.0};    // at its end: mean over the step
+};
+
+class ContactCoupling final : public SolverContacts {
+  public:
+    /// Monotonic clock in ns, for the caller's measurements; the simulation does not depend on it.
+    using ClockFunction = std::int64_t (*)();
+
+    /// Allocates for any tool and for the bodies of this model.
+    explicit ContactCoupling(const ParticleModel& model, ClockFunction clock = nullptr);
+
+    struct Step {
+        CouplingSettings coupling;
+        ContactSettings contact;  // friction
+        double gain = 1.0;        // 0..1, part of the stiffness
+        Vec3 owed_force{0.0};     // N, on the tool: added to the contact forces, in their proportions
+        double length = 0.01;     // s
+    };
+    /// The bodies of the model.
+    struct Bodies {
+        std::span<const SceneBody> bodies;
+        std::span<PressureMask> masks;  // one per body
+    };
+    /// Takes the tool's contact rows and the particles under their masks, at the beginning of a step. No allocation.
+    void begin_step(const ToolProxies& tool, const Step& step, const Bodies& bodies, const ParticleModel& model);
+    /// The tool has contact planes: the solver must call this object in the step.
+    [[nodiscard]] bool is_active() const noexcept { return !rows_.empty(); }
+    /// After the solver's step.
+    [[nodiscard]] CoupledForce force() const noexcept;
+    /// The lead of a proxy; 0 where nothing damps.
+    [[nodiscard]] const Lead& lead(std::size_t proxy) const noexcept { return leads_[proxy]; }
+    /// ns spent in this class since the last call; 0 without a clock.
+    [[nodiscard]] std::int64_t take_time() noexcept;
+
+    void find(const ParticleModel& start, const MovingParticles& predicted, double h) override;
+    void project(const ParticleModel& start, const MovingParticles& now, double h) override;
+    void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
+
+  private:
+    /// A particle under a mask.
+    struct Pressed {
+        std::uint32_t particle = 0;  // of the model
+        double weight = 0.0;         // W_i
+        double inverse_mass = 0.0;   // 1/kg; 0: pinned
+    };
+    /// The particles that take the force of one or more rows: a range of pressed_.
+    struct Patch {
+        std::uint32_t begin = 0;
+        std::uint32_t end = 0;
+        Vec3 reference{0.0};  // m, sum W_i x_i at the beginning of the step
+        Vec3 start{0.0};      // and of the sub-step
+    };
+    struct CouplingRow {
+        std::uint32_t proxy = 0;
+        std::uint32_t patch = 0;
+        std::uint32_t plane = 0;  // of a normal: index into ToolProxy::planes
+        bool normal = true;
+        Vec3 direction{0.0};        // unit: d
+        double depth = 0.0;         // m, b at the beginning of the step
+        double goal_speed = 0.0;    // m/s, of the goal along d
+        Vec3 now{0.0};              // m, sum W_i x_i in this pass
+        double damping_time = 0.0;  // s, tau of the sub-step
+        double applied = 0.0;       // N, l of the sub-step so far
+        double impulse = 0.0;       // N*s, over the step so far
+    };
+
+    class Timed;
+    [[nodiscard]] std::int64_t now() const { return clock_ == nullptr ? 0 : clock_(); }
+    void note_pressed() noexcept;
+    void add_proxy(std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
+                   const ParticleModel& model);
+    std::uint32_t add_patch(const SurfacePoint& touched, const Bodies& bodies, const ParticleModel& model);
+    std::uint32_t add_mean_patch(const ToolProxy& proxy, std::uint32_t first_patch);
+    void find_tool_compliance(const ToolProxies& tool);
+    void find_body_compliance();
+    void find_damping_times();
+    void add_leads(const MovingParticles& now, double h);
+    void build_block(double h);
+    [[nodiscard]] Vec3 mean_position(const Patch& patch, const MovingParticles& now) const noexcept;
+    void displace(const Patch& patch, const Vec3& by, Row* position) const noexcept;
+    [[nodiscard]] Vec3 moment_arm(std::uint32_t proxy) const noexcept;
+    void pay(double h, Row* position, Row* pushed);
+
+    ClockFunction clock_;
+    std::int64_t spent_ns_ = 0;
+    Step step_;
+    Vec3 hip_{0.0};
+    double particle_count_ = 1.0;  // of the tool: N
+    double damping_ = 0.0;         // s/m, c; 0 if W couples the proxies
+    std::span<const ToolProxy> proxies_;
+    std::vector<std::uint8_t> was_pressed_;  // per proxy: a row pressed on it in the last step
+    std::vector<Pressed> pressed_;
+    std::size_t normal_patches_ = 0;      // patches of normals so far
+    std::size_t pressed_of_normals_ = 0;  // their particles
+    std::vector<Patch> patches_;
+    std::vector<CouplingRow> rows_;
+    std::vector<FrictionRows> friction_;  // per proxy with friction
+    std::vector<double> depth_;           // m, per row: b
+    std::vector<Lead> leads_;             // per proxy
+    std::vector<double> scattered_;       // per particle of the model: W_i / m_i of one patch
+    ComplianceMatrix tool_compliance_;    // W
+    ComplianceMatrix body_compliance_;    // P^T M^-1 P, 1/kg
+    ComplianceMatrix block_;
+    ContactSolver solver_;
+    bool projected_ = false;  // in this sub-step
+    CoupledForce paid_;       // N*s and N*m*s, impulses of owed_force over the step so far
+};
+
+}  // namespace haptic::sim

@@ -1,0 +1,161 @@
+// Contact problem: the forces between an elastic tool and the surfaces that hold it back, as one small system.
+//
+// A row is a direction in which a proxy can be pushed: the normal of one of its planes, or one of two tangents if it
+// has friction. With W_rs the displacement of row r per newton on row s (tool and surface together, the hand held
+// still), and b_r what row r lacks if nothing pushes, the forces l solve
+//
+//     min 1/2 l^T W l - b^T l    subject to    l_n >= 0,    |l_t| <= mu (sum of the proxy's l_n)
+//
+// Normal row: b is the depth of the proxy's free position behind the plane, negative in front of it. Tangential row: b
+// is the distance along the tangent to the point at which the proxy sticks. V = l^T b - 1/2 l^T W l is the energy of
+// all springs; without friction the wrench is its negative gradient. W is in m/N; for a relative k W, l is per k, in m.
+//
+// Normal forces: exact to rounding by the dual active-set method of Goldfarb and Idnani in contact space, on a Cholesky
+// factor that is updated by rows. Each iterate is the exact solution for some of the rows, so that stopping early gives
+// less energy, never more. Friction: from there, Gauss-Seidel over all rows in order, with each proxy's two tangential
+// forces at their exact minimum over its cone (the normal forces do not feel the cone: Coulomb's law), and Anderson
+// acceleration of the sweeps.
+// @source D. Goldfarb, A. Idnani, "A numerically stable dual method for solving strictly convex quadratic programs",
+// 1983; contact space: C. Duriez et al., "Realistic haptic rendering of interacting deformable objects", 2006.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "haptic/anderson_acceleration.hpp"
+#include "haptic/cholesky_factor.hpp"
+#include "haptic/frames.hpp"
+#include "haptic/realtime.hpp"
+#include "haptic/types.hpp"
+
+namespace haptic {
+
+/// Rows of the largest problem: three planes and two tangents of each proxy.
+inline constexpr std::size_t kMaxContactRows = kMaxProxies * (kMaxPlanes + 2);
+
+/// Part of each row's own compliance that belongs to the surface: the coupling between different rows is that of the
+/// tool times 1 - kSurfaceShare. It keeps the forces bounded where surfaces leave no room, and leaves a single row as
+/// it is.
+inline constexpr double kSurfaceShare = 1e-3;
+
+/// Symmetric matrix W, m/N, or k W. The memory for kMaxContactRows is allocated by the constructor.
+class ComplianceMatrix {
+  public:
+    ComplianceMatrix() : elements_(kMaxContactRows * kMaxContactRows, 0.0) {}
+
+    /// Sets the number of rows, at most kMaxContactRows. The elements are unspecified afterwards.
+    void resize(std::size_t rows) HAPTIC_RT { rows_ = rows; }
+    [[nodiscard]] std::size_t rows() const HAPTIC_RT { return rows_; }
+
+    /// Sets elements (r, s) and (s, r).
+    void set(std::size_t r, std::size_t s, double compliance) HAPTIC_RT {
+        elements_[r * kMaxContactRows + s] = elements_[s * kMaxContactRows + r] = compliance;
+    }
+    [[nodiscard]] double operator()(std::size_t r, std::size_t s) const HAPTIC_RT {
+        return elements_[r * kMaxContactRows + s];
+    }
+    /// Elements (r, 0) to (r, rows() - 1).
+    [[nodiscard]] const double* row(std::size_t r) const HAPTIC_RT { return &elements_[r * kMaxContactRows]; }
+
+  private:
+    std::vector<double> elements_;
+    std::size_t rows_ = 0;
+};
+
+/// Friction of one proxy: at least one normal row, all consecutive, directly followed by its two tangential rows. Pairs
+/// that overlap or lie beyond the last row have no friction.
+struct FrictionRows {
+    std::uint16_t first_normal = 0;
+    std::uint16_t normals = 0;
+    double coefficient = 0.0;  // mu
+    bool slides = false;       // output: the tangential force is at its limit, or nothing pushes
+};
+
+/// Two unit vectors that form a right-handed orthonormal frame with the unit vector n: a continuous function of n
+/// except at one pole.
+/// @source J. Frisvad, "Building an Orthonormal Basis from a 3D Unit Vector Without Normalization", 2012; exact to
+/// rounding at the pole (0, 0, -1) as well.
+[[nodiscard]] std::array<Vec3, 2> contact_tangents(const Vec3& n) HAPTIC_RT;
+
+class ContactSolver {
+  public:
+    ContactSolver();
+
+    struct Result {
+        int steps = 0;          // of the active-set method
+        int sweeps = 0;         // over all rows; 0 without friction
+        double residual = 0.0;  // m, largest violation of a normal row, or change of a displacement in the last sweep
+        double stored = 0.0;    // J, V above
+    };
+
+    /// Solves the problem; rows that no element of `friction` claims as tangential are normal rows. Starts from the
+    /// last solution if it had the same number of rows. Bounded: at most kMaxSteps active-set steps and kMaxSweeps
+    /// sweeps. Finite for finite rows, also if W is indefinite by the rounding to single precision or planes contradict
+    /// one another; residual tells what could not be satisfied. The cones hold exactly. The same calls since the
+    /// construction or restart() return the same bits.
+    Result solve(const ComplianceMatrix& compliance, std::span<const double> depth,
+                 std::span<FrictionRows> friction = {}) HAPTIC_RT;
+    /// N, per row, of the last solution.
+    [[nodiscard]] std::span<const double> force() const HAPTIC_RT { return std::span(force_).first(rows_); }
+    /// Forgets the last solution: the rows mean something else now.
+    void restart() HAPTIC_RT { rows_ = 0; }
+
+    static constexpr int kMaxSteps = 400;
+    static constexpr int kMaxSweeps = 30;
+
+  private:
+    enum class RowState : std::uint8_t {
+        Idle,       // normal row that does not push
+        Pushes,     // normal row in the active set
+        Excluded,   // row without compliance, or a normal row that contradicts active rows
+        Tangential  // row of a friction pair
+    };
+
+    // solve(), in order.
+    void read_rows(const ComplianceMatrix& compliance, std::span<const double> depth,
+                   std::span<FrictionRows> friction) HAPTIC_RT;
+    void warm_start(const ComplianceMatrix& compliance, std::span<const double> depth, bool same_rows) HAPTIC_RT;
+    int solve_normals(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT;
+    void solve_friction(const ComplianceMatrix& compliance, std::span<FrictionRows> friction, Result& result) HAPTIC_RT;
+    [[nodiscard]] double normal_residual() const HAPTIC_RT;
+
+    // Parts of solve_normals(): both return the number of steps.
+    int settle(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT;
+    int activate(const ComplianceMatrix& compliance, std::size_t row, int max_steps) HAPTIC_RT;
+    [[nodiscard]] std::size_t most_violated() const HAPTIC_RT;
+
+    // Parts of solve_friction(): sweep() and solve_pair() return the largest change of a displacement.
+    [[nodiscard]] double sweep(const ComplianceMatrix& compliance, std::span<FrictionRows> friction) HAPTIC_RT;
+    [[nodiscard]] double solve_pair(const ComplianceMatrix& compliance, FrictionRows& friction,
+                                    std::size_t first) HAPTIC_RT;
+    [[nodiscard]] double exact_force(std::size_t row) const HAPTIC_RT;
+    void extrapolate() HAPTIC_RT;
+
+    void compute_deficit(const ComplianceMatrix& compliance, std::span<const double> depth) HAPTIC_RT;
+    [[nodiscard]] double reduce(const ComplianceMatrix& compliance, std::size_t row) HAPTIC_RT;
+    void append(std::size_t row, double pivot) HAPTIC_RT;
+    void release(const ComplianceMatrix& compliance, std::size_t position) HAPTIC_RT;
+    void change_active_forces(const ComplianceMatrix& compliance) HAPTIC_RT;
+    void set_force(const ComplianceMatrix& compliance, std::size_t row, double force) HAPTIC_RT;
+
+    std::size_t rows_ = 0;
+    double scale_ = 0.0;                 // m, largest depth
+    double tolerance_ = 0.0;             // m, violation of a normal row that is rounding
+    std::vector<double> force_;          // N, per row
+    std::vector<double> deficit_;        // m, per row: b - W l
+    std::vector<double> diagonal_;       // m/N, per row
+    std::vector<RowState> state_;        // per row
+    CholeskyFactor factor_;              // of the active rows
+    std::vector<std::uint16_t> active_;  // normal rows that push, in the order of the factor
+    AndersonAcceleration acceleration_;  // of the sweeps
+    std::vector<std::uint16_t> pair_;    // per first tangential row: index of its friction pair
+    std::vector<double> weight_;         // sqrt(m/N), per row: force times weight is comparable between rows
+    std::vector<double> held_;           // scratch: N, forces before the sweep
+    std::vector<double> reduced_;        // scratch: U^-T W_Sq
+    std::vector<double> share_;          // scratch: N, per active row
+};
+
+}  // namespace haptic

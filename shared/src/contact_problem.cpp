@@ -1,0 +1,447 @@
+#include "haptic/contact_problem.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "vector_kernels.hpp"
+
+namespace haptic {
+namespace {
+
+// m/N: a row with less compliance than this cannot be pushed.
+constexpr double kMinCompliance = 1e-30;
+// A row depends on the active rows if its remaining compliance is below this part of its own: several roundings to
+// single precision, in which W may have been stored. Rows with the compliance of a surface are far above.
+constexpr double kMinPivot = 8.0 * std::numeric_limits<float>::epsilon();
+// A violation below this part of the largest depth, or of the displacement of a row by its own force, is rounding.
+constexpr double kTolerance = 1e-12;
+// The sweep that moves nothing by more than this part of the largest depth is the last.
+constexpr double kSweepTolerance = 1e-6;
+// A change that grows by this factor shows that rows have begun or ceased to push or slide: extrapolation restarts.
+constexpr double kMaxGrowth = 2.0;
+// A force that would displace its row by more than this many times the largest depth is none: rows contradict one
+// another without any compliance. The compliance of a surface limits it to about a thousand times.
+constexpr double kMaxDisplacement = 1e4;
+// Sweeps at the end that are not extrapolated, so that a bad extrapolation is never the last word.
+constexpr int kPlainSweeps = 2;
+// N per newton on the new row: an active row that loses less does not limit the step.
+constexpr double kMinShare = 1e-14;
+// The unbounded minimum is at least this many radii of the cone away: the squares of Newton's method could underflow.
+// The minimum on the edge then has the direction of the gradient to rounding.
+constexpr double kFarOutside = 1e100;
+// Steps of Newton's method to the edge of a cone. It converges in one where the pair is isotropic, and in a few else.
+constexpr int kMaxNewtonSteps = 10;
+
+constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+
+struct Disc {
+    std::array<double, 2> point;
+    bool on_edge;
+};
+
+/// Minimum of 1/2 x^T B x - g^T x over |x| <= radius, with B = (a c; c d) positive definite.
+/// @source J. More, D. Sorensen, "Computing a trust region step", 1983
+Disc minimum_in_disc(double a, double c, double d, const std::array<double, 2>& g, double radius) HAPTIC_RT {
+    if (!(radius > 0.0)) {
+        return {{0.0, 0.0}, true};
+    }
+    // (B + shift I) x = g has |x| = radius at the solution, and |x| >= |g| / (largest eigenvalue + shift).
+    const double half_difference = 0.5 * (a - d);
+    const double largest = 0.5 * (a + d) + std::sqrt(half_difference * half_difference + c * c);
+    const double length = std::sqrt(g[0] * g[0] + g[1] * g[1]);
+    // A few roundings inside the edge, so that the cone holds exactly.
+    const double edge = radius * (1.0 - 4.0 * std::numeric_limits<double>::epsilon());
+    if (length > kFarOutside * radius * largest) {
+        return {{edge * (g[0] / length), edge * (g[1] / length)}, true};
+    }
+    const double lower_bound = length / radius - largest;
+    std::array<double, 2> x{};
+    double size = 0.0;
+    double shift = 0.0;
+    for (int i = 0; i < kMaxNewtonSteps; ++i) {
+        const double determinant = (a + shift) * (d + shift) - c * c;
+        x = {((d + shift) * g[0] - c * g[1]) / determinant, ((a + shift) * g[1] - c * g[0]) / determinant};
+        size = std::sqrt(x[0] * x[0] + x[1] * x[1]);
+        if (i == 0 && size <= radius) {
+            return {x, false};
+        }
+        if (size <= radius * (1.0 + 1e-14)) {
+            break;
+        }
+        // Newton's method on 1 / |x| - 1 / radius, which is nearly linear in the shift and converges from below.
+        const double curvature =
+            ((d + shift) * x[0] * x[0] - 2.0 * c * x[0] * x[1] + (a + shift) * x[1] * x[1]) / determinant;
+        shift = std::max(shift + (size / radius - 1.0) * size * size / curvature, lower_bound);
+    }
+    const double factor = edge / size;
+    return {{factor * x[0], factor * x[1]}, true};
+}
+
+}  // namespace
+
+std::array<Vec3, 2> contact_tangents(const Vec3& n) HAPTIC_RT {
+    // 1 / (1 + n_z), without cancellation near the pole n = (0, 0, -1).
+    const double squares = n.x * n.x + n.y * n.y;
+    if (n.z < 0.0 && !(squares > 0.0)) {
+        return {Vec3(0.0, -1.0, 0.0), Vec3(-1.0, 0.0, 0.0)};
+    }
+    const double a = n.z < 0.0 ? (1.0 - n.z) / squares : 1.0 / (1.0 + n.z);
+    const double b = -n.x * n.y * a;
+    return {Vec3(1.0 - n.x * n.x * a, b, -n.x), Vec3(b, 1.0 - n.y * n.y * a, -n.y)};
+}
+
+ContactSolver::ContactSolver()
+    : force_(kMaxContactRows, 0.0),
+      deficit_(kMaxContactRows, 0.0),
+      diagonal_(kMaxContactRows, 0.0),
+      state_(kMaxContactRows, RowState::Idle),
+      factor_(kMaxContactRows),
+      active_(kMaxContactRows, 0),
+      acceleration_(kMaxContactRows),
+      pair_(kMaxContactRows, 0),
+      weight_(kMaxContactRows, 0.0),
+      held_(kMaxContactRows, 0.0),
+      reduced_(kMaxContactRows, 0.0),
+      share_(kMaxContactRows, 0.0) {}
+
+ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, std::span<const double> depth,
+                                           std::span<FrictionRows> friction) HAPTIC_RT {
+    const std::size_t rows = std::min({depth.size(), compliance.rows(), kMaxContactRows});
+    const bool same_rows = rows == rows_;
+    rows_ = rows;
+    Result result;
+    read_rows(compliance, depth, friction);
+    warm_start(compliance, depth, same_rows);
+    result.steps = solve_normals(compliance, kMaxSteps);
+    if (!friction.empty()) {
+        solve_friction(compliance, friction, result);
+    }
+    result.residual = std::max(result.residual, normal_residual());
+
+    // V = l^T b - 1/2 l^T W l = 1/2 l^T (b + (b - W l)).
+    for (std::size_t r = 0; r < rows_; ++r) {
+        result.stored += 0.5 * force_[r] * (depth[r] + deficit_[r]);
+    }
+    if (!std::isfinite(result.stored) || !std::isfinite(result.residual)) {
+        // Overflow: no force is better than one that is not a number.
+        std::fill_n(force_.begin(), rows_, 0.0);
+        result.stored = 0.0;
+        result.residual = std::numeric_limits<double>::max();
+    }
+    return result;
+}
+
+void ContactSolver::read_rows(const ComplianceMatrix& compliance, std::span<const double> depth,
+                              std::span<FrictionRows> friction) HAPTIC_RT {
+    // Diagonal, and the largest depth as the scale of the tolerances.
+    scale_ = 0.0;
+    for (std::size_t r = 0; r < rows_; ++r) {
+        diagonal_[r] = compliance(r, r);
+        state_[r] = diagonal_[r] > kMinCompliance ? RowState::Idle : RowState::Excluded;
+        scale_ = std::max(scale_, std::abs(depth[r]));
+    }
+    tolerance_ = kTolerance * scale_;
+    // Tangential rows. A pair without normal rows, beyond the last row or overlapping another has no friction.
+    const auto is_tangential = [this](std::size_t r)
+                                   HAPTIC_RT { return r < rows_ && state_[r] == RowState::Tangential; };
+    for (std::size_t i = 0; i < friction.size(); ++i) {
+        friction[i].slides = true;
+        const std::size_t first = std::size_t{friction[i].first_normal} + friction[i].normals;
+        const bool overlaps = friction[i].normals == 0 || is_tangential(first - 1) || is_tangential(first) ||
+                              is_tangential(first + 1) || is_tangential(first + 2);
+        if (!overlaps && first + 2 <= rows_) {
+            state_[first] = state_[first + 1] = RowState::Tangential;
+            pair_[first] = static_cast<std::uint16_t>(i);
+        }
+    }
+    for (std::size_t r = 0; !friction.empty() && r < rows_; ++r) {
+        weight_[r] = std::sqrt(std::max(diagonal_[r], 0.0));
+    }
+}
+
+void ContactSolver::warm_start(const ComplianceMatrix& compliance, std::span<const double> depth,
+                               bool same_rows) HAPTIC_RT {
+    // Start from the last forces of the tangential rows, and of the normal rows that pushed and are independent.
+    factor_.clear();
+    for (std::size_t r = 0; r < rows_; ++r) {
+        bool keeps = same_rows && state_[r] == RowState::Tangential;
+        if (same_rows && state_[r] == RowState::Idle && force_[r] > 0.0) {
+            const double pivot = reduce(compliance, r);
+            keeps = pivot > kMinPivot * diagonal_[r];
+            if (keeps) {
+                append(r, pivot);
+            }
+        }
+        force_[r] = keeps ? force_[r] : 0.0;
+    }
+    compute_deficit(compliance, depth);
+}
+
+void ContactSolver::compute_deficit(const ComplianceMatrix& compliance, std::span<const double> depth) HAPTIC_RT {
+    std::copy_n(depth.begin(), rows_, deficit_.begin());
+    for (std::size_t r = 0; r < rows_; ++r) {
+        if (force_[r] != 0.0) {
+            add_scaled(deficit_.data(), -force_[r], compliance.row(r), rows_);
+        }
+    }
+}
+
+int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT {
+    // Exact forces of the active rows, then one violated row after another. The final settle() removes what rounding
+    // has accumulated; rows that it releases are looked at again.
+    int steps = settle(compliance, max_steps);
+    bool settled = true;
+    while (steps < max_steps) {
+        const std::size_t row = most_violated();
+        if (row == kNone && settled) {
+            break;
+        }
+        settled = row == kNone;
+        steps += settled ? settle(compliance, max_steps - steps) : activate(compliance, row, max_steps - steps);
+    }
+    return steps;
+}
+
+int ContactSolver::settle(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT {
+    int steps = 0;
+    bool all_push = false;
+    while (!all_push && factor_.size() > 0 && steps < max_steps) {
+        ++steps;
+        // Change of the active forces that makes every active row exact: W_SS x = b - W l.
+        const std::size_t count = factor_.size();
+        for (std::size_t i = 0; i < count; ++i) {
+            share_[i] = deficit_[active_[i]];
+        }
+        factor_.solve_transposed(share_.data());
+        factor_.solve_upper(share_.data());
+        // Rows that would pull leave, and the others are solved again.
+        all_push = true;
+        for (std::size_t i = count; i-- > 0;) {
+            if (!(force_[active_[i]] + share_[i] > 0.0)) {
+                release(compliance, i);
+                all_push = false;
+            }
+        }
+        if (all_push) {
+            change_active_forces(compliance);
+        }
+    }
+    return steps;
+}
+
+int ContactSolver::activate(const ComplianceMatrix& compliance, std::size_t row, int max_steps) HAPTIC_RT {
+    for (int steps = 1; steps <= max_steps; ++steps) {
+        // Remaining compliance of the row while the active rows stay exact, and what each of them loses per newton.
+        const std::size_t count = factor_.size();
+        const double pivot = reduce(compliance, row);
+        std::copy_n(reduced_.begin(), count, share_.begin());
+        factor_.solve_upper(share_.data());
+        // Longest step: the row becomes exact, or an active row loses all of its force.
+        const bool independent = pivot > kMinPivot * diagonal_[row];
+        double force = independent ? deficit_[row] / pivot : std::numeric_limits<double>::max();
+        std::size_t leaving = kNone;
+        for (std::size_t i = 0; i < count; ++i) {
+            if (share_[i] > kMinShare && force_[active_[i]] < force * share_[i]) {
+                force = force_[active_[i]] / share_[i];
+                leaving = i;
+            }
+        }
+        if (!independent && !(force * diagonal_[row] <= kMaxDisplacement * scale_)) {
+            // No force makes the row exact: it contradicts the active rows.
+            state_[row] = RowState::Excluded;
+            return steps;
+        }
+        // Take the step; rounding must not make a force negative.
+        for (std::size_t i = 0; i < count; ++i) {
+            share_[i] = -std::min(force * share_[i], force_[active_[i]]);
+        }
+        change_active_forces(compliance);
+        set_force(compliance, row, force_[row] + force);
+        tolerance_ = std::max(tolerance_, kTolerance * force_[row] * diagonal_[row]);
+        if (leaving == kNone) {
+            append(row, pivot);
+            return steps;
+        }
+        release(compliance, leaving);
+    }
+    return max_steps;
+}
+
+void ContactSolver::solve_friction(const ComplianceMatrix& compliance, std::span<FrictionRows> friction,
+                                   Result& result) HAPTIC_RT {
+    // Iterate from the exact normal forces. The last operation is a sweep, so that the cones hold exactly.
+    acceleration_.restart();
+    double smallest = std::numeric_limits<double>::max();
+    bool converged = false;
+    while (!converged && result.sweeps < kMaxSweeps) {
+        std::copy_n(force_.begin(), rows_, held_.begin());
+        result.residual = sweep(compliance, friction);
+        ++result.sweeps;
+        converged = result.residual <= kSweepTolerance * scale_;
+        // Extrapolate from the sweeps since the last change of mode.
+        if (!converged && result.sweeps < kMaxSweeps - kPlainSweeps) {
+            if (result.residual > kMaxGrowth * smallest) {
+                acceleration_.restart();
+                smallest = result.residual;
+            }
+            smallest = std::min(smallest, result.residual);
+            extrapolate();
+        }
+    }
+}
+
+double ContactSolver::sweep(const ComplianceMatrix& compliance, std::span<FrictionRows> friction) HAPTIC_RT {
+    double largest = 0.0;
+    for (std::size_t r = 0; r < rows_; ++r) {
+        if (state_[r] == RowState::Tangential) {
+            // The pair, whose last normal row is the row before.
+            largest = std::max(largest, solve_pair(compliance, friction[pair_[r]], r));
+            ++r;
+        } else if (r + 1 == rows_ || state_[r + 1] != RowState::Tangential) {
+            const double force = exact_force(r);
+            largest = std::max(largest, std::abs(force - force_[r]) * diagonal_[r]);
+            set_force(compliance, r, force);
+        }
+    }
+    return largest;
+}
+
+void ContactSolver::extrapolate() HAPTIC_RT {
+    // Change of the last sweep, in units that make the rows comparable.
+    for (std::size_t r = 0; r < rows_; ++r) {
+        held_[r] = weight_[r] * (force_[r] - held_[r]);
+    }
+    const std::span force = std::span(force_).first(rows_);
+    const std::span deficit = std::span(deficit_).first(rows_);
+    acceleration_.extrapolate(std::span(held_).first(rows_), force, deficit);
+    bool bounded = true;
+    for (std::size_t r = 0; r < rows_; ++r) {
+        bounded = bounded && std::abs(force_[r]) * diagonal_[r] <= kMaxDisplacement * scale_;
+    }
+    if (!bounded) {
+        acceleration_.undo(force, deficit);
+        acceleration_.restart();
+    }
+}
+
+double ContactSolver::exact_force(std::size_t row) const HAPTIC_RT {
+    return state_[row] == RowState::Excluded ? force_[row]
+                                             : std::max(0.0, force_[row] + deficit_[row] / diagonal_[row]);
+}
+
+double ContactSolver::solve_pair(const ComplianceMatrix& compliance, FrictionRows& friction,
+                                 std::size_t first) HAPTIC_RT {
+    const std::size_t second = first + 1;
+    const std::size_t normal = first - 1;
+    // Last normal row of the proxy, exact with all other forces held. What it changes is applied below, together with
+    // the pair.
+    const double normal_force = exact_force(normal);
+    const double normal_change = normal_force - force_[normal];
+    // Radius of the cone at the normal forces of the proxy.
+    double sum = normal_force;
+    for (std::size_t r = friction.first_normal; r < normal; ++r) {
+        sum += force_[r];
+    }
+    const bool compliant = diagonal_[first] > kMinCompliance && diagonal_[second] > kMinCompliance;
+    const double radius = compliant ? friction.coefficient * sum : 0.0;
+    // The pair's block of W, made definite where it was rounded. A fixed point of the sweeps does not depend on it.
+    const double margin = kMinPivot * (diagonal_[first] + diagonal_[second]);
+    const double a = diagonal_[first] + margin;
+    const double d = diagonal_[second] + margin;
+    const double limit = std::sqrt(std::max(diagonal_[first] * diagonal_[second], 0.0));
+    const double c = std::clamp(compliance(first, second), -limit, limit);
+    // Exact minimum over both tangential forces with all others held.
+    const std::array<double, 2> held = {force_[first], force_[second]};
+    const std::array<double, 2> g = {
+        deficit_[first] - compliance(normal, first) * normal_change + a * held[0] + c * held[1],
+        deficit_[second] - compliance(normal, second) * normal_change + c * held[0] + d * held[1]};
+    const Disc minimum = minimum_in_disc(a, c, d, g, radius);
+    friction.slides = minimum.on_edge;
+    // Apply the three changes.
+    const std::array<double, 3> change = {normal_change, minimum.point[0] - held[0], minimum.point[1] - held[1]};
+    force_[normal] = normal_force;
+    force_[first] = minimum.point[0];
+    force_[second] = minimum.point[1];
+    if (change[0] != 0.0 || change[1] != 0.0 || change[2] != 0.0) {
+        subtract_combination<3>(deficit_.data(), change,
+                                {compliance.row(normal), compliance.row(first), compliance.row(second)}, rows_);
+    }
+    return std::max({std::abs(change[0]) * diagonal_[normal], std::abs(change[1]) * diagonal_[first],
+                     std::abs(change[2]) * diagonal_[second]});
+}
+
+double ContactSolver::reduce(const ComplianceMatrix& compliance, std::size_t row) HAPTIC_RT {
+    const double* elements = compliance.row(row);
+    for (std::size_t i = 0; i < factor_.size(); ++i) {
+        reduced_[i] = elements[active_[i]];
+    }
+    factor_.solve_transposed(reduced_.data());
+    return diagonal_[row] - dot(reduced_.data(), reduced_.data(), factor_.size());
+}
+
+void ContactSolver::append(std::size_t row, double pivot) HAPTIC_RT {
+    active_[factor_.size()] = static_cast<std::uint16_t>(row);
+    factor_.append(reduced_.data(), pivot);
+    state_[row] = RowState::Pushes;
+}
+
+void ContactSolver::release(const ComplianceMatrix& compliance, std::size_t position) HAPTIC_RT {
+    const std::size_t row = active_[position];
+    set_force(compliance, row, 0.0);
+    state_[row] = RowState::Idle;
+    const auto end = active_.begin() + static_cast<std::ptrdiff_t>(factor_.size());
+    const auto leaving = active_.begin() + static_cast<std::ptrdiff_t>(position);
+    std::copy(leaving + 1, end, leaving);
+    factor_.remove(position);
+}
+
+void ContactSolver::change_active_forces(const ComplianceMatrix& compliance) HAPTIC_RT {
+    const std::size_t count = factor_.size();
+    for (std::size_t i = 0; i < count; ++i) {
+        force_[active_[i]] += share_[i];
+    }
+    // b - W l, four rows of W at a time.
+    std::size_t i = 0;
+    for (; i + 4 <= count; i += 4) {
+        subtract_combination<4>(deficit_.data(), {share_[i], share_[i + 1], share_[i + 2], share_[i + 3]},
+                                {compliance.row(active_[i]), compliance.row(active_[i + 1]),
+                                 compliance.row(active_[i + 2]), compliance.row(active_[i + 3])},
+                                rows_);
+    }
+    for (; i < count; ++i) {
+        add_scaled(deficit_.data(), -share_[i], compliance.row(active_[i]), rows_);
+    }
+}
+
+void ContactSolver::set_force(const ComplianceMatrix& compliance, std::size_t row, double force) HAPTIC_RT {
+    if (force != force_[row]) {
+        add_scaled(deficit_.data(), force_[row] - force, compliance.row(row), rows_);
+        force_[row] = force;
+    }
+}
+
+std::size_t ContactSolver::most_violated() const HAPTIC_RT {
+    std::size_t row = kNone;
+    double worst = tolerance_;
+    for (std::size_t r = 0; r < rows_; ++r) {
+        if (state_[r] == RowState::Idle && deficit_[r] > worst) {
+            worst = deficit_[r];
+            row = r;
+        }
+    }
+    return row;
+}
+
+double ContactSolver::normal_residual() const HAPTIC_RT {
+    double residual = 0.0;
+    for (std::size_t r = 0; r < rows_; ++r) {
+        // A row that pushes must be exact; any other normal row must not be behind its plane.
+        if (state_[r] != RowState::Tangential) {
+            residual = std::max(residual, force_[r] > 0.0 ? std::abs(deficit_[r]) : deficit_[r]);
+        }
+    }
+    return residual;
+}
+
+}  // namespace haptic
