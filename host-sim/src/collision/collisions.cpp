@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "collision/swept_pairs.hpp"
+#include "dynamics/stage_clock.hpp"
 #include "simd/ellipsoid_lanes.hpp"
 #include "simd/kernels.hpp"
 
@@ -237,22 +238,8 @@ const ColliderKernels& collider_kernels(std::size_t lanes) {
 }
 
 struct ParticleCollisions::State {
-    /// Adds its lifetime to the time spent.
-    class Timed {
-      public:
-        explicit Timed(State& state) : state_(state), since_(state.now()) {}
-        Timed(const Timed&) = delete;
-        Timed& operator=(const Timed&) = delete;
-        ~Timed() { state_.spent_ns += state_.now() - since_; }
-
-      private:
-        State& state_;
-        std::int64_t since_;
-    };
-
     State(const ParticleModel& model, const CollisionSettings& given, ClockFunction time, std::size_t lanes);
 
-    [[nodiscard]] std::int64_t now() const { return clock == nullptr ? 0 : clock(); }
     [[nodiscard]] int needed_substeps(const ParticleModel& start, double step);
     [[nodiscard]] bool all_are_slow(const ParticleModel& start, double step) const noexcept;
     void estimate_motions(const ParticleModel& start, double step);
@@ -282,8 +269,7 @@ struct ParticleCollisions::State {
     double min_body_size = kMaxCoordinate;  // m, smallest mean of a body's mean semi-axes
     bool forward = true;
     CollisionCounts counts;
-    ClockFunction clock;
-    std::int64_t spent_ns = 0;
+    StageClock clock;
 
     // Per sub-step.
     double push_out = 0.0;            // m
@@ -683,13 +669,13 @@ ParticleCollisions::ParticleCollisions(const ParticleModel& model, const Collisi
 ParticleCollisions::~ParticleCollisions() = default;
 
 int ParticleCollisions::substeps(const ParticleModel& start, double step) const {
-    const State::Timed timed(*state_);
+    const StageClock::Span timed(state_->clock);
     return state_->needed_substeps(start, step);
 }
 
 void ParticleCollisions::find(const ParticleModel& start, const MovingParticles& predicted, double h) {
     State& s = *state_;
-    const State::Timed timed(s);
+    const StageClock::Span timed(s.clock);
     s.counts = {};
     s.push_out = h * s.settings.push_out_speed;
     if (s.collider.empty()) {
@@ -710,13 +696,13 @@ void ParticleCollisions::find(const ParticleModel& start, const MovingParticles&
 }
 
 void ParticleCollisions::project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
-    const State::Timed timed(*state_);
+    const StageClock::Span timed(state_->clock);
     state_->project_all(now.position);
 }
 
 void ParticleCollisions::finish(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
     State& s = *state_;
-    const State::Timed timed(s);
+    const StageClock::Span timed(s.clock);
     // Depths before the last two passes; at first too large to count as stagnation.
     double before_last = kMaxCoordinate;
     double last = kMaxCoordinate;
@@ -743,7 +729,7 @@ CollisionCounts ParticleCollisions::counts() const noexcept {
 }
 
 std::int64_t ParticleCollisions::take_time() noexcept {
-    return std::exchange(state_->spent_ns, 0);
+    return state_->clock.take();
 }
 
 }  // namespace haptic::sim

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
-#include <utility>
 
 #include "dynamics/rotation.hpp"
 #include "simd/projection.hpp"
@@ -27,19 +26,6 @@ constexpr double kStuck = 1e6;
 
 }  // namespace
 
-/// Adds its lifetime to the time spent.
-class ContactCoupling::Timed {
-  public:
-    explicit Timed(ContactCoupling& coupling) : coupling_(coupling), since_(coupling.now()) {}
-    Timed(const Timed&) = delete;
-    Timed& operator=(const Timed&) = delete;
-    ~Timed() { coupling_.spent_ns_ += coupling_.now() - since_; }
-
-  private:
-    ContactCoupling& coupling_;
-    std::int64_t since_;
-};
-
 ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock)
     : clock_(clock), was_pressed_(kMaxProxies, 0), scattered_(model.size(), 0.0) {
     // Twice, for the mean patches of tangents.
@@ -52,7 +38,7 @@ ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock
 }
 
 std::int64_t ContactCoupling::take_time() noexcept {
-    return std::exchange(spent_ns_, 0);
+    return clock_.take();
 }
 
 void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, const Bodies& bodies,
@@ -78,7 +64,7 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
     if (!(step.gain * step.coupling.stiffness > 0.0)) {
         return;
     }
-    const Timed timed(*this);
+    const StageClock::Span timed(clock_);
     // The tool's rows come proxy by proxy, its normals before its tangents.
     std::span<const ContactRow> rows = tool.rows();
     for (std::uint32_t proxy = 0; proxy < proxies_.size(); ++proxy) {
@@ -262,7 +248,7 @@ Vec3 ContactCoupling::mean_position(const Patch& patch, const MovingParticles& n
 }
 
 void ContactCoupling::find(const ParticleModel& start, const MovingParticles& /*predicted*/, double /*h*/) {
-    const Timed timed(*this);
+    const StageClock::Span timed(clock_);
     projected_ = false;
     for (Patch& patch : patches_) {
         patch.start = Vec3(0.0);
@@ -283,7 +269,7 @@ void ContactCoupling::find_damping_times() {
     for (const CouplingRow& row : rows_) {
         if (row.normal) {
             const Patch& patch = patches_[row.patch];
-            const double depth = std::max(0.0, row.depth + glm::dot(row.direction, row.now - patch.reference));
+            const double depth = std::max(0.0, row.depth + glm::dot(row.direction, patch.now - patch.reference));
             depths[row.proxy] += depth;
             squares[row.proxy] += depth * depth;
         }
@@ -329,10 +315,10 @@ void ContactCoupling::build_block(double h) {
 }
 
 void ContactCoupling::project(const ParticleModel& /*start*/, const MovingParticles& now, double h) {
-    const Timed timed(*this);
+    const StageClock::Span timed(clock_);
     projected_ = true;
-    for (CouplingRow& row : rows_) {
-        row.now = mean_position(patches_[row.patch], now);
+    for (Patch& patch : patches_) {
+        patch.now = mean_position(patch, now);
     }
     find_damping_times();
     // b of each row, for the particles without the forces applied so far.
@@ -345,8 +331,8 @@ void ContactCoupling::project(const ParticleModel& /*start*/, const MovingPartic
             applied += body_compliance_(r, s) * rows_[s].applied;
         }
         applied *= h * h;
-        const double depth = row.depth + glm::dot(row.direction, row.now - patch.reference) + applied;
-        const double approach = (glm::dot(row.direction, row.now - patch.start) + applied) / h - row.goal_speed;
+        const double depth = row.depth + glm::dot(row.direction, patch.now - patch.reference) + applied;
+        const double approach = (glm::dot(row.direction, patch.now - patch.start) + applied) / h - row.goal_speed;
         // A plane that is not reached does not damp.
         const double damping_time = row.normal && depth <= 0.0 ? 0.0 : row.damping_time;
         depth_.push_back((depth + damping_time * approach) / (1.0 + row.damping_time / h));
@@ -411,7 +397,7 @@ void ContactCoupling::finish(const ParticleModel& start, const MovingParticles& 
     if (!projected_) {
         project(start, now, h);  // a solver without passes over the constraints
     }
-    const Timed timed(*this);
+    const StageClock::Span timed(clock_);
     for (CouplingRow& row : rows_) {
         displace(patches_[row.patch], -h * h * row.applied * row.direction, now.pushed);
         row.impulse += h * row.applied;

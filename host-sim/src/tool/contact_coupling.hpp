@@ -50,6 +50,7 @@
 #include <span>
 #include <vector>
 
+#include "dynamics/stage_clock.hpp"
 #include "haptic/contact_problem.hpp"
 #include "haptic/sim/contact_force.hpp"
 #include "haptic/sim/coupling.hpp"
@@ -80,7 +81,7 @@ struct Lead {
 class ContactCoupling final : public SolverContacts {
   public:
     /// Monotonic clock in ns, for the caller's measurements; the simulation does not depend on it.
-    using ClockFunction = std::int64_t (*)();
+    using ClockFunction = StageClock::Function;
 
     /// Allocates for any tool and for the bodies of this model.
     explicit ContactCoupling(const ParticleModel& model, ClockFunction clock = nullptr);
@@ -125,6 +126,7 @@ class ContactCoupling final : public SolverContacts {
         std::uint32_t end = 0;
         Vec3 reference{0.0};  // m, sum W_i x_i at the beginning of the step
         Vec3 start{0.0};      // and of the sub-step
+        Vec3 now{0.0};        // and in this pass
     };
     struct CouplingRow {
         std::uint32_t proxy = 0;
@@ -134,14 +136,11 @@ class ContactCoupling final : public SolverContacts {
         Vec3 direction{0.0};        // unit: d
         double depth = 0.0;         // m, b at the beginning of the step
         double goal_speed = 0.0;    // m/s, of the goal along d
-        Vec3 now{0.0};              // m, sum W_i x_i in this pass
         double damping_time = 0.0;  // s, tau of the sub-step
         double applied = 0.0;       // N, l of the sub-step so far
         double impulse = 0.0;       // N*s, over the step so far
     };
 
-    class Timed;
-    [[nodiscard]] std::int64_t now() const { return clock_ == nullptr ? 0 : clock_(); }
     void note_pressed() noexcept;
     void add_proxy(std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
                    const ParticleModel& model);
@@ -157,8 +156,7 @@ class ContactCoupling final : public SolverContacts {
     [[nodiscard]] Vec3 moment_arm(std::uint32_t proxy) const noexcept;
     void pay(double h, Row* position, Row* pushed);
 
-    ClockFunction clock_;
-    std::int64_t spent_ns_ = 0;
+    StageClock clock_;
     Step step_;
     Vec3 hip_{0.0};
     double particle_count_ = 1.0;  // of the tool: N
