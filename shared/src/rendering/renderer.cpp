@@ -47,8 +47,7 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
 void FrameRenderer::limit_stiffness() HAPTIC_RT {
     // One factor for the whole coupling: translational limit, and rotational limit, k_t <o^2> <= limit.
     const double requested = frame().stiffness;
-    const double of_torque = frame().torque_stiffness > 0.0 ? frame().torque_stiffness : requested;
-    const double rotational = of_torque * squared_moment_arm(frame());
+    const double rotational = torque_stiffness_of(frame()) * squared_moment_arm(frame());
     double factor = requested > settings_.max_stiffness ? settings_.max_stiffness / requested : 1.0;
     if (rotational * factor > settings_.max_rotational_stiffness) {
         factor = settings_.max_rotational_stiffness / rotational;

@@ -34,9 +34,6 @@ bool is_coupled(const ContactFrame& frame, double stiffness) HAPTIC_RT {
 bool holds_positions(const ContactFrame& frame) HAPTIC_RT {
     return (frame.flags & HAPTIC_FRAME_HOLD_POSITIONS) != 0;
 }
-double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT {
-    return frame.torque_stiffness > 0.0 ? frame.torque_stiffness : frame.stiffness;
-}
 
 /// m, largest displacement of a proxy relative to those of its planes whose bit is set; its own without planes. A
 /// surface counts as moving even when its plane has reached the end of its horizon.
@@ -77,6 +74,10 @@ Contact hold_positions(const ContactFrame& frame, double stiffness, const GripMo
 }
 
 }  // namespace
+
+double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT {
+    return frame.torque_stiffness > 0.0 ? frame.torque_stiffness : frame.stiffness;
+}
 
 double squared_moment_arm(const ContactFrame& frame) HAPTIC_RT {
     double squares = 0.0;

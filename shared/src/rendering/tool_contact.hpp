@@ -61,6 +61,9 @@ struct Contact {
     double max_moment_arm = 0.0;     // m, largest |o_i|
 };
 
+/// N/m, of the springs that make the torque.
+[[nodiscard]] double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT;
+
 /// m^2, factor from a torque stiffness (N/m) to the largest rotational stiffness (N*m/rad) about an axis that a tool
 /// coupled with it can have, however stiff: the mean of |o_i|^2.
 [[nodiscard]] double squared_moment_arm(const ContactFrame& frame) HAPTIC_RT;
