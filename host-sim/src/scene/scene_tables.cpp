@@ -188,8 +188,8 @@ const SettingTable<CouplingSettings>& coupling_table() {
              V::number(&S::hunt_crossley_damping, {0.0, 10.0})},
             {{.key = "damping_time",
               .unit = "s",
-              .meaning = "Damping of coupling and tool in parallel with their springs: damping / stiffness, the same for "
-                         "every contact. Lets a body that the tool holds come to rest."},
+              .meaning = "Damping beside the springs of coupling and tool: damping / stiffness, the same for every "
+                         "contact. Lets a body that the tool holds come to rest."},
              V::number(&S::damping_time, {0.0, 1.0})},
             {{.key = "mask_radius",
               .unit = "m",

@@ -261,7 +261,7 @@ void ContactCoupling::find(const ParticleModel& start, const MovingParticles& /*
     }
 }
 
-/// tau = c b of each proxy, with the depth that the last pass has led to: the mean over its planes, weighted by the
+/// tau = damping_time + c b of each proxy, with the depth that the last pass has led to: the mean over its planes, weighted by the
 /// depths themselves.
 void ContactCoupling::find_damping_times() {
     std::array<double, kMaxProxies> depths{};

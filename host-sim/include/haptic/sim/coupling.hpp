@@ -11,7 +11,7 @@ enum class MultiRate : std::uint8_t {
     Positions  // particle positions, the thesis' scheme (section 5.4.1), for comparison: it drags
 };
 
-/// Spring and Hunt-Crossley damper between hip and proxy, in the scene. Equations: tool/contact_coupling.hpp.
+/// Spring and dampers between hip and proxy, in the scene. Equations: tool/contact_coupling.hpp.
 struct CouplingSettings {
     double stiffness = 20.0;             // N/m
     double hunt_crossley_damping = 0.0;  // s/m, c in F = k d (1 + c v)
