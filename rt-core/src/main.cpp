@@ -170,7 +170,8 @@ CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
     CLI::Option* const scene =
         stability
             ->add_option("--scene", options.scene,
-                         "maps this built-in scene of host-sim instead of the wall; writes stability-SCENE.csv")
+                         "maps a scene of host-sim, built-in or a file NAME.toml, instead of the wall; writes "
+                         "stability-NAME.csv")
             ->type_name("SCENE");
     stability->add_option("--host-sim", options.host_sim, "program host-sim [searched in PATH]")
         ->type_name("FILE")

@@ -49,6 +49,11 @@ struct Cell {
     bool grows = false;
 };
 
+/// Of a built-in scene or a scene file.
+std::string name_of(const std::string& scene) {
+    return std::filesystem::path(scene).stem().string();
+}
+
 class SceneMap {
   public:
     explicit SceneMap(const StabilityOptions& options)
@@ -118,11 +123,11 @@ class SceneMap {
 
     /// The scene's script in the device frame, after an approach from the centre and until the hand is held.
     [[nodiscard]] Hand record_hand() const {
-        const std::filesystem::path script_file = options_.out / ("script-" + options_.scene + ".csv");
+        const std::filesystem::path script_file = options_.out / ("script-" + name_of(options_.scene) + ".csv");
         run_to_end(host_sim({}, {"--clock", "lockstep", "--record", script_file.string()}));
         const PoseTrack script = PoseTrack::load(script_file);
         Hand hand;
-        hand.file = options_.out / ("hand-" + options_.scene + ".csv");
+        hand.file = options_.out / ("hand-" + name_of(options_.scene) + ".csv");
         const double hold_s = std::min(options_.hold_s.value_or(script.duration_s()), script.duration_s());
         hand.moving_s = kApproachS + hold_s;
         std::vector<double> times{0.0};
@@ -160,7 +165,7 @@ class SceneMap {
     /// The body's own motion: largest amplitude, over the windows of a still hand, of a spring of the hand's stiffness
     /// under the force that a rigid hand feels in the scene without rt-core.
     [[nodiscard]] double driven_amplitude(const std::vector<std::string>& settings) const {
-        const std::filesystem::path file = options_.out / ("rigid-" + options_.scene + ".csv");
+        const std::filesystem::path file = options_.out / ("rigid-" + name_of(options_.scene) + ".csv");
         const double end_s = hand_.moving_s + still_s_;
         run_to_end(host_sim(settings, {"--clock", "lockstep", "--input", hand_.file.string(), "--duration",
                                        text_of(CsvCell{end_s}), "--record", file.string()}));
@@ -200,14 +205,15 @@ class SceneMap {
 
 void write_csv(const std::filesystem::path& file, const std::vector<Cell>& cells) {
     std::string text =
-        "rate_hz,stiffness_n_m,delay_ms,first_mm,last_mm,driven_mm,energy_min_j,peak_force_n,controlled_share,faults,"
+        "rate_hz,stiffness_n_m,delay_ms,first_mm,last_mm,driven_mm,energy_min_j,peak_force_n,touching_share,controlled_"
+        "share,faults,"
         "grows\n";
     for (const Cell& cell : cells) {
         const SceneOutcome& o = cell.outcome;
         append_row(text,
                    std::vector{cell.rate_hz, cell.stiffness, cell.delay_ms, o.first_amplitude / kMillimetre,
                                o.last_amplitude / kMillimetre, cell.driven / kMillimetre, o.min_energy, o.peak_force,
-                               o.controlled, static_cast<double>(o.faults), cell.grows ? 1.0 : 0.0});
+                               o.touching, o.controlled, static_cast<double>(o.faults), cell.grows ? 1.0 : 0.0});
     }
     std::ofstream csv(file);
     csv << text;
@@ -242,7 +248,7 @@ void print_map(const std::vector<Cell>& cells, const StabilityOptions& options) 
 int scene_stability_command(const StabilityOptions& options) {
     std::filesystem::create_directories(options.out);
     const std::vector<Cell> cells = SceneMap(options).run();
-    const std::filesystem::path file = options.out / ("stability-" + options.scene + ".csv");
+    const std::filesystem::path file = options.out / ("stability-" + name_of(options.scene) + ".csv");
     write_csv(file, cells);
     print_map(cells, options);
     const auto growing =

@@ -82,11 +82,15 @@ class Trial {
         for (std::vector<double>& way : way_) {
             way.reserve(ticks);
         }
+        std::uint64_t touched_before = 0;
         while (way_[0].size() < ticks && rig_.tick().faults() == 0) {
             delayed_.arrive(rig_.now_ns());
             rig_.run_tick();
             if (latch_ns() >= step_ns_) {
                 take_answer();
+            }
+            if (way_[0].size() < ticks_in(trial_.moving_s)) {
+                touched_before = rig_.tick().instruments().contact_ticks;
             }
             const Vec3 grip = rig_.grip_pose().position;
             for (std::size_t axis = 0; axis < way_.size(); ++axis) {
@@ -99,6 +103,8 @@ class Trial {
         const Instruments& measured = rig_.tick().instruments();
         outcome.min_energy = measured.min_energy;
         outcome.peak_force = measured.peak_force;
+        outcome.touching = static_cast<double>(measured.contact_ticks - touched_before) /
+                           static_cast<double>(ticks_in(trial_.still_s));
         outcome.controlled = static_cast<double>(measured.passivity_ticks) / static_cast<double>(ticks);
         outcome.faults = rig_.tick().faults();
         return outcome;

@@ -41,6 +41,7 @@ struct SceneOutcome {
     double last_amplitude = 0.0;   // m
     double min_energy = 0.0;       // J, of the passivity observer
     double peak_force = 0.0;       // N, rendered
+    double touching = 0.0;         // fraction of the still time in which something presses on the hand
     double controlled = 0.0;       // fraction of ticks in which the passivity controller acted
     std::uint32_t faults = 0;      // HAPTIC_FAULT_*; they end the trial
 };
