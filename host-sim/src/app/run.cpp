@@ -355,8 +355,8 @@ void Run::run_real() {
     }
 }
 
-/// Makes each step with the first state that is as late as the step's beginning. If rt-core then waits for the frame, the
-/// two processes run in lockstep, and the result does not depend on how fast either is.
+/// Makes each step with the first state that is as late as the step's beginning. If rt-core then waits for the frame,
+/// the two processes run in lockstep, and the result does not depend on how fast either is.
 void Run::run_device() {
     DeviceHand& device = *hand_.device();
     std::int64_t begin_ns = 0;  // of the next step; 0: at the first state of a running device
@@ -433,8 +433,7 @@ void Run::write_results(double wall_s) const {
 
 int Run::execute() {
     const Scene& scene = simulation_.scene();
-    spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, name_of(clock_),
-                 scene.solver.step);
+    spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, name_of(clock_), scene.solver.step);
     if (live_) {
         spdlog::info("the live view is at {}", live_->url());
     }
