@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "random.hpp"
+#include "rendering/floor_frame.hpp"
 #include "rendering/renderer.hpp"
-#include "tick_rig.hpp"
 
 namespace haptic::rt {
 namespace {
