@@ -190,7 +190,7 @@ void virtual_proxy_on_fish(benchmark::State& state) {
         goals.push_back(goal - Vec3(0, 0.005, 0));
     }
     for (auto _ : state) {
-        Pose hand{goals[0] + Vec3(0, 0.1, 0), Quat(1, 0, 0, 0)};
+        haptic::Pose hand{goals[0] + Vec3(0, 0.1, 0), haptic::Quat(1, 0, 0, 0)};
         ToolProxies tool(one_sphere(kRadius), settings, hand);
         for (const Vec3& goal : goals) {
             hand.position = goal;
