@@ -16,8 +16,10 @@ namespace haptic::sim {
 
 namespace {
 
-constexpr double kMarginRadii = 1.25;  // radii around the path within which contacts are collected
-constexpr double kMaxGoalRadii = 1.0;  // radii, distance along each axis beyond which a goal is clamped
+constexpr double kMarginRadii = 1.25;      // radii around the path within which contacts are collected
+constexpr double kMaxGoalRadii = 1.0;      // radii, distance along each axis beyond which a goal is clamped
+constexpr double kMaxFollowedRadii = 3.5;  // radii, size of a query that a list follows: a sphere on half a radius' way
+constexpr double kFollowMarginRadii = 0.5;  // radii, around that query
 
 /// Box of all positions that a proxy may reach: around the segment to its goal, also displaced with nearby surfaces.
 Aabb region_of(const ProxyReach& at, std::span<const MovingSurface> surfaces) noexcept {
@@ -59,11 +61,10 @@ void ContactCandidates::collect(std::span<const MovingSurface> surfaces, std::sp
     Scratch<Aabb, kMaxProxies> region;
     for (std::size_t p = 0; p < proxy_count_; ++p) {
         List& list = lists_[p];
-        region[p] = list.region = region_of(proxies[p], surfaces);
-        list.complete = true;
+        list.clear(region_of(proxies[p], surfaces));
+        list.radius = proxies[p].radius;
+        region[p] = list.region;
         last_contacts_[p].known = false;
-        list.range_count = 0;
-        list.count = 0;
     }
     // One traversal of each tree for all proxies: bit p of `mask` is set if the leaf overlaps region p.
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
@@ -102,6 +103,23 @@ std::size_t ContactCandidates::overflows() const noexcept {
         count += lists_[p].complete ? 0u : 1u;
     }
     return count;
+}
+
+void ContactCandidates::follow(List& list, std::span<const MovingSurface> surfaces, const Aabb& box) noexcept {
+    // The sweep of a long move is a single query: through the trees. So is any where the surroundings are crowded.
+    const Vec3 size = box.size();
+    if (!list.complete || std::max({size.x, size.y, size.z}) > kMaxFollowedRadii * list.radius) {
+        return;
+    }
+    // Room for the next moves on all sides.
+    const Vec3 margin(kFollowMarginRadii * list.radius);
+    list.clear({box.min - margin, box.max + margin});
+    for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
+        const SweptTree& tree = *surfaces[object].tree;
+        tree.query_leaves(list.region, [&](std::uint32_t leaf) {
+            add(list, object, tree.triangles_of(leaf), LeafBoxes(surfaces[object], leaf, QueryTime::WholeStep));
+        });
+    }
 }
 
 void ContactCandidates::add(List& list, std::uint32_t object, std::span<const std::uint32_t> triangles,

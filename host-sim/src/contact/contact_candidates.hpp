@@ -3,8 +3,9 @@
 // The queries of a step, some dozen per proxy, all ask for the triangles near the same positions. So each proxy gets a
 // box first: everywhere it can go, including where moving surfaces can carry it. One traversal of each tree tests the
 // boxes of all proxies and lists, per proxy, the triangles in its box, with their boxes in single precision. A query
-// inside the proxy's box goes through the list. A query that leaves it, or whose list overflowed, goes through the
-// tree. The list changes how fast the answer comes, never the answer.
+// inside the proxy's box goes through the list. A proxy that leaves its box, led along a fold toward a goal far away,
+// gets a list for its new surroundings. Longer queries, and those whose list overflowed, go through the tree. The list
+// changes how fast the answer comes, never the answer.
 #pragma once
 
 #include <algorithm>
@@ -32,7 +33,7 @@ struct ProxyReach {
 class NearSurfaces;
 struct LastContacts;
 
-/// Candidate lists of all proxies. Fixed memory, about 28 kB a proxy. Not thread-safe.
+/// Candidate lists of all proxies. Fixed memory, about 50 kB a proxy. Not thread-safe: queries may renew a list.
 class ContactCandidates {
   public:
     static constexpr std::size_t kMaxProxies = 64;
@@ -61,7 +62,7 @@ class ContactCandidates {
   private:
     friend class NearSurfaces;
 
-    static constexpr std::size_t kMaxListed = 256;  // triangles of one proxy
+    static constexpr std::size_t kMaxListed = 512;  // triangles of one proxy
     static constexpr std::size_t kMaxRanges = 16;   // surfaces near one proxy
     static constexpr std::size_t kKinds = 2;        // of QueryTime
 
@@ -73,13 +74,25 @@ class ContactCandidates {
     };
     struct List {
         Aabb region;            // the box that was searched
+        double radius = 0.0;    // m, of the proxy
         bool complete = false;  // false: overflow, query the trees
         std::uint32_t range_count = 0;
         std::uint32_t count = 0;
         Scratch<SurfaceRange, kMaxRanges> range;
         Scratch<std::uint32_t, kMaxListed> triangle;
         std::array<Scratch<PackedBox, kMaxListed>, kKinds> box;  // by QueryTime
+
+        /// Empties the list for a new region.
+        void clear(const Aabb& searched) noexcept {
+            region = searched;
+            complete = true;
+            range_count = 0;
+            count = 0;
+        }
     };
+
+    /// Replaces the list of a proxy that has left its region by one of the triangles around `box`, if that is small.
+    static void follow(List& list, std::span<const MovingSurface> surfaces, const Aabb& box) noexcept;
 
     /// Appends the triangles of a leaf whose boxes overlap the list's region.
     static void add(List& list, std::uint32_t object, std::span<const std::uint32_t> triangles,
@@ -107,9 +120,15 @@ class NearSurfaces {
     /// Where the proxy's phases hand on the contact points of its last position; null without candidates.
     [[nodiscard]] LastContacts* last_contacts() const noexcept { return last_contacts_; }
 
-    /// Whether no surface enters the box during the step, by its outermost box or because the proxy has no candidates:
-    /// the test of free air, before a phase sets up any query. False where a surface may be near.
+    /// Whether no surface enters the box during the step, by the boxes of the proxy's candidates or, outside its
+    /// region, those of whole surfaces: the test of free air, before a phase sets up any query. False where a surface
+    /// may be near.
     [[nodiscard]] bool is_clear(const Aabb& box) const noexcept {
+        return is_far(box) || (list_covers(box) && list_is_clear(box));
+    }
+
+    /// Whether the boxes of whole surfaces are apart from this one during the step, or the proxy has no candidates.
+    [[nodiscard]] bool is_far(const Aabb& box) const noexcept {
         if (list_ != nullptr && list_->range_count == 0 && list_covers(box)) {
             return true;
         }
@@ -125,6 +144,9 @@ class NearSurfaces {
             return;
         }
         const SphereLimits limits(sphere);
+        if (list_ != nullptr && !list_covers(sphere.box)) {
+            ContactCandidates::follow(*list_, all_, sphere.box);
+        }
         if (!list_covers(sphere.box)) {
             tree.query_leaves(sphere.box, [&](std::uint32_t leaf) {
                 const std::span<const std::uint32_t> triangles = tree.triangles_of(leaf);
@@ -152,16 +174,23 @@ class NearSurfaces {
 
   private:
     friend class ContactCandidates;
-    NearSurfaces(std::span<const MovingSurface> all, const ContactCandidates::List* list, LastContacts* last) noexcept
+    NearSurfaces(std::span<const MovingSurface> all, ContactCandidates::List* list, LastContacts* last) noexcept
         : all_(all), list_(list), last_contacts_(last) {}
 
     /// Whether the list holds every triangle that may be in the box.
     [[nodiscard]] bool list_covers(const Aabb& box) const noexcept {
-        return list_ != nullptr && contains(list_->region, box);
+        return list_ != nullptr && list_->complete && contains(list_->region, box);
+    }
+
+    /// Whether no candidate enters a box that the list covers.
+    [[nodiscard]] bool list_is_clear(const Aabb& box) const noexcept {
+        const BoxLimits limits(box);
+        const PackedBox* const boxes = list_->box[static_cast<std::size_t>(QueryTime::WholeStep)].data();
+        return std::none_of(boxes, boxes + list_->count, [&](const PackedBox& b) { return limits.overlap(b); });
     }
 
     std::span<const MovingSurface> all_;
-    const ContactCandidates::List* list_ = nullptr;
+    ContactCandidates::List* list_ = nullptr;
     LastContacts* last_contacts_ = nullptr;
 };
 

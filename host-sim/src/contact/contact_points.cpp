@@ -257,19 +257,26 @@ PlaneSet::Fit PlaneSet::project_with_largest_radius(const Vec3& target, double r
 
 double free_fraction(const NearSurfaces& surfaces, const Vec3& from, const Vec3& displacement, double radius,
                      double release) noexcept {
-    double fraction = 1.0;
-    const Vec3 to = from + displacement;
-    // Bounds of the whole move, for the tests of each triangle.
-    const SweptSphere whole_move(from, to, radius);
+    const SweptSphere whole_move(from, from + displacement, radius);
     const double length = std::sqrt(glm::dot(displacement, displacement));
-    const double max_distance = (radius + length) * (1.0 + kRoundingMargin);
+    // Bounds of the move up to the first contact so far: a triangle beyond them can only be met later.
+    double fraction = 1.0;
+    Vec3 end = from + displacement;
+    Aabb box = whole_move.box;
+    double max_distance = (radius + length) * (1.0 + kRoundingMargin);
+    const auto shorten = [&](double first) {
+        fraction = first;
+        end = from + displacement * first;
+        box = aabb_of_segment(from, end, radius * (1.0 + kRoundingMargin));
+        max_distance = (radius + length * first) * (1.0 + kRoundingMargin);
+    };
     const auto sweep = [&](const SweptSphere& sphere) {
         for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
             const SurfaceMotion& motion = surfaces[object].motion;
             surfaces.query(object, sphere, QueryTime::EndOfStep, [&](std::uint32_t triangle) {
                 // Cull: box, plane of the face, distance.
                 const TriangleCorners corners = corners_of(motion.end, motion.triangles[triangle]);
-                if (!overlaps(corners, whole_move.box) || plane_separates(corners, from, to, radius)) {
+                if (!overlaps(corners, box) || plane_separates(corners, from, end, radius)) {
                     return;
                 }
                 const double distance = std::sqrt(closest_point_on_triangle(from, corners).squared_distance);
@@ -279,8 +286,8 @@ double free_fraction(const NearSurfaces& surfaces, const Vec3& from, const Vec3&
                 // Exact sweep; a triangle that starts close may be approached to `release` times its distance.
                 const SphereHit hit =
                     sweep_sphere(from, displacement, std::min(radius, release * distance), distance, corners);
-                if (hit.hits) {
-                    fraction = std::min(fraction, hit.fraction);
+                if (hit.hits && hit.fraction < fraction) {
+                    shorten(hit.fraction);
                 }
             });
         }

@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstdint>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <tuple>
@@ -35,24 +36,30 @@ class Candidates {
         const auto rank = [](const Candidate& x) {
             return std::tuple{x.gap, x.plane.touched.object, x.plane.touched.triangle};
         };
-        // Full: drop the last, if the new one comes nearer.
+        // Full: the new one takes the place of the last, if it comes nearer.
+        std::uint8_t place = static_cast<std::uint8_t>(count_);
         if (count_ == kMaxCandidates) {
-            if (rank(list_[count_ - 1]) <= rank(c)) {
+            place = order_[--count_];
+            if (rank(stored_[place]) <= rank(c)) {
+                ++count_;
                 return;
             }
-            --count_;
         }
-        // Insertion sort.
+        stored_[place] = c;
+        // Insertion sort of the places: a candidate is some 150 bytes large.
         std::size_t k = count_++;
-        for (; k > 0 && rank(c) < rank(list_[k - 1]); --k) {
-            list_[k] = list_[k - 1];
+        for (; k > 0 && rank(c) < rank(stored_[order_[k - 1]]); --k) {
+            order_[k] = order_[k - 1];
         }
-        list_[k] = c;
+        order_[k] = place;
     }
-    [[nodiscard]] std::span<const Candidate> list() const noexcept { return {list_.data(), count_}; }
+    [[nodiscard]] std::size_t size() const noexcept { return count_; }
+    /// Nearest first.
+    [[nodiscard]] const Candidate& operator[](std::size_t k) const noexcept { return stored_[order_[k]]; }
 
   private:
-    Scratch<Candidate, kMaxCandidates> list_;
+    Scratch<Candidate, kMaxCandidates> stored_;
+    Scratch<std::uint8_t, kMaxCandidates> order_;  // places in stored_, nearest first
     std::size_t count_ = 0;
 };
 
@@ -161,9 +168,10 @@ void add_candidates(const LeafBoxes& boxes, std::uint32_t leaf, const MovingSurf
 
 /// The active contacts, then the nearest candidates that no chosen plane implies.
 SurfacePlanes select_planes(std::span<const MovingSurface> surfaces, const SpeculativeTask& task,
-                            std::span<const Candidate> candidates) noexcept {
+                            const Candidates& candidates) noexcept {
     SurfacePlanes planes = task.contacts;
-    for (const Candidate& c : candidates) {
+    for (std::size_t n = 0; n < candidates.size(); ++n) {
+        const Candidate& c = candidates[n];
         // Candidates come nearest first, so each new plane is tested against all more urgent ones.
         if (planes.count == kMaxSurfacePlanes) {
             break;
@@ -216,7 +224,7 @@ void find_planes(std::span<const MovingSurface> surfaces, std::span<SpeculativeT
         task.planes = task.contacts;
     }
     for (std::size_t k = 0; k < count; ++k) {
-        tasks[active[k]].planes = select_planes(surfaces, tasks[active[k]], candidates[k].list());
+        tasks[active[k]].planes = select_planes(surfaces, tasks[active[k]], candidates[k]);
     }
 }
 

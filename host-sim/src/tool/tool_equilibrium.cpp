@@ -467,7 +467,7 @@ void ToolProxies::find_planes(double fraction) {
         const NearSurfaces near = contact_candidates_.of(i);
         const bool blocked = free_way_[i] < 1.0;
         const double reach = contact_reach(p.radius, settings_.contact);
-        if (!blocked && barriers_[i].count == 0 && near.is_clear(aabb_of_segment(p.position, p.position, reach))) {
+        if (!blocked && barriers_[i].count == 0 && near.is_far(aabb_of_segment(p.position, p.position, reach))) {
             p.contacts.count = 0;
             grip.anchored = grip.slides = false;
             continue;

@@ -217,6 +217,42 @@ TEST(ContactCandidates, VisitTheTrianglesOfAQueryInTheOrderOfTheTree) {
     EXPECT_GT(seen, 30u);
 }
 
+TEST(ContactCandidates, FollowAProxyThatLeavesItsRegion) {
+    // Oracle: the exact closest point of every triangle.
+    Random random(6);
+    World world;
+    Body& body = world.add(sheet(0.4, 12, true));
+    world.refit();
+    ContactCandidates contact_candidates(1);
+    const std::array<ProxyReach, 1> proxy{ProxyReach{Vec3(0.0, 1.0, 0.0), Vec3(0.0, 1.0, 0.0), kRadius}};
+    contact_candidates.collect(world.surfaces, proxy);
+    const NearSurfaces near = contact_candidates.of(0);
+    ASSERT_EQ(contact_candidates.listed(0), 0u) << "nothing is near its start";
+    std::size_t seen = 0;
+    for (int k = 0; k < 200; ++k) {
+        const Vec3 p = random.in_cube(0.2) * Vec3(1.0, 0.1, 1.0);
+        std::vector<std::uint32_t> visited;
+        near.query(0, {p, p, kRadius}, haptic::sim::QueryTime::EndOfStep,
+                   [&](std::uint32_t t) { visited.push_back(t); });
+        EXPECT_GT(contact_candidates.listed(0), 0u) << "the list has followed";
+        for (std::uint32_t t = 0; t < body.mesh.triangles.size(); ++t) {
+            const haptic::sim::Triangle& c = body.mesh.triangles[t];
+            const haptic::sim::ClosestPoint at =
+                haptic::sim::closest_point_on_triangle(p, {body.end[c[0]], body.end[c[1]], body.end[c[2]]});
+            if (at.squared_distance < kRadius * kRadius) {
+                ++seen;
+                ASSERT_NE(std::find(visited.begin(), visited.end(), t), visited.end()) << t;
+            }
+        }
+    }
+    EXPECT_GT(seen, 1000u);
+    // A long sweep is a single query: the list stays.
+    const std::size_t listed = contact_candidates.listed(0);
+    near.query(0, {Vec3(-0.2, 0.0, 0.0), Vec3(0.2, 0.0, 0.0), kRadius}, haptic::sim::QueryTime::EndOfStep,
+               [](std::uint32_t) {});
+    EXPECT_EQ(contact_candidates.listed(0), listed);
+}
+
 TEST(ContactCandidates, VisitEveryTriangleThatASphereTouchesFarFromTheOrigin) {
     // Oracle: the exact closest point of every triangle. At 50 m single precision resolves 4e-6 m.
     Random random(11);
