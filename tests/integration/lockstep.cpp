@@ -56,11 +56,16 @@ void Lockstep::run_tick() {
     now_ns_ += tick_ns_;
 }
 
-sim::StepResult Lockstep::step_simulation() {
-    if (!state_reader_.read_newest(state_)) {
+sim::StepInput Lockstep::next_input() {
+    (void)state_reader_.read_newest(state_);  // false: it has been read already
+    if (state_.sequence == 0) {
         throw std::runtime_error("ticks ran, but published no device state");
     }
-    input_ = sim::input_from(state_, step_time_ns_);
+    return sim::input_from(state_, step_time_ns_);
+}
+
+sim::StepResult Lockstep::step_simulation() {
+    input_ = next_input();
     const sim::StepResult result = simulation_.step(input_);
     pending_ = true;
     return result;

@@ -64,6 +64,8 @@ class Lockstep {
     [[nodiscard]] sim::Simulation& simulation() { return simulation_; }
     [[nodiscard]] device::EmulatedBoard& board() { return board_; }
     [[nodiscard]] const rt::Tick& tick() const { return tick_; }
+    /// Input that the simulation's next step takes.
+    [[nodiscard]] sim::StepInput next_input();
     /// Input of the simulation's last step.
     [[nodiscard]] const sim::StepInput& input() const { return input_; }
 

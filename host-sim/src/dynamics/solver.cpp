@@ -254,9 +254,10 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
     }
 }
 
-void ParticleSolver::set_step_and_iterations(double step, int iterations) {
+void ParticleSolver::set_steps(double step, int substeps, int iterations) {
     SolverSettings next = settings_;
     next.step = step;
+    next.substeps = substeps;
     next.iterations = iterations;
     check(next);
     settings_ = next;

@@ -184,6 +184,16 @@ void Simulation::change_settings(const LiveSettings& settings) {
     state_->settings.go_to(settings);
 }
 
+void Simulation::change_rate(double step, int substeps) {
+    State& s = *state_;
+    s.solver.set_steps(step, substeps, s.scene.solver.iterations);
+    s.step_since_s = s.now_s();
+    s.step_since = s.steps;
+    s.scene.solver.step = step;
+    s.scene.solver.substeps = substeps;
+    s.settings = SettingsFade(live_settings_of(s.scene));
+}
+
 const LiveSettings& Simulation::settings() const noexcept {
     return state_->settings.asked();
 }
@@ -199,7 +209,7 @@ void Simulation::State::apply_settings(const LiveSettings& next) {
         step_since = steps;
     }
     apply(next, scene);
-    solver.set_step_and_iterations(next.step, next.iterations);
+    solver.set_steps(next.step, scene.solver.substeps, next.iterations);
     // The sphere of a point tool takes its radius from the settings; a multi-sphere tool keeps its own.
     tool.change(scene.contact, {next.stiffness, next.torque_stiffness}, proxy_sphere ? next.radius : 0.0);
 }
@@ -240,7 +250,7 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
     tool.find_equilibrium();
     result.times.tool_ns = watch.lap();
     // Planes for the haptic loop.
-    tool.collect_speculative_planes();
+    tool.collect_speculative_planes(scene.solver.step);
     result.times.proxy_ns = watch.lap();
 
     // Outcome: both poses, and what the worst particle went through.

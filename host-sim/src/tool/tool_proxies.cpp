@@ -236,14 +236,15 @@ void ToolProxies::fit_pose() {
     }
 }
 
-void ToolProxies::collect_speculative_planes() {
+void ToolProxies::collect_speculative_planes(double step) {
     // Query at the position where the contact planes touch the particle; they come first in the result.
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         const ToolProxy& p = particles_[i];
-        speculative_tasks_[i] = {
-            p.contacts,
-            {.position = p.position, .radius = p.radius, .reach = settings_.reach, .dt = settings_.step},
-            {}};
+        // The planes expire 1.5 steps from now; the surfaces' velocities are those of the last step.
+        SpeculativeQuery query{
+            .position = p.position, .radius = p.radius, .reach = settings_.reach, .dt = settings_.step};
+        query.horizon *= step / settings_.step;
+        speculative_tasks_[i] = {p.contacts, query, {}};
     }
     // All particles share one traversal of each tree.
     speculative_planes(contact_candidates_.all(), speculative_tasks_);

@@ -133,7 +133,7 @@ class ToolProxies {
     void find_secure_positions();
     void pop_out();
     void find_equilibrium();
-    void collect_speculative_planes();
+    void collect_speculative_planes(double step);  // s, of the step that begins
 
     /// From the next step on, records the path of each particle, for verification. Allocates.
     void keep_paths(bool on);

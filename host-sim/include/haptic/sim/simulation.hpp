@@ -122,6 +122,10 @@ class Simulation {
     /// The settings last requested, or the scene's own.
     [[nodiscard]] const LiveSettings& settings() const noexcept;
 
+    /// Takes steps of another length from the next one on, s, each in `substeps` equal parts. Without a transition: for
+    /// parts of the same length, whose bodies stay as stiff. Throws std::invalid_argument as the solver does.
+    void change_rate(double step, int substeps);
+
     /// Uncouples hand and tool at once and couples them again within WorkspaceSettings::clutch_fade, for a hand that
     /// has jumped.
     void recouple() noexcept;

@@ -110,9 +110,9 @@ class ParticleSolver {
     /// their order, so that the last ones hold best; null elements are skipped.
     void step(ParticleModel& model, std::span<const Vec3> force, std::initializer_list<SolverContacts*> contacts = {});
 
-    /// Changes step, s, and iterations from the next step on. Throws std::invalid_argument as the constructor does, and
-    /// then changes nothing.
-    void set_step_and_iterations(double step, int iterations);
+    /// Changes step, s, sub-steps and iterations from the next step on. Throws std::invalid_argument as the constructor
+    /// does, and then changes nothing.
+    void set_steps(double step, int substeps, int iterations);
 
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
     [[nodiscard]] std::size_t lanes() const noexcept;

@@ -122,7 +122,7 @@ class Corner {
         tool_->find_secure_positions();
         tool_->pop_out();
         tool_->find_equilibrium();
-        tool_->collect_speculative_planes();
+        tool_->collect_speculative_planes(scene_.solver.step);
     }
 
     [[nodiscard]] std::unique_ptr<ContactFrame> frame(const WorkspaceSettings& mapping = {},

@@ -276,6 +276,27 @@ TEST(Simulation, FollowsTheHandInFreeSpaceWithoutForce) {
     }
 }
 
+TEST(Simulation, MovesTheSameAtAnotherRateWithEqualSubsteps) {
+    const std::vector<std::string> fine{"solver.step=0.001", "solver.substeps=1"};
+    Simulation reference(late_drop(0.0, fine));
+    Simulation changed(late_drop(0.0, fine));
+    const auto run = [](Simulation& simulation, int ms, int steps) {
+        for (int i = 0; i < steps; ++i) {
+            (void)simulation.step(simulation.scripted_input(1'000'000 * std::int64_t{ms + i}));
+        }
+    };
+    run(reference, 0, 25);
+    run(changed, 0, 5);
+    changed.change_rate(0.02, 20);
+    run(changed, 5, 1);
+    EXPECT_NEAR(changed.time(), reference.time(), 1e-12);
+    // The cloth still falls freely; 20 parts of 0.02 are not 0.001 to the bit.
+    ASSERT_EQ(changed.model().size(), reference.model().size());
+    for (std::size_t i = 0; i < changed.model().size(); ++i) {
+        ASSERT_LT(glm::length(changed.model().position[i] - reference.model().position[i]), 1e-9) << i;  // m
+    }
+}
+
 TEST(Simulation, NamesTheStepAtWhichTheStateIsNoLongerFinite) {
     Scene scene = late_drop(0.0, {"collisions.ground=false"});
     scene.solver.gravity.y = -1e308;  // the velocity overflows after about 200 steps

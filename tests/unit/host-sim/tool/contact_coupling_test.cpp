@@ -130,7 +130,7 @@ class SprungTriangle : public ::testing::Test {
         tool->find_secure_positions();
         tool->pop_out();
         tool->find_equilibrium();
-        tool->collect_speculative_planes();
+        tool->collect_speculative_planes(settings.step);
         ContactSettings contact;
         contact.static_friction = contact.dynamic_friction = settings.friction;
         coupling->begin_step(*tool,

@@ -43,7 +43,7 @@ void step(ToolProxies& tool, std::span<const MovingSurface> surfaces, const Pose
     tool.find_secure_positions();
     tool.pop_out();
     tool.find_equilibrium();
-    tool.collect_speculative_planes();
+    tool.collect_speculative_planes(kStep);
 }
 
 ToolProxies::Settings settings(double friction = 0.0) {
