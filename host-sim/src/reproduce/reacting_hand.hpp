@@ -3,8 +3,8 @@
 //
 //     M x'' = F + K (x_i - x) + D (x_i' - x'),   x_i the intended position, F the force on the hand
 //
-// The values are those of a fingertip that presses with 2 to 20 N: K = 255 to 1255 N/m, D = 4.0 to 7.4 N s/m; the mass
-// of the fingertip, 3.5 to 8.7 g, is small against that of the grip it holds. Orientations are the intended ones.
+// Stiffness and damping are of the order measured on fingertips that press lightly, some hundred N/m and some N s/m;
+// the mass of a fingertip, some grams, is small against that of the grip it holds. Orientations are the intended ones.
 // @source A. Hajian, R. Howe, "Identification of the mechanical impedance at the human finger tip", Journal of
 // Biomechanical Engineering 119, 1997
 #pragma once
