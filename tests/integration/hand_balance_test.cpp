@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <glm/geometric.hpp>
 #include <string>
 #include <vector>
@@ -16,12 +17,15 @@ namespace haptic::test {
 namespace {
 
 constexpr double kTickS = 0.001;
+constexpr double kApproachS = 1.0;  // from the device's centre to the begin of the script
+// Limits that rt-core imposes by default for the emulated device.
+constexpr double kMaxStiffness = 600.0;           // N/m
+constexpr double kMaxRotationalStiffness = 0.12;  // N*m/rad
 
 struct Case {
     const char* scene;
     double seconds;
-    std::vector<std::string> settings{};
-    double max_stiffness = 600.0;  // N/m, of rt-core
+    double max_stiffness = kMaxStiffness;  // N/m, of rt-core
 };
 
 /// The scene's scripted hand in the device frame, after a second on the way there from the centre.
@@ -30,23 +34,36 @@ PoseTrack script_of(const sim::Scene& scene, double duration_s) {
     std::vector<double> times{0.0};
     std::vector<Pose> poses{Pose{}};
     for (double t = 0.0; t <= duration_s; t += 0.01) {
-        times.push_back(1.0 + t);
+        times.push_back(kApproachS + t);
         poses.push_back(simulation.scripted_input(nanoseconds(t)).device);
     }
     return {std::move(times), std::move(poses)};
 }
 
+/// Holds the grip's buttons as the script does.
+void hold_buttons(Lockstep& chain, double script_s) {
+    const std::uint32_t buttons = chain.simulation().scripted_input(nanoseconds(script_s)).buttons;
+    chain.board().device().set_buttons(static_cast<std::uint8_t>(buttons));
+}
+
+/// The chain with rt-core's default limits. The hand goes to where the script begins before the scene starts.
+Lockstep chain_with_script(const sim::Scene& scene, double duration_s, double max_stiffness = kMaxStiffness) {
+    Lockstep::Settings settings{.scene = scene, .hand = script_of(scene, duration_s), .tick = {}};
+    settings.tick.frames.max_stiffness = max_stiffness;
+    settings.tick.frames.max_rotational_stiffness = kMaxRotationalStiffness;
+    return Lockstep(settings);
+}
+void approach(Lockstep& chain) {
+    chain.stand(static_cast<int>(kApproachS / seconds(sim::ContactFramePublisher::kIdlePeriodNs)),
+                [](const rt::TickRecord&, const device::EmulatedBoard&) {});
+}
+
 class HandBalance : public ::testing::TestWithParam<Case> {};
 
 TEST_P(HandBalance, BodiesReceiveTheImpulseThatTheHandFeels) {
-    Config config = sim::open_scene(GetParam().scene);
-    for (const std::string& assignment : GetParam().settings) {
-        config.set(assignment);
-    }
-    const sim::Scene scene = sim::read_scene(config, GetParam().scene);
-    Lockstep::Settings settings{.scene = scene, .hand = script_of(scene, GetParam().seconds), .tick = {}};
-    settings.tick.frames.max_stiffness = GetParam().max_stiffness;
-    Lockstep chain(settings);
+    const sim::Scene scene = sim::read_scene(sim::open_scene(GetParam().scene), GetParam().scene);
+    Lockstep chain = chain_with_script(scene, GetParam().seconds, GetParam().max_stiffness);
+    approach(chain);
 
     // N*s, sums over tenths of a second of the impulse on the bodies, and of the hand's along it. Across it the hand
     // feels the quantisation of the tensions only.
@@ -57,7 +74,8 @@ TEST_P(HandBalance, BodiesReceiveTheImpulseThatTheHandFeels) {
     bool touched = false;
     bool limited = false;
     const int steps_per_sum = std::max(1, static_cast<int>(0.1 / scene.solver.step));
-    for (int i = 1; i * scene.solver.step < 1.0 + GetParam().seconds; ++i) {
+    for (int i = 1; i * scene.solver.step < GetParam().seconds; ++i) {
+        hold_buttons(chain, i * scene.solver.step);
         const sim::StepResult result = chain.step(
             [&](const rt::TickRecord& tick, const device::EmulatedBoard&) { felt += kTickS * tick.made.force; });
         given += result.body_impulse;
@@ -78,8 +96,10 @@ TEST_P(HandBalance, BodiesReceiveTheImpulseThatTheHandFeels) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, HandBalance,
-                         ::testing::Values(Case{"fish-hold", 8.0}, Case{"fish-hold", 8.0, {}, 50.0},
-                                           Case{"plane-slide", 5.0}),
+                         ::testing::Values(Case{"fish-hold", 8.0}, Case{"fish-hold", 8.0, 50.0},
+                                           Case{"plane-slide", 5.0}, Case{"fish-grab", 6.6}, Case{"curtain-hand", 2.5},
+                                           Case{"four-fish", 6.0}, Case{"fish-slide", 6.0}, Case{"rod-gap", 4.0},
+                                           Case{"popout-fan", 8.0}, Case{"cloth-drop", 2.5}),
                          [](const auto& which) {
                              std::string name = which.param.scene;
                              for (char& c : name) {
@@ -87,6 +107,34 @@ INSTANTIATE_TEST_SUITE_P(Scenes, HandBalance,
                              }
                              return name + (which.param.max_stiffness < 100.0 ? "_limited" : "");
                          });
+
+// While the hand of fish-grab carries the fish, rolls it and stands still.
+TEST(HeldFish, WeighsAtTheHandWhatItWeighsInTheSceneTimesTheForceScale) {
+    constexpr double kFrom = 2.1;   // s, of the script: the hand stands still from here
+    constexpr double kUntil = 4.6;  // s; rolled to either side meanwhile
+    const sim::Scene scene = sim::read_scene(sim::open_scene("fish-grab"), "fish-grab");
+    Lockstep chain = chain_with_script(scene, kUntil);
+    approach(chain);
+    Vec3 felt(0.0);  // N, sum over the ticks
+    int ticks = 0;
+    for (int i = 1; i * scene.solver.step < kUntil; ++i) {
+        hold_buttons(chain, i * scene.solver.step);
+        chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
+            if (i * scene.solver.step > kFrom) {
+                felt += tick.made.force;
+                ++ticks;
+            }
+        });
+    }
+    double mass = 0.0;
+    for (const double m : chain.simulation().model().mass) {
+        mass += m;
+    }
+    const double weight = mass * glm::length(scene.solver.gravity) * scene.workspace.force_scale;
+    felt /= ticks;
+    RecordProperty("weight_N", std::to_string(-felt.y));
+    EXPECT_NEAR(-felt.y, weight, 0.05 * weight);
+}
 
 }  // namespace
 }  // namespace haptic::test

@@ -103,6 +103,7 @@ EmulatedDevice::Settings device_settings(const ServeArguments& arguments, const 
     }
     EmulatedDevice::Settings settings{.geometry = geometry,
                                       .hand = arguments.hand ? hand_from_centre(*arguments.hand) : PoseTrack(),
+                                      .hand_buttons = arguments.hand ? buttons_of_hand(*arguments.hand) : ButtonTrack(),
                                       .hand_waits = true,
                                       .mechanics = read_emulated(config)};
     config.reject_unknown();

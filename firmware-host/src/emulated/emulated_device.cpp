@@ -103,6 +103,9 @@ void EmulatedDevice::advance(std::int64_t now_ns) HAPTIC_RT {
     // Advance the clocks of faults and hand before the grip, which depends on both.
     s.fault_ns = std::max<std::int64_t>(fault_time_ns(now_ns), 0);
     s.hand.advance(passed_ns);
+    if (s.settings.hand_buttons.known()) {
+        s.buttons = s.settings.hand_buttons.at(s.hand.time_ns());
+    }
     s.started = true;
     s.last_ns = now_ns;
     s.faults.advance(fault_time_ns(now_ns), passed_ns);

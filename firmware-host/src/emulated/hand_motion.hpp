@@ -35,6 +35,8 @@ class HandMotion {
         waits_ = true;
     }
     [[nodiscard]] bool waits() const HAPTIC_RT { return waits_; }
+    /// On the track.
+    [[nodiscard]] std::int64_t time_ns() const HAPTIC_RT { return time_ns_; }
 
     /// Pose at `before_now_ns` before the present: the start of the track before the release, and the last pose before
     /// the last hold().

@@ -97,6 +97,7 @@ void HandSources::play_script(const Simulation& simulation, std::int64_t time_ns
     const StepInput script = simulation.scripted_input(time_ns);
     input.device = script.device;
     input.curl = script.curl;
+    input.buttons = script.buttons;
     // Ease from where the hand was left to the moving script pose: 3 s^2 - 2 s^3.
     if (!returning_from_) {
         return;

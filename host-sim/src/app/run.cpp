@@ -154,9 +154,8 @@ void Run::report_stiffness_limit(const StepInput& input) {
     }
     told_stiffness_limit_ = true;
     spdlog::warn(
-        "the scene asks for a stiffness of {:.0f} N/m at the hand, the device renders {:.0f} N/m; the bodies are "
-        "pushed "
-        "with as much",
+        "the scene asks for a stiffness of {:.0f} N/m at the hand, the device renders {:.0f} N/m, and the bodies feel "
+        "no more",
         simulation_.frame().stiffness, input.feedback->stiffness);
 }
 

@@ -66,8 +66,8 @@ void RunStatistics::add(const StepResult& result) {
         held_s_ = 0.0;
     }
     max_held_s_ = std::max(max_held_s_, held_s_);
-    // Impulses of hand and bodies. In free air a device's quantisation would add up.
-    if (result.in_contact) {
+    // Impulses of hand and bodies. The hand may meet a surface before the simulation does.
+    if (result.in_contact || result.hand_impulse != Vec3(0.0)) {
         impulses_until_s_ = result.time + kAfterContact;
     }
     if (result.time <= impulses_until_s_) {

@@ -8,15 +8,17 @@ namespace {
 
 // Part of the debt that a step pays.
 constexpr double kPaid = 0.5;
-// s, time constant with which a debt is forgotten while nothing touches
-constexpr double kForget = 1.0;
-// s, longest time that the present force would take to pay a debt; more is forgotten
+// s, longest time that the largest force of the last second would take to pay a debt; more is forgotten
 constexpr double kLongestDebt = 0.2;
+constexpr double kLargestForceFor = 1.0;
+// s after a contact, in which the hand may still feel it: rt-core ends the force within 50 ms
+constexpr double kAfterContact = 0.1;
 
 }  // namespace
 
 HandBalance::Share HandBalance::begin_step(const std::optional<DeviceFeedback>& feedback, const Workspace& workspace,
-                                           double stiffness, double gain, double step_s) noexcept {
+                                           double stiffness, double gain, double step_s,
+                                           std::int64_t time_ns) noexcept {
     Share share{.gain = gain};
     // Without a device the hand feels the simulated force itself.
     if (!feedback || !(workspace.settings().force_scale > 0.0)) {
@@ -30,28 +32,34 @@ HandBalance::Share HandBalance::begin_step(const std::optional<DeviceFeedback>& 
     }
     share.gain *= std::clamp(feedback->scale, 0.0, 1.0);
     // Impulse of the last step at the hand, minus that of the bodies.
+    limit_ /= 1.0 + step_s / kLargestForceFor;
     if (last_impulse_) {
-        share.hand_impulse = feedback->impulse - *last_impulse_;
-        // Along the force alone: across it the hand feels what the strings cannot avoid, not the bodies.
-        const double given = glm::length(given_);
-        const Vec3 missing = workspace.force_to_scene(share.hand_impulse) - given_;
-        owed_ += given > 0.0 ? (glm::dot(missing, given_) / (given * given)) * given_ : Vec3(0.0);
+        // In the scene's time, which passes more slowly where steps are late.
+        const double late = std::max(1.0, seconds(time_ns - last_time_ns_) / step_s);
+        share.hand_impulse = (feedback->impulse - *last_impulse_) / late;
+        const Vec3 felt = workspace.force_to_scene(share.hand_impulse);
+        owed_ += felt - given_;
+        limit_ = std::max(limit_, kLongestDebt * glm::length(felt) / step_s);
     }
     last_impulse_ = feedback->impulse;
-    // Bound the debt; forget it while nothing touches.
-    if (const double debt = glm::length(owed_); debt > limit_) {
+    last_time_ns_ = time_ns;
+    // Bound the debt, and forget it once neither hand nor bodies have felt anything for a while.
+    const bool quiet = share.hand_impulse == Vec3(0.0) && given_ == Vec3(0.0);
+    quiet_s_ = quiet ? quiet_s_ + step_s : 0.0;
+    if (quiet_s_ > kAfterContact) {
+        owed_ = Vec3(0.0);
+    } else if (const double debt = glm::length(owed_); debt > limit_) {
         owed_ *= limit_ / debt;
     }
-    if (given_ == Vec3(0.0)) {
-        owed_ /= 1.0 + step_s / kForget;
-    }
-    share.owed_force = (kPaid / step_s) * owed_;
+    // The hand may meet a surface before the simulation does: nothing is paid to a body that it left long ago.
+    share.owed_force = since_contact_s_ <= kAfterContact ? (kPaid / step_s) * owed_ : Vec3(0.0);
     return share;
 }
 
-void HandBalance::end_step(const Vec3& force, double step_s) noexcept {
+void HandBalance::end_step(const Vec3& force, bool in_contact, double step_s) noexcept {
     given_ = step_s * force;
-    limit_ = std::max(limit_ / (1.0 + step_s / kForget), kLongestDebt * glm::length(force));
+    since_contact_s_ = in_contact ? 0.0 : since_contact_s_ + step_s;
+    limit_ = std::max(limit_, kLongestDebt * glm::length(force));
 }
 
 }  // namespace haptic::sim

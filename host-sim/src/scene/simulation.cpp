@@ -1,6 +1,7 @@
 #include "haptic/sim/simulation.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <glm/geometric.hpp>
 #include <memory>
 #include <stdexcept>
@@ -50,6 +51,17 @@ class Stopwatch {
 
 double first_curl(const Scene& scene) {
     return scene.curl.known() ? scene.curl.at(0) : scene.tool ? scene.tool->curl : 0.0;
+}
+
+/// Whether a hand that closes its tool with the button holds it at that time of the script, so that curl and script
+/// pass the middle between open and closed together.
+bool close_button(const Scene& scene, std::int64_t at_ns) {
+    if (!scene.tool || scene.tool->close_button < 0) {
+        return false;
+    }
+    const ToolSettings& tool = *scene.tool;
+    const double lead_s = 0.5 * std::abs(tool.close_to - tool.curl) / tool.close_speed;
+    return scene.curl.at(at_ns + nanoseconds(lead_s)) > 0.5 * (tool.curl + tool.close_to);
 }
 
 ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
@@ -250,7 +262,7 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
     assembly.drive(now_s(), step);
     // The bodies receive what the hand receives.
     const HandBalance::Share share =
-        balance.begin_step(input.feedback, workspace, scene.coupling.stiffness, clutch.gain(), step);
+        balance.begin_step(input.feedback, workspace, scene.coupling.stiffness, clutch.gain(), step, input.time_ns);
     result.hand_impulse = share.hand_impulse;
     // Algorithm 3, lines 9 to 24, with the coupling to the tool among the constraints. Collisions come last: the ground
     // does not yield.
@@ -267,7 +279,7 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
 void Simulation::State::report_force(const StepInput& input, StepResult& result) {
     const double step = scene.solver.step;
     const CoupledForce made = coupling.force();
-    balance.end_step(made.force, step);
+    balance.end_step(made.force, made.collided > 0, step);
     // The device gets force and torque in its own axes.
     result.force = made.force;
     result.torque = made.torque;
@@ -391,6 +403,7 @@ StepInput Simulation::scripted_input(std::int64_t time_ns) const {
     input.device = state_->workspace.to_device(hand);
     if (scene.curl.known()) {
         input.curl = scene.curl.at(at_ns);
+        input.buttons = close_button(scene, at_ns) ? 1u << static_cast<unsigned>(scene.tool->close_button) : 0u;
     }
     return input;
 }

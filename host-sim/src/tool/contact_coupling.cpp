@@ -29,7 +29,10 @@ constexpr double kStuck = 1e6;
 ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock)
     : clock_(clock), was_pressed_(kMaxProxies, 0), scattered_(model.size(), 0.0) {
     // Twice, for the mean patches of tangents.
-    pressed_.reserve(2 * std::min(kMaxPressed, kMaxNormals * std::max(model.size(), PressureMask::kCornerParticles)));
+    const std::size_t most =
+        std::min(kMaxPressed, kMaxNormals * std::max(model.size(), PressureMask::kCornerParticles));
+    pressed_.reserve(2 * most);
+    last_pressed_.reserve(most);
     patches_.reserve(kMaxNormals + kMaxProxies);
     rows_.reserve(kMaxContactRows);
     friction_.reserve(kMaxProxies);
@@ -50,6 +53,7 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
     damping_ = alone ? step.coupling.hunt_crossley_damping : 0.0;
     particle_count_ = static_cast<double>(proxies_.size());
     note_pressed();
+    keep_last_push();
     pressed_.clear();
     patches_.clear();
     rows_.clear();
@@ -86,6 +90,37 @@ void ContactCoupling::note_pressed() noexcept {
     for (const CouplingRow& row : rows_) {
         if (row.normal && row.impulse > 0.0) {
             was_pressed_[row.proxy] = 1;
+        }
+    }
+}
+
+/// Keeps what the last step pressed on, for what may be owed after the contact.
+void ContactCoupling::keep_last_push() noexcept {
+    // Sums over the normals: impulse, and the mean point at which it acted.
+    double normal = 0.0;
+    Vec3 push(0.0);
+    Vec3 arm(0.0);
+    for (const CouplingRow& row : rows_) {
+        if (row.normal) {
+            normal += row.impulse;
+            push += row.impulse * row.direction;
+            arm += row.impulse * moment_arm(row.proxy);
+        }
+    }
+    if (!(normal > 0.0)) {
+        return;
+    }
+    last_push_ = push;
+    last_moment_arm_ = arm / normal;
+    // The particles of each row, with its share of the impulse.
+    last_pressed_.clear();
+    for (const CouplingRow& row : rows_) {
+        if (row.normal && row.impulse > 0.0) {
+            const Patch& patch = patches_[row.patch];
+            const double share = row.impulse / normal;
+            for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+                last_pressed_.push_back({pressed_[p].particle, share * pressed_[p].weight, pressed_[p].inverse_mass});
+            }
         }
     }
 }
@@ -349,12 +384,16 @@ void ContactCoupling::project(const ParticleModel& /*start*/, const MovingPartic
 
 /// Adds `by` W_i / m_i to the particles under the mask.
 void ContactCoupling::displace(const Patch& patch, const Vec3& by, Row* position) const noexcept {
+    displace(std::span(pressed_).subspan(patch.begin, patch.end - patch.begin), by, position);
+}
+
+void ContactCoupling::displace(std::span<const Pressed> particles, const Vec3& by, Row* position) noexcept {
     if (by == Vec3(0.0)) {
         return;
     }
-    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-        const Vec3 moved = (pressed_[p].weight * pressed_[p].inverse_mass) * by;
-        Row& at = position[pressed_[p].particle];
+    for (const Pressed& p : particles) {
+        const Vec3 moved = (p.weight * p.inverse_mass) * by;
+        Row& at = position[p.particle];
         at.number[0] += moved.x;
         at.number[1] += moved.y;
         at.number[2] += moved.z;
@@ -377,7 +416,11 @@ void ContactCoupling::pay(double h, Row* position, Row* pushed) {
         push += row.normal ? row.applied * row.direction : Vec3(0.0);
     }
     const double owed = glm::length(step_.owed_force);
-    if (!(normal > 0.0) || !(owed > 0.0)) {
+    if (!(owed > 0.0)) {
+        return;
+    }
+    if (!(normal > 0.0)) {
+        pay_after_contact(h, position, pushed);
         return;
     }
     const double most = glm::dot(step_.owed_force, push) > 0.0 ? kMaxPayment * normal / step_.gain : normal;
@@ -391,6 +434,17 @@ void ContactCoupling::pay(double h, Row* position, Row* pushed) {
             paid_.torque += h * glm::cross(moment_arm(row.proxy), part);
         }
     }
+}
+
+/// Adds the owed force to the particles that were pressed last, unless it pulls.
+void ContactCoupling::pay_after_contact(double h, Row* position, Row* pushed) {
+    if (!(glm::dot(step_.owed_force, last_push_) > 0.0)) {
+        return;
+    }
+    displace(last_pressed_, -h * h * step_.owed_force, position);
+    displace(last_pressed_, -h * h * step_.owed_force, pushed);
+    paid_.force += h * step_.owed_force;
+    paid_.torque += h * glm::cross(last_moment_arm_, step_.owed_force);
 }
 
 void ContactCoupling::finish(const ParticleModel& start, const MovingParticles& now, double h) {

@@ -90,7 +90,7 @@ class ContactCoupling final : public SolverContacts {
         CouplingSettings coupling;
         ContactSettings contact;  // friction
         double gain = 1.0;        // 0..1, part of the stiffness
-        Vec3 owed_force{0.0};     // N, on the tool: added to the contact forces, in their proportions
+        Vec3 owed_force{0.0};     // N, on the tool: divided like the contact forces, or those of the last step with any
         double length = 0.01;     // s
     };
     /// The bodies of the model.
@@ -100,8 +100,8 @@ class ContactCoupling final : public SolverContacts {
     };
     /// Takes the tool's contact rows and the particles under their masks, at the beginning of a step. No allocation.
     void begin_step(const ToolProxies& tool, const Step& step, const Bodies& bodies, const ParticleModel& model);
-    /// The tool has contact planes: the solver must call this object in the step.
-    [[nodiscard]] bool is_active() const noexcept { return !rows_.empty(); }
+    /// The tool has contact planes, or something is owed: the solver must call this object in the step.
+    [[nodiscard]] bool is_active() const noexcept { return !rows_.empty() || step_.owed_force != Vec3(0.0); }
     /// After the solver's step.
     [[nodiscard]] CoupledForce force() const noexcept;
     /// The lead of a proxy; 0 where nothing damps.
@@ -142,6 +142,7 @@ class ContactCoupling final : public SolverContacts {
     };
 
     void note_pressed() noexcept;
+    void keep_last_push() noexcept;
     void add_proxy(std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
                    const ParticleModel& model);
     std::uint32_t add_patch(const SurfacePoint& touched, const Bodies& bodies, const ParticleModel& model);
@@ -153,8 +154,10 @@ class ContactCoupling final : public SolverContacts {
     void build_block(double h);
     [[nodiscard]] Vec3 mean_position(const Patch& patch, const MovingParticles& now) const noexcept;
     void displace(const Patch& patch, const Vec3& by, Row* position) const noexcept;
+    static void displace(std::span<const Pressed> particles, const Vec3& by, Row* position) noexcept;
     [[nodiscard]] Vec3 moment_arm(std::uint32_t proxy) const noexcept;
     void pay(double h, Row* position, Row* pushed);
+    void pay_after_contact(double h, Row* position, Row* pushed);
 
     StageClock clock_;
     Step step_;
@@ -177,7 +180,12 @@ class ContactCoupling final : public SolverContacts {
     ComplianceMatrix block_;
     ContactSolver solver_;
     bool projected_ = false;  // in this sub-step
-    CoupledForce paid_;       // N*s and N*m*s, impulses of owed_force over the step so far
+    // The last step with contact forces: impulse on the tool (N*s), point at which it acted, relative to the hip (m),
+    // and the pressed particles, weighted by the impulses of their rows.
+    Vec3 last_push_{0.0};
+    Vec3 last_moment_arm_{0.0};
+    std::vector<Pressed> last_pressed_;
+    CoupledForce paid_;  // N*s and N*m*s, impulses of owed_force over the step so far
 };
 
 }  // namespace haptic::sim

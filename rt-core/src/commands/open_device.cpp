@@ -19,9 +19,11 @@ namespace {
 
 class EmulatedDevice final : public OpenedDevice {
   public:
-    EmulatedDevice(const Settings& settings, PoseTrack hand, std::vector<device::Fault> faults)
+    EmulatedDevice(const Settings& settings, const std::optional<std::filesystem::path>& hand,
+                   std::vector<device::Fault> faults)
         : emulated_({.geometry = settings.tick.geometry,
-                     .hand = std::move(hand),
+                     .hand = hand ? device::hand_from_centre(*hand) : PoseTrack(),
+                     .hand_buttons = hand ? device::buttons_of_hand(*hand) : device::ButtonTrack(),
                      .hand_waits = true,
                      .mechanics = settings.mechanics,
                      .faults = std::move(faults),
@@ -100,8 +102,7 @@ void OpenedDevice::reopen() {
 std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Settings& settings) {
     const std::string& name = options.device;
     if (name == "emulated") {
-        return std::make_unique<EmulatedDevice>(
-            settings, options.hand ? device::hand_from_centre(*options.hand) : PoseTrack(), faults_of(options));
+        return std::make_unique<EmulatedDevice>(settings, options.hand, faults_of(options));
     }
     if (!options.faults.empty()) {
         throw Refusal("--fault: only the emulated device can simulate faults, not --device " + name);

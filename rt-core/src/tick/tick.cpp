@@ -42,6 +42,7 @@ Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<F
       safety_(settings.safety),
       thermal_(thermal_settings(settings)),
       tension_solver_(tension_settings(settings)),
+      idle_solver_(tension_settings(settings)),
       black_box_(static_cast<std::size_t>(settings.black_box_ns / settings.period_ns)) {}
 
 void Tick::run(const TickTime& time) HAPTIC_RT {
@@ -108,6 +109,7 @@ void Tick::update_thermal_model() HAPTIC_RT {
     // The unclamped time: while the process was stopped, the motors kept pulling.
     thermal_.update(held_, record_.period_ns);
     tension_solver_.set_maxima(thermal_.bounds());
+    idle_solver_.set_maxima(thermal_.bounds());
     set_flag(thermal_.derated(), HAPTIC_TICK_DERATED);
 }
 
@@ -159,6 +161,7 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     motion_ = PassivityMotion{};
     motion_.requested = held_command_.requested;
     held_wrench_ = wrench_of_tensions(wires_, held_command_.tensions);
+    held_contact_ = held_command_.contact;
     if (!in_ok_) {
         return;
     }
@@ -193,8 +196,8 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
 void Tick::integrate_wrench() HAPTIC_RT {
     // The whole time since the last tick: while the process was stopped, the motors kept pulling.
     const double elapsed_s = seconds(record_.period_ns);
-    impulse_.force += elapsed_s * held_wrench_.force;
-    impulse_.torque += elapsed_s * held_wrench_.torque;
+    impulse_.force += elapsed_s * held_contact_.force;
+    impulse_.torque += elapsed_s * held_contact_.torque;
 }
 
 void Tick::check_health() HAPTIC_RT {
@@ -250,6 +253,7 @@ void Tick::calibrate() HAPTIC_RT {
     passivity_.reset();
     limiter_.reset();
     tension_solver_.reset();
+    idle_solver_.reset();
 }
 
 void Tick::reset_pose() HAPTIC_RT {
@@ -372,7 +376,16 @@ void Tick::solve_tensions() HAPTIC_RT {
     // The wrench that the tensions of these DAC codes make, and the command as the passivity observer needs it.
     record_.made = wrench_of_tensions(wires_, record_.tensions);
     const Wrench& rendered = record_.rendered;
-    sent_command_ = {record_.tensions, rendered.force != Vec3(0.0) || rendered.torque != Vec3(0.0)};
+    const bool requested = rendered.force != Vec3(0.0) || rendered.torque != Vec3(0.0);
+    sent_command_ = {record_.tensions, requested, requested ? contact_wrench(scale) : Wrench{}};
+}
+
+/// The wrench of the sent tensions before they are rounded to DAC codes, less the one that the strings would exert here
+/// anyway: their minimum tensions cancel only where they are wrench-closed.
+Wrench Tick::contact_wrench(double scale) HAPTIC_RT {
+    const Wrench sent = wrench_of_tensions(wires_, sent_);
+    const Wrench idle = directions_known_ ? idle_solver_.solve(wires_, Wrench{}).wrench : Wrench{};
+    return {sent.force - scale * idle.force, sent.torque - scale * idle.torque};
 }
 
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {

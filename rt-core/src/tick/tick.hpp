@@ -126,6 +126,7 @@ class Tick {
     void exchange_out(const TickTime& time) HAPTIC_RT;
     void update_thermal_model() HAPTIC_RT;
     [[nodiscard]] bool stop_button_active() const HAPTIC_RT;
+    [[nodiscard]] Wrench contact_wrench(double scale) HAPTIC_RT;
     void integrate_wrench() HAPTIC_RT;
     void publish(const TickTime& time) HAPTIC_RT;
     void finish(const TickTime& time) HAPTIC_RT;
@@ -158,6 +159,7 @@ class Tick {
     SafetyMachine safety_;
     ThermalModel thermal_;
     TensionSolver tension_solver_;
+    TensionSolver idle_solver_;  // of the wrench that the strings exert while none is wanted
     BlackBox black_box_;
 
     std::atomic<std::uint32_t> cut_{0};  // faults for which another thread disarmed the motors
@@ -198,12 +200,14 @@ class Tick {
     struct HeldCommand {
         StringArray tensions{};
         bool requested = false;  // the requested wrench was not zero
+        Wrench contact;          // exerted because of the request
     };
     HeldCommand sent_command_;  // sent, or to be sent next
     HeldCommand held_command_;  // held by the motors
     PassivityMotion motion_;    // since the last tick, under the held command
     Wrench held_wrench_;        // of the held command since the last tick, mean over it
-    Wrench impulse_;            // N*s and N*m*s, integral of the held wrench since the process began
+    Wrench held_contact_;       // its part that was exerted because of a request
+    Wrench impulse_;            // N*s and N*m*s, integral of held_contact_ since the process began
 };
 
 }  // namespace haptic::rt

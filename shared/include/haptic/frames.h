@@ -140,8 +140,8 @@ typedef struct haptic_device_state {
     double tension[HAPTIC_STRINGS]; /* N, sent to the motors */
     double stiffness;               /* N/m, of the frame's coupling after the limits of rate, device and passivity */
     double scale;                   /* 0..1, part of the frame's wrench that is rendered: fade, blend, passivity */
-    double impulse[3];              /* N*s, integral of `force` since the process started */
-    double angular_impulse[3];      /* N*m*s, integral of `torque` since the process started */
+    double impulse[3];              /* N*s, integral since the process started of the part of `force` due to frames: */
+    double angular_impulse[3];      /* N*m*s, of `torque`: without what idle strings exert here, and without rounding */
     uint32_t safety_state;
     uint32_t faults;
     uint32_t tick_flags;

@@ -11,6 +11,7 @@
 #include <optional>
 #include <vector>
 
+#include "haptic/device/button_track.hpp"
 #include "haptic/device/device_geometry.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/device/grip_mechanics.hpp"
@@ -24,6 +25,7 @@ class EmulatedDevice {
     struct Settings {
         DeviceGeometry geometry;
         PoseTrack hand{Pose{}};                          // pose over time since the first advance(), or the release
+        ButtonTrack hand_buttons = {};                   // over the same time; if known, they replace set_buttons()
         std::array<std::uint32_t, kStrings> power_up{};  // counters at the centre: arbitrary on the real board
         std::uint8_t rotary = 0;                         // rotary switch, 0..15
         bool hand_waits = false;                         // at the start of its track until release_hand()

@@ -130,7 +130,7 @@ class Simulation {
     /// finite. No allocation, unless verification is on.
     StepResult step(const StepInput& input);
 
-    /// Input for the scripted pose and curl of the hand, time_ns after the start.
+    /// Scripted pose and curl of the hand, time_ns after the start, with the button that closes it as far.
     [[nodiscard]] StepInput scripted_input(std::int64_t time_ns) const;
 
     /// Contact frame of the last step. The ring sets sequence and session, the publisher its time.

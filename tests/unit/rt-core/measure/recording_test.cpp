@@ -170,6 +170,33 @@ TEST_F(RecordingTest, ThatBeginsElsewhereIsReachedFromTheCentreInHalfASecond) {
     EXPECT_NEAR(hand.at(nanoseconds(1.5)).position.y, 0.01, 1e-12);
 }
 
+TEST_F(RecordingTest, HasTheButtonsThatTheHandHolds) {
+    std::ofstream(file) << "time_s,x_m,y_m,z_m,buttons\n2.0,0.02,0,0,0\n3.0,0.02,0.01,0,2\n3.5,0.02,0.01,0,1\n";
+    const device::ButtonTrack buttons = device::buttons_of_hand(file);
+    EXPECT_EQ(buttons.at(0), 0);
+    // Half a second for the way to the first pose.
+    EXPECT_EQ(buttons.at(nanoseconds(1.49)), 0);
+    EXPECT_EQ(buttons.at(nanoseconds(1.51)), 2);
+    EXPECT_EQ(buttons.at(nanoseconds(2.01)), 1);
+    EXPECT_EQ(buttons.at(nanoseconds(9.0)), 1);
+
+    device::EmulatedDevice device({.geometry = device::spidar_g6_x3r(), .hand_buttons = buttons});
+    device.advance(0);
+    EXPECT_EQ(device.buttons(), 0);
+    device.advance(nanoseconds(1.6));
+    EXPECT_EQ(device.buttons(), 2);
+}
+
+TEST_F(RecordingTest, WithoutButtonsLeavesThemToTheSwitches) {
+    std::ofstream(file) << "time_s,x_m,y_m,z_m\n2.0,0.02,0,0\n";
+    EXPECT_FALSE(device::buttons_of_hand(file).known());
+}
+
+TEST_F(RecordingTest, WithButtonsThatAreNoSwitchesIsRefused) {
+    std::ofstream(file) << "time_s,x_m,y_m,z_m,buttons\n2.0,0.02,0,0,0.5\n";
+    EXPECT_THROW((void)device::buttons_of_hand(file), CsvError);
+}
+
 TEST(HeldHandBoard, LetsTheHandMoveOnlyOnceTheLoopRuns) {
     // The recorded hand moves from the start; held back, it is nevertheless calibrated at the centre.
     const PoseTrack hand({0.0, 0.5, 9.0},
