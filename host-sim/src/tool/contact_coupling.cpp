@@ -315,24 +315,38 @@ void ContactCoupling::find_damping_times() {
     }
 }
 
-/// Adds the sub-step's part of the mean lead of each proxy: tau v along its rows, weighted by their forces.
+/// Adds the sub-step's part of the mean lead of each proxy: tau v along its rows, weighted by their forces. Where the
+/// surface recedes so fast that damping leaves no force, weighted by depth, and only to the depth 0.
 void ContactCoupling::add_leads(const MovingParticles& now, double h) {
     if (!(damping_ > 0.0)) {
         return;
     }
-    std::array<Vec3, kMaxProxies> leads{};
-    std::array<double, kMaxProxies> forces{};
-    for (const CouplingRow& row : rows_) {
-        if (row.normal && row.applied > 0.0) {
-            const Patch& patch = patches_[row.patch];
-            const double speed = glm::dot(row.direction, mean_position(patch, now) - patch.start) / h - row.goal_speed;
-            leads[row.proxy] += row.applied * row.damping_time * speed * row.direction;
-            forces[row.proxy] += row.applied;
+    /// Sums over the rows of a proxy.
+    struct WeightedLead {
+        Vec3 lead{0.0};
+        double weight = 0.0;
+        void add(double w, const Vec3& ahead) {
+            lead += w * ahead;
+            weight += w;
         }
+    };
+    std::array<WeightedLead, kMaxProxies> by_force{};
+    std::array<WeightedLead, kMaxProxies> by_depth{};
+    for (const CouplingRow& row : rows_) {
+        if (!row.normal) {
+            continue;
+        }
+        const Patch& patch = patches_[row.patch];
+        const Vec3 mean = mean_position(patch, now);
+        const double speed = glm::dot(row.direction, mean - patch.start) / h - row.goal_speed;
+        const double depth = std::max(0.0, row.depth + glm::dot(row.direction, mean - patch.reference));
+        by_force[row.proxy].add(row.applied, row.damping_time * speed * row.direction);
+        by_depth[row.proxy].add(depth, std::max(row.damping_time * speed, -depth) * row.direction);
     }
     for (std::size_t i = 0; i < proxies_.size(); ++i) {
-        if (forces[i] > 0.0) {
-            leads_[i].end += h / (step_.length * forces[i]) * leads[i];
+        const WeightedLead& sum = by_force[i].weight > 0.0 ? by_force[i] : by_depth[i];
+        if (sum.weight > 0.0) {
+            leads_[i].end += h / (step_.length * sum.weight) * sum.lead;
         }
     }
 }

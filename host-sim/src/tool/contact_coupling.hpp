@@ -39,7 +39,7 @@
 // from the mean over the last step to the mean over this one: it is continuous from step to step, and half a step late.
 // A proxy has one lead, the mean of tau v d over its rows, weighted by l. Where planes at an angle press on it, this
 // mean is shorter along each normal than the lead of that plane, so that the hand feels less damping there than the
-// bodies.
+// bodies. A surface that recedes at more than 1 / c makes no force: then the plane leads back to the free position.
 // @source M. Macklin, M. Müller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant Constrained Dynamics",
 // 2016 (compliance and damping of a constraint); C. Duriez et al., "Realistic haptic rendering of interacting
 // deformable objects", 2006 (contact space). Differs: the multipliers are forces.
