@@ -24,6 +24,29 @@ constexpr double kOwnShare = 1e-7;
 // Friction coefficient that never slips.
 constexpr double kStuck = 1e6;
 
+// Mean square of the normals' components across their mean direction, up to which planes count as parallel for the
+// lead.
+constexpr double kParallel = 0.01;
+
+/// The lead of a proxy, fitted to the leads a_r along its normals d_r: the least squares of w_r (d_r . L - a_r)^2.
+struct LeadFit {
+    double weight = 0.0;  // N or m: sum w
+    Vec3 mean{0.0};       // sum w a d
+    Mat3 normals{0.0};    // sum w d d^T
+
+    void add(double w, const Vec3& direction, double ahead) noexcept {
+        weight += w;
+        mean += w * ahead * direction;
+        normals += w * glm::outerProduct(direction, direction);
+    }
+    /// The mean, and a correction of its components where the normals differ by more than a few degrees.
+    [[nodiscard]] Vec3 lead() const noexcept {
+        const Vec3 first = mean / weight;
+        const Vec3 residual = mean / weight - normals / weight * first;
+        return first + glm::inverse(normals / weight + Mat3(kParallel)) * residual;
+    }
+};
+
 }  // namespace
 
 ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock)
@@ -315,23 +338,14 @@ void ContactCoupling::find_damping_times() {
     }
 }
 
-/// Adds the sub-step's part of the mean lead of each proxy: tau v along its rows, weighted by their forces. Where the
-/// surface recedes so fast that damping leaves no force, weighted by depth, and only to the depth 0.
+/// Adds the sub-step's part of the mean lead of each proxy, fitted to tau v along its rows, weighted by their forces.
+/// Where the surface recedes so fast that damping leaves no force, weighted by depth, and only to the depth 0.
 void ContactCoupling::add_leads(const MovingParticles& now, double h) {
     if (!(damping_ > 0.0)) {
         return;
     }
-    /// Sums over the rows of a proxy.
-    struct WeightedLead {
-        Vec3 lead{0.0};
-        double weight = 0.0;
-        void add(double w, const Vec3& ahead) {
-            lead += w * ahead;
-            weight += w;
-        }
-    };
-    std::array<WeightedLead, kMaxProxies> by_force{};
-    std::array<WeightedLead, kMaxProxies> by_depth{};
+    std::array<LeadFit, kMaxProxies> by_force{};
+    std::array<LeadFit, kMaxProxies> by_depth{};
     for (const CouplingRow& row : rows_) {
         if (!row.normal) {
             continue;
@@ -340,13 +354,13 @@ void ContactCoupling::add_leads(const MovingParticles& now, double h) {
         const Vec3 mean = mean_position(patch, now);
         const double speed = glm::dot(row.direction, mean - patch.start) / h - row.goal_speed;
         const double depth = std::max(0.0, row.depth + glm::dot(row.direction, mean - patch.reference));
-        by_force[row.proxy].add(row.applied, row.damping_time * speed * row.direction);
-        by_depth[row.proxy].add(depth, std::max(row.damping_time * speed, -depth) * row.direction);
+        by_force[row.proxy].add(row.applied, row.direction, row.damping_time * speed);
+        by_depth[row.proxy].add(depth, row.direction, std::max(row.damping_time * speed, -depth));
     }
     for (std::size_t i = 0; i < proxies_.size(); ++i) {
-        const WeightedLead& sum = by_force[i].weight > 0.0 ? by_force[i] : by_depth[i];
-        if (sum.weight > 0.0) {
-            leads_[i].end += h / (step_.length * sum.weight) * sum.lead;
+        const LeadFit& fit = by_force[i].weight > 0.0 ? by_force[i] : by_depth[i];
+        if (fit.weight > 0.0) {
+            leads_[i].end += h / step_.length * fit.lead();
         }
     }
 }
