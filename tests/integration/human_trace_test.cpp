@@ -29,7 +29,6 @@ constexpr double kReach = 0.003;         // m at the device, deviation of a stro
 constexpr double kTremor = 0.0003;       // m, at 9 to 11 Hz
 constexpr double kMaxMedians = 2.0;      // bound of a spike, in medians of the 0.1 s around it
 constexpr int kRampMs = 600;             // ms, from the device's centre to the start of the script
-constexpr int kAppearingMs = 100;        // ms, in which the tool appears at the centre, in some scenes inside an object
 
 std::int64_t no_clock() HAPTIC_RT {
     return 0;
@@ -120,7 +119,7 @@ std::ostream& operator<<(std::ostream& out, const Trace& trace) {
 class HumanTrace : public testing::TestWithParam<Trace> {};
 
 /// Runs the trace through the whole chain without tunnelling, then repeats it from both recordings, to the bit.
-/// `force`: N, per tick, from kAppearingMs on.
+/// `force`: N, per tick.
 void run_twice(const Trace& trace, std::vector<double>& force) {
     const FlushDenormals flush;
     const sim::Scene scene = sim::read_scene(sim::open_scene(trace.scene), trace.scene);
@@ -142,9 +141,7 @@ void run_twice(const Trace& trace, std::vector<double>& force) {
             const sim::StepResult result = chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
                 // Without limits of its own rt-core limits only frames whose compliance lacks the springs.
                 EXPECT_EQ(tick.flags & HAPTIC_TICK_STIFFNESS_LIMITED, 0u) << "step " << step;
-                if (step * scene.solver.step >= 1e-3 * kAppearingMs) {
-                    force.push_back(glm::length(tick.rendered.force));
-                }
+                force.push_back(glm::length(tick.rendered.force));
             });
             inputs.push_back(chain.input());
             ASSERT_FALSE(result.crossed) << "the proxy's centre passed through a surface in step " << step;
