@@ -72,29 +72,48 @@ class PreparedTransport final : public device::Transport {
     std::vector<device::Sh4Packet> packets_;
 };
 
-/// Particles that yield together like a rigid tool that does not rotate, and each like a stiff spring besides.
-void make_elastic(ContactFrame& frame) {
+/// Tool of a frame, by what its compliance contains.
+enum Tool : std::int64_t {
+    kLimp = 0,     // none: each particle has its own spring
+    kElastic = 1,  // the springs of translation and rotation, and each particle yields by itself besides
+    kMistaken = 2  // as elastic, without the springs of rotation: rt-core adds them (coupling_bound.hpp)
+};
+
+void make_elastic(ContactFrame& frame, bool rotates) {
+    // Centre of the rest offsets and mean square of their distances from it: with k_t = k, the rotational springs.
+    Vec3 centre(0.0);
+    for (std::uint32_t i = 0; i < frame.proxy_count; ++i) {
+        centre += to_vec3(frame.proxies[i].rest_offset) / static_cast<double>(frame.proxy_count);
+    }
+    double mean_square = 0.0;
+    for (std::uint32_t i = 0; i < frame.proxy_count; ++i) {
+        const Vec3 arm = to_vec3(frame.proxies[i].rest_offset) - centre;
+        mean_square += glm::dot(arm, arm) / static_cast<double>(frame.proxy_count);
+    }
+    // Rows: direction and moment about the centre.
     std::vector<Vec3> normals;
+    std::vector<Vec3> moments;
     std::vector<std::uint32_t> owners;
     for (std::uint32_t i = 0; i < frame.proxy_count; ++i) {
         for (std::uint32_t k = 0; k < frame.proxies[i].plane_count; ++k) {
             normals.push_back(to_vec3(frame.proxies[i].planes[k].normal));
+            moments.push_back(glm::cross(to_vec3(frame.proxies[i].rest_offset) - centre, normals.back()));
             owners.push_back(i);
         }
     }
     frame.compliance_rows = static_cast<std::uint32_t>(normals.size());
     for (std::size_t r = 0; r < normals.size(); ++r) {
         for (std::size_t s = 0; s <= r; ++s) {
-            const double between = 1.0 + (owners[r] == owners[s] ? 0.2 : 0.0);
+            const double translation = (owners[r] == owners[s] ? 1.2 : 1.0) * glm::dot(normals[r], normals[s]);
+            const double rotation = rotates ? glm::dot(moments[r], moments[s]) / mean_square : 0.0;
             const double share = r == s ? 1.0 : 1.0 - kSurfaceShare;
-            frame.compliance[compliance_index(r, s)] =
-                static_cast<float>(share * between * glm::dot(normals[r], normals[s]));
+            frame.compliance[compliance_index(r, s)] = static_cast<float>(share * (translation + rotation));
         }
     }
 }
 
 /// Frame in which each particle has three planes, about half of them active at any time.
-ContactFrame frame_of(std::uint32_t proxies, bool elastic) {
+ContactFrame frame_of(std::uint32_t proxies, std::int64_t tool) {
     ContactFrame frame{};
     frame.step_ns = 10 * kTickNs;
     frame.stiffness = 100.0;
@@ -112,8 +131,8 @@ ContactFrame frame_of(std::uint32_t proxies, bool elastic) {
         particle.planes[2].offset = -0.003;
         particle.planes[0].velocity = 0.001;
     }
-    if (elastic) {
-        make_elastic(frame);
+    if (tool != kLimp) {
+        make_elastic(frame, tool == kElastic);
     }
     return frame;
 }
@@ -138,7 +157,7 @@ void probe_edge(benchmark::State& state) {
 }
 BENCHMARK(probe_edge);
 
-/// Arguments: number of proxy particles, ticks per frame, elastic tool (0 or 1), probes (0 or 1).
+/// Arguments: number of proxy particles, ticks per frame, Tool, probes (0 or 1).
 void tick(benchmark::State& state) {
     const FlushDenormals flush;
     const std::string session = "tick-bench-" + std::to_string(getpid());
@@ -152,7 +171,7 @@ void tick(benchmark::State& state) {
     TickProbes probes{Probe(std::make_unique<EmptyCall>(), "tick", &monotonic_now_ns),
                       Probe(std::make_unique<EmptyCall>(), "frame", &monotonic_now_ns)};
     subject->show_on(state.range(3) != 0 ? &probes : nullptr);
-    ContactFrame frame = frame_of(static_cast<std::uint32_t>(state.range(0)), state.range(2) != 0);
+    ContactFrame frame = frame_of(static_cast<std::uint32_t>(state.range(0)), state.range(2));
     std::int64_t now_ns = kPackets * kTickNs;
     std::int64_t ticks = 0;
     const auto step = [&] {
@@ -190,14 +209,16 @@ void tick(benchmark::State& state) {
 }
 
 BENCHMARK(tick)
-    ->ArgNames({"proxies", "ticks_per_frame", "elastic", "probes"})
-    ->Args({1, 10, 0, 0})
-    ->Args({37, 10, 0, 0})
-    ->Args({37, 10, 0, 1})
-    ->Args({64, 10, 0, 0})
-    ->Args({37, 1, 0, 0})
-    ->Args({37, 10, 1, 0})
-    ->Args({64, 10, 1, 0})
+    ->ArgNames({"proxies", "ticks_per_frame", "tool", "probes"})
+    ->Args({1, 10, kLimp, 0})
+    ->Args({37, 10, kLimp, 0})
+    ->Args({37, 10, kLimp, 1})
+    ->Args({64, 10, kLimp, 0})
+    ->Args({37, 1, kLimp, 0})
+    ->Args({37, 10, kElastic, 0})
+    ->Args({64, 10, kElastic, 0})
+    ->Args({37, 10, kMistaken, 0})
+    ->Args({64, 10, kMistaken, 0})
     ->UseManualTime()
     ->Unit(benchmark::kMicrosecond);
 

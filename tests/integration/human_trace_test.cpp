@@ -22,7 +22,6 @@ namespace {
 
 constexpr std::ptrdiff_t kWindow = 101;  // ticks, centred on each
 constexpr double kMaxMedians = 2.0;      // bound of a spike, in medians of the 0.1 s around it
-constexpr int kAppearingMs = 100;        // ms, in which the tool appears at the centre, in some scenes inside an object
 
 std::int64_t no_clock() HAPTIC_RT {
     return 0;
@@ -47,7 +46,7 @@ double worst_spike(const std::vector<double>& force) {
 class HumanTrace : public testing::TestWithParam<HandTrace> {};
 
 /// Runs the trace through the whole chain without tunnelling, then repeats it from both recordings, to the bit.
-/// `force`: N, per tick, from kAppearingMs on.
+/// `force`: N, per tick.
 void run_twice(const HandTrace& trace, std::vector<double>& force) {
     const FlushDenormals flush;
     const sim::Scene scene = scene_of(trace);
@@ -69,9 +68,7 @@ void run_twice(const HandTrace& trace, std::vector<double>& force) {
             const sim::StepResult result = chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
                 // Without limits of its own rt-core limits only frames whose compliance lacks the springs.
                 EXPECT_EQ(tick.flags & HAPTIC_TICK_STIFFNESS_LIMITED, 0u) << "step " << step;
-                if (step * scene.solver.step >= 1e-3 * kAppearingMs) {
-                    force.push_back(glm::length(tick.rendered.force));
-                }
+                force.push_back(glm::length(tick.rendered.force));
             });
             inputs.push_back(chain.input());
             ASSERT_FALSE(result.crossed) << "the proxy's centre passed through a surface in step " << step;

@@ -18,7 +18,8 @@
 namespace haptic::sim::reproduce {
 namespace {
 
-constexpr double kSpeed = 0.3;  // m/s, of the scene's slides
+constexpr double kSpeed = 0.3;          // m/s, of the scene's slides
+constexpr double kReactingScale = 0.2;  // workspace.scale of the scene, and force_scale for a hand that reacts
 
 /// A multi-rate scheme and its parameters.
 struct Scheme {
@@ -110,7 +111,11 @@ struct HandSample {
 /// Runs the scene with a hand that follows the script and reacts to the force, which is that of rt-core's renderer, or
 /// held during a step. As with slide(), computing a frame or a force takes the whole step.
 std::vector<HandSample> react(const Scheme& scheme, std::int64_t (*clock)(), std::uint64_t& escapes) {
-    SceneRun run("plane-slide", assignments_of(scheme), clock);
+    // With force_scale = scale the coupling is as stiff at the hand as in the scene.
+    std::vector<std::string> assignments = assignments_of(scheme);
+    assignments.push_back("workspace.scale=" + std::to_string(kReactingScale));
+    assignments.push_back("workspace.force_scale=" + std::to_string(kReactingScale));
+    SceneRun run("plane-slide", assignments, clock);
     const Simulation& simulation = run.simulation();
     const std::int64_t step_ns = nanoseconds(scheme.step_s);
     const bool one_rate = scheme.step_s <= 1e-3;
@@ -247,7 +252,8 @@ Figure plane_slide(const Study& study) {
         "multi-rate scheme: particles in contact stay at their positions in the frame. (b) Ours: planes, against "
         "which the particles are held at 1 kHz. (c) A single rate: the simulation at 1 kHz, or the force of a step of "
         "20 ms held until the next is known. For (c) the hand reacts: 0.1 kg on a spring of 255 N/m and a damper of "
-        "4 N s/m to the intended path (a loosely pressing fingertip, Hajian and Howe 1997).";
+        "4 N s/m to the intended path (a loosely pressing fingertip, Hajian and Howe 1997), and feels the coupling as "
+        "stiff as it is in the scene.";
     // The three schemes at the thesis' settings.
     const std::array<Scheme, 3> schemes{
         {{"a-positions", true, 0.02, 20.0}, {"b-planes", false, 0.02, 20.0}, {"c-one-rate", true, 0.001, 20.0}}};
@@ -306,12 +312,11 @@ Figure plane_slide(const Study& study) {
     figure.remarks =
         "With a single rate at 1 kHz, the force of each millisecond follows from the hand's position in that "
         "millisecond: nothing drags, and the hand is as steady as with planes. What the thesis observed is seen where "
-        "the "
-        "single rate is that of the simulation. A force that is held for a step of 20 ms, and known one step late, "
-        "takes "
-        "damping from the hand: at 20 N/m the extra motion is three times that of planes, but half a micrometre; from "
-        "200 N/m on it can be felt, and at 500 N/m the hand leaves the plane and comes back in a cycle that does not "
-        "end.";
+        "the single rate is that of the simulation. A force that is held for a step of 20 ms, and known one step late, "
+        "takes damping from the hand: at 20 N/m the extra motion is three times that of planes, but half a micrometre; "
+        "from 200 N/m on it can be felt, and at 500 N/m the hand leaves the plane and comes back in a cycle that does "
+        "not end. Forces up: the thesis' positions have independent springs, so that only those of the spheres in "
+        "contact press; with planes the scene's elastic tool presses with the whole spring.";
     return figure;
 }
 

@@ -24,6 +24,29 @@ constexpr double kOwnShare = 1e-7;
 // Friction coefficient that never slips.
 constexpr double kStuck = 1e6;
 
+// Mean square of the normals' components across their mean direction, up to which planes count as parallel for the
+// lead.
+constexpr double kParallel = 0.01;
+
+/// The lead of a proxy, fitted to the leads a_r along its normals d_r: the least squares of w_r (d_r . L - a_r)^2.
+struct LeadFit {
+    double weight = 0.0;  // N or m: sum w
+    Vec3 mean{0.0};       // sum w a d
+    Mat3 normals{0.0};    // sum w d d^T
+
+    void add(double w, const Vec3& direction, double ahead) noexcept {
+        weight += w;
+        mean += w * ahead * direction;
+        normals += w * glm::outerProduct(direction, direction);
+    }
+    /// The mean, and a correction of its components where the normals differ by more than a few degrees.
+    [[nodiscard]] Vec3 lead() const noexcept {
+        const Vec3 first = mean / weight;
+        const Vec3 residual = mean / weight - normals / weight * first;
+        return first + glm::inverse(normals / weight + Mat3(kParallel)) * residual;
+    }
+};
+
 }  // namespace
 
 ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock)
@@ -296,8 +319,8 @@ void ContactCoupling::find(const ParticleModel& start, const MovingParticles& /*
     }
 }
 
-/// tau = damping_time + c b of each proxy, with the depth that the last pass has led to: the mean over its planes, weighted by the
-/// depths themselves.
+/// tau = damping_time + c b of each proxy, with the depth that the last pass has led to: the mean over its planes,
+/// weighted by the depths themselves.
 void ContactCoupling::find_damping_times() {
     std::array<double, kMaxProxies> depths{};
     std::array<double, kMaxProxies> squares{};
@@ -315,24 +338,29 @@ void ContactCoupling::find_damping_times() {
     }
 }
 
-/// Adds the sub-step's part of the mean lead of each proxy: tau v along its rows, weighted by their forces.
+/// Adds the sub-step's part of the mean lead of each proxy, fitted to tau v along its rows, weighted by their forces.
+/// Where the surface recedes so fast that damping leaves no force, weighted by depth, and only to the depth 0.
 void ContactCoupling::add_leads(const MovingParticles& now, double h) {
     if (!(damping_ > 0.0 || step_.coupling.damping_time > 0.0)) {
         return;
     }
-    std::array<Vec3, kMaxProxies> leads{};
-    std::array<double, kMaxProxies> forces{};
+    std::array<LeadFit, kMaxProxies> by_force{};
+    std::array<LeadFit, kMaxProxies> by_depth{};
     for (const CouplingRow& row : rows_) {
-        if (row.normal && row.applied > 0.0) {
-            const Patch& patch = patches_[row.patch];
-            const double speed = glm::dot(row.direction, mean_position(patch, now) - patch.start) / h - row.goal_speed;
-            leads[row.proxy] += row.applied * row.damping_time * speed * row.direction;
-            forces[row.proxy] += row.applied;
+        if (!row.normal) {
+            continue;
         }
+        const Patch& patch = patches_[row.patch];
+        const Vec3 mean = mean_position(patch, now);
+        const double speed = glm::dot(row.direction, mean - patch.start) / h - row.goal_speed;
+        const double depth = std::max(0.0, row.depth + glm::dot(row.direction, mean - patch.reference));
+        by_force[row.proxy].add(row.applied, row.direction, row.damping_time * speed);
+        by_depth[row.proxy].add(depth, row.direction, std::max(row.damping_time * speed, -depth));
     }
     for (std::size_t i = 0; i < proxies_.size(); ++i) {
-        if (forces[i] > 0.0) {
-            leads_[i].end += h / (step_.length * forces[i]) * leads[i];
+        const LeadFit& fit = by_force[i].weight > 0.0 ? by_force[i] : by_depth[i];
+        if (fit.weight > 0.0) {
+            leads_[i].end += h / step_.length * fit.lead();
         }
     }
 }

@@ -42,9 +42,9 @@
 // Lead: a damped row makes the force l of a spring whose plane is tau v ahead of the surface, W l = b + tau v. The
 // haptic loop receives the planes with this lead, so it renders the damped force with springs alone. lead() goes
 // from the mean over the last step to the mean over this one: it is continuous from step to step, and half a step late.
-// A proxy has one lead, the mean of tau v d over its rows, weighted by l. Where planes at an angle press on it, this
-// mean is shorter along each normal than the lead of that plane, so that the hand feels less damping there than the
-// bodies; damping along the surface it feels only as the impulse that it is owed.
+// A proxy has one lead L, which fits its planes: least squares of l (d . L - tau v)^2. Where a surface recedes so fast
+// that damping leaves no force, L leads its planes back to the free position. Damping along the surface is felt only as
+// the impulse that the hand is owed.
 // @source M. Macklin, M. Müller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant Constrained Dynamics",
 // 2016 (compliance and damping of a constraint); C. Duriez et al., "Realistic haptic rendering of interacting
 // deformable objects", 2006 (contact space). Differs: the multipliers are forces.
