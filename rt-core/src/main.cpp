@@ -141,7 +141,7 @@ CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
     CLI::App* const stability =
         app.add_subcommand("stability",
                            "Maps the stiffness and delay at which a virtual wall is stable, with and without "
-                           "the passivity controller");
+                           "the passivity controller, or a scene of host-sim");
     stability->add_option("--out", options.out, "output folder for stability.csv and the map, stability.html")
         ->type_name("DIR")
         ->required();
@@ -158,15 +158,37 @@ CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
     stability->add_option("--columns", options.columns, "number of delays from 0 to 20 ms")
         ->check(CLI::Range(2, 100))
         ->capture_default_str();
-    stability->add_option("--duration", options.duration_s, "seconds of each trial")
-        ->check(CLI::Range(1.0, 60.0))
-        ->capture_default_str();
-    stability->add_option("--hand-stiffness", options.hand_stiffness, "stiffness of the pressing hand, N/m")
+    const auto optional = [&](const char* name, std::optional<double>& value, const char* meaning) {
+        return stability->add_option_function<double>(name, [&value](const double& given) { value = given; }, meaning);
+    };
+    optional("--duration", options.duration_s, "seconds of each trial; of a scene with a still hand [2.5; 4]")
+        ->check(CLI::Range(1.0, 60.0));
+    optional("--hand-stiffness", options.hand_stiffness, "stiffness of the hand, N/m [100; of a scene 400]")
+        ->check(not_negative());
+    optional("--hand-damping", options.hand_damping, "damping of the hand, N*s/m [0; of a scene 4]")
+        ->check(not_negative());
+    CLI::Option* const scene =
+        stability
+            ->add_option("--scene", options.scene,
+                         "maps a scene of host-sim, built-in or a file NAME.toml, instead of the wall; writes "
+                         "stability-NAME.csv")
+            ->type_name("SCENE");
+    stability->add_option("--host-sim", options.host_sim, "program host-sim [searched in PATH]")
+        ->type_name("FILE")
+        ->needs(scene);
+    stability->add_option("--scene-set", options.scene_assignments, "overrides one key of the scene (repeatable)")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false)
+        ->needs(scene);
+    optional("--hold", options.hold_s, "seconds of the scene's script after which the hand is held still [its end]")
         ->check(not_negative())
-        ->capture_default_str();
-    stability->add_option("--hand-damping", options.hand_damping, "damping of the pressing hand, N*s/m")
-        ->check(not_negative())
-        ->capture_default_str();
+        ->needs(scene);
+    const auto axis = [&](const char* name, std::vector<double>& values, const char* meaning) {
+        stability->add_option(name, values, meaning)->delimiter(',')->needs(scene)->capture_default_str();
+    };
+    axis("--rates", options.rates_hz, "steps of the scene per second");
+    axis("--stiffnesses", options.stiffnesses, "stiffnesses that the scene requests at the hand, N/m");
+    axis("--delays", options.delays_ms, "delays of the contact frames, ms");
     return stability;
 }
 

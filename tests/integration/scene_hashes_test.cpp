@@ -33,11 +33,11 @@ TEST_P(SceneHashes, AreTheSameOnEveryMachineAndCompiler) {
 
 INSTANTIATE_TEST_SUITE_P(
     OfBuiltInScenes, SceneHashes,
-    testing::Values(SceneHash{"cloth-drop", 0x8b941a50bf1cc275}, SceneHash{"popout-fan", 0x9f962c64d7fe66e8},
-                    SceneHash{"fish-hold", 0x4561dbba64e331b7}, SceneHash{"fish-slide", 0xb157b7ad803648f5},
-                    SceneHash{"four-fish", 0xe2bea467fb3f22c6}, SceneHash{"curtain-hand", 0x76ac5dbfc5c9cb1b},
-                    SceneHash{"plane-slide", 0xf6c8240d14bcb882}, SceneHash{"rod-gap", 0xd44f0a59f0414301},
-                    SceneHash{"fish-grab", 0x285d471b5fc5d2fa, 900}),  // touches from step 230 on
+    testing::Values(SceneHash{"cloth-drop", 0x8b941a50bf1cc275}, SceneHash{"popout-fan", 0xf85790ec74d69d9b},
+                    SceneHash{"fish-hold", 0xe9d2dadd570fef16}, SceneHash{"fish-slide", 0x52f35856e67b3299},
+                    SceneHash{"four-fish", 0xdafd4b239ad362de}, SceneHash{"curtain-hand", 0xef680625fba19848},
+                    SceneHash{"plane-slide", 0x3be00bda29231418}, SceneHash{"rod-gap", 0xccc6ac796b2517c3},
+                    SceneHash{"fish-grab", 0xb3e622eba7a59c96, 900}),  // touches from step 230 on
     [](const testing::TestParamInfo<SceneHash>& scene) {
         std::string name = scene.param.scene;
         for (char& c : name) {

@@ -20,6 +20,8 @@ class DeviceHand {
 
     /// The last call had a fresh state.
     [[nodiscard]] bool fresh() const noexcept { return fresh_; }
+    /// When the encoders of the newest valid state were latched; 0: none yet.
+    [[nodiscard]] std::int64_t latch_time_ns() const noexcept { return latest_ns_; }
     [[nodiscard]] std::uint64_t rejected() const noexcept { return rejected_; }
     [[nodiscard]] std::uint32_t safety_state() const noexcept { return safety_state_; }
 

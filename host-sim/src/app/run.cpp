@@ -26,13 +26,17 @@ namespace {
 constexpr std::uint64_t kReservedSteps = 100'000;
 // Polling period while waiting for the device.
 constexpr std::int64_t kPollPeriodNs = 1'000'000;
+// The same in the device's time, in which rt-core waits for each step.
+constexpr std::int64_t kDevicePollNs = 20'000;
+// Silence of the device after which a run in its time ends.
+constexpr std::int64_t kMaxSilenceNs = 60 * kNanosecondsPerSecond;
 
 }  // namespace
 
 Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::LiveView> view)
     : options_(options),
       steps_(plan.steps),
-      real_(plan.real),
+      clock_(plan.clock),
       scene_(plan.scene),
       scene_settings_(live_settings_of(plan.scene)),
       origin_(plan.origin),
@@ -41,10 +45,10 @@ Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::Live
       recordings_(!options.record.empty(), plan.steps > 0 ? plan.steps : kReservedSteps),
       workspace_(plan.workspace),
       frames_(plan.session.empty() ? nullptr : std::make_unique<ContactFramePublisher>(plan.session)),
-      states_(plan.real ? std::make_unique<RingReader<DeviceState>>(plan.session) : nullptr),
+      states_(plan.clock != RunClock::Lockstep ? std::make_unique<RingReader<DeviceState>>(plan.session) : nullptr),
       hand_(plan.hand, states_.get()),
       step_probe_(open_probe(plan.scene.step_probe, &monotonic_now_ns, plan.scene.step_probe_slowest_edge_ns)) {
-    if (plan.real) {
+    if (states_) {
         if (const std::string others = describe_other_users(plan.session); !others.empty()) {
             spdlog::warn("{}", others);
         }
@@ -112,7 +116,7 @@ Run::Published Run::publish(const StepInput& input) {
         return {};
     }
     const std::int64_t now_ns = monotonic_now_ns();
-    return {frames_->publish(simulation_.frame(), states_ ? now_ns : input.time_ns, now_ns), now_ns};
+    return {frames_->publish(simulation_.frame(), clock_ == RunClock::Real ? now_ns : input.time_ns, now_ns), now_ns};
 }
 
 void Run::make_step(const HandSources::Times& times) {
@@ -351,6 +355,34 @@ void Run::run_real() {
     }
 }
 
+/// Makes each step with the first state that is as late as the step's beginning. If rt-core then waits for the frame,
+/// the two processes run in lockstep, and the result does not depend on how fast either is.
+void Run::run_device() {
+    DeviceHand& device = *hand_.device();
+    std::int64_t begin_ns = 0;  // of the next step; 0: at the first state of a running device
+    std::int64_t heard_ns = monotonic_now_ns();
+    while (should_continue()) {
+        const std::int64_t last_ns = device.latch_time_ns();
+        (void)device.at(begin_ns, last_ns);
+        const std::int64_t state_ns = device.latch_time_ns();
+        const std::int64_t now_ns = monotonic_now_ns();
+        heard_ns = state_ns != last_ns ? now_ns : heard_ns;
+        if (begin_ns == 0 && device.safety_state() == HAPTIC_RUNNING) {
+            begin_ns = state_ns;
+        }
+        if (begin_ns == 0 || state_ns < begin_ns) {
+            if (now_ns - heard_ns > kMaxSilenceNs) {
+                throw std::runtime_error("no device state for a minute: is rt-core running in session \"" +
+                                         options_.session + "\"?");
+            }
+            sleep_until(now_ns + kDevicePollNs);
+            continue;
+        }
+        make_step({.scene_ns = scene_ns_, .step_ns = begin_ns, .now_ns = state_ns});
+        begin_ns += nanoseconds(simulation_.scene().solver.step);
+    }
+}
+
 nlohmann::json Run::probe_report() const {
     const std::optional<GpioLine>& line = simulation_.scene().step_probe;
     if (!line) {
@@ -381,7 +413,7 @@ void Run::write_results(double wall_s) const {
     }
     if (!options_.report.empty()) {
         nlohmann::json report = statistics_.report(simulation_, wall_s, options_.verify);
-        report["clock"] = real_ ? "real" : "lockstep";
+        report["clock"] = name_of(clock_);
         report["late_steps"] = late_;
         report["workspace_changes"] = workspace_changes_;
         report["probe"] = probe_report();
@@ -401,16 +433,21 @@ void Run::write_results(double wall_s) const {
 
 int Run::execute() {
     const Scene& scene = simulation_.scene();
-    spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, real_ ? "real" : "lockstep",
-                 scene.solver.step);
+    spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, name_of(clock_), scene.solver.step);
     if (live_) {
         spdlog::info("the live view is at {}", live_->url());
     }
     start_ns_ = monotonic_now_ns();
-    if (states_) {
-        run_real();
-    } else {
-        run_lockstep();
+    switch (clock_) {
+        case RunClock::Lockstep:
+            run_lockstep();
+            break;
+        case RunClock::Real:
+            run_real();
+            break;
+        case RunClock::Device:
+            run_device();
+            break;
     }
     const double wall_s = seconds(monotonic_now_ns() - start_ns_);
     frames_.reset();  // release the rings before slow work

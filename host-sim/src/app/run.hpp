@@ -1,4 +1,5 @@
-// Run: executes a scene from start to end, in lockstep (as fast as possible) or in real time, with or without viewers.
+// Run: executes a scene from start to end, in lockstep (as fast as possible), in real time or in the device's time, with
+// or without viewers.
 //
 //     viewers' commands -> hand -> step -> contact frame to the ring -> statistics, records -> snapshot to the viewers
 //
@@ -51,6 +52,7 @@ class Run {
     void start_scene();
     void run_lockstep();
     void run_real();
+    void run_device();
     void wait_for_device();
     void make_step(const HandSources::Times& times);
     bool try_step(const StepInput& input, StepResult& result);
@@ -72,7 +74,7 @@ class Run {
     const StopOnSignal stop_;  // first member: outlives the rings
     const RunOptions& options_;
     std::uint64_t steps_;  // 0: until stopped
-    bool real_;
+    RunClock clock_;
     Scene scene_;                  // at its start
     LiveSettings scene_settings_;  // the scene's own, before any change
     RecordNotes origin_;

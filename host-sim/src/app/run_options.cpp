@@ -39,7 +39,31 @@ std::optional<std::uint64_t> hostile_seed_of(const std::string& hand) {
     throw std::runtime_error("--hand " + hand + ": must be script, hostile, or hostile:SEED with an integer SEED");
 }
 
+/// The clock of the options. Throws for options that need another one.
+RunClock clock_of(const RunOptions& options) {
+    if (options.clock == "device") {
+        if (options.view || !options.input.empty()) {
+            throw std::runtime_error("--clock device excludes --view and --input");
+        }
+        return RunClock::Device;
+    }
+    const bool real = options.clock.empty() ? options.view : options.clock == "real";
+    return real ? RunClock::Real : RunClock::Lockstep;
+}
+
 }  // namespace
+
+std::string_view name_of(RunClock clock) noexcept {
+    switch (clock) {
+        case RunClock::Lockstep:
+            return "lockstep";
+        case RunClock::Real:
+            return "real";
+        case RunClock::Device:
+            return "device";
+    }
+    return "unknown";
+}
 
 Plan::Plan(const RunOptions& options) {
     require_folder_of(options.report);
@@ -63,12 +87,15 @@ Plan::Plan(const RunOptions& options) {
     }
     const double duration_s = options.duration_s.value_or(options.view ? 0.0 : scene.duration_s);
     steps = options.steps.value_or(static_cast<std::uint64_t>(std::llround(duration_s / scene.solver.step)));
-    real = options.clock.empty() ? options.view : options.clock == "real";
-    hand = {.input = options.input, .hostile_seed = hostile_seed_of(options.hand), .scripted = !real || options.view};
-    if (hand.hostile_seed && (real || !options.input.empty())) {
+    clock = clock_of(options);
+    const bool lockstep = clock == RunClock::Lockstep;
+    hand = {.input = options.input,
+            .hostile_seed = hostile_seed_of(options.hand),
+            .scripted = lockstep || options.view};
+    if (hand.hostile_seed && (!lockstep || !options.input.empty())) {
         throw std::runtime_error("--hand hostile requires --clock lockstep and excludes --input");
     }
-    session = real && options.session.empty() ? "default" : options.session;
+    session = !lockstep && options.session.empty() ? "default" : options.session;
     if (options.view) {
         view = view::parse_view_address(options.view_address);
         view->control = options.view_control;
@@ -91,9 +118,10 @@ void add_run_options(CLI::App& app, RunOptions& options) {
                          ->check(CLI::Range(0.0, 1e6));
     app.add_option("--steps", options.steps, "Number of steps; 0: until stopped")->excludes(duration);
     app.add_option("--clock", options.clock,
-                   "real: in real time, the hand is rt-core's device; lockstep: as fast as possible, the hand is the "
-                   "scene's script or --input [lockstep; real with --view]")
-        ->check(CLI::IsMember({"real", "lockstep"}));
+                   "real: in real time, the hand is rt-core's device; device: the same in the time of the device's "
+                   "states, one step as soon as they have advanced by one, for rt-core stability; lockstep: as fast as "
+                   "possible, the hand is the scene's script or --input [lockstep; real with --view]")
+        ->check(CLI::IsMember({"real", "device", "lockstep"}));
     app.add_option(
         "--input", options.input,
         "Follow a recorded hand: CSV with time_s, x_m, y_m, z_m, ... in the device frame, and optionally curl and "

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "app/hand_sources.hpp"
@@ -42,6 +43,14 @@ struct RunOptions {
 /// Adds the options of `host-sim run` to a parser. `options` must outlive it.
 void add_run_options(CLI::App& app, RunOptions& options);
 
+/// What time passes in a run.
+enum class RunClock : std::uint8_t {
+    Lockstep,  // none: as fast as possible
+    Real,      // CLOCK_MONOTONIC
+    Device     // that of the device states
+};
+[[nodiscard]] std::string_view name_of(RunClock clock) noexcept;
+
 /// Everything needed to set up a run.
 struct Plan {
     /// Throws for invalid or contradictory options.
@@ -50,7 +59,7 @@ struct Plan {
     Scene scene;
     RecordNotes origin;
     std::uint64_t steps = 0;  // 0: until stopped
-    bool real = false;
+    RunClock clock = RunClock::Lockstep;
     HandSettings hand;
     std::string session;                       // name of the rings; empty: no rings
     std::shared_ptr<WorkspaceFile> workspace;  // null: the scene's

@@ -186,6 +186,11 @@ const SettingTable<CouplingSettings>& coupling_table() {
                          "the spring throws bodies back. Acts where spheres do not displace one another: on a "
                          "single sphere, on a limp tool with one stiffness, and with multi_rate \"positions\"."},
              V::number(&S::hunt_crossley_damping, {0.0, 10.0})},
+            {{.key = "damping_time",
+              .unit = "s",
+              .meaning = "Damping beside the springs of coupling and tool: damping / stiffness, the same for every "
+                         "contact. Lets a body that the tool holds come to rest."},
+             V::number(&S::damping_time, {0.0, 1.0})},
             {{.key = "mask_radius",
               .unit = "m",
               .meaning = "Radius, in the rest shape, of the patch of vertices that takes the force of a contact."},

@@ -261,7 +261,7 @@ void ContactCoupling::find(const ParticleModel& start, const MovingParticles& /*
     }
 }
 
-/// tau = c b of each proxy, with the depth that the last pass has led to: the mean over its planes, weighted by the
+/// tau = damping_time + c b of each proxy, with the depth that the last pass has led to: the mean over its planes, weighted by the
 /// depths themselves.
 void ContactCoupling::find_damping_times() {
     std::array<double, kMaxProxies> depths{};
@@ -276,13 +276,13 @@ void ContactCoupling::find_damping_times() {
     }
     for (CouplingRow& row : rows_) {
         const double depth = depths[row.proxy] > 0.0 ? squares[row.proxy] / depths[row.proxy] : 0.0;
-        row.damping_time = damping_ * depth;
+        row.damping_time = step_.coupling.damping_time + damping_ * depth;
     }
 }
 
 /// Adds the sub-step's part of the mean lead of each proxy: tau v along its rows, weighted by their forces.
 void ContactCoupling::add_leads(const MovingParticles& now, double h) {
-    if (!(damping_ > 0.0)) {
+    if (!(damping_ > 0.0 || step_.coupling.damping_time > 0.0)) {
         return;
     }
     std::array<Vec3, kMaxProxies> leads{};

@@ -24,22 +24,27 @@
 // with p the hip. MultiRate::Positions, the thesis' own scheme, has independent springs k / N from the goals to the
 // proxies' positions instead, also along the surface.
 //
-// Without damping a spring throws bodies back. Hunt-Crossley damping makes its depth b (1 + c v), with v the velocity
-// at which the surface approaches the goal (K. Hunt, F. Crossley, "Coefficient of Restitution Interpreted as Damping in
-// Vibroimpact", 1975). Unlike a linear damper it begins at zero force. It is implicit: with tau = c b at the start of
-// the sub-step and v at its end, the row becomes
+// Without damping a spring throws bodies back, and a body that an elastic tool holds swings on it. A damper beside the
+// springs of tool and coupling, with the same ratio tau of damping to stiffness everywhere (Kelvin-Voigt), makes the
+// force of every row that of the springs at b + tau v, with v the velocity at which the surface approaches the goal. It
+// suits soft materials, which lose a part of the energy of each stretch.
+//
+// Hunt-Crossley damping makes the depth b (1 + c v) (K. Hunt, F. Crossley, "Coefficient of Restitution Interpreted as Damping in
+// Vibroimpact", 1975). Unlike the other it begins at zero force. Both are implicit: with tau the sum of damping_time
+// and c b at the start of the sub-step and v at its end, the row becomes
 //
 //     W l + (h^2 + tau h) P^T M^-1 P l = b + tau v,   divided by 1 + tau / h.
 //
-// All rows of a proxy have the same tau, so that the block stays symmetric and the forces at rest are those without
-// damping; it damps along the surface too. Proxies that displace one another, those of an elastic tool, have none.
+// Rows that W couples have the same tau, so that the block stays symmetric and the forces at rest are those without
+// damping; it damps along the surface too. Proxies that displace one another, those of an elastic tool, have no
+// Hunt-Crossley damping, since their depths differ.
 //
 // Lead: a damped row makes the force l of a spring whose plane is tau v ahead of the surface, W l = b + tau v. The
 // haptic loop receives the planes with this lead, so it renders the damped force with springs alone. lead() goes
 // from the mean over the last step to the mean over this one: it is continuous from step to step, and half a step late.
 // A proxy has one lead, the mean of tau v d over its rows, weighted by l. Where planes at an angle press on it, this
 // mean is shorter along each normal than the lead of that plane, so that the hand feels less damping there than the
-// bodies.
+// bodies; damping along the surface it feels only as the impulse that it is owed.
 // @source M. Macklin, M. Müller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant Constrained Dynamics",
 // 2016 (compliance and damping of a constraint); C. Duriez et al., "Realistic haptic rendering of interacting
 // deformable objects", 2006 (contact space). Differs: the multipliers are forces.

@@ -13,6 +13,7 @@
 #include <system_error>
 
 #include "commands/run_command.hpp"
+#include "commands/scene_stability.hpp"
 #include "haptic/html.hpp"
 #include "measure/stability.hpp"
 #include "measure/svg_plot.hpp"
@@ -224,21 +225,24 @@ StabilityOutcome run_cell(const Cell& cell, const StabilityOptions& options, con
     trial.late = cell.late;
     trial.stiffness = cell.stiffness;
     trial.delay_ns = cell.delay_ns;
-    trial.duration_s = options.duration_s;
+    trial.duration_s = options.duration_s.value_or(trial.duration_s);
     trial.tick = tick;
     // The map shows the controller alone, so the stiffness limit is switched off.
     trial.tick.frames.max_stiffness = std::numeric_limits<double>::infinity();
     if (!cell.controlled) {
         trial.tick.passivity.control = PassivityControl::Observe;
     }
-    trial.mechanics.hand_stiffness = options.hand_stiffness;
-    trial.mechanics.hand_damping = options.hand_damping;
+    trial.mechanics.hand_stiffness = options.hand_stiffness.value_or(trial.mechanics.hand_stiffness);
+    trial.mechanics.hand_damping = options.hand_damping.value_or(trial.mechanics.hand_damping);
     return run_stability_trial(trial);
 }
 
 }  // namespace
 
 int stability_command(const StabilityOptions& options) {
+    if (!options.scene.empty()) {
+        return scene_stability_command(options);
+    }
     const Settings settings = settings_of(options);
     const Axes axes = axes_of(options, settings.tick.period_ns);
     std::filesystem::create_directories(options.out);

@@ -1,19 +1,16 @@
 #include "measure/stability.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <memory>
-#include <numeric>
 #include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#include "haptic/device/emulated_board.hpp"
 #include "haptic/ring.hpp"
+#include "measure/trial_rig.hpp"
+#include "tick/frame_source.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -27,53 +24,10 @@ constexpr double kVisible = 2e-4;       // m, smaller vibrations come from encod
 constexpr double kMinEnergy = -1e-4;    // J, below: energy was generated
 constexpr double kMinDurationS = 1.0;   // s
 
-std::int64_t frozen_clock() HAPTIC_RT {
-    return 0;
-}
-
-std::string unique_session() {
-    static std::atomic<unsigned> count{0};
-    return "stability-" + std::to_string(getpid()) + "-" + std::to_string(count.fetch_add(1));
-}
-
 PoseTrack pressing_hand() {
     const Quat level(1.0, 0.0, 0.0, 0.0);
     return {{0.0, kApproachS, kApproachS + 1.0},
             {Pose{}, Pose{{0.0, kHandTarget, 0.0}, level}, Pose{{0.0, kHandTarget, 0.0}, level}}};
-}
-
-TickSettings with_short_arming(TickSettings settings) {
-    settings.safety.tension_ramp_ns = 100'000'000;
-    settings.safety.calibration_hold_ns = 50'000'000;
-    settings.frames.ramp_ns = settings.period_ns;  // full stiffness from the first tick
-    return settings;
-}
-
-/// Peak-to-peak amplitude of equidistant samples after removing their least-squares line, because a slow drift is no
-/// vibration. 0 for fewer than three samples.
-double amplitude(std::span<const double> values) {
-    if (values.size() < 3) {
-        return 0.0;
-    }
-    // Slope of the least-squares line over the sample index, centred: cov(x, value) / var(x).
-    const double middle = 0.5 * static_cast<double>(values.size() - 1);
-    const double mean = std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-    double covariance = 0.0;
-    double variance = 0.0;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-        const double x = static_cast<double>(i) - middle;
-        covariance += x * (values[i] - mean);
-        variance += x * x;
-    }
-    // Range of the residuals.
-    double low = 0.0;
-    double high = 0.0;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-        const double off = values[i] - mean - covariance / variance * (static_cast<double>(i) - middle);
-        low = std::min(low, off);
-        high = std::max(high, off);
-    }
-    return high - low;
 }
 
 /// One trial: the tick, the emulated board, and the simulation's side of the rings.
@@ -82,16 +36,12 @@ class Trial {
     explicit Trial(const StabilityTrial& trial)
         : trial_(trial),
           session_(unique_session()),
-          board_({.geometry = trial.tick.geometry,
-                  .hand = pressing_hand(),
-                  .power_up = {60000, 1, 32768, 12345, 65535, 0, 40000, 777},
-                  .hand_waits = true,
-                  .mechanics = trial.mechanics}),
-          frames_in_(session_),
-          states_out_(session_),
+          frame_reader_(session_),
+          frames_in_(frame_reader_),
+          rig_({.session = session_, .tick = trial.tick, .hand = pressing_hand(), .mechanics = trial.mechanics},
+               frames_in_),
           frames_out_(session_),
-          states_in_(session_),
-          tick_(with_short_arming(trial.tick), board_, frames_in_, states_out_, frozen_clock) {
+          states_in_(session_) {
         // The delay line holds whole ticks.
         if (trial.delay_ns < 0 || trial.delay_ns % trial.tick.period_ns != 0) {
             throw std::invalid_argument("stability: the delay must be a multiple of the period");
@@ -105,7 +55,7 @@ class Trial {
     }
 
     StabilityOutcome run() {
-        arm();
+        rig_.arm();
         StabilityOutcome outcome;
         const auto ticks_in = [this](double time_s) {
             return static_cast<std::size_t>(nanoseconds(time_s) / trial_.tick.period_ns);
@@ -117,23 +67,24 @@ class Trial {
         // Release the hand, which then presses the grip into the wall; a fault ends the trial early.
         std::vector<double> heights;
         heights.reserve(all);
-        board_.device().release_hand();
-        tick_.set_instruments(Instruments{});
-        while (heights.size() < all && tick_.faults() == 0) {
+        rig_.release_hand();
+        rig_.tick().set_instruments(Instruments{});
+        while (heights.size() < all && rig_.tick().faults() == 0) {
             press();
-            heights.push_back(board_.device().grip_pose().position.y);
+            heights.push_back(rig_.grip_pose().position.y);
         }
         // Amplitudes of the first window after the approach and of the last window.
-        const Instruments& measured = tick_.instruments();
+        const Instruments& measured = rig_.tick().instruments();
         const std::span<const double> track(heights);
-        outcome.first_amplitude = amplitude(track.subspan(std::min(begin, track.size()))
-                                                .first(std::min(window, track.size() - std::min(begin, track.size()))));
-        outcome.last_amplitude = amplitude(track.last(std::min(window, track.size())));
+        outcome.first_amplitude =
+            amplitude_of(track.subspan(std::min(begin, track.size()))
+                             .first(std::min(window, track.size() - std::min(begin, track.size()))));
+        outcome.last_amplitude = amplitude_of(track.last(std::min(window, track.size())));
         // Energy balance, peak force, and share of ticks in which the controller acted.
         outcome.min_energy = measured.min_energy;
         outcome.peak_force = measured.peak_force;
         outcome.controlled = static_cast<double>(measured.passivity_ticks) / static_cast<double>(all);
-        outcome.faults = tick_.faults();
+        outcome.faults = rig_.tick().faults();
         // Verdict, as defined in the header.
         const bool sustained =
             outcome.min_energy < kMinEnergy && outcome.last_amplitude > 0.5 * outcome.first_amplitude;
@@ -143,34 +94,14 @@ class Trial {
     }
 
   private:
-    /// Runs ticks until the safety machine is Running; allows three times the nominal arming time.
-    void arm() {
-        // Ramp the tension and calibrate, while the hand waits at the centre.
-        tick_.arm();
-        const SafetySettings& safety = with_short_arming(trial_.tick).safety;
-        const std::int64_t until_ns = 3 * arming_time_ns(safety);
-        for (std::int64_t t = 0; t < until_ns && tick_.safety_state() != SafetyState::Running;
-             t += trial_.tick.period_ns) {
-            step();
-        }
-        if (tick_.safety_state() != SafetyState::Running) {
-            throw std::runtime_error("stability: the tick did not reach the running state");
-        }
-    }
-
-    void step() {
-        tick_.run({.deadline_ns = now_ns_, .now_ns = now_ns_});
-        now_ns_ += trial_.tick.period_ns;
-    }
-
     /// Publishes the reply to the delayed pose, and runs one tick.
     void press() {
         // The tick's exchange would move the board anyway. Moving it here first has the same result, and lets an
         // undelayed frame use the pose that the tick is going to measure.
-        board_.device().advance(now_ns_);
+        rig_.advance_grip();
         ContactFrame frame = reply();
-        frames_out_.publish(frame, now_ns_);
-        step();
+        frames_out_.publish(frame, rig_.now_ns());
+        rig_.run_tick();
         // Keep the measured height in the delay line.
         if (states_in_.read_newest(state_)) {
             heights_[next_] = state_.position[1];
@@ -180,14 +111,14 @@ class Trial {
 
     /// The contact frame of this tick, according to the delayed part.
     [[nodiscard]] ContactFrame reply() const {
-        const double now = board_.device().grip_pose().position.y;
+        const double now = rig_.grip_pose().position.y;
         // The newest published state is already one period old, so a frame without delay uses the grip itself.
         const double then = trial_.delay_ns == 0 ? now : heights_[next_];
         ContactFrame frame{};
         // The simulation steps once per tick and answers a state as old as the delay.
-        frame.state_time_ns = now_ns_ - trial_.delay_ns;
-        frame.plane_time_ns = now_ns_;
-        frame.publish_time_ns = now_ns_;
+        frame.state_time_ns = rig_.now_ns() - trial_.delay_ns;
+        frame.plane_time_ns = rig_.now_ns();
+        frame.publish_time_ns = rig_.now_ns();
         frame.step_ns = trial_.tick.period_ns;
         frame.stiffness = trial_.stiffness;
         frame.proxy_count = 1;
@@ -210,16 +141,14 @@ class Trial {
 
     StabilityTrial trial_;
     std::string session_;
-    device::EmulatedBoard board_;
-    RingReader<ContactFrame> frames_in_;
-    RingWriter<DeviceState> states_out_;
+    RingReader<ContactFrame> frame_reader_;
+    RingFrames frames_in_;
+    TrialRig rig_;
     RingWriter<ContactFrame> frames_out_;
     RingReader<DeviceState> states_in_;
-    Tick tick_;
     DeviceState state_{};
     std::vector<double> heights_;  // m, delay line: ring of the measured heights of the last `delay`
     std::size_t next_ = 0;         // index of the oldest
-    std::int64_t now_ns_ = 0;
 };
 
 }  // namespace

@@ -598,7 +598,7 @@ TEST(RunTest, WithoutChangesADivergenceEndsTheRunWithAnError) {
     options.scene = "cloth-drop";
     options.assignments = {"collisions.ground=false"};
     Plan plan(options);
-    EXPECT_FALSE(plan.real);
+    EXPECT_EQ(plan.clock, RunClock::Lockstep);
     EXPECT_EQ(plan.steps, 250u);
     plan.scene.solver.gravity.y = -1e308;
     plan.steps = 400;
@@ -611,7 +611,7 @@ TEST(PlanTest, AViewRunsInRealTimeWithoutEndByDefault) {
     options.scene = "cloth-drop";
     options.view = true;
     const Plan watched(options);
-    EXPECT_TRUE(watched.real);
+    EXPECT_EQ(watched.clock, RunClock::Real);
     EXPECT_EQ(watched.steps, 0u);
     EXPECT_TRUE(watched.hand.scripted);
     ASSERT_TRUE(watched.view);
@@ -621,7 +621,7 @@ TEST(PlanTest, AViewRunsInRealTimeWithoutEndByDefault) {
     options.duration_s = 1.0;
     options.view_control = true;
     const Plan said(options);
-    EXPECT_FALSE(said.real);
+    EXPECT_EQ(said.clock, RunClock::Lockstep);
     EXPECT_EQ(said.steps, 100u);
     EXPECT_TRUE(said.view->control);
     options.view = false;

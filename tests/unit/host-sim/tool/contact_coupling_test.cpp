@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <utility>
 #include <vector>
 
 #include "haptic/sim/skin.hpp"
@@ -247,10 +248,51 @@ TEST_F(SprungTriangle, DampingTakesEnergyFromABodyThatMeetsTheHand) {
     EXPECT_GT(damped, 0.0);
 }
 
+TEST_F(SprungTriangle, DampingInParallelWithTheSpringsHasItsRateOfDecay) {
+    // A body of mass m between springs of its own, K, and the coupling, k, that never loses contact:
+    //     m y'' = -K y - k (y + p) - tau k y',   y + p the depth.   It decays at the rate tau k / 2 m.
+    constexpr double kMass = 0.02;     // kg, of one corner
+    constexpr double kSpring = 200.0;  // N/m, of one corner
+    constexpr double kPressed = 0.01;  // m, p
+    constexpr double kStiffness = 500.0;
+    const double rest = -kStiffness * kPressed / (kStiffness + 3.0 * kSpring);
+    const double frequency = std::sqrt((kStiffness + 3.0 * kSpring) / (3.0 * kMass));  // 1/s
+    // 1/s, of the amplitude of y - rest, from position and velocity at both ends of 0.2 s.
+    const auto decay = [&](double damping_time) {
+        build({.spring = kSpring,
+               .mass = kMass,
+               .step = 0.002,
+               .substeps = 20,
+               .iterations = 1,
+               .drag = 0.0,
+               .coupling = {.stiffness = kStiffness, .damping_time = damping_time}});
+        for (std::size_t k = 0; k < 3; ++k) {
+            model.position[k].y = start[k].y = end[k].y = 0.5 * rest;
+        }
+        const auto amplitude = [&] {
+            return std::hypot(mean_of(model.position).y - rest, mean_of(model.velocity).y / frequency);
+        };
+        (void)step({0.0, kRadius - kPressed, 0.0});
+        const double before = amplitude();
+        for (int i = 0; i < 100; ++i) {
+            (void)step({0.0, kRadius - kPressed, 0.0});
+        }
+        return std::log(before / amplitude()) / 0.2;
+    };
+    const double numerical = decay(0.0);
+    EXPECT_LT(numerical, 1.0);  // 1/s, of implicit Euler: half of frequency^2 times the sub-step is 0.92
+    for (const double damping_time : {0.001, 0.003}) {
+        const double expected = damping_time * kStiffness / (2.0 * 3.0 * kMass);
+        EXPECT_NEAR(decay(damping_time) - numerical, expected, 0.05 * expected) << damping_time << " s";
+    }
+}
+
 TEST_F(SprungTriangle, ASpringWithTheMeanLeadMakesTheForceOfTheStep) {
     // One sub-step: k (b + lead) at its end.
-    for (const double damping : {0.0, 0.7, 5.0}) {
-        build({.mass = 0.02, .drag = 0.0, .coupling = {.stiffness = 500.0, .hunt_crossley_damping = damping}});
+    for (const auto& [damping, damping_time] : {std::pair{0.0, 0.0}, {0.7, 0.0}, {5.0, 0.0}, {0.0, 0.005}}) {
+        build({.mass = 0.02,
+               .drag = 0.0,
+               .coupling = {.stiffness = 500.0, .hunt_crossley_damping = damping, .damping_time = damping_time}});
         int pressed = 0;
         for (int i = 0; i < 60; ++i) {
             const Vec3 goal(0.0, kRadius + 0.002 - 0.01 * std::sin(0.3 * i), 0.0);
@@ -259,8 +301,9 @@ TEST_F(SprungTriangle, ASpringWithTheMeanLeadMakesTheForceOfTheStep) {
             const double depth = depth_of(goal) + lead.end.y;
             if (force > 0.0) {
                 // The solver keeps a share of 1e-7 of the compliance for each row.
-                EXPECT_NEAR(500.0 * depth, force, 1e-6 * (1.0 + force)) << damping << " s/m, step " << i;
-                EXPECT_TRUE(damping > 0.0 || lead.end == Vec3(0.0)) << i;
+                EXPECT_NEAR(500.0 * depth, force, 1e-6 * (1.0 + force))
+                    << damping << " s/m, " << damping_time << " s, step " << i;
+                EXPECT_TRUE(damping > 0.0 || damping_time > 0.0 || lead.end == Vec3(0.0)) << i;
             }
             pressed += force > 0.1 ? 1 : 0;
         }

@@ -1,0 +1,12 @@
+// `rt-core stability --scene`: maps where a grip that is held in a host-sim scene comes to rest.
+#pragma once
+
+#include "commands/stability_command.hpp"
+
+namespace haptic::rt {
+
+/// Runs all trials, prints the map and writes stability-SCENE.csv. Returns 0 if no oscillation grew, else
+/// kExitFaulted. Throws Refusal, ConfigError, CsvError, RingError, std::invalid_argument and std::runtime_error.
+int scene_stability_command(const StabilityOptions& options);
+
+}  // namespace haptic::rt
