@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "contact/contact_candidates.hpp"
-#include "contact/friction.hpp"
 #include "contact/pop_out.hpp"
 #include "contact/secure_position.hpp"
 #include "contact/speculative_planes.hpp"
@@ -23,7 +22,9 @@
 #include "contact/verification.hpp"
 #include "contact/virtual_proxy.hpp"
 #include "haptic/sim/fish.hpp"
+#include "haptic/sim/tool_model.hpp"
 #include "reproduce/pop_out_table.hpp"
+#include "tool/tool_proxies.hpp"
 
 namespace {
 
@@ -158,8 +159,8 @@ void virtual_proxy(benchmark::State& state) {
 }
 BENCHMARK(virtual_proxy)->Unit(benchmark::kMicrosecond);
 
-/// One proxy that a hand slides over a fish, 5 mm deep, with three more fish beside it: 6,800 triangles. 1: the fish
-/// are rough. The slowest of its steps is reported too.
+/// A tool of one sphere that a hand slides over a fish, 5 mm deep, with three more fish beside it: 6,800 triangles. 1:
+/// the fish are rough. The slowest of its steps is reported too.
 void virtual_proxy_on_fish(benchmark::State& state) {
     const TriangleMesh fish = make_fish_mesh({});
     std::vector<std::vector<Vec3>> vertices;
@@ -176,9 +177,11 @@ void virtual_proxy_on_fish(benchmark::State& state) {
         surfaces.push_back({{vertices[k], vertices[k], fish.triangles}, &trees[k]});
         trees[k].refit(surfaces[k].motion);
     }
-    ContactSettings settings;
-    settings.static_friction = state.range(0) != 0 ? 0.8 : 0.0;
-    settings.dynamic_friction = state.range(0) != 0 ? 0.5 : 0.0;
+    ToolProxies::Settings settings;
+    settings.step = 0.001;
+    settings.springs.stiffness = 100.0;
+    settings.contact.static_friction = state.range(0) != 0 ? 0.8 : 0.0;
+    settings.contact.dynamic_friction = state.range(0) != 0 ? 0.5 : 0.0;
     // Path along its back: down from above until it touches, then 5 mm deeper.
     std::vector<Vec3> goals;
     for (int k = 0; k < 100; ++k) {
@@ -187,13 +190,17 @@ void virtual_proxy_on_fish(benchmark::State& state) {
         goals.push_back(goal - Vec3(0, 0.005, 0));
     }
     for (auto _ : state) {
-        Vec3 proxy = goals[0] + Vec3(0, 0.1, 0);
-        FrictionState grip;
+        Pose hand{goals[0] + Vec3(0, 0.1, 0), Quat(1, 0, 0, 0)};
+        ToolProxies tool(one_sphere(kRadius), settings, hand);
         for (const Vec3& goal : goals) {
-            const PopOut popped = pop_out(surfaces, proxy, kRadius, settings);
-            proxy = move_proxy(surfaces, {proxy, popped.position, goal}, kRadius, 0.001, settings, grip).position;
+            hand.position = goal;
+            tool.set_goals(hand);
+            tool.collect(surfaces);
+            tool.find_secure_positions();
+            tool.pop_out();
+            tool.find_equilibrium();
         }
-        benchmark::DoNotOptimize(proxy);
+        benchmark::DoNotOptimize(tool.particles()[0].position);
     }
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(goals.size()));
 }

@@ -1,6 +1,7 @@
-// Friction at two rates: the simulation's proxy and rt-core's local proxy must agree.
+// Friction at two rates: the simulation's tool and rt-core's local proxy must agree.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -8,10 +9,8 @@
 #include <memory>
 #include <vector>
 
-#include "contact/friction.hpp"
-#include "contact/pop_out.hpp"
-#include "contact/secure_position.hpp"
 #include "rendering/tool_contact.hpp"
+#include "tool/tool_proxies.hpp"
 
 namespace haptic {
 namespace {
@@ -47,26 +46,28 @@ Vec3 hand_at(double t) {
 }
 
 void compare(double floor_speed) {
-    sim::ContactSettings settings;
-    settings.static_friction = 0.8;
-    settings.dynamic_friction = 0.5;
+    sim::ToolProxies::Settings settings;
+    settings.step = kTick * kTicksPerStep;
+    settings.springs.stiffness = 100.0;
+    settings.contact.static_friction = 0.8;
+    settings.contact.dynamic_friction = 0.5;
     // The same floor as a contact frame, whose horizon no tick reaches.
     const auto frame = std::make_unique<ContactFrame>();
-    frame->stiffness = 100.0;
+    frame->stiffness = settings.springs.stiffness;
     frame->step_ns = kNanosecondsPerSecond;
-    frame->static_friction = settings.static_friction;
-    frame->dynamic_friction = settings.dynamic_friction;
+    frame->static_friction = settings.contact.static_friction;
+    frame->dynamic_friction = settings.contact.dynamic_friction;
     frame->proxy_count = 1;
     frame->proxies[0].plane_count = 1;
     frame->proxies[0].planes[0].normal[1] = 1.0;
     frame->proxies[0].planes[0].offset = kRadius;
     frame->proxies[0].surface_velocity[0] = floor_speed;
-    const auto tool = std::make_unique<ToolContact>();
-    tool->load(*frame);
+    const auto felt = std::make_unique<ToolContact>();
+    felt->load(*frame);
     Floor floor;
-    Vec3 proxy = hand_at(0.0);
-    proxy.y = kRadius;
-    sim::FrictionState grip;
+    Pose start{hand_at(0.0), Quat(1, 0, 0, 0)};
+    start.position.y = kRadius;
+    sim::ToolProxies tool(sim::one_sphere(kRadius), settings, start);
     double max_error = 0.0;
     double sum = 0.0;
     int sliding = 0;
@@ -75,25 +76,27 @@ void compare(double floor_speed) {
         const Vec3 hand = hand_at(tick * kTick);
         const Pose pose{hand, Quat(1, 0, 0, 0)};
         const GripMotion motion{.pose = pose, .previous = pose, .elapsed_s = tick == 0 ? 0.0 : kTick};
-        const Vec3 felt = tool->render(*frame, frame->stiffness, motion, 0).proxy;
+        const Vec3 local = felt->render(*frame, frame->stiffness, motion, 0).proxy;
         if (tick % kTicksPerStep != 0) {
             continue;
         }
         floor.move(tick == 0 ? 0.0 : floor_speed * kTick * kTicksPerStep);
         const std::array<sim::MovingSurface, 1> surfaces{
             sim::MovingSurface{{floor.start, floor.end, floor.triangles}, &floor.tree}};
-        const Vec3 secure = sim::secure_position(surfaces, proxy, kRadius, settings).position;
-        const Vec3 popped = sim::pop_out(surfaces, secure, kRadius, settings).position;
-        proxy =
-            sim::move_proxy(surfaces, {proxy, popped, hand}, kRadius, kTick * kTicksPerStep, settings, grip).position;
-        max_error = std::max(max_error, glm::length(proxy - felt));
-        sum += glm::length(proxy - felt);
-        (tool->friction(0).sliding ? sliding : sticking) += 1;
+        tool.set_goals(pose);
+        tool.collect(surfaces);
+        tool.find_secure_positions();
+        tool.pop_out();
+        tool.find_equilibrium();
+        const double error = glm::length(tool.particles()[0].position - local);
+        max_error = std::max(max_error, error);
+        sum += error;
+        (felt->friction(0).sliding ? sliding : sticking) += 1;
     }
     // Each samples the hand at its own times. Where one starts to slip and the other just does not, they differ by the
     // distance between the two friction cones, until the next slip.
     const double travel = (kSpeed + std::abs(floor_speed)) * kTick * kTicksPerStep;
-    const double between = (settings.static_friction - settings.dynamic_friction) * kMaxDepth;
+    const double between = (settings.contact.static_friction - settings.contact.dynamic_friction) * kMaxDepth;
     EXPECT_LE(max_error, between + travel);
     EXPECT_LE(sum / (sliding + sticking), travel);
     EXPECT_GT(sliding, 50);

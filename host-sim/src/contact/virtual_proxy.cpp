@@ -127,8 +127,8 @@ class ProxyMover {
     ActiveContacts active_contacts_;
 };
 
-}  // namespace
-
+/// The move where no surface is near the whole path: without a query. False, with `result` unchanged, where a surface
+/// may be near.
 bool move_through_free_air(const NearSurfaces& surfaces, const Vec3& from, const Vec3& goal, double radius,
                            const ContactSettings& settings, ProxyPath* path, ProxyMove& result) noexcept {
     const Vec3 move = goal - from;
@@ -156,6 +156,8 @@ bool move_through_free_air(const NearSurfaces& surfaces, const Vec3& from, const
     }
     return true;
 }
+
+}  // namespace
 
 ProxyMove move_proxy(const NearSurfaces& surfaces, const Vec3& from, const Vec3& goal, double radius, double dt,
                      const ContactSettings& settings, ProxyPath* path) noexcept {

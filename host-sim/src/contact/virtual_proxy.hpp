@@ -25,10 +25,4 @@ struct ProxyMove {
 [[nodiscard]] ProxyMove move_proxy(const NearSurfaces& surfaces, const Vec3& from, const Vec3& goal, double radius,
                                    double dt, const ContactSettings& settings, ProxyPath* path = nullptr) noexcept;
 
-/// The same where no surface is near the whole path: one move, without a query. False, with `result` unchanged, where a
-/// surface may be near.
-[[nodiscard]] bool move_through_free_air(const NearSurfaces& surfaces, const Vec3& from, const Vec3& goal,
-                                         double radius, const ContactSettings& settings, ProxyPath* path,
-                                         ProxyMove& result) noexcept;
-
 }  // namespace haptic::sim

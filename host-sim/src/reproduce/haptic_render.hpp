@@ -30,6 +30,12 @@ class HapticLoop {
     void render(const Simulation& simulation, const ContactFrame& frame, std::int64_t from_ns, std::int64_t until_ns,
                 std::vector<HapticSample>& samples);
 
+    /// The parts of render(), for a hand that no script leads: a new frame, and one tick with the device at a pose.
+    void accept(const ContactFrame& frame, std::int64_t now_ns);
+    [[nodiscard]] HapticSample tick(const Workspace& workspace, const Pose& device, std::int64_t time_ns);
+
+    static constexpr std::int64_t kTickNs = 1'000'000;
+
   private:
     FrameRenderer renderer_{FrameSettings{}};
 };

@@ -48,13 +48,26 @@ double SceneRun::settle(double speed, double at_most_s) {
 }
 
 const StepResult& SceneRun::step() {
+    return step(simulation_.scripted_input(script_time_ns()));
+}
+
+const StepResult& SceneRun::step(const Pose& device) {
+    StepInput input = simulation_.scripted_input(script_time_ns());
+    input.device = device;
+    return step(input);
+}
+
+const StepResult& SceneRun::step(const StepInput& input) {
     vertices_ = simulation_.vertices();
-    const std::int64_t time_ns =
-        static_cast<std::int64_t>(simulation_.steps() - settled_steps_) * nanoseconds(simulation_.scene().solver.step);
-    time_s_ = seconds(time_ns);
-    result_ = simulation_.step(simulation_.scripted_input(time_ns));
+    time_s_ = seconds(script_time_ns());
+    result_ = simulation_.step(input);
     escapes_ += result_.crossed ? 1 : 0;
     return result_;
+}
+
+std::int64_t SceneRun::script_time_ns() const {
+    return static_cast<std::int64_t>(simulation_.steps() - settled_steps_) *
+           nanoseconds(simulation_.scene().solver.step);
 }
 
 PictureScene SceneRun::picture(const std::string& title) const {

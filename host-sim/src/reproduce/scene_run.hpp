@@ -26,6 +26,8 @@ class SceneRun {
 
     /// Makes one step of the script, with the independent check, and stores the vertices as the step found them.
     const StepResult& step();
+    /// The same with the device at a pose of a hand that reacts to forces; curl and buttons are those of the script.
+    const StepResult& step(const Pose& device);
 
     /// The scene as the last step found it, with the proxy that this step produced. The picture refers to this object.
     [[nodiscard]] PictureScene picture(const std::string& title) const;
@@ -40,6 +42,10 @@ class SceneRun {
     [[nodiscard]] std::uint64_t escapes() const noexcept { return escapes_; }
 
   private:
+    const StepResult& step(const StepInput& input);
+    /// Time of the script at the beginning of the next step.
+    [[nodiscard]] std::int64_t script_time_ns() const;
+
     Simulation simulation_;
     StepResult result_;
     std::vector<Vec3> vertices_;

@@ -133,12 +133,7 @@ double ToolProxies::fit_turn() {
         for (const Vec3& x : target_) {
             centre += x / static_cast<double>(target_.size());
         }
-        Mat3 moment(0.0);
-        for (std::size_t i = 0; i < target_.size(); ++i) {
-            const Vec3 offset = target_[i] - centre;
-            const Vec3 rest = particles_[i].rest_offset - rest_centre_;
-            moment += Mat3(offset * rest.x, offset * rest.y, offset * rest.z);
-        }
+        const Mat3 moment = moment_about(centre, [this](std::size_t i) { return target_[i]; });
         const Quat fitted = extract_rotation(moment, elastic_frame(), kTurnIterations);
         fitted_turn_ = glm::normalize(glm::conjugate(hip_.orientation) * fitted);
     }

@@ -221,16 +221,7 @@ void ToolProxies::fit_pose() {
     }
     centre /= static_cast<double>(particles_.size());
     if (stopped_) {
-        // Shape matching (Mueller 2005): R is the rotation of the moment matrix sum (p_i - c) (o_i - o_c)^T, without
-        // mass weights.
-        Mat3 moment(0.0);
-        for (const ToolProxy& p : particles_) {
-            const Vec3 offset = p.position - centre;
-            const Vec3 rest = p.rest_offset - rest_centre_;
-            moment[0] += offset * rest.x;
-            moment[1] += offset * rest.y;
-            moment[2] += offset * rest.z;
-        }
+        const Mat3 moment = moment_about(centre, [this](std::size_t i) { return particles_[i].position; });
         pose_.orientation = extract_rotation(moment, hip_.orientation, kPoseIterations);
     }
     // Translation that maps the rest centre to the centre: t = c - R o_c.

@@ -176,6 +176,18 @@ class ToolProxies {
     void pose_particles() const;
     void skin(std::span<Vec3> out) const;
     void fit_pose();
+    /// m^2, moment matrix sum (x_i - c) (o_i - o_c)^T of shape matching (Mueller 2005) without mass weights, whose
+    /// rotation fits the rest shape to positions x_i with the centre c.
+    template <class Position>
+    [[nodiscard]] Mat3 moment_about(const Vec3& centre, const Position& position) const {
+        Mat3 moment(0.0);
+        for (std::size_t i = 0; i < particles_.size(); ++i) {
+            const Vec3 offset = position(i) - centre;
+            const Vec3 rest = particles_[i].rest_offset - rest_centre_;
+            moment += Mat3(offset * rest.x, offset * rest.y, offset * rest.z);
+        }
+        return moment;
+    }
     // The equilibrium; in tool_equilibrium.cpp.
     void carry_sticking();
     void carry_planes(std::size_t particle);

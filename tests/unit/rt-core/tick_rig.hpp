@@ -12,6 +12,7 @@
 
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/ring.hpp"
+#include "rendering/floor_frame.hpp"
 #include "tick/tick.hpp"
 
 namespace haptic::rt::test {
@@ -49,28 +50,6 @@ class FaultyBoard final : public device::Board {
   private:
     device::Board* board_;
 };
-
-/// Frame with one particle above a horizontal plane: dot((0,1,0), x) >= height.
-inline ContactFrame floor_frame(double height, double stiffness, std::int64_t now_ns) {
-    ContactFrame frame{};
-    frame.state_time_ns = now_ns;
-    frame.plane_time_ns = now_ns;
-    frame.publish_time_ns = now_ns;
-    frame.step_ns = 10'000'000;
-    frame.stiffness = stiffness;
-    frame.proxy_count = 1;
-    frame.proxies[0].plane_count = 1;
-    frame.proxies[0].planes[0].normal[1] = 1.0;
-    frame.proxies[0].planes[0].offset = height;
-    return frame;
-}
-
-/// Contact of a frame at a pose, without a past.
-inline Contact render_once(const ContactFrame& frame, const Pose& grip, std::int64_t time_ns = 0) {
-    const auto tool = std::make_unique<ToolContact>();
-    tool->load(frame);
-    return tool->render(frame, frame.stiffness, {.pose = grip, .previous = grip}, time_ns);
-}
 
 class TickRig {
   public:

@@ -1,3 +1,4 @@
+// Friction of a tool of one sphere, through whole steps.
 #include "contact/friction.hpp"
 
 #include <gtest/gtest.h>
@@ -7,15 +8,22 @@
 
 #include "contact/oracle.hpp"
 #include "contact/scenes.hpp"
+#include "contact/verification.hpp"
+#include "tool/tool_proxies.hpp"
 
 namespace {
 
 using haptic::Mat3;
+using haptic::Pose;
+using haptic::Quat;
 using haptic::Vec3;
 using haptic::sim::ContactSettings;
+using haptic::sim::find_crossings;
 using haptic::sim::FrictionState;
-using haptic::sim::ProxyMove;
+using haptic::sim::one_sphere;
 using haptic::sim::ProxyPath;
+using haptic::sim::ToolProxies;
+using haptic::sim::ToolProxy;
 using haptic::sim::oracle::Random;
 using haptic::sim::scenes::ball;
 using haptic::sim::scenes::Body;
@@ -37,33 +45,41 @@ ContactSettings rough(double at_rest = kStatic, double sliding = kDynamic) {
     return settings;
 }
 
-/// A proxy with its friction state, in a world.
+/// A tool of one sphere, in a world.
 class Hand {
   public:
     explicit Hand(World& world, const Vec3& at, const ContactSettings& settings = rough())
-        : world_(world), settings_(settings), at_(at) {}
+        : world_(world), tool_(one_sphere(kRadius), settings_of(settings), Pose{at, Quat(1.0, 0.0, 0.0, 0.0)}) {
+        tool_.keep_paths(true);
+    }
 
     /// One whole step toward a goal; the bodies have already been moved and refitted.
-    ProxyMove go(const Vec3& goal) {
-        path_.restart(at_);
-        const auto secure = secure_position(world_.surfaces, at_, kRadius, settings_, &path_);
-        const auto popped = pop_out(world_.surfaces, secure.position, kRadius, settings_, &path_);
-        const ProxyMove move =
-            move_proxy(world_.surfaces, {at_, popped.position, goal}, kRadius, kStep, settings_, grip, &path_);
-        at_ = move.position;
-        crossings += path_.complete() ? find_crossings(world_.motions(), path_.knots()).size() : 1;
-        return move;
+    const ToolProxy& go(const Vec3& goal) {
+        tool_.set_goals(Pose{goal, Quat(1.0, 0.0, 0.0, 0.0)});
+        tool_.collect(world_.surfaces);
+        tool_.find_secure_positions();
+        tool_.pop_out();
+        tool_.find_equilibrium();
+        const ProxyPath& path = tool_.path(0);
+        crossings += path.complete() ? find_crossings(world_.motions(), path.knots()).size() : 1;
+        return tool_.particles()[0];
     }
-    [[nodiscard]] const Vec3& at() const { return at_; }
+    [[nodiscard]] const Vec3& at() const { return tool_.particles()[0].position; }
+    [[nodiscard]] const FrictionState& grip() const { return tool_.particles()[0].friction; }
 
-    FrictionState grip;
     std::size_t crossings = 0;
 
   private:
+    static ToolProxies::Settings settings_of(const ContactSettings& contact) {
+        ToolProxies::Settings settings;
+        settings.contact = contact;
+        settings.step = kStep;
+        settings.springs.stiffness = 100.0;
+        return settings;
+    }
+
     World& world_;
-    ContactSettings settings_;
-    Vec3 at_;
-    ProxyPath path_;
+    ToolProxies tool_;
 };
 
 World floor_of(std::uint32_t cells) {
@@ -80,29 +96,6 @@ Vec3 under(double x, double z) {
     return {x, kRadius - kDepth, z};
 }
 
-TEST(Friction, IsTheFrictionlessProxyToTheBitWithoutCoefficients) {
-    Random random(70);
-    World world;
-    Body& hills = world.add(sheet(1.0, 24, true));
-    for (Vec3& v : hills.end) {
-        v.y = 0.06 * std::sin(17.0 * v.x) * std::cos(13.0 * v.z);
-    }
-    hills.start = hills.end;
-    world.refit();
-    Vec3 p(0, 0.2, 0);
-    FrictionState grip;
-    for (int k = 0; k < 60; ++k) {
-        const Vec3 goal(random.uniform(-0.4, 0.4), random.uniform(-0.15, 0.1), random.uniform(-0.4, 0.4));
-        const ProxyMove plain = haptic::sim::move_proxy(world.surfaces, p, goal, kRadius, kStep, {});
-        const ProxyMove same =
-            haptic::sim::move_proxy(world.surfaces, {p, p, goal}, kRadius, kStep, ContactSettings{}, grip);
-        ASSERT_EQ(same.position, plain.position);
-        ASSERT_EQ(same.contacts.count, plain.contacts.count);
-        ASSERT_EQ(same.iterations, plain.iterations);
-        p = plain.position;
-    }
-}
-
 TEST(Friction, KeepsAProxyInPlaceWhileTheGoalIsInTheStaticCone) {
     World world = floor_of(20);
     Hand hand(world, over(0.01, 0.02));
@@ -110,11 +103,11 @@ TEST(Friction, KeepsAProxyInPlaceWhileTheGoalIsInTheStaticCone) {
     const Vec3 stuck = hand.at();
     for (int k = 0; k < 32; ++k) {
         const double reach = 0.99 * kStatic * kDepth;
-        const ProxyMove m = hand.go(under(0.01 + reach * std::cos(0.2 * k), 0.02 + reach * std::sin(0.2 * k)));
+        const ToolProxy& m = hand.go(under(0.01 + reach * std::cos(0.2 * k), 0.02 + reach * std::sin(0.2 * k)));
         ASSERT_EQ(m.position, stuck) << k;
         ASSERT_EQ(m.contacts.count, 1u);
         EXPECT_NEAR(glm::length(m.contacts.plane[0].normal - Vec3(0, 1, 0)), 0.0, 1e-12);
-        ASSERT_FALSE(hand.grip.slides);
+        ASSERT_FALSE(hand.grip().slides);
     }
 }
 
@@ -127,13 +120,13 @@ TEST(Friction, BreaksAwayAtTheStaticConeAndSlidesOnTheDynamicOneUntilItRests) {
     int broke = 0;
     for (int k = 1; k <= 60; ++k) {
         x += 0.001;
-        const ProxyMove m = hand.go(under(x * direction.x, x * direction.z));
+        const ToolProxy& m = hand.go(under(x * direction.x, x * direction.z));
         const double behind = x - glm::dot(m.position, direction);
         if (x <= kStatic * kDepth + 1e-9) {
             ASSERT_NEAR(behind, x, 1e-12);
         } else {
             ASSERT_NEAR(behind, kDynamic * kDepth, 0.01 * kDynamic * kDepth) << "constant while it slides";
-            ASSERT_TRUE(hand.grip.slides);
+            ASSERT_TRUE(hand.grip().slides);
             broke += 1;
         }
         ASSERT_NEAR(m.position.y, kRadius, 1e-9);
@@ -141,7 +134,7 @@ TEST(Friction, BreaksAwayAtTheStaticConeAndSlidesOnTheDynamicOneUntilItRests) {
     EXPECT_GT(broke, 30);
     // At rest it sticks again and holds up to the static cone.
     hand.go(under(x * direction.x, x * direction.z));
-    EXPECT_FALSE(hand.grip.slides);
+    EXPECT_FALSE(hand.grip().slides);
     const Vec3 rest = hand.at();
     const double more = x + 0.9 * (kStatic - kDynamic) * kDepth;
     hand.go(under(more * direction.x, more * direction.z));
@@ -156,7 +149,7 @@ TEST(Friction, IsTheSameInAllDirectionsAndOnAnyTriangulation) {
             Hand hand(world, over(0.013, 0.027));
             hand.go(under(0.013, 0.027));
             const Vec3 goal = under(0.013, 0.027) + 0.1 * direction;
-            const ProxyMove m = hand.go(goal);
+            const ToolProxy& m = hand.go(goal);
             const Vec3 expected = goal + Vec3(0, kDepth, 0) - kDynamic * kDepth * direction;
             EXPECT_NEAR(glm::length(m.position - expected), 0.0, 1e-8) << cells << " " << k;
         }
@@ -193,7 +186,7 @@ TEST(Friction, LetsASurfacePullAtARestingHandUntilItSlips) {
         floor.stay();
         floor.end = placed(floor.mesh.vertices, Mat3(1.0), {1e-3 * k, 0.0, 0.0});
         world.refit();
-        const ProxyMove m = hand.go(goal);
+        const ToolProxy& m = hand.go(goal);
         max_x = std::max(max_x, m.position.x);
         if (k <= 15) {
             ASSERT_NEAR(m.position.x, 1e-3 * k, 1e-6) << "taken along";
@@ -202,7 +195,7 @@ TEST(Friction, LetsASurfacePullAtARestingHandUntilItSlips) {
         }
     }
     EXPECT_LE(max_x, kStatic * kDepth * 1.001);
-    EXPECT_NEAR(haptic::sim::carrying_velocity(world.surfaces, hand.grip, kStep).x, 0.1, 1e-9);
+    EXPECT_NEAR(haptic::sim::carrying_velocity(world.surfaces, hand.grip(), kStep).x, 0.1, 1e-9);
 }
 
 TEST(Friction, RollsWithoutSlipOnASurfaceThatTilts) {
@@ -215,7 +208,7 @@ TEST(Friction, RollsWithoutSlipOnASurfaceThatTilts) {
     floor.stay();
     floor.end = placed(floor.mesh.vertices, rotation({0, 0, 1}, angle), Vec3(0.0));
     world.refit();
-    const ProxyMove m = hand.go(under(0.05, 0.0));
+    const ToolProxy& m = hand.go(under(0.05, 0.0));
     EXPECT_NEAR(m.position.y - kRadius, 0.05 * angle, 1e-5);
     EXPECT_NEAR(m.position.x, 0.05, 0.2 * kRadius * angle)
         << "rotating with the surface would have moved it back by r angle";
@@ -233,7 +226,7 @@ TEST(Friction, CountsBothWallsOfAGroove) {
     const double bottom = std::sqrt(2.0) * kRadius;
     Hand hand(world, {0.0, bottom + 0.01, 0.0});
     hand.go({0.0, bottom - kDepth, 0.0});
-    ASSERT_EQ(hand.grip.active_planes.count, 2u);
+    ASSERT_EQ(hand.grip().active_planes.count, 2u);
     const Vec3 stuck = hand.at();
     const double limit = std::sqrt(2.0) * kDepth;
     hand.go({0.0, bottom - kDepth, 0.98 * kStatic * limit});
@@ -254,7 +247,7 @@ TEST(Friction, KeepsTheForceInTheConeOnARoundBody) {
     for (int k = 0; k < 400; ++k) {
         drift = 0.9 * drift + random.in_cube(0.004);
         goal = glm::normalize(goal + drift) * 0.315;
-        const ProxyMove m = hand.go(goal);
+        const ToolProxy& m = hand.go(goal);
         ASSERT_GE(world.clearance(m.position), 0.998 * kRadius);
         if (m.contacts.count == 0) {
             continue;
@@ -265,7 +258,7 @@ TEST(Friction, KeepsTheForceInTheConeOnARoundBody) {
         const double normal = glm::dot(force, n);
         const double along = glm::length(force - n * normal);
         ASSERT_LE(along, (kStatic + 0.15) * normal) << k;
-        if (hand.grip.slides) {
+        if (hand.grip().slides) {
             ++sliding;
             ASSERT_NEAR(along / normal, kDynamic, 0.15) << k;
         }
@@ -280,37 +273,15 @@ TEST(Friction, LetsGoWithoutAPull) {
     hand.go(under(0.005, 0.0));
     const Vec3 above = over(0.01, 0.02) + Vec3(0, 1e-5, 0);
     EXPECT_EQ(hand.go(above).position, above);
-    EXPECT_EQ(hand.grip.active_planes.count, 0u);
+    EXPECT_EQ(hand.grip().active_planes.count, 0u);
 }
 
 TEST(Friction, BeginsWhereTheProxyLands) {
     World world = floor_of(10);
     Hand hand(world, over(0.0, 0.0) + Vec3(0.0, 0.1, 0.0), rough(10.0, 10.0));
     // It comes down at 45 degrees, meets the floor half-way and sticks there.
-    const ProxyMove m = hand.go(over(0.2, 0.0) - Vec3(0.0, 0.1, 0.0));
+    const ToolProxy& m = hand.go(over(0.2, 0.0) - Vec3(0.0, 0.1, 0.0));
     EXPECT_NEAR(glm::length(m.position - over(0.1, 0.0)), 0.0, 2e-3 * kRadius);
-}
-
-TEST(Friction, DividesAmongContactsWhatTheNormalsDoNotMake) {
-    haptic::sim::SurfacePlanes planes;
-    planes.count = 2;
-    planes.plane[0].normal = {1, 0, 0};
-    planes.plane[1].normal = {0, 1, 0};
-    const auto parts = haptic::sim::divide_friction({3.0, 1.0, 2.0}, planes, {3.0, 1.0, 0.0});
-    EXPECT_NEAR(glm::length(parts[0] - Vec3(0, 0, 1.5)), 0.0, 1e-15);
-    EXPECT_NEAR(glm::length(parts[1] - Vec3(0, 0, 0.5)), 0.0, 1e-15);
-    EXPECT_EQ(parts[2], Vec3(0.0));
-}
-
-TEST(Friction, DividesWhatIsWhollyAlongTheSurfacesEvenly) {
-    haptic::sim::SurfacePlanes planes;
-    planes.count = 2;
-    planes.plane[0].normal = {0, 1, 0};
-    planes.plane[1].normal = {0, 0, 1};
-    const auto parts = haptic::sim::divide_friction({3.0, 0.0, 0.0}, planes, {0.0, 0.0, 0.0});
-    EXPECT_EQ(parts[0], Vec3(1.5, 0.0, 0.0));
-    EXPECT_EQ(parts[1], Vec3(1.5, 0.0, 0.0));
-    EXPECT_EQ(parts[2], Vec3(0.0));
 }
 
 TEST(Friction, NeverTakesAProxyThroughABodyThatTumbles) {

@@ -8,7 +8,7 @@
 #include <memory>
 #include <numbers>
 
-#include "tick_rig.hpp"
+#include "rendering/floor_frame.hpp"
 
 namespace haptic::rt {
 namespace {
