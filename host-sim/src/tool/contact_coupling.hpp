@@ -107,8 +107,13 @@ class ContactCoupling final : public SolverContacts {
     void begin_step(const ToolProxies& tool, const Step& step, const Bodies& bodies, const ParticleModel& model);
     /// The tool has contact planes: the solver must call this object in the step.
     [[nodiscard]] bool is_active() const noexcept { return !rows_.empty(); }
-    /// After the solver's step.
+    /// After the solver's step: counts the work of its last sub-step.
+    void end_step(const ParticleModel& model) noexcept;
+    /// After end_step().
     [[nodiscard]] CoupledForce force() const noexcept;
+    /// J, after end_step(): work of the forces on the tool along the displacements of the touched surfaces in the step.
+    /// The bodies, and whatever drives them, have lost at least this.
+    [[nodiscard]] double work() const noexcept { return work_; }
     /// The lead of a proxy; 0 where nothing damps.
     [[nodiscard]] const Lead& lead(std::size_t proxy) const noexcept { return leads_[proxy]; }
     /// ns spent in this class since the last call; 0 without a clock.
@@ -144,6 +149,7 @@ class ContactCoupling final : public SolverContacts {
         double damping_time = 0.0;  // s, tau of the sub-step
         double applied = 0.0;       // N, l of the sub-step so far
         double impulse = 0.0;       // N*s, over the step so far
+        Vec3 exerted{0.0};          // N, on the tool in the sub-step: l d, and its part of what is owed
     };
 
     void note_pressed() noexcept;
@@ -154,6 +160,7 @@ class ContactCoupling final : public SolverContacts {
     void find_tool_compliance(const ToolProxies& tool);
     void find_body_compliance();
     void find_damping_times();
+    void add_work(const ParticleModel& at) noexcept;
     void add_leads(const MovingParticles& now, double h);
     void build_block(double h);
     [[nodiscard]] Vec3 mean_position(const Patch& patch, const MovingParticles& now) const noexcept;
@@ -182,6 +189,7 @@ class ContactCoupling final : public SolverContacts {
     ComplianceMatrix block_;
     ContactSolver solver_;
     bool projected_ = false;  // in this sub-step
+    double work_ = 0.0;       // J, over the step so far
     CoupledForce paid_;       // N*s and N*m*s, impulses of owed_force over the step so far
 };
 

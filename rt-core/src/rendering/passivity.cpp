@@ -102,7 +102,8 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& r
     // Trapezoidal rule for the work of the moving surfaces.
     const double max_power = settings_.surface_power;
     const double power = std::clamp(request.surface_power, -max_power, max_power);
-    const double surface = active ? 0.5 * (surface_power_ + scale_ * power) * request.elapsed_s : 0.0;
+    const double reported = std::clamp(request.surface_work, -max_power * request.elapsed_s, max_power * request.elapsed_s);
+    const double surface = active ? 0.5 * (surface_power_ + scale_ * power) * request.elapsed_s + reported : 0.0;
 
     // E = min(E + work, stored + store), for each of the observers.
     const double storage_limit = active ? request.stored + settings_.store : 0.0;
@@ -133,6 +134,7 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& r
 Passivity::Result Passivity::apply(const PassivityMotion& motion, const PassivityRequest& request) HAPTIC_RT {
     // Input that is not finite: zero wrench, and the observers stay as they are.
     if (!is_finite(request.wrench) || !std::isfinite(request.stored) || !std::isfinite(request.surface_power) ||
+        !std::isfinite(request.surface_work) ||
         !is_finite(motion.displacement) || !is_finite(motion.rotation) || !is_finite(motion.held)) {
         return {.wrench = Wrench{}, .scale = 0.0, .acted = true};
     }

@@ -80,7 +80,8 @@ struct PassivityMotion {
 struct PassivityRequest {
     Wrench wrench;
     double stored = 0.0;         // J, in the springs of the coupling
-    double surface_power = 0.0;  // W, that moving surfaces put into the springs
+    double surface_power = 0.0;  // W, that surfaces announced as moving put into the springs
+    double surface_work = 0.0;   // J, that surfaces have put into them since the last tick, as the frames report
     double elapsed_s = 0.001;    // s, since the last tick
     double period_s = 0.001;     // s, from now until another wrench can replace this one
 };

@@ -34,6 +34,7 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     if (candidate.session != frame().session || candidate.proxy_count != frame().proxy_count) {
         tool_.forget_friction();
     }
+    note_work(candidate);
     // Swap inbox and current frame.
     current_ = 1 - current_;
     tool_.load(frame(), last_grip_.orientation);
@@ -42,6 +43,26 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     have_frame_ = true;
     received_ns_ = now_ns;
     return FrameDefect::None;
+}
+
+/// Adds what the bodies do on the tool in the step of the next frame, and in those of frames that were lost.
+void FrameRenderer::note_work(const ContactFrame& next) HAPTIC_RT {
+    const bool goes_on = have_frame_ && next.session == frame().session;
+    work_ = goes_on ? work_ + (next.body_work - frame().body_work) : 0.0;
+    if (!std::isfinite(work_)) {
+        work_ = 0.0;
+    }
+    work_ns_ = next.step_ns;
+}
+
+/// The part of this tick, evenly over the step.
+double FrameRenderer::take_work(std::int64_t elapsed_ns) HAPTIC_RT {
+    const double part =
+        elapsed_ns < work_ns_ ? static_cast<double>(elapsed_ns) / static_cast<double>(work_ns_) : 1.0;
+    const double work = part * work_;
+    work_ -= work;
+    work_ns_ -= std::min(elapsed_ns, work_ns_);
+    return work;
 }
 
 void FrameRenderer::limit_stiffness() HAPTIC_RT {
@@ -131,6 +152,7 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, std::int64_t now_n
     if (!have_frame_) {
         return result;
     }
+    result.body_work = take_work(elapsed_ns);
     // Ages. A publishing time in the future would keep the force of a dead simulation alive, and the age of a negative
     // one could overflow: neither later than the arrival nor negative.
     result.frame_sequence = frame().sequence;
