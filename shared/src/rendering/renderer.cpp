@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <utility>
 
 #include "haptic/numeric.hpp"
 
@@ -45,24 +46,16 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     return FrameDefect::None;
 }
 
-/// Adds what the bodies do on the tool in the step of the next frame, and in those of frames that were lost.
+/// Adds the work of the bodies in the step of the next frame, and in those of frames that were lost.
 void FrameRenderer::note_work(const ContactFrame& next) HAPTIC_RT {
-    const bool goes_on = have_frame_ && next.session == frame().session;
-    work_ = goes_on ? work_ + (next.body_work - frame().body_work) : 0.0;
-    if (!std::isfinite(work_)) {
-        work_ = 0.0;
+    if (!reports_work(next)) {
+        return;
     }
-    work_ns_ = next.step_ns;
-}
-
-/// The part of this tick, evenly over the step.
-double FrameRenderer::take_work(std::int64_t elapsed_ns) HAPTIC_RT {
-    const double part =
-        elapsed_ns < work_ns_ ? static_cast<double>(elapsed_ns) / static_cast<double>(work_ns_) : 1.0;
-    const double work = part * work_;
-    work_ -= work;
-    work_ns_ -= std::min(elapsed_ns, work_ns_);
-    return work;
+    const double work = next.body_work - frame().body_work;
+    if (have_frame_ && next.session == frame().session && std::isfinite(work)) {
+        body_work_ += work;
+    }
+    reported_ = true;
 }
 
 void FrameRenderer::limit_stiffness() HAPTIC_RT {
@@ -152,7 +145,8 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, std::int64_t now_n
     if (!have_frame_) {
         return result;
     }
-    result.body_work = take_work(elapsed_ns);
+    result.reported = std::exchange(reported_, false);
+    result.body_work = std::exchange(body_work_, 0.0);
     // Ages. A publishing time in the future would keep the force of a dead simulation alive, and the age of a negative
     // one could overflow: neither later than the arrival nor negative.
     result.frame_sequence = frame().sequence;
