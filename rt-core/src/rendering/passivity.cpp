@@ -117,7 +117,7 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& r
     const double surface = active ? 0.5 * (surface_power_ + scale_ * power) * request.elapsed_s : 0.0;
 
     // E = min(E + work, stored + store), for each of the observers.
-    const double storage_limit = active ? request.stored + settings_.store : 0.0;
+    const double storage_limit = active ? std::max(request.stored, 0.0) + settings_.store : 0.0;
     // The tank, which the controller spends, gets only damping_credit of the dissipation.
     const double absorbed = translation + rotation;
     const double wasted = (1.0 - settings_.damping_credit) * dissipated;
