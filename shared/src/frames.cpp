@@ -133,7 +133,7 @@ FrameDefect find_defect(const ContactFrame& frame) HAPTIC_RT {
     }
     // Coupling: finite and not negative.
     const double coupling[] = {frame.stiffness, frame.torque_stiffness, frame.static_friction, frame.dynamic_friction};
-    if (!all_finite(coupling)) {
+    if (!all_finite(coupling) || !std::isfinite(frame.body_work)) {
         return FrameDefect::NonFinite;
     }
     for (const double value : coupling) {

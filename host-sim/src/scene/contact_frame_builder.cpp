@@ -156,7 +156,7 @@ void ContactFrameBuilder::write_compliance(ContactFrame& frame) const {
 }
 
 void ContactFrameBuilder::build(ContactFrame& frame) const {
-    const auto& [input, scene, workspace, clutch, tool, coupling, bodies, start, end] = sources_;
+    const auto& [input, scene, workspace, clutch, tool, coupling, bodies, start, end, body_work] = sources_;
     frame = {};
     frame.state_sequence = input.state_sequence;
     frame.state_time_ns = input.state_time_ns;
@@ -169,6 +169,7 @@ void ContactFrameBuilder::build(ContactFrame& frame) const {
     frame.torque_stiffness = clutch.gain() * workspace.coupling_to_device(scene.coupling.torque_stiffness);
     frame.static_friction = scene.contact.static_friction;
     frame.dynamic_friction = scene.contact.dynamic_friction;
+    frame.body_work = body_work;
     frame.flags = (tool.effort().overconstrained ? std::uint32_t{HAPTIC_FRAME_SQUEEZED} : 0u) |
                   (clutch.uncoupled() ? std::uint32_t{HAPTIC_FRAME_CLUTCHED} : 0u) |
                   (scene.coupling.multi_rate == MultiRate::Positions ? std::uint32_t{HAPTIC_FRAME_HOLD_POSITIONS} : 0u);

@@ -34,6 +34,7 @@ struct ContactFrameSources {
     std::span<const SceneBody> bodies;
     std::span<const Vec3> start;  // m, scene: vertices of all bodies at t
     std::span<const Vec3> end;    // and at t + dt
+    double body_work;             // J, device: of all steps
 };
 
 class ContactFrameBuilder {

@@ -153,6 +153,7 @@ struct Simulation::State {
     ToolProxies tool;
     ContactCoupling coupling;
     HandBalance balance;
+    double body_work = 0.0;  // J, device: work of all steps on the tool
     ContactFrame frame{};
     SettingsFade settings;
     const bool proxy_sphere;  // the tool is one sphere of proxy.radius
@@ -284,12 +285,14 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
                          .length = step},
                         {.bodies = assembly.bodies, .masks = assembly.masks}, assembly.model);
     solver.step(assembly.model, {}, {coupling.is_active() ? &coupling : nullptr, collisions.get()});
+    coupling.end_step(assembly.model);
 }
 
 void Simulation::State::report_force(const StepInput& input, StepResult& result) {
     const double step = scene.solver.step;
     const CoupledForce made = coupling.force();
     balance.end_step(made.force, made.collided > 0, step);
+    body_work += workspace.work_to_device(coupling.work());
     // The device gets force and torque in its own axes.
     result.force = made.force;
     result.torque = made.torque;
@@ -350,7 +353,8 @@ void Simulation::State::build_frame(const StepInput& input) {
                                       .coupling = coupling,
                                       .bodies = assembly.bodies,
                                       .start = start,
-                                      .end = end};
+                                      .end = end,
+                                      .body_work = body_work};
     ContactFrameBuilder(sources).build(frame);
 }
 

@@ -46,6 +46,10 @@ double Workspace::coupling_to_device(double scene_value) const noexcept {
     return settings_.force_scale * scene_value / settings_.scale;
 }
 
+double Workspace::work_to_device(double scene_work) const noexcept {
+    return settings_.force_scale * settings_.scale * scene_work;
+}
+
 Vec3 Workspace::torque_to_device(const Vec3& scene_torque) const noexcept {
     return settings_.force_scale * settings_.scale * (device_from_scene_ * scene_torque);
 }

@@ -84,6 +84,7 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
     normal_patches_ = 0;
     pressed_of_normals_ = 0;
     paid_ = {};
+    work_ = 0.0;
     for (Lead& lead : leads_) {
         lead = {.start = lead.end};
     }
@@ -308,15 +309,32 @@ Vec3 ContactCoupling::mean_position(const Patch& patch, const MovingParticles& n
 void ContactCoupling::find(const ParticleModel& start, const MovingParticles& /*predicted*/, double /*h*/) {
     const StageClock::Span timed(clock_);
     projected_ = false;
-    for (Patch& patch : patches_) {
-        patch.start = Vec3(0.0);
-        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-            patch.start += pressed_[p].weight * start.position[pressed_[p].particle];
-        }
-    }
+    add_work(start);
     for (CouplingRow& row : rows_) {
         row.applied = 0.0;
     }
+}
+
+/// Adds the work of the sub-step that has ended with the particles where they are, after collisions too, and begins the
+/// next one there.
+void ContactCoupling::add_work(const ParticleModel& at) noexcept {
+    for (Patch& patch : patches_) {
+        patch.now = patch.start;
+        patch.start = Vec3(0.0);
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            patch.start += pressed_[p].weight * at.position[pressed_[p].particle];
+        }
+    }
+    for (CouplingRow& row : rows_) {
+        const Patch& patch = patches_[row.patch];
+        work_ += glm::dot(row.exerted, patch.start - patch.now);
+        row.exerted = Vec3(0.0);
+    }
+}
+
+void ContactCoupling::end_step(const ParticleModel& model) noexcept {
+    const StageClock::Span timed(clock_);
+    add_work(model);
 }
 
 /// tau = damping_time + c b of each proxy, with the depth that the last pass has led to: the mean over its planes,
@@ -453,11 +471,12 @@ void ContactCoupling::pay(double h, Row* position, Row* pushed) {
     }
     const double most = glm::dot(step_.owed_force, push) > 0.0 ? kMaxPayment * normal / step_.gain : normal;
     const Vec3 force = std::min(1.0, most / owed) * step_.owed_force;
-    for (const CouplingRow& row : rows_) {
+    for (CouplingRow& row : rows_) {
         if (row.normal && row.applied > 0.0) {
             const Vec3 part = (row.applied / normal) * force;
             displace(patches_[row.patch], -h * h * part, position);
             displace(patches_[row.patch], -h * h * part, pushed);
+            row.exerted += part;
             paid_.force += h * part;
             paid_.torque += h * glm::cross(moment_arm(row.proxy), part);
         }
@@ -483,6 +502,7 @@ void ContactCoupling::finish(const ParticleModel& start, const MovingParticles& 
     for (CouplingRow& row : rows_) {
         displace(patches_[row.patch], -h * h * row.applied * row.direction, now.pushed);
         row.impulse += h * row.applied;
+        row.exerted = row.applied * row.direction;
     }
     add_leads(now, h);
     pay(h, now.position, now.pushed);

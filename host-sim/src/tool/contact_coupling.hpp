@@ -29,9 +29,9 @@
 // force of every row that of the springs at b + tau v, with v the velocity at which the surface approaches the goal. It
 // suits soft materials, which lose a part of the energy of each stretch.
 //
-// Hunt-Crossley damping makes the depth b (1 + c v) (K. Hunt, F. Crossley, "Coefficient of Restitution Interpreted as Damping in
-// Vibroimpact", 1975). Unlike the other it begins at zero force. Both are implicit: with tau the sum of damping_time
-// and c b at the start of the sub-step and v at its end, the row becomes
+// Hunt-Crossley damping makes the depth b (1 + c v) (K. Hunt, F. Crossley, "Coefficient of Restitution Interpreted as
+// Damping in Vibroimpact", 1975). Unlike the other it begins at zero force. Both are implicit: with tau the sum of
+// damping_time and c b at the start of the sub-step and v at its end, the row becomes
 //
 //     W l + (h^2 + tau h) P^T M^-1 P l = b + tau v,   divided by 1 + tau / h.
 //
@@ -107,8 +107,13 @@ class ContactCoupling final : public SolverContacts {
     void begin_step(const ToolProxies& tool, const Step& step, const Bodies& bodies, const ParticleModel& model);
     /// The tool has contact planes, or something is owed: the solver must call this object in the step.
     [[nodiscard]] bool is_active() const noexcept { return !rows_.empty() || step_.owed_force != Vec3(0.0); }
-    /// After the solver's step.
+    /// After the solver's step: counts the work of its last sub-step.
+    void end_step(const ParticleModel& model) noexcept;
+    /// After end_step().
     [[nodiscard]] CoupledForce force() const noexcept;
+    /// J, after end_step(): work of the forces on the tool along the displacements of the touched surfaces in the step.
+    /// The bodies, and whatever drives them, have lost at least this.
+    [[nodiscard]] double work() const noexcept { return work_; }
     /// The lead of a proxy; 0 where nothing damps.
     [[nodiscard]] const Lead& lead(std::size_t proxy) const noexcept { return leads_[proxy]; }
     /// ns spent in this class since the last call; 0 without a clock.
@@ -144,6 +149,7 @@ class ContactCoupling final : public SolverContacts {
         double damping_time = 0.0;  // s, tau of the sub-step
         double applied = 0.0;       // N, l of the sub-step so far
         double impulse = 0.0;       // N*s, over the step so far
+        Vec3 exerted{0.0};          // N, on the tool in the sub-step: l d, and its part of what is owed
     };
 
     void note_pressed() noexcept;
@@ -155,6 +161,7 @@ class ContactCoupling final : public SolverContacts {
     void find_tool_compliance(const ToolProxies& tool);
     void find_body_compliance();
     void find_damping_times();
+    void add_work(const ParticleModel& at) noexcept;
     void add_leads(const MovingParticles& now, double h);
     void build_block(double h);
     [[nodiscard]] Vec3 mean_position(const Patch& patch, const MovingParticles& now) const noexcept;
@@ -185,6 +192,7 @@ class ContactCoupling final : public SolverContacts {
     ComplianceMatrix block_;
     ContactSolver solver_;
     bool projected_ = false;  // in this sub-step
+    double work_ = 0.0;       // J, over the step so far
     // The last step with contact forces: impulse on the tool (N*s), point at which it acted, relative to the hip (m),
     // and the pressed particles, weighted by the impulses of their rows.
     Vec3 last_push_{0.0};

@@ -37,6 +37,7 @@ void visit_cells(Frame& frame, Proxy& proxy, Visit&& visit) {
     visit(frame.torque_stiffness);
     visit(frame.static_friction);
     visit(frame.dynamic_friction);
+    visit(frame.body_work);
     visit(frame.proxy_count);
     visit(frame.flags);
     visit(frame.compliance_rows);
@@ -97,6 +98,7 @@ const std::vector<std::string>& frame_columns() {
                                           "torque_stiffness_n_m",
                                           "static_friction",
                                           "dynamic_friction",
+                                          "body_work_j",
                                           "proxy_count",
                                           "frame_flags",
                                           "compliance_rows",

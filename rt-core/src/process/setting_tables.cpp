@@ -327,8 +327,9 @@ const SettingTable<PassivitySettings>& passivity_table() {
              V::number(&S::forget_s, {0.01, 1000.0})},
             {{.key = "surface_power",
               .unit = "W",
-              .meaning = "Maximum power that moving surfaces may bring in, from the velocities that contact frames "
-                         "announce. 0: none."},
+              .meaning =
+                  "Maximum power that moving surfaces may bring in, by the work that contact frames report or the "
+                  "velocities that they announce. 0: none."},
              V::number(&S::surface_power, {0.0, 1000.0})},
             {{.key = "max_damping",
               .unit = "N*s/m",

@@ -42,6 +42,20 @@ double credited_work(double surface, double energy, double storage_limit) HAPTIC
     return surface < 0.0 && storage_limit > 0.0 ? surface * std::clamp(energy / storage_limit, 0.0, 1.0) : surface;
 }
 
+/// Bounds E by what the springs can hold. Surplus pays what the bodies have taken; what they have given, at most `most`
+/// in a tick, fills E up.
+void settle(double& energy, double& bodies, double storage_limit, double most) HAPTIC_RT {
+    const double missing = storage_limit - energy;
+    if (missing < 0.0) {
+        energy = storage_limit;
+        bodies = bodies < 0.0 ? std::min(0.0, bodies - missing) : bodies;
+    } else if (bodies > 0.0) {
+        const double given = std::min({bodies, missing, most});
+        energy += given;
+        bodies -= given;
+    }
+}
+
 /// alpha, at most `max_damping`, that pays back `debt` (J) in another tick with the same displacement.
 double paying_damping(double debt, const Vec3& displacement, double elapsed_s, double max_damping) HAPTIC_RT {
     const double square = glm::dot(displacement, displacement);
@@ -71,9 +85,7 @@ double affordable_share(double power, double acceleration_power, double period_s
 }
 
 void Passivity::reset() HAPTIC_RT {
-    energy_ = 0.0;
-    tank_ = 0.0;
-    translation_ = 0.0;
+    energy_ = tank_ = translation_ = {};
     rotation_ = 0.0;
     scale_ = 1.0;
     brake_velocity_ = brake_turn_ = Vec3(0.0);
@@ -105,23 +117,28 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& r
     const double surface = active ? 0.5 * (surface_power_ + scale_ * power) * request.elapsed_s : 0.0;
 
     // E = min(E + work, stored + store), for each of the observers.
-    const double storage_limit = active ? request.stored + settings_.store : 0.0;
+    const double storage_limit = active ? std::max(request.stored, 0.0) + settings_.store : 0.0;
     // The tank, which the controller spends, gets only damping_credit of the dissipation.
     const double absorbed = translation + rotation;
-    energy_ = std::min(energy_ + absorbed + credited_work(surface, energy_, storage_limit), storage_limit);
-    tank_ = std::min(
-        tank_ + absorbed + credited_work(surface, tank_, storage_limit) - (1.0 - settings_.damping_credit) * dissipated,
-        storage_limit);
-    translation_ =
-        std::min(translation_ + translation + credited_work(surface, translation_, storage_limit), storage_limit);
+    const double wasted = (1.0 - settings_.damping_credit) * dissipated;
+    const double most = active ? max_power * request.elapsed_s : 0.0;
+    const double decay = 1.0 / (1.0 + request.elapsed_s / settings_.forget_s);
+    for (Account* account : {&energy_, &tank_, &translation_}) {
+        const double taken = account == &translation_ ? translation : account == &tank_ ? absorbed - wasted : absorbed;
+        // What the bodies have taken is remembered for some time, what they have given until the next frame.
+        account->bodies *= account->bodies < 0.0 ? decay : 1.0;
+        if (request.reported) {
+            account->bodies = std::min(account->bodies, 0.0) + request.body_work;
+        }
+        account->energy += taken + credited_work(surface, account->energy, storage_limit);
+        settle(account->energy, account->bodies, storage_limit, most);
+    }
     rotation_ = std::min(rotation_ + rotation, storage_limit);
     // Without a wrench, debt is forgotten with a time constant and surplus is already cut to zero.
     if (!active) {
-        const double decay = 1.0 / (1.0 + request.elapsed_s / settings_.forget_s);
-        energy_ *= decay;
-        tank_ *= decay;
-        translation_ *= decay;
-        rotation_ *= decay;
+        for (double* debt : {&energy_.energy, &tank_.energy, &translation_.energy, &rotation_}) {
+            *debt *= decay;
+        }
         scale_ = 1.0;
         brake_velocity_ = brake_turn_ = Vec3(0.0);
         surface_power_ = 0.0;
@@ -133,7 +150,8 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& r
 Passivity::Result Passivity::apply(const PassivityMotion& motion, const PassivityRequest& request) HAPTIC_RT {
     // Input that is not finite: zero wrench, and the observers stay as they are.
     if (!is_finite(request.wrench) || !std::isfinite(request.stored) || !std::isfinite(request.surface_power) ||
-        !is_finite(motion.displacement) || !is_finite(motion.rotation) || !is_finite(motion.held)) {
+        !std::isfinite(request.body_work) || !is_finite(motion.displacement) || !is_finite(motion.rotation) ||
+        !is_finite(motion.held)) {
         return {.wrench = Wrench{}, .scale = 0.0, .acted = true};
     }
     // Observe first: the energy of the last tick limits the wrench of this one.
@@ -175,7 +193,7 @@ Passivity::Result Passivity::bound(const PassivityMotion& motion, const Passivit
         force_within * force_within / settings_.mass + torque_within * torque_within / settings_.inertia;
     const double ramp_s = std::max(force_within / limits_.force_rate, torque_within / limits_.torque_rate);
     // Largest affordable gamma.
-    const double budget = budget_of(tank_ + settings_.allowance, kSoftEnd * settings_.allowance);
+    const double budget = budget_of(tank_.energy + settings_.allowance, kSoftEnd * settings_.allowance);
     const double target = affordable_share(std::max(power, 0.0), acceleration_power, request.period_s, ramp_s, budget);
     // gamma recovers only while the wrench does no work. Otherwise a rising gamma would push the hand out, use up the
     // budget and fall again, which is a vibration of its own.
@@ -201,7 +219,7 @@ Passivity::Result Passivity::bound(const PassivityMotion& motion, const Passivit
         // The energy of the brake is removed from the tank, so that it cannot be given back; but not below
         // -allowance, so that a count's jitter at rest makes no debt.
         const double braked = glm::dot(brake, motion.displacement) + glm::dot(turn_brake, motion.rotation);
-        tank_ = std::max(tank_ - std::max(braked, 0.0), std::min(tank_, -settings_.allowance));
+        tank_.energy = std::max(tank_.energy - std::max(braked, 0.0), std::min(tank_.energy, -settings_.allowance));
     }
     return result;
 }
@@ -212,9 +230,9 @@ Passivity::Result Passivity::damp(const PassivityMotion& motion, const Passivity
         return result;
     }
     // Force -alpha v while the observer of translation is in debt.
-    if (translation_ < 0.0 && motion.displacement != Vec3(0.0)) {
+    if (translation_.energy < 0.0 && motion.displacement != Vec3(0.0)) {
         const double alpha =
-            paying_damping(-translation_, motion.displacement, motion.elapsed_s, settings_.max_damping);
+            paying_damping(-translation_.energy, motion.displacement, motion.elapsed_s, settings_.max_damping);
         result.wrench.force -= alpha / motion.elapsed_s * motion.displacement;
         result.acted = true;
     }

@@ -80,7 +80,9 @@ struct PassivityMotion {
 struct PassivityRequest {
     Wrench wrench;
     double stored = 0.0;         // J, in the springs of the coupling
-    double surface_power = 0.0;  // W, that moving surfaces put into the springs
+    double surface_power = 0.0;  // W, that surfaces announced as moving put into the springs
+    bool reported = false;       // a frame has reported the work of the bodies since the last tick
+    double body_work = 0.0;      // J, that they put into the springs in its step
     double elapsed_s = 0.001;    // s, since the last tick
     double period_s = 0.001;     // s, from now until another wrench can replace this one
 };
@@ -100,20 +102,25 @@ class Passivity {
     void reset() HAPTIC_RT;
 
     /// J, E as defined above, of translation and rotation together. Negative: energy given without having been taken.
-    [[nodiscard]] double energy() const HAPTIC_RT { return energy_; }
-    [[nodiscard]] double translation_energy() const HAPTIC_RT { return translation_; }
+    [[nodiscard]] double energy() const HAPTIC_RT { return energy_.energy; }
+    [[nodiscard]] double translation_energy() const HAPTIC_RT { return translation_.energy; }
     [[nodiscard]] double rotation_energy() const HAPTIC_RT { return rotation_; }
 
   private:
+    /// Energy of an observer, and what it exchanges with the bodies.
+    struct Account {
+        double energy = 0.0;  // J, E
+        double bodies = 0.0;  // J, that the bodies have given and E has not been credited with; negative: have taken
+    };
     void observe(const PassivityMotion& motion, const PassivityRequest& request, bool requested) HAPTIC_RT;
     [[nodiscard]] Result bound(const PassivityMotion& motion, const PassivityRequest& request) HAPTIC_RT;
     [[nodiscard]] Result damp(const PassivityMotion& motion, const PassivityRequest& request) const HAPTIC_RT;
 
     PassivitySettings settings_;
     WrenchLimits limits_;
-    double energy_ = 0.0;
-    double tank_ = 0.0;  // J, E with only damping_credit of the damping
-    double translation_ = 0.0;
+    Account energy_;
+    Account tank_;  // E with only damping_credit of the damping
+    Account translation_;
     double rotation_ = 0.0;
     double scale_ = 1.0;
     Vec3 brake_velocity_{0.0};    // m/s, mean that the brake acts on

@@ -333,6 +333,8 @@ Wrench Tick::apply_passivity(const FrameRenderer::Result& rendered) HAPTIC_RT {
     const Passivity::Result passive = passivity_.apply(motion_, {.wrench = rendered.contact.wrench,
                                                                  .stored = rendered.contact.stored,
                                                                  .surface_power = rendered.contact.surface_power,
+                                                                 .reported = rendered.reported,
+                                                                 .body_work = rendered.body_work,
                                                                  .elapsed_s = seconds(elapsed_ns_),
                                                                  .period_s = period_s});
     // Energies of both observers, and gamma.

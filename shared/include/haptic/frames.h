@@ -14,7 +14,7 @@
 extern "C" {
 #endif
 
-#define HAPTIC_ABI_VERSION 4u
+#define HAPTIC_ABI_VERSION 5u
 #define HAPTIC_MAX_PROXIES 64u
 #define HAPTIC_MAX_PLANES 3u
 #define HAPTIC_STRINGS 8u
@@ -75,6 +75,10 @@ typedef struct haptic_contact_frame {
     double torque_stiffness; /* N/m, k_t of a limp tool (below); 0: same as stiffness */
     double static_friction;  /* coefficient up to which a proxy sticks to its planes; 0: no friction */
     double dynamic_friction; /* coefficient while it slides, at most static_friction */
+    double body_work;        /* J at the hand, sum over the session: work that the surfaces have done on the springs of
+                                the tool until plane_time_ns + step_ns; negative: they took more than they gave. The
+                                hand can be given no more than this. 0: not known; the passivity observer then believes
+                                the velocities of the planes, which is too much if the surfaces answer an old pose */
     uint32_t proxy_count;    /* 0..HAPTIC_MAX_PROXIES */
     uint32_t flags;
     uint32_t compliance_rows; /* rows of `compliance`; 0: a limp tool, each particle on a spring of its own */

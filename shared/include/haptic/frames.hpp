@@ -27,7 +27,7 @@ inline constexpr std::size_t kMaxCompliances = HAPTIC_MAX_COMPLIANCES;
 
 static_assert(std::is_trivially_copyable_v<ContactFrame> && std::is_trivially_copyable_v<DeviceState>);
 static_assert(sizeof(ContactPlane) == 40 && sizeof(ProxyContact) == 224);
-static_assert(sizeof(ContactFrame) == 104 + 64 * 224 + kMaxCompliances * 4 && offsetof(ContactFrame, proxies) == 104);
+static_assert(sizeof(ContactFrame) == 112 + 64 * 224 + kMaxCompliances * 4 && offsetof(ContactFrame, proxies) == 112);
 static_assert(sizeof(DeviceState) == 32 + 38 * 8 + 16 && offsetof(DeviceState, safety_state) == 336);
 
 /// Why a contact frame must not be rendered.
@@ -53,6 +53,11 @@ inline std::size_t contact_rows(const ProxyContact& proxy) HAPTIC_RT {
 /// Index in ContactFrame::compliance of row r and column s <= r.
 constexpr std::size_t compliance_index(std::size_t r, std::size_t s) noexcept {
     return r * (r + 1) / 2 + s;
+}
+
+/// The frame says how much work its surfaces have done.
+inline bool reports_work(const ContactFrame& frame) HAPTIC_RT {
+    return frame.body_work != 0.0;
 }
 
 /// Validates every field that a renderer uses. Bounded by kMaxProxies * kMaxPlanes and kMaxCompliances.

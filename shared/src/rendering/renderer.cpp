@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <utility>
 
 #include "haptic/numeric.hpp"
 
@@ -34,6 +35,7 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     if (candidate.session != frame().session || candidate.proxy_count != frame().proxy_count) {
         tool_.forget_friction();
     }
+    note_work(candidate);
     // Swap inbox and current frame.
     current_ = 1 - current_;
     tool_.load(frame(), last_grip_.orientation);
@@ -42,6 +44,18 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     have_frame_ = true;
     received_ns_ = now_ns;
     return FrameDefect::None;
+}
+
+/// Adds the work of the bodies in the step of the next frame, and in those of frames that were lost.
+void FrameRenderer::note_work(const ContactFrame& next) HAPTIC_RT {
+    if (!reports_work(next)) {
+        return;
+    }
+    const double work = next.body_work - frame().body_work;
+    if (have_frame_ && next.session == frame().session && std::isfinite(work)) {
+        body_work_ += work;
+    }
+    reported_ = true;
 }
 
 void FrameRenderer::limit_stiffness() HAPTIC_RT {
@@ -131,6 +145,8 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, std::int64_t now_n
     if (!have_frame_) {
         return result;
     }
+    result.reported = std::exchange(reported_, false);
+    result.body_work = std::exchange(body_work_, 0.0);
     // Ages. A publishing time in the future would keep the force of a dead simulation alive, and the age of a negative
     // one could overflow: neither later than the arrival nor negative.
     result.frame_sequence = frame().sequence;

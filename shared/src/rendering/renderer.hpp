@@ -51,6 +51,8 @@ class FrameRenderer {
         std::int64_t state_age_ns = -1;    // since the latch of the device state it was computed from; -1: none
         bool stale = false;                // there is a frame, and it is too old
         double stiffness = 0.0;            // N/m, of the coupling as rendered now, after limits and interpolation
+        bool reported = false;             // a new frame reports the bodies' work
+        double body_work = 0.0;            // J, by which that is more than the last frame's
         double scale = 0.0;                // 0..1, part of the frame's wrench in the rendered one: fade and blend
         bool stiffness_limited = false;    // the frame's stiffness was reduced, or its compliance lacked the springs
         bool finite = true;                // false: the wrench overflowed and is zero
@@ -60,6 +62,7 @@ class FrameRenderer {
 
   private:
     void begin_blend() HAPTIC_RT;
+    void note_work(const ContactFrame& next) HAPTIC_RT;
     void limit_stiffness() HAPTIC_RT;
     void interpolate_stiffness(std::int64_t elapsed_ns) HAPTIC_RT;
     void render_frame(const GripMotion& grip, std::int64_t now_ns, std::int64_t elapsed_ns, Contact& contact) HAPTIC_RT;
@@ -88,6 +91,8 @@ class FrameRenderer {
     double stiffness_ = 0.0;       // N/m, in use now
     double stiffness_from_ = 0.0;  // N/m, when the frame arrived
     std::int64_t stiffness_age_ns_ = 0;
+    bool reported_ = false;    // since the last render
+    double body_work_ = 0.0;   // J, since the last render
 };
 
 }  // namespace haptic

@@ -197,6 +197,7 @@ class ToolContact::Instant {
     std::int64_t horizon_ns_;
     double age_s_ = 0.0;   // s, for which planes and rest offsets are extrapolated
     bool moving_ = false;  // they move: their time has come, and the horizon has not been reached
+    double announced_;     // 1: the surfaces' velocities count as power, 0: the frame reports their work instead
     bool keeps_friction_;
     std::array<Particle, kMaxProxies> particles_;  // filled by place()
     Contact contact_;
@@ -220,6 +221,7 @@ ToolContact::Instant::Instant(ToolContact& tool, const ContactFrame& frame, doub
       count_(proxies_of(frame)),
       time_ns_(time_ns),
       horizon_ns_(static_cast<std::int64_t>(kHorizonSteps* static_cast<double>(frame.step_ns))),
+      announced_(reports_work(frame) ? 0.0 : 1.0),
       keeps_friction_(keeps_friction) {
     // The times come from another process: their difference may overflow.
     std::int64_t age_ns = 0;
@@ -430,7 +432,7 @@ void ToolContact::Instant::add_normal(std::size_t row, const ContactPlane& plane
     if (moving_) {
         // m/s, at which surface and rest offset approach each other.
         const Vec3 n = tool_->rows_[row].direction;
-        const double speed = plane.velocity - glm::dot(n, particle.rest_velocity);
+        const double speed = announced_ * plane.velocity - glm::dot(n, particle.rest_velocity);
         contact_.surface_power += force * speed;
         contact_.surface_velocity += force * speed * n;
     }
@@ -454,7 +456,7 @@ void ToolContact::Instant::add_wrench(std::size_t i) HAPTIC_RT {
         } else if (plane >= rows.normals && moving_) {
             // A surface that drags the particle along.
             contact_.surface_power +=
-                tool_->force_[r] * glm::dot(d, to_vec3(sent.surface_velocity) - particle.rest_velocity);
+                tool_->force_[r] * glm::dot(d, announced_ * to_vec3(sent.surface_velocity) - particle.rest_velocity);
         }
     }
     contact_.wrench.force += force;

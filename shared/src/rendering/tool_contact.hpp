@@ -53,7 +53,8 @@ struct Contact {
     Vec3 proxy{0.0, 0.0, 0.0};             // m, local proxy of the first particle; the grip if there is no particle
     std::uint32_t in_contact = 0;          // proxies that are pushed
     double stored = 0.0;                   // J, V
-    double surface_power = 0.0;            // W, put into the springs by moving surfaces and moving rest offsets
+    double surface_power = 0.0;            // W, put into the springs by moving rest offsets, and by moving surfaces
+                                           // unless the frame reports their work
     Vec3 surface_velocity{0.0, 0.0, 0.0};  // m/s, mean of these along the normals that push, weighted with the forces
     double share = 1.0;                    // 0..1, of the rendered stiffness: that of the present contacts; 1 without
     double displacement = 0.0;  // m, since the last tick, mean over the proxies in contact relative to their surfaces;

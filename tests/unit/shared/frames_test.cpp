@@ -61,6 +61,7 @@ TEST(FindDefect, RefusesEachNumberThatIsNotFinite) {
         [](ContactFrame& frame) { return &frame.torque_stiffness; },
         [](ContactFrame& frame) { return &frame.static_friction; },
         [](ContactFrame& frame) { return &frame.dynamic_friction; },
+        [](ContactFrame& frame) { return &frame.body_work; },
         [](ContactFrame& frame) { return &frame.proxies[63].surface_velocity[1]; },
         [](ContactFrame& frame) { return &frame.proxies[63].rest_offset[2]; },
         [](ContactFrame& frame) { return &frame.proxies[63].rest_velocity[0]; },

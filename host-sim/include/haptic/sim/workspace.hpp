@@ -42,6 +42,8 @@ class Workspace {
     /// Stiffness, N/m.
     [[nodiscard]] double coupling_to_device(double scene_value) const noexcept;
     [[nodiscard]] Vec3 torque_to_device(const Vec3& scene_torque) const noexcept;
+    /// Work, J: forces and displacements are scaled.
+    [[nodiscard]] double work_to_device(double scene_work) const noexcept;
     /// The inverse; 0 for a force scale of 0, which lets the hand feel nothing.
     [[nodiscard]] Vec3 force_to_scene(const Vec3& device_force) const noexcept;
     [[nodiscard]] double coupling_to_scene(double device_value) const noexcept;

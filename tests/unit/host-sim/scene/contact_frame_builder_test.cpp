@@ -138,7 +138,8 @@ class Corner {
                                           .coupling = *coupling_,
                                           .bodies = bodies_,
                                           .start = bodies_[0].mesh.vertices,
-                                          .end = bodies_[0].mesh.vertices};
+                                          .end = bodies_[0].mesh.vertices,
+                                          .body_work = 0.25};
         ContactFrameBuilder(sources).build(*made);
         return made;
     }

@@ -134,15 +134,21 @@ class SprungTriangle : public ::testing::Test {
         ContactSettings contact;
         contact.static_friction = contact.dynamic_friction = settings.friction;
         coupling->begin_step(*tool,
-                             {.coupling = settings.coupling, .contact = contact, .gain = 1.0, .length = settings.step},
+                             {.coupling = settings.coupling,
+                              .contact = contact,
+                              .gain = 1.0,
+                              .owed_force = owed_force,
+                              .length = settings.step},
                              {.bodies = bodies, .masks = masks}, model);
         solver->step(model, {}, {coupling->is_active() ? measured.get() : nullptr});
+        coupling->end_step(model);
         start = end;
         std::copy_n(model.position.begin(), 3, end.begin());
         return coupling->force();
     }
 
     Settings settings;
+    Vec3 owed_force{0.0};  // N
     ParticleModel model;
     TriangleMesh mesh;
     std::vector<Vec3> start;
@@ -210,6 +216,60 @@ TEST_F(SprungTriangle, TheBodyReceivesTheOppositeImpulse) {
         pressed += made.force.y > 0.0 ? 1 : 0;
     }
     EXPECT_GT(pressed, 5);
+}
+
+TEST_F(SprungTriangle, ReportsNoMoreWorkThanTheBodyHasLost) {
+    // A free body changes its kinetic energy by the coupling alone. An implicit sub-step of the impulse J takes from
+    // the body up to |J|^2 / 2 m more than it gives to the tool, m the mass of a corner. With what is owed, and with
+    // friction.
+    for (const double owed : {0.0, 0.5, -0.3}) {
+        build({.step = 0.002,
+               .substeps = 10,
+               .iterations = 3,
+               .drag = 0.0,
+               .coupling = {.stiffness = 500.0, .hunt_crossley_damping = 1.0},
+               .friction = 0.5});
+        release(0.3);
+        owed_force = {0.0, owed, 0.0};
+        double given = 0.0;
+        double largest = 0.0;
+        for (int i = 0; i < 60; ++i) {
+            // The hand moves aside, so that friction does work too.
+            const double before = kinetic_energy(model);
+            const double force = glm::length(step({0.0005 * i, kRadius + 0.002, 0.0}).force);
+            const double impulse = settings.step * (force + 2.0 * std::fabs(owed));
+            const double lost = before - kinetic_energy(model);
+            // At most all of J in one sub-step.
+            ASSERT_LE(coupling->work(), lost + 1e-12) << owed << " N, step " << i;
+            ASSERT_GE(coupling->work(), lost - impulse * impulse / (2.0 * settings.mass) - 1e-12)
+                << owed << " N, " << i;
+            given += coupling->work();
+            largest = std::max(largest, std::fabs(given));
+        }
+        EXPECT_GT(largest, 0.1 * 0.5 * 3.0 * settings.mass * 0.3 * 0.3)
+            << "the body must meet the hand, or this proves nothing";
+    }
+}
+
+TEST_F(SprungTriangle, ReportsTheWorkOfADrivenSurface) {
+    // Nothing can stop a driven surface: it does l times its way, l = k b, on a still hand.
+    build({.substeps = 50, .drag = 0.0});
+    std::fill(model.pinned.begin(), model.pinned.end(), std::uint8_t{1});
+    constexpr double kSpeed = 0.1;  // m/s
+    const Vec3 goal(0.0, kRadius + 0.001, 0.0);
+    double work = 0.0;
+    for (int i = 0; i < 10; ++i) {
+        for (std::size_t k = 0; k < 3; ++k) {
+            model.velocity[k] = {0.0, kSpeed, 0.0};
+        }
+        (void)step(goal);
+        work += coupling->work();
+    }
+    const double depth = std::max(0.0, depth_of(goal));
+    ASSERT_NEAR(depth, 0.009, 1e-9);
+    // Forces hold for the end of each sub-step: at most one of them more than the springs have.
+    const double stored = 0.5 * 500.0 * depth * depth;
+    EXPECT_NEAR(work, stored, 500.0 * depth * kSpeed * settings.step / settings.substeps);
 }
 
 TEST_F(SprungTriangle, FrictionReachesItsConeAndNoFurther) {

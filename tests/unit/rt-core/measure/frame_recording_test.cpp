@@ -83,8 +83,8 @@ RecordedFrame any_frame(std::mt19937_64& random) {
     frame.plane_time_ns = static_cast<std::int64_t>(random());
     frame.publish_time_ns = static_cast<std::int64_t>(random());
     frame.step_ns = static_cast<std::int64_t>(random());
-    for (double* const value :
-         {&frame.stiffness, &frame.torque_stiffness, &frame.static_friction, &frame.dynamic_friction}) {
+    for (double* const value : {&frame.stiffness, &frame.torque_stiffness, &frame.static_friction,
+                                &frame.dynamic_friction, &frame.body_work}) {
         *value = any_number(random);
     }
     frame.proxy_count = static_cast<std::uint32_t>(random() % (kMaxProxies + 1));

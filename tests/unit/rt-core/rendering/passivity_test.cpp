@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <deque>
 #include <limits>
 #include <numbers>
@@ -381,6 +382,169 @@ TEST(Passivity, WithoutItThatVibrationGrows) {
     wall.run(700);
     EXPECT_GT(wall.amplitude(500), 2.0 * first);
     EXPECT_LT(wall.min_energy(), 100.0 * kFloor_j);
+}
+
+/// Says how the frames of a body tell of its motion.
+enum class Report : std::uint8_t { Velocity, Work };
+
+/// A body on a spring of its own, computed in steps of 33 ms that answer the pose at their beginning and arrive 30 ms
+/// late, and the grip of a compliant hand on it. Its surface pushes upwards with 600 N/m.
+class SlowBody {
+  public:
+    SlowBody(Report report, double mass, double spring)
+        : passivity_(with(PassivityControl::Bound), {}), report_(report), mass_(mass), spring_(spring) {}
+
+    void run(int ticks) {
+        for (int i = 0; i < ticks; ++i) {
+            tick();
+        }
+    }
+    /// m, peak-to-peak motion of the grip over the next ticks.
+    double amplitude(int ticks) {
+        double high = -1.0;
+        double low = 1.0;
+        for (int i = 0; i < ticks; ++i) {
+            tick();
+            high = std::max(high, grip_);
+            low = std::min(low, grip_);
+        }
+        return high - low;
+    }
+    /// J, largest energy that the grip has received, beyond that which the body had when it began.
+    [[nodiscard]] double generated() const { return most_received_ - 0.5 * spring_ * kRest * kRest; }
+
+  private:
+    static constexpr double kStiffness = 600.0;
+    static constexpr double kMass = 0.1;         // kg, grip
+    static constexpr double kRest = 0.01;        // m, at which the body's spring has no force
+    static constexpr double kBodyDamping = 0.1;  // N s/m
+    static constexpr double kHand = 400.0;       // N/m
+    static constexpr double kHandDamping = 1.0;  // N s/m
+    static constexpr int kStep = 33;             // ticks
+    static constexpr int kDelay = 30;            // ticks
+
+    struct Frame {
+        double offset = 0.0;
+        double velocity = 0.0;
+        double work = 0.0;  // J, sum
+        int tick = 0;
+    };
+
+    /// The body until the end of a step, with the grip where it is now.
+    void step() {
+        Frame frame{.offset = body_, .tick = tick_};
+        for (int i = 0; i < kStep * 10; ++i) {
+            const double h = 1e-4;
+            const double force = kStiffness * std::max(0.0, body_ - grip_);
+            const double before = body_speed_;
+            body_speed_ += h / mass_ * (-force - spring_ * (body_ - kRest) - kBodyDamping * body_speed_);
+            const double way = 0.5 * h * (before + body_speed_);
+            body_ += way;
+            body_work_ += force * way;
+        }
+        frame.velocity = (body_ - frame.offset) / (kStep * kPeriod_s);
+        frame.work = body_work_;
+        sent_.push_back(frame);
+    }
+
+    void tick() {
+        if (tick_ % kStep == 0) {
+            step();
+        }
+        bool arrived = false;
+        double work = 0.0;
+        while (!sent_.empty() && sent_.front().tick + kDelay <= tick_) {
+            work += sent_.front().work - frame_.work;
+            frame_ = sent_.front();
+            sent_.pop_front();
+            arrived = true;
+        }
+        // Planes are extrapolated for one and a half steps.
+        const int age = tick_ - frame_.tick;
+        const bool moves = age <= kStep * 3 / 2;
+        const double surface = frame_.offset + frame_.velocity * std::min(age, kStep * 3 / 2) * kPeriod_s;
+        PassivityRequest request = wall(kStiffness, surface - grip_);
+        if (report_ == Report::Work) {
+            request.reported = arrived;
+            request.body_work = work;
+        } else if (moves) {
+            request.surface_power = frame_.velocity * request.wrench.force.y;
+        }
+        const Passivity::Result result = passivity_.apply(moved_up(grip_ - last_, force_), request);
+        last_ = grip_;
+        force_ = result.wrench.force.y;
+        for (int i = 0; i < 50; ++i) {
+            speed_ += 2e-5 / kMass * (force_ - (kDamping + kHandDamping) * speed_ - kHand * grip_);
+            grip_ += 2e-5 * speed_;
+            received_ += (force_ - kDamping * speed_) * 2e-5 * speed_;
+        }
+        most_received_ = std::max(most_received_, received_);
+        ++tick_;
+    }
+
+    Passivity passivity_;
+    std::deque<Frame> sent_;
+    Frame frame_;
+    Report report_;
+    double mass_;    // kg
+    double spring_;  // N/m
+    int tick_ = 0;
+    double body_ = 0.0;
+    double body_speed_ = 0.0;
+    double body_work_ = 0.0;
+    double grip_ = 0.0;
+    double last_ = 0.0;
+    double speed_ = 0.0;
+    double force_ = 0.0;
+    double received_ = 0.0;
+    double most_received_ = 0.0;
+};
+
+TEST(Passivity, HoldsABodyThatAnswersAnOldPoseToTheWorkThatItReports) {
+    struct Case {
+        double mass;    // kg
+        double spring;  // N/m
+    };
+    for (const auto& [mass, spring] : {Case{0.01, 300.0}, {0.05, 30.0}, {0.05, 100.0}, {0.2, 100.0}}) {
+        // Velocities alone announce what the body has not done, and the hand never comes to rest.
+        SlowBody announced(Report::Velocity, mass, spring);
+        announced.run(6000);
+        EXPECT_GT(announced.amplitude(1000), 1e-3) << mass << " kg: nothing to hold";
+        SlowBody reported(Report::Work, mass, spring);
+        reported.run(6000);
+        EXPECT_LT(reported.amplitude(1000), 2e-4) << mass << " kg, " << spring << " N/m";
+        // Neither the allowance nor what the tick's sampling gives away are the body's.
+        EXPECT_LT(reported.generated(), 5e-4) << mass << " kg, " << spring << " N/m";
+    }
+}
+
+TEST(Passivity, LetsABodyThatReportsItsWorkPushARestingHand) {
+    // A driven surface rises at 0.1 m/s against a hand of 400 N/m, in steps that take the grip for resting, which do
+    // the work int k (s - x) ds. The hand feels it as it would feel an ideal spring, at any length of the step.
+    for (const int step : {1, 10, 33}) {
+        Passivity passivity(with(PassivityControl::Bound), {});
+        const double k = 300.0;
+        double force = 0.0;
+        double grip = 0.0;
+        int limited = 0;
+        for (int i = 0; i < 198; ++i) {
+            const double surface = 1e-4 * i;
+            const double next = force / 400.0;
+            PassivityRequest request = wall(k, surface - next);
+            if (i % step == 0) {
+                const double depth = std::max(0.0, surface - next);
+                const double later = depth + 1e-4 * step;
+                request.reported = true;
+                request.body_work = 0.5 * k * (later * later - depth * depth);
+            }
+            const Passivity::Result result = passivity.apply(moved_up(next - grip, force), request);
+            grip = next;
+            force = result.wrench.force.y;
+            limited += result.acted ? 1 : 0;
+        }
+        EXPECT_EQ(limited, 0) << step << " ticks";
+        EXPECT_NEAR(force, 0.0197 / (1.0 / k + 1.0 / 400.0), 0.05) << step << " ticks";
+    }
 }
 
 TEST(Passivity, BrakesAJumpByItsMeanVelocityOnly) {

@@ -88,6 +88,7 @@ class HostileFrames final : public FrameSource {
     void make_elastic(ContactFrame& frame) {
         frame.static_friction = random_.uniform(0.0, 2.0);
         frame.dynamic_friction = random_.uniform(0.0, 2.0);
+        frame.body_work = random_.uniform(-1.0, 1.0) * std::pow(10.0, random_.uniform(-6.0, 300.0));
         std::size_t rows = 0;
         for (std::uint32_t i = 0; i < std::min<std::uint32_t>(frame.proxy_count, kMaxProxies); ++i) {
             ProxyContact& proxy = frame.proxies[i];

@@ -70,6 +70,9 @@ TEST(Render, ReportsTheEnergyOfItsSpringsAndThePowerOfMovingSurfaces) {
     // Beyond the horizon planes stand still and have no power.
     EXPECT_EQ(render_once(frame, at(-0.004), 16'000'000).surface_power, 0.0);
     EXPECT_GT(render_once(frame, at(-0.004), 15'000'000).surface_power, 0.0);
+    // A frame that reports the work of its surfaces announces none.
+    frame.body_work = 1e-3;
+    EXPECT_EQ(render_once(frame, at(-0.004), 15'000'000).surface_power, 0.0);
 }
 
 TEST(FrameRenderer, LimitsTheStiffnessAndReportsIt) {
@@ -264,6 +267,27 @@ TEST_F(FrameRendererTest, AllowsASlowSimulationThreeOfItsSteps) {
         EXPECT_FALSE(step().stale);
     }
     EXPECT_TRUE(step().stale);
+}
+
+TEST_F(FrameRendererTest, PassesOnTheWorkOfFramesThatWereLost) {
+    const auto give_work = [this](double work, std::uint64_t session) {
+        ContactFrame frame = floor_frame(0.0, kStiffness, now_ns);
+        frame.body_work = work;
+        give(frame, session);
+    };
+    // Nothing is known of the work before the first frame, nor does another session go on with it.
+    give_work(0.5, 1);
+    EXPECT_TRUE(step().reported);
+    EXPECT_EQ(last.body_work, 0.0);
+    EXPECT_FALSE(step().reported);
+    // Sums: what a frame that never arrived reported is in the next one.
+    give_work(0.75, 1);
+    give_work(0.25, 1);
+    EXPECT_TRUE(step().reported);
+    EXPECT_EQ(last.body_work, -0.25);
+    EXPECT_EQ(step().body_work, 0.0);
+    give_work(0.75, 2);
+    EXPECT_EQ(step().body_work, 0.0);
 }
 
 TEST_F(FrameRendererTest, BlendsInFramesAfterAFade) {
