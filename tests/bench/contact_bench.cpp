@@ -465,7 +465,7 @@ BENCHMARK(vanishing_sphere);
 /// Algorithm 1 of the thesis over the tree, on the frame of refit_and_secure; and over all triangles, as in the thesis.
 void thesis_secure(benchmark::State& state) {
     const Cloth cloth(0.09);
-    SweptTree tree(cloth.start, cloth.triangles);
+    SweptTree tree(cloth.start, cloth.triangles, Faces::All);
     tree.refit(cloth.motion());
     const std::array<MovingSurface, 1> surfaces{MovingSurface{cloth.motion(), &tree}};
     ContactSettings settings;
