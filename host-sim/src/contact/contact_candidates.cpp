@@ -59,11 +59,13 @@ void ContactCandidates::collect(std::span<const MovingSurface> surfaces, std::sp
     proxy_count_ = std::min(proxies.size(), lists_.size());
     // Region of each proxy, with empty lists.
     Scratch<Aabb, kMaxProxies> region;
+    Scratch<BoxLimits, kMaxProxies> limits;
     for (std::size_t p = 0; p < proxy_count_; ++p) {
         List& list = lists_[p];
         list.clear(region_of(proxies[p], surfaces));
         list.radius = proxies[p].radius;
         region[p] = list.region;
+        limits[p] = BoxLimits(list.region);
         last_contacts_[p].known = false;
     }
     // One traversal of each tree for all proxies: bit p of `mask` is set if the leaf overlaps region p.
@@ -73,7 +75,8 @@ void ContactCandidates::collect(std::span<const MovingSurface> surfaces, std::sp
             const std::span<const std::uint32_t> triangles = tree.triangles_of(leaf);
             const LeafBoxes boxes(surfaces[object], leaf, QueryTime::WholeStep);
             for (; mask != 0; mask &= mask - 1) {
-                add(lists_[static_cast<std::size_t>(std::countr_zero(mask))], object, triangles, boxes);
+                const auto p = static_cast<std::size_t>(std::countr_zero(mask));
+                add(lists_[p], limits[p], object, triangles, boxes);
             }
         });
     }
@@ -114,17 +117,17 @@ void ContactCandidates::follow(List& list, std::span<const MovingSurface> surfac
     // Room for the next moves on all sides.
     const Vec3 margin(kFollowMarginRadii * list.radius);
     list.clear({box.min - margin, box.max + margin});
+    const BoxLimits limits(list.region);
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
         const SweptTree& tree = *surfaces[object].tree;
         tree.query_leaves(list.region, [&](std::uint32_t leaf) {
-            add(list, object, tree.triangles_of(leaf), LeafBoxes(surfaces[object], leaf, QueryTime::WholeStep));
+            add(list, limits, object, tree.triangles_of(leaf), LeafBoxes(surfaces[object], leaf, QueryTime::WholeStep));
         });
     }
 }
 
-void ContactCandidates::add(List& list, std::uint32_t object, std::span<const std::uint32_t> triangles,
-                            const LeafBoxes& boxes) noexcept {
-    const BoxLimits limits(list.region);
+void ContactCandidates::add(List& list, const BoxLimits& limits, std::uint32_t object,
+                            std::span<const std::uint32_t> triangles, const LeafBoxes& boxes) noexcept {
     for (std::size_t k = 0; k < triangles.size(); ++k) {
         if (!limits.overlap(boxes.at(QueryTime::WholeStep, k))) {
             continue;

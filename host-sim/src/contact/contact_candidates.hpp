@@ -94,8 +94,8 @@ class ContactCandidates {
     /// Replaces the list of a proxy that has left its region by one of the triangles around `box`, if that is small.
     static void follow(List& list, std::span<const MovingSurface> surfaces, const Aabb& box) noexcept;
 
-    /// Appends the triangles of a leaf whose boxes overlap the list's region.
-    static void add(List& list, std::uint32_t object, std::span<const std::uint32_t> triangles,
+    /// Appends the triangles of a leaf whose boxes overlap the list's region, given as `limits`.
+    static void add(List& list, const BoxLimits& limits, std::uint32_t object, std::span<const std::uint32_t> triangles,
                     const LeafBoxes& boxes) noexcept;
 
     std::span<const MovingSurface> surfaces_;

@@ -68,10 +68,6 @@ void use_face_normal(ContactPoint& t, const Vec3& center) noexcept {
 
 }  // namespace
 
-TriangleCorners corners_of(std::span<const Vec3> vertices, const Triangle& t) noexcept {
-    return {vertices[t[0]], vertices[t[1]], vertices[t[2]]};
-}
-
 TriangleCorners corners_of(const SurfaceMotion& motion, std::uint32_t triangle, double time) noexcept {
     const Triangle& t = motion.triangles[triangle];
     if (time >= 1.0) {

@@ -141,7 +141,9 @@ class PlaneSet {
 
 /// Corners of a triangle of a surface, at a time of the step in [0, 1] or in an array of vertices.
 [[nodiscard]] TriangleCorners corners_of(const SurfaceMotion& motion, std::uint32_t triangle, double time) noexcept;
-[[nodiscard]] TriangleCorners corners_of(std::span<const Vec3> vertices, const Triangle& triangle) noexcept;
+[[nodiscard]] inline TriangleCorners corners_of(std::span<const Vec3> vertices, const Triangle& triangle) noexcept {
+    return {vertices[triangle[0]], vertices[triangle[1]], vertices[triangle[2]]};
+}
 
 /// Fraction of a straight move, at the end of the step, up to the first contact of a sphere with `radius`. A triangle
 /// nearer than radius / release at the start stops the sphere once its distance falls to `release` times the initial

@@ -24,29 +24,37 @@ constexpr double kImpliedTolerance = 1e-9;  // of the radius
 /// A plane that may become a contact, with its urgency.
 struct Candidate {
     SurfacePlane plane;
-    Vec3 point{0.0};   // m, contact point at the end of the step
-    double gap = 0.0;  // m, between proxy and plane at the horizon, if the proxy rests
+    Vec3 point{0.0};         // m, contact point at the end of the step
+    Vec3 displacement{0.0};  // m, of that point over the step
+    double gap = 0.0;        // m, between proxy and plane at the horizon, if the proxy rests
 };
 
 /// The kMaxCandidates candidates that come nearest, by gap. Ties are broken by index, so that the result does not
-/// depend on the order of the query.
+/// depend on the order of the query. Candidates are written in place and sorted by place: one has some 170 bytes.
 class Candidates {
   public:
-    void insert(const Candidate& c) noexcept {
+    /// Where to write the next candidate, each of its members.
+    [[nodiscard]] Candidate& next() noexcept { return stored_[next_]; }
+
+    /// Keeps the candidate in next(), if it is near enough.
+    void keep_next() noexcept {
         const auto rank = [](const Candidate& x) {
             return std::tuple{x.gap, x.plane.touched.object, x.plane.touched.triangle};
         };
-        // Full: the new one takes the place of the last, if it comes nearer.
-        std::uint8_t place = static_cast<std::uint8_t>(count_);
-        if (count_ == kMaxCandidates) {
-            place = order_[--count_];
-            if (rank(stored_[place]) <= rank(c)) {
-                ++count_;
+        const std::uint8_t place = next_;
+        const Candidate& c = stored_[place];
+        if (count_ < kMaxCandidates) {
+            next_ = static_cast<std::uint8_t>(count_ + 1);
+        } else {
+            // Full: it replaces the last, if it comes nearer.
+            const std::uint8_t last = order_[count_ - 1];
+            if (rank(stored_[last]) <= rank(c)) {
                 return;
             }
+            next_ = last;
+            --count_;
         }
-        stored_[place] = c;
-        // Insertion sort of the places: a candidate is some 150 bytes large.
+        // Insertion sort.
         std::size_t k = count_++;
         for (; k > 0 && rank(c) < rank(stored_[order_[k - 1]]); --k) {
             order_[k] = order_[k - 1];
@@ -58,9 +66,10 @@ class Candidates {
     [[nodiscard]] const Candidate& operator[](std::size_t k) const noexcept { return stored_[order_[k]]; }
 
   private:
-    Scratch<Candidate, kMaxCandidates> stored_;
+    Scratch<Candidate, kMaxCandidates + 1> stored_;
     Scratch<std::uint8_t, kMaxCandidates> order_;  // places in stored_, nearest first
     std::size_t count_ = 0;
+    std::uint8_t next_ = 0;  // a free place in stored_
 };
 
 /// Motion of a triangle from the end of the step to the horizon, at its present velocity.
@@ -73,23 +82,9 @@ MovingTriangle extrapolate(const SurfaceMotion& motion, std::uint32_t triangle, 
              now.c + (now.c - before.c) * horizon}};
 }
 
-/// Box of the whole motion.
-Aabb box_of(const MovingTriangle& t) noexcept {
-    Aabb box = aabb_of(t.start.a, t.start.b, t.start.c);
-    box.extend(aabb_of(t.end.a, t.end.b, t.end.c));
-    return box;
-}
-
 /// Radius beyond which the CCD never reports a triangle, m.
 double grown_radius(const SpeculativeQuery& q) noexcept {
     return (q.radius + q.reach) * (1.0 + kCreepTolerance);
-}
-
-/// Whether a box lies entirely outside the sphere grown by `reach`, with the tolerance of the CCD.
-bool out_of_reach(const Aabb& box, const SpeculativeQuery& q) noexcept {
-    const Vec3 outside = glm::max(glm::max(box.min - q.position, q.position - box.max), Vec3(0.0));
-    const double reach = grown_radius(q);
-    return glm::dot(outside, outside) > reach * reach;
 }
 
 /// Centres at which the grown sphere would touch a surface as it is at the end of the step, instead of moving on by any
@@ -120,23 +115,20 @@ bool predict_plane(const MovingSurface& surface, std::uint32_t object, std::uint
     }
     // Plane through the contact point, with the normal at the predicted contact and the present velocity along it.
     out.point = blend(now, touch.at.weights);
-    const Vec3 displacement = displacement_of(surface.motion, triangle, touch.at.weights);
+    out.displacement = displacement_of(surface.motion, triangle, touch.at.weights);
     SurfacePlane& plane = out.plane;
     plane.normal = -touch.at.point / distance;
     plane.offset = glm::dot(plane.normal, out.point) + q.radius;
-    plane.velocity = glm::dot(plane.normal, displacement) / q.dt;
+    plane.velocity = glm::dot(plane.normal, out.displacement) / q.dt;
     plane.touched = {object, triangle, touch.at.feature, touch.at.weights};
     out.gap = glm::dot(plane.normal, q.position) - plane.offset - plane.velocity * q.dt * q.horizon;
     return true;
 }
 
 /// Whether a plane already separates the candidate's point from the proxy, now and at the horizon.
-bool implies(const SurfacePlane& plane, const Candidate& c, const SpeculativeQuery& q,
-             std::span<const MovingSurface> surfaces) noexcept {
+bool implies(const SurfacePlane& plane, const Candidate& c, const SpeculativeQuery& q) noexcept {
     const double above = glm::dot(plane.normal, c.point) - (plane.offset - q.radius);
-    const Vec3 displacement =
-        displacement_of(surfaces[c.plane.touched.object].motion, c.plane.touched.triangle, c.plane.touched.weights);
-    const double rising = glm::dot(plane.normal, displacement) - plane.velocity * q.dt;
+    const double rising = glm::dot(plane.normal, c.displacement) - plane.velocity * q.dt;
     return above <= kImpliedTolerance * q.radius && above + rising * q.horizon <= kImpliedTolerance * q.radius;
 }
 
@@ -144,31 +136,27 @@ bool implies(const SurfacePlane& plane, const Candidate& c, const SpeculativeQue
 void add_candidates(const LeafBoxes& boxes, std::uint32_t leaf, const MovingSurface& surface, std::uint32_t object,
                     const SpeculativeTask& task, const SphereLimits& limits, Candidates& candidates) noexcept {
     const SpeculativeQuery& q = task.query;
+    const std::span<const SurfacePlane> contacts(task.contacts.plane.data(), task.contacts.count);
     const std::span<const std::uint32_t> triangles = surface.tree->triangles_of(leaf);
     for (std::size_t k = 0; k < triangles.size(); ++k) {
-        // Cull by the box at the end of the step and the displacements of the whole surface, then by its own motion.
+        // Cull by the box at the end of the step and the displacements of the whole surface.
         if (!limits.overlap(boxes.at(QueryTime::EndOfStep, k))) {
             continue;
         }
+        // Skip triangles behind the active contacts.
         const MovingTriangle extrapolated = extrapolate(surface.motion, triangles[k], q.horizon);
-        if (out_of_reach(box_of(extrapolated), q)) {
+        if (std::any_of(contacts.begin(), contacts.end(),
+                        [&](const SurfacePlane& plane) { return implies(plane, extrapolated, q); })) {
             continue;
         }
-        // Skip triangles behind the active contacts.
-        bool needed = true;
-        for (std::uint32_t c = 0; c < task.contacts.count && needed; ++c) {
-            needed = !implies(task.contacts.plane[c], extrapolated, q);
-        }
-        Candidate candidate;
-        if (needed && predict_plane(surface, object, triangles[k], extrapolated, q, candidate)) {
-            candidates.insert(candidate);
+        if (predict_plane(surface, object, triangles[k], extrapolated, q, candidates.next())) {
+            candidates.keep_next();
         }
     }
 }
 
 /// The active contacts, then the nearest candidates that no chosen plane implies.
-SurfacePlanes select_planes(std::span<const MovingSurface> surfaces, const SpeculativeTask& task,
-                            const Candidates& candidates) noexcept {
+SurfacePlanes select_planes(const SpeculativeTask& task, const Candidates& candidates) noexcept {
     SurfacePlanes planes = task.contacts;
     for (std::size_t n = 0; n < candidates.size(); ++n) {
         const Candidate& c = candidates[n];
@@ -178,7 +166,7 @@ SurfacePlanes select_planes(std::span<const MovingSurface> surfaces, const Specu
         }
         bool needed = true;
         for (std::uint32_t k = 0; k < planes.count; ++k) {
-            needed = needed && !implies(planes.plane[k], c, task.query, surfaces);
+            needed = needed && !implies(planes.plane[k], c, task.query);
         }
         if (needed) {
             planes.plane[planes.count++] = c.plane;
@@ -224,7 +212,7 @@ void find_planes(std::span<const MovingSurface> surfaces, std::span<SpeculativeT
         task.planes = task.contacts;
     }
     for (std::size_t k = 0; k < count; ++k) {
-        tasks[active[k]].planes = select_planes(surfaces, tasks[active[k]], candidates[k]);
+        tasks[active[k]].planes = select_planes(tasks[active[k]], candidates[k]);
     }
 }
 

@@ -6,6 +6,7 @@
 #include <numeric>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "simd/kernels.hpp"
 
@@ -25,6 +26,32 @@ inline Pair min_of(const Pair& x, const Pair& y) noexcept {
 
 Aabb box_of(const PointExtremes& x) noexcept {
     return {Vec3(x.low[0], x.low[1], x.low[2]), Vec3(x.high[0], x.high[1], x.high[2])};
+}
+
+/// Indices of the triangles that a tree holds, rising.
+std::vector<std::uint32_t> chosen(std::span<const Triangle> triangles, Faces faces) {
+    std::vector<std::uint32_t> all(triangles.size());
+    std::iota(all.begin(), all.end(), 0u);
+    if (faces == Faces::All) {
+        return all;
+    }
+    // Sort by the sorted vertices, so that equal triangles become neighbours, the first of them ahead.
+    std::vector<std::pair<Triangle, std::uint32_t>> sorted;
+    sorted.reserve(triangles.size());
+    for (const std::uint32_t k : all) {
+        Triangle vertices = triangles[k];
+        std::sort(vertices.begin(), vertices.end());
+        sorted.emplace_back(vertices, k);
+    }
+    std::sort(sorted.begin(), sorted.end());
+    // Drop all but the first of each run.
+    sorted.erase(
+        std::unique(sorted.begin(), sorted.end(), [](const auto& x, const auto& y) { return x.first == y.first; }),
+        sorted.end());
+    std::vector<std::uint32_t> first(sorted.size());
+    std::transform(sorted.begin(), sorted.end(), first.begin(), [](const auto& x) { return x.second; });
+    std::sort(first.begin(), first.end());
+    return first;
 }
 
 }  // namespace
@@ -151,7 +178,7 @@ struct SweptTree::Builder {
     }
 };
 
-SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles) {
+SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles, Faces faces) {
     Builder builder{*this, triangles, {}, {}, {}, {}};
     builder.centres.reserve(triangles.size());
     // Centre of each triangle, by which it is sorted.
@@ -170,11 +197,9 @@ SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> trian
     if (triangles.empty()) {
         return;
     }
-    // Build over all triangles.
-    builder.order.resize(triangles.size());
-    std::iota(builder.order.begin(), builder.order.end(), 0u);
+    builder.order = chosen(triangles, faces);
     builder.last_seen.assign(rest.size(), 0u);
-    builder.add_node({0, triangles.size()}, 0);
+    builder.add_node({0, builder.order.size()}, 0);
     leaf_boxes_.resize(leaves_.size());
 }
 

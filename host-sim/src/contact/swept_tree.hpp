@@ -22,6 +22,12 @@
 
 namespace haptic::sim {
 
+/// Faces that a tree holds of a double-faced surface.
+enum class Faces : std::uint8_t {
+    Single,  // of triangles with the same three vertices only the first: contact is two-sided
+    All,     // both, for the thesis' methods
+};
+
 /// Bounding volume hierarchy of one surface.
 class SweptTree {
   public:
@@ -33,7 +39,7 @@ class SweptTree {
 
     /// Splits the triangles at medians along the longest axis, by the positions of `rest`. Every box is empty until the
     /// first refit. Throws std::invalid_argument for a vertex index out of range.
-    SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles);
+    SweptTree(std::span<const Vec3> rest, std::span<const Triangle> triangles, Faces faces = Faces::Single);
 
     /// Refits all boxes to a step. O(n), no allocation. `motion` has the triangles that the tree was built from, first.
     /// The boxes stay valid while the surface rests: a surface that comes to rest is refitted once more with `end` for
@@ -80,6 +86,10 @@ class SweptTree {
     /// of them; bit k of `mask` is set if it overlaps boxes[k]. Leaves come in the order of query().
     template <class Visit>
     void query_leaves(std::span<const Aabb> boxes, Visit&& visit) const {
+        if (boxes.size() == 1) {
+            query_leaves(boxes[0], [&](std::uint32_t leaf) { visit(leaf, std::uint64_t{1}); });
+            return;
+        }
         // Boxes that overlap the surface as a whole.
         std::uint64_t all = 0;
         for (std::size_t k = 0; k < boxes.size(); ++k) {
@@ -98,19 +108,20 @@ class SweptTree {
         while (depth > 0) {
             const auto [index, mask] = stack[--depth];
             const Node& node = nodes_[index];
-            // For each child, the boxes that overlap it.
+            // For each child, the boxes that overlap it; bit k of `reached`: any overlaps child k.
             std::array<std::uint64_t, kWidth> into{};
+            std::uint32_t reached = 0;
             for (std::uint64_t left = mask; left != 0; left &= left - 1) {
                 const auto k = static_cast<std::size_t>(__builtin_ctzll(left));
-                for (std::uint32_t hits = overlapping_children(node, boxes[k]); hits != 0; hits &= hits - 1) {
+                std::uint32_t hits = overlapping_children(node, boxes[k]);
+                reached |= hits;
+                for (; hits != 0; hits &= hits - 1) {
                     into[static_cast<std::size_t>(__builtin_ctz(hits))] |= std::uint64_t{1} << k;
                 }
             }
             // Descend with the reduced mask.
-            for (std::size_t slot = 0; slot < kWidth; ++slot) {
-                if (into[slot] == 0) {
-                    continue;
-                }
+            for (; reached != 0; reached &= reached - 1) {
+                const auto slot = static_cast<std::size_t>(__builtin_ctz(reached));
                 if ((node.child[slot] & kLeaf) == 0) {
                     stack[depth++] = {node.child[slot], into[slot]};
                 } else {

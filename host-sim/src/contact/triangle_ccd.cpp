@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <utility>
 
@@ -30,14 +31,17 @@ TriangleCorners moved(const TriangleCorners& from, const TriangleCorners& motion
 
 /// Whether the box of the whole motion is disjoint from the box of the sphere at the origin.
 bool boxes_disjoint(const TriangleCorners& s, const TriangleCorners& motion, double radius) HAPTIC_RT {
+    const auto misses = [radius](const Vec3& low, const Vec3& high) {
+        return std::max({low.x, low.y, low.z}) > radius || std::min({high.x, high.y, high.z}) < -radius;
+    };
+    // Most triangles that a query passes on are near from the start.
+    const Vec3 low = glm::min(s.a, glm::min(s.b, s.c));
+    const Vec3 high = glm::max(s.a, glm::max(s.b, s.c));
+    if (!misses(low, high)) {
+        return false;
+    }
     const TriangleCorners e = moved(s, motion, 1.0);
-    const double low = std::max({std::min({s.a.x, s.b.x, s.c.x, e.a.x, e.b.x, e.c.x}),
-                                 std::min({s.a.y, s.b.y, s.c.y, e.a.y, e.b.y, e.c.y}),
-                                 std::min({s.a.z, s.b.z, s.c.z, e.a.z, e.b.z, e.c.z})});
-    const double high = std::min({std::max({s.a.x, s.b.x, s.c.x, e.a.x, e.b.x, e.c.x}),
-                                  std::max({s.a.y, s.b.y, s.c.y, e.a.y, e.b.y, e.c.y}),
-                                  std::max({s.a.z, s.b.z, s.c.z, e.a.z, e.b.z, e.c.z})});
-    return low > radius || high < -radius;
+    return misses(glm::min(low, glm::min(e.a, glm::min(e.b, e.c))), glm::max(high, glm::max(e.a, glm::max(e.b, e.c))));
 }
 
 /// Makes a direction orthogonal to the touched face or edge. Any unit vector gives a safe bound. But if the closest
@@ -102,24 +106,19 @@ double determinant(const TriangleCorners& t) HAPTIC_RT {
     return glm::dot(t.a, glm::cross(t.b, t.c));
 }
 
-}  // namespace
-
-TriangleCorners corners_at(const MovingTriangle& triangle, double time) HAPTIC_RT {
-    const double rest = 1.0 - time;
-    return {triangle.start.a * rest + triangle.end.a * time, triangle.start.b * rest + triangle.end.b * time,
-            triangle.start.c * rest + triangle.end.c * time};
-}
-
-TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const MovingTriangle& triangle, double limit,
-                                  double release) HAPTIC_RT {
-    // Work in the sphere's frame: corners relative to the centre, and their displacement over the step.
-    const TriangleCorners start{triangle.start.a - center, triangle.start.b - center, triangle.start.c - center};
-    const TriangleCorners motion{triangle.end.a - triangle.start.a, triangle.end.b - triangle.start.b,
-                                 triangle.end.c - triangle.start.c};
-    TriangleTouch touch;
-    if (boxes_disjoint(start, motion, radius)) {
+/// First contact with a sphere at the origin, by conservative advancement.
+TriangleTouch advance(const TriangleCorners& start, const TriangleCorners& motion, double radius, double limit,
+                      double release) HAPTIC_RT {
+    // Initial distance. The release lets a triangle that starts close come nearer before it counts as a contact.
+    TriangleTouch touch{.at = closest_point_on_triangle(Vec3(0.0), start), .iterations = 1};
+    double distance = std::sqrt(touch.at.squared_distance);
+    const double threshold = std::min(radius, release * distance);
+    if (distance <= threshold) {
+        // Touches from the start, within any tolerance.
+        touch.touches = true;
         return touch;
     }
+    TriangleCorners now = start;
     // Lipschitz bound of the distance, and tolerances relative to the coordinates.
     const double fastest = longest(motion);
     const double extent = longest(start) + fastest;
@@ -127,12 +126,7 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
     const double oblique = kOblique * extent;
     double max_leap = limit;  // longest leap worth trying
     bool overshot = false;
-    TriangleCorners now = start;
-    // Initial distance. The release lets a triangle that starts close come nearer before it counts as a contact.
-    touch.at = closest_point_on_triangle(Vec3(0.0), now);
-    double distance = std::sqrt(touch.at.squared_distance);
-    const double threshold = std::min(radius, release * distance);
-    for (touch.iterations = 1;; ++touch.iterations) {
+    for (;; ++touch.iterations) {
         // Contact: the gap is within tolerance. After kFineIterations the tolerance is relaxed, so that the loop ends.
         const double gap = distance - threshold;
         const double tolerance =
@@ -199,6 +193,26 @@ TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const Movin
         touch.at = closest_point_on_triangle(Vec3(0.0), now);
         distance = std::sqrt(touch.at.squared_distance);
     }
+}
+
+}  // namespace
+
+TriangleCorners corners_at(const MovingTriangle& triangle, double time) HAPTIC_RT {
+    const double rest = 1.0 - time;
+    return {triangle.start.a * rest + triangle.end.a * time, triangle.start.b * rest + triangle.end.b * time,
+            triangle.start.c * rest + triangle.end.c * time};
+}
+
+TriangleTouch sphere_triangle_ccd(const Vec3& center, double radius, const MovingTriangle& triangle, double limit,
+                                  double release) HAPTIC_RT {
+    // Work in the sphere's frame: corners relative to the centre, and their displacement over the step.
+    const TriangleCorners start{triangle.start.a - center, triangle.start.b - center, triangle.start.c - center};
+    const TriangleCorners motion{triangle.end.a - triangle.start.a, triangle.end.b - triangle.start.b,
+                                 triangle.end.c - triangle.start.c};
+    if (boxes_disjoint(start, motion, radius)) {
+        return {};
+    }
+    return advance(start, motion, radius, limit, release);
 }
 
 PointPassage point_passage(const Vec3& point, const MovingTriangle& triangle) HAPTIC_RT {

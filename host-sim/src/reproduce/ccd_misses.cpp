@@ -184,7 +184,7 @@ class FlyingCloth {
                 }
             }
         }
-        tree_.emplace_back(rest_, triangles_);
+        tree_.emplace_back(rest_, triangles_, Faces::All);
     }
 
     /// Draws a step in which the cloth passes near the origin. Its centre aims at a point from which its edge may touch

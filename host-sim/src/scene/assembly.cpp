@@ -1,6 +1,5 @@
 #include "scene/assembly.hpp"
 
-#include <span>
 #include <utility>
 
 namespace haptic::sim {
@@ -14,12 +13,10 @@ void append(TriangleMesh& mesh, const TriangleMesh& added) {
     }
 }
 
-/// Triangles for contact. Contact is two-sided, so the back faces of a double-faced mesh (its second half) are left out
-/// as duplicates. The thesis' methods get them, as in the thesis.
-std::span<const Triangle> touchable(const TriangleMesh& mesh, const ContactSettings& contact) {
-    const std::span<const Triangle> all = mesh.triangles;
+/// Faces that take part in contact. The thesis' methods get the second ones of a double-faced mesh, as in the thesis.
+Faces touchable(const ContactSettings& contact) {
     const bool as_thesis = contact.method == CcdMethod::Thesis || contact.pop_out == PopOutMethod::Thesis;
-    return mesh.double_faced && !as_thesis ? all.first(all.size() / 2) : all;
+    return as_thesis ? Faces::All : Faces::Single;
 }
 
 }  // namespace
@@ -48,7 +45,7 @@ void Assembly::add(DeformableBody&& body, const Scene& scene) {
         skin.push_back(vertex);
     }
     model.append(body.particles);
-    trees.emplace_back(body.mesh.vertices, touchable(body.mesh, scene.contact));
+    trees.emplace_back(body.mesh.vertices, body.mesh.triangles, touchable(scene.contact));
     masks.emplace_back(body.mesh, body.skin, body.particles.size(), scene.coupling.mask_radius);
     motions.push_back(std::move(body.motions));
     bodies.push_back({std::move(body.name), vertices, particles, std::move(body.mesh)});

@@ -48,7 +48,7 @@ SurfacePlanes reach(const World& world, const Step& s) {
 
 TEST(ManySurfaces, AreAsOneHoweverAMeshIsCut) {
     Random random(61);
-    const TriangleMesh whole = sheet(0.4, 10, true);
+    const TriangleMesh whole = sheet(0.4, 10, false);
     World one;
     one.add(whole);
     World many;

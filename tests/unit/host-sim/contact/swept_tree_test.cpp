@@ -14,6 +14,7 @@ namespace {
 
 using haptic::Vec3;
 using haptic::sim::Aabb;
+using haptic::sim::Faces;
 using haptic::sim::SweptTree;
 using haptic::sim::Triangle;
 using haptic::sim::TriangleMesh;
@@ -33,7 +34,7 @@ class OfSize : public testing::TestWithParam<std::uint32_t> {};
 TEST_P(OfSize, FindsEveryTriangleWhoseSweptBoxMeetsTheQuery) {
     Random random(GetParam());
     const TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, GetParam(), true);
-    SweptTree tree(mesh.vertices, mesh.triangles);
+    SweptTree tree(mesh.vertices, mesh.triangles, Faces::All);
     std::size_t visited = 0;
     for (int round = 0; round < 5; ++round) {
         std::vector<Vec3> start;
@@ -74,13 +75,36 @@ INSTANTIATE_TEST_SUITE_P(Sheets, OfSize, testing::Values(1u, 2u, 3u, 5u, 9u, 14u
 
 TEST(SweptTree, VisitsFewOfManyTriangles) {
     const TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, 32, true);
-    SweptTree tree(mesh.vertices, mesh.triangles);
+    SweptTree tree(mesh.vertices, mesh.triangles, Faces::All);
     tree.refit({mesh.vertices, mesh.vertices, mesh.triangles});
     std::size_t visited = 0;
     tree.query(haptic::sim::aabb_of_segment({0.1, 0, 0.1}, {0.1, 0, 0.1}, 0.03), [&](std::uint32_t) { ++visited; });
     EXPECT_GE(visited, 16u);
     EXPECT_LT(visited, 160u) << "of 4096";
     EXPECT_EQ(tree.leaf_count(), 512u);
+}
+
+TEST(SweptTree, HoldsTheFirstOfTheTrianglesWithTheSameVertices) {
+    // A double-faced sheet with its triangles reversed: the first of each pair now is a back face.
+    TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, 9, true);
+    std::reverse(mesh.triangles.begin(), mesh.triangles.end());
+    SweptTree tree(mesh.vertices, mesh.triangles);
+    tree.refit({mesh.vertices, mesh.vertices, mesh.triangles});
+    std::set<std::uint32_t> found;
+    tree.query(haptic::sim::aabb_of_segment({0, 0, 0}, {0, 0, 0}, 9.0), [&](std::uint32_t t) { found.insert(t); });
+    // Oracle: every triangle with all earlier ones.
+    std::set<std::uint32_t> first;
+    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+        const bool repeats =
+            std::any_of(mesh.triangles.begin(), mesh.triangles.begin() + t, [&](const Triangle& other) {
+                return std::is_permutation(other.begin(), other.end(), mesh.triangles[t].begin());
+            });
+        if (!repeats) {
+            first.insert(t);
+        }
+    }
+    EXPECT_EQ(first.size(), 162u);
+    EXPECT_EQ(found, first);
 }
 
 TEST(SweptTree, KnowsTheExtremesOfTheMotion) {
@@ -176,7 +200,7 @@ TEST(SweptTree, TakesAMeshWithoutTrianglesAndRefusesAnIndexWithoutVertex) {
 TEST(SweptTree, TakesManyTrianglesInOnePlace) {
     const std::vector<Vec3> vertices{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
     const std::vector<Triangle> pile(1000, Triangle{0, 1, 2});
-    SweptTree tree(vertices, pile);
+    SweptTree tree(vertices, pile, Faces::All);
     tree.refit({vertices, vertices, pile});
     std::size_t visited = 0;
     tree.query(haptic::sim::aabb_of_segment({0, 0, 0}, {0, 0, 0}, 0.1), [&](std::uint32_t) { ++visited; });

@@ -178,10 +178,10 @@ TEST(VirtualProxy, IsMovedAlikeByOneFaceOfADoubleFacedSheetAndByBoth) {
             const haptic::sim::Triangle front = mesh.triangles[t];
             mesh.triangles.push_back({front[0], front[2], front[1]});
         }
-        both.add(mesh);
-        Body& body = one.add(mesh);
+        Body& body = both.add(mesh);
         body.tree =
-            std::make_unique<haptic::sim::SweptTree>(mesh.vertices, std::span(body.mesh.triangles).first(fronts));
+            std::make_unique<haptic::sim::SweptTree>(mesh.vertices, body.mesh.triangles, haptic::sim::Faces::All);
+        one.add(mesh);
         for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
             const Vec3 wave = random.in_cube(0.01);
             for (World* world : {&both, &one}) {
