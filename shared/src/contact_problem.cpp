@@ -273,19 +273,30 @@ void ContactSolver::solve_friction(const ComplianceMatrix& compliance, std::span
     // Iterate from the exact normal forces. The last operation is a sweep, so that the cones hold exactly.
     acceleration_.restart();
     double smallest = std::numeric_limits<double>::max();
+    bool extrapolated = false;
     bool converged = false;
     while (!converged && result.sweeps < kMaxSweeps) {
         std::copy_n(force_.begin(), rows_, held_.begin());
-        result.residual = sweep(compliance, friction);
+        const double change = sweep(compliance, friction);
         ++result.sweeps;
-        converged = result.residual <= kSweepTolerance * scale_;
+        // An extrapolation from which a row moves farther than the largest depth is undone: along directions with
+        // little compliance it was off by many times the forces, and the sweeps that are left would not return.
+        if (extrapolated && change > scale_) {
+            acceleration_.undo(std::span(force_).first(rows_), std::span(deficit_).first(rows_));
+            acceleration_.restart();
+            extrapolated = false;
+            continue;
+        }
+        result.residual = change;
+        converged = change <= kSweepTolerance * scale_;
         // Extrapolate from the sweeps since the last change of mode.
-        if (!converged && result.sweeps < kMaxSweeps - kPlainSweeps) {
-            if (result.residual > kMaxGrowth * smallest) {
+        extrapolated = !converged && result.sweeps < kMaxSweeps - kPlainSweeps;
+        if (extrapolated) {
+            if (change > kMaxGrowth * smallest) {
                 acceleration_.restart();
-                smallest = result.residual;
+                smallest = change;
             }
-            smallest = std::min(smallest, result.residual);
+            smallest = std::min(smallest, change);
             extrapolate();
         }
     }
