@@ -111,7 +111,7 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& r
         rotation += of_rotation;
         dissipated = of_translation + of_rotation;
     }
-    // Trapezoidal rule for the work of the moving surfaces.
+    // Trapezoidal rule for the work of the announced surfaces.
     const double max_power = settings_.surface_power;
     const double power = std::clamp(request.surface_power, -max_power, max_power);
     const double surface = active ? 0.5 * (surface_power_ + scale_ * power) * request.elapsed_s : 0.0;

@@ -6,12 +6,21 @@
 //        + b |dx|^2 / dt + b_r |dtheta|^2 / dt                    dissipated at least by the device's own damping
 //        + (P_s now + P_s before) / 2 dt,  P_s = sum f v_s        work of surfaces announced as moving, f the rows'
 //                                                                 forces; of a receding one, E / (stored + store) of it
+//        + min(B, stored + store - E)                             work that the bodies report, B > 0 what is left of it
 //     E  = min(E, stored + store)                                 spring energy of the coupling, and a small allowance
 // This holds while a wrench is asked for. Without one, surplus is discarded (E = min(E, 0)) and debt is forgotten
-// slowly: energy stored in one contact permits nothing in the next. The third term is the work that a moving object may
-// do on a resting hand: the frame's planes announce it by their velocity. A surface that moves unannounced, for example
-// because it answers an old pose, gets no credit. Fingers that close onto a surface count as a surface that approaches.
-// The last line bounds the effect of wrong announcements, and of frames and stiffnesses that change the springs at an
+// slowly: energy stored in one contact permits nothing in the next.
+//
+// Work of moving surfaces. A moving object may do work on a resting hand. Its simulation answers a pose that is one to
+// two steps old and knows the work that it did at that pose: frames report it (body_work). It goes to an account B,
+// from which E is filled up as the springs gain energy, so a blow is credited when it is felt. Work that the bodies
+// take makes B negative; it is paid back by energy that the springs release, and the rest by the next work of the
+// bodies: it is never charged at once. So all that the hand is given is at most what the bodies have given. B > 0
+// expires with the next frame, B < 0 with the time constant of a debt. Of frames that report nothing, the planes'
+// velocities announce the work; a surface that moves unannounced then gets no credit. Fingers that close onto a surface
+// always count as a surface that is announced as approaching.
+//
+// The last line of E bounds the effect of wrong reports, and of frames and stiffnesses that change the springs at an
 // unchanged pose: energy that the springs gain is not credited, and what they lose cannot be given to the hand later.
 // For a spring K held for a period T against a resting wall, E >= 0 if and only if K <= 2 b / T, for every motion:
 // E = K d^2 / 2 + (b / T - K / 2) sum |dx|^2.
@@ -32,7 +41,9 @@
 // @source Hannaford and Ryu 2002, Time-domain passivity control of haptic interfaces; Stramigioli, Secchi, van der
 // Schaft and Fantuzzi 2005, Sampled data systems passivity and discrete port-Hamiltonian systems (energy over a tick is
 // exact); Kim and Ryu 2010, energy bounding algorithm (credit for the device's damping); Franken, Stramigioli et al.
-// 2011 (tank). The bound by the cost of ending the wrench is ours.
+// 2011 (tank); Ryu, Artigas and Preusche 2010, A passive bilateral control scheme for a teleoperator with time-varying
+// communication delay (two-port with delay). The account of the bodies and the bound by the cost of ending the
+// wrench are ours.
 #pragma once
 
 #include <cstdint>
@@ -51,19 +62,19 @@ enum class PassivityControl : std::uint8_t {
 
 struct PassivitySettings {
     PassivityControl control = PassivityControl::Bound;
-    double allowance = 4e-5;           // J, that a contact may give beyond what it took; far below perception
-    double store = 1e-3;               // J, that may be kept beyond the energy of the coupling's springs
-    double recovery_s = 0.05;          // s, time constant with which gamma recovers to 1
-    double brake = 3.0;                // N s/m, against the grip's mean velocity at gamma = 0; stable below m / T = 100
-    double rotational_brake = 6e-4;    // N m s/rad, of the rotation; I / T = 0.02
-    double forget_s = 5.0;             // s, time constant with which debt is forgotten in free motion
-    double surface_power = 10.0;       // W, largest credited power of announced surface motion; 0: no credit
-    double damping = 0.3;              // N s/m, damping that the device has at least
-    double damping_credit = 0.5;       // 0..1, share of it that contacts may use; the rest makes vibration decay
-    double rotational_damping = 6e-5;  // N m s/rad
-    double mass = 0.1;                 // kg, of the grip alone: the smallest mass that the wrench may accelerate
-    double inertia = 2e-5;             // kg m^2
-    double max_damping = 30.0;         // N s/m, largest alpha; m / T is 100, and half of that oscillates
+    double allowance = 4e-5;         // J, that a contact may give beyond what it took; far below perception
+    double store = 1e-3;             // J, that may be kept beyond the energy of the coupling's springs
+    double recovery_s = 0.05;        // s, time constant with which gamma recovers to 1
+    double brake = 3.0;              // N s/m, against the grip's mean velocity at gamma = 0; stable below m / T = 100
+    double rotational_brake = 6e-4;  // N m s/rad, of the rotation; I / T = 0.02
+    double forget_s = 5.0;        // s, time constant with which debt is forgotten: E < 0 in free motion, B < 0 always
+    double surface_power = 10.0;  // W, largest credited power of moving surfaces; 0: no credit
+    double damping = 0.3;         // N s/m, damping that the device has at least
+    double damping_credit = 0.5;  // 0..1, share of it that contacts may use; the rest makes vibration decay
+    double rotational_damping = 6e-5;      // N m s/rad
+    double mass = 0.1;                     // kg, of the grip alone: the smallest mass that the wrench may accelerate
+    double inertia = 2e-5;                 // kg m^2
+    double max_damping = 30.0;             // N s/m, largest alpha; m / T is 100, and half of that oscillates
     double max_rotational_damping = 6e-3;  // N m s/rad
 };
 

@@ -129,7 +129,7 @@ void FrameRenderer::render_frame(const GripMotion& grip, std::int64_t now_ns, st
     have_springs_ = true;
     frame_is_new_ = false;
     contact.wrench = follower_.follow(wanted, 1e-9 * static_cast<double>(elapsed_ns));
-    // Power of the moving surfaces, for the passivity observer: power at the springs, plus power of the difference
+    // Power of the announced surfaces, for the passivity observer: power at the springs, plus power of the difference
     // between rendered and spring force, which is due to the follower. An approaching surface works against the
     // rendered force. A receding one takes at most the power of the springs: with the hand at rest nothing else leaves
     // them.
