@@ -91,8 +91,9 @@ std::array<Vec3, 2> contact_tangents(const Vec3& n) HAPTIC_RT {
     return {Vec3(1.0 - n.x * n.x * a, b, -n.x), Vec3(b, 1.0 - n.y * n.y * a, -n.y)};
 }
 
-ContactSolver::ContactSolver()
-    : force_(kMaxContactRows, 0.0),
+ContactSolver::ContactSolver(int max_sweeps)
+    : max_sweeps_(max_sweeps),
+      force_(kMaxContactRows, 0.0),
       deficit_(kMaxContactRows, 0.0),
       diagonal_(kMaxContactRows, 0.0),
       state_(kMaxContactRows, RowState::Idle),
@@ -275,7 +276,7 @@ void ContactSolver::solve_friction(const ComplianceMatrix& compliance, std::span
     double smallest = std::numeric_limits<double>::max();
     bool extrapolated = false;
     bool converged = false;
-    while (!converged && result.sweeps < kMaxSweeps) {
+    while (!converged && result.sweeps < max_sweeps_) {
         std::copy_n(force_.begin(), rows_, held_.begin());
         const double change = sweep(compliance, friction);
         ++result.sweeps;
@@ -290,7 +291,7 @@ void ContactSolver::solve_friction(const ComplianceMatrix& compliance, std::span
         result.residual = change;
         converged = change <= kSweepTolerance * scale_;
         // Extrapolate from the sweeps since the last change of mode.
-        extrapolated = !converged && result.sweeps < kMaxSweeps - kPlainSweeps;
+        extrapolated = !converged && result.sweeps < max_sweeps_ - kPlainSweeps;
         if (extrapolated) {
             if (change > kMaxGrowth * smallest) {
                 acceleration_.restart();

@@ -190,7 +190,7 @@ class ContactCoupling final : public SolverContacts {
     ComplianceMatrix tool_compliance_;    // W
     ComplianceMatrix body_compliance_;    // P^T M^-1 P, 1/kg
     ComplianceMatrix block_;
-    ContactSolver solver_;
+    ContactSolver solver_{ContactSolver::kMaxStepSweeps};
     bool projected_ = false;  // in this sub-step
     double work_ = 0.0;       // J, over the step so far
     // The last step with contact forces: impulse on the tool (N*s), point at which it acted, relative to the hip (m),

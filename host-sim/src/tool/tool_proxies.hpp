@@ -237,7 +237,7 @@ class ToolProxies {
     std::vector<Grip> grips_;                  // per particle
     std::vector<SurfacePlanes> barriers_;      // per particle: planes that block links of it in this step
     std::vector<std::uint32_t> barrier_rows_;  // per particle: barriers among the planes of the last solution
-    ContactSolver contact_solver_;
+    ContactSolver contact_solver_{ContactSolver::kMaxStepSweeps};
     ComplianceMatrix row_compliance_;  // W, m/N
     std::vector<double> row_depth_;    // m, per row
     std::vector<FrictionRows> friction_rows_;
