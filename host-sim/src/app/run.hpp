@@ -1,5 +1,5 @@
-// Run: executes a scene from start to end, in lockstep (as fast as possible), in real time or in the device's time, with
-// or without viewers.
+// Run: executes a scene from start to end, in lockstep (as fast as possible), in real time or in the device's time,
+// with or without viewers.
 //
 //     viewers' commands -> hand -> step -> contact frame to the ring -> statistics, records -> snapshot to the viewers
 //

@@ -89,9 +89,8 @@ Plan::Plan(const RunOptions& options) {
     steps = options.steps.value_or(static_cast<std::uint64_t>(std::llround(duration_s / scene.solver.step)));
     clock = clock_of(options);
     const bool lockstep = clock == RunClock::Lockstep;
-    hand = {.input = options.input,
-            .hostile_seed = hostile_seed_of(options.hand),
-            .scripted = lockstep || options.view};
+    hand = {
+        .input = options.input, .hostile_seed = hostile_seed_of(options.hand), .scripted = lockstep || options.view};
     if (hand.hostile_seed && (!lockstep || !options.input.empty())) {
         throw std::runtime_error("--hand hostile requires --clock lockstep and excludes --input");
     }

@@ -91,8 +91,8 @@ class FrameRenderer {
     double stiffness_ = 0.0;       // N/m, in use now
     double stiffness_from_ = 0.0;  // N/m, when the frame arrived
     std::int64_t stiffness_age_ns_ = 0;
-    bool reported_ = false;    // since the last render
-    double body_work_ = 0.0;   // J, since the last render
+    bool reported_ = false;   // since the last render
+    double body_work_ = 0.0;  // J, since the last render
 };
 
 }  // namespace haptic
