@@ -48,11 +48,8 @@ class CouplingBound {
   public:
     CouplingBound();
 
-    /// Relative excess over k that passes. A surface's share weakens the coupling between the rows of a rigid tool.
-    /// Where an edge stretches a straight tool, d_1 - d_2 lies along it and has no moment, but once the grip has turned
-    /// by an angle a from the tool's orientation, up to |r| sin a: with |r|^2 / j = 3 at its end, 0.03 pass 5.7
-    /// degrees.
-    static constexpr double kTranslationExcess = 0.03;
+    /// Relative excess over k that passes: a surface's share weakens the coupling between the rows of a rigid tool.
+    static constexpr double kTranslationExcess = 0.01;
     /// Over k_t j: W holds for the tool's orientation in the simulation, the moments for the grip's, which has moved
     /// on. Scripted and human-like hands in the built-in scenes need 0.25.
     static constexpr double kRotationExcess = 0.5;
