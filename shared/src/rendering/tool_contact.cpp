@@ -84,10 +84,10 @@ void ToolContact::load(const ContactFrame& frame, const Quat& device_from_grip) 
     lay_out_rows(frame);
     // A limp tool with one stiffness: its proxies are solved one by one, each with a compliance of its own.
     independent_ = frame.compliance_rows == 0 && torque_stiffness_of(frame) == frame.stiffness;
-    bound_.load(frame, std::span(rows_).first(frame.compliance_rows > 0 ? row_count_ : 0), device_from_grip);
     if (independent_) {
         return;
     }
+    bound_.load(frame, std::span(rows_).first(frame.compliance_rows > 0 ? row_count_ : 0), device_from_grip);
     if (frame.compliance_rows == 0) {
         fill_compliance(frame, 0, row_count_);
         return;
