@@ -38,7 +38,7 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     note_work(candidate);
     // Swap inbox and current frame.
     current_ = 1 - current_;
-    tool_.load(frame(), last_grip_.orientation);
+    tool_.load(frame());
     frame_is_new_ = true;
     limit_stiffness();
     have_frame_ = true;
@@ -59,9 +59,9 @@ void FrameRenderer::note_work(const ContactFrame& next) HAPTIC_RT {
 }
 
 void FrameRenderer::limit_stiffness() HAPTIC_RT {
-    // One factor for the whole coupling: translational limit, and rotational limit.
+    // One factor for the whole coupling: translational limit, and rotational limit, k_t <o^2> <= limit.
     const double requested = frame().stiffness;
-    const double rotational = rotational_stiffness_bound(frame());
+    const double rotational = torque_stiffness_of(frame()) * squared_moment_arm(frame());
     double factor = requested > settings_.max_stiffness ? settings_.max_stiffness / requested : 1.0;
     if (rotational * factor > settings_.max_rotational_stiffness) {
         factor = settings_.max_rotational_stiffness / rotational;
@@ -179,7 +179,7 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, std::int64_t now_n
         result.contact.surface_power *= fade * blend;
         result.stiffness = (frame().flags & HAPTIC_FRAME_CLUTCHED) == 0 ? stiffness_ : 0.0;
         result.scale = fade * blend;
-        result.stiffness_limited = stiffness_limited_[current_] || tool_.springs_added();
+        result.stiffness_limited = stiffness_limited_[current_];
     } else {
         have_springs_ = false;
     }

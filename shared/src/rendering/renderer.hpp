@@ -24,7 +24,7 @@ struct FrameSettings {
     std::int64_t ramp_ns = 50'000'000;          // ns, in which the wrench blends to a new source, or ends after contact
     /// N/m; a larger stiffness of a frame is reduced to this (passive_stiffness).
     double max_stiffness = std::numeric_limits<double>::infinity();
-    /// N*m/rad; the stiffness of a frame is reduced until its tool can make at most this (rotational_stiffness_bound).
+    /// N*m/rad; the stiffness of a frame is reduced until its tool can make at most this (squared_moment_arm).
     double max_rotational_stiffness = std::numeric_limits<double>::infinity();
 };
 
@@ -54,7 +54,7 @@ class FrameRenderer {
         bool reported = false;             // a new frame reports the bodies' work
         double body_work = 0.0;            // J, by which that is more than the last frame's
         double scale = 0.0;                // 0..1, part of the frame's wrench in the rendered one: fade and blend
-        bool stiffness_limited = false;    // the frame's stiffness was reduced, or its compliance lacked the springs
+        bool stiffness_limited = false;    // the frame's stiffness was reduced
         bool finite = true;                // false: the wrench overflowed and is zero
     };
     /// Wrench at a pose of the grip. elapsed_ns: since the last call.

@@ -20,6 +20,8 @@ namespace {
 constexpr double kHorizonSteps = 1.5;
 // s, time constant with which a particle's sticking position moves to the simulation's.
 constexpr double kStickCorrectionTimeS = 0.1;
+// k W_rr of a row that only the springs to the hand hold back.
+constexpr double kMinRelativeCompliance = 1.0;
 
 std::size_t proxies_of(const ContactFrame& frame) HAPTIC_RT {
     return std::min<std::size_t>(frame.proxy_count, kMaxProxies);
@@ -73,6 +75,19 @@ Contact hold_positions(const ContactFrame& frame, double stiffness, const GripMo
 
 }  // namespace
 
+double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT {
+    return frame.torque_stiffness > 0.0 ? frame.torque_stiffness : frame.stiffness;
+}
+
+double squared_moment_arm(const ContactFrame& frame) HAPTIC_RT {
+    double squares = 0.0;
+    for (std::size_t i = 0; i < proxies_of(frame); ++i) {
+        const Vec3 offset = to_vec3(frame.proxies[i].rest_offset);
+        squares += glm::dot(offset, offset);
+    }
+    return frame.proxy_count > 0 ? squares / static_cast<double>(proxies_of(frame)) : 0.0;
+}
+
 ToolContact::ToolContact()
     : rows_(kMaxContactRows),
       depth_(kMaxContactRows),
@@ -80,14 +95,13 @@ ToolContact::ToolContact()
       displaced_(kMaxContactRows),
       pairs_(kMaxProxies) {}
 
-void ToolContact::load(const ContactFrame& frame, const Quat& device_from_grip) HAPTIC_RT {
+void ToolContact::load(const ContactFrame& frame) HAPTIC_RT {
     lay_out_rows(frame);
     // A limp tool with one stiffness: its proxies are solved one by one, each with a compliance of its own.
     independent_ = frame.compliance_rows == 0 && torque_stiffness_of(frame) == frame.stiffness;
     if (independent_) {
         return;
     }
-    bound_.load(frame, std::span(rows_).first(frame.compliance_rows > 0 ? row_count_ : 0), device_from_grip);
     if (frame.compliance_rows == 0) {
         fill_compliance(frame, 0, row_count_);
         return;
@@ -96,6 +110,14 @@ void ToolContact::load(const ContactFrame& frame, const Quat& device_from_grip) 
     for (std::size_t r = 0; r < row_count_; ++r) {
         for (std::size_t s = 0; s <= r; ++s) {
             compliance_.set(r, s, frame.compliance[compliance_index(r, s)]);
+        }
+        // The springs that translate the whole tool with the grip are in series with every contact, so that k W_rr is
+        // at least 1, and the limits of stiffness rely on it: a simulator that sends W in m/N would bypass them. This
+        // bounds each contact by k, not their sum. A larger diagonal leaves W positive. A tangential row of exactly 0
+        // has no friction: the solver excludes it.
+        const double diagonal = compliance_(r, r);
+        if (!rows_[r].tangential || diagonal != 0.0) {
+            compliance_.set(r, r, std::max(diagonal, kMinRelativeCompliance));
         }
     }
 }
@@ -334,13 +356,7 @@ void ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT {
         }
     }
     const auto pairs = std::span(tool_->pairs_).first(count);
-    const auto depth = std::span<const double>(tool_->depth_).subspan(first_row, rows);
-    double stored = solve_springs(depth, pairs);
-    if (!tool_->independent_ && tool_->bound_.enforce(tool_->compliance_, tool_->solver_.force())) {
-        // The frame's compliance was stiffer than the springs to the hand.
-        stored = solve_springs(depth, pairs);
-    }
-    contact_.stored += stored;
+    contact_.stored += solve_springs(std::span<const double>(tool_->depth_).subspan(first_row, rows), pairs);
     const std::span<const double> forces = tool_->solver_.force();
     std::copy(forces.begin(), forces.end(), tool_->force_.begin() + static_cast<std::ptrdiff_t>(first_row));
     if (!keeps_friction_) {

@@ -29,7 +29,6 @@
 #include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
 #include "haptic/types.hpp"
-#include "rendering/coupling_bound.hpp"
 
 namespace haptic {
 
@@ -63,14 +62,20 @@ struct Contact {
     double max_moment_arm = 0.0;     // m, largest |o_i|
 };
 
+/// N/m, of the springs that make the torque.
+[[nodiscard]] double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT;
+
+/// m^2, factor from a torque stiffness (N/m) to the largest rotational stiffness (N*m/rad) about an axis that a tool
+/// coupled with it can have, however stiff: the mean of |o_i|^2.
+[[nodiscard]] double squared_moment_arm(const ContactFrame& frame) HAPTIC_RT;
+
 /// Renders contact frames. All memory is allocated by the constructor.
 class ToolContact {
   public:
     ToolContact();
 
-    /// Prepares the rows and the compliance of a frame that has passed find_defect(); the grip's orientation, for the
-    /// CouplingBound, is the present one. Friction states are kept.
-    void load(const ContactFrame& frame, const Quat& device_from_grip = Quat(1.0, 0.0, 0.0, 0.0)) HAPTIC_RT;
+    /// Prepares the rows and the compliance of a frame that has passed find_defect(). Friction states are kept.
+    void load(const ContactFrame& frame) HAPTIC_RT;
     /// Evaluates the equations above for the loaded frame, with planes extrapolated to time_ns, but at most 1.5 steps
     /// beyond their own time, and with `stiffness` (N/m) in place of the frame's. Without stiffness, or clutched, there
     /// is no force; one that overflows is infinite. Bounded: two solutions of the contact problem.
@@ -79,8 +84,6 @@ class ToolContact {
     /// The same at a pose at rest. Keeps the states of friction; the next solution starts from this one.
     [[nodiscard]] Contact preview(const ContactFrame& frame, double stiffness, const Pose& grip,
                                   std::int64_t time_ns) HAPTIC_RT;
-    /// The loaded frame's compliance was stiffer than the coupling (CouplingBound).
-    [[nodiscard]] bool springs_added() const HAPTIC_RT { return bound_.springs_added(); }
     /// The next contacts begin without friction.
     void forget_friction() HAPTIC_RT { friction_.fill({}); }
 
@@ -90,6 +93,11 @@ class ToolContact {
     /// One instant of a frame; tool_contact.cpp.
     class Instant;
 
+    struct Row {
+        Vec3 direction{0.0, 0.0, 0.0};  // unit
+        std::uint16_t proxy = 0;
+        bool tangential = false;
+    };
     /// Rows of one proxy: normals, then two tangents if it has friction.
     struct ProxyRows {
         std::uint16_t first = 0;
@@ -102,11 +110,10 @@ class ToolContact {
     void fill_compliance(const ContactFrame& frame, std::size_t begin, std::size_t end) HAPTIC_RT;
 
     std::array<ProxyRows, kMaxProxies> proxies_{};
-    std::vector<FrameRow> rows_;
+    std::vector<Row> rows_;
     std::size_t row_count_ = 0;
     bool independent_ = true;      // no proxy yields to a force on another
     ComplianceMatrix compliance_;  // k W of all rows; of those of one proxy if independent
-    CouplingBound bound_;          // of compliance_, if the frame sends one
     ContactSolver solver_;
     std::array<FrictionState, kMaxProxies> friction_{};
     // Per row, of the latest evaluation.
