@@ -74,12 +74,11 @@ class PreparedTransport final : public device::Transport {
 
 /// Tool of a frame, by what its compliance contains.
 enum Tool : std::int64_t {
-    kLimp = 0,     // none: each particle has its own spring
-    kElastic = 1,  // the springs of translation and rotation, and each particle yields by itself besides
-    kMistaken = 2  // as elastic, without the springs of rotation: rt-core adds them (coupling_bound.hpp)
+    kLimp = 0,    // none: each particle has its own spring
+    kElastic = 1  // the springs of translation and rotation, and each particle yields by itself besides
 };
 
-void make_elastic(ContactFrame& frame, bool rotates) {
+void make_elastic(ContactFrame& frame) {
     // Centre of the rest offsets and mean square of their distances from it: with k_t = k, the rotational springs.
     Vec3 centre(0.0);
     for (std::uint32_t i = 0; i < frame.proxy_count; ++i) {
@@ -105,7 +104,7 @@ void make_elastic(ContactFrame& frame, bool rotates) {
     for (std::size_t r = 0; r < normals.size(); ++r) {
         for (std::size_t s = 0; s <= r; ++s) {
             const double translation = (owners[r] == owners[s] ? 1.2 : 1.0) * glm::dot(normals[r], normals[s]);
-            const double rotation = rotates ? glm::dot(moments[r], moments[s]) / mean_square : 0.0;
+            const double rotation = glm::dot(moments[r], moments[s]) / mean_square;
             const double share = r == s ? 1.0 : 1.0 - kSurfaceShare;
             frame.compliance[compliance_index(r, s)] = static_cast<float>(share * (translation + rotation));
         }
@@ -131,8 +130,8 @@ ContactFrame frame_of(std::uint32_t proxies, std::int64_t tool) {
         particle.planes[2].offset = -0.003;
         particle.planes[0].velocity = 0.001;
     }
-    if (tool != kLimp) {
-        make_elastic(frame, tool == kElastic);
+    if (tool == kElastic) {
+        make_elastic(frame);
     }
     return frame;
 }
@@ -217,8 +216,6 @@ BENCHMARK(tick)
     ->Args({37, 1, kLimp, 0})
     ->Args({37, 10, kElastic, 0})
     ->Args({64, 10, kElastic, 0})
-    ->Args({37, 10, kMistaken, 0})
-    ->Args({64, 10, kMistaken, 0})
     ->UseManualTime()
     ->Unit(benchmark::kMicrosecond);
 

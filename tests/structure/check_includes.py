@@ -20,7 +20,7 @@ NAMESPACES = {"host-sim": "haptic/sim/", "rt-core": "haptic/rt/", "firmware-host
 MAY_USE = {"host-sim": {"shared"}, "rt-core": {"shared", "firmware-host"}, "firmware-host": {"shared"}}
 HEADER_ONLY = {
     "host-sim": {"contact": "contact", "coupling": "tool", "mesh": "mesh", "scene_body": "tool", "tool_material": "tool"},
-    "firmware-host": {"board": "boards", "board_options": "boards"},
+    "firmware-host": {"board": "boards", "board_options": "boards", "button_track": "emulated"},
     "rt-core": {},
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s+["<]([^">]+)[">]', re.MULTILINE)

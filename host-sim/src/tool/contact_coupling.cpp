@@ -85,6 +85,7 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
     pressed_of_normals_ = 0;
     paid_ = {};
     work_ = 0.0;
+    paid_after_contact_ = Vec3(0.0);
     for (Lead& lead : leads_) {
         lead = {.start = lead.end};
     }
@@ -330,6 +331,16 @@ void ContactCoupling::add_work(const ParticleModel& at) noexcept {
         work_ += glm::dot(row.exerted, patch.start - patch.now);
         row.exerted = Vec3(0.0);
     }
+    // The same for what was paid after a contact.
+    if (step_.owed_force != Vec3(0.0)) {
+        Vec3 point(0.0);
+        for (const Pressed& p : last_pressed_) {
+            point += p.weight * at.position[p.particle];
+        }
+        work_ += glm::dot(paid_after_contact_, point - last_point_);
+        last_point_ = point;
+        paid_after_contact_ = Vec3(0.0);
+    }
 }
 
 void ContactCoupling::end_step(const ParticleModel& model) noexcept {
@@ -490,6 +501,7 @@ void ContactCoupling::pay_after_contact(double h, Row* position, Row* pushed) {
     }
     displace(last_pressed_, -h * h * step_.owed_force, position);
     displace(last_pressed_, -h * h * step_.owed_force, pushed);
+    paid_after_contact_ = step_.owed_force;
     paid_.force += h * step_.owed_force;
     paid_.torque += h * glm::cross(last_moment_arm_, step_.owed_force);
 }

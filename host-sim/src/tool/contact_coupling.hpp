@@ -198,7 +198,9 @@ class ContactCoupling final : public SolverContacts {
     Vec3 last_push_{0.0};
     Vec3 last_moment_arm_{0.0};
     std::vector<Pressed> last_pressed_;
-    CoupledForce paid_;  // N*s and N*m*s, impulses of owed_force over the step so far
+    Vec3 last_point_{0.0};          // m, mean of these at the beginning of the sub-step
+    Vec3 paid_after_contact_{0.0};  // N, on the tool in this sub-step
+    CoupledForce paid_;             // N*s and N*m*s, impulses of owed_force over the step so far
 };
 
 }  // namespace haptic::sim

@@ -324,11 +324,12 @@ TEST(Simulation, TimesItsStagesByTheCallersClock) {
     for (const std::int64_t stage : {t.ccd_ns, t.popout_ns, t.tool_ns, t.skin_ns}) {
         EXPECT_EQ(stage, 1000);
     }
-    // The coupling calls the clock twice in the bodies' step: its own time counts as that of the proxies.
-    EXPECT_EQ(t.proxy_ns, 2000);   // speculative planes, and the coupling
-    EXPECT_EQ(t.deform_ns, 2000);  // between and around the coupling's calls
+    // The coupling reads the clock at both ends of each of its two calls, before and after the bodies' step: its own
+    // time counts as that of the proxies.
+    EXPECT_EQ(t.proxy_ns, 3000);   // speculative planes, and the coupling
+    EXPECT_EQ(t.deform_ns, 3000);  // between and around the coupling's calls
     EXPECT_EQ(t.collide_ns, 0);    // one body, no ground
-    EXPECT_EQ(t.total_ns, 9000);   // plus one for the frame
+    EXPECT_EQ(t.total_ns, 11000);  // plus one for the frame
     Simulation without(late_drop());
     EXPECT_EQ(without.step(without.scripted_input(0)).times.total_ns, 0);
 }

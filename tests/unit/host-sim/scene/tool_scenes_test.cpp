@@ -111,15 +111,16 @@ constexpr const char* kRollOver =
 
 TEST(FishGrab, AStiffHandThatClosesRoundTheFishStaysAtTheGrip) {
     // Its fingers leave the fish little room: they press with many times the force that the hand feels. The hand is
-    // displaced by what it holds, 40 mm thick, and by no more. With 30 sweeps of friction it was thrown 0.5 m away.
+    // displaced by what it holds, 40 mm thick, and the 19 mm by which it moves meanwhile, and by no more. With 30
+    // sweeps of friction it was thrown 0.5 m away.
     constexpr double kClosed = 1.15;  // s of the script
-    constexpr double kThickness = 0.04;
+    constexpr double kRoom = 0.06;
     Simulation simulation(scene_with("fish-grab", {"tool.material.young_modulus=1e7", "coupling.stiffness=600"}));
     std::size_t touching = 0;
     for (double time_s = 0.5; time_s < kClosed; time_s += 0.01) {
         run_until(simulation, time_s);
         const ToolProxies& tool = simulation.tool();
-        ASSERT_LT(glm::length(tool.pose().position - tool.hip().position), kThickness) << time_s << " s";
+        ASSERT_LT(glm::length(tool.pose().position - tool.hip().position), kRoom) << time_s << " s";
         const auto in_contact = [](const ToolProxy& p) { return p.in_contact(); };
         touching = std::max(touching, static_cast<std::size_t>(
                                           std::count_if(tool.particles().begin(), tool.particles().end(), in_contact)));
