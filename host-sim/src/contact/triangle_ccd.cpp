@@ -29,19 +29,27 @@ TriangleCorners moved(const TriangleCorners& from, const TriangleCorners& motion
     return {from.a + motion.a * time, from.b + motion.b * time, from.c + motion.c * time};
 }
 
+Vec3 lower(const Vec3& a, const Vec3& b) HAPTIC_RT {
+    return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
+}
+
+Vec3 upper(const Vec3& a, const Vec3& b) HAPTIC_RT {
+    return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
+}
+
 /// Whether the box of the whole motion is disjoint from the box of the sphere at the origin.
 bool boxes_disjoint(const TriangleCorners& s, const TriangleCorners& motion, double radius) HAPTIC_RT {
     const auto misses = [radius](const Vec3& low, const Vec3& high) {
         return std::max({low.x, low.y, low.z}) > radius || std::min({high.x, high.y, high.z}) < -radius;
     };
     // Most triangles that a query passes on are near from the start.
-    const Vec3 low = glm::min(s.a, glm::min(s.b, s.c));
-    const Vec3 high = glm::max(s.a, glm::max(s.b, s.c));
+    const Vec3 low = lower(s.a, lower(s.b, s.c));
+    const Vec3 high = upper(s.a, upper(s.b, s.c));
     if (!misses(low, high)) {
         return false;
     }
     const TriangleCorners e = moved(s, motion, 1.0);
-    return misses(glm::min(low, glm::min(e.a, glm::min(e.b, e.c))), glm::max(high, glm::max(e.a, glm::max(e.b, e.c))));
+    return misses(lower(low, lower(e.a, lower(e.b, e.c))), upper(high, upper(e.a, upper(e.b, e.c))));
 }
 
 /// Makes a direction orthogonal to the touched face or edge. Any unit vector gives a safe bound. But if the closest

@@ -168,7 +168,7 @@ double extra_motion(const std::vector<HandSample>& samples) {
 
 /// (c): extra motion of a reacting hand against the stiffness, and its path at one at which the schemes differ.
 void add_reacting_hand(const Study& study, Figure& figure, std::uint64_t& escapes) {
-    constexpr double kShown = 500.0;  // N/m
+    constexpr double shown_stiffness = 500.0;  // N/m
     const std::vector<double> stiffnesses{20.0, 50.0, 100.0, 200.0, 500.0, 1000.0};
     const std::array<Scheme, 4> schemes{{{"positions", true, 0.02, 0.0, false},
                                          {"planes", false, 0.02, 0.0, false},
@@ -187,7 +187,7 @@ void add_reacting_hand(const Study& study, Figure& figure, std::uint64_t& escape
             const std::vector<HandSample> samples = react(scheme, study.clock(), escapes);
             row[w + 1] = 1e3 * extra_motion(samples);
             least[w] = stiffness == stiffnesses.front() ? row[w + 1] : least[w];
-            if (stiffness == kShown) {
+            if (stiffness == shown_stiffness) {
                 shown[w] = row[w + 1];
                 paths[w] = samples;
             }
@@ -211,7 +211,7 @@ void add_reacting_hand(const Study& study, Figure& figure, std::uint64_t& escape
     }
     path.close();
     study.plot(figure, "figure-5.7-hand",
-               "(c) Height of the reacting hand over its intended path, " + format_fixed(kShown, 0) + " N/m.",
+               "(c) Height of the reacting hand over its intended path, " + format_fixed(shown_stiffness, 0) + " N/m.",
                "set xlabel 'time, s'\nset ylabel 'mm'\nset xrange [0.5:3.2]\nplot 'figure-5.7-hand.csv' using 1:4 skip "
                "1 with lines lc 2 title 'single rate, 50 steps/s', '' using 1:2 skip 1 with lines lw 2 lc 3 title "
                "'positions (the thesis)', '' using 1:3 skip 1 with lines lw 2 lc 1 title 'planes', '' using 1:5 skip 1 "
@@ -222,7 +222,7 @@ void add_reacting_hand(const Study& study, Figure& figure, std::uint64_t& escape
     };
     figure.comparisons.push_back(
         {"(c) extra motion of the hand, 20 N/m", "a single rate has more (figure)", motions(least)});
-    figure.comparisons.push_back({"(c) the same, " + format_fixed(kShown, 0) + " N/m", "-", motions(shown)});
+    figure.comparisons.push_back({"(c) the same, " + format_fixed(shown_stiffness, 0) + " N/m", "-", motions(shown)});
 }
 
 void write(const Study& study, Figure& figure, const std::string& name, const std::vector<HapticSample>& samples) {

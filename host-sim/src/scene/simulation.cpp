@@ -53,15 +53,16 @@ double first_curl(const Scene& scene) {
     return scene.curl.known() ? scene.curl.at(0) : scene.tool ? scene.tool->curl : 0.0;
 }
 
-/// Whether a hand that closes its tool with the button holds it at that time of the script, so that curl and script
-/// pass the middle between open and closed together.
-bool close_button(const Scene& scene, std::int64_t at_ns) {
+/// Bit of the button that closes the tool, if a hand holds it at that time of the script, so that curl and script pass
+/// the middle between open and closed together.
+std::uint32_t close_button(const Scene& scene, std::int64_t at_ns) {
     if (!scene.tool || scene.tool->close_button < 0) {
-        return false;
+        return 0;
     }
     const ToolSettings& tool = *scene.tool;
     const double lead_s = 0.5 * std::abs(tool.close_to - tool.curl) / tool.close_speed;
-    return scene.curl.at(at_ns + nanoseconds(lead_s)) > 0.5 * (tool.curl + tool.close_to);
+    const bool held = scene.curl.at(at_ns + nanoseconds(lead_s)) > 0.5 * (tool.curl + tool.close_to);
+    return held ? 1u << static_cast<unsigned>(tool.close_button) : 0u;
 }
 
 ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
@@ -417,7 +418,7 @@ StepInput Simulation::scripted_input(std::int64_t time_ns) const {
     input.device = state_->workspace.to_device(hand);
     if (scene.curl.known()) {
         input.curl = scene.curl.at(at_ns);
-        input.buttons = close_button(scene, at_ns) ? 1u << static_cast<unsigned>(scene.tool->close_button) : 0u;
+        input.buttons = close_button(scene, at_ns);
     }
     return input;
 }

@@ -177,7 +177,9 @@ class SceneMap {
         double largest = 0.0;
         for (const char* const axis : {"fx_n", "fy_n", "fz_n"}) {
             const auto force = record.column(axis);
-            for (double from_s = end_s - kSceneWindowS; from_s >= hand_.moving_s; from_s -= kSceneWindowS) {
+            const int windows = static_cast<int>((end_s - hand_.moving_s) / kSceneWindowS);
+            for (int window = 1; window <= windows; ++window) {
+                const double from_s = end_s - window * kSceneWindowS;
                 const std::size_t begin = row_at(from_s);
                 const std::size_t end = row_at(from_s + kSceneWindowS);
                 largest = std::max(largest, amplitude_of(std::span<const double>(force).subspan(begin, end - begin)));

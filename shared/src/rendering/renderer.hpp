@@ -88,10 +88,10 @@ class FrameRenderer {
     Wrench springs_;               // of the last render, before the follower, at its stiffness
     bool have_springs_ = false;    // a frame was rendered then
     bool frame_is_new_ = false;    // it has not been rendered yet
+    bool reported_ = false;        // the bodies' work, since the last render
     double stiffness_ = 0.0;       // N/m, in use now
     double stiffness_from_ = 0.0;  // N/m, when the frame arrived
     std::int64_t stiffness_age_ns_ = 0;
-    bool reported_ = false;   // since the last render
     double body_work_ = 0.0;  // J, since the last render
 };
 
