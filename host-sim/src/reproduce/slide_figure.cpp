@@ -105,7 +105,6 @@ std::vector<HapticSample> slide(const Scheme& scheme, std::int64_t (*clock)(), s
 struct HandSample {
     double time_s = 0.0;
     double deviation = 0.0;  // m, height over the intended one
-    double force = 0.0;      // N, up
 };
 
 /// Runs the scene with a hand that follows the script and reacts to the force, which is that of rt-core's renderer, or
@@ -134,7 +133,7 @@ std::vector<HandSample> react(const Scheme& scheme, std::int64_t (*clock)(), std
             const HapticSample sample = loop.tick(simulation.workspace(), hand.pose(), time_ns);
             const Vec3 force = scheme.holds_force ? held : simulation.workspace().force_to_device(sample.force);
             const Pose intended = simulation.scripted_input(time_ns).device;
-            samples.push_back({seconds(time_ns), hand.pose().position.y - intended.position.y, force.y});
+            samples.push_back({seconds(time_ns), hand.pose().position.y - intended.position.y});
             hand.advance(simulation.scripted_input(time_ns + HapticLoop::kTickNs).device, force,
                          seconds(HapticLoop::kTickNs));
         }

@@ -42,7 +42,7 @@ struct LeadFit {
     /// The mean, and a correction of its components where the normals differ by more than a few degrees.
     [[nodiscard]] Vec3 lead() const noexcept {
         const Vec3 first = mean / weight;
-        const Vec3 residual = mean / weight - normals / weight * first;
+        const Vec3 residual = first - normals / weight * first;
         return first + glm::inverse(normals / weight + Mat3(kParallel)) * residual;
     }
 };

@@ -1,15 +1,13 @@
 #include "commands/scene_stability.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
-#include <functional>
 #include <span>
 #include <stdexcept>
 #include <string>
-#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -136,13 +134,13 @@ class SceneMap {
             times.push_back(kApproachS + i * kSampleS);
             poses.push_back(script.at(nanoseconds(i * kSampleS)));
         }
-        std::string text = "time_s,x_m,y_m,z_m,qw,qx,qy,qz\n";
+        CsvWriter csv(hand.file, {"time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"});
         for (std::size_t i = 0; i < times.size(); ++i) {
             const Vec3& p = poses[i].position;
             const Quat& q = poses[i].orientation;
-            append_row(text, std::vector{times[i], p.x, p.y, p.z, q.w, q.x, q.y, q.z});
+            csv.row(std::array{times[i], p.x, p.y, p.z, q.w, q.x, q.y, q.z});
         }
-        std::ofstream(hand.file) << text;
+        csv.close();
         hand.track = PoseTrack(std::move(times), std::move(poses));
         return hand;
     }
@@ -206,23 +204,15 @@ class SceneMap {
 };
 
 void write_csv(const std::filesystem::path& file, const std::vector<Cell>& cells) {
-    std::string text =
-        "rate_hz,stiffness_n_m,delay_ms,first_mm,last_mm,driven_mm,energy_min_j,peak_force_n,touching_share,controlled_"
-        "share,faults,"
-        "grows\n";
+    CsvWriter csv(file, {"rate_hz", "stiffness_n_m", "delay_ms", "first_mm", "last_mm", "driven_mm", "energy_min_j",
+                         "peak_force_n", "touching_share", "controlled_share", "faults", "grows"});
     for (const Cell& cell : cells) {
         const SceneOutcome& o = cell.outcome;
-        append_row(text,
-                   std::vector{cell.rate_hz, cell.stiffness, cell.delay_ms, o.first_amplitude / kMillimetre,
-                               o.last_amplitude / kMillimetre, cell.driven / kMillimetre, o.min_energy, o.peak_force,
-                               o.touching, o.controlled, static_cast<double>(o.faults), cell.grows ? 1.0 : 0.0});
+        csv.row(std::array{cell.rate_hz, cell.stiffness, cell.delay_ms, o.first_amplitude / kMillimetre,
+                           o.last_amplitude / kMillimetre, cell.driven / kMillimetre, o.min_energy, o.peak_force,
+                           o.touching, o.controlled, static_cast<double>(o.faults), cell.grows ? 1.0 : 0.0});
     }
-    std::ofstream csv(file);
-    csv << text;
     csv.close();
-    if (!csv) {
-        throw std::runtime_error(file.string() + ": cannot be written");
-    }
 }
 
 /// A table per step rate: rows of stiffness, columns of delay, the last amplitude in mm, and * where it grows.

@@ -123,16 +123,18 @@ void Passivity::observe(const PassivityMotion& motion, const PassivityRequest& r
     const double wasted = (1.0 - settings_.damping_credit) * dissipated;
     const double most = active ? max_power * request.elapsed_s : 0.0;
     const double decay = 1.0 / (1.0 + request.elapsed_s / settings_.forget_s);
-    for (Account* account : {&energy_, &tank_, &translation_}) {
-        const double taken = account == &translation_ ? translation : account == &tank_ ? absorbed - wasted : absorbed;
+    const auto take = [&](Account& account, double taken) {
         // What the bodies have taken is remembered for some time, what they have given until the next frame.
-        account->bodies *= account->bodies < 0.0 ? decay : 1.0;
+        account.bodies *= account.bodies < 0.0 ? decay : 1.0;
         if (request.reported) {
-            account->bodies = std::min(account->bodies, 0.0) + request.body_work;
+            account.bodies = std::min(account.bodies, 0.0) + request.body_work;
         }
-        account->energy += taken + credited_work(surface, account->energy, storage_limit);
-        settle(account->energy, account->bodies, storage_limit, most);
-    }
+        account.energy += taken + credited_work(surface, account.energy, storage_limit);
+        settle(account.energy, account.bodies, storage_limit, most);
+    };
+    take(energy_, absorbed);
+    take(tank_, absorbed - wasted);
+    take(translation_, translation);
     rotation_ = std::min(rotation_ + rotation, storage_limit);
     // Without a wrench, debt is forgotten with a time constant and surplus is already cut to zero.
     if (!active) {

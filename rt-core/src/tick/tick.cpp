@@ -160,7 +160,6 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     jump_ = false;
     motion_ = PassivityMotion{};
     motion_.requested = held_command_.requested;
-    held_wrench_ = wrench_of_tensions(wires_, held_command_.tensions);
     held_contact_ = held_command_.contact;
     if (!in_ok_) {
         return;
@@ -179,11 +178,10 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     }
     velocity_.update(estimate_.pose, since_latch_ns);
     // The tensions were held, but the wrench changed with the strings' directions: mean of begin and end.
-    const Wrench held_before = held_wrench_;
+    const Wrench held_before = wrench_of_tensions(wires_, held_command_.tensions);
     wires_ = wire_matrix(settings_.geometry, estimate_.pose);
     const Wrench held_after = wrench_of_tensions(wires_, held_command_.tensions);
-    held_wrench_ = {0.5 * (held_before.force + held_after.force), 0.5 * (held_before.torque + held_after.torque)};
-    motion_.held = held_wrench_;
+    motion_.held = {0.5 * (held_before.force + held_after.force), 0.5 * (held_before.torque + held_after.torque)};
     // Motion over which the held wrench did its work.
     motion_.displacement = estimate_.pose.position - before.position;
     motion_.rotation = rotation_between(before.orientation, estimate_.pose.orientation);

@@ -205,8 +205,7 @@ class Tick {
     HeldCommand sent_command_;  // sent, or to be sent next
     HeldCommand held_command_;  // held by the motors
     PassivityMotion motion_;    // since the last tick, under the held command
-    Wrench held_wrench_;        // of the held command since the last tick, mean over it
-    Wrench held_contact_;       // its part that was exerted because of a request
+    Wrench held_contact_;       // of the held command since the last tick, exerted because of a request
     Wrench impulse_;            // N*s and N*m*s, integral of held_contact_ since the process began
 };
 

@@ -296,6 +296,19 @@ TEST(Passivity, LetsAnAnnouncedSurfacePushARestingHand) {
     EXPECT_LT(reached[0], 0.7 * reached[1]);
 }
 
+/// m, peak-to-peak motion over the next ticks; tick() returns the position after it.
+template <class Tick>
+double peak_to_peak(int ticks, const Tick& tick) {
+    double high = -1.0;
+    double low = 1.0;
+    for (int i = 0; i < ticks; ++i) {
+        const double position = tick();
+        high = std::max(high, position);
+        low = std::min(low, position);
+    }
+    return high - low;
+}
+
 /// Grip of 0.1 kg and 0.3 N s/m pressed by an undamped hand against a wall whose force is `delay` ticks late.
 class DelayedWall {
   public:
@@ -313,14 +326,10 @@ class DelayedWall {
     }
     /// m, peak-to-peak motion over the next ticks.
     double amplitude(int ticks) {
-        double high = -1.0;
-        double low = 1.0;
-        for (int i = 0; i < ticks; ++i) {
+        return peak_to_peak(ticks, [this] {
             tick();
-            high = std::max(high, y_);
-            low = std::min(low, y_);
-        }
-        return high - low;
+            return y_;
+        });
     }
     [[nodiscard]] double min_energy() const { return least_; }
 
@@ -401,14 +410,10 @@ class SlowBody {
     }
     /// m, peak-to-peak motion of the grip over the next ticks.
     double amplitude(int ticks) {
-        double high = -1.0;
-        double low = 1.0;
-        for (int i = 0; i < ticks; ++i) {
+        return peak_to_peak(ticks, [this] {
             tick();
-            high = std::max(high, grip_);
-            low = std::min(low, grip_);
-        }
-        return high - low;
+            return grip_;
+        });
     }
     /// J, largest energy that the grip has received, beyond that which the body had when it began.
     [[nodiscard]] double generated() const { return most_received_ - 0.5 * spring_ * kRest * kRest; }
