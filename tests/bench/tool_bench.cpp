@@ -1,10 +1,11 @@
-// Elasticity of the tool: what new springs and a new rest shape cost. The rest shape changes at each step in which
-// fingers close.
+// Elasticity of the tool: what new springs, a new curl of its fingers and the table of its shapes cost. The curl
+// changes at each step in which fingers close.
 //
-//     tool_bench --benchmark_filter=new_rest_shape
+//     tool_bench --benchmark_filter=new_curl
 #include <benchmark/benchmark.h>
 
 #include <cstddef>
+#include <span>
 #include <vector>
 
 #include "haptic/sim/tool_model.hpp"
@@ -32,22 +33,36 @@ ToolElasticity elasticity_of(const ToolModel& tool) {
             {}};
 }
 
-void new_rest_shape(benchmark::State& state) {
+void tabulate(benchmark::State& state) {
     ToolModel tool = hand(static_cast<std::size_t>(state.range(0)));
     ToolElasticity elasticity = elasticity_of(tool);
     std::vector<haptic::Quat> rotation(tool.radius.size());
+    for (auto _ : state) {
+        elasticity.tabulate([&](double curl, std::span<haptic::Vec3> rest_offset) {
+            tool.joints.apply_curl(curl, rest_offset, rotation);
+        });
+    }
+}
+BENCHMARK(tabulate)->ArgName("spheres")->Arg(16)->Arg(37)->Arg(64)->Unit(benchmark::kMillisecond);
+
+void new_curl(benchmark::State& state) {
+    ToolModel tool = hand(static_cast<std::size_t>(state.range(0)));
+    ToolElasticity elasticity = elasticity_of(tool);
+    std::vector<haptic::Quat> rotation(tool.radius.size());
+    const auto shape = [&](double curl, std::span<haptic::Vec3> rest_offset) {
+        tool.joints.apply_curl(curl, rest_offset, rotation);
+    };
+    elasticity.tabulate(shape);
     double curl = 0.0;
     for (auto _ : state) {
         // The fingers close by 1 % of their range, and open when they are closed.
-        curl = curl < 1.0 ? curl + 0.01 : 0.0;
-        state.PauseTiming();
-        tool.joints.apply_curl(curl, tool.body.particles.rest_position, rotation);
-        state.ResumeTiming();
-        elasticity.set_rest_shape(tool.body.particles.rest_position);
+        curl = curl < 0.99 ? curl + 0.01 : 0.0;
+        shape(curl, tool.body.particles.rest_position);
+        elasticity.set_curl(curl, tool.body.particles.rest_position);
         benchmark::DoNotOptimize(elasticity.compliance(0, 0));
     }
 }
-BENCHMARK(new_rest_shape)->ArgName("spheres")->Arg(16)->Arg(37)->Arg(64)->Unit(benchmark::kMicrosecond);
+BENCHMARK(new_curl)->ArgName("spheres")->Arg(16)->Arg(37)->Arg(64)->Unit(benchmark::kMicrosecond);
 
 void new_springs(benchmark::State& state) {
     const ToolModel tool = hand(static_cast<std::size_t>(state.range(0)));

@@ -35,9 +35,9 @@ INSTANTIATE_TEST_SUITE_P(
     OfBuiltInScenes, SceneHashes,
     testing::Values(SceneHash{"cloth-drop", 0x8b941a50bf1cc275}, SceneHash{"popout-fan", 0xf85790ec74d69d9b},
                     SceneHash{"fish-hold", 0xe9d2dadd570fef16}, SceneHash{"fish-slide", 0x52f35856e67b3299},
-                    SceneHash{"four-fish", 0xdafd4b239ad362de}, SceneHash{"curtain-hand", 0xef680625fba19848},
-                    SceneHash{"plane-slide", 0x3be00bda29231418}, SceneHash{"rod-gap", 0xccc6ac796b2517c3},
-                    SceneHash{"fish-grab", 0x9796c1e105af0fcf, 900}),  // touches from step 230 on
+                    SceneHash{"four-fish", 0xdafd4b239ad362de}, SceneHash{"curtain-hand", 0x4818aeaab7df4c12},
+                    SceneHash{"plane-slide", 0xb3a8003b50888e92}, SceneHash{"rod-gap", 0x56cfc3fa9d7f1445},
+                    SceneHash{"fish-grab", 0xb2c89eaa24a1759d, 900}),  // touches from step 230 on
     [](const testing::TestParamInfo<SceneHash>& scene) {
         std::string name = scene.param.scene;
         for (char& c : name) {

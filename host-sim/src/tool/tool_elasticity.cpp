@@ -115,24 +115,84 @@ ToolElasticity::ToolElasticity(const Shape& shape, const ToolMaterial& material,
     if (is_elastic()) {
         const std::size_t rows = 3 * count();
         stiffness_.resize(count() * count());
+        deformation_.resize(count() * (count() + 1) / 2);
         inverse_.resize(rows * inverse_stride(rows));
         pivot_.resize(kPivotRows * inverse_stride(rows));
     }
-    find_rotations();
-    assemble_stiffness();
+    find_exact_shape();
     update_compliance();
 }
 
-void ToolElasticity::set_rest_shape(std::span<const Vec3> rest_offset) noexcept {
+void ToolElasticity::tabulate(const ShapeOfCurl& shape) {
+    if (!is_elastic()) {
+        return;
+    }
+    // All shapes with the present springs.
+    shapes_.assign(kShapes, {rest_offset_, deformation_});
+    for (std::size_t k = 0; k < kShapes; ++k) {
+        shape(static_cast<double>(k) / static_cast<double>(kShapes - 1), shapes_[k].rest_offset);
+        (void)tabulated_deformation(k);
+    }
+    find_exact_shape();
+}
+
+void ToolElasticity::set_curl(double curl, std::span<const Vec3> rest_offset) noexcept {
+    curl_ = curl;
     std::copy(rest_offset.begin(), rest_offset.end(), rest_offset_.begin());
-    find_rotations();
-    assemble_stiffness();
+    if (shapes_.empty()) {
+        find_exact_shape();
+    } else {
+        interpolate_deformation();
+    }
     update_compliance();
 }
 
 void ToolElasticity::set_springs(const Springs& springs) noexcept {
     springs_ = springs;
+    if (shapes_.empty()) {
+        find_deformation();
+    } else {
+        // What the table has is that of other springs.
+        for (TabulatedShape& shape : shapes_) {
+            shape.known = false;
+        }
+        interpolate_deformation();
+    }
     update_compliance();
+}
+
+/// Rotations, K and deformation of the rest offsets.
+void ToolElasticity::find_exact_shape() noexcept {
+    find_rotations();
+    assemble_stiffness();
+    find_deformation();
+}
+
+/// Of the shape k of the table. Finds it if it is not known, which leaves the rotations of that shape behind.
+const std::vector<Mat3>& ToolElasticity::tabulated_deformation(std::size_t k) noexcept {
+    TabulatedShape& shape = shapes_[k];
+    if (!shape.known) {
+        rest_offset_.swap(shape.rest_offset);
+        deformation_.swap(shape.deformation);
+        find_exact_shape();
+        rest_offset_.swap(shape.rest_offset);
+        deformation_.swap(shape.deformation);
+        shape.known = true;
+    }
+    return shape.deformation;
+}
+
+/// Deformation at curl_, between the two nearest shapes of the table, and the rotations of the rest offsets.
+void ToolElasticity::interpolate_deformation() noexcept {
+    const double at = curl_ * static_cast<double>(kShapes - 1);
+    const std::size_t first = std::min(static_cast<std::size_t>(at), kShapes - 2);
+    const double weight = at - static_cast<double>(first);
+    const std::vector<Mat3>& a = tabulated_deformation(first);
+    const std::vector<Mat3>& b = tabulated_deformation(first + 1);
+    for (std::size_t block = 0; block < deformation_.size(); ++block) {
+        deformation_[block] = (1.0 - weight) * a[block] + weight * b[block];
+    }
+    find_rotations();
 }
 
 bool ToolElasticity::is_elastic() const noexcept {
@@ -303,6 +363,36 @@ void ToolElasticity::add_group(const Group& group) noexcept {
     }
 }
 
+/// C - U = X - G G^T / (k_t / N + g) of the present shape.
+void ToolElasticity::find_deformation() noexcept {
+    if (!is_elastic()) {
+        return;
+    }
+    const double n = static_cast<double>(count());
+    const double held = invert(effective_springs().torque_stiffness / n);
+    const std::size_t stride = inverse_stride(3 * count());
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < count(); ++i) {
+        for (std::size_t j = 0; j <= i; ++j) {
+            Mat3 block(-1.0 / (held * n));
+            for (int axis = 0; axis < 3; ++axis) {
+                add_product(block, -1.0 / held, rotation_[i][axis], rotation_[j][axis]);
+            }
+            for (std::size_t row = 0; row < 3; ++row) {
+                for (std::size_t column = 0; column < 3; ++column) {
+                    // Of a diagonal block only the lower half is there.
+                    const std::size_t r = 3 * i + row;
+                    const std::size_t c = 3 * j + column;
+                    block[static_cast<int>(column)][static_cast<int>(row)] +=
+                        inverse_[std::max(r, c) * stride + std::min(r, c)];
+                }
+            }
+            deformation_[next++] = block;
+        }
+    }
+}
+
+/// C from U and the deformation.
 void ToolElasticity::update_compliance() noexcept {
     strain_response_known_ = false;
     const double n = static_cast<double>(count());
@@ -316,29 +406,16 @@ void ToolElasticity::update_compliance() noexcept {
         }
         return;
     }
-    // Weights of the rigid motions in U; what the inverse has of them already is taken off.
-    double translation = n / k;
-    double rotation = n / k_t;
-    if (is_elastic()) {
-        const double held = invert(k_t / n);
-        translation -= 1.0 / held;
-        rotation -= 1.0 / held;
-    }
-    const std::size_t stride = inverse_stride(3 * count());
+    // U = G diag(N / k, N / k_t) G^T.
+    std::size_t next = 0;
     for (std::size_t i = 0; i < count(); ++i) {
         for (std::size_t j = 0; j <= i; ++j) {
-            Mat3 block(translation / n);
+            Mat3 block(1.0 / k);
             for (int axis = 0; axis < 3; ++axis) {
-                add_product(block, rotation, rotation_[i][axis], rotation_[j][axis]);
+                add_product(block, n / k_t, rotation_[i][axis], rotation_[j][axis]);
             }
-            for (std::size_t row = 0; is_elastic() && row < 3; ++row) {
-                for (std::size_t column = 0; column < 3; ++column) {
-                    // Of a diagonal block only the lower half is there.
-                    const std::size_t r = 3 * i + row;
-                    const std::size_t c = 3 * j + column;
-                    block[static_cast<int>(column)][static_cast<int>(row)] +=
-                        inverse_[std::max(r, c) * stride + std::min(r, c)];
-                }
+            if (is_elastic()) {
+                block += deformation_[next++];
             }
             // Symmetric to the last bit: C_ij = C_ji^T.
             compliance_[i * count() + j] = block;

@@ -80,6 +80,12 @@ ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         particles_[i].radius = model.radius[i];
     }
+    if (!joints_.empty()) {
+        std::vector<Quat> rotation(particles_.size());
+        elasticity_.tabulate([&](double at_curl, std::span<Vec3> rest_offset) {
+            joints_.apply_curl(at_curl, rest_offset, rotation);
+        });
+    }
     update_rest_offsets();
     set_goals(where, curl);
     has_goals_ = false;
@@ -142,7 +148,7 @@ void ToolProxies::update_rest_offsets() {
 void ToolProxies::apply_curl(double curl) {
     joints_.apply_curl(curl, body_.particles.rest_position, rest_rotation_);
     update_rest_offsets();
-    elasticity_.set_rest_shape(body_.particles.rest_position);
+    elasticity_.set_curl(curl, body_.particles.rest_position);
     curl_ = curl;
 }
 
