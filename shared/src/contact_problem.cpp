@@ -117,6 +117,7 @@ ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, s
     result.steps = solve_normals(compliance, kMaxSteps);
     if (!friction.empty()) {
         solve_friction(compliance, friction, result);
+        bound_energy(depth);
     }
     result.residual = std::max(result.residual, normal_residual());
 
@@ -300,6 +301,25 @@ void ContactSolver::solve_friction(const ComplianceMatrix& compliance, std::span
             smallest = std::min(smallest, change);
             extrapolate();
         }
+    }
+}
+
+void ContactSolver::bound_energy(std::span<const double> depth) HAPTIC_RT {
+    // l^T b, and l^T W l: twice the energy that the forces put into the springs.
+    double offered = 0.0;
+    double taken = 0.0;
+    for (std::size_t r = 0; r < rows_; ++r) {
+        offered += force_[r] * depth[r];
+        taken += force_[r] * (depth[r] - deficit_[r]);
+    }
+    if (!(offered < taken)) {
+        return;
+    }
+    // The minimum along the ray of these forces, which stays in the cones.
+    const double factor = std::max(0.0, offered / taken);
+    for (std::size_t r = 0; r < rows_; ++r) {
+        force_[r] *= factor;
+        deficit_[r] = depth[r] - factor * (depth[r] - deficit_[r]);
     }
 }
 

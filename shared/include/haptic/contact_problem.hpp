@@ -14,7 +14,10 @@
 // factor that is updated by rows. Each iterate is the exact solution for some of the rows, so that stopping early gives
 // less energy, never more. Friction: from there, Gauss-Seidel over all rows in order, with each proxy's two tangential
 // forces at their exact minimum over its cone (the normal forces do not feel the cone: Coulomb's law), and Anderson
-// acceleration of the sweeps.
+// acceleration of the sweeps. A solution has l^T W l <= l^T b: no tangential force acts against what its row lacks.
+// Forces that the sweeps leave without this are scaled until they have it, and then V >= 0 and the springs' energy
+// l^T W l / 2 is at most that of springs which satisfy every row, b^T W^-1 b / 2: an unfinished solution is weak, but
+// it throws nothing away.
 // @source D. Goldfarb, A. Idnani, "A numerically stable dual method for solving strictly convex quadratic programs",
 // 1983; contact space: C. Duriez et al., "Realistic haptic rendering of interacting deformable objects", 2006.
 #pragma once
@@ -125,6 +128,7 @@ class ContactSolver {
     void warm_start(const ComplianceMatrix& compliance, std::span<const double> depth, bool same_rows) HAPTIC_RT;
     int solve_normals(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT;
     void solve_friction(const ComplianceMatrix& compliance, std::span<FrictionRows> friction, Result& result) HAPTIC_RT;
+    void bound_energy(std::span<const double> depth) HAPTIC_RT;
     [[nodiscard]] double normal_residual() const HAPTIC_RT;
 
     // Parts of solve_normals(): both return the number of steps.

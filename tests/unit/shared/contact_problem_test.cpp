@@ -328,6 +328,31 @@ TEST(ContactSolver, ApproachesTheForcesOfManySweepsWithFrictionInsideTheCones) {
     EXPECT_LE(median(errors), 1e-3);
 }
 
+TEST(ContactSolver, TakesNoMoreEnergyThanIsOfferedHoweverFewSweepsItHas) {
+    Random random(8);
+    int unfinished = 0;
+    for (int i = 0; i < 2'000; ++i) {
+        const Tool tool = random_tool(random.integer(3, 16), i % 2 == 0 ? 1e4 : kRigid, random);
+        Contacts contacts = random_contacts(tool, {.planes = random.integer(1, 3), .friction = 1.2}, random);
+        ContactSolver solver(1 + i % 5);
+        // From forces of another place, as in a step after a jump of the hand.
+        const Eigen::Vector3d motion = 0.01 * random.direction();
+        contacts.move(motion);
+        solver.solve(contacts.matrix(), contacts.depth, contacts.friction);
+        contacts.move(-motion);
+        const ContactSolver::Result result = solver.solve(contacts.matrix(), contacts.depth, contacts.friction);
+        const Eigen::VectorXd force = vector_of(solver.force());
+        const double offered = force.dot(vector_of(contacts.depth));
+        const double taken = force.dot(contacts.compliance * force);
+        EXPECT_LE(taken, offered + 1e-12 * std::abs(offered)) << i;
+        EXPECT_GE(result.stored, 0.0) << i;
+        expect_forces_in_cones(contacts, solver.force());
+        const double largest = vector_of(contacts.depth).cwiseAbs().maxCoeff();
+        unfinished += result.residual > 0.1 * largest ? 1 : 0;
+    }
+    EXPECT_GT(unfinished, 100) << "the sweeps were too many to prove anything";
+}
+
 TEST(ContactSolver, HoldsASphereAtItsAnchorUntilItSlides) {
     // One sphere, 1 mm deep and 1 mm beside its anchor: the tangential force sticks up to mu times the normal force.
     for (const double friction : {0.5, 0.999, 1.001, 2.0}) {
