@@ -49,7 +49,7 @@ sim::Scene scene_of(const HandTrace& trace) {
     return sim::read_scene(config, trace.scene);
 }
 
-PoseTrack human_hand(const sim::Scene& scene, const HandTrace& trace, double quantum) {
+PoseTrack human_hand(const sim::Scene& scene, const HandTrace& trace) {
     const sim::Workspace workspace(scene.workspace);
     Wander wander;
     std::vector<double> times;
@@ -73,7 +73,9 @@ PoseTrack human_hand(const sim::Scene& scene, const HandTrace& trace, double qua
         const double w = 2.0 * std::numbers::pi * t;
         const Vec3 tremor = kTremor * Vec3(std::sin(9.0 * w), std::sin(10.0 * w + 1.0), std::sin(11.0 * w + 2.0));
         const Vec3 exact = script.position + aside + tremor;
-        const auto cut = [&](double x) { return quantum > 0.0 ? quantum * std::round(x / quantum) : x; };
+        const auto cut = [&](double x) {
+            return trace.quantum > 0.0 ? trace.quantum * std::round(x / trace.quantum) : x;
+        };
         times.push_back(t);
         poses.push_back({{cut(exact.x), cut(exact.y), cut(exact.z)}, script.orientation});
     }

@@ -22,6 +22,7 @@ struct HandTrace {
     double closes_s = -1.0;
     /// Settings of the scene, as on the command line.
     std::vector<std::string> settings{};
+    double quantum = 1e-3;  // m, of the tracker; 0: exact
 };
 
 /// For the names of parameterised tests.
@@ -30,8 +31,8 @@ std::ostream& operator<<(std::ostream& out, const HandTrace& trace);
 /// The scene with these settings.
 [[nodiscard]] sim::Scene scene_of(const HandTrace& trace);
 
-/// Minimum-jerk strokes between points near the script's path, with tremor, quantised to `quantum` (m; 0: exact). The
-/// script starts after the ramp.
-[[nodiscard]] PoseTrack human_hand(const sim::Scene& scene, const HandTrace& trace, double quantum = 1e-3);
+/// Minimum-jerk strokes between points near the script's path, with tremor, quantised. The script starts after the
+/// ramp.
+[[nodiscard]] PoseTrack human_hand(const sim::Scene& scene, const HandTrace& trace);
 
 }  // namespace haptic::test

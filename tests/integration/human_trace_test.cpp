@@ -120,6 +120,17 @@ TEST(HumanGrip, DoesNotTunnelHasNoSpikesAndIsRepeatable) {
     expect_smooth({"fish-grab", 0.2, 1.7, 0.3});
 }
 
+// A quantum of 1 mm is a step of the springs by 0.45 N, and more with damping, which hides what the grip does by
+// itself. Real encoders resolve some 0.02 mm.
+TEST(HumanGrip, HasNoSpikesWhenDampedAndTrackedFinely) {
+    expect_smooth({.scene = "fish-grab",
+                   .from_s = 0.2,
+                   .duration_s = 1.7,
+                   .closes_s = 0.3,
+                   .settings = {"coupling.damping_time=0.01"},
+                   .quantum = 1e-4});
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, HumanTrace,
                          testing::Values(HandTrace{"cloth-drop", 0.0, 1.9}, HandTrace{"popout-fan", 0.0, 2.5},
                                          HandTrace{"fish-hold", 0.5, 1.5}, HandTrace{"fish-slide", 0.0, 1.5},
