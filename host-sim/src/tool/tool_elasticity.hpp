@@ -75,11 +75,12 @@ class ToolElasticity {
 
     /// Writes the rest offsets at a curl in 0..1, m, grip frame, one per particle.
     using ShapeOfCurl = std::function<void(double curl, std::span<Vec3> rest_offset)>;
-    /// Fills the table of the shapes between which set_curl() interpolates: 13 ms for 37 particles. Allocates. Nothing
-    /// to do for a limp or rigid tool.
+    /// Fills the table of the shapes between which set_curl() interpolates: 13 ms for 37 particles. Allocates. A limp
+    /// or rigid tool needs none.
     void tabulate(const ShapeOfCurl& shape);
-    /// Takes over the rest shape at a curl in 0..1, one offset per particle. Compliances differ from those of the exact
-    /// shape by 0.1 % of the largest at most; exact without a table. No allocation.
+    /// Takes over the rest shape at a curl in 0..1, one offset per particle. With a table, compliances are within 0.1 %
+    /// of the largest, or, where a group of the exact shape becomes flat and its stiffness jumps, within that jump. No
+    /// allocation.
     void set_curl(double curl, std::span<const Vec3> rest_offset) noexcept;
     /// Takes over other springs; a stiffness of 0 counts as kMinStiffness. 0.2 ms for 37 particles, and 0.2 ms again
     /// for each shape of the table that set_curl() needs later. No allocation.
@@ -90,7 +91,7 @@ class ToolElasticity {
     /// m, grip frame: displacements u = C (Cs x I) v of the particles if the springs' ends move by v_i = gradient *
     /// o_i, with o_i the rest offsets, without contact. One element per particle. No allocation.
     void follow_springs(const Mat3& gradient, std::span<Vec3> u) noexcept;
-    /// K_ij, N/m, grip frame; 0 for a rigid tool, whose K is infinite. Without a table: set_curl() does not find K.
+    /// K_ij, N/m, grip frame; 0 for a rigid tool, whose K is infinite. Not for a tool with a table, which has none.
     [[nodiscard]] Mat3 stiffness(std::size_t i, std::size_t j) const;
     /// Each particle is on a spring of its own: C_ij is 0 for different particles.
     [[nodiscard]] bool independent() const noexcept;

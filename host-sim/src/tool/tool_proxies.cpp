@@ -82,9 +82,8 @@ ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const
     }
     if (!joints_.empty()) {
         std::vector<Quat> rotation(particles_.size());
-        elasticity_.tabulate([&](double at_curl, std::span<Vec3> rest_offset) {
-            joints_.apply_curl(at_curl, rest_offset, rotation);
-        });
+        elasticity_.tabulate(
+            [&](double at_curl, std::span<Vec3> rest_offset) { joints_.apply_curl(at_curl, rest_offset, rotation); });
     }
     update_rest_offsets();
     set_goals(where, curl);
