@@ -133,7 +133,7 @@ void ToolElasticity::tabulate(const ShapeOfCurl& shape) {
         shape(static_cast<double>(k) / static_cast<double>(kShapes - 1), shapes_[k].rest_offset);
         (void)tabulated_deformation(k);
     }
-    find_exact_shape();
+    find_rotations();
 }
 
 void ToolElasticity::set_curl(double curl, std::span<const Vec3> rest_offset) noexcept {
@@ -363,6 +363,15 @@ void ToolElasticity::add_group(const Group& group) noexcept {
     }
 }
 
+/// Block i, j of G diag(N translation, rotation) G^T.
+Mat3 ToolElasticity::rigid_block(std::size_t i, std::size_t j, double translation, double rotation) const noexcept {
+    Mat3 block(translation);
+    for (int axis = 0; axis < 3; ++axis) {
+        add_product(block, rotation, rotation_[i][axis], rotation_[j][axis]);
+    }
+    return block;
+}
+
 /// C - U = X - G G^T / (k_t / N + g) of the present shape.
 void ToolElasticity::find_deformation() noexcept {
     if (!is_elastic()) {
@@ -374,10 +383,7 @@ void ToolElasticity::find_deformation() noexcept {
     std::size_t next = 0;
     for (std::size_t i = 0; i < count(); ++i) {
         for (std::size_t j = 0; j <= i; ++j) {
-            Mat3 block(-1.0 / (held * n));
-            for (int axis = 0; axis < 3; ++axis) {
-                add_product(block, -1.0 / held, rotation_[i][axis], rotation_[j][axis]);
-            }
+            Mat3 block = rigid_block(i, j, -1.0 / (held * n), -1.0 / held);
             for (std::size_t row = 0; row < 3; ++row) {
                 for (std::size_t column = 0; column < 3; ++column) {
                     // Of a diagonal block only the lower half is there.
@@ -410,10 +416,7 @@ void ToolElasticity::update_compliance() noexcept {
     std::size_t next = 0;
     for (std::size_t i = 0; i < count(); ++i) {
         for (std::size_t j = 0; j <= i; ++j) {
-            Mat3 block(1.0 / k);
-            for (int axis = 0; axis < 3; ++axis) {
-                add_product(block, n / k_t, rotation_[i][axis], rotation_[j][axis]);
-            }
+            Mat3 block = rigid_block(i, j, 1.0 / k, n / k_t);
             if (is_elastic()) {
                 block += deformation_[next++];
             }
