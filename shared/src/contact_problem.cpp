@@ -12,7 +12,8 @@ namespace {
 // m/N: a row with less compliance than this cannot be pushed.
 constexpr double kMinCompliance = 1e-30;
 // A row depends on the active rows if its remaining compliance is below this part of its own: several roundings to
-// single precision, in which W may have been stored. Rows with the compliance of a surface are far above.
+// single precision, in which W may have been stored. Rows with the compliance of a surface are far above. What remains
+// of a dependent row is raised to twice this part, or rounding would decide which of two such rows pushes.
 constexpr double kMinPivot = 8.0 * std::numeric_limits<float>::epsilon();
 // A violation below this part of the largest depth, or of the displacement of a row by its own force, is rounding.
 constexpr double kTolerance = 1e-12;
@@ -96,6 +97,7 @@ ContactSolver::ContactSolver(int max_sweeps)
       force_(kMaxContactRows, 0.0),
       deficit_(kMaxContactRows, 0.0),
       diagonal_(kMaxContactRows, 0.0),
+      own_(kMaxContactRows, 0.0),
       state_(kMaxContactRows, RowState::Idle),
       factor_(kMaxContactRows),
       active_(kMaxContactRows, 0),
@@ -140,6 +142,7 @@ void ContactSolver::read_rows(const ComplianceMatrix& compliance, std::span<cons
     scale_ = 0.0;
     for (std::size_t r = 0; r < rows_; ++r) {
         diagonal_[r] = compliance(r, r);
+        own_[r] = 0.0;
         state_[r] = diagonal_[r] > kMinCompliance ? RowState::Idle : RowState::Excluded;
         scale_ = std::max(scale_, std::abs(depth[r]));
     }
@@ -202,6 +205,10 @@ int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_ste
         settled = row == kNone;
         steps += settled ? settle(compliance, max_steps - steps) : activate(compliance, row, max_steps - steps);
     }
+    // The deficits are those of W itself again.
+    for (std::size_t r = 0; r < rows_; ++r) {
+        set_own_compliance(r, 0.0);
+    }
     return steps;
 }
 
@@ -236,12 +243,12 @@ int ContactSolver::activate(const ComplianceMatrix& compliance, std::size_t row,
     for (int steps = 1; steps <= max_steps; ++steps) {
         // Remaining compliance of the row while the active rows stay exact, and what each of them loses per newton.
         const std::size_t count = factor_.size();
-        const double pivot = reduce(compliance, row);
+        set_own_compliance(row, 0.0);
+        double pivot = reduce(compliance, row);
         std::copy_n(reduced_.begin(), count, share_.begin());
         factor_.solve_upper(share_.data());
-        // Longest step: the row becomes exact, or an active row loses all of its force.
-        const bool independent = pivot > kMinPivot * diagonal_[row];
-        double force = independent ? deficit_[row] / pivot : std::numeric_limits<double>::max();
+        // Longest step: an active row loses all of its force, or the row becomes exact.
+        double force = std::numeric_limits<double>::max();
         std::size_t leaving = kNone;
         for (std::size_t i = 0; i < count; ++i) {
             if (share_[i] > kMinShare && force_[active_[i]] < force * share_[i]) {
@@ -249,10 +256,18 @@ int ContactSolver::activate(const ComplianceMatrix& compliance, std::size_t row,
                 leaving = i;
             }
         }
-        if (!independent && !(force * diagonal_[row] <= kMaxDisplacement * scale_)) {
-            // No force makes the row exact: it contradicts the active rows.
-            state_[row] = RowState::Excluded;
-            return steps;
+        if (!(pivot > kMinPivot * diagonal_[row])) {
+            if (!(force * diagonal_[row] <= kMaxDisplacement * scale_)) {
+                // No force makes the row exact: it contradicts the active rows.
+                state_[row] = RowState::Excluded;
+                return steps;
+            }
+            set_own_compliance(row, 2.0 * kMinPivot * diagonal_[row] - pivot);
+            pivot += own_[row];
+        }
+        if (deficit_[row] <= force * pivot) {
+            force = deficit_[row] / pivot;
+            leaving = kNone;
         }
         // Take the step; rounding must not make a force negative.
         for (std::size_t i = 0; i < count; ++i) {
@@ -409,7 +424,12 @@ double ContactSolver::reduce(const ComplianceMatrix& compliance, std::size_t row
         reduced_[i] = elements[active_[i]];
     }
     factor_.solve_transposed(reduced_.data());
-    return diagonal_[row] - dot(reduced_.data(), reduced_.data(), factor_.size());
+    return diagonal_[row] + own_[row] - dot(reduced_.data(), reduced_.data(), factor_.size());
+}
+
+void ContactSolver::set_own_compliance(std::size_t row, double own) HAPTIC_RT {
+    deficit_[row] -= (own - own_[row]) * force_[row];
+    own_[row] = own;
 }
 
 void ContactSolver::append(std::size_t row, double pivot) HAPTIC_RT {
@@ -444,11 +464,15 @@ void ContactSolver::change_active_forces(const ComplianceMatrix& compliance) HAP
     for (; i < count; ++i) {
         add_scaled(deficit_.data(), -share_[i], compliance.row(active_[i]), rows_);
     }
+    for (i = 0; i < count; ++i) {
+        deficit_[active_[i]] -= share_[i] * own_[active_[i]];
+    }
 }
 
 void ContactSolver::set_force(const ComplianceMatrix& compliance, std::size_t row, double force) HAPTIC_RT {
     if (force != force_[row]) {
         add_scaled(deficit_.data(), force_[row] - force, compliance.row(row), rows_);
+        deficit_[row] += (force_[row] - force) * own_[row];
         force_[row] = force;
     }
 }

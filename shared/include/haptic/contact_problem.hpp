@@ -12,12 +12,13 @@
 //
 // Normal forces: exact to rounding by the dual active-set method of Goldfarb and Idnani in contact space, on a Cholesky
 // factor that is updated by rows. Each iterate is the exact solution for some of the rows, so that stopping early gives
-// less energy, never more. Friction: from there, Gauss-Seidel over all rows in order, with each proxy's two tangential
-// forces at their exact minimum over its cone (the normal forces do not feel the cone: Coulomb's law), and Anderson
-// acceleration of the sweeps. A solution has l^T W l <= l^T b: no tangential force acts against what its row lacks.
-// Forces that the sweeps leave without this are scaled until they have it, and then V >= 0 and the springs' energy
-// l^T W l / 2 is at most that of springs which satisfy every row, b^T W^-1 b / 2: an unfinished solution is weak, but
-// it throws nothing away.
+// less energy, never more. Where the active rows leave a row no compliance but rounding, it gets two millionths of W_rr
+// for itself: the energy then grows with each step, so that no set of active rows comes back.
+// Friction: from there, Gauss-Seidel over all rows in order, with each proxy's two tangential forces at their exact
+// minimum over its cone (the normal forces do not feel the cone: Coulomb's law), and Anderson acceleration of the
+// sweeps. A solution has l^T W l <= l^T b: no tangential force acts against what its row lacks. Forces that the sweeps
+// leave without this are scaled until they have it, and then V >= 0 and the springs' energy l^T W l / 2 is at most that
+// of springs which satisfy every row, b^T W^-1 b / 2: an unfinished solution is weak, but it throws nothing away.
 // @source D. Goldfarb, A. Idnani, "A numerically stable dual method for solving strictly convex quadratic programs",
 // 1983; contact space: C. Duriez et al., "Realistic haptic rendering of interacting deformable objects", 2006.
 #pragma once
@@ -145,6 +146,7 @@ class ContactSolver {
 
     void compute_deficit(const ComplianceMatrix& compliance, std::span<const double> depth) HAPTIC_RT;
     [[nodiscard]] double reduce(const ComplianceMatrix& compliance, std::size_t row) HAPTIC_RT;
+    void set_own_compliance(std::size_t row, double own) HAPTIC_RT;
     void append(std::size_t row, double pivot) HAPTIC_RT;
     void release(const ComplianceMatrix& compliance, std::size_t position) HAPTIC_RT;
     void change_active_forces(const ComplianceMatrix& compliance) HAPTIC_RT;
@@ -155,8 +157,9 @@ class ContactSolver {
     double scale_ = 0.0;                 // m, largest depth
     double tolerance_ = 0.0;             // m, violation of a normal row that is rounding
     std::vector<double> force_;          // N, per row
-    std::vector<double> deficit_;        // m, per row: b - W l
-    std::vector<double> diagonal_;       // m/N, per row
+    std::vector<double> deficit_;        // m, per row: b - (W + own) l
+    std::vector<double> diagonal_;       // m/N, per row: W_rr
+    std::vector<double> own_;            // m/N, per row: added to W_rr in solve_normals() where it depends on others
     std::vector<RowState> state_;        // per row
     CholeskyFactor factor_;              // of the active rows
     std::vector<std::uint16_t> active_;  // normal rows that push, in the order of the factor

@@ -418,6 +418,31 @@ TEST(ContactSolver, TakesFewerStepsWarm) {
     EXPECT_GT(solver.solve(matrix, contacts.depth).steps, 2 * warm);
 }
 
+TEST(ContactSolver, TakesFewStepsWhereRowsAreNearlyTheSame) {
+    // Faces of one nearly flat surface: each sphere has three planes that differ by less than W could tell in single
+    // precision, and their depths by tens of nanometres.
+    Random random(12);
+    ContactSolver solver;
+    for (int i = 0; i < 300; ++i) {
+        const Tool tool = random_tool(random.integer(2, 8), i % 2 == 0 ? 1e3 : 1e5, random);
+        Contacts contacts;
+        const Eigen::Vector3d displacement = 0.004 * random.direction();
+        for (std::size_t sphere = 0; sphere < tool.rest.size(); ++sphere) {
+            const Eigen::Vector3d normal = (displacement.normalized() + 0.3 * random.vector()).normalized();
+            const double depth = normal.dot(displacement) - 0.001 * random.uniform(0.0, 1.0);
+            for (int plane = 0; plane < 3; ++plane) {
+                contacts.rows.push_back({sphere, (normal + 3e-4 * random.vector()).normalized(), false});
+                contacts.depth.push_back(depth + 2e-8 * random.uniform(-1.0, 1.0));
+            }
+        }
+        contacts.find_compliance(tool, 0.0);
+        solver.restart();
+        const ContactSolver::Result result = solver.solve(contacts.matrix(), contacts.depth);
+        EXPECT_LE(result.steps, 3 * static_cast<int>(contacts.rows.size())) << "problem " << i;
+        EXPECT_LE(result.residual, 1e-8) << "problem " << i;
+    }
+}
+
 TEST(ContactSolver, StaysBoundedWhereSurfacesLeaveNoRoom) {
     Random random(9);
     for (int i = 0; i < 300; ++i) {

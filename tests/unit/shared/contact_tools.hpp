@@ -112,13 +112,26 @@ struct Contacts {
     std::vector<double> depth;  // m, b
     std::vector<FrictionRows> friction;
     Eigen::MatrixXd jacobian;    // J: displacement along each row per displacement of the spheres
-    Eigen::MatrixXd compliance;  // W = J C J^T and 1e-3 / k on the diagonal of normal rows, m/N
+    Eigen::MatrixXd compliance;  // W = J C J^T, and that of the surface on the diagonal of normal rows, m/N
 
     void write(ComplianceMatrix& matrix) const { contact_tools::write(compliance, matrix); }
     [[nodiscard]] ComplianceMatrix matrix() const {
         ComplianceMatrix matrix;
         write(matrix);
         return matrix;
+    }
+    /// Sets jacobian and compliance from the rows. `surface` is the compliance of each normal row itself, m/N.
+    void find_compliance(const Tool& tool, double surface) {
+        const auto count = static_cast<Eigen::Index>(rows.size());
+        jacobian = Eigen::MatrixXd::Zero(count, tool.compliance.rows());
+        for (Eigen::Index r = 0; r < count; ++r) {
+            const Row& row = rows[static_cast<std::size_t>(r)];
+            jacobian.block<1, 3>(r, 3 * static_cast<Eigen::Index>(row.sphere)) = row.direction.transpose();
+        }
+        compliance = jacobian * tool.compliance * jacobian.transpose();
+        for (Eigen::Index r = 0; r < count; ++r) {
+            compliance(r, r) += rows[static_cast<std::size_t>(r)].tangential ? 0.0 : surface;
+        }
     }
     /// N, sum of the rows' forces.
     [[nodiscard]] Eigen::Vector3d sum(const Eigen::VectorXd& force) const {
@@ -184,16 +197,7 @@ inline Contacts random_contacts(const Tool& tool, const ContactShape& shape, Ran
                 {static_cast<std::uint16_t>(first), static_cast<std::uint16_t>(shape.planes), shape.friction});
         }
     }
-    const auto count = static_cast<Eigen::Index>(contacts.rows.size());
-    contacts.jacobian = Eigen::MatrixXd::Zero(count, tool.compliance.rows());
-    for (Eigen::Index r = 0; r < count; ++r) {
-        const Contacts::Row& row = contacts.rows[static_cast<std::size_t>(r)];
-        contacts.jacobian.block<1, 3>(r, 3 * static_cast<Eigen::Index>(row.sphere)) = row.direction.transpose();
-    }
-    contacts.compliance = contacts.jacobian * tool.compliance * contacts.jacobian.transpose();
-    for (Eigen::Index r = 0; r < count; ++r) {
-        contacts.compliance(r, r) += contacts.rows[static_cast<std::size_t>(r)].tangential ? 0.0 : surface;
-    }
+    contacts.find_compliance(tool, surface);
     return contacts;
 }
 
