@@ -142,7 +142,6 @@ void ContactSolver::read_rows(const ComplianceMatrix& compliance, std::span<cons
     scale_ = 0.0;
     for (std::size_t r = 0; r < rows_; ++r) {
         diagonal_[r] = compliance(r, r);
-        own_[r] = 0.0;
         state_[r] = diagonal_[r] > kMinCompliance ? RowState::Idle : RowState::Excluded;
         scale_ = std::max(scale_, std::abs(depth[r]));
     }
@@ -205,7 +204,7 @@ int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_ste
         settled = row == kNone;
         steps += settled ? settle(compliance, max_steps - steps) : activate(compliance, row, max_steps - steps);
     }
-    // The deficits are those of W itself again.
+    // The deficits are those of W itself again: own compliances are 0 outside of this function.
     for (std::size_t r = 0; r < rows_; ++r) {
         set_own_compliance(r, 0.0);
     }
@@ -424,7 +423,7 @@ double ContactSolver::reduce(const ComplianceMatrix& compliance, std::size_t row
         reduced_[i] = elements[active_[i]];
     }
     factor_.solve_transposed(reduced_.data());
-    return diagonal_[row] + own_[row] - dot(reduced_.data(), reduced_.data(), factor_.size());
+    return diagonal_[row] - dot(reduced_.data(), reduced_.data(), factor_.size());
 }
 
 void ContactSolver::set_own_compliance(std::size_t row, double own) HAPTIC_RT {
