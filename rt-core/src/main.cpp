@@ -161,7 +161,7 @@ CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
     const auto optional = [&](const char* name, std::optional<double>& value, const char* meaning) {
         return stability->add_option_function<double>(name, [&value](const double& given) { value = given; }, meaning);
     };
-    optional("--duration", options.duration_s, "seconds of each trial; of a scene with a still hand [2.5; 4]")
+    optional("--duration", options.duration_s, "seconds of each trial; of a scene with a still hand [2.5; 16]")
         ->check(CLI::Range(1.0, 60.0));
     optional("--hand-stiffness", options.hand_stiffness, "stiffness of the hand, N/m [100; of a scene 400]")
         ->check(not_negative());

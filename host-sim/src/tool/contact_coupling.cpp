@@ -5,6 +5,7 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
+#include <numeric>
 
 #include "dynamics/rotation.hpp"
 #include "simd/projection.hpp"
@@ -18,9 +19,8 @@ constexpr std::size_t kMaxNormals = kMaxProxies * kMaxSurfacePlanes;
 constexpr std::size_t kMaxPressed = std::size_t{1} << 18;
 // Largest payment of what is owed, in contact forces.
 constexpr double kMaxPayment = 10.0;
-// Compliance that only one row has, as a part of its whole: it keeps the forces of a rigid tool on pinned particles
-// finite, and takes less than this part of them.
-constexpr double kOwnShare = 1e-7;
+// A motion of the whole tool counts as one of these rows if the others leave this part of it.
+constexpr double kMinMotion = 1e-6;
 // Friction coefficient that never slips.
 constexpr double kStuck = 1e6;
 
@@ -61,6 +61,9 @@ ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock
     friction_.reserve(kMaxProxies);
     depth_.reserve(kMaxContactRows);
     leads_.resize(kMaxProxies);
+    for (std::vector<double>& motion : motions_) {
+        motion.reserve(kMaxContactRows);
+    }
 }
 
 std::int64_t ContactCoupling::take_time() noexcept {
@@ -252,10 +255,11 @@ std::uint32_t ContactCoupling::add_mean_patch(const ToolProxy& proxy, std::uint3
     return static_cast<std::uint32_t>(patches_.size() - 1);
 }
 
-/// W_rs = d_r . C_ij d_s of the rows, m/N, at the present part of the stiffness.
+/// W_rs = d_r . C_ij d_s of the rows, m/N, at the present part of the stiffness, and the skin.
 void ContactCoupling::find_tool_compliance(const ToolProxies& tool) {
     const bool positions = step_.coupling.multi_rate == MultiRate::Positions;
-    const double spring = particle_count_ / (step_.gain * step_.coupling.stiffness);
+    const double coupling = 1.0 / (step_.gain * step_.coupling.stiffness);
+    const double spring = particle_count_ * coupling;
     const Mat3 to_tool = glm::transpose(to_matrix(tool.elastic_frame()));
     tool_compliance_.resize(rows_.size());
     for (std::size_t r = 0; r < rows_.size(); ++r) {
@@ -270,8 +274,70 @@ void ContactCoupling::find_tool_compliance(const ToolProxies& tool) {
                 const Mat3& between = tool.elasticity().compliance(a.proxy, b.proxy);
                 compliance = glm::dot(direction, between * (to_tool * b.direction)) / step_.gain;
             }
-            tool_compliance_.set(r, s, r == s ? compliance : (1.0 - kOwnShare) * compliance);
+            tool_compliance_.set(r, s, compliance);
         }
+    }
+    add_skin(coupling);
+}
+
+/// Adds what the mean compliance to forces that move the whole tool nowhere lacks to `least`, for each of them.
+void ContactCoupling::add_skin(double least) noexcept {
+    find_motions();
+    // Trace of W over these forces, and their number.
+    double sum = 0.0;
+    double forces = static_cast<double>(rows_.size());
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        sum += tool_compliance_(r, r);
+    }
+    for (const std::vector<double>& motion : motions_) {
+        for (std::size_t r = 0; r < rows_.size(); ++r) {
+            const double* const compliance = tool_compliance_.row(r);
+            sum -= motion[r] * std::inner_product(motion.begin(), motion.end(), compliance, 0.0);
+            forces -= motion[r] * motion[r];
+        }
+    }
+    if (!(forces > 0.5) || !(sum < least * forces)) {
+        return;
+    }
+    const double skin = least - sum / forces;
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        for (std::size_t s = 0; s <= r; ++s) {
+            double part = r == s ? 1.0 : 0.0;
+            for (const std::vector<double>& motion : motions_) {
+                part -= motion[r] * motion[s];
+            }
+            tool_compliance_.set(r, s, tool_compliance_(r, s) + skin * part);
+        }
+    }
+}
+
+/// What the rows see of the six motions of the whole tool, orthonormal over the rows; 0 where they see fewer.
+void ContactCoupling::find_motions() noexcept {
+    // Rotations about the mean point of the rows.
+    Vec3 centre(0.0);
+    for (const CouplingRow& row : rows_) {
+        centre += moment_arm(row.proxy) / static_cast<double>(rows_.size());
+    }
+    for (std::size_t k = 0; k < motions_.size(); ++k) {
+        std::vector<double>& motion = motions_[k];
+        motion.resize(rows_.size());
+        const auto axis = static_cast<glm::length_t>(k % 3);
+        double whole = 0.0;
+        for (std::size_t r = 0; r < rows_.size(); ++r) {
+            const Vec3& direction = rows_[r].direction;
+            const Vec3 moment = glm::cross(moment_arm(rows_[r].proxy) - centre, direction);
+            motion[r] = k < 3 ? direction[axis] : moment[axis];
+            whole += motion[r] * motion[r];
+        }
+        // Gram and Schmidt, against the motions before it.
+        for (std::size_t i = 0; i < k; ++i) {
+            const double common = std::inner_product(motion.begin(), motion.end(), motions_[i].begin(), 0.0);
+            std::transform(motion.begin(), motion.end(), motions_[i].begin(), motion.begin(),
+                           [&](double x, double y) { return x - common * y; });
+        }
+        const double left = std::inner_product(motion.begin(), motion.end(), motion.begin(), 0.0);
+        const double factor = left > kMinMotion * whole ? 1.0 / std::sqrt(left) : 0.0;
+        std::transform(motion.begin(), motion.end(), motion.begin(), [&](double x) { return factor * x; });
     }
 }
 

@@ -21,8 +21,21 @@
 //
 //     F = sum l d,   T = sum (g_i - p) x l d
 //
-// with p the hip. MultiRate::Positions, the thesis' own scheme, has independent springs k / N from the goals to the
-// proxies' positions instead, also along the surface.
+// with p the hip.
+//
+// Skin. Forces of the rows that cancel, those of a squeeze, move the whole tool nowhere: only its own elasticity and
+// the bodies yield to them. A rigid tool does not, and where it presses a body from two sides, whose masks share
+// particles, nothing does: forces of 10^5 N stood against one another, and what friction left of them threw the body
+// away. So W gets
+//
+//     c (I - Q Q^T),   c = max(0, 1 / k - mean compliance of the tool to these forces)
+//
+// with Q an orthonormal basis of the rows' displacements by the six motions of the whole tool and k the stiffness of
+// the coupling: a skin under the spheres, as soft as the coupling and of the order of a fingertip's, some hundred N/m.
+// It changes nothing of how the whole tool yields, and a soft tool has none.
+//
+// MultiRate::Positions, the thesis' own scheme, has independent springs k / N from the goals to the proxies' positions
+// instead, also along the surface.
 //
 // Without damping a spring throws bodies back, and a body that an elastic tool holds swings on it. A damper beside the
 // springs of tool and coupling, with the same ratio tau of damping to stiffness everywhere (Kelvin-Voigt), makes the
@@ -50,6 +63,7 @@
 // deformable objects", 2006 (contact space). Differs: the multipliers are forces.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -159,6 +173,8 @@ class ContactCoupling final : public SolverContacts {
     std::uint32_t add_patch(const SurfacePoint& touched, const Bodies& bodies, const ParticleModel& model);
     std::uint32_t add_mean_patch(const ToolProxy& proxy, std::uint32_t first_patch);
     void find_tool_compliance(const ToolProxies& tool);
+    void add_skin(double least) noexcept;
+    void find_motions() noexcept;
     void find_body_compliance();
     void find_damping_times();
     void add_work(const ParticleModel& at) noexcept;
@@ -183,12 +199,13 @@ class ContactCoupling final : public SolverContacts {
     std::size_t pressed_of_normals_ = 0;  // their particles
     std::vector<Patch> patches_;
     std::vector<CouplingRow> rows_;
-    std::vector<FrictionRows> friction_;  // per proxy with friction
-    std::vector<double> depth_;           // m, per row: b
-    std::vector<Lead> leads_;             // per proxy
-    std::vector<double> scattered_;       // per particle of the model: W_i / m_i of one patch
-    ComplianceMatrix tool_compliance_;    // W
-    ComplianceMatrix body_compliance_;    // P^T M^-1 P, 1/kg
+    std::vector<FrictionRows> friction_;          // per proxy with friction
+    std::vector<double> depth_;                   // m, per row: b
+    std::vector<Lead> leads_;                     // per proxy
+    std::vector<double> scattered_;               // per particle of the model: W_i / m_i of one patch
+    std::array<std::vector<double>, 6> motions_;  // per row: how far it moves with the whole tool
+    ComplianceMatrix tool_compliance_;            // W
+    ComplianceMatrix body_compliance_;            // P^T M^-1 P, 1/kg
     ComplianceMatrix block_;
     ContactSolver solver_{ContactSolver::kMaxStepSweeps};
     bool projected_ = false;  // in this sub-step

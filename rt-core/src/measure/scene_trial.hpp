@@ -30,7 +30,7 @@ struct SceneTrial {
     std::int64_t delay_ns = 0;        // of each frame; at least one tick passes
     PoseTrack hand{Pose{}};           // device frame; time 0 is the scene's first step
     double moving_s = 0.0;            // s, after which the hand is still
-    double still_s = 4.0;             // s, for which it is; at least kSceneSettleS + 2 kSceneWindowS
+    double still_s = 16.0;            // s, for which it is; at least kSceneSettleS + 2 kSceneWindowS
     TickSettings tick;
     device::GripMechanics mechanics;
 };
