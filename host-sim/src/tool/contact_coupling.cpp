@@ -296,6 +296,7 @@ void ContactCoupling::add_skin(double least) noexcept {
             forces -= motion[r] * motion[r];
         }
     }
+    // Their number is whole but for rounding.
     if (!(forces > 0.5) || !(sum < least * forces)) {
         return;
     }
@@ -318,24 +319,30 @@ void ContactCoupling::find_motions() noexcept {
     for (const CouplingRow& row : rows_) {
         centre += moment_arm(row.proxy) / static_cast<double>(rows_.size());
     }
+    for (std::vector<double>& motion : motions_) {
+        motion.resize(rows_.size());
+    }
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        const Vec3& direction = rows_[r].direction;
+        const Vec3 moment = glm::cross(moment_arm(rows_[r].proxy) - centre, direction);
+        for (glm::length_t axis = 0; axis < 3; ++axis) {
+            motions_[static_cast<std::size_t>(axis)][r] = direction[axis];
+            motions_[static_cast<std::size_t>(axis) + 3][r] = moment[axis];
+        }
+    }
+    // Gram and Schmidt: each loses what it has in common with those before it.
+    const auto dot = [](const std::vector<double>& x, const std::vector<double>& y) {
+        return std::inner_product(x.begin(), x.end(), y.begin(), 0.0);
+    };
     for (std::size_t k = 0; k < motions_.size(); ++k) {
         std::vector<double>& motion = motions_[k];
-        motion.resize(rows_.size());
-        const auto axis = static_cast<glm::length_t>(k % 3);
-        double whole = 0.0;
-        for (std::size_t r = 0; r < rows_.size(); ++r) {
-            const Vec3& direction = rows_[r].direction;
-            const Vec3 moment = glm::cross(moment_arm(rows_[r].proxy) - centre, direction);
-            motion[r] = k < 3 ? direction[axis] : moment[axis];
-            whole += motion[r] * motion[r];
-        }
-        // Gram and Schmidt, against the motions before it.
+        const double whole = dot(motion, motion);
         for (std::size_t i = 0; i < k; ++i) {
-            const double common = std::inner_product(motion.begin(), motion.end(), motions_[i].begin(), 0.0);
+            const double common = dot(motion, motions_[i]);
             std::transform(motion.begin(), motion.end(), motions_[i].begin(), motion.begin(),
                            [&](double x, double y) { return x - common * y; });
         }
-        const double left = std::inner_product(motion.begin(), motion.end(), motion.begin(), 0.0);
+        const double left = dot(motion, motion);
         const double factor = left > kMinMotion * whole ? 1.0 / std::sqrt(left) : 0.0;
         std::transform(motion.begin(), motion.end(), motion.begin(), [&](double x) { return factor * x; });
     }

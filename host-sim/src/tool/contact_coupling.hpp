@@ -32,7 +32,8 @@
 //
 // with Q an orthonormal basis of the rows' displacements by the six motions of the whole tool and k the stiffness of
 // the coupling: a skin under the spheres, as soft as the coupling and of the order of a fingertip's, some hundred N/m.
-// It changes nothing of how the whole tool yields, and a soft tool has none.
+// It changes nothing of how the whole tool yields, and a soft tool has none. A single sphere that more planes touch
+// than it has directions to yield in has one too: the skin divides its force among them.
 //
 // MultiRate::Positions, the thesis' own scheme, has independent springs k / N from the goals to the proxies' positions
 // instead, also along the surface.
