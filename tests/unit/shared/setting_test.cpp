@@ -28,7 +28,7 @@ struct Inner {
     double mass = 0.25;
 };
 
-struct Example {
+struct ExampleSettings {
     double step = 0.01;
     int passes = 5;
     std::int64_t limit_ns = 2'000'000;
@@ -44,8 +44,8 @@ struct Example {
     Inner inner;
 };
 
-const SettingTable<Example>& table() {
-    using S = Example;
+const SettingTable<ExampleSettings>& table() {
+    using S = ExampleSettings;
     using V = SettingValues<S>;
     static const SettingTable<S> settings{
         "solver",
@@ -76,9 +76,9 @@ const SettingTable<Example>& table() {
     return settings;
 }
 
-Example read(const std::string& toml) {
+ExampleSettings read(const std::string& toml) {
     const Config config = Config::parse(toml, "a.toml");
-    Example example;
+    ExampleSettings example;
     table().read(config, example);
     config.reject_unknown();
     return example;
@@ -89,7 +89,7 @@ std::string error_of(const std::string& toml) {
 }
 
 TEST(SettingTable, ReadsEachKindOfValueIntoItsMember) {
-    const Example all = read(R"([solver]
+    const ExampleSettings all = read(R"([solver]
 step = 0.002
 passes = 9
 limit_s = 0.5
@@ -120,7 +120,7 @@ mass = 0.5
 }
 
 TEST(SettingTable, KeepsTheMembersOfKeysThatAreMissing) {
-    const Example none = read("");
+    const ExampleSettings none = read("");
     EXPECT_EQ(none.step, 0.01);
     EXPECT_EQ(none.limit_ns, 2'000'000);
     EXPECT_EQ(none.method, Method::Exact);
@@ -141,7 +141,7 @@ TEST(SettingTable, RefusesWrongValuesAndUnknownKeysWithTheirLines) {
 
 TEST(SettingTable, ReadsTheSameKeysFromAnotherTable) {
     const Config config = Config::parse("[[objects]]\n[[objects]]\nstep = 0.05\n", "a.toml");
-    Example example;
+    ExampleSettings example;
     table().read(config, "objects.1", example);
     EXPECT_EQ(example.step, 0.05);
 }
@@ -166,7 +166,7 @@ TEST(SettingTable, LetsTheCommandLineOverrideTheFileWhicheverNameEachUses) {
         for (const std::string& assignment : assignments) {
             config.set(assignment);
         }
-        Example example;
+        ExampleSettings example;
         table().read(config, example);
         config.reject_unknown();
         EXPECT_THAT(config.toml(), Not(HasSubstr("loops"))) << "written with the new name";
@@ -203,7 +203,7 @@ TEST(SettingDocuments, WriteADefaultFileThatNamesEveryKeyAndReadsBackToTheDefaul
     EXPECT_THAT(toml, HasSubstr("# s, 0.0001 to 0.1. Length of a step.\n"));
     EXPECT_THAT(toml, HasSubstr("\n# share = ...")) << "a key without a default is commented out";
     const Config config = Config::parse(toml, "default.toml");
-    Example example;
+    ExampleSettings example;
     table().read(config, example);
     EXPECT_NO_THROW(config.reject_unknown());
     EXPECT_EQ(commented_toml("Heading.", {table().describe(example)}), toml);
