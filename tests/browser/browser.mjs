@@ -83,10 +83,10 @@ export function parameterControls(page, label) {
 }
 
 export async function chooseScene(page, name) {
-  const before = await seen(page);
   await page.locator("#panel label", { hasText: "Scene" }).locator("select").selectOption(name);
   await until(page, (wanted) => haptic.scene === wanted.name, `the scene ${name}`, { name });
-  await until(page, (frames) => haptic.frames > frames + 2, `frames of ${name}`, before.frames);
+  const { frames } = await seen(page); // until then, those of the scene before
+  await until(page, (then) => haptic.frames > then + 2, `frames of ${name}`, frames);
 }
 
 /** Pauses host-sim, so that nothing moves. */
