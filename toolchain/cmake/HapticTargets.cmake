@@ -166,7 +166,7 @@ endfunction()
 
 # haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, with each of its tests known to ctest.
 # Tests run in parallel unless they are ALONE, as tests with real time or several threads are. COST: the longest start first.
-# SEPARATE: the sources use the same names or replace a library's, and cannot be compiled as one to save time.
+# SEPARATE: the sources use the same names, replace a library's or are not all C++, and cannot be compiled as one to save time.
 function(haptic_test name)
     cmake_parse_arguments(arg "ALONE;SEPARATE" "LABEL;TIMEOUT;COST;ENVIRONMENT" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
     if(NOT arg_TIMEOUT)

@@ -62,6 +62,9 @@ class FakeUsbBoard {
     std::unique_ptr<State> state_;
 };
 
+/// The identity of a board of kind Sh4.
+constexpr device::UsbId kSh4{0x0cec, 0x0205};
+
 class FakeUsbfs {
   public:
     /// Throws std::runtime_error if umockdev is not preloaded.
@@ -74,7 +77,7 @@ class FakeUsbfs {
         device::EmulatedDevice::Settings device{.geometry = device::spidar_g6_x3r()};
         std::string port = "1-1";
         int number = 2;  // device number on its bus
-        device::UsbId id{0x0cec, 0x0205};
+        device::UsbId id = kSh4;
         unsigned char endpoint_in = 0x86;
         unsigned char endpoint_attributes = 0x02;  // bulk
     };

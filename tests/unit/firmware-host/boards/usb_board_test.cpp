@@ -13,12 +13,12 @@
 namespace haptic::device {
 namespace {
 
+using test::kSh4;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 using Fault = test::FakeUsbBoard::Fault;
 
-constexpr UsbId kSh4{0x0cec, 0x0205};
 constexpr std::int64_t kPatient = 1'000'000'000;
 constexpr std::int64_t kHasty = 5'000'000;
 

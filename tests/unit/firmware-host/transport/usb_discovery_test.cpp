@@ -8,6 +8,7 @@
 namespace haptic::device {
 namespace {
 
+using test::kSh4;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -15,7 +16,6 @@ using testing::IsEmpty;
 using testing::Not;
 using testing::ResultOf;
 
-constexpr UsbId kSh4{0x0cec, 0x0205};
 constexpr UsbId kSimple{0x0cec, 0x0203};
 
 auto at_port(const std::string& port) {
