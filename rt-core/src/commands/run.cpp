@@ -17,15 +17,15 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kPollNs = 20'000'000;
+constexpr std::int64_t kRunPollNs = 20'000'000;
 // Interval between two attempts to open a lost device.
 constexpr std::int64_t kReopenNs = 200'000'000;
 // Faults that a lost device may cause; any other fault ends the run.
 constexpr std::uint32_t kDeviceLossFaults = HAPTIC_FAULT_EXCHANGE | HAPTIC_FAULT_OVERRUN;
 // Grace period for a hanging loop to recover before the process exits without it.
 constexpr std::int64_t kHungWaitNs = 1'000'000'000;
-// Watchdog limit of a loop without real-time privileges, which other programs may delay; it drives no real device.
-constexpr std::int64_t kDegradedWatchdogNs = 2'000'000'000;
+// Least watchdog limit with an emulated device, which can hurt nobody: a shared machine may stand still for a while.
+constexpr std::int64_t kEmulatedWatchdogNs = 2'000'000'000;
 
 /// Logs what the kernel refused and how to grant it. Throws Refusal for a real device, which a loop that may be late
 /// must not drive.
@@ -94,7 +94,7 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::optional<Rec
             return false;
         }
         // Stop requests: a signal, the end of the duration or an observer; then the stop line.
-        const int signal = sources.signals.wait(kPollNs);
+        const int signal = sources.signals.wait(kRunPollNs);
         const bool over = monotonic_now_ns() >= end_ns || (sources.observer != nullptr && sources.observer->done());
         if ((signal != 0 || over) && !stopping) {
             // The tick fades out; the loop ends when it is disarmed.
@@ -147,11 +147,11 @@ bool wait_for_device(OpenedDevice& device, const StopSignals& signals, std::int6
     }
 }
 
-WatchdogSettings watchdog_settings(const Settings& settings, const RealtimeSetup& setup) {
+WatchdogSettings watchdog_settings(const Settings& settings, const RealtimeSetup& setup, bool real) {
     WatchdogSettings result = settings.watchdog;
-    // The processor that the loop was granted. Without priority the loop can be late, so the limit is longer.
+    // The processor that the loop was granted.
     result.loop_cpu = setup.cpu >= 0 ? setup.cpu : settings.loop.cpu;
-    result.limit_ns = setup.degraded() ? std::max(result.limit_ns, kDegradedWatchdogNs) : result.limit_ns;
+    result.limit_ns = real ? result.limit_ns : std::max(result.limit_ns, kEmulatedWatchdogNs);
     return result;
 }
 
@@ -228,7 +228,8 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
         hooks_->on_ready(result_.setup);
     }
     // Last, the threads that can stop the loop.
-    watchdog_ = std::make_unique<Watchdog>(watchdog_settings(settings, result_.setup), tick_, gate_);
+    watchdog_ =
+        std::make_unique<Watchdog>(watchdog_settings(settings, result_.setup, device_->is_real()), tick_, gate_);
     stop_monitor_ = open_stop_monitor(settings, tick_);
     start_ns_ = monotonic_now_ns();
 }

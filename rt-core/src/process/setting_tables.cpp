@@ -439,7 +439,7 @@ const SettingTable<Settings>& recovery_table() {
             {{.key = "watchdog_s",
               .unit = "s",
               .meaning = "Time without a finished tick after which the watchdog sends zeros to the motors. At least 5 "
-                         "times loop.period_s."},
+                         "times loop.period_s. With the emulated device at least 2 s."},
              V::duration([](S& s) -> auto& { return s.watchdog.limit_ns; }, {0.01, 10.0})},
             {{.key = "rearm",
               .meaning = "Whether to wait for a lost device, calibrate again and continue, instead of ending."},
