@@ -36,10 +36,11 @@ struct BrokenAssertion {};
 #include <system_error>
 #include <utility>
 
+#include "haptic/numeric.hpp"
+#include "trimmed.hpp"
+
 namespace haptic {
 namespace {
-
-constexpr double kUnitTolerance = 1e-6;
 
 std::vector<std::string> split(std::string_view key) {
     std::vector<std::string> parts;
@@ -127,12 +128,6 @@ void write_table(std::ostream& out, const toml::table& table, const std::string&
             }
         }
     }
-}
-
-std::string trimmed(std::string_view text) {
-    const std::size_t begin = text.find_first_not_of(" \t");
-    const std::size_t end = text.find_last_not_of(" \t");
-    return begin == std::string_view::npos ? "" : std::string(text.substr(begin, end - begin + 1));
 }
 
 /// Number of insertions, deletions, replacements and swaps of neighbours that turn a into b (optimal string alignment).
@@ -424,7 +419,7 @@ Config Config::parse(std::string_view toml, std::string_view name) {
 
 void Config::set(std::string_view assignment) {
     const std::size_t equals = assignment.find('=');
-    const std::string key = trimmed(assignment.substr(0, equals));
+    const std::string key(detail::trimmed(assignment.substr(0, equals)));
     const auto fail_set = [&key](const std::string& problem) { throw ConfigError("--set " + key + ": " + problem); };
     if (equals == std::string_view::npos) {
         fail_set("must have the form key=value");
@@ -438,7 +433,7 @@ void Config::set(std::string_view assignment) {
             fail_set("is not a key: names of letters, digits, _ and - with dots between, as in device.minimum_tension");
         }
     }
-    const std::string value = trimmed(assignment.substr(equals + 1));
+    const std::string value(detail::trimmed(assignment.substr(equals + 1)));
     toml::table parsed;
     if (value.find('\n') != std::string_view::npos) {
         fail_set("the value must be on one line");

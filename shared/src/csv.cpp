@@ -10,17 +10,14 @@
 
 #include "file_replacement.hpp"
 #include "joined.hpp"
+#include "trimmed.hpp"
 
 namespace haptic {
 namespace {
 
-constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+using detail::trimmed;
 
-std::string_view trimmed(std::string_view text) {
-    const std::size_t begin = text.find_first_not_of(" \t\r");
-    return begin == std::string_view::npos ? std::string_view{}
-                                           : text.substr(begin, text.find_last_not_of(" \t\r") - begin + 1);
-}
+constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 
 bool is_note(std::string_view line) {
     return trimmed(line).starts_with('#');

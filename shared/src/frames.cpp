@@ -4,10 +4,11 @@
 #include <cmath>
 #include <utility>
 
+#include "haptic/numeric.hpp"
+
 namespace haptic {
 namespace {
 
-constexpr double kUnitTolerance = 1e-6;
 // Relative excess of W_rs^2 over W_rr W_ss that is rounding: the elements are floats.
 constexpr double kComplianceTolerance = 1e-5;
 

@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "haptic/csv.hpp"
+#include "haptic/numeric.hpp"
 
 namespace haptic {
 namespace {
 
-constexpr double kUnitTolerance = 1e-6;
 constexpr const char* kQuaternionColumns[] = {"qw", "qx", "qy", "qz"};
 
 /// Index of the first time that is not later than its predecessor; the size if there is none.

@@ -15,10 +15,10 @@ constexpr std::byte kLatch{0x51};
 
 // Offsets in an OUT packet.
 constexpr std::size_t kOutChannels = 2;
-constexpr std::size_t kOutDacCodes = 1;
+constexpr std::size_t kOutFirstDacCode = 1;
 // Offsets in an IN packet.
 constexpr std::size_t kCounterBytes = 3;
-constexpr std::size_t kInPio = 24;
+constexpr std::size_t kInPioByte = 24;
 
 }  // namespace
 
@@ -34,7 +34,7 @@ void encode(const SimpleCommand& command, std::span<std::byte, kSimplePacketByte
         case SimpleRequest::DacCodes:
             out[0] = kDacCodes;
             for (std::size_t i = 0; i < kStrings; ++i) {
-                store_word(out, kOutDacCodes + 2 * i, std::min<std::uint16_t>(command.dac_codes[i], kMaxDacCode));
+                store_word(out, kOutFirstDacCode + 2 * i, std::min<std::uint16_t>(command.dac_codes[i], kMaxDacCode));
             }
             break;
         case SimpleRequest::Latch:
@@ -52,7 +52,7 @@ PacketDefect decode(std::span<const std::byte> in, SimpleReply& reply) HAPTIC_RT
         const auto high = std::to_integer<std::uint32_t>(in[at + 2]);
         reply.counters[i] = load_word(in, at) | (high << 16U);
     }
-    reply.pio = std::to_integer<std::uint8_t>(in[kInPio]);
+    reply.pio = std::to_integer<std::uint8_t>(in[kInPioByte]);
     return PacketDefect::None;
 }
 
@@ -68,7 +68,7 @@ PacketDefect decode(std::span<const std::byte> out, SimpleCommand& command) HAPT
     } else if (out[0] == kDacCodes) {
         found.request = SimpleRequest::DacCodes;
         for (std::size_t i = 0; i < kStrings; ++i) {
-            found.dac_codes[i] = load_word(out, kOutDacCodes + 2 * i);
+            found.dac_codes[i] = load_word(out, kOutFirstDacCode + 2 * i);
             if (found.dac_codes[i] > kMaxDacCode) {
                 return PacketDefect::DacCode;
             }
@@ -87,7 +87,7 @@ void encode(const SimpleReply& reply, std::span<std::byte, kSimplePacketBytes> i
         store_word(in, at, static_cast<std::uint16_t>(reply.counters[i] & 0xFFFFU));
         in[at + 2] = static_cast<std::byte>((reply.counters[i] >> 16U) & 0xFFU);
     }
-    in[kInPio] = std::byte{reply.pio};
+    in[kInPioByte] = std::byte{reply.pio};
 }
 
 }  // namespace haptic::device

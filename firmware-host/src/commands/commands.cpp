@@ -16,8 +16,6 @@
 namespace haptic::device {
 namespace {
 
-constexpr double kMilli = 1e3;
-
 /// Prints the used bytes of a packet, 16 per line.
 void print_bytes(std::string_view name, const Sh4Packet& packet, std::size_t used) {
     std::printf("\n%.*s, first %zu of %zu bytes\n", static_cast<int>(name.size()), name.data(), used, packet.size());

@@ -11,6 +11,8 @@
 
 namespace haptic::device {
 
+inline constexpr double kMilli = 1e3;  // mm in m, mN*m in N*m
+
 struct ExchangeRequest {
     Pose grip;                                // pose of the grip
     std::array<double, kStrings> tensions{};  // N

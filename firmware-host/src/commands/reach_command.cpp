@@ -8,6 +8,7 @@
 #include <optional>
 #include <string_view>
 
+#include "commands/commands.hpp"
 #include "haptic/csv.hpp"
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/device/wrench_closure.hpp"
@@ -16,7 +17,6 @@
 namespace haptic::device {
 namespace {
 
-constexpr double kMilli = 1e3;
 constexpr double kDegrees = 57.29577951308232;
 
 /// Columns of a recording, in the order of kColumns.

@@ -33,7 +33,6 @@ constexpr std::uint8_t kQualifier = 6;
 constexpr std::uint8_t kOtherSpeed = 7;
 
 constexpr std::uint16_t kHaltFeature = 0;
-constexpr std::uint8_t kVendorSpecific = 0xFF;
 constexpr std::uint8_t kControlPacketBytes = 64;
 constexpr std::uint8_t kSelfPowered = 0xC0;  // the motors need more power than the bus supplies
 constexpr std::uint8_t kHalfMilliamperes = 50;

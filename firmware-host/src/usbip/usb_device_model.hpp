@@ -23,6 +23,7 @@ namespace haptic::device {
 inline constexpr std::uint8_t kEndpointOut = 0x02;
 inline constexpr std::uint8_t kEndpointIn = 0x86;
 inline constexpr std::size_t kBulkPacketBytes = 512;
+inline constexpr std::uint8_t kVendorSpecific = 0xFF;  // class code of the device and its interface
 
 /// Identifying fields of the descriptors.
 struct UsbIdentity {

@@ -10,7 +10,6 @@ namespace {
 
 constexpr const char* kBusId = "1-1";
 constexpr std::uint32_t kHighSpeed = 3;
-constexpr std::uint8_t kVendorSpecific = 0xFF;
 constexpr std::array<usbip::InterfaceRecord, 1> kInterfaces = {{{kVendorSpecific, 0, 0}}};
 constexpr std::uint8_t kInputFlag = 0x80;
 constexpr std::size_t kImportBytes = usbip::kOperationBytes + usbip::kBusIdBytes;

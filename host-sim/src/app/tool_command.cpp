@@ -30,10 +30,10 @@ struct ToolOptions {
     bool list = false;
 };
 
-constexpr std::array kGenerators{"sphere", "hand", "rod", "probe"};
+constexpr std::array kHandGenerators{"sphere", "hand", "rod", "probe"};
 
-bool is_generator(const std::string& what) {
-    return std::find(kGenerators.begin(), kGenerators.end(), what) != kGenerators.end();
+bool is_hand_generator(const std::string& what) {
+    return std::find(kHandGenerators.begin(), kHandGenerators.end(), what) != kHandGenerators.end();
 }
 
 bool is_mesh(const std::string& what) {
@@ -81,7 +81,7 @@ Config scene_of(const std::string& what) {
         return open_scene(what);
     } catch (const ConfigError& error) {
         std::string generators;
-        for (const char* generator : kGenerators) {
+        for (const char* generator : kHandGenerators) {
             generators += (generators.empty() ? "" : ", ") + std::string(generator);
         }
         throw ConfigError(std::string(error.what()) + "; generated tools are: " + generators);
@@ -89,9 +89,9 @@ Config scene_of(const std::string& what) {
 }
 
 ToolSettings settings_of(const ToolOptions& options) {
-    const bool of_scene = !is_generator(options.what) && !is_mesh(options.what);
+    const bool of_scene = !is_hand_generator(options.what) && !is_mesh(options.what);
     Config config = of_scene ? scene_of(options.what) : Config();
-    if (is_generator(options.what)) {
+    if (is_hand_generator(options.what)) {
         config.set("tool.generator=" + options.what);
     } else if (!of_scene) {
         config.set("tool.file=" + toml_value(options.what));

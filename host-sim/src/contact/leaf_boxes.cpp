@@ -16,7 +16,7 @@ using Lanes = PackedBox::Lanes;
 // about a billionth of that. The test of the sphere subtracts, squares and adds.
 constexpr double kMargin = 1e-6;
 constexpr double kSphereMargin = 1e-5;
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kInfiniteFloat = std::numeric_limits<float>::infinity();
 
 Lanes lanes_of(const Vec3& x, float fourth) noexcept {
     using Doubles = double __attribute__((vector_size(32)));
@@ -66,8 +66,8 @@ SweptSphere::SweptSphere(const Vec3& from, const Vec3& to, double radius) noexce
 BoxLimits::BoxLimits(const Aabb& box) noexcept {
     // The margin follows the coordinates, which bound the rounding errors. The unused lane always compares true.
     const Vec3 margin = glm::max(glm::abs(box.min), glm::abs(box.max)) * kMargin;
-    low_ = lanes_of(box.min - margin, -kInfinity);
-    high_ = lanes_of(box.max + margin, kInfinity);
+    low_ = lanes_of(box.min - margin, -kInfiniteFloat);
+    high_ = lanes_of(box.max + margin, kInfiniteFloat);
 }
 
 SphereLimits::SphereLimits(const Aabb& box, const Aabb& centers, double radius) noexcept

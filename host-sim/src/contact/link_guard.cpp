@@ -70,7 +70,7 @@ struct NearestIntersection {
     }
 };
 
-Aabb aabb_of(const LinkMove& move) {
+Aabb box_of_move(const LinkMove& move) {
     return {glm::min(glm::min(move.a0, move.b0), glm::min(move.a1, move.b1)),
             glm::max(glm::max(move.a0, move.b0), glm::max(move.a1, move.b1))};
 }
@@ -100,7 +100,7 @@ Vec3 normal_of(const LinkMove& move, const Corners& corners, const Vec3& point) 
 }  // namespace
 
 std::optional<LinkHit> find_link_hit(std::span<const MovingSurface> surfaces, const LinkMove& move) {
-    const Aabb box = aabb_of(move);
+    const Aabb box = box_of_move(move);
     // The two triangles of the patch.
     const std::array<Corners, 2> patch{{{move.a0, move.b0, move.b1}, {move.a0, move.b1, move.a1}}};
     NearestIntersection nearest{move.a0, move.b0};

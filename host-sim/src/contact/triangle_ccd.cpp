@@ -13,7 +13,7 @@ constexpr double kContactTolerance = 1e-12;  // of the radius: a smaller gap is 
 constexpr double kRounding = 8e-16;          // of the coordinates: distances are not known better
 constexpr int kFineIterations = 200;         // after these, kCreepTolerance replaces kContactTolerance
 constexpr int kMaxIterations = 2000;         // then the triangle counts as touching; not reached in 10^8 random queries
-constexpr double kNever = 2.0;               // longer than any step
+constexpr double kLongerThanStep = 2.0;      // longer than any step
 constexpr double kPassedCosine = 0.9;        // above this cosine the triangle has passed the centre face-on
 constexpr double kOblique = 1e-3;        // of the coordinates: at a smaller distance the normal is orthogonalised first
 constexpr double kPassageShare = 1e-11;  // of the triangle's extent: radius that represents a point
@@ -79,7 +79,7 @@ inline Vec3 direction_of(const ClosestPoint& at, double distance, double min_dis
 /// `n` is unit, from the closest point to the origin.
 double time_to_plane(const Vec3& n, double radius, const TriangleCorners& now,
                      const TriangleCorners& motion) HAPTIC_RT {
-    double first = kNever;
+    double first = kLongerThanStep;
     for (const auto& [x, dx] : {std::pair{now.a, motion.a}, std::pair{now.b, motion.b}, std::pair{now.c, motion.c}}) {
         const double rate = glm::dot(n, dx);
         const double gap = -glm::dot(n, x) - radius;
@@ -144,7 +144,8 @@ TriangleTouch advance(const TriangleCorners& start, const TriangleCorners& motio
         }
         // Safe step: the longer of the Lipschitz bound and the time to the separating plane.
         const Vec3 n = direction_of(touch.at, distance, oblique, now);
-        const double step = std::max(gap < fastest ? gap / fastest : kNever, time_to_plane(n, threshold, now, motion));
+        const double step =
+            std::max(gap < fastest ? gap / fastest : kLongerThanStep, time_to_plane(n, threshold, now, motion));
         const double remaining = limit - touch.time;
         if (step > remaining) {
             return touch;

@@ -15,8 +15,8 @@ namespace {
 
 constexpr double kBorderTolerance = 1e-12;  // of the triangle's squared area: on the border counts as inside
 constexpr double kLineTolerance = 1e-22;    // squared height over length below which a triangle is a line
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kRounding = 1e-12;           // of a coordinate: far above the rounding of interpolation
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
+constexpr double kInterpolationRounding = 1e-12;  // of a coordinate: far above the rounding of interpolation
 constexpr double kCoplanarTolerance = 1e-13;  // of the cube of the extent: the triangle never leaves the point's plane
 
 using Corners = std::array<Vec3, 3>;
@@ -245,32 +245,32 @@ void check_triangle(std::span<const SurfaceMotion> surfaces, std::uint32_t objec
 }
 
 /// Axis-aligned box, widened by more than the rounding of interpolation.
-struct Bounds {
-    Vec3 low{kInfinity};
-    Vec3 high{-kInfinity};
+struct PathBounds {
+    Vec3 low{kUnbounded};
+    Vec3 high{-kUnbounded};
 
     void add(const Vec3& x) {
         low = glm::min(low, x);
         high = glm::max(high, x);
     }
-    void add(const Bounds& other) {
+    void add(const PathBounds& other) {
         low = glm::min(low, other.low);
         high = glm::max(high, other.high);
     }
     void widen() {
-        const Vec3 rounding = kRounding * glm::max(glm::abs(low), glm::abs(high));
+        const Vec3 rounding = kInterpolationRounding * glm::max(glm::abs(low), glm::abs(high));
         low -= rounding;
         high += rounding;
     }
-    [[nodiscard]] bool meets(const Bounds& other) const {
+    [[nodiscard]] bool meets(const PathBounds& other) const {
         return low.x <= other.high.x && high.x >= other.low.x && low.y <= other.high.y && high.y >= other.low.y &&
                low.z <= other.high.z && high.z >= other.low.z;
     }
 };
 
 /// Box of each path.
-std::vector<Bounds> bounds_of(std::span<const std::span<const PathKnot>> paths) {
-    std::vector<Bounds> path_bounds(paths.size());
+std::vector<PathBounds> bounds_of(std::span<const std::span<const PathKnot>> paths) {
+    std::vector<PathBounds> path_bounds(paths.size());
     for (std::size_t k = 0; k < paths.size(); ++k) {
         for (const PathKnot& knot : paths[k]) {
             path_bounds[k].add(knot.position);
@@ -281,14 +281,14 @@ std::vector<Bounds> bounds_of(std::span<const std::span<const PathKnot>> paths) 
 }
 
 /// Triangle index and its box over the whole step.
-struct Candidate {
+struct SweptTriangle {
     std::uint32_t triangle;
-    Bounds bounds;
+    PathBounds bounds;
 };
 
 /// Collects the triangles of a surface whose boxes overlap `all`, by rising index.
-void collect_candidates(const SurfaceMotion& motion, const Bounds& all, std::vector<Candidate>& candidates) {
-    std::vector<Bounds> swept(motion.start.size());  // path of each vertex
+void collect_candidates(const SurfaceMotion& motion, const PathBounds& all, std::vector<SweptTriangle>& candidates) {
+    std::vector<PathBounds> swept(motion.start.size());  // path of each vertex
     for (std::size_t v = 0; v < swept.size(); ++v) {
         swept[v].add(motion.start[v]);
         swept[v].add(motion.end[v]);
@@ -296,7 +296,7 @@ void collect_candidates(const SurfaceMotion& motion, const Bounds& all, std::vec
     }
     candidates.clear();
     for (std::uint32_t triangle = 0; triangle < motion.triangles.size(); ++triangle) {
-        Bounds bounds;
+        PathBounds bounds;
         for (const std::uint32_t vertex : motion.triangles[triangle]) {
             bounds.add(swept[vertex]);
         }
@@ -324,19 +324,19 @@ std::vector<Crossing> find_crossings(std::span<const SurfaceMotion> surfaces, st
 std::vector<std::vector<Crossing>> find_crossings(std::span<const SurfaceMotion> surfaces,
                                                   std::span<const std::span<const PathKnot>> paths) {
     std::vector<std::vector<Crossing>> found(paths.size());
-    const std::vector<Bounds> path_bounds = bounds_of(paths);
+    const std::vector<PathBounds> path_bounds = bounds_of(paths);
     // Box of all paths, to discard most triangles at once.
-    Bounds all;
-    for (const Bounds& bounds : path_bounds) {
+    PathBounds all;
+    for (const PathBounds& bounds : path_bounds) {
         all.add(bounds);
     }
-    std::vector<Candidate> candidates;
+    std::vector<SweptTriangle> candidates;
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
         collect_candidates(surfaces[object], all, candidates);
         for (std::size_t k = 0; k < paths.size(); ++k) {
             // Triangles near this path.
             std::vector<std::uint32_t> crossing_candidates;
-            for (const Candidate& n : candidates) {
+            for (const SweptTriangle& n : candidates) {
                 if (n.bounds.meets(path_bounds[k])) {
                     crossing_candidates.push_back(n.triangle);
                 }

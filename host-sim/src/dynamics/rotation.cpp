@@ -1,24 +1,9 @@
 #include "dynamics/rotation.hpp"
 
+#include "dynamics/one_lane.hpp"
 #include "simd/lane_rotation.hpp"
 
 namespace haptic::sim {
-namespace {
-
-LaneVec<double> lane(const Vec3& v) noexcept {
-    return {v.x, v.y, v.z};
-}
-LaneQuat<double> lane(const Quat& q) noexcept {
-    return {q.w, q.x, q.y, q.z};
-}
-Vec3 plain(const LaneVec<double>& v) noexcept {
-    return {v.x, v.y, v.z};
-}
-Quat plain(const LaneQuat<double>& q) noexcept {
-    return Quat(q.w, q.x, q.y, q.z);
-}
-
-}  // namespace
 
 Mat3 to_matrix(const Quat& q) noexcept {
     const LaneMat<double> m = lane_matrix(lane(q));

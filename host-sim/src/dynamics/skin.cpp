@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dynamics/one_lane.hpp"
 #include "simd/kernels.hpp"
 #include "simd/lane_rotation.hpp"
 
@@ -40,10 +41,6 @@ void set_row(SkinRow& row, const LaneVec<double>& v) {
     row.number[0] = v.x;
     row.number[1] = v.y;
     row.number[2] = v.z;
-}
-
-LaneVec<double> lane(const Vec3& v) {
-    return {v.x, v.y, v.z};
 }
 
 }  // namespace

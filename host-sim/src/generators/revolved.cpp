@@ -12,8 +12,8 @@
 namespace haptic::sim {
 namespace {
 
-constexpr std::size_t kAround = 32;
-constexpr std::size_t kQuarter = kAround / 4;
+constexpr std::size_t kRingPoints = 32;
+constexpr std::size_t kQuarter = kRingPoints / 4;
 constexpr double kRingSpacing = 0.5;       // along straight parts, in diameters
 constexpr double kMaxSlenderness = 200.0;  // length in diameters
 
@@ -48,7 +48,7 @@ std::array<Direction, kQuarter + 1> quarter_circle() {
 Direction around(std::size_t k) {
     static const std::array<Direction, kQuarter + 1> quarter = quarter_circle();
     const Direction& d = quarter[k % kQuarter];
-    switch (k % kAround / kQuarter) {
+    switch (k % kRingPoints / kQuarter) {
         case 0:
             return d;
         case 1:
@@ -60,7 +60,8 @@ Direction around(std::size_t k) {
     }
 }
 
-/// Adds rings `first` to `last` of a sphere centred at z; ring 0 is its pole at -z, ring kAround / 2 the other pole.
+/// Adds rings `first` to `last` of a sphere centred at z; ring 0 is its pole at -z, ring kRingPoints / 2 the other
+/// pole.
 void add_arc(std::vector<Outline>& outline, double z, double radius, std::size_t first, std::size_t last) {
     for (std::size_t k = first; k <= last; ++k) {
         const Direction d = around(k);
@@ -83,18 +84,18 @@ TriangleMesh revolve(double low, const std::vector<Outline>& rings, double high)
     mesh.closed = true;
     mesh.vertices.emplace_back(0.0, 0.0, low);
     for (const Outline& ring : rings) {
-        for (std::size_t k = 0; k < kAround; ++k) {
+        for (std::size_t k = 0; k < kRingPoints; ++k) {
             const Direction d = around(k);
             mesh.vertices.emplace_back(ring.radius * d.cosine, ring.radius * d.sine, ring.z);
         }
     }
     mesh.vertices.emplace_back(0.0, 0.0, high);
     const auto index = [](std::size_t ring, std::size_t k) {
-        return static_cast<std::uint32_t>(1 + ring * kAround + k % kAround);
+        return static_cast<std::uint32_t>(1 + ring * kRingPoints + k % kRingPoints);
     };
     const std::size_t last = rings.size() - 1;
     const auto top = static_cast<std::uint32_t>(mesh.vertices.size() - 1);
-    for (std::size_t k = 0; k < kAround; ++k) {
+    for (std::size_t k = 0; k < kRingPoints; ++k) {
         mesh.triangles.push_back({0, index(0, k + 1), index(0, k)});
         for (std::size_t ring = 0; ring < last; ++ring) {
             mesh.triangles.push_back({index(ring, k), index(ring, k + 1), index(ring + 1, k + 1)});
@@ -116,7 +117,7 @@ void require(bool holds, const std::string& what) {
 TriangleMesh make_sphere_mesh(double radius) {
     require(radius > 0.0 && std::isfinite(radius), "sphere: the radius must be positive");
     std::vector<Outline> outline;
-    add_arc(outline, 0.0, radius, 1, kAround / 2 - 1);
+    add_arc(outline, 0.0, radius, 1, kRingPoints / 2 - 1);
     return revolve(-radius, outline, radius);
 }
 
@@ -128,7 +129,7 @@ TriangleMesh make_rod_mesh(double length, double thickness) {
     std::vector<Outline> outline;
     add_arc(outline, -end, radius, 1, kQuarter);
     add_straight(outline, -end, end, radius);
-    add_arc(outline, end, radius, kQuarter, kAround / 2 - 1);
+    add_arc(outline, end, radius, kQuarter, kRingPoints / 2 - 1);
     return revolve(-0.5 * length, outline, 0.5 * length);
 }
 
@@ -144,17 +145,17 @@ TriangleMesh make_probe_mesh(double length, double thickness, double ball_radius
     const double root =
         ball + std::sqrt(ball_radius * ball_radius - radius * radius);  // where the shaft leaves the ball
     std::vector<Outline> outline;
-    for (std::size_t k = 1; k < kAround / 2; ++k) {
+    for (std::size_t k = 1; k < kRingPoints / 2; ++k) {
         const double z = ball - ball_radius * around(k).cosine;
         // Stop before the rings come close to the root of the shaft.
-        if (2 * k > kAround / 2 && ball_radius * around(k).sine < 1.1 * radius) {
+        if (2 * k > kRingPoints / 2 && ball_radius * around(k).sine < 1.1 * radius) {
             break;
         }
         outline.push_back({z, ball_radius * around(k).sine});
     }
     outline.push_back({root, radius});
     add_straight(outline, root, end, radius);
-    add_arc(outline, end, radius, kQuarter, kAround / 2 - 1);
+    add_arc(outline, end, radius, kQuarter, kRingPoints / 2 - 1);
     return revolve(-0.5 * length, outline, 0.5 * length);
 }
 

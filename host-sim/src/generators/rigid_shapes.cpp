@@ -15,8 +15,8 @@ constexpr std::uint32_t kMaxCells = 256;
 constexpr std::uint32_t kRodSides = 12;
 constexpr double kHalfRootOfThree = 0.86602540378443865;
 // Cosines of k * 30 degrees; the sine is entry k - 3.
-constexpr std::array<double, kRodSides> kCosine{1.0,  kHalfRootOfThree,  0.5,  0.0, -0.5, -kHalfRootOfThree,
-                                                -1.0, -kHalfRootOfThree, -0.5, 0.0, 0.5,  kHalfRootOfThree};
+constexpr std::array<double, kRodSides> kRodCosine{1.0,  kHalfRootOfThree,  0.5,  0.0, -0.5, -kHalfRootOfThree,
+                                                   -1.0, -kHalfRootOfThree, -0.5, 0.0, 0.5,  kHalfRootOfThree};
 
 void require_size(double size, const char* what) {
     if (!(size > 0.0) || !std::isfinite(size)) {
@@ -95,8 +95,8 @@ TriangleMesh make_rod_mesh(const RodShape& shape) {
     const double radius = 0.5 * shape.diameter;
     for (const double x : {-0.5, 0.5}) {
         for (std::uint32_t k = 0; k < kRodSides; ++k) {
-            mesh.vertices.emplace_back(x * shape.length, radius * kCosine[k],
-                                       radius * kCosine[(k + kRodSides - 3) % kRodSides]);
+            mesh.vertices.emplace_back(x * shape.length, radius * kRodCosine[k],
+                                       radius * kRodCosine[(k + kRodSides - 3) % kRodSides]);
         }
     }
     mesh.triangles.reserve(rod_triangles());

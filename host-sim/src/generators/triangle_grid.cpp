@@ -12,7 +12,7 @@
 namespace haptic::sim {
 namespace {
 
-constexpr double kMaxCells = 96.0;  // along an axis
+constexpr double kMaxCellsAlong = 96.0;  // along an axis
 constexpr double kNoCrossing = 2.0;
 
 TriangleCorners corners_of(std::span<const Vec3> vertices, const Triangle& t) {
@@ -49,7 +49,7 @@ TriangleGrid::TriangleGrid(std::span<const Vec3> vertices, std::span<const Trian
     low_ = box.min;
     for (std::size_t k = 0; k < 3; ++k) {
         const double width = box.max[static_cast<int>(k)] - box.min[static_cast<int>(k)];
-        const double cells = std::clamp(std::ceil(width / cell), 1.0, kMaxCells);
+        const double cells = std::clamp(std::ceil(width / cell), 1.0, kMaxCellsAlong);
         count_[k] = static_cast<std::size_t>(cells);
         cells_per_metre_[static_cast<int>(k)] = width > 0.0 ? cells / width : 0.0;
     }

@@ -12,18 +12,13 @@
 #include <stdexcept>
 #include <vector>
 
+#include "haptic/numeric.hpp"
 #include "haptic/sim/model_builder.hpp"
 #include "haptic/sim/skin.hpp"
+#include "model/model_ranges.hpp"
 
 namespace haptic::sim {
 namespace {
-
-constexpr Range kPositions{-1e4, 1e4};
-constexpr Range kSizes{0.0, 1e4};
-constexpr Range kMasses{1e-12, 1e6};
-constexpr Range kUnitInterval{0.0, 1.0};
-constexpr Range kCompliances{0.0, 1e6};
-constexpr double kUnitTolerance = 1e-6;
 
 constexpr const char* kExplanation =
     R"(# Particles of a deformable body, written by host-sim model. A scene reads them with [model] particles = "THIS FILE".

@@ -8,17 +8,12 @@
 #include "haptic/setting.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "model/generator_table.hpp"
+#include "model/model_ranges.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// Beyond any scene that the solver is meant for: a typing error is refused instead of costing an hour of computing.
-constexpr Range kPositions{-1e4, 1e4};   // m
-constexpr Range kVelocities{-1e3, 1e3};  // m/s
-constexpr Range kUnitInterval{0.0, 1.0};
-constexpr Range kSizes{0.0, 1e4};       // m
 constexpr Range kLengths{1e-3, 100.0};  // m
-constexpr Range kCompliances{0.0, 1e6};
 
 /// The keys of [model] where several shapes share one, or one member is computed from several.
 struct ModelKeys {

@@ -29,7 +29,7 @@ Aabb cube_around(const Vec3& centre, double half) {
     return {centre - half, centre + half};
 }
 
-void take(const Study& study, Figure& figure, const SceneRun& run, const Shot& shot) {
+void take_of_curtain(const Study& study, Figure& figure, const SceneRun& run, const Shot& shot) {
     ToolPicture picture = tool_picture(run, shot.caption, ToolStyle::Skin);
     picture.scene.objects.front().colour = kCurtainColour;
     picture.scene.camera = shot.camera;
@@ -38,7 +38,7 @@ void take(const Study& study, Figure& figure, const SceneRun& run, const Shot& s
 }
 
 /// Times of the stages of a step, us, grouped as in the thesis.
-struct Times {
+struct CurtainTimes {
     std::vector<double> whole;
     std::vector<double> bodies_and_tool;
     std::vector<double> detection;
@@ -106,8 +106,8 @@ Figure curtain_hand(const Study& study) {
          {2.1, "5-turn", "It turns while it presses.", {0.9, 0.25, 0.6}}}};
     HapticLoop loop;
     std::vector<HapticSample> samples;
-    Times free;
-    Times touching;
+    CurtainTimes free;
+    CurtainTimes touching;
     std::size_t next = 0;
     std::size_t max_collided = 0;
     const std::int64_t step_ns = nanoseconds(run.simulation().scene().solver.step);
@@ -118,7 +118,7 @@ Figure curtain_hand(const Study& study) {
         (result.in_contact ? touching : free).add(result.times);
         max_collided = std::max(max_collided, result.collided);
         if (next < shots.size() && run.time_s() + 1e-9 >= shots[next].time_s) {
-            take(study, figure, run, shots[next]);
+            take_of_curtain(study, figure, run, shots[next]);
             if (next == 3) {
                 ToolPicture spheres = tool_picture(run, "the spheres of the hand", ToolStyle::Spheres);
                 spheres.scene.objects.erase(spheres.scene.objects.begin());  // the curtain

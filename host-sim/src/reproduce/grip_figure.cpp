@@ -46,7 +46,7 @@ double mean_height(const Simulation& simulation) {
     return sum / static_cast<double>(simulation.model().size());
 }
 
-void take(const Study& study, Figure& figure, const SceneRun& run, const Shot& shot) {
+void take_of_grip(const Study& study, Figure& figure, const SceneRun& run, const Shot& shot) {
     ToolPicture picture = tool_picture(run, shot.caption, ToolStyle::Skin);
     picture.scene.objects.resize(2);  // fish and hand, without the copy at the device's pose
     picture.scene.objects.front().colour = kFishColour;
@@ -164,7 +164,7 @@ Figure fish_grip(const Study& study) {
             grasp.add(result);
         }
         if (next < kShots.size() && run.time_s() + 1e-9 >= kShots[next].time_s) {
-            take(study, figure, run, kShots[next++]);
+            take_of_grip(study, figure, run, kShots[next++]);
         }
     }
     csv.close();

@@ -24,19 +24,19 @@
 namespace haptic::sim::reproduce {
 namespace {
 
-struct Stage {
+struct TimedStage {
     const char* column;
     std::int64_t StageTimes::* time_ns;
 };
-constexpr std::array<Stage, 5> kStages{{{"total", &StageTimes::total_ns},
-                                        {"ccd", &StageTimes::ccd_ns},
-                                        {"popout", &StageTimes::popout_ns},
-                                        {"proxy", &StageTimes::proxy_ns},
-                                        {"skin", &StageTimes::skin_ns}}};
+constexpr std::array<TimedStage, 5> kTimedStages{{{"total", &StageTimes::total_ns},
+                                                  {"ccd", &StageTimes::ccd_ns},
+                                                  {"popout", &StageTimes::popout_ns},
+                                                  {"proxy", &StageTimes::proxy_ns},
+                                                  {"skin", &StageTimes::skin_ns}}};
 constexpr std::size_t kTotal = 0;
 constexpr std::size_t kCcd = 1;
 constexpr std::size_t kSkin = 4;
-using Medians = std::array<double, kStages.size()>;  // us
+using Medians = std::array<double, kTimedStages.size()>;  // us
 
 struct StepCost {
     std::size_t triangles = 0;
@@ -46,7 +46,7 @@ struct StepCost {
 
 constexpr double kHalfPeriod = 0.2;    // s, for which the far bodies rest, then move, in turn
 constexpr double kFarDistance = 20.0;  // m
-constexpr double kTravel = 0.1;        // m, there and back
+constexpr double kFarTravel = 0.1;     // m, there and back
 constexpr int kMaxRefinements = 4;     // 870,400 triangles far away
 
 /// The fish under the sliding hand, and two more far away that no force moves: they are moved a little, rest, are moved
@@ -63,7 +63,7 @@ Scene scene_with_far_fish(int refinements) {
     whole.low = Vec3(-1.0);
     whole.high = Vec3(1.0);
     whole.motion_times = {0.0, kHalfPeriod, 2.0 * kHalfPeriod, 3.0 * kHalfPeriod, 4.0 * kHalfPeriod};
-    const Vec3 there(kTravel, 0.0, 0.0);
+    const Vec3 there(kFarTravel, 0.0, 0.0);
     whole.motion_offsets = {Vec3(0.0), Vec3(0.0), there, there, Vec3(0.0)};
     whole.motion_repeat = true;
     far.regions = {whole};
@@ -82,7 +82,7 @@ Vec3 far_vertex(const Simulation& simulation) {
 StepCost measure_steps(const Scene& scene, std::int64_t (*clock)()) {
     Simulation simulation(scene, clock);
     const std::int64_t step_ns = nanoseconds(scene.solver.step);
-    std::array<std::array<std::vector<double>, kStages.size()>, 2> times_us;  // standing, moving
+    std::array<std::array<std::vector<double>, kTimedStages.size()>, 2> times_us;  // standing, moving
     // A body that has come to rest is refitted once more in the next step, which is counted in neither state.
     int alike = 0;
     bool moved_before = false;
@@ -96,20 +96,20 @@ StepCost measure_steps(const Scene& scene, std::int64_t (*clock)()) {
         if (alike < 2 || !result.in_contact) {
             continue;
         }
-        for (std::size_t s = 0; s < kStages.size(); ++s) {
-            times_us[moved ? 1 : 0][s].push_back(static_cast<double>(result.times.*kStages[s].time_ns) * 1e-3);
+        for (std::size_t s = 0; s < kTimedStages.size(); ++s) {
+            times_us[moved ? 1 : 0][s].push_back(static_cast<double>(result.times.*kTimedStages[s].time_ns) * 1e-3);
         }
     }
     StepCost cost;
     cost.triangles = simulation.mesh().triangles.size();
-    for (std::size_t s = 0; s < kStages.size(); ++s) {
+    for (std::size_t s = 0; s < kTimedStages.size(); ++s) {
         cost.at_rest[s] = quantile(times_us[0][s], 0.5);
         cost.moving[s] = quantile(times_us[1][s], 0.5);
     }
     return cost;
 }
 
-constexpr double kRadius = 0.03;       // m, of the sphere on the floor
+constexpr double kFloorRadius = 0.03;  // m, of the sphere on the floor
 constexpr double kCell = 1.0 / 32.0;   // m: triangles as large as those of the thesis' cloth
 constexpr double kUnevenness = 0.001;  // m
 
@@ -184,15 +184,15 @@ QueryCost measure_query(double min_triangles, std::int64_t (*clock)()) {
         // A different position within a cell each time, so that the queries do not always meet the same triangles.
         const int along = k % kQueriesASide;
         const int across = k / kQueriesASide;
-        const Vec3 resting(kCell * along / kQueriesASide, kRadius, kCell * across / kQueriesASide);
+        const Vec3 resting(kCell * along / kQueriesASide, kFloorRadius, kCell * across / kQueriesASide);
         queries_us.push_back(us_of([&] {
-            const SecurePosition secure = secure_position(surfaces, resting, kRadius, settings);
-            const PopOut popped = pop_out(surfaces, secure.position, kRadius, settings);
+            const SecurePosition secure = secure_position(surfaces, resting, kFloorRadius, settings);
+            const PopOut popped = pop_out(surfaces, secure.position, kFloorRadius, settings);
             const Vec3 goal = resting - Vec3(0.0, 0.01, 0.0);
-            const ProxyMove move = move_proxy(surfaces, popped.position, goal, kRadius, 0.01, settings);
+            const ProxyMove move = move_proxy(surfaces, popped.position, goal, kFloorRadius, 0.01, settings);
             (void)speculative_planes(
                 surfaces, move.contacts,
-                {.position = move.position, .radius = kRadius, .reach = 0.8 * kRadius, .dt = 0.01});
+                {.position = move.position, .radius = kFloorRadius, .reach = 0.8 * kFloorRadius, .dt = 0.01});
         }));
     }
     return {floor.triangles(), quantile(queries_us, 0.5), quantile(refits_us, 0.5)};
@@ -209,7 +209,7 @@ std::string with_separators(std::size_t triangles) {
 std::vector<StepCost> steps(const Study& study, Figure& figure) {
     std::vector<std::string> columns{"triangles"};
     for (const char* far : {"_standing_us", "_moving_us"}) {
-        for (const Stage& stage : kStages) {
+        for (const TimedStage& stage : kTimedStages) {
             columns.push_back(std::string(stage.column) + far);
         }
     }

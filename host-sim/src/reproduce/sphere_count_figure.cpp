@@ -16,7 +16,7 @@ namespace {
 constexpr std::array kCounts{1, 2, 3, 5, 8, 12, 16, 20, 25, 30, 35, 40, 45, 50};
 
 /// Times of the steps without contact, or of those with contact, us.
-struct Times {
+struct ContactTimes {
     std::vector<double> whole;
     std::vector<double>
         tool;  // everything that grows with the spheres: detection, pop-out, equilibrium, planes, coupling
@@ -29,8 +29,8 @@ struct Times {
 
 struct Row {
     int spheres = 0;
-    Times free;
-    Times touching;
+    ContactTimes free;
+    ContactTimes touching;
 };
 
 /// Least-squares line, and the share of the variance that it explains.

@@ -14,7 +14,6 @@ namespace haptic::sim {
 namespace {
 
 constexpr double kCoveredPart = 0.9;  // part of the radii that must cover the net
-constexpr double kResolution = 1e-4;
 constexpr std::size_t kMaxAll = 1000;
 
 using NetTriangle = std::array<std::uint32_t, 3>;  // indices of balls; a segment repeats its second
@@ -50,7 +49,7 @@ double resolution_of(std::span<const Ball> balls) {
     for (const Ball& ball : balls) {
         box.extend(Aabb{ball.centre - ball.radius, ball.centre + ball.radius});
     }
-    return kResolution * glm::length(box.size());
+    return kCoverResolution * glm::length(box.size());
 }
 
 /// The balls with their radii reduced to kCoveredPart.

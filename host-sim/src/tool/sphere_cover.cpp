@@ -37,11 +37,10 @@ constexpr double kBalanced = 1.03;  // ratio of uncovered depth to protrusion at
 constexpr int kSwaps = 12;
 constexpr int kRefinements = 4;
 constexpr int kMaxMoves = 40;
-constexpr double kMinGain = 0.02;     // smallest worthwhile gain of a move, as a part of the move
-constexpr int kStepHalvings = 5;      // from the samples' pitch
-constexpr double kResolution = 1e-4;  // part of the mesh's size
+constexpr double kMinGain = 0.02;  // smallest worthwhile gain of a move, as a part of the move
+constexpr int kStepHalvings = 5;   // from the samples' pitch
 
-[[noreturn]] void refuse(const std::string& why) {
+[[noreturn]] void refuse_cover(const std::string& why) {
     throw std::invalid_argument("sphere cover: " + why);
 }
 
@@ -485,7 +484,7 @@ Choice choose_count(const Candidates& candidates, std::size_t count) {
     double allowance = max_allowance;
     double too_small = 0.0;
     Choice best = choose(candidates, allowance, count);
-    for (int k = 0; k < kHalvings && allowance - too_small > kResolution * max_allowance; ++k) {
+    for (int k = 0; k < kHalvings && allowance - too_small > kCoverResolution * max_allowance; ++k) {
         // Greedy cover at the middle: too small an allowance if it needs more than `count`.
         const double middle = 0.5 * (allowance + too_small);
         Choice chosen = choose(candidates, middle, count);
@@ -577,7 +576,7 @@ std::vector<Ball> refined(const TriangleMesh& mesh, const Candidates& candidates
 
 UncoveredDepth uncovered_depth(const TriangleMesh& mesh, std::span<const Ball> balls) {
     const Aabb box = aabb_of(mesh.vertices);
-    UncoveredDepth depth(balls, kResolution * glm::length(box.size()));
+    UncoveredDepth depth(balls, kCoverResolution * glm::length(box.size()));
     for (const auto& [i, j, k] : mesh.triangles) {
         depth.add({mesh.vertices[i], mesh.vertices[j], mesh.vertices[k]});
     }
@@ -659,7 +658,7 @@ double depth_in(const TriangleMesh& mesh, const Vec3& p) {
 
 CoverError measure_cover(const TriangleMesh& mesh, std::span<const Ball> balls) {
     if (balls.empty()) {
-        refuse("at least one sphere is needed");
+        refuse_cover("at least one sphere is needed");
     }
     // Uncovered: greatest distance of the surface from the balls. Protrusion: radius beyond the depth of the centre.
     CoverError error{std::max(0.0, uncovered_depth(mesh, balls).bound()), 0.0};
@@ -672,21 +671,22 @@ CoverError measure_cover(const TriangleMesh& mesh, std::span<const Ball> balls) 
 std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettings& settings) {
     // Refuse what no cover can satisfy.
     if (!(surface_area(mesh) > 0.0)) {
-        refuse("the mesh has no area");
+        refuse_cover("the mesh has no area");
     }
     if (!(settings.radius >= 0.0) || !std::isfinite(settings.radius)) {
-        refuse("the radius must be 0 or more");
+        refuse_cover("the radius must be 0 or more");
     }
     if (settings.count == 0 && !(settings.error > 0.0)) {
-        refuse("give a number of spheres or a cover error");
+        refuse_cover("give a number of spheres or a cover error");
     }
     if (settings.count > settings.max_count) {
-        refuse(std::to_string(settings.count) + " spheres exceed the maximum of " + std::to_string(settings.max_count));
+        refuse_cover(std::to_string(settings.count) + " spheres exceed the maximum of " +
+                     std::to_string(settings.max_count));
     }
     // Inscribed balls to choose from.
     Candidates candidates(mesh, settings.radius);
     if (candidates.size() == 0) {
-        refuse("no ball fits into the mesh; it must enclose a volume and be oriented outward");
+        refuse_cover("no ball fits into the mesh; it must enclose a volume and be oriented outward");
     }
     // Given number: thin parts should be covered more closely than thick ones.
     if (settings.count > 0) {
@@ -713,11 +713,11 @@ std::vector<Ball> cover_with_spheres(const TriangleMesh& mesh, const CoverSettin
     // Not possible: report the error that the greatest number of spheres leaves.
     const CoverError left = measure_cover(
         mesh, spheres_of(mesh, candidates, choose_count(candidates, settings.max_count), settings.radius));
-    refuse("an error of " + std::to_string(settings.error) + " m needs more than " +
-           std::to_string(settings.max_count) + " spheres; with that many, the mesh is up to " +
-           std::to_string(left.uncovered) + " m outside the spheres, and the spheres up to " +
-           std::to_string(left.protrusion) + " m outside the mesh. Allow a larger error" +
-           (settings.radius > 0.0 ? ", or change the radius" : ""));
+    refuse_cover("an error of " + std::to_string(settings.error) + " m needs more than " +
+                 std::to_string(settings.max_count) + " spheres; with that many, the mesh is up to " +
+                 std::to_string(left.uncovered) + " m outside the spheres, and the spheres up to " +
+                 std::to_string(left.protrusion) + " m outside the mesh. Allow a larger error" +
+                 (settings.radius > 0.0 ? ", or change the radius" : ""));
 }
 
 }  // namespace haptic::sim

@@ -26,7 +26,7 @@ namespace {
 constexpr double kDefaultCoverError = 0.02;  // default cover error, part of the longest side
 constexpr double kGridCell = 0.03;           // of the triangle grid, part of the longest side
 
-[[noreturn]] void refuse(const std::string& why) {
+[[noreturn]] void refuse_tool(const std::string& why) {
     throw std::invalid_argument("tool: " + why);
 }
 
@@ -36,18 +36,18 @@ bool can_close(const ToolSettings& settings) {
 
 void check(const ToolSettings& s) {
     if (s.spheres > ToolSettings::kMaxSpheres) {
-        refuse(std::to_string(s.spheres) + " spheres exceed the maximum of " +
-               std::to_string(ToolSettings::kMaxSpheres));
+        refuse_tool(std::to_string(s.spheres) + " spheres exceed the maximum of " +
+                    std::to_string(ToolSettings::kMaxSpheres));
     }
     if (!(s.radius >= 0.0) || !std::isfinite(s.radius) || !(s.cover_error >= 0.0) || !std::isfinite(s.cover_error)) {
-        refuse("radius and cover_error must be 0 or more");
+        refuse_tool("radius and cover_error must be 0 or more");
     }
     const auto is_curl = [](double curl) { return curl >= 0.0 && curl <= 1.0; };
     if (!is_curl(s.curl) || !is_curl(s.close_to) || !(s.close_speed > 0.0) || !std::isfinite(s.close_speed)) {
-        refuse("curl and close_to must be 0 to 1, and close_speed positive");
+        refuse_tool("curl and close_to must be 0 to 1, and close_speed positive");
     }
     if (!can_close(s) && (s.curl > 0.0 || s.close_button >= 0)) {
-        refuse("curl and close_button are for the generated hand only");
+        refuse_tool("curl and close_button are for the generated hand only");
     }
 }
 
@@ -145,7 +145,7 @@ double requested_error(const ToolSettings& settings, const TriangleMesh& mesh) {
 std::vector<Ball> cover_solid_of_revolution(const ToolSettings& settings, const TriangleMesh& mesh) {
     if (settings.shape == ToolShape::Sphere) {
         if (settings.spheres > 1) {
-            refuse("the sphere has exactly one sphere; for more, use a rod or a mesh file");
+            refuse_tool("the sphere has exactly one sphere; for more, use a rod or a mesh file");
         }
         return make_row(settings, 1);
     }
@@ -160,10 +160,11 @@ std::vector<Ball> cover_solid_of_revolution(const ToolSettings& settings, const 
     };
     const CoverError left = error_of(ToolSettings::kMaxSpheres);
     if (!enough(left)) {
-        refuse("a cover error of " + std::to_string(max_error) + " m needs more than " +
-               std::to_string(ToolSettings::kMaxSpheres) + " spheres; with that many, the mesh is up to " +
-               std::to_string(left.uncovered) + " m outside the spheres, and the spheres up to " +
-               std::to_string(left.protrusion) + " m outside the mesh. Raise cover_error, or make the tool thicker");
+        refuse_tool("a cover error of " + std::to_string(max_error) + " m needs more than " +
+                    std::to_string(ToolSettings::kMaxSpheres) + " spheres; with that many, the mesh is up to " +
+                    std::to_string(left.uncovered) + " m outside the spheres, and the spheres up to " +
+                    std::to_string(left.protrusion) +
+                    " m outside the mesh. Raise cover_error, or make the tool thicker");
     }
     // Bisection: the error does not grow with the number of spheres in a row.
     std::size_t too_few = 0;

@@ -10,6 +10,9 @@
 
 namespace haptic::sim {
 
+/// Resolution of a cover's depth, as a part of the size of what is covered.
+inline constexpr double kCoverResolution = 1e-4;
+
 /// Branch and bound. The distance from a ball is convex, so over a triangle it is greatest at a corner; the smallest
 /// such maximum over the balls bounds the triangle's distance from their union. Triangles are bisected until the bound
 /// is close to the greatest distance found at a corner.

@@ -45,7 +45,7 @@ void add_planes(const Simulation& simulation, std::size_t proxy, SceneSnapshot& 
     }
 }
 
-float microseconds(std::int64_t duration_ns) noexcept {
+float float_microseconds(std::int64_t duration_ns) noexcept {
     return static_cast<float>(duration_ns) * 1e-3F;
 }
 
@@ -131,14 +131,14 @@ StepSample sample_of(const StepResult& result) noexcept {
             .force = static_cast<float>(glm::length(result.hand_force)),
             .torque = static_cast<float>(glm::length(result.hand_torque)),
             .depth = static_cast<float>(result.depth),
-            .total_us = microseconds(t.total_ns),
-            .ccd_us = microseconds(t.ccd_ns),
-            .popout_us = microseconds(t.popout_ns),
-            .proxy_us = microseconds(t.proxy_ns),
-            .tool_us = microseconds(t.tool_ns),
-            .collide_us = microseconds(t.collide_ns),
-            .deform_us = microseconds(t.deform_ns),
-            .skin_us = microseconds(t.skin_ns)};
+            .total_us = float_microseconds(t.total_ns),
+            .ccd_us = float_microseconds(t.ccd_ns),
+            .popout_us = float_microseconds(t.popout_ns),
+            .proxy_us = float_microseconds(t.proxy_ns),
+            .tool_us = float_microseconds(t.tool_ns),
+            .collide_us = float_microseconds(t.collide_ns),
+            .deform_us = float_microseconds(t.deform_ns),
+            .skin_us = float_microseconds(t.skin_ns)};
 }
 
 }  // namespace haptic::sim::view

@@ -14,8 +14,6 @@
 namespace haptic::sim::view {
 namespace {
 
-constexpr std::size_t kChunk = 65536;  // bytes per write
-
 bool has_header(lws* wsi, lws_token_indexes token) {
     return lws_hdr_total_length(wsi, token) > 0;
 }
@@ -111,7 +109,7 @@ int PageReplies::resume(lws* wsi) {
     // Copy the next chunk behind the space that the library needs for its header.
     Reply& reply = found->second;
     const std::span<const std::byte> rest = reply.resource.content.subspan(reply.sent);
-    const std::size_t length = std::min(rest.size(), kChunk);
+    const std::size_t length = std::min(rest.size(), kBytesPerWrite);
     std::vector<unsigned char> chunk(LWS_PRE + length);
     std::memcpy(chunk.data() + LWS_PRE, rest.data(), length);
     const bool last = length == rest.size();

@@ -14,6 +14,7 @@
 namespace haptic::sim::view {
 
 inline constexpr int kRequestTimeoutS = 10;  // for a request that never completes
+inline constexpr std::size_t kBytesPerWrite = 65536;
 
 /// A header of a request; empty if it is missing or longer than 511 bytes.
 [[nodiscard]] std::string request_header(lws* wsi, lws_token_indexes token);

@@ -28,7 +28,6 @@ namespace haptic::sim::view {
 namespace {
 
 constexpr std::size_t kMaxSockets = kMaxViewers + 32;  // the additional ones are for page requests
-constexpr std::size_t kChunk = 65536;                  // bytes per write
 // Limits on what the kernel buffers per viewer: a longer queue would only delay what the viewer sees.
 constexpr int kSendBuffer = 262144;
 constexpr int kMaxUnsent = 131072;
@@ -407,7 +406,7 @@ int WebServer::Impl::write(lws* wsi) {
 /// Writes the next chunk of a message. Chunks distinguish a slow socket from a stuck one. The library writes each
 /// chunk's header in front of it, over bytes already sent.
 int WebServer::Impl::write_chunk(lws* wsi, ViewerSocket& viewer) {
-    const std::size_t length = std::min(viewer.outgoing.size() - viewer.sent, kChunk);
+    const std::size_t length = std::min(viewer.outgoing.size() - viewer.sent, kBytesPerWrite);
     const bool first = viewer.sent == LWS_PRE;
     const bool last = viewer.sent + length == viewer.outgoing.size();
     const int flags = lws_write_ws_flags(viewer.text ? LWS_WRITE_TEXT : LWS_WRITE_BINARY, first, last);

@@ -46,7 +46,7 @@ class TemporaryFile {
     std::filesystem::path path_;
 };
 
-std::string text_of(const std::filesystem::path& file) {
+std::string content_of(const std::filesystem::path& file) {
     const std::ifstream stream(file);
     std::ostringstream text;
     text << stream.rdbuf();
@@ -119,7 +119,7 @@ bool Cyclictest::run(const StopSignals& signals) {
                 throw std::runtime_error("cyclictest failed with status " + std::to_string(*status) + ": " +
                                          command_text(command));
             }
-            add_cyclictest(text_of(file.path()), result_);
+            add_cyclictest(content_of(file.path()), result_);
             return true;
         }
         if (signals.wait(kPollNs) != 0) {

@@ -21,9 +21,8 @@
 namespace haptic::rt {
 namespace {
 
-constexpr double kApproachS = 1.0;  // s, from the device's centre to the start of the script
-constexpr double kSampleS = 0.005;  // s, between rows of the hand's track
-constexpr double kMillimetre = 1e-3;
+constexpr double kApproachS = 1.0;    // s, from the device's centre to the start of the script
+constexpr double kSampleS = 0.005;    // s, between rows of the hand's track
 constexpr double kVisible = 2e-4;     // m, smaller oscillations come from encoder and DAC quantisation
 constexpr double kMinEnergy = -1e-4;  // J, below: energy was generated
 // Amplification of the body's own motion by the mass of the grip on the hand's spring.
@@ -38,7 +37,7 @@ struct Hand {
     std::filesystem::path file;  // the track as a recording
 };
 
-struct Cell {
+struct SceneCell {
     double rate_hz = 0.0;
     double stiffness = 0.0;  // N/m requested at the hand
     double delay_ms = 0.0;
@@ -69,14 +68,14 @@ class SceneMap {
         }
     }
 
-    [[nodiscard]] std::vector<Cell> run() {
-        std::vector<Cell> cells;
+    [[nodiscard]] std::vector<SceneCell> run() {
+        std::vector<SceneCell> cells;
         for (const double rate : options_.rates_hz) {
             for (const double stiffness : options_.stiffnesses) {
                 const std::vector<std::string> settings = settings_of(rate, stiffness);
                 const double driven = driven_amplitude(settings);
                 for (const double delay_ms : options_.delays_ms) {
-                    Cell cell{
+                    SceneCell cell{
                         .rate_hz = rate, .stiffness = stiffness, .delay_ms = delay_ms, .driven = driven, .outcome = {}};
                     cell.outcome = run_trial(settings, nanoseconds(delay_ms * 1e-3), hand_.moving_s);
                     cell.grows = grows(cell);
@@ -90,8 +89,8 @@ class SceneMap {
   private:
     /// Step and stiffness of a row as keys of the scene.
     [[nodiscard]] std::vector<std::string> settings_of(double rate, double stiffness) const {
-        const std::string of_scene = text_of(CsvCell{stiffness / hand_stiffness_ratio_});
-        return {"solver.step=" + text_of(CsvCell{1.0 / rate}), "coupling.stiffness=" + of_scene,
+        const std::string of_scene = haptic::text_of(CsvCell{stiffness / hand_stiffness_ratio_});
+        return {"solver.step=" + haptic::text_of(CsvCell{1.0 / rate}), "coupling.stiffness=" + of_scene,
                 "coupling.torque_stiffness=" + of_scene};
     }
 
@@ -166,7 +165,7 @@ class SceneMap {
         const std::filesystem::path file = options_.out / ("rigid-" + name_of(options_.scene) + ".csv");
         const double end_s = hand_.moving_s + still_s_;
         run_to_end(host_sim(settings, {"--clock", "lockstep", "--input", hand_.file.string(), "--duration",
-                                       text_of(CsvCell{end_s}), "--record", file.string()}));
+                                       haptic::text_of(CsvCell{end_s}), "--record", file.string()}));
         const CsvTable record = CsvTable::load(file);
         const auto time = record.column("time_s");
         const auto row_at = [&](double time_s) {
@@ -187,7 +186,7 @@ class SceneMap {
     }
 
     /// As for the wall, beyond what the body's own motion does to the hand and by more than its periods differ.
-    [[nodiscard]] static bool grows(const Cell& cell) {
+    [[nodiscard]] static bool grows(const SceneCell& cell) {
         const SceneOutcome& o = cell.outcome;
         const bool sustained = o.min_energy < kMinEnergy && o.last_amplitude > 0.5 * o.first_amplitude;
         return o.faults != 0 || (o.last_amplitude > std::max(kVisible, kDrivenFactor * cell.driven) &&
@@ -203,10 +202,10 @@ class SceneMap {
     double hand_stiffness_ratio_ = 1.0;
 };
 
-void write_csv(const std::filesystem::path& file, const std::vector<Cell>& cells) {
+void write_scene_csv(const std::filesystem::path& file, const std::vector<SceneCell>& cells) {
     CsvWriter csv(file, {"rate_hz", "stiffness_n_m", "delay_ms", "first_mm", "last_mm", "driven_mm", "energy_min_j",
                          "peak_force_n", "touching_share", "controlled_share", "faults", "grows"});
-    for (const Cell& cell : cells) {
+    for (const SceneCell& cell : cells) {
         const SceneOutcome& o = cell.outcome;
         csv.row(std::array{cell.rate_hz, cell.stiffness, cell.delay_ms, o.first_amplitude / kMillimetre,
                            o.last_amplitude / kMillimetre, cell.driven / kMillimetre, o.min_energy, o.peak_force,
@@ -216,7 +215,7 @@ void write_csv(const std::filesystem::path& file, const std::vector<Cell>& cells
 }
 
 /// A table per step rate: rows of stiffness, columns of delay, the last amplitude in mm, and * where it grows.
-void print_map(const std::vector<Cell>& cells, const StabilityOptions& options) {
+void print_map(const std::vector<SceneCell>& cells, const StabilityOptions& options) {
     std::printf("%s: amplitude of the still hand's grip, mm; * grows\n", options.scene.c_str());
     std::size_t next = 0;
     for (const double rate : options.rates_hz) {
@@ -239,12 +238,12 @@ void print_map(const std::vector<Cell>& cells, const StabilityOptions& options) 
 
 int scene_stability_command(const StabilityOptions& options) {
     std::filesystem::create_directories(options.out);
-    const std::vector<Cell> cells = SceneMap(options).run();
+    const std::vector<SceneCell> cells = SceneMap(options).run();
     const std::filesystem::path file = options.out / ("stability-" + name_of(options.scene) + ".csv");
-    write_csv(file, cells);
+    write_scene_csv(file, cells);
     print_map(cells, options);
     const auto growing =
-        static_cast<int>(std::count_if(cells.begin(), cells.end(), [](const Cell& cell) { return cell.grows; }));
+        static_cast<int>(std::count_if(cells.begin(), cells.end(), [](const SceneCell& cell) { return cell.grows; }));
     std::printf("%d of %d trials grow\nwritten: %s\n", growing, static_cast<int>(cells.size()), file.c_str());
     return growing == 0 ? 0 : kExitFaulted;
 }

@@ -26,7 +26,6 @@ namespace {
 constexpr double kSoftest = 10.0;     // N/m
 constexpr double kStiffest = 2000.0;  // N/m
 constexpr double kLongestS = 0.02;    // s, delay
-constexpr double kMillimetre = 1e-3;
 // Amplitudes at the ends of the colour scale.
 constexpr double kFaintest = 0.01 * kMillimetre;   // m
 constexpr double kStrongest = 20.0 * kMillimetre;  // m

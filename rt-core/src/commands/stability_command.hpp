@@ -9,6 +9,8 @@
 
 namespace haptic::rt {
 
+inline constexpr double kMillimetre = 1e-3;  // m
+
 struct StabilityOptions {
     std::filesystem::path out;  // output folder, created if missing
     std::optional<std::filesystem::path> config;

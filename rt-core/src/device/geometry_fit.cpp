@@ -36,7 +36,7 @@ using PoseVector = Eigen::Matrix<double, kPose, 1>;
 using PoseMatrix = Eigen::Matrix<double, kPose, kPose>;
 using CrossMatrix = Eigen::Matrix<double, kPose, kShared>;  // pose by shared parameters
 
-Quat rotated(const Quat& orientation, const Vec3& rotation) {
+Quat rotated_exactly(const Quat& orientation, const Vec3& rotation) {
     const double angle = glm::length(rotation);
     const Quat step = angle > 1e-12 ? glm::angleAxis(angle, rotation / angle) : Quat(1.0, 0.0, 0.0, 0.0);
     return glm::normalize(step * orientation);
@@ -172,7 +172,7 @@ class Problem {
         for (std::size_t k = 0; k < wiggle_.size(); ++k) {
             const PoseVector d = samples[k].pose_step - samples[k].by_shared * change;
             poses_[k].position += Vec3(d[0], d[1], d[2]);
-            poses_[k].orientation = rotated(poses_[k].orientation, Vec3(d[3], d[4], d[5]));
+            poses_[k].orientation = rotated_exactly(poses_[k].orientation, Vec3(d[3], d[4], d[5]));
         }
     }
 

@@ -14,7 +14,7 @@ namespace {
 // Share of the continuous rating that is allowed at load 1. Below 1, so that the load settles before it reaches 1.
 constexpr double kFractionAtFullLoad = 0.9;
 
-void require(bool condition, const char* problem) {
+void require_rating(bool condition, const char* problem) {
     if (!condition) {
         throw std::invalid_argument(std::string("thermal model: ") + problem);
     }
@@ -23,13 +23,13 @@ void require(bool condition, const char* problem) {
 }  // namespace
 
 ThermalModel::ThermalModel(const ThermalSettings& settings) : settings_(settings) {
-    require(settings.derate_from >= 0.0 && settings.derate_from < 1.0,
-            "the load at which derating begins must be in 0..1");
+    require_rating(settings.derate_from >= 0.0 && settings.derate_from < 1.0,
+                   "the load at which derating begins must be in 0..1");
     for (const MotorRating& motor : settings.motors) {
-        require(motor.time_constant_s > 0.0, "a motor's thermal time constant must be positive");
+        require_rating(motor.time_constant_s > 0.0, "a motor's thermal time constant must be positive");
         // (1 / 1.2)^2 = 0.7: the minimum tension alone must not reach the default derate_from.
-        require(motor.continuous > 1.2 * settings.minimum,
-                "a motor's continuous tension must be above 1.2 times the minimum tension");
+        require_rating(motor.continuous > 1.2 * settings.minimum,
+                       "a motor's continuous tension must be above 1.2 times the minimum tension");
     }
 }
 

@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t kShownTicks = 12;
+constexpr std::size_t kRowsOfTicks = 12;
 constexpr double kMinBinWidth = 0.016;  // in ln(value): two buckets of Histogram
 constexpr std::size_t kShownInterrupts = 8;
 
@@ -223,7 +223,7 @@ std::string latency_row(const std::string& title, const json& distribution) {
     return row + "</tr>\n";
 }
 
-std::string ratio_row(const json& ratio) {
+std::string ratio_cells(const json& ratio) {
     std::string row = "<tr>" + cell("rt-core / cyclictest");
     const auto add = [&](const char* key) {
         std::array<char, 32> text{'-'};
@@ -249,7 +249,7 @@ std::string latency_table(const json& measure) {
         text += latency_row(std::string(name.title), measure.at("latency_us").at(std::string(name.key)));
         if (name.latency == Latency::Wakeup && measure.at("cyclictest").is_object()) {
             text += latency_row("cyclictest's wake-up", measure.at("cyclictest").at("wakeup_us"));
-            text += ratio_row(measure.at("cyclictest").at("ratio"));
+            text += ratio_cells(measure.at("cyclictest").at("ratio"));
         }
     }
     return text + "</table></div>\n";
@@ -281,7 +281,7 @@ std::string worst_table(const json& worst) {
     text +=
         "</p>\n<div class=\"wide\"><table><tr><th>at</th><th class=\"n\">late, us</th><th class=\"n\">missed</th>"
         "<th>stages</th><th>cause</th></tr>\n";
-    for (std::size_t i = 0; i < std::min(worst.size(), kShownTicks); ++i) {
+    for (std::size_t i = 0; i < std::min(worst.size(), kRowsOfTicks); ++i) {
         const json& tick = worst.at(i);
         std::string why = tick.at("stage").get<std::string>() + ": " + tick.at("why").get<std::string>();
         if (const auto interrupts = tick.value("unusual_interrupts", std::string()); !interrupts.empty()) {

@@ -56,9 +56,9 @@ class DelayedFrames final : public FrameSource {
     bool is_new_ = false;
 };
 
-class Trial {
+class RunningSceneTrial {
   public:
-    explicit Trial(const SceneTrial& trial)
+    explicit RunningSceneTrial(const SceneTrial& trial)
         : trial_(trial),
           rig_({.session = trial.session, .tick = trial.tick, .hand = trial.hand, .mechanics = trial.mechanics},
                delayed_),
@@ -155,7 +155,7 @@ class Trial {
 
 SceneOutcome run_scene_trial(const SceneTrial& trial) {
     // On the heap: a tick with its black box exceeds some stacks.
-    return std::make_unique<Trial>(trial)->run();
+    return std::make_unique<RunningSceneTrial>(trial)->run();
 }
 
 }  // namespace haptic::rt

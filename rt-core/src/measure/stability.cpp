@@ -31,9 +31,9 @@ PoseTrack pressing_hand() {
 }
 
 /// One trial: the tick, the emulated board, and the simulation's side of the rings.
-class Trial {
+class RunningTrial {
   public:
-    explicit Trial(const StabilityTrial& trial)
+    explicit RunningTrial(const StabilityTrial& trial)
         : trial_(trial),
           session_(unique_session()),
           frame_reader_(session_),
@@ -178,7 +178,7 @@ device::GripMechanics undamped_mechanics() {
 
 StabilityOutcome run_stability_trial(const StabilityTrial& trial) {
     // On the heap: a tick with its black box exceeds some stacks.
-    return std::make_unique<Trial>(trial)->run();
+    return std::make_unique<RunningTrial>(trial)->run();
 }
 
 }  // namespace haptic::rt

@@ -19,7 +19,7 @@ constexpr double kTop = 34.0;
 constexpr double kBottom = 44.0;
 constexpr double kMarkRoom = 38.0;  // width reserved for the label of a mark
 constexpr double kCrossRadius = 4.0;
-constexpr std::size_t kFewTicks = 3;
+constexpr std::size_t kFewestLabels = 3;
 constexpr std::size_t kManyTicks = 10;
 
 template <class... Values>
@@ -74,7 +74,7 @@ std::vector<double> log_ticks(AxisRange range) {
     if (ticks.size() > kManyTicks) {
         ticks = multiples_of_powers(range, {1.0});
     }
-    return ticks.size() < kFewTicks ? linear_ticks(range) : ticks;
+    return ticks.size() < kFewestLabels ? linear_ticks(range) : ticks;
 }
 
 std::string number_text(double value) {

@@ -16,7 +16,7 @@ constexpr std::array<std::string_view, kLateStages> kStageNames = {"wake-up", "e
 constexpr std::array<std::string_view, 8> kCauseNames = {"usual", "page_fault", "preempted", "queued",
                                                          "board", "stolen",     "timer",     "unseen"};
 
-std::string microseconds(std::int64_t duration_ns) {
+std::string microseconds_text(std::int64_t duration_ns) {
     std::array<char, 32> text{};
     std::snprintf(text.data(), text.size(), duration_ns < 10'000 ? "%.1f us" : "%.0f us",
                   static_cast<double>(duration_ns) * 1e-3);
@@ -41,7 +41,7 @@ void explain_wakeup(const TimedTick& tick, std::int64_t stolen_ms, TickExplanati
     // The thread's own wait accounts for at least half of the excess.
     if (tick.waited_ns >= result.excess_ns / 2) {
         result.cause = LateCause::Queued;
-        result.why = "the thread was runnable and waited " + microseconds(tick.waited_ns) +
+        result.why = "the thread was runnable and waited " + microseconds_text(tick.waited_ns) +
                      " for its processor, which was used by a thread of the same or a higher priority or by a "
                      "non-preemptible part of the kernel";
     } else if (stolen_ms > 0) {
@@ -60,7 +60,7 @@ void explain_wakeup(const TimedTick& tick, std::int64_t stolen_ms, TickExplanati
         } else if (tick.waited_ns < kImmediateNs) {
             result.why += " (once woken, the thread got its processor at once)";
         } else {
-            result.why += " (once woken, the thread waited " + microseconds(tick.waited_ns) + ")";
+            result.why += " (once woken, the thread waited " + microseconds_text(tick.waited_ns) + ")";
         }
     }
 }
@@ -81,7 +81,7 @@ void explain_stage(const TimedTick& tick, std::int64_t stolen_ms, TickExplanatio
         // Switched out against its will, for at least half of the excess if that is known.
         result.cause = LateCause::Preempted;
         result.why = "preempted " + counted(tick.usage.forced_switches, "time");
-        result.why += tick.waited_ns >= 0 ? ", and without its processor for " + microseconds(tick.waited_ns) : "";
+        result.why += tick.waited_ns >= 0 ? ", and without its processor for " + microseconds_text(tick.waited_ns) : "";
     } else if (in_exchange && tick.usage.voluntary_switches > 1) {
         // Every tick sleeps once, until its deadline; another sleep was in the exchange.
         result.cause = LateCause::Board;
@@ -134,7 +134,7 @@ TickExplanation explain(const TimedTick& tick, const MedianTimes& usual, std::in
     // Name the cause of a perceptible excess only.
     if (result.excess_ns < kMinExcessNs) {
         result.cause = LateCause::Usual;
-        result.why = "no more than " + microseconds(result.excess_ns) + " above the median";
+        result.why = "no more than " + microseconds_text(result.excess_ns) + " above the median";
     } else if (result.stage == LateStage::Wakeup) {
         explain_wakeup(tick, stolen_ms, result);
     } else {

@@ -1,4 +1,4 @@
-// Small numeric functions of the real-time code: tests for finite values, and the smooth step.
+// Small numeric functions of the real-time code: tests for finite values and unit length, and the smooth step.
 #pragma once
 
 #include <algorithm>
@@ -8,6 +8,9 @@
 #include "haptic/types.hpp"
 
 namespace haptic {
+
+/// Difference from length 1 up to which a vector or quaternion that comes from outside is a unit one.
+inline constexpr double kUnitTolerance = 1e-6;
 
 [[nodiscard]] inline bool is_finite(const Vec3& v) HAPTIC_RT {
     return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
