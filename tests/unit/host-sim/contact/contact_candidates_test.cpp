@@ -30,12 +30,11 @@ using haptic::sim::SurfacePlanes;
 using haptic::sim::oracle::Random;
 using haptic::sim::scenes::ball;
 using haptic::sim::scenes::Body;
+using haptic::sim::scenes::kRadius;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::rotation;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::World;
-
-constexpr double kRadius = 0.03;  // m
 
 struct Moved {
     SecurePosition secure;

@@ -19,12 +19,12 @@ using haptic::sim::CcdMethod;
 using haptic::sim::ContactSettings;
 using haptic::sim::PopOutMethod;
 using haptic::sim::scenes::Body;
+using haptic::sim::scenes::kRadius;
+using haptic::sim::scenes::kStep;
 using haptic::sim::scenes::Step;
 using haptic::sim::scenes::World;
 
-constexpr double kRadius = 0.03;  // m
-constexpr double kStep = 0.01;    // s
-constexpr double kSpeed = 3.0;    // m/s
+constexpr double kSpeed = 3.0;  // m/s
 
 struct Passage {
     int falls = 0;            // steps in which the centre of the proxy passed through the fan

@@ -18,16 +18,16 @@ using haptic::Mat3;
 using haptic::Vec3;
 using haptic::sim::oracle::Random;
 using haptic::sim::scenes::Body;
+using haptic::sim::scenes::kRadius;
+using haptic::sim::scenes::kTravel;
+using haptic::sim::scenes::kUpright;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::rotation;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::Step;
 using haptic::sim::scenes::World;
 
-constexpr double kRadius = 0.03;  // m, as in the thesis
-constexpr double kTravel = 0.14;  // m a step: 14 m/s at 10 ms
-constexpr int kPhases = 140;      // a millimetre apart: all of a step
-constexpr Mat3 kUpright(1.0);
+constexpr int kPhases = 140;  // a millimetre apart: all of a step
 
 class FlyingSheet : public testing::Test {
   protected:

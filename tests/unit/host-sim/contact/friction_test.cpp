@@ -27,13 +27,13 @@ using haptic::sim::ToolProxy;
 using haptic::sim::oracle::Random;
 using haptic::sim::scenes::ball;
 using haptic::sim::scenes::Body;
+using haptic::sim::scenes::kRadius;
+using haptic::sim::scenes::kStep;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::rotation;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::World;
 
-constexpr double kRadius = 0.03;
-constexpr double kStep = 0.01;  // s
 constexpr double kStatic = 0.8;
 constexpr double kDynamic = 0.5;
 constexpr double kDepth = 0.02;  // m, of the goal below the lowest position of the proxy

@@ -21,14 +21,13 @@ using haptic::sim::oracle::Random;
 using haptic::sim::scenes::ball;
 using haptic::sim::scenes::Body;
 using haptic::sim::scenes::box;
+using haptic::sim::scenes::kRadius;
+using haptic::sim::scenes::kTravel;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::rotation;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::Step;
 using haptic::sim::scenes::World;
-
-constexpr double kRadius = 0.03;  // m
-constexpr double kTravel = 0.14;  // m a step
 
 /// The triangles k, k + parts, k + 2 parts ... of a mesh, with all of its vertices.
 TriangleMesh part_of(const TriangleMesh& mesh, std::size_t k, std::size_t parts) {

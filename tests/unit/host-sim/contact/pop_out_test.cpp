@@ -18,11 +18,11 @@ using haptic::sim::ProxyPath;
 using haptic::sim::TriangleMesh;
 using haptic::sim::oracle::Random;
 using haptic::sim::scenes::Body;
+using haptic::sim::scenes::kRadius;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::World;
 using haptic::sim::tight::fan;
-using haptic::sim::tight::kRadius;
 using haptic::sim::tight::shuffle;
 
 struct Popped {

@@ -19,6 +19,11 @@
 
 namespace haptic::sim::scenes {
 
+inline constexpr double kRadius = 0.03;  // m, of the proxy, as in the thesis
+inline constexpr double kStep = 0.01;    // s
+inline constexpr double kTravel = 0.14;  // m a step: 14 m/s
+inline constexpr Mat3 kUpright(1.0);
+
 /// Square sheet in the plane y = 0 about the origin: n x n cells of two triangles, each also reversed if double-faced.
 inline TriangleMesh sheet(double side, std::uint32_t n, bool double_faced) {
     TriangleMesh mesh;

@@ -14,15 +14,14 @@ using haptic::Mat3;
 using haptic::Vec3;
 using haptic::sim::oracle::Random;
 using haptic::sim::scenes::Body;
+using haptic::sim::scenes::kRadius;
+using haptic::sim::scenes::kTravel;
+using haptic::sim::scenes::kUpright;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::rotation;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::Step;
 using haptic::sim::scenes::World;
-
-constexpr double kRadius = 0.03;  // m, as in the thesis
-constexpr double kTravel = 0.14;  // m a step: 14 m/s at 10 ms
-constexpr Mat3 kUpright(1.0);
 
 /// Whether any triangle comes within the radius of the resting sphere at any time, by sampling each of them.
 bool touched_by_anything(const Body& body, const Vec3& p, double radius) {

@@ -14,13 +14,13 @@ using haptic::sim::SpeculativeQuery;
 using haptic::sim::SurfacePlane;
 using haptic::sim::SurfacePlanes;
 using haptic::sim::scenes::Body;
+using haptic::sim::scenes::kRadius;
+using haptic::sim::scenes::kUpright;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::World;
 
-constexpr double kRadius = 0.03;
 constexpr double kDt = 0.01;
-constexpr Mat3 kUpright(1.0);
 
 SpeculativeQuery at(const Vec3& p, double reach) {
     SpeculativeQuery q;

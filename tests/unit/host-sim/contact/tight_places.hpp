@@ -12,7 +12,7 @@
 
 namespace haptic::sim::tight {
 
-inline constexpr double kRadius = 0.03;  // m, of the proxy
+using scenes::kRadius;
 
 /// Fan: a centre pressed down into a cone, surrounded by 32 fixed vertices; 33 vertices, 32 triangles, single-faced.
 inline TriangleMesh fan(double rim, double depth) {

@@ -20,13 +20,12 @@ using haptic::sim::oracle::Random;
 using haptic::sim::scenes::ball;
 using haptic::sim::scenes::Body;
 using haptic::sim::scenes::box;
+using haptic::sim::scenes::kRadius;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::rotation;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::Step;
 using haptic::sim::scenes::World;
-
-constexpr double kRadius = 0.03;
 
 ProxyMove move(World& world, const Vec3& from, const Vec3& goal) {
     return haptic::sim::move_proxy(world.surfaces, from, goal, kRadius, 0.01, {});

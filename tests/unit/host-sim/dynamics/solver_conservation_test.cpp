@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 
 #include "dynamics/rotation.hpp"
+#include "free_motion.hpp"
 #include "haptic/denormals.hpp"
 #include "haptic/sim/solver.hpp"
 #include "strewn_body.hpp"
@@ -36,16 +37,6 @@ Vec3 spin_about_centre(const ParticleModel& model) {
     return angular_momentum(model) - glm::cross(centre / mass, linear_momentum(model));
 }
 
-/// Kinetic energy relative to the centre of mass, J.
-double inner_kinetic_energy(const ParticleModel& model) {
-    double mass = 0.0;
-    for (const double m : model.mass) {
-        mass += m;
-    }
-    const Vec3 p = linear_momentum(model);
-    return kinetic_energy(model) - 0.5 * glm::dot(p, p) / mass;
-}
-
 /// Energy of compliant groups, J: 1/2 sum m |d|^2 / compliance, with d from the best fit of the positions alone. A
 /// lower bound of the energy that the groups store.
 double elastic_energy(const ParticleModel& model) {
@@ -74,7 +65,6 @@ double elastic_energy(const ParticleModel& model) {
     return energy;
 }
 
-constexpr SolverSettings kFree{.gravity = {0.0, 0.0, 0.0}};
 constexpr int kMinute = 6000;  // steps of 0.01 s
 
 TEST(SolverConservation, ABentSpinningBodyKeepsItsMomentaAndLosesEnergyOverAMinute) {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "dynamics/rotation.hpp"
+#include "free_motion.hpp"
 #include "haptic/denormals.hpp"
 #include "haptic/sim/cloth.hpp"
 #include "scene/state_hash.hpp"
@@ -90,16 +91,6 @@ std::uint64_t hash_of(const ParticleModel& model) {
     return hash.value();
 }
 
-double inner_kinetic_energy(const ParticleModel& model) {
-    double mass = 0.0;
-    for (const double m : model.mass) {
-        mass += m;
-    }
-    const Vec3 p = linear_momentum(model);
-    return kinetic_energy(model) - 0.5 * glm::dot(p, p) / mass;
-}
-
-constexpr SolverSettings kFree{.gravity = {0.0, 0.0, 0.0}};
 constexpr double kRounding = 0x1p-24;                     // of float projections, relative to the size of a group
 constexpr double kSheetRounding = 8 * 0.044 * kRounding;  // m, over the 8 cells of a sheet(), 4.4 cm across
 

@@ -6,10 +6,13 @@
 #include <cstdint>
 #include <initializer_list>
 
+#include "units.hpp"
+
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kTickNs = 1'000'000;
+using test::kTickNs;
+
 constexpr double kMaximumSpeed = 2.0;  // m/s
 constexpr double kPulse = 1.66555e-5;  // m per count, X3R
 

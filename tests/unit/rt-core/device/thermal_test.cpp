@@ -9,11 +9,13 @@
 
 #include "random.hpp"
 #include "tick_rig.hpp"
+#include "units.hpp"
 
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kTickNs = 1'000'000;
+using test::kTickNs;
+
 constexpr double kContinuous = 10.0;  // N
 constexpr double kTau = 20.0;         // s
 

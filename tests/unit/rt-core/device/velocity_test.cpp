@@ -13,12 +13,13 @@
 #include "device/encoder.hpp"
 #include "haptic/device/device_geometry_file.hpp"
 #include "random.hpp"
+#include "units.hpp"
 
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kTickNs = 1'000'000;
-constexpr double kTick = 1e-3;  // s
+using test::kTick;
+using test::kTickNs;
 
 Quat turn(const Vec3& axis, double angle_rad) {
     return glm::angleAxis(angle_rad, glm::normalize(axis));

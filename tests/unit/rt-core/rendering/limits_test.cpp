@@ -7,10 +7,13 @@
 #include <limits>
 #include <random>
 
+#include "units.hpp"
+
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kTickNs = 1'000'000;
+using test::kTickNs;
+
 const WrenchLimits kLimits{8.0, 0.15, 1000.0, 20.0};
 constexpr double kRounding = 1e-12;
 

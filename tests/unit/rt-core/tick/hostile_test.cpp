@@ -11,13 +11,13 @@
 #include "random.hpp"
 #include "tick/frame_source.hpp"
 #include "tick_rig.hpp"
+#include "units.hpp"
 
 namespace haptic::rt {
 namespace {
 
+using test::kDacCodeN;
 using test::Random;
-
-constexpr double kDacCodeN = 1.0 / (0.365296803653 * 415.0);  // N per DAC code
 
 /// Random and contradictory frames, bypassing the ring so that sessions and sequence numbers are wrong too.
 class HostileFrames final : public FrameSource {

@@ -7,10 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "units.hpp"
+
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kTickNs = 1'000'000;
+using test::kTickNs;
 
 TickHealth healthy() {
     TickHealth health;

@@ -11,15 +11,16 @@
 #include <vector>
 
 #include "tick_rig.hpp"
+#include "units.hpp"
 
 namespace haptic::rt {
 namespace {
 
 using test::floor_frame;
+using test::kDacCodeN;
 using test::TickRig;
 
 constexpr double kMillimetre = 1e-3;
-constexpr double kDacCodeN = 1.0 / (0.365296803653 * 415.0);  // N per DAC code
 
 /// The hand holds still while the loop arms, then moves by `to` in 0.3 s and stays there.
 PoseTrack hand_to(const Vec3& to) {

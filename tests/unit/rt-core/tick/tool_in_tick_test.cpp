@@ -12,14 +12,15 @@
 
 #include "random.hpp"
 #include "tick_rig.hpp"
+#include "units.hpp"
 
 namespace haptic::rt {
 namespace {
 
+using test::kTick;
 using test::TickRig;
 
 constexpr std::size_t kParticles = 37;
-constexpr double kTick = 1e-3;                // s
 constexpr std::int64_t kStepNs = 20'000'000;  // of the simulation
 constexpr double kSpeed = 0.3;                // m/s, of the slide
 constexpr double kRampS = 0.4;                // s, from the centre to the start of the slide

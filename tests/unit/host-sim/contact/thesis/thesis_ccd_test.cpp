@@ -24,13 +24,13 @@ using haptic::sim::oracle::Motion;
 using haptic::sim::oracle::Query;
 using haptic::sim::oracle::Random;
 using haptic::sim::scenes::Body;
+using haptic::sim::scenes::kRadius;
+using haptic::sim::scenes::kUpright;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::rotation;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::World;
 
-constexpr double kRadius = 0.03;  // m
-constexpr Mat3 kUpright(1.0);
 constexpr int kSteps = 400;  // of a search for changes of sign
 
 MovingTriangle moving(const Query& q) {

@@ -26,15 +26,15 @@ using haptic::sim::ProxyPath;
 using haptic::sim::TriangleMesh;
 using haptic::sim::oracle::Random;
 using haptic::sim::scenes::Body;
+using haptic::sim::scenes::kRadius;
 using haptic::sim::scenes::placed;
 using haptic::sim::scenes::sheet;
 using haptic::sim::scenes::World;
 using haptic::sim::tight::clipped_wall;
 using haptic::sim::tight::fan;
-using haptic::sim::tight::kRadius;
 using haptic::sim::tight::shuffle;
 
-ContactSettings thesis() {
+ContactSettings thesis_pop_out() {
     ContactSettings settings;
     settings.pop_out = PopOutMethod::Thesis;
     return settings;
@@ -47,7 +47,7 @@ InRangeTriangle level(double height) {
 
 TEST(ThesisPopOut, PopsToTheFullRadiusFromWhatIsPenetrated) {
     const std::vector<InRangeTriangle> list{level(0.0)};
-    const ListPopOut p = pop_out_of_list(list, {0.01, 0.4 * kRadius, 0.02}, kRadius, thesis());
+    const ListPopOut p = pop_out_of_list(list, {0.01, 0.4 * kRadius, 0.02}, kRadius, thesis_pop_out());
     EXPECT_NEAR(glm::length(p.position - Vec3(0.01, kRadius, 0.02)), 0.0, 1e-15);
     EXPECT_EQ(p.iterations, 1);
     EXPECT_EQ(p.pops, 1);
@@ -57,13 +57,13 @@ TEST(ThesisPopOut, PopsToTheFullRadiusFromWhatIsPenetrated) {
 TEST(ThesisPopOut, LeavesWhatIsOnlyWithinTheShrink) {
     const std::vector<InRangeTriangle> list{level(0.0)};
     const Vec3 at(0.0, 0.9995 * kRadius, 0.0);
-    const ListPopOut p = pop_out_of_list(list, at, kRadius, thesis());
+    const ListPopOut p = pop_out_of_list(list, at, kRadius, thesis_pop_out());
     EXPECT_EQ(p.position, at);
     EXPECT_EQ(p.iterations, 0);
 }
 
 TEST(ThesisPopOut, NeverPopsByLessThanTheMinimum) {
-    ContactSettings settings = thesis();
+    ContactSettings settings = thesis_pop_out();
     settings.shrink = 0.99999;
     settings.pop_out_minimum = 0.05;
     const std::vector<InRangeTriangle> list{level(0.0)};
@@ -73,7 +73,7 @@ TEST(ThesisPopOut, NeverPopsByLessThanTheMinimum) {
 
 TEST(ThesisPopOut, PopsACentreOnATriangleAlongItsNormal) {
     const std::vector<InRangeTriangle> list{level(0.0)};
-    const ListPopOut p = pop_out_of_list(list, {0.0, 0.0, 0.0}, kRadius, thesis());
+    const ListPopOut p = pop_out_of_list(list, {0.0, 0.0, 0.0}, kRadius, thesis_pop_out());
     EXPECT_NEAR(p.position.y, kRadius, 1e-15);
 }
 
@@ -82,7 +82,7 @@ TEST(ThesisPopOut, TakesEachTriangleInTurnFromWhereTheLastOneLeftIt) {
     const InRangeTriangle floor = level(0.0);
     const InRangeTriangle slope = in_range_triangle({{-1.0, -1.0, -1.0}, {2.0, 2.0, -1.0}, {-1.0, -1.0, 2.0}});
     const Vec3 start(-0.5 * kRadius, 0.5 * kRadius, 0.0);
-    ContactSettings settings = thesis();
+    ContactSettings settings = thesis_pop_out();
     settings.pop_out_limit = 1;
     const Vec3 up(0, 1, 0);
     const Vec3 aside = glm::normalize(Vec3(-1, 1, 0));
@@ -101,7 +101,7 @@ TEST(ThesisPopOut, TakesEachTriangleInTurnFromWhereTheLastOneLeftIt) {
 
 TEST(ThesisPopOut, PopsFromTheNearestPointOfAnyTriangle) {
     Random random(58);
-    ContactSettings settings = thesis();
+    ContactSettings settings = thesis_pop_out();
     settings.pop_out_limit = 1;
     settings.pop_out_minimum = 0.0;
     int popped = 0;
@@ -138,7 +138,7 @@ TEST(ThesisPopOut, LooksNoFartherThanTheDetectionRange) {
         wall.start = wall.end = placed(wall.mesh.vertices, upright, {x, 0, 0});
     }
     world.refit();
-    ContactSettings settings = thesis();
+    ContactSettings settings = thesis_pop_out();
     settings.pop_out_limit = 7;
     settings.detection_range = 1.4;
     const PopOut blind = pop_out(world.surfaces, Vec3(0.0), kRadius, settings);
@@ -159,7 +159,7 @@ TEST(ThesisPopOut, GetsClearOfAFanInTheEnd) {
         for (int k = 0; k < 100; ++k) {
             const double height = random.uniform(1.5, 3.0) * kRadius;
             const Vec3 p = Vec3(0.0, -depth + height, 0.0) + random.in_cube(0.1 * kRadius);
-            const PopOut popped = pop_out(world.surfaces, p, kRadius, thesis());
+            const PopOut popped = pop_out(world.surfaces, p, kRadius, thesis_pop_out());
             EXPECT_FALSE(popped.overconstrained) << depth << " " << k;
             EXPECT_GE(world.clearance(popped.position), 0.999 * kRadius * (1.0 - 1e-12)) << depth << " " << k;
             max_iterations = std::max(max_iterations, popped.iterations);
@@ -181,7 +181,7 @@ TEST(ThesisPopOut, IsOnTheWrongSideOfAThinWallWhenATriangleThatClipsComesFirst) 
         World world;
         world.add(mesh);
         world.refit();
-        const double x = pop_out(world.surfaces, haptic::sim::tight::kBesideWall, kRadius, thesis()).position.x;
+        const double x = pop_out(world.surfaces, haptic::sim::tight::kBesideWall, kRadius, thesis_pop_out()).position.x;
         (x > 0.0 ? right : wrong) += 1;
     }
     EXPECT_GT(wrong, 100) << "the centre began at x > 0, on the right of the wall";
@@ -190,7 +190,7 @@ TEST(ThesisPopOut, IsOnTheWrongSideOfAThinWallWhenATriangleThatClipsComesFirst) 
 
 TEST(ThesisPopOut, IsHelpedInThatCaseByTheHalfSpaceCondition) {
     Random random(54);
-    ContactSettings settings = thesis();
+    ContactSettings settings = thesis_pop_out();
     settings.half_space = true;
     TriangleMesh mesh = clipped_wall(4);
     for (int k = 0; k < 1000; ++k) {
@@ -209,7 +209,7 @@ TEST(ThesisPopOut, IsStuckBetweenParallelFacesAndEndsAtTheLastOneOfTheList) {
     for (const bool lower_first : {true, false}) {
         World world = haptic::sim::tight::slit(0.7 * kRadius, lower_first);
         for (const int limit : {10, 100, 1000}) {
-            ContactSettings settings = thesis();
+            ContactSettings settings = thesis_pop_out();
             settings.pop_out_limit = limit;
             static ProxyPath path;
             path.restart({0, 0.002, 0});
@@ -226,7 +226,7 @@ TEST(ThesisPopOut, IsPoppedThroughOneOfTwoParallelFacesThatAreNearerThanARadius)
     World world = haptic::sim::tight::slit(0.45 * kRadius, true);
     static ProxyPath path;
     path.restart({0, 0.0, 0});
-    const PopOut popped = pop_out(world.surfaces, {0, 0.0, 0}, kRadius, thesis(), &path);
+    const PopOut popped = pop_out(world.surfaces, {0, 0.0, 0}, kRadius, thesis_pop_out(), &path);
     EXPECT_GT(popped.position.y, 0.45 * kRadius);
     EXPECT_FALSE(popped.overconstrained) << "it thinks that all is well";
     EXPECT_FALSE(find_crossings(world.motions(), path.knots()).empty());
@@ -241,7 +241,7 @@ TEST(ThesisPopOut, IsPoppedOutOfAPocketThatIsTooSmall) {
         World world;
         world.add(mesh);
         world.refit();
-        const PopOut popped = pop_out(world.surfaces, haptic::sim::tight::kInPocket, kRadius, thesis());
+        const PopOut popped = pop_out(world.surfaces, haptic::sim::tight::kInPocket, kRadius, thesis_pop_out());
         const bool inside = std::abs(haptic::sim::winding_number(mesh.vertices, mesh.triangles, popped.position)) > 0.5;
         EXPECT_TRUE(!inside || popped.overconstrained) << k;
         outside += inside ? 0 : 1;
@@ -254,7 +254,7 @@ TEST(ThesisPopOut, LosesItsSideWhereTheProxyIsDeeperThanItsRadius) {
     World world;
     world.add(sheet(1.0, 8, true));
     world.refit();
-    const PopOut popped = pop_out(world.surfaces, {0.01, -0.1 * kRadius, 0.02}, kRadius, thesis());
+    const PopOut popped = pop_out(world.surfaces, {0.01, -0.1 * kRadius, 0.02}, kRadius, thesis_pop_out());
     EXPECT_NEAR(popped.position.y, -kRadius, 2e-3 * kRadius);
 }
 
@@ -273,7 +273,7 @@ TEST(ThesisPopOut, MakesEveryIterationOfTheTableAndTakesEachOfItsBranchesThere) 
         for (const int kind : kinds) {
             EXPECT_GE(kind, count / 8 * 2 - 1);
         }
-        ContactSettings settings = thesis();
+        ContactSettings settings = thesis_pop_out();
         settings.pop_out_limit = 50;
         const ListPopOut p = pop_out_of_list(triangles, Vec3(0.0), kRadius, settings);
         EXPECT_EQ(p.iterations, 50);
@@ -301,7 +301,7 @@ TEST(ThesisPopOut, SaysWhatRoomIsLeftAlsoWhenMoreThanItsListHoldsAreInRange) {
     world.add(sheet(0.06, 24, true));
     world.refit();
     ASSERT_GT(world.bodies[0]->mesh.triangles.size(), 4 * haptic::sim::kMaxInRange);
-    const PopOut popped = pop_out(world.surfaces, {0.0003, 0.3 * kRadius, 0.0002}, kRadius, thesis());
+    const PopOut popped = pop_out(world.surfaces, {0.0003, 0.3 * kRadius, 0.0002}, kRadius, thesis_pop_out());
     const double clearance = std::min(kRadius, world.clearance(popped.position));
     EXPECT_NEAR(popped.clearance, clearance, 1e-12);
     EXPECT_EQ(popped.overconstrained, clearance < 0.999 * kRadius);
