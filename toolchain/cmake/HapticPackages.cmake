@@ -1,12 +1,12 @@
-# The Debian packages haptic-rt-core, haptic-host-sim and haptic-dev, one for each component: toolchain/package makes them.
+# The Debian packages haptic-rt-core, haptic-host-sim, libhaptic0 and libhaptic-dev, one for each component, and their debug
+# symbols: toolchain/package makes them.
 set(HAPTIC_MAINTAINER "The haptic project's authors <root@localhost>" CACHE STRING "Who answers for the Debian packages: Name <address>")
 set(debian ${CMAKE_CURRENT_LIST_DIR}/../debian)
 
-# haptic_package(COMPONENT SECTION SUMMARY TEXT): sets the variables of one package. TEXT is its description, in lines of at
-# most 76 characters. dpkg-shlibdeps finds the libraries that its programs depend on.
-function(haptic_package component section summary text)
+# haptic_package(COMPONENT NAME SECTION SUMMARY TEXT): sets the variables of one package. TEXT is its description, in lines of
+# at most 76 characters. dpkg-shlibdeps finds the libraries that its programs depend on.
+function(haptic_package component name section summary text)
     string(TOUPPER ${component} upper)
-    string(REPLACE "_" "-" name haptic-${component})
     set(prefix CPACK_DEBIAN_${upper}_PACKAGE)
     set(${prefix}_NAME ${name} PARENT_SCOPE)
     set(${prefix}_SECTION ${section} PARENT_SCOPE)
@@ -26,23 +26,29 @@ file(CONFIGURE OUTPUT changelog CONTENT "haptic (@PROJECT_VERSION@) bookworm; ur
 execute_process(COMMAND gzip -9nc ${CMAKE_CURRENT_BINARY_DIR}/changelog OUTPUT_FILE ${CMAKE_CURRENT_BINARY_DIR}/changelog.gz
                 COMMAND_ERROR_IS_FATAL ANY)
 
-haptic_package(rt_core science "real-time process of a Spidar-G6 haptic device"
+haptic_package(rt_core haptic-rt-core science "real-time process of a Spidar-G6 haptic device"
 "rt-core drives the eight strings of a Spidar-G6 a thousand times a second
 and renders contact planes as force and torque. firmware-host emulates the
 device and serves the emulation as a USB or serial board. With them come a
 service, which nothing starts by itself, and the rules by which a user who
 is not root may run it in real time.")
-haptic_package(host_sim science "simulation of deformable objects for a haptic device"
+haptic_package(host_sim haptic-host-sim science "simulation of deformable objects for a haptic device"
 "host-sim computes deformable objects, cloth and rigid tools in contact, and
 sends the planes of contact to rt-core by shared memory. With it come its
 scenes and a service, which nothing starts by itself.")
-haptic_package(dev libdevel "headers and libraries of the haptic system"
-"What a simulation of one's own is built against: C++ and C headers, static
-libraries and a CMake package, find_package(haptic).")
+haptic_package(lib libhaptic0 libs "connects a simulator to a haptic device"
+"libhaptic lets any simulator push contact planes to rt-core, which renders
+them on a Spidar-G6, and read the device's state. Both go through shared
+memory. This package has the library for programs that were built with it.")
+haptic_package(dev libhaptic-dev libdevel "connects a simulator to a haptic device (development files)"
+"What a simulator is built with: C headers, a CMake package,
+find_package(haptic), a pkg-config file, and examples in C and C++.")
 
 install(FILES ${PROJECT_SOURCE_DIR}/rt-core/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/haptic-rt-core COMPONENT rt_core)
 install(FILES ${PROJECT_SOURCE_DIR}/host-sim/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/haptic-host-sim COMPONENT host_sim)
-install(FILES ${PROJECT_SOURCE_DIR}/shared/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/haptic-dev COMPONENT dev)
+install(FILES ${PROJECT_SOURCE_DIR}/shared/docs/contact-frame.md ${PROJECT_SOURCE_DIR}/shared/docs/other-simulators.md
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libhaptic-dev COMPONENT dev)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/shared/examples DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libhaptic-dev COMPONENT dev)
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME haptic)
@@ -50,10 +56,11 @@ set(CPACK_PACKAGE_NAME haptic)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")
 set(CPACK_PACKAGE_CONTACT "${HAPTIC_MAINTAINER}")
 set(CPACK_DEB_COMPONENT_INSTALL ON)
-set(CPACK_COMPONENTS_ALL rt_core host_sim dev)
+set(CPACK_COMPONENTS_ALL rt_core host_sim lib dev)
 set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
-set(CPACK_STRIP_FILES ON)
+# Each package of programs and its debug symbols, NAME-dbgsym, which a debugger finds by the program's build id.
+set(CPACK_DEBIAN_DEBUGINFO_PACKAGE ON)
 set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
 # The prefix is /usr itself, not a folder to prepend, so haptic_configuration() installs to /etc.
 set(CPACK_SET_DESTDIR ON)
@@ -74,9 +81,17 @@ set(CPACK_DEBIAN_RT_CORE_PACKAGE_RECOMMENDS "udev")
 set(CPACK_DEBIAN_RT_CORE_PACKAGE_SUGGESTS "haptic-host-sim, rt-tests, stress-ng")
 set(CPACK_DEBIAN_HOST_SIM_PACKAGE_DEPENDS "${sysusers}")
 set(CPACK_DEBIAN_HOST_SIM_PACKAGE_SUGGESTS "haptic-rt-core")
-set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libglm-dev, libusb-1.0-0-dev, libgpiod-dev (<< 2), libassimp-dev, pkg-config")
-# Only report.hpp among the installed headers includes nlohmann-json.
-set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS "nlohmann-json3-dev")
+# Programs that were built with this version may call functions that an older one lacks.
+set(CPACK_DEBIAN_LIB_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS_POLICY ">=")
+set(CPACK_DEBIAN_LIB_PACKAGE_CONTROL_EXTRA ${debian}/libhaptic0/triggers)
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libhaptic0 (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS "haptic-rt-core, libbullet-dev")
+# Its name until version 0.1, when it had static C++ libraries.
+set(CPACK_DEBIAN_DEV_PACKAGE_CONFLICTS "haptic-dev")
+set(CPACK_DEBIAN_DEV_PACKAGE_REPLACES "haptic-dev")
+set(CPACK_DEBIAN_DEV_PACKAGE_PROVIDES "haptic-dev")
 foreach(component IN ITEMS rt_core host_sim)
     string(TOUPPER ${component} upper)
     string(REPLACE "_" "-" name haptic-${component})
@@ -84,9 +99,9 @@ foreach(component IN ITEMS rt_core host_sim)
     set(CPACK_DEBIAN_${upper}_PACKAGE_CONTROL_EXTRA
         ${debian}/postinst ${debian}/prerm ${debian}/postrm ${debian}/${name}/conffiles)
 endforeach()
-# Dependencies of cross-built programs come from the packages of the sysroot.
+# Dependencies of cross-built programs come from the packages of the sysroot, and their debug symbols are cut off by its objcopy.
 if(CMAKE_CROSSCOMPILING)
     get_filename_component(CPACK_HAPTIC_PACKAGES "${HAPTIC_SYSROOT}/../packages" ABSOLUTE)
-    set(CPACK_PROJECT_CONFIG_FILE ${CMAKE_CURRENT_LIST_DIR}/cross-shlibdeps.cmake)
+    set(CPACK_PROJECT_CONFIG_FILE ${CMAKE_CURRENT_LIST_DIR}/cross-packages.cmake)
 endif()
 include(CPack)

@@ -1,9 +1,9 @@
 # Functions that make the targets of this project:
-#   haptic_library(NAME)                    a static library, haptic::NAME, installed with its headers
-#   haptic_internal_library(NAME)           one that only this build uses
+#   haptic_internal_library(NAME)           a static library, haptic::NAME, whose headers lie beside its sources
+#   haptic_library(NAME)                    one whose public headers lie in include/, for the other folders
 #   haptic_executable(NAME COMPONENT)       an executable, installed with that component
 # All take sources with target_sources() afterwards. A component is one package (HapticPackages.cmake): rt_core, host_sim,
-# and dev for what other projects build against.
+# lib for the library of other simulators (shared/CMakeLists.txt), and dev for what they are built with.
 
 # Flags for everything that is built here, and for nothing that a user builds against it.
 add_library(haptic_options INTERFACE)
@@ -71,8 +71,7 @@ function(haptic_join_sources target)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
 endfunction()
 
-# haptic_internal_library(NAME): a static library, haptic::NAME, that is not installed. Its headers lie beside its sources,
-# in the caller's src/.
+# haptic_internal_library(NAME): a static library, haptic::NAME. Its headers lie beside its sources, in the caller's src/.
 function(haptic_internal_library name)
     string(REPLACE "-" "_" target ${name})
     add_library(haptic_${target} STATIC)
@@ -81,7 +80,7 @@ function(haptic_internal_library name)
                           HAPTIC_SOURCE_DIR ${CMAKE_CURRENT_SOURCE_DIR}/src)
     target_compile_features(haptic_${target} PUBLIC cxx_std_20)
     target_include_directories(haptic_${target} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
-    target_link_libraries(haptic_${target} PRIVATE $<BUILD_INTERFACE:haptic_options>)
+    target_link_libraries(haptic_${target} PRIVATE haptic_options)
     if(HAPTIC_PRECOMPILE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
         target_precompile_headers(haptic_${target} PRIVATE ${haptic_common_headers})
         target_compile_options(haptic_${target} PRIVATE ${haptic_precompiled_options})
@@ -90,15 +89,11 @@ function(haptic_internal_library name)
     endif()
 endfunction()
 
-# haptic_library(NAME): the same, installed with the headers of include/ and exported.
+# haptic_library(NAME): the same, with the caller's include/ for those that link it.
 function(haptic_library name)
     haptic_internal_library(${name})
     string(REPLACE "-" "_" target ${name})
-    set_target_properties(haptic_${target} PROPERTIES EXPORT_NAME ${target})
-    target_include_directories(haptic_${target}
-        PUBLIC $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
-    install(TARGETS haptic_${target} EXPORT hapticTargets COMPONENT dev)
-    install(DIRECTORY include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT dev)
+    target_include_directories(haptic_${target} PUBLIC ${CMAKE_CURRENT_SOURCE_DIR}/include)
 endfunction()
 
 function(haptic_executable name component)
@@ -153,16 +148,16 @@ function(haptic_completion component program folder)
              DESTINATION \"\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_DATADIR}/zsh/\${zsh}\")" COMPONENT ${component})
 endfunction()
 
-# haptic_documents(PROGRAM COMPONENT MAN pages... FILES files...): runs PROGRAM --generate, which writes its man pages, its
+# haptic_documents(PROGRAM COMPONENT MAN pages... FILES files... SCHEMA file): runs PROGRAM --generate, which writes its man pages, its
 # shell completion and further files to documents/ of the build folder; installs pages and completion. A cross-built
 # program runs under the emulator of the toolchain file.
 function(haptic_documents program component)
-    cmake_parse_arguments(arg "" "" "MAN;FILES" ${ARGN})
+    cmake_parse_arguments(arg "" "SCHEMA" "MAN;FILES" ${ARGN})
     if(CMAKE_CROSSCOMPILING AND NOT CMAKE_CROSSCOMPILING_EMULATOR)
         message(FATAL_ERROR "${program} writes its man pages itself, which needs qemu-aarch64-static: toolchain/setup cross")
     endif()
     set(folder ${CMAKE_CURRENT_BINARY_DIR}/documents)
-    set(outputs ${arg_MAN} ${arg_FILES} ${program}.bash _${program} ${program}.fish)
+    set(outputs ${arg_MAN} ${arg_FILES} ${arg_SCHEMA} ${program}.bash _${program} ${program}.fish)
     list(TRANSFORM outputs PREPEND ${folder}/)
     add_custom_command(OUTPUT ${outputs} COMMAND ${program} --generate ${folder} DEPENDS ${program}
                        COMMENT "Writing the documents of ${program}")
@@ -170,6 +165,9 @@ function(haptic_documents program component)
     list(TRANSFORM arg_MAN PREPEND ${folder}/)
     haptic_manual(${component} ${arg_MAN})
     haptic_completion(${component} ${program} ${folder})
+    if(arg_SCHEMA)
+        install(FILES ${folder}/${arg_SCHEMA} DESTINATION ${CMAKE_INSTALL_DATADIR}/haptic COMPONENT ${component})
+    endif()
 endfunction()
 
 # haptic_uses_private_headers(TARGET LIBRARIES...): lets a test include what these libraries keep beside their sources.

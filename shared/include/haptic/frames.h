@@ -52,7 +52,7 @@ enum {
 };
 
 /* Bits of haptic_contact_frame.flags. The planes push the particles with the forces of the contact problem of
- * haptic/contact_problem.hpp, whose compliance the frame carries. Without compliance the tool is limp: between
+ * rt-core/docs/forces.md, whose compliance the frame carries. Without compliance the tool is limp: between
  * particles i and j of N it is, relative, (N k / k_t) delta_ij + 1 - k / k_t. For k_t = k each particle is on a spring
  * of its own: F = k sum d_i / N, T = k sum r_i x d_i / N (thesis, section 5.2.2), over the particles in contact. d_i
  * points from the particle's position without contact to the local proxy, r_i from the grip to that position. */
@@ -86,7 +86,7 @@ typedef struct haptic_contact_frame {
     haptic_proxy proxies[HAPTIC_MAX_PROXIES];
     /* Relative: `stiffness` times the displacement of row r per newton on row s <= r, at index r (r + 1) / 2 + s; so it
      * stays the same when the coupling fades. Proxy by proxy, the rows are the normals of its planes, then its two
-     * tangents (haptic/contact_problem.hpp) if HAPTIC_PROXY_TANGENTS is set. */
+     * tangents (rt-core/docs/forces.md) if HAPTIC_PROXY_TANGENTS is set. */
     float compliance[HAPTIC_MAX_COMPLIANCES];
 } haptic_contact_frame;
 

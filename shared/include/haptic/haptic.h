@@ -29,7 +29,8 @@
  *     haptic_state_reader_close(states);
  *
  * No function throws or ends the process. One thread at a time may use a handle; different handles are independent.
- * After open, no function allocates, locks or makes a system call. Link with haptic::shared (find_package(haptic)).
+ * After open, no function of a writer or a reader allocates, locks or makes a system call. The library is libhaptic.so:
+ * find_package(haptic) and haptic::haptic in CMake, `pkg-config --cflags --libs haptic`, or dlopen("libhaptic.so.0").
  */
 #ifndef HAPTIC_HAPTIC_H
 #define HAPTIC_HAPTIC_H
@@ -44,6 +45,8 @@ extern "C" {
 
 typedef struct haptic_contact_writer haptic_contact_writer;
 typedef struct haptic_state_reader haptic_state_reader;
+typedef struct haptic_contact_observer haptic_contact_observer;
+typedef struct haptic_state_observer haptic_state_observer;
 
 /* Version of the library, "MAJOR.MINOR.PATCH". */
 const char* haptic_version(void);
@@ -86,6 +89,23 @@ void haptic_state_reader_close(haptic_state_reader* reader);
 int haptic_state_reader_read(haptic_state_reader* reader, haptic_device_state* state);
 /* Returns 0, or -1 for NULL. */
 int haptic_state_reader_peer(const haptic_state_reader* reader, haptic_peer* peer);
+
+/* Observers see what the two processes exchange without being one of them, to record or display it. A session may have
+ * any number, neither process can detect them, and none of them creates the shared memory: an observer may be opened
+ * before the session exists, and follows it when it is created again. NULL for an invalid name. */
+haptic_state_observer* haptic_state_observer_open(const char* session);
+/* NULL is allowed. */
+void haptic_state_observer_close(haptic_state_observer* observer);
+/* Copies the oldest state that was not returned before. A ring keeps the last 8; a gap in `sequence` is a state that
+ * was overwritten before it was read. Returns 1, or 0 if there is none yet, or -1 on an error: NULL, or shared memory
+ * that cannot be observed. Without 1 *state is unspecified. Four times a second (by now_ns, which must not decrease) it
+ * makes system calls to look for the shared memory. Never waits. */
+int haptic_state_observer_next(haptic_state_observer* observer, haptic_device_state* state, int64_t now_ns);
+
+/* The same for contact frames, which are checked like those that are published; an invalid one is an error. */
+haptic_contact_observer* haptic_contact_observer_open(const char* session);
+void haptic_contact_observer_close(haptic_contact_observer* observer);
+int haptic_contact_observer_next(haptic_contact_observer* observer, haptic_contact_frame* frame, int64_t now_ns);
 
 #ifdef __cplusplus
 }

@@ -51,6 +51,37 @@ int haptic_c_pushes_a_frame(const char* session) {
     return 0;
 }
 
+int haptic_c_observes(const char* session) {
+    haptic_contact_observer* const contacts = haptic_contact_observer_open(session);
+    haptic_state_observer* const states = haptic_state_observer_open(session);
+    EXPECT(contacts != NULL && states != NULL);
+    haptic_device_state state;
+    EXPECT(haptic_contact_observer_next(contacts, &frame, 0) == 0);
+    EXPECT(haptic_state_observer_next(states, &state, 0) == 0);
+
+    haptic_contact_writer* const writer = haptic_contact_writer_open(session);
+    haptic_state_reader* const reader = haptic_state_reader_open(session);
+    EXPECT(writer != NULL && reader != NULL);
+    fill_frame();
+    for (int i = 1; i <= 3; ++i) {
+        frame.proxies[0].planes[0].offset = i;
+        EXPECT(haptic_contact_writer_publish(writer, &frame, i) == (uint64_t)i);
+    }
+    const int64_t later_ns = 1000000000;
+    for (int i = 1; i <= 3; ++i) {
+        EXPECT(haptic_contact_observer_next(contacts, &frame, later_ns) == 1);
+        EXPECT(frame.sequence == (uint64_t)i && frame.proxies[0].planes[0].offset == i);
+    }
+    EXPECT(haptic_contact_observer_next(contacts, &frame, later_ns) == 0);
+    EXPECT(haptic_state_observer_next(states, &state, later_ns) == 0);
+
+    haptic_state_reader_close(reader);
+    haptic_contact_writer_close(writer);
+    haptic_state_observer_close(states);
+    haptic_contact_observer_close(contacts);
+    return 0;
+}
+
 static int says(const char* text) {
     return strstr(haptic_last_error(), text) != NULL;
 }
@@ -94,7 +125,13 @@ int haptic_c_refuses_misuse(const char* session) {
 
     haptic_contact_writer_close(writer);
     haptic_state_reader_close(reader);
+    EXPECT(haptic_state_observer_open("no/good") == NULL && says("no/good"));
+    EXPECT(haptic_contact_observer_open(NULL) == NULL && says("session is NULL"));
+    EXPECT(haptic_state_observer_next(NULL, &state, 0) == -1 && says("observer is NULL"));
+    EXPECT(haptic_contact_observer_next(NULL, &frame, 0) == -1 && says("observer is NULL"));
     haptic_contact_writer_close(NULL);
+    haptic_contact_observer_close(NULL);
+    haptic_state_observer_close(NULL);
     haptic_state_reader_close(NULL);
     return 0;
 }

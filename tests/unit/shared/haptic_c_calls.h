@@ -8,6 +8,8 @@ extern "C" {
 
 /* Opens both ends, reads state 1 of the C++ side (latch_time_ns 111), publishes one plane in response, closes. */
 int haptic_c_pushes_a_frame(const char* session);
+/* Publishes frames and states as `session`'s writers; an observer of each ring returns them once, in order. */
+int haptic_c_observes(const char* session);
 /* Every misuse must return its error value and set a message. */
 int haptic_c_refuses_misuse(const char* session);
 

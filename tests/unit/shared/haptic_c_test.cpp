@@ -36,6 +36,46 @@ TEST(CInterface, PushesAFrameFromCToCppAndReadsAStateBack) {
     EXPECT_TRUE(contacts.peer().closed);
 }
 
+TEST(CInterface, ObservesBothRingsWithoutARole) {
+    const RingSession session;
+    EXPECT_EQ(haptic_c_observes(session.name().c_str()), 0) << "line of haptic_c_calls.c: " << haptic_last_error();
+    EXPECT_FALSE(session.exists(RingKind::Contact)) << "the last role has ended";
+}
+
+TEST(CInterface, ObservesAStateAndRefusesAFrameThatRtCoreWouldRefuse) {
+    const RingSession session;
+    RingWriter<DeviceState> states(session.name());
+    RingWriter<ContactFrame> contacts(session.name());
+    haptic_state_observer* const state_observer = haptic_state_observer_open(session.name().c_str());
+    haptic_contact_observer* const contact_observer = haptic_contact_observer_open(session.name().c_str());
+    DeviceState state{};
+    state.latch_time_ns = 111;
+    states.publish(state, 0);
+    auto frame = std::make_unique<ContactFrame>();
+    frame->step_ns = -1;
+    contacts.publish(*frame, 0);
+
+    DeviceState seen{};
+    EXPECT_EQ(haptic_state_observer_next(state_observer, &seen, 0), 1);
+    EXPECT_EQ(seen.latch_time_ns, 111);
+    EXPECT_EQ(haptic_contact_observer_next(contact_observer, frame.get(), 0), -1);
+    EXPECT_NE(std::string(haptic_last_error()).find("step_ns"), std::string::npos) << haptic_last_error();
+    haptic_contact_observer_close(contact_observer);
+    haptic_state_observer_close(state_observer);
+}
+
+TEST(CInterface, NamesSharedMemoryThatCannotBeObserved) {
+    const RingSession session;
+    const int fd = session.open(RingKind::State, O_RDWR | O_CREAT, 0666);
+    fchmod(fd, 0666);
+    close(fd);
+    haptic_state_observer* const observer = haptic_state_observer_open(session.name().c_str());
+    DeviceState state{};
+    EXPECT_EQ(haptic_state_observer_next(observer, &state, 0), -1);
+    EXPECT_NE(std::string(haptic_last_error()).find(session.name()), std::string::npos) << haptic_last_error();
+    haptic_state_observer_close(observer);
+}
+
 TEST(CInterface, AnswersMisuseWithAnErrorAndAText) {
     const RingSession session;
     EXPECT_EQ(haptic_c_refuses_misuse(session.name().c_str()), 0)

@@ -5,6 +5,7 @@ if(NOT packages)
     message(FATAL_ERROR "no unpacked packages in ${CPACK_HAPTIC_PACKAGES}: toolchain/cross puts them there")
 endif()
 list(TRANSFORM packages PREPEND -S)
-# CPack calls the program in this variable.
+# CPack calls the programs in these variables.
 set(SHLIBDEPS_EXECUTABLE dpkg-shlibdeps ${packages})
+set(CPACK_OBJCOPY_EXECUTABLE aarch64-linux-gnu-objcopy)
 set(ENV{DEB_HOST_ARCH} ${CPACK_DEBIAN_PACKAGE_ARCHITECTURE})
