@@ -1,10 +1,8 @@
 // firmware-host: command line of the emulated Spidar-G6 boards.
 #include <CLI/CLI.hpp>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
-#include <exception>
-#include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,16 +11,17 @@
 #include "commands/firmware_host_documents.hpp"
 #include "commands/reach_command.hpp"
 #include "commands/serve_command.hpp"
+#include "haptic/numeric.hpp"
 #include "haptic/pose_track.hpp"
+#include "parsed_number.hpp"
+#include "program/exit_status.hpp"
+#include "program/run_program.hpp"
 
 namespace {
 
 using haptic::device::DeviceGeometry;
 using haptic::device::ExchangeRequest;
 
-constexpr int kFailed = 1;
-constexpr int kWrongArguments = 2;
-constexpr double kUnitTolerance = 1e-6;
 // s; representable in nanoseconds with 64 bits.
 constexpr double kMaxTime = 9e9;
 // m; half the length that a 16-bit counter covers.
@@ -33,16 +32,12 @@ std::vector<double> numbers_of(const std::string& option, std::string_view text)
     std::vector<double> numbers;
     while (true) {
         const std::size_t comma = text.find(',');
-        std::string_view cell = text.substr(0, comma);
-        if (cell.starts_with('+')) {
-            cell.remove_prefix(1);
-        }
-        double number = 0.0;
-        const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), number);
-        if (error != std::errc{} || end != cell.data() + cell.size() || !std::isfinite(number)) {
+        const std::string_view cell = text.substr(0, comma);
+        const std::optional<double> number = haptic::detail::parsed_signed_number<double>(cell);
+        if (!number || !std::isfinite(*number)) {
             throw CLI::ValidationError(option, "'" + std::string(cell) + "' is not a finite number");
         }
-        numbers.push_back(number);
+        numbers.push_back(*number);
         if (comma == std::string_view::npos) {
             return numbers;
         }
@@ -60,7 +55,7 @@ haptic::Pose pose_of(const std::string& text) {
     if (v.size() == 7) {
         pose.orientation = haptic::Quat(v[3], v[4], v[5], v[6]);
         const double length = glm::length(pose.orientation);
-        if (!(std::abs(length - 1.0) <= kUnitTolerance)) {
+        if (!(std::abs(length - 1.0) <= haptic::kUnitTolerance)) {
             throw CLI::ValidationError("--pose", "the quaternion has length " + std::to_string(length) + ", not 1");
         }
         pose.orientation = glm::normalize(pose.orientation);
@@ -134,10 +129,10 @@ ExchangeRequest request_of(const ExchangeArguments& arguments, const DeviceGeome
     return request;
 }
 
-int run(int argc, char** argv) {
+int program(int argc, char** argv) {
     const DeviceGeometry geometry = haptic::device::spidar_g6_x3r();
     CLI::App app{"Emulated Spidar-G6 boards: device geometries, packets, and an emulated device.", "firmware-host"};
-    app.require_subcommand(0, 1);  // with none, the check below names a wrong one
+    app.require_subcommand(0, 1);
     haptic::add_generate_option(app, haptic::device::firmware_host_documents);
     ExchangeArguments arguments;
     const CLI::App* exchange = add_exchange(app, arguments, geometry);
@@ -154,46 +149,31 @@ int run(int argc, char** argv) {
     haptic::device::ReachArguments reach_arguments;
     const CLI::App* reach = haptic::device::add_reach(app, reach_arguments);
     haptic::device::ServeArguments serve_arguments;
-    const CLI::App* serve = haptic::device::add_serve(app, serve_arguments);
+    (void)haptic::device::add_serve(app, serve_arguments);
 
-    bool succeeded = true;
-    try {
-        app.parse(argc, argv);
-        if (app.get_subcommands().empty()) {
-            throw CLI::RequiredError("A subcommand");
-        }
+    return haptic::run_program(app, argc, argv, [&] {
         if (variants->parsed()) {
             std::fputs("firmware-host: `variants` is now called `geometries`\n", stderr);
         }
         if (geometries->parsed() || variants->parsed()) {
             haptic::device::run_geometries(geometry_files);
+            return haptic::kExitDone;
         }
         if (exchange->parsed()) {
-            succeeded = haptic::device::run_exchange(geometry, request_of(arguments, geometry));
+            const bool replied = haptic::device::run_exchange(geometry, request_of(arguments, geometry));
+            return replied ? haptic::kExitDone : haptic::kExitFailed;
         }
         if (reach->parsed()) {
             haptic::device::run_reach(reach_arguments);
+            return haptic::kExitDone;
         }
-        if (serve->parsed()) {
-            haptic::device::run_serve(serve_arguments);
-        }
-    } catch (const CLI::ParseError& error) {
-        return app.exit(error) == 0 ? 0 : kWrongArguments;
-    }
-    if (std::fflush(stdout) != 0) {
-        std::perror("firmware-host: standard output");
-        return kFailed;
-    }
-    return succeeded ? 0 : kFailed;
+        haptic::device::run_serve(serve_arguments);
+        return haptic::kExitDone;
+    });
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-    try {
-        return run(argc, argv);
-    } catch (const std::exception& error) {
-        std::fprintf(stderr, "firmware-host: %s\n", error.what());
-        return kFailed;
-    }
+    return haptic::run_main(program, argc, argv);
 }

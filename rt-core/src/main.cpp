@@ -2,10 +2,7 @@
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
-#include <cmath>
 #include <cstdio>
-#include <exception>
-#include <filesystem>
 #include <string>
 #include <utility>
 
@@ -17,6 +14,9 @@
 #include "commands/stability_command.hpp"
 #include "haptic/device/fault.hpp"
 #include "process/settings.hpp"
+#include "program/exit_status.hpp"
+#include "program/option_checks.hpp"
+#include "program/run_program.hpp"
 
 namespace {
 
@@ -25,32 +25,6 @@ using haptic::rt::DoctorOptions;
 using haptic::rt::MeasureOptions;
 using haptic::rt::RunOptions;
 using haptic::rt::StabilityOptions;
-
-/// A finite number for which `accept` holds. CLI11's own PositiveNumber answers with the largest double in full.
-CLI::Validator number_that(bool (*accept)(double), const std::string& condition, const std::string& name) {
-    return CLI::Validator(
-        [accept, condition](const std::string& text) {
-            double value = 0.0;
-            const bool valid = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && accept(value);
-            return valid ? std::string() : "must be a number " + condition + ", is " + text;
-        },
-        name);
-}
-
-CLI::Validator positive() {
-    return number_that([](double value) { return value > 0.0; }, "above 0", "POSITIVE");
-}
-
-CLI::Validator not_negative() {
-    return number_that([](double value) { return value >= 0.0; }, "of 0 or more", "NONNEGATIVE");
-}
-
-/// Checks before a run that the folder of a result exists.
-std::string problem_of_folder(const std::string& file) {
-    const std::filesystem::path folder = std::filesystem::path(file).parent_path();
-    const bool exists = folder.empty() || std::filesystem::is_directory(folder);
-    return exists ? std::string() : file + ": the folder " + folder.string() + " does not exist";
-}
 
 /// The problem with a --fault, for CLI11; empty if it is valid.
 std::string problem_of_fault(const std::string& text) {
@@ -84,7 +58,7 @@ void describe_loop(CLI::App& run, RunOptions& options) {
         ->capture_default_str();
     run.add_option("--report", options.report, "writes the measurements to a JSON file")
         ->type_name("F.json")
-        ->check(problem_of_folder);
+        ->check(haptic::result_file());
     run.add_flag("--rearm", options.rearm, "after the device was lost, waits for it and re-arms, like safety.rearm");
 }
 
@@ -92,10 +66,10 @@ void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
     describe_loop(run, options);
     run.add_option("--duration", duration_s, "seconds after which to stop; default: until Ctrl-C")
         ->type_name("S")
-        ->check(positive());
+        ->check(haptic::positive_number());
     run.add_option("--record", options.record, "writes every tick to a CSV file")
         ->type_name("F.csv")
-        ->check(problem_of_folder);
+        ->check(haptic::result_file());
 }
 
 CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
@@ -104,7 +78,7 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
     describe_loop(*measure, options.run);
     measure->add_option("--duration", options.duration_s, "seconds to run the loop; Ctrl-C ends it early")
         ->type_name("S")
-        ->check(positive())
+        ->check(haptic::positive_number())
         ->capture_default_str();
     measure
         ->add_option("--load", options.load,
@@ -116,7 +90,7 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
                           "alternates with cyclictest on the same processor and priority; doubles the run time");
     measure->add_option("--alternate", options.alternate_s, "seconds of each turn with --cyclictest")
         ->type_name("S")
-        ->check(CLI::Range(1.0, 3600.0))
+        ->check(haptic::number_in(1.0, 3600.0))
         ->needs(cyclictest)
         ->capture_default_str();
     measure
@@ -126,7 +100,7 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
         ->excludes(cyclictest);
     measure->add_option("--html", options.html, "writes an HTML page with plots")
         ->type_name("F.html")
-        ->check(problem_of_folder);
+        ->check(haptic::result_file());
     CLI::Option* const from =
         measure->add_option("--from", options.from, "measures nothing: shows an existing report; also with --html")
             ->type_name("F.json");
@@ -144,6 +118,7 @@ CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
                            "the passivity controller, or a scene of host-sim");
     stability->add_option("--out", options.out, "output folder for stability.csv and the map, stability.html")
         ->type_name("DIR")
+        ->check(haptic::result_folder())
         ->required();
     stability->add_option("--config", options.config, "configuration file (TOML); see --print-config")
         ->type_name("F.toml");
@@ -162,11 +137,11 @@ CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
         return stability->add_option_function<double>(name, [&value](const double& given) { value = given; }, meaning);
     };
     optional("--duration", options.duration_s, "seconds of each trial; of a scene with a still hand [2.5; 16]")
-        ->check(CLI::Range(1.0, 60.0));
+        ->check(haptic::number_in(1.0, 60.0));
     optional("--hand-stiffness", options.hand_stiffness, "stiffness of the hand, N/m [100; of a scene 400]")
-        ->check(not_negative());
+        ->check(haptic::number_of_0_or_more());
     optional("--hand-damping", options.hand_damping, "damping of the hand, N*s/m [0; of a scene 4]")
-        ->check(not_negative());
+        ->check(haptic::number_of_0_or_more());
     CLI::Option* const scene =
         stability
             ->add_option("--scene", options.scene,
@@ -181,14 +156,15 @@ CLI::App* describe_stability(CLI::App& app, StabilityOptions& options) {
         ->allow_extra_args(false)
         ->needs(scene);
     optional("--hold", options.hold_s, "seconds of the scene's script after which the hand is held still [its end]")
-        ->check(not_negative())
+        ->check(haptic::number_of_0_or_more())
         ->needs(scene);
     const auto axis = [&](const char* name, std::vector<double>& values, const char* meaning) {
-        stability->add_option(name, values, meaning)->delimiter(',')->needs(scene)->capture_default_str();
+        return stability->add_option(name, values, meaning)->delimiter(',')->needs(scene)->capture_default_str();
     };
-    axis("--rates", options.rates_hz, "steps of the scene per second");
-    axis("--stiffnesses", options.stiffnesses, "stiffnesses that the scene requests at the hand, N/m");
-    axis("--delays", options.delays_ms, "delays of the contact frames, ms");
+    axis("--rates", options.rates_hz, "steps of the scene per second")->check(haptic::positive_number());
+    axis("--stiffnesses", options.stiffnesses, "stiffnesses that the scene requests at the hand, N/m")
+        ->check(haptic::positive_number());
+    axis("--delays", options.delays_ms, "delays of the contact frames, ms")->check(haptic::number_of_0_or_more());
     return stability;
 }
 
@@ -215,15 +191,15 @@ void describe_calibrate(CLI::App& calibrate, CalibrateOptions& options) {
         .add_option("--out", options.out,
                     "file for the calibrated device geometry; an old one is kept as F.toml.bak-1, -2, ...")
         ->type_name("F.toml")
-        ->check(problem_of_folder);
+        ->check(haptic::result_file());
     calibrate.add_option("--record", options.run.record, "file for the recording of the wiggle")
         ->type_name("F.csv")
-        ->check(problem_of_folder);
+        ->check(haptic::result_file());
     calibrate.add_option("--hold", options.hold_s, "seconds to hold the grip at the centre")
-        ->check(CLI::Range(0.1, 60.0))
+        ->check(haptic::number_in(0.1, 60.0))
         ->capture_default_str();
     calibrate.add_option("--wiggle", options.wiggle_s, "seconds to move the grip about")
-        ->check(CLI::Range(1.0, 600.0))
+        ->check(haptic::number_in(1.0, 600.0))
         ->capture_default_str();
     calibrate
         .add_option("--weigh", options.weights,
@@ -232,7 +208,7 @@ void describe_calibrate(CLI::App& calibrate, CalibrateOptions& options) {
         ->allow_extra_args(false);
     const auto deviation = [&calibrate](const char* name, double& value, const char* of_what) {
         calibrate.add_option(name, value, std::string("standard deviation of the nominal value of ") + of_what)
-            ->check(CLI::Range(1e-6, 0.1))
+            ->check(haptic::number_in(1e-6, 0.1))
             ->capture_default_str();
     };
     deviation("--motor-deviation", options.fit_settings.motor, "each coordinate of a motor (m)");
@@ -252,24 +228,35 @@ CLI::App* describe_doctor(CLI::App& app, DoctorOptions& options) {
         ->allow_extra_args(false);
     doctor->add_option("--json", options.json, "also writes the findings to a JSON file")
         ->type_name("F.json")
-        ->check(problem_of_folder);
+        ->check(haptic::result_file());
     doctor->add_option("--root", options.root, "checks a copy of /proc, /sys, /dev and /etc below this folder instead")
         ->type_name("DIR")
         ->check(CLI::ExistingDirectory);
     return doctor;
 }
 
-int run_application(int argc, char** argv) {
+/// Adds --print-config, which prints the default configuration and ends the program.
+void add_print_config(CLI::App& app) {
+    app.add_flag_callback(
+           "--print-config",
+           [] {
+               std::fputs(haptic::rt::default_config_text().c_str(), stdout);
+               throw CLI::Success();
+           },
+           "Prints the commented default configuration")
+        ->trigger_on_parse();
+}
+
+int program(int argc, char** argv) {
     CLI::App app("Real-time process of the haptic system: drives a Spidar-G6 at 1 kHz", "rt-core");
     app.set_help_all_flag("--help-all", "Prints the help of all commands");
     haptic::add_generate_option(app, haptic::rt::rt_core_documents);
-    bool print_config = false;
-    app.add_flag("--print-config", print_config, "Prints the commented default configuration");
+    add_print_config(app);
     RunOptions options;
     double duration_s = 0.0;
     CLI::App* const run = app.add_subcommand("run", "Runs the loop until Ctrl-C");
     describe_run(*run, options, duration_s);
-    run->add_flag("--print-config", print_config, "Prints the commented default configuration");
+    add_print_config(*run);
     StabilityOptions stability_options;
     const CLI::App* const stability = describe_stability(app, stability_options);
     MeasureOptions measurement;
@@ -280,45 +267,36 @@ int run_application(int argc, char** argv) {
     describe_calibrate(*calibrate, calibration);
     DoctorOptions doctor_options;
     const CLI::App* const doctor = describe_doctor(app, doctor_options);
-    try {
-        app.parse(argc, argv);
-        if (print_config) {
-            std::fputs(haptic::rt::default_config_text().c_str(), stdout);
-            return 0;
+    const auto command = [&] {
+        if (run->count("--duration") > 0) {
+            options.duration_s = duration_s;
         }
-        if (app.get_subcommands().empty()) {
-            throw CLI::CallForHelp();
+        spdlog::set_default_logger(spdlog::stderr_color_mt("rt-core"));
+        spdlog::set_pattern("rt-core %^%l%$: %v");
+        if (doctor->parsed()) {
+            return haptic::rt::doctor_command(doctor_options);
         }
-    } catch (const CLI::ParseError& error) {
-        return app.exit(error);
-    }
-    if (run->count("--duration") > 0) {
-        options.duration_s = duration_s;
-    }
-    spdlog::set_default_logger(spdlog::stderr_color_mt("rt-core"));
-    spdlog::set_pattern("rt-core %^%l%$: %v");
-    if (doctor->parsed()) {
-        return haptic::rt::doctor_command(doctor_options);
-    }
-    if (calibrate->parsed()) {
-        return haptic::rt::calibrate_command(calibration);
-    }
-    if (measure->parsed()) {
-        return haptic::rt::measure_command(measurement);
-    }
-    return stability->parsed() ? haptic::rt::stability_command(stability_options) : haptic::rt::run_command(options);
+        if (calibrate->parsed()) {
+            return haptic::rt::calibrate_command(calibration);
+        }
+        if (measure->parsed()) {
+            return haptic::rt::measure_command(measurement);
+        }
+        return stability->parsed() ? haptic::rt::stability_command(stability_options)
+                                   : haptic::rt::run_command(options);
+    };
+    return haptic::run_program(app, argc, argv, [&command] {
+        try {
+            return command();
+        } catch (const haptic::rt::Refusal& refusal) {
+            (void)std::fprintf(stderr, "rt-core: %s\n", refusal.what());
+            return haptic::kExitRefused;
+        }
+    });
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-    try {
-        return run_application(argc, argv);
-    } catch (const haptic::rt::Refusal& refusal) {
-        std::fprintf(stderr, "rt-core: %s\n", refusal.what());
-        return haptic::rt::kExitRefused;
-    } catch (const std::exception& error) {
-        std::fprintf(stderr, "rt-core: %s\n", error.what());
-        return haptic::rt::kExitError;
-    }
+    return haptic::run_main(program, argc, argv);
 }

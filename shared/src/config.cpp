@@ -22,20 +22,22 @@ struct BrokenAssertion {};
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <glm/geometric.hpp>
 #include <iterator>
 #include <map>
-#include <numeric>
 #include <optional>
 #include <set>
 #include <sstream>
 #include <system_error>
 #include <utility>
 
+#include "edit_distance.hpp"
 #include "haptic/numeric.hpp"
 #include "trimmed.hpp"
 
@@ -130,37 +132,16 @@ void write_table(std::ostream& out, const toml::table& table, const std::string&
     }
 }
 
-/// Number of insertions, deletions, replacements and swaps of neighbours that turn a into b (optimal string alignment).
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-    std::vector<std::size_t> before_last(b.size() + 1);
-    std::vector<std::size_t> last(b.size() + 1);
-    std::vector<std::size_t> row(b.size() + 1);
-    std::iota(last.begin(), last.end(), std::size_t{0});
-    for (std::size_t i = 1; i <= a.size(); ++i) {
-        row[0] = i;
-        for (std::size_t j = 1; j <= b.size(); ++j) {
-            const std::size_t replaced = last[j - 1] + (a[i - 1] == b[j - 1] ? 0u : 1u);
-            row[j] = std::min({replaced, last[j] + 1, row[j - 1] + 1});
-            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
-                row[j] = std::min(row[j], before_last[j - 2] + 1);
-            }
-        }
-        std::swap(before_last, last);
-        std::swap(last, row);
-    }
-    return last.back();
-}
-
 /// End of the message about an unknown key: the known key that was probably meant, all known keys of its table, or, if
 /// there are none, the known tables.
 std::string remedy(const std::string& unknown, const std::set<std::string>& known) {
     const std::string* nearest = nullptr;
-    std::size_t nearest_distance = std::max<std::size_t>(2, unknown.size() / 3) + 1;
+    std::size_t nearest_distance = detail::max_edit_distance(unknown) + 1;
     for (const std::string& candidate : known) {
         if (last_part(candidate) == last_part(unknown)) {
             return "; did you mean " + in_quotes(candidate) + "?";  // right name, wrong table
         }
-        if (const std::size_t distance = edit_distance(unknown, candidate); distance < nearest_distance) {
+        if (const std::size_t distance = detail::edit_distance(unknown, candidate); distance < nearest_distance) {
             nearest = &candidate;
             nearest_distance = distance;
         }
@@ -596,6 +577,18 @@ bool Config::has_text(const std::string& key) const {
 
 void Config::fail(const std::string& key, const std::string& problem) const {
     state_->fail(key, problem);
+}
+
+void Config::require_file(const std::string& key, const std::string& file) const {
+    std::error_code error;
+    if (file.empty() || (!std::filesystem::is_directory(file, error) && std::ifstream(file))) {
+        return;
+    }
+    const std::string reason =
+        std::filesystem::is_directory(file, error) ? "it is a folder" : std::generic_category().message(errno);
+    const bool is_relative = std::filesystem::path(file).is_relative();
+    fail(key, in_quotes(file) + " cannot be read: " + reason +
+                  (is_relative ? "; searched in " + std::filesystem::current_path(error).string() : ""));
 }
 
 std::vector<std::string> Config::known_keys() const {

@@ -8,8 +8,9 @@
 #include <system_error>
 #include <utility>
 
-#include "file_replacement.hpp"
+#include "haptic/text_file.hpp"
 #include "joined.hpp"
+#include "parsed_number.hpp"
 #include "trimmed.hpp"
 
 namespace haptic {
@@ -21,6 +22,11 @@ constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 
 bool is_note(std::string_view line) {
     return trimmed(line).starts_with('#');
+}
+
+/// A note without # and surrounding blanks.
+std::string note_of(std::string_view line) {
+    return std::string(trimmed(trimmed(line).substr(1)));
 }
 
 void split_cells(std::string_view line, std::vector<std::string_view>& cells) {
@@ -36,20 +42,8 @@ void split_cells(std::string_view line, std::vector<std::string_view>& cells) {
 }
 
 std::optional<double> finite_number(std::string_view cell) {
-    if (cell.starts_with('+')) {
-        cell.remove_prefix(1);
-    }
-    double value = 0.0;
-    const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-    const bool whole = error == std::errc{} && end == cell.data() + cell.size();
-    return whole && std::isfinite(value) ? std::optional(value) : std::nullopt;
-}
-
-template <class Integer>
-std::optional<Integer> whole_number(std::string_view cell) {
-    Integer value = 0;
-    const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-    return error == std::errc{} && end == cell.data() + cell.size() ? std::optional(value) : std::nullopt;
+    const std::optional<double> value = detail::parsed_signed_number<double>(cell);
+    return value && std::isfinite(*value) ? value : std::nullopt;
 }
 
 /// Appends a number in its shortest exact form, after a comma unless the line is empty.
@@ -71,6 +65,13 @@ void append(std::string& line, Number value) {
     fail(file, 1, "there is no column " + std::string(column) + "; the file has: " + detail::joined(names, ", "));
 }
 
+void require_width(const std::string& file, std::size_t cells, std::size_t columns) {
+    if (cells != columns) {
+        throw CsvError(file + ": a row of " + std::to_string(cells) + " values for " + std::to_string(columns) +
+                       " columns");
+    }
+}
+
 }  // namespace
 
 std::string text_of(const CsvCell& cell) {
@@ -90,6 +91,15 @@ void append_row(std::string& text, std::span<const double> values) {
     text += '\n';
 }
 
+void append_row(std::string& text, std::span<const CsvCell> cells) {
+    std::string line;
+    for (const CsvCell& cell : cells) {
+        std::visit([&line](auto value) { append(line, value); }, cell);
+    }
+    text += line;
+    text += '\n';
+}
+
 CsvReader::CsvReader(const std::filesystem::path& file) : file_(file.string()) {
     if (std::filesystem::is_directory(file)) {
         throw CsvError(file_ + ": cannot be read: is a directory");
@@ -101,7 +111,7 @@ CsvReader::CsvReader(const std::filesystem::path& file) : file_(file.string()) {
     }
     // Notes before the header.
     while (next_line() && is_note(line_)) {
-        notes_.emplace_back(trimmed(trimmed(line_).substr(1)));
+        notes_.push_back(note_of(line_));
     }
     line_number_ = std::max<std::size_t>(line_number_, 1);  // for messages about an empty file
     // Header: column names, possibly after a byte order mark.
@@ -133,10 +143,18 @@ bool CsvReader::next_line() {
 bool CsvReader::next() {
     while (next_line()) {
         const std::string_view line = trimmed(line_);
-        if (line.empty() || is_note(line)) {
+        if (is_note(line)) {
+            notes_.push_back(note_of(line));
+            continue;
+        }
+        if (line.empty()) {
             continue;
         }
         split_cells(line, cells_);
+        const bool torn = stream_.eof();  // without a line end
+        if (torn && cells_.size() < names_.size()) {
+            return false;
+        }
         if (cells_.size() != names_.size()) {
             fail("has " + std::to_string(cells_.size()) + " cells, the header has " + std::to_string(names_.size()));
         }
@@ -174,7 +192,7 @@ double CsvReader::number(std::size_t column) const {
 }
 
 std::int64_t CsvReader::integer(std::size_t column) const {
-    const std::optional<std::int64_t> value = whole_number<std::int64_t>(cells_[column]);
+    const std::optional<std::int64_t> value = detail::parsed_number<std::int64_t>(cells_[column]);
     if (!value) {
         refuse(column, "an integer of 64 bits");
     }
@@ -182,7 +200,7 @@ std::int64_t CsvReader::integer(std::size_t column) const {
 }
 
 std::uint64_t CsvReader::natural(std::size_t column) const {
-    const std::optional<std::uint64_t> value = whole_number<std::uint64_t>(cells_[column]);
+    const std::optional<std::uint64_t> value = detail::parsed_number<std::uint64_t>(cells_[column]);
     if (!value) {
         refuse(column, "a natural number of 64 bits");
     }
@@ -193,7 +211,6 @@ CsvTable CsvTable::load(const std::filesystem::path& file) {
     CsvReader reader(file);
     CsvTable table;
     table.file_ = reader.name();
-    table.notes_ = reader.notes();
     table.names_ = reader.columns();
     table.header_line_ = reader.line();
     table.values_.resize(table.names_.size());
@@ -203,6 +220,7 @@ CsvTable CsvTable::load(const std::filesystem::path& file) {
         }
         ++table.rows_;
     }
+    table.notes_ = reader.notes();
     return table;
 }
 
@@ -223,70 +241,44 @@ std::span<const double> CsvTable::column(std::string_view column) const {
 
 CsvWriter::CsvWriter(const std::filesystem::path& file, const std::vector<std::string>& columns,
                      const std::vector<std::string>& notes)
-    : file_(file), temporary_(detail::temporary_beside(file)), columns_(columns.size()) {
-    errno = 0;
-    stream_.open(temporary_, std::ios::binary | std::ios::trunc);
-    if (!stream_) {
-        throw CsvError(file_.string() + ": cannot be written: " + std::generic_category().message(errno));
-    }
+    : file_(file), columns_(columns.size()) {
     for (const std::string& note : notes) {
-        stream_ << "# " << note << '\n';
+        text_ += "# " + note + '\n';
     }
-    for (const std::string& column : columns) {
-        line_ += (line_.empty() ? "" : ",") + column;
-    }
-    stream_ << line_ << '\n';
-}
-
-CsvWriter::~CsvWriter() {
-    if (stream_.is_open()) {
-        stream_.close();
-        detail::discard(temporary_, file_);
-    }
-}
-
-void CsvWriter::begin_row(std::size_t cells) {
-    if (cells != columns_) {
-        throw CsvError(file_.string() + ": a row of " + std::to_string(cells) + " values for " +
-                       std::to_string(columns_) + " columns");
-    }
-    line_.clear();
-}
-
-void CsvWriter::end_row() {
-    line_ += '\n';
-    write_row();
-}
-
-void CsvWriter::write_row() {
-    stream_.write(line_.data(), static_cast<std::streamsize>(line_.size()));
+    text_ += detail::joined(columns, ",") + '\n';
 }
 
 void CsvWriter::row(std::span<const double> values) {
-    begin_row(values.size());
-    append_row(line_, values);
-    write_row();
+    require_width(file_.string(), values.size(), columns_);
+    append_row(text_, values);
 }
 
 void CsvWriter::row(std::span<const CsvCell> cells) {
-    begin_row(cells.size());
-    for (const CsvCell& cell : cells) {
-        std::visit([this](auto value) { append(line_, value); }, cell);
-    }
-    end_row();
+    require_width(file_.string(), cells.size(), columns_);
+    append_row(text_, cells);
 }
 
 void CsvWriter::close() {
-    errno = 0;
-    stream_.close();
-    if (!stream_) {
-        const int error = errno != 0 ? errno : EIO;
-        detail::discard(temporary_, file_);
-        throw CsvError(file_.string() + ": could not be written completely: " + std::generic_category().message(error));
-    }
-    if (const std::error_code error = detail::put_in_place(temporary_, file_)) {
-        throw CsvError(file_.string() + ": cannot be renamed into place: " + error.message());
-    }
+    write_text(file_, text_);
+}
+
+CsvStream::CsvStream(const std::filesystem::path& file, const std::vector<std::string>& columns)
+    : file_(file), name_(file.string()), columns_(columns.size()), rows_(detail::joined(columns, ",") + '\n') {}
+
+void CsvStream::row(std::span<const CsvCell> cells) {
+    require_width(name_, cells.size(), columns_);
+    append_row(rows_, cells);
+}
+
+bool CsvStream::flush() noexcept {
+    const bool written = file_.append(rows_);
+    rows_.clear();
+    return written;
+}
+
+void CsvStream::close() {
+    (void)flush();
+    file_.close();
 }
 
 }  // namespace haptic

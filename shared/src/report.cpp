@@ -1,23 +1,14 @@
 #include "haptic/report.hpp"
 
-#include <cerrno>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
-#include <system_error>
 
-#include "file_replacement.hpp"
+#include "haptic/text_file.hpp"
 
 namespace haptic {
 namespace {
 
 double microseconds(std::int64_t duration_ns) {
     return static_cast<double>(duration_ns) * 1e-3;
-}
-
-/// errno as an error code; EIO if errno is not set.
-std::error_code last_error() {
-    return {errno != 0 ? errno : EIO, std::generic_category()};
 }
 
 }  // namespace
@@ -43,16 +34,7 @@ nlohmann::json buckets_us(const Histogram& histogram) {
 }
 
 void write_report(const std::filesystem::path& file, const nlohmann::json& report) {
-    const std::filesystem::path temporary = detail::temporary_beside(file);
-    errno = 0;
-    std::ofstream stream(temporary, std::ios::binary | std::ios::trunc);
-    stream << report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
-    stream.close();
-    const std::error_code error = stream ? detail::put_in_place(temporary, file) : last_error();
-    if (error) {
-        detail::discard(temporary, file);
-        throw std::runtime_error(file.string() + ": the report cannot be written: " + error.message());
-    }
+    write_text(file, report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + '\n');
 }
 
 }  // namespace haptic

@@ -264,6 +264,11 @@ class BadInput : public Chain {
         }
         EXPECT_THAT(segments_of(session_), IsEmpty());
     }
+    /// Wrong arguments: the same status for every program.
+    void expect_wrong_usage(const std::vector<std::string>& command, const std::vector<std::string>& said) {
+        EXPECT_EQ(run(command).status, 64);
+        expect_refusal(command, said);
+    }
 };
 
 TEST_F(BadInput, AnUnknownSceneIsRefusedAndTheKnownOnesAreNamed) {
@@ -299,8 +304,170 @@ TEST_F(BadInput, ValuesThatAreNotFiniteOrNotOfUnitLengthAreRefusedWithTheirLine)
 
 TEST_F(BadInput, AWrongArgumentSaysWhatIsRight) {
     expect_refusal(rt_core({"run", "--device", "usbb", "--session", session_}), {"usbb", "emulated"});
-    expect_refusal(rt_core({"ruin"}), {"--help"});
     expect_refusal(host_sim({"run", "cloth-drop", "--clock", "sundial"}), {"sundial", "lockstep"});
+    expect_wrong_usage(rt_core({"rnu"}), {"did you mean run?", "--help"});
+    expect_wrong_usage(host_sim({"runn"}), {"there is no command runn; did you mean run?"});
+    expect_wrong_usage({FIRMWARE_HOST, "serv"}, {"did you mean serve?"});
+    expect_wrong_usage(host_sim({}), {"run, play, scenes"});
+    expect_wrong_usage(host_sim({"run", "cloth-drop", "--durration", "1"}), {"--durration; did you mean --duration?"});
+    expect_wrong_usage(rt_core({"run", "--reports=r.json"}), {"did you mean --report?"});
+}
+
+TEST_F(BadInput, ANumberIsFiniteWholeWhereItCountsAndInItsRange) {
+    expect_wrong_usage(host_sim({"run", "cloth-drop", "--duration", "nan"}), {"--duration", "from 0 to 1e+06, is nan"});
+    for (const char* const steps : {"-1", "2.5", "99999999999999999999999"}) {
+        expect_wrong_usage(host_sim({"run", "cloth-drop", "--steps", steps}), {"--steps", "whole number", steps});
+    }
+    expect_wrong_usage(host_sim({"mesh", "any.obj", "--scale", "inf"}), {"--scale", "above 0"});
+    expect_wrong_usage(rt_core({"run", "--duration", "nan"}), {"--duration", "above 0"});
+    expect_wrong_usage(rt_core({"measure", "--cyclictest", "--alternate", "nan"}), {"--alternate", "1 to 3600"});
+    expect_wrong_usage(rt_core({"stability", "--out", folder_ / "map", "--scene", "fish-hold", "--rates", "100,-1"}),
+                       {"--rates", "above 0, is -1"});
+}
+
+TEST_F(BadInput, AResultThatCannotBeWrittenIsRefusedBeforeTheRun) {
+    expect_wrong_usage(rt_core({"run", "--record", "/"}), {"--record", "is a folder"});
+    expect_wrong_usage(host_sim({"run", "cloth-drop", "--report", folder_ / "."}), {"--report", "is a folder"});
+    expect_wrong_usage(host_sim({"run", "cloth-drop", "--record", folder_ / "none" / "r.csv"}),
+                       {"--record", "none does not exist"});
+    expect_wrong_usage(host_sim({"run", "cloth-drop", "--snapshots", "/dev/null/pictures"}), {"is not a folder"});
+    expect_wrong_usage(host_sim({"model", "fish", "--out", folder_ / "none" / "m.toml"}), {"--out", "does not exist"});
+}
+
+TEST_F(BadInput, OutputThatCouldNotBeWrittenIsAnError) {
+    for (const std::string& command : {std::string(HOST_SIM) + " scenes", std::string(RT_CORE) + " --print-config"}) {
+        const Finished finished = run({"/bin/sh", "-c", command + " >/dev/full"});
+        EXPECT_EQ(finished.status, 1) << finished.output;
+        EXPECT_THAT(finished.output, HasSubstr("standard output: ")) << command;
+        EXPECT_EQ(run({"/bin/sh", "-c", command + " | head -n 1"}).status, 0) << command;
+    }
+}
+
+TEST_F(BadInput, ASceneWithoutABodyOrWithoutItsMeshSaysWhatIsMissingAndWhere) {
+    expect_refusal(host_sim({"run", write("empty.toml", "")}), {"empty.toml", "no table [model]"});
+    expect_refusal(host_sim({"run", write("mesh.toml", "[model]\nscale = 0.1\nfile = \"no-fish.obj\"\n")}),
+                   {"mesh.toml:3", "model.file", "no-fish.obj", "No such file", "searched in /"});
+    expect_refusal(host_sim({"run", "cloth-drop", "--set", "model.particles=/tmp"}),
+                   {"model.particles", "is a folder"});
+}
+
+TEST_F(BadInput, ASmallProxyNeedsNoOtherKey) {
+    const Finished finished = run(host_sim({"run", "cloth-drop", "--steps", "2", "--set", "proxy.radius=0.015"}));
+    EXPECT_EQ(finished.status, 0) << finished.output;
+}
+
+TEST_F(BadInput, WaitingInVainEndsTheRunAndNamesTheSession) {
+    expect_refusal(host_sim({"run", "cloth-drop", "--clock", "real", "--session", session_, "--wait", "0.2"}),
+                   {"no rt-core ran in session " + session_, "0.2 s"});
+}
+
+TEST_F(BadInput, EveryProgramTellsItsVersion) {
+    for (const char* const program : {RT_CORE, HOST_SIM, FIRMWARE_HOST}) {
+        const Finished finished = run({program, "--version"});
+        EXPECT_EQ(finished.status, 0) << finished.output;
+        EXPECT_EQ(finished.output, std::filesystem::path(program).filename().string() + " " HAPTIC_VERSION "\n");
+    }
+}
+
+/// What remains of a run that ends badly.
+class Remains : public Chain {
+  protected:
+    static bool grows_to(const std::filesystem::path& file, std::uintmax_t bytes) {
+        for (int k = 0; k < 600; ++k) {
+            if (std::filesystem::exists(file) && std::filesystem::file_size(file) >= bytes) {
+                return true;
+            }
+            std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        }
+        return false;
+    }
+};
+
+TEST_F(Remains, AKilledSimulationLeavesARecordThatCanBeRepeated) {
+    const std::filesystem::path record = folder_ / "killed.csv";
+    {
+        Process sim(host_sim({"run", "fish-slide", "--steps", "100000", "--record", record}), folder_ / "sim.log");
+        ASSERT_TRUE(grows_to(record, 30'000)) << sim.output();
+        sim.signal(SIGKILL);
+        ASSERT_EQ(sim.wait_for(std::chrono::seconds(10)), 128 + SIGKILL);
+    }
+    const CsvTable table = CsvTable::load(record);
+    EXPECT_GT(table.rows(), 50u);
+    const std::string steps = std::to_string(table.rows());
+    const std::filesystem::path again = folder_ / "again.csv";
+    const Finished repeated =
+        run(host_sim({"run", "fish-slide", "--input", record, "--steps", steps, "--record", again}));
+    ASSERT_EQ(repeated.status, 0) << repeated.output;
+    const auto was = table.column("proxy_y_m");
+    const CsvTable second = CsvTable::load(again);
+    const auto is = second.column("proxy_y_m");
+    EXPECT_TRUE(std::equal(was.begin(), was.end(), is.begin(), is.end()));
+}
+
+TEST_F(Remains, AKilledLoopLeavesARecordingThatCanBeReplayed) {
+    const std::filesystem::path record = folder_ / "killed.csv";
+    {
+        Process rt(rt_core({"run", "--session", session_, "--record", record}), folder_ / "rt.log");
+        ASSERT_TRUE(rt.wait_for_text("running", std::chrono::seconds(30))) << rt.output();
+        ASSERT_TRUE(grows_to(record, 300'000)) << rt.output();
+        rt.signal(SIGKILL);
+        ASSERT_EQ(rt.wait_for(std::chrono::seconds(10)), 128 + SIGKILL);
+    }
+    EXPECT_GT(CsvTable::load(record).rows(), 100u);
+    const Finished replayed = run(rt_core({"run", "--device", "replay:" + record.string()}));
+    EXPECT_EQ(replayed.status, 0) << replayed.output;
+    EXPECT_THAT(replayed.output, HasSubstr("identical: "));
+}
+
+TEST_F(Remains, AFullDiskCostsTheRestOfOneFile) {
+    // A limit of the size of each file stands for the full disk: the record does not fit, the report does.
+    const std::string limited = "ulimit -f 36; trap '' XFSZ; exec ";
+    const std::filesystem::path record = folder_ / "sim.csv";
+    const Finished sim = run({"/bin/sh", "-c",
+                              limited + HOST_SIM + " run cloth-drop --steps 300 --record " + record.string() +
+                                  " --report " + (folder_ / "sim.json").string()});
+    EXPECT_EQ(sim.status, 1) << sim.output;
+    EXPECT_THAT(sim.output,
+                AllOf(HasSubstr("sim.csv: could not be written completely: File too large"), HasSubstr("300 steps")));
+    EXPECT_EQ(read_json(folder_ / "sim.json").at("steps"), 300);
+    const std::size_t rows = CsvTable::load(record).rows();
+    EXPECT_GT(rows, 20u);
+    EXPECT_LT(rows, 300u);
+
+    const Finished rt = run(rt_core(
+        {"run", "--session", session_, "--duration", "0.5", "--record", "/dev/full", "--report", folder_ / "rt.json"}));
+    EXPECT_EQ(rt.status, 1) << rt.output;
+    EXPECT_THAT(rt.output,
+                AllOf(HasSubstr("/dev/full: could not be written completely: No space left"), HasSubstr("ticks")));
+    EXPECT_GT(read_json(folder_ / "rt.json").at("ticks"), 100);
+}
+
+TEST_F(Remains, AFaultIsToldAndItsLastTicksKeptWhereTheFolderIsGone) {
+    const std::filesystem::path gone = folder_ / "gone";
+    std::filesystem::create_directory(gone);
+    const std::string name = "run-" + session_;
+    Process rt(rt_core({"run", "--session", session_, "--fault", "unplug@1.0", "--report", gone / (name + ".json")}),
+               folder_ / "rt.log");
+    ASSERT_TRUE(rt.wait_for_text("hold the grip still", std::chrono::seconds(30))) << rt.output();
+    std::filesystem::remove_all(gone);
+    EXPECT_EQ(rt.wait_for(std::chrono::seconds(60)), 3) << rt.output();
+    const std::filesystem::path box = std::filesystem::temp_directory_path() / (name + ".fault.csv");
+    EXPECT_THAT(rt.output(), AllOf(HasSubstr("FAULT: "), HasSubstr(name + ".json: cannot be written: No such file"),
+                                   HasSubstr("ticks are in " + box.string())));
+    EXPECT_GT(CsvTable::load(box).rows(), 100u);
+    std::filesystem::remove(box);
+}
+
+TEST_F(Remains, ARecordDoesNotOverwriteWhatTheRunReads) {
+    const std::filesystem::path hand = folder_ / "hand.csv";
+    std::ofstream(hand) << "time_s,x_m,y_m,z_m\n0,0,0,0\n1,0,0,0\n";
+    for (const Finished& refused : {run(host_sim({"run", "cloth-drop", "--input", hand, "--record", hand})),
+                                    run(rt_core({"run", "--session", session_, "--hand", hand, "--record", hand})),
+                                    run(rt_core({"run", "--device", "replay:" + hand.string(), "--record", hand}))}) {
+        EXPECT_EQ(refused.status, 1) << refused.output;
+        EXPECT_THAT(refused.output, HasSubstr("would overwrite what the run reads"));
+        EXPECT_EQ(CsvTable::load(hand).rows(), 2u);
+    }
 }
 
 }  // namespace

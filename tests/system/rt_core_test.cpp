@@ -147,9 +147,9 @@ TEST_F(RtCore, FailsToDiagnoseWithInvalidSettingsOrOutput) {
     EXPECT_EQ(setting.status, 1);
     EXPECT_THAT(setting.output, HasSubstr("loop.cpu"));
     const Finished file = run({RT_CORE, "doctor", "--json", folder / "missing" / "doctor.json"});
-    EXPECT_GT(file.status, 100);
+    EXPECT_EQ(file.status, 64);
     EXPECT_THAT(file.output, HasSubstr("missing/doctor.json"));
-    EXPECT_GT(run({RT_CORE, "doctor", "--root", folder / "missing"}).status, 100);
+    EXPECT_EQ(run({RT_CORE, "doctor", "--root", folder / "missing"}).status, 64);
 }
 
 }  // namespace

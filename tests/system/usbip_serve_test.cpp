@@ -130,7 +130,7 @@ TEST_F(UsbipServe, WrongArgumentsAreRefusedWithTheirName) {
         std::vector<std::string> command = {FIRMWARE_HOST, "serve"};
         command.insert(command.end(), arguments.begin(), arguments.end());
         const Finished finished = run(command);
-        EXPECT_EQ(finished.status, 2) << finished.output;
+        EXPECT_EQ(finished.status, 64) << finished.output;
         EXPECT_THAT(finished.output, HasSubstr(reason));
     }
     const Finished missing = run({FIRMWARE_HOST, "serve", "--usbip", "127.0.0.1:0", "--hand", "/nowhere/hand.csv"});

@@ -12,6 +12,7 @@ namespace haptic::sim {
 /// Runs a parsed command and returns the exit status.
 using Command = std::function<int()>;
 
+[[nodiscard]] Command add_check_command(CLI::App& app);
 [[nodiscard]] Command add_mesh_command(CLI::App& app);
 [[nodiscard]] Command add_model_command(CLI::App& app);
 [[nodiscard]] Command add_play_command(CLI::App& app);

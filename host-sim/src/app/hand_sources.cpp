@@ -19,7 +19,8 @@ constexpr double kReturn = 0.5;
 
 HandSources::HandSources(const HandSettings& settings, RingReader<DeviceState>* states)
     : hostile_seed_(settings.hostile_seed),
-      source_(settings.scripted ? view::HandSource::Script : view::HandSource::Still) {
+      without_others_(settings.scripted ? view::HandSource::Script : view::HandSource::Still),
+      source_(without_others_) {
     if (states != nullptr) {
         device_.emplace(*states, StepInput{});
     }
@@ -33,6 +34,10 @@ void HandSources::begin(const Simulation& simulation) {
     last_ = simulation.scripted_input(0);
     mouse_ = simulation.workspace().to_scene(last_.device);
     returning_from_.reset();
+    // A mouse held the hand of the scene before.
+    if (!is_locked()) {
+        source_ = without_others_;
+    }
     if (hostile_seed_) {
         hostile_.emplace(*hostile_seed_, kHostileSpeed, kHostileTurn, simulation.proxy());
     }

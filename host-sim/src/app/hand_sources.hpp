@@ -5,8 +5,8 @@
 //   3. a viewer's mouse that drags the hand through the scene
 //   4. the scene's script, or a hostile hand; in a real-time run without a live view the hand stays in place instead
 //
-// When the device disappears or the mouse lets go, the hand stays in place until another source takes it or it is
-// returned to the script.
+// When the device disappears or the mouse lets go, the hand stays in place until another source takes it, it is
+// returned to the script, or the scene restarts or another one is loaded.
 #pragma once
 
 #include <cstdint>
@@ -33,7 +33,8 @@ class HandSources {
     /// `states` may be null: no device. Throws CsvError for an invalid recording.
     HandSources(const HandSettings& settings, RingReader<DeviceState>* states);
 
-    /// To be called for each new simulation: puts the hand at the start of its script.
+    /// To be called for each new simulation: puts the hand at the start of its script, and lets it follow the script
+    /// unless a recording or the device has it.
     void begin(const Simulation& simulation);
 
     struct Times {
@@ -64,6 +65,7 @@ class HandSources {
     std::optional<RecordedRun> input_;
     std::optional<std::uint64_t> hostile_seed_;
     std::optional<HostileHand> hostile_;
+    view::HandSource without_others_;  // source while no other has the hand
     view::HandSource source_;
     bool device_appeared_ = false;
     StepInput last_;   // last result of at()

@@ -1,6 +1,7 @@
 #include "app/host_sim_documents.hpp"
 
 #include "haptic/sim/scene.hpp"
+#include "program/exit_status.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -26,9 +27,9 @@ ProgramDocuments host_sim_documents() {
             "contacts of a tool that a hand holds, and publishes the contact planes in shared memory for rt-core(1), "
             "which renders them at 1 kHz.\n\n"
             "A scene is built in (host-sim scenes) or a TOML file; see haptic-scene(5).",
-        .exit_status = {{"0", "The command did what it was asked."},
-                        {"1", "An error, or a check such as --verify failed."}},
+        .exit_status = exit_statuses({kExitDone, kExitFailed, kExitUsage}),
         .files = {{"/usr/share/haptic/scenes", "The built-in scenes, to be copied and changed."},
+                  {"/usr/share/haptic/haptic-scene.schema.json", "Schema of scene files, for editors."},
                   {"/etc/default/haptic-host-sim", "Options of haptic-host-sim.service."}},
         .examples = {{"host-sim run fish-hold --view", "Shows a scene in a browser, with the hand of its script."},
                      {"host-sim run cloth-drop --clock real", "Runs a scene with rt-core."},

@@ -7,6 +7,7 @@
 
 #include "app/commands.hpp"
 #include "haptic/sim/mesh_file.hpp"
+#include "program/option_checks.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -66,10 +67,13 @@ Command add_mesh_command(CLI::App& app) {
     const auto options = std::make_shared<MeshOptions>();
     app.footer("Exit status 0 if the mesh can be simulated, 1 if not.");
     app.add_option("file", options->file, "Mesh file: .obj, .ply, .stl, .gltf or .glb")->required();
-    app.add_option("--out", options->out, "Write the mesh as simulated: .obj or .ply");
-    app.add_option("--scale", options->settings.scale, "Metres per unit of the file")->capture_default_str();
+    app.add_option("--out", options->out, "Write the mesh as simulated: .obj or .ply")->check(result_file());
+    app.add_option("--scale", options->settings.scale, "Metres per unit of the file")
+        ->check(positive_number())
+        ->capture_default_str();
     app.add_option("--weld", options->settings.check.weld_tolerance,
                    "Merge vertices within this distance, as a fraction of the mesh's diagonal")
+        ->check(number_of_0_or_more())
         ->capture_default_str();
     return [options] { return run_mesh(*options); };
 }

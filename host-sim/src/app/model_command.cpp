@@ -20,6 +20,7 @@
 #include "haptic/sim/model_settings.hpp"
 #include "model/generator_table.hpp"
 #include "model/model_file.hpp"
+#include "program/option_checks.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -162,7 +163,8 @@ Command add_model_command(CLI::App& app) {
                    "Override a key of the [model] table, e.g. model.particles_count=200; repeatable")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    app.add_option("--out", options->out, "Write the particles to this file; a scene reads it with model.particles");
+    app.add_option("--out", options->out, "Write the particles to this file; a scene reads it with model.particles")
+        ->check(result_file());
     return [options] { return run_model(*options); };
 }
 

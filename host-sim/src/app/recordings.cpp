@@ -1,80 +1,111 @@
 #include "app/recordings.hpp"
 
-#include <chrono>
-#include <utility>
-
-#include "app/background.hpp"
+#include <algorithm>
+#include <exception>
+#include <stdexcept>
 
 namespace haptic::sim {
+namespace {
 
-Recordings::Recordings(bool to_file, std::size_t room) : room_(room) {
-    if (to_file) {
-        kept_.emplace(room_);
-    }
+// About the longest row.
+constexpr std::size_t kBytesPerRow = 500;
+
+/// F-n.csv for F.csv; F.csv itself for the first.
+std::filesystem::path numbered(const std::filesystem::path& file, std::size_t nth) {
+    std::filesystem::path name = file.stem();
+    name += nth > 1 ? "-" + std::to_string(nth) : "";
+    name += file.extension();
+    return file.parent_path() / name;
 }
+
+}  // namespace
 
 void Recordings::begin(RecordNotes origin) {
     finish_offer();
+    finish_file();
     notes_ = std::move(origin);
-    if (kept_) {
-        kept_.emplace(room_);
+    pending_.clear();
+    if (!file_.empty()) {
+        writer_.emplace(numbered(file_, ++simulations_));
+        kept_.emplace(notes_);
     }
 }
 
 void Recordings::add(const StepInput& input, const StepResult& result) {
-    if (kept_) {
-        kept_->add(input, result);
-    }
-    if (offered_) {
-        offered_->add(input, result);
-        if (offered_->rows() >= kMaxOffered) {
-            finish_offer();
+    for (StepRecord* const record : {kept_ ? &*kept_ : nullptr, offered_ ? &*offered_ : nullptr}) {
+        if (record == nullptr) {
+            continue;
         }
+        for (const LiveChange& change : pending_) {
+            record->add(change);
+        }
+        record->add(input, result);
+    }
+    notes_.changes.insert(notes_.changes.end(), pending_.begin(), pending_.end());
+    pending_.clear();
+    if (kept_ && writer_) {
+        writer_->append(kept_->text());
+        kept_->clear();
+    }
+    if (offered_ && offered_->rows() >= kMaxOffered) {
+        finish_offer();
     }
 }
 
 void Recordings::note(std::uint64_t step, const std::string& what) {
     // A slider may change a key several times between two steps.
     const auto key_of = [](const std::string& text) { return text.substr(0, text.find('=')); };
-    for (auto last = notes_.changes.rbegin(); last != notes_.changes.rend() && last->step == step; ++last) {
-        if (key_of(last->what) == key_of(what)) {
-            last->what = what;
-            return;
-        }
+    const auto same = std::find_if(pending_.begin(), pending_.end(), [&](const LiveChange& change) {
+        return change.step == step && key_of(change.what) == key_of(what);
+    });
+    if (same != pending_.end()) {
+        same->what = what;
+    } else {
+        pending_.push_back({step, what});
     }
-    notes_.changes.push_back({step, what});
 }
 
 void Recordings::start_offer(std::uint64_t step) {
     if (!offered_) {
-        offered_.emplace(kMaxOffered);
-        offered_from_ = step;
+        RecordNotes notes = notes_;
+        notes.first_step = step;
+        offered_.emplace(notes);
+        offered_->reserve(kMaxOffered * kBytesPerRow);
     }
 }
 
 void Recordings::finish_offer() {
-    if (!offered_) {
-        return;
+    if (offered_) {
+        finished_.push_back(offered_->take());
+        offered_.reset();
     }
-    RecordNotes notes = notes_;
-    notes.first_step = offered_from_;
-    finished_.push_back(
-        in_background([record = std::move(*offered_), notes = std::move(notes)] { return record.csv(notes); }));
-    offered_.reset();
 }
 
 std::optional<std::string> Recordings::take_offer() {
-    if (finished_.empty() || finished_.front().wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
+    if (finished_.empty()) {
         return std::nullopt;
     }
-    std::string csv = finished_.front().get();
+    std::string csv = std::move(finished_.front());
     finished_.pop_front();
     return csv;
 }
 
-void Recordings::write(const std::filesystem::path& file) const {
-    if (kept_) {
-        kept_->write(file, notes_);
+void Recordings::finish_file() {
+    if (!writer_) {
+        return;
+    }
+    try {
+        writer_->close();
+    } catch (const std::exception& error) {
+        problem_ = error.what();
+    }
+    writer_.reset();
+}
+
+void Recordings::close() {
+    finish_file();
+    if (!problem_.empty()) {
+        throw std::runtime_error(problem_);
     }
 }
 

@@ -5,10 +5,12 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
-#include <future>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
+#include "app/record_file.hpp"
 #include "app/step_record.hpp"
 #include "haptic/sim/simulation.hpp"
 
@@ -16,13 +18,14 @@ namespace haptic::sim {
 
 class Recordings {
   public:
-    /// Maximum number of steps in a viewer's record; it then ends by itself. About 40 MB, half an hour at 100 steps/s.
+    /// Maximum number of steps in a viewer's record; it then ends by itself. About 60 MB, half an hour at 100 steps/s.
     static constexpr std::size_t kMaxOffered = 200'000;
 
-    /// `to_file`: keep every step for write(), with memory reserved for `room` steps.
-    Recordings(bool to_file, std::size_t room);
+    /// Every step is written to `file` while the run goes on; empty: to none.
+    explicit Recordings(std::filesystem::path file) : file_(std::move(file)) {}
 
-    /// To be called for each new simulation: drops the steps kept so far, and finishes a viewer's record.
+    /// To be called for each new simulation: finishes a viewer's record and the file. The file of the nth simulation is
+    /// F-n.csv for F.csv. Throws std::runtime_error.
     void begin(RecordNotes origin);
     void add(const StepInput& input, const StepResult& result);
     /// Notes a change made before that step. Of several changes of one key before a step, the last counts.
@@ -30,7 +33,6 @@ class Recordings {
 
     /// Starts a viewer's record at that step. No effect if one is being recorded.
     void start_offer(std::uint64_t step);
-    /// Ends it and converts it to CSV on a background thread, which takes longer than a step.
     void finish_offer();
     /// Returns the oldest finished CSV and forgets it.
     [[nodiscard]] std::optional<std::string> take_offer();
@@ -38,16 +40,21 @@ class Recordings {
     /// Number of steps in the viewer's current record.
     [[nodiscard]] std::size_t offered_steps() const noexcept { return offered_ ? offered_->rows() : 0; }
 
-    /// Throws CsvError.
-    void write(const std::filesystem::path& file) const;
+    /// Finishes the file. Throws std::runtime_error if a file of this run is incomplete.
+    void close();
 
   private:
-    std::size_t room_;
-    RecordNotes notes_;  // with all changes since the start of the scene
-    std::optional<StepRecord> kept_;
+    void finish_file();
+
+    std::filesystem::path file_;
+    std::size_t simulations_ = 0;
+    RecordNotes notes_;                // with all changes before the last step
+    std::vector<LiveChange> pending_;  // since the last step
+    std::optional<StepRecord> kept_;   // on its way to writer_
+    std::optional<RecordFile> writer_;
+    std::string problem_;  // of an earlier file
     std::optional<StepRecord> offered_;
-    std::uint64_t offered_from_ = 0;
-    std::deque<std::future<std::string>> finished_;  // in the order of their end
+    std::deque<std::string> finished_;  // in the order of their end
 };
 
 }  // namespace haptic::sim

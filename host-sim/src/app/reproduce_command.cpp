@@ -9,6 +9,7 @@
 
 #include "app/commands.hpp"
 #include "haptic/clock.hpp"
+#include "program/option_checks.hpp"
 #include "reproduce/study.hpp"
 
 namespace haptic::sim {
@@ -49,7 +50,9 @@ Command add_reproduce_command(CLI::App& app) {
         described += std::string("\n  ") + which.number + "  " + which.title;
     }
     app.add_option("figure", options->figures, described)->check(CLI::IsMember(known));
-    app.add_option("--out", options->out, "Folder for data, plots, pictures and index.html")->capture_default_str();
+    app.add_option("--out", options->out, "Folder for data, plots, pictures and index.html")
+        ->check(result_folder())
+        ->capture_default_str();
     return [options] { return go(*options); };
 }
 

@@ -17,13 +17,13 @@
 #include "haptic/csv.hpp"
 #include "haptic/other_users.hpp"
 #include "haptic/report.hpp"
+#include "program/exit_status.hpp"
+#include "program/results.hpp"
 #include "view/live_parameters.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// Steps to reserve memory for in a run without an end.
-constexpr std::uint64_t kReservedSteps = 100'000;
 // Polling period while waiting for the device.
 constexpr std::int64_t kPollPeriodNs = 1'000'000;
 // The same in the device's time, in which rt-core waits for each step.
@@ -35,6 +35,7 @@ constexpr std::int64_t kMaxSilenceNs = 60 * kNanosecondsPerSecond;
 
 Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::LiveView> view)
     : options_(options),
+      session_(plan.session),
       steps_(plan.steps),
       clock_(plan.clock),
       scene_(plan.scene),
@@ -42,7 +43,7 @@ Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::Live
       origin_(plan.origin),
       simulation_(plan.scene, monotonic_now_ns),
       statistics_(),
-      recordings_(!options.record.empty(), plan.steps > 0 ? plan.steps : kReservedSteps),
+      recordings_(options.record),
       workspace_(plan.workspace),
       frames_(plan.session.empty() ? nullptr : std::make_unique<ContactFramePublisher>(plan.session)),
       states_(plan.clock != RunClock::Lockstep ? std::make_unique<RingReader<DeviceState>>(plan.session) : nullptr),
@@ -217,10 +218,6 @@ void Run::carry_over_changes(NextScene& next) const {
         assignments.push_back(std::move(assignment));
     }
     apply(simulation_.settings(), scene);
-    if (!scene.tool && scene.proxy.reach > scene.proxy.radius) {
-        scene.proxy.reach = scene.proxy.radius;
-        assignments.push_back("proxy.reach=" + text_of(scene.proxy.reach));
-    }
     if (workspace_) {
         scene.workspace = workspace_->settings();
         for (std::string& assignment : assignments_of(scene.workspace)) {
@@ -301,6 +298,11 @@ void Run::wait_for_device() {
         }
         sleep_until(now_ns + kPollPeriodNs);
     }
+    if (!stop_requested()) {
+        throw std::runtime_error("no rt-core ran in session " + session_ + " within --wait " +
+                                 haptic::text_of(CsvCell{options_.wait_s}) +
+                                 " s; start it with rt-core run --session " + session_ + ", or leave out --wait");
+    }
 }
 
 void Run::log_device_freshness() {
@@ -312,9 +314,12 @@ void Run::log_device_freshness() {
     if (fresh) {
         spdlog::info("device found: the hand follows it");
     } else if (hand_.source() == view::HandSource::Script) {
-        spdlog::info("no fresh device state: the hand follows the scene's script until rt-core publishes one");
+        spdlog::info(
+            "no fresh device state in session {}: the hand follows the scene's script until rt-core publishes one",
+            session_);
     } else {
-        spdlog::info("no fresh device state: the hand stays in place until rt-core publishes one");
+        spdlog::info("no fresh device state in session {}: the hand stays in place until rt-core publishes one",
+                     session_);
     }
 }
 
@@ -405,29 +410,47 @@ nlohmann::json Run::view_report() const {
             {"us", summary_us(viewer_times_)}};
 }
 
-void Run::write_results(double wall_s) const {
+nlohmann::json Run::report(double wall_s) const {
+    nlohmann::json report = statistics_.report(simulation_, wall_s, options_.verify);
+    report["clock"] = name_of(clock_);
+    report["late_steps"] = late_;
+    report["workspace_changes"] = workspace_changes_;
+    report["probe"] = probe_report();
+    report["view"] = view_report();
+    return report;
+}
+
+void Run::write_results(double wall_s, Results& results) {
     if (step_probe_.off()) {
         spdlog::warn("probe switched off after {} edges: {}", step_probe_.edges(),
                      std::system_category().message(step_probe_.error()));
     }
+    results.write([this] { recordings_.close(); });
     if (!options_.report.empty()) {
-        nlohmann::json report = statistics_.report(simulation_, wall_s, options_.verify);
-        report["clock"] = name_of(clock_);
-        report["late_steps"] = late_;
-        report["workspace_changes"] = workspace_changes_;
-        report["probe"] = probe_report();
-        report["view"] = view_report();
-        write_report(options_.report, report);
-    }
-    if (!options_.record.empty()) {
-        recordings_.write(options_.record);
+        results.write([&] { write_report(options_.report, report(wall_s)); });
     }
     if (snapshots_) {
-        for (const std::filesystem::path& file : snapshots_->write(options_.snapshots)) {
-            spdlog::info("wrote {}", file.string());
-        }
+        results.write([this] {
+            for (const std::filesystem::path& file : snapshots_->write(options_.snapshots)) {
+                spdlog::info("wrote {}", file.string());
+            }
+        });
     }
     std::cout << statistics_.summary(simulation_, wall_s, options_.verify) << std::flush;
+    for (const std::string& problem : results.problems()) {
+        spdlog::error("{}", problem);
+    }
+}
+
+void Run::run_clock() {
+    switch (clock_) {
+        case RunClock::Lockstep:
+            return run_lockstep();
+        case RunClock::Real:
+            return run_real();
+        case RunClock::Device:
+            return run_device();
+    }
 }
 
 int Run::execute() {
@@ -437,16 +460,12 @@ int Run::execute() {
         spdlog::info("the live view is at {}", live_->url());
     }
     start_ns_ = monotonic_now_ns();
-    switch (clock_) {
-        case RunClock::Lockstep:
-            run_lockstep();
-            break;
-        case RunClock::Real:
-            run_real();
-            break;
-        case RunClock::Device:
-            run_device();
-            break;
+    // An error ends the run, but not what was measured before it.
+    std::exception_ptr error;
+    try {
+        run_clock();
+    } catch (...) {
+        error = std::current_exception();
     }
     const double wall_s = seconds(monotonic_now_ns() - start_ns_);
     frames_.reset();  // release the rings before slow work
@@ -454,12 +473,16 @@ int Run::execute() {
     if (stop_requested()) {
         spdlog::info("stopped by a signal after {} steps", statistics_.steps());
     }
-    write_results(wall_s);
+    Results results;
+    write_results(wall_s, results);
+    if (error) {
+        std::rethrow_exception(error);
+    }
     if (options_.verify && statistics_.escapes() > 0) {
         spdlog::error("the proxy's centre passed through a surface in {} steps", statistics_.escapes());
-        return 1;
+        return kExitFailed;
     }
-    return 0;
+    return results.status(kExitDone);
 }
 
 }  // namespace haptic::sim

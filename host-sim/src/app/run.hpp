@@ -25,6 +25,7 @@
 #include "haptic/probe.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/sim/simulation.hpp"
+#include "program/results.hpp"
 
 namespace haptic::sim {
 
@@ -69,10 +70,13 @@ class Run {
     [[nodiscard]] bool should_continue() const;
     [[nodiscard]] nlohmann::json probe_report() const;
     [[nodiscard]] nlohmann::json view_report() const;
-    void write_results(double wall_s) const;
+    [[nodiscard]] nlohmann::json report(double wall_s) const;
+    void write_results(double wall_s, Results& results);
+    void run_clock();
 
     const StopOnSignal stop_;  // first member: outlives the rings
     const RunOptions& options_;
+    std::string session_;
     std::uint64_t steps_;  // 0: until stopped
     RunClock clock_;
     Scene scene_;                  // at its start

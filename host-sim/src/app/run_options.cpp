@@ -8,16 +8,12 @@
 #include <string_view>
 #include <utility>
 
+#include "program/option_checks.hpp"
+
 namespace haptic::sim {
 namespace {
 
-/// Checks before a long run that its results can be written.
-void require_folder_of(const std::string& file) {
-    const std::filesystem::path folder = std::filesystem::path(file).parent_path();
-    if (!folder.empty() && !std::filesystem::is_directory(folder)) {
-        throw std::runtime_error(file + ": the folder " + folder.string() + " does not exist");
-    }
-}
+constexpr std::uint64_t kMaxSteps = 1'000'000'000'000;  // three centuries at 100 steps per second
 
 /// SEED of "hostile:SEED", 1 for "hostile", nullopt for "script". Throws for any other text.
 std::optional<std::uint64_t> hostile_seed_of(const std::string& hand) {
@@ -65,15 +61,19 @@ std::string_view name_of(RunClock clock) noexcept {
     return "unknown";
 }
 
-Plan::Plan(const RunOptions& options) {
-    require_folder_of(options.report);
-    require_folder_of(options.record);
-    Config config = open_scene(options.scene);
-    for (const std::string& assignment : options.assignments) {
+Scene load_scene(const std::string& which, const std::vector<std::string>& assignments) {
+    Config config = open_scene(which);
+    for (const std::string& assignment : assignments) {
         config.set(assignment);
     }
-    const std::filesystem::path path(options.scene);
-    scene = read_scene(config, path.extension() == ".toml" ? path.stem().string() : options.scene);
+    const std::filesystem::path path(which);
+    return read_scene(config, path.extension() == ".toml" ? path.stem().string() : which);
+}
+
+Plan::Plan(const RunOptions& options) {
+    require_other_file("--record", options.record, options.input);
+    require_other_file("--record", options.record, options.scene);
+    scene = load_scene(options.scene, options.assignments);
     origin = {.scene = options.scene, .assignments = options.assignments, .first_step = 0, .changes = {}};
     if (!options.workspace.empty()) {
         workspace = std::make_shared<WorkspaceFile>(options.workspace, scene.workspace);
@@ -114,8 +114,10 @@ void add_run_options(CLI::App& app, RunOptions& options) {
         "[default]");
     auto* duration = app.add_option("--duration", options.duration_s,
                                     "Simulated seconds; 0: until stopped [the scene's; 0 with --view]")
-                         ->check(CLI::Range(0.0, 1e6));
-    app.add_option("--steps", options.steps, "Number of steps; 0: until stopped")->excludes(duration);
+                         ->check(number_in(0.0, 1e6));
+    app.add_option("--steps", options.steps, "Number of steps; 0: until stopped")
+        ->check(whole_number_to(kMaxSteps))
+        ->excludes(duration);
     app.add_option("--clock", options.clock,
                    "real: in real time, the hand is rt-core's device; device: the same in the time of the device's "
                    "states, one step as soon as they have advanced by one, for rt-core stability; lockstep: as fast as "
@@ -134,13 +136,16 @@ void add_run_options(CLI::App& app, RunOptions& options) {
                    "File with a table [workspace] that replaces the scene's; with --clock real it is reloaded whenever "
                    "it changes, "
                    "without a jump of the force");
-    app.add_option("--wait", options.wait_s,
-                   "With --clock real: wait at most this many seconds for rt-core to run before the scene starts")
-        ->check(CLI::Range(0.0, 3600.0));
-    app.add_option("--report", options.report, "Write a JSON report at the end");
-    app.add_option("--record", options.record, "Write a CSV record of every step at the end");
+    app.add_option(
+           "--wait", options.wait_s,
+           "With --clock real: wait for rt-core to run before the scene starts, and give up after this many seconds")
+        ->check(number_in(0.0, 3600.0));
+    app.add_option("--report", options.report, "Write a JSON report at the end")->check(result_file());
+    app.add_option("--record", options.record, "Write a CSV record of every step while the run goes on")
+        ->check(result_file());
     app.add_option("--snapshots", options.snapshots,
-                   "Folder for POV-Ray scenes of the moments around the first contact and of the largest force");
+                   "Folder for POV-Ray scenes of the moments around the first contact and of the largest force")
+        ->check(result_folder());
     app.add_option_function<std::string>(
            "--view",
            [&options](const std::string& address) {

@@ -43,6 +43,9 @@ struct RunOptions {
 /// Adds the options of `host-sim run` to a parser. `options` must outlive it.
 void add_run_options(CLI::App& app, RunOptions& options);
 
+/// Reads a built-in scene or a scene file with these assignments. Throws ConfigError.
+[[nodiscard]] Scene load_scene(const std::string& which, const std::vector<std::string>& assignments);
+
 /// What time passes in a run.
 enum class RunClock : std::uint8_t {
     Lockstep,  // none: as fast as possible

@@ -39,6 +39,35 @@ std::string durations(const Histogram& h) {
                   static_cast<double>(h.percentile_ns(0.99)) * 1e-3, static_cast<double>(h.max_ns()) * 1e-3);
 }
 
+std::string box_text(const Aabb& box) {
+    return format("(%.3f %.3f %.3f) to (%.3f %.3f %.3f) m", box.min.x, box.min.y, box.min.z, box.max.x, box.max.y,
+                  box.max.z);
+}
+
+/// Where the tool was, where the bodies are, and what would have brought them together.
+std::string why_never(const Aabb& tool, const Simulation& simulation) {
+    Aabb bodies;
+    for (const Vec3& vertex : simulation.vertices()) {
+        bodies.extend(vertex);
+    }
+    const std::string text = line("  tool was in", box_text(tool)) + line("  bodies are in", box_text(bodies));
+    // The widest gap between the boxes, and the way across it.
+    const Vec3 above = bodies.min - tool.max;  // positive: the bodies lie beyond the tool
+    const Vec3 below = tool.min - bodies.max;
+    int axis = 0;
+    for (int i = 1; i < 3; ++i) {
+        axis = std::max(above[i], below[i]) > std::max(above[axis], below[axis]) ? i : axis;
+    }
+    const double gap = std::max(above[axis], below[axis]);
+    if (gap <= 0.0) {
+        return text + line("  to touch", "the tool passed beside the surfaces: --view shows where");
+    }
+    return text +
+           line("  to touch", format("move the hand at least %.3f m along %c, or the bodies by as much the other way "
+                                     "(hand.positions, model.offset)",
+                                     above[axis] > below[axis] ? gap : -gap, "xyz"[axis]));
+}
+
 }  // namespace
 
 void RunStatistics::add(const StepResult& result) {
@@ -52,6 +81,7 @@ void RunStatistics::add(const StepResult& result) {
     times_.deform.record(t.deform_ns);
     times_.collide.record(t.collide_ns);
     times_.skin.record(t.skin_ns);
+    reached_.extend(result.proxy);
     // Contact: total, mean force, and the longest contact without a break.
     const double hand_force = glm::length(result.hand_force);
     if (result.in_contact) {
@@ -148,6 +178,9 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
                                    ? std::string("never")
                                    : format("%llu steps, first at %.2f s", static_cast<unsigned long long>(in_contact_),
                                             first_contact_s_));
+    if (first_contact_s_ < 0.0 && steps_ > 0) {
+        text += why_never(reached_, simulation);
+    }
     if (overconstrained_ + passed_through_ > 0) {
         text += line("overconstrained", format("%llu steps, %llu surfaces passed through",
                                                static_cast<unsigned long long>(overconstrained_),

@@ -7,6 +7,7 @@
 
 #include "haptic/histogram.hpp"
 #include "haptic/sim/simulation.hpp"
+#include "simd/aabb.hpp"
 
 namespace haptic::sim {
 
@@ -45,6 +46,7 @@ class RunStatistics {
     std::uint64_t passed_through_ = 0;
     std::uint64_t escapes_ = 0;
     double first_contact_s_ = -1.0;
+    Aabb reached_;  // m, scene: where the tool was
     double max_depth_ = 0.0;
     double max_hand_force_ = 0.0;   // N, hand
     double max_scene_force_ = 0.0;  // N

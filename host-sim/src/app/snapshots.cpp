@@ -17,7 +17,7 @@ struct After {
     const char* name;
     double delay_s;  // since the first contact
 };
-constexpr std::array<After, 2> kAfter{{{"3-soon-after", 0.07}, {"4-later", 1.0}}};
+constexpr std::array<After, 2> kAfter{{{"3-soon-after", 0.25}, {"4-later", 1.0}}};
 
 constexpr double kAboveFloor = 0.1;  // of the size of the framed box: clearance of the vertices
 constexpr double kTile = 0.15;       // of that size, of the floor's tiles

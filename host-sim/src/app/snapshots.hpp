@@ -10,7 +10,7 @@
 
 namespace haptic::sim {
 
-/// Keeps the step before the first contact, the step of the contact, those 0.07 s and 1 s later, and the step with the
+/// Keeps the step before the first contact, the step of the contact, those 0.25 s and 1 s later, and the step with the
 /// largest force at the hand.
 class Snapshots {
   public:

@@ -11,25 +11,12 @@
 namespace haptic::sim {
 namespace {
 
-constexpr std::string_view kFirstLine = "host-sim record 1";
+constexpr std::string_view kFirstLine = "host-sim record 2";
+constexpr std::string_view kFormerFirstLine = "host-sim record 1";
 
-std::vector<std::string> column_names() {
-    return {"time_s",       "x_m",
-            "y_m",          "z_m",
-            "qw",           "qx",
-            "qy",           "qz",
-            "proxy_x_m",    "proxy_y_m",
-            "proxy_z_m",    "hip_x_m",
-            "hip_y_m",      "hip_z_m",
-            "fx_n",         "fy_n",
-            "fz_n",         "in_contact",
-            "step_us",      "tx_nm",
-            "ty_nm",        "tz_nm",
-            "curl",         "buttons",
-            "rendered_n_m", "rendered_scale",
-            "felt_x_n_s",   "felt_y_n_s",
-            "felt_z_n_s"};
-}
+constexpr std::string_view kHeader =
+    "time_s,x_m,y_m,z_m,qw,qx,qy,qz,proxy_x_m,proxy_y_m,proxy_z_m,hip_x_m,hip_y_m,hip_z_m,fx_n,fy_n,fz_n,in_contact,"
+    "step_us,tx_nm,ty_nm,tz_nm,curl,buttons,rendered_n_m,rendered_scale,felt_x_n_s,felt_y_n_s,felt_z_n_s";
 
 /// Notes are single lines; in TOML a space may replace a line break here.
 std::string on_one_line(std::string text) {
@@ -54,6 +41,10 @@ std::string list_of(std::initializer_list<double> numbers) {
     return text + "]";
 }
 
+std::string line_of(const LiveChange& change) {
+    return "change " + std::to_string(change.step) + " " + on_one_line(change.what);
+}
+
 }  // namespace
 
 std::vector<std::string> lines_of(const RecordNotes& notes) {
@@ -63,13 +54,13 @@ std::vector<std::string> lines_of(const RecordNotes& notes) {
     }
     lines.push_back("first-step " + std::to_string(notes.first_step));
     for (const LiveChange& change : notes.changes) {
-        lines.push_back("change " + std::to_string(change.step) + " " + on_one_line(change.what));
+        lines.push_back(line_of(change));
     }
     return lines;
 }
 
 std::optional<RecordNotes> read_notes(std::span<const std::string> lines) {
-    if (lines.empty() || lines.front() != kFirstLine) {
+    if (lines.empty() || (lines.front() != kFirstLine && lines.front() != kFormerFirstLine)) {
         return std::nullopt;
     }
     RecordNotes notes;
@@ -105,69 +96,59 @@ std::vector<std::string> assignments_of(const WorkspaceSettings& workspace) {
             "workspace.clutch_fade=" + text_of(workspace.clutch_fade)};
 }
 
+StepRecord::StepRecord(const RecordNotes& origin) {
+    for (const std::string& line : lines_of(origin)) {
+        text_ += "# " + line + '\n';
+    }
+    text_ += kHeader;
+    text_ += '\n';
+}
+
+void StepRecord::add(const LiveChange& change) {
+    text_ += "# " + line_of(change) + '\n';
+}
+
 void StepRecord::add(const StepInput& input, const StepResult& result) {
-    rows_.push_back({input.time_ns, input.device, result.proxy, result.hip, result.hand_force, result.in_contact,
-                     static_cast<double>(result.times.total_ns) * 1e-3, result.hand_torque, result.curl, input.buttons,
-                     input.feedback});
-}
-
-std::array<double, StepRecord::kColumns> StepRecord::numbers_of(const Row& r) const {
-    const Vec3& x = r.device.position;
-    const Quat& q = r.device.orientation;
+    first_ns_ = rows_ == 0 ? input.time_ns : first_ns_;
+    ++rows_;
+    const Vec3& x = input.device.position;
+    const Quat& q = input.device.orientation;
+    const Vec3& proxy = result.proxy;
+    const Vec3& hip = result.hip;
+    const Vec3& force = result.hand_force;
+    const Vec3& torque = result.hand_torque;
     // A negative stiffness: no device.
-    const DeviceFeedback felt = r.feedback.value_or(DeviceFeedback{.stiffness = -1.0});
-    return {static_cast<double>(r.time_ns - rows_.front().time_ns) / 1e9,
-            x.x,
-            x.y,
-            x.z,
-            q.w,
-            q.x,
-            q.y,
-            q.z,
-            r.proxy.x,
-            r.proxy.y,
-            r.proxy.z,
-            r.hip.x,
-            r.hip.y,
-            r.hip.z,
-            r.hand_force.x,
-            r.hand_force.y,
-            r.hand_force.z,
-            r.in_contact ? 1.0 : 0.0,
-            r.step_us,
-            r.hand_torque.x,
-            r.hand_torque.y,
-            r.hand_torque.z,
-            r.curl,
-            static_cast<double>(r.buttons),
-            felt.stiffness,
-            felt.scale,
-            felt.impulse.x,
-            felt.impulse.y,
-            felt.impulse.z};
-}
-
-std::string StepRecord::csv(const RecordNotes& notes) const {
-    std::string text;
-    for (const std::string& line : lines_of(notes)) {
-        text += "# " + line + '\n';
-    }
-    const std::vector<std::string> names = column_names();
-    for (const std::string& name : names) {
-        text += name + (&name == &names.back() ? '\n' : ',');
-    }
-    for (const Row& row : rows_) {
-        append_row(text, numbers_of(row));
-    }
-    return text;
-}
-
-void StepRecord::write(const std::filesystem::path& file, const RecordNotes& notes) const {
-    CsvWriter csv(file, column_names(), lines_of(notes));
-    for (const Row& row : rows_) {
-        csv.row(numbers_of(row));
-    }
-    csv.close();
+    const DeviceFeedback felt = input.feedback.value_or(DeviceFeedback{.stiffness = -1.0});
+    // In the order of kHeader.
+    append_row(text_, std::array{static_cast<double>(input.time_ns - first_ns_) / 1e9,
+                                 x.x,
+                                 x.y,
+                                 x.z,
+                                 q.w,
+                                 q.x,
+                                 q.y,
+                                 q.z,
+                                 proxy.x,
+                                 proxy.y,
+                                 proxy.z,
+                                 hip.x,
+                                 hip.y,
+                                 hip.z,
+                                 force.x,
+                                 force.y,
+                                 force.z,
+                                 result.in_contact ? 1.0 : 0.0,
+                                 static_cast<double>(result.times.total_ns) * 1e-3,
+                                 torque.x,
+                                 torque.y,
+                                 torque.z,
+                                 result.curl,
+                                 static_cast<double>(input.buttons),
+                                 felt.stiffness,
+                                 felt.scale,
+                                 felt.impulse.x,
+                                 felt.impulse.y,
+                                 felt.impulse.z});
 }
 
 }  // namespace haptic::sim

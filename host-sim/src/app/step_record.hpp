@@ -1,22 +1,23 @@
 // Step record: CSV of every step of a run. It is valid input to --input and contains everything needed to repeat the
-// run bit for bit, as notes before the header:
+// run bit for bit. Notes before the header say where it begins; a live change stands before the step it was made for:
 //
-//     # host-sim record 1
+//     # host-sim record 2
 //     # scene cloth-drop                         built-in scene or scene file
 //     # set solver.iterations=5                  as --set, in this order
 //     # first-step 0                             step of the scene that the first row belongs to
 //     # change 120 coupling.stiffness=20         live change before that step; workspace.* with all its keys
 //     # change 130 couple-anew                   Simulation::recouple()
+//
+// Records of version 1 have all changes before the header.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "haptic/sim/simulation.hpp"
@@ -46,35 +47,29 @@ struct RecordNotes {
 /// Assignments of all keys of a workspace.
 [[nodiscard]] std::vector<std::string> assignments_of(const WorkspaceSettings& workspace);
 
+/// The text of a record, step by step.
 class StepRecord {
   public:
-    /// Reserves memory for `room` rows, so that add() does not allocate; more rows are allowed.
-    explicit StepRecord(std::size_t room) { rows_.reserve(room); }
+    /// Notes and header.
+    explicit StepRecord(const RecordNotes& origin);
 
+    /// A change before the next row.
+    void add(const LiveChange& change);
     void add(const StepInput& input, const StepResult& result);
 
-    [[nodiscard]] std::size_t rows() const noexcept { return rows_.size(); }
-    /// Contents of the file.
-    [[nodiscard]] std::string csv(const RecordNotes& notes) const;
-    /// Throws CsvError.
-    void write(const std::filesystem::path& file, const RecordNotes& notes) const;
+    [[nodiscard]] std::size_t rows() const noexcept { return rows_; }
+    /// Text since the last call of clear().
+    [[nodiscard]] const std::string& text() const noexcept { return text_; }
+    /// Forgets the text, which somebody has written.
+    void clear() noexcept { text_.clear(); }
+    [[nodiscard]] std::string take() noexcept { return std::exchange(text_, {}); }
+    /// Memory for this many bytes of text, so that it does not move while steps are made.
+    void reserve(std::size_t bytes) { text_.reserve(bytes); }
 
   private:
-    struct Row {
-        std::int64_t time_ns;
-        Pose device;
-        Vec3 proxy, hip, hand_force;
-        bool in_contact;
-        double step_us;
-        Vec3 hand_torque;
-        double curl;
-        std::uint32_t buttons;
-        std::optional<DeviceFeedback> feedback;
-    };
-    static constexpr std::size_t kColumns = 29;
-    [[nodiscard]] std::array<double, kColumns> numbers_of(const Row& row) const;
-
-    std::vector<Row> rows_;
+    std::string text_;
+    std::size_t rows_ = 0;
+    std::int64_t first_ns_ = 0;  // time of the first row
 };
 
 }  // namespace haptic::sim

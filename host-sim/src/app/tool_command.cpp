@@ -17,6 +17,7 @@
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/tool_model.hpp"
 #include "haptic/types.hpp"
+#include "program/option_checks.hpp"
 #include "simd/aabb.hpp"
 #include "tool/tool_proxies.hpp"
 
@@ -30,10 +31,10 @@ struct ToolOptions {
     bool list = false;
 };
 
-constexpr std::array kHandGenerators{"sphere", "hand", "rod", "probe"};
+constexpr std::array kToolGenerators{"sphere", "hand", "rod", "probe"};
 
-bool is_hand_generator(const std::string& what) {
-    return std::find(kHandGenerators.begin(), kHandGenerators.end(), what) != kHandGenerators.end();
+bool is_tool_generator(const std::string& what) {
+    return std::find(kToolGenerators.begin(), kToolGenerators.end(), what) != kToolGenerators.end();
 }
 
 bool is_mesh(const std::string& what) {
@@ -81,7 +82,7 @@ Config scene_of(const std::string& what) {
         return open_scene(what);
     } catch (const ConfigError& error) {
         std::string generators;
-        for (const char* generator : kHandGenerators) {
+        for (const char* generator : kToolGenerators) {
             generators += (generators.empty() ? "" : ", ") + std::string(generator);
         }
         throw ConfigError(std::string(error.what()) + "; generated tools are: " + generators);
@@ -89,9 +90,9 @@ Config scene_of(const std::string& what) {
 }
 
 ToolSettings settings_of(const ToolOptions& options) {
-    const bool of_scene = !is_hand_generator(options.what) && !is_mesh(options.what);
+    const bool of_scene = !is_tool_generator(options.what) && !is_mesh(options.what);
     Config config = of_scene ? scene_of(options.what) : Config();
-    if (is_hand_generator(options.what)) {
+    if (is_tool_generator(options.what)) {
         config.set("tool.generator=" + options.what);
     } else if (!of_scene) {
         config.set("tool.file=" + toml_value(options.what));
@@ -138,7 +139,7 @@ Command add_tool_command(CLI::App& app) {
                    "Override a key of the [tool] table, e.g. tool.spheres=20; repeatable")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
-    app.add_option("--mesh", options->mesh, "Write the mesh, in the grip frame: .obj or .ply");
+    app.add_option("--mesh", options->mesh, "Write the mesh, in the grip frame: .obj or .ply")->check(result_file());
     app.add_flag("--list", options->list, "List the spheres, in the grip frame");
     return [options] { return run_tool(*options); };
 }

@@ -13,8 +13,8 @@ constexpr double kContactTolerance = 1e-12;  // of the radius: a smaller gap is 
 constexpr double kRounding = 8e-16;          // of the coordinates: distances are not known better
 constexpr int kFineIterations = 200;         // after these, kCreepTolerance replaces kContactTolerance
 constexpr int kMaxIterations = 2000;         // then the triangle counts as touching; not reached in 10^8 random queries
-constexpr double kLongerThanStep = 2.0;      // longer than any step
-constexpr double kPassedCosine = 0.9;        // above this cosine the triangle has passed the centre face-on
+constexpr double kLongerThanStep = 2.0;
+constexpr double kPassedCosine = 0.9;    // above this cosine the triangle has passed the centre face-on
 constexpr double kOblique = 1e-3;        // of the coordinates: at a smaller distance the normal is orthogonalised first
 constexpr double kPassageShare = 1e-11;  // of the triangle's extent: radius that represents a point
 

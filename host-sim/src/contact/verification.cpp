@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kBorderTolerance = 1e-12;  // of the triangle's squared area: on the border counts as inside
 constexpr double kLineTolerance = 1e-22;    // squared height over length below which a triangle is a line
-constexpr double kUnbounded = std::numeric_limits<double>::infinity();
+constexpr double kNoEdge = std::numeric_limits<double>::infinity();
 constexpr double kInterpolationRounding = 1e-12;  // of a coordinate: far above the rounding of interpolation
 constexpr double kCoplanarTolerance = 1e-13;  // of the cube of the extent: the triangle never leaves the point's plane
 
@@ -246,8 +246,8 @@ void check_triangle(std::span<const SurfaceMotion> surfaces, std::uint32_t objec
 
 /// Axis-aligned box, widened by more than the rounding of interpolation.
 struct PathBounds {
-    Vec3 low{kUnbounded};
-    Vec3 high{-kUnbounded};
+    Vec3 low{kNoEdge};
+    Vec3 high{-kNoEdge};
 
     void add(const Vec3& x) {
         low = glm::min(low, x);

@@ -9,11 +9,13 @@
 #include <charconv>
 #include <cstring>
 #include <fstream>
+#include <sstream>
 #include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
 
+#include "haptic/text_file.hpp"
 #include "mesh/mesh_import.hpp"
 
 namespace haptic::sim {
@@ -293,24 +295,13 @@ void write_mesh(const std::filesystem::path& file, const TriangleMesh& mesh) {
     if (extension != ".obj" && extension != ".ply") {
         throw MeshError(file.string() + ": meshes are written as .obj or .ply");
     }
-    std::filesystem::path temporary = file;
-    temporary += ".part-" + std::to_string(::getpid());
-    std::error_code error;
-    {
-        std::ofstream out(temporary);
-        (extension == ".obj" ? write_obj : write_ply)(out, mesh);
-        out.close();
-        if (!out) {
-            std::filesystem::remove(temporary, error);
-            throw MeshError(file.string() + ": cannot be written; does its folder exist, and is the disk full?");
-        }
+    std::ostringstream out;
+    if (extension == ".obj") {
+        write_obj(out, mesh);
+    } else {
+        write_ply(out, mesh);
     }
-    std::filesystem::rename(temporary, file, error);
-    if (error) {
-        const std::string why = error.message();
-        std::filesystem::remove(temporary, error);
-        throw MeshError(file.string() + ": cannot be written: " + why);
-    }
+    write_text(file, out.str());
 }
 
 }  // namespace haptic::sim

@@ -5,7 +5,6 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <fstream>
 #include <glm/geometric.hpp>
 #include <optional>
 #include <span>
@@ -15,6 +14,7 @@
 #include "haptic/numeric.hpp"
 #include "haptic/sim/model_builder.hpp"
 #include "haptic/sim/skin.hpp"
+#include "haptic/text_file.hpp"
 #include "model/model_ranges.hpp"
 
 namespace haptic::sim {
@@ -244,12 +244,7 @@ std::string model_toml(const DeformableBody& body) {
 }
 
 void save_model(const std::filesystem::path& file, const DeformableBody& body) {
-    std::ofstream out(file, std::ios::binary);
-    out << model_toml(body);
-    out.close();
-    if (!out) {
-        throw std::runtime_error(file.string() + ": cannot be written; does its folder exist, and is the disk full?");
-    }
+    write_text(file, model_toml(body));
 }
 
 DeformableBody read_model_file(const Config& config, const TriangleMesh& mesh, double bridge) {

@@ -144,9 +144,9 @@ const SettingTable<RegionKeys>& region_table() {
         "model.regions",
         "Particles whose rest position is in a box, in the body's own frame. If regions overlap, the last one counts.",
         {
-            {{.key = "low", .unit = "m", .default_note = "required", .meaning = "Lower corner of the box."},
+            {{.key = "low", .unit = "m", .required = true, .meaning = "Lower corner of the box."},
              V::vector([](S& s) -> auto& { return s.region.low; }, kPositions)},
-            {{.key = "high", .unit = "m", .default_note = "required", .meaning = "Upper corner of the box."},
+            {{.key = "high", .unit = "m", .required = true, .meaning = "Upper corner of the box."},
              V::vector([](S& s) -> auto& { return s.region.high; }, kPositions)},
             {{.key = "stiffness",
               .default_note = "that of the body",
@@ -254,6 +254,8 @@ Region read_region(const Config& config, const std::string& table) {
 
 ModelSettings read_model(const Config& config, const std::string& table) {
     ModelSettings model = with_shapes(read_model_keys(config, table));
+    config.require_file(table + ".file", model.file);
+    config.require_file(table + ".particles", model.particles);
     const std::string regions = table + ".regions";
     for (std::size_t k = 0; k < config.tables(regions); ++k) {
         model.regions.push_back(read_region(config, regions + "." + std::to_string(k)));
@@ -278,7 +280,8 @@ void add_model_reference(SettingReference& reference) {
                             SectionKind::Repeated,
                             "Further bodies, each with the keys of [model], [[objects.regions]] and "
                             "[[objects.copies]].",
-                            {}});
+                            {},
+                            "model"});
 }
 
 }  // namespace haptic::sim

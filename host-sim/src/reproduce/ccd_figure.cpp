@@ -1,9 +1,9 @@
 // Figure 4.7: share of contacts that Algorithm 1 misses.
 
-#include <fstream>
-#include <stdexcept>
+#include <sstream>
 #include <string>
 
+#include "haptic/text_file.hpp"
 #include "reproduce/ccd_misses.hpp"
 #include "reproduce/scene_run.hpp"
 #include "reproduce/study.hpp"
@@ -29,12 +29,9 @@ Figure missed_contacts(const Study& study) {
         "Algorithm 1 plus overlap at the end of the step, which is left to the pop-out. The thesis shows the "
         "situations and gives no number.";
     const auto table = measure_ccd_misses({});
-    std::ofstream csv(study.data(figure, "figure-4.7"));
+    std::ostringstream csv;
     write_ccd_misses(csv, table);
-    csv.close();
-    if (!csv) {
-        throw std::runtime_error("figure-4.7.csv cannot be written");
-    }
+    write_text(study.data(figure, "figure-4.7"), csv.str());
     for (const CcdMisses& row : table) {
         figure.comparisons.push_back({row.set + ", " + row.motion + ": missed of " + std::to_string(row.contacts),
                                       share(row.thesis.missed, row.contacts),

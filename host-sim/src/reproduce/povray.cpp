@@ -4,14 +4,15 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <glm/geometric.hpp>
 #include <iterator>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <system_error>
 #include <vector>
 
+#include "haptic/text_file.hpp"
 #include "reproduce/camera.hpp"
 
 namespace haptic::sim {
@@ -202,20 +203,9 @@ std::vector<PictureObject> objects_of(const Simulation& simulation, std::span<co
 }
 
 void write_picture_scene(const std::filesystem::path& file, const PictureScene& scene) {
-    // Readers never see a partial file: write a temporary one and rename it.
-    std::filesystem::path temporary = file;
-    temporary += ".part";
-    {
-        std::ofstream out(temporary);
-        write_all(out, scene);
-        out.close();
-        if (!out) {
-            std::error_code ignored;
-            std::filesystem::remove(temporary, ignored);
-            throw std::runtime_error(file.string() + ": cannot be written; does its folder exist, and is there room?");
-        }
-    }
-    std::filesystem::rename(temporary, file);
+    std::ostringstream out;
+    write_all(out, scene);
+    write_text(file, out.str());
 }
 
 }  // namespace haptic::sim

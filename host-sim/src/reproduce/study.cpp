@@ -7,12 +7,13 @@
 
 #include <array>
 #include <cerrno>
-#include <fstream>
+#include <sstream>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 
 #include "haptic/html.hpp"
+#include "haptic/text_file.hpp"
 
 namespace haptic::sim::reproduce {
 namespace {
@@ -58,15 +59,6 @@ reproduced with the scenes built into this program. The thesis' numbers, shown b
 (1.7 GHz; chapter 5: i5-7300). Ours were measured on one core of the machine on which this page was made. Where the thesis gives no
 mass, size or stiffness, the scene's file says what was chosen.</p>
 )";
-
-void write_file(const std::filesystem::path& file, std::string_view content) {
-    std::ofstream out(file);
-    out << content;
-    out.close();
-    if (!out) {
-        throw std::runtime_error(file.string() + ": cannot be written; is the disk full?");
-    }
-}
 
 void write_images(std::ostream& out, const Figure& figure) {
     out << "<div class=\"pictures\">\n";
@@ -152,7 +144,7 @@ bool Study::run(const std::vector<std::string>& command, const std::string& name
 
 void Study::plot(Figure& figure, const std::string& name, const std::string& caption,
                  const std::string& commands) const {
-    write_file(folder_ / (name + ".gp"), std::string(kPlotPreamble) + "set output '" + name + ".svg'\n" + commands);
+    write_text(folder_ / (name + ".gp"), std::string(kPlotPreamble) + "set output '" + name + ".svg'\n" + commands);
     const bool drawn = run({"gnuplot", name + ".gp"}, name);
     figure.images.push_back({drawn ? name + ".svg" : "", caption});
 }
@@ -166,16 +158,13 @@ void Study::picture(Figure& figure, const std::string& name, const std::string& 
 
 std::filesystem::path Study::write_page(std::span<const Figure> figures) const {
     const std::filesystem::path file = folder_ / "index.html";
-    std::ofstream out(file);
+    std::ostringstream out;
     out << page_top("The figures of the thesis, run again") << kIntroduction;
     for (const Figure& figure : figures) {
         write_figure(out, figure);
     }
     out << "</body></html>\n";
-    out.close();
-    if (!out) {
-        throw std::runtime_error(file.string() + ": cannot be written; is the disk full?");
-    }
+    write_text(file, out.str());
     return file;
 }
 

@@ -28,10 +28,6 @@ void check_friction(const Config& config, const std::string& table, double stati
 void check(const Config& config, const Scene& scene) {
     check_friction(config, "collisions", scene.collisions.static_friction, scene.collisions.dynamic_friction);
     check_friction(config, "proxy", scene.contact.static_friction, scene.contact.dynamic_friction);
-    // With a tool, the radii are known only once it is made.
-    if (scene.proxy.reach > scene.proxy.radius && !scene.tool) {
-        config.fail("proxy.reach", "must not exceed proxy.radius");
-    }
     const CouplingSettings& coupling = scene.coupling;
     if (coupling.torque_stiffness > 0.0 && coupling.stiffness == 0.0) {
         config.fail("coupling.torque_stiffness",
@@ -131,7 +127,12 @@ Config open_scene(const std::string& which) {
         known += (known.empty() ? "" : ", ") + std::string(scene.name);
     }
     if (std::filesystem::path(which).has_extension() || which.find('/') != std::string::npos) {
-        return Config::load(which);
+        Config scene = Config::load(which);
+        if (!scene.has("model")) {
+            throw ConfigError(which + ": has no table [model], so there is nothing to touch; host-sim scenes " +
+                              "--reference prints a scene with every key");
+        }
+        return scene;
     }
     throw ConfigError("unknown scene \"" + which + "\"; built in are: " + known +
                       "; a scene file's name ends in .toml");

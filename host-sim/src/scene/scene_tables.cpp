@@ -32,11 +32,11 @@ const SettingTable<SolverSettings>& solver_table() {
         "solver",
         "Position-based dynamics.",
         {
-            {{.key = "step", .unit = "s", .label = "Rate", .meaning = "Length of a simulation step."},
+            {{.key = "step", .unit = "s", .label = "Simulation rate", .meaning = "Length of a simulation step."},
              V::number(&S::step, {1e-4, 0.1})},
             {{.key = "substeps", .meaning = "Equal parts into which each step is divided."},
              V::integer(&S::substeps, {1, 100})},
-            {{.key = "iterations", .label = "Iterations", .meaning = "Passes over all constraints per substep."},
+            {{.key = "iterations", .label = "Solver iterations", .meaning = "Passes over all constraints per substep."},
              V::integer(&S::iterations, {0, 1000})},
             {{.key = "rotation_iterations",
               .meaning = "Iterations of the rotation extraction of each shape-matching group."},
@@ -95,15 +95,17 @@ const SettingTable<ProxySettings>& proxy_table() {
         {
             {{.key = "radius",
               .unit = "m",
-              .label = "Proxy radius",
+              .label = "Tool radius",
               .meaning = "Radius of the proxy of a scene without [tool]."},
              V::number(&S::radius, {1e-6, 10.0})},
-            {{.key = "shrink", .label = "Shrink", .meaning = "Contacts are detected with radius times this factor."},
+            {{.key = "shrink",
+              .label = "Contact radius factor",
+              .meaning = "Contacts are detected with radius times this factor."},
              V::number(&S::shrink, {0.9, 0.99999})},
             {{.key = "reach",
               .unit = "m",
-              .meaning = "Surfaces that come nearer than this within a step are sent to rt-core before they touch. At "
-                         "most the radius."},
+              .meaning = "Surfaces that come nearer than this within a step are sent to rt-core before they touch. A "
+                         "radius that is smaller takes its place."},
              V::number(&S::reach, {0.0, 10.0})},
         }};
     return table;
@@ -141,7 +143,7 @@ const SettingTable<ContactSettings>& contact_table() {
                          "misses contacts, for comparison."},
              V::choice(&S::method, {{"complete", CcdMethod::Complete}, {"thesis", CcdMethod::Thesis}})},
             {{.key = "pop_out",
-              .label = "Pop-out",
+              .label = "Overlap removal",
               .meaning = "Pop-out of a proxy that still intersects surfaces after a step: \"order_free\", or "
                          "\"thesis\" for the thesis' Algorithm 2, for comparison."},
              V::choice(&S::pop_out, {{"order_free", PopOutMethod::OrderFree}, {"thesis", PopOutMethod::Thesis}})},
@@ -167,12 +169,12 @@ const SettingTable<CouplingSettings>& coupling_table() {
         {
             {{.key = "stiffness",
               .unit = "N/m",
-              .label = "Stiffness",
+              .label = "Stiffness, hand to tool",
               .meaning = "Stiffness between proxy and hand (thesis: 10 to 20)."},
              V::number(&S::stiffness, kStiffness)},
             {{.key = "torque_stiffness",
               .unit = "N/m",
-              .label = "Torque stiffness (0: same)",
+              .label = "The same in rotation (0: equal)",
               .meaning = "Stiffness of the springs that produce the torque. 0: the same as stiffness."},
              V::number(&S::torque_stiffness, kStiffness)},
             {{.key = "multi_rate",

@@ -593,6 +593,15 @@ void ContactCoupling::finish(const ParticleModel& start, const MovingParticles& 
     pay(h, now.position, now.pushed);
 }
 
+double ContactCoupling::normal_force(std::size_t proxy, std::size_t plane) const noexcept {
+    for (const CouplingRow& row : rows_) {
+        if (row.normal && row.proxy == proxy && row.plane == plane) {
+            return row.impulse / step_.length;
+        }
+    }
+    return 0.0;
+}
+
 CoupledForce ContactCoupling::force() const noexcept {
     CoupledForce result;
     // F = sum l d, T = sum (g_i - p) x l d.

@@ -126,6 +126,8 @@ class ContactCoupling final : public SolverContacts {
     void end_step(const ParticleModel& model) noexcept;
     /// After end_step().
     [[nodiscard]] CoupledForce force() const noexcept;
+    /// N, after end_step(): mean normal force of a plane of a proxy over the step; 0: it did not press.
+    [[nodiscard]] double normal_force(std::size_t proxy, std::size_t plane) const noexcept;
     /// J, after end_step(): work of the forces on the tool along the displacements of the touched surfaces in the step.
     /// The bodies, and whatever drives them, have lost at least this.
     [[nodiscard]] double work() const noexcept { return work_; }

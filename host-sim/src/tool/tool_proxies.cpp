@@ -22,7 +22,7 @@ constexpr int kOrientationIterations = 4;
 constexpr double kShapeTolerance = 1e-6;
 
 /// Checks the model and returns its body. Throws std::invalid_argument.
-DeformableBody body_of(const ToolModel& model, double reach) {
+DeformableBody body_of(const ToolModel& model) {
     const std::size_t count = model.body.particles.size();
     const auto refuse = [](const std::string& why) { throw std::invalid_argument("tool: " + why); };
     if (count < 1 || count > ToolSettings::kMaxSpheres) {
@@ -32,11 +32,10 @@ DeformableBody body_of(const ToolModel& model, double reach) {
     if (model.radius.size() != count) {
         refuse("has " + std::to_string(count) + " particles, but " + std::to_string(model.radius.size()) + " radii");
     }
-    // The reach of speculative planes must not exceed any radius.
     for (std::size_t i = 0; i < count; ++i) {
-        if (!(model.radius[i] > 0.0) || model.radius[i] < reach) {
+        if (!(model.radius[i] > 0.0)) {
             refuse("sphere " + std::to_string(i) + " has a radius of " + std::to_string(model.radius[i]) +
-                   " m; must be positive and not below proxy.reach, which is " + std::to_string(reach) + " m");
+                   " m; must be positive");
         }
     }
     return model.body;
@@ -47,7 +46,7 @@ DeformableBody body_of(const ToolModel& model, double reach) {
 ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const Pose& where, double curl)
     : settings_(settings),
       requested_reach_(settings.reach),
-      body_(body_of(model, settings.reach)),
+      body_(body_of(model)),
       joints_(model.joints),
       rest_rotation_(body_.particles.size(), Quat(1.0, 0.0, 0.0, 0.0)),
       elasticity_({.rest_offset = body_.particles.rest_position,
@@ -80,6 +79,7 @@ ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const
     for (std::size_t i = 0; i < particles_.size(); ++i) {
         particles_[i].radius = model.radius[i];
     }
+    limit_reach();
     if (!joints_.empty()) {
         std::vector<Quat> rotation(particles_.size());
         elasticity_.tabulate(
@@ -128,7 +128,11 @@ void ToolProxies::change(const ContactSettings& contact, const ToolElasticity::S
             p.friction = {};  // stale contacts must not hold it when friction returns
         }
     }
-    // Speculative planes must not reach farther than the smallest radius.
+    limit_reach();
+}
+
+/// Speculative planes must not reach farther than the smallest radius.
+void ToolProxies::limit_reach() {
     settings_.reach = requested_reach_;
     for (const ToolProxy& p : particles_) {
         settings_.reach = std::min(settings_.reach, p.radius);

@@ -106,7 +106,7 @@ class ToolProxies {
   public:
     struct Settings {
         ContactSettings contact;
-        double reach = 0.0;                 // m, of speculative planes beyond each radius; not more than any radius
+        double reach = 0.0;                 // m, of speculative planes beyond each radius; at most the smallest radius
         double step = 0.01;                 // s
         ToolElasticity::Springs springs{};  // of the coupling
         /// Keeps objects of any thickness from passing between two spheres that overlap in the rest shape.
@@ -114,7 +114,7 @@ class ToolProxies {
     };
 
     /// Places the tool at `where` in the rest shape of `curl`. Throws std::invalid_argument: no particle, or more than
-    /// ToolSettings::kMaxSpheres; not one radius per particle; a radius below `reach`; a material out of range.
+    /// ToolSettings::kMaxSpheres; not one positive radius per particle; a material out of range.
     ToolProxies(const ToolModel& model, const Settings& settings, const Pose& where, double curl = 0.0);
 
     /// Takes effect in the next step. A sphere that grows into a surface is moved clear by the next
@@ -171,6 +171,7 @@ class ToolProxies {
 
   private:
     [[nodiscard]] ProxyPath* path_of(std::size_t particle) noexcept;
+    void limit_reach();
     void update_rest_offsets();
     void apply_curl(double curl);
     void pose_particles() const;

@@ -16,6 +16,7 @@
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/device/device_geometry_writer.hpp"
 #include "process/settings.hpp"
+#include "program/exit_status.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -177,7 +178,7 @@ int calibrate_command(const CalibrateOptions& options) {
             "The fitted geometry does not explain the encoder counts; nothing was written. Was a string slack, or do\n"
             "channels, directions or corners differ from %s?\n",
             name.c_str());
-        return kExitError;
+        return kExitFailed;
     }
     // Write the file, after a confirmation where a person can give it.
     if (options.fit && !options.out) {

@@ -19,7 +19,6 @@ namespace haptic::rt {
 namespace {
 
 constexpr int kKeptNs = 1'000'000;  // largest histogram that cyclictest accepts, one bucket per ns
-constexpr std::int64_t kPollNs = 20'000'000;
 constexpr std::int64_t kMaxDelayNs = 30 * kNanosecondsPerSecond;  // tolerated after its nominal end, on slow machines
 
 /// RAII temporary file.
@@ -122,7 +121,7 @@ bool Cyclictest::run(const StopSignals& signals) {
             add_cyclictest(content_of(file.path()), result_);
             return true;
         }
-        if (signals.wait(kPollNs) != 0) {
+        if (signals.wait(StopSignals::kPollNs) != 0) {
             return false;
         }
         if (monotonic_now_ns() - begin_ns > nanoseconds(duration_s_) + kMaxDelayNs) {

@@ -7,6 +7,7 @@
 #include "doctor/doctor.hpp"
 #include "haptic/report.hpp"
 #include "process/settings.hpp"
+#include "program/exit_status.hpp"
 
 namespace haptic::rt {
 namespace {

@@ -19,10 +19,12 @@
 #include "haptic/clock.hpp"
 #include "haptic/edge_capture.hpp"
 #include "haptic/report.hpp"
+#include "haptic/text_file.hpp"
 #include "measure/kernel_watch.hpp"
 #include "measure/measure_page.hpp"
 #include "measure/measure_report.hpp"
 #include "process/idle_request.hpp"
+#include "program/exit_status.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -207,24 +209,6 @@ nlohmann::json load_report(const std::filesystem::path& file) {
     return report;
 }
 
-void write_page(const std::filesystem::path& file, const std::string& page) {
-    std::ofstream stream(file, std::ios::binary | std::ios::trunc);
-    stream << page;
-    stream.close();
-    if (!stream) {
-        throw std::runtime_error(file.string() +
-                                 ": the page cannot be written; does its folder exist, and is the disk full?");
-    }
-}
-
-/// Writes the page, if requested, and prints the report as text.
-void show(const MeasureOptions& options, const nlohmann::json& report) {
-    if (options.html) {
-        write_page(*options.html, measure_page(report));
-    }
-    std::fputs(measure_text(report).c_str(), stdout);
-}
-
 int measure(const MeasureOptions& options) {
     Config config = load_config(options.run.config, options.run.assignments);
     if (options.loopback) {
@@ -241,13 +225,16 @@ int measure(const MeasureOptions& options) {
     const StopSignals signals;
     Measuring measuring(options, settings);
     Run run(options.run, settings, signals, &measuring);
-    return run.execute([&](const RunResult& result, const Instruments& instruments) {
+    return run.execute([&](const RunResult& result, const Instruments& instruments, Results& results) {
         const nlohmann::json report = measuring.report(result, instruments);
         if (options.run.report) {
-            write_report(*options.run.report, report);
+            results.write([&] { write_report(*options.run.report, report); });
         }
-        show(options, report);
-        return result.succeeded() ? 0 : kExitFaulted;
+        if (options.html) {
+            results.write([&] { write_text(*options.html, measure_page(report)); });
+        }
+        std::fputs(measure_text(report).c_str(), stdout);
+        return result.succeeded() ? kExitDone : kExitFaulted;
     });
 }
 
@@ -259,7 +246,7 @@ int compare(const MeasureOptions& options) {
         write_report(*options.run.report, comparison);
     }
     if (options.html) {
-        write_page(*options.html, comparison_page(first, second));
+        write_text(*options.html, comparison_page(first, second));
     }
     std::fputs(comparison_text(comparison).c_str(), stdout);
     return 0;
@@ -272,8 +259,12 @@ int measure_command(const MeasureOptions& options) {
         return compare(options);
     }
     if (options.from) {
-        show(options, load_report(*options.from));
-        return 0;
+        const nlohmann::json report = load_report(*options.from);
+        if (options.html) {
+            write_text(*options.html, measure_page(report));
+        }
+        std::fputs(measure_text(report).c_str(), stdout);
+        return kExitDone;
     }
     if (options.run.device.starts_with("replay:")) {
         throw Refusal("measure --device " + options.run.device +

@@ -4,17 +4,20 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "haptic/clock.hpp"
 #include "haptic/report.hpp"
 #include "haptic/ring.hpp"
+#include "haptic/text_file.hpp"
 #include "measure/recording.hpp"
 #include "measure/replay.hpp"
 #include "measure/run_report.hpp"
 #include "process/settings.hpp"
+#include "program/exit_status.hpp"
+#include "program/option_checks.hpp"
+#include "program/results.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -75,7 +78,7 @@ std::string private_session() {
     return "replay-" + std::to_string(getpid());
 }
 
-void run_all(Replay& replay, const RunOptions& options, const Settings& settings) {
+void run_all(Replay& replay, const RunOptions& options, const Settings& settings, Results& results) {
     Recorder recorder(options.record ? std::max<std::size_t>(settings.queue_ticks, 2 * kTicksPerDrain) : 2,
                       options.record ? 2 * kTicksPerDrain : 2);
     std::optional<RecordFile> record;
@@ -92,7 +95,7 @@ void run_all(Replay& replay, const RunOptions& options, const Settings& settings
         }
     }
     if (record) {
-        record->close();
+        results.write([&record] { record->close(); });
     }
 }
 
@@ -102,8 +105,9 @@ int replay_command(const RunOptions& options) {
     if (options.hand) {
         throw Refusal("--hand: a replay uses the hand of its recording");
     }
-    // Replay with a private ring.
     const std::filesystem::path recording = options.device.substr(kPrefix.size());
+    require_other_file("--record", options.record.value_or(""), recording);
+    // Replay with a private ring.
     const Config config = load_replay_config(options, recording);
     const Settings settings = read_settings(config);
     RingWriter<DeviceState> states(private_session());
@@ -112,7 +116,8 @@ int replay_command(const RunOptions& options) {
         save_config_for(*options.record, config);
     }
     const std::int64_t start_ns = monotonic_now_ns();
-    run_all(replay, options, settings);
+    Results results;
+    run_all(replay, options, settings, results);
     const std::int64_t took_ns = monotonic_now_ns() - start_ns;
 
     const ReplayResult& result = replay.result();
@@ -128,14 +133,17 @@ int replay_command(const RunOptions& options) {
     if (options.report) {
         nlohmann::json report = make_report(run, replay.tick().instruments());
         report["replay"] = differences_json(result);
-        write_report(*options.report, report);
+        results.write([&] { write_report(*options.report, report); });
     }
     print(result, replay.recorded_ns(), took_ns);
     for (const std::string& name : fault_names(run.faults & ~std::uint32_t{HAPTIC_FAULT_STOP})) {
         std::printf("FAULT: %s\n", name.c_str());
     }
     const bool other_settings = options.config || !options.assignments.empty();
-    return result.identical() || other_settings ? 0 : kExitDiffers;
+    for (const std::string& problem : results.problems()) {
+        spdlog::error("{}", problem);
+    }
+    return results.status(result.identical() || other_settings ? kExitDone : kExitDiffers);
 }
 
 std::filesystem::path config_file_of(const std::filesystem::path& recording) {
@@ -146,13 +154,8 @@ void save_config_for(const std::filesystem::path& recording, const Config& confi
     if (std::filesystem::exists(recording) && !std::filesystem::is_regular_file(recording)) {
         return;  // a recording to a pipe keeps no settings
     }
-    const std::filesystem::path file = config_file_of(recording);
-    std::ofstream stream(file, std::ios::binary | std::ios::trunc);
-    stream << "# Settings of the recording " << recording.filename().string() << ".\n" << config.toml();
-    stream.close();
-    if (!stream) {
-        throw std::runtime_error(file.string() + ": cannot be written; does its folder exist, and is the disk full?");
-    }
+    write_text(config_file_of(recording),
+               "# Settings of the recording " + recording.filename().string() + ".\n" + config.toml());
 }
 
 }  // namespace haptic::rt

@@ -2,6 +2,7 @@
 
 #include "commands/run_command.hpp"
 #include "process/settings.hpp"
+#include "program/exit_status.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -19,6 +20,7 @@ ProgramDocuments rt_core_documents() {
     const SettingReference reference = setting_reference();
     const std::vector<std::pair<std::string, std::string>> files{
         {"/etc/haptic/rt-core.toml", "Configuration of haptic-rt-core.service; see rt-core.toml(5)."},
+        {"/usr/share/haptic/rt-core.toml.schema.json", "Schema of that file, for editors."},
         {"/etc/default/haptic-rt-core", "Options of haptic-rt-core.service."},
     };
     ProgramDocuments documents;
@@ -30,13 +32,8 @@ ProgramDocuments rt_core_documents() {
             "distributes them over the strings.\n\n"
             "It uses SCHED_FIFO and locks its memory. rt-core doctor shows what a machine lacks for that, and "
             "haptic-tune(8) sets a machine up.",
-        .exit_status = {{"0", "The run ended in an orderly way."},
-                        {std::to_string(kExitError), "Wrong configuration, file or session."},
-                        {std::to_string(kExitRefused), "The device cannot be driven on this machine."},
-                        {std::to_string(kExitFaulted), "The run ended in a fault."},
-                        {std::to_string(kExitDiffers), "A replay differs from its recording."},
-                        {std::to_string(kExitUnfit), "rt-core doctor found a problem."},
-                        {"above 100", "Wrong arguments."}},
+        .exit_status =
+            exit_statuses({kExitDone, kExitFailed, kExitRefused, kExitFaulted, kExitDiffers, kExitUnfit, kExitUsage}),
         .files = files,
         .examples = {{"rt-core run --device emulated --duration 10", "Runs the loop on the emulated device."},
                      {"rt-core run --print-config >rt-core.toml", "Writes the default configuration."},

@@ -17,7 +17,6 @@
 namespace haptic::rt {
 namespace {
 
-constexpr std::int64_t kRunPollNs = 20'000'000;
 // Interval between two attempts to open a lost device.
 constexpr std::int64_t kReopenNs = 200'000'000;
 // Faults that a lost device may cause; any other fault ends the run.
@@ -57,17 +56,6 @@ std::filesystem::path black_box_path(const RunOptions& options, std::size_t nth)
     return "rt-core-" + options.session + "." + extension;
 }
 
-/// Writes the last ticks to a file and returns its path.
-std::string keep_black_box(const RunOptions& options, const Tick& tick, std::size_t nth) {
-    const std::filesystem::path box = black_box_path(options, nth);
-    write_black_box(box, tick.black_box());
-    // A requested stop is no error.
-    const bool fault = (tick.faults() & ~std::uint32_t{HAPTIC_FAULT_STOP}) != 0;
-    spdlog::log(fault ? spdlog::level::err : spdlog::level::info, "{}: the last {} ticks are in {}",
-                fault ? "faulted" : "stopped", tick.black_box().size(), box.string());
-    return box.string();
-}
-
 /// Everything that may end a loop, and the hooks to call meanwhile.
 struct StopSources {
     const StopSignals& signals;
@@ -94,7 +82,7 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::optional<Rec
             return false;
         }
         // Stop requests: a signal, the end of the duration or an observer; then the stop line.
-        const int signal = sources.signals.wait(kRunPollNs);
+        const int signal = sources.signals.wait(StopSignals::kPollNs);
         const bool over = monotonic_now_ns() >= end_ns || (sources.observer != nullptr && sources.observer->done());
         if ((signal != 0 || over) && !stopping) {
             // The tick fades out; the loop ends when it is disarmed.
@@ -285,7 +273,7 @@ bool Run::recover_device() {
     interruption.at_s = seconds(lost_ns - start_ns_ - paused_ns_);
     interruption.faults = tick_.faults();
     interruption.cause = tick_.instruments().last_failure;
-    interruption.black_box = keep_black_box(options_, tick_, result_.interruptions.size());
+    interruption.black_box = keep_black_box();
     // Wait, and record how long the loss lasted.
     const bool back = wait_for_device(*device_, signals_, end_ns());
     interruption.lost_s = seconds(monotonic_now_ns() - lost_ns);
@@ -336,6 +324,27 @@ bool Run::should_keep_black_box() const {
     return !device_not_recovered_ && (!result_.succeeded() || (stop_.pressed && (options_.report || options_.record)));
 }
 
+std::string Run::keep_black_box() {
+    std::filesystem::path box = black_box_path(options_, result_.interruptions.size());
+    std::string kept;
+    results_.write([&] {
+        // The last ticks of a fault are worth a second place.
+        try {
+            write_black_box(box, tick_.black_box());
+        } catch (const std::runtime_error& error) {
+            spdlog::warn("{}", error.what());
+            box = std::filesystem::temp_directory_path() / box.filename();
+            write_black_box(box, tick_.black_box());
+        }
+        kept = box.string();
+        // A requested stop is no error.
+        const bool fault = (tick_.faults() & ~std::uint32_t{HAPTIC_FAULT_STOP}) != 0;
+        spdlog::log(fault ? spdlog::level::err : spdlog::level::info, "{}: the last {} ticks are in {}",
+                    fault ? "faulted" : "stopped", tick_.black_box().size(), kept);
+    });
+    return kept;
+}
+
 int Run::execute(const Conclusion& conclude) {
     const auto instruments = std::make_unique<Instruments>();
     // Run, with pauses and recoveries in between.
@@ -346,13 +355,16 @@ int Run::execute(const Conclusion& conclude) {
     collect(*instruments, own_records);
     // Finish the recording, and keep the last ticks where they matter.
     if (record_) {
-        record_->close();
+        results_.write([this] { record_->close(); });
     }
     if (own_records && should_keep_black_box()) {
-        (void)keep_black_box(options_, tick_, result_.interruptions.size());
+        (void)keep_black_box();
     }
     // Write the report, which determines the exit status.
-    const int status = conclude(result_, *instruments);
+    const int status = results_.status(conclude(result_, *instruments, results_));
+    for (const std::string& problem : results_.problems()) {
+        spdlog::error("{}", problem);
+    }
     if (hung_) {
         // The loop's thread cannot be joined, and the objects it uses must not be destroyed under it.
         std::fflush(nullptr);

@@ -17,6 +17,7 @@
 #include "process/motor_gate.hpp"
 #include "process/settings.hpp"
 #include "process/watchdog.hpp"
+#include "program/results.hpp"
 
 namespace haptic::rt {
 
@@ -25,6 +26,9 @@ namespace haptic::rt {
 /// SIGTTOU, which would suspend or kill a process for writing to a closed pipe or a terminal, are ignored.
 class StopSignals {
   public:
+    /// How long a caller waits at a time that watches something else too.
+    static constexpr std::int64_t kPollNs = 20'000'000;
+
     StopSignals();
     /// Waits at most this long for a signal; returns its number, or 0 for none.
     [[nodiscard]] int wait(std::int64_t at_most_ns) const;
@@ -60,15 +64,15 @@ struct StopReason {
 /// Members are declared in the order in which they must be constructed.
 class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is that of construction
   public:
-    /// Reports the result, and returns the exit status of the process.
-    using Conclusion = std::function<int(const RunResult&, const Instruments&)>;
+    /// Reports the result, and returns the exit status of the run. A file that cannot be written goes to `Results`.
+    using Conclusion = std::function<int(const RunResult&, const Instruments&, Results&)>;
 
     /// Opens everything. The references and the hooks (nullptr: none) must outlive the run. Throws Refusal, CsvError,
     /// RingError.
     Run(const RunOptions& options, const Settings& settings, const StopSignals& signals, RunHooks* hooks = nullptr);
 
-    /// Runs until the end, and returns the status from `conclude`. If the loop hangs, ends the process with that
-    /// status.
+    /// Runs until the end, and returns the status from `conclude`, or kExitFailed if all went well but for a file. If
+    /// the loop hangs, ends the process with that status.
     [[nodiscard]] int execute(const Conclusion& conclude);
 
   private:
@@ -88,12 +92,15 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     /// Fills result_, and copies the instruments if the tick's records belong to this thread.
     void collect(Instruments& instruments, bool own_records);
     [[nodiscard]] bool should_keep_black_box() const;
+    /// Writes the last ticks to a file and returns its path; empty if it cannot be written.
+    std::string keep_black_box();
 
     const RunOptions& options_;
     const Settings& settings_;
     const StopSignals& signals_;
     RunHooks* hooks_;
     RunResult result_;
+    Results results_;
     StopReason stop_;
     bool hung_ = false;                  // the loop's thread will not end
     bool device_not_recovered_ = false;  // the run ended while waiting for a lost device

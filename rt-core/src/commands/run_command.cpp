@@ -7,6 +7,8 @@
 #include "commands/run.hpp"
 #include "haptic/report.hpp"
 #include "measure/run_report.hpp"
+#include "program/exit_status.hpp"
+#include "program/option_checks.hpp"
 
 namespace haptic::rt {
 
@@ -25,16 +27,18 @@ int run_command(const RunOptions& options) {
     const Config config = load_config(options.config, options.assignments);
     const Settings settings = read_settings(config);
     if (options.record) {
+        require_other_file("--record", *options.record, options.hand.value_or(""));
         save_config_for(*options.record, config);
     }
     const StopSignals signals;
-    return Run(options, settings, signals).execute([&options](const RunResult& result, const Instruments& instruments) {
+    const auto conclude = [&options](const RunResult& result, const Instruments& instruments, Results& results) {
         if (options.report) {
-            write_report(*options.report, make_report(result, instruments));
+            results.write([&] { write_report(*options.report, make_report(result, instruments)); });
         }
         std::fputs(summary(result, instruments).c_str(), stdout);
-        return result.succeeded() ? 0 : kExitFaulted;
-    });
+        return result.succeeded() ? kExitDone : kExitFaulted;
+    };
+    return Run(options, settings, signals).execute(conclude);
 }
 
 }  // namespace haptic::rt

@@ -36,11 +36,6 @@ struct RunOptions {
 };
 
 // Exit statuses; 0 is a run without a fault.
-inline constexpr int kExitError = 1;    // configuration, files, session
-inline constexpr int kExitRefused = 2;  // the device cannot be driven on this machine
-inline constexpr int kExitFaulted = 3;  // the run ended in a fault
-inline constexpr int kExitDiffers = 4;  // a replay differs from its recording
-inline constexpr int kExitUnfit = 5;    // doctor found a problem
 
 /// The device cannot be driven, by this version or with these privileges.
 class Refusal : public std::runtime_error {

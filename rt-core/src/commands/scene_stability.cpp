@@ -17,6 +17,7 @@
 #include "measure/scene_trial.hpp"
 #include "measure/trial_rig.hpp"
 #include "process/settings.hpp"
+#include "program/exit_status.hpp"
 
 namespace haptic::rt {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <fstream>
 #include <limits>
+#include <sstream>
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
@@ -15,9 +15,11 @@
 #include "commands/run_command.hpp"
 #include "commands/scene_stability.hpp"
 #include "haptic/html.hpp"
+#include "haptic/text_file.hpp"
 #include "measure/stability.hpp"
 #include "measure/svg_plot.hpp"
 #include "process/settings.hpp"
+#include "program/exit_status.hpp"
 #include "rendering/passivity.hpp"
 
 namespace haptic::rt {
@@ -70,16 +72,8 @@ Settings settings_of(const StabilityOptions& options) {
     return settings;
 }
 
-std::ofstream opened(const std::filesystem::path& file) {
-    std::ofstream stream(file);
-    if (!stream) {
-        throw std::runtime_error(file.string() + ": cannot be written: " + std::generic_category().message(errno));
-    }
-    return stream;
-}
-
 void write_csv(const std::filesystem::path& file, const std::vector<Cell>& cells) {
-    std::ofstream csv = opened(file);
+    std::ostringstream csv;
     csv << "answer,controlled,stiffness_n_m,delay_ms,first_mm,last_mm,energy_min_j,peak_force_n,controlled_share,"
            "faults,"
            "grows,row,column\n";
@@ -91,10 +85,7 @@ void write_csv(const std::filesystem::path& file, const std::vector<Cell>& cells
             << outcome.controlled << ',' << outcome.faults << ',' << (outcome.grows ? 1 : 0) << ',' << cell.row << ','
             << cell.column << '\n';
     }
-    csv.close();
-    if (!csv) {
-        throw std::runtime_error(file.string() + ": cannot be written; is the disk full?");
-    }
+    write_text(file, csv.str());
 }
 
 std::string title_of(DelayedPart late) {
@@ -172,7 +163,7 @@ std::string map_of(const std::vector<Cell>& cells, DelayedPart late, bool contro
 
 void write_page(const std::filesystem::path& file, const std::vector<Cell>& cells, const StabilityOptions& options,
                 const TickSettings& tick) {
-    std::ofstream page = opened(file);
+    std::ostringstream page;
     page << page_top("Stability of a virtual wall")
          << "<p>A grip of 0.1 kg and 0.3 N s/m is pressed against a virtual wall. Colour: amplitude of the vibration "
             "in the last 0.4 s, lowest to highest:";
@@ -188,10 +179,7 @@ void write_page(const std::filesystem::path& file, const std::vector<Cell>& cell
         }
     }
     page << "</div>\n</body></html>\n";
-    page.close();
-    if (!page) {
-        throw std::runtime_error(file.string() + ": cannot be written; is the disk full?");
-    }
+    write_text(file, page.str());
 }
 
 void print_summary(const std::vector<Cell>& cells) {

@@ -143,19 +143,26 @@ const std::vector<std::string>& compliance_columns() {
     return columns;
 }
 
-void FrameWriter::close() {
-    if (!compliance_) {
-        // Compliances of an earlier recording of this name do not belong to this one.
-        std::error_code error;
-        std::filesystem::remove(compliance_file_, error);
-        if (error) {
-            throw CsvError(compliance_file_.string() + ": cannot be removed: " + error.message());
-        }
+FrameWriter::FrameWriter(const std::filesystem::path& file)
+    : frames_(file, frame_columns()), compliance_file_(compliance_file(file)) {
+    // Compliances of an earlier recording of this name do not belong to this one.
+    std::error_code error;
+    std::filesystem::remove(compliance_file_, error);
+    if (error) {
+        throw CsvError(compliance_file_.string() + ": cannot be removed: " + error.message());
     }
-    writer_.close();
+}
+
+bool FrameWriter::flush() noexcept {
+    // A frame is read together with its compliance, which therefore comes first.
+    return (!compliance_ || compliance_->flush()) && frames_.flush();
+}
+
+void FrameWriter::close() {
     if (compliance_) {
         compliance_->close();
     }
+    frames_.close();
 }
 
 void FrameWriter::write_compliance(const RecordedFrame& recorded) {
@@ -189,7 +196,7 @@ void FrameWriter::write(const RecordedFrame& recorded) {
         const std::int64_t particle = particles > 0 ? static_cast<std::int64_t>(i) : -1;
         row_ = {recorded.now_ns, static_cast<std::int64_t>(recorded.defect), particle};
         visit_cells(frame, proxy, [this](const auto& value) { row_.push_back(cell_of(value)); });
-        writer_.row(row_);
+        frames_.row(row_);
     }
     write_compliance(recorded);
 }
@@ -269,8 +276,9 @@ bool FrameReader::next(RecordedFrame& recorded) {
         ++expected;
         more_ = reader_.next();
     } while (expected > 0 && expected < static_cast<std::int64_t>(particles_of(recorded.frame)) && more_);
+    // The end of the file within a frame: the run was killed there.
     if (expected < static_cast<std::int64_t>(particles_of(recorded.frame))) {
-        reader_.fail("the frame has fewer particles than proxy_count");
+        return false;
     }
     read_compliance(recorded);
     if (recorded.defect != FrameDefect::None && find_defect(recorded.frame) == FrameDefect::None) {

@@ -26,20 +26,22 @@ namespace haptic::rt {
 
 class FrameWriter {
   public:
-    /// Throws CsvError.
-    explicit FrameWriter(const std::filesystem::path& file)
-        : writer_(file, frame_columns()), compliance_file_(compliance_file(file)) {}
-    /// Writes a frame. A frame without proxies has one row, with particle -1. Non-finite numbers, which only a
-    /// defective frame can contain, are written as 0.
+    /// Replaces the files of an earlier recording. Throws std::runtime_error.
+    explicit FrameWriter(const std::filesystem::path& file);
+    /// Adds a frame to those that flush() writes. A frame without proxies has one row, with particle -1. Non-finite
+    /// numbers, which only a defective frame can contain, are written as 0.
     void write(const RecordedFrame& recorded);
-    void close();  // replaces the files of an earlier recording; throws CsvError
+    /// Writes all frames since the last call; false once a write has failed.
+    bool flush() noexcept;
+    /// Flushes. Throws std::runtime_error if a write failed.
+    void close();
 
   private:
     void write_compliance(const RecordedFrame& recorded);
 
-    CsvWriter writer_;
+    CsvStream frames_;
     std::filesystem::path compliance_file_;
-    std::optional<CsvWriter> compliance_;  // from the first frame on that has one
+    std::optional<CsvStream> compliance_;  // from the first frame on that has one
     std::vector<CsvCell> row_;
 };
 
@@ -49,7 +51,8 @@ class FrameReader {
     /// forces have another meaning, so they are refused. Columns other than frame_columns() are ignored.
     explicit FrameReader(const std::filesystem::path& file);
     /// Reads the next frame; false at the end. A frame recorded with a defect has a defect again, but not always the
-    /// same. Throws CsvError for rows that do not form a frame.
+    /// same. If a killed run has left only a part of the last frame, that frame is skipped. Throws CsvError for rows
+    /// that do not form a frame.
     bool next(RecordedFrame& recorded);
     [[nodiscard]] const std::string& name() const noexcept { return reader_.name(); }
 

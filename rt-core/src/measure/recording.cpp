@@ -144,16 +144,16 @@ void record_row(const TickRecord& record, std::int64_t start_ns, std::vector<Csv
 }
 
 RecordFile::RecordFile(const std::filesystem::path& file, Recorder& recorder)
-    : writer_(file, record_columns()), recorder_(&recorder) {
+    : ticks_(file, record_columns()), recorder_(&recorder) {
     // A pipe or a device takes only the ticks; frames need a file beside it.
-    if (!std::filesystem::exists(file) || std::filesystem::is_regular_file(file)) {
+    if (std::filesystem::is_regular_file(file)) {
         frames_.emplace(frames_file(file));
     }
 }
 
 void RecordFile::write(const TickRecord& record, std::int64_t start_ns) {
     record_row(record, start_ns, row_);
-    writer_.row(row_);
+    ticks_.row(row_);
 }
 
 void RecordFile::start(std::int64_t start_ns) {
@@ -164,12 +164,15 @@ void RecordFile::start(std::int64_t start_ns) {
     before_arming_.clear();
 }
 
-void RecordFile::drain() {
+void RecordFile::take_ticks() {
     TickRecord record;
     while (recorder_->pop(record)) {
         // Observers see every tick, those before arming too.
         if (observer_) {
             observer_(record);
+        }
+        if (failed_) {
+            continue;
         }
         // Hold ticks back until the tick that arms, whose time is zero.
         if (!start_ns_ && (record.requests & kRequestArm) != 0) {
@@ -186,26 +189,42 @@ void RecordFile::drain() {
             start(before_arming_.front().now_ns);
         }
     }
-    // Contact frames go to their own file.
+}
+
+void RecordFile::take_frames() {
     SpscQueue<RecordedFrame>& frames = recorder_->frames();
     while (const RecordedFrame* const frame = frames.front()) {
-        if (frames_) {
+        if (frames_ && !failed_) {
             frames_->write(*frame);
         }
         frames.release();
     }
 }
 
+void RecordFile::flush() {
+    // A tick is replayed with the frame it took, which therefore comes first.
+    failed_ = failed_ || (frames_ && !frames_->flush()) || !ticks_.flush();
+}
+
+void RecordFile::drain() {
+    // Ticks before frames: a frame is queued before the tick that took it.
+    take_ticks();
+    take_frames();
+    flush();
+}
+
 void RecordFile::close() {
     // Last ticks, and those of a run that was never armed.
-    drain();
+    take_ticks();
+    take_frames();
     if (!start_ns_ && !before_arming_.empty()) {
         start(before_arming_.front().now_ns);
     }
-    writer_.close();
+    flush();
     if (frames_) {
         frames_->close();
     }
+    ticks_.close();
 }
 
 void write_black_box(const std::filesystem::path& file, const BlackBox& box) {

@@ -28,30 +28,35 @@ namespace haptic::rt {
 /// Converts a tick to one row; time_s counts from start_ns.
 void record_row(const TickRecord& record, std::int64_t start_ns, std::vector<CsvCell>& row);
 
-/// Writes the contents of a Recorder while the run goes on. time_s counts from arming, so that earlier ticks have
-/// negative times; from the first tick if the loop was never armed.
+/// Writes the contents of a Recorder while the run goes on, under the final names, so that a killed run leaves them.
+/// time_s counts from arming, so that earlier ticks have negative times; from the first tick if the loop was never
+/// armed. A write that fails ends the recording there, and the run goes on.
 class RecordFile {
   public:
-    /// Throws CsvError.
+    /// Throws std::runtime_error.
     RecordFile(const std::filesystem::path& file, Recorder& recorder);
     /// Calls `observer` with each tick from now on, in the thread that calls drain().
     void set_observer(std::function<void(const TickRecord&)> observer) { observer_ = std::move(observer); }
     /// Writes everything that is queued.
     void drain();
-    /// Drains, and moves both files to their final names.
+    /// Drains. Throws std::runtime_error if the recording is incomplete.
     void close();
 
   private:
     void write(const TickRecord& record, std::int64_t start_ns);
     void start(std::int64_t start_ns);
+    void take_ticks();
+    void take_frames();
+    void flush();
 
-    CsvWriter writer_;
+    CsvStream ticks_;
     std::optional<FrameWriter> frames_;  // none if the recording is a pipe
     Recorder* recorder_;
     std::function<void(const TickRecord&)> observer_;
     std::vector<TickRecord> before_arming_;
     std::optional<std::int64_t> start_ns_;
     std::vector<CsvCell> row_;
+    bool failed_ = false;
 };
 
 /// Writes the last ticks before a fault or a stop. Throws CsvError.

@@ -17,7 +17,8 @@ constexpr double kLeft = 72.0;
 constexpr double kRight = 14.0;
 constexpr double kTop = 34.0;
 constexpr double kBottom = 44.0;
-constexpr double kMarkRoom = 38.0;  // width reserved for the label of a mark
+constexpr double kMarkRoom = 38.0;    // width reserved for the label of a mark
+constexpr double kLetterWidth = 7.0;  // about that of the page's font
 constexpr double kCrossRadius = 4.0;
 constexpr std::size_t kFewestLabels = 3;
 constexpr std::size_t kManyTicks = 10;
@@ -58,6 +59,12 @@ std::vector<double> multiples_of_powers(AxisRange range, const std::vector<doubl
         }
     }
     return ticks;
+}
+
+/// Centre of a label at x, moved inwards where the label would cross the edge of the plot.
+double label_centre(double x, const std::string& label) {
+    const double half = kLetterWidth * static_cast<double>(label.size()) / 2.0;
+    return std::clamp(x, half, kWidth - half);
 }
 
 }  // namespace
@@ -159,7 +166,7 @@ void SvgPlot::key(const std::string& label, const char* css_class) {
         "<rect class=\"%s key\" x=\"%.1f\" y=\"6\" width=\"12\" height=\"8\"/>"
         "<text x=\"%.1f\" y=\"14\">%s</text>\n",
         css_class, key_x_, key_x_ + 17.0, html_text(label).c_str());
-    key_x_ += 34.0 + 7.0 * static_cast<double>(label.size());  // swatch and gaps, and about 7 px a letter
+    key_x_ += 34.0 + kLetterWidth * static_cast<double>(label.size());  // 34: swatch and gaps
 }
 
 std::string SvgPlot::axes() const {
@@ -169,8 +176,8 @@ std::string SvgPlot::axes() const {
     for (const auto& [at, label] : x_ticks_) {
         const double x = at_x(at);
         text += formatted("<line class=\"grid\" x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\"/>", x, kTop, x, bottom);
-        text += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%s</text>\n", x, bottom + 16.0,
-                          html_text(label).c_str());
+        text += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%s</text>\n", label_centre(x, label),
+                          bottom + 16.0, html_text(label).c_str());
     }
     // Grid line and label of each tick of the y axis.
     for (const double at : log_ticks(y_)) {

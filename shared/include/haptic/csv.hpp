@@ -14,6 +14,8 @@
 #include <variant>
 #include <vector>
 
+#include "haptic/streamed_file.hpp"
+
 namespace haptic {
 
 /// what() is "FILE:LINE: problem".
@@ -30,6 +32,7 @@ using CsvCell = std::variant<double, std::int64_t, std::uint64_t>;
 
 /// Appends numbers in that form, comma-separated, and a newline.
 void append_row(std::string& text, std::span<const double> values);
+void append_row(std::string& text, std::span<const CsvCell> cells);
 
 /// Reads a CSV file row by row, for recordings of any length.
 class CsvReader {
@@ -43,7 +46,8 @@ class CsvReader {
     /// Index of a column. Throws CsvError with the list of existing columns.
     [[nodiscard]] std::size_t index(std::string_view column) const;
 
-    /// Advances to the next row; false at the end. Throws CsvError for a row with the wrong number of cells.
+    /// Advances to the next row; false at the end. Throws CsvError for a row with the wrong number of cells, except for
+    /// a last line without its end: a killed run may leave one, which is skipped.
     bool next();
     /// Cell of the current row. Throws CsvError unless it is a finite number.
     [[nodiscard]] double number(std::size_t column) const;
@@ -56,7 +60,7 @@ class CsvReader {
     [[noreturn]] void fail(const std::string& problem) const;
     [[nodiscard]] const std::string& name() const noexcept { return file_; }
     [[nodiscard]] std::size_t line() const noexcept { return line_number_; }
-    /// Notes before the header, without # and surrounding blanks.
+    /// Notes so far, without # and surrounding blanks: those before the header, and between the rows read.
     [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
 
   private:
@@ -100,32 +104,44 @@ class CsvTable {
     std::size_t rows_ = 0;
 };
 
-/// Writes rows to a temporary file, which close() renames to the final name, so that readers never see an incomplete
-/// recording. Values are written as the shortest text that reads back to the same bits. Throws CsvError.
+/// A table that close() writes as a whole (text_file.hpp). Values are written as the shortest text that reads back to
+/// the same bits.
 class CsvWriter {
   public:
     /// `notes`, one line each, precede the header.
     CsvWriter(const std::filesystem::path& file, const std::vector<std::string>& columns,
               const std::vector<std::string>& notes = {});
-    CsvWriter(const CsvWriter&) = delete;
-    CsvWriter& operator=(const CsvWriter&) = delete;
-    /// Discards the temporary file unless close() was called.
-    ~CsvWriter();
 
+    /// Throws CsvError for the wrong number of values.
     void row(std::span<const double> values);
     void row(std::span<const CsvCell> cells);
+    /// Throws std::runtime_error. Without it there is no file.
     void close();
 
   private:
-    void begin_row(std::size_t cells);
-    void end_row();
-    void write_row();
-
     std::filesystem::path file_;
-    std::filesystem::path temporary_;
-    std::ofstream stream_;
     std::size_t columns_;
-    std::string line_;
+    std::string text_;
+};
+
+/// Writes rows under the final name while a run goes on, so that a killed run leaves them.
+class CsvStream {
+  public:
+    /// Throws std::runtime_error.
+    CsvStream(const std::filesystem::path& file, const std::vector<std::string>& columns);
+
+    /// Adds a row to those that flush() writes. Throws CsvError for the wrong number of cells.
+    void row(std::span<const CsvCell> cells);
+    /// Writes all rows since the last call; false once a write has failed.
+    bool flush() noexcept;
+    /// Flushes. Throws std::runtime_error if a write failed; the file then holds the rows that fitted.
+    void close();
+
+  private:
+    StreamedFile file_;
+    std::string name_;
+    std::size_t columns_;
+    std::string rows_;  // not yet written
 };
 
 }  // namespace haptic

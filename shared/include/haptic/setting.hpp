@@ -37,6 +37,7 @@ struct SettingText {
     std::string_view label = {};         // of the live view's control; empty: fixed while the process runs
     std::string_view old_key = {};       // former name with its table, still accepted with a notice
     std::string_view default_note = {};  // replaces the default in documents if it is not one constant
+    bool required = false;               // no default at all: the table must give it
     std::string_view meaning = {};
 };
 
@@ -56,6 +57,7 @@ struct SettingDescription {
     std::string old_key;
     std::string default_value;  // TOML; empty: none
     std::string default_note;
+    bool required = false;
     std::string meaning;
 };
 
@@ -71,6 +73,7 @@ struct SettingSection {
     SectionKind kind = SectionKind::Table;
     std::string meaning;
     std::vector<SettingDescription> settings;
+    std::string same_keys_as = {};  // path of a table whose keys, and those of its tables, each of these tables has too
 };
 
 /// A member that takes a number or one of some words.
@@ -299,7 +302,8 @@ class SettingTable {
                                         .label = std::string(text.label),
                                         .old_key = std::string(text.old_key),
                                         .default_value = setting.value.show(defaults),
-                                        .default_note = std::string(text.default_note),
+                                        .default_note = std::string(text.required ? "required" : text.default_note),
+                                        .required = text.required,
                                         .meaning = std::string(text.meaning)});
         }
         return section;

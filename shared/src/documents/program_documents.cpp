@@ -5,6 +5,8 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "documents/json_schema.hpp"
+
 namespace haptic {
 namespace {
 
@@ -30,6 +32,7 @@ void write_documents(const std::string& folder, const CLI::App& app, const Progr
         write(out / (settings.page + ".5"), settings_man_page(settings.page, settings.text, settings.reference));
         write(out / settings.default_name, settings.default_file);
         write(out / "settings.md", settings.markdown);
+        write(out / (settings.page + ".schema.json"), json_schema(settings.text.summary, settings.reference));
     }
 }
 

@@ -1,4 +1,4 @@
-// Documents of a program: man pages, shell completion, default configuration and reference page, from one source.
+// Documents of a program: man pages, shell completion, default configuration with its schema, reference page.
 #pragma once
 
 #include <optional>
@@ -30,8 +30,8 @@ struct ProgramDocuments {
     std::optional<SettingsDocument> settings;
 };
 
-/// Writes into a folder: NAME.1, NAME.bash, _NAME and NAME.fish; with settings also PAGE.5, the default file and
-/// settings.md. Throws std::runtime_error.
+/// Writes into a folder: NAME.1, NAME.bash, _NAME and NAME.fish; with settings also PAGE.5, the default file,
+/// settings.md and PAGE.schema.json. Throws std::runtime_error.
 void write_documents(const std::string& folder, const CLI::App& app, const ProgramDocuments& documents);
 
 /// Adds the hidden option --generate DIR, which writes the documents and ends the program. The build calls it. `make`

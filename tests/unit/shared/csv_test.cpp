@@ -2,9 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <bit>
 #include <cmath>
+#include <csignal>
 #include <cstdint>
 #include <limits>
 #include <random>
@@ -82,7 +84,7 @@ TEST(Csv, NamesTheLineOfWhatIsWrong) {
     EXPECT_EQ(load_error("a,b\n1,1e999\n"), "2: column b: \"1e999\" is not a finite number");
 }
 
-TEST(Csv, KeepsNotesBeforeTheHeaderAndPassesOverThoseAfterIt) {
+TEST(Csv, KeepsNotesBeforeTheHeaderAndBetweenTheRows) {
     const TemporaryDirectory directory;
     CsvWriter writer(directory.file("notes.csv"), {"a", "b"}, {"scene cloth-drop", "set x=1"});
     writer.row(std::vector<double>{1.0, 2.0});
@@ -93,7 +95,7 @@ TEST(Csv, KeepsNotesBeforeTheHeaderAndPassesOverThoseAfterIt) {
     EXPECT_EQ(table.header_line(), 3u);
     EXPECT_EQ(table.rows(), 1u);
     const CsvTable by_hand = CsvTable::load(directory.write("f.csv", "#one\r\na\n1\n  # two, with a comma\n2\n"));
-    EXPECT_THAT(by_hand.notes(), ElementsAre("one"));
+    EXPECT_THAT(by_hand.notes(), ElementsAre("one", "two, with a comma"));
     EXPECT_THAT(by_hand.column("a"), ElementsAre(1.0, 2.0));
     EXPECT_THAT(load_error("# only a note\n"), HasSubstr("must name the columns"));
     EXPECT_THAT(load_error("# a note\na,b\n1\n"), testing::StartsWith("3: has 1 cells"));
@@ -175,13 +177,67 @@ TEST(CsvWriter, RefusesRowsOfAnotherWidth) {
 }
 
 TEST(CsvWriter, SaysThatItCannotWrite) {
-    EXPECT_EQ(message_of<CsvError>([] { CsvWriter("/nonexistent/f.csv", {"a"}); }),
+    EXPECT_EQ(message_of<std::runtime_error>([] { CsvWriter("/nonexistent/f.csv", {"a"}).close(); }),
               "/nonexistent/f.csv: cannot be written: No such file or directory");
 }
 
 TEST(CsvWriter, ReportsAFullDisk) {
     CsvWriter writer("/dev/full", {"a"});  // not a regular file: written directly, and every write fails
-    EXPECT_THAT(message_of<CsvError>([&] { writer.close(); }), HasSubstr("/dev/full: could not be written completely"));
+    EXPECT_EQ(message_of<std::runtime_error>([&] { writer.close(); }),
+              "/dev/full: cannot be written: No space left on device");
+}
+
+TEST(CsvStream, LeavesTheRowsOfARunThatNeverClosesIt) {
+    const TemporaryDirectory directory;
+    const auto file = directory.write("f.csv", "old");
+    CsvStream stream(file, {"a"});
+    stream.row(std::vector<CsvCell>{1.0});
+    EXPECT_TRUE(stream.flush());
+    stream.row(std::vector<CsvCell>{2.0});
+    EXPECT_EQ(content_of(file), "a\n1\n");  // the second row was not flushed
+}
+
+TEST(CsvStream, ReportsAFullDiskOnlyAtItsEnd) {
+    CsvStream stream("/dev/full", {"a"});
+    stream.row(std::vector<CsvCell>{1.0});
+    EXPECT_FALSE(stream.flush());
+    EXPECT_FALSE(stream.flush());
+    EXPECT_EQ(message_of<std::runtime_error>([&] { stream.close(); }),
+              "/dev/full: could not be written completely: No space left on device; its first 0 bytes are kept");
+}
+
+TEST(StreamedFile, EndsAfterTheLastLineThatFits) {
+    const TemporaryDirectory directory;
+    // A limit of the process stands for a full disk: the second write fits in part.
+    rlimit before{};
+    ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+    const auto ignored = std::signal(SIGXFSZ, SIG_IGN);
+    const rlimit few{9, before.rlim_max};
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &few), 0);
+    StreamedFile stream(directory.file("f"));
+    const bool first = stream.append("12\n");
+    const bool second = stream.append("4567\n9\n");
+    const bool third = stream.append("3");
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+    std::signal(SIGXFSZ, ignored);
+    EXPECT_TRUE(first);
+    EXPECT_FALSE(second);
+    EXPECT_FALSE(third);
+    EXPECT_THAT(message_of<std::runtime_error>([&] { stream.close(); }), HasSubstr("its first 8 bytes are kept"));
+    EXPECT_EQ(content_of(directory.file("f")), "12\n4567\n");
+}
+
+TEST(CsvReader, SkipsALastLineThatAKilledRunLeftIncomplete) {
+    const TemporaryDirectory directory;
+    CsvReader reader(directory.write("f.csv", "a,b\n1,2\n# note\n3,4\n5"));
+    EXPECT_TRUE(reader.next());
+    EXPECT_TRUE(reader.next());
+    EXPECT_EQ(reader.number(1), 4.0);
+    EXPECT_FALSE(reader.next());
+    EXPECT_THAT(reader.notes(), ElementsAre("note"));
+    // With its line end, it is an error as before.
+    CsvReader whole(directory.write("g.csv", "a,b\n5\n"));
+    EXPECT_THROW((void)whole.next(), CsvError);
 }
 
 }  // namespace

@@ -53,9 +53,9 @@ TEST(Report, IsReplacedAsAWhole) {
 
 TEST(Report, NamesTheFileThatCannotBeWritten) {
     EXPECT_THAT(test::message_of<std::runtime_error>([] { write_report("/nonexistent/r.json", {}); }),
-                testing::StartsWith("/nonexistent/r.json: the report cannot be written: No such file"));
+                testing::StartsWith("/nonexistent/r.json: cannot be written: No such file"));
     EXPECT_THAT(test::message_of<std::runtime_error>([] { write_report("/dev/full", {}); }),
-                testing::StartsWith("/dev/full: the report cannot be written"));
+                testing::StartsWith("/dev/full: cannot be written"));
 }
 
 TEST(Report, RemovesItsTemporaryFileWhereThePlaceIsTaken) {

@@ -152,6 +152,9 @@ class Simulation {
     /// m, scene: the tool's origin.
     [[nodiscard]] const Vec3& proxy() const noexcept;
     [[nodiscard]] const ToolProxies& tool() const noexcept;
+    /// N, scene: normal force between a proxy of the tool and the surface of one of its planes, mean over the last
+    /// step.
+    [[nodiscard]] double contact_force(std::size_t proxy, std::size_t plane) const noexcept;
     [[nodiscard]] const Workspace& workspace() const noexcept;
     [[nodiscard]] std::uint64_t steps() const noexcept;
     /// s, since the start: beginning of the next step.

@@ -97,10 +97,10 @@ TEST(FirmwareHostCommand, AcceptsTheFormerNamesOfSubcommandAndOption) {
     EXPECT_THAT(run("serve --help").text, AllOf(HasSubstr("--geometry"), Not(HasSubstr("--variant"))));
     for (const char* option : {"--geometry", "--variant"}) {
         const Outcome outcome = run(std::string("serve ") + option + " SpidarG7");
-        EXPECT_EQ(outcome.status, 2) << option;
+        EXPECT_EQ(outcome.status, 64) << option;
         EXPECT_THAT(outcome.text, HasSubstr("no built-in device geometry is named 'SpidarG7'")) << option;
     }
-    EXPECT_EQ(run("serve --geometry SpidarG6X3R --variant SpidarG6X3R").status, 2);
+    EXPECT_EQ(run("serve --geometry SpidarG6X3R --variant SpidarG6X3R").status, 64);
 }
 
 TEST(FirmwareHostCommand, NotesTheFormerNameOfAKeyWithItsLine) {
@@ -168,8 +168,8 @@ TEST(FirmwareHostCommand, WrongArgumentsAreRefusedWithTheirName) {
         const char* arguments;
         const char* reason;
     } cases[] = {
-        {"", "subcommand"},
-        {"frobnicate", "not expected: frobnicate"},
+        {"", "A command (exchange, "},
+        {"frobnicate", "there is no command frobnicate"},
         {"exchange --frobnicate", "--frobnicate"},
         {"exchange --pose 1,2", "--pose"},
         {"exchange --pose 0,0,nan", "'nan' is not a finite number"},
@@ -193,7 +193,7 @@ TEST(FirmwareHostCommand, WrongArgumentsAreRefusedWithTheirName) {
     };
     for (const auto& [arguments, reason] : cases) {
         const Outcome outcome = run(arguments);
-        EXPECT_EQ(outcome.status, 2) << arguments;
+        EXPECT_EQ(outcome.status, 64) << arguments;
         EXPECT_THAT(outcome.text, HasSubstr(reason)) << arguments;
     }
 }

@@ -27,6 +27,7 @@
 #include "haptic/csv.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/ring.hpp"
+#include "haptic/text_file.hpp"
 #include "view/capture.hpp"
 #include "view/live_view.hpp"
 
@@ -127,7 +128,7 @@ class LiveRun : public testing::Test {
     }
 
     Simulation simulation{scene_named("cloth-drop")};
-    Recordings recordings{false, 0};
+    Recordings recordings{""};
     HandSources hand{{.input = "", .hostile_seed = std::nullopt, .scripted = true}, nullptr};
     FakeView* view = nullptr;
     std::unique_ptr<LiveControl> live;
@@ -263,7 +264,9 @@ TEST_F(LiveRun, OffersARecordThatRepeatsTheRunBitForBit) {
 
 TEST(ReplayTest, RepeatsWorkspaceChangesAndRecouplingAtTheSameSteps) {
     Simulation simulation(scene_named("fish-slide"));
-    Recordings recordings(true, 200);
+    const std::filesystem::path file =
+        std::filesystem::path(testing::TempDir()) / ("haptic-replay-" + std::to_string(getpid()) + ".csv");
+    Recordings recordings(file);
     recordings.begin({.scene = "fish-slide", .assignments = {}, .first_step = 0, .changes = {}});
     for (int k = 0; k < 200; ++k) {
         if (k == 110) {
@@ -282,9 +285,7 @@ TEST(ReplayTest, RepeatsWorkspaceChangesAndRecouplingAtTheSameSteps) {
         const StepInput input = simulation.scripted_input(10'000'000 * std::int64_t{k});
         recordings.add(input, simulation.step(input));
     }
-    const std::filesystem::path file =
-        std::filesystem::path(testing::TempDir()) / ("haptic-replay-" + std::to_string(getpid()) + ".csv");
-    recordings.write(file);
+    recordings.close();
     const RecordedRun record = RecordedRun::load(file);
     Replay replay(scene_named("fish-slide"), record, true);
     for (StepResult result; replay.step(result);) {
@@ -318,7 +319,7 @@ TEST(RecordNotesTest, DescribeTheOriginOfARecordAndRejectUnknownNotes) {
 }
 
 TEST(RecordNotesTest, KeepOnlyTheLastChangeOfAKeyBetweenTwoSteps) {
-    Recordings recordings(false, 0);
+    Recordings recordings("");
     recordings.begin({.scene = "cloth-drop", .assignments = {}, .first_step = 0, .changes = {}});
     recordings.start_offer(0);
     recordings.note(3, "coupling.stiffness=11");
@@ -332,7 +333,7 @@ TEST(RecordNotesTest, KeepOnlyTheLastChangeOfAKeyBetweenTwoSteps) {
         std::this_thread::yield();
     }
     EXPECT_THAT(*csv, HasSubstr("# change 3 coupling.stiffness=12\n# change 3 proxy.radius=0.04\n"
-                                "# change 4 coupling.stiffness=13\n"));
+                                "# change 4 coupling.stiffness=13\n0,"));
 }
 
 class MomentStoreTest : public testing::Test {
@@ -410,12 +411,12 @@ class PlaybackTest : public testing::Test {
   protected:
     void SetUp() override {
         Simulation simulation(scene_named("fish-slide"));
-        StepRecord rows(100);
+        StepRecord rows({.scene = "fish-slide", .assignments = {}, .first_step = 0, .changes = {}});
         for (int k = 0; k < 100; ++k) {
             const StepInput input = simulation.scripted_input(10'000'000 * std::int64_t{k});
             rows.add(input, simulation.step(input));
         }
-        rows.write(file, {.scene = "fish-slide", .assignments = {}, .first_step = 0, .changes = {}});
+        write_text(file, rows.text());
         record.emplace(RecordedRun::load(file));
         replay.emplace(scene_named("fish-slide"), *record, true);
         playback.emplace(*replay, *record, view);

@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "contact/triangle_ccd.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/types.hpp"
 
@@ -23,6 +24,11 @@ struct Query {
     Corners start{};
     Corners end{};
 };
+
+/// The triangle of a query.
+inline MovingTriangle moving(const Query& q) {
+    return {{q.start[0], q.start[1], q.start[2]}, {q.end[0], q.end[1], q.end[2]}};
+}
 
 /// Random numbers that are the same with every standard library; the distributions of std:: are not.
 class Random {

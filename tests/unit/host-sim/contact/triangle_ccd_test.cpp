@@ -20,10 +20,6 @@ using haptic::sim::oracle::Motion;
 using haptic::sim::oracle::Query;
 using haptic::sim::oracle::Random;
 
-MovingTriangle moving_of(const Query& q) {
-    return {{q.start[0], q.start[1], q.start[2]}, {q.end[0], q.end[1], q.end[2]}};
-}
-
 class AgainstSampling : public testing::TestWithParam<Motion> {};
 
 TEST_P(AgainstSampling, MissesNothingAndInventsNothingAndIsNeverLate) {
@@ -34,7 +30,7 @@ TEST_P(AgainstSampling, MissesNothingAndInventsNothingAndIsNeverLate) {
         Query q = haptic::sim::oracle::random_query(random, GetParam(), 1.0);
         q.radius = k % 3 == 0 ? random.uniform(1e-3, 1.0) : q.radius;
         const auto truth = haptic::sim::oracle::sample(q, 200);
-        const TriangleTouch ours = sphere_triangle_ccd(q.center, q.radius, moving_of(q));
+        const TriangleTouch ours = sphere_triangle_ccd(q.center, q.radius, moving(q));
         max_iterations = std::max(max_iterations, ours.iterations);
         if (truth.touches) {
             ++touching;
@@ -63,8 +59,8 @@ TEST(SphereTriangleCcd, FindsTheSameTouchesFromMicrometresToKilometres) {
             const auto motion = static_cast<Motion>(k % 5);
             const Query one = haptic::sim::oracle::random_query(reference, motion, 1.0);
             const Query other = haptic::sim::oracle::random_query(scaled, motion, scale);
-            const TriangleTouch a = sphere_triangle_ccd(one.center, one.radius, moving_of(one));
-            const TriangleTouch b = sphere_triangle_ccd(other.center, other.radius, moving_of(other));
+            const TriangleTouch a = sphere_triangle_ccd(one.center, one.radius, moving(one));
+            const TriangleTouch b = sphere_triangle_ccd(other.center, other.radius, moving(other));
             ASSERT_EQ(a.touches, b.touches) << "query " << k << " at scale " << scale;
             ASSERT_NEAR(a.time, b.time, 1e-9) << "query " << k << " at scale " << scale;
         }
@@ -148,7 +144,7 @@ TEST(PointPassage, AgreesWithTheSignOfTheVolumeOverRandomTranslations) {
         const double time = glm::dot(n, q.center - q.start[0]) / glm::dot(n, travel);
         const double off = haptic::sim::oracle::distance(q.center, haptic::sim::oracle::at(q, time));
         const bool expected = time >= 0.0 && time <= 1.0 && off < 1e-9;
-        const PointPassage ours = haptic::sim::point_passage(q.center, moving_of(q));
+        const PointPassage ours = haptic::sim::point_passage(q.center, moving(q));
         ASSERT_EQ(ours.passes, expected) << "query " << k << " time " << time << " off " << off;
         if (expected) {
             ++passages;
@@ -164,7 +160,7 @@ TEST(PointPassage, AgreesWithTheVerificationWhichSharesNoCodeWithIt) {
     const std::vector<haptic::sim::Triangle> one{{0, 1, 2}};
     for (int k = 0; k < 30000; ++k) {
         const Query q = haptic::sim::oracle::random_query(random, static_cast<Motion>(k % 4), 1.0);
-        const PointPassage ours = haptic::sim::point_passage(q.center, moving_of(q));
+        const PointPassage ours = haptic::sim::point_passage(q.center, moving(q));
         const std::array<haptic::sim::SurfaceMotion, 1> surfaces{{{q.start, q.end, one}}};
         const std::array<haptic::sim::PathKnot, 2> path{{{0.0, q.center}, {1.0, q.center}}};
         const auto theirs = haptic::sim::find_crossings(surfaces, path);
@@ -172,7 +168,7 @@ TEST(PointPassage, AgreesWithTheVerificationWhichSharesNoCodeWithIt) {
         if (ours.passes) {
             ++passages;
             ASSERT_NEAR(ours.time, theirs[0].time, 1e-12) << "query " << k;
-            ASSERT_GE(ours.time, sphere_triangle_ccd(q.center, q.radius, moving_of(q)).time) << "query " << k;
+            ASSERT_GE(ours.time, sphere_triangle_ccd(q.center, q.radius, moving(q)).time) << "query " << k;
         }
     }
     EXPECT_GT(passages, 2000);

@@ -175,8 +175,14 @@ TEST_F(MeshOfAUser, IsAsLargeAsWhatItReplacesOrAsItsScaleSays) {
 }
 
 TEST_F(MeshOfAUser, IsNamedIfItIsNotThere) {
-    const ModelSettings settings = read("[model]\nfile = \"no-such-mesh.obj\"\n");
-    EXPECT_THROW((void)make_bodies(settings), MeshError);
+    try {
+        (void)read("[model]\nfile = \"no-such-mesh.obj\"\n");
+        FAIL() << "accepted";
+    } catch (const ConfigError& error) {
+        const std::string said = error.what();
+        EXPECT_NE(said.find("model.file"), std::string::npos) << said;
+        EXPECT_NE(said.find("no-such-mesh.obj"), std::string::npos) << said;
+    }
 }
 
 }  // namespace

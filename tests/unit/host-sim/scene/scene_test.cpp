@@ -142,7 +142,6 @@ TEST(Scene, RefusesWhatItDoesNotKnowWithTheLine) {
 TEST(Scene, RefusesValuesOutOfRange) {
     EXPECT_THAT(refusal("[solver]\nstep = -0.01\n"), HasSubstr("solver.step"));
     EXPECT_THAT(refusal("[model]\nmass = nan\n"), HasSubstr("model.mass"));
-    EXPECT_THAT(refusal("[proxy]\nreach = 0.04\n"), HasSubstr("proxy.radius"));
     // Removed keys name what replaces them, or why nothing does.
     EXPECT_THAT(refusal("[coupling]\nshare = \"series\"\n"), HasSubstr("tool.material.rigid"));
     EXPECT_THAT(refusal("[coupling]\ntied_mass = 0.1\n"), HasSubstr("coupling.tied_mass: was removed: the damping"));

@@ -75,7 +75,7 @@ TEST(ToolProxies, RejectsInvalidToolsWithAReason) {
     };
     EXPECT_THAT(refusal(ToolModel{}), HasSubstr("has 0 particles"));
     EXPECT_THAT(refusal(test::square_of_spheres(9, 0.1, kRadius)), HasSubstr("has 81 particles"));
-    EXPECT_THAT(refusal(test::loose_spheres({Vec3(0.0)}, 0.005)), HasSubstr("proxy.reach"));
+    EXPECT_THAT(refusal(test::loose_spheres({Vec3(0.0)}, 0.0)), HasSubstr("must be positive"));
     ToolModel model = test::loose_spheres({Vec3(0.0), Vec3(1.0)}, kRadius);
     model.radius.pop_back();
     EXPECT_THAT(refusal(model), HasSubstr("1 radii"));

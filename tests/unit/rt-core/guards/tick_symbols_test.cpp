@@ -32,7 +32,7 @@ std::set<std::string> read_allowed(const std::string& file) {
 }
 
 std::vector<std::string> archives() {
-    return {RT_CORE_ARCHIVE, RENDERING_ARCHIVE, FIRMWARE_HOST_ARCHIVE, SHARED_ARCHIVE};
+    return {RT_CORE_ARCHIVE, RENDERING_ARCHIVE, FIRMWARE_HOST_ARCHIVE, RING_ARCHIVE, SHARED_ARCHIVE};
 }
 
 const CallGraph& tick_graph() {

@@ -5,10 +5,12 @@
 
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <stdexcept>
 #include <string>
 
 #include "measure/measure_report.hpp"
+#include "measure/svg_plot.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -52,6 +54,17 @@ TEST(MeasurePage, DrawsEachDistributionWithValues) {
     EXPECT_EQ(times(page, "<svg "), times(page, "</svg>"));
     EXPECT_THAT(page, Not(AllOf(HasSubstr("nan"), HasSubstr("inf"))));
     EXPECT_THAT(page, Not(HasSubstr("<script")));
+}
+
+TEST(SvgPlot, KeepsALabelAtTheEdgeOfTheAxisWithinThePicture) {
+    SvgPlot plot({1.0, 10.0}, {1.0, 10.0}, "x", "y");
+    plot.set_x_ticks({{10.0, "99.99 %"}});
+    const std::string svg = plot.svg("title");
+    std::smatch found;
+    const std::regex label(R"svg(<text x="([0-9.]+)"[^>]*>99\.99 %)svg");
+    ASSERT_TRUE(std::regex_search(svg, found, label));
+    // The picture is 720 wide; at its 12 px a character of the page's font is at most 7 wide.
+    EXPECT_LE(std::stod(found[1]) + 7.0 * 7 / 2.0, 720.0);
 }
 
 TEST(MeasurePage, DrawsOneBarPerDistinctValue) {

@@ -153,12 +153,26 @@ TEST_F(RecordingTest, CanBeTheHandOfAnotherRun) {
     }
 }
 
-TEST_F(RecordingTest, LeavesNoFileWhenItIsNotClosed) {
-    Recorder recorder(4);
-    {
-        const RecordFile record(file, recorder);
-    }
-    EXPECT_TRUE(std::filesystem::is_empty(folder));
+TEST_F(RecordingTest, LeavesTheTicksOfARunThatNeverClosesIt) {
+    test::TickRig rig;
+    Recorder recorder(4096);
+    RecordFile record(file, recorder);
+    rig.tick.record_to(&recorder);
+    rig.run_up();
+    record.drain();
+    EXPECT_EQ(CsvTable::load(file).column("tick").back(), static_cast<double>(rig.tick.last().number));
+}
+
+TEST_F(RecordingTest, ThatDoesNotFitEndsAndReportsItAtTheEnd) {
+    test::TickRig rig;
+    Recorder recorder(4096);
+    RecordFile record("/dev/full", recorder);
+    rig.tick.record_to(&recorder);
+    rig.run_up();
+    record.drain();
+    record.drain();
+    EXPECT_EQ(recorder.dropped(), 0u);
+    EXPECT_THROW(record.close(), std::runtime_error);
 }
 
 TEST_F(RecordingTest, ThatBeginsElsewhereIsReachedFromTheCentreInHalfASecond) {

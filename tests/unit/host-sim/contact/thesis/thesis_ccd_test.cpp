@@ -33,10 +33,6 @@ using haptic::sim::scenes::World;
 
 constexpr int kSteps = 400;  // of a search for changes of sign
 
-MovingTriangle moving(const Query& q) {
-    return {{q.start[0], q.start[1], q.start[2]}, {q.end[0], q.end[1], q.end[2]}};
-}
-
 MovingTriangle shifted(const MovingTriangle& t, const Vec3& by) {
     return {{t.start.a + by, t.start.b + by, t.start.c + by}, {t.end.a + by, t.end.b + by, t.end.c + by}};
 }

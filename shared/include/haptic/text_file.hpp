@@ -1,0 +1,13 @@
+// Text file: a result that is written as a whole, so that readers never see an incomplete one.
+#pragma once
+
+#include <filesystem>
+#include <string_view>
+
+namespace haptic {
+
+/// Writes a temporary file beside `file` and renames it; a pipe or a device (/dev/stdout) is written itself. An old
+/// file stays as it was if the new one cannot be written. Throws std::runtime_error: file and reason.
+void write_text(const std::filesystem::path& file, std::string_view text);
+
+}  // namespace haptic
