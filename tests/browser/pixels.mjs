@@ -99,3 +99,8 @@ export function hue(red, green, blue) {
     max === red ? (green - blue) / chroma : max === green ? 2 + (blue - red) / chroma : 4 + (red - green) / chroma;
   return (60 * sixth + 360) % 360;
 }
+
+const firstBodyHue = 203; // degrees, of 0x3d7ea6 in host-sim/page/src/bodies.ts
+
+/** Whether a pixel has the colour of the scene's first body. */
+export const ofFirstBody = (r, g, b) => Math.abs((hue(r, g, b) ?? 999) - firstBodyHue) < 20;

@@ -1,7 +1,7 @@
 // Mouse and keyboard control of the hand.
 import assert from "node:assert/strict";
 
-import { openView, seen, until } from "./browser.mjs";
+import { chooseScene, openView, seen, until } from "./browser.mjs";
 import { claim } from "./claims.mjs";
 import { startRun } from "./host_sim.mjs";
 import { difference, pictureOf } from "./pixels.mjs";
@@ -21,9 +21,12 @@ async function take(page) {
     const at = await handOnScreen(page);
     await page.mouse.move(at.x, at.y);
     await page.mouse.down();
+    // A press that does not move is a click. The browser joins moves of one frame, so the way back comes later.
+    await page.mouse.move(at.x + 5, at.y);
     const { frames } = await seen(page);
     await until(page, (then) => haptic.handSource === "mouse" || haptic.frames > then + 15, "an answer to the mouse", frames);
     if ((await seen(page)).handSource === "mouse") {
+      await page.mouse.move(at.x, at.y);
       await resting(page);
       return at;
     }
@@ -133,4 +136,44 @@ claim("the keyboard alone moves the hand, and returns it to the script", async (
   await resting(page); // no key's move is pending any more
   await page.locator("#panel button", { hasText: "Follow the script" }).press("Enter");
   await until(page, () => haptic.handSource === "script", "the script to be the hand again");
+});
+
+claim("a chosen scene plays its script, also after the mouse has had the hand", async (browser) => {
+  const { url } = await startRun("plane-slide");
+  const page = await openView(browser, url, { panel: true, width: 900, height: 500 });
+  await take(page);
+  await page.mouse.up();
+  await chooseScene(page, "fish-hold");
+  const { hip, handSource } = await seen(page);
+  assert.equal(handSource, "script");
+  await until(page, (then) => Math.hypot(...haptic.hip.map((v, k) => v - then[k])) > 0.01, "the script to move the hand", hip);
+});
+
+claim("the slider of the hand's closing follows the script", async (browser) => {
+  const { url } = await startRun("fish-grab");
+  const page = await openView(browser, url, { panel: true });
+  const slider = page.locator("#panel label", { hasText: "Close the hand" }).locator("input");
+  const before = Number(await slider.inputValue());
+  await until(
+    page,
+    (then) => {
+      const label = [...document.querySelectorAll("#panel label")].find((one) => one.textContent.includes("Close the hand"));
+      return Math.abs(Number(label.querySelector("input").value) - then) > 0.2;
+    },
+    "the slider to move",
+    before,
+  );
+});
+
+claim("while the tool is dragged, words say how far it is from the body behind it", async (browser) => {
+  const { url } = await startRun("plane-slide");
+  const page = await openView(browser, url);
+  await take(page);
+  await until(
+    page,
+    () => /\d\s*m{1,2} (in front of|behind) \w/.test(document.getElementById("hand-mode").textContent),
+    "the distance to the plane",
+  );
+  await page.mouse.up();
+  await until(page, () => document.getElementById("hand-mode").hidden, "the end of the words");
 });

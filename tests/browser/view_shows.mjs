@@ -4,9 +4,8 @@ import assert from "node:assert/strict";
 import { assertNoComplaints, chooseScene, openView, pause, seen, until } from "./browser.mjs";
 import { claim } from "./claims.mjs";
 import { startRun } from "./host_sim.mjs";
-import { background, difference, hue, pictureOf, share } from "./pixels.mjs";
+import { background, difference, ofFirstBody, pictureOf, share } from "./pixels.mjs";
 
-const firstBodyHue = 203; // degrees, of 0x3d7ea6 in host-sim/page/src/bodies.ts
 const scenes = [
   "cloth-drop",
   "popout-fan",
@@ -20,7 +19,6 @@ const scenes = [
 ];
 
 const unlike = ([red, green, blue]) => (r, g, b) => Math.max(Math.abs(r - red), Math.abs(g - green), Math.abs(b - blue)) > 24;
-const ofFirstBody = (r, g, b) => Math.abs((hue(r, g, b) ?? 999) - firstBodyHue) < 20;
 
 claim("each built-in scene is drawn, its first body in that body's colour, and the console reports no error", async (browser) => {
   const { url } = await startRun(scenes[0]);

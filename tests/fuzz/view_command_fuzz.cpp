@@ -28,9 +28,9 @@ SceneDescription description() {
     SceneDescription scene;
     scene.scenes = {"small", "other"};
     scene.length = 10.0;
-    scene.parameters = {{"coupling.stiffness", "", "", 0.0, 100.0, false, true, {}},
-                        {"solver.iterations", "", "", 1.0, 20.0, true, false, {}},
-                        {"contact.method", "", "", 0.0, 0.0, true, false, {"complete", "thesis"}}};
+    scene.parameters = {{"coupling.stiffness", "", "", 0.0, 100.0, false, true, {}, ""},
+                        {"solver.iterations", "", "", 1.0, 20.0, true, false, {}, ""},
+                        {"contact.method", "", "", 0.0, 0.0, true, false, {"complete", "thesis"}, ""}};
     return scene;
 }
 

@@ -11,6 +11,11 @@ export interface Actions {
   /** Moves the camera to show the whole scene, or the tool. */
   frameAll(): void;
   frameTool(): void;
+  /** Saves the picture; starts a video, or ends and saves it. */
+  savePicture(): void;
+  toggleVideo(): void;
+  /** Clears the selection. */
+  clearPick(): void;
   /** Rotates the camera around its target, rad; or shifts it by fractions of the view's height. */
   orbit(about: number, up: number): void;
   pan(right: number, up: number): void;

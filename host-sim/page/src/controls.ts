@@ -5,6 +5,8 @@ import { byId, setText } from "./dom.ts";
 import { createHelp } from "./help.ts";
 import { listenToKeys } from "./keyboard.ts";
 import { createPanel } from "./panel.ts";
+import { PickedCard } from "./picked.ts";
+import type { Readout } from "./picker.ts";
 import { Plots } from "./plots.ts";
 import type { DeviceMessage, Frame, RecordMessage, RefusedMessage, Samples, SceneMessage } from "./protocol.ts";
 import { type ArrowScales, Status } from "./status.ts";
@@ -22,6 +24,12 @@ export interface Controls {
   showDevice(device: DeviceMessage): void;
   showRefused(refused: RefusedMessage): void;
   showRecord(record: RecordMessage): void;
+  /** Values of what is selected; null: nothing is. */
+  showPicked(readout: Readout | null): void;
+  /** Words about the hand that is being dragged; empty: it is not. */
+  showHint(words: string): void;
+  /** Whether a video is being recorded. */
+  showVideo(on: boolean): void;
 }
 
 /** Fills the elements of index.html. */
@@ -43,14 +51,21 @@ export function createControls(actions: Actions): Controls {
   const togglePlots = foldable("toggle-plots", !small, (on) => plots.show(on));
   const openHelp = (): void => help.showModal();
   byId("open-help").addEventListener("click", openHelp);
+  const picked = new PickedCard(byId("picked"), () => actions.clearPick());
   const handMode = byId("hand-mode");
+  let handKeys = "";
+  let hint = "";
+  const writeHandMode = (): void => {
+    handMode.hidden = handKeys === "" && hint === "";
+    setText(handMode, hint || handKeys);
+  };
   listenToKeys(actions, panel, {
     togglePanel,
     togglePlots,
     help: openHelp,
     showHandMode: (on) => {
-      handMode.hidden = !on;
-      setText(handMode, on ? "Arrow keys move the hand, Page Up and Page Down change its depth; Esc ends." : "");
+      handKeys = on ? "Arrow keys move the hand, Page Up and Page Down change its depth; Esc ends." : "";
+      writeHandMode();
     },
   });
   // Pass each message to the parts that show it.
@@ -71,6 +86,12 @@ export function createControls(actions: Actions): Controls {
     showDevice: (device) => plots.showDevice(device),
     showRefused: (refused) => status.showRefused(refused),
     showRecord: (record) => panel.showRecord(record),
+    showPicked: (readout) => picked.show(readout),
+    showHint: (words) => {
+      hint = words;
+      writeHandMode();
+    },
+    showVideo: (on) => panel.showVideo(on),
   };
 }
 

@@ -6,6 +6,7 @@ import type { Hand } from "./protocol.ts";
 import type { Viewport } from "./viewport.ts";
 
 const grabRadius = 28; // pixels: a press this near to the hand grabs it
+const clickReach = 4; // pixels: a press that moves less is a click, and selects
 const sendInterval = 16; // ms between two poses that are sent
 const depthPerWheel = 0.0004; // fraction of the view's height per pixel of wheel motion
 const rotationPerPixel = 0.01; // rad
@@ -17,6 +18,7 @@ export class MouseHand {
   private curl: number | null = null;
   private lastHand: Hand | null = null;
   private pointer: number | null = null;
+  private pressed: { pointer: number; x: number; y: number } | null = null; // near the hand, and not yet moved
   private last = { x: 0, y: 0 };
   private sentAt = 0; // ms
   private pendingSend: number | null = null; // timer of a delayed send
@@ -123,19 +125,32 @@ export class MouseHand {
     });
   }
 
+  /** A press near the hand grabs it with its first move; without a move it is a click. */
   private press(event: PointerEvent): void {
-    if (event.button !== 0 || this.pointer !== null || !this.canMove() || !this.isNear(event) || !this.grab()) {
+    if (event.button !== 0 || this.pointer !== null || !this.canMove() || !this.isNear(event)) {
       return;
     }
     event.stopImmediatePropagation();
     this.canvas.setPointerCapture(event.pointerId);
+    this.pressed = { pointer: event.pointerId, x: event.clientX, y: event.clientY };
+  }
+
+  private begin(event: PointerEvent): void {
+    const { x, y } = this.pressed!;
+    if (Math.hypot(event.clientX - x, event.clientY - y) < clickReach || !this.grab()) {
+      return;
+    }
+    this.pressed = null;
     this.canvas.classList.add("holding");
     this.pointer = event.pointerId;
-    this.last = { x: event.clientX, y: event.clientY };
-    this.sendPose();
+    this.last = { x, y };
   }
 
   private move(event: PointerEvent): void {
+    if (event.pointerId === this.pressed?.pointer) {
+      event.stopImmediatePropagation();
+      this.begin(event);
+    }
     if (event.pointerId !== this.pointer) {
       if (this.pointer === null && event.buttons === 0) {
         this.canvas.classList.toggle("graspable", this.canMove() && this.isNear(event));
@@ -154,6 +169,7 @@ export class MouseHand {
   }
 
   private release(event: PointerEvent): void {
+    this.pressed = null;
     if (event.pointerId !== this.pointer) {
       return;
     }

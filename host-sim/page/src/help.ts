@@ -10,6 +10,7 @@ const keys: [string, string][] = [
   ["← → ↑ ↓", "rotate the view; with Shift move it"],
   ["+ −", "nearer, farther"],
   ["H", "move the hand with the arrow keys, Page Up away, Page Down nearer; with Shift rotate it; Esc ends"],
+  ["S, V", "save a picture; start a video, end and save it"],
   ["C, P", "show or hide controls, plots"],
   ["?", "this list"],
 ];
@@ -19,6 +20,8 @@ const mouse: [string, string][] = [
   ["Right drag, Shift drag", "move the view"],
   ["Wheel", "nearer, farther"],
   ["Drag the tool", "move the hand; while dragging, the wheel moves it away or nearer, Shift rotates it"],
+  ["Click", "values of a body, a particle or the tool; Esc ends"],
+  ["Drag in a plot, wheel", "zoom into a time; a double click follows the run again"],
 ];
 
 /** Fills the dialog. */

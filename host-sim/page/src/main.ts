@@ -4,23 +4,43 @@ import { Vector3 } from "three";
 import type { Actions } from "./actions.ts";
 import { Connection, type Listener } from "./connection.ts";
 import { createControls } from "./controls.ts";
+import { byId } from "./dom.ts";
+import { freeArea } from "./free_area.ts";
 import { MouseHand } from "./hand.ts";
 import { Picture } from "./picture.ts";
 import type { Frame, Geometry, SceneMessage } from "./protocol.ts";
 import { recordFrame, initialPageState } from "./page_state.ts";
+import { listenToClicks } from "./clicks.ts";
+import { Saver } from "./save.ts";
+import { lengthText } from "./scale_marks.ts";
+
+const covers = ["panel", "toggles"]; // may lie over the picture
 
 class Page {
   private readonly pageState = initialPageState();
   private readonly picture: Picture;
   private readonly connection: Connection;
   private readonly hand: MouseHand;
+  private readonly saver: Saver;
   private readonly controls: ReturnType<typeof createControls>;
   private scene: SceneMessage | null = null;
   private radius = 0.01; // m, of the first proxy
 
   constructor(canvas: HTMLCanvasElement) {
     window.haptic = this.pageState;
-    this.picture = new Picture(canvas);
+    const marks = byId("marks") as HTMLCanvasElement;
+    const boxOf = (id: string): DOMRect => byId(id).getBoundingClientRect();
+    this.picture = new Picture(canvas, marks, () =>
+      freeArea(canvas.getBoundingClientRect(), boxOf("status"), covers.map(boxOf)),
+    );
+    this.saver = new Saver(
+      this.picture.viewport,
+      () => `${this.pageState.scene}-${this.pageState.time.toFixed(2)}s`,
+      (on) => {
+        this.pageState.video = on;
+        this.controls.showVideo(on);
+      },
+    );
     this.connection = new Connection(`ws://${location.host}/stream`, this.listener());
     this.hand = new MouseHand(
       this.picture.viewport,
@@ -31,6 +51,12 @@ class Page {
     );
     const actions = this.actions();
     this.controls = createControls(actions);
+    listenToClicks(canvas, (x, y) => {
+      this.picture.pick(x, y);
+      this.showPicked();
+    });
+    const area = new ResizeObserver(() => this.picture.viewport.updateArea());
+    ["status", ...covers].forEach((id) => area.observe(byId(id)));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => actions.updateColours());
     this.draw();
     this.connection.open();
@@ -59,6 +85,18 @@ class Page {
       option: (option) => picture.options[option],
       frameAll: () => picture.frameView(true, false),
       frameTool: () => picture.frameView(false, false),
+      savePicture: () => this.saver.savePicture(),
+      toggleVideo: () => {
+        try {
+          this.saver.toggleVideo();
+        } catch (error) {
+          this.controls.showRefused({ type: "refused", command: "video", why: (error as Error).message });
+        }
+      },
+      clearPick: () => {
+        picture.clearPick();
+        this.showPicked();
+      },
       orbit: (about, up) => viewport.orbit(about, up),
       pan: (right, up) => viewport.pan(right, up),
       zoom: (factor) => viewport.zoom(factor),
@@ -100,6 +138,25 @@ class Page {
     this.pageState.parameters = {};
     document.title = `${scene.name} - host-sim`;
     this.controls.showScene(scene);
+    this.showPicked();
+  }
+
+  private showPicked(): void {
+    const readout = this.picture.readout();
+    this.pageState.picked = readout?.title ?? "";
+    this.controls.showPicked(readout);
+  }
+
+  /** While the tool is dragged: how far it is in front of the body behind it. */
+  private depthHint(): string {
+    const behind = this.hand.holding ? this.picture.bodyBehindTool() : null;
+    if (!this.hand.holding) {
+      return "";
+    }
+    const place = behind
+      ? `${lengthText(Math.abs(behind.away))} ${behind.away >= 0 ? "in front of" : "behind"} ${behind.name}`
+      : "no body is behind the tool";
+    return `${place}: the wheel moves the tool away or nearer`;
   }
 
   private showFrame(frame: Frame): void {
@@ -114,13 +171,21 @@ class Page {
     this.radius = frame.proxies?.radii[0] ?? this.radius;
     this.picture.update(frame);
     this.pageState.arrow = this.picture.scales().force > 0;
+    this.pageState.pressure = this.picture.scales().pressure;
     this.controls.showFrame(frame, this.picture.scales());
+    this.showPicked();
+    this.controls.showHint(this.depthHint());
   }
 
   private draw(): void {
     requestAnimationFrame(() => this.draw());
+    if (this.saver.recording) {
+      this.picture.viewport.invalidate();
+    }
     if (this.picture.draw(this.hand.holding)) {
       this.pageState.pictures += 1;
+      this.pageState.scaleBar = this.picture.viewport.bar;
+      this.saver.addFrame();
     }
     // No pose is known before the first frame.
     if (this.pageState.frames === 0) {
@@ -128,6 +193,7 @@ class Page {
     }
     const { viewport } = this.picture;
     this.pageState.hipOnScreen = viewport.toScreen(new Vector3(...this.pageState.hip));
+    this.pageState.camera = viewport.camera.position.toArray();
     this.pageState.toolOnScreen = viewport.toScreen(new Vector3(...this.pageState.tool));
   }
 }

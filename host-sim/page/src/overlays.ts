@@ -131,6 +131,11 @@ export class Overlays {
     }
   }
 
+  /** m, of a particle, from the last frame that included it. */
+  positionOf(index: number): Vector3 {
+    return new Vector3().fromArray(this.positions, 3 * index);
+  }
+
   show(options: ViewOptions): void {
     this.points.visible = options.particles;
     this.ellipsoids.visible = options.ellipsoids;

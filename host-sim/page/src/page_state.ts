@@ -23,6 +23,11 @@ export interface PageState {
   viewers: number;
   parameters: Record<string, number>;
   arrow: boolean; // a force arrow is drawn
+  camera: Triple; // m, scene
+  scaleBar: number; // m, length of the scale bar
+  picked: string; // title of what is selected
+  video: boolean; // a video is being recorded
+  pressure: number; // Pa, of the last colour; 0: none is shown
   refused: string; // reason of the last refusal
 }
 
@@ -54,6 +59,11 @@ export function initialPageState(): PageState {
     viewers: 0,
     parameters: {},
     arrow: false,
+    camera: [0, 0, 0],
+    scaleBar: 0,
+    picked: "",
+    video: false,
+    pressure: 0,
     refused: "",
   };
 }

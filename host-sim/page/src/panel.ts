@@ -16,6 +16,7 @@ export interface Panel {
   showScene(scene: SceneMessage): void;
   showFrame(frame: Frame): void;
   showRecord(record: RecordMessage): void;
+  showVideo(on: boolean): void;
   /** The actions of the buttons, for the keyboard. */
   togglePause(): void;
   step(): void;
@@ -44,7 +45,12 @@ class SidePanel implements Panel {
   private readonly pause = button("Pause", () => this.togglePause());
   private readonly stepButton = button("Step", () => this.step());
   private readonly resetButton = button("Reset", () => this.reset());
-  private readonly record = button("Record", () => this.actions.send({ type: "record", on: !this.recording }));
+  private readonly record = button("Record", () => this.actions.send({ type: "record", on: !this.recording }), {
+    title: "Record every step as CSV, which host-sim can play back",
+  });
+  private readonly video = button("Video", () => this.actions.toggleVideo(), {
+    title: "Start a video of the picture; press again to end and save it (key V)",
+  });
   private readonly records = element("ul", { class: "records" });
   private readonly handHint = element("p", { class: "quiet" }, mouseHint);
   private readonly curl = element("input", { type: "range", min: 0, max: 1, step: 0.01 });
@@ -76,7 +82,9 @@ class SidePanel implements Panel {
     const fieldset = element("fieldset", { class: "bare" });
     fieldset.append(this.sceneRow, this.description, this.readOnly, this.runPart, this.handPart, this.parameterPart);
     this.controls = fieldset;
-    root.append(fieldset, this.makeDrawnPart(), part("Appearance", theme));
+    const picture = button("Picture", () => actions.savePicture(), { title: "Save the picture as PNG (key S)" });
+    const savePart = part("Save", element("div", { class: "buttons" }, picture, this.video));
+    root.append(fieldset, this.makeDrawnPart(), savePart, part("Appearance", theme));
     this.scenes.addEventListener("change", () => this.actions.send({ type: "scene", name: this.scenes.value }));
     this.write = throttle(updateInterval, (frame: Frame) => this.writeFrame(frame));
   }
@@ -119,6 +127,12 @@ class SidePanel implements Panel {
     // The address does not change, only its content: just the newest recording is available.
     const link = element("a", { href: record.url, download: "record.csv" }, `Save ${record.steps} steps as CSV`);
     this.records.replaceChildren(element("li", {}, link));
+  }
+
+  showVideo(on: boolean): void {
+    setText(this.video, on ? "End the video" : "Video");
+    this.video.setAttribute("aria-pressed", String(on));
+    this.video.classList.toggle("recording", on);
   }
 
   togglePause(): void {
@@ -179,9 +193,9 @@ class SidePanel implements Panel {
 
   private makeDrawnPart(): HTMLElement {
     const boxes = element("div", { class: "checks" });
-    for (const { option, label, key } of optionLabels) {
+    for (const { option, label, key, meaning } of optionLabels) {
       const box = checkbox(label, this.actions.option(option), (on) => this.actions.setOption(option, on));
-      box.title = `Key ${key}`;
+      box.title = `${meaning} (key ${key.toUpperCase()})`;
       this.boxes.set(option, box.querySelector("input")!);
       boxes.append(box);
     }

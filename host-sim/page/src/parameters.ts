@@ -42,7 +42,7 @@ export class Parameters {
       changed = performance.now();
       this.actions.send({ type: "set", key: parameter.key, value: Number(select.value) });
     });
-    this.root.append(element("label", { class: "row" }, parameter.label, select));
+    this.root.append(element("label", { class: "row", title: parameter.meaning }, parameter.label, select));
     return (value) => {
       if (performance.now() - changed > echoDelay) {
         select.value = String(Math.round(value));
@@ -53,7 +53,7 @@ export class Parameters {
   private addSlider(parameter: Parameter): ShowValue {
     // Label, number field and slider of the parameter.
     const id = `parameter-${parameter.key.replace(/\W/g, "-")}`;
-    const label = element("label", { for: id }, parameter.label);
+    const label = element("label", { for: id, title: parameter.meaning }, parameter.label);
     const { least, most, unit } = parameter;
     const field = element("input", { id, type: "number", min: least, max: most, step: parameter.whole ? 1 : "any" });
     const slider = element("input", { type: "range", min: 0, max: 1, step: "any", "aria-label": parameter.label });

@@ -1,11 +1,14 @@
 // 3D picture of the current scene: what is drawn, and from where.
-import { Box3, Vector3 } from "three";
+import { Box3, Ray, Vector3 } from "three";
 
 import { Bodies } from "./bodies.ts";
 import { colourOf } from "./colours.ts";
+import { down, DropLine } from "./drop_line.ts";
 import { defaultOptions, type ViewOptions } from "./options.ts";
 import { Overlays } from "./overlays.ts";
+import { Picker, type Readout } from "./picker.ts";
 import type { Frame, Geometry, SceneMessage } from "./protocol.ts";
+import type { Area } from "./free_area.ts";
 import { Viewport } from "./viewport.ts";
 import { Tool } from "./tool.ts";
 
@@ -19,9 +22,17 @@ function longestEdge(box: Box3): number {
 
 /** Objects of the current scene. */
 interface SceneObjects {
+  scene: SceneMessage;
+  geometry: Geometry;
   bodies: Bodies;
   tool: Tool;
   overlays: Overlays;
+}
+
+/** A body on the line of sight through the tool. */
+export interface BodyBehind {
+  name: string;
+  away: number; // m, from the tool; positive: the tool is in front of it, negative: behind it
 }
 
 export class Picture {
@@ -32,22 +43,30 @@ export class Picture {
   private hasFramedView = false;
   private last: Frame | null = null;
   private toolPosition = new Vector3();
+  private readonly dropLine = new DropLine();
+  private readonly picker: Picker;
 
-  /** Throws where the browser has no WebGL. */
-  constructor(canvas: HTMLCanvasElement) {
-    this.viewport = new Viewport(canvas);
+  /** `marks`: a canvas over the first, for axes and scale bar. Throws where the browser has no WebGL. */
+  constructor(canvas: HTMLCanvasElement, marks: HTMLCanvasElement, measureArea: () => Area) {
+    this.viewport = new Viewport(canvas, marks, measureArea);
+    this.picker = new Picker(this.viewport);
+    this.viewport.scene.add(this.dropLine.group);
   }
 
   /** Replaces the scene. The camera keeps its place if the scene has the same name as before. */
   setScene(scene: SceneMessage, geometry: Geometry): void {
     if (this.objects) {
-      Object.values(this.objects).forEach((object: Bodies | Tool | Overlays) => object.dispose());
+      const { bodies, tool, overlays } = this.objects;
+      [bodies, tool, overlays].forEach((object) => object.dispose());
     }
+    this.picker.clear();
     // Frame the view again only for another scene.
     this.hasFramedView = this.hasFramedView && scene.name === this.name;
     this.name = scene.name;
     this.last = null;
     this.objects = {
+      scene,
+      geometry,
       bodies: new Bodies(scene, geometry),
       tool: new Tool(scene, geometry),
       overlays: new Overlays(scene, geometry),
@@ -65,9 +84,10 @@ export class Picture {
     if (frame.hand) {
       this.toolPosition.set(...frame.hand.tool);
     }
-    this.objects.bodies.update(frame);
+    this.objects.bodies.update(frame, this.options.pressure);
     this.objects.overlays.update(frame);
     this.objects.tool.update(frame, this.options, this.viewport.viewHeightAt(this.toolPosition));
+    this.updateDropLine();
     if (!this.hasFramedView) {
       this.hasFramedView = true;
       this.frameView(false, true);
@@ -83,6 +103,45 @@ export class Picture {
     return this.viewport.draw();
   }
 
+  /** Selects what is at a point of the canvas, CSS pixels. */
+  pick(x: number, y: number): void {
+    if (this.objects) {
+      this.picker.pick(x, y, this.objects, this.needsParticles());
+      this.viewport.invalidate();
+    }
+  }
+  clearPick(): void {
+    this.picker.clear();
+    this.viewport.invalidate();
+  }
+
+  /** Values of what is selected; null: nothing is. */
+  readout(): Readout | null {
+    return this.objects && this.last ? this.picker.update(this.last, this.objects) : null;
+  }
+
+  /** The nearest body behind the tool as seen by the viewer, otherwise in front of it; null: neither. */
+  bodyBehindTool(): BodyBehind | null {
+    if (!this.objects) {
+      return null;
+    }
+    const eye = this.viewport.camera.position;
+    const ray = new Ray(eye, this.toolPosition.clone().sub(eye).normalize());
+    const depth = this.toolPosition.distanceTo(eye);
+    const { bodies, scene } = this.objects;
+    const found = bodies.hit(ray, depth) ?? bodies.hit(ray);
+    return found ? { name: scene.bodies[found.body]!.name, away: found.distance - depth } : null;
+  }
+
+  private updateDropLine(): void {
+    const { objects, options } = this;
+    this.dropLine.group.visible = false;
+    if (objects && this.last && options.dropLine) {
+      const below = objects.bodies.hit(new Ray(this.toolPosition, down));
+      this.dropLine.update(this.toolPosition, objects.tool.footprint(), below, this.viewport.groundLevel);
+    }
+  }
+
   setOption(option: keyof ViewOptions, on: boolean): void {
     this.options[option] = on;
     this.show();
@@ -93,13 +152,15 @@ export class Picture {
     return Overlays.wanted(this.options);
   }
 
-  /** Scales of the arrows, m per unit; 0: none is drawn. */
-  scales(): { force: number; torque: number } {
-    return this.objects?.tool.scales() ?? { force: 0, torque: 0 };
+  /** Scales of the arrows, m per unit, and the pressure of the last colour, Pa; 0: none is drawn. */
+  scales(): { force: number; torque: number; pressure: number } {
+    const { tool, bodies } = this.objects ?? {};
+    return { force: 0, torque: 0, ...tool?.scales(), pressure: bodies?.pressureTop() ?? 0 };
   }
 
   updateColours(): void {
     this.viewport.updateColours();
+    this.dropLine.updateColours();
     this.objects?.tool.updateColours();
     this.objects?.overlays.updateColours();
     this.show();
@@ -138,7 +199,9 @@ export class Picture {
     if (this.last) {
       objects?.tool.update({ ...this.last, toolSurface: null }, options, this.viewport.viewHeightAt(this.toolPosition));
       objects?.overlays.update(this.last);
+      objects?.bodies.update({ ...this.last, surfaces: new Map() }, options.pressure);
     }
+    this.updateDropLine();
     this.viewport.invalidate();
   }
 }

@@ -1,14 +1,16 @@
 // Plot strip: force at the hand, times of host-sim's steps, and timing of rt-core.
-import { element, setText } from "./dom.ts";
+import { button, element, setText } from "./dom.ts";
 import { colourOf } from "./colours.ts";
 import { isConnectedDevice, deviceText } from "./device_text.ts";
-import { AgePlot, FeelPlot, PeriodPlot, type StripPlot, StagePlot } from "./strip_plots.ts";
+import { saveFile } from "./save.ts";
+import { AgePlot, FeelPlot, PeriodPlot, type StripPlot, StagePlot, type TimeWindow } from "./strip_plots.ts";
 import { type DeviceMessage, sampleColumns, type Samples, type SceneMessage } from "./protocol.ts";
-import { History } from "./series.ts";
+import { History, toCsv } from "./series.ts";
 
 const redrawInterval = 70; // ms
 const sampleCapacity = 1 << 14; // samples: 16 s at 1 kHz, 8 s at 2 kHz
 const ageCapacity = 600; // two minutes
+const csvNames = ["time_s", "force_N", "torque_Nm", "depth_m", ...sampleColumns.slice(3).map((name) => `${name}_us`)];
 
 /** Fills `root`. */
 export class Plots {
@@ -20,14 +22,24 @@ export class Plots {
   private readonly age: AgePlot;
   private readonly device = element("p", { class: "device", role: "status" }, "No rt-core: no device moves the hand.");
   private readonly devicePlots = element("div", { class: "device-plots", hidden: true });
+  private readonly live = button("Live", () => this.zoom(null), {
+    hidden: true,
+    title: "Follow the run again (double click)",
+  });
+  private readonly csv = button("CSV", () => this.saveCsv(), {
+    title: "Save the samples of the shown time, or all that are kept while the plot follows the run",
+  });
+  private shownTime: TimeWindow | null = null;
+  private scene = "";
   private lastDevice: DeviceMessage | null = null;
   private drawn = -Infinity;
   private stale = true;
   private shown = true;
 
   constructor(private readonly root: HTMLElement) {
-    this.feel = new FeelPlot(this.samples);
-    this.stages = new StagePlot(this.samples, () => this.invalidate());
+    const zoom = (shown: TimeWindow | null): void => this.zoom(shown);
+    this.feel = new FeelPlot(this.samples, zoom, element("span", { class: "buttons" }, this.live, this.csv));
+    this.stages = new StagePlot(this.samples, zoom, () => this.invalidate());
     this.period = new PeriodPlot();
     this.age = new AgePlot(this.ages);
     this.devicePlots.append(this.period.root, this.age.root);
@@ -50,9 +62,25 @@ export class Plots {
     requestAnimationFrame(frame);
   }
 
-  showScene(_scene: SceneMessage): void {
+  showScene(scene: SceneMessage): void {
+    this.scene = scene.name;
     this.samples.clear();
+    this.zoom(null);
+  }
+
+  /** Both plots of samples show the same time. */
+  private zoom(shown: TimeWindow | null): void {
+    this.shownTime = shown;
+    this.live.hidden = shown === null;
+    this.feel.setWindow(shown);
+    this.stages.setWindow(shown);
     this.invalidate();
+  }
+
+  private saveCsv(): void {
+    const { from, to } = this.shownTime ?? { from: -Infinity, to: Infinity };
+    const csv = toCsv(this.samples, csvNames, from, to);
+    saveFile(new Blob([csv], { type: "text/csv" }), `${this.scene}-samples.csv`);
   }
 
   showSamples(samples: Samples): void {

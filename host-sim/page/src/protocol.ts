@@ -17,6 +17,7 @@ export interface Parameter {
   whole: boolean;
   logarithmic: boolean;
   choices: string[];
+  meaning: string;
 }
 
 export interface SceneMessage {
@@ -32,6 +33,7 @@ export interface SceneMessage {
   step: number;
   closes: boolean;
   force_scale: number;
+  mask_radius: number; // m
   ground: number | null;
   version: string;
   bodies: BodyInfo[];
@@ -114,6 +116,13 @@ export interface Plane {
   touches: boolean;
 }
 
+/** A contact that presses on a body. */
+export interface ContactForce {
+  point: Triple; // m, of the surface
+  force: number; // N
+  body: number;
+}
+
 export type Triple = [number, number, number];
 export type Quadruple = [number, number, number, number]; // x, y, z, w
 
@@ -153,6 +162,7 @@ export interface Frame {
   particles: Map<number, Particles>;
   proxies: Proxies | null;
   planes: Plane[] | null; // null: not subscribed
+  contacts: ContactForce[];
   hand: Hand | null;
   parameters: Float32Array | null;
 }
@@ -322,6 +332,14 @@ function readPlanes(buffer: ArrayBuffer, offset: number, count: number): Plane[]
   });
 }
 
+function readContacts(buffer: ArrayBuffer, offset: number, count: number): ContactForce[] {
+  const view = new DataView(buffer, offset);
+  return Array.from({ length: count }, (_, i) => {
+    const f32 = (k: number): number => view.getFloat32(20 * i + 4 * k, true);
+    return { point: [f32(0), f32(1), f32(2)], force: f32(3), body: view.getUint32(20 * i + 16, true) };
+  });
+}
+
 function readHand(numbers: Float32Array): Hand {
   const triple = (at: number): Triple => [numbers[at]!, numbers[at + 1]!, numbers[at + 2]!];
   const quadruple = (at: number): Quadruple => [numbers[at + 1]!, numbers[at + 2]!, numbers[at + 3]!, numbers[at]!];
@@ -367,6 +385,7 @@ export function readFrame(buffer: ArrayBuffer): Frame {
     particles: new Map(),
     proxies: null,
     planes: null,
+    contacts: [],
     hand: null,
     parameters: null,
   };
@@ -398,6 +417,9 @@ export function readFrame(buffer: ArrayBuffer): Frame {
         break;
       case 7:
         frame.parameters = new Float32Array(buffer, offset, count);
+        break;
+      case 8:
+        frame.contacts = readContacts(buffer, offset, count);
         break;
       default: // of a later host-sim
     }

@@ -145,3 +145,14 @@ function extremes(history: History, column: number, begin: number, end: number):
   }
   return minAt <= maxAt ? [min, max] : [max, min];
 }
+
+/** The rows from `from` to `to` as CSV, with a header line; a gap leaves its fields empty. */
+export function toCsv(history: History, names: string[], from: number, to: number): string {
+  const lines = [names.join(",")];
+  const end = history.indexOf(to + 1e-9);
+  for (let i = history.indexOf(from); i < end; ++i) {
+    const fields = Array.from({ length: history.columns }, (_, k) => history.value(i, k));
+    lines.push([history.time(i), ...fields].map((value) => (Number.isNaN(value) ? "" : String(value))).join(","));
+  }
+  return `${lines.join("\n")}\n`;
+}

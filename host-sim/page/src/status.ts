@@ -16,10 +16,14 @@ const handText: Record<(typeof handSources)[number], string> = {
   still: "the hand does not move",
 };
 
-/** Lengths of the arrows: m per newton and per newton metre; 0 where none is drawn. */
+/** Pa; where no vertex is near a contact, less than this is left, and no colour is seen. */
+const leastPressure = 0.01;
+
+/** Lengths of the arrows, m per newton and per newton metre, and the pressure of the last colour, Pa; 0: not drawn. */
 export interface ArrowScales {
   force: number;
   torque: number;
+  pressure: number;
 }
 
 export class Status {
@@ -110,9 +114,11 @@ export class Status {
     if (hand) {
       words.push(this.mode === "play" ? "recording" : handText[hand.source]);
       if (hand.lateSteps > 0) {
-        words.push(`${formatNumber(hand.lateSteps, 6)} late ${hand.lateSteps === 1 ? "step" : "steps"}`);
+        words.push(`${formatNumber(hand.lateSteps, 6)} ${hand.lateSteps === 1 ? "step" : "steps"} behind real time`);
       }
-      words.push(`${hand.viewers} ${hand.viewers === 1 ? "viewer" : "viewers"}`);
+      if (hand.viewers > 1) {
+        words.push(`${hand.viewers} viewers`);
+      }
     }
     return words;
   }
@@ -126,6 +132,10 @@ function arrowLegend(scales: ArrowScales): string {
   }
   if (scales.torque > 0) {
     words.push(`torque arrow: 1\u00a0mN·m is ${withUnit(scales.torque, "mm", 2)}`);
+  }
+  if (scales.pressure > leastPressure) {
+    const [value, unit] = scales.pressure >= 1000 ? [scales.pressure / 1000, "kPa"] : [scales.pressure, "Pa"];
+    words.push(`colour: contact pressure, red ${withUnit(value, unit, 2)}`);
   }
   return words.join(" · ");
 }

@@ -33,6 +33,18 @@ interface Axis {
   decades?: boolean; // logarithmic, in us: ticks at powers of ten only
 }
 
+/** The time that the plots of samples show: null follows the run. */
+export interface TimeWindow {
+  from: number; // s
+  to: number;
+}
+
+/** Called when the reader zooms; null: back to following the run. */
+export type Zoom = (shown: TimeWindow | null) => void;
+
+const minWindow = 0.005; // s
+const wheelZoom = 0.0015; // per pixel of wheel motion
+
 /** A uPlot that fills its container and is rebuilt when colours change. */
 export abstract class StripPlot {
   readonly root: HTMLElement;
@@ -71,6 +83,10 @@ export abstract class StripPlot {
   protected hooks(): uPlot.Hooks.Arrays {
     return {};
   }
+  /** Whether dragging selects a time. */
+  protected zooms(): boolean {
+    return false;
+  }
 
   protected colour(name: string): string {
     return this.style?.colourOf(name) ?? "gray";
@@ -101,7 +117,11 @@ export abstract class StripPlot {
       height: Math.max(this.size.height, 1),
       legend: { show: lines.length > 1, live: false, markers },
       padding: [6, this.axes().some(({ side }) => side === 1) ? 0 : 14, 0, 0],
-      cursor: { drag: { x: false, y: false }, points: { show: false } },
+      cursor: {
+        drag: { x: this.zooms(), y: false, setScale: false },
+        points: { show: false },
+        bind: { dblclick: () => null },
+      },
       scales: this.scales(),
       hooks: this.hooks(),
       series: [{ label: this.timeLabel() }, ...lines.map((line, k) => this.seriesOf(line, hidden[k + 1] === true))],
@@ -187,31 +207,85 @@ function fromZero(minTop: number): uPlot.Range.Function {
   return (_plot, _min, max) => [0, Math.max(1.08 * (max ?? 0), minTop)];
 }
 
-/** Some columns of the samples of the last seconds. */
+/** Some columns of the samples, of the last seconds or of the time that the reader has zoomed into. */
 abstract class SamplePlot extends StripPlot {
+  private shown: TimeWindow | null = null;
+
   protected constructor(
     private readonly history: History,
     private readonly wanted: number[],
+    private readonly zoom: Zoom,
     title: string,
     ...beside: Node[]
   ) {
     super(title, ...beside);
+    this.root.addEventListener("wheel", (event) => this.onWheel(event), { passive: false });
+    this.root.addEventListener("dblclick", () => this.zoom(null));
+  }
+
+  /** null: the last seconds. */
+  setWindow(shown: TimeWindow | null): void {
+    this.shown = shown;
   }
 
   protected abstract shownAs(column: number, value: number): number;
 
+  protected override zooms(): boolean {
+    return true;
+  }
+  protected override hooks(): uPlot.Hooks.Arrays {
+    return { setSelect: [(plot) => this.onSelect(plot)] };
+  }
+
   protected fill(plot: uPlot): void {
-    // The window ends at the newest sample; decimate to the plot's width.
-    const newest = this.history.newest;
-    const to = Number.isNaN(newest) ? windowSeconds : Math.max(newest, windowSeconds);
-    const data = decimate(this.history, this.wanted, to - windowSeconds, to, this.bins());
+    // The window ends at the newest sample unless the reader has chosen one; decimate to the plot's width.
+    const { from, to } = this.window();
+    const data = decimate(this.history, this.wanted, from, to, this.bins());
     const columns = data.columns.map((column, k) =>
       column.map((value) => (value === null ? null : this.shownAs(this.wanted[k]!, value))),
     );
     plot.batch(() => {
       plot.setData([data.times, ...columns] as uPlot.AlignedData, true);
-      plot.setScale("x", { min: to - windowSeconds, max: to });
+      plot.setScale("x", { min: from, max: to });
     });
+  }
+
+  private window(): TimeWindow {
+    const newest = this.history.newest;
+    const to = Number.isNaN(newest) ? windowSeconds : Math.max(newest, windowSeconds);
+    return this.shown ?? { from: to - windowSeconds, to };
+  }
+
+  private onSelect(plot: uPlot): void {
+    const { left, width } = plot.select;
+    if (width > 3) {
+      this.choose(plot.posToVal(left, "x"), plot.posToVal(left + width, "x"));
+    }
+    plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+  }
+
+  /** The wheel zooms about the time under the cursor. */
+  private onWheel(event: WheelEvent): void {
+    const { plot } = this;
+    if (!plot || event.ctrlKey) {
+      return;
+    }
+    event.preventDefault();
+    const { from, to } = this.window();
+    const at = plot.posToVal(event.clientX - plot.over.getBoundingClientRect().left, "x");
+    const factor = Math.exp(wheelZoom * event.deltaY);
+    const middle = Math.min(Math.max(at, from), to);
+    if (to - from > windowSeconds && factor > 1) {
+      this.zoom(null);
+    } else {
+      this.choose(middle - (middle - from) * factor, middle + (to - middle) * factor);
+    }
+  }
+
+  private choose(from: number, to: number): void {
+    if (to - from >= minWindow) {
+      this.zoom({ from, to });
+    }
   }
 }
 
@@ -221,8 +295,8 @@ const firstStage = sampleColumns.indexOf("total");
 
 /** Force at the hand, and depth of the hip behind the proxy. */
 export class FeelPlot extends SamplePlot {
-  constructor(history: History) {
-    super(history, [forceColumn, depthColumn], "At the hand");
+  constructor(history: History, zoom: Zoom, ...beside: Node[]) {
+    super(history, [forceColumn, depthColumn], zoom, "At the hand", ...beside);
   }
   protected shownAs(column: number, value: number): number {
     return column === depthColumn ? 1000 * value : value;
@@ -230,7 +304,7 @@ export class FeelPlot extends SamplePlot {
   protected lines(): Line[] {
     return [
       { label: "force, N", colour: "second", fill: 0.25 },
-      { label: "proxy depth, mm", colour: "first", scale: "depth", dash: [6, 4] },
+      { label: "hand behind the surface, mm", colour: "first", scale: "depth", dash: [6, 4] },
     ];
   }
   protected axes(): Axis[] {
@@ -244,15 +318,27 @@ export class FeelPlot extends SamplePlot {
   }
 }
 
+/** Labels of the stages, by their columns. */
+const stageLabels: Partial<Record<(typeof sampleColumns)[number], string>> = {
+  total: "whole step",
+  ccd: "contact search",
+  popout: "overlap removal",
+  proxy: "contact planes",
+  tool: "tool",
+  collide: "collisions",
+  deform: "deformation",
+  skin: "surfaces",
+};
+
 /** Times of the stages of a step. */
 export class StagePlot extends SamplePlot {
   private logarithmic = true;
 
-  constructor(history: History, changed: () => void) {
+  constructor(history: History, zoom: Zoom, changed: () => void) {
     const select = element("select", { "aria-label": "Axis of the stage times" });
     select.append(element("option", {}, "logarithmic"), element("option", {}, "linear"));
     const columns = sampleColumns.slice(firstStage).map((_, k) => firstStage + k);
-    super(history, columns, "Stages of a step", select);
+    super(history, columns, zoom, "Computing time of a step", select);
     select.addEventListener("change", () => {
       this.logarithmic = select.selectedIndex === 0;
       this.rebuild();
@@ -264,8 +350,8 @@ export class StagePlot extends SamplePlot {
   }
   protected lines(): Line[] {
     const colours = ["ink", "first", "second", "third", "fourth"];
-    return sampleColumns.slice(firstStage).map((label, k) => ({
-      label,
+    return sampleColumns.slice(firstStage).map((column, k) => ({
+      label: stageLabels[column] ?? column,
       colour: k < 5 ? colours[k]! : colours[k - 4]!,
       ...(k < 5 ? {} : { dash: [5, 3] }),
     }));

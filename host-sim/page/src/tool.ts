@@ -16,8 +16,10 @@ import {
   MeshBasicMaterial,
   MeshStandardMaterial,
   Quaternion,
+  Sphere,
   SphereGeometry,
   Vector3,
+  type Ray,
 } from "three";
 
 import { MovingSurface } from "./bodies.ts";
@@ -78,6 +80,7 @@ export class Tool {
   private readonly touching = new Color();
   private readonly free = new Color();
   private proxies: Proxies | null = null;
+  private readonly origin = new Vector3(); // m
 
   constructor(scene: SceneMessage, geometry: Geometry) {
     // The skin, if the tool has a mesh.
@@ -151,6 +154,31 @@ export class Tool {
     return box;
   }
 
+  /** m, of the tool's origin. */
+  position(): Vector3 {
+    return this.origin.clone();
+  }
+
+  /** m, along a ray to the tool's skin, or to its spheres if it has none; Infinity: the ray misses. */
+  hitDistance(ray: Ray): number {
+    if (this.surface) {
+      return this.surface.hit(ray, 0)?.distance ?? Infinity;
+    }
+    let nearest = Infinity;
+    for (let i = 0; i < (this.proxies?.count ?? 0); ++i) {
+      const centre = new Vector3().fromArray(this.proxies!.positions, 3 * i);
+      const at = ray.intersectSphere(new Sphere(centre, this.proxies!.radii[i]!), new Vector3());
+      nearest = Math.min(nearest, at?.distanceTo(ray.origin) ?? Infinity);
+    }
+    return nearest;
+  }
+
+  /** m, of the ring below the tool: that of a single sphere, otherwise a quarter of its longest horizontal side. */
+  footprint(): number {
+    const size = this.extent().getSize(new Vector3());
+    return this.proxies?.count === 1 ? this.proxies.radii[0]! : Math.max(0.25 * Math.max(size.x, size.z), 1e-4);
+  }
+
   /** Lengths of one unit of force and torque, m; 0: no arrow is drawn. */
   scales(): { force: number; torque: number } {
     return {
@@ -211,7 +239,7 @@ export class Tool {
   }
 
   private updateHand(hand: Hand, options: ViewOptions, viewHeight: number): void {
-    const tool = new Vector3(...hand.tool);
+    const tool = this.origin.set(...hand.tool);
     const hip = new Vector3(...hand.hip);
     const radius = this.markRadius();
     // Mark of the hip, and the coupling as a line from the tool to it.

@@ -27,6 +27,17 @@ void describe_bodies(const Simulation& simulation, SceneDescription& out) {
     }
 }
 
+/// m, scene: a material point of a body's surface.
+Vec3 point_on(const Simulation& simulation, const SurfacePoint& touched) {
+    const SceneBody& body = simulation.bodies()[touched.object];
+    Vec3 point(0.0);
+    for (std::size_t k = 0; k < 3; ++k) {
+        const std::size_t vertex = body.first_vertex + body.mesh.triangles[touched.triangle][k];
+        point += touched.weights[static_cast<Vec3::length_type>(k)] * simulation.vertices()[vertex];
+    }
+    return point;
+}
+
 /// Appends the planes that were sent for one proxy, with the velocities of the contact frame, in scene units.
 void add_planes(const Simulation& simulation, std::size_t proxy, SceneSnapshot& out) {
     const ToolProxy& particle = simulation.tool().particles()[proxy];
@@ -41,7 +52,10 @@ void add_planes(const Simulation& simulation, std::size_t proxy, SceneSnapshot& 
                               .offset = plane.offset,
                               .velocity = velocity,
                               .proxy = static_cast<std::uint32_t>(proxy),
-                              .touches = p < particle.contacts.count});
+                              .touches = p < particle.contacts.count,
+                              .body = plane.touched.object,
+                              .point = point_on(simulation, plane.touched),
+                              .force = simulation.contact_force(proxy, p)});
     }
 }
 
@@ -75,6 +89,7 @@ SceneDescription describe(const Simulation& simulation) {
         out.ground_height = scene.collisions.ground_height;
     }
     out.step = scene.solver.step;
+    out.mask_radius = scene.coupling.mask_radius;
     out.force_scale = scene.workspace.force_scale;
     out.closes = closes(scene);
     return out;

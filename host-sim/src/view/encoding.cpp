@@ -121,7 +121,8 @@ nlohmann::json parameter_json(const ParameterDescription& parameter) {
     return {{"key", parameter.key},         {"label", parameter.label},
             {"unit", parameter.unit},       {"least", parameter.min},
             {"most", parameter.max},        {"whole", parameter.whole},
-            {"choices", parameter.choices}, {"logarithmic", parameter.logarithmic}};
+            {"choices", parameter.choices}, {"logarithmic", parameter.logarithmic},
+            {"meaning", parameter.meaning}};
 }
 
 std::uint32_t flags_of(const SceneSnapshot& snapshot) noexcept {
@@ -150,6 +151,21 @@ void append_hand(Bytes& bytes, const SceneSnapshot& snapshot, std::size_t viewer
     end_part(bytes, begin);
 }
 
+/// Only of the planes that press.
+void append_contact_forces(Bytes& bytes, std::span<const PlaneView> planes) {
+    const auto presses = [](const PlaneView& plane) { return plane.force > 0.0; };
+    const auto count = static_cast<std::size_t>(std::count_if(planes.begin(), planes.end(), presses));
+    const std::size_t begin = begin_part(bytes, PartKind::ContactForces, 0, count);
+    for (const PlaneView& plane : planes) {
+        if (presses(plane)) {
+            append_f32(bytes, plane.point);
+            append_f32(bytes, plane.force);
+            append_u32(bytes, plane.body);
+        }
+    }
+    end_part(bytes, begin);
+}
+
 }  // namespace
 
 std::string scene_message(const SceneDescription& description, std::uint32_t scene, bool control) {
@@ -164,6 +180,7 @@ std::string scene_message(const SceneDescription& description, std::uint32_t sce
                               {"length", description.length},
                               {"step", description.step},
                               {"closes", description.closes},
+                              {"mask_radius", description.mask_radius},
                               {"force_scale", description.force_scale},
                               {"ground", nullptr},
                               {"version", HAPTIC_VERSION},
@@ -403,7 +420,7 @@ void SnapshotEncoder::encode_remaining(const SceneSnapshot& snapshot, std::size_
     }
     end_part(encoded_.planes, begin);
 
-    // Proxies, hand and parameters, which go to every viewer.
+    // Proxies, hand, parameters and contact forces, which go to every viewer.
     encoded_.remaining.clear();
     begin = begin_part(encoded_.remaining, PartKind::Proxies, 0, snapshot.proxies.size());
     for (const ProxyView& proxy : snapshot.proxies) {
@@ -419,6 +436,7 @@ void SnapshotEncoder::encode_remaining(const SceneSnapshot& snapshot, std::size_
         append_f32(encoded_.remaining, snapshot.run.parameters[k]);
     }
     end_part(encoded_.remaining, begin);
+    append_contact_forces(encoded_.remaining, snapshot.planes);
 }
 
 }  // namespace haptic::sim::view

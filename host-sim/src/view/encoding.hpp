@@ -28,7 +28,8 @@ enum class PartKind : std::uint32_t {
     Proxies = 4,
     Planes = 5,
     Hand = 6,
-    Parameters = 7
+    Parameters = 7,
+    ContactForces = 8
 };
 
 /// The message "scene". `scene` numbers the descriptions of one view.
@@ -62,9 +63,9 @@ struct EncodedSnapshot {
     std::vector<EncodedPart> surfaces;   // one per body, then the tool's
     std::vector<EncodedPart> particles;  // one per body; from the last snapshot encoded while a viewer subscribed
     Bytes planes;                        // one part
-    Bytes remaining;                     // kRemainingParts parts: proxies, hand, parameters
+    Bytes remaining;                     // kRemainingParts parts: proxies, hand, parameters, contact forces
 };
-inline constexpr std::uint32_t kRemainingParts = 3;
+inline constexpr std::uint32_t kRemainingParts = 4;
 
 /// Appends the header of a frame message with this many parts; the number of parts comes last.
 void append_frame_header(Bytes& message, const EncodedSnapshot& snapshot, std::uint32_t scene, std::uint32_t parts);

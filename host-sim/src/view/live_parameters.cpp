@@ -70,7 +70,8 @@ void LiveParameters::add(std::string_view key, const Control& control) {
                              .max = text.type.choices.empty() ? std::min(control.max, allowed.max) : allowed.max,
                              .whole = whole,
                              .logarithmic = control.logarithmic,
-                             .choices = text.type.choices});
+                             .choices = text.type.choices,
+                             .meaning = text.meaning});
 }
 
 LiveParameters::LiveParameters(const Simulation& simulation, const LiveSettings& settings) {

@@ -8,7 +8,9 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cinttypes>
 #include <csignal>
+#include <cstdio>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -16,6 +18,7 @@
 #include <utility>
 
 #include "haptic/clock.hpp"
+#include "scene/state_hash.hpp"
 #include "view/bounded_queue.hpp"
 #include "view/device_telemetry.hpp"
 #include "view/encoding.hpp"
@@ -63,6 +66,15 @@ std::size_t rows_of_csv(std::string_view csv) {
         at = end == std::string_view::npos ? csv.size() : end + 1;
     }
     return lines == 0 ? 0 : lines - 1;
+}
+
+/// A name for content: its hash, in hexadecimal.
+std::string tag_of(std::span<const std::byte> content) {
+    StateHash hash;
+    hash.add(content);
+    std::array<char, 17> text{};
+    (void)std::snprintf(text.data(), text.size(), "%016" PRIx64, hash.value());
+    return text.data();
 }
 
 /// Gives up the inherited real-time scheduling and names the thread. Signals are left to the main thread.
@@ -297,11 +309,19 @@ void ServedView::remove_session(ViewerSession& session) {
 
 std::optional<Resource> ServedView::resource(std::string_view path) {
     if (path == "/record.csv" && record_) {
-        return Resource{"text/csv; charset=utf-8", std::as_bytes(std::span(*record_)), record_, "record.csv"};
+        return Resource{.type = "text/csv; charset=utf-8",
+                        .content = std::as_bytes(std::span(*record_)),
+                        .owner = record_,
+                        .download_as = "record.csv"};
     }
     for (const PageFile& file : page_files()) {
         if (file.path == path) {
-            return Resource{std::string(file.type), file.content, nullptr, {}};
+            return Resource{.type = std::string(file.type),
+                            .content = file.content,
+                            .owner = nullptr,
+                            .download_as = {},
+                            .gzip = file.gzip,
+                            .tag = tag_of(file.content)};
         }
     }
     // Browsers request it on their own and report an error if it is missing.

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstring>
 #include <span>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -21,6 +22,27 @@ bool has_header(lws* wsi, lws_token_indexes token) {
 std::string local_host_name() {
     std::array<char, 256> name{};
     return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "localhost";
+}
+
+/// Whether a list in a header, separated by commas and with parameters after ';', has this element.
+bool lists(std::string_view header, std::string_view wanted) {
+    while (!header.empty()) {
+        const std::size_t comma = std::min(header.find(','), header.size());
+        std::string_view element = header.substr(0, comma);
+        header.remove_prefix(std::min(comma + 1, header.size()));
+        // "gzip;q=0" refuses it.
+        const std::size_t semicolon = std::min(element.find(';'), element.size());
+        const std::string_view parameter = element.substr(semicolon);
+        const bool refused = parameter.find("q=0") != std::string_view::npos &&
+                             parameter.find_first_of("123456789") == std::string_view::npos;
+        element = element.substr(0, semicolon);
+        const std::size_t first = std::min(element.find_first_not_of(" \t"), element.size());
+        const std::size_t last = element.find_last_not_of(" \t");
+        if (last != std::string_view::npos && element.substr(first, last - first + 1) == wanted) {
+            return !refused;
+        }
+    }
+    return false;
 }
 
 }  // namespace
@@ -79,10 +101,23 @@ int PageReplies::start(lws* wsi, std::optional<Resource> resource) {
     // Not every browser lets 'self' cover the WebSocket of the same host, so name it. The Host is known to be a plain
     // name.
     const std::string host = request_header(wsi, WSI_TOKEN_HOST);
-    const std::size_t length = resource->content.size();
+    // A client that has this content is only told so; others get it compressed if they accept that. The tag is weak
+    // (W/) because it names the content, not its compression.
+    const std::string tag = resource->tag.empty() ? "" : "W/\"" + resource->tag + '"';
+    const bool known = !tag.empty() && lists(request_header(wsi, WSI_TOKEN_HTTP_IF_NONE_MATCH), tag);
+    const bool compressed =
+        !resource->gzip.empty() && lists(request_header(wsi, WSI_TOKEN_HTTP_ACCEPT_ENCODING), "gzip");
+    if (compressed) {
+        resource->content = resource->gzip;
+    }
+    const std::size_t length = known ? 0 : resource->content.size();
+    const unsigned empty_status = known ? HTTP_STATUS_NOT_MODIFIED : HTTP_STATUS_NO_CONTENT;
     bool fits =
-        (length == 0 ? lws_add_http_header_status(wsi, HTTP_STATUS_NO_CONTENT, &at, end)
+        (length == 0 ? lws_add_http_header_status(wsi, empty_status, &at, end)
                      : lws_add_http_common_headers(wsi, HTTP_STATUS_OK, resource->type.c_str(), length, &at, end)) == 0;
+    fits = fits && (tag.empty() || add("etag:", tag));
+    fits = fits && (resource->gzip.empty() || add("vary:", "accept-encoding"));
+    fits = fits && (!compressed || known || add("content-encoding:", "gzip"));
     fits = fits && add("content-security-policy:", "default-src 'self'; connect-src 'self' ws://" + host + " wss://" +
                                                        host + "; frame-ancestors 'none'; base-uri 'none'");
     // Offer a download as a file instead of showing it.

@@ -25,6 +25,7 @@ struct ParameterDescription {
     bool whole = false;                // integers only
     bool logarithmic = false;          // slider with a logarithmic scale
     std::vector<std::string> choices;  // if not empty, the value is an index into these
+    std::string meaning;               // one or two sentences
 };
 
 inline constexpr std::size_t kMaxParameters = 16;
@@ -55,6 +56,7 @@ struct SceneDescription {
     std::optional<double> ground_height;           // m
     std::vector<ParameterDescription> parameters;  // at most kMaxParameters
     double step = 0.01;                            // s, at the start
+    double mask_radius = 0.0;                      // m, over which a contact's force is spread on the surface
     double force_scale = 1.0;                      // N at the hand per N in the scene
     double length = 0.0;                           // s, of the recording that is played; 0: a live run
     bool closes = false;                           // the tool is a hand that can close
@@ -67,6 +69,9 @@ struct PlaneView {
     double velocity = 0.0;       // m/s, along the normal
     std::uint32_t proxy = 0;
     bool touches = false;  // the proxy is in contact with it; otherwise it is speculative
+    std::uint32_t body = 0;
+    Vec3 point{0.0};     // m, scene: of the surface, where it is or will be touched
+    double force = 0.0;  // N, scene: normal force on the body
 };
 
 /// One proxy of the tool.

@@ -24,12 +24,14 @@ inline constexpr std::int64_t kTickNs = 4'000'000;
 inline constexpr const char* kStreamPath = "/stream";
 inline constexpr const char* kSubprotocol = "haptic-view-1";
 
-/// Content served at a path.
+/// Content served at a path. A client that has the content of the same tag is told so instead (304).
 struct Resource {
     std::string type;                    // e.g. "text/html; charset=utf-8"
     std::span<const std::byte> content;  // empty: the path exists but has no content (204)
     std::shared_ptr<const void> owner;   // keeps the content alive; null: static content
     std::string download_as;             // a file name; empty: shown in the browser
+    std::span<const std::byte> gzip{};   // the content compressed, for clients that accept it; empty: it is not
+    std::string tag{};                   // names this content, without quotes; empty: clients do not keep it
 };
 
 /// One connected viewer. Called from the server's thread; an exception closes this viewer.

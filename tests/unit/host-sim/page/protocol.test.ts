@@ -13,7 +13,14 @@ import {
 } from "../../../../host-sim/page/src/protocol.ts";
 
 type Kind = "u32" | "f32" | "f64" | "u16" | "i16" | "i8";
-const sizes: Record<Kind, number> = { u32: 4, f32: 4, f64: 8, u16: 2, i16: 2, i8: 1 };
+const sizes: Record<Kind, number> = {
+  u32: 4,
+  f32: 4,
+  f64: 8,
+  u16: 2,
+  i16: 2,
+  i8: 1,
+};
 
 /** Little-endian numbers, one after another. */
 function bytes(...numbers: [Kind, ...number[]][]): ArrayBuffer {
@@ -67,6 +74,7 @@ const scene: SceneMessage = {
   step: 0.01,
   closes: false,
   force_scale: 1,
+  mask_radius: 0,
   ground: null,
   version: "0",
   bodies: [
@@ -151,9 +159,19 @@ test("a surface fills its box, from the first to the last of 65536 places, and n
 
 test("unknown parts are skipped", () => {
   const frame = readFrame(
-    bytes(...head, ["u32", 0, 2], ["u32", 99, 0, 3, 12, 1, 2, 3], ["u32", 7, 0, 2, 8], ["f32", 20, 0.5]),
+    bytes(
+      ...head,
+      ["u32", 0, 3],
+      ["u32", 99, 0, 3, 12, 1, 2, 3],
+      ["u32", 7, 0, 2, 8],
+      ["f32", 20, 0.5],
+      ["u32", 8, 0, 1, 20],
+      ["f32", 1, 2, 3, 0.5],
+      ["u32", 1],
+    ),
   );
   assert.deepEqual([...frame.parameters!], [20, 0.5]);
+  assert.deepEqual(frame.contacts, [{ point: [1, 2, 3], force: 0.5, body: 1 }]);
 });
 
 test("particles, proxies and planes", () => {

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { decimate, History } from "../../../../host-sim/page/src/series.ts";
+import { decimate, History, toCsv } from "../../../../host-sim/page/src/series.ts";
 
 function filled(count: number, step: number, value: (i: number) => number): History {
   const history = new History(1, count);
@@ -64,4 +64,14 @@ test("dropped samples break the line", () => {
   history.gap();
   history.push(1, [2]);
   assert.deepEqual(decimate(history, [0], 0, 1, 100).columns[0], [1, null, 2]);
+});
+
+test("CSV has a row for each sample from one time to the other, and empty fields at a gap", () => {
+  const history = new History(2, 8);
+  history.push(1, [10, 0.5]);
+  history.push(2, [20, 0.25]);
+  history.gap();
+  history.push(3, [30, 0.125]);
+  assert.equal(toCsv(history, ["t", "a", "b"], 1.5, 2.5), "t,a,b\n2,20,0.25\n2,,\n");
+  assert.equal(toCsv(history, ["t", "a", "b"], -Infinity, Infinity), "t,a,b\n1,10,0.5\n2,20,0.25\n2,,\n3,30,0.125\n");
 });

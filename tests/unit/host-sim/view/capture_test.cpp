@@ -120,6 +120,31 @@ TEST_P(Capture, SamplesTheResultOfAStep) {
     EXPECT_FLOAT_EQ(sample.ccd_us, 1.5F);
 }
 
+TEST_P(Capture, CapturesTheForcesOfTheContacts) {
+    run_until_touched();
+    SceneSnapshot moment;
+    capture(simulation, result, moment);
+    Vec3 sum(0.0);
+    for (const PlaneView& plane : moment.planes) {
+        ASSERT_GE(plane.force, 0.0);
+        ASSERT_LT(plane.body, simulation.bodies().size());
+        sum += plane.force * plane.normal;
+        // The point is on the surface that the sphere touches, as far as that moves within a step.
+        if (plane.force > 0.0) {
+            const ProxyView& proxy = moment.proxies[plane.proxy];
+            const double motion = 1e-3 + std::abs(plane.velocity) * simulation.scene().solver.step;
+            EXPECT_LT(glm::length(plane.point - proxy.position), 1.5 * proxy.radius + motion);
+        }
+    }
+    // Without friction, and without a device that is owed something, the normal forces are the whole force.
+    if (simulation.scene().contact.static_friction == 0.0) {
+        EXPECT_GT(glm::length(sum), 0.0);
+        EXPECT_LT(glm::length(sum - moment.force), 1e-9 * glm::length(sum));
+    } else {
+        EXPECT_GT(glm::dot(sum, moment.force), 0.0);
+    }
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, Capture, testing::Values("cloth-drop", "four-fish", "curtain-hand", "fish-grab"),
                          [](const auto& scene) {
                              std::string name(scene.param);

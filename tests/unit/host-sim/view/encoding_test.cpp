@@ -225,6 +225,9 @@ TEST(Encoding, SendsParticlesProxiesPlanesHandAndParametersAsSpecified) {
     snapshot.run.hand = HandSource::Mouse;
     snapshot.run.late_steps = 3;
     snapshot.run.recorded_steps = 1000;
+    snapshot.planes.front().body = 1;
+    snapshot.planes.front().point = {0.5, 0.25, 0.75};
+    snapshot.planes.front().force = 1.5;
     SnapshotEncoder encoder(test::small_description());
     encoder.encode(snapshot, true, 2);
     const Frame frame = whole_frame(encoder.encoded());
@@ -232,7 +235,7 @@ TEST(Encoding, SendsParticlesProxiesPlanesHandAndParametersAsSpecified) {
     EXPECT_EQ(frame.time, 1.25);
     EXPECT_EQ(frame.step, 125.0);
     EXPECT_EQ(frame.flags, 1U + 4U + 16U);
-    EXPECT_EQ(frame.parts.size(), 2U + 1U + 2U + 4U);
+    EXPECT_EQ(frame.parts.size(), 2U + 1U + 2U + 5U);
 
     ASSERT_NE(frame.part(3, 1), nullptr);
     Reader particles(frame.part(3, 1)->bytes);
@@ -275,6 +278,18 @@ TEST(Encoding, SendsParticlesProxiesPlanesHandAndParametersAsSpecified) {
     EXPECT_EQ(parameters.f32(), 20.0F);
     EXPECT_EQ(parameters.f32(), 5.0F);
     EXPECT_EQ(parameters.f32(), 1.0F);
+
+    ASSERT_NE(frame.part(8), nullptr);
+    EXPECT_EQ(frame.part(8)->count, 1U);
+    Reader contacts(frame.part(8)->bytes);
+    EXPECT_EQ(contacts.vec3(), Vec3(0.5, 0.25, 0.75));
+    EXPECT_EQ(contacts.f32(), 1.5F);
+    EXPECT_EQ(contacts.u32(), 1U);
+    EXPECT_TRUE(contacts.at_end());
+    // A plane that does not press is no contact.
+    snapshot.planes.front().force = 0.0;
+    encoder.encode(snapshot, true, 2);
+    EXPECT_EQ(whole_frame(encoder.encoded()).part(8)->count, 0U);
 }
 
 TEST(Encoding, DescribesTheScene) {
@@ -294,6 +309,7 @@ TEST(Encoding, DescribesTheScene) {
     EXPECT_EQ(scene.at("links"), 1);
     EXPECT_EQ(scene.at("parameters").at(2).at("choices"), Json({"complete", "thesis"}));
     EXPECT_EQ(scene.at("parameters").at(0).at("most"), 100.0);
+    EXPECT_EQ(scene.at("parameters").at(0).at("meaning"), "Hand to tool.");
     SceneDescription recording;
     recording.length = 4.0;
     recording.name = "not UTF-8: \xff";

@@ -31,9 +31,11 @@ namespace haptic::sim::view {
 std::span<const PageFile> page_files() {
     static const std::string script(300'000, 'x');  // more than a socket takes at once
     static constexpr std::string_view page = "<!doctype html><p>page";
+    static constexpr std::string_view compressed = "script, compressed";
     static const std::array<PageFile, 2> files = {
         {{"/", "text/html; charset=utf-8", std::as_bytes(std::span(page))},
-         {"/page.js", "text/javascript; charset=utf-8", std::as_bytes(std::span(script))}}};
+         {"/page.js", "text/javascript; charset=utf-8", std::as_bytes(std::span(script)),
+          std::as_bytes(std::span(compressed))}}};
     return files;
 }
 
@@ -87,6 +89,39 @@ TEST(LiveViewPage, IsServedWithItsTypeAndAStrictContentPolicy) {
     EXPECT_EQ(request(served.port, "GET /favicon.ico", served.host()).status, 204);
 }
 
+TEST(LiveViewPage, IsCompressedOnlyForClientsThatAcceptIt) {
+    const Served served;
+    const auto accepting = [&](const std::string& encodings) {
+        return request(served.port, "GET /page.js", served.host() + "Accept-Encoding: " + encodings + "\r\n");
+    };
+    for (const char* encodings : {"gzip", "deflate, gzip;q=0.8, br"}) {
+        const auto script = accepting(encodings);
+        EXPECT_EQ(script.header("content-encoding"), "gzip") << encodings;
+        EXPECT_EQ(script.header("content-length"), "18") << encodings;
+        EXPECT_EQ(script.body, "script, compressed") << encodings;
+    }
+    for (const char* encodings : {"br", "gzip;q=0", "x-gzip2"}) {
+        const auto script = accepting(encodings);
+        EXPECT_EQ(script.header("content-encoding"), "") << encodings;
+        EXPECT_EQ(script.body.size(), 300'000U) << encodings;
+    }
+    EXPECT_EQ(accepting("gzip").header("vary"), "accept-encoding");
+}
+
+TEST(LiveViewPage, IsNotSentAgainToAClientThatHasIt) {
+    const Served served;
+    const std::string tag = request(served.port, "GET /page.js", served.host()).header("etag");
+    ASSERT_THAT(tag, StartsWith("W/\""));
+    EXPECT_NE(tag, request(served.port, "GET /", served.host()).header("etag"));
+    const auto again = request(served.port, "GET /page.js", served.host() + "If-None-Match: \"x\", " + tag + "\r\n");
+    EXPECT_EQ(again.status, 304);
+    EXPECT_EQ(again.body, "");
+    EXPECT_EQ(again.header("etag"), tag);
+    const auto other = request(served.port, "GET /page.js", served.host() + "If-None-Match: \"x\"\r\n");
+    EXPECT_EQ(other.status, 200);
+    EXPECT_EQ(other.body.size(), 300'000U);
+}
+
 TEST(LiveViewStream, StartsWithTheSceneItsGeometryAndACompleteFrame) {
     const Served served;
     const test::Run run(*served.view);
@@ -102,10 +137,10 @@ TEST(LiveViewStream, StartsWithTheSceneItsGeometryAndACompleteFrame) {
     const auto frame = client.next();
     ASSERT_TRUE(frame);
     EXPECT_EQ(number_at<std::uint32_t>(frame->bytes, 0), 2U);
-    EXPECT_EQ(number_at<std::uint32_t>(frame->bytes, 28), 6U);  // two bodies, tool; proxies, hand, parameters
+    EXPECT_EQ(number_at<std::uint32_t>(frame->bytes, 28), 7U);  // two bodies, tool; proxies, hand, forces, parameters
     // Later frames contain only the body that moves.
     const std::string next = client.next_binary(2);
-    EXPECT_EQ(number_at<std::uint32_t>(next, 28), 4U);
+    EXPECT_EQ(number_at<std::uint32_t>(next, 28), 5U);
     EXPECT_GT(number_at<double>(next, 16), number_at<double>(frame->bytes, 16));
 }
 

@@ -30,9 +30,9 @@ inline SceneDescription small_description() {
     scene.tool_vertices = 3;
     scene.proxy_radii = {0.05, 0.06};
     scene.ground_height = -1.5;
-    scene.parameters = {{"coupling.stiffness", "Stiffness", "N/m", 0.0, 100.0, false, false, {}},
-                        {"solver.iterations", "Iterations", "", 1.0, 20.0, true, false, {}},
-                        {"contact.method", "Method", "", 0.0, 0.0, true, false, {"complete", "thesis"}}};
+    scene.parameters = {{"coupling.stiffness", "Stiffness", "N/m", 0.0, 100.0, false, false, {}, "Hand to tool."},
+                        {"solver.iterations", "Iterations", "", 1.0, 20.0, true, false, {}, "Passes."},
+                        {"contact.method", "Method", "", 0.0, 0.0, true, false, {"complete", "thesis"}, "How."}};
     scene.closes = true;
     return scene;
 }
