@@ -1,6 +1,8 @@
 # shellcheck shell=bash
 # Functions that the scripts of this folder share. Sourced, not run.
 set -euo pipefail
+# --help of the script that sources this: the comment at its head.
+case ${1:-} in -h | --help) sed -n '2,${/^#/!q;s/^# \{0,1\}//p}' "$0"; exit 0 ;; esac
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 say() { printf '==> %s\n' "$*"; }
@@ -9,41 +11,74 @@ die() {
     exit 1
 }
 
-# packages_of GROUP...: prints the packages of these groups, one a line, without those whose command already exists.
+# packages_of GROUP...: prints the packages of these groups, one a line, without those whose command already exists, each with
+# what is lost without it.
 packages_of() {
-    local groups="$*" package command
+    local groups="$*" package command lost
     awk -v groups="$groups" 'BEGIN { n = split(groups, g, " "); for (i = 1; i <= n; i++) wanted[g[i]] = 1 }
-                             /^[^#]/ && ($1 in wanted) { print $2, $3 }' "$root/toolchain/packages.txt" |
-        while read -r package command; do
-            [ -n "$command" ] && command -v "$command" >/dev/null || echo "$package"
+                             /^[^#]/ && ($1 in wanted) { $1 = ""; print }' "$root/toolchain/packages.txt" |
+        while read -r package command lost; do
+            [ "${command:--}" != - ] && command -v "$command" >/dev/null || echo "$package $lost"
         done
 }
 
-# need GROUP...: installs the missing packages of these groups and names them. Quick and silent if none is missing.
-need() {
-    local missing=() package
-    while read -r package; do
-        [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing+=("$package")
-    done < <(packages_of "$@")
-    [ ${#missing[@]} -gt 0 ] || return 0
-    say "Installing ${#missing[@]} Debian packages: ${missing[*]}"
-    local as_root=()
-    if [ "$(id -u)" -ne 0 ]; then
-        command -v sudo >/dev/null || die "not root and no sudo: run as root: apt-get install ${missing[*]}"
-        as_root=(sudo)
+# missing_of GROUP...: the same, without those that are installed.
+missing_of() {
+    packages_of "$@" | while read -r package lost; do
+        [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || echo "$package $lost"
+    done
+}
+
+# as_root COMMAND...: through sudo where necessary; fails without either.
+as_root() {
+    if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi
+}
+
+# try_install LOG PACKAGE...: installs Debian packages. On failure prints why, in one line.
+try_install() {
+    local log=$1 brief=(-o Acquire::Retries=0 -o Acquire::http::Timeout=20 -o Acquire::https::Timeout=20)
+    shift
+    if [ "$(id -u)" -ne 0 ] && ! command -v sudo >/dev/null; then
+        echo "not root and no sudo"
+        return 1
     fi
-    local log
+    as_root apt-get update "${brief[@]}" >"$log" 2>&1 || true # what it knew before may do
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "${brief[@]}" "$@" >>"$log" 2>&1 && return 0
+    if grep -qi 'certificate' "$log"; then
+        echo "this network has a certificate of its own, which update-ca-certificates must know (/usr/local/share/ca-certificates)"
+    elif grep -qiE 'could not (resolve|connect)|temporary failure|unreachable|failed to fetch|connection (failed|timed out)' "$log"; then
+        echo "Debian's servers cannot be reached"
+    elif [[ "$*" == *clang-*22* ]]; then
+        echo "clang 22 is in Debian's security suite: bookworm-security main"
+    else
+        grep '^E:' "$log" | tail -n 1
+    fi
+    return 1
+}
+
+# need GROUP...: installs the missing packages of these groups and names them. Quick and silent if none is missing. If they
+# cannot be installed: goes on without those that packages.txt can do without, and says what is lost.
+need() {
+    local missing=() package lost why log
+    mapfile -t missing < <(missing_of "$@")
+    [ ${#missing[@]} -gt 0 ] || return 0
+    local names=("${missing[@]%% *}")
+    say "Installing ${#names[@]} Debian packages: ${names[*]}"
     log=$(mktemp)
-    "${as_root[@]}" apt-get update >"$log" 2>&1 || { tail -n 5 "$log" >&2; die "apt-get update failed"; }
-    DEBIAN_FRONTEND=noninteractive "${as_root[@]}" apt-get install -y --no-install-recommends "${missing[@]}" \
-        >"$log" 2>&1 || {
-        tail -n 8 "$log" >&2
-        case "${missing[*]}" in
-            *clang-*22*) die "apt-get could not install ${missing[*]} (clang 22 is in Debian's security suite: bookworm-security main)" ;;
-            *) die "apt-get could not install ${missing[*]}" ;;
-        esac
-    }
-    rm -f "$log"
+    if why=$(try_install "$log" "${names[@]}"); then
+        rm -f "$log"
+        return 0
+    fi
+    # One at a time what is possible: apt installs all of a list or nothing.
+    for package in "${names[@]}"; do
+        as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends --no-download "$package" >>"$log" 2>&1 || true
+    done
+    local required=() without=()
+    while read -r package lost; do
+        if [ -n "$lost" ]; then without+=("$lost"); else required+=("$package"); fi
+    done < <(missing_of "$@")
+    [ ${#required[@]} -eq 0 ] || die "missing: ${required[*]} ($why). Install them, then run this again; apt's words are in $log"
+    [ ${#without[@]} -eq 0 ] || say "Going on without $(printf '%s\n' "${without[@]}" | awk '!seen[$0]++' | paste -sd, | sed 's/,/, /g'): $why"
 }
 
 # apt_for ARCHITECTURE FOLDER: makes a separate apt in FOLDER for the packages of ARCHITECTURE (arm64, ...) from this
@@ -64,6 +99,20 @@ END
         { tail -n 5 "$folder/update.log" >&2; die "apt-get update for $architecture failed; do the sources have that architecture?"; }
 }
 
+# progress: shows how far ninja is, from its lines "[done/all] ...": on a terminal in one line, otherwise each tenth.
+progress() {
+    local terminal=0
+    [ ! -t 1 ] || terminal=1
+    awk -v terminal="$terminal" '
+        match($0, /^\[[0-9]+\/[0-9]+\]/) {
+            split(substr($0, 2, RLENGTH - 2), n, "/")
+            if (terminal) { printf "\r    %d of %d", n[1], n[2]; shown = 1 }
+            else if (n[2] > 20 && int(10 * n[1] / n[2]) > tenth) { tenth = int(10 * n[1] / n[2]); print "    " n[1] " of " n[2] }
+            fflush()
+        }
+        END { if (shown) printf "\r%30s\r", "" }'
+}
+
 # build PRESET [CMAKE-OPTION...] [-- TARGET...]: configures the preset and builds what has changed.
 build() {
     local preset=$1 options=(-DHAPTIC_PRECOMPILE=ON) targets=()
@@ -79,7 +128,7 @@ build() {
     log=$(mktemp)
     (cd "$root" && cmake --preset "$preset" "${options[@]}") >"$log" 2>&1 || { cat "$log" >&2; die "cmake failed"; }
     sed -n 's/^-- \(.* without the live view: .*\)/    \1/p; s/^-- \(Without the tests of .*\)/    \1/p' "$log"
-    (cd "$root" && cmake --build --preset "$preset" --parallel "$(nproc)" "${targets[@]}") >"$log" 2>&1 ||
+    (cd "$root" && cmake --build --preset "$preset" --parallel "$(nproc)" "${targets[@]}") 2>&1 | tee "$log" | progress ||
         { grep -vE '^\[[0-9]+/[0-9]+\]' "$log" | tail -n 60 >&2; die "the build failed"; }
     rm -f "$log"
 }
