@@ -1,6 +1,3 @@
-#include <spdlog/sinks/stdout_color_sinks.h>
-#include <spdlog/spdlog.h>
-
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <string>
@@ -15,6 +12,7 @@
 #include "haptic/device/fault.hpp"
 #include "process/settings.hpp"
 #include "program/exit_status.hpp"
+#include "program/log.hpp"
 #include "program/option_checks.hpp"
 #include "program/run_program.hpp"
 
@@ -271,8 +269,7 @@ int program(int argc, char** argv) {
         if (run->count("--duration") > 0) {
             options.duration_s = duration_s;
         }
-        spdlog::set_default_logger(spdlog::stderr_color_mt("rt-core"));
-        spdlog::set_pattern("rt-core %^%l%$: %v");
+        haptic::log_to_stderr("rt-core");
         if (doctor->parsed()) {
             return haptic::rt::doctor_command(doctor_options);
         }

@@ -109,6 +109,9 @@ CsvReader::CsvReader(const std::filesystem::path& file) : file_(file.string()) {
     if (!stream_) {
         throw CsvError(file_ + ": cannot be read: " + std::generic_category().message(errno));
     }
+    std::error_code unknown;  // of a pipe: its length is not known before its end
+    const std::uintmax_t size = std::filesystem::file_size(file, unknown);
+    size_ = unknown ? 0 : size;
     // Notes before the header.
     while (next_line() && is_note(line_)) {
         notes_.push_back(note_of(line_));
@@ -137,7 +140,12 @@ bool CsvReader::next_line() {
         return false;
     }
     ++line_number_;
+    read_ += line_.size() + 1;
     return true;
+}
+
+double CsvReader::share() const noexcept {
+    return size_ == 0 ? 1.0 : std::min(1.0, static_cast<double>(read_) / static_cast<double>(size_));
 }
 
 bool CsvReader::next() {

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "app/commands.hpp"
-#include "app/log.hpp"
 #include "app/playback.hpp"
 #include "app/recorded_run.hpp"
 #include "app/replay.hpp"
@@ -19,6 +18,7 @@
 #include "haptic/clock.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/types.hpp"
+#include "program/log.hpp"
 #include "view/live_view.hpp"
 
 namespace haptic::sim {
@@ -124,7 +124,7 @@ Command add_play_command(CLI::App& app) {
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
     return [options, view] {
-        log_to_stderr();
+        log_to_stderr("host-sim");
         return play(*options, view->count() > 0);
     };
 }

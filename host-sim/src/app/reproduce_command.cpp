@@ -22,14 +22,18 @@ struct Options {
 
 int go(const Options& options) {
     const reproduce::Study study(options.out, monotonic_now_ns);
+    const auto selected = [&options](const reproduce::Reproduction& which) {
+        return options.figures.empty() || std::ranges::find(options.figures, which.number) != options.figures.end();
+    };
+    const auto count = std::ranges::count_if(reproduce::reproductions(), selected);
     std::vector<reproduce::Figure> figures;
     for (const reproduce::Reproduction& which : reproduce::reproductions()) {
-        const bool selected = options.figures.empty() || std::find(options.figures.begin(), options.figures.end(),
-                                                                   which.number) != options.figures.end();
-        if (!selected) {
+        if (!selected(which)) {
             continue;
         }
-        std::cout << "figure " << which.number << ": " << which.title << '\n' << std::flush;
+        std::cout << "figure " << which.number << " (" << figures.size() + 1 << " of " << count << "): " << which.title
+                  << '\n'
+                  << std::flush;
         figures.push_back(which.make(study));
         for (const reproduce::Comparison& c : figures.back().comparisons) {
             std::cout << "    " << c.what << ": " << c.ours << " (thesis: " << c.thesis << ")\n";

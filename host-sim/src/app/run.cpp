@@ -75,7 +75,11 @@ void Run::start_scene() {
     }
 }
 
-bool Run::should_continue() const {
+/// Whether another step is to be made. Shows how far the run is, unless it ends by a signal only.
+bool Run::should_continue() {
+    if (progress_) {
+        progress_->show(static_cast<double>(statistics_.steps()) / static_cast<double>(steps_));
+    }
     return !stop_requested() && (steps_ == 0 || statistics_.steps() < steps_);
 }
 
@@ -460,6 +464,9 @@ int Run::execute() {
         spdlog::info("the live view is at {}", live_->url());
     }
     start_ns_ = monotonic_now_ns();
+    if (steps_ > 0) {
+        progress_.emplace("running " + scene.name);
+    }
     // An error ends the run, but not what was measured before it.
     std::exception_ptr error;
     try {
@@ -468,6 +475,7 @@ int Run::execute() {
         error = std::current_exception();
     }
     const double wall_s = seconds(monotonic_now_ns() - start_ns_);
+    progress_.reset();
     frames_.reset();  // release the rings before slow work
     states_.reset();
     if (stop_requested()) {

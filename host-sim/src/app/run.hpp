@@ -25,6 +25,7 @@
 #include "haptic/probe.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/sim/simulation.hpp"
+#include "program/progress_bar.hpp"
 #include "program/results.hpp"
 
 namespace haptic::sim {
@@ -67,7 +68,7 @@ class Run {
     void carry_over_changes(NextScene& next) const;
     void start_next_scene(const SceneRequest& request);
     void switch_to_next_scene();
-    [[nodiscard]] bool should_continue() const;
+    [[nodiscard]] bool should_continue();
     [[nodiscard]] nlohmann::json probe_report() const;
     [[nodiscard]] nlohmann::json view_report() const;
     [[nodiscard]] nlohmann::json report(double wall_s) const;
@@ -102,6 +103,7 @@ class Run {
     std::uint64_t workspace_changes_ = 0;
     bool was_fresh_ = true;  // true, so that a device missing from the start is logged
     bool told_stiffness_limit_ = false;
+    std::optional<ProgressBar> progress_;  // while the clock of a run of limited length runs
 };
 
 }  // namespace haptic::sim

@@ -6,10 +6,10 @@
 #include <string>
 
 #include "app/commands.hpp"
-#include "app/log.hpp"
 #include "app/run.hpp"
 #include "app/run_options.hpp"
 #include "haptic/sim/scene.hpp"
+#include "program/log.hpp"
 
 namespace haptic::sim {
 
@@ -17,7 +17,7 @@ Command add_run_command(CLI::App& app) {
     const auto options = std::make_shared<RunOptions>();
     add_run_options(app, *options);
     return [options] {
-        log_to_stderr();
+        log_to_stderr("host-sim");
         const Plan plan(*options);
         if (plan.view) {
             warn_unless_empty(view::exposure_of(*plan.view));

@@ -25,7 +25,7 @@ Scene scene_with(const std::string& name, const std::vector<std::string>& assign
 }  // namespace
 
 SceneRun::SceneRun(const std::string& scene, const std::vector<std::string>& assignments, std::int64_t (*clock)())
-    : simulation_(scene_with(scene, assignments), clock) {
+    : simulation_(scene_with(scene, assignments), clock), progress_("running " + scene) {
     simulation_.set_verification(true);
 }
 
@@ -60,6 +60,7 @@ const StepResult& SceneRun::step(const Pose& device) {
 const StepResult& SceneRun::step(const StepInput& input) {
     vertices_ = simulation_.vertices();
     time_s_ = seconds(script_time_ns());
+    progress_.show(time_s_ / simulation_.scene().duration_s);
     result_ = simulation_.step(input);
     escapes_ += result_.crossed ? 1 : 0;
     return result_;

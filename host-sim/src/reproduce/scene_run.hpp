@@ -7,6 +7,7 @@
 
 #include "haptic/sim/simulation.hpp"
 #include "haptic/types.hpp"
+#include "program/progress_bar.hpp"
 #include "reproduce/povray.hpp"
 
 namespace haptic::sim::reproduce {
@@ -52,6 +53,7 @@ class SceneRun {
     double time_s_ = 0.0;
     std::uint64_t settled_steps_ = 0;
     std::uint64_t escapes_ = 0;
+    ProgressBar progress_;
 };
 
 /// Quantile: the value below which this fraction (0 .. less than 1) of the values lies; 0 if there are none.

@@ -17,6 +17,7 @@
 #include "process/settings.hpp"
 #include "program/exit_status.hpp"
 #include "program/option_checks.hpp"
+#include "program/progress_bar.hpp"
 #include "program/results.hpp"
 
 namespace haptic::rt {
@@ -85,10 +86,14 @@ void run_all(Replay& replay, const RunOptions& options, const Settings& settings
     if (options.record) {
         record.emplace(*options.record, recorder);
     }
+    ProgressBar progress("replaying");
     // Replay tick by tick, writing the new recording in batches.
     while (replay.step(record ? &recorder : nullptr)) {
-        if (record && replay.result().ticks % kTicksPerDrain == 0) {
-            record->drain();
+        if (replay.result().ticks % kTicksPerDrain == 0) {
+            if (record) {
+                record->drain();
+            }
+            progress.show(replay.share());
         }
         if (options.duration_s && replay.recorded_ns() >= nanoseconds(*options.duration_s)) {
             break;

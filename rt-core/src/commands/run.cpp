@@ -62,13 +62,12 @@ struct StopSources {
     const Watchdog& watchdog;
     const StopLineMonitor* stop_monitor;  // nullptr: no stop line
     const RunObserver* observer;          // nullptr: none
-    RunHooks* hooks;                      // nullptr: none
 };
 
-/// Supervises the loop until it ends: forwards stop requests, writes the recording, calls the hooks. Returns false if
-/// the loop hangs for longer than kHungWaitNs.
-bool supervise(RealtimeLoop& loop, const StopSources& sources, std::optional<RecordFile>& record, std::int64_t end_ns,
-               StopReason& reason) {
+/// Supervises the loop until it ends: forwards stop requests, and calls `poll` meanwhile. Returns false if the loop
+/// hangs for longer than kHungWaitNs.
+bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_ns, StopReason& reason,
+               const std::function<void()>& poll) {
     bool announced = false;
     bool stopping = false;
     std::int64_t hung_ns = 0;
@@ -96,17 +95,11 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::optional<Rec
             reason = {"line", true};
             stopping = true;
         }
-        // Periodic work.
         if (!announced && loop.safety_state() == SafetyState::Running) {
             spdlog::info("running");
             announced = true;
         }
-        if (record) {
-            record->drain();
-        }
-        if (sources.hooks != nullptr) {
-            sources.hooks->on_poll(monotonic_now_ns());
-        }
+        poll();
     }
     return true;
 }
@@ -233,13 +226,17 @@ std::int64_t Run::end_ns() const {
 }
 
 void Run::run_loops() {
+    if (options_.duration_s) {
+        progress_.emplace("running");
+    }
     while (run_loop() && continue_after_loop()) {
         loop_ = std::make_unique<RealtimeLoop>(settings_.loop, tick_, prepared_);
     }
+    progress_.reset();
 }
 
 bool Run::run_loop() {
-    const StopSources sources{signals_, *watchdog_, stop_monitor_.get(), options_.observer, hooks_};
+    const StopSources sources{signals_, *watchdog_, stop_monitor_.get(), options_.observer};
     // This loop ends with the run or with the current segment.
     std::int64_t until_ns = end_ns();
     if (const auto segment_s = hooks_ != nullptr ? hooks_->segment_s() : std::nullopt) {
@@ -248,7 +245,7 @@ bool Run::run_loop() {
     // Start the loop and supervise it to its end.
     stop_ = StopReason{};
     loop_->start(options_.record ? &recorder_ : nullptr, hooks_ != nullptr ? &hooks_->log() : nullptr);
-    hung_ = !supervise(*loop_, sources, record_, until_ns, stop_);
+    hung_ = !supervise(*loop_, sources, until_ns, stop_, [this] { poll(); });
     if (hung_) {
         return false;
     }
@@ -256,6 +253,19 @@ bool Run::run_loop() {
     loop_->join();
     result_.usage += loop_->usage();
     return true;
+}
+
+void Run::poll() {
+    const std::int64_t now_ns = monotonic_now_ns();
+    if (record_) {
+        record_->drain();
+    }
+    if (hooks_ != nullptr) {
+        hooks_->on_poll(now_ns);
+    }
+    if (progress_) {
+        progress_->show(seconds(now_ns - start_ns_ - paused_ns_) / *options_.duration_s);
+    }
 }
 
 bool Run::continue_after_loop() {

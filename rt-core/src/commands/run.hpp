@@ -17,6 +17,7 @@
 #include "process/motor_gate.hpp"
 #include "process/settings.hpp"
 #include "process/watchdog.hpp"
+#include "program/progress_bar.hpp"
 #include "program/results.hpp"
 
 namespace haptic::rt {
@@ -80,6 +81,8 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     void run_loops();
     /// Runs one loop to its end; false if it hangs for good.
     [[nodiscard]] bool run_loop();
+    /// Periodic work while the loop runs: writes the recording, calls the hooks, shows how far the run is.
+    void poll();
     /// Recovers a lost device or pauses, whichever is due; false if the run is to end.
     [[nodiscard]] bool continue_after_loop();
     [[nodiscard]] bool pause_due() const;
@@ -106,6 +109,7 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     bool device_not_recovered_ = false;  // the run ended while waiting for a lost device
     std::int64_t start_ns_ = 0;
     std::int64_t paused_ns_ = 0;
+    std::optional<ProgressBar> progress_;  // while a run of limited duration runs
 
     std::unique_ptr<OpenedDevice> device_;
     RingReader<ContactFrame> frames_;

@@ -18,6 +18,7 @@
 #include "measure/trial_rig.hpp"
 #include "process/settings.hpp"
 #include "program/exit_status.hpp"
+#include "program/progress_bar.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -71,6 +72,8 @@ class SceneMap {
 
     [[nodiscard]] std::vector<SceneCell> run() {
         std::vector<SceneCell> cells;
+        ProgressBar progress("running " + name_of(options_.scene));
+        const std::size_t all = options_.rates_hz.size() * options_.stiffnesses.size() * options_.delays_ms.size();
         for (const double rate : options_.rates_hz) {
             for (const double stiffness : options_.stiffnesses) {
                 const std::vector<std::string> settings = settings_of(rate, stiffness);
@@ -78,6 +81,7 @@ class SceneMap {
                 for (const double delay_ms : options_.delays_ms) {
                     SceneCell cell{
                         .rate_hz = rate, .stiffness = stiffness, .delay_ms = delay_ms, .driven = driven, .outcome = {}};
+                    progress.show(static_cast<double>(cells.size()) / static_cast<double>(all));
                     cell.outcome = run_trial(settings, nanoseconds(delay_ms * 1e-3), hand_.moving_s);
                     cell.grows = grows(cell);
                     cells.push_back(cell);

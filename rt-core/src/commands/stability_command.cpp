@@ -20,6 +20,7 @@
 #include "measure/svg_plot.hpp"
 #include "process/settings.hpp"
 #include "program/exit_status.hpp"
+#include "program/progress_bar.hpp"
 #include "rendering/passivity.hpp"
 
 namespace haptic::rt {
@@ -235,6 +236,8 @@ int stability_command(const StabilityOptions& options) {
     std::filesystem::create_directories(options.out);
     // One trial per cell of the six maps.
     std::vector<Cell> cells;
+    ProgressBar progress("measuring the maps");
+    const double all = 2.0 * static_cast<double>(std::size(kDelayedParts)) * options.rows * options.columns;
     for (const DelayedPart late : kDelayedParts) {
         for (const bool controlled : {false, true}) {
             for (int row = 0; row < options.rows; ++row) {
@@ -246,6 +249,7 @@ int stability_command(const StabilityOptions& options) {
                               .stiffness = axes.stiffnesses[static_cast<std::size_t>(row)],
                               .delay_ns = axes.delays_ns[static_cast<std::size_t>(column)],
                               .outcome = {}};
+                    progress.show(static_cast<double>(cells.size()) / all);
                     cell.outcome = run_cell(cell, options, settings.tick);
                     cells.push_back(cell);
                 }

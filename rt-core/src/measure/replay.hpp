@@ -94,6 +94,8 @@ class Replay {
     [[nodiscard]] const ReplayResult& result() const noexcept { return result_; }
     /// The tick; valid after the first step().
     [[nodiscard]] const Tick& tick() const { return *tick_; }
+    /// Share of the recording that has been replayed, 0 to 1.
+    [[nodiscard]] double share() { return recording_.share(); }
     /// Recorded time from the first to the latest tick, ns.
     [[nodiscard]] std::int64_t recorded_ns() const noexcept { return now_ns_ - start_ns_; }
 

@@ -60,6 +60,8 @@ class CsvReader {
     [[noreturn]] void fail(const std::string& problem) const;
     [[nodiscard]] const std::string& name() const noexcept { return file_; }
     [[nodiscard]] std::size_t line() const noexcept { return line_number_; }
+    /// Share of the file that has been read, 0 to 1.
+    [[nodiscard]] double share() const noexcept;
     /// Notes so far, without # and surrounding blanks: those before the header, and between the rows read.
     [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
 
@@ -71,6 +73,8 @@ class CsvReader {
     std::ifstream stream_;
     std::string line_;
     std::size_t line_number_ = 0;
+    std::uintmax_t read_ = 0;  // bytes
+    std::uintmax_t size_ = 0;  // bytes, of the file
     std::vector<std::string> notes_;
     std::vector<std::string> names_;
     std::vector<std::string_view> cells_;  // point into line_

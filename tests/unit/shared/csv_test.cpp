@@ -136,6 +136,18 @@ TEST(CsvReader, KeepsAllBitsOfIntegers) {
     EXPECT_FALSE(reader.next());
 }
 
+TEST(CsvReader, SaysHowMuchOfTheFileItHasRead) {
+    const TemporaryDirectory directory;
+    CsvReader reader(directory.write("f.csv", "time_s\n0\n1\n2\n3\n"));
+    double share = reader.share();
+    EXPECT_GT(share, 0.0);
+    while (reader.next()) {
+        EXPECT_GT(reader.share(), share);
+        share = reader.share();
+    }
+    EXPECT_EQ(share, 1.0);
+}
+
 TEST(CsvReader, NamesTheLineOfWhatIsNoInteger) {
     const TemporaryDirectory directory;
     CsvReader reader(directory.write("f.csv", "a,b\n\n1.5,-1\n"));

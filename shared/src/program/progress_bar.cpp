@@ -1,0 +1,79 @@
+#include "program/progress_bar.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "haptic/clock.hpp"
+#include "haptic/types.hpp"
+
+namespace haptic {
+namespace {
+
+constexpr std::int64_t kPatienceNs = kNanosecondsPerSecond;     // without a bar at the beginning
+constexpr std::int64_t kRedrawNs = kNanosecondsPerSecond / 10;  // between two drawings
+constexpr double kMinShare = 0.01;                              // below, the rest of the time is not estimated
+constexpr std::size_t kCells = 30;
+
+/// "45 s", "12 min" or "3.5 h".
+std::string duration_text(double duration_s) {
+    const bool minutes = duration_s >= 120.0;
+    const bool hours = duration_s >= 7200.0;
+    const double value =
+        hours ? std::round(duration_s / 360.0) / 10.0 : std::round(minutes ? duration_s / 60.0 : duration_s);
+    std::string text = std::to_string(value);
+    text.resize(text.find('.') + (hours ? 2 : 0));
+    return text + (hours ? " h" : minutes ? " min" : " s");
+}
+
+}  // namespace
+
+bool stderr_shows_progress() {
+    const char* const terminal = std::getenv("TERM");
+    return isatty(STDERR_FILENO) != 0 && terminal != nullptr && std::string_view(terminal) != "dumb";
+}
+
+std::string progress_line(std::string_view work, double share, std::int64_t elapsed_ns) {
+    const double done = std::clamp(share, 0.0, 1.0);
+    const auto filled = static_cast<std::size_t>(done * static_cast<double>(kCells));
+    const std::string percent = std::to_string(static_cast<int>(done * 100.0));
+    std::string line(work);
+    line += " [" + std::string(filled, '#') + std::string(kCells - filled, '-') + "] ";
+    line += std::string(3 - std::min<std::size_t>(3, percent.size()), ' ') + percent + " %";
+    if (done >= kMinShare) {
+        line += ", " + duration_text(seconds(elapsed_ns) * (1.0 - done) / done) + " left";
+    }
+    return line;
+}
+
+ProgressBar::ProgressBar(std::string work) : work_(std::move(work)), begin_ns_(monotonic_now_ns()) {
+    next_ns_ = stderr_shows_progress() ? begin_ns_ + kPatienceNs : std::numeric_limits<std::int64_t>::max();
+}
+
+ProgressBar::~ProgressBar() {
+    if (drawn_) {
+        (void)std::fputs(std::string(kEraseLine).c_str(), stderr);
+    }
+}
+
+void ProgressBar::show(double share) {
+    const std::int64_t now_ns = monotonic_now_ns();
+    if (now_ns < next_ns_) {
+        return;
+    }
+    // The cursor stays at the beginning of the line, so that whatever is printed next begins there.
+    const std::string line = progress_line(work_, share, now_ns - begin_ns_);
+    (void)std::fprintf(stderr, "%s%.*s\r", line.c_str(), static_cast<int>(kEraseLine.size()), kEraseLine.data());
+    (void)std::fflush(stderr);
+    next_ns_ = now_ns + kRedrawNs;
+    drawn_ = true;
+}
+
+}  // namespace haptic

@@ -1,0 +1,40 @@
+// Progress bar: how far a long piece of work has come, in one line on a terminal.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace haptic {
+
+/// Control sequence that erases a terminal's line from the cursor on (ECMA-48, EL).
+inline constexpr std::string_view kEraseLine = "\x1b[K";
+
+/// Whether bars are drawn: stderr is a terminal, and not one without control sequences (TERM=dumb).
+[[nodiscard]] bool stderr_shows_progress();
+
+/// The line of a bar: "running fish [########------------]  40 %, 12 s left". `share` of the work, 0 to 1, took
+/// `elapsed_ns`.
+[[nodiscard]] std::string progress_line(std::string_view work, double share, std::int64_t elapsed_ns);
+
+class ProgressBar {
+  public:
+    /// Work that begins now; it is named as what the program is doing, such as "running fish".
+    explicit ProgressBar(std::string work);
+    ProgressBar(const ProgressBar&) = delete;
+    ProgressBar& operator=(const ProgressBar&) = delete;
+    /// Erases the bar.
+    ~ProgressBar();
+
+    /// Draws the bar with this share of the work done, 0 to 1. Work of less than a second draws none, and further calls
+    /// within a tenth of a second return at once.
+    void show(double share);
+
+  private:
+    std::string work_;
+    std::int64_t begin_ns_ = 0;
+    std::int64_t next_ns_ = 0;  // not drawn before
+    bool drawn_ = false;
+};
+
+}  // namespace haptic
