@@ -8,7 +8,7 @@ export interface Area {
   height: number;
 }
 
-const minShare = 0.35; // of the canvas' height: kept even if more is covered
+const minShare = 0.25; // of the canvas' height: kept even if more is covered
 
 /**
  * The area below the title, and above whatever covers the canvas' lower edge. `covers`: elements that may lie over
