@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <glm/geometric.hpp>
-#include <utility>
 
 #include "reproduce/camera.hpp"
 #include "reproduce/povray.hpp"
@@ -17,7 +16,7 @@ struct After {
     const char* name;
     double delay_s;  // since the first contact
 };
-constexpr std::array<After, 2> kAfter{{{"3-soon-after", 0.25}, {"4-later", 1.0}}};
+constexpr std::array<After, 2> kAfter{{{"2-soon-after", 0.25}, {"3-later", 1.0}}};
 
 constexpr double kAboveFloor = 0.1;  // of the size of the framed box: clearance of the vertices
 constexpr double kTile = 0.15;       // of that size, of the floor's tiles
@@ -73,12 +72,11 @@ std::vector<Vec3> points_to_see(const reproduce::ToolMoment& tool) {
 }  // namespace
 
 Snapshots::Snapshots(const Simulation& simulation) : simulation_(&simulation) {
-    last_.vertices = present_.vertices = simulation.vertices();
-    kept_.reserve(kAfter.size() + 2);
+    present_.vertices = simulation.vertices();
+    kept_.reserve(kAfter.size() + 1);
 }
 
 void Snapshots::before_step() {
-    std::swap(last_, present_);
     const std::vector<Vec3>& now = simulation_->vertices();
     std::copy(now.begin(), now.end(), present_.vertices.begin());
     present_.time_s = simulation_->time();
@@ -95,8 +93,7 @@ void Snapshots::after_step(const StepResult& result) {
     // Moments about the first contact.
     if (first_contact_s_ < 0.0 && result.in_contact) {
         first_contact_s_ = result.time;
-        keep("1-before", last_);
-        keep("2-contact", present_);
+        keep("1-contact", present_);
     }
     if (first_contact_s_ >= 0.0 && later_ < kAfter.size() && result.time >= first_contact_s_ + kAfter[later_].delay_s) {
         keep(kAfter[later_++].name, present_);
@@ -106,7 +103,7 @@ void Snapshots::after_step(const StepResult& result) {
     if (force > peak_force_) {
         peak_force_ = force;
         peak_ = present_;
-        peak_.name = "5-peak-force";
+        peak_.name = "4-peak-force";
     }
 }
 

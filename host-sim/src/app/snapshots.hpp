@@ -10,8 +10,7 @@
 
 namespace haptic::sim {
 
-/// Keeps the step before the first contact, the step of the contact, those 0.25 s and 1 s later, and the step with the
-/// largest force at the hand.
+/// Keeps the step of the first contact, those 0.25 s and 1 s later, and the step with the largest force at the hand.
 class Snapshots {
   public:
     /// `simulation` must outlive this object.
@@ -36,7 +35,6 @@ class Snapshots {
     void keep(const char* name, const Moment& moment);
 
     const Simulation* simulation_;
-    Moment last_;     // previous step
     Moment present_;  // current step
     Moment peak_;     // step with the largest force; no name: none yet
     std::vector<Moment> kept_;
