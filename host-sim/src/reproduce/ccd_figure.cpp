@@ -42,7 +42,7 @@ Figure missed_contacts(const Study& study) {
                "set style fill solid 0.9\nset boxwidth 0.9\nset yrange [0:100]\nset xtics rotate by -20\n"
                "plot 'figure-4.7.csv' using 15:xtic(2) skip 1 lc 4 title 'Algorithm 1 alone', "
                "'' using 10 skip 1 lc 2 title 'with overlap at the end', "
-               "'' using ($6 / $4 * 100) skip 1 lc 1 title 'here'\n");
+               "'' using ($6 / $4 * 100) skip 1 lc ours title 'here'\n");
     figure.remarks =
         "The thesis' column is its method as we run it on the same motions. Algorithm 1 finds a contact only when "
         "a triangle's plane passes through the sphere's centre. A triangle that touches the sphere beside its "

@@ -90,8 +90,9 @@ Figure cloth_drop(const Study& study) {
     // Plot, then compare with the thesis.
     study.plot(figure, "figure-4.13-force", "Force on the hand, in the scene, at 1 kHz; the hand is fixed.",
                "set xlabel 'time, s'\nset ylabel 'force, N'\nset xrange [1.3:*]\n"
-               "plot 'figure-4.13.csv' using 'time_s':'force_y_n' with lines lw 2 title 'up', '' using "
-               "'time_s':'force_x_n' with lines title 'x', '' using 'time_s':'force_z_n' with lines title 'z'\n");
+               "plot 'figure-4.13.csv' using 'time_s':'force_y_n' with lines lw 2 lc along_y title 'up', '' using "
+               "'time_s':'force_x_n' with lines lc along_x title 'x', '' using 'time_s':'force_z_n' with lines lc "
+               "along_z title 'z'\n");
     figure.comparisons = {
         {"cloth caught", "yes; not without the method", in_contact > 0 && run.escapes() == 0 ? "yes" : "no"},
         {"steps at which something passed through the proxy (independent check)", "-", std::to_string(run.escapes())},

@@ -144,13 +144,13 @@ Figure curtain_hand(const Study& study) {
     csv.close();
     // One plot each of position, force and torque.
     const auto plot = [&](const std::string& name, const std::string& caption, const std::string& axis, int column) {
-        const auto line = [&](int k, const char* title, int line_type) {
+        const auto line = [&](int k, const char* title) {
             return std::string(k == 0 ? "plot 'figure-5.5.csv'" : ", ''") + " using 1:" + std::to_string(column + k) +
-                   " skip 1 with lines lw 2 lc " + std::to_string(line_type) + " title '" + title + "'";
+                   " skip 1 with lines lw 2 lc along_" + title + " title '" + title + "'";
         };
-        study.plot(figure, "figure-5.5-" + name, caption,
-                   "set xlabel 'time, s'\nset ylabel '" + axis + "'\n" + line(0, "x", 2) + line(1, "y", 3) +
-                       line(2, "z", 1) + "\n");
+        study.plot(
+            figure, "figure-5.5-" + name, caption,
+            "set xlabel 'time, s'\nset ylabel '" + axis + "'\n" + line(0, "x") + line(1, "y") + line(2, "z") + "\n");
     };
     plot("position", "Position of the device, in the scene.", "m", 2);
     plot("force", "Force on the hand, in the scene.", "N", 5);

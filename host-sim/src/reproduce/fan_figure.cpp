@@ -152,8 +152,8 @@ Figure pop_out_iterations(const Study& study) {
         "Moves of the proxy a step: iterations of the thesis' Algorithm 2 after its Algorithm 1, and ours, rides "
         "with the surface and pop-outs together.",
         "set xlabel 'time, s'\nset ylabel 'iterations'\n"
-        "plot 'figure-4.14-thesis.csv' using 'time_s':'iterations' with steps lc 2 title 'thesis', "
-        "'figure-4.14-ours.csv' using 'time_s':(column('iterations') + column('rides')) with steps lw 2 lc 1 title "
+        "plot 'figure-4.14-thesis.csv' using 'time_s':'iterations' with steps lc thesis title 'thesis', "
+        "'figure-4.14-ours.csv' using 'time_s':(column('iterations') + column('rides')) with steps lw 2 lc ours title "
         "'ours'\n");
     study.plot(
         figure, "figure-4.14-rims",

@@ -137,11 +137,11 @@ Figure fish_hold(const Study& study) {
     write(study, figure, samples);
     study.plot(figure, "figure-4.16-force", "Vertical force on the hand, in the scene, at 1 kHz.",
                "set xlabel 'time, s'\nset ylabel 'force, N'\n"
-               "plot 'figure-4.16.csv' using 'time_s':'force_y_n' with lines lc 2 notitle\n");
+               "plot 'figure-4.16.csv' using 'time_s':'force_y_n' with lines lc along_y notitle\n");
     study.plot(figure, "figure-4.16-positions", "Heights of proxy and hand.",
                "set xlabel 'time, s'\nset ylabel 'height, m'\n"
-               "plot 'figure-4.16.csv' using 'time_s':'proxy_y_m' with lines lw 2 lc 1 title 'proxy', '' using "
-               "'time_s':'hip_y_m' with lines lc 8 title 'hand (HIP)'\n");
+               "plot 'figure-4.16.csv' using 'time_s':'proxy_y_m' with lines lw 2 lc proxy title 'proxy', '' using "
+               "'time_s':'hip_y_m' with lines lc hand title 'hand (HIP)'\n");
     // From 2.2 s on the tail is held.
     const auto held = between(samples, 2.2, 8.0);
     figure.comparisons = {

@@ -169,7 +169,7 @@ Figure fish_grip(const Study& study) {
     }
     csv.close();
     study.plot(figure, "figure-5.8-heights", "Heights of the hand and of the middle of the fish.",
-               "set xlabel 'time, s'\nset ylabel 'm'\nplot 'figure-5.8.csv' using 1:3 skip 1 with lines lw 2 lc 2 "
+               "set xlabel 'time, s'\nset ylabel 'm'\nplot 'figure-5.8.csv' using 1:3 skip 1 with lines lw 2 lc hand "
                "title 'hand', '' using 1:4 skip 1 with lines lw 2 lc 1 title 'fish', '' using "
                "1:(0.1*$2) skip 1 with lines dt 2 lc 5 title 'curl, tenths'\n");
     // Weight of the fish, N.

@@ -27,8 +27,8 @@ Figure pop_out_times(const Study& study) {
     csv.close();
     study.plot(figure, "figure-4.15-times", "Time by triangles times iterations; both axes logarithmic.",
                "set xlabel 'triangles x iterations'\nset ylabel 'ms'\nset logscale xy\nset key left top\n"
-               "plot 'figure-4.15.csv' using ($1 * $2):4 skip 1 with points pt 7 lc 2 title 'thesis', "
-               "'' using ($1 * $2):3 skip 1 with points pt 5 lc 1 title 'here'\n");
+               "plot 'figure-4.15.csv' using ($1 * $2):4 skip 1 with points pt 7 lc thesis title 'thesis', "
+               "'' using ($1 * $2):3 skip 1 with points pt 5 lc ours title 'here'\n");
     figure.remarks =
         "The time per pop is a constant few nanoseconds, independent of their number, here as in the thesis.";
     return figure;

@@ -255,9 +255,8 @@ Figure scaling(const Study& study) {
     const std::vector<QueryCost> query = queries(study, figure);
     study.plot(
         figure, "scaling-step", "Time of a step in contact by stage; both axes logarithmic.",
-        "set xlabel 'triangles, all but 1,700 far away'\nset ylabel 'us'\nset logscale xy\nset xrange [1e3:2e6]\nset "
-        "format x "
-        "'10^{%L}'\n"
+        "set xlabel 'triangles, all but 1,700 far away'\nset ylabel 'us'\nset logscale y\neval log_axis('x', "
+        "1e3, 2e6)\n"
         "plot 'scaling-step.csv' using 'triangles':'total_moving_us' with linespoints pt 7 lw 2 lc 2 "
         "title 'whole step, far bodies move', '' using 'triangles':'ccd_moving_us' with linespoints pt 5 dt 2 lc 4 "
         "title 'refit and CCD', '' using 'triangles':'skin_moving_us' with linespoints pt 9 dt 2 "
@@ -265,9 +264,8 @@ Figure scaling(const Study& study) {
         "lc 1 title 'whole step, far bodies rest'\n");
     study.plot(figure, "scaling-query",
                "Time of the contact queries, and of the refit of all triangles; both axes logarithmic.",
-               "set xlabel 'triangles, all but some forty far away'\nset ylabel 'us'\nset logscale xy\nset xrange "
-               "[1e3:2e6]\nset format x "
-               "'10^{%L}'\n"
+               "set xlabel 'triangles, all but some forty far away'\nset ylabel 'us'\nset logscale y\neval "
+               "log_axis('x', 1e3, 2e6)\n"
                "plot 'scaling-query.csv' using 'triangles':'refit_us' with linespoints pt 5 dt 2 lc 4 title "
                "'refit, if all move', '' using 'triangles':'query_us' with linespoints pt 7 lw 2 lc 1 title "
                "'CCD, pop-out, virtual proxy, planes'\n");

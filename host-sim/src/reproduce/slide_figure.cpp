@@ -194,13 +194,14 @@ void add_reacting_hand(const Study& study, Figure& figure, std::uint64_t& escape
         csv.row(row);
     }
     csv.close();
-    study.plot(figure, "figure-5.7-extra-motion",
-               "(c) Motion of a reacting hand across the plane that nobody intends, while it slides.",
-               "set xlabel 'stiffness of the coupling, N/m'\nset ylabel 'mm, rms'\nset logscale xy\nset key left top "
-               "inside\nplot 'figure-5.7-extra-motion.csv' using 1:4 skip 1 with linespoints pt 7 lc 2 title 'single "
-               "rate, 50 steps/s', '' using 1:2 skip 1 with linespoints pt 7 lc 3 title 'positions (the thesis), 50 "
-               "steps/s', '' using 1:3 skip 1 with linespoints pt 7 lc 1 title 'planes, 50 steps/s', '' using 1:5 skip "
-               "1 with linespoints pt 7 lc 5 title 'single rate, 1 kHz'\n");
+    study.plot(
+        figure, "figure-5.7-extra-motion",
+        "(c) Motion of a reacting hand across the plane that nobody intends, while it slides.",
+        "set xlabel 'stiffness of the coupling, N/m'\nset ylabel 'mm, rms'\nset logscale xy\nset key left top "
+        "inside\nplot 'figure-5.7-extra-motion.csv' using 1:4 skip 1 with linespoints pt 7 lc 4 title 'single "
+        "rate, 50 steps/s', '' using 1:2 skip 1 with linespoints pt 7 lc thesis title 'positions (the thesis), 50 "
+        "steps/s', '' using 1:3 skip 1 with linespoints pt 7 lc ours title 'planes, 50 steps/s', '' using 1:5 skip "
+        "1 with linespoints pt 7 lc 5 title 'single rate, 1 kHz'\n");
     // The path of each hand at one stiffness.
     CsvWriter path(study.data(figure, "figure-5.7-hand"),
                    {"time_s", "positions_mm", "planes_mm", "single_rate_50_hz_mm", "single_rate_1_khz_mm"});
@@ -209,12 +210,13 @@ void add_reacting_hand(const Study& study, Figure& figure, std::uint64_t& escape
                             1e3 * paths[2][k].deviation, 1e3 * paths[3][k].deviation});
     }
     path.close();
-    study.plot(figure, "figure-5.7-hand",
-               "(c) Height of the reacting hand over its intended path, " + format_fixed(shown_stiffness, 0) + " N/m.",
-               "set xlabel 'time, s'\nset ylabel 'mm'\nset xrange [0.5:3.2]\nplot 'figure-5.7-hand.csv' using 1:4 skip "
-               "1 with lines lc 2 title 'single rate, 50 steps/s', '' using 1:2 skip 1 with lines lw 2 lc 3 title "
-               "'positions (the thesis)', '' using 1:3 skip 1 with lines lw 2 lc 1 title 'planes', '' using 1:5 skip 1 "
-               "with lines dt 2 lc 5 title 'single rate, 1 kHz'\n");
+    study.plot(
+        figure, "figure-5.7-hand",
+        "(c) Height of the reacting hand over its intended path, " + format_fixed(shown_stiffness, 0) + " N/m.",
+        "set xlabel 'time, s'\nset ylabel 'mm'\nset xrange [0.5:3.2]\nplot 'figure-5.7-hand.csv' using 1:4 skip "
+        "1 with lines lc 4 title 'single rate, 50 steps/s', '' using 1:2 skip 1 with lines lw 2 lc thesis title "
+        "'positions (the thesis)', '' using 1:3 skip 1 with lines lw 2 lc ours title 'planes', '' using 1:5 skip 1 "
+        "with lines dt 2 lc 5 title 'single rate, 1 kHz'\n");
     const auto motions = [](const std::array<double, 4>& mm) {
         return "positions " + format_fixed(mm[0], 4) + ", planes " + format_fixed(mm[1], 4) + ", single rate " +
                format_fixed(mm[2], 4) + " (50 steps/s) and " + format_fixed(mm[3], 4) + " mm (1 kHz)";
@@ -269,8 +271,9 @@ Figure plane_slide(const Study& study) {
             "(b) Planes, 50 steps/s: nothing along x and z.", "(c) Single rate, 1 kHz."};
         study.plot(figure, name, captions[w],
                    "set xlabel 'time, s'\nset ylabel 'N'\nset xrange [0:5]\nplot '" + name +
-                       ".csv' using 1:5 skip 1 with lines lw 2 lc 2 title 'force along x', '' using 1:6 skip "
-                       "1 with lines lw 2 lc 3 title 'up', '' using 1:7 skip 1 with lines lw 2 lc 1 title 'along z', "
+                       ".csv' using 1:5 skip 1 with lines lw 2 lc along_x title 'force along x', '' using 1:6 skip "
+                       "1 with lines lw 2 lc along_y title 'up', '' using 1:7 skip 1 with lines lw 2 lc along_z title "
+                       "'along z', "
                        "'' using 1:(10*$2) skip 1 with lines dt 2 lc 5 title 'x of "
                        "the hand, 10 cm'\n");
     }
@@ -287,8 +290,8 @@ Figure plane_slide(const Study& study) {
     csv.close();
     study.plot(figure, "figure-5.7-steps", "Largest force along the plane against the duration of a step.",
                "set xlabel 'duration of a step, ms'\nset ylabel 'N'\nset yrange [0:*]\nset key left top inside\n"
-               "plot 'figure-5.7-steps.csv' using 1:2 skip 1 with linespoints pt 7 lc 2 title 'positions (the "
-               "thesis)', '' using 1:3 skip 1 with linespoints pt 7 lc 1 title 'planes', '' using 1:4 skip 1 "
+               "plot 'figure-5.7-steps.csv' using 1:2 skip 1 with linespoints pt 7 lc thesis title 'positions (the "
+               "thesis)', '' using 1:3 skip 1 with linespoints pt 7 lc ours title 'planes', '' using 1:4 skip 1 "
                "with lines dt 2 lc 5 title 'k v T'\n");
     // Planes with a stiff coupling, and the expected dragging force k v T.
     const SlideForces stiff = slide_forces(slide({"", false, 0.02, 500.0}, study.clock(), escapes, nullptr, nullptr));

@@ -105,9 +105,9 @@ Figure sphere_counts(const Study& study) {
     csv.close();
     study.plot(figure, "figure-5.6-times", "Median time of a step, microseconds.",
                "set xlabel 'spheres'\nset ylabel 'us'\nset yrange [0:*]\n"
-               "plot 'figure-5.6.csv' using 1:3 skip 1 with linespoints pt 7 ps 0.6 lc 2 title 'step, in "
-               "contact', '' using 1:2 skip 1 with linespoints pt 7 ps 0.6 lc 4 title 'step, free', '' using "
-               "1:5 skip 1 with linespoints pt 7 ps 0.6 lc 1 title 'tool, in contact', '' using 1:4 skip 1 "
+               "plot 'figure-5.6.csv' using 1:3 skip 1 with linespoints pt 7 ps 0.6 lc 4 title 'step, in "
+               "contact', '' using 1:2 skip 1 with linespoints pt 7 ps 0.6 lc 1 title 'step, free', '' using "
+               "1:5 skip 1 with linespoints pt 7 ps 0.6 lc 2 title 'tool, in contact', '' using 1:4 skip 1 "
                "with linespoints pt 7 ps 0.6 lc 7 title 'tool, free'\n");
     // Linear fit of the tool's part over the number of spheres.
     const Line in_contact = fit(counts, touching);

@@ -1,18 +1,14 @@
 #include "reproduce/study.hpp"
 
-#include <fcntl.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <array>
-#include <cerrno>
 #include <sstream>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 
+#include "haptic/external_program.hpp"
 #include "haptic/html.hpp"
+#include "haptic/plot.hpp"
 #include "haptic/text_file.hpp"
 
 namespace haptic::sim::reproduce {
@@ -34,45 +30,12 @@ constexpr std::array<Reproduction, 13> kReproductions{{
     {"scaling", "A step among up to a million triangles", scaling},
 }};
 
-// Style of all plots. Line types: 1 ours, 2 the thesis (red), 3 green, 4 ochre, 5 grey, 6 violet, 7 light blue, 8 dark
-// grey.
-constexpr std::string_view kPlotPreamble =
-    R"(set terminal svg size 760,340 dynamic font 'sans-serif,13'
-set datafile separator comma
-set grid linecolor '#dddddd'
-set border 3 linecolor '#666666'
-set linetype 1 linewidth 1.5 linecolor '#2a6f97'
-set linetype 2 linewidth 1.5 linecolor '#c8553d'
-set linetype 3 linewidth 1.5 linecolor '#5f8744'
-set linetype 4 linewidth 1.5 linecolor '#b3710f'
-set linetype 5 linewidth 1.5 linecolor '#999999'
-set linetype 6 linewidth 1.5 linecolor '#8a6fb0'
-set linetype 7 linewidth 1.5 linecolor '#8ab6cf'
-set linetype 8 linewidth 1.5 linecolor '#555555'
-set tics nomirror
-set key outside top center horizontal
-)";
-
 constexpr std::string_view kIntroduction =
     R"(<p>The figures of chapters 4 and 5 of "Haptic Proxy for Dynamic Deformable Objects" (Tokyo Institute of Technology),
 reproduced with the scenes built into this program. The thesis' numbers, shown beside ours, were measured on an Intel Core i5-4210U
 (1.7 GHz; chapter 5: i5-7300). Ours were measured on one core of the machine on which this page was made. Where the thesis gives no
 mass, size or stiffness, the scene's file says what was chosen.</p>
 )";
-
-void write_images(std::ostream& out, const Figure& figure) {
-    out << "<div class=\"pictures\">\n";
-    for (const Image& image : figure.images) {
-        out << (image.file.ends_with(".svg") ? "<figure class=\"gnuplot\">" : "<figure>");
-        if (image.file.empty()) {
-            out << "<p class=\"quiet\">(not drawn: gnuplot or povray is missing or has failed)</p>";
-        } else {
-            out << "<img alt=\"" << html_text(image.caption) << "\" src=\"" << image.file << "\">";
-        }
-        out << "<figcaption>" << html_text(image.caption) << "</figcaption></figure>\n";
-    }
-    out << "</div>\n";
-}
 
 void write_figure(std::ostream& out, const Figure& figure) {
     const bool numbered = !figure.number.empty() && figure.number[0] >= '0' && figure.number[0] <= '9';
@@ -87,8 +50,11 @@ void write_figure(std::ostream& out, const Figure& figure) {
         }
         out << "</table>\n";
     }
-    write_images(out, figure);
-    out << "<p>" << html_text(figure.remarks) << "</p>\n<p class=\"quiet\">Data:";
+    out << "<div class=\"pictures\">\n";
+    for (const std::string& image : figure.images) {
+        out << image;
+    }
+    out << "</div>\n<p>" << html_text(figure.remarks) << "</p>\n<p class=\"quiet\">Data:";
     for (const std::string& file : figure.data) {
         out << " <a href=\"" << file << "\">" << file << "</a>";
     }
@@ -110,50 +76,30 @@ std::filesystem::path Study::data(Figure& figure, const std::string& name) const
     return folder_ / figure.data.back();
 }
 
-bool Study::run(const std::vector<std::string>& command, const std::string& name) const {
-    // posix_spawnp wants an argument list that ends with null.
-    std::vector<char*> arguments;
-    arguments.reserve(command.size() + 1);
-    for (const std::string& word : command) {
-        arguments.push_back(const_cast<char*>(word.c_str()));  // posix_spawnp does not write to them
-    }
-    arguments.push_back(nullptr);
-    // No input; output to NAME.log; working directory: the folder.
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    const std::string log = (folder_ / (name + ".log")).string();
-    posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
-    posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
-    posix_spawn_file_actions_addchdir_np(&actions, folder_.c_str());
-    pid_t child = 0;
-    const int refused = posix_spawnp(&child, arguments[0], &actions, nullptr, arguments.data(), environ);
-    posix_spawn_file_actions_destroy(&actions);
-    if (refused != 0) {
-        return false;
-    }
-    // Wait for the program, also across signals.
-    int status = 0;
-    while (waitpid(child, &status, 0) < 0) {
-        if (errno != EINTR) {
-            return false;
-        }
-    }
-    return WIFEXITED(status) && WEXITSTATUS(status) == 0;
-}
-
 void Study::plot(Figure& figure, const std::string& name, const std::string& caption,
                  const std::string& commands) const {
-    write_text(folder_ / (name + ".gp"), std::string(kPlotPreamble) + "set output '" + name + ".svg'\n" + commands);
-    const bool drawn = run({"gnuplot", name + ".gp"}, name);
-    figure.images.push_back({drawn ? name + ".svg" : "", caption});
+    write_text(folder_ / (name + ".gp"),
+               std::string(plot_style()) + "set output " + gnuplot_text(name + ".svg") + "\n" + commands);
+    const DrawnPlot drawn = draw_plot(commands, folder_);
+    if (!drawn.svg.empty()) {
+        write_text(folder_ / (name + ".svg"), drawn.svg);
+    }
+    figure.images.push_back(plot_figure(
+        {.name = name, .caption = caption, .redraw = "Its commands are in " + name + ".gp, its data beside it."},
+        drawn));
 }
 
 void Study::picture(Figure& figure, const std::string& name, const std::string& caption,
                     const PictureScene& scene) const {
     write_picture_scene(folder_ / (name + ".pov"), scene);
-    const bool drawn = run({"povray", "+I" + name + ".pov", "+O" + name + ".png", "+W960", "+H720", "+A", "-D"}, name);
-    figure.images.push_back({drawn ? name + ".png" : "", caption});
+    const ExternalResult result =
+        run_external({"povray", "+I" + name + ".pov", "+O" + name + ".png", "+W960", "+H720", "+A", "-D"}, "", folder_);
+    write_text(folder_ / (name + ".log"), result.output + result.errors);
+    const std::string image = result.succeeded
+                                  ? "<img alt=\"" + html_text(caption) + "\" src=\"" + name + ".png\">"
+                                  : std::string("<p class=\"quiet\">Not drawn: povray ") +
+                                        (result.found ? "failed; " + name + ".log says why" : "is missing") + ".</p>";
+    figure.images.push_back("<figure>" + image + "<figcaption>" + html_text(caption) + "</figcaption></figure>\n");
 }
 
 std::filesystem::path Study::write_page(std::span<const Figure> figures) const {

@@ -22,20 +22,14 @@ struct Comparison {
     std::string ours;
 };
 
-/// An image of the page.
-struct Image {
-    std::string file;  // in the folder; empty: it could not be drawn
-    std::string caption;
-};
-
 struct Figure {
     std::string number;      // "4.13", as in the thesis; a word for a figure that is not in it
     std::string title;       // what the figure shows
     std::string conditions;  // what was run, and how that differs from the thesis
     std::vector<Comparison> comparisons;
-    std::vector<Image> images;
-    std::vector<std::string> data;  // CSV files, in the folder
-    std::string remarks;            // what differs in the result, and why
+    std::vector<std::string> images;  // plots and pictures, as figures of the page
+    std::vector<std::string> data;    // CSV files, in the folder
+    std::string remarks;              // what differs in the result, and why
 };
 
 /// The output folder of one run of the command.
@@ -46,8 +40,8 @@ class Study {
 
     /// Registers a data file with the figure and returns its path.
     [[nodiscard]] std::filesystem::path data(Figure& figure, const std::string& name) const;
-    /// Draws a plot with gnuplot and adds it to the figure. `commands` refer to data files by their bare names and to
-    /// the colours of all plots by the line types 1 to 8 (study.cpp).
+    /// Draws a plot (haptic/plot.hpp) and adds it to the figure; NAME.gp and NAME.svg remain. `commands` refer to data
+    /// files by their bare names and to colours by the line types and quantities of shared/page/plot.gp.
     void plot(Figure& figure, const std::string& name, const std::string& caption, const std::string& commands) const;
     /// Renders a picture with POV-Ray and adds it to the figure.
     void picture(Figure& figure, const std::string& name, const std::string& caption, const PictureScene& scene) const;
@@ -57,9 +51,6 @@ class Study {
     [[nodiscard]] std::int64_t (*clock() const)() { return clock_; }
 
   private:
-    /// Runs a program in the folder, its output in NAME.log. False if it failed or is not installed.
-    [[nodiscard]] bool run(const std::vector<std::string>& command, const std::string& name) const;
-
     std::filesystem::path folder_;
     std::int64_t (*clock_)();
 };

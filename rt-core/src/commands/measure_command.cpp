@@ -209,6 +209,14 @@ nlohmann::json load_report(const std::filesystem::path& file) {
     return report;
 }
 
+/// What a page without plots says: the command that draws it where gnuplot is.
+std::string redraw_text(const MeasureOptions& options) {
+    const std::string report = options.from ? options.from->string() : options.run.report.value_or("").string();
+    return report.empty() ? "With --report, where it is installed: rt-core measure --from REPORT --html PAGE"
+                          : "Where it is installed: rt-core measure --from " + report + " --html " +
+                                options.html.value_or("PAGE").string();
+}
+
 int measure(const MeasureOptions& options) {
     Config config = load_config(options.run.config, options.run.assignments);
     if (options.loopback) {
@@ -231,7 +239,7 @@ int measure(const MeasureOptions& options) {
             results.write([&] { write_report(*options.run.report, report); });
         }
         if (options.html) {
-            results.write([&] { write_text(*options.html, measure_page(report)); });
+            results.write([&] { write_text(*options.html, measure_page(report, redraw_text(options))); });
         }
         std::fputs(measure_text(report).c_str(), stdout);
         return result.succeeded() ? kExitDone : kExitFaulted;
@@ -246,7 +254,10 @@ int compare(const MeasureOptions& options) {
         write_report(*options.run.report, comparison);
     }
     if (options.html) {
-        write_text(*options.html, comparison_page(first, second));
+        const std::string redraw = "Where it is installed: rt-core measure --compare " +
+                                   options.compare.at(0).string() + " " + options.compare.at(1).string() + " --html " +
+                                   options.html->string();
+        write_text(*options.html, comparison_page(first, second, redraw));
     }
     std::fputs(comparison_text(comparison).c_str(), stdout);
     return 0;
@@ -261,7 +272,7 @@ int measure_command(const MeasureOptions& options) {
     if (options.from) {
         const nlohmann::json report = load_report(*options.from);
         if (options.html) {
-            write_text(*options.html, measure_page(report));
+            write_text(*options.html, measure_page(report, redraw_text(options)));
         }
         std::fputs(measure_text(report).c_str(), stdout);
         return kExitDone;

@@ -16,8 +16,8 @@
 #include "commands/scene_stability.hpp"
 #include "haptic/html.hpp"
 #include "haptic/text_file.hpp"
+#include "measure/plot_commands.hpp"
 #include "measure/stability.hpp"
-#include "measure/svg_plot.hpp"
 #include "process/settings.hpp"
 #include "program/exit_status.hpp"
 #include "program/progress_bar.hpp"
@@ -29,7 +29,7 @@ namespace {
 constexpr double kSoftest = 10.0;     // N/m
 constexpr double kStiffest = 2000.0;  // N/m
 constexpr double kLongestS = 0.02;    // s, delay
-// Amplitudes at the ends of the colour scale.
+// Amplitudes at the ends of the scale of colours.
 constexpr double kFaintest = 0.01 * kMillimetre;   // m
 constexpr double kStrongest = 20.0 * kMillimetre;  // m
 
@@ -101,65 +101,52 @@ std::string title_of(DelayedPart late) {
     return "";
 }
 
-/// Colour of an amplitude (m), from green at kFaintest through yellow to dark red at kStrongest on a logarithmic scale.
-std::string colour_of(double amplitude) {
-    struct Stop {
-        double at;
-        std::array<double, 3> rgb;
-    };
-    constexpr std::array<Stop, 5> stops{{{0.0, {247, 251, 244}},
-                                         {0.35, {159, 208, 168}},
-                                         {0.55, {242, 193, 78}},
-                                         {0.8, {209, 73, 91}},
-                                         {1.0, {91, 26, 58}}}};
-    const double share = std::log(std::max(amplitude, kFaintest) / kFaintest) / std::log(kStrongest / kFaintest);
-    std::size_t i = 1;
-    while (i + 1 < stops.size() && share > stops[i].at) {
-        ++i;
-    }
-    // Linear interpolation between the two stops around the value.
-    const double t = std::clamp((share - stops[i - 1].at) / (stops[i].at - stops[i - 1].at), 0.0, 1.0);
-    std::array<int, 3> rgb{};
-    for (std::size_t c = 0; c < rgb.size(); ++c) {
-        rgb[c] = static_cast<int>(std::lround(std::lerp(stops[i - 1].rgb[c], stops[i].rgb[c], t)));
-    }
-    std::array<char, 16> text{};
-    std::snprintf(text.data(), text.size(), "#%02x%02x%02x", rgb[0] & 0xff, rgb[1] & 0xff, rgb[2] & 0xff);
-    return text.data();
-}
-
 /// One map: stiffness against delay, a cell for each trial, and the passivity limit as a line.
-std::string map_of(const std::vector<Cell>& cells, DelayedPart late, bool controlled, const StabilityOptions& options,
-                   const TickSettings& tick) {
+PlotCommands map_of(const std::vector<Cell>& cells, DelayedPart late, bool controlled, const StabilityOptions& options,
+                    const TickSettings& tick) {
     // Half the distance between neighbouring cells: a ratio of stiffnesses, a difference of delays.
     const double half_ratio = std::pow(kStiffest / kSoftest, 0.5 / (options.rows - 1.0));
     const double half_step_ms = 500.0 * kLongestS / (options.columns - 1.0);
-    SvgPlot plot({-half_step_ms, kLongestS * 1e3 + half_step_ms}, {kSoftest / half_ratio, kStiffest * half_ratio},
-                 "delay, ms", "stiffness, N/m", true);
+    std::string rectangles;
+    std::string growing;
     for (const Cell& cell : cells) {
         if (cell.late != late || cell.controlled != controlled) {
             continue;
         }
         // Cells keep their equal widths although the delays are rounded to whole ticks.
         const double delay_ms = 2.0 * half_step_ms * cell.column;
-        plot.cell({delay_ms - half_step_ms, delay_ms + half_step_ms},
-                  {cell.stiffness / half_ratio, cell.stiffness * half_ratio}, colour_of(cell.outcome.last_amplitude));
-        if (cell.outcome.grows) {
-            plot.cross(delay_ms, cell.stiffness);
-        }
+        rectangles += plot_row(delay_ms, cell.stiffness, delay_ms - half_step_ms, delay_ms + half_step_ms,
+                               cell.stiffness / half_ratio, cell.stiffness * half_ratio,
+                               std::max(cell.outcome.last_amplitude, kFaintest) / kMillimetre);
+        growing += cell.outcome.grows ? plot_row(delay_ms, cell.stiffness) : "";
     }
     // A sampled spring with delay is passive up to K = 2 b / (T + 2 delay); only a late force feels the delay.
-    std::vector<std::pair<double, double>> limit;
+    std::string limit;
     constexpr int points = 100;
     for (int i = 0; i <= points; ++i) {
         const double delay_s = kLongestS * i / points;
         const double felt_s = late == DelayedPart::Force ? delay_s : 0.0;
-        limit.emplace_back(delay_s * 1e3,
-                           passive_stiffness(tick.passivity.damping, 0.0, 0.0, seconds(tick.period_ns), felt_s));
+        limit += plot_row(delay_s * 1e3,
+                          passive_stiffness(tick.passivity.damping, 0.0, 0.0, seconds(tick.period_ns), felt_s));
     }
-    plot.line(limit, "first");
-    const std::string title = title_of(late) + (controlled ? ", controlled" : ", not controlled");
-    return "<figure>" + plot.svg(title) + "<figcaption>" + title + "</figcaption></figure>\n";
+    // The colours of amplitudes become steadily darker, so that they are in order for any colour vision.
+    PlotCommands plot;
+    plot.set("set xlabel 'delay, ms'\nset ylabel 'stiffness, N/m'\nset cblabel 'amplitude, mm'\nset rmargin 13");
+    plot.set("set palette defined (0 '#f7fbf4', 0.35 '#9fd0a8', 0.55 '#f2c14e', 0.8 '#d1495b', 1 '#5b1a3a')");
+    plot.set("set logscale cb\nset cbrange [" + plot_number(kFaintest / kMillimetre) + ":" +
+             plot_number(kStrongest / kMillimetre) + "]\nset cbtics (0.01, 0.1, 1, 5, 20)\nset format cb '%g'");
+    plot.set("set xrange [" + plot_number(-half_step_ms) + ":" + plot_number(kLongestS * 1e3 + half_step_ms) + "]");
+    plot.log_axis("y", {kSoftest / half_ratio, kStiffest * half_ratio});
+    plot.draw(rectangles, "using 1:2:3:4:5:6:7 with boxxyerror fillcolor palette", "");
+    // White sets line and crosses off from cells of any colour.
+    plot.draw(limit, "using 1:2 with lines linewidth 6 linecolor 'white'", "");
+    plot.draw(limit, "using 1:2 with lines linewidth 3 linecolor 1", "passivity limit");
+    if (!growing.empty()) {
+        plot.draw(growing, "using 1:2 with points pointtype 7 pointsize 1.2 linecolor 'white'", "");
+        plot.draw(growing, "using 1:2 with points pointtype 2 pointsize 0.8 linecolor 'black'",
+                  "grows or is sustained");
+    }
+    return plot;
 }
 
 void write_page(const std::filesystem::path& file, const std::vector<Cell>& cells, const StabilityOptions& options,
@@ -167,16 +154,13 @@ void write_page(const std::filesystem::path& file, const std::vector<Cell>& cell
     std::ostringstream page;
     page << page_top("Stability of a virtual wall")
          << "<p>A grip of 0.1 kg and 0.3 N s/m is pressed against a virtual wall. Colour: amplitude of the vibration "
-            "in the last 0.4 s, lowest to highest:";
-    for (const double amplitude_mm : {0.01, 0.1, 1.0, 5.0, 20.0}) {
-        page << "<span class=\"swatch\" style=\"background:" << colour_of(amplitude_mm * kMillimetre) << "\"></span>"
-             << amplitude_mm << " mm";
-    }
-    page << ". Cross: the vibration grows or is sustained. Line: the passivity limit 2 b / T, for a late force "
-            "2 b / (T + 2 delay).</p>\n<div class=\"pictures\">\n";
+            "in the last 0.4 s. Cross: the vibration grows or is sustained. Line: the passivity limit 2 b / T, for a "
+            "late force 2 b / (T + 2 delay).</p>\n<div class=\"pictures\">\n";
+    PageFigures figures("Where it is installed, the same command repeats the same trials.");
     for (const bool controlled : {false, true}) {
         for (const DelayedPart late : kDelayedParts) {
-            page << map_of(cells, late, controlled, options, tick);
+            page << figures.draw(map_of(cells, late, controlled, options, tick),
+                                 title_of(late) + (controlled ? ", controlled" : ", not controlled"));
         }
     }
     page << "</div>\n</body></html>\n";

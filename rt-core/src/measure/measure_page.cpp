@@ -8,8 +8,9 @@
 #include <vector>
 
 #include "haptic/html.hpp"
+#include "haptic/plot.hpp"
 #include "measure/measure_report.hpp"
-#include "measure/svg_plot.hpp"
+#include "measure/plot_commands.hpp"
 #include "measure/tick_explanation.hpp"
 
 namespace haptic::rt {
@@ -18,8 +19,24 @@ namespace {
 using nlohmann::json;
 
 constexpr std::size_t kRowsOfTicks = 12;
+constexpr double kBelowOne = 0.5;       // lower end of the axes of counts
+constexpr double kMarkRoom = 0.07;      // of the plot's width, for the label of a percentile
 constexpr double kMinBinWidth = 0.016;  // in ln(value): two buckets of Histogram
 constexpr std::size_t kShownInterrupts = 8;
+
+/// "500", "1,500", "2.3 million".
+std::string number_text(double value) {
+    std::array<char, 32> text{};
+    const auto whole = static_cast<long>(std::lround(value));
+    if (value >= 1e6) {
+        std::snprintf(text.data(), text.size(), "%.3g million", value * 1e-6);
+    } else if (value >= 1000.0) {
+        std::snprintf(text.data(), text.size(), "%ld,%03ld", whole / 1000, whole % 1000);
+    } else {
+        std::snprintf(text.data(), text.size(), "%.4g", value);
+    }
+    return text.data();
+}
 
 /// Microseconds with one decimal below 100.
 std::string us_text(double value_us) {
@@ -42,19 +59,15 @@ std::string number_cell(const std::string& text) {
     return "<td class=\"n\">" + html_text(text) + "</td>";
 }
 
-std::string figure(const std::string& svg, const std::string& caption) {
-    return "<figure>" + svg + "<figcaption>" + html_text(caption) + "</figcaption></figure>\n";
-}
-
 bool has_values(const json& distribution) {
     return distribution.at("count").get<std::uint64_t>() > 0;
 }
 
-/// A distribution to plot.
+/// A distribution to plot. `colour` is a quantity of plot.gp or the number of a line type.
 struct Series {
     const json* distribution;
     std::string name;
-    const char* css_class;
+    const char* colour;
 };
 
 AxisRange range_of(const std::vector<Series>& all) {
@@ -72,139 +85,161 @@ std::vector<double> binned(const json& distribution, AxisRange range, std::size_
     std::vector<double> counts(bins, 0.0);
     for (const json& bucket : distribution.at("histogram")) {
         const double middle = 0.5 * (bucket.at(0).get<double>() + bucket.at(1).get<double>());
-        const double part = std::log(std::max(middle, range.from) / range.from) / std::log(range.to / range.from);
-        const auto bin = static_cast<std::size_t>(std::clamp(part, 0.0, 0.999999) * static_cast<double>(bins));
-        counts[bin] += bucket.at(2).get<double>();
+        counts[static_cast<std::size_t>(range.part(middle) * static_cast<double>(bins))] += bucket.at(2).get<double>();
     }
     return counts;
 }
 
+/// Marks percentiles of a distribution by dotted lines with labels at their upper ends.
+void mark_percentiles(PlotCommands& plot, const json& distribution, AxisRange range) {
+    std::string labels;
+    double last = -1.0;
+    for (const Percentile& one : kPercentiles) {
+        if (one.key == std::string_view("p90") || one.key == std::string_view("p999")) {
+            continue;
+        }
+        const double value = distribution.at(one.key).get<double>();
+        const std::string at = plot_number(value);
+        std::string line = "set arrow nohead from ";
+        line.append(at).append(", graph 0 to ").append(at).append(", graph 1 linecolor 8 dashtype 3");
+        plot.set(line);
+        // A label that would overlap the previous one is left out.
+        if (range.part(value) - last >= kMarkRoom) {
+            labels += (labels.empty() ? "" : ", ") + gnuplot_text(one.title) + " " + at;
+            last = range.part(value);
+        }
+    }
+    plot.log_axis("x2", range);
+    plot.set("set x2tics (" + labels + ") scale 0");
+}
+
+/// Colour of a latency in every plot: its quantity in plot.gp.
+const char* colour_of(Latency latency) {
+    switch (latency) {
+        case Latency::Exchange:
+            return "exchange";
+        case Latency::Compute:
+            return "compute";
+        case Latency::MotionToForce:
+            return "motion_to_force";
+        case Latency::Wakeup:
+        case Latency::Period:
+        case Latency::DeviceToPlane:
+            break;
+    }
+    return "wakeup";
+}
+
 /// Histogram of distributions: the first as bars, the others as outlines over it. Marks the percentiles of the first.
-std::string histogram_plot(const std::vector<Series>& all, const std::string& title) {
+PlotCommands histogram_plot(const std::vector<Series>& all) {
     const AxisRange range = range_of(all);
     const double width = std::log(range.to / range.from);
     const auto bins = static_cast<std::size_t>(std::clamp(width / kMinBinWidth, 4.0, 100.0));
-    // Counts of each distribution in common bins.
-    std::vector<std::vector<double>> counts;
-    double max_count = 1.0;
-    for (const Series& one : all) {
-        counts.push_back(binned(*one.distribution, range, bins));
-        max_count = std::max(max_count, *std::max_element(counts.back().begin(), counts.back().end()));
-    }
-    // The y axis begins at half a tick, so that a single tick is visible on it.
-    SvgPlot plot(range, {0.5, max_count * 1.4}, "us", "ticks");
     const auto edge = [&](std::size_t bin) {
         return range.from * std::exp(width * static_cast<double>(bin) / static_cast<double>(bins));
     };
-    // Bars of the first distribution.
-    for (std::size_t i = 0; i < bins; ++i) {
-        if (counts[0][i] > 0.0) {
-            plot.bar(edge(i), edge(i + 1), counts[0][i], all[0].css_class);
-        }
-    }
-    // Outlines of the others.
-    for (std::size_t s = 1; s < all.size(); ++s) {
-        std::vector<std::pair<double, double>> outline;
+    PlotCommands plot;
+    double max_count = 10.0;
+    for (std::size_t s = 0; s < all.size(); ++s) {
+        // Counts in common bins: centre, count, width of each bar, or the steps of an outline.
+        const std::vector<double> counts = binned(*all[s].distribution, range, bins);
+        max_count = std::max(max_count, *std::max_element(counts.begin(), counts.end()));
+        std::string rows;
         for (std::size_t i = 0; i < bins; ++i) {
-            const double y = std::max(counts[s][i], 0.5);
-            outline.emplace_back(edge(i), y);
-            outline.emplace_back(edge(i + 1), y);
+            const double from = edge(i);
+            const double to = edge(i + 1);
+            const double count = std::max(counts[i], kBelowOne);
+            if (s > 0) {
+                rows += plot_row(from, count) + plot_row(to, count);
+            } else if (counts[i] > 0.0) {
+                rows += plot_row(0.5 * (from + to), count, to - from);
+            }
         }
-        plot.line(outline, all[s].css_class);
+        const std::string colour = std::string(" linecolor ") + all[s].colour;
+        plot.draw(rows, (s == 0 ? "using 1:2:3 with boxes" : "using 1:2 with lines linewidth 2") + colour,
+                  all.size() > 1 ? all[s].name : "");
     }
-    // Percentile marks, and a legend if there are several distributions.
-    for (const char* key : {"p50", "p99", "p9999"}) {
-        const std::string word = key == std::string("p9999") ? "p99.99" : key;
-        plot.mark(all[0].distribution->at(key).get<double>(), word);
-    }
-    if (all.size() > 1) {
-        for (const Series& one : all) {
-            plot.key(one.name, one.css_class);
-        }
-    }
-    return plot.svg(title);
+    plot.set("set xlabel 'us'\nset ylabel 'ticks'");
+    plot.log_axis("x", range);
+    // The y axis begins below one tick, so that a single tick is visible on it.
+    plot.log_axis("y", {kBelowOne, max_count * 1.4});
+    mark_percentiles(plot, *all[0].distribution, range);
+    return plot;
 }
 
 /// Tail of a distribution: points (1 / (1 - F), value), with F the fraction of smaller values. 10 is p90, 100 is p99.
-std::vector<std::pair<double, double>> tail(const json& distribution) {
+std::string tail(const json& distribution) {
     const double count = distribution.at("count").get<double>();
-    std::vector<std::pair<double, double>> points;
+    std::string points;
     double seen = 0.0;
     for (const json& bucket : distribution.at("histogram")) {
         const double before = seen;
         seen += bucket.at(2).get<double>();
         const double value = std::min(bucket.at(1).get<double>(), distribution.at("max").get<double>());
-        points.emplace_back(count / (count - before), value);
+        points += plot_row(count / (count - before), value);
     }
-    if (!points.empty()) {
-        points.emplace_back(count, distribution.at("max").get<double>());
-    }
-    return points;
+    return points + plot_row(count, distribution.at("max").get<double>());
 }
 
-std::string tail_plot(const std::vector<Series>& all) {
+PlotCommands tail_plot(const std::vector<Series>& all) {
+    PlotCommands plot;
     double count = 10.0;
     for (const Series& one : all) {
         count = std::max(count, one.distribution->at("count").get<double>());
+        plot.draw(tail(*one.distribution), std::string("using 1:2 with lines linecolor ") + one.colour, one.name);
     }
-    SvgPlot plot({1.0, count}, range_of(all), "fraction of values below", "us");
-    // Ticks of the x axis: 50 %, 90 %, 99 %, 99.9 %, ...
-    std::vector<std::pair<double, std::string>> ticks = {{2.0, "50 %"}, {10.0, "90 %"}};
+    // Ticks of the x axis: 50 %, 90 %, 99 %, 99.9 %, ... In gnuplot's labels "%%" is the sign.
+    std::string ticks = "'50 %%' 2, '90 %%' 10";
     std::string nines = "99";
     double at = 100.0;
     while (at <= count) {
-        ticks.emplace_back(at, nines + " %");
+        ticks += ", '" + nines + " %%' " + plot_number(at);
         nines += nines == "99" ? ".9" : "9";
         at *= 10.0;
     }
-    plot.set_x_ticks(std::move(ticks));
-    // Curves.
-    for (const Series& one : all) {
-        plot.line(tail(*one.distribution), one.css_class);
-        plot.key(one.name, one.css_class);
-    }
-    return plot.svg("Tails of the distributions");
+    plot.set("set xlabel 'fraction of values below'\nset ylabel 'us'\nset logscale x");
+    plot.set("set xrange [1:" + plot_number(count) + "]\nset xtics (" + ticks + ")");
+    plot.log_axis("y", range_of(all));
+    return plot;
 }
 
 /// A line of the plot over the run.
 struct TimeLine {
     const char* key;
     const char* name;
-    const char* css_class;
+    const char* colour;
 };
-constexpr std::array<TimeLine, 2> kTimeLines = {{{"wakeup", "wake-up", "first"}, {"compute", "compute", "second"}}};
+constexpr std::array<TimeLine, 2> kTimeLines = {{{"wakeup", "wake-up", "wakeup"}, {"compute", "compute", "compute"}}};
 
-/// Centre of each time bin (s) and its peak (us); 0 for an empty bin, which interrupts the line.
-std::vector<std::pair<double, double>> points_of(const json& history) {
-    const double start_s = history.at("start_s").get<double>();
-    const double bin_s = history.at("piece_s").get<double>();
-    std::vector<std::pair<double, double>> points;
-    for (const json& value : history.at("max_us")) {
-        points.emplace_back(start_s + bin_s * (static_cast<double>(points.size()) + 0.5),
-                            value.is_null() ? 0.0 : std::max(value.get<double>(), 0.1));
-    }
-    return points;
-}
-
-std::string time_plot(const json& course) {
-    // Ranges of both axes.
+PlotCommands time_plot(const json& course) {
+    PlotCommands plot;
     double max_us = 1.0;
     double min_us = 1e300;
     double until_s = 1.0;
     for (const TimeLine& one : kTimeLines) {
-        for (const auto& [at_s, value_us] : points_of(course.at(one.key))) {
-            max_us = std::max(max_us, value_us);
-            min_us = value_us > 0.0 ? std::min(min_us, value_us) : min_us;
-            until_s = std::max(until_s, at_s);
+        const json& history = course.at(one.key);
+        const double bin_s = history.at("piece_s").get<double>();
+        double at_s = history.at("start_s").get<double>() + 0.5 * bin_s;
+        std::string points;
+        // Centre and peak of each interval. An empty one is a blank line, which interrupts the plotted line.
+        for (const json& value : history.at("max_us")) {
+            if (value.is_null()) {
+                points += "\n";
+            } else {
+                const double peak_us = std::max(value.get<double>(), 0.1);
+                points += plot_row(at_s, peak_us);
+                max_us = std::max(max_us, peak_us);
+                min_us = std::min(min_us, peak_us);
+                until_s = std::max(until_s, at_s);
+            }
+            at_s += bin_s;
         }
+        plot.draw(points, std::string("using 1:2 with lines linecolor ") + one.colour, one.name);
     }
-    SvgPlot plot({0.0, until_s}, wide_enough(std::min(min_us, max_us), max_us), "time, s", "us, peak of each interval",
-                 true);
-    for (const TimeLine& one : kTimeLines) {
-        plot.line(points_of(course.at(one.key)), one.css_class);
-        plot.key(one.name, one.css_class);
-    }
-    return plot.svg("Peak wake-up latency and computation time over the run");
+    plot.set("set xlabel 'time, s'\nset ylabel 'us, peak of each interval'");
+    plot.set("set xrange [0:" + plot_number(until_s) + "]");
+    plot.log_axis("y", wide_enough(std::min(min_us, max_us), max_us));
+    return plot;
 }
 
 std::string latency_row(const std::string& title, const json& distribution) {
@@ -317,7 +352,7 @@ std::string kernel_table(const json& kernel) {
 }
 
 /// Section about the loop as measured from outside, on the line wired to the tick's probe.
-std::string loopback_section(const json& measure, const json& latencies) {
+std::string loopback_section(const json& measure, const json& latencies, PageFigures& figures) {
     const json& loopback = measure.at("loopback");
     std::string text =
         "<h2>Measured from outside</h2>\n<p>" +
@@ -339,10 +374,9 @@ std::string loopback_section(const json& measure, const json& latencies) {
           Pair{"high_us", "compute", "Time that the line was high, and computation time."}}) {
         if (loopback.at(pair.outside).is_object() && has_values(loopback.at(pair.outside)) &&
             has_values(latencies.at(pair.inside))) {
-            text += figure(histogram_plot({{&loopback.at(pair.outside), "outside", "first"},
-                                           {&latencies.at(pair.inside), "inside", "second"}},
-                                          pair.caption),
-                           pair.caption);
+            text += figures.draw(histogram_plot({{&loopback.at(pair.outside), "outside", "1"},
+                                                 {&latencies.at(pair.inside), "inside", "2"}}),
+                                 pair.caption);
         }
     }
     return text;
@@ -378,32 +412,37 @@ std::string introduction(const json& report) {
 
 }  // namespace
 
-std::string measure_page(const json& report) {
+std::string measure_page(const json& report, const std::string& redraw) {
     require_measurement(report, "this report");
     const json& measure = report.at("measure");
     const json& latencies = measure.at("latency_us");
     const bool with_other = measure.at("cyclictest").is_object();
+    PageFigures figures(redraw);
     std::string page = page_top("Latency of the loop") + introduction(report) + latency_table(measure);
 
     // Tails of the main latencies in one plot; those without values are left out.
     page += "<h2>Tails</h2>\n";
-    std::vector<Series> tails = {{&latencies.at("wakeup"), "wake-up", "first"}};
+    std::vector<Series> tails = {{&latencies.at("wakeup"), "wake-up", "wakeup"}};
     if (with_other) {
-        tails.push_back({&measure.at("cyclictest").at("wakeup_us"), "cyclictest's wake-up", "second"});
+        tails.push_back({&measure.at("cyclictest").at("wakeup_us"), "cyclictest's wake-up", "cyclictest"});
     }
-    tails.push_back({&latencies.at("compute"), "compute", "third"});
-    tails.push_back({&latencies.at("motion_to_force"), "motion to force", "fourth"});
+    tails.push_back({&latencies.at("compute"), "compute", "compute"});
+    tails.push_back({&latencies.at("motion_to_force"), "motion to force", "motion_to_force"});
     tails.erase(
         std::remove_if(tails.begin(), tails.end(), [](const Series& s) { return !has_values(*s.distribution); }),
         tails.end());
     if (!tails.empty()) {
-        page += figure(tail_plot(tails),
-                       "Latency against the fraction of ticks below it. The curve of a loop that keeps its period "
-                       "stays flat to the right.");
+        page += figures.draw(tail_plot(tails),
+                             "Latency against the fraction of ticks below it. The curve of a loop that keeps its "
+                             "period stays flat to the right.");
     }
-    page += "<h2>Over the run</h2>\n" + figure(time_plot(measure.at("course")),
-                                               "Peak wake-up latency and computation time in each interval of the run. "
-                                               "Gaps are pauses of the loop.");
+    if (has_values(latencies.at("wakeup"))) {
+        page += "<h2>Over the run</h2>\n";
+        page +=
+            figures.draw(time_plot(measure.at("course")),
+                         "Peak wake-up latency and computation time in each interval of the run. Gaps are pauses of "
+                         "the loop.");
+    }
     // One histogram per latency; cyclictest's over the wake-up.
     page += "<h2>Distributions</h2>\n";
     for (const LatencyName& name : latency_names()) {
@@ -411,24 +450,24 @@ std::string measure_page(const json& report) {
         if (!has_values(distribution)) {
             continue;
         }
-        std::vector<Series> all = {{&distribution, "rt-core", "first"}};
+        std::vector<Series> all = {{&distribution, "rt-core", colour_of(name.latency)}};
         if (name.latency == Latency::Wakeup && with_other) {
-            all.push_back({&measure.at("cyclictest").at("wakeup_us"), "cyclictest", "second"});
+            all.push_back({&measure.at("cyclictest").at("wakeup_us"), "cyclictest", "cyclictest"});
         }
-        page += figure(histogram_plot(all, std::string(name.title)),
-                       std::string(name.title) + ": " + std::string(name.what) + ".");
+        page += figures.draw(histogram_plot(all), std::string(name.title) + ": " + std::string(name.what) + ".");
     }
     if (measure.at("loopback").is_object()) {
-        page += loopback_section(measure, latencies);
+        page += loopback_section(measure, latencies, figures);
     }
     page += "<h2>The latest ticks</h2>\n" + worst_table(measure.at("worst_ticks"));
     page += "<h2>Interrupts</h2>\n" + kernel_table(measure.at("kernel"));
     return page + "</body></html>\n";
 }
 
-std::string comparison_page(const json& first, const json& second) {
+std::string comparison_page(const json& first, const json& second, const std::string& redraw) {
     require_measurement(first, "the first report");
     require_measurement(second, "the second report");
+    PageFigures figures(redraw);
     std::string page = page_top("Two measurements of the loop");
     for (const json* report : {&first, &second}) {
         page += "<h2>" + std::string(report == &first ? "First" : "Second") + "</h2>\n" + introduction(*report) +
@@ -439,8 +478,8 @@ std::string comparison_page(const json& first, const json& second) {
         const json& a = first.at("measure").at("latency_us").at(std::string(name.key));
         const json& b = second.at("measure").at("latency_us").at(std::string(name.key));
         if (has_values(a) && has_values(b)) {
-            page += figure(histogram_plot({{&a, "first", "first"}, {&b, "second", "second"}}, std::string(name.title)),
-                           std::string(name.title) + ": " + std::string(name.what) + ".");
+            page += figures.draw(histogram_plot({{&a, "first", "1"}, {&b, "second", "2"}}),
+                                 std::string(name.title) + ": " + std::string(name.what) + ".");
         }
     }
     return page + "</body></html>\n";

@@ -3,14 +3,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <regex>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "measure/measure_report.hpp"
-#include "measure/svg_plot.hpp"
+#include "plot_checks.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -18,6 +20,8 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
+
+constexpr const char* kRedraw = "Draw it with this command.";
 
 std::size_t times(const std::string& text, const std::string& part) {
     std::size_t count = 0;
@@ -49,49 +53,82 @@ nlohmann::json report_of(int ticks, const std::string& device = "a device") {
 }
 
 TEST(MeasurePage, DrawsEachDistributionWithValues) {
-    const std::string page = measure_page(report_of(100));
-    EXPECT_EQ(times(page, "<svg "), 4U) << "tails, course, wake-up and compute";
-    EXPECT_EQ(times(page, "<svg "), times(page, "</svg>"));
-    EXPECT_THAT(page, Not(AllOf(HasSubstr("nan"), HasSubstr("inf"))));
+    const std::string page = measure_page(report_of(100), kRedraw);
+    EXPECT_EQ(times(page, "<figure class=\"gnuplot\">"), 4U) << "tails, course, wake-up and compute";
     EXPECT_THAT(page, Not(HasSubstr("<script")));
+    if (!has_gnuplot()) {
+        GTEST_SKIP() << "there is no gnuplot: package gnuplot-nox";
+    }
+    EXPECT_EQ(times(page, "<svg "), 4U);
+    EXPECT_EQ(times(page, "<svg "), times(page, "</svg>"));
+    EXPECT_THAT(page, Not(HasSubstr(kRedraw)));
 }
 
-TEST(SvgPlot, KeepsALabelAtTheEdgeOfTheAxisWithinThePicture) {
-    SvgPlot plot({1.0, 10.0}, {1.0, 10.0}, "x", "y");
-    plot.set_x_ticks({{10.0, "99.99 %"}});
-    const std::string svg = plot.svg("title");
-    std::smatch found;
-    const std::regex label(R"svg(<text x="([0-9.]+)"[^>]*>99\.99 %)svg");
-    ASSERT_TRUE(std::regex_search(svg, found, label));
-    // The picture is 720 wide; at its 12 px a character of the page's font is at most 7 wide.
-    EXPECT_LE(std::stod(found[1]) + 7.0 * 7 / 2.0, 720.0);
+TEST(MeasurePage, KeepsAllLabelsWithinThePlots) {
+    if (!has_gnuplot()) {
+        GTEST_SKIP() << "there is no gnuplot: package gnuplot-nox";
+    }
+    // 10,000 ticks have a label "99.99 %" at the right end of their tails.
+    const std::vector<PlotLabel> labels = plot_labels(measure_page(report_of(10'000), kRedraw));
+    EXPECT_EQ(std::count_if(labels.begin(), labels.end(), [](const auto& label) { return label.text == "99.99 %"; }),
+              1);
+    for (const PlotLabel& label : labels) {
+        EXPECT_GE(label.from, 0.0) << label.text;
+        EXPECT_LE(label.to, kPlotWidth) << label.text;
+    }
 }
 
 TEST(MeasurePage, DrawsOneBarPerDistinctValue) {
-    // A single value of 1 us is a single bar.
-    const std::string one = measure_page(report_of(1));
-    EXPECT_EQ(times(one, "<rect class=\"first\" "), 2U) << "one of wake-up, one of compute";
-    const std::string two = measure_page(report_of(2));
-    EXPECT_EQ(times(two, "<rect class=\"first\" "), 3U);
+    if (!has_gnuplot()) {
+        GTEST_SKIP() << "there is no gnuplot: package gnuplot-nox";
+    }
+    // A single value of 1 us is a single bar, which gnuplot draws as a polygon.
+    const std::string one = measure_page(report_of(1), kRedraw);
+    EXPECT_EQ(times(one, "<polygon "), 2U) << "one of wake-up, one of compute";
+    const std::string two = measure_page(report_of(2), kRedraw);
+    EXPECT_EQ(times(two, "<polygon "), 3U);
+}
+
+TEST(MeasurePage, IsCompleteWithoutGnuplotAndSaysHowToDrawThePlots) {
+    const nlohmann::json report = report_of(100);
+    const std::string drawn = measure_page(report, kRedraw);
+    const NoPrograms none;
+    const std::string page = measure_page(report, kRedraw);
+    EXPECT_EQ(times(page, "gnuplot is missing"), 4U);
+    EXPECT_EQ(times(page, kRedraw), 4U);
+    EXPECT_EQ(times(page, "<svg "), 0U);
+    EXPECT_EQ(times(page, "<td"), times(drawn, "<td"));
+    EXPECT_EQ(times(page, "<figcaption>"), times(drawn, "<figcaption>"));
+    EXPECT_THAT(page, HasSubstr("</html>"));
 }
 
 TEST(MeasurePage, CanShowARunWithoutTicks) {
-    const std::string page = measure_page(report_of(0));
-    EXPECT_THAT(page, AllOf(HasSubstr("none"), Not(HasSubstr("nan"))));
+    const std::string page = measure_page(report_of(0), kRedraw);
+    EXPECT_THAT(page, AllOf(HasSubstr("none"), Not(HasSubstr("<figure"))));
 }
 
 TEST(MeasurePage, EscapesTextFromTheReport) {
-    const std::string page = measure_page(report_of(3, "a <b>\"board\"</b> & more"));
+    const std::string page = measure_page(report_of(3, "a <b>\"board\"</b> & more"), kRedraw);
     EXPECT_THAT(page, HasSubstr("a &lt;b&gt;&quot;board&quot;&lt;/b&gt; &amp; more"));
     EXPECT_THAT(page, Not(HasSubstr("<b>")));
 }
 
 TEST(MeasurePage, DrawsTheSecondReportOverTheFirst) {
-    const std::string page = comparison_page(report_of(50), report_of(80));
+    const std::string page = comparison_page(report_of(50), report_of(80), kRedraw);
+    EXPECT_EQ(times(page, "<figure class=\"gnuplot\">"), 2U);
+    EXPECT_THROW((void)comparison_page(report_of(1), nlohmann::json::object(), kRedraw), std::runtime_error);
+    EXPECT_THROW((void)measure_page(nlohmann::json::object(), kRedraw), std::runtime_error);
+    if (!has_gnuplot()) {
+        GTEST_SKIP() << "there is no gnuplot: package gnuplot-nox";
+    }
     EXPECT_EQ(times(page, "<svg "), 2U);
-    EXPECT_EQ(times(page, "<path class=\"second\""), 2U);
-    EXPECT_THROW((void)comparison_page(report_of(1), nlohmann::json::object()), std::runtime_error);
-    EXPECT_THROW((void)measure_page(nlohmann::json::object()), std::runtime_error);
+    // Each plot names both reports in its key.
+    std::map<std::string, int> names;
+    for (const PlotLabel& label : plot_labels(page)) {
+        ++names[label.text];
+    }
+    EXPECT_EQ(names["first"], 2);
+    EXPECT_EQ(names["second"], 2);
 }
 
 }  // namespace
