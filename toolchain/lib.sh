@@ -99,6 +99,9 @@ END
         { tail -n 5 "$folder/update.log" >&2; die "apt-get update for $architecture failed; do the sources have that architecture?"; }
 }
 
+# draw_plot: runs gnuplot with the commands on standard input, in the style of all plots.
+draw_plot() { cat "$root/shared/page/plot.gp" - | gnuplot -d; }
+
 # progress: shows how far ninja is, from its lines "[done/all] ...": on a terminal in one line, otherwise each tenth.
 progress() {
     local terminal=0

@@ -1,6 +1,8 @@
 # Style of all plots of this project, for gnuplot: those of the pages of measurements, of the thesis' figures and of the
 # demo. The file is embedded in the programs and stands before the commands of each plot.
 set terminal svg size 720,320 dynamic noenhanced font 'sans-serif,13'
+# eval half_width: for plots side by side, with letters as large.
+half_width = "set terminal svg size 480,320 dynamic noenhanced font 'sans-serif,13'"
 set encoding utf8
 set datafile separator comma
 set border 3 linecolor '#666666'

@@ -108,7 +108,8 @@ PlotCommands map_of(const std::vector<Cell>& cells, DelayedPart late, bool contr
     const double half_ratio = std::pow(kStiffest / kSoftest, 0.5 / (options.rows - 1.0));
     const double half_step_ms = 500.0 * kLongestS / (options.columns - 1.0);
     std::string rectangles;
-    std::string growing;
+    // A point outside the axes, with which every map has the same key and size.
+    std::string growing = plot_row(-1.0, kSoftest / kStiffest);
     for (const Cell& cell : cells) {
         if (cell.late != late || cell.controlled != controlled) {
             continue;
@@ -131,7 +132,9 @@ PlotCommands map_of(const std::vector<Cell>& cells, DelayedPart late, bool contr
     }
     // The colours of amplitudes become steadily darker, so that they are in order for any colour vision.
     PlotCommands plot;
-    plot.set("set xlabel 'delay, ms'\nset ylabel 'stiffness, N/m'\nset cblabel 'amplitude, mm'\nset rmargin 13");
+    plot.set(
+        "eval half_width\nset xlabel 'delay, ms'\nset ylabel 'stiffness, N/m'\nset cblabel 'amplitude, mm'\nset "
+        "rmargin 11");
     plot.set("set palette defined (0 '#f7fbf4', 0.35 '#9fd0a8', 0.55 '#f2c14e', 0.8 '#d1495b', 1 '#5b1a3a')");
     plot.set("set logscale cb\nset cbrange [" + plot_number(kFaintest / kMillimetre) + ":" +
              plot_number(kStrongest / kMillimetre) + "]\nset cbtics (0.01, 0.1, 1, 5, 20)\nset format cb '%g'");
@@ -141,11 +144,8 @@ PlotCommands map_of(const std::vector<Cell>& cells, DelayedPart late, bool contr
     // White sets line and crosses off from cells of any colour.
     plot.draw(limit, "using 1:2 with lines linewidth 6 linecolor 'white'", "");
     plot.draw(limit, "using 1:2 with lines linewidth 3 linecolor 1", "passivity limit");
-    if (!growing.empty()) {
-        plot.draw(growing, "using 1:2 with points pointtype 7 pointsize 1.2 linecolor 'white'", "");
-        plot.draw(growing, "using 1:2 with points pointtype 2 pointsize 0.8 linecolor 'black'",
-                  "grows or is sustained");
-    }
+    plot.draw(growing, "using 1:2 with points pointtype 7 pointsize 1.2 linecolor 'white'", "");
+    plot.draw(growing, "using 1:2 with points pointtype 2 pointsize 0.8 linecolor 'black'", "grows or is sustained");
     return plot;
 }
 
@@ -157,8 +157,8 @@ void write_page(const std::filesystem::path& file, const std::vector<Cell>& cell
             "in the last 0.4 s. Cross: the vibration grows or is sustained. Line: the passivity limit 2 b / T, for a "
             "late force 2 b / (T + 2 delay).</p>\n<div class=\"pictures\">\n";
     PageFigures figures("Where it is installed, the same command repeats the same trials.");
-    for (const bool controlled : {false, true}) {
-        for (const DelayedPart late : kDelayedParts) {
+    for (const DelayedPart late : kDelayedParts) {
+        for (const bool controlled : {false, true}) {
             page << figures.draw(map_of(cells, late, controlled, options, tick),
                                  title_of(late) + (controlled ? ", controlled" : ", not controlled"));
         }
