@@ -1,5 +1,7 @@
 """Tests of run_page: it runs the commands of a page in order, and finds each kind of defect."""
 
+import importlib.machinery
+import importlib.util
 import subprocess
 import sys
 import tempfile
@@ -42,6 +44,27 @@ class RunPage(unittest.TestCase):
 
     def test_refuses_a_page_without_commands(self):
         self.refuses("# Title\n\n```text\nx\n```\n", "has no commands")
+
+    def test_a_folder_of_its_own_shows_the_files_and_keeps_what_is_written(self):
+        sys.dont_write_bytecode = True  # nothing is written to the source tree
+        loader = importlib.machinery.SourceFileLoader("run_page", str(RUN_PAGE))
+        run_page = importlib.util.module_from_spec(importlib.util.spec_from_loader("run_page", loader))
+        sys.modules["run_page"] = run_page
+        loader.exec_module(run_page)
+        with tempfile.TemporaryDirectory() as folder:
+            repository, shown = Path(folder) / "repository", Path(folder) / "shown"
+            (repository / "examples/one/build").mkdir(parents=True)
+            (repository / "examples/two").mkdir()
+            (repository / "examples/one/scene").write_text("1")
+            (repository / "examples/two/scene").write_text("2")
+            shown.mkdir()
+            (shown / "examples").symlink_to(repository / "examples")
+            run_page.own_folder(shown, Path("examples/one"))
+            # A neighbour as "../two" of a command in the folder.
+            here = subprocess.run(["bash", "-c", "cat scene ../two/scene; test ! -e build; mkdir build; touch build/x y"],
+                                  cwd=shown / "examples/one", capture_output=True, text=True)
+            self.assertEqual((here.returncode, here.stdout), (0, "12"), here.stderr)
+            self.assertEqual(sorted(p.name for p in (repository / "examples/one").rglob("*")), ["build", "scene"])
 
 
 if __name__ == "__main__":

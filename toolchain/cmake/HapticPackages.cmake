@@ -48,7 +48,8 @@ install(FILES ${PROJECT_SOURCE_DIR}/rt-core/README.md DESTINATION ${CMAKE_INSTAL
 install(FILES ${PROJECT_SOURCE_DIR}/host-sim/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/haptic-host-sim COMPONENT host_sim)
 install(FILES ${PROJECT_SOURCE_DIR}/shared/docs/contact-frame.md ${PROJECT_SOURCE_DIR}/shared/docs/other-simulators.md
         DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libhaptic-dev COMPONENT dev)
-install(DIRECTORY ${PROJECT_SOURCE_DIR}/shared/examples DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libhaptic-dev COMPONENT dev)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/shared/examples DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libhaptic-dev COMPONENT dev
+        PATTERN build EXCLUDE)
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME haptic)
