@@ -39,7 +39,7 @@ Figure missed_contacts(const Study& study) {
     }
     study.plot(figure, "figure-4.7-missed", "Share of contacts that are missed.",
                "set ylabel '% of contacts'\nset style data histograms\nset style histogram clustered gap 1\n"
-               "set style fill solid 0.9\nset boxwidth 0.9\nset yrange [0:100]\nset xtics rotate by -20\n"
+               "set boxwidth 0.9\nset yrange [0:100]\nset xtics rotate by -20\n"
                "plot 'figure-4.7.csv' using 15:xtic(2) skip 1 lc 4 title 'Algorithm 1 alone', "
                "'' using 10 skip 1 lc 2 title 'with overlap at the end', "
                "'' using ($6 / $4 * 100) skip 1 lc ours title 'here'\n");

@@ -160,7 +160,7 @@ Figure pop_out_iterations(const Study& study) {
         "Mean iterations of Algorithm 2 a step of a crossing against the steepness of the funnel, for rims of 0.15 "
         "to 4 m.",
         "set xlabel 'depth of the centre / radius of the rim'\nset ylabel 'iterations, mean'\nset logscale x\n"
-        "plot 'figure-4.14-rims.csv' using ($2 / $1):3 skip 1 with points pt 7 lc 2 notitle\n");
+        "plot 'figure-4.14-rims.csv' using ($2 / $1):3 skip 1 with points pt 7 lc thesis notitle\n");
     figure.comparisons = {
         {"depth of the centre, m", "1 / 2 / 3",
          format_fixed(thesis.depth[0], 2) + " / " + format_fixed(thesis.depth[1], 2) + " / " +

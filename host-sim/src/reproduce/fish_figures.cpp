@@ -174,7 +174,7 @@ Figure fish_slide(const Study& study) {
         figure, "figure-4.17-force",
         "Vertical force on the hand against its position along the fish; the head is on the left.",
         "set xlabel 'position along the fish, m (head on the left)'\nset ylabel 'force, N'\nset xrange [0.15:-0.16]\n"
-        "plot 'figure-4.17.csv' using ($1 >= 1 && $1 <= 5 ? $2 : NaN):7 skip 1 with lines lc 2 "
+        "plot 'figure-4.17.csv' using ($1 >= 1 && $1 <= 5 ? $2 : NaN):7 skip 1 with lines lc along_y "
         "notitle\n");
     // From 1.1 s to 4.6 s the hand is on the fish.
     const auto on_fish = between(samples, 1.1, 4.6);
