@@ -45,6 +45,7 @@ int program(int argc, char** argv) {
     add("play", "Simulate a recording again and show it to browsers", haptic::sim::add_play_command);
     add("scenes", "List the built-in scenes", haptic::sim::add_scenes_command);
     add("check", "Check a scene without running it, and describe it", haptic::sim::add_check_command);
+    add("new-scene", "Write a scene in which a hand presses a mesh of yours", haptic::sim::add_new_scene_command);
     add("mesh", "Check a mesh file and describe its contents", haptic::sim::add_mesh_command);
     add("model", "Build the particles of a body, describe them, and write them to a file",
         haptic::sim::add_model_command);

@@ -227,10 +227,28 @@ std::size_t line_of_broken_assertion(std::string_view toml) {
     return static_cast<std::size_t>(first - ends.begin()) + 1;
 }
 
+/// Throws ConfigError if the file cannot be read.
+std::string content_of(const std::filesystem::path& file) {
+    errno = 0;
+    std::ifstream stream(file, std::ios::binary);
+    std::ostringstream content;
+    if (!stream || std::filesystem::is_directory(file) || !(content << stream.rdbuf()).good()) {
+        // An empty file sets failbit of `content` without an error: an empty configuration.
+        if (stream.is_open() && !std::filesystem::is_directory(file) && content.str().empty()) {
+            return {};
+        }
+        const std::string reason =
+            std::filesystem::is_directory(file) ? "is a directory" : std::generic_category().message(errno);
+        throw ConfigError(file.string() + ": cannot be read: " + reason);
+    }
+    return content.str();
+}
+
 }  // namespace
 
 struct Config::State {
-    std::string name;  // of the file, for messages; empty without one
+    std::string name;              // of the file, for messages; empty without one
+    std::filesystem::path folder;  // that the names of files in it are relative to; empty: the current one
     toml::table root;
     std::map<std::string, std::size_t> overridden;  // keys given by set(), with the number of the last such call
     std::size_t overrides = 0;                      // calls of set()
@@ -368,19 +386,9 @@ Config& Config::operator=(Config&&) noexcept = default;
 Config::~Config() = default;
 
 Config Config::load(const std::filesystem::path& file) {
-    errno = 0;
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream content;
-    if (!stream || std::filesystem::is_directory(file) || !(content << stream.rdbuf()).good()) {
-        // An empty file sets failbit of `content` without an error: an empty configuration.
-        if (stream.is_open() && !std::filesystem::is_directory(file) && content.str().empty()) {
-            return parse("", file.string());
-        }
-        const std::string reason =
-            std::filesystem::is_directory(file) ? "is a directory" : std::generic_category().message(errno);
-        throw ConfigError(file.string() + ": cannot be read: " + reason);
-    }
-    return parse(content.str(), file.string());
+    Config config = parse(content_of(file), file.string());
+    config.state_->folder = file.parent_path();
+    return config;
 }
 
 Config Config::parse(std::string_view toml, std::string_view name) {
@@ -579,16 +587,22 @@ void Config::fail(const std::string& key, const std::string& problem) const {
     state_->fail(key, problem);
 }
 
-void Config::require_file(const std::string& key, const std::string& file) const {
-    std::error_code error;
-    if (file.empty() || (!std::filesystem::is_directory(file, error) && std::ifstream(file))) {
-        return;
+std::string Config::input_file(const std::string& key, const std::string& file) const {
+    if (file.empty()) {
+        return file;
     }
-    const std::string reason =
-        std::filesystem::is_directory(file, error) ? "it is a folder" : std::generic_category().message(errno);
+    const std::filesystem::path folder = state_->override_of(key) ? std::filesystem::path() : state_->folder;
+    std::filesystem::path found = folder / file;
+    std::error_code error;
+    const bool is_folder = std::filesystem::is_directory(found, error);
+    if (!is_folder && std::ifstream(found)) {
+        return found.string();
+    }
+    const std::string reason = is_folder ? "it is a folder" : std::generic_category().message(errno);
     const bool is_relative = std::filesystem::path(file).is_relative();
-    fail(key, in_quotes(file) + " cannot be read: " + reason +
-                  (is_relative ? "; searched in " + std::filesystem::current_path(error).string() : ""));
+    fail(key,
+         in_quotes(file) + " cannot be read: " + reason +
+             (is_relative ? "; searched in " + std::filesystem::absolute(found, error).parent_path().string() : ""));
 }
 
 std::vector<std::string> Config::known_keys() const {

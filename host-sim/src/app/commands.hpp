@@ -15,6 +15,7 @@ using Command = std::function<int()>;
 [[nodiscard]] Command add_check_command(CLI::App& app);
 [[nodiscard]] Command add_mesh_command(CLI::App& app);
 [[nodiscard]] Command add_model_command(CLI::App& app);
+[[nodiscard]] Command add_new_scene_command(CLI::App& app);
 [[nodiscard]] Command add_play_command(CLI::App& app);
 [[nodiscard]] Command add_query_command(CLI::App& app);
 [[nodiscard]] Command add_reproduce_command(CLI::App& app);

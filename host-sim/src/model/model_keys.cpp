@@ -57,6 +57,11 @@ const SettingTable<ModelKeys>& model_table() {
               .default_note = "1, or 0 if generator is given",
               .meaning = "Metres per unit of the mesh file. 0: centred, and as long as the generated body."},
              V::number([](S& s) -> auto& { return s.model.file_scale; }, {0.0, 1e6})},
+            {{.key = "max_edge",
+              .unit = "m",
+              .meaning = "Longest edge of a mesh file's triangles; longer ones are divided, so that a coarse mesh can "
+                         "bend. 0: as in the file."},
+             V::number([](S& s) -> auto& { return s.model.max_edge; }, kSizes)},
             {{.key = "particles",
               .meaning = "Particle file, as written by host-sim model, whose particles are used. Empty: none."},
              V::text([](S& s) -> auto& { return s.model.particles; })},
@@ -254,8 +259,8 @@ Region read_region(const Config& config, const std::string& table) {
 
 ModelSettings read_model(const Config& config, const std::string& table) {
     ModelSettings model = with_shapes(read_model_keys(config, table));
-    config.require_file(table + ".file", model.file);
-    config.require_file(table + ".particles", model.particles);
+    model.file = config.input_file(table + ".file", model.file);
+    model.particles = config.input_file(table + ".particles", model.particles);
     const std::string regions = table + ".regions";
     for (std::size_t k = 0; k < config.tables(regions); ++k) {
         model.regions.push_back(read_region(config, regions + "." + std::to_string(k)));

@@ -7,7 +7,9 @@
 #include <stdexcept>
 
 #include "dynamics/rotation.hpp"
+#include "haptic/setting.hpp"
 #include "haptic/sim/mesh_file.hpp"
+#include "mesh/refinement.hpp"
 #include "model/generator_table.hpp"
 #include "model/model_file.hpp"
 #include "simd/aabb.hpp"
@@ -79,18 +81,40 @@ void apply_regions(const ModelSettings& settings, const Placement& placement, De
     }
 }
 
-TriangleMesh mesh_of_file(const ModelSettings& settings) {
-    MeshFileSettings file_settings;
-    if (settings.file_scale > 0.0) {
+/// The mesh of the file in metres, as it is in the file.
+TriangleMesh given_mesh(const ModelSettings& settings) {
+    if (!settings.mesh && settings.file_scale > 0.0) {
+        MeshFileSettings file_settings;
         file_settings.scale = settings.file_scale;
         return load_mesh(settings.file, file_settings);
     }
-    TriangleMesh mesh = load_mesh(settings.file, file_settings);
-    const Aabb box = aabb_of(mesh.vertices);
-    const Vec3 size = box.size();
-    const double scale = generator_entry(settings.generator).length(settings) / std::max({size.x, size.y, size.z});
+    TriangleMesh mesh = settings.mesh ? *settings.mesh : load_mesh(settings.file);
+    // Centred and as long as the generated body, unless the file's unit is given.
+    double scale = settings.file_scale;
+    Vec3 origin(0.0);
+    if (!(scale > 0.0)) {
+        const Aabb box = aabb_of(mesh.vertices);
+        const Vec3 size = box.size();
+        scale = generator_entry(settings.generator).length(settings) / std::max({size.x, size.y, size.z});
+        origin = box.center();
+    }
     for (Vec3& p : mesh.vertices) {
-        p = scale * (p - box.center());
+        p = scale * (p - origin);
+    }
+    return mesh;
+}
+
+/// The mesh of the file in metres, without edges that are too long.
+TriangleMesh mesh_of_file(const ModelSettings& settings) {
+    TriangleMesh mesh = given_mesh(settings);
+    if (!(settings.max_edge > 0.0)) {
+        return mesh;
+    }
+    const std::size_t max_vertices = MeshCheckSettings{}.max_triangles / 2;
+    mesh = refined(mesh, settings.max_edge, max_vertices);
+    if (mesh.vertices.size() > max_vertices) {
+        throw std::invalid_argument("model.max_edge = " + toml_value(settings.max_edge) + " m divides the mesh into " +
+                                    "more than " + std::to_string(max_vertices) + " vertices; allow longer edges");
     }
     return mesh;
 }

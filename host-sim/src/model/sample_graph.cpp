@@ -13,6 +13,7 @@
 
 #include "generators/triangle_grid.hpp"
 #include "mesh/mesh_topology.hpp"
+#include "mesh/refinement.hpp"
 #include "simd/aabb.hpp"
 
 namespace haptic::sim {
@@ -33,89 +34,6 @@ std::uint64_t key_of_edge(std::uint32_t a, std::uint32_t b) {
 Vec3 double_area(std::span<const Vec3> p, const Triangle& t) {
     return glm::cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]);
 }
-
-/// Splits triangles until no edge is longer than the pitch, at edge midpoints shared by all triangles of the edge.
-class Refinement {
-  public:
-    Refinement(const TriangleMesh& mesh, double pitch)
-        : vertices(mesh.vertices), triangles(mesh.triangles), max_edge_(pitch) {
-        while (split()) {
-        }
-    }
-
-    std::vector<Vec3> vertices;
-    std::vector<Triangle> triangles;
-
-  private:
-    bool split() {
-        // One round: halve all long edges. Triangles find their shared midpoints by the edge's key.
-        std::unordered_map<std::uint64_t, std::uint32_t> midpoints;
-        std::vector<Triangle> smaller;
-        smaller.reserve(triangles.size());
-        const std::size_t before = vertices.size();
-        for (const Triangle& t : triangles) {
-            split(t, midpoints, smaller);
-        }
-        triangles.swap(smaller);
-        // A long thin mesh needs too many samples at this pitch.
-        if (vertices.size() > kMaxSamples) {
-            throw std::invalid_argument(
-                "model builder: the mesh is too thin and long for sampling this fine; request fewer particles");
-        }
-        return vertices.size() > before;
-    }
-
-    void split(const Triangle& t, std::unordered_map<std::uint64_t, std::uint32_t>& midpoints,
-               std::vector<Triangle>& out) {
-        // Edges to be halved.
-        std::array<bool, 3> long_edge{};  // from corner k to the next
-        std::size_t cuts = 0;
-        std::size_t first = 0;
-        for (std::size_t k = 0; k < 3; ++k) {
-            long_edge[k] = glm::length(vertices[t[(k + 1) % 3]] - vertices[t[k]]) > max_edge_;
-            cuts += long_edge[k] ? std::size_t{1} : 0;
-        }
-        if (cuts == 0) {
-            out.push_back(t);
-            return;
-        }
-        // Rotate the corners so that the first edge is split and, of two split edges, the last is not.
-        while (!long_edge[first] || (cuts == 2 && long_edge[(first + 2) % 3])) {
-            ++first;
-        }
-        const std::uint32_t a = t[first];
-        const std::uint32_t b = t[(first + 1) % 3];
-        const std::uint32_t c = t[(first + 2) % 3];
-        const std::uint32_t ab = midpoint(a, b, midpoints);
-        // One edge: two triangles.
-        if (cuts == 1) {
-            out.insert(out.end(), {{a, ab, c}, {ab, b, c}});
-            return;
-        }
-        // Two edges: a corner and a quadrilateral, which is cut in two.
-        const std::uint32_t bc = midpoint(b, c, midpoints);
-        if (cuts == 2) {
-            out.insert(out.end(), {{ab, b, bc}, {a, ab, bc}, {a, bc, c}});
-            return;
-        }
-        // Three edges: four similar triangles.
-        const std::uint32_t ca = midpoint(c, a, midpoints);
-        out.insert(out.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
-    }
-
-    std::uint32_t midpoint(std::uint32_t a, std::uint32_t b,
-                           std::unordered_map<std::uint64_t, std::uint32_t>& midpoints) {
-        const auto [entry, is_new] =
-            midpoints.try_emplace(key_of_edge(a, b), static_cast<std::uint32_t>(vertices.size()));
-        if (is_new) {
-            const Vec3 between = 0.5 * (vertices[std::min(a, b)] + vertices[std::max(a, b)]);
-            vertices.push_back(between);
-        }
-        return entry->second;
-    }
-
-    double max_edge_;
-};
 
 /// Uniform hash grid of points.
 class PointHash {
@@ -185,7 +103,12 @@ double unfolded_distance(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3
 class GraphMaker {
   public:
     GraphMaker(const TriangleMesh& mesh, double pitch, double bridge)
-        : mesh_(mesh), pitch_(pitch), bridge_(bridge), refined_(mesh, pitch) {
+        : mesh_(mesh), pitch_(pitch), bridge_(bridge), refined_(refined(mesh, pitch, kMaxSamples)) {
+        // A long thin mesh needs too many samples at this pitch.
+        if (refined_.vertices.size() > kMaxSamples) {
+            throw std::invalid_argument(
+                "model builder: the mesh is too thin and long for sampling this fine; request fewer particles");
+        }
         // Surface samples, each with its share of the area.
         graph_.position = refined_.vertices;
         graph_.share.assign(graph_.size(), 0.0);
@@ -551,7 +474,7 @@ class GraphMaker {
     const TriangleMesh& mesh_;
     double pitch_;
     double bridge_;
-    Refinement refined_;
+    TriangleMesh refined_;
     Aabb box_;
     SampleGraph graph_;
     std::vector<std::pair<std::uint32_t, Edge>> directed_edges_;

@@ -120,7 +120,7 @@ ToolSettings read_tool(const Config& config) {
     }
     refuse_removed_keys(config);
     tool_table().read(config, tool);
-    config.require_file("tool.file", tool.file);
+    tool.file = config.input_file("tool.file", tool.file);
     material_table().read(config, tool.material);
     return tool;
 }

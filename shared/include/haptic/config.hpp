@@ -73,9 +73,9 @@ class Config {
     [[nodiscard]] std::string toml() const;
     /// Throws ConfigError with "FILE:LINE: KEY: problem". For checks between keys, made by the component.
     [[noreturn]] void fail(const std::string& key, const std::string& problem) const;
-    /// Throws ConfigError, with the folder in which it was searched, unless the file that is this key's value can be
-    /// read. An empty name is no file.
-    void require_file(const std::string& key, const std::string& file) const;
+    /// Path of the file that is this key's value, `file`: relative to the folder of the configuration, or, from set(),
+    /// to the current one. An empty value is no file. Throws ConfigError, with the path, unless it can be read.
+    [[nodiscard]] std::string input_file(const std::string& key, const std::string& file) const;
     /// The keys that getters have read, in alphabetical order.
     [[nodiscard]] std::vector<std::string> known_keys() const;
     /// Throws ConfigError for the first key, by line, that no getter has read.

@@ -191,6 +191,22 @@ TEST(Config, LoadsAFileAndTakesAnEmptyOneAsNoSettings) {
     EXPECT_NO_THROW(Config::load(directory.write("b.toml", "")).reject_unknown());
 }
 
+TEST(Config, FindsFilesFromItsFolderAndThoseOfSetFromTheCurrentOne) {
+    const test::TemporaryDirectory directory;
+    static_cast<void>(directory.write("mesh.obj", "v 0 0 0\n"));
+    Config config = Config::load(directory.write("scene.toml", "file = \"mesh.obj\"\nnone = \"\"\n"));
+    EXPECT_EQ(config.input_file("file", "mesh.obj"), directory.file("mesh.obj").string());
+    EXPECT_EQ(config.input_file("none", ""), "");
+    EXPECT_THAT(message_of<ConfigError>([&] { static_cast<void>(config.input_file("file", "no.obj")); }),
+                EndsWith("scene.toml:1: file: \"no.obj\" cannot be read: No such file or directory; searched in " +
+                         directory.path().string()));
+    const std::filesystem::path absolute = directory.file("mesh.obj");
+    EXPECT_EQ(config.input_file("file", absolute.string()), absolute.string());
+    config.set("file=mesh.obj");
+    EXPECT_THAT(message_of<ConfigError>([&] { static_cast<void>(config.input_file("file", "mesh.obj")); }),
+                EndsWith("searched in " + std::filesystem::current_path().string()));
+}
+
 constexpr const char* kTables = R"(
 [[string]]
 motor = [1, 2, 3]

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -40,9 +41,12 @@ struct ModelSettings {
     FishShape fish;
     PlateShape plate;
     RodShape rod;
-    double mass = 0.1;              // kg, of the whole body
-    std::string file;               // of a mesh that takes the place of what is generated; empty: none
+    double mass = 0.1;  // kg, of the whole body
+    std::string file;   // of a mesh that takes the place of what is generated; empty: none
+    /// What `file` holds, in its unit; null: the file is read.
+    std::shared_ptr<const TriangleMesh> mesh;
     double file_scale = 0.0;        // m per unit of the file; 0: centred, and as long as what would be generated
+    double max_edge = 0.0;          // m, longer edges of the mesh are divided; 0: none are
     std::string particles;          // a model file, whose particles take the place of those made; empty: none
     BuilderSettings builder;        // of the fish and of meshes from files
     Vec3 velocity{0.0};             // m/s, at the start
