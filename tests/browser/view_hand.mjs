@@ -1,9 +1,11 @@
-// Mouse and keyboard control of the hand.
+// Mouse and keyboard control of the hand, and meshes to touch with it.
 import assert from "node:assert/strict";
+import { readFileSync, writeFileSync } from "node:fs";
+import path from "node:path";
 
-import { chooseScene, openView, seen, until } from "./browser.mjs";
+import { assertNoComplaints, chooseScene, openView, seen, until } from "./browser.mjs";
 import { claim } from "./claims.mjs";
-import { startRun } from "./host_sim.mjs";
+import { scratchFolder, startRun } from "./host_sim.mjs";
 import { difference, pictureOf } from "./pixels.mjs";
 
 /** Position of the hand on the screen, in the page's pixels. */
@@ -33,6 +35,21 @@ async function take(page) {
     await page.mouse.up();
   }
   throw new Error("the mouse cannot take hold of the hand");
+}
+
+/** Drops a file onto the page, by the events that a browser makes for a file of another program. */
+async function drop(page, file) {
+  const data = await page.evaluateHandle(
+    ([name, text]) => {
+      const transfer = new DataTransfer();
+      transfer.items.add(new File([text], name));
+      return transfer;
+    },
+    [path.basename(file), readFileSync(file, "utf8")],
+  );
+  for (const event of ["dragenter", "dragover", "drop"]) {
+    await page.dispatchEvent("#viewport", event, { dataTransfer: data });
+  }
 }
 
 /** Position of the hand once it has settled: equal in ten frames. */
@@ -176,4 +193,58 @@ claim("while the tool is dragged, words say how far it is from the body behind i
   );
   await page.mouse.up();
   await until(page, () => document.getElementById("hand-mode").hidden, "the end of the words");
+});
+
+claim("a mesh dropped onto the page becomes a scene, and the mouse presses it", async (browser) => {
+  const { url } = await startRun("plane-slide");
+  const page = await openView(browser, url);
+  const mesh = path.join(scratchFolder(), "my body.obj");
+  writeFileSync(mesh, "v 0 0 0\nv 3 0 0\nv 0 3 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+  await drop(page, mesh);
+  await until(page, () => haptic.scene === "my-body", "the scene of the mesh");
+  await until(page, () => haptic.inContact && Math.hypot(...haptic.force) > 0.01, "the script to press it");
+  await take(page);
+  const { frames } = await seen(page);
+  await until(page, (then) => haptic.frames > then + 2, "more frames", frames);
+  // Small moves of the mouse: up until the body is free, then down onto it.
+  let { x, y } = await handOnScreen(page);
+  const dragUntil = async (there, pixels) => {
+    for (let k = 0; k < 150 && !(await page.evaluate(there)); k++) {
+      y += pixels;
+      await page.mouse.move(x, y);
+      const { frames: before } = await seen(page);
+      await until(page, (then) => haptic.frames > then + 1, "the next frames", before);
+    }
+  };
+  await dragUntil(() => !haptic.inContact && Math.hypot(...haptic.hip.map((v, k) => v - haptic.tool[k])) < 1e-3, -3);
+  assert.equal((await seen(page)).inContact, false, "the hand cannot be lifted off the body");
+  await dragUntil(() => haptic.inContact && Math.hypot(...haptic.force) > 0.05, 3);
+  await until(page, () => haptic.inContact && haptic.handSource === "mouse" && Math.hypot(...haptic.force) > 0.05, "the body to push back");
+  await page.mouse.up();
+  assertNoComplaints(page);
+});
+
+claim("a file that is no mesh is refused with a reason, and the scene goes on", async (browser) => {
+  const { url } = await startRun("plane-slide");
+  const page = await openView(browser, url);
+  const folder = scratchFolder();
+  for (const [name, content, why] of [
+    ["points.obj", "v 0 0 0\nv 1 0 0\n", "has no triangles"],
+    ["notes.txt", "no mesh\n", "not a mesh file"],
+  ]) {
+    writeFileSync(path.join(folder, name), content);
+    await drop(page, path.join(folder, name));
+    await until(page, (words) => haptic.refused.includes(words), `the words "${why}"`, why);
+  }
+  assert.equal((await seen(page)).scene, "plane-slide");
+});
+
+claim("without --view-control a dropped mesh changes nothing", async (browser) => {
+  const { url } = await startRun("plane-slide", { control: false });
+  const page = await openView(browser, url);
+  const mesh = path.join(scratchFolder(), "own.obj");
+  writeFileSync(mesh, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  await drop(page, mesh);
+  await until(page, () => haptic.refused.includes("--view-control"), "the words how to allow it");
+  assert.equal((await seen(page)).scene, "plane-slide");
 });

@@ -14,6 +14,8 @@ export interface Actions {
   /** Saves the picture; starts a video, or ends and saves it. */
   savePicture(): void;
   toggleVideo(): void;
+  /** Makes a scene of a mesh file. */
+  openMesh(file: File): void;
   /** Clears the selection. */
   clearPick(): void;
   /** Rotates the camera around its target, rad; or shifts it by fractions of the view's height. */

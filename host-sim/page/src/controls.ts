@@ -24,6 +24,8 @@ export interface Controls {
   showDevice(device: DeviceMessage): void;
   showRefused(refused: RefusedMessage): void;
   showRecord(record: RecordMessage): void;
+  /** Shows words for some seconds. */
+  showWords(words: string): void;
   /** Values of what is selected; null: nothing is. */
   showPicked(readout: Readout | null): void;
   /** Words about the hand that is being dragged; empty: it is not. */
@@ -85,6 +87,7 @@ export function createControls(actions: Actions): Controls {
     showSamples: (samples) => plots.showSamples(samples),
     showDevice: (device) => plots.showDevice(device),
     showRefused: (refused) => status.showRefused(refused),
+    showWords: (words) => status.showWords(words),
     showRecord: (record) => panel.showRecord(record),
     showPicked: (readout) => picked.show(readout),
     showHint: (words) => {

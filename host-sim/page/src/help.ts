@@ -21,6 +21,7 @@ const mouse: [string, string][] = [
   ["Wheel", "nearer, farther"],
   ["Drag the tool", "move the hand; while dragging, the wheel moves it away or nearer, Shift rotates it"],
   ["Click", "values of a body, a particle or the tool; Esc ends"],
+  ["Drop a mesh file", "make a scene of it, to touch it"],
   ["Drag in a plot, wheel", "zoom into a time; a double click follows the run again"],
 ];
 

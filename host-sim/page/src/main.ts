@@ -7,6 +7,7 @@ import { createControls } from "./controls.ts";
 import { byId } from "./dom.ts";
 import { freeArea } from "./free_area.ts";
 import { MouseHand } from "./hand.ts";
+import { MeshDrop } from "./mesh_drop.ts";
 import { Picture } from "./picture.ts";
 import type { Frame, Geometry, SceneMessage } from "./protocol.ts";
 import { recordFrame, initialPageState } from "./page_state.ts";
@@ -22,6 +23,7 @@ class Page {
   private readonly connection: Connection;
   private readonly hand: MouseHand;
   private readonly saver: Saver;
+  private readonly meshes: MeshDrop;
   private readonly controls: ReturnType<typeof createControls>;
   private scene: SceneMessage | null = null;
   private radius = 0.01; // m, of the first proxy
@@ -48,6 +50,13 @@ class Page {
       (request) => this.connection.send(request),
       () => this.radius,
       () => this.canMoveHand(),
+    );
+    this.meshes = new MeshDrop(
+      () => this.pageState.control && this.scene?.mode === "run",
+      (words, problem) => {
+        this.pageState.refused = problem ? words : "";
+        this.controls.showWords(words);
+      },
     );
     const actions = this.actions();
     this.controls = createControls(actions);
@@ -93,6 +102,7 @@ class Page {
           this.controls.showRefused({ type: "refused", command: "video", why: (error as Error).message });
         }
       },
+      openMesh: (file) => void this.meshes.send(file),
       clearPick: () => {
         picture.clearPick();
         this.showPicked();

@@ -1,6 +1,7 @@
 // Side panel: controls of scene, run, hand, parameters, and what is drawn.
 import type { Actions } from "./actions.ts";
 import { button, checkbox, element, throttle, setText } from "./dom.ts";
+import { meshTypes } from "./mesh_drop.ts";
 import { optionLabels, type ViewOptions } from "./options.ts";
 import { Parameters } from "./parameters.ts";
 import type { Frame, RecordMessage, SceneMessage } from "./protocol.ts";
@@ -35,6 +36,8 @@ class SidePanel implements Panel {
   private readonly scenes = element("select");
   private readonly sceneRow = element("label", { class: "row" }, "Scene", this.scenes);
   private readonly description = element("p", { class: "quiet" });
+  private readonly meshFile = element("input", { type: "file", accept: meshTypes });
+  private readonly meshRow = element("label", { class: "row" }, "Your mesh", this.meshFile);
   private readonly readOnly = element(
     "p",
     { class: "hint", hidden: true },
@@ -80,12 +83,27 @@ class SidePanel implements Panel {
     this.runPart = part("Run", buttons, this.records);
     this.handPart = this.makeHandPart();
     const fieldset = element("fieldset", { class: "bare" });
-    fieldset.append(this.sceneRow, this.description, this.readOnly, this.runPart, this.handPart, this.parameterPart);
+    fieldset.append(
+      this.sceneRow,
+      this.description,
+      this.meshRow,
+      this.readOnly,
+      this.runPart,
+      this.handPart,
+      this.parameterPart,
+    );
     this.controls = fieldset;
     const picture = button("Picture", () => actions.savePicture(), { title: "Save the picture as PNG (key S)" });
     const savePart = part("Save", element("div", { class: "buttons" }, picture, this.video));
     root.append(fieldset, this.makeDrawnPart(), savePart, part("Appearance", theme));
     this.scenes.addEventListener("change", () => this.actions.send({ type: "scene", name: this.scenes.value }));
+    this.meshFile.addEventListener("change", () => {
+      const file = this.meshFile.files?.[0];
+      if (file) {
+        this.actions.openMesh(file);
+      }
+      this.meshFile.value = ""; // the same file can be chosen again
+    });
     this.write = throttle(updateInterval, (frame: Frame) => this.writeFrame(frame));
   }
 
@@ -101,6 +119,7 @@ class SidePanel implements Panel {
     this.handHint.hidden = !scene.control;
     this.controls.disabled = !scene.control;
     this.runPart.hidden = scene.mode === "play";
+    this.meshRow.hidden = scene.mode === "play" || !scene.control;
     this.handPart.hidden = scene.mode === "play";
     this.curlRow.hidden = !scene.closes;
     this.parameters.show(scene.parameters);

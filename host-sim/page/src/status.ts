@@ -80,9 +80,13 @@ export class Status {
     this.write({ frame, scales });
   }
 
-  /** Shows a refusal for some seconds. */
   showRefused(refused: RefusedMessage): void {
-    this.refused.textContent = `host-sim refused “${refused.command}”: ${refused.why}`;
+    this.showWords(`host-sim refused “${refused.command}”: ${refused.why}`);
+  }
+
+  /** Shows words for some seconds. */
+  showWords(words: string): void {
+    this.refused.textContent = words;
     this.refused.classList.add("shown");
     clearTimeout(this.refusedTimer);
     this.refusedTimer = window.setTimeout(() => this.refused.classList.remove("shown"), refusalDuration);

@@ -63,7 +63,7 @@ void LiveControl::handle(const view::Reset& /*command*/) {
 }
 
 void LiveControl::handle(const view::ChangeScene& command) {
-    request_ = SceneRequest{command.name};
+    request_ = SceneRequest{command.name, command.made};
 }
 
 void LiveControl::handle(const view::SetRecording& command) {

@@ -20,7 +20,8 @@ namespace haptic::sim {
 
 /// Request for a new simulation.
 struct SceneRequest {
-    std::string scene;  // built-in scene; empty: restart the current one
+    std::string scene;                    // its name; empty: restart the current one
+    std::shared_ptr<const Scene> made{};  // null: the built-in scene of that name
 };
 
 /// Number of executed commands.

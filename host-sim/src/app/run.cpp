@@ -238,6 +238,10 @@ void Run::start_next_scene(const SceneRequest& request) {
     try {
         if (request.scene.empty()) {
             carry_over_changes(next);
+        } else if (request.made) {
+            next.scene = *request.made;
+            // What host-sim new-scene writes for the same mesh, by which a recording can be played.
+            next.origin = {.scene = request.scene + ".toml", .assignments = {}, .first_step = 0, .changes = {}};
         } else {
             next.scene = read_scene(open_scene(request.scene), request.scene);
             next.origin = {.scene = request.scene, .assignments = {}, .first_step = 0, .changes = {}};
@@ -267,11 +271,12 @@ void Run::switch_to_next_scene() {
         spdlog::error("scene unchanged: {}", error.what());
         return;
     }
-    if (next.origin.scene != origin_.scene) {
+    const bool is_other = next.origin.scene != origin_.scene || next.scene.model.mesh != scene_.model.mesh;
+    if (is_other) {
         workspace_.reset();  // belonged to the other scene
         scene_settings_ = live_settings_of(next.scene);
     }
-    live_->count(next.origin.scene != origin_.scene);
+    live_->count(is_other);
     scene_ = std::move(next.scene);
     origin_ = std::move(next.origin);
     start_scene();

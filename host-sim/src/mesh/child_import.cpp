@@ -113,6 +113,10 @@ void limit(decltype(RLIMIT_AS) resource, rlim_t max) {
             (void)std::signal(signal, SIG_DFL);
         }
     }
+    // The caller's thread may block all signals, and that of the CPU time ends the child.
+    sigset_t none{};
+    (void)::sigemptyset(&none);
+    (void)::sigprocmask(SIG_SETMASK, &none, nullptr);
     if (const int null_device = kSanitized ? -1 : ::open("/dev/null", O_WRONLY | O_CLOEXEC); null_device >= 0) {
         (void)::dup2(null_device, STDERR_FILENO);  // hides assimp's assertion messages
     }

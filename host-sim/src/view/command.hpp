@@ -3,11 +3,16 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <variant>
 
 #include "haptic/types.hpp"
+
+namespace haptic::sim {
+struct Scene;
+}
 
 namespace haptic::sim::view {
 
@@ -25,9 +30,10 @@ struct SingleStep {
 };
 /// Restarts the scene with the current parameters.
 struct Reset {};
-/// Loads another built-in scene, one of those that the description lists.
+/// Loads another scene: a built-in one, one of those that the description lists, or one made for a viewer's mesh.
 struct ChangeScene {
     std::string name;
+    std::shared_ptr<const Scene> made{};  // null: the built-in scene of that name
 };
 /// Starts or stops the recording of steps.
 struct SetRecording {

@@ -22,6 +22,7 @@
 #include "view/bounded_queue.hpp"
 #include "view/device_telemetry.hpp"
 #include "view/encoding.hpp"
+#include "view/mesh_upload.hpp"
 #include "view/page_files.hpp"
 #include "view/triple_buffer.hpp"
 #include "view/viewer.hpp"
@@ -144,6 +145,9 @@ class ServedView final : public LiveView, private WebHandler {
     // Called on the view's thread.
     [[nodiscard]] std::unique_ptr<Connection> connect() override { return std::make_unique<ViewerSession>(*this); }
     [[nodiscard]] std::optional<Resource> resource(std::string_view path) override;
+    [[nodiscard]] std::optional<UploadAnswer> refuse_upload(std::string_view path) override;
+    void take_upload(std::string_view path, std::vector<std::byte> content) override;
+    [[nodiscard]] std::optional<UploadAnswer> upload_answer() override;
     void tick() override;
     void remove_session(ViewerSession& session);
     bool take_updates();
@@ -188,13 +192,15 @@ class ServedView final : public LiveView, private WebHandler {
     std::int64_t next_samples_ns_ = 0;
 
     WebServer server_;
+    MeshUpload upload_;  // wakes the server when it has read a mesh
     std::thread thread_;
 };
 
 ServedView::ServedView(const LiveViewSettings& settings)
     : settings_(settings),
       device_(settings.session.empty() ? nullptr : std::make_unique<DeviceTelemetry>(settings.session)),
-      server_(settings.address, settings.port, *this) {
+      server_(settings.address, settings.port, *this),
+      upload_([this] { server_.wake(); }) {
     const BlockedSignals blocked;
     thread_ = std::thread([this] {
         leave_real_time();
@@ -329,6 +335,34 @@ std::optional<Resource> ServedView::resource(std::string_view path) {
         return Resource{};
     }
     return std::nullopt;
+}
+
+std::optional<UploadAnswer> ServedView::refuse_upload(std::string_view path) {
+    if (std::optional<UploadAnswer> refusal = MeshUpload::refusal_of(path)) {
+        return refusal;
+    }
+    if (!settings_.control) {
+        return UploadAnswer{403, "View only: start host-sim with --view-control to open a mesh from this page."};
+    }
+    if (!shown_stream_ || shown_stream_->description.length > 0.0) {
+        return UploadAnswer{409, "A recording is shown: run a scene to open a mesh."};
+    }
+    return std::nullopt;
+}
+
+void ServedView::take_upload(std::string_view path, std::vector<std::byte> content) {
+    upload_.start(path, std::move(content));
+}
+
+std::optional<UploadAnswer> ServedView::upload_answer() {
+    std::optional<MeshUpload::Outcome> outcome = upload_.take_outcome();
+    if (!outcome) {
+        return std::nullopt;
+    }
+    if (outcome->scene && !commands_.push(ChangeScene{outcome->scene->name, outcome->scene})) {
+        return UploadAnswer{503, "host-sim is busy with earlier requests"};
+    }
+    return UploadAnswer{outcome->scene ? 200U : 422U, std::move(outcome->text)};
 }
 
 void ServedView::tick() {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <memory>
 #include <span>
 #include <string_view>
 #include <utility>
@@ -81,7 +82,7 @@ int PageReplies::start(lws* wsi, std::optional<Resource> resource) {
     const bool get = has_header(wsi, WSI_TOKEN_GET_URI);
     const bool head = has_header(wsi, WSI_TOKEN_HEAD_URI);
     if (!get && !head) {
-        (void)refuse_request(wsi, HTTP_STATUS_METHOD_NOT_ALLOWED, "Only GET and HEAD are supported.");
+        (void)refuse_request(wsi, HTTP_STATUS_METHOD_NOT_ALLOWED, "Only GET, HEAD and POST are supported.");
         return -1;
     }
     if (!resource) {
@@ -132,6 +133,22 @@ int PageReplies::start(lws* wsi, std::optional<Resource> resource) {
         return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
     }
     replies_[wsi] = {std::move(*resource), 0};
+    (void)lws_callback_on_writable(wsi);
+    return 0;
+}
+
+int PageReplies::answer(lws* wsi, unsigned status, const std::string& text) {
+    std::array<unsigned char, LWS_PRE + 1024> space{};
+    unsigned char* const begin = space.data() + LWS_PRE;
+    unsigned char* at = begin;
+    unsigned char* const end = space.data() + space.size();
+    if (lws_add_http_common_headers(wsi, status, "text/plain; charset=utf-8", text.size(), &at, end) != 0 ||
+        lws_finalize_write_http_header(wsi, begin, &at, end) != 0) {
+        return -1;
+    }
+    const auto owner = std::make_shared<const std::string>(text);
+    replies_[wsi] = {
+        Resource{.type = {}, .content = std::as_bytes(std::span(*owner)), .owner = owner, .download_as = {}}, 0};
     (void)lws_callback_on_writable(wsi);
     return 0;
 }

@@ -31,6 +31,8 @@ class PageReplies {
 
     /// Starts the reply to a request for a resource; without one it replies 404.
     int start(lws* wsi, std::optional<Resource> resource);
+    /// Starts a reply of plain text. To be called when the socket is writable.
+    int answer(lws* wsi, unsigned status, const std::string& text);
     /// Writes the next chunk when the socket is writable.
     int resume(lws* wsi);
     /// The connection has been closed.

@@ -12,6 +12,7 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <charconv>
 #include <csignal>
 #include <cstring>
 #include <map>
@@ -95,6 +96,23 @@ struct ViewerSocket {
     std::optional<Closing> closing;     // set: close after the message in progress
 };
 
+/// The content that a client posts, until it is answered.
+struct Upload {
+    lws* wsi = nullptr;  // null: the client has left
+    std::string path;
+    std::size_t length = 0;  // bytes announced
+    std::vector<std::byte> content;
+    bool taken = false;  // by the handler
+    std::optional<UploadAnswer> answer;
+};
+
+/// The number of a Content-Length header; none for any other text.
+std::optional<std::size_t> length_of(const std::string& header) {
+    std::size_t length = 0;
+    const auto [end, error] = std::from_chars(header.data(), header.data() + header.size(), length);
+    return error == std::errc() && end == header.data() + header.size() ? std::optional(length) : std::nullopt;
+}
+
 }  // namespace
 
 class WebServer::Impl {
@@ -124,6 +142,12 @@ class WebServer::Impl {
     int on_descriptor_readable(lws* wsi);
     void accept_all(int listener);
     void add_socket(int socket);
+    // One upload: from its request to the answer.
+    int start_upload(lws* wsi, std::string_view path);
+    int receive_upload(lws* wsi, const void* in, std::size_t length);
+    int finish_upload(lws* wsi);
+    void collect_answer();
+    int write_page(lws* wsi);
     // One viewer: from the upgrade of its request to the close frame.
     int check_upgrade(lws* wsi);
     void join(lws* wsi);
@@ -144,6 +168,7 @@ class WebServer::Impl {
     std::uint16_t port_ = 0;
     PageReplies pages_;
     SpareDescriptor spare_;
+    std::optional<Upload> upload_;
     std::set<const lws*> sockets_;  // accepted and not yet closed
     std::map<lws*, ViewerSocket> viewers_;
     std::set<lws*> closing_;  // former viewers whose close frame is being sent
@@ -246,9 +271,14 @@ int WebServer::Impl::on(lws* wsi, lws_callback_reasons reason, const void* in, s
             return has_protocol(wsi, kSubprotocol) ? 0 : 1;
         // Ordinary HTTP.
         case LWS_CALLBACK_HTTP:
-            return pages_.start(wsi, handler_.resource(text()));
+            return lws_hdr_total_length(wsi, WSI_TOKEN_POST_URI) > 0 ? start_upload(wsi, text())
+                                                                     : pages_.start(wsi, handler_.resource(text()));
+        case LWS_CALLBACK_HTTP_BODY:
+            return receive_upload(wsi, in, length);
+        case LWS_CALLBACK_HTTP_BODY_COMPLETION:
+            return finish_upload(wsi);
         case LWS_CALLBACK_HTTP_WRITEABLE:
-            return pages_.resume(wsi);
+            return write_page(wsi);
         // An open WebSocket.
         case LWS_CALLBACK_ESTABLISHED:
             join(wsi);
@@ -322,6 +352,77 @@ void WebServer::Impl::add_socket(int socket) {
     if (const lws* wsi = lws_adopt_socket(context_, socket); wsi != nullptr) {
         sockets_.insert(wsi);
     }
+}
+
+/// Decides on a POST before its content is received.
+int WebServer::Impl::start_upload(lws* wsi, std::string_view path) {
+    if (pages_.reject_foreign(wsi)) {
+        return -1;
+    }
+    const std::optional<std::size_t> length = length_of(request_header(wsi, WSI_TOKEN_HTTP_CONTENT_LENGTH));
+    std::optional<UploadAnswer> refusal = handler_.refuse_upload(path);
+    if (!refusal && !length) {
+        refusal = {HTTP_STATUS_LENGTH_REQUIRED, "The length of the content must be given."};
+    }
+    if (!refusal && *length > kMaxUploadBytes) {
+        refusal = {HTTP_STATUS_REQ_ENTITY_TOO_LARGE,
+                   "More than the " + std::to_string(kMaxUploadBytes >> 20U) + " MiB allowed."};
+    }
+    if (!refusal && (upload_ || stopping())) {
+        refusal = {HTTP_STATUS_SERVICE_UNAVAILABLE, "Another file is being read; try again when it is."};
+    }
+    if (refusal) {
+        (void)refuse_request(wsi, refusal->status, refusal->text.c_str());
+        return -1;
+    }
+    upload_ = {.wsi = wsi, .path = std::string(path), .length = *length, .content = {}, .taken = false, .answer = {}};
+    upload_->content.reserve(*length);
+    return 0;
+}
+
+int WebServer::Impl::receive_upload(lws* wsi, const void* in, std::size_t length) {
+    if (!upload_ || upload_->wsi != wsi || upload_->taken || upload_->content.size() + length > upload_->length) {
+        return -1;
+    }
+    const auto* const bytes = static_cast<const std::byte*>(in);
+    upload_->content.insert(upload_->content.end(), bytes, bytes + length);
+    lws_set_timeout(wsi, PENDING_TIMEOUT_HTTP_CONTENT, kRequestTimeoutS);  // progress restarts the timeout
+    return 0;
+}
+
+int WebServer::Impl::finish_upload(lws* wsi) {
+    if (!upload_ || upload_->wsi != wsi || upload_->taken) {
+        return -1;
+    }
+    upload_->taken = true;
+    handler_.take_upload(upload_->path, std::move(upload_->content));
+    lws_set_timeout(wsi, NO_PENDING_TIMEOUT, 0);  // the answer takes its time
+    return 0;
+}
+
+void WebServer::Impl::collect_answer() {
+    if (!upload_ || !upload_->taken || upload_->answer) {
+        return;
+    }
+    upload_->answer = handler_.upload_answer();
+    if (!upload_->answer) {
+        return;
+    }
+    if (upload_->wsi == nullptr) {
+        upload_.reset();
+        return;
+    }
+    (void)lws_callback_on_writable(upload_->wsi);
+}
+
+int WebServer::Impl::write_page(lws* wsi) {
+    if (!upload_ || upload_->wsi != wsi || !upload_->answer) {
+        return pages_.resume(wsi);
+    }
+    const UploadAnswer answer = std::move(*upload_->answer);
+    upload_.reset();
+    lws_set_timeout(wsi, PENDING_TIMEOUT_HTTP_CONTENT, kRequestTimeoutS);
+    return pages_.answer(wsi, answer.status, answer.text);
 }
 
 /// Decides on a WebSocket upgrade. Returns 0 to accept it, 1 if the request has been answered.
@@ -451,6 +552,13 @@ void WebServer::Impl::request_writes() {
 
 void WebServer::Impl::forget(lws* wsi) {
     pages_.forget(wsi);
+    // What the handler has taken is still to be answered, if to nobody.
+    if (upload_ && upload_->wsi == wsi) {
+        upload_->wsi = nullptr;
+        if (!upload_->taken) {
+            upload_.reset();
+        }
+    }
     viewers_.erase(wsi);
     closing_.erase(wsi);
     sockets_.erase(wsi);
@@ -465,6 +573,7 @@ void WebServer::Impl::tick() {
     }
     // Let the handler produce messages, then drop stuck viewers.
     handler_.tick();
+    collect_answer();
     close_stuck(now_ns);
     // End when all viewers have gone or the shutdown period is over.
     ended_ = stopping() && ((viewers_.empty() && closing_.empty()) || now_ns >= end_ns_);

@@ -1,7 +1,8 @@
 // Web server: HTTP and WebSocket for a few viewers by libwebsockets, all on one thread. It decides who may connect and
 // limits what a viewer may send or hold up; the content of messages is the WebHandler's.
 //
-// It accepts only GET and HEAD, and one WebSocket, /stream, of subprotocol haptic-view-1. It rejects requests whose
+// It accepts GET and HEAD, one POST at a time where its handler allows it, of at most kMaxUploadBytes and of announced
+// length, and one WebSocket, /stream, of subprotocol haptic-view-1. It rejects requests whose
 // Host is not this machine (400), requests from a page that this server did not serve (403), and viewers beyond
 // kMaxViewers (503). It closes a viewer that sends anything but text messages of at most kMaxRequestBytes, or whose
 // socket accepts nothing for kStuckAfterNs; other viewers are not affected.
@@ -13,6 +14,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "view/viewer.hpp"
 
@@ -21,6 +23,7 @@ namespace haptic::sim::view {
 inline constexpr std::size_t kMaxViewers = 128;
 inline constexpr std::int64_t kStuckAfterNs = 10'000'000'000;
 inline constexpr std::int64_t kTickNs = 4'000'000;
+inline constexpr std::size_t kMaxUploadBytes = 32U << 20U;
 inline constexpr const char* kStreamPath = "/stream";
 inline constexpr const char* kSubprotocol = "haptic-view-1";
 
@@ -32,6 +35,12 @@ struct Resource {
     std::string download_as;             // a file name; empty: shown in the browser
     std::span<const std::byte> gzip{};   // the content compressed, for clients that accept it; empty: it is not
     std::string tag{};                   // names this content, without quotes; empty: clients do not keep it
+};
+
+/// Answer to content that a client has posted: an HTTP status and a text for its user.
+struct UploadAnswer {
+    unsigned status = 200;
+    std::string text;
 };
 
 /// One connected viewer. Called from the server's thread; an exception closes this viewer.
@@ -61,6 +70,12 @@ class WebHandler {
 
     [[nodiscard]] virtual std::unique_ptr<Connection> connect() = 0;
     [[nodiscard]] virtual std::optional<Resource> resource(std::string_view path) = 0;
+    /// Why nothing may be posted to this path now, before any of it is received; empty if it may.
+    [[nodiscard]] virtual std::optional<UploadAnswer> refuse_upload(std::string_view path) = 0;
+    /// Takes the whole content that was posted to a path. Must not block: the answer may come later.
+    virtual void take_upload(std::string_view path, std::vector<std::byte> content) = 0;
+    /// The answer to what was taken last, once, when there is one. Asked at each tick().
+    [[nodiscard]] virtual std::optional<UploadAnswer> upload_answer() = 0;
     /// Called every kTickNs while a viewer is connected, and after each wake().
     virtual void tick() = 0;
 };

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <fstream>
+#include <glm/geometric.hpp>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -172,6 +173,23 @@ TEST_F(MeshOfAUser, IsAsLargeAsWhatItReplacesOrAsItsScaleSays) {
     EXPECT_TRUE(near(height("generator = \"cloth\"\nside = 3.0\n"), {-1.5, 1.5}));
     EXPECT_TRUE(near(height(""), {8.0, 12.0}));
     EXPECT_TRUE(near(height("scale = 0.01\n"), {0.08, 0.12}));
+}
+
+TEST_F(MeshOfAUser, HasNoEdgeLongerThanAllowed) {
+    const DeformableBody body =
+        make_body(read("[model]\nfile = \"" + file_.string() + "\"\nparticles_count = 10\nmax_edge = 0.3\n"));
+    const std::vector<Vec3>& p = body.mesh.vertices;
+    double longest = 0.0;
+    double volume = 0.0;
+    for (const auto& [a, b, c] : body.mesh.triangles) {
+        longest = std::max({longest, glm::length(p[b] - p[a]), glm::length(p[c] - p[b]), glm::length(p[a] - p[c])});
+        volume += glm::dot(p[a], glm::cross(p[b], p[c])) / 6.0;
+    }
+    EXPECT_LE(longest, 0.3);
+    EXPECT_GT(longest, 0.15);  // only longer ones are halved
+    // Still the pyramid of 2 x 2 x 4 m, closed: a third of base times height, to the rounding of 1e3 m^3.
+    EXPECT_TRUE(body.mesh.closed);
+    EXPECT_NEAR(volume, 16.0 / 3.0, 1e-9);
 }
 
 TEST_F(MeshOfAUser, IsNamedIfItIsNotThere) {

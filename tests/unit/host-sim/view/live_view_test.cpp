@@ -20,6 +20,7 @@
 #include <utility>
 #include <vector>
 
+#include "haptic/sim/scene.hpp"
 #include "small_scene.hpp"
 #include "socket_client.hpp"
 #include "view/page_files.hpp"
@@ -310,6 +311,9 @@ class EndlessSender final : public WebHandler {
   public:
     std::unique_ptr<Connection> connect() override { return std::make_unique<Talk>(listeners_); }
     std::optional<Resource> resource(std::string_view /*path*/) override { return std::nullopt; }
+    std::optional<UploadAnswer> refuse_upload(std::string_view /*path*/) override { return UploadAnswer{404, ""}; }
+    void take_upload(std::string_view /*path*/, std::vector<std::byte> /*content*/) override {}
+    std::optional<UploadAnswer> upload_answer() override { return std::nullopt; }
     void tick() override {}
     int listeners() const { return listeners_; }
 
@@ -505,6 +509,81 @@ TEST(LiveViewThread, HasOrdinarySchedulingAndBlocksSignals) {
         }
     }
     EXPECT_EQ(found, 1);
+}
+
+constexpr std::string_view kTetrahedron = "v 0 0 0\nv 3 0 0\nv 0 3 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+
+test::HttpReply post(const Served& served, const std::string& path, std::string_view content,
+                     const std::string& headers = "") {
+    return request(served.port, "POST " + path,
+                   served.host() + headers + "Content-Length: " + std::to_string(content.size()) + "\r\n", content);
+}
+
+TEST(PostedMesh, BecomesASceneForTheRun) {
+    const Served served(true);
+    const auto reply =
+        post(served, "/mesh/own-body.obj", kTetrahedron, "Origin: http://" + own_host(served.port) + "\r\n");
+    EXPECT_EQ(reply.status, 200) << reply.body;
+    EXPECT_THAT(reply.body, HasSubstr("3 x 3 x 3 units"));
+    Command command;
+    ASSERT_TRUE(served.view->next_command(command));
+    const auto& change = std::get<ChangeScene>(command);
+    EXPECT_EQ(change.name, "own-body");
+    ASSERT_TRUE(change.made);
+    EXPECT_EQ(change.made->model.mesh->triangles.size(), 4U);
+    EXPECT_EQ(change.made->name, "own-body");
+    EXPECT_FALSE(served.view->next_command(command));
+    // Another one may follow.
+    EXPECT_EQ(post(served, "/mesh/other.obj", kTetrahedron).status, 200);
+}
+
+TEST(PostedMesh, IsRefusedWithAReasonIfItCannotBeTouched) {
+    const Served served(true);
+    const auto why = [&](const std::string& name, std::string_view content) {
+        const auto reply = post(served, "/mesh/" + name, content);
+        EXPECT_EQ(reply.status, 422) << name;
+        return reply.body;
+    };
+    EXPECT_THAT(why("points.obj", "v 0 0 0\nv 1 0 0\n"), HasSubstr("points.obj: has no triangles"));
+    EXPECT_THAT(why("nan.obj", "v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n"), HasSubstr("not a finite number"));
+    EXPECT_THAT(why("broken.ply", "ply\n"), HasSubstr("end_header"));
+    Command command;
+    EXPECT_FALSE(served.view->next_command(command));
+}
+
+TEST(PostedMesh, NeedsControlAnOwnOriginAPlainNameAndABoundedLength) {
+    const Served served(true);
+    EXPECT_EQ(post(served, "/mesh/a.obj", kTetrahedron, "Origin: http://evil.example\r\n").status, 403);
+    EXPECT_EQ(post(served, "/mesh/a.txt", kTetrahedron).status, 415);
+    EXPECT_EQ(post(served, "/mesh/.obj", kTetrahedron).status, 400);
+    EXPECT_EQ(post(served, "/mesh/", kTetrahedron).status, 400);
+    EXPECT_EQ(post(served, "/mesh/a%20b.obj", kTetrahedron).status, 400);
+    EXPECT_EQ(post(served, "/", kTetrahedron).status, 405);
+    EXPECT_EQ(request(served.port, "POST /mesh/a.obj", "Host: evil.example\r\nContent-Length: 3\r\n", "v 0").status,
+              400);
+    EXPECT_EQ(request(served.port, "POST /mesh/a.obj", served.host() + "Content-Length: 100000000\r\n").status, 413);
+    EXPECT_EQ(request(served.port, "POST /mesh/a.obj", served.host()).status, 411);
+    const Served watched(false);
+    EXPECT_EQ(post(watched, "/mesh/a.obj", kTetrahedron).status, 403);
+    Command command;
+    EXPECT_FALSE(served.view->next_command(command));
+    EXPECT_FALSE(watched.view->next_command(command));
+}
+
+TEST(PostedMesh, OfAClientThatLeavesDoesNotBlockTheNext) {
+    const Served served(true);
+    {
+        test::Connection half(served.port);
+        half.send("POST /mesh/a.obj HTTP/1.1\r\n" + served.host() + "Content-Length: 1000\r\n\r\nv 0 0 0\n");
+        // Meanwhile there is room for no other.
+        EXPECT_EQ(request(served.port, "GET /", served.host()).status, 200);
+        EXPECT_EQ(post(served, "/mesh/b.obj", kTetrahedron).status, 503);
+    }
+    int status = 503;
+    for (int k = 0; k < 100 && status == 503; ++k) {
+        status = post(served, "/mesh/b.obj", kTetrahedron).status;
+    }
+    EXPECT_EQ(status, 200);
 }
 
 TEST(LiveViewAddress, GivesAdviceIfItCannotListen) {

@@ -83,9 +83,10 @@ std::string HttpReply::header(std::string_view name) const {
     return {};
 }
 
-HttpReply request(std::uint16_t port, const std::string& method_and_path, const std::string& headers) {
+HttpReply request(std::uint16_t port, const std::string& method_and_path, const std::string& headers,
+                  std::string_view content) {
     Connection connection(port);
-    connection.send(method_and_path + " HTTP/1.1\r\n" + headers + "Connection: close\r\n\r\n");
+    connection.send(method_and_path + " HTTP/1.1\r\n" + headers + "Connection: close\r\n\r\n" + std::string(content));
     std::string all;
     for (std::string some = connection.receive(); !some.empty(); some = connection.receive()) {
         all += some;

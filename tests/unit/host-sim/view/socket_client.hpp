@@ -40,8 +40,9 @@ struct HttpReply {
     [[nodiscard]] std::string header(std::string_view name) const;
 };
 
-/// Sends "METHOD PATH" with headers, each with its line end.
-HttpReply request(std::uint16_t port, const std::string& method_and_path, const std::string& headers);
+/// Sends "METHOD PATH" with headers, each with its line end, and content.
+HttpReply request(std::uint16_t port, const std::string& method_and_path, const std::string& headers,
+                  std::string_view content = {});
 
 /// The Host that a browser on this machine sends.
 std::string own_host(std::uint16_t port);
