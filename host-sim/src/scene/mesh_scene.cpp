@@ -218,7 +218,7 @@ std::string text_of(const Choices& c, const std::string& file, const MeshReport&
            setting("static_friction", kStaticFriction, "of the sphere on the body") +
            setting("dynamic_friction", kDynamicFriction) + "\n[coupling]\n" +  //
            setting("stiffness", c.stiffness,
-                   "N/m, between hand and sphere: " + shown(kStiffnessPerMass) + " per kg of the body") +
+                   "N/m, between hand and sphere: " + shown(kStiffnessPerMass, 4) + " per kg of the body") +
            setting("damping_time", kDampingTime, "s") +
            setting("mask_radius", kMaskRadius, "m, of the patch of the body that takes the force") + "\n" +
            line("[hand]", "waits until the body is at rest, comes down on it, presses and holds it, leaves") +
