@@ -592,7 +592,7 @@ std::string Config::input_file(const std::string& key, const std::string& file) 
         return file;
     }
     const std::filesystem::path folder = state_->override_of(key) ? std::filesystem::path() : state_->folder;
-    std::filesystem::path found = folder / file;
+    const std::filesystem::path found = folder / file;
     std::error_code error;
     const bool is_folder = std::filesystem::is_directory(found, error);
     if (!is_folder && std::ifstream(found)) {

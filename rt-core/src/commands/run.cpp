@@ -263,7 +263,7 @@ void Run::poll() {
     if (hooks_ != nullptr) {
         hooks_->on_poll(now_ns);
     }
-    if (progress_) {
+    if (progress_ && options_.duration_s) {
         progress_->show(seconds(now_ns - start_ns_ - paused_ns_) / *options_.duration_s);
     }
 }
