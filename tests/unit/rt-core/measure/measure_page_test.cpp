@@ -40,10 +40,11 @@ nlohmann::json report_of(int ticks, const std::string& device = "a device") {
     for (int i = 1; i <= ticks; ++i) {
         TickRecord record;
         record.number = instruments->ticks = static_cast<std::uint64_t>(i);
-        record.deadline_ns = i * 1'000'000;
-        record.now_ns = record.deadline_ns + 1000 * i;
+        const std::int64_t late_ns = std::int64_t{1000} * i;
+        record.deadline_ns = 1000 * late_ns;
+        record.now_ns = record.deadline_ns + late_ns;
         record.compute_ns = 5000;
-        instruments->wakeup.record(1000 * i);
+        instruments->wakeup.record(late_ns);
         instruments->compute.record(5000);
         log->add(record, {}, 0);
     }
