@@ -1,15 +1,14 @@
 #include "haptic/external_program.hpp"
 
-#include <sched.h>
-#include <spawn.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
-#include <csignal>
 #include <system_error>
+
+#include "haptic/spawn_settings.hpp"
 
 namespace haptic {
 namespace {
@@ -57,53 +56,17 @@ class MemoryFile {
     int descriptor_;
 };
 
-/// RAII owner of the attributes and file actions of posix_spawn(): no blocked or ignored signal and no real-time
-/// scheduling of the caller's passes on.
-class DrawerSettings {
-  public:
-    DrawerSettings() {
-        posix_spawn_file_actions_init(&files);
-        posix_spawnattr_init(&attributes);
-        sigset_t none;
-        sigset_t all;
-        sigemptyset(&none);
-        sigfillset(&all);
-        const sched_param ordinary{};
-        posix_spawnattr_setsigmask(&attributes, &none);
-        posix_spawnattr_setsigdefault(&attributes, &all);
-        posix_spawnattr_setschedpolicy(&attributes, SCHED_OTHER);
-        posix_spawnattr_setschedparam(&attributes, &ordinary);
-        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF |
-                                                  POSIX_SPAWN_SETSCHEDULER | POSIX_SPAWN_SETSCHEDPARAM);
-    }
-    DrawerSettings(const DrawerSettings&) = delete;
-    DrawerSettings& operator=(const DrawerSettings&) = delete;
-    ~DrawerSettings() {
-        posix_spawn_file_actions_destroy(&files);
-        posix_spawnattr_destroy(&attributes);
-    }
-
-    posix_spawn_file_actions_t files{};
-    posix_spawnattr_t attributes{};
-};
-
 }  // namespace
 
 ExternalResult run_external(std::vector<std::string> command, const std::string& input,
                             const std::filesystem::path& folder) {
-    // posix_spawnp wants an argument list that ends with null.
-    std::vector<char*> arguments;
-    arguments.reserve(command.size() + 1);
-    for (std::string& word : command) {
-        arguments.push_back(word.data());
-    }
-    arguments.push_back(nullptr);
+    const std::vector<char*> arguments = spawn_arguments(command);
     // Standard streams in memory, and the working directory.
     const MemoryFile in("input");
     const MemoryFile out("output");
     const MemoryFile errors("errors");
     in.fill(input);
-    DrawerSettings settings;
+    SpawnSettings settings;
     posix_spawn_file_actions_adddup2(&settings.files, in.descriptor(), STDIN_FILENO);
     posix_spawn_file_actions_adddup2(&settings.files, out.descriptor(), STDOUT_FILENO);
     posix_spawn_file_actions_adddup2(&settings.files, errors.descriptor(), STDERR_FILENO);

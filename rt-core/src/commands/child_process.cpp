@@ -1,8 +1,6 @@
 #include "commands/child_process.hpp"
 
 #include <fcntl.h>
-#include <sched.h>
-#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -12,43 +10,10 @@
 #include <system_error>
 
 #include "commands/run_command.hpp"
+#include "haptic/spawn_settings.hpp"
 
 namespace haptic::rt {
 namespace {
-
-/// RAII owner of the attributes and file actions of posix_spawn(): default signals and scheduling, own process group,
-/// all standard streams on /dev/null.
-class SpawnSettings {
-  public:
-    SpawnSettings() {
-        posix_spawnattr_init(&attributes);
-        posix_spawn_file_actions_init(&files);
-        sigset_t none;
-        sigset_t all;
-        sigemptyset(&none);
-        sigfillset(&all);
-        posix_spawnattr_setsigmask(&attributes, &none);
-        posix_spawnattr_setsigdefault(&attributes, &all);
-        const sched_param ordinary{};
-        posix_spawnattr_setschedpolicy(&attributes, SCHED_OTHER);
-        posix_spawnattr_setschedparam(&attributes, &ordinary);
-        posix_spawnattr_setpgroup(&attributes, 0);
-        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP |
-                                                  POSIX_SPAWN_SETSCHEDULER | POSIX_SPAWN_SETSCHEDPARAM);
-        posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-        posix_spawn_file_actions_addopen(&files, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-        posix_spawn_file_actions_addopen(&files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-    }
-    SpawnSettings(const SpawnSettings&) = delete;
-    SpawnSettings& operator=(const SpawnSettings&) = delete;
-    ~SpawnSettings() {
-        posix_spawn_file_actions_destroy(&files);
-        posix_spawnattr_destroy(&attributes);
-    }
-
-    posix_spawnattr_t attributes{};
-    posix_spawn_file_actions_t files{};
-};
 
 int shell_status(int status) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
@@ -69,13 +34,12 @@ std::string find_program(const std::string& name, const std::string& package) {
 }
 
 ChildProcess::ChildProcess(std::vector<std::string> command) {
-    std::vector<char*> arguments;
-    arguments.reserve(command.size() + 1);
-    for (std::string& word : command) {
-        arguments.push_back(word.data());
-    }
-    arguments.push_back(nullptr);
-    const SpawnSettings settings;
+    const std::vector<char*> arguments = spawn_arguments(command);
+    SpawnSettings settings;
+    settings.set_own_group();
+    posix_spawn_file_actions_addopen(&settings.files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_addopen(&settings.files, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+    posix_spawn_file_actions_addopen(&settings.files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
     const int error =
         posix_spawn(&pid_, arguments.front(), &settings.files, &settings.attributes, arguments.data(), environ);
     if (error != 0) {
