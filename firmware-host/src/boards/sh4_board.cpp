@@ -73,4 +73,12 @@ void Sh4Board::zero_motors(std::int64_t now_ns) HAPTIC_RT {
     transport_->send_last(out, now_ns);
 }
 
+ZeroPacket Sh4Board::zero_packet() const {
+    Sh4Packet out;
+    encode(Sh4Command{}, out);
+    ZeroPacket zero{.link = transport_->link()};
+    zero.set_packet(out);
+    return zero;
+}
+
 }  // namespace haptic::device

@@ -30,6 +30,7 @@ class Sh4Board final : public Board {
     void start() override;
     ExchangeStatus exchange(const MotorCommand& command, BoardReading& reading, std::int64_t now_ns) HAPTIC_RT override;
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override;
+    [[nodiscard]] ZeroPacket zero_packet() const override;
 
   private:
     using DacCodes = std::array<std::uint16_t, kStrings>;

@@ -70,4 +70,12 @@ void SimpleBoard::zero_motors(std::int64_t now_ns) HAPTIC_RT {
     transport_->send_last(out, now_ns);
 }
 
+ZeroPacket SimpleBoard::zero_packet() const {
+    SimplePacket out;
+    encode(SimpleCommand{.request = SimpleRequest::DacCodes}, out);
+    ZeroPacket zero{.link = transport_->link()};
+    zero.set_packet(out);
+    return zero;
+}
+
 }  // namespace haptic::device

@@ -24,6 +24,10 @@ void TtyBoard::zero_motors(std::int64_t now_ns) HAPTIC_RT {
     board_->zero_motors(now_ns);
 }
 
+ZeroPacket TtyBoard::zero_packet() const {
+    return board_->zero_packet();
+}
+
 void TtyBoard::reopen() {
     transport_->reopen();
     board_->start();

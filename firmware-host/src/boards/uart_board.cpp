@@ -176,6 +176,12 @@ void UartBoard::zero_motors(std::int64_t now_ns) HAPTIC_RT {
     }
 }
 
+ZeroPacket UartBoard::zero_packet() const {
+    ZeroPacket zero{.link = transport_->link()};
+    zero.set_packet(std::span<const std::byte>(zero_).first(zero_bytes_.load(std::memory_order_acquire)));
+    return zero;
+}
+
 std::string UartBoard::found() const {
     std::string text;
     for (const Node& node : nodes_) {

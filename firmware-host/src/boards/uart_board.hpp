@@ -33,6 +33,7 @@ class UartBoard final : public Board {
     void start() override;
     ExchangeStatus exchange(const MotorCommand& command, BoardReading& reading, std::int64_t now_ns) HAPTIC_RT override;
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override;
+    [[nodiscard]] ZeroPacket zero_packet() const override;
 
     /// Boards that start() detected, for reports: "id 0: model 5, 4 motors; id 1: ..."
     [[nodiscard]] std::string found() const;

@@ -17,12 +17,15 @@
 
 #include "emulated/hand_keeper.hpp"
 #include "emulated/make_firmware.hpp"
+#include "emulated/motor_recording.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/config.hpp"
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/device/emulated_settings.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/device/hand_file.hpp"
+#include "haptic/device/wiring.hpp"
+#include "program/option_checks.hpp"
 #include "usbip/tty_server.hpp"
 #include "usbip/usbip_server.hpp"
 
@@ -101,12 +104,21 @@ EmulatedDevice::Settings device_settings(const ServeArguments& arguments, const 
     for (const std::string& assignment : arguments.assignments) {
         config.set(assignment);
     }
+    const EmulatedSettings emulated = read_emulated(config);
     EmulatedDevice::Settings settings{.geometry = geometry,
                                       .hand = arguments.hand ? hand_from_centre(*arguments.hand) : PoseTrack(),
                                       .hand_buttons = arguments.hand ? buttons_of_hand(*arguments.hand) : ButtonTrack(),
                                       .hand_waits = true,
-                                      .mechanics = read_emulated(config)};
+                                      .mechanics = grip_mechanics(emulated),
+                                      .tremor = emulated.tremor};
     config.reject_unknown();
+    for (const std::string& wiring : arguments.wiring) {
+        try {
+            add_wiring(settings.wiring, wiring);
+        } catch (const WiringError& error) {
+            throw CLI::ValidationError("--wiring", error.what());
+        }
+    }
     for (const std::string& fault : arguments.faults) {
         try {
             settings.faults.push_back(parse_fault(fault));
@@ -201,9 +213,20 @@ CLI::App* add_serve(CLI::App& app, ServeArguments& arguments) {
             "between")
         ->capture_default_str();
     serve
+        ->add_option("--record", arguments.record,
+                     "Write what reaches the motors to a CSV file (time_s of CLOCK_MONOTONIC, code_0 .. code_7): a row "
+                     "each time that a DAC code changes")
+        ->type_name("F.csv")
+        ->check(result_file());
+    serve
         ->add_option("--fault", arguments.faults,
                      "Fault to inject, with its time since the first exchange (repeatable): " + fault_help())
         ->type_name("KIND@T")
+        ->allow_extra_args(false);
+    serve
+        ->add_option("--wiring", arguments.wiring,
+                     "How the board is wired, where it differs from the device geometry (repeatable): " + wiring_help())
+        ->type_name("KIND:VALUE")
         ->allow_extra_args(false);
     serve->add_option("--config", arguments.config, "TOML file with a table [emulated]: mechanics of the grip")
         ->type_name("F.toml");
@@ -230,15 +253,24 @@ void run_serve(const ServeArguments& arguments) {
     const std::unique_ptr<Firmware> board = make_firmware(geometry.board, device);
     HandKeeper firmware(*board, device, nanoseconds(arguments.hand_delay_s));
 
+    std::optional<MotorRecording> recording;
+    if (arguments.record) {
+        recording.emplace(firmware, device, *arguments.record);
+    }
+    Firmware& served = recording ? static_cast<Firmware&>(*recording) : firmware;
+
     std::vector<std::unique_ptr<Server>> servers;
     if (usbip) {
-        servers.push_back(serve_usbip(address, geometry, firmware));
+        servers.push_back(serve_usbip(address, geometry, served));
     }
     if (tty) {
-        servers.push_back(serve_tty(arguments.tty, geometry, firmware));
+        servers.push_back(serve_tty(arguments.tty, geometry, served));
     }
     serve_until_stopped(servers, signals);
     log_line("stopped");
+    if (recording) {
+        recording->require_complete();
+    }
 }
 
 }  // namespace haptic::device

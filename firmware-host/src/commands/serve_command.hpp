@@ -18,7 +18,9 @@ struct ServeArguments {
     std::string geometry = "SpidarG6X3R";
     std::optional<std::filesystem::path> hand;
     double hand_delay_s = 0.5;
+    std::optional<std::filesystem::path> record;  // of the motors' DAC codes
     std::vector<std::string> faults;              // fault.hpp
+    std::vector<std::string> wiring;              // wiring.hpp
     std::optional<std::filesystem::path> config;  // only its table [emulated] is used
     std::vector<std::string> assignments;         // --set
 };

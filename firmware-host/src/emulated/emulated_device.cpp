@@ -18,6 +18,8 @@ constexpr std::uint8_t kButtonMask = 0x07;
 constexpr std::uint8_t kMaxRotary = 15;
 // m/s at which a motor reels in a slack string, used without mechanics.
 constexpr double kReelSpeed = 0.5;
+// m of slack that no motor reels in.
+constexpr double kNeverTaut = 1e4;
 
 /// From the grip's knot to the motor, m, device frame.
 Vec3 string_vector(const StringFacts& string, const Pose& grip) HAPTIC_RT {
@@ -50,7 +52,7 @@ bool usable(double scale) {
 struct EmulatedDevice::State {
     explicit State(Settings a_settings)
         : settings(std::move(a_settings)),
-          hand(settings.hand, settings.hand_waits),
+          hand(settings.hand, settings.hand_waits, settings.tremor),
           faults(settings.faults),
           grip(hand.pose()) {}
 
@@ -59,17 +61,24 @@ struct EmulatedDevice::State {
     /// Moves the grip with the hand, and the motors of slack strings; without mechanics.
     void move_ideally(std::int64_t passed_ns) HAPTIC_RT;
     [[nodiscard]] double paid_out_length(std::size_t string) const HAPTIC_RT;
+    /// Of the motors, N; negative where a code has the wrong sign for its motor, which then unwinds its string.
+    [[nodiscard]] std::array<double, kStrings> pulls() const HAPTIC_RT;
     [[nodiscard]] std::array<double, kStrings> tensions() const HAPTIC_RT;
     [[nodiscard]] std::array<double, kStrings> string_tensions() const HAPTIC_RT;
+    /// Extra length of the strings, m, by faults and wiring.
+    [[nodiscard]] std::array<double, kStrings> slack() const HAPTIC_RT;
 
     Settings settings;
     HandMotion hand;
     std::optional<MechanicalGrip> mechanical;
     DeviceFaults faults;
     Pose grip;
-    std::array<std::int16_t, kStrings> dac_codes{};  // of the motors
+    std::array<std::int16_t, kStrings> dac_codes{};  // of the channels
     std::array<std::int16_t, kStrings> written{};    // by the firmware
     std::array<double, kStrings> reeled{};           // m of slack that the motor has reeled in; without mechanics
+    std::array<std::uint8_t, kStrings> driven_by{};  // motor that a channel drives if nothing is wired wrongly
+    bool motors_powered = true;
+    bool pulled_out = false;  // a string was; without mechanics
     std::int64_t last_ns = 0;
     std::int64_t fault_ns = 0;  // fault clock at last_ns
     std::uint8_t buttons = 0;
@@ -85,6 +94,10 @@ EmulatedDevice::EmulatedDevice(Settings settings) : state_(std::make_unique<Stat
                                         std::to_string(i) +
                                         ": metres_per_count and newtons_per_code must be finite and not zero");
         }
+    }
+    validate(state_->settings.wiring);
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        state_->driven_by[geometry.motor_channels[i]] = static_cast<std::uint8_t>(i);
     }
     if (state_->settings.mechanics) {
         state_->mechanical.emplace(geometry, *state_->settings.mechanics, state_->grip);
@@ -111,8 +124,8 @@ void EmulatedDevice::advance(std::int64_t now_ns) HAPTIC_RT {
     s.faults.advance(fault_time_ns(now_ns), passed_ns);
     if (s.mechanical) {
         MechanicalGrip::Drive drive;
-        drive.pull = s.tensions();
-        drive.slack = s.faults.slack();
+        drive.pull = s.pulls();
+        drive.slack = s.slack();
         // A free grip falls only after the hand was released.
         drive.held = s.hand.waits() && s.mechanical->mechanics().hand == Hand::Free;
         s.mechanical->advance(now_ns, drive, s.hand);
@@ -148,6 +161,19 @@ void EmulatedDevice::hold_hand() HAPTIC_RT {
     state_->hand.hold();
 }
 
+void EmulatedDevice::pull_out(std::size_t string, double metres) HAPTIC_RT {
+    if (state_->mechanical) {
+        state_->mechanical->pay_out(string, metres);
+    } else {
+        state_->reeled[string] -= metres;
+        state_->pulled_out = true;
+    }
+}
+
+void EmulatedDevice::set_motor_power(bool on) HAPTIC_RT {
+    state_->motors_powered = on;
+}
+
 void EmulatedDevice::set_buttons(std::uint8_t buttons) HAPTIC_RT {
     state_->buttons = buttons;
 }
@@ -180,7 +206,7 @@ std::int64_t EmulatedDevice::fault_time_ns(std::int64_t now_ns) const HAPTIC_RT 
 }
 
 void EmulatedDevice::State::move_ideally(std::int64_t passed_ns) HAPTIC_RT {
-    if (settings.faults.empty()) {
+    if (settings.faults.empty() && settings.wiring.correct() && !pulled_out) {
         grip = hand.pose();
         return;
     }
@@ -191,13 +217,15 @@ void EmulatedDevice::State::move_ideally(std::int64_t passed_ns) HAPTIC_RT {
     grip = hand.pose();
     // A motor reels in at most the slack of its string.
     const double reelable = kReelSpeed * seconds(std::max<std::int64_t>(passed_ns, 0));
+    const std::array<double, kStrings> pull = tensions();
+    const std::array<double, kStrings> reelable_slack = slack();
     for (std::size_t i = 0; i < kStrings; ++i) {
         if (faults.dead()[i]) {  // a dead motor turns only when a taut string turns it
             reeled[i] += paid_out_length(i) - before[i];
-        } else if (dac_codes[i] != 0) {
+        } else if (pull[i] > 0.0) {
             reeled[i] += reelable;
         }
-        reeled[i] = std::min(reeled[i], faults.slack()[i]);
+        reeled[i] = std::min(reeled[i], reelable_slack[i]);
     }
 }
 
@@ -213,10 +241,11 @@ std::array<std::uint32_t, kStrings> EmulatedDevice::counters() const HAPTIC_RT {
 std::array<std::uint32_t, kStrings> EmulatedDevice::State::true_counters() const HAPTIC_RT {
     std::array<std::uint32_t, kStrings> counters{};
     for (std::size_t i = 0; i < kStrings; ++i) {
-        const StringFacts& string = settings.geometry.strings[i];
-        const double paid_out = paid_out_length(i) - settings.geometry.rest_length(i);
+        const std::size_t string = settings.wiring.encoder_of[i];
+        const double paid_out = paid_out_length(string) - settings.geometry.rest_length(string);
         counters[i] =
-            counter_of(paid_out, string.metres_per_count, settings.power_up[i], counter_bits(settings.geometry.board));
+            counter_of(settings.wiring.encoder_factor[i] * paid_out, settings.geometry.strings[string].metres_per_count,
+                       settings.power_up[i], counter_bits(settings.geometry.board));
     }
     return counters;
 }
@@ -225,14 +254,34 @@ std::array<double, kStrings> EmulatedDevice::tensions() const HAPTIC_RT {
     return state_->tensions();
 }
 
-std::array<double, kStrings> EmulatedDevice::State::tensions() const HAPTIC_RT {
-    std::array<double, kStrings> tensions{};
-    for (std::size_t i = 0; i < kStrings; ++i) {
-        if (!faults.dead()[i]) {
-            tensions[i] = tension_of_dac_code(dac_codes[i], settings.geometry.strings[i].newtons_per_code);
+std::array<double, kStrings> EmulatedDevice::State::pulls() const HAPTIC_RT {
+    std::array<double, kStrings> pulls{};
+    for (std::size_t channel = 0; channel < kStrings; ++channel) {
+        const std::size_t motor = driven_by[settings.wiring.motor_of[channel]];
+        if (!motors_powered || faults.dead()[motor] || settings.wiring.dead[channel]) {
+            continue;
         }
+        const double newtons_per_code =
+            settings.wiring.gain[channel] * settings.geometry.strings[motor].newtons_per_code;
+        pulls[motor] = dac_codes[channel] * newtons_per_code;
+    }
+    return pulls;
+}
+
+std::array<double, kStrings> EmulatedDevice::State::tensions() const HAPTIC_RT {
+    std::array<double, kStrings> tensions = pulls();
+    for (double& tension : tensions) {
+        tension = std::max(tension, 0.0);
     }
     return tensions;
+}
+
+std::array<double, kStrings> EmulatedDevice::State::slack() const HAPTIC_RT {
+    std::array<double, kStrings> slack = faults.slack();
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        slack[i] += settings.wiring.slack[i] ? kNeverTaut : 0.0;
+    }
+    return slack;
 }
 
 double EmulatedDevice::State::paid_out_length(std::size_t string) const HAPTIC_RT {
@@ -249,11 +298,12 @@ std::array<double, kStrings> EmulatedDevice::string_tensions() const HAPTIC_RT {
 
 std::array<double, kStrings> EmulatedDevice::State::string_tensions() const HAPTIC_RT {
     if (mechanical) {
-        return mechanical->tensions(faults.slack());
+        return mechanical->tensions(slack());
     }
     std::array<double, kStrings> carried = tensions();
+    const std::array<double, kStrings> slack_left = slack();
     for (std::size_t i = 0; i < kStrings; ++i) {
-        carried[i] = reeled[i] < faults.slack()[i] ? 0.0 : carried[i];
+        carried[i] = reeled[i] < slack_left[i] ? 0.0 : carried[i];
     }
     return carried;
 }

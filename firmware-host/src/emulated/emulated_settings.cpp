@@ -7,8 +7,8 @@ const SettingTable<EmulatedSettings>& emulated_settings() {
     using V = SettingValues<S>;
     static const SettingTable<S> table{
         "emulated",
-        "The grip behind --device emulated. Except for mechanics, the keys are used with \"impedance\" and \"free\" "
-        "only.",
+        "The grip behind --device emulated, and the hand that holds it. Except for mechanics and the tremor of the "
+        "hand, the keys are used with \"impedance\" and \"free\" only.",
         {
             {{.key = "mechanics",
               .meaning = "\"ideal\": the grip follows its recording exactly. \"impedance\": it is a rigid body in "
@@ -49,6 +49,21 @@ const SettingTable<EmulatedSettings>& emulated_settings() {
              V::number([](S& s) -> auto& { return s.grip.hand_rotational_stiffness; }, {0.0, 100.0})},
             {{.key = "hand_rotational_damping", .unit = "N*m*s/rad", .meaning = "Rotational damping of the hand."},
              V::number([](S& s) -> auto& { return s.grip.hand_rotational_damping; }, {0.0, 1.0})},
+            {{.key = "tremor",
+              .unit = "m",
+              .meaning = "Largest displacement of the hand along each axis by physiological tremor of 8 to 12 Hz. "
+                         "Common is 0.0001."},
+             V::number([](S& s) -> auto& { return s.tremor.position; }, {0.0, 0.01})},
+            {{.key = "tremor_rotation", .unit = "rad", .meaning = "The same about each axis."},
+             V::number([](S& s) -> auto& { return s.tremor.rotation; }, {0.0, 0.2})},
+            {{.key = "drift",
+              .unit = "m",
+              .meaning = "Largest displacement of the hand along each axis by slow drift of 0.1 to 0.5 Hz."},
+             V::number([](S& s) -> auto& { return s.tremor.drift; }, {0.0, 0.05})},
+            {{.key = "drift_rotation", .unit = "rad", .meaning = "The same about each axis."},
+             V::number([](S& s) -> auto& { return s.tremor.drift_rotation; }, {0.0, 0.5})},
+            {{.key = "tremor_seed", .meaning = "Seed of the frequencies and phases of tremor and drift."},
+             V::integer([](S& s) -> auto& { return s.tremor.seed; }, {0.0, 4294967295.0})},
         }};
     return table;
 }
@@ -62,10 +77,10 @@ std::optional<GripMechanics> grip_mechanics(const EmulatedSettings& settings) {
     return grip;
 }
 
-std::optional<GripMechanics> read_emulated(const Config& config) {
+EmulatedSettings read_emulated(const Config& config) {
     EmulatedSettings settings;
     emulated_settings().read(config, settings);
-    return grip_mechanics(settings);
+    return settings;
 }
 
 }  // namespace haptic::device

@@ -5,14 +5,20 @@
 namespace haptic::device {
 namespace {
 
-/// Whether every motor pulls at least with the DAC code of the minimum tension.
+/// Tension that the host believes to command for a string, N: a user does not see which motor is miswired.
+double commanded_tension(const EmulatedDevice& device, std::size_t string) HAPTIC_RT {
+    const DeviceGeometry& geometry = device.geometry();
+    return tension_of_dac_code(device.dac_codes()[geometry.motor_channels[string]],
+                               geometry.strings[string].newtons_per_code);
+}
+
+/// Whether every string has at least the DAC code of the minimum tension.
 bool all_taut(const EmulatedDevice& device) HAPTIC_RT {
     const DeviceGeometry& geometry = device.geometry();
-    const auto tensions = device.tensions();
     for (std::size_t i = 0; i < kStrings; ++i) {
         const double newtons_per_code = geometry.strings[i].newtons_per_code;
         const std::int16_t dac_code = dac_code_of_tension(geometry.minimum_tension, newtons_per_code);
-        if (tensions[i] < tension_of_dac_code(dac_code, newtons_per_code)) {
+        if (commanded_tension(device, i) < tension_of_dac_code(dac_code, newtons_per_code)) {
             return false;
         }
     }
@@ -20,8 +26,8 @@ bool all_taut(const EmulatedDevice& device) HAPTIC_RT {
 }
 
 bool all_slack(const EmulatedDevice& device) HAPTIC_RT {
-    for (const double tension : device.tensions()) {
-        if (tension > 0.0) {
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        if (commanded_tension(device, i) > 0.0) {
             return false;
         }
     }

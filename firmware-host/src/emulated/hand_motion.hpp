@@ -1,11 +1,12 @@
 // Hand motion: the pose of the hand that holds the grip. The hand waits at the start of its track, follows it, or
-// returns to its start.
+// returns to its start; meanwhile it trembles.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
 #include <utility>
 
+#include "haptic/device/tremor.hpp"
 #include "haptic/pose_track.hpp"
 #include "haptic/realtime.hpp"
 #include "haptic/types.hpp"
@@ -14,10 +15,12 @@ namespace haptic::device {
 
 class HandMotion {
   public:
-    HandMotion(PoseTrack track, bool waits) : track_(std::move(track)), return_start_(track_.at(0)), waits_(waits) {}
+    HandMotion(PoseTrack track, bool waits, const TremorSettings& tremor = {})
+        : track_(std::move(track)), tremor_(tremor), return_start_(track_.at(0)), waits_(waits) {}
 
     /// Advances by an amount of time.
     void advance(std::int64_t passed_ns) HAPTIC_RT {
+        age_ns_ += passed_ns;
         // The time spent returning does not count on the track.
         const std::int64_t of_return_ns = std::max<std::int64_t>(std::min(kReturnNs - since_held_ns_, passed_ns), 0);
         since_held_ns_ += passed_ns;
@@ -29,7 +32,7 @@ class HandMotion {
     void release() HAPTIC_RT { waits_ = false; }
     /// Returns to the start of the track and waits there.
     void hold() HAPTIC_RT {
-        return_start_ = pose();
+        return_start_ = steady_pose(0);
         since_held_ns_ = 0;
         time_ns_ = 0;
         waits_ = true;
@@ -41,6 +44,14 @@ class HandMotion {
     /// Pose at `before_now_ns` before the present: the start of the track before the release, and the last pose before
     /// the last hold().
     [[nodiscard]] Pose pose(std::int64_t before_now_ns = 0) const HAPTIC_RT {
+        return tremor_.applied_to(steady_pose(before_now_ns), age_ns_ - before_now_ns);
+    }
+
+  private:
+    static constexpr std::int64_t kReturnNs = 500'000'000;
+
+    /// Without the tremor.
+    [[nodiscard]] Pose steady_pose(std::int64_t before_now_ns) const HAPTIC_RT {
         const std::int64_t returning_ns = since_held_ns_ - before_now_ns;
         if (returning_ns < kReturnNs) {
             // Smoothstep 3 s^2 - 2 s^3: starts and ends with zero velocity.
@@ -50,11 +61,10 @@ class HandMotion {
         return track_.at(waits_ ? time_ns_ : std::max<std::int64_t>(time_ns_ - before_now_ns, 0));
     }
 
-  private:
-    static constexpr std::int64_t kReturnNs = 500'000'000;
-
     PoseTrack track_;
+    Tremor tremor_;
     Pose return_start_;
+    std::int64_t age_ns_ = 0;                 // all time that has passed, which the tremor follows
     std::int64_t time_ns_ = 0;                // on the track
     std::int64_t since_held_ns_ = kReturnNs;  // initially: the return is complete
     bool waits_;

@@ -70,6 +70,12 @@ void MechanicalGrip::advance(std::int64_t now_ns, const Drive& drive, const Hand
     extrapolate(seconds(std::max<std::int64_t>(now_ns - grid_ns_, 0)));
 }
 
+void MechanicalGrip::pay_out(std::size_t string, double metres) HAPTIC_RT {
+    for (GripState* const state : {&grid_, &now_}) {
+        state->length[string] = std::max(0.0, state->length[string] + metres);
+    }
+}
+
 void MechanicalGrip::carry_over(std::int64_t gap_ns, std::int64_t now_ns, const Drive& drive,
                                 const HandMotion& hand) HAPTIC_RT {
     // Without a hand that carries it, the grip stays.

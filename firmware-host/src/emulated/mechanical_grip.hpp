@@ -34,6 +34,9 @@ class MechanicalGrip {
     /// `hand` must already be at now_ns. Bounded by kMaxSteps. Time that goes backwards has no effect.
     void advance(std::int64_t now_ns, const Drive& drive, const HandMotion& hand) HAPTIC_RT;
 
+    /// A hand pulls this length of a string off its motor's pulley, m.
+    void pay_out(std::size_t string, double metres) HAPTIC_RT;
+
     /// State at the last advance().
     [[nodiscard]] const GripState& state() const HAPTIC_RT { return now_; }
     [[nodiscard]] const GripMechanics& mechanics() const HAPTIC_RT { return mechanics_; }

@@ -179,6 +179,23 @@ StringFacts read_string(const Config& config, const std::string& key, const Mat3
     return string;
 }
 
+/// The channels that drive the motors: each once.
+void read_motor_channels(const Config& config, DeviceGeometry& geometry) {
+    std::array<bool, kStrings> used{};
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        const std::string key = "string." + std::to_string(i) + ".motor_channel";
+        const auto channel = static_cast<std::size_t>(
+            config.integer(key, static_cast<std::int64_t>(i), {0, static_cast<double>(kStrings) - 1}));
+        geometry.motor_channels[i] = static_cast<std::uint8_t>(channel);
+        if (used[channel]) {
+            config.fail(key, "channel " + std::to_string(channel) +
+                                 " drives another motor already; each motor needs its own channel, and one without "
+                                 "this key has the number of its string");
+        }
+        used[channel] = true;
+    }
+}
+
 void read_strings(const Config& config, DeviceGeometry& geometry) {
     const Mat3 axes = read_axes(config);
     const std::size_t count = config.tables("string");
@@ -234,6 +251,7 @@ DeviceGeometry read_device_geometry(const Config& config) {
         geometry.uart_boards = read_uart_boards(config);
     }
     read_strings(config, geometry);
+    read_motor_channels(config, geometry);
     config.reject_unknown();
     if (!wrench_closure(geometry, {}).determined) {
         config.fail("string", "the eight lengths do not determine the pose of the grip: check motors and knots");
@@ -328,6 +346,9 @@ std::string to_toml(const DeviceGeometry& geometry, std::string_view comment) {
         text += "grip = " + shown(string.grip) + "  # m\n";
         text += "metres_per_count = " + shown(string.metres_per_count) + "  # m\n";
         text += "newtons_per_code = " + shown(string.newtons_per_code) + "  # N\n";
+        if (geometry.motor_channels[i] != i) {
+            text += "motor_channel = " + std::to_string(geometry.motor_channels[i]) + "\n";
+        }
         if (string.continuous_tension > 0.0) {
             text += "continuous_tension = " + shown(string.continuous_tension) + "  # N\n";
         }

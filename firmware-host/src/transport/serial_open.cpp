@@ -85,6 +85,8 @@ bool is_serial_speed(int baud) noexcept {
 
 void close_serial_line(int descriptor) noexcept {
     if (descriptor >= 0) {
+        // A guard that shares the line must not keep it locked.
+        (void)flock(descriptor, LOCK_UN);
         (void)close(descriptor);
     }
 }

@@ -33,6 +33,7 @@ class SerialTransport final : public Transport {
     void send_last(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override;
     /// Reads until nothing has arrived for 20 ms, for at most 0.2 s.
     void drain() override;
+    [[nodiscard]] DeviceLink link() const override { return {LinkKind::Serial, descriptor_.load()}; }
 
     /// Closes the line and opens it again, for example after the adapter was reconnected. Must not run while another
     /// thread exchanges. Throws as the constructor does.

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "haptic/device/exchange_status.hpp"
+#include "haptic/device/zero_packet.hpp"
 #include "haptic/realtime.hpp"
 
 namespace haptic::device {
@@ -31,6 +32,9 @@ class Transport {
 
     /// Discards replies to commands of an earlier session. Call before the loop starts.
     virtual void drain() = 0;
+
+    /// The open device, for another process that shares it; without a descriptor if there is none.
+    [[nodiscard]] virtual DeviceLink link() const { return {}; }
 };
 
 }  // namespace haptic::device

@@ -15,7 +15,20 @@
 namespace haptic::device::usb {
 namespace {
 
-constexpr unsigned kSendTimeoutMs = 20;
+/// One bulk transfer in either direction; the kernel copies from or to `data`. Returns its length, or a negative errno.
+int transfer_now(int node, unsigned char endpoint, void* data, std::size_t size, unsigned timeout_ms) HAPTIC_RT {
+    usbdevfs_bulktransfer bulk{};
+    bulk.ep = endpoint;
+    bulk.len = static_cast<unsigned>(size);
+    bulk.timeout = timeout_ms;
+    bulk.data = data;
+    int result = 0;
+    HAPTIC_RT_EXCEPTION_BEGIN("the kernel gives up after timeout_ms; called only on exit paths, never by a tick")
+    result = ioctl(node, USBDEVFS_BULK, &bulk);
+    result = result < 0 ? -errno : result;
+    HAPTIC_RT_EXCEPTION_END
+    return result;
+}
 
 }  // namespace
 
@@ -56,17 +69,14 @@ void wake(sem_t& semaphore) HAPTIC_RT {
     HAPTIC_RT_EXCEPTION_END
 }
 
-int send_now(int node, unsigned char endpoint, std::span<const std::byte> out) HAPTIC_RT {
-    usbdevfs_bulktransfer bulk{};
-    bulk.ep = endpoint;
-    bulk.len = static_cast<unsigned>(out.size());
-    bulk.timeout = kSendTimeoutMs;
-    bulk.data = const_cast<std::byte*>(out.data());  // the kernel only reads it
-    int error = 0;
-    HAPTIC_RT_EXCEPTION_BEGIN("the kernel gives up after 20 ms; called only on exit paths, never by a tick")
-    error = ioctl(node, USBDEVFS_BULK, &bulk) < 0 ? errno : 0;
-    HAPTIC_RT_EXCEPTION_END
-    return error;
+int send_now(int node, unsigned char endpoint, std::span<const std::byte> out, unsigned timeout_ms) HAPTIC_RT {
+    // The kernel only reads the packet.
+    const int result = transfer_now(node, endpoint, const_cast<std::byte*>(out.data()), out.size(), timeout_ms);
+    return result < 0 ? -result : 0;
+}
+
+int receive_now(int node, unsigned char endpoint, std::span<std::byte> in, unsigned timeout_ms) noexcept {
+    return transfer_now(node, endpoint, in.data(), in.size(), timeout_ms);
 }
 
 void clear_halt_now(int node, unsigned char endpoint) HAPTIC_RT {

@@ -63,6 +63,7 @@ class UsbTransport final : public Transport {
     void send_last(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override;
     /// Clears a halt of IN, and reads until nothing arrives for 10 ms. Throws UsbError if the input does not end.
     void drain() override;
+    [[nodiscard]] DeviceLink link() const override { return {LinkKind::Usb, node_.load()}; }
 
   private:
     struct Link;

@@ -235,6 +235,7 @@ struct FakeUsbBoard::State {
     // Results of requests: 0 or more, or a negative errno.
     long control(Memory* argument);
     long bulk(Memory* argument);
+    long bulk_in(Memory* memory);
     long submit(Memory* argument);
     long reap(Memory* argument);
     long discard(Memory* argument);
@@ -256,6 +257,9 @@ long FakeUsbBoard::State::control(Memory* argument) {
 long FakeUsbBoard::State::bulk(Memory* argument) {
     Memory* const memory = resolve(argument, 0, sizeof(usbdevfs_bulktransfer));
     const auto& transfer = *reinterpret_cast<usbdevfs_bulktransfer*>(memory->data);
+    if (transfer.ep == settings.endpoint_in) {
+        return bulk_in(memory);
+    }
     if (transfer.ep != kEndpointOut) {
         return -EINVAL;
     }
@@ -263,7 +267,7 @@ long FakeUsbBoard::State::bulk(Memory* argument) {
         halted_out = true;
         return -EPIPE;
     }
-    if (fault == Fault::Blocked) {
+    if (fault == Fault::Blocked || (fault == Fault::Full && !answers.empty())) {
         return -ETIMEDOUT;
     }
     const unsigned length = transfer.len;
@@ -271,6 +275,22 @@ long FakeUsbBoard::State::bulk(Memory* argument) {
     const auto* bytes = reinterpret_cast<const std::byte*>(data->data);
     take(Packet(bytes, bytes + length));
     serve();
+    return static_cast<long>(length);
+}
+
+/// A reply for a request that waits, after the transfers that were submitted before it.
+long FakeUsbBoard::State::bulk_in(Memory* memory) {
+    if (halted_in) {
+        return -EPIPE;
+    }
+    if (!waiting_in.empty() || answers.empty()) {
+        return -ETIMEDOUT;
+    }
+    const unsigned wanted = reinterpret_cast<const usbdevfs_bulktransfer*>(memory->data)->len;
+    const Packet answer = std::move(answers.front());
+    answers.pop_front();
+    const std::size_t length = std::min<std::size_t>(answer.size(), wanted);
+    std::memcpy(resolve(memory, offsetof(usbdevfs_bulktransfer, data), wanted)->data, answer.data(), length);
     return static_cast<long>(length);
 }
 
@@ -409,6 +429,11 @@ void FakeUsbBoard::unplug_after(int commands) {
 void FakeUsbBoard::occupy() {
     const std::lock_guard lock(state_->mutex);
     state_->occupied = true;
+}
+
+void FakeUsbBoard::hold_buttons(std::uint8_t buttons) {
+    const std::lock_guard lock(state_->mutex);
+    state_->device.set_buttons(buttons);
 }
 
 std::array<std::int16_t, kStrings> FakeUsbBoard::dac_codes() const {

@@ -30,7 +30,8 @@ class FakeUsbBoard {
         StallIn,   // the IN endpoint halts until cleared
         StallOut,  // the OUT endpoint halts until cleared
         Protocol,  // the reply is corrupted on the bus
-        Blocked    // does not accept commands
+        Blocked,   // does not accept commands
+        Full       // does not accept commands while a reply has not been fetched
     };
 
     ~FakeUsbBoard();
@@ -45,6 +46,8 @@ class FakeUsbBoard {
     void leave_stale_answer(std::vector<std::byte> packet);
     /// Unplugs it after this many more commands; 0: immediately, even during a transfer.
     void unplug_after(int commands);
+    /// Bit k: button k is held.
+    void hold_buttons(std::uint8_t buttons);
     /// Lets another program claim the interface.
     void occupy();
 

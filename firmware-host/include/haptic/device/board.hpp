@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "haptic/device/exchange_status.hpp"
+#include "haptic/device/zero_packet.hpp"
 #include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
 
@@ -47,6 +48,9 @@ class Board {
     /// Sends zero to all motors by the shortest path, without waiting for a reply. For crash handlers and watchdogs:
     /// may be called from any thread, even while another is inside exchange().
     virtual void zero_motors(std::int64_t now_ns) HAPTIC_RT = 0;
+
+    /// What another process needs to do the same; after start(). Without a link if the board is in this process.
+    [[nodiscard]] virtual ZeroPacket zero_packet() const { return {}; }
 };
 
 }  // namespace haptic::device

@@ -46,7 +46,10 @@ struct StringFacts {
 struct DeviceGeometry {
     std::string name;
     BoardKind board = BoardKind::Sh4;
-    std::array<StringFacts, kStrings> strings;
+    std::array<StringFacts, kStrings> strings;  // string i is counted by channel i of the board
+    // Channel of the board that drives the motor of string i; a permutation. It differs from i where the plugs of
+    // motors are exchanged.
+    std::array<std::uint8_t, kStrings> motor_channels{0, 1, 2, 3, 4, 5, 6, 7};
     double minimum_tension = 0.0;  // N, keeps every string taut
     double maximum_tension = 0.0;  // N
     std::vector<int> uart_boards;  // number of strings of each board on the line, by id, total 8; empty unless Uart

@@ -6,6 +6,7 @@
 
 #include "haptic/config.hpp"
 #include "haptic/device/grip_mechanics.hpp"
+#include "haptic/device/tremor.hpp"
 #include "haptic/setting.hpp"
 
 namespace haptic::device {
@@ -20,6 +21,7 @@ enum class EmulatedMechanics : std::uint8_t {
 struct EmulatedSettings {
     EmulatedMechanics mechanics = EmulatedMechanics::Ideal;
     GripMechanics grip;  // not used by Ideal
+    TremorSettings tremor;
 };
 
 [[nodiscard]] const SettingTable<EmulatedSettings>& emulated_settings();
@@ -28,6 +30,6 @@ struct EmulatedSettings {
 [[nodiscard]] std::optional<GripMechanics> grip_mechanics(const EmulatedSettings& settings);
 
 /// Reads the table [emulated]. Throws ConfigError.
-[[nodiscard]] std::optional<GripMechanics> read_emulated(const Config& config);
+[[nodiscard]] EmulatedSettings read_emulated(const Config& config);
 
 }  // namespace haptic::device

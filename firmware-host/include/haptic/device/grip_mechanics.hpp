@@ -57,7 +57,7 @@ struct GripState {
 
 /// Inputs to grip and motors during a step.
 struct GripLoad {
-    std::array<double, kStrings> pull{};   // N, of the motors, 0 or more
+    std::array<double, kStrings> pull{};   // N, of the motors; negative: a motor with the wrong polarity unwinds
     std::array<double, kStrings> slack{};  // m by which a string is longer than its motor has paid out
     Pose hand;
     Twist hand_velocity;

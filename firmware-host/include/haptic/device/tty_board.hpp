@@ -30,6 +30,7 @@ class TtyBoard final : public Board {
     void start() override;
     ExchangeStatus exchange(const MotorCommand& command, BoardReading& reading, std::int64_t now_ns) HAPTIC_RT override;
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override;
+    [[nodiscard]] ZeroPacket zero_packet() const override;
 
     /// Closes the line, opens it again and restarts the boards, for example after the adapter was reconnected. Must not
     /// run while another thread is inside an exchange. Throws as the constructor and start() do.

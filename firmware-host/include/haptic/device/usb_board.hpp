@@ -30,6 +30,7 @@ class UsbBoard final : public Board {
         return board_->exchange(command, reading, now_ns);
     }
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }
+    [[nodiscard]] ZeroPacket zero_packet() const override { return board_->zero_packet(); }
 
     /// Repeats the constructor's search after the device was lost. Must not run while another thread is inside an
     /// exchange. Throws BoardError until the device is back; exchanges return Disconnected meanwhile.

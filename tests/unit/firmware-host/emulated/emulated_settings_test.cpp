@@ -6,8 +6,10 @@ namespace haptic::device {
 namespace {
 
 TEST(EmulatedSettings, HandIsIdealUnlessSaidOtherwise) {
-    EXPECT_FALSE(read_emulated(Config()).has_value());
-    EXPECT_FALSE(read_emulated(Config::parse("[emulated]\nmechanics = 'ideal'\nmass = 0.3", "t")).has_value());
+    EXPECT_FALSE(grip_mechanics(read_emulated(Config())).has_value());
+    EXPECT_TRUE(read_emulated(Config()).tremor.still());
+    EXPECT_FALSE(
+        grip_mechanics(read_emulated(Config::parse("[emulated]\nmechanics = 'ideal'\nmass = 0.3", "t"))).has_value());
 }
 
 TEST(EmulatedSettings, EachKeySetsWhatItsNameSays) {
@@ -27,9 +29,15 @@ hand_stiffness = 700
 hand_damping = 7
 hand_rotational_stiffness = 2
 hand_rotational_damping = 0.02
+tremor = 1e-4
+tremor_rotation = 0.002
+drift = 0.001
+drift_rotation = 0.01
+tremor_seed = 7
 )",
                                         "t");
-    const auto m = read_emulated(config);
+    const EmulatedSettings settings = read_emulated(config);
+    const auto m = grip_mechanics(settings);
     ASSERT_TRUE(m.has_value());
     EXPECT_EQ(m->hand, Hand::Free);
     EXPECT_EQ(m->mass, 0.2);
@@ -45,6 +53,11 @@ hand_rotational_damping = 0.02
     EXPECT_EQ(m->hand_damping, 7.0);
     EXPECT_EQ(m->hand_rotational_stiffness, 2.0);
     EXPECT_EQ(m->hand_rotational_damping, 0.02);
+    EXPECT_EQ(settings.tremor.position, 1e-4);
+    EXPECT_EQ(settings.tremor.rotation, 0.002);
+    EXPECT_EQ(settings.tremor.drift, 0.001);
+    EXPECT_EQ(settings.tremor.drift_rotation, 0.01);
+    EXPECT_EQ(settings.tremor.seed, 7U);
     EXPECT_NO_THROW(config.reject_unknown());
 }
 

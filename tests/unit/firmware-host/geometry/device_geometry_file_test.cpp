@@ -201,10 +201,19 @@ TEST(DeviceGeometryFile, WhatIsWrittenIsReadBackToTheSameBits) {
         geometry.strings[5].metres_per_count *= 1.0 + 1e-3 / 7.0;
         geometry.strings[6].grip += Vec3(1e-5 / 3.0);
         geometry.maximum_tension /= 3.0;
+        std::swap(geometry.motor_channels[0], geometry.motor_channels[4]);
         const std::string text = to_toml(geometry, "of 2026-11-20\nsecond line");
         EXPECT_THAT(text, StartsWith("# of 2026-11-20\n# second line\n\nname = "));
         EXPECT_EQ(parse_device_geometry(text, "copy.toml"), geometry) << text;
     }
+}
+
+TEST(DeviceGeometryFile, EachMotorHasAChannelOfItsOwn) {
+    DeviceGeometry geometry = built_in_geometry("SpidarG6X3R");
+    geometry.motor_channels = {0, 1, 2, 3, 3, 5, 6, 7};
+    expect_refused(to_toml(geometry, ""), HasSubstr("motor_channel: channel 3 drives another motor already"));
+    geometry.motor_channels = {8, 1, 2, 3, 4, 5, 6, 7};
+    expect_refused(to_toml(geometry, ""), HasSubstr("motor_channel: must be"));
 }
 
 TEST(DeviceGeometryFile, AxesMapTheListsIntoTheDeviceFrame) {
