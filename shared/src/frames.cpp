@@ -14,7 +14,7 @@ constexpr double kComplianceTolerance = 1e-5;
 
 using BitName = std::pair<std::uint32_t, const char*>;
 
-constexpr std::array<BitName, 9> kFaultNames = {{
+constexpr std::array<BitName, 13> kFaultNames = {{
     {HAPTIC_FAULT_EXCHANGE, "exchange"},
     {HAPTIC_FAULT_JUMP, "encoder_jump"},
     {HAPTIC_FAULT_SLACK, "slack"},
@@ -24,9 +24,13 @@ constexpr std::array<BitName, 9> kFaultNames = {{
     {HAPTIC_FAULT_STOP, "stop"},
     {HAPTIC_FAULT_THERMAL, "thermal"},
     {HAPTIC_FAULT_WATCHDOG, "watchdog"},
+    {HAPTIC_FAULT_WIRING, "wiring"},
+    {HAPTIC_FAULT_POSE, "pose"},
+    {HAPTIC_FAULT_BUDGET, "budget"},
+    {HAPTIC_FAULT_GUARD, "guard"},
 }};
 
-constexpr std::array<BitName, 11> kTickFlagNames = {{
+constexpr std::array<BitName, 16> kTickFlagNames = {{
     {HAPTIC_TICK_OVERRUN, "overrun"},
     {HAPTIC_TICK_FRAME_STALE, "frame_stale"},
     {HAPTIC_TICK_FRAME_REJECTED, "frame_rejected"},
@@ -38,6 +42,11 @@ constexpr std::array<BitName, 11> kTickFlagNames = {{
     {HAPTIC_TICK_STIFFNESS_LIMITED, "stiffness_limited"},
     {HAPTIC_TICK_PASSIVITY_LIMITED, "passivity_limited"},
     {HAPTIC_TICK_PROBE_OFF, "probe_off"},
+    {HAPTIC_TICK_UNPROVEN, "unproven"},
+    {HAPTIC_TICK_COMMISSIONING, "commissioning"},
+    {HAPTIC_TICK_WORKSPACE_EDGE, "workspace_edge"},
+    {HAPTIC_TICK_ARM_AWAITED, "arm_awaited"},
+    {HAPTIC_TICK_BUDGET_LOW, "budget_low"},
 }};
 
 template <std::size_t N>
@@ -192,6 +201,8 @@ std::string_view safety_state_name(std::uint32_t safety_state) noexcept {
             return "running";
         case HAPTIC_FAULTED:
             return "faulted";
+        case HAPTIC_PROVING:
+            return "proving";
         default:
             return "unknown";
     }

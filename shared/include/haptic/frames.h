@@ -96,7 +96,8 @@ enum {
     HAPTIC_TENSIONING = 1,  /* ramp to minimum tension */
     HAPTIC_CALIBRATING = 2, /* grip at the centre, string lengths are set */
     HAPTIC_RUNNING = 3,
-    HAPTIC_FAULTED = 4 /* force faded out; a fault bit gives the reason */
+    HAPTIC_FAULTED = 4, /* force faded out; a fault bit gives the reason */
+    HAPTIC_PROVING = 5  /* between tensioning and calibrating: each motor in turn pulls slightly */
 };
 
 /* Faults, latched until the process is armed again (haptic_device_state.faults). */
@@ -109,7 +110,11 @@ enum {
     HAPTIC_FAULT_NONFINITE = 1u << 5, /* a value was not finite */
     HAPTIC_FAULT_STOP = 1u << 6,      /* stop input or signal */
     HAPTIC_FAULT_THERMAL = 1u << 7,   /* a motor exceeded its thermal rating */
-    HAPTIC_FAULT_WATCHDOG = 1u << 8   /* no tick completed for too long: the watchdog zeroed the motors */
+    HAPTIC_FAULT_WATCHDOG = 1u << 8,  /* no tick completed for too long: the watchdog zeroed the motors */
+    HAPTIC_FAULT_WIRING = 1u << 9,    /* a motor's pull was answered by another string, by none, or the wrong way */
+    HAPTIC_FAULT_POSE = 1u << 10,     /* the grip was not at the centre or not level when the lengths were set */
+    HAPTIC_FAULT_BUDGET = 1u << 11,   /* a limit of the session was used up: energy or time under force */
+    HAPTIC_FAULT_GUARD = 1u << 12     /* the guard zeroed the motors of a frozen loop, or a supervisor was lost */
 };
 
 /* Data that one tick dropped or limited (haptic_device_state.tick_flags). Bits 24 to 31: strings 0 to 7 that may be
@@ -126,7 +131,12 @@ enum {
     HAPTIC_TICK_DERATED = 1u << 7,            /* a warm motor has a reduced tension limit */
     HAPTIC_TICK_STIFFNESS_LIMITED = 1u << 8,  /* the stiffness was reduced to what rate and damping allow */
     HAPTIC_TICK_PASSIVITY_LIMITED = 1u << 9,  /* the wrench was modified so that it does not generate energy */
-    HAPTIC_TICK_PROBE_OFF = 1u << 10          /* the kernel refused an edge of a GPIO probe, which is now off */
+    HAPTIC_TICK_PROBE_OFF = 1u << 10,         /* the kernel refused an edge of a GPIO probe, which is now off */
+    HAPTIC_TICK_UNPROVEN = 1u << 11,          /* movement has not yet proved the pose: the force is limited */
+    HAPTIC_TICK_COMMISSIONING = 1u << 12,     /* the device has no signed protocol: the force is limited to 1 N */
+    HAPTIC_TICK_WORKSPACE_EDGE = 1u << 13,    /* the soft wall of the workspace pushes the grip back */
+    HAPTIC_TICK_ARM_AWAITED = 1u << 14,       /* disarmed until a person arms the device */
+    HAPTIC_TICK_BUDGET_LOW = 1u << 15         /* most of the session's energy or time is used */
 };
 
 typedef struct haptic_device_state {

@@ -121,6 +121,10 @@ int run_program(CLI::App& app, int argc, const char* const* argv, const std::fun
     return with_output_written(app, status);
 }
 
+std::string program_version() {
+    return HAPTIC_VERSION;
+}
+
 int run_main(int (*program)(int argc, char** argv), int argc, char** argv) noexcept {
     try {
         return program(argc, argv);

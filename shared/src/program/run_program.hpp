@@ -18,6 +18,9 @@ namespace haptic {
 /// kExitUsage. Standard output that could not be written completely is an error too.
 [[nodiscard]] int run_program(CLI::App& app, int argc, const char* const* argv, const std::function<int()>& command);
 
+/// Version of all programs, as --version shows it.
+[[nodiscard]] std::string program_version();
+
 /// Calls `program` with the arguments of main(), which lets no exception out: one ends in a line on stderr and
 /// kExitFailed.
 [[nodiscard]] int run_main(int (*program)(int argc, char** argv), int argc, char** argv) noexcept;

@@ -190,19 +190,21 @@ TEST(FrameDefects, EachHasASentenceOfItsOwn) {
 }
 
 TEST(FrameNames, NameEveryFaultBit) {
-    EXPECT_THAT(fault_names(0x1ff), ElementsAre("exchange", "encoder_jump", "slack", "residual", "overrun", "nonfinite",
-                                                "stop", "thermal", "watchdog"));
+    EXPECT_THAT(fault_names(0x1fff),
+                ElementsAre("exchange", "encoder_jump", "slack", "residual", "overrun", "nonfinite", "stop", "thermal",
+                            "watchdog", "wiring", "pose", "budget", "guard"));
     EXPECT_THAT(fault_names(HAPTIC_FAULT_SLACK), ElementsAre("slack"));
-    EXPECT_THAT(fault_names(~0x1ffu), IsEmpty());
+    EXPECT_THAT(fault_names(~0x1fffu), IsEmpty());
 }
 
 TEST(FrameNames, NameEveryTickFlagAndTheStringsUnderSuspicion) {
-    EXPECT_THAT(tick_flag_names(0x7ff), ElementsAre("overrun", "frame_stale", "frame_rejected", "force_limited",
-                                                    "slew_limited", "wrench_unreachable", "exchange_failed", "derated",
-                                                    "stiffness_limited", "passivity_limited", "probe_off"));
+    EXPECT_THAT(tick_flag_names(0xffff), ElementsAre("overrun", "frame_stale", "frame_rejected", "force_limited",
+                                                     "slew_limited", "wrench_unreachable", "exchange_failed", "derated",
+                                                     "stiffness_limited", "passivity_limited", "probe_off", "unproven",
+                                                     "commissioning", "workspace_edge", "arm_awaited", "budget_low"));
     EXPECT_THAT(tick_flag_names(HAPTIC_TICK_OVERRUN | 0b10000010u << HAPTIC_TICK_SUSPECTS_SHIFT),
                 ElementsAre("overrun", "suspect_string_1", "suspect_string_7"));
-    EXPECT_THAT(tick_flag_names(0x00fff800u), IsEmpty());
+    EXPECT_THAT(tick_flag_names(0x00ff0000u), IsEmpty());
 }
 
 TEST(FrameNames, NameEverySafetyState) {
@@ -211,7 +213,8 @@ TEST(FrameNames, NameEverySafetyState) {
     EXPECT_EQ(safety_state_name(HAPTIC_CALIBRATING), "calibrating");
     EXPECT_EQ(safety_state_name(HAPTIC_RUNNING), "running");
     EXPECT_EQ(safety_state_name(HAPTIC_FAULTED), "faulted");
-    EXPECT_EQ(safety_state_name(HAPTIC_FAULTED + 1), "unknown");
+    EXPECT_EQ(safety_state_name(HAPTIC_PROVING), "proving");
+    EXPECT_EQ(safety_state_name(HAPTIC_PROVING + 1), "unknown");
     EXPECT_EQ(safety_state_name(~0u), "unknown");
 }
 
