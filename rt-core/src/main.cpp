@@ -3,13 +3,19 @@
 #include <string>
 #include <utility>
 
+#include "commands/arm_command.hpp"
+#include "commands/black_box_command.hpp"
+#include "commands/bringup_command.hpp"
 #include "commands/calibrate_command.hpp"
 #include "commands/doctor_command.hpp"
+#include "commands/guard_command.hpp"
 #include "commands/measure_command.hpp"
 #include "commands/rt_core_documents.hpp"
 #include "commands/run_command.hpp"
 #include "commands/stability_command.hpp"
+#include "commands/zero_command.hpp"
 #include "haptic/device/fault.hpp"
+#include "haptic/device/wiring.hpp"
 #include "process/settings.hpp"
 #include "program/exit_status.hpp"
 #include "program/log.hpp"
@@ -18,6 +24,8 @@
 
 namespace {
 
+using haptic::rt::ArmOptions;
+using haptic::rt::BringupOptions;
 using haptic::rt::CalibrateOptions;
 using haptic::rt::DoctorOptions;
 using haptic::rt::MeasureOptions;
@@ -30,6 +38,17 @@ std::string problem_of_fault(const std::string& text) {
         static_cast<void>(haptic::device::parse_fault(text));
         return {};
     } catch (const haptic::device::FaultError& error) {
+        return error.what();
+    }
+}
+
+/// The problem with a --wiring, for CLI11; empty if it is valid.
+std::string problem_of_wiring(const std::string& text) {
+    try {
+        haptic::device::Wiring wiring;
+        haptic::device::add_wiring(wiring, text);
+        return {};
+    } catch (const haptic::device::WiringError& error) {
         return error.what();
     }
 }
@@ -51,13 +70,24 @@ void describe_loop(CLI::App& run, RunOptions& options) {
         ->type_name("KIND@T")
         ->allow_extra_args(false)
         ->check([](const std::string& text) { return problem_of_fault(text); });
+    run.add_option("--wiring", options.wiring,
+                   "how the emulated device is wired, where it differs from its geometry (repeatable): " +
+                       haptic::device::wiring_help())
+        ->type_name("KIND:VALUE")
+        ->allow_extra_args(false)
+        ->check([](const std::string& text) { return problem_of_wiring(text); });
     run.add_option("--session", options.session, "session name; connects to the host-sim of the same session")
         ->type_name("NAME")
         ->capture_default_str();
     run.add_option("--report", options.report, "writes the measurements to a JSON file")
         ->type_name("F.json")
         ->check(haptic::result_file());
-    run.add_flag("--rearm", options.rearm, "after the device was lost, waits for it and re-arms, like safety.rearm");
+    run.add_option("--profile", options.profile, "profile of forces: learning, normal, expert or an own one")
+        ->type_name("NAME");
+    run.add_flag("--reconnect", options.reconnect,
+                 "after the device was lost, waits for it and for a person to arm it, like safety.reconnect");
+    // The former name of --reconnect.
+    run.add_flag("--rearm", options.reconnect)->group("");
 }
 
 void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
@@ -215,6 +245,64 @@ void describe_calibrate(CLI::App& calibrate, CalibrateOptions& options) {
     calibrate.add_flag("--yes", options.yes, "answers all questions with yes");
 }
 
+CLI::App* describe_bringup(CLI::App& app, BringupOptions& options) {
+    CLI::App* const bringup = app.add_subcommand(
+        "bringup",
+        "Guides through the first day of a device: finds exchanged plugs, signs and newtons per code, writes a "
+        "protocol to sign and a geometry file");
+    bringup->add_option("--config", options.run.config, "configuration file (TOML); see --print-config")
+        ->type_name("F.toml");
+    bringup
+        ->add_option("--set", options.run.assignments,
+                     "overrides one configuration key, e.g. device.usb_path=1-2 (repeatable)")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    bringup->add_option("--device", options.run.device, "device to bring up: usb, tty:PATH, or emulated to rehearse")
+        ->type_name("DEVICE")
+        ->capture_default_str();
+    bringup
+        ->add_option("--wiring", options.run.wiring,
+                     "how the emulated device is wired, where it differs from its geometry (repeatable): " +
+                         haptic::device::wiring_help())
+        ->type_name("KIND:VALUE")
+        ->allow_extra_args(false)
+        ->check([](const std::string& text) { return problem_of_wiring(text); });
+    bringup->add_option("--geometry", options.geometry, "nominal device geometry: name or file")
+        ->type_name("NAME|F.toml");
+    bringup
+        ->add_option("--out", options.out,
+                     "file for the device's geometry; the protocol is F.protocol.json and F.protocol.txt beside it")
+        ->type_name("F.toml")
+        ->required()
+        ->check(haptic::result_file())
+        ->check([](const std::string& file) {
+            return file.ends_with(".toml") ? std::string() : "the name must end in .toml";
+        });
+    bringup->add_flag(
+        "--sign", options.sign,
+        "measures nothing: asks for the signature again, after rt-core calibrate has refined the geometry");
+    bringup->add_flag("--resume", options.resume, "continues the unfinished protocol of --out without asking");
+    const auto number = [&bringup](const char* name, double& value, const char* meaning, double low, double high) {
+        bringup->add_option(name, value, meaning)->check(haptic::number_in(low, high))->capture_default_str();
+    };
+    number("--cap", options.steps.cap, "largest tension that is ever asked for, N by the nominal geometry", 0.2, 2.0);
+    number("--dead-man", options.dead_man_s, "seconds after the last repeat of the key until the motor stops", 0.1,
+           0.5);
+    number("--ramp", options.steps.ramp_s, "seconds in which a motor's code rises from zero", 0.05, 5.0);
+    number("--steady", options.steps.steady_s, "seconds to hold the key for a reading", 0.1, 10.0);
+    number("--silence", options.steps.silence_s, "seconds without a command in the power-cut test", 0.2, 5.0);
+    number("--pull-out", options.steps.pull_out, "metres by which strings are pulled out by hand", 0.01, 0.5);
+    bringup->add_option("--readings", options.steps.readings, "readings of the balance for each string")
+        ->check(CLI::Range(1, 10))
+        ->capture_default_str();
+    bringup->add_option("--exchanges", options.steps.exchanges, "exchanges of the round-trip histogram")
+        ->check(CLI::Range(100, 100'000))
+        ->capture_default_str();
+    bringup->add_option("--button", options.button, "switch of the board, 0 to 2, that replaces the dead-man key")
+        ->check(CLI::Range(0, 2));
+    return bringup;
+}
+
 CLI::App* describe_doctor(CLI::App& app, DoctorOptions& options) {
     CLI::App* const doctor = app.add_subcommand(
         "doctor",
@@ -231,6 +319,45 @@ CLI::App* describe_doctor(CLI::App& app, DoctorOptions& options) {
         ->type_name("DIR")
         ->check(CLI::ExistingDirectory);
     return doctor;
+}
+
+CLI::App* describe_arm(CLI::App& app, ArmOptions& options) {
+    CLI::App* const arm =
+        app.add_subcommand("arm", "Arms a running rt-core that waits for a person, as its user, and ends at once");
+    arm->add_option("--session", options.session, "session name of the rt-core")
+        ->type_name("NAME")
+        ->capture_default_str();
+    arm->add_flag("--state", options.state, "arms nothing: shows the state of the rt-core");
+    return arm;
+}
+
+CLI::App* describe_zero(CLI::App& app, RunOptions& options, double& unused_duration_s) {
+    CLI::App* const zero = app.add_subcommand(
+        "zero",
+        "Sets the motors of a real device to zero and ends; takes the options of run, so that a service can pass "
+        "the same ones");
+    describe_run(*zero, options, unused_duration_s);
+    return zero;
+}
+
+CLI::App* describe_black_box(CLI::App& app, haptic::rt::BlackBoxOptions& options) {
+    CLI::App* const box = app.add_subcommand(
+        "black-box",
+        "Saves the last ticks of a run that was killed; its guard and the next run of the session do so by "
+        "themselves");
+    box->add_option("--session", options.session, "session name of the run")->type_name("NAME")->capture_default_str();
+    box->add_option("--out", options.out, "CSV file; default: beside the report or the recording of the run")
+        ->type_name("F.csv")
+        ->check(haptic::result_file());
+    return box;
+}
+
+CLI::App* describe_guard(CLI::App& app, int& socket) {
+    CLI::App* const guard = app.add_subcommand(
+        "guard",
+        "Started by run for a real device: outlives it, and sets the motors to zero if it was killed or froze");
+    guard->add_option("--socket", socket, "descriptor of the socket to the run")->type_name("N")->required();
+    return guard;
 }
 
 /// Adds --print-config, which prints the default configuration and ends the program.
@@ -263,15 +390,41 @@ int program(int argc, char** argv) {
     CLI::App* const calibrate =
         app.add_subcommand("calibrate", "Calibrates the geometry of the device and writes its file");
     describe_calibrate(*calibrate, calibration);
+    ArmOptions arm_options;
+    const CLI::App* const arm = describe_arm(app, arm_options);
+    BringupOptions bringup_options;
+    const CLI::App* const bringup = describe_bringup(app, bringup_options);
     DoctorOptions doctor_options;
     const CLI::App* const doctor = describe_doctor(app, doctor_options);
+    RunOptions zero_options;
+    double unused_duration_s = 0.0;
+    const CLI::App* const zero = describe_zero(app, zero_options, unused_duration_s);
+    haptic::rt::BlackBoxOptions black_box_options;
+    const CLI::App* const black_box = describe_black_box(app, black_box_options);
+    int socket = -1;
+    const CLI::App* const guard = describe_guard(app, socket);
     const auto command = [&] {
         if (run->count("--duration") > 0) {
             options.duration_s = duration_s;
         }
         haptic::log_to_stderr("rt-core");
+        if (arm->parsed()) {
+            return haptic::rt::arm_command(arm_options);
+        }
+        if (guard->parsed()) {
+            return haptic::rt::guard_command(socket);
+        }
+        if (zero->parsed()) {
+            return haptic::rt::zero_command(zero_options);
+        }
+        if (black_box->parsed()) {
+            return haptic::rt::black_box_command(black_box_options);
+        }
         if (doctor->parsed()) {
             return haptic::rt::doctor_command(doctor_options);
+        }
+        if (bringup->parsed()) {
+            return haptic::rt::bringup_command(bringup_options);
         }
         if (calibrate->parsed()) {
             return haptic::rt::calibrate_command(calibration);

@@ -42,7 +42,7 @@ void drive(SharedMotors& motors, const haptic::test::RingSession& session,
     TickSettings settings;
     settings.safety.tension_ramp_ns = 50'000'000;
     settings.safety.calibration_hold_ns = 20'000'000;
-    settings.safety.overrun_ticks = 100'000;
+    settings.safety.late_share = 1.0;
     Tick tick(settings, gate, frames, states, &monotonic_now_ns);
     const CrashGuard guard(gate);
     WatchdogSettings watchdog_settings;

@@ -335,7 +335,7 @@ class HangingBoard final : public device::Board {
 /// Runs in real time, because only a real loop can hang; makes no assertions about durations.
 Row run_watchdog() {
     TickSettings settings;
-    settings.safety.overrun_ticks = 100'000;
+    settings.safety.late_share = 1.0;  // the table below judges lateness
     device::EmulatedBoard board({.geometry = settings.geometry});
     HangingBoard hanging(board);
     MotorGate gate(hanging);

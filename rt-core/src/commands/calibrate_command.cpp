@@ -34,7 +34,9 @@ Config load_calibration_config(const CalibrateOptions& options) {
     if (!file && options.fit && std::filesystem::exists(config_file_of(*options.fit))) {
         file = config_file_of(*options.fit);
     }
-    return load_config(file, options.run.assignments);
+    RunOptions run = options.run;
+    run.config = file;
+    return load_run_config(run);
 }
 
 bool names_file(const std::string& geometry) {
@@ -159,7 +161,9 @@ std::filesystem::path record_wiggle(const CalibrateOptions& options, const Setti
 int calibrate_command(const CalibrateOptions& options) {
     // Nominal geometry, with the force constants of --weigh.
     const Config config = load_calibration_config(options);
-    const Settings settings = read_settings(config);
+    Settings settings = read_settings(config);
+    // The wiggle must reach the edges of the workspace, and no force is rendered meanwhile.
+    settings.tick.walls.on = false;
     const std::string name = options.geometry.value_or(config.text("device.geometry", kDefaultGeometry));
     device::DeviceGeometry nominal = device::find_device_geometry(name);
     for (const std::string& weight : options.weights) {

@@ -68,9 +68,9 @@ std::unique_ptr<EdgeCapture> capture_loopback(double duration_s, const Settings&
     }
     constexpr double margin_s = 15.0;  // for the warm-up and the fade-out
     const double edges = 2.0 * (duration_s + margin_s) / seconds(settings.loop.period_ns);
-    return std::make_unique<EdgeCapture>(open_edge_source(*settings.probes.loopback, settings.probes.loopback_edges),
-                                         static_cast<std::size_t>(edges),
-                                         [loop = settings.loop] { prepare_side_thread(loop.priority, loop.cpu); });
+    return std::make_unique<EdgeCapture>(
+        open_edge_source(*settings.probes.loopback, settings.probes.loopback_edges), static_cast<std::size_t>(edges),
+        [loop = settings.loop] { (void)prepare_side_thread(loop.priority, loop.cpu); });
 }
 
 /// Runs load, capture, kernel counters and cyclictest alongside the measured loop.
@@ -218,7 +218,7 @@ std::string redraw_text(const MeasureOptions& options) {
 }
 
 int measure(const MeasureOptions& options) {
-    Config config = load_config(options.run.config, options.run.assignments);
+    Config config = load_run_config(options.run);
     if (options.loopback) {
         config.set("probes.loopback=\"" + *options.loopback + "\"");
     }

@@ -5,29 +5,49 @@
 #include <utility>
 #include <vector>
 
+#include "commands/rewired_device.hpp"
 #include "commands/tty_device.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/device/fault.hpp"
 #include "haptic/device/hand_file.hpp"
 #include "haptic/device/usb_board.hpp"
+#include "haptic/device/wiring.hpp"
 #include "haptic/pose_track.hpp"
 #include "process/held_hand.hpp"
 
 namespace haptic::rt {
 namespace {
 
+std::vector<device::Fault> faults_of(const RunOptions& options) {
+    std::vector<device::Fault> faults;
+    faults.reserve(options.faults.size());
+    for (const std::string& text : options.faults) {
+        faults.push_back(device::parse_fault(text));
+    }
+    return faults;
+}
+
+device::Wiring wiring_of(const RunOptions& options) {
+    device::Wiring wiring;
+    for (const std::string& text : options.wiring) {
+        device::add_wiring(wiring, text);
+    }
+    return wiring;
+}
+
 class EmulatedDevice final : public OpenedDevice {
   public:
-    EmulatedDevice(const Settings& settings, const std::optional<std::filesystem::path>& hand,
-                   std::vector<device::Fault> faults)
+    EmulatedDevice(const RunOptions& options, const Settings& settings)
         : emulated_({.geometry = settings.tick.geometry,
-                     .hand = hand ? device::hand_from_centre(*hand) : PoseTrack(),
-                     .hand_buttons = hand ? device::buttons_of_hand(*hand) : device::ButtonTrack(),
+                     .hand = options.hand ? device::hand_from_centre(*options.hand) : PoseTrack(),
+                     .hand_buttons = options.hand ? device::buttons_of_hand(*options.hand) : device::ButtonTrack(),
                      .hand_waits = true,
                      .mechanics = settings.mechanics,
-                     .faults = std::move(faults),
-                     .faults_wait = true},
+                     .faults = faults_of(options),
+                     .faults_wait = true,
+                     .wiring = wiring_of(options),
+                     .tremor = settings.tremor},
                     settings.board),
           board_(emulated_) {}
 
@@ -37,6 +57,7 @@ class EmulatedDevice final : public OpenedDevice {
         return "an emulated " + emulated_.device().geometry().name;
     }
     void attach(const Tick& tick) override { board_.attach(tick); }
+    [[nodiscard]] device::EmulatedDevice* emulated() override { return &emulated_.device(); }
 
   private:
     device::EmulatedBoard emulated_;
@@ -79,15 +100,6 @@ class UsbDevice final : public OpenedDevice {
     std::int64_t timeout_ns_;
 };
 
-std::vector<device::Fault> faults_of(const RunOptions& options) {
-    std::vector<device::Fault> faults;
-    faults.reserve(options.faults.size());
-    for (const std::string& text : options.faults) {
-        faults.push_back(device::parse_fault(text));
-    }
-    return faults;
-}
-
 }  // namespace
 
 void OpenedDevice::reopen() {
@@ -99,13 +111,18 @@ void OpenedDevice::reopen() {
     }
 }
 
-std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Settings& settings) {
+namespace {
+
+std::unique_ptr<OpenedDevice> open_as_wired(const RunOptions& options, const Settings& settings) {
     const std::string& name = options.device;
     if (name == "emulated") {
-        return std::make_unique<EmulatedDevice>(settings, options.hand, faults_of(options));
+        return std::make_unique<EmulatedDevice>(options, settings);
     }
     if (!options.faults.empty()) {
         throw Refusal("--fault: only the emulated device can simulate faults, not --device " + name);
+    }
+    if (!options.wiring.empty()) {
+        throw Refusal("--wiring: only the emulated device can be wired differently, not --device " + name);
     }
     try {
         if (name == "usb") {
@@ -118,6 +135,12 @@ std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Setti
         throw Refusal("--device " + name + ": " + error.what());
     }
     throw Refusal("--device " + name + ": unknown device; the choices are emulated, usb, tty:PATH and replay:FILE");
+}
+
+}  // namespace
+
+std::unique_ptr<OpenedDevice> open_device(const RunOptions& options, const Settings& settings) {
+    return with_motor_channels(open_as_wired(options, settings), settings.tick.geometry);
 }
 
 }  // namespace haptic::rt

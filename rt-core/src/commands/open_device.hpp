@@ -7,6 +7,7 @@
 
 #include "commands/run_command.hpp"
 #include "haptic/device/board.hpp"
+#include "haptic/device/emulated_device.hpp"
 #include "process/settings.hpp"
 #include "tick/tick.hpp"
 
@@ -30,6 +31,8 @@ class OpenedDevice {
     /// Makes the device usable again after an exchange fault, with motors at zero. Call only while no loop runs. Throws
     /// device::BoardError while the device is absent.
     virtual void reopen();
+    /// The emulated device in this process; nullptr for all others.
+    [[nodiscard]] virtual device::EmulatedDevice* emulated() { return nullptr; }
     /// Called with the tick that will drive the device, before the loop starts.
     virtual void attach(const Tick& /*tick*/) {}
 };

@@ -7,12 +7,15 @@
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
+#include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "commands/black_box_command.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/other_users.hpp"
+#include "process/force_profiles.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -23,8 +26,10 @@ constexpr std::int64_t kReopenNs = 200'000'000;
 constexpr std::uint32_t kDeviceLossFaults = HAPTIC_FAULT_EXCHANGE | HAPTIC_FAULT_OVERRUN;
 // Grace period for a hanging loop to recover before the process exits without it.
 constexpr std::int64_t kHungWaitNs = 1'000'000'000;
-// Least watchdog limit with an emulated device, which can hurt nobody: a shared machine may stand still for a while.
+// Least watchdog limit, and least window of lateness, with an emulated device, which can hurt nobody: a shared machine
+// may stand still for a while.
 constexpr std::int64_t kEmulatedWatchdogNs = 2'000'000'000;
+constexpr std::int64_t kEmulatedLateWindowNs = 2'000'000'000;
 
 /// Logs what the kernel refused and how to grant it. Throws Refusal for a real device, which a loop that may be late
 /// must not drive.
@@ -43,10 +48,8 @@ void report_setup(const RealtimeSetup& setup, bool real) {
     }
 }
 
-/// Path of the black box of the nth fault of this run, counted from 0: beside the report, the recording, or here.
-std::filesystem::path black_box_path(const RunOptions& options, std::size_t nth) {
-    // Faults after the first are numbered.
-    const std::string extension = nth == 0 ? "fault.csv" : "fault-" + std::to_string(nth + 1) + ".csv";
+/// Path of a black box with this extension: beside the report, the recording, or here.
+std::filesystem::path black_box_path(const RunOptions& options, const std::string& extension) {
     if (options.report) {
         return std::filesystem::path(*options.report).replace_extension(extension);
     }
@@ -56,12 +59,31 @@ std::filesystem::path black_box_path(const RunOptions& options, std::size_t nth)
     return "rt-core-" + options.session + "." + extension;
 }
 
+/// Path of the black box of the nth fault of this run, counted from 0; faults after the first are numbered.
+std::filesystem::path black_box_path(const RunOptions& options, std::size_t nth) {
+    return black_box_path(options, nth == 0 ? "fault.csv" : "fault-" + std::to_string(nth + 1) + ".csv");
+}
+
+/// The file of the black box; none if it cannot be had, which is worth a warning but no reason not to run.
+std::unique_ptr<BlackBoxFile> open_black_box(const RunOptions& options, const Settings& settings) {
+    save_left_black_box(options.session);
+    const auto ticks = static_cast<std::size_t>(settings.tick.black_box_ns / settings.tick.period_ns);
+    try {
+        return std::make_unique<BlackBoxFile>(options.session, BlackBox::bytes(ticks),
+                                              black_box_path(options, "killed.csv"));
+    } catch (const std::runtime_error& error) {
+        spdlog::warn("{}; if this process is killed, its last ticks are lost", error.what());
+        return nullptr;
+    }
+}
+
 /// Everything that may end a loop, and the hooks to call meanwhile.
 struct StopSources {
+    Supervision supervision;
     const StopSignals& signals;
     const Watchdog& watchdog;
-    const StopLineMonitor* stop_monitor;  // nullptr: no stop line
-    const RunObserver* observer;          // nullptr: none
+    const StopLineMonitor* stop_monitor = nullptr;  // nullptr: no stop line
+    const RunObserver* observer = nullptr;          // nullptr: none
 };
 
 /// Supervises the loop until it ends: forwards stop requests, and calls `poll` meanwhile. Returns false if the loop
@@ -71,6 +93,8 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_
     bool announced = false;
     bool stopping = false;
     std::int64_t hung_ns = 0;
+    SupervisorCheck supervisors(sources.supervision, std::nullopt);
+    const SupervisionPage& page = *sources.supervision.page;
     while (!loop.finished()) {
         // Watchdog: give a hanging loop some time to return.
         if (sources.watchdog.fired() && hung_ns == 0) {
@@ -79,6 +103,14 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_
         }
         if (hung_ns != 0 && monotonic_now_ns() - hung_ns > kHungWaitNs) {
             return false;
+        }
+        // A supervisor that is lost stops the loop by itself; say which.
+        supervisors.check(monotonic_now_ns());
+        if (page.has_lost() && !stopping) {
+            spdlog::error("stopping: lost a supervisor of the loop: {}", supervisor_names(page.lost.load()));
+            loop.request_stop();
+            reason = {"supervision", false};
+            stopping = true;
         }
         // Stop requests: a signal, the end of the duration or an observer; then the stop line.
         const int signal = sources.signals.wait(StopSignals::kPollNs);
@@ -92,6 +124,7 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_
         }
         if (sources.stop_monitor != nullptr && sources.stop_monitor->stopped() && !stopping) {
             spdlog::warn("stopping: {}", sources.stop_monitor->reason());
+            loop.request_stop();  // ends a loop that still awaits a person, too
             reason = {"line", true};
             stopping = true;
         }
@@ -104,15 +137,17 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_
     return true;
 }
 
-/// Tries to reopen a lost device until it is back; false if a signal or the end of the run comes first.
-bool wait_for_device(OpenedDevice& device, const StopSignals& signals, std::int64_t end_ns) {
+/// Tries to reopen a lost device until it is back, and calls `poll` meanwhile; false if a signal or the end of the run
+/// comes first.
+bool wait_for_device(OpenedDevice& device, const StopSignals& signals, std::int64_t end_ns,
+                     const std::function<void()>& poll) {
     spdlog::warn("waiting for {} to come back; Ctrl-C ends the run", device.description());
     std::string problem;
     while (true) {
         // reopen() throws until the device is connected again.
         try {
             device.reopen();
-            spdlog::info("{} is back; hold the grip still at the centre", device.description());
+            spdlog::info("{} is back, with its motors at zero", device.description());
             return true;
         } catch (const device::BoardError& error) {
             // Log each problem once, not at every attempt.
@@ -121,11 +156,32 @@ bool wait_for_device(OpenedDevice& device, const StopSignals& signals, std::int6
                 spdlog::info("not yet: {}", problem);
             }
         }
+        poll();
         if (signals.wait(kReopenNs) != 0 || monotonic_now_ns() >= end_ns) {
             spdlog::info("stopping: the device did not come back");
             return false;
         }
     }
+}
+
+TickSettings tick_settings(const Settings& settings, bool real) {
+    // Nobody has signed for this device: commissioning mode.
+    TickSettings result = real && !settings.protocol.holds() ? commissioning(settings.tick) : settings.tick;
+    if (!real) {
+        result.safety.late_window_ns = std::max(result.safety.late_window_ns, kEmulatedLateWindowNs);
+    }
+    result.safety.prove = settings.prove == Prove::Always || (real && settings.prove == Prove::RealDevice);
+    return result;
+}
+
+/// Says how much a real device renders, and why.
+void report_protocol(const DeviceProtocol& protocol) {
+    if (protocol.holds()) {
+        spdlog::info("the protocol of this device was signed by {} on {}", protocol.person, protocol.date);
+        return;
+    }
+    spdlog::warn("commissioning mode: at most {} N, because {}", kCommissioningForce, protocol.lacks);
+    spdlog::warn("  rt-core bringup measures the device and writes a protocol to sign");
 }
 
 WatchdogSettings watchdog_settings(const Settings& settings, const RealtimeSetup& setup, bool real) {
@@ -136,14 +192,21 @@ WatchdogSettings watchdog_settings(const Settings& settings, const RealtimeSetup
     return result;
 }
 
+/// Says that a supervisor may be late when the machine is busy.
+void warn_if_ordinary(const char* name, int priority) {
+    if (priority == 0) {
+        spdlog::warn("degraded: the {} is not scheduled in real time and may be late on a busy machine", name);
+    }
+}
+
 /// Opens the configured stop line before anything moves, so that a missing line is reported at once. The tick must
 /// outlive the monitor.
-std::unique_ptr<StopLineMonitor> open_stop_monitor(const Settings& settings, Tick& tick) {
+std::unique_ptr<StopLineMonitor> open_stop_monitor(const Settings& settings, Tick& tick, const StopLineThread& thread) {
     if (settings.stop_line.chip.empty()) {
         return nullptr;
     }
-    return std::make_unique<StopLineMonitor>(open_gpio_stop_line(settings.stop_line),
-                                             [&tick] { tick.stop_for_good(); });
+    return std::make_unique<StopLineMonitor>(
+        open_gpio_stop_line(settings.stop_line), [&tick] { tick.stop_for_good(); }, thread);
 }
 
 }  // namespace
@@ -172,18 +235,30 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
       settings_(settings),
       signals_(signals),
       hooks_(hooks),
+      person_arms_(settings.person_arms),
       device_(open_device(options, settings)),
       frames_(options.session),
       states_(options.session),
+      arm_inputs_(options.session, person_, settings.loop.arm_button),
+      black_box_file_(open_black_box(options, settings)),
       gate_(device_->board()),
       probes_(open_tick_probes(settings.probes, &monotonic_now_ns)),
-      tick_(settings.tick, gate_, frames_, states_, &monotonic_now_ns),
+      tick_(tick_settings(settings, device_->is_real()), gate_, frames_, states_, &monotonic_now_ns),
       recorder_(options.record ? settings.queue_ticks : 2, options.record ? settings.queue_frames : 2),
       guard_(gate_) {
-    // Outputs and inputs of the tick: probes, the device's hooks, and the recording.
-    if (settings.probes.tick || settings.probes.frame) {
+    // The region of the walls for the view; one that a killed process left is not this run's.
+    std::filesystem::remove(region_path(options.session));
+    if (settings.tick.walls.on) {
+        region_.emplace(options.session, WorkspaceRegion{settings.tick.walls.semi_axes, settings.tick.walls.angle});
+    }
+    // Outputs and inputs of the tick: probes, the device's hooks, the black box, and the recording.
+    if (settings.probes.tick || settings.probes.frame || settings.probes.relay) {
         tick_.show_on(&probes_);
     }
+    if (black_box_file_) {
+        tick_.keep_black_box_in(black_box_file_->memory());
+    }
+    gate_.obey(shared_.page().cut);
     device_->attach(tick_);
     if (options.record) {
         record_.emplace(*options.record, recorder_);
@@ -193,13 +268,22 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
     }
     // Everything large is allocated: lock memory, and create the loop's thread.
     prepare_process(prepared_);
-    loop_ = std::make_unique<RealtimeLoop>(settings.loop, tick_, prepared_);
+    loop_ = std::make_unique<RealtimeLoop>(settings.loop, tick_, prepared_, &shared_.page());
+    if (device_->is_real() && settings.profile.empty()) {
+        throw Refusal("a real device needs a profile of forces: safety.profile must not be empty");
+    }
     // The loop's thread is prepared and waits; report what it was granted.
     result_.setup = loop_->setup();
     report_setup(result_.setup, device_->is_real());
-    spdlog::info("session {}: {} Hz on {}; hold the grip still at the centre", options.session,
+    if (device_->is_real()) {
+        report_protocol(settings.protocol);
+    }
+    spdlog::info("session {}: {} Hz on {}{}", options.session,
                  static_cast<double>(kNanosecondsPerSecond) / static_cast<double>(settings.loop.period_ns),
-                 device_->description());
+                 device_->description(), person_arms_ ? "" : "; hold the grip still at the centre");
+    if (!settings.profile.empty()) {
+        spdlog::info("{}", describe_limits(settings.profile, tick_settings(settings, device_->is_real())));
+    }
     // A second session may disturb this one.
     if (const std::string others = describe_other_users(options.session); !others.empty()) {
         spdlog::warn("{}", others);
@@ -208,16 +292,70 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
     if (hooks_ != nullptr) {
         hooks_->on_ready(result_.setup);
     }
-    // Last, the threads that can stop the loop.
-    watchdog_ =
-        std::make_unique<Watchdog>(watchdog_settings(settings, result_.setup, device_->is_real()), tick_, gate_);
-    stop_monitor_ = open_stop_monitor(settings, tick_);
+    start_supervisors();
     start_ns_ = monotonic_now_ns();
 }
 
+bool Run::lost_device() const {
+    return loop_->lost() ||
+           ((tick_.faults() & HAPTIC_FAULT_EXCHANGE) != 0 && (tick_.faults() & ~kDeviceLossFaults) == 0);
+}
+
+Supervision Run::supervision() const {
+    const WatchdogSettings watchdog = watchdog_settings(settings_, result_.setup, device_->is_real());
+    return {&shared_.page(), watchdog.limit_ns + watchdog.limit_ns / 2};
+}
+
+void Run::start_supervisors() {
+    const WatchdogSettings watchdog = watchdog_settings(settings_, result_.setup, device_->is_real());
+    const Supervision shared = supervision();
+    SupervisionResult& result = result_.supervision;
+    if (device_->is_real()) {
+        GuardSettings guard = settings_.guard;
+        guard.loop_cpu = watchdog.loop_cpu;
+        guard.lost_ns = shared.limit_ns;
+        guard.silence_ns = guard_silence_ns(guard.silence_ns, settings_.tick.exchanges * device_->exchange_bound_ns(),
+                                            settings_.loop.period_ns);
+        try {
+            guard_link_ = std::make_unique<GuardLink>(guard, shared_, device_->board().zero_packet(),
+                                                      black_box_file_ ? black_box_file_->descriptor() : -1);
+        } catch (const std::runtime_error& error) {
+            throw Refusal(error.what());
+        }
+        const GuardGrant& grant = guard_link_->grant();
+        result.guarded = true;
+        result.guard_priority = grant.priority;
+        result.guard_oom_score_adj = grant.oom_score_adj;
+        result.guard_locked = grant.memory_locked;
+        result.silence_ns = guard.silence_ns;
+        warn_if_ordinary("guard", grant.priority);
+    }
+    watchdog_ = std::make_unique<Watchdog>(watchdog, tick_, gate_, shared);
+    result.watchdog_priority = watchdog_->priority();
+    warn_if_ordinary("watchdog", result.watchdog_priority);
+    stop_monitor_ = open_stop_monitor(settings_, tick_, {watchdog.priority, watchdog.loop_cpu, shared});
+    if (stop_monitor_) {
+        result.stop_line_priority = stop_monitor_->priority();
+        warn_if_ordinary("stop line", result.stop_line_priority);
+    }
+}
+
+bool Run::renew_guard() {
+    if (!guard_link_) {
+        return true;
+    }
+    try {
+        guard_link_->renew(device_->board().zero_packet());
+        return true;
+    } catch (const std::runtime_error& error) {
+        spdlog::error("stopping: {}", error.what());
+        shared_.page().lost.fetch_or(1U << static_cast<unsigned>(Supervisor::Guard));
+        return false;
+    }
+}
+
 bool Run::can_recover() const {
-    const bool lost = (tick_.faults() & HAPTIC_FAULT_EXCHANGE) != 0 && (tick_.faults() & ~kDeviceLossFaults) == 0;
-    return lost && (options_.rearm || settings_.rearm) && !gate_.closed();
+    return lost_device() && (options_.reconnect || settings_.reconnect) && !gate_.closed();
 }
 
 std::int64_t Run::end_ns() const {
@@ -230,13 +368,13 @@ void Run::run_loops() {
         progress_.emplace("running");
     }
     while (run_loop() && continue_after_loop()) {
-        loop_ = std::make_unique<RealtimeLoop>(settings_.loop, tick_, prepared_);
+        loop_ = std::make_unique<RealtimeLoop>(settings_.loop, tick_, prepared_, &shared_.page());
     }
     progress_.reset();
 }
 
 bool Run::run_loop() {
-    const StopSources sources{signals_, *watchdog_, stop_monitor_.get(), options_.observer};
+    const StopSources sources{supervision(), signals_, *watchdog_, stop_monitor_.get(), options_.observer};
     // This loop ends with the run or with the current segment.
     std::int64_t until_ns = end_ns();
     if (const auto segment_s = hooks_ != nullptr ? hooks_->segment_s() : std::nullopt) {
@@ -244,7 +382,8 @@ bool Run::run_loop() {
     }
     // Start the loop and supervise it to its end.
     stop_ = StopReason{};
-    loop_->start(options_.record ? &recorder_ : nullptr, hooks_ != nullptr ? &hooks_->log() : nullptr);
+    loop_->start(options_.record ? &recorder_ : nullptr, hooks_ != nullptr ? &hooks_->log() : nullptr,
+                 person_arms_ ? &person_ : nullptr);
     hung_ = !supervise(*loop_, sources, until_ns, stop_, [this] { poll(); });
     if (hung_) {
         return false;
@@ -260,11 +399,34 @@ void Run::poll() {
     if (record_) {
         record_->drain();
     }
+    poll_arming();
+    if (!budget_warned_ && (loop_->flags() & HAPTIC_TICK_BUDGET_LOW) != 0) {
+        spdlog::warn(
+            "80 % of the session's budget of energy or time is used; at 100 % the force fades and the run ends");
+        budget_warned_ = true;
+    }
     if (hooks_ != nullptr) {
         hooks_->on_poll(now_ns);
     }
     if (progress_ && options_.duration_s) {
         progress_->show(seconds(now_ns - start_ns_ - paused_ns_) / *options_.duration_s);
+    }
+}
+
+void Run::poll_arming() {
+    if (person_.awaited() && !person_awaited_) {
+        person_awaited_ = true;
+        arm_inputs_.begin();
+        spdlog::warn("disarmed until a person arms the device: {}", arm_inputs_.instructions());
+    }
+    const SafetyState state = loop_->safety_state();
+    arm_inputs_.poll(person_.awaited()                ? "disarmed; a person must arm the device"
+                     : state == SafetyState::Disarmed ? "disarmed; not ready to be armed"
+                                                      : "already armed: " + std::string(state_name(state)));
+    if (person_awaited_ && person_.pressed()) {
+        person_awaited_ = false;
+        spdlog::info("armed by a person ({}); hold the grip still at the centre", describe(person_.by()));
+        result_.armings.push_back({seconds(monotonic_now_ns() - start_ns_ - paused_ns_), describe(person_.by())});
     }
 }
 
@@ -281,11 +443,16 @@ bool Run::recover_device() {
     // Record the loss and keep its black box before the next loop overwrites it.
     Interruption interruption;
     interruption.at_s = seconds(lost_ns - start_ns_ - paused_ns_);
-    interruption.faults = tick_.faults();
-    interruption.cause = tick_.instruments().last_failure;
+    interruption.faults = tick_.faults() | HAPTIC_FAULT_EXCHANGE;
+    interruption.cause = loop_->lost().value_or(tick_.instruments().last_failure);
     interruption.black_box = keep_black_box();
     // Wait, and record how long the loss lasted.
-    const bool back = wait_for_device(*device_, signals_, end_ns());
+    const bool back = wait_for_device(*device_, signals_, end_ns(),
+                                      [this] { arm_inputs_.poll("disarmed; the device is not connected"); }) &&
+                      renew_guard();
+    // Strings that pull again without a person who expects it may hurt.
+    person_arms_ = true;
+    person_awaited_ = false;
     interruption.lost_s = seconds(monotonic_now_ns() - lost_ns);
     result_.interruptions.push_back(std::move(interruption));
     return back;
@@ -309,6 +476,10 @@ void Run::collect(Instruments& instruments, bool own_records) {
     result_.duration_s = seconds(monotonic_now_ns() - start_ns_ - paused_ns_);
     result_.device = device_->description();
     result_.geometry = settings_.tick.geometry;
+    result_.profile = settings_.profile;
+    result_.limits = tick_settings(settings_, device_->is_real()).limits;  // commissioning lowers them
+    result_.budget_limits = settings_.tick.budget;
+    result_.walls = settings_.tick.walls;
     result_.exchange_bound_ns = settings_.tick.exchanges * device_->exchange_bound_ns();
     result_.records_dropped = recorder_.dropped();
     result_.frames_dropped = recorder_.frames_dropped();
@@ -317,15 +488,30 @@ void Run::collect(Instruments& instruments, bool own_records) {
         result_.state = hung_ ? SafetyState::Disarmed : tick_.safety_state();
         result_.faults = tick_.faults();
         result_.suspects = tick_.suspect_strings();
+        result_.proof = tick_.proof();
         result_.probes = use_of(probes_, settings_.probes, tick_.last().number);
         instruments = tick_.instruments();
+        result_.budget = tick_.budget();
     }
+    result_.faults |= loop_->lost() ? std::uint32_t{HAPTIC_FAULT_EXCHANGE} : 0u;
+    collect_supervision();
     result_.faults |= watchdog_->fired() ? std::uint32_t{HAPTIC_FAULT_WATCHDOG} : 0u;
     // A stop without any other origin came from a button of the device.
     if ((result_.faults & HAPTIC_FAULT_STOP) != 0 && std::string_view(stop_.name) == "none") {
         stop_ = {"button", true};
     }
     result_.stop = stop_.name;
+}
+
+void Run::collect_supervision() {
+    const SupervisionPage& page = shared_.page();
+    result_.supervision.lost = supervisor_names(page.lost.load());
+    result_.supervision.frozen_ns = page.frozen_ns.load();
+    if (page.is_cut()) {
+        spdlog::error("the guard set the motors to zero: the loop was silent for {:.1f} ms",
+                      static_cast<double>(result_.supervision.frozen_ns) * 1e-6);
+    }
+    result_.faults |= page.is_cut() || page.has_lost() ? std::uint32_t{HAPTIC_FAULT_GUARD} : 0u;
 }
 
 bool Run::should_keep_black_box() const {
@@ -358,6 +544,9 @@ std::string Run::keep_black_box() {
 int Run::execute(const Conclusion& conclude) {
     const auto instruments = std::make_unique<Instruments>();
     // Run, with pauses and recoveries in between.
+    if (!person_arms_) {
+        result_.armings.push_back({0.0, "start"});
+    }
     run_loops();
     // From here on the motors stay at zero, whatever a hanging loop may still send.
     const bool own_records = !hung_ || tick_.abandon();
@@ -379,6 +568,11 @@ int Run::execute(const Conclusion& conclude) {
         // The loop's thread cannot be joined, and the objects it uses must not be destroyed under it.
         std::fflush(nullptr);
         gate_.close();  // overrides a command that was under way at the first close()
+        // If this thread could not read the last ticks, the guard or the next run of the session saves them.
+        if (own_records && black_box_file_) {
+            shared_.page().black_box_kept.store(1);
+            black_box_file_->remove();
+        }
         _exit(status);
     }
     return status;

@@ -8,14 +8,20 @@
 #include <memory>
 #include <optional>
 
+#include "commands/arm_inputs.hpp"
 #include "commands/open_device.hpp"
 #include "commands/run_command.hpp"
 #include "haptic/ring.hpp"
+#include "haptic/workspace_region.hpp"
 #include "measure/recording.hpp"
 #include "measure/run_report.hpp"
+#include "process/arm_switch.hpp"
+#include "process/black_box_file.hpp"
 #include "process/crash_guard.hpp"
+#include "process/guard_link.hpp"
 #include "process/motor_gate.hpp"
 #include "process/settings.hpp"
+#include "process/supervision.hpp"
 #include "process/watchdog.hpp"
 #include "program/progress_bar.hpp"
 #include "program/results.hpp"
@@ -81,14 +87,25 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     void run_loops();
     /// Runs one loop to its end; false if it hangs for good.
     [[nodiscard]] bool run_loop();
-    /// Periodic work while the loop runs: writes the recording, calls the hooks, shows how far the run is.
+    /// Periodic work while the loop runs: writes the recording, collects the act of a person, calls the hooks, shows
+    /// how far the run is.
     void poll();
+    /// Announces that a person must arm, and that one did.
+    void poll_arming();
     /// Recovers a lost device or pauses, whichever is due; false if the run is to end.
     [[nodiscard]] bool continue_after_loop();
     [[nodiscard]] bool pause_due() const;
     [[nodiscard]] bool pause();
-    /// True if the loop ended because the device was lost, and waiting for it is enabled.
+    /// True if the loop ended because the device was lost.
+    [[nodiscard]] bool lost_device() const;
+    /// True if it did, and waiting for it is enabled.
     [[nodiscard]] bool can_recover() const;
+    /// Starts everything that can stop the loop: the guard of a real device, watchdog and stop line.
+    void start_supervisors();
+    [[nodiscard]] Supervision supervision() const;
+    /// Gives the guard a device that was opened again; false if the guard is gone.
+    [[nodiscard]] bool renew_guard();
+    void collect_supervision();
     /// Keeps the last ticks and waits for the lost device; false if the run is to end first.
     [[nodiscard]] bool recover_device();
     [[nodiscard]] std::int64_t end_ns() const;
@@ -109,11 +126,19 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     bool device_not_recovered_ = false;  // the run ended while waiting for a lost device
     std::int64_t start_ns_ = 0;
     std::int64_t paused_ns_ = 0;
+    ArmSwitch person_;
+    bool person_arms_ = false;     // the next loop
+    bool person_awaited_ = false;  // and this was announced
+    bool budget_warned_ = false;
     std::optional<ProgressBar> progress_;  // while a run of limited duration runs
 
     std::unique_ptr<OpenedDevice> device_;
     RingReader<ContactFrame> frames_;
     RingWriter<DeviceState> states_;
+    ArmInputs arm_inputs_;
+    std::optional<PublishedRegion> region_;  // of the walls
+    SharedSupervision shared_;
+    std::unique_ptr<BlackBoxFile> black_box_file_;  // none: the black box dies with the process
     MotorGate gate_;
     TickProbes probes_;
     Tick tick_;
@@ -122,7 +147,8 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     AlternateSignalStack signal_stack_;
     CrashGuard guard_;
     RealtimeSetup prepared_;
-    std::unique_ptr<Watchdog> watchdog_;  // outlives the loop, to watch its end too
+    std::unique_ptr<GuardLink> guard_link_;  // none for an emulated device; outlives all that motors may follow
+    std::unique_ptr<Watchdog> watchdog_;     // outlives the loop, to watch its end too
     std::unique_ptr<RealtimeLoop> loop_;
     std::unique_ptr<StopLineMonitor> stop_monitor_;
 };

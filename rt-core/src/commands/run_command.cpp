@@ -7,6 +7,7 @@
 #include "commands/run.hpp"
 #include "haptic/report.hpp"
 #include "measure/run_report.hpp"
+#include "process/force_profiles.hpp"
 #include "program/exit_status.hpp"
 #include "program/option_checks.hpp"
 
@@ -20,11 +21,21 @@ Config load_config(const std::optional<std::filesystem::path>& file, const std::
     return config;
 }
 
+Config load_run_config(const RunOptions& options) {
+    Config config = load_config(options.config, options.assignments);
+    if (options.profile) {
+        config.set("safety.profile=\"" + *options.profile + "\"");
+    } else if (options.device != "emulated" && !config.has("safety.profile")) {
+        config.set(std::string("safety.profile=\"") + kDefaultProfile + "\"");
+    }
+    return config;
+}
+
 int run_command(const RunOptions& options) {
     if (options.device.starts_with("replay:")) {
         return replay_command(options);
     }
-    const Config config = load_config(options.config, options.assignments);
+    const Config config = load_run_config(options);
     const Settings settings = read_settings(config);
     if (options.record) {
         require_other_file("--record", *options.record, options.hand.value_or(""));

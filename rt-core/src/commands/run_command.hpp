@@ -27,11 +27,13 @@ struct RunOptions {
     std::string device = "emulated";
     std::optional<std::filesystem::path> hand;
     std::vector<std::string> faults;  // of the emulated device, see haptic/device/fault.hpp
+    std::vector<std::string> wiring;  // of the emulated device, see haptic/device/wiring.hpp
     std::string session = "default";
     std::optional<double> duration_s;
     std::optional<std::filesystem::path> report;
     std::optional<std::filesystem::path> record;
-    bool rearm = false;  // like safety.rearm
+    bool reconnect = false;              // like safety.reconnect
+    std::optional<std::string> profile;  // like safety.profile
     RunObserver* observer = nullptr;
 };
 
@@ -46,6 +48,10 @@ class Refusal : public std::runtime_error {
 /// The configuration file, or the defaults without one, with the assignments of --set applied. Throws ConfigError.
 [[nodiscard]] Config load_config(const std::optional<std::filesystem::path>& file,
                                  const std::vector<std::string>& assignments);
+
+/// The same for a run: with --profile, and for a real device that has none with the profile `normal`. So a
+/// configuration that is saved beside a recording says which profile it was.
+[[nodiscard]] Config load_run_config(const RunOptions& options);
 
 /// Runs until stopped or faulted, and returns the exit status. Throws Refusal, ConfigError, CsvError, RingError.
 int run_command(const RunOptions& options);

@@ -49,8 +49,11 @@ bool StringEncoders::update(const RawCounters& raw, std::int64_t elapsed_ns) HAP
         steps[i] = sign_extended(raw[i] - raw_[i], unused_bits_);
         if ((std::abs(steps[i]) - kQuantisationCounts) * std::fabs(metres_per_count_[i]) > max_movement) {
             lost_ = true;
-            return false;
+            jumped_ = static_cast<std::uint8_t>(jumped_ | 1U << i);
         }
+    }
+    if (lost_) {
+        return false;
     }
     // l_i = rest length + metres per count * (counts since the calibration).
     for (std::size_t i = 0; i < kStrings; ++i) {
@@ -64,6 +67,7 @@ bool StringEncoders::update(const RawCounters& raw, std::int64_t elapsed_ns) HAP
 void StringEncoders::restart() HAPTIC_RT {
     started_ = false;
     lost_ = false;
+    jumped_ = 0;
 }
 
 void StringEncoders::calibrate() HAPTIC_RT {

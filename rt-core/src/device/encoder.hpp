@@ -37,6 +37,9 @@ class StringEncoders {
     /// m. The first latch counts as a calibration, so that a pose exists at once; it is meaningless until calibrate().
     [[nodiscard]] const StringArray& lengths() const HAPTIC_RT { return lengths_; }
 
+    /// Bit i: string i moved too fast in the latch that was rejected first.
+    [[nodiscard]] std::uint8_t jumped() const HAPTIC_RT { return jumped_; }
+
     /// m, largest movement of a string since the last mark(): tells whether the grip is held still.
     [[nodiscard]] double largest_movement() const HAPTIC_RT;
     void mark() HAPTIC_RT { marked_ = counts_; }
@@ -55,6 +58,7 @@ class StringEncoders {
     RawCounters raw_{};
     bool started_ = false;
     bool lost_ = false;  // a counter jumped
+    std::uint8_t jumped_ = 0;
 };
 
 }  // namespace haptic::rt

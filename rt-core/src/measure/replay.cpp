@@ -6,6 +6,7 @@
 
 #include "haptic/denormals.hpp"
 #include "measure/recording.hpp"
+#include "process/device_protocol.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -168,9 +169,16 @@ bool Replay::step(Recorder* recorder) {
     check_order(inputs);
     // Apply the recorded requests, which in the run came from other threads.
     if ((inputs.requests & kRequestNew) != 0) {
-        tick_ = std::make_unique<Tick>(settings_, board_, frames_, *states_, clock_);
+        // Whether a person had signed for the device is no setting: the recording says it.
+        const std::optional<std::size_t> flags = recording_.find("flags");
+        const bool limited = flags && (recording_.natural(*flags) & HAPTIC_TICK_COMMISSIONING) != 0;
+        tick_ =
+            std::make_unique<Tick>(limited ? commissioning(settings_) : settings_, board_, frames_, *states_, clock_);
     }
     tick_->record_to(recorder);
+    if ((inputs.requests & kRequestAwait) != 0) {
+        tick_->await_person();
+    }
     if ((inputs.requests & kRequestArm) != 0) {
         tick_->arm();
     }

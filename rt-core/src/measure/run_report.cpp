@@ -13,6 +13,13 @@
 namespace haptic::rt {
 namespace {
 
+// A link that lost more of the recent answers than this, or was silent for longer, is named.
+constexpr double kDegradedLink = 0.05;
+constexpr std::int64_t kDegradedGapNs = 10'000'000;
+
+constexpr double kMillimetres = 1e3;
+constexpr double kDegrees = 57.29577951308232;
+
 // In the order of device::ExchangeStatus.
 constexpr std::array<const char*, device::kExchangeStatuses> kStatusNames = {
     "ok", "timeout", "short", "malformed", "stale", "stalled", "disconnected", "failed"};
@@ -42,6 +49,25 @@ nlohmann::json setup_json(const RealtimeSetup& setup) {
             {"missing", missing}};
 }
 
+nlohmann::json supervision_json(const SupervisionResult& s) {
+    nlohmann::json guard;
+    if (s.guarded) {
+        guard = {{"priority", s.guard_priority},
+                 {"oom_score_adj", s.guard_oom_score_adj},
+                 {"mlocked", s.guard_locked},
+                 {"silence_ms", static_cast<double>(s.silence_ns) * 1e-6}};
+    }
+    nlohmann::json stop_line;
+    if (s.stop_line_priority >= 0) {
+        stop_line = {{"priority", s.stop_line_priority}};
+    }
+    return {{"guard", guard},
+            {"watchdog", {{"priority", s.watchdog_priority}}},
+            {"stop_line", stop_line},
+            {"lost", s.lost},
+            {"frozen_ms", static_cast<double>(s.frozen_ns) * 1e-6}};
+}
+
 nlohmann::json exchange_json(const RunResult& result, const Instruments& m) {
     nlohmann::json statuses = nlohmann::json::object();
     for (std::size_t i = 0; i < kStatusNames.size(); ++i) {
@@ -52,6 +78,7 @@ nlohmann::json exchange_json(const RunResult& result, const Instruments& m) {
         {"statuses", statuses},
         {"last_failure",
          m.last_failure == device::ExchangeStatus::Ok ? "" : kStatusNames[static_cast<std::size_t>(m.last_failure)]},
+        {"longest_gap_ms", static_cast<double>(m.max_latch_gap_ns) * 1e-6},
         {"device", result.device},
         {"bound_us", static_cast<double>(result.exchange_bound_ns) * 1e-3}};
 }
@@ -68,6 +95,14 @@ nlohmann::json interruptions_json(const std::vector<Interruption>& interruptions
     return list;
 }
 
+nlohmann::json armings_json(const std::vector<Arming>& armings) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const Arming& one : armings) {
+        list.push_back({{"at_s", one.at_s}, {"by", one.by}});
+    }
+    return list;
+}
+
 nlohmann::json peak_json(const RunResult& result, const Instruments& m) {
     const auto share = [&](const WrenchAtPose& peak) {
         const std::optional<double> value = device::share_of_reach(result.geometry, peak.pose, peak.wrench);
@@ -80,6 +115,28 @@ nlohmann::json peak_json(const RunResult& result, const Instruments& m) {
 }
 
 /// Share of the ticks in which each limit acted.
+nlohmann::json budget_json(const RunResult& result, const Instruments& m) {
+    nlohmann::json walls = nullptr;
+    if (result.walls.on) {
+        const WorkspaceWalls& w = result.walls;
+        walls = {{"semi_axes_m", {w.semi_axes.x, w.semi_axes.y, w.semi_axes.z}},
+                 {"angle_rad", w.angle},
+                 {"force_n", w.force},
+                 {"torque_nm", w.torque}};
+    }
+    return {{"profile", result.profile},
+            {"force_n", result.limits.force},
+            {"torque_nm", result.limits.torque},
+            {"force_rate_n_s", result.limits.force_rate},
+            {"torque_rate_nm_s", result.limits.torque_rate},
+            {"energy_per_second_j", {{"limit", result.budget_limits.second}, {"peak", result.budget.peak_second()}}},
+            {"energy_per_session_j", {{"limit", result.budget_limits.session}, {"used", result.budget.given()}}},
+            {"session_s", {{"limit", result.budget_limits.duration}, {"used", result.budget.seconds()}}},
+            {"low_ticks", m.budget_low_ticks},
+            {"walls", walls},
+            {"edge_ticks", m.edge_ticks}};
+}
+
 nlohmann::json limits_json(const Instruments& m) {
     const auto share = [&](std::uint64_t ticks) {
         return m.ticks > 0 ? static_cast<double>(ticks) / static_cast<double>(m.ticks) : 0.0;
@@ -117,6 +174,82 @@ std::string force_lines(const RunResult& result, const Instruments& m) {
     return acted.empty() ? lines : lines + "limits acted, of all ticks: " + acted + "\n";
 }
 
+nlohmann::json safety_shares_json(const Instruments& m) {
+    return {{"exchange", m.worst.exchange}, {"late", m.worst.late}, {"residual", m.worst.residual}};
+}
+
+const char* proof_name(Proof proof) {
+    switch (proof) {
+        case Proof::Passed:
+            return "passed";
+        case Proof::Refused:
+            return "refused";
+        case Proof::Pending:
+            break;
+    }
+    return "pending";
+}
+
+/// What the proof found about each string that is not right, in words.
+std::vector<std::string> findings_text(const DeviceProofResult& proof) {
+    std::vector<std::string> lines;
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        const StringFinding finding = proof.findings[i];
+        if (finding == StringFinding::Right) {
+            continue;
+        }
+        std::string line = "string " + std::to_string(i) + ": " + describe(finding);
+        if (finding == StringFinding::OtherMotor || finding == StringFinding::OtherString ||
+            finding == StringFinding::Exchanged) {
+            line += ", string " + std::to_string(proof.others[i]);
+        }
+        lines.push_back(std::move(line));
+    }
+    return lines;
+}
+
+nlohmann::json proof_json(const DeviceProofResult& proof) {
+    if (!proof.required) {
+        return nullptr;
+    }
+    const Vec6& offset = proof.offset;
+    return {{"wiring", proof_name(proof.wiring)},
+            {"rounds", proof.rounds},
+            {"findings", findings_text(proof)},
+            {"pose", proof_name(proof.pose)},
+            {"offset_m", {offset[0], offset[1], offset[2]}},
+            {"offset_rad", {offset[3], offset[4], offset[5]}}};
+}
+
+/// What a refused device or pose looks like, a line each.
+std::string proof_lines(const RunResult& result) {
+    std::string lines;
+    if ((result.faults & HAPTIC_FAULT_WIRING) != 0) {
+        for (const std::string& finding : findings_text(result.proof)) {
+            lines += "  " + finding + "\n";
+        }
+    }
+    // Lengths that disagree before the pose was proved.
+    const bool unproved = result.proof.required && result.proof.pose != Proof::Passed;
+    const std::vector<int> strings = string_numbers(result.suspects);
+    if (unproved && (result.faults & (HAPTIC_FAULT_POSE | HAPTIC_FAULT_RESIDUAL)) != 0 && strings.size() == 2) {
+        lines += "  strings " + std::to_string(strings[0]) + " and " + std::to_string(strings[1]) +
+                 " seem to be exchanged\n";
+    } else if (unproved && (result.faults & HAPTIC_FAULT_POSE) != 0 && strings.size() == 1) {
+        lines += "  the encoder of string " + std::to_string(strings[0]) + " seems to count the wrong way\n";
+    } else if ((result.faults & HAPTIC_FAULT_POSE) != 0) {
+        const Vec6& offset = result.proof.offset;
+        std::array<char, 200> text{};
+        std::snprintf(text.data(), text.size(),
+                      "  when it was armed, the grip was about %.0f, %.0f, %.0f mm off the centre and turned by %.0f, "
+                      "%.0f, %.0f degrees (x, y, z)\n",
+                      kMillimetres * offset[0], kMillimetres * offset[1], kMillimetres * offset[2],
+                      kDegrees * offset[3], kDegrees * offset[4], kDegrees * offset[5]);
+        lines += text.data();
+    }
+    return lines;
+}
+
 nlohmann::json probe_json(const ProbeUse& probe) {
     if (probe.line.empty()) {
         return nullptr;
@@ -131,6 +264,7 @@ nlohmann::json probes_json(const ProbesUse& probes, const Instruments& m) {
     return {{"ticks", probes.ticks},
             {"tick", probe_json(probes.tick)},
             {"frame", probe_json(probes.frame)},
+            {"relay", probe_json(probes.relay)},
             {"edge_us", summary_us(m.probe_edge)}};
 }
 
@@ -169,8 +303,23 @@ std::vector<std::string> notices(const Instruments& m) {
     if (m.derated_ticks > 0) {
         names.emplace_back("motors_derated");
     }
+    if (m.commissioning_ticks > 0) {
+        names.emplace_back("commissioning");  // the device has no signed protocol: at most 1 N
+    }
     if (m.probe_off_ticks > 0) {
         names.emplace_back("probe_off");
+    }
+    if (m.worst.exchange > kDegradedLink || m.max_latch_gap_ns > kDegradedGapNs) {
+        names.emplace_back("link_degraded");
+    }
+    if (m.unproven_ticks > 0) {
+        names.emplace_back("pose_unproven");
+    }
+    if (m.budget_low_ticks > 0) {
+        names.emplace_back("budget_low");
+    }
+    if (m.edge_ticks > 0) {
+        names.emplace_back("workspace_edge");
     }
     return names;
 }
@@ -224,8 +373,10 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
           {"age_ms", summary_ms(m.frame_age)}}},
         {"exchange", exchange_json(result, m)},
         {"interruptions", interruptions_json(result.interruptions)},
+        {"armings", armings_json(result.armings)},
         {"peak", peak_json(result, m)},
         {"limits", limits_json(m)},
+        {"budget", budget_json(result, m)},
         {"motors", {{"peak_load", m.peak_motor_load}, {"derated_ticks", m.derated_ticks}}},
         {"contact_ticks", m.contact_ticks},
         {"passivity", {{"energy_min_j", m.min_energy}, {"active_ticks", m.passivity_ticks}}},
@@ -239,6 +390,9 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
           {"faults", fault_names(result.faults)},
           {"strings", string_numbers(result.suspects)},
           {"stop", result.stop},
+          {"worst_shares", safety_shares_json(m)},
+          {"proof", proof_json(result.proof)},
+          {"supervision", supervision_json(result.supervision)},
           {"notices", notices(m)},
           {"held", result.succeeded()}}},
         {"setup", setup_json(result.setup)},
@@ -279,11 +433,12 @@ std::string summary(const RunResult& result, const Instruments& m) {
         if (name == "exchange") {
             lines += " (" + std::string(describe(m.last_failure)) + ")";
         }
-        if (name == "slack" || name == "residual") {
+        if (name == "slack" || name == "residual" || name == "encoder_jump") {
             lines += suspects_text(result.suspects);
         }
         lines += "\n";
     }
+    lines += proof_lines(result);
     // Real-time setup.
     if (!result.setup.degraded()) {
         lines += "real-time: " + result.setup.policy + " " + std::to_string(result.setup.priority) + " on processor " +

@@ -9,6 +9,13 @@
 
 namespace haptic::rt {
 
+namespace {
+
+// ns without an answer from the board after which a disarmed loop gives the device up.
+constexpr std::int64_t kLostNs = 500'000'000;
+
+}  // namespace
+
 NextDeadline next_deadline(std::int64_t deadline_ns, std::int64_t period_ns, std::int64_t now_ns) HAPTIC_RT {
     // An overrun skips whole periods: the loop keeps its phase and never catches up.
     NextDeadline next{deadline_ns + period_ns, 0};
@@ -19,10 +26,11 @@ NextDeadline next_deadline(std::int64_t deadline_ns, std::int64_t period_ns, std
     return next;
 }
 
-RealtimeLoop::RealtimeLoop(const LoopSettings& settings, Tick& tick, RealtimeSetup setup)
+RealtimeLoop::RealtimeLoop(const LoopSettings& settings, Tick& tick, RealtimeSetup setup, SupervisionPage* page)
     : settings_(settings),
       tick_(&tick),
       setup_(std::move(setup)),
+      page_(page),
       measured_(std::make_unique<Instruments>(tick.instruments())) {
     thread_ = create_thread(&RealtimeLoop::thread_entry, this, kStackBytes, "creating the real-time thread");
     prepared_.get_future().wait();
@@ -33,9 +41,10 @@ RealtimeLoop::~RealtimeLoop() {
     join();
 }
 
-void RealtimeLoop::start(Recorder* recorder, TimingLog* log) {
+void RealtimeLoop::start(Recorder* recorder, TimingLog* log, ArmSwitch* person) {
     recorder_ = recorder;
     log_ = log;
+    person_ = person;
     started_ = true;
     go_.set_value(true);
 }
@@ -74,26 +83,86 @@ void* RealtimeLoop::thread_entry(void* self) {
 
 std::int64_t RealtimeLoop::run_one(std::int64_t deadline_ns, std::int64_t missed) HAPTIC_RT {
     sleep_until(deadline_ns);  // clock_nanosleep, absolute
-    tick_->run({deadline_ns, monotonic_now_ns(), missed});
+    const std::int64_t begun_ns = monotonic_now_ns();
+    if (page_ != nullptr) {
+        obey_supervisors(begun_ns);
+    }
+    tick_->run({deadline_ns, begun_ns, missed});
     state_.store(tick_->safety_state(), std::memory_order_relaxed);
-    return monotonic_now_ns();
+    flags_.store(tick_->last().flags, std::memory_order_relaxed);
+    const std::int64_t ended_ns = monotonic_now_ns();
+    if (page_ != nullptr) {
+        page_->loop_beat(ended_ns);
+    }
+    return ended_ns;
+}
+
+void RealtimeLoop::obey_supervisors(std::int64_t now_ns) HAPTIC_RT {
+    page_->loop_beat(now_ns);
+    if (page_->is_cut()) {
+        tick_->cut(HAPTIC_FAULT_GUARD);  // the guard found this loop frozen, and the motors are at zero
+    } else if (page_->has_lost()) {
+        tick_->stop_for_good();
+    }
 }
 
 void RealtimeLoop::warm_up(std::int64_t& deadline_ns) HAPTIC_RT {
     for (int i = 0; i < settings_.warm_up_ticks && !stop_requested_.load(std::memory_order_relaxed); ++i) {
         deadline_ns = next_deadline(deadline_ns, settings_.period_ns, run_one(deadline_ns, 0)).deadline_ns;
     }
-    tick_->set_instruments(*measured_);  // drops what the warm-up has measured
+}
+
+void RealtimeLoop::await_person(NextDeadline& next) HAPTIC_RT {
+    HeldButton button;
+    std::int64_t answered_ns = monotonic_now_ns();
+    tick_->await_person();
+    person_->await();
+    while (!person_->pressed() && !stop_requested_.load(std::memory_order_relaxed)) {
+        // A disarmed tick: zero to the motors, encoders and pose as ever.
+        next = next_deadline(next.deadline_ns, settings_.period_ns, run_one(next.deadline_ns, next.missed));
+        const TickRecord& tick = tick_->last();
+        if (tick.cut != 0) {
+            break;  // another thread ended this loop: arming leads to the disarmed state at once
+        }
+        // While disarmed nothing is a fault, so a device that is lost must be noticed here.
+        if (tick.exchange_in == static_cast<std::int8_t>(device::ExchangeStatus::Ok)) {
+            answered_ns = tick.now_ns;
+            if (settings_.arm_button >= 0 &&
+                button.update((tick.buttons >> static_cast<unsigned>(settings_.arm_button) & 1U) != 0, tick.now_ns)) {
+                person_->press(ArmedBy::Button);
+            }
+        } else if (tick.now_ns - answered_ns > kLostNs) {
+            lost_ = tick_->instruments().last_failure;
+            break;
+        }
+    }
+    person_->give_up();
 }
 
 void RealtimeLoop::cycle() HAPTIC_RT {
     tick_->heart().begin();
     NextDeadline next{monotonic_now_ns() + settings_.period_ns, 0};
     tick_->record_to(recorder_);  // from the first tick on, because a replay starts with a new tick too
-    // Warm up disarmed, then arm: calibration and the tension ramp follow.
+    // Warm up disarmed, then arm, or let a person arm: calibration and the tension ramp follow.
     warm_up(next.deadline_ns);
+    if (person_ != nullptr) {
+        await_person(next);
+    }
+    if (!lost_) {
+        run_armed(next);
+    }
+    // Leave the motors at zero, and tell the watchdog that silence is expected from here on.
+    tick_->send_zero(monotonic_now_ns());
+    tick_->heart().end();
+    if (page_ != nullptr) {
+        page_->loop_beat(0);
+    }
+}
+
+void RealtimeLoop::run_armed(NextDeadline& next) HAPTIC_RT {
     tick_->arm();
-    // Everything from here on is measured.
+    // Everything from here on is measured; what was measured while disarmed is dropped.
+    tick_->set_instruments(*measured_);
     const ThreadUsage before = thread_usage();
     if (log_ != nullptr) {
         log_->begin();
@@ -109,11 +178,8 @@ void RealtimeLoop::cycle() HAPTIC_RT {
             log_->add(tick_->last(), tick_->timing(), next.missed);
         }
     } while (tick_->safety_state() != SafetyState::Disarmed);
-    // Leave the motors at zero, and tell the watchdog that silence is expected from here on.
     const ThreadUsage after = thread_usage();
     usage_ = after - before;
-    tick_->send_zero(monotonic_now_ns());
-    tick_->heart().end();
 }
 
 }  // namespace haptic::rt

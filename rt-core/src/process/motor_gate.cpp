@@ -15,9 +15,14 @@ device::ExchangeStatus MotorGate::exchange(const device::MotorCommand& command, 
                                            std::int64_t now_ns) HAPTIC_RT {
     // Set exchanging_ before reading closed_: either this thread sees the gate closed, or close() sees the exchange.
     exchanging_.store(true);
+    const bool was_cut = is_cut();
     const device::ExchangeStatus status =
-        board_->exchange(closed_.load() ? device::MotorCommand{} : command, reading, now_ns);
+        board_->exchange(closed_.load() || was_cut ? device::MotorCommand{} : command, reading, now_ns);
     exchanging_.store(false);
+    // The process may have stood still between the look at the flag and the command: then it came after the zeros.
+    if (!was_cut && is_cut()) {
+        board_->zero_motors(now_ns);
+    }
     return status;
 }
 

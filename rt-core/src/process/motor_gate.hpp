@@ -27,11 +27,17 @@ class MotorGate final : public device::Board {
     /// sends zeros again. From any thread or signal handler, any number of times.
     void close() noexcept;
     [[nodiscard]] bool closed() const HAPTIC_RT { return closed_.load(); }
+    /// From now on behaves as if closed while `cut` is not 0, which another process may set at any time: a guard that
+    /// has sent zeros itself. Call before the loop starts; must outlive it.
+    void obey(const std::atomic<std::uint32_t>& cut) noexcept { cut_ = &cut; }
 
     static constexpr std::int64_t kLongestWaitNs = 5'000'000;  // ns
 
   private:
+    [[nodiscard]] bool is_cut() const HAPTIC_RT { return cut_ != nullptr && cut_->load() != 0; }
+
     device::Board* board_;
+    const std::atomic<std::uint32_t>* cut_ = nullptr;
     // Both sequentially consistent: when an exchange begins while the gate closes, at least one sees the other.
     std::atomic<bool> closed_{false};
     std::atomic<bool> exchanging_{false};

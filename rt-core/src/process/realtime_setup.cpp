@@ -178,7 +178,7 @@ pthread_t create_thread(void* (*entry)(void*), void* argument, std::size_t stack
     return thread;
 }
 
-void prepare_side_thread(int priority, int loop_cpu) {
+int prepare_side_thread(int priority, int loop_cpu) {
     cpu_set_t allowed;
     CPU_ZERO(&allowed);
     const int avoided = loop_cpu < 0 ? default_cpu() : loop_cpu;
@@ -187,13 +187,14 @@ void prepare_side_thread(int priority, int loop_cpu) {
         pthread_setaffinity_np(pthread_self(), sizeof allowed, &allowed);
     }
     // RLIMIT_RTPRIO may have been granted only up to the loop's own priority.
-    for (const int wanted : {priority, priority - 1}) {
+    for (const int wanted : {priority, priority - 1, priority - 2}) {
         sched_param parameters{};
         parameters.sched_priority = wanted;
         if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters) == 0) {
-            return;
+            return wanted;
         }
     }
+    return 0;
 }
 
 void prepare_thread(RealtimeSetup& setup, int priority, int cpu) {

@@ -47,9 +47,10 @@ void prepare_process(RealtimeSetup& setup);
 /// effect.
 void prepare_thread(RealtimeSetup& setup, int priority, int cpu);
 
-/// Prepares the calling thread as one that supervises the loop: SCHED_FIFO at a priority, and any processor except the
-/// loop's (as in prepare_thread) if there is another. Refusals are ignored.
-void prepare_side_thread(int priority, int loop_cpu);
+/// Prepares the calling thread as one that supervises the loop: SCHED_FIFO at a priority or, where RLIMIT_RTPRIO ends
+/// below it, one or two lower, and any processor except the loop's (as in prepare_thread) if there is another. Returns
+/// the priority granted; 0: none, ordinary scheduling.
+[[nodiscard]] int prepare_side_thread(int priority, int loop_cpu);
 
 /// RAII change of the calling thread's processor affinity, inherited by whatever it starts meanwhile. No change if cpu
 /// is -1, if the kernel refuses, or if Exclude would leave no processor.

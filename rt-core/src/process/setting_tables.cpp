@@ -4,7 +4,7 @@ namespace haptic::rt {
 namespace {
 
 constexpr Range kFadeTimes{0.001, 10.0};  // s
-constexpr Range kTicks{0, 100'000};
+constexpr Range kShares{0.0, 1.0};
 constexpr Range kEnergies{0.0, 1.0};          // J
 constexpr Range kExchangeTimes{0.0002, 0.1};  // s
 
@@ -58,6 +58,10 @@ const SettingTable<FileKeys>& geometry_table() {
               .meaning = "Device geometry: a built-in name (listed by firmware-host geometries) or the path of a "
                          "geometry file (*.toml)."},
              V::text(&S::geometry)},
+            {{.key = "protocol",
+              .meaning = "Signed protocol of rt-core bringup for this device. Empty: F.protocol.json beside the "
+                         "geometry file F.toml. Without one, a real device renders at most 1 N."},
+             V::text(&S::protocol)},
             {{.key = "minimum_tension",
               .unit = "N",
               .meaning = "Minimum tension of every string. A larger minimum of the geometry has precedence."},
@@ -417,14 +421,28 @@ const SettingTable<SafetySettings>& safety_table() {
               .meaning = "Maximum root mean square residual of the string lengths. One string that reads 7 mm wrong "
                          "reaches the default."},
              V::number(&S::residual, {0.0001, 0.1})},
-            {{.key = "residual_ticks",
-              .meaning = "Consecutive ticks with a larger residual that are tolerated; one more is a fault."},
-             V::integer(&S::residual_ticks, kTicks)},
-            {{.key = "exchange_ticks",
-              .meaning = "Consecutive failed exchanges that are tolerated; one more is a fault."},
-             V::integer(&S::exchange_ticks, kTicks)},
-            {{.key = "overrun_ticks", .meaning = "Consecutive late ticks that are tolerated; one more is a fault."},
-             V::integer(&S::overrun_ticks, kTicks)},
+            {{.key = "window_s",
+              .unit = "s",
+              .meaning = "Recent time by whose share lost exchanges and contradicting lengths are judged: the time "
+                         "constant of a leaky bucket."},
+             V::duration(&S::window_ns, {0.01, 10.0})},
+            {{.key = "late_window_s",
+              .unit = "s",
+              .meaning = "Recent time by whose share lateness is judged. With the emulated device at least 2 s."},
+             V::duration(&S::late_window_ns, {0.01, 100.0})},
+            {{.key = "residual_share",
+              .meaning = "Share of recent time with a larger residual that is tolerated; more is a fault."},
+             V::number(&S::residual_share, kShares)},
+            {{.key = "exchange_share",
+              .meaning = "Share of recent time without an answer from the board that is tolerated; more is a fault."},
+             V::number(&S::exchange_share, kShares)},
+            {{.key = "late_share",
+              .meaning = "Share of recent time after missed deadlines that is tolerated; more is a fault."},
+             V::number(&S::late_share, kShares)},
+            {{.key = "encoder_age_s",
+              .unit = "s",
+              .meaning = "Age of the newest encoder counters up to which the loop acts on them; older is a fault."},
+             V::duration(&S::encoder_age_ns, {0.002, 10.0})},
         }};
     return table;
 }
@@ -441,9 +459,35 @@ const SettingTable<Settings>& recovery_table() {
               .meaning = "Time without a finished tick after which the watchdog sends zeros to the motors. At least 5 "
                          "times loop.period_s. With the emulated device at least 2 s."},
              V::duration([](S& s) -> auto& { return s.watchdog.limit_ns; }, {0.01, 10.0})},
-            {{.key = "rearm",
-              .meaning = "Whether to wait for a lost device, calibrate again and continue, instead of ending."},
-             V::flag(&S::rearm)},
+            {{.key = "guard_s",
+              .unit = "s",
+              .meaning =
+                  "Time without a beginning or ending tick after which the guard process takes the loop for frozen "
+                  "and sends zeros to the motors. At least what a tick may wait for its board, plus 4 times "
+                  "loop.period_s; a smaller value counts as that. Not with the emulated device."},
+             V::duration([](S& s) -> auto& { return s.guard.silence_ns; }, {0.003, 10.0})},
+            {{.key = "prove",
+              .meaning =
+                  "Whether the device must prove its wiring when it is armed, and its pose by movement before it "
+                  "renders more than a trace: \"auto\" for a real device, \"always\" or \"never\". The ideal "
+                  "emulated grip does not yield and can prove nothing."},
+             V::choice(&S::prove, {{"auto", Prove::RealDevice}, {"always", Prove::Always}, {"never", Prove::Never}})},
+            {{.key = "arm",
+              .meaning = "What arms the device for the first time: the \"start\" of the program, or a \"person\" by "
+                         "key, button or rt-core arm. After the device was lost it is always a person."},
+             V::choice(&S::person_arms, {{"start", false}, {"person", true}})},
+            {{.key = "arm_button",
+              .meaning = "Switch of the board by which a person arms, held for 1 s after it was released. -1: none."},
+             V::integer([](S& s) -> auto& { return s.loop.arm_button; }, {-1, 2})},
+            {{.key = "profile",
+              .meaning =
+                  "Profile of forces: learning, normal, expert, or the name of a table [[profile]]. Empty: normal "
+                  "for a real device, none for an emulated one."},
+             V::text(&S::profile)},
+            {{.key = "reconnect",
+              .old_key = "safety.rearm",
+              .meaning = "Whether to wait for a lost device, and then for a person to arm it, instead of ending."},
+             V::flag(&S::reconnect)},
         }};
     return table;
 }
@@ -477,6 +521,25 @@ const SettingTable<GpioStopSettings>& stop_line_table() {
             {{.key = "stop_level",
               .meaning = "Level that means stop. The line is biased to it, so that a broken wire stops the loop."},
              V::choice(&S::stop_when_high, {{"high", true}, {"low", false}})},
+        }};
+    return table;
+}
+
+const SettingTable<FileKeys>& relay_table() {
+    using S = FileKeys;
+    using V = SettingValues<S>;
+    static const SettingTable<S> table{
+        "safety",
+        "",
+        {
+            {{.key = "relay_chip",
+              .meaning =
+                  "GPIO chip of the line that keeps the motors' relay closed: label, name or path. Empty: none."},
+             V::text(&S::relay_chip)},
+            {{.key = "relay_line",
+              .meaning = "Offset of that line in its chip. It toggles with each tick while the loop is armed and its "
+                         "board answers, and is steady otherwise: a square wave of half the loop's rate."},
+             V::integer(&S::relay_line, {0, 1023})},
         }};
     return table;
 }

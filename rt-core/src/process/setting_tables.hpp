@@ -13,6 +13,7 @@ namespace haptic::rt {
 /// Values of keys that need more than a conversion to become Settings: read_settings() derives those from them.
 struct FileKeys {
     std::string geometry = "SpidarG6X3R";
+    std::string protocol;            // empty: beside the geometry file
     double minimum_tension = 0.0;    // N
     double maximum_tension = 200.0;  // N
     std::string usb_id;
@@ -21,6 +22,8 @@ struct FileKeys {
     NumberOrWord stiffness{{}, "auto"};             // N/m
     NumberOrWord rotational_stiffness{{}, "auto"};  // N*m/rad
     double stiffness_delay_s = 0.0;                 // s
+    std::string relay_chip;
+    int relay_line = 0;
     ProbeSettings probes;
     device::EmulatedSettings emulated;
 };
@@ -45,6 +48,7 @@ const SettingTable<SafetySettings>& safety_table();
 const SettingTable<Settings>& recovery_table();
 const SettingTable<TickSettings>& stop_button_table();
 const SettingTable<GpioStopSettings>& stop_line_table();
+const SettingTable<FileKeys>& relay_table();
 const SettingTable<ProbeLines>& probe_lines_table();
 const SettingTable<Settings>& recording_table();
 
@@ -75,6 +79,7 @@ void visit_tables(Settings& settings, FileKeys& keys, const Visitor& visit) {
     visit(recovery_table(), settings);
     visit(stop_button_table(), settings.tick);
     visit(stop_line_table(), settings.stop_line);
+    visit(relay_table(), keys);
     // [probes]
     visit(probe_settings(), keys.probes);
     visit(probe_lines_table(), settings.probes);

@@ -8,12 +8,14 @@
 
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/types.hpp"
+#include "process/force_profiles.hpp"
 #include "process/setting_tables.hpp"
 
 namespace haptic::rt {
 namespace {
 
 constexpr std::int64_t kWatchdogPeriods = 5;
+constexpr int kHighestPriority = 98;  // 99 is used by kernel threads
 
 device::DeviceGeometry find_geometry(const Config& config, const FileKeys& keys) {
     try {
@@ -90,12 +92,54 @@ void check_probes(const Config& config, const ProbeLines& lines) {
     refuse_same(lines.loopback, lines.frame, "probes.loopback", "probes.frame");
 }
 
+/// Keys of earlier versions whose meaning has changed, so that no value can be taken over.
+void refuse_old_keys(const Config& config) {
+    struct OldKey {
+        const char* key;
+        const char* remedy;
+    };
+    constexpr const char* by_share = "counted ticks; faults are now judged by their share of recent time: set ";
+    for (const OldKey& old : {OldKey{"safety.residual_ticks", "safety.residual_share"},
+                              OldKey{"safety.exchange_ticks", "safety.exchange_share (and safety.encoder_age_s)"},
+                              OldKey{"safety.overrun_ticks", "safety.late_share"}}) {
+        if (config.has(old.key)) {
+            config.fail(old.key, std::string(by_share) + old.remedy + " instead");
+        }
+    }
+}
+
+/// The line of the motors' relay, which is another one than all others.
+void choose_relay(const Config& config, const FileKeys& keys, Settings& settings) {
+    if (keys.relay_chip.empty()) {
+        return;
+    }
+    const std::string line = std::to_string(keys.relay_line);
+    const GpioStopSettings& stop = settings.stop_line;
+    bool taken = stop.chip == keys.relay_chip && stop.line == keys.relay_line;
+    for (const auto& probe : {settings.probes.tick, settings.probes.frame, settings.probes.loopback}) {
+        taken = taken || (probe && probe->chip == keys.relay_chip && probe->line == line);
+    }
+    if (taken) {
+        config.fail("safety.relay_line", "must be another line than the stop line and the probes");
+    }
+    settings.probes.relay = GpioLine{.chip = keys.relay_chip,
+                                     .line = line,
+                                     .purpose = "relay line (safety.relay_chip, safety.relay_line)",
+                                     .user = "rt-core relay"};
+}
+
 void check_times(const Config& config, const Settings& settings) {
     if (settings.watchdog.limit_ns < kWatchdogPeriods * settings.loop.period_ns) {
         config.fail("safety.watchdog_s", "must be at least 5 times loop.period_s");
     }
     if (settings.tick.black_box_ns < settings.tick.period_ns) {
         config.fail("recording.black_box_s", "must be at least loop.period_s");
+    }
+}
+
+void check_buttons(const Config& config, const Settings& settings) {
+    if (settings.loop.arm_button >= 0 && settings.loop.arm_button == settings.tick.stop_button) {
+        config.fail("safety.arm_button", "must be another switch than safety.stop_button");
     }
 }
 
@@ -115,15 +159,26 @@ Settings read_settings(const Config& config) {
     visit_tables(settings, keys, [&config](const auto& table, auto& part) { table.read(config, part); });
     settings.tick.period_ns = settings.loop.period_ns;
     settings.watchdog.priority = settings.loop.priority + 1;
+    settings.guard.priority = std::min(settings.loop.priority + 2, kHighestPriority);
     settings.probes.slowest_edge_ns = keys.probes.slowest_edge_ns;
     settings.mechanics = device::grip_mechanics(keys.emulated);
+    settings.tremor = keys.emulated.tremor;
     settings.tick.geometry = find_geometry(config, keys);
+    settings.protocol =
+        read_protocol(keys.protocol.empty() ? protocol_beside(keys.geometry) : std::filesystem::path(keys.protocol),
+                      settings.tick.geometry);
     narrow_tensions(config, keys, settings.tick.geometry);
     choose_usb_device(config, keys, settings.usb);
     limit_stiffness(keys, settings.tick);
+    if (const std::optional<ForceProfile> profile = find_profile(config, settings.profile)) {
+        apply_profile(config, *profile, settings.tick);
+    }
     check_probes(config, settings.probes);
+    choose_relay(config, keys, settings);
     check_times(config, settings);
     check_motors(config, settings.tick);
+    check_buttons(config, settings);
+    refuse_old_keys(config);
     config.reject_unknown();
     return settings;
 }
@@ -134,6 +189,7 @@ SettingReference setting_reference() {
     SettingReference reference;
     visit_tables(settings, keys,
                  [&reference](const auto& table, const auto& part) { add_section(reference, table.describe(part)); });
+    add_section(reference, profile_table().describe(normal_profile()));
     return reference;
 }
 

@@ -2,14 +2,18 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 
 #include "haptic/config.hpp"
 #include "haptic/device/board_options.hpp"
 #include "haptic/device/grip_mechanics.hpp"
+#include "haptic/device/tremor.hpp"
 #include "haptic/device/tty_board.hpp"
 #include "haptic/setting_documents.hpp"
+#include "process/device_protocol.hpp"
+#include "process/guard_link.hpp"
 #include "process/loop.hpp"
 #include "process/stop_input.hpp"
 #include "process/usb_settings.hpp"
@@ -19,14 +23,23 @@
 
 namespace haptic::rt {
 
+/// Which devices must prove themselves (device_proof.hpp).
+enum class Prove : std::uint8_t { RealDevice, Always, Never };
+
 struct Settings {
     TickSettings tick;
     LoopSettings loop;
     device::BoardOptions board;
     std::optional<device::GripMechanics> mechanics;  // of the emulated device; none: the grip follows its recording
+    device::TremorSettings tremor;                   // of the hand that holds the emulated grip
     WatchdogSettings watchdog;
+    GuardSettings guard;
     UsbSettings usb;
-    bool rearm = false;  // after the device was lost, wait for it and continue
+    std::string profile;       // of forces; empty: none
+    DeviceProtocol protocol;   // of the geometry, as it is in its file
+    bool reconnect = false;    // after the device was lost, wait for it and for a person, and continue
+    bool person_arms = false;  // a person arms the device, else the start of the program does
+    Prove prove = Prove::RealDevice;
     device::TtyBoard::Settings serial;
     GpioStopSettings stop_line;
     ProbeLines probes;

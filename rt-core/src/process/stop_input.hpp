@@ -11,6 +11,8 @@
 #include <mutex>
 #include <string>
 
+#include "process/supervision.hpp"
+
 namespace haptic::rt {
 
 class StopLine {
@@ -34,22 +36,33 @@ struct GpioStopSettings {
 /// does not report it; then an external resistor must do it.
 [[nodiscard]] std::unique_ptr<StopLine> open_gpio_stop_line(const GpioStopSettings& settings);
 
+/// The thread that reads a stop line.
+struct StopLineThread {
+    int priority = 81;  // SCHED_FIFO; a refusal is reported by StopLineMonitor::priority()
+    int loop_cpu = -1;  // processor to avoid, as LoopSettings::cpu
+    Supervision supervision = {};
+};
+
 /// Polls a stop line every kPollNs, and calls `stop` once. The latency is at most kPollNs plus the scheduler's delay.
 class StopLineMonitor {
   public:
     static constexpr std::int64_t kPollNs = 5'000'000;  // ns
 
     /// Starts the thread, which calls `stop` at most once. Throws std::system_error if it cannot be created.
-    StopLineMonitor(std::unique_ptr<StopLine> line, std::function<void()> stop);
+    StopLineMonitor(std::unique_ptr<StopLine> line, std::function<void()> stop, const StopLineThread& thread = {});
     StopLineMonitor(const StopLineMonitor&) = delete;
     StopLineMonitor& operator=(const StopLineMonitor&) = delete;
     ~StopLineMonitor();
 
     [[nodiscard]] bool stopped() const noexcept { return stopped_.load(); }
+    /// SCHED_FIFO priority of its thread; 0: it was refused. Waits until the thread has asked.
+    [[nodiscard]] int priority() const noexcept;
     /// Reason of the stop; valid once stopped() is true.
     [[nodiscard]] const std::string& reason() const noexcept { return reason_; }
 
   private:
+    static constexpr int kUnknown = -1;
+
     static void* thread_entry(void* self);
     void monitor();
     /// True if the line means stop or cannot be read; sets reason_.
@@ -57,6 +70,8 @@ class StopLineMonitor {
 
     std::unique_ptr<StopLine> line_;
     std::function<void()> stop_;
+    StopLineThread settings_;
+    std::atomic<int> priority_{kUnknown};
     std::atomic<bool> stopped_{false};
     std::string reason_;  // written before stopped_
     std::mutex mutex_;

@@ -25,8 +25,8 @@ void leave() {
 
 }  // namespace
 
-Watchdog::Watchdog(const WatchdogSettings& settings, Tick& tick, MotorGate& gate)
-    : settings_(settings), tick_(&tick), gate_(&gate) {
+Watchdog::Watchdog(const WatchdogSettings& settings, Tick& tick, MotorGate& gate, const Supervision& supervision)
+    : settings_(settings), tick_(&tick), gate_(&gate), supervision_(supervision) {
     thread_ = create_thread(&Watchdog::thread_entry, this, kSideStackBytes, "creating the watchdog's thread");
 }
 
@@ -37,12 +37,21 @@ Watchdog::~Watchdog() {
     }
     stop_.notify_one();
     pthread_join(thread_, nullptr);
+    if (supervision_.page != nullptr) {
+        supervision_.page->leave(Supervisor::Watchdog);
+    }
+}
+
+int Watchdog::priority() const noexcept {
+    priority_.wait(kUnknown);
+    return priority_.load();
 }
 
 void* Watchdog::thread_entry(void* self) {
     const AlternateSignalStack signal_stack;
     auto* const watchdog = static_cast<Watchdog*>(self);
-    prepare_side_thread(watchdog->settings_.priority, watchdog->settings_.loop_cpu);
+    watchdog->priority_.store(prepare_side_thread(watchdog->settings_.priority, watchdog->settings_.loop_cpu));
+    watchdog->priority_.notify_all();
     watchdog->watch();
     return nullptr;
 }
@@ -59,6 +68,7 @@ void Watchdog::watch() {
     // Several polls within the limit, so that a single late one cannot fire the watchdog.
     const std::int64_t poll_ns = std::max(settings_.limit_ns / StallDetector::kChecks, kMinPollNs);
     StallDetector detector;
+    SupervisorCheck others(supervision_, Supervisor::Watchdog);
     std::int64_t due_ns = monotonic_now_ns() + poll_ns;
     std::int64_t fired_ns = 0;
     while (wait_until(due_ns)) {
@@ -66,6 +76,10 @@ void Watchdog::watch() {
         // A late poll means that this process was suspended too, so it does not count as silence of the loop.
         const bool late = now_ns - due_ns >= poll_ns;
         due_ns = now_ns + poll_ns;
+        if (supervision_.page != nullptr) {
+            supervision_.page->beat(Supervisor::Watchdog);
+            others.check(now_ns);
+        }
         // The loop is dead after kChecks polls in a row without a heartbeat.
         const std::uint64_t beats = tick_->heart().beats();
         const bool dead = detector.stalled(beats, late);

@@ -21,6 +21,7 @@
 #include <mutex>
 
 #include "process/motor_gate.hpp"
+#include "process/supervision.hpp"
 #include "tick/tick.hpp"
 
 namespace haptic::rt {
@@ -37,7 +38,7 @@ class Watchdog {
   public:
     /// Starts polling at once; judges only while a loop runs the tick. Tick and gate must outlive the watchdog, which
     /// must outlive the loop. Throws std::system_error if the thread cannot be created.
-    Watchdog(const WatchdogSettings& settings, Tick& tick, MotorGate& gate);
+    Watchdog(const WatchdogSettings& settings, Tick& tick, MotorGate& gate, const Supervision& supervision = {});
     Watchdog(const Watchdog&) = delete;
     Watchdog& operator=(const Watchdog&) = delete;
     /// Waits for the end of the current poll at most.
@@ -45,8 +46,12 @@ class Watchdog {
 
     /// True once zeros were sent.
     [[nodiscard]] bool fired() const noexcept { return fired_.load(); }
+    /// SCHED_FIFO priority of its thread; 0: it was refused. Waits until the thread has asked.
+    [[nodiscard]] int priority() const noexcept;
 
   private:
+    static constexpr int kUnknown = -1;
+
     static void* thread_entry(void* self);
     void watch();
     [[nodiscard]] bool wait_until(std::int64_t time_ns);
@@ -54,6 +59,8 @@ class Watchdog {
     WatchdogSettings settings_;
     Tick* tick_;
     MotorGate* gate_;
+    Supervision supervision_;
+    std::atomic<int> priority_{kUnknown};
     std::atomic<bool> fired_{false};
     std::mutex mutex_;
     std::condition_variable stop_;

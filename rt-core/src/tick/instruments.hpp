@@ -10,6 +10,7 @@
 #include "haptic/histogram.hpp"
 #include "haptic/realtime.hpp"
 #include "haptic/types.hpp"
+#include "tick/safety.hpp"
 
 namespace haptic::rt {
 
@@ -43,6 +44,9 @@ struct Instruments {
     std::uint64_t failed_exchanges = 0;
     std::array<std::uint64_t, device::kExchangeStatuses> exchange_statuses{};  // exchanges by their status
     device::ExchangeStatus last_failure = device::ExchangeStatus::Ok;          // of the last exchange that failed
+    RecentShares worst;                 // largest shares of recent time while armed
+    std::int64_t max_latch_gap_ns = 0;  // ns, longest time between two latches of the encoders while armed
+    std::uint64_t unproven_ticks = 0;   // in which the wrench was limited because the pose was not proved
     std::uint64_t frames_received = 0;
     std::uint64_t frames_rejected = 0;
     std::uint64_t stale_ticks = 0;
@@ -54,12 +58,15 @@ struct Instruments {
     double peak_torque = 0.0;  // N*m
     WrenchAtPose at_peak_force;
     WrenchAtPose at_peak_torque;
-    std::uint64_t derated_ticks = 0;    // with a derated motor
-    StringArray peak_motor_load{};      // of the thermal model; 1 is a fault
-    std::uint64_t passivity_ticks = 0;  // in which the passivity controller changed the wrench
+    std::uint64_t derated_ticks = 0;     // with a derated motor
+    std::uint64_t edge_ticks = 0;        // outside the workspace's region
+    std::uint64_t budget_low_ticks = 0;  // with most of the budget used
+    StringArray peak_motor_load{};       // of the thermal model; 1 is a fault
+    std::uint64_t passivity_ticks = 0;   // in which the passivity controller changed the wrench
     std::uint64_t stiffness_limited_ticks = 0;
-    std::uint64_t probe_off_ticks = 0;  // with a probe switched off after an error of the kernel
-    double min_energy = 0.0;            // J, of the passivity observer
+    std::uint64_t commissioning_ticks = 0;  // in the mode for a device without a signed protocol
+    std::uint64_t probe_off_ticks = 0;      // with a probe switched off after an error of the kernel
+    double min_energy = 0.0;                // J, of the passivity observer
 
     void count(device::ExchangeStatus status) HAPTIC_RT {
         ++exchange_statuses[static_cast<std::size_t>(status)];

@@ -7,6 +7,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "haptic/frames.hpp"
@@ -15,19 +16,40 @@
 
 namespace haptic::rt {
 
-/// Ring buffer of the last N ticks. For one thread.
+/// Ring buffer of the last N ticks, in memory of its own or of a file that outlives the process. For one thread.
 class BlackBox {
   public:
     explicit BlackBox(std::size_t capacity);
+    /// Reads what a process has left that did not come to an end. Throws std::runtime_error if the memory, which must
+    /// outlive the box, is not a black box of this version.
+    explicit BlackBox(std::span<std::byte> left);
+    BlackBox(const BlackBox&) = delete;
+    BlackBox& operator=(const BlackBox&) = delete;
+
+    /// Moves to other memory of at least bytes(capacity), aligned as new, which must outlive the box. Drops the ticks.
+    void store_in(std::span<std::byte> memory);
+    [[nodiscard]] static std::size_t bytes(std::size_t capacity) noexcept;
+    [[nodiscard]] std::size_t capacity() const HAPTIC_RT { return capacity_; }
+
     void push(const TickRecord& record) HAPTIC_RT;
-    [[nodiscard]] std::size_t size() const HAPTIC_RT { return size_; }
+    [[nodiscard]] std::size_t size() const HAPTIC_RT;
     /// Oldest first; index below size().
     [[nodiscard]] const TickRecord& at(std::size_t index) const HAPTIC_RT;
 
   private:
-    std::vector<TickRecord> records_;
-    std::size_t next_ = 0;
-    std::size_t size_ = 0;
+    struct Head {
+        std::uint64_t magic = 0;
+        std::uint32_t layout = 0;        // of the records: another build may have another one
+        std::uint32_t record_bytes = 0;  // sizeof(TickRecord)
+        std::uint64_t capacity = 0;      // records that follow
+        std::atomic<std::uint64_t> pushed{0};
+    };
+
+    std::vector<std::byte> own_;
+    Head* head_ = nullptr;
+    TickRecord* records_ = nullptr;
+    std::size_t capacity_ = 0;
+    std::size_t torn_ = 0;  // 1 if the oldest record may be half overwritten
 };
 
 /// Single-producer single-consumer queue. Wait-free on both sides; entries that find it full are dropped and counted.

@@ -12,24 +12,31 @@ std::uint32_t bit_if(bool condition, std::uint32_t bit) HAPTIC_RT {
     return condition ? bit : 0u;
 }
 
-/// Number of consecutive ticks up to now for which a condition held.
-int count_consecutive(int so_far, bool now) HAPTIC_RT {
-    return now ? so_far + 1 : 0;
+// A ramp advances in real time, but by at most this share of its length per tick, so that no gap turns it into a step.
+constexpr double kLongestRampStep = 0.2;
+
+double ramp_step(std::int64_t elapsed_ns, std::int64_t ramp_ns) HAPTIC_RT {
+    return std::min(kLongestRampStep, static_cast<double>(elapsed_ns) / static_cast<double>(ramp_ns));
 }
 
 }  // namespace
+
+SafetyMachine::SafetyMachine(const SafetySettings& settings) HAPTIC_RT : settings_(settings),
+                                                                         exchange_(settings.window_ns),
+                                                                         late_(settings.late_window_ns),
+                                                                         residual_(settings.window_ns) {}
 
 void SafetyMachine::arm() HAPTIC_RT {
     if (state_ != SafetyState::Disarmed) {
         return;
     }
-    // Forget the last run: faults, counts of consecutive ticks, ramps and wrench.
+    // Forget the last run: faults, recent time, ramps and wrench.
     state_ = SafetyState::Tensioning;
     faults_ = 0;
     suspects_ = 0;
-    failed_exchanges_ = 0;
-    large_residuals_ = 0;
-    late_ticks_ = 0;
+    exchange_.reset();
+    late_.reset();
+    residual_.reset();
     // Both ramps start at zero, and nothing is left to fade out.
     tension_ = 0.0;
     wrench_fade_ = 0.0;
@@ -61,36 +68,59 @@ void SafetyMachine::fault(std::uint32_t bits) HAPTIC_RT {
 
 SafetyMachine::Calibration SafetyMachine::update(const TickHealth& health) HAPTIC_RT {
     // A fault found now starts to fade out in this same tick.
+    update_shares(health);
     check_faults(health);
     advance_ramps(health.elapsed_ns);
-    // Strings at minimum tension: calibrate as soon as the grip is held still.
-    if (state_ == SafetyState::Tensioning && tension_ >= 1.0) {
-        state_ = SafetyState::Calibrating;
-        still_ns_ = 0;
-        return Calibration::Restart;
+    switch (state_) {
+        case SafetyState::Tensioning:
+            if (tension_ < 1.0) {
+                return Calibration::None;
+            }
+            if (!settings_.prove) {
+                return begin_calibration();
+            }
+            state_ = SafetyState::Proving;
+            return Calibration::None;
+        case SafetyState::Proving:
+            return health.wiring == Proof::Passed ? begin_calibration() : Calibration::None;
+        case SafetyState::Calibrating:
+            return calibrate(health);
+        case SafetyState::Disarmed:
+        case SafetyState::Running:
+        case SafetyState::Faulted:
+            break;
     }
-    return state_ == SafetyState::Calibrating ? calibrate(health) : Calibration::None;
+    return Calibration::None;
 }
 
-void SafetyMachine::check_faults(const TickHealth& health) HAPTIC_RT {
-    // Conditions that are harmless for a few ticks.
-    failed_exchanges_ = count_consecutive(failed_exchanges_, !health.exchange_ok);
-    late_ticks_ = count_consecutive(late_ticks_, health.late);
+void SafetyMachine::update_shares(const TickHealth& health) HAPTIC_RT {
+    exchange_.update(health.exchange_ok ? 0 : health.elapsed_ns, health.elapsed_ns);
+    late_.update(health.late_ns, health.elapsed_ns);
     // Before calibration the lengths do not belong to a pose.
     const bool contradiction =
         state_ == SafetyState::Running && !(health.determined && health.residual <= settings_.residual);
-    large_residuals_ = count_consecutive(large_residuals_, contradiction);
+    residual_.update(contradiction ? health.elapsed_ns : 0, health.elapsed_ns);
+}
 
-    // Each condition faults after its number of consecutive ticks; a jump, NaN or overheating at once.
-    const std::uint32_t bits =
-        bit_if(failed_exchanges_ > settings_.exchange_ticks, HAPTIC_FAULT_EXCHANGE) |
-        bit_if(late_ticks_ > settings_.overrun_ticks, HAPTIC_FAULT_OVERRUN) |
-        bit_if(large_residuals_ > settings_.residual_ticks, health.slack ? HAPTIC_FAULT_SLACK : HAPTIC_FAULT_RESIDUAL) |
-        bit_if(health.jump, HAPTIC_FAULT_JUMP) | bit_if(!health.finite, HAPTIC_FAULT_NONFINITE) |
-        bit_if(health.overheated, HAPTIC_FAULT_THERMAL);
-    // Keep the strings that the residual points to.
-    if ((bits & (HAPTIC_FAULT_SLACK | HAPTIC_FAULT_RESIDUAL)) != 0) {
-        suspects_ = health.suspects;
+void SafetyMachine::check_faults(const TickHealth& health) HAPTIC_RT {
+    const bool unanswered =
+        exchange_.value() > settings_.exchange_share || health.encoder_age_ns > settings_.encoder_age_ns;
+    const bool contradicted = state_ == SafetyState::Running && residual_.value() > settings_.residual_share;
+    const bool miswired = state_ == SafetyState::Proving && health.wiring == Proof::Refused;
+    const bool displaced = state_ == SafetyState::Running && health.pose == Proof::Refused;
+    // What took too much of the recent time; all else at once.
+    const std::uint32_t bits = bit_if(unanswered, HAPTIC_FAULT_EXCHANGE) |
+                               bit_if(late_.value() > settings_.late_share, HAPTIC_FAULT_OVERRUN) |
+                               bit_if(contradicted, health.slack ? HAPTIC_FAULT_SLACK : HAPTIC_FAULT_RESIDUAL) |
+                               bit_if(miswired, HAPTIC_FAULT_WIRING) | bit_if(displaced, HAPTIC_FAULT_POSE) |
+                               bit_if(health.jump, HAPTIC_FAULT_JUMP) | bit_if(!health.finite, HAPTIC_FAULT_NONFINITE) |
+                               bit_if(health.overheated, HAPTIC_FAULT_THERMAL);
+    // Keep the strings that the finding points to.
+    constexpr std::uint32_t names_strings =
+        HAPTIC_FAULT_SLACK | HAPTIC_FAULT_RESIDUAL | HAPTIC_FAULT_WIRING | HAPTIC_FAULT_JUMP | HAPTIC_FAULT_POSE;
+    if ((bits & names_strings) != 0) {
+        const bool in_lengths = (bits & (HAPTIC_FAULT_SLACK | HAPTIC_FAULT_RESIDUAL | HAPTIC_FAULT_POSE)) != 0;
+        suspects_ = in_lengths && health.mixed_up != 0 ? health.mixed_up : health.suspects;
     }
     if (bits != 0) {
         fault(bits);
@@ -98,15 +128,14 @@ void SafetyMachine::check_faults(const TickHealth& health) HAPTIC_RT {
 }
 
 void SafetyMachine::advance_ramps(std::int64_t elapsed_ns) HAPTIC_RT {
-    const double dt = static_cast<double>(elapsed_ns);
-    // Share of the tension ramp that this tick covers; arming raises the tension, a fault lowers it last.
-    const double tension_step = dt / static_cast<double>(settings_.tension_ramp_ns);
+    // Arming raises the tension, a fault lowers it last.
+    const double tension_step = ramp_step(elapsed_ns, settings_.tension_ramp_ns);
     if (state_ == SafetyState::Tensioning) {
         tension_ = std::min(1.0, tension_ + tension_step);
     } else if (state_ == SafetyState::Faulted) {
         // First the wrench, then the tension once the limiter has let the wrench reach zero.
         if (wrench_fade_ > 0.0) {
-            wrench_fade_ = std::max(0.0, wrench_fade_ - dt / static_cast<double>(settings_.fault_fade_ns));
+            wrench_fade_ = std::max(0.0, wrench_fade_ - ramp_step(elapsed_ns, settings_.fault_fade_ns));
         } else if (!rendered_) {
             tension_ = std::max(0.0, tension_ - tension_step);
         }
@@ -116,14 +145,21 @@ void SafetyMachine::advance_ramps(std::int64_t elapsed_ns) HAPTIC_RT {
     }
 }
 
+SafetyMachine::Calibration SafetyMachine::begin_calibration() HAPTIC_RT {
+    state_ = SafetyState::Calibrating;
+    still_ns_ = 0;
+    return Calibration::Restart;
+}
+
 SafetyMachine::Calibration SafetyMachine::calibrate(const TickHealth& health) HAPTIC_RT {
     // The grip moved, or the counters are not current: restart the hold.
     if (health.largest_movement > settings_.calibration_movement || !health.exchange_ok) {
         still_ns_ = 0;
         return Calibration::Restart;
     }
-    // After the hold time the strings have their rest lengths.
-    still_ns_ += health.elapsed_ns;
+    // After the hold time the strings have their rest lengths. A gap proves little: the grip may have moved and
+    // returned.
+    still_ns_ += std::min(health.elapsed_ns, settings_.calibration_hold_ns / 5 + 1);
     if (still_ns_ < settings_.calibration_hold_ns) {
         return Calibration::None;
     }

@@ -11,7 +11,7 @@
 namespace haptic::rt {
 namespace {
 
-// Periods; after an interruption, rate limits and ramps advance by at most this much, so that no output jumps.
+// Periods; after an interruption, rate limits advance by at most this much, so that no output jumps.
 constexpr std::int64_t kMaxElapsedPeriods = 2;
 
 }  // namespace
@@ -39,7 +39,9 @@ Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<F
       renderer_(settings.frames),
       passivity_(settings.passivity, settings.limits),
       limiter_(settings.limits),
+      budget_(settings.budget),
       safety_(settings.safety),
+      proof_(settings.geometry, settings.proof, settings.safety.prove),
       thermal_(thermal_settings(settings)),
       tension_solver_(tension_settings(settings)),
       idle_solver_(tension_settings(settings)),
@@ -51,6 +53,7 @@ void Tick::run(const TickTime& time) HAPTIC_RT {
     exchange_in(time);
     measure_pose(time);
     integrate_wrench();
+    spend_budget();
     check_health();
     mark_stage(instruments_.pose, TickStage::Pose);
     // Render: the wrench of the newest contact frame at this pose, within all bounds.
@@ -87,12 +90,15 @@ void Tick::begin(const TickTime& time) HAPTIC_RT {
     record_.number = ++number_;
     record_.requests = requests_;
     requests_ = 0;
-    // Elapsed time for rates and ramps, clamped; lateness.
+    // Elapsed time, clamped for rates; lateness: the time since the first of the deadlines that were missed.
     record_.period_ns = first_ ? 0 : time.now_ns - last_now_ns_;
     elapsed_ns_ = first_ ? settings_.period_ns
                          : std::clamp<std::int64_t>(record_.period_ns, 0, kMaxElapsedPeriods * settings_.period_ns);
-    late_ = time.missed > 0 || time.now_ns - time.deadline_ns >= settings_.period_ns;
-    set_flag(late_, HAPTIC_TICK_OVERRUN);
+    const bool late = time.missed > 0 || time.now_ns - time.deadline_ns >= settings_.period_ns;
+    late_ns_ = late ? time.now_ns - time.deadline_ns + time.missed * settings_.period_ns : 0;
+    set_flag(late, HAPTIC_TICK_OVERRUN);
+    set_flag(awaits_person_, HAPTIC_TICK_ARM_AWAITED);
+    set_flag(settings_.commissioning, HAPTIC_TICK_COMMISSIONING);
     set_flag(probes_ != nullptr && (probes_->tick.off() || probes_->frame.off()), HAPTIC_TICK_PROBE_OFF);
 
     // Wake-up statistics.
@@ -108,8 +114,12 @@ void Tick::begin(const TickTime& time) HAPTIC_RT {
 void Tick::update_thermal_model() HAPTIC_RT {
     // The unclamped time: while the process was stopped, the motors kept pulling.
     thermal_.update(held_, record_.period_ns);
-    tension_solver_.set_maxima(thermal_.bounds());
-    idle_solver_.set_maxima(thermal_.bounds());
+    StringArray bounds = thermal_.bounds();
+    for (double& bound : bounds) {
+        bound = std::min(bound, proof_.max_tension());
+    }
+    tension_solver_.set_maxima(bounds);
+    idle_solver_.set_maxima(bounds);
     set_flag(thermal_.derated(), HAPTIC_TICK_DERATED);
 }
 
@@ -119,6 +129,8 @@ void Tick::arm() HAPTIC_RT {
         return;
     }
     safety_.arm();
+    proof_.begin();
+    awaits_person_ = false;
     encoders_.restart();
     latched_ = false;
     reset_pose();
@@ -187,6 +199,9 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     motion_.rotation = rotation_between(before.orientation, estimate_.pose.orientation);
     motion_.elapsed_s = seconds(since_latch_ns);
     held_command_ = sent_command_;  // the board took the last command no later than now
+    if (safety_.state() != SafetyState::Disarmed) {
+        instruments_.max_latch_gap_ns = std::max(instruments_.max_latch_gap_ns, since_latch_ns);
+    }
     last_latch_ns_ = time.now_ns;
     latched_ = true;
 }
@@ -198,24 +213,37 @@ void Tick::integrate_wrench() HAPTIC_RT {
     impulse_.torque += elapsed_s * held_contact_.torque;
 }
 
+void Tick::spend_budget() HAPTIC_RT {
+    // Work of the strings on the grip, whatever they pulled for.
+    const double work =
+        glm::dot(motion_.held.force, motion_.displacement) + glm::dot(motion_.held.torque, motion_.rotation);
+    budget_.update(work, seconds(record_.period_ns), safety_.state() == SafetyState::Running);
+    set_flag(budget_.warns(), HAPTIC_TICK_BUDGET_LOW);
+    if (budget_.spent()) {
+        safety_.fault_budget();
+    }
+}
+
 void Tick::check_health() HAPTIC_RT {
     // Exchanges of the last tick; timing and pose of this one.
     TickHealth health;
-    health.elapsed_ns = elapsed_ns_;
+    health.elapsed_ns = record_.period_ns > 0 ? record_.period_ns : settings_.period_ns;
+    health.late_ns = late_ns_;
     health.exchange_ok = !exchange_failed_;
+    health.encoder_age_ns = latched_ && !in_ok_ ? record_.now_ns - last_latch_ns_ : 0;
     health.jump = jump_;
-    health.late = late_;
     health.finite = estimate_.status != PoseStatus::NonFinite;
     health.determined = estimate_.status != PoseStatus::RankDeficient;
     // The suspects count as slack only if every one of them reads too long.
     const StringSuspicion& suspicion = string_monitor_.suspicion();
-    health.suspects = suspicion.strings;
+    health.suspects = jump_ ? encoders_.jumped() : suspicion.strings;
     health.slack = suspicion.strings != 0 && suspicion.slack == suspicion.strings;
     // Suspects as flags of the tick; motor load, residual and string movement.
     record_.flags |= std::uint32_t{suspicion.strings} << HAPTIC_TICK_SUSPECTS_SHIFT;
     health.overheated = thermal_.overheated();
     health.residual = estimate_.residual;
     health.largest_movement = encoders_.largest_movement();
+    update_proof(health);
     // Requests from other threads and the stop button come before the state machine's own step.
     if (const std::uint32_t cut = cut_.load(); cut != 0) {
         record_.cut = cut;
@@ -237,6 +265,18 @@ void Tick::check_health() HAPTIC_RT {
     }
 }
 
+void Tick::update_proof(TickHealth& health) HAPTIC_RT {
+    if (safety_.state() == SafetyState::Proving) {
+        health.wiring = proof_.prove_wiring(encoders_.lengths(), health.elapsed_ns);
+        health.suspects = health.wiring == Proof::Refused ? proof_.suspects() : health.suspects;
+    } else if (safety_.state() == SafetyState::Running && in_ok_) {
+        health.pose = proof_.prove_pose(encoders_.lengths(), estimate_, wires_);
+        // Only where a fault may need it: it costs as much as the rest of the proof.
+        const bool contradicted = health.residual > settings_.safety.residual || health.pose == Proof::Refused;
+        health.mixed_up = health.pose != Proof::Passed && contradicted ? proof_.suspects() : std::uint8_t{0};
+    }
+}
+
 bool Tick::stop_button_active() const HAPTIC_RT {
     if (settings_.stop_button < 0 || !in_ok_) {
         return false;
@@ -247,6 +287,7 @@ bool Tick::stop_button_active() const HAPTIC_RT {
 
 void Tick::calibrate() HAPTIC_RT {
     encoders_.calibrate();
+    proof_.begin_pose();
     reset_pose();
     passivity_.reset();
     limiter_.reset();
@@ -288,7 +329,7 @@ void Tick::read_frame(const TickTime& time) HAPTIC_RT {
 
 void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     // Wrench of the frame at this pose.
-    const FrameRenderer::Result rendered = renderer_.render(estimate_.pose, time.now_ns, elapsed_ns_);
+    FrameRenderer::Result rendered = renderer_.render(estimate_.pose, time.now_ns, elapsed_ns_);
     // Values for the record and the flags.
     record_.proxy = rendered.contact.proxy;
     record_.in_contact = rendered.contact.in_contact;
@@ -300,12 +341,45 @@ void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     if (!rendered.finite) {
         safety_.fault_nonfinite();
     }
-    // Passivity, then the safety machine, then the limits.
+    // Walls of the workspace, passivity, then the safety machine, then the limits.
     const bool running = safety_.state() == SafetyState::Running;
-    limit_wrench(safety_.permitted_wrench(running ? apply_passivity(rendered) : Wrench{}));
+    if (running) {
+        push_back(rendered);
+    }
+    Wrench wanted = running ? apply_passivity(rendered) : Wrench{};
+    // Until movement has proved the pose, only as much as cannot push.
+    if (running) {
+        proof_.advance(seconds(elapsed_ns_));
+    }
+    const double proved = proof_.wrench_scale(wanted);
+    wanted = {proved * wanted.force, proved * wanted.torque};
+    set_flag(running && proof_.limits(), HAPTIC_TICK_UNPROVEN);
+    limit_wrench(safety_.permitted_wrench(wanted));
+    // While the wrench fades its parts are not told apart: the share stays.
+    if (running && walls_.pushes) {
+        const Wrench& asked = rendered.contact.wrench;
+        const double all = glm::length(asked.force) + glm::length(asked.torque);
+        const double made = glm::length(record_.rendered.force) + glm::length(record_.rendered.torque);
+        walls_share_ = all > 0.0 ? std::min(1.0, made / all) : 0.0;
+    }
     // What the simulation may apply to its bodies.
     record_.stiffness = rendered.finite ? rendered.stiffness : 0.0;
-    record_.scale = running && rendered.finite ? rendered.scale * record_.passivity_scale : 0.0;
+    record_.scale =
+        running && rendered.finite ? proved * proof_.tension_scale() * rendered.scale * record_.passivity_scale : 0.0;
+}
+
+/// Adds the walls of the workspace to the wrench of the frame, with their energy, so that the passivity observer
+/// accounts for both. Inside the region nothing changes, not even the sign of a zero.
+void Tick::push_back(FrameRenderer::Result& rendered) HAPTIC_RT {
+    const Wrench& asked = rendered.contact.wrench;
+    frame_requests_ = asked.force != Vec3(0.0) || asked.torque != Vec3(0.0);
+    walls_ = push_of_walls(settings_.walls, estimate_.pose, velocity_.twist());
+    set_flag(walls_.pushes, HAPTIC_TICK_WORKSPACE_EDGE);
+    if (walls_.pushes) {
+        rendered.contact.wrench.force += walls_.wrench.force;
+        rendered.contact.wrench.torque += walls_.wrench.torque;
+        rendered.contact.stored += walls_.stored;
+    }
 }
 
 void Tick::limit_wrench(const Wrench& wanted) HAPTIC_RT {
@@ -361,8 +435,12 @@ void Tick::solve_tensions() HAPTIC_RT {
     } else {
         tensions.fill(settings_.geometry.minimum_tension);
     }
-    // Scale by the safety machine's ramp, bound the change, and convert to DAC codes.
-    const double scale = safety_.tension_scale();
+    // Scale by the safety machine's ramp and by the proof, bound the change, and convert to DAC codes.
+    double scale = safety_.tension_scale() * proof_.tension_scale();
+    if (state == SafetyState::Proving) {
+        tensions = proof_.wiring_tensions();
+        scale = 1.0;
+    }
     const double max_change = settings_.tension_rate * seconds(settings_.period_ns);
     for (std::size_t i = 0; i < kStrings; ++i) {
         const double newtons_per_code = settings_.geometry.strings[i].newtons_per_code;
@@ -385,7 +463,16 @@ void Tick::solve_tensions() HAPTIC_RT {
 Wrench Tick::contact_wrench(double scale) HAPTIC_RT {
     const Wrench sent = wrench_of_tensions(wires_, sent_);
     const Wrench idle = directions_known_ ? idle_solver_.solve(wires_, Wrench{}).wrench : Wrench{};
-    return {sent.force - scale * idle.force, sent.torque - scale * idle.torque};
+    const Wrench contact = {sent.force - scale * idle.force, sent.torque - scale * idle.torque};
+    if (!walls_.pushes) {
+        return contact;
+    }
+    // The walls are no contact: the bodies of the simulation must not be pushed with them.
+    if (!frame_requests_) {
+        return Wrench{};
+    }
+    const double share = scale * walls_share_;
+    return {contact.force - share * walls_.wrench.force, contact.torque - share * walls_.wrench.torque};
 }
 
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
@@ -480,8 +567,13 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
     m.passivity_ticks += (record_.flags & HAPTIC_TICK_PASSIVITY_LIMITED) != 0 ? 1u : 0u;
     m.min_energy = std::min(m.min_energy, record_.energy);
     m.contact_ticks += record_.in_contact > 0 ? 1u : 0u;
+    m.unproven_ticks += (record_.flags & HAPTIC_TICK_UNPROVEN) != 0 ? 1u : 0u;
     m.derated_ticks += (record_.flags & HAPTIC_TICK_DERATED) != 0 ? 1u : 0u;
+    m.edge_ticks += (record_.flags & HAPTIC_TICK_WORKSPACE_EDGE) != 0 ? 1u : 0u;
+    m.budget_low_ticks += (record_.flags & HAPTIC_TICK_BUDGET_LOW) != 0 ? 1u : 0u;
+    m.commissioning_ticks += (record_.flags & HAPTIC_TICK_COMMISSIONING) != 0 ? 1u : 0u;
     m.probe_off_ticks += (record_.flags & HAPTIC_TICK_PROBE_OFF) != 0 ? 1u : 0u;
+    record_link_quality();
     // Motor loads, and ages of what was rendered; negative: none.
     for (std::size_t i = 0; i < kStrings; ++i) {
         m.peak_motor_load[i] = std::max(m.peak_motor_load[i], thermal_.loads()[i]);
@@ -507,9 +599,29 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
         recorder_->push(record_);
     }
     if (probes_ != nullptr) {
+        drive_relay();
         set_probe(probes_->tick, false);
     }
     heart_.beat();
+}
+
+void Tick::record_link_quality() HAPTIC_RT {
+    if (safety_.state() == SafetyState::Disarmed) {
+        return;
+    }
+    const RecentShares now = safety_.shares();
+    RecentShares& worst = instruments_.worst;
+    worst.exchange = std::max(worst.exchange, now.exchange);
+    worst.late = std::max(worst.late, now.late);
+    worst.residual = std::max(worst.residual, now.residual);
+}
+
+void Tick::drive_relay() HAPTIC_RT {
+    // A fade goes on under power, unless it does not reach the motors: then the relay is what sets them to zero.
+    const bool armed = safety_.state() != SafetyState::Disarmed;
+    if (armed && (safety_.faults() & HAPTIC_FAULT_EXCHANGE) == 0) {
+        set_probe(probes_->relay, !probes_->relay.up());
+    }
 }
 
 void Tick::set_probe(Probe& probe, bool up) HAPTIC_RT {

@@ -17,6 +17,7 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <span>
 
 #include "device/encoder.hpp"
 #include "device/kinematics.hpp"
@@ -31,6 +32,9 @@
 #include "rendering/limits.hpp"
 #include "rendering/passivity.hpp"
 #include "rendering/renderer.hpp"
+#include "rendering/workspace_walls.hpp"
+#include "tick/device_proof.hpp"
+#include "tick/force_budget.hpp"
 #include "tick/frame_source.hpp"
 #include "tick/heartbeat.hpp"
 #include "tick/instruments.hpp"
@@ -68,6 +72,11 @@ class Tick {
     /// Clears faults and begins tensioning. Running follows once the grip has been held still at the centre, after
     /// arming_time_ns() at the earliest. Ignored unless disarmed.
     void arm() HAPTIC_RT;
+    /// Flags each further tick as disarmed until a person arms the device; until arm().
+    void await_person() HAPTIC_RT {
+        requests_ |= kRequestAwait;
+        awaits_person_ = true;
+    }
     /// Orderly stop: force and tension fade, then safety_state() is Disarmed.
     void stop() HAPTIC_RT {
         requests_ |= kRequestStop;
@@ -98,13 +107,20 @@ class Tick {
     [[nodiscard]] std::uint32_t faults() const HAPTIC_RT { return safety_.faults(); }
     /// Bit i: string i is a suspect of the fault SLACK or RESIDUAL.
     [[nodiscard]] std::uint8_t suspect_strings() const HAPTIC_RT { return safety_.suspects(); }
+    /// What the device has proved since it was armed.
+    [[nodiscard]] DeviceProofResult proof() const noexcept { return proof_.result(); }
     /// Record of the last tick.
     [[nodiscard]] const TickRecord& last() const HAPTIC_RT { return record_; }
     /// Stage durations of the last tick.
     [[nodiscard]] const TickTiming& timing() const HAPTIC_RT { return timing_; }
     [[nodiscard]] const Instruments& instruments() const HAPTIC_RT { return instruments_; }
+    /// Use of the session's budget. Must not be read while run() may be running in another thread.
+    [[nodiscard]] const ForceBudget& budget() const HAPTIC_RT { return budget_; }
     /// Replaces the measurements, as after the warm-up.
     void set_instruments(const Instruments& instruments) HAPTIC_RT { instruments_ = instruments; }
+    /// Keeps the black box in this memory, of at least BlackBox::bytes(black_box().capacity()), which must outlive the
+    /// tick; before the first run().
+    void keep_black_box_in(std::span<std::byte> memory) { black_box_.store_in(memory); }
     /// The last ticks, oldest first. Must not be read while run() may be running in another thread.
     [[nodiscard]] const BlackBox& black_box() const noexcept { return black_box_; }
 
@@ -116,6 +132,7 @@ class Tick {
     void exchange_in(const TickTime& time) HAPTIC_RT;
     void measure_pose(const TickTime& time) HAPTIC_RT;
     void check_health() HAPTIC_RT;
+    void update_proof(TickHealth& health) HAPTIC_RT;
     void calibrate() HAPTIC_RT;
     void reset_pose() HAPTIC_RT;
     void read_frame(const TickTime& time) HAPTIC_RT;
@@ -127,9 +144,12 @@ class Tick {
     void update_thermal_model() HAPTIC_RT;
     [[nodiscard]] bool stop_button_active() const HAPTIC_RT;
     [[nodiscard]] Wrench contact_wrench(double scale) HAPTIC_RT;
+    void push_back(FrameRenderer::Result& rendered) HAPTIC_RT;
+    void spend_budget() HAPTIC_RT;
     void integrate_wrench() HAPTIC_RT;
     void publish(const TickTime& time) HAPTIC_RT;
     void finish(const TickTime& time) HAPTIC_RT;
+    void record_link_quality() HAPTIC_RT;
     /// ns of the stage clock since the last call.
     std::int64_t lap() HAPTIC_RT;
     void mark_stage(Histogram& stage, TickStage which) HAPTIC_RT {
@@ -138,6 +158,7 @@ class Tick {
     }
     void record_motion_to_force(std::int64_t latched_ns) HAPTIC_RT;
     void set_probe(Probe& probe, bool up) HAPTIC_RT;
+    void drive_relay() HAPTIC_RT;
     void set_flag(bool condition, std::uint32_t flag) HAPTIC_RT { record_.flags |= condition ? flag : 0u; }
 
     TickSettings settings_;
@@ -156,7 +177,9 @@ class Tick {
     FrameRenderer renderer_;
     Passivity passivity_;
     WrenchLimiter limiter_;
+    ForceBudget budget_;
     SafetyMachine safety_;
+    DeviceProof proof_;
     ThermalModel thermal_;
     TensionSolver tension_solver_;
     TensionSolver idle_solver_;  // of the wrench that the strings exert while none is wanted
@@ -183,7 +206,8 @@ class Tick {
     std::uint32_t requests_ = kRequestNew;  // since the last tick
     std::int64_t last_now_ns_ = 0;
     std::int64_t last_latch_ns_ = 0;  // of the counters in use
-    std::int64_t elapsed_ns_ = 0;     // since the last tick, for rates and ramps
+    std::int64_t elapsed_ns_ = 0;     // since the last tick, clamped, for rates
+    std::int64_t late_ns_ = 0;        // since the first missed deadline; 0: in time
     std::int64_t started_ns_ = 0;     // stage clock at the beginning of the tick
     std::int64_t stage_ns_ = 0;       // stage clock at the end of the last stage
     std::int64_t exchange_ns_ = 0;    // duration of the first exchange
@@ -193,7 +217,7 @@ class Tick {
     bool in_ok_ = false;            // first exchange of this tick
     bool exchange_failed_ = false;  // either exchange of the last tick
     bool jump_ = false;
-    bool late_ = false;
+    bool awaits_person_ = false;     // to arm
     bool directions_known_ = false;  // the pose is calibrated, so a wrench can be distributed
 
     /// Tensions that the motors hold, for the passivity observer.
@@ -202,11 +226,14 @@ class Tick {
         bool requested = false;  // the requested wrench was not zero
         Wrench contact;          // exerted because of the request
     };
-    HeldCommand sent_command_;  // sent, or to be sent next
-    HeldCommand held_command_;  // held by the motors
-    PassivityMotion motion_;    // since the last tick, under the held command
-    Wrench held_contact_;       // of the held command since the last tick, exerted because of a request
-    Wrench impulse_;            // N*s and N*m*s, integral of held_contact_ since the process began
+    WallPush walls_;               // of the workspace, in this tick
+    double walls_share_ = 0.0;     // 0..1, of them that is rendered
+    bool frame_requests_ = false;  // a wrench in this tick, without the walls
+    HeldCommand sent_command_;     // sent, or to be sent next
+    HeldCommand held_command_;     // held by the motors
+    PassivityMotion motion_;       // since the last tick, under the held command
+    Wrench held_contact_;          // of the held command since the last tick, exerted because of a request
+    Wrench impulse_;               // N*s and N*m*s, integral of held_contact_ since the process began
 };
 
 }  // namespace haptic::rt

@@ -13,14 +13,16 @@ namespace haptic::rt {
 struct ProbeLines {
     std::optional<GpioLine> tick;
     std::optional<GpioLine> frame;
+    std::optional<GpioLine> relay;     // safety.relay_chip, safety.relay_line
     std::optional<GpioLine> loopback;  // input wired to the tick's line, captured by this process
     EdgeKind loopback_edges = EdgeKind::Rising;
     std::int64_t slowest_edge_ns = Probe::kSlowestEdgeNs;
 };
 
 struct TickProbes {
-    Probe tick;   // high while a tick runs
-    Probe frame;  // toggles with each new contact frame
+    Probe tick;     // high while a tick runs
+    Probe frame;    // toggles with each new contact frame
+    Probe relay{};  // toggles with each tick while the loop is armed and its board answers; steady otherwise
 };
 
 /// Use of a probe, for the report.
@@ -32,6 +34,7 @@ struct ProbeUse {
 struct ProbesUse {
     ProbeUse tick;
     ProbeUse frame;
+    ProbeUse relay = {};
     std::uint64_t ticks = 0;  // total, including the warm-up: half the edges of the tick's probe
 };
 [[nodiscard]] ProbesUse use_of(const TickProbes& probes, const ProbeLines& lines, std::uint64_t ticks);

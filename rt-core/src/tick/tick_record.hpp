@@ -17,6 +17,7 @@ namespace haptic::rt {
 inline constexpr std::uint32_t kRequestNew = 1u << 0;  // first tick of this object: it has no history
 inline constexpr std::uint32_t kRequestArm = 1u << 1;
 inline constexpr std::uint32_t kRequestStop = 1u << 2;
+inline constexpr std::uint32_t kRequestAwait = 1u << 3;  // a person is to arm
 
 inline constexpr std::int8_t kNoExchange = -1;  // no such exchange in this tick
 inline constexpr std::int8_t kNoFrame = -1;     // no frame was taken in this tick

@@ -46,6 +46,13 @@ TickSettings checked(const TickSettings& settings) {
     require(passivity.recovery_s >= 0.0 && passivity.forget_s > 0.0 && passivity.mass > 0.0 && passivity.inertia > 0.0,
             "mass, inertia and forget time of the passivity controller must be positive, and its recovery time not "
             "negative");
+    // Budget and walls.
+    const WorkspaceWalls& walls = settings.walls;
+    require(settings.budget.second >= 0.0 && settings.budget.session >= 0.0 && settings.budget.duration >= 0.0,
+            "the limits of the budget must not be negative");
+    require(!walls.on || (walls.semi_axes.x > 0.0 && walls.semi_axes.y > 0.0 && walls.semi_axes.z > 0.0 &&
+                          walls.thickness > 0.0 && walls.angle > 0.0 && walls.angular_thickness > 0.0),
+            "the region and the thickness of the workspace's walls must be positive");
     require(settings.black_box_ns >= settings.period_ns, "black_box_ns must hold at least one tick");
     return settings;
 }

@@ -10,6 +10,9 @@
 #include "rendering/limits.hpp"
 #include "rendering/passivity.hpp"
 #include "rendering/renderer.hpp"
+#include "rendering/workspace_walls.hpp"
+#include "tick/device_proof.hpp"
+#include "tick/force_budget.hpp"
 #include "tick/safety.hpp"
 
 namespace haptic::rt {
@@ -35,9 +38,13 @@ struct TickSettings {
     WrenchLimits limits;
     PassivitySettings passivity;
     SafetySettings safety;
+    DeviceProofSettings proof;  // only if safety.prove
+    BudgetLimits budget;
+    WorkspaceWalls walls;
     MotorSettings motors;
     int stop_button = -1;                                   // index of the board's switch that stops the loop; -1: none
     bool stop_when_released = false;                        // the switch opens to stop, so that a broken wire stops too
+    bool commissioning = false;                             // nobody has signed for the device; a flag in every tick
     std::int64_t black_box_ns = 2 * kNanosecondsPerSecond;  // ns, duration of the black box
 };
 

@@ -174,7 +174,8 @@ TEST(TickThermal, DeratesWarmMotorsAndKeepsRunning) {
 
 TEST(TickThermal, FaultsWhenTheMotorsKeepPullingDespiteDerating) {
     TickSettings settings = quick_motors();
-    settings.safety.exchange_ticks = 100'000;  // no exchange fault comes first
+    settings.safety.exchange_share = 1.0;
+    settings.safety.encoder_age_ns = 100'000'000'000;  // no exchange fault comes first
     test::TickRig rig(PoseTrack(), settings);
     rig.run_up();
     for (int i = 0; i < 100; ++i) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 
+#include <atomic>
 #include <chrono>
 #include <fstream>
 #include <string>
@@ -54,6 +55,28 @@ long locked_kilobytes() {
     return 0;
 }
 
+/// Board whose buttons and cable another thread handles.
+class HandledBoard final : public device::Board {
+  public:
+    explicit HandledBoard(device::Board& board) : board_(&board) {}
+    device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
+                                    std::int64_t now_ns) HAPTIC_RT override {
+        if (unplugged) {
+            return device::ExchangeStatus::Disconnected;
+        }
+        const device::ExchangeStatus status = board_->exchange(command, reading, now_ns);
+        reading.buttons = buttons;
+        return status;
+    }
+    void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }
+
+    std::atomic<std::uint32_t> buttons{0};
+    std::atomic<bool> unplugged{false};
+
+  private:
+    device::Board* board_;
+};
+
 /// A loop with a real thread and clock on an emulated board.
 class RealtimeLoopTest : public testing::Test {
   protected:
@@ -61,7 +84,7 @@ class RealtimeLoopTest : public testing::Test {
         : board({.geometry = settings.geometry}),
           frames(session),
           states(session),
-          tick(settings, board, frames, states, &monotonic_now_ns) {
+          tick(settings, handled, frames, states, &monotonic_now_ns) {
         loop_settings.warm_up_ticks = 20;
     }
 
@@ -78,7 +101,7 @@ class RealtimeLoopTest : public testing::Test {
         quick_settings.safety.tension_ramp_ns = 50'000'000;
         quick_settings.safety.calibration_hold_ns = 20'000'000;
         // Scheduling delays of the test machine are not under test.
-        quick_settings.safety.overrun_ticks = 100'000;
+        quick_settings.safety.late_share = 1.0;
         return quick_settings;
     }
 
@@ -86,6 +109,7 @@ class RealtimeLoopTest : public testing::Test {
     LoopSettings loop_settings;
     std::string session = test::unique_session();
     device::EmulatedBoard board;
+    HandledBoard handled{board};
     RingReader<ContactFrame> frames;
     RingWriter<DeviceState> states;
     Tick tick;
@@ -125,6 +149,89 @@ TEST_F(RealtimeLoopTest, CanBeStoppedBeforeItWasStartedOrArmed) {
     loop.start();
     wait_until(loop, [](const RealtimeLoop& l) { return l.finished(); });
     EXPECT_EQ(tick.safety_state(), SafetyState::Disarmed);
+}
+
+TEST_F(RealtimeLoopTest, StaysDisarmedAndPublishesPosesUntilAPersonActs) {
+    ArmSwitch person;
+    EXPECT_FALSE(person.press(ArmedBy::Command)) << "too early";
+    RealtimeLoop loop(loop_settings, tick, {});
+    Recorder recorder(65536);
+    RingReader<DeviceState> published(session);
+    loop.start(&recorder, nullptr, &person);
+    std::this_thread::sleep_for(std::chrono::milliseconds(400));
+    DeviceState state{};
+    ASSERT_TRUE(published.read_newest(state));
+    EXPECT_EQ(state.safety_state, static_cast<std::uint32_t>(HAPTIC_DISARMED));
+    EXPECT_NE(state.tick_flags & HAPTIC_TICK_ARM_AWAITED, 0U);
+    ASSERT_TRUE(published.read_newest(state) ||
+                (std::this_thread::sleep_for(std::chrono::milliseconds(50)), published.read_newest(state)))
+        << "states go on while it waits";
+    ASSERT_TRUE(person.press(ArmedBy::Command));
+    wait_until(loop, [](const RealtimeLoop& l) { return l.safety_state() == SafetyState::Running; });
+    loop.request_stop();
+    wait_until(loop, [](const RealtimeLoop& l) { return l.finished(); });
+    loop.join();
+    // Not one code before the act.
+    TickRecord record;
+    bool armed = false;
+    std::uint64_t before = 0;
+    while (recorder.pop(record)) {
+        armed = armed || (record.requests & kRequestArm) != 0;
+        if (!armed) {
+            ++before;
+            ASSERT_EQ(record.command.dac_codes, device::MotorCommand{}.dac_codes);
+            ASSERT_EQ(record.safety_state, static_cast<std::uint32_t>(HAPTIC_DISARMED));
+        } else {
+            ASSERT_EQ(record.flags & HAPTIC_TICK_ARM_AWAITED, 0U);
+        }
+    }
+    EXPECT_GT(before, 100U);
+    EXPECT_LT(tick.instruments().ticks + before, recorder.dropped() + 65536U);
+    EXPECT_FALSE(loop.lost());
+}
+
+TEST_F(RealtimeLoopTest, ArmsByAButtonThatIsHeldAfterItWasReleased) {
+    loop_settings.arm_button = 1;
+    ArmSwitch person;
+    handled.buttons = 0b10;  // held already when the wait begins
+    RealtimeLoop loop(loop_settings, tick, {});
+    loop.start(nullptr, nullptr, &person);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1300));
+    EXPECT_TRUE(person.awaited());
+    handled.buttons = 0b01;  // another button
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    handled.buttons = 0b10;
+    wait_until(loop, [](const RealtimeLoop& l) { return l.safety_state() == SafetyState::Running; });
+    EXPECT_TRUE(person.pressed());
+    EXPECT_EQ(person.by(), ArmedBy::Button);
+}
+
+TEST_F(RealtimeLoopTest, EndsWithoutArmingWhenTheDeviceIsLostMeanwhile) {
+    ArmSwitch person;
+    RealtimeLoop loop(loop_settings, tick, {});
+    loop.start(nullptr, nullptr, &person);
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    handled.unplugged = true;
+    wait_until(loop, [](const RealtimeLoop& l) { return l.finished(); });
+    EXPECT_EQ(loop.lost(), device::ExchangeStatus::Disconnected);
+    EXPECT_FALSE(person.press(ArmedBy::Command)) << "nobody awaits it any more";
+}
+
+TEST_F(RealtimeLoopTest, EndsWithoutPullingWhenItIsStoppedWhileItWaits) {
+    ArmSwitch person;
+    RealtimeLoop loop(loop_settings, tick, {});
+    Recorder recorder(16384);
+    loop.start(&recorder, nullptr, &person);
+    wait_until(loop, [](const RealtimeLoop& l) { return l.safety_state() == SafetyState::Disarmed; });
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    loop.request_stop();
+    wait_until(loop, [](const RealtimeLoop& l) { return l.finished(); });
+    loop.join();
+    EXPECT_EQ(tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_STOP));
+    TickRecord record;
+    while (recorder.pop(record)) {
+        ASSERT_EQ(record.command.dac_codes, device::MotorCommand{}.dac_codes);
+    }
 }
 
 TEST_F(RealtimeLoopTest, NamesRefusedPrivilegesAndTheirRemedies) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <cstdint>
 #include <thread>
 
 #include "shared_board.hpp"
@@ -60,6 +62,43 @@ TEST(MotorGate, SendsZerosAgainAfterACommandThatWasUnderWay) {
     gate.close();
     EXPECT_EQ(motors.sum(), 0);
     EXPECT_GE(motors.zeros_sent, 2);
+}
+
+TEST(MotorGate, SendsZerosFromTheMomentOnThatAnotherProcessHasCutIt) {
+    SharedMotors motors;
+    SharedBoard board(motors);
+    MotorGate gate(board);
+    std::atomic<std::uint32_t> cut{0};
+    gate.obey(cut);
+    device::BoardReading reading;
+    EXPECT_EQ(gate.exchange(all(100), reading, 0), device::ExchangeStatus::Ok);
+    EXPECT_EQ(motors.sum(), 800);
+    cut = 1;
+    EXPECT_EQ(gate.exchange(all(100), reading, 1'000'000), device::ExchangeStatus::Ok);
+    EXPECT_EQ(motors.sum(), 0);
+    EXPECT_FALSE(gate.closed());
+}
+
+TEST(MotorGate, TakesBackACommandThatWasUnderWayWhenItWasCut) {
+    // The process stands still between the look at the flag and the command, and continues after the cut.
+    SharedMotors motors;
+    motors.hang = true;
+    SharedBoard board(motors);
+    MotorGate gate(board);
+    std::atomic<std::uint32_t> cut{0};
+    gate.obey(cut);
+    std::thread loop([&gate] {
+        device::BoardReading reading;
+        gate.exchange(all(100), reading, 0);
+    });
+    while (!motors.hanging) {
+        test::sleep_ms(1);
+    }
+    cut = 1;
+    motors.hang = false;
+    loop.join();
+    EXPECT_EQ(motors.sum(), 0);
+    EXPECT_EQ(motors.zeros_sent, 1);
 }
 
 TEST(MotorGate, BoundsItsWaitForABoardThatHangs) {

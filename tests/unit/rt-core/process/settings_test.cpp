@@ -80,9 +80,11 @@ void expect_equal(const Settings& a, const Settings& b) {
     EXPECT_EQ(a.tick.safety.calibration_movement, b.tick.safety.calibration_movement);
     EXPECT_EQ(a.tick.safety.fault_fade_ns, b.tick.safety.fault_fade_ns);
     EXPECT_EQ(a.tick.safety.residual, b.tick.safety.residual);
-    EXPECT_EQ(a.tick.safety.residual_ticks, b.tick.safety.residual_ticks);
-    EXPECT_EQ(a.tick.safety.exchange_ticks, b.tick.safety.exchange_ticks);
-    EXPECT_EQ(a.tick.safety.overrun_ticks, b.tick.safety.overrun_ticks);
+    EXPECT_EQ(a.tick.safety.residual_share, b.tick.safety.residual_share);
+    EXPECT_EQ(a.tick.safety.exchange_share, b.tick.safety.exchange_share);
+    EXPECT_EQ(a.tick.safety.late_share, b.tick.safety.late_share);
+    EXPECT_EQ(a.tick.safety.window_ns, b.tick.safety.window_ns);
+    EXPECT_EQ(a.tick.safety.encoder_age_ns, b.tick.safety.encoder_age_ns);
     EXPECT_EQ(a.tick.motors.continuous_share, b.tick.motors.continuous_share);
     EXPECT_EQ(a.tick.motors.time_constant_s, b.tick.motors.time_constant_s);
     EXPECT_EQ(a.tick.motors.derate_from, b.tick.motors.derate_from);
@@ -168,6 +170,7 @@ TEST(Settings, OfTheInstalledFileNameEveryKey) {
     }
     const Config nothing;
     (void)read_settings(nothing);
+    keys.emplace_back("profile");  // [[profile]], commented in the file: its tables are counted
     EXPECT_THAT(keys, UnorderedElementsAreArray(nothing.known_keys())) << "the keys that read_settings() reads";
 }
 
@@ -184,7 +187,7 @@ TEST(Settings, TakeWhatTheFileSays) {
     const Settings settings = read(
         "[loop]\nperiod_s = 0.0005\npriority = 42\n[frames]\nstale_after_s = 0.25\n[limits]\nforce = 3.5\n"
         "[tension]\ninfeasible = \"direction\"\n"
-        "[safety]\nfault_fade_s = 0.2\nexchange_ticks = 9\n[device]\nminimum_tension = 0.5\n");
+        "[safety]\nfault_fade_s = 0.2\nexchange_share = 0.4\n[device]\nminimum_tension = 0.5\n");
     EXPECT_EQ(settings.loop.period_ns, 500'000);
     EXPECT_EQ(settings.tick.period_ns, 500'000);
     EXPECT_EQ(settings.loop.priority, 42);
@@ -192,7 +195,7 @@ TEST(Settings, TakeWhatTheFileSays) {
     EXPECT_EQ(settings.tick.limits.force, 3.5);
     EXPECT_EQ(settings.tick.tension_infeasible, Infeasible::Direction);
     EXPECT_EQ(settings.tick.safety.fault_fade_ns, 200'000'000);
-    EXPECT_EQ(settings.tick.safety.exchange_ticks, 9);
+    EXPECT_EQ(settings.tick.safety.exchange_share, 0.4);
     EXPECT_EQ(settings.tick.geometry.minimum_tension, 0.5);
 }
 

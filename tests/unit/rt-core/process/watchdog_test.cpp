@@ -41,7 +41,7 @@ struct WatchedLoop {
         TickSettings settings;
         settings.safety.tension_ramp_ns = 50'000'000;
         settings.safety.calibration_hold_ns = 20'000'000;
-        settings.safety.overrun_ticks = 100'000;
+        settings.safety.late_share = 1.0;
         return settings;
     }
     static LoopSettings loop_settings() {

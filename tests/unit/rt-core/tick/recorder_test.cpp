@@ -3,8 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
+#include <span>
+#include <stdexcept>
 #include <thread>
+#include <vector>
 
 namespace haptic::rt {
 namespace {
@@ -28,6 +32,44 @@ TEST(BlackBox, KeepsAllRecordsUntilFullThenTheLatest) {
             ASSERT_EQ(box.at(k).now_ns, i - static_cast<std::int64_t>(box.size() - 1 - k));
         }
     }
+}
+
+TEST(BlackBox, CanBeReadFromTheMemoryThatItsProcessLeft) {
+    std::vector<std::byte> memory(BlackBox::bytes(5));
+    BlackBox box(5);
+    box.push(numbered(99));
+    box.store_in(memory);
+    EXPECT_EQ(box.size(), 0u) << "ticks of other memory stay there";
+    for (std::int64_t i = 0; i < 4; ++i) {
+        box.push(numbered(i));
+    }
+    {
+        const BlackBox left(memory);
+        ASSERT_EQ(left.size(), 4u);
+        EXPECT_EQ(left.at(0).now_ns, 0);
+        EXPECT_EQ(left.at(3).now_ns, 3);
+    }
+    for (std::int64_t i = 4; i < 23; ++i) {
+        box.push(numbered(i));
+    }
+    // Killed while it overwrites the oldest record, 18.
+    reinterpret_cast<TickRecord*>(memory.data() + BlackBox::bytes(0))[23 % 5].now_ns = -1;
+    const BlackBox left(memory);
+    ASSERT_EQ(left.size(), 4u);
+    for (std::size_t k = 0; k < 4; ++k) {
+        EXPECT_EQ(left.at(k).now_ns, 19 + static_cast<std::int64_t>(k));
+    }
+}
+
+TEST(BlackBox, RefusesMemoryThatIsNoneOrWasCutShort) {
+    std::vector<std::byte> memory(BlackBox::bytes(5));
+    EXPECT_THROW(BlackBox left(memory), std::runtime_error);
+    BlackBox box(5);
+    box.store_in(memory);
+    const std::span<std::byte> all(memory);
+    EXPECT_THROW(BlackBox left(all.first(memory.size() - 1)), std::runtime_error);
+    EXPECT_THROW(BlackBox left(all.first(10)), std::runtime_error);
+    EXPECT_THROW(box.store_in(std::span(memory).first(memory.size() - 1)), std::invalid_argument);
 }
 
 TEST(Recorder, ReturnsRecordsInOrder) {

@@ -134,34 +134,132 @@ FaultCase fault_case(const std::string& name, int ticks, std::uint32_t bit, void
 
 INSTANTIATE_TEST_SUITE_P(
     Each, SafetyFault,
-    testing::Values(fault_case("Exchange", 5, HAPTIC_FAULT_EXCHANGE, [](TickHealth& h) { h.exchange_ok = false; }),
-                    fault_case("Jump", 0, HAPTIC_FAULT_JUMP, [](TickHealth& h) { h.jump = true; }),
-                    fault_case("Residual", 20, HAPTIC_FAULT_RESIDUAL, [](TickHealth& h) { h.residual = 1.1e-3; }),
-                    fault_case("SlackString", 20, HAPTIC_FAULT_SLACK,
-                               [](TickHealth& h) {
-                                   h.residual = 1.1e-3;
-                                   h.slack = true;
-                               }),
-                    fault_case("ResidualThatIsNoNumber", 20, HAPTIC_FAULT_RESIDUAL,
-                               [](TickHealth& h) { h.residual = std::numeric_limits<double>::quiet_NaN(); }),
-                    fault_case("UndeterminedPose", 20, HAPTIC_FAULT_RESIDUAL,
-                               [](TickHealth& h) { h.determined = false; }),
-                    fault_case("Overrun", 100, HAPTIC_FAULT_OVERRUN, [](TickHealth& h) { h.late = true; }),
-                    fault_case("Thermal", 0, HAPTIC_FAULT_THERMAL, [](TickHealth& h) { h.overheated = true; }),
-                    fault_case("NonFinite", 0, HAPTIC_FAULT_NONFINITE, [](TickHealth& h) { h.finite = false; })),
+    testing::Values(
+        fault_case("Exchange", 28, HAPTIC_FAULT_EXCHANGE, [](TickHealth& h) { h.exchange_ok = false; }),
+        fault_case("Jump", 0, HAPTIC_FAULT_JUMP, [](TickHealth& h) { h.jump = true; }),
+        fault_case("Residual", 22, HAPTIC_FAULT_RESIDUAL, [](TickHealth& h) { h.residual = 1.1e-3; }),
+        fault_case("SlackString", 22, HAPTIC_FAULT_SLACK,
+                   [](TickHealth& h) {
+                       h.residual = 1.1e-3;
+                       h.slack = true;
+                   }),
+        fault_case("ResidualThatIsNoNumber", 22, HAPTIC_FAULT_RESIDUAL,
+                   [](TickHealth& h) { h.residual = std::numeric_limits<double>::quiet_NaN(); }),
+        fault_case("UndeterminedPose", 22, HAPTIC_FAULT_RESIDUAL, [](TickHealth& h) { h.determined = false; }),
+        fault_case("Overrun", 35, HAPTIC_FAULT_OVERRUN, [](TickHealth& h) { h.late_ns = kTickNs; }),
+        fault_case("OldEncoders", 0, HAPTIC_FAULT_EXCHANGE, [](TickHealth& h) { h.encoder_age_ns = 20'000'001; }),
+        fault_case("Pose", 0, HAPTIC_FAULT_POSE, [](TickHealth& h) { h.pose = Proof::Refused; }),
+        fault_case("Thermal", 0, HAPTIC_FAULT_THERMAL, [](TickHealth& h) { h.overheated = true; }),
+        fault_case("NonFinite", 0, HAPTIC_FAULT_NONFINITE, [](TickHealth& h) { h.finite = false; })),
     [](const testing::TestParamInfo<FaultCase>& param) { return param.param.name; });
 
-TEST_F(SafetyMachineTest, IgnoresFailuresThatAreNotConsecutive) {
+/// Repeats a cycle of bad and good ticks for a second, or until the machine has faulted. Returns ms until the fault.
+int cycle_until_fault(SafetyMachine& machine, const TickHealth& bad, int bad_ticks, int good_ticks) {
+    for (int tick = 0; tick < 1000; ++tick) {
+        machine.update(tick % (bad_ticks + good_ticks) < bad_ticks ? bad : healthy());
+        if (machine.state() != SafetyState::Running) {
+            return tick;
+        }
+    }
+    return -1;
+}
+
+TEST_F(SafetyMachineTest, ToleratesARareLostAnswer) {
     run_up();
     TickHealth failed = healthy();
     failed.exchange_ok = false;
-    for (int i = 0; i < 100; ++i) {
-        for (int k = 0; k < settings.exchange_ticks; ++k) {
-            machine.update(failed);
-        }
+    EXPECT_EQ(cycle_until_fault(machine, failed, 1, 9), -1);
+    EXPECT_NEAR(machine.shares().exchange, 0.1, 0.01);
+}
+
+TEST_F(SafetyMachineTest, FaultsWhenFourOfFiveAnswersAreLostThoughNeverManyInARow) {
+    run_up();
+    TickHealth failed = healthy();
+    failed.exchange_ok = false;
+    const int fault_ms = cycle_until_fault(machine, failed, 4, 1);
+    EXPECT_GE(fault_ms, 28);
+    EXPECT_LE(fault_ms, 40);
+    EXPECT_EQ(machine.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_EXCHANGE));
+}
+
+TEST_F(SafetyMachineTest, JudgesAGapByItsLength) {
+    for (const std::int64_t gap_ms : {10, 30}) {
+        machine = SafetyMachine(settings);
+        run_up();
+        TickHealth late = healthy();
+        late.elapsed_ns = gap_ms * kTickNs;
+        late.late_ns = (gap_ms - 1) * kTickNs;
+        machine.update(late);
+        EXPECT_EQ(machine.state(), SafetyState::Running) << gap_ms;
+    }
+    for (const std::int64_t gap_ms : {80, 500, 2000}) {
+        machine = SafetyMachine(settings);
+        run_up();
+        machine.permitted_wrench(wrench);
+        TickHealth late = healthy();
+        late.elapsed_ns = gap_ms * kTickNs;
+        late.late_ns = (gap_ms - 1) * kTickNs;
+        machine.update(late);
+        EXPECT_EQ(machine.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_OVERRUN)) << gap_ms;
+        // The fade begins; no gap turns it into a step.
+        EXPECT_GT(glm::length(machine.permitted_wrench(wrench).force), 0.85 * glm::length(wrench.force)) << gap_ms;
+    }
+}
+
+TEST_F(SafetyMachineTest, JudgesTheSameTimesAtEightKilohertz) {
+    run_up();
+    TickHealth failed = healthy();
+    failed.elapsed_ns = kTickNs / 8;
+    failed.exchange_ok = false;
+    int ticks = 0;
+    for (; machine.state() == SafetyState::Running && ticks < 1000; ++ticks) {
+        machine.update(failed);
+    }
+    EXPECT_EQ(ticks, 231) << "29 ms, as at 1 kHz";
+}
+
+TEST_F(SafetyMachineTest, FadesInRealTimeWhenTicksAreSlow) {
+    // Each tick takes 8 ms, because the board does not answer.
+    run_up();
+    machine.permitted_wrench(wrench);
+    machine.stop();
+    TickHealth slow = healthy();
+    slow.elapsed_ns = 8 * kTickNs;
+    int ticks = 0;
+    for (; machine.state() == SafetyState::Faulted && ticks < 1000; ++ticks) {
+        machine.permitted_wrench(wrench);
+        machine.update(slow);
+    }
+    EXPECT_NEAR(8.0 * ticks, 600.0, 24.0) << "ms: 100 for the wrench and 500 for the tension";
+}
+
+TEST_F(SafetyMachineTest, CalibratesOnlyADeviceThatHasProvedItsWiring) {
+    settings.prove = true;
+    machine = SafetyMachine(settings);
+    machine.arm();
+    for (int i = 0; i < 2000; ++i) {
         machine.update(healthy());
     }
-    EXPECT_EQ(machine.state(), SafetyState::Running);
+    EXPECT_EQ(machine.state(), SafetyState::Proving);
+    EXPECT_EQ(machine.permitted_wrench(wrench).force, Vec3(0.0));
+    TickHealth proved = healthy();
+    proved.wiring = Proof::Passed;
+    EXPECT_EQ(machine.update(proved), SafetyMachine::Calibration::Restart);
+    EXPECT_EQ(machine.state(), SafetyState::Calibrating);
+}
+
+TEST_F(SafetyMachineTest, RefusesADeviceThatIsWiredWrongAndNamesItsStrings) {
+    settings.prove = true;
+    machine = SafetyMachine(settings);
+    machine.arm();
+    TickHealth refused = healthy();
+    refused.wiring = Proof::Refused;
+    refused.suspects = 0b100100;
+    for (int i = 0; i < 600; ++i) {
+        machine.update(refused);
+    }
+    EXPECT_EQ(machine.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_WIRING));
+    EXPECT_EQ(machine.suspects(), 0b100100);
 }
 
 TEST_F(SafetyMachineTest, FadesFromTheLastGoodWrenchWhenOneIsNotFinite) {

@@ -42,8 +42,10 @@ class ProbedTick : public testing::Test {
 
     std::unique_ptr<FakeWire> tick_wire = std::make_unique<FakeWire>();
     std::unique_ptr<FakeWire> frame_wire = std::make_unique<FakeWire>();
+    std::unique_ptr<FakeWire> relay_wire = std::make_unique<FakeWire>();
     TickProbes probes{Probe(std::make_unique<FakeOutput>(*tick_wire), "tick", &test::still_clock),
-                      Probe(std::make_unique<FakeOutput>(*frame_wire), "frame", &test::still_clock)};
+                      Probe(std::make_unique<FakeOutput>(*frame_wire), "frame", &test::still_clock),
+                      Probe(std::make_unique<FakeOutput>(*relay_wire), "relay", &test::still_clock)};
     TickRig rig;
 };
 
@@ -57,7 +59,41 @@ TEST_F(ProbedTick, MakesTwoEdgesPerTickInEveryState) {
     EXPECT_EQ(probes.tick.edges(), 2 * ticks);
     EXPECT_EQ(tick_wire->edges().size(), 2 * ticks);
     EXPECT_FALSE(tick_wire->is_up());
-    EXPECT_EQ(rig.tick.instruments().probe_edge.count(), 2 * ticks);
+    EXPECT_EQ(rig.tick.instruments().probe_edge.count(), 2 * ticks + probes.relay.edges());
+}
+
+TEST_F(ProbedTick, KeepsTheRelayClosedWhileItIsArmedAndItsBoardAnswers) {
+    rig.steps(50);
+    EXPECT_EQ(probes.relay.edges(), 0u) << "disarmed";
+    rig.run_up();
+    const std::uint64_t before = probes.relay.edges();
+    rig.steps(100);
+    EXPECT_EQ(probes.relay.edges(), before + 100) << "one edge a tick";
+    // The fade of an orderly stop is under power; the line is steady when the motors are at zero.
+    rig.tick.stop();
+    rig.steps(10);
+    EXPECT_EQ(probes.relay.edges(), before + 110);
+    rig.steps(2000);
+    ASSERT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
+    const std::uint64_t after = probes.relay.edges();
+    EXPECT_LT(after, before + 1500);
+    rig.steps(100);
+    EXPECT_EQ(probes.relay.edges(), after);
+}
+
+TEST_F(ProbedTick, OpensTheRelayAtOnceWhenNothingReachesTheMotorsAnyMore) {
+    rig.run_up();
+    rig.faulty.failing = true;
+    int ticks = 0;
+    while ((rig.tick.faults() & HAPTIC_FAULT_EXCHANGE) == 0 && ticks < 10'000) {
+        rig.steps(1);
+        ++ticks;
+    }
+    ASSERT_NE(rig.tick.faults() & HAPTIC_FAULT_EXCHANGE, 0u);
+    const std::uint64_t edges = probes.relay.edges();
+    EXPECT_NE(rig.tick.safety_state(), SafetyState::Disarmed) << "the fade goes on, unheard";
+    rig.steps(100);
+    EXPECT_EQ(probes.relay.edges(), edges);
 }
 
 TEST_F(ProbedTick, IsHighDuringTheExchange) {
