@@ -130,7 +130,10 @@ class Page {
           this.controls.showSamples(samples);
         }
       },
-      onDevice: (device) => this.controls.showDevice(device),
+      onDevice: (device) => {
+        this.pageState.region = this.picture.showDevice(device) ? device.region : null;
+        this.controls.showDevice(device);
+      },
       onRefused: (refused) => {
         this.pageState.refused = refused.why;
         this.controls.showRefused(refused);

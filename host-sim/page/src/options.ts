@@ -13,6 +13,7 @@ export interface ViewOptions {
   pressure: boolean; // of contacts, as colours of the surfaces
   ground: boolean;
   dropLine: boolean; // from the tool to what is below it
+  region: boolean; // of the device
   follow: boolean; // the camera keeps the tool in the picture
 }
 
@@ -29,6 +30,7 @@ export const defaultOptions: ViewOptions = {
   pressure: true,
   ground: true,
   dropLine: true,
+  region: true,
   follow: true,
 };
 
@@ -51,5 +53,6 @@ export const optionLabels: { option: keyof ViewOptions; label: string; key: stri
     key: "d",
     meaning: "From the tool straight down to what is below it",
   },
+  { option: "region", label: "Device's reach", key: "w", meaning: "Where the device lets the grip move freely" },
   { option: "follow", label: "Follow the tool", key: "l", meaning: "The camera keeps the tool in the picture" },
 ];

@@ -1,6 +1,6 @@
 // Observable state of the page for tests and for the browser's console, e.g. `haptic.force`.
 import type { ConnectionState } from "./connection.ts";
-import type { Frame, SceneMessage, Triple } from "./protocol.ts";
+import type { Frame, RegionInfo, SceneMessage, Triple } from "./protocol.ts";
 
 export interface PageState {
   state: ConnectionState;
@@ -28,6 +28,7 @@ export interface PageState {
   picked: string; // title of what is selected
   video: boolean; // a video is being recorded
   pressure: number; // Pa, of the last colour; 0: none is shown
+  region: RegionInfo | null; // of the device, if it is drawn
   refused: string; // reason of the last refusal
 }
 
@@ -64,6 +65,7 @@ export function initialPageState(): PageState {
     picked: "",
     video: false,
     pressure: 0,
+    region: null,
     refused: "",
   };
 }

@@ -7,7 +7,8 @@ import { down, DropLine } from "./drop_line.ts";
 import { defaultOptions, type ViewOptions } from "./options.ts";
 import { Overlays } from "./overlays.ts";
 import { Picker, type Readout } from "./picker.ts";
-import type { Frame, Geometry, SceneMessage } from "./protocol.ts";
+import type { DeviceMessage, Frame, Geometry, SceneMessage } from "./protocol.ts";
+import { Region } from "./region.ts";
 import type { Area } from "./free_area.ts";
 import { Viewport } from "./viewport.ts";
 import { Tool } from "./tool.ts";
@@ -44,13 +45,14 @@ export class Picture {
   private last: Frame | null = null;
   private toolPosition = new Vector3();
   private readonly dropLine = new DropLine();
+  private readonly region = new Region();
   private readonly picker: Picker;
 
   /** `marks`: a canvas over the first, for axes and scale bar. Throws where the browser has no WebGL. */
   constructor(canvas: HTMLCanvasElement, marks: HTMLCanvasElement, measureArea: () => Area) {
     this.viewport = new Viewport(canvas, marks, measureArea);
     this.picker = new Picker(this.viewport);
-    this.viewport.scene.add(this.dropLine.group);
+    this.viewport.scene.add(this.dropLine.group, this.region.lines);
   }
 
   /** Replaces the scene. The camera keeps its place if the scene has the same name as before. */
@@ -93,6 +95,14 @@ export class Picture {
       this.frameView(false, true);
     }
     this.viewport.invalidate();
+  }
+
+  /** Shows where the device lets the grip move freely; returns whether that is drawn. */
+  showDevice(device: DeviceMessage): boolean {
+    if (this.region.update(device.region, device.flags.includes("workspace_edge"))) {
+      this.viewport.invalidate();
+    }
+    return this.region.lines.visible;
   }
 
   /** Draws if anything has changed. `handHeld`: the viewer drags the tool, and the camera does not follow it. */
@@ -161,6 +171,7 @@ export class Picture {
   updateColours(): void {
     this.viewport.updateColours();
     this.dropLine.updateColours();
+    this.region.updateColours();
     this.objects?.tool.updateColours();
     this.objects?.overlays.updateColours();
     this.show();
@@ -195,6 +206,7 @@ export class Picture {
       objects.overlays.show(options);
     }
     this.viewport.showGround(options.ground);
+    this.region.show(options.region);
     // Apply the last frame again, so that newly shown objects are up to date.
     if (this.last) {
       objects?.tool.update({ ...this.last, toolSurface: null }, options, this.viewport.viewHeightAt(this.toolPosition));

@@ -49,6 +49,14 @@ export interface Spread {
   max: number;
 }
 
+/** Where the device lets the grip move freely: an ellipsoid in the scene. */
+export interface RegionInfo {
+  centre: Triple; // m
+  semi_axes: Triple; // m
+  orientation: [number, number, number, number]; // w, x, y, z
+  angle_rad: number;
+}
+
 export interface DeviceMessage {
   type: "device";
   connected: boolean;
@@ -58,7 +66,9 @@ export interface DeviceMessage {
   rate_hz: number;
   period_us: Spread & { edges: number[]; counts: number[] };
   missed: number;
+  unanswered: number; // 0..1, share of the ticks without an answer from the board
   frame_age_ms: Spread;
+  region: RegionInfo | null;
 }
 
 export interface RefusedMessage {

@@ -128,6 +128,10 @@ void capture(const Simulation& simulation, const StepResult& result, SceneSnapsh
         add_planes(simulation, i, out);
     }
     // Poses, wrench and contact state of this step.
+    const Workspace& workspace = simulation.workspace();
+    out.device = {.centre = workspace.to_scene(Vec3(0.0)),
+                  .orientation = glm::conjugate(workspace.settings().rotation),
+                  .scale = 1.0 / workspace.settings().scale};
     out.tool = tool.pose();
     out.hip = tool.hip();
     out.force = result.force;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "haptic/workspace_region.hpp"
+
 namespace haptic::sim::view {
 namespace {
 
@@ -105,7 +107,7 @@ std::optional<std::int64_t> PublishTimes::find(std::uint64_t sequence) const noe
     return entry.sequence.load(std::memory_order_acquire) == sequence ? std::optional(time_ns) : std::nullopt;
 }
 
-DeviceTelemetry::DeviceTelemetry(const std::string& session) : observer_(session) {}
+DeviceTelemetry::DeviceTelemetry(const std::string& session) : session_name_(session), observer_(session) {}
 
 void DeviceTelemetry::poll(std::int64_t now_ns) {
     if (now_ns - polled_ns_ > kPauseNs) {
@@ -131,6 +133,7 @@ void DeviceTelemetry::add_state(const DeviceState& state, std::int64_t now_ns) {
     }
     // A period needs two consecutive states.
     Tick tick{.latch_ns = state.latch_time_ns, .sequence = state.sequence, .period_ns = {}, .frame_age_ns = {}};
+    tick.unanswered = (state.tick_flags & HAPTIC_TICK_EXCHANGE_FAILED) != 0;
     if (!ticks_.empty() && state.sequence == ticks_.back().sequence + 1 && tick.latch_ns > ticks_.back().latch_ns) {
         tick.period_ns = tick.latch_ns - ticks_.back().latch_ns;
     }
@@ -161,13 +164,28 @@ double DeviceTelemetry::rate_hz() const {
                        : 0.0;
 }
 
-std::string DeviceTelemetry::message(std::int64_t now_ns) {
+nlohmann::json DeviceTelemetry::region_in(const std::optional<DeviceInScene>& device) const {
+    const std::optional<WorkspaceRegion> region = device ? read_region(session_name_) : std::nullopt;
+    if (!region) {
+        return nullptr;
+    }
+    const Vec3 axes = device->scale * region->semi_axes;
+    const Vec3& centre = device->centre;
+    const Quat& turned = device->orientation;
+    return {{"centre", {centre.x, centre.y, centre.z}},
+            {"semi_axes", {axes.x, axes.y, axes.z}},
+            {"orientation", {turned.w, turned.x, turned.y, turned.z}},
+            {"angle_rad", region->angle}};
+}
+
+std::string DeviceTelemetry::message(std::int64_t now_ns, const std::optional<DeviceInScene>& device) {
     drop_before(now_ns - kWindowNs);
     const bool connected = !ticks_.empty() && ticks_.back().latch_ns >= now_ns - kSilenceNs;
     // Statistics of the window: periods, ages, and ticks missing between consecutive sequence numbers.
     std::vector<std::int64_t> periods;
     std::vector<std::int64_t> ages;
     std::uint64_t unseen = 0;
+    std::size_t unanswered = 0;
     for (std::size_t i = 0; connected && i < ticks_.size(); ++i) {
         const Tick& tick = ticks_[i];
         if (tick.period_ns) {
@@ -176,26 +194,30 @@ std::string DeviceTelemetry::message(std::int64_t now_ns) {
         if (tick.frame_age_ns) {
             ages.push_back(*tick.frame_age_ns);
         }
+        unanswered += tick.unanswered ? 1 : 0;
         unseen += i == 0 ? 0 : tick.sequence - ticks_[i - 1].sequence - 1;
     }
     // Percentiles and the histogram need sorted values.
     std::sort(periods.begin(), periods.end());
     std::sort(ages.begin(), ages.end());
     // Without a device the state is absent, lists are empty and numbers 0.
-    const nlohmann::json message = {{"type", "device"},
-                                    {"connected", connected},
-                                    {"state", connected ? safety_state_name(safety_state_) : "absent"},
-                                    {"faults", fault_names(connected ? faults_ : 0u)},
-                                    {"flags", tick_flag_names(connected ? flags_ : 0u)},
-                                    {"rate_hz", connected ? rate_hz() : 0.0},
-                                    {"window_s", static_cast<double>(kWindowNs) * 1e-9},
-                                    {"period_us", histogram(periods)},
-                                    {"missed", missed_ticks(periods)},
-                                    {"unseen", unseen},
-                                    {"frame_age_ms",
-                                     {{"p50", milliseconds(percentile(ages, 0.5))},
-                                      {"p99", milliseconds(percentile(ages, 0.99))},
-                                      {"max", milliseconds(percentile(ages, 1.0))}}}};
+    const nlohmann::json message = {
+        {"type", "device"},
+        {"connected", connected},
+        {"state", connected ? safety_state_name(safety_state_) : "absent"},
+        {"faults", fault_names(connected ? faults_ : 0u)},
+        {"flags", tick_flag_names(connected ? flags_ : 0u)},
+        {"rate_hz", connected ? rate_hz() : 0.0},
+        {"window_s", static_cast<double>(kWindowNs) * 1e-9},
+        {"period_us", histogram(periods)},
+        {"region", connected ? region_in(device) : nlohmann::json(nullptr)},
+        {"missed", missed_ticks(periods)},
+        {"unanswered", connected ? static_cast<double>(unanswered) / static_cast<double>(ticks_.size()) : 0.0},
+        {"unseen", unseen},
+        {"frame_age_ms",
+         {{"p50", milliseconds(percentile(ages, 0.5))},
+          {"p99", milliseconds(percentile(ages, 0.99))},
+          {"max", milliseconds(percentile(ages, 1.0))}}}};
     flags_ = 0;
     return message.dump();
 }

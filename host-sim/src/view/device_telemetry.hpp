@@ -12,12 +12,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "haptic/frames.hpp"
 #include "haptic/ring_observer.hpp"
+#include "view/snapshot.hpp"
 
 namespace haptic::sim::view {
 
@@ -52,8 +54,9 @@ class DeviceTelemetry {
 
     /// Reads the states that arrived since the last poll. `now_ns` is CLOCK_MONOTONIC, here and below.
     void poll(std::int64_t now_ns);
-    /// The message "device" of page/PROTOCOL.md, JSON. Its flags are those of the ticks since the previous message.
-    [[nodiscard]] std::string message(std::int64_t now_ns);
+    /// The message "device" of page/PROTOCOL.md, JSON. Its flags are those of the ticks since the previous message, and
+    /// its region is that of the session's rt-core, placed in the scene; none without `device`.
+    [[nodiscard]] std::string message(std::int64_t now_ns, const std::optional<DeviceInScene>& device = {});
     /// Records the publication of a frame. Called from the simulation's thread, concurrently with the rest. Wait-free.
     void frame_published(std::uint64_t sequence, std::int64_t time_ns) noexcept { published_.add(sequence, time_ns); }
 
@@ -63,12 +66,15 @@ class DeviceTelemetry {
         std::uint64_t sequence = 0;
         std::optional<std::int64_t> period_ns;     // since the previous state, if that was seen
         std::optional<std::int64_t> frame_age_ns;  // of the rendered frame, if it is known
+        bool unanswered = false;                   // by the board
     };
 
+    [[nodiscard]] nlohmann::json region_in(const std::optional<DeviceInScene>& device) const;
     void add_state(const DeviceState& state, std::int64_t now_ns);
     void drop_before(std::int64_t time_ns);
     [[nodiscard]] double rate_hz() const;
 
+    std::string session_name_;
     RingObserver<DeviceState> observer_;
     PublishTimes published_;
     std::deque<Tick> ticks_;

@@ -187,6 +187,7 @@ class ServedView final : public LiveView, private WebHandler {
     std::unique_ptr<SnapshotEncoder> encoder_;
     std::shared_ptr<const std::string> record_;
     ViewState state_;
+    std::optional<DeviceInScene> device_in_scene_;  // of the newest snapshot
     std::int64_t next_request_ns_ = 0;
     std::int64_t next_device_ns_ = 0;
     std::int64_t next_samples_ns_ = 0;
@@ -427,6 +428,7 @@ bool ServedView::take_snapshot() {
     // Particles are encoded only while a viewer is subscribed to them.
     const bool particles = any_viewer([](const Viewer& viewer) { return viewer.watch().particles; });
     encoder_->encode(shown_stream_->snapshots.front(), particles, sessions_.size());
+    device_in_scene_ = shown_stream_->snapshots.front().device;
     state_.snapshot = &encoder_->encoded();
     ++state_.snapshots;
     return true;
@@ -459,7 +461,7 @@ bool ServedView::poll_device(std::int64_t now_ns) {
         return false;
     }
     next_device_ns_ = now_ns + kDevicePeriodNs;
-    state_.device = device_->message(now_ns);
+    state_.device = device_->message(now_ns, device_in_scene_);
     ++state_.devices;
     return true;
 }

@@ -99,6 +99,13 @@ struct RunView {
     std::array<double, kMaxParameters> parameters{};  // as SceneDescription::parameters
 };
 
+/// The device in the scene: maps the device frame to the scene, scene_from_device.
+struct DeviceInScene {
+    Vec3 centre{0.0};                      // m, scene
+    Quat orientation{1.0, 0.0, 0.0, 0.0};  // scene_from_device
+    double scale = 1.0;                    // m in the scene per m at the device
+};
+
 /// State of the scene at one instant. All vectors but `planes` have the lengths given by the description.
 struct SceneSnapshot {
     std::uint64_t step = 0;           // number of the step that starts at `time`
@@ -109,6 +116,7 @@ struct SceneSnapshot {
     std::vector<Vec3> tool_vertices;  // m, scene
     std::vector<ProxyView> proxies;
     std::vector<PlaneView> planes;  // at most 3 per proxy
+    DeviceInScene device;           // the clutch moves it
     Pose tool;                      // scene_from_tool
     Pose hip;                       // scene_from_tool, as the device has it
     Vec3 force{0.0};                // N, scene, on the tool

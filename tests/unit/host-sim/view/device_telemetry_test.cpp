@@ -11,7 +11,9 @@
 #include <random>
 #include <thread>
 
+#include "haptic/frames.hpp"
 #include "haptic/ring.hpp"
+#include "haptic/workspace_region.hpp"
 #include "ring_session.hpp"
 
 namespace haptic::sim::view {
@@ -203,6 +205,14 @@ TEST_F(DeviceTelemetryTest, RestartsTheWindowAfterAPauseInPolling) {
     EXPECT_EQ(message().at("unseen"), 0);
 }
 
+TEST_F(DeviceTelemetryTest, ReportsTheShareOfTicksWithoutAnAnswerFromTheBoard) {
+    for (int i = 0; i < 8; ++i) {
+        state_.tick_flags = i % 4 == 0 ? std::uint32_t{HAPTIC_TICK_EXCHANGE_FAILED} : 0u;
+        tick(kMillisecond);
+    }
+    EXPECT_DOUBLE_EQ(message().at("unanswered").get<double>(), 0.25);
+}
+
 TEST_F(DeviceTelemetryTest, ReportsCurrentFaultsAndFlagsSinceTheLastMessage) {
     state_.tick_flags = HAPTIC_TICK_FORCE_LIMITED;
     tick(kMillisecond);
@@ -290,7 +300,7 @@ TEST_F(DeviceTelemetryTest, IgnoresImpossibleStates) {
     tick(kMillisecond);
     const json device = message();
     EXPECT_EQ(device.at("state"), "unknown");
-    EXPECT_EQ(device.at("faults").size(), 9u);
+    EXPECT_EQ(device.at("faults").size(), fault_names(~0u).size());
     EXPECT_EQ(device.at("period_us").at("max"), 1000.0);
     EXPECT_EQ(device.at("unseen"), 5) << "they say nothing";
     now_ns_ -= 1;  // a latch that is no later than the one before
@@ -325,6 +335,19 @@ TEST(PublishTimesRing, NeverReturnTheTimeOfAnotherFrameDuringWrites) {
     writer.join();
     EXPECT_GE(found, 3u);
     EXPECT_EQ(wrong, 0u);
+}
+
+TEST_F(DeviceTelemetryTest, PlacesTheRegionOfTheSessionInTheScene) {
+    ticks(30);
+    const DeviceInScene device{.centre = Vec3(1.0, 2.0, 3.0), .orientation = Quat(0.0, 0.0, 1.0, 0.0), .scale = 50.0};
+    EXPECT_TRUE(json::parse(telemetry_.message(now_ns_, device)).at("region").is_null()) << "no walls";
+    const PublishedRegion published(session_.name(), {.semi_axes = Vec3(0.01, 0.02, 0.03), .angle = 0.25});
+    const json region = json::parse(telemetry_.message(now_ns_, device)).at("region");
+    EXPECT_THAT(region.at("centre"), ElementsAre(1.0, 2.0, 3.0));
+    EXPECT_THAT(region.at("semi_axes"), ElementsAre(0.5, 1.0, 1.5));
+    EXPECT_THAT(region.at("orientation"), ElementsAre(0.0, 0.0, 1.0, 0.0));
+    EXPECT_EQ(region.at("angle_rad"), 0.25);
+    EXPECT_TRUE(message().at("region").is_null()) << "no scene yet";
 }
 
 }  // namespace
