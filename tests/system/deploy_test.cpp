@@ -65,6 +65,18 @@ TEST_F(Deploy, UnitsAreAsSystemdWantsThem) {
     }
 }
 
+TEST_F(Deploy, TheServicePullsAtNothingUntilAPersonArmsIt) {
+    // The options of the unit, and those of the installed file, which replace them.
+    for (const char* const file : {DEPLOY "/systemd/haptic-rt-core.service", DEPLOY "/default/haptic-rt-core"}) {
+        std::ifstream stream(file);
+        std::string options;
+        for (std::string line; std::getline(stream, line);) {
+            options = line.find("RT_CORE_OPTIONS=") != std::string::npos && line.front() != '#' ? line : options;
+        }
+        EXPECT_THAT(options, HasSubstr("--set safety.arm=person")) << file;
+    }
+}
+
 TEST_F(Deploy, ServicesAreExposedAsLittleAsSystemdCanSay) {
     for (const char* const unit : {"haptic-rt-core.service", "haptic-host-sim.service"}) {
         const Finished found = security(unit);

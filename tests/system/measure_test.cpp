@@ -26,7 +26,7 @@ class Measure : public testing::Test {
     [[nodiscard]] Finished measure(const std::vector<std::string>& arguments) const {
         // Scheduling delays of the test machine must not cause a fault.
         std::vector<std::string> command = {RT_CORE,      "measure", "--session", session,
-                                            "--duration", "1.5",     "--set",     "safety.overrun_ticks=100000"};
+                                            "--duration", "1.5",     "--set",     "safety.late_share=1"};
         command.insert(command.end(), arguments.begin(), arguments.end());
         return run(command);
     }

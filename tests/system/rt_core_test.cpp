@@ -61,7 +61,7 @@ TEST_F(RtCore, RefusesADeviceThatItCannotDrive) {
     }
 }
 
-TEST_F(RtCore, RecoversALostDeviceWithRearm) {
+TEST_F(RtCore, RecoversALostDeviceWithReconnectWhenAPersonArms) {
     std::vector<std::string> command = run_for("3");
     for (const std::string& argument :
          {std::string("--fault"), std::string("unplug@0.2/0.5"), std::string("--set"),
@@ -73,10 +73,12 @@ TEST_F(RtCore, RecoversALostDeviceWithRearm) {
     EXPECT_THAT(ended.output, HasSubstr("FAULT: exchange (disconnected)"));
     EXPECT_THAT(nlohmann::json::parse(std::ifstream(folder / "run.json")).at("interruptions"), IsEmpty());
 
-    command.emplace_back("--rearm");
-    const Finished finished = run(command);
-    EXPECT_EQ(finished.status, 0) << finished.output;
-    EXPECT_THAT(finished.output, HasSubstr("interrupted at"));
+    command.emplace_back("--reconnect");
+    Process process(command, folder / "log.txt");
+    ASSERT_TRUE(process.wait_for_text("disarmed until a person arms", std::chrono::seconds(20))) << process.output();
+    EXPECT_EQ(run({RT_CORE, "arm", "--session", session}).status, 0);
+    EXPECT_EQ(process.wait_for(std::chrono::seconds(30)), 0) << process.output();
+    EXPECT_THAT(process.output(), HasSubstr("interrupted at"));
     const nlohmann::json report = nlohmann::json::parse(std::ifstream(folder / "run.json"));
     ASSERT_EQ(report.at("interruptions").size(), 1U);
     EXPECT_EQ(report.at("interruptions").at(0).at("cause"), "disconnected");

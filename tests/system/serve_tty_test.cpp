@@ -39,7 +39,8 @@ class ServedTty : public testing::Test {
         std::vector<std::string> command = {RT_CORE, "run", "--session", session, "--device", "tty:" + path};
         for (const std::string& setting :
              {"device.geometry=" + geometry, std::string("loop.period_s=0.02"), std::string("loop.warm_up_ticks=1"),
-              std::string("device.uart_timeout_s=0.04"), std::string("safety.overrun_ticks=1000"),
+              std::string("device.uart_timeout_s=0.04"), std::string("safety.late_share=1"),
+              std::string("safety.encoder_age_s=0.2"), std::string("safety.prove=never"),
               std::string("safety.watchdog_s=1")}) {
             command.insert(command.end(), {"--set", setting});
         }
@@ -128,7 +129,7 @@ TEST_F(ServedTty, GoesOnWhenTheServerIsBack) {
     const std::string link = folder / "line";
     const std::vector<std::string> serve = {FIRMWARE_HOST, "serve", "--tty", link, "--geometry", "SpidarG6X5R"};
     std::vector<std::string> command = rt_core("SpidarG6X5R", link);
-    command.insert(command.end(), {"--rearm", "--report", folder / "run.json"});
+    command.insert(command.end(), {"--reconnect", "--report", folder / "run.json"});
     std::optional<Process> server;
     server.emplace(serve, folder / "first.log");
     ASSERT_TRUE(server->wait_for_text("tty:", 10s)) << server->output();
@@ -143,7 +144,7 @@ TEST_F(ServedTty, GoesOnWhenTheServerIsBack) {
     ASSERT_TRUE(core.wait_for_text("not yet", 20s)) << core.output();
     server.reset();
     server.emplace(serve, folder / "second.log");
-    EXPECT_TRUE(core.wait_for_text("is back; hold the grip", 20s)) << core.output();
+    EXPECT_TRUE(core.wait_for_text("is back, with its motors at zero", 20s)) << core.output();
     core.signal(SIGTERM);
     EXPECT_EQ(core.wait_for(20s), 0) << core.output();
 }
@@ -164,10 +165,41 @@ class MotorsOnATty : public ServedTty {
         return dac_codes == std::array<std::int16_t, kStrings>{};
     }
     [[nodiscard]] std::string path() const { return server_.path(); }
+    /// As with the cable pulled: nothing is answered, and the motors keep what they have.
+    void set_silent(bool silent) { silent_ = silent; }
+    /// Whether any motor is sent anything but zero within this time.
+    bool any_pulls_within(std::chrono::milliseconds time) {
+        for (const auto end = std::chrono::steady_clock::now() + time; std::chrono::steady_clock::now() < end;) {
+            if (!all_zero(dac_codes())) {
+                return true;
+            }
+            std::this_thread::sleep_for(2ms);
+        }
+        return false;
+    }
+    /// Lets a running rt-core lose its device and find it again. The motors are at zero then, and stay there.
+    void lose_and_return(Process& core) {
+        set_silent(true);
+        ASSERT_TRUE(core.wait_for_text("not yet", 30s)) << core.output();
+        set_silent(false);
+        ASSERT_TRUE(core.wait_for_text("with its motors at zero", 30s)) << core.output();
+        for (int k = 0; k < 200 && !all_zero(dac_codes()); ++k) {
+            std::this_thread::sleep_for(10ms);
+        }
+        ASSERT_TRUE(core.wait_for_text("disarmed until a person arms the device", 20s)) << core.output();
+        ASSERT_FALSE(any_pulls_within(1500ms)) << "three times the time to tension the strings\n" << core.output();
+    }
+    [[nodiscard]] nlohmann::json armings() const {
+        return nlohmann::json::parse(std::ifstream(folder / "run.json")).at("armings");
+    }
 
   private:
     void serve() {
         while (!done_) {
+            if (silent_) {
+                std::this_thread::sleep_for(5ms);
+                continue;
+            }
             pollfd watched{server_.descriptor(), POLLIN, 0};
             poll(&watched, 1, 5);
             const std::scoped_lock lock(mutex_);
@@ -180,6 +212,7 @@ class MotorsOnATty : public ServedTty {
     device::UartFirmware firmware_{device_};
     device::TtyServer server_{firmware_, {}};
     std::atomic<bool> done_{false};
+    std::atomic<bool> silent_{false};
     std::thread thread_;
 };
 
@@ -201,6 +234,80 @@ TEST_F(MotorsOnATty, AreAtZeroAfterACrashAndAfterAStop) {
         }
         EXPECT_TRUE(all_zero(dac_codes()));
     }
+}
+
+TEST_F(MotorsOnATty, PullAfterALostDeviceOnlyWhenAPersonArmsByCommand) {
+    std::vector<std::string> command = rt_core("SpidarG6X4", path());
+    command.insert(command.end(), {"--reconnect", "--report", folder / "run.json"});
+    command.insert(command.end(), {"--set", "device.uart_timeout_s=0.01"});
+    Process core(command, folder / "core.log");
+    if (!core.wait_for_text("rt-core info: running", 20s)) {
+        if (refused(core.output())) {
+            GTEST_SKIP() << "a real device is not driven without real-time privileges";
+        }
+        FAIL() << core.output();
+    }
+    const Finished early = run({RT_CORE, "arm", "--session", session});
+    EXPECT_EQ(early.status, 1);
+    EXPECT_THAT(early.output, HasSubstr("already armed: running"));
+    lose_and_return(core);
+    EXPECT_THAT(run({RT_CORE, "arm", "--session", session, "--state"}).output, HasSubstr("a person must arm"));
+    EXPECT_FALSE(any_pulls_within(100ms)) << "asking for the state arms nothing";
+    const Finished armed = run({RT_CORE, "arm", "--session", session});
+    EXPECT_EQ(armed.status, 0) << armed.output;
+    EXPECT_TRUE(core.wait_for_text("armed by a person (command)", 20s)) << core.output();
+    EXPECT_TRUE(any_pulls_within(20s));
+    core.signal(SIGTERM);
+    EXPECT_EQ(core.wait_for(20s), 0) << core.output();
+    ASSERT_EQ(armings().size(), 2U);
+    EXPECT_EQ(armings().at(0).at("by"), "start");
+    EXPECT_EQ(armings().at(1).at("by"), "command");
+}
+
+TEST_F(MotorsOnATty, PullAfterALostDeviceOnlyWhenAPersonPressesEnter) {
+    // The program in a terminal of its own, as a person has it.
+    const device::test::Pty terminal;
+    std::vector<std::string> command = {"/bin/sh", "-c", "exec setsid -c \"$@\" <" + terminal.path(), "sh"};
+    for (const std::string& word : rt_core("SpidarG6X4", path())) {
+        command.push_back(word);
+    }
+    command.insert(command.end(), {"--reconnect", "--report", folder / "run.json"});
+    command.insert(command.end(), {"--set", "device.uart_timeout_s=0.01"});
+    const auto type = [&terminal](char key) { terminal.write({static_cast<std::byte>(key)}); };
+    Process core(command, folder / "core.log");
+    if (!core.wait_for_text("rt-core info: running", 20s)) {
+        if (refused(core.output())) {
+            GTEST_SKIP() << "a real device is not driven without real-time privileges";
+        }
+        FAIL() << core.output();
+    }
+    type('\n');  // before it is awaited: counts for nothing
+    lose_and_return(core);
+    EXPECT_THAT(core.output(), HasSubstr("press Enter here"));
+    type('x');
+    EXPECT_FALSE(any_pulls_within(300ms)) << "another key";
+    type('\n');
+    EXPECT_TRUE(core.wait_for_text("armed by a person (key)", 20s)) << core.output();
+    EXPECT_TRUE(any_pulls_within(20s));
+    core.signal(SIGTERM);
+    EXPECT_EQ(core.wait_for(20s), 0) << core.output();
+    EXPECT_EQ(armings().at(1).at("by"), "key");
+}
+
+TEST_F(MotorsOnATty, StayAtZeroFromTheStartWhereAPersonArms) {
+    std::vector<std::string> command = rt_core("SpidarG6X4", path());
+    command.insert(command.end(), {"--set", "safety.arm=person"});
+    Process core(command, folder / "core.log");
+    if (!core.wait_for_text("disarmed until a person arms the device", 20s)) {
+        if (refused(core.output())) {
+            GTEST_SKIP() << "a real device is not driven without real-time privileges";
+        }
+        FAIL() << core.output();
+    }
+    EXPECT_FALSE(any_pulls_within(1500ms)) << core.output();
+    core.signal(SIGTERM);
+    EXPECT_EQ(core.wait_for(20s), 0) << core.output();
+    EXPECT_TRUE(all_zero(dac_codes()));
 }
 
 TEST_F(ServedTty, RefusesALineThatIsNoneAndAGeometryWithoutOne) {

@@ -37,8 +37,8 @@ class RtCoreUsb : public testing::Test {
         std::vector<std::string> words = {RT_CORE, "run", "--session", session, "--device", "usb"};
         for (const char* assignment :
              {"loop.period_s=0.01", "loop.warm_up_ticks=5", "device.usb_timeout_s=0.1", "device.exchanges=one",
-              "safety.tension_ramp_s=0.1", "safety.calibration_hold_s=0.05", "safety.overrun_ticks=10000",
-              "safety.watchdog_s=2"}) {
+              "safety.tension_ramp_s=0.1", "safety.calibration_hold_s=0.05", "safety.late_share=1",
+              "safety.encoder_age_s=0.5", "safety.prove=never", "safety.watchdog_s=2"}) {
             words.insert(words.end(), {"--set", assignment});
         }
         words.insert(words.end(), more.begin(), more.end());
@@ -91,15 +91,23 @@ TEST_F(RtCoreUsb, EndsInANamedFaultWhenTheCableIsPulled) {
     EXPECT_GT(CsvTable::load(folder / "run.fault.csv").rows(), 10u);
 }
 
-TEST_F(RtCoreUsb, GoesOnByItselfWhenTheDeviceIsPluggedInAgain) {
+TEST_F(RtCoreUsb, GoesOnWhenTheDeviceIsPluggedInAgainAndAPersonHoldsTheButton) {
     FakeUsbBoard& board = bus.plug({});
     const std::string recording = folder / "run.csv";
-    Process process(command({"--report", report_file, "--record", recording, "--rearm"}), log);
+    Process process(
+        command({"--report", report_file, "--record", recording, "--reconnect", "--set", "safety.arm_button=2"}), log);
     ASSERT_TRUE(process.wait_for_text("rt-core info: running", kLong)) << process.output();
     bus.remove(board);
     ASSERT_TRUE(process.wait_for_text("not yet: no USB device 0cec:0205", kLong)) << process.output();
-    const FakeUsbBoard& again = bus.plug({.number = 3});
+    FakeUsbBoard& again = bus.plug({.number = 3});
     ASSERT_TRUE(process.wait_for_text("/dev/bus/usb/001/003) is back", kLong)) << process.output();
+    ASSERT_TRUE(process.wait_for_text("hold button 2 of the board for 1 s", kLong)) << process.output();
+    for (int i = 0; i < 70; ++i) {
+        ASSERT_EQ(again.dac_codes(), kZeros) << "nothing pulls until a person acts";
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    again.hold_buttons(0b100);
+    ASSERT_TRUE(process.wait_for_text("armed by a person (button)", kLong)) << process.output();
     for (int i = 0; i < 3000 && again.dac_codes() == kZeros; ++i) {
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
@@ -120,13 +128,14 @@ TEST_F(RtCoreUsb, GoesOnByItselfWhenTheDeviceIsPluggedInAgain) {
     // Measurements of both runs, without the time in between.
     EXPECT_GT(result.at("exchange").at("statuses").at("ok"), 20);
     EXPECT_GT(result.at("exchange").at("statuses").at("disconnected"), 0);
-    const auto times = CsvTable::load(recording).column("time_s");
-    EXPECT_GT(times.back(), interruption.at("at_s").get<double>() + interruption.at("lost_s").get<double>());
+    const CsvTable ticks = CsvTable::load(recording);
+    EXPECT_GT(ticks.column("time_s").back(),
+              interruption.at("at_s").get<double>() + interruption.at("lost_s").get<double>());
 }
 
 TEST_F(RtCoreUsb, EndsWhileItWaitsForTheDevice) {
     FakeUsbBoard& board = bus.plug({});
-    Process process(command({"--report", report_file, "--set", "safety.rearm=true"}), log);
+    Process process(command({"--report", report_file, "--set", "safety.reconnect=true"}), log);
     ASSERT_TRUE(process.wait_for_text("rt-core info: running", kLong)) << process.output();
     bus.remove(board);
     ASSERT_TRUE(process.wait_for_text("not yet:", kLong)) << process.output();
