@@ -13,7 +13,7 @@
 namespace haptic::rt {
 namespace {
 
-constexpr int kPollMs = 5;
+constexpr int kKeyWaitMs = 5;
 constexpr std::int64_t kIdleNs = 5'000'000;
 constexpr std::int64_t kShowNs = 100'000'000;
 constexpr int kPriority = 20;
@@ -212,7 +212,7 @@ void BringupBoard::stay_silent(const Hold& hold, const RawKeys& keys) {
     key.update(begin_ns, true, false);  // it is held
     while (monotonic_now_ns() - begin_ns < hold.silent_ns) {
         console_->check_signals();
-        const RawKeys::Pressed pressed = keys.read(kPollMs);
+        const RawKeys::Pressed pressed = keys.read(kKeyWaitMs);
         key.update(monotonic_now_ns(), pressed.space, pressed.other != '\0');
         if (limits_.button < 0 && (key.released() || pressed.other != '\0')) {
             return;
@@ -245,7 +245,7 @@ HoldResult BringupBoard::hold(const Hold& hold) {
     try {
         while (!progress.over) {
             console_->check_signals();
-            const RawKeys::Pressed pressed = keys.read(kPollMs);
+            const RawKeys::Pressed pressed = keys.read(kKeyWaitMs);
             const std::int64_t now_ns = monotonic_now_ns();
             const bool down = key_pressed(pressed);
             key.update(now_ns, down, pressed.other != '\0' || (limits_.button >= 0 && !down));

@@ -10,7 +10,7 @@
 namespace haptic::rt {
 namespace {
 
-constexpr int kPollMs = 5;
+constexpr int kInputWaitMs = 5;
 
 /// Reads what has arrived; at most until `wait_ms`. Throws BringupStopped at the end of the input.
 std::string read_input(int wait_ms) {
@@ -62,7 +62,7 @@ std::string BringupConsole::ask(const std::string& question, const Idle& idle) c
     while (line.find('\n') == std::string::npos) {
         check_signals();
         idle();
-        line += read_input(kPollMs);
+        line += read_input(kInputWaitMs);
     }
     line = trimmed(line);
     if (line == "q") {

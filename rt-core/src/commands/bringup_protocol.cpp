@@ -8,22 +8,19 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "formatted.hpp"
 #include "haptic/report.hpp"
 
 namespace haptic::rt {
 namespace {
+
+using haptic::detail::formatted;
 
 constexpr int kVersion = 1;
 constexpr double kMicro = 1e6;
 constexpr double kMilli = 1e3;
 // Counts by which a counter may flicker at rest.
 constexpr std::int64_t kMostNoise = 2;
-
-std::string text(const char* format, auto... values) {
-    char line[300];
-    std::snprintf(line, sizeof line, format, values...);
-    return line;
-}
 
 nlohmann::json to_json(const BringupProtocol& p) {
     nlohmann::json pull_outs = nlohmann::json::array();
@@ -112,7 +109,7 @@ std::vector<std::string> missing_of(const BringupProtocol& p) {
     std::vector<std::string> missing;
     const auto count = [&missing](const char* what, std::size_t there) {
         if (there < kStrings) {
-            missing.push_back(text("%s: %zu of 8", what, there));
+            missing.push_back(formatted("%s: %zu of 8", what, there));
         }
     };
     const auto given = [](const auto& one) { return one.has_value(); };
@@ -158,8 +155,8 @@ BringupSummary summary_of(const BringupProtocol& protocol, const device::DeviceG
     for (std::size_t c = 0; protocol.noise && c < kStrings; ++c) {
         if ((*protocol.noise)[c] > kMostNoise) {
             summary.deviations.push_back(
-                {text("the counter of channel %zu moved by %lld counts at rest", c,
-                      static_cast<long long>((*protocol.noise)[c])),
+                {formatted("the counter of channel %zu moved by %lld counts at rest", c,
+                           static_cast<long long>((*protocol.noise)[c])),
                  "the device was touched, or the encoder's cable picks up noise: check shield and ground", true});
         }
     }
@@ -268,14 +265,14 @@ std::string strings_text(const device::DeviceGeometry& nominal, const BringupFin
             }
         }
         const std::optional<WeighingFit>& fit = findings.weight_of_string[s];
-        lines +=
-            text("  %-6zu  %-18s  %-7s  %-9s (%+.3f)     %-7s  %-8s (%.3f)   %s\n", s, corner_of(nominal, s).c_str(),
-                 (encoder.found() ? std::to_string(encoder.channel) : std::string("-")).c_str(),
-                 (encoder.found() ? text("%+.3f", kMicro * encoder.metres_per_count) : std::string("-")).c_str(),
-                 kMicro * nominal.strings[s].metres_per_count, motor.c_str(),
-                 (fit ? text("%.3f", kMilli * fit->newtons_per_code) : std::string("-")).c_str(),
-                 kMilli * std::fabs(nominal.strings[s].newtons_per_code),
-                 (fit ? text("%.3f", fit->friction) : std::string("-")).c_str());
+        lines += formatted(
+            "  %-6zu  %-18s  %-7s  %-9s (%+.3f)     %-7s  %-8s (%.3f)   %s\n", s, corner_of(nominal, s).c_str(),
+            (encoder.found() ? std::to_string(encoder.channel) : std::string("-")).c_str(),
+            (encoder.found() ? formatted("%+.3f", kMicro * encoder.metres_per_count) : std::string("-")).c_str(),
+            kMicro * nominal.strings[s].metres_per_count, motor.c_str(),
+            (fit ? formatted("%.3f", kMilli * fit->newtons_per_code) : std::string("-")).c_str(),
+            kMilli * std::fabs(nominal.strings[s].newtons_per_code),
+            (fit ? formatted("%.3f", fit->friction) : std::string("-")).c_str());
     }
     return lines;
 }
@@ -306,16 +303,16 @@ std::string protocol_text(const BringupProtocol& p, const device::DeviceGeometry
     lines += "Readings\n";
     for (std::size_t s = 0; s < kStrings; ++s) {
         for (const Weighing& one : p.weighings[s]) {
-            lines +=
-                text("  string %zu at code %.0f: %.3f N (%s)\n", s, one.code, one.newtons, p.weighed_with[s].c_str());
+            lines += formatted("  string %zu at code %.0f: %.3f N (%s)\n", s, one.code, one.newtons,
+                               p.weighed_with[s].c_str());
         }
     }
     if (p.round_trips) {
-        lines += text("\nRound trips: %zu, failed %llu, p50 %.3f ms, p99 %.3f ms, longest %.3f ms\n",
-                      p.round_trips->times_ns.size(), static_cast<unsigned long long>(p.round_trips->failed),
-                      1e-6 * static_cast<double>(p.round_trips->quantile(0.5)),
-                      1e-6 * static_cast<double>(p.round_trips->quantile(0.99)),
-                      1e-6 * static_cast<double>(p.round_trips->quantile(1.0))) +
+        lines += formatted("\nRound trips: %zu, failed %llu, p50 %.3f ms, p99 %.3f ms, longest %.3f ms\n",
+                           p.round_trips->times_ns.size(), static_cast<unsigned long long>(p.round_trips->failed),
+                           1e-6 * static_cast<double>(p.round_trips->quantile(0.5)),
+                           1e-6 * static_cast<double>(p.round_trips->quantile(0.99)),
+                           1e-6 * static_cast<double>(p.round_trips->quantile(1.0))) +
                  histogram_text(*p.round_trips);
     }
     lines += "\nPower-cut test\n";

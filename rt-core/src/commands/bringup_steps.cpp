@@ -7,11 +7,14 @@
 #include <cstdlib>
 #include <utility>
 
+#include "formatted.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/device/dac_codes.hpp"
 
 namespace haptic::rt {
 namespace {
+
+using haptic::detail::formatted;
 
 constexpr double kGravity = 9.80665;     // m/s^2, standard
 constexpr double kPullShare = 0.5;       // of the cap, for finding out which motor is which
@@ -20,12 +23,6 @@ constexpr double kTightTension = 0.05;   // N, of a string that an eye sees to b
 constexpr std::int64_t kRestNs = 1'000'000'000;
 constexpr std::int64_t kLiftRampNs = 6'000'000'000;  // slow, so that the code at the lift is certain
 constexpr double kLongestPull = 1.0;                 // m
-
-std::string text(const char* format, auto... values) {
-    char line[300];
-    std::snprintf(line, sizeof line, format, values...);
-    return line;
-}
 
 /// A positive number and nothing else; 0 otherwise.
 double number_of(const std::string& answer) {
@@ -61,7 +58,7 @@ void BringupSteps::run() {
 
 void BringupSteps::head(int step, const char* title, const char* look, const char* expect,
                         const char* otherwise) const {
-    console_->say(text("\nStep %d of 7: %s", step, title));
+    console_->say(formatted("\nStep %d of 7: %s", step, title));
     console_->say(std::string("  look at    ") + look);
     console_->say(std::string("  expect     ") + expect);
     console_->say(std::string("  otherwise  ") + otherwise);
@@ -133,9 +130,9 @@ bool BringupSteps::pull_out(std::size_t string) {
     board_->refresh();
     const std::array<std::int64_t, kStrings> before = board_->counts();
     const std::string answer =
-        ask(text("Pull %s out of its pulley by %.0f mm, hold it, and press Enter "
-                 "(or type the mm that you pulled; s skips).",
-                 name_of(string).c_str(), 1e3 * settings_.pull_out));
+        ask(formatted("Pull %s out of its pulley by %.0f mm, hold it, and press Enter "
+                      "(or type the mm that you pulled; s skips).",
+                      name_of(string).c_str(), 1e3 * settings_.pull_out));
     if (answer == "s") {
         protocol_->skipped.push_back("pull out string " + std::to_string(string));
         return false;
@@ -166,9 +163,10 @@ bool BringupSteps::pull_out(std::size_t string) {
             return true;
         }
     } else {
-        console_->say(text("  channel %d: %+lld counts, %+.3f um a count (nominal %+.3f on channel %zu)", found.channel,
-                           static_cast<long long>(pull.counts[static_cast<std::size_t>(found.channel)]),
-                           1e6 * found.metres_per_count, 1e6 * nominal_->strings[string].metres_per_count, string));
+        console_->say(
+            formatted("  channel %d: %+lld counts, %+.3f um a count (nominal %+.3f on channel %zu)", found.channel,
+                      static_cast<long long>(pull.counts[static_cast<std::size_t>(found.channel)]),
+                      1e6 * found.metres_per_count, 1e6 * nominal_->strings[string].metres_per_count, string));
     }
     protocol_->pull_outs[string] = pull;
     save_();
@@ -187,15 +185,15 @@ void BringupSteps::pull_motors() {
          "none: motor dead, string loose, or the motor pushes; another one: plugs are exchanged");
     const BringupBoard::Limits& limits = board_->limits();
     console_->say(
-        text("  The motor pulls with %.2f N by the nominal geometry, which may be wrong by a factor of three,",
-             kPullShare * settings_.cap));
+        formatted("  The motor pulls with %.2f N by the nominal geometry, which may be wrong by a factor of three,",
+                  kPullShare * settings_.cap));
     if (limits.button >= 0) {
-        console_->say(text("  and only while you press button %d of the board.", limits.button));
+        console_->say(formatted("  and only while you press button %d of the board.", limits.button));
     } else {
         console_->say(
-            text("  and only while you hold the space bar: it stops %.1f s after the last repeat of the key, and\n"
-                 "  at any other key.",
-                 seconds(limits.key_timeout_ns)));
+            formatted("  and only while you hold the space bar: it stops %.1f s after the last repeat of the key, and\n"
+                      "  at any other key.",
+                      seconds(limits.key_timeout_ns)));
     }
     console_->say("  Hold the grip loosely at the centre with the other hand. s skips a motor, q stops.");
     for (std::size_t c = 0; c < kStrings; ++c) {
@@ -214,15 +212,16 @@ void BringupSteps::pull_motor(std::size_t channel) {
         const bool turns = nominal_->board == device::BoardKind::Uart && found.state == MotorState::Pushes;
         if (turns && found.code == code) {
             console_->say(
-                text("  Its string %d was paid out: the motor pushes. Once more, with codes of the other sign.",
-                     found.string));
+                formatted("  Its string %d was paid out: the motor pushes. Once more, with codes of the other sign.",
+                          found.string));
             if (!try_motor(channel, static_cast<std::int16_t>(-code))) {
                 return;
             }
         }
         const MotorFinding now = findings_of(*protocol_, *nominal_).motor_of_channel[channel];
-        console_->say(text("  channel %zu %s", channel, std::string(to_string(now.state)).c_str()) +
-                      (now.string >= 0 ? text(": string %d moved by %+.1f mm", now.string, 1e3 * now.movement) : ""));
+        console_->say(
+            formatted("  channel %zu %s", channel, std::string(to_string(now.state)).c_str()) +
+            (now.string >= 0 ? formatted(": string %d moved by %+.1f mm", now.string, 1e3 * now.movement) : ""));
         if (!now.contradicts) {
             return;
         }
@@ -234,8 +233,8 @@ void BringupSteps::pull_motor(std::size_t channel) {
 
 bool BringupSteps::try_motor(std::size_t channel, std::int16_t code) {
     board_->wait_until_still();
-    console_->say(text("Channel %zu, code %d: hold %s until the counters are steady, then release.", channel,
-                       static_cast<int>(code), board_->limits().button >= 0 ? "the button" : "the space bar"));
+    console_->say(formatted("Channel %zu, code %d: hold %s until the counters are steady, then release.", channel,
+                            static_cast<int>(code), board_->limits().button >= 0 ? "the button" : "the space bar"));
     int eye = -1;
     Hold hold{.channel = channel,
               .code = code,
@@ -277,7 +276,7 @@ bool BringupSteps::try_motor(std::size_t channel, std::int16_t code) {
 int BringupSteps::ask_for_string(int emulated_eye) {
     const std::string look = emulated_ == nullptr ? ""
                              : emulated_eye < 0   ? " (emulated: none is tight)"
-                                                  : text(" (emulated: string %d is tight)", emulated_eye);
+                                                  : formatted(" (emulated: string %d is tight)", emulated_eye);
     while (true) {
         const std::string answer = ask("Which string became tight? 0 to 7, n for none, ? for a list" + look + ":");
         if (answer == "n") {
@@ -287,7 +286,7 @@ int BringupSteps::ask_for_string(int emulated_eye) {
             return answer[0] - '0';
         }
         for (std::size_t s = 0; s < kStrings; ++s) {
-            console_->say(text("  %zu  ", s) + corner_of(*nominal_, s));
+            console_->say(formatted("  %zu  ", s) + corner_of(*nominal_, s));
         }
     }
 }
@@ -359,7 +358,7 @@ bool BringupSteps::read_balance(std::size_t string, std::size_t channel) {
     for (int k = 1; k <= settings_.readings; ++k) {
         const double share = static_cast<double>(k) / settings_.readings;
         const auto code = static_cast<std::int16_t>(sign * std::abs(code_of(share, string)));
-        console_->say(text("  code %d: hold the key, read the balance, release.", static_cast<int>(code)));
+        console_->say(formatted("  code %d: hold the key, read the balance, release.", static_cast<int>(code)));
         double emulated_newtons = 0.0;
         Hold hold{.channel = channel,
                   .code = code,
@@ -374,7 +373,7 @@ bool BringupSteps::read_balance(std::size_t string, std::size_t channel) {
                                          : "  Released too early; the readings of this string begin again.");
             return false;
         }
-        const std::string shown = emulated_ != nullptr ? text(" (emulated balance: %.3f)", emulated_newtons) : "";
+        const std::string shown = emulated_ != nullptr ? formatted(" (emulated balance: %.3f)", emulated_newtons) : "";
         double newtons = 0.0;
         while (!(newtons > 0.0)) {
             newtons = number_of(ask("  newtons on the balance" + shown + ":"));
@@ -386,8 +385,9 @@ bool BringupSteps::read_balance(std::size_t string, std::size_t channel) {
         console_->say("  The tension does not rise with the code; the readings of this string begin again.");
         return false;
     }
-    console_->say(text("  %.3f mN a code (nominal %.3f), friction %.3f N, rest %.3f N", 1e3 * fit->newtons_per_code,
-                       1e3 * std::fabs(nominal_->strings[string].newtons_per_code), fit->friction, fit->rms));
+    console_->say(formatted("  %.3f mN a code (nominal %.3f), friction %.3f N, rest %.3f N",
+                            1e3 * fit->newtons_per_code, 1e3 * std::fabs(nominal_->strings[string].newtons_per_code),
+                            fit->friction, fit->rms));
     protocol_->weighings[string] = readings;
     protocol_->weighed_with[string] = "spring balance";
     save_();
@@ -397,20 +397,20 @@ bool BringupSteps::read_balance(std::size_t string, std::size_t channel) {
 bool BringupSteps::lift_weight(std::size_t string, std::size_t channel, double kilograms) {
     const double sign = sign_of(channel);
     const auto code = static_cast<std::int16_t>(sign * std::abs(code_of(1.0, string)));
-    console_->say(text("  The code rises to %d in %.0f s: release the key when the weight just lifts.",
-                       static_cast<int>(code), seconds(kLiftRampNs)));
+    console_->say(formatted("  The code rises to %d in %.0f s: release the key when the weight just lifts.",
+                            static_cast<int>(code), seconds(kLiftRampNs)));
     const HoldResult result = board_->hold(
         {.channel = channel, .code = code, .ramp_ns = kLiftRampNs, .steady_ns = nanoseconds(settings_.ramp_s)});
     if (result.skipped || result.steady || result.last_code == 0) {
-        console_->say(result.steady ? text("  The weight was not lifted; take a lighter one, below %.3f kg.",
-                                           settings_.cap / kGravity)
+        console_->say(result.steady ? formatted("  The weight was not lifted; take a lighter one, below %.3f kg.",
+                                                settings_.cap / kGravity)
                                     : "  Nothing was measured.");
         return false;
     }
     const Weighing reading{std::fabs(static_cast<double>(result.last_code)), kGravity * kilograms};
-    console_->say(text("  lifted at code %.0f: %.3f mN a code (nominal %.3f)", reading.code,
-                       1e3 * reading.newtons / reading.code,
-                       1e3 * std::fabs(nominal_->strings[string].newtons_per_code)));
+    console_->say(formatted("  lifted at code %.0f: %.3f mN a code (nominal %.3f)", reading.code,
+                            1e3 * reading.newtons / reading.code,
+                            1e3 * std::fabs(nominal_->strings[string].newtons_per_code)));
     protocol_->weighings[string] = {reading};
     protocol_->weighed_with[string] = "weight";
     save_();
@@ -428,10 +428,10 @@ void BringupSteps::measure_round_trips() {
          "lost: cable, plug or hub; slow: a longer period, or one exchange a tick");
     protocol_->round_trips = board_->measure_round_trips(settings_.exchanges);
     const RoundTrips& trips = *protocol_->round_trips;
-    console_->say(text("  %zu answers, %llu lost; p50 %.3f ms, p99 %.3f ms, longest %.3f ms", trips.times_ns.size(),
-                       static_cast<unsigned long long>(trips.failed), 1e-6 * static_cast<double>(trips.quantile(0.5)),
-                       1e-6 * static_cast<double>(trips.quantile(0.99)),
-                       1e-6 * static_cast<double>(trips.quantile(1.0))));
+    console_->say(
+        formatted("  %zu answers, %llu lost; p50 %.3f ms, p99 %.3f ms, longest %.3f ms", trips.times_ns.size(),
+                  static_cast<unsigned long long>(trips.failed), 1e-6 * static_cast<double>(trips.quantile(0.5)),
+                  1e-6 * static_cast<double>(trips.quantile(0.99)), 1e-6 * static_cast<double>(trips.quantile(1.0))));
     console_->say(histogram_text(trips) +
                   deviations_text(judge_round_trips(trips, settings_.period_ns, settings_.exchanges_per_tick)));
     save_();
@@ -470,9 +470,9 @@ void BringupSteps::cut_power() {
 void BringupSteps::cut_host(std::size_t channel, std::int16_t code) {
     while (true) {
         console_->say(
-            text("Host death: hold the key. After the ramp nothing is sent for %.1f s, as if this computer had "
-                 "died.",
-                 settings_.silence_s));
+            formatted("Host death: hold the key. After the ramp nothing is sent for %.1f s, as if this computer had "
+                      "died.",
+                      settings_.silence_s));
         const HoldResult result = board_->hold({.channel = channel,
                                                 .code = code,
                                                 .ramp_ns = nanoseconds(settings_.ramp_s),

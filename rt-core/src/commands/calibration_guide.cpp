@@ -5,19 +5,16 @@
 #include <cstdio>
 
 #include "device/velocity.hpp"
+#include "formatted.hpp"
 
 namespace haptic::rt {
 namespace {
 
+using haptic::detail::formatted;
+
 constexpr std::int64_t kShowNs = 250'000'000;  // between two updates of the progress line
 constexpr double kDegrees = 57.29577951308232;
 constexpr double kMillimetres = 1e3;
-
-std::string text(const char* format, auto... values) {
-    char line[200];
-    std::snprintf(line, sizeof line, format, values...);
-    return line;
-}
 
 }  // namespace
 
@@ -95,8 +92,8 @@ void CalibrationGuide::show(const TickRecord& tick, const std::string& line) {
 
 void CalibrationGuide::wait(const TickRecord& tick) {
     if (tick.now_ns - shown_ns_ >= kShowNs) {
-        show(tick, text("hold still: largest movement of a string in the last quarter second %.2f mm",
-                        kMillimetres * largest_movement()));
+        show(tick, formatted("hold still: largest movement of a string in the last quarter second %.2f mm",
+                             kMillimetres * largest_movement()));
         counts_ = {};
         strings_ = {};
     }
@@ -104,8 +101,8 @@ void CalibrationGuide::wait(const TickRecord& tick) {
 
 void CalibrationGuide::hold(const TickRecord& tick) {
     worst_residual_ = std::max(worst_residual_, tick.residual);
-    show(tick, text("held: largest movement of a string %.3f mm, residual of the lengths %.1f um",
-                    kMillimetres * largest_movement(), 1e6 * worst_residual_));
+    show(tick, formatted("held: largest movement of a string %.3f mm, residual of the lengths %.1f um",
+                         kMillimetres * largest_movement(), 1e6 * worst_residual_));
     if (seconds(tick.now_ns - begin_ns_) < settings_.hold_s) {
         return;
     }
@@ -127,12 +124,13 @@ void CalibrationGuide::judge_hold() {
     // Fail if a string moved, or if the lengths are inconsistent; else go on to the wiggle.
     if (movement > settings_.movement) {
         phase_ = Phase::Failed;
-        problem_ = text("the grip was not held still: a string moved by %.2f mm, the limit is %.2f mm",
-                        kMillimetres * movement, kMillimetres * settings_.movement);
+        problem_ = formatted("the grip was not held still: a string moved by %.2f mm, the limit is %.2f mm",
+                             kMillimetres * movement, kMillimetres * settings_.movement);
     } else if (worst_residual_ > settings_.residual) {
         phase_ = Phase::Failed;
-        problem_ = text("the residual of the string lengths is %.2f mm although the grip was held: is a string slack?",
-                        kMillimetres * worst_residual_);
+        problem_ =
+            formatted("the residual of the string lengths is %.2f mm although the grip was held: is a string slack?",
+                      kMillimetres * worst_residual_);
     } else {
         std::printf(
             "Now move the grip for %.0f s, slowly and with all strings taut: 2 cm to each side, up and down, back and\n"
@@ -142,9 +140,9 @@ void CalibrationGuide::judge_hold() {
 }
 
 std::string CalibrationGuide::extents_text() const {
-    return text("x %.0f y %.0f z %.0f mm, rotation x %.0f y %.0f z %.0f degrees", kMillimetres * axes_[0].width(),
-                kMillimetres * axes_[1].width(), kMillimetres * axes_[2].width(), kDegrees * axes_[3].width(),
-                kDegrees * axes_[4].width(), kDegrees * axes_[5].width());
+    return formatted("x %.0f y %.0f z %.0f mm, rotation x %.0f y %.0f z %.0f degrees", kMillimetres * axes_[0].width(),
+                     kMillimetres * axes_[1].width(), kMillimetres * axes_[2].width(), kDegrees * axes_[3].width(),
+                     kDegrees * axes_[4].width(), kDegrees * axes_[5].width());
 }
 
 void CalibrationGuide::wiggle(const TickRecord& tick) {
@@ -155,7 +153,7 @@ void CalibrationGuide::wiggle(const TickRecord& tick) {
         axes_[static_cast<std::size_t>(i) + 3].add(rotation[i]);
     }
     const double left_s = settings_.wiggle_s - seconds(tick.now_ns - begin_ns_);
-    show(tick, text("%3.0f s left; range ", left_s) + extents_text());
+    show(tick, formatted("%3.0f s left; range ", left_s) + extents_text());
     if (left_s > 0.0) {
         return;
     }

@@ -2,15 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <glm/geometric.hpp>
 
+#include "formatted.hpp"
 #include "haptic/device/dac_codes.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::rt {
 namespace {
+
+using haptic::detail::formatted;
 
 // Least share of the expected counts at which a counter follows a string, and largest share of the winner's counts of
 // any other one.
@@ -26,12 +28,6 @@ constexpr double kOtherPart = 1.5;
 // The largest code must make more than the maximum tension.
 constexpr double kHeadroom = 0.98;
 constexpr double kFailedShare = 0.001;
-
-std::string text(const char* format, auto... values) {
-    char line[300];
-    std::snprintf(line, sizeof line, format, values...);
-    return line;
-}
 
 /// m by which a string paid out.
 double paid_out(const EncoderFinding& encoder, const std::array<std::int64_t, kStrings>& counts) {
@@ -83,7 +79,7 @@ class Judge {
             }
             int& other = counted_by[static_cast<std::size_t>(encoder.channel)];
             if (other >= 0) {
-                note(text("channel %d follows both string %d and string %zu", encoder.channel, other, s),
+                note(formatted("channel %d follows both string %d and string %zu", encoder.channel, other, s),
                      "one of the two was pulled by mistake, or encoder cables touch; repeat the step", true);
                 encoders_clash_ = true;
             }
@@ -101,7 +97,7 @@ class Judge {
         const double ratio = std::fabs(encoder.metres_per_count / expected);
         if (std::fabs(ratio - 1.0) > kRuler) {
             const bool other_part = ratio > kOtherPart || ratio < 1.0 / kOtherPart;
-            note(text("a count of string %zu is %.3f of the expected length", s, ratio),
+            note(formatted("a count of string %zu is %.3f of the expected length", s, ratio),
                  std::string(other_part ? "another encoder or pulley, or a wrong reading of the ruler; " : "") +
                      "the geometry file has the measured length",
                  false);
@@ -138,7 +134,7 @@ class Judge {
     void judge_motor_of(std::size_t c, const MotorFinding& motor) {
         const auto s = static_cast<std::size_t>(motor.string);
         if (motor.contradicts) {
-            note(text("channel %zu tightened string %zu for the eye, but its encoder did not follow", c, s),
+            note(formatted("channel %zu tightened string %zu for the eye, but its encoder did not follow", c, s),
                  "the wrong string was pulled out in the first step, or the wrong number typed; repeat both", true);
         }
         if (motor.state == MotorState::Pushes) {
@@ -152,7 +148,7 @@ class Judge {
                  "its two wires are exchanged; the geometry file reverses the sign", false);
         }
         if (motor_channel_[s] >= 0) {
-            note(text("channels %d and %zu both move string %zu", motor_channel_[s], c, s),
+            note(formatted("channels %d and %zu both move string %zu", motor_channel_[s], c, s),
                  "the wrong number was typed, or two motors are on one string; repeat the step", true);
             motors_clash_ = true;
         }
@@ -171,12 +167,12 @@ class Judge {
             }
             std::string what = encoder_moved && motor_moved ? "" : encoder_moved ? "the encoder of " : "the motor of ";
             what += name_of(nominal_, s) + " is on ";
-            const std::string where = encoder_moved && motor_moved && encoder == motor ? text("channel %d", motor)
+            const std::string where = encoder_moved && motor_moved && encoder == motor ? formatted("channel %d", motor)
                                       : encoder_moved && motor_moved
-                                          ? text("channels %d (motor) and %d (encoder)", motor, encoder)
-                                          : text("channel %d", encoder_moved ? encoder : motor);
+                                          ? formatted("channels %d (motor) and %d (encoder)", motor, encoder)
+                                          : formatted("channel %d", encoder_moved ? encoder : motor);
             what += where;
-            what += text(" instead of %zu", s);
+            what += formatted(" instead of %zu", s);
             note(what, "plugs are exchanged; the geometry file has it", false);
         }
     }
@@ -214,7 +210,7 @@ class Judge {
         if (const std::optional<WeighingFit>& fit = findings_.weight_of_string[s]) {
             const double ratio = fit->newtons_per_code / magnitude;
             if (std::fabs(ratio - 1.0) > kBalance) {
-                note(text("a code of string %zu pulls %.2f times as hard as expected", s, ratio),
+                note(formatted("a code of string %zu pulls %.2f times as hard as expected", s, ratio),
                      "another gain of amplifier or motor; the geometry file has the measured newtons per code", false);
             }
             magnitude = fit->newtons_per_code;
@@ -228,9 +224,9 @@ class Judge {
             largest = std::min(largest, kHeadroom * device::kMaxDacCode * std::fabs(string.newtons_per_code));
         }
         if (largest < geometry_.maximum_tension) {
-            note(text("the largest code makes %.1f N, less than the maximum tension of %.1f N", largest / kHeadroom,
-                      geometry_.maximum_tension),
-                 text("the geometry file has a maximum tension of %.1f N", largest), false);
+            note(formatted("the largest code makes %.1f N, less than the maximum tension of %.1f N",
+                           largest / kHeadroom, geometry_.maximum_tension),
+                 formatted("the geometry file has a maximum tension of %.1f N", largest), false);
             geometry_.maximum_tension = largest;
         }
     }
@@ -363,14 +359,14 @@ std::string changed_beyond_calibration(const device::DeviceGeometry& measured, c
         const device::StringFacts& before = measured.strings[i];
         const device::StringFacts& after = refined.strings[i];
         if (before.newtons_per_code != after.newtons_per_code) {
-            return text("newtons_per_code of string %zu is another one", i);
+            return formatted("newtons_per_code of string %zu is another one", i);
         }
         if (!(std::fabs(after.metres_per_count / before.metres_per_count - 1.0) <= kRuler)) {
-            return text("metres_per_count of string %zu differs by more than %.0f %%", i, 100.0 * kRuler);
+            return formatted("metres_per_count of string %zu differs by more than %.0f %%", i, 100.0 * kRuler);
         }
         if (glm::length(after.motor - before.motor) > kMostRefined ||
             glm::length(after.grip - before.grip) > kMostRefined) {
-            return text("motor or knot of string %zu is more than %.0f mm away", i, 1e3 * kMostRefined);
+            return formatted("motor or knot of string %zu is more than %.0f mm away", i, 1e3 * kMostRefined);
         }
     }
     return {};
@@ -411,14 +407,15 @@ std::vector<Deviation> judge_round_trips(const RoundTrips& trips, std::int64_t p
     const auto total = static_cast<double>(trips.times_ns.size()) + static_cast<double>(trips.failed);
     if (static_cast<double>(trips.failed) > kFailedShare * total) {
         deviations.push_back(
-            {text("%llu of %.0f exchanges failed", static_cast<unsigned long long>(trips.failed), total),
+            {formatted("%llu of %.0f exchanges failed", static_cast<unsigned long long>(trips.failed), total),
              "a bad cable or plug, or a hub in between; a sound link loses less than one in a thousand",
              static_cast<double>(trips.failed) > 0.1 * total});
     }
     if (const std::int64_t slow = trips.quantile(0.99); slow * exchanges > period_ns) {
-        deviations.push_back({text("%d exchanges take %.2f ms, more than the period of %.2f ms", exchanges,
-                                   1e-6 * static_cast<double>(slow * exchanges), 1e-6 * static_cast<double>(period_ns)),
-                              "the loop will be late: set loop.period_s longer or device.exchanges = \"one\"", false});
+        deviations.push_back(
+            {formatted("%d exchanges take %.2f ms, more than the period of %.2f ms", exchanges,
+                       1e-6 * static_cast<double>(slow * exchanges), 1e-6 * static_cast<double>(period_ns)),
+             "the loop will be late: set loop.period_s longer or device.exchanges = \"one\"", false});
     }
     return deviations;
 }
@@ -440,7 +437,7 @@ std::string histogram_text(const RoundTrips& trips) {
     for (std::size_t k = 0; k < bucket_count; ++k) {
         if (buckets[k] > 0) {
             const auto length = static_cast<std::size_t>(std::ceil(width * static_cast<double>(buckets[k]) / largest));
-            lines += text("  up to %7.3f ms %7zu ", 1e-6 * static_cast<double>(first << k), buckets[k]) +
+            lines += formatted("  up to %7.3f ms %7zu ", 1e-6 * static_cast<double>(first << k), buckets[k]) +
                      std::string(length, '#') + "\n";
         }
     }

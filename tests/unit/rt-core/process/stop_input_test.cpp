@@ -10,9 +10,12 @@
 #include <thread>
 
 #include "tick_rig.hpp"
+#include "wait_for.hpp"
 
 namespace haptic::rt {
 namespace {
+
+using haptic::test::wait_for;
 
 using testing::HasSubstr;
 using testing::ThrowsMessage;
@@ -38,15 +41,6 @@ class FakeLine final : public StopLine {
   private:
     Wire* wire_;
 };
-
-template <class Condition>
-bool wait_for(Condition&& condition) {
-    const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(30);
-    while (!condition() && std::chrono::steady_clock::now() < limit) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
-    return condition();
-}
 
 TEST(StopLineMonitor, CallsStopOnceWhenTheLineIsActive) {
     Wire wire;

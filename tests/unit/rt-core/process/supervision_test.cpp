@@ -3,17 +3,18 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <chrono>
 #include <memory>
-#include <thread>
 
 #include "process/stop_input.hpp"
 #include "process/watchdog.hpp"
 #include "shared_board.hpp"
 #include "tick_rig.hpp"
+#include "wait_for.hpp"
 
 namespace haptic::rt {
 namespace {
+
+using haptic::test::wait_for;
 
 constexpr std::int64_t kMs = 1'000'000;
 
@@ -70,16 +71,6 @@ TEST(SharedSupervision, CannotBeShrunkByAnybody) {
     const SharedSupervision other(dup(shared.descriptor()));
     shared.page().beat(Supervisor::Guard);
     EXPECT_EQ(other.page().beats[static_cast<std::size_t>(Supervisor::Guard)], 1u);
-}
-
-/// Waits a bounded time.
-template <class Condition>
-bool wait_for(Condition condition) {
-    const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(30);
-    while (!condition() && std::chrono::steady_clock::now() < limit) {
-        test::sleep_ms(1);
-    }
-    return condition();
 }
 
 /// A line whose chip does not answer, as behind a bus that hangs: its thread is blocked in the kernel.
