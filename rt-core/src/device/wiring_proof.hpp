@@ -27,8 +27,8 @@
 namespace haptic::rt {
 
 struct WiringProofSettings {
-    double rest = 0.115;                  // N, tension of all strings
-    double pull = 0.09;                   // N, more and less than that, of one motor
+    double rest = 0.11;                   // N, tension of all strings
+    double pull = 0.086;                  // N, more and less than that, of one motor
     std::int64_t half_ns = 120'000'000;   // ns, of more, and of less
     std::int64_t settle_ns = 50'000'000;  // ns of it, in which the grip settles
     int rounds = 12;                      // of all motors, until the proof begins anew
