@@ -125,6 +125,14 @@ class Bringup : public testing::Test {
         return !line.motors_at_zero();
     }
 
+    /// Whether the motors reach zero in a second: the last packet may still be in the terminal's buffer.
+    static bool ends_at_zero(EmulatedLine& line) {
+        for (int k = 0; k < 100 && !line.motors_at_zero(); ++k) {
+            std::this_thread::sleep_for(10ms);
+        }
+        return line.motors_at_zero();
+    }
+
     ScratchFolder folder;
     std::string transcript;  // of all attempts
     std::string out = folder / "mine.toml";
@@ -159,9 +167,26 @@ TEST_F(Bringup, StopsTheMotorWithTheKeyWithCtrlCAndInACrash) {
     ASSERT_TRUE(press(line, *person)) << person->transcript();
     person->signal(SIGSEGV);
     EXPECT_EQ(person->status(), 128 + SIGSEGV);
-    for (int k = 0; k < 100 && !line.motors_at_zero(); ++k) {
-        std::this_thread::sleep_for(10ms);  // the last packet may still be in the terminal's buffer
-    }
+    EXPECT_TRUE(ends_at_zero(line));
+}
+
+TEST_F(Bringup, GuardStopsTheMotorOfAKilledOrStoppedProcess) {
+    EmulatedLine line(wired("none"));
+    auto person = work(line, false, "Channel 0, code", -1);
+    ASSERT_TRUE(person);
+    ASSERT_TRUE(press(line, *person)) << person->transcript();
+    person->signal(SIGKILL);
+    EXPECT_EQ(person->status(), 128 + SIGKILL);
+    EXPECT_TRUE(ends_at_zero(line));
+    // Stopped, it finds itself cut when it continues.
+    person = work(line, true, "hold the space bar until", -1);
+    ASSERT_TRUE(person);
+    ASSERT_TRUE(press(line, *person)) << person->transcript();
+    person->signal(SIGSTOP);
+    EXPECT_TRUE(ends_at_zero(line));
+    person->signal(SIGCONT);
+    EXPECT_EQ(person->status(), kExitFaulted) << person->transcript();
+    EXPECT_THAT(person->transcript(), HasSubstr("the guard set the motors to zero"));
     EXPECT_TRUE(line.motors_at_zero());
 }
 

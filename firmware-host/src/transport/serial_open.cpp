@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "haptic/device/exchange_status.hpp"
+#include "transport/handover.hpp"
 
 namespace haptic::device {
 namespace {
@@ -106,7 +107,7 @@ int open_serial_line(const std::filesystem::path& path, int baud) {
         fail(path, "cannot be set up", errno);
     }
     // flock, because TIOCEXCL does not exclude root and persists after the process.
-    if (flock(line.get(), LOCK_EX | LOCK_NB) != 0) {
+    if (!take_over([&line] { return flock(line.get(), LOCK_EX | LOCK_NB) == 0; })) {
         fail(path, "cannot be locked for exclusive use", errno);
     }
     // Raw 8N1: no modem control, no flow control, receiver on.

@@ -13,6 +13,7 @@
 #include <system_error>
 
 #include "haptic/clock.hpp"
+#include "transport/handover.hpp"
 #include "transport/usb_link.hpp"
 #include "transport/usb_syscalls.hpp"
 
@@ -96,8 +97,12 @@ void allocate(UsbSlot& slot, libusb_device_handle* handle, unsigned char endpoin
 
 void claim(libusb_device_handle* handle, const std::filesystem::path& node) {
     libusb_set_auto_detach_kernel_driver(handle, 1);
-    const int result = libusb_claim_interface(handle, kInterface);
-    if (result == LIBUSB_ERROR_BUSY) {
+    int result = 0;
+    const bool free = take_over([&] {
+        result = libusb_claim_interface(handle, kInterface);
+        return result != LIBUSB_ERROR_BUSY;
+    });
+    if (!free) {
         fail(node, "in use by another program. End that program, or select another device");
     }
     require(result, node, "its interface cannot be claimed");

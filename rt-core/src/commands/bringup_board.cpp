@@ -17,8 +17,8 @@ constexpr int kKeyWaitMs = 5;
 constexpr std::int64_t kIdleNs = 5'000'000;
 constexpr std::int64_t kShowNs = 100'000'000;
 constexpr int kPriority = 20;
-// Longest silence of the board, and longest standstill of this process while a motor pulls.
-constexpr std::int64_t kLostNs = 500'000'000;
+// Longest standstill of this process while a motor pulls.
+constexpr std::int64_t kStandstillNs = 200'000'000;
 // Time without a movement after which the device is still; longest wait for it.
 constexpr std::int64_t kStillNs = 100'000'000;
 constexpr int kStillAnswers = 10;
@@ -52,29 +52,21 @@ BringupBoard::BringupBoard(OpenedDevice& device, const BringupConsole& console, 
       gate_(device.board()),
       guard_(gate_),
       answered_ns_(monotonic_now_ns()) {
-    // Where it is allowed: no other process delays the end of a pull. The thread that watches inherits it.
+    // Where it is allowed: no other process delays the end of a pull.
     const sched_param parameters{.sched_priority = kPriority};
     if (const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters); error != 0) {
         console_->say("Without real-time priority (" + std::generic_category().message(error) +
-                      ") other processes may delay the end of a pull, by at most 0.5 s.");
+                      ") other processes may delay the end of a pull, by at most 0.2 s.");
     }
-    watch_ = std::thread([this] { watch(); });
+    gate_.obey(shared_.page().cut);
+    if (device.is_real()) {
+        const GuardSettings guard{.silence_ns = kStandstillNs, .lost_ns = kLostNs};
+        guard_link_ = std::make_unique<GuardLink>(guard, shared_, device.board().zero_packet(), -1);
+    }
 }
 
 BringupBoard::~BringupBoard() {
     gate_.close();
-    done_ = true;
-    watch_.join();
-}
-
-void BringupBoard::watch() {
-    while (!done_) {
-        const std::int64_t beat_ns = beat_ns_.load();
-        if (beat_ns != 0 && monotonic_now_ns() - beat_ns > kLostNs) {
-            gate_.close();  // for good: the hold then ends with BoardLost
-        }
-        std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    }
 }
 
 bool BringupBoard::exchange(std::size_t channel, std::int16_t code) {
@@ -82,7 +74,8 @@ bool BringupBoard::exchange(std::size_t channel, std::int16_t code) {
     // The cap, whatever the caller asks for.
     command.dac_codes[channel] = static_cast<std::int16_t>(std::clamp<int>(code, -limits_.cap_code, limits_.cap_code));
     const std::int64_t now_ns = monotonic_now_ns();
-    beat_ns_ = code != 0 ? now_ns : 0;
+    shared_.page().loop_beat(code != 0 ? now_ns : 0);
+    check_.check(now_ns);
     if (gate_.exchange(command, reading_, now_ns) != device::ExchangeStatus::Ok) {
         return false;
     }
@@ -102,8 +95,11 @@ void BringupBoard::count(const device::BoardReading& reading) {
 }
 
 void BringupBoard::require_answers() {
-    if (gate_.closed()) {
-        throw BoardLost("this process stood still for too long while a motor pulled; the motors were set to zero");
+    if (shared_.page().is_cut()) {
+        throw BoardLost("this process stood still for too long while a motor pulled; the guard set the motors to zero");
+    }
+    if (shared_.page().has_lost()) {
+        throw BoardLost("the guard process is gone");
     }
     if (monotonic_now_ns() - answered_ns_ > kLostNs) {
         throw BoardLost("the board does not answer any more; check its power and cable");
@@ -205,7 +201,7 @@ void BringupBoard::pull(const Hold& hold, const RawKeys& keys, Progress& progres
 
 void BringupBoard::stay_silent(const Hold& hold, const RawKeys& keys) {
     // The board keeps the code; nothing is sent. A release of the key ends the silence with zeros.
-    beat_ns_ = 0;
+    shared_.page().loop_beat(0);
     DeadManKey key(limits_.key_timeout_ns);
     const std::int64_t begin_ns = monotonic_now_ns();
     key.update(begin_ns, true, false);
@@ -310,6 +306,9 @@ void BringupBoard::wait_for_device() {
         console_->check_signals();
         try {
             device_->reopen();
+            if (guard_link_) {
+                guard_link_->renew(device_->board().zero_packet());
+            }
         } catch (const device::BoardError& error) {
             console_->show(std::string("not yet: ") + error.what());
         }

@@ -1,24 +1,26 @@
 // Bring-up board: drives a device slowly and weakly, one channel at a time, and leaves its motors at zero on every way
-// out of the process.
+// out of the process. A guard (process/guard.hpp) does so if this process is killed or stands still.
 #pragma once
 
 #include <array>
-#include <atomic>
 #include <cstdint>
 #include <functional>
+#include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
-#include <thread>
 
 #include "commands/bringup_console.hpp"
 #include "commands/open_device.hpp"
 #include "device/bringup.hpp"
 #include "process/crash_guard.hpp"
+#include "process/guard_link.hpp"
 #include "process/motor_gate.hpp"
+#include "process/supervision.hpp"
 
 namespace haptic::rt {
 
-/// The board did not answer for too long, or this process stood still while a motor pulled.
+/// The board did not answer for too long, or the guard cut the motors or is gone.
 class BoardLost : public std::runtime_error {
   public:
     using std::runtime_error::runtime_error;
@@ -56,7 +58,7 @@ class BringupBoard {
         int button = -1;                   // switch of the board that replaces the key; -1: none
     };
 
-    /// All references must outlive it. Throws BoardLost if the board does not answer.
+    /// All references must outlive it. Throws std::runtime_error if there is no guard for a real device.
     BringupBoard(OpenedDevice& device, const BringupConsole& console, int counter_bits, const Limits& limits);
     BringupBoard(const BringupBoard&) = delete;
     BringupBoard& operator=(const BringupBoard&) = delete;
@@ -79,12 +81,14 @@ class BringupBoard {
     [[nodiscard]] const Limits& limits() const noexcept { return limits_; }
 
   private:
+    static constexpr std::int64_t kLostNs = 500'000'000;  // ns, longest silence of the board, and of the guard
+
     struct Progress;
 
     /// One exchange with one code on one channel; false if the board did not answer.
     bool exchange(std::size_t channel, std::int16_t code);
     void count(const device::BoardReading& reading);
-    /// Throws BoardLost after half a second without an answer.
+    /// Throws BoardLost after half a second without an answer, and where the guard has cut the motors or is gone.
     void require_answers();
     [[nodiscard]] bool key_pressed(const RawKeys::Pressed& keys) const;
     [[nodiscard]] std::int16_t code_at(const Hold& hold, std::int64_t held_ns) const;
@@ -94,7 +98,6 @@ class BringupBoard {
     void limit_movement(const Hold& hold, HoldResult& result) const;
     void pull(const Hold& hold, const RawKeys& keys, Progress& progress);
     void stay_silent(const Hold& hold, const RawKeys& keys);
-    void watch();
 
     OpenedDevice* device_;
     const BringupConsole* console_;
@@ -109,10 +112,10 @@ class BringupBoard {
     bool counted_ = false;
     std::int64_t answered_ns_ = 0;
     std::int64_t idle_ns_ = 0;
-    // Closes the gate if this process stands still while a motor pulls.
-    std::atomic<std::int64_t> beat_ns_{0};  // of the last exchange with a motor that pulls; 0: none pulls
-    std::atomic<bool> done_{false};
-    std::thread watch_;
+    // Shared with the guard: the loop's beat is that of the last exchange with a motor that pulls, 0 if none pulls.
+    SharedSupervision shared_;
+    SupervisorCheck check_{{&shared_.page(), kLostNs}, std::nullopt};
+    std::unique_ptr<GuardLink> guard_link_;  // none for a device in this process
 };
 
 }  // namespace haptic::rt
