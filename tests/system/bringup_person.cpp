@@ -11,12 +11,15 @@
 #include <chrono>
 #include <cstdlib>
 #include <stdexcept>
+#include <utility>
 
 #include "haptic/clock.hpp"
 
 namespace haptic::test {
 namespace {
 
+constexpr double kGravity = 9.80665;            // m/s^2, standard
+constexpr double kWeight = 0.03;                // kg
 constexpr double kTight = 0.05;                 // N
 constexpr std::int64_t kRepeatNs = 33'000'000;  // of a keyboard
 constexpr double kPulledOut = 0.05;             // m
@@ -197,6 +200,14 @@ void BringupPerson::hold_key() {
     });
 }
 
+void BringupPerson::lift() {
+    newtons_ = 0.0;
+    while (newtons_ < kWeight * kGravity && repeat_key()) {
+        look();
+    }
+    type("x");
+}
+
 bool BringupPerson::answer() {
     // Only the oldest question that is still open.
     const std::size_t from = answered_;
@@ -224,7 +235,11 @@ bool BringupPerson::answer() {
         return true;
     }
     if (asked("or s to skip:")) {
-        type("b\n");
+        type(std::exchange(has_weight, false) ? std::to_string(kWeight) + "\n" : "b\n");
+        return true;
+    }
+    if (asked("when the weight just lifts.")) {
+        lift();
         return true;
     }
     if (asked("newtons on the balance:")) {

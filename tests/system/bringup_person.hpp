@@ -75,11 +75,14 @@ class BringupPerson {
     [[nodiscard]] bool said(const std::string& text) const { return transcript_.find(text) != std::string::npos; }
 
     std::string name = "Ada Example";  // to sign with; empty: does not sign
+    bool has_weight = false;  // hangs it to the first string that is to be weighed, for which a balance does else
 
   private:
     bool answer();
     [[nodiscard]] bool asked(const std::string& text);
     void hold_key();
+    /// Holds the key until the tightest string carries the weight.
+    void lift();
 
     EmulatedLine* line_;
     pid_t pid_ = -1;

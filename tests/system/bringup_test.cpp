@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <csignal>
@@ -88,6 +89,7 @@ class Bringup : public testing::Test {
                 command.emplace_back("--resume");
             }
             auto person = std::make_unique<BringupPerson>(line, command);
+            person->has_weight = has_weight;
             const int status = person->work(until);
             transcript += person->transcript();
             if (status != kExitFaulted) {
@@ -134,7 +136,8 @@ class Bringup : public testing::Test {
     }
 
     ScratchFolder folder;
-    std::string transcript;  // of all attempts
+    std::string transcript;   // of all attempts
+    bool has_weight = false;  // of the person
     std::string out = folder / "mine.toml";
 };
 
@@ -231,7 +234,13 @@ TEST_F(Bringup, OfASoundDeviceIsSignedWithoutADeviation) {
 
 TEST_F(Bringup, NamesTwoWiringErrorsAndWritesAGeometryThatRunsOnThem) {
     EmulatedLine line(wired("motors:0,4+sign:3"));
+    has_weight = true;
     ASSERT_TRUE(work(line, false, "", kExitDone));
+    const nlohmann::json weighings = protocol().at("measured").at("weighings");
+    const auto lifted =
+        std::find_if(weighings.begin(), weighings.end(), [](const auto& one) { return one.at("with") == "weight"; });
+    ASSERT_NE(lifted, weighings.end()) << transcript;
+    EXPECT_NEAR(lifted->at("newtons").get<double>() / lifted->at("code").get<double>(), 10.07e-3, 1e-3) << "N a code";
     EXPECT_THAT(transcript, AllOf(HasSubstr("the encoder of string 3 ("), HasSubstr(") counts backwards"),
                                   HasSubstr("the motor of string 0 ("), HasSubstr(") is on channel 4 instead of 0"),
                                   HasSubstr(") is on channel 0 instead of 4")));
