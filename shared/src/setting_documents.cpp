@@ -101,7 +101,9 @@ std::string as_comment(std::string_view text) {
 }
 
 std::string assignment_of(const SettingSection& section, const SettingDescription& setting) {
-    const bool commented = section.kind != SectionKind::Table || setting.default_value.empty();
+    // A default that depends on something else must not become a constant by being written.
+    const bool constant = !setting.default_value.empty() && setting.default_note.empty();
+    const bool commented = section.kind != SectionKind::Table || !constant;
     return (commented ? "# " : "") + setting.key + " = " +
            (setting.default_value.empty() ? "..." : setting.default_value);
 }

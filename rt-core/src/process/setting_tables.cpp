@@ -250,14 +250,23 @@ const SettingTable<WrenchLimits>& limits_table() {
         "limits",
         "Limits of the rendered wrench.",
         {
-            {{.key = "force", .unit = "N", .meaning = "Maximum force."}, V::number(&S::force, {0.0, 60.0})},
-            {{.key = "torque", .unit = "N*m", .meaning = "Maximum torque."}, V::number(&S::torque, {0.0, 1.0})},
+            {{.key = "force", .unit = "N", .default_note = "that of the profile, or 8", .meaning = "Maximum force."},
+             V::number(&S::force, {0.0, 60.0})},
+            {{.key = "torque",
+              .unit = "N*m",
+              .default_note = "that of the profile, or 0.15",
+              .meaning = "Maximum torque."},
+             V::number(&S::torque, {0.0, 1.0})},
             {{.key = "force_rate",
               .unit = "N/s",
-              .meaning = "Maximum rate of change of the force. The default lets 2000 N/m be met at 0.5 m/s without "
+              .default_note = "that of the profile, or 1000",
+              .meaning = "Maximum rate of change of the force. 1000 N/s let 2000 N/m be met at 0.5 m/s without "
                          "blunting the contact."},
              V::number(&S::force_rate, {1.0, 1e6})},
-            {{.key = "torque_rate", .unit = "N*m/s", .meaning = "Maximum rate of change of the torque."},
+            {{.key = "torque_rate",
+              .unit = "N*m/s",
+              .default_note = "that of the profile, or 20",
+              .meaning = "Maximum rate of change of the torque."},
              V::number(&S::torque_rate, {0.01, 1e5})},
         }};
     return table;
@@ -480,9 +489,8 @@ const SettingTable<Settings>& recovery_table() {
               .meaning = "Switch of the board by which a person arms, held for 1 s after it was released. -1: none."},
              V::integer([](S& s) -> auto& { return s.loop.arm_button; }, {-1, 2})},
             {{.key = "profile",
-              .meaning =
-                  "Profile of forces: learning, normal, expert, or the name of a table [[profile]]. Empty: normal "
-                  "for a real device, none for an emulated one."},
+              .default_note = "normal for a real device, none for an emulated one",
+              .meaning = "Profile of forces: learning, normal, expert, or the name of a table [[profile]]."},
              V::text(&S::profile)},
             {{.key = "reconnect",
               .old_key = "safety.rearm",

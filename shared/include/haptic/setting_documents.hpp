@@ -21,8 +21,8 @@ void add_section(SettingReference& reference, SettingSection section);
 /// The description of a full key. Throws std::out_of_range if there is none.
 [[nodiscard]] const SettingDescription& find_setting(const SettingReference& reference, std::string_view full_key);
 
-/// A TOML file with every key, its default, unit, range and meaning. Keys without a default, and optional and repeated
-/// sections, are commented out. Reads back to the defaults. `heading` becomes a comment.
+/// A TOML file with every key, its default, unit, range and meaning. Keys without a constant default, and optional and
+/// repeated sections, are commented out. Reads back to the defaults. `heading` becomes a comment.
 [[nodiscard]] std::string commented_toml(std::string_view heading, const SettingReference& reference);
 
 /// A page of Markdown with one table of keys per section, below `heading`, which is Markdown.

@@ -156,11 +156,16 @@ TEST(Settings, OfTheInstalledFileNameEveryKey) {
         const std::size_t end = text.find('\n', begin);
         const std::string line = text.substr(begin, end - begin);
         begin = end + 1;
-        const std::size_t first = line.find_first_not_of(' ');
+        // A key whose default depends on something else is a comment: "# force = 8  # N, ...".
+        const bool note = line.starts_with("# ") && line.find(" = ") == line.find(' ', 2);
+        const std::string assignment = note ? line.substr(2) : line;
+        const std::size_t first = assignment.find_first_not_of(' ');
         if (line.starts_with('[')) {
             section = line.substr(1, line.find(']') - 1);
-        } else if (first != std::string::npos && line[first] != '#') {
-            const std::string key = section + "." + line.substr(0, line.find(' '));
+        } else if (line.starts_with("# [")) {
+            section.clear();
+        } else if (!section.empty() && first != std::string::npos && assignment[first] != '#') {
+            const std::string key = section + "." + assignment.substr(0, assignment.find(' '));
             Config config;
             config.set(key + "=[1, 2]");
             EXPECT_THAT([&config] { (void)read_settings(config); }, ThrowsMessage<ConfigError>(HasSubstr(key)));
@@ -172,6 +177,13 @@ TEST(Settings, OfTheInstalledFileNameEveryKey) {
     (void)read_settings(nothing);
     keys.emplace_back("profile");  // [[profile]], commented in the file: its tables are counted
     EXPECT_THAT(keys, UnorderedElementsAreArray(nothing.known_keys())) << "the keys that read_settings() reads";
+}
+
+TEST(Settings, OfTheInstalledFileLeaveTheProfileToTheDevice) {
+    const Config installed = Config::parse(std::string(default_config_text()), "rt-core.toml");
+    for (const char* const key : {"safety.profile", "limits.force", "limits.torque_rate"}) {
+        EXPECT_FALSE(installed.has(key)) << key << " would be a choice, which neither a device nor a profile changes";
+    }
 }
 
 TEST(Settings, HaveFormerNamesThatAreStillRead) {
