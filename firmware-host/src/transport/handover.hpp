@@ -9,8 +9,8 @@ namespace haptic::device {
 /// Tries until it succeeds, for 0.3 s; false if it never did.
 template <class Take>
 bool take_over(Take&& take) {
-    constexpr int kTries = 30;
-    for (int k = 0; k < kTries; ++k) {
+    constexpr int tries = 30;
+    for (int k = 0; k < tries; ++k) {
         if (take()) {
             return true;
         }
