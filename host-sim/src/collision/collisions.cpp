@@ -673,7 +673,8 @@ int ParticleCollisions::substeps(const ParticleModel& start, double step) const 
     return state_->needed_substeps(start, step);
 }
 
-void ParticleCollisions::find(const ParticleModel& start, const MovingParticles& predicted, double h) {
+void ParticleCollisions::find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& /*elastic*/,
+                              double h) {
     State& s = *state_;
     const StageClock::Span timed(s.clock);
     s.counts = {};

@@ -1,6 +1,7 @@
 #include "haptic/sim/deformable.hpp"
 
 #include <cmath>
+#include <glm/matrix.hpp>
 
 #include "dynamics/rotation.hpp"
 
@@ -42,6 +43,12 @@ void place(DeformableBody& body, const Placement& placement) {
         if (model.pinned[i] == 0) {
             model.velocity[i] += placement.velocity;
         }
+    }
+    for (ElasticElement& element : model.elasticity.elements) {
+        for (Vec3& gradient : element.gradient) {
+            gradient = rotation * gradient;
+        }
+        element.spread = rotation * element.spread * glm::transpose(rotation);
     }
     // Offsets of scripted motions are vectors: rotated, not moved.
     for (Motion& motion : body.motions) {

@@ -41,6 +41,22 @@ void check_group(const ParticleModel& model, std::size_t index) {
     }
 }
 
+void check_element(const ParticleModel& model, std::size_t index) {
+    const ElasticElement& element = model.elasticity.elements[index];
+    const auto& members = element.members;
+    if (members.size() != element.gradient.size() ||
+        std::any_of(members.begin(), members.end(), [&](std::uint32_t p) { return p >= model.size(); }) ||
+        std::find(members.begin(), members.end(), element.centre) == members.end()) {
+        refuse("element", index, "needs a gradient per member, members that exist, and its centre among them");
+    }
+    const bool finite = std::all_of(element.gradient.begin(), element.gradient.end(),
+                                    [](const Vec3& gradient) { return haptic::is_finite(gradient); });
+    if (!finite || !(element.volume > 0.0) || !(element.shear_modulus > 0.0) || !(element.bulk_modulus > 0.0) ||
+        !std::isfinite(element.volume * element.bulk_modulus) || !(element.damping >= 0.0)) {
+        refuse("element", index, "needs finite gradients, positive volume and moduli, and damping of at least 0");
+    }
+}
+
 void check_bodies(const ParticleModel& model) {
     std::size_t end = 0;
     for (std::size_t b = 0; b < model.bodies.size(); ++b) {
@@ -100,6 +116,18 @@ void ParticleModel::append(const ParticleModel& other) {
         link.second += first;
         links.push_back(link);
     }
+    for (ElasticElement element : other.elasticity.elements) {
+        element.centre += first;
+        for (std::uint32_t& member : element.members) {
+            member += first;
+        }
+        elasticity.elements.push_back(std::move(element));
+    }
+    for (ElasticPair pair : other.elasticity.pairs) {
+        pair.first += first;
+        pair.second += first;
+        elasticity.pairs.push_back(pair);
+    }
     if (other.bodies.empty()) {
         bodies.push_back({first, static_cast<std::uint32_t>(size())});
     }
@@ -137,6 +165,15 @@ void ParticleModel::check() const {
     check_bodies(*this);
     for (std::size_t g = 0; g < groups.size(); ++g) {
         check_group(*this, g);
+    }
+    for (std::size_t e = 0; e < elasticity.elements.size(); ++e) {
+        check_element(*this, e);
+    }
+    for (std::size_t k = 0; k < elasticity.pairs.size(); ++k) {
+        const ElasticPair& pair = elasticity.pairs[k];
+        if (pair.first >= n || pair.second >= n || pair.first == pair.second || !std::isfinite(pair.stiffness)) {
+            refuse("pair", k, "does not join two particles with a finite stiffness");
+        }
     }
     for (std::size_t l = 0; l < links.size(); ++l) {
         const Link& link = links[l];

@@ -7,19 +7,27 @@
 #include <string>
 
 #include "dynamics/constraint_batches.hpp"
+#include "dynamics/elastic_bodies.hpp"
 #include "dynamics/rotation.hpp"
 #include "simd/kernels.hpp"
 
 namespace haptic::sim {
 namespace {
 
+// Sub-steps chosen for bodies with a material, s. The shortest bounds the time of a step; the longest keeps the
+// dissipation of the implicit step low where nothing is stiff.
+constexpr double kShortestChosen = 2.5e-4;
+constexpr double kLongestChosen = 2e-3;
+// 10 ms are 5 sub-steps of 2 ms, whatever rounding makes of the quotient.
+constexpr double kRounding = 1e-12;
+
 void check(const SolverSettings& s) {
     const auto refuse = [](const std::string& why) { throw std::invalid_argument("solver: " + why); };
     if (!(s.step > 0.0) || !std::isfinite(s.step)) {
         refuse("step must be positive");
     }
-    if (s.substeps < 1 || s.iterations < 0 || s.rotation_iterations < 1) {
-        refuse("substeps and rotation_iterations must be at least 1, iterations at least 0");
+    if (s.substeps < 0 || s.iterations < 0 || s.rotation_iterations < 1) {
+        refuse("rotation_iterations must be at least 1, substeps and iterations at least 0");
     }
     if (!(s.drag >= 0.0) || !(s.drag * s.step < 1.0)) {
         refuse("drag must be at least 0 and less than 1 / step");
@@ -89,6 +97,7 @@ struct ParticleSolver::ProjectionState {
           links(batches.links()),
           springs(batches.springs()),
           groups(batches.groups()),
+          elastic(model),
           position(batches.padded_particles()),
           start(model.size()),
           f32(batches.padded_particles()),
@@ -123,6 +132,18 @@ struct ParticleSolver::ProjectionState {
             if (model.pinned[i] != 0 && model.angular_velocity[i] == Vec3(0.0)) {
                 set_orientation(i, model.orientation[i]);
             }
+        }
+    }
+
+    /// Bodies with a material, from where all forces lead them to the end of the sub-step.
+    void move_elastic_bodies(const ParticleModel& model, double drag_factor) {
+        if (elastic.empty()) {
+            return;
+        }
+        elastic.step(model, drag_factor, position.data(), orientation.data());
+        round_displacements();
+        for (const ElasticElement& element : model.elasticity.elements) {
+            set_orientation(element.centre, orientation_of(element.centre));
         }
     }
 
@@ -167,6 +188,7 @@ struct ParticleSolver::ProjectionState {
     LinkBatches links;
     SpringBatches springs;
     GroupBatches groups;
+    ElasticBodies elastic;
     // See MovingParticles.
     LaneArray<Row> position;
     LaneArray<Row> start;  // predicted position at the start of the sub-step; fourth number 0
@@ -180,7 +202,7 @@ struct ParticleSolver::ProjectionState {
 };
 
 ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings& settings, std::size_t lanes)
-    : settings_(settings) {
+    : settings_(settings), resolved_step_(resolved_step(model)) {
     check(settings);
     model.check();
     for (const ParticleRange& body : bodies_of(model)) {
@@ -208,6 +230,14 @@ std::size_t ParticleSolver::link_colours() const noexcept {
     return state_->batches.link_colours();
 }
 
+int ParticleSolver::substeps() const noexcept {
+    if (settings_.substeps > 0) {
+        return settings_.substeps;
+    }
+    const double longest = std::clamp(resolved_step_, kShortestChosen, kLongestChosen);
+    return std::isinf(resolved_step_) ? 1 : static_cast<int>(std::ceil(settings_.step / longest * (1.0 - kRounding)));
+}
+
 void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
                           std::initializer_list<SolverContacts*> contacts) {
     const auto for_each = [&](auto&& call) {
@@ -218,7 +248,7 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
         }
     };
     // Sub-steps: as configured, or more if contacts need them.
-    int substeps = settings_.substeps;
+    int substeps = this->substeps();
     bool any = false;
     for_each([&](const SolverContacts& c) {
         any = true;
@@ -230,7 +260,9 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
         predict(model, force, h);
         state_->begin_substep(h);
         // Algorithm 3, line 15: contacts along the paths x to u.
-        for_each([&](SolverContacts& c) { c.find(model, state_->moving(), h); });
+        state_->elastic.prepare(h);
+        for_each([&](SolverContacts& c) { c.find(model, state_->moving(), state_->elastic, h); });
+        state_->move_elastic_bodies(model, 1.0 - h * settings_.drag);
         // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction.
         for (int i = 0; i < settings_.iterations; ++i) {
             state_->sweep(i % 2 == 0, settings_.rotation_iterations);

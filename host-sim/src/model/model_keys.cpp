@@ -8,12 +8,14 @@
 #include "haptic/setting.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "model/generator_table.hpp"
+#include "model/material_settings.hpp"
 #include "model/model_ranges.hpp"
 
 namespace haptic::sim {
 namespace {
 
 constexpr Range kLengths{1e-3, 100.0};  // m
+constexpr std::size_t kNeighboursOfElements = 16;
 
 /// The keys of [model] where several shapes share one, or one member is computed from several.
 struct ModelKeys {
@@ -113,6 +115,7 @@ const SettingTable<ModelKeys>& model_table() {
              V::integer([](S& s) -> auto& { return s.model.builder.particles; },
                         {0.0, static_cast<double>(BuilderSettings::kMaxParticles)})},
             {{.key = "neighbours",
+              .default_note = "8, or 16 with a material",
               .meaning = "Neighbours that form a group with each particle of a fish or a mesh file."},
              V::integer([](S& s) -> auto& { return s.model.builder.neighbours; },
                         {1.0, static_cast<double>(BuilderSettings::kMaxNeighbours)})},
@@ -210,6 +213,10 @@ ModelKeys read_model_keys(const Config& config, const std::string& table) {
     }
     set_defaults(keys);
     // A mesh that takes the place of a generated one is made to fit; a mesh alone has the size of its file.
+    // The elements of a material need more neighbours than shape matching.
+    if (config.has(table + ".material")) {
+        keys.model.builder.neighbours = kNeighboursOfElements;
+    }
     keys.model.file_scale = config.has(table + ".generator") ? 0.0 : 1.0;
     model_table().read(config, table, keys);
     return keys;
@@ -239,6 +246,7 @@ Region read_region(const Config& config, const std::string& table) {
     RegionKeys keys;
     region_table().read(config, table, keys);
     Region region = std::move(keys.region);
+    region.material = read_material(config, table + ".material");
     const std::vector<double>& offsets = keys.motion_offsets;
     const std::size_t count = region.motion_times.size();
     if (offsets.size() != 3 * count) {
@@ -261,6 +269,16 @@ ModelSettings read_model(const Config& config, const std::string& table) {
     ModelSettings model = with_shapes(read_model_keys(config, table));
     model.file = config.input_file(table + ".file", model.file);
     model.particles = config.input_file(table + ".particles", model.particles);
+    model.material = read_material(config, table + ".material");
+    if (model.material) {
+        for (const char* key : {"mass", "group_stiffness", "link_stiffness", "group_compliance", "link_compliance"}) {
+            if (config.has(table + "." + key)) {
+                config.fail(table + "." + key,
+                            "does not apply to a body with a material, which says how heavy and "
+                            "how stiff it is; remove one of them");
+            }
+        }
+    }
     const std::string regions = table + ".regions";
     for (std::size_t k = 0; k < config.tables(regions); ++k) {
         model.regions.push_back(read_region(config, regions + "." + std::to_string(k)));
@@ -279,6 +297,7 @@ void add_model_reference(SettingReference& reference) {
     ModelKeys keys;
     set_defaults(keys);
     add_section(reference, model_table().describe(keys));
+    add_section(reference, material_section());
     add_section(reference, region_table().describe());
     add_section(reference, copy_table().describe());
     add_section(reference, {"objects",

@@ -1,17 +1,23 @@
 #include "haptic/sim/model_settings.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
 #include <stdexcept>
 
 #include "dynamics/rotation.hpp"
 #include "haptic/setting.hpp"
+#include "haptic/sim/elasticity.hpp"
+#include "haptic/sim/material.hpp"
 #include "haptic/sim/mesh_file.hpp"
 #include "mesh/refinement.hpp"
 #include "model/generator_table.hpp"
+#include "model/material_settings.hpp"
 #include "model/model_file.hpp"
+#include "model/sample_graph.hpp"
 #include "simd/aabb.hpp"
 
 namespace haptic::sim {
@@ -128,6 +134,77 @@ void set_compliances(const ModelSettings& settings, ParticleModel& model) {
     }
 }
 
+/// Whether a material of this body is a sheet: an open mesh with a particle at each vertex.
+bool is_sheet(const DeformableBody& body) {
+    return !body.mesh.closed && body.particles.size() == body.mesh.vertices.size();
+}
+
+/// The value of each particle: that of the last region that names a material for it, else that of the body.
+template <class Material, class Resolve>
+std::vector<Material> materials_of(const ModelSettings& settings, const Placement& placement,
+                                   const DeformableBody& body, const Resolve& resolve) {
+    const Material whole = resolve(*settings.material, Material{});
+    std::vector<Material> material(body.particles.size(), whole);
+    const Mat3 body_from_scene = glm::transpose(to_matrix(placement.orientation));
+    for (const Region& region : settings.regions) {
+        if (!region.material) {
+            continue;
+        }
+        const Material inside = resolve(*region.material, whole);
+        for (std::size_t i = 0; i < material.size(); ++i) {
+            if (contains(body_from_scene * (body.particles.rest_position[i] - placement.position), region)) {
+                material[i] = inside;
+            }
+        }
+    }
+    return material;
+}
+
+/// Replaces groups and links by the elasticity of the material, and sets the masses.
+void set_material(const ModelSettings& settings, const Placement& placement, DeformableBody& body) {
+    ParticleModel& model = body.particles;
+    for (const Region& region : settings.regions) {
+        if (region.stiffness) {
+            throw std::invalid_argument(
+                "model.regions.stiffness does not apply to a body with a material; give the "
+                "region a material instead");
+        }
+    }
+    if (is_sheet(body)) {
+        const auto material = materials_of<SheetMaterial>(settings, placement, body, sheet_of);
+        // A third of each triangle for each of its corners.
+        std::fill(model.mass.begin(), model.mass.end(), 0.0);
+        const std::size_t faces = body.mesh.triangles.size() / (body.mesh.double_faced ? 2 : 1);
+        for (std::size_t t = 0; t < faces; ++t) {
+            const Triangle& corner = body.mesh.triangles[t];
+            const std::vector<Vec3>& x = model.rest_position;
+            const double area = 0.5 * glm::length(glm::cross(x[corner[1]] - x[corner[0]], x[corner[2]] - x[corner[0]]));
+            for (const std::uint32_t i : corner) {
+                model.mass[i] += material[i].areal_density * area / 3.0;
+            }
+        }
+        model.elasticity = make_sheet(model, body.mesh, material);
+    } else if (body.mesh.closed) {
+        const auto material = materials_of<SolidMaterial>(settings, placement, body, solid_of);
+        // The builder has divided the mass by the volume of the cells.
+        double total = 0.0;
+        for (const double mass : model.mass) {
+            total += mass;
+        }
+        const double volume = std::abs(signed_volume(body.mesh));
+        for (std::size_t i = 0; i < model.size(); ++i) {
+            model.mass[i] *= material[i].density * volume / total;
+        }
+        model.elasticity = make_solid(model, material);
+    } else {
+        throw std::invalid_argument("model.material: the mesh of \"" + body.name +
+                                    "\" is open, so it is a sheet, which "
+                                    "needs a particle at each vertex; set model.particles_count to 0");
+    }
+    model.groups.clear();
+    model.links.clear();
+}
+
 /// The cloth as the thesis' scene has it, to the last bit: it is made where it falls from, not moved there.
 bool is_made_in_place(const ModelSettings& settings) {
     return settings.generator == Generator::Cloth && settings.file.empty() && settings.particles.empty();
@@ -153,6 +230,9 @@ DeformableBody make_body(const ModelSettings& settings) {
     if (settings.particles.empty()) {
         set_compliances(settings, body.particles);
     }
+    if (settings.material) {
+        set_material(settings, Placement{}, body);
+    }
     apply_regions(settings, Placement{}, body);
     return body;
 }
@@ -169,7 +249,11 @@ std::vector<DeformableBody> make_bodies(const ModelSettings& settings) {
     if (is_made_in_place(settings)) {
         body = generate_body(settings);
         set_compliances(settings, body.particles);
-        apply_regions(settings, {settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)}, body);
+        const Placement placement{settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)};
+        if (settings.material) {
+            set_material(settings, placement, body);
+        }
+        apply_regions(settings, placement, body);
     } else {
         body = make_body(settings);
         place(body, settings.placement);

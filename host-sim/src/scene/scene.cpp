@@ -1,5 +1,6 @@
 #include "haptic/sim/scene.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <glm/gtc/quaternion.hpp>
@@ -110,6 +111,16 @@ void refuse_too_much(const Config& config, const Scene& scene) {
     }
 }
 
+/// All bodies that are not rigid have a material.
+bool has_material(const Scene& scene) {
+    const auto with_material = [](const ModelSettings& model) {
+        return model.material.has_value() || model.generator == Generator::Plate || model.generator == Generator::Rod;
+    };
+    const bool any = scene.model.material || std::any_of(scene.objects.begin(), scene.objects.end(),
+                                                         [](const ModelSettings& m) { return m.material.has_value(); });
+    return any && with_material(scene.model) && std::all_of(scene.objects.begin(), scene.objects.end(), with_material);
+}
+
 }  // namespace
 
 WorkspaceSettings read_workspace(const Config& config, const WorkspaceSettings& otherwise) {
@@ -147,6 +158,11 @@ Scene read_scene(const Config& config, const std::string& name) {
         scene.objects.push_back(read_model(config, "objects." + std::to_string(k)));
     }
     refuse_too_much(config, scene);
+    // Bodies with a material say how short sub-steps must be; only their contacts are iterated.
+    if (has_material(scene)) {
+        scene.solver.substeps = 0;
+        scene.solver.iterations = 1;
+    }
     if (config.has("tool")) {
         scene.tool = read_tool(config);
     }

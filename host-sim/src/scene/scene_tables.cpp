@@ -34,8 +34,10 @@ const SettingTable<SolverSettings>& solver_table() {
         {
             {{.key = "step", .unit = "s", .label = "Simulation rate", .meaning = "Length of a simulation step."},
              V::number(&S::step, {1e-4, 0.1})},
-            {{.key = "substeps", .meaning = "Equal parts into which each step is divided."},
-             V::integer(&S::substeps, {1, 100})},
+            {{.key = "substeps",
+              .default_note = "1, or 0 for a body with a material",
+              .meaning = "Equal parts into which each step is divided. 0: as many as the materials need."},
+             V::integer(&S::substeps, {0, 100})},
             {{.key = "iterations", .label = "Solver iterations", .meaning = "Passes over all constraints per substep."},
              V::integer(&S::iterations, {0, 1000})},
             {{.key = "rotation_iterations",

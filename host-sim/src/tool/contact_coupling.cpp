@@ -7,6 +7,7 @@
 #include <glm/matrix.hpp>
 #include <numeric>
 
+#include "dynamics/elastic_bodies.hpp"
 #include "dynamics/rotation.hpp"
 #include "simd/projection.hpp"
 
@@ -88,6 +89,7 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
     pressed_of_normals_ = 0;
     paid_ = {};
     work_ = 0.0;
+    answered_step_ = 0.0;
     paid_after_contact_ = Vec3(0.0);
     for (Lead& lead : leads_) {
         lead = {.start = lead.end};
@@ -108,7 +110,6 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
     }
     if (!rows_.empty()) {
         find_tool_compliance(tool);
-        find_body_compliance();
     }
 }
 
@@ -348,8 +349,61 @@ void ContactCoupling::find_motions() noexcept {
     }
 }
 
-/// P^T M^-1 P of the rows, 1/kg.
-void ContactCoupling::find_body_compliance() {
+/// Y P of the patches on bodies with a material, four at a time.
+void ContactCoupling::find_answers(ElasticBodies& elastic) {
+    answers_.clear();
+    for (Patch& patch : patches_) {
+        patch.body = patch.begin < patch.end ? elastic.body_of(pressed_[patch.begin].particle) : ParticleRange{};
+        patch.answer = answers_.size();
+        answers_.resize(answers_.size() + (patch.body.end - patch.body.begin));
+    }
+    std::vector<Row>& columns = columns_;
+    for (std::size_t first = 0; first < patches_.size();) {
+        // The next patches on the same body.
+        const ParticleRange body = patches_[first].body;
+        std::size_t count = 1;
+        while (count < 4 && first + count < patches_.size() && patches_[first + count].body.begin == body.begin &&
+               patches_[first + count].body.end == body.end) {
+            ++count;
+        }
+        if (body.end > body.begin) {
+            columns.assign(body.end - body.begin, Row{});
+            for (std::size_t k = 0; k < count; ++k) {
+                for (std::uint32_t p = patches_[first + k].begin; p < patches_[first + k].end; ++p) {
+                    columns[pressed_[p].particle - body.begin].number[k] += pressed_[p].weight;
+                }
+            }
+            elastic.respond(body, columns);
+            for (std::size_t k = 0; k < count; ++k) {
+                for (std::size_t i = 0; i < columns.size(); ++i) {
+                    answers_[patches_[first + k].answer + i] = columns[i].number[k];
+                }
+            }
+        }
+        first += count;
+    }
+}
+
+/// p_a^T Y p_b of two patches, m/N.
+double ContactCoupling::overlap(const Patch& a, const Patch& b, double h) {
+    double sum = 0.0;
+    if (b.body.end > b.body.begin) {
+        for (std::uint32_t p = a.begin; p < a.end; ++p) {
+            const std::uint32_t i = pressed_[p].particle;
+            sum += i >= b.body.begin && i < b.body.end ? pressed_[p].weight * answers_[b.answer + (i - b.body.begin)]
+                                                       : 0.0;
+        }
+        return sum;
+    }
+    // scattered_ holds W_i / m_i of `a`.
+    for (std::uint32_t p = b.begin; p < b.end; ++p) {
+        sum += pressed_[p].weight * scattered_[pressed_[p].particle];
+    }
+    return h * h * sum;
+}
+
+/// P^T Y P of the rows, m/N.
+void ContactCoupling::find_body_compliance(double h) {
     body_compliance_.resize(rows_.size());
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         // W_i / m_i of the row's patch, by particle.
@@ -358,12 +412,8 @@ void ContactCoupling::find_body_compliance() {
             scattered_[pressed_[p].particle] += pressed_[p].weight * pressed_[p].inverse_mass;
         }
         for (std::size_t s = 0; s <= r; ++s) {
-            const Patch& b = patches_[rows_[s].patch];
-            double overlap = 0.0;
-            for (std::uint32_t p = b.begin; p < b.end; ++p) {
-                overlap += pressed_[p].weight * scattered_[pressed_[p].particle];
-            }
-            body_compliance_.set(r, s, overlap * glm::dot(rows_[r].direction, rows_[s].direction));
+            const double between = overlap(a, patches_[rows_[s].patch], h);
+            body_compliance_.set(r, s, between * glm::dot(rows_[r].direction, rows_[s].direction));
         }
         for (std::uint32_t p = a.begin; p < a.end; ++p) {
             scattered_[pressed_[p].particle] = 0.0;
@@ -380,9 +430,15 @@ Vec3 ContactCoupling::mean_position(const Patch& patch, const MovingParticles& n
     return mean;
 }
 
-void ContactCoupling::find(const ParticleModel& start, const MovingParticles& /*predicted*/, double /*h*/) {
+void ContactCoupling::find(const ParticleModel& start, const MovingParticles& /*predicted*/, ElasticBodies& elastic,
+                           double h) {
     const StageClock::Span timed(clock_);
     projected_ = false;
+    if (answered_step_ != h) {
+        find_answers(elastic);
+        find_body_compliance(h);
+        answered_step_ = h;
+    }
     add_work(start);
     for (CouplingRow& row : rows_) {
         row.applied = 0.0;
@@ -467,14 +523,14 @@ void ContactCoupling::add_leads(const MovingParticles& now, double h) {
     }
 }
 
-/// W / (1 + tau / h) + h^2 P^T M^-1 P. Rows whose tau differs have no W_rs.
+/// W / (1 + tau / h) + P^T Y P. Rows whose tau differs have no W_rs.
 void ContactCoupling::build_block(double h) {
     const std::size_t count = rows_.size();
     block_.resize(count);
     for (std::size_t r = 0; r < count; ++r) {
         const double damped = 1.0 + rows_[r].damping_time / h;
         for (std::size_t s = 0; s <= r; ++s) {
-            block_.set(r, s, tool_compliance_(r, s) / damped + h * h * body_compliance_(r, s));
+            block_.set(r, s, tool_compliance_(r, s) / damped + body_compliance_(r, s));
         }
     }
 }
@@ -495,7 +551,6 @@ void ContactCoupling::project(const ParticleModel& /*start*/, const MovingPartic
         for (std::size_t s = 0; s < rows_.size(); ++s) {
             applied += body_compliance_(r, s) * rows_[s].applied;
         }
-        applied *= h * h;
         const double depth = row.depth + glm::dot(row.direction, patch.now - patch.reference) + applied;
         const double approach = (glm::dot(row.direction, patch.now - patch.start) + applied) / h - row.goal_speed;
         // A plane that is not reached does not damp.
@@ -503,12 +558,30 @@ void ContactCoupling::project(const ParticleModel& /*start*/, const MovingPartic
         depth_.push_back((depth + damping_time * approach) / (1.0 + row.damping_time / h));
     }
     build_block(h);
-    // The forces of the sub-step, and the change since the last pass: x <- x - h^2 M^-1 P dl.
+    // The forces of the sub-step, and the change since the last pass: x <- x - Y P dl.
     solver_.solve(block_, depth_, friction_);
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         const double force = solver_.force()[r];
-        displace(patches_[rows_[r].patch], -h * h * (force - rows_[r].applied) * rows_[r].direction, now.position);
+        patches_[rows_[r].patch].change -= (force - rows_[r].applied) * rows_[r].direction;
         rows_[r].applied = force;
+    }
+    for (Patch& patch : patches_) {
+        move_by(patch, patch.change, h, now.position);
+        patch.change = Vec3(0.0);
+    }
+}
+
+/// Moves the bodies as a force on the particles under the mask does.
+void ContactCoupling::move_by(const Patch& patch, const Vec3& force, double h, Row* position) const noexcept {
+    if (patch.body.end == patch.body.begin) {
+        displace(patch, h * h * force, position);
+    } else if (force != Vec3(0.0)) {
+        for (std::size_t i = patch.body.begin; i < patch.body.end; ++i) {
+            const Vec3 moved = answers_[patch.answer + (i - patch.body.begin)] * force;
+            position[i].number[0] += moved.x;
+            position[i].number[1] += moved.y;
+            position[i].number[2] += moved.z;
+        }
     }
 }
 
@@ -558,7 +631,7 @@ void ContactCoupling::pay(double h, Row* position, Row* pushed) {
     for (CouplingRow& row : rows_) {
         if (row.normal && row.applied > 0.0) {
             const Vec3 part = (row.applied / normal) * force;
-            displace(patches_[row.patch], -h * h * part, position);
+            move_by(patches_[row.patch], -part, h, position);
             displace(patches_[row.patch], -h * h * part, pushed);
             row.exerted += part;
             paid_.force += h * part;

@@ -5,8 +5,9 @@
 // receive the opposite through the pressure mask (Eq. 4.1) of the touched point, P. In every sub-step of length h,
 // after the body's own constraints,
 //
-//     (W + h^2 P^T M^-1 P) l = b,   l_n >= 0,   |l_t| <= mu sum l_n,   x <- x - h^2 M^-1 P l
+//     (W + P^T Y P) l = b,   l_n >= 0,   |l_t| <= mu sum l_n,   x <- x - Y P l
 //
+// with Y the answer of the bodies, h^2 M^-1 or, with a material, A^-1 (src/dynamics/elastic_bodies.hpp),
 // is solved as one exact block (haptic/contact_problem.hpp): an implicit constraint with the compliance W (m/N) of tool
 // and coupling, stable for any stiffness. b is what a row lacks where the particles would be without it. With g_i the
 // free position of the row's proxy (its goal with MultiRate::Positions), b of a normal is the depth of g_i behind the
@@ -14,8 +15,8 @@
 // is the distance from g_i to the point where the proxy sticks, which follows the same motion. A proxy that presses, or
 // did in the last step, has rows for its speculative planes as well: at an edge the surface may swing from one facet to
 // the next within the step. The goals' positions are held during the step; their speed counts for the damping. If the
-// solver makes several passes in a sub-step, each solves for the whole l and applies its change. Pinned particles have
-// M^-1 = 0.
+// solver makes several passes in a sub-step, each solves for the whole l and applies its change. Pinned particles
+// have M^-1 = 0.
 //
 // The mean of l over the step is the force on the hand and on the bodies, so both receive the same impulse:
 //
@@ -47,7 +48,7 @@
 // Damping in Vibroimpact", 1975). Unlike the other it begins at zero force. Both are implicit: with tau the sum of
 // damping_time and c b at the start of the sub-step and v at its end, the row becomes
 //
-//     W l + (h^2 + tau h) P^T M^-1 P l = b + tau v,   divided by 1 + tau / h.
+//     W l + (1 + tau / h) P^T Y P l = b + tau v,   divided by 1 + tau / h.
 //
 // Rows that W couples have the same tau, so that the block stays symmetric and the forces at rest are those without
 // damping; it damps along the surface too. Proxies that displace one another, those of an elastic tool, have no
@@ -78,11 +79,10 @@
 #include "haptic/sim/scene_body.hpp"
 #include "haptic/sim/solver.hpp"
 #include "haptic/types.hpp"
+#include "simd/projection.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
-
-struct Row;  // src/simd/projection.hpp
 
 /// Mean force over a step.
 struct CoupledForce {
@@ -136,7 +136,7 @@ class ContactCoupling final : public SolverContacts {
     /// ns spent in this class since the last call; 0 without a clock.
     [[nodiscard]] std::int64_t take_time() noexcept;
 
-    void find(const ParticleModel& start, const MovingParticles& predicted, double h) override;
+    void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
     void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
 
@@ -151,9 +151,12 @@ class ContactCoupling final : public SolverContacts {
     struct Patch {
         std::uint32_t begin = 0;
         std::uint32_t end = 0;
-        Vec3 reference{0.0};  // m, sum W_i x_i at the beginning of the step
-        Vec3 start{0.0};      // and of the sub-step
-        Vec3 now{0.0};        // and in this pass
+        Vec3 reference{0.0};     // m, sum W_i x_i at the beginning of the step
+        Vec3 start{0.0};         // and of the sub-step
+        Vec3 now{0.0};           // and in this pass
+        ParticleRange body{};    // that has a material; empty: none
+        std::size_t answer = 0;  // of a body with a material: index into answers_, one element per particle
+        Vec3 change{0.0};        // N, of the force on the particles, in this pass
     };
     struct CouplingRow {
         std::uint32_t proxy = 0;
@@ -178,12 +181,15 @@ class ContactCoupling final : public SolverContacts {
     void find_tool_compliance(const ToolProxies& tool);
     void add_skin(double least) noexcept;
     void find_motions() noexcept;
-    void find_body_compliance();
+    void find_answers(ElasticBodies& elastic);
+    void find_body_compliance(double h);
+    [[nodiscard]] double overlap(const Patch& a, const Patch& b, double h);
     void find_damping_times();
     void add_work(const ParticleModel& at) noexcept;
     void add_leads(const MovingParticles& now, double h);
     void build_block(double h);
     [[nodiscard]] Vec3 mean_position(const Patch& patch, const MovingParticles& now) const noexcept;
+    void move_by(const Patch& patch, const Vec3& force, double h, Row* position) const noexcept;
     void displace(const Patch& patch, const Vec3& by, Row* position) const noexcept;
     static void displace(std::span<const Pressed> particles, const Vec3& by, Row* position) noexcept;
     [[nodiscard]] Vec3 moment_arm(std::uint32_t proxy) const noexcept;
@@ -206,9 +212,12 @@ class ContactCoupling final : public SolverContacts {
     std::vector<double> depth_;                   // m, per row: b
     std::vector<Lead> leads_;                     // per proxy
     std::vector<double> scattered_;               // per particle of the model: W_i / m_i of one patch
+    std::vector<double> answers_;                 // m/N: Y P of the patches on bodies with a material
+    std::vector<Row> columns_;                    // per particle of a body: four of them
+    double answered_step_ = 0.0;                  // s, sub-step for which they and body_compliance_ are; 0: none
     std::array<std::vector<double>, 6> motions_;  // per row: how far it moves with the whole tool
     ComplianceMatrix tool_compliance_;            // W
-    ComplianceMatrix body_compliance_;            // P^T M^-1 P, 1/kg
+    ComplianceMatrix body_compliance_;            // P^T Y P, m/N
     ComplianceMatrix block_;
     ContactSolver solver_{ContactSolver::kMaxStepSweeps};
     bool projected_ = false;  // in this sub-step

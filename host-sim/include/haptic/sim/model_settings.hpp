@@ -21,12 +21,25 @@ namespace haptic::sim {
 
 enum class Generator : std::uint8_t { Cloth, Curtain, Fan, Fish, Plate, Rod };
 
+/// Material by name or by values; those given replace those of the name.
+struct MaterialSettings {
+    std::string name;
+    std::optional<double> young_modulus;       // Pa
+    std::optional<double> poisson_ratio;       // 0..kMaxPoissonRatio
+    std::optional<double> density;             // kg/m^3
+    std::optional<double> membrane_stiffness;  // N/m
+    std::optional<double> bending_stiffness;   // N m
+    std::optional<double> areal_density;       // kg/m^2
+    std::optional<double> damping;             // s
+};
+
 /// Properties of the particles whose rest position is in a box: table [[model.regions]].
 struct Region {
     Vec3 low{0.0};  // m, in the body's frame, the border included
     Vec3 high{0.0};
-    std::optional<double> stiffness;  // 0..1, of the groups about these particles
-    bool fixed = false;               // they stay where they are
+    std::optional<double> stiffness;           // 0..1, of the groups about these particles
+    std::optional<MaterialSettings> material;  // of the body about these particles
+    bool fixed = false;                        // they stay where they are
     // If there are times, they are led: see Motion.
     std::vector<double> motion_times;  // s
     std::vector<Vec3> motion_offsets;  // m, in the body's frame
@@ -45,11 +58,13 @@ struct ModelSettings {
     std::string file;   // of a mesh that takes the place of what is generated; empty: none
     /// What `file` holds, in its unit; null: the file is read.
     std::shared_ptr<const TriangleMesh> mesh;
-    double file_scale = 0.0;        // m per unit of the file; 0: centred, and as long as what would be generated
-    double max_edge = 0.0;          // m, longer edges of the mesh are divided; 0: none are
-    std::string particles;          // a model file, whose particles take the place of those made; empty: none
-    BuilderSettings builder;        // of the fish and of meshes from files
-    Vec3 velocity{0.0};             // m/s, at the start
+    double file_scale = 0.0;  // m per unit of the file; 0: centred, and as long as what would be generated
+    double max_edge = 0.0;    // m, longer edges of the mesh are divided; 0: none are
+    std::string particles;    // a model file, whose particles take the place of those made; empty: none
+    BuilderSettings builder;  // of the fish and of meshes from files
+    Vec3 velocity{0.0};       // m/s, at the start
+    /// With a material neither mass nor the stiffnesses and compliances below count.
+    std::optional<MaterialSettings> material;
     double group_stiffness = 0.3;   // 0..1, alpha of the shape-matching groups
     double link_stiffness = 1.0;    // 0..1, of the distance constraints
     double group_compliance = 0.0;  // s^2, see Group

@@ -3,13 +3,14 @@
 // A particle has a position and an orientation. A group is a particle with its neighbours; shape matching draws it
 // toward the rigid placement of its rest shape that fits best. A link keeps the distance of two particles. Orientations
 // enter the fit as if each particle were a small solid ball, so the fit is well defined for flat and collinear groups
-// and for single particles.
+// and for single particles. Bodies with a material have elements instead (elasticity.hpp).
 // @source M. Müller, N. Chentanez, "Solid Simulation with Oriented Particles", 2011; thesis, section 4.1.2
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
+#include "haptic/sim/elasticity.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
@@ -55,7 +56,8 @@ struct ParticleModel {
 
     std::vector<Group> groups;  // at most one for each centre
     std::vector<Link> links;
-    /// Separate bodies, in the order of their particles and without gaps; no group or link joins two. Empty: one body.
+    Elasticity elasticity;  // of bodies with a material; these have neither groups nor links
+    /// Separate bodies, in the order of their particles and without gaps; no constraint joins two. Empty: one body.
     std::vector<ParticleRange> bodies;
 
     [[nodiscard]] std::size_t size() const noexcept { return position.size(); }

@@ -41,6 +41,9 @@
 // change only by forces and contacts. `shape_damping` draws the velocities toward the rigid motion with the body's
 // momenta and so conserves both (Müller et al. 2007, section 3.5).
 //
+// Bodies with a material have neither links nor groups; src/dynamics/elastic_bodies.hpp has their step, one in each
+// sub-step, before the projections.
+//
 // Pinned particles follow their own velocities, whatever pulls at them: x + h v, rotated by h w. Both velocities keep
 // the values that were set, 0 for a fixed particle.
 #pragma once
@@ -58,10 +61,10 @@
 namespace haptic::sim {
 
 struct SolverSettings {
-    double step = 0.01;                 // s
-    int substeps = 1;                   // equal parts of a step; contacts may ask for more
-    int iterations = 5;                 // passes over the constraints in each sub-step
-    int rotation_iterations = 2;        // of extracting T, starting from the predicted orientation
+    double step = 0.01;           // s
+    int substeps = 1;             // equal parts of a step; 0: as many as the materials need; contacts may ask for more
+    int iterations = 5;           // passes over the constraints in each sub-step
+    int rotation_iterations = 2;  // of extracting T, starting from the predicted orientation
     Vec3 gravity{0.0, -9.81, 0.0};      // m/s^2
     double drag = 0.0;                  // 1/s, decay rate of velocities; 0 keeps momentum
     double shape_damping = 0.0;         // 1/s, decay rate of motion other than rigid motion
@@ -69,6 +72,7 @@ struct SolverSettings {
 };
 
 struct MovingParticles;  // src/simd/projection.hpp
+class ElasticBodies;     // src/dynamics/elastic_bodies.hpp
 
 /// Contacts of particles, as the solver calls them within a sub-step of length h, s. `start` is the state at its
 /// beginning.
@@ -80,8 +84,10 @@ class SolverContacts {
     virtual ~SolverContacts() = default;
     /// Smallest number of sub-steps for a step, s.
     [[nodiscard]] virtual int substeps(const ParticleModel& /*start*/, double /*step*/) const { return 1; }
-    /// Called once, before the constraints: finds what may touch, from the positions that forces lead to.
-    virtual void find(const ParticleModel& start, const MovingParticles& predicted, double h) = 0;
+    /// Called once, before the constraints: finds what may touch, from the positions that forces lead to. `elastic`
+    /// answers for the bodies with a material until finish() has returned.
+    virtual void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic,
+                      double h) = 0;
     /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`.
     virtual void project(const ParticleModel& start, const MovingParticles& now, double h) = 0;
     /// Called once, after the last iteration. May move positions; adds to `now.pushed` each particle's displacement by
@@ -114,6 +120,9 @@ class ParticleSolver {
     /// does, and then changes nothing.
     void set_steps(double step, int substeps, int iterations);
 
+    /// Equal parts into which a step is divided, unless contacts ask for more.
+    [[nodiscard]] int substeps() const noexcept;
+
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
     [[nodiscard]] std::size_t lanes() const noexcept;
     [[nodiscard]] std::size_t group_colours() const noexcept;
@@ -134,6 +143,7 @@ class ParticleSolver {
     void restore_momenta(ParticleModel& model, const ParticleRange& body, double h);
 
     SolverSettings settings_;
+    double resolved_step_;  // s, see resolved_step()
     std::vector<Body> bodies_;
     std::unique_ptr<ProjectionState> state_;
 

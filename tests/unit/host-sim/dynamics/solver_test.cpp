@@ -279,7 +279,8 @@ TEST(Solver, PullsFreeParticlesAlongWithMovingPinnedOnes) {
 class Prodding : public SolverContacts {
   public:
     Prodding(std::size_t particle, const Vec3& by) : particle_(particle), by_(by) {}
-    void find(const ParticleModel& /*start*/, const MovingParticles& predicted, double /*h*/) override {
+    void find(const ParticleModel& /*start*/, const MovingParticles& predicted, ElasticBodies& /*elastic*/,
+              double /*h*/) override {
         seen.push_back(predicted.position[particle_].number[0]);
         calls += 'f';
         pushed_ = Vec3(0.0);
@@ -512,7 +513,8 @@ TEST(Solver, ACompliantLinkStretchesAsTheSpringDoesWithAnyStepAndIterations) {
 class Hasty : public SolverContacts {
   public:
     [[nodiscard]] int substeps(const ParticleModel& /*start*/, double /*step*/) const override { return wanted; }
-    void find(const ParticleModel& /*start*/, const MovingParticles& /*predicted*/, double /*h*/) override {}
+    void find(const ParticleModel& /*start*/, const MovingParticles& /*predicted*/, ElasticBodies& /*elastic*/,
+              double /*h*/) override {}
     void project(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override {}
     void finish(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override {}
     int wanted = 1;

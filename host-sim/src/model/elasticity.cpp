@@ -1,0 +1,314 @@
+#include "haptic/sim/elasticity.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+#include <limits>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include "haptic/sim/mesh.hpp"
+#include "haptic/sim/particles.hpp"
+
+namespace haptic::sim {
+namespace {
+
+// Weights of the members fall as exp(-kFocus r^2 / mean r^2): the fit is that of the particle's neighbourhood.
+constexpr double kFocus = 2.0;
+// Of the second derivatives, relative to the mean square of the members' weights: members that determine them badly
+// leave them at 0.
+constexpr double kRidge = 1e-4;
+// Principal variance of the members' offsets, relative to the largest, below which the element is flat.
+constexpr double kFlat = 0.02;
+// Energy of |H|^2 per E m2 V / 2. Bending alone needs 1/3, torsion 1/5 to 1/2, as thin as the body is; the bars of
+// elasticity_test.cpp come out best with this.
+constexpr double kGradientStiffness = 0.3;
+// Energy of what the quadratic fit leaves over, per E V / L^2: keeps patterns of the size of two particles from moving
+// freely.
+constexpr double kRemainderStiffness = 0.1;
+
+[[noreturn]] void refuse(const std::string& why) {
+    throw std::invalid_argument("elasticity: " + why);
+}
+
+constexpr Eigen::Index kTerms = 10;  // of a quadratic function in space
+using Basis = Eigen::Matrix<double, Eigen::Dynamic, kTerms>;
+using Fit = Eigen::Matrix<double, kTerms, Eigen::Dynamic>;
+
+/// 1, x, y, z, x^2 / 2, y^2 / 2, z^2 / 2, yz, zx, xy.
+Eigen::Matrix<double, 1, kTerms> terms(const Vec3& o) {
+    Eigen::Matrix<double, 1, kTerms> row;
+    row << 1.0, o.x, o.y, o.z, 0.5 * o.x * o.x, 0.5 * o.y * o.y, 0.5 * o.z * o.z, o.y * o.z, o.z * o.x, o.x * o.y;
+    return row;
+}
+
+/// Members' offsets from the particle, in units of their root mean square, without flat directions.
+struct Neighbourhood {
+    double length = 0.0;  // m
+    Mat3 spread{0.0};
+    int directions = 0;  // that are not flat
+    std::vector<Vec3> offset;
+    Eigen::VectorXd weight;  // sums to 1
+};
+
+Neighbourhood neighbourhood_of(const ParticleModel& model, const Group& group) {
+    Neighbourhood near;
+    const Vec3 at = model.rest_position[group.centre];
+    // Scale.
+    double square = 0.0;
+    for (const std::uint32_t p : group.members) {
+        const Vec3 offset = model.rest_position[p] - at;
+        square += glm::dot(offset, offset);
+        near.offset.push_back(offset);
+    }
+    if (!(square > 0.0)) {
+        refuse("a particle has no neighbours to deform with; give the body more particles or neighbours");
+    }
+    near.length = std::sqrt(square / static_cast<double>(group.members.size() - 1));
+    near.weight.resize(static_cast<Eigen::Index>(group.members.size()));
+    Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();
+    for (std::size_t k = 0; k < near.offset.size(); ++k) {
+        near.offset[k] /= near.length;
+        const Vec3& o = near.offset[k];
+        const double weight = model.mass[group.members[k]] * std::exp(-kFocus * glm::dot(o, o));
+        near.weight[static_cast<Eigen::Index>(k)] = weight;
+        const Eigen::Vector3d v(o.x, o.y, o.z);
+        moments += weight * v * v.transpose();
+    }
+    near.weight /= near.weight.sum();
+    // Directions in which the members are spread.
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(moments);
+    for (Eigen::Index k = 0; k < 3; ++k) {
+        if (axes.eigenvalues()[k] > kFlat * axes.eigenvalues()[2]) {
+            const Eigen::Vector3d a = axes.eigenvectors().col(k);
+            const Vec3 axis(a[0], a[1], a[2]);
+            near.spread += glm::outerProduct(axis, axis);
+            ++near.directions;
+        }
+    }
+    for (Vec3& offset : near.offset) {
+        offset = near.directions == 3 ? offset : near.spread * offset;
+    }
+    if (near.directions == 3) {
+        near.spread = Mat3(1.0);
+    }
+    return near;
+}
+
+/// Coefficients of the quadratic function that fits best, per value at each member (moving least squares).
+Fit fit_of(const Neighbourhood& near, Basis& basis) {
+    basis.resize(near.weight.size(), kTerms);
+    for (std::size_t k = 0; k < near.offset.size(); ++k) {
+        basis.row(static_cast<Eigen::Index>(k)) = terms(near.offset[k]);
+    }
+    const Fit weighted = basis.transpose() * near.weight.asDiagonal();
+    Eigen::Matrix<double, kTerms, kTerms> normal = weighted * basis;
+    // Flat directions have empty columns.
+    for (Eigen::Index k = 0; k < kTerms; ++k) {
+        normal(k, k) += k < 4 ? 1e-12 : kRidge;
+    }
+    return normal.ldlt().solve(weighted);
+}
+
+/// Pairs with the energy 1/2 sum K_ij x_i x_j, from the lower triangle of K. The rows of K sum to 0.
+class PairSum {
+  public:
+    void add(std::uint32_t i, std::uint32_t j, double element) {
+        if (i != j) {
+            sum_[{std::min(i, j), std::max(i, j)}] -= element;
+        }
+    }
+    void give_to(std::vector<ElasticPair>& pairs, double damping) const {
+        for (const auto& [pair, stiffness] : sum_) {
+            pairs.push_back({pair.first, pair.second, stiffness, damping});
+        }
+    }
+
+  private:
+    std::map<std::pair<std::uint32_t, std::uint32_t>, double> sum_;
+};
+
+void add_form(const Eigen::MatrixXd& form, std::span<const std::uint32_t> members, PairSum& pairs) {
+    for (Eigen::Index i = 0; i < form.rows(); ++i) {
+        for (Eigen::Index j = 0; j < i; ++j) {
+            pairs.add(members[static_cast<std::size_t>(i)], members[static_cast<std::size_t>(j)], form(i, j));
+        }
+    }
+}
+
+/// Lambda of a solid, of a plate without stress across it, of a rod without stress at its sides.
+double lame_modulus(double young, double poisson, int directions) {
+    const double twice_mu = young / (1.0 + poisson);
+    return directions == 3   ? young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+           : directions == 2 ? young * poisson / (1.0 - poisson * poisson)
+                             : young - twice_mu;
+}
+
+void set_moduli(ElasticElement& element, double young, double poisson, int directions) {
+    element.shear_modulus = young / (2.0 * (1.0 + poisson));
+    element.lame_modulus = lame_modulus(young, poisson, directions);
+    element.bulk_modulus = 2.0 * element.shear_modulus + directions * element.lame_modulus;
+}
+
+/// The triangle's derivatives of a linear function, b_i.
+std::array<Vec3, 3> triangle_gradient(const Vec3& a, const Vec3& b, const Vec3& c) {
+    const Vec3 normal = glm::cross(b - a, c - a);
+    const double square = glm::dot(normal, normal);
+    return {glm::cross(normal, c - b) / square, glm::cross(normal, a - c) / square, glm::cross(normal, b - a) / square};
+}
+
+double cotangent(const Vec3& u, const Vec3& v) {
+    return glm::dot(u, v) / glm::length(glm::cross(u, v));
+}
+
+/// Energy of bending about an edge (Bergou et al. 2006): 3 D / (A0 + A1) |sum c_i x_i|^2 / 2.
+void add_hinge(const std::vector<Vec3>& x, const std::array<std::uint32_t, 4>& corner, double stiffness,
+               PairSum& pairs) {
+    // Edge from corner 0 to 1, with corner 2 and 3 on either side.
+    const Vec3 edge = x[corner[1]] - x[corner[0]];
+    const Vec3 left = x[corner[2]] - x[corner[0]];
+    const Vec3 right = x[corner[3]] - x[corner[0]];
+    const double at_start_left = cotangent(edge, left);
+    const double at_start_right = cotangent(edge, right);
+    const double at_end_left = cotangent(-edge, x[corner[2]] - x[corner[1]]);
+    const double at_end_right = cotangent(-edge, x[corner[3]] - x[corner[1]]);
+    const std::array<double, 4> weight{at_end_left + at_end_right, at_start_left + at_start_right,
+                                       -(at_start_left + at_end_left), -(at_start_right + at_end_right)};
+    const double area = 0.5 * (glm::length(glm::cross(edge, left)) + glm::length(glm::cross(edge, right)));
+    for (std::size_t i = 0; i < 4; ++i) {
+        for (std::size_t j = 0; j < i; ++j) {
+            pairs.add(corner[i], corner[j], 3.0 * stiffness / area * weight[i] * weight[j]);
+        }
+    }
+}
+
+}  // namespace
+
+Elasticity make_solid(const ParticleModel& model, std::span<const SolidMaterial> material) {
+    if (material.size() != model.size() || model.groups.empty()) {
+        refuse("needs a material for each particle, and groups");
+    }
+    Elasticity made;
+    PairSum pairs;
+    double damping = 0.0;
+    for (const Group& group : model.groups) {
+        const SolidMaterial& of = material[group.centre];
+        check(of);
+        damping = std::max(damping, of.damping);
+        const Neighbourhood near = neighbourhood_of(model, group);
+        Basis basis;
+        const Fit fit = fit_of(near, basis);
+        ElasticElement element{.centre = group.centre, .members = group.members, .spread = near.spread};
+        for (Eigen::Index k = 0; k < fit.cols(); ++k) {
+            element.gradient.push_back(Vec3(fit(1, k), fit(2, k), fit(3, k)) / near.length);
+        }
+        element.volume = model.mass[group.centre] / of.density;
+        element.damping = of.damping;
+        set_moduli(element, of.young_modulus, of.poisson_ratio, near.directions);
+        // |H|^2 counts the mixed derivatives twice. The second moment of a ball is r^2 / 5.
+        const double length2 = near.length * near.length;
+        const double moment = 0.2 * model.radius[group.centre] * model.radius[group.centre];
+        const double stiffness = of.young_modulus * element.volume;
+        Eigen::MatrixXd form = Eigen::MatrixXd::Zero(fit.cols(), fit.cols());
+        for (Eigen::Index term = 4; term < kTerms; ++term) {
+            const double count = term < 7 ? 1.0 : 2.0;
+            form += count * kGradientStiffness * stiffness * moment / (length2 * length2) * fit.row(term).transpose() *
+                    fit.row(term);
+        }
+        // What the fit leaves over.
+        const Eigen::MatrixXd remainder = Eigen::MatrixXd::Identity(fit.cols(), fit.cols()) - basis * fit;
+        form +=
+            kRemainderStiffness * stiffness / length2 * remainder.transpose() * near.weight.asDiagonal() * remainder;
+        add_form(form, group.members, pairs);
+        made.elements.push_back(std::move(element));
+    }
+    pairs.give_to(made.pairs, damping);
+    return made;
+}
+
+Elasticity make_sheet(const ParticleModel& model, const TriangleMesh& mesh, std::span<const SheetMaterial> material) {
+    if (model.size() != mesh.vertices.size() || material.size() != model.size()) {
+        refuse("a sheet needs a particle at each vertex of its mesh");
+    }
+    Elasticity made;
+    PairSum pairs;
+    double damping = 0.0;
+    // Each edge with the corner opposite of it: the second triangle at an edge makes a hinge of it.
+    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> open;
+    const std::size_t faces = mesh.double_faced ? mesh.triangles.size() / 2 : mesh.triangles.size();
+    for (std::size_t t = 0; t < faces; ++t) {
+        const Triangle& corner = mesh.triangles[t];
+        const SheetMaterial& of = material[corner[0]];
+        check(of);
+        damping = std::max(damping, of.damping);
+        const std::vector<Vec3>& x = model.rest_position;
+        const Vec3 normal = glm::cross(x[corner[1]] - x[corner[0]], x[corner[2]] - x[corner[0]]);
+        const double area = 0.5 * glm::length(normal);
+        if (!(area > 0.0)) {
+            refuse("triangle " + std::to_string(t) + " has no area");
+        }
+        const std::array<Vec3, 3> gradient = triangle_gradient(x[corner[0]], x[corner[1]], x[corner[2]]);
+        const Vec3 n = normal / (2.0 * area);
+        ElasticElement element{.centre = corner[0],
+                               .members = {corner.begin(), corner.end()},
+                               .gradient = {gradient.begin(), gradient.end()},
+                               .spread = Mat3(1.0) - glm::outerProduct(n, n),
+                               .volume = area,
+                               .damping = of.damping};
+        set_moduli(element, of.membrane_stiffness, of.poisson_ratio, 2);
+        made.elements.push_back(std::move(element));
+        for (std::size_t k = 0; k < 3; ++k) {
+            const std::uint32_t a = corner[k];
+            const std::uint32_t b = corner[(k + 1) % 3];
+            const auto [edge, first] = open.try_emplace({std::min(a, b), std::max(a, b)}, corner[(k + 2) % 3]);
+            if (!first) {
+                add_hinge(x, {a, b, edge->second, corner[(k + 2) % 3]}, of.bending_stiffness, pairs);
+            }
+        }
+    }
+    pairs.give_to(made.pairs, damping);
+    return made;
+}
+
+double resolved_step(const ParticleModel& model) {
+    // Size of each body, and the fastest wave in it: sqrt(stress per strain / density), both per volume of an element.
+    double step = std::numeric_limits<double>::infinity();
+    std::vector<ParticleRange> bodies = model.bodies;
+    if (bodies.empty()) {
+        bodies.push_back({0, static_cast<std::uint32_t>(model.size())});
+    }
+    for (const ParticleRange& body : bodies) {
+        double stress = 0.0;
+        double volume = 0.0;
+        for (const ElasticElement& element : model.elasticity.elements) {
+            if (element.centre >= body.begin && element.centre < body.end) {
+                stress = std::max(stress, element.shear_modulus * 2.0 + element.lame_modulus);
+                volume += element.volume;
+            }
+        }
+        if (!(volume > 0.0)) {
+            continue;
+        }
+        double mass = 0.0;
+        Vec3 low = model.rest_position[body.begin];
+        Vec3 high = low;
+        for (std::size_t i = body.begin; i < body.end; ++i) {
+            mass += model.mass[i];
+            low = glm::min(low, model.rest_position[i]);
+            high = glm::max(high, model.rest_position[i]);
+        }
+        const Vec3 size = high - low;
+        const double longest = std::max({size.x, size.y, size.z});
+        step = std::min(step, 0.25 * longest / std::sqrt(stress * volume / mass));
+    }
+    return step;
+}
+
+}  // namespace haptic::sim
