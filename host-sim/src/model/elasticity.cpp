@@ -24,15 +24,15 @@ namespace {
 constexpr double kFocus = 2.0;
 // Of the second derivatives, relative to the mean square of the members' weights: members that determine them badly
 // leave them at 0.
-constexpr double kRidge = 1e-4;
+constexpr double kRidge = 1e-5;
 // Principal variance of the members' offsets, relative to the largest, below which the element is flat.
 constexpr double kFlat = 0.02;
 // Energy of |H|^2 per E m2 V / 2. Bending alone needs 1/3, torsion 1/5 to 1/2, as thin as the body is; the bars of
 // elasticity_test.cpp come out best with this.
-constexpr double kGradientStiffness = 0.3;
+constexpr double kGradientStiffness = 0.4;
 // Energy of what the quadratic fit leaves over, per E V / L^2: keeps patterns of the size of two particles from moving
 // freely.
-constexpr double kRemainderStiffness = 0.1;
+constexpr double kRemainderStiffness = 0.4;
 
 [[noreturn]] void refuse(const std::string& why) {
     throw std::invalid_argument("elasticity: " + why);
