@@ -20,7 +20,7 @@ ParticleModel make_rigid(Settings s, const TriangleMesh& mesh) {
     return make_rigid_particles(mesh, s.mass);
 }
 
-constexpr std::array<GeneratorEntry, 6> kGenerators{{
+constexpr std::array<GeneratorEntry, 8> kGenerators{{
     {
         .generator = Generator::Cloth,
         .name = "cloth",
@@ -82,6 +82,26 @@ constexpr std::array<GeneratorEntry, 6> kGenerators{{
         .make_particles = make_rigid,
         .length = [](Settings s) { return std::max(s.rod.length, s.rod.diameter); },
         .triangles = [](Settings /*s*/) { return rod_triangles(); },
+    },
+    {
+        .generator = Generator::Block,
+        .name = "block",
+        // The mass of water in a block of the default size.
+        .defaults = {.mass = 0.384, .height = 0.0, .group_stiffness = 0.6, .link_stiffness = 0.0},
+        .make_mesh = [](Settings s) { return make_block_mesh(s.block); },
+        .make_particles = nullptr,
+        .length = [](Settings s) { return std::max({s.block.size.x, s.block.size.y, s.block.size.z}); },
+        .triangles = [](Settings s) { return block_triangles(s.block); },
+    },
+    {
+        .generator = Generator::Organ,
+        .name = "organ",
+        // The mass of liver, 1060 kg/m^3, in an organ of 0.2 m.
+        .defaults = {.mass = 0.7, .height = 0.0, .group_stiffness = 0.6, .link_stiffness = 0.0},
+        .make_mesh = [](Settings s) { return make_organ_mesh(s.organ); },
+        .make_particles = nullptr,
+        .length = [](Settings s) { return s.organ.length; },
+        .triangles = [](Settings s) { return organ_triangles(s.organ); },
     },
 }};
 

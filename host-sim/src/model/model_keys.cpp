@@ -23,6 +23,9 @@ struct ModelKeys {
     std::uint32_t vertices_per_side = ClothShape{}.vertices_per_side;
     double side = 0.0;    // m
     double length = 0.0;  // m
+    std::uint32_t refinements = 0;
+    Vec3 size{0.0};  // m
+    std::uint32_t cells = 0;
     double height = 0.0;  // m
     double shift = 0.0;   // m
     Vec3 offset{0.0};     // m
@@ -111,12 +114,13 @@ const SettingTable<ModelKeys>& model_table() {
               .unit = "m/N",
               .meaning = "Compliance of the distance constraints (XPBD), which become springs. 0: off."},
              V::number([](S& s) -> auto& { return s.model.link_compliance; }, kCompliances)},
-            {{.key = "particles_count", .meaning = "Number of particles of a fish or a mesh file. 0: one per vertex."},
+            {{.key = "particles_count",
+              .meaning = "Number of particles of a block, fish, organ or mesh file. 0: one per vertex."},
              V::integer([](S& s) -> auto& { return s.model.builder.particles; },
                         {0.0, static_cast<double>(BuilderSettings::kMaxParticles)})},
             {{.key = "neighbours",
               .default_note = "8, or 16 with a material",
-              .meaning = "Neighbours that form a group with each particle of a fish or a mesh file."},
+              .meaning = "Neighbours that form a group with each particle of a block, fish, organ or mesh file."},
              V::integer([](S& s) -> auto& { return s.model.builder.neighbours; },
                         {1.0, static_cast<double>(BuilderSettings::kMaxNeighbours)})},
             {{.key = "bridge",
@@ -126,19 +130,25 @@ const SettingTable<ModelKeys>& model_table() {
              V::number([](S& s) -> auto& { return s.model.builder.bridge; }, kSizes)},
             {{.key = "length",
               .unit = "m",
-              .default_note = "0.3 for a fish, 1 for a rod",
-              .meaning = "Length of a fish, or of a rod along x."},
+              .default_note = "0.3 for a fish, 0.2 for an organ, 1 for a rod",
+              .meaning = "Length of a fish, an organ or a rod along x."},
              V::number(&S::length, kLengths)},
-            {{.key = "refinements", .meaning = "Number of times that each triangle of a fish is divided into four."},
-             V::integer([](S& s) -> auto& { return s.model.fish.refinements; }, {0, 5})},
+            {{.key = "refinements",
+              .meaning = "Number of times that each triangle of a fish or an organ is divided into four."},
+             V::integer(&S::refinements, {0, 5})},
             {{.key = "rim_vertices", .meaning = "Vertices on the rim of a fan."},
              V::integer([](S& s) -> auto& { return s.model.fan.rim_vertices; }, {3, 4096})},
             {{.key = "rim_radius", .unit = "m", .meaning = "Radius of a fan."},
              V::number([](S& s) -> auto& { return s.model.fan.rim_radius; }, kLengths)},
-            {{.key = "size", .unit = "m", .meaning = "Size of a plate along x, y and z."},
-             V::vector([](S& s) -> auto& { return s.model.plate.size; }, {1e-4, 100.0})},
-            {{.key = "cells", .meaning = "Cells of a plate along x, and as many along z."},
-             V::integer([](S& s) -> auto& { return s.model.plate.cells; }, {1, 256})},
+            {{.key = "size",
+              .unit = "m",
+              .default_note = "[0.12, 0.04, 0.08] for a block, [1, 0.05, 1] for a plate",
+              .meaning = "Size of a block or a plate along x, y and z."},
+             V::vector(&S::size, {1e-4, 100.0})},
+            {{.key = "cells",
+              .default_note = "12 for a block, 8 for a plate",
+              .meaning = "Cells of a block along its longest side, or of a plate along x, and as many along z."},
+             V::integer(&S::cells, {1, 256})},
             {{.key = "diameter", .unit = "m", .meaning = "Diameter of a rod."},
              V::number([](S& s) -> auto& { return s.model.rod.diameter; }, {1e-4, 100.0})},
         }};
@@ -193,6 +203,17 @@ const SettingTable<Placement>& copy_table() {
     return table;
 }
 
+double default_length(const ModelSettings& model) {
+    switch (model.generator) {
+        case Generator::Organ:
+            return model.organ.length;
+        case Generator::Rod:
+            return model.rod.length;
+        default:
+            return model.fish.length;
+    }
+}
+
 /// Sets the defaults of the keys. They depend on the generator and on whether constraints are compliant.
 void set_defaults(ModelKeys& keys) {
     ModelSettings& model = keys.model;
@@ -200,7 +221,9 @@ void set_defaults(ModelKeys& keys) {
     model.mass = defaults.mass;
     keys.height = defaults.height;
     keys.side = model.generator == Generator::Curtain ? model.curtain.side : model.cloth.side;
-    keys.length = model.generator == Generator::Rod ? model.rod.length : model.fish.length;
+    keys.length = default_length(model);
+    keys.size = model.generator == Generator::Block ? model.block.size : model.plate.size;
+    keys.cells = model.generator == Generator::Block ? model.block.cells : model.plate.cells;
     // A compliance already makes a constraint soft; a stiffness below 1 would soften it twice.
     model.group_stiffness = model.group_compliance > 0.0 ? 1.0 : defaults.group_stiffness;
     model.link_stiffness = model.link_compliance > 0.0 ? 1.0 : defaults.link_stiffness;
@@ -231,7 +254,10 @@ ModelSettings with_shapes(const ModelKeys& keys) {
     model.cloth.centre = keys.offset + Vec3(0.0, keys.height + keys.shift, 0.0);
     model.cloth.orientation = keys.orientation;
     model.placement = {model.cloth.centre, keys.orientation, Vec3(0.0)};
-    model.fish.length = model.rod.length = keys.length;
+    model.fish.length = model.organ.length = model.rod.length = keys.length;
+    model.fish.refinements = model.organ.refinements = keys.refinements;
+    model.block.size = model.plate.size = keys.size;
+    model.block.cells = model.plate.cells = keys.cells;
     model.builder.group_stiffness = model.group_stiffness;
     model.builder.link_stiffness = model.link_stiffness;
     return model;

@@ -9,17 +9,19 @@
 #include <vector>
 
 #include "haptic/config.hpp"
+#include "haptic/sim/block.hpp"
 #include "haptic/sim/cloth.hpp"
 #include "haptic/sim/curtain.hpp"
 #include "haptic/sim/deformable.hpp"
 #include "haptic/sim/fan.hpp"
 #include "haptic/sim/fish.hpp"
 #include "haptic/sim/model_builder.hpp"
+#include "haptic/sim/organ.hpp"
 #include "haptic/sim/rigid_shapes.hpp"
 
 namespace haptic::sim {
 
-enum class Generator : std::uint8_t { Cloth, Curtain, Fan, Fish, Plate, Rod };
+enum class Generator : std::uint8_t { Cloth, Curtain, Fan, Fish, Plate, Rod, Block, Organ };
 
 /// Material by name or by values; those given replace those of the name.
 struct MaterialSettings {
@@ -54,6 +56,8 @@ struct ModelSettings {
     FishShape fish;
     PlateShape plate;
     RodShape rod;
+    BlockShape block;
+    OrganShape organ;
     double mass = 0.1;  // kg, of the whole body
     std::string file;   // of a mesh that takes the place of what is generated; empty: none
     /// What `file` holds, in its unit; null: the file is read.
@@ -61,7 +65,7 @@ struct ModelSettings {
     double file_scale = 0.0;  // m per unit of the file; 0: centred, and as long as what would be generated
     double max_edge = 0.0;    // m, longer edges of the mesh are divided; 0: none are
     std::string particles;    // a model file, whose particles take the place of those made; empty: none
-    BuilderSettings builder;  // of the fish and of meshes from files
+    BuilderSettings builder;  // of block, fish, organ and meshes from files
     Vec3 velocity{0.0};       // m/s, at the start
     /// With a material neither mass nor the stiffnesses and compliances below count.
     std::optional<MaterialSettings> material;

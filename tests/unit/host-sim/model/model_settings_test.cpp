@@ -44,12 +44,31 @@ TEST(ModelSettings, MakeEachGeneratedBody) {
         EXPECT_NO_THROW(body.particles.check());
         return body.particles.size();
     };
+    EXPECT_EQ(count("block"), 137u);
     EXPECT_EQ(count("cloth"), 1089u);
     EXPECT_EQ(count("curtain"), 1089u);
     EXPECT_EQ(count("fan"), 33u);
     EXPECT_EQ(count("fish"), 137u);
+    EXPECT_EQ(count("organ"), 137u);
     EXPECT_EQ(count("plate"), 162u);
     EXPECT_EQ(count("rod"), 24u);
+}
+
+TEST(ModelSettings, GiveEachGeneratorItsOwnDefaultsOfSharedKeys) {
+    const auto settings = [](const std::string& keys) { return read("[model]\ngenerator = " + keys + "\n"); };
+    EXPECT_EQ(settings("\"block\"").block.size, Vec3(0.12, 0.04, 0.08));
+    EXPECT_EQ(settings("\"block\"").block.cells, 12u);
+    EXPECT_EQ(settings("\"plate\"").plate.size, Vec3(1.0, 0.05, 1.0));
+    EXPECT_EQ(settings("\"plate\"").plate.cells, 8u);
+    EXPECT_EQ(settings("\"fish\"").fish.length, 0.3);
+    EXPECT_EQ(settings("\"organ\"").organ.length, 0.2);
+    EXPECT_EQ(settings("\"rod\"").rod.length, 1.0);
+    const ModelSettings block = settings("\"block\"\nsize = [0.1, 0.2, 0.3]\ncells = 5");
+    EXPECT_EQ(block.block.size, Vec3(0.1, 0.2, 0.3));
+    EXPECT_EQ(block.block.cells, 5u);
+    const ModelSettings organ = settings("\"organ\"\nlength = 0.1\nrefinements = 2");
+    EXPECT_EQ(organ.organ.length, 0.1);
+    EXPECT_EQ(organ.organ.refinements, 2u);
 }
 
 TEST(ModelSettings, PlaceCopiesOfOneBody) {

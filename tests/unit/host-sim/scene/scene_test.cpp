@@ -64,7 +64,8 @@ TEST(Scene, KnowsItsTrianglesBeforeItMakesThem) {
     for (const char* model :
          {"generator = 'cloth'\nvertices_per_side = 5", "generator = 'curtain'\nvertices_per_side = 4",
           "generator = 'fan'\nrim_vertices = 9", "generator = 'fish'\nrefinements = 0",
-          "generator = 'plate'\ncells = 3", "generator = 'rod'\nlength = 3.0"}) {
+          "generator = 'plate'\ncells = 3", "generator = 'rod'\nlength = 3.0", "generator = 'block'\ncells = 7",
+          "generator = 'organ'\nrefinements = 1"}) {
         const Scene scene = read("[model]\n" + std::string(model) + "\n[[model.copies]]\n[[model.copies]]\n");
         std::size_t triangles = 0;
         for (const DeformableBody& body : make_bodies(scene.model)) {
