@@ -1,12 +1,13 @@
 #include "dynamics/elastic_bodies.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <glm/geometric.hpp>
-#include <glm/matrix.hpp>
 #include <limits>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
 
-#include "dynamics/rotation.hpp"
+#include "simd/kernels.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -14,56 +15,66 @@ namespace {
 constexpr std::uint32_t kNotElastic = std::numeric_limits<std::uint32_t>::max();
 // kappa per largest stress per strain. From 0.75 on the step is stable; 1 never overshoots.
 constexpr double kBound = 1.0;
-// Steps toward the rotation of an element, from that which its angular velocity predicts.
-constexpr int kRotationSteps = 2;
 constexpr std::size_t kCorners = 3;
-// Ratio of areas: keeps the frame of a triangle without area finite.
-constexpr double kSmallestArea = 1e-9;
+// Doubles in the widest register: rows of padding.
+constexpr std::size_t kPadding = 8;
 
-double trace(const Mat3& m) noexcept {
-    return m[0][0] + m[1][1] + m[2][2];
+const ElasticKernels& elastic_kernels(std::size_t lanes) {
+    if (const ElasticKernels* const kernels = find_kernels(&Kernels::elastic, lanes)) {
+        return *kernels;
+    }
+    throw std::invalid_argument("elasticity: this machine has no vectors of " + std::to_string(lanes) + " doubles");
 }
 
-Mat3 symmetric_part(const Mat3& m) noexcept {
-    return 0.5 * (m + glm::transpose(m));
+bool is_triangle(const ElasticElement& element) {
+    return element.members.size() == kCorners;
 }
 
-void add_outer(Mat3& sum, const Vec3& x, const Vec3& b) noexcept {
-    sum[0] += b.x * x;
-    sum[1] += b.y * x;
-    sum[2] += b.z * x;
+Row row_of(const Vec3& v) noexcept {
+    return {{v.x, v.y, v.z, 0.0}};
+}
+
+/// Starts of consecutive ranges from their lengths, and the end of the last one.
+std::vector<std::uint32_t> starts_of(const std::vector<std::uint32_t>& lengths) {
+    std::vector<std::uint32_t> starts(lengths.size() + 1, 0);
+    std::partial_sum(lengths.begin(), lengths.end(), starts.begin() + 1);
+    return starts;
 }
 
 }  // namespace
 
-ElasticBodies::ElasticBodies(const ParticleModel& model)
-    : first_neighbour_(model.size() + 1, 0), body_of_particle_(model.size(), kNotElastic), mass_(model.mass) {
-    const Elasticity& elasticity = model.elasticity;
-    // Bodies with elements.
+ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes)
+    : kernels_(elastic_kernels(lanes)),
+      body_of_particle_(model.size(), kNotElastic),
+      mass_(model.mass),
+      place_(model.elasticity.elements.size()) {
+    find_bodies(model);
+    batch_elements(model, false, solids_);
+    batch_elements(model, true, triangles_);
+    list_pairs(model);
+    list_forces(model);
+    assemble(model);
+    for (const ElasticElement& element : model.elasticity.elements) {
+        if (!is_triangle(element)) {
+            turning_.push_back(element.centre);
+        }
+    }
+    for (LaneArray<Row>* rows : {&at_, &velocity_, &given_, &sides_}) {
+        rows->resize(empty() ? 0 : model.size() + kPadding);
+    }
+    turn_.resize(at_.size(), Row{{1.0, 0.0, 0.0, 0.0}});
+}
+
+void ElasticBodies::find_bodies(const ParticleModel& model) {
+    std::vector<std::uint8_t> elastic(model.size(), 0);
+    for (const ElasticElement& element : model.elasticity.elements) {
+        for (const std::uint32_t p : element.members) {
+            elastic[p] = 1;
+        }
+    }
     std::vector<ParticleRange> ranges = model.bodies;
     if (ranges.empty() && model.size() > 0) {
         ranges.push_back({0, static_cast<std::uint32_t>(model.size())});
-    }
-    std::vector<std::uint8_t> elastic(model.size(), 0);
-    for (const ElasticElement& e : elasticity.elements) {
-        elements_.push_back({.centre = e.centre,
-                             .first = static_cast<std::uint32_t>(members_.size()),
-                             .count = static_cast<std::uint32_t>(e.members.size()),
-                             .volume = e.volume,
-                             .shear = e.shear_modulus,
-                             .lame = e.lame_modulus,
-                             .damping = e.damping,
-                             .spread = e.spread});
-        // Axes of a triangle: along its first gradient, and across it.
-        const bool triangle = e.members.size() == kCorners;
-        const Vec3 along = triangle ? glm::normalize(e.gradient[0]) : Vec3(0.0);
-        const Vec3 second = triangle ? e.gradient[1] - glm::dot(e.gradient[1], along) * along : Vec3(0.0);
-        const Vec3 across = triangle ? glm::normalize(second) : Vec3(0.0);
-        for (std::size_t k = 0; k < e.members.size(); ++k) {
-            const Vec3& b = e.gradient[k];
-            members_.push_back({e.members[k], triangle ? Vec3(glm::dot(b, along), glm::dot(b, across), 0.0) : b});
-            elastic[e.members[k]] = 1;
-        }
     }
     for (const ParticleRange& range : ranges) {
         if (elastic[range.begin] == 0) {
@@ -78,24 +89,148 @@ ElasticBodies::ElasticBodies(const ParticleModel& model)
         }
         bodies_.push_back(std::move(body));
     }
-    // Pairs by particle: first counted, then filled in.
-    for (const ElasticPair& pair : elasticity.pairs) {
-        ++first_neighbour_[pair.first + 1];
-        ++first_neighbour_[pair.second + 1];
+}
+
+void ElasticBodies::batch_elements(const ParticleModel& model, bool triangles, Elements& to) {
+    const std::vector<ElasticElement>& all = model.elasticity.elements;
+    // Even batches: the largest elements first.
+    std::vector<std::uint32_t> order;
+    for (std::uint32_t e = 0; e < all.size(); ++e) {
+        if (is_triangle(all[e]) == triangles) {
+            order.push_back(e);
+        }
     }
-    for (std::size_t i = 0; i < model.size(); ++i) {
-        first_neighbour_[i + 1] += first_neighbour_[i];
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return all[a].members.size() > all[b].members.size(); });
+    const std::size_t n = kernels_.lanes;
+    const std::size_t directions = triangles ? 2 : 3;
+    for (std::size_t first = 0; first < order.size(); first += n) {
+        const std::size_t slots = all[order[first]].members.size();
+        const std::size_t first_slot = to.member.size() / n;
+        const std::size_t batch = to.batch.size();
+        to.batch.push_back({static_cast<std::uint32_t>(first_slot), static_cast<std::uint32_t>(slots), false});
+        // Padding in every lane and slot, replaced by what there is.
+        for (std::size_t lane = 0; lane < n; ++lane) {
+            to.centre.push_back(static_cast<std::uint32_t>(model.size() + lane));
+        }
+        for (LaneArray<double>* values : {&to.shear, &to.lame, &to.damping}) {
+            values->resize(n * (batch + 1), 0.0);
+        }
+        to.spread.resize(triangles ? 0 : 6 * n * (batch + 1), 0.0);
+        for (std::size_t k = 0; k < slots * n; ++k) {
+            to.member.push_back(static_cast<std::uint32_t>(model.size() + k % n));
+        }
+        to.gradient.resize(directions * to.member.size(), 0.0);
+        for (std::size_t lane = 0; lane < n && first + lane < order.size(); ++lane) {
+            const ElasticElement& e = all[order[first + lane]];
+            const std::size_t at = batch * n + lane;
+            to.centre[at] = e.centre;
+            to.shear[at] = 2.0 * e.shear_modulus * e.volume;
+            to.lame[at] = e.lame_modulus * e.volume;
+            to.damping[at] = e.damping;
+            to.batch[batch].damped = to.batch[batch].damped || e.damping > 0.0;
+            place_[order[first + lane]] = static_cast<std::uint32_t>(first_slot * n + lane);
+            if (!triangles) {
+                const Mat3& s = e.spread;
+                const double symmetric[6] = {s[0][0], s[1][1], s[2][2], s[0][1], s[0][2], s[1][2]};
+                for (std::size_t k = 0; k < 6; ++k) {
+                    to.spread[(6 * batch + k) * n + lane] = symmetric[k];
+                }
+            }
+            // Axes of a triangle: along its first gradient, and across it.
+            const Vec3 along = triangles ? glm::normalize(e.gradient[0]) : Vec3(1.0, 0.0, 0.0);
+            const Vec3 across = triangles ? glm::normalize(e.gradient[1] - glm::dot(e.gradient[1], along) * along)
+                                          : Vec3(0.0, 1.0, 0.0);
+            for (std::size_t k = 0; k < e.members.size(); ++k) {
+                const std::size_t slot = first_slot + k;
+                const Vec3& g = e.gradient[k];
+                to.member[slot * n + lane] = e.members[k];
+                const double component[3] = {glm::dot(g, along), glm::dot(g, across), g.z};
+                for (std::size_t c = 0; c < directions; ++c) {
+                    to.gradient[(directions * slot + c) * n + lane] = component[c];
+                }
+            }
+        }
     }
-    neighbours_.resize(2 * elasticity.pairs.size());
-    std::vector<std::size_t> next(first_neighbour_.begin(), first_neighbour_.end() - 1);
-    for (const ElasticPair& pair : elasticity.pairs) {
-        neighbours_[next[pair.first]++] = {pair.second, pair.stiffness, pair.damping * pair.stiffness};
-        neighbours_[next[pair.second]++] = {pair.first, pair.stiffness, pair.damping * pair.stiffness};
+    to.force.resize(to.member.size());
+}
+
+void ElasticBodies::list_pairs(const ParticleModel& model) {
+    std::vector<std::uint32_t> count(model.size(), 0);
+    for (const ElasticPair& pair : model.elasticity.pairs) {
+        ++count[pair.first];
+        ++count[pair.second];
     }
-    at_.resize(model.size());
-    velocity_.resize(model.size());
-    force_.resize(model.size());
-    sides_.resize(model.size());
+    first_pair_ = starts_of(count);
+    std::vector<std::uint32_t> next(first_pair_.begin(), first_pair_.end() - 1);
+    for (std::vector<double>* values : {&pair_stiffness_, &pair_viscosity_}) {
+        values->resize(first_pair_.back());
+    }
+    other_.resize(first_pair_.back());
+    const auto add = [&](std::uint32_t particle, std::uint32_t other, const ElasticPair& pair) {
+        const std::uint32_t k = next[particle]++;
+        other_[k] = other;
+        pair_stiffness_[k] = pair.stiffness;
+        pair_viscosity_[k] = pair.damping * pair.stiffness;
+    };
+    for (const ElasticPair& pair : model.elasticity.pairs) {
+        add(pair.first, pair.second, pair);
+        add(pair.second, pair.first, pair);
+    }
+}
+
+void ElasticBodies::list_forces(const ParticleModel& model) {
+    // The places at which elements write a particle's forces, in the order of the elements.
+    const std::vector<ElasticElement>& elements = model.elasticity.elements;
+    std::vector<std::uint32_t> count(model.size(), 0);
+    for (const ElasticElement& e : elements) {
+        for (const std::uint32_t p : e.members) {
+            ++count[p];
+        }
+    }
+    first_force_ = starts_of(count);
+    force_place_.resize(first_force_.back());
+    std::vector<std::uint32_t> next(first_force_.begin(), first_force_.end() - 1);
+    const auto solid_places = static_cast<std::uint32_t>(solids_.force.size());
+    for (std::size_t e = 0; e < elements.size(); ++e) {
+        const std::uint32_t first = place_[e] + (is_triangle(elements[e]) ? solid_places : 0);
+        for (std::size_t k = 0; k < elements[e].members.size(); ++k) {
+            force_place_[next[elements[e].members[k]]++] = first + static_cast<std::uint32_t>(k * kernels_.lanes);
+        }
+    }
+}
+
+/// Stiffness and viscosity of each body, over its free particles.
+void ElasticBodies::assemble(const ParticleModel& model) {
+    std::vector<std::uint32_t> row(model.size(), kNotElastic);
+    for (const Body& body : bodies_) {
+        for (std::uint32_t r = 0; r < body.free.size(); ++r) {
+            row[body.free[r]] = r;
+        }
+    }
+    const auto add = [&](std::uint32_t p, std::uint32_t q, double stiffness, double damping) {
+        if (row[p] != kNotElastic && row[q] != kNotElastic && row[p] >= row[q]) {
+            Body& body = bodies_[body_of_particle_[p]];
+            body.stiffness.push_back({row[p], row[q], stiffness});
+            if (damping > 0.0) {
+                body.viscosity.push_back({row[p], row[q], damping * stiffness});
+                body.damped = true;
+            }
+        }
+    };
+    for (const ElasticElement& e : model.elasticity.elements) {
+        const double kappa = kBound * e.bulk_modulus * e.volume;
+        for (std::size_t k = 0; k < e.members.size(); ++k) {
+            for (std::size_t l = 0; l < e.members.size(); ++l) {
+                add(e.members[k], e.members[l], kappa * glm::dot(e.gradient[k], e.gradient[l]), e.damping);
+            }
+        }
+    }
+    for (const ElasticPair& pair : model.elasticity.pairs) {
+        add(pair.first, pair.first, pair.stiffness, pair.damping);
+        add(pair.second, pair.second, pair.stiffness, pair.damping);
+        add(std::max(pair.first, pair.second), std::min(pair.first, pair.second), -pair.stiffness, pair.damping);
+    }
 }
 
 ParticleRange ElasticBodies::body_of(std::uint32_t particle) const noexcept {
@@ -107,141 +242,31 @@ void ElasticBodies::prepare(double h) {
     if (h == h_) {
         return;
     }
+    // A = M / h^2 + stiffness + viscosity / h.
     for (Body& body : bodies_) {
-        factorise(body, h);
+        std::vector<MatrixElement> lower = body.stiffness;
+        for (const MatrixElement& viscous : body.viscosity) {
+            lower.push_back({viscous.row, viscous.column, viscous.value / h});
+        }
+        for (std::uint32_t r = 0; r < body.free.size(); ++r) {
+            lower.push_back({r, r, mass_[body.free[r]] / (h * h)});
+        }
+        body.factor = std::make_unique<StiffnessFactor>(body.free.size(), lower);
     }
     h_ = h;
 }
 
-void ElasticBodies::factorise(Body& body, double h) const {
-    // Rows of the matrix: the free particles of the body.
-    std::vector<std::uint32_t> row(body.particles.end - body.particles.begin, kNotElastic);
-    for (std::uint32_t r = 0; r < body.free.size(); ++r) {
-        row[body.free[r] - body.particles.begin] = r;
-    }
-    const auto row_of = [&](std::uint32_t particle) { return row[particle - body.particles.begin]; };
-    std::vector<MatrixElement> lower;
-    const auto add = [&](std::uint32_t p, std::uint32_t q, double value) {
-        const std::uint32_t a = row_of(p);
-        const std::uint32_t b = row_of(q);
-        if (a != kNotElastic && b != kNotElastic && a >= b) {
-            lower.push_back({a, b, value});
-        }
-    };
-    for (const std::uint32_t i : body.free) {
-        double diagonal = mass_[i] / (h * h);
-        for (std::size_t k = first_neighbour_[i]; k < first_neighbour_[i + 1]; ++k) {
-            const double stiffness = neighbours_[k].stiffness + neighbours_[k].viscosity / h;
-            diagonal += stiffness;
-            add(i, neighbours_[k].particle, -stiffness);
-        }
-        add(i, i, diagonal);
-    }
-    for (const Element& e : elements_) {
-        if (e.centre < body.particles.begin || e.centre >= body.particles.end) {
-            continue;
-        }
-        const double bulk = 2.0 * e.shear + trace(e.spread) * e.lame;
-        const double kappa = kBound * bulk * e.volume * (1.0 + e.damping / h);
-        const std::span<const Member> members(&members_[e.first], e.count);
-        for (const Member& m : members) {
-            for (const Member& other : members) {
-                add(m.particle, other.particle, kappa * glm::dot(m.gradient, other.gradient));
-            }
-        }
-    }
-    body.factor = std::make_unique<StiffnessFactor>(body.free.size(), lower);
-}
-
-void ElasticBodies::add_solid_forces(const Element& element, Row* orientation) noexcept {
-    const std::span<const Member> members(&members_[element.first], element.count);
-    // F about the centre, so that it does not depend on where the body is.
-    const Vec3 centre = at_[element.centre];
-    Mat3 gradient(0.0);
-    for (const Member& m : members) {
-        add_outer(gradient, at_[m.particle] - centre, m.gradient);
-    }
-    // The rotation nearest to it, which the centre takes.
-    Row& kept = orientation[element.centre];
-    const Quat turn = extract_rotation(gradient, Quat(kept.number[0], kept.number[1], kept.number[2], kept.number[3]),
-                                       kRotationSteps);
-    kept = {{turn.w, turn.x, turn.y, turn.z}};
-    const Mat3 rotation = to_matrix(turn);
-    const Mat3 back = glm::transpose(rotation);
-    // Strain and its rate, stress, and the force -V P b_i on each member.
-    Mat3 strain = symmetric_part(back * gradient) - element.spread;
-    if (element.damping > 0.0) {
-        Mat3 rate(0.0);
-        for (const Member& m : members) {
-            add_outer(rate, velocity_[m.particle] - velocity_[element.centre], m.gradient);
-        }
-        strain += element.damping * symmetric_part(back * rate);
-    }
-    const Mat3 stress = 2.0 * element.shear * strain + element.lame * trace(strain) * element.spread;
-    const Mat3 pull = -element.volume * rotation * stress;
-    for (const Member& m : members) {
-        force_[m.particle] += pull * m.gradient;
-    }
-}
-
-void ElasticBodies::add_triangle_forces(const Element& element) noexcept {
-    const std::span<const Member> members(&members_[element.first], element.count);
-    // The columns of F along both axes of the triangle at rest; its gradients are in these axes.
-    const Vec3 centre = at_[element.centre];
-    Vec3 f0(0.0);
-    Vec3 f1(0.0);
-    for (const Member& m : members) {
-        f0 += m.gradient.x * (at_[m.particle] - centre);
-        f1 += m.gradient.y * (at_[m.particle] - centre);
-    }
-    // F = R U: U = (C + det(U) 1) / tr(U), the root of the symmetric 2 x 2 matrix C = F^T F.
-    const double c00 = glm::dot(f0, f0);
-    const double c01 = glm::dot(f0, f1);
-    const double c11 = glm::dot(f1, f1);
-    const double area = std::sqrt(std::max(c00 * c11 - c01 * c01, 0.0)) + kSmallestArea;
-    const double sum = std::sqrt(c00 + c11 + 2.0 * area);
-    const double u00 = (c00 + area) / sum;
-    const double u01 = c01 / sum;
-    const double u11 = (c11 + area) / sum;
-    const double inverse = 1.0 / (u00 * u11 - u01 * u01);
-    const Vec3 r0 = inverse * (u11 * f0 - u01 * f1);
-    const Vec3 r1 = inverse * (u00 * f1 - u01 * f0);
-    // Strain U - 1 and its rate, stress, and forces.
-    double e00 = u00 - 1.0;
-    double e01 = u01;
-    double e11 = u11 - 1.0;
-    if (element.damping > 0.0) {
-        Vec3 v0(0.0);
-        Vec3 v1(0.0);
-        for (const Member& m : members) {
-            v0 += m.gradient.x * (velocity_[m.particle] - velocity_[element.centre]);
-            v1 += m.gradient.y * (velocity_[m.particle] - velocity_[element.centre]);
-        }
-        e00 += element.damping * glm::dot(r0, v0);
-        e11 += element.damping * glm::dot(r1, v1);
-        e01 += 0.5 * element.damping * (glm::dot(r0, v1) + glm::dot(r1, v0));
-    }
-    const double spread = element.lame * (e00 + e11);
-    const double s00 = element.volume * (2.0 * element.shear * e00 + spread);
-    const double s11 = element.volume * (2.0 * element.shear * e11 + spread);
-    const double s01 = element.volume * 2.0 * element.shear * e01;
-    const Vec3 p0 = s00 * r0 + s01 * r1;
-    const Vec3 p1 = s01 * r0 + s11 * r1;
-    for (const Member& m : members) {
-        force_[m.particle] -= m.gradient.x * p0 + m.gradient.y * p1;
-    }
-}
-
-void ElasticBodies::add_pair_forces(const Body& body) noexcept {
-    for (const std::uint32_t i : body.free) {
-        Vec3 sum(0.0);
-        for (std::size_t k = first_neighbour_[i]; k < first_neighbour_[i + 1]; ++k) {
-            const Neighbour& other = neighbours_[k];
-            sum += other.stiffness * (at_[other.particle] - at_[i]) +
-                   other.viscosity * (velocity_[other.particle] - velocity_[i]);
-        }
-        force_[i] += sum;
-    }
+ElasticBatches ElasticBodies::batches_of(Elements& e) const noexcept {
+    return {.batches = e.batch.size(),
+            .batch = e.batch.data(),
+            .centre = e.centre.data(),
+            .shear = e.shear.data(),
+            .lame = e.lame.data(),
+            .damping = e.damping.data(),
+            .spread = e.spread.data(),
+            .member = e.member.data(),
+            .gradient = e.gradient.data(),
+            .force = e.force.data()};
 }
 
 void ElasticBodies::step(const ParticleModel& start, double drag_factor, Row* position, Row* orientation) noexcept {
@@ -250,31 +275,47 @@ void ElasticBodies::step(const ParticleModel& start, double drag_factor, Row* po
         for (std::uint32_t i = body.particles.begin; i < body.particles.end; ++i) {
             const Vec3 given(position[i].number[0], position[i].number[1], position[i].number[2]);
             const bool pinned = start.pinned[i] != 0;
-            velocity_[i] = pinned ? start.velocity[i] : drag_factor * start.velocity[i];
-            at_[i] = pinned ? given : start.position[i] + h_ * velocity_[i];
-            force_[i] = start.mass[i] / (h_ * h_) * (given - at_[i]);
+            const Vec3 velocity = pinned ? start.velocity[i] : drag_factor * start.velocity[i];
+            const Vec3 at = pinned ? given : start.position[i] + h_ * velocity;
+            velocity_[i] = row_of(velocity);
+            at_[i] = row_of(at);
+            given_[i] = row_of(start.mass[i] / (h_ * h_) * (given - at));
         }
     }
-    for (const Element& element : elements_) {
-        if (element.count == kCorners) {
-            add_triangle_forces(element);
-        } else {
-            add_solid_forces(element, orientation);
-        }
+    for (const std::uint32_t i : turning_) {
+        turn_[i] = orientation[i];
+    }
+    // Forces of the elements at x0, and the rotations that belong to it.
+    const ElasticParticles particles{at_.data(), velocity_.data(), turn_.data()};
+    kernels_.solids(batches_of(solids_), particles);
+    kernels_.triangles(batches_of(triangles_), particles);
+    for (const std::uint32_t i : turning_) {
+        orientation[i] = turn_[i];
     }
     for (Body& body : bodies_) {
-        add_pair_forces(body);
+        // f - grad E(x0), then x0 + A^-1 of it.
+        kernels_.sum({.count = body.free.size(),
+                      .particle = body.free.data(),
+                      .first_force = first_force_.data(),
+                      .force = force_place_.data(),
+                      .solid_force = solids_.force.data(),
+                      .triangle_force = triangles_.force.data(),
+                      .solid_places = static_cast<std::uint32_t>(solids_.force.size()),
+                      .first_pair = first_pair_.data(),
+                      .other = other_.data(),
+                      .stiffness = pair_stiffness_.data(),
+                      .viscosity = pair_viscosity_.data(),
+                      .damped = body.damped,
+                      .position = at_.data(),
+                      .velocity = velocity_.data(),
+                      .given = given_.data(),
+                      .sum = sides_.data()});
+        body.factor->solve(kernels_, {sides_.data(), body.free.size()});
         for (std::size_t r = 0; r < body.free.size(); ++r) {
-            const Vec3& f = force_[body.free[r]];
-            sides_[r] = {{f.x, f.y, f.z, 0.0}};
-        }
-        body.factor->solve({sides_.data(), body.free.size()});
-        for (std::size_t r = 0; r < body.free.size(); ++r) {
-            const Vec3& from = at_[body.free[r]];
-            Row& to = position[body.free[r]];
-            to.number[0] = from.x + sides_[r].number[0];
-            to.number[1] = from.y + sides_[r].number[1];
-            to.number[2] = from.z + sides_[r].number[2];
+            const std::uint32_t i = body.free[r];
+            for (std::size_t k = 0; k < 3; ++k) {
+                position[i].number[k] = at_[i].number[k] + sides_[r].number[k];
+            }
         }
     }
 }
@@ -284,10 +325,8 @@ void ElasticBodies::respond(const ParticleRange& body, std::span<Row> columns) n
     for (std::size_t r = 0; r < of.free.size(); ++r) {
         sides_[r] = columns[of.free[r] - body.begin];
     }
-    of.factor->solve({sides_.data(), of.free.size()});
-    for (Row& column : columns) {
-        column = {};
-    }
+    of.factor->solve(kernels_, {sides_.data(), of.free.size()});
+    std::fill(columns.begin(), columns.end(), Row{});
     for (std::size_t r = 0; r < of.free.size(); ++r) {
         columns[of.free[r] - body.begin] = sides_[r];
     }

@@ -30,14 +30,16 @@
 
 #include "dynamics/stiffness_factor.hpp"
 #include "haptic/sim/particles.hpp"
-#include "simd/projection.hpp"
+#include "simd/elastic.hpp"
 
 namespace haptic::sim {
 
 class ElasticBodies {
   public:
-    /// Takes the elements and pairs of the model, and which particles are pinned. Precondition: model.check().
-    explicit ElasticBodies(const ParticleModel& model);
+    /// Takes the elements and pairs of the model, and which particles are pinned. `lanes` is the number of elements
+    /// side by side; it changes no bit. Precondition: model.check(). Throws std::invalid_argument for lanes that the
+    /// machine does not have.
+    ElasticBodies(const ParticleModel& model, std::size_t lanes);
 
     [[nodiscard]] bool empty() const noexcept { return bodies_.empty(); }
     /// The elastic body of a particle; empty if it has none.
@@ -55,46 +57,60 @@ class ElasticBodies {
     /// sub-step, m/N. `columns`: one row per particle of the body.
     void respond(const ParticleRange& body, std::span<Row> columns) noexcept;
 
+    /// The particles that take an element's rotation.
+    [[nodiscard]] std::span<const std::uint32_t> turning() const noexcept { return turning_; }
+
   private:
-    struct Element {
-        std::uint32_t centre;  // particle
-        std::uint32_t first;   // of its members
-        std::uint32_t count;
-        double volume, shear, lame, damping;
-        Mat3 spread;
-    };
-    struct Member {
-        std::uint32_t particle;
-        Vec3 gradient;  // of a triangle: in its own axes
-    };
-    struct Neighbour {
-        std::uint32_t particle;
-        double stiffness;  // N/m
-        double viscosity;  // N s/m
+    /// Storage of ElasticBatches.
+    struct Elements {
+        std::vector<ElasticBatch> batch;
+        LaneArray<std::uint32_t> centre;
+        LaneArray<double> shear;
+        LaneArray<double> lame;
+        LaneArray<double> damping;
+        LaneArray<double> spread;
+        LaneArray<std::uint32_t> member;
+        LaneArray<double> gradient;
+        LaneArray<Row> force;
     };
     struct Body {
         ParticleRange particles;
         std::vector<std::uint32_t> free{};  // particles that are not pinned
+        bool damped = false;
+        /// Stiffness part of A, over the free particles: what does not depend on h, and what is divided by it.
+        std::vector<MatrixElement> stiffness{};
+        std::vector<MatrixElement> viscosity{};
         std::unique_ptr<StiffnessFactor> factor{};
     };
 
-    void factorise(Body& body, double h) const;
-    void add_solid_forces(const Element& element, Row* orientation) noexcept;
-    void add_triangle_forces(const Element& element) noexcept;
-    void add_pair_forces(const Body& body) noexcept;
+    void find_bodies(const ParticleModel& model);
+    void batch_elements(const ParticleModel& model, bool triangles, Elements& to);
+    void list_pairs(const ParticleModel& model);
+    void list_forces(const ParticleModel& model);
+    void assemble(const ParticleModel& model);
+    [[nodiscard]] ElasticBatches batches_of(Elements& elements) const noexcept;
 
-    std::vector<Element> elements_;
-    std::vector<Member> members_;
-    std::vector<std::size_t> first_neighbour_;  // per particle; one more at the end
-    std::vector<Neighbour> neighbours_;
+    const ElasticKernels& kernels_;
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;  // kNone: not elastic
     std::vector<double> mass_;
+    std::vector<std::uint32_t> turning_;
     double h_ = 0.0;  // s
-    // Scratch, per particle.
-    std::vector<Vec3> at_;        // m, x0
-    std::vector<Vec3> velocity_;  // m/s, (x0 - x) / h
-    std::vector<Vec3> force_;     // N
+    Elements solids_;
+    Elements triangles_;
+    std::vector<std::uint32_t> place_;  // of each element's first force, its members one lane vector apart
+    // Storage of ForceSums.
+    std::vector<std::uint32_t> first_force_;
+    std::vector<std::uint32_t> force_place_;
+    std::vector<std::uint32_t> first_pair_;
+    std::vector<std::uint32_t> other_;
+    std::vector<double> pair_stiffness_;
+    std::vector<double> pair_viscosity_;
+    // Scratch, per particle, with padding.
+    LaneArray<Row> at_;        // m, x0
+    LaneArray<Row> velocity_;  // m/s, (x0 - x) / h
+    LaneArray<Row> turn_;      // orientations
+    LaneArray<Row> given_;     // N
     LaneArray<Row> sides_;
 };
 

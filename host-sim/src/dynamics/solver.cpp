@@ -97,7 +97,7 @@ struct ParticleSolver::ProjectionState {
           links(batches.links()),
           springs(batches.springs()),
           groups(batches.groups()),
-          elastic(model),
+          elastic(model, (projection.lanes + 1) / 2),
           position(batches.padded_particles()),
           start(model.size()),
           f32(batches.padded_particles()),
@@ -142,8 +142,8 @@ struct ParticleSolver::ProjectionState {
         }
         elastic.step(model, drag_factor, position.data(), orientation.data());
         round_displacements();
-        for (const ElasticElement& element : model.elasticity.elements) {
-            set_orientation(element.centre, orientation_of(element.centre));
+        for (const std::uint32_t particle : elastic.turning()) {
+            set_orientation(particle, orientation_of(particle));
         }
     }
 

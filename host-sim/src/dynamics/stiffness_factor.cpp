@@ -33,42 +33,23 @@ StiffnessFactor::StiffnessFactor(std::size_t size, std::span<const MatrixElement
                 below_.push_back(element.value());
             }
         }
-        first_.push_back(below_.size());
+        first_.push_back(static_cast<std::uint32_t>(below_.size()));
         inverse_diagonal_.push_back(1.0 / factors.vectorD()[column]);
     }
     ordered_.resize(size);
 }
 
-void StiffnessFactor::solve(std::span<Row> sides) noexcept {
-    const std::size_t n = order_.size();
-    for (std::size_t p = 0; p < n; ++p) {
+void StiffnessFactor::solve(const ElasticKernels& kernels, std::span<Row> sides) noexcept {
+    for (std::size_t p = 0; p < order_.size(); ++p) {
         ordered_[p] = sides[order_[p]];
     }
-    // L y = b, column by column.
-    for (std::size_t column = 0; column < n; ++column) {
-        const Row known = ordered_[column];
-        for (std::size_t k = first_[column]; k < first_[column + 1]; ++k) {
-            Row& to = ordered_[row_[k]];
-            for (std::size_t lane = 0; lane < 4; ++lane) {
-                to.number[lane] -= below_[k] * known.number[lane];
-            }
-        }
-    }
-    // L^T x = y / D, from the last column to the first.
-    for (std::size_t column = n; column-- > 0;) {
-        Row sum = ordered_[column];
-        for (double& number : sum.number) {
-            number *= inverse_diagonal_[column];
-        }
-        for (std::size_t k = first_[column]; k < first_[column + 1]; ++k) {
-            const Row& from = ordered_[row_[k]];
-            for (std::size_t lane = 0; lane < 4; ++lane) {
-                sum.number[lane] -= below_[k] * from.number[lane];
-            }
-        }
-        ordered_[column] = sum;
-    }
-    for (std::size_t p = 0; p < n; ++p) {
+    kernels.solve({.rows = order_.size(),
+                   .first = first_.data(),
+                   .row = row_.data(),
+                   .below = below_.data(),
+                   .inverse_diagonal = inverse_diagonal_.data(),
+                   .side = ordered_.data()});
+    for (std::size_t p = 0; p < order_.size(); ++p) {
         sides[order_[p]] = ordered_[p];
     }
 }

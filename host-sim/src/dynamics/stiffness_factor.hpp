@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "dynamics/constraint_batches.hpp"
-#include "simd/projection.hpp"
+#include "simd/elastic.hpp"
 
 namespace haptic::sim {
 
@@ -27,7 +27,7 @@ class StiffnessFactor {
     StiffnessFactor(std::size_t size, std::span<const MatrixElement> lower);
 
     /// Replaces each row of the right-hand side by that of the solution.
-    void solve(std::span<Row> sides) noexcept;
+    void solve(const ElasticKernels& kernels, std::span<Row> sides) noexcept;
 
     [[nodiscard]] std::size_t size() const noexcept { return order_.size(); }
     /// Elements of L below the diagonal.
@@ -35,7 +35,7 @@ class StiffnessFactor {
 
   private:
     std::vector<std::uint32_t> order_;  // per row of the factors: row of the matrix
-    std::vector<std::size_t> first_;    // per column: its first element of `below_`; one more at the end
+    std::vector<std::uint32_t> first_;  // per column: its first element of `below_`; one more at the end
     std::vector<std::uint32_t> row_;
     std::vector<double> below_;
     std::vector<double> inverse_diagonal_;  // 1 / D

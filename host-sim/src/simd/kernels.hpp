@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "simd/collider_rows.hpp"
+#include "simd/elastic.hpp"
 #include "simd/inverse.hpp"
 #include "simd/projection.hpp"
 #include "simd/refit.hpp"
@@ -19,6 +20,7 @@ namespace haptic::sim {
 struct Kernels {
     ProjectionKernels projection;
     ColliderKernels colliders;
+    ElasticKernels elastic;
     SkinningFunction skin;
     RefitFunction refit;
     InverseFunction inverse;

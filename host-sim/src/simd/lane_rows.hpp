@@ -204,6 +204,20 @@ HAPTIC_LANES DoubleRow<Lanes> operator-(DoubleRow<Lanes> a, const DoubleRow<Lane
     return a;
 }
 template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> operator+(DoubleRow<Lanes> a, const DoubleRow<Lanes>& b) noexcept {
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
+        a.piece[p] += b.piece[p];
+    }
+    return a;
+}
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> operator*(double s, DoubleRow<Lanes> a) noexcept {
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
+        a.piece[p] *= s;
+    }
+    return a;
+}
+template <std::size_t Lanes>
 HAPTIC_LANES DoubleRow<Lanes> operator*(DoubleRow<Lanes> a, const DoubleRow<Lanes>& b) noexcept {
     for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
         a.piece[p] *= b.piece[p];
