@@ -57,7 +57,8 @@ const SettingTable<MaterialSettings>& material_table() {
               .default_note = "that of the named material, or 0",
               .meaning = "Retardation time: stress is the elastic one at strain + damping * strain rate."},
              V::optional_number([](S& s) -> auto& { return s.damping; }, kRetardations)},
-        }};
+        },
+        SectionKind::Optional};
     return table;
 }
 
@@ -96,7 +97,9 @@ std::optional<MaterialSettings> read_material(const Config& config, const std::s
 }
 
 SettingSection material_section() {
-    return material_table().describe();
+    SettingSection section = material_table().describe();
+    section.or_text = true;
+    return section;
 }
 
 SolidMaterial solid_of(const MaterialSettings& settings, const SolidMaterial& otherwise) {

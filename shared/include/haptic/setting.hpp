@@ -74,6 +74,7 @@ struct SettingSection {
     std::string meaning;
     std::vector<SettingDescription> settings;
     std::string same_keys_as = {};  // path of a table whose keys, and those of its tables, each of these tables has too
+    bool or_text = false;           // a text may take the place of the table
 };
 
 /// A member that takes a number or one of some words.

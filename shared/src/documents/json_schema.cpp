@@ -119,6 +119,9 @@ void add_section_schema(Json& file, const SettingSection& section) {
     if (!section.meaning.empty() && !section.path.empty()) {
         table["description"] = section.meaning;
     }
+    if (section.or_text) {
+        table["type"] = {"object", "string"};
+    }
     for (const SettingDescription& setting : section.settings) {
         Json schema = value_schema(setting.type);
         if (!setting.old_key.empty()) {

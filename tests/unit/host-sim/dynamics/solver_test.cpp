@@ -805,7 +805,7 @@ TEST(Solver, UsesTheMinimumNumberOfColours) {
 TEST(Solver, RefusesInvalidModelsAndSettings) {
     ParticleModel model = sheet();
     EXPECT_THROW(ParticleSolver(model, {.step = 0.0}), std::invalid_argument);
-    EXPECT_THROW(ParticleSolver(model, {.substeps = 0}), std::invalid_argument);
+    EXPECT_THROW(ParticleSolver(model, {.substeps = -1}), std::invalid_argument);
     EXPECT_THROW(ParticleSolver(model, {.drag = 200.0}), std::invalid_argument);
     model.links[3].second = 5000;
     EXPECT_THROW(ParticleSolver(model, {}), std::invalid_argument);

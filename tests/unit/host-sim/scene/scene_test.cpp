@@ -175,8 +175,17 @@ TEST(SceneReference, DescribesExactlyTheKeysThatAreRead) {
     config.set("model.copies=[{position=[0, 0, 0]}]");
     config.set("tool.generator=sphere");
     (void)read_scene(config, "every key");
+    // A body with a material has neither masses nor stiffnesses of its own.
+    Config with_material = Config::parse("[model.material]\nname = \"silk\"\n", "test.toml");
+    (void)read_scene(with_material, "material");
+    std::vector<std::string> known = config.known_keys();
+    for (const std::string& key : with_material.known_keys()) {
+        if (key.starts_with("model.material")) {
+            known.push_back(key);
+        }
+    }
     std::vector<std::string> read;
-    for (std::string key : config.known_keys()) {
+    for (std::string key : known) {
         if (const std::size_t index = key.find(".0."); index != std::string::npos) {
             key.erase(index, 2);  // "model.regions.0.low" is described as "model.regions.low"
         }
