@@ -13,6 +13,8 @@ const scenes = [
   "fish-slide",
   "four-fish",
   "curtain-hand",
+  "gel-block",
+  "organ-lift",
   "plane-slide",
   "rod-gap",
   "fish-grab",

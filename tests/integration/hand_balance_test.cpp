@@ -99,7 +99,8 @@ INSTANTIATE_TEST_SUITE_P(Scenes, HandBalance,
                          ::testing::Values(Case{"fish-hold", 8.0}, Case{"fish-hold", 8.0, 50.0},
                                            Case{"plane-slide", 5.0}, Case{"fish-grab", 6.6}, Case{"curtain-hand", 2.5},
                                            Case{"four-fish", 6.0}, Case{"fish-slide", 6.0}, Case{"rod-gap", 4.0},
-                                           Case{"popout-fan", 8.0}, Case{"cloth-drop", 2.5}),
+                                           Case{"popout-fan", 8.0}, Case{"cloth-drop", 2.5}, Case{"gel-block", 6.0},
+                                           Case{"organ-lift", 6.0}),
                          [](const auto& which) {
                              std::string name = which.param.scene;
                              for (char& c : name) {

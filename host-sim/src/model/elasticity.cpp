@@ -20,8 +20,13 @@
 namespace haptic::sim {
 namespace {
 
-// Weights of the members fall as exp(-kFocus r^2 / mean r^2): the fit is that of the particle's neighbourhood.
-constexpr double kFocus = 2.0;
+/// Weight of a member at r from the particle, with its square relative to the mean square of all: the fit is that of the
+/// particle's neighbourhood. Close to exp(-2 r^2), whose bits differ between mathematical libraries.
+double weight_at(double square) {
+    const double part = 1.0 / (1.0 + square);
+    return part * part * part;
+}
+
 // Of the second derivatives, relative to the mean square of the members' weights: members that determine them badly
 // leave them at 0.
 constexpr double kRidge = 1e-5;
@@ -77,7 +82,7 @@ Neighbourhood neighbourhood_of(const ParticleModel& model, const Group& group) {
     for (std::size_t k = 0; k < near.offset.size(); ++k) {
         near.offset[k] /= near.length;
         const Vec3& o = near.offset[k];
-        const double weight = model.mass[group.members[k]] * std::exp(-kFocus * glm::dot(o, o));
+        const double weight = model.mass[group.members[k]] * weight_at(glm::dot(o, o));
         near.weight[static_cast<Eigen::Index>(k)] = weight;
         const Eigen::Vector3d v(o.x, o.y, o.z);
         moments += weight * v * v.transpose();

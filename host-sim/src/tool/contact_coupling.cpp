@@ -349,8 +349,8 @@ void ContactCoupling::find_motions() noexcept {
     }
 }
 
-/// Y P of the patches on bodies with a material, four at a time.
-void ContactCoupling::find_answers(ElasticBodies& elastic) {
+/// Y P / h^2 of the patches on bodies with a material, four at a time.
+void ContactCoupling::find_answers(ElasticBodies& elastic, double h) {
     answers_.clear();
     for (Patch& patch : patches_) {
         patch.body = patch.begin < patch.end ? elastic.body_of(pressed_[patch.begin].particle) : ParticleRange{};
@@ -376,7 +376,7 @@ void ContactCoupling::find_answers(ElasticBodies& elastic) {
             elastic.respond(body, columns);
             for (std::size_t k = 0; k < count; ++k) {
                 for (std::size_t i = 0; i < columns.size(); ++i) {
-                    answers_[patches_[first + k].answer + i] = columns[i].number[k];
+                    answers_[patches_[first + k].answer + i] = columns[i].number[k] / (h * h);
                 }
             }
         }
@@ -384,14 +384,14 @@ void ContactCoupling::find_answers(ElasticBodies& elastic) {
     }
 }
 
-/// p_a^T Y p_b of two patches, m/N.
-double ContactCoupling::overlap(const Patch& a, const Patch& b, double h) {
+/// p_a^T Y p_b / h^2 of two patches, 1/kg.
+double ContactCoupling::overlap(const Patch& a, const Patch& b) const noexcept {
     double sum = 0.0;
     if (b.body.end > b.body.begin) {
         for (std::uint32_t p = a.begin; p < a.end; ++p) {
             const std::uint32_t i = pressed_[p].particle;
-            sum += i >= b.body.begin && i < b.body.end ? pressed_[p].weight * answers_[b.answer + (i - b.body.begin)]
-                                                       : 0.0;
+            const bool same = i >= b.body.begin && i < b.body.end;
+            sum += same ? pressed_[p].weight * answers_[b.answer + (i - b.body.begin)] : 0.0;
         }
         return sum;
     }
@@ -399,11 +399,11 @@ double ContactCoupling::overlap(const Patch& a, const Patch& b, double h) {
     for (std::uint32_t p = b.begin; p < b.end; ++p) {
         sum += pressed_[p].weight * scattered_[pressed_[p].particle];
     }
-    return h * h * sum;
+    return sum;
 }
 
-/// P^T Y P of the rows, m/N.
-void ContactCoupling::find_body_compliance(double h) {
+/// P^T Y P / h^2 of the rows, 1/kg.
+void ContactCoupling::find_body_compliance() {
     body_compliance_.resize(rows_.size());
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         // W_i / m_i of the row's patch, by particle.
@@ -412,7 +412,7 @@ void ContactCoupling::find_body_compliance(double h) {
             scattered_[pressed_[p].particle] += pressed_[p].weight * pressed_[p].inverse_mass;
         }
         for (std::size_t s = 0; s <= r; ++s) {
-            const double between = overlap(a, patches_[rows_[s].patch], h);
+            const double between = overlap(a, patches_[rows_[s].patch]);
             body_compliance_.set(r, s, between * glm::dot(rows_[r].direction, rows_[s].direction));
         }
         for (std::uint32_t p = a.begin; p < a.end; ++p) {
@@ -435,8 +435,8 @@ void ContactCoupling::find(const ParticleModel& start, const MovingParticles& /*
     const StageClock::Span timed(clock_);
     projected_ = false;
     if (answered_step_ != h) {
-        find_answers(elastic);
-        find_body_compliance(h);
+        find_answers(elastic, h);
+        find_body_compliance();
         answered_step_ = h;
     }
     add_work(start);
@@ -523,14 +523,14 @@ void ContactCoupling::add_leads(const MovingParticles& now, double h) {
     }
 }
 
-/// W / (1 + tau / h) + P^T Y P. Rows whose tau differs have no W_rs.
+/// W / (1 + tau / h) + h^2 (P^T Y P / h^2). Rows whose tau differs have no W_rs.
 void ContactCoupling::build_block(double h) {
     const std::size_t count = rows_.size();
     block_.resize(count);
     for (std::size_t r = 0; r < count; ++r) {
         const double damped = 1.0 + rows_[r].damping_time / h;
         for (std::size_t s = 0; s <= r; ++s) {
-            block_.set(r, s, tool_compliance_(r, s) / damped + body_compliance_(r, s));
+            block_.set(r, s, tool_compliance_(r, s) / damped + h * h * body_compliance_(r, s));
         }
     }
 }
@@ -551,6 +551,7 @@ void ContactCoupling::project(const ParticleModel& /*start*/, const MovingPartic
         for (std::size_t s = 0; s < rows_.size(); ++s) {
             applied += body_compliance_(r, s) * rows_[s].applied;
         }
+        applied *= h * h;
         const double depth = row.depth + glm::dot(row.direction, patch.now - patch.reference) + applied;
         const double approach = (glm::dot(row.direction, patch.now - patch.start) + applied) / h - row.goal_speed;
         // A plane that is not reached does not damp.
@@ -562,26 +563,31 @@ void ContactCoupling::project(const ParticleModel& /*start*/, const MovingPartic
     solver_.solve(block_, depth_, friction_);
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         const double force = solver_.force()[r];
-        patches_[rows_[r].patch].change -= (force - rows_[r].applied) * rows_[r].direction;
+        press(patches_[rows_[r].patch], -h * h * (force - rows_[r].applied) * rows_[r].direction, now.position);
         rows_[r].applied = force;
     }
-    for (Patch& patch : patches_) {
-        move_by(patch, patch.change, h, now.position);
-        patch.change = Vec3(0.0);
+    move_elastic_bodies(now.position);
+}
+
+/// Adds Y P / h^2 times `by`, h^2 times a force on the particles under the mask; on a body with a material once
+/// move_elastic_bodies() is called.
+void ContactCoupling::press(Patch& patch, const Vec3& by, Row* position) const noexcept {
+    if (patch.body.end > patch.body.begin) {
+        patch.change += by;
+    } else {
+        displace(patch, by, position);
     }
 }
 
-/// Moves the bodies as a force on the particles under the mask does.
-void ContactCoupling::move_by(const Patch& patch, const Vec3& force, double h, Row* position) const noexcept {
-    if (patch.body.end == patch.body.begin) {
-        displace(patch, h * h * force, position);
-    } else if (force != Vec3(0.0)) {
-        for (std::size_t i = patch.body.begin; i < patch.body.end; ++i) {
-            const Vec3 moved = answers_[patch.answer + (i - patch.body.begin)] * force;
+void ContactCoupling::move_elastic_bodies(Row* position) noexcept {
+    for (Patch& patch : patches_) {
+        for (std::size_t i = patch.body.begin; patch.change != Vec3(0.0) && i < patch.body.end; ++i) {
+            const Vec3 moved = answers_[patch.answer + (i - patch.body.begin)] * patch.change;
             position[i].number[0] += moved.x;
             position[i].number[1] += moved.y;
             position[i].number[2] += moved.z;
         }
+        patch.change = Vec3(0.0);
     }
 }
 
@@ -631,13 +637,14 @@ void ContactCoupling::pay(double h, Row* position, Row* pushed) {
     for (CouplingRow& row : rows_) {
         if (row.normal && row.applied > 0.0) {
             const Vec3 part = (row.applied / normal) * force;
-            move_by(patches_[row.patch], -part, h, position);
+            press(patches_[row.patch], -h * h * part, position);
             displace(patches_[row.patch], -h * h * part, pushed);
             row.exerted += part;
             paid_.force += h * part;
             paid_.torque += h * glm::cross(moment_arm(row.proxy), part);
         }
     }
+    move_elastic_bodies(position);
 }
 
 /// Adds the owed force to the particles that were pressed last, unless it pulls.

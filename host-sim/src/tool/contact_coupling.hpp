@@ -156,7 +156,7 @@ class ContactCoupling final : public SolverContacts {
         Vec3 now{0.0};           // and in this pass
         ParticleRange body{};    // that has a material; empty: none
         std::size_t answer = 0;  // of a body with a material: index into answers_, one element per particle
-        Vec3 change{0.0};        // N, of the force on the particles, in this pass
+        Vec3 change{0.0};        // kg m, h^2 times the change of force that has not moved the body yet
     };
     struct CouplingRow {
         std::uint32_t proxy = 0;
@@ -181,15 +181,16 @@ class ContactCoupling final : public SolverContacts {
     void find_tool_compliance(const ToolProxies& tool);
     void add_skin(double least) noexcept;
     void find_motions() noexcept;
-    void find_answers(ElasticBodies& elastic);
-    void find_body_compliance(double h);
-    [[nodiscard]] double overlap(const Patch& a, const Patch& b, double h);
+    void find_answers(ElasticBodies& elastic, double h);
+    void find_body_compliance();
+    [[nodiscard]] double overlap(const Patch& a, const Patch& b) const noexcept;
     void find_damping_times();
     void add_work(const ParticleModel& at) noexcept;
     void add_leads(const MovingParticles& now, double h);
     void build_block(double h);
     [[nodiscard]] Vec3 mean_position(const Patch& patch, const MovingParticles& now) const noexcept;
-    void move_by(const Patch& patch, const Vec3& force, double h, Row* position) const noexcept;
+    void press(Patch& patch, const Vec3& by, Row* position) const noexcept;
+    void move_elastic_bodies(Row* position) noexcept;
     void displace(const Patch& patch, const Vec3& by, Row* position) const noexcept;
     static void displace(std::span<const Pressed> particles, const Vec3& by, Row* position) noexcept;
     [[nodiscard]] Vec3 moment_arm(std::uint32_t proxy) const noexcept;
@@ -212,12 +213,12 @@ class ContactCoupling final : public SolverContacts {
     std::vector<double> depth_;                   // m, per row: b
     std::vector<Lead> leads_;                     // per proxy
     std::vector<double> scattered_;               // per particle of the model: W_i / m_i of one patch
-    std::vector<double> answers_;                 // m/N: Y P of the patches on bodies with a material
+    std::vector<double> answers_;                 // 1/kg: Y P / h^2 of the patches on bodies with a material
     std::vector<Row> columns_;                    // per particle of a body: four of them
     double answered_step_ = 0.0;                  // s, sub-step for which they and body_compliance_ are; 0: none
     std::array<std::vector<double>, 6> motions_;  // per row: how far it moves with the whole tool
     ComplianceMatrix tool_compliance_;            // W
-    ComplianceMatrix body_compliance_;            // P^T Y P, m/N
+    ComplianceMatrix body_compliance_;            // P^T Y P / h^2, 1/kg
     ComplianceMatrix block_;
     ContactSolver solver_{ContactSolver::kMaxStepSweeps};
     bool projected_ = false;  // in this sub-step

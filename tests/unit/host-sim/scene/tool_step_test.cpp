@@ -276,10 +276,10 @@ TEST(ToolStep, LiftsABodyAndCarriesItAsideByFriction) {
         }
         return centre;
     };
-    // The cloth slips a little, and how far depends on friction and the last bits: 0.22 to 0.40 m.
-    const Vec3 rough = carry("0.8");
+    // With a friction of 0.97 or more its place depends on the last bits: 0.28 to 0.37 m.
+    const Vec3 rough = carry("0.9");
     EXPECT_GT(rough.y, 0.25);
-    EXPECT_NEAR(rough.x, 0.3, 0.12);
+    EXPECT_NEAR(rough.x, 0.3, 0.06);
     const Vec3 smooth = carry("0.0");
     EXPECT_LT(smooth.x, rough.x - 0.03) << "a smooth cloth is left behind";
 }
