@@ -80,7 +80,7 @@ void print(std::ostream& out, const CheckOptions& options, const Simulation& sim
         << '\n'
         << "  duration      " << scene.duration_s << " s" << (scene.duration_s > 0.0 ? "" : " (until it is stopped)")
         << '\n'
-        << "  step          " << scene.solver.step << " s; substeps " << scene.solver.substeps << ", iterations "
+        << "  step          " << scene.solver.step << " s; substeps " << simulation.substeps() << ", iterations "
         << scene.solver.iterations << '\n'
         << "  bodies        " << simulation.bodies().size() << ": " << mesh.vertices.size() << " vertices, "
         << mesh.triangles.size() << " triangles, " << simulation.model().size() << " particles\n";

@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <chrono>
+#include <cmath>
 #include <exception>
 #include <filesystem>
 #include <iostream>
@@ -17,6 +18,7 @@
 #include "haptic/csv.hpp"
 #include "haptic/other_users.hpp"
 #include "haptic/report.hpp"
+#include "haptic/sim/elasticity.hpp"
 #include "program/exit_status.hpp"
 #include "program/results.hpp"
 #include "view/live_parameters.hpp"
@@ -25,6 +27,8 @@ namespace haptic::sim {
 namespace {
 
 // Polling period while waiting for the device.
+// Sub-steps that are longer than resolved_step() by more than this ratio are worth a notice.
+constexpr double kUnresolved = 1.01;
 constexpr std::int64_t kPollPeriodNs = 1'000'000;
 // The same in the device's time, in which rt-core waits for each step.
 constexpr std::int64_t kDevicePollNs = 20'000;
@@ -462,9 +466,23 @@ void Run::run_clock() {
     }
 }
 
+/// Sub-steps change no stiffness; but what is faster than they are is damped, and its user may not expect it.
+void Run::warn_of_unresolved_motion() const {
+    const double resolved_s = resolved_step(simulation_.model());
+    const double step_s = simulation_.scene().solver.step;
+    if (step_s / simulation_.substeps() > kUnresolved * resolved_s) {
+        spdlog::warn(
+            "a body is as stiff as its material says, but vibrates less than it: sound crosses it in {:.2g} ms, and a "
+            "sub-step takes {:.2g} ms. {} sub-steps would resolve its vibrations (solver.substeps), or a shorter "
+            "solver.step",
+            4e3 * resolved_s, 1e3 * step_s / simulation_.substeps(), static_cast<int>(std::ceil(step_s / resolved_s)));
+    }
+}
+
 int Run::execute() {
     const Scene& scene = simulation_.scene();
     spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, name_of(clock_), scene.solver.step);
+    warn_of_unresolved_motion();
     if (live_) {
         spdlog::info("the live view is at {}", live_->url());
     }

@@ -16,6 +16,7 @@ constexpr std::uint32_t kNotElastic = std::numeric_limits<std::uint32_t>::max();
 // kappa per largest stress per strain. From 0.75 on the step is stable; 1 never overshoots.
 constexpr double kBound = 1.0;
 constexpr std::size_t kCorners = 3;
+constexpr std::size_t kKeptFactors = 8;
 // Doubles in the widest register: rows of padding.
 constexpr std::size_t kPadding = 8;
 
@@ -242,18 +243,38 @@ void ElasticBodies::prepare(double h) {
     if (h == h_) {
         return;
     }
-    // A = M / h^2 + stiffness + viscosity / h.
+    const auto known = std::find(steps_.begin(), steps_.end(), h);
+    auto place = static_cast<std::size_t>(known - steps_.begin());
+    if (known == steps_.end()) {
+        // A new place, or that of the oldest.
+        if (steps_.size() == kKeptFactors) {
+            place = oldest_;
+            oldest_ = (oldest_ + 1) % kKeptFactors;
+        } else {
+            steps_.push_back(h);
+        }
+        steps_[place] = h;
+        for (Body& body : bodies_) {
+            body.factors.resize(steps_.size());
+            body.factors[place] = factorised(body, h);
+        }
+    }
     for (Body& body : bodies_) {
-        std::vector<MatrixElement> lower = body.stiffness;
-        for (const MatrixElement& viscous : body.viscosity) {
-            lower.push_back({viscous.row, viscous.column, viscous.value / h});
-        }
-        for (std::uint32_t r = 0; r < body.free.size(); ++r) {
-            lower.push_back({r, r, mass_[body.free[r]] / (h * h)});
-        }
-        body.factor = std::make_unique<StiffnessFactor>(body.free.size(), lower);
+        body.factor = body.factors[place].get();
     }
     h_ = h;
+}
+
+/// A = M / h^2 + stiffness + viscosity / h.
+std::unique_ptr<StiffnessFactor> ElasticBodies::factorised(const Body& body, double h) const {
+    std::vector<MatrixElement> lower = body.stiffness;
+    for (const MatrixElement& viscous : body.viscosity) {
+        lower.push_back({viscous.row, viscous.column, viscous.value / h});
+    }
+    for (std::uint32_t r = 0; r < body.free.size(); ++r) {
+        lower.push_back({r, r, mass_[body.free[r]] / (h * h)});
+    }
+    return std::make_unique<StiffnessFactor>(body.free.size(), lower);
 }
 
 ElasticBatches ElasticBodies::batches_of(Elements& e) const noexcept {

@@ -454,6 +454,9 @@ double Simulation::contact_force(std::size_t proxy, std::size_t plane) const noe
 const Workspace& Simulation::workspace() const noexcept {
     return state_->workspace;
 }
+int Simulation::substeps() const noexcept {
+    return state_->solver.substeps();
+}
 std::uint64_t Simulation::steps() const noexcept {
     return state_->steps;
 }

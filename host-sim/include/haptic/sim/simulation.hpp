@@ -156,6 +156,8 @@ class Simulation {
     /// step.
     [[nodiscard]] double contact_force(std::size_t proxy, std::size_t plane) const noexcept;
     [[nodiscard]] const Workspace& workspace() const noexcept;
+    /// Equal parts into which a step is divided, unless contacts ask for more.
+    [[nodiscard]] int substeps() const noexcept;
     [[nodiscard]] std::uint64_t steps() const noexcept;
     /// s, since the start: beginning of the next step.
     [[nodiscard]] double time() const noexcept;
