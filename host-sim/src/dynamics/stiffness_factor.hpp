@@ -1,5 +1,8 @@
 // Sparse Cholesky factors of a symmetric, positive definite matrix, L D L^T, for many solutions with one matrix.
 //
+// Rows are ordered by approximate minimum degree (P. Amestoy, T. Davis, I. Duff, 1996) and factorised one after another
+// along the elimination tree (T. Davis, "Algorithm 849: A Concise Sparse Cholesky Factorization Package", 2005).
+//
 // A right-hand side has four columns, solved side by side: x, y and z of the particles, or four forces.
 #pragma once
 
@@ -22,8 +25,7 @@ struct MatrixElement {
 
 class StiffnessFactor {
   public:
-    /// Orders the unknowns by approximate minimum degree (P. Amestoy, T. Davis, I. Duff, 1996) and factorises. Throws
-    /// std::invalid_argument if the matrix is not positive definite.
+    /// Orders and factorises. Throws std::invalid_argument if the matrix is not positive definite.
     StiffnessFactor(std::size_t size, std::span<const MatrixElement> lower);
 
     /// Replaces each row of the right-hand side by that of the solution.

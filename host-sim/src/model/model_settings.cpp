@@ -141,9 +141,9 @@ bool is_sheet(const DeformableBody& body) {
 
 /// The value of each particle: that of the last region that names a material for it, else that of the body.
 template <class Material, class Resolve>
-std::vector<Material> materials_of(const ModelSettings& settings, const Placement& placement,
-                                   const DeformableBody& body, const Resolve& resolve) {
-    const Material whole = resolve(*settings.material, Material{});
+std::vector<Material> materials_of(const ModelSettings& settings, const MaterialSettings& of_body,
+                                   const Placement& placement, const DeformableBody& body, const Resolve& resolve) {
+    const Material whole = resolve(of_body, Material{});
     std::vector<Material> material(body.particles.size(), whole);
     const Mat3 body_from_scene = glm::transpose(to_matrix(placement.orientation));
     for (const Region& region : settings.regions) {
@@ -161,7 +161,8 @@ std::vector<Material> materials_of(const ModelSettings& settings, const Placemen
 }
 
 /// Replaces groups and links by the elasticity of the material, and sets the masses.
-void set_material(const ModelSettings& settings, const Placement& placement, DeformableBody& body) {
+void set_material(const ModelSettings& settings, const MaterialSettings& of_body, const Placement& placement,
+                  DeformableBody& body) {
     ParticleModel& model = body.particles;
     for (const Region& region : settings.regions) {
         if (region.stiffness) {
@@ -171,7 +172,7 @@ void set_material(const ModelSettings& settings, const Placement& placement, Def
         }
     }
     if (is_sheet(body)) {
-        const auto material = materials_of<SheetMaterial>(settings, placement, body, sheet_of);
+        const auto material = materials_of<SheetMaterial>(settings, of_body, placement, body, sheet_of);
         // A third of each triangle for each of its corners.
         std::fill(model.mass.begin(), model.mass.end(), 0.0);
         const std::size_t faces = body.mesh.triangles.size() / (body.mesh.double_faced ? 2 : 1);
@@ -185,7 +186,7 @@ void set_material(const ModelSettings& settings, const Placement& placement, Def
         }
         model.elasticity = make_sheet(model, body.mesh, material);
     } else if (body.mesh.closed) {
-        const auto material = materials_of<SolidMaterial>(settings, placement, body, solid_of);
+        const auto material = materials_of<SolidMaterial>(settings, of_body, placement, body, solid_of);
         // The builder has divided the mass by the volume of the cells.
         double total = 0.0;
         for (const double mass : model.mass) {
@@ -231,7 +232,7 @@ DeformableBody make_body(const ModelSettings& settings) {
         set_compliances(settings, body.particles);
     }
     if (settings.material) {
-        set_material(settings, Placement{}, body);
+        set_material(settings, *settings.material, Placement{}, body);
     }
     apply_regions(settings, Placement{}, body);
     return body;
@@ -251,7 +252,7 @@ std::vector<DeformableBody> make_bodies(const ModelSettings& settings) {
         set_compliances(settings, body.particles);
         const Placement placement{settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)};
         if (settings.material) {
-            set_material(settings, placement, body);
+            set_material(settings, *settings.material, placement, body);
         }
         apply_regions(settings, placement, body);
     } else {
