@@ -17,6 +17,7 @@
 #include "haptic/clock.hpp"
 #include "haptic/denormals.hpp"
 #include "haptic/sim/cloth.hpp"
+#include "haptic/sim/elasticity.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "haptic/sim/solver.hpp"
@@ -151,6 +152,8 @@ BENCHMARK_CAPTURE(scene, fish_slide_in_contact, {"fish-slide", true})->Apply(eac
 BENCHMARK_CAPTURE(scene, four_fish_free, {"four-fish", false})->Apply(each_run);
 BENCHMARK_CAPTURE(scene, four_fish_in_contact, {"four-fish", true})->Apply(each_run);
 BENCHMARK_CAPTURE(scene, four_fish_hostile, {"four-fish", true, true})->Apply(each_run);
+BENCHMARK_CAPTURE(scene, gel_block_in_contact, {"gel-block", true})->Apply(each_run);
+BENCHMARK_CAPTURE(scene, organ_lift_in_contact, {"organ-lift", true})->Apply(each_run);
 BENCHMARK_CAPTURE(scene, curtain_hand_free, {"curtain-hand", false})->Apply(each_run);
 BENCHMARK_CAPTURE(scene, curtain_hand_in_contact, {"curtain-hand", true})->Apply(each_run);
 BENCHMARK_CAPTURE(scene, curtain_hand_hostile, {"curtain-hand", true, true})->Apply(each_run);
@@ -181,6 +184,31 @@ void each_number_of_lanes(benchmark::internal::Benchmark* bench) {
     }
 }
 BENCHMARK(dynamics)->Apply(each_number_of_lanes)->Unit(benchmark::kMicrosecond);
+
+/// A step of one sub-step of a cloth with a material, to be divided by that of dynamics/iterations:2 with as many
+/// lanes.
+void material_dynamics(benchmark::State& state) {
+    const FlushDenormals flush;
+    ParticleModel model = make_cloth_particles({}, 0.3, 1.0);
+    model.elasticity = make_sheet(model, make_cloth_mesh({}), std::vector<SheetMaterial>(model.size()));
+    model.groups.clear();
+    model.links.clear();
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        model.position[i].y += 0.01 * static_cast<double>(i % 7);
+    }
+    ParticleSolver solver(model, {.step = 0.002, .iterations = 1}, static_cast<std::size_t>(state.range(0)));
+    for ([[maybe_unused]] const auto iteration : state) {
+        solver.step(model, {});
+    }
+}
+BENCHMARK(material_dynamics)
+    ->ArgName("lanes")
+    ->Apply([](benchmark::internal::Benchmark* bench) {
+        for (const std::size_t lanes : ParticleSolver::usable_lanes()) {
+            bench->Arg(static_cast<std::int64_t>(lanes));
+        }
+    })
+    ->Unit(benchmark::kMicrosecond);
 
 /// The dynamics of four-fish without contacts: 548 particles in four bent bodies, each particle with a group of nine; 5
 /// iterations.
