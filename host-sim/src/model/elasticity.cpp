@@ -173,7 +173,9 @@ double cotangent(const Vec3& u, const Vec3& v) {
     return glm::dot(u, v) / glm::length(glm::cross(u, v));
 }
 
-/// Energy of bending about an edge (Bergou et al. 2006): 3 D / (A0 + A1) |sum c_i x_i|^2 / 2.
+/// Energy of bending about an edge: D / (A0 + A1) |sum c_i x_i|^2 / 2, where the sum is the edge times the angle.
+/// Bergou et al. 2006 have 3 D: on regular grids a cylinder bends one edge of three, so its energy would be three times
+/// that of its curvature, D / 2 per area and square of the curvature.
 void add_hinge(const std::vector<Vec3>& x, const std::array<std::uint32_t, 4>& corner, double stiffness,
                PairSum& pairs) {
     // Edge from corner 0 to 1, with corner 2 and 3 on either side.
@@ -189,7 +191,7 @@ void add_hinge(const std::vector<Vec3>& x, const std::array<std::uint32_t, 4>& c
     const double area = 0.5 * (glm::length(glm::cross(edge, left)) + glm::length(glm::cross(edge, right)));
     for (std::size_t i = 0; i < 4; ++i) {
         for (std::size_t j = 0; j < i; ++j) {
-            pairs.add(corner[i], corner[j], 3.0 * stiffness / area * weight[i] * weight[j]);
+            pairs.add(corner[i], corner[j], stiffness / area * weight[i] * weight[j]);
         }
     }
 }

@@ -17,7 +17,7 @@
 // derivatives H of the same fit give the pairs, kGradientStiffness E m2 V |H|^2 / 2 with m2 the second moment of the
 // particle's cell. An integral over the cell by its middle alone would miss that part.
 // Sheets: b_i are those of the linear triangle; pairs are the quadratic bending energy of two triangles with a common
-// edge, which is exact for sheets that are flat at rest.
+// edge, for sheets that are flat at rest. Its scale is that of a grid on a cylinder.
 // @source T. Belytschko, Y. Lu, L. Gu, "Element-free Galerkin methods", 1994 (moving least squares); S. Nagashima,
 // "Node-by-node meshless approach and its applications to structural analyses", 1999 (Taylor terms within a cell); M.
 // Bergou, M. Wardetzky, D. Harmon, D. Zorin, E. Grinspun, "A quadratic bending model for inextensible surfaces", 2006.
