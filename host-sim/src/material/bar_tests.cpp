@@ -27,7 +27,7 @@ constexpr double kPi = 3.14159265358979;
 /// The bar from x = 0 to its length, its axis the x axis.
 struct Bar {
     ParticleModel model;
-    double spacing;  // m, of the particles
+    double spacing;                // m, of the particles
     std::vector<double> volume{};  // m^3, per particle
 };
 
@@ -93,6 +93,24 @@ bool in_middle_half(const BarTest& test, const Vec3& p) {
     return std::abs(p.x - 0.5 * test.length) < 0.25 * test.length;
 }
 
+/// Adds forces along x on the particles where `inside` holds, `pull` in all: linear in y and z, so that their resultant
+/// is on the bar's axis and does not turn it.
+void add_pull(const Bar& bar, const std::function<bool(const Vec3&)>& inside, double pull, std::vector<Vec3>& force) {
+    Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();
+    for (std::size_t i = 0; i < force.size(); ++i) {
+        const Vec3& p = bar.model.rest_position[i];
+        const Eigen::Vector3d linear(1.0, p.y, p.z);
+        if (inside(p)) {
+            moments += bar.volume[i] * linear * linear.transpose();
+        }
+    }
+    const Eigen::Vector3d coefficients = moments.ldlt().solve(Eigen::Vector3d(pull, 0.0, 0.0));
+    for (std::size_t i = 0; i < force.size(); ++i) {
+        const Vec3& p = bar.model.rest_position[i];
+        force[i].x += inside(p) ? bar.volume[i] * coefficients.dot(Eigen::Vector3d(1.0, p.y, p.z)) : 0.0;
+    }
+}
+
 /// Least squares: coefficients of the columns.
 Eigen::VectorXd fitted(const std::vector<std::vector<double>>& rows, const std::vector<double>& values) {
     const auto count = static_cast<Eigen::Index>(rows.size());
@@ -117,14 +135,9 @@ Measured measure_tension(const BarTest& test) {
     // Forces on the outermost layers.
     const auto at_left = [&](const Vec3& p) { return p.x < bar.spacing; };
     const auto at_right = [&](const Vec3& p) { return p.x > test.length - bar.spacing; };
-    const double left = volume_of(bar, at_left);
-    const double right = volume_of(bar, at_right);
     std::vector<Vec3> force(bar.model.size(), Vec3(0.0));
-    for (std::size_t i = 0; i < force.size(); ++i) {
-        const Vec3& p = bar.model.rest_position[i];
-        force[i].x += at_left(p) ? -pull * bar.volume[i] / left : 0.0;
-        force[i].x += at_right(p) ? pull * bar.volume[i] / right : 0.0;
-    }
+    add_pull(bar, at_left, -pull, force);
+    add_pull(bar, at_right, pull, force);
     const double slowest = kPi / test.length * std::sqrt(young / test.material.density);
     Measured result = settle(bar, test, force, Vec3(0.0), slowest);
     // An affine map of the middle half, for each component.
