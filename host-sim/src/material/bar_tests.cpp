@@ -61,7 +61,7 @@ Measured settle(Bar& bar, const BarTest& test, const std::vector<Vec3>& force, c
     settings.gravity = gravity;
     settings.drag = std::min(2.0 * slowest, 0.5 / test.step);
     ParticleSolver solver(bar.model, settings);
-    Measured result;
+    Measured result{.substeps = solver.substeps()};
     const double period = 2.0 * kPi / slowest;
     const std::vector<Vec3> start = bar.model.position;
     while (!result.at_rest && result.simulated_s < std::max(kMaxPeriods * period, 100.0 * test.step)) {

@@ -24,6 +24,7 @@ struct BarTest {
 struct Measured {
     double modulus = 0.0;
     double poisson_ratio = 0.0;  // of tension
+    int substeps = 0;            // of a step, used
     double simulated_s = 0.0;
     bool at_rest = false;
 };
