@@ -50,6 +50,9 @@ int program(int argc, char** argv) {
     add("model", "Build the particles of a body, describe them, and write them to a file",
         haptic::sim::add_model_command);
     add("tool", "Build a tool and report how well its spheres cover it", haptic::sim::add_tool_command);
+    add("materials", "List the named materials", haptic::sim::add_materials_command);
+    add("material", "Test a material, or the bodies of a scene, virtually against what was asked for",
+        haptic::sim::add_material_command);
     add("reproduce", "Reproduce the figures and tables of the thesis", haptic::sim::add_reproduce_command);
     add("query", "Answer single queries to the contact code", haptic::sim::add_query_command);
     app.require_subcommand(0, 1);

@@ -13,6 +13,8 @@ namespace haptic::sim {
 using Command = std::function<int()>;
 
 [[nodiscard]] Command add_check_command(CLI::App& app);
+[[nodiscard]] Command add_material_command(CLI::App& app);
+[[nodiscard]] Command add_materials_command(CLI::App& app);
 [[nodiscard]] Command add_mesh_command(CLI::App& app);
 [[nodiscard]] Command add_model_command(CLI::App& app);
 [[nodiscard]] Command add_new_scene_command(CLI::App& app);

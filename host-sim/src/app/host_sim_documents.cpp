@@ -33,6 +33,7 @@ ProgramDocuments host_sim_documents() {
                   {"/etc/default/haptic-host-sim", "Options of haptic-host-sim.service."}},
         .examples = {{"host-sim run fish-hold --view", "Shows a scene in a browser, with the hand of its script."},
                      {"host-sim run cloth-drop --clock real", "Runs a scene with rt-core."},
+                     {"host-sim material liver", "Tests bars of a named material, and compares with its figures."},
                      {"host-sim scenes --reference >scene.toml", "Writes a scene file with every key."}},
         .see_also = {"haptic-scene(5)", "rt-core(1)"},
     };

@@ -1,0 +1,344 @@
+// host-sim material: tests a material, or the bodies of a scene, virtually, and compares with what was asked for.
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "app/commands.hpp"
+#include "app/material_tables.hpp"
+#include "app/run_options.hpp"
+#include "haptic/clock.hpp"
+#include "haptic/config.hpp"
+#include "haptic/sim/mesh_file.hpp"
+#include "haptic/sim/model_settings.hpp"
+#include "haptic/sim/scene.hpp"
+#include "material/bar_tests.hpp"
+#include "material/body_tests.hpp"
+#include "material/sheet_tests.hpp"
+#include "model/material_settings.hpp"
+#include "program/exit_status.hpp"
+#include "program/option_checks.hpp"
+#include "program/progress_bar.hpp"
+
+namespace haptic::sim {
+namespace {
+
+constexpr double kFewestParticles = 60.0;  // of a bar: fewer have one particle across it
+constexpr double kMostParticles = 5000.0;
+constexpr std::array kShownSteps{0.001, 0.002, 0.005, 0.01, 0.02};  // s
+
+struct MaterialOptions {
+    std::string what;
+    std::vector<std::string> assignments;
+    std::vector<std::size_t> particles{120, 250, 500};
+    std::string out;
+};
+
+/// Steps as the scene has them.
+struct Stepping {
+    double step = 0.01;
+    int substeps = 0;
+};
+
+/// Runs tests one by one, each with its time, under a progress bar.
+class TestSeries {
+  public:
+    TestSeries(const std::string& what, std::size_t tests) : bar_("testing " + what), tests_(tests) {}
+
+    /// The result of `test`, and the seconds that it took.
+    template <class Test>
+    auto run(const Test& test) {
+        bar_.show(static_cast<double>(done_) / static_cast<double>(tests_));
+        const std::int64_t begin_ns = monotonic_now_ns();
+        auto result = test();
+        ++done_;
+        return std::pair(result, 1e-9 * static_cast<double>(monotonic_now_ns() - begin_ns));
+    }
+
+  private:
+    ProgressBar bar_;
+    std::size_t tests_;
+    std::size_t done_ = 0;
+};
+
+double shear_modulus(const SolidMaterial& m) {
+    return m.young_modulus / (2.0 * (1.0 + m.poisson_ratio));
+}
+
+double bulk_modulus(const SolidMaterial& m) {
+    return m.young_modulus / (3.0 * (1.0 - 2.0 * m.poisson_ratio));
+}
+
+std::string count_of(std::size_t particles) {
+    return std::to_string(particles) + " particles";
+}
+
+/// A bar of this material at several resolutions.
+TestTable test_bars(const SolidMaterial& material, const std::string& name, const MaterialOptions& options,
+                    const Stepping& stepping) {
+    TestTable table{.name = "bars", .title = "bars of " + name + ", 0.4 x 0.05 x 0.05 m:", .lines = {}};
+    TestSeries series("bars of " + name, 3 * options.particles.size());
+    for (const std::size_t particles : options.particles) {
+        const BarTest test{
+            .material = material, .particles = particles, .step = stepping.step, .substeps = stepping.substeps};
+        const auto add = [&](const char* quantity, const char* unit, double requested, double measured,
+                             const Measured& of, double time_s) {
+            table.lines.push_back({.specimen = count_of(particles),
+                                   .number = static_cast<double>(particles),
+                                   .quantity = quantity,
+                                   .unit = unit,
+                                   .requested = requested,
+                                   .measured = measured,
+                                   .substeps = of.substeps,
+                                   .time_s = time_s,
+                                   .at_rest = of.at_rest});
+        };
+        const auto [pulled, pulled_s] = series.run([&] { return measure_tension(test); });
+        add("Young's modulus in tension", "Pa", material.young_modulus, pulled.modulus, pulled, pulled_s);
+        add("Poisson's ratio", "", material.poisson_ratio, pulled.poisson_ratio, pulled, pulled_s);
+        const auto [bent, bent_s] = series.run([&] { return measure_bending(test); });
+        add("Young's modulus in bending", "Pa", material.young_modulus, bent.modulus, bent, bent_s);
+        const auto [twisted, twisted_s] = series.run([&] { return measure_torsion(test); });
+        add("shear modulus in torsion", "Pa", shear_modulus(material), twisted.modulus, twisted, twisted_s);
+    }
+    return table;
+}
+
+/// The first of the bars at several steps, with sub-steps as chosen.
+TestTable test_steps(const SolidMaterial& material, const std::string& name, std::size_t particles) {
+    TestTable table{.name = "steps",
+                    .title = "stiffness over steps, bar of " + count_of(particles) + " of " + name + ":",
+                    .lines = {}};
+    TestSeries series("steps of " + name, kShownSteps.size());
+    for (const double step : kShownSteps) {
+        const auto [pulled, time_s] = series.run([&] {
+            return measure_tension({.material = material, .particles = particles, .step = step, .substeps = 0});
+        });
+        table.lines.push_back({.specimen = "step of " + with_unit(step, "s"),
+                               .number = 1e3 * step,
+                               .quantity = "Young's modulus in tension",
+                               .unit = "Pa",
+                               .requested = material.young_modulus,
+                               .measured = pulled.modulus,
+                               .substeps = pulled.substeps,
+                               .time_s = time_s,
+                               .at_rest = pulled.at_rest});
+    }
+    return table;
+}
+
+/// The body itself. `homogeneous`: no region has another material, so that the moduli of the whole are known.
+TestTable test_body(const DeformableBody& body, const SolidMaterial& material, bool homogeneous,
+                    const Stepping& stepping) {
+    TestTable table{.name = "body",
+                    .title = "body \"" + body.name + "\", " + count_of(body.particles.size()) +
+                             ", by homogeneous stress" +
+                             (homogeneous ? ":" : " (regions have other materials, so nothing is requested):"),
+                    .lines = {}};
+    const BodyTests tests(body, material, {.step = stepping.step, .substeps = stepping.substeps});
+    TestSeries series(body.name, 4);
+    const auto add = [&](const char* quantity, const char* unit, double requested, double measured,
+                         const BodyMeasured& of, double time_s) {
+        table.lines.push_back({.specimen = body.name,
+                               .number = static_cast<double>(body.particles.size()),
+                               .quantity = quantity,
+                               .unit = unit,
+                               .requested = homogeneous ? std::optional(requested) : std::nullopt,
+                               .measured = measured,
+                               .substeps = of.substeps,
+                               .time_s = time_s,
+                               .at_rest = of.at_rest});
+    };
+    const auto [stretched, stretched_s] = series.run([&] { return tests.stretch(); });
+    add("Young's modulus stretched", "Pa", material.young_modulus, stretched.modulus, stretched, stretched_s);
+    add("Poisson's ratio", "", material.poisson_ratio, stretched.poisson_ratio, stretched, stretched_s);
+    const auto [sheared, sheared_s] = series.run([&] { return tests.shear(); });
+    add("shear modulus", "Pa", shear_modulus(material), sheared.modulus, sheared, sheared_s);
+    const auto [swollen, swollen_s] = series.run([&] { return tests.swell(); });
+    add("bulk modulus", "Pa", bulk_modulus(material), swollen.modulus, swollen, swollen_s);
+    const auto [bent, bent_s] = series.run([&] { return tests.bend(); });
+    add("Young's modulus bent", "Pa", material.young_modulus, bent.modulus, bent, bent_s);
+    return table;
+}
+
+struct SheetResult {
+    TestTable table;
+    Drape drape;
+};
+
+SheetResult test_sheet(const SheetMaterial& material, const std::string& name, const Stepping& stepping) {
+    const SheetTest test{.material = material, .step = stepping.step, .substeps = stepping.substeps};
+    SheetResult result{.table = {.name = "sheet", .title = "sheet of " + name + ", 33 x 33 vertices:", .lines = {}},
+                       .drape = {}};
+    TestSeries series("sheet of " + name, 3);
+    const auto add = [&](const char* specimen, const char* quantity, const char* unit, double requested,
+                         double measured, const SheetMeasured& of, double time_s) {
+        result.table.lines.push_back({.specimen = specimen,
+                                      .number = static_cast<double>(result.table.lines.size() + 1),
+                                      .quantity = quantity,
+                                      .unit = unit,
+                                      .requested = requested,
+                                      .measured = measured,
+                                      .substeps = of.substeps,
+                                      .time_s = time_s,
+                                      .at_rest = of.at_rest});
+    };
+    const auto [pulled, pulled_s] = series.run([&] { return measure_membrane(test); });
+    add("square of 0.3 m", "membrane stiffness", "N/m", material.membrane_stiffness, pulled.value, pulled, pulled_s);
+    add("square of 0.3 m", "Poisson's ratio", "", material.poisson_ratio, pulled.poisson_ratio, pulled, pulled_s);
+    add("square of 0.3 m", "areal density in kg/m^2", "", material.areal_density, pulled.areal_density, pulled,
+        pulled_s);
+    if (material.bending_stiffness > 0.0) {
+        const auto [bent, bent_s] = series.run([&] { return measure_sheet_bending(test); });
+        add("strip of 0.1 m", "bending stiffness", "N m", material.bending_stiffness, bent.value, bent, bent_s);
+    }
+    result.drape = series.run([&] { return measure_drape(test); }).first;
+    return result;
+}
+
+/// Prints tables, and writes them if there is a folder. Tables of one name get a number.
+class Results {
+  public:
+    explicit Results(const std::string& folder) : folder_(folder) {
+        if (!folder.empty()) {
+            std::filesystem::create_directories(folder_);
+        }
+    }
+
+    void add(TestTable table, const char* axis) {
+        print(std::cout, table);
+        std::cout << std::flush;
+        if (!folder_.empty()) {
+            table.name = numbered(table.name);
+            const std::string problem = write_table(folder_, table, axis, "measured / requested");
+            if (!problem.empty()) {
+                std::cerr << table.name << ".svg: not drawn: " << problem << '\n';
+            }
+        }
+    }
+
+    void add(const Drape& drape) {
+        std::cout << "drape of a disc of 0.3 m over a support of 0.18 m (Cusick 1965):\n  coefficient "
+                  << with_unit(100.0 * drape.coefficient, "") << " %, " << drape.folds << " folds"
+                  << (drape.at_rest ? "" : " (still moving)") << "\n\n";
+        if (!folder_.empty()) {
+            write_mesh(folder_ / (numbered("drape") + ".obj"), drape.mesh);
+        }
+    }
+
+  private:
+    std::string numbered(const std::string& name) {
+        const auto before = std::count(names_.begin(), names_.end(), name);
+        names_.push_back(name);
+        return before == 0 ? name : name + '-' + std::to_string(before + 1);
+    }
+
+    std::filesystem::path folder_;
+    std::vector<std::string> names_;
+};
+
+void test_solid(const SolidMaterial& material, const std::string& name, const MaterialOptions& options,
+                const Stepping& stepping, Results& results) {
+    results.add(test_bars(material, name, options, stepping), "particles");
+    results.add(test_steps(material, name, options.particles.front()), "step, ms");
+}
+
+void test_sheet(const SheetMaterial& material, const std::string& name, const Stepping& stepping, Results& results) {
+    SheetResult result = test_sheet(material, name, stepping);
+    results.add(std::move(result.table), "row of the table");
+    results.add(result.drape);
+}
+
+bool is_named(const std::string& what) {
+    const auto materials = named_materials();
+    return std::any_of(materials.begin(), materials.end(), [&](const NamedMaterial& m) { return m.name == what; });
+}
+
+/// The scene of this name. Throws ConfigError that also says where materials are listed.
+Scene scene_of(const MaterialOptions& options) {
+    try {
+        static_cast<void>(open_scene(options.what));
+    } catch (const ConfigError& error) {
+        throw ConfigError(std::string(error.what()) + "; `host-sim materials` lists the named materials");
+    }
+    return load_scene(options.what, options.assignments);
+}
+
+void test_model(const ModelSettings& model, const MaterialOptions& options, const Stepping& stepping,
+                Results& results) {
+    const DeformableBody body = make_body(model);
+    const std::string name = model.material->name.empty() ? "\"" + body.name + '"' : model.material->name;
+    if (!body.mesh.closed) {
+        test_sheet(sheet_of(*model.material, {}), name, stepping, results);
+        return;
+    }
+    const SolidMaterial material = solid_of(*model.material, {});
+    const bool homogeneous = std::none_of(model.regions.begin(), model.regions.end(),
+                                          [](const Region& r) { return r.material.has_value(); });
+    results.add(test_body(body, material, homogeneous, stepping), "particles");
+    test_solid(material, name, options, stepping, results);
+}
+
+int run_material(const MaterialOptions& options) {
+    if (is_named(options.what)) {
+        if (!options.assignments.empty()) {
+            throw CLI::ValidationError("--set", "applies to a scene, and \"" + options.what + "\" is a material");
+        }
+        Results results(options.out);
+        const NamedMaterial& material = find_material(options.what);
+        if (material.kind == MaterialKind::Solid) {
+            test_solid(material.solid, options.what, options, {}, results);
+        } else {
+            test_sheet(material.sheet, options.what, {}, results);
+        }
+        return kExitDone;
+    }
+    const Scene scene = scene_of(options);
+    std::vector<ModelSettings> models = scene.objects;
+    models.insert(models.begin(), scene.model);
+    std::erase_if(models, [](const ModelSettings& model) { return !model.material; });
+    if (models.empty()) {
+        throw std::runtime_error(options.what +
+                                 ": no body has a material; give one with model.material, for example --set "
+                                 "'model.material=\"liver\"'");
+    }
+    Results results(options.out);
+    for (const ModelSettings& model : models) {
+        test_model(model, options, {scene.solver.step, scene.solver.substeps}, results);
+    }
+    return kExitDone;
+}
+
+}  // namespace
+
+Command add_material_command(CLI::App& app) {
+    const auto options = std::make_shared<MaterialOptions>();
+    app.footer(
+        "Solids: bars that are pulled, bent and twisted, and the bodies of a scene under homogeneous stress. Sheets: a "
+        "square that is pulled, a strip that sags, and the drape test. All by the solver that scenes use. Exit status "
+        "0 if the tests ran, whatever they found, 1 with the problem if not.");
+    app.add_option("what", options->what,
+                   "Named material (list: host-sim materials), built-in scene, or scene file NAME.toml")
+        ->required();
+    app.add_option("--set", options->assignments, "Override a scene key, e.g. model.particles_count=300; repeatable")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    app.add_option("--particles", options->particles, "Particles of the bars, e.g. 120,250,500")
+        ->delimiter(',')
+        ->check(number_in(kFewestParticles, kMostParticles))
+        ->capture_default_str();
+    app.add_option("--out", options->out, "Folder for the tables as CSV, plots, and the draped disc as OBJ")
+        ->check(result_folder());
+    return [options] { return run_material(*options); };
+}
+
+}  // namespace haptic::sim
