@@ -16,7 +16,7 @@ struct RelaxationSettings {
     double step = 0.01;  // s
     int substeps = 0;    // 0: chosen from the material
     Vec3 gravity{0.0};   // m/s^2
-    int max_steps = 40'000;
+    int max_steps = 8'000;
     /// Takes rigid motion out of each step. Forces that balance but do not turn with the body make a free one tip over
     /// where they press.
     bool keep_placement = false;
