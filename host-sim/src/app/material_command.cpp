@@ -273,15 +273,15 @@ Scene scene_of(const MaterialOptions& options) {
     return load_scene(options.what, options.assignments);
 }
 
-void test_model(const ModelSettings& model, const MaterialOptions& options, const Stepping& stepping,
-                Results& results) {
+void test_model(const ModelSettings& model, const MaterialSettings& given, const MaterialOptions& options,
+                const Stepping& stepping, Results& results) {
     const DeformableBody body = make_body(model);
-    const std::string name = model.material->name.empty() ? "\"" + body.name + '"' : model.material->name;
+    const std::string name = given.name.empty() ? "\"" + body.name + '"' : given.name;
     if (!body.mesh.closed) {
-        test_sheet(sheet_of(*model.material, {}), name, stepping, results);
+        test_sheet(sheet_of(given, {}), name, stepping, results);
         return;
     }
-    const SolidMaterial material = solid_of(*model.material, {});
+    const SolidMaterial material = solid_of(given, {});
     const bool homogeneous = std::none_of(model.regions.begin(), model.regions.end(),
                                           [](const Region& r) { return r.material.has_value(); });
     results.add(test_body(body, material, homogeneous, stepping), "particles");
@@ -305,15 +305,18 @@ int run_material(const MaterialOptions& options) {
     const Scene scene = scene_of(options);
     std::vector<ModelSettings> models = scene.objects;
     models.insert(models.begin(), scene.model);
-    std::erase_if(models, [](const ModelSettings& model) { return !model.material; });
-    if (models.empty()) {
+    Results results(options.out);
+    bool any = false;
+    for (const ModelSettings& model : models) {
+        if (model.material) {
+            test_model(model, *model.material, options, {scene.solver.step, scene.solver.substeps}, results);
+            any = true;
+        }
+    }
+    if (!any) {
         throw std::runtime_error(options.what +
                                  ": no body has a material; give one with model.material, for example --set "
                                  "'model.material=\"liver\"'");
-    }
-    Results results(options.out);
-    for (const ModelSettings& model : models) {
-        test_model(model, options, {scene.solver.step, scene.solver.substeps}, results);
     }
     return kExitDone;
 }

@@ -43,10 +43,10 @@ std::string with_unit(double value, const std::string& unit) {
     if (unit.empty()) {
         return digits(value, kShownDigits);
     }
-    static constexpr std::array<std::pair<double, const char*>, 6> kPrefixes{
+    static constexpr std::array<std::pair<double, const char*>, 6> prefixes{
         {{1e9, "G"}, {1e6, "M"}, {1e3, "k"}, {1.0, ""}, {1e-3, "m"}, {1e-6, "u"}}};
-    for (const auto& [factor, prefix] : kPrefixes) {
-        if (std::abs(value) >= factor || factor == kPrefixes.back().first) {
+    for (const auto& [factor, prefix] : prefixes) {
+        if (std::abs(value) >= factor || factor == prefixes.back().first) {
             return digits(value / factor, kShownDigits) + ' ' + prefix + unit;
         }
     }
@@ -112,7 +112,7 @@ std::string write_table(const std::filesystem::path& folder, const TestTable& ta
         return {};
     }
     std::string commands = "set xlabel " + gnuplot_text(axis) + "\nset ylabel " + gnuplot_text(plotted) +
-                           "\nset yrange [0:1.3]\nplot 1 lc 5 dt 2 notitle";
+                           "\nset yrange [0:1.2<*]\nplot 1 lc 5 dt 2 notitle";
     std::size_t type = 0;
     for (const std::string& quantity : quantities) {
         ++type;

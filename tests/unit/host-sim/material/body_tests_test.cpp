@@ -51,7 +51,7 @@ TEST(BodyTests, LoadsBalanceAndDoTheWorkOfTheStress) {
         }
         const double scale = 3.0 * tests.volume();  // N m
         EXPECT_LT(glm::length(sum), 1e-6 * scale / tests.length_along_axes().x) << body.name;
-        EXPECT_LT(glm::length(moment), 1e-4 * scale) << body.name;
+        EXPECT_LT(glm::length(moment), 1e-3 * scale) << body.name;  // gradients of fins are hardly determined
         // Without flat elements sum f x^T is the stress times the volume.
         for (int k = 0; k < 3 && generator != Generator::Fish; ++k) {
             EXPECT_LT(glm::length(virial[k] - tests.volume() * stress[k]), 1e-4 * scale) << body.name << ' ' << k;
