@@ -21,6 +21,7 @@
 #include "haptic/sim/elasticity.hpp"
 #include "haptic/sim/model_builder.hpp"
 #include "haptic/sim/solver.hpp"
+#include "simd/kernels.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -258,7 +259,7 @@ class RespondingBlock : public testing::Test {
 
     static constexpr double kStep = 0.002;  // s
     ParticleModel model_ = elastic_block({.young_modulus = 3e4, .damping = 0.002});
-    ElasticBodies bodies_{model_};
+    ElasticBodies bodies_{model_, kWidestLanes};
 };
 
 TEST_F(RespondingBlock, AnswersSymmetrically) {
@@ -325,7 +326,7 @@ TEST_F(RespondingBlock, AnswersAsAStepDoes) {
 TEST(ElasticBodies, PinnedParticlesDoNotAnswer) {
     ParticleModel model = elastic_block({.young_modulus = 3e4});
     model.pinned[3] = 1;
-    ElasticBodies bodies(model);
+    ElasticBodies bodies(model, kWidestLanes);
     bodies.prepare(0.002);
     std::vector<Row> columns(model.size(), Row{{1.0, 1.0, 1.0, 1.0}});
     bodies.respond({0, static_cast<std::uint32_t>(model.size())}, columns);
@@ -359,18 +360,24 @@ TEST(StiffnessFactor, SolvesAsADenseFactorisation) {
     StiffnessFactor factor(kSize, lower);
     EXPECT_EQ(factor.size(), static_cast<std::size_t>(kSize));
     Eigen::MatrixXd sides(kSize, 4);
-    LaneArray<Row> rows(kSize);
     for (Eigen::Index row = 0; row < kSize; ++row) {
         for (Eigen::Index lane = 0; lane < 4; ++lane) {
             sides(row, lane) = uniform(random);
-            rows[static_cast<std::size_t>(row)].number[lane] = sides(row, lane);
         }
     }
     const Eigen::MatrixXd expected = matrix.llt().solve(sides);
-    factor.solve({rows.data(), rows.size()});
-    for (Eigen::Index row = 0; row < kSize; ++row) {
-        for (Eigen::Index lane = 0; lane < 4; ++lane) {
-            EXPECT_NEAR(rows[static_cast<std::size_t>(row)].number[lane], expected(row, lane), 1e-12);
+    for (const Kernels* const kernels : usable_kernels()) {
+        LaneArray<Row> rows(kSize);
+        for (Eigen::Index row = 0; row < kSize; ++row) {
+            for (Eigen::Index lane = 0; lane < 4; ++lane) {
+                rows[static_cast<std::size_t>(row)].number[lane] = sides(row, lane);
+            }
+        }
+        factor.solve(kernels->elastic, {rows.data(), rows.size()});
+        for (Eigen::Index row = 0; row < kSize; ++row) {
+            for (Eigen::Index lane = 0; lane < 4; ++lane) {
+                EXPECT_NEAR(rows[static_cast<std::size_t>(row)].number[lane], expected(row, lane), 1e-12);
+            }
         }
     }
 }
