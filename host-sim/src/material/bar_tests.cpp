@@ -65,10 +65,11 @@ Measured settle(Bar& bar, const BarTest& test, const std::vector<Vec3>& force, c
     const double period = 2.0 * kPi / slowest;
     const std::vector<Vec3> start = bar.model.position;
     while (!result.at_rest && result.simulated_s < std::max(kMaxPeriods * period, 100.0 * test.step)) {
-        for (double part = 0.0; part < 0.25 * period; part += test.step) {
+        const int steps = static_cast<int>(std::ceil(0.25 * period / test.step));
+        for (int i = 0; i < steps; ++i) {
             solver.step(bar.model, force);
-            result.simulated_s += test.step;
         }
+        result.simulated_s += steps * test.step;
         double speed = 0.0;
         double moved = 0.0;
         for (std::size_t i = 0; i < start.size(); ++i) {
