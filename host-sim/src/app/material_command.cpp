@@ -206,9 +206,9 @@ SheetResult test_sheet(const SheetMaterial& material, const std::string& name, c
 }
 
 /// Prints tables, and writes them if there is a folder. Tables of one name get a number.
-class Results {
+class MaterialResults {
   public:
-    explicit Results(const std::string& folder) : folder_(folder) {
+    explicit MaterialResults(const std::string& folder) : folder_(folder) {
         if (!folder.empty()) {
             std::filesystem::create_directories(folder_);
         }
@@ -247,12 +247,13 @@ class Results {
 };
 
 void test_solid(const SolidMaterial& material, const std::string& name, const MaterialOptions& options,
-                const Stepping& stepping, Results& results) {
+                const Stepping& stepping, MaterialResults& results) {
     results.add(test_bars(material, name, options, stepping), "particles");
     results.add(test_steps(material, name, options.particles.front()), "step, ms");
 }
 
-void test_sheet(const SheetMaterial& material, const std::string& name, const Stepping& stepping, Results& results) {
+void test_sheet(const SheetMaterial& material, const std::string& name, const Stepping& stepping,
+                MaterialResults& results) {
     SheetResult result = test_sheet(material, name, stepping);
     results.add(std::move(result.table), "row of the table");
     results.add(result.drape);
@@ -274,7 +275,7 @@ Scene scene_of(const MaterialOptions& options) {
 }
 
 void test_model(const ModelSettings& model, const MaterialSettings& given, const MaterialOptions& options,
-                const Stepping& stepping, Results& results) {
+                const Stepping& stepping, MaterialResults& results) {
     const DeformableBody body = make_body(model);
     const std::string name = given.name.empty() ? "\"" + body.name + '"' : given.name;
     if (!body.mesh.closed) {
@@ -293,7 +294,7 @@ int run_material(const MaterialOptions& options) {
         if (!options.assignments.empty()) {
             throw CLI::ValidationError("--set", "applies to a scene, and \"" + options.what + "\" is a material");
         }
-        Results results(options.out);
+        MaterialResults results(options.out);
         const NamedMaterial& material = find_material(options.what);
         if (material.kind == MaterialKind::Solid) {
             test_solid(material.solid, options.what, options, {}, results);
@@ -305,7 +306,7 @@ int run_material(const MaterialOptions& options) {
     const Scene scene = scene_of(options);
     std::vector<ModelSettings> models = scene.objects;
     models.insert(models.begin(), scene.model);
-    Results results(options.out);
+    MaterialResults results(options.out);
     bool any = false;
     for (const ModelSettings& model : models) {
         if (model.material) {
