@@ -25,6 +25,7 @@ void inverse_avx2(const InverseTask& task) noexcept {
 
 }  // namespace
 
-extern const Kernels kAvx2Kernels{kProjection<8>, kColliderKernels<4>, kElasticKernels<4>, skin_avx2, refit_avx2, inverse_avx2};
+extern const Kernels kAvx2Kernels{kProjection<8>, kColliderKernels<4>, kElasticKernels<4>,
+                                  skin_avx2,      refit_avx2,          inverse_avx2};
 
 }  // namespace haptic::sim

@@ -14,6 +14,7 @@ void inverse_avx512(const InverseTask& task) noexcept {
 
 }  // namespace
 
-extern const Kernels kAvx512Kernels{kProjection<16>, kColliderKernels<8>, kElasticKernels<8>, skin_avx2, refit_avx2, inverse_avx512};
+extern const Kernels kAvx512Kernels{kProjection<16>, kColliderKernels<8>, kElasticKernels<8>,
+                                    skin_avx2,       refit_avx2,          inverse_avx512};
 
 }  // namespace haptic::sim

@@ -28,9 +28,9 @@ void inverse_baseline(const InverseTask& task) noexcept {
 
 }  // namespace
 
-extern const Kernels kOneLaneKernels{kProjection<1>, kColliderKernels<1>, kElasticKernels<1>, skin_baseline, refit_baseline,
-                                     inverse_one_lane};
-extern const Kernels kBaselineKernels{kProjection<4>, kColliderKernels<2>, kElasticKernels<2>, skin_baseline, refit_baseline,
-                                      inverse_baseline};
+extern const Kernels kOneLaneKernels{kProjection<1>, kColliderKernels<1>, kElasticKernels<1>,
+                                     skin_baseline,  refit_baseline,      inverse_one_lane};
+extern const Kernels kBaselineKernels{kProjection<4>, kColliderKernels<2>, kElasticKernels<2>,
+                                      skin_baseline,  refit_baseline,      inverse_baseline};
 
 }  // namespace haptic::sim
