@@ -325,13 +325,14 @@ void add_model_reference(SettingReference& reference) {
     add_section(reference, model_table().describe(keys));
     add_section(reference, material_section());
     add_section(reference, region_table().describe());
-    add_section(reference, {.path = "model.regions.material",
-                            .kind = SectionKind::Optional,
-                            .meaning = "Material of the body about these particles: the name of a material, or the keys "
-                                       "of [model.material]. What is not given is that of the body.",
-                            .settings = {},
-                            .same_keys_as = "model.material",
-                            .or_text = true});
+    add_section(reference,
+                {.path = "model.regions.material",
+                 .kind = SectionKind::Optional,
+                 .meaning = "Material of the body about these particles: the name of a material, or the keys "
+                            "of [model.material]. What is not given is that of the body.",
+                 .settings = {},
+                 .same_keys_as = "model.material",
+                 .or_text = true});
     add_section(reference, copy_table().describe());
     add_section(reference, {"objects",
                             SectionKind::Repeated,
