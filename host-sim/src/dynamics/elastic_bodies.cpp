@@ -220,7 +220,7 @@ void ElasticBodies::assemble(const ParticleModel& model) {
         }
     };
     for (const ElasticElement& e : model.elasticity.elements) {
-        const double kappa = kBound * e.bulk_modulus * e.volume;
+        const double kappa = kBound * e.max_modulus * e.volume;
         for (std::size_t k = 0; k < e.members.size(); ++k) {
             for (std::size_t l = 0; l < e.members.size(); ++l) {
                 add(e.members[k], e.members[l], kappa * glm::dot(e.gradient[k], e.gradient[l]), e.damping);

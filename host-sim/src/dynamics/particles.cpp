@@ -51,8 +51,8 @@ void check_element(const ParticleModel& model, std::size_t index) {
     }
     const bool finite = std::all_of(element.gradient.begin(), element.gradient.end(),
                                     [](const Vec3& gradient) { return haptic::is_finite(gradient); });
-    if (!finite || !(element.volume > 0.0) || !(element.shear_modulus > 0.0) || !(element.bulk_modulus > 0.0) ||
-        !std::isfinite(element.volume * element.bulk_modulus) || !(element.damping >= 0.0)) {
+    if (!finite || !(element.volume > 0.0) || !(element.shear_modulus > 0.0) || !(element.max_modulus > 0.0) ||
+        !std::isfinite(element.volume * element.max_modulus) || !(element.damping >= 0.0)) {
         refuse("element", index, "needs finite gradients, positive volume and moduli, and damping of at least 0");
     }
 }

@@ -20,8 +20,8 @@
 namespace haptic::sim {
 namespace {
 
-/// Weight of a member at r from the particle, with its square relative to the mean square of all: the fit is that of the
-/// particle's neighbourhood. Close to exp(-2 r^2), whose bits differ between mathematical libraries.
+/// Weight of a member at r from the particle, with its square relative to the mean square of all: the fit is that of
+/// the particle's neighbourhood. Close to exp(-2 r^2), whose bits differ between mathematical libraries.
 double weight_at(double square) {
     const double part = 1.0 / (1.0 + square);
     return part * part * part;
@@ -159,7 +159,7 @@ double lame_modulus(double young, double poisson, int directions) {
 void set_moduli(ElasticElement& element, double young, double poisson, int directions) {
     element.shear_modulus = young / (2.0 * (1.0 + poisson));
     element.lame_modulus = lame_modulus(young, poisson, directions);
-    element.bulk_modulus = 2.0 * element.shear_modulus + directions * element.lame_modulus;
+    element.max_modulus = 2.0 * element.shear_modulus + directions * element.lame_modulus;
 }
 
 /// The triangle's derivatives of a linear function, b_i.

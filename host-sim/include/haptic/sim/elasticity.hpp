@@ -43,7 +43,7 @@ struct ElasticElement {
     double volume = 0.0;           // m^3; m^2 of a triangle
     double shear_modulus = 0.0;    // Pa, mu; N/m of a triangle
     double lame_modulus = 0.0;     // Pa, lambda; N/m of a triangle
-    double bulk_modulus = 0.0;     // Pa or N/m: largest stress per strain, 2 mu + n lambda in n directions
+    double max_modulus = 0.0;      // Pa or N/m: largest stress per strain, 2 mu + n lambda in n directions
     double damping = 0.0;          // s
 };
 
