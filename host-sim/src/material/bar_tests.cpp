@@ -7,9 +7,9 @@
 #include <glm/geometric.hpp>
 #include <vector>
 
+#include "haptic/sim/block.hpp"
 #include "haptic/sim/elasticity.hpp"
 #include "haptic/sim/model_builder.hpp"
-#include "haptic/sim/rigid_shapes.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -32,7 +32,7 @@ struct Bar {
 };
 
 Bar make_bar(const BarTest& test) {
-    TriangleMesh mesh = make_plate_mesh({.size = Vec3(test.length, test.side, test.side), .cells = 16});
+    TriangleMesh mesh = make_block_mesh({.size = Vec3(test.length, test.side, test.side), .cells = 64});
     for (Vec3& p : mesh.vertices) {
         p.x += 0.5 * test.length;
     }
@@ -41,10 +41,11 @@ Bar make_bar(const BarTest& test) {
     settings.particles = test.particles;
     settings.neighbours = test.neighbours;
     settings.mass = test.material.density * volume;
-    Bar bar{.model = build_body(mesh, settings).particles,
-            .spacing = std::cbrt(volume / static_cast<double>(test.particles))};
+    const DeformableBody built = build_body(mesh, settings);
+    Bar bar{.model = built.particles, .spacing = std::cbrt(volume / static_cast<double>(test.particles))};
     const std::vector<SolidMaterial> material(bar.model.size(), test.material);
     bar.model.elasticity = make_solid(bar.model, material);
+    balance_surface(bar.model, mesh, bar.model.elasticity);
     bar.model.groups.clear();
     for (const double mass : bar.model.mass) {
         bar.volume.push_back(mass / test.material.density);

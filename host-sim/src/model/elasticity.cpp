@@ -14,8 +14,11 @@
 #include <tuple>
 #include <utility>
 
+#include "dynamics/stiffness_factor.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/particles.hpp"
+#include "model/sample_graph.hpp"
+#include "simd/kernels.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -32,6 +35,8 @@ double weight_at(double square) {
 constexpr double kRidge = 1e-5;
 // Principal variance of the members' offsets, relative to the largest, below which the element is flat.
 constexpr double kFlat = 0.02;
+// Of the equations for the balance at the surface, relative to their mean diagonal: affine multipliers change nothing.
+constexpr double kBalanceRidge = 1e-4;
 // Energy of |H|^2 per E m2 V / 2. Bending alone needs 1/3, torsion 1/5 to 1/2, as thin as the body is; the bars of
 // elasticity_test.cpp come out best with this.
 constexpr double kGradientStiffness = 0.4;
@@ -39,11 +44,12 @@ constexpr double kGradientStiffness = 0.4;
 // freely.
 constexpr double kRemainderStiffness = 0.4;
 
-[[noreturn]] void refuse(const std::string& why) {
+[[noreturn]] void refuse_elasticity(const std::string& why) {
     throw std::invalid_argument("elasticity: " + why);
 }
 
 constexpr Eigen::Index kTerms = 10;  // of a quadratic function in space
+constexpr Eigen::Index kAffineTerms = 4;
 using Basis = Eigen::Matrix<double, Eigen::Dynamic, kTerms>;
 using Fit = Eigen::Matrix<double, kTerms, Eigen::Dynamic>;
 
@@ -74,7 +80,7 @@ Neighbourhood neighbourhood_of(const ParticleModel& model, const Group& group) {
         near.offset.push_back(offset);
     }
     if (!(square > 0.0)) {
-        refuse("a particle has no neighbours to deform with; give the body more particles or neighbours");
+        refuse_elasticity("a particle has no neighbours to deform with; give the body more particles or neighbours");
     }
     near.length = std::sqrt(square / static_cast<double>(group.members.size() - 1));
     near.weight.resize(static_cast<Eigen::Index>(group.members.size()));
@@ -196,11 +202,67 @@ void add_hinge(const std::vector<Vec3>& x, const std::array<std::uint32_t, 4>& c
     }
 }
 
+/// m, between neighbouring particles: the cube root of their mean volume.
+double spacing_of(const Elasticity& elasticity) {
+    double volume = 0.0;
+    for (const ElasticElement& e : elasticity.elements) {
+        volume += e.volume;
+    }
+    return std::cbrt(volume / static_cast<double>(elasticity.elements.size()));
+}
+
+/// Divides the triangles of a closed mesh into pieces with edges of at most `size`, m; visits the middle and the
+/// outward area, m^2, of each.
+template <class Visitor>
+void for_each_piece(const TriangleMesh& mesh, double size, const Visitor& visit) {
+    const double outward = signed_volume(mesh) > 0.0 ? 1.0 : -1.0;
+    for (const Triangle& corner : mesh.triangles) {
+        const Vec3& a = mesh.vertices[corner[0]];
+        const Vec3 u = mesh.vertices[corner[1]] - a;
+        const Vec3 v = mesh.vertices[corner[2]] - a;
+        const double longest = std::max({glm::length(u), glm::length(v), glm::length(v - u)});
+        const int parts = std::max(1, static_cast<int>(std::ceil(longest / size)));
+        const Vec3 area = outward * 0.5 * glm::cross(u, v) / static_cast<double>(parts * parts);
+        const auto middle = [&](double i, double j) { return a + (i * u + j * v) / static_cast<double>(parts); };
+        for (int i = 0; i < parts; ++i) {
+            for (int j = 0; i + j < parts; ++j) {
+                visit(middle(i + 1.0 / 3.0, j + 1.0 / 3.0), area);
+                if (i + j + 1 < parts) {
+                    visit(middle(i + 2.0 / 3.0, j + 2.0 / 3.0), area);
+                }
+            }
+        }
+    }
+}
+
+/// Changes of an element's gradients by multipliers of its members, 0 for affine ones.
+Eigen::MatrixXd change_of(const ParticleModel& model, const ElasticElement& e) {
+    const auto count = static_cast<Eigen::Index>(e.members.size());
+    const Vec3 at = model.rest_position[e.centre];
+    double square = 0.0;
+    for (const std::uint32_t p : e.members) {
+        const Vec3 offset = model.rest_position[p] - at;
+        square += glm::dot(offset, offset) / static_cast<double>(e.members.size() - 1);
+    }
+    Eigen::MatrixXd basis(count, kAffineTerms);
+    Eigen::VectorXd weight(count);
+    for (Eigen::Index k = 0; k < count; ++k) {
+        const Vec3 o = (model.rest_position[e.members[static_cast<std::size_t>(k)]] - at) / std::sqrt(square);
+        basis.row(k) = terms(o).head<kAffineTerms>();
+        weight[k] = weight_at(glm::dot(o, o));
+    }
+    const Eigen::MatrixXd weighted = weight.asDiagonal() * basis;
+    Eigen::MatrixXd normal = basis.transpose() * weighted;
+    normal.diagonal().array() += 1e-9;
+    const Eigen::MatrixXd all = weight.asDiagonal();
+    return all - weighted * normal.ldlt().solve(weighted.transpose());
+}
+
 }  // namespace
 
 Elasticity make_solid(const ParticleModel& model, std::span<const SolidMaterial> material) {
     if (material.size() != model.size() || model.groups.empty()) {
-        refuse("needs a material for each particle, and groups");
+        refuse_elasticity("needs a material for each particle, and groups");
     }
     Elasticity made;
     PairSum pairs;
@@ -240,9 +302,76 @@ Elasticity make_solid(const ParticleModel& model, std::span<const SolidMaterial>
     return made;
 }
 
+void balance_surface(const ParticleModel& model, const TriangleMesh& mesh, Elasticity& elasticity) {
+    if (!mesh.closed || elasticity.elements.empty()) {
+        return;
+    }
+    // What each particle's gradients lack: its part of the surface less the sum of V b.
+    std::vector<Row> lack(model.size());
+    const auto add = [&](std::uint32_t particle, const Vec3& v) {
+        for (int c = 0; c < 3; ++c) {
+            lack[particle].number[c] += v[c];
+        }
+    };
+    for (const ElasticElement& e : elasticity.elements) {
+        for (std::size_t k = 0; k < e.members.size(); ++k) {
+            add(e.members[k], -e.volume * e.gradient[k]);
+        }
+    }
+    // A point of the surface moves with the element about the nearest particle, which is exact for affine motions.
+    for_each_piece(mesh, 0.5 * spacing_of(elasticity), [&](const Vec3& at, const Vec3& area) {
+        const ElasticElement& e = *std::min_element(elasticity.elements.begin(), elasticity.elements.end(),
+                                                    [&](const ElasticElement& a, const ElasticElement& b) {
+                                                        const Vec3 to_a = model.rest_position[a.centre] - at;
+                                                        const Vec3 to_b = model.rest_position[b.centre] - at;
+                                                        return glm::dot(to_a, to_a) < glm::dot(to_b, to_b);
+                                                    });
+        add(e.centre, area);
+        for (std::size_t m = 0; m < e.members.size(); ++m) {
+            add(e.members[m], glm::dot(e.gradient[m], at - model.rest_position[e.centre]) * area);
+        }
+    });
+    // Smallest changes, weighted as the fit is, that are 0 for affine displacements: those of element k are P_k lambda,
+    // with P_k = W - W B (B^T W B)^-1 B^T W, B the members' affine functions, and (sum V_k P_k) lambda = lack.
+    std::vector<MatrixElement> lower;
+    std::vector<Eigen::MatrixXd> projection;
+    double diagonal = 0.0;
+    for (const ElasticElement& e : elasticity.elements) {
+        projection.push_back(change_of(model, e));
+        const Eigen::MatrixXd& p = projection.back();
+        for (Eigen::Index i = 0; i < p.rows(); ++i) {
+            for (Eigen::Index j = 0; j < p.cols(); ++j) {
+                const std::uint32_t row = e.members[static_cast<std::size_t>(i)];
+                const std::uint32_t column = e.members[static_cast<std::size_t>(j)];
+                if (row >= column) {
+                    lower.push_back({row, column, e.volume * p(i, j)});
+                }
+            }
+            diagonal += e.volume * p(i, i) / static_cast<double>(model.size());
+        }
+    }
+    for (std::uint32_t i = 0; i < model.size(); ++i) {
+        lower.push_back({i, i, kBalanceRidge * diagonal});
+    }
+    StiffnessFactor(model.size(), lower).solve(kOneLaneKernels.elastic, lack);
+    for (std::size_t k = 0; k < elasticity.elements.size(); ++k) {
+        ElasticElement& e = elasticity.elements[k];
+        const Eigen::MatrixXd& p = projection[k];
+        for (std::size_t i = 0; i < e.members.size(); ++i) {
+            Vec3 change(0.0);
+            for (std::size_t j = 0; j < e.members.size(); ++j) {
+                const double* const lambda = lack[e.members[j]].number;
+                change += p(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) *
+                          Vec3(lambda[0], lambda[1], lambda[2]);
+            }
+            e.gradient[i] += e.spread * change;
+        }
+    }
+}
+
 Elasticity make_sheet(const ParticleModel& model, const TriangleMesh& mesh, std::span<const SheetMaterial> material) {
     if (model.size() != mesh.vertices.size() || material.size() != model.size()) {
-        refuse("a sheet needs a particle at each vertex of its mesh");
+        refuse_elasticity("a sheet needs a particle at each vertex of its mesh");
     }
     Elasticity made;
     PairSum pairs;
@@ -259,7 +388,7 @@ Elasticity make_sheet(const ParticleModel& model, const TriangleMesh& mesh, std:
         const Vec3 normal = glm::cross(x[corner[1]] - x[corner[0]], x[corner[2]] - x[corner[0]]);
         const double area = 0.5 * glm::length(normal);
         if (!(area > 0.0)) {
-            refuse("triangle " + std::to_string(t) + " has no area");
+            refuse_elasticity("triangle " + std::to_string(t) + " has no area");
         }
         const std::array<Vec3, 3> gradient = triangle_gradient(x[corner[0]], x[corner[1]], x[corner[2]]);
         const Vec3 n = normal / (2.0 * area);

@@ -197,6 +197,7 @@ void set_material(const ModelSettings& settings, const MaterialSettings& of_body
             model.mass[i] *= material[i].density * volume / total;
         }
         model.elasticity = make_solid(model, material);
+        balance_surface(model, body.mesh, model.elasticity);
     } else {
         throw std::invalid_argument("model.material: the mesh of \"" + body.name +
                                     "\" is open, so it is a sheet, which "

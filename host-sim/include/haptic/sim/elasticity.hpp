@@ -64,6 +64,14 @@ struct Elasticity {
 /// std::invalid_argument for a material that check() refuses, and for groups without neighbours.
 [[nodiscard]] Elasticity make_solid(const ParticleModel& model, std::span<const SolidMaterial> material);
 
+/// Changes the gradients of a solid as little as possible so that the sum of V b_i over the elements is particle i's
+/// part of the surface of `mesh`, the body at rest (the divergence theorem). A homogeneous stress is then in
+/// equilibrium with its tractions, as in a continuum; without it, particles at the surface yield too much. Affine
+/// displacements stay exact. No effect unless the mesh is closed.
+/// @source J. S. Chen, M. Hillman, M. Rueter, "An arbitrary order variationally consistent integration for Galerkin
+/// meshfree methods", 2013
+void balance_surface(const ParticleModel& model, const TriangleMesh& mesh, Elasticity& elasticity);
+
 /// Elements and pairs of a sheet with a particle at each vertex. Triangles that lie on one another, the faces of a
 /// double-faced mesh, count once. Throws std::invalid_argument for a material that check() refuses, and if particles
 /// and vertices do not correspond. `material` has one value per particle; that of a triangle's first corner counts.
