@@ -12,10 +12,10 @@ namespace {
 
 // Bounds of the discretisation error, relative: groups at the surface reach into the body only, and 500 particles are
 // four across the bar.
-constexpr double kTension = 0.03;
-constexpr double kPoisson = 0.02;  // absolute
-constexpr double kBending = 0.10;
-constexpr double kTorsion = 0.15;
+constexpr double kTension = 0.005;
+constexpr double kPoisson = 0.005;  // absolute
+constexpr double kBending = 0.07;
+constexpr double kTorsion = 0.10;
 // Between steps nothing but the remaining motion may differ, which at rest is 1 / 2e4.
 constexpr double kOverSteps = 2e-3;
 

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <iterator>
 #include <limits>
@@ -32,8 +33,12 @@ constexpr double kFitted = 1e-7;
 
 const SolidMaterial kSoft{.young_modulus = 3e4, .poisson_ratio = 0.4, .density = 1000.0};
 
+TriangleMesh block_mesh(std::uint32_t cells = 12) {
+    return make_block_mesh({.size = {0.12, 0.06, 0.08}, .cells = cells});
+}
+
 ParticleModel block_of(std::size_t particles, std::size_t neighbours) {
-    const TriangleMesh mesh = make_block_mesh({.size = {0.12, 0.06, 0.08}, .cells = 12});
+    const TriangleMesh mesh = block_mesh();
     BuilderSettings settings;
     settings.particles = particles;
     settings.neighbours = neighbours;
@@ -190,6 +195,57 @@ TEST(Elasticity, GradientsReproduceLinearDisplacements) {
         Eigen::Matrix3d in_plane = expected;
         in_plane.col(1).setZero();
         EXPECT_LT((deformation_gradient(element, at) - in_plane).norm(), kRounding);
+    }
+}
+
+/// Largest sum of V b over the elements, m^2, of the particles that are farther than `depth` from the block's surface.
+double largest_sum_inside(const ParticleModel& model, const Elasticity& elasticity, double depth) {
+    Places sum(model.size(), Vec3(0.0));
+    for (const ElasticElement& element : elasticity.elements) {
+        for (std::size_t k = 0; k < element.members.size(); ++k) {
+            sum[element.members[k]] += element.volume * element.gradient[k];
+        }
+    }
+    double largest = 0.0;
+    for (std::size_t i = 0; i < sum.size(); ++i) {
+        const Vec3 to_faces = Vec3(0.06, 0.03, 0.04) - glm::abs(model.rest_position[i]);
+        if (std::min({to_faces.x, to_faces.y, to_faces.z}) > depth) {
+            largest = std::max(largest, glm::length(sum[i]));
+        }
+    }
+    return largest;
+}
+
+TEST(Elasticity, ABalancedSolidPushesOnItsSurfaceAlone) {
+    // Divergence theorem: an inner particle has no part of the surface. Its neighbours may have one by their elements.
+    const ParticleModel model = block_of(1500, 16);
+    constexpr double kDepth = 0.022;  // m, three particles
+    Elasticity solid = solid_of_block(model);
+    const double before = largest_sum_inside(model, solid, kDepth);
+    balance_surface(model, block_mesh(), solid);
+    const double after = largest_sum_inside(model, solid, kDepth);
+    EXPECT_GT(before, 1e-6);  // m^2; a particle's cell is 5e-5 m^2 wide
+    EXPECT_LT(after, 1e-2 * before);
+    // Affine displacements stay exact.
+    Eigen::Matrix3d expected;
+    expected << 1.3, 0.2, 0.0, 0.4, 0.8, 0.3, 0.0, -0.5, 1.1;
+    const Places at = moved(model.rest_position, affinely);
+    for (const ElasticElement& element : solid.elements) {
+        EXPECT_LT((deformation_gradient(element, at) - expected).norm(), 1e-6);
+    }
+}
+
+TEST(Elasticity, ABalanceDoesNotDependOnTheTrianglesOfTheMesh) {
+    const ParticleModel model = block_of(300, 16);
+    Elasticity coarse = solid_of_block(model);
+    Elasticity fine = coarse;
+    balance_surface(model, block_mesh(2), coarse);
+    balance_surface(model, block_mesh(24), fine);
+    for (std::size_t e = 0; e < fine.elements.size(); ++e) {
+        for (std::size_t k = 0; k < fine.elements[e].gradient.size(); ++k) {
+            const Vec3& gradient = fine.elements[e].gradient[k];
+            EXPECT_LT(glm::length(coarse.elements[e].gradient[k] - gradient), 5.0) << e;  // 1/m, of up to 40
+        }
     }
 }
 
