@@ -583,6 +583,11 @@ bool Config::has_text(const std::string& key) const {
     return node != nullptr && node->is_string();
 }
 
+bool Config::has_table(const std::string& key) const {
+    const toml::node* const node = state_->find(key);
+    return node != nullptr && node->is_table();
+}
+
 void Config::fail(const std::string& key, const std::string& problem) const {
     state_->fail(key, problem);
 }

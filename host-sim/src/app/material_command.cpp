@@ -21,13 +21,13 @@
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "haptic/sim/scene.hpp"
-#include "material/bar_tests.hpp"
-#include "material/body_tests.hpp"
-#include "material/sheet_tests.hpp"
 #include "model/material_settings.hpp"
 #include "program/exit_status.hpp"
 #include "program/option_checks.hpp"
 #include "program/progress_bar.hpp"
+#include "specimens/bar_tests.hpp"
+#include "specimens/body_tests.hpp"
+#include "specimens/sheet_tests.hpp"
 
 namespace haptic::sim {
 namespace {

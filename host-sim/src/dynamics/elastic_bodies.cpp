@@ -16,7 +16,7 @@ constexpr std::uint32_t kNotElastic = std::numeric_limits<std::uint32_t>::max();
 // kappa per largest stress per strain. From 0.75 on the step is stable; 1 never overshoots.
 constexpr double kBound = 1.0;
 constexpr std::size_t kCorners = 3;
-constexpr std::size_t kKeptFactors = 8;
+constexpr std::size_t kKeptFactors = 4;
 // Doubles in the widest register: rows of padding.
 constexpr std::size_t kPadding = 8;
 
@@ -47,7 +47,7 @@ std::vector<std::uint32_t> starts_of(const std::vector<std::uint32_t>& lengths) 
 ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes)
     : kernels_(elastic_kernels(lanes)),
       body_of_particle_(model.size(), kNotElastic),
-      mass_(model.mass),
+      steps_(kKeptFactors, 0.0),
       place_(model.elasticity.elements.size()) {
     find_bodies(model);
     batch_elements(model, false, solids_);
@@ -201,7 +201,7 @@ void ElasticBodies::list_forces(const ParticleModel& model) {
     }
 }
 
-/// Stiffness and viscosity of each body, over its free particles.
+/// A of each body, over its free particles.
 void ElasticBodies::assemble(const ParticleModel& model) {
     std::vector<std::uint32_t> row(model.size(), kNotElastic);
     for (const Body& body : bodies_) {
@@ -209,14 +209,18 @@ void ElasticBodies::assemble(const ParticleModel& model) {
             row[body.free[r]] = r;
         }
     }
+    std::vector<std::vector<MatrixElement>> lower(bodies_.size());
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        for (std::uint32_t r = 0; r < bodies_[b].free.size(); ++r) {
+            lower[b].push_back({.row = r, .column = r, .mass = model.mass[bodies_[b].free[r]]});
+        }
+    }
     const auto add = [&](std::uint32_t p, std::uint32_t q, double stiffness, double damping) {
         if (row[p] != kNotElastic && row[q] != kNotElastic && row[p] >= row[q]) {
-            Body& body = bodies_[body_of_particle_[p]];
-            body.stiffness.push_back({row[p], row[q], stiffness});
-            if (damping > 0.0) {
-                body.viscosity.push_back({row[p], row[q], damping * stiffness});
-                body.damped = true;
-            }
+            const std::uint32_t body = body_of_particle_[p];
+            lower[body].push_back(
+                {.row = row[p], .column = row[q], .stiffness = stiffness, .viscosity = damping * stiffness});
+            bodies_[body].damped = bodies_[body].damped || damping > 0.0;
         }
     };
     for (const ElasticElement& e : model.elasticity.elements) {
@@ -232,6 +236,9 @@ void ElasticBodies::assemble(const ParticleModel& model) {
         add(pair.second, pair.second, pair.stiffness, pair.damping);
         add(std::max(pair.first, pair.second), std::min(pair.first, pair.second), -pair.stiffness, pair.damping);
     }
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        bodies_[b].factor = std::make_unique<StiffnessFactor>(bodies_[b].free.size(), lower[b], kKeptFactors);
+    }
 }
 
 ParticleRange ElasticBodies::body_of(std::uint32_t particle) const noexcept {
@@ -240,41 +247,20 @@ ParticleRange ElasticBodies::body_of(std::uint32_t particle) const noexcept {
 }
 
 void ElasticBodies::prepare(double h) {
-    if (h == h_) {
+    if (empty() || h == h_) {
         return;
     }
     const auto known = std::find(steps_.begin(), steps_.end(), h);
-    auto place = static_cast<std::size_t>(known - steps_.begin());
+    slot_ = static_cast<std::size_t>(known - steps_.begin());
     if (known == steps_.end()) {
-        // A new place, or that of the oldest.
-        if (steps_.size() == kKeptFactors) {
-            place = oldest_;
-            oldest_ = (oldest_ + 1) % kKeptFactors;
-        } else {
-            steps_.push_back(h);
+        slot_ = oldest_;
+        oldest_ = (oldest_ + 1) % kKeptFactors;
+        for (const Body& body : bodies_) {
+            body.factor->factorise(slot_, h);
         }
-        steps_[place] = h;
-        for (Body& body : bodies_) {
-            body.factors.resize(steps_.size());
-            body.factors[place] = factorised(body, h);
-        }
-    }
-    for (Body& body : bodies_) {
-        body.factor = body.factors[place].get();
+        steps_[slot_] = h;
     }
     h_ = h;
-}
-
-/// A = M / h^2 + stiffness + viscosity / h.
-std::unique_ptr<StiffnessFactor> ElasticBodies::factorised(const Body& body, double h) const {
-    std::vector<MatrixElement> lower = body.stiffness;
-    for (const MatrixElement& viscous : body.viscosity) {
-        lower.push_back({viscous.row, viscous.column, viscous.value / h});
-    }
-    for (std::uint32_t r = 0; r < body.free.size(); ++r) {
-        lower.push_back({r, r, mass_[body.free[r]] / (h * h)});
-    }
-    return std::make_unique<StiffnessFactor>(body.free.size(), lower);
 }
 
 ElasticBatches ElasticBodies::batches_of(Elements& e) const noexcept {
@@ -331,7 +317,7 @@ void ElasticBodies::step(const ParticleModel& start, double drag_factor, Row* po
                       .velocity = velocity_.data(),
                       .given = given_.data(),
                       .sum = sides_.data()});
-        body.factor->solve(kernels_, {sides_.data(), body.free.size()});
+        body.factor->solve(kernels_, slot_, {sides_.data(), body.free.size()});
         for (std::size_t r = 0; r < body.free.size(); ++r) {
             const std::uint32_t i = body.free[r];
             for (std::size_t k = 0; k < 3; ++k) {
@@ -346,7 +332,7 @@ void ElasticBodies::respond(const ParticleRange& body, std::span<Row> columns) n
     for (std::size_t r = 0; r < of.free.size(); ++r) {
         sides_[r] = columns[of.free[r] - body.begin];
     }
-    of.factor->solve(kernels_, {sides_.data(), of.free.size()});
+    of.factor->solve(kernels_, slot_, {sides_.data(), of.free.size()});
     std::fill(columns.begin(), columns.end(), Row{});
     for (std::size_t r = 0; r < of.free.size(); ++r) {
         columns[of.free[r] - body.begin] = sides_[r];

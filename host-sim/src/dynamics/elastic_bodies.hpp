@@ -45,7 +45,8 @@ class ElasticBodies {
     /// The elastic body of a particle; empty if it has none.
     [[nodiscard]] ParticleRange body_of(std::uint32_t particle) const noexcept;
 
-    /// Takes the factors for sub-steps of length h, s, from those of the last few lengths, or factorises.
+    /// Takes the factors for sub-steps of length h, s, from those of the last few lengths, or factorises. No
+    /// allocation.
     void prepare(double h);
 
     /// Moves the elastic particles from the positions that all forces lead to, x0 + h^2 f / m, in `position`, to the
@@ -77,12 +78,7 @@ class ElasticBodies {
         ParticleRange particles;
         std::vector<std::uint32_t> free{};  // particles that are not pinned
         bool damped = false;
-        /// Stiffness part of A, over the free particles: what does not depend on h, and what is divided by it.
-        std::vector<MatrixElement> stiffness{};
-        std::vector<MatrixElement> viscosity{};
-        /// Of the lengths of sub-steps that came last, since contacts may change it from step to step.
-        std::vector<std::unique_ptr<StiffnessFactor>> factors{};
-        StiffnessFactor* factor = nullptr;  // of the present one
+        std::unique_ptr<StiffnessFactor> factor{};  // of A over the free particles
     };
 
     void find_bodies(const ParticleModel& model);
@@ -90,17 +86,17 @@ class ElasticBodies {
     void list_pairs(const ParticleModel& model);
     void list_forces(const ParticleModel& model);
     void assemble(const ParticleModel& model);
-    [[nodiscard]] std::unique_ptr<StiffnessFactor> factorised(const Body& body, double h) const;
     [[nodiscard]] ElasticBatches batches_of(Elements& elements) const noexcept;
 
     const ElasticKernels& kernels_;
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;  // kNone: not elastic
-    std::vector<double> mass_;
     std::vector<std::uint32_t> turning_;
-    double h_ = 0.0;             // s
-    std::vector<double> steps_;  // s, for which there are factors, in the order of Body::factors
-    std::size_t oldest_ = 0;     // of these
+    double h_ = 0.0;  // s
+    // The last lengths of sub-steps, s, by slot of the factors, since contacts may change it from step to step.
+    std::vector<double> steps_;
+    std::size_t slot_ = 0;    // of the present one
+    std::size_t oldest_ = 0;  // of these
     Elements solids_;
     Elements triangles_;
     std::vector<std::uint32_t> place_;  // of each element's first force, its members one lane vector apart

@@ -209,6 +209,7 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
         bodies_.push_back({body, has_no_pinned(model, body)});
     }
     state_ = std::make_unique<ProjectionState>(model, lanes);
+    state_->elastic.prepare(settings.step / substeps());
     predicted_.resize(model.size());
 }
 

@@ -6,18 +6,13 @@
 #include <limits>
 #include <numeric>
 #include <stdexcept>
+#include <tuple>
+#include <utility>
 
 namespace haptic::sim {
 namespace {
 
 constexpr std::uint32_t kRoot = std::numeric_limits<std::uint32_t>::max();
-
-/// The upper triangle by columns: entries with their rows, the diagonal included.
-struct UpperColumns {
-    std::vector<std::uint32_t> first;  // per column, and one more
-    std::vector<std::uint32_t> row;
-    std::vector<double> value;
-};
 
 /// Position of each row of the matrix in an order with little fill.
 std::vector<std::uint32_t> little_fill(std::size_t size, std::span<const MatrixElement> lower) {
@@ -38,119 +33,128 @@ std::vector<std::uint32_t> little_fill(std::size_t size, std::span<const MatrixE
     return position;
 }
 
-UpperColumns columns_of(std::size_t size, std::span<const MatrixElement> lower,
-                        const std::vector<std::uint32_t>& position) {
-    UpperColumns upper;
-    // Counted by column, then filled in.
-    upper.first.assign(size + 1, 0);
-    for (const MatrixElement& e : lower) {
-        ++upper.first[std::max(position[e.row], position[e.column]) + 1];
-    }
-    std::partial_sum(upper.first.begin(), upper.first.end(), upper.first.begin());
-    std::vector<std::uint32_t> next(upper.first.begin(), upper.first.end() - 1);
-    upper.row.resize(lower.size());
-    upper.value.resize(lower.size());
-    for (const MatrixElement& e : lower) {
-        const std::uint32_t a = position[e.row];
-        const std::uint32_t b = position[e.column];
-        const std::uint32_t k = next[std::max(a, b)]++;
-        upper.row[k] = std::min(a, b);
-        upper.value[k] = e.value;
-    }
-    return upper;
-}
-
-/// Parents in the elimination tree, and the number of elements of each column of L below the diagonal.
-struct EliminationTree {
-    std::vector<std::uint32_t> parent;
-    std::vector<std::uint32_t> count;
-};
-
-EliminationTree eliminate(const UpperColumns& upper) {
-    const std::size_t size = upper.first.size() - 1;
-    EliminationTree tree{std::vector<std::uint32_t>(size, kRoot), std::vector<std::uint32_t>(size, 0)};
-    std::vector<std::uint32_t> seen(size);
-    for (std::uint32_t k = 0; k < size; ++k) {
-        seen[k] = k;
-        for (std::uint32_t e = upper.first[k]; e < upper.first[k + 1]; ++e) {
-            // Row k of L has an element in each column on the way from this one to k.
-            for (std::uint32_t i = upper.row[e]; seen[i] != k; i = tree.parent[i]) {
-                if (tree.parent[i] == kRoot) {
-                    tree.parent[i] = k;
-                }
-                ++tree.count[i];
-                seen[i] = k;
-            }
-        }
-    }
-    return tree;
-}
-
 }  // namespace
 
-StiffnessFactor::StiffnessFactor(std::size_t size, std::span<const MatrixElement> lower)
-    : order_(size), first_(size + 1, 0), inverse_diagonal_(size), ordered_(size) {
+StiffnessFactor::StiffnessFactor(std::size_t size, std::span<const MatrixElement> lower, std::size_t slots)
+    : order_(size),
+      parent_(size, kRoot),
+      first_(size + 1, 0),
+      ordered_(size),
+      end_(size),
+      seen_(size),
+      pattern_(size),
+      way_(size),
+      side_(size, 0.0) {
     const std::vector<std::uint32_t> position = little_fill(size, lower);
     for (std::uint32_t i = 0; i < size; ++i) {
         order_[position[i]] = i;
     }
-    const UpperColumns upper = columns_of(size, lower, position);
-    const EliminationTree tree = eliminate(upper);
-    std::partial_sum(tree.count.begin(), tree.count.end(), first_.begin() + 1);
+    find_columns(size, lower, position);
+    find_tree();
     row_.resize(first_.back());
-    below_.resize(first_.back());
-    // Row by row of L: L_k. solves the triangle above with column k of the matrix.
-    std::vector<std::uint32_t> end(first_.begin(), first_.end() - 1);  // of each column so far
-    std::vector<std::uint32_t> seen(size);
-    std::vector<std::uint32_t> pattern(size);
-    std::vector<std::uint32_t> way(size);
-    std::vector<double> side(size, 0.0);
-    for (std::uint32_t k = 0; k < size; ++k) {
-        // The columns with an element in row k, in the order in which they are eliminated.
-        seen[k] = k;
-        std::size_t top = size;
-        for (std::uint32_t e = upper.first[k]; e < upper.first[k + 1]; ++e) {
-            side[upper.row[e]] += upper.value[e];
-            std::size_t length = 0;
-            for (std::uint32_t i = upper.row[e]; seen[i] != k; i = tree.parent[i]) {
-                way[length++] = i;
-                seen[i] = k;
-            }
-            while (length > 0) {
-                pattern[--top] = way[--length];
+    slots_.assign(slots, {std::vector<double>(row_.size()), std::vector<double>(size)});
+}
+
+void StiffnessFactor::find_columns(std::size_t size, std::span<const MatrixElement> lower,
+                                   const std::vector<std::uint32_t>& position) {
+    // By column, then row of the factors.
+    std::vector<MatrixElement> sorted(lower.begin(), lower.end());
+    for (MatrixElement& e : sorted) {
+        const auto [row, column] = std::minmax(position[e.row], position[e.column]);
+        std::tie(e.row, e.column) = std::pair(row, column);
+    }
+    std::stable_sort(sorted.begin(), sorted.end(), [](const MatrixElement& a, const MatrixElement& b) {
+        return std::pair(a.column, a.row) < std::pair(b.column, b.row);
+    });
+    upper_.first.assign(size + 1, 0);
+    for (std::size_t k = 0; k < sorted.size(); ++k) {
+        const MatrixElement& e = sorted[k];
+        if (k == 0 || e.row != sorted[k - 1].row || e.column != sorted[k - 1].column) {
+            upper_.row.push_back(e.row);
+            upper_.stiffness.push_back(0.0);
+            upper_.viscosity.push_back(0.0);
+            upper_.mass.push_back(0.0);
+            ++upper_.first[e.column + 1];
+        }
+        upper_.stiffness.back() += e.stiffness;
+        upper_.viscosity.back() += e.viscosity;
+        upper_.mass.back() += e.mass;
+    }
+    std::partial_sum(upper_.first.begin(), upper_.first.end(), upper_.first.begin());
+}
+
+/// Finds the elimination tree, and how many elements each column of L has below the diagonal.
+void StiffnessFactor::find_tree() {
+    for (std::uint32_t k = 0; k < order_.size(); ++k) {
+        seen_[k] = k;
+        for (std::uint32_t e = upper_.first[k]; e < upper_.first[k + 1]; ++e) {
+            // Row k of L has an element in each column on the way from this one to k.
+            for (std::uint32_t i = upper_.row[e]; seen_[i] != k; i = parent_[i]) {
+                if (parent_[i] == kRoot) {
+                    parent_[i] = k;
+                }
+                ++first_[i + 1];
+                seen_[i] = k;
             }
         }
-        double diagonal = side[k];
-        side[k] = 0.0;
-        for (; top < size; ++top) {
-            const std::uint32_t column = pattern[top];
-            const double known = side[column];
-            side[column] = 0.0;
-            for (std::uint32_t p = first_[column]; p < end[column]; ++p) {
-                side[row_[p]] -= below_[p] * known;
+    }
+    std::partial_sum(first_.begin(), first_.end(), first_.begin());
+}
+
+void StiffnessFactor::factorise(std::size_t slot, double h) {
+    std::vector<double>& below = slots_[slot].below;
+    std::vector<double>& inverse_diagonal = slots_[slot].inverse_diagonal;
+    const double by_mass = 1.0 / (h * h);
+    const double by_viscosity = 1.0 / h;
+    std::copy(first_.begin(), first_.end() - 1, end_.begin());
+    std::fill(seen_.begin(), seen_.end(), kRoot);
+    // Row by row of L: L_k. solves the triangle above with column k of the matrix.
+    for (std::uint32_t k = 0; k < order_.size(); ++k) {
+        // The columns with an element in row k, in the order in which they are eliminated.
+        seen_[k] = k;
+        std::size_t top = order_.size();
+        for (std::uint32_t e = upper_.first[k]; e < upper_.first[k + 1]; ++e) {
+            side_[upper_.row[e]] += upper_.stiffness[e] + by_viscosity * upper_.viscosity[e] + by_mass * upper_.mass[e];
+            std::size_t length = 0;
+            for (std::uint32_t i = upper_.row[e]; seen_[i] != k; i = parent_[i]) {
+                way_[length++] = i;
+                seen_[i] = k;
             }
-            const double element = known * inverse_diagonal_[column];
+            while (length > 0) {
+                pattern_[--top] = way_[--length];
+            }
+        }
+        double diagonal = side_[k];
+        side_[k] = 0.0;
+        for (; top < order_.size(); ++top) {
+            const std::uint32_t column = pattern_[top];
+            const double known = side_[column];
+            side_[column] = 0.0;
+            for (std::uint32_t p = first_[column]; p < end_[column]; ++p) {
+                side_[row_[p]] -= below[p] * known;
+            }
+            const double element = known * inverse_diagonal[column];
             diagonal -= element * known;
-            row_[end[column]] = k;
-            below_[end[column]] = element;
-            ++end[column];
+            row_[end_[column]] = k;
+            below[end_[column]] = element;
+            ++end_[column];
         }
         if (!(diagonal > 0.0)) {
             throw std::invalid_argument("elasticity: the stiffness matrix is not positive definite");
         }
-        inverse_diagonal_[k] = 1.0 / diagonal;
+        inverse_diagonal[k] = 1.0 / diagonal;
     }
 }
 
-void StiffnessFactor::solve(const ElasticKernels& kernels, std::span<Row> sides) noexcept {
+void StiffnessFactor::solve(const ElasticKernels& kernels, std::size_t slot, std::span<Row> sides) noexcept {
     for (std::size_t p = 0; p < order_.size(); ++p) {
         ordered_[p] = sides[order_[p]];
     }
     kernels.solve({.rows = order_.size(),
                    .first = first_.data(),
                    .row = row_.data(),
-                   .below = below_.data(),
-                   .inverse_diagonal = inverse_diagonal_.data(),
+                   .below = slots_[slot].below.data(),
+                   .inverse_diagonal = slots_[slot].inverse_diagonal.data(),
                    .side = ordered_.data()});
     for (std::size_t p = 0; p < order_.size(); ++p) {
         sides[order_[p]] = ordered_[p];

@@ -16,32 +16,62 @@
 
 namespace haptic::sim {
 
-/// An element of the lower triangle; elements that are named more than once add up.
+/// An element of the lower triangle of mass / h^2 + viscosity / h + stiffness; elements named more than once add up.
 struct MatrixElement {
     std::uint32_t row = 0;
     std::uint32_t column = 0;
-    double value = 0.0;
+    double stiffness = 0.0;  // N/m
+    double viscosity = 0.0;  // N s/m
+    double mass = 0.0;       // kg
 };
 
 class StiffnessFactor {
   public:
-    /// Orders and factorises. Throws std::invalid_argument if the matrix is not positive definite.
-    StiffnessFactor(std::size_t size, std::span<const MatrixElement> lower);
+    /// Orders the unknowns and allocates for `slots` factorisations.
+    StiffnessFactor(std::size_t size, std::span<const MatrixElement> lower, std::size_t slots);
 
-    /// Replaces each row of the right-hand side by that of the solution.
-    void solve(const ElasticKernels& kernels, std::span<Row> sides) noexcept;
+    /// Factorises for a sub-step of length h, s, into this slot. No allocation. Throws std::invalid_argument if the
+    /// matrix is not positive definite.
+    void factorise(std::size_t slot, double h);
+
+    /// Replaces each row of the right-hand side by that of the solution, with the factors in this slot. No allocation.
+    void solve(const ElasticKernels& kernels, std::size_t slot, std::span<Row> sides) noexcept;
 
     [[nodiscard]] std::size_t size() const noexcept { return order_.size(); }
     /// Elements of L below the diagonal.
-    [[nodiscard]] std::size_t fill() const noexcept { return below_.size(); }
+    [[nodiscard]] std::size_t fill() const noexcept { return row_.size(); }
 
   private:
-    std::vector<std::uint32_t> order_;  // per row of the factors: row of the matrix
-    std::vector<std::uint32_t> first_;  // per column: its first element of `below_`; one more at the end
+    /// The upper triangle by columns, each element once.
+    struct UpperColumns {
+        std::vector<std::uint32_t> first;  // per column, and one more
+        std::vector<std::uint32_t> row;
+        std::vector<double> stiffness;
+        std::vector<double> viscosity;
+        std::vector<double> mass;
+    };
+    struct Factors {
+        std::vector<double> below;
+        std::vector<double> inverse_diagonal;  // 1 / D
+    };
+
+    void find_columns(std::size_t size, std::span<const MatrixElement> lower,
+                      const std::vector<std::uint32_t>& position);
+    void find_tree();
+
+    std::vector<std::uint32_t> order_;   // per row of the factors: row of the matrix
+    UpperColumns upper_;                 // in the order of the factors
+    std::vector<std::uint32_t> parent_;  // in the elimination tree
+    std::vector<std::uint32_t> first_;   // per column of L: its first element; one more at the end
     std::vector<std::uint32_t> row_;
-    std::vector<double> below_;
-    std::vector<double> inverse_diagonal_;  // 1 / D
+    std::vector<Factors> slots_;
     LaneArray<Row> ordered_;
+    // Scratch of factorise(), per row.
+    std::vector<std::uint32_t> end_;  // of each column of L so far
+    std::vector<std::uint32_t> seen_;
+    std::vector<std::uint32_t> pattern_;
+    std::vector<std::uint32_t> way_;
+    std::vector<double> side_;
 };
 
 }  // namespace haptic::sim

@@ -81,7 +81,7 @@ std::optional<MaterialSettings> read_material(const Config& config, const std::s
         return std::nullopt;
     }
     MaterialSettings settings;
-    if (config.has_text(key)) {
+    if (!config.has_table(key)) {
         settings.name = config.text(key, "");
     } else {
         material_table().read(config, key, settings);
@@ -90,7 +90,7 @@ std::optional<MaterialSettings> read_material(const Config& config, const std::s
         try {
             static_cast<void>(find_material(settings.name));
         } catch (const std::invalid_argument& error) {
-            config.fail(config.has_text(key) ? key : key + ".name", error.what());
+            config.fail(config.has_table(key) ? key + ".name" : key, error.what());
         }
     }
     return settings;

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "haptic/numeric.hpp"
+#include "mesh/mesh_measures.hpp"
 #include "mesh/mesh_topology.hpp"
 #include "model/sample_distances.hpp"
 #include "model/sample_graph.hpp"

@@ -13,6 +13,7 @@
 #include "haptic/sim/elasticity.hpp"
 #include "haptic/sim/material.hpp"
 #include "haptic/sim/mesh_file.hpp"
+#include "mesh/mesh_measures.hpp"
 #include "mesh/refinement.hpp"
 #include "model/generator_table.hpp"
 #include "model/material_settings.hpp"

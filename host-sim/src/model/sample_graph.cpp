@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "generators/triangle_grid.hpp"
+#include "mesh/mesh_measures.hpp"
 #include "mesh/mesh_topology.hpp"
 #include "mesh/refinement.hpp"
 #include "simd/aabb.hpp"
@@ -484,25 +485,6 @@ class GraphMaker {
 
 SampleGraph make_sample_graph(const TriangleMesh& mesh, double pitch, double bridge) {
     return GraphMaker(mesh, pitch, bridge).take();
-}
-
-double signed_volume(const TriangleMesh& mesh) {
-    double sum = 0.0;
-    for (const Triangle& t : mesh.triangles) {
-        // Relative to a vertex, so that a body far from the origin loses no digits.
-        const Vec3 origin = mesh.vertices.front();
-        sum += glm::dot(mesh.vertices[t[0]] - origin,
-                        glm::cross(mesh.vertices[t[1]] - origin, mesh.vertices[t[2]] - origin));
-    }
-    return sum / 6.0;
-}
-
-double surface_area(const TriangleMesh& mesh) {
-    double sum = 0.0;
-    for (const Triangle& t : mesh.triangles) {
-        sum += glm::length(double_area(mesh.vertices, t));
-    }
-    return 0.5 * sum;
 }
 
 }  // namespace haptic::sim

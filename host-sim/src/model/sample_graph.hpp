@@ -37,9 +37,4 @@ struct SampleGraph {
 /// indices exist, every vertex is finite and belongs to a triangle, some triangle has an area.
 [[nodiscard]] SampleGraph make_sample_graph(const TriangleMesh& mesh, double pitch, double bridge);
 
-/// Volume enclosed by a closed mesh, m^3; negative if its triangles face inward.
-[[nodiscard]] double signed_volume(const TriangleMesh& mesh);
-/// m^2
-[[nodiscard]] double surface_area(const TriangleMesh& mesh);
-
 }  // namespace haptic::sim

@@ -18,6 +18,8 @@ namespace {
 constexpr std::size_t kMaxNormals = kMaxProxies * kMaxSurfacePlanes;
 // Most particles under all masks together. Rows beyond it press on the corners of the touched triangle alone.
 constexpr std::size_t kMaxPressed = std::size_t{1} << 18;
+// Most answers of particles to patches without an allocation.
+constexpr std::size_t kMaxAnswers = std::size_t{1} << 22;
 // Largest payment of what is owed, in contact forces.
 constexpr double kMaxPayment = 10.0;
 // A motion of the whole tool counts as one of these rows if the others leave this part of it.
@@ -62,6 +64,10 @@ ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock
     friction_.reserve(kMaxProxies);
     depth_.reserve(kMaxContactRows);
     leads_.resize(kMaxProxies);
+    if (!model.elasticity.elements.empty()) {
+        columns_.reserve(model.size());
+        answers_.reserve(std::min(kMaxAnswers, (kMaxNormals + kMaxProxies) * model.size()));
+    }
     for (std::vector<double>& motion : motions_) {
         motion.reserve(kMaxContactRows);
     }

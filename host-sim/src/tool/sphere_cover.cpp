@@ -15,6 +15,7 @@
 #include "contact/verification.hpp"
 #include "generators/triangle_grid.hpp"
 #include "haptic/sim/closest_point.hpp"
+#include "mesh/mesh_measures.hpp"
 #include "model/sample_graph.hpp"
 #include "simd/aabb.hpp"
 #include "tool/uncovered_depth.hpp"

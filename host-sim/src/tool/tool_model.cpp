@@ -14,6 +14,7 @@
 #include "generators/triangle_grid.hpp"
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/model_builder.hpp"
+#include "mesh/mesh_measures.hpp"
 #include "model/sample_graph.hpp"
 #include "simd/aabb.hpp"
 #include "tool/close_gaps.hpp"

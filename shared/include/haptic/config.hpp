@@ -66,6 +66,8 @@ class Config {
     [[nodiscard]] bool has(const std::string& key) const;
     /// The key has a value, and that is a string. For keys that take a number or a word.
     [[nodiscard]] bool has_text(const std::string& key) const;
+    /// The key has a value, and that is a table.
+    [[nodiscard]] bool has_table(const std::string& key) const;
     /// Renames a key that has a former name, and writes a notice with its line to standard error. A value from set()
     /// overrides one from the file, whichever name each uses. Throws ConfigError if one source gives both names.
     void accept_old_key(const std::string& old_key, const std::string& key) const;

@@ -351,13 +351,15 @@ TEST(StiffnessFactor, SolvesAsADenseFactorisation) {
         for (Eigen::Index column = 0; column <= row; ++column) {
             if (matrix(row, column) != 0.0) {
                 // Named twice: both halves add up.
-                const MatrixElement half{static_cast<std::uint32_t>(row), static_cast<std::uint32_t>(column),
-                                         0.5 * matrix(row, column)};
+                const MatrixElement half{.row = static_cast<std::uint32_t>(row),
+                                         .column = static_cast<std::uint32_t>(column),
+                                         .stiffness = 0.5 * matrix(row, column)};
                 lower.insert(lower.end(), {half, half});
             }
         }
     }
-    StiffnessFactor factor(kSize, lower);
+    StiffnessFactor factor(kSize, lower, 2);
+    factor.factorise(1, 0.5);
     EXPECT_EQ(factor.size(), static_cast<std::size_t>(kSize));
     Eigen::MatrixXd sides(kSize, 4);
     for (Eigen::Index row = 0; row < kSize; ++row) {
@@ -373,7 +375,7 @@ TEST(StiffnessFactor, SolvesAsADenseFactorisation) {
                 rows[static_cast<std::size_t>(row)].number[lane] = sides(row, lane);
             }
         }
-        factor.solve(kernels->elastic, {rows.data(), rows.size()});
+        factor.solve(kernels->elastic, 1, {rows.data(), rows.size()});
         for (Eigen::Index row = 0; row < kSize; ++row) {
             for (Eigen::Index lane = 0; lane < 4; ++lane) {
                 EXPECT_NEAR(rows[static_cast<std::size_t>(row)].number[lane], expected(row, lane), 1e-12);
@@ -383,13 +385,16 @@ TEST(StiffnessFactor, SolvesAsADenseFactorisation) {
 }
 
 TEST(StiffnessFactor, RefusesAnIndefiniteMatrix) {
-    const std::vector<MatrixElement> saddle{{0, 0, 1.0}, {1, 0, 2.0}, {1, 1, 1.0}};
-    EXPECT_THROW(StiffnessFactor(2, saddle), std::invalid_argument);
-    const std::vector<MatrixElement> singular{{0, 0, 1.0}, {1, 0, 1.0}, {1, 1, 1.0}};
-    EXPECT_THROW(StiffnessFactor(2, singular), std::invalid_argument);
-    const std::vector<MatrixElement> negative{{0, 0, -1.0}};
-    EXPECT_THROW(StiffnessFactor(1, negative), std::invalid_argument);
-    EXPECT_NO_THROW(StiffnessFactor(0, {}));
+    const auto factorise = [](std::size_t size, const std::vector<MatrixElement>& lower) {
+        StiffnessFactor(size, lower, 1).factorise(0, 0.01);
+    };
+    const auto element = [](std::uint32_t row, std::uint32_t column, double stiffness) {
+        return MatrixElement{.row = row, .column = column, .stiffness = stiffness};
+    };
+    EXPECT_THROW(factorise(2, {element(0, 0, 1.0), element(1, 0, 2.0), element(1, 1, 1.0)}), std::invalid_argument);
+    EXPECT_THROW(factorise(2, {element(0, 0, 1.0), element(1, 0, 1.0), element(1, 1, 1.0)}), std::invalid_argument);
+    EXPECT_THROW(factorise(1, {element(0, 0, -1.0)}), std::invalid_argument);
+    EXPECT_NO_THROW(factorise(0, {}));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "material/sheet_tests.hpp"
+#include "specimens/sheet_tests.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "haptic/sim/model_settings.hpp"
-#include "material/relaxation.hpp"
+#include "specimens/relaxation.hpp"
 
 namespace haptic::sim {
 namespace {

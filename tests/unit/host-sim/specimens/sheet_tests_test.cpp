@@ -1,5 +1,5 @@
 // Virtual tests of sheets: stiffness against stretching and bending, and drape.
-#include "material/sheet_tests.hpp"
+#include "specimens/sheet_tests.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "material/body_tests.hpp"
+#include "specimens/body_tests.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -9,8 +9,8 @@
 #include <string>
 #include <utility>
 
-#include "material/relaxation.hpp"
-#include "model/sample_graph.hpp"
+#include "mesh/mesh_measures.hpp"
+#include "specimens/relaxation.hpp"
 
 namespace haptic::sim {
 namespace {

@@ -1,4 +1,4 @@
-#include "material/bar_tests.hpp"
+#include "specimens/bar_tests.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "material/relaxation.hpp"
+#include "specimens/relaxation.hpp"
 
 #include <algorithm>
 #include <glm/geometric.hpp>

@@ -1,6 +1,6 @@
 // Homogeneous stress on bodies of any shape: the loads balance and do the work of the stress, and the moduli come near
 // those asked for as the particles become more.
-#include "material/body_tests.hpp"
+#include "specimens/body_tests.hpp"
 
 #include <gtest/gtest.h>
 

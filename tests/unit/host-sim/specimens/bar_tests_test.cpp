@@ -1,6 +1,6 @@
 // Virtual tests of a bar: the moduli that the solver gives a solid are those that were asked for, whatever the step,
 // the sub-steps and the number of particles.
-#include "material/bar_tests.hpp"
+#include "specimens/bar_tests.hpp"
 
 #include <gtest/gtest.h>
 

@@ -17,7 +17,7 @@
 #include "dynamics/stiffness_factor.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/particles.hpp"
-#include "model/sample_graph.hpp"
+#include "mesh/mesh_measures.hpp"
 #include "simd/kernels.hpp"
 
 namespace haptic::sim {
@@ -344,16 +344,18 @@ void balance_surface(const ParticleModel& model, const TriangleMesh& mesh, Elast
                 const std::uint32_t row = e.members[static_cast<std::size_t>(i)];
                 const std::uint32_t column = e.members[static_cast<std::size_t>(j)];
                 if (row >= column) {
-                    lower.push_back({row, column, e.volume * p(i, j)});
+                    lower.push_back({.row = row, .column = column, .stiffness = e.volume * p(i, j)});
                 }
             }
             diagonal += e.volume * p(i, i) / static_cast<double>(model.size());
         }
     }
     for (std::uint32_t i = 0; i < model.size(); ++i) {
-        lower.push_back({i, i, kBalanceRidge * diagonal});
+        lower.push_back({.row = i, .column = i, .stiffness = kBalanceRidge * diagonal});
     }
-    StiffnessFactor(model.size(), lower).solve(kOneLaneKernels.elastic, lack);
+    StiffnessFactor factor(model.size(), lower, 1);
+    factor.factorise(0, 1.0);
+    factor.solve(kOneLaneKernels.elastic, 0, lack);
     for (std::size_t k = 0; k < elasticity.elements.size(); ++k) {
         ElasticElement& e = elasticity.elements[k];
         const Eigen::MatrixXd& p = projection[k];
