@@ -21,6 +21,7 @@
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "haptic/sim/scene.hpp"
+#include "material/moduli.hpp"
 #include "model/material_settings.hpp"
 #include "program/exit_status.hpp"
 #include "program/option_checks.hpp"
@@ -70,16 +71,23 @@ class TestSeries {
     std::size_t done_ = 0;
 };
 
-double shear_modulus(const SolidMaterial& m) {
-    return m.young_modulus / (2.0 * (1.0 + m.poisson_ratio));
-}
-
-double bulk_modulus(const SolidMaterial& m) {
-    return m.young_modulus / (3.0 * (1.0 - 2.0 * m.poisson_ratio));
-}
-
 std::string count_of(std::size_t particles) {
     return std::to_string(particles) + " particles";
+}
+
+/// Adds what one test found to a table.
+template <class Found>
+void add_line(TestTable& table, const std::string& specimen, double number, const char* quantity, const char* unit,
+              std::optional<double> requested, double measured, const Found& of, double time_s) {
+    table.lines.push_back({.specimen = specimen,
+                           .number = number,
+                           .quantity = quantity,
+                           .unit = unit,
+                           .requested = requested,
+                           .measured = measured,
+                           .substeps = of.substeps,
+                           .time_s = time_s,
+                           .at_rest = of.at_rest});
 }
 
 /// A bar of this material at several resolutions.
@@ -92,15 +100,8 @@ TestTable test_bars(const SolidMaterial& material, const std::string& name, cons
             .material = material, .particles = particles, .step = stepping.step, .substeps = stepping.substeps};
         const auto add = [&](const char* quantity, const char* unit, double requested, double measured,
                              const Measured& of, double time_s) {
-            table.lines.push_back({.specimen = count_of(particles),
-                                   .number = static_cast<double>(particles),
-                                   .quantity = quantity,
-                                   .unit = unit,
-                                   .requested = requested,
-                                   .measured = measured,
-                                   .substeps = of.substeps,
-                                   .time_s = time_s,
-                                   .at_rest = of.at_rest});
+            add_line(table, count_of(particles), static_cast<double>(particles), quantity, unit, requested, measured,
+                     of, time_s);
         };
         const auto [pulled, pulled_s] = series.run([&] { return measure_tension(test); });
         add("Young's modulus in tension", "Pa", material.young_modulus, pulled.modulus, pulled, pulled_s);
@@ -123,15 +124,8 @@ TestTable test_steps(const SolidMaterial& material, const std::string& name, std
         const auto [pulled, time_s] = series.run([&] {
             return measure_tension({.material = material, .particles = particles, .step = step, .substeps = 0});
         });
-        table.lines.push_back({.specimen = "step of " + with_unit(step, "s"),
-                               .number = 1e3 * step,
-                               .quantity = "Young's modulus in tension",
-                               .unit = "Pa",
-                               .requested = material.young_modulus,
-                               .measured = pulled.modulus,
-                               .substeps = pulled.substeps,
-                               .time_s = time_s,
-                               .at_rest = pulled.at_rest});
+        add_line(table, "step of " + with_unit(step, "s"), 1e3 * step, "Young's modulus in tension", "Pa",
+                 material.young_modulus, pulled.modulus, pulled, time_s);
     }
     return table;
 }
@@ -148,15 +142,8 @@ TestTable test_body(const DeformableBody& body, const SolidMaterial& material, b
     TestSeries series(body.name, 4);
     const auto add = [&](const char* quantity, const char* unit, double requested, double measured,
                          const BodyMeasured& of, double time_s) {
-        table.lines.push_back({.specimen = body.name,
-                               .number = static_cast<double>(body.particles.size()),
-                               .quantity = quantity,
-                               .unit = unit,
-                               .requested = homogeneous ? std::optional(requested) : std::nullopt,
-                               .measured = measured,
-                               .substeps = of.substeps,
-                               .time_s = time_s,
-                               .at_rest = of.at_rest});
+        add_line(table, body.name, static_cast<double>(body.particles.size()), quantity, unit,
+                 homogeneous ? std::optional(requested) : std::nullopt, measured, of, time_s);
     };
     const auto [stretched, stretched_s] = series.run([&] { return tests.stretch(); });
     add("Young's modulus stretched", "Pa", material.young_modulus, stretched.modulus, stretched, stretched_s);
@@ -182,15 +169,8 @@ SheetResult test_sheet(const SheetMaterial& material, const std::string& name, c
     TestSeries series("sheet of " + name, 3);
     const auto add = [&](const char* specimen, const char* quantity, const char* unit, double requested,
                          double measured, const SheetMeasured& of, double time_s) {
-        result.table.lines.push_back({.specimen = specimen,
-                                      .number = static_cast<double>(result.table.lines.size() + 1),
-                                      .quantity = quantity,
-                                      .unit = unit,
-                                      .requested = requested,
-                                      .measured = measured,
-                                      .substeps = of.substeps,
-                                      .time_s = time_s,
-                                      .at_rest = of.at_rest});
+        add_line(result.table, specimen, static_cast<double>(result.table.lines.size() + 1), quantity, unit, requested,
+                 measured, of, time_s);
     };
     const auto [pulled, pulled_s] = series.run([&] { return measure_membrane(test); });
     add("square of 0.3 m", "membrane stiffness", "N/m", material.membrane_stiffness, pulled.value, pulled, pulled_s);

@@ -10,6 +10,7 @@
 #include "haptic/sim/block.hpp"
 #include "haptic/sim/elasticity.hpp"
 #include "haptic/sim/model_builder.hpp"
+#include "material/moduli.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -168,7 +169,7 @@ Measured measure_bending(const BarTest& test) {
         bar.model.pinned[i] = bar.model.rest_position[i].x < bar.spacing ? 1 : 0;
     }
     const double young = test.material.young_modulus;
-    const double shear = young / (2.0 * (1.0 + test.material.poisson_ratio));
+    const double shear = shear_modulus(test.material);
     const double area = test.side * test.side;
     const double inertia = area * area / 12.0;
     const double line_density = test.material.density * area;
@@ -194,7 +195,7 @@ Measured measure_bending(const BarTest& test) {
 
 Measured measure_torsion(const BarTest& test) {
     Bar bar = make_bar(test);
-    const double shear = test.material.young_modulus / (2.0 * (1.0 + test.material.poisson_ratio));
+    const double shear = shear_modulus(test.material);
     const double constant = kTorsionConstant * std::pow(test.side, 4);
     const double torque = shear * constant * kTwist / test.length;
     // Tangential forces on the last layer, about its own middle, so that they do not bend the bar.

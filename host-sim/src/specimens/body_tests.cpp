@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "material/moduli.hpp"
 #include "mesh/mesh_measures.hpp"
 #include "specimens/relaxation.hpp"
 
@@ -160,7 +161,7 @@ BodyMeasured BodyTests::stretch() const {
 }
 
 BodyMeasured BodyTests::shear() const {
-    const double modulus = material_.young_modulus / (2.0 * (1.0 + material_.poisson_ratio));
+    const double modulus = shear_modulus(material_);
     const double stress = kLoadStrain * modulus;
     const Answer found =
         answer(stress * (glm::outerProduct(axes_[0], axes_[1]) + glm::outerProduct(axes_[1], axes_[0])), Mat3(0.0));
@@ -171,7 +172,7 @@ BodyMeasured BodyTests::shear() const {
 }
 
 BodyMeasured BodyTests::swell() const {
-    const double modulus = material_.young_modulus / (3.0 * (1.0 - 2.0 * material_.poisson_ratio));
+    const double modulus = bulk_modulus(material_);
     const double tension = kLoadStrain * modulus;
     const Answer found = answer(Mat3(tension), Mat3(0.0));
     return {.modulus = tension / found.gradient.trace(),
