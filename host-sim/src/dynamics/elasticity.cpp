@@ -422,16 +422,18 @@ double resolved_step(const ParticleModel& model) {
     if (bodies.empty()) {
         bodies.push_back({0, static_cast<std::uint32_t>(model.size())});
     }
-    for (const ParticleRange& body : bodies) {
-        double stress = 0.0;
-        double volume = 0.0;
-        for (const ElasticElement& element : model.elasticity.elements) {
-            if (element.centre >= body.begin && element.centre < body.end) {
-                stress = std::max(stress, element.shear_modulus * 2.0 + element.lame_modulus);
-                volume += element.volume;
-            }
-        }
-        if (!(volume > 0.0)) {
+    std::vector<double> stress(bodies.size(), 0.0);
+    std::vector<double> volume(bodies.size(), 0.0);
+    for (const ElasticElement& element : model.elasticity.elements) {
+        const auto body = std::upper_bound(bodies.begin(), bodies.end(), element.centre,
+                                           [](std::uint32_t p, const ParticleRange& range) { return p < range.end; });
+        const auto b = static_cast<std::size_t>(body - bodies.begin());
+        stress[b] = std::max(stress[b], element.shear_modulus * 2.0 + element.lame_modulus);
+        volume[b] += element.volume;
+    }
+    for (std::size_t b = 0; b < bodies.size(); ++b) {
+        const ParticleRange& body = bodies[b];
+        if (!(volume[b] > 0.0)) {
             continue;
         }
         double mass = 0.0;
@@ -444,7 +446,7 @@ double resolved_step(const ParticleModel& model) {
         }
         const Vec3 size = high - low;
         const double longest = std::max({size.x, size.y, size.z});
-        step = std::min(step, 0.25 * longest / std::sqrt(stress * volume / mass));
+        step = std::min(step, 0.25 * longest / std::sqrt(stress[b] * volume[b] / mass));
     }
     return step;
 }
