@@ -101,8 +101,9 @@ void ElasticBodies::batch_elements(const ParticleModel& model, bool triangles, E
             order.push_back(e);
         }
     }
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::uint32_t a, std::uint32_t b) { return all[a].members.size() > all[b].members.size(); });
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+        return std::pair(all[b].members.size(), a) < std::pair(all[a].members.size(), b);
+    });
     const std::size_t n = kernels_.lanes;
     const std::size_t directions = triangles ? 2 : 3;
     for (std::size_t first = 0; first < order.size(); first += n) {

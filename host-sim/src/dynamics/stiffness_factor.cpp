@@ -3,10 +3,10 @@
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
 #include <algorithm>
+#include <compare>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
-#include <tuple>
 #include <utility>
 
 namespace haptic::sim {
@@ -57,28 +57,31 @@ StiffnessFactor::StiffnessFactor(std::size_t size, std::span<const MatrixElement
 
 void StiffnessFactor::find_columns(std::size_t size, std::span<const MatrixElement> lower,
                                    const std::vector<std::uint32_t>& position) {
-    // By column, then row of the factors.
-    std::vector<MatrixElement> sorted(lower.begin(), lower.end());
-    for (MatrixElement& e : sorted) {
-        const auto [row, column] = std::minmax(position[e.row], position[e.column]);
-        std::tie(e.row, e.column) = std::pair(row, column);
+    // By column, then row of the factors; what adds up stays in the order given.
+    struct Place {
+        std::uint32_t column, row;
+        std::size_t element;
+        auto operator<=>(const Place&) const = default;
+    };
+    std::vector<Place> sorted(lower.size());
+    for (std::size_t e = 0; e < lower.size(); ++e) {
+        const auto [row, column] = std::minmax(position[lower[e].row], position[lower[e].column]);
+        sorted[e] = {column, row, e};
     }
-    std::stable_sort(sorted.begin(), sorted.end(), [](const MatrixElement& a, const MatrixElement& b) {
-        return std::pair(a.column, a.row) < std::pair(b.column, b.row);
-    });
+    std::sort(sorted.begin(), sorted.end());
     upper_.first.assign(size + 1, 0);
     for (std::size_t k = 0; k < sorted.size(); ++k) {
-        const MatrixElement& e = sorted[k];
-        if (k == 0 || e.row != sorted[k - 1].row || e.column != sorted[k - 1].column) {
-            upper_.row.push_back(e.row);
+        const auto [column, row, element] = sorted[k];
+        if (k == 0 || row != sorted[k - 1].row || column != sorted[k - 1].column) {
+            upper_.row.push_back(row);
             upper_.stiffness.push_back(0.0);
             upper_.viscosity.push_back(0.0);
             upper_.mass.push_back(0.0);
-            ++upper_.first[e.column + 1];
+            ++upper_.first[column + 1];
         }
-        upper_.stiffness.back() += e.stiffness;
-        upper_.viscosity.back() += e.viscosity;
-        upper_.mass.back() += e.mass;
+        upper_.stiffness.back() += lower[element].stiffness;
+        upper_.viscosity.back() += lower[element].viscosity;
+        upper_.mass.back() += lower[element].mass;
     }
     std::partial_sum(upper_.first.begin(), upper_.first.end(), upper_.first.begin());
 }
