@@ -38,7 +38,7 @@ INSTANTIATE_TEST_SUITE_P(
                     SceneHash{"four-fish", 0x29c987c6dee8f25d}, SceneHash{"curtain-hand", 0x6072530e2d72239f},
                     SceneHash{"plane-slide", 0xb3a8003b50888e92}, SceneHash{"rod-gap", 0x2e08af4cbd3ae235},
                     SceneHash{"fish-grab", 0x64608f4a848b2950, 900},  // touches from step 230 on
-                    SceneHash{"gel-block", 0x8f9e2a48f0ee303f, 400}, SceneHash{"organ-lift", 0x27fbb2352d760671, 400}),
+                    SceneHash{"gel-block", 0xcfb3ff439c41181d, 400}, SceneHash{"organ-lift", 0x91fe1c9b419c1ab2, 400}),
     [](const testing::TestParamInfo<SceneHash>& scene) {
         std::string name = scene.param.scene;
         for (char& c : name) {

@@ -31,6 +31,19 @@ bool is_triangle(const ElasticElement& element) {
     return element.members.size() == kCorners;
 }
 
+/// Those of a triangle in its own axes, along its first gradient and across it; z is 0.
+std::vector<Vec3> gradients_of(const ElasticElement& element) {
+    std::vector<Vec3> gradients = element.gradient;
+    if (is_triangle(element)) {
+        const Vec3 along = glm::normalize(gradients[0]);
+        const Vec3 across = glm::normalize(gradients[1] - glm::dot(gradients[1], along) * along);
+        for (Vec3& g : gradients) {
+            g = Vec3(glm::dot(g, along), glm::dot(g, across), 0.0);
+        }
+    }
+    return gradients;
+}
+
 Row row_of(const Vec3& v) noexcept {
     return {{v.x, v.y, v.z, 0.0}};
 }
@@ -53,12 +66,17 @@ ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes)
     batch_elements(model, false, solids_);
     batch_elements(model, true, triangles_);
     list_pairs(model);
-    list_forces(model);
+    list_shares(model);
     assemble(model);
     for (const ElasticElement& element : model.elasticity.elements) {
         if (!is_triangle(element)) {
             turning_.push_back(element.centre);
         }
+        most_damping_ = std::max(most_damping_, element.damping);
+    }
+    least_damping_ = most_damping_;
+    for (const ElasticElement& element : model.elasticity.elements) {
+        least_damping_ = std::min(least_damping_, element.damping);
     }
     for (LaneArray<Row>* rows : {&at_, &velocity_, &given_, &sides_}) {
         rows->resize(empty() ? 0 : model.size() + kPadding);
@@ -106,11 +124,12 @@ void ElasticBodies::batch_elements(const ParticleModel& model, bool triangles, E
     });
     const std::size_t n = kernels_.lanes;
     const std::size_t directions = triangles ? 2 : 3;
+    to.first = stress_.size() / 3;
     for (std::size_t first = 0; first < order.size(); first += n) {
         const std::size_t slots = all[order[first]].members.size();
         const std::size_t first_slot = to.member.size() / n;
         const std::size_t batch = to.batch.size();
-        to.batch.push_back({static_cast<std::uint32_t>(first_slot), static_cast<std::uint32_t>(slots), false});
+        to.batch.push_back({static_cast<std::uint32_t>(first_slot), static_cast<std::uint32_t>(slots)});
         // Padding in every lane and slot, replaced by what there is.
         for (std::size_t lane = 0; lane < n; ++lane) {
             to.centre.push_back(static_cast<std::uint32_t>(model.size() + lane));
@@ -130,8 +149,7 @@ void ElasticBodies::batch_elements(const ParticleModel& model, bool triangles, E
             to.shear[at] = 2.0 * e.shear_modulus * e.volume;
             to.lame[at] = e.lame_modulus * e.volume;
             to.damping[at] = e.damping;
-            to.batch[batch].damped = to.batch[batch].damped || e.damping > 0.0;
-            place_[order[first + lane]] = static_cast<std::uint32_t>(first_slot * n + lane);
+            place_[order[first + lane]] = static_cast<std::uint32_t>(to.first + at);
             if (!triangles) {
                 const Mat3& s = e.spread;
                 const double symmetric[6] = {s[0][0], s[1][1], s[2][2], s[0][1], s[0][2], s[1][2]};
@@ -139,22 +157,17 @@ void ElasticBodies::batch_elements(const ParticleModel& model, bool triangles, E
                     to.spread[(6 * batch + k) * n + lane] = symmetric[k];
                 }
             }
-            // Axes of a triangle: along its first gradient, and across it.
-            const Vec3 along = triangles ? glm::normalize(e.gradient[0]) : Vec3(1.0, 0.0, 0.0);
-            const Vec3 across = triangles ? glm::normalize(e.gradient[1] - glm::dot(e.gradient[1], along) * along)
-                                          : Vec3(0.0, 1.0, 0.0);
+            const std::vector<Vec3> gradient = gradients_of(e);
             for (std::size_t k = 0; k < e.members.size(); ++k) {
                 const std::size_t slot = first_slot + k;
-                const Vec3& g = e.gradient[k];
                 to.member[slot * n + lane] = e.members[k];
-                const double component[3] = {glm::dot(g, along), glm::dot(g, across), g.z};
                 for (std::size_t c = 0; c < directions; ++c) {
-                    to.gradient[(directions * slot + c) * n + lane] = component[c];
+                    to.gradient[(directions * slot + c) * n + lane] = gradient[k][static_cast<int>(c)];
                 }
             }
         }
     }
-    to.force.resize(to.member.size());
+    stress_.resize(stress_.size() + 3 * n * to.batch.size());
 }
 
 void ElasticBodies::list_pairs(const ParticleModel& model) {
@@ -165,7 +178,7 @@ void ElasticBodies::list_pairs(const ParticleModel& model) {
     }
     first_pair_ = starts_of(count);
     std::vector<std::uint32_t> next(first_pair_.begin(), first_pair_.end() - 1);
-    for (std::vector<double>* values : {&pair_stiffness_, &pair_viscosity_}) {
+    for (std::vector<double>* values : {&pair_stiffness_, &pair_damping_}) {
         values->resize(first_pair_.back());
     }
     other_.resize(first_pair_.back());
@@ -173,7 +186,7 @@ void ElasticBodies::list_pairs(const ParticleModel& model) {
         const std::uint32_t k = next[particle]++;
         other_[k] = other;
         pair_stiffness_[k] = pair.stiffness;
-        pair_viscosity_[k] = pair.damping * pair.stiffness;
+        pair_damping_[k] = pair.damping;
     };
     for (const ElasticPair& pair : model.elasticity.pairs) {
         add(pair.first, pair.second, pair);
@@ -181,23 +194,27 @@ void ElasticBodies::list_pairs(const ParticleModel& model) {
     }
 }
 
-void ElasticBodies::list_forces(const ParticleModel& model) {
-    // The places at which elements write a particle's forces, in the order of the elements.
-    const std::vector<ElasticElement>& elements = model.elasticity.elements;
+/// What each element pulls at a particle: its stress times the particle's gradient.
+void ElasticBodies::list_shares(const ParticleModel& model) {
     std::vector<std::uint32_t> count(model.size(), 0);
-    for (const ElasticElement& e : elements) {
+    for (const ElasticElement& e : model.elasticity.elements) {
         for (const std::uint32_t p : e.members) {
             ++count[p];
         }
     }
-    first_force_ = starts_of(count);
-    force_place_.resize(first_force_.back());
-    std::vector<std::uint32_t> next(first_force_.begin(), first_force_.end() - 1);
-    const auto solid_places = static_cast<std::uint32_t>(solids_.force.size());
-    for (std::size_t e = 0; e < elements.size(); ++e) {
-        const std::uint32_t first = place_[e] + (is_triangle(elements[e]) ? solid_places : 0);
-        for (std::size_t k = 0; k < elements[e].members.size(); ++k) {
-            force_place_[next[elements[e].members[k]]++] = first + static_cast<std::uint32_t>(k * kernels_.lanes);
+    first_share_ = starts_of(count);
+    share_element_.resize(first_share_.back());
+    share_gradient_.resize(3 * static_cast<std::size_t>(first_share_.back()));
+    std::vector<std::uint32_t> next(first_share_.begin(), first_share_.end() - 1);
+    for (std::size_t e = 0; e < place_.size(); ++e) {
+        const ElasticElement& element = model.elasticity.elements[e];
+        const std::vector<Vec3> gradient = gradients_of(element);
+        for (std::size_t k = 0; k < element.members.size(); ++k) {
+            const std::uint32_t share = next[element.members[k]]++;
+            share_element_[share] = 3 * place_[e];
+            for (int c = 0; c < 3; ++c) {
+                share_gradient_[3 * static_cast<std::size_t>(share) + static_cast<std::size_t>(c)] = gradient[k][c];
+            }
         }
     }
 }
@@ -221,7 +238,6 @@ void ElasticBodies::assemble(const ParticleModel& model) {
             const std::uint32_t body = body_of_particle_[p];
             lower[body].push_back(
                 {.row = row[p], .column = row[q], .stiffness = stiffness, .viscosity = damping * stiffness});
-            bodies_[body].damped = bodies_[body].damped || damping > 0.0;
         }
     };
     for (const ElasticElement& e : model.elasticity.elements) {
@@ -251,30 +267,34 @@ void ElasticBodies::prepare(double h) {
     if (empty() || h == h_) {
         return;
     }
+    own_damping_ = std::min(h, least_damping_);
+    damped_ = most_damping_ > own_damping_;
     const auto known = std::find(steps_.begin(), steps_.end(), h);
     slot_ = static_cast<std::size_t>(known - steps_.begin());
     if (known == steps_.end()) {
         slot_ = oldest_;
         oldest_ = (oldest_ + 1) % kKeptFactors;
         for (const Body& body : bodies_) {
-            body.factor->factorise(slot_, h);
+            body.factor->factorise(slot_, h, own_damping_);
         }
         steps_[slot_] = h;
     }
     h_ = h;
 }
 
-ElasticBatches ElasticBodies::batches_of(Elements& e) const noexcept {
+ElasticBatches ElasticBodies::batches_of(const Elements& e) noexcept {
     return {.batches = e.batch.size(),
             .batch = e.batch.data(),
             .centre = e.centre.data(),
             .shear = e.shear.data(),
             .lame = e.lame.data(),
             .damping = e.damping.data(),
+            .own_damping = own_damping_,
+            .damped = damped_,
             .spread = e.spread.data(),
             .member = e.member.data(),
             .gradient = e.gradient.data(),
-            .force = e.force.data()};
+            .stress = stress_.data() + 3 * e.first};
 }
 
 void ElasticBodies::step(const ParticleModel& start, double drag_factor, Row* position, Row* orientation) noexcept {
@@ -293,7 +313,7 @@ void ElasticBodies::step(const ParticleModel& start, double drag_factor, Row* po
     for (const std::uint32_t i : turning_) {
         turn_[i] = orientation[i];
     }
-    // Forces of the elements at x0, and the rotations that belong to it.
+    // Stresses of the elements at x0, and the rotations that belong to it.
     const ElasticParticles particles{at_.data(), velocity_.data(), turn_.data()};
     kernels_.solids(batches_of(solids_), particles);
     kernels_.triangles(batches_of(triangles_), particles);
@@ -304,16 +324,16 @@ void ElasticBodies::step(const ParticleModel& start, double drag_factor, Row* po
         // f - grad E(x0), then x0 + A^-1 of it.
         kernels_.sum({.count = body.free.size(),
                       .particle = body.free.data(),
-                      .first_force = first_force_.data(),
-                      .force = force_place_.data(),
-                      .solid_force = solids_.force.data(),
-                      .triangle_force = triangles_.force.data(),
-                      .solid_places = static_cast<std::uint32_t>(solids_.force.size()),
+                      .first_share = first_share_.data(),
+                      .element = share_element_.data(),
+                      .gradient = share_gradient_.data(),
+                      .stress = stress_.data(),
                       .first_pair = first_pair_.data(),
                       .other = other_.data(),
                       .stiffness = pair_stiffness_.data(),
-                      .viscosity = pair_viscosity_.data(),
-                      .damped = body.damped,
+                      .damping = pair_damping_.data(),
+                      .own_damping = own_damping_,
+                      .damped = damped_,
                       .position = at_.data(),
                       .velocity = velocity_.data(),
                       .given = given_.data(),

@@ -5,9 +5,12 @@
 //
 //     x0 + A^-1 (f - grad E(x0)),   A = M / h^2 + sum kappa V b b^T + pairs
 //
-// goes to the minimum of the incremental potential (x - x0)^T M (x - x0) / (2 h^2) + E(x) - f x. Damping adds tau times
-// the rate of the strain, and the factor 1 + tau / h in A. kappa bounds the stress per strain in every direction, so A
-// does not depend on the rotations: it is the same matrix for x, y and z, and is factorised once.
+// goes to the minimum of the incremental potential (x - x0)^T M (x - x0) / (2 h^2) + E(x) - f x. kappa bounds the
+// stress per strain in every direction, so A does not depend on the rotations: it is the same matrix for x, y and z,
+// and is factorised once.
+//
+// Such a step damps a vibration as a material would whose damping is h. That much of the material's damping tau is left
+// to the step; what is more, tau - h, adds as much times the rate of the strain, and the factor 1 + (tau - h) / h in A.
 //
 // At rest x = x0, hence grad E = f: stiffness is exactly that of the material, whatever the step, in one pass. In
 // motion kappa makes slow what is softer than kappa and faster than a few sub-steps, waves shorter than the way of
@@ -64,6 +67,7 @@ class ElasticBodies {
   private:
     /// Storage of ElasticBatches.
     struct Elements {
+        std::size_t first = 0;  // place of its first lane; see place_
         std::vector<ElasticBatch> batch;
         LaneArray<std::uint32_t> centre;
         LaneArray<double> shear;
@@ -72,41 +76,46 @@ class ElasticBodies {
         LaneArray<double> spread;
         LaneArray<std::uint32_t> member;
         LaneArray<double> gradient;
-        LaneArray<Row> force;
     };
     struct Body {
         ParticleRange particles;
-        std::vector<std::uint32_t> free{};  // particles that are not pinned
-        bool damped = false;
+        std::vector<std::uint32_t> free{};          // particles that are not pinned
         std::unique_ptr<StiffnessFactor> factor{};  // of A over the free particles
     };
 
     void find_bodies(const ParticleModel& model);
     void batch_elements(const ParticleModel& model, bool triangles, Elements& to);
     void list_pairs(const ParticleModel& model);
-    void list_forces(const ParticleModel& model);
+    void list_shares(const ParticleModel& model);
     void assemble(const ParticleModel& model);
-    [[nodiscard]] ElasticBatches batches_of(Elements& elements) const noexcept;
+    [[nodiscard]] ElasticBatches batches_of(const Elements& elements) noexcept;
 
     const ElasticKernels& kernels_;
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;  // kNone: not elastic
     std::vector<std::uint32_t> turning_;
-    double h_ = 0.0;  // s
+    double h_ = 0.0;            // s
+    double own_damping_ = 0.0;  // s, of the step
+    bool damped_ = false;       // something has more
+    // The least and the most in the model, s.
+    double least_damping_ = 0.0;
+    double most_damping_ = 0.0;
     // The last lengths of sub-steps, s, by slot of the factors, since contacts may change it from step to step.
     std::vector<double> steps_;
     std::size_t slot_ = 0;    // of the present one
     std::size_t oldest_ = 0;  // of these
     Elements solids_;
     Elements triangles_;
-    std::vector<std::uint32_t> place_;  // of each element's first force, its members one lane vector apart
+    std::vector<std::uint32_t> place_;  // of each element among all lanes of all batches, solids first
     // Storage of ForceSums.
-    std::vector<std::uint32_t> first_force_;
-    std::vector<std::uint32_t> force_place_;
+    std::vector<std::uint32_t> first_share_;
+    std::vector<std::uint32_t> share_element_;
+    std::vector<double> share_gradient_;
     std::vector<std::uint32_t> first_pair_;
     std::vector<std::uint32_t> other_;
     std::vector<double> pair_stiffness_;
-    std::vector<double> pair_viscosity_;
+    std::vector<double> pair_damping_;
+    LaneArray<Row> stress_;  // J, three rows per place
     // Scratch, per particle, with padding.
     LaneArray<Row> at_;        // m, x0
     LaneArray<Row> velocity_;  // m/s, (x0 - x) / h

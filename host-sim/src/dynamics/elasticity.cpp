@@ -43,6 +43,9 @@ constexpr double kGradientStiffness = 0.4;
 // Energy of what the quadratic fit leaves over, per E V / L^2: keeps patterns of the size of two particles from moving
 // freely.
 constexpr double kRemainderStiffness = 0.4;
+// Bounds of faithful_step(), s.
+constexpr double kLeastDamping = 2e-3;
+constexpr double kLongestStep = 5e-3;
 
 [[noreturn]] void refuse_elasticity(const std::string& why) {
     throw std::invalid_argument("elasticity: " + why);
@@ -449,6 +452,15 @@ double resolved_step(const ParticleModel& model) {
         step = std::min(step, 0.25 * longest / std::sqrt(stress[b] * volume[b] / mass));
     }
     return step;
+}
+
+double faithful_step(const ParticleModel& model) {
+    double damping = kLongestStep;
+    for (const ElasticElement& element : model.elasticity.elements) {
+        damping = std::min(damping, element.damping);
+    }
+    return model.elasticity.elements.empty() ? std::numeric_limits<double>::infinity()
+                                             : std::min(resolved_step(model), std::max(damping, kLeastDamping));
 }
 
 }  // namespace haptic::sim

@@ -14,10 +14,8 @@
 namespace haptic::sim {
 namespace {
 
-// Sub-steps chosen for bodies with a material, s. The shortest bounds the time of a step; the longest keeps the
-// dissipation of the implicit step low where nothing is stiff.
+// Sub-steps chosen for bodies with a material, s. The shortest bounds the time of a step.
 constexpr double kShortestChosen = 2.5e-4;
-constexpr double kLongestChosen = 2e-3;
 // 10 ms are 5 sub-steps of 2 ms, whatever rounding makes of the quotient.
 constexpr double kRounding = 1e-12;
 
@@ -202,7 +200,7 @@ struct ParticleSolver::ProjectionState {
 };
 
 ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings& settings, std::size_t lanes)
-    : settings_(settings), resolved_step_(resolved_step(model)) {
+    : settings_(settings), faithful_step_(faithful_step(model)) {
     check(settings);
     model.check();
     for (const ParticleRange& body : bodies_of(model)) {
@@ -235,8 +233,8 @@ int ParticleSolver::substeps() const noexcept {
     if (settings_.substeps > 0) {
         return settings_.substeps;
     }
-    const double longest = std::clamp(resolved_step_, kShortestChosen, kLongestChosen);
-    return std::isinf(resolved_step_) ? 1 : static_cast<int>(std::ceil(settings_.step / longest * (1.0 - kRounding)));
+    const double longest = std::max(faithful_step_, kShortestChosen);
+    return std::isinf(longest) ? 1 : static_cast<int>(std::ceil(settings_.step / longest * (1.0 - kRounding)));
 }
 
 void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,

@@ -13,6 +13,8 @@ namespace haptic::sim {
 namespace {
 
 constexpr std::uint32_t kRoot = std::numeric_limits<std::uint32_t>::max();
+// Elements of a panel per element of L in it, at most: zeros cost less than more panels, to a point.
+constexpr double kPadding = 1.3;
 
 /// Position of each row of the matrix in an order with little fill.
 std::vector<std::uint32_t> little_fill(std::size_t size, std::span<const MatrixElement> lower) {
@@ -36,23 +38,15 @@ std::vector<std::uint32_t> little_fill(std::size_t size, std::span<const MatrixE
 }  // namespace
 
 StiffnessFactor::StiffnessFactor(std::size_t size, std::span<const MatrixElement> lower, std::size_t slots)
-    : order_(size),
-      parent_(size, kRoot),
-      first_(size + 1, 0),
-      ordered_(size),
-      end_(size),
-      seen_(size),
-      pattern_(size),
-      way_(size),
-      side_(size, 0.0) {
+    : order_(size), panel_of_(size), ordered_(size), end_(size), side_(size, 0.0) {
     const std::vector<std::uint32_t> position = little_fill(size, lower);
     for (std::uint32_t i = 0; i < size; ++i) {
         order_[position[i]] = i;
     }
     find_columns(size, lower, position);
-    find_tree();
-    row_.resize(first_.back());
-    slots_.assign(slots, {std::vector<double>(row_.size()), std::vector<double>(size)});
+    form_panels(find_patterns());
+    list_columns_by_row();
+    slots_.assign(slots, {std::vector<double>(fill_, 0.0), std::vector<double>(size)});
 }
 
 void StiffnessFactor::find_columns(std::size_t size, std::span<const MatrixElement> lower,
@@ -86,60 +80,108 @@ void StiffnessFactor::find_columns(std::size_t size, std::span<const MatrixEleme
     std::partial_sum(upper_.first.begin(), upper_.first.end(), upper_.first.begin());
 }
 
-/// Finds the elimination tree, and how many elements each column of L has below the diagonal.
-void StiffnessFactor::find_tree() {
+/// The rows of L's elements below the diagonal, per column, from the elimination tree.
+StiffnessFactor::RowLists StiffnessFactor::find_patterns() const {
+    RowLists below(order_.size());
+    std::vector<std::uint32_t> parent(order_.size(), kRoot);
+    std::vector<std::uint32_t> seen(order_.size());
     for (std::uint32_t k = 0; k < order_.size(); ++k) {
-        seen_[k] = k;
+        seen[k] = k;
         for (std::uint32_t e = upper_.first[k]; e < upper_.first[k + 1]; ++e) {
             // Row k of L has an element in each column on the way from this one to k.
-            for (std::uint32_t i = upper_.row[e]; seen_[i] != k; i = parent_[i]) {
-                if (parent_[i] == kRoot) {
-                    parent_[i] = k;
+            for (std::uint32_t i = upper_.row[e]; seen[i] != k; i = parent[i]) {
+                if (parent[i] == kRoot) {
+                    parent[i] = k;
                 }
-                ++first_[i + 1];
-                seen_[i] = k;
+                below[i].push_back(k);
+                seen[i] = k;
             }
         }
     }
-    std::partial_sum(first_.begin(), first_.end(), first_.begin());
+    return below;
 }
 
-void StiffnessFactor::factorise(std::size_t slot, double h) {
+void StiffnessFactor::form_panels(const RowLists& below) {
+    for (std::uint32_t first = 0; first < below.size(); first += panels_.back().width) {
+        // The next column has all rows of this one but its own, if it is the first of them.
+        std::uint32_t width = 1;
+        std::size_t elements = below[first].size();
+        for (std::uint32_t next = first + 1; width < kPanelColumns && next < below.size(); ++next, ++width) {
+            if (below[next - 1].empty() || below[next - 1].front() != next) {
+                break;
+            }
+            const std::size_t with_next = elements + below[next].size();
+            const std::size_t stored = (width + 1) * (below[next].size() + width);
+            if (static_cast<double>(stored) > kPadding * static_cast<double>(with_next + width * (width + 1))) {
+                break;
+            }
+            elements = with_next;
+        }
+        const std::vector<std::uint32_t>& common = below[first + width - 1];
+        const FactorPanel panel{.column = first,
+                                .width = width,
+                                .first_row = static_cast<std::uint32_t>(row_.size()),
+                                .rows = width + static_cast<std::uint32_t>(common.size()),
+                                .first = static_cast<std::uint32_t>(fill_)};
+        for (std::uint32_t c = first; c < first + width; ++c) {
+            panel_of_[c] = static_cast<std::uint32_t>(panels_.size());
+            row_.push_back(c);
+        }
+        row_.insert(row_.end(), common.begin(), common.end());
+        panels_.push_back(panel);
+        fill_ += static_cast<std::size_t>(panel.rows) * width;
+    }
+}
+
+void StiffnessFactor::list_columns_by_row() {
+    const auto for_each_element = [&](auto&& call) {
+        for (const FactorPanel& panel : panels_) {
+            for (std::uint32_t t = 1; t < panel.rows; ++t) {
+                for (std::uint32_t c = 0; c < std::min(t, panel.width); ++c) {
+                    call(row_[panel.first_row + t], panel.column + c);
+                }
+            }
+        }
+    };
+    first_column_.assign(order_.size() + 1, 0);
+    for_each_element([&](std::uint32_t row, std::uint32_t) { ++first_column_[row + 1]; });
+    std::partial_sum(first_column_.begin(), first_column_.end(), first_column_.begin());
+    column_.resize(first_column_.back());
+    std::vector<std::uint32_t> next(first_column_.begin(), first_column_.end() - 1);
+    for_each_element([&](std::uint32_t row, std::uint32_t column) { column_[next[row]++] = column; });
+}
+
+void StiffnessFactor::factorise(std::size_t slot, double h, double own_damping) {
     std::vector<double>& below = slots_[slot].below;
     std::vector<double>& inverse_diagonal = slots_[slot].inverse_diagonal;
     const double by_mass = 1.0 / (h * h);
     const double by_viscosity = 1.0 / h;
-    std::copy(first_.begin(), first_.end() - 1, end_.begin());
-    std::fill(seen_.begin(), seen_.end(), kRoot);
+    const double by_stiffness = 1.0 - own_damping / h;
+    for (const FactorPanel& panel : panels_) {
+        std::iota(end_.begin() + panel.column, end_.begin() + panel.column + panel.width, 1U);
+    }
     // Row by row of L: L_k. solves the triangle above with column k of the matrix.
     for (std::uint32_t k = 0; k < order_.size(); ++k) {
-        // The columns with an element in row k, in the order in which they are eliminated.
-        seen_[k] = k;
-        std::size_t top = order_.size();
         for (std::uint32_t e = upper_.first[k]; e < upper_.first[k + 1]; ++e) {
-            side_[upper_.row[e]] += upper_.stiffness[e] + by_viscosity * upper_.viscosity[e] + by_mass * upper_.mass[e];
-            std::size_t length = 0;
-            for (std::uint32_t i = upper_.row[e]; seen_[i] != k; i = parent_[i]) {
-                way_[length++] = i;
-                seen_[i] = k;
-            }
-            while (length > 0) {
-                pattern_[--top] = way_[--length];
-            }
+            side_[upper_.row[e]] +=
+                by_stiffness * upper_.stiffness[e] + by_viscosity * upper_.viscosity[e] + by_mass * upper_.mass[e];
         }
         double diagonal = side_[k];
         side_[k] = 0.0;
-        for (; top < order_.size(); ++top) {
-            const std::uint32_t column = pattern_[top];
+        for (std::uint32_t e = first_column_[k]; e < first_column_[k + 1]; ++e) {
+            const std::uint32_t column = column_[e];
+            const FactorPanel& panel = panels_[panel_of_[column]];
+            const std::uint32_t c = column - panel.column;
+            const std::uint32_t* const row = row_.data() + panel.first_row;
+            double* const element = below.data() + panel.first + c;
             const double known = side_[column];
             side_[column] = 0.0;
-            for (std::uint32_t p = first_[column]; p < end_[column]; ++p) {
-                side_[row_[p]] -= below[p] * known;
+            for (std::uint32_t t = c + 1; t < end_[column]; ++t) {
+                side_[row[t]] -= element[t * panel.width] * known;
             }
-            const double element = known * inverse_diagonal[column];
-            diagonal -= element * known;
-            row_[end_[column]] = k;
-            below[end_[column]] = element;
+            const double found = known * inverse_diagonal[column];
+            diagonal -= found * known;
+            element[end_[column] * panel.width] = found;
             ++end_[column];
         }
         if (!(diagonal > 0.0)) {
@@ -153,8 +195,8 @@ void StiffnessFactor::solve(const ElasticKernels& kernels, std::size_t slot, std
     for (std::size_t p = 0; p < order_.size(); ++p) {
         ordered_[p] = sides[order_[p]];
     }
-    kernels.solve({.rows = order_.size(),
-                   .first = first_.data(),
+    kernels.solve({.panels = panels_.size(),
+                   .panel = panels_.data(),
                    .row = row_.data(),
                    .below = slots_[slot].below.data(),
                    .inverse_diagonal = slots_[slot].inverse_diagonal.data(),

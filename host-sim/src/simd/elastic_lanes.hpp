@@ -26,11 +26,17 @@ HAPTIC_LANES LaneVec<Real> vector_from(const double* from) noexcept {
     return {load<Real>(from), load<Real>(from + kLanes<Real>), load<Real>(from + 2 * kLanes<Real>)};
 }
 
-/// Stores the force of each lane at its place.
+/// Stores a column of each lane's stress in its row.
 template <class Real>
-HAPTIC_LANES void store_forces(const LaneVec<Real>& force, Row* to) noexcept {
-    scatter<Real>({force.x, force.y, force.z, Real{}},
-                  [to](std::size_t lane) __attribute__((always_inline)) { return to[lane].number; });
+HAPTIC_LANES void store_column(const LaneVec<Real>& column, Row* first, std::size_t k) noexcept {
+    scatter<Real>({column.x, column.y, column.z, Real{}},
+                  [first, k](std::size_t lane) __attribute__((always_inline)) { return first[3 * lane + k].number; });
+}
+
+/// The part of the damping that the step itself does not have.
+template <class Real>
+HAPTIC_LANES Real further_damping(const ElasticBatches& b, std::size_t batch) noexcept {
+    return load<Real>(b.damping + batch * kLanes<Real>) - broadcast<Real>(b.own_damping);
 }
 
 /// sum of the members' rows, from the centre's, times the gradient: F, or its rate.
@@ -82,21 +88,18 @@ void elastic_solids(const ElasticBatches& b, const ElasticParticles& particles) 
         const LaneSymmetric<Real> spread{spread_row(0), spread_row(1), spread_row(2),
                                          spread_row(3), spread_row(4), spread_row(5)};
         LaneSymmetric<Real> e = turned_back(r, f) + broadcast<Real>(-1.0) * spread;
-        if (b.batch[batch].damped) {
+        if (b.damped) {
             const LaneMat<Real> rate = solid_gradient<Real>(b, batch, particles.velocity);
-            e = e + load<Real>(b.damping + batch * n) * turned_back(r, rate);
+            e = e + further_damping<Real>(b, batch) * turned_back(r, rate);
         }
         // Minus the stress times the volume, R (2 mu e + lambda tr(e) N).
         const Real shear = -load<Real>(b.shear + batch * n);
         const Real sum = -load<Real>(b.lame + batch * n) * (e.xx + e.yy + e.zz);
         const LaneSymmetric<Real> s = shear * e + sum * spread;
-        const LaneMat<Real> pull{s.xx * r.x + s.yx * r.y + s.zx * r.z, s.yx * r.x + s.yy * r.y + s.zy * r.z,
-                                 s.zx * r.x + s.zy * r.y + s.zz * r.z};
-        // The force on each member.
-        const std::size_t first = b.batch[batch].first_slot;
-        for (std::size_t slot = first; slot < first + b.batch[batch].slots; ++slot) {
-            store_forces<Real>(pull * vector_from<Real>(b.gradient + 3 * slot * n), b.force + slot * n);
-        }
+        Row* const stress = b.stress + 3 * batch * n;
+        store_column(s.xx * r.x + s.yx * r.y + s.zx * r.z, stress, 0);
+        store_column(s.yx * r.x + s.yy * r.y + s.zy * r.z, stress, 1);
+        store_column(s.zx * r.x + s.zy * r.y + s.zz * r.z, stress, 2);
     }
 }
 
@@ -146,24 +149,20 @@ void elastic_triangles(const ElasticBatches& b, const ElasticParticles& particle
         Real exx = uxx - one;
         Real eyy = uyy - one;
         Real exy = uxy;
-        if (b.batch[batch].damped) {
+        if (b.damped) {
             const TriangleGradient<Real> rate = triangle_gradient<Real>(b, batch, particles.velocity);
-            const Real damping = load<Real>(b.damping + batch * n);
+            const Real damping = further_damping<Real>(b, batch);
             exx = exx + damping * dot(rx, rate.x);
             eyy = eyy + damping * dot(ry, rate.y);
             exy = exy + broadcast<Real>(0.5) * damping * (dot(rx, rate.y) + dot(ry, rate.x));
         }
-        // Minus the stress times the area, and the force on each corner.
+        // Minus the stress times the area.
         const Real shear = -load<Real>(b.shear + batch * n);
         const Real sum = -load<Real>(b.lame + batch * n) * (exx + eyy);
         const Real sxy = shear * exy;
-        const LaneVec<Real> px = (shear * exx + sum) * rx + sxy * ry;
-        const LaneVec<Real> py = sxy * rx + (shear * eyy + sum) * ry;
-        const std::size_t first = b.batch[batch].first_slot;
-        for (std::size_t slot = first; slot < first + 3; ++slot) {
-            const double* const at = b.gradient + 2 * slot * n;
-            store_forces<Real>(load<Real>(at) * px + load<Real>(at + n) * py, b.force + slot * n);
-        }
+        Row* const stress = b.stress + 3 * batch * n;
+        store_column((shear * exx + sum) * rx + sxy * ry, stress, 0);
+        store_column(sxy * rx + (shear * eyy + sum) * ry, stress, 1);
     }
 }
 
@@ -172,49 +171,124 @@ void sum_forces(const ForceSums& s) noexcept {
     using Sum = DoubleRow<Lanes>;
     for (std::size_t r = 0; r < s.count; ++r) {
         const std::uint32_t i = s.particle[r];
-        Sum sum = load_row<Lanes>(s.given[i]);
-        for (std::uint32_t k = s.first_force[i]; k < s.first_force[i + 1]; ++k) {
-            const std::uint32_t place = s.force[k];
-            sum = sum + load_row<Lanes>(place < s.solid_places ? s.solid_force[place]
-                                                               : s.triangle_force[place - s.solid_places]);
+        // Three sums, so that additions need not wait for one another.
+        Sum x = load_row<Lanes>(s.given[i]);
+        Sum y{};
+        Sum z{};
+        for (std::uint32_t k = s.first_share[i]; k < s.first_share[i + 1]; ++k) {
+            const Row* const stress = s.stress + s.element[k];
+            const double* const gradient = s.gradient + 3 * static_cast<std::size_t>(k);
+            x = x + gradient[0] * load_row<Lanes>(stress[0]);
+            y = y + gradient[1] * load_row<Lanes>(stress[1]);
+            z = z + gradient[2] * load_row<Lanes>(stress[2]);
         }
+        const std::uint32_t first = s.first_pair[i];
+        const std::uint32_t end = s.first_pair[i + 1];
         const Sum at = load_row<Lanes>(s.position[i]);
-        const Sum velocity = load_row<Lanes>(s.velocity[i]);
-        for (std::uint32_t k = s.first_pair[i]; k < s.first_pair[i + 1]; ++k) {
-            sum = sum + s.stiffness[k] * (load_row<Lanes>(s.position[s.other[k]]) - at);
-            if (s.damped) {
-                sum = sum + s.viscosity[k] * (load_row<Lanes>(s.velocity[s.other[k]]) - velocity);
+        const auto pull = [&](std::uint32_t k) __attribute__((always_inline)) {
+            return s.stiffness[k] * (load_row<Lanes>(s.position[s.other[k]]) - at);
+        };
+        std::uint32_t k = first;
+        for (; k + 1 < end; k += 2) {
+            x = x + pull(k);
+            y = y + pull(k + 1);
+        }
+        if (k < end) {
+            x = x + pull(k);
+        }
+        if (s.damped) {
+            const Sum velocity = load_row<Lanes>(s.velocity[i]);
+            for (k = first; k < end; ++k) {
+                const double viscosity = s.stiffness[k] * (s.damping[k] - s.own_damping);
+                x = x + viscosity * (load_row<Lanes>(s.velocity[s.other[k]]) - velocity);
             }
         }
-        store_row<Lanes>(sum, s.sum[r]);
+        store_row<Lanes>(x + (y + z), s.sum[r]);
+    }
+}
+
+/// L y = b for the columns of a panel.
+template <std::size_t Lanes, std::size_t Width>
+HAPTIC_LANES void solve_forward(const FactorPanels& f, const FactorPanel& panel) noexcept {
+    const double* below = f.below + panel.first;
+    DoubleRow<Lanes> known[Width];
+    for (std::size_t c = 0; c < Width; ++c, below += Width) {
+        known[c] = load_row<Lanes>(f.side[panel.column + c]);
+        for (std::size_t d = 0; d < c; ++d) {
+            known[c] = known[c] - below[d] * known[d];
+        }
+        store_row<Lanes>(known[c], f.side[panel.column + c]);
+    }
+    const std::uint32_t* const row = f.row + panel.first_row;
+    for (std::size_t t = Width; t < panel.rows; ++t, below += Width) {
+        DoubleRow<Lanes> side = load_row<Lanes>(f.side[row[t]]);
+        for (std::size_t c = 0; c < Width; ++c) {
+            side = side - below[c] * known[c];
+        }
+        store_row<Lanes>(side, f.side[row[t]]);
+    }
+}
+
+/// L^T x = y / D for the columns of a panel.
+template <std::size_t Lanes, std::size_t Width>
+HAPTIC_LANES void solve_backward(const FactorPanels& f, const FactorPanel& panel) noexcept {
+    DoubleRow<Lanes> sum[Width];
+    for (std::size_t c = 0; c < Width; ++c) {
+        const std::size_t column = panel.column + c;
+        sum[c] = f.inverse_diagonal[column] * load_row<Lanes>(f.side[column]);
+    }
+    const std::uint32_t* const row = f.row + panel.first_row;
+    const double* const below = f.below + panel.first;
+    for (std::size_t t = Width; t < panel.rows; ++t) {
+        const DoubleRow<Lanes> known = load_row<Lanes>(f.side[row[t]]);
+        for (std::size_t c = 0; c < Width; ++c) {
+            sum[c] = sum[c] - below[t * Width + c] * known;
+        }
+    }
+    for (std::size_t c = Width; c-- > 0;) {
+        for (std::size_t d = c + 1; d < Width; ++d) {
+            sum[c] = sum[c] - below[d * Width + c] * sum[d];
+        }
+        store_row<Lanes>(sum[c], f.side[panel.column + c]);
     }
 }
 
 template <std::size_t Lanes>
-void solve_columns(const FactorColumns& f) noexcept {
-    using Side = DoubleRow<Lanes>;
-    // L y = b, column by column.
-    for (std::size_t column = 0; column < f.rows; ++column) {
-        const Side known = load_row<Lanes>(f.side[column]);
-        for (std::uint32_t k = f.first[column]; k < f.first[column + 1]; ++k) {
-            Row& to = f.side[f.row[k]];
-            store_row<Lanes>(load_row<Lanes>(to) - f.below[k] * known, to);
+void solve_panels(const FactorPanels& f) noexcept {
+    static_assert(kPanelColumns == 4);
+    for (std::size_t p = 0; p < f.panels; ++p) {
+        const FactorPanel& panel = f.panel[p];
+        switch (panel.width) {
+            case 1:
+                solve_forward<Lanes, 1>(f, panel);
+                break;
+            case 2:
+                solve_forward<Lanes, 2>(f, panel);
+                break;
+            case 3:
+                solve_forward<Lanes, 3>(f, panel);
+                break;
+            default:
+                solve_forward<Lanes, 4>(f, panel);
+                break;
         }
     }
-    // L^T x = y / D, from the last column to the first, in two sums, so that additions need not wait for one another.
-    for (std::size_t column = f.rows; column-- > 0;) {
-        Side even = f.inverse_diagonal[column] * load_row<Lanes>(f.side[column]);
-        Side odd{};
-        const std::uint32_t end = f.first[column + 1];
-        std::uint32_t k = f.first[column];
-        for (; k + 1 < end; k += 2) {
-            even = even - f.below[k] * load_row<Lanes>(f.side[f.row[k]]);
-            odd = odd - f.below[k + 1] * load_row<Lanes>(f.side[f.row[k + 1]]);
+    for (std::size_t p = f.panels; p-- > 0;) {
+        const FactorPanel& panel = f.panel[p];
+        switch (panel.width) {
+            case 1:
+                solve_backward<Lanes, 1>(f, panel);
+                break;
+            case 2:
+                solve_backward<Lanes, 2>(f, panel);
+                break;
+            case 3:
+                solve_backward<Lanes, 3>(f, panel);
+                break;
+            default:
+                solve_backward<Lanes, 4>(f, panel);
+                break;
         }
-        if (k < end) {
-            even = even - f.below[k] * load_row<Lanes>(f.side[f.row[k]]);
-        }
-        store_row<Lanes>(even + odd, f.side[column]);
     }
 }
 
@@ -225,6 +299,6 @@ inline constexpr std::size_t kFloatLanes = Count == 1 ? 1 : 2 * Count;
 template <std::size_t Count>
 inline constexpr ElasticKernels kElasticKernels{Count, elastic_solids<typename LaneTypes<Count>::Real>,
                                                 elastic_triangles<typename LaneTypes<Count>::Real>, sum_forces<Count>,
-                                                solve_columns<Count>};
+                                                solve_panels<Count>};
 
 }  // namespace haptic::sim

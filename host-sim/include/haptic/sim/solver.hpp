@@ -143,7 +143,7 @@ class ParticleSolver {
     void restore_momenta(ParticleModel& model, const ParticleRange& body, double h);
 
     SolverSettings settings_;
-    double resolved_step_;  // s, see resolved_step()
+    double faithful_step_;  // s, see faithful_step()
     std::vector<Body> bodies_;
     std::unique_ptr<ProjectionState> state_;
 

@@ -129,6 +129,32 @@ TEST(ElasticBodies, AFreeBodyKeepsItsMomenta) {
     }
 }
 
+/// Kinetic energy of a released block, J, times s: what moves less long is damped more.
+double motion_after_release(double step, double damping) {
+    ParticleModel model = elastic_block({.young_modulus = 3e3, .damping = damping});
+    deform(model, diagonal(1.1, 0.96, 0.96));
+    SolverSettings settings = elastic_settings(step);
+    settings.substeps = 1;
+    ParticleSolver solver(model, settings);
+    double sum = 0.0;
+    for (double time = 0.0; time < 1.0; time += step) {
+        solver.step(model, {});
+        sum += step * kinetic_energy(model);
+    }
+    return sum;
+}
+
+TEST(ElasticBodies, TheDampingOfTheStepIsAPartOfTheMaterials) {
+    const FlushDenormals flush;
+    const double damped = motion_after_release(2.5e-4, 0.005);
+    for (const double step : {0.001, 0.0025, 0.005}) {
+        EXPECT_NEAR(motion_after_release(step, 0.005), damped, 0.2 * damped) << step;
+    }
+    // Without damping of the material it is that of the step alone.
+    EXPECT_NEAR(motion_after_release(0.005, 0.0), damped, 0.2 * damped);
+    EXPECT_GT(motion_after_release(0.001, 0.0), 2.0 * damped);
+}
+
 TEST(ElasticBodies, AReleasedBodyNeverMovesFasterThanItHas) {
     const FlushDenormals flush;
     for (const double young : {3e3, 1e6}) {
