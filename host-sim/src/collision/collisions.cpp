@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "collision/swept_pairs.hpp"
+#include "dynamics/elastic_pushes.hpp"
 #include "dynamics/stage_clock.hpp"
 #include "simd/ellipsoid_lanes.hpp"
 #include "simd/kernels.hpp"
@@ -89,7 +90,7 @@ struct alignas(64) Plane {
     Vec3 normal;            // unit, toward the first
     double min_separation;  // m, required distance of the centres along the normal
     double push;            // m, total normal displacement in this sub-step, at least 0
-    double first_share;     // of each displacement, by inverse mass
+    double first_share;     // of each displacement, by inverse mass or compliance
     double second_share;
 };
 
@@ -157,7 +158,16 @@ class Colliders {
     std::vector<double> number_;
 };
 
-/// Contacts of particles with the ground, in preallocated arrays.
+/// Contact of the ground with a particle that moves its body along; see GroundContacts.
+struct ElasticGroundContact {
+    std::uint32_t particle;
+    double min_height;   // m
+    Vec3 start;          // m
+    double push = 0.0;   // m
+    Vec3 friction{0.0};  // m
+};
+
+/// Contacts of the ground with particles that move alone, in preallocated arrays.
 class GroundContactList {
   public:
     explicit GroundContactList(std::size_t capacity)
@@ -252,8 +262,12 @@ struct ParticleCollisions::State {
     void make_planes(std::size_t count);
     void find_ground_contacts();
     void fit_plane(Plane& fitted, const PlaneDetail& info, const Vec3& to) const noexcept;
-    void project_plane(Plane& contact, PlaneDetail& info, Row* position) const noexcept;
+    void project_plane(Plane& contact, PlaneDetail& info, Row* position) noexcept;
     void project_all(Row* position) noexcept;
+    void share_by_compliance(Plane& contact) noexcept;
+    void push(std::uint32_t particle, const Vec3& by, Row* position) noexcept;
+    void project_ground_contact(ElasticGroundContact& contact, Row* position) noexcept;
+    void count_push(std::uint32_t particle, const Vec3& by, Row* pushed) noexcept;
     [[nodiscard]] Vec3 clamp_to_cone(const Vec3& wanted, double push) const noexcept;
     [[nodiscard]] double max_depth(const Row* position) const noexcept;
     void add_pushes(Row* pushed) noexcept;
@@ -272,6 +286,7 @@ struct ParticleCollisions::State {
     StageClock clock;
 
     // Per sub-step.
+    double h = 0.0;                   // s
     double push_out = 0.0;            // m
     std::vector<std::int64_t> near;   // per particle, padded by a whole vector
     std::vector<Bounds> body_bounds;  // per body, over its particles' paths
@@ -283,6 +298,8 @@ struct ParticleCollisions::State {
     std::vector<Plane> plane;
     std::vector<PlaneDetail> detail;  // per plane
     GroundContactList ground;
+    std::vector<ElasticGroundContact> elastic_ground;
+    ElasticPushes pushes;
 };
 
 ParticleCollisions::State::State(const ParticleModel& model, const CollisionSettings& given, ClockFunction time,
@@ -295,7 +312,8 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
       clock(time),
       near(rows.length),
       finder(model.size(), kernels),
-      ground(settings.ground ? model.size() : 0) {
+      ground(settings.ground ? model.size() : 0),
+      pushes(model) {
     check(given);
     model.check();
     // A model without a list of bodies is one body.
@@ -333,6 +351,7 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
     pair.resize(kPairsPerParticle * box.capacity());
     plane.reserve(kPlanesPerParticle * box.capacity());
     detail.reserve(plane.capacity());
+    elastic_ground.reserve(settings.ground ? model.size() : 0);
 }
 
 /// Estimates each body's mean velocity, its deviation, and its box over the step.
@@ -555,6 +574,7 @@ void ParticleCollisions::State::find_planes() {
 /// Contacts of all particles that the ground may push.
 void ParticleCollisions::State::find_ground_contacts() {
     ground.clear();
+    elastic_ground.clear();
     // The permitted height already contains the tolerance for an initial overlap (find_ellipsoid_boxes).
     const double* min_height = rows[collider_row::kGroundHeight];
     const double* low = rows[collider_row::kLow + 1];
@@ -563,7 +583,14 @@ void ParticleCollisions::State::find_ground_contacts() {
         // Other particles may push it down by as much as it extends.
         if ((near[i] & kNearGround) != 0 && low[i] - collider[i].reach < settings.ground_height &&
             collider[i].inverse_mass > 0.0) {
-            ground.add(static_cast<std::uint32_t>(i), to[i] < min_height[i]);
+            const auto particle = static_cast<std::uint32_t>(i);
+            if (pushes.answers(particle)) {
+                elastic_ground.push_back({.particle = particle,
+                                          .min_height = min_height[i],
+                                          .start = colliders.vector(collider_row::kFrom, i)});
+            } else {
+                ground.add(particle, to[i] < min_height[i]);
+            }
         }
     }
     ground.begin(colliders);
@@ -578,11 +605,47 @@ Vec3 ParticleCollisions::State::clamp_to_cone(const Vec3& wanted, double push) c
     return (settings.dynamic_friction * push / length) * wanted;
 }
 
+/// Shares by the compliances along the normal, if a body is elastic.
+void ParticleCollisions::State::share_by_compliance(Plane& contact) noexcept {
+    if (!pushes.answers(contact.first) && !pushes.answers(contact.second)) {
+        return;
+    }
+    const auto compliance = [&](std::uint32_t particle) {
+        return pushes.answers(particle) ? pushes.compliance(particle, contact.normal)
+                                        : h * h * collider[particle].inverse_mass;
+    };
+    const double first = compliance(contact.first);
+    const double second = compliance(contact.second);
+    contact.first_share = first / (first + second);
+    contact.second_share = second / (first + second);
+}
+
+/// Moves a particle, and its body along with it if it is elastic.
+void ParticleCollisions::State::push(std::uint32_t particle, const Vec3& by, Row* position) noexcept {
+    if (pushes.answers(particle)) {
+        pushes.push(particle, by, position);
+    } else {
+        move(position[particle], by);
+    }
+}
+
+/// As the kernel project_ground().
+void ParticleCollisions::State::project_ground_contact(ElasticGroundContact& contact, Row* position) noexcept {
+    const Vec3 at = position_of(position[contact.particle]);
+    const double change = std::max(contact.min_height - at.y, -contact.push);
+    if (change == 0.0 && contact.push == 0.0) {
+        return;
+    }
+    contact.push += change;
+    const Vec3 slip(at.x - contact.start.x, 0.0, at.z - contact.start.z);
+    const Vec3 friction = clamp_to_cone(contact.friction - slip, contact.push);
+    push(contact.particle, Vec3(0.0, change, 0.0) + friction - contact.friction, position);
+    contact.friction = friction;
+}
+
 /// Projects one plane constraint: PBD with an accumulated displacement that stays non-negative.
-void ParticleCollisions::State::project_plane(Plane& contact, PlaneDetail& info, Row* position) const noexcept {
-    Row& a = position[contact.first];
-    Row& b = position[contact.second];
-    const Vec3 offset = position_of(a) - position_of(b);
+void ParticleCollisions::State::project_plane(Plane& contact, PlaneDetail& info, Row* position) noexcept {
+    const Vec3 offset = position_of(position[contact.first]) - position_of(position[contact.second]);
     // Constraint value C = n.(u1 - u2) - min_separation; inactive while C >= 0.
     double clearance = glm::dot(contact.normal, offset) - contact.min_separation;
     if (contact.push == 0.0) {
@@ -595,6 +658,7 @@ void ParticleCollisions::State::project_plane(Plane& contact, PlaneDetail& info,
         if (clearance >= 0.0) {
             return;
         }
+        share_by_compliance(contact);
     }
     // Push by -C, but take back no more than was pushed in this sub-step.
     const double change = std::max(-clearance, -contact.push);
@@ -609,12 +673,12 @@ void ParticleCollisions::State::project_plane(Plane& contact, PlaneDetail& info,
         correction += friction - info.friction;
         info.friction = friction;
     }
-    // Momentum-conserving correction, by inverse mass.
+    // Both get the same force, so momentum stays.
     if (contact.first_share > 0.0) {
-        move(a, contact.first_share * correction);
+        push(contact.first, contact.first_share * correction, position);
     }
     if (contact.second_share > 0.0) {
-        move(b, -contact.second_share * correction);
+        push(contact.second, -contact.second_share * correction, position);
     }
 }
 
@@ -627,10 +691,13 @@ void ParticleCollisions::State::project_all(Row* position) noexcept {
         project_plane(plane[index], detail[index], position);
     }
     kernels.project_ground(ground.contacts(), {settings.static_friction, settings.dynamic_friction}, position->number);
+    for (std::size_t k = 0; k < elastic_ground.size(); ++k) {
+        project_ground_contact(elastic_ground[forward ? k : elastic_ground.size() - 1 - k], position);
+    }
     forward = !forward;
 }
 
-/// Depth of the deepest violated plane, m.
+/// Depth of the deepest violated contact between particles, or of an elastic body with the ground, m.
 double ParticleCollisions::State::max_depth(const Row* position) const noexcept {
     double min_clearance = 0.0;
     for (const Plane& p : plane) {
@@ -638,7 +705,17 @@ double ParticleCollisions::State::max_depth(const Row* position) const noexcept 
             min_clearance,
             glm::dot(p.normal, position_of(position[p.first]) - position_of(position[p.second])) - p.min_separation);
     }
+    for (const ElasticGroundContact& contact : elastic_ground) {
+        min_clearance = std::min(min_clearance, position[contact.particle].number[1] - contact.min_height);
+    }
     return -min_clearance;
+}
+
+/// Adds a displacement by which a collision moved a particle; that of an elastic body as if the force on the particle
+/// had moved it alone, which has the momenta of the motion of the whole body.
+void ParticleCollisions::State::count_push(std::uint32_t particle, const Vec3& by, Row* pushed) noexcept {
+    move(pushed[particle],
+         pushes.answers(particle) ? h * h * collider[particle].inverse_mass * pushes.force(particle, by) : by);
 }
 
 /// Adds each particle's total displacement by collisions in this sub-step.
@@ -648,8 +725,8 @@ void ParticleCollisions::State::add_pushes(Row* pushed) noexcept {
         const Plane& p = plane[k];
         if (p.push > 0.0) {
             const Vec3 correction = p.push * p.normal + detail[k].friction;
-            move(pushed[p.first], p.first_share * correction);
-            move(pushed[p.second], -p.second_share * correction);
+            count_push(p.first, p.first_share * correction, pushed);
+            count_push(p.second, -p.second_share * correction, pushed);
             ++counts.active;
         }
     }
@@ -658,6 +735,12 @@ void ParticleCollisions::State::add_pushes(Row* pushed) noexcept {
     for (std::size_t k = 0; k < below.count; ++k) {
         if (below.push[k] > 0.0) {
             move(pushed[below.particle[k]], {below.friction[0][k], below.push[k], below.friction[1][k]});
+            ++counts.active;
+        }
+    }
+    for (const ElasticGroundContact& contact : elastic_ground) {
+        if (contact.push > 0.0) {
+            count_push(contact.particle, contact.friction + Vec3(0.0, contact.push, 0.0), pushed);
             ++counts.active;
         }
     }
@@ -673,11 +756,13 @@ int ParticleCollisions::substeps(const ParticleModel& start, double step) const 
     return state_->needed_substeps(start, step);
 }
 
-void ParticleCollisions::find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& /*elastic*/,
+void ParticleCollisions::find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic,
                               double h) {
     State& s = *state_;
     const StageClock::Span timed(s.clock);
     s.counts = {};
+    s.h = h;
+    s.pushes.begin(start, elastic, h);
     s.push_out = h * s.settings.push_out_speed;
     if (s.collider.empty()) {
         return;

@@ -61,6 +61,7 @@ class ElasticBodies {
     /// sub-step, m/N. `columns`: one row per particle of the body.
     void respond(const ParticleRange& body, std::span<Row> columns) noexcept;
 
+    [[nodiscard]] const ElasticKernels& kernels() const noexcept { return kernels_; }
     /// The particles that take an element's rotation.
     [[nodiscard]] std::span<const std::uint32_t> turning() const noexcept { return turning_; }
 

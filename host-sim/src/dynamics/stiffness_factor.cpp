@@ -104,9 +104,9 @@ StiffnessFactor::RowLists StiffnessFactor::find_patterns() const {
 void StiffnessFactor::form_panels(const RowLists& below) {
     for (std::uint32_t first = 0; first < below.size(); first += panels_.back().width) {
         // The next column has all rows of this one but its own, if it is the first of them.
-        std::uint32_t width = 1;
+        std::size_t width = 1;
         std::size_t elements = below[first].size();
-        for (std::uint32_t next = first + 1; width < kPanelColumns && next < below.size(); ++next, ++width) {
+        for (std::size_t next = first + 1; width < kPanelColumns && next < below.size(); ++next, ++width) {
             if (below[next - 1].empty() || below[next - 1].front() != next) {
                 break;
             }
@@ -119,9 +119,9 @@ void StiffnessFactor::form_panels(const RowLists& below) {
         }
         const std::vector<std::uint32_t>& common = below[first + width - 1];
         const FactorPanel panel{.column = first,
-                                .width = width,
+                                .width = static_cast<std::uint32_t>(width),
                                 .first_row = static_cast<std::uint32_t>(row_.size()),
-                                .rows = width + static_cast<std::uint32_t>(common.size()),
+                                .rows = static_cast<std::uint32_t>(width + common.size()),
                                 .first = static_cast<std::uint32_t>(fill_)};
         for (std::uint32_t c = first; c < first + width; ++c) {
             panel_of_[c] = static_cast<std::uint32_t>(panels_.size());
@@ -176,12 +176,13 @@ void StiffnessFactor::factorise(std::size_t slot, double h, double own_damping) 
             double* const element = below.data() + panel.first + c;
             const double known = side_[column];
             side_[column] = 0.0;
-            for (std::uint32_t t = c + 1; t < end_[column]; ++t) {
-                side_[row[t]] -= element[t * panel.width] * known;
+            const std::size_t width = panel.width;
+            for (std::size_t t = c + 1; t < end_[column]; ++t) {
+                side_[row[t]] -= element[t * width] * known;
             }
             const double found = known * inverse_diagonal[column];
             diagonal -= found * known;
-            element[end_[column] * panel.width] = found;
+            element[end_[column] * width] = found;
             ++end_[column];
         }
         if (!(diagonal > 0.0)) {

@@ -82,6 +82,15 @@ struct FactorPanels {
     Row* side;                       // per row: in the right-hand side, out the solution
 };
 
+/// Particles of a body that move with a push; see dynamics/elastic_pushes.hpp.
+struct PushedRows {
+    std::size_t count;
+    const double* column;  // [count]
+    const double* lever;   // [count][6]; null: none
+    const Row* terms;      // 1, then 6: what column and levers are multiplied with
+    Row* position;         // [count]: in and out
+};
+
 /// Elastic kernels for one number of lanes. All give the same bits.
 struct ElasticKernels {
     std::size_t lanes;
@@ -89,6 +98,7 @@ struct ElasticKernels {
     void (*triangles)(const ElasticBatches& batches, const ElasticParticles& particles) noexcept;
     void (*sum)(const ForceSums& sums) noexcept;
     void (*solve)(const FactorPanels& factor) noexcept;
+    void (*move)(const PushedRows& rows) noexcept;
 };
 
 }  // namespace haptic::sim

@@ -292,13 +292,34 @@ void solve_panels(const FactorPanels& f) noexcept {
     }
 }
 
+template <std::size_t Lanes>
+void move_rows(const PushedRows& m) noexcept {
+    constexpr std::size_t levers = 6;
+    DoubleRow<Lanes> term[1 + levers];
+    for (std::size_t k = 0; k <= levers; ++k) {
+        term[k] = load_row<Lanes>(m.terms[k]);
+    }
+    for (std::size_t j = 0; j < m.count; ++j) {
+        DoubleRow<Lanes> by = m.column[j] * term[0];
+        if (m.lever != nullptr) {
+            for (std::size_t k = 0; k < levers; ++k) {
+                by = by + m.lever[levers * j + k] * term[1 + k];
+            }
+        }
+        store_row<Lanes>(load_row<Lanes>(m.position[j]) + by, m.position[j]);
+    }
+}
+
 /// Lanes of float in registers with `Count` lanes of double, for DoubleRow.
 template <std::size_t Count>
 inline constexpr std::size_t kFloatLanes = Count == 1 ? 1 : 2 * Count;
 
 template <std::size_t Count>
-inline constexpr ElasticKernels kElasticKernels{Count, elastic_solids<typename LaneTypes<Count>::Real>,
-                                                elastic_triangles<typename LaneTypes<Count>::Real>, sum_forces<Count>,
-                                                solve_panels<Count>};
+inline constexpr ElasticKernels kElasticKernels{Count,
+                                                elastic_solids<typename LaneTypes<Count>::Real>,
+                                                elastic_triangles<typename LaneTypes<Count>::Real>,
+                                                sum_forces<Count>,
+                                                solve_panels<Count>,
+                                                move_rows<Count>};
 
 }  // namespace haptic::sim

@@ -78,8 +78,8 @@ void balance_surface(const ParticleModel& model, const TriangleMesh& mesh, Elast
 [[nodiscard]] Elasticity make_sheet(const ParticleModel& model, const TriangleMesh& mesh,
                                     std::span<const SheetMaterial> material);
 
-/// Longest sub-step, s, in which waves of the size of the body pass no more than a quarter of it: what moves is then
-/// resolved. Longer ones damp it, but do not change the stiffness. Infinite without elements.
+/// Longest sub-step, s, in which waves that stretch a body pass no more than a quarter of it: its vibrations are then
+/// resolved. Longer ones damp them, but do not change the stiffness. Infinite without elements.
 [[nodiscard]] double resolved_step(const ParticleModel& model);
 
 /// Longest sub-step, s, that moves every body as its material does: no longer than resolved_step(), nor than the damping
