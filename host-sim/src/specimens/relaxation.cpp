@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "dynamics/rotation.hpp"
-#include "haptic/sim/solver.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -68,7 +67,7 @@ Relaxed relax(ParticleModel& model, std::span<const Vec3> force, const Relaxatio
     double before = 0.0;
     int small_maxima = 0;
     for (int i = 0; i < settings.max_steps && !result.at_rest; ++i) {
-        solver.step(model, force);
+        solver.step(model, force, {settings.contacts});
         result.simulated_s += settings.step;
         if (settings.keep_placement) {
             remove_rigid_part(model, model.position, model.rest_position);

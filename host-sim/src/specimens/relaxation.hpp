@@ -8,6 +8,7 @@
 #include <span>
 
 #include "haptic/sim/particles.hpp"
+#include "haptic/sim/solver.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
@@ -20,6 +21,7 @@ struct RelaxationSettings {
     /// Takes rigid motion out of each step. Forces that balance but do not turn with the body make a free one tip over
     /// where they press.
     bool keep_placement = false;
+    SolverContacts* contacts = nullptr;  // that hold the body too; none: null
 };
 
 struct Relaxed {
