@@ -28,6 +28,8 @@
 #include "program/progress_bar.hpp"
 #include "specimens/bar_tests.hpp"
 #include "specimens/body_tests.hpp"
+#include "specimens/layer_contact.hpp"
+#include "specimens/press_tests.hpp"
 #include "specimens/sheet_tests.hpp"
 
 namespace haptic::sim {
@@ -35,12 +37,16 @@ namespace {
 
 constexpr double kFewestParticles = 60.0;  // of a bar: fewer have one particle across it
 constexpr double kMostParticles = 5000.0;
+constexpr double kFewestPressed = 100.0;  // particles of a layer: fewer have one or two under the sphere
+constexpr double kMostPressed = 4000.0;   // more have more vertices under it than a contact problem has rows
 constexpr std::array kShownSteps{0.001, 0.002, 0.005, 0.01, 0.02};  // s
+constexpr std::array kPressDepths{0.001, 0.0015, 0.002, 0.0025};    // m
 
 struct MaterialOptions {
     std::string what;
     std::vector<std::string> assignments;
     std::vector<std::size_t> particles{120, 250, 500};
+    std::vector<std::size_t> pressed{300, 1000, 3000};
     std::string out;
 };
 
@@ -130,6 +136,54 @@ TestTable test_steps(const SolidMaterial& material, const std::string& name, std
     return table;
 }
 
+struct PressResult {
+    PressTable forces;
+    TestTable moduli;
+};
+
+/// A sphere pressed into a layer of this material at several resolutions.
+PressResult test_press(const SolidMaterial& material, const std::string& name, const MaterialOptions& options,
+                       const Stepping& stepping) {
+    PressTest test;
+    test.contact.material = material;
+    test.step = stepping.step;
+    test.substeps = stepping.substeps;
+    const LayerContact& contact = test.contact;
+    const std::string what = "sphere of radius " + with_unit(contact.radius, "m") + " pressed into a layer of " + name;
+    PressResult result{.forces = {.name = "press",
+                                  .title = what + ", " + with_unit(test.side, "m") + " wide, " +
+                                           with_unit(contact.thickness, "m") + " thick:",
+                                  .lines = {}},
+                       .moduli = {.name = "press-moduli", .title = "stiffness against pressing:", .lines = {}}};
+    TestSeries series(what, options.pressed.size());
+    for (const std::size_t particles : options.pressed) {
+        test.particles = particles;
+        const auto [measured, time_s] = series.run([&] { return measure_press(test, kPressDepths); });
+        bool at_rest = true;
+        for (const PressMeasured& m : measured) {
+            result.forces.lines.push_back({.particles = particles,
+                                           .depth = m.depth,
+                                           .half_space = half_space_force(contact, m.depth),
+                                           .series = layer_series_force(contact, m.depth),
+                                           .requested = layer_force(contact, m.depth),
+                                           .measured = m.force,
+                                           .substeps = m.substeps,
+                                           .at_rest = m.at_rest});
+            at_rest = at_rest && m.at_rest;
+        }
+        result.moduli.lines.push_back({.specimen = count_of(particles),
+                                       .number = static_cast<double>(particles),
+                                       .quantity = "Young's modulus pressed",
+                                       .unit = "Pa",
+                                       .requested = material.young_modulus,
+                                       .measured = fitted_modulus(test, measured),
+                                       .substeps = measured.front().substeps,
+                                       .time_s = time_s,
+                                       .at_rest = at_rest});
+    }
+    return result;
+}
+
 /// The body itself. `homogeneous`: no region has another material, so that the moduli of the whole are known.
 TestTable test_body(const DeformableBody& body, const SolidMaterial& material, bool homogeneous,
                     const Stepping& stepping) {
@@ -199,10 +253,16 @@ class MaterialResults {
         std::cout << std::flush;
         if (!folder_.empty()) {
             table.name = numbered(table.name);
-            const std::string problem = write_table(folder_, table, axis, "measured / requested");
-            if (!problem.empty()) {
-                std::cerr << table.name << ".svg: not drawn: " << problem << '\n';
-            }
+            report(table.name, write_table(folder_, table, axis, "measured / requested"));
+        }
+    }
+
+    void add(PressTable table) {
+        print(std::cout, table);
+        std::cout << std::flush;
+        if (!folder_.empty()) {
+            table.name = numbered(table.name);
+            report(table.name, write_table(folder_, table));
         }
     }
 
@@ -216,6 +276,13 @@ class MaterialResults {
     }
 
   private:
+    /// Says why there is no plot, if there is none.
+    static void report(const std::string& name, const std::string& problem) {
+        if (!problem.empty()) {
+            std::cerr << name << ".svg: not drawn: " << problem << '\n';
+        }
+    }
+
     std::string numbered(const std::string& name) {
         const auto before = std::count(names_.begin(), names_.end(), name);
         names_.push_back(name);
@@ -230,6 +297,9 @@ void test_solid(const SolidMaterial& material, const std::string& name, const Ma
                 const Stepping& stepping, MaterialResults& results) {
     results.add(test_bars(material, name, options, stepping), "particles");
     results.add(test_steps(material, name, options.particles.front()), "step, ms");
+    PressResult pressed = test_press(material, name, options, stepping);
+    results.add(std::move(pressed.forces));
+    results.add(std::move(pressed.moduli), "particles");
 }
 
 void test_sheet(const SheetMaterial& material, const std::string& name, const Stepping& stepping,
@@ -307,8 +377,9 @@ int run_material(const MaterialOptions& options) {
 Command add_material_command(CLI::App& app) {
     const auto options = std::make_shared<MaterialOptions>();
     app.footer(
-        "Solids: bars that are pulled, bent and twisted, and the bodies of a scene under homogeneous stress. Sheets: a "
-        "square that is pulled, a strip that sags, and the drape test. All by the solver that scenes use. Exit status "
+        "Solids: bars that are pulled, bent and twisted, a layer into which a sphere is pressed, and the bodies of a "
+        "scene under homogeneous stress. Sheets: a square that is pulled, a strip that sags, and the drape test. All "
+        "by the solver that scenes use. Exit status "
         "0 if the tests ran, whatever they found, 1 with the problem if not.");
     app.add_option("what", options->what,
                    "Named material (list: host-sim materials), built-in scene, or scene file NAME.toml")
@@ -319,6 +390,10 @@ Command add_material_command(CLI::App& app) {
     app.add_option("--particles", options->particles, "Particles of the bars, e.g. 120,250,500")
         ->delimiter(',')
         ->check(number_in(kFewestParticles, kMostParticles))
+        ->capture_default_str();
+    app.add_option("--press-particles", options->pressed, "Particles of the pressed layers, e.g. 300,1000,3000")
+        ->delimiter(',')
+        ->check(number_in(kFewestPressed, kMostPressed))
         ->capture_default_str();
     app.add_option("--out", options->out, "Folder for the tables as CSV, plots, and the draped disc as OBJ")
         ->check(result_folder());

@@ -37,6 +37,46 @@ std::string fixed(double value, int decimals) {
     return text.str();
 }
 
+/// The text of `measured`, marked if the specimen was still moving.
+std::string marked(double measured, const std::string& unit, bool at_rest) {
+    return with_unit(measured, unit) + (at_rest ? "" : " *");
+}
+
+/// Prints rows in columns: the first ones, texts, on the left, numbers on the right.
+template <std::size_t Columns>
+void print_columns(std::ostream& out, const std::vector<std::array<std::string, Columns>>& rows, std::size_t texts) {
+    std::array<std::size_t, Columns> width{};
+    for (const auto& row : rows) {
+        for (std::size_t k = 0; k < Columns; ++k) {
+            width[k] = std::max(width[k], row[k].size());
+        }
+    }
+    for (const auto& row : rows) {
+        out << ' ';
+        for (std::size_t k = 0; k < Columns; ++k) {
+            out << ' ' << (k < texts ? std::left : std::right) << std::setw(static_cast<int>(width[k])) << row[k]
+                << (k + 1 < Columns ? " " : "");
+        }
+        out << '\n';
+    }
+}
+
+/// Below a table.
+void print_end(std::ostream& out, bool moving) {
+    out << (moving ? "  * still moving when it was measured\n\n" : "\n");
+}
+
+/// Writes NAME.gp and, if gnuplot draws it, NAME.svg. Returns why there is none.
+std::string write_plot(const std::filesystem::path& folder, const std::string& name, const std::string& commands) {
+    write_text(folder / (name + ".gp"),
+               std::string(plot_style()) + "set output " + gnuplot_text(name + ".svg") + "\n" + commands);
+    const DrawnPlot drawn = draw_plot(commands, folder);
+    if (!drawn.svg.empty()) {
+        write_text(folder / (name + ".svg"), drawn.svg);
+    }
+    return drawn.problem;
+}
+
 }  // namespace
 
 std::string with_unit(double value, const std::string& unit) {
@@ -60,30 +100,29 @@ void print(std::ostream& out, const TestTable& table) {
     for (const TestLine& line : table.lines) {
         const std::optional<double> ratio = ratio_of(line);
         rows.push_back({line.specimen, line.quantity, line.requested ? with_unit(*line.requested, line.unit) : "-",
-                        with_unit(line.measured, line.unit) + (line.at_rest ? "" : " *"),
-                        ratio ? fixed(*ratio, 3) : "-", std::to_string(line.substeps), fixed(line.time_s, 1) + " s"});
+                        marked(line.measured, line.unit, line.at_rest), ratio ? fixed(*ratio, 3) : "-",
+                        std::to_string(line.substeps), fixed(line.time_s, 1) + " s"});
         moving = moving || !line.at_rest;
     }
-    std::array<std::size_t, 7> width{};
-    for (const auto& row : rows) {
-        for (std::size_t k = 0; k < row.size(); ++k) {
-            width[k] = std::max(width[k], row[k].size());
-        }
+    out << table.title << '\n';
+    print_columns(out, rows, 2);
+    print_end(out, moving);
+}
+
+void print(std::ostream& out, const PressTable& table) {
+    std::vector<std::array<std::string, 8>> rows{
+        {"particles", "depth", "Hertz", "Dimitriadis", "requested", "measured", "ratio", "sub-steps"}};
+    bool moving = false;
+    for (const PressLine& line : table.lines) {
+        rows.push_back({std::to_string(line.particles), with_unit(line.depth, "m"), with_unit(line.half_space, "N"),
+                        with_unit(line.series, "N"), with_unit(line.requested, "N"),
+                        marked(line.measured, "N", line.at_rest), fixed(line.measured / line.requested, 3),
+                        std::to_string(line.substeps)});
+        moving = moving || !line.at_rest;
     }
     out << table.title << '\n';
-    for (const auto& row : rows) {
-        out << ' ';
-        for (std::size_t k = 0; k < row.size(); ++k) {
-            // Texts on the left, numbers on the right.
-            out << ' ' << (k < 2 ? std::left : std::right) << std::setw(static_cast<int>(width[k])) << row[k]
-                << (k + 1 < row.size() ? " " : "");
-        }
-        out << '\n';
-    }
-    if (moving) {
-        out << "  * still moving when it was measured\n";
-    }
-    out << '\n';
+    print_columns(out, rows, 0);
+    print_end(out, moving);
 }
 
 std::string csv_of(const TestTable& table) {
@@ -94,6 +133,17 @@ std::string csv_of(const TestTable& table) {
                 (line.requested ? text_of(*line.requested) : "-") + ',' + text_of(line.measured) + ',' +
                 (ratio ? text_of(*ratio) : "-") + ',' + std::to_string(line.substeps) + ',' + text_of(line.time_s) +
                 ',' + (line.at_rest ? '1' : '0') + '\n';
+    }
+    return text;
+}
+
+std::string csv_of(const PressTable& table) {
+    std::string text = "particles,depth_m,half_space_n,series_n,requested_n,measured_n,ratio,substeps,at_rest\n";
+    for (const PressLine& line : table.lines) {
+        text += std::to_string(line.particles) + ',' + text_of(line.depth) + ',' + text_of(line.half_space) + ',' +
+                text_of(line.series) + ',' + text_of(line.requested) + ',' + text_of(line.measured) + ',' +
+                text_of(line.measured / line.requested) + ',' + std::to_string(line.substeps) + ',' +
+                (line.at_rest ? '1' : '0') + '\n';
     }
     return text;
 }
@@ -121,13 +171,37 @@ std::string write_table(const std::filesystem::path& folder, const TestTable& ta
                     std::to_string(type) + " title " + gnuplot_text(quantity);
     }
     commands += '\n';
-    write_text(folder / (table.name + ".gp"),
-               std::string(plot_style()) + "set output " + gnuplot_text(table.name + ".svg") + "\n" + commands);
-    const DrawnPlot drawn = draw_plot(commands, folder);
-    if (!drawn.svg.empty()) {
-        write_text(folder / (table.name + ".svg"), drawn.svg);
+    return write_plot(folder, table.name, commands);
+}
+
+std::string write_table(const std::filesystem::path& folder, const PressTable& table) {
+    write_text(folder / (table.name + ".csv"), csv_of(table));
+    const std::string file = gnuplot_text(table.name + ".csv");
+    std::vector<std::size_t> counts;
+    for (const PressLine& line : table.lines) {
+        if (std::find(counts.begin(), counts.end(), line.particles) == counts.end()) {
+            counts.push_back(line.particles);
+        }
     }
-    return drawn.problem;
+    if (counts.empty()) {
+        return {};
+    }
+    // The lines of one number of particles.
+    const auto over_depth = [&](std::size_t particles, const std::string& column) {
+        return file + " using (1e3 * column('depth_m')):(column('particles') == " + std::to_string(particles) +
+               " ? column('" + column + "') : NaN) every ::1 with ";
+    };
+    std::string commands = "set xlabel 'depth, mm'\nset ylabel 'force, N'\nset key left top\nplot " +
+                           over_depth(counts.front(), "requested_n") + "lines lw 2 lc 5 title 'requested', " +
+                           over_depth(counts.front(), "half_space_n") + "lines dt 2 lc 5 title 'half-space (Hertz)'";
+    std::size_t type = 0;
+    for (const std::size_t particles : counts) {
+        ++type;
+        commands += ", " + over_depth(particles, "measured_n") + "points pt 7 ps 1.2 lc " + std::to_string(type) +
+                    " title '" + std::to_string(particles) + " particles'";
+    }
+    commands += '\n';
+    return write_plot(folder, table.name, commands);
 }
 
 }  // namespace haptic::sim

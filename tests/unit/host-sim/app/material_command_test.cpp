@@ -77,7 +77,8 @@ TEST_F(MaterialCommand, ListsEachNamedMaterialWithItsSource) {
 
 TEST_F(MaterialCommand, TestsBarsOfASolid) {
     const std::string out = folder_ / "out";
-    const Ran ran = run({"material", "liver", "--particles", "80", "--out", out.c_str()});
+    const Ran ran =
+        run({"material", "liver", "--particles", "80", "--press-particles", "150,200", "--out", out.c_str()});
     EXPECT_EQ(ran.status, kExitDone) << ran.errors;
     EXPECT_THAT(ran.output,
                 AllOf(HasSubstr("80 particles"), HasSubstr("5.5 kPa"), HasSubstr("shear modulus in torsion"),
@@ -89,6 +90,15 @@ TEST_F(MaterialCommand, TestsBarsOfASolid) {
     const std::string steps = content("out/steps.csv");
     EXPECT_EQ(std::count(steps.begin(), steps.end(), '\n'), 6);
     EXPECT_THAT(content("out/bars.gp"), HasSubstr("'bars.csv' using 'number'"));
+    EXPECT_THAT(ran.output,
+                AllOf(HasSubstr("sphere of radius 200 mm pressed into a layer of liver, 150 mm wide, 50 mm thick:"),
+                      HasSubstr("Dimitriadis"), HasSubstr("Young's modulus pressed")));
+    const std::string press = content("out/press.csv");
+    EXPECT_THAT(press, HasSubstr("particles,depth_m,half_space_n,series_n,requested_n,measured_n,ratio,substeps,at_rest"
+                                 "\n150,0.001,"));
+    EXPECT_EQ(std::count(press.begin(), press.end(), '\n'), 9);
+    EXPECT_THAT(content("out/press.gp"), HasSubstr("column('particles') == 200 ? column('measured_n')"));
+    EXPECT_THAT(content("out/press-moduli.csv"), HasSubstr("\n200 particles,200,Young's modulus pressed,Pa,5500,"));
 }
 
 TEST_F(MaterialCommand, TestsASheetAndDrapesADisc) {
@@ -103,7 +113,8 @@ TEST_F(MaterialCommand, TestsASheetAndDrapesADisc) {
 TEST_F(MaterialCommand, TestsTheBodyOfAScene) {
     const std::string scene =
         write_scene("generator = \"block\"\nneighbours = 16\nmaterial = { young_modulus = 1e4 }\n");
-    const Ran ran = run({"material", scene.c_str(), "--set", "model.particles_count=100", "--particles", "60"});
+    const Ran ran = run({"material", scene.c_str(), "--set", "model.particles_count=100", "--particles", "60",
+                         "--press-particles", "100"});
     EXPECT_EQ(ran.status, kExitDone) << ran.errors;
     EXPECT_THAT(ran.output, AllOf(HasSubstr("body \"block\", 100 particles, by homogeneous stress:"),
                                   HasSubstr("bulk modulus"), HasSubstr("10 kPa")));
@@ -113,7 +124,7 @@ TEST_F(MaterialCommand, RequestsNothingOfABodyOfSeveralMaterials) {
     const std::string scene = write_scene(
         "generator = \"block\"\nneighbours = 16\nparticles_count = 100\nmaterial = \"liver\"\n"
         "[[model.regions]]\nlow = [0, -1, -1]\nhigh = [1, 1, 1]\nmaterial = \"muscle\"\n");
-    const Ran ran = run({"material", scene.c_str(), "--particles", "60"});
+    const Ran ran = run({"material", scene.c_str(), "--particles", "60", "--press-particles", "100"});
     EXPECT_EQ(ran.status, kExitDone) << ran.errors;
     EXPECT_THAT(ran.output, HasSubstr("regions have other materials"));
     EXPECT_THAT(ran.output, ::testing::ContainsRegex("Young's modulus stretched +- +[0-9.]+ kPa +- "));
@@ -129,6 +140,7 @@ TEST_F(MaterialCommand, RefusesWhatItCannotTest) {
     EXPECT_THAT(rigid.errors, HasSubstr("no body has a material"));
     EXPECT_EQ(run({"material"}).status, kExitUsage);
     EXPECT_EQ(run({"material", "liver", "--particles", "3"}).status, kExitUsage);
+    EXPECT_EQ(run({"material", "liver", "--press-particles", "3"}).status, kExitUsage);
     EXPECT_EQ(run({"material", "liver", "--set", "model.mass=1"}).status, kExitUsage);
 }
 
