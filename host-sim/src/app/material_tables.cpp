@@ -151,7 +151,7 @@ std::string csv_of(const PressTable& table) {
 std::string write_table(const std::filesystem::path& folder, const TestTable& table, const std::string& axis,
                         const std::string& plotted) {
     write_text(folder / (table.name + ".csv"), csv_of(table));
-    // One curve for each quantity.
+    // One curve for each quantity. Columns by name make gnuplot skip the heading.
     std::vector<std::string> quantities;
     for (const TestLine& line : table.lines) {
         if (ratio_of(line) && std::find(quantities.begin(), quantities.end(), line.quantity) == quantities.end()) {
@@ -167,7 +167,7 @@ std::string write_table(const std::filesystem::path& folder, const TestTable& ta
     for (const std::string& quantity : quantities) {
         ++type;
         commands += ", " + gnuplot_text(table.name + ".csv") + " using 'number':(stringcolumn('quantity') eq " +
-                    gnuplot_text(quantity) + " ? column('ratio') : NaN) every ::1 with points pt 7 ps 1.2 lc " +
+                    gnuplot_text(quantity) + " ? column('ratio') : NaN) with points pt 7 ps 1.2 lc " +
                     std::to_string(type) + " title " + gnuplot_text(quantity);
     }
     commands += '\n';
@@ -189,9 +189,9 @@ std::string write_table(const std::filesystem::path& folder, const PressTable& t
     // The lines of one number of particles.
     const auto over_depth = [&](std::size_t particles, const std::string& column) {
         return file + " using (1e3 * column('depth_m')):(column('particles') == " + std::to_string(particles) +
-               " ? column('" + column + "') : NaN) every ::1 with ";
+               " ? column('" + column + "') : NaN) with ";
     };
-    std::string commands = "set xlabel 'depth, mm'\nset ylabel 'force, N'\nset key left top\nplot " +
+    std::string commands = "set xlabel 'depth, mm'\nset ylabel 'force, N'\nset xrange [0:]\nset yrange [0:]\nplot " +
                            over_depth(counts.front(), "requested_n") + "lines lw 2 lc 5 title 'requested', " +
                            over_depth(counts.front(), "half_space_n") + "lines dt 2 lc 5 title 'half-space (Hertz)'";
     std::size_t type = 0;

@@ -89,7 +89,8 @@ TEST_F(MaterialCommand, TestsBarsOfASolid) {
     EXPECT_EQ(std::count(bars.begin(), bars.end(), '\n'), 5);
     const std::string steps = content("out/steps.csv");
     EXPECT_EQ(std::count(steps.begin(), steps.end(), '\n'), 6);
-    EXPECT_THAT(content("out/bars.gp"), HasSubstr("'bars.csv' using 'number'"));
+    // Gnuplot skips the heading because columns have names; `every ::1` would skip the first line of numbers too.
+    EXPECT_THAT(content("out/bars.gp"), AllOf(HasSubstr("'bars.csv' using 'number'"), Not(HasSubstr("every ::"))));
     EXPECT_THAT(ran.output,
                 AllOf(HasSubstr("sphere of radius 200 mm pressed into a layer of liver, 150 mm wide, 50 mm thick:"),
                       HasSubstr("Dimitriadis"), HasSubstr("Young's modulus pressed")));
