@@ -2,9 +2,12 @@
 
 #include <limits>
 #include <stdexcept>
+#include <string_view>
 
 namespace haptic::sim {
 namespace {
+
+constexpr std::string_view kNoMaterial = "none";  // takes a scene's material away, as on the command line
 
 constexpr Range kModuli{1.0, 1e12};               // Pa
 constexpr Range kMembraneStiffnesses{1e-3, 1e8};  // N/m
@@ -18,8 +21,8 @@ const SettingTable<MaterialSettings>& material_table() {
     static const SettingTable<S> table{
         "model.material",
         "Material of the body, in the units of a data sheet. model.material = \"NAME\" takes a named material as it "
-        "is. "
-        "Cloth, curtain and other open meshes with a particle at each vertex are sheets, closed meshes solids.",
+        "is, and \"none\" is as if there were no material. Cloth, curtain and other open meshes with a particle at "
+        "each vertex are sheets, closed meshes solids.",
         {
             {{.key = "name", .meaning = "A named material, whose values the other keys replace. Empty: none."},
              V::text([](S& s) -> auto& { return s.name; })},
@@ -83,6 +86,9 @@ std::optional<MaterialSettings> read_material(const Config& config, const std::s
     MaterialSettings settings;
     if (!config.has_table(key)) {
         settings.name = config.text(key, "");
+        if (settings.name == kNoMaterial) {
+            return std::nullopt;
+        }
     } else {
         material_table().read(config, key, settings);
     }

@@ -237,7 +237,7 @@ ModelKeys read_model_keys(const Config& config, const std::string& table) {
     set_defaults(keys);
     // A mesh that takes the place of a generated one is made to fit; a mesh alone has the size of its file.
     // The elements of a material need more neighbours than shape matching.
-    if (config.has(table + ".material")) {
+    if (read_material(config, table + ".material")) {
         keys.model.builder.neighbours = kNeighboursOfElements;
     }
     keys.model.file_scale = config.has(table + ".generator") ? 0.0 : 1.0;

@@ -157,6 +157,17 @@ class MeshOfAUser : public testing::Test {
     std::filesystem::path file_;
 };
 
+TEST(ModelSettings, TheMaterialNoneIsAsIfThereWereNone) {
+    const std::string cloth = "[model]\ngenerator = \"cloth\"\nvertices_per_side = 4\nmass = 0.2\n";
+    const DeformableBody without = make_body(read(cloth));
+    const DeformableBody none = make_body(read(cloth + "material = \"none\"\n"));
+    EXPECT_EQ(none.particles.mass, without.particles.mass);
+    EXPECT_EQ(none.particles.links.size(), without.particles.links.size());
+    EXPECT_EQ(none.particles.groups.size(), without.particles.groups.size());
+    EXPECT_GT(none.particles.links.size(), 0u);
+    EXPECT_EQ(read("[model]\nmaterial = \"none\"\n").builder.neighbours, read("[model]\n").builder.neighbours);
+}
+
 TEST_F(MeshOfAUser, FitsIntoTheScenesThatAreBuiltIn) {
     for (const BuiltInScene& built_in : built_in_scenes()) {
         const std::string name(built_in.name);
