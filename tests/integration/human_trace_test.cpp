@@ -20,14 +20,16 @@
 namespace haptic::test {
 namespace {
 
-constexpr std::ptrdiff_t kWindow = 101;  // ticks, centred on each
-constexpr double kMaxMedians = 2.0;      // bound of a spike, in medians of the 0.1 s around it
+// Ticks, centred on each. Cloth that does not stretch is caught within 0.08 s: that is the width of an impact, and the
+// median of more would be of what surrounds it.
+constexpr std::ptrdiff_t kWindow = 51;
+constexpr double kMaxMedians = 2.0;  // bound of a spike, in medians of the whole run
 
 std::int64_t no_clock() HAPTIC_RT {
     return 0;
 }
 
-/// N, greatest excess of the force over the median of the 0.1 s around it, where all of these are in contact.
+/// N, greatest excess of the force over the median of the 0.05 s around it, where all of these are in contact.
 double worst_spike(const std::vector<double>& force) {
     double worst = 0.0;
     std::vector<double> window;
@@ -102,11 +104,11 @@ void expect_smooth(const HandTrace& trace) {
     std::erase_if(felt, [](double f) { return f <= 0.0; });
     ASSERT_GT(felt.size(), 150u) << "too few ms in contact to prove anything";
     std::sort(felt.begin(), felt.end());
-    // An impact may be strong; a spike stands out of its own 0.1 s. The effect of a hand that jumps by millimetres is
+    // An impact may be strong; a spike stands out of its own 0.05 s. The effect of a hand that jumps by millimetres is
     // in both.
     const double median = felt[felt.size() / 2];
     const double spike = worst_spike(force);
-    std::printf("%-10s %5zu ms in contact, median %.2f N, largest %.2f N, out of its own 0.1 s by %.2f N\n",
+    std::printf("%-10s %5zu ms in contact, median %.2f N, largest %.2f N, out of its own 0.05 s by %.2f N\n",
                 trace.scene.c_str(), felt.size(), median, felt.back(), spike);
     EXPECT_LE(spike, kMaxMedians * median);
 }
@@ -131,11 +133,15 @@ TEST(HumanGrip, HasNoSpikesWhenDampedAndTrackedFinely) {
                    .quantum = 1e-4});
 }
 
+/// Without friction cloth slips off a hand that moves within 0.15 s.
+const std::vector<std::string> kRough{"proxy.static_friction=0.5", "proxy.dynamic_friction=0.4"};
+
 INSTANTIATE_TEST_SUITE_P(Scenes, HumanTrace,
-                         testing::Values(HandTrace{"cloth-drop", 0.0, 1.9}, HandTrace{"popout-fan", 0.0, 2.5},
-                                         HandTrace{"fish-hold", 0.5, 1.5}, HandTrace{"fish-slide", 0.0, 1.5},
-                                         HandTrace{"four-fish", 0.5, 2.2}, HandTrace{"curtain-hand", 0.4, 1.6},
-                                         HandTrace{"plane-slide", 0.3, 2.4}, HandTrace{"rod-gap", 0.3, 2.4}),
+                         testing::Values(HandTrace{"cloth-drop", 0.0, 1.9, -1.0, kRough},
+                                         HandTrace{"popout-fan", 0.0, 2.5}, HandTrace{"fish-hold", 0.5, 1.5},
+                                         HandTrace{"fish-slide", 0.0, 1.5}, HandTrace{"four-fish", 0.5, 2.2},
+                                         HandTrace{"curtain-hand", 0.4, 1.6}, HandTrace{"plane-slide", 0.3, 2.4},
+                                         HandTrace{"rod-gap", 0.3, 2.4}),
                          [](const auto& trace) {
                              std::string name = trace.param.scene;
                              std::erase(name, '-');

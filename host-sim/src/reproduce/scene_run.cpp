@@ -16,6 +16,9 @@ namespace {
 
 Scene scene_with(const std::string& name, const std::vector<std::string>& assignments) {
     Config config = open_scene(name);
+    for (const std::string& assignment : thesis_assignments(name)) {
+        config.set(assignment);
+    }
     for (const std::string& assignment : assignments) {
         config.set(assignment);
     }
@@ -23,6 +26,20 @@ Scene scene_with(const std::string& name, const std::vector<std::string>& assign
 }
 
 }  // namespace
+
+std::vector<std::string> thesis_assignments(std::string_view scene) {
+    if (scene == "cloth-drop") {
+        return {
+            "model.material=none", "model.mass=0.1",      "model.group_stiffness=0.3", "model.link_stiffness=1",
+            "solver.substeps=8",   "solver.iterations=1", "solver.shape_damping=5",    "workspace.force_scale=0.15"};
+    }
+    if (scene == "curtain-hand") {
+        return {"model.material=none",    "model.mass=0.2",         "model.group_stiffness=0.05",
+                "model.link_stiffness=1", "solver.substeps=1",      "solver.iterations=2",
+                "solver.drag=0",          "solver.shape_damping=5", "workspace.force_scale=0.5"};
+    }
+    return {};
+}
 
 SceneRun::SceneRun(const std::string& scene, const std::vector<std::string>& assignments, std::int64_t (*clock)())
     : simulation_(scene_with(scene, assignments), clock), progress_("running " + scene) {

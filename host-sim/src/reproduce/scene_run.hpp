@@ -1,8 +1,9 @@
-// Scene run: one of the built-in scenes, run by its own script to its end.
+// Scene run: one of the built-in scenes, with the thesis' solver, run by its own script to its end.
 #pragma once
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "haptic/sim/simulation.hpp"
@@ -12,10 +13,14 @@
 
 namespace haptic::sim::reproduce {
 
+/// The thesis moves its bodies by position-based constraints; built-in scenes may give them a material instead. These
+/// assignments, as for --set, turn such a scene back: solver, stiffnesses, masses, and what was tuned to them.
+[[nodiscard]] std::vector<std::string> thesis_assignments(std::string_view scene);
+
 class SceneRun {
   public:
-    /// Loads a built-in scene; `assignments` are "key=value", as for --set. The clock measures the stages; null: no
-    /// times.
+    /// Loads a built-in scene, with thesis_assignments() and then `assignments`, "key=value" as for --set. The clock
+    /// measures the stages; null: no times.
     SceneRun(const std::string& scene, const std::vector<std::string>& assignments, std::int64_t (*clock)());
 
     /// The simulation has reached the duration of the scene.

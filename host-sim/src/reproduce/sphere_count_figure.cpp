@@ -83,7 +83,8 @@ Figure sphere_counts(const Study& study) {
     figure.number = "5.6";
     figure.title = "time of a step against the number of spheres";
     figure.conditions =
-        "Scene curtain-hand with 1 to 50 spheres. Medians over the steps without contact and over those with "
+        "Scene curtain-hand with the thesis' solver and 1 to 50 spheres. Medians over the steps without contact and "
+        "over those with "
         "contact (marked * in the thesis), of the whole step and of the tool's part: detection including the "
         "refit of the curtain's tree, pop-out, the tool's equilibrium with the moves of its proxies, the speculative "
         "planes for the hand, and the contact coupling. One core; the independent check is not included in the times.";

@@ -34,7 +34,8 @@ constexpr std::string_view kIntroduction =
     R"(<p>The figures of chapters 4 and 5 of "Haptic Proxy for Dynamic Deformable Objects" (Tokyo Institute of Technology),
 reproduced with the scenes built into this program. The thesis' numbers, shown beside ours, were measured on an Intel Core i5-4210U
 (1.7 GHz; chapter 5: i5-7300). Ours were measured on one core of the machine on which this page was made. Where the thesis gives no
-mass, size or stiffness, the scene's file says what was chosen.</p>
+mass, size or stiffness, the scene's file says what was chosen. Bodies are moved by the position-based solver of the thesis, also
+in scenes that have a material.</p>
 )";
 
 void write_figure(std::ostream& out, const Figure& figure) {

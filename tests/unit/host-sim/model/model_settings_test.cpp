@@ -1,5 +1,6 @@
 #include "haptic/sim/model_settings.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -174,11 +175,28 @@ TEST_F(MeshOfAUser, FitsIntoTheScenesThatAreBuiltIn) {
         Config config = open_scene(name);
         config.set("model.file=\"" + file_.string() + "\"");
         config.set("model.particles_count=12");
+        if (name == "cloth-drop" || name == "curtain-hand") {
+            config.set("model.material=none");  // theirs is that of a sheet
+        }
         Simulation simulation(read_scene(config, name));
         EXPECT_EQ(simulation.bodies().front().mesh.vertices.size(), 5u) << name;
         EXPECT_EQ(simulation.bodies().front().mesh.triangles.size(), 6u) << name;
         for (int step = 0; step < 3; ++step) {
             (void)simulation.step(simulation.scripted_input(step * 10'000'000));
+        }
+    }
+}
+
+TEST_F(MeshOfAUser, IsRefusedWithTheMaterialOfASheet) {
+    for (const char* name : {"cloth-drop", "curtain-hand"}) {
+        Config config = open_scene(name);
+        config.set("model.file=\"" + file_.string() + "\"");
+        config.set("model.particles_count=12");
+        try {
+            (void)make_body(read_scene(config, name).model);
+            ADD_FAILURE() << name << " accepted";
+        } catch (const std::invalid_argument& error) {
+            EXPECT_THAT(error.what(), testing::HasSubstr("but the body is a solid"));
         }
     }
 }
