@@ -86,12 +86,14 @@ TEST(SamplingPhases, AreAllCaught) {
     }
 }
 
+// It slides off without friction: half a metre at 14 m/s sin(30 degrees) takes 0.07 s, less the step of the contact.
 TEST(SamplingPhases, AreAllCaughtByATiltedClothToo) {
+    constexpr int kSlidesFor = 6;  // steps
     for (int phase = 0; phase < kPhases; phase += 5) {
         const double shift = phase * kSpacing;
         Config config = open_scene("cloth-drop");
         config.set("model.orientation=[0.9659258262890683, 0.0, 0.0, 0.25881904510252074]");  // by 30 degrees about z
-        expect_caught(drop(after(kSkipped, std::move(config), shift), 30, kHeldFor), kHeldFor, shift);
+        expect_caught(drop(after(kSkipped, std::move(config), shift), 30, kSlidesFor), kSlidesFor, shift);
     }
 }
 
