@@ -13,6 +13,8 @@ target_compile_options(haptic_options INTERFACE
     # The same floating-point operations on each machine and compiler, so that states can be compared bit for bit.
     -ffp-contract=off
     $<$<BOOL:${HAPTIC_WARNINGS_AS_ERRORS}>:-Werror>)
+# With vectors, Eigen adds in an order that differs between machines. Its functions are shared by all objects of a program.
+target_compile_definitions(haptic_options INTERFACE EIGEN_DONT_VECTORIZE)
 # g++ 12 warns of "a" + std::string (GCC bug 105651), which g++ 13 no longer does.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
     target_compile_options(haptic_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wno-restrict>)

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <glm/geometric.hpp>
-#include <glm/matrix.hpp>
+#include <utility>
 
 #include "dynamics/rotation.hpp"
 
@@ -26,7 +26,7 @@ Row row_of_vector(const Vec3& v) noexcept {
 }  // namespace
 
 ElasticPushes::ElasticPushes(const ParticleModel& model)
-    : body_of_particle_(model.size(), kNone), column_(model.size(), kNone), answer_(model.size()) {
+    : body_of_particle_(model.size(), kNone), column_(model.size(), kNone) {
     std::vector<std::uint8_t> solid(model.size(), 0);
     for (const ElasticElement& element : model.elasticity.elements) {
         solid[element.centre] = solid[element.centre] != 0 || element.members.size() != 3;
@@ -59,7 +59,6 @@ void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, do
     start_ = &start;
     elastic_ = &elastic;
     h_ = h;
-    ++substep_;
     for (Body& body : bodies_) {
         body.placed = false;
     }
@@ -103,9 +102,11 @@ std::uint32_t ElasticPushes::column(Body& body, std::uint32_t particle) noexcept
     return column_[particle];
 }
 
-/// Centre, inertia and levers of a free body at the start of the sub-step.
+/// Centre, inertia and levers of a free body at the start of the sub-step, once in it.
 void ElasticPushes::place(Body& body) noexcept {
-    body.placed = true;
+    if (std::exchange(body.placed, true)) {
+        return;
+    }
     const ParticleRange& range = body.particles;
     double mass = 0.0;
     Vec3 centre(0.0);
@@ -138,45 +139,32 @@ void ElasticPushes::place(Body& body) noexcept {
     }
 }
 
-const ElasticPushes::Answer& ElasticPushes::answer(std::uint32_t particle) noexcept {
-    Answer& of = answer_[particle];
-    if (of.substep == substep_) {
-        return of;
-    }
-    of.substep = substep_;
+ElasticPushes::Compliance ElasticPushes::compliance(std::uint32_t particle, const Vec3& normal) noexcept {
     Body& body = bodies_[body_of_particle_[particle]];
     const std::size_t size = body.particles.end - body.particles.begin;
-    of.compliance = Mat3(body.columns[column(body, particle) * size + particle - body.particles.begin]);
-    if (body.is_free) {
-        if (!body.placed) {
-            place(body);
-        }
-        const Mat3 q = cross_matrix(lever(particle, 0));
-        const Mat3 r = cross_matrix(lever(particle, 3));
-        const Mat3 alpha = body.inverse_inertia * r;
-        const Mat3 beta = body.inverse_inertia * (q - body.turning * alpha);
-        of.compliance += q * alpha - r * (h_ * h_ * alpha - beta);
+    const double alone = body.columns[column(body, particle) * size + particle - body.particles.begin];
+    if (!body.is_free) {
+        return {alone, alone};
     }
-    of.stiffness = glm::inverse(of.compliance);
-    return of;
+    // The particle's own answer, a symmetric matrix.
+    place(body);
+    const Mat3 q = cross_matrix(lever(particle, 0));
+    const Mat3 r = cross_matrix(lever(particle, 3));
+    const Mat3 alpha = body.inverse_inertia * r;
+    const Mat3 beta = body.inverse_inertia * (q - body.turning * alpha);
+    const Mat3 answer = Mat3(alone) + q * alpha - r * (h_ * h_ * alpha - beta);
+    const double along = glm::dot(normal, answer * normal);
+    return {along, 0.5 * (answer[0][0] + answer[1][1] + answer[2][2] - along)};
 }
 
-double ElasticPushes::compliance(std::uint32_t particle, const Vec3& along) noexcept {
-    return glm::dot(along, answer(particle).compliance * along);
-}
-
-Vec3 ElasticPushes::force(std::uint32_t particle, const Vec3& by) noexcept {
-    return answer(particle).stiffness * by;
-}
-
-void ElasticPushes::push(std::uint32_t particle, const Vec3& by, Row* position) noexcept {
-    const Vec3 p = force(particle, by);
+void ElasticPushes::push(std::uint32_t particle, const Vec3& force, Row* position) noexcept {
     Body& body = bodies_[body_of_particle_[particle]];
     const std::size_t size = body.particles.end - body.particles.begin;
-    Row terms[1 + kLevers] = {row_of_vector(p)};
+    Row terms[1 + kLevers] = {row_of_vector(force)};
     if (body.is_free) {
-        const Vec3 alpha = body.inverse_inertia * glm::cross(lever(particle, 3), p);
-        const Vec3 beta = body.inverse_inertia * (glm::cross(lever(particle, 0), p) - body.turning * alpha);
+        place(body);
+        const Vec3 alpha = body.inverse_inertia * glm::cross(lever(particle, 3), force);
+        const Vec3 beta = body.inverse_inertia * (glm::cross(lever(particle, 0), force) - body.turning * alpha);
         const Mat3 by_q = cross_matrix(-alpha);
         const Mat3 by_r = cross_matrix(h_ * h_ * alpha - beta);
         for (int c = 0; c < 3; ++c) {

@@ -24,20 +24,25 @@ namespace haptic::sim {
 
 class ElasticPushes {
   public:
+    struct Compliance {
+        double along = 0.0;   // m/N
+        double across = 0.0;  // m/N
+    };
+
     /// Allocates for all solid elastic bodies of the model.
     explicit ElasticPushes(const ParticleModel& model);
 
+    [[nodiscard]] bool empty() const noexcept { return bodies_.empty(); }
     /// Begins a sub-step of length h, s. The bodies are at `start`; `elastic` has been prepared for h.
     void begin(const ParticleModel& start, ElasticBodies& elastic, double h) noexcept;
 
     /// Whether the particle belongs to a solid elastic body and is not pinned. The following need that.
     [[nodiscard]] bool answers(std::uint32_t particle) const noexcept { return body_of_particle_[particle] != kNone; }
-    /// How far a force of 1 N along this unit vector moves the particle along it in the sub-step, m/N.
-    [[nodiscard]] double compliance(std::uint32_t particle, const Vec3& along) noexcept;
-    /// The force, N, in the sub-step that moves the particle by this vector, m.
-    [[nodiscard]] Vec3 force(std::uint32_t particle, const Vec3& by) noexcept;
-    /// Moves the particle by this vector, m, and its body along with it.
-    void push(std::uint32_t particle, const Vec3& by, Row* position) noexcept;
+    /// How far the particle moves in the sub-step along a force of 1 N on it: along the unit normal, and in the mean of
+    /// the directions across it.
+    [[nodiscard]] Compliance compliance(std::uint32_t particle, const Vec3& normal) noexcept;
+    /// Moves the particle's body by a force, N, on the particle.
+    void push(std::uint32_t particle, const Vec3& force, Row* position) noexcept;
 
   private:
     static constexpr std::uint32_t kNone = 0xffff'ffff;
@@ -52,28 +57,18 @@ class ElasticPushes {
         Mat3 inverse_inertia{0.0};           // 1/(kg m^2)
         Mat3 turning{0.0};                   // J
     };
-    /// Of a particle, in this sub-step.
-    struct Answer {
-        std::uint64_t substep = 0;
-        Mat3 compliance{0.0};  // m/N, of the particle to a force on itself
-        Mat3 stiffness{0.0};   // its inverse
-    };
-
     [[nodiscard]] std::uint32_t column(Body& body, std::uint32_t particle) noexcept;
     void place(Body& body) noexcept;
-    const Answer& answer(std::uint32_t particle) noexcept;
     [[nodiscard]] Vec3 lever(std::uint32_t particle, std::size_t first) const noexcept;
 
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;
     std::vector<std::uint32_t> column_;  // per particle; kNone: not yet found
-    std::vector<Answer> answer_;         // per particle
     std::vector<double> lever_;          // [particle][Q, s^2 m, then r, m]
     LaneArray<Row> scratch_;
     const ParticleModel* start_ = nullptr;
     ElasticBodies* elastic_ = nullptr;
     double h_ = 0.0;
-    std::uint64_t substep_ = 0;
 };
 
 }  // namespace haptic::sim

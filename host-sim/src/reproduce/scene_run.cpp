@@ -38,7 +38,32 @@ std::vector<std::string> thesis_assignments(std::string_view scene) {
                 "model.link_stiffness=1", "solver.substeps=1",      "solver.iterations=2",
                 "solver.drag=0",          "solver.shape_damping=5", "workspace.force_scale=0.5"};
     }
-    return {};
+    // The fish: stiffness 0.9 for the head and 0.6 for the rest, five iterations (section 4.4.3).
+    const std::string head = "{low = [0.06, -1, -1], high = [1, 1, 1], stiffness = 0.9}";
+    const std::string belly = "{low = [-0.03, -1, -1], high = [0.05, 1, -0.005], fixed = true}";
+    std::string regions;
+    if (scene == "fish-hold") {
+        const std::string shake = ", motion_times = [0, 0.1, 0.2, 0.3, 0.4, 1.2], motion_repeat = true";
+        const auto up = [](const std::string& z) {
+            return ", motion_offsets = [0, 0, 0, 0, 0, " + z + ", 0, 0, 0, 0, 0, " + z + ", 0, 0, 0, 0, 0, 0]}";
+        };
+        regions = head + ", " + belly + ", {low = [0.065, -1, -1], high = [0.085, 1, 1], stiffness = 0.9" + shake +
+                  up("0.015") + ", {low = [-0.085, -1, -1], high = [-0.065, 1, 1]" + shake + up("0.025");
+    } else if (scene == "fish-slide") {
+        regions = head + ", " + belly;
+    } else if (scene == "four-fish") {
+        regions = head;
+    } else {
+        return {};
+    }
+    return {"model.material=none",
+            "model.neighbours=8",
+            "model.mass=0.36",
+            "model.group_stiffness=0.6",
+            "model.regions=[" + regions + "]",
+            "solver.substeps=1",
+            "solver.iterations=5",
+            scene == "four-fish" ? "solver.shape_damping=2" : "solver.shape_damping=5"};
 }
 
 SceneRun::SceneRun(const std::string& scene, const std::vector<std::string>& assignments, std::int64_t (*clock)())

@@ -1,0 +1,168 @@
+// Pushes at single particles of elastic bodies: what moves, its momenta, reciprocity, and bodies that rest on the
+// ground.
+#include "dynamics/elastic_pushes.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <vector>
+
+#include "haptic/denormals.hpp"
+#include "haptic/sim/block.hpp"
+#include "haptic/sim/collisions.hpp"
+#include "haptic/sim/elasticity.hpp"
+#include "haptic/sim/model_builder.hpp"
+#include "haptic/sim/solver.hpp"
+
+namespace haptic::sim {
+namespace {
+
+/// A block of 0.12 x 0.06 x 0.08 m whose middle is at the origin.
+ParticleModel pushed_block(const SolidMaterial& material) {
+    const Vec3 size(0.12, 0.06, 0.08);
+    BuilderSettings settings;
+    settings.particles = 80;
+    settings.neighbours = 16;
+    settings.mass = material.density * size.x * size.y * size.z;
+    const TriangleMesh mesh = make_block_mesh({.size = size, .cells = 12});
+    ParticleModel model = build_body(mesh, settings).particles;
+    model.elasticity = make_solid(model, std::vector<SolidMaterial>(model.size(), material));
+    balance_surface(model, mesh, model.elasticity);
+    model.groups.clear();
+    return model;
+}
+
+std::vector<Row> rows_of(const ParticleModel& model) {
+    std::vector<Row> rows(model.size());
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        rows[i] = {{model.position[i].x, model.position[i].y, model.position[i].z, 0.0}};
+    }
+    return rows;
+}
+
+Vec3 vector_from_row(const Row& row) {
+    return {row.number[0], row.number[1], row.number[2]};
+}
+
+ParticleModel held_block(bool held) {
+    ParticleModel model = pushed_block({.young_modulus = 1e5, .damping = 0.001});
+    model.pinned[5] = model.pinned[40] = held ? 1 : 0;
+    return model;
+}
+
+class ElasticPushesOf : public testing::TestWithParam<bool> {
+  protected:
+    /// What every particle moves by with this force on one, m.
+    std::vector<Vec3> moved_by(std::uint32_t particle, const Vec3& force) {
+        std::vector<Row> rows = rows_of(model);
+        pushes.push(particle, force, rows.data());
+        std::vector<Vec3> moved;
+        for (std::size_t i = 0; i < model.size(); ++i) {
+            moved.push_back(vector_from_row(rows[i]) - model.position[i]);
+        }
+        return moved;
+    }
+
+    void SetUp() override {
+        elastic.prepare(kStep);
+        pushes.begin(model, elastic, kStep);
+    }
+
+    static constexpr double kStep = 0.002;
+    const FlushDenormals flush{};
+    ParticleModel model = held_block(GetParam());
+    ElasticBodies elastic{model, 1};
+    ElasticPushes pushes{model};
+};
+
+TEST_P(ElasticPushesOf, AParticleMovesByItsCompliance) {
+    const Vec3 normal(0.0, 0.6, 0.8);
+    const Vec3 first(1.0, 0.0, 0.0);
+    const Vec3 second(0.0, -0.8, 0.6);
+    for (std::uint32_t i = 0; i < model.size(); ++i) {
+        ASSERT_EQ(pushes.answers(i), model.pinned[i] == 0);
+        if (!pushes.answers(i)) {
+            continue;
+        }
+        const ElasticPushes::Compliance compliance = pushes.compliance(i, normal);
+        const std::vector<Vec3> moved = moved_by(i, normal);
+        const double across = 0.5 * (glm::dot(moved_by(i, first)[i], first) + glm::dot(moved_by(i, second)[i], second));
+        EXPECT_NEAR(glm::dot(moved[i], normal), compliance.along, 1e-9 * compliance.along);
+        EXPECT_NEAR(across, compliance.across, 1e-9 * compliance.across);
+        for (std::size_t j = 0; j < model.size(); ++j) {
+            EXPECT_TRUE(model.pinned[j] == 0 || moved[j] == Vec3(0.0));
+        }
+    }
+}
+
+TEST_P(ElasticPushesOf, AnAnswerIsReciprocal) {
+    const Vec3 at_first(0.6, 0.0, 0.8);
+    const Vec3 at_second(0.0, 0.6, 0.8);
+    // Betti (1872): each force does the same work on the motion by the other.
+    const double work = glm::dot(moved_by(3, at_first)[61], at_second);
+    EXPECT_NEAR(glm::dot(moved_by(61, at_second)[3], at_first), work, 1e-9 * std::abs(work));
+    EXPECT_NE(work, 0.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(FreeAndHeldBodies, ElasticPushesOf, testing::Bool(),
+                         [](const testing::TestParamInfo<bool>& held) { return held.param ? "held" : "free"; });
+
+TEST(ElasticPushes, GiveAFreeBodyTheMomentaOfTheForce) {
+    const double h = 0.004;
+    const ParticleModel model = pushed_block({.young_modulus = 1e6});
+    ElasticBodies elastic(model, 1);
+    elastic.prepare(h);
+    ElasticPushes pushes(model);
+    pushes.begin(model, elastic, h);
+    for (const std::uint32_t i : {0U, 17U, 79U}) {
+        const Vec3 force(-0.4, 1.0, 0.2);
+        std::vector<Row> rows = rows_of(model);
+        pushes.push(i, force, rows.data());
+        const Vec3 impulse = h * force;
+        Vec3 linear(0.0);
+        Vec3 angular(0.0);
+        for (std::size_t j = 0; j < model.size(); ++j) {
+            const Vec3 momentum = model.mass[j] / h * (vector_from_row(rows[j]) - model.position[j]);
+            linear += momentum;
+            angular += glm::cross(model.position[j], momentum);
+        }
+        const Vec3 moment = glm::cross(model.position[i], impulse);
+        EXPECT_LT(glm::length(linear - impulse), 1e-9 * glm::length(impulse));
+        EXPECT_LT(glm::length(angular - moment), 1e-9 * glm::length(moment));
+    }
+}
+
+TEST(ElasticPushes, AStiffBlockLandsAndRestsWithItsShape) {
+    const FlushDenormals flush;
+    for (const double young : {3e4, 1e6}) {
+        for (const double step : {0.002, 0.01}) {
+            ParticleModel model = pushed_block({.young_modulus = young, .damping = 0.005});
+            for (Vec3& x : model.position) {
+                x.y += 0.05;
+            }
+            ParticleCollisions ground(model, {.ground = true, .ground_height = 0.0}, nullptr);
+            ParticleSolver solver(model, {.step = step, .substeps = 0, .iterations = 1});
+            for (double time = 0.0; time < 2.0; time += step) {
+                solver.step(model, {}, {&ground});
+            }
+            // Its weight presses it together by rho g L^2 / (2 E), 30 um of 60 mm at 30 kPa.
+            double fastest = 0.0;
+            double most = 0.0;
+            for (std::size_t i = 0; i < model.size(); ++i) {
+                fastest = std::max(fastest, glm::length(model.velocity[i]));
+                for (std::size_t j = 0; j < i; ++j) {
+                    const double now = glm::length(model.position[i] - model.position[j]);
+                    const double rest = glm::length(model.rest_position[i] - model.rest_position[j]);
+                    most = std::max(most, std::abs(now - rest));
+                }
+            }
+            EXPECT_LT(fastest, 2e-3) << young << " Pa, " << step << " s";
+            EXPECT_LT(most, young > 1e5 ? 3e-4 : 2e-3) << young << " Pa, " << step << " s";
+        }
+    }
+}
+
+}  // namespace
+}  // namespace haptic::sim
