@@ -66,6 +66,7 @@ ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock
     leads_.resize(kMaxProxies);
     if (!model.elasticity.elements.empty()) {
         columns_.reserve(model.size());
+        answering_.reserve(kMaxNormals + 3 * kMaxProxies);
         answers_.reserve(std::min(kMaxAnswers, (kMaxNormals + kMaxProxies) * model.size()));
     }
     for (std::vector<double>& motion : motions_) {
@@ -355,35 +356,64 @@ void ContactCoupling::find_motions() noexcept {
     }
 }
 
-/// Y P / h^2 of the patches on bodies with a material, four at a time.
+/// Y P / h^2 of the patches on bodies with a material. The mean patch of a proxy may lie on several bodies.
 void ContactCoupling::find_answers(ElasticBodies& elastic, double h) {
     answers_.clear();
-    for (Patch& patch : patches_) {
-        patch.body = patch.begin < patch.end ? elastic.body_of(pressed_[patch.begin].particle) : ParticleRange{};
+    answering_.clear();
+    for (std::size_t k = 0; k < patches_.size(); ++k) {
+        Patch& patch = patches_[k];
+        patch.body = {};
+        const std::size_t first = answering_.size();
+        const auto include = [&](const ParticleRange& range) {
+            const bool any = patch.body.end > patch.body.begin;
+            patch.body = {any ? std::min(patch.body.begin, range.begin) : range.begin,
+                          std::max(patch.body.end, range.end)};
+        };
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            const ParticleRange body = elastic.body_of(pressed_[p].particle);
+            const auto is_body = [&](const Answering& of) { return of.body.begin == body.begin; };
+            if (body.end > body.begin &&
+                std::none_of(answering_.begin() + static_cast<std::ptrdiff_t>(first), answering_.end(), is_body)) {
+                answering_.push_back({k, body});
+                include(body);
+            }
+        }
+        // Particles of a body without a material answer alone, where the patch has both.
+        for (std::uint32_t p = patch.begin; p < patch.end && answering_.size() > first; ++p) {
+            include({pressed_[p].particle, pressed_[p].particle + 1});
+        }
         patch.answer = answers_.size();
         answers_.resize(answers_.size() + (patch.body.end - patch.body.begin));
+        for (std::uint32_t p = patch.begin; p < patch.end && answering_.size() > first; ++p) {
+            const Pressed& alone = pressed_[p];
+            if (elastic.body_of(alone.particle).end == 0) {
+                answers_[patch.answer + (alone.particle - patch.body.begin)] += alone.weight * alone.inverse_mass;
+            }
+        }
     }
-    std::vector<Row>& columns = columns_;
-    for (std::size_t first = 0; first < patches_.size();) {
-        // The next patches on the same body.
-        const ParticleRange body = patches_[first].body;
+    for (std::size_t first = 0; first < answering_.size();) {
+        // Up to four in a row of the same body, side by side.
+        const ParticleRange body = answering_[first].body;
         std::size_t count = 1;
-        while (count < 4 && first + count < patches_.size() && patches_[first + count].body.begin == body.begin &&
-               patches_[first + count].body.end == body.end) {
+        while (count < 4 && first + count < answering_.size() && answering_[first + count].body.begin == body.begin) {
             ++count;
         }
-        if (body.end > body.begin) {
-            columns.assign(body.end - body.begin, Row{});
-            for (std::size_t k = 0; k < count; ++k) {
-                for (std::uint32_t p = patches_[first + k].begin; p < patches_[first + k].end; ++p) {
-                    columns[pressed_[p].particle - body.begin].number[k] += pressed_[p].weight;
+        columns_.assign(body.end - body.begin, Row{});
+        for (std::size_t k = 0; k < count; ++k) {
+            const Patch& patch = patches_[answering_[first + k].patch];
+            for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+                const std::uint32_t i = pressed_[p].particle;
+                if (i >= body.begin && i < body.end) {
+                    columns_[i - body.begin].number[k] += pressed_[p].weight;
                 }
             }
-            elastic.respond(body, columns);
-            for (std::size_t k = 0; k < count; ++k) {
-                for (std::size_t i = 0; i < columns.size(); ++i) {
-                    answers_[patches_[first + k].answer + i] = columns[i].number[k] / (h * h);
-                }
+        }
+        elastic.respond(body, columns_);
+        for (std::size_t k = 0; k < count; ++k) {
+            const Patch& patch = patches_[answering_[first + k].patch];
+            double* const answer = answers_.data() + patch.answer + (body.begin - patch.body.begin);
+            for (std::size_t i = 0; i < columns_.size(); ++i) {
+                answer[i] = columns_[i].number[k] / (h * h);
             }
         }
         first += count;

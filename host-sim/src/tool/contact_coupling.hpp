@@ -154,9 +154,14 @@ class ContactCoupling final : public SolverContacts {
         Vec3 reference{0.0};     // m, sum W_i x_i at the beginning of the step
         Vec3 start{0.0};         // and of the sub-step
         Vec3 now{0.0};           // and in this pass
-        ParticleRange body{};    // that has a material; empty: none
-        std::size_t answer = 0;  // of a body with a material: index into answers_, one element per particle
+        ParticleRange body{};    // from the first to the last body, if one has a material; empty: none has
+        std::size_t answer = 0;  // of these bodies: index into answers_, one element per particle
         Vec3 change{0.0};        // kg m, h^2 times the change of force that has not moved the body yet
+    };
+    /// A body with a material, under a patch.
+    struct Answering {
+        std::size_t patch = 0;
+        ParticleRange body{};
     };
     struct CouplingRow {
         std::uint32_t proxy = 0;
@@ -209,11 +214,12 @@ class ContactCoupling final : public SolverContacts {
     std::size_t pressed_of_normals_ = 0;  // their particles
     std::vector<Patch> patches_;
     std::vector<CouplingRow> rows_;
-    std::vector<FrictionRows> friction_;          // per proxy with friction
-    std::vector<double> depth_;                   // m, per row: b
-    std::vector<Lead> leads_;                     // per proxy
-    std::vector<double> scattered_;               // per particle of the model: W_i / m_i of one patch
-    std::vector<double> answers_;                 // 1/kg: Y P / h^2 of the patches on bodies with a material
+    std::vector<FrictionRows> friction_;  // per proxy with friction
+    std::vector<double> depth_;           // m, per row: b
+    std::vector<Lead> leads_;             // per proxy
+    std::vector<double> scattered_;       // per particle of the model: W_i / m_i of one patch
+    std::vector<double> answers_;         // 1/kg: Y P / h^2 of the patches on bodies with a material
+    std::vector<Answering> answering_;
     std::vector<Row> columns_;                    // per particle of a body: four of them
     double answered_step_ = 0.0;                  // s, sub-step for which they and body_compliance_ are; 0: none
     std::array<std::vector<double>, 6> motions_;  // per row: how far it moves with the whole tool
