@@ -419,8 +419,8 @@ Elasticity make_sheet(const ParticleModel& model, const TriangleMesh& mesh, std:
 }
 
 double resolved_step(const ParticleModel& model) {
-    // Size of each body, and the fastest wave that stretches it: sqrt(Young's modulus / density). The modulus, 2 mu (1 +
-    // nu), is at most 3 mu, and that of a body of several materials at most their mean (Voigt 1889).
+    // Size of each body, and the fastest wave that stretches it: sqrt(Young's modulus / density). The modulus, 2 mu (1
+    // + nu), is at most 3 mu, and that of a body of several materials at most their mean (Voigt 1889).
     double step = std::numeric_limits<double>::infinity();
     std::vector<ParticleRange> bodies = model.bodies;
     if (bodies.empty()) {

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::uint32_t kRoot = std::numeric_limits<std::uint32_t>::max();
 // Elements of a panel per element of L in it, at most: zeros cost less than more panels, to a point.
-constexpr double kPadding = 1.3;
+constexpr double kMaxPadding = 1.3;
 
 /// Position of each row of the matrix in an order with little fill.
 std::vector<std::uint32_t> little_fill(std::size_t size, std::span<const MatrixElement> lower) {
@@ -112,7 +112,7 @@ void StiffnessFactor::form_panels(const RowLists& below) {
             }
             const std::size_t with_next = elements + below[next].size();
             const std::size_t stored = (width + 1) * (below[next].size() + width);
-            if (static_cast<double>(stored) > kPadding * static_cast<double>(with_next + width * (width + 1))) {
+            if (static_cast<double>(stored) > kMaxPadding * static_cast<double>(with_next + width * (width + 1))) {
                 break;
             }
             elements = with_next;

@@ -82,9 +82,9 @@ void balance_surface(const ParticleModel& model, const TriangleMesh& mesh, Elast
 /// resolved. Longer ones damp them, but do not change the stiffness. Infinite without elements.
 [[nodiscard]] double resolved_step(const ParticleModel& model);
 
-/// Longest sub-step, s, that moves every body as its material does: no longer than resolved_step(), nor than the damping
-/// of the material, which an implicit step of that length has by itself. A material with less than 2 ms of it is damped
-/// as one with 2 ms. At most 5 ms; infinite without elements.
+/// Longest sub-step, s, that moves every body as its material does: no longer than resolved_step(), nor than the
+/// damping of the material, which an implicit step of that length has by itself. A material with less than 2 ms of it
+/// is damped as one with 2 ms. At most 5 ms; infinite without elements.
 [[nodiscard]] double faithful_step(const ParticleModel& model);
 
 }  // namespace haptic::sim
