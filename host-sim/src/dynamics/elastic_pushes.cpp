@@ -73,7 +73,7 @@ Vec3 ElasticPushes::lever(std::uint32_t particle, std::size_t first) const noexc
 std::uint32_t ElasticPushes::column(Body& body, std::uint32_t particle) noexcept {
     const std::size_t size = body.particles.end - body.particles.begin;
     const std::size_t room = body.columns.size() / size;
-    if (body.h != h_ || (column_[particle] == kNone && body.owner.size() + kSideBySide > room)) {
+    if (body.h != h_ || (column_[particle] == kNone && body.owner.size() == room)) {
         for (const std::uint32_t owner : body.owner) {
             column_[owner] = kNone;
         }
@@ -86,7 +86,8 @@ std::uint32_t ElasticPushes::column(Body& body, std::uint32_t particle) noexcept
     const auto rows = std::span(scratch_).first(size);
     std::fill(rows.begin(), rows.end(), Row{});
     const std::size_t first = body.owner.size();
-    for (std::uint32_t i = particle; i < body.particles.end && body.owner.size() < first + kSideBySide; ++i) {
+    const std::size_t end = std::min(first + kSideBySide, room);
+    for (std::uint32_t i = particle; i < body.particles.end && body.owner.size() < end; ++i) {
         if (column_[i] == kNone && answers(i)) {
             rows[i - body.particles.begin].number[body.owner.size() - first] = 1.0;
             column_[i] = static_cast<std::uint32_t>(body.owner.size());

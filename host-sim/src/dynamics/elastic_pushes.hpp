@@ -9,8 +9,7 @@
 //
 //     u_j = W_ji p - alpha x Q_j + (h^2 alpha - beta) x r_j,   beta = I^-1 (Q_i x p - J alpha),   J = -sum m [Q] [r]
 //
-// A push moves particle i by a given vector: the force follows from the 3 x 3 matrix of i's answer to itself. Columns
-// of W are found when they are first needed, and kept as long as h stays the same.
+// Columns of W are found when they are first needed, and kept as long as h stays the same.
 // @source Inertia relief: the D'Alembert forces of a free body's rigid acceleration, as in structural analysis.
 #pragma once
 
@@ -57,6 +56,7 @@ class ElasticPushes {
         Mat3 inverse_inertia{0.0};           // 1/(kg m^2)
         Mat3 turning{0.0};                   // J
     };
+
     [[nodiscard]] std::uint32_t column(Body& body, std::uint32_t particle) noexcept;
     void place(Body& body) noexcept;
     [[nodiscard]] Vec3 lever(std::uint32_t particle, std::size_t first) const noexcept;
