@@ -159,27 +159,20 @@ PressResult test_press(const SolidMaterial& material, const std::string& name, c
     for (const std::size_t particles : options.pressed) {
         test.particles = particles;
         const auto [measured, time_s] = series.run([&] { return measure_press(test, kPressDepths); });
-        bool at_rest = true;
+        PressMeasured all = measured.front();
         for (const PressMeasured& m : measured) {
             result.forces.lines.push_back({.particles = particles,
                                            .depth = m.depth,
                                            .half_space = half_space_force(contact, m.depth),
                                            .series = layer_series_force(contact, m.depth),
-                                           .requested = layer_force(contact, m.depth),
+                                           .requested = m.requested,
                                            .measured = m.force,
                                            .substeps = m.substeps,
                                            .at_rest = m.at_rest});
-            at_rest = at_rest && m.at_rest;
+            all.at_rest = all.at_rest && m.at_rest;
         }
-        result.moduli.lines.push_back({.specimen = count_of(particles),
-                                       .number = static_cast<double>(particles),
-                                       .quantity = "Young's modulus pressed",
-                                       .unit = "Pa",
-                                       .requested = material.young_modulus,
-                                       .measured = fitted_modulus(test, measured),
-                                       .substeps = measured.front().substeps,
-                                       .time_s = time_s,
-                                       .at_rest = at_rest});
+        add_line(result.moduli, count_of(particles), static_cast<double>(particles), "Young's modulus pressed", "Pa",
+                 material.young_modulus, fitted_modulus(test, measured), all, time_s);
     }
     return result;
 }

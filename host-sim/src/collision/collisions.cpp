@@ -12,6 +12,7 @@
 
 #include "collision/swept_pairs.hpp"
 #include "dynamics/elastic_pushes.hpp"
+#include "dynamics/model_bodies.hpp"
 #include "dynamics/stage_clock.hpp"
 #include "simd/ellipsoid_lanes.hpp"
 #include "simd/kernels.hpp"
@@ -284,7 +285,8 @@ struct ParticleCollisions::State {
     void find_compliance(const Plane& contact, PlaneDetail& info) noexcept;
     void push(std::uint32_t particle, const Vec3& force, Row* position) noexcept;
     void project_ground_contact(ElasticGroundContact& contact, Row* position) noexcept;
-    void count_force(std::uint32_t particle, const Vec3& force, Row* pushed) const noexcept;
+    void push_alone(std::uint32_t particle, const Vec3& force, Row* displaced) const noexcept;
+    [[nodiscard]] double compliance_alone(std::uint32_t particle) const noexcept;
     [[nodiscard]] Vec3 clamp_to_cone(const Vec3& wanted, double push) const noexcept;
     [[nodiscard]] double max_error(const Row* position) const noexcept;
     void add_pushes(Row* pushed) noexcept;
@@ -323,7 +325,7 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
                                  std::size_t lanes)
     : settings(given),
       kernels(collider_kernels(lanes)),
-      bodies(model.bodies),
+      bodies(bodies_of(model)),
       colliders(model),
       rows(colliders.rows()),
       clock(time),
@@ -333,10 +335,6 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
       pushes(model) {
     check(given);
     model.check();
-    // A model without a list of bodies is one body.
-    if (bodies.empty()) {
-        bodies.push_back({0, static_cast<std::uint32_t>(model.size())});
-    }
     // Constant data of particles and bodies.
     body_bounds.resize(bodies.size());
     motion.resize(bodies.size());
@@ -629,7 +627,7 @@ void ParticleCollisions::State::find_compliance(const Plane& contact, PlaneDetai
     }
     info.compliance = {};
     for (const std::uint32_t particle : {contact.first, contact.second}) {
-        const double alone = h * h * collider[particle].inverse_mass;
+        const double alone = compliance_alone(particle);
         const ElasticPushes::Compliance of = pushes.answers(particle) ? pushes.compliance(particle, contact.normal)
                                                                       : ElasticPushes::Compliance{alone, alone};
         info.compliance.along += of.along;
@@ -642,8 +640,18 @@ void ParticleCollisions::State::push(std::uint32_t particle, const Vec3& force, 
     if (pushes.answers(particle)) {
         pushes.push(particle, force, position);
     } else {
-        move(position[particle], h * h * collider[particle].inverse_mass * force);
+        push_alone(particle, force, position);
     }
+}
+
+/// Moves a particle by a force as if it had no body. That has the momenta of the motion of its body.
+void ParticleCollisions::State::push_alone(std::uint32_t particle, const Vec3& force, Row* displaced) const noexcept {
+    move(displaced[particle], compliance_alone(particle) * force);
+}
+
+/// m/N, in the sub-step.
+double ParticleCollisions::State::compliance_alone(std::uint32_t particle) const noexcept {
+    return h * h * collider[particle].inverse_mass;
 }
 
 /// As the kernel project_ground().
@@ -743,13 +751,8 @@ double ParticleCollisions::State::max_error(const Row* position) const noexcept 
     return std::max(depth / kMaxDepth, elastic / kMaxElasticError) / min_size;
 }
 
-/// Adds the displacement of the particle if the force moved it alone. It has the momenta of the motion of its whole
-/// body.
-void ParticleCollisions::State::count_force(std::uint32_t particle, const Vec3& force, Row* pushed) const noexcept {
-    move(pushed[particle], h * h * collider[particle].inverse_mass * force);
-}
-
-/// Adds each particle's total displacement by collisions in this sub-step.
+/// Adds each particle's total displacement by collisions in this sub-step; that of an elastic body as if it had moved
+/// alone.
 void ParticleCollisions::State::add_pushes(Row* pushed) noexcept {
     // Total displacement of each pair along and across its normal, shared by inverse mass.
     for (std::size_t k = 0; k < plane.size(); ++k) {
@@ -758,8 +761,8 @@ void ParticleCollisions::State::add_pushes(Row* pushed) noexcept {
             ++counts.active;
             if (is_elastic(detail[k])) {
                 const Vec3 force = force_of(detail[k].compliance, p.push * p.normal, detail[k].friction);
-                count_force(p.first, force, pushed);
-                count_force(p.second, -force, pushed);
+                push_alone(p.first, force, pushed);
+                push_alone(p.second, -force, pushed);
                 continue;
             }
             const Vec3 correction = p.push * p.normal + detail[k].friction;
@@ -777,7 +780,7 @@ void ParticleCollisions::State::add_pushes(Row* pushed) noexcept {
     }
     for (const ElasticGroundContact& contact : elastic_ground) {
         if (contact.push > 0.0) {
-            count_force(contact.particle, force_of(contact.compliance, contact.push * kUp, contact.friction), pushed);
+            push_alone(contact.particle, force_of(contact.compliance, contact.push * kUp, contact.friction), pushed);
             ++counts.active;
         }
     }

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "dynamics/model_bodies.hpp"
 #include "simd/kernels.hpp"
 
 namespace haptic::sim {
@@ -72,11 +73,11 @@ ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes)
         if (!is_triangle(element)) {
             turning_.push_back(element.centre);
         }
-        most_damping_ = std::max(most_damping_, element.damping);
     }
-    least_damping_ = most_damping_;
-    for (const ElasticElement& element : model.elasticity.elements) {
-        least_damping_ = std::min(least_damping_, element.damping);
+    if (!empty()) {
+        const auto [least, most] = std::ranges::minmax_element(model.elasticity.elements, {}, &ElasticElement::damping);
+        least_damping_ = least->damping;
+        most_damping_ = most->damping;
     }
     for (LaneArray<Row>* rows : {&at_, &velocity_, &given_, &sides_}) {
         rows->resize(empty() ? 0 : model.size() + kPadding);
@@ -91,11 +92,7 @@ void ElasticBodies::find_bodies(const ParticleModel& model) {
             elastic[p] = 1;
         }
     }
-    std::vector<ParticleRange> ranges = model.bodies;
-    if (ranges.empty() && model.size() > 0) {
-        ranges.push_back({0, static_cast<std::uint32_t>(model.size())});
-    }
-    for (const ParticleRange& range : ranges) {
+    for (const ParticleRange& range : bodies_of(model)) {
         if (elastic[range.begin] == 0) {
             continue;
         }

@@ -4,6 +4,7 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
+#include "dynamics/model_bodies.hpp"
 #include "dynamics/rotation.hpp"
 
 namespace haptic::sim {
@@ -31,18 +32,13 @@ ElasticPushes::ElasticPushes(const ParticleModel& model)
     for (const ElasticElement& element : model.elasticity.elements) {
         solid[element.centre] = solid[element.centre] != 0 || element.members.size() != 3;
     }
-    std::vector<ParticleRange> ranges = model.bodies;
-    if (ranges.empty() && model.size() > 0) {
-        ranges.push_back({0, static_cast<std::uint32_t>(model.size())});
-    }
     std::size_t largest = 0;
-    for (const ParticleRange& range : ranges) {
+    for (const ParticleRange& range : bodies_of(model)) {
         if (solid[range.begin] == 0) {
             continue;
         }
-        Body body{.particles = range};
+        Body body{.particles = range, .is_free = has_no_pinned(model, range)};
         for (std::uint32_t i = range.begin; i < range.end; ++i) {
-            body.is_free = body.is_free && model.pinned[i] == 0;
             body_of_particle_[i] = model.pinned[i] == 0 ? static_cast<std::uint32_t>(bodies_.size()) : kNone;
         }
         const std::size_t size = range.end - range.begin;
@@ -109,13 +105,7 @@ void ElasticPushes::place(Body& body) noexcept {
         return;
     }
     const ParticleRange& range = body.particles;
-    double mass = 0.0;
-    Vec3 centre(0.0);
-    for (std::uint32_t i = range.begin; i < range.end; ++i) {
-        mass += start_->mass[i];
-        centre += start_->mass[i] * start_->position[i];
-    }
-    centre /= mass;
+    const Vec3 centre = centre_of_mass(*start_, range);
     const auto rows = std::span(scratch_).first(range.end - range.begin);
     Mat3 scatter(0.0);
     for (std::uint32_t i = range.begin; i < range.end; ++i) {

@@ -14,6 +14,7 @@
 #include <tuple>
 #include <utility>
 
+#include "dynamics/model_bodies.hpp"
 #include "dynamics/stiffness_factor.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/particles.hpp"
@@ -422,10 +423,7 @@ double resolved_step(const ParticleModel& model) {
     // Size of each body, and the fastest wave that stretches it: sqrt(Young's modulus / density). The modulus, 2 mu (1
     // + nu), is at most 3 mu, and that of a body of several materials at most their mean (Voigt 1889).
     double step = std::numeric_limits<double>::infinity();
-    std::vector<ParticleRange> bodies = model.bodies;
-    if (bodies.empty()) {
-        bodies.push_back({0, static_cast<std::uint32_t>(model.size())});
-    }
+    const std::vector<ParticleRange> bodies = bodies_of(model);
     std::vector<double> stiffness(bodies.size(), 0.0);  // J, of a strain of 1
     for (const ElasticElement& element : model.elasticity.elements) {
         const auto body = std::upper_bound(bodies.begin(), bodies.end(), element.centre,

@@ -8,6 +8,7 @@
 
 #include "dynamics/constraint_batches.hpp"
 #include "dynamics/elastic_bodies.hpp"
+#include "dynamics/model_bodies.hpp"
 #include "dynamics/rotation.hpp"
 #include "simd/kernels.hpp"
 
@@ -41,28 +42,6 @@ void add_outer(Mat3& a, double scale, const Vec3& p, const Vec3& q) {
     a[0] += sp * q.x;
     a[1] += sp * q.y;
     a[2] += sp * q.z;
-}
-
-Vec3 centre_of_mass(const ParticleModel& model, const ParticleRange& body) {
-    double mass = 0.0;
-    Vec3 sum(0.0);
-    for (std::size_t i = body.begin; i < body.end; ++i) {
-        mass += model.mass[i];
-        sum += model.mass[i] * model.position[i];
-    }
-    return sum / mass;
-}
-
-std::vector<ParticleRange> bodies_of(const ParticleModel& model) {
-    if (!model.bodies.empty() || model.size() == 0) {
-        return model.bodies;
-    }
-    return {{0, static_cast<std::uint32_t>(model.size())}};
-}
-
-bool has_no_pinned(const ParticleModel& model, const ParticleRange& body) {
-    const auto first = model.pinned.begin();
-    return std::all_of(first + body.begin, first + body.end, [](std::uint8_t pin) { return pin == 0; });
 }
 
 Vec3 vector_of(const Row& row) {

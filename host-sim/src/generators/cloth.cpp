@@ -6,6 +6,7 @@
 #include <string>
 
 #include "dynamics/rotation.hpp"
+#include "generators/grid_triangles.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -41,25 +42,9 @@ TriangleMesh make_cloth_mesh(const ClothShape& shape) {
             mesh.vertices.push_back(vertex(shape, scene_from_cloth, i, j));
         }
     }
-    const std::size_t one_side = 2 * std::size_t{n - 1} * (n - 1);
-    mesh.triangles.reserve(2 * one_side);
-    for (std::uint32_t j = 0; j + 1 < n; ++j) {
-        for (std::uint32_t i = 0; i + 1 < n; ++i) {
-            const std::uint32_t a = j * n + i;
-            const std::uint32_t b = a + 1;
-            const std::uint32_t c = a + n;
-            const std::uint32_t d = c + 1;
-            // Corners of the cell: a b in one row, c d in the next. Counter-clockwise seen from +y.
-            if ((i + j) % 2 == 0) {
-                mesh.triangles.push_back({a, c, d});
-                mesh.triangles.push_back({a, d, b});
-            } else {
-                mesh.triangles.push_back({a, c, b});
-                mesh.triangles.push_back({b, c, d});
-            }
-        }
-    }
+    mesh.triangles = grid_triangles(n, n);
     // Back faces: the same triangles with reversed winding.
+    const std::size_t one_side = mesh.triangles.size();
     for (std::size_t t = 0; t < one_side; ++t) {
         const Triangle front = mesh.triangles[t];
         mesh.triangles.push_back({front[0], front[2], front[1]});

@@ -2,6 +2,8 @@
 // instantiate them (see lanes.hpp).
 #pragma once
 
+#include <type_traits>
+
 #include "simd/elastic.hpp"
 #include "simd/lane_rotation.hpp"
 #include "simd/lane_rows.hpp"
@@ -253,42 +255,31 @@ HAPTIC_LANES void solve_backward(const FactorPanels& f, const FactorPanel& panel
     }
 }
 
+/// Calls with the panel's width as a constant, so that its columns stay in registers.
+template <class Call>
+HAPTIC_LANES void with_width(const FactorPanel& panel, const Call& call) noexcept {
+    static_assert(kPanelColumns == 4);
+    switch (panel.width) {
+        case 1:
+            return call(std::integral_constant<std::size_t, 1>{});
+        case 2:
+            return call(std::integral_constant<std::size_t, 2>{});
+        case 3:
+            return call(std::integral_constant<std::size_t, 3>{});
+        default:
+            return call(std::integral_constant<std::size_t, 4>{});
+    }
+}
+
 template <std::size_t Lanes>
 void solve_panels(const FactorPanels& f) noexcept {
-    static_assert(kPanelColumns == 4);
     for (std::size_t p = 0; p < f.panels; ++p) {
         const FactorPanel& panel = f.panel[p];
-        switch (panel.width) {
-            case 1:
-                solve_forward<Lanes, 1>(f, panel);
-                break;
-            case 2:
-                solve_forward<Lanes, 2>(f, panel);
-                break;
-            case 3:
-                solve_forward<Lanes, 3>(f, panel);
-                break;
-            default:
-                solve_forward<Lanes, 4>(f, panel);
-                break;
-        }
+        with_width(panel, [&](auto width) __attribute__((always_inline)) { solve_forward<Lanes, width()>(f, panel); });
     }
     for (std::size_t p = f.panels; p-- > 0;) {
         const FactorPanel& panel = f.panel[p];
-        switch (panel.width) {
-            case 1:
-                solve_backward<Lanes, 1>(f, panel);
-                break;
-            case 2:
-                solve_backward<Lanes, 2>(f, panel);
-                break;
-            case 3:
-                solve_backward<Lanes, 3>(f, panel);
-                break;
-            default:
-                solve_backward<Lanes, 4>(f, panel);
-                break;
-        }
+        with_width(panel, [&](auto width) __attribute__((always_inline)) { solve_backward<Lanes, width()>(f, panel); });
     }
 }
 
@@ -309,10 +300,6 @@ void move_rows(const PushedRows& m) noexcept {
         store_row<Lanes>(load_row<Lanes>(m.position[j]) + by, m.position[j]);
     }
 }
-
-/// Lanes of float in registers with `Count` lanes of double, for DoubleRow.
-template <std::size_t Count>
-inline constexpr std::size_t kFloatLanes = Count == 1 ? 1 : 2 * Count;
 
 template <std::size_t Count>
 inline constexpr ElasticKernels kElasticKernels{Count,

@@ -28,6 +28,13 @@ Eigen::Vector3d eigen_of(const Vec3& v) {
 
 /// The displacement of all particles, fitted by an affine map about the centroid and a bend, in the body's axes.
 struct BodyTests::Answer {
+    [[nodiscard]] BodyMeasured measured(double modulus) const {
+        return {.modulus = modulus,
+                .substeps = relaxed.substeps,
+                .simulated_s = relaxed.simulated_s,
+                .at_rest = relaxed.at_rest};
+    }
+
     Relaxed relaxed;
     Eigen::Matrix3d gradient;  // affine part, [component][direction]
     double curvature = 0.0;    // 1/m
@@ -153,11 +160,9 @@ BodyMeasured BodyTests::stretch() const {
     const double stress = kLoadStrain * material_.young_modulus;
     const Answer found = answer(stress * glm::outerProduct(axes_[0], axes_[0]), Mat3(0.0));
     const double along = found.gradient(0, 0);
-    return {.modulus = stress / along,
-            .poisson_ratio = -0.5 * (found.gradient(1, 1) + found.gradient(2, 2)) / along,
-            .substeps = found.relaxed.substeps,
-            .simulated_s = found.relaxed.simulated_s,
-            .at_rest = found.relaxed.at_rest};
+    BodyMeasured result = found.measured(stress / along);
+    result.poisson_ratio = -0.5 * (found.gradient(1, 1) + found.gradient(2, 2)) / along;
+    return result;
 }
 
 BodyMeasured BodyTests::shear() const {
@@ -165,20 +170,14 @@ BodyMeasured BodyTests::shear() const {
     const double stress = kLoadStrain * modulus;
     const Answer found =
         answer(stress * (glm::outerProduct(axes_[0], axes_[1]) + glm::outerProduct(axes_[1], axes_[0])), Mat3(0.0));
-    return {.modulus = stress / (found.gradient(0, 1) + found.gradient(1, 0)),
-            .substeps = found.relaxed.substeps,
-            .simulated_s = found.relaxed.simulated_s,
-            .at_rest = found.relaxed.at_rest};
+    return found.measured(stress / (found.gradient(0, 1) + found.gradient(1, 0)));
 }
 
 BodyMeasured BodyTests::swell() const {
     const double modulus = bulk_modulus(material_);
     const double tension = kLoadStrain * modulus;
     const Answer found = answer(Mat3(tension), Mat3(0.0));
-    return {.modulus = tension / found.gradient.trace(),
-            .substeps = found.relaxed.substeps,
-            .simulated_s = found.relaxed.simulated_s,
-            .at_rest = found.relaxed.at_rest};
+    return found.measured(tension / found.gradient.trace());
 }
 
 BodyMeasured BodyTests::bend() const {
@@ -186,10 +185,7 @@ BodyMeasured BodyTests::bend() const {
     const double curvature = std::min(kLoadStrain / (0.5 * size_.y), 20.0 * kLoadStrain / size_.x);
     const double slope = curvature * material_.young_modulus;
     const Answer found = answer(Mat3(0.0), slope * glm::outerProduct(axes_[0], axes_[0]));
-    return {.modulus = slope / found.curvature,
-            .substeps = found.relaxed.substeps,
-            .simulated_s = found.relaxed.simulated_s,
-            .at_rest = found.relaxed.at_rest};
+    return found.measured(slope / found.curvature);
 }
 
 }  // namespace haptic::sim

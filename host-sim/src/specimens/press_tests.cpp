@@ -233,6 +233,7 @@ std::vector<PressMeasured> measure_press(const PressTest& test, std::span<const 
         const Relaxed relaxed = relax(layer.model, {}, settings);
         result.push_back({.depth = depth,
                           .force = sphere.force().y,
+                          .requested = layer_force(test.contact, depth),
                           .touching = sphere.touching(),
                           .substeps = relaxed.substeps,
                           .simulated_s = relaxed.simulated_s,
@@ -245,7 +246,7 @@ double fitted_modulus(const PressTest& test, std::span<const PressMeasured> meas
     // Forces are proportional to the modulus; all depths count alike.
     double sum = 0.0;
     for (const PressMeasured& m : measured) {
-        sum += m.force / layer_force(test.contact, m.depth);
+        sum += m.force / m.requested;
     }
     return test.contact.material.young_modulus * sum / static_cast<double>(measured.size());
 }

@@ -39,6 +39,7 @@ struct PressTest {
 struct PressMeasured {
     double depth = 0.0;        // m
     double force = 0.0;        // N, on the sphere, upward
+    double requested = 0.0;    // N, of the layer in theory
     std::size_t touching = 0;  // vertices that carry it
     int substeps = 0;          // of a step, used
     double simulated_s = 0.0;

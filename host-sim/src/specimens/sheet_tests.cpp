@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "generators/grid_triangles.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "specimens/relaxation.hpp"
 
@@ -51,19 +52,7 @@ TriangleMesh flat_grid(std::uint32_t columns, std::uint32_t rows, double spacing
             mesh.vertices.emplace_back(spacing * i, 0.0, spacing * j);
         }
     }
-    for (std::uint32_t j = 0; j + 1 < rows; ++j) {
-        for (std::uint32_t i = 0; i + 1 < columns; ++i) {
-            const std::uint32_t a = j * columns + i;
-            const std::uint32_t b = a + 1;
-            const std::uint32_t c = a + columns;
-            const std::uint32_t d = c + 1;
-            if ((i + j) % 2 == 0) {
-                mesh.triangles.insert(mesh.triangles.end(), {{a, c, d}, {a, d, b}});
-            } else {
-                mesh.triangles.insert(mesh.triangles.end(), {{a, c, b}, {b, c, d}});
-            }
-        }
-    }
+    mesh.triangles = grid_triangles(columns, rows);
     return mesh;
 }
 

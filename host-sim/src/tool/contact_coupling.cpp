@@ -363,6 +363,7 @@ void ContactCoupling::find_answers(ElasticBodies& elastic, double h) {
     for (std::size_t k = 0; k < patches_.size(); ++k) {
         Patch& patch = patches_[k];
         patch.body = {};
+        patch.answer = answers_.size();
         const std::size_t first = answering_.size();
         const auto include = [&](const ParticleRange& range) {
             const bool any = patch.body.end > patch.body.begin;
@@ -378,13 +379,15 @@ void ContactCoupling::find_answers(ElasticBodies& elastic, double h) {
                 include(body);
             }
         }
+        if (answering_.size() == first) {
+            continue;
+        }
         // Particles of a body without a material answer alone, where the patch has both.
-        for (std::uint32_t p = patch.begin; p < patch.end && answering_.size() > first; ++p) {
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
             include({pressed_[p].particle, pressed_[p].particle + 1});
         }
-        patch.answer = answers_.size();
         answers_.resize(answers_.size() + (patch.body.end - patch.body.begin));
-        for (std::uint32_t p = patch.begin; p < patch.end && answering_.size() > first; ++p) {
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
             const Pressed& alone = pressed_[p];
             if (elastic.body_of(alone.particle).end == 0) {
                 answers_[patch.answer + (alone.particle - patch.body.begin)] += alone.weight * alone.inverse_mass;

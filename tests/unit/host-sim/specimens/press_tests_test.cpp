@@ -12,8 +12,8 @@ namespace haptic::sim {
 namespace {
 
 constexpr std::array kDepths{0.001, 0.0015, 0.002, 0.0025};  // m
-// Error of the particles in space: waves of the size of a few particles, of which the contact has many, are too soft.
-// Measured with 1000 particles, over the depths: 0.83 to 0.88 of the force.
+// Error of the particles in space: waves of the size of a few particles are too soft, and the contact has many such
+// waves. Measured with 1000 particles, over the depths: 0.83 to 0.88 of the force.
 constexpr double kSoftest = 0.80;
 // Of the exponent over depth, 1.5 on a half-space: small contacts have more of that error. Measured: 1.56.
 constexpr double kExponent = 0.08;

@@ -1,0 +1,17 @@
+// The separate bodies of a model of particles.
+#pragma once
+
+#include <vector>
+
+#include "haptic/sim/particles.hpp"
+
+namespace haptic::sim {
+
+/// A model without a list of bodies is one body; one without particles has none.
+[[nodiscard]] std::vector<ParticleRange> bodies_of(const ParticleModel& model);
+/// Whether the body is free to move as a whole.
+[[nodiscard]] bool has_no_pinned(const ParticleModel& model, const ParticleRange& body);
+/// m, at the present positions.
+[[nodiscard]] Vec3 centre_of_mass(const ParticleModel& model, const ParticleRange& body);
+
+}  // namespace haptic::sim
