@@ -5,16 +5,18 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "collision/body_contacts.hpp"
+#include "collision/colliders.hpp"
 #include "collision/swept_pairs.hpp"
-#include "dynamics/elastic_pushes.hpp"
 #include "dynamics/model_bodies.hpp"
+#include "dynamics/rows.hpp"
 #include "dynamics/stage_clock.hpp"
-#include "simd/ellipsoid_lanes.hpp"
 #include "simd/kernels.hpp"
 
 namespace haptic::sim {
@@ -27,16 +29,13 @@ constexpr double kSlackOfPath = 0.25;
 // Capacity for pairs, per particle.
 constexpr std::size_t kPairsPerParticle = 64;
 constexpr std::size_t kPlanesPerParticle = 32;
-// Up to this number of bodies, particles outside all other bodies' boxes are skipped before the broad phase.
-constexpr std::size_t kMaxBodiesToClip = 64;
 // Extra passes in finish(). They end when no contact is deeper than kMaxDepth of the smallest mean semi-axis, or when
 // two passes reduced the largest error to no less than kStagnation: overconstrained contacts are left to later steps.
 constexpr int kMaxExtraPasses = 8;
 constexpr double kMaxDepth = 0.05;
 constexpr double kStagnation = 0.75;
-// The same with elastic bodies. What is left over moves the body in the next sub-step, so less may be.
-constexpr int kMaxElasticPasses = 64;
-constexpr double kMaxElasticError = 1e-4;
+// Passes over contacts that move whole bodies; see body_contacts.hpp.
+constexpr int kMaxBodyPasses = 64;
 // Largest approach of two bodies in a sub-step, in mean semi-axes. With 5 solver iterations, clouds of 137 particles of
 // stiffness 0.9, 0.05 m thick, begin to pass through one another at 5 and do not at 4.
 constexpr double kMaxApproach = 3.0;
@@ -62,24 +61,6 @@ void check(const CollisionSettings& s) {
     }
 }
 
-Vec3 position_of(const Row& row) noexcept {
-    return {row.number[0], row.number[1], row.number[2]};
-}
-
-void move(Row& row, const Vec3& by) noexcept {
-    row.number[0] += by.x;
-    row.number[1] += by.y;
-    row.number[2] += by.z;
-}
-
-/// Constant data of a particle.
-struct Collider {
-    double size;          // m, mean semi-axis
-    double reach;         // m, largest semi-axis
-    double inverse_mass;  // 1/kg; 0: pinned
-    std::uint32_t body;
-};
-
 /// Rigid estimate of a body's motion.
 struct BodyMotion {
     double size = kMaxCoordinate;  // m, mean of the particles' mean semi-axes
@@ -88,14 +69,13 @@ struct BodyMotion {
     double descent = 0.0;          // m/s, largest downward speed
 };
 
-/// Separating plane of a pair. Fills one cache line, because most planes are only read.
+/// Plane between two particles that move alone. Fills one cache line, because most planes are only read.
 struct alignas(64) Plane {
     std::uint32_t first;
     std::uint32_t second;
-    Vec3 normal;            // unit, toward the first
-    double min_separation;  // m, required distance of the centres along the normal
-    double push;            // m, total normal displacement in this sub-step, at least 0
-    double first_share;     // of each displacement, by inverse mass
+    SeparatingPlane kept;
+    double push;         // m, total normal displacement in this sub-step, at least 0
+    double first_share;  // of each displacement, by inverse mass
     double second_share;
 };
 
@@ -103,8 +83,6 @@ struct alignas(64) Plane {
 struct PlaneDetail {
     Vec3 from;      // m, offset of the centres at the start, second to first
     Vec3 friction;  // m, total tangential displacement by friction
-    // If a body is elastic: of both particles together. Known as soon as the plane pushes.
-    ElasticPushes::Compliance compliance{};
 };
 
 bool overlap(const Bounds& a, const Bounds& b) noexcept {
@@ -115,74 +93,40 @@ bool overlap(const Bounds& a, const Bounds& b) noexcept {
     return both;
 }
 
+/// Calls with each two boxes that overlap. `order` keeps the boxes sorted from one call to the next.
+template <class Call>
+void for_each_overlap(const std::vector<Bounds>& box, std::vector<std::uint32_t>& order, const Call& call) {
+    // Sweep along the axis on which the boxes are spread most.
+    int axis = 0;
+    double longest = 0.0;
+    for (int k = 0; k < 3; ++k) {
+        const auto [low, high] =
+            std::ranges::minmax(box, {}, [k](const Bounds& b) { return b.low[k]; });  // NOLINT: copies are small
+        if (high.low[k] - low.low[k] > longest) {
+            longest = high.low[k] - low.low[k];
+            axis = k;
+        }
+    }
+    // Insertion: little to do while the boxes keep their order.
+    for (std::size_t k = 1; k < order.size(); ++k) {
+        for (std::size_t l = k; l > 0 && box[order[l]].low[axis] < box[order[l - 1]].low[axis]; --l) {
+            std::swap(order[l], order[l - 1]);
+        }
+    }
+    for (std::size_t k = 0; k < order.size(); ++k) {
+        const Bounds& first = box[order[k]];
+        for (std::size_t l = k + 1; l < order.size() && box[order[l]].low[axis] <= first.high[axis]; ++l) {
+            if (overlap(first, box[order[l]])) {
+                call(order[k], order[l]);
+            }
+        }
+    }
+}
+
 bool is_in_range(const Aabb& box) noexcept {
     const auto in_range = [](double x) { return x > -kMaxCoordinate && x < kMaxCoordinate; };
     return in_range(box.min.x) && in_range(box.min.y) && in_range(box.min.z) && in_range(box.max.x) &&
            in_range(box.max.y) && in_range(box.max.z);
-}
-
-LaneVec<double> lane(const Vec3& v) noexcept {
-    return {v.x, v.y, v.z};
-}
-
-/// Data of all particles as structure of arrays, for the kernels.
-class Colliders {
-  public:
-    explicit Colliders(const ParticleModel& model)
-        : length_(model.size() + kMaxLanes), number_(collider_row::kCount * length_) {
-        using namespace collider_row;
-        for (std::size_t i = 0; i < model.size(); ++i) {
-            // Constant rows only; find_path_boxes() and find_ellipsoid_boxes() fill the others in each sub-step.
-            const Vec3& axes = model.semi_axes[i];
-            const Quat& q = model.axes[i];
-            set(kSemiAxes, i, {axes.x, axes.y, axes.z});
-            set(kAxes, i, {q.w, q.x, q.y, q.z});
-            set(kSize, i, {(axes.x + axes.y + axes.z) / 3.0, std::max({axes.x, axes.y, axes.z})});
-        }
-    }
-    [[nodiscard]] ColliderRows rows() noexcept { return {number_.data(), length_}; }
-    [[nodiscard]] double at(std::size_t row, std::size_t particle) const noexcept {
-        return number_[row * length_ + particle];
-    }
-    [[nodiscard]] Vec3 vector(std::size_t row, std::size_t particle) const noexcept {
-        return {at(row, particle), at(row + 1, particle), at(row + 2, particle)};
-    }
-    [[nodiscard]] LaneSymmetric<double> shape(std::size_t particle) const noexcept {
-        const auto number = [&](std::size_t k) { return at(collider_row::kShape + k, particle); };
-        return {number(0), number(1), number(2), number(3), number(4), number(5)};
-    }
-
-    static constexpr std::size_t kMaxLanes = 8;
-
-  private:
-    void set(std::size_t row, std::size_t particle, std::initializer_list<double> numbers) {
-        for (const double number : numbers) {
-            number_[row++ * length_ + particle] = number;
-        }
-    }
-
-    std::size_t length_;
-    std::vector<double> number_;
-};
-
-/// Contact of the ground with a particle that moves its body along; see GroundContacts.
-struct ElasticGroundContact {
-    std::uint32_t particle;
-    double min_height;                       // m
-    Vec3 start;                              // m
-    double push = 0.0;                       // m
-    Vec3 friction{0.0};                      // m
-    ElasticPushes::Compliance compliance{};  // known as soon as it pushes
-};
-
-/// Whether the contact pushes with forces on bodies, not with displacements of particles alone.
-bool is_elastic(const PlaneDetail& info) noexcept {
-    return info.compliance.along > 0.0;
-}
-
-/// The force of a contact with these displacements along and across its normal, N.
-Vec3 force_of(const ElasticPushes::Compliance& compliance, const Vec3& along, const Vec3& across) noexcept {
-    return along / compliance.along + across / compliance.across;
 }
 
 /// Contacts of the ground with particles that move alone, in preallocated arrays.
@@ -271,7 +215,7 @@ struct ParticleCollisions::State {
     [[nodiscard]] int needed_substeps(const ParticleModel& start, double step);
     [[nodiscard]] bool all_are_slow(const ParticleModel& start, double step) const noexcept;
     void estimate_motions(const ParticleModel& start, double step);
-    [[nodiscard]] double max_approach(double step) const;
+    [[nodiscard]] double max_approach(double step);
     void sweep_particles(const ParticleModel& start, const MovingParticles& predicted);
     void mark_near() noexcept;
     void find_shapes(const MovingParticles& predicted) noexcept;
@@ -279,22 +223,17 @@ struct ParticleCollisions::State {
     void find_planes();
     void make_planes(std::size_t count);
     void find_ground_contacts();
-    void fit_plane(Plane& fitted, const PlaneDetail& info, const Vec3& to) const noexcept;
     void project_plane(Plane& contact, PlaneDetail& info, Row* position) noexcept;
     void project_all(Row* position) noexcept;
-    void find_compliance(const Plane& contact, PlaneDetail& info) noexcept;
-    void push(std::uint32_t particle, const Vec3& force, Row* position) noexcept;
-    void project_ground_contact(ElasticGroundContact& contact, Row* position) noexcept;
-    void push_alone(std::uint32_t particle, const Vec3& force, Row* displaced) const noexcept;
-    [[nodiscard]] double compliance_alone(std::uint32_t particle) const noexcept;
-    [[nodiscard]] Vec3 clamp_to_cone(const Vec3& wanted, double push) const noexcept;
-    [[nodiscard]] double max_error(const Row* position) const noexcept;
+    [[nodiscard]] double max_depth(const Row* position) const noexcept;
+    [[nodiscard]] FrictionCoefficients coefficients() const noexcept {
+        return {settings.static_friction, settings.dynamic_friction};
+    }
     void add_pushes(Row* pushed) noexcept;
 
     CollisionSettings settings;
     const ColliderKernels& kernels;
     std::vector<ParticleRange> bodies;
-    std::vector<Collider> collider;  // per particle
     Colliders colliders;
     ColliderRows rows;
     double max_reach = 0.0;                 // m
@@ -305,20 +244,19 @@ struct ParticleCollisions::State {
     StageClock clock;
 
     // Per sub-step.
-    double h = 0.0;                   // s
-    double push_out = 0.0;            // m
-    std::vector<std::int64_t> near;   // per particle, padded by a whole vector
-    std::vector<Bounds> body_bounds;  // per body, over its particles' paths
-    std::vector<BodyMotion> motion;   // per body, over the step
-    std::vector<SweptBox> box;        // of particles that may meet other bodies
+    double push_out = 0.0;                  // m
+    std::vector<std::int64_t> near;         // per particle, padded by a whole vector
+    std::vector<Bounds> body_bounds;        // per body, over its particles' paths
+    std::vector<std::uint32_t> body_order;  // along an axis
+    std::vector<BodyMotion> motion;         // per body, over the step
+    std::vector<SweptBox> box;              // of particles that may meet other bodies
     SweptPairs finder;
     std::vector<BoxPair> pair;  // preallocated
     PlaneChunk chunk;
     std::vector<Plane> plane;
     std::vector<PlaneDetail> detail;  // per plane
     GroundContactList ground;
-    std::vector<ElasticGroundContact> elastic_ground;
-    ElasticPushes pushes;
+    std::unique_ptr<BodyContacts> contacts;  // that move whole bodies
 };
 
 ParticleCollisions::State::State(const ParticleModel& model, const CollisionSettings& given, ClockFunction time,
@@ -326,28 +264,25 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
     : settings(given),
       kernels(collider_kernels(lanes)),
       bodies(bodies_of(model)),
-      colliders(model),
+      colliders(model, bodies),
       rows(colliders.rows()),
       clock(time),
       near(rows.length),
       finder(model.size(), kernels),
-      ground(settings.ground ? model.size() : 0),
-      pushes(model) {
+      ground(settings.ground ? model.size() : 0) {
     check(given);
     model.check();
     // Constant data of particles and bodies.
     body_bounds.resize(bodies.size());
     motion.resize(bodies.size());
+    body_order.resize(bodies.size());
+    std::iota(body_order.begin(), body_order.end(), 0U);
     for (std::uint32_t b = 0; b < bodies.size(); ++b) {
         double sum = 0.0;
         int colliding = 0;
         for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
-            const double size = colliders.at(collider_row::kSize, i);
-            const double reach = colliders.at(collider_row::kReach, i);
-            // Pinned particles get the inverse mass 0: they push but are not pushed.
-            const double inverse_mass = model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i];
-            collider.push_back({size, reach, inverse_mass, b});
-            max_reach = std::max(max_reach, reach);
+            const double size = colliders[i].size;
+            max_reach = std::max(max_reach, colliders[i].reach);
             // Particles of size 0 do not collide: leave them out of the sizes that scale approaches and depths.
             if (size > 0.0) {
                 min_size = std::min(min_size, size);
@@ -366,7 +301,8 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
     pair.resize(kPairsPerParticle * box.capacity());
     plane.reserve(kPlanesPerParticle * box.capacity());
     detail.reserve(plane.capacity());
-    elastic_ground.reserve(settings.ground ? model.size() : 0);
+    contacts = std::make_unique<BodyContacts>(model, colliders, plane.capacity() + (settings.ground ? model.size() : 0),
+                                              coefficients(), min_size);
 }
 
 /// Estimates each body's mean velocity, its deviation, and its box over the step.
@@ -380,8 +316,8 @@ void ParticleCollisions::State::estimate_motions(const ParticleModel& start, dou
         for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
             const Vec3& from = start.position[i];
             const Vec3 to = from + step * start.velocity[i];
-            lowest = glm::min(lowest, glm::min(from, to) - Vec3(collider[i].reach));
-            highest = glm::max(highest, glm::max(from, to) + Vec3(collider[i].reach));
+            lowest = glm::min(lowest, glm::min(from, to) - Vec3(colliders[i].reach));
+            highest = glm::max(highest, glm::max(from, to) + Vec3(colliders[i].reach));
             // Sum for the mean velocity, and the fastest fall for the approach to the ground.
             sum += start.velocity[i];
             descent = std::max(descent, -start.velocity[i].y);
@@ -400,21 +336,21 @@ void ParticleCollisions::State::estimate_motions(const ParticleModel& start, dou
 }
 
 /// Largest approach in a step, in mean semi-axes, of two bodies whose boxes overlap, or of a body and the ground.
-double ParticleCollisions::State::max_approach(double step) const {
+double ParticleCollisions::State::max_approach(double step) {
     double max_ratio = 0.0;
-    for (std::size_t b = 0; b < bodies.size(); ++b) {
-        // Ground: fastest fall of a body whose box reaches it.
-        if (settings.ground && body_bounds[b].low[1] < settings.ground_height) {
+    // Ground: fastest fall of a body whose box reaches it.
+    for (std::size_t b = 0; settings.ground && b < bodies.size(); ++b) {
+        if (body_bounds[b].low[1] < settings.ground_height) {
             max_ratio = std::max(max_ratio, step * motion[b].descent / motion[b].size);
         }
-        // Pairs of bodies: bound of the relative speed, |v_b - v_o| + spreads, over the thinner body's particle size.
-        for (std::size_t other = 0; settings.between_bodies && other < b; ++other) {
-            if (overlap(body_bounds[b], body_bounds[other])) {
-                const double speed =
-                    glm::length(motion[b].velocity - motion[other].velocity) + motion[b].spread + motion[other].spread;
-                max_ratio = std::max(max_ratio, step * speed / std::min(motion[b].size, motion[other].size));
-            }
-        }
+    }
+    // Pairs of bodies: bound of the relative speed, |v_a - v_b| + spreads, over the thinner body's particle size.
+    if (settings.between_bodies) {
+        for_each_overlap(body_bounds, body_order, [&](std::uint32_t a, std::uint32_t b) {
+            const double speed =
+                glm::length(motion[a].velocity - motion[b].velocity) + motion[a].spread + motion[b].spread;
+            max_ratio = std::max(max_ratio, step * speed / std::min(motion[a].size, motion[b].size));
+        });
     }
     return max_ratio;
 }
@@ -444,7 +380,7 @@ int ParticleCollisions::State::needed_substeps(const ParticleModel& start, doubl
 void ParticleCollisions::State::sweep_particles(const ParticleModel& start, const MovingParticles& predicted) {
     static_assert(sizeof(Vec3) == 3 * sizeof(double) && sizeof(Row) == 4 * sizeof(double));
     // Per particle: path from x to u, with slack because constraints move u again.
-    kernels.find_path_boxes(rows, collider.size(), {&start.position[0].x, 3}, {predicted.position[0].number, 4},
+    kernels.find_path_boxes(rows, colliders.size(), {&start.position[0].x, 3}, {predicted.position[0].number, 4},
                             {.of_size = kSlackOfSize, .of_path = kSlackOfPath});
     // Per body: box of all its particles, for the culling in mark_near().
     for (std::size_t b = 0; b < bodies.size(); ++b) {
@@ -454,35 +390,27 @@ void ParticleCollisions::State::sweep_particles(const ParticleModel& start, cons
 
 /// Marks the particles that may meet another body or the ground.
 void ParticleCollisions::State::mark_near() noexcept {
-    // Clipping tests all pairs of bodies, so with many bodies every particle goes to the broad phase.
-    const bool clip = bodies.size() <= kMaxBodiesToClip;
-    std::fill(near.begin(), near.end(), box.capacity() == 0 || clip ? 0 : kNearBody);
-    // Other particles may push a particle down by as much as it extends.
+    std::fill(near.begin(), near.end(), 0);
+    // Particles inside another body's box may meet that body.
+    if (box.capacity() > 0) {
+        for_each_overlap(body_bounds, body_order, [&](std::uint32_t a, std::uint32_t b) {
+            kernels.mark(rows, bodies[a].begin, bodies[a].end, body_bounds[b], kNearBody, near.data());
+            kernels.mark(rows, bodies[b].begin, bodies[b].end, body_bounds[a], kNearBody, near.data());
+        });
+    }
+    // Particles low enough may meet the ground. Others may push a particle down by as much as it extends.
     const Bounds low_enough{{-kUnbounded, -kUnbounded, -kUnbounded},
                             {kUnbounded, settings.ground_height + max_reach, kUnbounded}};
-    for (std::size_t b = 0; b < bodies.size(); ++b) {
-        // Skip whole bodies by their boxes before testing their particles.
-        const auto mark = [&](const Bounds& bounds, std::int64_t bit) {
-            if (overlap(body_bounds[b], bounds)) {
-                kernels.mark(rows, bodies[b].begin, bodies[b].end, bounds, bit, near.data());
-            }
-        };
-        // Particles inside another body's box may meet that body.
-        for (std::size_t other = 0; clip && box.capacity() > 0 && other < bodies.size(); ++other) {
-            if (other != b) {
-                mark(body_bounds[other], kNearBody);
-            }
-        }
-        // Particles low enough may meet the ground.
-        if (settings.ground) {
-            mark(low_enough, kNearGround);
+    for (std::size_t b = 0; settings.ground && b < bodies.size(); ++b) {
+        if (overlap(body_bounds[b], low_enough)) {
+            kernels.mark(rows, bodies[b].begin, bodies[b].end, low_enough, kNearGround, near.data());
         }
     }
 }
 
 /// Shape matrices and exact boxes of the marked particles, from their predicted orientations.
 void ParticleCollisions::State::find_shapes(const MovingParticles& predicted) noexcept {
-    for (std::size_t i = 0; i < collider.size(); ++i) {
+    for (std::size_t i = 0; i < colliders.size(); ++i) {
         // Only marked particles need an orientation; the rest keep their conservative balls.
         if (near[i] != 0) {
             for (std::size_t k = 0; k < 4; ++k) {
@@ -490,40 +418,25 @@ void ParticleCollisions::State::find_shapes(const MovingParticles& predicted) no
             }
         }
     }
-    kernels.find_ellipsoid_boxes(rows, collider.size(), near.data(), {settings.ground_height, push_out});
+    kernels.find_ellipsoid_boxes(rows, colliders.size(), near.data(), {settings.ground_height, push_out});
 }
 
 /// Boxes of the marked particles, for the broad phase.
 void ParticleCollisions::State::find_boxes() {
     box.clear();
-    for (std::size_t i = 0; i < collider.size(); ++i) {
+    for (std::size_t i = 0; i < colliders.size(); ++i) {
         // Skip particles that can meet no other body, and those without extent.
-        if ((near[i] & kNearBody) == 0 || !(collider[i].size > 0.0)) {
+        if ((near[i] & kNearBody) == 0 || !(colliders[i].size > 0.0)) {
             continue;
         }
         const SweptBox around{{colliders.vector(collider_row::kLow, i), colliders.vector(collider_row::kHigh, i)},
                               static_cast<std::uint32_t>(i),
-                              collider[i].body};
+                              colliders[i].body};
         // The broad phase requires finite boxes, so a diverged particle is left out.
         if (is_in_range(around.box)) {
             box.push_back(around);
         }
     }
-}
-
-/// Fits the plane of a pair for the path to its present offset.
-void ParticleCollisions::State::fit_plane(Plane& fitted, const PlaneDetail& info, const Vec3& to) const noexcept {
-    const LaneSymmetric<double> first = colliders.shape(fitted.first);
-    const LaneSymmetric<double> second = colliders.shape(fitted.second);
-    const LaneVec<double> from = lane(info.from);
-    // Normal of M where the path enters it (ellipsoids.hpp).
-    const LaneVec<double> normal = lane_separating_normal(
-        LaneSweep<double>{first, second, collider[fitted.second].size / collider[fitted.first].size, from, lane(to)});
-    // Required separation r + min(0, gap + h push_out_speed): an initial overlap is kept or slowly resolved.
-    const double reach = lane_reach(first, normal) + lane_reach(second, normal);
-    const double gap = dot(normal, from) - reach;
-    fitted.normal = {normal.x, normal.y, normal.z};
-    fitted.min_separation = reach + std::min(0.0, gap + push_out);
 }
 
 /// Computes the planes of the pairs in the chunk, and keeps those that can be violated.
@@ -536,25 +449,28 @@ void ParticleCollisions::State::make_planes(std::size_t count) {
         if (chunk.clearance[k] > 0.0) {
             continue;
         }
-        // No allocation here: a pair beyond the capacity is counted and not kept apart.
-        if (plane.size() == plane.capacity()) {
-            ++counts.dropped;
-            continue;
-        }
-        // Displacements are in inverse proportion to the masses.
         const std::uint32_t a = chunk.first[k];
         const std::uint32_t b = chunk.second[k];
-        const double inverse_mass = collider[a].inverse_mass + collider[b].inverse_mass;
-        plane.push_back({.first = a,
-                         .second = b,
-                         .normal = {chunk.x[k], chunk.y[k], chunk.z[k]},
-                         .min_separation = chunk.min_separation[k],
-                         .push = 0.0,
-                         .first_share = collider[a].inverse_mass / inverse_mass,
-                         .second_share = collider[b].inverse_mass / inverse_mass});
+        const SeparatingPlane between{{chunk.x[k], chunk.y[k], chunk.z[k]}, chunk.min_separation[k]};
         // Offset x1 - x2 at the start, from which friction measures the slip.
-        detail.push_back(
-            {colliders.vector(collider_row::kFrom, a) - colliders.vector(collider_row::kFrom, b), Vec3(0.0)});
+        const Vec3 from = colliders.vector(collider_row::kFrom, a) - colliders.vector(collider_row::kFrom, b);
+        ++counts.planes;
+        // No allocation here: a pair beyond the capacity is counted and not kept apart.
+        if (contacts->answers(a) || contacts->answers(b)) {
+            counts.dropped += contacts->add({a, b, between, from}) ? 0U : 1U;
+        } else if (plane.size() < plane.capacity()) {
+            // Displacements are in inverse proportion to the masses.
+            const double inverse_mass = colliders[a].inverse_mass + colliders[b].inverse_mass;
+            plane.push_back({.first = a,
+                             .second = b,
+                             .kept = between,
+                             .push = 0.0,
+                             .first_share = colliders[a].inverse_mass / inverse_mass,
+                             .second_share = colliders[b].inverse_mass / inverse_mass});
+            detail.push_back({from, Vec3(0.0)});
+        } else {
+            ++counts.dropped;
+        }
     }
 }
 
@@ -571,7 +487,7 @@ void ParticleCollisions::State::find_planes() {
     for (std::size_t k = 0; k < std::min(found, pair.size()); ++k) {
         const std::uint32_t a = box[pair[k].first].particle;
         const std::uint32_t b = box[pair[k].second].particle;
-        if (!(collider[a].inverse_mass + collider[b].inverse_mass > 0.0)) {
+        if (!(colliders[a].inverse_mass + colliders[b].inverse_mass > 0.0)) {
             continue;
         }
         chunk.first[count] = a;
@@ -583,26 +499,24 @@ void ParticleCollisions::State::find_planes() {
         }
     }
     make_planes(count);
-    counts.planes += plane.size();
 }
 
 /// Contacts of all particles that the ground may push.
 void ParticleCollisions::State::find_ground_contacts() {
     ground.clear();
-    elastic_ground.clear();
     // The permitted height already contains the tolerance for an initial overlap (find_ellipsoid_boxes).
     const double* min_height = rows[collider_row::kGroundHeight];
     const double* low = rows[collider_row::kLow + 1];
     const double* to = rows[collider_row::kTo + 1];
-    for (std::size_t i = 0; i < collider.size(); ++i) {
+    for (std::size_t i = 0; i < colliders.size(); ++i) {
         // Other particles may push it down by as much as it extends.
-        if ((near[i] & kNearGround) != 0 && low[i] - collider[i].reach < settings.ground_height &&
-            collider[i].inverse_mass > 0.0) {
+        if ((near[i] & kNearGround) != 0 && low[i] - colliders[i].reach < settings.ground_height &&
+            colliders[i].inverse_mass > 0.0) {
             const auto particle = static_cast<std::uint32_t>(i);
-            if (pushes.answers(particle)) {
-                elastic_ground.push_back({.particle = particle,
-                                          .min_height = min_height[i],
-                                          .start = colliders.vector(collider_row::kFrom, i)});
+            if (contacts->answers(particle)) {
+                const SeparatingPlane above{kUp, min_height[i]};
+                const Vec3 from = colliders.vector(collider_row::kFrom, i);
+                counts.dropped += contacts->add({particle, ContactCandidate::kGround, above, from}) ? 0U : 1U;
             } else {
                 ground.add(particle, to[i] < min_height[i]);
             }
@@ -611,176 +525,85 @@ void ParticleCollisions::State::find_ground_contacts() {
     ground.begin(colliders);
 }
 
-/// Coulomb limit (Macklin 2014, equation 24): unchanged inside the static cone, scaled to the dynamic one outside.
-Vec3 ParticleCollisions::State::clamp_to_cone(const Vec3& wanted, double push) const noexcept {
-    const double length = glm::length(wanted);
-    if (length <= settings.static_friction * push) {
-        return wanted;
-    }
-    return (settings.dynamic_friction * push / length) * wanted;
-}
-
-/// Finds the compliance of a contact if a body is elastic.
-void ParticleCollisions::State::find_compliance(const Plane& contact, PlaneDetail& info) noexcept {
-    if (!pushes.answers(contact.first) && !pushes.answers(contact.second)) {
-        return;
-    }
-    info.compliance = {};
-    for (const std::uint32_t particle : {contact.first, contact.second}) {
-        const double alone = compliance_alone(particle);
-        const ElasticPushes::Compliance of = pushes.answers(particle) ? pushes.compliance(particle, contact.normal)
-                                                                      : ElasticPushes::Compliance{alone, alone};
-        info.compliance.along += of.along;
-        info.compliance.across += of.across;
-    }
-}
-
-/// Moves a particle by a force, and its body along with it if it is elastic.
-void ParticleCollisions::State::push(std::uint32_t particle, const Vec3& force, Row* position) noexcept {
-    if (pushes.answers(particle)) {
-        pushes.push(particle, force, position);
-    } else {
-        push_alone(particle, force, position);
-    }
-}
-
-/// Moves a particle by a force as if it had no body. That has the momenta of the motion of its body.
-void ParticleCollisions::State::push_alone(std::uint32_t particle, const Vec3& force, Row* displaced) const noexcept {
-    move(displaced[particle], compliance_alone(particle) * force);
-}
-
-/// m/N, in the sub-step.
-double ParticleCollisions::State::compliance_alone(std::uint32_t particle) const noexcept {
-    return h * h * collider[particle].inverse_mass;
-}
-
-/// As the kernel project_ground().
-void ParticleCollisions::State::project_ground_contact(ElasticGroundContact& contact, Row* position) noexcept {
-    const Vec3 at = position_of(position[contact.particle]);
-    const double change = std::max(contact.min_height - at.y, -contact.push);
-    if (change == 0.0 && contact.push == 0.0) {
-        return;
-    }
-    if (contact.push == 0.0) {
-        contact.compliance = pushes.compliance(contact.particle, kUp);
-    }
-    contact.push += change;
-    const Vec3 slip(at.x - contact.start.x, 0.0, at.z - contact.start.z);
-    const Vec3 friction = clamp_to_cone(contact.friction - slip, contact.push);
-    push(contact.particle, force_of(contact.compliance, change * kUp, friction - contact.friction), position);
-    contact.friction = friction;
-}
-
 /// Projects one plane constraint: PBD with an accumulated displacement that stays non-negative.
 void ParticleCollisions::State::project_plane(Plane& contact, PlaneDetail& info, Row* position) noexcept {
-    const Vec3 offset = position_of(position[contact.first]) - position_of(position[contact.second]);
+    const Vec3 offset = vector_of(position[contact.first]) - vector_of(position[contact.second]);
     // Constraint value C = n.(u1 - u2) - min_separation; inactive while C >= 0.
-    double clearance = glm::dot(contact.normal, offset) - contact.min_separation;
+    SeparatingPlane& kept = contact.kept;
+    double clearance = glm::dot(kept.normal, offset) - kept.min_separation;
     if (contact.push == 0.0) {
         if (clearance >= 0.0) {
             return;
         }
         // First violation: fit the plane to where the pair is now.
-        fit_plane(contact, info, offset);
-        clearance = glm::dot(contact.normal, offset) - contact.min_separation;
+        kept = colliders.fit_plane(contact.first, contact.second, info.from, offset, push_out);
+        clearance = glm::dot(kept.normal, offset) - kept.min_separation;
         if (clearance >= 0.0) {
             return;
         }
-        find_compliance(contact, info);
     }
     // Push by -C, but take back no more than was pushed in this sub-step.
     const double change = std::max(-clearance, -contact.push);
     contact.push += change;
-    const Vec3 along = change * contact.normal;
-    Vec3 across(0.0);
+    Vec3 correction = change * kept.normal;
     // Friction: undo the slip of the whole sub-step along the plane, within the friction cone. Apply the change since
     // the last pass.
     if (settings.static_friction > 0.0) {
         const Vec3 moved = offset - info.from;
-        const Vec3 slip = moved - glm::dot(contact.normal, moved) * contact.normal;
-        const Vec3 friction = clamp_to_cone(info.friction - slip, contact.push);
-        across = friction - info.friction;
+        const Vec3 slip = moved - glm::dot(kept.normal, moved) * kept.normal;
+        const Vec3 friction = clamp_to_cone(info.friction - slip, contact.push, coefficients());
+        correction += friction - info.friction;
         info.friction = friction;
     }
-    // Momentum-conserving correction: the same force on both, or displacements by inverse mass.
-    if (is_elastic(info)) {
-        const Vec3 force = force_of(info.compliance, along, across);
-        push(contact.first, force, position);
-        push(contact.second, -force, position);
-        return;
-    }
+    // Momentum-conserving correction: displacements by inverse mass.
     if (contact.first_share > 0.0) {
-        move(position[contact.first], contact.first_share * (along + across));
+        add_vector(position[contact.first], contact.first_share * correction);
     }
     if (contact.second_share > 0.0) {
-        move(position[contact.second], -contact.second_share * (along + across));
+        add_vector(position[contact.second], -contact.second_share * correction);
     }
 }
 
-/// One pass over all planes, alternately forward and backward, so that the order has no preferred direction. The ground
-/// does not yield and comes last.
+/// One pass over all planes between particles that move alone, alternately forward and backward, so that the order has
+/// no preferred direction. The ground does not yield and comes last.
 void ParticleCollisions::State::project_all(Row* position) noexcept {
     const std::size_t count = plane.size();
     for (std::size_t k = 0; k < count; ++k) {
         const std::size_t index = forward ? k : count - 1 - k;
         project_plane(plane[index], detail[index], position);
     }
-    kernels.project_ground(ground.contacts(), {settings.static_friction, settings.dynamic_friction}, position->number);
-    for (std::size_t k = 0; k < elastic_ground.size(); ++k) {
-        project_ground_contact(elastic_ground[forward ? k : elastic_ground.size() - 1 - k], position);
-    }
+    kernels.project_ground(ground.contacts(), coefficients(), position->number);
     forward = !forward;
 }
 
-/// Largest error of a contact, relative to what may be left over. That of elastic bodies counts in both directions:
-/// pushes that came too early leave a contact open, and its body would leave with what it was pushed too far.
-double ParticleCollisions::State::max_error(const Row* position) const noexcept {
+/// Deepest overlap of particles that move alone, m.
+double ParticleCollisions::State::max_depth(const Row* position) const noexcept {
     double depth = 0.0;
-    double elastic = 0.0;
-    for (std::size_t k = 0; k < plane.size(); ++k) {
-        const Plane& p = plane[k];
-        const double clearance =
-            glm::dot(p.normal, position_of(position[p.first]) - position_of(position[p.second])) - p.min_separation;
-        depth = std::max(depth, -clearance);
-        elastic = std::max(elastic, p.push > 0.0 && is_elastic(detail[k]) ? std::abs(clearance) : 0.0);
+    for (const Plane& p : plane) {
+        const Vec3 offset = vector_of(position[p.first]) - vector_of(position[p.second]);
+        depth = std::max(depth, p.kept.min_separation - glm::dot(p.kept.normal, offset));
     }
-    for (const ElasticGroundContact& contact : elastic_ground) {
-        const double clearance = position[contact.particle].number[1] - contact.min_height;
-        elastic = std::max(elastic, contact.push > 0.0 ? std::abs(clearance) : -clearance);
-    }
-    return std::max(depth / kMaxDepth, elastic / kMaxElasticError) / min_size;
+    return depth;
 }
 
-/// Adds each particle's total displacement by collisions in this sub-step; that of an elastic body as if it had moved
-/// alone.
+/// Adds each particle's total displacement by collisions in this sub-step.
 void ParticleCollisions::State::add_pushes(Row* pushed) noexcept {
+    counts.active += contacts->add_pushes(pushed);
     // Total displacement of each pair along and across its normal, shared by inverse mass.
     for (std::size_t k = 0; k < plane.size(); ++k) {
         const Plane& p = plane[k];
         if (p.push > 0.0) {
             ++counts.active;
-            if (is_elastic(detail[k])) {
-                const Vec3 force = force_of(detail[k].compliance, p.push * p.normal, detail[k].friction);
-                push_alone(p.first, force, pushed);
-                push_alone(p.second, -force, pushed);
-                continue;
-            }
-            const Vec3 correction = p.push * p.normal + detail[k].friction;
-            move(pushed[p.first], p.first_share * correction);
-            move(pushed[p.second], -p.second_share * correction);
+            const Vec3 correction = p.push * p.kept.normal + detail[k].friction;
+            add_vector(pushed[p.first], p.first_share * correction);
+            add_vector(pushed[p.second], -p.second_share * correction);
         }
     }
     // The ground is immovable, so its push goes to the particle alone.
     const GroundContacts below = ground.contacts();
     for (std::size_t k = 0; k < below.count; ++k) {
         if (below.push[k] > 0.0) {
-            move(pushed[below.particle[k]], {below.friction[0][k], below.push[k], below.friction[1][k]});
-            ++counts.active;
-        }
-    }
-    for (const ElasticGroundContact& contact : elastic_ground) {
-        if (contact.push > 0.0) {
-            push_alone(contact.particle, force_of(contact.compliance, contact.push * kUp, contact.friction), pushed);
+            add_vector(pushed[below.particle[k]], {below.friction[0][k], below.push[k], below.friction[1][k]});
             ++counts.active;
         }
     }
@@ -801,10 +624,9 @@ void ParticleCollisions::find(const ParticleModel& start, const MovingParticles&
     State& s = *state_;
     const StageClock::Span timed(s.clock);
     s.counts = {};
-    s.h = h;
-    s.pushes.begin(start, elastic, h);
     s.push_out = h * s.settings.push_out_speed;
-    if (s.collider.empty()) {
+    s.contacts->begin(start, elastic, h, s.push_out);
+    if (s.colliders.size() == 0) {
         return;
     }
     // Broad phase input: swept boxes, marks, shapes.
@@ -824,25 +646,26 @@ void ParticleCollisions::find(const ParticleModel& start, const MovingParticles&
 void ParticleCollisions::project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
     const StageClock::Span timed(state_->clock);
     state_->project_all(now.position);
+    state_->contacts->solve(now.position, 1);
 }
 
 void ParticleCollisions::finish(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
     State& s = *state_;
     const StageClock::Span timed(s.clock);
-    // Errors before the last two passes; at first too large to count as stagnation.
+    // Extra passes while contacts are deep and still improve. First the errors before the last two passes, at first too
+    // large to count as stagnation.
     double before_last = kMaxCoordinate;
     double last = kMaxCoordinate;
-    // Extra passes while contacts are deep and still improve.
-    const int passes = s.pushes.empty() ? kMaxExtraPasses : kMaxElasticPasses;
-    for (int pass = 0; pass < passes; ++pass) {
-        const double error = s.max_error(now.position);
+    for (int pass = 0; pass < kMaxExtraPasses; ++pass) {
+        const double depth = s.max_depth(now.position);
         // Stop when exact enough, or when two passes did not reduce the error: then contacts conflict.
-        if (error <= 1.0 || error > kStagnation * before_last) {
+        if (depth <= kMaxDepth * s.min_size || depth > kStagnation * before_last) {
             break;
         }
-        before_last = std::exchange(last, error);
+        before_last = std::exchange(last, depth);
         s.project_all(now.position);
     }
+    s.contacts->solve(now.position, kMaxBodyPasses);
     // The solver turns these displacements into velocities.
     s.add_pushes(now.pushed);
 }

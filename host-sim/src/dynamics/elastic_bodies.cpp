@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "dynamics/model_bodies.hpp"
+#include "dynamics/rows.hpp"
 #include "simd/kernels.hpp"
 
 namespace haptic::sim {
@@ -43,10 +44,6 @@ std::vector<Vec3> gradients_of(const ElasticElement& element) {
         }
     }
     return gradients;
-}
-
-Row row_of(const Vec3& v) noexcept {
-    return {{v.x, v.y, v.z, 0.0}};
 }
 
 /// Starts of consecutive ranges from their lengths, and the end of the last one.
@@ -87,12 +84,15 @@ ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes)
 
 void ElasticBodies::find_bodies(const ParticleModel& model) {
     std::vector<std::uint8_t> elastic(model.size(), 0);
+    std::vector<std::uint8_t> solid(model.size(), 0);
     for (const ElasticElement& element : model.elasticity.elements) {
         for (const std::uint32_t p : element.members) {
             elastic[p] = 1;
+            solid[p] = solid[p] != 0 || !is_triangle(element);
         }
     }
     for (const ParticleRange& range : bodies_of(model)) {
+        have_all_ = have_all_ && solid[range.begin] != 0;
         if (elastic[range.begin] == 0) {
             continue;
         }

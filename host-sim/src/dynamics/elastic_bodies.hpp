@@ -45,6 +45,8 @@ class ElasticBodies {
     ElasticBodies(const ParticleModel& model, std::size_t lanes);
 
     [[nodiscard]] bool empty() const noexcept { return bodies_.empty(); }
+    /// Whether all particles of the model belong to solid elastic bodies.
+    [[nodiscard]] bool have_all() const noexcept { return have_all_; }
     /// The elastic body of a particle; empty if it has none.
     [[nodiscard]] ParticleRange body_of(std::uint32_t particle) const noexcept;
 
@@ -94,6 +96,7 @@ class ElasticBodies {
     const ElasticKernels& kernels_;
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;  // kNone: not elastic
+    bool have_all_ = true;
     std::vector<std::uint32_t> turning_;
     double h_ = 0.0;            // s
     double own_damping_ = 0.0;  // s, of the step

@@ -6,12 +6,13 @@
 
 #include "dynamics/model_bodies.hpp"
 #include "dynamics/rotation.hpp"
+#include "dynamics/rows.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// Columns kept per body. More contacts than that in one body find columns again and again.
-constexpr std::size_t kMaxColumns = 256;
+// Numbers in the columns of one body, at most; those that are not used take no memory.
+constexpr std::size_t kMaxNumbers = 16'000'000;
 constexpr std::size_t kSideBySide = 4;
 constexpr std::size_t kLevers = 6;
 
@@ -20,19 +21,20 @@ Mat3 cross_matrix(const Vec3& v) noexcept {
     return {Vec3(0.0, v.z, -v.y), Vec3(-v.z, 0.0, v.x), Vec3(v.y, -v.x, 0.0)};
 }
 
-Row row_of_vector(const Vec3& v) noexcept {
-    return {{v.x, v.y, v.z, 0.0}};
+void add_scaled(Row& to, double factor, const Row& row) noexcept {
+    for (std::size_t k = 0; k < 4; ++k) {
+        to.number[k] += factor * row.number[k];
+    }
 }
 
 }  // namespace
 
 ElasticPushes::ElasticPushes(const ParticleModel& model)
-    : body_of_particle_(model.size(), kNone), column_(model.size(), kNone) {
+    : body_of_particle_(model.size(), kNone), column_(model.size(), kNone), place_(model.size(), kNone) {
     std::vector<std::uint8_t> solid(model.size(), 0);
     for (const ElasticElement& element : model.elasticity.elements) {
         solid[element.centre] = solid[element.centre] != 0 || element.members.size() != 3;
     }
-    std::size_t largest = 0;
     for (const ParticleRange& range : bodies_of(model)) {
         if (solid[range.begin] == 0) {
             continue;
@@ -42,13 +44,19 @@ ElasticPushes::ElasticPushes(const ParticleModel& model)
             body_of_particle_[i] = model.pinned[i] == 0 ? static_cast<std::uint32_t>(bodies_.size()) : kNone;
         }
         const std::size_t size = range.end - range.begin;
-        body.columns.resize(std::min(size, kMaxColumns) * size);
-        body.owner.reserve(std::min(size, kMaxColumns));
-        largest = std::max(largest, size);
+        body.room = std::min(size, kMaxNumbers / size);
+        body.columns = std::make_unique_for_overwrite<double[]>(body.room * size);
+        body.owner.reserve(body.room);
         bodies_.push_back(std::move(body));
     }
-    scratch_.resize(largest);
-    lever_.resize(bodies_.empty() ? 0 : kLevers * model.size());
+    const std::size_t size = bodies_.empty() ? 0 : model.size();
+    scratch_.resize(size);
+    lever_.resize(kLevers * size);
+    particle_.resize(size);
+    turning_.resize(size);
+    moved_.resize(size);
+    force_.resize(size);
+    column_of_.resize(size);
 }
 
 void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, double h) noexcept {
@@ -56,33 +64,40 @@ void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, do
     elastic_ = &elastic;
     h_ = h;
     for (Body& body : bodies_) {
-        body.placed = false;
-    }
-}
-
-Vec3 ElasticPushes::lever(std::uint32_t particle, std::size_t first) const noexcept {
-    const double* const at = lever_.data() + kLevers * particle + first;
-    return {at[0], at[1], at[2]};
-}
-
-/// The particle's column of W, found with those of the next particles that have none yet.
-std::uint32_t ElasticPushes::column(Body& body, std::uint32_t particle) noexcept {
-    const std::size_t size = body.particles.end - body.particles.begin;
-    const std::size_t room = body.columns.size() / size;
-    if (body.h != h_ || (column_[particle] == kNone && body.owner.size() == room)) {
-        for (const std::uint32_t owner : body.owner) {
-            column_[owner] = kNone;
+        body.placed = body.pushed = false;
+        for (std::size_t k = 0; k < body.places; ++k) {
+            place_[body.particles.begin + particle_[body.particles.begin + k]] = kNone;
         }
-        body.owner.clear();
-        body.h = h_;
+        body.places = 0;
+        // Columns of another length of the sub-step, or none left for other particles: begin anew.
+        const std::size_t size = body.particles.end - body.particles.begin;
+        if (body.h != h || (body.owner.size() == body.room && body.room < size)) {
+            for (const std::uint32_t owner : body.owner) {
+                column_[owner] = kNone;
+            }
+            body.owner.clear();
+            body.h = h;
+        }
     }
+}
+
+const double* ElasticPushes::column(const Body& body, std::uint32_t particle) const noexcept {
+    return body.columns.get() + column_[particle] * (body.particles.end - body.particles.begin);
+}
+
+/// Finds the particle's column of W, and those of the next particles that have none yet. False: there is no room.
+bool ElasticPushes::find_column(Body& body, std::uint32_t particle) noexcept {
     if (column_[particle] != kNone) {
-        return column_[particle];
+        return true;
     }
-    const auto rows = std::span(scratch_).first(size);
-    std::fill(rows.begin(), rows.end(), Row{});
     const std::size_t first = body.owner.size();
-    const std::size_t end = std::min(first + kSideBySide, room);
+    const std::size_t end = std::min(first + kSideBySide, body.room);
+    if (first == end) {
+        return false;
+    }
+    const std::size_t size = body.particles.end - body.particles.begin;
+    const auto rows = std::span(scratch_).subspan(body.particles.begin, size);
+    std::fill(rows.begin(), rows.end(), Row{});
     for (std::uint32_t i = particle; i < body.particles.end && body.owner.size() < end; ++i) {
         if (column_[i] == kNone && answers(i)) {
             rows[i - body.particles.begin].number[body.owner.size() - first] = 1.0;
@@ -96,22 +111,23 @@ std::uint32_t ElasticPushes::column(Body& body, std::uint32_t particle) noexcept
             body.columns[c * size + j] = rows[j].number[c - first];
         }
     }
-    return column_[particle];
+    return true;
 }
 
 /// Centre, inertia and levers of a free body at the start of the sub-step, once in it.
 void ElasticPushes::place(Body& body) noexcept {
-    if (std::exchange(body.placed, true)) {
+    if (std::exchange(body.placed, true) || !body.is_free) {
         return;
     }
     const ParticleRange& range = body.particles;
     const Vec3 centre = centre_of_mass(*start_, range);
-    const auto rows = std::span(scratch_).first(range.end - range.begin);
+    const auto rows = std::span(scratch_).subspan(range.begin, range.end - range.begin);
     Mat3 scatter(0.0);
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
         const Vec3 arm = start_->position[i] - centre;
-        scatter += start_->mass[i] * glm::outerProduct(arm, arm);
-        rows[i - range.begin] = row_of_vector(start_->mass[i] * arm);
+        const Vec3 heavy = start_->mass[i] * arm;
+        add_outer(scatter, start_->mass[i], arm, arm);
+        rows[i - range.begin] = row_of(heavy);
         for (int c = 0; c < 3; ++c) {
             lever_[kLevers * i + 3 + static_cast<std::size_t>(c)] = arm[c];
         }
@@ -123,51 +139,106 @@ void ElasticPushes::place(Body& body) noexcept {
     }
     // Q, and J from it.
     elastic_->respond(range, rows);
-    body.turning = Mat3(0.0);
+    Mat3 product(0.0);
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
-        std::copy_n(rows[i - range.begin].number, 3, lever_.begin() + static_cast<std::ptrdiff_t>(kLevers * i));
-        body.turning -= start_->mass[i] * cross_matrix(lever(i, 0)) * cross_matrix(lever(i, 3));
+        const Row& q = rows[i - range.begin];
+        double* const lever = lever_.data() + kLevers * i;
+        std::copy_n(q.number, 3, lever);
+        add_outer(product, start_->mass[i], Vec3(lever[3], lever[4], lever[5]), vector_of(q));
     }
+    body.turning = Mat3(product[0][0] + product[1][1] + product[2][2]) - product;
 }
 
-ElasticPushes::Compliance ElasticPushes::compliance(std::uint32_t particle, const Vec3& normal) noexcept {
-    Body& body = bodies_[body_of_particle_[particle]];
-    const std::size_t size = body.particles.end - body.particles.begin;
-    const double alone = body.columns[column(body, particle) * size + particle - body.particles.begin];
-    if (!body.is_free) {
-        return {alone, alone};
+ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
+    const std::uint32_t of = body_of_particle_[particle];
+    if (of == kNone) {
+        return {};
     }
-    // The particle's own answer, a symmetric matrix.
+    if (place_[particle] != kNone) {
+        return {of, place_[particle]};
+    }
+    Body& body = bodies_[of];
+    if (!find_column(body, particle)) {
+        return {};
+    }
     place(body);
-    const Mat3 q = cross_matrix(lever(particle, 0));
-    const Mat3 r = cross_matrix(lever(particle, 3));
-    const Mat3 alpha = body.inverse_inertia * r;
-    const Mat3 beta = body.inverse_inertia * (q - body.turning * alpha);
-    const Mat3 answer = Mat3(alone) + q * alpha - r * (h_ * h_ * alpha - beta);
+    const std::uint32_t within = particle - body.particles.begin;
+    const std::size_t at = body.particles.begin + body.places;
+    particle_[at] = within;
+    column_of_[at] = column(body, particle);
+    force_[at] = Row{};
+    // What the pushes so far have moved it.
+    moved_[at] = Row{};
+    for (std::size_t k = 0; k < body.places; ++k) {
+        add_scaled(moved_[at], column_of_[body.particles.begin + k][within], force_[body.particles.begin + k]);
+    }
+    Turning& turning = turning_[at] = {.own = column_of_[at][within]};
+    if (body.is_free) {
+        const double* const lever = lever_.data() + kLevers * particle;
+        turning.q = Vec3(lever[0], lever[1], lever[2]);
+        turning.r = Vec3(lever[3], lever[4], lever[5]);
+        turning.alpha = body.inverse_inertia * cross_matrix(turning.r);
+        turning.gamma =
+            h_ * h_ * turning.alpha - body.inverse_inertia * (cross_matrix(turning.q) - body.turning * turning.alpha);
+    }
+    place_[particle] = static_cast<std::uint32_t>(at);
+    ++body.places;
+    return {of, place_[particle]};
+}
+
+ElasticPushes::Compliance ElasticPushes::compliance(const Place& place, const Vec3& normal) const noexcept {
+    // The particle's own answer, a symmetric matrix.
+    const Turning& t = turning_[place.index];
+    const Mat3 answer = Mat3(t.own) + cross_matrix(t.q) * t.alpha - cross_matrix(t.r) * t.gamma;
     const double along = glm::dot(normal, answer * normal);
     return {along, 0.5 * (answer[0][0] + answer[1][1] + answer[2][2] - along)};
 }
 
-void ElasticPushes::push(std::uint32_t particle, const Vec3& force, Row* position) noexcept {
-    Body& body = bodies_[body_of_particle_[particle]];
-    const std::size_t size = body.particles.end - body.particles.begin;
-    Row terms[1 + kLevers] = {row_of_vector(force)};
-    if (body.is_free) {
-        place(body);
-        const Vec3 alpha = body.inverse_inertia * glm::cross(lever(particle, 3), force);
-        const Vec3 beta = body.inverse_inertia * (glm::cross(lever(particle, 0), force) - body.turning * alpha);
-        const Mat3 by_q = cross_matrix(-alpha);
-        const Mat3 by_r = cross_matrix(h_ * h_ * alpha - beta);
-        for (int c = 0; c < 3; ++c) {
-            terms[1 + c] = row_of_vector(by_q[c]);
-            terms[4 + c] = row_of_vector(by_r[c]);
-        }
+void ElasticPushes::push(const Place& place, const Vec3& force) noexcept {
+    Body& body = bodies_[place.body];
+    const Row row = row_of(force);
+    const double* const column = column_of_[place.index];
+    const std::size_t first = body.particles.begin;
+    for (std::size_t k = first; k < first + body.places; ++k) {
+        add_scaled(moved_[k], column[particle_[k]], row);
     }
-    elastic_->kernels().move({.count = size,
-                              .column = body.columns.data() + column(body, particle) * size,
-                              .lever = body.is_free ? lever_.data() + kLevers * body.particles.begin : nullptr,
+    add_scaled(force_[place.index], 1.0, row);
+    body.sum_alpha += turning_[place.index].alpha * force;
+    body.sum_gamma += turning_[place.index].gamma * force;
+    body.pushed = true;
+}
+
+Vec3 ElasticPushes::displacement(const Place& place) const noexcept {
+    const Body& body = bodies_[place.body];
+    const Turning& turning = turning_[place.index];
+    return vector_of(moved_[place.index]) - glm::cross(body.sum_alpha, turning.q) +
+           glm::cross(body.sum_gamma, turning.r);
+}
+
+void ElasticPushes::move_body(std::uint32_t particle, Row* position) noexcept {
+    const std::uint32_t of = body_of_particle_[particle];
+    if (of == kNone || !std::exchange(bodies_[of].pushed, false)) {
+        return;
+    }
+    Body& body = bodies_[of];
+    const std::size_t first = body.particles.begin;
+    Row terms[kLevers];
+    const Mat3 by_q = cross_matrix(-body.sum_alpha);
+    const Mat3 by_r = cross_matrix(body.sum_gamma);
+    for (int c = 0; c < 3; ++c) {
+        terms[c] = row_of(by_q[c]);
+        terms[3 + c] = row_of(by_r[c]);
+    }
+    elastic_->kernels().move({.count = body.particles.end - first,
+                              .pushes = body.places,
+                              .column = column_of_.data() + first,
+                              .force = force_.data() + first,
+                              .lever = body.is_free ? lever_.data() + kLevers * first : nullptr,
                               .terms = terms,
-                              .position = position + body.particles.begin});
+                              .position = position + first});
+    body.sum_alpha = body.sum_gamma = Vec3(0.0);
+    std::fill_n(force_.begin() + static_cast<std::ptrdiff_t>(first), body.places, Row{});
+    std::fill_n(moved_.begin() + static_cast<std::ptrdiff_t>(first), body.places, Row{});
 }
 
 }  // namespace haptic::sim

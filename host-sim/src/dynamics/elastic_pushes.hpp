@@ -7,14 +7,17 @@
 // mass). The answer then has the momenta of the force, and is symmetric: what j moves by a force at i is what i moves
 // by the same force at j. With Q = A^-1 M r of the three coordinates and W = A^-1:
 //
-//     u_j = W_ji p - alpha x Q_j + (h^2 alpha - beta) x r_j,   beta = I^-1 (Q_i x p - J alpha),   J = -sum m [Q] [r]
+//     u_j = W_ji p - alpha x Q_j + gamma x r_j,   gamma = h^2 alpha - beta,   beta = I^-1 (Q_i x p - J alpha),
+//     J = sum m ((Q . r) 1 - r Q^T)
 //
-// Columns of W are found when they are first needed, and kept as long as h stays the same.
+// Particles that are pushed move with every push, which takes a few numbers each; the rest of the body moves once they
+// agree. Columns of W are found when they are first needed, and kept as long as h stays the same.
 // @source Inertia relief: the D'Alembert forces of a free body's rigid acceleration, as in structural analysis.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "dynamics/elastic_bodies.hpp"
@@ -27,45 +30,81 @@ class ElasticPushes {
         double along = 0.0;   // m/N
         double across = 0.0;  // m/N
     };
+    /// A particle that takes part in this sub-step: one of its body's places.
+    struct Place {
+        std::uint32_t body = kNone;
+        std::uint32_t index = 0;
+        /// Whether the body moves with the particle.
+        [[nodiscard]] bool has_body() const noexcept { return body != kNone; }
+    };
 
     /// Allocates for all solid elastic bodies of the model.
     explicit ElasticPushes(const ParticleModel& model);
 
-    [[nodiscard]] bool empty() const noexcept { return bodies_.empty(); }
     /// Begins a sub-step of length h, s. The bodies are at `start`; `elastic` has been prepared for h.
     void begin(const ParticleModel& start, ElasticBodies& elastic, double h) noexcept;
 
-    /// Whether the particle belongs to a solid elastic body and is not pinned. The following need that.
+    /// Whether the particle belongs to a solid elastic body and is not pinned.
     [[nodiscard]] bool answers(std::uint32_t particle) const noexcept { return body_of_particle_[particle] != kNone; }
+
+    /// The particle's place in this sub-step. It has no body if it does not answer, or if its body's columns have no
+    /// room left (16 million numbers): it then moves alone. The following need a place with a body. Those of different
+    /// bodies may be called at the same time.
+    [[nodiscard]] Place take_part(std::uint32_t particle) noexcept;
     /// How far the particle moves in the sub-step along a force of 1 N on it: along the unit normal, and in the mean of
     /// the directions across it.
-    [[nodiscard]] Compliance compliance(std::uint32_t particle, const Vec3& normal) noexcept;
-    /// Moves the particle's body by a force, N, on the particle.
-    void push(std::uint32_t particle, const Vec3& force, Row* position) noexcept;
+    [[nodiscard]] Compliance compliance(const Place& place, const Vec3& normal) const noexcept;
+    /// Pushes the particle with a force, N, on top of the forces so far.
+    void push(const Place& place, const Vec3& force) noexcept;
+    /// m, of the particle by the pushes since its body moved.
+    [[nodiscard]] Vec3 displacement(const Place& place) const noexcept;
+    /// Moves the particle's whole body by these displacements.
+    void move_body(std::uint32_t particle, Row* position) noexcept;
 
   private:
     static constexpr std::uint32_t kNone = 0xffff'ffff;
 
+    /// What a force on a particle turns, and the particle's own moment arms.
+    struct Turning {
+        Vec3 q{0.0};       // s^2 m, Q
+        Vec3 r{0.0};       // m
+        Mat3 alpha{0.0};   // rad/(s^2 N), per force
+        Mat3 gamma{0.0};   // rad/N
+        double own = 0.0;  // m/N, W of the particle and itself
+    };
     struct Body {
         ParticleRange particles;
-        bool is_free = true;                 // no particle is pinned
-        std::vector<double> columns{};       // m/N, [column][particle of the body]
-        std::vector<std::uint32_t> owner{};  // particle of each column in use
-        double h = 0.0;                      // s, of the columns
-        bool placed = false;                 // in this sub-step: the following
-        Mat3 inverse_inertia{0.0};           // 1/(kg m^2)
-        Mat3 turning{0.0};                   // J
+        bool is_free = true;  // no particle is pinned
+        std::size_t room = 0;
+        std::unique_ptr<double[]> columns{};  // m/N, [column][particle of the body], of which there is room
+        std::vector<std::uint32_t> owner{};   // particle of each column in use
+        double h = 0.0;                       // s, of the columns
+        // In this sub-step.
+        bool placed = false;        // the following two are known
+        Mat3 inverse_inertia{0.0};  // 1/(kg m^2)
+        Mat3 turning{0.0};          // J, kg m^2 s^2
+        std::size_t places = 0;     // range of the arrays below, from the body's first particle on
+        bool pushed = false;        // since it moved
+        Vec3 sum_alpha{0.0};        // rad/s^2, of the pushes since it moved
+        Vec3 sum_gamma{0.0};        // rad
     };
 
-    [[nodiscard]] std::uint32_t column(Body& body, std::uint32_t particle) noexcept;
+    [[nodiscard]] const double* column(const Body& body, std::uint32_t particle) const noexcept;
+    [[nodiscard]] bool find_column(Body& body, std::uint32_t particle) noexcept;
     void place(Body& body) noexcept;
-    [[nodiscard]] Vec3 lever(std::uint32_t particle, std::size_t first) const noexcept;
 
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;
     std::vector<std::uint32_t> column_;  // per particle; kNone: not yet found
     std::vector<double> lever_;          // [particle][Q, s^2 m, then r, m]
-    LaneArray<Row> scratch_;
+    LaneArray<Row> scratch_;             // per particle
+    // Per place.
+    std::vector<std::uint32_t> place_;     // per particle: its index; kNone: none in this sub-step
+    std::vector<std::uint32_t> particle_;  // within its body
+    std::vector<Turning> turning_;
+    std::vector<Row> moved_;  // m, by columns of W
+    std::vector<Row> force_;  // N, since the body moved
+    std::vector<const double*> column_of_;
     const ParticleModel* start_ = nullptr;
     ElasticBodies* elastic_ = nullptr;
     double h_ = 0.0;

@@ -27,6 +27,9 @@ namespace haptic::sim {
 /// determine the rotation. The result is always a proper rotation; the zero matrix gives the guess.
 [[nodiscard]] Quat extract_rotation(const Mat3& matrix, const Quat& guess, int iterations) noexcept;
 
+/// a += scale * p q^T.
+void add_outer(Mat3& a, double scale, const Vec3& p, const Vec3& q) noexcept;
+
 /// Solves inertia * x = momentum, with the inertia tensor trace(S) 1 - S of the scatter matrix S = sum m p p^T. For
 /// collinear or coincident points the tensor is singular; the undetermined part of x is then bounded and rotates no
 /// point.

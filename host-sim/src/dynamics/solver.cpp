@@ -10,6 +10,7 @@
 #include "dynamics/elastic_bodies.hpp"
 #include "dynamics/model_bodies.hpp"
 #include "dynamics/rotation.hpp"
+#include "dynamics/rows.hpp"
 #include "simd/kernels.hpp"
 
 namespace haptic::sim {
@@ -34,24 +35,6 @@ void check(const SolverSettings& s) {
     if (!(s.shape_damping >= 0.0) || !(s.shape_damping * s.step <= 1.0)) {
         refuse("shape_damping must be at least 0 and at most 1 / step");
     }
-}
-
-/// a += scale * p q^T.
-void add_outer(Mat3& a, double scale, const Vec3& p, const Vec3& q) {
-    const Vec3 sp = scale * p;
-    a[0] += sp * q.x;
-    a[1] += sp * q.y;
-    a[2] += sp * q.z;
-}
-
-Vec3 vector_of(const Row& row) {
-    return {row.number[0], row.number[1], row.number[2]};
-}
-
-void set_vector(Row& row, const Vec3& p) {
-    row.number[0] = p.x;
-    row.number[1] = p.y;
-    row.number[2] = p.z;
 }
 
 /// Throws std::invalid_argument for a number of lanes that this machine does not have.
@@ -129,6 +112,10 @@ struct ParticleSolver::ProjectionState {
     void find_angular_velocities(double h) {
         projection.find_angular_velocities(before.size(), before.data(), f32.data(), h, orientation.data(),
                                            angular_velocity.data());
+    }
+
+    [[nodiscard]] bool has_constraints() const noexcept {
+        return links.count > 0 || springs.count > 0 || groups.batches > 0;
     }
 
     /// One Gauss-Seidel pass over all constraints.
@@ -227,9 +214,9 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
     };
     // Sub-steps: as configured, or more if contacts need them.
     int substeps = this->substeps();
-    bool any = false;
+    int sets = 0;
     for_each([&](const SolverContacts& c) {
-        any = true;
+        ++sets;
         substeps = std::max(substeps, c.substeps(model, settings_.step));
     });
     const double h = settings_.step / substeps;
@@ -241,21 +228,26 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
         state_->elastic.prepare(h);
         for_each([&](SolverContacts& c) { c.find(model, state_->moving(), state_->elastic, h); });
         state_->move_elastic_bodies(model, 1.0 - h * settings_.drag);
-        // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction.
-        for (int i = 0; i < settings_.iterations; ++i) {
-            state_->sweep(i % 2 == 0, settings_.rotation_iterations);
-            if (any) {
+        // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. One set of contacts
+        // of solid elastic bodies has nothing to agree with: finish() is all that it needs.
+        const bool constrained = state_->has_constraints();
+        const bool agree = constrained || sets > 1 || !state_->elastic.have_all();
+        for (int i = 0; i < settings_.iterations && agree; ++i) {
+            if (constrained) {
+                state_->sweep(i % 2 == 0, settings_.rotation_iterations);
+            }
+            if (sets > 0) {
                 state_->apply_displacements();
                 for_each([&](SolverContacts& c) { c.project(model, state_->moving(), h); });
                 state_->round_displacements();
             }
         }
-        if (any) {
+        if (sets > 0) {
             // Contacts may push further, and change momentum: restore_momenta() must not undo that.
             std::fill_n(state_->pushed.begin(), model.size(), Row{});
             for_each([&](SolverContacts& c) { c.finish(model, state_->moving(), h); });
             add_contact_velocities(h);
-        } else {
+        } else if (constrained) {
             // With contacts, each iteration has applied the displacements already.
             state_->apply_displacements();
         }

@@ -82,13 +82,15 @@ struct FactorPanels {
     Row* side;                       // per row: in the right-hand side, out the solution
 };
 
-/// Particles of a body that move with a push; see dynamics/elastic_pushes.hpp.
+/// Particles of a body that move with pushes; see dynamics/elastic_pushes.hpp.
 struct PushedRows {
     std::size_t count;
-    const double* column;  // [count]
-    const double* lever;   // [count][6]; null: none
-    const Row* terms;      // 1, then 6: what column and levers are multiplied with
-    Row* position;         // [count]: in and out
+    std::size_t pushes;
+    const double* const* column;  // [pushes][count], m/N
+    const Row* force;             // [pushes], N
+    const double* lever;          // [count][6]; null: none
+    const Row* terms;             // [6]: what the levers are multiplied with
+    Row* position;                // [count], m: in and out
 };
 
 /// Elastic kernels for one number of lanes. All give the same bits.

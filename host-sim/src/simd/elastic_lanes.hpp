@@ -286,18 +286,29 @@ void solve_panels(const FactorPanels& f) noexcept {
 template <std::size_t Lanes>
 void move_rows(const PushedRows& m) noexcept {
     constexpr std::size_t levers = 6;
-    DoubleRow<Lanes> term[1 + levers];
-    for (std::size_t k = 0; k <= levers; ++k) {
+    DoubleRow<Lanes> term[levers];
+    for (std::size_t k = 0; k < levers; ++k) {
         term[k] = load_row<Lanes>(m.terms[k]);
     }
     for (std::size_t j = 0; j < m.count; ++j) {
-        DoubleRow<Lanes> by = m.column[j] * term[0];
+        // Two sums, so that additions need not wait for one another.
+        DoubleRow<Lanes> even{};
+        DoubleRow<Lanes> odd{};
+        std::size_t p = 0;
+        for (; p + 1 < m.pushes; p += 2) {
+            even = even + m.column[p][j] * load_row<Lanes>(m.force[p]);
+            odd = odd + m.column[p + 1][j] * load_row<Lanes>(m.force[p + 1]);
+        }
+        if (p < m.pushes) {
+            even = even + m.column[p][j] * load_row<Lanes>(m.force[p]);
+        }
         if (m.lever != nullptr) {
-            for (std::size_t k = 0; k < levers; ++k) {
-                by = by + m.lever[levers * j + k] * term[1 + k];
+            for (std::size_t k = 0; k < levers; k += 2) {
+                even = even + m.lever[levers * j + k] * term[k];
+                odd = odd + m.lever[levers * j + k + 1] * term[k + 1];
             }
         }
-        store_row<Lanes>(load_row<Lanes>(m.position[j]) + by, m.position[j]);
+        store_row<Lanes>(load_row<Lanes>(m.position[j]) + (even + odd), m.position[j]);
     }
 }
 

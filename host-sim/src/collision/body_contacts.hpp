@@ -1,0 +1,116 @@
+// Contacts that move whole bodies.
+//
+// A contact keeps a particle from another one or from the ground, n.(x1 - x2) >= min_separation, with a force on both
+// bodies (dynamics/elastic_pushes.hpp). Which of the candidates push is not known before: those that are violated join,
+// in rounds. In each, projected Gauss-Seidel finds the forces of those that have joined, with Coulomb friction, while
+// only their particles move; then the bodies move, which may violate further ones. The first to join are those that
+// pushed in the last sub-step, with the forces that they had: at rest little is left to find. Bodies that touch no
+// common body form islands, each of which is solved by itself.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "collision/colliders.hpp"
+#include "dynamics/elastic_pushes.hpp"
+
+namespace haptic::sim {
+
+/// Two particles, of which at least one moves its body, that may touch in a sub-step.
+struct ContactCandidate {
+    static constexpr std::uint32_t kGround = 0xffff'ffff;
+
+    std::uint32_t first;
+    std::uint32_t second;   // or the ground
+    SeparatingPlane plane;  // with the ground: from height 0, and final; else fitted when it is first violated
+    Vec3 from;              // m, x1 - x2 at the start of the sub-step
+};
+
+class BodyContacts {
+  public:
+    /// Has room for this many candidates. `colliders` must outlive this object. Errors count relative to `min_size`, m.
+    BodyContacts(const ParticleModel& model, const Colliders& colliders, std::size_t capacity,
+                 FrictionCoefficients friction, double min_size);
+
+    /// Whether the particle moves its body along.
+    [[nodiscard]] bool answers(std::uint32_t particle) const noexcept { return pushes_.answers(particle); }
+
+    /// Begins a sub-step of length h, s, without candidates. `push_out`, m: see Colliders::fit_plane().
+    void begin(const ParticleModel& start, ElasticBodies& elastic, double h, double push_out) noexcept;
+    /// Not after the first solve() of a sub-step. False: no room.
+    bool add(const ContactCandidate& candidate) noexcept;
+    /// Moves the bodies until no contact is violated and none pushes too much, or to `max_passes` over the contacts.
+    void solve(Row* position, int max_passes) noexcept;
+    /// Adds each particle's displacement by the forces of this sub-step as if it had moved alone, which has the
+    /// momenta of the motion of its body. Returns the number of contacts that push.
+    std::size_t add_pushes(Row* pushed) const noexcept;
+
+  private:
+    /// A contact that pushes, or has.
+    struct Active {
+        ContactCandidate of;
+        ElasticPushes::Place first;
+        ElasticPushes::Place second;
+        ElasticPushes::Compliance compliance;  // of both together
+        double push;                           // m, along the normal, at least 0
+        Vec3 friction;                         // m
+    };
+    /// A contact that pushed in the last sub-step.
+    struct Remembered {
+        std::uint32_t first;
+        std::uint32_t second;
+        double along;  // N
+        Vec3 across;   // N
+    };
+    /// Ranges of order_ and of body_order_.
+    struct Island {
+        std::uint32_t begin = 0;
+        std::uint32_t end = 0;
+        std::uint32_t active = 0;  // at the beginning of the same range of active_
+        std::uint32_t first_body = 0;
+        std::uint32_t end_body = 0;
+        bool begun = false;
+        bool forward = true;
+    };
+
+    void remember() noexcept;
+    void form_islands() noexcept;
+    [[nodiscard]] std::uint32_t root(std::uint32_t body) noexcept;
+    void solve_island(Island& island, Row* position, int max_passes) noexcept;
+    bool join_remembered(Island& island, Row* position) noexcept;
+    bool join_violated(Island& island, Row* position) noexcept;
+    Active& join(Island& island, std::uint32_t at, const SeparatingPlane& plane) noexcept;
+    [[nodiscard]] const Remembered* remembered(const ContactCandidate& candidate) const noexcept;
+    [[nodiscard]] double project_all(Island& island, Row* position) noexcept;
+    [[nodiscard]] double project(Active& contact, Row* position) noexcept;
+    [[nodiscard]] static Vec3 force_of(const Active& contact, double along, const Vec3& across) noexcept;
+    void push_apart(const Active& contact, const Vec3& force, Row* position) noexcept;
+    [[nodiscard]] Vec3 offset(const Active& contact, const Row* position) const noexcept;
+    void push(std::uint32_t particle, const ElasticPushes::Place& place, const Vec3& force, Row* position) noexcept;
+    void push_alone(std::uint32_t particle, const Vec3& force, Row* displaced) const noexcept;
+    [[nodiscard]] double compliance_alone(std::uint32_t particle) const noexcept;
+
+    const Colliders& colliders_;
+    FrictionCoefficients friction_;
+    double tolerance_;  // m
+    ElasticPushes pushes_;
+    // Of the sub-step.
+    double h_ = 0.0;         // s
+    double push_out_ = 0.0;  // m
+    std::vector<ContactCandidate> candidate_;
+    bool islands_known_ = false;
+    std::vector<Island> island_;
+    std::vector<std::uint32_t> parent_;          // per body: the root is its own
+    std::vector<std::uint32_t> island_of_;       // per root
+    std::vector<std::uint32_t> order_;           // candidates by island
+    std::vector<std::uint8_t> has_joined_;       // in the same order
+    std::vector<std::uint32_t> body_order_;      // one particle per body, by island
+    std::vector<std::uint32_t> first_particle_;  // per body
+    std::unique_ptr<Active[]> active_;
+    std::vector<Remembered> remembered_;           // by the first, then the second
+    std::vector<std::uint32_t> first_remembered_;  // per particle: its first; kNone: none
+};
+
+}  // namespace haptic::sim

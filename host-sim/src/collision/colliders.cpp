@@ -1,0 +1,67 @@
+#include "collision/colliders.hpp"
+
+#include <algorithm>
+#include <glm/geometric.hpp>
+
+namespace haptic::sim {
+namespace {
+
+LaneVec<double> lane(const Vec3& v) noexcept {
+    return {v.x, v.y, v.z};
+}
+
+}  // namespace
+
+Colliders::Colliders(const ParticleModel& model, const std::vector<ParticleRange>& bodies)
+    : length_(model.size() + kMaxLanes), number_(collider_row::kCount * length_) {
+    using namespace collider_row;
+    collider_.reserve(model.size());
+    for (std::uint32_t b = 0; b < bodies.size(); ++b) {
+        for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
+            const Vec3& axes = model.semi_axes[i];
+            const Quat& q = model.axes[i];
+            const double size = (axes.x + axes.y + axes.z) / 3.0;
+            const double reach = std::max({axes.x, axes.y, axes.z});
+            // Pinned particles get the inverse mass 0: they push but are not pushed.
+            collider_.push_back({size, reach, model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i], b});
+            set(kSemiAxes, i, {axes.x, axes.y, axes.z});
+            set(kAxes, i, {q.w, q.x, q.y, q.z});
+            set(kSize, i, {size, reach});
+        }
+    }
+}
+
+void Colliders::set(std::size_t row, std::size_t particle, std::initializer_list<double> numbers) {
+    for (const double number : numbers) {
+        number_[row++ * length_ + particle] = number;
+    }
+}
+
+LaneSymmetric<double> Colliders::shape(std::size_t particle) const noexcept {
+    const auto number = [&](std::size_t k) { return at(collider_row::kShape + k, particle); };
+    return {number(0), number(1), number(2), number(3), number(4), number(5)};
+}
+
+SeparatingPlane Colliders::fit_plane(std::uint32_t first, std::uint32_t second, const Vec3& from, const Vec3& to,
+                                     double push_out) const noexcept {
+    const LaneSymmetric<double> of_first = shape(first);
+    const LaneSymmetric<double> of_second = shape(second);
+    const LaneVec<double> start = lane(from);
+    // Normal of M where the path enters it (ellipsoids.hpp).
+    const LaneVec<double> normal = lane_separating_normal(
+        LaneSweep<double>{of_first, of_second, collider_[second].size / collider_[first].size, start, lane(to)});
+    // Required separation r + min(0, gap + push_out): an initial overlap is kept or slowly resolved.
+    const double reach = lane_reach(of_first, normal) + lane_reach(of_second, normal);
+    const double gap = dot(normal, start) - reach;
+    return {{normal.x, normal.y, normal.z}, reach + std::min(0.0, gap + push_out)};
+}
+
+Vec3 clamp_to_cone(const Vec3& wanted, double push, FrictionCoefficients friction) noexcept {
+    const double length = glm::length(wanted);
+    if (length <= friction.sticking * push) {
+        return wanted;
+    }
+    return (friction.sliding * push / length) * wanted;
+}
+
+}  // namespace haptic::sim
