@@ -22,6 +22,10 @@ FlushDenormals::~FlushDenormals() {
     _mm_setcsr(static_cast<std::uint32_t>(saved_));
 }
 
+bool denormals_are_flushed() noexcept {
+    return (_mm_getcsr() & kFlushResults) != 0;
+}
+
 #elif defined(__aarch64__)
 
 namespace {
@@ -38,10 +42,20 @@ FlushDenormals::~FlushDenormals() {
     asm volatile("msr fpcr, %0" : : "r"(saved_));
 }
 
+bool denormals_are_flushed() noexcept {
+    std::uint64_t control = 0;
+    asm volatile("mrs %0, fpcr" : "=r"(control));
+    return (control & kFlush) != 0;
+}
+
 #else
 
 FlushDenormals::FlushDenormals() noexcept : saved_(0) {}
 FlushDenormals::~FlushDenormals() = default;
+
+bool denormals_are_flushed() noexcept {
+    return false;
+}
 
 #endif
 

@@ -37,10 +37,13 @@ BodyContacts::BodyContacts(const ParticleModel& model, const Colliders& collider
     parent_.resize(first_particle_.size());
     island_of_.resize(first_particle_.size());
     body_order_.resize(first_particle_.size());
+    pushed_bodies_.reserve(first_particle_.size());
+    is_pushed_.resize(first_particle_.size());
     island_.reserve(first_particle_.size());
 }
 
 void BodyContacts::begin(const ParticleModel& start, ElasticBodies& elastic, double h, double push_out) noexcept {
+    workers_ = &elastic.workers();
     remember();
     pushes_.begin(start, elastic, h);
     h_ = h;
@@ -105,7 +108,7 @@ void BodyContacts::form_islands() noexcept {
     };
     for (const ContactCandidate& c : candidate_) {
         if (movable(c.first) && movable(c.second)) {
-            const auto [low, high] = std::minmax(root(colliders_[c.first].body), root(colliders_[c.second].body));
+            const auto [low, high] = std::minmax({root(colliders_[c.first].body), root(colliders_[c.second].body)});
             parent_[high] = low;
         }
     }
@@ -150,10 +153,30 @@ void BodyContacts::form_islands() noexcept {
 void BodyContacts::solve(Row* position, int max_passes) noexcept {
     if (!std::exchange(islands_known_, true)) {
         form_islands();
+        prepare_bodies();
     }
-    for (Island& island : island_) {
-        solve_island(island, position, max_passes);
+    workers_->for_each(island_.size(), [&](std::size_t k) { solve_island(island_[k], position, max_passes); });
+}
+
+/// Those that were pushed in the last sub-step will be again.
+void BodyContacts::prepare_bodies() noexcept {
+    pushed_bodies_.clear();
+    const auto add = [&](std::uint32_t particle) {
+        if (particle != ContactCandidate::kGround &&
+            std::exchange(is_pushed_[colliders_[particle].body], std::uint8_t{1}) == 0) {
+            pushed_bodies_.push_back(particle);
+        }
+    };
+    for (const Remembered& r : remembered_) {
+        add(r.first);
+        add(r.second);
     }
+    for (const std::uint32_t particle : pushed_bodies_) {
+        is_pushed_[colliders_[particle].body] = 0;
+    }
+    // In the order of the bodies, so that each thread has those that it moves otherwise too.
+    std::ranges::sort(pushed_bodies_);
+    workers_->for_each(pushed_bodies_.size(), [&](std::size_t k) { pushes_.prepare(pushed_bodies_[k]); });
 }
 
 void BodyContacts::solve_island(Island& island, Row* position, int max_passes) noexcept {

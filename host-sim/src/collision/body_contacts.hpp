@@ -77,6 +77,7 @@ class BodyContacts {
 
     void remember() noexcept;
     void form_islands() noexcept;
+    void prepare_bodies() noexcept;
     [[nodiscard]] std::uint32_t root(std::uint32_t body) noexcept;
     void solve_island(Island& island, Row* position, int max_passes) noexcept;
     bool join_remembered(Island& island, Row* position) noexcept;
@@ -96,6 +97,7 @@ class BodyContacts {
     FrictionCoefficients friction_;
     double tolerance_;  // m
     ElasticPushes pushes_;
+    Workers* workers_ = nullptr;
     // Of the sub-step.
     double h_ = 0.0;         // s
     double push_out_ = 0.0;  // m
@@ -111,6 +113,8 @@ class BodyContacts {
     std::unique_ptr<Active[]> active_;
     std::vector<Remembered> remembered_;           // by the first, then the second
     std::vector<std::uint32_t> first_remembered_;  // per particle: its first; kNone: none
+    std::vector<std::uint32_t> pushed_bodies_;     // in the last sub-step: a particle of each
+    std::vector<std::uint8_t> is_pushed_;          // per body: it is among them
 };
 
 }  // namespace haptic::sim

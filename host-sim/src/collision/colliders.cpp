@@ -1,7 +1,6 @@
 #include "collision/colliders.hpp"
 
 #include <algorithm>
-#include <glm/geometric.hpp>
 
 namespace haptic::sim {
 namespace {
@@ -54,14 +53,6 @@ SeparatingPlane Colliders::fit_plane(std::uint32_t first, std::uint32_t second, 
     const double reach = lane_reach(of_first, normal) + lane_reach(of_second, normal);
     const double gap = dot(normal, start) - reach;
     return {{normal.x, normal.y, normal.z}, reach + std::min(0.0, gap + push_out)};
-}
-
-Vec3 clamp_to_cone(const Vec3& wanted, double push, FrictionCoefficients friction) noexcept {
-    const double length = glm::length(wanted);
-    if (length <= friction.sticking * push) {
-        return wanted;
-    }
-    return (friction.sliding * push / length) * wanted;
 }
 
 }  // namespace haptic::sim

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <glm/geometric.hpp>
 #include <initializer_list>
 #include <vector>
 
@@ -61,6 +62,12 @@ class Colliders {
 
 /// Coulomb limit (M. Macklin et al. 2014, equation 24) on the displacement `wanted` by friction where the normal one is
 /// `push`: unchanged inside the cone of sticking, scaled to that of sliding outside.
-[[nodiscard]] Vec3 clamp_to_cone(const Vec3& wanted, double push, FrictionCoefficients friction) noexcept;
+[[nodiscard]] inline Vec3 clamp_to_cone(const Vec3& wanted, double push, FrictionCoefficients friction) noexcept {
+    const double length = glm::length(wanted);
+    if (length <= friction.sticking * push) {
+        return wanted;
+    }
+    return (friction.sliding * push / length) * wanted;
+}
 
 }  // namespace haptic::sim

@@ -1,6 +1,7 @@
 #include "dynamics/elastic_bodies.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <glm/geometric.hpp>
 #include <limits>
 #include <numeric>
@@ -18,6 +19,9 @@ constexpr std::uint32_t kNotElastic = std::numeric_limits<std::uint32_t>::max();
 // kappa per largest stress per strain. From 0.75 on the step is stable; 1 never overshoots.
 constexpr double kBound = 1.0;
 constexpr std::size_t kCorners = 3;
+// What a thread takes at once.
+constexpr std::size_t kBatchesAtOnce = 12;
+constexpr std::size_t kSumsAtOnce = 96;
 constexpr std::size_t kKeptFactors = 4;
 // Doubles in the widest register: rows of padding.
 constexpr std::size_t kPadding = 8;
@@ -46,6 +50,10 @@ std::vector<Vec3> gradients_of(const ElasticElement& element) {
     return gradients;
 }
 
+std::size_t size_of(const ParticleRange& range) noexcept {
+    return range.end - range.begin;
+}
+
 /// Starts of consecutive ranges from their lengths, and the end of the last one.
 std::vector<std::uint32_t> starts_of(const std::vector<std::uint32_t>& lengths) {
     std::vector<std::uint32_t> starts(lengths.size() + 1, 0);
@@ -55,22 +63,17 @@ std::vector<std::uint32_t> starts_of(const std::vector<std::uint32_t>& lengths) 
 
 }  // namespace
 
-ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes)
+ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes, Workers* workers)
     : kernels_(elastic_kernels(lanes)),
+      workers_(workers == nullptr ? alone_ : *workers),
       body_of_particle_(model.size(), kNotElastic),
       steps_(kKeptFactors, 0.0),
       place_(model.elasticity.elements.size()) {
     find_bodies(model);
-    batch_elements(model, false, solids_);
-    batch_elements(model, true, triangles_);
+    batch_elements(model);
     list_pairs(model);
     list_shares(model);
     assemble(model);
-    for (const ElasticElement& element : model.elasticity.elements) {
-        if (!is_triangle(element)) {
-            turning_.push_back(element.centre);
-        }
-    }
     if (!empty()) {
         const auto [least, most] = std::ranges::minmax_element(model.elasticity.elements, {}, &ElasticElement::damping);
         least_damping_ = least->damping;
@@ -97,31 +100,58 @@ void ElasticBodies::find_bodies(const ParticleModel& model) {
             continue;
         }
         Body body{.particles = range};
+        body.free.begin = static_cast<std::uint32_t>(free_.size());
         for (std::uint32_t i = range.begin; i < range.end; ++i) {
             body_of_particle_[i] = static_cast<std::uint32_t>(bodies_.size());
             if (model.pinned[i] == 0) {
-                body.free.push_back(i);
+                free_.push_back(i);
             }
         }
+        body.free.end = static_cast<std::uint32_t>(free_.size());
         bodies_.push_back(std::move(body));
     }
 }
 
-void ElasticBodies::batch_elements(const ParticleModel& model, bool triangles, Elements& to) {
+/// Gives each body batches of its own, in even sizes: the largest elements first.
+void ElasticBodies::batch_elements(const ParticleModel& model) {
     const std::vector<ElasticElement>& all = model.elasticity.elements;
-    // Even batches: the largest elements first.
-    std::vector<std::uint32_t> order;
+    struct Kinds {
+        std::vector<std::uint32_t> solids;
+        std::vector<std::uint32_t> triangles;
+    };
+    std::vector<Kinds> of_body(bodies_.size());
     for (std::uint32_t e = 0; e < all.size(); ++e) {
-        if (is_triangle(all[e]) == triangles) {
-            order.push_back(e);
-        }
+        Kinds& kinds = of_body[body_of_particle_[all[e].centre]];
+        (is_triangle(all[e]) ? kinds.triangles : kinds.solids).push_back(e);
     }
-    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-        return std::pair(all[b].members.size(), a) < std::pair(all[a].members.size(), b);
-    });
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        for (std::vector<std::uint32_t>* const kind : {&of_body[b].solids, &of_body[b].triangles}) {
+            std::sort(kind->begin(), kind->end(), [&](std::uint32_t k, std::uint32_t l) {
+                return std::pair(all[l].members.size(), k) < std::pair(all[k].members.size(), l);
+            });
+        }
+        bodies_[b].solids = add_batches(model, of_body[b].solids, solids_);
+        bodies_[b].turning.begin = static_cast<std::uint32_t>(turning_.size());
+        for (const std::uint32_t e : of_body[b].solids) {
+            turning_.push_back(all[e].centre);
+        }
+        bodies_[b].turning.end = static_cast<std::uint32_t>(turning_.size());
+    }
+    // Triangles after all solids, so that each kind has one range of places.
+    triangles_.first = stress_.size() / 3;
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        bodies_[b].triangles = add_batches(model, of_body[b].triangles, triangles_);
+    }
+}
+
+/// Appends batches of elements of one kind. Returns their range.
+ParticleRange ElasticBodies::add_batches(const ParticleModel& model, std::span<const std::uint32_t> order,
+                                         Elements& to) {
+    const std::vector<ElasticElement>& all = model.elasticity.elements;
     const std::size_t n = kernels_.lanes;
+    const bool triangles = !order.empty() && is_triangle(all[order[0]]);
     const std::size_t directions = triangles ? 2 : 3;
-    to.first = stress_.size() / 3;
+    const std::size_t first_batch = to.batch.size();
     for (std::size_t first = 0; first < order.size(); first += n) {
         const std::size_t slots = all[order[first]].members.size();
         const std::size_t first_slot = to.member.size() / n;
@@ -164,7 +194,8 @@ void ElasticBodies::batch_elements(const ParticleModel& model, bool triangles, E
             }
         }
     }
-    stress_.resize(stress_.size() + 3 * n * to.batch.size());
+    stress_.resize(stress_.size() + 3 * n * (to.batch.size() - first_batch));
+    return {static_cast<std::uint32_t>(first_batch), static_cast<std::uint32_t>(to.batch.size())};
 }
 
 void ElasticBodies::list_pairs(const ParticleModel& model) {
@@ -220,14 +251,15 @@ void ElasticBodies::list_shares(const ParticleModel& model) {
 void ElasticBodies::assemble(const ParticleModel& model) {
     std::vector<std::uint32_t> row(model.size(), kNotElastic);
     for (const Body& body : bodies_) {
-        for (std::uint32_t r = 0; r < body.free.size(); ++r) {
-            row[body.free[r]] = r;
+        for (std::uint32_t f = body.free.begin; f < body.free.end; ++f) {
+            row[free_[f]] = f - body.free.begin;
         }
     }
     std::vector<std::vector<MatrixElement>> lower(bodies_.size());
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        for (std::uint32_t r = 0; r < bodies_[b].free.size(); ++r) {
-            lower[b].push_back({.row = r, .column = r, .mass = model.mass[bodies_[b].free[r]]});
+        for (std::uint32_t f = bodies_[b].free.begin; f < bodies_[b].free.end; ++f) {
+            const std::uint32_t r = f - bodies_[b].free.begin;
+            lower[b].push_back({.row = r, .column = r, .mass = model.mass[free_[f]]});
         }
     }
     const auto add = [&](std::uint32_t p, std::uint32_t q, double stiffness, double damping) {
@@ -251,7 +283,7 @@ void ElasticBodies::assemble(const ParticleModel& model) {
         add(std::max(pair.first, pair.second), std::min(pair.first, pair.second), -pair.stiffness, pair.damping);
     }
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        bodies_[b].factor = std::make_unique<StiffnessFactor>(bodies_[b].free.size(), lower[b], kKeptFactors);
+        bodies_[b].factor = std::make_unique<StiffnessFactor>(size_of(bodies_[b].free), lower[b], kKeptFactors);
     }
 }
 
@@ -271,89 +303,111 @@ void ElasticBodies::prepare(double h) {
     if (known == steps_.end()) {
         slot_ = oldest_;
         oldest_ = (oldest_ + 1) % kKeptFactors;
-        for (const Body& body : bodies_) {
-            body.factor->factorise(slot_, h, own_damping_);
+        std::atomic<bool> failed = false;
+        workers_.for_each(bodies_.size(), [&](std::size_t b) {
+            if (!bodies_[b].factor->factorise(slot_, h, own_damping_)) {
+                failed = true;
+            }
+        });
+        if (failed) {
+            throw std::invalid_argument("elasticity: the stiffness matrix is not positive definite");
         }
         steps_[slot_] = h;
     }
     h_ = h;
 }
 
-ElasticBatches ElasticBodies::batches_of(const Elements& e) noexcept {
-    return {.batches = e.batch.size(),
-            .batch = e.batch.data(),
-            .centre = e.centre.data(),
-            .shear = e.shear.data(),
-            .lame = e.lame.data(),
-            .damping = e.damping.data(),
+/// Batches [begin, end) of them.
+ElasticBatches ElasticBodies::batches_of(const Elements& e, std::size_t begin, std::size_t end) noexcept {
+    const std::size_t lane = begin * kernels_.lanes;
+    return {.batches = end - begin,
+            .batch = e.batch.data() + begin,
+            .centre = e.centre.data() + lane,
+            .shear = e.shear.data() + lane,
+            .lame = e.lame.data() + lane,
+            .damping = e.damping.data() + lane,
             .own_damping = own_damping_,
             .damped = damped_,
-            .spread = e.spread.data(),
+            .spread = e.spread.empty() ? nullptr : e.spread.data() + 6 * lane,
             .member = e.member.data(),
             .gradient = e.gradient.data(),
-            .stress = stress_.data() + 3 * e.first};
+            .stress = stress_.data() + 3 * (e.first + lane)};
+}
+
+/// x0, and M (y - x0) / h^2: the forces that led to the position y given.
+void ElasticBodies::begin_step(const Body& body, const Motion& motion) noexcept {
+    const ParticleModel& start = motion.start;
+    for (std::uint32_t i = body.particles.begin; i < body.particles.end; ++i) {
+        const Vec3 given = vector_of(motion.position[i]);
+        const bool pinned = start.pinned[i] != 0;
+        const Vec3 velocity = pinned ? start.velocity[i] : motion.drag_factor * start.velocity[i];
+        const Vec3 at = pinned ? given : start.position[i] + h_ * velocity;
+        velocity_[i] = row_of(velocity);
+        at_[i] = row_of(at);
+        given_[i] = row_of(start.mass[i] / (h_ * h_) * (given - at));
+    }
+    for (std::uint32_t t = body.turning.begin; t < body.turning.end; ++t) {
+        turn_[turning_[t]] = motion.orientation[turning_[t]];
+    }
+}
+
+/// f - grad E(x0) at elements [begin, end) of free_.
+void ElasticBodies::sum_forces(std::size_t begin, std::size_t end) noexcept {
+    kernels_.sum({.count = end - begin,
+                  .particle = free_.data() + begin,
+                  .first_share = first_share_.data(),
+                  .element = share_element_.data(),
+                  .gradient = share_gradient_.data(),
+                  .stress = stress_.data(),
+                  .first_pair = first_pair_.data(),
+                  .other = other_.data(),
+                  .stiffness = pair_stiffness_.data(),
+                  .damping = pair_damping_.data(),
+                  .own_damping = own_damping_,
+                  .damped = damped_,
+                  .position = at_.data(),
+                  .velocity = velocity_.data(),
+                  .given = given_.data(),
+                  .sum = sides_.data() + begin});
 }
 
 void ElasticBodies::step(const ParticleModel& start, double drag_factor, Row* position, Row* orientation) noexcept {
-    // x0, and M (y - x0) / h^2: the forces that led to the position y given.
-    for (const Body& body : bodies_) {
-        for (std::uint32_t i = body.particles.begin; i < body.particles.end; ++i) {
-            const Vec3 given(position[i].number[0], position[i].number[1], position[i].number[2]);
-            const bool pinned = start.pinned[i] != 0;
-            const Vec3 velocity = pinned ? start.velocity[i] : drag_factor * start.velocity[i];
-            const Vec3 at = pinned ? given : start.position[i] + h_ * velocity;
-            velocity_[i] = row_of(velocity);
-            at_[i] = row_of(at);
-            given_[i] = row_of(start.mass[i] / (h_ * h_) * (given - at));
-        }
-    }
-    for (const std::uint32_t i : turning_) {
-        turn_[i] = orientation[i];
-    }
+    const Motion motion{start, drag_factor, position, orientation};
+    // All threads share the only body, or each takes whole bodies.
+    Workers& within = bodies_.size() == 1 ? workers_ : alone_;
+    workers_.for_each(bodies_.size(), [&](std::size_t b) { step_body(bodies_[b], motion, within); });
+}
+
+void ElasticBodies::step_body(Body& body, const Motion& motion, Workers& workers) noexcept {
+    begin_step(body, motion);
     // Stresses of the elements at x0, and the rotations that belong to it.
     const ElasticParticles particles{at_.data(), velocity_.data(), turn_.data()};
-    kernels_.solids(batches_of(solids_), particles);
-    kernels_.triangles(batches_of(triangles_), particles);
-    for (const std::uint32_t i : turning_) {
-        orientation[i] = turn_[i];
+    workers.for_ranges(body.solids, kBatchesAtOnce, [&](std::size_t begin, std::size_t end) {
+        kernels_.solids(batches_of(solids_, begin, end), particles);
+    });
+    workers.for_ranges(body.triangles, kBatchesAtOnce, [&](std::size_t begin, std::size_t end) {
+        kernels_.triangles(batches_of(triangles_, begin, end), particles);
+    });
+    for (std::uint32_t t = body.turning.begin; t < body.turning.end; ++t) {
+        motion.orientation[turning_[t]] = turn_[turning_[t]];
     }
-    for (Body& body : bodies_) {
-        // f - grad E(x0), then x0 + A^-1 of it.
-        kernels_.sum({.count = body.free.size(),
-                      .particle = body.free.data(),
-                      .first_share = first_share_.data(),
-                      .element = share_element_.data(),
-                      .gradient = share_gradient_.data(),
-                      .stress = stress_.data(),
-                      .first_pair = first_pair_.data(),
-                      .other = other_.data(),
-                      .stiffness = pair_stiffness_.data(),
-                      .damping = pair_damping_.data(),
-                      .own_damping = own_damping_,
-                      .damped = damped_,
-                      .position = at_.data(),
-                      .velocity = velocity_.data(),
-                      .given = given_.data(),
-                      .sum = sides_.data()});
-        body.factor->solve(kernels_, slot_, {sides_.data(), body.free.size()});
-        for (std::size_t r = 0; r < body.free.size(); ++r) {
-            const std::uint32_t i = body.free[r];
-            for (std::size_t k = 0; k < 3; ++k) {
-                position[i].number[k] = at_[i].number[k] + sides_[r].number[k];
-            }
-        }
+    // What they pull at each particle, then x0 + A^-1 of it.
+    workers.for_ranges(body.free, kSumsAtOnce, [&](std::size_t begin, std::size_t end) { sum_forces(begin, end); });
+    body.factor->solve(kernels_, slot_, {sides_.data() + body.free.begin, size_of(body.free)});
+    for (std::uint32_t f = body.free.begin; f < body.free.end; ++f) {
+        set_vector(motion.position[free_[f]], vector_of(at_[free_[f]]) + vector_of(sides_[f]));
     }
 }
 
 void ElasticBodies::respond(const ParticleRange& body, std::span<Row> columns) noexcept {
     Body& of = bodies_[body_of_particle_[body.begin]];
-    for (std::size_t r = 0; r < of.free.size(); ++r) {
-        sides_[r] = columns[of.free[r] - body.begin];
+    for (std::uint32_t f = of.free.begin; f < of.free.end; ++f) {
+        sides_[f] = columns[free_[f] - body.begin];
     }
-    of.factor->solve(kernels_, slot_, {sides_.data(), of.free.size()});
+    of.factor->solve(kernels_, slot_, {sides_.data() + of.free.begin, size_of(of.free)});
     std::fill(columns.begin(), columns.end(), Row{});
-    for (std::size_t r = 0; r < of.free.size(); ++r) {
-        columns[of.free[r] - body.begin] = sides_[r];
+    for (std::uint32_t f = of.free.begin; f < of.free.end; ++f) {
+        columns[free_[f] - body.begin] = sides_[f];
     }
 }
 

@@ -32,6 +32,7 @@
 #include <vector>
 
 #include "dynamics/stiffness_factor.hpp"
+#include "dynamics/workers.hpp"
 #include "haptic/sim/particles.hpp"
 #include "simd/elastic.hpp"
 
@@ -40,9 +41,9 @@ namespace haptic::sim {
 class ElasticBodies {
   public:
     /// Takes the elements and pairs of the model, and which particles are pinned. `lanes` is the number of elements
-    /// side by side; it changes no bit. Precondition: model.check(). Throws std::invalid_argument for lanes that the
-    /// machine does not have.
-    ElasticBodies(const ParticleModel& model, std::size_t lanes);
+    /// side by side; it changes no bit. `workers` share the work and outlive this object; null: the caller's thread
+    /// does it. Precondition: model.check(). Throws std::invalid_argument for lanes that the machine does not have.
+    ElasticBodies(const ParticleModel& model, std::size_t lanes, Workers* workers = nullptr);
 
     [[nodiscard]] bool empty() const noexcept { return bodies_.empty(); }
     /// Whether all particles of the model belong to solid elastic bodies.
@@ -60,10 +61,11 @@ class ElasticBodies {
     void step(const ParticleModel& start, double drag_factor, Row* position, Row* orientation) noexcept;
 
     /// Replaces four forces on each particle of an elastic body, 1, by the displacements that they cause in the
-    /// sub-step, m/N. `columns`: one row per particle of the body.
+    /// sub-step, m/N. `columns`: one row per particle of the body. Different bodies may be asked at the same time.
     void respond(const ParticleRange& body, std::span<Row> columns) noexcept;
 
     [[nodiscard]] const ElasticKernels& kernels() const noexcept { return kernels_; }
+    [[nodiscard]] Workers& workers() const noexcept { return workers_; }
     /// The particles that take an element's rotation.
     [[nodiscard]] std::span<const std::uint32_t> turning() const noexcept { return turning_; }
 
@@ -82,21 +84,39 @@ class ElasticBodies {
     };
     struct Body {
         ParticleRange particles;
-        std::vector<std::uint32_t> free{};          // particles that are not pinned
+        ParticleRange free{};    // range of free_
+        ParticleRange solids{};  // range of its batches
+        ParticleRange triangles{};
+        ParticleRange turning{};                    // range of turning_
         std::unique_ptr<StiffnessFactor> factor{};  // of A over the free particles
     };
 
     void find_bodies(const ParticleModel& model);
-    void batch_elements(const ParticleModel& model, bool triangles, Elements& to);
+    void batch_elements(const ParticleModel& model);
+    [[nodiscard]] ParticleRange add_batches(const ParticleModel& model, std::span<const std::uint32_t> elements,
+                                            Elements& to);
     void list_pairs(const ParticleModel& model);
     void list_shares(const ParticleModel& model);
     void assemble(const ParticleModel& model);
-    [[nodiscard]] ElasticBatches batches_of(const Elements& elements) noexcept;
+    [[nodiscard]] ElasticBatches batches_of(const Elements& elements, std::size_t begin, std::size_t end) noexcept;
+    struct Motion {
+        const ParticleModel& start;
+        double drag_factor;
+        Row* position;
+        Row* orientation;
+    };
+    void step_body(Body& body, const Motion& motion, Workers& workers) noexcept;
+    void begin_step(const Body& body, const Motion& motion) noexcept;
+    void sum_forces(std::size_t begin, std::size_t end) noexcept;
 
     const ElasticKernels& kernels_;
+    const std::unique_ptr<Workers> own_workers_;  // if none are given
+    Workers& workers_;
+    Workers alone_{1};  // the caller's thread
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;  // kNone: not elastic
     bool have_all_ = true;
+    std::vector<std::uint32_t> free_;  // particles that are not pinned, body by body
     std::vector<std::uint32_t> turning_;
     double h_ = 0.0;            // s
     double own_damping_ = 0.0;  // s, of the step
@@ -125,7 +145,7 @@ class ElasticBodies {
     LaneArray<Row> velocity_;  // m/s, (x0 - x) / h
     LaneArray<Row> turn_;      // orientations
     LaneArray<Row> given_;     // N
-    LaneArray<Row> sides_;
+    LaneArray<Row> sides_;     // per element of free_
 };
 
 }  // namespace haptic::sim

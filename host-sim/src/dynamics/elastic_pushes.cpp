@@ -21,12 +21,6 @@ Mat3 cross_matrix(const Vec3& v) noexcept {
     return {Vec3(0.0, v.z, -v.y), Vec3(-v.z, 0.0, v.x), Vec3(v.y, -v.x, 0.0)};
 }
 
-void add_scaled(Row& to, double factor, const Row& row) noexcept {
-    for (std::size_t k = 0; k < 4; ++k) {
-        to.number[k] += factor * row.number[k];
-    }
-}
-
 }  // namespace
 
 ElasticPushes::ElasticPushes(const ParticleModel& model)
@@ -149,6 +143,12 @@ void ElasticPushes::place(Body& body) noexcept {
     body.turning = Mat3(product[0][0] + product[1][1] + product[2][2]) - product;
 }
 
+void ElasticPushes::prepare(std::uint32_t particle) noexcept {
+    if (answers(particle)) {
+        place(bodies_[body_of_particle_[particle]]);
+    }
+}
+
 ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     const std::uint32_t of = body_of_particle_[particle];
     if (of == kNone) {
@@ -192,27 +192,6 @@ ElasticPushes::Compliance ElasticPushes::compliance(const Place& place, const Ve
     const Mat3 answer = Mat3(t.own) + cross_matrix(t.q) * t.alpha - cross_matrix(t.r) * t.gamma;
     const double along = glm::dot(normal, answer * normal);
     return {along, 0.5 * (answer[0][0] + answer[1][1] + answer[2][2] - along)};
-}
-
-void ElasticPushes::push(const Place& place, const Vec3& force) noexcept {
-    Body& body = bodies_[place.body];
-    const Row row = row_of(force);
-    const double* const column = column_of_[place.index];
-    const std::size_t first = body.particles.begin;
-    for (std::size_t k = first; k < first + body.places; ++k) {
-        add_scaled(moved_[k], column[particle_[k]], row);
-    }
-    add_scaled(force_[place.index], 1.0, row);
-    body.sum_alpha += turning_[place.index].alpha * force;
-    body.sum_gamma += turning_[place.index].gamma * force;
-    body.pushed = true;
-}
-
-Vec3 ElasticPushes::displacement(const Place& place) const noexcept {
-    const Body& body = bodies_[place.body];
-    const Turning& turning = turning_[place.index];
-    return vector_of(moved_[place.index]) - glm::cross(body.sum_alpha, turning.q) +
-           glm::cross(body.sum_gamma, turning.r);
 }
 
 void ElasticPushes::move_body(std::uint32_t particle, Row* position) noexcept {

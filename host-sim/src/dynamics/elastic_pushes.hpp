@@ -17,10 +17,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <glm/geometric.hpp>
 #include <memory>
 #include <vector>
 
 #include "dynamics/elastic_bodies.hpp"
+#include "dynamics/rows.hpp"
 
 namespace haptic::sim {
 
@@ -47,6 +49,9 @@ class ElasticPushes {
     /// Whether the particle belongs to a solid elastic body and is not pinned.
     [[nodiscard]] bool answers(std::uint32_t particle) const noexcept { return body_of_particle_[particle] != kNone; }
 
+    /// Finds what the pushes of the particle's body need, which takes most of the time of the first take_part() for the
+    /// body in a sub-step. May be called for different bodies at the same time.
+    void prepare(std::uint32_t particle) noexcept;
     /// The particle's place in this sub-step. It has no body if it does not answer, or if its body's columns have no
     /// room left (16 million numbers): it then moves alone. The following need a place with a body. Those of different
     /// bodies may be called at the same time.
@@ -109,5 +114,28 @@ class ElasticPushes {
     ElasticBodies* elastic_ = nullptr;
     double h_ = 0.0;
 };
+
+// In the header: contacts are solved by these.
+
+inline void ElasticPushes::push(const Place& place, const Vec3& force) noexcept {
+    Body& body = bodies_[place.body];
+    const Row row = row_of(force);
+    const double* const column = column_of_[place.index];
+    const std::size_t first = body.particles.begin;
+    for (std::size_t k = first; k < first + body.places; ++k) {
+        add_scaled(moved_[k], column[particle_[k]], row);
+    }
+    add_scaled(force_[place.index], 1.0, row);
+    body.sum_alpha += turning_[place.index].alpha * force;
+    body.sum_gamma += turning_[place.index].gamma * force;
+    body.pushed = true;
+}
+
+inline Vec3 ElasticPushes::displacement(const Place& place) const noexcept {
+    const Body& body = bodies_[place.body];
+    const Turning& turning = turning_[place.index];
+    return vector_of(moved_[place.index]) - glm::cross(body.sum_alpha, turning.q) +
+           glm::cross(body.sum_gamma, turning.r);
+}
 
 }  // namespace haptic::sim

@@ -358,7 +358,9 @@ void balance_surface(const ParticleModel& model, const TriangleMesh& mesh, Elast
         lower.push_back({.row = i, .column = i, .stiffness = kBalanceRidge * diagonal});
     }
     StiffnessFactor factor(model.size(), lower, 1);
-    factor.factorise(0, 1.0);
+    if (!factor.factorise(0, 1.0)) {
+        throw std::invalid_argument("elasticity: the balance of the elements has no solution");
+    }
     factor.solve(kOneLaneKernels.elastic, 0, lack);
     for (std::size_t k = 0; k < elasticity.elements.size(); ++k) {
         ElasticElement& e = elasticity.elements[k];

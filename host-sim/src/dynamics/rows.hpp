@@ -1,6 +1,8 @@
 // Vectors in rows of four numbers, the last one 0.
 #pragma once
 
+#include <cstddef>
+
 #include "haptic/types.hpp"
 #include "simd/projection.hpp"
 
@@ -19,6 +21,12 @@ inline void set_vector(Row& row, const Vec3& v) noexcept {
     row.number[0] = v.x;
     row.number[1] = v.y;
     row.number[2] = v.z;
+}
+
+inline void add_scaled(Row& to, double factor, const Row& row) noexcept {
+    for (std::size_t k = 0; k < 4; ++k) {
+        to.number[k] += factor * row.number[k];
+    }
 }
 
 inline void add_vector(Row& row, const Vec3& v) noexcept {

@@ -11,6 +11,7 @@
 #include "dynamics/model_bodies.hpp"
 #include "dynamics/rotation.hpp"
 #include "dynamics/rows.hpp"
+#include "dynamics/workers.hpp"
 #include "simd/kernels.hpp"
 
 namespace haptic::sim {
@@ -28,6 +29,9 @@ void check(const SolverSettings& s) {
     }
     if (s.substeps < 0 || s.iterations < 0 || s.rotation_iterations < 1) {
         refuse("rotation_iterations must be at least 1, substeps and iterations at least 0");
+    }
+    if (s.threads < 0 || s.threads > Workers::kMaxThreads) {
+        refuse("threads must be in 0.." + std::to_string(Workers::kMaxThreads));
     }
     if (!(s.drag >= 0.0) || !(s.drag * s.step < 1.0)) {
         refuse("drag must be at least 0 and less than 1 / step");
@@ -51,13 +55,13 @@ const ProjectionKernels& choose_projection(std::size_t lanes) {
 
 /// The constraints in batches, and the particles in the form in which they are projected.
 struct ParticleSolver::ProjectionState {
-    ProjectionState(const ParticleModel& model, std::size_t lanes)
+    ProjectionState(const ParticleModel& model, std::size_t lanes, Workers& workers)
         : projection(choose_projection(lanes)),
           batches(model, projection.lanes),
           links(batches.links()),
           springs(batches.springs()),
           groups(batches.groups()),
-          elastic(model, (projection.lanes + 1) / 2),
+          elastic(model, (projection.lanes + 1) / 2, &workers),
           position(batches.padded_particles()),
           start(model.size()),
           f32(batches.padded_particles()),
@@ -172,7 +176,8 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
     for (const ParticleRange& body : bodies_of(model)) {
         bodies_.push_back({body, has_no_pinned(model, body)});
     }
-    state_ = std::make_unique<ProjectionState>(model, lanes);
+    workers_ = std::make_unique<Workers>(settings.threads > 0 ? settings.threads : usable_processors());
+    state_ = std::make_unique<ProjectionState>(model, lanes, *workers_);
     state_->elastic.prepare(settings.step / substeps());
     predicted_.resize(model.size());
 }
@@ -274,7 +279,7 @@ void ParticleSolver::add_contact_velocities(double h) {
 void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, double h) {
     // Drag: the factor 1 - h drag of both velocities.
     const double drag_factor = 1.0 - h * settings_.drag;
-    for (std::size_t i = 0; i < model.size(); ++i) {
+    const auto predict_particle = [&](std::size_t i) {
         const Quat& q = model.orientation[i];
         state_->before[i] = state_->orientation[i] = {{q.w, q.x, q.y, q.z}};
         // Pinned particles follow their own velocities. Those at rest keep their positions bit for bit.
@@ -283,7 +288,7 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
             const bool still = predicted_[i] == Vec3(0.0);
             set_vector(state_->position[i], still ? model.position[i] : model.position[i] + h * predicted_[i]);
             set_vector(state_->rotation[i], h * model.angular_velocity[i]);
-            continue;
+            return;
         }
         // Free particles: drag, gravity and external force.
         Vec3 v = drag_factor * model.velocity[i] + h * settings_.gravity;
@@ -294,7 +299,12 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
         // u = x + h v, and the rotation vector h w.
         set_vector(state_->position[i], model.position[i] + h * v);
         set_vector(state_->rotation[i], h * drag_factor * model.angular_velocity[i]);
-    }
+    };
+    workers_->for_each(bodies_.size(), [&](std::size_t b) {
+        for (std::size_t i = bodies_[b].particles.begin; i < bodies_[b].particles.end; ++i) {
+            predict_particle(i);
+        }
+    });
     // q <- rotation(h w) q, for all particles in vectors.
     state_->rotate_particles(model);
 }
@@ -302,7 +312,12 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
 void ParticleSolver::update(ParticleModel& model, double h) {
     // w <- rotation / h, from the orientations before and after the projections.
     state_->find_angular_velocities(h);
-    for (std::size_t i = 0; i < model.size(); ++i) {
+    workers_->for_each(bodies_.size(), [&](std::size_t b) { update_body(model, bodies_[b], h); });
+}
+
+void ParticleSolver::update_body(ParticleModel& model, const Body& body, double h) {
+    const ParticleRange& range = body.particles;
+    for (std::size_t i = range.begin; i < range.end; ++i) {
         // Orientations; pinned particles without rotation keep all bits.
         if (model.pinned[i] == 0 || model.angular_velocity[i] != Vec3(0.0)) {
             model.orientation[i] = state_->orientation_of(i);
@@ -314,20 +329,16 @@ void ParticleSolver::update(ParticleModel& model, double h) {
         }
     }
     // Needs the positions at the start of the sub-step, so before x <- u.
-    for (const Body& body : bodies_) {
-        if (body.is_free) {
-            restore_momenta(model, body.particles, h);
-        }
+    if (body.is_free) {
+        restore_momenta(model, range, h);
     }
     // x <- u.
-    for (std::size_t i = 0; i < model.size(); ++i) {
+    for (std::size_t i = range.begin; i < range.end; ++i) {
         model.position[i] = vector_of(state_->position[i]);
     }
     // Last: damping keeps the restored momenta, about the final positions.
     if (settings_.shape_damping > 0.0) {
-        for (const Body& body : bodies_) {
-            damp_shape(model, body.particles, h);
-        }
+        damp_shape(model, range, h);
     }
 }
 

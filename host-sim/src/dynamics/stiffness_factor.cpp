@@ -6,7 +6,6 @@
 #include <compare>
 #include <limits>
 #include <numeric>
-#include <stdexcept>
 #include <utility>
 
 namespace haptic::sim {
@@ -151,7 +150,7 @@ void StiffnessFactor::list_columns_by_row() {
     for_each_element([&](std::uint32_t row, std::uint32_t column) { column_[next[row]++] = column; });
 }
 
-void StiffnessFactor::factorise(std::size_t slot, double h, double own_damping) {
+bool StiffnessFactor::factorise(std::size_t slot, double h, double own_damping) noexcept {
     std::vector<double>& below = slots_[slot].below;
     std::vector<double>& inverse_diagonal = slots_[slot].inverse_diagonal;
     const double by_mass = 1.0 / (h * h);
@@ -186,10 +185,11 @@ void StiffnessFactor::factorise(std::size_t slot, double h, double own_damping) 
             ++end_[column];
         }
         if (!(diagonal > 0.0)) {
-            throw std::invalid_argument("elasticity: the stiffness matrix is not positive definite");
+            return false;
         }
         inverse_diagonal[k] = 1.0 / diagonal;
     }
+    return true;
 }
 
 void StiffnessFactor::solve(const ElasticKernels& kernels, std::size_t slot, std::span<Row> sides) noexcept {

@@ -33,8 +33,8 @@ class StiffnessFactor {
     StiffnessFactor(std::size_t size, std::span<const MatrixElement> lower, std::size_t slots);
 
     /// Factorises for a sub-step of length h, s, into this slot; `own_damping`, s, times the stiffness is taken off the
-    /// viscosity. No allocation. Throws std::invalid_argument if the matrix is not positive definite.
-    void factorise(std::size_t slot, double h, double own_damping = 0.0);
+    /// viscosity. No allocation. False if the matrix is not positive definite: no solve() then.
+    [[nodiscard]] bool factorise(std::size_t slot, double h, double own_damping = 0.0) noexcept;
 
     /// Replaces each row of the right-hand side by that of the solution, with the factors in this slot. No allocation.
     void solve(const ElasticKernels& kernels, std::size_t slot, std::span<Row> sides) noexcept;

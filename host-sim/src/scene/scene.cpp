@@ -152,6 +152,7 @@ Config open_scene(const std::string& which) {
 Scene read_scene(const Config& config, const std::string& name) {
     Scene scene;
     scene.name = name;
+    scene.solver.threads = 0;
     top_level_table().read(config, scene);
     scene.model = read_model(config, "model");
     for (std::size_t k = 0; k < config.tables("objects"); ++k) {

@@ -55,6 +55,11 @@ const SettingTable<SolverSettings>& solver_table() {
             {{.key = "keep_angular_momentum",
               .meaning = "Whether to restore the angular momentum that the implicit scheme loses."},
              V::flag(&S::keep_angular_momentum)},
+            {{.key = "threads",
+              .default_note = "0",
+              .meaning = "Threads that share the work of a step; the result has the same bits with any number. 0: one "
+                         "for each processor that host-sim may use, except rt-core's where both run together."},
+             V::integer(&S::threads, {0, 256})},
         }};
     return table;
 }

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "contact/verification.hpp"
+#include "dynamics/workers.hpp"
 #include "haptic/denormals.hpp"
 #include "haptic/sim/collisions.hpp"
 #include "haptic/sim/skin.hpp"
@@ -234,11 +235,11 @@ double Simulation::State::next_curl(const StepInput& input) const {
 void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch) {
     // Refit the trees to the surfaces' motion in the last step; sleeping bodies need none.
     describe_motion();
-    for (std::size_t b = 0; b < surfaces.size(); ++b) {
+    solver.workers().for_each(surfaces.size(), [&](std::size_t b) {
         if (unmoved_skins[b] < kSleepingAfter) {
             assembly.trees[b].refit(surfaces[b].motion);
         }
-    }
+    });
     // Algorithm 4.
     tool.set_goals(hip, curl);
     // Line 5: CCD of each particle with the surfaces' motion in the last step.
@@ -312,7 +313,7 @@ void Simulation::State::skin() {
     // The end of the last step is the start of this one.
     start.swap(end);
     // Bodies that did not move still need equal vertices at both ends of the step, once.
-    for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
+    solver.workers().for_each(assembly.bodies.size(), [&](std::size_t b) {
         const Skinner::Part part = assembly.part(b);
         if (skinner.has_moved(assembly.model, part)) {
             skinner.skin_vertices(assembly.model, part, end);
@@ -322,7 +323,7 @@ void Simulation::State::skin() {
             std::copy_n(start.begin() + first, part.vertices, end.begin() + first);
             ++unmoved_skins[b];
         }
-    }
+    });
 }
 
 void Simulation::State::verify(StepResult& result) const {

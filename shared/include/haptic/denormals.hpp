@@ -19,4 +19,7 @@ class FlushDenormals {
     std::uint64_t saved_;
 };
 
+/// Whether this thread flushes denormal numbers.
+[[nodiscard]] bool denormals_are_flushed() noexcept;
+
 }  // namespace haptic

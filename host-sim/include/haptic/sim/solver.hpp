@@ -69,10 +69,12 @@ struct SolverSettings {
     double drag = 0.0;                  // 1/s, decay rate of velocities; 0 keeps momentum
     double shape_damping = 0.0;         // 1/s, decay rate of motion other than rigid motion
     bool keep_angular_momentum = true;  // see above; no effect on a body with pinned particles
+    int threads = 1;  // that share the work, 1 .. 256; 0: one per processor that the process may use. Changes no bit
 };
 
 struct MovingParticles;  // src/simd/projection.hpp
 class ElasticBodies;     // src/dynamics/elastic_bodies.hpp
+class Workers;           // src/dynamics/workers.hpp
 
 /// Contacts of particles, as the solver calls them within a sub-step of length h, s. `start` is the state at its
 /// beginning.
@@ -124,6 +126,8 @@ class ParticleSolver {
     [[nodiscard]] int substeps() const noexcept;
 
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
+    /// The threads of the solver, for other work while no step runs.
+    [[nodiscard]] Workers& workers() noexcept { return *workers_; }
     [[nodiscard]] std::size_t lanes() const noexcept;
     [[nodiscard]] std::size_t group_colours() const noexcept;
     [[nodiscard]] std::size_t link_colours() const noexcept;
@@ -139,12 +143,14 @@ class ParticleSolver {
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
     void add_contact_velocities(double h);
     void update(ParticleModel& model, double h);
+    void update_body(ParticleModel& model, const Body& body, double h);
     void damp_shape(ParticleModel& model, const ParticleRange& body, double h) const;
     void restore_momenta(ParticleModel& model, const ParticleRange& body, double h);
 
     SolverSettings settings_;
     double faithful_step_;  // s, see faithful_step()
     std::vector<Body> bodies_;
+    std::unique_ptr<Workers> workers_;
     std::unique_ptr<ProjectionState> state_;
 
     // Scratch, per particle.

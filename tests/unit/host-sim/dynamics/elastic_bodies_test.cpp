@@ -385,7 +385,7 @@ TEST(StiffnessFactor, SolvesAsADenseFactorisation) {
         }
     }
     StiffnessFactor factor(kSize, lower, 2);
-    factor.factorise(1, 0.5);
+    ASSERT_TRUE(factor.factorise(1, 0.5));
     EXPECT_EQ(factor.size(), static_cast<std::size_t>(kSize));
     Eigen::MatrixXd sides(kSize, 4);
     for (Eigen::Index row = 0; row < kSize; ++row) {
@@ -412,15 +412,15 @@ TEST(StiffnessFactor, SolvesAsADenseFactorisation) {
 
 TEST(StiffnessFactor, RefusesAnIndefiniteMatrix) {
     const auto factorise = [](std::size_t size, const std::vector<MatrixElement>& lower) {
-        StiffnessFactor(size, lower, 1).factorise(0, 0.01);
+        return StiffnessFactor(size, lower, 1).factorise(0, 0.01);
     };
     const auto element = [](std::uint32_t row, std::uint32_t column, double stiffness) {
         return MatrixElement{.row = row, .column = column, .stiffness = stiffness};
     };
-    EXPECT_THROW(factorise(2, {element(0, 0, 1.0), element(1, 0, 2.0), element(1, 1, 1.0)}), std::invalid_argument);
-    EXPECT_THROW(factorise(2, {element(0, 0, 1.0), element(1, 0, 1.0), element(1, 1, 1.0)}), std::invalid_argument);
-    EXPECT_THROW(factorise(1, {element(0, 0, -1.0)}), std::invalid_argument);
-    EXPECT_NO_THROW(factorise(0, {}));
+    EXPECT_FALSE(factorise(2, {element(0, 0, 1.0), element(1, 0, 2.0), element(1, 1, 1.0)}));
+    EXPECT_FALSE(factorise(2, {element(0, 0, 1.0), element(1, 0, 1.0), element(1, 1, 1.0)}));
+    EXPECT_FALSE(factorise(1, {element(0, 0, -1.0)}));
+    EXPECT_TRUE(factorise(0, {}));
 }
 
 }  // namespace

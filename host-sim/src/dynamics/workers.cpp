@@ -1,0 +1,166 @@
+#include "dynamics/workers.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <stdexcept>
+#include <string>
+
+#include "haptic/denormals.hpp"
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
+namespace haptic::sim {
+namespace {
+
+/// Fields of the ticket, from the lowest bit on: items taken by the caller, by others, and all of them.
+constexpr unsigned kBits = 21;
+constexpr std::uint64_t kMask = (std::uint64_t{1} << kBits) - 1;
+constexpr std::uint64_t kByCaller = 1;
+constexpr std::uint64_t kByOthers = std::uint64_t{1} << kBits;
+
+struct Taken {
+    std::uint64_t by_caller;
+    std::uint64_t by_others;
+    std::uint64_t count;
+};
+
+Taken fields_of(std::uint64_t ticket) noexcept {
+    return {ticket & kMask, (ticket >> kBits) & kMask, ticket >> (2 * kBits)};
+}
+
+// How long a thread waits for the next loop before others may have its processor, and before it sleeps.
+constexpr int kSpins = 200;
+constexpr auto kAwake = std::chrono::microseconds(200);
+
+bool has_items(std::uint64_t ticket) noexcept {
+    const Taken taken = fields_of(ticket);
+    return taken.by_caller + taken.by_others < taken.count;
+}
+
+/// Tells the processor that this is a waiting loop.
+void pause() noexcept {
+#if defined(__x86_64__)
+    _mm_pause();
+#elif defined(__aarch64__)
+    asm volatile("yield");
+#endif
+}
+
+}  // namespace
+
+int usable_processors() noexcept {
+    cpu_set_t allowed;
+    if (sched_getaffinity(0, sizeof allowed, &allowed) != 0) {
+        return 1;
+    }
+    return std::clamp(CPU_COUNT(&allowed), 1, Workers::kMaxThreads);
+}
+
+Workers::Workers(int threads) {
+    if (threads < 1 || threads > kMaxThreads) {
+        throw std::invalid_argument("threads must be in 1.." + std::to_string(kMaxThreads));
+    }
+    if (sched_getaffinity(0, sizeof allowed_, &allowed_) != 0) {
+        CPU_ZERO(&allowed_);
+    }
+    caller_processor_ = sched_getcpu();
+    for (int k = 1; k < threads; ++k) {
+        helper_.emplace_back([this] { work(); });
+    }
+}
+
+Workers::~Workers() {
+    end_.store(true);
+    loop_.fetch_add(1);
+    loop_.notify_all();
+    for (std::thread& helper : helper_) {
+        helper.join();
+    }
+}
+
+void Workers::run(std::size_t count, Call call, const void* item) noexcept {
+    call_ = call;
+    item_ = item;
+    flush_ = denormals_are_flushed();
+    caller_processor_.store(sched_getcpu(), std::memory_order_relaxed);
+    done_.store(0, std::memory_order_relaxed);
+    ticket_.store(static_cast<std::uint64_t>(count) << (2 * kBits), std::memory_order_release);
+    loop_.fetch_add(1);
+    if (sleeping_.load() > 0) {
+        loop_.notify_all();
+    }
+    while (take_item(false)) {
+    }
+    // Items that have begun elsewhere.
+    for (int spins = 0; done_.load(std::memory_order_acquire) < count; ++spins) {
+        if (spins < kSpins) {
+            pause();
+        } else {
+            std::this_thread::yield();
+        }
+    }
+}
+
+/// Whether there was one to take. Helpers flush denormal numbers as the caller does.
+bool Workers::take_item(bool helps) noexcept {
+    if (!has_items(ticket_.load(std::memory_order_relaxed))) {
+        return false;
+    }
+    const std::uint64_t ticket = ticket_.fetch_add(helps ? kByOthers : kByCaller, std::memory_order_acquire);
+    if (!has_items(ticket)) {
+        return false;
+    }
+    const Taken taken = fields_of(ticket);
+    const std::uint64_t item = helps ? taken.count - 1 - taken.by_others : taken.by_caller;
+    if (helps && flush_) {
+        const FlushDenormals flush;
+        call_(item_, item);
+    } else {
+        call_(item_, item);
+    }
+    done_.fetch_add(1, std::memory_order_release);
+    return true;
+}
+
+/// Moves to another processor if this is the caller's.
+void Workers::avoid_caller() noexcept {
+    const int processor = caller_processor_.load(std::memory_order_relaxed);
+    if (processor < 0 || processor >= CPU_SETSIZE || processor != sched_getcpu()) {
+        return;
+    }
+    cpu_set_t others = allowed_;
+    CPU_CLR(static_cast<std::size_t>(processor), &others);
+    if (CPU_COUNT(&others) > 0) {
+        (void)sched_setaffinity(0, sizeof others, &others);
+    }
+}
+
+void Workers::work() noexcept {
+    using Clock = std::chrono::steady_clock;
+    for (;;) {
+        const std::uint32_t loop = loop_.load();
+        if (end_.load()) {
+            return;
+        }
+        avoid_caller();
+        while (take_item(true)) {
+        }
+        // Spin, then yield, then sleep.
+        const Clock::time_point since = Clock::now();
+        for (int spins = 0; loop_.load(std::memory_order_relaxed) == loop; ++spins) {
+            if (spins < kSpins) {
+                pause();
+            } else if (Clock::now() - since < kAwake) {
+                std::this_thread::yield();
+            } else {
+                sleeping_.fetch_add(1);
+                loop_.wait(loop);
+                sleeping_.fetch_sub(1);
+            }
+        }
+    }
+}
+
+}  // namespace haptic::sim

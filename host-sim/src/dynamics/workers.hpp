@@ -1,0 +1,86 @@
+// Threads that share the loops of a step.
+//
+// The items of a loop are independent: each writes data of its own. So results have the same bits, whichever thread
+// takes which item. The caller takes items one by one from the first on, the others from the last on, so that each
+// finds most of its data where it left them; at the end the caller waits only for items that have begun elsewhere.
+// Between loops the threads spin for a moment, because the next loop of the step follows soon, then
+// yield, then sleep until the next step. A thread that finds itself on the caller's processor moves to another one:
+// where processors share no cache the kernel wakes it there, and leaves it.
+#pragma once
+
+#include <sched.h>
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <thread>
+#include <vector>
+
+namespace haptic::sim {
+
+/// The processors that this thread may run on, at least 1. Those isolated for real time do not count.
+[[nodiscard]] int usable_processors() noexcept;
+
+class Workers {
+  public:
+    static constexpr int kMaxThreads = 256;
+    static constexpr std::size_t kMaxItems = 1'000'000;
+
+    /// The caller's thread and `threads` - 1 more. Throws std::invalid_argument unless 1 <= threads <= kMaxThreads, and
+    /// std::system_error where the system starts none.
+    explicit Workers(int threads);
+    Workers(const Workers&) = delete;
+    Workers& operator=(const Workers&) = delete;
+    ~Workers();
+
+    [[nodiscard]] int threads() const noexcept { return static_cast<int>(helper_.size()) + 1; }
+
+    /// Calls item(k) once for each k < count <= kMaxItems, on any thread, and returns when all have returned. One
+    /// caller at a time; an item must not call this, and must not throw. Denormal numbers are flushed as they are in
+    /// the caller.
+    template <class Item>
+    void for_each(std::size_t count, const Item& item) noexcept {
+        const auto call = [](const void* of, std::size_t k) { (*static_cast<const Item*>(of))(k); };
+        if (helper_.empty() || count < 2) {
+            for (std::size_t k = 0; k < count; ++k) {
+                item(k);
+            }
+            return;
+        }
+        run(count, call, &item);
+    }
+
+    /// The same for the indices of `all`, {begin, end}, in ranges of up to `length`: range(begin, end).
+    template <class All, class Range>
+    void for_ranges(const All& all, std::size_t length, const Range& range) noexcept {
+        for_each((all.end - all.begin + length - 1) / length, [&](std::size_t k) {
+            const std::size_t begin = all.begin + k * length;
+            range(begin, begin + length < all.end ? begin + length : all.end);
+        });
+    }
+
+  private:
+    using Call = void (*)(const void*, std::size_t);
+
+    void run(std::size_t count, Call call, const void* item) noexcept;
+    void work() noexcept;
+    void avoid_caller() noexcept;
+    bool take_item(bool helps) noexcept;
+
+    // Number of items and of those taken at either end, in one word, so that nobody takes an item of a loop that has
+    // ended.
+    alignas(64) std::atomic<std::uint64_t> ticket_{0};
+    alignas(64) std::atomic<std::uint64_t> done_{0};
+    alignas(64) std::atomic<std::uint32_t> loop_{0};  // counts loops; helpers sleep on it
+    std::atomic<int> sleeping_{0};
+    std::atomic<bool> end_{false};
+    // Of the loop.
+    Call call_ = nullptr;
+    const void* item_ = nullptr;
+    bool flush_ = false;
+    std::atomic<int> caller_processor_{-1};
+    cpu_set_t allowed_{};  // when constructed
+    std::vector<std::thread> helper_;
+};
+
+}  // namespace haptic::sim
