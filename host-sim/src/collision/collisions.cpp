@@ -5,7 +5,6 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
-#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -13,7 +12,7 @@
 
 #include "collision/body_contacts.hpp"
 #include "collision/colliders.hpp"
-#include "collision/swept_pairs.hpp"
+#include "collision/near_pairs.hpp"
 #include "dynamics/model_bodies.hpp"
 #include "dynamics/rows.hpp"
 #include "dynamics/stage_clock.hpp"
@@ -41,7 +40,7 @@ constexpr int kMaxBodyPasses = 64;
 constexpr double kMaxApproach = 3.0;
 constexpr Vec3 kUp(0.0, 1.0, 0.0);
 // m: beyond any scene; arithmetic with it stays finite.
-constexpr double kMaxCoordinate = 1e12;
+constexpr double kMaxCoordinate = NearPairs::kMaxCoordinate;
 
 void check(const CollisionSettings& s) {
     const auto refuse = [](const std::string& why) { throw std::invalid_argument("collisions: " + why); };
@@ -91,42 +90,6 @@ bool overlap(const Bounds& a, const Bounds& b) noexcept {
         both = both && a.low[k] <= b.high[k] && b.low[k] <= a.high[k];
     }
     return both;
-}
-
-/// Calls with each two boxes that overlap. `order` keeps the boxes sorted from one call to the next.
-template <class Call>
-void for_each_overlap(const std::vector<Bounds>& box, std::vector<std::uint32_t>& order, const Call& call) {
-    // Sweep along the axis on which the boxes are spread most.
-    int axis = 0;
-    double longest = 0.0;
-    for (int k = 0; k < 3; ++k) {
-        const auto [low, high] =
-            std::ranges::minmax(box, {}, [k](const Bounds& b) { return b.low[k]; });  // NOLINT: copies are small
-        if (high.low[k] - low.low[k] > longest) {
-            longest = high.low[k] - low.low[k];
-            axis = k;
-        }
-    }
-    // Insertion: little to do while the boxes keep their order.
-    for (std::size_t k = 1; k < order.size(); ++k) {
-        for (std::size_t l = k; l > 0 && box[order[l]].low[axis] < box[order[l - 1]].low[axis]; --l) {
-            std::swap(order[l], order[l - 1]);
-        }
-    }
-    for (std::size_t k = 0; k < order.size(); ++k) {
-        const Bounds& first = box[order[k]];
-        for (std::size_t l = k + 1; l < order.size() && box[order[l]].low[axis] <= first.high[axis]; ++l) {
-            if (overlap(first, box[order[l]])) {
-                call(order[k], order[l]);
-            }
-        }
-    }
-}
-
-bool is_in_range(const Aabb& box) noexcept {
-    const auto in_range = [](double x) { return x > -kMaxCoordinate && x < kMaxCoordinate; };
-    return in_range(box.min.x) && in_range(box.min.y) && in_range(box.min.z) && in_range(box.max.x) &&
-           in_range(box.max.y) && in_range(box.max.z);
 }
 
 /// Contacts of the ground with particles that move alone, in preallocated arrays.
@@ -219,8 +182,7 @@ struct ParticleCollisions::State {
     void sweep_particles(const ParticleModel& start, const MovingParticles& predicted);
     void mark_near() noexcept;
     void find_shapes(const MovingParticles& predicted) noexcept;
-    void find_boxes();
-    void find_planes();
+    void find_planes(Workers& workers);
     void make_planes(std::size_t count);
     void find_ground_contacts();
     void project_plane(Plane& contact, PlaneDetail& info, Row* position) noexcept;
@@ -244,14 +206,13 @@ struct ParticleCollisions::State {
     StageClock clock;
 
     // Per sub-step.
-    double push_out = 0.0;                  // m
-    std::vector<std::int64_t> near;         // per particle, padded by a whole vector
-    std::vector<Bounds> body_bounds;        // per body, over its particles' paths
-    std::vector<std::uint32_t> body_order;  // along an axis
-    std::vector<BodyMotion> motion;         // per body, over the step
-    std::vector<SweptBox> box;              // of particles that may meet other bodies
-    SweptPairs finder;
-    std::vector<BoxPair> pair;  // preallocated
+    double push_out = 0.0;            // m
+    std::vector<std::int64_t> near;   // per particle, padded by a whole vector
+    std::vector<Bounds> body_bounds;  // per body, over its particles' paths
+    std::vector<BodyMotion> motion;   // per body, over the step
+    const bool between_bodies;        // there are several, and they collide
+    NearPairs near_pairs;
+    std::span<const NearPairs::Pair> near_bodies;
     PlaneChunk chunk;
     std::vector<Plane> plane;
     std::vector<PlaneDetail> detail;  // per plane
@@ -268,15 +229,14 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
       rows(colliders.rows()),
       clock(time),
       near(rows.length),
-      finder(model.size(), kernels),
+      between_bodies(bodies.size() > 1 && given.between_bodies),
+      near_pairs(bodies, between_bodies ? kPairsPerParticle * model.size() : 0, kernels),
       ground(settings.ground ? model.size() : 0) {
     check(given);
     model.check();
     // Constant data of particles and bodies.
     body_bounds.resize(bodies.size());
     motion.resize(bodies.size());
-    body_order.resize(bodies.size());
-    std::iota(body_order.begin(), body_order.end(), 0U);
     for (std::uint32_t b = 0; b < bodies.size(); ++b) {
         double sum = 0.0;
         int colliding = 0;
@@ -296,10 +256,7 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
         }
     }
     // Capacities.
-    const bool alone = bodies.size() < 2 || !settings.between_bodies;
-    box.reserve(alone ? 0 : model.size());
-    pair.resize(kPairsPerParticle * box.capacity());
-    plane.reserve(kPlanesPerParticle * box.capacity());
+    plane.reserve(between_bodies ? kPlanesPerParticle * model.size() : 0);
     detail.reserve(plane.capacity());
     contacts = std::make_unique<BodyContacts>(model, colliders, plane.capacity() + (settings.ground ? model.size() : 0),
                                               coefficients(), min_size);
@@ -345,12 +302,12 @@ double ParticleCollisions::State::max_approach(double step) {
         }
     }
     // Pairs of bodies: bound of the relative speed, |v_a - v_b| + spreads, over the thinner body's particle size.
-    if (settings.between_bodies) {
-        for_each_overlap(body_bounds, body_order, [&](std::uint32_t a, std::uint32_t b) {
+    if (between_bodies) {
+        for (const auto [a, b] : near_pairs.find_bodies(body_bounds)) {
             const double speed =
                 glm::length(motion[a].velocity - motion[b].velocity) + motion[a].spread + motion[b].spread;
             max_ratio = std::max(max_ratio, step * speed / std::min(motion[a].size, motion[b].size));
-        });
+        }
     }
     return max_ratio;
 }
@@ -392,11 +349,13 @@ void ParticleCollisions::State::sweep_particles(const ParticleModel& start, cons
 void ParticleCollisions::State::mark_near() noexcept {
     std::fill(near.begin(), near.end(), 0);
     // Particles inside another body's box may meet that body.
-    if (box.capacity() > 0) {
-        for_each_overlap(body_bounds, body_order, [&](std::uint32_t a, std::uint32_t b) {
-            kernels.mark(rows, bodies[a].begin, bodies[a].end, body_bounds[b], kNearBody, near.data());
-            kernels.mark(rows, bodies[b].begin, bodies[b].end, body_bounds[a], kNearBody, near.data());
-        });
+    near_bodies = {};
+    if (between_bodies) {
+        near_bodies = near_pairs.find_bodies(body_bounds);
+    }
+    for (const auto [a, b] : near_bodies) {
+        kernels.mark(rows, bodies[a].begin, bodies[a].end, body_bounds[b], kNearBody, near.data());
+        kernels.mark(rows, bodies[b].begin, bodies[b].end, body_bounds[a], kNearBody, near.data());
     }
     // Particles low enough may meet the ground. Others may push a particle down by as much as it extends.
     const Bounds low_enough{{-kUnbounded, -kUnbounded, -kUnbounded},
@@ -419,24 +378,6 @@ void ParticleCollisions::State::find_shapes(const MovingParticles& predicted) no
         }
     }
     kernels.find_ellipsoid_boxes(rows, colliders.size(), near.data(), {settings.ground_height, push_out});
-}
-
-/// Boxes of the marked particles, for the broad phase.
-void ParticleCollisions::State::find_boxes() {
-    box.clear();
-    for (std::size_t i = 0; i < colliders.size(); ++i) {
-        // Skip particles that can meet no other body, and those without extent.
-        if ((near[i] & kNearBody) == 0 || !(colliders[i].size > 0.0)) {
-            continue;
-        }
-        const SweptBox around{{colliders.vector(collider_row::kLow, i), colliders.vector(collider_row::kHigh, i)},
-                              static_cast<std::uint32_t>(i),
-                              colliders[i].body};
-        // The broad phase requires finite boxes, so a diverged particle is left out.
-        if (is_in_range(around.box)) {
-            box.push_back(around);
-        }
-    }
 }
 
 /// Computes the planes of the pairs in the chunk, and keeps those that can be violated.
@@ -475,27 +416,25 @@ void ParticleCollisions::State::make_planes(std::size_t count) {
 }
 
 /// Broad phase, then planes of all pairs in chunks.
-void ParticleCollisions::State::find_planes() {
-    plane.clear();
-    detail.clear();
+void ParticleCollisions::State::find_planes(Workers& workers) {
     // Broad phase: pairs of different bodies whose swept boxes overlap.
-    const std::size_t found = finder.find(box, pair);
-    counts.near += found;
-    counts.dropped += found - std::min(found, pair.size());
+    near_pairs.find_particles(rows, workers);
+    counts.dropped += near_pairs.dropped();
     // Narrow phase: one plane per pair, in chunks of one kernel call. Pairs of pinned particles cannot move.
     std::size_t count = 0;
-    for (std::size_t k = 0; k < std::min(found, pair.size()); ++k) {
-        const std::uint32_t a = box[pair[k].first].particle;
-        const std::uint32_t b = box[pair[k].second].particle;
-        if (!(colliders[a].inverse_mass + colliders[b].inverse_mass > 0.0)) {
-            continue;
-        }
-        chunk.first[count] = a;
-        chunk.second[count] = b;
-        // The chunk is full: compute its planes and start the next one.
-        if (++count == PlaneChunk::kMax) {
-            make_planes(count);
-            count = 0;
+    for (std::size_t k = 0; k < near_bodies.size(); ++k) {
+        for (const auto [a, b] : near_pairs.particles(k)) {
+            ++counts.near;
+            if (!(colliders[a].inverse_mass + colliders[b].inverse_mass > 0.0)) {
+                continue;
+            }
+            chunk.first[count] = a;
+            chunk.second[count] = b;
+            // The chunk is full: compute its planes and start the next one.
+            if (++count == PlaneChunk::kMax) {
+                make_planes(count);
+                count = 0;
+            }
         }
     }
     make_planes(count);
@@ -634,9 +573,10 @@ void ParticleCollisions::find(const ParticleModel& start, const MovingParticles&
     s.mark_near();
     s.find_shapes(predicted);
     // Planes between particles, then the ground.
-    if (s.box.capacity() > 0) {
-        s.find_boxes();
-        s.find_planes();
+    s.plane.clear();
+    s.detail.clear();
+    if (!s.near_bodies.empty()) {
+        s.find_planes(elastic.workers());
     }
     if (s.settings.ground) {
         s.find_ground_contacts();

@@ -265,43 +265,46 @@ void find_planes(const ColliderRows& rows, std::size_t count, const PlaneRows& p
     }
 }
 
-/// Vectors of 16-bit integers. AVX-512F has no wider arithmetic on these than AVX2.
+/// Vectors of 32-bit numbers, and their bits. Results of comparisons leave wider ones more slowly.
 template <std::size_t Count>
-struct SmallTypes {
+struct BoxTypes {
     static constexpr std::size_t kBytes = Count < 4 ? 16 : 32;
-    using Shorts [[gnu::vector_size(kBytes)]] = std::int16_t;
+    using Floats [[gnu::vector_size(kBytes)]] = float;
     using Longs [[gnu::vector_size(kBytes)]] = std::uint64_t;
 };
 
 template <std::size_t Count>
-std::size_t find_overlaps(const LatticeRows& boxes, std::size_t box, std::size_t end,
+std::size_t find_overlaps(const BoxRows& boxes, const RoundedBox& box, std::size_t begin, std::size_t end,
                           std::uint32_t* overlapping) noexcept {
-    using Shorts = typename SmallTypes<Count>::Shorts;
-    using Longs = typename SmallTypes<Count>::Longs;
-    constexpr std::size_t lanes = sizeof(Shorts) / sizeof(std::int16_t);
-    constexpr std::size_t lanes_of_long = lanes / (sizeof(Longs) / sizeof(std::uint64_t));
-    // Coordinates of this box, and of a vector of boxes: rows 0-2 minima, 3-5 maxima, 6 the body.
-    const auto number = [&](std::size_t row) { return boxes.row[row][box]; };
+    using Floats = typename BoxTypes<Count>::Floats;
+    using Longs = typename BoxTypes<Count>::Longs;
+    constexpr std::size_t lanes = sizeof(Floats) / sizeof(float);
     const auto numbers = [&](std::size_t row, std::size_t at) {
-        Shorts result;
-        __builtin_memcpy(&result, boxes.row[row] + at, sizeof(result));
+        Floats result;
+        __builtin_memcpy(&result, boxes[row] + at, sizeof(result));
         return result;
     };
     std::size_t found = 0;
-    for (std::size_t j = box + 1; j < end; j += lanes) {
-        // A lane is disjoint if it is of the same body or separated along an axis.
-        Shorts disjoint = numbers(6, j) == number(6);
+    for (std::size_t j = begin; j < end; j += lanes) {
+        auto overlap = numbers(0, j) <= box.number[3];
         for (std::size_t k = 0; k < 3; ++k) {
-            disjoint |= numbers(k, j) > number(k + 3);
-            disjoint |= numbers(k + 3, j) < number(k);
+            overlap &= numbers(k, j) <= box.number[k + 3];
+            overlap &= numbers(k + 3, j) >= box.number[k];
         }
-        // Walk the set lanes, 64 bits at a time: four lanes of 16 bits each.
-        const Longs overlap_bits = ~__builtin_bit_cast(Longs, disjoint);
-        for (std::size_t part = 0; part < lanes / lanes_of_long; ++part) {
+        const Longs overlap_bits = __builtin_bit_cast(Longs, overlap);
+        std::uint64_t any = 0;
+        for (std::size_t part = 0; part < lanes / 2; ++part) {
+            any |= overlap_bits[part];
+        }
+        if (any == 0) {
+            continue;
+        }
+        // Walk the set lanes, 64 bits at a time: two lanes of 32 bits each.
+        for (std::size_t part = 0; part < lanes / 2; ++part) {
             for (std::uint64_t bits = overlap_bits[part]; bits != 0;) {
-                const auto lane = static_cast<std::size_t>(__builtin_ctzll(bits)) / 16;
-                bits &= ~(std::uint64_t{0xFFFF} << (16 * lane));
-                const std::size_t other = j + part * lanes_of_long + lane;
+                const auto lane = static_cast<std::size_t>(__builtin_ctzll(bits)) / 32;
+                bits &= ~(std::uint64_t{0xFFFF'FFFF} << (32 * lane));
+                const std::size_t other = j + part * 2 + lane;
                 // The last vector reads beyond the range.
                 if (other < end) {
                     overlapping[found++] = static_cast<std::uint32_t>(other);

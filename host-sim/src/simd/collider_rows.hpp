@@ -89,9 +89,14 @@ struct FrictionCoefficients {
     double sliding;
 };
 
-/// Boxes on a lattice (swept_pairs.hpp): rows of low x, y, z, high x, y, z and body, each with 32 bytes behind.
-struct LatticeRows {
-    const std::int16_t* row[7];
+/// Rounded boxes in rows of low x, y, z, then high, m, with room for a whole vector behind.
+struct BoxRows {
+    const float* number;
+    std::size_t length;  // of a row
+    [[nodiscard]] HAPTIC_LANES const float* operator[](std::size_t row) const noexcept { return number + row * length; }
+};
+struct RoundedBox {
+    float number[6];  // m, low x, y, z, then high
 };
 
 /// Collider kernels for one number of lanes.
@@ -110,9 +115,9 @@ struct ColliderKernels {
     void (*find_ellipsoid_boxes)(const ColliderRows& rows, std::size_t count, const std::int64_t* near,
                                  Ground ground) noexcept;
     void (*find_planes)(const ColliderRows& rows, std::size_t count, const PlaneRows& planes, double push_out) noexcept;
-    /// Writes, in order, which boxes of [box + 1, end) overlap this one and belong to other bodies; returns their
-    /// number.
-    std::size_t (*find_overlaps)(const LatticeRows& boxes, std::size_t box, std::size_t end,
+    /// Writes, in order, which boxes of [begin, end) overlap this one; returns their number. Boxes with numbers that
+    /// are none do not.
+    std::size_t (*find_overlaps)(const BoxRows& boxes, const RoundedBox& box, std::size_t begin, std::size_t end,
                                  std::uint32_t* overlapping) noexcept;
     /// One projection of all ground contacts with friction. `position` has rows of x, y, z and another number, m.
     void (*project_ground)(const GroundContacts& contacts, FrictionCoefficients friction, double* position) noexcept;
