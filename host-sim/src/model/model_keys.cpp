@@ -71,7 +71,7 @@ const SettingTable<ModelKeys>& model_table() {
               .meaning = "Particle file, as written by host-sim model, whose particles are used. Empty: none."},
              V::text([](S& s) -> auto& { return s.model.particles; })},
             {{.key = "vertices_per_side", .meaning = "Vertices along each side of a cloth or curtain."},
-             V::integer(&S::vertices_per_side, {2, 257})},
+             V::integer(&S::vertices_per_side, {2, 512})},
             {{.key = "side",
               .unit = "m",
               .default_note = "that of the generator",

@@ -155,4 +155,12 @@ std::string format_fixed(double value, int digits) {
     return {text.data(), end};
 }
 
+std::string with_separators(std::size_t count) {
+    std::string digits = std::to_string(count);
+    for (auto at = static_cast<std::ptrdiff_t>(digits.size()) - 3; at > 0; at -= 3) {
+        digits.insert(static_cast<std::size_t>(at), ",");
+    }
+    return digits;
+}
+
 }  // namespace haptic::sim::reproduce

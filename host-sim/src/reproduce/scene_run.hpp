@@ -1,6 +1,7 @@
 // Scene run: one of the built-in scenes, with the thesis' solver, run by its own script to its end.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -66,5 +67,8 @@ class SceneRun {
 
 /// A number with a fixed number of digits behind the decimal point, e.g. "1.23".
 [[nodiscard]] std::string format_fixed(double value, int digits);
+
+/// A count with separators of thousands, e.g. "54,800".
+[[nodiscard]] std::string with_separators(std::size_t count);
 
 }  // namespace haptic::sim::reproduce

@@ -27,7 +27,7 @@ constexpr std::array<Reproduction, 13> kReproductions{{
     {"5.7", "Sliding over a plane: dragging forces", plane_slide},
     {"5.8", "A hand closes round a fish", fish_grip},
     {"5.9", "A thin rod between two spheres", rod_in_gap},
-    {"scaling", "A step among up to a million triangles", scaling},
+    {"scaling", "A step among up to a million triangles, and of scenes of up to 100,000 particles", scaling},
 }};
 
 constexpr std::string_view kIntroduction =

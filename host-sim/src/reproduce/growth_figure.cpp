@@ -1,0 +1,196 @@
+#include "reproduce/growth_figure.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <span>
+#include <string>
+#include <utility>
+
+#include "haptic/csv.hpp"
+#include "program/progress_bar.hpp"
+#include "reproduce/scene_growth.hpp"
+#include "reproduce/scene_run.hpp"
+
+namespace haptic::sim::reproduce {
+namespace {
+
+/// A scene in several sizes. Another number of threads would be another series of the same sizes.
+struct GrowthSeries {
+    std::string name;   // of its files
+    std::string title;  // "heaps of fish"
+    std::size_t sizes = 0;
+    std::function<GrowthCase(std::size_t)> size;  // 0 to `sizes` - 1, ascending
+};
+
+std::vector<SceneCost> measure(const GrowthSeries& series, Simulation::ClockFunction clock) {
+    std::vector<GrowthCase> cases;
+    for (std::size_t k = 0; k < series.sizes; ++k) {
+        cases.push_back(series.size(k));
+    }
+    // The bar advances by estimated work: copies times vertices of a copy times steps.
+    const auto work_of = [](const GrowthCase& c) {
+        return static_cast<double>(c.steps * expected_triangles(c.scene.model));
+    };
+    double work = 0.0;
+    for (const GrowthCase& c : cases) {
+        work += work_of(c);
+    }
+    ProgressBar bar("measuring " + series.title);
+    std::vector<SceneCost> costs;
+    double done = 0.0;
+    for (const GrowthCase& c : cases) {
+        costs.push_back(measure_growth(c, clock, [&](double share) { bar.show((done + share * work_of(c)) / work); }));
+        done += work_of(c);
+    }
+    return costs;
+}
+
+void write_costs(const Study& study, Figure& figure, const std::string& name, std::span<const SceneCost> costs) {
+    std::vector<std::string> columns{"bodies",  "particles", "vertices",   "triangles",    "build_s",
+                                     "held_mb", "peak_mb",   "free_steps", "contact_steps"};
+    for (const char* when : {"_free_us", "_contact_us"}) {
+        for (const GrowthStage& stage : kGrowthStages) {
+            columns.push_back(stage.name + std::string(when));
+        }
+    }
+    CsvWriter csv(study.data(figure, name), columns);
+    for (const SceneCost& cost : costs) {
+        std::vector<double> row;
+        for (const std::size_t count : {cost.bodies, cost.particles, cost.vertices, cost.triangles}) {
+            row.push_back(static_cast<double>(count));
+        }
+        row.insert(row.end(), {cost.build_s, cost.held_mb, cost.peak_mb});
+        row.insert(row.end(), {static_cast<double>(cost.free_steps), static_cast<double>(cost.contact_steps)});
+        row.insert(row.end(), cost.free_us.begin(), cost.free_us.end());
+        row.insert(row.end(), cost.contact_us.begin(), cost.contact_us.end());
+        csv.row(row);
+    }
+    csv.close();
+}
+
+/// Exponent of each stage since the size before, and its time over n log n relative to the smallest size.
+void write_growth(const Study& study, Figure& figure, const std::string& name, std::span<const SceneCost> costs) {
+    std::vector<std::string> columns{"particles"};
+    for (const char* what : {"_free_exponent", "_contact_exponent", "_free_per_n_log_n", "_contact_per_n_log_n"}) {
+        for (const GrowthStage& stage : kGrowthStages) {
+            columns.push_back(stage.name + std::string(what));
+        }
+    }
+    CsvWriter csv(study.data(figure, name), columns);
+    for (std::size_t k = 1; k < costs.size(); ++k) {
+        const SceneCost& first = costs.front();
+        const SceneCost& before = costs[k - 1];
+        const SceneCost& cost = costs[k];
+        std::vector<double> row{static_cast<double>(cost.particles)};
+        for (StageMedians SceneCost::* const when : {&SceneCost::free_us, &SceneCost::contact_us}) {
+            for (std::size_t s = 0; s < kGrowthStages.size(); ++s) {
+                row.push_back(growth_exponent((before.*when)[s], (cost.*when)[s], before.particles, cost.particles));
+            }
+        }
+        for (StageMedians SceneCost::* const when : {&SceneCost::free_us, &SceneCost::contact_us}) {
+            for (std::size_t s = 0; s < kGrowthStages.size(); ++s) {
+                row.push_back(relative_to_n_log_n((cost.*when)[s], cost.particles, (first.*when)[s], first.particles));
+            }
+        }
+        csv.row(row);
+    }
+    csv.close();
+}
+
+/// n log n through the point (n, y), as a function of x for gnuplot.
+std::string n_log_n_through(std::size_t n, double y) {
+    const auto size = static_cast<double>(n);
+    return format_fixed(y / (size * std::log(size)), 12) + " * x * log(x)";
+}
+
+/// Times and their growth as data, and the times as a plot.
+void show_times(const Study& study, Figure& figure, const GrowthSeries& series, std::span<const SceneCost> costs) {
+    const std::string name = "scaling-" + series.name;
+    write_costs(study, figure, name, costs);
+    write_growth(study, figure, name + "-growth", costs);
+    // 1,000 us are 1 ms.
+    const auto curve = [](const std::string& column, const std::string& style, const std::string& title) {
+        return "'' using 'particles':(1e-3 * column('" + column + "')) with linespoints " + style + " title '" + title +
+               "'";
+    };
+    const SceneCost& first = costs.front();
+    study.plot(figure, name,
+               "Time of a step with " + series.title + ", in contact unless noted; both axes logarithmic.",
+               "set xlabel 'particles'\nset ylabel 'ms'\nset key outside right center vertical\nset logscale y\n"
+               "set format y '%g'\neval log_axis('x', 400, 1.5e5)\n"
+               "plot '" +
+                   name +
+                   ".csv' using 'particles':(1e-3 * column('total_contact_us')) with linespoints pt 7 "
+                   "lw 2.5 lc 1 title 'whole step', " +
+                   curve("total_free_us", "pt 6 dt 2 lc 1", "whole step, hand free") + ", " +
+                   curve("collide_contact_us", "pt 5 lc 2", "collisions") + ", " +
+                   curve("deform_contact_us", "pt 9 lc 3", "deformation") + ", " +
+                   curve("skin_contact_us", "pt 11 lc 4", "skinning") + ", " +
+                   curve("ccd_contact_us", "pt 13 lc 6", "refit and CCD") + ", " +
+                   curve("proxy_contact_us", "pt 15 lc 7", "coupling") + ", " +
+                   n_log_n_through(first.particles, 1e-3 * first.contact_us[0]) +
+                   " with lines dt 3 lw 1.5 lc 5 title 'n log n'\n");
+}
+
+/// "500 / 60,000 us" and the like, of the smallest and the largest size.
+std::string both(double smallest, double largest, int digits, const std::string& unit) {
+    return format_fixed(smallest, digits) + " / " + format_fixed(largest, digits) + " " + unit;
+}
+
+void compare(Figure& figure, const GrowthSeries& series, std::span<const SceneCost> costs) {
+    const SceneCost& smallest = costs.front();
+    const SceneCost& largest = costs.back();
+    figure.comparisons.push_back({series.title + ", " + with_separators(smallest.particles) + " / " +
+                                      with_separators(largest.particles) + " particles: whole step, free",
+                                  "-", both(1e-3 * smallest.free_us[0], 1e-3 * largest.free_us[0], 2, "ms")});
+    figure.comparisons.push_back(
+        {"the same, in contact", "-", both(1e-3 * smallest.contact_us[0], 1e-3 * largest.contact_us[0], 2, "ms")});
+    figure.comparisons.push_back(
+        {"building / memory of the largest", "-",
+         format_fixed(largest.build_s, 2) + " s / " + format_fixed(largest.held_mb, 0) + " MB"});
+    // The verdict, and each exponent that exceeds its limit.
+    std::string faster;
+    for (const Growth& growth : growths_of(costs)) {
+        if (growth.is_faster()) {
+            faster += (faster.empty() ? "" : "; ") + growth.what + " (n^" + format_fixed(growth.exponent, 2) +
+                      ", n log n with its tolerance: n^" + format_fixed(growth.limit, 2) + ")";
+        }
+    }
+    figure.comparisons.push_back(
+        {series.title + ": grows faster than n log n", "-", faster.empty() ? "nothing" : faster});
+}
+
+void plot_building(const Study& study, Figure& figure) {
+    const auto curves = [](const std::string& column) {
+        return "using 'particles':'" + column + "' with linespoints ";
+    };
+    const std::string axes =
+        "set xlabel 'particles'\nset logscale y\nset format y '%g'\neval log_axis('x', 400, 1.5e5)\n";
+    study.plot(figure, "scaling-memory", "Resident memory of a simulation; both axes logarithmic.",
+               "eval half_width\n" + axes + "set ylabel 'MB'\nplot 'scaling-heaps.csv' " + curves("held_mb") +
+                   "pt 7 lw 2 lc 1 title 'heaps', '' " + curves("peak_mb") + "pt 6 dt 2 lc 1 title 'at most', " +
+                   "'scaling-cloth.csv' " + curves("held_mb") + "pt 5 lw 2 lc 2 title 'cloth', '' " +
+                   curves("peak_mb") + "pt 4 dt 2 lc 2 title 'at most'\n");
+    study.plot(figure, "scaling-building", "Time to build a simulation; both axes logarithmic.",
+               "eval half_width\n" + axes + "set ylabel 's'\nplot 'scaling-heaps.csv' " + curves("build_s") +
+                   "pt 7 lw 2 lc 1 title 'heaps', 'scaling-cloth.csv' " + curves("build_s") +
+                   "pt 5 lw 2 lc 2 title 'cloth'\n");
+}
+
+}  // namespace
+
+void add_scene_growth(const Study& study, Figure& figure, const GrowthSizes& sizes) {
+    const GrowthSeries heaps{"heaps", "heaps of four fish", sizes.heaps.size(),
+                             [&sizes](std::size_t k) { return fish_heaps(sizes.heaps[k]); }};
+    const GrowthSeries cloths{"cloth", "a falling cloth", sizes.cloths.size(),
+                              [&sizes](std::size_t k) { return falling_cloth(sizes.cloths[k]); }};
+    for (const GrowthSeries& series : {heaps, cloths}) {
+        const std::vector<SceneCost> costs = measure(series, study.clock());
+        show_times(study, figure, series, costs);
+        compare(figure, series, costs);
+    }
+    plot_building(study, figure);
+}
+
+}  // namespace haptic::sim::reproduce
