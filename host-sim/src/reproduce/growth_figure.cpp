@@ -15,6 +15,9 @@
 namespace haptic::sim::reproduce {
 namespace {
 
+constexpr const char* kParticleAxis =
+    "eval log_axis('x', 400, 1.5e5)\nset xtics ('1,000' 1e3, '10,000' 1e4, '100,000' 1e5)\n";
+
 /// A scene in several sizes. Another number of threads would be another series of the same sizes.
 struct GrowthSeries {
     std::string name;   // of its files
@@ -117,10 +120,10 @@ void show_times(const Study& study, Figure& figure, const GrowthSeries& series, 
     const SceneCost& first = costs.front();
     study.plot(figure, name,
                "Time of a step with " + series.title + ", in contact unless noted; both axes logarithmic.",
-               "set xlabel 'particles'\nset ylabel 'ms'\nset key outside right center vertical\nset logscale y\n"
-               "set format y '%g'\neval log_axis('x', 400, 1.5e5)\n"
-               "plot '" +
-                   name +
+               "set xlabel 'particles'\nset ylabel 'ms'\nset key outside right center vertical\nset rmargin 28\nset "
+               "logscale y\n"
+               "set format y '%g'\n" +
+                   std::string(kParticleAxis) + "plot '" + name +
                    ".csv' using 'particles':(1e-3 * column('total_contact_us')) with linespoints pt 7 "
                    "lw 2.5 lc 1 title 'whole step', " +
                    curve("total_free_us", "pt 6 dt 2 lc 1", "whole step, hand free") + ", " +
@@ -150,32 +153,32 @@ void compare(Figure& figure, const GrowthSeries& series, std::span<const SceneCo
         {"building / memory of the largest", "-",
          format_fixed(largest.build_s, 2) + " s / " + format_fixed(largest.held_mb, 0) + " MB"});
     // The verdict, and each exponent that exceeds its limit.
+    const std::vector<Growth> growths = growths_of(costs);
     std::string faster;
-    for (const Growth& growth : growths_of(costs)) {
+    for (const Growth& growth : growths) {
         if (growth.is_faster()) {
             faster += (faster.empty() ? "" : "; ") + growth.what + " (n^" + format_fixed(growth.exponent, 2) +
                       ", n log n with its tolerance: n^" + format_fixed(growth.limit, 2) + ")";
         }
     }
-    figure.comparisons.push_back(
-        {series.title + ": grows faster than n log n", "-", faster.empty() ? "nothing" : faster});
+    figure.comparisons.push_back({series.title + ": grows faster than n log n", "-",
+                                  growths.empty()  ? "unknown, the sizes are too close"
+                                  : faster.empty() ? "nothing"
+                                                   : faster});
 }
 
 void plot_building(const Study& study, Figure& figure) {
-    const auto curves = [](const std::string& column) {
-        return "using 'particles':'" + column + "' with linespoints ";
+    const auto plot = [&](const std::string& name, const std::string& caption, const std::string& unit,
+                          const std::string& column) {
+        study.plot(figure, name, caption,
+                   "eval half_width\nset xlabel 'particles'\nset ylabel '" + unit +
+                       "'\nset logscale y\nset format y '%g'\n" + std::string(kParticleAxis) +
+                       "plot 'scaling-heaps.csv' using 'particles':'" + column +
+                       "' with linespoints pt 7 lw 2 lc 1 title 'heaps', 'scaling-cloth.csv' using 'particles':'" +
+                       column + "' with linespoints pt 5 lw 2 lc 2 title 'cloth'\n");
     };
-    const std::string axes =
-        "set xlabel 'particles'\nset logscale y\nset format y '%g'\neval log_axis('x', 400, 1.5e5)\n";
-    study.plot(figure, "scaling-memory", "Resident memory of a simulation; both axes logarithmic.",
-               "eval half_width\n" + axes + "set ylabel 'MB'\nplot 'scaling-heaps.csv' " + curves("held_mb") +
-                   "pt 7 lw 2 lc 1 title 'heaps', '' " + curves("peak_mb") + "pt 6 dt 2 lc 1 title 'at most', " +
-                   "'scaling-cloth.csv' " + curves("held_mb") + "pt 5 lw 2 lc 2 title 'cloth', '' " +
-                   curves("peak_mb") + "pt 4 dt 2 lc 2 title 'at most'\n");
-    study.plot(figure, "scaling-building", "Time to build a simulation; both axes logarithmic.",
-               "eval half_width\n" + axes + "set ylabel 's'\nplot 'scaling-heaps.csv' " + curves("build_s") +
-                   "pt 7 lw 2 lc 1 title 'heaps', 'scaling-cloth.csv' " + curves("build_s") +
-                   "pt 5 lw 2 lc 2 title 'cloth'\n");
+    plot("scaling-memory", "Resident memory of a simulation; both axes logarithmic.", "MB", "held_mb");
+    plot("scaling-building", "Time to build a simulation; both axes logarithmic.", "s", "build_s");
 }
 
 }  // namespace

@@ -19,11 +19,12 @@
 
 namespace haptic::sim::reproduce {
 
-/// Exponent added to that of n log n. Caches: a scene that outgrows one of them takes up to 1.2 times as long per
-/// particle when it is 3.3 times as large (log 1.2 / log 3.3 = 0.15).
+/// Exponent added to that of n log n, for caches and the clock: between sizes of ratio 1.5 it accepts 6 % of the time,
+/// between sizes of ratio 3.3 20 %. A quadratic stage exceeds it at any ratio.
 inline constexpr double kExponentTolerance = 0.15;
-/// Sizes that are compared differ by at least this factor, so that an error of 10 % changes e by 0.09 at most.
-inline constexpr double kMinSizeRatio = 3.0;
+/// Smallest ratio of two sizes that are compared. The largest are, since smaller scenes fit into caches: on the way out
+/// of one, even the refit of a tree takes twice as long per triangle.
+inline constexpr double kMinSizeRatio = 1.5;
 /// Stages below this share of the step of the largest scene are not compared: their times are those of the clock.
 inline constexpr double kMinStageShare = 0.01;
 
