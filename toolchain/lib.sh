@@ -116,6 +116,40 @@ progress() {
         END { if (shown) printf "\r%30s\r", "" }'
 }
 
+# count DONE ALL WORK: shows on a terminal how much of a long work is done; DONE 0 of 0 clears the line. Elsewhere nothing.
+count() {
+    [ -t 2 ] || return 0
+    if [ "$2" -eq 0 ]; then printf '\r\033[K' >&2; else printf '%s: %d of %d\033[K\r' "$3" "$1" "$2" >&2; fi
+}
+
+# count_rows ALL WORK: copies the rows of a table from standard input, with a counter below them.
+count_rows() {
+    local rows=0 row
+    count 0 "$1" "$2"
+    while IFS= read -r row; do
+        count 0 0
+        printf '%s\n' "$row"
+        rows=$((rows + 1))
+        count $rows "$1" "$2"
+    done
+    count 0 0
+}
+
+# wait_with_clock WORK PROCESS...: waits for processes, and shows on a terminal for how long. Fails if one has failed.
+wait_with_clock() {
+    local work=$1 failed=0 begin=$SECONDS process
+    shift
+    for process in "$@"; do
+        while [ -t 2 ] && kill -0 "$process" 2>/dev/null; do
+            printf '%s: %d min\033[K\r' "$work" $(((SECONDS - begin) / 60)) >&2
+            sleep 1
+        done
+        wait "$process" || failed=1
+    done
+    count 0 0
+    return $failed
+}
+
 # build PRESET [CMAKE-OPTION...] [-- TARGET...]: configures the preset and builds what has changed.
 build() {
     local preset=$1 options=(-DHAPTIC_PRECOMPILE=ON) targets=()
