@@ -19,7 +19,8 @@ from pathlib import Path
 NAMESPACES = {"host-sim": "haptic/sim/", "rt-core": "haptic/rt/", "firmware-host": "haptic/device/"}
 MAY_USE = {"host-sim": {"shared"}, "rt-core": {"shared", "firmware-host"}, "firmware-host": {"shared"}}
 HEADER_ONLY = {
-    "host-sim": {"contact": "contact", "coupling": "tool", "mesh": "mesh", "scene_body": "tool", "tool_material": "tool"},
+    "host-sim": {"contact": "contact", "coupling": "tool", "mesh": "mesh", "progress": "mesh", "scene_body": "tool",
+                 "tool_material": "tool"},
     "firmware-host": {"board": "boards", "board_options": "boards", "button_track": "emulated"},
     "rt-core": {},
 }

@@ -13,6 +13,7 @@
 #include "app/run_options.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "program/exit_status.hpp"
+#include "program/progress_bar.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
@@ -96,7 +97,9 @@ void print(std::ostream& out, const CheckOptions& options, const Simulation& sim
 }
 
 int run_check(const CheckOptions& options) {
-    const Simulation simulation(load_scene(options.scene, options.assignments));
+    const Scene scene = load_scene(options.scene, options.assignments);
+    const Simulation simulation = with_progress_bar(
+        "building " + scene.name, [&](const Progress& progress) { return Simulation(scene, nullptr, progress); });
     print(std::cout, options, simulation);
     return kExitDone;
 }

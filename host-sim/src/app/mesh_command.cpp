@@ -8,6 +8,7 @@
 #include "app/commands.hpp"
 #include "haptic/sim/mesh_file.hpp"
 #include "program/option_checks.hpp"
+#include "program/progress_bar.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -53,7 +54,9 @@ void print(std::ostream& out, const MeshOptions& options, const MeshReport& repo
 }
 
 int run_mesh(const MeshOptions& options) {
-    const CheckedMesh checked = read_mesh(options.file, options.settings);
+    const CheckedMesh checked = with_progress_bar("reading " + options.file, [&](const Progress& progress) {
+        return read_mesh(options.file, options.settings, progress);
+    });
     print(std::cout, options, checked.report);
     if (!options.out.empty()) {
         write_mesh(options.out, checked.mesh);

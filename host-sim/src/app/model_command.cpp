@@ -2,6 +2,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <glm/geometric.hpp>
 #include <iomanip>
@@ -10,6 +12,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "app/commands.hpp"
@@ -21,6 +24,7 @@
 #include "model/generator_table.hpp"
 #include "model/model_file.hpp"
 #include "program/option_checks.hpp"
+#include "program/progress_bar.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -55,38 +59,69 @@ std::ostream& operator<<(std::ostream& out, const Spread& spread) {
     return out << spread.min << " .. " << spread.max << ", median " << spread.median;
 }
 
-std::vector<double> nearest_distances(const ParticleModel& model) {
-    std::vector<double> nearest(model.size(), std::numeric_limits<double>::infinity());
-    for (std::size_t i = 0; i < model.size(); ++i) {
-        for (std::size_t j = 0; j < i; ++j) {
-            const double distance = glm::length(model.rest_position[i] - model.rest_position[j]);
-            nearest[i] = std::min(nearest[i], distance);
-            nearest[j] = std::min(nearest[j], distance);
+/// Particles in the order of their x, to look only at those near in x.
+class ParticlesByX {
+  public:
+    explicit ParticlesByX(const ParticleModel& model) {
+        for (std::uint32_t i = 0; i < model.size(); ++i) {
+            order_.emplace_back(model.rest_position[i].x, i);
         }
+        std::sort(order_.begin(), order_.end());
+    }
+
+    /// Calls `visit` with particles by their distance in x from `x` on either side, while it returns true.
+    template <class Visit>
+    void visit_from(double x, const Visit& visit) const {
+        const auto middle = std::lower_bound(order_.begin(), order_.end(), std::pair{x, std::uint32_t{0}});
+        for (auto next = middle; next != order_.end() && visit(next->second); ++next) {
+        }
+        for (auto next = middle; next != order_.begin() && visit((next - 1)->second); --next) {
+        }
+    }
+
+  private:
+    std::vector<std::pair<double, std::uint32_t>> order_;
+};
+
+std::vector<double> nearest_distances(const ParticleModel& model, const ParticlesByX& by_x) {
+    std::vector<double> nearest(model.size(), std::numeric_limits<double>::infinity());
+    for (std::uint32_t i = 0; i < model.size(); ++i) {
+        const Vec3& p = model.rest_position[i];
+        by_x.visit_from(p.x, [&](std::uint32_t j) {
+            if (j != i) {
+                nearest[i] = std::min(nearest[i], glm::length(p - model.rest_position[j]));
+            }
+            return std::abs(model.rest_position[j].x - p.x) <= nearest[i];
+        });
     }
     return nearest;
 }
 
-double covered_part(const DeformableBody& body) {
+double covered_part(const DeformableBody& body, const ParticlesByX& by_x) {
     const ParticleModel& model = body.particles;
+    double reach = 0.0;  // m, of any ellipsoid
+    for (const Vec3& axes : model.semi_axes) {
+        reach = std::max({reach, axes.x, axes.y, axes.z});
+    }
     std::size_t covered = 0;
     for (const Vec3& p : body.mesh.vertices) {
-        for (std::size_t i = 0; i < model.size(); ++i) {
-            if (!(std::min({model.semi_axes[i].x, model.semi_axes[i].y, model.semi_axes[i].z}) > 0.0)) {
-                continue;
+        bool inside = false;
+        by_x.visit_from(p.x, [&](std::uint32_t i) {
+            const Vec3& axes = model.semi_axes[i];
+            if (std::min({axes.x, axes.y, axes.z}) > 0.0) {
+                const Vec3 q = glm::transpose(to_matrix(model.axes[i])) * (p - model.rest_position[i]) / axes;
+                inside = inside || glm::dot(q, q) <= 1.0;
             }
-            const Vec3 q = glm::transpose(to_matrix(model.axes[i])) * (p - model.rest_position[i]) / model.semi_axes[i];
-            if (glm::dot(q, q) <= 1.0) {
-                ++covered;
-                break;
-            }
-        }
+            return !inside && std::abs(model.rest_position[i].x - p.x) <= reach;
+        });
+        covered += inside ? 1 : 0;
     }
     return static_cast<double>(covered) / static_cast<double>(body.mesh.vertices.size());
 }
 
 void print(std::ostream& out, const DeformableBody& body) {
     const ParticleModel& model = body.particles;
+    const ParticlesByX by_x(model);
     std::vector<double> members;
     std::set<double> stiffnesses;
     for (const Group& group : model.groups) {
@@ -111,7 +146,7 @@ void print(std::ostream& out, const DeformableBody& body) {
         << "  particles     " << model.size() << " (" << std::count(model.pinned.begin(), model.pinned.end(), 1)
         << " fixed, " << driven << " of them driven)\n";
     if (model.size() > 1) {
-        out << "  spacing       " << Spread(nearest_distances(model)) << " m, to the nearest neighbour\n";
+        out << "  spacing       " << Spread(nearest_distances(model, by_x)) << " m, to the nearest neighbour\n";
     }
     out << "  mass          " << mass << " kg; per particle " << Spread(model.mass) << " kg\n"
         << "  groups        " << model.groups.size() << " of " << Spread(members) << " members; stiffness";
@@ -119,7 +154,7 @@ void print(std::ostream& out, const DeformableBody& body) {
         out << ' ' << stiffness;
     }
     out << "\n  links         " << model.links.size() << '\n'
-        << "  ellipsoids    semi-axes " << Spread(semi_axes) << " m; " << 100.0 * covered_part(body)
+        << "  ellipsoids    semi-axes " << Spread(semi_axes) << " m; " << 100.0 * covered_part(body, by_x)
         << " % of the vertices are inside one\n";
 }
 
@@ -145,7 +180,8 @@ int run_model(const ModelOptions& options) {
     }
     const ModelSettings settings = read_model(config, "model");
     config.reject_unknown();
-    const DeformableBody body = make_body(settings);
+    const DeformableBody body = with_progress_bar(
+        "building " + options.what, [&](const Progress& progress) { return make_body(settings, progress); });
     print(std::cout, body);
     if (!options.out.empty()) {
         save_model(options.out, body);

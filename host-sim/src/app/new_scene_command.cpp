@@ -12,6 +12,7 @@
 #include "haptic/text_file.hpp"
 #include "program/exit_status.hpp"
 #include "program/option_checks.hpp"
+#include "program/progress_bar.hpp"
 #include "scene/mesh_scene.hpp"
 
 namespace haptic::sim {
@@ -36,8 +37,11 @@ int run_new_scene(const NewSceneOptions& options) {
     if (!options.force && std::filesystem::is_regular_file(scene)) {
         throw std::runtime_error(scene + ": exists; --force overwrites it, --out names another file");
     }
-    const CheckedMesh checked = read_mesh(mesh);
-    const MeshScene made = make_mesh_scene(checked, named_from(scene, mesh), monotonic_now_ns);
+    const CheckedMesh checked = with_progress_bar(
+        "reading " + options.mesh, [&](const Progress& progress) { return read_mesh(mesh, {}, progress); });
+    const MeshScene made = with_progress_bar("trying " + options.mesh, [&](const Progress& progress) {
+        return make_mesh_scene(checked, named_from(scene, mesh), monotonic_now_ns, progress);
+    });
     write_text(scene, made.text);
     std::cout << scene << ": a hand presses " << options.mesh << '\n'
               << made.explanation << "run it:    host-sim run " << scene << " --verify\n"

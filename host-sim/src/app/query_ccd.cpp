@@ -135,10 +135,16 @@ std::string answer(const Query& q) {
 
 }  // namespace
 
-int query_ccd(std::istream& queries, std::ostream& answers, std::ostream& errors) {
+int query_ccd(std::istream& queries, std::ostream& answers, std::ostream& errors,
+              const std::function<void(std::size_t bytes)>& read) {
     int status = 0;
     std::string line;
+    std::size_t bytes = 0;
     for (std::size_t number = 1; std::getline(queries, line); ++number) {
+        bytes += line.size() + 1;
+        if (read) {
+            read(bytes);
+        }
         const std::string_view text = trimmed(std::string_view(line).substr(0, line.find('#')));
         if (text.empty()) {
             continue;

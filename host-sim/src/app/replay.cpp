@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "haptic/config.hpp"
+#include "program/progress_bar.hpp"
 #include "view/live_parameters.hpp"
 
 namespace haptic::sim {
@@ -16,7 +17,10 @@ bool is_of_workspace(const std::string& assignment) {
 }  // namespace
 
 Replay::Replay(const Scene& scene, const RecordedRun& record, bool as_recorded, Simulation::ClockFunction clock)
-    : record_(record), notes_(as_recorded && record.notes() ? &*record.notes() : nullptr), simulation_(scene, clock) {}
+    : record_(record),
+      notes_(as_recorded && record.notes() ? &*record.notes() : nullptr),
+      simulation_(with_progress_bar("building " + scene.name,
+                                    [&](const Progress& progress) { return Simulation(scene, clock, progress); })) {}
 
 void Replay::make_changes() {
     // Workspace keys are collected, since they change together; other changes are made one by one.

@@ -45,7 +45,9 @@ Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::Live
       scene_(plan.scene),
       scene_settings_(live_settings_of(plan.scene)),
       origin_(plan.origin),
-      simulation_(plan.scene, monotonic_now_ns),
+      simulation_(with_progress_bar(
+          "building " + plan.scene.name,
+          [&](const Progress& progress) { return Simulation(plan.scene, monotonic_now_ns, progress); })),
       statistics_(),
       recordings_(options.record),
       workspace_(plan.workspace),

@@ -18,6 +18,7 @@
 #include "haptic/sim/tool_model.hpp"
 #include "haptic/types.hpp"
 #include "program/option_checks.hpp"
+#include "program/progress_bar.hpp"
 #include "simd/aabb.hpp"
 #include "tool/tool_proxies.hpp"
 
@@ -119,7 +120,8 @@ void close(ToolModel& tool, double curl) {
 
 int run_tool(const ToolOptions& options) {
     const ToolSettings settings = settings_of(options);
-    ToolModel tool = make_tool(settings);
+    ToolModel tool = with_progress_bar("building " + options.what,
+                                       [&](const Progress& progress) { return make_tool(settings, progress); });
     if (settings.curl > 0.0) {
         close(tool, settings.curl);
     }

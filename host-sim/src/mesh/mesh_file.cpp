@@ -21,6 +21,7 @@
 namespace haptic::sim {
 namespace {
 
+constexpr double kImported = 0.6;  // share of the time of reading after which the checks begin, roughly
 constexpr std::array<std::pair<std::string_view, MeshFormat>, 5> kFormats{{{".obj", MeshFormat::Obj},
                                                                            {".ply", MeshFormat::Ply},
                                                                            {".stl", MeshFormat::Stl},
@@ -193,7 +194,7 @@ std::vector<std::byte> read_bytes(const std::filesystem::path& file, std::size_t
 }
 
 CheckedMesh parse(std::span<const std::byte> bytes, MeshFormat format, const std::string& name,
-                  const std::filesystem::path& folder, const MeshFileSettings& settings) {
+                  const std::filesystem::path& folder, const MeshFileSettings& settings, const Progress& progress) {
     settings.validate();
     if (bytes.size() > settings.max_bytes) {
         throw MeshError(name + ": has more than the " + std::to_string(settings.max_bytes) + " bytes allowed");
@@ -215,6 +216,7 @@ CheckedMesh parse(std::span<const std::byte> bytes, MeshFormat format, const std
     } catch (const std::runtime_error& error) {
         throw MeshError(name + ": " + error.what());
     }
+    report(progress, kImported);
     for (Vec3& vertex : imported.vertices) {
         vertex *= settings.scale;
     }
@@ -273,12 +275,12 @@ MeshFormat mesh_format(const std::filesystem::path& file) {
     throw MeshError(file.string() + ": not a mesh file; known extensions are " + std::string(kKnownFormats));
 }
 
-CheckedMesh read_mesh(const std::filesystem::path& file, const MeshFileSettings& settings) {
+CheckedMesh read_mesh(const std::filesystem::path& file, const MeshFileSettings& settings, const Progress& progress) {
     settings.validate();
     const MeshFormat format = mesh_format(file);
     const std::vector<std::byte> bytes = read_bytes(file, settings.max_bytes);
     const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
-    return parse(bytes, format, file.string(), folder, settings);
+    return parse(bytes, format, file.string(), folder, settings, progress);
 }
 
 TriangleMesh load_mesh(const std::filesystem::path& file, const MeshFileSettings& settings) {
@@ -287,7 +289,7 @@ TriangleMesh load_mesh(const std::filesystem::path& file, const MeshFileSettings
 
 CheckedMesh parse_mesh(std::span<const std::byte> bytes, MeshFormat format, const std::string& name,
                        const MeshFileSettings& settings) {
-    return parse(bytes, format, name, {}, settings);
+    return parse(bytes, format, name, {}, settings, {});
 }
 
 void write_mesh(const std::filesystem::path& file, const TriangleMesh& mesh) {

@@ -133,11 +133,11 @@ std::string generator_names() {
     return names;
 }
 
-DeformableBody generate_body(const ModelSettings& settings) {
+DeformableBody generate_body(const ModelSettings& settings, const Progress& progress) {
     const GeneratorEntry& entry = generator_entry(settings.generator);
     DeformableBody body;
     if (entry.make_particles == nullptr) {
-        body = build_body(entry.make_mesh(settings), settings.builder);
+        body = build_body(entry.make_mesh(settings), settings.builder, progress);
     } else {
         body.mesh = entry.make_mesh(settings);
         body.particles = entry.make_particles(settings, body.mesh);

@@ -37,6 +37,6 @@ struct GeneratorEntry {
 [[nodiscard]] std::string generator_names();
 
 /// Makes mesh, particles and skin from the shape that `settings.generator` selects. Throws std::invalid_argument.
-[[nodiscard]] DeformableBody generate_body(const ModelSettings& settings);
+[[nodiscard]] DeformableBody generate_body(const ModelSettings& settings, const Progress& progress = {});
 
 }  // namespace haptic::sim

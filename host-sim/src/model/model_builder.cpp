@@ -26,6 +26,10 @@ constexpr double kSamplesPerSpacing = 2.5;  // samples between neighbouring part
 constexpr std::size_t kMinSamples = 1500;
 constexpr std::size_t kMinSamplesEach = 8;
 constexpr int kRelaxations = 24;
+// Shares of the time of build_body() after which samples, spread sites and relaxed sites are there.
+constexpr double kSampled = 0.05;
+constexpr double kSpread = 0.1;
+constexpr double kRelaxed = 0.5;
 // Paths along graph edges are up to a tenth longer than the shortest path in the body.
 constexpr double kDetour = 1.1;
 // Extra candidates, because the order by path length differs from that by max(straight distance, path / kDetour).
@@ -354,11 +358,11 @@ void fill_empty(std::vector<Cell>& cells, const SampleGraph& graph, std::span<co
 
 /// Makes the particles at the sites, their groups, links and skin.
 PlacedBody assemble(const TriangleMesh& mesh, const SampleGraph& graph, std::span<const Site> sites,
-                    const BuilderSettings& settings, bool on_vertices) {
+                    const BuilderSettings& settings, bool on_vertices, const Progress& progress) {
     const std::size_t count = sites.size();
     // Nearest particles of every sample: enough for cells, groups and skin.
     const std::size_t sources = std::max(settings.neighbours + 1 + kSpareSources, kSkinSources);
-    const std::vector<std::vector<Source>> nearest = nearest_sources(graph, sites, std::min(sources, count));
+    const std::vector<std::vector<Source>> nearest = nearest_sources(graph, sites, std::min(sources, count), progress);
     std::vector<Cell> cells = cells_of(graph, nearest, count);
     fill_empty(cells, graph, sites);
     // Mass is distributed in proportion to the cells' shares.
@@ -387,7 +391,7 @@ PlacedBody assemble(const TriangleMesh& mesh, const SampleGraph& graph, std::spa
 
 }  // namespace
 
-DeformableBody build_body(const TriangleMesh& mesh, const BuilderSettings& settings) {
+DeformableBody build_body(const TriangleMesh& mesh, const BuilderSettings& settings, const Progress& progress) {
     check(settings);
     check(mesh);
     const bool on_vertices = settings.particles == 0;
@@ -404,23 +408,26 @@ DeformableBody build_body(const TriangleMesh& mesh, const BuilderSettings& setti
             sites.push_back({mesh.vertices[i], i});
         }
     } else {
-        sites = spread_evenly(graph, count);
-        relax(graph, sites, kRelaxations);
+        sites = spread_evenly(graph, count, part_of(progress, kSampled, kSpread));
+        relax(graph, sites, kRelaxations, part_of(progress, kSpread, kRelaxed));
     }
-    return assemble(mesh, graph, sites, settings, on_vertices).body;
+    return assemble(mesh, graph, sites, settings, on_vertices,
+                    part_of(progress, on_vertices ? kSampled : kRelaxed, 1.0))
+        .body;
 }
 
-PlacedBody build_body_at(const TriangleMesh& mesh, std::span<const Vec3> positions, const BuilderSettings& settings) {
+PlacedBody build_body_at(const TriangleMesh& mesh, std::span<const Vec3> positions, const BuilderSettings& settings,
+                         const Progress& progress) {
     check(settings);
     check(mesh);
     if (positions.empty()) {
         refuse("needs at least one position");
     }
     const SampleGraph graph = sample_finely(mesh, positions.size(), settings.bridge);
-    return assemble(mesh, graph, sites_at(graph, positions), settings, false);
+    return assemble(mesh, graph, sites_at(graph, positions), settings, false, part_of(progress, kSampled, 1.0));
 }
 
-Skin build_skin(const TriangleMesh& mesh, const ParticleModel& particles, double bridge) {
+Skin build_skin(const TriangleMesh& mesh, const ParticleModel& particles, double bridge, const Progress& progress) {
     check(mesh);
     if (particles.size() == 0) {
         refuse("needs at least one particle for a skin");
@@ -428,7 +435,8 @@ Skin build_skin(const TriangleMesh& mesh, const ParticleModel& particles, double
     const SampleGraph graph = sample_finely(mesh, particles.size(), bridge);
     const std::vector<Site> sites = sites_at(graph, particles.rest_position);
     const std::size_t count = std::min(kSkinSources, particles.size());
-    return make_weights(candidates_of(mesh, particles, nearest_sources(graph, sites, count)));
+    return make_weights(
+        candidates_of(mesh, particles, nearest_sources(graph, sites, count, part_of(progress, kSampled, 1.0))));
 }
 
 }  // namespace haptic::sim

@@ -247,11 +247,13 @@ void save_model(const std::filesystem::path& file, const DeformableBody& body) {
     write_text(file, model_toml(body));
 }
 
-DeformableBody read_model_file(const Config& config, const TriangleMesh& mesh, double bridge) {
+DeformableBody read_model_file(const Config& config, const TriangleMesh& mesh, double bridge,
+                               const Progress& progress) {
     DeformableBody body = ModelReader(config).read();
     body.mesh = mesh;
     const bool one_to_one = body.particles.rest_position == mesh.vertices;
-    body.skin = one_to_one ? skin_of_particles(mesh.vertices.size()) : build_skin(mesh, body.particles, bridge);
+    body.skin =
+        one_to_one ? skin_of_particles(mesh.vertices.size()) : build_skin(mesh, body.particles, bridge, progress);
     return body;
 }
 

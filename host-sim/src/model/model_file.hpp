@@ -10,6 +10,7 @@
 #include "haptic/config.hpp"
 #include "haptic/sim/deformable.hpp"
 #include "haptic/sim/mesh.hpp"
+#include "haptic/sim/progress.hpp"
 
 namespace haptic::sim {
 
@@ -23,7 +24,8 @@ void save_model(const std::filesystem::path& file, const DeformableBody& body);
 /// Makes a body from a mesh and the file's particles, in the same frame. `bridge` is as in BuilderSettings. Reads the
 /// output of model_toml() back to the same bits. Throws ConfigError, with file and line, for keys that are missing,
 /// unknown or out of range and for particles that do not exist; std::invalid_argument for a mesh that build_skin()
-/// refuses.
-[[nodiscard]] DeformableBody read_model_file(const Config& config, const TriangleMesh& mesh, double bridge);
+/// refuses. `progress`: of build_skin().
+[[nodiscard]] DeformableBody read_model_file(const Config& config, const TriangleMesh& mesh, double bridge,
+                                             const Progress& progress = {});
 
 }  // namespace haptic::sim

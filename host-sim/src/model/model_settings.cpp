@@ -215,7 +215,7 @@ bool is_made_in_place(const ModelSettings& settings) {
 
 }  // namespace
 
-DeformableBody make_body(const ModelSettings& settings) {
+DeformableBody make_body(const ModelSettings& settings, const Progress& progress) {
     ModelSettings centred = settings;
     centred.cloth.centre = Vec3(0.0);
     centred.cloth.orientation = Quat(1.0, 0.0, 0.0, 0.0);
@@ -223,12 +223,12 @@ DeformableBody make_body(const ModelSettings& settings) {
     if (!settings.particles.empty()) {
         const TriangleMesh mesh =
             settings.file.empty() ? generator_entry(settings.generator).make_mesh(centred) : mesh_of_file(settings);
-        body = read_model_file(Config::load(settings.particles), mesh, settings.builder.bridge);
+        body = read_model_file(Config::load(settings.particles), mesh, settings.builder.bridge, progress);
     } else if (!settings.file.empty()) {
-        body = build_body(mesh_of_file(settings), settings.builder);
+        body = build_body(mesh_of_file(settings), settings.builder, progress);
         body.name = std::filesystem::path(settings.file).stem().string();
     } else {
-        body = generate_body(centred);
+        body = generate_body(centred, progress);
     }
     if (settings.particles.empty()) {
         set_compliances(settings, body.particles);
@@ -247,10 +247,10 @@ std::size_t expected_triangles(const ModelSettings& settings) {
     return generator_entry(settings.generator).triangles(settings) * settings.copies.size();
 }
 
-std::vector<DeformableBody> make_bodies(const ModelSettings& settings) {
+std::vector<DeformableBody> make_bodies(const ModelSettings& settings, const Progress& progress) {
     DeformableBody body;
     if (is_made_in_place(settings)) {
-        body = generate_body(settings);
+        body = generate_body(settings, progress);
         set_compliances(settings, body.particles);
         const Placement placement{settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)};
         if (settings.material) {
@@ -258,7 +258,7 @@ std::vector<DeformableBody> make_bodies(const ModelSettings& settings) {
         }
         apply_regions(settings, placement, body);
     } else {
-        body = make_body(settings);
+        body = make_body(settings, progress);
         place(body, settings.placement);
     }
     for (std::size_t i = 0; i < body.particles.size(); ++i) {

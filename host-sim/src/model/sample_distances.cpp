@@ -12,9 +12,11 @@
 namespace haptic::sim {
 namespace {
 
+constexpr std::size_t kReported = 10'000;  // extended samples from one report of progress to the next
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 using QueueEntry = std::tuple<double, std::uint32_t, std::uint32_t>;  // distance, source, sample
+using Entry = std::pair<double, std::uint32_t>;                       // distance, sample
 using Frontier = std::priority_queue<QueueEntry, std::vector<QueueEntry>, std::greater<>>;
 
 std::uint32_t farthest_from_mean(const SampleGraph& graph) {
@@ -63,7 +65,7 @@ bool nearer(const Source& a, const Source& b) noexcept {
 }
 
 std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::span<const Site> sites,
-                                                 std::size_t count) {
+                                                 std::size_t count, const Progress& progress) {
     std::vector<std::vector<Source>> found(graph.size());  // per sample, sorted by nearer()
     Frontier frontier;
     // Inserts a source into the list of a sample if it is among the `count` nearest so far.
@@ -92,7 +94,10 @@ std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::
             seed(edge.to);
         }
     }
-    // Dijkstra with several sources: extend the nearest entry, unless a shorter one has replaced it.
+    // Dijkstra with several sources: extend the nearest entry, unless a shorter one has replaced it. Each sample is
+    // extended from at most `count` sources.
+    const auto entries = static_cast<double>(graph.size() * count);
+    std::size_t extended = 0;
     while (!frontier.empty()) {
         const auto [distance, source, sample] = frontier.top();
         frontier.pop();
@@ -102,6 +107,9 @@ std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::
         if (replaced) {
             continue;
         }
+        if (++extended % kReported == 0) {
+            report(progress, static_cast<double>(extended) / entries);
+        }
         for (const Edge& edge : graph.edges_from(sample)) {
             insert_if_nearer(edge.to, {distance + edge.length, source});
         }
@@ -109,16 +117,33 @@ std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::
     return found;
 }
 
-std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count) {
+std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count, const Progress& progress) {
     std::vector<Site> chosen;
     std::vector<double> distance(graph.size(), kInfinity);
+    // Samples by their distance to the nearest site, the farthest first, then the first. Distances only shrink, so an
+    // entry is an upper bound; one that is not exact is put back with its present distance.
+    const auto nearer_or_later = [](const Entry& a, const Entry& b) {
+        return a.first < b.first || (a.first == b.first && a.second > b.second);
+    };
+    std::vector<Entry> farthest;
+    for (std::uint32_t i = 0; i < graph.size(); ++i) {
+        farthest.emplace_back(kInfinity, i);
+    }
+    std::make_heap(farthest.begin(), farthest.end(), nearer_or_later);
+    const auto find_farthest = [&] {
+        while (farthest.front().first != distance[farthest.front().second]) {
+            std::pop_heap(farthest.begin(), farthest.end(), nearer_or_later);
+            farthest.back().first = distance[farthest.back().second];
+            std::push_heap(farthest.begin(), farthest.end(), nearer_or_later);
+        }
+        return farthest.front().second;
+    };
     std::uint32_t next = farthest_from_mean(graph);
     // Each new site updates the distance to the nearest site; the sample with the largest distance is next.
     while (chosen.size() < count) {
         chosen.push_back({graph.position[next], next});
-        std::priority_queue<std::pair<double, std::uint32_t>, std::vector<std::pair<double, std::uint32_t>>,
-                            std::greater<>>
-            frontier;
+        report(progress, static_cast<double>(chosen.size()) / static_cast<double>(count));
+        std::priority_queue<Entry, std::vector<Entry>, std::greater<>> frontier;
         distance[next] = 0.0;
         frontier.emplace(0.0, next);
         while (!frontier.empty()) {
@@ -134,13 +159,14 @@ std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count) {
                 }
             }
         }
-        next = static_cast<std::uint32_t>(std::max_element(distance.begin(), distance.end()) - distance.begin());
+        next = find_farthest();
     }
     return chosen;
 }
 
-void relax(const SampleGraph& graph, std::vector<Site>& sites, int iterations) {
+void relax(const SampleGraph& graph, std::vector<Site>& sites, int iterations, const Progress& progress) {
     for (int k = 0; k < iterations; ++k) {
+        report(progress, static_cast<double>(k) / static_cast<double>(iterations + 1));
         sites = centroids(graph, nearest_sources(graph, sites, 1), sites.size());
     }
     // In a bent body a centroid may lie outside, next to samples of another site. Such a site returns to its own

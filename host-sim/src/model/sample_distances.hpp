@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "haptic/sim/progress.hpp"
 #include "model/sample_graph.hpp"
 
 namespace haptic::sim {
@@ -27,15 +28,16 @@ struct Site {
 
 /// Up to `count` nearest sites of each sample, in the order of nearer().
 [[nodiscard]] std::vector<std::vector<Source>> nearest_sources(const SampleGraph& graph, std::span<const Site> sites,
-                                                               std::size_t count);
+                                                               std::size_t count, const Progress& progress = {});
 
 /// Chooses `count` evenly spread sites by farthest-point sampling (T. F. Gonzalez, 1985). The first is the sample
 /// farthest from the samples' mean.
-[[nodiscard]] std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count);
+[[nodiscard]] std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count,
+                                              const Progress& progress = {});
 
 /// Moves each site repeatedly to the centroid of the samples nearest to it (S. P. Lloyd, 1982). Afterwards the sample
 /// at the smallest straight distance from a site belongs to that site.
-void relax(const SampleGraph& graph, std::vector<Site>& sites, int iterations);
+void relax(const SampleGraph& graph, std::vector<Site>& sites, int iterations, const Progress& progress = {});
 
 /// Sites at given positions, each with the sample nearest to it.
 [[nodiscard]] std::vector<Site> sites_at(const SampleGraph& graph, std::span<const Vec3> positions);

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "haptic/text_file.hpp"
+#include "program/progress_bar.hpp"
 #include "reproduce/ccd_misses.hpp"
 #include "reproduce/scene_run.hpp"
 #include "reproduce/study.hpp"
@@ -28,7 +29,8 @@ Figure missed_contacts(const Study& study) {
         "An oracle that shares no code with either method decides which of them touch. The thesis' method is "
         "Algorithm 1 plus overlap at the end of the step, which is left to the pop-out. The thesis shows the "
         "situations and gives no number.";
-    const auto table = measure_ccd_misses({});
+    const auto table = with_progress_bar("looking for contacts that are missed",
+                                         [](const Progress& progress) { return measure_ccd_misses({}, progress); });
     std::ostringstream csv;
     write_ccd_misses(csv, table);
     write_text(study.data(figure, "figure-4.7"), csv.str());

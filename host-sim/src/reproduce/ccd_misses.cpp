@@ -25,6 +25,7 @@ constexpr double kClearFactor = 1.0025;     // of the radius: a motion that star
 constexpr double kRadius = 0.03;            // m, as in the thesis
 constexpr double kTravel = 0.14;            // m per step: 14 m/s at 10 ms
 constexpr double kPi = 3.14159265358979323846;
+constexpr double kTriangleShare = 0.3;  // of the time, roughly
 
 /// Random numbers that do not depend on the standard library, as std:: distributions do.
 class Random {
@@ -121,7 +122,8 @@ LinearTriangle draw_triangle(Random& random, Motion motion) {
 }
 
 /// Runs both methods on single triangles and the unit sphere at the origin.
-CcdMisses measure_triangles(Motion motion, const char* name, const CcdMissesSettings& settings) {
+CcdMisses measure_triangles(Motion motion, const char* name, const CcdMissesSettings& settings,
+                            const Progress& progress) {
     CcdMisses row;
     row.set = "triangle";
     row.motion = name;
@@ -129,6 +131,7 @@ CcdMisses measure_triangles(Motion motion, const char* name, const CcdMissesSett
     Tally complete;
     Tally thesis;
     for (std::uint32_t k = 0; k < settings.triangles; ++k) {
+        report(progress, static_cast<double>(k) / static_cast<double>(settings.triangles));
         const LinearTriangle t = draw_triangle(random, motion);
         ++row.drawn;
         // The oracle's verdict; only a triangle that stays clearly outside can be reported spuriously.
@@ -260,7 +263,8 @@ double min_distance(const FlyingCloth& cloth, double time) {
     return min;
 }
 
-CcdMisses measure_cloth(Attitude attitude, const char* name, const CcdMissesSettings& settings) {
+CcdMisses measure_cloth(Attitude attitude, const char* name, const CcdMissesSettings& settings,
+                        const Progress& progress) {
     CcdMisses row;
     row.set = "cloth";
     row.motion = name;
@@ -272,6 +276,7 @@ CcdMisses measure_cloth(Attitude attitude, const char* name, const CcdMissesSett
     Tally complete;
     Tally thesis;
     while (row.drawn < settings.frames) {
+        report(progress, static_cast<double>(row.drawn) / static_cast<double>(settings.frames));
         cloth.draw(random, attitude);
         // Only motions that start clear of the sphere count.
         if (min_distance(cloth, 0.0) <= kRadius * kClearFactor) {
@@ -309,16 +314,19 @@ double percent(std::uint64_t part, std::uint64_t whole) {
 
 }  // namespace
 
-std::vector<CcdMisses> measure_ccd_misses(const CcdMissesSettings& settings) {
+std::vector<CcdMisses> measure_ccd_misses(const CcdMissesSettings& settings, const Progress& progress) {
     std::vector<CcdMisses> table;
     // Single triangles by kind of motion, then cloths by attitude.
-    table.push_back(measure_triangles(Motion::Translating, "translating", settings));
-    table.push_back(measure_triangles(Motion::Deforming, "deforming", settings));
-    table.push_back(measure_triangles(Motion::Rotating, "rotating", settings));
-    table.push_back(measure_triangles(Motion::Slow, "slower than a radius a step", settings));
-    table.push_back(measure_cloth(Attitude::Random, "random attitude", settings));
-    table.push_back(measure_cloth(Attitude::EdgeOn, "edge-on", settings));
-    table.push_back(measure_cloth(Attitude::Tumbling, "tumbling", settings));
+    const Progress triangles = part_of(progress, 0.0, kTriangleShare);
+    table.push_back(measure_triangles(Motion::Translating, "translating", settings, part_of(triangles, 0.0, 0.25)));
+    table.push_back(measure_triangles(Motion::Deforming, "deforming", settings, part_of(triangles, 0.25, 0.5)));
+    table.push_back(measure_triangles(Motion::Rotating, "rotating", settings, part_of(triangles, 0.5, 0.75)));
+    table.push_back(
+        measure_triangles(Motion::Slow, "slower than a radius a step", settings, part_of(triangles, 0.75, 1.0)));
+    const Progress cloths = part_of(progress, kTriangleShare, 1.0);
+    table.push_back(measure_cloth(Attitude::Random, "random attitude", settings, part_of(cloths, 0.0, 1.0 / 3.0)));
+    table.push_back(measure_cloth(Attitude::EdgeOn, "edge-on", settings, part_of(cloths, 1.0 / 3.0, 2.0 / 3.0)));
+    table.push_back(measure_cloth(Attitude::Tumbling, "tumbling", settings, part_of(cloths, 2.0 / 3.0, 1.0)));
     return table;
 }
 

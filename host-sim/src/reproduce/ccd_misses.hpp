@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "haptic/sim/progress.hpp"
+
 namespace haptic::sim::reproduce {
 
 struct CcdMissesSettings {
@@ -42,7 +44,8 @@ struct CcdMisses {
 
 /// Draws the motions and runs both methods. The same settings give the same numbers on every machine, up to the
 /// rounding of sin and cos.
-[[nodiscard]] std::vector<CcdMisses> measure_ccd_misses(const CcdMissesSettings& settings);
+[[nodiscard]] std::vector<CcdMisses> measure_ccd_misses(const CcdMissesSettings& settings,
+                                                        const Progress& progress = {});
 
 /// Writes the results as CSV, with a header line of columns and units.
 void write_ccd_misses(std::ostream& out, std::span<const CcdMisses> table);

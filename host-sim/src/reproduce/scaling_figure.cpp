@@ -47,6 +47,7 @@ struct StepCost {
     Medians moving{};   // while they move
 };
 
+constexpr double kBuildingPart = 0.1;  // of the time of a refinement, roughly
 constexpr double kHalfPeriod = 0.2;    // s, for which the far bodies rest, then move, in turn
 constexpr double kFarDistance = 20.0;  // m
 constexpr double kFarTravel = 0.1;     // m, there and back
@@ -82,17 +83,15 @@ Vec3 far_vertex(const Simulation& simulation) {
     return simulation.vertices()[simulation.bodies().at(1).first_vertex];
 }
 
-/// Measures one refinement; `show` receives the share of its time done, 0 to 1.
-template <class Show>
-StepCost measure_steps(const Scene& scene, std::int64_t (*clock)(), const Show& show) {
-    Simulation simulation(scene, clock);
+StepCost measure_steps(const Scene& scene, std::int64_t (*clock)(), const Progress& progress) {
+    Simulation simulation(scene, clock, part_of(progress, 0.0, kBuildingPart));
     const std::int64_t step_ns = nanoseconds(scene.solver.step);
     std::array<std::array<std::vector<double>, kTimedStages.size()>, 2> times_us;  // standing, moving
     // A body that has come to rest is refitted once more in the next step, which is counted in neither state.
     int alike = 0;
     bool moved_before = false;
     for (std::int64_t t = 0; t < nanoseconds(scene.duration_s); t += step_ns) {
-        show(seconds(t) / scene.duration_s);
+        report(progress, kBuildingPart + (1.0 - kBuildingPart) * seconds(t) / scene.duration_s);
         // Whether the far bodies moved in this step shows in one of their vertices.
         const Vec3 before = far_vertex(simulation);
         const StepResult result = simulation.step(simulation.scripted_input(t));

@@ -24,6 +24,9 @@ constexpr std::size_t kCatchSteps = 15;
 // The first step of all touches the memory for the first time.
 constexpr std::size_t kFirstClothStep = 1;
 
+// Of the time of a size, roughly.
+constexpr double kBuildingShare = 0.1;
+
 /// A quantity of this process in /proc/self/status, MB; 0 if there is none.
 double memory_mb(std::string_view key) {
     std::ifstream status("/proc/self/status");
@@ -87,8 +90,7 @@ GrowthCase falling_cloth(std::uint32_t vertices_per_side) {
     return {.scene = std::move(scene), .first_step = kFirstClothStep, .steps = kFallSteps + kCatchSteps};
 }
 
-SceneCost measure_growth(const GrowthCase& size, Simulation::ClockFunction clock,
-                         const std::function<void(double)>& show) {
+SceneCost measure_growth(const GrowthCase& size, Simulation::ClockFunction clock, const Progress& progress) {
     SceneCost cost;
     // Return freed memory to the system, so that it is not used again uncounted.
     (void)malloc_trim(0);
@@ -96,7 +98,7 @@ SceneCost measure_growth(const GrowthCase& size, Simulation::ClockFunction clock
     const double before_mb = memory_mb("VmRSS:");
     // Build.
     const std::int64_t begin_ns = clock();
-    Simulation simulation(size.scene, clock);
+    Simulation simulation(size.scene, clock, part_of(progress, 0.0, kBuildingShare));
     cost.build_s = seconds(clock() - begin_ns);
     cost.held_mb = memory_mb("VmRSS:") - before_mb;
     cost.bodies = simulation.bodies().size();
@@ -108,7 +110,8 @@ SceneCost measure_growth(const GrowthCase& size, Simulation::ClockFunction clock
     std::array<std::vector<double>, kGrowthStages.size()> contact_us;
     const std::int64_t step_ns = nanoseconds(size.scene.solver.step);
     for (std::size_t k = 0; k < size.steps; ++k) {
-        show(static_cast<double>(k) / static_cast<double>(size.steps));
+        report(progress,
+               kBuildingShare + (1.0 - kBuildingShare) * static_cast<double>(k) / static_cast<double>(size.steps));
         const StepResult result = simulation.step(simulation.scripted_input(static_cast<std::int64_t>(k) * step_ns));
         if (k < size.first_step) {
             continue;

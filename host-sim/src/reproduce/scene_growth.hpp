@@ -9,11 +9,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "haptic/sim/progress.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
 
@@ -72,11 +72,11 @@ struct SceneCost {
     StageMedians contact_us{};
 };
 
-/// Builds and runs one size. `clock` returns monotonic nanoseconds; `show` receives the share of the steps done, 0 to
-/// 1. Memory is that of the whole process: nothing else may allocate meanwhile, and sizes should ascend, since freed
+/// Builds and runs one size. `clock` returns monotonic nanoseconds; `progress` is that of building and running.
+/// Memory is that of the whole process: nothing else may allocate meanwhile, and sizes should ascend, since freed
 /// memory may be used again.
 [[nodiscard]] SceneCost measure_growth(const GrowthCase& size, Simulation::ClockFunction clock,
-                                       const std::function<void(double)>& show);
+                                       const Progress& progress);
 
 /// Growth of one cost between the two largest sizes that differ by kMinSizeRatio.
 struct Growth {

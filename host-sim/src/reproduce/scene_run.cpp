@@ -76,7 +76,10 @@ std::vector<std::string> thesis_assignments(std::string_view scene) {
 }
 
 SceneRun::SceneRun(const std::string& scene, const std::vector<std::string>& assignments, std::int64_t (*clock)())
-    : simulation_(scene_with(scene, assignments), clock), progress_("running " + scene) {
+    : simulation_(with_progress_bar(
+          "building " + scene,
+          [&](const Progress& progress) { return Simulation(scene_with(scene, assignments), clock, progress); })),
+      progress_("running " + scene) {
     simulation_.set_verification(true);
 }
 

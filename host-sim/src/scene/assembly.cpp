@@ -21,11 +21,15 @@ Faces touchable(const ContactSettings& contact) {
 
 }  // namespace
 
-Assembly::Assembly(const Scene& scene) {
+Assembly::Assembly(const Scene& scene, const Progress& progress) {
+    const double kinds = 1.0 + static_cast<double>(scene.objects.size());
+    double made = 0.0;
     const auto add_all = [&](const ModelSettings& settings) {
-        for (DeformableBody& body : make_bodies(settings)) {
+        for (DeformableBody& body : make_bodies(settings, part_of(progress, made / kinds, (made + 1.0) / kinds))) {
             add(std::move(body), scene);
         }
+        made += 1.0;
+        report(progress, made / kinds);
     };
     add_all(scene.model);
     for (const ModelSettings& object : scene.objects) {

@@ -18,7 +18,7 @@
 namespace haptic::sim {
 
 struct Assembly {
-    explicit Assembly(const Scene& scene);
+    explicit Assembly(const Scene& scene, const Progress& progress = {});
 
     /// Sets the velocities of all driven particles so that they reach their prescribed positions at now_s + step_s.
     void drive(double now_s, double step_s);

@@ -53,6 +53,7 @@ constexpr double kMaskRadius = 0.02;    // m
 constexpr double kClearance = 0.04;  // m, above the body, and above where it is touched
 constexpr double kDepth = 0.02;      // m, beyond that: a tenth of the body's length
 constexpr double kMaxRest = 3.0;     // s, after which the body is touched even if it still moves
+constexpr double kBuilt = 0.5;       // share of the time after which the body is built
 constexpr double kRestPart = 0.5;    // s, after each of which its speed is looked at
 constexpr double kRestSpeed = 0.02;  // m/s, of its fastest particle, below which it is at rest
 constexpr std::array<double, 5> kTimesAfterRest{0.0, 0.5, 1.5, 2.5, 3.0};  // s
@@ -246,7 +247,9 @@ Scene scene_of(const std::string& text, const std::string& file, const std::shar
 /// Runs a scene whose hand waits above the body.
 class Trial {
   public:
-    Trial(const Scene& scene, Simulation::ClockFunction clock) : simulation_(scene, clock) {}
+    /// `progress`: of building and, from then on, of `expected_s` that are simulated at most.
+    Trial(const Scene& scene, Simulation::ClockFunction clock, const Progress& progress, double expected_s)
+        : simulation_(scene, clock, part_of(progress, 0.0, kBuilt)), progress_(progress), expected_s_(expected_s) {}
 
     [[nodiscard]] const Simulation& simulation() const noexcept { return simulation_; }
     [[nodiscard]] double peak_force() const noexcept { return peak_force_; }
@@ -270,6 +273,7 @@ class Trial {
         while (simulation_.time() < time_s - 0.5 * kStep) {
             StepInput input;
             input.time_ns = nanoseconds(simulation_.time());
+            report(progress_, kBuilt + (1.0 - kBuilt) * simulation_.time() / expected_s_);
             input.device = simulation_.workspace().to_device(hand.at(input.time_ns));
             const StepResult result = simulation_.step(input);
             peak_force_ = std::max(peak_force_, glm::length(result.force));
@@ -279,6 +283,8 @@ class Trial {
 
   private:
     Simulation simulation_;
+    const Progress& progress_;
+    double expected_s_;
     double peak_force_ = 0.0;  // N, in the scene
     std::vector<std::int64_t> times_ns_;
 };
@@ -313,7 +319,8 @@ std::string explain(const Choices& c, const MeshReport& report, const Trial& tri
 
 }  // namespace
 
-MeshScene make_mesh_scene(const CheckedMesh& mesh, const std::string& file, Simulation::ClockFunction clock) {
+MeshScene make_mesh_scene(const CheckedMesh& mesh, const std::string& file, Simulation::ClockFunction clock,
+                          const Progress& progress) {
     const auto shared = std::make_shared<const TriangleMesh>(mesh.mesh);
     const MeshReport& report = mesh.report;
     Choices c;
@@ -321,7 +328,8 @@ MeshScene make_mesh_scene(const CheckedMesh& mesh, const std::string& file, Simu
     c.mass = mass_of(report, c.scale);
     c.stiffness = rounded(kStiffnessPerMass * c.mass, 2);
     // The body comes to rest under a hand that waits.
-    Trial trial(scene_of(text_of(c, file, report), file, shared), clock);
+    Trial trial(scene_of(text_of(c, file, report), file, shared), clock, progress,
+                times_of(c).back() + kMaxRest - c.rest);
     trial.run_until(c.rest, track_of(c));
     while (c.rest < kMaxRest && trial.speed() > kRestSpeed) {
         c.rest += kRestPart;

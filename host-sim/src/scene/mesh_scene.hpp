@@ -25,6 +25,6 @@ struct MeshScene {
 /// text on every machine. Throws MeshError for a mesh too far from its origin, std::invalid_argument for one without
 /// particles, and std::runtime_error for one that does not stay finite or cannot be touched.
 [[nodiscard]] MeshScene make_mesh_scene(const CheckedMesh& mesh, const std::string& file,
-                                        Simulation::ClockFunction clock);
+                                        Simulation::ClockFunction clock, const Progress& progress = {});
 
 }  // namespace haptic::sim

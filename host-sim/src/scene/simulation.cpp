@@ -25,6 +25,9 @@ namespace {
 // Steps without motion after which a body sleeps: it is neither skinned nor refitted. After two, both ends of the step
 // have the same vertices and the tree has been fitted to them.
 constexpr int kSleepingAfter = 2;
+// Shares of the time of building after which the tool and the bodies are there. The rest is that of the solver.
+constexpr double kToolMade = 0.1;
+constexpr double kAssembled = 0.5;
 
 /// Null if nothing can collide.
 std::unique_ptr<ParticleCollisions> make_collisions(const ParticleModel& model, const CollisionSettings& settings,
@@ -93,10 +96,10 @@ StepInput input_from(const DeviceState& state, std::int64_t time_ns) noexcept {
 }
 
 struct Simulation::State {
-    State(const Scene& from, const ToolModel& tool_model, ClockFunction time)
+    State(const Scene& from, const ToolModel& tool_model, ClockFunction time, const Progress& progress)
         : scene(from),
           clock(time),
-          assembly(from),
+          assembly(from, part_of(progress, kToolMade, kAssembled)),
           solver(assembly.model, from.solver),
           collisions(make_collisions(assembly.model, from.collisions, time)),
           skinner(assembly.mesh.vertices, assembly.model, assembly.skin),
@@ -165,10 +168,13 @@ struct Simulation::State {
     bool verify_steps = false;
 };
 
-Simulation::Simulation(const Scene& scene, ClockFunction clock)
-    : Simulation(scene, scene.tool ? make_tool(*scene.tool) : one_sphere(scene.proxy.radius), clock) {}
+Simulation::Simulation(const Scene& scene, ClockFunction clock, const Progress& progress)
+    : state_(std::make_unique<State>(
+          scene,
+          scene.tool ? make_tool(*scene.tool, part_of(progress, 0.0, kToolMade)) : one_sphere(scene.proxy.radius),
+          clock, progress)) {}
 Simulation::Simulation(const Scene& scene, const ToolModel& tool, ClockFunction clock)
-    : state_(std::make_unique<State>(scene, tool, clock)) {}
+    : state_(std::make_unique<State>(scene, tool, clock, Progress{})) {}
 Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 Simulation::~Simulation() = default;

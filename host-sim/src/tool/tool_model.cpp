@@ -25,7 +25,10 @@ namespace haptic::sim {
 namespace {
 
 constexpr double kDefaultCoverError = 0.02;  // default cover error, part of the longest side
-constexpr double kGridCell = 0.03;           // of the triangle grid, part of the longest side
+// Shares of the time of building after which the spheres, and the body at their centres, are there.
+constexpr double kCovered = 0.5;
+constexpr double kPlaced = 0.9;
+constexpr double kGridCell = 0.03;  // of the triangle grid, part of the longest side
 
 [[noreturn]] void refuse_tool(const std::string& why) {
     throw std::invalid_argument("tool: " + why);
@@ -278,14 +281,15 @@ ToolModel one_sphere(double radius) {
     return tool;
 }
 
-ToolModel make_tool(const ToolSettings& settings) {
+ToolModel make_tool(const ToolSettings& settings, const Progress& progress) {
     check(settings);
     const TriangleMesh mesh = mesh_of(settings);
     BuilderSettings builder;
     builder.neighbours = settings.neighbours;
     // Spheres, particles at their centres, and the net of neighbours in which there must be no gap.
     std::vector<Ball> balls = spheres_for(settings, mesh);
-    PlacedBody placed = build_body_at(mesh, centres_of(balls), builder);
+    report(progress, kCovered);
+    PlacedBody placed = build_body_at(mesh, centres_of(balls), builder, part_of(progress, kCovered, kPlaced));
     const Neighbours net = joined_inside(mesh, balls, placed.neighbours);
     ToolModel tool;
     if (settings.close_gaps) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <utility>
 
 namespace haptic {
 
@@ -36,5 +37,12 @@ class ProgressBar {
     std::int64_t next_ns_ = 0;  // not drawn before
     bool drawn_ = false;
 };
+
+/// Does work under a bar: calls `act` with a function that shows the share of it that is done, and returns its result.
+template <class Act>
+auto with_progress_bar(std::string work, const Act& act) {
+    ProgressBar bar(std::move(work));
+    return act([&bar](double share) { bar.show(share); });
+}
 
 }  // namespace haptic

@@ -14,6 +14,7 @@
 
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/mesh_check.hpp"
+#include "haptic/sim/progress.hpp"
 
 namespace haptic::sim {
 
@@ -36,7 +37,8 @@ struct MeshFileSettings {
 /// ignores points and lines with a warning. Coordinates have 32-bit precision, from assimp. Buffers of a .gltf file
 /// must be in its folder or below. Forks: call it before starting threads that hold locks. Throws MeshError (what is
 /// wrong, where, and what would be right), and std::invalid_argument for settings out of range.
-[[nodiscard]] CheckedMesh read_mesh(const std::filesystem::path& file, const MeshFileSettings& settings = {});
+[[nodiscard]] CheckedMesh read_mesh(const std::filesystem::path& file, const MeshFileSettings& settings = {},
+                                    const Progress& progress = {});
 
 /// read_mesh() without the report.
 [[nodiscard]] TriangleMesh load_mesh(const std::filesystem::path& file, const MeshFileSettings& settings = {});

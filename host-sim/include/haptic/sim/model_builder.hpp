@@ -25,6 +25,7 @@
 
 #include "haptic/sim/deformable.hpp"
 #include "haptic/sim/mesh.hpp"
+#include "haptic/sim/progress.hpp"
 
 namespace haptic::sim {
 
@@ -43,7 +44,8 @@ struct BuilderSettings {
 /// Builds particles and skin of a closed or open mesh, with the same bits on every machine. Throws
 /// std::invalid_argument for settings out of range, bad indices, vertices that are not finite or unused, a mesh without
 /// area, and parts farther apart than `bridge`.
-[[nodiscard]] DeformableBody build_body(const TriangleMesh& mesh, const BuilderSettings& settings);
+[[nodiscard]] DeformableBody build_body(const TriangleMesh& mesh, const BuilderSettings& settings,
+                                        const Progress& progress = {});
 
 /// A body with particles at given positions, and the pairs of particles whose cells of the body touch, lower index
 /// first.
@@ -55,10 +57,11 @@ struct PlacedBody {
 /// Like build_body(), with particles at `positions`, which need not be inside the mesh. Ignores settings.particles.
 /// Throws std::invalid_argument as build_body() does, and for an empty span.
 [[nodiscard]] PlacedBody build_body_at(const TriangleMesh& mesh, std::span<const Vec3> positions,
-                                       const BuilderSettings& settings);
+                                       const BuilderSettings& settings, const Progress& progress = {});
 
 /// The skin of `mesh` for given particles, with weights as in build_body(). For models whose particles were edited.
 /// Throws std::invalid_argument as build_body() does.
-[[nodiscard]] Skin build_skin(const TriangleMesh& mesh, const ParticleModel& particles, double bridge);
+[[nodiscard]] Skin build_skin(const TriangleMesh& mesh, const ParticleModel& particles, double bridge,
+                              const Progress& progress = {});
 
 }  // namespace haptic::sim

@@ -17,6 +17,7 @@
 #include "haptic/sim/fish.hpp"
 #include "haptic/sim/model_builder.hpp"
 #include "haptic/sim/organ.hpp"
+#include "haptic/sim/progress.hpp"
 #include "haptic/sim/rigid_shapes.hpp"
 
 namespace haptic::sim {
@@ -88,9 +89,9 @@ struct ModelSettings {
 /// Makes one body about the origin, not turned, with what the regions say of it. A region without a particle is refused
 /// unless the mesh is from a file: built-in scenes then run with any mesh. Throws std::invalid_argument, MeshError or
 /// ConfigError.
-[[nodiscard]] DeformableBody make_body(const ModelSettings& settings);
+[[nodiscard]] DeformableBody make_body(const ModelSettings& settings, const Progress& progress = {});
 
 /// Makes the bodies in their places, one for each copy. Throws as make_body does.
-[[nodiscard]] std::vector<DeformableBody> make_bodies(const ModelSettings& settings);
+[[nodiscard]] std::vector<DeformableBody> make_bodies(const ModelSettings& settings, const Progress& progress = {});
 
 }  // namespace haptic::sim

@@ -23,6 +23,7 @@
 #include "haptic/sim/live_settings.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/particles.hpp"
+#include "haptic/sim/progress.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/scene_body.hpp"
 #include "haptic/sim/workspace.hpp"
@@ -100,8 +101,9 @@ class Simulation {
     /// Monotonic clock, ns, to time the stages.
     using ClockFunction = std::int64_t (*)();
 
-    /// The tool starts at the scripted hand's pose and curl at time 0. Throws std::invalid_argument.
-    explicit Simulation(const Scene& scene, ClockFunction clock = nullptr);
+    /// The tool starts at the scripted hand's pose and curl at time 0. `progress` is that of building, which takes
+    /// seconds for large bodies. Throws std::invalid_argument.
+    explicit Simulation(const Scene& scene, ClockFunction clock = nullptr, const Progress& progress = {});
     /// With a tool that replaces the scene's.
     Simulation(const Scene& scene, const ToolModel& tool, ClockFunction clock = nullptr);
     Simulation(Simulation&&) noexcept;

@@ -17,6 +17,7 @@
 #include "haptic/config.hpp"
 #include "haptic/frames.hpp"
 #include "haptic/sim/deformable.hpp"
+#include "haptic/sim/progress.hpp"
 #include "haptic/sim/tool_joints.hpp"
 #include "haptic/sim/tool_material.hpp"
 
@@ -76,6 +77,6 @@ struct ToolModel {
 
 /// Builds the tool, the same bits on every machine. Throws std::invalid_argument: a setting out of range; more spheres
 /// needed than allowed, with the number. Throws MeshError for an unreadable file.
-[[nodiscard]] ToolModel make_tool(const ToolSettings& settings);
+[[nodiscard]] ToolModel make_tool(const ToolSettings& settings, const Progress& progress = {});
 
 }  // namespace haptic::sim

@@ -18,6 +18,7 @@
 #include "dynamics/rotation.hpp"
 #include "haptic/sim/cloth.hpp"
 #include "haptic/sim/fish.hpp"
+#include "model/sample_distances.hpp"
 #include "scene/state_hash.hpp"
 
 namespace haptic::sim {
@@ -412,6 +413,48 @@ TEST(ModelBuilder, RebuildsTheSkinOfItsOwnParticles) {
         EXPECT_EQ(again[j].particle, body.skin[j].particle) << j;
         EXPECT_EQ(again[j].weight, body.skin[j].weight) << j;
     }
+}
+
+/// Sites by the definition: each is the sample farthest, along edges, from those before, the first of those equally
+/// far.
+std::vector<std::uint32_t> spread_by_definition(const SampleGraph& graph, std::uint32_t first, std::size_t count) {
+    std::vector<std::uint32_t> chosen{first};
+    std::vector<double> distance(graph.size(), std::numeric_limits<double>::infinity());
+    while (chosen.size() < count) {
+        distance[chosen.back()] = 0.0;
+        for (bool changed = true; changed;) {
+            changed = false;
+            for (std::uint32_t i = 0; i < graph.size(); ++i) {
+                for (const Edge& edge : graph.edges_from(i)) {
+                    changed = changed || distance[i] + edge.length < distance[edge.to];
+                    distance[edge.to] = std::min(distance[edge.to], distance[i] + edge.length);
+                }
+            }
+        }
+        chosen.push_back(
+            static_cast<std::uint32_t>(std::max_element(distance.begin(), distance.end()) - distance.begin()));
+    }
+    return chosen;
+}
+
+TEST(ModelBuilder, SpreadsSitesToTheFarthestSampleEachTime) {
+    const SampleGraph graph = make_sample_graph(box(Vec3(0.0), Vec3(0.1, 0.05, 0.03), 3), 0.006, 0.01);
+    const std::vector<Site> sites = spread_evenly(graph, 60);
+    const std::vector<std::uint32_t> expected = spread_by_definition(graph, sites.front().sample, 60);
+    for (std::size_t k = 0; k < sites.size(); ++k) {
+        ASSERT_EQ(sites[k].sample, expected[k]) << k;
+    }
+}
+
+TEST(ModelBuilder, SaysHowFarItIs) {
+    std::vector<double> shares;
+    const DeformableBody body = build_body(make_fish_mesh({}), {}, [&](double share) { shares.push_back(share); });
+    ASSERT_GT(shares.size(), 100u);
+    EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
+    EXPECT_GE(shares.front(), 0.0);
+    EXPECT_LE(shares.back(), 1.0);
+    EXPECT_GT(shares.back(), 0.9);
+    EXPECT_EQ(body.particles.position, fish().particles.position) << "asking changes nothing";
 }
 
 }  // namespace

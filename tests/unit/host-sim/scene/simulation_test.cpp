@@ -3,9 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <string>
+#include <vector>
 
 #include "haptic/config.hpp"
 #include "haptic/frames.hpp"
@@ -333,6 +335,17 @@ TEST(Simulation, TimesItsStagesByTheCallersClock) {
     EXPECT_EQ(t.total_ns, 11000);  // plus one for the frame
     Simulation without(late_drop());
     EXPECT_EQ(without.step(without.scripted_input(0)).times.total_ns, 0);
+}
+
+TEST(Simulation, SaysHowFarItsBuildingIs) {
+    std::vector<double> shares;
+    // A tool and a body, each made of particles.
+    const Scene scene = read_scene(open_scene("fish-grab"), "fish-grab");
+    const Simulation simulation(scene, nullptr, [&](double share) { shares.push_back(share); });
+    ASSERT_GT(shares.size(), 100u);
+    EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
+    EXPECT_GE(shares.front(), 0.0);
+    EXPECT_LE(shares.back(), 1.0);
 }
 
 }  // namespace
