@@ -4,6 +4,7 @@
 // simplifications do not.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <string>
@@ -60,6 +61,32 @@ INSTANTIATE_TEST_SUITE_P(
         }
         return name + (scene.param.as_in_thesis ? "_as_in_thesis" : "");
     });
+
+class ThreadsOfScenes : public testing::TestWithParam<const char*> {};
+
+TEST_P(ThreadsOfScenes, ChangeNoBit) {
+    std::uint64_t of_one = 0;
+    for (const char* const threads : {"1", "2", "4"}) {
+        Config config = sim::open_scene(GetParam());
+        config.set(std::string("solver.threads=") + threads);
+        sim::Simulation simulation(sim::read_scene(config, GetParam()));
+        const auto step_ns = static_cast<std::int64_t>(std::llround(simulation.scene().solver.step * 1e9));
+        for (std::int64_t step = 0; step < 250; ++step) {
+            simulation.step(simulation.scripted_input(step * step_ns));
+        }
+        of_one = of_one == 0 ? simulation.state_hash() : of_one;
+        EXPECT_EQ(simulation.state_hash(), of_one) << threads << " threads";
+    }
+}
+
+// Bodies in contact, a sheet, one solid body, and the thesis' solver.
+INSTANTIATE_TEST_SUITE_P(OfBuiltInScenes, ThreadsOfScenes,
+                         testing::Values("four-fish", "cloth-drop", "gel-block", "popout-fan"),
+                         [](const testing::TestParamInfo<const char*>& scene) {
+                             std::string name = scene.param;
+                             name.erase(std::remove(name.begin(), name.end(), '-'), name.end());
+                             return name;
+                         });
 
 }  // namespace
 }  // namespace haptic::test

@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <exception>
@@ -14,6 +15,7 @@
 #include <utility>
 
 #include "app/background.hpp"
+#include "dynamics/workers.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/csv.hpp"
 #include "haptic/other_users.hpp"
@@ -35,6 +37,14 @@ constexpr std::int64_t kDevicePollNs = 20'000;
 // Silence of the device after which a run in its time ends.
 constexpr std::int64_t kMaxSilenceNs = 60 * kNanosecondsPerSecond;
 
+/// Leaves rt-core of the session a processor of its own, unless the scene says how many threads there are.
+Scene with_threads(Scene scene, const std::string& session) {
+    if (scene.solver.threads == 0 && !session.empty()) {
+        scene.solver.threads = std::max(1, std::min(usable_processors() - 1, Workers::kMaxChosen));
+    }
+    return scene;
+}
+
 }  // namespace
 
 Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::LiveView> view)
@@ -45,9 +55,11 @@ Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::Live
       scene_(plan.scene),
       scene_settings_(live_settings_of(plan.scene)),
       origin_(plan.origin),
-      simulation_(with_progress_bar(
-          "building " + plan.scene.name,
-          [&](const Progress& progress) { return Simulation(plan.scene, monotonic_now_ns, progress); })),
+      simulation_(with_progress_bar("building " + plan.scene.name,
+                                    [&](const Progress& progress) {
+                                        return Simulation(with_threads(plan.scene, plan.session), monotonic_now_ns,
+                                                          progress);
+                                    })),
       statistics_(),
       recordings_(options.record),
       workspace_(plan.workspace),
@@ -257,7 +269,8 @@ void Run::start_next_scene(const SceneRequest& request) {
         return;
     }
     // Building takes longer than a step.
-    next.made = in_background([scene = next.scene] { return Simulation(scene, monotonic_now_ns); });
+    next.made =
+        in_background([scene = with_threads(next.scene, session_)] { return Simulation(scene, monotonic_now_ns); });
     next_ = std::move(next);
 }
 

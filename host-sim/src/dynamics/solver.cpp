@@ -176,7 +176,8 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
     for (const ParticleRange& body : bodies_of(model)) {
         bodies_.push_back({body, has_no_pinned(model, body)});
     }
-    workers_ = std::make_unique<Workers>(settings.threads > 0 ? settings.threads : usable_processors());
+    workers_ = std::make_unique<Workers>(settings.threads > 0 ? settings.threads
+                                                              : std::min(usable_processors(), Workers::kMaxChosen));
     state_ = std::make_unique<ProjectionState>(model, lanes, *workers_);
     state_->elastic.prepare(settings.step / substeps());
     predicted_.resize(model.size());

@@ -18,12 +18,13 @@
 
 namespace haptic::sim {
 
-/// The processors that this thread may run on, at least 1. Those isolated for real time do not count.
+/// Number of processors that this thread may run on, at least 1: those isolated for real time are not among them.
 [[nodiscard]] int usable_processors() noexcept;
 
 class Workers {
   public:
     static constexpr int kMaxThreads = 256;
+    static constexpr int kMaxChosen = 8;  // without a number given: more wait for one another in most scenes
     static constexpr std::size_t kMaxItems = 1'000'000;
 
     /// The caller's thread and `threads` - 1 more. Throws std::invalid_argument unless 1 <= threads <= kMaxThreads, and

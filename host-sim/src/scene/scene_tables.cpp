@@ -58,7 +58,7 @@ const SettingTable<SolverSettings>& solver_table() {
             {{.key = "threads",
               .default_note = "0",
               .meaning = "Threads that share the work of a step; the result has the same bits with any number. 0: one "
-                         "for each processor that host-sim may use, except rt-core's where both run together."},
+                         "for each processor that host-sim may use, up to 8; one less beside rt-core."},
              V::integer(&S::threads, {0, 256})},
         }};
     return table;
