@@ -588,6 +588,10 @@ bool Config::has_table(const std::string& key) const {
     return node != nullptr && node->is_table();
 }
 
+std::string Config::where(const std::string& key) const {
+    return state_->where(key);
+}
+
 void Config::fail(const std::string& key, const std::string& problem) const {
     state_->fail(key, problem);
 }

@@ -3,7 +3,6 @@
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -14,6 +13,7 @@
 #include "app/playback.hpp"
 #include "app/recorded_run.hpp"
 #include "app/replay.hpp"
+#include "app/run_options.hpp"
 #include "app/stop_signal.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/sim/scene.hpp"
@@ -56,15 +56,6 @@ PlayedScene find_scene(const PlayOptions& options, const std::optional<RecordNot
     return own;
 }
 
-Scene open(const PlayedScene& scene) {
-    Config config = open_scene(scene.which);
-    for (const std::string& assignment : scene.assignments) {
-        config.set(assignment);
-    }
-    const std::filesystem::path path(scene.which);
-    return read_scene(config, path.extension() == ".toml" ? path.stem().string() : scene.which);
-}
-
 int play(const PlayOptions& options, bool viewed) {
     if (!viewed) {
         throw std::runtime_error(
@@ -75,7 +66,7 @@ int play(const PlayOptions& options, bool viewed) {
     }
     const RecordedRun record = RecordedRun::load(options.record);
     const PlayedScene scene = find_scene(options, record.notes());
-    Replay replay(open(scene), record, scene.as_recorded, monotonic_now_ns);
+    Replay replay(load_scene(scene.which, scene.assignments), record, scene.as_recorded, monotonic_now_ns);
     if (scene.first_step > 0) {
         spdlog::warn(
             "the record begins at step {} of its scene but does not contain the state at that step; playing it from "

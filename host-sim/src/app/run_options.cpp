@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <iostream>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
@@ -67,7 +68,11 @@ Scene load_scene(const std::string& which, const std::vector<std::string>& assig
         config.set(assignment);
     }
     const std::filesystem::path path(which);
-    return read_scene(config, path.extension() == ".toml" ? path.stem().string() : which);
+    Scene scene = read_scene(config, path.extension() == ".toml" ? path.stem().string() : which);
+    for (const std::string& notice : scene.notices) {
+        std::cerr << notice << '\n';
+    }
+    return scene;
 }
 
 Plan::Plan(const RunOptions& options) {

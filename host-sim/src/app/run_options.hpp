@@ -43,7 +43,8 @@ struct RunOptions {
 /// Adds the options of `host-sim run` to a parser. `options` must outlive it.
 void add_run_options(CLI::App& app, RunOptions& options);
 
-/// Reads a built-in scene or a scene file with these assignments. Throws ConfigError.
+/// Reads a built-in scene or a scene file with these assignments, and writes its notices to standard error. Throws
+/// ConfigError.
 [[nodiscard]] Scene load_scene(const std::string& which, const std::vector<std::string>& assignments);
 
 /// What time passes in a run.

@@ -21,7 +21,8 @@ const SettingTable<MaterialSettings>& material_table() {
     static const SettingTable<S> table{
         "model.material",
         "Material of the body, in the units of a data sheet. model.material = \"NAME\" takes a named material as it "
-        "is, and \"none\" is as if there were no material. Cloth, curtain and other open meshes with a particle at "
+        "is, and \"none\" is as if there were no material, without the notice on keys of stiffness and mass "
+        "that a material replaces. Cloth, curtain and other open meshes with a particle at "
         "each vertex are sheets, closed meshes solids.",
         {
             {{.key = "name", .meaning = "A named material, whose values the other keys replace. Empty: none."},

@@ -8,6 +8,7 @@
 
 #include "haptic/setting_documents.hpp"
 #include "model/model_keys.hpp"
+#include "model/old_keys.hpp"
 #include "scene/scene_tables.hpp"
 #include "tool/tool_settings.hpp"
 
@@ -121,6 +122,17 @@ bool has_material(const Scene& scene) {
     return any && with_material(scene.model) && std::all_of(scene.objects.begin(), scene.objects.end(), with_material);
 }
 
+/// Notices on the bodies of a scene.
+std::vector<std::string> notices_on(const Config& config, const Scene& scene) {
+    std::vector<std::string> notices = old_key_notices(config, "model", scene.model);
+    for (std::size_t k = 0; k < scene.objects.size(); ++k) {
+        for (std::string& notice : old_key_notices(config, "objects." + std::to_string(k), scene.objects[k])) {
+            notices.push_back(std::move(notice));
+        }
+    }
+    return notices;
+}
+
 }  // namespace
 
 WorkspaceSettings read_workspace(const Config& config, const WorkspaceSettings& otherwise) {
@@ -176,6 +188,7 @@ Scene read_scene(const Config& config, const std::string& name) {
     scene.hand_repeats = keys.hand.repeat;
     scene.step_probe_slowest_edge_ns = keys.probes.slowest_edge_ns;
     config.reject_unknown();
+    scene.notices = notices_on(config, scene);
     return scene;
 }
 

@@ -47,6 +47,7 @@ struct Scene {
     double duration_s = 2.0;
     std::optional<GpioLine> step_probe;  // high while a step is computed and published
     std::int64_t step_probe_slowest_edge_ns = Probe::kSlowestEdgeNs;
+    std::vector<std::string> notices;  // on keys that others have replaced, one line each, with file and line
 };
 
 struct BuiltInScene {
