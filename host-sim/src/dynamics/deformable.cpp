@@ -1,28 +1,77 @@
 #include "haptic/sim/deformable.hpp"
 
 #include <cmath>
+#include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 
 #include "dynamics/rotation.hpp"
 
 namespace haptic::sim {
 
-Vec3 offset_at(const Motion& motion, double time_s) noexcept {
-    // A repeated motion continues from its start; another one stays at its end.
-    const double period = motion.times.back();
-    if (motion.repeat && period > 0.0) {
+namespace {
+
+/// A function of time that is linear between its values. Times increase from 0.
+template <class Value>
+Value course_at(const std::vector<double>& times, const std::vector<Value>& values, bool repeat,
+                double time_s) noexcept {
+    // A repeated course continues from its start; another one stays at its end.
+    const double period = times.back();
+    if (repeat && period > 0.0) {
         time_s -= period * std::floor(time_s / period);
     }
     if (time_s >= period) {
-        return motion.offsets.back();
+        return values.back();
     }
     // Linear interpolation between the two key times around time_s.
     std::size_t next = 1;
-    while (motion.times[next] <= time_s) {
+    while (times[next] <= time_s) {
         ++next;
     }
-    const double fraction = (time_s - motion.times[next - 1]) / (motion.times[next] - motion.times[next - 1]);
-    return motion.offsets[next - 1] + fraction * (motion.offsets[next] - motion.offsets[next - 1]);
+    const double fraction = (time_s - times[next - 1]) / (times[next] - times[next - 1]);
+    return values[next - 1] + fraction * (values[next] - values[next - 1]);
+}
+
+}  // namespace
+
+Vec3 offset_at(const Motion& motion, double time_s) noexcept {
+    return course_at(motion.times, motion.offsets, motion.repeat, time_s);
+}
+
+double factor_at(const Load& load, double time_s) noexcept {
+    return load.times.empty() ? 1.0 : course_at(load.times, load.factors, load.repeat, time_s);
+}
+
+void add_forces(Load& load, double time_s, std::span<const Vec3> position, std::span<Vec3> force) noexcept {
+    const double factor = factor_at(load, time_s);
+    // F_i = w_i F
+    for (const ParticleWeight& share : load.shares) {
+        force[share.particle] += factor * share.weight * load.force;
+    }
+    // y_j = sum of w_ji x_i
+    PressedSurface& surface = load.surface;
+    for (std::size_t j = 0; j < surface.vertices.size(); ++j) {
+        Vec3 at(0.0);
+        for (const ParticleWeight& carrier : surface.vertices[j]) {
+            at += carrier.weight * position[carrier.particle];
+        }
+        surface.position[j] = at;
+        surface.force[j] = Vec3(0.0);
+    }
+    // f_j = -p A n / 3 of each triangle, with A n = (b - a) x (c - a) / 2
+    for (const auto& [a, b, c] : surface.triangles) {
+        const Vec3& at = surface.position[a];
+        const Vec3 area = 0.5 * glm::cross(surface.position[b] - at, surface.position[c] - at);
+        const Vec3 at_corner = -factor * load.pressure / 3.0 * area;
+        surface.force[a] += at_corner;
+        surface.force[b] += at_corner;
+        surface.force[c] += at_corner;
+    }
+    // F_i = sum of w_ji f_j
+    for (std::size_t j = 0; j < surface.vertices.size(); ++j) {
+        for (const ParticleWeight& carrier : surface.vertices[j]) {
+            force[carrier.particle] += carrier.weight * surface.force[j];
+        }
+    }
 }
 
 void place(DeformableBody& body, const Placement& placement) {

@@ -239,6 +239,22 @@ void for_each_piece(const TriangleMesh& mesh, double size, const Visitor& visit)
     }
 }
 
+/// Visits the particles that carry a point of the surface, with their weights, which sum to 1: the point moves with the
+/// element about the nearest particle, which is exact for affine motions. A particle may be visited twice.
+template <class Visitor>
+void for_each_carrier(const ParticleModel& model, const Elasticity& elasticity, const Vec3& at, const Visitor& visit) {
+    const ElasticElement& e = *std::min_element(elasticity.elements.begin(), elasticity.elements.end(),
+                                                [&](const ElasticElement& a, const ElasticElement& b) {
+                                                    const Vec3 to_a = model.rest_position[a.centre] - at;
+                                                    const Vec3 to_b = model.rest_position[b.centre] - at;
+                                                    return glm::dot(to_a, to_a) < glm::dot(to_b, to_b);
+                                                });
+    visit(e.centre, 1.0);
+    for (std::size_t m = 0; m < e.members.size(); ++m) {
+        visit(e.members[m], glm::dot(e.gradient[m], at - model.rest_position[e.centre]));
+    }
+}
+
 /// Changes of an element's gradients by multipliers of its members, 0 for affine ones.
 Eigen::MatrixXd change_of(const ParticleModel& model, const ElasticElement& e) {
     const auto count = static_cast<Eigen::Index>(e.members.size());
@@ -322,18 +338,9 @@ void balance_surface(const ParticleModel& model, const TriangleMesh& mesh, Elast
             add(e.members[k], -e.volume * e.gradient[k]);
         }
     }
-    // A point of the surface moves with the element about the nearest particle, which is exact for affine motions.
     for_each_piece(mesh, 0.5 * spacing_of(elasticity), [&](const Vec3& at, const Vec3& area) {
-        const ElasticElement& e = *std::min_element(elasticity.elements.begin(), elasticity.elements.end(),
-                                                    [&](const ElasticElement& a, const ElasticElement& b) {
-                                                        const Vec3 to_a = model.rest_position[a.centre] - at;
-                                                        const Vec3 to_b = model.rest_position[b.centre] - at;
-                                                        return glm::dot(to_a, to_a) < glm::dot(to_b, to_b);
-                                                    });
-        add(e.centre, area);
-        for (std::size_t m = 0; m < e.members.size(); ++m) {
-            add(e.members[m], glm::dot(e.gradient[m], at - model.rest_position[e.centre]) * area);
-        }
+        for_each_carrier(model, elasticity, at,
+                         [&](std::uint32_t particle, double weight) { add(particle, weight * area); });
     });
     // Smallest changes, weighted as the fit is, that are 0 for affine displacements: those of element k are P_k lambda,
     // with P_k = W - W B (B^T W B)^-1 B^T W, B the members' affine functions, and (sum V_k P_k) lambda = lack.
@@ -375,6 +382,20 @@ void balance_surface(const ParticleModel& model, const TriangleMesh& mesh, Elast
             e.gradient[i] += e.spread * change;
         }
     }
+}
+
+std::vector<ParticleWeight> carriers_of(const ParticleModel& model, const Elasticity& elasticity, const Vec3& at) {
+    std::map<std::uint32_t, double> sum;
+    double total = 0.0;  // 1, but for rounding in the fit
+    for_each_carrier(model, elasticity, at, [&](std::uint32_t particle, double weight) {
+        sum[particle] += weight;
+        total += weight;
+    });
+    std::vector<ParticleWeight> carriers;
+    for (const auto& [particle, weight] : sum) {
+        carriers.push_back({particle, weight / total});
+    }
+    return carriers;
 }
 
 Elasticity make_sheet(const ParticleModel& model, const TriangleMesh& mesh, std::span<const SheetMaterial> material) {

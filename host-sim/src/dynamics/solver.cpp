@@ -51,6 +51,16 @@ const ProjectionKernels& choose_projection(std::size_t lanes) {
                                 " lanes; ParticleSolver::usable_lanes() lists the numbers it has");
 }
 
+/// The same forces in every sub-step.
+class ConstantForces final : public SolverForces {
+  public:
+    explicit ConstantForces(std::span<const Vec3> force) : force_(force) {}
+    [[nodiscard]] std::span<const Vec3> at(const ParticleModel&, double, double) noexcept override { return force_; }
+
+  private:
+    std::span<const Vec3> force_;
+};
+
 }  // namespace
 
 /// The constraints in batches, and the particles in the form in which they are projected.
@@ -211,6 +221,11 @@ int ParticleSolver::substeps() const noexcept {
 
 void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
                           std::initializer_list<SolverContacts*> contacts) {
+    ConstantForces forces(force);
+    step(model, forces, contacts);
+}
+
+void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initializer_list<SolverContacts*> contacts) {
     const auto for_each = [&](auto&& call) {
         for (SolverContacts* const c : contacts) {  // NOLINT(misc-const-correctness): some calls change it
             if (c != nullptr) {
@@ -228,7 +243,7 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
     const double h = settings_.step / substeps;
     for (int s = 0; s < substeps; ++s) {
         // v <- v + h (f / m + g), u <- x + h v, orientations rotated by h w.
-        predict(model, force, h);
+        predict(model, forces.at(model, s * h, h), h);
         state_->begin_substep(h);
         // Algorithm 3, line 15: contacts along the paths x to u.
         state_->elastic.prepare(h);

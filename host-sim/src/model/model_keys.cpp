@@ -15,6 +15,8 @@ namespace haptic::sim {
 namespace {
 
 constexpr Range kLengths{1e-3, 100.0};  // m
+constexpr Range kForces{-1e6, 1e6};     // N
+constexpr Range kPressures{-1e9, 1e9};  // Pa
 constexpr std::size_t kNeighboursOfElements = 16;
 
 /// The keys of [model] where several shapes share one, or one member is computed from several.
@@ -163,7 +165,8 @@ const SettingTable<RegionKeys>& region_table() {
     using V = SettingValues<S>;
     static const SettingTable<S> table{
         "model.regions",
-        "Particles whose rest position is in a box, in the body's own frame. If regions overlap, the last one counts.",
+        "Particles whose rest position is in a box, in the body's own frame. If regions overlap, the last one counts; "
+        "loads add up.",
         {
             {{.key = "low", .unit = "m", .required = true, .meaning = "Lower corner of the box."},
              V::vector([](S& s) -> auto& { return s.region.low; }, kPositions)},
@@ -183,6 +186,25 @@ const SettingTable<RegionKeys>& region_table() {
              V::numbers(&S::motion_offsets, kPositions)},
             {{.key = "motion_repeat", .meaning = "Whether the motion starts again after its last time."},
              V::flag([](S& s) -> auto& { return s.region.motion_repeat; })},
+            {{.key = "force",
+              .unit = "N",
+              .meaning = "Force on the free particles together, in the scene's axes, divided among them by mass."},
+             V::vector([](S& s) -> auto& { return s.region.force; }, kForces)},
+            {{.key = "pressure",
+              .unit = "Pa",
+              .meaning = "Pressure on the triangles of the surface that have all corners in the box at rest. It acts "
+                         "inwards, against the normal of the present surface, which it follows; if it is negative, it "
+                         "pulls."},
+             V::number([](S& s) -> auto& { return s.region.pressure; }, kPressures)},
+            {{.key = "load_times",
+              .unit = "s",
+              .meaning = "Times of load_factors, increasing from 0. Empty: force and pressure are constant."},
+             V::numbers([](S& s) -> auto& { return s.region.load_times; }, {0.0, 1e6})},
+            {{.key = "load_factors",
+              .meaning = "Factor of force and pressure at each of load_times, linear between them."},
+             V::numbers([](S& s) -> auto& { return s.region.load_factors; }, {-1e6, 1e6})},
+            {{.key = "load_repeat", .meaning = "Whether the load starts again after the last of load_times."},
+             V::flag([](S& s) -> auto& { return s.region.load_repeat; })},
         },
         SectionKind::Repeated};
     return table;
@@ -266,6 +288,27 @@ ModelSettings with_shapes(const ModelKeys& keys) {
     return model;
 }
 
+/// Refuses times that do not increase from 0.
+void check_times(const Config& config, const std::string& key, const std::vector<double>& times) {
+    for (std::size_t i = 0; i < times.size(); ++i) {
+        if (i == 0 ? times[0] != 0.0 : !(times[i] > times[i - 1])) {
+            config.fail(key, "must start at 0 and increase from each element to the next");
+        }
+    }
+}
+
+void check_load(const Config& config, const std::string& table, const Region& region) {
+    check_times(config, table + ".load_times", region.load_times);
+    if (region.load_factors.size() != region.load_times.size()) {
+        config.fail(table + ".load_factors",
+                    "needs one number for each of the " + std::to_string(region.load_times.size()) +
+                        " elements of load_times, has " + std::to_string(region.load_factors.size()));
+    }
+    if (!region.load_times.empty() && !config.has(table + ".force") && !config.has(table + ".pressure")) {
+        config.fail(table + ".load_times", "has no load to vary; give the region a force or a pressure");
+    }
+}
+
 Region read_region(const Config& config, const std::string& table) {
     for (const char* corner : {".low", ".high"}) {
         if (!config.has(table + corner)) {
@@ -283,12 +326,11 @@ Region read_region(const Config& config, const std::string& table) {
                                                    std::to_string(count) + " elements of motion_times, has " +
                                                    std::to_string(offsets.size()));
     }
+    check_times(config, table + ".motion_times", region.motion_times);
     for (std::size_t i = 0; i < count; ++i) {
-        if (i == 0 ? region.motion_times[0] != 0.0 : !(region.motion_times[i] > region.motion_times[i - 1])) {
-            config.fail(table + ".motion_times", "must start at 0 and increase from each element to the next");
-        }
         region.motion_offsets.emplace_back(offsets[3 * i], offsets[3 * i + 1], offsets[3 * i + 2]);
     }
+    check_load(config, table, region);
     return region;
 }
 

@@ -8,7 +8,6 @@
 #include <glm/gtc/quaternion.hpp>
 #include <stdexcept>
 
-#include "dynamics/rotation.hpp"
 #include "haptic/setting.hpp"
 #include "haptic/sim/elasticity.hpp"
 #include "haptic/sim/material.hpp"
@@ -18,6 +17,7 @@
 #include "model/generator_table.hpp"
 #include "model/material_settings.hpp"
 #include "model/model_file.hpp"
+#include "model/regions.hpp"
 #include "model/sample_graph.hpp"
 #include "simd/aabb.hpp"
 
@@ -27,65 +27,6 @@ namespace {
 bool is_identity(const Placement& placement) {
     return placement.position == Vec3(0.0) && placement.orientation == Quat(1.0, 0.0, 0.0, 0.0) &&
            placement.velocity == Vec3(0.0);
-}
-
-bool contains(const Vec3& p, const Region& region) {
-    return p.x >= region.low.x && p.y >= region.low.y && p.z >= region.low.z &&  //
-           p.x <= region.high.x && p.y <= region.high.y && p.z <= region.high.z;
-}
-
-/// Applies one region to a body at `placement`.
-void apply(const Region& region, std::size_t index, const Placement& placement, bool may_be_empty,
-           DeformableBody& body) {
-    ParticleModel& model = body.particles;
-    const Mat3 scene_from_body = to_matrix(placement.orientation);
-    const Mat3 body_from_scene = glm::transpose(scene_from_body);
-    std::vector<std::uint8_t> inside(model.size(), 0);
-    Motion motion{{}, region.motion_times, region.motion_offsets, region.motion_repeat};
-    for (std::uint32_t i = 0; i < model.size(); ++i) {
-        if (contains(body_from_scene * (model.rest_position[i] - placement.position), region)) {
-            inside[i] = 1;
-            motion.particles.push_back(i);
-        }
-    }
-    if (motion.particles.empty() && may_be_empty) {
-        return;
-    }
-    if (motion.particles.empty()) {
-        throw std::invalid_argument("region " + std::to_string(index) + " of the model \"" + body.name +
-                                    "\" has no particle in it; low and high are in the body's own frame, in m");
-    }
-    if (region.stiffness) {
-        for (Group& group : model.groups) {
-            if (inside[group.centre] != 0) {
-                group.stiffness = *region.stiffness;
-            }
-        }
-    }
-    const bool has_motion = !motion.times.empty();
-    if (!region.fixed && !has_motion) {
-        return;
-    }
-    for (const std::uint32_t i : motion.particles) {
-        model.pinned[i] = 1;
-    }
-    // The last motion of a particle replaces earlier ones.
-    for (Motion& earlier : body.motions) {
-        std::erase_if(earlier.particles, [&](std::uint32_t i) { return inside[i] != 0; });
-    }
-    std::erase_if(body.motions, [](const Motion& earlier) { return earlier.particles.empty(); });
-    if (has_motion) {
-        for (Vec3& offset : motion.offsets) {
-            offset = scene_from_body * offset;
-        }
-        body.motions.push_back(std::move(motion));
-    }
-}
-
-void apply_regions(const ModelSettings& settings, const Placement& placement, DeformableBody& body) {
-    for (std::size_t k = 0; k < settings.regions.size(); ++k) {
-        apply(settings.regions[k], k, placement, !settings.file.empty(), body);
-    }
 }
 
 /// The mesh of the file in metres, as it is in the file.
@@ -146,14 +87,14 @@ std::vector<Material> materials_of(const ModelSettings& settings, const Material
                                    const Placement& placement, const DeformableBody& body, const Resolve& resolve) {
     const Material whole = resolve(of_body, Material{});
     std::vector<Material> material(body.particles.size(), whole);
-    const Mat3 body_from_scene = glm::transpose(to_matrix(placement.orientation));
     for (const Region& region : settings.regions) {
         if (!region.material) {
             continue;
         }
         const Material inside = resolve(*region.material, whole);
+        const RegionBox box(region, placement);
         for (std::size_t i = 0; i < material.size(); ++i) {
-            if (contains(body_from_scene * (body.particles.rest_position[i] - placement.position), region)) {
+            if (box.contains(body.particles.rest_position[i])) {
                 material[i] = inside;
             }
         }
@@ -198,7 +139,6 @@ void set_material(const ModelSettings& settings, const MaterialSettings& of_body
             model.mass[i] *= material[i].density * volume / total;
         }
         model.elasticity = make_solid(model, material);
-        balance_surface(model, body.mesh, model.elasticity);
     } else {
         throw std::invalid_argument("model.material: the mesh of \"" + body.name +
                                     "\" is open, so it is a sheet, which "
@@ -206,6 +146,16 @@ void set_material(const ModelSettings& settings, const MaterialSettings& of_body
     }
     model.groups.clear();
     model.links.clear();
+}
+
+/// Gives a body as built its material and regions.
+void finish(const ModelSettings& settings, const Placement& placement, DeformableBody& body) {
+    if (settings.material) {
+        set_material(settings, *settings.material, placement, body);
+    }
+    apply_regions(settings, placement, body);
+    // Last, because pressures are divided by the gradients before the balance.
+    balance_surface(body.particles, body.mesh, body.particles.elasticity);
 }
 
 /// The cloth as the thesis' scene has it, to the last bit: it is made where it falls from, not moved there.
@@ -233,10 +183,7 @@ DeformableBody make_body(const ModelSettings& settings, const Progress& progress
     if (settings.particles.empty()) {
         set_compliances(settings, body.particles);
     }
-    if (settings.material) {
-        set_material(settings, *settings.material, Placement{}, body);
-    }
-    apply_regions(settings, Placement{}, body);
+    finish(settings, Placement{}, body);
     return body;
 }
 
@@ -252,11 +199,7 @@ std::vector<DeformableBody> make_bodies(const ModelSettings& settings, const Pro
     if (is_made_in_place(settings)) {
         body = generate_body(settings, progress);
         set_compliances(settings, body.particles);
-        const Placement placement{settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)};
-        if (settings.material) {
-            set_material(settings, *settings.material, placement, body);
-        }
-        apply_regions(settings, placement, body);
+        finish(settings, {settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)}, body);
     } else {
         body = make_body(settings, progress);
         place(body, settings.placement);

@@ -52,6 +52,7 @@ void Assembly::add(DeformableBody&& body, const Scene& scene) {
     trees.emplace_back(body.mesh.vertices, body.mesh.triangles, touchable(scene.contact));
     masks.emplace_back(body.mesh, body.skin, body.particles.size(), scene.coupling.mask_radius);
     motions.push_back(std::move(body.motions));
+    loads.push_back(std::move(body.loads));
     bodies.push_back({std::move(body.name), vertices, particles, std::move(body.mesh)});
 }
 

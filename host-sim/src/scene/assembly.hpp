@@ -39,6 +39,7 @@ struct Assembly {
     std::vector<SweptTree> trees;
     std::vector<PressureMask> masks;
     std::vector<std::vector<Motion>> motions;
+    std::vector<std::vector<Load>> loads;
 
   private:
     void add(DeformableBody&& body, const Scene& scene);

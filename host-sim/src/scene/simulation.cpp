@@ -16,6 +16,7 @@
 #include "scene/assembly.hpp"
 #include "scene/contact_frame_builder.hpp"
 #include "scene/hand_balance.hpp"
+#include "scene/scene_loads.hpp"
 #include "scene/state_hash.hpp"
 #include "tool/contact_coupling.hpp"
 
@@ -101,6 +102,7 @@ struct Simulation::State {
           clock(time),
           assembly(from, part_of(progress, kToolMade, kAssembled)),
           solver(assembly.model, from.solver),
+          loads(assembly),
           collisions(make_collisions(assembly.model, from.collisions, time)),
           skinner(assembly.mesh.vertices, assembly.model, assembly.skin),
           start(assembly.mesh.vertices),
@@ -147,6 +149,7 @@ struct Simulation::State {
     ClockFunction clock;
     Assembly assembly;  // `surfaces` points at its trees
     ParticleSolver solver;
+    SceneLoads loads;
     std::unique_ptr<ParticleCollisions> collisions;  // null if nothing can collide
     Skinner skinner;
     std::vector<Vec3> start;  // m, scene: vertices before and after the last step
@@ -292,7 +295,8 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
                          .owed_force = share.owed_force,
                          .length = step},
                         {.bodies = assembly.bodies, .masks = assembly.masks}, assembly.model);
-    solver.step(assembly.model, {}, {coupling.is_active() ? &coupling : nullptr, collisions.get()});
+    loads.begin_step(now_s());
+    solver.step(assembly.model, loads, {coupling.is_active() ? &coupling : nullptr, collisions.get()});
     coupling.end_step(assembly.model);
 }
 

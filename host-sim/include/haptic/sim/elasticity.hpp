@@ -59,6 +59,12 @@ struct Elasticity {
     std::vector<ElasticPair> pairs;  // no two join the same particles
 };
 
+/// One of the particles that move a point, or take a force, together; their weights sum to 1.
+struct ParticleWeight {
+    std::uint32_t particle = 0;
+    double weight = 0.0;
+};
+
 /// Elements and pairs of a solid body, one element for each of its groups, whose members become those of the element.
 /// `material` has one value per particle, for the element about it. Cells' volumes are mass / density. Throws
 /// std::invalid_argument for a material that check() refuses, and for groups without neighbours.
@@ -71,6 +77,12 @@ struct Elasticity {
 /// @source J. S. Chen, M. Hillman, M. Rueter, "An arbitrary order variationally consistent integration for Galerkin
 /// meshfree methods", 2013
 void balance_surface(const ParticleModel& model, const TriangleMesh& mesh, Elasticity& elasticity);
+
+/// The particles whose weighted positions are a point of a solid that is at `at` at rest, m: it moves with the element
+/// about the nearest particle, as balance_surface() takes it to. Exact for affine motions in the directions in which
+/// the element's members are spread. Take the elements before the balance. Precondition: there are elements.
+[[nodiscard]] std::vector<ParticleWeight> carriers_of(const ParticleModel& model, const Elasticity& elasticity,
+                                                      const Vec3& at);
 
 /// Elements and pairs of a sheet with a particle at each vertex. Triangles that lie on one another, the faces of a
 /// double-faced mesh, count once. Throws std::invalid_argument for a material that check() refuses, and if particles

@@ -47,6 +47,12 @@ struct Region {
     std::vector<double> motion_times;  // s
     std::vector<Vec3> motion_offsets;  // m, in the body's frame
     bool motion_repeat = false;
+    // Loads: see Load. Both may be given, and have the same course.
+    Vec3 force{0.0};                   // N, in the scene, of all free particles together
+    double pressure = 0.0;             // Pa, on the triangles with all corners in the box
+    std::vector<double> load_times{};  // s; empty: constant loads
+    std::vector<double> load_factors{};
+    bool load_repeat = false;
 };
 
 struct ModelSettings {

@@ -97,6 +97,18 @@ class SolverContacts {
     virtual void finish(const ParticleModel& start, const MovingParticles& now, double h) = 0;
 };
 
+/// Forces that change within a step, as those that follow the particles.
+class SolverForces {
+  public:
+    SolverForces() = default;
+    SolverForces(const SolverForces&) = delete;
+    SolverForces& operator=(const SolverForces&) = delete;
+    virtual ~SolverForces() = default;
+    /// Called once in each sub-step, of length h, s, that begins `elapsed` after the step, s. `start` is the state at
+    /// its beginning. Returns N, per particle, or nothing for no force; valid until the next call.
+    [[nodiscard]] virtual std::span<const Vec3> at(const ParticleModel& start, double elapsed, double h) noexcept = 0;
+};
+
 class ParticleSolver {
   public:
     /// The widest vectors that the machine has.
@@ -117,6 +129,8 @@ class ParticleSolver {
     /// `force` is in N, per particle, constant over the step; an empty span means no force. `contacts` are projected in
     /// their order, so that the last ones hold best; null elements are skipped.
     void step(ParticleModel& model, std::span<const Vec3> force, std::initializer_list<SolverContacts*> contacts = {});
+    /// The same with forces that change from one sub-step to the next.
+    void step(ParticleModel& model, SolverForces& forces, std::initializer_list<SolverContacts*> contacts = {});
 
     /// Changes step, s, sub-steps and iterations from the next step on. Throws std::invalid_argument as the constructor
     /// does, and then changes nothing.

@@ -136,5 +136,14 @@ TEST(StepAllocations, AreNoneWithTheThesisMethodsNorWithFriction) {
     }
 }
 
+TEST(StepAllocations, AreNoneWithLoads) {
+    const Count count = by_script(scene_with(
+        "gel-block", {"duration=1",
+                      "model.regions=[{low = [-1, -1, -1], high = [1, -0.018, 1], fixed = true}, {low = [-1, 0, -1], "
+                      "high = [1, 1, 1], force = [0, 1, 0], pressure = 500.0, load_times = [0, 0.5], load_factors = "
+                      "[0, 1], load_repeat = true}]"}));
+    EXPECT_EQ(count.calls, 0u);
+}
+
 }  // namespace
 }  // namespace haptic::sim
