@@ -94,7 +94,9 @@ NearPairs::NearPairs(std::vector<ParticleRange> bodies, std::size_t capacity, co
     bodies_near_.reserve(near);
     found_.reserve(near);
     dropped_.reserve(near);
-    scratch_.emplace_back(largest_body_);
+    for (int thread = 0; thread < Workers::kMaxChosen; ++thread) {
+        scratch_.emplace_back(largest_body_);
+    }
 }
 
 std::span<const NearPairs::Pair> NearPairs::find_bodies(std::span<const Bounds> box) {
@@ -150,12 +152,9 @@ void NearPairs::find_particles(const ColliderRows& rows, Workers& workers) {
     }
     share_ = pair_.size() / count;
     round_boxes(rows);
-    const auto threads = static_cast<std::size_t>(workers.threads());
-    while (scratch_.size() < threads) {
-        scratch_.emplace_back(largest_body_);
-    }
     // Each thread has its scratch and takes one pair after the other.
     std::atomic<std::size_t> next = 0;
+    const std::size_t threads = std::min(static_cast<std::size_t>(workers.threads()), scratch_.size());
     workers.for_each(std::min(threads, count), [&](std::size_t thread) {
         for (std::size_t k = next.fetch_add(1); k < count; k = next.fetch_add(1)) {
             find_particles_of(k, rows, scratch_[thread]);

@@ -32,7 +32,7 @@ class NearPairs {
     /// Finds the pairs of bodies whose boxes overlap, one box per body.
     std::span<const Pair> find_bodies(std::span<const Bounds> box);
     /// Finds the pairs of particles of these bodies, from the rows kLow and kHigh. Those without a size or with numbers
-    /// beyond kMaxCoordinate have none. Allocates nothing, unless `workers` has more threads than ever before.
+    /// beyond kMaxCoordinate have none.
     void find_particles(const ColliderRows& rows, Workers& workers);
     /// Those of the k-th pair of bodies, always in the same order: the first is of the first body.
     [[nodiscard]] std::span<const Pair> particles(std::size_t k) const noexcept {
@@ -81,7 +81,7 @@ class NearPairs {
     std::size_t share_ = 0;
     std::vector<std::size_t> found_;    // per pair of bodies
     std::vector<std::size_t> dropped_;  // per pair of bodies
-    std::vector<Scratch> scratch_;      // per thread
+    std::vector<Scratch> scratch_;      // per thread, of those that take part
 };
 
 }  // namespace haptic::sim

@@ -112,8 +112,8 @@ class RigidSphere final : public SolverContacts {
     [[nodiscard]] const Vec3& force() const noexcept { return force_; }
 
     void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic, double h) override;
-    void project(const ParticleModel& start, const MovingParticles& now, double h) override;
-    void finish(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override {}
+    void project(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override {}
+    void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
 
   private:
     std::vector<FaceVertex>& face_;
@@ -167,7 +167,7 @@ void RigidSphere::find(const ParticleModel& start, const MovingParticles& /*pred
     }
 }
 
-void RigidSphere::project(const ParticleModel& start, const MovingParticles& now, double /*h*/) {
+void RigidSphere::finish(const ParticleModel& start, const MovingParticles& now, double /*h*/) {
     // Depths and normals where the vertices would be without contact.
     normal_.resize(face_.size());
     depth_.resize(face_.size());

@@ -90,7 +90,8 @@ class SolverContacts {
     /// answers for the bodies with a material until finish() has returned.
     virtual void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic,
                       double h) = 0;
-    /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`.
+    /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`. Not
+    /// called where these are the only contacts and all bodies are solids with a material: nothing has to agree then.
     virtual void project(const ParticleModel& start, const MovingParticles& now, double h) = 0;
     /// Called once, after the last iteration. May move positions; adds to `now.pushed` each particle's displacement by
     /// these contacts since find().

@@ -46,7 +46,7 @@ TEST(Workers, DoEachRangeOnce) {
 TEST(Workers, DoNotMixLoopsThatFollowOneAnother) {
     // Each loop writes what the one before it wrote, plus one.
     Workers workers(4);
-    std::vector<std::uint64_t> now(64, 0);
+    std::vector<std::uint64_t> now(63, 0);
     constexpr std::uint64_t kLoops = 20'000;
     for (std::uint64_t loop = 0; loop < kLoops; ++loop) {
         workers.for_each(2 + loop % 62, [&](std::size_t k) { now[k] = loop; });
