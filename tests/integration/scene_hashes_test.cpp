@@ -47,7 +47,7 @@ INSTANTIATE_TEST_SUITE_P(
                     SceneHash{"fish-hold", 0x0de222eca40bed9d}, SceneHash{"fish-slide", 0xdbd5d3bb83ce4640},
                     SceneHash{"four-fish", 0xf2ff66e6a69c7f62}, SceneHash{"curtain-hand", 0x5a335066c29ac4d8},
                     SceneHash{"plane-slide", 0xb3a8003b50888e92}, SceneHash{"rod-gap", 0x2e08af4cbd3ae235},
-                    SceneHash{"fish-grab", 0xd95805bb3509be29, 900},  // touches from step 230 on
+                    SceneHash{"fish-grab", 0xc769fcd5decfa504, 900},  // touches from step 230 on
                     SceneHash{"gel-block", 0xcfb3ff439c41181d, 400}, SceneHash{"organ-lift", 0x2a72db2895e89760, 400},
                     SceneHash{"cloth-drop", 0xebb5b44a861b655a, 200, true},
                     SceneHash{"curtain-hand", 0x6072530e2d72239f, 200, true},
