@@ -49,7 +49,7 @@ class BodyContacts {
 
   private:
     /// A contact that pushes, or has.
-    struct Active {
+    struct Active {  // NOLINT(cppcoreguidelines-pro-type-member-init): memory is not touched before it is needed
         ContactCandidate of;
         ElasticPushes::Place first;
         ElasticPushes::Place second;

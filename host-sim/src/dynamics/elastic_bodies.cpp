@@ -65,7 +65,7 @@ std::vector<std::uint32_t> starts_of(const std::vector<std::uint32_t>& lengths) 
 
 ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes, Workers* workers)
     : kernels_(elastic_kernels(lanes)),
-      workers_(workers == nullptr ? alone_ : *workers),
+      workers_(workers == nullptr ? *alone_ : *workers),
       body_of_particle_(model.size(), kNotElastic),
       steps_(kKeptFactors, 0.0),
       place_(model.elasticity.elements.size()) {
@@ -374,7 +374,7 @@ void ElasticBodies::sum_forces(std::size_t begin, std::size_t end) noexcept {
 void ElasticBodies::step(const ParticleModel& start, double drag_factor, Row* position, Row* orientation) noexcept {
     const Motion motion{start, drag_factor, position, orientation};
     // All threads share the only body, or each takes whole bodies.
-    Workers& within = bodies_.size() == 1 ? workers_ : alone_;
+    Workers& within = bodies_.size() == 1 ? workers_ : *alone_;
     workers_.for_each(bodies_.size(), [&](std::size_t b) { step_body(bodies_[b], motion, within); });
 }
 

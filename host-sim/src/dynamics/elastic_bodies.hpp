@@ -110,9 +110,8 @@ class ElasticBodies {
     void sum_forces(std::size_t begin, std::size_t end) noexcept;
 
     const ElasticKernels& kernels_;
-    const std::unique_ptr<Workers> own_workers_;  // if none are given
+    const std::unique_ptr<Workers> alone_ = std::make_unique<Workers>(1);  // the caller's thread
     Workers& workers_;
-    Workers alone_{1};  // the caller's thread
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;  // kNone: not elastic
     bool have_all_ = true;

@@ -76,7 +76,8 @@ void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, do
 }
 
 const double* ElasticPushes::column(const Body& body, std::uint32_t particle) const noexcept {
-    return body.columns.get() + column_[particle] * (body.particles.end - body.particles.begin);
+    const std::size_t size = body.particles.end - body.particles.begin;
+    return body.columns.get() + column_[particle] * size;
 }
 
 /// Finds the particle's column of W, and those of the next particles that have none yet. False: there is no room.

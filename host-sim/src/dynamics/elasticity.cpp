@@ -392,6 +392,7 @@ std::vector<ParticleWeight> carriers_of(const ParticleModel& model, const Elasti
         total += weight;
     });
     std::vector<ParticleWeight> carriers;
+    carriers.reserve(sum.size());
     for (const auto& [particle, weight] : sum) {
         carriers.push_back({particle, weight / total});
     }

@@ -82,8 +82,9 @@ std::vector<std::string> old_key_notices(const Config& config, const std::string
     // The stiffness of a region is that of its groups.
     for (std::size_t k = 0; k < body.regions.size(); ++k) {
         if (body.regions[k].stiffness) {
-            add(table + ".regions." + std::to_string(k) + ".stiffness", kOldKeys.front(),
-                material + " and [" + heading + ".regions.material]");
+            std::string successors = material;
+            successors.append(" and [").append(heading).append(".regions.material]");
+            add(table + ".regions." + std::to_string(k) + ".stiffness", kOldKeys.front(), successors);
             break;
         }
     }

@@ -126,6 +126,7 @@ std::vector<Site> spread_evenly(const SampleGraph& graph, std::size_t count, con
         return a.first < b.first || (a.first == b.first && a.second > b.second);
     };
     std::vector<Entry> farthest;
+    farthest.reserve(graph.size());
     for (std::uint32_t i = 0; i < graph.size(); ++i) {
         farthest.emplace_back(kInfinity, i);
     }

@@ -28,6 +28,7 @@ struct GrowthSeries {
 
 std::vector<SceneCost> measure(const GrowthSeries& series, Simulation::ClockFunction clock) {
     std::vector<GrowthCase> cases;
+    cases.reserve(series.sizes);
     for (std::size_t k = 0; k < series.sizes; ++k) {
         cases.push_back(series.size(k));
     }

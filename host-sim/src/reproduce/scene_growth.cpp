@@ -67,8 +67,9 @@ GrowthCase fish_heaps(std::size_t heaps) {
     const auto side = static_cast<std::size_t>(std::ceil(std::sqrt(static_cast<double>(heaps))));
     scene.model.copies.clear();
     for (std::size_t k = 0; k < heaps; ++k) {
-        const Vec3 place(kHeapSpacing * static_cast<double>(k % side), 0.0,
-                         kHeapSpacing * static_cast<double>(k / side));
+        const std::size_t row = k / side;
+        const Vec3 place(kHeapSpacing * static_cast<double>(k - row * side), 0.0,
+                         kHeapSpacing * static_cast<double>(row));
         for (Placement fish : heap) {
             fish.position += place;
             scene.model.copies.push_back(fish);

@@ -25,8 +25,8 @@ class SceneLoads final : public SolverForces {
   private:
     struct BodyLoad {
         Load load;
-        std::size_t first_particle;
-        std::size_t particles;
+        std::size_t first_particle = 0;
+        std::size_t particles = 0;
     };
 
     std::vector<BodyLoad> loads_;

@@ -69,7 +69,7 @@ struct SolverSettings {
     double drag = 0.0;                  // 1/s, decay rate of velocities; 0 keeps momentum
     double shape_damping = 0.0;         // 1/s, decay rate of motion other than rigid motion
     bool keep_angular_momentum = true;  // see above; no effect on a body with pinned particles
-    int threads = 1;  // that share the work, 1 .. 256; 0: one per usable processor, up to 8
+    int threads = 1;                    // that share the work, 1 .. 256; 0: one per usable processor, up to 8
 };
 
 struct MovingParticles;  // src/simd/projection.hpp
