@@ -139,7 +139,8 @@ void NearPairs::round_boxes(const ColliderRows& rows) {
         const bool placed = (row[1][i] > -kMaxCoordinate) & (row[2][i] > -kMaxCoordinate) &
                             (row[3][i] > -kMaxCoordinate) & (row[4][i] < kMaxCoordinate) &
                             (row[5][i] < kMaxCoordinate) & (row[6][i] < kMaxCoordinate);
-        box_.number[i] = placed & (row[0][i] > 0.0) ? box_.number[i] : std::numeric_limits<float>::quiet_NaN();
+        const bool usable = placed & (row[0][i] > 0.0);
+        box_.number[i] = usable ? box_.number[i] : std::numeric_limits<float>::quiet_NaN();
     }
 }
 
