@@ -211,11 +211,7 @@ bool BodyContacts::join_remembered(Island& island, Row* position) noexcept {
         if (last == nullptr) {
             continue;
         }
-        SeparatingPlane plane = c.plane;
-        if (c.second != ContactCandidate::kGround) {
-            plane = colliders_.fit_plane(c.first, c.second, c.from,
-                                         vector_of(position[c.first]) - vector_of(position[c.second]), push_out_);
-        }
+        const SeparatingPlane plane = fitted_plane(c, offset(c, position));
         Active& joined = join(island, k, plane);
         joined.push = last->along * joined.compliance.along;
         joined.friction =
@@ -236,19 +232,30 @@ bool BodyContacts::join_violated(Island& island, Row* position) noexcept {
             continue;
         }
         const ContactCandidate& c = candidate_[order_[k]];
-        const bool is_pair = c.second != ContactCandidate::kGround;
-        const Vec3 apart = vector_of(position[c.first]) - (is_pair ? vector_of(position[c.second]) : Vec3(0.0));
+        const Vec3 apart = offset(c, position);
         if (glm::dot(c.plane.normal, apart) >= c.plane.min_separation) {
             continue;
         }
         // First violation: fit the plane to where the pair is now.
-        const SeparatingPlane plane =
-            is_pair ? colliders_.fit_plane(c.first, c.second, c.from, apart, push_out_) : c.plane;
+        const SeparatingPlane plane = fitted_plane(c, apart);
         if (glm::dot(plane.normal, apart) < plane.min_separation) {
             join(island, k, plane);
         }
     }
     return island.active != before;
+}
+
+/// m, x1 - x2 where the bodies are.
+Vec3 BodyContacts::offset(const ContactCandidate& candidate, const Row* position) noexcept {
+    const Vec3 first = vector_of(position[candidate.first]);
+    return candidate.second == ContactCandidate::kGround ? first : first - vector_of(position[candidate.second]);
+}
+
+/// The plane for two particles on their way to this offset, m; that of the ground is final.
+SeparatingPlane BodyContacts::fitted_plane(const ContactCandidate& candidate, const Vec3& apart) const noexcept {
+    return candidate.second == ContactCandidate::kGround
+               ? candidate.plane
+               : colliders_.fit_plane(candidate.first, candidate.second, candidate.from, apart, push_out_);
 }
 
 /// The candidate at a place of order_ joins, without a force.

@@ -5,7 +5,7 @@
 // in rounds. In each, projected Gauss-Seidel finds the forces of those that have joined, with Coulomb friction, while
 // only their particles move; then the bodies move, which may violate further ones. The first to join are those that
 // pushed in the last sub-step, with the forces that they had: at rest little is left to find. Bodies that touch no
-// common body form islands, each of which is solved by itself.
+// common body form islands; each is solved by itself.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +18,7 @@
 
 namespace haptic::sim {
 
-/// Two particles, of which at least one moves its body, that may touch in a sub-step.
+/// Two particles that may touch in a sub-step. At least one moves its body.
 struct ContactCandidate {
     static constexpr std::uint32_t kGround = 0xffff'ffff;
 
@@ -82,6 +82,8 @@ class BodyContacts {
     void solve_island(Island& island, Row* position, int max_passes) noexcept;
     bool join_remembered(Island& island, Row* position) noexcept;
     bool join_violated(Island& island, Row* position) noexcept;
+    [[nodiscard]] static Vec3 offset(const ContactCandidate& candidate, const Row* position) noexcept;
+    [[nodiscard]] SeparatingPlane fitted_plane(const ContactCandidate& candidate, const Vec3& apart) const noexcept;
     Active& join(Island& island, std::uint32_t at, const SeparatingPlane& plane) noexcept;
     [[nodiscard]] const Remembered* remembered(const ContactCandidate& candidate) const noexcept;
     [[nodiscard]] double project_all(Island& island, Row* position) noexcept;

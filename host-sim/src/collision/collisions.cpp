@@ -84,14 +84,6 @@ struct PlaneDetail {
     Vec3 friction;  // m, total tangential displacement by friction
 };
 
-bool overlap(const Bounds& a, const Bounds& b) noexcept {
-    bool both = true;
-    for (int k = 0; k < 3; ++k) {
-        both = both && a.low[k] <= b.high[k] && b.low[k] <= a.high[k];
-    }
-    return both;
-}
-
 /// Contacts of the ground with particles that move alone, in preallocated arrays.
 class GroundContactList {
   public:
@@ -361,7 +353,7 @@ void ParticleCollisions::State::mark_near() noexcept {
     const Bounds low_enough{{-kUnbounded, -kUnbounded, -kUnbounded},
                             {kUnbounded, settings.ground_height + max_reach, kUnbounded}};
     for (std::size_t b = 0; settings.ground && b < bodies.size(); ++b) {
-        if (overlap(body_bounds[b], low_enough)) {
+        if (body_bounds[b].low[1] <= low_enough.high[1]) {
             kernels.mark(rows, bodies[b].begin, bodies[b].end, low_enough, kNearGround, near.data());
         }
     }

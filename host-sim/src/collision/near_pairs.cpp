@@ -124,7 +124,7 @@ std::span<const NearPairs::Pair> NearPairs::find_bodies(std::span<const Bounds> 
     return bodies_near_;
 }
 
-/// Rounds the boxes of the bodies that are near others. Comparisons with what is not a number are false.
+/// Rounds all boxes. Comparisons with what is not a number are false.
 void NearPairs::round_boxes(const ColliderRows& rows) {
     for (std::size_t k = 0; k < 3; ++k) {
         std::copy_n(rows[collider_row::kLow + k], bodies_.back().end,

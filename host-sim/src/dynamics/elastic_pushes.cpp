@@ -63,7 +63,7 @@ void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, do
             place_[body.particles.begin + particle_[body.particles.begin + k]] = kNone;
         }
         body.places = 0;
-        // Columns of another length of the sub-step, or none left for other particles: begin anew.
+        // Columns of another length of the sub-step, or none left for other particles: start over.
         const std::size_t size = body.particles.end - body.particles.begin;
         if (body.h != h || (body.owner.size() == body.room && body.room < size)) {
             for (const std::uint32_t owner : body.owner) {

@@ -250,7 +250,8 @@ Figure scaling(const Study& study) {
     figure.number = "scaling";
     figure.title = "a step among many triangles, and of scenes that grow";
     figure.conditions =
-        "Not in the thesis. Medians of steps, one core. First plot: the hand slides along the fish of scene fish-slide "
+        "Not in the thesis. Medians of steps, with a thread for each processor, up to 8. First plot: the hand slides "
+        "along the fish of scene fish-slide "
         "(1,700 triangles) while two "
         "more fish, 20 m away and with increasingly fine meshes, rest and move in turn. Second: a sphere rests on a "
         "floor of triangles as large as those of the thesis' cloth, "

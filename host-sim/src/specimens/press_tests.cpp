@@ -8,6 +8,7 @@
 #include <string>
 
 #include "dynamics/elastic_bodies.hpp"
+#include "dynamics/rows.hpp"
 #include "haptic/contact_problem.hpp"
 #include "haptic/sim/block.hpp"
 #include "haptic/sim/elasticity.hpp"
@@ -175,8 +176,7 @@ void RigidSphere::finish(const ParticleModel& start, const MovingParticles& now,
         const FaceVertex& vertex = face_[j];
         Vec3 at = vertex.offset;
         for (std::size_t m = 0; m < vertex.particle.size(); ++m) {
-            const Row& p = now.position[vertex.particle[m]];
-            at += vertex.weight[m] * Vec3(p.number[0], p.number[1], p.number[2]);
+            at += vertex.weight[m] * vector_of(now.position[vertex.particle[m]]);
         }
         const double distance = glm::length(at - centre_);
         normal_[j] = (at - centre_) / distance;

@@ -9,6 +9,7 @@
 
 #include "dynamics/elastic_bodies.hpp"
 #include "dynamics/rotation.hpp"
+#include "dynamics/rows.hpp"
 #include "simd/projection.hpp"
 
 namespace haptic::sim {
@@ -463,8 +464,7 @@ void ContactCoupling::find_body_compliance() {
 Vec3 ContactCoupling::mean_position(const Patch& patch, const MovingParticles& now) const noexcept {
     Vec3 mean(0.0);
     for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-        const Row& at = now.position[pressed_[p].particle];
-        mean += pressed_[p].weight * Vec3(at.number[0], at.number[1], at.number[2]);
+        mean += pressed_[p].weight * vector_of(now.position[pressed_[p].particle]);
     }
     return mean;
 }

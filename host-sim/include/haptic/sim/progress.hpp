@@ -1,4 +1,4 @@
-// Progress: how far a long piece of work has come. The library does not draw; it tells whoever started the work.
+// Progress: how far a long piece of work has come. The library does not draw; it tells its caller.
 #pragma once
 
 #include <functional>
