@@ -23,7 +23,7 @@ constexpr std::size_t kCorners = 3;
 constexpr std::size_t kBatchesAtOnce = 12;
 constexpr std::size_t kSumsAtOnce = 96;
 constexpr std::size_t kKeptFactors = 4;
-// Doubles in the widest register: rows of padding.
+// Doubles in the widest register: rows of padding for each body.
 constexpr std::size_t kPadding = 8;
 
 const ElasticKernels& elastic_kernels(std::size_t lanes) {
@@ -80,7 +80,7 @@ ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes, Work
         most_damping_ = most->damping;
     }
     for (LaneArray<Row>* rows : {&at_, &velocity_, &given_, &sides_}) {
-        rows->resize(empty() ? 0 : model.size() + kPadding);
+        rows->resize(empty() ? 0 : model.size() + kPadding * bodies_.size());
     }
     turn_.resize(at_.size(), Row{{1.0, 0.0, 0.0, 0.0}});
 }
@@ -152,6 +152,9 @@ ParticleRange ElasticBodies::add_batches(const ParticleModel& model, std::span<c
     const bool triangles = !order.empty() && is_triangle(all[order[0]]);
     const std::size_t directions = triangles ? 2 : 3;
     const std::size_t first_batch = to.batch.size();
+    // Each body has padding of its own: lanes without an element write to it.
+    const std::size_t padding =
+        order.empty() ? 0 : model.size() + kPadding * body_of_particle_[all[order[0]].centre];
     for (std::size_t first = 0; first < order.size(); first += n) {
         const std::size_t slots = all[order[first]].members.size();
         const std::size_t first_slot = to.member.size() / n;
@@ -159,14 +162,14 @@ ParticleRange ElasticBodies::add_batches(const ParticleModel& model, std::span<c
         to.batch.push_back({static_cast<std::uint32_t>(first_slot), static_cast<std::uint32_t>(slots)});
         // Padding in every lane and slot, replaced by what there is.
         for (std::size_t lane = 0; lane < n; ++lane) {
-            to.centre.push_back(static_cast<std::uint32_t>(model.size() + lane));
+            to.centre.push_back(static_cast<std::uint32_t>(padding + lane));
         }
         for (LaneArray<double>* values : {&to.shear, &to.lame, &to.damping}) {
             values->resize(n * (batch + 1), 0.0);
         }
         to.spread.resize(triangles ? 0 : 6 * n * (batch + 1), 0.0);
         for (std::size_t k = 0; k < slots * n; ++k) {
-            to.member.push_back(static_cast<std::uint32_t>(model.size() + k % n));
+            to.member.push_back(static_cast<std::uint32_t>(padding + k % n));
         }
         to.gradient.resize(directions * to.member.size(), 0.0);
         for (std::size_t lane = 0; lane < n && first + lane < order.size(); ++lane) {
