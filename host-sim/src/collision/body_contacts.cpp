@@ -46,6 +46,7 @@ void BodyContacts::begin(const ParticleModel& start, ElasticBodies& elastic, dou
     workers_ = &elastic.workers();
     remember();
     pushes_.begin(start, elastic, h);
+    expect_pushes();
     h_ = h;
     push_out_ = push_out;
     candidate_.clear();
@@ -80,6 +81,27 @@ void BodyContacts::remember() noexcept {
     for (std::size_t k = remembered_.size(); k-- > 0;) {
         first_remembered_[remembered_[k].first] = static_cast<std::uint32_t>(k);
     }
+}
+
+/// Bodies that were pushed in the last sub-step will be again.
+void BodyContacts::expect_pushes() noexcept {
+    pushed_bodies_.clear();
+    const auto add = [&](std::uint32_t particle) {
+        if (particle != ContactCandidate::kGround &&
+            std::exchange(is_pushed_[colliders_[particle].body], std::uint8_t{1}) == 0) {
+            pushed_bodies_.push_back(particle);
+        }
+    };
+    for (const Remembered& r : remembered_) {
+        add(r.first);
+        add(r.second);
+    }
+    for (const std::uint32_t particle : pushed_bodies_) {
+        is_pushed_[colliders_[particle].body] = 0;
+    }
+    // In the order of the bodies, so that each thread has those that it moves otherwise too.
+    std::ranges::sort(pushed_bodies_);
+    workers_->for_each(pushed_bodies_.size(), [&](std::size_t k) { pushes_.expect(pushed_bodies_[k]); });
 }
 
 const BodyContacts::Remembered* BodyContacts::remembered(const ContactCandidate& candidate) const noexcept {
@@ -153,30 +175,8 @@ void BodyContacts::form_islands() noexcept {
 void BodyContacts::solve(Row* position, int max_passes) noexcept {
     if (!std::exchange(islands_known_, true)) {
         form_islands();
-        prepare_bodies();
     }
     workers_->for_each(island_.size(), [&](std::size_t k) { solve_island(island_[k], position, max_passes); });
-}
-
-/// Those that were pushed in the last sub-step will be again.
-void BodyContacts::prepare_bodies() noexcept {
-    pushed_bodies_.clear();
-    const auto add = [&](std::uint32_t particle) {
-        if (particle != ContactCandidate::kGround &&
-            std::exchange(is_pushed_[colliders_[particle].body], std::uint8_t{1}) == 0) {
-            pushed_bodies_.push_back(particle);
-        }
-    };
-    for (const Remembered& r : remembered_) {
-        add(r.first);
-        add(r.second);
-    }
-    for (const std::uint32_t particle : pushed_bodies_) {
-        is_pushed_[colliders_[particle].body] = 0;
-    }
-    // In the order of the bodies, so that each thread has those that it moves otherwise too.
-    std::ranges::sort(pushed_bodies_);
-    workers_->for_each(pushed_bodies_.size(), [&](std::size_t k) { pushes_.prepare(pushed_bodies_[k]); });
 }
 
 void BodyContacts::solve_island(Island& island, Row* position, int max_passes) noexcept {

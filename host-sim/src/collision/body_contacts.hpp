@@ -76,8 +76,8 @@ class BodyContacts {
     };
 
     void remember() noexcept;
+    void expect_pushes() noexcept;
     void form_islands() noexcept;
-    void prepare_bodies() noexcept;
     [[nodiscard]] std::uint32_t root(std::uint32_t body) noexcept;
     void solve_island(Island& island, Row* position, int max_passes) noexcept;
     bool join_remembered(Island& island, Row* position) noexcept;

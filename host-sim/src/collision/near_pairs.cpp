@@ -18,7 +18,7 @@ constexpr std::size_t kMaxUnsorted = 96;
 bool overlap(const Bounds& a, const Bounds& b) noexcept {
     bool both = true;
     for (int k = 0; k < 3; ++k) {
-        both = both && a.low[k] <= b.high[k] && b.low[k] <= a.high[k];
+        both &= (a.low[k] <= b.high[k]) & (b.low[k] <= a.high[k]);
     }
     return both;
 }
@@ -173,12 +173,12 @@ std::size_t NearPairs::reaching_into(const RoundedBox& box, const ParticleRange&
 RoundedBox NearPairs::around(const std::vector<std::uint32_t>& particles, std::size_t count) const {
     constexpr float far = std::numeric_limits<float>::max();
     RoundedBox box{{far, far, far, -far, -far, -far}};
-    for (std::size_t k = 0; k < 3; ++k) {
-        const float* const low = box_.rows()[k];
-        const float* const high = box_.rows()[k + 3];
-        for (std::size_t p = 0; p < count; ++p) {
-            box.number[k] = std::min(box.number[k], low[particles[p]]);
-            box.number[k + 3] = std::max(box.number[k + 3], high[particles[p]]);
+    // Six minima and maxima side by side, which need not wait for one another.
+    const BoxRows rows = box_.rows();
+    for (std::size_t p = 0; p < count; ++p) {
+        for (std::size_t k = 0; k < 3; ++k) {
+            box.number[k] = std::min(box.number[k], rows[k][particles[p]]);
+            box.number[k + 3] = std::max(box.number[k + 3], rows[k + 3][particles[p]]);
         }
     }
     return box;

@@ -79,7 +79,7 @@ ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes, Work
         least_damping_ = least->damping;
         most_damping_ = most->damping;
     }
-    for (LaneArray<Row>* rows : {&at_, &velocity_, &given_, &sides_}) {
+    for (LaneArray<Row>* rows : {&at_, &velocity_, &given_, &sides_, &asked_sides_}) {
         rows->resize(empty() ? 0 : model.size() + kPadding * bodies_.size());
     }
     turn_.resize(at_.size(), Row{{1.0, 0.0, 0.0, 0.0}});
@@ -153,8 +153,7 @@ ParticleRange ElasticBodies::add_batches(const ParticleModel& model, std::span<c
     const std::size_t directions = triangles ? 2 : 3;
     const std::size_t first_batch = to.batch.size();
     // Each body has padding of its own: lanes without an element write to it.
-    const std::size_t padding =
-        order.empty() ? 0 : model.size() + kPadding * body_of_particle_[all[order[0]].centre];
+    const std::size_t padding = order.empty() ? 0 : model.size() + kPadding * body_of_particle_[all[order[0]].centre];
     for (std::size_t first = 0; first < order.size(); first += n) {
         const std::size_t slots = all[order[first]].members.size();
         const std::size_t first_slot = to.member.size() / n;
@@ -396,22 +395,45 @@ void ElasticBodies::step_body(Body& body, const Motion& motion, Workers& workers
     }
     // What they pull at each particle, then x0 + A^-1 of it.
     workers.for_ranges(body.free, kSumsAtOnce, [&](std::size_t begin, std::size_t end) { sum_forces(begin, end); });
-    body.factor->solve(kernels_, slot_, {sides_.data() + body.free.begin, size_of(body.free)});
+    const std::span<Row> asked = std::exchange(body.asked, {});
+    body.factor->solve(kernels_, slot_, {sides_.data() + body.free.begin, size_of(body.free)},
+                       asked.empty() ? asked : take_forces(body, asked));
+    if (!asked.empty()) {
+        give_displacements(body, asked);
+    }
     for (std::uint32_t f = body.free.begin; f < body.free.end; ++f) {
         set_vector(motion.position[free_[f]], vector_of(at_[free_[f]]) + vector_of(sides_[f]));
     }
 }
 
+/// Forces on the free particles of a body, in the order of its factors.
+std::span<Row> ElasticBodies::take_forces(const Body& body, std::span<const Row> columns) noexcept {
+    for (std::uint32_t f = body.free.begin; f < body.free.end; ++f) {
+        asked_sides_[f] = columns[free_[f] - body.particles.begin];
+    }
+    return {asked_sides_.data() + body.free.begin, size_of(body.free)};
+}
+
+/// What they have become; a pinned particle stays.
+void ElasticBodies::give_displacements(const Body& body, std::span<Row> columns) const noexcept {
+    std::fill(columns.begin(), columns.end(), Row{});
+    for (std::uint32_t f = body.free.begin; f < body.free.end; ++f) {
+        columns[free_[f] - body.particles.begin] = asked_sides_[f];
+    }
+}
+
 void ElasticBodies::respond(const ParticleRange& body, std::span<Row> columns) noexcept {
     Body& of = bodies_[body_of_particle_[body.begin]];
-    for (std::uint32_t f = of.free.begin; f < of.free.end; ++f) {
-        sides_[f] = columns[free_[f] - body.begin];
-    }
-    of.factor->solve(kernels_, slot_, {sides_.data() + of.free.begin, size_of(of.free)});
-    std::fill(columns.begin(), columns.end(), Row{});
-    for (std::uint32_t f = of.free.begin; f < of.free.end; ++f) {
-        columns[free_[f] - body.begin] = sides_[f];
-    }
+    of.factor->solve(kernels_, slot_, take_forces(of, columns));
+    give_displacements(of, columns);
+}
+
+void ElasticBodies::respond_in_step(const ParticleRange& body, std::span<Row> columns) noexcept {
+    bodies_[body_of_particle_[body.begin]].asked = columns;
+}
+
+bool ElasticBodies::will_respond(const ParticleRange& body) const noexcept {
+    return !bodies_[body_of_particle_[body.begin]].asked.empty();
 }
 
 }  // namespace haptic::sim

@@ -63,6 +63,11 @@ class ElasticBodies {
     /// Replaces four forces on each particle of an elastic body, 1, by the displacements that they cause in the
     /// sub-step, m/N. `columns`: one row per particle of the body. Different bodies may be asked at the same time.
     void respond(const ParticleRange& body, std::span<Row> columns) noexcept;
+    /// Has the next step() do that, which takes little time beside what it solves anyway. `columns` must live until
+    /// then. Different bodies may ask at the same time.
+    void respond_in_step(const ParticleRange& body, std::span<Row> columns) noexcept;
+    /// Whether there has been no step() since the body asked for it.
+    [[nodiscard]] bool will_respond(const ParticleRange& body) const noexcept;
 
     [[nodiscard]] const ElasticKernels& kernels() const noexcept { return kernels_; }
     [[nodiscard]] Workers& workers() const noexcept { return workers_; }
@@ -89,6 +94,7 @@ class ElasticBodies {
         ParticleRange triangles{};
         ParticleRange turning{};                    // range of turning_
         std::unique_ptr<StiffnessFactor> factor{};  // of A over the free particles
+        std::span<Row> asked{};                     // in the next step, one row per particle
     };
 
     void find_bodies(const ParticleModel& model);
@@ -108,6 +114,8 @@ class ElasticBodies {
     void step_body(Body& body, const Motion& motion, Workers& workers) noexcept;
     void begin_step(const Body& body, const Motion& motion) noexcept;
     void sum_forces(std::size_t begin, std::size_t end) noexcept;
+    [[nodiscard]] std::span<Row> take_forces(const Body& body, std::span<const Row> columns) noexcept;
+    void give_displacements(const Body& body, std::span<Row> columns) const noexcept;
 
     const ElasticKernels& kernels_;
     const std::unique_ptr<Workers> alone_ = std::make_unique<Workers>(1);  // the caller's thread
@@ -144,7 +152,9 @@ class ElasticBodies {
     LaneArray<Row> velocity_;  // m/s, (x0 - x) / h
     LaneArray<Row> turn_;      // orientations
     LaneArray<Row> given_;     // N
-    LaneArray<Row> sides_;     // per element of free_
+    // Per element of free_.
+    LaneArray<Row> sides_;
+    LaneArray<Row> asked_sides_;
 };
 
 }  // namespace haptic::sim

@@ -45,6 +45,7 @@ ElasticPushes::ElasticPushes(const ParticleModel& model)
     }
     const std::size_t size = bodies_.empty() ? 0 : model.size();
     scratch_.resize(size);
+    answer_.resize(size);
     lever_.resize(kLevers * size);
     particle_.resize(size);
     turning_.resize(size);
@@ -58,7 +59,7 @@ void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, do
     elastic_ = &elastic;
     h_ = h;
     for (Body& body : bodies_) {
-        body.placed = body.pushed = false;
+        body.placed = body.turns = body.pushed = false;
         for (std::size_t k = 0; k < body.places; ++k) {
             place_[body.particles.begin + particle_[body.particles.begin + k]] = kNone;
         }
@@ -109,20 +110,23 @@ bool ElasticPushes::find_column(Body& body, std::uint32_t particle) noexcept {
     return true;
 }
 
-/// Centre, inertia and levers of a free body at the start of the sub-step, once in it.
+std::span<Row> ElasticPushes::answers_of(const Body& body) noexcept {
+    return std::span(answer_).subspan(body.particles.begin, body.particles.end - body.particles.begin);
+}
+
+/// Inertia and moment arms of a body at the start of the sub-step, once in it, and what Q answers.
 void ElasticPushes::place(Body& body) noexcept {
-    if (std::exchange(body.placed, true) || !body.is_free) {
+    if (std::exchange(body.placed, true)) {
         return;
     }
     const ParticleRange& range = body.particles;
     const Vec3 centre = centre_of_mass(*start_, range);
-    const auto rows = std::span(scratch_).subspan(range.begin, range.end - range.begin);
+    const std::span<Row> heavy = answers_of(body);
     Mat3 scatter(0.0);
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
         const Vec3 arm = start_->position[i] - centre;
-        const Vec3 heavy = start_->mass[i] * arm;
         add_outer(scatter, start_->mass[i], arm, arm);
-        rows[i - range.begin] = row_of(heavy);
+        heavy[i - range.begin] = row_of(start_->mass[i] * arm);
         for (int c = 0; c < 3; ++c) {
             lever_[kLevers * i + 3 + static_cast<std::size_t>(c)] = arm[c];
         }
@@ -132,22 +136,38 @@ void ElasticPushes::place(Body& body) noexcept {
         axis[c] = 1.0;
         body.inverse_inertia[c] = solve_inertia(scatter, axis);
     }
-    // Q, and J from it.
-    elastic_->respond(range, rows);
+}
+
+void ElasticPushes::expect(std::uint32_t particle) noexcept {
+    if (!answers(particle)) {
+        return;
+    }
+    Body& body = bodies_[body_of_particle_[particle]];
+    if (body.is_free && !body.placed) {
+        place(body);
+        elastic_->respond_in_step(body.particles, answers_of(body));
+    }
+}
+
+/// Q and J of a free body, once in a sub-step.
+void ElasticPushes::find_turning(Body& body) noexcept {
+    if (!body.is_free || std::exchange(body.turns, true)) {
+        return;
+    }
+    const ParticleRange& range = body.particles;
+    const std::span<Row> answers = answers_of(body);
+    if (!body.placed || elastic_->will_respond(range)) {
+        place(body);
+        elastic_->respond(range, answers);
+    }
     Mat3 product(0.0);
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
-        const Row& q = rows[i - range.begin];
+        const Row& q = answers[i - range.begin];
         double* const lever = lever_.data() + kLevers * i;
         std::copy_n(q.number, 3, lever);
         add_outer(product, start_->mass[i], Vec3(lever[3], lever[4], lever[5]), vector_of(q));
     }
     body.turning = Mat3(product[0][0] + product[1][1] + product[2][2]) - product;
-}
-
-void ElasticPushes::prepare(std::uint32_t particle) noexcept {
-    if (answers(particle)) {
-        place(bodies_[body_of_particle_[particle]]);
-    }
 }
 
 ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
@@ -162,7 +182,7 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     if (!find_column(body, particle)) {
         return {};
     }
-    place(body);
+    find_turning(body);
     const std::uint32_t within = particle - body.particles.begin;
     const std::size_t at = body.particles.begin + body.places;
     particle_[at] = within;

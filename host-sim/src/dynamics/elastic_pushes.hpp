@@ -49,9 +49,9 @@ class ElasticPushes {
     /// Whether the particle belongs to a solid elastic body and is not pinned.
     [[nodiscard]] bool answers(std::uint32_t particle) const noexcept { return body_of_particle_[particle] != kNone; }
 
-    /// Finds what the pushes of the particle's body need, which takes most of the time of the first take_part() for the
-    /// body in a sub-step. May be called for different bodies at the same time.
-    void prepare(std::uint32_t particle) noexcept;
+    /// Expects pushes of the particle's body: its next step answers what they need, which would take most of the time
+    /// of the first take_part() for the body in a sub-step. May be called for different bodies at the same time.
+    void expect(std::uint32_t particle) noexcept;
     /// The particle's place in this sub-step. It has no body if it does not answer, or if its body's columns have no
     /// room left (16 million numbers): it then moves alone. The following need a place with a body. Those of different
     /// bodies may be called at the same time.
@@ -85,7 +85,8 @@ class ElasticPushes {
         std::vector<std::uint32_t> owner{};   // particle of each column in use
         double h = 0.0;                       // s, of the columns
         // In this sub-step.
-        bool placed = false;        // the following two are known
+        bool placed = false;        // inverse_inertia and r are known
+        bool turns = false;         // and Q and J
         Mat3 inverse_inertia{0.0};  // 1/(kg m^2)
         Mat3 turning{0.0};          // J, kg m^2 s^2
         std::size_t places = 0;     // range of the arrays below, from the body's first particle on
@@ -97,12 +98,15 @@ class ElasticPushes {
     [[nodiscard]] const double* column(const Body& body, std::uint32_t particle) const noexcept;
     [[nodiscard]] bool find_column(Body& body, std::uint32_t particle) noexcept;
     void place(Body& body) noexcept;
+    void find_turning(Body& body) noexcept;
+    [[nodiscard]] std::span<Row> answers_of(const Body& body) noexcept;
 
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;
     std::vector<std::uint32_t> column_;  // per particle; kNone: not yet found
     std::vector<double> lever_;          // [particle][Q, s^2 m, then r, m]
-    LaneArray<Row> scratch_;             // per particle
+    LaneArray<Row> scratch_;             // per particle: those whose columns are found
+    LaneArray<Row> answer_;              // per particle: m r, kg m, then Q, s^2 m
     // Per place.
     std::vector<std::uint32_t> place_;     // per particle: its index; kNone: none in this sub-step
     std::vector<std::uint32_t> particle_;  // within its body

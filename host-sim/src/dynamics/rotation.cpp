@@ -23,13 +23,6 @@ Quat extract_rotation(const Mat3& matrix, const Quat& guess, int iterations) noe
     return plain(lane_extract_rotation(m, lane(guess), iterations));
 }
 
-void add_outer(Mat3& a, double scale, const Vec3& p, const Vec3& q) noexcept {
-    const Vec3 sp = scale * p;
-    a[0] += sp * q.x;
-    a[1] += sp * q.y;
-    a[2] += sp * q.z;
-}
-
 Vec3 solve_inertia(const Mat3& scatter, const Vec3& momentum) noexcept {
     const LaneSymmetric<double> lower{.xx = scatter[0][0],
                                       .yy = scatter[1][1],

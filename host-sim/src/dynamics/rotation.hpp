@@ -28,7 +28,12 @@ namespace haptic::sim {
 [[nodiscard]] Quat extract_rotation(const Mat3& matrix, const Quat& guess, int iterations) noexcept;
 
 /// a += scale * p q^T.
-void add_outer(Mat3& a, double scale, const Vec3& p, const Vec3& q) noexcept;
+inline void add_outer(Mat3& a, double scale, const Vec3& p, const Vec3& q) noexcept {
+    const Vec3 sp = scale * p;
+    a[0] += sp * q.x;
+    a[1] += sp * q.y;
+    a[2] += sp * q.z;
+}
 
 /// Solves inertia * x = momentum, with the inertia tensor trace(S) 1 - S of the scatter matrix S = sum m p p^T. For
 /// collinear or coincident points the tensor is singular; the undetermined part of x is then bounded and rotates no

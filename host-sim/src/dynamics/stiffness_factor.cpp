@@ -37,7 +37,7 @@ std::vector<std::uint32_t> little_fill(std::size_t size, std::span<const MatrixE
 }  // namespace
 
 StiffnessFactor::StiffnessFactor(std::size_t size, std::span<const MatrixElement> lower, std::size_t slots)
-    : order_(size), panel_of_(size), ordered_(size), end_(size), side_(size, 0.0) {
+    : order_(size), panel_of_(size), ordered_(2 * size), end_(size), side_(size, 0.0) {
     const std::vector<std::uint32_t> position = little_fill(size, lower);
     for (std::uint32_t i = 0; i < size; ++i) {
         order_[position[i]] = i;
@@ -192,19 +192,25 @@ bool StiffnessFactor::factorise(std::size_t slot, double h, double own_damping) 
     return true;
 }
 
-void StiffnessFactor::solve(const ElasticKernels& kernels, std::size_t slot, std::span<Row> sides) noexcept {
-    for (std::size_t p = 0; p < order_.size(); ++p) {
-        ordered_[p] = sides[order_[p]];
-    }
-    kernels.solve({.panels = panels_.size(),
-                   .panel = panels_.data(),
-                   .row = row_.data(),
-                   .below = slots_[slot].below.data(),
-                   .inverse_diagonal = slots_[slot].inverse_diagonal.data(),
-                   .side = ordered_.data()});
-    for (std::size_t p = 0; p < order_.size(); ++p) {
-        sides[order_[p]] = ordered_[p];
-    }
+void StiffnessFactor::solve(const ElasticKernels& kernels, std::size_t slot, std::span<Row> sides,
+                            std::span<Row> more_sides) noexcept {
+    const std::size_t count = more_sides.empty() ? 1 : 2;
+    const auto copy = [&](const auto& each) {
+        for (std::size_t p = 0; p < order_.size(); ++p) {
+            each(sides[order_[p]], ordered_[count * p]);
+        }
+        for (std::size_t p = 0; p < order_.size() && count == 2; ++p) {
+            each(more_sides[order_[p]], ordered_[count * p + 1]);
+        }
+    };
+    copy([](const Row& side, Row& ordered) { ordered = side; });
+    kernels.solve[count - 1]({.panels = panels_.size(),
+                              .panel = panels_.data(),
+                              .row = row_.data(),
+                              .below = slots_[slot].below.data(),
+                              .inverse_diagonal = slots_[slot].inverse_diagonal.data(),
+                              .side = ordered_.data()});
+    copy([](Row& side, const Row& ordered) { side = ordered; });
 }
 
 }  // namespace haptic::sim

@@ -79,7 +79,7 @@ struct FactorPanels {
     const std::uint32_t* row;
     const double* below;             // elements of L below the diagonal; 0 elsewhere
     const double* inverse_diagonal;  // per row, 1 / D
-    Row* side;                       // per row: in the right-hand side, out the solution
+    Row* side;                       // per row one or two: in the right-hand sides, out the solutions
 };
 
 /// Particles of a body that move with pushes; see dynamics/elastic_pushes.hpp.
@@ -99,7 +99,7 @@ struct ElasticKernels {
     void (*solids)(const ElasticBatches& batches, const ElasticParticles& particles) noexcept;
     void (*triangles)(const ElasticBatches& batches, const ElasticParticles& particles) noexcept;
     void (*sum)(const ForceSums& sums) noexcept;
-    void (*solve)(const FactorPanels& factor) noexcept;
+    void (*solve[2])(const FactorPanels& factor) noexcept;  // with one right-hand side, and with two
     void (*move)(const PushedRows& rows) noexcept;
 };
 

@@ -170,25 +170,25 @@ void elastic_triangles(const ElasticBatches& b, const ElasticParticles& particle
 
 template <std::size_t Lanes>
 void sum_forces(const ForceSums& s) noexcept {
-    using Sum = DoubleRow<Lanes>;
+    using Sum = DoubleRow<2 * Lanes>;
     for (std::size_t r = 0; r < s.count; ++r) {
         const std::uint32_t i = s.particle[r];
         // Three sums, so that additions need not wait for one another.
-        Sum x = load_row<Lanes>(s.given[i]);
+        Sum x = load_row<2 * Lanes>(s.given[i]);
         Sum y{};
         Sum z{};
         for (std::uint32_t k = s.first_share[i]; k < s.first_share[i + 1]; ++k) {
             const Row* const stress = s.stress + s.element[k];
             const double* const gradient = s.gradient + 3 * static_cast<std::size_t>(k);
-            x = x + gradient[0] * load_row<Lanes>(stress[0]);
-            y = y + gradient[1] * load_row<Lanes>(stress[1]);
-            z = z + gradient[2] * load_row<Lanes>(stress[2]);
+            x = x + gradient[0] * load_row<2 * Lanes>(stress[0]);
+            y = y + gradient[1] * load_row<2 * Lanes>(stress[1]);
+            z = z + gradient[2] * load_row<2 * Lanes>(stress[2]);
         }
         const std::uint32_t first = s.first_pair[i];
         const std::uint32_t end = s.first_pair[i + 1];
-        const Sum at = load_row<Lanes>(s.position[i]);
+        const Sum at = load_row<2 * Lanes>(s.position[i]);
         const auto pull = [&](std::uint32_t k) __attribute__((always_inline)) {
-            return s.stiffness[k] * (load_row<Lanes>(s.position[s.other[k]]) - at);
+            return s.stiffness[k] * (load_row<2 * Lanes>(s.position[s.other[k]]) - at);
         };
         std::uint32_t k = first;
         for (; k + 1 < end; k += 2) {
@@ -199,50 +199,66 @@ void sum_forces(const ForceSums& s) noexcept {
             x = x + pull(k);
         }
         if (s.damped) {
-            const Sum velocity = load_row<Lanes>(s.velocity[i]);
+            const Sum velocity = load_row<2 * Lanes>(s.velocity[i]);
             for (k = first; k < end; ++k) {
                 const double viscosity = s.stiffness[k] * (s.damping[k] - s.own_damping);
-                x = x + viscosity * (load_row<Lanes>(s.velocity[s.other[k]]) - velocity);
+                x = x + viscosity * (load_row<2 * Lanes>(s.velocity[s.other[k]]) - velocity);
             }
         }
-        store_row<Lanes>(x + (y + z), s.sum[r]);
+        store_row(x + (y + z), s.sum[r]);
     }
 }
 
+/// A row of the right-hand side: one Row, or two.
+template <std::size_t Lanes, std::size_t Rows>
+HAPTIC_LANES void load_side(const FactorPanels& f, std::size_t row, DoubleRow<Lanes, Rows>& side) noexcept {
+    side = load_row<Lanes, Rows>(f.side[Rows * row]);
+}
+template <class Side>
+HAPTIC_LANES Side load_side(const FactorPanels& f, std::size_t row) noexcept {
+    Side side;
+    load_side(f, row, side);
+    return side;
+}
+template <std::size_t Lanes, std::size_t Rows>
+HAPTIC_LANES void store_side(const DoubleRow<Lanes, Rows>& side, const FactorPanels& f, std::size_t row) noexcept {
+    store_row(side, f.side[Rows * row]);
+}
+
 /// L y = b for the columns of a panel.
-template <std::size_t Lanes, std::size_t Width>
+template <class Side, std::size_t Width>
 HAPTIC_LANES void solve_forward(const FactorPanels& f, const FactorPanel& panel) noexcept {
     const double* below = f.below + panel.first;
-    DoubleRow<Lanes> known[Width];
+    Side known[Width];
     for (std::size_t c = 0; c < Width; ++c, below += Width) {
-        known[c] = load_row<Lanes>(f.side[panel.column + c]);
+        known[c] = load_side<Side>(f, panel.column + c);
         for (std::size_t d = 0; d < c; ++d) {
             known[c] = known[c] - below[d] * known[d];
         }
-        store_row<Lanes>(known[c], f.side[panel.column + c]);
+        store_side(known[c], f, panel.column + c);
     }
     const std::uint32_t* const row = f.row + panel.first_row;
     for (std::size_t t = Width; t < panel.rows; ++t, below += Width) {
-        DoubleRow<Lanes> side = load_row<Lanes>(f.side[row[t]]);
+        Side side = load_side<Side>(f, row[t]);
         for (std::size_t c = 0; c < Width; ++c) {
             side = side - below[c] * known[c];
         }
-        store_row<Lanes>(side, f.side[row[t]]);
+        store_side(side, f, row[t]);
     }
 }
 
 /// L^T x = y / D for the columns of a panel.
-template <std::size_t Lanes, std::size_t Width>
+template <class Side, std::size_t Width>
 HAPTIC_LANES void solve_backward(const FactorPanels& f, const FactorPanel& panel) noexcept {
-    DoubleRow<Lanes> sum[Width];
+    Side sum[Width];
     for (std::size_t c = 0; c < Width; ++c) {
         const std::size_t column = panel.column + c;
-        sum[c] = f.inverse_diagonal[column] * load_row<Lanes>(f.side[column]);
+        sum[c] = f.inverse_diagonal[column] * load_side<Side>(f, column);
     }
     const std::uint32_t* const row = f.row + panel.first_row;
     const double* const below = f.below + panel.first;
     for (std::size_t t = Width; t < panel.rows; ++t) {
-        const DoubleRow<Lanes> known = load_row<Lanes>(f.side[row[t]]);
+        const Side known = load_side<Side>(f, row[t]);
         for (std::size_t c = 0; c < Width; ++c) {
             sum[c] = sum[c] - below[t * Width + c] * known;
         }
@@ -251,7 +267,7 @@ HAPTIC_LANES void solve_backward(const FactorPanels& f, const FactorPanel& panel
         for (std::size_t d = c + 1; d < Width; ++d) {
             sum[c] = sum[c] - below[d * Width + c] * sum[d];
         }
-        store_row<Lanes>(sum[c], f.side[panel.column + c]);
+        store_side(sum[c], f, panel.column + c);
     }
 }
 
@@ -271,36 +287,37 @@ HAPTIC_LANES void with_width(const FactorPanel& panel, const Call& call) noexcep
     }
 }
 
-template <std::size_t Lanes>
+template <std::size_t Lanes, std::size_t Rows>
 void solve_panels(const FactorPanels& f) noexcept {
+    using Side = DoubleRow<2 * Lanes, Rows>;
     for (std::size_t p = 0; p < f.panels; ++p) {
         const FactorPanel& panel = f.panel[p];
-        with_width(panel, [&](auto width) __attribute__((always_inline)) { solve_forward<Lanes, width()>(f, panel); });
+        with_width(panel, [&](auto width) __attribute__((always_inline)) { solve_forward<Side, width()>(f, panel); });
     }
     for (std::size_t p = f.panels; p-- > 0;) {
         const FactorPanel& panel = f.panel[p];
-        with_width(panel, [&](auto width) __attribute__((always_inline)) { solve_backward<Lanes, width()>(f, panel); });
+        with_width(panel, [&](auto width) __attribute__((always_inline)) { solve_backward<Side, width()>(f, panel); });
     }
 }
 
 template <std::size_t Lanes>
 void move_rows(const PushedRows& m) noexcept {
     constexpr std::size_t levers = 6;
-    DoubleRow<Lanes> term[levers];
+    DoubleRow<2 * Lanes> term[levers];
     for (std::size_t k = 0; k < levers; ++k) {
-        term[k] = load_row<Lanes>(m.terms[k]);
+        term[k] = load_row<2 * Lanes>(m.terms[k]);
     }
     for (std::size_t j = 0; j < m.count; ++j) {
         // Two sums, so that additions need not wait for one another.
-        DoubleRow<Lanes> even{};
-        DoubleRow<Lanes> odd{};
+        DoubleRow<2 * Lanes> even{};
+        DoubleRow<2 * Lanes> odd{};
         std::size_t p = 0;
         for (; p + 1 < m.pushes; p += 2) {
-            even = even + m.column[p][j] * load_row<Lanes>(m.force[p]);
-            odd = odd + m.column[p + 1][j] * load_row<Lanes>(m.force[p + 1]);
+            even = even + m.column[p][j] * load_row<2 * Lanes>(m.force[p]);
+            odd = odd + m.column[p + 1][j] * load_row<2 * Lanes>(m.force[p + 1]);
         }
         if (p < m.pushes) {
-            even = even + m.column[p][j] * load_row<Lanes>(m.force[p]);
+            even = even + m.column[p][j] * load_row<2 * Lanes>(m.force[p]);
         }
         if (m.lever != nullptr) {
             for (std::size_t k = 0; k < levers; k += 2) {
@@ -308,7 +325,7 @@ void move_rows(const PushedRows& m) noexcept {
                 odd = odd + m.lever[levers * j + k + 1] * term[k + 1];
             }
         }
-        store_row<Lanes>(load_row<Lanes>(m.position[j]) + (even + odd), m.position[j]);
+        store_row(load_row<2 * Lanes>(m.position[j]) + (even + odd), m.position[j]);
     }
 }
 
@@ -317,7 +334,7 @@ inline constexpr ElasticKernels kElasticKernels{Count,
                                                 elastic_solids<typename LaneTypes<Count>::Real>,
                                                 elastic_triangles<typename LaneTypes<Count>::Real>,
                                                 sum_forces<Count>,
-                                                solve_panels<Count>,
+                                                {solve_panels<Count, 1>, solve_panels<Count, 2>},
                                                 move_rows<Count>};
 
 }  // namespace haptic::sim

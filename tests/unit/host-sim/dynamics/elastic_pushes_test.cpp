@@ -121,6 +121,21 @@ TEST_P(ElasticPushesOf, AParticleThatJoinsLaterHasMovedToo) {
     EXPECT_NE(pushes.displacement(pushes.take_part(61)), pushes.displacement(pushes.take_part(7)));
 }
 
+TEST_P(ElasticPushesOf, ABodyThatWasExpectedToBePushedAnswersWithTheSameBits) {
+    const Vec3 force(0.3, -0.5, 0.2);
+    const std::vector<Vec3> alone = moved_by(7, force);
+    for (const bool steps : {true, false}) {
+        pushes.begin(model, elastic, kStep);
+        pushes.expect(7);
+        if (steps) {
+            std::vector<Row> rows = rows_of(model);
+            std::vector<Row> orientations(model.size(), Row{{1.0, 0.0, 0.0, 0.0}});
+            elastic.step(model, 1.0, rows.data(), orientations.data());
+        }
+        EXPECT_EQ(moved_by(7, force), alone);
+    }
+}
+
 TEST_P(ElasticPushesOf, AnAnswerIsReciprocal) {
     const Vec3 at_first(0.6, 0.0, 0.8);
     const Vec3 at_second(0.0, 0.6, 0.8);
