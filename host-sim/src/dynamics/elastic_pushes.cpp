@@ -14,7 +14,6 @@ namespace {
 // Numbers in the columns of one body, at most; those that are not used take no memory.
 constexpr std::size_t kMaxNumbers = 16'000'000;
 constexpr std::size_t kSideBySide = 4;
-constexpr std::size_t kLevers = 6;
 
 /// v x w = cross_matrix(v) w.
 Mat3 cross_matrix(const Vec3& v) noexcept {
@@ -81,6 +80,11 @@ const double* ElasticPushes::column(const Body& body, std::uint32_t particle) co
     return body.columns.get() + column_[particle] * size;
 }
 
+/// One of Q's coordinates, s^2 m, then of r, m.
+double& ElasticPushes::lever(std::size_t k, std::size_t particle) noexcept {
+    return lever_[k * body_of_particle_.size() + particle];
+}
+
 /// Finds the particle's column of W, and those of the next particles that have none yet. False: there is no room.
 bool ElasticPushes::find_column(Body& body, std::uint32_t particle) noexcept {
     if (column_[particle] != kNone) {
@@ -128,7 +132,7 @@ void ElasticPushes::place(Body& body) noexcept {
         add_outer(scatter, start_->mass[i], arm, arm);
         heavy[i - range.begin] = row_of(start_->mass[i] * arm);
         for (int c = 0; c < 3; ++c) {
-            lever_[kLevers * i + 3 + static_cast<std::size_t>(c)] = arm[c];
+            lever(3 + static_cast<std::size_t>(c), i) = arm[c];
         }
     }
     for (int c = 0; c < 3; ++c) {
@@ -163,9 +167,10 @@ void ElasticPushes::find_turning(Body& body) noexcept {
     Mat3 product(0.0);
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
         const Row& q = answers[i - range.begin];
-        double* const lever = lever_.data() + kLevers * i;
-        std::copy_n(q.number, 3, lever);
-        add_outer(product, start_->mass[i], Vec3(lever[3], lever[4], lever[5]), vector_of(q));
+        for (std::size_t c = 0; c < 3; ++c) {
+            lever(c, i) = q.number[c];
+        }
+        add_outer(product, start_->mass[i], Vec3(lever(3, i), lever(4, i), lever(5, i)), vector_of(q));
     }
     body.turning = Mat3(product[0][0] + product[1][1] + product[2][2]) - product;
 }
@@ -195,9 +200,8 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     }
     Turning& turning = turning_[at] = {.own = column_of_[at][within]};
     if (body.is_free) {
-        const double* const lever = lever_.data() + kLevers * particle;
-        turning.q = Vec3(lever[0], lever[1], lever[2]);
-        turning.r = Vec3(lever[3], lever[4], lever[5]);
+        turning.q = Vec3(lever(0, particle), lever(1, particle), lever(2, particle));
+        turning.r = Vec3(lever(3, particle), lever(4, particle), lever(5, particle));
         turning.alpha = body.inverse_inertia * cross_matrix(turning.r);
         turning.gamma =
             h_ * h_ * turning.alpha - body.inverse_inertia * (cross_matrix(turning.q) - body.turning * turning.alpha);
@@ -233,7 +237,8 @@ void ElasticPushes::move_body(std::uint32_t particle, Row* position) noexcept {
                               .pushes = body.places,
                               .column = column_of_.data() + first,
                               .force = force_.data() + first,
-                              .lever = body.is_free ? lever_.data() + kLevers * first : nullptr,
+                              .lever = body.is_free ? &lever(0, first) : nullptr,
+                              .lever_length = body_of_particle_.size(),
                               .terms = terms,
                               .position = position + first});
     body.sum_alpha = body.sum_gamma = Vec3(0.0);

@@ -97,6 +97,7 @@ class ElasticPushes {
 
     [[nodiscard]] const double* column(const Body& body, std::uint32_t particle) const noexcept;
     [[nodiscard]] bool find_column(Body& body, std::uint32_t particle) noexcept;
+    [[nodiscard]] double& lever(std::size_t k, std::size_t particle) noexcept;
     void place(Body& body) noexcept;
     void find_turning(Body& body) noexcept;
     [[nodiscard]] std::span<Row> answers_of(const Body& body) noexcept;
@@ -104,7 +105,7 @@ class ElasticPushes {
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;
     std::vector<std::uint32_t> column_;  // per particle; kNone: not yet found
-    std::vector<double> lever_;          // [particle][Q, s^2 m, then r, m]
+    std::vector<double> lever_;          // [Q, then r][particle]; see lever()
     LaneArray<Row> scratch_;             // per particle: those whose columns are found
     LaneArray<Row> answer_;              // per particle: m r, kg m, then Q, s^2 m
     // Per place.

@@ -82,15 +82,19 @@ struct FactorPanels {
     Row* side;                       // per row one or two: in the right-hand sides, out the solutions
 };
 
+/// Numbers per particle of which its turning consists.
+inline constexpr std::size_t kLevers = 6;
+
 /// Particles of a body that move with pushes; see dynamics/elastic_pushes.hpp.
 struct PushedRows {
     std::size_t count;
     std::size_t pushes;
     const double* const* column;  // [pushes][count], m/N
     const Row* force;             // [pushes], N
-    const double* lever;          // [count][6]; null: none
-    const Row* terms;             // [6]: what the levers are multiplied with
-    Row* position;                // [count], m: in and out
+    const double* lever;          // [kLevers][lever_length], of which `count` are the body's; null: none
+    std::size_t lever_length;
+    const Row* terms;  // [kLevers]: what the levers are multiplied with
+    Row* position;     // [count], m: in and out
 };
 
 /// Elastic kernels for one number of lanes. All give the same bits.

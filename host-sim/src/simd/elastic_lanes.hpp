@@ -300,32 +300,50 @@ void solve_panels(const FactorPanels& f) noexcept {
     }
 }
 
+/// Moves the particles from j on that fit into a Real side by side.
+template <class Real>
+HAPTIC_LANES void move_from(const PushedRows& m, std::size_t j) noexcept {
+    constexpr std::size_t n = kLanes<Real>;
+    // x, y and z. Two sums each, so that additions need not wait for one another.
+    Real even[3]{};
+    Real odd[3]{};
+    const auto add = [&](Real(&sum)[3], const double* factor, const Row& term) __attribute__((always_inline)) {
+        const Real factors = load<Real>(factor + j);
+        for (std::size_t c = 0; c < 3; ++c) {
+            sum[c] = sum[c] + factors * term.number[c];
+        }
+    };
+    std::size_t p = 0;
+    for (; p + 1 < m.pushes; p += 2) {
+        add(even, m.column[p], m.force[p]);
+        add(odd, m.column[p + 1], m.force[p + 1]);
+    }
+    if (p < m.pushes) {
+        add(even, m.column[p], m.force[p]);
+    }
+    for (std::size_t k = 0; k < kLevers && m.lever != nullptr; k += 2) {
+        add(even, m.lever + k * m.lever_length, m.terms[k]);
+        add(odd, m.lever + (k + 1) * m.lever_length, m.terms[k + 1]);
+    }
+    double moved[3][n];
+    for (std::size_t c = 0; c < 3; ++c) {
+        store(even[c] + odd[c], moved[c]);
+    }
+    for (std::size_t lane = 0; lane < n; ++lane) {
+        for (std::size_t c = 0; c < 3; ++c) {
+            m.position[j + lane].number[c] += moved[c][lane];
+        }
+    }
+}
+
 template <std::size_t Lanes>
 void move_rows(const PushedRows& m) noexcept {
-    constexpr std::size_t levers = 6;
-    DoubleRow<2 * Lanes> term[levers];
-    for (std::size_t k = 0; k < levers; ++k) {
-        term[k] = load_row<2 * Lanes>(m.terms[k]);
+    std::size_t j = 0;
+    for (; j + Lanes <= m.count; j += Lanes) {
+        move_from<typename LaneTypes<Lanes>::Real>(m, j);
     }
-    for (std::size_t j = 0; j < m.count; ++j) {
-        // Two sums, so that additions need not wait for one another.
-        DoubleRow<2 * Lanes> even{};
-        DoubleRow<2 * Lanes> odd{};
-        std::size_t p = 0;
-        for (; p + 1 < m.pushes; p += 2) {
-            even = even + m.column[p][j] * load_row<2 * Lanes>(m.force[p]);
-            odd = odd + m.column[p + 1][j] * load_row<2 * Lanes>(m.force[p + 1]);
-        }
-        if (p < m.pushes) {
-            even = even + m.column[p][j] * load_row<2 * Lanes>(m.force[p]);
-        }
-        if (m.lever != nullptr) {
-            for (std::size_t k = 0; k < levers; k += 2) {
-                even = even + m.lever[levers * j + k] * term[k];
-                odd = odd + m.lever[levers * j + k + 1] * term[k + 1];
-            }
-        }
-        store_row(load_row<2 * Lanes>(m.position[j]) + (even + odd), m.position[j]);
+    for (; j < m.count; ++j) {
+        move_from<double>(m, j);
     }
 }
 
