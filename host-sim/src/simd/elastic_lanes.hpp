@@ -216,7 +216,7 @@ HAPTIC_LANES void load_side(const FactorPanels& f, std::size_t row, DoubleRow<La
 }
 template <class Side>
 HAPTIC_LANES Side load_side(const FactorPanels& f, std::size_t row) noexcept {
-    Side side;
+    Side side{};
     load_side(f, row, side);
     return side;
 }
