@@ -18,6 +18,9 @@ namespace {
 constexpr double kMaxError = 1e-4;
 // Contacts that two passes bring to no less than this share of their error conflict: they are left to later sub-steps.
 constexpr double kConflict = 0.75;
+// Successive over-relaxation: each turn goes so much further than to where its contact alone would be met. Heaps need a
+// fifth fewer turns; more than this makes single contacts slower.
+constexpr double kRelaxation = 1.1;
 constexpr std::uint32_t kNone = 0xffff'ffff;
 
 }  // namespace
@@ -181,8 +184,17 @@ void BodyContacts::solve(Row* position, int max_passes) noexcept {
 
 void BodyContacts::solve_island(Island& island, Row* position, int max_passes) noexcept {
     constexpr double never = std::numeric_limits<double>::max();
+    const auto move_bodies = [&] {
+        for (std::uint32_t b = island.first_body; b < island.end_body; ++b) {
+            pushes_.move_body(body_order_[b], position);
+        }
+    };
+    // Where the last forces lead shows best which others join.
+    if (join_remembered(island, position)) {
+        move_bodies();
+    }
     // Rounds: contacts join, push until they agree, and move their bodies.
-    bool open = join_remembered(island, position) || join_violated(island, position) || island.active > 0;
+    bool open = join_violated(island, position) || island.active > 0;
     for (int pass = 0; open && pass < max_passes; open = join_violated(island, position)) {
         double before_last = never;
         double last = never;
@@ -193,9 +205,7 @@ void BodyContacts::solve_island(Island& island, Row* position, int max_passes) n
             }
             before_last = std::exchange(last, error);
         }
-        for (std::uint32_t b = island.first_body; b < island.end_body; ++b) {
-            pushes_.move_body(body_order_[b], position);
-        }
+        move_bodies();
     }
 }
 
@@ -311,14 +321,14 @@ double BodyContacts::project(Active& contact, Row* position) noexcept {
     if (clearance >= 0.0 && contact.push == 0.0) {
         return 0.0;
     }
-    // Push by -C, but take back no more than was pushed in this sub-step.
-    const double change = std::max(-clearance, -contact.push);
+    // Push by -C and a little more, but take back no more than was pushed in this sub-step.
+    const double change = std::max(-kRelaxation * clearance, -contact.push);
     contact.push += change;
     // Friction: undo the slip of the whole sub-step along the plane, within the friction cone. Apply the change since
     // the last pass.
     const Vec3 moved = apart - contact.of.from;
     const Vec3 slip = moved - glm::dot(contact.of.plane.normal, moved) * contact.of.plane.normal;
-    const Vec3 friction = clamp_to_cone(contact.friction - slip, contact.push, friction_);
+    const Vec3 friction = clamp_to_cone(contact.friction - kRelaxation * slip, contact.push, friction_);
     const Vec3 across = friction - contact.friction;
     contact.friction = friction;
     push_apart(contact, force_of(contact, change, across), position);

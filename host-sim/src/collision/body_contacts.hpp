@@ -2,10 +2,10 @@
 //
 // A contact keeps a particle from another one or from the ground, n.(x1 - x2) >= min_separation, with a force on both
 // bodies (dynamics/elastic_pushes.hpp). Which of the candidates push is not known before: those that are violated join,
-// in rounds. In each, projected Gauss-Seidel finds the forces of those that have joined, with Coulomb friction, while
-// only their particles move; then the bodies move, which may violate further ones. The first to join are those that
-// pushed in the last sub-step, with the forces that they had: at rest little is left to find. Bodies that touch no
-// common body form islands; each is solved by itself.
+// in rounds. In each, projected Gauss-Seidel with over-relaxation (D. M. Young, 1954) finds the forces of those that
+// have joined, with Coulomb friction, while only their particles move; then the bodies move, which may violate further
+// ones. The first to join are those that pushed in the last sub-step, with the forces that they had: at rest little is
+// left to find. Bodies that touch no common body form islands; each is solved by itself.
 #pragma once
 
 #include <cstddef>
