@@ -130,7 +130,7 @@ void ElasticBodies::batch_elements(const ParticleModel& model) {
                 return std::pair(all[l].members.size(), k) < std::pair(all[k].members.size(), l);
             });
         }
-        bodies_[b].solids = add_batches(model, of_body[b].solids, solids_);
+        bodies_[b].solids = add_batches(model, b, of_body[b].solids, solids_);
         bodies_[b].turning.begin = static_cast<std::uint32_t>(turning_.size());
         for (const std::uint32_t e : of_body[b].solids) {
             turning_.push_back(all[e].centre);
@@ -140,20 +140,20 @@ void ElasticBodies::batch_elements(const ParticleModel& model) {
     // Triangles after all solids, so that each kind has one range of places.
     triangles_.first = stress_.size() / 3;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        bodies_[b].triangles = add_batches(model, of_body[b].triangles, triangles_);
+        bodies_[b].triangles = add_batches(model, b, of_body[b].triangles, triangles_);
     }
 }
 
-/// Appends batches of elements of one kind. Returns their range.
-ParticleRange ElasticBodies::add_batches(const ParticleModel& model, std::span<const std::uint32_t> order,
-                                         Elements& to) {
+/// Appends batches of a body's elements of one kind. Returns their range.
+ParticleRange ElasticBodies::add_batches(const ParticleModel& model, std::size_t body,
+                                         std::span<const std::uint32_t> order, Elements& to) {
     const std::vector<ElasticElement>& all = model.elasticity.elements;
     const std::size_t n = kernels_.lanes;
     const bool triangles = !order.empty() && is_triangle(all[order[0]]);
     const std::size_t directions = triangles ? 2 : 3;
     const std::size_t first_batch = to.batch.size();
     // Each body has padding of its own: lanes without an element write to it.
-    const std::size_t padding = order.empty() ? 0 : model.size() + kPadding * body_of_particle_[all[order[0]].centre];
+    const std::size_t padding = model.size() + kPadding * body;
     for (std::size_t first = 0; first < order.size(); first += n) {
         const std::size_t slots = all[order[first]].members.size();
         const std::size_t first_slot = to.member.size() / n;

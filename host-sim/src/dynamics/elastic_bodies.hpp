@@ -99,8 +99,8 @@ class ElasticBodies {
 
     void find_bodies(const ParticleModel& model);
     void batch_elements(const ParticleModel& model);
-    [[nodiscard]] ParticleRange add_batches(const ParticleModel& model, std::span<const std::uint32_t> elements,
-                                            Elements& to);
+    [[nodiscard]] ParticleRange add_batches(const ParticleModel& model, std::size_t body,
+                                            std::span<const std::uint32_t> elements, Elements& to);
     void list_pairs(const ParticleModel& model);
     void list_shares(const ParticleModel& model);
     void assemble(const ParticleModel& model);

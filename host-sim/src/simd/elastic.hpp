@@ -82,7 +82,7 @@ struct FactorPanels {
     Row* side;                       // per row one or two: in the right-hand sides, out the solutions
 };
 
-/// Numbers per particle of which its turning consists.
+/// Coordinates of Q and r, for which a particle moves when its body turns.
 inline constexpr std::size_t kLevers = 6;
 
 /// Particles of a body that move with pushes; see dynamics/elastic_pushes.hpp.
@@ -91,7 +91,7 @@ struct PushedRows {
     std::size_t pushes;
     const double* const* column;  // [pushes][count], m/N
     const Row* force;             // [pushes], N
-    const double* lever;          // [kLevers][lever_length], of which `count` are the body's; null: none
+    const double* lever;          // [kLevers][lever_length], first those of the body; null: none
     std::size_t lever_length;
     const Row* terms;  // [kLevers]: what the levers are multiplied with
     Row* position;     // [count], m: in and out

@@ -209,56 +209,42 @@ void sum_forces(const ForceSums& s) noexcept {
     }
 }
 
-/// A row of the right-hand side: one Row, or two.
-template <std::size_t Lanes, std::size_t Rows>
-HAPTIC_LANES void load_side(const FactorPanels& f, std::size_t row, DoubleRow<Lanes, Rows>& side) noexcept {
-    side = load_row<Lanes, Rows>(f.side[Rows * row]);
-}
-template <class Side>
-HAPTIC_LANES Side load_side(const FactorPanels& f, std::size_t row) noexcept {
-    Side side{};
-    load_side(f, row, side);
-    return side;
-}
-template <std::size_t Lanes, std::size_t Rows>
-HAPTIC_LANES void store_side(const DoubleRow<Lanes, Rows>& side, const FactorPanels& f, std::size_t row) noexcept {
-    store_row(side, f.side[Rows * row]);
-}
-
 /// L y = b for the columns of a panel.
-template <class Side, std::size_t Width>
+template <std::size_t Lanes, std::size_t Rows, std::size_t Width>
 HAPTIC_LANES void solve_forward(const FactorPanels& f, const FactorPanel& panel) noexcept {
+    using Side = DoubleRow<2 * Lanes, Rows>;
     const double* below = f.below + panel.first;
     Side known[Width];
     for (std::size_t c = 0; c < Width; ++c, below += Width) {
-        known[c] = load_side<Side>(f, panel.column + c);
+        known[c] = load_row<2 * Lanes, Rows>(f.side[Rows * (panel.column + c)]);
         for (std::size_t d = 0; d < c; ++d) {
             known[c] = known[c] - below[d] * known[d];
         }
-        store_side(known[c], f, panel.column + c);
+        store_row(known[c], f.side[Rows * (panel.column + c)]);
     }
     const std::uint32_t* const row = f.row + panel.first_row;
     for (std::size_t t = Width; t < panel.rows; ++t, below += Width) {
-        Side side = load_side<Side>(f, row[t]);
+        Side side = load_row<2 * Lanes, Rows>(f.side[Rows * row[t]]);
         for (std::size_t c = 0; c < Width; ++c) {
             side = side - below[c] * known[c];
         }
-        store_side(side, f, row[t]);
+        store_row(side, f.side[Rows * row[t]]);
     }
 }
 
 /// L^T x = y / D for the columns of a panel.
-template <class Side, std::size_t Width>
+template <std::size_t Lanes, std::size_t Rows, std::size_t Width>
 HAPTIC_LANES void solve_backward(const FactorPanels& f, const FactorPanel& panel) noexcept {
+    using Side = DoubleRow<2 * Lanes, Rows>;
     Side sum[Width];
     for (std::size_t c = 0; c < Width; ++c) {
         const std::size_t column = panel.column + c;
-        sum[c] = f.inverse_diagonal[column] * load_side<Side>(f, column);
+        sum[c] = f.inverse_diagonal[column] * load_row<2 * Lanes, Rows>(f.side[Rows * column]);
     }
     const std::uint32_t* const row = f.row + panel.first_row;
     const double* const below = f.below + panel.first;
     for (std::size_t t = Width; t < panel.rows; ++t) {
-        const Side known = load_side<Side>(f, row[t]);
+        const Side known = load_row<2 * Lanes, Rows>(f.side[Rows * row[t]]);
         for (std::size_t c = 0; c < Width; ++c) {
             sum[c] = sum[c] - below[t * Width + c] * known;
         }
@@ -267,7 +253,7 @@ HAPTIC_LANES void solve_backward(const FactorPanels& f, const FactorPanel& panel
         for (std::size_t d = c + 1; d < Width; ++d) {
             sum[c] = sum[c] - below[d * Width + c] * sum[d];
         }
-        store_side(sum[c], f, panel.column + c);
+        store_row(sum[c], f.side[Rows * (panel.column + c)]);
     }
 }
 
@@ -289,14 +275,15 @@ HAPTIC_LANES void with_width(const FactorPanel& panel, const Call& call) noexcep
 
 template <std::size_t Lanes, std::size_t Rows>
 void solve_panels(const FactorPanels& f) noexcept {
-    using Side = DoubleRow<2 * Lanes, Rows>;
     for (std::size_t p = 0; p < f.panels; ++p) {
         const FactorPanel& panel = f.panel[p];
-        with_width(panel, [&](auto width) __attribute__((always_inline)) { solve_forward<Side, width()>(f, panel); });
+        with_width(panel,
+                   [&](auto width) __attribute__((always_inline)) { solve_forward<Lanes, Rows, width()>(f, panel); });
     }
     for (std::size_t p = f.panels; p-- > 0;) {
         const FactorPanel& panel = f.panel[p];
-        with_width(panel, [&](auto width) __attribute__((always_inline)) { solve_backward<Side, width()>(f, panel); });
+        with_width(panel,
+                   [&](auto width) __attribute__((always_inline)) { solve_backward<Lanes, Rows, width()>(f, panel); });
     }
 }
 
