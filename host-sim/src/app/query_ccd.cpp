@@ -4,29 +4,19 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <glm/geometric.hpp>
 #include <istream>
 #include <ostream>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 
-#include "contact/pop_out.hpp"
-#include "contact/secure_position.hpp"
-#include "contact/swept_tree.hpp"
-#include "contact/triangle_ccd.hpp"
+#include "contact/triangle_query.hpp"
 
 namespace haptic::sim {
 
 namespace {
 
 constexpr std::size_t kNumbers = 22;
-
-struct Query {
-    Vec3 center{0.0};
-    double radius = 0.0;
-    MovingTriangle triangle;
-};
 
 std::string_view trimmed(std::string_view text) {
     const auto first = text.find_first_not_of(" \t\r");
@@ -51,7 +41,7 @@ double number(std::string_view field, std::size_t index) {
     return value;
 }
 
-Query parse(std::string_view line) {
+TriangleQuery parse(std::string_view line) {
     std::array<double, kNumbers> x{};
     std::size_t count = 0;
     for (std::size_t begin = 0; begin <= line.size(); ++count) {
@@ -66,25 +56,11 @@ Query parse(std::string_view line) {
                                     " numbers (px,py,pz,r and two triangles of 9), found " + std::to_string(count));
     }
     const auto vec = [&](std::size_t k) { return Vec3(x[k], x[k + 1], x[k + 2]); };
-    Query q{vec(0), x[3], {{vec(4), vec(7), vec(10)}, {vec(13), vec(16), vec(19)}}};
+    TriangleQuery q{vec(0), x[3], {{vec(4), vec(7), vec(10)}, {vec(13), vec(16), vec(19)}}};
     if (!(q.radius > 0.0)) {
         throw std::invalid_argument("the radius (field 4) must be greater than 0");
     }
     return q;
-}
-
-/// Position of the centre after a step among this triangle alone: secure position, then pop-out.
-Vec3 secured(const Query& q) {
-    const std::array<Vec3, 3> start{q.triangle.start.a, q.triangle.start.b, q.triangle.start.c};
-    const std::array<Vec3, 3> end{q.triangle.end.a, q.triangle.end.b, q.triangle.end.c};
-    const std::array<Triangle, 1> triangles{Triangle{0, 1, 2}};
-    SweptTree tree(start, triangles);
-    const SurfaceMotion motion{start, end, triangles};
-    tree.refit(motion);
-    const std::array<MovingSurface, 1> surfaces{MovingSurface{motion, &tree}};
-    const ContactSettings settings;
-    const SecurePosition secure = secure_position(surfaces, q.center, q.radius, settings);
-    return pop_out(surfaces, secure.position, q.radius, settings).position;
 }
 
 void append(std::string& line, double value) {
@@ -101,35 +77,20 @@ void append(std::string& line, const Vec3& value) {
     append(line, value.z);
 }
 
-/// Unit normal from the touched point to the centre; the face normal if they coincide.
-Vec3 contact_normal(const Query& q, const TriangleTouch& touch) {
-    Vec3 n = -touch.at.point;
-    double length = std::sqrt(glm::dot(n, n));
-    if (!(length > 0.0)) {
-        const TriangleCorners t = corners_at(q.triangle, touch.time);
-        n = glm::cross(t.b - t.a, t.c - t.a);
-        length = std::sqrt(glm::dot(n, n));
-    }
-    return length > 0.0 ? n / length : Vec3(0.0);
-}
-
-std::string answer(const Query& q) {
-    const TriangleTouch touch = sphere_triangle_ccd(q.center, q.radius, q.triangle);
-    if (!touch.touches) {
-        std::string line = "none,,,,,";
-        append(line, q.center);
-        return line;
-    }
-    std::string line = describe(touch.at.feature);
-    append(line, touch.time);
-    const PointPassage passage = point_passage(q.center, q.triangle);
-    if (passage.passes) {
-        append(line, std::max(passage.time, touch.time));
+std::string answer_line(const TriangleAnswer& answer) {
+    std::string line = describe(answer.touched);
+    if (answer.touched == Feature::None) {
+        line += ",,,,,";
     } else {
-        line += ',';
+        append(line, answer.touch_time);
+        if (answer.passage_time) {
+            append(line, *answer.passage_time);
+        } else {
+            line += ',';
+        }
+        append(line, answer.normal);
     }
-    append(line, contact_normal(q, touch));
-    append(line, secured(q));
+    append(line, answer.secure_position);
     return line;
 }
 
@@ -150,7 +111,7 @@ int query_ccd(std::istream& queries, std::ostream& answers, std::ostream& errors
             continue;
         }
         try {
-            answers << answer(parse(text)) << '\n';
+            answers << answer_line(answer(parse(text))) << '\n';
         } catch (const std::invalid_argument& problem) {
             errors << "line " << number << ": " << problem.what() << '\n';
             status = 2;
