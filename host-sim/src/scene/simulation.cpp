@@ -320,19 +320,19 @@ void Simulation::State::report_force(const StepInput& input, StepResult& result)
 }
 
 void Simulation::State::skin() {
-    // The end of the last step is the start of this one.
-    start.swap(end);
-    // Bodies that did not move still need equal vertices at both ends of the step, once.
+    // The end of the last step is the start of this one, for bodies that did not move too, once. `end` stays where it
+    // is in memory, for those who look at it.
     solver.workers().for_each(assembly.bodies.size(), [&](std::size_t b) {
         const Skinner::Part part = assembly.part(b);
-        if (skinner.has_moved(assembly.model, part)) {
-            skinner.skin_vertices(assembly.model, part, end);
-            unmoved_skins[b] = 0;
-        } else if (unmoved_skins[b] < kSleepingAfter) {
+        const bool moved = skinner.has_moved(assembly.model, part);
+        if (moved || unmoved_skins[b] < kSleepingAfter) {
             const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
-            std::copy_n(start.begin() + first, part.vertices, end.begin() + first);
-            ++unmoved_skins[b];
+            std::copy_n(end.begin() + first, part.vertices, start.begin() + first);
         }
+        if (moved) {
+            skinner.skin_vertices(assembly.model, part, end);
+        }
+        unmoved_skins[b] = moved ? 0 : std::min(unmoved_skins[b] + 1, kSleepingAfter);
     });
 }
 

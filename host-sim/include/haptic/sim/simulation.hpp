@@ -149,7 +149,7 @@ class Simulation {
     [[nodiscard]] const TriangleMesh& mesh() const noexcept;
     /// Bodies; SurfacePoint::object is an index into them.
     [[nodiscard]] const std::vector<SceneBody>& bodies() const noexcept;
-    /// m, scene: at the beginning of the next step.
+    /// m, scene: at the beginning of the next step. They stay at the same address, as do the vectors of model().
     [[nodiscard]] const std::vector<Vec3>& vertices() const noexcept;
     /// m, scene: the tool's origin.
     [[nodiscard]] const Vec3& proxy() const noexcept;
