@@ -1,5 +1,5 @@
-# The Debian packages haptic-rt-core, haptic-host-sim, libhaptic0 and libhaptic-dev, one for each component, and their debug
-# symbols: toolchain/package makes them.
+# The Debian packages haptic-rt-core, haptic-host-sim, libhaptic0, libhaptic-dev and, where it is built, python3-haptic, one for
+# each component, and their debug symbols: toolchain/package makes them.
 set(HAPTIC_MAINTAINER "The haptic project's authors <root@localhost>" CACHE STRING "Who answers for the Debian packages: Name <address>")
 set(debian ${CMAKE_CURRENT_LIST_DIR}/../debian)
 
@@ -43,6 +43,21 @@ memory. This package has the library for programs that were built with it.")
 haptic_package(dev libhaptic-dev libdevel "connects a simulator to a haptic device (development files)"
 "What a simulator is built with: C headers, a CMake package,
 find_package(haptic), a pkg-config file, and examples in C and C++.")
+get_directory_property(python_found DIRECTORY ${PROJECT_SOURCE_DIR}/host-sim DEFINITION HAPTIC_PYTHON_FOUND)
+if(python_found)
+    haptic_package(python python3-haptic python "simulation of deformable objects for a haptic device (Python 3)"
+"The package haptic has the scenes of host-sim, step by step and as numpy
+arrays, contact queries, virtual tests of materials, and the session with
+rt-core, which renders contact planes on a Spidar-G6.")
+    install(FILES ${PROJECT_SOURCE_DIR}/host-sim/docs/python.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/python3-haptic COMPONENT python)
+    # One version of the interpreter can load it.
+    get_directory_property(python DIRECTORY ${PROJECT_SOURCE_DIR}/host-sim/python DEFINITION Python_VERSION_MINOR)
+    math(EXPR next_python "${python} + 1")
+    set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.${python}), python3 (<< 3.${next_python}), python3-numpy")
+    set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "haptic-host-sim, haptic-rt-core, python3-matplotlib")
+    set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+    set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA ${debian}/python3-haptic/postinst ${debian}/python3-haptic/prerm)
+endif()
 
 install(FILES ${PROJECT_SOURCE_DIR}/rt-core/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/haptic-rt-core COMPONENT rt_core)
 install(FILES ${PROJECT_SOURCE_DIR}/host-sim/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/haptic-host-sim COMPONENT host_sim)
@@ -58,6 +73,9 @@ set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")
 set(CPACK_PACKAGE_CONTACT "${HAPTIC_MAINTAINER}")
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_ALL rt_core host_sim lib dev)
+if(python_found)
+    list(APPEND CPACK_COMPONENTS_ALL python)
+endif()
 set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 # Each package of programs and its debug symbols, NAME-dbgsym, which a debugger finds by the program's build id.
