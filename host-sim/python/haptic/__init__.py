@@ -6,6 +6,8 @@
     run = sim.run(duration=1.0)
     print(run.time[-1], run.hand_force[-1], sim.vertices.mean(axis=0))
 
+haptic.study makes tables of many runs, on all processors and on other machines.
+
 SI units; coordinate frames are right-handed, y up; rotations are (w, x, y, z). help(haptic.Simulation) goes on.
 """
 from typing import Any as _Any
