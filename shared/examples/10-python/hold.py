@@ -32,5 +32,5 @@ def hold(material, stiffness, delay_ms):
 
 
 if __name__ == "__main__":
-    study.main(hold, material=["liver", "gelatin 10 %", "ecoflex 00-30"], stiffness=[100, 200, 400],
-               delay_ms=[0, 4, 10, 20])
+    study.main(hold, material=["liver", "gelatin 10 %", "ecoflex 00-30"], stiffness=[100, 400],
+               delay_ms=[0, 10, 20])
