@@ -513,12 +513,13 @@ void bind_bodies(py::module_& module) {
             "orientation",
             [](const PythonParticles& p) {
                 py::array_t<double> all({static_cast<py::ssize_t>(p.model->size()), py::ssize_t{4}});
-                double* to = all.mutable_data();
-                for (const Quat& q : p.model->orientation) {
-                    *to++ = q.w;
-                    *to++ = q.x;
-                    *to++ = q.y;
-                    *to++ = q.z;
+                auto wxyz = all.mutable_unchecked<2>();
+                for (py::ssize_t i = 0; i < all.shape(0); ++i) {
+                    const Quat& q = p.model->orientation[static_cast<std::size_t>(i)];
+                    wxyz(i, 0) = q.w;
+                    wxyz(i, 1) = q.x;
+                    wxyz(i, 2) = q.y;
+                    wxyz(i, 3) = q.z;
                 }
                 return all;
             },
