@@ -1,5 +1,5 @@
-// GPIO lines with libgpiod 1.6 (Debian 12). No other file uses libgpiod; version 2 would be a second file with the same
-// functions.
+// GPIO lines with libgpiod 1.6 (Debian 12). gpio_libgpiod2.cpp has the same functions with version 2; no other file
+// uses libgpiod.
 #include <gpiod.h>
 
 #include <algorithm>
@@ -8,73 +8,56 @@
 #include <cstdint>
 #include <ctime>
 #include <memory>
-#include <stdexcept>
-#include <string>
+#include <optional>
 #include <system_error>
 
+#include "gpio_request.hpp"
 #include "haptic/gpio.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic {
 namespace {
 
-// Size of the kernel's buffer of edges, and limit of one read.
-constexpr std::size_t kMaxEvents = 16;
-
 struct CloseChip {
     void operator()(gpiod_chip* chip) const { gpiod_chip_close(chip); }  // releases its lines too
 };
 using Chip = std::unique_ptr<gpiod_chip, CloseChip>;
 
-[[noreturn]] void refuse(const GpioLine& line, const std::string& what, const std::string& remedy) {
-    const int error = errno;
-    const bool forbidden = error == EACCES || error == EPERM;
-    throw std::runtime_error(line.purpose + ": " + what + ": " + std::system_category().message(error) + "; " +
-                             (forbidden ? "ls -l /dev/gpiochip* shows which group may open it" : remedy));
-}
-
-bool is_offset(const std::string& line) {
-    return !line.empty() && line.size() <= 6 &&
-           std::all_of(line.begin(), line.end(), [](char c) { return c >= '0' && c <= '9'; });
-}
-
 /// A line of an open chip, not yet requested.
 class OpenedLine {
   public:
-    explicit OpenedLine(const GpioLine& which) : name_("line '" + which.line + "' of GPIO chip '" + which.chip + "'") {
+    explicit OpenedLine(const GpioLine& which) {
         errno = 0;
         chip_ = Chip(gpiod_chip_open_lookup(which.chip.c_str()));
         if (!chip_) {
-            errno = errno == 0 ? ENOENT : errno;
-            refuse(which, "no GPIO chip '" + which.chip + "'",
-                   "gpiodetect lists names and labels of the existing chips");
+            detail::throw_no_gpio_chip(which);
         }
-        line_ = is_offset(which.line) ? gpiod_chip_get_line(chip_.get(), static_cast<unsigned>(std::stoul(which.line)))
-                                      : gpiod_chip_find_line(chip_.get(), which.line.c_str());
+        const std::optional<unsigned> offset = detail::parse_gpio_number(which.line);
+        line_ =
+            offset ? gpiod_chip_get_line(chip_.get(), *offset) : gpiod_chip_find_line(chip_.get(), which.line.c_str());
         if (line_ == nullptr) {
-            errno = errno == 0 ? ENOENT : errno;
-            refuse(which, name_, "gpioinfo lists the lines of each chip");
+            detail::throw_no_gpio_line(which);
         }
     }
 
     [[nodiscard]] gpiod_line* line() const { return line_; }
-    /// Throws if the request was refused.
-    void check(int result, const GpioLine& which) const {
-        if (result != 0) {
-            refuse(which, name_, "gpioinfo shows its consumer");
-        }
-    }
 
   private:
-    std::string name_;
     Chip chip_;
     gpiod_line* line_ = nullptr;  // owned by the chip
 };
 
+/// Throws if the request was refused.
+void check_request(int result, const GpioLine& which) {
+    if (result != 0) {
+        detail::throw_gpio_line_refused(which);
+    }
+}
+
 class GpioOutput final : public OutputLine {
   public:
     explicit GpioOutput(const GpioLine& which) : opened_(which) {
-        opened_.check(gpiod_line_request_output(opened_.line(), which.user.c_str(), 0), which);
+        check_request(gpiod_line_request_output(opened_.line(), which.user.c_str(), 0), which);
     }
 
     int set(bool up) HAPTIC_RT override {
@@ -106,7 +89,7 @@ int flag_of(GpioBias bias) {
 class GpioInput final : public InputLine {
   public:
     GpioInput(const GpioLine& which, GpioBias bias) : opened_(which) {
-        opened_.check(gpiod_line_request_input_flags(opened_.line(), which.user.c_str(), flag_of(bias)), which);
+        check_request(gpiod_line_request_input_flags(opened_.line(), which.user.c_str(), flag_of(bias)), which);
         (void)GpioInput::is_up();  // fail now rather than at the first use
     }
 
@@ -127,7 +110,7 @@ class GpioEdges final : public EdgeSource {
     GpioEdges(const GpioLine& which, EdgeKind kind) : opened_(which) {
         const auto request =
             kind == EdgeKind::Both ? gpiod_line_request_both_edges_events : gpiod_line_request_rising_edge_events;
-        opened_.check(request(opened_.line(), which.user.c_str()), which);
+        check_request(request(opened_.line(), which.user.c_str()), which);
     }
 
     [[nodiscard]] std::size_t read(std::span<Edge> edges, std::int64_t max_wait_ns) override {
@@ -139,7 +122,7 @@ class GpioEdges final : public EdgeSource {
         if (waiting < 0) {
             throw std::system_error(errno, std::system_category(), "waiting for an edge of a GPIO line");
         }
-        std::array<gpiod_line_event, kMaxEvents> events{};
+        std::array<gpiod_line_event, detail::kEdgeBufferSize> events{};
         const auto limit = static_cast<unsigned>(std::min(events.size(), edges.size()));
         const int count = gpiod_line_event_read_multiple(opened_.line(), events.data(), limit);
         if (count < 0) {

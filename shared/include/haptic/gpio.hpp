@@ -1,5 +1,5 @@
-// GPIO lines: an output, an input, and a source of edges with kernel time stamps. Implemented in one file per version
-// of libgpiod (src/gpio_libgpiod1.cpp), and by fakes in tests.
+// GPIO lines: an output, an input, and a source of edges with kernel time stamps. Implemented in one file per major
+// version of libgpiod (src/gpio_libgpiod1.cpp, src/gpio_libgpiod2.cpp), and by fakes in tests.
 #pragma once
 
 #include <cstddef>
@@ -49,7 +49,8 @@ class EdgeSource {
   public:
     virtual ~EdgeSource() = default;
     /// Waits at most max_wait_ns for an edge, then reads the available edges that fit. Returns their number, 0 on
-    /// time-out. The kernel buffers 16 edges and drops further ones. Throws std::system_error.
+    /// time-out. The kernel buffers 16 edges; of more it drops the last (libgpiod 1) or the first (libgpiod 2).
+    /// Throws std::system_error.
     [[nodiscard]] virtual std::size_t read(std::span<Edge> edges, std::int64_t max_wait_ns) = 0;
 };
 
