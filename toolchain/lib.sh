@@ -81,11 +81,11 @@ need() {
     [ ${#without[@]} -eq 0 ] || say "Going on without $(printf '%s\n' "${without[@]}" | awk '!seen[$0]++' | paste -sd, | sed 's/,/, /g'): $why"
 }
 
-# apt_for ARCHITECTURE FOLDER: makes a separate apt in FOLDER for the packages of ARCHITECTURE (arm64, ...) from this
-# machine's sources, as if nothing were installed. Use it with APT_CONFIG=FOLDER/apt.conf. This machine's apt and dpkg are
-# not changed and gain no foreign architecture.
+# apt_for ARCHITECTURE FOLDER [SUITE]: makes a separate apt in FOLDER for the packages of ARCHITECTURE (arm64, ...) from this
+# machine's sources, or from Debian's SUITE (trixie, ...) alone, as if nothing were installed. Use it with
+# APT_CONFIG=FOLDER/apt.conf. This machine's apt and dpkg are not changed and gain no foreign architecture.
 apt_for() {
-    local architecture=$1 folder=$2
+    local architecture=$1 folder=$2 suite=${3:-}
     mkdir -p "$folder"/state/lists/partial "$folder"/cache/archives/partial
     touch "$folder/status"
     cat >"$folder/apt.conf" <<END
@@ -95,8 +95,12 @@ Dir::State "$folder/state";
 Dir::State::status "$folder/status";
 Dir::Cache "$folder/cache";
 END
+    if [ -n "$suite" ]; then
+        printf 'deb [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] http://deb.debian.org/debian %s main\n' "$suite" >"$folder/sources.list"
+        printf 'Dir::Etc::sourcelist "%s/sources.list";\nDir::Etc::sourceparts "-";\n' "$folder" >>"$folder/apt.conf"
+    fi
     APT_CONFIG=$folder/apt.conf apt-get update >"$folder/update.log" 2>&1 ||
-        { tail -n 5 "$folder/update.log" >&2; die "apt-get update for $architecture failed; do the sources have that architecture?"; }
+        { tail -n 5 "$folder/update.log" >&2; die "apt-get update for $architecture${suite:+ of $suite} failed; do the sources have that architecture?"; }
 }
 
 # draw_plot: runs gnuplot with the commands on standard input, in the style of all plots.
