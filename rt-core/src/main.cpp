@@ -10,6 +10,7 @@
 #include "commands/doctor_command.hpp"
 #include "commands/guard_command.hpp"
 #include "commands/measure_command.hpp"
+#include "commands/relay_command.hpp"
 #include "commands/rt_core_documents.hpp"
 #include "commands/run_command.hpp"
 #include "commands/stability_command.hpp"
@@ -352,6 +353,32 @@ CLI::App* describe_black_box(CLI::App& app, haptic::rt::BlackBoxOptions& options
     return box;
 }
 
+CLI::App* describe_relay(CLI::App& app, haptic::rt::RelayOptions& options) {
+    CLI::App* const relay = app.add_subcommand(
+        "relay", "Connects the session to a simulation on another machine (host-sim run --dds there), until Ctrl-C");
+    relay->add_option("--session", options.link.session, "session name of the run")
+        ->type_name("NAME")
+        ->capture_default_str();
+    relay
+        ->add_option("--interface", options.link.interface,
+                     "network interface, the only one that is used; the link has no password: one that is yours alone")
+        ->type_name("NAME")
+        ->capture_default_str();
+    relay
+        ->add_option("--peer", options.link.peers,
+                     "address of the simulation's machine, on a network without multicast (repeatable)")
+        ->type_name("ADDRESS")
+        ->allow_extra_args(false);
+    relay->add_option("--domain", options.link.domain, "DDS domain")
+        ->type_name("N")
+        ->check(CLI::Range(0, 232))
+        ->capture_default_str();
+    relay->add_option("--duration", options.duration_s, "seconds, then it ends; 0: until Ctrl-C")
+        ->type_name("S")
+        ->check(CLI::Range(0.0, 1e9));
+    return relay;
+}
+
 CLI::App* describe_guard(CLI::App& app, int& socket) {
     CLI::App* const guard = app.add_subcommand(
         "guard",
@@ -401,6 +428,8 @@ int program(int argc, char** argv) {
     const CLI::App* const zero = describe_zero(app, zero_options, unused_duration_s);
     haptic::rt::BlackBoxOptions black_box_options;
     const CLI::App* const black_box = describe_black_box(app, black_box_options);
+    haptic::rt::RelayOptions relay_options;
+    const CLI::App* const relay = describe_relay(app, relay_options);
     int socket = -1;
     const CLI::App* const guard = describe_guard(app, socket);
     const auto command = [&] {
@@ -410,6 +439,9 @@ int program(int argc, char** argv) {
         haptic::log_to_stderr("rt-core");
         if (arm->parsed()) {
             return haptic::rt::arm_command(arm_options);
+        }
+        if (relay->parsed()) {
+            return haptic::rt::relay_command(relay_options);
         }
         if (guard->parsed()) {
             return haptic::rt::guard_command(socket);

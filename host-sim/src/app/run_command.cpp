@@ -3,9 +3,11 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "app/commands.hpp"
+#include "app/link_thread.hpp"
 #include "app/run.hpp"
 #include "app/run_options.hpp"
 #include "haptic/sim/scene.hpp"
@@ -21,6 +23,11 @@ Command add_run_command(CLI::App& app) {
         const Plan plan(*options);
         if (plan.view) {
             warn_unless_empty(view::exposure_of(*plan.view));
+        }
+        // Before the run, whose rings it serves; ends after it.
+        std::optional<LinkThread> link;
+        if (plan.link) {
+            link.emplace(*plan.link);
         }
         return Run(*options, plan, plan.view ? view::open_live_view(*plan.view) : nullptr).execute();
     };

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "dds/relay.hpp"
 #include "program/option_checks.hpp"
 
 namespace haptic::sim {
@@ -100,6 +101,18 @@ Plan::Plan(const RunOptions& options) {
         throw std::runtime_error("--hand hostile requires --clock lockstep and excludes --input");
     }
     session = !lockstep && options.session.empty() ? "default" : options.session;
+    if (!options.dds_interface.empty()) {
+        if (clock != RunClock::Real) {
+            throw std::runtime_error("--dds requires --clock real");
+        }
+        link = LinkSettings{.session = session,
+                            .interface = options.dds_interface,
+                            .peers = options.dds_peers,
+                            .domain = options.dds_domain};
+        session = SimulationRelay::ring_session(*link);
+    } else if (!options.dds_peers.empty()) {
+        throw std::runtime_error("--dds-peer requires --dds");
+    }
     if (options.view) {
         view = view::parse_view_address(options.view_address);
         view->control = options.view_control;
@@ -145,6 +158,21 @@ void add_run_options(CLI::App& app, RunOptions& options) {
            "--wait", options.wait_s,
            "With --clock real: wait for rt-core to run before the scene starts, and give up after this many seconds")
         ->check(number_in(0.0, 3600.0));
+    app.add_option_function<std::string>(
+           "--dds",
+           [&options](const std::string& interface) { options.dds_interface = interface.empty() ? "lo" : interface; },
+           "With --clock real: rt-core is on another machine, where rt-core relay runs; the network interface to it "
+           "[lo]")
+        ->type_name("[INTERFACE]")
+        ->expected(0, 1)
+        ->trigger_on_parse();
+    app.add_option("--dds-peer", options.dds_peers,
+                   "With --dds: address of rt-core's machine, on a network without multicast; repeatable")
+        ->type_name("ADDRESS")
+        ->allow_extra_args(false);
+    app.add_option("--dds-domain", options.dds_domain, "With --dds: DDS domain")
+        ->check(CLI::Range(0, 232))
+        ->capture_default_str();
     app.add_option("--report", options.report, "Write a JSON report at the end")->check(result_file());
     app.add_option("--record", options.record, "Write a CSV record of every step while the run goes on")
         ->check(result_file());

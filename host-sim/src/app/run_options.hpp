@@ -11,6 +11,7 @@
 #include "app/hand_sources.hpp"
 #include "app/step_record.hpp"
 #include "app/workspace_file.hpp"
+#include "dds/link.hpp"
 #include "haptic/sim/scene.hpp"
 #include "view/live_view.hpp"
 
@@ -34,6 +35,9 @@ struct RunOptions {
     std::string snapshots;
     std::string workspace;
     std::string view_address;
+    std::string dds_interface;           // of the link to rt-core on another machine; empty: it is on this one
+    std::vector<std::string> dds_peers;  // addresses of the other machine
+    std::uint32_t dds_domain = 0;
     double wait_s = 0.0;
     bool view = false;
     bool view_control = false;
@@ -66,6 +70,7 @@ struct Plan {
     RunClock clock = RunClock::Lockstep;
     HandSettings hand;
     std::string session;                       // name of the rings; empty: no rings
+    std::optional<LinkSettings> link;          // to rt-core on another machine
     std::shared_ptr<WorkspaceFile> workspace;  // null: the scene's
     std::optional<view::LiveViewSettings> view;
 };

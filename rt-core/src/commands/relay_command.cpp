@@ -1,0 +1,41 @@
+#include "commands/relay_command.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <cstdio>
+
+#include "commands/run.hpp"
+#include "dds/relay.hpp"
+#include "haptic/clock.hpp"
+#include "program/exit_status.hpp"
+
+namespace haptic::rt {
+namespace {
+
+// A quarter of a tick: by as much a state can be late on its way.
+constexpr std::int64_t kPollNs = 250'000;
+
+}  // namespace
+
+int relay_command(const RelayOptions& options) {
+    const StopSignals signals;
+    const LinkDomain domain(options.link);
+    DeviceRelay relay(options.link);
+    spdlog::info("session {}: waiting for a simulation on interface {}", options.link.session, options.link.interface);
+    const std::int64_t end_ns = options.duration_s > 0.0 ? monotonic_now_ns() + nanoseconds(options.duration_s) : 0;
+    bool connected = false;
+    while (signals.wait(0) == 0 && (end_ns == 0 || monotonic_now_ns() < end_ns)) {
+        if (const bool now = relay.run_once(kPollNs); now != connected) {
+            connected = now;
+            spdlog::info(connected ? "a simulation is connected" : "the simulation is gone");
+        }
+    }
+    const RelayCounts& counts = relay.counts();
+    std::printf("%llu states sent; frames: %llu received, %llu refused, %llu late; simulations: %llu\n",
+                static_cast<unsigned long long>(counts.states), static_cast<unsigned long long>(counts.frames),
+                static_cast<unsigned long long>(counts.refused), static_cast<unsigned long long>(counts.late),
+                static_cast<unsigned long long>(counts.connections));
+    return kExitDone;
+}
+
+}  // namespace haptic::rt

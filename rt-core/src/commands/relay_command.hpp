@@ -1,0 +1,17 @@
+// `rt-core relay`: connects a session to a simulation on another machine (dds/relay.hpp). An ordinary process beside
+// `rt-core run`, which knows nothing of it.
+#pragma once
+
+#include "dds/link.hpp"
+
+namespace haptic::rt {
+
+struct RelayOptions {
+    LinkSettings link;
+    double duration_s = 0.0;  // 0: until a signal
+};
+
+/// Returns the exit status. Throws RingError, and std::runtime_error if DDS cannot use the interface.
+[[nodiscard]] int relay_command(const RelayOptions& options);
+
+}  // namespace haptic::rt

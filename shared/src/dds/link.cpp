@@ -1,0 +1,466 @@
+#include "dds/link.hpp"
+
+#include <dds/dds.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <span>
+#include <stdexcept>
+#include <utility>
+
+#include "haptic_link.h"
+
+namespace haptic {
+namespace {
+
+// A message that waited longer for its reader is of no use.
+constexpr dds_duration_t kLifespan = DDS_MSECS(100);
+constexpr std::uint32_t kMaxDomain = 232;
+
+[[noreturn]] void fail(const std::string& what, dds_return_t error) {
+    throw std::runtime_error("DDS: " + what + ": " + dds_strretcode(-error));
+}
+
+/// An entity of DDS, or an error that names it.
+class Entity {
+  public:
+    Entity(dds_entity_t entity, const std::string& what) : entity_(entity) {
+        if (entity < 0) {
+            fail(what, entity);
+        }
+    }
+    Entity(Entity&& other) noexcept : entity_(std::exchange(other.entity_, 0)) {}
+    Entity& operator=(Entity&& other) noexcept {
+        std::swap(entity_, other.entity_);
+        return *this;
+    }
+    ~Entity() {
+        if (entity_ > 0) {
+            (void)dds_delete(entity_);
+        }
+    }
+    [[nodiscard]] dds_entity_t get() const noexcept { return entity_; }
+
+  private:
+    dds_entity_t entity_;
+};
+
+bool is_plain(const std::string& text) {
+    return !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) {
+        return std::isalnum(c) != 0 || c == '_' || c == '.' || c == ':' || c == '-';
+    });
+}
+
+/// Cyclone DDS's configuration: one interface, and nothing from the environment.
+std::string configuration(const LinkSettings& settings) {
+    const bool loopback = settings.interface == "lo";
+    std::string peers;
+    for (const std::string& peer : settings.peers) {
+        peers += "<Peer address=\"" + peer + "\"/>";
+    }
+    // On the loopback interface there is no multicast: participants are found by their ports.
+    if (loopback) {
+        peers += R"(<Peer address="127.0.0.1"/>)";
+    }
+    return std::string("<General><Interfaces><NetworkInterface name=\"") + settings.interface +
+           "\"/></Interfaces><AllowMulticast>" + (loopback ? "false" : "spdp") +
+           "</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers>" + peers +
+           "</Peers></Discovery>";
+}
+
+Entity participant_of(const LinkSettings& settings) {
+    check(settings);
+    return {dds_create_participant(settings.domain, nullptr, nullptr), "no participant"};
+}
+
+/// Quality of service of all messages: best effort, the newest `depth` wins.
+class Quality {
+  public:
+    Quality(const LinkSettings& settings, std::int32_t depth) : qos_(dds_create_qos()) {
+        dds_qset_reliability(qos_, DDS_RELIABILITY_BEST_EFFORT, 0);
+        dds_qset_history(qos_, DDS_HISTORY_KEEP_LAST, depth);
+        dds_qset_lifespan(qos_, kLifespan);
+        // Sessions are apart from one another.
+        dds_qset_partition1(qos_, settings.session.c_str());
+    }
+    Quality(const Quality&) = delete;
+    Quality& operator=(const Quality&) = delete;
+    ~Quality() { dds_delete_qos(qos_); }
+    [[nodiscard]] const dds_qos_t* get() const noexcept { return qos_; }
+
+  private:
+    dds_qos_t* qos_;
+};
+
+Entity topic_of(const Entity& participant, const dds_topic_descriptor_t& type, const std::string& name) {
+    return {dds_create_topic(participant.get(), &type, ("haptic/" + name).c_str(), nullptr, nullptr),
+            "no topic " + name};
+}
+
+/// Writes one topic. `Message` is the structure that idlc made.
+template <class Message>
+class Sender {
+  public:
+    Sender(const Entity& participant, const dds_topic_descriptor_t& type, const LinkSettings& settings,
+           const std::string& name)
+        : topic_(topic_of(participant, type, name)),
+          publisher_(dds_create_publisher(participant.get(), Quality(settings, 1).get(), nullptr), "no publisher"),
+          writer_(dds_create_writer(publisher_.get(), topic_.get(), Quality(settings, 1).get(), nullptr),
+                  "no writer of " + name) {}
+
+    void send(const Message& message) {
+        if (const dds_return_t status = dds_write(writer_.get(), &message); status < 0) {
+            fail("a message was not sent", status);
+        }
+    }
+
+  private:
+    Entity topic_;
+    Entity publisher_;
+    Entity writer_;
+};
+
+/// Reads one topic, and keeps the newest `depth` messages.
+template <class Message>
+class Receiver {
+  public:
+    Receiver(const Entity& participant, const dds_topic_descriptor_t& type, const LinkSettings& settings,
+             const std::string& name, std::int32_t depth)
+        : topic_(topic_of(participant, type, name)),
+          subscriber_(dds_create_subscriber(participant.get(), Quality(settings, depth).get(), nullptr),
+                      "no subscriber"),
+          reader_(dds_create_reader(subscriber_.get(), topic_.get(), Quality(settings, depth).get(), nullptr),
+                  "no reader of " + name) {}
+
+    /// Calls read(message) for the oldest message, which may refuse it.
+    template <class Read>
+    Taken take(const Read& read) {
+        std::array<void*, 1> sample{};
+        dds_sample_info_t info{};
+        const dds_return_t count = dds_take(reader_.get(), sample.data(), &info, 1, 1);
+        if (count < 0) {
+            fail("a message was not received", count);
+        }
+        if (count == 0) {
+            return Taken::Nothing;
+        }
+        const bool valid = info.valid_data && read(*static_cast<const Message*>(sample[0]));
+        (void)dds_return_loan(reader_.get(), sample.data(), count);
+        // The end of a writer comes without data.
+        return !info.valid_data ? Taken::Nothing : valid ? Taken::Message : Taken::Refused;
+    }
+
+    [[nodiscard]] bool matched() const {
+        dds_subscription_matched_status_t status{};
+        return dds_get_subscription_matched_status(reader_.get(), &status) == DDS_RETCODE_OK &&
+               status.current_count > 0;
+    }
+    [[nodiscard]] dds_entity_t get() const noexcept { return reader_.get(); }
+
+  private:
+    Entity topic_;
+    Entity subscriber_;
+    Entity reader_;
+};
+
+/// Waits for data of any of its readers.
+class Waiting {
+  public:
+    Waiting(const Entity& participant, std::initializer_list<dds_entity_t> readers)
+        : set_(dds_create_waitset(participant.get()), "no waitset") {
+        for (const dds_entity_t reader : readers) {
+            conditions_.emplace_back(dds_create_readcondition(reader, DDS_ANY_STATE), "no condition");
+            (void)dds_waitset_attach(set_.get(), conditions_.back().get(), 0);
+        }
+    }
+    void wait(std::int64_t timeout_ns) { (void)dds_waitset_wait(set_.get(), nullptr, 0, timeout_ns); }
+
+  private:
+    Entity set_;
+    std::vector<Entity> conditions_;
+};
+
+template <std::size_t count>
+void copy(const double (&from)[count], double (&to)[count]) {
+    std::copy_n(from, count, to);
+}
+
+haptic_link_DeviceState message_of(const DeviceState& state) {
+    haptic_link_DeviceState m{};
+    m.abi = HAPTIC_ABI_VERSION;
+    m.number = state.sequence;
+    m.frame_number = state.frame_sequence;
+    m.latch_time_ns = state.latch_time_ns;
+    copy(state.position, m.position);
+    copy(state.orientation, m.orientation);
+    copy(state.linear_velocity, m.linear_velocity);
+    copy(state.angular_velocity, m.angular_velocity);
+    copy(state.force, m.force);
+    copy(state.torque, m.torque);
+    copy(state.proxy_position, m.proxy_position);
+    copy(state.tension, m.tension);
+    m.stiffness = state.stiffness;
+    m.scale = state.scale;
+    copy(state.impulse, m.impulse);
+    copy(state.angular_impulse, m.angular_impulse);
+    m.safety_state = state.safety_state;
+    m.faults = state.faults;
+    m.tick_flags = state.tick_flags;
+    m.buttons = state.buttons;
+    return m;
+}
+
+bool read(const haptic_link_DeviceState& m, DeviceState& state) {
+    if (m.abi != HAPTIC_ABI_VERSION) {
+        return false;
+    }
+    state = {};
+    state.sequence = m.number;
+    state.frame_sequence = m.frame_number;
+    state.latch_time_ns = m.latch_time_ns;
+    copy(m.position, state.position);
+    copy(m.orientation, state.orientation);
+    copy(m.linear_velocity, state.linear_velocity);
+    copy(m.angular_velocity, state.angular_velocity);
+    copy(m.force, state.force);
+    copy(m.torque, state.torque);
+    copy(m.proxy_position, state.proxy_position);
+    copy(m.tension, state.tension);
+    state.stiffness = m.stiffness;
+    state.scale = m.scale;
+    copy(m.impulse, state.impulse);
+    copy(m.angular_impulse, state.angular_impulse);
+    state.safety_state = m.safety_state;
+    state.faults = m.faults;
+    state.tick_flags = m.tick_flags;
+    state.buttons = m.buttons;
+    return true;
+}
+
+/// A frame as a message whose sequences lie in memory of its own, without allocation.
+class FrameMessage {
+  public:
+    const haptic_link_ContactFrame& of(const ContactFrame& frame, std::int64_t clock_uncertainty_ns) {
+        message_ = {};
+        message_.abi = HAPTIC_ABI_VERSION;
+        message_.number = frame.sequence;
+        message_.state_number = frame.state_sequence;
+        message_.state_time_ns = frame.state_time_ns;
+        message_.plane_time_ns = frame.plane_time_ns;
+        message_.step_ns = frame.step_ns;
+        message_.clock_uncertainty_ns = clock_uncertainty_ns;
+        message_.stiffness = frame.stiffness;
+        message_.torque_stiffness = frame.torque_stiffness;
+        message_.static_friction = frame.static_friction;
+        message_.dynamic_friction = frame.dynamic_friction;
+        message_.body_work = frame.body_work;
+        message_.flags = frame.flags;
+        message_.compliance_rows = frame.compliance_rows;
+        message_.proxies._maximum = message_.proxies._length = frame.proxy_count;
+        message_.proxies._buffer = proxies_.data();
+        for (std::size_t i = 0; i < frame.proxy_count; ++i) {
+            write(frame.proxies[i], i);
+        }
+        message_.compliance._maximum = message_.compliance._length =
+            static_cast<std::uint32_t>(compliance_index(frame.compliance_rows, 0));
+        std::copy_n(frame.compliance, message_.compliance._length, compliance_.data());
+        message_.compliance._buffer = compliance_.data();
+        return message_;
+    }
+
+  private:
+    void write(const ProxyContact& from, std::size_t i) {
+        haptic_link_Proxy& to = proxies_[i];
+        copy(from.rest_offset, to.rest_offset);
+        copy(from.rest_velocity, to.rest_velocity);
+        copy(from.position, to.position);
+        copy(from.surface_velocity, to.surface_velocity);
+        to.in_contact = from.in_contact;
+        to.planes._maximum = to.planes._length = from.plane_count;
+        to.planes._buffer = planes_[i].data();
+        for (std::size_t p = 0; p < from.plane_count; ++p) {
+            copy(from.planes[p].normal, planes_[i][p].normal);
+            planes_[i][p].offset = from.planes[p].offset;
+            planes_[i][p].velocity = from.planes[p].velocity;
+        }
+    }
+
+    haptic_link_ContactFrame message_{};
+    std::array<haptic_link_Proxy, kMaxProxies> proxies_{};
+    std::array<std::array<haptic_link_Plane, kMaxPlanes>, kMaxProxies> planes_{};
+    std::array<float, kMaxCompliances> compliance_{};
+};
+
+bool read(const haptic_link_ContactFrame& m, ContactFrame& frame) {
+    // Lengths first: what follows copies as many.
+    if (m.abi != HAPTIC_ABI_VERSION || m.proxies._length > kMaxProxies || m.compliance_rows > kMaxComplianceRows ||
+        m.compliance._length != compliance_index(m.compliance_rows, 0)) {
+        return false;
+    }
+    frame = {};
+    frame.sequence = m.number;
+    frame.state_sequence = m.state_number;
+    frame.state_time_ns = m.state_time_ns;
+    frame.plane_time_ns = m.plane_time_ns;
+    frame.step_ns = m.step_ns;
+    frame.stiffness = m.stiffness;
+    frame.torque_stiffness = m.torque_stiffness;
+    frame.static_friction = m.static_friction;
+    frame.dynamic_friction = m.dynamic_friction;
+    frame.body_work = m.body_work;
+    frame.flags = m.flags;
+    frame.compliance_rows = m.compliance_rows;
+    frame.proxy_count = m.proxies._length;
+    for (std::size_t i = 0; i < frame.proxy_count; ++i) {
+        const haptic_link_Proxy& from = m.proxies._buffer[i];
+        ProxyContact& to = frame.proxies[i];
+        if (from.planes._length > kMaxPlanes) {
+            return false;
+        }
+        copy(from.rest_offset, to.rest_offset);
+        copy(from.rest_velocity, to.rest_velocity);
+        copy(from.position, to.position);
+        copy(from.surface_velocity, to.surface_velocity);
+        to.in_contact = from.in_contact;
+        to.plane_count = from.planes._length;
+        for (std::size_t p = 0; p < to.plane_count; ++p) {
+            copy(from.planes._buffer[p].normal, to.planes[p].normal);
+            to.planes[p].offset = from.planes._buffer[p].offset;
+            to.planes[p].velocity = from.planes._buffer[p].velocity;
+        }
+    }
+    std::copy_n(m.compliance._buffer, m.compliance._length, frame.compliance);
+    return find_defect(frame) == FrameDefect::None;
+}
+
+// Queries and replies that are kept: more than any that are on their way.
+constexpr std::int32_t kClockDepth = 8;
+
+}  // namespace
+
+void check(const LinkSettings& settings) {
+    if (!is_plain(settings.session)) {
+        throw std::invalid_argument("session \"" + settings.session +
+                                    "\" must have only the characters A-Z a-z 0-9 _ -");
+    }
+    if (!is_plain(settings.interface)) {
+        throw std::invalid_argument("\"" + settings.interface + "\" is no name of a network interface");
+    }
+    for (const std::string& peer : settings.peers) {
+        if (!is_plain(peer)) {
+            throw std::invalid_argument("\"" + peer + "\" is no address of a machine");
+        }
+    }
+    if (settings.domain > kMaxDomain) {
+        throw std::invalid_argument("a DDS domain is 0 to 232, not " + std::to_string(settings.domain));
+    }
+}
+
+struct LinkDomain::State {
+    Entity domain;
+};
+
+LinkDomain::LinkDomain(const LinkSettings& settings) {
+    check(settings);
+    state_ = std::make_unique<State>(
+        State{{dds_create_domain(settings.domain, configuration(settings).c_str()),
+               "domain " + std::to_string(settings.domain) + " on interface " + settings.interface}});
+}
+LinkDomain::LinkDomain(LinkDomain&&) noexcept = default;
+LinkDomain& LinkDomain::operator=(LinkDomain&&) noexcept = default;
+LinkDomain::~LinkDomain() = default;
+
+struct DeviceLink::State {
+    explicit State(const LinkSettings& settings)
+        : participant(participant_of(settings)),
+          states(participant, haptic_link_DeviceState_desc, settings, "state"),
+          replies(participant, haptic_link_ClockReply_desc, settings, "clock_reply"),
+          frames(participant, haptic_link_ContactFrame_desc, settings, "frame", 1),
+          queries(participant, haptic_link_ClockQuery_desc, settings, "clock_query", kClockDepth),
+          waiting(participant, {frames.get(), queries.get()}) {}
+
+    Entity participant;
+    Sender<haptic_link_DeviceState> states;
+    Sender<haptic_link_ClockReply> replies;
+    Receiver<haptic_link_ContactFrame> frames;
+    Receiver<haptic_link_ClockQuery> queries;
+    Waiting waiting;
+};
+
+DeviceLink::DeviceLink(const LinkSettings& settings) : state_(std::make_unique<State>(settings)) {}
+DeviceLink::DeviceLink(DeviceLink&&) noexcept = default;
+DeviceLink& DeviceLink::operator=(DeviceLink&&) noexcept = default;
+DeviceLink::~DeviceLink() = default;
+
+void DeviceLink::wait(std::int64_t timeout_ns) {
+    state_->waiting.wait(timeout_ns);
+}
+void DeviceLink::send(const DeviceState& state) {
+    state_->states.send(message_of(state));
+}
+void DeviceLink::send(const ClockReplyMessage& reply) {
+    state_->replies.send({reply.asker, reply.sent_ns, reply.received_ns, reply.replied_ns});
+}
+Taken DeviceLink::take(ContactFrame& frame) {
+    return state_->frames.take([&](const haptic_link_ContactFrame& message) { return read(message, frame); });
+}
+Taken DeviceLink::take(ClockQueryMessage& query) {
+    return state_->queries.take([&](const haptic_link_ClockQuery& message) {
+        query = {.asker = message.asker, .sent_ns = message.sent_ns};
+        return true;
+    });
+}
+bool DeviceLink::matched() const {
+    return state_->frames.matched();
+}
+
+struct SimulationLink::State {
+    explicit State(const LinkSettings& settings)
+        : participant(participant_of(settings)),
+          frames(participant, haptic_link_ContactFrame_desc, settings, "frame"),
+          queries(participant, haptic_link_ClockQuery_desc, settings, "clock_query"),
+          states(participant, haptic_link_DeviceState_desc, settings, "state", 1),
+          replies(participant, haptic_link_ClockReply_desc, settings, "clock_reply", kClockDepth),
+          waiting(participant, {states.get(), replies.get()}) {}
+
+    Entity participant;
+    Sender<haptic_link_ContactFrame> frames;
+    Sender<haptic_link_ClockQuery> queries;
+    Receiver<haptic_link_DeviceState> states;
+    Receiver<haptic_link_ClockReply> replies;
+    Waiting waiting;
+    FrameMessage frame_message;
+};
+
+SimulationLink::SimulationLink(const LinkSettings& settings) : state_(std::make_unique<State>(settings)) {}
+SimulationLink::SimulationLink(SimulationLink&&) noexcept = default;
+SimulationLink& SimulationLink::operator=(SimulationLink&&) noexcept = default;
+SimulationLink::~SimulationLink() = default;
+
+void SimulationLink::wait(std::int64_t timeout_ns) {
+    state_->waiting.wait(timeout_ns);
+}
+void SimulationLink::send(const ContactFrame& frame, std::int64_t clock_uncertainty_ns) {
+    state_->frames.send(state_->frame_message.of(frame, clock_uncertainty_ns));
+}
+void SimulationLink::send(const ClockQueryMessage& query) {
+    state_->queries.send({query.asker, query.sent_ns});
+}
+Taken SimulationLink::take(DeviceState& state) {
+    return state_->states.take([&](const haptic_link_DeviceState& message) { return read(message, state); });
+}
+Taken SimulationLink::take(ClockReplyMessage& reply) {
+    return state_->replies.take([&](const haptic_link_ClockReply& message) {
+        reply = {.asker = message.asker,
+                 .sent_ns = message.sent_ns,
+                 .received_ns = message.received_ns,
+                 .replied_ns = message.replied_ns};
+        return true;
+    });
+}
+bool SimulationLink::matched() const {
+    return state_->states.matched();
+}
+
+}  // namespace haptic
