@@ -137,7 +137,7 @@ class Receiver {
     template <class Read>
     Taken take(const Read& read) {
         std::array<void*, 1> sample{};
-        dds_sample_info_t info{};
+        dds_sample_info_t info;
         const dds_return_t count = dds_take(reader_.get(), sample.data(), &info, 1, 1);
         if (count < 0) {
             fail("a message was not received", count);
