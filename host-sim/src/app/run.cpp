@@ -327,9 +327,12 @@ void Run::wait_for_device() {
         sleep_until(now_ns + kPollPeriodNs);
     }
     if (!stop_requested()) {
-        throw std::runtime_error("no rt-core ran in session " + session_ + " within --wait " +
-                                 haptic::text_of(CsvCell{options_.wait_s}) +
-                                 " s; start it with rt-core run --session " + session_ + ", or leave out --wait");
+        const std::string waited = " within --wait " + haptic::text_of(CsvCell{options_.wait_s}) + " s; ";
+        throw std::runtime_error(options_.dds_interface.empty()
+                                     ? "no rt-core ran in session " + session_ + waited +
+                                           "start it with rt-core run --session " + session_ + ", or leave out --wait"
+                                     : "no rt-core was heard through interface " + options_.dds_interface + waited +
+                                           "on its machine start rt-core run and rt-core relay, or leave out --wait");
     }
 }
 

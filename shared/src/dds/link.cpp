@@ -66,7 +66,7 @@ std::string configuration(const LinkSettings& settings) {
     return std::string("<General><Interfaces><NetworkInterface name=\"") + settings.interface +
            "\"/></Interfaces><AllowMulticast>" + (loopback ? "false" : "spdp") +
            "</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers>" + peers +
-           "</Peers></Discovery>";
+           "</Peers></Discovery><Tracing><Verbosity>none</Verbosity></Tracing>";
 }
 
 Entity participant_of(const LinkSettings& settings) {
@@ -363,9 +363,12 @@ struct LinkDomain::State {
 
 LinkDomain::LinkDomain(const LinkSettings& settings) {
     check(settings);
-    state_ = std::make_unique<State>(
-        State{{dds_create_domain(settings.domain, configuration(settings).c_str()),
-               "domain " + std::to_string(settings.domain) + " on interface " + settings.interface}});
+    const dds_entity_t domain = dds_create_domain(settings.domain, configuration(settings).c_str());
+    if (domain < 0) {
+        throw std::runtime_error("DDS cannot use the network interface " + settings.interface + " in domain " +
+                                 std::to_string(settings.domain) + "; `ip link` lists the interfaces");
+    }
+    state_ = std::make_unique<State>(State{{domain, "no domain"}});
 }
 LinkDomain::LinkDomain(LinkDomain&&) noexcept = default;
 LinkDomain& LinkDomain::operator=(LinkDomain&&) noexcept = default;
