@@ -168,7 +168,7 @@ build() {
     local log
     log=$(mktemp)
     (cd "$root" && cmake --preset "$preset" "${options[@]}") >"$log" 2>&1 || { cat "$log" >&2; die "cmake failed"; }
-    sed -n 's/^-- \(.* without the live view: .*\)/    \1/p; s/^-- \(Without the tests of .*\)/    \1/p; s/^-- \(the Python package is not built.*\)/    \1/p' "$log"
+    sed -n 's/^-- \(.* without the live view: .*\)/    \1/p; s/^-- \(Without the tests of .*\)/    \1/p; s/^-- \(the \(Python package\|link to other machines\) is not built.*\)/    \1/p' "$log"
     (cd "$root" && cmake --build --preset "$preset" --parallel "$(nproc)" "${targets[@]}") 2>&1 | tee "$log" | progress ||
         { grep -vE '^\[[0-9]+/[0-9]+\]' "$log" | tail -n 60 >&2; die "the build failed"; }
     rm -f "$log"

@@ -13,7 +13,7 @@ namespace haptic::rt {
 namespace {
 
 // A quarter of a tick: by as much a state can be late on its way.
-constexpr std::int64_t kPollNs = 250'000;
+constexpr std::int64_t kRelayPollNs = 250'000;
 
 }  // namespace
 
@@ -25,7 +25,7 @@ int relay_command(const RelayOptions& options) {
     const std::int64_t end_ns = options.duration_s > 0.0 ? monotonic_now_ns() + nanoseconds(options.duration_s) : 0;
     bool connected = false;
     while (signals.wait(0) == 0 && (end_ns == 0 || monotonic_now_ns() < end_ns)) {
-        if (const bool now = relay.run_once(kPollNs); now != connected) {
+        if (const bool now = relay.run_once(kRelayPollNs); now != connected) {
             connected = now;
             spdlog::info(connected ? "a simulation is connected" : "the simulation is gone");
         }
