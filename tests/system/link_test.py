@@ -142,7 +142,8 @@ def session(folder: Path, hand: Path, linked: bool, during=lambda processes: Non
 
 
 def main() -> None:
-    if os.geteuid() != 0 or subprocess.run(["unshare", "--net", "--time", "--fork", "true"], capture_output=True).returncode:
+    possible = f"unshare --net --time --fork true && ip netns add {NAME} && ip netns del {NAME}"
+    if os.geteuid() != 0 or subprocess.run(possible, shell=True, capture_output=True).returncode:
         print("namespaces cannot be made here")
         sys.exit(77)
     with tempfile.TemporaryDirectory() as work, machines():
