@@ -8,8 +8,6 @@
 namespace haptic::sim {
 namespace {
 
-constexpr std::int64_t kRelayPollNs = 250'000;
-
 /// A number for this start: no other process of this machine has both.
 std::uint64_t number_of_this_start() {
     return (static_cast<std::uint64_t>(monotonic_now_ns()) << 22U) ^ static_cast<std::uint64_t>(::getpid());

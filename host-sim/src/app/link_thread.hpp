@@ -1,9 +1,7 @@
 // Link thread: connects a run to rt-core on another machine (dds/relay.hpp), beside the run and apart from its time.
 #pragma once
 
-#include <cstdint>
-#include <exception>
-#include <string>
+#include <stop_token>
 #include <thread>
 
 #include "dds/relay.hpp"

@@ -10,13 +10,6 @@
 #include "program/exit_status.hpp"
 
 namespace haptic::rt {
-namespace {
-
-// A quarter of a tick: by as much a state can be late on its way.
-constexpr std::int64_t kRelayPollNs = 250'000;
-
-}  // namespace
-
 int relay_command(const RelayOptions& options) {
     const StopSignals signals;
     const LinkDomain domain(options.link);

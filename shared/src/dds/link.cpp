@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <span>
 #include <stdexcept>
 #include <utility>
 
@@ -186,28 +185,65 @@ void copy(const double (&from)[count], double (&to)[count]) {
     std::copy_n(from, count, to);
 }
 
+// What has the same name in a message and in frames.h, in either direction.
+
+template <class From, class To>
+void copy_state(const From& from, To& to) {
+    to.latch_time_ns = from.latch_time_ns;
+    copy(from.position, to.position);
+    copy(from.orientation, to.orientation);
+    copy(from.linear_velocity, to.linear_velocity);
+    copy(from.angular_velocity, to.angular_velocity);
+    copy(from.force, to.force);
+    copy(from.torque, to.torque);
+    copy(from.proxy_position, to.proxy_position);
+    copy(from.tension, to.tension);
+    to.stiffness = from.stiffness;
+    to.scale = from.scale;
+    copy(from.impulse, to.impulse);
+    copy(from.angular_impulse, to.angular_impulse);
+    to.safety_state = from.safety_state;
+    to.faults = from.faults;
+    to.tick_flags = from.tick_flags;
+    to.buttons = from.buttons;
+}
+
+template <class From, class To>
+void copy_frame(const From& from, To& to) {
+    to.state_time_ns = from.state_time_ns;
+    to.plane_time_ns = from.plane_time_ns;
+    to.step_ns = from.step_ns;
+    to.stiffness = from.stiffness;
+    to.torque_stiffness = from.torque_stiffness;
+    to.static_friction = from.static_friction;
+    to.dynamic_friction = from.dynamic_friction;
+    to.body_work = from.body_work;
+    to.flags = from.flags;
+    to.compliance_rows = from.compliance_rows;
+}
+
+template <class From, class To>
+void copy_proxy(const From& from, To& to) {
+    copy(from.rest_offset, to.rest_offset);
+    copy(from.rest_velocity, to.rest_velocity);
+    copy(from.position, to.position);
+    copy(from.surface_velocity, to.surface_velocity);
+    to.in_contact = from.in_contact;
+}
+
+template <class From, class To>
+void copy_plane(const From& from, To& to) {
+    copy(from.normal, to.normal);
+    to.offset = from.offset;
+    to.velocity = from.velocity;
+}
+
 haptic_link_DeviceState message_of(const DeviceState& state) {
     haptic_link_DeviceState m{};
     m.abi = HAPTIC_ABI_VERSION;
     m.number = state.sequence;
     m.frame_number = state.frame_sequence;
-    m.latch_time_ns = state.latch_time_ns;
-    copy(state.position, m.position);
-    copy(state.orientation, m.orientation);
-    copy(state.linear_velocity, m.linear_velocity);
-    copy(state.angular_velocity, m.angular_velocity);
-    copy(state.force, m.force);
-    copy(state.torque, m.torque);
-    copy(state.proxy_position, m.proxy_position);
-    copy(state.tension, m.tension);
-    m.stiffness = state.stiffness;
-    m.scale = state.scale;
-    copy(state.impulse, m.impulse);
-    copy(state.angular_impulse, m.angular_impulse);
-    m.safety_state = state.safety_state;
-    m.faults = state.faults;
-    m.tick_flags = state.tick_flags;
-    m.buttons = state.buttons;
+    copy_state(state, m);
     return m;
 }
 
@@ -218,23 +254,7 @@ bool read(const haptic_link_DeviceState& m, DeviceState& state) {
     state = {};
     state.sequence = m.number;
     state.frame_sequence = m.frame_number;
-    state.latch_time_ns = m.latch_time_ns;
-    copy(m.position, state.position);
-    copy(m.orientation, state.orientation);
-    copy(m.linear_velocity, state.linear_velocity);
-    copy(m.angular_velocity, state.angular_velocity);
-    copy(m.force, state.force);
-    copy(m.torque, state.torque);
-    copy(m.proxy_position, state.proxy_position);
-    copy(m.tension, state.tension);
-    state.stiffness = m.stiffness;
-    state.scale = m.scale;
-    copy(m.impulse, state.impulse);
-    copy(m.angular_impulse, state.angular_impulse);
-    state.safety_state = m.safety_state;
-    state.faults = m.faults;
-    state.tick_flags = m.tick_flags;
-    state.buttons = m.buttons;
+    copy_state(m, state);
     return true;
 }
 
@@ -246,17 +266,8 @@ class FrameMessage {
         message_.abi = HAPTIC_ABI_VERSION;
         message_.number = frame.sequence;
         message_.state_number = frame.state_sequence;
-        message_.state_time_ns = frame.state_time_ns;
-        message_.plane_time_ns = frame.plane_time_ns;
-        message_.step_ns = frame.step_ns;
+        copy_frame(frame, message_);
         message_.clock_uncertainty_ns = clock_uncertainty_ns;
-        message_.stiffness = frame.stiffness;
-        message_.torque_stiffness = frame.torque_stiffness;
-        message_.static_friction = frame.static_friction;
-        message_.dynamic_friction = frame.dynamic_friction;
-        message_.body_work = frame.body_work;
-        message_.flags = frame.flags;
-        message_.compliance_rows = frame.compliance_rows;
         message_.proxies._maximum = message_.proxies._length = frame.proxy_count;
         message_.proxies._buffer = proxies_.data();
         for (std::size_t i = 0; i < frame.proxy_count; ++i) {
@@ -272,17 +283,11 @@ class FrameMessage {
   private:
     void write(const ProxyContact& from, std::size_t i) {
         haptic_link_Proxy& to = proxies_[i];
-        copy(from.rest_offset, to.rest_offset);
-        copy(from.rest_velocity, to.rest_velocity);
-        copy(from.position, to.position);
-        copy(from.surface_velocity, to.surface_velocity);
-        to.in_contact = from.in_contact;
+        copy_proxy(from, to);
         to.planes._maximum = to.planes._length = from.plane_count;
         to.planes._buffer = planes_[i].data();
         for (std::size_t p = 0; p < from.plane_count; ++p) {
-            copy(from.planes[p].normal, planes_[i][p].normal);
-            planes_[i][p].offset = from.planes[p].offset;
-            planes_[i][p].velocity = from.planes[p].velocity;
+            copy_plane(from.planes[p], planes_[i][p]);
         }
     }
 
@@ -301,16 +306,7 @@ bool read(const haptic_link_ContactFrame& m, ContactFrame& frame) {
     frame = {};
     frame.sequence = m.number;
     frame.state_sequence = m.state_number;
-    frame.state_time_ns = m.state_time_ns;
-    frame.plane_time_ns = m.plane_time_ns;
-    frame.step_ns = m.step_ns;
-    frame.stiffness = m.stiffness;
-    frame.torque_stiffness = m.torque_stiffness;
-    frame.static_friction = m.static_friction;
-    frame.dynamic_friction = m.dynamic_friction;
-    frame.body_work = m.body_work;
-    frame.flags = m.flags;
-    frame.compliance_rows = m.compliance_rows;
+    copy_frame(m, frame);
     frame.proxy_count = m.proxies._length;
     for (std::size_t i = 0; i < frame.proxy_count; ++i) {
         const haptic_link_Proxy& from = m.proxies._buffer[i];
@@ -318,16 +314,10 @@ bool read(const haptic_link_ContactFrame& m, ContactFrame& frame) {
         if (from.planes._length > kMaxPlanes) {
             return false;
         }
-        copy(from.rest_offset, to.rest_offset);
-        copy(from.rest_velocity, to.rest_velocity);
-        copy(from.position, to.position);
-        copy(from.surface_velocity, to.surface_velocity);
-        to.in_contact = from.in_contact;
+        copy_proxy(from, to);
         to.plane_count = from.planes._length;
         for (std::size_t p = 0; p < to.plane_count; ++p) {
-            copy(from.planes._buffer[p].normal, to.planes[p].normal);
-            to.planes[p].offset = from.planes._buffer[p].offset;
-            to.planes[p].velocity = from.planes._buffer[p].velocity;
+            copy_plane(from.planes._buffer[p], to.planes[p]);
         }
     }
     std::copy_n(m.compliance._buffer, m.compliance._length, frame.compliance);

@@ -37,6 +37,9 @@ class SequencePairs {
     std::array<Pair, kKept> pairs_{};
 };
 
+/// How long a relay waits for messages before it looks at its rings: a quarter of a tick, by which a state may be late.
+inline constexpr std::int64_t kRelayPollNs = 250'000;
+
 /// What passed since the relay began.
 struct RelayCounts {
     std::uint64_t states = 0;
