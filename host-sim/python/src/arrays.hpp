@@ -4,8 +4,6 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
-#include <array>
-#include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
@@ -40,15 +38,6 @@ template <class Value>
 
 [[nodiscard]] inline py::array view(std::span<const sim::Triangle> of, const py::handle& owner) {
     return view(of.empty() ? nullptr : of.front().data(), of.size(), 3, owner);
-}
-
-/// New array of three or four numbers; a rotation as (w, x, y, z).
-[[nodiscard]] inline py::array array_of(const Vec3& v) {
-    return py::array_t<double>(3, &v.x);
-}
-[[nodiscard]] inline py::array array_of(const Quat& q) {
-    const std::array<double, 4> wxyz{q.w, q.x, q.y, q.z};
-    return py::array_t<double>(4, wxyz.data());
 }
 
 /// Argument: any array-like of numbers, as an array of doubles without gaps.

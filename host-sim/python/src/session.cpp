@@ -156,14 +156,12 @@ invalid segment.)")
         .def(py::init<const std::string&>(), py::arg("name") = "default")
         .def("read", &PythonSession::read,
              "The newest device state (fields of haptic.DEVICE_STATE), or None if there is none newer than the last "
-             "one. "
-             "Never waits.")
+             "one. Never waits.")
         .def("publish", &PythonSession::publish, py::arg("frame"),
              "Publishes a contact frame (haptic.CONTACT_FRAME: haptic.contact_frame(), Simulation.frame) and returns "
-             "its "
-             "sequence. Never waits. Raises ValueError with the defect of an invalid frame.")
+             "its sequence. Never waits. Raises ValueError with the defect of an invalid frame.")
         .def("beat", &PythonSession::beat, "Signals that the simulation is alive without a new frame.")
-        .def("close", &PythonSession::close, "Detaches, of which rt-core knows at once: the force fades.")
+        .def("close", &PythonSession::close, "Detaches. rt-core knows at once, and the force fades.")
         .def_property_readonly("name", &PythonSession::name)
         .def_property_readonly("peer", &PythonSession::peer,
                                "rt-core: session (0 before the first), heartbeat_ns, pid (0: none), closed.")

@@ -8,7 +8,6 @@
 #include <atomic>
 #include <cmath>
 #include <cstdint>
-#include <filesystem>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -20,6 +19,7 @@
 #include "haptic/clock.hpp"
 #include "haptic/config.hpp"
 #include "haptic/frames.hpp"
+#include "haptic/numeric.hpp"
 #include "haptic/setting.hpp"
 #include "haptic/sim/scene.hpp"
 #include "tool/tool_proxies.hpp"
@@ -119,35 +119,27 @@ sim::Scene open(const std::string& which, const py::dict& settings) {
         const auto name = key.cast<std::string>();
         config.set(name + "=" + toml_of(name, value));
     }
-    const std::filesystem::path path(which);
-    sim::Scene scene = sim::read_scene(config, path.extension() == ".toml" ? path.stem().string() : which);
+    sim::Scene scene = sim::read_scene(config, sim::scene_name(which));
     for (const std::string& notice : scene.notices) {
         py::module_::import("warnings").attr("warn")(notice, py::arg("stacklevel") = 2);
     }
     return scene;
 }
 
-void copy(const Vec3& from, double (&to)[3]) {
-    store(from, to);
-}
-void copy(const Quat& from, double (&to)[4]) {
-    store(from, to);
-}
-
 StepRow row_of(const sim::StepInput& input, const sim::StepResult& result) {
     StepRow row;
     row.time = result.time;
     row.step = result.step;
-    copy(input.device.position, row.device_position);
-    copy(input.device.orientation, row.device_orientation);
-    copy(result.proxy, row.proxy);
-    copy(result.proxy_orientation, row.proxy_orientation);
-    copy(result.hip, row.hip);
-    copy(result.hip_orientation, row.hip_orientation);
-    copy(result.force, row.force);
-    copy(result.torque, row.torque);
-    copy(result.hand_force, row.hand_force);
-    copy(result.hand_torque, row.hand_torque);
+    store(input.device.position, row.device_position);
+    store(input.device.orientation, row.device_orientation);
+    store(result.proxy, row.proxy);
+    store(result.proxy_orientation, row.proxy_orientation);
+    store(result.hip, row.hip);
+    store(result.hip_orientation, row.hip_orientation);
+    store(result.force, row.force);
+    store(result.torque, row.torque);
+    store(result.hand_force, row.hand_force);
+    store(result.hand_torque, row.hand_torque);
     row.curl = result.curl;
     row.depth = result.depth;
     row.equilibrium_error = result.equilibrium_error;
@@ -170,7 +162,7 @@ StepRow row_of(const sim::StepInput& input, const sim::StepResult& result) {
 Quat unit_quaternion(const double* wxyz, const std::string& argument) {
     const Quat q(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
     const double length = std::sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
-    if (!(std::abs(length - 1.0) <= 1e-6)) {
+    if (!(std::abs(length - 1.0) <= kUnitTolerance)) {
         throw py::value_error(argument + " must be a unit quaternion (w, x, y, z); its length is " +
                               std::to_string(length));
     }
@@ -178,10 +170,11 @@ Quat unit_quaternion(const double* wxyz, const std::string& argument) {
 }
 
 Vec3 finite_point(const double* xyz, const std::string& argument) {
-    if (!std::isfinite(xyz[0]) || !std::isfinite(xyz[1]) || !std::isfinite(xyz[2])) {
+    const Vec3 point(xyz[0], xyz[1], xyz[2]);
+    if (!is_finite(point)) {
         throw py::value_error(argument + " must be finite");
     }
-    return {xyz[0], xyz[1], xyz[2]};
+    return point;
 }
 
 double closure(double curl) {
@@ -362,9 +355,9 @@ py::object proxies_of(const PythonSimulation& of) {
         const sim::ToolProxy& proxy = tool.particles()[i];
         ProxyRow& row = rows.emplace_back();
         row.radius = proxy.radius;
-        copy(proxy.position, row.position);
-        copy(proxy.goal, row.goal);
-        copy(tool.force_on(i), row.force);
+        store(proxy.position, row.position);
+        store(proxy.goal, row.goal);
+        store(tool.force_on(i), row.force);
         row.in_contact = proxy.in_contact();
         row.sticks = proxy.sticks();
     }
@@ -382,7 +375,7 @@ py::object contacts_of(const PythonSimulation& of) {
             row.proxy = static_cast<std::uint32_t>(i);
             row.body = plane.touched.object;
             row.triangle = plane.touched.triangle;
-            copy(plane.normal, row.normal);
+            store(plane.normal, row.normal);
             row.offset = plane.offset;
             row.velocity = plane.velocity;
             row.force = of.simulation().contact_force(i, p);

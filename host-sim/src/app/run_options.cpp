@@ -3,7 +3,6 @@
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <cmath>
-#include <filesystem>
 #include <iostream>
 #include <stdexcept>
 #include <string_view>
@@ -68,8 +67,7 @@ Scene load_scene(const std::string& which, const std::vector<std::string>& assig
     for (const std::string& assignment : assignments) {
         config.set(assignment);
     }
-    const std::filesystem::path path(which);
-    Scene scene = read_scene(config, path.extension() == ".toml" ? path.stem().string() : which);
+    Scene scene = read_scene(config, scene_name(which));
     for (const std::string& notice : scene.notices) {
         std::cerr << notice << '\n';
     }

@@ -141,6 +141,11 @@ WorkspaceSettings read_workspace(const Config& config, const WorkspaceSettings& 
     return workspace;
 }
 
+std::string scene_name(const std::string& which) {
+    const std::filesystem::path path(which);
+    return path.extension() == ".toml" ? path.stem().string() : which;
+}
+
 Config open_scene(const std::string& which) {
     std::string known;
     for (const BuiltInScene& scene : built_in_scenes()) {

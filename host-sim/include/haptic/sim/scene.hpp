@@ -62,6 +62,9 @@ struct BuiltInScene {
 /// unknown name.
 [[nodiscard]] Config open_scene(const std::string& which);
 
+/// Name of a scene that open_scene() opens: that of the built-in scene, or the file's without folder and ending.
+[[nodiscard]] std::string scene_name(const std::string& which);
+
 /// Reads the table [workspace]; missing keys are as in `otherwise`. Throws ConfigError.
 [[nodiscard]] WorkspaceSettings read_workspace(const Config& config, const WorkspaceSettings& otherwise);
 
