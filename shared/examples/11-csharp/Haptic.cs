@@ -207,7 +207,7 @@ namespace Haptic
         /// <summary>Signals that the simulation is alive without a new frame.</summary>
         public void Beat() { Native.haptic_contact_writer_beat(contacts, NowNs); }
 
-        /// <summary>Detaches, of which rt-core knows at once: the force fades.</summary>
+        /// <summary>Detaches. rt-core knows at once, and the force fades.</summary>
         public void Dispose()
         {
             if (contacts != IntPtr.Zero) Native.haptic_contact_writer_close(contacts);
