@@ -27,7 +27,8 @@ if __name__ == "__main__":
     study.main(slide, stiffness=[{stiffness}], steps=[{steps}])
 """
 SSH = """#!/bin/sh
-# ssh HOST COMMAND: on a machine that is only a name.
+# ssh HOST COMMAND: on a machine that is only a name. As sshd does, it sets SHELL, which GNU parallel runs the command with.
+export SHELL=/bin/sh
 while [ "${1#-}" != "$1" ]; do
     [ "$1" = -l ] && shift
     shift
