@@ -373,6 +373,18 @@ CLI::App* describe_relay(CLI::App& app, haptic::rt::RelayOptions& options) {
         ->type_name("N")
         ->check(CLI::Range(0, 232))
         ->capture_default_str();
+    relay
+        ->add_option(
+            "--ros", options.ros.names,
+            "publish for ROS 2 too: /NAMES/pose, twist, wrench, joy, and /diagnostics; --domain is its ROS_DOMAIN_ID")
+        ->type_name("NAMES");
+    relay
+        ->add_option("--ros-rate", options.ros.rate_hz,
+                     "messages of each of these topics in a second, at most one a tick")
+        ->type_name("HZ")
+        ->check(CLI::Range(0.1, 1e4))
+        ->needs("--ros")
+        ->capture_default_str();
     relay->add_option("--duration", options.duration_s, "seconds, then it ends; 0: until Ctrl-C")
         ->type_name("S")
         ->check(CLI::Range(0.0, 1e9));

@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <cstdio>
+#include <optional>
 
 #include "commands/run.hpp"
 #include "dds/relay.hpp"
@@ -14,6 +15,11 @@ int relay_command(const RelayOptions& options) {
     const StopSignals signals;
     const LinkDomain domain(options.link);
     DeviceRelay relay(options.link);
+    std::optional<RosTopics> ros;
+    if (!options.ros.names.empty()) {
+        ros.emplace(options.ros, options.link);
+        spdlog::info("ROS 2: topics /{}/... and /diagnostics in domain {}", options.ros.names, options.link.domain);
+    }
     spdlog::info("session {}: waiting for a simulation on interface {}", options.link.session, options.link.interface);
     const std::int64_t end_ns = options.duration_s > 0.0 ? monotonic_now_ns() + nanoseconds(options.duration_s) : 0;
     bool connected = false;
@@ -22,12 +28,19 @@ int relay_command(const RelayOptions& options) {
             connected = now;
             spdlog::info(connected ? "a simulation is connected" : "the simulation is gone");
         }
+        if (ros) {
+            ros->run_once(monotonic_now_ns(), relay.counts());
+        }
     }
     const RelayCounts& counts = relay.counts();
     std::printf("%llu states sent; frames: %llu received, %llu refused, %llu late; simulations: %llu\n",
                 static_cast<unsigned long long>(counts.states), static_cast<unsigned long long>(counts.frames),
                 static_cast<unsigned long long>(counts.refused), static_cast<unsigned long long>(counts.late),
                 static_cast<unsigned long long>(counts.connections));
+    if (ros) {
+        std::printf("ROS 2: %llu messages of the device's motion and force\n",
+                    static_cast<unsigned long long>(ros->counts().published));
+    }
     return kExitDone;
 }
 

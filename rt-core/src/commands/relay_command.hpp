@@ -3,11 +3,13 @@
 #pragma once
 
 #include "dds/link.hpp"
+#include "dds/ros_topics.hpp"
 
 namespace haptic::rt {
 
 struct RelayOptions {
     LinkSettings link;
+    RosSettings ros;          // without names: no topics for ROS 2
     double duration_s = 0.0;  // 0: until a signal
 };
 

@@ -1,49 +1,22 @@
 #include "dds/link.hpp"
 
-#include <dds/dds.h>
-
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <stdexcept>
-#include <utility>
 
+#include "dds/entities.hpp"
 #include "haptic_link.h"
 
 namespace haptic {
+
+using namespace dds;
+
 namespace {
 
 // A message that waited longer for its reader is of no use.
 constexpr dds_duration_t kLifespan = DDS_MSECS(100);
 constexpr std::uint32_t kMaxDomain = 232;
-
-[[noreturn]] void fail(const std::string& what, dds_return_t error) {
-    throw std::runtime_error("DDS: " + what + ": " + dds_strretcode(-error));
-}
-
-/// An entity of DDS, or an error that names it.
-class Entity {
-  public:
-    Entity(dds_entity_t entity, const std::string& what) : entity_(entity) {
-        if (entity < 0) {
-            fail(what, entity);
-        }
-    }
-    Entity(Entity&& other) noexcept : entity_(std::exchange(other.entity_, 0)) {}
-    Entity& operator=(Entity&& other) noexcept {
-        std::swap(entity_, other.entity_);
-        return *this;
-    }
-    ~Entity() {
-        if (entity_ > 0) {
-            (void)dds_delete(entity_);
-        }
-    }
-    [[nodiscard]] dds_entity_t get() const noexcept { return entity_; }
-
-  private:
-    dds_entity_t entity_;
-};
 
 bool is_plain(const std::string& text) {
     return !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) {
@@ -64,121 +37,15 @@ std::string configuration(const LinkSettings& settings) {
     }
     return std::string("<General><Interfaces><NetworkInterface name=\"") + settings.interface +
            "\"/></Interfaces><AllowMulticast>" + (loopback ? "false" : "spdp") +
-           "</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers>" + peers +
-           "</Peers></Discovery><Tracing><Verbosity>none</Verbosity></Tracing>";
+           "</AllowMulticast></General><Discovery><SPDPInterval>1s</SPDPInterval><ParticipantIndex>auto</"
+           "ParticipantIndex><Peers>" +
+           peers + "</Peers></Discovery><Tracing><Verbosity>none</Verbosity></Tracing>";
 }
 
-Entity participant_of(const LinkSettings& settings) {
-    check(settings);
-    return {dds_create_participant(settings.domain, nullptr, nullptr), "no participant"};
+/// The newest `depth` messages of a session, which are apart from those of others.
+Quality quality_of(const LinkSettings& settings, std::int32_t depth) {
+    return Quality{depth}.lifespan(kLifespan).partition(settings.session);
 }
-
-/// Quality of service of all messages: best effort, the newest `depth` wins.
-class Quality {
-  public:
-    Quality(const LinkSettings& settings, std::int32_t depth) : qos_(dds_create_qos()) {
-        dds_qset_reliability(qos_, DDS_RELIABILITY_BEST_EFFORT, 0);
-        dds_qset_history(qos_, DDS_HISTORY_KEEP_LAST, depth);
-        dds_qset_lifespan(qos_, kLifespan);
-        // Sessions are apart from one another.
-        dds_qset_partition1(qos_, settings.session.c_str());
-    }
-    Quality(const Quality&) = delete;
-    Quality& operator=(const Quality&) = delete;
-    ~Quality() { dds_delete_qos(qos_); }
-    [[nodiscard]] const dds_qos_t* get() const noexcept { return qos_; }
-
-  private:
-    dds_qos_t* qos_;
-};
-
-Entity topic_of(const Entity& participant, const dds_topic_descriptor_t& type, const std::string& name) {
-    return {dds_create_topic(participant.get(), &type, ("haptic/" + name).c_str(), nullptr, nullptr),
-            "no topic " + name};
-}
-
-/// Writes one topic. `Message` is the structure that idlc made.
-template <class Message>
-class Sender {
-  public:
-    Sender(const Entity& participant, const dds_topic_descriptor_t& type, const LinkSettings& settings,
-           const std::string& name)
-        : topic_(topic_of(participant, type, name)),
-          publisher_(dds_create_publisher(participant.get(), Quality(settings, 1).get(), nullptr), "no publisher"),
-          writer_(dds_create_writer(publisher_.get(), topic_.get(), Quality(settings, 1).get(), nullptr),
-                  "no writer of " + name) {}
-
-    void send(const Message& message) {
-        if (const dds_return_t status = dds_write(writer_.get(), &message); status < 0) {
-            fail("a message was not sent", status);
-        }
-    }
-
-  private:
-    Entity topic_;
-    Entity publisher_;
-    Entity writer_;
-};
-
-/// Reads one topic, and keeps the newest `depth` messages.
-template <class Message>
-class Receiver {
-  public:
-    Receiver(const Entity& participant, const dds_topic_descriptor_t& type, const LinkSettings& settings,
-             const std::string& name, std::int32_t depth)
-        : topic_(topic_of(participant, type, name)),
-          subscriber_(dds_create_subscriber(participant.get(), Quality(settings, depth).get(), nullptr),
-                      "no subscriber"),
-          reader_(dds_create_reader(subscriber_.get(), topic_.get(), Quality(settings, depth).get(), nullptr),
-                  "no reader of " + name) {}
-
-    /// Calls read(message) for the oldest message, which may refuse it.
-    template <class Read>
-    Taken take(const Read& read) {
-        std::array<void*, 1> sample{};
-        dds_sample_info_t info;
-        const dds_return_t count = dds_take(reader_.get(), sample.data(), &info, 1, 1);
-        if (count < 0) {
-            fail("a message was not received", count);
-        }
-        if (count == 0) {
-            return Taken::Nothing;
-        }
-        const bool valid = info.valid_data && read(*static_cast<const Message*>(sample[0]));
-        (void)dds_return_loan(reader_.get(), sample.data(), count);
-        // The end of a writer comes without data.
-        return !info.valid_data ? Taken::Nothing : valid ? Taken::Message : Taken::Refused;
-    }
-
-    [[nodiscard]] bool matched() const {
-        dds_subscription_matched_status_t status{};
-        return dds_get_subscription_matched_status(reader_.get(), &status) == DDS_RETCODE_OK &&
-               status.current_count > 0;
-    }
-    [[nodiscard]] dds_entity_t get() const noexcept { return reader_.get(); }
-
-  private:
-    Entity topic_;
-    Entity subscriber_;
-    Entity reader_;
-};
-
-/// Waits for data of any of its readers.
-class Waiting {
-  public:
-    Waiting(const Entity& participant, std::initializer_list<dds_entity_t> readers)
-        : set_(dds_create_waitset(participant.get()), "no waitset") {
-        for (const dds_entity_t reader : readers) {
-            conditions_.emplace_back(dds_create_readcondition(reader, DDS_ANY_STATE), "no condition");
-            (void)dds_waitset_attach(set_.get(), conditions_.back().get(), 0);
-        }
-    }
-    void wait(std::int64_t timeout_ns) { (void)dds_waitset_wait(set_.get(), nullptr, 0, timeout_ns); }
-
-  private:
-    Entity set_;
-    std::vector<Entity> conditions_;
-};
 
 template <std::size_t count>
 void copy(const double (&from)[count], double (&to)[count]) {
@@ -366,11 +233,11 @@ LinkDomain::~LinkDomain() = default;
 
 struct DeviceLink::State {
     explicit State(const LinkSettings& settings)
-        : participant(participant_of(settings)),
-          states(participant, haptic_link_DeviceState_desc, settings, "state"),
-          replies(participant, haptic_link_ClockReply_desc, settings, "clock_reply"),
-          frames(participant, haptic_link_ContactFrame_desc, settings, "frame", 1),
-          queries(participant, haptic_link_ClockQuery_desc, settings, "clock_query", kClockDepth),
+        : participant(participant_in(settings.domain)),
+          states(participant, haptic_link_DeviceState_desc, "haptic/state", quality_of(settings, 1)),
+          replies(participant, haptic_link_ClockReply_desc, "haptic/clock_reply", quality_of(settings, 1)),
+          frames(participant, haptic_link_ContactFrame_desc, "haptic/frame", quality_of(settings, 1)),
+          queries(participant, haptic_link_ClockQuery_desc, "haptic/clock_query", quality_of(settings, kClockDepth)),
           waiting(participant, {frames.get(), queries.get()}) {}
 
     Entity participant;
@@ -381,7 +248,10 @@ struct DeviceLink::State {
     Waiting waiting;
 };
 
-DeviceLink::DeviceLink(const LinkSettings& settings) : state_(std::make_unique<State>(settings)) {}
+DeviceLink::DeviceLink(const LinkSettings& settings) {
+    check(settings);
+    state_ = std::make_unique<State>(settings);
+}
 DeviceLink::DeviceLink(DeviceLink&&) noexcept = default;
 DeviceLink& DeviceLink::operator=(DeviceLink&&) noexcept = default;
 DeviceLink::~DeviceLink() = default;
@@ -410,11 +280,11 @@ bool DeviceLink::matched() const {
 
 struct SimulationLink::State {
     explicit State(const LinkSettings& settings)
-        : participant(participant_of(settings)),
-          frames(participant, haptic_link_ContactFrame_desc, settings, "frame"),
-          queries(participant, haptic_link_ClockQuery_desc, settings, "clock_query"),
-          states(participant, haptic_link_DeviceState_desc, settings, "state", 1),
-          replies(participant, haptic_link_ClockReply_desc, settings, "clock_reply", kClockDepth),
+        : participant(participant_in(settings.domain)),
+          frames(participant, haptic_link_ContactFrame_desc, "haptic/frame", quality_of(settings, 1)),
+          queries(participant, haptic_link_ClockQuery_desc, "haptic/clock_query", quality_of(settings, 1)),
+          states(participant, haptic_link_DeviceState_desc, "haptic/state", quality_of(settings, 1)),
+          replies(participant, haptic_link_ClockReply_desc, "haptic/clock_reply", quality_of(settings, kClockDepth)),
           waiting(participant, {states.get(), replies.get()}) {}
 
     Entity participant;
@@ -426,7 +296,10 @@ struct SimulationLink::State {
     FrameMessage frame_message;
 };
 
-SimulationLink::SimulationLink(const LinkSettings& settings) : state_(std::make_unique<State>(settings)) {}
+SimulationLink::SimulationLink(const LinkSettings& settings) {
+    check(settings);
+    state_ = std::make_unique<State>(settings);
+}
 SimulationLink::SimulationLink(SimulationLink&&) noexcept = default;
 SimulationLink& SimulationLink::operator=(SimulationLink&&) noexcept = default;
 SimulationLink::~SimulationLink() = default;

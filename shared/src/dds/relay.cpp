@@ -21,7 +21,7 @@ bool DeviceRelay::run_once(std::int64_t timeout_ns) {
     link_.wait(timeout_ns);
     answer_queries();
     pass_frame(monotonic_now_ns());
-    pass_state();
+    pass_state(monotonic_now_ns());
     return frames_.has_value();
 }
 
@@ -63,8 +63,14 @@ void DeviceRelay::pass_frame(std::int64_t now_ns) {
     ++counts_.frames;
 }
 
-void DeviceRelay::pass_state() {
-    if (!states_.read_newest(state_)) {
+void DeviceRelay::pass_state(std::int64_t now_ns) {
+    states_.attend(now_ns);
+    bool found = false;
+    while (states_.next(next_state_)) {
+        state_ = next_state_;
+        found = true;
+    }
+    if (!found) {
         return;
     }
     // Which of the simulation's frames this tick rendered.

@@ -15,6 +15,7 @@
 #include "dds/clock_bounds.hpp"
 #include "dds/link.hpp"
 #include "haptic/ring.hpp"
+#include "haptic/ring_observer.hpp"
 
 namespace haptic {
 
@@ -49,7 +50,8 @@ struct RelayCounts {
     std::uint64_t connections = 0;  // times that the other end came
 };
 
-/// Beside rt-core. Joins the session's rings as a simulator does, while a simulation is connected.
+/// Beside rt-core. Observes its states, and joins the session's rings as a simulator does while a simulation is
+/// connected; so a simulator on rt-core's own machine may have that place while none is.
 class DeviceRelay {
   public:
     static constexpr std::int64_t kMaxAgeNs = 1'000'000'000;
@@ -65,17 +67,18 @@ class DeviceRelay {
   private:
     void answer_queries();
     void pass_frame(std::int64_t now_ns);
-    void pass_state();
+    void pass_state(std::int64_t now_ns);
 
     std::string session_;
     DeviceLink link_;
-    RingReader<DeviceState> states_;
+    RingObserver<DeviceState> states_;
     std::optional<RingWriter<ContactFrame>> frames_;  // while a simulation is connected
     SequencePairs frame_numbers_;                     // of rt-core's ring, of the simulation's
     std::int64_t heard_ns_ = 0;
     RelayCounts counts_;
     ContactFrame frame_{};
     DeviceState state_{};
+    DeviceState next_state_{};  // not valid until it was read whole
 };
 
 /// Beside the simulator, for which it has the role of rt-core in a session of its own.

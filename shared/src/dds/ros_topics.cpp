@@ -1,0 +1,234 @@
+#include "dds/ros_topics.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <ctime>
+#include <stdexcept>
+#include <vector>
+
+#include "dds/entities.hpp"
+#include "haptic/clock.hpp"
+#include "haptic/ring_observer.hpp"
+#include "ros_messages.h"
+
+namespace haptic {
+
+using namespace dds;
+
+namespace {
+
+using Header = std_msgs_msg_dds__Header_;
+using Stamp = builtin_interfaces_msg_dds__Time_;
+using RosVector = geometry_msgs_msg_dds__Vector3_;
+using RosStatus = diagnostic_msgs_msg_dds__DiagnosticStatus_;
+
+constexpr std::int64_t kSecondNs = 1'000'000'000;
+constexpr std::int64_t kLostNs = kSecondNs / 2;  // without a state: no rt-core
+constexpr std::size_t kButtons = 3;
+constexpr std::int32_t kDepth = 10;  // of ROS 2's default
+
+// diagnostic_msgs/DiagnosticStatus.
+enum class Level : std::uint8_t { Ok = 0, Warning = 1, Error = 2, Stale = 3 };
+
+/// ROS's default, for its readers of either reliability. What a reader lacks for a tenth of a second is not sent again.
+Quality quality_for_ros() {
+    return Quality{kDepth}.reliable().lifespan(kSecondNs / 10);
+}
+
+/// ROS's time, which is that of the wall clock, of a time of CLOCK_MONOTONIC.
+Stamp stamp_of(std::int64_t monotonic_ns, std::int64_t now_ns) {
+    timespec wall{};
+    (void)clock_gettime(CLOCK_REALTIME, &wall);
+    const std::int64_t ns = wall.tv_sec * kSecondNs + wall.tv_nsec - (now_ns - monotonic_ns);
+    return {static_cast<std::int32_t>(ns / kSecondNs), static_cast<std::uint32_t>(ns % kSecondNs)};
+}
+
+RosVector ros_vector(const double (&v)[3]) {
+    return {v[0], v[1], v[2]};
+}
+
+Level level_of(const DeviceState& state) {
+    if (state.faults != 0 || state.safety_state == HAPTIC_FAULTED) {
+        return Level::Error;
+    }
+    return state.safety_state == HAPTIC_RUNNING ? Level::Ok : Level::Warning;
+}
+
+std::string joined(const std::vector<std::string>& words) {
+    std::string text;
+    for (const std::string& word : words) {
+        text += (text.empty() ? "" : ", ") + word;
+    }
+    return text;
+}
+
+/// Names and values of a diagnostic message; owns the texts to which the message points.
+class Values {
+  public:
+    void add(std::string name, std::string value) { texts_.push_back({std::move(name), std::move(value)}); }
+    void put_into(RosStatus& status) {
+        pairs_.clear();
+        for (auto& [name, value] : texts_) {
+            pairs_.push_back({name.data(), value.data()});
+        }
+        status.values._maximum = status.values._length = static_cast<std::uint32_t>(pairs_.size());
+        status.values._buffer = pairs_.data();
+    }
+
+  private:
+    std::vector<std::pair<std::string, std::string>> texts_;
+    std::vector<diagnostic_msgs_msg_dds__KeyValue_> pairs_;
+};
+
+bool is_ros_name(const std::string& name) {
+    bool begins = true;
+    for (const char c : name) {
+        const auto u = static_cast<unsigned char>(c);
+        const bool allowed = begins ? std::isalpha(u) != 0 || c == '_' : std::isalnum(u) != 0 || c == '_' || c == '/';
+        if (!allowed) {
+            return false;
+        }
+        begins = c == '/';
+    }
+    return !begins;
+}
+
+RosSettings checked(const RosSettings& settings) {
+    check(settings);
+    return settings;
+}
+
+}  // namespace
+
+void check(const RosSettings& settings) {
+    if (!is_ros_name(settings.names)) {
+        throw std::invalid_argument(
+            "\"" + settings.names +
+            "\" is no name for topics of ROS 2: words of the characters A-Z a-z 0-9 _ joined by /, "
+            "none beginning with a digit");
+    }
+}
+
+struct RosTopics::State {
+    State(const RosSettings& ros, const LinkSettings& link)
+        : settings(checked(ros)),
+          session(link.session),
+          frame_id(settings.names + "_device"),
+          participant(participant_in(link.domain)),
+          poses(participant, geometry_msgs_msg_dds__PoseStamped__desc, topic("pose"), quality_for_ros()),
+          twists(participant, geometry_msgs_msg_dds__TwistStamped__desc, topic("twist"), quality_for_ros()),
+          wrenches(participant, geometry_msgs_msg_dds__WrenchStamped__desc, topic("wrench"), quality_for_ros()),
+          joys(participant, sensor_msgs_msg_dds__Joy__desc, topic("joy"), quality_for_ros()),
+          diagnostics(participant, diagnostic_msgs_msg_dds__DiagnosticArray__desc, "rt/diagnostics", quality_for_ros()),
+          states(link.session) {
+        std::replace(frame_id.begin(), frame_id.end(), '/', '_');
+    }
+
+    [[nodiscard]] std::string topic(const std::string& name) const { return "rt/" + settings.names + "/" + name; }
+    /// Whether a state latched then is to be published: the nearest to each period's end.
+    bool is_due(std::int64_t latch_ns) {
+        const auto period_ns = static_cast<std::int64_t>(1e9 / settings.rate_hz);
+        if (latch_ns + period_ns / 4 < next_ns) {
+            return false;
+        }
+        next_ns = std::max(next_ns + period_ns, latch_ns + period_ns / 2);
+        return true;
+    }
+    void publish(std::int64_t now_ns);
+    void publish_diagnostics(std::int64_t now_ns, const RelayCounts& relay);
+
+    RosSettings settings;
+    std::string session;
+    std::string frame_id;
+    Entity participant;
+    Sender<geometry_msgs_msg_dds__PoseStamped_> poses;
+    Sender<geometry_msgs_msg_dds__TwistStamped_> twists;
+    Sender<geometry_msgs_msg_dds__WrenchStamped_> wrenches;
+    Sender<sensor_msgs_msg_dds__Joy_> joys;
+    Sender<diagnostic_msgs_msg_dds__DiagnosticArray_> diagnostics;
+    RingObserver<DeviceState> states;
+    DeviceState state{};       // the newest
+    DeviceState next_state{};  // not valid until it was read whole
+    std::int64_t next_ns = 0;
+    std::int64_t seen_ns = 0;  // 0: no state yet
+    std::int64_t diagnose_ns = 0;
+    RosCounts counts;
+};
+
+void RosTopics::State::publish(std::int64_t now_ns) {
+    const Header header = {stamp_of(state.latch_time_ns, now_ns), frame_id.data()};
+    const double (&p)[3] = state.position;
+    const double (&q)[4] = state.orientation;
+    poses.send({header, {{p[0], p[1], p[2]}, {q[1], q[2], q[3], q[0]}}});
+    twists.send({header, {ros_vector(state.linear_velocity), ros_vector(state.angular_velocity)}});
+    wrenches.send({header, {ros_vector(state.force), ros_vector(state.torque)}});
+    // Buttons one by one; the device has no axes but its pose.
+    std::array<std::int32_t, kButtons> pressed{};
+    for (std::size_t k = 0; k < kButtons; ++k) {
+        pressed[k] = static_cast<std::int32_t>(state.buttons >> k & 1u);
+    }
+    sensor_msgs_msg_dds__Joy_ joy{};
+    joy.header = header;
+    joy.buttons._maximum = joy.buttons._length = kButtons;
+    joy.buttons._buffer = pressed.data();
+    joys.send(joy);
+    ++counts.published;
+}
+
+void RosTopics::State::publish_diagnostics(std::int64_t now_ns, const RelayCounts& relay) {
+    const bool lost = seen_ns == 0 || now_ns - seen_ns > kLostNs;
+    std::string name = "haptic: session " + session;
+    std::string hardware = "spidar-g6";
+    std::string message = lost ? "no rt-core" : std::string(safety_state_name(state.safety_state));
+    Values values;
+    if (!lost) {
+        values.add("faults", joined(fault_names(state.faults)));
+        values.add("tick", joined(tick_flag_names(state.tick_flags)));
+        values.add("rendered stiffness, N/m", std::to_string(state.stiffness));
+        values.add("rendered part of the wrench", std::to_string(state.scale));
+    }
+    values.add("states not seen", std::to_string(states.counts().missed));
+    values.add("frames from another machine", std::to_string(relay.frames));
+    values.add("frames refused", std::to_string(relay.refused + relay.late));
+    RosStatus status{};
+    status.level = static_cast<std::uint8_t>(lost ? Level::Stale : level_of(state));
+    status.name = name.data();
+    status.message = message.data();
+    status.hardware_id = hardware.data();
+    values.put_into(status);
+    diagnostic_msgs_msg_dds__DiagnosticArray_ array{};
+    array.header = {stamp_of(now_ns, now_ns), frame_id.data()};
+    array.status._maximum = array.status._length = 1;
+    array.status._buffer = &status;
+    diagnostics.send(array);
+    ++counts.diagnostics;
+}
+
+RosTopics::RosTopics(const RosSettings& settings, const LinkSettings& link)
+    : state_(std::make_unique<State>(settings, link)) {}
+RosTopics::RosTopics(RosTopics&&) noexcept = default;
+RosTopics& RosTopics::operator=(RosTopics&&) noexcept = default;
+RosTopics::~RosTopics() = default;
+
+void RosTopics::run_once(std::int64_t now_ns, const RelayCounts& counts) {
+    State& s = *state_;
+    s.states.attend(now_ns);
+    while (s.states.next(s.next_state)) {
+        s.state = s.next_state;
+        s.seen_ns = now_ns;
+        if (s.is_due(s.state.latch_time_ns)) {
+            s.publish(now_ns);
+        }
+    }
+    if (now_ns >= s.diagnose_ns) {
+        s.publish_diagnostics(now_ns, counts);
+        s.diagnose_ns = now_ns + kSecondNs;
+    }
+}
+
+RosCounts RosTopics::counts() const {
+    return state_->counts;
+}
+
+}  // namespace haptic
