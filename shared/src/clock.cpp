@@ -14,4 +14,10 @@ std::int64_t monotonic_now_ns() HAPTIC_RT {
     return now.tv_sec * kNanosecondsPerSecond + now.tv_nsec;
 }
 
+std::int64_t real_minus_monotonic_ns() {
+    timespec real{};
+    clock_gettime(CLOCK_REALTIME, &real);
+    return real.tv_sec * kNanosecondsPerSecond + real.tv_nsec - monotonic_now_ns();
+}
+
 }  // namespace haptic

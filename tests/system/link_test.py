@@ -22,11 +22,12 @@ import tempfile
 import time
 from pathlib import Path
 
+from pressing import PRESSED_S, expect, write_hand
+
 RT_CORE, HOST_SIM = sys.argv[1:3]
 AHEAD_S = 5000
 NAME = f"haptic-{os.getpid()}"
 BOX, DESK = f"{NAME}-box", f"{NAME}-desk"
-PRESSED_S = 2.0  # of the loop's time: the hand is down
 SECONDS = 7.0
 
 
@@ -80,19 +81,6 @@ class Processes:
                 process.wait()
 
 
-def write_hand(folder: Path) -> Path:
-    """Where the scene's own hand presses deepest, and stays."""
-    file = folder / "script.csv"
-    subprocess.run([HOST_SIM, "run", "gel-block", "--duration", "1.5", "--record", str(file)], check=True, capture_output=True)
-    with file.open() as recording:
-        rows = list(csv.DictReader(line for line in recording if not line.startswith("#")))
-    above, below = rows[0], rows[-1]
-    hand = folder / "hand.csv"
-    hand.write_text("time_s,x_m,y_m,z_m\n" + "".join(
-        f"{at},{row['x_m']},{row['y_m']},{row['z_m']}\n" for at, row in ((0, above), (1, above), (PRESSED_S, below), (20, below))))
-    return hand
-
-
 def forces(recording: Path) -> list[tuple[float, float]]:
     """Time since the loop runs, s, and vertical force at the hand, N."""
     with recording.open() as file:
@@ -105,12 +93,6 @@ def between(force: list[tuple[float, float]], begin: float, end: float) -> list[
 
 def median(values: list[float]) -> float:
     return sorted(values)[len(values) // 2]
-
-
-def expect(what: str, holds: bool, *details) -> None:
-    if not holds:
-        sys.exit("error: " + what + ": " + ", ".join(map(str, details)))
-    print("ok:", what, *details)
 
 
 def session(folder: Path, hand: Path, linked: bool, during=lambda processes: None) -> tuple[list[tuple[float, float]], Processes]:
@@ -152,7 +134,7 @@ def main() -> None:
             made.mkdir()
             return made
 
-        hand = write_hand(Path(work))
+        hand = write_hand(HOST_SIM, Path(work))
         alone, _ = session(folder("alone"), hand, linked=False)
         linked, processes = session(folder("linked"), hand, linked=True)
         held = [median(between(each, 4.0, 6.0)) for each in (alone, linked)]

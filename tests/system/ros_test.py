@@ -14,6 +14,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from pressing import expect, write_hand
+
 RT_CORE, HOST_SIM, LISTENER = sys.argv[1:4]
 SESSION = f"ros-{os.getpid()}"
 DOMAIN = str(100 + os.getpid() % 100)
@@ -26,31 +28,13 @@ TOPICS = {
 }
 
 
-def expect(what: str, holds: bool, *details) -> None:
-    if not holds:
-        sys.exit("error: " + what + ": " + ", ".join(map(str, details)))
-    print("ok:", what, *details)
-
-
-def write_hand(folder: Path) -> Path:
-    """Down to where the scene's own hand presses deepest, and there it stays."""
-    file = folder / "script.csv"
-    subprocess.run([HOST_SIM, "run", "gel-block", "--duration", "1.5", "--record", str(file)], check=True, capture_output=True)
-    with file.open() as recorded:
-        rows = list(csv.DictReader(line for line in recorded if not line.startswith("#")))
-    hand = folder / "hand.csv"
-    hand.write_text("time_s,x_m,y_m,z_m\n" + "".join(
-        f"{at},{row['x_m']},{row['y_m']},{row['z_m']}\n" for at, row in ((0, rows[0]), (1, rows[0]), (2, rows[-1]), (30, rows[-1]))))
-    return hand
-
-
 def main() -> None:
     refused = subprocess.run([RT_CORE, "relay", "--ros", "2left", "--duration", "1"], capture_output=True, text=True)
     expect("a name that ROS 2 does not allow is refused", refused.returncode != 0 and "2left" in refused.stderr, refused.stderr.strip())
 
     with tempfile.TemporaryDirectory() as work:
         recording = Path(work, "rt.csv")
-        hand = write_hand(Path(work))
+        hand = write_hand(HOST_SIM, Path(work))
         relay = subprocess.Popen([RT_CORE, "relay", "--session", SESSION, "--domain", DOMAIN, "--ros", "lab/left", "--ros-rate", "1000",
                                   "--duration", "12"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         simulation = subprocess.Popen([HOST_SIM, "run", "gel-block", "--clock", "real", "--session", SESSION, "--wait", "10",

@@ -5,7 +5,6 @@
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -28,13 +27,6 @@
 
 namespace haptic::rt {
 namespace {
-
-/// CLOCK_REALTIME minus CLOCK_MONOTONIC, ns.
-std::int64_t real_minus_monotonic() {
-    timespec real{};
-    clock_gettime(CLOCK_REALTIME, &real);
-    return real.tv_sec * kNanosecondsPerSecond + real.tv_nsec - monotonic_now_ns();
-}
 
 /// Command of --load; empty for none. Throws Refusal.
 std::vector<std::string> load_command(const std::string& load) {
@@ -185,7 +177,7 @@ nlohmann::json Measuring::report(const RunResult& result, const Instruments& ins
                                                  .log = &log_,
                                                  .kernel = kernel_.get(),
                                                  .began_ns = began_ns_,
-                                                 .real_minus_monotonic_ns = real_minus_monotonic(),
+                                                 .real_minus_monotonic_ns = real_minus_monotonic_ns(),
                                                  .period_ns = settings_.loop.period_ns,
                                                  .load = command_text(load_command_),
                                                  .cyclictest = cyclictest_ ? &cyclictest_->result() : nullptr,

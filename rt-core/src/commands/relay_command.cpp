@@ -39,7 +39,7 @@ int relay_command(const RelayOptions& options) {
                 static_cast<unsigned long long>(counts.connections));
     if (ros) {
         std::printf("ROS 2: %llu messages of the device's motion and force\n",
-                    static_cast<unsigned long long>(ros->counts().published));
+                    static_cast<unsigned long long>(ros->published()));
     }
     return kExitDone;
 }

@@ -3,13 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <ctime>
 #include <stdexcept>
 #include <vector>
 
 #include "dds/entities.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/ring_observer.hpp"
+#include "haptic/types.hpp"
+#include "joined.hpp"
 #include "ros_messages.h"
 
 namespace haptic {
@@ -23,8 +24,7 @@ using Stamp = builtin_interfaces_msg_dds__Time_;
 using RosVector = geometry_msgs_msg_dds__Vector3_;
 using RosStatus = diagnostic_msgs_msg_dds__DiagnosticStatus_;
 
-constexpr std::int64_t kSecondNs = 1'000'000'000;
-constexpr std::int64_t kLostNs = kSecondNs / 2;  // without a state: no rt-core
+constexpr std::int64_t kLostNs = kNanosecondsPerSecond / 2;  // without a state: no rt-core
 constexpr std::size_t kButtons = 3;
 constexpr std::int32_t kDepth = 10;  // of ROS 2's default
 
@@ -33,15 +33,14 @@ enum class Level : std::uint8_t { Ok = 0, Warning = 1, Error = 2, Stale = 3 };
 
 /// ROS's default, for its readers of either reliability. What a reader lacks for a tenth of a second is not sent again.
 Quality quality_for_ros() {
-    return Quality{kDepth}.reliable().lifespan(kSecondNs / 10);
+    return Quality{kDepth}.reliable().lifespan(kNanosecondsPerSecond / 10);
 }
 
 /// ROS's time, which is that of the wall clock, of a time of CLOCK_MONOTONIC.
-Stamp stamp_of(std::int64_t monotonic_ns, std::int64_t now_ns) {
-    timespec wall{};
-    (void)clock_gettime(CLOCK_REALTIME, &wall);
-    const std::int64_t ns = wall.tv_sec * kSecondNs + wall.tv_nsec - (now_ns - monotonic_ns);
-    return {static_cast<std::int32_t>(ns / kSecondNs), static_cast<std::uint32_t>(ns % kSecondNs)};
+Stamp stamp_of(std::int64_t monotonic_ns) {
+    const std::int64_t ns = monotonic_ns + real_minus_monotonic_ns();
+    return {static_cast<std::int32_t>(ns / kNanosecondsPerSecond),
+            static_cast<std::uint32_t>(ns % kNanosecondsPerSecond)};
 }
 
 RosVector ros_vector(const double (&v)[3]) {
@@ -53,14 +52,6 @@ Level level_of(const DeviceState& state) {
         return Level::Error;
     }
     return state.safety_state == HAPTIC_RUNNING ? Level::Ok : Level::Warning;
-}
-
-std::string joined(const std::vector<std::string>& words) {
-    std::string text;
-    for (const std::string& word : words) {
-        text += (text.empty() ? "" : ", ") + word;
-    }
-    return text;
 }
 
 /// Names and values of a diagnostic message; owns the texts to which the message points.
@@ -94,11 +85,6 @@ bool is_ros_name(const std::string& name) {
     return !begins;
 }
 
-RosSettings checked(const RosSettings& settings) {
-    check(settings);
-    return settings;
-}
-
 }  // namespace
 
 void check(const RosSettings& settings) {
@@ -112,7 +98,7 @@ void check(const RosSettings& settings) {
 
 struct RosTopics::State {
     State(const RosSettings& ros, const LinkSettings& link)
-        : settings(checked(ros)),
+        : settings(ros),
           session(link.session),
           frame_id(settings.names + "_device"),
           participant(participant_in(link.domain)),
@@ -135,7 +121,7 @@ struct RosTopics::State {
         next_ns = std::max(next_ns + period_ns, latch_ns + period_ns / 2);
         return true;
     }
-    void publish(std::int64_t now_ns);
+    void publish();
     void publish_diagnostics(std::int64_t now_ns, const RelayCounts& relay);
 
     RosSettings settings;
@@ -153,11 +139,11 @@ struct RosTopics::State {
     std::int64_t next_ns = 0;
     std::int64_t seen_ns = 0;  // 0: no state yet
     std::int64_t diagnose_ns = 0;
-    RosCounts counts;
+    std::uint64_t published = 0;
 };
 
-void RosTopics::State::publish(std::int64_t now_ns) {
-    const Header header = {stamp_of(state.latch_time_ns, now_ns), frame_id.data()};
+void RosTopics::State::publish() {
+    const Header header = {stamp_of(state.latch_time_ns), frame_id.data()};
     const double (&p)[3] = state.position;
     const double (&q)[4] = state.orientation;
     poses.send({header, {{p[0], p[1], p[2]}, {q[1], q[2], q[3], q[0]}}});
@@ -173,7 +159,7 @@ void RosTopics::State::publish(std::int64_t now_ns) {
     joy.buttons._maximum = joy.buttons._length = kButtons;
     joy.buttons._buffer = pressed.data();
     joys.send(joy);
-    ++counts.published;
+    ++published;
 }
 
 void RosTopics::State::publish_diagnostics(std::int64_t now_ns, const RelayCounts& relay) {
@@ -183,8 +169,8 @@ void RosTopics::State::publish_diagnostics(std::int64_t now_ns, const RelayCount
     std::string message = lost ? "no rt-core" : std::string(safety_state_name(state.safety_state));
     Values values;
     if (!lost) {
-        values.add("faults", joined(fault_names(state.faults)));
-        values.add("tick", joined(tick_flag_names(state.tick_flags)));
+        values.add("faults", detail::joined(fault_names(state.faults), ", "));
+        values.add("tick", detail::joined(tick_flag_names(state.tick_flags), ", "));
         values.add("rendered stiffness, N/m", std::to_string(state.stiffness));
         values.add("rendered part of the wrench", std::to_string(state.scale));
     }
@@ -198,15 +184,16 @@ void RosTopics::State::publish_diagnostics(std::int64_t now_ns, const RelayCount
     status.hardware_id = hardware.data();
     values.put_into(status);
     diagnostic_msgs_msg_dds__DiagnosticArray_ array{};
-    array.header = {stamp_of(now_ns, now_ns), frame_id.data()};
+    array.header = {stamp_of(now_ns), frame_id.data()};
     array.status._maximum = array.status._length = 1;
     array.status._buffer = &status;
     diagnostics.send(array);
-    ++counts.diagnostics;
 }
 
-RosTopics::RosTopics(const RosSettings& settings, const LinkSettings& link)
-    : state_(std::make_unique<State>(settings, link)) {}
+RosTopics::RosTopics(const RosSettings& settings, const LinkSettings& link) {
+    check(settings);
+    state_ = std::make_unique<State>(settings, link);
+}
 RosTopics::RosTopics(RosTopics&&) noexcept = default;
 RosTopics& RosTopics::operator=(RosTopics&&) noexcept = default;
 RosTopics::~RosTopics() = default;
@@ -218,17 +205,17 @@ void RosTopics::run_once(std::int64_t now_ns, const RelayCounts& counts) {
         s.state = s.next_state;
         s.seen_ns = now_ns;
         if (s.is_due(s.state.latch_time_ns)) {
-            s.publish(now_ns);
+            s.publish();
         }
     }
     if (now_ns >= s.diagnose_ns) {
         s.publish_diagnostics(now_ns, counts);
-        s.diagnose_ns = now_ns + kSecondNs;
+        s.diagnose_ns = now_ns + kNanosecondsPerSecond;
     }
 }
 
-RosCounts RosTopics::counts() const {
-    return state_->counts;
+std::uint64_t RosTopics::published() const {
+    return state_->published;
 }
 
 }  // namespace haptic

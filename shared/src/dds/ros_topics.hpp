@@ -20,11 +20,6 @@ struct RosSettings {
 /// Throws std::invalid_argument for names that ROS 2 does not allow.
 void check(const RosSettings& settings);
 
-struct RosCounts {
-    std::uint64_t published = 0;    // states of the device
-    std::uint64_t diagnostics = 0;  // once a second
-};
-
 /// Observes the session's states and publishes them. A LinkDomain of the link's domain must exist.
 class RosTopics {
   public:
@@ -36,7 +31,8 @@ class RosTopics {
 
     /// Publishes what is due. Never waits. `counts` are for the diagnostics.
     void run_once(std::int64_t now_ns, const RelayCounts& counts);
-    [[nodiscard]] RosCounts counts() const;
+    /// States of the device, so far.
+    [[nodiscard]] std::uint64_t published() const;
 
   private:
     struct State;
