@@ -42,7 +42,8 @@ them on a Spidar-G6, and read the device's state. Both go through shared
 memory. This package has the library for programs that were built with it.")
 haptic_package(dev libhaptic-dev libdevel "connects a simulator to a haptic device (development files)"
 "What a simulator is built with: C headers, a CMake package,
-find_package(haptic), a pkg-config file, and examples in C and C++.")
+find_package(haptic), a pkg-config file, and examples in C, C++, C# and
+MATLAB.")
 get_directory_property(python_found DIRECTORY ${PROJECT_SOURCE_DIR}/host-sim DEFINITION HAPTIC_PYTHON_FOUND)
 if(python_found)
     haptic_package(python python3-haptic python "simulation of deformable objects for a haptic device (Python 3)"
