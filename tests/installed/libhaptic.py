@@ -43,9 +43,11 @@ def load(library: Path) -> ctypes.CDLL:
     haptic.haptic_abi_version.restype = c_uint32
     haptic.haptic_last_error.restype = c_char_p
     haptic.haptic_now_ns.restype = c_int64
-    haptic.haptic_contact_observer_open.restype = c_void_p
-    haptic.haptic_contact_observer_open.argtypes = [c_char_p]
-    haptic.haptic_contact_observer_close.argtypes = [c_void_p]
-    haptic.haptic_contact_observer_next.restype = c_int
-    haptic.haptic_contact_observer_next.argtypes = [c_void_p, POINTER(ContactFrame), c_int64]
+    for end in ("contact_writer", "state_reader", "contact_observer", "state_observer"):
+        opening, closing = getattr(haptic, f"haptic_{end}_open"), getattr(haptic, f"haptic_{end}_close")
+        opening.restype, opening.argtypes = c_void_p, [c_char_p]
+        closing.restype, closing.argtypes = None, [c_void_p]
+    for end, slot in (("contact_observer", ContactFrame), ("state_observer", DeviceState)):
+        following = getattr(haptic, f"haptic_{end}_next")
+        following.restype, following.argtypes = c_int, [c_void_p, POINTER(slot), c_int64]
     return haptic
