@@ -81,6 +81,7 @@ ERRORS = [
     ("watching.publish(g);", "wrongKind", "Haptic.name."),
     ("haptic_mex('read');", "invalidArgument", "Haptic.m"),
     ("haptic_mex('read', 1);", "closed", "Haptic.name."),
+    ("haptic_mex('open', uint64(0), 'x');", "invalidArgument", "Haptic.m"),
     ("haptic_mex(0);", "invalidArgument", "Haptic.m"),
 ]
 
@@ -357,25 +358,29 @@ def check_exits(session: str, library: Path, work: Path) -> None:
         expect("segments that are left", [path.name for path in Path("/dev/shm").glob(f"haptic-*-{session}-*")], [])
 
 
-def check_interrupt(session: str, library: Path, work: Path) -> None:
-    """Ctrl-C ends the function that has the session, and not the interpreter."""
-    def wait_for_segments(count: int) -> None:
-        end = time.monotonic() + 20
-        while len(list(Path("/dev/shm").glob(f"haptic-*-{session}-*"))) != count:
-            if time.monotonic() > end:
-                sys.exit(f"error: at Ctrl-C the session does not get to {count} segments")
-            time.sleep(0.02)
+def wait_for_segments(session: str, count: int) -> None:
+    end = time.monotonic() + 20
+    while len(list(Path("/dev/shm").glob(f"haptic-*-{session}-*"))) != count:
+        if time.monotonic() > end:
+            sys.exit(f"error: at Ctrl-C the session does not get to {count} segments")
+        time.sleep(2e-4)
 
-    with subprocess.Popen(["octave-cli", "--no-gui", "--norc", "--quiet", "--interactive", "--path", EXAMPLE, "--path", work],
-                          stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                          env={**os.environ, "LD_LIBRARY_PATH": str(library)}) as octave:
-        octave.stdin.write(f"function feel(), s = Haptic('{session}'); while true, s.beat(); pause(0.001); end; end\nfeel()\n")
-        octave.stdin.flush()
-        wait_for_segments(2)
-        octave.send_signal(signal.SIGINT)
-        wait_for_segments(0)
-        said, _ = octave.communicate("disp('it goes on')\n", timeout=60)
-        expect("what Octave does after Ctrl-C", "it goes on" in said, True)
+
+def check_interrupts(session: str, library: Path, work: Path) -> None:
+    """Ctrl-C ends the function that has the session, and not the interpreter; also while it opens the session. In new
+    interpreters, which are slow there: an id that the call that opens returned was lost in half of them."""
+    for pause in [0.0] * 8 + [0.1]:
+        with subprocess.Popen(["octave-cli", "--no-gui", "--norc", "--quiet", "--interactive", "--path", EXAMPLE, "--path", work],
+                              stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                              env={**os.environ, "LD_LIBRARY_PATH": str(library)}) as octave:
+            octave.stdin.write(f"function feel(), s = Haptic('{session}'); while true, s.beat(); pause(0.001); end; end\nfeel()\n")
+            octave.stdin.flush()
+            wait_for_segments(session, 2)
+            time.sleep(pause)
+            octave.send_signal(signal.SIGINT)
+            wait_for_segments(session, 0)
+            said, _ = octave.communicate("disp('it goes on')\n", timeout=60)
+            expect("what Octave does after Ctrl-C", "it goes on" in said, True)
 
 
 def main() -> None:
@@ -401,7 +406,7 @@ def main() -> None:
         check_two_simulations(octave, haptic, session)
         check_endings(octave, haptic, session)
     check_exits(session, library.parent, work)
-    check_interrupt(session, library.parent, work)
+    check_interrupts(session, library.parent, work)
 
 
 if __name__ == "__main__":

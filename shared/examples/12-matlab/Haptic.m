@@ -121,10 +121,12 @@ classdef Haptic < handle
                 error('haptic:invalidArgument', 'Haptic: the name of a session is text, and not a %s', class(name));
             end
             self.name = char(name);
+            % The id comes first: a Ctrl-C after the call that opens would lose one that the call returned.
+            self.id = Haptic.gateway('new_id');
             if observes
-                self.id = Haptic.gateway('observe', self.name);
+                Haptic.gateway('observe', self.id, self.name);
             else
-                self.id = Haptic.gateway('open', self.name);
+                Haptic.gateway('open', self.id, self.name);
             end
         end
 
@@ -136,9 +138,8 @@ classdef Haptic < handle
         function close(self)
         %CLOSE  Detaches. rt-core knows at once, and the force fades. Allowed again.
             if self.id ~= 0
-                id = self.id;
+                haptic_mex('close', self.id);
                 self.id = uint64(0);
-                haptic_mex('close', id);
             end
         end
 
@@ -256,10 +257,10 @@ classdef Haptic < handle
     end
 
     methods (Static, Access = private)
-        function result = gateway(varargin)
+        function varargout = gateway(varargin)
         %GATEWAY  Calls haptic_mex, and says what to do if it cannot be loaded.
             try
-                result = haptic_mex(varargin{:});
+                [varargout{1:nargout}] = haptic_mex(varargin{:});
             catch problem
                 if strncmp(problem.identifier, 'haptic:', 7)
                     rethrow(problem);

@@ -68,6 +68,7 @@ static const Field kProxyFields[] = {
 #define PLANE(name, rows) {"plane_" #name, mxDOUBLE_CLASS, rows, offsetof(haptic_plane, name)}
 static const Field kPlaneFields[] = {PLANE(normal, 3), PLANE(offset, 1), PLANE(velocity, 1)};
 static const char* const kCompliance = "compliance";
+static const char* const kMisuse = "haptic_mex is called by Haptic.m: see help Haptic";
 
 #define ONE(fields) {fields, COUNT(fields), 1, 0, 0}
 static const Group kState = ONE(kStateFields), kPeer = ONE(kPeerFields);
@@ -342,16 +343,30 @@ static void refuse_unknown_fields(const mxArray* frame) {
     }
 }
 
-static void open_any(mxArray** result, const mxArray* const* arguments, bool session) {
+/* An id for what will be opened, never given before: it is the time, so that unloading this file forgets none. */
+static void new_id(mxArray** result, const mxArray* const* arguments) {
+    (void)arguments;
+    static uint64_t last_id = 0;
+    const uint64_t now = (uint64_t)haptic_now_ns();
+    last_id = now > last_id ? now : last_id + 1;
+    *result = mxCreateNumericMatrix(1, 1, mxUINT64_CLASS, mxREAL);
+    *(uint64_t*)mxGetData(*result) = last_id;
+}
+
+static void open_any(const mxArray* const* arguments, bool session) {
     char name[80] = "";
-    if (mxGetString(arguments[0], name, sizeof name) != 0) {
+    if (mxGetString(arguments[1], name, sizeof name) != 0) {
         refuse("haptic:notOpened", "a session name is text of 1 to 64 of the characters A-Z a-z 0-9 _ -");
     }
     if (haptic_abi_version() != HAPTIC_ABI_VERSION) {
         refuse("haptic:notLoaded", "libhaptic.so.0 has ABI %u, and haptic_mex was compiled for %u: compile it again",
                haptic_abi_version(), HAPTIC_ABI_VERSION);
     }
+    const uint64_t id = id_of(arguments[0]);
     End* const end = find_end(0);
+    if (id == 0 || find_end(id) != NULL) {
+        refuse("haptic:invalidArgument", "%s", kMisuse);
+    }
     if (end == NULL) {
         refuse("haptic:notOpened", "%zu sessions and observers are open: close some", COUNT(ends));
     }
@@ -367,20 +382,17 @@ static void open_any(mxArray** result, const mxArray* const* arguments, bool ses
         close_end(end);
         refuse("haptic:notOpened", "%s", haptic_last_error());
     }
-    /* The time, so that an id is not given again after this file was unloaded. */
-    static uint64_t last_id = 0;
-    const uint64_t now = (uint64_t)haptic_now_ns();
-    end->id = last_id = now > last_id ? now : last_id + 1;
-    *result = mxCreateNumericMatrix(1, 1, mxUINT64_CLASS, mxREAL);
-    *(uint64_t*)mxGetData(*result) = end->id;
+    end->id = id;
 }
 
 static void open_session(mxArray** result, const mxArray* const* arguments) {
-    open_any(result, arguments, true);
+    (void)result;
+    open_any(arguments, true);
 }
 
 static void open_observer(mxArray** result, const mxArray* const* arguments) {
-    open_any(result, arguments, false);
+    (void)result;
+    open_any(arguments, false);
 }
 
 static void close_one(mxArray** result, const mxArray* const* arguments) {
@@ -500,10 +512,10 @@ static const struct {
     int arguments;
     void (*call)(mxArray** result, const mxArray* const* arguments);
 } kFunctions[] = {
-    {"open", 1, open_session}, {"observe", 1, open_observer}, {"close", 1, close_one},
-    {"read", 1, read_state},   {"publish", 2, publish_frame}, {"beat", 1, beat},
-    {"peer", 1, read_peer},    {"states", 1, seen_states},    {"frames", 1, seen_frames},
-    {"now_ns", 0, now_ns},
+    {"new_id", 0, new_id},      {"open", 2, open_session}, {"observe", 2, open_observer},
+    {"close", 1, close_one},    {"read", 1, read_state},   {"publish", 2, publish_frame},
+    {"beat", 1, beat},          {"peer", 1, read_peer},    {"states", 1, seen_states},
+    {"frames", 1, seen_frames}, {"now_ns", 0, now_ns},
 };
 
 void mexFunction(int nlhs, mxArray** plhs, int nrhs, const mxArray** prhs) {
@@ -517,5 +529,5 @@ void mexFunction(int nlhs, mxArray** plhs, int nrhs, const mxArray** prhs) {
             }
         }
     }
-    refuse("haptic:invalidArgument", "haptic_mex is called by Haptic.m: see help Haptic");
+    refuse("haptic:invalidArgument", "%s", kMisuse);
 }
