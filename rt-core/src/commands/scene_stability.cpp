@@ -63,8 +63,10 @@ class SceneMap {
         mechanics_.hand_stiffness = options.hand_stiffness.value_or(mechanics_.hand_stiffness);
         mechanics_.hand_damping = options.hand_damping.value_or(mechanics_.hand_damping);
         hand_ = record_hand();
-        // N/m at the hand per N/m in the scene.
-        hand_stiffness_ratio_ = run_trial({"coupling.stiffness=1", "coupling.torque_stiffness=1"}, 0, 0.0).stiffness;
+        // N/m at the hand per N/m in the scene: the first frame of the shortest trial has it.
+        hand_stiffness_ratio_ = run_trial({"coupling.stiffness=1", "coupling.torque_stiffness=1"}, 0, 0.0,
+                                          kSceneSettleS + 2.0 * kSceneWindowS)
+                                    .stiffness;
         if (!(hand_stiffness_ratio_ > 0.0)) {
             throw std::runtime_error(options.scene + ": the hand feels no force in this scene");
         }
@@ -82,7 +84,7 @@ class SceneMap {
                     SceneCell cell{
                         .rate_hz = rate, .stiffness = stiffness, .delay_ms = delay_ms, .driven = driven, .outcome = {}};
                     progress.show(static_cast<double>(cells.size()) / static_cast<double>(all));
-                    cell.outcome = run_trial(settings, nanoseconds(delay_ms * 1e-3), hand_.moving_s);
+                    cell.outcome = run_trial(settings, nanoseconds(delay_ms * 1e-3), hand_.moving_s, still_s_);
                     cell.grows = grows(cell);
                     cells.push_back(cell);
                 }
@@ -150,13 +152,13 @@ class SceneMap {
     }
 
     [[nodiscard]] SceneOutcome run_trial(const std::vector<std::string>& settings, std::int64_t delay_ns,
-                                         double moving_s) const {
+                                         double moving_s, double still_s) const {
         SceneTrial trial{.session = unique_session(),
                          .peer_runs = {},
                          .delay_ns = delay_ns,
                          .hand = hand_.track,
                          .moving_s = moving_s,
-                         .still_s = still_s_,
+                         .still_s = still_s,
                          .tick = tick_,
                          .mechanics = mechanics_};
         ChildProcess child(host_sim(settings, {"--clock", "device", "--session", trial.session, "--duration", "0"}));
