@@ -2,8 +2,12 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstddef>
+#include <filesystem>
+#include <iomanip>
 #include <iostream>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -18,28 +22,44 @@ namespace {
 struct Options {
     std::vector<std::string> figures;
     std::string out = "reproduction";
+    bool list = false;
 };
 
+/// A line for each figure: number, what it shows, which tells whether it may run beside others, and title.
+std::string figure_list() {
+    std::ostringstream lines;
+    for (const reproduce::Reproduction& which : reproduce::reproductions()) {
+        lines << std::left << std::setw(9) << which.number << std::setw(9)
+              << (which.measures_times ? "times" : "results") << which.title << '\n';
+    }
+    return lines.str();
+}
+
 int go(const Options& options) {
+    if (options.list) {
+        std::cout << figure_list();
+        return 0;
+    }
     const reproduce::Study study(options.out, monotonic_now_ns);
     const auto selected = [&options](const reproduce::Reproduction& which) {
         return options.figures.empty() || std::ranges::find(options.figures, which.number) != options.figures.end();
     };
     const auto count = std::ranges::count_if(reproduce::reproductions(), selected);
-    std::vector<reproduce::Figure> figures;
+    std::ptrdiff_t made = 0;
+    std::filesystem::path page;
     for (const reproduce::Reproduction& which : reproduce::reproductions()) {
         if (!selected(which)) {
             continue;
         }
-        std::cout << "figure " << which.number << " (" << figures.size() + 1 << " of " << count << "): " << which.title
-                  << '\n'
+        std::cout << "figure " << which.number << " (" << ++made << " of " << count << "): " << which.title << '\n'
                   << std::flush;
-        figures.push_back(which.make(study));
-        for (const reproduce::Comparison& c : figures.back().comparisons) {
+        const reproduce::Figure figure = which.make(study);
+        for (const reproduce::Comparison& c : figure.comparisons) {
             std::cout << "    " << c.what << ": " << c.ours << " (thesis: " << c.thesis << ")\n";
         }
+        page = study.add_to_page(figure);
     }
-    std::cout << "wrote " << study.write_page(figures).string() << '\n';
+    std::cout << "wrote " << page.string() << '\n';
     return 0;
 }
 
@@ -54,9 +74,12 @@ Command add_reproduce_command(CLI::App& app) {
         described += std::string("\n  ") + which.number + "  " + which.title;
     }
     app.add_option("figure", options->figures, described)->check(CLI::IsMember(known));
-    app.add_option("--out", options->out, "Folder for data, plots, pictures and index.html")
+    app.add_option("--out", options->out,
+                   "Folder for data, plots, pictures and index.html, which shows all figures that the folder has")
         ->check(result_folder())
         ->capture_default_str();
+    app.add_flag("--list", options->list,
+                 "Print the figures, and which measure times, so that nothing else should run beside them");
     return [options] { return go(*options); };
 }
 

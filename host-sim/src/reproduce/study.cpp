@@ -1,9 +1,16 @@
 #include "reproduce/study.hpp"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <array>
+#include <cerrno>
+#include <fstream>
 #include <sstream>
 #include <stdexcept>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "haptic/external_program.hpp"
@@ -15,19 +22,19 @@ namespace haptic::sim::reproduce {
 namespace {
 
 constexpr std::array<Reproduction, 13> kReproductions{{
-    {"4.7", "Contacts that the detection misses", missed_contacts},
-    {"4.13", "A cloth dropped from 10 m is caught", cloth_drop},
-    {"4.14", "Iterations of the pop-out in a fan", pop_out_iterations},
-    {"4.15", "Computing time of the pop-out", pop_out_times},
-    {"4.16", "Holding the tail of a living fish", fish_hold},
-    {"4.17", "Sliding along a fish", fish_slide},
-    {"4.18", "Four fish: time of each stage", four_fish},
-    {"5.5", "A deformable hand on a curtain", curtain_hand},
-    {"5.6", "Time of a step against the number of spheres", sphere_counts},
-    {"5.7", "Sliding over a plane: dragging forces", plane_slide},
-    {"5.8", "A hand closes round a fish", fish_grip},
-    {"5.9", "A thin rod between two spheres", rod_in_gap},
-    {"scaling", "A step among up to a million triangles, and of scenes of up to 100,000 particles", scaling},
+    {"4.7", false, "Contacts that the detection misses", missed_contacts},
+    {"4.13", true, "A cloth dropped from 10 m is caught", cloth_drop},
+    {"4.14", false, "Iterations of the pop-out in a fan", pop_out_iterations},
+    {"4.15", true, "Computing time of the pop-out", pop_out_times},
+    {"4.16", false, "Holding the tail of a living fish", fish_hold},
+    {"4.17", false, "Sliding along a fish", fish_slide},
+    {"4.18", true, "Four fish: time of each stage", four_fish},
+    {"5.5", true, "A deformable hand on a curtain", curtain_hand},
+    {"5.6", true, "Time of a step against the number of spheres", sphere_counts},
+    {"5.7", false, "Sliding over a plane: dragging forces", plane_slide},
+    {"5.8", false, "A hand closes round a fish", fish_grip},
+    {"5.9", false, "A thin rod between two spheres", rod_in_gap},
+    {"scaling", true, "A step among up to a million triangles, and of scenes of up to 100,000 particles", scaling},
 }};
 
 constexpr std::string_view kIntroduction =
@@ -38,7 +45,9 @@ mass, size or stiffness, the scene's file says what was chosen. Bodies are moved
 in scenes that have a material.</p>
 )";
 
-void write_figure(std::ostream& out, const Figure& figure) {
+/// The page's section of one figure.
+std::string section_of(const Figure& figure) {
+    std::ostringstream out;
     const bool numbered = !figure.number.empty() && figure.number[0] >= '0' && figure.number[0] <= '9';
     out << "<section><h2 id=\"figure-" << figure.number << "\">" << (numbered ? "Figure " : "Additional: ")
         << figure.number << ": " << html_text(figure.title) << "</h2>\n<p>" << html_text(figure.conditions) << "</p>\n";
@@ -60,7 +69,36 @@ void write_figure(std::ostream& out, const Figure& figure) {
         out << " <a href=\"" << file << "\">" << file << "</a>";
     }
     out << "</p></section>\n";
+    return out.str();
 }
+
+/// Holds a folder, against other processes that do, from construction to destruction.
+class FolderLock {
+  public:
+    explicit FolderLock(const std::filesystem::path& folder)
+        : descriptor_(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+        int error = descriptor_ < 0 ? errno : EINTR;
+        while (error == EINTR) {
+            error = flock(descriptor_, LOCK_EX) == 0 ? 0 : errno;
+        }
+        if (error != 0) {
+            release();
+            throw std::runtime_error(folder.string() + ": cannot be locked: " + std::generic_category().message(error));
+        }
+    }
+    FolderLock(const FolderLock&) = delete;
+    FolderLock& operator=(const FolderLock&) = delete;
+    ~FolderLock() { release(); }
+
+  private:
+    void release() const {
+        if (descriptor_ >= 0) {
+            close(descriptor_);
+        }
+    }
+
+    int descriptor_;
+};
 
 }  // namespace
 
@@ -103,12 +141,21 @@ void Study::picture(Figure& figure, const std::string& name, const std::string& 
     figure.images.push_back("<figure>" + image + "<figcaption>" + html_text(caption) + "</figcaption></figure>\n");
 }
 
-std::filesystem::path Study::write_page(std::span<const Figure> figures) const {
+std::filesystem::path Study::add_to_page(const Figure& figure) const {
+    const auto section_file = [this](std::string_view number) {
+        return folder_ / ("section-" + std::string(number) + ".html");
+    };
+    // One process at a time, so that the last page has all sections.
+    const FolderLock lock(folder_);
+    write_text(section_file(figure.number), section_of(figure));
+    // The sections that there are, in the order of the thesis.
     const std::filesystem::path file = folder_ / "index.html";
     std::ostringstream out;
     out << page_top("The figures of the thesis, run again") << kIntroduction;
-    for (const Figure& figure : figures) {
-        write_figure(out, figure);
+    for (const Reproduction& which : kReproductions) {
+        if (std::ifstream section(section_file(which.number)); section) {
+            out << section.rdbuf();
+        }
     }
     out << "</body></html>\n";
     write_text(file, out.str());

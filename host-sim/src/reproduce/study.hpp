@@ -2,7 +2,8 @@
 // thesis', and one page with all of them.
 //
 // Data are CSV files, plots gnuplot files, pictures POV-Ray files; all remain in the folder, so that they can be
-// inspected or redrawn. If gnuplot or povray is missing, the page says so in place of the image.
+// inspected or redrawn. If gnuplot or povray is missing, the page says so in place of the image. Each figure's section
+// of the page remains, too: a later run, or one beside it, adds its figures to the page of the same folder.
 #pragma once
 
 #include <cstdint>
@@ -32,7 +33,7 @@ struct Figure {
     std::string remarks;              // what differs in the result, and why
 };
 
-/// The output folder of one run of the command.
+/// The output folder.
 class Study {
   public:
     /// Creates the folder if necessary. `now` returns monotonic nanoseconds. Throws std::filesystem::filesystem_error.
@@ -45,8 +46,9 @@ class Study {
     void plot(Figure& figure, const std::string& name, const std::string& caption, const std::string& commands) const;
     /// Renders a picture with POV-Ray and adds it to the figure.
     void picture(Figure& figure, const std::string& name, const std::string& caption, const PictureScene& scene) const;
-    /// Writes index.html and returns its path. Throws std::runtime_error that names the file.
-    std::filesystem::path write_page(std::span<const Figure> figures) const;
+    /// Writes the figure's section, and index.html with all sections of the folder; returns the path of the page. Other
+    /// processes may do the same. Throws std::runtime_error that names the file.
+    std::filesystem::path add_to_page(const Figure& figure) const;
 
     [[nodiscard]] std::int64_t (*clock() const)() { return clock_; }
 
@@ -58,6 +60,7 @@ class Study {
 /// One figure of the thesis and the function that reproduces it.
 struct Reproduction {
     const char* number;
+    bool measures_times;  // nothing else should run beside it
     const char* title;
     Figure (*make)(const Study& study);
 };
