@@ -1,14 +1,19 @@
-"""haptic.study: a table of all combinations, on this machine and on others, with failures and resumption.
+"""haptic.study: a table of all combinations, on this machine and on others, with failures and resumption, and runs of
+programs.
 
 The other machines are UTS namespaces with a name of their own, entered by a program that takes the place of ssh.
 """
 import csv
+import json
 import os
 import subprocess
 import sys
 import tempfile
 import unittest
 from pathlib import Path
+
+import haptic
+from haptic import study
 
 SCRIPT = """
 import sys
@@ -25,6 +30,22 @@ def slide(stiffness, steps):
 
 if __name__ == "__main__":
     study.main(slide, stiffness=[{stiffness}], steps=[{steps}])
+"""
+# What the runs are given, and when they run.
+ECHO = """
+import time
+from haptic import study
+
+def echo(*arguments, word, number, apart):
+    begin = time.monotonic()
+    time.sleep(0.2)
+    return [{"arguments": " ".join(arguments), "type": type(number).__name__, "begin": begin, "end": time.monotonic(),
+             "part": part} for part in (1, 2)]
+
+if __name__ == "__main__":
+    rows = study.main(echo, alone=lambda *_, word, number, apart: apart, word=["{} 'a' \\"b\\""], number=[1, 2.5],
+                      apart=[False, True])
+    print(len(rows), "rows")
 """
 SSH = """#!/bin/sh
 # ssh HOST COMMAND: on a machine that is only a name. As sshd does, it sets SHELL, which GNU parallel runs the command with.
@@ -56,6 +77,10 @@ class Studies(unittest.TestCase):
                                env={**os.environ, "HOME": str(self.folder), **environment})
         self.assertEqual(ended.returncode, status, ended.stderr)
         return ended
+
+    def echo(self, *arguments, status=0):
+        self.script.write_text(ECHO)
+        return self.run_study(*arguments, status=status)
 
     def table(self, text):
         rows = list(csv.DictReader(text.splitlines()))
@@ -108,7 +133,7 @@ class Studies(unittest.TestCase):
         self.assertEqual(rows, alone)
 
     def test_a_machine_with_another_script_is_refused(self):
-        refused = self.run_study("--run", "0", "--slot", "1", "--origin", "other", status=2)
+        refused = self.run_study("--run", '{"number": 0}', "--slot", "1", "--origin", "other", status=2)
         self.assertIn("another version", refused.stderr)
         self.assertEqual(refused.stdout, "")
 
@@ -119,6 +144,51 @@ class Studies(unittest.TestCase):
         self.assertIn("--resume needs --out", self.run_study("--resume", status=2).stderr)
         self.assertIn("at least 1", self.run_study("--jobs", "0", status=2).stderr)
         self.assertIn("study of 6 runs", self.run_study("--help").stdout)
+        self.assertIn("--stiffness: invalid number value: 'soft'", self.run_study("--stiffness", "soft", status=2).stderr)
+        self.assertIn("takes no arguments after --", self.run_study("--", "more", status=2).stderr)
+        self.script.write_text("from haptic import study\nstudy.main(dict, jobs=[1])\n")
+        self.assertIn("cannot have a parameter named jobs", self.run_study(status=1).stderr)
+
+    def test_the_command_line_replaces_values(self):
+        rows = self.table(self.run_study("--stiffness", "75", "12.5", "--steps", "10").stdout)
+        self.assertEqual([(row["stiffness"], row["steps"]) for row in rows], [("75", "10"), ("12.5", "10")])
+
+    def test_runs_are_given_what_was_written(self):
+        ended = self.echo("--number", "3", "4.5", "--apart", "false", "--", "--set", "a=b c")
+        rows = self.table(ended.stdout.replace("4 rows\n", ""))
+        self.assertEqual({row["word"] for row in rows}, {"{} 'a' \"b\""})
+        self.assertEqual({row["arguments"] for row in rows}, {"--set a=b c"})
+        self.assertEqual([(row["number"], row["type"]) for row in rows[::2]], [("3", "int"), ("4.5", "float")])
+
+    def test_a_run_may_have_several_rows_which_the_script_gets(self):
+        ended = self.echo()
+        self.assertTrue(ended.stdout.endswith("\n8 rows\n"), ended.stdout)
+        self.assertEqual([row["part"] for row in self.table(ended.stdout.replace("8 rows\n", ""))], 4 * ["1", "2"])
+
+    def test_no_other_run_is_beside_one_that_must_be_alone(self):
+        rows = self.table(self.echo("--jobs", "4").stdout.replace("8 rows\n", ""))
+        times = {(row["number"], row["apart"]): (float(row["begin"]), float(row["end"])) for row in rows}
+        for (_, apart), (begin, end) in times.items():
+            beside = sum(other_begin < end and begin < other_end for other_begin, other_end in times.values()) - 1
+            self.assertEqual(beside, 0 if apart == "True" else 1, times)
+
+    def test_rows_made_with_other_arguments_are_refused(self):
+        self.echo("--out", "t.csv", "--", "one")
+        row = {"number": 0, "parameters": {"word": "{} 'a' \"b\"", "number": 1, "apart": False}, "rows": []}
+        for arguments, status in (["one"], 0), (["two"], 1):
+            (self.folder / "t.csv.rows").write_text(json.dumps({**row, "arguments": arguments}) + "\n")
+            resumed = self.echo("--out", "t.csv", "--resume", "--", "one", status=status)
+            self.assertEqual("is of another study" in resumed.stderr, status == 1)
+
+    def test_programs_return_their_output_and_reports(self):
+        run = [os.environ["HOST_SIM"], "run", "plane-slide", "--clock", "lockstep", "--duration", "0.2"]
+        self.assertEqual(study.report_of(run)["steps"], haptic.Simulation("plane-slide").run(duration=0.2).size)
+        self.assertEqual(study.output_of(["sh", "-c", "echo said; exit 3"], statuses=(0, 3)), "said\n")
+        with self.assertRaisesRegex(RuntimeError, "sh -c 'exit 3' ended with status 3"):
+            study.output_of(["sh", "-c", "exit 3"])
+        # Status 1 is also that of a run in which a sphere escaped, which has a report.
+        with self.assertRaisesRegex(RuntimeError, r'host-sim run plane-slid .* ended with status 1:\n.*unknown scene "plane-slid"'):
+            study.report_of([*run[:2], "plane-slid", "--clock", "lockstep"], statuses=(0, 1))
 
 
 if __name__ == "__main__":
