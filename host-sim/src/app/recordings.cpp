@@ -27,7 +27,7 @@ void Recordings::begin(RecordNotes origin) {
     pending_.clear();
     if (!file_.empty()) {
         writer_.emplace(numbered(file_, ++simulations_));
-        kept_.emplace(notes_);
+        kept_.emplace(notes_, clocked_);
     }
 }
 
@@ -69,7 +69,7 @@ void Recordings::start_offer(std::uint64_t step) {
     if (!offered_) {
         RecordNotes notes = notes_;
         notes.first_step = step;
-        offered_.emplace(notes);
+        offered_.emplace(notes, clocked_);
         offered_->reserve(kMaxOffered * kBytesPerRow);
     }
 }

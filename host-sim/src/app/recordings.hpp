@@ -21,8 +21,8 @@ class Recordings {
     /// Maximum number of steps in a viewer's record; it then ends by itself. About 60 MB, half an hour at 100 steps/s.
     static constexpr std::size_t kMaxOffered = 200'000;
 
-    /// Every step is written to `file` while the run goes on; empty: to none.
-    explicit Recordings(std::filesystem::path file) : file_(std::move(file)) {}
+    /// Every step is written to `file` while the run goes on; empty: to none. `clocked`: see StepRecord.
+    explicit Recordings(std::filesystem::path file, bool clocked = false) : file_(std::move(file)), clocked_(clocked) {}
 
     /// To be called for each new simulation: finishes a viewer's record and the file. The file of the nth simulation is
     /// F-n.csv for F.csv. Throws std::runtime_error.
@@ -47,6 +47,7 @@ class Recordings {
     void finish_file();
 
     std::filesystem::path file_;
+    bool clocked_;
     std::size_t simulations_ = 0;
     RecordNotes notes_;                // with all changes before the last step
     std::vector<LiveChange> pending_;  // since the last step

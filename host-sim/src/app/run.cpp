@@ -61,7 +61,7 @@ Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::Live
                                                           progress);
                                     })),
       statistics_(),
-      recordings_(options.record),
+      recordings_(options.record, plan.clock != RunClock::Lockstep),
       workspace_(plan.workspace),
       frames_(plan.session.empty() ? nullptr : std::make_unique<ContactFramePublisher>(plan.session)),
       states_(plan.clock != RunClock::Lockstep ? std::make_unique<RingReader<DeviceState>>(plan.session) : nullptr),

@@ -28,7 +28,7 @@ std::uint64_t number_of(std::string_view text, const std::string& line) {
     std::uint64_t number = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
     if (error != std::errc() || end != text.data() + text.size()) {
-        throw std::invalid_argument("the note \"" + line + "\" has no valid step number");
+        throw std::invalid_argument("the note \"" + line + "\" has no valid number");
     }
     return number;
 }
@@ -74,6 +74,8 @@ std::optional<RecordNotes> read_notes(std::span<const std::string> lines) {
             notes.assignments.emplace_back(rest);
         } else if (word == "first-step") {
             notes.first_step = number_of(rest, line);
+        } else if (word == "time-zero-ns") {
+            (void)number_of(rest, line);  // for those who read other recordings beside it
         } else if (word == "change") {
             const std::size_t next = std::min(rest.find(' '), rest.size());
             notes.changes.push_back(
@@ -96,7 +98,7 @@ std::vector<std::string> assignments_of(const WorkspaceSettings& workspace) {
             "workspace.clutch_fade=" + text_of(workspace.clutch_fade)};
 }
 
-StepRecord::StepRecord(const RecordNotes& origin) {
+StepRecord::StepRecord(const RecordNotes& origin, bool clocked) : clocked_(clocked) {
     for (const std::string& line : lines_of(origin)) {
         text_ += "# " + line + '\n';
     }
@@ -109,7 +111,10 @@ void StepRecord::add(const LiveChange& change) {
 }
 
 void StepRecord::add(const StepInput& input, const StepResult& result) {
-    first_ns_ = rows_ == 0 ? input.time_ns : first_ns_;
+    if (rows_ == 0) {
+        first_ns_ = input.time_ns;
+        text_ += clocked_ ? "# time-zero-ns " + std::to_string(first_ns_) + '\n' : "";
+    }
     ++rows_;
     const Vec3& x = input.device.position;
     const Quat& q = input.device.orientation;

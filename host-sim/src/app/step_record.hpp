@@ -7,6 +7,7 @@
 //     # first-step 0                             step of the scene that the first row belongs to
 //     # change 120 coupling.stiffness=20         live change before that step; workspace.* with all its keys
 //     # change 130 couple-anew                   Simulation::recouple()
+//     # time-zero-ns 51000000000                 time_s 0 by the clock of rt-core's now_ns; not in lockstep
 //
 // Records of version 1 have all changes before the header.
 #pragma once
@@ -50,8 +51,8 @@ struct RecordNotes {
 /// The text of a record, step by step.
 class StepRecord {
   public:
-    /// Notes and header.
-    explicit StepRecord(const RecordNotes& origin);
+    /// Notes and header. `clocked`: times of steps are those of rt-core's clock, which the first one then notes.
+    explicit StepRecord(const RecordNotes& origin, bool clocked = false);
 
     /// A change before the next row.
     void add(const LiveChange& change);
@@ -68,6 +69,7 @@ class StepRecord {
 
   private:
     std::string text_;
+    bool clocked_;
     std::size_t rows_ = 0;
     std::int64_t first_ns_ = 0;  // time of the first row
 };

@@ -318,6 +318,30 @@ TEST(RecordNotesTest, DescribeTheOriginOfARecordAndRejectUnknownNotes) {
     EXPECT_THROW((void)read_notes(newer), std::invalid_argument);
 }
 
+TEST(RecordNotesTest, TellWhenTheFirstStepOfARunByTheClockWas) {
+    const std::filesystem::path file =
+        std::filesystem::path(testing::TempDir()) / ("haptic-clocked-" + std::to_string(getpid()) + ".csv");
+    for (const bool clocked : {true, false}) {
+        Recordings recordings(file, clocked);
+        recordings.begin({.scene = "cloth-drop", .assignments = {}, .first_step = 0, .changes = {}});
+        StepInput input;
+        for (const std::int64_t time_ns : {51'000'000'007, 51'010'000'007}) {
+            input.time_ns = time_ns;
+            recordings.add(input, {});
+        }
+        recordings.close();
+        std::vector<std::string> expected{"host-sim record 2", "scene cloth-drop", "first-step 0"};
+        if (clocked) {
+            expected.emplace_back("time-zero-ns 51000000007");
+        }
+        const CsvTable table = CsvTable::load(file);
+        EXPECT_EQ(table.notes(), expected);
+        EXPECT_THAT(std::vector(table.column("time_s").begin(), table.column("time_s").end()), ElementsAre(0.0, 0.01));
+        EXPECT_TRUE(read_notes(table.notes()));  // which play and --input do
+    }
+    std::filesystem::remove(file);
+}
+
 TEST(RecordNotesTest, KeepOnlyTheLastChangeOfAKeyBetweenTwoSteps) {
     Recordings recordings("");
     recordings.begin({.scene = "cloth-drop", .assignments = {}, .first_step = 0, .changes = {}});
