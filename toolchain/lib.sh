@@ -126,19 +126,6 @@ count() {
     if [ "$2" -eq 0 ]; then printf '\r\033[K' >&2; else printf '%s: %d of %d\033[K\r' "$3" "$1" "$2" >&2; fi
 }
 
-# count_rows ALL WORK: copies the rows of a table from standard input, with a counter below them.
-count_rows() {
-    local rows=0 row
-    count 0 "$1" "$2"
-    while IFS= read -r row; do
-        count 0 0
-        printf '%s\n' "$row"
-        rows=$((rows + 1))
-        count $rows "$1" "$2"
-    done
-    count 0 0
-}
-
 # wait_with_clock WORK PROCESS...: waits for processes, and shows on a terminal for how long. Fails if one has failed.
 wait_with_clock() {
     local work=$1 failed=0 begin=$SECONDS process

@@ -160,24 +160,23 @@ class Studies(unittest.TestCase):
         self.assertEqual({row["arguments"] for row in rows}, {"--set a=b c"})
         self.assertEqual([(row["number"], row["type"]) for row in rows[::2]], [("3", "int"), ("4.5", "float")])
 
-    def test_a_run_may_have_several_rows_which_the_script_gets(self):
-        ended = self.echo()
-        self.assertTrue(ended.stdout.endswith("\n8 rows\n"), ended.stdout)
-        self.assertEqual([row["part"] for row in self.table(ended.stdout.replace("8 rows\n", ""))], 4 * ["1", "2"])
-
     def test_no_other_run_is_beside_one_that_must_be_alone(self):
-        rows = self.table(self.echo("--jobs", "4").stdout.replace("8 rows\n", ""))
+        ended = self.echo("--jobs", "4")
+        # Two rows a run, which the script gets.
+        self.assertTrue(ended.stdout.endswith("\n8 rows\n"), ended.stdout)
+        rows = self.table(ended.stdout.replace("8 rows\n", ""))
+        self.assertEqual([row["part"] for row in rows], 4 * ["1", "2"])
         times = {(row["number"], row["apart"]): (float(row["begin"]), float(row["end"])) for row in rows}
         for (_, apart), (begin, end) in times.items():
             beside = sum(other_begin < end and begin < other_end for other_begin, other_end in times.values()) - 1
             self.assertEqual(beside, 0 if apart == "True" else 1, times)
 
     def test_rows_made_with_other_arguments_are_refused(self):
-        self.echo("--out", "t.csv", "--", "one")
+        one = ("--out", "t.csv", "--number", "1", "--apart", "false")
         row = {"number": 0, "parameters": {"word": "{} 'a' \"b\"", "number": 1, "apart": False}, "rows": []}
         for arguments, status in (["one"], 0), (["two"], 1):
             (self.folder / "t.csv.rows").write_text(json.dumps({**row, "arguments": arguments}) + "\n")
-            resumed = self.echo("--out", "t.csv", "--resume", "--", "one", status=status)
+            resumed = self.echo(*one, "--resume", "--", "one", status=status)
             self.assertEqual("is of another study" in resumed.stderr, status == 1)
 
     def test_programs_return_their_output_and_reports(self):

@@ -1,0 +1,95 @@
+"""The studies of toolchain/study: what their tables hold is what the programs say that they run.
+
+studies_test.py RT-CORE HOST-SIM STUDIES-FOLDER, with the package haptic of the same build in PYTHONPATH.
+"""
+import csv
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+RT_CORE, HOST_SIM, STUDIES = (Path(argument) for argument in sys.argv[1:4])
+# A host-sim in whose runs two spheres escape.
+ESCAPING = """#!/bin/sh
+while [ "$1" != --report ]; do shift; done
+echo '{"steps": 100, "contact": {"steps_in_contact": 7, "escapes": 2, "let_through": 0}}' >"$2"
+exit 1
+"""
+
+
+class Studies(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def table(self, script, *arguments, status=0):
+        """The rows of the table, and what the study said beside it."""
+        table = self.folder / "table.csv"
+        ended = subprocess.run([sys.executable, "-B", script, "--out", table, *arguments], cwd=self.folder,
+                               capture_output=True, text=True)
+        self.assertEqual(ended.returncode, status, ended.stderr)
+        with table.open() as file:
+            return list(csv.DictReader(file)), ended.stderr
+
+    def test_escapes_are_counted_for_every_scene_hand_and_rate(self):
+        rows, said = self.table(STUDIES / "escapes.py", "--scene", "plane-slide", "rod-gap", "--hand", "script",
+                                "hostile:3", "--rate-hz", "own", "25", "--duration-s", "1")
+        self.assertEqual([(row["scene"], row["hand"], row["rate_hz"], row["steps"], row["escapes"]) for row in rows],
+                         [(scene, hand, rate, steps, "0") for scene, own in (("plane-slide", "50"), ("rod-gap", "100"))
+                          for hand in ("script", "hostile:3") for rate, steps in (("own", own), ("25", "25"))])
+        self.assertEqual(said, "")
+
+    def test_a_run_with_escapes_fails_and_names_its_command(self):
+        shutil.copy(STUDIES / "escapes.py", self.folder)
+        fake = self.folder / "host-sim"
+        fake.write_text(ESCAPING)
+        fake.chmod(0o755)
+        (self.folder / "programs.py").write_text(f"HOST_SIM = {str(fake)!r}\n")
+        rows, said = self.table(self.folder / "escapes.py", "--scene", "rod-gap", "--hand", "hostile:9",
+                                "--duration-s", "5", "--", "--set", "solver.iterations=3", status=1)
+        self.assertEqual(rows[0]["escapes"], "2")
+        self.assertIn(f"escaped: {fake} run rod-gap --clock lockstep --hand hostile:9 --duration 5 --verify "
+                      "--set solver.iterations=3\n", said)
+        self.assertIn("in 1 of 1 runs", said)
+
+    def test_forces_are_those_of_the_report(self):
+        report = self.folder / "report.json"
+        subprocess.run([HOST_SIM, "run", "plane-slide", "--clock", "lockstep", "--set", "coupling.stiffness=40",
+                        "--report", report], check=True, capture_output=True)
+        force = json.loads(report.read_text())["force_N"]["max"]
+        rows, _ = self.table(STUDIES / "scene-forces.py", "--scene", "plane-slide", "--", "--set", "coupling.stiffness=40")
+        self.assertEqual(float(rows[0]["force_n"]), round(force, 3))
+        self.assertEqual(rows[0]["not_wrench_closed"], "0")
+        self.assertGreater(float(rows[0]["share_percent"]), 1)
+
+    def test_the_map_is_that_of_one_run_of_rt_core(self):
+        options = ["--hold", "1.8", "--duration", "3", "--delays", "0", "20"]
+        rows, _ = self.table(STUDIES / "stability.py", "--rate-hz", "100", "--stiffness-n-m", "200", "600", "--", *options)
+        subprocess.run([RT_CORE, "stability", "--host-sim", HOST_SIM, "--scene", "curtain-hand", "--out", self.folder,
+                        "--rates", "100", "--stiffnesses", "200", "600", *options], check=True, capture_output=True)
+        with (self.folder / "stability-curtain-hand.csv").open() as file:
+            expected = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+        self.assertEqual(len(expected), 4)
+        self.assertEqual([{name: float(row[name]) for name in expected[0]} for row in rows], expected)
+
+    def test_figures_are_on_one_page(self):
+        rows, _ = self.table(STUDIES / "reproduce.py", "--figure", "4.14", "4.7", "--folder", "figures")
+        self.assertEqual([(row["figure"], row["shows"]) for row in rows], [("4.14", "results"), ("4.7", "results")])
+        page = (self.folder / "figures" / "index.html").read_text()
+        self.assertLess(0, page.index('id="figure-4.7"'))
+        self.assertLess(page.index('id="figure-4.7"'), page.index('id="figure-4.14"'))
+        self.assertTrue((self.folder / "figures" / "figure-4.7.csv").exists())
+
+    def test_an_unknown_figure_is_named(self):
+        rows, said = self.table(STUDIES / "reproduce.py", "--figure", "4.99", status=1)
+        self.assertEqual(rows, [])
+        self.assertIn("4.99", said)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])

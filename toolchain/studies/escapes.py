@@ -1,0 +1,27 @@
+"""The soak for escapes: see toolchain/study."""
+import shlex
+import sys
+
+import haptic
+from haptic import study
+from programs import HOST_SIM
+
+
+def soak(*options, scene, hand, rate_hz, duration_s):
+    """Runs each scene for long, its hand scripted or hostile, and counts spheres that passed through a surface."""
+    command = [HOST_SIM, "run", scene, "--clock", "lockstep", "--hand", hand, "--duration", str(duration_s), "--verify"]
+    if rate_hz != "own":
+        command += ["--set", f"solver.step={1 / float(rate_hz)}"]
+    command += options
+    contact = (report := study.report_of(command, statuses=(0, 1)))["contact"]
+    if contact["escapes"]:
+        print(f"escaped: {shlex.join(command)}")
+    return {"steps": report["steps"], "in_contact": contact["steps_in_contact"], "escapes": contact["escapes"],
+            "let_through": contact["let_through"]}
+
+
+if __name__ == "__main__":
+    rows = study.main(soak, scene=sorted(haptic.scenes()), hand=["script", "hostile:1", "hostile:2"], rate_hz=["own"],
+                      duration_s=[600])
+    if escaped := sum(row["escapes"] > 0 for row in rows):
+        sys.exit(f"error: a sphere passed through a surface in {escaped} of {len(rows)} runs")
