@@ -140,7 +140,8 @@ TEST_P(FrameArrival, ForceChangesNoFasterThanTheSurfaceMoves) {
         which.steps_per_s, which.late, which.moving ? "moves" : "still", steps.contact_ticks, steps.peak,
         1e3 * steps.largest, steps.over, 1e3 * steps.raw_steps, steps.raw);
     EXPECT_LE(steps.over, 1.0 + 1e-6);
-    EXPECT_GT(steps.contact_ticks, 100) << "too little contact to prove anything";
+    EXPECT_GT(steps.contact_ticks, 80)
+        << "too little contact to prove anything; a hand that moves loses the cloth at once";
     EXPECT_GT(steps.peak, 0.5) << "N";
     EXPECT_GT(steps.raw, 3.0) << "without the follower the bound must be violated, or this proves nothing";
 }

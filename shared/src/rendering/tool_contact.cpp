@@ -16,8 +16,11 @@
 namespace haptic {
 namespace {
 
-// Maximum number of simulation steps for which planes are extrapolated: half a step of margin for a late frame.
+// Maximum number of simulation steps for which planes of a published frame are extrapolated: half a step of margin for
+// a late one.
 constexpr double kHorizonSteps = 1.5;
+// ns, up to which the time that a frame was underway before (computation, network) makes that longer.
+constexpr std::int64_t kMaxHorizonNs = 50'000'000;
 // s, time constant with which a particle's sticking position moves to the simulation's.
 constexpr double kStickCorrectionTimeS = 0.1;
 // k W_rr of a row that only the springs to the hand hold back.
@@ -71,6 +74,18 @@ Contact hold_positions(const ContactFrame& frame, double stiffness, const GripMo
         }
     }
     return contact;
+}
+
+/// ns after plane_time_ns, for which planes are extrapolated: until the next frame should have been published. The
+/// planes of one from another machine are older from the beginning, and so are those of the next.
+std::int64_t horizon_of(const ContactFrame& frame) HAPTIC_RT {
+    const auto steps_ns = static_cast<std::int64_t>(kHorizonSteps * static_cast<double>(frame.step_ns));
+    std::int64_t underway_ns = 0;
+    if (__builtin_sub_overflow(frame.publish_time_ns, frame.plane_time_ns, &underway_ns)) {
+        underway_ns = 0;
+    }
+    const std::int64_t longest_ns = std::max<std::int64_t>(kMaxHorizonNs - steps_ns, 0);
+    return steps_ns + std::clamp<std::int64_t>(underway_ns, 0, longest_ns);
 }
 
 }  // namespace
@@ -242,7 +257,7 @@ ToolContact::Instant::Instant(ToolContact& tool, const ContactFrame& frame, doub
       previous_rotation_(glm::mat3_cast(grip.previous.orientation)),
       count_(proxies_of(frame)),
       time_ns_(time_ns),
-      horizon_ns_(static_cast<std::int64_t>(kHorizonSteps* static_cast<double>(frame.step_ns))),
+      horizon_ns_(horizon_of(frame)),
       announced_(reports_work(frame) ? 0.0 : 1.0),
       keeps_friction_(keeps_friction) {
     // The times come from another process: their difference may overflow.

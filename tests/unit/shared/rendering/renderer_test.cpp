@@ -60,6 +60,31 @@ TEST(Render, ExtrapolatesPlanesForOneAndAHalfSteps) {
     EXPECT_NEAR(depth(80'000'000), 0.0025, 1e-12);
 }
 
+TEST(Render, ExtrapolatesPlanesThatWereUnderwayUntilTheNextAreDue) {
+    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    frame.step_ns = 2'000'000;
+    frame.proxies[0].planes[0].velocity = 0.1;  // m/s upward
+    const auto depth = [&frame](std::int64_t time_ns) {
+        return render_once(frame, at(-0.001), time_ns).wrench.force.y / kStiffness;
+    };
+    // Over a network of 20 ms, planes are 20 to 22 ms old when they are rendered.
+    frame.publish_time_ns = 20'000'000;
+    EXPECT_NEAR(depth(22'000'000), 0.0032, 1e-12);
+    EXPECT_NEAR(depth(23'000'000), 0.0033, 1e-12);
+    EXPECT_NEAR(depth(80'000'000), 0.0033, 1e-12);
+    // Never for more than 50 ms, and never for less than on one machine.
+    frame.publish_time_ns = 90'000'000;
+    EXPECT_NEAR(depth(95'000'000), 0.006, 1e-12);
+    for (const std::int64_t published_ns : {std::int64_t{-5'000'000}, std::numeric_limits<std::int64_t>::min()}) {
+        frame.publish_time_ns = published_ns;
+        EXPECT_NEAR(depth(80'000'000), 0.0013, 1e-12);
+    }
+    // Long steps are extrapolated as ever.
+    frame.step_ns = 40'000'000;
+    frame.publish_time_ns = 30'000'000;
+    EXPECT_NEAR(depth(95'000'000), 0.007, 1e-12);
+}
+
 TEST(Render, ReportsTheEnergyOfItsSpringsAndThePowerOfMovingSurfaces) {
     ContactFrame frame = floor_frame(0.0, kStiffness, 0);
     frame.proxies[0].planes[0].velocity = 0.05;
