@@ -47,8 +47,10 @@ void hold_buttons(Lockstep& chain, double script_s) {
 }
 
 /// The chain with rt-core's default limits. The hand goes to where the script begins before the scene starts.
-Lockstep chain_with_script(const sim::Scene& scene, double duration_s, double max_stiffness = kMaxStiffness) {
-    Lockstep::Settings settings{.scene = scene, .hand = script_of(scene, duration_s), .tick = {}};
+Lockstep chain_with_script(const sim::Scene& scene, double duration_s, double max_stiffness = kMaxStiffness,
+                           std::int64_t network_ns = 0) {
+    Lockstep::Settings settings{
+        .scene = scene, .hand = script_of(scene, duration_s), .tick = {}, .network_ns = network_ns};
     settings.tick.frames.max_stiffness = max_stiffness;
     settings.tick.frames.max_rotational_stiffness = kMaxRotationalStiffness;
     return Lockstep(settings);
@@ -109,12 +111,21 @@ INSTANTIATE_TEST_SUITE_P(Scenes, HandBalance,
                              return name + (which.param.max_stiffness < 100.0 ? "_limited" : "");
                          });
 
+struct Carried {
+    const char* name;
+    double network_s;  // one-way delay of a network between the two
+    double step_s;     // of the scene
+};
+
+class HeldFish : public ::testing::TestWithParam<Carried> {};
+
 // While the hand of fish-grab carries the fish, rolls it and stands still.
-TEST(HeldFish, WeighsAtTheHandWhatItWeighsInTheSceneTimesTheForceScale) {
+TEST_P(HeldFish, WeighsAtTheHandWhatItWeighsInTheSceneTimesTheForceScale) {
     constexpr double kFrom = 2.1;   // s, of the script: the hand stands still from here
     constexpr double kUntil = 4.6;  // s; rolled to either side meanwhile
-    const sim::Scene scene = sim::read_scene(sim::open_scene("fish-grab"), "fish-grab");
-    Lockstep chain = chain_with_script(scene, kUntil);
+    sim::Scene scene = sim::read_scene(sim::open_scene("fish-grab"), "fish-grab");
+    scene.solver.step = GetParam().step_s;
+    Lockstep chain = chain_with_script(scene, kUntil, kMaxStiffness, nanoseconds(GetParam().network_s));
     approach(chain);
     Vec3 felt(0.0);  // N, sum over the ticks
     int ticks = 0;
@@ -136,6 +147,12 @@ TEST(HeldFish, WeighsAtTheHandWhatItWeighsInTheSceneTimesTheForceScale) {
     RecordProperty("weight_N", std::to_string(-felt.y));
     EXPECT_NEAR(-felt.y, weight, 0.05 * weight);
 }
+
+INSTANTIATE_TEST_SUITE_P(Networks, HeldFish,
+                         ::testing::Values(Carried{"OnOneMachine", 0.0, 0.002}, Carried{"Over5ms", 0.005, 0.002},
+                                           Carried{"Over20ms", 0.02, 0.002},
+                                           Carried{"Over10msAtShortSteps", 0.01, 0.001}),
+                         [](const auto& which) { return std::string(which.param.name); });
 
 }  // namespace
 }  // namespace haptic::test

@@ -38,7 +38,8 @@ Lockstep::Lockstep(const Settings& settings)
       tick_(settings.tick, board_, frame_reader_, state_writer_, stopped_clock),
       simulation_(settings.scene),
       tick_ns_(settings.tick.period_ns),
-      late_ns_(settings.late_ns) {
+      late_ns_(settings.late_ns),
+      network_ns_(settings.network_ns) {
     tick_.record_to(settings.recorder);
     tick_.arm();
     while (now_ns_ < start_ns_) {
@@ -54,10 +55,17 @@ Lockstep::Lockstep(const Settings& settings)
 void Lockstep::run_tick() {
     tick_.run({.deadline_ns = now_ns_, .now_ns = now_ns_});
     now_ns_ += tick_ns_;
+    auto state = std::make_unique<DeviceState>();
+    if (state_reader_.read_newest(*state)) {
+        states_underway_.push_back({now_ns_ + network_ns_, std::move(state)});
+    }
 }
 
 sim::StepInput Lockstep::next_input() {
-    (void)state_reader_.read_newest(state_);  // false: it has been read already
+    for (; !states_underway_.empty() && states_underway_.front().due_ns <= step_time_ns_;
+         states_underway_.pop_front()) {
+        state_ = *states_underway_.front().what;
+    }
     if (state_.sequence == 0) {
         throw std::runtime_error("ticks ran, but published no device state");
     }
@@ -67,13 +75,15 @@ sim::StepInput Lockstep::next_input() {
 sim::StepResult Lockstep::step_simulation() {
     input_ = next_input();
     const sim::StepResult result = simulation_.step(input_);
-    pending_ = true;
+    frames_underway_.push_back(
+        {step_time_ns_ + late_ns_ + network_ns_, std::make_unique<ContactFrame>(simulation_.frame())});
     return result;
 }
 
-void Lockstep::publish_frame() {
-    (void)frames_.publish(simulation_.frame(), now_ns_, now_ns_);
-    pending_ = false;
+void Lockstep::deliver_frames() {
+    for (; !frames_underway_.empty() && frames_underway_.front().due_ns <= now_ns_; frames_underway_.pop_front()) {
+        (void)frames_.publish(*frames_underway_.front().what, now_ns_, now_ns_);
+    }
 }
 
 }  // namespace haptic::test

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
+#include <memory>
 
 #include "app/contact_frame_publisher.hpp"
 #include "haptic/device/emulated_board.hpp"
@@ -21,6 +23,7 @@ class Lockstep {
         rt::TickSettings tick;
         rt::Recorder* recorder = nullptr;  // records all ticks
         std::int64_t late_ns = 0;          // delay of each frame after the beginning of its step
+        std::int64_t network_ns = 0;       // one-way delay of a network between the two, of frames and of states
     };
 
     /// Arms, and ticks until the grip is calibrated and the state is Running. Throws std::runtime_error otherwise.
@@ -30,12 +33,9 @@ class Lockstep {
     template <class AfterTick>
     sim::StepResult step(AfterTick&& after_tick) {
         const sim::StepResult result = step_simulation();
-        const std::int64_t publish_ns = step_time_ns_ + late_ns_;
         step_time_ns_ += nanoseconds(result.step);
         while (now_ns_ < step_time_ns_) {
-            if (pending_ && now_ns_ >= publish_ns) {
-                publish_frame();
-            }
+            deliver_frames();
             run_tick();
             after_tick(tick_.last(), board_);
         }
@@ -72,8 +72,13 @@ class Lockstep {
   private:
     void run_tick();
     sim::StepResult step_simulation();
-    void publish_frame();
+    void deliver_frames();
 
+    template <class What>
+    struct Underway {
+        std::int64_t due_ns;
+        std::unique_ptr<What> what;
+    };
     RingSession session_;
     RingWriter<DeviceState> state_writer_;
     RingReader<ContactFrame> frame_reader_;
@@ -87,9 +92,11 @@ class Lockstep {
     sim::StepInput input_;
     std::int64_t tick_ns_;
     std::int64_t late_ns_;
+    std::int64_t network_ns_;
+    std::deque<Underway<ContactFrame>> frames_underway_;
+    std::deque<Underway<DeviceState>> states_underway_;
     std::int64_t now_ns_ = 0;
     std::int64_t step_time_ns_ = 0;  // of the simulation's next step; need not coincide with a tick
-    bool pending_ = false;           // the last step's frame is still to be published
 };
 
 }  // namespace haptic::test

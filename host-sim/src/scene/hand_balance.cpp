@@ -6,8 +6,10 @@
 namespace haptic::sim {
 namespace {
 
-// Part of the debt that a step pays.
+// Largest part of the debt that a step pays.
 constexpr double kPaid = 0.5;
+// s, in which a contact pays its debt: long beside what a network delays
+constexpr double kPayFor = 0.1;
 // s, longest time that the largest force of the last second would take to pay a debt; more is forgotten
 constexpr double kLongestDebt = 0.2;
 constexpr double kLargestForceFor = 1.0;
@@ -52,7 +54,8 @@ HandBalance::Share HandBalance::begin_step(const std::optional<DeviceFeedback>& 
         owed_ *= limit_ / debt;
     }
     // The hand may meet a surface before the simulation does: nothing is paid to a body that it left long ago.
-    share.owed_force = since_contact_s_ <= kAfterContact ? (kPaid / step_s) * owed_ : Vec3(0.0);
+    const double part = since_contact_s_ > 0.0 ? kPaid : std::min(kPaid, step_s / kPayFor);
+    share.owed_force = since_contact_s_ <= kAfterContact ? (part / step_s) * owed_ : Vec3(0.0);
     return share;
 }
 

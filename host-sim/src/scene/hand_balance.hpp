@@ -3,12 +3,14 @@
 // The device may render a frame with less stiffness than the scene asks for, fade or limit the wrench, and follows the
 // hand at its own rate, so that its force differs from that of the simulation. It reports the stiffness and the part of
 // the wrench that it renders, and the impulse that the hand has received from contact (DeviceFeedback). The bodies are
-// pushed with that stiffness, and the difference between the two impulses is owed to them: half of it is paid in each
-// step,
+// pushed with that stiffness, and the difference between the two impulses is owed to them and paid in the next steps of
+// length h,
 //
-//     owed <- owed + felt - given,   paid in the step: owed / 2
+//     owed <- owed + felt - given,   paid in the step: owed min(1/2, h / 0.1 s), without contact owed / 2
 //
-// with felt and given the impulses of the last step. The debt is a vector: when a contact turns from one side of a body
+// with felt and given the impulses of the last step. What is felt answers forces of some ms ago, over a network of tens
+// of ms: paid at once, the difference would make the bodies' springs answer as late, and a held fish swing until it is
+// lost. The debt is a vector: when a contact turns from one side of a body
 // to another, rt-core turns the force within some ms, and the bodies receive what the hand still feels from the old
 // side. A simulation that falls behind real time counts what the hand feels in its own, slower time: the force is the
 // same, and a late step pushes no harder. rt-core also ends a force within 50 ms of its contact. The particles that
