@@ -57,7 +57,7 @@ def main(function: Callable[..., _Result], *, alone: Callable[..., bool] | None 
 
     function    called with one value of each parameter; returns the columns of a row, numbers or texts, or several such
                 rows. Arguments of the program after -- come first, as texts: def function(*arguments, stiffness)
-    alone       called like function; true for a run beside which its machine must do no other, because it measures times
+    alone       called like function; true for a run beside which its machine must do no other, because it measures times; it has all processors
     parameters  values of each: numbers, texts, or true and false
     """
     if taken := set(parameters) & {*_OPTIONS, *_COLUMNS}:
@@ -179,9 +179,10 @@ def _run_one(function: Callable[..., _Result], options: argparse.Namespace, orig
     if options.origin != origin:
         print(f"error: {machine} has another version of {sys.argv[0]} or of the package haptic ({__version__})", file=sys.stderr)
         return 2
-    # One processor for each run: more threads would only compete.
-    processors = sorted(os.sched_getaffinity(0))
-    os.sched_setaffinity(0, {processors[(options.slot - 1) % len(processors)]})
+    # One processor for each run beside which there are others: more threads would only compete.
+    if options.slot > 0:
+        processors = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {processors[(options.slot - 1) % len(processors)]})
     # The function may print: that goes to the error output, the row alone to the output.
     output = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
@@ -220,10 +221,11 @@ def _run_all(runs: Sequence[_Row], single: Sequence[bool], options: argparse.Nam
     elif kept:
         kept.write_text("")
     # Those that must be alone follow the others.
-    for jobs, one_at_a_time in ((options.jobs, False), (1, True)):
+    for one_at_a_time in (False, True):
         missing = [run for run in range(len(runs)) if run not in rows and single[run] == one_at_a_time]
         if missing:
-            _distribute(missing, runs, rows, jobs, options.machines, origin, script, kept)
+            jobs, slot = (1, "0") if one_at_a_time else (options.jobs, "{%}")
+            _distribute(missing, runs, rows, jobs, slot, options.machines, origin, script, kept)
     table = [row for run in sorted(rows) for row in rows[run]]
     _write_table(table, options.out)
     failed = [run["parameters"] for number, run in enumerate(runs) if number not in rows]
@@ -252,15 +254,15 @@ def _kept_rows(kept: Path, runs: Sequence[_Row]) -> dict[int, list[_Row]]:
     return rows
 
 
-def _distribute(missing: Sequence[int], runs: Sequence[_Row], rows: dict[int, list[_Row]], jobs: int | None, machines: str | None,
-                origin: str, script: Path, kept: Path | None) -> None:
+def _distribute(missing: Sequence[int], runs: Sequence[_Row], rows: dict[int, list[_Row]], jobs: int | None, slot: str,
+                machines: str | None, origin: str, script: Path, kept: Path | None) -> None:
     """Runs what is missing by GNU parallel, and takes each row as it comes."""
     command = ["parallel", "--plain", "--will-cite", "--line-buffer", "--jobs", str(jobs) if jobs else "100%"]
     if machines:
         command += ["--sshlogin", machines, "--workdir", os.getcwd()]
         if "PYTHONPATH" in os.environ:
             command += ["--env", "PYTHONPATH"]
-    command += [f"{shlex.quote(sys.executable)} {shlex.quote(str(script))} --run {{}} --slot {{%}} --origin {origin}"]
+    command += [f"{shlex.quote(sys.executable)} {shlex.quote(str(script))} --run {{}} --slot {slot} --origin {origin}"]
     terminal = sys.stderr.isatty()
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as parallel:
         assert parallel.stdin and parallel.stdout

@@ -1,0 +1,73 @@
+#!/usr/bin/env python3
+"""The emulated cable between two network namespaces: emulated_cable_test.py EMULATED-CABLE
+
+Datagrams with their number and time of sending go over it. Needs root for the namespaces; exit status 77 without.
+"""
+import subprocess
+import sys
+
+from pressing import expect
+from two_machines import BOX, DESK, machines, possible
+
+CABLE = sys.argv[1]
+# Prints number and latency, us, of what arrives; ends a second after the last.
+RECEIVE = """
+import socket, struct, time
+inlet = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+inlet.bind(("10.99.0.2", 5000))
+print("listening", flush=True)
+inlet.settimeout(10)
+try:
+    while True:
+        number, sent = struct.unpack("qq", inlet.recv(100))
+        print(number, (time.monotonic_ns() - sent) // 1000)
+        inlet.settimeout(1)
+except TimeoutError:
+    pass
+"""
+SEND = """
+import socket, struct, time
+out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+for number in range(-1, 2000):
+    out.sendto(struct.pack("qq", number, time.monotonic_ns()), ("10.99.0.2", 5000))
+    time.sleep(0.3 if number < 0 else 0.0005)  # the first one waits until the address is resolved
+"""
+
+
+def arrivals(*options: str) -> list[tuple[int, int]]:
+    with machines([CABLE, *options]):
+        receiver = subprocess.Popen(["ip", "netns", "exec", DESK, sys.executable, "-c", RECEIVE], stdout=subprocess.PIPE, text=True)
+        receiver.stdout.readline()
+        subprocess.run(["ip", "netns", "exec", BOX, sys.executable, "-c", SEND], check=True)
+        lines = receiver.communicate(timeout=30)[0].splitlines()
+    pairs = [tuple(map(int, line.split())) for line in lines]
+    return [pair for pair in pairs if pair[0] >= 0]
+
+
+def main() -> None:
+    if not possible():
+        print("namespaces cannot be made here")
+        sys.exit(77)
+    wrong = subprocess.run([CABLE, f"{BOX}-none", f"{DESK}-none"], capture_output=True, text=True)
+    expect("a namespace that is not there is named", wrong.returncode == 1 and f"{BOX}-none" in wrong.stderr, wrong.stderr.strip())
+
+    plain = arrivals("--delay", "20")
+    latencies = sorted(latency for _, latency in plain)
+    expect("without loss all arrive, in order", [number for number, _ in plain] == list(range(2000)), len(plain))
+    # Later by what the machine itself takes, of which the median is small.
+    expect("none arrives before the delay, half soon after it, us", latencies[0] >= 20000 and latencies[1000] < 25000,
+           latencies[0], latencies[1000])
+
+    scattered = arrivals("--delay", "20", "--jitter", "10")
+    latencies = sorted(latency for _, latency in scattered)
+    numbers = [number for number, _ in scattered]
+    expect("jitter spreads arrivals over twice its size and reorders them", len(numbers) == 2000 and numbers != sorted(numbers) and
+           latencies[0] >= 10000 and latencies[100] < 14000 and 26000 < latencies[1900], latencies[0], latencies[100], latencies[1900])
+
+    # 1400 of 2000 arrive, five standard deviations of 20.5 to either side.
+    lossy = arrivals("--loss", "30", "--seed", "7")
+    expect("three in ten are lost", abs(len(lossy) - 1400) < 103, len(lossy))
+
+
+if __name__ == "__main__":
+    main()
