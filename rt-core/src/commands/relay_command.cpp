@@ -11,6 +11,29 @@
 #include "program/exit_status.hpp"
 
 namespace haptic::rt {
+namespace {
+
+/// Logs what the relay's simulation does, once each time it changes.
+class Announcements {
+  public:
+    void update(bool connected, const std::string& problem) {
+        if (connected != connected_) {
+            spdlog::info(connected ? "a simulation is connected" : "the simulation is gone");
+        }
+        if (!problem.empty() && problem_.empty()) {
+            spdlog::warn("a simulation is refused until its place is free: {}", problem);
+        }
+        connected_ = connected;
+        problem_ = problem;
+    }
+
+  private:
+    bool connected_ = false;
+    std::string problem_;
+};
+
+}  // namespace
+
 int relay_command(const RelayOptions& options) {
     const StopSignals signals;
     const LinkDomain domain(options.link);
@@ -22,21 +45,19 @@ int relay_command(const RelayOptions& options) {
     }
     spdlog::info("session {}: waiting for a simulation on interface {}", options.link.session, options.link.interface);
     const std::int64_t end_ns = options.duration_s > 0.0 ? monotonic_now_ns() + nanoseconds(options.duration_s) : 0;
-    bool connected = false;
+    Announcements announcements;
     while (signals.wait(0) == 0 && (end_ns == 0 || monotonic_now_ns() < end_ns)) {
-        if (const bool now = relay.run_once(kRelayPollNs); now != connected) {
-            connected = now;
-            spdlog::info(connected ? "a simulation is connected" : "the simulation is gone");
-        }
+        const bool connected = relay.run_once(kRelayPollNs);
+        announcements.update(connected, relay.problem());
         if (ros) {
             ros->run_once(monotonic_now_ns(), relay.counts());
         }
     }
     const RelayCounts& counts = relay.counts();
-    std::printf("%llu states sent; frames: %llu received, %llu refused, %llu late; simulations: %llu\n",
+    std::printf("%llu states sent; frames: %llu received, %llu refused, %llu late, %llu displaced; simulations: %llu\n",
                 static_cast<unsigned long long>(counts.states), static_cast<unsigned long long>(counts.frames),
                 static_cast<unsigned long long>(counts.refused), static_cast<unsigned long long>(counts.late),
-                static_cast<unsigned long long>(counts.connections));
+                static_cast<unsigned long long>(counts.displaced), static_cast<unsigned long long>(counts.connections));
     if (ros) {
         std::printf("ROS 2: %llu messages of the device's motion and force\n",
                     static_cast<unsigned long long>(ros->published()));

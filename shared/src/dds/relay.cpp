@@ -43,8 +43,8 @@ void DeviceRelay::pass_frame(std::int64_t now_ns) {
     counts_.refused += taken == Taken::Refused ? 1u : 0u;
     if (taken != Taken::Message) {
         // Detach from a simulation that is gone: the loop then fades its force at once.
-        if (frames_ && (now_ns - heard_ns_ > kSilenceNs || !link_.matched())) {
-            frames_.reset();
+        if ((frames_ || !problem_.empty()) && (now_ns - heard_ns_ > kSilenceNs || !link_.matched())) {
+            leave();
         }
         return;
     }
@@ -53,14 +53,40 @@ void DeviceRelay::pass_frame(std::int64_t now_ns) {
         ++counts_.late;
         return;
     }
-    if (!frames_) {
-        frames_.emplace(session_);
-        ++counts_.connections;
+    if (!join(now_ns)) {
+        ++counts_.displaced;
+        return;
     }
     const std::uint64_t number = frame_.sequence;
     frame_.publish_time_ns = now_ns;
     frame_numbers_.add(frames_->publish(frame_, now_ns), number);
     ++counts_.frames;
+}
+
+/// Takes the simulator's place in the session, unless another has it.
+bool DeviceRelay::join(std::int64_t now_ns) {
+    if (frames_ || now_ns < join_at_ns_) {
+        return frames_.has_value();
+    }
+    try {
+        frames_.emplace(session_);
+    } catch (const RingError& error) {
+        if (error.kind() != RingError::Kind::RoleTaken) {
+            throw;
+        }
+        problem_ = error.what();
+        join_at_ns_ = now_ns + kRejoinNs;
+        return false;
+    }
+    problem_.clear();
+    ++counts_.connections;
+    return true;
+}
+
+void DeviceRelay::leave() {
+    frames_.reset();
+    problem_.clear();
+    join_at_ns_ = 0;
 }
 
 void DeviceRelay::pass_state(std::int64_t now_ns) {

@@ -47,15 +47,18 @@ struct RelayCounts {
     std::uint64_t frames = 0;
     std::uint64_t refused = 0;      // messages that were invalid, or of another version
     std::uint64_t late = 0;         // frames whose planes held longer than kMaxAgeNs ago, or hold later than now
+    std::uint64_t displaced = 0;    // frames of a simulation whose place in the session another one has
     std::uint64_t connections = 0;  // times that the other end came
 };
 
 /// Beside rt-core. Observes its states, and joins the session's rings as a simulator does while a simulation is
-/// connected; so a simulator on rt-core's own machine may have that place while none is.
+/// connected; so a simulator on rt-core's own machine may have that place while none is. A simulation that finds the
+/// place taken is refused until it is free.
 class DeviceRelay {
   public:
     static constexpr std::int64_t kMaxAgeNs = 1'000'000'000;
     static constexpr std::int64_t kSilenceNs = 500'000'000;  // after which the simulation is taken to be gone
+    static constexpr std::int64_t kRejoinNs = 100'000'000;   // between two attempts to take a place that is taken
 
     /// Throws RingError, and std::runtime_error of the link.
     explicit DeviceRelay(const LinkSettings& settings);
@@ -63,10 +66,14 @@ class DeviceRelay {
     /// Waits for a message, at most as long, and passes on what came. Returns whether a simulation is connected.
     bool run_once(std::int64_t timeout_ns);
     [[nodiscard]] const RelayCounts& counts() const noexcept { return counts_; }
+    /// Why the simulation that sends frames is refused; empty if it is not, or none sends.
+    [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
   private:
     void answer_queries();
     void pass_frame(std::int64_t now_ns);
+    [[nodiscard]] bool join(std::int64_t now_ns);
+    void leave();
     void pass_state(std::int64_t now_ns);
 
     std::string session_;
@@ -74,7 +81,9 @@ class DeviceRelay {
     RingObserver<DeviceState> states_;
     std::optional<RingWriter<ContactFrame>> frames_;  // while a simulation is connected
     SequencePairs frame_numbers_;                     // of rt-core's ring, of the simulation's
+    std::string problem_;
     std::int64_t heard_ns_ = 0;
+    std::int64_t join_at_ns_ = 0;
     RelayCounts counts_;
     ContactFrame frame_{};
     DeviceState state_{};

@@ -176,7 +176,7 @@ void RosTopics::State::publish_diagnostics(std::int64_t now_ns, const RelayCount
     }
     values.add("states not seen", std::to_string(states.counts().missed));
     values.add("frames from another machine", std::to_string(relay.frames));
-    values.add("frames refused", std::to_string(relay.refused + relay.late));
+    values.add("frames refused", std::to_string(relay.refused + relay.late + relay.displaced));
     RosStatus status{};
     status.level = static_cast<std::uint8_t>(lost ? Level::Stale : level_of(state));
     status.name = name.data();

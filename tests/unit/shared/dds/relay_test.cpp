@@ -190,6 +190,46 @@ TEST_F(Relays, DetachWhenTheSimulationIsGoneAndTakeItBack) {
     EXPECT_EQ(device_.counts().connections, 2u);
 }
 
+TEST_F(Relays, RefuseASimulationWhosePlaceIsTakenAndJoinOnceItIsFree) {
+    // A simulator on the loop's own machine.
+    std::optional<RingWriter<ContactFrame>> local(std::in_place, settings_.session);
+    ASSERT_TRUE(connect());
+    const auto remote_is = [&](const auto& condition) {
+        return run_until([&] {
+            ContactFrame sent = valid_frame(0.003);
+            (void)frames_->publish(sent, monotonic_now_ns());
+            return condition();
+        });
+    };
+    ASSERT_TRUE(remote_is([&] { return device_.counts().displaced > 3; }));
+    EXPECT_NE(device_.problem().find("already has its writer"), std::string::npos) << device_.problem();
+    EXPECT_EQ(device_.counts().connections, 0u);
+    // The local one keeps its place, and the remote one its hand.
+    ContactFrame frame = valid_frame(0.001);
+    (void)local->publish(frame, monotonic_now_ns());
+    ASSERT_TRUE(loop_frames_.read_newest(frame));
+    EXPECT_EQ(frame.proxies[0].planes[0].offset, 0.001);
+    EXPECT_TRUE(connect()) << "states still arrive";
+    // The place is free: the remote one has it, without being started again.
+    local.reset();
+    ASSERT_TRUE(
+        remote_is([&] { return loop_frames_.read_newest(frame) && frame.proxies[0].planes[0].offset == 0.003; }));
+    EXPECT_EQ(device_.problem(), "");
+    EXPECT_EQ(device_.counts().connections, 1u);
+}
+
+TEST_F(Relays, ForgetARefusedSimulationThatIsGone) {
+    const RingWriter<ContactFrame> local(settings_.session);
+    ASSERT_TRUE(connect());
+    ASSERT_TRUE(run_until([&] {
+        ContactFrame sent = valid_frame(0.003);
+        (void)frames_->publish(sent, monotonic_now_ns());
+        return !device_.problem().empty();
+    }));
+    simulation_.reset();
+    EXPECT_TRUE(run_until([&] { return device_.problem().empty(); }));
+}
+
 TEST(Link, NamesWhatItCannotUse) {
     EXPECT_THROW(check({.session = "a/b"}), std::invalid_argument);
     EXPECT_THROW(check({.interface = "lo\"/>"}), std::invalid_argument);
