@@ -30,7 +30,7 @@ constexpr std::array<BitName, 13> kFaultNames = {{
     {HAPTIC_FAULT_GUARD, "guard"},
 }};
 
-constexpr std::array<BitName, 16> kTickFlagNames = {{
+constexpr std::array<BitName, 17> kTickFlagNames = {{
     {HAPTIC_TICK_OVERRUN, "overrun"},
     {HAPTIC_TICK_FRAME_STALE, "frame_stale"},
     {HAPTIC_TICK_FRAME_REJECTED, "frame_rejected"},
@@ -47,6 +47,7 @@ constexpr std::array<BitName, 16> kTickFlagNames = {{
     {HAPTIC_TICK_WORKSPACE_EDGE, "workspace_edge"},
     {HAPTIC_TICK_ARM_AWAITED, "arm_awaited"},
     {HAPTIC_TICK_BUDGET_LOW, "budget_low"},
+    {HAPTIC_TICK_OVERLAY, "overlay"},
 }};
 
 template <std::size_t N>

@@ -19,7 +19,7 @@ constexpr mode_t kOthers = S_IRWXG | S_IRWXO;
 constexpr std::size_t kMaxSessionName = 64;
 
 std::string_view kind_name(RingKind kind) {
-    return kind == RingKind::Contact ? "contact" : "state";
+    return kind == RingKind::Contact ? "contact" : kind == RingKind::State ? "state" : "overlay";
 }
 
 }  // namespace

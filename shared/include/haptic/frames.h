@@ -1,9 +1,10 @@
-/* Slots of the two rings, in C, so that any simulator can exchange data with the real-time process.
+/* Slots of the rings, in C, so that any simulator can exchange data with the real-time process.
  *
  * haptic_contact_frame goes from the simulation to the real-time process: the contact planes to render until the next
- * frame arrives. haptic_device_state goes in the opposite direction. Both use the device frame (right-handed, y up,
- * origin at the centre of the device) and SI units. Times are nanoseconds of CLOCK_MONOTONIC; quaternions are
- * (w, x, y, z). Any change of layout or meaning increments HAPTIC_ABI_VERSION, and the ring refuses other versions.
+ * frame arrives. haptic_device_state goes in the opposite direction. haptic_wrench_overlay goes from a third program to
+ * the real-time process. All use the device frame (right-handed, y up, origin at the centre of the device) and SI
+ * units. Times are nanoseconds of CLOCK_MONOTONIC; quaternions are (w, x, y, z). Any change of layout or meaning
+ * increments HAPTIC_ABI_VERSION, and the ring refuses other versions.
  */
 #ifndef HAPTIC_FRAMES_H
 #define HAPTIC_FRAMES_H
@@ -136,7 +137,8 @@ enum {
     HAPTIC_TICK_COMMISSIONING = 1u << 12,     /* the device has no signed protocol: the force is limited to 1 N */
     HAPTIC_TICK_WORKSPACE_EDGE = 1u << 13,    /* the soft wall of the workspace pushes the grip back */
     HAPTIC_TICK_ARM_AWAITED = 1u << 14,       /* disarmed until a person arms the device */
-    HAPTIC_TICK_BUDGET_LOW = 1u << 15         /* most of the session's energy or time is used */
+    HAPTIC_TICK_BUDGET_LOW = 1u << 15,        /* most of the session's energy or time is used */
+    HAPTIC_TICK_OVERLAY = 1u << 16            /* a wrench overlay pushes beside the contact */
 };
 
 typedef struct haptic_device_state {
@@ -161,6 +163,16 @@ typedef struct haptic_device_state {
     uint32_t tick_flags;
     uint32_t buttons; /* bit k: button k is pressed */
 } haptic_device_state;
+
+/* A wrench to add to that of the contact. The real-time process takes none unless its settings allow some; then it
+ * bounds its size and its rate, and lets it fade when none has arrived for a while. */
+typedef struct haptic_wrench_overlay {
+    uint64_t sequence;       /* written by the ring */
+    uint64_t session;        /* written by the ring */
+    int64_t arrival_time_ns; /* when it arrived on the machine of the real-time process */
+    double force[3];         /* N, on the grip */
+    double torque[3];        /* N*m, on the grip about its position */
+} haptic_wrench_overlay;
 
 #ifdef __cplusplus
 }

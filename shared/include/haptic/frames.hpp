@@ -18,6 +18,7 @@ using ContactPlane = haptic_plane;
 using ProxyContact = haptic_proxy;
 using ContactFrame = haptic_contact_frame;
 using DeviceState = haptic_device_state;
+using WrenchOverlay = haptic_wrench_overlay;
 
 inline constexpr std::size_t kMaxProxies = HAPTIC_MAX_PROXIES;
 inline constexpr std::size_t kMaxPlanes = HAPTIC_MAX_PLANES;
@@ -25,10 +26,12 @@ inline constexpr std::size_t kStrings = HAPTIC_STRINGS;
 inline constexpr std::size_t kMaxComplianceRows = HAPTIC_MAX_COMPLIANCE_ROWS;
 inline constexpr std::size_t kMaxCompliances = HAPTIC_MAX_COMPLIANCES;
 
-static_assert(std::is_trivially_copyable_v<ContactFrame> && std::is_trivially_copyable_v<DeviceState>);
+static_assert(std::is_trivially_copyable_v<ContactFrame> && std::is_trivially_copyable_v<DeviceState> &&
+              std::is_trivially_copyable_v<WrenchOverlay>);
 static_assert(sizeof(ContactPlane) == 40 && sizeof(ProxyContact) == 224);
 static_assert(sizeof(ContactFrame) == 112 + 64 * 224 + kMaxCompliances * 4 && offsetof(ContactFrame, proxies) == 112);
 static_assert(sizeof(DeviceState) == 32 + 38 * 8 + 16 && offsetof(DeviceState, safety_state) == 336);
+static_assert(sizeof(WrenchOverlay) == 72 && offsetof(WrenchOverlay, force) == 24);
 
 /// Why a contact frame must not be rendered.
 enum class FrameDefect : std::uint8_t {

@@ -54,10 +54,11 @@ class RingError : public std::runtime_error {
     Kind kind_;
 };
 
-/// Selects one of a session's two rings.
+/// Selects one of a session's rings.
 enum class RingKind : std::uint32_t {
     Contact = 1,  // ContactFrame, simulation to real-time process
-    State = 2     // DeviceState, real-time process to simulation
+    State = 2,    // DeviceState, real-time process to simulation
+    Overlay = 3   // WrenchOverlay, a third program to the real-time process, which opens it only if its settings say so
 };
 
 /// State of the writer as the reader sees it. Each member is read separately: during a restart of the writer they may
@@ -121,7 +122,7 @@ class RingReaderBase {
 };
 
 template <class Slot>
-struct RingKindOf;  // defined only for the two slot types
+struct RingKindOf;  // defined only for the slot types
 template <>
 struct RingKindOf<ContactFrame> {
     static constexpr RingKind kKind = RingKind::Contact;
@@ -129,6 +130,10 @@ struct RingKindOf<ContactFrame> {
 template <>
 struct RingKindOf<DeviceState> {
     static constexpr RingKind kKind = RingKind::State;
+};
+template <>
+struct RingKindOf<WrenchOverlay> {
+    static constexpr RingKind kKind = RingKind::Overlay;
 };
 template <class Slot>
 inline constexpr RingKind kRingKind = RingKindOf<Slot>::kKind;
@@ -148,9 +153,12 @@ inline std::size_t used_bytes(const ContactFrame& frame) HAPTIC_RT {
 inline std::size_t used_bytes(const DeviceState& /*state*/) HAPTIC_RT {
     return sizeof(DeviceState);
 }
+inline std::size_t used_bytes(const WrenchOverlay& /*overlay*/) HAPTIC_RT {
+    return sizeof(WrenchOverlay);
+}
 }  // namespace detail
 
-/// Writer of a ring. Slot is ContactFrame or DeviceState.
+/// Writer of a ring. Slot is ContactFrame, DeviceState or WrenchOverlay.
 template <class Slot>
 class RingWriter : public detail::RingWriterBase {
     static_assert(sizeof(Slot) % sizeof(std::uint64_t) == 0 && std::is_trivially_copyable_v<Slot>);

@@ -242,6 +242,7 @@ TEST(RingSegmentName, IsMadeOfUserSessionAndKind) {
     const std::string user = std::to_string(geteuid());
     EXPECT_EQ(ring_segment_name("default", RingKind::Contact), "/haptic-" + user + "-default-contact");
     EXPECT_EQ(ring_segment_name("a_B-9", RingKind::State), "/haptic-" + user + "-a_B-9-state");
+    EXPECT_EQ(ring_segment_name("lab", RingKind::Overlay), "/haptic-" + user + "-lab-overlay");
     EXPECT_NO_THROW(static_cast<void>(ring_segment_name(std::string(64, 'x'), RingKind::State)));
 }
 
