@@ -251,7 +251,11 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
     if (settings.tick.walls.on) {
         region_.emplace(options.session, WorkspaceRegion{settings.tick.walls.semi_axes, settings.tick.walls.angle});
     }
-    // Outputs and inputs of the tick: probes, the device's hooks, the black box, and the recording.
+    // Outputs and inputs of the tick: overlays, probes, the device's hooks, the black box, and the recording.
+    if (settings.tick.overlay.on()) {
+        overlays_.emplace(overlay_ring_.emplace(options.session));
+        tick_.overlay_from(&*overlays_);
+    }
     if (settings.probes.tick || settings.probes.frame || settings.probes.relay) {
         tick_.show_on(&probes_);
     }
@@ -283,6 +287,10 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
                  device_->description(), person_arms_ ? "" : "; hold the grip still at the centre");
     if (!settings.profile.empty()) {
         spdlog::info("{}", describe_limits(settings.profile, tick_settings(settings, device_->is_real())));
+    }
+    if (settings.tick.overlay.on()) {
+        spdlog::info("takes a wrench overlay of at most {} N and {} N*m from other programs",
+                     settings.tick.overlay.max_force, settings.tick.overlay.max_torque);
     }
     // A second session may disturb this one.
     if (const std::string others = describe_other_users(options.session); !others.empty()) {

@@ -135,6 +135,8 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     std::unique_ptr<OpenedDevice> device_;
     RingReader<ContactFrame> frames_;
     RingWriter<DeviceState> states_;
+    std::optional<RingReader<WrenchOverlay>> overlay_ring_;  // none unless the settings allow an overlay
+    std::optional<RingOverlays> overlays_;
     ArmInputs arm_inputs_;
     std::optional<PublishedRegion> region_;  // of the walls
     SharedSupervision shared_;

@@ -97,6 +97,10 @@ constexpr Column kColumns[] = {
     {"stiffness_n_m", kOne, [](R r, int) -> CsvCell { return r.tick.stiffness; }},
     {"scale", kOne, [](R r, int) -> CsvCell { return r.tick.scale; }},
     {"cut", kOne, [](R r, int) -> CsvCell { return whole(r.tick.cut); }},  // HAPTIC_FAULT_*, cut by another thread
+    {"overlay_read", kOne, [](R r, int) -> CsvCell { return whole(r.tick.overlay_read); }},  // -1: none; 1: refused
+    {"overlay_time_ns", kOne, [](R r, int) -> CsvCell { return whole(r.tick.overlay_time_ns); }},
+    {"overlay_f#_n", kAxes, [](R r, int i) -> CsvCell { return r.tick.overlay.force[i]; }},  // as received
+    {"overlay_t#_nm", kAxes, [](R r, int i) -> CsvCell { return r.tick.overlay.torque[i]; }},
 };
 
 template <class Visit>

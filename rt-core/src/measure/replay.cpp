@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include "haptic/denormals.hpp"
 #include "measure/recording.hpp"
@@ -13,6 +14,10 @@ namespace {
 
 constexpr const char* kInputs[] = {"tick",         "now_ns",  "deadline_ns", "missed",     "requests", "exchange_in",
                                    "exchange_out", "buttons", "rotary",      "frame_read", "cut"};
+
+// Those of an overlay, which older recordings do not have.
+constexpr const char* kOverlayInputs[] = {"overlay_read", "overlay_time_ns", "overlay_fx_n",  "overlay_fy_n",
+                                          "overlay_fz_n", "overlay_tx_nm",   "overlay_ty_nm", "overlay_tz_nm"};
 
 constexpr auto kLastStatus = static_cast<std::int64_t>(device::ExchangeStatus::Failed);
 
@@ -34,15 +39,6 @@ device::ExchangeStatus ReplayBoard::exchange(const device::MotorCommand& /*comma
         reading = answers_.reading;
     }
     return status;
-}
-
-bool ReplayFrames::read_newest(ContactFrame& frame) HAPTIC_RT {
-    if (frame_ == nullptr) {
-        return false;
-    }
-    frame = *frame_;
-    frame_ = nullptr;
-    return true;
 }
 
 const std::pair<const std::string, ColumnDifference>& ReplayResult::first() const {
@@ -78,6 +74,11 @@ Replay::Replay(const std::filesystem::path& recording, const TickSettings& setti
         for (const char* name : {"counter", "analog"}) {
             const std::string numbered = name + std::to_string(i);
             inputs_[numbered] = required(numbered.c_str());
+        }
+    }
+    if (recording_.find(kOverlayInputs[0])) {
+        for (const char* name : kOverlayInputs) {
+            inputs_[name] = required(name);
         }
     }
     // Columns to compare: all that the recording has, except measured durations.
@@ -159,6 +160,23 @@ void Replay::load_frame(const Inputs& inputs) {
     frames_.load(&frame_.frame);
 }
 
+void Replay::load_overlay() {
+    overlays_.load(nullptr);
+    const auto read = inputs_.find("overlay_read");
+    if (read == inputs_.end() || recording_.integer(read->second) == kNoOverlay) {
+        return;
+    }
+    const auto number = [this](const char* name) { return recording_.number(inputs_.at(name)); };
+    overlay_.arrival_time_ns = recording_.integer(inputs_.at("overlay_time_ns"));
+    store({number("overlay_fx_n"), number("overlay_fy_n"), number("overlay_fz_n")}, overlay_.force);
+    store({number("overlay_tx_nm"), number("overlay_ty_nm"), number("overlay_tz_nm")}, overlay_.torque);
+    // What was not finite was not recorded: make it invalid again.
+    if (recording_.integer(read->second) == kOverlayRefused) {
+        overlay_.force[0] = std::numeric_limits<double>::quiet_NaN();
+    }
+    overlays_.load(&overlay_);
+}
+
 bool Replay::step(Recorder* recorder) {
     // Next recorded tick.
     if (!recording_.next()) {
@@ -176,6 +194,7 @@ bool Replay::step(Recorder* recorder) {
             std::make_unique<Tick>(limited ? commissioning(settings_) : settings_, board_, frames_, *states_, clock_);
     }
     tick_->record_to(recorder);
+    tick_->overlay_from(&overlays_);
     if ((inputs.requests & kRequestAwait) != 0) {
         tick_->await_person();
     }
@@ -191,6 +210,7 @@ bool Replay::step(Recorder* recorder) {
     // Load the inputs, run the tick, and compare.
     board_.load(inputs.answers);
     load_frame(inputs);
+    load_overlay();
     tick_->run(inputs.time);
     // Times of this tick and of the first.
     now_ns_ = inputs.time.now_ns;

@@ -3,7 +3,8 @@
 //
 //     F.csv         now_ns, deadline_ns, missed, requests ---> TickTime, arm(), stop()
 //                   counters, switches, exchange status -----> ReplayBoard
-//     F.frames.csv  contact frames --------------------------> ReplayFrames
+//                   overlays --------------------------------> ReplaySource
+//     F.frames.csv  contact frames --------------------------> ReplaySource
 //
 // With the settings of the recording and the same machine code, every pose, wrench, tension and DAC code is identical
 // to the last bit. (sin() may differ in its last bits between C libraries.) Ticks run as fast as possible.
@@ -21,7 +22,7 @@
 #include "haptic/device/board.hpp"
 #include "haptic/ring.hpp"
 #include "measure/frame_recording.hpp"
-#include "tick/frame_source.hpp"
+#include "tick/slot_source.hpp"
 #include "tick/tick.hpp"
 
 namespace haptic::rt {
@@ -51,14 +52,23 @@ class ReplayBoard final : public device::Board {
     int exchanges_ = 0;  // of this tick
 };
 
-/// Frame source that returns the loaded frame once.
-class ReplayFrames final : public FrameSource {
+/// Source that returns the loaded slot once.
+template <class Slot>
+class ReplaySource final : public SlotSource<Slot> {
   public:
-    void load(const ContactFrame* frame) HAPTIC_RT { frame_ = frame; }
-    [[nodiscard]] bool read_newest(ContactFrame& frame) HAPTIC_RT override;
+    /// nullptr: none in this tick.
+    void load(const Slot* slot) HAPTIC_RT { slot_ = slot; }
+    [[nodiscard]] bool read_newest(Slot& slot) HAPTIC_RT override {
+        if (slot_ == nullptr) {
+            return false;
+        }
+        slot = *slot_;
+        slot_ = nullptr;
+        return true;
+    }
 
   private:
-    const ContactFrame* frame_ = nullptr;
+    const Slot* slot_ = nullptr;
 };
 
 /// Differences between the replayed and the recorded values of a column.
@@ -104,6 +114,7 @@ class Replay {
     [[nodiscard]] Inputs read_inputs() const;
     void check_order(const Inputs& inputs);
     void load_frame(const Inputs& inputs);
+    void load_overlay();
     void compare();
     [[nodiscard]] std::size_t required(const char* column) const;
 
@@ -113,9 +124,11 @@ class Replay {
     RingWriter<DeviceState>* states_;
     StageClock clock_;
     ReplayBoard board_;
-    ReplayFrames frames_;
+    ReplaySource<ContactFrame> frames_;
+    ReplaySource<WrenchOverlay> overlays_;
     std::unique_ptr<Tick> tick_;
     RecordedFrame frame_;
+    WrenchOverlay overlay_{};
     std::map<std::string, std::size_t> inputs_;  // column of each input in the recording
     std::vector<std::optional<std::size_t>>
         compared_columns_;  // column of each of record_columns(); empty: not compared

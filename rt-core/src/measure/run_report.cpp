@@ -321,6 +321,9 @@ std::vector<std::string> notices(const Instruments& m) {
     if (m.edge_ticks > 0) {
         names.emplace_back("workspace_edge");
     }
+    if (m.overlays_refused > 0) {
+        names.emplace_back("overlays_refused");
+    }
     return names;
 }
 
@@ -371,6 +374,7 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
           {"rejected", m.frames_rejected},
           {"stale_ticks", m.stale_ticks},
           {"age_ms", summary_ms(m.frame_age)}}},
+        {"overlay", {{"received", m.overlays_received}, {"refused", m.overlays_refused}, {"ticks", m.overlay_ticks}}},
         {"exchange", exchange_json(result, m)},
         {"interruptions", interruptions_json(result.interruptions)},
         {"armings", armings_json(result.armings)},
@@ -412,6 +416,13 @@ std::string summary(const RunResult& result, const Instruments& m) {
                   static_cast<unsigned long long>(m.frames_received),
                   static_cast<unsigned long long>(m.frames_rejected), static_cast<unsigned long long>(m.stale_ticks));
     lines += text.data();
+    if (m.overlays_received + m.overlays_refused > 0) {
+        std::snprintf(text.data(), text.size(), "overlay: %llu received, %llu refused, %llu ticks with one\n",
+                      static_cast<unsigned long long>(m.overlays_received),
+                      static_cast<unsigned long long>(m.overlays_refused),
+                      static_cast<unsigned long long>(m.overlay_ticks));
+        lines += text.data();
+    }
     lines += force_lines(result, m);
     lines += probe_lines(result.probes, m);
     if (result.records_dropped + result.frames_dropped > 0) {

@@ -14,7 +14,7 @@
 #include "haptic/clock.hpp"
 #include "haptic/ring.hpp"
 #include "measure/trial_rig.hpp"
-#include "tick/frame_source.hpp"
+#include "tick/slot_source.hpp"
 
 namespace haptic::rt {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "haptic/ring.hpp"
 #include "measure/trial_rig.hpp"
-#include "tick/frame_source.hpp"
+#include "tick/slot_source.hpp"
 
 namespace haptic::rt {
 namespace {

@@ -243,6 +243,31 @@ const SettingTable<FrameSettings>& frames_table() {
     return table;
 }
 
+const SettingTable<OverlaySettings>& overlay_table() {
+    using S = OverlaySettings;
+    using V = SettingValues<S>;
+    static const SettingTable<S> table{
+        "overlay",
+        "A wrench that another program adds beside the contact, such as a node of ROS 2 (rt-core relay --ros-overlay). "
+        "All limits hold for the sum.",
+        {
+            {{.key = "max_force", .unit = "N", .meaning = "Maximum force of the overlay. 0: none is taken."},
+             V::number(&S::max_force, {0.0, 5.0})},
+            {{.key = "max_torque", .unit = "N*m", .meaning = "Maximum torque of the overlay. 0: none is taken."},
+             V::number(&S::max_torque, {0.0, 0.1})},
+            {{.key = "timeout_s",
+              .unit = "s",
+              .meaning = "Time since an overlay arrived on this machine after which it fades."},
+             V::duration(&S::timeout_ns, {0.005, 1.0})},
+            {{.key = "ramp_s",
+              .unit = "s",
+              .meaning = "Time in which an overlay rises from zero to its maximum, or fades from it to zero; bounds "
+                         "its rate."},
+             V::duration(&S::ramp_ns, {0.01, 10.0})},
+        }};
+    return table;
+}
+
 const SettingTable<WrenchLimits>& limits_table() {
     using S = WrenchLimits;
     using V = SettingValues<S>;

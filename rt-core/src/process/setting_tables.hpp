@@ -39,6 +39,7 @@ const SettingTable<PassivitySettings>& mechanics_table();
 const SettingTable<FileKeys>& friction_table();
 const SettingTable<TickSettings>& velocity_table();
 const SettingTable<FrameSettings>& frames_table();
+const SettingTable<OverlaySettings>& overlay_table();
 const SettingTable<WrenchLimits>& limits_table();
 const SettingTable<FileKeys>& stiffness_table();
 const SettingTable<PassivitySettings>& passivity_table();
@@ -68,6 +69,7 @@ void visit_tables(Settings& settings, FileKeys& keys, const Visitor& visit) {
     visit(friction_table(), keys);
     visit(velocity_table(), settings.tick);
     visit(frames_table(), settings.tick.frames);
+    visit(overlay_table(), settings.tick.overlay);
     // [limits]
     visit(limits_table(), settings.tick.limits);
     visit(stiffness_table(), keys);

@@ -28,6 +28,8 @@ class WrenchLimiter {
     };
     /// elapsed_ns: since the last call. A wrench that is not finite counts as zero.
     Result apply(const Wrench& wanted, std::int64_t elapsed_ns) HAPTIC_RT;
+    /// The last result.
+    [[nodiscard]] const Wrench& last() const HAPTIC_RT { return last_; }
     void reset() HAPTIC_RT { last_ = Wrench{}; }
 
   private:

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "haptic/numeric.hpp"
+#include "rendering/wrench_arithmetic.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -17,10 +18,6 @@ constexpr double kSoftEnd = 0.1;
 // s, time constant of the velocity that the brake acts on: a reading that jumps by a count, or a hand that is recorded
 // in millimetres, must not make a pulse.
 constexpr double kBrakeTimeS = 10e-3;
-
-bool is_zero(const Wrench& wrench) HAPTIC_RT {
-    return wrench.force == Vec3(0.0) && wrench.torque == Vec3(0.0);
-}
 
 /// J that may be spent with `left` remaining: all of it, and below `soft` progressively less. The slope is continuous.
 /// Spending the whole budget every tick takes at most 17 soft in a thousand ticks.

@@ -49,6 +49,9 @@ struct Instruments {
     std::uint64_t unproven_ticks = 0;   // in which the wrench was limited because the pose was not proved
     std::uint64_t frames_received = 0;
     std::uint64_t frames_rejected = 0;
+    std::uint64_t overlays_received = 0;
+    std::uint64_t overlays_refused = 0;
+    std::uint64_t overlay_ticks = 0;  // in which an overlay pushed
     std::uint64_t stale_ticks = 0;
     std::uint64_t contact_ticks = 0;
     std::uint64_t unreachable_ticks = 0;  // ticks with a wrench that the strings cannot make

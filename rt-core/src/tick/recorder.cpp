@@ -12,7 +12,7 @@ namespace haptic::rt {
 namespace {
 
 constexpr std::uint64_t kMagic = 0x786f426b63616c42;  // "BlackBox"
-constexpr std::uint32_t kLayout = 1;                  // increment with each change of TickRecord
+constexpr std::uint32_t kLayout = 2;                  // increment with each change of TickRecord
 static_assert(std::is_trivially_copyable_v<TickRecord>, "records are read back from a file");
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free, "another process reads it");
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "haptic/device/dac_codes.hpp"
+#include "rendering/wrench_arithmetic.hpp"
 #include "tick/tick_syscalls.hpp"
 
 namespace haptic::rt {
@@ -38,7 +39,9 @@ Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<F
       velocity_({.window_ticks = settings.velocity_window_ticks, .noise = quantisation_noise(settings.geometry)}),
       renderer_(settings.frames),
       passivity_(settings.passivity, settings.limits),
+      overlay_(settings.overlay),
       limiter_(settings.limits),
+      limiter_without_overlay_(settings.limits),
       budget_(settings.budget),
       safety_(settings.safety),
       proof_(settings.geometry, settings.proof, settings.safety.prove),
@@ -58,6 +61,7 @@ void Tick::run(const TickTime& time) HAPTIC_RT {
     mark_stage(instruments_.pose, TickStage::Pose);
     // Render: the wrench of the newest contact frame at this pose, within all bounds.
     read_frame(time);
+    read_overlay();
     render_wrench(time);
     mark_stage(instruments_.proxy, TickStage::Proxy);
     // Act: the tensions that make the wrench, sent in this tick if there is a second exchange.
@@ -173,6 +177,7 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     motion_ = PassivityMotion{};
     motion_.requested = held_command_.requested;
     held_contact_ = held_command_.contact;
+    held_overlay_ = held_command_.overlay;
     if (!in_ok_) {
         return;
     }
@@ -290,7 +295,9 @@ void Tick::calibrate() HAPTIC_RT {
     proof_.begin_pose();
     reset_pose();
     passivity_.reset();
+    overlay_.reset();
     limiter_.reset();
+    limiter_without_overlay_.reset();
     tension_solver_.reset();
     idle_solver_.reset();
 }
@@ -327,6 +334,22 @@ void Tick::read_frame(const TickTime& time) HAPTIC_RT {
     }
 }
 
+void Tick::read_overlay() HAPTIC_RT {
+    WrenchOverlay received{};
+    if (overlays_ == nullptr || !overlays_->read_newest(received)) {
+        return;
+    }
+    if (!overlay_.accept(received)) {
+        record_.overlay_read = kOverlayRefused;
+        ++instruments_.overlays_refused;
+        return;
+    }
+    record_.overlay_read = kOverlayAccepted;
+    record_.overlay_time_ns = received.arrival_time_ns;
+    record_.overlay = {to_vec3(received.force), to_vec3(received.torque)};
+    ++instruments_.overlays_received;
+}
+
 void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     // Wrench of the frame at this pose.
     FrameRenderer::Result rendered = renderer_.render(estimate_.pose, time.now_ns, elapsed_ns_);
@@ -341,26 +364,27 @@ void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     if (!rendered.finite) {
         safety_.fault_nonfinite();
     }
-    // Walls of the workspace, passivity, then the safety machine, then the limits.
+    // Walls of the workspace, passivity, the overlay, then the safety machine, then the limits.
     const bool running = safety_.state() == SafetyState::Running;
     if (running) {
         push_back(rendered);
     }
-    Wrench wanted = running ? apply_passivity(rendered) : Wrench{};
+    const Wrench passive = running ? apply_passivity(rendered) : Wrench{};
+    const Wrench overlay = render_overlay(time, running);
+    Wrench wanted = passive;
+    if (!is_zero(overlay)) {
+        wanted = sum(passive, overlay);
+    }
     // Until movement has proved the pose, only as much as cannot push.
     if (running) {
         proof_.advance(seconds(elapsed_ns_));
     }
     const double proved = proof_.wrench_scale(wanted);
-    wanted = {proved * wanted.force, proved * wanted.torque};
+    wanted = scaled(proved, wanted);
     set_flag(running && proof_.limits(), HAPTIC_TICK_UNPROVEN);
-    limit_wrench(safety_.permitted_wrench(wanted));
-    // While the wrench fades its parts are not told apart: the share stays.
-    if (running && walls_.pushes) {
-        const Wrench& asked = rendered.contact.wrench;
-        const double all = glm::length(asked.force) + glm::length(asked.torque);
-        const double made = glm::length(record_.rendered.force) + glm::length(record_.rendered.torque);
-        walls_share_ = all > 0.0 ? std::min(1.0, made / all) : 0.0;
+    limit_wrench(safety_.permitted_wrench(wanted), scaled(proved, passive));
+    if (running) {
+        tell_pushes_apart(rendered);
     }
     // What the simulation may apply to its bodies.
     record_.stiffness = rendered.finite ? rendered.stiffness : 0.0;
@@ -372,7 +396,7 @@ void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
 /// accounts for both. Inside the region nothing changes, not even the sign of a zero.
 void Tick::push_back(FrameRenderer::Result& rendered) HAPTIC_RT {
     const Wrench& asked = rendered.contact.wrench;
-    frame_requests_ = asked.force != Vec3(0.0) || asked.torque != Vec3(0.0);
+    frame_requests_ = !is_zero(asked);
     walls_ = push_of_walls(settings_.walls, estimate_.pose, velocity_.twist());
     set_flag(walls_.pushes, HAPTIC_TICK_WORKSPACE_EDGE);
     if (walls_.pushes) {
@@ -382,33 +406,73 @@ void Tick::push_back(FrameRenderer::Result& rendered) HAPTIC_RT {
     }
 }
 
-void Tick::limit_wrench(const Wrench& wanted) HAPTIC_RT {
+/// The overlay comes after the passivity controller, which must not take it for a contact, and before all bounds.
+Wrench Tick::render_overlay(const TickTime& time, bool running) HAPTIC_RT {
+    if (overlays_ == nullptr || !running) {
+        overlay_.reset();
+        return Wrench{};
+    }
+    const Wrench overlay = overlay_.render(time.now_ns, elapsed_ns_);
+    set_flag(!is_zero(overlay), HAPTIC_TICK_OVERLAY);
+    return overlay;
+}
+
+void Tick::limit_wrench(const Wrench& wanted, const Wrench& without_overlay) HAPTIC_RT {
     const SafetyState state = safety_.state();
     if (state != SafetyState::Running && state != SafetyState::Faulted) {
         limiter_.reset();
+        limiter_without_overlay_.reset();
+        pushes_ = Pushes{};
         return;
     }
     // The limits come last, so that they hold for a fading wrench too. While the board does not answer, the wrench is
     // held: the motors hold the last command that reached them, and the next one to arrive must not be far from it.
     const bool hold_wrench = state == SafetyState::Running && !in_ok_;
-    const WrenchLimiter::Result limited = limiter_.apply(wanted, hold_wrench ? 0 : elapsed_ns_);
+    const std::int64_t elapsed_ns = hold_wrench ? 0 : elapsed_ns_;
+    const Wrench before = limiter_.last();
+    const WrenchLimiter::Result limited = limiter_.apply(wanted, elapsed_ns);
     // Report the limits that acted. A fault fades out from the limited wrench.
     set_flag(limited.size_limited, HAPTIC_TICK_FORCE_LIMITED);
     set_flag(limited.rate_limited, HAPTIC_TICK_SLEW_LIMITED);
     record_.rendered = limited.wrench;
     safety_.set_rendered(limited.wrench);
+    if (state == SafetyState::Running) {
+        // The overlay's part, exactly: a contact that the limits reach is rendered as without it.
+        pushes_.overlay =
+            overlays_ != nullptr
+                ? difference(limited.wrench, limiter_without_overlay_.apply(without_overlay, elapsed_ns).wrench)
+                : Wrench{};
+        return;
+    }
+    // A fault fades all parts alike.
+    pushes_.walls = shortened(pushes_.walls, before, limited.wrench);
+    pushes_.overlay = shortened(pushes_.overlay, before, limited.wrench);
+}
+
+/// The part of the walls in what is rendered beside the overlay: all of it is asked of the passivity controller
+/// together, and reduced alike.
+void Tick::tell_pushes_apart(const FrameRenderer::Result& rendered) HAPTIC_RT {
+    pushes_.walls = Wrench{};
+    if (walls_.pushes) {
+        const double asked = size_of(rendered.contact.wrench);
+        const double made = size_of(difference(record_.rendered, pushes_.overlay));
+        pushes_.walls = scaled(asked > 0.0 ? std::min(1.0, made / asked) : 0.0, walls_.wrench);
+    }
 }
 
 Wrench Tick::apply_passivity(const FrameRenderer::Result& rendered) HAPTIC_RT {
     // With one exchange per tick the next command is sent a tick later.
     const double period_s = seconds(settings_.period_ns) * (settings_.exchanges == 1 ? 2.0 : 1.0);
-    const Passivity::Result passive = passivity_.apply(motion_, {.wrench = rendered.contact.wrench,
-                                                                 .stored = rendered.contact.stored,
-                                                                 .surface_power = rendered.contact.surface_power,
-                                                                 .reported = rendered.reported,
-                                                                 .body_work = rendered.body_work,
-                                                                 .elapsed_s = seconds(elapsed_ns_),
-                                                                 .period_s = period_s});
+    // The work of the overlay is not that of the contact.
+    PassivityMotion motion = motion_;
+    motion.held = difference(motion.held, held_overlay_);
+    const Passivity::Result passive = passivity_.apply(motion, {.wrench = rendered.contact.wrench,
+                                                                .stored = rendered.contact.stored,
+                                                                .surface_power = rendered.contact.surface_power,
+                                                                .reported = rendered.reported,
+                                                                .body_work = rendered.body_work,
+                                                                .elapsed_s = seconds(elapsed_ns_),
+                                                                .period_s = period_s});
     // Energies of both observers, and gamma.
     set_flag(passive.acted, HAPTIC_TICK_PASSIVITY_LIMITED);
     record_.energy = passivity_.energy();
@@ -428,10 +492,13 @@ void Tick::solve_tensions() HAPTIC_RT {
     }
     // Quadratic programme of tension.hpp, or the minimum tension in every string.
     StringArray tensions{};
+    Wrench overlay = pushes_.overlay;
     if (directions_known_) {
         const TensionResult solved = tension_solver_.solve(wires_, record_.rendered);
         tensions = solved.tensions;
         set_flag(!solved.reached, HAPTIC_TICK_WRENCH_UNREACHABLE);
+        // What the strings cannot make is missing from the overlay as from the contact.
+        overlay = solved.reached ? overlay : shortened(overlay, record_.rendered, solved.wrench);
     } else {
         tensions.fill(settings_.geometry.minimum_tension);
     }
@@ -453,26 +520,23 @@ void Tick::solve_tensions() HAPTIC_RT {
     }
     // The wrench that the tensions of these DAC codes make, and the command as the passivity observer needs it.
     record_.made = wrench_of_tensions(wires_, record_.tensions);
-    const Wrench& rendered = record_.rendered;
-    const bool requested = rendered.force != Vec3(0.0) || rendered.torque != Vec3(0.0);
-    sent_command_ = {record_.tensions, requested, requested ? contact_wrench(scale) : Wrench{}};
+    overlay = scaled(scale, overlay);
+    const bool requested = !is_zero(difference(record_.rendered, pushes_.overlay));
+    sent_command_ = {record_.tensions, requested, requested ? contact_wrench(scale, overlay) : Wrench{}, overlay};
 }
 
 /// The wrench of the sent tensions before they are rounded to DAC codes, less the one that the strings would exert here
-/// anyway: their minimum tensions cancel only where they are wrench-closed.
-Wrench Tick::contact_wrench(double scale) HAPTIC_RT {
+/// anyway: their minimum tensions cancel only where they are wrench-closed. Less the pushes, too.
+Wrench Tick::contact_wrench(double scale, const Wrench& overlay) HAPTIC_RT {
     const Wrench sent = wrench_of_tensions(wires_, sent_);
     const Wrench idle = directions_known_ ? idle_solver_.solve(wires_, Wrench{}).wrench : Wrench{};
-    const Wrench contact = {sent.force - scale * idle.force, sent.torque - scale * idle.torque};
-    if (!walls_.pushes) {
-        return contact;
-    }
-    // The walls are no contact: the bodies of the simulation must not be pushed with them.
-    if (!frame_requests_) {
+    const Wrench all = difference(sent, scaled(scale, idle));
+    // Nothing but walls: without a rest of what the tensions could not make.
+    if (walls_.pushes && !frame_requests_) {
         return Wrench{};
     }
-    const double share = scale * walls_share_;
-    return {contact.force - share * walls_.wrench.force, contact.torque - share * walls_.wrench.torque};
+    // The pushes are no contact: the bodies of the simulation must not be pushed with them.
+    return difference(difference(all, scaled(scale, pushes_.walls)), overlay);
 }
 
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
@@ -569,6 +633,7 @@ void Tick::finish(const TickTime& time) HAPTIC_RT {
     m.contact_ticks += record_.in_contact > 0 ? 1u : 0u;
     m.unproven_ticks += (record_.flags & HAPTIC_TICK_UNPROVEN) != 0 ? 1u : 0u;
     m.derated_ticks += (record_.flags & HAPTIC_TICK_DERATED) != 0 ? 1u : 0u;
+    m.overlay_ticks += (record_.flags & HAPTIC_TICK_OVERLAY) != 0 ? 1u : 0u;
     m.edge_ticks += (record_.flags & HAPTIC_TICK_WORKSPACE_EDGE) != 0 ? 1u : 0u;
     m.budget_low_ticks += (record_.flags & HAPTIC_TICK_BUDGET_LOW) != 0 ? 1u : 0u;
     m.commissioning_ticks += (record_.flags & HAPTIC_TICK_COMMISSIONING) != 0 ? 1u : 0u;

@@ -4,7 +4,7 @@
 //   1. exchange with the board: sends the last command again, reads the encoders
 //   2. counts to string lengths, pose and velocity; health checks and the safety machine
 //   3. newest contact frame, if any; local proxies against its planes; wrench
-//   4. passivity, safety machine and limits of the wrench; tensions
+//   4. passivity; newest wrench overlay, if any; safety machine and limits of the wrench; tensions
 //   5. second exchange: sends the motors in this same tick (with `exchanges = 1` the next tick's first one does)
 //   6. publishes the device state; records
 // A probe, if there is one, is high for the whole tick.
@@ -30,16 +30,17 @@
 #include "haptic/realtime.hpp"
 #include "haptic/ring.hpp"
 #include "rendering/limits.hpp"
+#include "rendering/overlay.hpp"
 #include "rendering/passivity.hpp"
 #include "rendering/renderer.hpp"
 #include "rendering/workspace_walls.hpp"
 #include "tick/device_proof.hpp"
 #include "tick/force_budget.hpp"
-#include "tick/frame_source.hpp"
 #include "tick/heartbeat.hpp"
 #include "tick/instruments.hpp"
 #include "tick/recorder.hpp"
 #include "tick/safety.hpp"
+#include "tick/slot_source.hpp"
 #include "tick/tick_probes.hpp"
 #include "tick/tick_record.hpp"
 #include "tick/tick_settings.hpp"
@@ -99,6 +100,9 @@ class Tick {
 
     /// Also pushes every further tick to a recorder, which must outlive the tick; nullptr for none.
     void record_to(Recorder* recorder) HAPTIC_RT { recorder_ = recorder; }
+    /// Takes wrench overlays from this source, which must outlive the tick; nullptr for none. Only if the settings
+    /// allow some.
+    void overlay_from(OverlaySource* overlays) HAPTIC_RT { overlays_ = settings_.overlay.on() ? overlays : nullptr; }
     /// Shows each further tick on probes, which must outlive the tick; nullptr for none.
     void show_on(TickProbes* probes) HAPTIC_RT { probes_ = probes; }
 
@@ -136,14 +140,17 @@ class Tick {
     void calibrate() HAPTIC_RT;
     void reset_pose() HAPTIC_RT;
     void read_frame(const TickTime& time) HAPTIC_RT;
+    void read_overlay() HAPTIC_RT;
     void render_wrench(const TickTime& time) HAPTIC_RT;
     [[nodiscard]] Wrench apply_passivity(const FrameRenderer::Result& rendered) HAPTIC_RT;
-    void limit_wrench(const Wrench& wanted) HAPTIC_RT;
+    [[nodiscard]] Wrench render_overlay(const TickTime& time, bool running) HAPTIC_RT;
+    void limit_wrench(const Wrench& wanted, const Wrench& without_overlay) HAPTIC_RT;
+    void tell_pushes_apart(const FrameRenderer::Result& rendered) HAPTIC_RT;
     void solve_tensions() HAPTIC_RT;
     void exchange_out(const TickTime& time) HAPTIC_RT;
     void update_thermal_model() HAPTIC_RT;
     [[nodiscard]] bool stop_button_active() const HAPTIC_RT;
-    [[nodiscard]] Wrench contact_wrench(double scale) HAPTIC_RT;
+    [[nodiscard]] Wrench contact_wrench(double scale, const Wrench& overlay) HAPTIC_RT;
     void push_back(FrameRenderer::Result& rendered) HAPTIC_RT;
     void spend_budget() HAPTIC_RT;
     void integrate_wrench() HAPTIC_RT;
@@ -167,6 +174,7 @@ class Tick {
     FrameSource* frames_;
     RingWriter<DeviceState>* states_;
     StageClock clock_;
+    OverlaySource* overlays_ = nullptr;
     Recorder* recorder_ = nullptr;
     TickProbes* probes_ = nullptr;
 
@@ -176,7 +184,9 @@ class Tick {
     AdaptiveVelocity velocity_;
     FrameRenderer renderer_;
     Passivity passivity_;
+    Overlay overlay_;
     WrenchLimiter limiter_;
+    WrenchLimiter limiter_without_overlay_;
     ForceBudget budget_;
     SafetyMachine safety_;
     DeviceProof proof_;
@@ -220,19 +230,27 @@ class Tick {
     bool awaits_person_ = false;     // to arm
     bool directions_known_ = false;  // the pose is calibrated, so a wrench can be distributed
 
+    /// Pushes beside the contact, as parts of the rendered wrench. The simulation's bodies feel neither. The passivity
+    /// observer accounts for the walls, which are springs; the overlay's work is for the budget alone.
+    struct Pushes {
+        Wrench walls;    // of the workspace
+        Wrench overlay;  // what is rendered, less what would be rendered without it
+    };
     /// Tensions that the motors hold, for the passivity observer.
     struct HeldCommand {
         StringArray tensions{};
-        bool requested = false;  // the requested wrench was not zero
-        Wrench contact;          // exerted because of the request
+        bool requested = false;  // a wrench that is not zero, without the overlay
+        Wrench contact;          // exerted because of the request of the frame
+        Wrench overlay;          // exerted because of the overlay
     };
     WallPush walls_;               // of the workspace, in this tick
-    double walls_share_ = 0.0;     // 0..1, of them that is rendered
-    bool frame_requests_ = false;  // a wrench in this tick, without the walls
+    Pushes pushes_;                // in this tick
+    bool frame_requests_ = false;  // a wrench in this tick, without the pushes
     HeldCommand sent_command_;     // sent, or to be sent next
     HeldCommand held_command_;     // held by the motors
     PassivityMotion motion_;       // since the last tick, under the held command
-    Wrench held_contact_;          // of the held command since the last tick, exerted because of a request
+    Wrench held_contact_;          // of the held command since the last tick, exerted because of the frame
+    Wrench held_overlay_;          // of the held command since the last tick, exerted because of the overlay
     Wrench impulse_;               // N*s and N*m*s, integral of held_contact_ since the process began
 };
 

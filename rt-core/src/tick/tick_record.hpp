@@ -1,7 +1,8 @@
 // Tick record: everything that one tick found and did, as it is recorded.
 //
-// Every input of a tick is here or in the recorded frames: its times, the board's answers, the frame it took and the
-// requests to it. A new input of the tick must be added here as well, and be played back by replay.cpp.
+// Every input of a tick is here or in the recorded frames: its times, the board's answers, the frame and the overlay
+// that it took, and the requests to it. A new input of the tick must be added here as well, and be played back by
+// replay.cpp.
 #pragma once
 
 #include <array>
@@ -21,6 +22,11 @@ inline constexpr std::uint32_t kRequestAwait = 1u << 3;  // a person is to arm
 
 inline constexpr std::int8_t kNoExchange = -1;  // no such exchange in this tick
 inline constexpr std::int8_t kNoFrame = -1;     // no frame was taken in this tick
+
+/// A wrench overlay that was taken in a tick (TickRecord::overlay_read).
+inline constexpr std::int8_t kNoOverlay = -1;
+inline constexpr std::int8_t kOverlayAccepted = 0;
+inline constexpr std::int8_t kOverlayRefused = 1;  // a number was not finite
 
 struct TickRecord {
     std::uint64_t number = 0;  // 1, 2, 3, ...; a gap in a recording is a dropped tick
@@ -48,15 +54,18 @@ struct TickRecord {
     std::uint32_t faults = 0;
     std::uint32_t flags = 0;  // HAPTIC_TICK_*
     std::uint32_t buttons = 0;
-    std::uint32_t cut = 0;                           // faults for which another thread disarmed the motors (Tick::cut)
-    std::uint32_t requests = 0;                      // kRequest*
-    std::int8_t exchange_in = kNoExchange;           // device::ExchangeStatus of the exchange that reads the encoders
-    std::int8_t exchange_out = kNoExchange;          // of the exchange that sends to the motors
-    std::int8_t frame_read = kNoFrame;               // FrameDefect of the frame that was taken
+    std::uint32_t cut = 0;                   // faults for which another thread disarmed the motors (Tick::cut)
+    std::uint32_t requests = 0;              // kRequest*
+    std::int8_t exchange_in = kNoExchange;   // device::ExchangeStatus of the exchange that reads the encoders
+    std::int8_t exchange_out = kNoExchange;  // of the exchange that sends to the motors
+    std::int8_t frame_read = kNoFrame;       // FrameDefect of the frame that was taken
+    std::int8_t overlay_read = kNoOverlay;
     std::uint8_t rotary = 0;                         // switch, 0..15
     std::array<std::uint32_t, kStrings> counters{};  // last reading
     std::array<std::uint16_t, kStrings> analog{};    // last reading
     device::MotorCommand command;                    // as sent
+    std::int64_t overlay_time_ns = 0;                // arrival of the overlay that was accepted
+    Wrench overlay;                                  // as it was received
 };
 
 }  // namespace haptic::rt

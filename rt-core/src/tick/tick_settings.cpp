@@ -33,6 +33,9 @@ TickSettings checked(const TickSettings& settings) {
     require(settings.limits.force >= 0.0 && settings.limits.torque >= 0.0 && settings.limits.force_rate > 0.0 &&
                 settings.limits.torque_rate > 0.0,
             "wrench limits must not be negative, and their rates must be positive");
+    const OverlaySettings& overlay = settings.overlay;
+    require(overlay.max_force >= 0.0 && overlay.max_torque >= 0.0 && overlay.timeout_ns > 0 && overlay.ramp_ns > 0,
+            "the limits of the overlay must not be negative, and its times must be positive");
     require(settings.tension_rate > 0.0, "tension_rate must be positive");
     require(settings.frames.max_stiffness >= 0.0 && settings.frames.max_rotational_stiffness >= 0.0,
             "the maximum stiffness must not be negative");

@@ -8,6 +8,7 @@
 #include "haptic/device/device_geometry.hpp"
 #include "haptic/types.hpp"
 #include "rendering/limits.hpp"
+#include "rendering/overlay.hpp"
 #include "rendering/passivity.hpp"
 #include "rendering/renderer.hpp"
 #include "rendering/workspace_walls.hpp"
@@ -35,6 +36,7 @@ struct TickSettings {
     double tension_continuity = 1e-5;  // 1, TensionSettings::continuity
     double tension_rate = 3000.0;      // N/s, of one string; above what the rate limits of the wrench can cause
     FrameSettings frames;
+    OverlaySettings overlay;
     WrenchLimits limits;
     PassivitySettings passivity;
     SafetySettings safety;

@@ -4,9 +4,13 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <limits>
+#include <span>
 #include <sstream>
 
 #include "haptic/denormals.hpp"
@@ -119,6 +123,57 @@ TEST_F(ReplayTest, ReproducesEveryTickToTheLastBit) {
     EXPECT_EQ(result.frames, 250u);
     EXPECT_GE(result.compared_columns, record_columns().size() - 2) << "time_s and compute_us alone may differ";
     EXPECT_TRUE(result.identical()) << result.first().first << " in line " << result.first().second.line;
+}
+
+TEST_F(ReplayTest, ReproducesARunWithAnOverlay) {
+    settings.overlay.max_force = 1.0;
+    settings.overlay.max_torque = 0.02;
+    const std::string overlays = test::unique_session();
+    RingWriter<WrenchOverlay> sender(overlays);
+    RingReader<WrenchOverlay> ring(overlays);
+    RingOverlays source(ring);
+    record(2500, [&](test::TickRig& rig, int i) {
+        rig.tick.overlay_from(&source);
+        // One of three ticks, silent for a while, and some that are refused.
+        if (i % 3 == 0 && (i < 1500 || i > 1800)) {
+            WrenchOverlay overlay{};
+            overlay.arrival_time_ns = rig.now_ns - 300'000;
+            overlay.force[0] = std::sin(0.01 * i);
+            overlay.force[2] = i % 300 == 0 ? std::numeric_limits<double>::quiet_NaN() : 1.0 / 3.0;
+            overlay.torque[1] = 0.01;
+            sender.publish(overlay, rig.now_ns);
+        }
+    });
+    const CsvTable recorded = CsvTable::load(file);
+    const std::span<const double> flags = recorded.column("flags");
+    const auto pushes = std::count_if(flags.begin(), flags.end(), [](double flag) {
+        return (static_cast<std::uint32_t>(flag) & HAPTIC_TICK_OVERLAY) != 0;
+    });
+    EXPECT_GT(pushes, 1000);
+    EXPECT_LT(pushes, 1800) << "arming, and the silence";
+    const std::span<const double> read = recorded.column("overlay_read");
+    EXPECT_GT(std::count(read.begin(), read.end(), kOverlayRefused), 3);
+    const ReplayResult result = replay();
+    EXPECT_EQ(result.compared_columns, record_columns().size() - 2);
+    EXPECT_TRUE(result.identical()) << result.first().first << " in line " << result.first().second.line;
+    // Without the recorded overlays it is another run.
+    settings.overlay = {};
+    EXPECT_EQ(replay().columns.count("fz_n"), 1u);
+}
+
+TEST_F(ReplayTest, ReproducesARecordingFromBeforeThereWereOverlays) {
+    record(1500);
+    std::vector<std::string> lines = lines_of(file);
+    for (std::string& line : lines) {
+        // The last eight columns.
+        for (int k = 0; k < 8; ++k) {
+            line.erase(line.rfind(','));
+        }
+    }
+    ASSERT_TRUE(lines[0].ends_with(",cut")) << lines[0];
+    write_lines(file, lines);
+    settings.overlay.max_force = 1.0;
+    EXPECT_TRUE(replay().identical());
 }
 
 TEST_F(ReplayTest, ReproducesARunWithOneExchangePerTick) {

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "random.hpp"
-#include "tick/frame_source.hpp"
+#include "tick/slot_source.hpp"
 #include "tick_rig.hpp"
 #include "units.hpp"
 
