@@ -385,6 +385,10 @@ CLI::App* describe_relay(CLI::App& app, haptic::rt::RelayOptions& options) {
         ->check(CLI::Range(0.1, 1e4))
         ->needs("--ros")
         ->capture_default_str();
+    relay
+        ->add_flag("--ros-overlay", options.ros.overlay,
+                   "take a wrench from /NAMES/wrench_overlay, within overlay.max_force and max_torque of rt-core run")
+        ->needs("--ros");
     relay->add_option("--duration", options.duration_s, "seconds, then it ends; 0: until Ctrl-C")
         ->type_name("S")
         ->check(CLI::Range(0.0, 1e9));

@@ -42,6 +42,12 @@ int relay_command(const RelayOptions& options) {
     if (!options.ros.names.empty()) {
         ros.emplace(options.ros, options.link);
         spdlog::info("ROS 2: topics /{}/... and /diagnostics in domain {}", options.ros.names, options.link.domain);
+        if (options.ros.overlay) {
+            spdlog::info(
+                "ROS 2: /{}/wrench_overlay pushes as far as overlay.max_force and overlay.max_torque of rt-core "
+                "allow; nobody on this interface is asked for a password",
+                options.ros.names);
+        }
     }
     spdlog::info("session {}: waiting for a simulation on interface {}", options.link.session, options.link.interface);
     const std::int64_t end_ns = options.duration_s > 0.0 ? monotonic_now_ns() + nanoseconds(options.duration_s) : 0;
@@ -59,8 +65,10 @@ int relay_command(const RelayOptions& options) {
                 static_cast<unsigned long long>(counts.refused), static_cast<unsigned long long>(counts.late),
                 static_cast<unsigned long long>(counts.displaced), static_cast<unsigned long long>(counts.connections));
     if (ros) {
-        std::printf("ROS 2: %llu messages of the device's motion and force\n",
-                    static_cast<unsigned long long>(ros->published()));
+        const RosCounts& passed = ros->counts();
+        std::printf("ROS 2: %llu messages of the device's motion and force; overlays: %llu passed on, %llu refused\n",
+                    static_cast<unsigned long long>(passed.states), static_cast<unsigned long long>(passed.overlays),
+                    static_cast<unsigned long long>(passed.refused));
     }
     return kExitDone;
 }

@@ -3,11 +3,15 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <optional>
 #include <stdexcept>
+#include <string_view>
 #include <vector>
 
 #include "dds/entities.hpp"
 #include "haptic/clock.hpp"
+#include "haptic/numeric.hpp"
+#include "haptic/ring.hpp"
 #include "haptic/ring_observer.hpp"
 #include "haptic/types.hpp"
 #include "joined.hpp"
@@ -41,6 +45,11 @@ Stamp stamp_of(std::int64_t monotonic_ns) {
     const std::int64_t ns = monotonic_ns + real_minus_monotonic_ns();
     return {static_cast<std::int32_t>(ns / kNanosecondsPerSecond),
             static_cast<std::uint32_t>(ns % kNanosecondsPerSecond)};
+}
+
+/// The newest of what either kind of writer sends.
+Quality quality_of_overlays() {
+    return Quality{1};
 }
 
 RosVector ros_vector(const double (&v)[3]) {
@@ -109,6 +118,11 @@ struct RosTopics::State {
           diagnostics(participant, diagnostic_msgs_msg_dds__DiagnosticArray__desc, "rt/diagnostics", quality_for_ros()),
           states(link.session) {
         std::replace(frame_id.begin(), frame_id.end(), '/', '_');
+        if (settings.overlay) {
+            overlays.emplace(participant, geometry_msgs_msg_dds__WrenchStamped__desc, topic("wrench_overlay"),
+                             quality_of_overlays());
+            overlay_ring.emplace(link.session);
+        }
     }
 
     [[nodiscard]] std::string topic(const std::string& name) const { return "rt/" + settings.names + "/" + name; }
@@ -121,6 +135,8 @@ struct RosTopics::State {
         next_ns = std::max(next_ns + period_ns, latch_ns + period_ns / 2);
         return true;
     }
+    void take_overlay(std::int64_t now_ns);
+    [[nodiscard]] bool read(const geometry_msgs_msg_dds__WrenchStamped_& message);
     void publish();
     void publish_diagnostics(std::int64_t now_ns, const RelayCounts& relay);
 
@@ -133,14 +149,42 @@ struct RosTopics::State {
     Sender<geometry_msgs_msg_dds__WrenchStamped_> wrenches;
     Sender<sensor_msgs_msg_dds__Joy_> joys;
     Sender<diagnostic_msgs_msg_dds__DiagnosticArray_> diagnostics;
+    std::optional<Receiver<geometry_msgs_msg_dds__WrenchStamped_>> overlays;  // none unless asked for
+    std::optional<RingWriter<WrenchOverlay>> overlay_ring;
+    WrenchOverlay overlay{};
     RingObserver<DeviceState> states;
     DeviceState state{};       // the newest
     DeviceState next_state{};  // not valid until it was read whole
     std::int64_t next_ns = 0;
     std::int64_t seen_ns = 0;  // 0: no state yet
     std::int64_t diagnose_ns = 0;
-    std::uint64_t published = 0;
+    RosCounts counts;
 };
+
+/// A wrench in the device frame, whose name may be left out. Nothing else says what its axes are.
+bool RosTopics::State::read(const geometry_msgs_msg_dds__WrenchStamped_& message) {
+    const auto& [force, torque] = message.wrench;
+    overlay.force[0] = force.x;
+    overlay.force[1] = force.y;
+    overlay.force[2] = force.z;
+    overlay.torque[0] = torque.x;
+    overlay.torque[1] = torque.y;
+    overlay.torque[2] = torque.z;
+    const std::string_view frame = message.header.frame_id;
+    return (frame.empty() || frame == frame_id) && is_finite(to_vec3(overlay.force)) &&
+           is_finite(to_vec3(overlay.torque));
+}
+
+void RosTopics::State::take_overlay(std::int64_t now_ns) {
+    const Taken taken = overlays->take([this](const auto& message) { return read(message); });
+    counts.refused += taken == Taken::Refused ? 1u : 0u;
+    if (taken == Taken::Message) {
+        // Its stamp is that of another clock: rt-core counts the age from here.
+        overlay.arrival_time_ns = now_ns;
+        (void)overlay_ring->publish(overlay, now_ns);
+        ++counts.overlays;
+    }
+}
 
 void RosTopics::State::publish() {
     const Header header = {stamp_of(state.latch_time_ns), frame_id.data()};
@@ -159,7 +203,7 @@ void RosTopics::State::publish() {
     joy.buttons._maximum = joy.buttons._length = kButtons;
     joy.buttons._buffer = pressed.data();
     joys.send(joy);
-    ++published;
+    ++counts.states;
 }
 
 void RosTopics::State::publish_diagnostics(std::int64_t now_ns, const RelayCounts& relay) {
@@ -175,6 +219,8 @@ void RosTopics::State::publish_diagnostics(std::int64_t now_ns, const RelayCount
         values.add("rendered part of the wrench", std::to_string(state.scale));
     }
     values.add("states not seen", std::to_string(states.counts().missed));
+    values.add("overlays passed on", std::to_string(counts.overlays));
+    values.add("overlays refused", std::to_string(counts.refused));
     values.add("frames from another machine", std::to_string(relay.frames));
     values.add("frames refused", std::to_string(relay.refused + relay.late + relay.displaced));
     RosStatus status{};
@@ -198,8 +244,11 @@ RosTopics::RosTopics(RosTopics&&) noexcept = default;
 RosTopics& RosTopics::operator=(RosTopics&&) noexcept = default;
 RosTopics::~RosTopics() = default;
 
-void RosTopics::run_once(std::int64_t now_ns, const RelayCounts& counts) {
+void RosTopics::run_once(std::int64_t now_ns, const RelayCounts& relay) {
     State& s = *state_;
+    if (s.overlays) {
+        s.take_overlay(now_ns);
+    }
     s.states.attend(now_ns);
     while (s.states.next(s.next_state)) {
         s.state = s.next_state;
@@ -209,13 +258,13 @@ void RosTopics::run_once(std::int64_t now_ns, const RelayCounts& counts) {
         }
     }
     if (now_ns >= s.diagnose_ns) {
-        s.publish_diagnostics(now_ns, counts);
+        s.publish_diagnostics(now_ns, relay);
         s.diagnose_ns = now_ns + kNanosecondsPerSecond;
     }
 }
 
-std::uint64_t RosTopics::published() const {
-    return state_->published;
+const RosCounts& RosTopics::counts() const {
+    return state_->counts;
 }
 
 }  // namespace haptic
