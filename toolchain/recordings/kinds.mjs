@@ -19,7 +19,7 @@ const kinds = [
     signs: ["tick", "now_ns", "deadline_ns"],
     time: "now_ns",
     integers:
-      /^(flags|tick|(now|deadline)_ns|missed|requests|safety_state|faults|cut|exchange_(in|out)|(counter|analog|digit)[0-7]|buttons|rotary|frame_read|frame_sequence|in_contact)$/,
+      /^(flags|tick|(now|deadline|overlay_time)_ns|missed|requests|safety_state|faults|cut|exchange_(in|out)|(counter|analog|digit)[0-7]|buttons|rotary|frame_read|frame_sequence|in_contact|overlay_read)$/,
     naturals: /^(tick|frame_sequence)$/,
   },
   {
