@@ -12,7 +12,10 @@ import tempfile
 import unittest
 from pathlib import Path
 
+from two_machines import possible
+
 RT_CORE, HOST_SIM, STUDIES = (Path(argument) for argument in sys.argv[1:4])
+EMULATED_CABLE = HOST_SIM.parents[1] / "tests/system/emulated_cable"
 # A host-sim in whose runs two spheres escape.
 ESCAPING = """#!/bin/sh
 while [ "$1" != --report ]; do shift; done
@@ -84,6 +87,19 @@ class Studies(unittest.TestCase):
         self.assertLess(0, page.index('id="figure-4.7"'))
         self.assertLess(page.index('id="figure-4.7"'), page.index('id="figure-4.14"'))
         self.assertTrue((self.folder / "figures" / "figure-4.7.csv").exists())
+
+    @unittest.skipUnless(possible() and EMULATED_CABLE.exists(), "network namespaces cannot be made here")
+    def test_the_force_over_a_network_is_that_on_one_machine(self):
+        rows, _ = self.table(STUDIES / "network.py", "--scene", "gel-block", "--delay-ms", "5", "--loss-percent", "0",
+                             "--", "--map", "map.png")
+        row = {name: float(value) for name, value in rows[0].items() if name not in ("scene", "machine")}
+        # It answers a state that was at least a round trip old; the gel yields no less than on one machine.
+        self.assertGreaterEqual(row["age_ms"], 10.0)
+        self.assertGreater(row["alone_n"], 0.5)
+        self.assertAlmostEqual(row["held_n"], row["alone_n"], delta=0.1 * row["alone_n"])
+        self.assertGreater(row["arrived"], 0.9)
+        self.assertEqual(row["escapes"], 0)
+        self.assertTrue((self.folder / "map.png").read_bytes().startswith(b"\x89PNG"))
 
     def test_an_unknown_figure_is_named(self):
         rows, said = self.table(STUDIES / "reproduce.py", "--figure", "4.99", status=1)
