@@ -8,21 +8,18 @@
 #include <optional>
 #include <string>
 
+#include "dds/loopback.hpp"
 #include "haptic/clock.hpp"
 
 namespace haptic {
 namespace {
 
-constexpr std::int64_t kPatienceNs = 20'000'000'000;
 constexpr std::int64_t kPollNs = 500'000;
 
 class Relays : public ::testing::Test {
   protected:
     Relays()
-        : settings_{.session = "relay-test-" + std::to_string(::getpid()),
-                    .interface = "lo",
-                    .peers = {},
-                    .domain = 100u + static_cast<std::uint32_t>(::getpid()) % 100u},
+        : settings_(test::loopback("relay-test")),
           domain_(settings_),
           device_(settings_),
           loop_states_(settings_.session),
@@ -34,7 +31,7 @@ class Relays : public ::testing::Test {
     /// Runs both relays until this holds. False: it never did.
     template <class Condition>
     bool run_until(const Condition& condition) {
-        for (const std::int64_t end_ns = monotonic_now_ns() + kPatienceNs; monotonic_now_ns() < end_ns;) {
+        for (const std::int64_t end_ns = monotonic_now_ns() + test::kPatienceNs; monotonic_now_ns() < end_ns;) {
             if (condition()) {
                 return true;
             }

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "dds/entities.hpp"
+#include "dds/loopback.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/ring.hpp"
 #include "ros_messages.h"
@@ -18,15 +19,10 @@ namespace {
 
 using Wrench = geometry_msgs_msg_dds__WrenchStamped_;
 
-constexpr std::int64_t kPatienceNs = 20'000'000'000;
-
 class RosOverlay : public ::testing::Test {
   protected:
     RosOverlay()
-        : link_{.session = "ros-test-" + std::to_string(::getpid()),
-                .interface = "lo",
-                .peers = {},
-                .domain = 100u + static_cast<std::uint32_t>(::getpid()) % 100u},
+        : link_(test::loopback("ros-test")),
           domain_(link_),
           ring_(link_.session),
           participant_(dds::participant_in(link_.domain)),
@@ -45,7 +41,7 @@ class RosOverlay : public ::testing::Test {
     /// Sends again and again until this holds. False: it never did.
     template <class Condition>
     bool send_until(RosTopics& ros, const std::string& frame, double fx, double tz, const Condition& condition) {
-        for (const std::int64_t end_ns = monotonic_now_ns() + kPatienceNs; monotonic_now_ns() < end_ns;) {
+        for (const std::int64_t end_ns = monotonic_now_ns() + test::kPatienceNs; monotonic_now_ns() < end_ns;) {
             send(frame, fx, tz);
             ros.run_once(monotonic_now_ns(), {});
             if (condition()) {
