@@ -14,9 +14,9 @@ namespace {
 using test::kTick;
 using test::kTickNs;
 
-constexpr double kRounding = 1e-12;
+constexpr double kExact = 1e-12;
 // 2 N within 0.1 s: 0.02 N a tick.
-const OverlaySettings kSettings{.max_force = 2.0, .max_torque = 0.04, .timeout_ns = 50'000'000, .ramp_ns = 100'000'000};
+const OverlaySettings kBounds{.max_force = 2.0, .max_torque = 0.04, .timeout_ns = 50'000'000, .ramp_ns = 100'000'000};
 constexpr double kForceStep = 2.0 / 0.1 * kTick;
 constexpr double kTorqueStep = 0.04 / 0.1 * kTick;
 
@@ -47,22 +47,22 @@ TEST(Overlay, IsOffByDefault) {
 }
 
 TEST(Overlay, IsWhatWasAskedForWithinItsBounds) {
-    Overlay overlay(kSettings);
+    Overlay overlay(kBounds);
     const Wrench wrench = settled(overlay, {0.3, -0.2, 0.1}, {0.001, 0.002, -0.003}, 100);
     EXPECT_EQ(wrench.force, Vec3(0.3, -0.2, 0.1));
     EXPECT_EQ(wrench.torque, Vec3(0.001, 0.002, -0.003));
 }
 
 TEST(Overlay, KeepsItsDirectionAtTheBounds) {
-    Overlay overlay(kSettings);
+    Overlay overlay(kBounds);
     const Vec3 direction = glm::normalize(Vec3(1, 2, -3));
     const Wrench wrench = settled(overlay, 50.0 * direction, -3.0 * direction, 110);
-    EXPECT_LT(glm::length(wrench.force - 2.0 * direction), kRounding);
-    EXPECT_LT(glm::length(wrench.torque + 0.04 * direction), kRounding);
+    EXPECT_LT(glm::length(wrench.force - 2.0 * direction), kExact);
+    EXPECT_LT(glm::length(wrench.torque + 0.04 * direction), kExact);
 }
 
 TEST(Overlay, ChangesNoFasterThanItsRampWhateverIsAskedFor) {
-    Overlay overlay(kSettings);
+    Overlay overlay(kBounds);
     Wrench before;
     for (int i = 0; i < 2000; ++i) {
         // Jumps between any directions, and none.
@@ -70,33 +70,33 @@ TEST(Overlay, ChangesNoFasterThanItsRampWhateverIsAskedFor) {
         const Vec3 asked = i % 7 == 0 ? Vec3(0.0) : 1e6 * Vec3(std::cos(angle), std::sin(angle), std::cos(3.0 * angle));
         ASSERT_TRUE(overlay.accept(overlay_of(asked, asked, i * kTickNs)));
         const Wrench wrench = overlay.render(i * kTickNs, kTickNs);
-        ASSERT_LE(glm::length(wrench.force), 2.0 + kRounding);
-        ASSERT_LE(glm::length(wrench.torque), 0.04 + kRounding);
-        ASSERT_LE(glm::length(wrench.force - before.force), kForceStep + kRounding);
-        ASSERT_LE(glm::length(wrench.torque - before.torque), kTorqueStep + kRounding);
+        ASSERT_LE(glm::length(wrench.force), 2.0 + kExact);
+        ASSERT_LE(glm::length(wrench.torque), 0.04 + kExact);
+        ASSERT_LE(glm::length(wrench.force - before.force), kForceStep + kExact);
+        ASSERT_LE(glm::length(wrench.torque - before.torque), kTorqueStep + kExact);
         before = wrench;
     }
 }
 
 TEST(Overlay, FadesLinearlyToZeroWhenNoneArrivesAnyMore) {
-    Overlay overlay(kSettings);
+    Overlay overlay(kBounds);
     (void)settled(overlay, {0.0, 5.0, 0.0}, {}, 200);
     const std::int64_t last_ns = 199 * kTickNs;
     for (std::int64_t age_ns = kTickNs; age_ns <= 200 * kTickNs; age_ns += kTickNs) {
-        const double fading_s = seconds(std::max<std::int64_t>(0, age_ns - kSettings.timeout_ns));
+        const double fading_s = seconds(std::max<std::int64_t>(0, age_ns - kBounds.timeout_ns));
         const Wrench wrench = overlay.render(last_ns + age_ns, kTickNs);
         ASSERT_NEAR(wrench.force.y, std::max(0.0, 2.0 - 20.0 * fading_s), 1e-9) << age_ns;
-        if (age_ns > kSettings.timeout_ns + kSettings.ramp_ns) {
+        if (age_ns > kBounds.timeout_ns + kBounds.ramp_ns) {
             ASSERT_EQ(wrench.force, Vec3(0.0));
         }
     }
     // It comes back from zero.
     ASSERT_TRUE(overlay.accept(overlay_of({0.0, 5.0, 0.0}, {}, 1'000 * kTickNs)));
-    EXPECT_NEAR(overlay.render(1'000 * kTickNs, kTickNs).force.y, kForceStep, kRounding);
+    EXPECT_NEAR(overlay.render(1'000 * kTickNs, kTickNs).force.y, kForceStep, kExact);
 }
 
 TEST(Overlay, RefusesWhatIsNotFiniteAndKeepsTheLastOne) {
-    Overlay overlay(kSettings);
+    Overlay overlay(kBounds);
     (void)settled(overlay, {0.0, 1.0, 0.0}, {0.0, 0.01, 0.0}, 100);
     for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
         EXPECT_FALSE(overlay.accept(overlay_of({0.0, bad, 0.0}, {}, 120 * kTickNs)));
@@ -110,7 +110,7 @@ TEST(Overlay, NeverComesFromATimeThatIsWrong) {
     for (const std::int64_t wrong_ns :
          {std::int64_t{0}, std::int64_t{2'000'000'000}, std::numeric_limits<std::int64_t>::min(),
           std::numeric_limits<std::int64_t>::max()}) {
-        Overlay overlay(kSettings);
+        Overlay overlay(kBounds);
         ASSERT_TRUE(overlay.accept(overlay_of({0.0, 1.0, 0.0}, {}, wrong_ns)));
         EXPECT_EQ(overlay.render(1'000'000'000, kTickNs).force, Vec3(0.0)) << wrong_ns;
     }

@@ -18,8 +18,8 @@ using test::floor_frame;
 using test::kDacCodeN;
 using test::TickRig;
 
-const Quat kLevel(1.0, 0.0, 0.0, 0.0);
-constexpr double kFloor = 300.0;  // N/m
+const Quat kUpright(1.0, 0.0, 0.0, 0.0);
+constexpr double kFloorStiffness = 300.0;  // N/m
 // N; eight codes are rounded, and strings do not pull in one direction.
 constexpr double kCodes = 8.0 * kDacCodeN;
 
@@ -61,10 +61,10 @@ class OverlayRig : public TickRig {
 };
 
 /// Presses 8 mm deep, comes back, and presses again, with some way to the side.
-PoseTrack hand_that_presses() {
-    return {
-        {0.0, 1.2, 1.7, 2.2, 2.7, 3.2},
-        {Pose{}, Pose{}, Pose{{0.004, -0.008, 0.0}, kLevel}, Pose{}, Pose{{-0.003, -0.006, 0.002}, kLevel}, Pose{}}};
+PoseTrack hand_that_presses_twice() {
+    return {{0.0, 1.2, 1.7, 2.2, 2.7, 3.2},
+            {Pose{}, Pose{}, Pose{{0.004, -0.008, 0.0}, kUpright}, Pose{}, Pose{{-0.003, -0.006, 0.002}, kUpright},
+             Pose{}}};
 }
 
 TEST(OverlayInTheTick, IsNotTakenByDefault) {
@@ -136,12 +136,12 @@ TEST(OverlayInTheTick, StaysWithTheContactWithinTheLimitsOfTheWrench) {
     settings.overlay.ramp_ns = 1'000'000;  // the bounds of the wrench alone
     settings.limits.force = 2.0;
     settings.limits.force_rate = 100.0;
-    OverlayRig rig(settings, hand_that_presses());
+    OverlayRig rig(settings, hand_that_presses_twice());
     rig.run_up();
     Vec3 before = rig.tick.last().rendered.force;
     bool limited = false;
     for (int i = 0; i < 3000; ++i) {
-        rig.publish(floor_frame(0.0, kFloor, rig.now_ns));
+        rig.publish(floor_frame(0.0, kFloorStiffness, rig.now_ns));
         const double angle = 2.399963 * i;
         rig.push(1e3 * Vec3(std::cos(angle), std::sin(angle), std::sin(0.1 * i)));
         rig.step();
@@ -157,8 +157,8 @@ TEST(OverlayInTheTick, StaysWithTheContactWithinTheLimitsOfTheWrench) {
 
 TEST(OverlayInTheTick, LeavesImpulseAndEnergyOfTheContactAsTheyAre) {
     // The hand follows its recording whatever it feels, so that both runs have the same contact.
-    OverlayRig with(with_overlay(), hand_that_presses());
-    OverlayRig without(with_overlay(), hand_that_presses());
+    OverlayRig with(with_overlay(), hand_that_presses_twice());
+    OverlayRig without(with_overlay(), hand_that_presses_twice());
     double energy_error = 0.0;
     double impulse_error = 0.0;
     double pushed = 0.0;
@@ -173,7 +173,7 @@ TEST(OverlayInTheTick, LeavesImpulseAndEnergyOfTheContactAsTheyAre) {
         }
         with.push({0.6 * std::sin(0.01 * i), 0.8, 0.1}, {0.01, 0.0, 0.0});
         for (OverlayRig* const rig : {&with, &without}) {
-            rig->publish(floor_frame(0.0, kFloor, rig->now_ns));
+            rig->publish(floor_frame(0.0, kFloorStiffness, rig->now_ns));
             rig->step();
         }
         const DeviceState one = with.state();
@@ -195,7 +195,7 @@ TEST(OverlayInTheTick, LeavesImpulseAndEnergyOfTheContactAsTheyAre) {
 
 TEST(OverlayInTheTick, GivesTheBodiesNothingAndTheObserverNoDebt) {
     // Along the overlay, so that it does work on the hand.
-    const PoseTrack hand = {{0.0, 1.2, 2.2}, {Pose{}, Pose{}, Pose{{0.02, 0.0, 0.0}, kLevel}}};
+    const PoseTrack hand = {{0.0, 1.2, 2.2}, {Pose{}, Pose{}, Pose{{0.02, 0.0, 0.0}, kUpright}}};
     OverlayRig rig(with_overlay(), hand);
     rig.run_up();
     double work = 0.0;
@@ -222,7 +222,7 @@ TEST(OverlayInTheTick, GivesTheBodiesNothingAndTheObserverNoDebt) {
 TEST(OverlayInTheTick, EndsASessionThatHasGivenItsEnergy) {
     TickSettings settings = with_overlay();
     settings.budget.session = 0.01;
-    const PoseTrack hand = {{0.0, 1.2, 2.2}, {Pose{}, Pose{}, Pose{{0.02, 0.0, 0.0}, kLevel}}};
+    const PoseTrack hand = {{0.0, 1.2, 2.2}, {Pose{}, Pose{}, Pose{{0.02, 0.0, 0.0}, kUpright}}};
     OverlayRig rig(settings, hand);
     rig.run_up();
     for (int i = 0; i < 2000 && rig.tick.faults() == 0; ++i) {
@@ -259,7 +259,7 @@ TEST(OverlayInTheTick, RisesFromZeroAfterEachArming) {
 }
 
 TEST(OverlayInTheTick, PressesACompliantHandOnAFloorWithoutVibration) {
-    const PoseTrack hand = {{0.0, 1.5, 2.0}, {Pose{}, Pose{}, Pose{{0.0, -0.004, 0.0}, kLevel}}};
+    const PoseTrack hand = {{0.0, 1.5, 2.0}, {Pose{}, Pose{}, Pose{{0.0, -0.004, 0.0}, kUpright}}};
     TickSettings settings = with_overlay();
     settings.frames.max_stiffness = 600.0;
     OverlayRig rig(settings, hand, device::GripMechanics{});
