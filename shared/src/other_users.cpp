@@ -13,7 +13,7 @@
 namespace haptic {
 namespace {
 
-/// User id in the file name "haptic-<uid>-<session>-contact" or "-state"; empty for other names.
+/// User id in the file name "haptic-<uid>-<session>-contact", "-state" or "-overlay"; empty for other names.
 std::optional<uid_t> user_in(std::string_view file, std::string_view session) {
     constexpr std::string_view prefix = "haptic-";
     if (!file.starts_with(prefix)) {
@@ -24,10 +24,8 @@ std::optional<uid_t> user_in(std::string_view file, std::string_view session) {
     const auto [end, error] = std::from_chars(file.data(), file.data() + file.size(), user);
     const std::string_view rest = file.substr(static_cast<std::size_t>(end - file.data()));
     const std::string named = "-" + std::string(session);
-    if (error != std::errc{} || (rest != named + "-contact" && rest != named + "-state")) {
-        return std::nullopt;
-    }
-    return user;
+    const bool is_ring = rest == named + "-contact" || rest == named + "-state" || rest == named + "-overlay";
+    return error == std::errc{} && is_ring ? std::optional(user) : std::nullopt;
 }
 
 /// "haptic (999)"

@@ -27,13 +27,15 @@ class OtherUsers : public testing::Test {
         std::filesystem::path(testing::TempDir()) / ("shm-" + std::to_string(getpid()));
     const uid_t other = geteuid() + 1000;
     const uid_t third = geteuid() + 1001;
+    const uid_t fourth = geteuid() + 1002;
 };
 
 TEST_F(OtherUsers, AreThoseWithRingsOfTheSession) {
     segment(third, "default-state");
     segment(other, "default-contact");
     segment(other, "default-state");
-    EXPECT_THAT(other_users_of("default", folder), ElementsAre(other, third));
+    segment(fourth, "default-overlay");
+    EXPECT_THAT(other_users_of("default", folder), ElementsAre(other, third, fourth));
 }
 
 TEST_F(OtherUsers, AreNeitherOurselvesNorThoseOfOtherSessions) {
