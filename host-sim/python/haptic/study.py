@@ -57,7 +57,8 @@ def main(function: Callable[..., _Result], *, alone: Callable[..., bool] | None 
 
     function    called with one value of each parameter; returns the columns of a row, numbers or texts, or several such
                 rows. Arguments of the program after -- come first, as texts: def function(*arguments, stiffness)
-    alone       called like function; true for a run beside which its machine must do no other, because it measures times; it has all processors
+    alone       called like function; true for a run beside which its machine must do no other, because it measures times;
+                it has all processors
     parameters  values of each: numbers, texts, or true and false
     """
     if taken := set(parameters) & {*_OPTIONS, *_COLUMNS}:
@@ -140,7 +141,8 @@ def _parser(function: Callable[..., _Result], values: Mapping[str, list[Any]]) -
     parser.add_argument("--jobs", type=int, metavar="N", help="runs at a time on each machine [one per processor]")
     parser.add_argument("--machines", metavar="NAMES",
                         help="run on these machines, by ssh, separated by commas; ':' is this one [:]")
-    parser.add_argument("--resume", action="store_true", help="keep the rows that FILE.csv.rows has from an earlier start")
+    parser.add_argument("--resume", action="store_true",
+                        help="keep the rows that FILE.csv.rows has from an earlier start")
     group = parser.add_argument_group("parameters", "Each option takes one or more values.")
     for name, of in values.items():
         # A percent sign would be a format of argparse.
@@ -177,7 +179,8 @@ def _reader(values: Sequence[Any]) -> Callable[[str], Any]:
 def _run_one(function: Callable[..., _Result], options: argparse.Namespace, origin: str) -> int:
     machine = os.uname().nodename
     if options.origin != origin:
-        print(f"error: {machine} has another version of {sys.argv[0]} or of the package haptic ({__version__})", file=sys.stderr)
+        print(f"error: {machine} has another version of {sys.argv[0]} or of the package haptic ({__version__})",
+              file=sys.stderr)
         return 2
     # One processor for each run beside which there are others: more threads would only compete.
     if options.slot > 0:
@@ -264,18 +267,20 @@ def _distribute(missing: Sequence[int], runs: Sequence[_Row], rows: dict[int, li
             command += ["--env", "PYTHONPATH"]
     command += [f"{shlex.quote(sys.executable)} {shlex.quote(str(script))} --run {{}} --slot {slot} --origin {origin}"]
     terminal = sys.stderr.isatty()
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as parallel:
-        assert parallel.stdin and parallel.stdout
-        parallel.stdin.write("".join(json.dumps({"number": run, **runs[run]}) + "\n" for run in missing))
-        parallel.stdin.close()
-        for line in parallel.stdout:
-            found = json.loads(line)
-            rows[found["number"]] = found["rows"]
-            if kept:
-                with kept.open("a") as file:
-                    file.write(line)
-            if terminal:
-                print(f"\r{script.stem}: {len(rows)} of {len(runs)} ", end="", file=sys.stderr, flush=True)
+    # In a file: while a pipe to parallel is full, nobody would read what it prints, and both would wait.
+    with tempfile.TemporaryFile("w+") as waiting:
+        waiting.writelines(json.dumps({"number": run, **runs[run]}) + "\n" for run in missing)
+        waiting.seek(0)
+        with subprocess.Popen(command, stdin=waiting, stdout=subprocess.PIPE, text=True) as parallel:
+            assert parallel.stdout
+            for line in parallel.stdout:
+                found = json.loads(line)
+                rows[found["number"]] = found["rows"]
+                if kept:
+                    with kept.open("a") as file:
+                        file.write(line)
+                if terminal:
+                    print(f"\r{script.stem}: {len(rows)} of {len(runs)} ", end="", file=sys.stderr, flush=True)
     if terminal:
         print("\r\033[K", end="", file=sys.stderr)
 

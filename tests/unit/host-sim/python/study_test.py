@@ -73,8 +73,8 @@ class Studies(unittest.TestCase):
         self.script.write_text(SCRIPT.format(stiffness=stiffness, steps=steps, broken=broken))
 
     def run_study(self, *arguments, status=0, **environment):
-        ended = subprocess.run([sys.executable, "-B", str(self.script), *arguments], cwd=self.folder, capture_output=True, text=True,
-                               env={**os.environ, "HOME": str(self.folder), **environment})
+        ended = subprocess.run([sys.executable, "-B", str(self.script), *arguments], cwd=self.folder, capture_output=True,
+                               text=True, timeout=60, env={**os.environ, "HOME": str(self.folder), **environment})
         self.assertEqual(ended.returncode, status, ended.stderr)
         return ended
 
@@ -159,6 +159,14 @@ class Studies(unittest.TestCase):
         self.assertEqual({row["word"] for row in rows}, {"{} 'a' \"b\""})
         self.assertEqual({row["arguments"] for row in rows}, {"--set a=b c"})
         self.assertEqual([(row["number"], row["type"]) for row in rows[::2]], [("3", "int"), ("4.5", "float")])
+
+    def test_runs_and_rows_may_be_larger_than_a_pipe(self):
+        # 64 kB fit into one: here are 160 kB of runs and three times as much of rows.
+        numbers = [str(number) for number in range(8)]
+        ended = self.echo("--number", *numbers, "--apart", "false", "--", 20000 * "x")
+        rows = self.table(ended.stdout.replace("16 rows\n", ""))
+        self.assertEqual([row["number"] for row in rows[::2]], numbers)
+        self.assertEqual({row["arguments"] for row in rows}, {20000 * "x"})
 
     def test_no_other_run_is_beside_one_that_must_be_alone(self):
         ended = self.echo("--jobs", "4")
