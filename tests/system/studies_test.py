@@ -90,8 +90,7 @@ class Studies(unittest.TestCase):
 
     @unittest.skipUnless(possible() and EMULATED_CABLE.exists(), "network namespaces cannot be made here")
     def test_the_force_over_a_network_is_that_on_one_machine(self):
-        rows, _ = self.table(STUDIES / "network.py", "--scene", "gel-block", "--delay-ms", "5", "--loss-percent", "0",
-                             "--", "--map", "map.png")
+        rows, _ = self.table(STUDIES / "network.py", "--scene", "gel-block", "--delay-ms", "5", "--loss-percent", "0")
         row = {name: float(value) for name, value in rows[0].items() if name not in ("scene", "machine")}
         # It answers a state that was at least a round trip old; the gel yields no less than on one machine.
         self.assertGreaterEqual(row["age_ms"], 10.0)
@@ -99,7 +98,30 @@ class Studies(unittest.TestCase):
         self.assertAlmostEqual(row["held_n"], row["alone_n"], delta=0.1 * row["alone_n"])
         self.assertGreater(row["arrived"], 0.9)
         self.assertEqual(row["escapes"], 0)
+
+    def draw(self, rows):
+        """What network.py says of this table; the picture is map.png."""
+        columns = ("scene", "delay_ms", "jitter_ms", "loss_percent", "error", "held_n", "alone_n")
+        (self.folder / "network.csv").write_text("\n".join(",".join(map(str, row)) for row in (columns, *rows)) + "\n")
+        return subprocess.run([sys.executable, "-B", STUDIES / "network.py", "--draw", "network.csv", "map.png"],
+                              cwd=self.folder, capture_output=True, text=True)
+
+    @unittest.skipUnless(shutil.which("gnuplot"), "gnuplot is not installed")
+    def test_a_table_of_the_network_is_drawn_without_runs(self):
+        # A hand that touched nothing at the end, and a row with jitter, which is left out.
+        drawn = self.draw([("gel-block", "none", 0, 0, 0.01, 1.0, 1.0), ("gel-block", 1, 0, 0, 0.02, 1.0, 1.0),
+                           ("gel-block", 5, 0, 0, 1.0, 0.0, 0.0), ("gel-block", 9, 5, 0, 0.1, 1.0, 1.0)])
+        self.assertEqual((drawn.returncode, drawn.stdout, drawn.stderr), (0, "", ""))
         self.assertTrue((self.folder / "map.png").read_bytes().startswith(b"\x89PNG"))
+        self.assertIn("nothing to draw", self.draw([("gel-block", "none", 0, 0, 0.01, 1.0, 1.0)]).stderr)
+        self.assertIn("is no table of this study", self.draw([("gel-block", "far", 0, 0, 0.01, 1.0, 1.0)]).stderr)
+
+    def test_studies_of_this_machine_refuse_others(self):
+        for name in ("network.py", "reproduce.py"):
+            refused = subprocess.run([sys.executable, "-B", STUDIES / name, "--machines", "lab1"], cwd=self.folder,
+                                     capture_output=True, text=True)
+            self.assertEqual(refused.returncode, 1)
+            self.assertIn("error: this study has no --machines: ", refused.stderr)
 
     def test_an_unknown_figure_is_named(self):
         rows, said = self.table(STUDIES / "reproduce.py", "--figure", "4.99", status=1)

@@ -1,6 +1,6 @@
 """The figures of the thesis: see toolchain/study."""
 from haptic import study
-from programs import HOST_SIM
+from programs import HOST_SIM, refuse_machines
 
 # Number and what it shows: results, or times.
 FIGURES = dict(line.split()[:2] for line in study.output_of([HOST_SIM, "reproduce", "--list"]).splitlines())
@@ -13,5 +13,6 @@ def reproduce(figure, folder):
 
 
 if __name__ == "__main__":
+    refuse_machines("each run adds its figure to the folder and the page on this machine")
     study.main(reproduce, alone=lambda figure, folder: FIGURES.get(figure) == "times", figure=list(FIGURES),
                folder=["build/reproduction"])
