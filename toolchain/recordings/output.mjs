@@ -1,5 +1,5 @@
 // The MCAP file: written under a temporary name beside its own, which it gets once it is complete.
-import { closeSync, existsSync, openSync, renameSync, unlinkSync, writeSync } from "node:fs";
+import { closeSync, existsSync, openSync, renameSync, rmSync, writeSync } from "node:fs";
 import zstd from "@foxglove/wasm-zstd";
 import { McapWriter } from "@mcap/core";
 import { UserError, reason } from "./csv.mjs";
@@ -77,7 +77,8 @@ export class Output {
 
   /** Leaves nothing. */
   discard() {
-    unlinkSync(this.part);
+    // A signal that meets a failing write comes here twice.
+    rmSync(this.part, { force: true });
     this.#ignoreSignals();
   }
 
