@@ -19,7 +19,7 @@ STRICT = "-Wall -Wextra -Wpedantic -Wshadow -Werror"
 # A frame in which every number of the same kind differs from the others, and compliance that an elastic tool can have.
 FRAME = """
 f = Haptic.frame(64); i = 100 * (0:63);
-f.state_sequence = intmax('uint64') / 2 - 11; f.state_time_ns = intmax('int64') - 12; f.plane_time_ns = -13;
+f.state_sequence = intmax('uint64') - 11; f.state_time_ns = intmax('int64') - 12; f.plane_time_ns = -13;
 f.step_ns = uint32(14); f.stiffness = 15; f.torque_stiffness = 16; f.static_friction = 18; f.dynamic_friction = 17;
 f.body_work = 19; f.flags = Haptic.SQUEEZED + Haptic.HOLD_POSITIONS;
 f.rest_offset = [i; i + 1; i + 2]; f.position = [i + 3; i + 4; i + 5]; f.rest_velocity = [i + 6; i + 7; i + 8];
@@ -57,6 +57,9 @@ ERRORS = [
     ("g.plane_time_ns = NaN; s.publish(g);", "invalidFrame", r"frame.plane_time_ns\(1\), of class double, is no int64"),
     ("g.state_time_ns = 0.5; s.publish(g);", "invalidFrame", r"frame.state_time_ns\(1\), of class double, is no int64"),
     ("g.state_time_ns = 1e300; s.publish(g);", "invalidFrame", "is no int64"),
+    ("g.state_time_ns = intmax('uint64'); s.publish(g);", "invalidFrame", "of class uint64, is no int64"),
+    ("g.flags = intmax('uint64'); s.publish(g);", "invalidFrame", "is no uint32"),
+    ("g.state_sequence = int64(-1); s.publish(g);", "invalidFrame", "is no uint64"),
     ("g.state_sequence = -1; s.publish(g);", "invalidFrame", "is no uint64"),
     ("g.flags = 2^32; s.publish(g);", "invalidFrame", "is no uint32"),
     ("g.flags = {1}; s.publish(g);", "invalidFrame", "frame.flags.* cell"),
@@ -170,7 +173,7 @@ def check_frame(frame: ContactFrame) -> None:
     expect("the frame's head", [frame.state_sequence, frame.state_time_ns, frame.plane_time_ns, frame.step_ns, frame.stiffness,
                                 frame.torque_stiffness, frame.static_friction, frame.dynamic_friction, frame.body_work,
                                 frame.flags, frame.proxy_count, frame.compliance_rows],
-           [2**63 - 11, 2**63 - 13, -13, 14, 15, 16, 18, 17, 19, 9, 64, 192])
+           [2**64 - 12, 2**63 - 13, -13, 14, 15, 16, 18, 17, 19, 9, 64, 192])
     for i, proxy in enumerate(frame.proxies):
         first = [*proxy.rest_offset, *proxy.position, *proxy.rest_velocity, *proxy.surface_velocity]
         expect(f"proxy {i}", first, [100.0 * i + k for k in range(12)])

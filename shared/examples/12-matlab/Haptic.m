@@ -47,7 +47,8 @@ classdef Haptic < handle
 %     scale            1 x 1    0 to 1, part of the frame's wrench that is rendered
 %     impulse          3 x 1    N s, of the force due to frames since rt-core started
 %     angular_impulse  3 x 1    N m s, of the torque
-%     safety_state, faults, tick_flags, buttons   uint32; Haptic.describe names the first three, bit k - 1 is button k
+%     safety_state, faults, tick_flags   uint32; Haptic.describe names their bits
+%     buttons          uint32   bitget(state.buttons, k + 1) is 1 while button k is pressed, k = 0, 1, ...
 %
 %   A contact frame is a structure of
 %     state_sequence   1 x 1    of the device state that it answers; 0: none

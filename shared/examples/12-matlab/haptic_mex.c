@@ -243,7 +243,7 @@ static const mxArray* checked_field(const mxArray* frame, const Group* group, co
     return array;
 }
 
-/* Element k as an integer; false if it is none, or not of the field's range. */
+/* Element k as an integer, of which a uint64 field has the bits; false if it is none, or not of the field's range. */
 static bool to_integer(const mxArray* array, size_t k, const Field* field, int64_t* value) {
     const void* const data = mxGetData(array);
     switch (mxGetClassID(array)) {
@@ -256,7 +256,14 @@ static bool to_integer(const mxArray* array, size_t k, const Field* field, int64
             *value = (int64_t)number;
             break;
         }
-        case mxUINT64_CLASS:
+        case mxUINT64_CLASS: {
+            const uint64_t number = ((const uint64_t*)data)[k];
+            *value = (int64_t)number;
+            if (number > INT64_MAX) {
+                return field->type == mxUINT64_CLASS;
+            }
+            break;
+        }
         case mxINT64_CLASS:
             *value = ((const int64_t*)data)[k];
             break;
