@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cerrno>
+#include <ctime>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
@@ -17,6 +18,7 @@
 #include "haptic/html.hpp"
 #include "haptic/plot.hpp"
 #include "haptic/text_file.hpp"
+#include "program/run_program.hpp"
 
 namespace haptic::sim::reproduce {
 namespace {
@@ -40,10 +42,20 @@ constexpr std::array<Reproduction, 13> kReproductions{{
 constexpr std::string_view kIntroduction =
     R"(<p>The figures of chapters 4 and 5 of "Haptic Proxy for Dynamic Deformable Objects" (Tokyo Institute of Technology),
 reproduced with the scenes built into this program. The thesis' numbers, shown beside ours, were measured on an Intel Core i5-4210U
-(1.7 GHz; chapter 5: i5-7300). Ours were measured on one core of the machine on which this page was made. Where the thesis gives no
-mass, size or stiffness, the scene's file says what was chosen. Bodies are moved by the position-based solver of the thesis, also
+(1.7 GHz; chapter 5: i5-7300). Ours were measured on one core of the machine on which the figure was
+made, at the time and with the version that it names. Where the thesis gives no mass, size or stiffness, the scene's file says
+what was chosen. Bodies are moved by the position-based solver of the thesis, also
 in scenes that have a material.</p>
 )";
+
+std::string now() {
+    const std::time_t time = std::time(nullptr);
+    std::tm date{};
+    localtime_r(&time, &date);
+    std::array<char, 32> text{};
+    std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M %z", &date);
+    return text.data();
+}
 
 /// The page's section of one figure.
 std::string section_of(const Figure& figure) {
@@ -68,7 +80,7 @@ std::string section_of(const Figure& figure) {
     for (const std::string& file : figure.data) {
         out << " <a href=\"" << file << "\">" << file << "</a>";
     }
-    out << "</p></section>\n";
+    out << "</p>\n<p class=\"quiet\">Made " << now() << " with host-sim " << program_version() << ".</p></section>\n";
     return out.str();
 }
 

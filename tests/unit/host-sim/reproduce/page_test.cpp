@@ -12,11 +12,13 @@
 #include <thread>
 #include <vector>
 
+#include "program/run_program.hpp"
 #include "reproduce/study.hpp"
 
 namespace haptic::sim::reproduce {
 namespace {
 
+using ::testing::ContainsRegex;
 using ::testing::ElementsAreArray;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -67,6 +69,18 @@ TEST_F(ReproductionPage, HasTheFiguresOfEarlierRunsInTheOrderOfTheThesis) {
     EXPECT_THAT(figures(), ElementsAreArray({"4.7", "5.9"}));
     EXPECT_THAT(page(), HasSubstr("Figure 5.9: the rod once more"));
     EXPECT_THAT(page(), Not(HasSubstr("a rod")));
+}
+
+TEST_F(ReproductionPage, SaysOfEachFigureWhenItWasMadeAndByWhichVersion) {
+    add("4.7", "missed");
+    add("5.9", "a rod");
+    const std::string text = page();
+    const std::size_t second = text.find("id=\"figure-5.9\"");
+    ASSERT_NE(second, std::string::npos);
+    for (const std::string& section : {text.substr(0, second), text.substr(second)}) {
+        EXPECT_THAT(section, ContainsRegex(">Made [0-9]+-[0-9]+-[0-9]+ [0-9]+:[0-9]+ [+-][0-9]+ with host-sim "));
+        EXPECT_THAT(section, HasSubstr("with host-sim " + program_version() + "."));
+    }
 }
 
 TEST_F(ReproductionPage, HasAllFiguresThatAreMadeAtTheSameTime) {
