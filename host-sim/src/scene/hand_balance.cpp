@@ -8,8 +8,9 @@ namespace {
 
 // Largest part of the debt that a step pays.
 constexpr double kPaid = 0.5;
-// s, in which a contact pays its debt: long beside what a network delays
-constexpr double kPayFor = 0.1;
+// s, time constants of the payment: in contact long beside what a network delays, after it within what is remembered
+constexpr double kPaymentTime = 0.1;
+constexpr double kPaymentTimeAfter = 0.02;
 // s, longest time that the largest force of the last second would take to pay a debt; more is forgotten
 constexpr double kLongestDebt = 0.2;
 constexpr double kLargestForceFor = 1.0;
@@ -54,7 +55,7 @@ HandBalance::Share HandBalance::begin_step(const std::optional<DeviceFeedback>& 
         owed_ *= limit_ / debt;
     }
     // The hand may meet a surface before the simulation does: nothing is paid to a body that it left long ago.
-    const double part = since_contact_s_ > 0.0 ? kPaid : std::min(kPaid, step_s / kPayFor);
+    const double part = std::min(kPaid, step_s / (since_contact_s_ > 0.0 ? kPaymentTimeAfter : kPaymentTime));
     share.owed_force = since_contact_s_ <= kAfterContact ? (part / step_s) * owed_ : Vec3(0.0);
     return share;
 }

@@ -6,14 +6,14 @@
 // pushed with that stiffness, and the difference between the two impulses is owed to them and paid in the next steps of
 // length h,
 //
-//     owed <- owed + felt - given,   paid in the step: owed min(1/2, h / 0.1 s), without contact owed / 2
+//     owed <- owed + felt - given,   paid in the step: owed min(1/2, h / tau)
 //
-// with felt and given the impulses of the last step. What is felt answers forces of some ms ago, over a network of tens
-// of ms: paid at once, the difference would make the bodies' springs answer as late, and a held fish swing until it is
-// lost. The debt is a vector: when a contact turns from one side of a body
-// to another, rt-core turns the force within some ms, and the bodies receive what the hand still feels from the old
-// side. A simulation that falls behind real time counts what the hand feels in its own, slower time: the force is the
-// same, and a late step pushes no harder. rt-core also ends a force within 50 ms of its contact. The particles that
+// with felt and given the impulses of the last step, and tau 0.1 s in contact, 0.02 s after it. What is felt answers
+// forces of some ms ago, over a network of tens of ms: paid at once, the difference would make the bodies' springs
+// answer as late, and a held fish swing until it is lost. The debt is a vector: when a contact turns from one side of a
+// body to another, rt-core turns the force within some ms, and the bodies receive what the hand still feels from the
+// old side. A simulation that falls behind real time counts what the hand feels in its own, slower time: the force is
+// the same, and a late step pushes no harder. rt-core also ends a force within 50 ms of its contact. The particles that
 // were pressed last receive that too; what would pull on them is forgotten.
 #pragma once
 

@@ -150,6 +150,26 @@ TEST(HandBalance, PaysAtTheSameRateWithAnyStep) {
     }
 }
 
+TEST(HandBalance, PaysAfterAContactWithoutAKick) {
+    // The hand feels 1 N where the contact gives 0.8 N; then it is lost for a step.
+    constexpr double kShort = 0.002;  // s
+    HandBalance balance;
+    const Workspace workspace(kMapping);
+    double felt = 0.0;  // N*s, device frame
+    double owed = 0.0;  // N, at the hand
+    for (int i = 0; i < 200; ++i) {
+        owed = kMapping.force_scale *
+               balance.begin_step(rendering(1e4, 1.0, {0.0, felt, 0.0}), workspace, 50.0, 1.0, kShort, 0).owed_force.y;
+        balance.end_step({0.0, i < 199 ? (0.8 + owed) / kMapping.force_scale : 0.0, 0.0}, i < 199, kShort);
+        felt += kShort;
+    }
+    EXPECT_NEAR(owed, 0.2, 0.01);
+    owed = kMapping.force_scale *
+           balance.begin_step(rendering(1e4, 1.0, {0.0, felt, 0.0}), workspace, 50.0, 1.0, kShort, 0).owed_force.y;
+    // A debt of 0.1 s of 0.2 N, paid in 0.02 s.
+    EXPECT_LT(owed, 1.2);
+}
+
 // A body on a spring to the hand, which feels the spring's force 30 ms later, is no more set swinging by its balance
 // than the spring's damping takes away.
 TEST(HandBalance, KeepsABodyStillThoughItsForceIsFeltLate) {
