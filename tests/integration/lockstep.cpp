@@ -57,14 +57,14 @@ void Lockstep::run_tick() {
     now_ns_ += tick_ns_;
     auto state = std::make_unique<DeviceState>();
     if (state_reader_.read_newest(*state)) {
-        states_underway_.push_back({now_ns_ + network_ns_, std::move(state)});
+        states_in_transit_.push_back({now_ns_ + network_ns_, std::move(state)});
     }
 }
 
 sim::StepInput Lockstep::next_input() {
-    for (; !states_underway_.empty() && states_underway_.front().due_ns <= step_time_ns_;
-         states_underway_.pop_front()) {
-        state_ = *states_underway_.front().what;
+    for (; !states_in_transit_.empty() && states_in_transit_.front().due_ns <= step_time_ns_;
+         states_in_transit_.pop_front()) {
+        state_ = *states_in_transit_.front().slot;
     }
     if (state_.sequence == 0) {
         throw std::runtime_error("ticks ran, but published no device state");
@@ -75,14 +75,15 @@ sim::StepInput Lockstep::next_input() {
 sim::StepResult Lockstep::step_simulation() {
     input_ = next_input();
     const sim::StepResult result = simulation_.step(input_);
-    frames_underway_.push_back(
+    frames_in_transit_.push_back(
         {step_time_ns_ + late_ns_ + network_ns_, std::make_unique<ContactFrame>(simulation_.frame())});
     return result;
 }
 
 void Lockstep::deliver_frames() {
-    for (; !frames_underway_.empty() && frames_underway_.front().due_ns <= now_ns_; frames_underway_.pop_front()) {
-        (void)frames_.publish(*frames_underway_.front().what, now_ns_, now_ns_);
+    for (; !frames_in_transit_.empty() && frames_in_transit_.front().due_ns <= now_ns_;
+         frames_in_transit_.pop_front()) {
+        (void)frames_.publish(*frames_in_transit_.front().slot, now_ns_, now_ns_);
     }
 }
 

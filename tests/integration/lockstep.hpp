@@ -74,10 +74,10 @@ class Lockstep {
     sim::StepResult step_simulation();
     void deliver_frames();
 
-    template <class What>
-    struct Underway {
+    template <class Slot>
+    struct InTransit {
         std::int64_t due_ns;
-        std::unique_ptr<What> what;
+        std::unique_ptr<Slot> slot;
     };
     RingSession session_;
     RingWriter<DeviceState> state_writer_;
@@ -93,8 +93,8 @@ class Lockstep {
     std::int64_t tick_ns_;
     std::int64_t late_ns_;
     std::int64_t network_ns_;
-    std::deque<Underway<ContactFrame>> frames_underway_;
-    std::deque<Underway<DeviceState>> states_underway_;
+    std::deque<InTransit<ContactFrame>> frames_in_transit_;
+    std::deque<InTransit<DeviceState>> states_in_transit_;
     std::int64_t now_ns_ = 0;
     std::int64_t step_time_ns_ = 0;  // of the simulation's next step; need not coincide with a tick
 };

@@ -1,16 +1,17 @@
-// A cable between two network namespaces that delays, scatters and loses what it carries, as netem does, for kernels
+// A cable between two network namespaces that delays, jitters and loses what it carries, as netem does, for kernels
 // without netem:
 //     emulated_cable FROM TO [--delay MS] [--jitter MS] [--loss PERCENT] [--seed N]
 // Each namespace gets an interface "cable" (TAP). Every Ethernet frame, in either direction, is lost with the given
 // probability, independently of the others, or arrives after delay + jitter * u, u uniform in -1..1 and never before it
 // was sent; so jitter reorders frames. Prints "ready" once both interfaces exist, and at SIGTERM or SIGINT what it
-// carried. Exit status 1 if it cannot make them.
+// carried. Ends with its parent. Exit status 1 if it cannot make them, or if one is removed.
 #include <fcntl.h>
 #include <linux/if.h>
 #include <linux/if_tun.h>
 #include <poll.h>
 #include <sched.h>
 #include <sys/ioctl.h>
+#include <sys/prctl.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
 
@@ -126,6 +127,7 @@ class Direction {
 };
 
 void carry(const std::array<std::string, 2>& names, const Impairment& impairment) {
+    (void)::prctl(PR_SET_PDEATHSIG, SIGTERM);
     // Signals become readable, so that a wait for frames ends by them too.
     sigset_t stop;
     sigemptyset(&stop);
@@ -156,6 +158,10 @@ void carry(const std::array<std::string, 2>& names, const Impairment& impairment
         if (::ppoll(inputs.data(), inputs.size(), &timeout, nullptr) < 0 && errno != EINTR) {
             fail("waiting for frames");
         }
+        if (((inputs[0].revents | inputs[1].revents) & (POLLERR | POLLHUP | POLLNVAL)) != 0) {
+            errno = ENODEV;
+            fail("an end of the cable");
+        }
     }
     directions[0].print(names[0], names[1]);
     directions[1].print(names[1], names[0]);
@@ -164,7 +170,7 @@ void carry(const std::array<std::string, 2>& names, const Impairment& impairment
 }  // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app("A cable between two network namespaces that delays, scatters and loses Ethernet frames");
+    CLI::App app("A cable between two network namespaces that delays, jitters and loses Ethernet frames");
     std::array<std::string, 2> names;
     Impairment impairment;
     app.add_option("from", names[0], "network namespace")->required();

@@ -115,7 +115,7 @@ def check_diagnostics(messages: list[str]) -> None:
         heard.append((level, state, dict(value.split("=", 1) for value in values)))
     expect("diagnostics: of this session's device", of_session == {(f"haptic: session {SESSION}", "spidar-g6")}, of_session)
     running = [values for level, state, values in heard if (level, state) == ("0", "running")]
-    expect("diagnostics: about one a second, and running meanwhile", 5 <= len(heard) <= 13 and len(running) >= 4, [h[:2] for h in heard])
+    expect("diagnostics: about one a second, and running meanwhile", 5 <= len(heard) <= 16 and len(running) >= 4, [h[:2] for h in heard])
     expect("diagnostics: overlays are counted", int(running[-1]["overlays passed on"]) > 500 and running[-1]["overlays refused"] == "0", running[-1])
     expect("diagnostics: the rendered stiffness is named", float(running[-1]["rendered stiffness, N/m"]) > 10.0)
     expect("diagnostics: stale after the run", heard[-1][:2] == ("3", "no rt-core"), heard[-1])
@@ -124,12 +124,12 @@ def check_diagnostics(messages: list[str]) -> None:
 def hear_the_device(work: Path) -> None:
     hand = with_buttons(write_hand(HOST_SIM, work))
     heard = work / "heard.txt"  # more than a pipe holds
-    relay = start_relay(12)
+    relay = start_relay(16)
     simulation = subprocess.Popen([HOST_SIM, "run", "gel-block", "--clock", "real", "--session", SESSION, "--wait", "10", "--duration", "0"],
                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     pushing = start_sender(["2", "0", "0"])
     with heard.open("w") as out:
-        listener = subprocess.Popen([LISTENER, DOMAIN, "10", "lab/left"], stdout=out)
+        listener = subprocess.Popen([LISTENER, DOMAIN, "13", "lab/left"], stdout=out)
     try:
         rows = run(work / "rt.csv", 8, "--hand", str(hand))
         listener.wait(30)

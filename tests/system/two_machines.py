@@ -45,9 +45,14 @@ def machines(emulated_cable: Sequence[str] = ()) -> Iterator[None]:
             sh(f"ip link add {ends[0]} type veth peer name {ends[1]}")
             for machine, end in ((BOX, ends[0]), (DESK, ends[1])):
                 sh(f"ip link set {end} netns {machine} name cable")
-        for machine, address in ((BOX, "10.99.0.1"), (DESK, "10.99.0.2")):
-            sh(f"ip -n {machine} addr add {address}/24 dev cable")
+        addresses = {BOX: ("10.99.0.1", "02:00:00:00:00:01"), DESK: ("10.99.0.2", "02:00:00:00:00:02")}
+        for machine, other in ((BOX, DESK), (DESK, BOX)):
+            # Only what the session sends goes over the cable: no address is asked for, and no router.
+            sh(f"ip netns exec {machine} sysctl -q -w net.ipv6.conf.all.disable_ipv6=1")
+            sh(f"ip -n {machine} link set cable address {addresses[machine][1]}")
+            sh(f"ip -n {machine} addr add {addresses[machine][0]}/24 dev cable")
             sh(f"ip -n {machine} link set cable up")
+            sh(f"ip -n {machine} neigh replace {addresses[other][0]} lladdr {addresses[other][1]} dev cable nud permanent")
             sh(f"ip -n {machine} link set lo up")
         yield
     finally:
