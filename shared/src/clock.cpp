@@ -6,6 +6,12 @@
 #include "haptic/types.hpp"
 
 namespace haptic {
+namespace {
+
+constexpr int kReadings = 5;
+constexpr std::int64_t kQuickNs = 1'000;  // as long as both clocks take when nothing comes between
+
+}  // namespace
 
 std::int64_t monotonic_now_ns() HAPTIC_RT {
     timespec now{};
@@ -17,8 +23,6 @@ std::int64_t monotonic_now_ns() HAPTIC_RT {
 
 std::int64_t real_minus_monotonic_ns() {
     // A preemption between the two clocks would shift the difference: take the quickest of some readings.
-    constexpr int kReadings = 5;
-    constexpr std::int64_t kQuickNs = 1'000;
     std::int64_t quickest_ns = std::numeric_limits<std::int64_t>::max();
     std::int64_t difference_ns = 0;
     for (int i = 0; i < kReadings && quickest_ns > kQuickNs; ++i) {

@@ -53,7 +53,8 @@ void DeviceRelay::pass_frame(std::int64_t now_ns) {
         ++counts_.late;
         return;
     }
-    if (!join(now_ns)) {
+    join(now_ns);
+    if (!frames_) {
         ++counts_.displaced;
         return;
     }
@@ -64,9 +65,9 @@ void DeviceRelay::pass_frame(std::int64_t now_ns) {
 }
 
 /// Takes the simulator's place in the session, unless another has it.
-bool DeviceRelay::join(std::int64_t now_ns) {
+void DeviceRelay::join(std::int64_t now_ns) {
     if (frames_ || now_ns < join_at_ns_) {
-        return frames_.has_value();
+        return;
     }
     try {
         frames_.emplace(session_);
@@ -76,11 +77,10 @@ bool DeviceRelay::join(std::int64_t now_ns) {
         }
         problem_ = error.what();
         join_at_ns_ = now_ns + kRejoinNs;
-        return false;
+        return;
     }
     problem_.clear();
     ++counts_.connections;
-    return true;
 }
 
 void DeviceRelay::leave() {

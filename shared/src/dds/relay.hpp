@@ -72,7 +72,7 @@ class DeviceRelay {
   private:
     void answer_queries();
     void pass_frame(std::int64_t now_ns);
-    [[nodiscard]] bool join(std::int64_t now_ns);
+    void join(std::int64_t now_ns);
     void leave();
     void pass_state(std::int64_t now_ns);
 
