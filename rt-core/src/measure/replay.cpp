@@ -170,7 +170,7 @@ void Replay::load_overlay() {
     overlay_.arrival_time_ns = recording_.integer(inputs_.at("overlay_time_ns"));
     store({number("overlay_fx_n"), number("overlay_fy_n"), number("overlay_fz_n")}, overlay_.force);
     store({number("overlay_tx_nm"), number("overlay_ty_nm"), number("overlay_tz_nm")}, overlay_.torque);
-    // What was not finite was not recorded: make it invalid again.
+    // What was refused was not recorded: make it invalid again.
     if (recording_.integer(read->second) == kOverlayRefused) {
         overlay_.force[0] = std::numeric_limits<double>::quiet_NaN();
     }

@@ -1,5 +1,7 @@
 #include "rendering/overlay.hpp"
 
+#include <algorithm>
+
 #include "haptic/numeric.hpp"
 
 namespace haptic::rt {
@@ -17,20 +19,26 @@ WrenchLimits limits_of(const OverlaySettings& settings) {
 
 Overlay::Overlay(const OverlaySettings& settings) : timeout_ns_(settings.timeout_ns), limiter_(limits_of(settings)) {}
 
-bool Overlay::accept(const WrenchOverlay& received) HAPTIC_RT {
+bool Overlay::accept(const WrenchOverlay& received, std::int64_t now_ns) HAPTIC_RT {
     const Wrench wrench = {to_vec3(received.force), to_vec3(received.torque)};
-    if (!is_finite(wrench)) {
+    if (!is_finite(wrench) || received.arrival_time_ns > now_ns + timeout_ns_) {
         return false;
     }
+    // No time ahead of this tick: it would grow old later than the sender fell silent.
     newest_ = wrench;
-    arrival_ns_ = received.arrival_time_ns;
+    arrival_ns_ = std::min(received.arrival_time_ns, now_ns);
     return true;
 }
 
 Wrench Overlay::render(std::int64_t now_ns, std::int64_t elapsed_ns) HAPTIC_RT {
-    // A time that lies ahead by more than the timeout is wrong, and would never grow old.
-    const bool current = arrival_ns_ >= now_ns - timeout_ns_ && arrival_ns_ <= now_ns + timeout_ns_;
+    const bool current = arrival_ns_ >= now_ns - timeout_ns_;
     return limiter_.apply(current ? newest_ : Wrench{}, elapsed_ns).wrench;
+}
+
+void Overlay::reset() HAPTIC_RT {
+    newest_ = Wrench{};
+    arrival_ns_ = 0;
+    limiter_.reset();
 }
 
 }  // namespace haptic::rt

@@ -27,12 +27,13 @@ class Overlay {
   public:
     explicit Overlay(const OverlaySettings& settings);
 
-    /// Takes a received overlay. Returns false if it is refused, because a number is not finite.
-    bool accept(const WrenchOverlay& received) HAPTIC_RT;
+    /// Takes a received overlay. Returns false if it is refused: a number is not finite, or its arrival lies ahead by
+    /// more than the time-out.
+    bool accept(const WrenchOverlay& received, std::int64_t now_ns) HAPTIC_RT;
     /// The wrench to add now, device frame. elapsed_ns: since the last call.
     [[nodiscard]] Wrench render(std::int64_t now_ns, std::int64_t elapsed_ns) HAPTIC_RT;
-    /// Rises from zero again.
-    void reset() HAPTIC_RT { limiter_.reset(); }
+    /// Forgets what was received, and rises from zero again.
+    void reset() HAPTIC_RT;
 
   private:
     std::int64_t timeout_ns_;

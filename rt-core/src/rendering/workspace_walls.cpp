@@ -31,6 +31,16 @@ Push push_of(const Wall& wall, double depth, double rate) HAPTIC_RT {
             .stored = wall.force * (0.5 * share * std::min(depth, wall.thickness) + beyond)};
 }
 
+/// One of force and torque; `push` of the walls is at most `largest` where the damping does not act.
+Vec3 yielding_part(const Vec3& part, const Vec3& push, double largest) HAPTIC_RT {
+    const double size = glm::length(push);
+    const double against = size > 0.0 ? -glm::dot(part, push) / size : 0.0;
+    if (against <= 0.0) {
+        return part;
+    }
+    return part + std::min(1.0, size / largest) * against / size * push;
+}
+
 }  // namespace
 
 WallPush push_of_walls(const WorkspaceWalls& walls, const Pose& device_from_grip, const Twist& velocity) HAPTIC_RT {
@@ -64,6 +74,14 @@ WallPush push_of_walls(const WorkspaceWalls& walls, const Pose& device_from_grip
         result.pushes = true;
     }
     return result;
+}
+
+Wrench yielding(const Wrench& wrench, const WallPush& push, const WorkspaceWalls& walls) HAPTIC_RT {
+    if (!push.pushes) {
+        return wrench;
+    }
+    return {yielding_part(wrench.force, push.wrench.force, walls.force),
+            yielding_part(wrench.torque, push.wrench.torque, walls.torque)};
 }
 
 }  // namespace haptic::rt

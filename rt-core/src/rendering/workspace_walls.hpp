@@ -34,4 +34,9 @@ struct WallPush {
 [[nodiscard]] WallPush push_of_walls(const WorkspaceWalls& walls, const Pose& device_from_grip,
                                      const Twist& velocity) HAPTIC_RT;
 
+/// What is left of another wrench beside this push of the walls: its part against them shrinks as they push more, and
+/// is gone where they push with all their force, or torque. It changes without a step, so that nothing chatters at the
+/// edge; what is along the walls or goes with them stays.
+[[nodiscard]] Wrench yielding(const Wrench& wrench, const WallPush& push, const WorkspaceWalls& walls) HAPTIC_RT;
+
 }  // namespace haptic::rt

@@ -61,7 +61,7 @@ void Tick::run(const TickTime& time) HAPTIC_RT {
     mark_stage(instruments_.pose, TickStage::Pose);
     // Render: the wrench of the newest contact frame at this pose, within all bounds.
     read_frame(time);
-    read_overlay();
+    read_overlay(time);
     render_wrench(time);
     mark_stage(instruments_.proxy, TickStage::Proxy);
     // Act: the tensions that make the wrench, sent in this tick if there is a second exchange.
@@ -334,12 +334,12 @@ void Tick::read_frame(const TickTime& time) HAPTIC_RT {
     }
 }
 
-void Tick::read_overlay() HAPTIC_RT {
+void Tick::read_overlay(const TickTime& time) HAPTIC_RT {
     WrenchOverlay received{};
     if (overlays_ == nullptr || !overlays_->read_newest(received)) {
         return;
     }
-    if (!overlay_.accept(received)) {
+    if (!overlay_.accept(received, time.now_ns)) {
         record_.overlay_read = kOverlayRefused;
         ++instruments_.overlays_refused;
         return;
@@ -408,11 +408,12 @@ void Tick::push_back(FrameRenderer::Result& rendered) HAPTIC_RT {
 
 /// The overlay comes after the passivity controller, which must not take it for a contact, and before all bounds.
 Wrench Tick::render_overlay(const TickTime& time, bool running) HAPTIC_RT {
-    if (overlays_ == nullptr || !running) {
+    // A pose that is not proved may be wrong, and the wrench with it.
+    if (overlays_ == nullptr || !running || proof_.limits()) {
         overlay_.reset();
         return Wrench{};
     }
-    const Wrench overlay = overlay_.render(time.now_ns, elapsed_ns_);
+    const Wrench overlay = yielding(overlay_.render(time.now_ns, elapsed_ns_), walls_, settings_.walls);
     set_flag(!is_zero(overlay), HAPTIC_TICK_OVERLAY);
     return overlay;
 }
@@ -437,7 +438,7 @@ void Tick::limit_wrench(const Wrench& wanted, const Wrench& without_overlay) HAP
     record_.rendered = limited.wrench;
     safety_.set_rendered(limited.wrench);
     if (state == SafetyState::Running) {
-        // The overlay's part, exactly: a contact that the limits reach is rendered as without it.
+        // The overlay's part: what the same limits, with a history of their own, would not have rendered without it.
         pushes_.overlay =
             overlays_ != nullptr
                 ? difference(limited.wrench, limiter_without_overlay_.apply(without_overlay, elapsed_ns).wrench)

@@ -140,7 +140,7 @@ class Tick {
     void calibrate() HAPTIC_RT;
     void reset_pose() HAPTIC_RT;
     void read_frame(const TickTime& time) HAPTIC_RT;
-    void read_overlay() HAPTIC_RT;
+    void read_overlay(const TickTime& time) HAPTIC_RT;
     void render_wrench(const TickTime& time) HAPTIC_RT;
     [[nodiscard]] Wrench apply_passivity(const FrameRenderer::Result& rendered) HAPTIC_RT;
     [[nodiscard]] Wrench render_overlay(const TickTime& time, bool running) HAPTIC_RT;

@@ -26,7 +26,7 @@ inline constexpr std::int8_t kNoFrame = -1;     // no frame was taken in this ti
 /// A wrench overlay that was taken in a tick (TickRecord::overlay_read).
 inline constexpr std::int8_t kNoOverlay = -1;
 inline constexpr std::int8_t kOverlayAccepted = 0;
-inline constexpr std::int8_t kOverlayRefused = 1;  // a number was not finite
+inline constexpr std::int8_t kOverlayRefused = 1;  // not finite, or from a time ahead
 
 struct TickRecord {
     std::uint64_t number = 0;  // 1, 2, 3, ...; a gap in a recording is a dropped tick

@@ -32,7 +32,7 @@ WrenchOverlay overlay_of(const Vec3& force, const Vec3& torque, std::int64_t arr
 Wrench settled(Overlay& overlay, const Vec3& force, const Vec3& torque, int ticks) {
     Wrench wrench;
     for (int i = 0; i < ticks; ++i) {
-        EXPECT_TRUE(overlay.accept(overlay_of(force, torque, i * kTickNs)));
+        EXPECT_TRUE(overlay.accept(overlay_of(force, torque, i * kTickNs), i * kTickNs));
         wrench = overlay.render(i * kTickNs, kTickNs);
     }
     return wrench;
@@ -68,7 +68,7 @@ TEST(Overlay, ChangesNoFasterThanItsRampWhateverIsAskedFor) {
         // Jumps between any directions, and none.
         const double angle = 2.399963 * i;
         const Vec3 asked = i % 7 == 0 ? Vec3(0.0) : 1e6 * Vec3(std::cos(angle), std::sin(angle), std::cos(3.0 * angle));
-        ASSERT_TRUE(overlay.accept(overlay_of(asked, asked, i * kTickNs)));
+        ASSERT_TRUE(overlay.accept(overlay_of(asked, asked, i * kTickNs), i * kTickNs));
         const Wrench wrench = overlay.render(i * kTickNs, kTickNs);
         ASSERT_LE(glm::length(wrench.force), 2.0 + kExact);
         ASSERT_LE(glm::length(wrench.torque), 0.04 + kExact);
@@ -91,7 +91,7 @@ TEST(Overlay, FadesLinearlyToZeroWhenNoneArrivesAnyMore) {
         }
     }
     // It comes back from zero.
-    ASSERT_TRUE(overlay.accept(overlay_of({0.0, 5.0, 0.0}, {}, 1'000 * kTickNs)));
+    ASSERT_TRUE(overlay.accept(overlay_of({0.0, 5.0, 0.0}, {}, 1'000 * kTickNs), 1'000 * kTickNs));
     EXPECT_NEAR(overlay.render(1'000 * kTickNs, kTickNs).force.y, kForceStep, kExact);
 }
 
@@ -99,21 +99,47 @@ TEST(Overlay, RefusesWhatIsNotFiniteAndKeepsTheLastOne) {
     Overlay overlay(kBounds);
     (void)settled(overlay, {0.0, 1.0, 0.0}, {0.0, 0.01, 0.0}, 100);
     for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
-        EXPECT_FALSE(overlay.accept(overlay_of({0.0, bad, 0.0}, {}, 120 * kTickNs)));
-        EXPECT_FALSE(overlay.accept(overlay_of({}, {bad, 0.0, 0.0}, 120 * kTickNs)));
+        EXPECT_FALSE(overlay.accept(overlay_of({0.0, bad, 0.0}, {}, 120 * kTickNs), 120 * kTickNs));
+        EXPECT_FALSE(overlay.accept(overlay_of({}, {bad, 0.0, 0.0}, 120 * kTickNs), 120 * kTickNs));
     }
     EXPECT_EQ(overlay.render(120 * kTickNs, kTickNs).force, Vec3(0.0, 1.0, 0.0));
     EXPECT_LT(overlay.render(160 * kTickNs, kTickNs).force.y, 1.0) << "its age is that of the last valid one";
 }
 
 TEST(Overlay, NeverComesFromATimeThatIsWrong) {
-    for (const std::int64_t wrong_ns :
-         {std::int64_t{0}, std::int64_t{2'000'000'000}, std::numeric_limits<std::int64_t>::min(),
-          std::numeric_limits<std::int64_t>::max()}) {
+    constexpr std::int64_t now_ns = 1'000'000'000;
+    for (const std::int64_t past_ns : {std::int64_t{0}, std::numeric_limits<std::int64_t>::min()}) {
         Overlay overlay(kBounds);
-        ASSERT_TRUE(overlay.accept(overlay_of({0.0, 1.0, 0.0}, {}, wrong_ns)));
-        EXPECT_EQ(overlay.render(1'000'000'000, kTickNs).force, Vec3(0.0)) << wrong_ns;
+        ASSERT_TRUE(overlay.accept(overlay_of({0.0, 1.0, 0.0}, {}, past_ns), now_ns));
+        EXPECT_EQ(overlay.render(now_ns, kTickNs).force, Vec3(0.0)) << past_ns;
     }
+    // One that lies ahead must not begin to push when its time has come, without its sender.
+    for (const std::int64_t ahead_ns : {3 * now_ns, std::numeric_limits<std::int64_t>::max()}) {
+        Overlay overlay(kBounds);
+        EXPECT_FALSE(overlay.accept(overlay_of({0.0, 1.0, 0.0}, {}, ahead_ns), now_ns));
+        for (std::int64_t t_ns = now_ns; t_ns < 4 * now_ns; t_ns += kTickNs) {
+            ASSERT_EQ(overlay.render(t_ns, kTickNs).force, Vec3(0.0)) << t_ns;
+        }
+    }
+}
+
+TEST(Overlay, AgesFromTheTickThatTookItIfItsTimeLiesSlightlyAhead) {
+    Overlay overlay(kBounds);
+    for (int i = 0; i <= 200; ++i) {
+        ASSERT_TRUE(overlay.accept(overlay_of({0.0, 2.0, 0.0}, {}, (i + 40) * kTickNs), i * kTickNs));
+        (void)overlay.render(i * kTickNs, kTickNs);
+    }
+    EXPECT_NEAR(overlay.render(250 * kTickNs, kTickNs).force.y, 2.0, kExact);
+    EXPECT_NEAR(overlay.render(251 * kTickNs, kTickNs).force.y, 2.0 - kForceStep, kExact);
+}
+
+TEST(Overlay, ForgetsWhatWasReceivedWhenItIsReset) {
+    Overlay overlay(kBounds);
+    (void)settled(overlay, {0.0, 1.0, 0.0}, {0.0, 0.01, 0.0}, 100);
+    overlay.reset();
+    const Wrench wrench = overlay.render(100 * kTickNs, kTickNs);
+    EXPECT_EQ(wrench.force, Vec3(0.0));
+    EXPECT_EQ(wrench.torque, Vec3(0.0));
 }
 
 }  // namespace

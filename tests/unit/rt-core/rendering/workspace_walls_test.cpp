@@ -100,5 +100,26 @@ TEST_F(WorkspaceWallsTest, AreFiniteForAnyPose) {
     }
 }
 
+TEST(YieldingToWalls, LeavesWhatIsNotAgainstThem) {
+    const WallPush push = {.wrench = {{-0.6, 0.0, 0.0}, {0.0, 0.002, 0.0}}, .stored = 0.0, .pushes = true};
+    const Wrench along = {{-0.3, 1.0, 2.0}, {0.01, 0.003, -0.02}};
+    const Wrench left = yielding(along, push, walls());
+    EXPECT_EQ(left.force, along.force);
+    EXPECT_EQ(left.torque, along.torque);
+    const Wrench against = {{5.0, 1.0, 0.0}, {0.0, -0.1, 0.0}};
+    EXPECT_EQ(yielding(against, WallPush{}, walls()).force, against.force) << "inside the region";
+}
+
+TEST(YieldingToWalls, TakesThePartAgainstThemAsTheyPush) {
+    const Wrench against = {{5.0, 1.0, 0.0}, {0.0, -0.1, 0.03}};
+    for (const double share : {0.0, 0.25, 0.5, 1.0, 1.7}) {
+        const WallPush push = {.wrench = {{-1.2 * share, 0.0, 0.0}, {0.0, 0.004 * share, 0.0}}, .pushes = true};
+        const Wrench left = yielding(against, push, walls());
+        const double rest = std::max(0.0, 1.0 - share);
+        EXPECT_NEAR(glm::length(left.force - Vec3(5.0 * rest, 1.0, 0.0)), 0.0, 1e-12) << share;
+        EXPECT_NEAR(glm::length(left.torque - Vec3(0.0, -0.1 * rest, 0.03)), 0.0, 1e-12) << share;
+    }
+}
+
 }  // namespace
 }  // namespace haptic::rt

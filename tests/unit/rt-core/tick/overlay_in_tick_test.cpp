@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
 #include <limits>
 #include <optional>
+#include <vector>
 
 #include "haptic/device/grip_mechanics.hpp"
+#include "process/force_profiles.hpp"
 #include "tick_rig.hpp"
 #include "units.hpp"
 
@@ -276,6 +279,88 @@ TEST(OverlayInTheTick, PressesACompliantHandOnAFloorWithoutVibration) {
     }
     EXPECT_LT(fastest, 2e-3) << "m/s";
     EXPECT_EQ(rig.tick.faults(), 0u);
+}
+
+/// Holds still for 15 s, the time for the proof of the wiring, then moves and turns about every axis.
+PoseTrack hand_that_tries_the_device_out() {
+    std::vector<double> times = {0.0};
+    std::vector<Pose> poses = {Pose{}};
+    for (int k = 0; k <= 2000; ++k) {
+        const double t = 0.01 * k;
+        const Vec3 turn = 0.16 * Vec3(std::sin(1.3 * t), std::sin(2.2 * t), std::sin(2.9 * t));
+        const double angle = glm::length(turn);
+        times.push_back(15.0 + t);
+        poses.push_back({0.015 * Vec3(std::sin(1.1 * t), std::sin(1.9 * t), std::sin(2.6 * t)),
+                         angle > 0.0 ? glm::angleAxis(angle, turn / angle) : kUpright});
+    }
+    return {std::move(times), std::move(poses)};
+}
+
+TEST(OverlayInTheTick, DoesNotPushUntilThePoseIsProved) {
+    TickSettings settings = with_overlay();
+    settings.safety.prove = true;
+    OverlayRig rig(settings, hand_that_tries_the_device_out(), device::GripMechanics{});
+    rig.tick.arm();
+    int unproven = 0;
+    bool pushed = false;
+    while (rig.now_ns < 34'000'000'000 && !pushed) {
+        rig.push({0.0, 1.0, 0.0}, {0.01, 0.0, 0.0});
+        rig.step();
+        const TickRecord& record = rig.tick.last();
+        ASSERT_EQ(rig.tick.faults(), 0u) << rig.now_ns;
+        pushed = (record.flags & HAPTIC_TICK_OVERLAY) != 0;
+        if ((record.flags & HAPTIC_TICK_UNPROVEN) != 0) {
+            ++unproven;
+            ASSERT_FALSE(pushed && rig.tick.proof().pose != Proof::Passed);
+            ASSERT_EQ(record.rendered.force, Vec3(0.0));
+            ASSERT_EQ(record.rendered.torque, Vec3(0.0));
+        }
+    }
+    EXPECT_GT(unproven, 1000) << "the rise alone takes a second";
+    EXPECT_EQ(rig.tick.proof().pose, Proof::Passed);
+    EXPECT_TRUE(pushed) << "from then on it pushes";
+}
+
+TickSettings with_overlay_and_walls(double max_force) {
+    TickSettings settings = with_overlay(max_force);
+    settings.frames.max_stiffness = 600.0;
+    settings.frames.max_rotational_stiffness = 0.12;
+    apply_profile(Config{}, normal_profile(), settings);
+    settings.budget = {};
+    return settings;
+}
+
+TEST(OverlayInTheTick, DoesNotLeadTheGripThroughTheWalls) {
+    // A hand just inside the edge that lets itself be led: 5 N would move the firm one by 17 mm, and the walls give 1
+    // N.
+    const PoseTrack hand = {{0.0, 2.0, 2.5}, {Pose{}, Pose{}, Pose{{0.009, 0.0, 0.0}, kUpright}}};
+    for (const double hand_stiffness : {300.0, 60.0}) {
+        for (const double force : {1.0, 5.0}) {
+            const TickSettings settings = with_overlay_and_walls(force);
+            ASSERT_TRUE(settings.walls.on);
+            device::GripMechanics mechanics;
+            mechanics.hand_stiffness = hand_stiffness;
+            mechanics.hand_damping = 0.2 * std::sqrt(hand_stiffness);
+            OverlayRig rig(settings, hand, mechanics);
+            rig.run_up();
+            double farthest = 0.0;
+            double fastest = 0.0;
+            while (rig.now_ns < 6'000'000'000) {
+                rig.push({force, 0.0, 0.0});
+                rig.step();
+                if (rig.now_ns > 5'000'000'000) {
+                    farthest = std::max(farthest, rig.tick.last().pose.position.x);
+                    fastest = std::max(fastest, glm::length(rig.board.device().grip_velocity().linear));
+                }
+            }
+            EXPECT_NE(rig.tick.last().flags & HAPTIC_TICK_WORKSPACE_EDGE, 0u);
+            EXPECT_NE(rig.tick.last().flags & HAPTIC_TICK_OVERLAY, 0u);
+            EXPECT_LT(farthest, settings.walls.semi_axes.x + settings.walls.thickness)
+                << force << " N, " << hand_stiffness;
+            EXPECT_LT(fastest, 2e-3) << "m/s, vibration at the edge: " << force << " N, " << hand_stiffness;
+            EXPECT_EQ(rig.tick.faults(), 0u);
+        }
+    }
 }
 
 }  // namespace
