@@ -29,6 +29,7 @@ using RosVector = geometry_msgs_msg_dds__Vector3_;
 using RosStatus = diagnostic_msgs_msg_dds__DiagnosticStatus_;
 
 constexpr std::int64_t kLostNs = kNanosecondsPerSecond / 2;  // without a state: no rt-core
+constexpr std::int64_t kStallNs = 20'000'000;                // without a run: what waits, or still comes in, is old
 constexpr std::size_t kButtons = 3;
 constexpr std::int32_t kDepth = 10;  // of ROS 2's default
 
@@ -135,6 +136,7 @@ struct RosTopics::State {
         next_ns = std::max(next_ns + period_ns, latch_ns + period_ns / 2);
         return true;
     }
+    /// Takes the newest overlay, unless it may have waited while this process stood still.
     void take_overlay(std::int64_t now_ns);
     [[nodiscard]] bool read(const geometry_msgs_msg_dds__WrenchStamped_& message);
     void publish();
@@ -155,6 +157,8 @@ struct RosTopics::State {
     RingObserver<DeviceState> states;
     DeviceState state{};       // the newest
     DeviceState next_state{};  // not valid until it was read whole
+    std::int64_t last_run_ns = 0;
+    std::int64_t fresh_from_ns = 0;  // overlays that are taken before are older than they seem
     std::int64_t next_ns = 0;
     std::int64_t seen_ns = 0;  // 0: no state yet
     std::int64_t diagnose_ns = 0;
@@ -176,6 +180,16 @@ bool RosTopics::State::read(const geometry_msgs_msg_dds__WrenchStamped_& message
 }
 
 void RosTopics::State::take_overlay(std::int64_t now_ns) {
+    // After a stall, as by SIGSTOP, messages wait here, and some still in the socket for the thread that receives.
+    if (now_ns - last_run_ns > kStallNs) {
+        fresh_from_ns = now_ns + kStallNs;
+    }
+    last_run_ns = now_ns;
+    if (now_ns < fresh_from_ns) {
+        while (overlays->take([](const auto& /*old*/) { return true; }) != Taken::Nothing) {
+        }
+        return;
+    }
     const Taken taken = overlays->take([this](const auto& message) { return read(message); });
     counts.refused += taken == Taken::Refused ? 1u : 0u;
     if (taken == Taken::Message) {

@@ -75,6 +75,30 @@ TEST_F(RosOverlay, ArrivesWithTheTimeOfItsArrival) {
     EXPECT_EQ(ros.counts().refused, 0u);
 }
 
+TEST_F(RosOverlay, IsDroppedIfItWaitedWhileTheRelayStoodStill) {
+    RosTopics ros = topics(true);
+    WrenchOverlay overlay{};
+    ASSERT_TRUE(send_until(ros, "", 1.0, 0.0, [&] { return ring_.read_newest(overlay); }));
+    for (int i = 0; i < 100; ++i) {
+        ros.run_once(monotonic_now_ns(), {});
+        ::usleep(500);
+    }
+    (void)ring_.read_newest(overlay);
+    // It arrives, and nobody takes it for 100 ms.
+    const std::uint64_t passed_on = ros.counts().overlays;
+    send("", 2.0);
+    ::usleep(100'000);
+    const std::int64_t end_ns = monotonic_now_ns() + 30'000'000;
+    while (monotonic_now_ns() < end_ns) {
+        ros.run_once(monotonic_now_ns(), {});
+        ::usleep(500);
+    }
+    EXPECT_FALSE(ring_.read_newest(overlay)) << overlay.force[0];
+    EXPECT_EQ(ros.counts().overlays, passed_on);
+    // Those that are sent from then on count again.
+    EXPECT_TRUE(send_until(ros, "", 3.0, 0.0, [&] { return ring_.read_newest(overlay) && overlay.force[0] == 3.0; }));
+}
+
 TEST_F(RosOverlay, IsRefusedInAnotherFrameOrIfItIsNotFinite) {
     RosTopics ros = topics(true);
     EXPECT_TRUE(send_until(ros, "base_link", 1.0, 0.0, [&] { return ros.counts().refused > 0; }));
