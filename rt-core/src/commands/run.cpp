@@ -289,7 +289,7 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
         spdlog::info("{}", describe_limits(settings.profile, tick_settings(settings, device_->is_real())));
     }
     if (settings.tick.overlay.on()) {
-        spdlog::info("takes a wrench overlay of at most {} N and {} N*m from other programs",
+        spdlog::info("takes a wrench overlay of at most {} N and {} N*m through rt-core relay",
                      settings.tick.overlay.max_force, settings.tick.overlay.max_torque);
     }
     // A second session may disturb this one.

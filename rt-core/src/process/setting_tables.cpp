@@ -248,7 +248,7 @@ const SettingTable<OverlaySettings>& overlay_table() {
     using V = SettingValues<S>;
     static const SettingTable<S> table{
         "overlay",
-        "A wrench that another program adds beside the contact, such as a node of ROS 2 (rt-core relay --ros-overlay). "
+        "A wrench that a node of ROS 2 adds beside the contact, through rt-core relay --ros-overlay. "
         "All limits hold for the sum.",
         {
             {{.key = "max_force", .unit = "N", .meaning = "Maximum force of the overlay. 0: none is taken."},
