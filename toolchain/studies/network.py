@@ -154,7 +154,8 @@ EOD
 set title '{title}'
 set xrange [-0.5:{columns}-0.5]; set yrange [-0.5:{lines}-0.5]
 set xtics ({delays}); set ytics ({losses})
-plot ${name} using 1:2:(0.5):(0.5):(column(3) > 1 ? 1 : column(3)) with boxxyerror fillstyle solid 1 noborder linecolor palette, \\
+plot ${name} using 1:2:(0.5):(0.5):(column(3) > 1 ? 1 : column(3)) with boxxyerror \\
+     fillstyle solid 1 noborder linecolor palette, \\
      ${name} using 1:2:4 with labels
 """
 
