@@ -165,7 +165,7 @@ std::filesystem::path Study::add_to_page(const Figure& figure) const {
     std::ostringstream out;
     out << page_top("The figures of the thesis, run again") << kIntroduction;
     for (const Reproduction& which : kReproductions) {
-        if (std::ifstream section(section_file(which.number)); section) {
+        if (const std::ifstream section(section_file(which.number)); section) {
             out << section.rdbuf();
         }
     }

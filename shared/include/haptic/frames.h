@@ -2,9 +2,9 @@
  *
  * haptic_contact_frame goes from the simulation to the real-time process: the contact planes to render until the next
  * frame arrives. haptic_device_state goes in the opposite direction. haptic_wrench_overlay goes from a third program,
- * through rt-core relay, to the real-time process. All use the device frame (right-handed, y up, origin at the centre of the device) and SI
- * units. Times are nanoseconds of CLOCK_MONOTONIC; quaternions are (w, x, y, z). Any change of layout or meaning
- * increments HAPTIC_ABI_VERSION, and the ring refuses other versions.
+ * through rt-core relay, to the real-time process. All use the device frame (right-handed, y up, origin at the centre
+ * of the device) and SI units. Times are nanoseconds of CLOCK_MONOTONIC; quaternions are (w, x, y, z). Any change of
+ * layout or meaning increments HAPTIC_ABI_VERSION, and the ring refuses other versions.
  */
 #ifndef HAPTIC_FRAMES_H
 #define HAPTIC_FRAMES_H
@@ -164,8 +164,8 @@ typedef struct haptic_device_state {
     uint32_t buttons; /* bit k: button k is pressed */
 } haptic_device_state;
 
-/* A wrench to add to that of the contact, which comes through rt-core relay. The real-time process takes none unless its
- * settings allow some; then it bounds its size and its rate, and lets it fade when none has arrived for a while. */
+/* A wrench to add to that of the contact, which comes through rt-core relay. The real-time process takes none unless
+ * its settings allow some; then it bounds its size and its rate, and lets it fade when none has arrived for a while. */
 typedef struct haptic_wrench_overlay {
     uint64_t sequence;       /* written by the ring */
     uint64_t session;        /* written by the ring */

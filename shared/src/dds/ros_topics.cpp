@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <optional>
+#include <memory>
 #include <stdexcept>
 #include <string_view>
 #include <vector>
@@ -106,6 +106,15 @@ void check(const RosSettings& settings) {
     }
 }
 
+/// From ROS 2's topic to the ring of the session.
+struct OverlayPath {
+    OverlayPath(const Entity& participant, const std::string& name, const std::string& session)
+        : topic(participant, geometry_msgs_msg_dds__WrenchStamped__desc, name, quality_of_overlays()), ring(session) {}
+
+    Receiver<geometry_msgs_msg_dds__WrenchStamped_> topic;
+    RingWriter<WrenchOverlay> ring;
+};
+
 struct RosTopics::State {
     State(const RosSettings& ros, const LinkSettings& link)
         : settings(ros),
@@ -120,9 +129,7 @@ struct RosTopics::State {
           states(link.session) {
         std::replace(frame_id.begin(), frame_id.end(), '/', '_');
         if (settings.overlay) {
-            overlays.emplace(participant, geometry_msgs_msg_dds__WrenchStamped__desc, topic("wrench_overlay"),
-                             quality_of_overlays());
-            overlay_ring.emplace(link.session);
+            overlays = std::make_unique<OverlayPath>(participant, topic("wrench_overlay"), link.session);
         }
     }
 
@@ -137,7 +144,7 @@ struct RosTopics::State {
         return true;
     }
     /// Takes the newest overlay, unless it may have waited while this process stood still.
-    void take_overlay(std::int64_t now_ns);
+    void take_overlay(OverlayPath& path, std::int64_t now_ns);
     [[nodiscard]] bool read(const geometry_msgs_msg_dds__WrenchStamped_& message);
     void publish();
     void publish_diagnostics(std::int64_t now_ns, const RelayCounts& relay);
@@ -151,8 +158,7 @@ struct RosTopics::State {
     Sender<geometry_msgs_msg_dds__WrenchStamped_> wrenches;
     Sender<sensor_msgs_msg_dds__Joy_> joys;
     Sender<diagnostic_msgs_msg_dds__DiagnosticArray_> diagnostics;
-    std::optional<Receiver<geometry_msgs_msg_dds__WrenchStamped_>> overlays;  // none unless asked for
-    std::optional<RingWriter<WrenchOverlay>> overlay_ring;
+    std::unique_ptr<OverlayPath> overlays;  // none unless asked for
     WrenchOverlay overlay{};
     RingObserver<DeviceState> states;
     DeviceState state{};       // the newest
@@ -179,23 +185,23 @@ bool RosTopics::State::read(const geometry_msgs_msg_dds__WrenchStamped_& message
            is_finite(to_vec3(overlay.torque));
 }
 
-void RosTopics::State::take_overlay(std::int64_t now_ns) {
+void RosTopics::State::take_overlay(OverlayPath& path, std::int64_t now_ns) {
     // After a stall, as by SIGSTOP, messages wait here, and some still in the socket for the thread that receives.
     if (now_ns - last_run_ns > kStallNs) {
         fresh_from_ns = now_ns + kStallNs;
     }
     last_run_ns = now_ns;
     if (now_ns < fresh_from_ns) {
-        while (overlays->take([](const auto& /*old*/) { return true; }) != Taken::Nothing) {
+        while (path.topic.take([](const auto& /*old*/) { return true; }) != Taken::Nothing) {
         }
         return;
     }
-    const Taken taken = overlays->take([this](const auto& message) { return read(message); });
+    const Taken taken = path.topic.take([this](const auto& message) { return read(message); });
     counts.refused += taken == Taken::Refused ? 1u : 0u;
     if (taken == Taken::Message) {
         // Its stamp is that of another clock: rt-core counts the age from here.
         overlay.arrival_time_ns = now_ns;
-        (void)overlay_ring->publish(overlay, now_ns);
+        (void)path.ring.publish(overlay, now_ns);
         ++counts.overlays;
     }
 }
@@ -261,7 +267,7 @@ RosTopics::~RosTopics() = default;
 void RosTopics::run_once(std::int64_t now_ns, const RelayCounts& relay) {
     State& s = *state_;
     if (s.overlays) {
-        s.take_overlay(now_ns);
+        s.take_overlay(*s.overlays, now_ns);
     }
     s.states.attend(now_ns);
     while (s.states.next(s.next_state)) {
