@@ -157,7 +157,8 @@ TEST(Settings, OfTheInstalledFileNameEveryKey) {
         const std::string line = text.substr(begin, end - begin);
         begin = end + 1;
         // A key whose default depends on something else is a comment: "# force = 8  # N, ...".
-        const bool note = line.starts_with("# ") && line.find(" = ") == line.find(' ', 2);
+        const std::size_t equals = line.find(" = ");
+        const bool note = line.starts_with("# ") && equals != std::string::npos && equals == line.find(' ', 2);
         const std::string assignment = note ? line.substr(2) : line;
         const std::size_t first = assignment.find_first_not_of(' ');
         if (line.starts_with('[')) {
