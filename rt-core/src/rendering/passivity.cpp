@@ -207,9 +207,7 @@ Passivity::Result Passivity::bound(const PassivityMotion& motion, const Passivit
     }
     // gamma w, and the brake -(1 - gamma) d v with the mean velocity v.
     const double wrench_scale = scale_ * within;
-    Result result{.wrench = {wrench_scale * request.wrench.force, wrench_scale * request.wrench.torque},
-                  .scale = scale_,
-                  .acted = true};
+    Result result{.wrench = scaled(wrench_scale, request.wrench), .scale = scale_, .acted = true};
     if (motion.elapsed_s > 0.0) {
         const Vec3 brake = (1.0 - scale_) * settings_.brake * brake_velocity_;
         const Vec3 turn_brake = (1.0 - scale_) * settings_.rotational_brake * brake_turn_;

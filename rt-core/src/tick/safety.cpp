@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "haptic/numeric.hpp"
+#include "rendering/wrench_arithmetic.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -181,14 +182,14 @@ Wrench SafetyMachine::permitted_wrench(const Wrench& wanted) HAPTIC_RT {
         return Wrench{};
     }
     const double factor = smooth_step(wrench_fade_);
-    return {factor * last_wrench_.force, factor * last_wrench_.torque};
+    return scaled(factor, last_wrench_);
 }
 
 void SafetyMachine::set_rendered(const Wrench& wrench) HAPTIC_RT {
     if (state_ == SafetyState::Running) {
         last_wrench_ = wrench;
     }
-    rendered_ = wrench.force != Vec3(0.0) || wrench.torque != Vec3(0.0);
+    rendered_ = !is_zero(wrench);
 }
 
 double SafetyMachine::tension_scale() const HAPTIC_RT {

@@ -384,7 +384,7 @@ void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     set_flag(running && proof_.limits(), HAPTIC_TICK_UNPROVEN);
     limit_wrench(safety_.permitted_wrench(wanted), scaled(proved, passive));
     if (running) {
-        tell_pushes_apart(rendered);
+        separate_pushes(rendered);
     }
     // What the simulation may apply to its bodies.
     record_.stiffness = rendered.finite ? rendered.stiffness : 0.0;
@@ -452,7 +452,7 @@ void Tick::limit_wrench(const Wrench& wanted, const Wrench& without_overlay) HAP
 
 /// The part of the walls in what is rendered beside the overlay: all of it is asked of the passivity controller
 /// together, and reduced alike.
-void Tick::tell_pushes_apart(const FrameRenderer::Result& rendered) HAPTIC_RT {
+void Tick::separate_pushes(const FrameRenderer::Result& rendered) HAPTIC_RT {
     pushes_.walls = Wrench{};
     if (walls_.pushes) {
         const double asked = size_of(rendered.contact.wrench);

@@ -145,7 +145,7 @@ class Tick {
     [[nodiscard]] Wrench apply_passivity(const FrameRenderer::Result& rendered) HAPTIC_RT;
     [[nodiscard]] Wrench render_overlay(const TickTime& time, bool running) HAPTIC_RT;
     void limit_wrench(const Wrench& wanted, const Wrench& without_overlay) HAPTIC_RT;
-    void tell_pushes_apart(const FrameRenderer::Result& rendered) HAPTIC_RT;
+    void separate_pushes(const FrameRenderer::Result& rendered) HAPTIC_RT;
     void solve_tensions() HAPTIC_RT;
     void exchange_out(const TickTime& time) HAPTIC_RT;
     void update_thermal_model() HAPTIC_RT;

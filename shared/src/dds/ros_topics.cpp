@@ -48,11 +48,6 @@ Stamp stamp_of(std::int64_t monotonic_ns) {
             static_cast<std::uint32_t>(ns % kNanosecondsPerSecond)};
 }
 
-/// The newest of what either kind of writer sends.
-Quality quality_of_overlays() {
-    return Quality{1};
-}
-
 RosVector ros_vector(const double (&v)[3]) {
     return {v[0], v[1], v[2]};
 }
@@ -109,9 +104,9 @@ void check(const RosSettings& settings) {
 /// From ROS 2's topic to the ring of the session.
 struct OverlayPath {
     OverlayPath(const Entity& participant, const std::string& name, const std::string& session)
-        : topic(participant, geometry_msgs_msg_dds__WrenchStamped__desc, name, quality_of_overlays()), ring(session) {}
+        : topic(participant, geometry_msgs_msg_dds__WrenchStamped__desc, name, Quality{1}), ring(session) {}
 
-    Receiver<geometry_msgs_msg_dds__WrenchStamped_> topic;
+    Receiver<geometry_msgs_msg_dds__WrenchStamped_> topic;  // the newest of what either kind of writer sends
     RingWriter<WrenchOverlay> ring;
 };
 

@@ -19,7 +19,7 @@ namespace {
 // Maximum number of simulation steps for which planes of a published frame are extrapolated: half a step of margin for
 // a late one.
 constexpr double kHorizonSteps = 1.5;
-// ns, up to which the time that a frame was underway before (computation, network) makes that longer.
+// ns, limit of the horizon where the time that a frame took to be published (computation, network) extends it.
 constexpr std::int64_t kMaxHorizonNs = 50'000'000;
 // s, time constant with which a particle's sticking position moves to the simulation's.
 constexpr double kStickCorrectionTimeS = 0.1;
