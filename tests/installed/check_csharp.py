@@ -8,16 +8,11 @@ import sys
 from pathlib import Path
 
 sys.dont_write_bytecode = True  # nothing is written to the source tree
-from libhaptic import ContactFrame, DeviceState, find_library, load
+from libhaptic import ContactFrame, DeviceState, expect, find_library, load
 
 HERE = Path(__file__).resolve().parent
 HAPTIC = HERE.parents[1] / "shared/examples/11-csharp/Haptic.cs"
 REFUSED = ["session name", "step_ns|step", "0 to 63", "0 to 3"]
-
-
-def expect(what: str, found, expected) -> None:
-    if found != expected:
-        sys.exit(f"error: {what} is {found}, should be {expected}")
 
 
 def check_frame(frame: ContactFrame) -> None:

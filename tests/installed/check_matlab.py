@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 sys.dont_write_bytecode = True  # nothing is written to the source tree
-from libhaptic import ContactFrame, DeviceState, find_library, load
+from libhaptic import ContactFrame, DeviceState, expect, find_library, load
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "shared/examples/12-matlab"
 STRICT = "-Wall -Wextra -Wpedantic -Wshadow -Werror"
@@ -101,11 +101,6 @@ ENDINGS = [
     "t = s; c = struct('a', {{t}}); clear s t; c = 0;",
     "clear s; function fails(name), s = Haptic(name); error('x:y', 'z'); end; try, fails(name); catch, end;",
 ]
-
-
-def expect(what: str, found, expected) -> None:
-    if found != expected:
-        sys.exit(f"error: {what} is {found}, should be {expected}")
 
 
 class Octave:

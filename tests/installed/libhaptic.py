@@ -1,5 +1,6 @@
 """libhaptic.so from Python: the frames as ctypes structures, and the functions that the tests call."""
 import ctypes
+import sys
 from ctypes import POINTER, c_char_p, c_double, c_float, c_int, c_int64, c_uint32, c_uint64, c_void_p
 from pathlib import Path
 
@@ -51,3 +52,8 @@ def load(library: Path) -> ctypes.CDLL:
         following = getattr(haptic, f"haptic_{end}_next")
         following.restype, following.argtypes = c_int, [c_void_p, POINTER(slot), c_int64]
     return haptic
+
+
+def expect(what: str, found, expected) -> None:
+    if found != expected:
+        sys.exit(f"error: {what} is {found}, should be {expected}")

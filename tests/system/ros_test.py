@@ -61,14 +61,6 @@ def end(*processes: subprocess.Popen) -> None:
         process.wait()
 
 
-def with_buttons(hand: Path) -> Path:
-    """The same hand, which holds buttons 0 and 2 while it presses."""
-    lines = hand.read_text().splitlines()
-    pressed = ["buttons"] + [str(5 if k == 2 else 0) for k in range(len(lines) - 1)]
-    hand.write_text("".join(f"{line},{button}\n" for line, button in zip(lines, pressed)))
-    return hand
-
-
 class Recording:
     """Rows of a recording by the times of the wall clock that messages carry."""
 
@@ -122,7 +114,7 @@ def check_diagnostics(messages: list[str]) -> None:
 
 
 def hear_the_device(work: Path) -> None:
-    hand = with_buttons(write_hand(HOST_SIM, work))
+    hand = write_hand(HOST_SIM, work, buttons=0b101)
     heard = work / "heard.txt"  # more than a pipe holds
     relay = start_relay(16)
     simulation = subprocess.Popen([HOST_SIM, "run", "gel-block", "--clock", "real", "--session", SESSION, "--wait", "10", "--duration", "0"],

@@ -136,15 +136,6 @@ class Session:
         return processes
 
 
-def write_track(hand: Path, track: Sequence[tuple[float, dict]]) -> None:
-    """A hand for --hand of rt-core: at these times, s, the poses and buttons of rows of a recording of host-sim."""
-    columns = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "buttons")
-    with hand.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time_s", *columns])
-        writer.writerows([at, *(row[column] for column in columns)] for at, row in track)
-
-
 def recorded(recording: Path, *columns: str) -> list[tuple[float, ...]]:
     """These columns of a recording of rt-core, row by row."""
     with recording.open() as file:

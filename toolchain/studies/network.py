@@ -1,6 +1,6 @@
 """What a network does to the force, as a table, and with --draw TABLE.csv PICTURE.png a map of it: see toolchain/study.
 
-A run is two sessions in real time, one on one machine and one on two that a cable joins, which delays, scatters and
+A run is two sessions in real time, one on one machine and one on two that a cable joins, which delays, jitters and
 loses packets (delay_ms "none": both on one machine, so what differs is what differs from session to session). The grip
 of the emulated device has mass and is held by a compliant hand, so the loop through the network is closed. Columns:
 
@@ -33,8 +33,8 @@ from programs import HOST_SIM, RT_CORE, refuse_machines
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/system"))
-from pressing import script_of  # noqa: E402
-from two_machines import Session, machines, possible, recorded, write_track  # noqa: E402
+from pressing import script_of, write_track  # noqa: E402
+from two_machines import Session, machines, possible, recorded  # noqa: E402
 
 EMULATED_CABLE = Path(HOST_SIM).resolve().parents[1] / "tests/system/emulated_cable"
 APPROACH_S = 1.0  # from the device's centre to where the script begins
