@@ -25,6 +25,8 @@ constexpr std::size_t kMaxAnswers = std::size_t{1} << 22;
 constexpr double kMaxPayment = 10.0;
 // A motion of the whole tool counts as one of these rows if the others leave this part of it.
 constexpr double kMinMotion = 1e-6;
+// Of a patch's spread: that across which it counts as a line.
+constexpr double kLeastSpread = 1e-6;
 // Friction coefficient that never slips.
 constexpr double kStuck = 1e6;
 
@@ -175,7 +177,8 @@ void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow>
             // With positions the proxy's position stands for its planes.
             const double depth = positions ? glm::dot(row.direction, proxy.position - proxy.goal) : row.depth;
             rows_.push_back({.proxy = index,
-                             .patch = add_patch(proxy.contacts.plane[row.plane].touched, bodies, model),
+                             .patch = add_patch(proxy.contacts.plane[row.plane].touched,
+                                                {proxy.position, row.direction}, bodies, model),
                              .plane = row.plane,
                              .direction = row.direction,
                              .depth = depth,
@@ -190,7 +193,7 @@ void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow>
     for (std::size_t k = proxy.contacts.count; met && k < proxy.planes.count && !positions; ++k) {
         const SurfacePlane& plane = proxy.planes.plane[k];
         rows_.push_back({.proxy = index,
-                         .patch = add_patch(plane.touched, bodies, model),
+                         .patch = add_patch(plane.touched, {proxy.position, plane.normal}, bodies, model),
                          .plane = static_cast<std::uint32_t>(k),
                          .direction = plane.normal,
                          .depth = plane.offset - glm::dot(plane.normal, proxy.free_position),
@@ -218,8 +221,8 @@ void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow>
                          .coefficient = positions ? kStuck : coefficient});
 }
 
-/// Eq. 4.1: the particles that take a force at the touched point.
-std::uint32_t ContactCoupling::add_patch(const SurfacePoint& touched, const Bodies& bodies,
+/// Eq. 4.1: the particles that take a force at the touched point, along a line.
+std::uint32_t ContactCoupling::add_patch(const SurfacePoint& touched, const Line& line, const Bodies& bodies,
                                          const ParticleModel& model) {
     Patch patch{.begin = static_cast<std::uint32_t>(pressed_.size())};
     const std::size_t first = bodies.bodies[touched.object].first_particle;
@@ -236,8 +239,41 @@ std::uint32_t ContactCoupling::add_patch(const SurfacePoint& touched, const Bodi
         patch.reference += p.weight * model.position[i];
     }
     patch.end = static_cast<std::uint32_t>(pressed_.size());
+    centre_on(line, model, patch);
     patches_.push_back(patch);
     return static_cast<std::uint32_t>(patches_.size() - 1);
+}
+
+/// Changes the weights of a patch such that its centre lies on the line, as far as they stay positive: the force then
+/// turns the body as one along the line does. The mask knows the rest shape only, and folds and borders shift its
+/// centre.
+void ContactCoupling::centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept {
+    // W_i (1 - a . t_i), with the offsets t_i across the line from the centre; a from the second moments M.
+    const auto across = [&](const Vec3& v) { return v - glm::dot(v, line.direction) * line.direction; };
+    const auto offset = [&](const Pressed& p) { return across(model.position[p.particle] - patch.reference); };
+    Mat3 moments = Mat3(0.0);
+    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+        const Vec3 t = offset(pressed_[p]);
+        moments += pressed_[p].weight * glm::outerProduct(t, t);
+    }
+    const double spread = moments[0][0] + moments[1][1] + moments[2][2];
+    if (!(spread > 0.0)) {
+        return;
+    }
+    // Regular along the line, and where all particles lie on another line.
+    moments += spread * (glm::outerProduct(line.direction, line.direction) + Mat3(kLeastSpread));
+    Vec3 a = glm::inverse(moments) * across(patch.reference - line.point);
+    double most = 0.0;
+    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+        most = std::max(most, glm::dot(a, offset(pressed_[p])));
+    }
+    a /= std::max(most, 1.0);
+    Vec3 centre(0.0);
+    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+        pressed_[p].weight *= 1.0 - glm::dot(a, offset(pressed_[p]));
+        centre += pressed_[p].weight * model.position[pressed_[p].particle];
+    }
+    patch.reference = centre;
 }
 
 /// Mean of the patches of a proxy's contacts, weighted by their shares of the normal force, for its tangents.

@@ -148,6 +148,11 @@ class ContactCoupling final : public SolverContacts {
         double inverse_mass = 0.0;   // 1/kg; 0: pinned
     };
     /// The particles that take the force of one or more rows: a range of pressed_.
+    /// Of a force.
+    struct Line {
+        Vec3 point;      // m
+        Vec3 direction;  // unit
+    };
     struct Patch {
         std::uint32_t begin = 0;
         std::uint32_t end = 0;
@@ -181,7 +186,9 @@ class ContactCoupling final : public SolverContacts {
     void keep_last_push() noexcept;
     void add_proxy(std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
                    const ParticleModel& model);
-    std::uint32_t add_patch(const SurfacePoint& touched, const Bodies& bodies, const ParticleModel& model);
+    std::uint32_t add_patch(const SurfacePoint& touched, const Line& line, const Bodies& bodies,
+                            const ParticleModel& model);
+    void centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept;
     std::uint32_t add_mean_patch(const ToolProxy& proxy, std::uint32_t first_patch);
     void find_tool_compliance(const ToolProxies& tool);
     void add_skin(double least) noexcept;
