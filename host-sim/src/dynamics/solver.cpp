@@ -272,8 +272,11 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
             // With contacts, each iteration has applied the displacements already.
             state_->apply_displacements();
         }
-        // v <- (u - x) / h, w <- rotation / h, x <- u, then the corrections of momentum and the damping.
-        update(model, h);
+        // v <- (u - x) / h, w <- rotation / h, with the corrections of momentum; then x <- u, and the damping.
+        find_velocities(model, h);
+        std::fill_n(state_->pushed.begin(), sets > 0 ? model.size() : 0, Row{});
+        for_each([&](SolverContacts& c) { take_secured(model, c.secure(model, state_->moving(), h), h); });
+        take_positions(model, h);
     }
 }
 
@@ -325,13 +328,13 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
     state_->rotate_particles(model);
 }
 
-void ParticleSolver::update(ParticleModel& model, double h) {
+void ParticleSolver::find_velocities(ParticleModel& model, double h) {
     // w <- rotation / h, from the orientations before and after the projections.
     state_->find_angular_velocities(h);
-    workers_->for_each(bodies_.size(), [&](std::size_t b) { update_body(model, bodies_[b], h); });
+    workers_->for_each(bodies_.size(), [&](std::size_t b) { find_velocities_of(model, bodies_[b], h); });
 }
 
-void ParticleSolver::update_body(ParticleModel& model, const Body& body, double h) {
+void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h) {
     const ParticleRange& range = body.particles;
     for (std::size_t i = range.begin; i < range.end; ++i) {
         // Orientations; pinned particles without rotation keep all bits.
@@ -344,22 +347,63 @@ void ParticleSolver::update_body(ParticleModel& model, const Body& body, double 
             model.angular_velocity[i] = vector_of(state_->angular_velocity[i]);
         }
     }
-    // Needs the positions at the start of the sub-step, so before x <- u.
+    // Add the lost momenta back to velocities and predicted positions.
     if (body.is_free) {
-        restore_momenta(model, range, h);
-    }
-    // x <- u.
-    for (std::size_t i = range.begin; i < range.end; ++i) {
-        model.position[i] = vector_of(state_->position[i]);
-    }
-    // Last: damping keeps the restored momenta, about the final positions.
-    if (settings_.shape_damping > 0.0) {
-        damp_shape(model, range, h);
+        const RigidVelocity lost = lost_motion(model, range);
+        for (std::size_t i = range.begin; i < range.end; ++i) {
+            const Vec3 dv = lost.at(model.position[i]);
+            model.velocity[i] += dv;
+            set_vector(state_->position[i], vector_of(state_->position[i]) + h * dv);
+        }
     }
 }
 
-void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& body, double h) {
-    // Momenta lost by the projections, about the centre of mass: sums of m (v_predicted - v) and of p x that vector.
+/// Velocities of the particles that contacts have moved last; the lost momenta of their bodies return as velocity only,
+/// because the positions are secured.
+void ParticleSolver::take_secured(ParticleModel& model, std::span<const std::uint32_t> moved, double h) {
+    if (moved.empty()) {
+        return;
+    }
+    for (const std::uint32_t i : moved) {
+        predicted_[i] += vector_of(state_->pushed[i]) / h;
+        if (model.pinned[i] == 0) {
+            model.velocity[i] = (vector_of(state_->position[i]) - model.position[i]) / h;
+        }
+    }
+    for (const Body& body : bodies_) {
+        const auto belongs = [&](std::uint32_t i) { return i >= body.particles.begin && i < body.particles.end; };
+        if (!body.is_free || std::ranges::none_of(moved, belongs)) {
+            continue;
+        }
+        const RigidVelocity lost = lost_motion(model, body.particles);
+        for (std::size_t i = body.particles.begin; i < body.particles.end; ++i) {
+            model.velocity[i] += lost.at(model.position[i]);
+        }
+    }
+}
+
+void ParticleSolver::take_positions(ParticleModel& model, double h) {
+    workers_->for_each(bodies_.size(), [&](std::size_t b) {
+        const ParticleRange& range = bodies_[b].particles;
+        // x <- u.
+        for (std::size_t i = range.begin; i < range.end; ++i) {
+            model.position[i] = vector_of(state_->position[i]);
+        }
+        // Last: damping keeps the restored momenta, about the final positions.
+        if (settings_.shape_damping > 0.0) {
+            damp_shape(model, range, h);
+        }
+    });
+}
+
+Vec3 ParticleSolver::RigidVelocity::at(const Vec3& p) const noexcept {
+    return linear + glm::cross(angular, p - centre);
+}
+
+/// The rigid motion with the momenta that a body has lost since the prediction, at the positions at the start of the
+/// sub-step.
+ParticleSolver::RigidVelocity ParticleSolver::lost_motion(const ParticleModel& model, const ParticleRange& body) const {
+    // Momenta lost, about the centre of mass: sums of m (v_predicted - v) and of p x that vector.
     const Vec3 centre = centre_of_mass(model, body);
     double mass = 0.0;
     Vec3 linear(0.0);
@@ -373,15 +417,8 @@ void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& 
         angular += glm::cross(p, lost);
         add_outer(scatter, model.mass[i], p, p);
     }
-    // Velocity of the lost linear momentum. It is rounding error alone, since every projection conserves momentum.
-    linear /= mass;
-    // Add them back as a rigid motion, dv + w x p, to velocities and predicted positions.
-    const Vec3 omega = settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0);
-    for (std::size_t i = body.begin; i < body.end; ++i) {
-        const Vec3 dv = linear + glm::cross(omega, model.position[i] - centre);
-        model.velocity[i] += dv;
-        set_vector(state_->position[i], vector_of(state_->position[i]) + h * dv);
-    }
+    // Linear momentum is lost by rounding and by contacts that hold back; the projections conserve it.
+    return {centre, linear / mass, settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0)};
 }
 
 void ParticleSolver::damp_shape(ParticleModel& model, const ParticleRange& body, double h) const {

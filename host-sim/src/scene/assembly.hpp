@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "collision/surface_features.hpp"
 #include "contact/swept_tree.hpp"
 #include "haptic/sim/contact_force.hpp"
 #include "haptic/sim/deformable.hpp"
@@ -29,6 +30,9 @@ struct Assembly {
         const std::size_t next = body + 1 < bodies.size() ? bodies[body + 1].first_particle : model.size();
         return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first};
     }
+
+    /// The sheets: bodies whose vertices are their particles, with a triangle that can move as a whole.
+    [[nodiscard]] std::vector<ParticleSurface> sheets() const;
 
     // Of all bodies together.
     ParticleModel model;  // current state

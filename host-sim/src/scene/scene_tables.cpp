@@ -73,6 +73,16 @@ const SettingTable<CollisionSettings>& collisions_table() {
         {
             {{.key = "between_bodies", .meaning = "Whether particles of different bodies collide."},
              V::flag(&S::between_bodies)},
+            {{.key = "sheets",
+              .meaning = "Whether sheets collide with themselves and with one another, by their triangles: nothing of "
+                         "them passes through another part."},
+             V::flag(&S::sheets)},
+            {{.key = "thickness",
+              .unit = "m",
+              .default_note = "a tenth of the mean edge",
+              .meaning =
+                  "Distance that is kept between sheets that lie on one another. 0: a tenth of their mean edge."},
+             V::number(&S::thickness, {0.0, 1.0})},
             {{.key = "ground", .meaning = "Whether particles collide with the ground, a half-space."},
              V::flag(&S::ground)},
             {{.key = "ground_height", .unit = "m", .meaning = "Height of the ground."},

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "collision/surface_contacts.hpp"
 #include "contact/verification.hpp"
 #include "dynamics/workers.hpp"
 #include "haptic/denormals.hpp"
@@ -35,6 +36,15 @@ std::unique_ptr<ParticleCollisions> make_collisions(const ParticleModel& model, 
                                                     Simulation::ClockFunction clock) {
     const bool alone = model.bodies.size() < 2 || !settings.between_bodies;
     return alone && !settings.ground ? nullptr : std::make_unique<ParticleCollisions>(model, settings, clock);
+}
+
+/// Null without sheets that collide.
+std::unique_ptr<SurfaceContacts> make_surface_contacts(const Assembly& assembly, const CollisionSettings& settings,
+                                                       Simulation::ClockFunction clock) {
+    const std::vector<ParticleSurface> sheets = assembly.sheets();
+    return !settings.sheets || sheets.empty()
+               ? nullptr
+               : std::make_unique<SurfaceContacts>(assembly.model, sheets, settings, clock);
 }
 
 /// Stopwatch on the caller's clock; always 0 without one.
@@ -104,6 +114,7 @@ struct Simulation::State {
           solver(assembly.model, from.solver),
           loads(assembly),
           collisions(make_collisions(assembly.model, from.collisions, time)),
+          surface_contacts(make_surface_contacts(assembly, from.collisions, time)),
           skinner(assembly.mesh.vertices, assembly.model, assembly.skin),
           start(assembly.mesh.vertices),
           end(assembly.mesh.vertices),
@@ -150,7 +161,8 @@ struct Simulation::State {
     Assembly assembly;  // `surfaces` points at its trees
     ParticleSolver solver;
     SceneLoads loads;
-    std::unique_ptr<ParticleCollisions> collisions;  // null if nothing can collide
+    std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
+    std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     Skinner skinner;
     std::vector<Vec3> start;  // m, scene: vertices before and after the last step
     std::vector<Vec3> end;
@@ -296,7 +308,8 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
                          .length = step},
                         {.bodies = assembly.bodies, .masks = assembly.masks}, assembly.model);
     loads.begin_step(now_s());
-    solver.step(assembly.model, loads, {coupling.is_active() ? &coupling : nullptr, collisions.get()});
+    solver.step(assembly.model, loads,
+                {coupling.is_active() ? &coupling : nullptr, surface_contacts.get(), collisions.get()});
     coupling.end_step(assembly.model);
 }
 
@@ -403,7 +416,8 @@ StepResult Simulation::step(const StepInput& input) {
     // Coupling and collisions run inside the solver's step and have clocks of their own.
     const std::int64_t couple_ns = s.coupling.take_time();
     result.times.proxy_ns += couple_ns;
-    result.times.collide_ns = s.collisions == nullptr ? 0 : s.collisions->take_time();
+    result.times.collide_ns = (s.collisions == nullptr ? 0 : s.collisions->take_time()) +
+                              (s.surface_contacts == nullptr ? 0 : s.surface_contacts->take_time());
     result.times.deform_ns = watch.lap() - result.times.collide_ns - couple_ns;
     // Skin the moved bodies; the frame then knows where each touched point goes until t + dt.
     s.skin();

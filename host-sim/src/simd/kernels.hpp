@@ -10,6 +10,7 @@
 
 #include "simd/collider_rows.hpp"
 #include "simd/elastic.hpp"
+#include "simd/features.hpp"
 #include "simd/inverse.hpp"
 #include "simd/projection.hpp"
 #include "simd/refit.hpp"
@@ -21,6 +22,7 @@ struct Kernels {
     ProjectionKernels projection;
     ColliderKernels colliders;
     ElasticKernels elastic;
+    FeatureKernels features;
     SkinningFunction skin;
     RefitFunction refit;
     InverseFunction inverse;

@@ -39,6 +39,8 @@ namespace haptic::sim {
 /// Settings of the collisions of one model.
 struct CollisionSettings {
     bool between_bodies = true;
+    bool sheets = true;             // with themselves and with one another, by their triangles
+    double thickness = 0.0;         // m, kept between sheets; 0: a tenth of their mean edge
     bool ground = false;            // the half-space below ground_height is solid
     double ground_height = 0.0;     // m
     double static_friction = 0.0;   // coefficient, 0 .. 10

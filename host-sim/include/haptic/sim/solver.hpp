@@ -96,6 +96,14 @@ class SolverContacts {
     /// Called once, after the last iteration. May move positions; adds to `now.pushed` each particle's displacement by
     /// these contacts since find().
     virtual void finish(const ParticleModel& start, const MovingParticles& now, double h) = 0;
+    /// Called once, when `now` has the positions that the sub-step would lead to and nobody else moves them any more.
+    /// May move them, and returns the particles for which it did, valid until the next call; adds to `now.pushed` their
+    /// displacements by what does not belong to their bodies. What else free bodies lose of their momenta returns to
+    /// them as velocity. Only one of several contacts may move anything.
+    [[nodiscard]] virtual std::span<const std::uint32_t> secure(const ParticleModel& /*start*/,
+                                                                const MovingParticles& /*now*/, double /*h*/) {
+        return {};
+    }
 };
 
 /// Forces that change within a step, as those that follow the particles.
@@ -154,13 +162,22 @@ class ParticleSolver {
         ParticleRange particles;
         bool is_free = true;  // no particle is pinned
     };
+    /// v + w x (p - centre)
+    struct RigidVelocity {
+        Vec3 centre;   // m
+        Vec3 linear;   // m/s
+        Vec3 angular;  // rad/s
+        [[nodiscard]] Vec3 at(const Vec3& p) const noexcept;
+    };
 
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
     void add_contact_velocities(double h);
-    void update(ParticleModel& model, double h);
-    void update_body(ParticleModel& model, const Body& body, double h);
+    void find_velocities(ParticleModel& model, double h);
+    void find_velocities_of(ParticleModel& model, const Body& body, double h);
+    void take_secured(ParticleModel& model, std::span<const std::uint32_t> moved, double h);
+    void take_positions(ParticleModel& model, double h);
     void damp_shape(ParticleModel& model, const ParticleRange& body, double h) const;
-    void restore_momenta(ParticleModel& model, const ParticleRange& body, double h);
+    [[nodiscard]] RigidVelocity lost_motion(const ParticleModel& model, const ParticleRange& body) const;
 
     SolverSettings settings_;
     double faithful_step_;  // s, see faithful_step()

@@ -1,0 +1,633 @@
+#include "collision/surface_contacts.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <utility>
+
+#include "collision/colliders.hpp"
+#include "dynamics/rotation.hpp"
+#include "dynamics/rows.hpp"
+#include "simd/kernels.hpp"
+
+namespace haptic::sim {
+namespace {
+
+// Of the mean edge.
+constexpr double kThickness = 0.1;
+// Of the thickness: the gap that is guaranteed, far above rounding and far below what is seen or felt.
+constexpr double kLeastGap = 1.0 / 256.0;
+// Of the thickness: how far a vertex may leave the way expected of it before pairs are searched again.
+constexpr double kSlack = 0.75;
+// Sub-steps for which a search looks ahead.
+constexpr double kAhead = 2.0;
+// Rounds over unsafe pairs: these are pushed apart, then zones lose parts of their inner motion, then all of it; after
+// the last everything moves alike.
+constexpr int kPushRounds = 3;
+constexpr int kPartRounds = 2;
+constexpr int kMaxRounds = 20;
+// What is unsafe is pushed to this part of its distance at the start.
+constexpr double kPushedGap = 0.5;
+// Conservative advancement: steps, and the part of a safe way that is used.
+constexpr int kMaxAdvances = 100;
+constexpr double kSafety = 0.9;
+// s, in which layers that are too near come apart.
+constexpr double kPushOutTime = 0.1;
+// Passes where nobody else asks for any.
+constexpr int kPasses = 2;
+
+Vec3 weighted(const std::array<double, 4>& weight, const std::array<std::uint32_t, 4>& vertex,
+              const Row* position) noexcept {
+    Vec3 sum(0.0);
+    for (std::size_t k = 0; k < 4; ++k) {
+        sum += weight[k] * vector_of(position[vertex[k]]);
+    }
+    return sum;
+}
+
+/// m, at rest.
+double mean_edge(std::span<const ParticleSurface> surfaces) {
+    double sum = 0.0;
+    std::size_t count = 0;
+    for (const ParticleSurface& surface : surfaces) {
+        for (const Triangle& t : surface.triangles) {
+            for (std::size_t k = 0; k < 3; ++k) {
+                sum += glm::length(surface.rest[t[k]] - surface.rest[t[(k + 1) % 3]]);
+                ++count;
+            }
+        }
+    }
+    return count == 0 ? 1.0 : sum / static_cast<double>(count);
+}
+
+double gap_of(PairKind kind, const Vec3& n, const FeatureVertices& x) noexcept {
+    const double second = glm::dot(n, x[1]);
+    const double last = std::max(glm::dot(n, x[2]), glm::dot(n, x[3]));
+    return kind == PairKind::VertexTriangle ? glm::dot(n, x[0]) - std::max(second, last)
+                                            : std::min(glm::dot(n, x[0]), second) - last;
+}
+
+/// At a part of the way.
+FeatureVertices between(const FeatureVertices& from, const FeatureVertices& to, double part) noexcept {
+    FeatureVertices x;
+    for (std::size_t k = 0; k < 4; ++k) {
+        x[k] = from[k] + part * (to[k] - from[k]);
+    }
+    return x;
+}
+
+/// m, the most that a vertex of the first feature can move relative to one of the second.
+double relative_way(PairKind kind, const FeatureVertices& from, const FeatureVertices& to) noexcept {
+    const auto first = static_cast<std::size_t>(kind);
+    double squared = 0.0;
+    for (std::size_t a = 0; a < first; ++a) {
+        for (std::size_t b = first; b < 4; ++b) {
+            const Vec3 way = (to[a] - from[a]) - (to[b] - from[b]);
+            squared = std::max(squared, glm::dot(way, way));
+        }
+    }
+    return std::sqrt(squared);
+}
+
+}  // namespace
+
+FeatureRows SurfaceContacts::Pairs::rows(std::vector<double>& gaps) noexcept {
+    return {{vertex[0].data(), vertex[1].data(), vertex[2].data(), vertex[3].data()},
+            {normal[0].data(), normal[1].data(), normal[2].data()},
+            gaps.data()};
+}
+
+void SurfaceContacts::Pairs::append(const Pairs& from, std::size_t at) {
+    for (std::size_t k = 0; k < 4; ++k) {
+        vertex[k].push_back(from.vertex[k][at]);
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+        normal[k].push_back(from.normal[k][at]);
+    }
+    gap.push_back(from.gap[at]);
+}
+
+void SurfaceContacts::Pairs::clear() noexcept {
+    for (std::vector<std::uint32_t>& of : vertex) {
+        of.clear();
+    }
+    for (std::vector<double>& of : normal) {
+        of.clear();
+    }
+    gap.clear();
+}
+
+FeatureVertices SurfaceContacts::Pairs::vertices(std::size_t at, const Row* position) const noexcept {
+    return {vector_of(position[vertex[0][at]]), vector_of(position[vertex[1][at]]), vector_of(position[vertex[2][at]]),
+            vector_of(position[vertex[3][at]])};
+}
+
+double SurfaceContacts::Pairs::gap_along(std::size_t at, const Row* position) const noexcept {
+    return gap_of(kind, Vec3(normal[0][at], normal[1][at], normal[2][at]), vertices(at, position));
+}
+
+void SurfaceContacts::Pairs::set_normal(std::size_t at, const Vec3& n) noexcept {
+    for (int k = 0; k < 3; ++k) {
+        normal[static_cast<std::size_t>(k)][at] = n[k];
+    }
+}
+
+SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const ParticleSurface> surfaces,
+                                 const CollisionSettings& settings, StageClock::Function clock, std::size_t lanes)
+    : features_(surfaces, collider_kernels(lanes)),
+      kernels_(*find_kernels(&Kernels::features, lanes)),
+      thickness_(settings.thickness > 0.0 ? settings.thickness : kThickness * mean_edge(surfaces)),
+      least_gap_(kLeastGap * thickness_),
+      settings_(settings),
+      clock_(clock),
+      box_(model.size()),
+      reach_(model.size()),
+      start_(model.size()),
+      asked_(model.size()),
+      wish_(model.size()),
+      parent_(model.size()),
+      grounded_(model.size()),
+      part_(model.size()),
+      zone_(model.size()),
+      ended_(model.size(), Row{}) {
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        inverse_mass_.push_back(model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]);
+    }
+    surface_of_.resize(model.size());
+    for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
+        std::fill_n(surface_of_.begin() + surfaces[s].first_particle, surfaces[s].rest.size(), s);
+    }
+}
+
+void SurfaceContacts::find(const ParticleModel& start, const MovingParticles& /*predicted*/, ElasticBodies& /*elastic*/,
+                           double h) {
+    const StageClock::Span timed(clock_);
+    h_ = h;
+    contacts_known_ = false;
+    contact_.clear();
+    // What was proved at the end of the last sub-step holds at the start of this one, unless someone moved a vertex.
+    for (const std::uint32_t v : features_.vertices()) {
+        start_[v] = row_of(start.position[v]);
+        searched_ = searched_ && vector_of(ended_[v]) == start.position[v];
+    }
+}
+
+bool SurfaceContacts::have_left_boxes(const Row* position) const noexcept {
+    const Vec3 shift = (since_ + h_) * drift_;
+    bool left = false;
+    for (const std::uint32_t v : features_.vertices()) {
+        const Vec3 x = vector_of(position[v]) - shift;
+        left |= !(glm::all(glm::greaterThanEqual(x, box_[v].low)) && glm::all(glm::lessThanEqual(x, box_[v].high)));
+    }
+    return left;
+}
+
+/// Finds the pairs that may come within the thickness while vertices go on as from `start_` to `position`, for `ahead`
+/// sub-steps.
+void SurfaceContacts::search(const Row* position, double ahead) {
+    ++counts_.searches;
+    searched_ = true;
+    since_ = 0.0;
+    // Mean velocity.
+    Vec3 sum(0.0);
+    for (const std::uint32_t v : features_.vertices()) {
+        sum += vector_of(position[v]) - vector_of(start_[v]);
+    }
+    drift_ = sum / (h_ * static_cast<double>(features_.vertices().size()));
+    // Boxes about the ways in its frame.
+    const double margin = (kSlack + 0.5) * thickness_;
+    for (const std::uint32_t v : features_.vertices()) {
+        const Vec3 from = vector_of(start_[v]);
+        const Vec3 way = vector_of(position[v]) - from - h_ * drift_;
+        const Vec3 to = from + ahead * way;
+        box_[v] = {glm::min(from, to) - margin, glm::max(from, to) + margin};
+        reach_[v] = ahead * glm::length(way) + std::sqrt(3.0) * margin;
+    }
+    for (Pairs& pairs : pairs_) {
+        pairs.clear();
+    }
+    features_.search(box_, [&](PairKind kind, const auto& vertex) { keep_near(kind, vertex); });
+    for (Pairs& pairs : pairs_) {
+        pairs.end_gap.resize(pairs.size());
+        counts_.pairs += pairs.size();
+    }
+}
+
+/// Keeps those of the pairs that may come nearer than the least gap within their boxes.
+void SurfaceContacts::keep_near(PairKind kind, const std::array<std::vector<std::uint32_t>, 4>& vertex) {
+    Pairs& some = candidates_;
+    some.kind = kind;
+    some.vertex = vertex;
+    for (std::vector<double>& of : some.normal) {
+        of.resize(vertex[0].size());
+    }
+    some.gap.resize(vertex[0].size());
+    kernels_.find_normals(kind, some.rows(some.gap), some.size(), start_.data());
+    for (std::size_t k = 0; k < some.size(); ++k) {
+        double reach[4];
+        for (std::size_t c = 0; c < 4; ++c) {
+            reach[c] = reach_[vertex[c][k]];
+        }
+        const double last = std::max(reach[2], reach[3]);
+        const double far = least_gap_ + (kind == PairKind::VertexTriangle ? reach[0] + std::max(reach[1], last)
+                                                                          : std::max(reach[0], reach[1]) + last);
+        if (some.gap[k] > far) {
+            continue;
+        }
+        // The quick normal may be a bad one.
+        if (!(some.gap[k] > least_gap_)) {
+            const NearestPoints nearest = nearest_points(kind, some.vertices(k, start_.data()));
+            if (nearest.distance > far) {
+                continue;
+            }
+            some.set_normal(k, nearest.distance > 0.0 ? nearest.apart / nearest.distance : Vec3(0.0));
+            some.gap[k] = some.gap_along(k, start_.data());
+        }
+        pairs_[kind == PairKind::VertexTriangle ? 0 : 1].append(some, k);
+    }
+}
+
+void SurfaceContacts::find_contacts(const Row* position) {
+    contacts_known_ = true;
+    if (!searched_ || have_left_boxes(position)) {
+        search(position, kAhead);
+    }
+    for (Pairs& pairs : pairs_) {
+        kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
+        for (std::size_t k = 0; k < pairs.size(); ++k) {
+            if (pairs.end_gap[k] < thickness_) {
+                add_contact(pairs, k, position);
+            }
+        }
+    }
+    counts_.contacts += contact_.size();
+}
+
+/// Adds a contact at the points that are nearest at the start, if they come within the thickness along their line.
+void SurfaceContacts::add_contact(Pairs& pairs, std::size_t at, const Row* position) {
+    const NearestPoints nearest = nearest_points(pairs.kind, pairs.vertices(at, start_.data()));
+    if (!(nearest.distance > 0.0)) {
+        return;
+    }
+    const Vec3 normal = nearest.apart / nearest.distance;
+    pairs.set_normal(at, normal);
+    pairs.gap[at] = pairs.gap_along(at, start_.data());
+    // The ends of edges are vertices, which have contacts of their own.
+    const auto& w = nearest.weight;
+    if (pairs.kind == PairKind::EdgeEdge && (w[0] == 0.0 || w[1] == 0.0 || w[2] == 0.0 || w[3] == 0.0)) {
+        return;
+    }
+    Contact contact{.vertex = {pairs.vertex[0][at], pairs.vertex[1][at], pairs.vertex[2][at], pairs.vertex[3][at]},
+                    .weight = w,
+                    .normal = normal,
+                    .min_separation = nearest.distance + push_out(nearest.distance),
+                    .inverse_mass = 0.0,
+                    .push = 0.0,
+                    .friction = Vec3(0.0)};
+    for (std::size_t k = 0; k < 4; ++k) {
+        contact.inverse_mass += w[k] * w[k] * inverse_mass_[contact.vertex[k]];
+    }
+    if (contact.inverse_mass > 0.0 &&
+        glm::dot(normal, weighted(w, contact.vertex, position)) < contact.min_separation) {
+        contact_.push_back(contact);
+    }
+}
+
+/// m: what a contact lacks of the thickness returns slowly, or piles of layers would spring apart.
+double SurfaceContacts::push_out(double distance) const noexcept {
+    const double missing = thickness_ - distance;
+    return std::min(missing, h_ * std::min(settings_.push_out_speed, missing / kPushOutTime));
+}
+
+/// One pass over all contacts, alternately forward and backward.
+void SurfaceContacts::project_all(Row* position) noexcept {
+    for (std::size_t k = 0; k < contact_.size(); ++k) {
+        project_contact(contact_[forward_ ? k : contact_.size() - 1 - k], position);
+    }
+    forward_ = !forward_;
+}
+
+void SurfaceContacts::project_contact(Contact& contact, Row* position) const noexcept {
+    const Vec3 apart = weighted(contact.weight, contact.vertex, position);
+    const double clearance = glm::dot(contact.normal, apart) - contact.min_separation;
+    if (clearance >= 0.0 && contact.push == 0.0) {
+        return;
+    }
+    // Push by -C, but take back no more than was pushed in this sub-step. Friction: undo the slip of the whole
+    // sub-step within its cone.
+    const double change = std::max(-clearance, -contact.push);
+    contact.push += change;
+    const Vec3 moved = apart - weighted(contact.weight, contact.vertex, start_.data());
+    const Vec3 slip = moved - glm::dot(contact.normal, moved) * contact.normal;
+    const Vec3 friction =
+        clamp_to_cone(contact.friction - slip, contact.push, {settings_.static_friction, settings_.dynamic_friction});
+    const Vec3 displacement = (change * contact.normal + friction - contact.friction) / contact.inverse_mass;
+    contact.friction = friction;
+    for (std::size_t k = 0; k < 4; ++k) {
+        add_vector(position[contact.vertex[k]], contact.weight[k] * inverse_mass_[contact.vertex[k]] * displacement);
+    }
+}
+
+void SurfaceContacts::project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
+    const StageClock::Span timed(clock_);
+    if (!contacts_known_) {
+        find_contacts(now.position);
+    }
+    project_all(now.position);
+}
+
+void SurfaceContacts::finish(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
+    const StageClock::Span timed(clock_);
+    if (!contacts_known_) {
+        find_contacts(now.position);
+        for (int pass = 0; pass < kPasses; ++pass) {
+            project_all(now.position);
+        }
+    }
+    // Pushes within a surface change none of its momenta: what friction turns it by, because it acts at two points, is
+    // an error. It returns with the rest that is lost.
+    for (const Contact& contact : contact_) {
+        if (contact.push > 0.0 && surface_of_[contact.vertex[0]] != surface_of_[contact.vertex[3]]) {
+            const Vec3 displacement = (contact.push * contact.normal + contact.friction) / contact.inverse_mass;
+            for (std::size_t k = 0; k < 4; ++k) {
+                const std::uint32_t v = contact.vertex[k];
+                add_vector(now.pushed[v], contact.weight[k] * inverse_mass_[v] * displacement);
+            }
+        }
+    }
+}
+
+/// Lists the pairs that are not proved apart all the way.
+bool SurfaceContacts::find_unsafe(const Row* position) {
+    unsafe_.clear();
+    for (std::uint8_t list = 0; list < pairs_.size(); ++list) {
+        Pairs& pairs = pairs_[list];
+        kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
+        for (std::uint32_t k = 0; k < pairs.size(); ++k) {
+            if (pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_) {
+                continue;
+            }
+            const double part = safe_part(pairs, k, position);
+            pairs.end_gap[k] = pairs.gap_along(k, position);
+            if (part < 1.0) {
+                unsafe_.push_back({list, k, part});
+            }
+        }
+    }
+    if (settings_.ground) {
+        find_sinking(position);
+    }
+    return !unsafe_.empty();
+}
+
+/// Lists the vertices that come below the ground, or deeper below it.
+void SurfaceContacts::find_sinking(const Row* position) {
+    for (const std::uint32_t v : features_.vertices()) {
+        const double from = start_[v].number[1];
+        const double to = position[v].number[1];
+        if (to < settings_.ground_height && to < from) {
+            unsafe_.push_back({kGround, v, std::max(0.0, kSafety * (from - settings_.ground_height) / (from - to))});
+        }
+    }
+}
+
+/// 1 if the pair stays apart on its way, else a part of the way on which it does. Leaves the better normal.
+double SurfaceContacts::safe_part(Pairs& pairs, std::size_t at, const Row* position) const noexcept {
+    const FeatureVertices from = pairs.vertices(at, start_.data());
+    const FeatureVertices to = pairs.vertices(at, position);
+    const NearestPoints first = nearest_points(pairs.kind, from);
+    const NearestPoints last = nearest_points(pairs.kind, to);
+    if (!(first.distance > 0.0)) {
+        return 1.0;  // they touch already: nothing tells the sides apart
+    }
+    // What is too near already may not come nearer.
+    const double least = std::min(least_gap_, first.distance);
+    // The normals at both ends.
+    for (const NearestPoints& nearest : {last, first}) {
+        const Vec3 normal = nearest.distance > 0.0 ? nearest.apart / nearest.distance : Vec3(0.0);
+        pairs.set_normal(at, normal);
+        pairs.gap[at] = gap_of(pairs.kind, normal, from);
+        if (pairs.gap[at] > 0.0 && gap_of(pairs.kind, normal, to) >= least) {
+            return 1.0;
+        }
+    }
+    // Conservative advancement: no two points come nearer by more than the way of vertices relative to each other.
+    const double way = relative_way(pairs.kind, from, to);
+    double part = 0.0;
+    double distance = first.distance;
+    for (int k = 0; k < kMaxAdvances && distance > 0.75 * least; ++k) {
+        part += (distance - 0.5 * least) / way;
+        if (part >= 1.0) {
+            return last.distance >= least ? 1.0 : kSafety;
+        }
+        distance = nearest_points(pairs.kind, between(from, to, part)).distance;
+    }
+    return kSafety * std::min(part, 1.0);
+}
+
+void SurfaceContacts::push_from_ground(std::uint32_t vertex, const MovingParticles& now) noexcept {
+    if (inverse_mass_[vertex] > 0.0) {
+        const double rise =
+            std::min(start_[vertex].number[1], settings_.ground_height) - now.position[vertex].number[1];
+        add_vector(now.position[vertex], Vec3(0.0, rise, 0.0));
+        add_vector(now.pushed[vertex], Vec3(0.0, rise, 0.0));
+    }
+}
+
+/// Pushes unsafe pairs apart at the ends of their ways, with equal and opposite forces between points at which they
+/// were, and are, nearest.
+void SurfaceContacts::push_unsafe(const MovingParticles& now) noexcept {
+    Row* const position = now.position;
+    for (const Unsafe& u : unsafe_) {
+        if (u.list == kGround) {
+            push_from_ground(u.pair, now);
+            continue;
+        }
+        const Pairs& pairs = pairs_[u.list];
+        const FeatureVertices from = pairs.vertices(u.pair, start_.data());
+        const NearestPoints first = nearest_points(pairs.kind, from);
+        const double keep = std::max(2.0 * least_gap_, kPushedGap * std::min(first.distance, thickness_));
+        const Vec3 side = first.apart / first.distance;
+        const auto push = [&](const NearestPoints& nearest) {
+            const Vec3 normal = nearest.apart / nearest.distance;
+            if (!(nearest.distance > 0.0) || !(glm::dot(normal, side) > 0.0)) {
+                return;
+            }
+            std::array<std::uint32_t, 4> vertex{};
+            double inverse_mass = 0.0;
+            for (std::size_t k = 0; k < 4; ++k) {
+                vertex[k] = pairs.vertex[k][u.pair];
+                inverse_mass += nearest.weight[k] * nearest.weight[k] * inverse_mass_[vertex[k]];
+            }
+            const double clearance = glm::dot(normal, weighted(nearest.weight, vertex, position)) - keep;
+            if (clearance < 0.0 && inverse_mass > 0.0) {
+                for (std::size_t k = 0; k < 4; ++k) {
+                    const double share = nearest.weight[k] * inverse_mass_[vertex[k]] / inverse_mass;
+                    add_vector(position[vertex[k]], -clearance * share * normal);
+                }
+            }
+        };
+        push(first);
+        push(nearest_points(pairs.kind, pairs.vertices(u.pair, position)));
+    }
+    for (const std::uint32_t v : features_.vertices()) {
+        wish_[v] = position[v];
+    }
+}
+
+std::uint32_t SurfaceContacts::zone_of(std::uint32_t vertex) noexcept {
+    while (parent_[vertex] != vertex) {
+        vertex = parent_[vertex] = parent_[parent_[vertex]];
+    }
+    return vertex;
+}
+
+/// Makes zones of the vertices of unsafe pairs, which keep the safe part of their motion within the zone.
+void SurfaceContacts::unite_unsafe(bool at_once) noexcept {
+    for (const Unsafe& u : unsafe_) {
+        if (u.list == kGround) {
+            const std::uint32_t zone = zone_of(u.pair);
+            grounded_[zone] = 1;
+            part_[zone] *= at_once ? 0.0 : u.part;
+            continue;
+        }
+        const auto& vertex = pairs_[u.list].vertex;
+        const std::uint32_t first = zone_of(vertex[0][u.pair]);
+        for (std::size_t k = 1; k < 4; ++k) {
+            const std::uint32_t other = zone_of(vertex[k][u.pair]);
+            part_[first] = std::min(part_[first], part_[other]);
+            grounded_[first] |= grounded_[other];
+            parent_[other] = first;
+        }
+        part_[first] *= at_once ? 0.0 : u.part;
+    }
+}
+
+/// The rigid motions with the momenta of the zones.
+void SurfaceContacts::find_zones(bool turning) noexcept {
+    const auto way_of = [&](std::uint32_t v) { return vector_of(wish_[v]) - vector_of(start_[v]); };
+    // Masses and centres, or the way of what is pinned.
+    for (const std::uint32_t v : features_.vertices()) {
+        zone_[v] = {};
+    }
+    for (const std::uint32_t v : features_.vertices()) {
+        Zone& zone = zone_[zone_of(v)];
+        if (inverse_mass_[v] > 0.0) {
+            zone.mass += 1.0 / inverse_mass_[v];
+            zone.centre += vector_of(start_[v]) / inverse_mass_[v];
+            zone.way += way_of(v) / inverse_mass_[v];
+        } else {
+            zone.pinned_way += way_of(v);
+            ++zone.pinned;
+        }
+    }
+    for (const std::uint32_t v : features_.vertices()) {
+        Zone& zone = zone_[v];
+        zone.grounded = grounded_[v] != 0;
+        if (zone.is_held()) {
+            zone.way = zone.pinned > 0 ? zone.pinned_way / static_cast<double>(zone.pinned) : Vec3(0.0);
+        } else if (zone.mass > 0.0) {
+            zone.centre /= zone.mass;
+            zone.way /= zone.mass;
+        }
+    }
+    // Turning, of what is not pinned.
+    if (!turning) {
+        return;
+    }
+    for (const std::uint32_t v : features_.vertices()) {
+        Zone& zone = zone_[zone_of(v)];
+        if (!zone.is_held()) {
+            const Vec3 arm = vector_of(start_[v]) - zone.centre;
+            zone.turn += glm::cross(arm, way_of(v)) / inverse_mass_[v];
+            add_outer(zone.scatter, 1.0 / inverse_mass_[v], arm, arm);
+        }
+    }
+    for (const std::uint32_t v : features_.vertices()) {
+        if (parent_[v] == v && part_[v] < 1.0) {
+            zone_[v].turn = solve_inertia(zone_[v].scatter, zone_[v].turn);
+        }
+    }
+}
+
+/// Moves the vertices of each zone as a rigid body, and relative to it by the part that is left.
+void SurfaceContacts::move_zones(Row* position, bool turning) noexcept {
+    find_zones(turning);
+    for (const std::uint32_t v : features_.vertices()) {
+        const std::uint32_t root = zone_of(v);
+        if (part_[root] < 1.0) {
+            const Vec3 start = vector_of(start_[v]);
+            const Zone& zone = zone_[root];
+            const Vec3 common = zone.way + glm::cross(zone.turn, start - zone.centre);
+            set_vector(position[v], start + common + part_[root] * (vector_of(wish_[v]) - start - common));
+        }
+    }
+}
+
+/// Everything moves alike, or stands still on the ground: every pair keeps its gap.
+void SurfaceContacts::let_stand(const MovingParticles& now) noexcept {
+    ++counts_.united;
+    for (const std::uint32_t v : features_.vertices()) {
+        parent_[v] = features_.vertices()[0];
+        grounded_[v] = settings_.ground ? 1 : 0;
+        part_[v] = 0.0;
+    }
+    move_zones(now.position, false);
+    for (Pairs& pairs : pairs_) {
+        pairs.end_gap = pairs.gap;
+    }
+}
+
+std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*start*/, const MovingParticles& now,
+                                                       double h) {
+    const StageClock::Span timed(clock_);
+    Row* const position = now.position;
+    for (const std::uint32_t v : features_.vertices()) {
+        asked_[v] = wish_[v] = position[v];
+        part_[v] = 1.0;
+        parent_[v] = v;
+        grounded_[v] = 0;
+    }
+    if (!searched_ || have_left_boxes(position)) {
+        search(position, kAhead);
+    }
+    for (int round = 0; find_unsafe(position); ++round) {
+        counts_.unsafe += round == 0 ? unsafe_.size() : 0;
+        ++counts_.rounds;
+        if (round < kPushRounds) {
+            push_unsafe(now);
+            if (have_left_boxes(position)) {
+                search(position, 1.0);
+            }
+        } else if (round < kMaxRounds) {
+            unite_unsafe(round >= kPushRounds + kPartRounds);
+            move_zones(position, true);
+        } else {
+            let_stand(now);
+            break;
+        }
+    }
+    for (Pairs& pairs : pairs_) {
+        std::swap(pairs.gap, pairs.end_gap);
+    }
+    since_ += h;
+    moved_.clear();
+    for (const std::uint32_t v : features_.vertices()) {
+        ended_[v] = position[v];
+        if (vector_of(position[v]) == vector_of(asked_[v])) {
+            continue;
+        }
+        moved_.push_back(v);
+        const std::uint32_t zone = zone_of(v);
+        if (part_[zone] < 1.0) {
+            ++counts_.held;
+            if (zone_[zone].is_held()) {
+                add_vector(now.pushed[v], vector_of(position[v]) - vector_of(wish_[v]));
+            }
+        }
+    }
+    return moved_;
+}
+
+}  // namespace haptic::sim

@@ -1,0 +1,182 @@
+// Contacts of surfaces whose vertices are particles, with themselves and with one another: cloth that never passes
+// through cloth.
+//
+// Invariant: at the end of every sub-step, and on the straight ways that lead there from its start, no vertex comes
+// nearer than a small gap to a triangle, and no edge to another edge, with which it shares no vertex. So nothing that
+// has not crossed ever crosses. Two mechanisms:
+//
+// Contacts keep features a thickness apart, with equal and opposite forces at their nearest points and Coulomb
+// friction. They make cloth lie on cloth. They are approximate, as all projected constraints are.
+//
+// secure() guarantees the invariant. A pair is proved apart by a fixed direction along which its gap is positive at
+// both ends of the sub-step: the gap is the least of linear functions of time. Where no such direction is found,
+// conservative advancement (Mirtich 1996) tells how much of the way is safe. What would come too near is first pushed
+// apart. What still does becomes a zone, whose vertices lose a part of their motion relative to the zone's as a rigid
+// body, at last all of it; zones that touch unite. A rigid motion brings nothing nearer: with linear ways that turn by
+// theta, |d + theta x d| >= |d|. The ground and pinned vertices hold their zones. At worst everything stands still or
+// moves alike, which always keeps the invariant. Zones keep their momenta and only take energy out. Where features are
+// too near already, as rounding and edits may leave them, they may not come nearer.
+//
+// Pairs are found by boxes around the ways that the vertices are expected to take, in the frame of their mean velocity,
+// and found again when a vertex leaves its box.
+// @source X. Provot, "Collision and Self-Collision Handling in Cloth Model Dedicated to Design Garments", 1997 (zones
+// of impact); the proof by linear gaps is our own. R. Bridson, R. Fedkiw, J. Anderson, "Robust Treatment of Collisions,
+// Contact and Friction for Cloth Animation", 2002 (contacts first, then a guarantee); M. Li et al., "Codimensional
+// Incremental Potential Contact", 2021 (positive distance as invariant)
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "collision/feature_distance.hpp"
+#include "collision/surface_features.hpp"
+#include "dynamics/stage_clock.hpp"
+#include "haptic/sim/collisions.hpp"
+#include "haptic/sim/solver.hpp"
+
+namespace haptic::sim {
+
+/// Counts since construction.
+struct SurfaceContactCounts {
+    std::uint64_t searches = 0;  // for pairs
+    std::uint64_t pairs = 0;     // found, of all searches
+    std::uint64_t contacts = 0;  // of all sub-steps
+    std::uint64_t unsafe = 0;    // pairs that contacts alone would not have kept apart
+    std::uint64_t rounds = 0;    // over unsafe pairs
+    std::uint64_t held = 0;      // vertices in zones, of all sub-steps
+    std::uint64_t united = 0;    // sub-steps in which everything had to move alike
+};
+
+class SurfaceContacts final : public SolverContacts {
+  public:
+    /// Throws std::invalid_argument for surfaces with indices out of range, and lanes that this machine lacks. Results
+    /// do not depend on the number of lanes.
+    SurfaceContacts(const ParticleModel& model, std::span<const ParticleSurface> surfaces,
+                    const CollisionSettings& settings, StageClock::Function clock = nullptr,
+                    std::size_t lanes = ParticleCollisions::kWidest);
+
+    /// m, that contacts keep.
+    [[nodiscard]] double thickness() const noexcept { return thickness_; }
+    /// m, that secure() guarantees.
+    [[nodiscard]] double least_gap() const noexcept { return least_gap_; }
+    [[nodiscard]] const SurfaceFeatures& features() const noexcept { return features_; }
+
+    void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic, double h) override;
+    void project(const ParticleModel& start, const MovingParticles& now, double h) override;
+    void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
+    [[nodiscard]] std::span<const std::uint32_t> secure(const ParticleModel& start, const MovingParticles& now,
+                                                        double h) override;
+
+    [[nodiscard]] const SurfaceContactCounts& counts() const noexcept { return counts_; }
+    /// ns spent in this class since the last call; 0 without a clock.
+    [[nodiscard]] std::int64_t take_time() noexcept { return clock_.take(); }
+
+  private:
+    /// Pairs of one kind.
+    struct Pairs {
+        explicit Pairs(PairKind of) : kind(of) {}
+        PairKind kind;
+        std::array<std::vector<std::uint32_t>, 4> vertex{};
+        std::array<std::vector<double>, 3> normal{};
+        std::vector<double> gap{};
+
+        std::vector<double> end_gap{};  // m, at the end of the sub-step; `gap` is that at its start
+
+        [[nodiscard]] std::size_t size() const noexcept { return gap.size(); }
+        [[nodiscard]] FeatureRows rows(std::vector<double>& gaps) noexcept;
+        void append(const Pairs& from, std::size_t at);
+        void clear() noexcept;
+        [[nodiscard]] FeatureVertices vertices(std::size_t at, const Row* position) const noexcept;
+        [[nodiscard]] double gap_along(std::size_t at, const Row* position) const noexcept;
+        void set_normal(std::size_t at, const Vec3& n) noexcept;
+    };
+    struct Contact {
+        std::array<std::uint32_t, 4> vertex;
+        std::array<double, 4> weight;
+        Vec3 normal;            // toward the first feature
+        double min_separation;  // m
+        double inverse_mass;    // 1/kg, of the nearest points relative to each other
+        double push;            // m, at least 0
+        Vec3 friction;          // m
+    };
+
+    [[nodiscard]] bool have_left_boxes(const Row* position) const noexcept;
+    void search(const Row* position, double ahead);
+    void keep_near(PairKind kind, const std::array<std::vector<std::uint32_t>, 4>& vertex);
+    void find_contacts(const Row* position);
+    void add_contact(Pairs& pairs, std::size_t at, const Row* position);
+    [[nodiscard]] double push_out(double distance) const noexcept;
+    void project_all(Row* position) noexcept;
+    void project_contact(Contact& contact, Row* position) const noexcept;
+    [[nodiscard]] bool find_unsafe(const Row* position);
+    void find_sinking(const Row* position);
+    void let_stand(const MovingParticles& now) noexcept;
+    [[nodiscard]] double safe_part(Pairs& pairs, std::size_t at, const Row* position) const noexcept;
+    void push_unsafe(const MovingParticles& now) noexcept;
+    void push_from_ground(std::uint32_t vertex, const MovingParticles& now) noexcept;
+    void unite_unsafe(bool at_once) noexcept;
+    void move_zones(Row* position, bool turning) noexcept;
+    void find_zones(bool turning) noexcept;
+    [[nodiscard]] std::uint32_t zone_of(std::uint32_t vertex) noexcept;
+
+    /// Motion of a zone as a rigid body: sums over its vertices, then what follows from them.
+    struct Zone {
+        double mass = 0.0;     // kg, of what is not pinned
+        Vec3 centre{0.0};      // kg m, then m: at the start
+        Vec3 way{0.0};         // kg m, then m
+        Vec3 turn{0.0};        // kg m^2, then rad
+        Mat3 scatter{0.0};     // kg m^2
+        Vec3 pinned_way{0.0};  // m, sum over pinned vertices
+        std::size_t pinned = 0;
+        bool grounded = false;
+        /// Whether what does not belong to the bodies takes its momentum.
+        [[nodiscard]] bool is_held() const noexcept { return grounded || pinned > 0; }
+    };
+    /// A pair that may come too near, or a vertex that would sink below the ground, and the part of the way that is
+    /// safe.
+    struct Unsafe {
+        std::uint8_t list;   // of pairs_, or kGround
+        std::uint32_t pair;  // or the vertex
+        double part;
+    };
+    static constexpr std::uint8_t kGround = 2;
+
+    SurfaceFeatures features_;
+    const FeatureKernels& kernels_;
+    double thickness_;  // m
+    double least_gap_;  // m
+    CollisionSettings settings_;
+    SurfaceContactCounts counts_;
+    StageClock clock_;
+    std::vector<double> inverse_mass_;       // 1/kg, per particle
+    std::vector<std::uint32_t> surface_of_;  // per particle
+    std::array<Pairs, 2> pairs_{Pairs(PairKind::VertexTriangle), Pairs(PairKind::EdgeEdge)};
+    Pairs candidates_{PairKind::VertexTriangle};
+    // The last search: boxes of the vertices, in a frame that moves on at `drift_`, and how far each may come in its
+    // own.
+    std::vector<SurfaceFeatures::Box> box_;  // m, per particle
+    std::vector<double> reach_;              // m, per particle
+    Vec3 drift_{0.0};                        // m/s
+    double since_ = 0.0;                     // s, from the search to the start of the sub-step
+    bool searched_ = false;
+    // Of the sub-step, per particle.
+    double h_ = 0.0;  // s
+    bool contacts_known_ = false;
+    std::vector<Row> start_;              // m
+    std::vector<Row> asked_;              // m, where the sub-step would lead
+    std::vector<Row> wish_;               // m, the same after pushes
+    std::vector<std::uint32_t> parent_;   // a vertex of the same zone; one of each is its own
+    std::vector<std::uint8_t> grounded_;  // of that one: the ground belongs to the zone
+    std::vector<double> part_;            // of that one: what is left of motion within the zone; 1: it is no zone
+    std::vector<Zone> zone_;              // of that one
+    std::vector<Row> ended_;              // m, at the end of the last sub-step
+    std::vector<Contact> contact_;
+    bool forward_ = true;
+    std::vector<Unsafe> unsafe_;
+    std::vector<std::uint32_t> moved_;
+};
+
+}  // namespace haptic::sim

@@ -1,0 +1,129 @@
+// Features of surfaces: the vertices, edges and triangles of all surfaces whose vertices are particles, and the search
+// for pairs of them that may meet: a vertex and a triangle, or two edges, that share no vertex.
+//
+// Triangles lie in blocks of up to sixteen, in an order of median splits at rest, and every vertex and edge belongs to
+// one block (representative triangles; Curtis et al. 2008), so that no pair is found twice. Boxes lie side by side in
+// this order, so that one is compared with a whole block at a time; groups of sixteen blocks, groups of groups and so
+// on have boxes too. A search goes through pairs of them from the top. Boxes are rounded to float, which loses no pair.
+// @source S. Curtis, R. Tamstorf, D. Manocha, "Fast Collision Detection for Deformable Models using
+// Representative-Triangles", 2008
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <set>
+#include <span>
+#include <vector>
+
+#include "haptic/sim/mesh.hpp"
+#include "haptic/types.hpp"
+#include "simd/collider_rows.hpp"
+#include "simd/features.hpp"
+
+namespace haptic::sim {
+
+/// A surface whose vertices are particles.
+struct ParticleSurface {
+    std::uint32_t first_particle = 0;
+    std::span<const Triangle> triangles;  // of its own vertices; the second face of a double-faced one is ignored
+    std::span<const Vec3> rest;           // m, per vertex
+};
+
+class SurfaceFeatures {
+  public:
+    using Edge = std::array<std::uint32_t, 2>;
+    /// Box of a vertex over the time for which pairs are searched, m.
+    struct Box {
+        Vec3 low{0.0};
+        Vec3 high{0.0};
+    };
+
+    /// Vertices have the numbers of their particles. Throws std::invalid_argument for an index out of range.
+    explicit SurfaceFeatures(std::span<const ParticleSurface> surfaces, const ColliderKernels& kernels);
+
+    /// The vertices that a triangle has.
+    [[nodiscard]] std::span<const std::uint32_t> vertices() const noexcept { return vertex_; }
+    [[nodiscard]] std::span<const Triangle> triangles() const noexcept { return triangle_; }
+    [[nodiscard]] std::span<const Edge> edges() const noexcept { return edge_; }
+
+    /// Finds the pairs of features whose boxes overlap, some thousands at a time: calls found(kind, vertices) with four
+    /// arrays of vertices of equal length. `box` has one element per particle.
+    template <class Found>
+    void search(std::span<const Box> box, const Found& found) {
+        fit_boxes(box);
+        begin_search();
+        while (search_more()) {
+            for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
+                Candidates& some = candidates_[kind == PairKind::VertexTriangle ? 0 : 1];
+                if (some.size() > 0) {
+                    found(kind, some.vertex);
+                }
+                some.clear();
+            }
+        }
+    }
+
+  private:
+    static constexpr std::size_t kFanOut = 16;
+    static constexpr std::size_t kPadding = 16;
+
+    /// Boxes in rows: low x, y, z, then high; with room for a whole vector behind.
+    struct Boxes {
+        void resize(std::size_t boxes);
+        [[nodiscard]] BoxRows rows() const noexcept { return {number.data(), length}; }
+        [[nodiscard]] RoundedBox operator[](std::size_t at) const noexcept;
+        void set(std::size_t at, const RoundedBox& box) noexcept;
+        std::size_t size = 0;
+        std::size_t length = 0;
+        std::vector<float> number;
+    };
+    struct Range {
+        std::uint32_t begin = 0;
+        std::uint32_t end = 0;
+    };
+    struct Block {
+        Range vertices;
+        Range edges;
+        Range triangles;
+    };
+    struct Candidates {
+        std::array<std::vector<std::uint32_t>, 4> vertex;
+        [[nodiscard]] std::size_t size() const noexcept { return vertex[0].size(); }
+        void clear() noexcept;
+        void add(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d);
+    };
+    /// Two nodes of a level whose boxes overlap; the first is not after the second.
+    struct NodePair {
+        std::uint32_t level;
+        std::uint32_t first;
+        std::uint32_t second;
+    };
+
+    void add_surface(const ParticleSurface& surface);
+    void order_blocks(std::span<const Vec3> centre, std::span<std::uint32_t> order);
+    void own_features(const Range& triangles, std::vector<std::uint8_t>& owned, std::set<Edge>& known);
+    void fit_boxes(std::span<const Box> box);
+    void begin_search();
+    [[nodiscard]] bool search_more();
+    void descend(const NodePair& pair);
+    void compare(const Block& first, const Block& second);
+    void compare_vertices(const Range& vertices, const Range& triangles);
+
+    const ColliderKernels& kernels_;
+    // By block.
+    std::vector<Triangle> triangle_;
+    std::vector<Edge> edge_;
+    std::vector<std::uint32_t> vertex_;
+    std::vector<Block> block_;
+    // Of the search.
+    Boxes vertex_box_;
+    Boxes edge_box_;
+    Boxes triangle_box_;
+    std::vector<Boxes> level_;  // the first of blocks, each later one of groups of the one before
+    std::vector<NodePair> pending_;
+    std::vector<std::uint32_t> hit_;
+    std::array<Candidates, 2> candidates_;
+};
+
+}  // namespace haptic::sim
