@@ -25,6 +25,7 @@
 #include "haptic/sim/tool_model.hpp"
 #include "reproduce/pop_out_table.hpp"
 #include "tool/tool_proxies.hpp"
+#include "verification/surface_crossings.hpp"
 
 namespace {
 
@@ -507,6 +508,17 @@ void verification(benchmark::State& state) {
     }
 }
 BENCHMARK(verification)->Unit(benchmark::kMicrosecond);
+
+/// Cost of --verify a step for the cloth's crossings with itself.
+void surface_crossings(benchmark::State& state) {
+    const Cloth cloth(0.09);
+    const CheckedSurface surface{cloth.triangles, 0};
+    SurfaceCrossings finder({&surface, 1}, cloth.start);
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(finder.find(cloth.end, rounding_of(cloth.end)).size());
+    }
+}
+BENCHMARK(surface_crossings)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 

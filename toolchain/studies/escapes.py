@@ -8,7 +8,8 @@ from programs import HOST_SIM
 
 
 def soak(*options, scene, hand, rate_hz, duration_s):
-    """Runs each scene for long, its hand scripted or hostile, and counts spheres that passed through a surface."""
+    """Runs each scene for long, its hand scripted or hostile, and counts spheres that passed through a surface, and the
+    steps in which surfaces crossed themselves, one another or the ground."""
     command = [HOST_SIM, "run", scene, "--clock", "lockstep", "--hand", hand, "--duration", str(duration_s), "--verify"]
     if rate_hz != "own":
         command += ["--set", f"solver.step={1 / float(rate_hz)}"]
@@ -16,8 +17,12 @@ def soak(*options, scene, hand, rate_hz, duration_s):
     contact = (report := study.report_of(command, statuses=(0, 1)))["contact"]
     if contact["escapes"]:
         print(f"escaped: {shlex.join(command)}")
+    surfaces = report["surface_crossings"]
     return {"steps": report["steps"], "in_contact": contact["steps_in_contact"], "escapes": contact["escapes"],
-            "let_through": contact["let_through"]}
+            "let_through": contact["let_through"], "sheets_themselves": surfaces["sheets_themselves"]["steps"],
+            "closed_bodies_themselves": surfaces["closed_bodies_themselves"]["steps"],
+            "one_another": surfaces["one_another"]["steps"], "ground": surfaces["ground"]["steps"],
+            "ground_depth_mm": round(1e3 * surfaces["ground"]["max_depth_m"], 3)}
 
 
 if __name__ == "__main__":

@@ -45,6 +45,11 @@ struct StepRow {
     double equilibrium_error = 0.0;
     std::uint32_t collided = 0;
     std::uint32_t crossings = 0;
+    std::uint32_t sheet_crossings = 0;
+    std::uint32_t closed_body_crossings = 0;
+    std::uint32_t body_crossings = 0;
+    std::uint32_t below_ground = 0;
+    double ground_depth = 0.0;
     bool in_contact = false;
     bool overconstrained = false;
     bool passed_through = false;
@@ -145,6 +150,11 @@ StepRow row_of(const sim::StepInput& input, const sim::StepResult& result) {
     row.equilibrium_error = result.equilibrium_error;
     row.collided = static_cast<std::uint32_t>(result.collided);
     row.crossings = static_cast<std::uint32_t>(result.crossings);
+    row.sheet_crossings = static_cast<std::uint32_t>(result.surfaces.sheets);
+    row.closed_body_crossings = static_cast<std::uint32_t>(result.surfaces.closed_bodies);
+    row.body_crossings = static_cast<std::uint32_t>(result.surfaces.between);
+    row.below_ground = static_cast<std::uint32_t>(result.surfaces.below_ground);
+    row.ground_depth = result.surfaces.ground_depth;
     row.in_contact = result.in_contact;
     row.overconstrained = result.overconstrained;
     row.passed_through = result.passed_through;
@@ -524,7 +534,8 @@ void bind_bodies(py::module_& module) {
 void bind_simulation(py::module_& module) {
     PYBIND11_NUMPY_DTYPE(StepRow, time, step, device_position, device_orientation, proxy, proxy_orientation, hip,
                          hip_orientation, force, torque, hand_force, hand_torque, curl, depth, equilibrium_error,
-                         collided, crossings, in_contact, overconstrained, passed_through, total_ns, ccd_ns, popout_ns,
+                         collided, crossings, sheet_crossings, closed_body_crossings, body_crossings, below_ground,
+                         ground_depth, in_contact, overconstrained, passed_through, total_ns, ccd_ns, popout_ns,
                          proxy_ns, tool_ns, collide_ns, deform_ns, skin_ns);
     PYBIND11_NUMPY_DTYPE(ProxyRow, radius, position, goal, force, in_contact, sticks);
     PYBIND11_NUMPY_DTYPE(ContactPlaneRow, proxy, body, triangle, normal, offset, velocity, force);
@@ -547,8 +558,8 @@ void bind_simulation(py::module_& module) {
 
 scene     name of a built-in scene (haptic.scenes()), or path of a scene file NAME.toml
 settings  replaces keys of the scene: {"solver.step": 0.005, "model.material": "ecoflex 00-30"}
-verify    checks in every step, by an independent method, that no proxy passed through a surface; a step's `crossings`
-          says how many did
+verify    checks in every step, by an independent method, that no proxy passed through a surface, and counts where
+          surfaces cross: a step's `crossings`, `sheet_crossings` and so on (see run)
 progress  called with the share, 0 to 1, of the bodies that are built
 
 All of SI: m, N, s, rad; right-handed, y up; rotations (w, x, y, z). Steps release the interpreter's lock. One thread at a
@@ -583,6 +594,10 @@ Returns one record per step; run.force is the same as run["force"]:
   in_contact, collided            whether surfaces press on the tool; number of its proxies in contact
   overconstrained, passed_through a proxy has less room than its radius; a surface passed it where it had none
   crossings                       proxies that crossed a surface, with verify=True; must be 0
+  sheet_crossings, closed_body_crossings, body_crossings
+                                  with verify=True: edges that pierce a triangle of their own body, which is open or
+                                  closed; of another body
+  below_ground, ground_depth      with verify=True: vertices below the ground; m, of the deepest
   equilibrium_error               m
   total_ns, ccd_ns, popout_ns, proxy_ns, tool_ns, collide_ns, deform_ns, skin_ns: time that stages took)")
         .def("follow", &follow, py::arg("poses"), py::kw_only(), py::arg("curl") = py::none(),

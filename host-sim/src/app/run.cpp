@@ -13,6 +13,7 @@
 #include <string>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "app/background.hpp"
 #include "dynamics/workers.hpp"
@@ -527,11 +528,11 @@ int Run::execute() {
     if (error) {
         std::rethrow_exception(error);
     }
-    if (options_.verify && statistics_.escapes() > 0) {
-        spdlog::error("the proxy's centre passed through a surface in {} steps", statistics_.escapes());
-        return kExitFailed;
+    const std::vector<std::string> violations = options_.verify ? statistics_.violations() : std::vector<std::string>();
+    for (const std::string& violation : violations) {
+        spdlog::error("{}", violation);
     }
-    return results.status(kExitDone);
+    return violations.empty() ? results.status(kExitDone) : kExitFailed;
 }
 
 }  // namespace haptic::sim

@@ -44,6 +44,12 @@ std::string box_text(const Aabb& box) {
                   box.max.z);
 }
 
+std::string crossings(const CrossingTally& tally, const char* what) {
+    return tally.steps == 0
+               ? std::string("never")
+               : format("%llu steps, at most %zu %s", static_cast<unsigned long long>(tally.steps), tally.most, what);
+}
+
 /// Where the tool was, where the bodies are, and what would have brought them together.
 std::string why_never(const Aabb& tool, const Simulation& simulation) {
     Aabb bodies;
@@ -117,6 +123,11 @@ void RunStatistics::add(const StepResult& result) {
     overconstrained_ += result.overconstrained ? 1 : 0;
     passed_through_ += result.passed_through ? 1 : 0;
     escapes_ += result.crossed ? 1 : 0;
+    sheets_.add(result.surfaces.sheets);
+    closed_bodies_.add(result.surfaces.closed_bodies);
+    between_.add(result.surfaces.between);
+    below_ground_.add(result.surfaces.below_ground);
+    max_ground_depth_ = std::max(max_ground_depth_, result.surfaces.ground_depth);
     max_collided_ = std::max(max_collided_, result.collided);
     max_hand_torque_ = std::max(max_hand_torque_, glm::length(result.hand_torque));
     max_depth_ = std::max(max_depth_, result.depth);
@@ -127,6 +138,27 @@ void RunStatistics::add(const StepResult& result) {
 bool RunStatistics::caught() const noexcept {
     const bool held = max_held_s_ >= kHeldForSeconds * kRounding || held_s_ > 0.0;
     return held && escapes_ == 0 && passed_through_ == 0;
+}
+
+std::vector<std::string> RunStatistics::violations() const {
+    // Crossings of surfaces are reported only: collisions act on the particles' ellipsoids, and sheets do not collide
+    // with themselves.
+    std::vector<std::string> violations;
+    if (escapes_ > 0) {
+        violations.push_back("the proxy's centre passed through a surface in " + std::to_string(escapes_) + " steps");
+    }
+    return violations;
+}
+
+nlohmann::json RunStatistics::surface_report(bool verified) const {
+    const auto tally = [](const CrossingTally& t) { return nlohmann::json{{"steps", t.steps}, {"most", t.most}}; };
+    nlohmann::json report = {{"verified", verified},
+                             {"sheets_themselves", tally(sheets_)},
+                             {"closed_bodies_themselves", tally(closed_bodies_)},
+                             {"one_another", tally(between_)},
+                             {"ground", tally(below_ground_)}};
+    report["ground"]["max_depth_m"] = max_ground_depth_;
+    return report;
 }
 
 nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s, bool verified) const {
@@ -153,6 +185,7 @@ nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s
     if (first_contact_s_ >= 0.0) {
         report["contact"]["first_contact_s"] = first_contact_s_;
     }
+    report["surface_crossings"] = surface_report(verified);
     report["force_N"] = {{"max", max_hand_force_},
                          {"mean_in_contact", in_contact_ > 0 ? force_sum_ / static_cast<double>(in_contact_) : 0.0},
                          {"max_in_scene", max_scene_force_}};
@@ -174,6 +207,15 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
                        format("%.2f s in %llu steps\n", simulated, static_cast<unsigned long long>(steps_));
     text += line("caught", caught() ? "yes" : "no");
     text += line("escapes", verified ? std::to_string(escapes_) : "not counted (use --verify)");
+    if (verified) {
+        text += line("surfaces cross", "");
+        text += line("  sheet, itself", crossings(sheets_, "edges through it"));
+        text += line("  closed, itself", crossings(closed_bodies_, "edges through it"));
+        text += line("  one another", crossings(between_, "edges through another body"));
+        text += line("  the ground",
+                     crossings(below_ground_, "vertices below it") +
+                         (below_ground_.steps > 0 ? format(", %.2g mm deep", 1e3 * max_ground_depth_) : std::string()));
+    }
     text += line("in contact", first_contact_s_ < 0.0
                                    ? std::string("never")
                                    : format("%llu steps, first at %.2f s", static_cast<unsigned long long>(in_contact_),

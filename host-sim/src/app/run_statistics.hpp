@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 #include "haptic/histogram.hpp"
 #include "haptic/sim/simulation.hpp"
@@ -15,11 +16,23 @@ struct StageHistograms {
     Histogram total, ccd, popout, proxy, tool, deform, collide, skin;
 };
 
+/// Steps in which something crossed, and the most that did in one step.
+struct CrossingTally {
+    std::uint64_t steps = 0;
+    std::size_t most = 0;
+
+    void add(std::size_t crossings) noexcept {
+        steps += crossings > 0 ? 1 : 0;
+        most = crossings > most ? crossings : most;
+    }
+};
+
 class RunStatistics {
   public:
     void add(const StepResult& result);
 
-    [[nodiscard]] std::uint64_t escapes() const noexcept { return escapes_; }
+    /// The verdict of the verification: one sentence for each thing that must not happen and did.
+    [[nodiscard]] std::vector<std::string> violations() const;
     [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
     /// Contact lasted kHeldForSeconds without a break, or until the end, and no surface was passed.
     [[nodiscard]] bool caught() const noexcept;
@@ -30,6 +43,8 @@ class RunStatistics {
     [[nodiscard]] std::string summary(const Simulation& simulation, double wall_s, bool verified) const;
 
   private:
+    [[nodiscard]] nlohmann::json surface_report(bool verified) const;
+
     static constexpr double kHeldForSeconds = 0.1;
     // s, in which a device's force fades after a contact
     static constexpr double kAfterContact = 0.1;
@@ -45,6 +60,11 @@ class RunStatistics {
     std::uint64_t overconstrained_ = 0;
     std::uint64_t passed_through_ = 0;
     std::uint64_t escapes_ = 0;
+    CrossingTally sheets_;         // edges through their own body, an open one
+    CrossingTally closed_bodies_;  // edges through their own body, a closed one
+    CrossingTally between_;        // edges through another body
+    CrossingTally below_ground_;   // vertices
+    double max_ground_depth_ = 0.0;
     double first_contact_s_ = -1.0;
     Aabb reached_;  // m, scene: where the tool was
     double max_depth_ = 0.0;

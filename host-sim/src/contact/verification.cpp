@@ -286,22 +286,52 @@ struct SweptTriangle {
     PathBounds bounds;
 };
 
-/// Collects the triangles of a surface whose boxes overlap `all`, by rising index.
-void collect_candidates(const SurfaceMotion& motion, const PathBounds& all, std::vector<SweptTriangle>& candidates) {
-    std::vector<PathBounds> swept(motion.start.size());  // path of each vertex
-    for (std::size_t v = 0; v < swept.size(); ++v) {
-        swept[v].add(motion.start[v]);
-        swept[v].add(motion.end[v]);
-        swept[v].widen();
+/// The sides of a box beyond which the path of a vertex is, as bits.
+std::uint8_t beyond(const PathBounds& vertex, const PathBounds& box) {
+    unsigned sides = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        sides |= static_cast<unsigned>(vertex.high[axis] < box.low[axis]) << (2 * axis);
+        sides |= static_cast<unsigned>(vertex.low[axis] > box.high[axis]) << (2 * axis + 1);
     }
-    candidates.clear();
+    return static_cast<std::uint8_t>(sides);
+}
+
+/// Path of a vertex over the step.
+PathBounds swept(const SurfaceMotion& motion, std::size_t vertex) {
+    PathBounds bounds;
+    bounds.add(motion.start[vertex]);
+    bounds.add(motion.end[vertex]);
+    bounds.widen();
+    return bounds;
+}
+
+/// Memory for collect_candidates.
+struct Candidates {
+    std::vector<std::uint8_t> beyond;  // per vertex
+    std::vector<SweptTriangle> triangles;
+};
+
+/// Collects the triangles of a surface whose boxes overlap `all`, by rising index. A box misses another one if all
+/// corners are beyond the same side of it.
+void collect_candidates(const SurfaceMotion& motion, const PathBounds& all, Candidates& candidates) {
+    candidates.triangles.clear();
+    candidates.beyond.resize(motion.start.size());
+    unsigned common = ~0u;
+    for (std::size_t v = 0; v < motion.start.size(); ++v) {
+        candidates.beyond[v] = beyond(swept(motion, v), all);
+        common &= candidates.beyond[v];
+    }
+    // The whole surface is beyond a side.
+    if (common != 0) {
+        return;
+    }
     for (std::uint32_t triangle = 0; triangle < motion.triangles.size(); ++triangle) {
-        PathBounds bounds;
-        for (const std::uint32_t vertex : motion.triangles[triangle]) {
-            bounds.add(swept[vertex]);
-        }
-        if (bounds.meets(all)) {
-            candidates.push_back({triangle, bounds});
+        const auto& [a, b, c] = motion.triangles[triangle];
+        if ((candidates.beyond[a] & candidates.beyond[b] & candidates.beyond[c]) == 0) {
+            PathBounds bounds = swept(motion, a);
+            bounds.add(swept(motion, b));
+            bounds.add(swept(motion, c));
+            candidates.triangles.push_back({triangle, bounds});
         }
     }
 }
@@ -330,13 +360,14 @@ std::vector<std::vector<Crossing>> find_crossings(std::span<const SurfaceMotion>
     for (const PathBounds& bounds : path_bounds) {
         all.add(bounds);
     }
-    std::vector<SweptTriangle> candidates;
+    Candidates candidates;
+    std::vector<std::uint32_t> crossing_candidates;
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
         collect_candidates(surfaces[object], all, candidates);
         for (std::size_t k = 0; k < paths.size(); ++k) {
             // Triangles near this path.
-            std::vector<std::uint32_t> crossing_candidates;
-            for (const SweptTriangle& n : candidates) {
+            crossing_candidates.clear();
+            for (const SweptTriangle& n : candidates.triangles) {
                 if (n.bounds.meets(path_bounds[k])) {
                     crossing_candidates.push_back(n.triangle);
                 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -20,6 +21,7 @@
 #include "scene/scene_loads.hpp"
 #include "scene/state_hash.hpp"
 #include "tool/contact_coupling.hpp"
+#include "verification/surface_crossings.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -91,6 +93,15 @@ ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
             first_curl(scene)};
 }
 
+/// Surfaces of all bodies, for verification.
+SurfaceCrossings make_surface_crossings(const Assembly& assembly) {
+    std::vector<CheckedSurface> surfaces;
+    for (const SceneBody& body : assembly.bodies) {
+        surfaces.push_back({body.mesh.triangles, body.first_vertex});
+    }
+    return {surfaces, assembly.mesh.vertices};
+}
+
 }  // namespace
 
 StepInput input_from(const DeviceState& state, std::int64_t time_ns) noexcept {
@@ -153,7 +164,8 @@ struct Simulation::State {
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
     void skin();
-    void verify(StepResult& result) const;
+    void verify_proxies(StepResult& result) const;
+    void verify_surfaces(StepResult& result);
     void build_frame(const StepInput& input);
 
     Scene scene;
@@ -181,6 +193,7 @@ struct Simulation::State {
     std::uint64_t step_since = 0;  // step at which solver.step last changed
     double step_since_s = 0.0;     // s, when that step began
     bool verify_steps = false;
+    std::optional<SurfaceCrossings> surface_crossings;  // once verification was on
 };
 
 Simulation::Simulation(const Scene& scene, ClockFunction clock, const Progress& progress)
@@ -194,8 +207,11 @@ Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 Simulation::~Simulation() = default;
 
-void Simulation::set_verification(bool on) noexcept {
+void Simulation::set_verification(bool on) {
     state_->verify_steps = on;
+    if (on && !state_->surface_crossings) {
+        state_->surface_crossings = make_surface_crossings(state_->assembly);
+    }
     state_->tool.keep_paths(on);
 }
 
@@ -349,7 +365,7 @@ void Simulation::State::skin() {
     });
 }
 
-void Simulation::State::verify(StepResult& result) const {
+void Simulation::State::verify_proxies(StepResult& result) const {
     // Check the recorded paths against the surfaces' motion; an incomplete path counts as a crossing.
     std::vector<SurfaceMotion> moved;
     moved.reserve(surfaces.size());
@@ -367,6 +383,25 @@ void Simulation::State::verify(StepResult& result) const {
         result.crossings += !tool.path(i).complete() || !found[i].empty() ? 1u : 0u;
     }
     result.crossed = result.crossings > 0;
+}
+
+void Simulation::State::verify_surfaces(StepResult& result) {
+    SurfaceCrossingCounts& counts = result.surfaces;
+    const double rounding = rounding_of(end);
+    for (const SurfaceCrossing& crossing : surface_crossings->find(end, rounding)) {
+        if (crossing.object != crossing.edge_object) {
+            ++counts.between;
+        } else if (assembly.bodies[crossing.object].mesh.closed) {
+            ++counts.closed_bodies;
+        } else {
+            ++counts.sheets;
+        }
+    }
+    if (scene.collisions.ground) {
+        const GroundCrossings below = find_ground_crossings(end, scene.collisions.ground_height, rounding);
+        counts.below_ground = below.vertices;
+        counts.ground_depth = below.depth;
+    }
 }
 
 void Simulation::State::build_frame(const StepInput& input) {
@@ -400,7 +435,7 @@ StepResult Simulation::step(const StepInput& input) {
                         {.pose = s.tool.pose(), .in_shape = s.tool.in_shape()}, s.scene.solver.step, s.workspace);
     s.find_contact(hip, s.next_curl(input), result, watch);
     if (s.verify_steps) {
-        s.verify(result);
+        s.verify_proxies(result);
         (void)watch.lap();
     }
     // Step the bodies to t + dt together with the contact force.
@@ -424,6 +459,9 @@ StepResult Simulation::step(const StepInput& input) {
     result.times.skin_ns = watch.lap();
     s.build_frame(input);
     const std::int64_t frame_ns = watch.lap();
+    if (s.verify_steps) {
+        s.verify_surfaces(result);
+    }
     // Total of the stages, without the verification.
     const StageTimes& t = result.times;
     result.times.total_ns =

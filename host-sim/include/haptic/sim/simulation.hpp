@@ -68,6 +68,15 @@ struct StageTimes {
     std::int64_t total_ns = 0;  // without verification
 };
 
+/// Crossings of the surfaces at the end of a step, by verification (verification/surface_crossings.hpp).
+struct SurfaceCrossingCounts {
+    std::size_t sheets = 0;         // edges that pierce a triangle of their own body, of open bodies
+    std::size_t closed_bodies = 0;  // same, of closed bodies
+    std::size_t between = 0;        // edges that pierce a triangle of another body
+    std::size_t below_ground = 0;   // vertices, if collisions.ground is on
+    double ground_depth = 0.0;      // m, of the deepest
+};
+
 /// Result of a step. With several proxies, counts and depths are the maximum over all, flags are set by any.
 struct StepResult {
     double time = 0.0;                           // s, since the start: beginning of the step
@@ -93,6 +102,7 @@ struct StepResult {
     bool passed_through = false;     // a surface passed through a proxy that had no room at all
     bool crossed = false;            // by verification: a proxy's centre crossed a surface in this step
     std::size_t crossings = 0;       // number of such proxies
+    SurfaceCrossingCounts surfaces;
     StageTimes times;
 };
 
@@ -110,8 +120,9 @@ class Simulation {
     Simulation& operator=(Simulation&&) noexcept;
     ~Simulation();
 
-    /// Checks the path of every proxy in every step by an independent method; about 0.1 ms per step.
-    void set_verification(bool on) noexcept;
+    /// Checks in every step, by an independent method, the path of every proxy and whether surfaces pass through
+    /// themselves, one another or the ground. Allocates.
+    void set_verification(bool on);
 
     /// Changes the mapping between device and scene over the next steps, by way of the clutch (workspace.hpp): the
     /// force fades out, the tool stays in place, and the force restarts at zero. Throws std::invalid_argument.

@@ -236,6 +236,15 @@ class Verification(unittest.TestCase):
             sim = haptic.Simulation("popout-fan", {"solver.step": 0.033, **settings}, verify=True)
             self.assertEqual(sim.run(duration=4.0).crossings.any(), passages)
 
+    def test_vertices_below_the_ground_are_counted(self):
+        settings = {"collisions.ground_height": 100.0}
+        steps = {verify: haptic.Simulation("cloth-drop", settings, verify=verify).run(1) for verify in (False, True)}
+        self.assertEqual(steps[True].below_ground[0], 1089)
+        self.assertAlmostEqual(steps[True].ground_depth[0], 90.0, delta=0.1)
+        self.assertEqual((steps[False].below_ground[0], steps[False].ground_depth[0]), (0, 0.0))
+        for name in ("sheet_crossings", "closed_body_crossings", "body_crossings"):
+            self.assertEqual(steps[True][name][0], 0)
+
 
 class ErrorsSayWhatToDo(unittest.TestCase):
     def test_scenes(self):

@@ -98,6 +98,34 @@ TEST(Simulation, HoldsOneOfTwoBodiesAsIfItWereAlone) {
     }
 }
 
+TEST(Simulation, VerificationCountsSurfacesThatCrossAndVerticesBelowTheGround) {
+    // The second cloth stands upright in the middle of the first one, a little tilted; both fall freely.
+    Config config = open_scene("cloth-drop");
+    config.set("model.height=0.5");
+    config.set("collisions.between_bodies=false");
+    Scene scene = read_scene(config, "crossed");
+    scene.model.copies = {{}, {.position = {0.0101, 0.0, 0.0}, .orientation = {0.8, 0.6, 0.0, 0.0}}};
+    Simulation crossed(scene);
+    EXPECT_EQ(crossed.step(crossed.scripted_input(0)).surfaces.between, 0u) << "not asked for";
+    crossed.set_verification(true);
+    const SurfaceCrossingCounts counts = crossed.step(crossed.scripted_input(time_of(1))).surfaces;
+    EXPECT_GT(counts.between, 60u);  // 33 rows of edges of either cloth through the other
+    EXPECT_EQ(counts.sheets, 0u);
+    EXPECT_EQ(counts.closed_bodies, 0u);
+    EXPECT_EQ(counts.below_ground, 0u);
+    // A ground above both, too far for the collisions to undo in one step.
+    scene.collisions.ground_height = 100.0;
+    Simulation sunk(scene);
+    sunk.set_verification(true);
+    const SurfaceCrossingCounts below = sunk.step(sunk.scripted_input(0)).surfaces;
+    EXPECT_EQ(below.below_ground, sunk.vertices().size());
+    EXPECT_GT(below.ground_depth, 90.0);
+    scene.collisions.ground = false;
+    Simulation without(scene);
+    without.set_verification(true);
+    EXPECT_EQ(without.step(without.scripted_input(0)).surfaces.below_ground, 0u);
+}
+
 TEST(Simulation, AppliesTheForceToTheTouchedBody) {
     // The touched cloth is the second body here: the force must reach its particles.
     Config config = open_scene("cloth-drop");

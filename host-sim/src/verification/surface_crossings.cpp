@@ -1,0 +1,436 @@
+// Includes nothing of the code that keeps surfaces apart, so that the count cannot share its mistakes.
+#include "verification/surface_crossings.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <span>
+#include <tuple>
+
+namespace haptic::sim {
+
+namespace {
+
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kUnitsInTheLastPlace = 16.0;  // of the largest coordinate: rounding of a simulated state
+constexpr double kVolumeRounding = 16.0;       // units in the last place of the product of three lengths
+// Upper bound of the size below which a volume may be zero, over rounding and the square of the longest length from one
+// corner: the doubled areas of four faces are at most 6 such squares, and the rounding of the volume less than 4.
+constexpr double kCertainFactor = 10.0;
+constexpr double kCertainlyZero = 0.5;  // of the square below which Plane::side() is 0: the rest is for rounding
+
+std::array<std::uint32_t, 3> sorted_corners(std::array<std::uint32_t, 3> corner) {
+    std::sort(corner.begin(), corner.end());
+    return corner;
+}
+
+bool shares_a_vertex(const std::array<std::uint32_t, 3>& corner, std::uint32_t p, std::uint32_t q) {
+    return corner[0] == p || corner[1] == p || corner[2] == p || corner[0] == q || corner[1] == q || corner[2] == q;
+}
+
+int common_vertices(const std::array<std::uint32_t, 3>& a, const std::array<std::uint32_t, 3>& b) {
+    int common = 0;
+    for (const std::uint32_t vertex : a) {
+        common += static_cast<int>((vertex == b[0]) | (vertex == b[1]) | (vertex == b[2]));
+    }
+    return common;
+}
+
+/// One branch for all axes: each alone would be mispredicted often.
+template <class Box>
+bool boxes_meet(const Box& a, const Box& b) {
+    const bool along_x = (a.low.x <= b.high.x) & (a.high.x >= b.low.x);
+    const bool along_y = (a.low.y <= b.high.y) & (a.high.y >= b.low.y);
+    const bool along_z = (a.low.z <= b.high.z) & (a.high.z >= b.low.z);
+    return along_x & along_y & along_z;
+}
+
+/// Plane through three points.
+class Plane {
+  public:
+    Plane(const Vec3& a, const Vec3& b, const Vec3& c)
+        : origin_(a), u_(b - a), v_(c - a), normal_(glm::cross(u_, v_)), u2_(glm::dot(u_, u_)), v2_(glm::dot(v_, v_)) {}
+
+    /// Volume of the tetrahedron with x, times 6: normal . (x - a).
+    [[nodiscard]] double volume(const Vec3& x) const { return glm::dot(normal_, x - origin_); }
+
+    /// Sign of the volume; 0 if moving the four corners by `rounding` could change it: by as much times the doubled
+    /// areas of the faces, plus the rounding of the volume itself.
+    [[nodiscard]] int side(const Vec3& x, double rounding) const {
+        const Vec3 w = x - origin_;
+        const double w2 = glm::dot(w, w);
+        const double volume = glm::dot(normal_, w);
+        const int sign = volume > 0.0 ? 1 : -1;
+        // Most are certain by an upper or a lower bound of the areas.
+        if (std::abs(volume) > kCertainFactor * rounding * std::max({u2_, v2_, w2})) {
+            return sign;
+        }
+        if (volume * volume <= rounding * rounding * glm::dot(normal_, normal_)) {
+            return 0;
+        }
+        const double areas = glm::length(normal_) + glm::length(glm::cross(v_, w)) + glm::length(glm::cross(w, u_)) +
+                             glm::length(glm::cross(v_ - u_, w - u_));
+        const double zero = rounding * areas + kVolumeRounding * kEpsilon * std::sqrt(u2_ * v2_ * w2);
+        return std::abs(volume) > zero ? sign : 0;
+    }
+
+  private:
+    Vec3 origin_;
+    Vec3 u_;
+    Vec3 v_;
+    Vec3 normal_;
+    double u2_;
+    double v2_;
+};
+
+}  // namespace
+
+SurfaceCrossings::SurfaceCrossings(std::span<const CheckedSurface> surfaces, std::span<const Vec3> vertices) {
+    for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
+        // Each set of corners once: the first triangle that has it.
+        const CheckedSurface& surface = surfaces[object];
+        const auto first_face = static_cast<std::uint32_t>(faces_.size());
+        const auto offset = static_cast<std::uint32_t>(surface.first_vertex);
+        first_vertex_.push_back(offset);
+        for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
+            const std::array<std::uint32_t, 3>& corner = surface.triangles[t];
+            faces_.push_back({{offset + corner[0], offset + corner[1], offset + corner[2]}, object, t, 0});
+        }
+        const auto begin = faces_.begin() + first_face;
+        std::sort(begin, faces_.end(), [](const Face& a, const Face& b) {
+            return std::tuple(sorted_corners(a.corner), a.triangle) < std::tuple(sorted_corners(b.corner), b.triangle);
+        });
+        faces_.erase(std::unique(begin, faces_.end(),
+                                 [](const Face& a, const Face& b) {
+                                     return sorted_corners(a.corner) == sorted_corners(b.corner);
+                                 }),
+                     faces_.end());
+        // The tree puts them into the order of its leaves.
+        if (const auto count = static_cast<std::uint32_t>(faces_.size()) - first_face; count > 0) {
+            roots_.push_back(build(vertices, first_face, count));
+        }
+    }
+    give_edges_to_faces();
+    bounds_.resize(faces_.size());
+    planes_.resize(faces_.size());
+}
+
+/// Builds the tree of some faces by halving them along the longest extent of their centres. Returns its root.
+std::uint32_t SurfaceCrossings::build(std::span<const Vec3> vertices, std::uint32_t first, std::uint32_t count) {
+    const auto root = static_cast<std::uint32_t>(nodes_.size());
+    nodes_.push_back({{}, first, count, 0});
+    if (is_leaf(nodes_[root])) {
+        return root;
+    }
+    const auto centre = [&](const Face& face) {
+        return vertices[face.corner[0]] + vertices[face.corner[1]] + vertices[face.corner[2]];
+    };
+    const auto begin = faces_.begin() + first;
+    Vec3 low = centre(*begin);
+    Vec3 high = low;
+    for (auto face = begin; face != begin + count; ++face) {
+        low = glm::min(low, centre(*face));
+        high = glm::max(high, centre(*face));
+    }
+    const Vec3 extent = high - low;
+    const int axis = extent.x >= extent.y && extent.x >= extent.z ? 0 : (extent.y >= extent.z ? 1 : 2);
+    const std::uint32_t half = count / 2;
+    std::nth_element(begin, begin + half, begin + count, [&](const Face& a, const Face& b) {
+        return std::tuple(centre(a)[axis], a.triangle) < std::tuple(centre(b)[axis], b.triangle);
+    });
+    build(vertices, first, half);
+    const std::uint32_t right = build(vertices, first + half, count - half);
+    nodes_[root].right = right;
+    return root;
+}
+
+/// Lets one face of each edge test it.
+void SurfaceCrossings::give_edges_to_faces() {
+    struct OwnedEdge {
+        std::uint32_t low, high, face, k;
+    };
+    std::vector<OwnedEdge> edges;
+    edges.reserve(3 * faces_.size());
+    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+        for (std::uint32_t k = 0; k < 3; ++k) {
+            const auto [low, high] = std::minmax(faces_[f].corner[k], faces_[f].corner[(k + 1) % 3]);
+            edges.push_back({low, high, f, k});
+        }
+    }
+    std::sort(edges.begin(), edges.end(), [](const OwnedEdge& a, const OwnedEdge& b) {
+        return std::tie(a.low, a.high, a.face) < std::tie(b.low, b.high, b.face);
+    });
+    for (std::size_t e = 0; e < edges.size(); ++e) {
+        if (e == 0 || edges[e].low != edges[e - 1].low || edges[e].high != edges[e - 1].high) {
+            faces_[edges[e].face].own_edges |= 1u << edges[e].k;
+        }
+    }
+}
+
+std::span<const SurfaceCrossing> SurfaceCrossings::find(std::span<const Vec3> vertices, double rounding,
+                                                        std::uint64_t max_tests) {
+    vertices_ = vertices;
+    rounding_ = rounding;
+    tests_left_ = max_tests;
+    found_.clear();
+    touches_.clear();
+    // Each surface with itself, then each two of them.
+    fit(vertices);
+    for (std::size_t a = 0; a < roots_.size(); ++a) {
+        visit_within(roots_[a]);
+        for (std::size_t b = a + 1; b < roots_.size(); ++b) {
+            visit_between(roots_[a], roots_[b]);
+        }
+    }
+    add_touches_that_cross();
+    std::sort(found_.begin(), found_.end(), [](const SurfaceCrossing& a, const SurfaceCrossing& b) {
+        return std::tie(a.edge_object, a.edge, a.object, a.triangle) <
+               std::tie(b.edge_object, b.edge, b.object, b.triangle);
+    });
+    return found_;
+}
+
+/// Fits the planes and boxes of faces, widened by rounding, and the boxes of nodes.
+void SurfaceCrossings::fit(std::span<const Vec3> vertices) {
+    for (std::size_t f = 0; f < faces_.size(); ++f) {
+        const Vec3& a = vertices[faces_[f].corner[0]];
+        const Vec3& b = vertices[faces_[f].corner[1]];
+        const Vec3& c = vertices[faces_[f].corner[2]];
+        bounds_[f] = {glm::min(a, glm::min(b, c)) - rounding_, glm::max(a, glm::max(b, c)) + rounding_};
+        const Vec3 normal = glm::cross(b - a, c - a);
+        planes_[f] = {normal, glm::dot(normal, a), glm::length(bounds_[f].high - bounds_[f].low)};
+    }
+    // Children come after their parents.
+    for (std::size_t n = nodes_.size(); n-- > 0;) {
+        Node& node = nodes_[n];
+        if (is_leaf(node)) {
+            node.bounds = bounds_[node.first];
+            for (std::uint32_t f = node.first + 1; f < node.first + node.count; ++f) {
+                node.bounds = {glm::min(node.bounds.low, bounds_[f].low), glm::max(node.bounds.high, bounds_[f].high)};
+            }
+        } else {
+            const Bounds& left = nodes_[n + 1].bounds;
+            const Bounds& right = nodes_[node.right].bounds;
+            node.bounds = {glm::min(left.low, right.low), glm::max(left.high, right.high)};
+        }
+    }
+}
+
+/// Tests all pairs of faces of a subtree.
+void SurfaceCrossings::visit_within(std::uint32_t index) {
+    const Node& node = nodes_[index];
+    if (!is_leaf(node)) {
+        visit_within(index + 1);
+        visit_within(node.right);
+        visit_between(index + 1, node.right);
+        return;
+    }
+    for (std::uint32_t a = node.first; a < node.first + node.count; ++a) {
+        for (std::uint32_t b = a + 1; b < node.first + node.count; ++b) {
+            if (boxes_meet(bounds_[a], bounds_[b])) {
+                test_faces(a, b);
+            }
+        }
+    }
+}
+
+/// Tests the faces of one subtree with those of another.
+void SurfaceCrossings::visit_between(std::uint32_t a, std::uint32_t b) {
+    const Node& one = nodes_[a];
+    const Node& other = nodes_[b];
+    if (tests_left_ == 0 || !boxes_meet(one.bounds, other.bounds)) {
+        return;
+    }
+    --tests_left_;
+    // Descend into the larger one.
+    if (!is_leaf(one) && one.count >= other.count) {
+        visit_between(a + 1, b);
+        visit_between(one.right, b);
+        return;
+    }
+    if (!is_leaf(other)) {
+        visit_between(a, b + 1);
+        visit_between(a, other.right);
+        return;
+    }
+    // All pairs of boxes first: a branch for each would be mispredicted often.
+    std::uint32_t meet = 0;
+    for (std::uint32_t f = 0; f < one.count; ++f) {
+        for (std::uint32_t g = 0; g < other.count; ++g) {
+            const bool pair = boxes_meet(bounds_[one.first + f], bounds_[other.first + g]);
+            meet |= static_cast<std::uint32_t>(pair) << (kLeafFaces * f + g);
+        }
+    }
+    for (; meet != 0; meet &= meet - 1) {
+        const auto pair = static_cast<std::uint32_t>(std::countr_zero(meet));
+        test_faces(one.first + pair / kLeafFaces, other.first + pair % kLeafFaces);
+    }
+}
+
+void SurfaceCrossings::test_faces(std::uint32_t a, std::uint32_t b) {
+    if (tests_left_ == 0) {
+        return;
+    }
+    --tests_left_;
+    // Neighbours at an edge have no edges without a common vertex. A face on one side of the other's plane meets it at
+    // most in their common vertex; the edges of one in that plane do not pierce it.
+    const Face& one = faces_[a];
+    const Face& other = faces_[b];
+    if (common_vertices(one.corner, other.corner) > 1) {
+        return;
+    }
+    const double extent = planes_[a].extent + planes_[b].extent;
+    const PlaneSide side_of_one = side_of(one, other, planes_[b], extent);
+    if (side_of_one == PlaneSide::Beyond) {
+        return;
+    }
+    const PlaneSide side_of_other = side_of(other, one, planes_[a], extent);
+    if (side_of_other == PlaneSide::Beyond) {
+        return;
+    }
+    if (side_of_one != PlaneSide::Within) {
+        test_edges(one, other, bounds_[b]);
+    }
+    if (side_of_other != PlaneSide::Within) {
+        test_edges(other, one, bounds_[a]);
+    }
+}
+
+/// Where the corners of a face certainly are with respect to the plane of another face, `of`; common ones do not count.
+/// `extent`, m: of both faces together, whose boxes meet.
+SurfaceCrossings::PlaneSide SurfaceCrossings::side_of(const Face& face, const Face& of, const FacePlane& plane,
+                                                      double extent) const {
+    const double not_zero = kCertainFactor * rounding_ * extent * extent;
+    const double zero2 = kCertainlyZero * rounding_ * rounding_ * glm::dot(plane.normal, plane.normal);
+    bool above = true;
+    bool below = true;
+    bool within = true;
+    for (const std::uint32_t corner : face.corner) {
+        const bool common = (corner == of.corner[0]) | (corner == of.corner[1]) | (corner == of.corner[2]);
+        const double volume = glm::dot(plane.normal, vertices_[corner]) - plane.offset;
+        above &= common | (volume > not_zero);
+        below &= common | (volume < -not_zero);
+        within &= common | (volume * volume <= zero2);
+    }
+    return above | below ? PlaneSide::Beyond : (within ? PlaneSide::Within : PlaneSide::Unknown);
+}
+
+/// Tests the edges that `of` has to test with a face.
+void SurfaceCrossings::test_edges(const Face& of, const Face& face, const Bounds& bounds) {
+    for (std::uint32_t k = 0; k < 3; ++k) {
+        const std::uint32_t p = of.corner[k];
+        const std::uint32_t q = of.corner[(k + 1) % 3];
+        if ((of.own_edges >> k & 1u) == 0 || shares_a_vertex(face.corner, p, q)) {
+            continue;
+        }
+        const Vec3& x = vertices_[p];
+        const Vec3& y = vertices_[q];
+        if (boxes_meet(Bounds{glm::min(x, y), glm::max(x, y)}, bounds)) {
+            test_edge(std::min(p, q), std::max(p, q), of, face);
+        }
+    }
+}
+
+int SurfaceCrossings::side(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) const {
+    return Plane(vertices_[a], vertices_[b], vertices_[c]).side(vertices_[d], rounding_);
+}
+
+/// Tests the edge from p to q, p < q, of the face `of` with another face without a common vertex.
+void SurfaceCrossings::test_edge(std::uint32_t p, std::uint32_t q, const Face& of, const Face& face) {
+    // Both ends on one side of the plane, or the whole edge in it: no crossing.
+    const Plane plane(vertices_[face.corner[0]], vertices_[face.corner[1]], vertices_[face.corner[2]]);
+    const int side_p = plane.side(vertices_[p], rounding_);
+    const int side_q = plane.side(vertices_[q], rounding_);
+    if (side_p == side_q) {
+        return;
+    }
+    // Sides of the edge's line on which the face's edges pass. The sign of a pair of edges is that of the same four
+    // corners in the same order for all faces, so that no edge slips between two faces.
+    std::array<int, 3> passes{};
+    int zeros = 0;
+    int sum = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t from = face.corner[k];
+        const std::uint32_t to = face.corner[(k + 1) % 3];
+        passes[k] = from < to ? side(p, q, from, to) : -side(p, q, to, from);
+        zeros += passes[k] == 0 ? 1 : 0;
+        sum += passes[k];
+    }
+    // Beside the face, or through one of its corners.
+    if (std::abs(sum) != 3 - zeros || zeros > 1) {
+        return;
+    }
+    const double volume_p = plane.volume(vertices_[p]);
+    const double share = std::clamp(volume_p / (volume_p - plane.volume(vertices_[q])), 0.0, 1.0);
+    const Vec3 position = vertices_[p] + share * (vertices_[q] - vertices_[p]);
+    if (side_p == 0 || side_q == 0) {
+        // One end lies in the face: its other edges tell whether the surface passes there.
+        if (zeros == 0) {
+            const std::uint32_t end = side_p == 0 ? p : q;
+            touches_.push_back({{end, end, face.object, face.triangle},
+                                true,
+                                side_p + side_q > 0,
+                                crossing_at(end, end, of, face, vertices_[end])});
+        }
+    } else if (zeros == 1) {
+        // Two edges meet: the other face at the edge tells whether its surface passes.
+        const std::size_t k = passes[0] == 0 ? 0 : (passes[1] == 0 ? 1 : 2);
+        const auto [low, high] = std::minmax(face.corner[k], face.corner[(k + 1) % 3]);
+        if (const int apex = side(p, q, low, face.corner[(k + 2) % 3]); apex != 0) {
+            touches_.push_back({{p, q, low, high}, false, apex > 0, crossing_at(p, q, of, face, position)});
+        }
+    } else {
+        found_.push_back(crossing_at(p, q, of, face, position));
+    }
+}
+
+SurfaceCrossing SurfaceCrossings::crossing_at(std::uint32_t p, std::uint32_t q, const Face& of, const Face& face,
+                                              const Vec3& position) const {
+    const std::uint32_t first = first_vertex_[of.object];
+    return {of.object, {p - first, q - first}, face.object, face.triangle, position};
+}
+
+/// Adds one crossing for each place that was met from both sides.
+void SurfaceCrossings::add_touches_that_cross() {
+    const auto key = [](const Touch& t) { return std::tie(t.at_vertex, t.place); };
+    std::sort(touches_.begin(), touches_.end(), [&](const Touch& a, const Touch& b) {
+        return std::tuple(key(a), a.positive, a.crossing.triangle) <
+               std::tuple(key(b), b.positive, b.crossing.triangle);
+    });
+    for (std::size_t first = 0; first < touches_.size();) {
+        std::size_t end = first + 1;
+        while (end < touches_.size() && key(touches_[end]) == key(touches_[first])) {
+            ++end;
+        }
+        // Sorted: the negative side first.
+        if (!touches_[first].positive && touches_[end - 1].positive) {
+            found_.push_back(touches_[first].crossing);
+        }
+        first = end;
+    }
+}
+
+GroundCrossings find_ground_crossings(std::span<const Vec3> vertices, double height, double rounding) {
+    GroundCrossings found;
+    for (const Vec3& vertex : vertices) {
+        const double depth = height - vertex.y;
+        if (depth > rounding) {
+            ++found.vertices;
+            found.depth = std::max(found.depth, depth);
+        }
+    }
+    return found;
+}
+
+double rounding_of(std::span<const Vec3> vertices) {
+    double largest = 0.0;
+    for (const Vec3& vertex : vertices) {
+        largest = std::max({largest, std::abs(vertex.x), std::abs(vertex.y), std::abs(vertex.z)});
+    }
+    return kUnitsInTheLastPlace * kEpsilon * largest;
+}
+
+}  // namespace haptic::sim

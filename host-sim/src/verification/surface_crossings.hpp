@@ -1,0 +1,138 @@
+// Surface crossings: where do surfaces pass through themselves or through one another, and how far do they reach below
+// the ground? Answered for one state of their vertices, without the code that keeps them apart.
+//
+// This file and its source share no function with contact/ and collision/: they have their own boxes, their own tree
+// and their own predicate. A crossing is an edge that pierces a triangle with which it shares no vertex. Each edge and
+// each triangle counts once, so the second face of a double-faced sheet adds nothing.
+//
+// Touching is no crossing. Signs of volumes decide; a volume counts as zero if moving its corners by `rounding` could
+// change its sign, so coplanar neighbours and surfaces that lie on one another do not cross by rounding. Where signs
+// are zero, the neighbours decide whether the surface passes:
+//   - an edge that meets another in its interior crosses if the other one has triangles on both sides;
+//   - a vertex in the interior of a triangle crosses if its edges leave to both sides.
+// An edge that passes exactly through a vertex is taken as touching there.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "haptic/types.hpp"
+
+namespace haptic::sim {
+
+/// Surface of one body. Its triangles index its own vertices, the first of which is `first_vertex` of all.
+struct CheckedSurface {
+    std::span<const std::array<std::uint32_t, 3>> triangles;
+    std::size_t first_vertex = 0;
+};
+
+/// An edge that pierces a triangle, or meets one at a border as described above.
+struct SurfaceCrossing {
+    std::uint32_t edge_object = 0;
+    std::array<std::uint32_t, 2> edge{};  // vertices of that object, in rising order; equal for a vertex
+    std::uint32_t object = 0;
+    std::uint32_t triangle = 0;  // of `object`
+    Vec3 position{0.0};          // m
+};
+
+/// Finds the crossings of the same surfaces for one state after another. The boxes of triangles form a tree for each
+/// surface, built once and fitted to each state: in the usual state the time grows as n log n with n triangles.
+class SurfaceCrossings {
+  public:
+    /// `vertices` of all surfaces, at rest: the tree joins what is near there. Keeps no reference.
+    SurfaceCrossings(std::span<const CheckedSurface> surfaces, std::span<const Vec3> vertices);
+
+    /// Crossings for these vertices, m, ordered by edge, then by triangle; valid until the next call. `rounding`, m:
+    /// how far each coordinate may be off; crossings not deeper than that are touching. The search ends after
+    /// `max_tests` pairs of boxes, of nodes and faces, that meet, and then is not complete(). Deterministic to the bit.
+    std::span<const SurfaceCrossing> find(std::span<const Vec3> vertices, double rounding,
+                                          std::uint64_t max_tests = std::numeric_limits<std::uint64_t>::max());
+    /// Whether the last search was complete.
+    [[nodiscard]] bool complete() const noexcept { return tests_left_ > 0; }
+
+  private:
+    struct Bounds {
+        Vec3 low;
+        Vec3 high;
+    };
+    /// A distinct triangle, in the order of the tree's leaves.
+    struct Face {
+        std::array<std::uint32_t, 3> corner;  // vertices of all
+        std::uint32_t object;
+        std::uint32_t triangle;
+        std::uint32_t own_edges;  // bit k: edge from corner k to k + 1 is tested with this face
+    };
+    /// Plane of a face: normal . x = offset, the normal of the doubled area's length.
+    struct FacePlane {
+        Vec3 normal;
+        double offset;
+        double extent;  // m, diagonal of the face's box
+    };
+    /// Subtree of `count` faces from `first` on. Up to kLeafFaces it is a leaf; otherwise its left child is the next
+    /// node.
+    struct Node {
+        Bounds bounds;
+        std::uint32_t first;
+        std::uint32_t count;
+        std::uint32_t right;
+    };
+    /// Of the corners of a face: all beyond one side of a plane, all within it up to rounding, or neither for certain.
+    enum class PlaneSide : std::uint8_t { Beyond, Within, Unknown };
+    /// A meeting that is a crossing if the same edge or vertex has one with the opposite side.
+    struct Touch {
+        std::array<std::uint32_t, 4> place;  // edge and edge, or vertex (twice) and face
+        bool at_vertex;
+        bool positive;  // side of the neighbour
+        SurfaceCrossing crossing;
+    };
+
+    static constexpr std::uint32_t kLeafFaces = 4;
+
+    std::uint32_t build(std::span<const Vec3> vertices, std::uint32_t first, std::uint32_t count);
+    void give_edges_to_faces();
+    void fit(std::span<const Vec3> vertices);
+    void visit_within(std::uint32_t node);
+    void visit_between(std::uint32_t a, std::uint32_t b);
+    void test_faces(std::uint32_t a, std::uint32_t b);
+    [[nodiscard]] PlaneSide side_of(const Face& face, const Face& of, const FacePlane& plane, double extent) const;
+    void test_edges(const Face& of, const Face& face, const Bounds& bounds);
+    void test_edge(std::uint32_t p, std::uint32_t q, const Face& of, const Face& face);
+    [[nodiscard]] SurfaceCrossing crossing_at(std::uint32_t p, std::uint32_t q, const Face& of, const Face& face,
+                                              const Vec3& position) const;
+    void add_touches_that_cross();
+
+    [[nodiscard]] bool is_leaf(const Node& node) const { return node.count <= kLeafFaces; }
+    [[nodiscard]] int side(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) const;
+
+    std::vector<std::uint32_t> first_vertex_;  // per object
+    std::vector<Face> faces_;
+    std::vector<Bounds> bounds_;        // per face
+    std::vector<FacePlane> planes_;     // per face
+    std::vector<Node> nodes_;           // parents before children
+    std::vector<std::uint32_t> roots_;  // per object with faces
+    // The state that is being searched.
+    std::span<const Vec3> vertices_;
+    double rounding_ = 0.0;
+    std::uint64_t tests_left_ = 0;
+    std::vector<SurfaceCrossing> found_;
+    std::vector<Touch> touches_;
+};
+
+/// Vertices below the ground.
+struct GroundCrossings {
+    std::size_t vertices = 0;
+    double depth = 0.0;  // m, of the deepest
+};
+
+/// Counts the vertices that are below `height`, m, by more than `rounding`, m.
+[[nodiscard]] GroundCrossings find_ground_crossings(std::span<const Vec3> vertices, double height, double rounding);
+
+/// Rounding of coordinates that come from a few operations in double precision, m: a few units in the last place of the
+/// largest coordinate.
+[[nodiscard]] double rounding_of(std::span<const Vec3> vertices);
+
+}  // namespace haptic::sim
