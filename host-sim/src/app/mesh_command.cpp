@@ -42,7 +42,8 @@ void print(std::ostream& out, const MeshOptions& options, const MeshReport& repo
         << "  triangles     " << report.triangles << " of " << report.triangles_given << " (" << report.collapsed
         << " degenerate, " << report.duplicates << " duplicate, " << report.flipped << " flipped)\n"
         << "  surface       " << describe_kind(report) << "; parts: " << report.components
-        << "; open edges: " << report.boundary_edges << "; non-manifold edges: " << report.crowded_edges << '\n'
+        << "; open edges: " << report.boundary_edges << "; non-manifold edges: " << report.crowded_edges
+        << "; edges that pierce it: " << report.crossings << (report.crossings_known ? "\n" : " or more\n")
         << std::setprecision(6) << "  box           " << shown(report.low) << " to " << shown(report.high) << " m\n"
         << "  area          " << report.area << " m^2\n";
     if (report.closed) {

@@ -13,6 +13,7 @@
 #include "haptic/numeric.hpp"
 #include "mesh/mesh_topology.hpp"
 #include "simd/aabb.hpp"
+#include "verification/surface_crossings.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -23,6 +24,10 @@ constexpr double kMaxCoordinate = 1e6;  // m
 constexpr double kMinHeight = 1e-6;
 // Ratio of volume to the cube of the box's diagonal below which nothing is enclosed.
 constexpr double kMinVolume = 1e-12;
+// Pairs of boxes that meet, after which the search for crossings is given up. A mesh of triangles of similar size has
+// 15 for each of them.
+constexpr std::uint64_t kLeastBoxPairs = 2'000'000;
+constexpr std::uint64_t kBoxPairsPerTriangle = 50;
 
 std::string counted(std::size_t count, const std::string& singular, const std::string& plural) {
     return std::to_string(count) + " " + (count == 1 ? singular : plural);
@@ -45,6 +50,7 @@ class Checker {
         remove_unused_vertices();
         measure_triangles();
         orient_and_close();
+        find_crossings();
         describe();
         report_.vertices = mesh_.vertices.size();
         report_.triangles = mesh_.triangles.size();
@@ -215,6 +221,7 @@ class Checker {
             if (new_index[i] != kNone) {
                 new_index[i] = static_cast<std::uint32_t>(mesh_.vertices.size());
                 mesh_.vertices.push_back(given_vertices_[i]);
+                source_vertex_.push_back(i);
             }
         }
         report_.unused = given_vertices_.size() - report_.welded - mesh_.vertices.size();
@@ -362,6 +369,33 @@ class Checker {
         }
     }
 
+    /// Counts where the mesh passes through itself. What is closer than the welding tolerance is taken as touching.
+    void find_crossings() {
+        const CheckedSurface surface{mesh_.triangles, 0};
+        SurfaceCrossings finder({&surface, 1}, mesh_.vertices);
+        const double rounding = std::max(settings_.weld_tolerance * diagonal_, rounding_of(mesh_.vertices));
+        const std::span<const SurfaceCrossing> found =
+            finder.find(mesh_.vertices, rounding, kLeastBoxPairs + kBoxPairsPerTriangle * mesh_.triangles.size());
+        report_.crossings = found.size();
+        report_.crossings_known = finder.complete();
+        if (!finder.complete()) {
+            warn("so many triangles overlap that the search for crossings was given up after " +
+                 counted(found.size(), "edge", "edges"));
+        }
+        if (!found.empty()) {
+            const SurfaceCrossing& first = found.front();
+            const Vec3& at = first.position;
+            const std::string from = std::to_string(source_vertex_[first.edge[0]]);
+            const std::string what = first.edge[0] == first.edge[1] ? "at vertex " + from
+                                                                    : "the edge from vertex " + from + " to " +
+                                                                          std::to_string(source_vertex_[first.edge[1]]);
+            warn("the mesh passes through itself: " + counted(found.size(), "edge pierces", "edges pierce") +
+                 " a triangle; tolerated, and not kept apart until they have come apart; the first is " + what +
+                 ", through " + kept(first.triangle) + " at (" + std::to_string(at.x) + ", " + std::to_string(at.y) +
+                 ", " + std::to_string(at.z) + ") m");
+        }
+    }
+
     /// Adds the warnings about the mesh as a whole.
     void describe() {
         if (report_.components > 1) {
@@ -383,6 +417,8 @@ class Checker {
     std::vector<std::uint32_t> source_;    // number in the input
     std::vector<std::uint8_t> in_sheet_;   // 0: the second face of a pair
     std::vector<std::uint8_t> is_paired_;  // 1: one of a pair
+    // Per vertex kept.
+    std::vector<std::uint32_t> source_vertex_;  // number in the input
 };
 
 }  // namespace

@@ -53,6 +53,8 @@ struct MeshReport {
     std::size_t boundary_edges = 0;    // edges of one triangle
     std::size_t crowded_edges = 0;     // edges of more than two triangles; a double-faced pair counts as one
     std::size_t pinched_vertices = 0;  // vertices that join several fans without a common edge
+    std::size_t crossings = 0;         // edges that pierce a triangle with which they share no vertex
+    bool crossings_known = true;       // false: so many triangles overlap that the search was given up
     std::size_t components = 0;        // connected parts; different parts share no vertex
     bool orientable = true;            // a consistent orientation exists
     bool closed = false;               // encloses a volume
