@@ -21,7 +21,7 @@ ESCAPING = """#!/bin/sh
 while [ "$1" != --report ]; do shift; done
 cat >"$2" <<END
 {"steps": 100, "contact": {"steps_in_contact": 7, "escapes": 2, "let_through": 0},
- "surface_crossings": {"sheets_themselves": {"steps": 3}, "closed_bodies_themselves": {"steps": 0},
+ "surface_crossings": {"sheets": {"steps": 3}, "bodies_themselves": {"steps": 0},
                        "one_another": {"steps": 0}, "ground": {"steps": 5, "max_depth_m": 0.0012}}}
 END
 exit 1
@@ -60,7 +60,7 @@ class Studies(unittest.TestCase):
         rows, said = self.table(self.folder / "escapes.py", "--scene", "rod-gap", "--hand", "hostile:9",
                                 "--duration-s", "5", "--", "--set", "solver.iterations=3", status=1)
         self.assertEqual(rows[0]["escapes"], "2")
-        self.assertEqual((rows[0]["sheets_themselves"], rows[0]["ground"], rows[0]["ground_depth_mm"]),
+        self.assertEqual((rows[0]["sheets"], rows[0]["ground"], rows[0]["ground_depth_mm"]),
                          ("3", "5", "1.2"))
         self.assertIn(f"escaped: {fake} run rod-gap --clock lockstep --hand hostile:9 --duration 5 --verify "
                       "--set solver.iterations=3\n", said)

@@ -124,7 +124,7 @@ void RunStatistics::add(const StepResult& result) {
     passed_through_ += result.passed_through ? 1 : 0;
     escapes_ += result.crossed ? 1 : 0;
     sheets_.add(result.surfaces.sheets);
-    closed_bodies_.add(result.surfaces.closed_bodies);
+    bodies_.add(result.surfaces.bodies);
     between_.add(result.surfaces.between);
     below_ground_.add(result.surfaces.below_ground);
     max_ground_depth_ = std::max(max_ground_depth_, result.surfaces.ground_depth);
@@ -141,9 +141,11 @@ bool RunStatistics::caught() const noexcept {
 }
 
 std::vector<std::string> RunStatistics::violations() const {
-    // Crossings of surfaces are reported only: collisions act on the particles' ellipsoids, and sheets do not collide
-    // with themselves.
+    // Crossings of other surfaces than sheets are reported only: their collisions act on the particles' ellipsoids.
     std::vector<std::string> violations;
+    if (sheets_.steps > 0) {
+        violations.push_back("a sheet passed through a sheet, seen in " + std::to_string(sheets_.steps) + " steps");
+    }
     if (escapes_ > 0) {
         violations.push_back("the proxy's centre passed through a surface in " + std::to_string(escapes_) + " steps");
     }
@@ -153,8 +155,8 @@ std::vector<std::string> RunStatistics::violations() const {
 nlohmann::json RunStatistics::surface_report(bool verified) const {
     const auto tally = [](const CrossingTally& t) { return nlohmann::json{{"steps", t.steps}, {"most", t.most}}; };
     nlohmann::json report = {{"verified", verified},
-                             {"sheets_themselves", tally(sheets_)},
-                             {"closed_bodies_themselves", tally(closed_bodies_)},
+                             {"sheets", tally(sheets_)},
+                             {"bodies_themselves", tally(bodies_)},
                              {"one_another", tally(between_)},
                              {"ground", tally(below_ground_)}};
     report["ground"]["max_depth_m"] = max_ground_depth_;
@@ -209,8 +211,8 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
     text += line("escapes", verified ? std::to_string(escapes_) : "not counted (use --verify)");
     if (verified) {
         text += line("surfaces cross", "");
-        text += line("  sheet, itself", crossings(sheets_, "edges through it"));
-        text += line("  closed, itself", crossings(closed_bodies_, "edges through it"));
+        text += line("  sheets", crossings(sheets_, "edges through them"));
+        text += line("  itself", crossings(bodies_, "edges through it"));
         text += line("  one another", crossings(between_, "edges through another body"));
         text += line("  the ground",
                      crossings(below_ground_, "vertices below it") +

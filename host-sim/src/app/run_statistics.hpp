@@ -60,10 +60,10 @@ class RunStatistics {
     std::uint64_t overconstrained_ = 0;
     std::uint64_t passed_through_ = 0;
     std::uint64_t escapes_ = 0;
-    CrossingTally sheets_;         // edges through their own body, an open one
-    CrossingTally closed_bodies_;  // edges through their own body, a closed one
-    CrossingTally between_;        // edges through another body
-    CrossingTally below_ground_;   // vertices
+    CrossingTally sheets_;        // edges of sheets through sheets
+    CrossingTally bodies_;        // edges of other bodies through themselves
+    CrossingTally between_;       // edges through another body
+    CrossingTally below_ground_;  // vertices
     double max_ground_depth_ = 0.0;
     double first_contact_s_ = -1.0;
     Aabb reached_;  // m, scene: where the tool was

@@ -155,8 +155,10 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
         inverse_mass_.push_back(model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]);
     }
     surface_of_.resize(model.size());
+    left_alone_.resize(model.size());
     for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
         std::fill_n(surface_of_.begin() + surfaces[s].first_particle, surfaces[s].rest.size(), s);
+        std::ranges::copy(surfaces[s].left_alone, left_alone_.begin() + surfaces[s].first_particle);
     }
 }
 
@@ -232,7 +234,10 @@ void SurfaceContacts::keep_near(PairKind kind, const std::array<std::vector<std:
         const double last = std::max(reach[2], reach[3]);
         const double far = least_gap_ + (kind == PairKind::VertexTriangle ? reach[0] + std::max(reach[1], last)
                                                                           : std::max(reach[0], reach[1]) + last);
-        if (some.gap[k] > far) {
+        const bool alone = (left_alone_[vertex[0][k]] & left_alone_[vertex[1][k]] & left_alone_[vertex[2][k]] &
+                            left_alone_[vertex[3][k]]) != 0;
+        const bool apart = !settings_.between_bodies && surface_of_[vertex[0][k]] != surface_of_[vertex[3][k]];
+        if (some.gap[k] > far || alone || apart) {
             continue;
         }
         // The quick normal may be a bad one.
@@ -595,17 +600,18 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
     for (int round = 0; find_unsafe(position); ++round) {
         counts_.unsafe += round == 0 ? unsafe_.size() : 0;
         ++counts_.rounds;
-        if (round < kPushRounds) {
-            push_unsafe(now);
-            if (have_left_boxes(position)) {
-                search(position, 1.0);
-            }
-        } else if (round < kMaxRounds) {
-            unite_unsafe(round >= kPushRounds + kPartRounds);
-            move_zones(position, true);
-        } else {
+        if (round == kMaxRounds) {
             let_stand(now);
             break;
+        }
+        if (round < kPushRounds) {
+            push_unsafe(now);
+        } else {
+            unite_unsafe(round >= kPushRounds + kPartRounds);
+            move_zones(position, true);
+        }
+        if (have_left_boxes(position)) {
+            search(position, 1.0);
         }
     }
     for (Pairs& pairs : pairs_) {

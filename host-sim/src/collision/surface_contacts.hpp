@@ -153,6 +153,7 @@ class SurfaceContacts final : public SolverContacts {
     StageClock clock_;
     std::vector<double> inverse_mass_;       // 1/kg, per particle
     std::vector<std::uint32_t> surface_of_;  // per particle
+    std::vector<std::uint8_t> left_alone_;   // per particle
     std::array<Pairs, 2> pairs_{Pairs(PairKind::VertexTriangle), Pairs(PairKind::EdgeEdge)};
     Pairs candidates_{PairKind::VertexTriangle};
     // The last search: boxes of the vertices, in a frame that moves on at `drift_`, and how far each may come in its

@@ -28,6 +28,7 @@ struct ParticleSurface {
     std::uint32_t first_particle = 0;
     std::span<const Triangle> triangles;  // of its own vertices; the second face of a double-faced one is ignored
     std::span<const Vec3> rest;           // m, per vertex
+    std::span<const std::uint8_t> left_alone = {};  // per vertex, 1: not kept apart from one another; empty: none
 };
 
 class SurfaceFeatures {

@@ -347,14 +347,8 @@ void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, 
             model.angular_velocity[i] = vector_of(state_->angular_velocity[i]);
         }
     }
-    // Add the lost momenta back to velocities and predicted positions.
     if (body.is_free) {
-        const RigidVelocity lost = lost_motion(model, range);
-        for (std::size_t i = range.begin; i < range.end; ++i) {
-            const Vec3 dv = lost.at(model.position[i]);
-            model.velocity[i] += dv;
-            set_vector(state_->position[i], vector_of(state_->position[i]) + h * dv);
-        }
+        restore_momenta(model, range, h);
     }
 }
 
@@ -375,10 +369,34 @@ void ParticleSolver::take_secured(ParticleModel& model, std::span<const std::uin
         if (!body.is_free || std::ranges::none_of(moved, belongs)) {
             continue;
         }
-        const RigidVelocity lost = lost_motion(model, body.particles);
-        for (std::size_t i = body.particles.begin; i < body.particles.end; ++i) {
-            model.velocity[i] += lost.at(model.position[i]);
-        }
+        restore_secured(model, body.particles);
+    }
+}
+
+/// Gives a body the momenta that it had after the prediction and the contacts, at its final positions u.
+void ParticleSolver::restore_secured(ParticleModel& model, const ParticleRange& body) {
+    // About the origin: sums of m v_predicted and x x m v_predicted, less those of v at u.
+    double mass = 0.0;
+    Vec3 centre(0.0);
+    Vec3 linear(0.0);
+    Vec3 angular(0.0);
+    const auto end = [&](std::size_t i) { return vector_of(state_->position[i]); };
+    for (std::size_t i = body.begin; i < body.end; ++i) {
+        const double m = model.mass[i];
+        mass += m;
+        centre += m * end(i);
+        linear += m * (predicted_[i] - model.velocity[i]);
+        angular += m * (glm::cross(model.position[i], predicted_[i]) - glm::cross(end(i), model.velocity[i]));
+    }
+    centre /= mass;
+    angular -= glm::cross(centre, linear);
+    Mat3 scatter(0.0);
+    for (std::size_t i = body.begin; i < body.end; ++i) {
+        add_outer(scatter, model.mass[i], end(i) - centre, end(i) - centre);
+    }
+    const Vec3 omega = settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0);
+    for (std::size_t i = body.begin; i < body.end; ++i) {
+        model.velocity[i] += linear / mass + glm::cross(omega, end(i) - centre);
     }
 }
 
@@ -396,14 +414,8 @@ void ParticleSolver::take_positions(ParticleModel& model, double h) {
     });
 }
 
-Vec3 ParticleSolver::RigidVelocity::at(const Vec3& p) const noexcept {
-    return linear + glm::cross(angular, p - centre);
-}
-
-/// The rigid motion with the momenta that a body has lost since the prediction, at the positions at the start of the
-/// sub-step.
-ParticleSolver::RigidVelocity ParticleSolver::lost_motion(const ParticleModel& model, const ParticleRange& body) const {
-    // Momenta lost, about the centre of mass: sums of m (v_predicted - v) and of p x that vector.
+void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& body, double h) {
+    // Momenta lost by the projections, about the centre of mass: sums of m (v_predicted - v) and of p x that vector.
     const Vec3 centre = centre_of_mass(model, body);
     double mass = 0.0;
     Vec3 linear(0.0);
@@ -417,8 +429,15 @@ ParticleSolver::RigidVelocity ParticleSolver::lost_motion(const ParticleModel& m
         angular += glm::cross(p, lost);
         add_outer(scatter, model.mass[i], p, p);
     }
-    // Linear momentum is lost by rounding and by contacts that hold back; the projections conserve it.
-    return {centre, linear / mass, settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0)};
+    // Velocity of the lost linear momentum. It is rounding error alone, since every projection conserves momentum.
+    linear /= mass;
+    // Add them back as a rigid motion, dv + w x p, to velocities and predicted positions.
+    const Vec3 omega = settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0);
+    for (std::size_t i = body.begin; i < body.end; ++i) {
+        const Vec3 dv = linear + glm::cross(omega, model.position[i] - centre);
+        model.velocity[i] += dv;
+        set_vector(state_->position[i], vector_of(state_->position[i]) + h * dv);
+    }
 }
 
 void ParticleSolver::damp_shape(ParticleModel& model, const ParticleRange& body, double h) const {

@@ -69,25 +69,17 @@ void Assembly::drive(double now_s, double step_s) {
     }
 }
 
-std::vector<ParticleSurface> Assembly::sheets() const {
-    std::vector<ParticleSurface> found;
-    for (std::size_t b = 0; b < bodies.size(); ++b) {
-        const Skinner::Part range = part(b);
-        bool vertices_are_particles = range.vertices == range.particles;
-        for (std::size_t v = 0; v < range.vertices && vertices_are_particles; ++v) {
-            const SkinVertex& vertex = skin[range.first_vertex + v];
-            vertices_are_particles = vertex.particle[0] == range.first_particle + v && vertex.weight[0] == 1.0;
-        }
-        const auto can_move = [&](const Triangle& t) {
-            return std::ranges::none_of(t,
-                                        [&](std::uint32_t v) { return model.pinned[range.first_particle + v] != 0; });
-        };
-        const TriangleMesh& shape = bodies[b].mesh;
-        if (vertices_are_particles && std::ranges::any_of(shape.triangles, can_move)) {
-            found.push_back({static_cast<std::uint32_t>(range.first_particle), shape.triangles, shape.vertices});
-        }
+bool Assembly::is_sheet(std::size_t body) const {
+    const Skinner::Part range = part(body);
+    bool vertices_are_particles = range.vertices == range.particles;
+    for (std::size_t v = 0; v < range.vertices && vertices_are_particles; ++v) {
+        const SkinVertex& vertex = skin[range.first_vertex + v];
+        vertices_are_particles = vertex.particle[0] == range.first_particle + v && vertex.weight[0] == 1.0;
     }
-    return found;
+    const auto can_move = [&](const Triangle& t) {
+        return std::ranges::none_of(t, [&](std::uint32_t v) { return model.pinned[range.first_particle + v] != 0; });
+    };
+    return vertices_are_particles && std::ranges::any_of(bodies[body].mesh.triangles, can_move);
 }
 
 }  // namespace haptic::sim

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "collision/surface_features.hpp"
 #include "contact/swept_tree.hpp"
 #include "haptic/sim/contact_force.hpp"
 #include "haptic/sim/deformable.hpp"
@@ -31,8 +30,8 @@ struct Assembly {
         return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first};
     }
 
-    /// The sheets: bodies whose vertices are their particles, with a triangle that can move as a whole.
-    [[nodiscard]] std::vector<ParticleSurface> sheets() const;
+    /// Whether a body is a sheet: its vertices are its particles, and a triangle can move as a whole.
+    [[nodiscard]] bool is_sheet(std::size_t body) const;
 
     // Of all bodies together.
     ParticleModel model;  // current state

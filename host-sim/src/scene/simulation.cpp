@@ -40,13 +40,63 @@ std::unique_ptr<ParticleCollisions> make_collisions(const ParticleModel& model, 
     return alone && !settings.ground ? nullptr : std::make_unique<ParticleCollisions>(model, settings, clock);
 }
 
-/// Null without sheets that collide.
+/// Surfaces of all bodies, for verification.
+SurfaceCrossings make_surface_crossings(const Assembly& assembly) {
+    std::vector<CheckedSurface> surfaces;
+    for (const SceneBody& body : assembly.bodies) {
+        surfaces.push_back({body.mesh.triangles, body.first_vertex});
+    }
+    return {surfaces, assembly.mesh.vertices};
+}
+
+/// Per body: it is a sheet that collides.
+std::vector<std::uint8_t> colliding_sheets(const Assembly& assembly, const CollisionSettings& settings) {
+    std::vector<std::uint8_t> collides;
+    for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
+        collides.push_back(settings.sheets && assembly.is_sheet(b) ? 1 : 0);
+    }
+    return collides;
+}
+
+/// Per vertex: at rest it belongs to an edge or triangle of a sheet that crosses another one.
+std::vector<std::uint8_t> crossing_vertices(const Assembly& assembly, std::span<const std::uint8_t> sheet) {
+    std::vector<std::uint8_t> crosses(assembly.mesh.vertices.size(), 0);
+    if (std::ranges::find(sheet, 1) == sheet.end()) {
+        return crosses;
+    }
+    SurfaceCrossings at_rest = make_surface_crossings(assembly);
+    for (const SurfaceCrossing& crossing : at_rest.find(assembly.mesh.vertices, rounding_of(assembly.mesh.vertices))) {
+        if (sheet[crossing.edge_object] == 0 || sheet[crossing.object] == 0) {
+            continue;
+        }
+        const SceneBody& of_edge = assembly.bodies[crossing.edge_object];
+        const SceneBody& of_triangle = assembly.bodies[crossing.object];
+        for (const std::uint32_t v : crossing.edge) {
+            crosses[of_edge.first_vertex + v] = 1;
+        }
+        for (const std::uint32_t v : of_triangle.mesh.triangles[crossing.triangle]) {
+            crosses[of_triangle.first_vertex + v] = 1;
+        }
+    }
+    return crosses;
+}
+
+/// Null without sheets that collide. What crosses at rest is left alone.
 std::unique_ptr<SurfaceContacts> make_surface_contacts(const Assembly& assembly, const CollisionSettings& settings,
+                                                       std::span<const std::uint8_t> sheet,
+                                                       std::span<const std::uint8_t> crosses,
                                                        Simulation::ClockFunction clock) {
-    const std::vector<ParticleSurface> sheets = assembly.sheets();
-    return !settings.sheets || sheets.empty()
-               ? nullptr
-               : std::make_unique<SurfaceContacts>(assembly.model, sheets, settings, clock);
+    std::vector<ParticleSurface> sheets;
+    for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
+        if (sheet[b] != 0) {
+            const SceneBody& body = assembly.bodies[b];
+            sheets.push_back({.first_particle = static_cast<std::uint32_t>(body.first_particle),
+                              .triangles = body.mesh.triangles,
+                              .rest = body.mesh.vertices,
+                              .left_alone = crosses.subspan(body.first_vertex, body.mesh.vertices.size())});
+        }
+    }
+    return sheets.empty() ? nullptr : std::make_unique<SurfaceContacts>(assembly.model, sheets, settings, clock);
 }
 
 /// Stopwatch on the caller's clock; always 0 without one.
@@ -93,15 +143,6 @@ ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
             first_curl(scene)};
 }
 
-/// Surfaces of all bodies, for verification.
-SurfaceCrossings make_surface_crossings(const Assembly& assembly) {
-    std::vector<CheckedSurface> surfaces;
-    for (const SceneBody& body : assembly.bodies) {
-        surfaces.push_back({body.mesh.triangles, body.first_vertex});
-    }
-    return {surfaces, assembly.mesh.vertices};
-}
-
 }  // namespace
 
 StepInput input_from(const DeviceState& state, std::int64_t time_ns) noexcept {
@@ -125,7 +166,9 @@ struct Simulation::State {
           solver(assembly.model, from.solver),
           loads(assembly),
           collisions(make_collisions(assembly.model, from.collisions, time)),
-          surface_contacts(make_surface_contacts(assembly, from.collisions, time)),
+          sheet(colliding_sheets(assembly, from.collisions)),
+          crosses_at_rest(crossing_vertices(assembly, sheet)),
+          surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, crosses_at_rest, time)),
           skinner(assembly.mesh.vertices, assembly.model, assembly.skin),
           start(assembly.mesh.vertices),
           end(assembly.mesh.vertices),
@@ -174,6 +217,8 @@ struct Simulation::State {
     ParticleSolver solver;
     SceneLoads loads;
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
+    std::vector<std::uint8_t> sheet;                    // per body: it is a sheet that collides
+    std::vector<std::uint8_t> crosses_at_rest;          // per vertex
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     Skinner skinner;
     std::vector<Vec3> start;  // m, scene: vertices before and after the last step
@@ -389,12 +434,15 @@ void Simulation::State::verify_surfaces(StepResult& result) {
     SurfaceCrossingCounts& counts = result.surfaces;
     const double rounding = rounding_of(end);
     for (const SurfaceCrossing& crossing : surface_crossings->find(end, rounding)) {
-        if (crossing.object != crossing.edge_object) {
+        const bool same = crossing.object == crossing.edge_object;
+        if (sheet[crossing.edge_object] != 0 && sheet[crossing.object] != 0 &&
+            (same || scene.collisions.between_bodies)) {
+            const std::size_t vertex = assembly.bodies[crossing.edge_object].first_vertex + crossing.edge[0];
+            counts.sheets += crosses_at_rest[vertex] == 0 ? 1U : 0U;
+        } else if (!same) {
             ++counts.between;
-        } else if (assembly.bodies[crossing.object].mesh.closed) {
-            ++counts.closed_bodies;
         } else {
-            ++counts.sheets;
+            ++counts.bodies;
         }
     }
     if (scene.collisions.ground) {

@@ -68,13 +68,14 @@ struct StageTimes {
     std::int64_t total_ns = 0;  // without verification
 };
 
-/// Crossings of the surfaces at the end of a step, by verification (verification/surface_crossings.hpp).
+/// Crossings of the surfaces at the end of a step, by verification (verification/surface_crossings.hpp), without those
+/// that the meshes have at rest. Sheets are bodies whose vertices are their particles, with collisions.sheets.
 struct SurfaceCrossingCounts {
-    std::size_t sheets = 0;         // edges that pierce a triangle of their own body, of open bodies
-    std::size_t closed_bodies = 0;  // same, of closed bodies
-    std::size_t between = 0;        // edges that pierce a triangle of another body
-    std::size_t below_ground = 0;   // vertices, if collisions.ground is on
-    double ground_depth = 0.0;      // m, of the deepest
+    std::size_t sheets = 0;        // edges of sheets that pierce a triangle of their own or another sheet
+    std::size_t bodies = 0;        // edges of other bodies that pierce a triangle of their own body
+    std::size_t between = 0;       // edges that pierce a triangle of another body, but for sheets and sheets
+    std::size_t below_ground = 0;  // vertices, if collisions.ground is on
+    double ground_depth = 0.0;     // m, of the deepest
 };
 
 /// Result of a step. With several proxies, counts and depths are the maximum over all, flags are set by any.

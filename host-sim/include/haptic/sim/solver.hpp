@@ -162,14 +162,6 @@ class ParticleSolver {
         ParticleRange particles;
         bool is_free = true;  // no particle is pinned
     };
-    /// v + w x (p - centre)
-    struct RigidVelocity {
-        Vec3 centre;   // m
-        Vec3 linear;   // m/s
-        Vec3 angular;  // rad/s
-        [[nodiscard]] Vec3 at(const Vec3& p) const noexcept;
-    };
-
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
     void add_contact_velocities(double h);
     void find_velocities(ParticleModel& model, double h);
@@ -177,7 +169,8 @@ class ParticleSolver {
     void take_secured(ParticleModel& model, std::span<const std::uint32_t> moved, double h);
     void take_positions(ParticleModel& model, double h);
     void damp_shape(ParticleModel& model, const ParticleRange& body, double h) const;
-    [[nodiscard]] RigidVelocity lost_motion(const ParticleModel& model, const ParticleRange& body) const;
+    void restore_momenta(ParticleModel& model, const ParticleRange& body, double h);
+    void restore_secured(ParticleModel& model, const ParticleRange& body);
 
     SolverSettings settings_;
     double faithful_step_;  // s, see faithful_step()

@@ -111,7 +111,7 @@ TEST(Simulation, VerificationCountsSurfacesThatCrossAndVerticesBelowTheGround) {
     const SurfaceCrossingCounts counts = crossed.step(crossed.scripted_input(time_of(1))).surfaces;
     EXPECT_GT(counts.between, 60u);  // 33 rows of edges of either cloth through the other
     EXPECT_EQ(counts.sheets, 0u);
-    EXPECT_EQ(counts.closed_bodies, 0u);
+    EXPECT_EQ(counts.bodies, 0u);
     EXPECT_EQ(counts.below_ground, 0u);
     // A ground above both, too far for the collisions to undo in one step.
     scene.collisions.ground_height = 100.0;

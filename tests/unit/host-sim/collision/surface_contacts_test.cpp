@@ -1,0 +1,238 @@
+#include "collision/surface_contacts.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <memory>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "haptic/sim/cloth.hpp"
+#include "haptic/sim/solver.hpp"
+#include "verification/surface_crossings.hpp"
+
+namespace haptic::sim {
+namespace {
+
+/// A sheet of links alone, or several of them.
+class Sheets {
+  public:
+    struct Settings {
+        std::uint32_t side = 13;  // vertices
+        double step = 0.01;
+        int substeps = 2;
+        Vec3 gravity{0.0};
+        CollisionSettings collisions{.static_friction = 0.5, .dynamic_friction = 0.4};
+        std::size_t lanes = ParticleCollisions::kWidest;
+        bool guarded = true;
+        bool first_held = false;  // at its border
+    };
+
+    explicit Sheets(const Settings& settings, std::vector<ClothShape> shapes = {ClothShape{}}) : settings_(settings) {
+        for (ClothShape& shape : shapes) {
+            shape.vertices_per_side = settings.side;
+            meshes_.push_back(make_cloth_mesh(shape));
+            model.append(make_cloth_particles(shape, 0.0, 1.0));
+        }
+        for (std::uint32_t i = 0; i < settings.side * settings.side && settings.first_held; ++i) {
+            const auto at_border = [&](std::uint32_t k) { return k == 0 || k + 1 == settings.side; };
+            model.pinned[i] = at_border(i / settings.side) || at_border(i % settings.side) ? 1 : 0;
+        }
+        std::vector<ParticleSurface> surfaces;
+        std::vector<CheckedSurface> checked;
+        std::uint32_t first = 0;
+        for (const TriangleMesh& mesh : meshes_) {
+            surfaces.push_back({.first_particle = first, .triangles = mesh.triangles, .rest = mesh.vertices});
+            checked.push_back({mesh.triangles, first});
+            first += static_cast<std::uint32_t>(mesh.vertices.size());
+        }
+        contacts = std::make_unique<SurfaceContacts>(model, surfaces, settings.collisions, nullptr, settings.lanes);
+        crossings_ = std::make_unique<SurfaceCrossings>(checked, model.position);
+        solver_ = std::make_unique<ParticleSolver>(
+            model,
+            SolverSettings{
+                .step = settings.step, .substeps = settings.substeps, .iterations = 4, .gravity = settings.gravity});
+    }
+
+    void step() { solver_->step(model, {}, {settings_.guarded ? contacts.get() : nullptr}); }
+
+    [[nodiscard]] std::size_t crossings() { return crossings_->find(model.position, 1e-14).size(); }
+
+    /// m, of all features that share no vertex.
+    [[nodiscard]] double least_distance() const {
+        double least = 1.0;
+        const SurfaceFeatures& features = contacts->features();
+        const auto at = [&](std::uint32_t v) { return model.position[v]; };
+        for (const std::uint32_t v : features.vertices()) {
+            for (const Triangle& t : features.triangles()) {
+                if (std::ranges::find(t, v) == t.end()) {
+                    const FeatureVertices x{at(v), at(t[0]), at(t[1]), at(t[2])};
+                    least = std::min(least, nearest_points(PairKind::VertexTriangle, x).distance);
+                }
+            }
+        }
+        for (const auto& e : features.edges()) {
+            for (const auto& f : features.edges()) {
+                if (e[0] != f[0] && e[0] != f[1] && e[1] != f[0] && e[1] != f[1]) {
+                    const FeatureVertices x{at(e[0]), at(e[1]), at(f[0]), at(f[1])};
+                    least = std::min(least, nearest_points(PairKind::EdgeEdge, x).distance);
+                }
+            }
+        }
+        return least;
+    }
+
+    /// Throws the vertices at each other: random velocities and a squeeze from two sides, m/s.
+    void throw_together(std::uint32_t seed, double speed) {
+        std::mt19937 random(seed);
+        std::uniform_real_distribution<double> unit(-1.0, 1.0);
+        for (std::size_t i = 0; i < model.size(); ++i) {
+            const double a = unit(random), b = unit(random), c = unit(random);
+            model.velocity[i] = speed * (0.5 * Vec3(a, b, c) - 2.0 * model.position[i]);
+        }
+    }
+
+    ParticleModel model;
+    std::unique_ptr<SurfaceContacts> contacts;
+
+  private:
+    Settings settings_;
+    std::vector<TriangleMesh> meshes_;
+    std::unique_ptr<SurfaceCrossings> crossings_;
+    std::unique_ptr<ParticleSolver> solver_;
+};
+
+struct Throw {
+    double speed;  // m/s
+    double step;   // s
+};
+
+class ThrownTogether : public ::testing::TestWithParam<Throw> {};
+
+TEST_P(ThrownTogether, NothingCrossesAndTheGapIsKept) {
+    const auto [speed, step] = GetParam();
+    for (std::uint32_t seed = 1; seed <= 3; ++seed) {
+        Sheets sheets({.step = step});
+        sheets.throw_together(seed, speed);
+        for (int i = 0; i < 60; ++i) {
+            sheets.step();
+            ASSERT_EQ(sheets.crossings(), 0u) << "seed " << seed << ", step " << i;
+        }
+        EXPECT_GE(sheets.least_distance(), 0.999 * sheets.contacts->least_gap()) << "seed " << seed;
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Speeds, ThrownTogether,
+                         ::testing::Values(Throw{2.0, 0.01}, Throw{20.0, 0.01}, Throw{20.0, 0.033}, Throw{100.0, 0.1}));
+
+TEST(SurfaceContacts, WithoutThemTheSameThrowCrosses) {
+    Sheets sheets({.guarded = false});
+    sheets.throw_together(1, 20.0);
+    std::size_t crossings = 0;
+    for (int i = 0; i < 60; ++i) {
+        sheets.step();
+        crossings += sheets.crossings();
+    }
+    EXPECT_GT(crossings, 100u);
+}
+
+TEST(SurfaceContacts, KeepBothMomenta) {
+    Sheets sheets({});
+    sheets.throw_together(4, 20.0);
+    const Vec3 linear = linear_momentum(sheets.model);
+    const Vec3 angular = angular_momentum(sheets.model);
+    for (int i = 0; i < 60; ++i) {
+        sheets.step();
+        EXPECT_LT(glm::length(linear_momentum(sheets.model) - linear), 1e-12) << "step " << i;
+        EXPECT_LT(glm::length(angular_momentum(sheets.model) - angular), 1e-9) << "step " << i;
+    }
+    EXPECT_GT(sheets.contacts->counts().contacts, 100u);
+    EXPECT_GT(sheets.contacts->counts().held, 0u) << "contacts alone kept all apart: throw harder";
+}
+
+TEST(SurfaceContacts, TakeEnergyOut) {
+    for (const double step : {0.01, 0.033}) {
+        Sheets sheets({.step = step});
+        sheets.throw_together(5, 20.0);
+        const double before = kinetic_energy(sheets.model);
+        for (int i = 0; i < 200; ++i) {
+            sheets.step();
+            EXPECT_LT(kinetic_energy(sheets.model), before) << "step " << i;
+        }
+        EXPECT_LT(kinetic_energy(sheets.model), 0.1 * before);
+    }
+}
+
+TEST(SurfaceContacts, LeaveWhatMeetsNothingAsItIs) {
+    // A turning sheet in free flight, with and without.
+    Sheets guarded({});
+    Sheets free({.guarded = false});
+    for (Sheets* sheets : {&guarded, &free}) {
+        for (std::size_t i = 0; i < sheets->model.size(); ++i) {
+            sheets->model.velocity[i] =
+                Vec3(14.0, 0.0, 0.0) + glm::cross(Vec3(1.0, 2.0, 3.0), sheets->model.position[i]);
+        }
+    }
+    for (int i = 0; i < 100; ++i) {
+        guarded.step();
+        free.step();
+    }
+    for (std::size_t i = 0; i < free.model.size(); ++i) {
+        EXPECT_LT(glm::length(guarded.model.position[i] - free.model.position[i]), 1e-6);
+    }
+    EXPECT_EQ(guarded.contacts->counts().contacts, 0u);
+}
+
+TEST(SurfaceContacts, StayAboveTheGround) {
+    // Pressed down on its edge at 20 m/s.
+    const double half = std::numbers::sqrt2 / 2.0;
+    Sheets sheets({.gravity = {0.0, -9.81, 0.0}, .collisions = {.ground = true, .ground_height = -0.6}},
+                  {{.orientation = Quat(half, half, 0.0, 0.0)}});
+    for (Vec3& v : sheets.model.velocity) {
+        v = Vec3(0.1, -20.0, 0.2);
+    }
+    for (int i = 0; i < 100; ++i) {
+        sheets.step();
+        ASSERT_EQ(sheets.crossings(), 0u) << "step " << i;
+        for (const Vec3& x : sheets.model.position) {
+            ASSERT_GE(x.y, -0.6) << "step " << i;
+        }
+    }
+}
+
+TEST(SurfaceContacts, KeepSheetsApart) {
+    // One falls on another that is held at its border.
+    for (const bool between : {true, false}) {
+        Sheets sheets({.gravity = {0.0, -9.81, 0.0}, .collisions = {.between_bodies = between}, .first_held = true},
+                      {{}, {.centre = {0.05, 0.2, 0.03}}});
+        std::size_t crossings = 0;
+        for (int i = 0; i < 100; ++i) {
+            sheets.step();
+            crossings += sheets.crossings();
+        }
+        EXPECT_EQ(crossings == 0, between);
+    }
+}
+
+TEST(SurfaceContacts, HaveTheSameBitsWithAnyNumberOfLanes) {
+    Sheets expected({.lanes = 1});
+    expected.throw_together(6, 20.0);
+    for (int i = 0; i < 40; ++i) {
+        expected.step();
+    }
+    for (const std::size_t lanes : ParticleCollisions::usable_lanes()) {
+        Sheets sheets({.lanes = lanes});
+        sheets.throw_together(6, 20.0);
+        for (int i = 0; i < 40; ++i) {
+            sheets.step();
+        }
+        EXPECT_EQ(sheets.model.position, expected.model.position) << lanes << " lanes";
+        EXPECT_EQ(sheets.model.velocity, expected.model.velocity) << lanes << " lanes";
+    }
+}
+
+}  // namespace
+}  // namespace haptic::sim
