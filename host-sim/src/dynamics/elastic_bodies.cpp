@@ -138,7 +138,7 @@ void ElasticBodies::batch_elements(const ParticleModel& model) {
         bodies_[b].turning.end = static_cast<std::uint32_t>(turning_.size());
     }
     // Triangles after all solids, so that each kind has one range of places.
-    triangles_.first = stress_.size() / 3;
+    triangles_.first = pull_.size();
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         bodies_[b].triangles = add_batches(model, b, of_body[b].triangles, triangles_);
     }
@@ -178,7 +178,7 @@ ParticleRange ElasticBodies::add_batches(const ParticleModel& model, std::size_t
             to.shear[at] = 2.0 * e.shear_modulus * e.volume;
             to.lame[at] = e.lame_modulus * e.volume;
             to.damping[at] = e.damping;
-            place_[order[first + lane]] = static_cast<std::uint32_t>(to.first + at);
+            place_[order[first + lane]] = static_cast<std::uint32_t>(to.first + first_slot * n + lane);
             if (!triangles) {
                 const Mat3& s = e.spread;
                 const double symmetric[6] = {s[0][0], s[1][1], s[2][2], s[0][1], s[0][2], s[1][2]};
@@ -196,7 +196,7 @@ ParticleRange ElasticBodies::add_batches(const ParticleModel& model, std::size_t
             }
         }
     }
-    stress_.resize(stress_.size() + 3 * n * (to.batch.size() - first_batch));
+    pull_.resize(to.first + to.member.size());
     return {static_cast<std::uint32_t>(first_batch), static_cast<std::uint32_t>(to.batch.size())};
 }
 
@@ -224,7 +224,7 @@ void ElasticBodies::list_pairs(const ParticleModel& model) {
     }
 }
 
-/// What each element pulls at a particle: its stress times the particle's gradient.
+/// Which pulls of elements act on a particle.
 void ElasticBodies::list_shares(const ParticleModel& model) {
     std::vector<std::uint32_t> count(model.size(), 0);
     for (const ElasticElement& e : model.elasticity.elements) {
@@ -233,18 +233,12 @@ void ElasticBodies::list_shares(const ParticleModel& model) {
         }
     }
     first_share_ = starts_of(count);
-    share_element_.resize(first_share_.back());
-    share_gradient_.resize(3 * static_cast<std::size_t>(first_share_.back()));
+    share_.resize(first_share_.back());
     std::vector<std::uint32_t> next(first_share_.begin(), first_share_.end() - 1);
     for (std::size_t e = 0; e < place_.size(); ++e) {
-        const ElasticElement& element = model.elasticity.elements[e];
-        const std::vector<Vec3> gradient = gradients_of(element);
-        for (std::size_t k = 0; k < element.members.size(); ++k) {
-            const std::uint32_t share = next[element.members[k]]++;
-            share_element_[share] = 3 * place_[e];
-            for (int c = 0; c < 3; ++c) {
-                share_gradient_[3 * static_cast<std::size_t>(share) + static_cast<std::size_t>(c)] = gradient[k][c];
-            }
+        const std::vector<std::uint32_t>& members = model.elasticity.elements[e].members;
+        for (std::size_t k = 0; k < members.size(); ++k) {
+            share_[next[members[k]]++] = place_[e] + static_cast<std::uint32_t>(k * kernels_.lanes);
         }
     }
 }
@@ -333,7 +327,7 @@ ElasticBatches ElasticBodies::batches_of(const Elements& e, std::size_t begin, s
             .spread = e.spread.empty() ? nullptr : e.spread.data() + 6 * lane,
             .member = e.member.data(),
             .gradient = e.gradient.data(),
-            .stress = stress_.data() + 3 * (e.first + lane)};
+            .pull = pull_.data() + e.first};
 }
 
 /// x0, and M (y - x0) / h^2: the forces that led to the position y given.
@@ -358,9 +352,8 @@ void ElasticBodies::sum_forces(std::size_t begin, std::size_t end) noexcept {
     kernels_.sum({.count = end - begin,
                   .particle = free_.data() + begin,
                   .first_share = first_share_.data(),
-                  .element = share_element_.data(),
-                  .gradient = share_gradient_.data(),
-                  .stress = stress_.data(),
+                  .share = share_.data(),
+                  .pull = pull_.data(),
                   .first_pair = first_pair_.data(),
                   .other = other_.data(),
                   .stiffness = pair_stiffness_.data(),

@@ -77,7 +77,7 @@ class ElasticBodies {
   private:
     /// Storage of ElasticBatches.
     struct Elements {
-        std::size_t first = 0;  // place of its first lane; see place_
+        std::size_t first = 0;  // its first place in pull_
         std::vector<ElasticBatch> batch;
         LaneArray<std::uint32_t> centre;
         LaneArray<double> shear;
@@ -137,16 +137,15 @@ class ElasticBodies {
     std::size_t oldest_ = 0;  // of these
     Elements solids_;
     Elements triangles_;
-    std::vector<std::uint32_t> place_;  // of each element among all lanes of all batches, solids first
+    std::vector<std::uint32_t> place_;  // of each element's first member in pull_; each next one follows by `lanes`
     // Storage of ForceSums.
     std::vector<std::uint32_t> first_share_;
-    std::vector<std::uint32_t> share_element_;
-    std::vector<double> share_gradient_;
+    std::vector<std::uint32_t> share_;
     std::vector<std::uint32_t> first_pair_;
     std::vector<std::uint32_t> other_;
     std::vector<double> pair_stiffness_;
     std::vector<double> pair_damping_;
-    LaneArray<Row> stress_;  // J, three rows per place
+    LaneArray<Row> pull_;  // N, per slot and lane of all batches, solids first
     // Scratch, per particle, with padding.
     LaneArray<Row> at_;        // m, x0
     LaneArray<Row> velocity_;  // m/s, (x0 - x) / h

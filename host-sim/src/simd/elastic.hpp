@@ -1,9 +1,10 @@
 // Elastic kernels: the forces of elements and pairs, and the solution with sparse factors. The equations are in
 // haptic/sim/elasticity.hpp and dynamics/elastic_bodies.hpp.
 //
-// A batch holds one element per lane. An element writes its stress to a place of its own, and a particle sums what its
-// elements pull in their order, so that neither the number of lanes nor that of threads changes a bit. Unused lanes,
-// and members missing from an element of the batch, refer to a padding particle; each lane has its own.
+// A batch holds one element per lane. An element writes what it pulls at each of its members to a place of its own, and
+// a particle sums what pulls at it in the elements' order, so that neither the number of lanes nor that of threads
+// changes a bit. Unused lanes, and members missing from an element of the batch, refer to a padding particle; each lane
+// has its own.
 #pragma once
 
 #include <cstddef>
@@ -31,7 +32,7 @@ struct ElasticBatches {
     const double* spread;         // [batch][xx, yy, zz, yx, zx, zy][lane]; null for triangles
     const std::uint32_t* member;  // [slot][lane]
     const double* gradient;       // [slot][x, y, z][lane], 1/m; of a triangle [slot][x, y][lane] in its own axes
-    Row* stress;                  // [batch][lane][x, y, z], J: out, columns of minus R stress V; z of a triangle is 0
+    Row* pull;                    // [slot][lane], N: out, at the member
 };
 
 /// Particles at x0, with padding.
@@ -41,19 +42,18 @@ struct ElasticParticles {
     Row* orientation;     // w, x, y, z: in as predicted, out the rotations of solid elements
 };
 
-/// Neighbours by pairs and stresses of elements, of the particles in `particle`.
+/// What elements and pairs pull at the particles in `particle`.
 struct ForceSums {
     std::size_t count;
     const std::uint32_t* particle;     // [count]
-    const std::uint32_t* first_share;  // per particle of the model, and one more: its range of the following two
-    const std::uint32_t* element;      // first of the element's three rows of `stress`
-    const double* gradient;            // [share][x, y, z], 1/m
-    const Row* stress;
-    const std::uint32_t* first_pair;  // per particle of the model, and one more: its range of the following
-    const std::uint32_t* other;       // the other particle
-    const double* stiffness;          // N/m
-    const double* damping;            // s
-    double own_damping;               // s, see ElasticBatches
+    const std::uint32_t* first_share;  // per particle of the model, and one more: its range of the following
+    const std::uint32_t* share;        // place in `pull`
+    const Row* pull;                   // N, of the elements
+    const std::uint32_t* first_pair;   // per particle of the model, and one more: its range of the following
+    const std::uint32_t* other;        // the other particle
+    const double* stiffness;           // N/m
+    const double* damping;             // s
+    double own_damping;                // s, see ElasticBatches
     bool damped;
     const Row* position;
     const Row* velocity;

@@ -28,11 +28,12 @@ HAPTIC_LANES LaneVec<Real> vector_from(const double* from) noexcept {
     return {load<Real>(from), load<Real>(from + kLanes<Real>), load<Real>(from + 2 * kLanes<Real>)};
 }
 
-/// Stores a column of each lane's stress in its row.
+/// Stores what each lane's element pulls at the member in this slot.
 template <class Real>
-HAPTIC_LANES void store_column(const LaneVec<Real>& column, Row* first, std::size_t k) noexcept {
-    scatter<Real>({column.x, column.y, column.z, Real{}},
-                  [first, k](std::size_t lane) __attribute__((always_inline)) { return first[3 * lane + k].number; });
+HAPTIC_LANES void store_pull(const LaneVec<Real>& pull, const ElasticBatches& b, std::size_t slot) noexcept {
+    Row* const row = b.pull + slot * kLanes<Real>;
+    scatter<Real>({pull.x, pull.y, pull.z, Real{}},
+                  [row](std::size_t lane) __attribute__((always_inline)) { return row[lane].number; });
 }
 
 /// The part of the damping that the step itself does not have.
@@ -98,10 +99,13 @@ void elastic_solids(const ElasticBatches& b, const ElasticParticles& particles) 
         const Real shear = -load<Real>(b.shear + batch * n);
         const Real sum = -load<Real>(b.lame + batch * n) * (e.xx + e.yy + e.zz);
         const LaneSymmetric<Real> s = shear * e + sum * spread;
-        Row* const stress = b.stress + 3 * batch * n;
-        store_column(s.xx * r.x + s.yx * r.y + s.zx * r.z, stress, 0);
-        store_column(s.yx * r.x + s.yy * r.y + s.zy * r.z, stress, 1);
-        store_column(s.zx * r.x + s.zy * r.y + s.zz * r.z, stress, 2);
+        const LaneMat<Real> stress{s.xx * r.x + s.yx * r.y + s.zx * r.z, s.yx * r.x + s.yy * r.y + s.zy * r.z,
+                                   s.zx * r.x + s.zy * r.y + s.zz * r.z};
+        // Each member is pulled by that times its gradient.
+        const std::size_t first = b.batch[batch].first_slot;
+        for (std::size_t slot = first; slot < first + b.batch[batch].slots; ++slot) {
+            store_pull(stress * vector_from<Real>(b.gradient + 3 * slot * n), b, slot);
+        }
     }
 }
 
@@ -162,9 +166,14 @@ void elastic_triangles(const ElasticBatches& b, const ElasticParticles& particle
         const Real shear = -load<Real>(b.shear + batch * n);
         const Real sum = -load<Real>(b.lame + batch * n) * (exx + eyy);
         const Real sxy = shear * exy;
-        Row* const stress = b.stress + 3 * batch * n;
-        store_column((shear * exx + sum) * rx + sxy * ry, stress, 0);
-        store_column(sxy * rx + (shear * eyy + sum) * ry, stress, 1);
+        const LaneVec<Real> along = (shear * exx + sum) * rx + sxy * ry;
+        const LaneVec<Real> across = sxy * rx + (shear * eyy + sum) * ry;
+        // Each corner is pulled by that times its gradient.
+        const std::size_t first = b.batch[batch].first_slot;
+        for (std::size_t slot = first; slot < first + 3; ++slot) {
+            const double* const at = b.gradient + 2 * slot * n;
+            store_pull(load<Real>(at) * along + load<Real>(at + n) * across, b, slot);
+        }
     }
 }
 
@@ -173,16 +182,17 @@ void sum_forces(const ForceSums& s) noexcept {
     using Sum = DoubleRow<2 * Lanes>;
     for (std::size_t r = 0; r < s.count; ++r) {
         const std::uint32_t i = s.particle[r];
-        // Three sums, so that additions need not wait for one another.
-        Sum x = load_row<2 * Lanes>(s.given[i]);
-        Sum y{};
-        Sum z{};
-        for (std::uint32_t k = s.first_share[i]; k < s.first_share[i + 1]; ++k) {
-            const Row* const stress = s.stress + s.element[k];
-            const double* const gradient = s.gradient + 3 * static_cast<std::size_t>(k);
-            x = x + gradient[0] * load_row<2 * Lanes>(stress[0]);
-            y = y + gradient[1] * load_row<2 * Lanes>(stress[1]);
-            z = z + gradient[2] * load_row<2 * Lanes>(stress[2]);
+        // Two sums, so that additions need not wait for one another.
+        Sum even = load_row<2 * Lanes>(s.given[i]);
+        Sum odd{};
+        const std::uint32_t end_share = s.first_share[i + 1];
+        std::uint32_t share = s.first_share[i];
+        for (; share + 1 < end_share; share += 2) {
+            even = even + load_row<2 * Lanes>(s.pull[s.share[share]]);
+            odd = odd + load_row<2 * Lanes>(s.pull[s.share[share + 1]]);
+        }
+        if (share < end_share) {
+            even = even + load_row<2 * Lanes>(s.pull[s.share[share]]);
         }
         const std::uint32_t first = s.first_pair[i];
         const std::uint32_t end = s.first_pair[i + 1];
@@ -192,20 +202,20 @@ void sum_forces(const ForceSums& s) noexcept {
         };
         std::uint32_t k = first;
         for (; k + 1 < end; k += 2) {
-            x = x + pull(k);
-            y = y + pull(k + 1);
+            even = even + pull(k);
+            odd = odd + pull(k + 1);
         }
         if (k < end) {
-            x = x + pull(k);
+            even = even + pull(k);
         }
         if (s.damped) {
             const Sum velocity = load_row<2 * Lanes>(s.velocity[i]);
             for (k = first; k < end; ++k) {
                 const double viscosity = s.stiffness[k] * (s.damping[k] - s.own_damping);
-                x = x + viscosity * (load_row<2 * Lanes>(s.velocity[s.other[k]]) - velocity);
+                even = even + viscosity * (load_row<2 * Lanes>(s.velocity[s.other[k]]) - velocity);
             }
         }
-        store_row(x + (y + z), s.sum[r]);
+        store_row(even + odd, s.sum[r]);
     }
 }
 
