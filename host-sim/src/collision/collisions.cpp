@@ -174,7 +174,7 @@ struct ParticleCollisions::State {
     void sweep_particles(const ParticleModel& start, const MovingParticles& predicted);
     void mark_near() noexcept;
     void find_shapes(const MovingParticles& predicted) noexcept;
-    void find_planes(Workers& workers);
+    void find_planes();
     void make_planes(std::size_t count);
     void find_ground_contacts();
     void project_plane(Plane& contact, PlaneDetail& info, Row* position) noexcept;
@@ -408,9 +408,9 @@ void ParticleCollisions::State::make_planes(std::size_t count) {
 }
 
 /// Broad phase, then planes of all pairs in chunks.
-void ParticleCollisions::State::find_planes(Workers& workers) {
+void ParticleCollisions::State::find_planes() {
     // Broad phase: pairs of different bodies whose swept boxes overlap.
-    near_pairs.find_particles(rows, workers);
+    near_pairs.find_particles(rows);
     counts.dropped += near_pairs.dropped();
     // Narrow phase: one plane per pair, in chunks of one kernel call. Pairs of pinned particles cannot move.
     std::size_t count = 0;
@@ -439,9 +439,10 @@ void ParticleCollisions::State::find_ground_contacts() {
     const double* min_height = rows[collider_row::kGroundHeight];
     const double* low = rows[collider_row::kLow + 1];
     const double* to = rows[collider_row::kTo + 1];
+    const double* reach = rows[collider_row::kReach];
     for (std::size_t i = 0; i < colliders.size(); ++i) {
         // Other particles may push it down by as much as it extends.
-        if ((near[i] & kNearGround) != 0 && low[i] - colliders[i].reach < settings.ground_height &&
+        if (((near[i] & kNearGround) != 0) & (low[i] - reach[i] < settings.ground_height) &&
             colliders[i].inverse_mass > 0.0) {
             const auto particle = static_cast<std::uint32_t>(i);
             if (contacts->answers(particle)) {
@@ -560,15 +561,23 @@ void ParticleCollisions::find(const ParticleModel& start, const MovingParticles&
     if (s.colliders.size() == 0) {
         return;
     }
-    // Broad phase input: swept boxes, marks, shapes.
     s.sweep_particles(start, predicted);
+}
+
+void ParticleCollisions::search(const MovingParticles& predicted) {
+    State& s = *state_;
+    if (s.colliders.size() == 0) {
+        return;
+    }
+    const StageClock::Span timed(s.clock);
+    // Broad phase input: marks and shapes.
     s.mark_near();
     s.find_shapes(predicted);
     // Planes between particles, then the ground.
     s.plane.clear();
     s.detail.clear();
     if (!s.near_bodies.empty()) {
-        s.find_planes(elastic.workers());
+        s.find_planes();
     }
     if (s.settings.ground) {
         s.find_ground_contacts();

@@ -1,7 +1,6 @@
 #include "collision/near_pairs.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <limits>
 #include <numeric>
 
@@ -61,6 +60,15 @@ std::size_t widest_axis(std::size_t count, const Low& low) noexcept {
     return widest;
 }
 
+/// Number of particles of the largest body.
+std::size_t largest(const std::vector<ParticleRange>& bodies) noexcept {
+    std::size_t most = 0;
+    for (const ParticleRange& body : bodies) {
+        most = std::max<std::size_t>(most, body.end - body.begin);
+    }
+    return most;
+}
+
 }  // namespace
 
 NearPairs::Boxes::Boxes(std::size_t size) : length(size + kPadding), number(kRows * length) {}
@@ -85,18 +93,13 @@ NearPairs::NearPairs(std::vector<ParticleRange> bodies, std::size_t capacity, co
       bodies_(std::move(bodies)),
       order_(bodies_.size()),
       box_(bodies_.empty() ? 0 : bodies_.back().end),
-      pair_(capacity) {
-    for (const ParticleRange& body : bodies_) {
-        largest_body_ = std::max<std::size_t>(largest_body_, body.end - body.begin);
-    }
+      pair_(capacity),
+      scratch_(largest(bodies_)) {
     std::iota(order_.begin(), order_.end(), 0U);
     const std::size_t near = kBodiesNear * bodies_.size();
     bodies_near_.reserve(near);
     found_.reserve(near);
     dropped_.reserve(near);
-    for (int thread = 0; thread < Workers::kMaxChosen; ++thread) {
-        scratch_.emplace_back(largest_body_);
-    }
 }
 
 std::span<const NearPairs::Pair> NearPairs::find_bodies(std::span<const Bounds> box) {
@@ -144,7 +147,7 @@ void NearPairs::round_boxes(const ColliderRows& rows) {
     }
 }
 
-void NearPairs::find_particles(const ColliderRows& rows, Workers& workers) {
+void NearPairs::find_particles(const ColliderRows& rows) {
     const std::size_t count = bodies_near_.size();
     found_.assign(count, 0);
     dropped_.assign(count, 0);
@@ -153,14 +156,9 @@ void NearPairs::find_particles(const ColliderRows& rows, Workers& workers) {
     }
     share_ = pair_.size() / count;
     round_boxes(rows);
-    // Each thread has its scratch and takes one pair after the other.
-    std::atomic<std::size_t> next = 0;
-    const std::size_t threads = std::min(static_cast<std::size_t>(workers.threads()), scratch_.size());
-    workers.for_each(std::min(threads, count), [&](std::size_t thread) {
-        for (std::size_t k = next.fetch_add(1); k < count; k = next.fetch_add(1)) {
-            find_particles_of(k, rows, scratch_[thread]);
-        }
-    });
+    for (std::size_t k = 0; k < count; ++k) {
+        find_particles_of(k, rows);
+    }
 }
 
 /// Writes those particles of a body that reach into a box; returns their number.
@@ -184,7 +182,8 @@ RoundedBox NearPairs::around(const std::vector<std::uint32_t>& particles, std::s
     return box;
 }
 
-void NearPairs::find_particles_of(std::size_t k, const ColliderRows& rows, Scratch& s) {
+void NearPairs::find_particles_of(std::size_t k, const ColliderRows& rows) {
+    Scratch& s = scratch_;
     // The particles of each body that reach into the box of the other, then of those of the other that do.
     const auto [first, second] = bodies_near_[k];
     std::size_t outer = reaching_into(rounded(body_box_[second]), bodies_[first], s.outer);

@@ -12,7 +12,6 @@
 #include <utility>
 #include <vector>
 
-#include "dynamics/workers.hpp"
 #include "haptic/sim/particles.hpp"
 #include "simd/collider_rows.hpp"
 
@@ -33,7 +32,7 @@ class NearPairs {
     std::span<const Pair> find_bodies(std::span<const Bounds> box);
     /// Finds the pairs of particles of these bodies, from the rows kLow and kHigh. Those without a size or with numbers
     /// beyond kMaxCoordinate have none.
-    void find_particles(const ColliderRows& rows, Workers& workers);
+    void find_particles(const ColliderRows& rows);
     /// Those of the k-th pair of bodies, always in the same order: the first is of the first body.
     [[nodiscard]] std::span<const Pair> particles(std::size_t k) const noexcept {
         return std::span(pair_).subspan(k * share_, found_[k]);
@@ -54,7 +53,6 @@ class NearPairs {
         std::size_t length = 0;
         std::vector<float> number;
     };
-    /// What a thread needs.
     struct Scratch {
         explicit Scratch(std::size_t largest_body);
         std::vector<std::uint32_t> outer;  // particles of both bodies, fewer
@@ -65,14 +63,13 @@ class NearPairs {
     };
 
     void round_boxes(const ColliderRows& rows);
-    void find_particles_of(std::size_t k, const ColliderRows& rows, Scratch& scratch);
+    void find_particles_of(std::size_t k, const ColliderRows& rows);
     [[nodiscard]] RoundedBox around(const std::vector<std::uint32_t>& particles, std::size_t count) const;
     [[nodiscard]] std::size_t reaching_into(const RoundedBox& box, const ParticleRange& body,
                                             std::vector<std::uint32_t>& particles) const;
 
     const ColliderKernels& kernels_;
     std::vector<ParticleRange> bodies_;
-    std::size_t largest_body_ = 0;
     std::span<const Bounds> body_box_;
     std::vector<std::uint32_t> order_;  // of bodies along an axis, kept from one call to the next
     std::vector<Pair> bodies_near_;
@@ -81,7 +78,7 @@ class NearPairs {
     std::size_t share_ = 0;
     std::vector<std::size_t> found_;    // per pair of bodies
     std::vector<std::size_t> dropped_;  // per pair of bodies
-    std::vector<Scratch> scratch_;      // per thread, of those that take part
+    Scratch scratch_;
 };
 
 }  // namespace haptic::sim

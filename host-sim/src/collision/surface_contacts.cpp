@@ -590,6 +590,7 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
     Row* const position = now.position;
     for (const std::uint32_t v : features_.vertices()) {
         asked_[v] = wish_[v] = position[v];
+        now.pushed[v] = Row{};
         part_[v] = 1.0;
         parent_[v] = v;
         grounded_[v] = 0;

@@ -366,13 +366,6 @@ void ElasticBodies::sum_forces(std::size_t begin, std::size_t end) noexcept {
                   .sum = sides_.data() + begin});
 }
 
-void ElasticBodies::step(const ParticleModel& start, double drag_factor, Row* position, Row* orientation) noexcept {
-    const Motion motion{start, drag_factor, position, orientation};
-    // All threads share the only body, or each takes whole bodies.
-    Workers& within = bodies_.size() == 1 ? workers_ : *alone_;
-    workers_.for_each(bodies_.size(), [&](std::size_t b) { step_body(bodies_[b], motion, within); });
-}
-
 void ElasticBodies::step_body(Body& body, const Motion& motion, Workers& workers) noexcept {
     begin_step(body, motion);
     // Stresses of the elements at x0, and the rotations that belong to it.

@@ -55,10 +55,31 @@ class ElasticBodies {
     /// allocation.
     void prepare(double h);
 
-    /// Moves the elastic particles from the positions that all forces lead to, x0 + h^2 f / m, in `position`, to the
-    /// end of the sub-step. `start`: the state at its beginning; `orientation`: as predicted (w, x, y, z), replaced by
-    /// the elements' rotations.
-    void step(const ParticleModel& start, double drag_factor, Row* position, Row* orientation) noexcept;
+    struct Motion {
+        const ParticleModel& start;  // the state at the beginning of the sub-step
+        double drag_factor;
+        Row* position;     // m: in x0 + h^2 f / m, where all forces lead to, out at the end of the sub-step
+        Row* orientation;  // w, x, y, z: in as predicted, out the elements' rotations
+    };
+    /// Moves the elastic particles. Calls `beside` once meanwhile, on any thread: it must not call the workers.
+    template <class Beside>
+    void step(const Motion& motion, const Beside& beside) noexcept {
+        if (bodies_.size() == 1) {  // all threads share it
+            beside();
+            step_body(bodies_[0], motion, workers_);
+            return;
+        }
+        workers_.for_each(bodies_.size() + 1, [&](std::size_t k) {
+            if (k == 0) {
+                beside();
+            } else {
+                step_body(bodies_[k - 1], motion, *alone_);
+            }
+        });
+    }
+    void step(const Motion& motion) noexcept {
+        step(motion, [] {});
+    }
 
     /// Replaces four forces on each particle of an elastic body, 1, by the displacements that they cause in the
     /// sub-step, m/N. `columns`: one row per particle of the body. Different bodies may be asked at the same time.
@@ -105,12 +126,6 @@ class ElasticBodies {
     void list_shares(const ParticleModel& model);
     void assemble(const ParticleModel& model);
     [[nodiscard]] ElasticBatches batches_of(const Elements& elements, std::size_t begin, std::size_t end) noexcept;
-    struct Motion {
-        const ParticleModel& start;
-        double drag_factor;
-        Row* position;
-        Row* orientation;
-    };
     void step_body(Body& body, const Motion& motion, Workers& workers) noexcept;
     void begin_step(const Body& body, const Motion& motion) noexcept;
     void sum_forces(std::size_t begin, std::size_t end) noexcept;

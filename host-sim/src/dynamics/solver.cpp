@@ -109,12 +109,14 @@ struct ParticleSolver::ProjectionState {
         }
     }
 
-    /// Bodies with a material, from where all forces lead them to the end of the sub-step.
-    void move_elastic_bodies(const ParticleModel& model, double drag_factor) {
+    /// Bodies with a material, from where all forces lead them to the end of the sub-step. `beside` happens meanwhile.
+    template <class Beside>
+    void move_elastic_bodies(const ParticleModel& model, double drag_factor, const Beside& beside) {
         if (elastic.empty()) {
+            beside();
             return;
         }
-        elastic.step(model, drag_factor, position.data(), orientation.data());
+        elastic.step({model, drag_factor, position.data(), orientation.data()}, beside);
         round_displacements();
         for (const std::uint32_t particle : elastic.turning()) {
             set_orientation(particle, orientation_of(particle));
@@ -248,7 +250,8 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
         // Algorithm 3, line 15: contacts along the paths x to u.
         state_->elastic.prepare(h);
         for_each([&](SolverContacts& c) { c.find(model, state_->moving(), state_->elastic, h); });
-        state_->move_elastic_bodies(model, 1.0 - h * settings_.drag);
+        state_->move_elastic_bodies(model, 1.0 - h * settings_.drag,
+                                    [&] { for_each([&](SolverContacts& c) { c.search(state_->moving()); }); });
         // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. One set of contacts
         // of solid elastic bodies has nothing to agree with: finish() is all that it needs.
         const bool constrained = state_->has_constraints();
@@ -267,14 +270,12 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
             // Contacts may push further, and change momentum: restore_momenta() must not undo that.
             std::fill_n(state_->pushed.begin(), model.size(), Row{});
             for_each([&](SolverContacts& c) { c.finish(model, state_->moving(), h); });
-            add_contact_velocities(h);
         } else if (constrained) {
             // With contacts, each iteration has applied the displacements already.
             state_->apply_displacements();
         }
         // v <- (u - x) / h, w <- rotation / h, with the corrections of momentum; then x <- u, and the damping.
-        find_velocities(model, h);
-        std::fill_n(state_->pushed.begin(), sets > 0 ? model.size() : 0, Row{});
+        find_velocities(model, h, sets > 0);
         for_each([&](SolverContacts& c) { take_secured(model, c.secure(model, state_->moving(), h), h); });
         take_positions(model, h);
     }
@@ -287,12 +288,6 @@ void ParticleSolver::set_steps(double step, int substeps, int iterations) {
     next.iterations = iterations;
     check(next);
     settings_ = next;
-}
-
-void ParticleSolver::add_contact_velocities(double h) {
-    for (std::size_t i = 0; i < predicted_.size(); ++i) {
-        predicted_[i] += vector_of(state_->pushed[i]) / h;
-    }
 }
 
 void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, double h) {
@@ -328,10 +323,16 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
     state_->rotate_particles(model);
 }
 
-void ParticleSolver::find_velocities(ParticleModel& model, double h) {
+void ParticleSolver::find_velocities(ParticleModel& model, double h, bool pushed) {
     // w <- rotation / h, from the orientations before and after the projections.
     state_->find_angular_velocities(h);
-    workers_->for_each(bodies_.size(), [&](std::size_t b) { find_velocities_of(model, bodies_[b], h); });
+    workers_->for_each(bodies_.size(), [&](std::size_t b) {
+        const ParticleRange& range = bodies_[b].particles;
+        for (std::size_t i = range.begin; pushed && i < range.end; ++i) {
+            predicted_[i] += vector_of(state_->pushed[i]) / h;
+        }
+        find_velocities_of(model, bodies_[b], h);
+    });
 }
 
 void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h) {

@@ -90,6 +90,9 @@ class SolverContacts {
     /// answers for the bodies with a material until finish() has returned.
     virtual void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic,
                       double h) = 0;
+    /// Called once, after find() of all contacts: the part of it that takes long and needs neither `elastic` nor
+    /// positions. Bodies with a material move meanwhile, on other threads; orientations of `f32` are as predicted.
+    virtual void search(const MovingParticles& /*predicted*/) {}
     /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`. Not
     /// called where these are the only contacts and all bodies are solids with a material: nothing has to agree then.
     virtual void project(const ParticleModel& start, const MovingParticles& now, double h) = 0;
@@ -97,9 +100,9 @@ class SolverContacts {
     /// these contacts since find().
     virtual void finish(const ParticleModel& start, const MovingParticles& now, double h) = 0;
     /// Called once, when `now` has the positions that the sub-step would lead to and nobody else moves them any more.
-    /// May move them, and returns the particles for which it did, valid until the next call; adds to `now.pushed` their
-    /// displacements by what does not belong to their bodies. What else free bodies lose of their momenta returns to
-    /// them as velocity. Only one of several contacts may move anything.
+    /// May move them, and returns the particles for which it did, valid until the next call; sets `now.pushed` to
+    /// their displacements by what does not belong to their bodies. What else free bodies lose of their momenta returns
+    /// to them as velocity. Only one of several contacts may move anything.
     [[nodiscard]] virtual std::span<const std::uint32_t> secure(const ParticleModel& /*start*/,
                                                                 const MovingParticles& /*now*/, double /*h*/) {
         return {};
@@ -163,8 +166,7 @@ class ParticleSolver {
         bool is_free = true;  // no particle is pinned
     };
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
-    void add_contact_velocities(double h);
-    void find_velocities(ParticleModel& model, double h);
+    void find_velocities(ParticleModel& model, double h, bool pushed);
     void find_velocities_of(ParticleModel& model, const Body& body, double h);
     void take_secured(ParticleModel& model, std::span<const std::uint32_t> moved, double h);
     void take_positions(ParticleModel& model, double h);

@@ -86,9 +86,9 @@ class CrowdedBoxes {
     std::uint32_t count_;
 };
 
-Pairs found_by(NearPairs& near, CrowdedBoxes& boxes, Workers& workers) {
+Pairs found_by(NearPairs& near, CrowdedBoxes& boxes) {
     const std::size_t bodies = near.find_bodies(boxes.bounds).size();
-    near.find_particles(boxes.rows(), workers);
+    near.find_particles(boxes.rows());
     Pairs pairs;
     for (std::size_t k = 0; k < bodies; ++k) {
         for (const NearPairs::Pair& p : near.particles(k)) {
@@ -98,11 +98,9 @@ Pairs found_by(NearPairs& near, CrowdedBoxes& boxes, Workers& workers) {
     return pairs;
 }
 
-TEST(NearPairs, AreThoseOfBruteForceEachOnceWithAnyNumberOfLanesAndThreads) {
+TEST(NearPairs, AreThoseOfBruteForceEachOnceWithAnyNumberOfLanes) {
     std::size_t seen = 0;
     std::uint32_t seed = 0;
-    Workers one(1);
-    Workers three(3);
     for (const Crowd& crowd :
          {Crowd{}, Crowd{.width = 0.2}, Crowd{.width = 50.0}, Crowd{.min_side = 0.0, .max_side = 0.0},
           Crowd{.boxes = 400, .max_side = 0.9}, Crowd{.width = 1e9, .max_side = 3e8}, Crowd{.far = 0.5},
@@ -114,14 +112,12 @@ TEST(NearPairs, AreThoseOfBruteForceEachOnceWithAnyNumberOfLanesAndThreads) {
             const Pairs expected = boxes.by_brute_force();
             Pairs in_order;
             for (const std::size_t lanes : ParticleCollisions::usable_lanes()) {
-                for (Workers* const workers : {&one, &three}) {
-                    NearPairs near(boxes.bodies, 200'000, collider_kernels(lanes));
-                    Pairs pairs = found_by(near, boxes, *workers);
-                    in_order = in_order.empty() ? pairs : in_order;
-                    ASSERT_EQ(pairs, in_order) << seed << " with " << lanes << " lanes";
-                    std::sort(pairs.begin(), pairs.end());
-                    ASSERT_EQ(pairs, expected) << seed << " with " << lanes << " lanes";
-                }
+                NearPairs near(boxes.bodies, 200'000, collider_kernels(lanes));
+                Pairs pairs = found_by(near, boxes);
+                in_order = in_order.empty() ? pairs : in_order;
+                ASSERT_EQ(pairs, in_order) << seed << " with " << lanes << " lanes";
+                std::sort(pairs.begin(), pairs.end());
+                ASSERT_EQ(pairs, expected) << seed << " with " << lanes << " lanes";
             }
             seen += expected.size();
         }
@@ -132,32 +128,29 @@ TEST(NearPairs, AreThoseOfBruteForceEachOnceWithAnyNumberOfLanesAndThreads) {
 TEST(NearPairs, ComeInTheSameOrderWhateverWasFoundBefore) {
     CrowdedBoxes before({.width = 0.3}, 8);
     CrowdedBoxes boxes({}, 7);
-    Workers workers(1);
     NearPairs fresh(boxes.bodies, 50'000, collider_kernels(ParticleCollisions::kWidest));
     NearPairs used(boxes.bodies, 50'000, collider_kernels(ParticleCollisions::kWidest));
-    (void)found_by(used, before, workers);
-    EXPECT_EQ(found_by(fresh, boxes, workers), found_by(used, boxes, workers));
+    (void)found_by(used, before);
+    EXPECT_EQ(found_by(fresh, boxes), found_by(used, boxes));
 }
 
 TEST(NearPairs, HaveNoParticlesWithoutSizeOrPlace) {
     CrowdedBoxes boxes({.boxes = 2, .width = 0.01, .max_side = 0.5, .bodies = 2}, 3);
-    Workers workers(1);
     NearPairs near(boxes.bodies, 100, collider_kernels(ParticleCollisions::kWidest));
-    ASSERT_EQ(found_by(near, boxes, workers).size(), 1u);
+    ASSERT_EQ(found_by(near, boxes).size(), 1u);
     boxes.at(collider_row::kSize, 1) = 0.0;
-    EXPECT_TRUE(found_by(near, boxes, workers).empty());
+    EXPECT_TRUE(found_by(near, boxes).empty());
     boxes.at(collider_row::kSize, 1) = 0.01;
     for (const double nowhere : {std::numeric_limits<double>::quiet_NaN(), 1e15}) {
         boxes.at(collider_row::kHigh, 1) = nowhere;
-        EXPECT_TRUE(found_by(near, boxes, workers).empty()) << nowhere;
+        EXPECT_TRUE(found_by(near, boxes).empty()) << nowhere;
     }
 }
 
 TEST(NearPairs, ThatFindNoRoomAreCounted) {
     CrowdedBoxes boxes({.width = 0.2, .bodies = 2}, 9);
-    Workers workers(1);
     NearPairs near(boxes.bodies, 10, collider_kernels(ParticleCollisions::kWidest));
-    const std::size_t found = found_by(near, boxes, workers).size();
+    const std::size_t found = found_by(near, boxes).size();
     EXPECT_EQ(found, 10u);
     EXPECT_EQ(found + near.dropped(), boxes.by_brute_force().size());
 }

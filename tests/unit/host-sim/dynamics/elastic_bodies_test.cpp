@@ -340,7 +340,7 @@ TEST_F(RespondingBlock, AnswersAsAStepDoes) {
         const Vec3 given = model_.position[i] + kStep * kStep / model_.mass[i] * force[i];
         position[i] = {{given.x, given.y, given.z, 0.0}};
     }
-    bodies_.step(model_, 1.0, position.data(), orientation.data());
+    bodies_.step({model_, 1.0, position.data(), orientation.data()});
     for (std::size_t i = 0; i < model_.size(); ++i) {
         const Vec3 moved_by(position[i].number[0] - model_.position[i].x, position[i].number[1] - model_.position[i].y,
                             position[i].number[2] - model_.position[i].z);

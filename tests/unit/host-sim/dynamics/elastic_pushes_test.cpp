@@ -130,7 +130,7 @@ TEST_P(ElasticPushesOf, ABodyThatWasExpectedToBePushedAnswersWithTheSameBits) {
         if (steps) {
             std::vector<Row> rows = rows_of(model);
             std::vector<Row> orientations(model.size(), Row{{1.0, 0.0, 0.0, 0.0}});
-            elastic.step(model, 1.0, rows.data(), orientations.data());
+            elastic.step({model, 1.0, rows.data(), orientations.data()});
         }
         EXPECT_EQ(moved_by(7, force), alone);
     }
