@@ -12,7 +12,7 @@ constexpr std::size_t kPadding = 16;
 // Pairs of bodies for which there is room, per body; more allocate.
 constexpr std::size_t kBodiesNear = 64;
 // So many boxes are compared with one another faster than they are sorted.
-constexpr std::size_t kMaxUnsorted = 96;
+constexpr std::size_t kMaxUnsorted = 256;
 
 bool overlap(const Bounds& a, const Bounds& b) noexcept {
     bool both = true;
@@ -84,7 +84,10 @@ BoxRows NearPairs::Boxes::rows() const noexcept {
 }
 
 NearPairs::Scratch::Scratch(std::size_t largest_body)
-    : outer(largest_body), inner(largest_body), hits(largest_body), boxes(largest_body) {
+    : outer(largest_body + kPadding),
+      inner(largest_body + kPadding),
+      hits(largest_body + kPadding),
+      boxes(largest_body) {
     order.reserve(largest_body);
 }
 
@@ -221,8 +224,10 @@ void NearPairs::find_particles_of(std::size_t k, const ColliderRows& rows) {
     Pair* const pairs = pair_.data() + k * share_;
     for (std::size_t o = 0; o < outer; ++o) {
         const std::uint32_t particle = s.outer[o];
-        const Bounds box = box_of(rows, particle);
-        const RoundedBox near = rounded(box);
+        RoundedBox near{};
+        for (std::size_t row = 0; row < kRows; ++row) {
+            near.number[row] = number(row, particle);
+        }
         std::size_t begin = 0;
         std::size_t end = inner;
         if (!s.order.empty()) {
@@ -235,6 +240,10 @@ void NearPairs::find_particles_of(std::size_t k, const ColliderRows& rows) {
             end = static_cast<std::size_t>(to - s.order.begin());
         }
         const std::size_t hits = kernels_.find_overlaps(s.boxes.rows(), near, begin, end, s.hits.data());
+        if (hits == 0) {
+            continue;
+        }
+        const Bounds box = box_of(rows, particle);
         for (std::size_t h = 0; h < hits; ++h) {
             const std::uint32_t other = s.inner[s.hits[h]];
             if (!overlap(box, box_of(rows, other))) {

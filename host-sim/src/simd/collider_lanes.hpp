@@ -2,6 +2,10 @@
 // width may instantiate them (see lanes.hpp).
 #pragma once
 
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
 #include "simd/collider_rows.hpp"
 #include "simd/ellipsoid_lanes.hpp"
 #include "simd/lane_rotation.hpp"
@@ -265,21 +269,96 @@ void find_planes(const ColliderRows& rows, std::size_t count, const PlaneRows& p
     }
 }
 
-/// Vectors of 32-bit numbers, and their bits. Results of comparisons leave wider ones more slowly.
+/// Vectors of 32-bit numbers. Results of comparisons leave wider ones more slowly.
 template <std::size_t Count>
 struct BoxTypes {
-    static constexpr std::size_t kBytes = Count < 4 ? 16 : 32;
-    using Floats [[gnu::vector_size(kBytes)]] = float;
-    using Longs [[gnu::vector_size(kBytes)]] = std::uint64_t;
+    static constexpr std::size_t kLanes = Count < 4 ? 4 : 8;
+    using Floats [[gnu::vector_size(kLanes * sizeof(float))]] = float;
+    using Mask [[gnu::vector_size(kLanes * sizeof(float))]] = std::int32_t;
+    using Indices [[gnu::vector_size(kLanes * sizeof(float))]] = std::uint32_t;
 };
+
+/// For each set of lanes, as bits: the lanes in it, in order.
+template <std::size_t Lanes>
+struct LaneLists {
+    std::uint32_t lane[std::size_t{1} << Lanes][Lanes];
+    std::uint8_t count[std::size_t{1} << Lanes];
+};
+template <std::size_t Lanes>
+constexpr LaneLists<Lanes> make_lane_lists() noexcept {
+    LaneLists<Lanes> lists{};
+    for (std::size_t set = 0; set < std::size_t{1} << Lanes; ++set) {
+        std::size_t found = 0;
+        for (std::uint32_t lane = 0; lane < Lanes; ++lane) {
+            if ((set >> lane & 1U) != 0) {
+                lists.lane[set][found++] = lane;
+            }
+        }
+        lists.count[set] = static_cast<std::uint8_t>(found);
+    }
+    return lists;
+}
+template <std::size_t Count>
+inline constexpr LaneLists<BoxTypes<Count>::kLanes> kLaneLists = make_lane_lists<BoxTypes<Count>::kLanes>();
+
+/// The lanes where a comparison holds, as bits.
+template <std::size_t Count>
+HAPTIC_LANES unsigned set_of(const typename BoxTypes<Count>::Mask& holds) noexcept {
+#if defined(__SSE2__)
+    if constexpr (BoxTypes<Count>::kLanes == 4) {
+        return static_cast<unsigned>(_mm_movemask_ps(__builtin_bit_cast(__m128, holds)));
+    }
+#endif
+#if defined(__AVX__)
+    if constexpr (BoxTypes<Count>::kLanes == 8) {
+        return static_cast<unsigned>(_mm256_movemask_ps(__builtin_bit_cast(__m256, holds)));
+    }
+#endif
+    unsigned set = 0;
+    for (std::size_t lane = 0; lane < BoxTypes<Count>::kLanes; ++lane) {
+        set |= static_cast<unsigned>(holds[lane]) & (1U << lane);
+    }
+    return set;
+}
+
+#if defined(__AVX512F__)
+/// find_overlaps() with mask registers, sixteen boxes at a time.
+HAPTIC_LANES std::size_t find_overlaps_masked(const BoxRows& boxes, const RoundedBox& box, std::size_t begin,
+                                              std::size_t end, std::uint32_t* overlapping) noexcept {
+    __m512 side[6];
+    for (std::size_t k = 0; k < 6; ++k) {
+        side[k] = _mm512_set1_ps(box.number[k]);
+    }
+    const __m512i lane = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    std::size_t found = 0;
+    for (std::size_t j = begin; j < end; j += 16) {
+        // The last vector reads beyond the range.
+        const unsigned within = end - j < 16 ? (1U << (end - j)) - 1U : 0xFFFFU;
+        auto set = static_cast<__mmask16>(within);
+        for (std::size_t k = 0; k < 3; ++k) {
+            set = _mm512_mask_cmp_ps_mask(set, _mm512_loadu_ps(boxes[k] + j), side[k + 3], _CMP_LE_OQ);
+            set = _mm512_mask_cmp_ps_mask(set, _mm512_loadu_ps(boxes[k + 3] + j), side[k], _CMP_GE_OQ);
+        }
+        const __m512i index = _mm512_add_epi32(_mm512_set1_epi32(static_cast<int>(j)), lane);
+        _mm512_storeu_si512(overlapping + found, _mm512_maskz_compress_epi32(set, index));
+        found += static_cast<std::size_t>(__builtin_popcount(set));
+    }
+    return found;
+}
+#endif
 
 template <std::size_t Count>
 std::size_t find_overlaps(const BoxRows& boxes, const RoundedBox& box, std::size_t begin, std::size_t end,
                           std::uint32_t* overlapping) noexcept {
     using Floats = typename BoxTypes<Count>::Floats;
-    using Longs = typename BoxTypes<Count>::Longs;
-    constexpr std::size_t lanes = sizeof(Floats) / sizeof(float);
-    const auto numbers = [&](std::size_t row, std::size_t at) {
+    using Indices = typename BoxTypes<Count>::Indices;
+    constexpr std::size_t lanes = BoxTypes<Count>::kLanes;
+#if defined(__AVX512F__)
+    if constexpr (Count == 8) {
+        return find_overlaps_masked(boxes, box, begin, end, overlapping);
+    }
+#endif
+    const auto numbers = [&](std::size_t row, std::size_t at) __attribute__((always_inline)) {
         Floats result;
         __builtin_memcpy(&result, boxes[row] + at, sizeof(result));
         return result;
@@ -291,26 +370,17 @@ std::size_t find_overlaps(const BoxRows& boxes, const RoundedBox& box, std::size
             overlap &= numbers(k, j) <= box.number[k + 3];
             overlap &= numbers(k + 3, j) >= box.number[k];
         }
-        const Longs overlap_bits = __builtin_bit_cast(Longs, overlap);
-        std::uint64_t any = 0;
-        for (std::size_t part = 0; part < lanes / 2; ++part) {
-            any |= overlap_bits[part];
+        unsigned set = set_of<Count>(overlap);
+        // The last vector reads beyond the range.
+        if (end - j < lanes) {
+            set &= (1U << (end - j)) - 1U;
         }
-        if (any == 0) {
-            continue;
-        }
-        // Walk the set lanes, 64 bits at a time: two lanes of 32 bits each.
-        for (std::size_t part = 0; part < lanes / 2; ++part) {
-            for (std::uint64_t bits = overlap_bits[part]; bits != 0;) {
-                const auto lane = static_cast<std::size_t>(__builtin_ctzll(bits)) / 32;
-                bits &= ~(std::uint64_t{0xFFFF'FFFF} << (32 * lane));
-                const std::size_t other = j + part * 2 + lane;
-                // The last vector reads beyond the range.
-                if (other < end) {
-                    overlapping[found++] = static_cast<std::uint32_t>(other);
-                }
-            }
-        }
+        // Writes a whole vector, however many there are: to count them takes longer than to overwrite the rest.
+        Indices index;
+        __builtin_memcpy(&index, kLaneLists<Count>.lane[set], sizeof(index));
+        index += static_cast<std::uint32_t>(j);
+        __builtin_memcpy(overlapping + found, &index, sizeof(index));
+        found += kLaneLists<Count>.count[set];
     }
     return found;
 }

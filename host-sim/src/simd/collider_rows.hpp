@@ -115,8 +115,8 @@ struct ColliderKernels {
     void (*find_ellipsoid_boxes)(const ColliderRows& rows, std::size_t count, const std::int64_t* near,
                                  Ground ground) noexcept;
     void (*find_planes)(const ColliderRows& rows, std::size_t count, const PlaneRows& planes, double push_out) noexcept;
-    /// Writes, in order, which boxes of [begin, end) overlap this one; returns their number. Boxes with numbers that
-    /// are none do not.
+    /// Writes, in order, which boxes of [begin, end) overlap this one; returns their number. Writes up to a whole
+    /// vector beyond them. Boxes with numbers that are none do not overlap.
     std::size_t (*find_overlaps)(const BoxRows& boxes, const RoundedBox& box, std::size_t begin, std::size_t end,
                                  std::uint32_t* overlapping) noexcept;
     /// One projection of all ground contacts with friction. `position` has rows of x, y, z and another number, m.
