@@ -23,15 +23,26 @@ constexpr double kConflict = 0.75;
 constexpr double kRelaxation = 1.1;
 constexpr std::uint32_t kNone = 0xffff'ffff;
 
+/// A stride of about the golden section of `count` that visits all of them.
+std::uint32_t coprime_stride(std::uint32_t count) noexcept {
+    auto stride = static_cast<std::uint32_t>(0.618 * count) + 1;
+    while (std::gcd(stride, count) > 1) {
+        ++stride;
+    }
+    return stride % count;
+}
+
 }  // namespace
 
 BodyContacts::BodyContacts(const ParticleModel& model, const Colliders& colliders, std::size_t capacity,
                            FrictionCoefficients friction, double min_size)
     : colliders_(colliders), friction_(friction), tolerance_(kMaxError * min_size), pushes_(model) {
     candidate_.reserve(capacity);
+    candidate_body_.reserve(capacity);
     order_.resize(capacity);
     has_joined_.resize(capacity);
-    active_ = std::make_unique_for_overwrite<Active[]>(capacity);
+    active_ = std::make_unique_for_overwrite<ContactMemory[]>(capacity);
+    active_particles_ = std::make_unique_for_overwrite<NearPair[]>(capacity);
     remembered_.reserve(capacity);
     first_remembered_.assign(model.size(), kNone);
     for (const ParticleRange& body : bodies_of(model)) {
@@ -40,19 +51,20 @@ BodyContacts::BodyContacts(const ParticleModel& model, const Colliders& collider
     parent_.resize(first_particle_.size());
     island_of_.resize(first_particle_.size());
     body_order_.resize(first_particle_.size());
-    pushed_bodies_.reserve(first_particle_.size());
-    is_pushed_.resize(first_particle_.size());
     island_.reserve(first_particle_.size());
 }
 
 void BodyContacts::begin(const ParticleModel& start, ElasticBodies& elastic, double h, double push_out) noexcept {
     workers_ = &elastic.workers();
+    kernels_ = &elastic.kernels();
     remember();
     pushes_.begin(start, elastic, h);
     expect_pushes();
     h_ = h;
     push_out_ = push_out;
     candidate_.clear();
+    candidate_body_.clear();
+    std::iota(parent_.begin(), parent_.end(), 0U);
     island_.clear();
     islands_known_ = false;
 }
@@ -62,7 +74,20 @@ bool BodyContacts::add(const ContactCandidate& candidate) noexcept {
         return false;
     }
     candidate_.push_back(candidate);
+    unite(candidate);
     return true;
+}
+
+/// A candidate unites its bodies; what cannot move does not pass forces on.
+void BodyContacts::unite(const ContactCandidate& candidate) noexcept {
+    const bool is_pair = candidate.second != ContactCandidate::kGround;
+    const Collider& first = colliders_[candidate.first];
+    const Collider& second = colliders_[is_pair ? candidate.second : candidate.first];
+    candidate_body_.push_back(first.inverse_mass > 0.0 ? first.body : second.body);
+    if (is_pair && first.inverse_mass > 0.0 && second.inverse_mass > 0.0) {
+        const auto [low, high] = std::minmax({root(first.body), root(second.body)});
+        parent_[high] = low;
+    }
 }
 
 /// The contacts of the sub-step that has ended, for the next one.
@@ -73,10 +98,10 @@ void BodyContacts::remember() noexcept {
     remembered_.clear();
     for (const Island& island : island_) {
         for (std::uint32_t k = island.begin; k < island.begin + island.active; ++k) {
-            const Active& c = active_[k];
+            const PushedContact& c = *active(k);
             if (c.push > 0.0) {
-                remembered_.push_back(
-                    {c.of.first, c.of.second, c.push / c.compliance.along, c.friction / c.compliance.across});
+                const auto [first, second] = active_particles_[k];
+                remembered_.push_back({first, second, c.push * c.along, c.across * vector_of(c.friction)});
             }
         }
     }
@@ -86,25 +111,14 @@ void BodyContacts::remember() noexcept {
     }
 }
 
-/// Bodies that were pushed in the last sub-step will be again.
+/// Particles that were pushed in the last sub-step will be again.
 void BodyContacts::expect_pushes() noexcept {
-    pushed_bodies_.clear();
-    const auto add = [&](std::uint32_t particle) {
-        if (particle != ContactCandidate::kGround &&
-            std::exchange(is_pushed_[colliders_[particle].body], std::uint8_t{1}) == 0) {
-            pushed_bodies_.push_back(particle);
-        }
-    };
     for (const Remembered& r : remembered_) {
-        add(r.first);
-        add(r.second);
+        pushes_.expect(r.first);
+        if (r.second != ContactCandidate::kGround) {
+            pushes_.expect(r.second);
+        }
     }
-    for (const std::uint32_t particle : pushed_bodies_) {
-        is_pushed_[colliders_[particle].body] = 0;
-    }
-    // In the order of the bodies, so that each thread has those that it moves otherwise too.
-    std::ranges::sort(pushed_bodies_);
-    workers_->for_each(pushed_bodies_.size(), [&](std::size_t k) { pushes_.expect(pushed_bodies_[k]); });
 }
 
 const BodyContacts::Remembered* BodyContacts::remembered(const ContactCandidate& candidate) const noexcept {
@@ -126,24 +140,10 @@ std::uint32_t BodyContacts::root(std::uint32_t body) noexcept {
 }
 
 void BodyContacts::form_islands() noexcept {
-    // Candidates unite their bodies; what cannot move does not pass forces on.
-    std::iota(parent_.begin(), parent_.end(), 0U);
-    const auto movable = [&](std::uint32_t particle) {
-        return particle != ContactCandidate::kGround && colliders_[particle].inverse_mass > 0.0;
-    };
-    for (const ContactCandidate& c : candidate_) {
-        if (movable(c.first) && movable(c.second)) {
-            const auto [low, high] = std::minmax({root(colliders_[c.first].body), root(colliders_[c.second].body)});
-            parent_[high] = low;
-        }
-    }
     // Islands in the order of their candidates, and how many each has.
     std::fill(island_of_.begin(), island_of_.end(), kNone);
-    const auto island_of = [&](const ContactCandidate& c) -> std::uint32_t& {
-        return island_of_[root(colliders_[movable(c.first) ? c.first : c.second].body)];
-    };
-    for (const ContactCandidate& c : candidate_) {
-        std::uint32_t& island = island_of(c);
+    for (std::uint32_t c = 0; c < candidate_.size(); ++c) {
+        std::uint32_t& island = island_of_[root(candidate_body_[c])];
         if (island == kNone) {
             island = static_cast<std::uint32_t>(island_.size());
             island_.push_back({});
@@ -151,8 +151,9 @@ void BodyContacts::form_islands() noexcept {
         ++island_[island].end;
     }
     for (std::uint32_t b = 0; b < parent_.size(); ++b) {
-        if (const std::uint32_t island = island_of_[root(b)]; island != kNone) {
-            ++island_[island].end_body;
+        island_of_[b] = island_of_[root(b)];
+        if (island_of_[b] != kNone) {
+            ++island_[island_of_[b]].end_body;
         }
     }
     // Their ranges, filled in order.
@@ -165,11 +166,11 @@ void BodyContacts::form_islands() noexcept {
         island.end_body = island.first_body;
     }
     for (std::uint32_t c = 0; c < candidate_.size(); ++c) {
-        order_[island_[island_of(candidate_[c])].end++] = c;
+        order_[island_[island_of_[candidate_body_[c]]].end++] = c;
     }
     for (std::uint32_t b = 0; b < parent_.size(); ++b) {
-        if (const std::uint32_t island = island_of_[root(b)]; island != kNone) {
-            body_order_[island_[island].end_body++] = first_particle_[b];
+        if (island_of_[b] != kNone) {
+            body_order_[island_[island_of_[b]].end_body++] = first_particle_[b];
         }
     }
     std::fill_n(has_joined_.begin(), candidate_.size(), std::uint8_t{0});
@@ -199,7 +200,7 @@ void BodyContacts::solve_island(Island& island, Row* position, int max_passes) n
         double before_last = never;
         double last = never;
         while (pass++ < max_passes) {
-            const double error = project_all(island, position);
+            const double error = project_all(island);
             if (error <= tolerance_ || error > kConflict * before_last) {
                 break;
             }
@@ -222,14 +223,13 @@ bool BodyContacts::join_remembered(Island& island, Row* position) noexcept {
             continue;
         }
         const SeparatingPlane plane = fitted_plane(c, offset(c, position));
-        Active& joined = join(island, k, plane);
-        joined.push = last->along * joined.compliance.along;
-        joined.friction =
-            joined.compliance.across * (last->across - glm::dot(plane.normal, last->across) * plane.normal);
+        PushedContact& joined = join(island, k, plane, position);
+        joined.push = last->along / joined.along;
+        joined.friction = row_of((last->across - glm::dot(plane.normal, last->across) * plane.normal) / joined.across);
     }
     // All forces at once: those that join move with each.
     for (std::uint32_t k = island.begin; k < island.begin + island.active; ++k) {
-        push_apart(active_[k], force_of(active_[k], active_[k].push, active_[k].friction), position);
+        push_apart(*active(k));
     }
     return island.active > 0;
 }
@@ -249,7 +249,7 @@ bool BodyContacts::join_violated(Island& island, Row* position) noexcept {
         // First violation: fit the plane to where the pair is now.
         const SeparatingPlane plane = fitted_plane(c, apart);
         if (glm::dot(plane.normal, apart) < plane.min_separation) {
-            join(island, k, plane);
+            join(island, k, plane, position);
         }
     }
     return island.active != before;
@@ -269,93 +269,76 @@ SeparatingPlane BodyContacts::fitted_plane(const ContactCandidate& candidate, co
 }
 
 /// The candidate at a place of order_ joins, without a force.
-BodyContacts::Active& BodyContacts::join(Island& island, std::uint32_t at, const SeparatingPlane& plane) noexcept {
+PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const SeparatingPlane& plane,
+                                  Row* position) noexcept {
     const ContactCandidate& c = candidate_[order_[at]];
-    const bool is_pair = c.second != ContactCandidate::kGround;
     has_joined_[at] = 1;
-    Active& joined = active_[island.begin + island.active++];
-    joined = {.of = {c.first, c.second, plane, c.from},
-              .first = pushes_.take_part(c.first),
-              .second = is_pair ? pushes_.take_part(c.second) : ElasticPushes::Place{},
-              .compliance = {},
-              .push = 0.0,
-              .friction = Vec3(0.0)};
-    const auto add_compliance = [&](std::uint32_t particle, const ElasticPushes::Place& place) {
+    ElasticPushes::Compliance both;
+    const auto side_of = [&](std::uint32_t particle) -> PushedContact::Side {
+        const ElasticPushes::Place place = pushes_.take_part(particle);
+        if (place.has_body()) {
+            const ElasticPushes::Compliance own = pushes_.compliance(place, plane.normal);
+            both.along += own.along;
+            both.across += own.across;
+            return {&pushes_.kernel_place(place), position + particle, 0.0};
+        }
         const double alone = compliance_alone(particle);
-        const ElasticPushes::Compliance own =
-            place.has_body() ? pushes_.compliance(place, plane.normal) : ElasticPushes::Compliance{alone, alone};
-        joined.compliance.along += own.along;
-        joined.compliance.across += own.across;
+        both.along += alone;
+        both.across += alone;
+        return {nullptr, position + particle, alone};
     };
-    add_compliance(c.first, joined.first);
-    if (is_pair) {
-        add_compliance(c.second, joined.second);
-    }
-    return joined;
+    const PushedContact::Side first = side_of(c.first);
+    const bool is_pair = c.second != ContactCandidate::kGround;
+    const PushedContact::Side second = is_pair ? side_of(c.second) : PushedContact::Side{};
+    const std::uint32_t joins = island.begin + island.active++;
+    active_particles_[joins] = {c.first, c.second};
+    return *std::construct_at(active(joins), PushedContact{.normal = row_of(plane.normal),
+                                                           .from = row_of(c.from),
+                                                           .friction = {},
+                                                           .from_along = glm::dot(plane.normal, c.from),
+                                                           .min_separation = plane.min_separation,
+                                                           .along = 1.0 / both.along,
+                                                           .across = 1.0 / both.across,
+                                                           .push = 0.0,
+                                                           .first = first,
+                                                           .second = second});
 }
 
 /// One pass over the contacts that have joined, alternately forward and backward, so that the order has no preferred
 /// direction. Returns the largest error that one of them had before its turn, m.
-double BodyContacts::project_all(Island& island, Row* position) noexcept {
-    double error = 0.0;
-    for (std::uint32_t k = 0; k < island.active; ++k) {
-        const std::uint32_t at = island.forward ? k : island.active - 1 - k;
-        error = std::max(error, project(active_[island.begin + at], position));
+double BodyContacts::project_all(Island& island) noexcept {
+    if (island.active == 0) {
+        return 0.0;
     }
+    // In long strides: neighbours in the list push the same bodies, and would wait for one another in the processor.
+    const double error = kernels_->pass({.count = island.active,
+                                         .contact = active(island.begin),
+                                         .stride = coprime_stride(island.active),
+                                         .forward = island.forward,
+                                         .relaxation = kRelaxation,
+                                         .sticking = friction_.sticking,
+                                         .sliding = friction_.sliding});
     island.forward = !island.forward;
     return error;
 }
 
-Vec3 BodyContacts::offset(const Active& contact, const Row* position) const noexcept {
-    const auto at = [&](std::uint32_t particle, const ElasticPushes::Place& place) {
-        const Vec3 moved = place.has_body() ? pushes_.displacement(place) : Vec3(0.0);
-        return vector_of(position[particle]) + moved;
+/// N, on the first.
+Vec3 BodyContacts::force_of(const PushedContact& c) noexcept {
+    return c.push * c.along * vector_of(c.normal) + c.across * vector_of(c.friction);
+}
+
+/// Pushes both with the contact's whole force.
+void BodyContacts::push_apart(const PushedContact& contact) noexcept {
+    const auto push = [&](const PushedContact::Side& side, const Vec3& force) {
+        if (side.place != nullptr) {
+            kernels_->push(*side.place, row_of(force));
+        } else if (side.alone > 0.0) {
+            add_vector(*side.position, side.alone * force);
+        }
     };
-    const Vec3 first = at(contact.of.first, contact.first);
-    return contact.of.second == ContactCandidate::kGround ? first : first - at(contact.of.second, contact.second);
-}
-
-double BodyContacts::project(Active& contact, Row* position) noexcept {
-    const Vec3 apart = offset(contact, position);
-    const double clearance = glm::dot(contact.of.plane.normal, apart) - contact.of.plane.min_separation;
-    if (clearance >= 0.0 && contact.push == 0.0) {
-        return 0.0;
-    }
-    // Push by -C and a little more, but take back no more than was pushed in this sub-step.
-    const double change = std::max(-kRelaxation * clearance, -contact.push);
-    contact.push += change;
-    // Friction: undo the slip of the whole sub-step along the plane, within the friction cone. Apply the change since
-    // the last pass.
-    const Vec3 moved = apart - contact.of.from;
-    const Vec3 slip = moved - glm::dot(contact.of.plane.normal, moved) * contact.of.plane.normal;
-    const Vec3 friction = clamp_to_cone(contact.friction - kRelaxation * slip, contact.push, friction_);
-    const Vec3 across = friction - contact.friction;
-    contact.friction = friction;
-    push_apart(contact, force_of(contact, change, across), position);
-    return std::abs(change);
-}
-
-/// N, for these displacements along and across the normal.
-Vec3 BodyContacts::force_of(const Active& contact, double along, const Vec3& across) noexcept {
-    return along / contact.compliance.along * contact.of.plane.normal + across / contact.compliance.across;
-}
-
-/// Pushes the first with a force, N, and the second with its opposite.
-void BodyContacts::push_apart(const Active& contact, const Vec3& force, Row* position) noexcept {
-    push(contact.of.first, contact.first, force, position);
-    if (contact.of.second != ContactCandidate::kGround) {
-        push(contact.of.second, contact.second, -force, position);
-    }
-}
-
-/// Moves a particle by a force, and its body along with it if it has a place there.
-void BodyContacts::push(std::uint32_t particle, const ElasticPushes::Place& place, const Vec3& force,
-                        Row* position) noexcept {
-    if (place.has_body()) {
-        pushes_.push(place, force);
-    } else {
-        push_alone(particle, force, position);
-    }
+    const Vec3 force = force_of(contact);
+    push(contact.first, force);
+    push(contact.second, -force);
 }
 
 void BodyContacts::push_alone(std::uint32_t particle, const Vec3& force, Row* displaced) const noexcept {
@@ -371,15 +354,16 @@ std::size_t BodyContacts::add_pushes(Row* pushed) const noexcept {
     std::size_t pushing = 0;
     for (const Island& island : island_) {
         for (std::uint32_t k = island.begin; k < island.begin + island.active; ++k) {
-            const Active& contact = active_[k];
+            const PushedContact& contact = *active(k);
             if (!(contact.push > 0.0)) {
                 continue;
             }
             ++pushing;
-            const Vec3 force = force_of(contact, contact.push, contact.friction);
-            push_alone(contact.of.first, force, pushed);
-            if (contact.of.second != ContactCandidate::kGround) {
-                push_alone(contact.of.second, -force, pushed);
+            const auto [first, second] = active_particles_[k];
+            const Vec3 force = force_of(contact);
+            push_alone(first, force, pushed);
+            if (second != ContactCandidate::kGround) {
+                push_alone(second, -force, pushed);
             }
         }
     }

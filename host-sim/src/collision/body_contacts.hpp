@@ -48,14 +48,12 @@ class BodyContacts {
     std::size_t add_pushes(Row* pushed) const noexcept;
 
   private:
-    /// A contact that pushes, or has.
-    struct Active {  // NOLINT(cppcoreguidelines-pro-type-member-init): memory is not touched before it is needed
-        ContactCandidate of;
-        ElasticPushes::Place first;
-        ElasticPushes::Place second;
-        ElasticPushes::Compliance compliance;  // of both together
-        double push;                           // m, along the normal, at least 0
-        Vec3 friction;                         // m
+    struct NearPair {  // NOLINT(cppcoreguidelines-pro-type-member-init): memory is not touched before it is needed
+        std::uint32_t first;
+        std::uint32_t second;
+    };
+    struct alignas(PushedContact) ContactMemory {  // NOLINT(cppcoreguidelines-pro-type-member-init): the same
+        std::byte of[sizeof(PushedContact)];
     };
     /// A contact that pushed in the last sub-step.
     struct Remembered {
@@ -78,20 +76,21 @@ class BodyContacts {
     void remember() noexcept;
     void expect_pushes() noexcept;
     void form_islands() noexcept;
+    void unite(const ContactCandidate& candidate) noexcept;
     [[nodiscard]] std::uint32_t root(std::uint32_t body) noexcept;
     void solve_island(Island& island, Row* position, int max_passes) noexcept;
     bool join_remembered(Island& island, Row* position) noexcept;
     bool join_violated(Island& island, Row* position) noexcept;
     [[nodiscard]] static Vec3 offset(const ContactCandidate& candidate, const Row* position) noexcept;
     [[nodiscard]] SeparatingPlane fitted_plane(const ContactCandidate& candidate, const Vec3& apart) const noexcept;
-    Active& join(Island& island, std::uint32_t at, const SeparatingPlane& plane) noexcept;
+    PushedContact& join(Island& island, std::uint32_t at, const SeparatingPlane& plane, Row* position) noexcept;
     [[nodiscard]] const Remembered* remembered(const ContactCandidate& candidate) const noexcept;
-    [[nodiscard]] double project_all(Island& island, Row* position) noexcept;
-    [[nodiscard]] double project(Active& contact, Row* position) noexcept;
-    [[nodiscard]] static Vec3 force_of(const Active& contact, double along, const Vec3& across) noexcept;
-    void push_apart(const Active& contact, const Vec3& force, Row* position) noexcept;
-    [[nodiscard]] Vec3 offset(const Active& contact, const Row* position) const noexcept;
-    void push(std::uint32_t particle, const ElasticPushes::Place& place, const Vec3& force, Row* position) noexcept;
+    [[nodiscard]] PushedContact* active(std::uint32_t k) const noexcept {
+        return reinterpret_cast<PushedContact*>(active_[k].of);
+    }
+    [[nodiscard]] double project_all(Island& island) noexcept;
+    [[nodiscard]] static Vec3 force_of(const PushedContact& contact) noexcept;
+    void push_apart(const PushedContact& contact) noexcept;
     void push_alone(std::uint32_t particle, const Vec3& force, Row* displaced) const noexcept;
     [[nodiscard]] double compliance_alone(std::uint32_t particle) const noexcept;
 
@@ -100,23 +99,25 @@ class BodyContacts {
     double tolerance_;  // m
     ElasticPushes pushes_;
     Workers* workers_ = nullptr;
+    const ElasticKernels* kernels_ = nullptr;
     // Of the sub-step.
     double h_ = 0.0;         // s
     double push_out_ = 0.0;  // m
     std::vector<ContactCandidate> candidate_;
+    std::vector<std::uint32_t> candidate_body_;  // a body that each may move
     bool islands_known_ = false;
     std::vector<Island> island_;
     std::vector<std::uint32_t> parent_;          // per body: the root is its own
-    std::vector<std::uint32_t> island_of_;       // per root
+    std::vector<std::uint32_t> island_of_;       // per body; kNone: it has no contacts
     std::vector<std::uint32_t> order_;           // candidates by island
     std::vector<std::uint8_t> has_joined_;       // in the same order
     std::vector<std::uint32_t> body_order_;      // one particle per body, by island
     std::vector<std::uint32_t> first_particle_;  // per body
-    std::unique_ptr<Active[]> active_;
+    // Contacts that push, or have, and their particles. Memory of contacts is not touched before it is needed.
+    std::unique_ptr<ContactMemory[]> active_;
+    std::unique_ptr<NearPair[]> active_particles_;
     std::vector<Remembered> remembered_;           // by the first, then the second
     std::vector<std::uint32_t> first_remembered_;  // per particle: its first; kNone: none
-    std::vector<std::uint32_t> pushed_bodies_;     // in the last sub-step: a particle of each
-    std::vector<std::uint8_t> is_pushed_;          // per body: it is among them
 };
 
 }  // namespace haptic::sim

@@ -1,6 +1,7 @@
 // The particles of a model as colliders.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <glm/geometric.hpp>
@@ -63,11 +64,12 @@ class Colliders {
 /// Coulomb limit (M. Macklin et al. 2014, equation 24) on the displacement `wanted` by friction where the normal one is
 /// `push`: unchanged inside the cone of sticking, scaled to that of sliding outside.
 [[nodiscard]] inline Vec3 clamp_to_cone(const Vec3& wanted, double push, FrictionCoefficients friction) noexcept {
-    const double length = glm::length(wanted);
-    if (length <= friction.sticking * push) {
+    const double square = glm::dot(wanted, wanted);
+    const double limit = friction.sticking * push;
+    if (square <= limit * limit) {
         return wanted;
     }
-    return (friction.sliding * push / length) * wanted;
+    return (friction.sliding * push / std::sqrt(square)) * wanted;
 }
 
 }  // namespace haptic::sim

@@ -382,13 +382,17 @@ void ElasticBodies::step_body(Body& body, const Motion& motion, Workers& workers
     // What they pull at each particle, then x0 + A^-1 of it.
     workers.for_ranges(body.free, kSumsAtOnce, [&](std::size_t begin, std::size_t end) { sum_forces(begin, end); });
     const std::span<Row> asked = std::exchange(body.asked, {});
+    if (!asked.empty()) {
+        body.asker->ask(body.which);
+    }
     body.factor->solve(kernels_, slot_, {sides_.data() + body.free.begin, size_of(body.free)},
                        asked.empty() ? asked : take_forces(body, asked));
-    if (!asked.empty()) {
-        give_displacements(body, asked);
-    }
     for (std::uint32_t f = body.free.begin; f < body.free.end; ++f) {
         set_vector(motion.position[free_[f]], vector_of(at_[free_[f]]) + vector_of(sides_[f]));
+    }
+    if (!asked.empty()) {
+        give_displacements(body, asked);
+        body.asker->answered(body.which);
     }
 }
 
@@ -414,8 +418,12 @@ void ElasticBodies::respond(const ParticleRange& body, std::span<Row> columns) n
     give_displacements(of, columns);
 }
 
-void ElasticBodies::respond_in_step(const ParticleRange& body, std::span<Row> columns) noexcept {
-    bodies_[body_of_particle_[body.begin]].asked = columns;
+void ElasticBodies::respond_in_step(const ParticleRange& body, std::span<Row> columns, Asker& asker,
+                                    std::size_t which) noexcept {
+    Body& of = bodies_[body_of_particle_[body.begin]];
+    of.asked = columns;
+    of.asker = &asker;
+    of.which = which;
 }
 
 bool ElasticBodies::will_respond(const ParticleRange& body) const noexcept {

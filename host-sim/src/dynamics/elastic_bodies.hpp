@@ -84,9 +84,21 @@ class ElasticBodies {
     /// Replaces four forces on each particle of an elastic body, 1, by the displacements that they cause in the
     /// sub-step, m/N. `columns`: one row per particle of the body. Different bodies may be asked at the same time.
     void respond(const ParticleRange& body, std::span<Row> columns) noexcept;
-    /// Has the next step() do that, which takes little time beside what it solves anyway. `columns` must live until
-    /// then. Different bodies may ask at the same time.
-    void respond_in_step(const ParticleRange& body, std::span<Row> columns) noexcept;
+    /// Who asks the next step() for that.
+    class Asker {
+      public:
+        Asker() = default;
+        Asker(const Asker&) = delete;
+        Asker& operator=(const Asker&) = delete;
+        virtual ~Asker() = default;
+        /// Writes the forces. Called in the step, for different bodies at the same time, as the next one is.
+        virtual void ask(std::size_t which) noexcept = 0;
+        /// Called when the body has moved and the displacements are there.
+        virtual void answered(std::size_t which) noexcept = 0;
+    };
+    /// Has the next step() do that, which takes little time beside what it solves anyway. `columns` and `asker` must
+    /// live until then. `which`: of the asker's bodies.
+    void respond_in_step(const ParticleRange& body, std::span<Row> columns, Asker& asker, std::size_t which) noexcept;
     /// Whether there has been no step() since the body asked for it.
     [[nodiscard]] bool will_respond(const ParticleRange& body) const noexcept;
 
@@ -115,7 +127,10 @@ class ElasticBodies {
         ParticleRange triangles{};
         ParticleRange turning{};                    // range of turning_
         std::unique_ptr<StiffnessFactor> factor{};  // of A over the free particles
-        std::span<Row> asked{};                     // in the next step, one row per particle
+        // In the next step.
+        std::span<Row> asked{};  // one row per particle
+        Asker* asker = nullptr;
+        std::size_t which = 0;
     };
 
     void find_bodies(const ParticleModel& model);

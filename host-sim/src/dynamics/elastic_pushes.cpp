@@ -14,6 +14,8 @@ namespace {
 // Numbers in the columns of one body, at most; those that are not used take no memory.
 constexpr std::size_t kMaxNumbers = 16'000'000;
 constexpr std::size_t kSideBySide = 4;
+// Places for which rows between places have room at first: rows near one another stay in the cache.
+constexpr std::size_t kFirstRow = kPlacePadding;
 
 /// v x w = cross_matrix(v) w.
 Mat3 cross_matrix(const Vec3& v) noexcept {
@@ -28,6 +30,7 @@ ElasticPushes::ElasticPushes(const ParticleModel& model)
     for (const ElasticElement& element : model.elasticity.elements) {
         solid[element.centre] = solid[element.centre] != 0 || element.members.size() != 3;
     }
+    std::size_t places = 0;
     for (const ParticleRange& range : bodies_of(model)) {
         if (solid[range.begin] == 0) {
             continue;
@@ -40,17 +43,31 @@ ElasticPushes::ElasticPushes(const ParticleModel& model)
         body.room = std::min(size, kMaxNumbers / size);
         body.columns = std::make_unique_for_overwrite<double[]>(body.room * size);
         body.owner.reserve(body.room);
+        body.expected.reserve(size);
+        body.first_place = places;
+        body.row = std::min(kFirstRow, padded(body.room));
+        body.among = std::make_unique_for_overwrite<double[]>(body.room * padded(body.room));
+        places += padded(body.room);
         bodies_.push_back(std::move(body));
     }
     const std::size_t size = bodies_.empty() ? 0 : model.size();
     scratch_.resize(size);
     answer_.resize(size);
     lever_.resize(kLevers * size);
-    particle_.resize(size);
-    turning_.resize(size);
-    moved_.resize(size);
-    force_.resize(size);
-    column_of_.resize(size);
+    particle_.resize(places);
+    row_.resize(places);
+    answer_of_.resize(places);
+    for (LaneArray<double>& moved : moved_) {
+        moved.resize(places);
+    }
+    force_.resize(places);
+    column_of_.resize(places);
+    for (const Body& body : bodies_) {
+        PushedBody& pushed = pushed_.emplace_back();
+        for (std::size_t c = 0; c < 3; ++c) {
+            pushed.moved[c] = &moved_[c][body.first_place];
+        }
+    }
 }
 
 void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, double h) noexcept {
@@ -58,9 +75,14 @@ void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, do
     elastic_ = &elastic;
     h_ = h;
     for (Body& body : bodies_) {
-        body.placed = body.turns = body.pushed = false;
+        PushedBody& pushed = pushed_[static_cast<std::size_t>(&body - bodies_.data())];
+        pushed.alpha = pushed.gamma = Row{};
+        pushed.places = 0;
+        pushed.pushed = false;
+        body.placed = body.turns = false;
+        body.expected.clear();
         for (std::size_t k = 0; k < body.places; ++k) {
-            place_[body.particles.begin + particle_[body.particles.begin + k]] = kNone;
+            place_[body.particles.begin + particle_[body.first_place + k]] = kNone;
         }
         body.places = 0;
         // Columns of another length of the sub-step, or none left for other particles: start over.
@@ -127,13 +149,16 @@ void ElasticPushes::place(Body& body) noexcept {
     const Vec3 centre = centre_of_mass(*start_, range);
     const std::span<Row> heavy = answers_of(body);
     Mat3 scatter(0.0);
+    double* const x = &lever(3, 0);
+    double* const y = &lever(4, 0);
+    double* const z = &lever(5, 0);
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
         const Vec3 arm = start_->position[i] - centre;
         add_outer(scatter, start_->mass[i], arm, arm);
         heavy[i - range.begin] = row_of(start_->mass[i] * arm);
-        for (int c = 0; c < 3; ++c) {
-            lever(3 + static_cast<std::size_t>(c), i) = arm[c];
-        }
+        x[i] = arm.x;
+        y[i] = arm.y;
+        z[i] = arm.z;
     }
     for (int c = 0; c < 3; ++c) {
         Vec3 axis(0.0);
@@ -146,10 +171,26 @@ void ElasticPushes::expect(std::uint32_t particle) noexcept {
     if (!answers(particle)) {
         return;
     }
-    Body& body = bodies_[body_of_particle_[particle]];
-    if (body.is_free && !body.placed) {
-        place(body);
-        elastic_->respond_in_step(body.particles, answers_of(body));
+    const std::uint32_t of = body_of_particle_[particle];
+    Body& body = bodies_[of];
+    if (!body.is_free) {
+        return;
+    }
+    if (body.expected.empty()) {
+        elastic_->respond_in_step(body.particles, answers_of(body), *this, of);
+    }
+    if (body.expected.size() < body.expected.capacity()) {
+        body.expected.push_back(particle);
+    }
+}
+
+void ElasticPushes::ask(std::size_t which) noexcept {
+    place(bodies_[which]);
+}
+
+void ElasticPushes::answered(std::size_t which) noexcept {
+    for (const std::uint32_t particle : bodies_[which].expected) {
+        (void)take_part(particle);
     }
 }
 
@@ -165,14 +206,63 @@ void ElasticPushes::find_turning(Body& body) noexcept {
         elastic_->respond(range, answers);
     }
     Mat3 product(0.0);
+    double* row[kLevers];
+    for (std::size_t k = 0; k < kLevers; ++k) {
+        row[k] = &lever(k, 0);
+    }
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
         const Row& q = answers[i - range.begin];
         for (std::size_t c = 0; c < 3; ++c) {
-            lever(c, i) = q.number[c];
+            row[c][i] = q.number[c];
         }
-        add_outer(product, start_->mass[i], Vec3(lever(3, i), lever(4, i), lever(5, i)), vector_of(q));
+        add_outer(product, start_->mass[i], Vec3(row[3][i], row[4][i], row[5][i]), vector_of(q));
     }
     body.turning = Mat3(product[0][0] + product[1][1] + product[2][2]) - product;
+}
+
+/// Makes room for twice as many places in each row.
+void ElasticPushes::widen_rows(Body& body) noexcept {
+    const std::size_t wider = std::min(2 * body.row, padded(body.room));
+    for (std::size_t k = body.places; k-- > 0;) {
+        const double* const row = &body.among[k * body.row];
+        std::copy_backward(row, row + body.row, &body.among[k * wider] + body.row);
+        row_[body.first_place + k].response = &body.among[k * wider];
+    }
+    body.row = wider;
+}
+
+/// The body's next place, for a particle that has a column: W between it and those that take part, and what the pushes
+/// so far have moved it by W.
+void ElasticPushes::begin_place(Body& body, std::uint32_t particle) noexcept {
+    const std::size_t first = body.first_place;
+    const std::size_t next = body.places;
+    const std::uint32_t within = particle - body.particles.begin;
+    const double* const own = column(body, particle);
+    particle_[first + next] = within;
+    column_of_[first + next] = own;
+    force_[first + next] = Row{};
+    if (next == body.row) {
+        widen_rows(body);
+    }
+    double* const row = &body.among[next * body.row];
+    for (std::size_t k = 0; k <= next; ++k) {
+        row[k] = own[particle_[first + k]];
+        body.among[k * body.row + next] = column_of_[first + k][within];
+    }
+    const bool has_moved = pushed_[body_of_particle_[particle]].pushed;
+    // Vectors read and write the padding.
+    std::fill(row + next + 1, row + padded(next + 1), 0.0);
+    for (std::size_t k = 0; k < next && next % kPlacePadding == 0; ++k) {
+        double* const end = &body.among[k * body.row + next];
+        std::fill(end + 1, end + kPlacePadding, 0.0);
+    }
+    for (std::size_t c = 0; c < 3; ++c) {
+        double& moved = moved_[c][first + next];
+        moved = 0.0;
+        for (std::size_t k = 0; has_moved && k < next; ++k) {
+            moved += body.among[k * body.row + next] * force_[first + k].number[c];
+        }
+    }
 }
 
 ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
@@ -188,62 +278,85 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
         return {};
     }
     find_turning(body);
-    const std::uint32_t within = particle - body.particles.begin;
-    const std::size_t at = body.particles.begin + body.places;
-    particle_[at] = within;
-    column_of_[at] = column(body, particle);
-    force_[at] = Row{};
-    // What the pushes so far have moved it.
-    moved_[at] = Row{};
-    for (std::size_t k = 0; k < body.places; ++k) {
-        add_scaled(moved_[at], column_of_[body.particles.begin + k][within], force_[body.particles.begin + k]);
-    }
-    Turning& turning = turning_[at] = {.own = column_of_[at][within]};
+    const std::size_t at = body.first_place + body.places;
+    begin_place(body, particle);
+    PushedPlace& row = row_[at];
+    row = {.by_alpha = {},
+           .by_gamma = {},
+           .alpha = {},
+           .gamma = {},
+           .response = &body.among[body.places * body.row],
+           .force = &force_[at],
+           .body = &pushed_[of],
+           .index = body.places};
+    answer_of_[at] = Mat3(column_of_[at][particle_[at]]);
     if (body.is_free) {
-        turning.q = Vec3(lever(0, particle), lever(1, particle), lever(2, particle));
-        turning.r = Vec3(lever(3, particle), lever(4, particle), lever(5, particle));
-        turning.alpha = body.inverse_inertia * cross_matrix(turning.r);
-        turning.gamma =
-            h_ * h_ * turning.alpha - body.inverse_inertia * (cross_matrix(turning.q) - body.turning * turning.alpha);
+        const Mat3 q = cross_matrix(Vec3(lever(0, particle), lever(1, particle), lever(2, particle)));
+        const Mat3 r = cross_matrix(Vec3(lever(3, particle), lever(4, particle), lever(5, particle)));
+        const Mat3 alpha = body.inverse_inertia * r;
+        const Mat3 gamma = h_ * h_ * alpha - body.inverse_inertia * (q - body.turning * alpha);
+        answer_of_[at] += q * alpha - r * gamma;
+        for (int c = 0; c < 3; ++c) {
+            row.by_alpha[c] = row_of(q[c]);
+            row.by_gamma[c] = row_of(-r[c]);
+            row.alpha[c] = row_of(alpha[c]);
+            row.gamma[c] = row_of(gamma[c]);
+        }
     }
     place_[particle] = static_cast<std::uint32_t>(at);
-    ++body.places;
+    pushed_[of].places = padded(++body.places);
     return {of, place_[particle]};
 }
 
 ElasticPushes::Compliance ElasticPushes::compliance(const Place& place, const Vec3& normal) const noexcept {
-    // The particle's own answer, a symmetric matrix.
-    const Turning& t = turning_[place.index];
-    const Mat3 answer = Mat3(t.own) + cross_matrix(t.q) * t.alpha - cross_matrix(t.r) * t.gamma;
+    const Mat3& answer = answer_of_[place.index];  // symmetric
     const double along = glm::dot(normal, answer * normal);
     return {along, 0.5 * (answer[0][0] + answer[1][1] + answer[2][2] - along)};
 }
 
+void ElasticPushes::push(const Place& place, const Vec3& force) noexcept {
+    elastic_->kernels().push(row_[place.index], row_of(force));
+}
+
+Vec3 ElasticPushes::displacement(const Place& place) const noexcept {
+    const PushedPlace& row = row_[place.index];
+    const PushedBody& body = *row.body;
+    Vec3 moved(body.moved[0][row.index], body.moved[1][row.index], body.moved[2][row.index]);
+    for (std::size_t c = 0; c < 3; ++c) {
+        moved += body.alpha.number[c] * vector_of(row.by_alpha[c]) + body.gamma.number[c] * vector_of(row.by_gamma[c]);
+    }
+    return moved;
+}
+
 void ElasticPushes::move_body(std::uint32_t particle, Row* position) noexcept {
     const std::uint32_t of = body_of_particle_[particle];
-    if (of == kNone || !std::exchange(bodies_[of].pushed, false)) {
+    if (of == kNone || !std::exchange(pushed_[of].pushed, false)) {
         return;
     }
-    Body& body = bodies_[of];
+    const Body& body = bodies_[of];
+    PushedBody& pushed = pushed_[of];
     const std::size_t first = body.particles.begin;
+    const std::size_t first_place = body.first_place;
     Row terms[kLevers];
-    const Mat3 by_q = cross_matrix(-body.sum_alpha);
-    const Mat3 by_r = cross_matrix(body.sum_gamma);
+    const Mat3 by_q = cross_matrix(-vector_of(pushed.alpha));
+    const Mat3 by_r = cross_matrix(vector_of(pushed.gamma));
     for (int c = 0; c < 3; ++c) {
         terms[c] = row_of(by_q[c]);
         terms[3 + c] = row_of(by_r[c]);
     }
     elastic_->kernels().move({.count = body.particles.end - first,
                               .pushes = body.places,
-                              .column = column_of_.data() + first,
-                              .force = force_.data() + first,
+                              .column = column_of_.data() + first_place,
+                              .force = force_.data() + first_place,
                               .lever = body.is_free ? &lever(0, first) : nullptr,
                               .lever_length = body_of_particle_.size(),
                               .terms = terms,
                               .position = position + first});
-    body.sum_alpha = body.sum_gamma = Vec3(0.0);
-    std::fill_n(force_.begin() + static_cast<std::ptrdiff_t>(first), body.places, Row{});
-    std::fill_n(moved_.begin() + static_cast<std::ptrdiff_t>(first), body.places, Row{});
+    pushed.alpha = pushed.gamma = Row{};
+    std::fill_n(force_.begin() + static_cast<std::ptrdiff_t>(first_place), body.places, Row{});
+    for (LaneArray<double>& moved : moved_) {
+        std::fill_n(moved.begin() + static_cast<std::ptrdiff_t>(first_place), body.places, 0.0);
+    }
 }
 
 }  // namespace haptic::sim

@@ -10,8 +10,9 @@
 //     u_j = W_ji p - alpha x Q_j + gamma x r_j,   gamma = h^2 alpha - beta,   beta = I^-1 (Q_i x p - J alpha),
 //     J = sum m ((Q . r) 1 - r Q^T)
 //
-// Particles that are pushed move with every push, which takes a few numbers each; the rest of the body moves once they
-// agree. Columns of W are found when they are first needed, and kept as long as h stays the same.
+// Particles that are pushed, at the body's places, move with every push, which takes a few numbers each; the rest of the
+// body moves once they agree. Columns of W are found when they are first needed, and kept as long as h stays the same.
+// Their numbers between places are copied to rows, and what a force turns is kept as columns, for the kernels.
 // @source Inertia relief: the D'Alembert forces of a free body's rigid acceleration, as in structural analysis.
 #pragma once
 
@@ -26,7 +27,7 @@
 
 namespace haptic::sim {
 
-class ElasticPushes {
+class ElasticPushes final : private ElasticBodies::Asker {
   public:
     struct Compliance {
         double along = 0.0;   // m/N
@@ -49,8 +50,8 @@ class ElasticPushes {
     /// Whether the particle belongs to a solid elastic body and is not pinned.
     [[nodiscard]] bool answers(std::uint32_t particle) const noexcept { return body_of_particle_[particle] != kNone; }
 
-    /// Expects pushes of the particle's body: its next step answers what they need, which would take most of the time
-    /// of the first take_part() for the body in a sub-step. May be called for different bodies at the same time.
+    /// Expects pushes of the particle: the next step of its body answers what they need, and lets the particle take
+    /// part, which would take most of the time of take_part().
     void expect(std::uint32_t particle) noexcept;
     /// The particle's place in this sub-step. It has no body if it does not answer, or if its body's columns have no
     /// room left (16 million numbers): it then moves alone. The following need a place with a body. Those of different
@@ -59,6 +60,8 @@ class ElasticPushes {
     /// How far the particle moves in the sub-step along a force of 1 N on it: along the unit normal, and in the mean of
     /// the directions across it.
     [[nodiscard]] Compliance compliance(const Place& place, const Vec3& normal) const noexcept;
+    /// The same for the kernels. Stays where it is.
+    [[nodiscard]] PushedPlace& kernel_place(const Place& place) noexcept { return row_[place.index]; }
     /// Pushes the particle with a force, N, on top of the forces so far.
     void push(const Place& place, const Vec3& force) noexcept;
     /// m, of the particle by the pushes since its body moved.
@@ -69,14 +72,6 @@ class ElasticPushes {
   private:
     static constexpr std::uint32_t kNone = 0xffff'ffff;
 
-    /// What a force on a particle turns, and the particle's own moment arms.
-    struct Turning {
-        Vec3 q{0.0};       // s^2 m, Q
-        Vec3 r{0.0};       // m
-        Mat3 alpha{0.0};   // rad/(s^2 N), per force
-        Mat3 gamma{0.0};   // rad/N
-        double own = 0.0;  // m/N, W of the particle and itself
-    };
     struct Body {
         ParticleRange particles;
         bool is_free = true;  // no particle is pinned
@@ -85,16 +80,24 @@ class ElasticPushes {
         std::vector<std::uint32_t> owner{};   // particle of each column in use
         double h = 0.0;                       // s, of the columns
         // In this sub-step.
-        bool placed = false;        // inverse_inertia and r are known
-        bool turns = false;         // and Q and J
-        Mat3 inverse_inertia{0.0};  // 1/(kg m^2)
-        Mat3 turning{0.0};          // J, kg m^2 s^2
-        std::size_t places = 0;     // range of the arrays below, from the body's first particle on
-        bool pushed = false;        // since it moved
-        Vec3 sum_alpha{0.0};        // rad/s^2, of the pushes since it moved
-        Vec3 sum_gamma{0.0};        // rad
+        std::vector<std::uint32_t> expected{};  // particles
+        bool placed = false;                    // inverse_inertia and r are known
+        bool turns = false;                     // and Q and J
+        Mat3 inverse_inertia{0.0};              // 1/(kg m^2)
+        Mat3 turning{0.0};                      // J, kg m^2 s^2
+        std::size_t first_place = 0;            // of the arrays below, with padding
+        std::size_t places = 0;
+        std::size_t row = 0;                // from one of `among` to the next: grows with `places`
+        std::unique_ptr<double[]> among{};  // m/N, [place][place that moves]: W of the particles that take part
     };
 
+    [[nodiscard]] static std::size_t padded(std::size_t places) noexcept {
+        return (places + kPlacePadding - 1) / kPlacePadding * kPlacePadding;
+    }
+    void ask(std::size_t which) noexcept override;
+    void answered(std::size_t which) noexcept override;
+    void widen_rows(Body& body) noexcept;
+    void begin_place(Body& body, std::uint32_t particle) noexcept;
     [[nodiscard]] const double* column(const Body& body, std::uint32_t particle) const noexcept;
     [[nodiscard]] bool find_column(Body& body, std::uint32_t particle) noexcept;
     [[nodiscard]] double& lever(std::size_t k, std::size_t particle) noexcept;
@@ -103,6 +106,7 @@ class ElasticPushes {
     [[nodiscard]] std::span<Row> answers_of(const Body& body) noexcept;
 
     std::vector<Body> bodies_;
+    LaneArray<PushedBody> pushed_;  // per body
     std::vector<std::uint32_t> body_of_particle_;
     std::vector<std::uint32_t> column_;  // per particle; kNone: not yet found
     std::vector<double> lever_;          // [Q, then r][particle]; see lever()
@@ -111,36 +115,14 @@ class ElasticPushes {
     // Per place.
     std::vector<std::uint32_t> place_;     // per particle: its index; kNone: none in this sub-step
     std::vector<std::uint32_t> particle_;  // within its body
-    std::vector<Turning> turning_;
-    std::vector<Row> moved_;  // m, by columns of W
-    std::vector<Row> force_;  // N, since the body moved
+    LaneArray<PushedPlace> row_;
+    std::vector<Mat3> answer_of_;  // m/N: of the particle to a force on it
+    LaneArray<double> moved_[3];   // m, by columns of W
+    std::vector<Row> force_;       // N, since the body moved
     std::vector<const double*> column_of_;
     const ParticleModel* start_ = nullptr;
     ElasticBodies* elastic_ = nullptr;
     double h_ = 0.0;
 };
-
-// In the header: contacts are solved by these.
-
-inline void ElasticPushes::push(const Place& place, const Vec3& force) noexcept {
-    Body& body = bodies_[place.body];
-    const Row row = row_of(force);
-    const double* const column = column_of_[place.index];
-    const std::size_t first = body.particles.begin;
-    for (std::size_t k = first; k < first + body.places; ++k) {
-        add_scaled(moved_[k], column[particle_[k]], row);
-    }
-    add_scaled(force_[place.index], 1.0, row);
-    body.sum_alpha += turning_[place.index].alpha * force;
-    body.sum_gamma += turning_[place.index].gamma * force;
-    body.pushed = true;
-}
-
-inline Vec3 ElasticPushes::displacement(const Place& place) const noexcept {
-    const Body& body = bodies_[place.body];
-    const Turning& turning = turning_[place.index];
-    return vector_of(moved_[place.index]) - glm::cross(body.sum_alpha, turning.q) +
-           glm::cross(body.sum_gamma, turning.r);
-}
 
 }  // namespace haptic::sim

@@ -97,6 +97,58 @@ struct PushedRows {
     Row* position;     // [count], m: in and out
 };
 
+// Numbers of the widest register: rows over places have room for a whole one.
+inline constexpr std::size_t kPlacePadding = 8;
+
+/// What the pushes of a body since it moved have turned, and its places; see dynamics/elastic_pushes.hpp.
+struct alignas(64) PushedBody {
+    Row alpha;               // rad/s^2
+    Row gamma;               // rad
+    std::size_t places = 0;  // rounded up to kPlacePadding
+    double* moved[3] = {};   // [places], m: by columns of W
+    bool pushed = false;
+};
+
+/// A particle that takes part: how it moves with its body, and what a force on it does.
+struct alignas(64) PushedPlace {
+    Row by_alpha[3];                   // s^2 m: how far it moves by each coordinate of the body's alpha
+    Row by_gamma[3];                   // m, of gamma
+    Row alpha[3];                      // rad/(s^2 N), by each coordinate of a force on it
+    Row gamma[3];                      // rad/N
+    const double* response = nullptr;  // [places], m/N: W of it and the others
+    Row* force = nullptr;              // N, since the body moved
+    PushedBody* body = nullptr;
+    std::size_t index = 0;  // in `moved`
+};
+
+/// A contact keeps a particle at normal . (x1 - x2) >= min_separation from another one or the ground.
+struct alignas(64) PushedContact {
+    Row normal;                   // unit, toward the first
+    Row from;                     // m, x1 - x2 where friction begins
+    Row friction;                 // m: in and out
+    double from_along = 0.0;      // m, of that along the normal
+    double min_separation = 0.0;  // m
+    double along = 0.0;           // N/m, stiffness of both together
+    double across = 0.0;          // N/m
+    double push = 0.0;            // m, along the normal, at least 0: in and out
+    struct Side {
+        PushedPlace* place = nullptr;  // null: the particle moves alone
+        Row* position = nullptr;       // m, where its body moved last; null: the ground
+        double alone = 0.0;            // m/N, of a particle that moves alone
+    } first, second;
+};
+
+/// One pass over contacts, in the order 0, stride, 2 stride, ... modulo their number, or backward.
+struct ContactPass {
+    std::size_t count;
+    PushedContact* contact;
+    std::size_t stride;  // without a common divisor with count
+    bool forward;
+    double relaxation;  // each goes so much further than to where it alone would be met
+    double sticking;    // coefficients of friction
+    double sliding;
+};
+
 /// Elastic kernels for one number of lanes. All give the same bits.
 struct ElasticKernels {
     std::size_t lanes;
@@ -105,6 +157,9 @@ struct ElasticKernels {
     void (*sum)(const ForceSums& sums) noexcept;
     void (*solve[2])(const FactorPanels& factor) noexcept;  // with one right-hand side, and with two
     void (*move)(const PushedRows& rows) noexcept;
+    void (*push)(PushedPlace& place, const Row& force) noexcept;
+    /// Returns the largest change of a push, m.
+    double (*pass)(const ContactPass& pass) noexcept;
 };
 
 }  // namespace haptic::sim

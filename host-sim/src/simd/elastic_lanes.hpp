@@ -344,12 +344,129 @@ void move_rows(const PushedRows& m) noexcept {
     }
 }
 
+/// Pushes at a place: moves the places of its body, and turns it.
+template <std::size_t Lanes>
+HAPTIC_LANES void push_at(PushedPlace& place, const DoubleRow<2 * Lanes>& force) noexcept {
+    using Real = typename LaneTypes<Lanes>::Real;
+    PushedBody& body = *place.body;
+    const double f[3] = {number_of(force, 0), number_of(force, 1), number_of(force, 2)};
+    const Real x = broadcast<Real>(f[0]);
+    const Real y = broadcast<Real>(f[1]);
+    const Real z = broadcast<Real>(f[2]);
+    for (std::size_t k = 0; k < body.places; k += Lanes) {
+        const Real response = load<Real>(place.response + k);
+        store(load<Real>(body.moved[0] + k) + response * x, body.moved[0] + k);
+        store(load<Real>(body.moved[1] + k) + response * y, body.moved[1] + k);
+        store(load<Real>(body.moved[2] + k) + response * z, body.moved[2] + k);
+    }
+    store_row(load_row<2 * Lanes>(*place.force) + force, *place.force);
+    const auto by_force = [&](const Row(&row)[3]) __attribute__((always_inline)) {
+        return (f[0] * load_row<2 * Lanes>(row[0]) + f[1] * load_row<2 * Lanes>(row[1])) +
+               f[2] * load_row<2 * Lanes>(row[2]);
+    };
+    store_row(load_row<2 * Lanes>(body.alpha) + by_force(place.alpha), body.alpha);
+    store_row(load_row<2 * Lanes>(body.gamma) + by_force(place.gamma), body.gamma);
+    body.pushed = true;
+}
+
+template <std::size_t Lanes>
+void push_place(PushedPlace& place, const Row& force) noexcept {
+    push_at<Lanes>(place, load_row<2 * Lanes>(force));
+}
+
+/// Where the particle on one side of a contact is.
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<2 * Lanes> position_of(const PushedContact::Side& side) noexcept {
+    const DoubleRow<2 * Lanes> position = load_row<2 * Lanes>(*side.position);
+    if (side.place == nullptr) {
+        return position;
+    }
+    const PushedPlace& place = *side.place;
+    const PushedBody& body = *place.body;
+    const auto moved =
+        row_of_three<2 * Lanes>(body.moved[0][place.index], body.moved[1][place.index], body.moved[2][place.index]);
+    const auto by = [&](const Row(&row)[3], const Row& turned) __attribute__((always_inline)) {
+        return (turned.number[0] * load_row<2 * Lanes>(row[0]) + turned.number[1] * load_row<2 * Lanes>(row[1])) +
+               turned.number[2] * load_row<2 * Lanes>(row[2]);
+    };
+    return (position + moved) + (by(place.by_alpha, body.alpha) + by(place.by_gamma, body.gamma));
+}
+
+template <std::size_t Lanes>
+HAPTIC_LANES void push_side(const PushedContact::Side& side, const DoubleRow<2 * Lanes>& force) noexcept {
+    if (side.place != nullptr) {
+        push_at<Lanes>(*side.place, force);
+    } else if (side.alone > 0.0) {
+        store_row(load_row<2 * Lanes>(*side.position) + side.alone * force, *side.position);
+    }
+}
+
+/// Lets a contact push until it is met, with friction. Returns the change of its push.
+template <std::size_t Lanes>
+HAPTIC_LANES double pass_contact(const ContactPass& pass, PushedContact& contact) noexcept {
+    using Vector = DoubleRow<2 * Lanes>;
+    const auto dot3 = [](const Vector& a, const Vector& b) __attribute__((always_inline)) {
+        const Vector product = a * b;
+        return (number_of(product, 0) + number_of(product, 1)) + number_of(product, 2);
+    };
+    const Vector normal = load_row<2 * Lanes>(contact.normal);
+    Vector apart = position_of<Lanes>(contact.first);
+    if (contact.second.position != nullptr) {
+        apart = apart - position_of<Lanes>(contact.second);
+    }
+    const double along = dot3(normal, apart);
+    const double clearance = along - contact.min_separation;
+    if (clearance >= 0.0 && contact.push == 0.0) {
+        return 0.0;
+    }
+    // Push by -C and a little more, but take back no more than was pushed in this sub-step.
+    const double wanted_change = -pass.relaxation * clearance;
+    const double change = wanted_change > -contact.push ? wanted_change : -contact.push;
+    contact.push += change;
+    // Friction: undo the slip of the whole sub-step along the plane, within the friction cone (clamp_to_cone()). Apply
+    // the change since the last pass.
+    const Vector moved = apart - load_row<2 * Lanes>(contact.from);
+    const Vector slip = moved - (along - contact.from_along) * normal;
+    const Vector before = load_row<2 * Lanes>(contact.friction);
+    Vector friction = before - pass.relaxation * slip;
+    const double square = dot3(friction, friction);
+    const double limit = pass.sticking * contact.push;
+    if (square > limit * limit) {
+        friction = (pass.sliding * contact.push / square_root(square)) * friction;
+    }
+    store_row(friction, contact.friction);
+    const Vector force = change * contact.along * normal + contact.across * (friction - before);
+    push_side<Lanes>(contact.first, force);
+    push_side<Lanes>(contact.second, -1.0 * force);
+    return change < 0.0 ? -change : change;
+}
+
+template <std::size_t Lanes>
+double pass_contacts(const ContactPass& pass) noexcept {
+    double error = 0.0;
+    for (std::size_t k = 0, at = 0; k < pass.count; ++k) {
+        if (pass.forward) {
+            at += pass.stride;
+            at -= at < pass.count ? 0 : pass.count;
+        }
+        const double change = pass_contact<Lanes>(pass, pass.contact[at]);
+        error = change > error ? change : error;
+        if (!pass.forward) {
+            at += at < pass.stride ? pass.count : 0;
+            at -= pass.stride;
+        }
+    }
+    return error;
+}
+
 template <std::size_t Count>
 inline constexpr ElasticKernels kElasticKernels{Count,
                                                 elastic_solids<typename LaneTypes<Count>::Real>,
                                                 elastic_triangles<typename LaneTypes<Count>::Real>,
                                                 sum_forces<Count>,
                                                 {solve_panels<Count, 1>, solve_panels<Count, 2>},
-                                                move_rows<Count>};
+                                                move_rows<Count>,
+                                                push_place<Count>,
+                                                pass_contacts<Count>};
 
 }  // namespace haptic::sim

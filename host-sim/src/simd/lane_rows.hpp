@@ -224,6 +224,30 @@ HAPTIC_LANES DoubleRow<Lanes, Rows> operator*(DoubleRow<Lanes, Rows> a, const Do
     return a;
 }
 
+/// The k-th number of a row.
+template <std::size_t Lanes>
+HAPTIC_LANES double number_of(const DoubleRow<Lanes>& row, std::size_t k) noexcept {
+    constexpr std::size_t lanes = kLanes<DoublePiece<Lanes>>;
+    if constexpr (lanes == 1) {
+        return row.piece[k];
+    } else {
+        return row.piece[k / lanes][k % lanes];
+    }
+}
+
+/// A row of three numbers and 0, without a way through memory.
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> row_of_three(double x, double y, double z) noexcept {
+    constexpr std::size_t lanes = kLanes<DoublePiece<Lanes>>;
+    if constexpr (lanes == 1) {
+        return {{x, y, z, 0.0}};
+    } else if constexpr (lanes == 2) {
+        return {{DoublePiece<Lanes>{x, y}, DoublePiece<Lanes>{z, 0.0}}};
+    } else {
+        return {{DoublePiece<Lanes>{x, y, z, 0.0}}};
+    }
+}
+
 /// One FloatRow: a register, except with one lane.
 template <std::size_t Lanes>
 using QuadOf = std::conditional_t<Lanes == 1, FloatRow, typename LaneTypes<4, float>::Real>;

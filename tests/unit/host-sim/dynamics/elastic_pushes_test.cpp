@@ -204,5 +204,38 @@ TEST(ElasticPushes, AStiffBlockLandsAndRestsWithItsShape) {
     }
 }
 
+/// Two blocks that fall on one another and on the ground, turning, after so many steps of 5 ms.
+std::vector<Vec3> fallen_blocks(int steps, std::size_t lanes, int threads) {
+    const FlushDenormals flush;
+    ParticleModel model;
+    for (const double height : {0.05, 0.14}) {
+        ParticleModel block = pushed_block({.young_modulus = 1e5, .damping = 0.005});
+        for (std::size_t i = 0; i < block.size(); ++i) {
+            block.position[i] += Vec3(0.2 * height, height, 0.0);
+            block.velocity[i] = Vec3(-0.3, -1.0, 0.0) + glm::cross(Vec3(0.0, 2.0, 3.0), block.position[i]);
+        }
+        model.append(block);
+    }
+    ParticleCollisions collisions(model, {.ground = true, .static_friction = 0.5, .dynamic_friction = 0.4}, nullptr);
+    ParticleSolver solver(model, {.step = 0.005, .iterations = 1, .threads = threads}, lanes);
+    std::size_t most = 0;
+    for (int i = 0; i < steps; ++i) {
+        solver.step(model, {}, {&collisions});
+        most = std::max(most, collisions.counts().active);
+    }
+    EXPECT_GT(most, 2 * kPlacePadding) << "some body has more places than its rows hold at first";
+    return model.position;
+}
+
+TEST(ElasticPushes, GiveTheSameBitsWithAnyNumberOfLanesAndThreads) {
+    const std::vector<Vec3> first = fallen_blocks(60, 1, 1);
+    for (const std::size_t lanes : ParticleSolver::usable_lanes()) {
+        EXPECT_EQ(fallen_blocks(60, lanes, 1), first) << lanes << " lanes";
+    }
+    for (const int threads : {2, 3}) {
+        EXPECT_EQ(fallen_blocks(60, ParticleSolver::kWidest, threads), first) << threads << " threads";
+    }
+}
+
 }  // namespace
 }  // namespace haptic::sim
