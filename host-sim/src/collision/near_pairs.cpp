@@ -71,7 +71,8 @@ std::size_t largest(const std::vector<ParticleRange>& bodies) noexcept {
 
 }  // namespace
 
-NearPairs::Boxes::Boxes(std::size_t size) : length(size + kPadding), number(kRows * length) {}
+NearPairs::Boxes::Boxes(std::size_t size)
+    : length((size + 2 * kPadding - 1) / kPadding * kPadding), number(kRows * length) {}
 
 void NearPairs::Boxes::set(std::size_t at, const Boxes& from, std::size_t index) noexcept {
     for (std::size_t k = 0; k < kRows; ++k) {

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "dynamics/constraint_batches.hpp"
 #include "haptic/sim/particles.hpp"
 #include "simd/collider_rows.hpp"
 
@@ -51,7 +52,7 @@ class NearPairs {
         void set(std::size_t at, const Boxes& from, std::size_t index) noexcept;
         [[nodiscard]] BoxRows rows() const noexcept;
         std::size_t length = 0;
-        std::vector<float> number;
+        LaneArray<float> number;
     };
     struct Scratch {
         explicit Scratch(std::size_t largest_body);
