@@ -10,9 +10,9 @@
 //     u_j = W_ji p - alpha x Q_j + gamma x r_j,   gamma = h^2 alpha - beta,   beta = I^-1 (Q_i x p - J alpha),
 //     J = sum m ((Q . r) 1 - r Q^T)
 //
-// Particles that are pushed, at the body's places, move with every push, which takes a few numbers each; the rest of the
-// body moves once they agree. Columns of W are found when they are first needed, and kept as long as h stays the same.
-// Their numbers between places are copied to rows, and what a force turns is kept as columns, for the kernels.
+// Particles that are pushed, at the body's places, move with every push, which takes a few numbers each; the rest of
+// the body moves once they agree. Columns of W are found when they are first needed, and kept as long as h stays the
+// same. Their numbers between places are copied to rows, and what a force turns is kept as columns, for the kernels.
 // @source Inertia relief: the D'Alembert forces of a free body's rigid acceleration, as in structural analysis.
 #pragma once
 
