@@ -34,6 +34,9 @@ constexpr int kMaxAdvances = 100;
 constexpr double kSafety = 0.9;
 // s, in which layers that are too near come apart.
 constexpr double kPushOutTime = 0.1;
+// Room per vertex, for pairs of each kind and for contacts.
+constexpr std::size_t kPairsPerVertex = 16;
+constexpr std::size_t kContactsPerVertex = 8;
 // Passes where nobody else asks for any.
 constexpr int kPasses = 2;
 
@@ -98,6 +101,17 @@ FeatureRows SurfaceContacts::Pairs::rows(std::vector<double>& gaps) noexcept {
             gaps.data()};
 }
 
+void SurfaceContacts::Pairs::reserve(std::size_t size) {
+    for (std::vector<std::uint32_t>& of : vertex) {
+        of.reserve(size);
+    }
+    for (std::vector<double>& of : normal) {
+        of.reserve(size);
+    }
+    gap.reserve(size);
+    end_gap.reserve(size);
+}
+
 void SurfaceContacts::Pairs::append(const Pairs& from, std::size_t at) {
     for (std::size_t k = 0; k < 4; ++k) {
         vertex[k].push_back(from.vertex[k][at]);
@@ -154,12 +168,52 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
     for (std::size_t i = 0; i < model.size(); ++i) {
         inverse_mass_.push_back(model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]);
     }
+    // Room for what usual states need; more allocates.
+    const std::size_t vertices = features_.vertices().size();
+    for (Pairs& pairs : pairs_) {
+        pairs.reserve(kPairsPerVertex * vertices);
+    }
+    candidates_.reserve(SurfaceFeatures::kMaxTogether);
+    contact_.reserve(kContactsPerVertex * vertices);
+    unsafe_.reserve(kContactsPerVertex * vertices);
+    moved_.reserve(vertices);
     surface_of_.resize(model.size());
     left_alone_.resize(model.size());
+    room_.resize(model.size(), thickness_);
+    for (const ParticleSurface& surface : surfaces) {
+        for (std::size_t v = 0; v < surface.rest.size(); ++v) {
+            start_[surface.first_particle + v] = row_of(surface.rest[v]);
+        }
+    }
+    find_room();
     for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
         std::fill_n(surface_of_.begin() + surfaces[s].first_particle, surfaces[s].rest.size(), s);
         std::ranges::copy(surfaces[s].left_alone, left_alone_.begin() + surfaces[s].first_particle);
     }
+}
+
+/// Features that are nearer at rest than the thickness keep that distance.
+void SurfaceContacts::find_room() {
+    for (const std::uint32_t v : features_.vertices()) {
+        const Vec3 x = vector_of(start_[v]);
+        box_[v] = {x - 0.5 * thickness_, x + 0.5 * thickness_};
+    }
+    features_.search(box_, [&](PairKind kind, const auto& vertex) {
+        for (std::size_t k = 0; k < vertex[0].size(); ++k) {
+            FeatureVertices x;
+            for (std::size_t c = 0; c < 4; ++c) {
+                x[c] = vector_of(start_[vertex[c][k]]);
+            }
+            const double distance = nearest_points(kind, x).distance;
+            for (std::size_t c = 0; c < 4; ++c) {
+                room_[vertex[c][k]] = std::min(room_[vertex[c][k]], distance);
+            }
+        }
+    });
+}
+
+double SurfaceContacts::thickness_of(const std::array<std::uint32_t, 4>& vertex) const noexcept {
+    return std::min({room_[vertex[0]], room_[vertex[1]], room_[vertex[2]], room_[vertex[3]]});
 }
 
 void SurfaceContacts::find(const ParticleModel& start, const MovingParticles& /*predicted*/, ElasticBodies& /*elastic*/,
@@ -286,10 +340,12 @@ void SurfaceContacts::add_contact(Pairs& pairs, std::size_t at, const Row* posit
     Contact contact{.vertex = {pairs.vertex[0][at], pairs.vertex[1][at], pairs.vertex[2][at], pairs.vertex[3][at]},
                     .weight = w,
                     .normal = normal,
-                    .min_separation = nearest.distance + push_out(nearest.distance),
+                    .min_separation = 0.0,
                     .inverse_mass = 0.0,
                     .push = 0.0,
                     .friction = Vec3(0.0)};
+    const double missing = thickness_of(contact.vertex) - nearest.distance;
+    contact.min_separation = nearest.distance + push_out(missing);
     for (std::size_t k = 0; k < 4; ++k) {
         contact.inverse_mass += w[k] * w[k] * inverse_mass_[contact.vertex[k]];
     }
@@ -300,8 +356,7 @@ void SurfaceContacts::add_contact(Pairs& pairs, std::size_t at, const Row* posit
 }
 
 /// m: what a contact lacks of the thickness returns slowly, or piles of layers would spring apart.
-double SurfaceContacts::push_out(double distance) const noexcept {
-    const double missing = thickness_ - distance;
+double SurfaceContacts::push_out(double missing) const noexcept {
     return std::min(missing, h_ * std::min(settings_.push_out_speed, missing / kPushOutTime));
 }
 

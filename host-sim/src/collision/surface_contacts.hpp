@@ -87,6 +87,7 @@ class SurfaceContacts final : public SolverContacts {
 
         [[nodiscard]] std::size_t size() const noexcept { return gap.size(); }
         [[nodiscard]] FeatureRows rows(std::vector<double>& gaps) noexcept;
+        void reserve(std::size_t size);
         void append(const Pairs& from, std::size_t at);
         void clear() noexcept;
         [[nodiscard]] FeatureVertices vertices(std::size_t at, const Row* position) const noexcept;
@@ -103,12 +104,14 @@ class SurfaceContacts final : public SolverContacts {
         Vec3 friction;          // m
     };
 
+    void find_room();
+    [[nodiscard]] double thickness_of(const std::array<std::uint32_t, 4>& vertex) const noexcept;
     [[nodiscard]] bool have_left_boxes(const Row* position) const noexcept;
     void search(const Row* position, double ahead);
     void keep_near(PairKind kind, const std::array<std::vector<std::uint32_t>, 4>& vertex);
     void find_contacts(const Row* position);
     void add_contact(Pairs& pairs, std::size_t at, const Row* position);
-    [[nodiscard]] double push_out(double distance) const noexcept;
+    [[nodiscard]] double push_out(double missing) const noexcept;
     void project_all(Row* position) noexcept;
     void project_contact(Contact& contact, Row* position) const noexcept;
     [[nodiscard]] bool find_unsafe(const Row* position);
@@ -154,6 +157,7 @@ class SurfaceContacts final : public SolverContacts {
     std::vector<double> inverse_mass_;       // 1/kg, per particle
     std::vector<std::uint32_t> surface_of_;  // per particle
     std::vector<std::uint8_t> left_alone_;   // per particle
+    std::vector<double> room_;               // m, per particle: the most thickness that it has at rest
     std::array<Pairs, 2> pairs_{Pairs(PairKind::VertexTriangle), Pairs(PairKind::EdgeEdge)};
     Pairs candidates_{PairKind::VertexTriangle};
     // The last search: boxes of the vertices, in a frame that moves on at `drift_`, and how far each may come in its

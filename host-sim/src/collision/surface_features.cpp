@@ -12,8 +12,10 @@ namespace {
 
 constexpr std::size_t kInBlock = 16;  // triangles
 constexpr std::size_t kRows = 6;
-// Candidates that are handed over together.
+// Candidates after which a search hands them over.
 constexpr std::size_t kTogether = 2048;
+// The most that two blocks add: edges are three times the triangles at most.
+static_assert(kTogether + 9 * kInBlock * kInBlock <= SurfaceFeatures::kMaxTogether);
 
 bool has(const Triangle& triangle, std::uint32_t vertex) noexcept {
     return triangle[0] == vertex || triangle[1] == vertex || triangle[2] == vertex;
@@ -58,6 +60,12 @@ void SurfaceFeatures::Boxes::set(std::size_t at, const RoundedBox& box) noexcept
     }
 }
 
+void SurfaceFeatures::Candidates::reserve(std::size_t size) {
+    for (std::vector<std::uint32_t>& of : vertex) {
+        of.reserve(size);
+    }
+}
+
 void SurfaceFeatures::Candidates::clear() noexcept {
     for (std::vector<std::uint32_t>& of : vertex) {
         of.clear();
@@ -95,6 +103,10 @@ SurfaceFeatures::SurfaceFeatures(std::span<const ParticleSurface> surfaces, cons
         if (count <= kFanOut) {
             break;
         }
+    }
+    pending_.reserve(kFanOut * kFanOut + kFanOut * block_.size());
+    for (Candidates& some : candidates_) {
+        some.reserve(kMaxTogether);
     }
     hit_.resize(std::max({kInBlock * 3, kFanOut}) + kPadding);
 }

@@ -34,6 +34,8 @@ struct ParticleSurface {
 class SurfaceFeatures {
   public:
     using Edge = std::array<std::uint32_t, 2>;
+    /// The most pairs that a search hands over together.
+    static constexpr std::size_t kMaxTogether = 8192;
     /// Box of a vertex over the time for which pairs are searched, m.
     struct Box {
         Vec3 low{0.0};
@@ -91,6 +93,7 @@ class SurfaceFeatures {
     struct Candidates {
         std::array<std::vector<std::uint32_t>, 4> vertex;
         [[nodiscard]] std::size_t size() const noexcept { return vertex[0].size(); }
+        void reserve(std::size_t size);
         void clear() noexcept;
         void add(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d);
     };

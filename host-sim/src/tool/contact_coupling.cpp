@@ -27,6 +27,8 @@ constexpr double kMaxPayment = 10.0;
 constexpr double kMinMotion = 1e-6;
 // Of a patch's spread: that across which it counts as a line.
 constexpr double kLeastSpread = 1e-6;
+// Largest part by which that changes a weight: a mask on the rim of a sheet must not shrink to a point.
+constexpr double kMostShift = 0.5;
 // Friction coefficient that never slips.
 constexpr double kStuck = 1e6;
 
@@ -244,7 +246,7 @@ std::uint32_t ContactCoupling::add_patch(const SurfacePoint& touched, const Line
     return static_cast<std::uint32_t>(patches_.size() - 1);
 }
 
-/// Changes the weights of a patch such that its centre lies on the line, as far as they stay positive: the force then
+/// Changes the weights of a patch, by up to half, such that its centre lies on the line or near it: the force then
 /// turns the body as one along the line does. The mask knows the rest shape only, and folds and borders shift its
 /// centre.
 void ContactCoupling::centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept {
@@ -265,9 +267,9 @@ void ContactCoupling::centre_on(const Line& line, const ParticleModel& model, Pa
     Vec3 a = glm::inverse(moments) * across(patch.reference - line.point);
     double most = 0.0;
     for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-        most = std::max(most, glm::dot(a, offset(pressed_[p])));
+        most = std::max(most, std::abs(glm::dot(a, offset(pressed_[p]))));
     }
-    a /= std::max(most, 1.0);
+    a /= std::max(most / kMostShift, 1.0);
     Vec3 centre(0.0);
     for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
         pressed_[p].weight *= 1.0 - glm::dot(a, offset(pressed_[p]));
