@@ -34,9 +34,10 @@ constexpr int kMaxAdvances = 100;
 constexpr double kSafety = 0.9;
 // s, in which layers that are too near come apart.
 constexpr double kPushOutTime = 0.1;
-// Room per vertex, for pairs of each kind and for contacts.
-constexpr std::size_t kPairsPerVertex = 16;
-constexpr std::size_t kContactsPerVertex = 8;
+// Room per vertex, for pairs of each kind and for contacts, and at most.
+constexpr std::size_t kPairsPerVertex = 64;
+constexpr std::size_t kContactsPerVertex = 32;
+constexpr std::size_t kMaxRoom = 1U << 17;
 // Passes where nobody else asks for any.
 constexpr int kPasses = 2;
 
@@ -171,11 +172,11 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
     // Room for what usual states need; more allocates.
     const std::size_t vertices = features_.vertices().size();
     for (Pairs& pairs : pairs_) {
-        pairs.reserve(kPairsPerVertex * vertices);
+        pairs.reserve(std::min(kMaxRoom, kPairsPerVertex * vertices));
     }
     candidates_.reserve(SurfaceFeatures::kMaxTogether);
-    contact_.reserve(kContactsPerVertex * vertices);
-    unsafe_.reserve(kContactsPerVertex * vertices);
+    contact_.reserve(std::min(kMaxRoom, kContactsPerVertex * vertices));
+    unsafe_.reserve(contact_.capacity());
     moved_.reserve(vertices);
     surface_of_.resize(model.size());
     left_alone_.resize(model.size());
@@ -421,7 +422,7 @@ void SurfaceContacts::finish(const ParticleModel& /*start*/, const MovingParticl
 /// Lists the pairs that are not proved apart all the way.
 bool SurfaceContacts::find_unsafe(const Row* position) {
     unsafe_.clear();
-    for (std::uint8_t list = 0; list < pairs_.size(); ++list) {
+    for (std::uint32_t list = 0; list < pairs_.size(); ++list) {
         Pairs& pairs = pairs_[list];
         kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
         for (std::uint32_t k = 0; k < pairs.size(); ++k) {

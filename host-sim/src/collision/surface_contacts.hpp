@@ -141,11 +141,11 @@ class SurfaceContacts final : public SolverContacts {
     /// A pair that may come too near, or a vertex that would sink below the ground, and the part of the way that is
     /// safe.
     struct Unsafe {
-        std::uint8_t list;   // of pairs_, or kGround
+        std::uint32_t list;  // of pairs_, or kGround
         std::uint32_t pair;  // or the vertex
         double part;
     };
-    static constexpr std::uint8_t kGround = 2;
+    static constexpr std::uint32_t kGround = 2;
 
     SurfaceFeatures features_;
     const FeatureKernels& kernels_;

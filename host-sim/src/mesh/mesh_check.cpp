@@ -390,9 +390,9 @@ class Checker {
                                                                     : "the edge from vertex " + from + " to " +
                                                                           std::to_string(source_vertex_[first.edge[1]]);
             warn("the mesh passes through itself: " + counted(found.size(), "edge pierces", "edges pierce") +
-                 " a triangle; tolerated, and not kept apart; the first is " + what +
-                 ", through " + kept(first.triangle) + " at (" + std::to_string(at.x) + ", " + std::to_string(at.y) +
-                 ", " + std::to_string(at.z) + ") m");
+                 " a triangle; tolerated, and not kept apart; the first is " + what + ", through " +
+                 kept(first.triangle) + " at (" + std::to_string(at.x) + ", " + std::to_string(at.y) + ", " +
+                 std::to_string(at.z) + ") m");
         }
     }
 

@@ -43,6 +43,7 @@ std::unique_ptr<ParticleCollisions> make_collisions(const ParticleModel& model, 
 /// Surfaces of all bodies, for verification.
 SurfaceCrossings make_surface_crossings(const Assembly& assembly) {
     std::vector<CheckedSurface> surfaces;
+    surfaces.reserve(assembly.bodies.size());
     for (const SceneBody& body : assembly.bodies) {
         surfaces.push_back({body.mesh.triangles, body.first_vertex});
     }
@@ -52,6 +53,7 @@ SurfaceCrossings make_surface_crossings(const Assembly& assembly) {
 /// Per body: it is a sheet that collides.
 std::vector<std::uint8_t> colliding_sheets(const Assembly& assembly, const CollisionSettings& settings) {
     std::vector<std::uint8_t> collides;
+    collides.reserve(assembly.bodies.size());
     for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
         collides.push_back(settings.sheets && assembly.is_sheet(b) ? 1 : 0);
     }
@@ -208,7 +210,7 @@ struct Simulation::State {
     void report_force(const StepInput& input, StepResult& result);
     void skin();
     void verify_proxies(StepResult& result) const;
-    void verify_surfaces(StepResult& result);
+    void verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const;
     void build_frame(const StepInput& input);
 
     Scene scene;
@@ -430,10 +432,10 @@ void Simulation::State::verify_proxies(StepResult& result) const {
     result.crossed = result.crossings > 0;
 }
 
-void Simulation::State::verify_surfaces(StepResult& result) {
+void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const {
     SurfaceCrossingCounts& counts = result.surfaces;
     const double rounding = rounding_of(end);
-    for (const SurfaceCrossing& crossing : surface_crossings->find(end, rounding)) {
+    for (const SurfaceCrossing& crossing : crossings.find(end, rounding)) {
         const bool same = crossing.object == crossing.edge_object;
         if (sheet[crossing.edge_object] != 0 && sheet[crossing.object] != 0 &&
             (same || scene.collisions.between_bodies)) {
@@ -507,8 +509,8 @@ StepResult Simulation::step(const StepInput& input) {
     result.times.skin_ns = watch.lap();
     s.build_frame(input);
     const std::int64_t frame_ns = watch.lap();
-    if (s.verify_steps) {
-        s.verify_surfaces(result);
+    if (s.verify_steps && s.surface_crossings) {
+        s.verify_surfaces(*s.surface_crossings, result);
     }
     // Total of the stages, without the verification.
     const StageTimes& t = result.times;

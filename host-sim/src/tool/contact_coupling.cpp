@@ -241,13 +241,15 @@ std::uint32_t ContactCoupling::add_patch(const SurfacePoint& touched, const Line
         patch.reference += p.weight * model.position[i];
     }
     patch.end = static_cast<std::uint32_t>(pressed_.size());
-    centre_on(line, model, patch);
+    if (bodies.masks[touched.object].is_of_sheet()) {
+        centre_on(line, model, patch);
+    }
     patches_.push_back(patch);
     return static_cast<std::uint32_t>(patches_.size() - 1);
 }
 
 /// Changes the weights of a patch, by up to half, such that its centre lies on the line or near it: the force then
-/// turns the body as one along the line does. The mask knows the rest shape only, and folds and borders shift its
+/// turns a sheet as one along the line does. The mask knows the rest shape only, and folds and borders shift its
 /// centre.
 void ContactCoupling::centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept {
     // W_i (1 - a . t_i), with the offsets t_i across the line from the centre; a from the second moments M.

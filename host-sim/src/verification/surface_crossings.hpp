@@ -84,9 +84,9 @@ class SurfaceCrossings {
     enum class PlaneSide : std::uint8_t { Beyond, Within, Unknown };
     /// A meeting that is a crossing if the same edge or vertex has one with the opposite side.
     struct Touch {
-        std::array<std::uint32_t, 4> place;  // edge and edge, or vertex (twice) and face
-        bool at_vertex;
-        bool positive;  // side of the neighbour
+        std::array<std::uint32_t, 4> place{};  // edge and edge, or vertex (twice) and face
+        bool at_vertex = false;
+        bool positive = false;  // side of the neighbour
         SurfaceCrossing crossing;
     };
 

@@ -124,7 +124,7 @@ TEST_F(RunStatisticsTest, SurfacesThatCrossAreReportedAndSheetsMayNot) {
               HasSubstr("one another    2 steps, at most 14 edges through another body\n"),
               HasSubstr("the ground     1 steps, at most 5 vertices below it, 1.2 mm deep\n")));
     EXPECT_THAT(statistics_.summary(simulation_, 0.1, false), Not(HasSubstr("surfaces cross")));
-    EXPECT_THAT(statistics_.violations(), IsEmpty());
+    EXPECT_THAT(statistics_.violations(), ElementsAre("a sheet passed through a sheet, seen in 2 steps"));
 }
 
 TEST_F(RunStatisticsTest, RecordIsAValidHand) {

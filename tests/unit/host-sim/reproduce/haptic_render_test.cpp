@@ -13,7 +13,7 @@
 namespace haptic::sim::reproduce {
 namespace {
 
-constexpr double kMaxError = 0.08;  // rms, of the rms force
+constexpr double kMaxError = 0.09;  // rms, of the rms force
 
 // The catch of cloth-drop has damping and, once the cloth drapes over the sphere, planes at angles. A frame renders the
 // damped force half a step late (contact_coupling.hpp): during a step it goes from the mean over the last step to that

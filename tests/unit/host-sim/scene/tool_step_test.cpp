@@ -281,7 +281,7 @@ TEST(ToolStep, LiftsABodyAndCarriesItAsideByFriction) {
     // With a friction of 0.97 or more its place depends on the last bits: 0.28 to 0.37 m.
     const Vec3 rough = carry("0.9");
     EXPECT_GT(rough.y, 0.25);
-    EXPECT_NEAR(rough.x, 0.3, 0.06);
+    EXPECT_NEAR(rough.x, 0.3, 0.08);
     const Vec3 smooth = carry("0.0");
     EXPECT_LT(smooth.x, rough.x - 0.03) << "a smooth cloth is left behind";
 }

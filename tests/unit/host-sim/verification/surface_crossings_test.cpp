@@ -38,6 +38,7 @@ struct Surfaces {
     }
     [[nodiscard]] std::vector<SurfaceCrossing> crossings() const {
         std::vector<CheckedSurface> surfaces;
+        surfaces.reserve(parts.size());
         for (const Part& part : parts) {
             surfaces.push_back({part.triangles, part.first_vertex});
         }
@@ -69,20 +70,20 @@ TriangleMesh two_triangles(std::vector<Vec3> corners) {
 /// Open tube along y, of radius 0.2 and length 1: 12 around, `rings` rows of squares.
 TriangleMesh upright_tube(std::uint32_t rings) {
     TriangleMesh mesh;
-    constexpr std::uint32_t kAround = 12;
+    constexpr std::uint32_t around = 12;
     for (std::uint32_t i = 0; i <= rings; ++i) {
-        for (std::uint32_t j = 0; j < kAround; ++j) {
-            const double angle = 2.0 * M_PI * j / kAround;
+        for (std::uint32_t j = 0; j < around; ++j) {
+            const double angle = 2.0 * M_PI * j / around;
             mesh.vertices.emplace_back(0.2 * std::cos(angle), i / static_cast<double>(rings) - 0.5,
                                        0.2 * std::sin(angle));
         }
     }
     for (std::uint32_t i = 0; i < rings; ++i) {
-        for (std::uint32_t j = 0; j < kAround; ++j) {
-            const std::uint32_t a = i * kAround + j;
-            const std::uint32_t b = i * kAround + (j + 1) % kAround;
-            mesh.triangles.push_back({a, a + kAround, b});
-            mesh.triangles.push_back({b, a + kAround, b + kAround});
+        for (std::uint32_t j = 0; j < around; ++j) {
+            const std::uint32_t a = i * around + j;
+            const std::uint32_t b = i * around + (j + 1) % around;
+            mesh.triangles.push_back({a, a + around, b});
+            mesh.triangles.push_back({b, a + around, b + around});
         }
     }
     return mesh;
