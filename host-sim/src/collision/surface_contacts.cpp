@@ -181,19 +181,18 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
     surface_of_.resize(model.size());
     left_alone_.resize(model.size());
     room_.resize(model.size(), thickness_);
-    for (const ParticleSurface& surface : surfaces) {
+    for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
+        const ParticleSurface& surface = surfaces[s];
+        std::fill_n(surface_of_.begin() + surface.first_particle, surface.rest.size(), s);
+        std::ranges::copy(surface.left_alone, left_alone_.begin() + surface.first_particle);
         for (std::size_t v = 0; v < surface.rest.size(); ++v) {
             start_[surface.first_particle + v] = row_of(surface.rest[v]);
         }
     }
     find_room();
-    for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
-        std::fill_n(surface_of_.begin() + surfaces[s].first_particle, surfaces[s].rest.size(), s);
-        std::ranges::copy(surfaces[s].left_alone, left_alone_.begin() + surfaces[s].first_particle);
-    }
 }
 
-/// Features that are nearer at rest than the thickness keep that distance.
+/// Features of a surface that are nearer at rest than the thickness keep that distance.
 void SurfaceContacts::find_room() {
     for (const std::uint32_t v : features_.vertices()) {
         const Vec3 x = vector_of(start_[v]);
@@ -204,6 +203,9 @@ void SurfaceContacts::find_room() {
             FeatureVertices x;
             for (std::size_t c = 0; c < 4; ++c) {
                 x[c] = vector_of(start_[vertex[c][k]]);
+            }
+            if (surface_of_[vertex[0][k]] != surface_of_[vertex[3][k]]) {
+                continue;
             }
             const double distance = nearest_points(kind, x).distance;
             for (std::size_t c = 0; c < 4; ++c) {
@@ -638,6 +640,7 @@ void SurfaceContacts::let_stand(const MovingParticles& now) noexcept {
     for (Pairs& pairs : pairs_) {
         pairs.end_gap = pairs.gap;
     }
+    searched_ = false;  // it may have led out of the boxes
 }
 
 std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*start*/, const MovingParticles& now,
