@@ -595,8 +595,8 @@ Returns one record per step; run.force is the same as run["force"]:
   overconstrained, passed_through a proxy has less room than its radius; a surface passed it where it had none
   crossings                       proxies that crossed a surface, with verify=True; must be 0
   sheet_crossings, self_crossings, body_crossings
-                                  with verify=True: edges that pierce a triangle of their own body, which is open or
-                                  closed; of another body
+                                  with verify=True: edges that pierce a triangle: of sheets, where sheets collide; of
+                                  their own body otherwise; of another body
   below_ground, ground_depth      with verify=True: vertices below the ground; m, of the deepest
   equilibrium_error               m
   total_ns, ccd_ns, popout_ns, proxy_ns, tool_ns, collide_ns, deform_ns, skin_ns: time that stages took)")

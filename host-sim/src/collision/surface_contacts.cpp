@@ -4,6 +4,8 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "collision/colliders.hpp"
@@ -16,6 +18,7 @@ namespace {
 
 // Of the mean edge.
 constexpr double kThickness = 0.1;
+constexpr double kThinnest = 1e-6;  // m
 // Of the thickness: the gap that is guaranteed, far above rounding and far below what is seen or felt.
 constexpr double kLeastGap = 1.0 / 256.0;
 // Of the thickness: how far a vertex may leave the way expected of it before pairs are searched again.
@@ -166,6 +169,11 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
       part_(model.size()),
       zone_(model.size()),
       ended_(model.size(), Row{}) {
+    const double edge = mean_edge(surfaces);
+    if (!(settings.thickness == 0.0 || (settings.thickness >= kThinnest && settings.thickness <= edge))) {
+        throw std::invalid_argument("collisions: thickness must be 0, or 1e-6 m to the mean edge of the sheets, " +
+                                    std::to_string(edge) + " m");
+    }
     for (std::size_t i = 0; i < model.size(); ++i) {
         inverse_mass_.push_back(model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]);
     }
@@ -192,7 +200,8 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
     find_room();
 }
 
-/// Features of a surface that are nearer at rest than the thickness keep that distance.
+/// Features of a surface that are nearer at rest than the thickness keep that distance; those that touch are left
+/// alone, because nothing tells their sides apart.
 void SurfaceContacts::find_room() {
     for (const std::uint32_t v : features_.vertices()) {
         const Vec3 x = vector_of(start_[v]);
@@ -209,7 +218,9 @@ void SurfaceContacts::find_room() {
             }
             const double distance = nearest_points(kind, x).distance;
             for (std::size_t c = 0; c < 4; ++c) {
-                room_[vertex[c][k]] = std::min(room_[vertex[c][k]], distance);
+                const std::uint32_t v = vertex[c][k];
+                room_[v] = std::min(room_[v], distance);
+                left_alone_[v] |= distance < least_gap_ ? 1U : 0U;
             }
         }
     });
@@ -233,18 +244,21 @@ void SurfaceContacts::find(const ParticleModel& start, const MovingParticles& /*
 }
 
 bool SurfaceContacts::have_left_boxes(const Row* position) const noexcept {
+    // Half a thickness of each box is not for its vertex: features whose boxes part are a thickness apart.
     const Vec3 shift = (since_ + h_) * drift_;
+    const Vec3 kept(0.5 * thickness_);
     bool left = false;
     for (const std::uint32_t v : features_.vertices()) {
         const Vec3 x = vector_of(position[v]) - shift;
-        left |= !(glm::all(glm::greaterThanEqual(x, box_[v].low)) && glm::all(glm::lessThanEqual(x, box_[v].high)));
+        left |= !(glm::all(glm::greaterThanEqual(x, box_[v].low + kept)) &&
+                  glm::all(glm::lessThanEqual(x, box_[v].high - kept)));
     }
     return left;
 }
 
 /// Finds the pairs that may come within the thickness while vertices go on as from `start_` to `position`, for `ahead`
 /// sub-steps.
-void SurfaceContacts::search(const Row* position, double ahead) {
+void SurfaceContacts::find_pairs(const Row* position, double ahead) {
     ++counts_.searches;
     searched_ = true;
     since_ = 0.0;
@@ -313,7 +327,7 @@ void SurfaceContacts::keep_near(PairKind kind, const std::array<std::vector<std:
 void SurfaceContacts::find_contacts(const Row* position) {
     contacts_known_ = true;
     if (!searched_ || have_left_boxes(position)) {
-        search(position, kAhead);
+        find_pairs(position, kAhead);
     }
     for (Pairs& pairs : pairs_) {
         kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
@@ -428,7 +442,7 @@ bool SurfaceContacts::find_unsafe(const Row* position) {
         Pairs& pairs = pairs_[list];
         kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
         for (std::uint32_t k = 0; k < pairs.size(); ++k) {
-            if (pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_) {
+            if ((pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_) || are_rigid(pairs, k)) {
                 continue;
             }
             const double part = safe_part(pairs, k, position);
@@ -444,12 +458,19 @@ bool SurfaceContacts::find_unsafe(const Row* position) {
     return !unsafe_.empty();
 }
 
+/// Whether a zone moves the pair as a rigid body, which brings it no nearer.
+bool SurfaceContacts::are_rigid(const Pairs& pairs, std::size_t at) noexcept {
+    const std::uint32_t zone = zone_of(pairs.vertex[0][at]);
+    return part_[zone] == 0.0 && zone_of(pairs.vertex[1][at]) == zone && zone_of(pairs.vertex[2][at]) == zone &&
+           zone_of(pairs.vertex[3][at]) == zone;
+}
+
 /// Lists the vertices that come below the ground, or deeper below it.
 void SurfaceContacts::find_sinking(const Row* position) {
     for (const std::uint32_t v : features_.vertices()) {
         const double from = start_[v].number[1];
         const double to = position[v].number[1];
-        if (to < settings_.ground_height && to < from) {
+        if (to < settings_.ground_height && to < from && inverse_mass_[v] > 0.0) {
             unsafe_.push_back({kGround, v, std::max(0.0, kSafety * (from - settings_.ground_height) / (from - to))});
         }
     }
@@ -525,9 +546,11 @@ void SurfaceContacts::push_unsafe(const MovingParticles& now) noexcept {
             }
             const double clearance = glm::dot(normal, weighted(nearest.weight, vertex, position)) - keep;
             if (clearance < 0.0 && inverse_mass > 0.0) {
+                const bool same = surface_of_[vertex[0]] == surface_of_[vertex[3]];
                 for (std::size_t k = 0; k < 4; ++k) {
                     const double share = nearest.weight[k] * inverse_mass_[vertex[k]] / inverse_mass;
                     add_vector(position[vertex[k]], -clearance * share * normal);
+                    add_vector(now.pushed[vertex[k]], same ? Vec3(0.0) : -clearance * share * normal);
                 }
             }
         };
@@ -576,20 +599,25 @@ void SurfaceContacts::find_zones(bool turning) noexcept {
     }
     for (const std::uint32_t v : features_.vertices()) {
         Zone& zone = zone_[zone_of(v)];
+        zone.surface = zone.empty ? surface_of_[v] : zone.surface;
+        zone.mixed = zone.mixed || zone.surface != surface_of_[v];
+        zone.empty = false;
         if (inverse_mass_[v] > 0.0) {
             zone.mass += 1.0 / inverse_mass_[v];
             zone.centre += vector_of(start_[v]) / inverse_mass_[v];
             zone.way += way_of(v) / inverse_mass_[v];
         } else {
-            zone.pinned_way += way_of(v);
-            ++zone.pinned;
+            zone.pinned_alike = zone.pinned_alike && (!zone.pinned || zone.pinned_way == way_of(v));
+            zone.pinned_way = way_of(v);
+            zone.pinned = true;
         }
     }
     for (const std::uint32_t v : features_.vertices()) {
         Zone& zone = zone_[v];
         zone.grounded = grounded_[v] != 0;
         if (zone.is_held()) {
-            zone.way = zone.pinned > 0 ? zone.pinned_way / static_cast<double>(zone.pinned) : Vec3(0.0);
+            // The ground does not move, and neither does what is fixed: a script waits.
+            zone.way = zone.grounded || !zone.pinned_alike ? Vec3(0.0) : zone.pinned_way;
         } else if (zone.mass > 0.0) {
             zone.centre /= zone.mass;
             zone.way /= zone.mass;
@@ -655,7 +683,7 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
         grounded_[v] = 0;
     }
     if (!searched_ || have_left_boxes(position)) {
-        search(position, kAhead);
+        find_pairs(position, kAhead);
     }
     for (int round = 0; find_unsafe(position); ++round) {
         counts_.unsafe += round == 0 ? unsafe_.size() : 0;
@@ -671,7 +699,7 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
             move_zones(position, true);
         }
         if (have_left_boxes(position)) {
-            search(position, 1.0);
+            find_pairs(position, 1.0);
         }
     }
     for (Pairs& pairs : pairs_) {
@@ -688,7 +716,7 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
         const std::uint32_t zone = zone_of(v);
         if (part_[zone] < 1.0) {
             ++counts_.held;
-            if (zone_[zone].is_held()) {
+            if (zone_[zone].is_held() || zone_[zone].mixed) {
                 add_vector(now.pushed[v], vector_of(position[v]) - vector_of(wish_[v]));
             }
         }

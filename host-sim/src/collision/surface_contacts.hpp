@@ -1,9 +1,9 @@
 // Contacts of surfaces whose vertices are particles, with themselves and with one another: cloth that never passes
 // through cloth.
 //
-// Invariant: at the end of every sub-step, and on the straight ways that lead there from its start, no vertex comes
-// nearer than a small gap to a triangle, and no edge to another edge, with which it shares no vertex. So nothing that
-// has not crossed ever crosses. Two mechanisms:
+// Invariant: at the end of every sub-step a vertex and a triangle, or two edges, that share no vertex are at least a
+// small gap apart, and on the straight paths that lead there they never touch. So nothing that has not crossed ever
+// crosses. Two mechanisms:
 //
 // Contacts keep features a thickness apart, with equal and opposite forces at their nearest points and Coulomb
 // friction. They make cloth lie on cloth. They are approximate, as all projected constraints are.
@@ -15,7 +15,7 @@
 // body, at last all of it; zones that touch unite. A rigid motion brings nothing nearer: with linear ways that turn by
 // theta, |d + theta x d| >= |d|. The ground and pinned vertices hold their zones. At worst everything stands still or
 // moves alike, which always keeps the invariant. Zones keep their momenta and only take energy out. Where features are
-// too near already, as rounding and edits may leave them, they may not come nearer.
+// too near already, as edits may leave them, they may not come nearer. Features that touch at rest are left alone.
 //
 // Pairs are found by boxes around the ways that the vertices are expected to take, in the frame of their mean velocity,
 // and found again when a vertex leaves its box.
@@ -52,8 +52,8 @@ struct SurfaceContactCounts {
 
 class SurfaceContacts final : public SolverContacts {
   public:
-    /// Throws std::invalid_argument for surfaces with indices out of range, and lanes that this machine lacks. Results
-    /// do not depend on the number of lanes.
+    /// Throws std::invalid_argument for surfaces with indices out of range, a thickness that is neither 0 nor between a
+    /// micrometre and the mean edge, and lanes that this machine lacks. Results do not depend on the number of lanes.
     SurfaceContacts(const ParticleModel& model, std::span<const ParticleSurface> surfaces,
                     const CollisionSettings& settings, StageClock::Function clock = nullptr,
                     std::size_t lanes = ParticleCollisions::kWidest);
@@ -63,6 +63,8 @@ class SurfaceContacts final : public SolverContacts {
     /// m, that secure() guarantees.
     [[nodiscard]] double least_gap() const noexcept { return least_gap_; }
     [[nodiscard]] const SurfaceFeatures& features() const noexcept { return features_; }
+    /// Whether the particle is not kept apart from others of which this is true: at rest its features touch or cross.
+    [[nodiscard]] bool leaves_alone(std::size_t particle) const noexcept { return left_alone_[particle] != 0; }
 
     void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
@@ -107,7 +109,7 @@ class SurfaceContacts final : public SolverContacts {
     void find_room();
     [[nodiscard]] double thickness_of(const std::array<std::uint32_t, 4>& vertex) const noexcept;
     [[nodiscard]] bool have_left_boxes(const Row* position) const noexcept;
-    void search(const Row* position, double ahead);
+    void find_pairs(const Row* position, double ahead);
     void keep_near(PairKind kind, const std::array<std::vector<std::uint32_t>, 4>& vertex);
     void find_contacts(const Row* position);
     void add_contact(Pairs& pairs, std::size_t at, const Row* position);
@@ -124,19 +126,24 @@ class SurfaceContacts final : public SolverContacts {
     void move_zones(Row* position, bool turning) noexcept;
     void find_zones(bool turning) noexcept;
     [[nodiscard]] std::uint32_t zone_of(std::uint32_t vertex) noexcept;
+    [[nodiscard]] bool are_rigid(const Pairs& pairs, std::size_t at) noexcept;
 
     /// Motion of a zone as a rigid body: sums over its vertices, then what follows from them.
     struct Zone {
-        double mass = 0.0;     // kg, of what is not pinned
-        Vec3 centre{0.0};      // kg m, then m: at the start
-        Vec3 way{0.0};         // kg m, then m
-        Vec3 turn{0.0};        // kg m^2, then rad
-        Mat3 scatter{0.0};     // kg m^2
-        Vec3 pinned_way{0.0};  // m, sum over pinned vertices
-        std::size_t pinned = 0;
+        double mass = 0.0;  // kg, of what is not pinned
+        Vec3 centre{0.0};   // kg m, then m: at the start
+        Vec3 way{0.0};      // kg m, then m
+        Vec3 turn{0.0};     // kg m^2, then rad
+        Mat3 scatter{0.0};  // kg m^2
+        std::uint32_t surface = 0;
+        bool empty = true;
+        bool mixed = false;  // of several surfaces
         bool grounded = false;
-        /// Whether what does not belong to the bodies takes its momentum.
-        [[nodiscard]] bool is_held() const noexcept { return grounded || pinned > 0; }
+        bool pinned = false;       // some vertex is
+        bool pinned_alike = true;  // and these have the same way
+        Vec3 pinned_way{0.0};      // m
+        /// Whether the ground or what is pinned takes its momentum.
+        [[nodiscard]] bool is_held() const noexcept { return grounded || pinned; }
     };
     /// A pair that may come too near, or a vertex that would sink below the ground, and the part of the way that is
     /// safe.

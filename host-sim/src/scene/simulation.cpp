@@ -86,8 +86,8 @@ std::vector<std::uint8_t> crossing_vertices(const Assembly& assembly, std::span<
 /// Null without sheets that collide. What crosses at rest is left alone.
 std::unique_ptr<SurfaceContacts> make_surface_contacts(const Assembly& assembly, const CollisionSettings& settings,
                                                        std::span<const std::uint8_t> sheet,
-                                                       std::span<const std::uint8_t> crosses,
                                                        Simulation::ClockFunction clock) {
+    const std::vector<std::uint8_t> crosses = crossing_vertices(assembly, sheet);
     std::vector<ParticleSurface> sheets;
     for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
         if (sheet[b] != 0) {
@@ -95,7 +95,7 @@ std::unique_ptr<SurfaceContacts> make_surface_contacts(const Assembly& assembly,
             sheets.push_back({.first_particle = static_cast<std::uint32_t>(body.first_particle),
                               .triangles = body.mesh.triangles,
                               .rest = body.mesh.vertices,
-                              .left_alone = crosses.subspan(body.first_vertex, body.mesh.vertices.size())});
+                              .left_alone = std::span(crosses).subspan(body.first_vertex, body.mesh.vertices.size())});
         }
     }
     return sheets.empty() ? nullptr : std::make_unique<SurfaceContacts>(assembly.model, sheets, settings, clock);
@@ -169,8 +169,7 @@ struct Simulation::State {
           loads(assembly),
           collisions(make_collisions(assembly.model, from.collisions, time)),
           sheet(colliding_sheets(assembly, from.collisions)),
-          crosses_at_rest(crossing_vertices(assembly, sheet)),
-          surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, crosses_at_rest, time)),
+          surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, time)),
           skinner(assembly.mesh.vertices, assembly.model, assembly.skin),
           start(assembly.mesh.vertices),
           end(assembly.mesh.vertices),
@@ -211,6 +210,7 @@ struct Simulation::State {
     void skin();
     void verify_proxies(StepResult& result) const;
     void verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const;
+    [[nodiscard]] bool is_left_alone(const SurfaceCrossing& crossing) const;
     void build_frame(const StepInput& input);
 
     Scene scene;
@@ -220,7 +220,6 @@ struct Simulation::State {
     SceneLoads loads;
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::vector<std::uint8_t> sheet;                    // per body: it is a sheet that collides
-    std::vector<std::uint8_t> crosses_at_rest;          // per vertex
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     Skinner skinner;
     std::vector<Vec3> start;  // m, scene: vertices before and after the last step
@@ -432,6 +431,16 @@ void Simulation::State::verify_proxies(StepResult& result) const {
     result.crossed = result.crossings > 0;
 }
 
+/// Whether sheets are not kept from this crossing, because they touched or crossed there at rest.
+bool Simulation::State::is_left_alone(const SurfaceCrossing& crossing) const {
+    const auto left_alone = [&](std::uint32_t body, std::uint32_t vertex) {
+        return surface_contacts->leaves_alone(assembly.bodies[body].first_particle + vertex);
+    };
+    const Triangle& triangle = assembly.bodies[crossing.object].mesh.triangles[crossing.triangle];
+    return std::ranges::all_of(crossing.edge, [&](auto v) { return left_alone(crossing.edge_object, v); }) &&
+           std::ranges::all_of(triangle, [&](auto v) { return left_alone(crossing.object, v); });
+}
+
 void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const {
     SurfaceCrossingCounts& counts = result.surfaces;
     const double rounding = rounding_of(end);
@@ -439,8 +448,7 @@ void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult&
         const bool same = crossing.object == crossing.edge_object;
         if (sheet[crossing.edge_object] != 0 && sheet[crossing.object] != 0 &&
             (same || scene.collisions.between_bodies)) {
-            const std::size_t vertex = assembly.bodies[crossing.edge_object].first_vertex + crossing.edge[0];
-            counts.sheets += crosses_at_rest[vertex] == 0 ? 1U : 0U;
+            counts.sheets += is_left_alone(crossing) ? 0U : 1U;
         } else if (!same) {
             ++counts.between;
         } else {

@@ -397,7 +397,9 @@ HAPTIC_LANES void push_side(const PushedContact::Side& side, const DoubleRow<2 *
     if (side.place != nullptr) {
         push_at<Lanes>(*side.place, force);
     } else if (side.alone > 0.0) {
-        store_row(load_row<2 * Lanes>(*side.position) + side.alone * force, *side.position);
+        // The fourth number of a position is none of its coordinates.
+        const auto vector = row_of_three<2 * Lanes>(number_of(force, 0), number_of(force, 1), number_of(force, 2));
+        store_row(load_row<2 * Lanes>(*side.position) + side.alone * vector, *side.position);
     }
 }
 

@@ -241,7 +241,7 @@ std::uint32_t ContactCoupling::add_patch(const SurfacePoint& touched, const Line
         patch.reference += p.weight * model.position[i];
     }
     patch.end = static_cast<std::uint32_t>(pressed_.size());
-    if (bodies.masks[touched.object].is_of_sheet()) {
+    if (bodies.masks[touched.object].vertices_are_particles()) {
         centre_on(line, model, patch);
     }
     patches_.push_back(patch);

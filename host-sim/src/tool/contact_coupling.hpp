@@ -147,12 +147,12 @@ class ContactCoupling final : public SolverContacts {
         double weight = 0.0;         // W_i
         double inverse_mass = 0.0;   // 1/kg; 0: pinned
     };
-    /// The particles that take the force of one or more rows: a range of pressed_.
     /// Of a force.
     struct Line {
         Vec3 point;      // m
         Vec3 direction;  // unit
     };
+    /// The particles that take the force of one or more rows: a range of pressed_.
     struct Patch {
         std::uint32_t begin = 0;
         std::uint32_t end = 0;

@@ -22,7 +22,7 @@
 // points, so rolling counts as slipping.
 //
 // Displacements are in inverse proportion to the masses and conserve momentum to rounding. Pinned particles do not
-// move. Particles of the same body do not collide.
+// move. Particles of the same body do not collide as ellipsoids.
 #pragma once
 
 #include <cstddef>

@@ -46,8 +46,8 @@ class PressureMask {
 
     static constexpr std::size_t kCornerParticles = 3 * SkinVertex::kMax;
 
-    /// Whether the particles are the vertices, as those of a sheet.
-    [[nodiscard]] bool is_of_sheet() const noexcept { return is_of_sheet_; }
+    /// As those of sheets are.
+    [[nodiscard]] bool vertices_are_particles() const noexcept { return vertices_are_particles_; }
 
   private:
     struct PressedVertex {
@@ -70,7 +70,7 @@ class PressureMask {
     std::vector<Triangle> triangles_;
     Skin skin_;
     double radius_;
-    bool is_of_sheet_ = true;
+    bool vertices_are_particles_ = true;
     double cell_size_;
     std::vector<CellVertex> grid_;            // sorted by cell, then vertex
     std::vector<PressedVertex> vertices_;     // w_j of the vertices under the mask

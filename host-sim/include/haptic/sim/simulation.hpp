@@ -68,8 +68,9 @@ struct StageTimes {
     std::int64_t total_ns = 0;  // without verification
 };
 
-/// Crossings of the surfaces at the end of a step, by verification (verification/surface_crossings.hpp), without those
-/// that the meshes have at rest. Sheets are bodies whose vertices are their particles, with collisions.sheets.
+/// Crossings of the surfaces at the end of a step, by verification (verification/surface_crossings.hpp). `sheets` is
+/// without what touches or crosses at rest. Sheets are bodies whose vertices are their particles, with
+/// collisions.sheets.
 struct SurfaceCrossingCounts {
     std::size_t sheets = 0;        // edges of sheets that pierce a triangle of their own or another sheet
     std::size_t bodies = 0;        // edges of other bodies that pierce a triangle of their own body

@@ -207,13 +207,47 @@ TEST(SurfaceContacts, KeepSheetsApart) {
     // One falls on another that is held at its border.
     for (const bool between : {true, false}) {
         Sheets sheets({.gravity = {0.0, -9.81, 0.0}, .collisions = {.between_bodies = between}, .first_held = true},
-                      {{}, {.centre = {0.05, 0.2, 0.03}}});
+                      {{}, {.centre = {0.05, 0.2, 0.03}, .orientation = glm::normalize(Quat(1.0, 0.0, 0.0, 0.15))}});
+        const std::vector<Vec3> before = sheets.model.position;
+        for (std::size_t i = 13 * 13; i < sheets.model.size(); ++i) {
+            sheets.model.velocity[i] = Vec3(0.0, -5.0, 0.0);
+        }
         std::size_t crossings = 0;
         for (int i = 0; i < 100; ++i) {
             sheets.step();
             crossings += sheets.crossings();
         }
         EXPECT_EQ(crossings == 0, between);
+        for (std::size_t i = 0; i < 13 * 13; ++i) {
+            EXPECT_TRUE(sheets.model.pinned[i] == 0 || sheets.model.position[i] == before[i]) << "particle " << i;
+        }
+    }
+}
+
+TEST(SurfaceContacts, ExchangeMomentumBetweenFreeSheets) {
+    // A sheet flies into a resting one, of twice its size and weight, that lies askew.
+    Sheets sheets({.step = 0.02}, {{.side = 1.4, .mass = 0.2}, {.centre = {0.1, 0.1, 0.05}}});
+    for (std::size_t i = 13 * 13; i < sheets.model.size(); ++i) {
+        sheets.model.velocity[i] = Vec3(3.0, -20.0, 1.0);
+    }
+    const Vec3 momentum = linear_momentum(sheets.model);
+    const double energy = kinetic_energy(sheets.model);
+    for (int i = 0; i < 60; ++i) {
+        sheets.step();
+        ASSERT_EQ(sheets.crossings(), 0u) << "step " << i;
+        EXPECT_LT(glm::length(linear_momentum(sheets.model) - momentum), 1e-12) << "step " << i;
+        EXPECT_LE(kinetic_energy(sheets.model), energy) << "step " << i;
+    }
+    Vec3 given(0.0);
+    for (std::size_t i = 0; i < 13 * 13; ++i) {
+        given += sheets.model.mass[i] * sheets.model.velocity[i];
+    }
+    EXPECT_LT(given.y, -0.5) << "N s";
+}
+
+TEST(SurfaceContacts, RefuseAThicknessThatRoundingOrTheSheetExceeds) {
+    for (const double thickness : {1e-9, -1.0, 1.0}) {
+        EXPECT_THROW(Sheets({.collisions = {.thickness = thickness}}), std::invalid_argument) << thickness;
     }
 }
 
