@@ -16,7 +16,7 @@ struct FeatureLanes {
 
 template <class Real>
 HAPTIC_LANES FeatureLanes<Real> load_features(const FeatureRows& pairs, std::size_t at, const Row* position) noexcept {
-    FeatureLanes<Real> features;
+    FeatureLanes<Real> features{};
     for (std::size_t k = 0; k < 4; ++k) {
         const std::uint32_t* const vertex = pairs.vertex[k] + at;
         const auto coordinate = [&](std::size_t axis) __attribute__((always_inline)) {
@@ -54,8 +54,8 @@ template <PairKind kind, class Real>
 HAPTIC_LANES void find_normals_at(const FeatureRows& pairs, std::size_t at, const Row* position) noexcept {
     const FeatureLanes<Real> of = load_features<Real>(pairs, at, position);
     // From the middle of the second to that of the first, of any length, and across what is flat.
-    LaneVec<Real> apart;
-    LaneVec<Real> across;
+    LaneVec<Real> apart{};
+    LaneVec<Real> across{};
     if constexpr (kind == PairKind::VertexTriangle) {
         const LaneVec<Real> ab = of.x[2] - of.x[1];
         const LaneVec<Real> ac = of.x[3] - of.x[1];

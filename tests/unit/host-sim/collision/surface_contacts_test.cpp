@@ -17,11 +17,14 @@
 namespace haptic::sim {
 namespace {
 
+constexpr std::uint32_t kSide = 13;  // vertices
+constexpr std::size_t kPerSheet = std::size_t{kSide} * kSide;
+
 /// A sheet of links alone, or several of them.
 class Sheets {
   public:
     struct Settings {
-        std::uint32_t side = 13;  // vertices
+        std::uint32_t side = kSide;
         double step = 0.01;
         int substeps = 2;
         Vec3 gravity{0.0};
@@ -209,7 +212,7 @@ TEST(SurfaceContacts, KeepSheetsApart) {
         Sheets sheets({.gravity = {0.0, -9.81, 0.0}, .collisions = {.between_bodies = between}, .first_held = true},
                       {{}, {.centre = {0.05, 0.2, 0.03}, .orientation = glm::normalize(Quat(1.0, 0.0, 0.0, 0.15))}});
         const std::vector<Vec3> before = sheets.model.position;
-        for (std::size_t i = 13 * 13; i < sheets.model.size(); ++i) {
+        for (std::size_t i = kPerSheet; i < sheets.model.size(); ++i) {
             sheets.model.velocity[i] = Vec3(0.0, -5.0, 0.0);
         }
         std::size_t crossings = 0;
@@ -218,7 +221,7 @@ TEST(SurfaceContacts, KeepSheetsApart) {
             crossings += sheets.crossings();
         }
         EXPECT_EQ(crossings == 0, between);
-        for (std::size_t i = 0; i < 13 * 13; ++i) {
+        for (std::size_t i = 0; i < kPerSheet; ++i) {
             EXPECT_TRUE(sheets.model.pinned[i] == 0 || sheets.model.position[i] == before[i]) << "particle " << i;
         }
     }
@@ -227,7 +230,7 @@ TEST(SurfaceContacts, KeepSheetsApart) {
 TEST(SurfaceContacts, ExchangeMomentumBetweenFreeSheets) {
     // A sheet flies into a resting one, of twice its size and weight, that lies askew.
     Sheets sheets({.step = 0.02}, {{.side = 1.4, .mass = 0.2}, {.centre = {0.1, 0.1, 0.05}}});
-    for (std::size_t i = 13 * 13; i < sheets.model.size(); ++i) {
+    for (std::size_t i = kPerSheet; i < sheets.model.size(); ++i) {
         sheets.model.velocity[i] = Vec3(3.0, -20.0, 1.0);
     }
     const Vec3 momentum = linear_momentum(sheets.model);
@@ -239,7 +242,7 @@ TEST(SurfaceContacts, ExchangeMomentumBetweenFreeSheets) {
         EXPECT_LE(kinetic_energy(sheets.model), energy) << "step " << i;
     }
     Vec3 given(0.0);
-    for (std::size_t i = 0; i < 13 * 13; ++i) {
+    for (std::size_t i = 0; i < kPerSheet; ++i) {
         given += sheets.model.mass[i] * sheets.model.velocity[i];
     }
     EXPECT_LT(given.y, -0.5) << "N s";
