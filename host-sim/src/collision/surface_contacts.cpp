@@ -22,7 +22,7 @@ constexpr double kThinnest = 1e-6;  // m
 // Of the thickness: the gap that is guaranteed, far above rounding and far below what is seen or felt.
 constexpr double kLeastGap = 1.0 / 256.0;
 // Of the thickness: how far a vertex may leave the way expected of it before pairs are searched again.
-constexpr double kSlack = 0.75;
+constexpr double kSlack = 1.5;
 // Sub-steps for which a search looks ahead.
 constexpr double kAhead = 2.0;
 // Rounds over unsafe pairs: these are pushed apart, then zones lose parts of their inner motion, then all of it; after
@@ -38,9 +38,9 @@ constexpr double kSafety = 0.9;
 // s, in which layers that are too near come apart.
 constexpr double kPushOutTime = 0.1;
 // Room per vertex, for pairs of each kind and for contacts, and at most.
-constexpr std::size_t kPairsPerVertex = 64;
-constexpr std::size_t kContactsPerVertex = 32;
-constexpr std::size_t kMaxRoom = 1U << 17;
+constexpr std::size_t kPairsPerVertex = 256;
+constexpr std::size_t kContactsPerVertex = 128;
+constexpr std::size_t kMaxRoom = 1U << 19;
 // Passes where nobody else asks for any.
 constexpr int kPasses = 2;
 
@@ -184,7 +184,7 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
     }
     candidates_.reserve(SurfaceFeatures::kMaxTogether);
     contact_.reserve(std::min(kMaxRoom, kContactsPerVertex * vertices));
-    unsafe_.reserve(contact_.capacity());
+    unsafe_.reserve(std::min(kMaxRoom, kPairsPerVertex * vertices));
     moved_.reserve(vertices);
     surface_of_.resize(model.size());
     left_alone_.resize(model.size());
