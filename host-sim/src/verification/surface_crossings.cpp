@@ -34,7 +34,7 @@ bool shares_a_vertex(const std::array<std::uint32_t, 3>& corner, std::uint32_t p
 int common_vertices(const std::array<std::uint32_t, 3>& a, const std::array<std::uint32_t, 3>& b) {
     int common = 0;
     for (const std::uint32_t vertex : a) {
-        common += static_cast<int>((vertex == b[0]) | (vertex == b[1]) | (vertex == b[2]));
+        common += vertex == b[0] || vertex == b[1] || vertex == b[2] ? 1 : 0;
     }
     return common;
 }
@@ -309,13 +309,18 @@ SurfaceCrossings::PlaneSide SurfaceCrossings::side_of(const Face& face, const Fa
     bool below = true;
     bool within = true;
     for (const std::uint32_t corner : face.corner) {
-        const bool common = (corner == of.corner[0]) | (corner == of.corner[1]) | (corner == of.corner[2]);
+        if (corner == of.corner[0] || corner == of.corner[1] || corner == of.corner[2]) {
+            continue;
+        }
         const double volume = glm::dot(plane.normal, vertices_[corner]) - plane.offset;
-        above &= common | (volume > not_zero);
-        below &= common | (volume < -not_zero);
-        within &= common | (volume * volume <= zero2);
+        above &= volume > not_zero;
+        below &= volume < -not_zero;
+        within &= volume * volume <= zero2;
     }
-    return above | below ? PlaneSide::Beyond : (within ? PlaneSide::Within : PlaneSide::Unknown);
+    if (above || below) {
+        return PlaneSide::Beyond;
+    }
+    return within ? PlaneSide::Within : PlaneSide::Unknown;
 }
 
 /// Tests the edges that `of` has to test with a face.
