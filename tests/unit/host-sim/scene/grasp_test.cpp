@@ -132,7 +132,7 @@ TEST_F(Grasp, HoldsWhileTheHandRollsPalmUpAndBack) {
     };
     for (int k = 0; k < HAPTIC_ROLLS; ++k) {
         move(3.0, roll);
-        ASSERT_LT(largest_shift_, 0.03) << "roll " << k;
+        ASSERT_LT(largest_shift_, 0.035) << "roll " << k;
     }
 }
 
