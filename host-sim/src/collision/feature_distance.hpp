@@ -16,6 +16,9 @@ struct NearestPoints {
     std::array<double, 4> weight{};
     Vec3 apart{0.0};        // m, from the nearest point of the second feature to that of the first
     double distance = 0.0;  // m
+
+    /// Unit, toward the first feature; 0 if they touch.
+    [[nodiscard]] Vec3 normal() const noexcept { return distance > 0.0 ? apart / distance : Vec3(0.0); }
 };
 
 /// Finite for features of any shape, also degenerate ones.

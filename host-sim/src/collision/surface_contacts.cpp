@@ -68,6 +68,21 @@ double mean_edge(std::span<const ParticleSurface> surfaces) {
     return count == 0 ? 1.0 : sum / static_cast<double>(count);
 }
 
+/// m: as set, or a part of the mean edge.
+double checked_thickness(double thickness, std::span<const ParticleSurface> surfaces) {
+    const double edge = mean_edge(surfaces);
+    if (!(thickness == 0.0 || (thickness >= kThinnest && thickness <= edge))) {
+        throw std::invalid_argument("collisions: thickness must be 0, or 1e-6 m to the mean edge of the sheets, " +
+                                    std::to_string(edge) + " m");
+    }
+    return thickness > 0.0 ? thickness : kThickness * edge;
+}
+
+FeatureVertices positions_of(const std::array<std::uint32_t, 4>& vertex, const Row* position) noexcept {
+    return {vector_of(position[vertex[0]]), vector_of(position[vertex[1]]), vector_of(position[vertex[2]]),
+            vector_of(position[vertex[3]])};
+}
+
 double gap_of(PairKind kind, const Vec3& n, const FeatureVertices& x) noexcept {
     const double second = glm::dot(n, x[1]);
     const double last = std::max(glm::dot(n, x[2]), glm::dot(n, x[3]));
@@ -136,13 +151,16 @@ void SurfaceContacts::Pairs::clear() noexcept {
     gap.clear();
 }
 
-FeatureVertices SurfaceContacts::Pairs::vertices(std::size_t at, const Row* position) const noexcept {
-    return {vector_of(position[vertex[0][at]]), vector_of(position[vertex[1][at]]), vector_of(position[vertex[2][at]]),
-            vector_of(position[vertex[3][at]])};
+SurfaceContacts::PairVertices SurfaceContacts::Pairs::vertices(std::size_t at) const noexcept {
+    return {vertex[0][at], vertex[1][at], vertex[2][at], vertex[3][at]};
+}
+
+FeatureVertices SurfaceContacts::Pairs::positions(std::size_t at, const Row* position) const noexcept {
+    return positions_of(vertices(at), position);
 }
 
 double SurfaceContacts::Pairs::gap_along(std::size_t at, const Row* position) const noexcept {
-    return gap_of(kind, Vec3(normal[0][at], normal[1][at], normal[2][at]), vertices(at, position));
+    return gap_of(kind, Vec3(normal[0][at], normal[1][at], normal[2][at]), positions(at, position));
 }
 
 void SurfaceContacts::Pairs::set_normal(std::size_t at, const Vec3& n) noexcept {
@@ -155,7 +173,7 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
                                  const CollisionSettings& settings, StageClock::Function clock, std::size_t lanes)
     : features_(surfaces, collider_kernels(lanes)),
       kernels_(*find_kernels(&Kernels::features, lanes)),
-      thickness_(settings.thickness > 0.0 ? settings.thickness : kThickness * mean_edge(surfaces)),
+      thickness_(checked_thickness(settings.thickness, surfaces)),
       least_gap_(kLeastGap * thickness_),
       settings_(settings),
       clock_(clock),
@@ -169,11 +187,6 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
       part_(model.size()),
       zone_(model.size()),
       ended_(model.size(), Row{}) {
-    const double edge = mean_edge(surfaces);
-    if (!(settings.thickness == 0.0 || (settings.thickness >= kThinnest && settings.thickness <= edge))) {
-        throw std::invalid_argument("collisions: thickness must be 0, or 1e-6 m to the mean edge of the sheets, " +
-                                    std::to_string(edge) + " m");
-    }
     for (std::size_t i = 0; i < model.size(); ++i) {
         inverse_mass_.push_back(model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]);
     }
@@ -209,16 +222,12 @@ void SurfaceContacts::find_room() {
     }
     features_.search(box_, [&](PairKind kind, const auto& vertex) {
         for (std::size_t k = 0; k < vertex[0].size(); ++k) {
-            FeatureVertices x;
-            for (std::size_t c = 0; c < 4; ++c) {
-                x[c] = vector_of(start_[vertex[c][k]]);
-            }
-            if (surface_of_[vertex[0][k]] != surface_of_[vertex[3][k]]) {
+            const PairVertices pair{vertex[0][k], vertex[1][k], vertex[2][k], vertex[3][k]};
+            if (!are_of_one_surface(pair)) {
                 continue;
             }
-            const double distance = nearest_points(kind, x).distance;
-            for (std::size_t c = 0; c < 4; ++c) {
-                const std::uint32_t v = vertex[c][k];
+            const double distance = nearest_points(kind, positions_of(pair, start_.data())).distance;
+            for (const std::uint32_t v : pair) {
                 room_[v] = std::min(room_[v], distance);
                 left_alone_[v] |= distance < least_gap_ ? 1U : 0U;
             }
@@ -226,8 +235,34 @@ void SurfaceContacts::find_room() {
     });
 }
 
-double SurfaceContacts::thickness_of(const std::array<std::uint32_t, 4>& vertex) const noexcept {
+double SurfaceContacts::thickness_of(const PairVertices& vertex) const noexcept {
     return std::min({room_[vertex[0]], room_[vertex[1]], room_[vertex[2]], room_[vertex[3]]});
+}
+
+bool SurfaceContacts::are_of_one_surface(const PairVertices& vertex) const noexcept {
+    return surface_of_[vertex[0]] == surface_of_[vertex[3]];
+}
+
+bool SurfaceContacts::are_left_alone(const PairVertices& vertex) const noexcept {
+    return std::ranges::all_of(vertex, [&](std::uint32_t v) { return left_alone_[v] != 0; });
+}
+
+/// 1/kg, of two points of the features relative to each other.
+double SurfaceContacts::inverse_mass_of(const PairVertices& vertex,
+                                        const std::array<double, 4>& weight) const noexcept {
+    double inverse_mass = 0.0;
+    for (std::size_t k = 0; k < 4; ++k) {
+        inverse_mass += weight[k] * weight[k] * inverse_mass_[vertex[k]];
+    }
+    return inverse_mass;
+}
+
+/// Adds the displacements by an impulse between these points, times the length of the sub-step, kg m.
+void SurfaceContacts::displace(const PairVertices& vertex, const std::array<double, 4>& weight, const Vec3& impulse,
+                               Row* rows) const noexcept {
+    for (std::size_t k = 0; k < 4; ++k) {
+        add_vector(rows[vertex[k]], weight[k] * inverse_mass_[vertex[k]] * impulse);
+    }
 }
 
 void SurfaceContacts::find(const ParticleModel& start, const MovingParticles& /*predicted*/, ElasticBodies& /*elastic*/,
@@ -298,26 +333,21 @@ void SurfaceContacts::keep_near(PairKind kind, const std::array<std::vector<std:
     some.gap.resize(vertex[0].size());
     kernels_.find_normals(kind, some.rows(some.gap), some.size(), start_.data());
     for (std::size_t k = 0; k < some.size(); ++k) {
-        double reach[4];
-        for (std::size_t c = 0; c < 4; ++c) {
-            reach[c] = reach_[vertex[c][k]];
-        }
-        const double last = std::max(reach[2], reach[3]);
-        const double far = least_gap_ + (kind == PairKind::VertexTriangle ? reach[0] + std::max(reach[1], last)
-                                                                          : std::max(reach[0], reach[1]) + last);
-        const bool alone = (left_alone_[vertex[0][k]] & left_alone_[vertex[1][k]] & left_alone_[vertex[2][k]] &
-                            left_alone_[vertex[3][k]]) != 0;
-        const bool apart = !settings_.between_bodies && surface_of_[vertex[0][k]] != surface_of_[vertex[3][k]];
-        if (some.gap[k] > far || alone || apart) {
+        const PairVertices pair = some.vertices(k);
+        const double last = std::max(reach_[pair[2]], reach_[pair[3]]);
+        const double far =
+            least_gap_ + (kind == PairKind::VertexTriangle ? reach_[pair[0]] + std::max(reach_[pair[1]], last)
+                                                           : std::max(reach_[pair[0]], reach_[pair[1]]) + last);
+        if (some.gap[k] > far || are_left_alone(pair) || !(settings_.between_bodies || are_of_one_surface(pair))) {
             continue;
         }
         // The quick normal may be a bad one.
         if (!(some.gap[k] > least_gap_)) {
-            const NearestPoints nearest = nearest_points(kind, some.vertices(k, start_.data()));
+            const NearestPoints nearest = nearest_points(kind, some.positions(k, start_.data()));
             if (nearest.distance > far) {
                 continue;
             }
-            some.set_normal(k, nearest.distance > 0.0 ? nearest.apart / nearest.distance : Vec3(0.0));
+            some.set_normal(k, nearest.normal());
             some.gap[k] = some.gap_along(k, start_.data());
         }
         pairs_[kind == PairKind::VertexTriangle ? 0 : 1].append(some, k);
@@ -342,11 +372,11 @@ void SurfaceContacts::find_contacts(const Row* position) {
 
 /// Adds a contact at the points that are nearest at the start, if they come within the thickness along their line.
 void SurfaceContacts::add_contact(Pairs& pairs, std::size_t at, const Row* position) {
-    const NearestPoints nearest = nearest_points(pairs.kind, pairs.vertices(at, start_.data()));
+    const NearestPoints nearest = nearest_points(pairs.kind, pairs.positions(at, start_.data()));
     if (!(nearest.distance > 0.0)) {
         return;
     }
-    const Vec3 normal = nearest.apart / nearest.distance;
+    const Vec3 normal = nearest.normal();
     pairs.set_normal(at, normal);
     pairs.gap[at] = pairs.gap_along(at, start_.data());
     // The ends of edges are vertices, which have contacts of their own.
@@ -354,20 +384,15 @@ void SurfaceContacts::add_contact(Pairs& pairs, std::size_t at, const Row* posit
     if (pairs.kind == PairKind::EdgeEdge && (w[0] == 0.0 || w[1] == 0.0 || w[2] == 0.0 || w[3] == 0.0)) {
         return;
     }
-    Contact contact{.vertex = {pairs.vertex[0][at], pairs.vertex[1][at], pairs.vertex[2][at], pairs.vertex[3][at]},
-                    .weight = w,
-                    .normal = normal,
-                    .min_separation = 0.0,
-                    .inverse_mass = 0.0,
-                    .push = 0.0,
-                    .friction = Vec3(0.0)};
-    const double missing = thickness_of(contact.vertex) - nearest.distance;
-    contact.min_separation = nearest.distance + push_out(missing);
-    for (std::size_t k = 0; k < 4; ++k) {
-        contact.inverse_mass += w[k] * w[k] * inverse_mass_[contact.vertex[k]];
-    }
-    if (contact.inverse_mass > 0.0 &&
-        glm::dot(normal, weighted(w, contact.vertex, position)) < contact.min_separation) {
+    const PairVertices vertex = pairs.vertices(at);
+    const Contact contact{.vertex = vertex,
+                          .weight = w,
+                          .normal = normal,
+                          .min_separation = nearest.distance + push_out(thickness_of(vertex) - nearest.distance),
+                          .inverse_mass = inverse_mass_of(vertex, w),
+                          .push = 0.0,
+                          .friction = Vec3(0.0)};
+    if (contact.inverse_mass > 0.0 && glm::dot(normal, weighted(w, vertex, position)) < contact.min_separation) {
         contact_.push_back(contact);
     }
 }
@@ -399,11 +424,9 @@ void SurfaceContacts::project_contact(Contact& contact, Row* position) const noe
     const Vec3 slip = moved - glm::dot(contact.normal, moved) * contact.normal;
     const Vec3 friction =
         clamp_to_cone(contact.friction - slip, contact.push, {settings_.static_friction, settings_.dynamic_friction});
-    const Vec3 displacement = (change * contact.normal + friction - contact.friction) / contact.inverse_mass;
+    const Vec3 impulse = (change * contact.normal + friction - contact.friction) / contact.inverse_mass;
     contact.friction = friction;
-    for (std::size_t k = 0; k < 4; ++k) {
-        add_vector(position[contact.vertex[k]], contact.weight[k] * inverse_mass_[contact.vertex[k]] * displacement);
-    }
+    displace(contact.vertex, contact.weight, impulse, position);
 }
 
 void SurfaceContacts::project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
@@ -425,12 +448,9 @@ void SurfaceContacts::finish(const ParticleModel& /*start*/, const MovingParticl
     // Pushes within a surface change none of its momenta: what friction turns it by, because it acts at two points, is
     // an error. It returns with the rest that is lost.
     for (const Contact& contact : contact_) {
-        if (contact.push > 0.0 && surface_of_[contact.vertex[0]] != surface_of_[contact.vertex[3]]) {
-            const Vec3 displacement = (contact.push * contact.normal + contact.friction) / contact.inverse_mass;
-            for (std::size_t k = 0; k < 4; ++k) {
-                const std::uint32_t v = contact.vertex[k];
-                add_vector(now.pushed[v], contact.weight[k] * inverse_mass_[v] * displacement);
-            }
+        if (contact.push > 0.0 && !are_of_one_surface(contact.vertex)) {
+            const Vec3 impulse = (contact.push * contact.normal + contact.friction) / contact.inverse_mass;
+            displace(contact.vertex, contact.weight, impulse, now.pushed);
         }
     }
 }
@@ -478,8 +498,8 @@ void SurfaceContacts::find_sinking(const Row* position) {
 
 /// 1 if the pair stays apart on its way, else a part of the way on which it does. Leaves the better normal.
 double SurfaceContacts::safe_part(Pairs& pairs, std::size_t at, const Row* position) const noexcept {
-    const FeatureVertices from = pairs.vertices(at, start_.data());
-    const FeatureVertices to = pairs.vertices(at, position);
+    const FeatureVertices from = pairs.positions(at, start_.data());
+    const FeatureVertices to = pairs.positions(at, position);
     const NearestPoints first = nearest_points(pairs.kind, from);
     const NearestPoints last = nearest_points(pairs.kind, to);
     if (!(first.distance > 0.0)) {
@@ -489,7 +509,7 @@ double SurfaceContacts::safe_part(Pairs& pairs, std::size_t at, const Row* posit
     const double least = std::min(least_gap_, first.distance);
     // The normals at both ends.
     for (const NearestPoints& nearest : {last, first}) {
-        const Vec3 normal = nearest.distance > 0.0 ? nearest.apart / nearest.distance : Vec3(0.0);
+        const Vec3 normal = nearest.normal();
         pairs.set_normal(at, normal);
         pairs.gap[at] = gap_of(pairs.kind, normal, from);
         if (pairs.gap[at] > 0.0 && gap_of(pairs.kind, normal, to) >= least) {
@@ -511,12 +531,10 @@ double SurfaceContacts::safe_part(Pairs& pairs, std::size_t at, const Row* posit
 }
 
 void SurfaceContacts::push_from_ground(std::uint32_t vertex, const MovingParticles& now) noexcept {
-    if (inverse_mass_[vertex] > 0.0) {
-        const double rise =
-            std::min(start_[vertex].number[1], settings_.ground_height) - now.position[vertex].number[1];
-        add_vector(now.position[vertex], Vec3(0.0, rise, 0.0));
-        add_vector(now.pushed[vertex], Vec3(0.0, rise, 0.0));
-    }
+    const double height = std::min(start_[vertex].number[1], settings_.ground_height);
+    const Vec3 rise(0.0, height - now.position[vertex].number[1], 0.0);
+    add_vector(now.position[vertex], rise);
+    add_vector(now.pushed[vertex], rise);
 }
 
 /// Pushes unsafe pairs apart at the ends of their ways, with equal and opposite forces between points at which they
@@ -529,33 +547,26 @@ void SurfaceContacts::push_unsafe(const MovingParticles& now) noexcept {
             continue;
         }
         const Pairs& pairs = pairs_[u.list];
-        const FeatureVertices from = pairs.vertices(u.pair, start_.data());
-        const NearestPoints first = nearest_points(pairs.kind, from);
+        const PairVertices vertex = pairs.vertices(u.pair);
+        const NearestPoints first = nearest_points(pairs.kind, pairs.positions(u.pair, start_.data()));
         const double keep = std::max(2.0 * least_gap_, kPushedGap * std::min(first.distance, thickness_));
-        const Vec3 side = first.apart / first.distance;
         const auto push = [&](const NearestPoints& nearest) {
-            const Vec3 normal = nearest.apart / nearest.distance;
-            if (!(nearest.distance > 0.0) || !(glm::dot(normal, side) > 0.0)) {
+            const Vec3 normal = nearest.normal();
+            if (!(glm::dot(normal, first.normal()) > 0.0)) {
                 return;
             }
-            std::array<std::uint32_t, 4> vertex{};
-            double inverse_mass = 0.0;
-            for (std::size_t k = 0; k < 4; ++k) {
-                vertex[k] = pairs.vertex[k][u.pair];
-                inverse_mass += nearest.weight[k] * nearest.weight[k] * inverse_mass_[vertex[k]];
-            }
+            const double inverse_mass = inverse_mass_of(vertex, nearest.weight);
             const double clearance = glm::dot(normal, weighted(nearest.weight, vertex, position)) - keep;
             if (clearance < 0.0 && inverse_mass > 0.0) {
-                const bool same = surface_of_[vertex[0]] == surface_of_[vertex[3]];
-                for (std::size_t k = 0; k < 4; ++k) {
-                    const double share = nearest.weight[k] * inverse_mass_[vertex[k]] / inverse_mass;
-                    add_vector(position[vertex[k]], -clearance * share * normal);
-                    add_vector(now.pushed[vertex[k]], same ? Vec3(0.0) : -clearance * share * normal);
+                const Vec3 impulse = -clearance / inverse_mass * normal;
+                displace(vertex, nearest.weight, impulse, position);
+                if (!are_of_one_surface(vertex)) {
+                    displace(vertex, nearest.weight, impulse, now.pushed);
                 }
             }
         };
         push(first);
-        push(nearest_points(pairs.kind, pairs.vertices(u.pair, position)));
+        push(nearest_points(pairs.kind, pairs.positions(u.pair, position)));
     }
     for (const std::uint32_t v : features_.vertices()) {
         wish_[v] = position[v];
@@ -598,10 +609,9 @@ void SurfaceContacts::find_zones(bool turning) noexcept {
         zone_[v] = {};
     }
     for (const std::uint32_t v : features_.vertices()) {
-        Zone& zone = zone_[zone_of(v)];
-        zone.surface = zone.empty ? surface_of_[v] : zone.surface;
-        zone.mixed = zone.mixed || zone.surface != surface_of_[v];
-        zone.empty = false;
+        const std::uint32_t root = zone_of(v);
+        Zone& zone = zone_[root];
+        zone.mixed = zone.mixed || surface_of_[v] != surface_of_[root];
         if (inverse_mass_[v] > 0.0) {
             zone.mass += 1.0 / inverse_mass_[v];
             zone.centre += vector_of(start_[v]) / inverse_mass_[v];

@@ -58,12 +58,10 @@ class SurfaceContacts final : public SolverContacts {
                     const CollisionSettings& settings, StageClock::Function clock = nullptr,
                     std::size_t lanes = ParticleCollisions::kWidest);
 
-    /// m, that contacts keep.
-    [[nodiscard]] double thickness() const noexcept { return thickness_; }
     /// m, that secure() guarantees.
     [[nodiscard]] double least_gap() const noexcept { return least_gap_; }
     [[nodiscard]] const SurfaceFeatures& features() const noexcept { return features_; }
-    /// Whether the particle is not kept apart from others of which this is true: at rest its features touch or cross.
+    /// Whether features of the particle touch or cross at rest. Such particles are not kept apart from one another.
     [[nodiscard]] bool leaves_alone(std::size_t particle) const noexcept { return left_alone_[particle] != 0; }
 
     void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic, double h) override;
@@ -77,27 +75,29 @@ class SurfaceContacts final : public SolverContacts {
     [[nodiscard]] std::int64_t take_time() noexcept { return clock_.take(); }
 
   private:
+    /// Those of the first feature before those of the second.
+    using PairVertices = std::array<std::uint32_t, 4>;
     /// Pairs of one kind.
     struct Pairs {
         explicit Pairs(PairKind of) : kind(of) {}
         PairKind kind;
         std::array<std::vector<std::uint32_t>, 4> vertex{};
         std::array<std::vector<double>, 3> normal{};
-        std::vector<double> gap{};
-
-        std::vector<double> end_gap{};  // m, at the end of the sub-step; `gap` is that at its start
+        std::vector<double> gap{};      // m, at the start of the sub-step
+        std::vector<double> end_gap{};  // m, at its end
 
         [[nodiscard]] std::size_t size() const noexcept { return gap.size(); }
         [[nodiscard]] FeatureRows rows(std::vector<double>& gaps) noexcept;
         void reserve(std::size_t size);
         void append(const Pairs& from, std::size_t at);
         void clear() noexcept;
-        [[nodiscard]] FeatureVertices vertices(std::size_t at, const Row* position) const noexcept;
+        [[nodiscard]] PairVertices vertices(std::size_t at) const noexcept;
+        [[nodiscard]] FeatureVertices positions(std::size_t at, const Row* position) const noexcept;
         [[nodiscard]] double gap_along(std::size_t at, const Row* position) const noexcept;
         void set_normal(std::size_t at, const Vec3& n) noexcept;
     };
     struct Contact {
-        std::array<std::uint32_t, 4> vertex;
+        PairVertices vertex;
         std::array<double, 4> weight;
         Vec3 normal;            // toward the first feature
         double min_separation;  // m
@@ -107,7 +107,13 @@ class SurfaceContacts final : public SolverContacts {
     };
 
     void find_room();
-    [[nodiscard]] double thickness_of(const std::array<std::uint32_t, 4>& vertex) const noexcept;
+    [[nodiscard]] double thickness_of(const PairVertices& vertex) const noexcept;
+    [[nodiscard]] bool are_of_one_surface(const PairVertices& vertex) const noexcept;
+    [[nodiscard]] bool are_left_alone(const PairVertices& vertex) const noexcept;
+    [[nodiscard]] double inverse_mass_of(const PairVertices& vertex,
+                                         const std::array<double, 4>& weight) const noexcept;
+    void displace(const PairVertices& vertex, const std::array<double, 4>& weight, const Vec3& impulse,
+                  Row* rows) const noexcept;
     [[nodiscard]] bool have_left_boxes(const Row* position) const noexcept;
     void find_pairs(const Row* position, double ahead);
     void keep_near(PairKind kind, const std::array<std::vector<std::uint32_t>, 4>& vertex);
@@ -130,13 +136,11 @@ class SurfaceContacts final : public SolverContacts {
 
     /// Motion of a zone as a rigid body: sums over its vertices, then what follows from them.
     struct Zone {
-        double mass = 0.0;  // kg, of what is not pinned
-        Vec3 centre{0.0};   // kg m, then m: at the start
-        Vec3 way{0.0};      // kg m, then m
-        Vec3 turn{0.0};     // kg m^2, then rad
-        Mat3 scatter{0.0};  // kg m^2
-        std::uint32_t surface = 0;
-        bool empty = true;
+        double mass = 0.0;   // kg, of what is not pinned
+        Vec3 centre{0.0};    // kg m, then m: at the start
+        Vec3 way{0.0};       // kg m, then m
+        Vec3 turn{0.0};      // kg m^2, then rad
+        Mat3 scatter{0.0};   // kg m^2
         bool mixed = false;  // of several surfaces
         bool grounded = false;
         bool pinned = false;       // some vertex is

@@ -33,10 +33,6 @@ void check(const SkinVertex& vertex, std::size_t index, std::size_t particles) {
     }
 }
 
-bool is_particle(const SkinVertex& vertex, std::size_t index) {
-    return vertex.particle[0] == index && vertex.weight[0] == 1.0;
-}
-
 void set_row(SkinRow& row, const LaneVec<double>& v) {
     row.number[0] = v.x;
     row.number[1] = v.y;
@@ -44,6 +40,10 @@ void set_row(SkinRow& row, const LaneVec<double>& v) {
 }
 
 }  // namespace
+
+bool is_at_particle(const SkinVertex& vertex, std::size_t particle) noexcept {
+    return vertex.particle[0] == particle && vertex.weight[0] == 1.0;
+}
 
 Skin skin_of_particles(std::size_t count) {
     Skin skin(count);
@@ -69,7 +69,7 @@ Skinner::Skinner(std::span<const Vec3> rest, const ParticleModel& model, const S
     one_to_one_ = rest.size() == model.size();
     for (std::size_t j = 0; j < skin.size(); ++j) {
         check(skin[j], j, model.size());
-        one_to_one_ = one_to_one_ && is_particle(skin[j], j) && rest[j] == model.rest_position[j];
+        one_to_one_ = one_to_one_ && is_at_particle(skin[j], j) && rest[j] == model.rest_position[j];
         for (std::size_t k = 0; k < SkinVertex::kMax; ++k) {
             particle_.push_back(skin[j].particle[k]);
             weight_.push_back(skin[j].weight[k]);

@@ -71,15 +71,11 @@ void Assembly::drive(double now_s, double step_s) {
 
 bool Assembly::is_sheet(std::size_t body) const {
     const Skinner::Part range = part(body);
-    bool vertices_are_particles = range.vertices == range.particles;
-    for (std::size_t v = 0; v < range.vertices && vertices_are_particles; ++v) {
-        const SkinVertex& vertex = skin[range.first_vertex + v];
-        vertices_are_particles = vertex.particle[0] == range.first_particle + v && vertex.weight[0] == 1.0;
-    }
     const auto can_move = [&](const Triangle& t) {
         return std::ranges::none_of(t, [&](std::uint32_t v) { return model.pinned[range.first_particle + v] != 0; });
     };
-    return vertices_are_particles && std::ranges::any_of(bodies[body].mesh.triangles, can_move);
+    return range.vertices == range.particles && masks[body].vertices_are_particles() &&
+           std::ranges::any_of(bodies[body].mesh.triangles, can_move);
 }
 
 }  // namespace haptic::sim

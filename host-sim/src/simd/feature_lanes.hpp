@@ -87,43 +87,41 @@ HAPTIC_LANES void find_gaps_at(const FeatureRows& pairs, std::size_t at, const R
     store(gap_along<kind>(normal, load_features<Real>(pairs, at, position)), pairs.gap + at);
 }
 
-template <PairKind kind, class Real>
-HAPTIC_LANES void find_all_normals(const FeatureRows& pairs, std::size_t count, const Row* position) noexcept {
+/// Calls find<Real>(k) for whole vectors of pairs, then find<double>(k) for those that are left.
+template <class Real, class Find>
+HAPTIC_LANES void find_all(std::size_t count, const Find& find) noexcept {
     std::size_t k = 0;
     for (; k + kLanes<Real> <= count; k += kLanes<Real>) {
-        find_normals_at<kind, Real>(pairs, k, position);
+        find.template operator()<Real>(k);
     }
     for (; k < count; ++k) {
-        find_normals_at<kind, double>(pairs, k, position);
-    }
-}
-
-template <PairKind kind, class Real>
-HAPTIC_LANES void find_all_gaps(const FeatureRows& pairs, std::size_t count, const Row* position) noexcept {
-    std::size_t k = 0;
-    for (; k + kLanes<Real> <= count; k += kLanes<Real>) {
-        find_gaps_at<kind, Real>(pairs, k, position);
-    }
-    for (; k < count; ++k) {
-        find_gaps_at<kind, double>(pairs, k, position);
+        find.template operator()<double>(k);
     }
 }
 
 template <class Real>
 void find_normals(PairKind kind, const FeatureRows& pairs, std::size_t count, const Row* position) noexcept {
     if (kind == PairKind::VertexTriangle) {
-        find_all_normals<PairKind::VertexTriangle, Real>(pairs, count, position);
+        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
+            find_normals_at<PairKind::VertexTriangle, Some>(pairs, at, position);
+        });
     } else {
-        find_all_normals<PairKind::EdgeEdge, Real>(pairs, count, position);
+        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
+            find_normals_at<PairKind::EdgeEdge, Some>(pairs, at, position);
+        });
     }
 }
 
 template <class Real>
 void find_gaps(PairKind kind, const FeatureRows& pairs, std::size_t count, const Row* position) noexcept {
     if (kind == PairKind::VertexTriangle) {
-        find_all_gaps<PairKind::VertexTriangle, Real>(pairs, count, position);
+        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
+            find_gaps_at<PairKind::VertexTriangle, Some>(pairs, at, position);
+        });
     } else {
-        find_all_gaps<PairKind::EdgeEdge, Real>(pairs, count, position);
+        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
+            find_gaps_at<PairKind::EdgeEdge, Some>(pairs, at, position);
+        });
     }
 }
 

@@ -23,7 +23,7 @@ PressureMask::PressureMask(const TriangleMesh& rest, const Skin& skin, std::size
         throw std::invalid_argument("pressure mask: needs one skin element for each vertex");
     }
     for (std::size_t j = 0; j < skin_.size(); ++j) {
-        vertices_are_particles_ = vertices_are_particles_ && skin_[j].particle[0] == j && skin_[j].weight[0] == 1.0;
+        vertices_are_particles_ = vertices_are_particles_ && is_at_particle(skin_[j], j);
     }
     // Uniform grid over the rest shape. Cells have the mask's radius, with a lower limit that keeps cell indices in the
     // range of int32.

@@ -24,7 +24,7 @@
 
 namespace haptic::sim {
 
-/// Surface of one body. Its triangles index its own vertices, the first of which is `first_vertex` of all.
+/// Surface of one body. Its triangles index its own vertices, which begin at `first_vertex` of all.
 struct CheckedSurface {
     std::span<const std::array<std::uint32_t, 3>> triangles;
     std::size_t first_vertex = 0;

@@ -28,6 +28,8 @@ struct SkinVertex {
 /// One element per vertex.
 using Skin = std::vector<SkinVertex>;
 
+/// Whether the particle alone moves the vertex.
+[[nodiscard]] bool is_at_particle(const SkinVertex& vertex, std::size_t particle) noexcept;
 /// A skin with vertex j at particle j.
 [[nodiscard]] Skin skin_of_particles(std::size_t count);
 

@@ -165,6 +165,7 @@ class ParticleSolver {
         ParticleRange particles;
         bool is_free = true;  // no particle is pinned
     };
+
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
     void find_velocities(ParticleModel& model, double h, bool pushed);
     void find_velocities_of(ParticleModel& model, const Body& body, double h);
