@@ -14,8 +14,10 @@ namespace {
 
 DoctorSettings settings_of(const DoctorOptions& options) {
     const Settings settings = read_settings(load_config(options.config, options.assignments));
-    DoctorSettings result{
-        .priority = settings.loop.priority, .cpu = settings.loop.cpu, .idle_exit_us = settings.loop.idle_exit_us};
+    DoctorSettings result{.priority = settings.loop.priority,
+                          .cpu = settings.loop.cpu,
+                          .idle_exit_us = settings.loop.idle_exit_us,
+                          .period_ns = settings.loop.period_ns};
     // A board without a known USB id is on a serial line, whatever usb.id says.
     const std::optional<device::UsbId> known = device::usb_id_of(settings.tick.geometry.board);
     if (const std::optional<device::UsbId> id = settings.usb.id ? settings.usb.id : known; known && id) {

@@ -11,10 +11,12 @@ namespace haptic::rt {
 namespace {
 
 constexpr std::array kChecks{
-    &check_kernel,       &check_processor,  &check_isolation,       &check_interrupts,    &check_timer_tick,
-    &check_rcu,          &check_rivals,     &check_siblings,        &check_governor,      &check_idle_states,
-    &check_clock_source, &check_throttling, &check_huge_pages,      &check_steal,         &check_priority,
-    &check_memory_lock,  &check_usb_access, &check_usb_autosuspend, &check_usb_interrupt,
+    &check_kernel,      &check_processor,      &check_isolation,       &check_interrupts,   &check_timer_tick,
+    &check_rcu,         &check_workqueues,     &check_nmi_watchdog,    &check_rivals,       &check_siblings,
+    &check_governor,    &check_energy_bias,    &check_idle_states,     &check_clock_source, &check_throttling,
+    &check_group_limit, &check_huge_pages,     &check_steal,           &check_smi_count,    &check_priority,
+    &check_memory_lock, &check_usb_access,     &check_usb_autosuspend, &check_usb_link,     &check_usb_interrupt,
+    &check_usb_thread,  &check_usb_moderation,
 };
 
 // Column widths of the text, in characters.

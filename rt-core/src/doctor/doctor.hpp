@@ -2,6 +2,7 @@
 // Read-only.
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -30,6 +31,7 @@ struct DoctorSettings {
     int priority = 80;                             // SCHED_FIFO, of the loop; its watchdog runs one higher
     int cpu = -1;                                  // -1: choose_cpu() of cpu_list.hpp
     int idle_exit_us = 0;                          // loop.idle_exit_us
+    std::int64_t period_ns = 1'000'000;            // of the loop
     std::optional<device::UsbSelection> usb = {};  // the board; empty for a board on a serial line
 };
 

@@ -11,6 +11,10 @@ namespace haptic::rt {
 
 inline constexpr const char* kNeedsTwoProcessors = "none: use a machine with at least two processors";
 
+inline constexpr const char* kHiddenProcesses = "cannot see other processes: this one's /proc does not show them";
+inline constexpr const char* kShowProcesses =
+    "sudo rt-core doctor, in a shell of the machine: neither in a service (ProtectProc=) nor in a container";
+
 /// Inputs of every check.
 struct CheckContext {
     const Machine& machine;
@@ -46,6 +50,9 @@ struct CheckContext {
 [[nodiscard]] Finding check_timer_tick(const CheckContext& context);
 [[nodiscard]] Finding check_rcu(const CheckContext& context);
 [[nodiscard]] Finding check_throttling(const CheckContext& context);
+[[nodiscard]] Finding check_group_limit(const CheckContext& context);
+[[nodiscard]] Finding check_workqueues(const CheckContext& context);
+[[nodiscard]] Finding check_nmi_watchdog(const CheckContext& context);
 [[nodiscard]] Finding check_huge_pages(const CheckContext& context);
 [[nodiscard]] Finding check_clock_source(const CheckContext& context);
 
@@ -55,16 +62,23 @@ struct CheckContext {
 [[nodiscard]] Finding check_rivals(const CheckContext& context);
 [[nodiscard]] Finding check_siblings(const CheckContext& context);
 [[nodiscard]] Finding check_governor(const CheckContext& context);
+[[nodiscard]] Finding check_energy_bias(const CheckContext& context);
 [[nodiscard]] Finding check_idle_states(const CheckContext& context);
 [[nodiscard]] Finding check_steal(const CheckContext& context);
+[[nodiscard]] Finding check_smi_count(const CheckContext& context);
 
 // Privileges of this process: doctor_rights.cpp
 [[nodiscard]] Finding check_priority(const CheckContext& context);
 [[nodiscard]] Finding check_memory_lock(const CheckContext& context);
 
-// USB board and its controller: doctor_usb.cpp
+// USB board: doctor_usb.cpp
 [[nodiscard]] Finding check_usb_access(const CheckContext& context);
 [[nodiscard]] Finding check_usb_autosuspend(const CheckContext& context);
+[[nodiscard]] Finding check_usb_link(const CheckContext& context);
+
+// USB controller: doctor_usb_controller.cpp
 [[nodiscard]] Finding check_usb_interrupt(const CheckContext& context);
+[[nodiscard]] Finding check_usb_thread(const CheckContext& context);
+[[nodiscard]] Finding check_usb_moderation(const CheckContext& context);
 
 }  // namespace haptic::rt

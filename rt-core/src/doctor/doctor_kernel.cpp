@@ -1,6 +1,7 @@
 // Doctor checks of the kernel and its command line. Sources: the kernel's Documentation (admin-guide/kernel-parameters,
 // scheduler/sched-rt-group, timers/no_hz) and the Linux Foundation's real-time wiki.
 #include <array>
+#include <filesystem>
 #include <sstream>
 #include <string_view>
 
@@ -41,6 +42,37 @@ std::string chosen(const std::string& line) {
     return open == std::string::npos || close == std::string::npos || close < open
                ? std::string()
                : line.substr(open + 1, close - open - 1);
+}
+
+/// This process's group in the hierarchy of a controller of cgroup v1, below /sys/fs/cgroup:
+/// "cpu,cpuacct/system.slice"; that of v2 with an empty `controller`. Empty if there is no such hierarchy.
+std::string control_group(const Machine& machine, const std::string& controller) {
+    // "4:cpu,cpuacct:/system.slice" and "0::/system.slice"
+    for (const std::string& line : machine.lines("/proc/self/cgroup")) {
+        const std::size_t first = line.find(':');
+        const std::size_t second = first == std::string::npos ? first : line.find(':', first + 1);
+        if (second == std::string::npos) {
+            continue;
+        }
+        const std::string controllers = line.substr(first + 1, second - first - 1);
+        if (("," + controllers + ",").find("," + controller + ",") != std::string::npos) {
+            return controllers + line.substr(second + 1);
+        }
+    }
+    return {};
+}
+
+/// True if cgroup v2 divides the processors between this process and others: controller cpu is enabled for its group or
+/// one above it. The root has no cpu.weight.
+bool scheduled_by_group(const Machine& machine) {
+    const std::filesystem::path root = "/sys/fs/cgroup";
+    for (std::filesystem::path group = control_group(machine, ""); group.has_relative_path();
+         group = group.parent_path()) {
+        if (machine.has((root / group.relative_path() / "cpu.weight").string())) {
+            return true;
+        }
+    }
+    return false;
 }
 
 }  // namespace
@@ -101,13 +133,16 @@ Finding check_timer_tick(const CheckContext& context) {
 }
 
 Finding check_rcu(const CheckContext& context) {
+    const std::string why = "the kernel frees memory in batches, some of them long, on the processor that released it";
+    if (!context.machine.line("/proc/cmdline")) {
+        return {"rcu_callbacks", Verdict::Unknown, "/proc/cmdline cannot be read", why, {}};
+    }
     const bool elsewhere = contains(parameter_cpus(context.machine, "rcu_nocbs"), context.cpu) ||
                            contains(parameter_cpus(context.machine, "nohz_full"), context.cpu);
     return {"rcu_callbacks", elsewhere ? Verdict::Good : Verdict::Bad,
             elsewhere ? "callbacks of " + context.processor() + " run on other processors (rcu_nocbs)"
                       : "callbacks of " + context.processor() + " run on it",
-            "the kernel frees memory in batches, some of them long, on the processor that released it",
-            elsewhere ? std::string() : reboot(context.tune("cmdline"))};
+            why, elsewhere ? std::string() : reboot(context.tune("cmdline"))};
 }
 
 Finding check_throttling(const CheckContext& context) {
@@ -132,6 +167,86 @@ Finding check_throttling(const CheckContext& context) {
     finding.found = "real-time threads may run for " + std::to_string(*runtime) + " us of " +
                     std::to_string(period.value_or(1'000'000));
     finding.remedy = context.tune("throttling");
+    return finding;
+}
+
+Finding check_group_limit(const CheckContext& context) {
+    Finding finding{"rt_group",
+                    Verdict::Unknown,
+                    "the kernel does not say whether it limits real-time threads by control group",
+                    "with CONFIG_RT_GROUP_SCHED each control group has a share of real-time processor time of its own, "
+                    "which is none by default: the loop is refused SCHED_FIFO, or suspended as by throttling",
+                    {}};
+    // Without throttling the kernel applies none of these limits.
+    if (context.machine.number("/proc/sys/kernel/sched_rt_runtime_us").value_or(0) < 0) {
+        finding.verdict = Verdict::Good;
+        finding.found = "sched_rt_runtime_us = -1 lifts the limits of control groups too";
+        return finding;
+    }
+    // cgroup v1 shows the limit of this process's group.
+    const std::string folder = "/sys/fs/cgroup/" + control_group(context.machine, "cpu") + "/";
+    if (const std::optional<std::int64_t> runtime = context.machine.number(folder + "cpu.rt_runtime_us")) {
+        const std::int64_t period = context.machine.number(folder + "cpu.rt_period_us").value_or(1'000'000);
+        const bool limited = *runtime >= 0 && *runtime < period;
+        finding.verdict = limited ? Verdict::Bad : Verdict::Good;
+        finding.found = "real-time threads of this control group may run " +
+                        (limited ? "for " + std::to_string(*runtime) + " us of " + std::to_string(period)
+                                 : std::string("without a limit"));
+        finding.remedy = limited ? context.tune("throttling") : std::string();
+        return finding;
+    }
+    // cgroup v2 shows none, and gives every group but the root none of that time.
+    const std::string config = "/boot/config-" + context.machine.line("/proc/sys/kernel/osrelease").value_or("");
+    if (!context.machine.has(config)) {
+        return finding;
+    }
+    const bool built = context.machine.value_of(config, "CONFIG_RT_GROUP_SCHED=") == "y";
+    const bool limited = built && scheduled_by_group(context.machine);
+    finding.verdict = limited ? Verdict::Bad : Verdict::Good;
+    finding.found = !built    ? "this kernel was built without CONFIG_RT_GROUP_SCHED"
+                    : limited ? "real-time threads of this control group may not run at all"
+                              : "controller cpu is not enabled for this control group";
+    finding.remedy = limited ? context.tune("throttling") : std::string();
+    return finding;
+}
+
+Finding check_workqueues(const CheckContext& context) {
+    const std::string file = "/sys/devices/virtual/workqueue/cpumask";
+    const std::vector<int> cpus = parse_cpu_mask(context.machine.line(file).value_or(std::string()));
+    const bool here = contains(cpus, context.cpu);
+    Finding finding{"workqueues", here ? Verdict::Bad : Verdict::Good,
+                    "work that is bound to no processor runs on processor " + cpu_list_text(cpus),
+                    "drivers and file systems put off work, which runs for milliseconds, to any of these processors",
+                    here ? context.tune("workqueues") : std::string()};
+    if (cpus.empty()) {
+        finding.verdict = Verdict::Unknown;
+        finding.found = "the kernel does not say where it runs such work";
+    } else if (here && context.online.size() == 1) {
+        finding.remedy = kNeedsTwoProcessors;
+    }
+    return finding;
+}
+
+Finding check_nmi_watchdog(const CheckContext& context) {
+    const std::optional<std::int64_t> on = context.machine.number("/proc/sys/kernel/nmi_watchdog");
+    const std::string watched = "/proc/sys/kernel/watchdog_cpumask";
+    Finding finding{
+        "nmi_watchdog",
+        Verdict::Good,
+        "it is off",
+        "the kernel's search for processors that hang interrupts each of them, whatever masks interrupts, and "
+        "occupies a counter of the processor",
+        {}};
+    if (!on) {
+        finding.verdict = Verdict::Unknown;
+        finding.found = "the kernel does not say";
+    } else if (*on != 0 && context.machine.has(watched) && !contains(context.machine.cpus(watched), context.cpu)) {
+        finding.found = "it leaves out " + context.processor();
+    } else if (*on != 0) {
+        finding.verdict = Verdict::Bad;
+        finding.found = "it watches " + context.processor();
+        finding.remedy = context.tune("watchdog");
+    }
     return finding;
 }
 

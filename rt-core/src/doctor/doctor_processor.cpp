@@ -7,6 +7,7 @@
 namespace haptic::rt {
 namespace {
 
+constexpr std::int64_t kSmiCount = 0x34;   // MSR_SMI_COUNT, Intel's manual volume 4, of each processor since Nehalem
 constexpr std::int64_t kClockTicks = 100;  // /proc/stat counts per second: USER_HZ, 100 on all supported architectures
 
 /// Longest exit latency (us) of the enabled idle states; 0 if there are none.
@@ -67,7 +68,7 @@ Finding check_rivals(const CheckContext& context) {
         "of two real-time threads on one processor the one of higher priority runs, and at equal priority the one "
         "that started first",
         {}};
-    for (const RealtimeThread& thread : context.machine.realtime_threads()) {
+    for (const Thread& thread : context.machine.threads()) {
         // The kernel's migration threads exist on every processor, above all other priorities.
         const bool expected = thread.name.starts_with("rt-core") || thread.name.starts_with("migration/");
         if (expected || thread.priority < context.settings.priority || !contains(thread.cpus, context.cpu)) {
@@ -81,6 +82,12 @@ Finding check_rivals(const CheckContext& context) {
                              ? "sudo chrt -f -p " + std::to_string(context.settings.priority - 1) + " " + id
                              : "sudo taskset -cp " + cpu_list_text(context.others()) + " " + id;
         return finding;
+    }
+    // Nothing was found among the visible threads; good only if these are all.
+    if (!context.machine.shows_every_process()) {
+        finding.verdict = Verdict::Unknown;
+        finding.found = kHiddenProcesses;
+        finding.remedy = kShowProcesses;
     }
     return finding;
 }
@@ -116,6 +123,33 @@ Finding check_governor(const CheckContext& context) {
     finding.verdict = governor == "performance" ? Verdict::Good : Verdict::Bad;
     finding.found = "governor of " + context.processor() + ": " + governor;
     finding.remedy = governor == "performance" ? std::string() : context.tune("governor");
+    return finding;
+}
+
+Finding check_energy_bias(const CheckContext& context) {
+    // Both are hints of the operating system to the processor; 0 and "performance" are the same.
+    const auto hint = [&context](const std::string& file) {
+        return context.machine.line(context.cpu_file(file)).value_or(std::string());
+    };
+    const std::string bias = hint("power/energy_perf_bias");
+    const std::string preference = hint("cpufreq/energy_performance_preference");
+    Finding finding{"energy_bias",
+                    Verdict::Unknown,
+                    context.processor() + " takes no such hint, or the kernel does not say",
+                    "a processor that is told to save energy raises its frequency late and waits longer in idle states",
+                    {}};
+    if (bias.empty() && preference.empty()) {
+        return finding;
+    }
+    const auto saves = [](const std::string& given) {
+        return !given.empty() && given != "0" && given != "performance";
+    };
+    const bool good = !saves(bias) && !saves(preference);
+    finding.verdict = good ? Verdict::Good : Verdict::Bad;
+    finding.found = context.processor() + ":" + (bias.empty() ? "" : " energy_perf_bias " + bias) +
+                    (bias.empty() || preference.empty() ? "" : ",") +
+                    (preference.empty() ? "" : " energy_performance_preference " + preference);
+    finding.remedy = good ? std::string() : context.tune("energy");
     return finding;
 }
 
@@ -169,6 +203,43 @@ Finding check_steal(const CheckContext& context) {
                         " went to other guests since boot";
         finding.remedy = "none from here: use a dedicated machine, or have the hypervisor dedicate a processor";
     }
+    return finding;
+}
+
+Finding check_smi_count(const CheckContext& context) {
+    Finding finding{
+        "smi_count", Verdict::Unknown, "only processors by Intel count them",
+        "for a system management interrupt the firmware takes all processors away, for up to milliseconds, and "
+        "the kernel can neither see nor forbid it",
+        "sudo hwlatdetect --duration=60 --threshold=10 (package rt-tests) sees the gaps themselves"};
+    const std::string file = "/dev/cpu/" + std::to_string(context.cpu) + "/msr";
+    const std::string information = "/proc/cpuinfo";
+    if (!context.machine.value_of(information, "vendor_id").ends_with("GenuineIntel")) {
+        return finding;
+    }
+    if ((context.machine.value_of(information, "flags") + " ").find(" hypervisor ") != std::string::npos) {
+        finding.found = "a virtual machine does not see those of the machine that it runs on";
+        return finding;
+    }
+    const std::optional<std::uint64_t> before = context.machine.word_at(file, kSmiCount);
+    if (before) {
+        context.machine.wait();
+    }
+    const std::optional<std::uint64_t> after = context.machine.word_at(file, kSmiCount);
+    if (!before || !after) {
+        finding.found = file + " cannot be read";
+        finding.remedy = "sudo modprobe msr; sudo rt-core doctor, outside of its service";
+        return finding;
+    }
+    // The register counts in its lower half.
+    const std::uint32_t more = static_cast<std::uint32_t>(*after) - static_cast<std::uint32_t>(*before);
+    finding.verdict = more == 0 ? Verdict::Good : Verdict::Bad;
+    finding.found = std::to_string(static_cast<std::uint32_t>(*before)) + " since the machine was switched on, and " +
+                    std::to_string(more) + " more while the doctor waited";
+    finding.remedy = more == 0
+                         ? std::string()
+                         : "none from here: look for power saving and emulation of USB keyboards in the firmware's "
+                           "set-up, or for a newer firmware";
     return finding;
 }
 

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdint>
 #include <iterator>
 
 namespace haptic::rt {
 namespace {
 
 constexpr int kMaxCpus = 8192;  // NR_CPUS of the largest kernels
+constexpr int kBitsOfGroup = 32;
 
 /// Consumes a number at the front of the text; -1 if there is none.
 int take_number(std::string_view& text) {
@@ -52,6 +54,30 @@ std::vector<int> parse_cpu_list(std::string_view text) {
     std::sort(cpus.begin(), cpus.end());
     cpus.erase(std::unique(cpus.begin(), cpus.end()), cpus.end());
     return cpus;
+}
+
+std::vector<int> parse_cpu_mask(std::string_view text) {
+    std::vector<int> cpus;
+    // From the last group, which has processors 0 to 31.
+    for (int first = 0; first < kMaxCpus; first += kBitsOfGroup) {
+        const std::size_t comma = text.rfind(',');
+        const std::string_view group = comma == std::string_view::npos ? text : text.substr(comma + 1);
+        std::uint32_t bits = 0;
+        const auto [end, error] = std::from_chars(group.data(), group.data() + group.size(), bits, 16);
+        if (error != std::errc{} || end != group.data() + group.size()) {
+            return {};
+        }
+        for (int bit = 0; bit < kBitsOfGroup; ++bit) {
+            if (((bits >> bit) & 1U) != 0) {
+                cpus.push_back(first + bit);
+            }
+        }
+        if (comma == std::string_view::npos) {
+            return cpus;
+        }
+        text = text.substr(0, comma);
+    }
+    return {};
 }
 
 std::string cpu_list_text(const std::vector<int>& cpus) {

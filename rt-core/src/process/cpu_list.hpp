@@ -10,7 +10,10 @@ namespace haptic::rt {
 /// Parses "0-2,5" to {0, 1, 2, 5}, ascending and unique. Empty for an empty or malformed list.
 [[nodiscard]] std::vector<int> parse_cpu_list(std::string_view text);
 
-/// Formats a list in the same way.
+/// Parses a mask in hexadecimal groups of 32 bits, "ff,00000001" to {0, 32, ..., 39}. Empty for a malformed mask.
+[[nodiscard]] std::vector<int> parse_cpu_mask(std::string_view text);
+
+/// Formats a list like the one that parse_cpu_list() reads.
 [[nodiscard]] std::string cpu_list_text(const std::vector<int>& cpus);
 
 /// Inputs of choose_cpu(). Lists are ascending.

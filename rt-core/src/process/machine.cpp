@@ -1,5 +1,6 @@
 #include "process/machine.hpp"
 
+#include <fcntl.h>
 #include <sched.h>
 #include <unistd.h>
 
@@ -10,6 +11,7 @@
 #include <sstream>
 #include <string_view>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "process/cpu_list.hpp"
@@ -42,9 +44,10 @@ std::vector<int> delivered_to(const std::vector<int>& effective, const std::vect
     return both.empty() ? allowed : both;
 }
 
-/// Parses /proc/PID/task/TID/stat (proc(5): name in parentheses, fields 40 and 41 are rt_priority and policy). Empty
-/// for a thread without real-time scheduling.
-std::optional<RealtimeThread> realtime_thread(const std::string& stat) {
+constexpr int kThreadStarter = 2;  // id of kthreadd, parent of all other threads of the kernel
+
+/// Parses /proc/PID/task/TID/stat (proc(5): name in parentheses; fields 4, 40 and 41 are ppid, rt_priority and policy).
+std::optional<Thread> parse_thread(const std::string& stat) {
     const std::size_t open = stat.find('(');
     const std::size_t close = stat.rfind(')');  // a name may contain parentheses
     if (open == std::string::npos || close == std::string::npos || close < open) {
@@ -52,16 +55,20 @@ std::optional<RealtimeThread> realtime_thread(const std::string& stat) {
     }
     std::istringstream fields(stat.substr(close + 1));
     std::string field;
-    constexpr int first_field = 3;
+    int parent = 0;
+    fields >> field >> parent;
+    constexpr int next_field = 5;
     constexpr int priority_field = 40;
-    for (int number = first_field; number < priority_field; ++number) {
+    for (int number = next_field; number < priority_field; ++number) {
         fields >> field;
     }
-    RealtimeThread thread;
+    Thread thread;
     int policy = 0;
-    if (!(fields >> thread.priority >> policy) || (policy != SCHED_FIFO && policy != SCHED_RR)) {
+    if (!(fields >> thread.priority >> policy)) {
         return std::nullopt;
     }
+    thread.priority = policy == SCHED_FIFO || policy == SCHED_RR ? thread.priority : 0;
+    thread.of_kernel = parent == kThreadStarter;
     thread.name = stat.substr(open + 1, close - open - 1);
     return thread;
 }
@@ -72,8 +79,10 @@ bool accessible(const std::filesystem::path& file) {
 
 }  // namespace
 
-Machine::Machine(std::filesystem::path root, MayWrite may_write)
-    : root_(std::move(root)), may_write_(may_write ? std::move(may_write) : MayWrite(&accessible)) {}
+Machine::Machine(std::filesystem::path root, MayWrite may_write, Wait wait)
+    : root_(std::move(root)),
+      may_write_(may_write ? std::move(may_write) : MayWrite(&accessible)),
+      wait_(wait ? std::move(wait) : Wait([] { std::this_thread::sleep_for(kWait); })) {}
 
 std::filesystem::path Machine::file(const std::string& absolute) const {
     return root_ / std::filesystem::path(absolute).relative_path();
@@ -104,6 +113,18 @@ std::optional<std::int64_t> Machine::number(const std::string& absolute) const {
 
 std::vector<int> Machine::cpus(const std::string& absolute) const {
     return parse_cpu_list(line(absolute).value_or(std::string()));
+}
+
+std::optional<std::uint64_t> Machine::word_at(const std::string& absolute, std::int64_t offset) const {
+    // One read of eight bytes: a register of a processor answers no other.
+    const int descriptor = open(file(absolute).c_str(), O_RDONLY | O_CLOEXEC);
+    if (descriptor < 0) {
+        return std::nullopt;
+    }
+    std::uint64_t word = 0;
+    const ssize_t count = pread(descriptor, &word, sizeof word, offset);
+    close(descriptor);
+    return count == static_cast<ssize_t>(sizeof word) ? std::optional(word) : std::nullopt;
 }
 
 std::vector<std::string> Machine::names(const std::string& absolute) const {
@@ -156,8 +177,8 @@ std::vector<Interrupt> Machine::interrupts() const {
     return all;
 }
 
-std::vector<RealtimeThread> Machine::realtime_threads() const {
-    std::vector<RealtimeThread> all;
+std::vector<Thread> Machine::threads() const {
+    std::vector<Thread> all;
     for (const std::string& process : names("/proc")) {
         if (!whole_number<int>(process)) {
             continue;
@@ -166,7 +187,7 @@ std::vector<RealtimeThread> Machine::realtime_threads() const {
         for (const std::string& task : names(tasks)) {
             std::string folder = tasks;
             folder.append("/").append(task);
-            std::optional<RealtimeThread> thread = realtime_thread(line(folder + "/stat").value_or(std::string()));
+            std::optional<Thread> thread = parse_thread(line(folder + "/stat").value_or(std::string()));
             if (thread) {
                 thread->id = whole_number<int>(task).value_or(0);
                 thread->cpus = parse_cpu_list(value_of(folder + "/status", "Cpus_allowed_list:"));
@@ -174,8 +195,15 @@ std::vector<RealtimeThread> Machine::realtime_threads() const {
             }
         }
     }
-    std::sort(all.begin(), all.end(), [](const RealtimeThread& a, const RealtimeThread& b) { return a.id < b.id; });
+    std::sort(all.begin(), all.end(), [](const Thread& a, const Thread& b) { return a.id < b.id; });
     return all;
+}
+
+bool Machine::shows_every_process() const {
+    const std::string id = std::to_string(kThreadStarter);
+    const std::string folder = "/proc/" + id + "/task/" + id;
+    const std::optional<Thread> starter = parse_thread(line(folder + "/stat").value_or(std::string()));
+    return starter && starter->name == "kthreadd";
 }
 
 }  // namespace haptic::rt

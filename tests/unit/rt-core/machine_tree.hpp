@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <set>
 #include <string>
 
@@ -40,9 +42,16 @@ class MachineTree {
     /// Makes the file read-only for this process.
     void forbid(const std::string& absolute) { forbidden_.insert(file(absolute)); }
 
+    std::function<void()> meanwhile = {};  // happens while the doctor waits
+
     [[nodiscard]] Machine machine() const {
-        return Machine(root_, [forbidden = forbidden_](const std::filesystem::path& file) {
+        const auto may_write = [forbidden = forbidden_](const std::filesystem::path& file) {
             return std::filesystem::exists(file) && !forbidden.contains(file);
+        };
+        return Machine(root_, may_write, [this] {
+            if (meanwhile) {
+                meanwhile();
+            }
         });
     }
 
@@ -56,6 +65,11 @@ class MachineTree {
         write("/sys/kernel/mm/transparent_hugepage/enabled", "always [madvise] never");
         write("/sys/devices/system/clocksource/clocksource0/current_clocksource", "tsc");
         write("/sys/devices/system/clocksource/clocksource0/available_clocksource", "tsc hpet acpi_pm ");
+        write("/boot/config-6.1.0-38-rt-amd64", "CONFIG_SMP=y\n# CONFIG_RT_GROUP_SCHED is not set");
+        write("/proc/self/cgroup", "0::/user.slice");
+        write("/proc/sys/kernel/nmi_watchdog", "1");
+        write("/proc/sys/kernel/watchdog_cpumask", "0,2");
+        write("/sys/devices/virtual/workqueue/cpumask", "5");
         write("/proc/stat", "cpu  5 0 5 9 0 0 0 7 0 0\ncpu3 1 0 1 900 0 0 0 0 0 0\ncpu30 1 0 1 900 0 0 0 50 0 0");
     }
     void processor() const {
@@ -65,6 +79,10 @@ class MachineTree {
         const std::string cpu = "/sys/devices/system/cpu/cpu3/";
         write(cpu + "topology/thread_siblings_list", "1,3");
         write(cpu + "cpufreq/scaling_governor", "performance");
+        write(cpu + "cpufreq/energy_performance_preference", "performance");
+        write(cpu + "power/energy_perf_bias", "0");
+        write("/proc/cpuinfo", "processor\t: 0\nvendor_id\t: GenuineIntel\nflags\t\t: fpu tsc msr");
+        interrupts_of_firmware(12);
         const std::string idle = cpu + "cpuidle/";
         write(idle + "state0/name", "POLL");
         write(idle + "state0/latency", "0");
@@ -81,9 +99,10 @@ class MachineTree {
     void rights() const {
         write("/proc/self/status", "Uid:\t1000\t1000\nCapEff:\t0000000000000000\nCpus_allowed_list:\t0,2");
         limits("98", "unlimited");
-        thread(2, "kthreadd", 0, 0, "0-3");
-        thread(18, "migration/3", 99, 1, "3");
-        thread(640, "irq/24-xhci_hcd", 50, 1, "0-3");
+        thread(2, "kthreadd", 0, 0, "0-3", 0);
+        thread(18, "migration/3", 99, 1, "3", 2);
+        thread(640, "irq/24-xhci_hcd", 80, 1, "0", 2);
+        thread(641, "irq/25-nvme0q0", 50, 1, "2", 2);
         thread(700, "rt-core", 80, 1, "3");
         write("/etc/security/limits.d/haptic.conf", "@haptic - rtprio 98");
     }
@@ -97,6 +116,11 @@ class MachineTree {
         write(board + "busnum", "1");
         write(board + "devnum", "7");
         write(board + "power/control", "on");
+        write(board + "speed", "480");
+        write(board + "1-2:1.0/ep_02/wMaxPacketSize", "0200");
+        write(board + "1-2:1.0/ep_86/wMaxPacketSize", "0200");
+        write("/sys/kernel/debug/usb/xhci/0000:00:14.0/reg-runtime",
+              "MFINDEX = 0x00001f3a\nIR0_IMAN = 0x00000002\nIR0_IMOD = 0x001200a0\nIR0_ERSTSZ = 0x00000001");
         write("/dev/bus/usb/001/007", "");
         std::filesystem::create_directories(file("/sys/bus/usb/devices"));
         for (const char* const name : {"usb1", "usb1/1-2"}) {
@@ -113,16 +137,26 @@ class MachineTree {
         write(folder + "smp_affinity_list", "0-3");
         write(folder + "effective_affinity_list", cpus);
     }
-    /// Adds a process with one thread. Policy: 0 SCHED_OTHER, 1 SCHED_FIFO, 2 SCHED_RR.
-    void thread(int id, const std::string& name, int priority, int policy, const std::string& cpus) const {
+    /// Adds a process with one thread. Policy: 0 SCHED_OTHER, 1 SCHED_FIFO, 2 SCHED_RR. Parent: 2 for a thread of the
+    /// kernel.
+    void thread(int id, const std::string& name, int priority, int policy, const std::string& cpus,
+                int parent = 1) const {
         const std::string number = std::to_string(id);
         const std::string folder = "/proc/" + number + "/task/" + number + "/";
-        std::string stat = number + " (" + name + ") S";
-        for (int field = 4; field < 40; ++field) {
+        std::string stat = number + " (" + name + ") S " + std::to_string(parent);
+        for (int field = 5; field < 40; ++field) {
             stat += " " + std::to_string(field);
         }
         write(folder + "stat", stat + " " + std::to_string(priority) + " " + std::to_string(policy) + " 0 0");
         write(folder + "status", "Name:\t" + name + "\nCpus_allowed:\tf\nCpus_allowed_list:\t" + cpus);
+    }
+    /// Sets processor 3's count of system management interrupts, register 0x34.
+    void interrupts_of_firmware(std::uint32_t count) const {
+        std::string registers(0x34, '\xff');
+        for (int byte = 0; byte < 4; ++byte) {
+            registers += static_cast<char>(count >> (8 * byte) & 0xffU);
+        }
+        write("/dev/cpu/3/msr", registers + std::string(4, '\0'));
     }
     /// Writes /proc/self/limits with the kernel's column widths.
     void limits(const std::string& priority, const std::string& memory) const {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -72,6 +73,8 @@ TEST_F(DoctorTest, NamesAProcessorThatIsNotIsolated) {
     tree.write("/sys/devices/system/cpu/nohz_full", "2");
     tree.write("/proc/cmdline", "rcu_nocbs=0-3");
     tree.interrupt(25, "nvme0q0", "0");
+    tree.write("/sys/devices/virtual/workqueue/cpumask", "b");
+    tree.write("/proc/sys/kernel/nmi_watchdog", "0");
     std::filesystem::rename(tree.file("/sys/devices/system/cpu/cpu3"), tree.file("/sys/devices/system/cpu/cpu2"));
     tree.write("/sys/devices/system/cpu/cpu2/topology/thread_siblings_list", "2");
     tree.write("/proc/stat", "cpu2 1 0 1 900 0 0 0 0 0 0");
@@ -102,6 +105,30 @@ TEST_F(DoctorTest, NamesCallbacksOfRcu) {
     expect_only("rcu_callbacks", "haptic-tune apply cmdline --cpu 3");
 }
 
+TEST_F(DoctorTest, HasNoVerdictOnCallbacksOfRcuWithoutTheCommandLine) {
+    tree.remove("/proc/cmdline");
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("rcu_callbacks"));
+}
+
+TEST_F(DoctorTest, NamesPutOffWorkOnTheLoopsProcessor) {
+    tree.write("/sys/devices/virtual/workqueue/cpumask", "f");
+    expect_only("workqueues", "haptic-tune apply workqueues --cpu 3");
+    EXPECT_THAT(finding("workqueues").found, HasSubstr("processor 0-3"));
+    tree.remove("/sys/devices/virtual/workqueue");
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("workqueues"));
+}
+
+TEST_F(DoctorTest, NamesTheNmiWatchdogOfTheLoopsProcessor) {
+    tree.write("/proc/sys/kernel/watchdog_cpumask", "0-3");
+    expect_only("nmi_watchdog", "haptic-tune apply watchdog --cpu 3");
+    tree.remove("/proc/sys/kernel/watchdog_cpumask");
+    expect_only("nmi_watchdog", "haptic-tune apply watchdog --cpu 3");
+    tree.write("/proc/sys/kernel/nmi_watchdog", "0");
+    EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+    tree.remove("/proc/sys/kernel/nmi_watchdog");
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("nmi_watchdog"));
+}
+
 TEST_F(DoctorTest, NamesInterruptsOnTheLoopsProcessor) {
     tree.interrupt(30, "eth0", "0,3");
     expect_only("interrupts", "haptic-tune apply irqs --cpu 3");
@@ -129,6 +156,26 @@ TEST_F(DoctorTest, NamesAnotherThreadThatMayTakeTheProcessor) {
     EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
 }
 
+TEST_F(DoctorTest, HasNoVerdictOnThreadsWhereTheyAreHidden) {
+    // As ProtectProc=invisible does: of the threads only its own remain.
+    for (const char* const hidden : {"/proc/2", "/proc/18", "/proc/640", "/proc/641"}) {
+        tree.remove(hidden);
+    }
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("rivals", "usb_thread"));
+    EXPECT_THAT(finding("rivals").found, HasSubstr("cannot see other processes"));
+    EXPECT_THAT(finding("rivals").remedy, HasSubstr("sudo rt-core doctor"));
+    EXPECT_THAT(finding("usb_thread").found, HasSubstr("cannot see other processes"));
+    // What is visible may still be bad.
+    tree.thread(812, "rival", 90, 1, "3");
+    EXPECT_EQ(finding("rivals").verdict, Verdict::Bad);
+}
+
+TEST_F(DoctorTest, HasNoVerdictOnThreadsInAProcessNamespace) {
+    tree.remove("/proc/640");
+    tree.thread(2, "sh", 0, 0, "0-3");
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("rivals", "usb_thread"));
+}
+
 TEST_F(DoctorTest, NamesABusyHyperThread) {
     tree.write("/sys/devices/system/cpu/isolated", "3");
     tree.write("/proc/self/status", "CapEff:\t0\nCpus_allowed_list:\t0-2");
@@ -146,6 +193,47 @@ TEST_F(DoctorTest, ReportsNoVerdictWithoutFrequencyControl) {
     tree.remove("/sys/devices/system/cpu/cpu3/cpufreq");
     EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("governor"));
     EXPECT_TRUE(diagnosis().good());
+}
+
+TEST_F(DoctorTest, NamesHintsToSaveEnergy) {
+    const std::string bias = "/sys/devices/system/cpu/cpu3/power/energy_perf_bias";
+    const std::string preference = "/sys/devices/system/cpu/cpu3/cpufreq/energy_performance_preference";
+    tree.write(bias, "6");
+    expect_only("energy_bias", "haptic-tune apply energy --cpu 3");
+    tree.write(bias, "0");
+    tree.write(preference, "balance_performance");
+    expect_only("energy_bias", "haptic-tune apply energy --cpu 3");
+    tree.remove(preference);
+    EXPECT_EQ(finding("energy_bias").verdict, Verdict::Good);
+    tree.remove(bias);
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("energy_bias"));
+}
+
+TEST_F(DoctorTest, NamesInterruptsOfTheFirmwareThatGoOn) {
+    std::uint32_t count = 0xffff'fffe;  // it wraps
+    tree.interrupts_of_firmware(count);
+    tree.meanwhile = [&] { tree.interrupts_of_firmware(count += 3); };
+    EXPECT_THAT(finding("smi_count").found, HasSubstr("4294967294 since the machine was switched on, and 3 more"));
+    expect_only("smi_count", "firmware");
+    tree.meanwhile = {};
+    tree.interrupts_of_firmware(15);
+    EXPECT_EQ(finding("smi_count").verdict, Verdict::Good);
+    EXPECT_THAT(finding("smi_count").found, HasSubstr("15 since the machine was switched on, and 0 more"));
+}
+
+TEST_F(DoctorTest, HasNoVerdictOnInterruptsOfTheFirmwareWhereNothingCountsThem) {
+    tree.remove("/dev/cpu/3/msr");
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("smi_count"));
+    EXPECT_THAT(finding("smi_count").remedy, HasSubstr("modprobe msr"));
+    tree.interrupts_of_firmware(12);
+    tree.meanwhile = [this] { tree.remove("/dev/cpu/3/msr"); };
+    EXPECT_EQ(finding("smi_count").verdict, Verdict::Unknown);
+    tree.meanwhile = {};
+    tree.interrupts_of_firmware(12);
+    tree.write("/proc/cpuinfo", "vendor_id\t: GenuineIntel\nflags\t\t: fpu hypervisor tsc");
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("smi_count"));
+    tree.write("/proc/cpuinfo", "vendor_id\t: AuthenticAMD\nflags\t\t: fpu tsc");
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("smi_count"));
 }
 
 TEST_F(DoctorTest, NamesDeepIdleStatesThatItCannotBlock) {
@@ -175,6 +263,36 @@ TEST_F(DoctorTest, NamesThrottling) {
     expect_only("throttling", "haptic-tune apply throttling");
     tree.write("/proc/sys/kernel/sched_rt_runtime_us", "1000000");
     EXPECT_THAT(that_are(Verdict::Bad), IsEmpty());
+}
+
+TEST_F(DoctorTest, NamesALimitOfTheControlGroup) {
+    tree.write("/proc/sys/kernel/sched_rt_runtime_us", "1000000");  // as long as the period: no throttling
+    tree.write("/proc/self/cgroup", "9:name=systemd:/\n4:cpu,cpuacct:/system.slice/loop\n0::/system.slice/loop");
+    const std::string folder = "/sys/fs/cgroup/cpu,cpuacct/system.slice/loop/";
+    tree.write(folder + "cpu.rt_period_us", "1000000");
+    tree.write(folder + "cpu.rt_runtime_us", "0");
+    expect_only("rt_group", "haptic-tune apply throttling --cpu 3");
+    tree.write(folder + "cpu.rt_runtime_us", "950000");
+    expect_only("rt_group", "haptic-tune apply throttling --cpu 3");
+    tree.write(folder + "cpu.rt_runtime_us", "1000000");
+    EXPECT_EQ(finding("rt_group").verdict, Verdict::Good);
+    // Without throttling it does not apply.
+    tree.write(folder + "cpu.rt_runtime_us", "0");
+    tree.write("/proc/sys/kernel/sched_rt_runtime_us", "-1");
+    EXPECT_EQ(finding("rt_group").verdict, Verdict::Good);
+}
+
+TEST_F(DoctorTest, AsksTheKernelsConfigurationForLimitsOfControlGroups) {
+    tree.write("/proc/sys/kernel/sched_rt_runtime_us", "1000000");
+    tree.write("/proc/self/cgroup", "0::/system.slice/loop");
+    EXPECT_EQ(finding("rt_group").verdict, Verdict::Good);
+    const std::string config = "/boot/config-6.1.0-38-rt-amd64";
+    tree.remove(config);
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("rt_group"));
+    tree.write(config, "CONFIG_SMP=y\nCONFIG_RT_GROUP_SCHED=y");
+    EXPECT_EQ(finding("rt_group").verdict, Verdict::Good);
+    tree.write("/sys/fs/cgroup/system.slice/cpu.weight", "100");
+    expect_only("rt_group", "haptic-tune apply throttling --cpu 3");
 }
 
 TEST_F(DoctorTest, NamesAutomaticHugePages) {
@@ -228,6 +346,69 @@ TEST_F(DoctorTest, NamesABoardThatMayBeSuspended) {
     expect_only("usb_autosuspend", "echo on | sudo tee /sys/bus/usb/devices/1-2/power/control");
 }
 
+TEST_F(DoctorTest, NamesAConnectionAtFullSpeed) {
+    const std::string device = "/sys/bus/usb/devices/1-2/";
+    tree.write(device + "speed", "12");
+    expect_only("usb_link", "none from here: plug it into a port of the machine itself");
+    tree.write(device + "speed", "480");
+    tree.write(device + "1-2:1.0/ep_86/wMaxPacketSize", "0040");
+    expect_only("usb_link", "none from here");
+    EXPECT_THAT(finding("usb_link").found, HasSubstr("480 Mbit/s, with bulk packets of 64 bytes"));
+    tree.remove(device + "1-2:1.0/ep_86");
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("usb_link"));
+}
+
+TEST_F(DoctorTest, ReadsThePacketsOfWhateverConfigurationIsActive) {
+    const std::string device = "/sys/bus/usb/devices/1-2/";
+    std::filesystem::rename(tree.file(device + "1-2:1.0"), tree.file(device + "1-2:2.0"));
+    tree.write(device + "1-2:2.1/ep_02/wMaxPacketSize", "0040");  // of another interface
+    EXPECT_EQ(finding("usb_link").verdict, Verdict::Good);
+}
+
+TEST_F(DoctorTest, NamesAnInterruptThreadBehindTheLoop) {
+    tree.thread(640, "irq/24-xhci_hcd", 50, 1, "0", 2);
+    expect_only("usb_thread", "sudo haptic-tune apply usbthreads --cpu 3 --priority 80");
+    EXPECT_THAT(finding("usb_thread").found, HasSubstr("irq/24-xhci_hcd (640) has priority 50, the loop 80"));
+    tree.thread(640, "irq/24-xhci_hcd", 0, 0, "0", 2);
+    expect_only("usb_thread", "--priority 80");
+    settings.priority = 49;
+    tree.thread(640, "irq/24-xhci_hcd", 50, 1, "0", 2);
+    EXPECT_EQ(finding("usb_thread").verdict, Verdict::Good);
+}
+
+TEST_F(DoctorTest, NamesAnInterruptThreadOnTheLoopsProcessor) {
+    tree.thread(640, "irq/24-xhci_hcd", 80, 1, "0-3", 2);
+    EXPECT_THAT(that_are(Verdict::Bad), ElementsAre("rivals", "usb_thread"));
+    EXPECT_THAT(finding("usb_thread").found, HasSubstr("may run on processor 0-3"));
+}
+
+TEST_F(DoctorTest, NamesEachThreadOfASharedInterrupt) {
+    tree.thread(642, "irq/24-s-other", 50, 1, "0", 2);
+    expect_only("usb_thread", "usbthreads");
+    EXPECT_THAT(finding("usb_thread").found, HasSubstr("irq/24-s-other (642)"));
+}
+
+TEST_F(DoctorTest, MissesAnInterruptThreadOnlyWhereTheKernelHasThem) {
+    // A name that a user may have chosen is no thread of the kernel.
+    tree.thread(640, "irq/24-xhci_hcd", 80, 1, "0", 1);
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("usb_thread"));
+    tree.write("/proc/sys/kernel/version", "#1 SMP PREEMPT_DYNAMIC Debian 6.1.147-1 (2025-08-02)");
+    EXPECT_EQ(finding("usb_thread").verdict, Verdict::Good);
+    tree.write("/proc/cmdline", "threadirqs rcu_nocbs=3");
+    EXPECT_EQ(finding("usb_thread").verdict, Verdict::Unknown);
+}
+
+TEST_F(DoctorTest, NamesAModerationThatTakesMuchOfThePeriod) {
+    EXPECT_THAT(finding("usb_moderation").found, HasSubstr("0000:00:14.0 holds interrupts back for 40000 ns"));
+    settings.period_ns = 399'999;
+    expect_only("usb_moderation", "longer loop.period_s");
+    settings.period_ns = 400'000;
+    EXPECT_EQ(finding("usb_moderation").verdict, Verdict::Good);
+    tree.remove("/sys/kernel/debug");
+    EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("usb_moderation"));
+    EXPECT_THAT(finding("usb_moderation").remedy, HasSubstr("sudo rt-core doctor"));
+}
+
 TEST_F(DoctorTest, NamesTheControllerOnTheLoopsProcessor) {
     tree.interrupt(24, "xhci_hcd", "3");
     EXPECT_THAT(that_are(Verdict::Bad), ElementsAre("interrupts", "usb_interrupt"));
@@ -270,7 +451,8 @@ TEST_F(DoctorTest, ExpectsTheUdevRuleWhereNoBoardIsPluggedIn) {
 
 TEST_F(DoctorTest, ReportsNoVerdictOnUsbForABoardOnASerialLine) {
     settings.usb.reset();
-    EXPECT_EQ(finding("usb_autosuspend").verdict, Verdict::Unknown);
+    EXPECT_THAT(that_are(Verdict::Unknown),
+                ElementsAre("usb_access", "usb_autosuspend", "usb_link", "usb_thread", "usb_moderation"));
     EXPECT_TRUE(diagnosis().good());
 }
 
@@ -285,10 +467,12 @@ TEST_F(DoctorTest, ReportsUnreadableFilesAsUnknown) {
     EXPECT_EQ(finding("interrupts").verdict, Verdict::Unknown);
     EXPECT_EQ(finding("priority").verdict, Verdict::Unknown);
     EXPECT_EQ(finding("stolen_time").verdict, Verdict::Unknown);
+    EXPECT_EQ(finding("rivals").verdict, Verdict::Unknown);
+    EXPECT_EQ(finding("usb_thread").verdict, Verdict::Unknown);
 }
 
 TEST_F(DoctorTest, GivesReasonAndRemedyForEveryBadFinding) {
-    for (const Finding& one : examine(Machine(), settings).findings) {
+    for (const Finding& one : examine(Machine("/", {}, [] {}), settings).findings) {
         EXPECT_FALSE(one.found.empty()) << one.name;
         EXPECT_FALSE(one.why.empty()) << one.name;
         EXPECT_TRUE(one.verdict != Verdict::Bad || !one.remedy.empty()) << one.name;
@@ -319,7 +503,7 @@ TEST_F(DoctorTest, WritesALineForEachFindingAndTheCommandForTheBadOnes) {
     EXPECT_THAT(text, HasSubstr("good     kernel           6.1.0-38-rt-amd64, PREEMPT_RT\n"));
     EXPECT_THAT(text, HasSubstr("bad      throttling       real-time threads may run for 950000 us of 1000000\n"));
     EXPECT_THAT(text, HasSubstr("fix:  sudo haptic-tune apply throttling --cpu 3\n"));
-    EXPECT_THAT(text, HasSubstr("18 good, 1 bad, 0 unknown\n"));
+    EXPECT_THAT(text, HasSubstr("26 good, 1 bad, 0 unknown\n"));
 }
 
 TEST_F(DoctorTest, WritesEachFindingAsJson) {

@@ -21,6 +21,15 @@ TEST(CpuList, IsEmptyForMalformedText) {
     }
 }
 
+TEST(CpuList, ReadsMasksByGroupsOf32) {
+    EXPECT_THAT(parse_cpu_mask("5"), ElementsAre(0, 2));
+    EXPECT_THAT(parse_cpu_mask("c0,80000001"), ElementsAre(0, 31, 38, 39));
+    EXPECT_THAT(parse_cpu_mask("00000000,00000002"), ElementsAre(1));
+    for (const char* const text : {"", "0", "x", "1,", ",1", "1,,1", "1ffffffff"}) {
+        EXPECT_THAT(parse_cpu_mask(text), IsEmpty()) << text;
+    }
+}
+
 TEST(CpuList, WritesWhatItReads) {
     for (const char* const text : {"", "0", "0-2,5", "1,3,5-7", "62-63"}) {
         EXPECT_EQ(cpu_list_text(parse_cpu_list(text)), text);
