@@ -260,6 +260,25 @@ nlohmann::json make_measure_report(const Measurement& m) {
     return report;
 }
 
+nlohmann::json late_tick_json(const TimedTick& tick, const TraceExplanation& explanation) {
+    constexpr std::array<const char*, 3> states = {"asleep", "ready", "running"};
+    nlohmann::json parts = nlohmann::json::array();
+    for (const TracePart& part : explanation.parts) {
+        parts.push_back({{"from_us", us(part.begin_ns - tick.deadline_ns)},
+                         {"to_us", us(part.end_ns - tick.deadline_ns)},
+                         {"state", states[static_cast<std::size_t>(part.state)]},
+                         {"cpu", part.cpu},
+                         {"by", part.by}});
+    }
+    return {{"tick", tick.number},
+            {"late_us", us(tick.lateness_ns())},
+            {"cause", name_of(explanation.cause)},
+            {"lost_us", us(explanation.lost_ns)},
+            {"thread", explanation.thread},
+            {"why", explanation.why},
+            {"parts", std::move(parts)}};
+}
+
 void require_measurement(const nlohmann::json& report, const std::string& origin) {
     if (!report.is_object() || !report.contains("measure") || !report.at("measure").is_object() ||
         !report.at("measure").contains("latency_us")) {

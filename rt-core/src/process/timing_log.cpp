@@ -49,6 +49,7 @@ void PeakHistory::merge_pairs() HAPTIC_RT {
 }
 
 void TimingLog::attach() {
+    thread_.store(gettid(), std::memory_order_relaxed);
     if (schedstat_fd_ >= 0) {
         close(schedstat_fd_);
     }
@@ -102,6 +103,10 @@ void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int
     missed_ += static_cast<std::uint64_t>(std::max<std::int64_t>(missed, 0));
     wakeup_.add(tick.now_ns, tick.wakeup_ns());
     compute_.add(tick.now_ns, tick.compute_ns);
+    if (break_ns_ >= 0 && tick.lateness_ns() > break_ns_ && !is_broken_.load(std::memory_order_relaxed)) {
+        broken_ = tick;
+        is_broken_.store(true, std::memory_order_release);
+    }
     if (keep(tick)) {
         if (std::int64_t* const event = events_.claim(); event != nullptr) {
             *event = tick.now_ns;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -56,6 +57,14 @@ class TimingLog {
 
     /// Call in the loop's thread, before its first tick: opens the kernel's counters of the calling thread.
     void attach();
+    /// Has the first tick kept that ends later than this after its deadline, ns. Call before the loop starts.
+    void break_above(std::int64_t lateness_ns) noexcept { break_ns_ = lateness_ns; }
+    /// That tick; nullptr as long as there is none. For any thread, at any time.
+    [[nodiscard]] const TimedTick* broken() const noexcept {
+        return is_broken_.load(std::memory_order_acquire) ? &broken_ : nullptr;
+    }
+    /// Number of the loop's thread, as the kernel has it; 0 before attach(). For any thread, at any time.
+    [[nodiscard]] int thread() const noexcept { return thread_.load(std::memory_order_relaxed); }
     /// Call in the loop's thread: begins a segment. The counters start here.
     void begin() HAPTIC_RT;
     /// Adds a tick at its end. `missed`: further deadlines that had passed by then.
@@ -86,6 +95,10 @@ class TimingLog {
     /// report it.
     [[nodiscard]] std::int64_t total_wait_ns() const HAPTIC_RT;
 
+    std::int64_t break_ns_ = -1;  // -1: no tick breaks
+    TimedTick broken_;
+    std::atomic<bool> is_broken_{false};
+    std::atomic<int> thread_{0};
     int schedstat_fd_ = -1;  // /proc/thread-self/schedstat; -1: not open
     ThreadUsage usage_;
     std::int64_t waited_ns_ = -1;

@@ -101,6 +101,18 @@ TEST(TimingLog, PassesEventsOfKeptTicksToAnotherThread) {
     EXPECT_FALSE(log->take_event(at_ns)) << "the others are neither later nor longer than those kept before";
 }
 
+TEST(TimingLog, KeepsTheFirstTickAboveALimit) {
+    const auto log = std::make_unique<TimingLog>();
+    log->break_above(60'000);
+    log->add(tick_of(1, 20'000, 30'000), {}, 0);
+    EXPECT_EQ(log->broken(), nullptr);
+    log->add(tick_of(2, 20'000, 41'000), {}, 0);
+    log->add(tick_of(3, 20'000, 90'000), {}, 0);
+    ASSERT_NE(log->broken(), nullptr);
+    EXPECT_EQ(log->broken()->number, 2U);
+    EXPECT_EQ(log->broken()->lateness_ns(), 61'000);
+}
+
 TEST(PeakHistory, KeepsThePeakOfEachBinForRunsOfAnyLength) {
     std::mt19937 random(2);
     std::uniform_int_distribution<std::int64_t> duration(0, 100'000);
