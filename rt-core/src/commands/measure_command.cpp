@@ -226,7 +226,7 @@ nlohmann::json Measuring::report(const RunResult& result, const Instruments& ins
                                                  .loopback = loopback_.get()});
     report["measure"]["load_ended_early"] = load_ended_;
     if (trace_) {
-        report["measure"]["break_above_us"] = *options_.break_above_us;
+        report["measure"]["break_above_us"] = options_.break_above_us.value_or(0.0);
         report["measure"]["break"] = late_tick(instruments);
     }
     return report;

@@ -6,7 +6,6 @@
 #include <fstream>
 #include <stdexcept>
 #include <system_error>
-#include <utility>
 
 #include "haptic/types.hpp"
 
@@ -67,8 +66,8 @@ std::int64_t time_of_line(const std::string& line) {
     return time == line.npos ? -1 : seconds_at(line, time);
 }
 
-KernelTrace::KernelTrace(std::filesystem::path tracefs)
-    : instance_(std::move(tracefs) / "instances" / ("rt-core-" + std::to_string(getpid()))) {
+KernelTrace::KernelTrace(const std::filesystem::path& tracefs)
+    : instance_(tracefs / "instances" / ("rt-core-" + std::to_string(getpid()))) {
     // A folder in `instances` is a buffer of its own, so that other users of the tracer are not disturbed.
     std::error_code error;
     if (!std::filesystem::create_directory(instance_, error)) {

@@ -20,7 +20,7 @@ class KernelTrace {
 
     /// Starts to record, in a buffer of its own. Throws std::runtime_error, with what to do, if the kernel has no
     /// tracer or does not let this user have it.
-    explicit KernelTrace(std::filesystem::path tracefs = kTracefs);
+    explicit KernelTrace(const std::filesystem::path& tracefs = kTracefs);
     KernelTrace(const KernelTrace&) = delete;
     KernelTrace& operator=(const KernelTrace&) = delete;
     /// Gives the buffer back to the kernel.

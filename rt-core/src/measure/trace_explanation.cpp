@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdio>
 #include <map>
 #include <optional>
@@ -51,7 +52,8 @@ std::string between(const std::string& text, const std::string& before, const st
 
 int number_in(const std::string& text) {
     int value = -1;
-    return std::sscanf(text.c_str(), "%d", &value) == 1 ? value : -1;
+    (void)std::from_chars(text.data(), text.data() + text.size(), value);
+    return value;
 }
 
 /// "comm-pid" at the beginning of a line.
@@ -138,6 +140,53 @@ class Shares {
     std::map<int, std::pair<Thread, std::int64_t>> of_;
 };
 
+/// The events in order, and what follows from all of them.
+class Trace {
+  public:
+    explicit Trace(const std::string& lines) {
+        std::istringstream stream(lines);
+        for (std::string line; std::getline(stream, line);) {
+            if (std::optional<Event> event = event_of(line)) {
+                events_.push_back(std::move(*event));
+            }
+        }
+        for (const Event& event : events_) {
+            for (const Thread* const one : {&event.first, &event.second}) {
+                if (one->number >= 0) {
+                    priority_[one->number] = one->priority;
+                }
+            }
+        }
+        for (Event& event : events_) {
+            event.by.priority = priority_of(event.by.number);
+            ran_[event.cpu].emplace_back(event.at_ns, event.by);
+        }
+    }
+
+    [[nodiscard]] const std::vector<Event>& events() const noexcept { return events_; }
+    /// The kernel's number; that of ordinary threads if the trace does not say.
+    [[nodiscard]] int priority_of(int thread) const {
+        const auto known = priority_.find(thread);
+        return known == priority_.end() ? kOrdinary : known->second;
+    }
+    /// What a processor ran just before a time: what it ran at its next event, because some kernels do not record that
+    /// they leave an idle state.
+    [[nodiscard]] Thread running(int cpu, std::int64_t before_ns) const {
+        const auto processor = ran_.find(cpu);
+        if (processor == ran_.end()) {
+            return {};
+        }
+        const auto next =
+            std::ranges::lower_bound(processor->second, before_ns, {}, &std::pair<std::int64_t, Thread>::first);
+        return next == processor->second.end() ? Thread{} : next->second;
+    }
+
+  private:
+    std::vector<Event> events_;
+    std::map<int, int> priority_;
+    std::map<int, std::vector<std::pair<std::int64_t, Thread>>> ran_;  // by processor, at each of its events
+};
+
 /// A part of a thread's time, with what its processor ran meanwhile.
 struct Followed {
     TracePart part{};
@@ -149,10 +198,9 @@ struct Followed {
 };
 
 /// Follows a thread from `begin_ns` to `end_ns`.
-std::vector<Followed> follow(const std::vector<Event>& events, int thread, std::int64_t begin_ns, std::int64_t end_ns) {
+std::vector<Followed> follow(const Trace& trace, int thread, std::int64_t begin_ns, std::int64_t end_ns) {
     using State = TracePart::State;
     std::vector<Followed> parts;
-    std::map<int, Thread> on;  // what each processor runs
     std::optional<State> state;
     int cpu = -1;
     bool lock = false;
@@ -173,11 +221,11 @@ std::vector<Followed> follow(const std::vector<Event>& events, int thread, std::
         Followed& present = parts.back();
         present.part.end_ns = to_ns;
         present.in_lock = present.in_lock || (*state == State::Asleep && lock);
-        if (const auto running = on.find(cpu); running != on.end() && *state != State::Running) {
-            present.meanwhile.add(running->second, to_ns - from_ns);
+        if (*state != State::Running) {
+            present.meanwhile.add(trace.running(cpu, to_ns), to_ns - from_ns);
         }
     };
-    for (const Event& event : events) {
+    for (const Event& event : trace.events()) {
         // A thread whose first event is not its own was in the state that this event ends.
         const bool leaves = event.kind == Event::Kind::Switch && event.first.number == thread;
         const bool comes = event.kind == Event::Kind::Switch && event.second.number == thread;
@@ -186,10 +234,11 @@ std::vector<Followed> follow(const std::vector<Event>& events, int thread, std::
             state = leaves ? State::Running : comes ? State::Ready : State::Asleep;
             cpu = event.cpu;
         }
-        pass(event.at_ns);
-        if (event.kind == Event::Kind::Switch) {
-            on[event.cpu] = event.second;
+        if (event.by.number == thread && state == State::Ready) {
+            state = State::Running;  // its switch was not recorded
+            cpu = event.cpu;
         }
+        pass(event.at_ns);
         if (comes) {
             state = State::Running;
             cpu = event.cpu;
@@ -264,23 +313,17 @@ Finding of_late_timer(const Followed& slept) {
 }
 
 /// It slept in its tick: for a lock, or until its device answered.
-Finding of_sleep(const std::vector<Event>& events, const Followed& slept, int loop_priority) {
+Finding of_sleep(const Trace& trace, const Followed& slept, int loop_priority) {
     const std::int64_t lost_ns = slept.part.end_ns - slept.part.begin_ns;
     if (!slept.waking || slept.waking->in_interrupt) {
         return {TraceCause::Device, lost_ns, Thread{},
                 "the loop slept for " + time_text(lost_ns) + " in its tick, until an interrupt woke it"};
     }
     // What kept the thread that woke it, in the same time.
-    Thread waker = slept.waking->by;
+    const Thread& waker = slept.waking->by;
     Shares instead;
     std::int64_t waited_ns = 0;
-    for (const Event& event : events) {
-        for (const Thread* const one : {&event.first, &event.second}) {
-            waker.priority =
-                event.kind == Event::Kind::Switch && one->number == waker.number ? one->priority : waker.priority;
-        }
-    }
-    for (const Followed& one : follow(events, waker.number, slept.part.begin_ns, slept.part.end_ns)) {
+    for (const Followed& one : follow(trace, waker.number, slept.part.begin_ns, slept.part.end_ns)) {
         if (one.part.state == TracePart::State::Ready) {
             instead.add(one.meanwhile);
             waited_ns += one.part.end_ns - one.part.begin_ns;
@@ -359,20 +402,8 @@ const char* name_of(TraceCause cause) noexcept {
 
 TraceExplanation explain_trace(const std::string& lines, const TracedTick& tick) {
     using State = TracePart::State;
-    std::vector<Event> events;
-    std::istringstream stream(lines);
-    for (std::string line; std::getline(stream, line);) {
-        if (std::optional<Event> event = event_of(line)) {
-            events.push_back(std::move(*event));
-        }
-    }
-    // The loop's priority, as the kernel had it.
-    int priority = kOrdinary;
-    for (const Event& event : events) {
-        for (const Thread* const one : {&event.first, &event.second}) {
-            priority = one->number == tick.thread ? one->priority : priority;
-        }
-    }
+    const Trace trace(lines);
+    const int priority = trace.priority_of(tick.thread);
     // Each part of the time is a finding, or adds to one.
     std::vector<Finding> findings;
     TraceExplanation result;
@@ -382,7 +413,7 @@ TraceExplanation explain_trace(const std::string& lines, const TracedTick& tick)
     std::int64_t interrupted_ns = 0;
     Thread interrupt;
     bool has_run = false;
-    for (const Followed& one : follow(events, tick.thread, tick.deadline_ns, tick.end_ns)) {
+    for (const Followed& one : follow(trace, tick.thread, tick.deadline_ns, tick.end_ns)) {
         const std::int64_t took_ns = one.part.end_ns - one.part.begin_ns;
         if (one.part.state == State::Running) {
             has_run = true;
@@ -393,7 +424,7 @@ TraceExplanation explain_trace(const std::string& lines, const TracedTick& tick)
         } else if (one.part.state == State::Ready) {
             instead.add(one.meanwhile);
         } else {
-            findings.push_back(has_run ? of_sleep(events, one, priority) : of_late_timer(one));
+            findings.push_back(has_run ? of_sleep(trace, one, priority) : of_late_timer(one));
         }
         result.parts.push_back(summary_of(one));
     }
