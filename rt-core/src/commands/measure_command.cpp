@@ -8,6 +8,7 @@
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <sstream>
 #include <system_error>
 #include <utility>
@@ -60,14 +61,12 @@ std::vector<std::string> load_command(const std::string& load) {
 
 /// Starts to capture the edges of the line wired to the tick's probe; nullptr if none is configured. Throws if it
 /// cannot be read.
-std::unique_ptr<EdgeCapture> capture_loopback(double duration_s, const Settings& settings) {
+std::unique_ptr<EdgeCapture> capture_loopback(const Settings& settings, EdgeCapture::Take take) {
     if (!settings.probes.loopback) {
         return nullptr;
     }
-    constexpr double margin_s = 15.0;  // for the warm-up and the fade-out
-    const double edges = 2.0 * (duration_s + margin_s) / seconds(settings.loop.period_ns);
     return std::make_unique<EdgeCapture>(
-        open_edge_source(*settings.probes.loopback, settings.probes.loopback_edges), static_cast<std::size_t>(edges),
+        open_edge_source(*settings.probes.loopback, settings.probes.loopback_edges), std::move(take),
         [loop = settings.loop] { (void)prepare_side_thread(loop.priority, loop.cpu); });
 }
 
@@ -104,14 +103,18 @@ class Measuring final : public RunHooks {
     int cpu_ = -1;
     std::unique_ptr<ScopedAffinity> off_loop_cpu_;  // keeps this thread off the loop's processor
     std::unique_ptr<ChildProcess> load_;
-    std::unique_ptr<EdgeCapture> capture_;  // nullptr: not requested
+    EdgeMeter edges_;
+    std::unique_ptr<EdgeCapture> capture_;  // feeds edges_; nullptr: not requested
     std::unique_ptr<LoopbackResult> loopback_;
     bool load_ended_ = false;  // the load terminated before the run did
     std::int64_t began_ns_ = 0;
 };
 
 Measuring::Measuring(const MeasureOptions& options, const Settings& settings)
-    : options_(options), settings_(settings), load_command_(load_command(options.load)) {
+    : options_(options),
+      settings_(settings),
+      load_command_(load_command(options.load)),
+      edges_({.period_ns = settings.loop.period_ns, .kind = settings.probes.loopback_edges}) {
     if (options.cyclictest) {
         cyclictest_ = std::make_unique<Cyclictest>();
     }
@@ -131,7 +134,10 @@ void Measuring::on_ready(const RealtimeSetup& setup) {
         load_ = std::make_unique<ChildProcess>(load_command_);
         spdlog::info("load: {}", command_text(load_command_));
     }
-    capture_ = capture_loopback(options_.duration_s, settings_);
+    capture_ = capture_loopback(settings_, [this](std::span<const Edge> edges) {
+        edges_.expect_deadline(log_.a_deadline_ns());
+        edges_.add(edges);
+    });
     // Only now, so that the load may also run on the loop's processor.
     off_loop_cpu_ = std::make_unique<ScopedAffinity>(cpu_, ScopedAffinity::Change::Exclude);
     began_ns_ = monotonic_now_ns();
@@ -184,13 +190,8 @@ void Measuring::end_capture() {
     loopback_ = std::make_unique<LoopbackResult>();
     loopback_->line = lines.loopback->line + " of " + lines.loopback->chip;
     loopback_->kind = lines.loopback_edges;
-    loopback_->dropped = capture_->dropped();
     loopback_->problem = capture_->problem();
-    // Deadlines are start + k * period of one loop; a loop that was restarted has another phase, and no lateness.
-    const bool one_phase = log_.segments() == 1 && !log_.worst().empty();
-    loopback_->edges = edge_statistics(capture_->edges(), {.period_ns = settings_.loop.period_ns,
-                                                           .deadline_ns = one_phase ? log_.worst()[0].deadline_ns : -1,
-                                                           .kind = lines.loopback_edges});
+    loopback_->edges = edges_.statistics();
 }
 
 nlohmann::json Measuring::late_tick(const Instruments& instruments) {

@@ -30,8 +30,7 @@ struct LoopbackResult {
     std::string line;  // "6 of pl061"
     EdgeStatistics edges;
     EdgeKind kind = EdgeKind::Rising;
-    std::uint64_t dropped = 0;  // edges lost because the buffer was full
-    std::string problem;        // why the capture ended early; empty if it did not
+    std::string problem;  // why the capture ended early; empty if it did not
 };
 
 /// Inputs of the report. The referenced objects must live until the report is made.

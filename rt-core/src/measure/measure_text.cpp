@@ -98,8 +98,7 @@ std::string heading(const nlohmann::json& report) {
 std::string loopback_lines(const nlohmann::json& loopback) {
     std::string text = "measured from outside, line " + loopback.at("line").get<std::string>() + ": " +
                        std::to_string(loopback.at("rising").get<std::uint64_t>()) + " rising edges of " +
-                       std::to_string(loopback.at("ticks").get<std::uint64_t>()) + " ticks, " +
-                       std::to_string(loopback.at("dropped").get<std::uint64_t>()) + " dropped\n";
+                       std::to_string(loopback.at("ticks").get<std::uint64_t>()) + " ticks\n";
     text += row("period, outside", loopback.at("period_us"));
     if (loopback.at("lateness_us").at("count").get<std::uint64_t>() > 0) {
         text += row("lateness, outside", loopback.at("lateness_us"));
@@ -148,8 +147,8 @@ std::string overrun_line(const nlohmann::json& overruns) {
         for (const auto& [cause, count] : overruns.at("causes").items()) {
             causes += (causes.empty() ? "" : ", ") + std::to_string(count.get<int>()) + " " + cause;
         }
-        // Only the latest ticks are explained.
-        line += " (" + (explained < late ? "of the latest " + std::to_string(explained) + ": " : std::string()) +
+        // Only so many are explained.
+        line += " (" + (explained < late ? "of the first " + std::to_string(explained) + ": " : std::string()) +
                 causes + ")";
     }
     return line;

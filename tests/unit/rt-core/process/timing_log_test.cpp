@@ -101,6 +101,18 @@ TEST(TimingLog, PassesEventsOfKeptTicksToAnotherThread) {
     EXPECT_FALSE(log->take_event(at_ns)) << "the others are neither later nor longer than those kept before";
 }
 
+TEST(TimingLog, KeepsEachTickThatMissesADeadlineUntilItIsFull) {
+    const auto log = std::make_unique<TimingLog>();
+    const std::size_t late = TimingLog::kLate + 10;
+    for (std::uint64_t i = 1; i <= 2 * late; ++i) {
+        log->add(tick_of(i, 20'000, 30'000), {}, i % 2 == 0 ? 1 : 0);
+    }
+    EXPECT_EQ(log->late_ticks(), late);
+    ASSERT_EQ(log->late().size(), TimingLog::kLate);
+    EXPECT_EQ(log->late().front().number, 2U);
+    EXPECT_EQ(log->late().back().number, 2 * TimingLog::kLate);
+}
+
 TEST(TimingLog, KeepsTheFirstTickAboveALimit) {
     const auto log = std::make_unique<TimingLog>();
     log->break_above(60'000);
