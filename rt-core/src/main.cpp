@@ -127,6 +127,19 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
                      "GPIO line wired to the tick's probe, whose edges the kernel timestamps, like probes.loopback")
         ->type_name("LINE")
         ->excludes(cyclictest);
+    CLI::Option* const late =
+        measure
+            ->add_option(
+                "--break-above", options.break_above_us,
+                "ends the run at the first tick that ends later than this after its deadline, and says from the "
+                "kernel's trace which thread or interrupt made it late; needs root and tracefs")
+            ->type_name("US")
+            ->check(haptic::positive_number())
+            ->excludes(cyclictest);
+    measure->add_option("--trace", options.trace, "writes the kernel's trace of that tick")
+        ->type_name("F.txt")
+        ->check(haptic::result_file())
+        ->needs(late);
     measure->add_option("--html", options.html, "writes an HTML page with plots")
         ->type_name("F.html")
         ->check(haptic::result_file());

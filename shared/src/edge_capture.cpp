@@ -1,6 +1,5 @@
 #include "haptic/edge_capture.hpp"
 
-#include <algorithm>
 #include <array>
 #include <exception>
 #include <system_error>
@@ -15,8 +14,8 @@ constexpr std::size_t kBatch = 64;
 
 }  // namespace
 
-EdgeCapture::EdgeCapture(std::unique_ptr<EdgeSource> line, std::size_t capacity, std::function<void()> prepare)
-    : line_(std::move(line)), prepare_(std::move(prepare)), edges_(capacity) {
+EdgeCapture::EdgeCapture(std::unique_ptr<EdgeSource> line, Take take, std::function<void()> prepare)
+    : line_(std::move(line)), take_(std::move(take)), prepare_(std::move(prepare)) {
     pthread_attr_t attributes;
     int error = pthread_attr_init(&attributes);
     if (error == 0) {
@@ -58,20 +57,13 @@ void* EdgeCapture::thread_entry(void* self) {
 void EdgeCapture::capture() {
     std::array<Edge, kBatch> batch{};
     while (!ending_.load()) {
-        keep(std::span(batch).first(line_->read(batch, kWaitNs)));
+        take_(std::span(batch).first(line_->read(batch, kWaitNs)));
     }
     // Read the edges that the kernel still holds.
     for (std::size_t count = kBatch; count > 0;) {
         count = line_->read(batch, kWaitNs);
-        keep(std::span(batch).first(count));
+        take_(std::span(batch).first(count));
     }
-}
-
-void EdgeCapture::keep(std::span<const Edge> edges) {
-    const std::size_t kept = std::min(edges.size(), edges_.size() - count_);
-    std::copy_n(edges.begin(), kept, edges_.begin() + static_cast<std::ptrdiff_t>(count_));
-    count_ += kept;
-    dropped_ += edges.size() - kept;
 }
 
 }  // namespace haptic

@@ -1,13 +1,18 @@
 // `rt-core measure` as users run it: output files, text and refusals.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <pthread.h>
+#include <sched.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "process.hpp"
@@ -20,6 +25,39 @@ using testing::AnyOf;
 using testing::ContainsRegex;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::StartsWith;
+
+/// A thread of higher priority than the loop, which takes a processor for 60 ms every half a second.
+class Hog {
+  public:
+    explicit Hog(std::size_t processor)
+        : thread_([this, processor] {
+              pthread_setname_np(pthread_self(), "test-hog");
+              cpu_set_t only;
+              CPU_ZERO(&only);
+              CPU_SET(processor, &only);
+              const sched_param urgent{.sched_priority = 90};
+              granted_ = pthread_setaffinity_np(pthread_self(), sizeof only, &only) == 0 &&
+                         pthread_setschedparam(pthread_self(), SCHED_FIFO, &urgent) == 0;
+              while (!end_) {
+                  std::this_thread::sleep_for(std::chrono::milliseconds(440));
+                  const auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(60);
+                  while (!end_ && granted_ && std::chrono::steady_clock::now() < until) {
+                  }
+              }
+          }) {}
+    Hog(const Hog&) = delete;
+    Hog& operator=(const Hog&) = delete;
+    ~Hog() {
+        end_ = true;
+        thread_.join();
+    }
+
+  private:
+    std::atomic<bool> granted_{false};
+    std::atomic<bool> end_{false};
+    std::thread thread_;
+};
 
 class Measure : public testing::Test {
   protected:
@@ -75,6 +113,49 @@ TEST_F(Measure, AlternatesWithCyclictest) {
     EXPECT_THAT(cyclictest.at("command").get<std::string>(), HasSubstr("--interval=1000"));
 }
 
+TEST_F(Measure, BreaksAtALateTickAndNamesTheThreadThatCausedIt) {
+    // The kernel's tracer, in a mount namespace of the test's own. Not every kernel has one.
+    const std::vector<std::string> with_tracer = {
+        "/usr/bin/unshare",
+        "--mount",
+        "/bin/sh",
+        "-c",
+        "{ mountpoint -q /sys/kernel/tracing || mount -t tracefs nodev /sys/kernel/tracing; } && exec \"$@\"",
+        "sh"};
+    std::vector<std::string> look = with_tracer;
+    look.insert(look.end(), {"test", "-w", "/sys/kernel/tracing/instances"});
+    if (const Finished looked = run(look); looked.status != 0) {
+        GTEST_SKIP() << "there is no tracefs for this user: " << looked.output;
+    }
+    const std::size_t processor = std::thread::hardware_concurrency() - 1;
+    const Hog hog(processor);
+    std::vector<std::string> command = with_tracer;
+    // A stalled test machine is late by some milliseconds; the hog is by up to 60. The trace breaks once.
+    command.insert(command.end(), {RT_CORE,         "measure",
+                                   "--session",     session,
+                                   "--duration",    "20",
+                                   "--set",         "safety.late_share=1",
+                                   "--set",         "safety.encoder_age_s=0.5",
+                                   "--set",         "safety.watchdog_s=1",
+                                   "--set",         "loop.cpu=" + std::to_string(processor),
+                                   "--break-above", "30000",
+                                   "--trace",       folder / "late.txt",
+                                   "--report",      folder / "m.json"});
+    const Finished finished = run(command);
+    ASSERT_TRUE(std::filesystem::exists(folder / "m.json")) << finished.output;
+    const nlohmann::json written = report();
+    const nlohmann::json& broken = written.at("measure").at("break");
+    ASSERT_TRUE(broken.is_object()) << finished.output;
+    EXPECT_EQ(broken.at("cause"), "higher_priority") << finished.output;
+    EXPECT_THAT(broken.at("thread").get<std::string>(), StartsWith("test-hog-"));
+    EXPECT_GT(broken.at("late_us"), 30000.0);
+    EXPECT_LT(written.at("duration_s"), 10.0) << "the tick ends the run";
+    EXPECT_THAT(finished.output, AllOf(HasSubstr("stopping: late tick"), HasSubstr("test-hog")));
+    std::ostringstream trace;
+    trace << std::ifstream(folder / "late.txt").rdbuf();
+    EXPECT_THAT(trace.str(), HasSubstr("test-hog-"));
+}
+
 TEST_F(Measure, NamesThePackageOfAProgramThatIsMissing) {
     const std::filesystem::path nowhere = folder / "nowhere";
     for (const auto& [argument, value, package] :
@@ -96,6 +177,9 @@ TEST_F(Measure, RefusesWhatItCannotMeasureOrRead) {
     finished = measure({"--load", "make"});
     EXPECT_EQ(finished.status, 2);
     EXPECT_THAT(finished.output, HasSubstr("must be none, stress-ng"));
+    finished = measure({"--trace", folder / "t.txt"});
+    EXPECT_EQ(finished.status, 64);
+    EXPECT_THAT(finished.output, HasSubstr("--break-above"));
     finished = measure({"--alternate", "2"});
     EXPECT_EQ(finished.status, 64);
     EXPECT_THAT(finished.output, HasSubstr("--cyclictest"));

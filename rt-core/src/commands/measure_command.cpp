@@ -8,6 +8,7 @@
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <sstream>
 #include <system_error>
 #include <utility>
@@ -19,14 +20,20 @@
 #include "haptic/edge_capture.hpp"
 #include "haptic/report.hpp"
 #include "haptic/text_file.hpp"
+#include "measure/kernel_trace.hpp"
 #include "measure/kernel_watch.hpp"
 #include "measure/measure_page.hpp"
 #include "measure/measure_report.hpp"
+#include "measure/trace_explanation.hpp"
 #include "process/idle_request.hpp"
 #include "program/exit_status.hpp"
 
 namespace haptic::rt {
 namespace {
+
+// Of the kernel's trace around a late tick.
+constexpr std::int64_t kTraceBeforeNs = 10'000'000;
+constexpr std::int64_t kTraceAfterNs = 100'000;
 
 /// Command of --load; empty for none. Throws Refusal.
 std::vector<std::string> load_command(const std::string& load) {
@@ -54,14 +61,12 @@ std::vector<std::string> load_command(const std::string& load) {
 
 /// Starts to capture the edges of the line wired to the tick's probe; nullptr if none is configured. Throws if it
 /// cannot be read.
-std::unique_ptr<EdgeCapture> capture_loopback(double duration_s, const Settings& settings) {
+std::unique_ptr<EdgeCapture> capture_loopback(const Settings& settings, EdgeCapture::Take take) {
     if (!settings.probes.loopback) {
         return nullptr;
     }
-    constexpr double margin_s = 15.0;  // for the warm-up and the fade-out
-    const double edges = 2.0 * (duration_s + margin_s) / seconds(settings.loop.period_ns);
     return std::make_unique<EdgeCapture>(
-        open_edge_source(*settings.probes.loopback, settings.probes.loopback_edges), static_cast<std::size_t>(edges),
+        open_edge_source(*settings.probes.loopback, settings.probes.loopback_edges), std::move(take),
         [loop = settings.loop] { (void)prepare_side_thread(loop.priority, loop.cpu); });
 }
 
@@ -72,15 +77,19 @@ class Measuring final : public RunHooks {
 
     [[nodiscard]] TimingLog& log() override { return log_; }
     void on_ready(const RealtimeSetup& setup) override;
-    void on_poll(std::int64_t now_ns) override;
+    [[nodiscard]] bool on_poll(std::int64_t now_ns) override;
     [[nodiscard]] std::optional<double> segment_s() const override;
     [[nodiscard]] bool on_pause(const StopSignals& signals) override;
 
     /// Ends load and capture, and returns the report.
     [[nodiscard]] nlohmann::json report(const RunResult& result, const Instruments& instruments);
+    /// The kernel's trace around the tick that ended the run; empty if none did. After report().
+    [[nodiscard]] const std::string& trace() const noexcept { return trace_lines_; }
 
   private:
     void end_capture();
+    /// The tick that ended the run, explained; null if none did.
+    [[nodiscard]] nlohmann::json late_tick(const Instruments& instruments);
 
     const MeasureOptions& options_;
     const Settings& settings_;
@@ -88,19 +97,30 @@ class Measuring final : public RunHooks {
     std::unique_ptr<Cyclictest> cyclictest_;  // nullptr: not requested
     TimingLog log_;
     std::unique_ptr<KernelWatch> kernel_;
+    std::unique_ptr<KernelTrace> trace_;  // nullptr: not requested
+    bool traces_loop_ = false;            // the trace follows the loop's thread
+    std::string trace_lines_;
     int cpu_ = -1;
     std::unique_ptr<ScopedAffinity> off_loop_cpu_;  // keeps this thread off the loop's processor
     std::unique_ptr<ChildProcess> load_;
-    std::unique_ptr<EdgeCapture> capture_;  // nullptr: not requested
+    EdgeMeter edges_;
+    std::unique_ptr<EdgeCapture> capture_;  // feeds edges_; nullptr: not requested
     std::unique_ptr<LoopbackResult> loopback_;
     bool load_ended_ = false;  // the load terminated before the run did
     std::int64_t began_ns_ = 0;
 };
 
 Measuring::Measuring(const MeasureOptions& options, const Settings& settings)
-    : options_(options), settings_(settings), load_command_(load_command(options.load)) {
+    : options_(options),
+      settings_(settings),
+      load_command_(load_command(options.load)),
+      edges_({.period_ns = settings.loop.period_ns, .kind = settings.probes.loopback_edges}) {
     if (options.cyclictest) {
         cyclictest_ = std::make_unique<Cyclictest>();
+    }
+    if (options.break_above_us) {
+        log_.break_above(nanoseconds(*options.break_above_us * 1e-6));
+        trace_ = std::make_unique<KernelTrace>();
     }
 }
 
@@ -114,22 +134,34 @@ void Measuring::on_ready(const RealtimeSetup& setup) {
         load_ = std::make_unique<ChildProcess>(load_command_);
         spdlog::info("load: {}", command_text(load_command_));
     }
-    capture_ = capture_loopback(options_.duration_s, settings_);
+    capture_ = capture_loopback(settings_, [this](std::span<const Edge> edges) {
+        edges_.expect_deadline(log_.a_deadline_ns());
+        edges_.add(edges);
+    });
     // Only now, so that the load may also run on the loop's processor.
     off_loop_cpu_ = std::make_unique<ScopedAffinity>(cpu_, ScopedAffinity::Change::Exclude);
     began_ns_ = monotonic_now_ns();
     kernel_->restart(began_ns_);
 }
 
-void Measuring::on_poll(std::int64_t now_ns) {
+bool Measuring::on_poll(std::int64_t now_ns) {
     kernel_->poll(now_ns, log_);
-    if (!load_ || load_ended_) {
-        return;
-    }
-    if (const std::optional<int> status = load_->exit_status()) {
+    if (const std::optional<int> status = load_ && !load_ended_ ? load_->exit_status() : std::nullopt) {
         load_ended_ = true;
         spdlog::warn("the load ended early, with status {}: {}", *status, command_text(load_command_));
     }
+    if (!trace_) {
+        return true;
+    }
+    if (!traces_loop_ && log_.thread() != 0) {
+        trace_->follow(log_.thread());
+        traces_loop_ = true;
+    }
+    // Stop the trace before newer events push out those of the tick.
+    if (log_.broken() != nullptr) {
+        trace_->stop();
+    }
+    return log_.broken() == nullptr;
 }
 
 std::optional<double> Measuring::segment_s() const {
@@ -158,13 +190,24 @@ void Measuring::end_capture() {
     loopback_ = std::make_unique<LoopbackResult>();
     loopback_->line = lines.loopback->line + " of " + lines.loopback->chip;
     loopback_->kind = lines.loopback_edges;
-    loopback_->dropped = capture_->dropped();
     loopback_->problem = capture_->problem();
-    // Deadlines are start + k * period of one loop; a loop that was restarted has another phase, and no lateness.
-    const bool one_phase = log_.segments() == 1 && !log_.worst().empty();
-    loopback_->edges = edge_statistics(capture_->edges(), {.period_ns = settings_.loop.period_ns,
-                                                           .deadline_ns = one_phase ? log_.worst()[0].deadline_ns : -1,
-                                                           .kind = lines.loopback_edges});
+    loopback_->edges = edges_.statistics();
+}
+
+nlohmann::json Measuring::late_tick(const Instruments& instruments) {
+    const TimedTick* const tick = log_.broken();
+    if (tick == nullptr) {
+        return nullptr;
+    }
+    const std::int64_t end_ns = tick->deadline_ns + tick->lateness_ns();
+    trace_lines_ = trace_->lines(tick->deadline_ns - kTraceBeforeNs, end_ns + kTraceAfterNs);
+    const TracedTick traced{.thread = log_.thread(),
+                            .cpu = cpu_,
+                            .deadline_ns = tick->deadline_ns,
+                            .end_ns = end_ns,
+                            .usual_ns = instruments.wakeup.percentile_ns(0.5) + instruments.compute.percentile_ns(0.5),
+                            .page_faults = tick->usage.page_faults};
+    return late_tick_json(*tick, explain_trace(trace_lines_, traced));
 }
 
 nlohmann::json Measuring::report(const RunResult& result, const Instruments& instruments) {
@@ -183,6 +226,10 @@ nlohmann::json Measuring::report(const RunResult& result, const Instruments& ins
                                                  .cyclictest = cyclictest_ ? &cyclictest_->result() : nullptr,
                                                  .loopback = loopback_.get()});
     report["measure"]["load_ended_early"] = load_ended_;
+    if (trace_) {
+        report["measure"]["break_above_us"] = options_.break_above_us.value_or(0.0);
+        report["measure"]["break"] = late_tick(instruments);
+    }
     return report;
 }
 
@@ -232,6 +279,9 @@ int measure(const MeasureOptions& options) {
         }
         if (options.html) {
             results.write([&] { write_text(*options.html, measure_page(report, redraw_text(options))); });
+        }
+        if (options.trace && !measuring.trace().empty()) {
+            results.write([&] { write_text(*options.trace, measuring.trace()); });
         }
         std::fputs(measure_text(report).c_str(), stdout);
         return result.succeeded() ? kExitDone : kExitFaulted;

@@ -15,8 +15,10 @@ struct MeasureOptions {
     double duration_s = 60.0;   // of the loop
     std::string load = "none";  // or "stress-ng", with or without arguments
     bool cyclictest = false;
-    double alternate_s = 5.0;             // duration of each turn of the loop and of cyclictest
-    std::optional<std::string> loopback;  // like probes.loopback
+    double alternate_s = 5.0;                    // duration of each turn of the loop and of cyclictest
+    std::optional<std::string> loopback;         // like probes.loopback
+    std::optional<double> break_above_us;        // ends the run at the first tick that ends later, and explains it
+    std::optional<std::filesystem::path> trace;  // where the kernel's trace of that tick goes
     std::optional<std::filesystem::path> html;
     std::optional<std::filesystem::path> from;   // existing report to show instead of measuring
     std::vector<std::filesystem::path> compare;  // two existing reports to compare instead of measuring

@@ -89,7 +89,7 @@ struct StopSources {
 /// Supervises the loop until it ends: forwards stop requests, and calls `poll` meanwhile. Returns false if the loop
 /// hangs for longer than kHungWaitNs.
 bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_ns, StopReason& reason,
-               const std::function<void()>& poll) {
+               const std::function<bool()>& poll) {
     bool announced = false;
     bool stopping = false;
     std::int64_t hung_ns = 0;
@@ -132,7 +132,12 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_
             spdlog::info("running");
             announced = true;
         }
-        poll();
+        if (!poll() && !stopping) {
+            spdlog::info("stopping: late tick");
+            loop.request_stop();
+            reason = {"late tick", false};
+            stopping = true;
+        }
     }
     return true;
 }
@@ -392,7 +397,7 @@ bool Run::run_loop() {
     stop_ = StopReason{};
     loop_->start(options_.record ? &recorder_ : nullptr, hooks_ != nullptr ? &hooks_->log() : nullptr,
                  person_arms_ ? &person_ : nullptr);
-    hung_ = !supervise(*loop_, sources, until_ns, stop_, [this] { poll(); });
+    hung_ = !supervise(*loop_, sources, until_ns, stop_, [this] { return poll(); });
     if (hung_) {
         return false;
     }
@@ -402,7 +407,7 @@ bool Run::run_loop() {
     return true;
 }
 
-void Run::poll() {
+bool Run::poll() {
     const std::int64_t now_ns = monotonic_now_ns();
     if (record_) {
         record_->drain();
@@ -413,12 +418,10 @@ void Run::poll() {
             "80 % of the session's budget of energy or time is used; at 100 % the force fades and the run ends");
         budget_warned_ = true;
     }
-    if (hooks_ != nullptr) {
-        hooks_->on_poll(now_ns);
-    }
     if (progress_ && options_.duration_s) {
         progress_->show(seconds(now_ns - start_ns_ - paused_ns_) / *options_.duration_s);
     }
+    return hooks_ == nullptr || hooks_->on_poll(now_ns);
 }
 
 void Run::poll_arming() {

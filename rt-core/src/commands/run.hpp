@@ -52,8 +52,8 @@ class RunHooks {
     [[nodiscard]] virtual TimingLog& log() = 0;
     /// Called when everything is open and nothing moves yet. Throws to cancel the run.
     virtual void on_ready(const RealtimeSetup& setup) = 0;
-    /// Called every 20 ms while the loop runs.
-    virtual void on_poll(std::int64_t now_ns) = 0;
+    /// Called every 20 ms while the loop runs. Returns false to end the run.
+    [[nodiscard]] virtual bool on_poll(std::int64_t now_ns) = 0;
     /// Duration after which the loop ends, with motors at zero, for on_pause(); empty for a run without pauses.
     [[nodiscard]] virtual std::optional<double> segment_s() const = 0;
     /// Called between two segments, while no loop runs; does not count towards the run's duration. Returns false to end
@@ -88,8 +88,8 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     /// Runs one loop to its end; false if it hangs for good.
     [[nodiscard]] bool run_loop();
     /// Periodic work while the loop runs: writes the recording, collects the act of a person, calls the hooks, shows
-    /// how far the run is.
-    void poll();
+    /// how far the run is. Returns false to end the run.
+    [[nodiscard]] bool poll();
     /// Announces that a person must arm, and that one did.
     void poll_arming();
     /// Recovers a lost device or pauses, whichever is due; false if the run is to end.

@@ -129,24 +129,21 @@ nlohmann::json tick_json(const Measurement& m, const MedianTimes& usual, const T
     return result;
 }
 
-nlohmann::json worst_json(const Measurement& m, const MedianTimes& usual) {
+nlohmann::json ticks_json(const Measurement& m, const MedianTimes& usual, std::span<const TimedTick> ticks) {
     nlohmann::json list = nlohmann::json::array();
-    for (const TimedTick& tick : m.log->worst()) {
+    for (const TimedTick& tick : ticks) {
         list.push_back(tick_json(m, usual, tick));
     }
     return list;
 }
 
-/// Missed deadlines, and the causes of those late ticks that are among the explained ones.
-nlohmann::json overruns_json(const Measurement& m, const nlohmann::json& worst) {
+/// Missed deadlines, and the causes of the explained late ticks.
+nlohmann::json overruns_json(const Measurement& m, const nlohmann::json& late) {
     nlohmann::json causes = nlohmann::json::object();
-    std::uint64_t explained = 0;
-    for (const nlohmann::json& tick : worst) {
-        if (tick.at("missed").get<std::int64_t>() > 0) {
-            const std::string cause = tick.at("stage").get<std::string>() + ": " + tick.at("cause").get<std::string>();
-            causes[cause] = causes.value(cause, 0) + 1;
-            ++explained;
-        }
+    const std::size_t explained = late.size();
+    for (const nlohmann::json& tick : late) {
+        const std::string cause = tick.at("stage").get<std::string>() + ": " + tick.at("cause").get<std::string>();
+        causes[cause] = causes.value(cause, 0) + 1;
     }
     return {{"deadlines_missed", m.log->missed()},
             {"late_ticks", m.log->late_ticks()},
@@ -207,7 +204,6 @@ nlohmann::json loopback_json(const LoopbackResult& loopback, const ProbesUse& pr
                              {"ticks", probes.ticks},
                              {"driven_edges", probes.tick.edges},
                              {"lost", edges.lost},
-                             {"dropped", loopback.dropped},
                              {"long_periods", edges.long_periods},
                              {"problem", loopback.problem},
                              {"period_us", distribution_us(edges.period)},
@@ -241,13 +237,13 @@ nlohmann::json make_measure_report(const Measurement& m) {
     const MedianTimes usual = median_times(*m.instruments);
     nlohmann::json report = make_report(*m.result, *m.instruments);
     nlohmann::json latencies = latencies_json(m, usual);
-    nlohmann::json worst = worst_json(m, usual);
+    nlohmann::json late = ticks_json(m, usual, m.log->late());
     nlohmann::json& measure = report["measure"];
     measure = {{"version", kVersion},
                {"began", time_of_day(m.began_ns + m.real_minus_monotonic_ns)},
                {"period_s", seconds(m.period_ns)},
                {"load", m.load.empty() ? nlohmann::json() : nlohmann::json(m.load)},
-               {"overruns", overruns_json(m, worst)},
+               {"overruns", overruns_json(m, late)},
                {"kernel", kernel_json(*m.kernel)},
                {"course",
                 {{"wakeup", history_json(m.log->wakeup(), m.began_ns)},
@@ -256,8 +252,28 @@ nlohmann::json make_measure_report(const Measurement& m) {
         m.cyclictest == nullptr ? nlohmann::json() : cyclictest_json(*m.cyclictest, latencies.at("wakeup"));
     measure["loopback"] = m.loopback == nullptr ? nlohmann::json() : loopback_json(*m.loopback, m.result->probes);
     measure["latency_us"] = std::move(latencies);
-    measure["worst_ticks"] = std::move(worst);
+    measure["worst_ticks"] = ticks_json(m, usual, m.log->worst());
+    measure["late_ticks"] = std::move(late);
     return report;
+}
+
+nlohmann::json late_tick_json(const TimedTick& tick, const TraceExplanation& explanation) {
+    constexpr std::array<const char*, 3> states = {"asleep", "ready", "running"};
+    nlohmann::json parts = nlohmann::json::array();
+    for (const TracePart& part : explanation.parts) {
+        parts.push_back({{"from_us", us(part.begin_ns - tick.deadline_ns)},
+                         {"to_us", us(part.end_ns - tick.deadline_ns)},
+                         {"state", states[static_cast<std::size_t>(part.state)]},
+                         {"cpu", part.cpu},
+                         {"by", part.by}});
+    }
+    return {{"tick", tick.number},
+            {"late_us", us(tick.lateness_ns())},
+            {"cause", name_of(explanation.cause)},
+            {"lost_us", us(explanation.lost_ns)},
+            {"thread", explanation.thread},
+            {"why", explanation.why},
+            {"parts", std::move(parts)}};
 }
 
 void require_measurement(const nlohmann::json& report, const std::string& origin) {

@@ -12,6 +12,7 @@
 #include "haptic/histogram.hpp"
 #include "measure/kernel_watch.hpp"
 #include "measure/run_report.hpp"
+#include "measure/trace_explanation.hpp"
 #include "process/timing_log.hpp"
 #include "tick/instruments.hpp"
 
@@ -29,8 +30,7 @@ struct LoopbackResult {
     std::string line;  // "6 of pl061"
     EdgeStatistics edges;
     EdgeKind kind = EdgeKind::Rising;
-    std::uint64_t dropped = 0;  // edges lost because the buffer was full
-    std::string problem;        // why the capture ended early; empty if it did not
+    std::string problem;  // why the capture ended early; empty if it did not
 };
 
 /// Inputs of the report. The referenced objects must live until the report is made.
@@ -70,6 +70,10 @@ inline constexpr std::array<Percentile, 5> kPercentiles = {{{"p50", "p50", 0.5},
 
 /// The report of a run (make_report()) with the key `measure` added.
 [[nodiscard]] nlohmann::json make_measure_report(const Measurement& measurement);
+
+/// The tick that ended a run with --break-above: its number, lateness, cause, and what the thread did from deadline to
+/// end, us after the deadline.
+[[nodiscard]] nlohmann::json late_tick_json(const TimedTick& tick, const TraceExplanation& explanation);
 
 /// Header of a text table: "us" in 24 characters, then each percentile and "max" in ten.
 [[nodiscard]] std::string percentile_header();

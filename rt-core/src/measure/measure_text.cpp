@@ -98,8 +98,7 @@ std::string heading(const nlohmann::json& report) {
 std::string loopback_lines(const nlohmann::json& loopback) {
     std::string text = "measured from outside, line " + loopback.at("line").get<std::string>() + ": " +
                        std::to_string(loopback.at("rising").get<std::uint64_t>()) + " rising edges of " +
-                       std::to_string(loopback.at("ticks").get<std::uint64_t>()) + " ticks, " +
-                       std::to_string(loopback.at("dropped").get<std::uint64_t>()) + " dropped\n";
+                       std::to_string(loopback.at("ticks").get<std::uint64_t>()) + " ticks\n";
     text += row("period, outside", loopback.at("period_us"));
     if (loopback.at("lateness_us").at("count").get<std::uint64_t>() > 0) {
         text += row("lateness, outside", loopback.at("lateness_us"));
@@ -113,6 +112,30 @@ std::string loopback_lines(const nlohmann::json& loopback) {
     return text;
 }
 
+/// The tick that ended the run, and what its thread did from the deadline on.
+std::string break_lines(const nlohmann::json& measure) {
+    std::array<char, 256> text{};
+    const nlohmann::json& tick = measure.at("break");
+    if (tick.is_null()) {
+        std::snprintf(text.data(), text.size(), "no tick ended more than %.0f us after its deadline\n",
+                      measure.at("break_above_us").get<double>());
+        return text.data();
+    }
+    std::snprintf(text.data(), text.size(), "tick %llu ended the run, %.0f us after its deadline; cause: %s, ",
+                  tick.at("tick").get<unsigned long long>(), tick.at("late_us").get<double>(),
+                  tick.at("cause").get<std::string>().c_str());
+    std::string lines = std::string(text.data()) + tick.at("why").get<std::string>() + "\n";
+    lines += "  us after the deadline, as the kernel traced it:\n";
+    for (const nlohmann::json& part : tick.at("parts")) {
+        std::snprintf(text.data(), text.size(), "  %8.0f to %8.0f  %-8s on processor %d  %s\n",
+                      part.at("from_us").get<double>(), part.at("to_us").get<double>(),
+                      part.at("state").get<std::string>().c_str(), part.at("cpu").get<int>(),
+                      part.at("by").get<std::string>().c_str());
+        lines += text.data();
+    }
+    return lines;
+}
+
 std::string overrun_line(const nlohmann::json& overruns) {
     const auto missed = overruns.at("deadlines_missed").get<std::uint64_t>();
     std::string line = std::to_string(missed) + (missed == 1 ? " deadline missed" : " deadlines missed");
@@ -124,8 +147,8 @@ std::string overrun_line(const nlohmann::json& overruns) {
         for (const auto& [cause, count] : overruns.at("causes").items()) {
             causes += (causes.empty() ? "" : ", ") + std::to_string(count.get<int>()) + " " + cause;
         }
-        // Only the latest ticks are explained.
-        line += " (" + (explained < late ? "of the latest " + std::to_string(explained) + ": " : std::string()) +
+        // Only so many are explained.
+        line += " (" + (explained < late ? "of the first " + std::to_string(explained) + ": " : std::string()) +
                 causes + ")";
     }
     return line;
@@ -166,6 +189,9 @@ std::string measure_text(const nlohmann::json& report) {
     const nlohmann::json& worst = measure.at("worst_ticks");
     for (std::size_t i = 0; i < std::min(worst.size(), kShownTicks); ++i) {
         text += tick_lines(worst.at(i));
+    }
+    if (measure.contains("break")) {
+        text += break_lines(measure);
     }
     for (const nlohmann::json& fault : report.at("safety").at("faults")) {
         text += fault == "stop" ? "" : "FAULT: " + fault.get<std::string>() + "\n";

@@ -49,6 +49,8 @@ void PeakHistory::merge_pairs() HAPTIC_RT {
 }
 
 void TimingLog::attach() {
+    thread_.store(gettid(), std::memory_order_relaxed);
+    deadline_ns_.store(-1, std::memory_order_relaxed);
     if (schedstat_fd_ >= 0) {
         close(schedstat_fd_);
     }
@@ -97,11 +99,15 @@ void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int
     tick.waited_ns = waited_ns >= 0 && waited_ns_ >= 0 ? waited_ns - waited_ns_ : -1;
     waited_ns_ = waited_ns;
 
+    deadline_ns_.store(tick.deadline_ns, std::memory_order_relaxed);
     // Totals and peak histories; then an event if the tick is one to explain.
-    late_ticks_ += missed > 0 ? 1u : 0u;
     missed_ += static_cast<std::uint64_t>(std::max<std::int64_t>(missed, 0));
     wakeup_.add(tick.now_ns, tick.wakeup_ns());
     compute_.add(tick.now_ns, tick.compute_ns);
+    if (break_ns_ >= 0 && tick.lateness_ns() > break_ns_ && !is_broken_.load(std::memory_order_relaxed)) {
+        broken_ = tick;
+        is_broken_.store(true, std::memory_order_release);
+    }
     if (keep(tick)) {
         if (std::int64_t* const event = events_.claim(); event != nullptr) {
             *event = tick.now_ns;
@@ -112,6 +118,13 @@ void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int
 
 bool TimingLog::keep(const TimedTick& tick) HAPTIC_RT {
     bool kept = false;
+    if (tick.missed > 0) {
+        if (late_ticks_ < kLate) {
+            late_[late_ticks_] = tick;
+            kept = true;
+        }
+        ++late_ticks_;
+    }
     // Largest value of each latency.
     for (std::size_t i = 0; i < kLatencies; ++i) {
         const auto latency = static_cast<Latency>(i);

@@ -5,13 +5,11 @@
 #include <pthread.h>
 
 #include <atomic>
-#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "haptic/gpio.hpp"
 #include "haptic/histogram.hpp"
@@ -20,10 +18,13 @@ namespace haptic {
 
 class EdgeCapture {
   public:
-    /// Starts immediately. `capacity`: number of edges for which memory is allocated and touched now; a 1 kHz loop
-    /// makes 1000 or 2000 per second, 16 bytes each. `prepare` is called first in the thread, to set its priority and
-    /// CPU; it may be empty. Throws std::system_error if the thread cannot be created.
-    EdgeCapture(std::unique_ptr<EdgeSource> line, std::size_t capacity, std::function<void()> prepare = {});
+    /// Takes edges in the order in which they came, in the thread. Nothing is kept here, so a capture may last for
+    /// days.
+    using Take = std::function<void(std::span<const Edge>)>;
+
+    /// Starts immediately. `prepare` is called first in the thread, to set its priority and CPU; it may be empty.
+    /// Throws std::system_error if the thread cannot be created.
+    EdgeCapture(std::unique_ptr<EdgeSource> line, Take take, std::function<void()> prepare = {});
     EdgeCapture(const EdgeCapture&) = delete;
     EdgeCapture& operator=(const EdgeCapture&) = delete;
     ~EdgeCapture();
@@ -31,23 +32,16 @@ class EdgeCapture {
     /// Reads the edges that the kernel still holds and ends the thread. Idempotent.
     void stop();
 
-    // Valid after stop():
-    [[nodiscard]] std::span<const Edge> edges() const noexcept { return {edges_.data(), count_}; }
-    /// Edges beyond the capacity.
-    [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
-    /// Error that ended the reading early; empty if none.
+    /// Error that ended the reading early; empty if none. Valid after stop().
     [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
   private:
     static void* thread_entry(void* self);
     void capture();
-    void keep(std::span<const Edge> edges);
 
     std::unique_ptr<EdgeSource> line_;
+    Take take_;
     std::function<void()> prepare_;
-    std::vector<Edge> edges_;
-    std::size_t count_ = 0;
-    std::uint64_t dropped_ = 0;
     std::string problem_;
     std::atomic<bool> ending_{false};
     pthread_t thread_{};
@@ -75,9 +69,27 @@ struct EdgeStatistics {
     std::int64_t longest_at_ns = 0;  // end of the longest period
 };
 
-/// `edges` in order of capture. Periods and high times that span a detectably lost edge are excluded. An edge whose
-/// loss is not detectable looks like a missed deadline; compare with Probe::edges(), the number of edges made. The
-/// result has 90 kB, because of its histograms.
-[[nodiscard]] EdgeStatistics edge_statistics(std::span<const Edge> edges, const EdgeExpectation& expected);
+/// Makes statistics of edges while they come. Periods and high times that span a detectably lost edge are excluded. An
+/// edge whose loss is not detectable looks like a missed deadline; compare with Probe::edges(), the number of edges
+/// made. Has 90 kB, because of its histograms.
+class EdgeMeter {
+  public:
+    explicit EdgeMeter(const EdgeExpectation& expected) : expected_(expected) {}
+    /// Adds edges in order of capture.
+    void add(std::span<const Edge> edges);
+    /// One of the loop's deadlines from here on, as a loop that was started anew has others; -1: unknown.
+    void expect_deadline(std::int64_t deadline_ns) noexcept { expected_.deadline_ns = deadline_ns; }
+    [[nodiscard]] const EdgeStatistics& statistics() const noexcept { return statistics_; }
+
+  private:
+    void take_rise(std::int64_t time_ns);
+    void take_fall(std::int64_t time_ns);
+
+    EdgeExpectation expected_;
+    EdgeStatistics statistics_;
+    std::int64_t rise_ns_ = -1;  // the last rising edge, if measurements may start from it; -1: none
+    bool fallen_ = false;        // its falling edge was seen
+    bool was_rising_ = false;    // the last edge
+};
 
 }  // namespace haptic

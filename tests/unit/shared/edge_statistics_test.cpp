@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <iterator>
 #include <random>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -33,6 +34,15 @@ Loop loop_of(int ticks, unsigned seed) {
         loop.edges.push_back({rise_ns + loop.work_ns.back(), false});
     }
     return loop;
+}
+
+/// Of edges that come a few at a time.
+EdgeStatistics edge_statistics(std::span<const Edge> edges, const EdgeExpectation& expected) {
+    EdgeMeter meter(expected);
+    for (std::size_t at = 0; at < edges.size(); at += 7) {
+        meter.add(edges.subspan(at, std::min<std::size_t>(7, edges.size() - at)));
+    }
+    return meter.statistics();
 }
 
 TEST(EdgeStatistics, AreThoseOfTheLoopThatMadeTheEdges) {
@@ -72,6 +82,18 @@ TEST(EdgeStatistics, CountLatenessFromTheDeadlineBeforeAlsoOfEdgesBeforeTheKnown
     const std::vector<Edge> edges = {{kStartNs - 10 * kPeriodNs + 250, true}};
     const EdgeStatistics found = edge_statistics(edges, {.period_ns = kPeriodNs, .deadline_ns = kStartNs});
     EXPECT_EQ(found.lateness.max_ns(), 250);
+}
+
+TEST(EdgeStatistics, FollowALoopThatIsStartedAnew) {
+    EdgeMeter meter({.period_ns = kPeriodNs});
+    meter.add(std::vector<Edge>{{kStartNs + 100, true}});
+    EXPECT_EQ(meter.statistics().lateness.count(), 0U);
+    for (const std::int64_t deadline_ns : {kStartNs, kStartNs + 10 * kPeriodNs + 333'333}) {
+        meter.expect_deadline(deadline_ns);
+        meter.add(std::vector<Edge>{{deadline_ns + 5 * kPeriodNs + 250, true}});
+    }
+    EXPECT_EQ(meter.statistics().lateness.count(), 2U);
+    EXPECT_EQ(meter.statistics().lateness.max_ns(), 250);
 }
 
 TEST(EdgeStatistics, LeaveOutWhatALostEdgeMadeLonger) {

@@ -101,6 +101,30 @@ TEST(TimingLog, PassesEventsOfKeptTicksToAnotherThread) {
     EXPECT_FALSE(log->take_event(at_ns)) << "the others are neither later nor longer than those kept before";
 }
 
+TEST(TimingLog, KeepsEachTickThatMissesADeadlineUntilItIsFull) {
+    const auto log = std::make_unique<TimingLog>();
+    const std::size_t late = TimingLog::kLate + 10;
+    for (std::uint64_t i = 1; i <= 2 * late; ++i) {
+        log->add(tick_of(i, 20'000, 30'000), {}, i % 2 == 0 ? 1 : 0);
+    }
+    EXPECT_EQ(log->late_ticks(), late);
+    ASSERT_EQ(log->late().size(), TimingLog::kLate);
+    EXPECT_EQ(log->late().front().number, 2U);
+    EXPECT_EQ(log->late().back().number, 2 * TimingLog::kLate);
+}
+
+TEST(TimingLog, KeepsTheFirstTickAboveALimit) {
+    const auto log = std::make_unique<TimingLog>();
+    log->break_above(60'000);
+    log->add(tick_of(1, 20'000, 30'000), {}, 0);
+    EXPECT_EQ(log->broken(), nullptr);
+    log->add(tick_of(2, 20'000, 41'000), {}, 0);
+    log->add(tick_of(3, 20'000, 90'000), {}, 0);
+    ASSERT_NE(log->broken(), nullptr);
+    EXPECT_EQ(log->broken()->number, 2U);
+    EXPECT_EQ(log->broken()->lateness_ns(), 61'000);
+}
+
 TEST(PeakHistory, KeepsThePeakOfEachBinForRunsOfAnyLength) {
     std::mt19937 random(2);
     std::uniform_int_distribution<std::int64_t> duration(0, 100'000);
