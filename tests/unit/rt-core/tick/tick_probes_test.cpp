@@ -171,8 +171,9 @@ TEST_F(ProbedTick, EdgesShowTheTimingOfTheLoop) {
         tick_wire->time_ns = rig.now_ns + 20'000 + (i % 7) * 1000;
         rig.step();
     }
-    const EdgeStatistics seen =
-        edge_statistics(tick_wire->edges(), {.period_ns = rig.settings.period_ns, .deadline_ns = deadline_ns});
+    EdgeMeter meter({.period_ns = rig.settings.period_ns, .deadline_ns = deadline_ns});
+    meter.add(tick_wire->edges());
+    const EdgeStatistics& seen = meter.statistics();
     EXPECT_EQ(seen.rising, 500u);
     EXPECT_EQ(seen.lost, 0u);
     EXPECT_EQ(seen.long_periods, 1u);
