@@ -92,6 +92,11 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_
                const std::function<bool()>& poll) {
     bool announced = false;
     bool stopping = false;
+    const auto stop = [&](StopReason why) {
+        loop.request_stop();
+        reason = why;
+        stopping = true;
+    };
     std::int64_t hung_ns = 0;
     SupervisorCheck supervisors(sources.supervision, std::nullopt);
     const SupervisionPage& page = *sources.supervision.page;
@@ -108,9 +113,7 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_
         supervisors.check(monotonic_now_ns());
         if (page.has_lost() && !stopping) {
             spdlog::error("stopping: lost a supervisor of the loop: {}", supervisor_names(page.lost.load()));
-            loop.request_stop();
-            reason = {"supervision", false};
-            stopping = true;
+            stop({"supervision", false});
         }
         // Stop requests: a signal, the end of the duration or an observer; then the stop line.
         const int signal = sources.signals.wait(StopSignals::kPollNs);
@@ -118,15 +121,11 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_
         if ((signal != 0 || over) && !stopping) {
             // The tick fades out; the loop ends when it is disarmed.
             spdlog::info("stopping: {}", signal != 0 ? "signal received" : "end of the run");
-            loop.request_stop();
-            reason = {signal != 0 ? "signal" : "duration", signal != 0};
-            stopping = true;
+            stop({signal != 0 ? "signal" : "duration", signal != 0});
         }
         if (sources.stop_monitor != nullptr && sources.stop_monitor->stopped() && !stopping) {
             spdlog::warn("stopping: {}", sources.stop_monitor->reason());
-            loop.request_stop();  // ends a loop that still awaits a person, too
-            reason = {"line", true};
-            stopping = true;
+            stop({"line", true});  // ends a loop that still awaits a person, too
         }
         if (!announced && loop.safety_state() == SafetyState::Running) {
             spdlog::info("running");
@@ -134,9 +133,7 @@ bool supervise(RealtimeLoop& loop, const StopSources& sources, std::int64_t end_
         }
         if (!poll() && !stopping) {
             spdlog::info("stopping: late tick");
-            loop.request_stop();
-            reason = {"late tick", false};
-            stopping = true;
+            stop({"late tick", false});
         }
     }
     return true;

@@ -2,7 +2,7 @@
 
 #include <unistd.h>
 
-#include <cerrno>
+#include <charconv>
 #include <fstream>
 #include <stdexcept>
 #include <system_error>
@@ -24,22 +24,23 @@ bool put(const std::filesystem::path& file, const std::string& value) {
 
 /// Nanoseconds of "30833.157886" at a place of a text; -1 if there is no such number.
 std::int64_t seconds_at(const std::string& text, std::size_t at) {
-    std::size_t end = 0;
-    try {
-        const long long whole = std::stoll(text.substr(at), &end);
-        if (at + end >= text.size() || text[at + end] != '.') {
-            return -1;
-        }
-        std::size_t digits = 0;
-        const std::string part = text.substr(at + end + 1);
-        long long micro = std::stoll(part, &digits);
-        for (; digits < 9; ++digits) {
-            micro *= 10;
-        }
-        return digits > 9 ? -1 : whole * kNanosecondsPerSecond + micro;
-    } catch (const std::logic_error&) {  // no number, or one that is too large
+    const char* const end = text.data() + text.size();
+    std::int64_t whole = 0;
+    const auto [dot, whole_error] = std::from_chars(text.data() + at, end, whole);
+    if (whole_error != std::errc{} || dot == end || *dot != '.') {
         return -1;
     }
+    std::int64_t part_ns = 0;
+    const auto [rest, part_error] = std::from_chars(dot + 1, end, part_ns);
+    constexpr std::ptrdiff_t nano_digits = 9;
+    const std::ptrdiff_t digits = rest - (dot + 1);
+    if (part_error != std::errc{} || digits > nano_digits) {
+        return -1;
+    }
+    for (std::ptrdiff_t k = digits; k < nano_digits; ++k) {
+        part_ns *= 10;
+    }
+    return whole * kNanosecondsPerSecond + part_ns;
 }
 
 }  // namespace

@@ -56,9 +56,9 @@ int number_in(const std::string& text) {
     return value;
 }
 
-/// "comm-pid" at the beginning of a line.
-Thread running_of(const std::string& line) {
-    std::string who = line.substr(0, processor_in(line));
+/// "comm-pid" before the processor of a line.
+Thread running_of(const std::string& line, std::size_t processor) {
+    std::string who = line.substr(0, processor);
     who.erase(0, who.find_first_not_of(' '));
     who.erase(who.find_last_not_of(' ') + 1);
     const std::size_t dash = who.rfind('-');
@@ -76,7 +76,7 @@ std::optional<Event> event_of(const std::string& line) {
     const std::string flags = line.substr(line.find_first_not_of(' ', processor + kProcessorLength), 3);
     event.cpu = number_in(line.substr(processor + 1));
     event.in_interrupt = flags.size() == 3 && (flags[2] == 'h' || flags[2] == 'H');
-    event.by = running_of(line);
+    event.by = running_of(line, processor);
     if (line.find(": sched_switch: ") != line.npos) {
         event.kind = Event::Kind::Switch;
         event.first = {number_in(between(line, " prev_pid=", " ")), between(line, " prev_comm=", " prev_pid="),
@@ -103,7 +103,7 @@ std::optional<Event> event_of(const std::string& line) {
     return event;
 }
 
-/// Time by thread or interrupt, ns.
+/// Time by thread, ns.
 class Shares {
   public:
     void add(const Thread& thread, std::int64_t duration_ns) {
@@ -194,7 +194,7 @@ struct Followed {
     bool in_lock = false;             // asleep: it waits for a lock
     std::optional<Event> waking{};    // asleep: what ended it
     std::int64_t interrupted_ns = 0;  // running: by interrupts
-    Thread interrupt{};               // the one that took the most
+    std::string interrupt{};          // the last of them
 };
 
 /// Follows a thread from `begin_ns` to `end_ns`.
@@ -261,7 +261,7 @@ std::vector<Followed> follow(const Trace& trace, int thread, std::int64_t begin_
             interrupt_ns = -1;
             if (state == State::Running && took_ns > 0 && !parts.empty()) {
                 parts.back().interrupted_ns += took_ns;
-                parts.back().interrupt = {0, interrupt, 0};
+                parts.back().interrupt = interrupt;
             }
         }
         if (event.at_ns > end_ns) {
@@ -295,9 +295,14 @@ std::string described(const Thread& thread) {
 struct Finding {
     TraceCause cause = TraceCause::Unseen;
     std::int64_t lost_ns = 0;
-    Thread thread;
+    std::string thread;  // or interrupt; empty: none
     std::string why;
 };
+
+/// As a finding names it.
+std::string named(const Thread& thread) {
+    return thread.number < 0 ? std::string() : thread.label();
+}
 
 bool anybody(const Thread& /*thread*/) {
     return true;
@@ -307,7 +312,7 @@ bool anybody(const Thread& /*thread*/) {
 Finding of_late_timer(const Followed& slept) {
     const auto [held_ns, holder] = slept.meanwhile.sum(anybody);
     const std::int64_t lost_ns = slept.part.end_ns - slept.part.begin_ns;
-    return {TraceCause::LateTimer, lost_ns, holder.is_idle() ? Thread{} : holder,
+    return {TraceCause::LateTimer, lost_ns, holder.is_idle() ? std::string() : named(holder),
             "the timer interrupt that wakes the loop came " + time_text(lost_ns) + " late, while its processor ran " +
                 described(holder)};
 }
@@ -316,7 +321,9 @@ Finding of_late_timer(const Followed& slept) {
 Finding of_sleep(const Trace& trace, const Followed& slept, int loop_priority) {
     const std::int64_t lost_ns = slept.part.end_ns - slept.part.begin_ns;
     if (!slept.waking || slept.waking->in_interrupt) {
-        return {TraceCause::Device, lost_ns, Thread{},
+        return {TraceCause::Device,
+                lost_ns,
+                {},
                 "the loop slept for " + time_text(lost_ns) + " in its tick, until an interrupt woke it"};
     }
     // What kept the thread that woke it, in the same time.
@@ -334,11 +341,11 @@ Finding of_sleep(const Trace& trace, const Followed& slept, int loop_priority) {
                                                  " for its processor, used by " + described(holder)
                                            : std::string();
     if (slept.in_lock && waker.priority > loop_priority) {
-        return {TraceCause::PriorityInversion, lost_ns, waker,
+        return {TraceCause::PriorityInversion, lost_ns, named(waker),
                 "the loop waited " + time_text(lost_ns) + " for a lock of " + described(waker) + kept};
     }
     return {
-        2 * waited_ns > lost_ns ? TraceCause::LateWaker : TraceCause::Device, lost_ns, waker,
+        2 * waited_ns > lost_ns ? TraceCause::LateWaker : TraceCause::Device, lost_ns, named(waker),
         "the loop slept for " + time_text(lost_ns) + " in its tick, until it was woken by " + described(waker) + kept};
 }
 
@@ -346,36 +353,42 @@ Finding of_sleep(const Trace& trace, const Followed& slept, int loop_priority) {
 void add_waits(const Shares& instead, int loop_priority, std::vector<Finding>& findings) {
     const auto [urgent_ns, urgent] =
         instead.sum([&](const Thread& t) { return !t.is_idle() && t.priority <= loop_priority; });
-    findings.push_back({TraceCause::HigherPriority, urgent_ns, urgent,
+    findings.push_back({TraceCause::HigherPriority, urgent_ns, named(urgent),
                         described(urgent) + ", which is at least as urgent as the loop, used its processor; " +
                             time_text(urgent_ns) + " in all"});
     const auto [kept_ns, kept] =
         instead.sum([&](const Thread& t) { return !t.is_idle() && t.priority > loop_priority; });
-    findings.push_back({TraceCause::KernelSection, kept_ns, kept,
+    findings.push_back({TraceCause::KernelSection, kept_ns, named(kept),
                         described(kept) +
                             " kept the processor although the loop was ready and more urgent: the "
                             "kernel did not preempt it; " +
                             time_text(kept_ns) + " in all"});
     const auto [idle_ns, idle] = instead.sum([](const Thread& t) { return t.is_idle(); });
     findings.push_back(
-        {TraceCause::LateTimer, idle_ns, Thread{},
+        {TraceCause::LateTimer,
+         idle_ns,
+         {},
          "the loop was ready, and its processor took " + time_text(idle_ns) + " to leave its idle state"});
 }
 
 /// It ran, longer than usual.
 Finding of_running(const TracedTick& tick, std::int64_t running_ns, std::int64_t interrupted_ns,
-                   const Thread& interrupt) {
+                   const std::string& interrupt) {
     const std::int64_t lost_ns = std::max<std::int64_t>(0, running_ns - tick.usual_ns);
     if (tick.page_faults > 0) {
-        return {TraceCause::PageFault, lost_ns, Thread{},
+        return {TraceCause::PageFault,
+                lost_ns,
+                {},
                 std::to_string(tick.page_faults) + (tick.page_faults == 1 ? " page fault" : " page faults") +
                     " in the tick: memory of the loop was not there"};
     }
     if (2 * interrupted_ns > lost_ns && lost_ns > 0) {
         return {TraceCause::Interrupts, lost_ns, interrupt,
-                "interrupts took " + time_text(interrupted_ns) + " of the tick, the last of them " + interrupt.name};
+                "interrupts took " + time_text(interrupted_ns) + " of the tick, the last of them " + interrupt};
     }
-    return {TraceCause::Unseen, lost_ns, Thread{},
+    return {TraceCause::Unseen,
+            lost_ns,
+            {},
             "the loop had its processor for " + time_text(running_ns) +
                 "; the trace has nothing that took the time: computation, firmware, a hypervisor, or cold caches"};
 }
@@ -411,7 +424,7 @@ TraceExplanation explain_trace(const std::string& lines, const TracedTick& tick)
     std::int64_t running_ns = 0;
     std::int64_t elsewhere_ns = 0;
     std::int64_t interrupted_ns = 0;
-    Thread interrupt;
+    std::string interrupt;
     bool has_run = false;
     for (const Followed& one : follow(trace, tick.thread, tick.deadline_ns, tick.end_ns)) {
         const std::int64_t took_ns = one.part.end_ns - one.part.begin_ns;
@@ -436,9 +449,7 @@ TraceExplanation explain_trace(const std::string& lines, const TracedTick& tick)
     }
     result.cause = worst->cause;
     result.lost_ns = worst->lost_ns;
-    result.thread = worst->thread.number < 0                 ? ""
-                    : worst->cause == TraceCause::Interrupts ? worst->thread.name
-                                                             : worst->thread.label();
+    result.thread = worst->thread;
     result.why = worst->why;
     // A loop on the wrong processor is a defect by itself, whatever made it late there.
     if (elsewhere_ns > 0) {

@@ -62,7 +62,7 @@ class Machine {
     /// Threads of all processes and of the kernel that are visible to this process, by id. A thread that ends meanwhile
     /// is left out.
     [[nodiscard]] std::vector<Thread> threads() const;
-    /// True if the threads of the kernel are visible. They are root's, so that whoever sees them sees all processes:
+    /// True if the threads of the kernel are visible. They are root's, so a process that sees them sees all processes:
     /// proc(5), hidepid, hides what this process may not trace, and a PID namespace whatever is outside it.
     [[nodiscard]] bool shows_every_process() const;
     void wait() const { wait_(); }

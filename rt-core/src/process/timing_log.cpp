@@ -72,7 +72,6 @@ std::int64_t TimingLog::total_wait_ns() const HAPTIC_RT {
 }
 
 void TimingLog::begin() HAPTIC_RT {
-    ++segments_;
     usage_ = thread_usage();
     waited_ns_ = total_wait_ns();
 }

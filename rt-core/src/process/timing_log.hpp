@@ -85,8 +85,6 @@ class TimingLog {
     [[nodiscard]] const TimedTick& largest(Latency latency) const noexcept {
         return largest_[static_cast<std::size_t>(latency)];
     }
-    /// Number of times a loop was started.
-    [[nodiscard]] int segments() const noexcept { return segments_; }
     /// Ticks by whose end another deadline had passed, and the number of those deadlines.
     [[nodiscard]] std::uint64_t late_ticks() const noexcept { return late_ticks_; }
     [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }
@@ -116,7 +114,6 @@ class TimingLog {
     std::size_t worst_count_ = 0;
     std::array<TimedTick, kLate> late_{};
     std::array<TimedTick, kLatencies> largest_{};
-    int segments_ = 0;
     std::uint64_t late_ticks_ = 0;
     std::uint64_t missed_ = 0;
     PeakHistory wakeup_;

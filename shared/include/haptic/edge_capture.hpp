@@ -77,7 +77,7 @@ class EdgeMeter {
     explicit EdgeMeter(const EdgeExpectation& expected) : expected_(expected) {}
     /// Adds edges in order of capture.
     void add(std::span<const Edge> edges);
-    /// One of the loop's deadlines from here on, as a loop that was started anew has others; -1: unknown.
+    /// One of the loop's deadlines from here on, as a loop that was started again has others; -1: unknown.
     void expect_deadline(std::int64_t deadline_ns) noexcept { expected_.deadline_ns = deadline_ns; }
     [[nodiscard]] const EdgeStatistics& statistics() const noexcept { return statistics_; }
 

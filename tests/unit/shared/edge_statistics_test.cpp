@@ -84,7 +84,7 @@ TEST(EdgeStatistics, CountLatenessFromTheDeadlineBeforeAlsoOfEdgesBeforeTheKnown
     EXPECT_EQ(found.lateness.max_ns(), 250);
 }
 
-TEST(EdgeStatistics, FollowALoopThatIsStartedAnew) {
+TEST(EdgeStatistics, FollowALoopThatIsStartedAgain) {
     EdgeMeter meter({.period_ns = kPeriodNs});
     meter.add(std::vector<Edge>{{kStartNs + 100, true}});
     EXPECT_EQ(meter.statistics().lateness.count(), 0U);
