@@ -115,7 +115,7 @@ TEST(MeasurePage, ShowsThePeerToolsBesideTheLoop) {
                                                           : &osnoise});
     }
     const std::string page = measure_page(report_of(100, "a device", peers), kRedraw);
-    EXPECT_THAT(page, AllOf(HasSubstr("<td>timerlat&#39;s wake-up</td>"), HasSubstr("<td>timerlat / cyclictest</td>"),
+    EXPECT_THAT(page, AllOf(HasSubstr("<td>timerlat's wake-up</td>"), HasSubstr("<td>timerlat / cyclictest</td>"),
                             HasSubstr("osnoise was not run: &lt;install&gt; it")));
     if (!has_gnuplot()) {
         GTEST_SKIP() << "there is no gnuplot: package gnuplot-nox";
