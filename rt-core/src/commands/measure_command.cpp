@@ -226,6 +226,7 @@ nlohmann::json Measuring::report(const RunResult& result, const Instruments& ins
     load_.reset();
     end_capture();
     std::vector<MeasuredPeer> peers;
+    peers.reserve(peers_.size());
     for (const auto& peer : peers_) {
         peers.push_back({.tool = &peer->tool(), .result = &peer->result()});
     }

@@ -87,12 +87,14 @@ std::vector<PeerChoice> chosen_peers(const std::vector<std::string>& names) {
         if (named(tool.name) || named("all")) {
             chosen.push_back({.tool = &tool, .by_name = named(tool.name)});
         }
-        known += ", " + std::string(tool.name);
+        known.append(", ").append(tool.name);
     }
     for (const std::string& name : names) {
         if (name != "all" && std::none_of(chosen.begin(), chosen.end(),
                                           [&](const PeerChoice& choice) { return choice.tool->name == name; })) {
-            throw Refusal("--peers " + name + ": is no tool that can be run beside the loop; the choices are " + known);
+            std::string problem = "--peers " + name;
+            throw Refusal(
+                problem.append(": is no tool that can be run beside the loop; the choices are ").append(known));
         }
     }
     return chosen;

@@ -278,7 +278,9 @@ PlotCommands time_plot(const json& course) {
     }
     plot.set(std::string("set xlabel 'time, ") + unit.name + "'\nset ylabel 'us'");
     plot.set("set xrange [0:" + plot_number(until_s / unit.seconds) + "]");
-    plot.log_axis("y", wide_enough(std::min(min_us, max_us), max_us));
+    // Room for a steady line at either end.
+    constexpr double margin = 1.1;
+    plot.log_axis("y", wide_enough(std::min(min_us, max_us) / margin, max_us * margin));
     return plot;
 }
 
