@@ -268,7 +268,8 @@ nlohmann::json probes_json(const ProbesUse& probes, const Instruments& m) {
             {"edge_us", summary_us(m.probe_edge)}};
 }
 
-std::string line_of(const char* name, const Histogram& histogram) {
+template <class AnyHistogram>
+std::string line_of(const char* name, const AnyHistogram& histogram) {
     std::array<char, 160> text{};
     std::snprintf(text.data(), text.size(), "  %-10s p50 %9.1f   p99 %9.1f   max %9.1f us\n", name,
                   static_cast<double>(histogram.percentile_ns(0.5)) * 1e-3,

@@ -48,7 +48,8 @@ Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<F
       thermal_(thermal_settings(settings)),
       tension_solver_(tension_settings(settings)),
       idle_solver_(tension_settings(settings)),
-      black_box_(static_cast<std::size_t>(settings.black_box_ns / settings.period_ns)) {}
+      black_box_(static_cast<std::size_t>(settings.black_box_ns / settings.period_ns)),
+      instruments_(settings.period_ns) {}
 
 void Tick::run(const TickTime& time) HAPTIC_RT {
     // Measure: the pose, the motion since the last tick, and the faults of this one.
