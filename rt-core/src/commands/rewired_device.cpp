@@ -35,6 +35,7 @@ class RewiredDevice final : public OpenedDevice {
     [[nodiscard]] device::Board& board() override { return board_; }
     [[nodiscard]] bool is_real() const override { return opened_->is_real(); }
     [[nodiscard]] std::string description() const override { return opened_->description(); }
+    [[nodiscard]] PeriodDemand demand() const override { return opened_->demand(); }
     [[nodiscard]] std::int64_t exchange_bound_ns() const override { return opened_->exchange_bound_ns(); }
     void reopen() override { opened_->reopen(); }
     void attach(const Tick& tick) override { opened_->attach(tick); }
