@@ -88,7 +88,7 @@ TEST_F(RtCoreUsb, RefusesAPeriodThatCannotHoldItsExchangesAndSaysWhatWould) {
     EXPECT_THAT(process.output(),
                 AllOf(HasSubstr("loop.period_s: a period of 1000.0 us cannot hold its two exchanges with USB at 12 "
                                 "Mbit/s, which take 1642.7 us"),
-                      HasSubstr("What would hold: loop.period_s of at least 2070.0 us (483 Hz); or a link of 480")));
+                      HasSubstr("What would hold: loop.period_s of at least 2050.0 us (487 Hz); or a link of 480")));
     EXPECT_EQ(board.dac_codes(), kZeros);
 }
 

@@ -80,6 +80,7 @@ class UsbDevice final : public OpenedDevice {
     [[nodiscard]] PeriodDemand demand() const override {
         return {.route = board_.device().over_network ? Route::Usbip : Route::Usb,
                 .speed = bus_speed(board_.device().speed_mbit),
+                .awaits_second = false,
                 .packets = packets_};
     }
     [[nodiscard]] std::int64_t exchange_bound_ns() const override { return kMaxTransfers * timeout_ns_; }

@@ -180,6 +180,7 @@ Finding check_period_budget(const CheckContext& context) {
         const std::string controller = std::string(kUsbDevices) + "usb" + std::to_string(bus) + "/product";
         demand.route =
             context.machine.line(controller).value_or("") == device::kUsbipController ? Route::Usbip : Route::Usb;
+        demand.awaits_second = false;
         demand.speed = bus_speed(context.machine.number(folder + "speed").value_or(0));
     }
     const PeriodBudget budget = budget_of(demand);

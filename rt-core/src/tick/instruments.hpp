@@ -79,6 +79,12 @@ struct Instruments {
         ++exchange_statuses[static_cast<std::size_t>(status)];
         last_failure = status == device::ExchangeStatus::Ok ? last_failure : status;
     }
+    /// Counts an exchange with this status that was counted as Ok before its answer was known.
+    void recount(device::ExchangeStatus status) HAPTIC_RT {
+        std::uint64_t& ok = exchange_statuses[static_cast<std::size_t>(device::ExchangeStatus::Ok)];
+        ok -= ok > 0 ? 1u : 0u;  // 0: it was counted before these instruments were cleared
+        count(status);
+    }
 };
 
 }  // namespace haptic::rt
