@@ -122,6 +122,7 @@ ExchangeStatus UsbTransport::begin(const PacketExchange& packets, std::int64_t d
     Link& link = *link_;
     // Finish the previous exchange: discard a late reply, and wait for OUT transfers in flight, so that no command
     // overtakes another. An exchange that does not wait for its reply does not wait for those either.
+    usb::reap_transfers(link.context);
     while ((link.out[0].submitted || link.out[1].submitted) && !packets.reply_later &&
            monotonic_now_ns() < deadline_ns) {
         usb::wait_for_transfer(link.node, deadline_ns);
@@ -176,7 +177,6 @@ ExchangeStatus UsbTransport::exchange(PacketExchange& packets, std::int64_t /*no
         return ExchangeStatus::Stalled;
     }
     const std::int64_t deadline_ns = monotonic_now_ns() + settings_.timeout_ns;
-    usb::reap_transfers(link.context);
     // The transfers that the last exchange left are finished here. Without a packet to send, theirs is the result.
     const bool collects = std::exchange(link.reply_later, false) && packets.out[0].empty() && packets.out[1].empty();
     ExchangeStatus status = collects ? ExchangeStatus::Ok : begin(packets, deadline_ns);

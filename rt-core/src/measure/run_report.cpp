@@ -116,11 +116,11 @@ nlohmann::json peak_json(const RunResult& result, const Instruments& m) {
 
 /// ns, p99.9 of each part of a tick as it was measured.
 PeriodParts measured_parts(const Instruments& m) {
-    constexpr double kMost = 0.999;
-    return {.exchanges_ns = m.exchange.percentile_ns(kMost),
-            .wakeups_ns = m.wakeup.percentile_ns(kMost),
-            .compute_ns = m.pose.percentile_ns(kMost) + m.proxy.percentile_ns(kMost) + m.tension.percentile_ns(kMost) +
-                          m.publish.percentile_ns(kMost)};
+    constexpr double fraction = 0.999;
+    return {.exchanges_ns = m.exchange.percentile_ns(fraction),
+            .wakeups_ns = m.wakeup.percentile_ns(fraction),
+            .compute_ns = m.pose.percentile_ns(fraction) + m.proxy.percentile_ns(fraction) +
+                          m.tension.percentile_ns(fraction) + m.publish.percentile_ns(fraction)};
 }
 
 nlohmann::json parts_json(const PeriodParts& parts, std::int64_t period_ns) {

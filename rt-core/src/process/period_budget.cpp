@@ -222,8 +222,8 @@ std::string_view verdict_name(PeriodVerdict verdict) noexcept {
 }
 
 std::string route_text(const PeriodDemand& demand) {
-    const std::string usb = demand.speed == BusSpeed::High ? "USB at 480 Mbit/s" : "USB at 12 Mbit/s";
-    const std::string line = "a serial line of " + std::to_string(demand.baud) + " bit/s";
+    std::string usb = demand.speed == BusSpeed::High ? "USB at 480 Mbit/s" : "USB at 12 Mbit/s";
+    std::string line = "a serial line of " + std::to_string(demand.baud) + " bit/s";
     switch (demand.route) {
         case Route::InProcess:
             return "an emulated device";

@@ -41,11 +41,11 @@ enum class BusSpeed : std::uint8_t { Full, High };
 /// What a tick asks of the bus and of the processor.
 struct PeriodDemand {
     Route route = Route::InProcess;
-    BusSpeed speed = BusSpeed::High;  // USB only
-    int baud = 2'000'000;             // bit/s, serial lines only
-    int exchanges = 2;                // a tick, 1 or 2
-    bool awaits_second = true;        // the tick waits for the answer of its second exchange
-    device::ExchangePackets packets;  // of an exchange
+    BusSpeed speed = BusSpeed::High;    // USB only
+    int baud = 2'000'000;               // bit/s, serial lines only
+    int exchanges = 2;                  // a tick, 1 or 2
+    bool awaits_second = true;          // the tick waits for the answer of its second exchange
+    device::ExchangePackets packets{};  // of an exchange
     std::int64_t period_ns = 1'000'000;
     std::int64_t wakeup_ns = 10'000;   // one wake-up: interrupt to running thread
     std::int64_t compute_ns = 20'000;  // a tick without its exchanges, 64 proxies
