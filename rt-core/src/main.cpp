@@ -114,19 +114,32 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
                      "load on the machine meanwhile: none, stress-ng, or \"stress-ng ARGUMENTS\"")
         ->type_name("LOAD")
         ->capture_default_str();
-    CLI::Option* const cyclictest =
-        measure->add_flag("--cyclictest", options.cyclictest,
-                          "alternates with cyclictest on the same processor and priority; doubles the run time");
-    measure->add_option("--alternate", options.alternate_s, "seconds of each turn with --cyclictest")
-        ->type_name("S")
-        ->check(haptic::number_in(1.0, 3600.0))
-        ->needs(cyclictest)
-        ->capture_default_str();
+    CLI::Option* const peers =
+        measure
+            ->add_option(
+                "--peers", options.peers,
+                "tools that alternate with the loop, on the same processor and priority: cyclictest, timerlat, "
+                "osnoise, or all that are installed; each turn prolongs the run")
+            ->type_name("TOOLS")
+            ->delimiter(',');
+    CLI::Option* const cyclictest = measure->add_flag_callback(
+        "--cyclictest", [&options] { options.peers.emplace_back("cyclictest"); }, "the same as --peers cyclictest");
+    const CLI::Option* const alternate =
+        measure->add_option("--alternate", options.alternate_s, "seconds of each turn of the loop and of a tool")
+            ->type_name("S")
+            ->check(haptic::number_in(1.0, 3600.0))
+            ->capture_default_str();
+    measure->parse_complete_callback([=] {
+        if (alternate->count() > 0 && peers->count() == 0 && cyclictest->count() == 0) {
+            throw CLI::RequiresError("--alternate", "--peers or --cyclictest");
+        }
+    });
     measure
         ->add_option("--loopback", options.loopback,
                      "GPIO line wired to the tick's probe, whose edges the kernel timestamps, like probes.loopback")
         ->type_name("LINE")
-        ->excludes(cyclictest);
+        ->excludes(cyclictest)
+        ->excludes(peers);
     CLI::Option* const late =
         measure
             ->add_option(
@@ -135,7 +148,8 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
                 "kernel's trace which thread or interrupt made it late; needs root and tracefs")
             ->type_name("US")
             ->check(haptic::positive_number())
-            ->excludes(cyclictest);
+            ->excludes(cyclictest)
+            ->excludes(peers);
     measure->add_option("--trace", options.trace, "writes the kernel's trace of that tick")
         ->type_name("F.txt")
         ->check(haptic::result_file())

@@ -28,8 +28,8 @@ set linetype 8 linewidth 1.5 linecolor '#2a2f32'
 ours = 1; thesis = 2
 along_x = 2; along_y = 3; along_z = 1
 proxy = 1; hand = 8
-p50 = 1; p99 = 4; maximum = 2
-wakeup = 1; exchange = 2; compute = 3; motion_to_force = 4; cyclictest = 2
+p50 = 1; p99 = 4; p999 = 6; maximum = 2
+wakeup = 1; exchange = 2; compute = 3; motion_to_force = 4; cyclictest = 2; timerlat = 6
 
 # A number as label of an axis: "0.5", "20", "1,500", "2 million".
 number_text(v) = v >= 1e6 ? sprintf('%g million', v / 1e6) : \

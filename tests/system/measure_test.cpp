@@ -113,6 +113,20 @@ TEST_F(Measure, AlternatesWithCyclictest) {
     EXPECT_THAT(cyclictest.at("command").get<std::string>(), HasSubstr("--interval=1000"));
 }
 
+TEST_F(Measure, RunsThePeerToolsThatAreThereAndSaysWhatIsMissing) {
+    // None is there.
+    const Finished finished =
+        run({"/usr/bin/env", "PATH=" + (folder / "nowhere").string(), RT_CORE, "measure", "--session", session,
+             "--duration", "1.5", "--set", "safety.late_share=1", "--peers", "all", "--report", folder / "m.json"});
+    ASSERT_EQ(finished.status, 0) << finished.output;
+    for (const char* name : {"cyclictest", "timerlat", "osnoise"}) {
+        const std::string missing = report().at("measure").at(name).at("missing");
+        EXPECT_THAT(missing, HasSubstr("sudo apt install")) << name;
+        EXPECT_THAT(finished.output, HasSubstr(std::string(name) + " was not run: " + missing));
+    }
+    EXPECT_THAT(report().at("measure").at("latency_us").at("wakeup").at("count"), report().at("ticks"));
+}
+
 TEST_F(Measure, BreaksAtALateTickAndNamesTheThreadThatCausedIt) {
     // The kernel's tracer, in a mount namespace of the test's own. Not every kernel has one.
     const std::vector<std::string> with_tracer = {
@@ -158,8 +172,9 @@ TEST_F(Measure, BreaksAtALateTickAndNamesTheThreadThatCausedIt) {
 
 TEST_F(Measure, NamesThePackageOfAProgramThatIsMissing) {
     const std::filesystem::path nowhere = folder / "nowhere";
-    for (const auto& [argument, value, package] :
-         {std::tuple("--load", "stress-ng", "apt install stress-ng"), {"--cyclictest", "", "apt install rt-tests"}}) {
+    for (const auto& [argument, value, package] : {std::tuple("--load", "stress-ng", "apt install stress-ng"),
+                                                   {"--cyclictest", "", "apt install rt-tests"},
+                                                   {"--peers", "timerlat", "apt install rtla"}}) {
         std::vector<std::string> command = {"/usr/bin/env", "PATH=" + nowhere.string(), RT_CORE, "measure", argument};
         if (*value != '\0') {
             command.emplace_back(value);
@@ -182,7 +197,10 @@ TEST_F(Measure, RefusesWhatItCannotMeasureOrRead) {
     EXPECT_THAT(finished.output, HasSubstr("--break-above"));
     finished = measure({"--alternate", "2"});
     EXPECT_EQ(finished.status, 64);
-    EXPECT_THAT(finished.output, HasSubstr("--cyclictest"));
+    EXPECT_THAT(finished.output, AllOf(HasSubstr("--alternate"), HasSubstr("--peers")));
+    finished = measure({"--peers", "cyclictest,latencytop"});
+    EXPECT_EQ(finished.status, 2);
+    EXPECT_THAT(finished.output, AllOf(HasSubstr("latencytop"), HasSubstr("all, cyclictest, timerlat, osnoise")));
     std::ofstream(folder / "other.json") << "{\"ticks\": 3}";
     finished = run({RT_CORE, "measure", "--from", folder / "other.json"});
     EXPECT_EQ(finished.status, 1);

@@ -33,13 +33,13 @@ std::string find_program(const std::string& name, const std::string& package) {
     throw Refusal(name + " is not installed; it is in Debian's package " + package + ": sudo apt install " + package);
 }
 
-ChildProcess::ChildProcess(std::vector<std::string> command) {
+ChildProcess::ChildProcess(std::vector<std::string> command, const std::filesystem::path& output) {
     const std::vector<char*> arguments = spawn_arguments(command);
     SpawnSettings settings;
     settings.set_own_group();
     posix_spawn_file_actions_addopen(&settings.files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-    posix_spawn_file_actions_addopen(&settings.files, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-    posix_spawn_file_actions_addopen(&settings.files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+    posix_spawn_file_actions_addopen(&settings.files, STDOUT_FILENO, output.c_str(), O_WRONLY | O_APPEND, 0);
+    posix_spawn_file_actions_addopen(&settings.files, STDERR_FILENO, output.c_str(), O_WRONLY | O_APPEND, 0);
     const int error =
         posix_spawn(&pid_, arguments.front(), &settings.files, &settings.attributes, arguments.data(), environ);
     if (error != 0) {
@@ -65,8 +65,8 @@ std::optional<int> ChildProcess::exit_status() {
     return status_;
 }
 
-void ChildProcess::terminate() const {
-    kill(-pid_, SIGTERM);
+void ChildProcess::interrupt() const {
+    kill(-pid_, SIGINT);
 }
 
 std::string command_text(const std::vector<std::string>& command) {

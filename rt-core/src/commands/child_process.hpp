@@ -4,6 +4,7 @@
 
 #include <sys/types.h>
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -15,8 +16,8 @@ namespace haptic::rt {
 
 class ChildProcess {
   public:
-    /// Starts a command (path and arguments) with its output discarded. Throws Refusal.
-    explicit ChildProcess(std::vector<std::string> command);
+    /// Starts a command (path and arguments). Its output and errors go to a file, by default to none. Throws Refusal.
+    explicit ChildProcess(std::vector<std::string> command, const std::filesystem::path& output = "/dev/null");
     ChildProcess(const ChildProcess&) = delete;
     ChildProcess& operator=(const ChildProcess&) = delete;
     /// Kills the process group and waits for its leader.
@@ -24,8 +25,8 @@ class ChildProcess {
 
     /// Exit status as in a shell (128 + signal number for a signal); empty while it runs.
     [[nodiscard]] std::optional<int> exit_status();
-    /// Sends SIGTERM to the group.
-    void terminate() const;
+    /// Sends SIGINT to the group.
+    void interrupt() const;
 
   private:
     pid_t pid_ = -1;

@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
@@ -14,7 +15,7 @@
 #include <utility>
 
 #include "commands/child_process.hpp"
-#include "commands/cyclictest.hpp"
+#include "commands/peer_run.hpp"
 #include "commands/run.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/edge_capture.hpp"
@@ -22,6 +23,7 @@
 #include "haptic/text_file.hpp"
 #include "measure/kernel_trace.hpp"
 #include "measure/kernel_watch.hpp"
+#include "measure/latency_course.hpp"
 #include "measure/measure_page.hpp"
 #include "measure/measure_report.hpp"
 #include "measure/trace_explanation.hpp"
@@ -70,7 +72,7 @@ std::unique_ptr<EdgeCapture> capture_loopback(const Settings& settings, EdgeCapt
         [loop = settings.loop] { (void)prepare_side_thread(loop.priority, loop.cpu); });
 }
 
-/// Runs load, capture, kernel counters and cyclictest alongside the measured loop.
+/// Runs load, capture, kernel counters and peer tools alongside the measured loop.
 class Measuring final : public RunHooks {
   public:
     Measuring(const MeasureOptions& options, const Settings& settings);
@@ -94,8 +96,9 @@ class Measuring final : public RunHooks {
     const MeasureOptions& options_;
     const Settings& settings_;
     std::vector<std::string> load_command_;
-    std::unique_ptr<Cyclictest> cyclictest_;  // nullptr: not requested
+    std::vector<std::unique_ptr<PeerRun>> peers_;
     TimingLog log_;
+    RunCourse course_;
     std::unique_ptr<KernelWatch> kernel_;
     std::unique_ptr<KernelTrace> trace_;  // nullptr: not requested
     bool traces_loop_ = false;            // the trace follows the loop's thread
@@ -114,9 +117,13 @@ Measuring::Measuring(const MeasureOptions& options, const Settings& settings)
     : options_(options),
       settings_(settings),
       load_command_(load_command(options.load)),
+      course_(settings.loop.period_ns),
       edges_({.period_ns = settings.loop.period_ns, .kind = settings.probes.loopback_edges}) {
-    if (options.cyclictest) {
-        cyclictest_ = std::make_unique<Cyclictest>();
+    for (const PeerChoice& choice : chosen_peers(options.peers)) {
+        peers_.push_back(std::make_unique<PeerRun>(choice));
+        if (!peers_.back()->available()) {
+            spdlog::warn("{} is not run: {}", choice.tool->name, peers_.back()->result().missing);
+        }
     }
     if (options.break_above_us) {
         log_.break_above(nanoseconds(*options.break_above_us * 1e-6));
@@ -127,8 +134,8 @@ Measuring::Measuring(const MeasureOptions& options, const Settings& settings)
 void Measuring::on_ready(const RealtimeSetup& setup) {
     cpu_ = setup.cpu;
     kernel_ = std::make_unique<KernelWatch>(cpu_);
-    if (cyclictest_) {
-        cyclictest_->prepare(setup, settings_.loop.period_ns, options_.alternate_s);
+    for (const auto& peer : peers_) {
+        peer->prepare(setup, settings_.loop.period_ns, options_.alternate_s);
     }
     if (!load_command_.empty()) {
         load_ = std::make_unique<ChildProcess>(load_command_);
@@ -146,6 +153,7 @@ void Measuring::on_ready(const RealtimeSetup& setup) {
 
 bool Measuring::on_poll(std::int64_t now_ns) {
     kernel_->poll(now_ns, log_);
+    course_.take(log_);
     if (const std::optional<int> status = load_ && !load_ended_ ? load_->exit_status() : std::nullopt) {
         load_ended_ = true;
         spdlog::warn("the load ended early, with status {}: {}", *status, command_text(load_command_));
@@ -165,16 +173,17 @@ bool Measuring::on_poll(std::int64_t now_ns) {
 }
 
 std::optional<double> Measuring::segment_s() const {
-    return cyclictest_ ? std::optional<double>(options_.alternate_s) : std::nullopt;
+    const bool pauses = std::any_of(peers_.begin(), peers_.end(), [](const auto& peer) { return peer->available(); });
+    return pauses ? std::optional<double>(options_.alternate_s) : std::nullopt;
 }
 
 bool Measuring::on_pause(const StopSignals& signals) {
     kernel_->finish(monotonic_now_ns(), log_);
-    spdlog::info("cyclictest for {} s", options_.alternate_s);
+    course_.take(log_);
     // Same conditions as for the loop: its processor, and the same limit of the idle states.
     off_loop_cpu_.reset();
     const IdleRequest idle(settings_.loop.idle_exit_us);
-    const bool go_on = cyclictest_->run(signals);
+    const bool go_on = std::all_of(peers_.begin(), peers_.end(), [&](const auto& peer) { return peer->run(signals); });
     off_loop_cpu_ = std::make_unique<ScopedAffinity>(cpu_, ScopedAffinity::Change::Exclude);
     kernel_->restart(monotonic_now_ns());
     return go_on;
@@ -213,17 +222,23 @@ nlohmann::json Measuring::late_tick(const Instruments& instruments) {
 nlohmann::json Measuring::report(const RunResult& result, const Instruments& instruments) {
     // Stop everything that runs next to the loop before evaluating it.
     kernel_->finish(monotonic_now_ns(), log_);
+    course_.take(log_);
     load_.reset();
     end_capture();
+    std::vector<MeasuredPeer> peers;
+    for (const auto& peer : peers_) {
+        peers.push_back({.tool = &peer->tool(), .result = &peer->result()});
+    }
     nlohmann::json report = make_measure_report({.result = &result,
                                                  .instruments = &instruments,
                                                  .log = &log_,
                                                  .kernel = kernel_.get(),
+                                                 .course = &course_,
                                                  .began_ns = began_ns_,
                                                  .real_minus_monotonic_ns = real_minus_monotonic_ns(),
                                                  .period_ns = settings_.loop.period_ns,
                                                  .load = command_text(load_command_),
-                                                 .cyclictest = cyclictest_ ? &cyclictest_->result() : nullptr,
+                                                 .peers = std::move(peers),
                                                  .loopback = loopback_.get()});
     report["measure"]["load_ended_early"] = load_ended_;
     if (trace_) {
@@ -263,9 +278,9 @@ int measure(const MeasureOptions& options) {
     }
     // Settings of the run, with --loopback as probes.loopback.
     const Settings settings = read_settings(config);
-    if (settings.probes.loopback && options.cyclictest) {
+    if (settings.probes.loopback && !options.peers.empty()) {
         throw Refusal(
-            "measure --cyclictest: cannot be combined with probes.loopback, whose line is idle while cyclictest runs; "
+            "measure --peers: cannot be combined with probes.loopback, whose line is idle while another tool runs; "
             "measure one after the other");
     }
     // Run with the measurement as hooks; report, page and text are made at the end.

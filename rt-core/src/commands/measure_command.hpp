@@ -12,10 +12,10 @@ namespace haptic::rt {
 
 struct MeasureOptions {
     RunOptions run;
-    double duration_s = 60.0;   // of the loop
-    std::string load = "none";  // or "stress-ng", with or without arguments
-    bool cyclictest = false;
-    double alternate_s = 5.0;                    // duration of each turn of the loop and of cyclictest
+    double duration_s = 60.0;                    // of the loop
+    std::string load = "none";                   // or "stress-ng", with or without arguments
+    std::vector<std::string> peers;              // tools that alternate with the loop, or "all"
+    double alternate_s = 5.0;                    // duration of each turn of the loop and of a tool
     std::optional<std::string> loopback;         // like probes.loopback
     std::optional<double> break_above_us;        // ends the run at the first tick that ends later, and explains it
     std::optional<std::filesystem::path> trace;  // where the kernel's trace of that tick goes

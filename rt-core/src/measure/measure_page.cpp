@@ -70,8 +70,24 @@ bool has_values(const json& distribution) {
 struct Series {
     const json* distribution;
     std::string name;
-    const char* colour;
+    std::string colour;
 };
+
+/// The wake-ups that peer tools measured.
+std::vector<Series> wakeups_of_peers(const json& measure) {
+    std::vector<Series> all;
+    for (const PeerTool& tool : peer_tools()) {
+        const std::string name(tool.name);
+        if (!measure.contains(name)) {
+            continue;
+        }
+        const json& peer = measure.at(name);
+        if (peer.is_object() && peer.contains("wakeup_us") && has_values(peer.at("wakeup_us"))) {
+            all.push_back({&peer.at("wakeup_us"), name, std::string(tool.colour)});
+        }
+    }
+    return all;
+}
 
 AxisRange range_of(const std::vector<Series>& all) {
     double min_us = 1e300;
@@ -289,43 +305,83 @@ PlotCommands tail_plot(const std::vector<Series>& all) {
     return plot;
 }
 
-/// A line of the plot over the run.
+/// A line of a plot over the run: key in the course, name and colour (quantities of plot.gp).
 struct TimeLine {
     const char* key;
     const char* name;
     const char* colour;
 };
-constexpr std::array<TimeLine, 2> kTimeLines = {{{"wakeup", "wake-up", "wakeup"}, {"compute", "compute", "compute"}}};
+constexpr std::array<TimeLine, 4> kTimeLines = {{{"p50_us", "p50", "p50"},
+                                                 {"p99_us", "p99", "p99"},
+                                                 {"p999_us", "p99.9", "p999"},
+                                                 {"max_us", "maximum", "maximum"}}};
+
+/// Unit of the time axis of a run.
+struct TimeUnit {
+    const char* name;
+    double seconds;
+};
+TimeUnit time_unit(double until_s) {
+    constexpr double long_run = 3.0;  // from so many on, a larger unit is easier to read
+    return until_s >= long_run * 3600.0 ? TimeUnit{"h", 3600.0}
+           : until_s >= long_run * 60.0 ? TimeUnit{"min", 60.0}
+                                        : TimeUnit{"s", 1.0};
+}
+
+bool has_course(const json& course) {
+    const json& peaks = course.at("max_us");
+    return std::any_of(peaks.begin(), peaks.end(), [](const json& value) { return value.is_number(); });
+}
 
 PlotCommands time_plot(const json& course) {
     PlotCommands plot;
-    double max_us = 1.0;
+    const double piece_s = course.at("piece_s").get<double>();
+    const double start_s = course.at("start_s").get<double>();
+    const double until_s = start_s + piece_s * static_cast<double>(course.at("max_us").size());
+    const TimeUnit unit = time_unit(until_s);
+    double max_us = 0.1;
     double min_us = 1e300;
-    double until_s = 1.0;
     for (const TimeLine& one : kTimeLines) {
-        const json& history = course.at(one.key);
-        const double bin_s = history.at("piece_s").get<double>();
-        double at_s = history.at("start_s").get<double>() + 0.5 * bin_s;
+        // Reports of older versions have no percentiles.
+        if (!course.contains(one.key)) {
+            continue;
+        }
+        double at_s = start_s + 0.5 * piece_s;
         std::string points;
-        // Centre and peak of each interval. An empty one is a blank line, which interrupts the plotted line.
-        for (const json& value : history.at("max_us")) {
+        // Centre of each interval. An empty one is a blank line, which interrupts the plotted line.
+        for (const json& value : course.at(one.key)) {
             if (value.is_null()) {
                 points += "\n";
             } else {
-                const double peak_us = std::max(value.get<double>(), 0.1);
-                points += plot_row(at_s, peak_us);
-                max_us = std::max(max_us, peak_us);
-                min_us = std::min(min_us, peak_us);
-                until_s = std::max(until_s, at_s);
+                const double value_us = std::max(value.get<double>(), 0.1);
+                points += plot_row(at_s / unit.seconds, value_us);
+                max_us = std::max(max_us, value_us);
+                min_us = std::min(min_us, value_us);
             }
-            at_s += bin_s;
+            at_s += piece_s;
         }
         plot.draw(points, std::string("using 1:2 with lines linecolor ") + one.colour, one.name);
     }
-    plot.set("set xlabel 'time, s'\nset ylabel 'us, peak of each interval'");
-    plot.set("set xrange [0:" + plot_number(until_s) + "]");
+    plot.set(std::string("set xlabel 'time, ") + unit.name + "'\nset ylabel 'us'");
+    plot.set("set xrange [0:" + plot_number(until_s / unit.seconds) + "]");
     plot.log_axis("y", wide_enough(std::min(min_us, max_us), max_us));
     return plot;
+}
+
+/// Plots of the percentiles in each interval of the run.
+std::string course_section(const json& courses, PageFigures& figures) {
+    std::string text;
+    for (const CourseName& name : kCourses) {
+        if (!courses.contains(name.key) || !has_course(courses.at(name.key))) {
+            continue;
+        }
+        const json& course = courses.at(name.key);
+        std::array<char, 160> interval{};
+        std::snprintf(interval.data(), interval.size(), ", of each interval of %.4g s of the run.%s",
+                      course.at("piece_s").get<double>(), text.empty() ? " Gaps are pauses of the loop." : "");
+        text += figures.draw(time_plot(course), std::string(name.title) + ": " + name.what + interval.data());
+    }
+    return text.empty() ? text : "<h2>Over the run</h2>\n" + text;
 }
 
 std::string latency_row(const std::string& title, const json& distribution) {
@@ -344,8 +400,8 @@ std::string latency_row(const std::string& title, const json& distribution) {
     return row + "</tr>\n";
 }
 
-std::string ratio_cells(const json& ratio) {
-    std::string row = "<tr>" + cell("rt-core / cyclictest");
+std::string ratio_row(const std::string& title, const json& ratio) {
+    std::string row = "<tr>" + cell(title);
     const auto add = [&](const char* key) {
         std::array<char, 32> text{'-'};
         if (ratio.at(key).is_number()) {
@@ -368,12 +424,17 @@ std::string latency_table(const json& measure) {
     text += "<th class=\"n\">max</th><th>time, stage and cause of the maximum</th></tr>\n";
     for (const LatencyName& name : latency_names()) {
         text += latency_row(std::string(name.title), measure.at("latency_us").at(std::string(name.key)));
-        if (name.latency == Latency::Wakeup && measure.at("cyclictest").is_object()) {
-            text += latency_row("cyclictest's wake-up", measure.at("cyclictest").at("wakeup_us"));
-            text += ratio_cells(measure.at("cyclictest").at("ratio"));
+        if (name.latency == Latency::Wakeup) {
+            for (const PeerRow& peer : peer_rows(measure)) {
+                text += peer.is_ratio ? ratio_row(peer.title, *peer.values) : latency_row(peer.title, *peer.values);
+            }
         }
     }
-    return text + "</table></div>\n";
+    text += "</table></div>\n";
+    for (const std::string& note : peer_notes(measure)) {
+        text += "<p>" + html_text(note) + ".</p>\n";
+    }
+    return text;
 }
 
 /// Stacked bar: time of each stage as a share of the time from the tick's deadline to its end.
@@ -512,15 +573,14 @@ std::string measure_page(const json& report, const std::string& redraw) {
     require_measurement(report, "this report");
     const json& measure = report.at("measure");
     const json& latencies = measure.at("latency_us");
-    const bool with_other = measure.at("cyclictest").is_object();
     PageFigures figures(redraw);
     std::string page = page_top("Latency of the loop") + introduction(report) + latency_table(measure);
 
     // Tails of the main latencies in one plot; those without values are left out.
     page += "<h2>Tails</h2>\n";
     std::vector<Series> tails = {{&latencies.at("wakeup"), "wake-up", "wakeup"}};
-    if (with_other) {
-        tails.push_back({&measure.at("cyclictest").at("wakeup_us"), "cyclictest's wake-up", "cyclictest"});
+    for (const Series& peer : wakeups_of_peers(measure)) {
+        tails.push_back({peer.distribution, peer.name + "'s wake-up", peer.colour});
     }
     tails.push_back({&latencies.at("compute"), "compute", "compute"});
     tails.push_back({&latencies.at("motion_to_force"), "motion to force", "motion_to_force"});
@@ -532,14 +592,8 @@ std::string measure_page(const json& report, const std::string& redraw) {
                              "Latency against the fraction of ticks below it. The curve of a loop that keeps its "
                              "period stays flat to the right.");
     }
-    if (has_values(latencies.at("wakeup"))) {
-        page += "<h2>Over the run</h2>\n";
-        page +=
-            figures.draw(time_plot(measure.at("course")),
-                         "Peak wake-up latency and computation time in each interval of the run. Gaps are pauses of "
-                         "the loop.");
-    }
-    // One histogram per latency; cyclictest's over the wake-up.
+    page += course_section(measure.at("course"), figures);
+    // One histogram per latency; those of the peer tools over the wake-up.
     page += "<h2>Distributions</h2>\n";
     for (const LatencyName& name : latency_names()) {
         const json& distribution = latencies.at(std::string(name.key));
@@ -552,8 +606,9 @@ std::string measure_page(const json& report, const std::string& redraw) {
             continue;
         }
         std::vector<Series> all = {{&distribution, "rt-core", colour_of(name.latency)}};
-        if (name.latency == Latency::Wakeup && with_other) {
-            all.push_back({&measure.at("cyclictest").at("wakeup_us"), "cyclictest", "cyclictest"});
+        if (name.latency == Latency::Wakeup) {
+            const std::vector<Series> peers = wakeups_of_peers(measure);
+            all.insert(all.end(), peers.begin(), peers.end());
         }
         page += figures.draw(histogram_plot(all), caption_of(name));
     }

@@ -13,6 +13,7 @@ namespace haptic::rt {
 namespace {
 
 constexpr int kVersion = 1;
+constexpr std::int64_t kHourNs = 3600 * kNanosecondsPerSecond;
 
 constexpr std::array<LatencyName, kLatencies> kNames = {{
     {Latency::Wakeup, "wakeup", "wake-up", "from the deadline to the start of the tick"},
@@ -28,6 +29,16 @@ constexpr std::array<LatencyName, kLatencies> kNames = {{
 
 double us(std::int64_t duration_ns) {
     return static_cast<double>(duration_ns) * 1e-3;
+}
+
+const Percentile& percentile(std::string_view key) {
+    return *std::find_if(kPercentiles.begin(), kPercentiles.end(),
+                         [&](const Percentile& one) { return key == one.key; });
+}
+
+/// True of the entry of a peer tool that measured wake-ups.
+bool has_wakeups(const nlohmann::json& peer) {
+    return peer.is_object() && peer.contains("wakeup_us");
 }
 
 /// Of a Histogram or a PeriodHistogram.
@@ -171,30 +182,118 @@ nlohmann::json kernel_json(const KernelWatch& kernel) {
             {"queued_ms", known(total.queued_us, 1e-3)}};
 }
 
-nlohmann::json history_json(const PeakHistory& history, std::int64_t began_ns) {
-    nlohmann::json peaks = nlohmann::json::array();
-    for (const std::int64_t value_ns : history.peaks_ns()) {
-        peaks.push_back(value_ns < 0 ? nlohmann::json() : nlohmann::json(us(value_ns)));
+/// Percentiles and maximum of each interval; null where no tick ran.
+nlohmann::json course_json(const LatencyCourse& course, std::int64_t began_ns) {
+    nlohmann::json result = {{"start_s", course.start_ns() < 0 ? 0.0 : seconds(course.start_ns() - began_ns)},
+                             {"piece_s", seconds(course.interval_ns())},
+                             {"ticks", nlohmann::json::array()},
+                             {"max_us", nlohmann::json::array()}};
+    for (std::size_t i = 0; i < course.size(); ++i) {
+        const CompactHistogram& interval = course.at(i);
+        const auto value = [&](std::int64_t duration_ns) {
+            return interval.count() == 0 ? nlohmann::json() : nlohmann::json(us(duration_ns));
+        };
+        result["ticks"].push_back(interval.count());
+        result["max_us"].push_back(value(interval.max_ns()));
+        for (const char* key : kCoursePercentiles) {
+            result[std::string(key) + "_us"].push_back(value(interval.percentile_ns(percentile(key).fraction)));
+        }
     }
-    return {{"start_s", history.start_ns() < 0 ? 0.0 : seconds(history.start_ns() - began_ns)},
-            {"piece_s", seconds(history.bin_ns())},
-            {"max_us", peaks}};
+    return result;
 }
 
-nlohmann::json cyclictest_json(const CyclictestResult& other, const nlohmann::json& wakeup) {
-    nlohmann::json result = {{"command", other.command},
-                             {"beyond", other.overflowed},
-                             {"wakeup_us", distribution_us(other.wakeup)},
-                             {"ratio", nlohmann::json::object()}};
-    const auto ratio = [&](const char* key) {
-        const double theirs = result.at("wakeup_us").at(key).get<double>();
-        result["ratio"][key] = theirs > 0.0 ? nlohmann::json(wakeup.at(key).get<double>() / theirs) : nlohmann::json();
+/// Distributions of the ticks in a part of the run, by whole intervals.
+nlohmann::json part_json(const RunCourse& run, std::int64_t from_ns, std::int64_t to_ns) {
+    nlohmann::json result = {{"from_s", seconds(from_ns)}, {"to_s", seconds(to_ns)}};
+    for (const CourseName& name : kCourses) {
+        const CompactHistogram part = (run.*name.course).between(from_ns, to_ns);
+        nlohmann::json entry = {{"count", part.count()}, {"max", us(part.max_ns())}};
+        for (const Percentile& one : kPercentiles) {
+            entry[one.key] = us(part.percentile_ns(one.fraction));
+        }
+        result[name.key] = std::move(entry);
+    }
+    return result;
+}
+
+/// The courses, and their first and last hour; of a run of less than two hours its halves.
+nlohmann::json courses_json(const RunCourse& run, std::int64_t began_ns) {
+    nlohmann::json result = {{"lost_ticks", run.lost}};
+    for (const CourseName& name : kCourses) {
+        result[name.key] = course_json(run.*name.course, began_ns);
+        result[name.key]["what"] = name.what;
+    }
+    const std::int64_t whole_ns = static_cast<std::int64_t>(run.wakeup.size()) * run.wakeup.interval_ns();
+    const std::int64_t part_ns = std::min(whole_ns / 2, kHourNs);
+    result["first"] = part_json(run, 0, part_ns);
+    result["last"] = part_json(run, whole_ns - part_ns, whole_ns);
+    return result;
+}
+
+/// Quotients of the percentiles and maxima of two distributions; null where the divisor is 0.
+nlohmann::json ratio_json(const nlohmann::json& dividend, const nlohmann::json& divisor) {
+    nlohmann::json result = nlohmann::json::object();
+    const auto divide = [&](const char* key) {
+        const double by = divisor.at(key).get<double>();
+        result[key] = by > 0.0 ? nlohmann::json(dividend.at(key).get<double>() / by) : nlohmann::json();
     };
     for (const Percentile& one : kPercentiles) {
-        ratio(one.key);
+        divide(one.key);
     }
-    ratio("max");
+    divide("max");
     return result;
+}
+
+nlohmann::json noise_json(const ProcessorNoise& noise) {
+    return {{"runtime_us", noise.runtime_us},
+            {"noise_us", noise.noise_us},
+            {"available_percent", noise.available_percent},
+            {"max_period_us", noise.max_period_us},
+            {"max_single_us", noise.max_single_us},
+            {"hardware", noise.hardware},
+            {"nmi", noise.nmi},
+            {"interrupts", noise.interrupts},
+            {"softirqs", noise.softirqs},
+            {"threads", noise.threads}};
+}
+
+/// What a peer tool found. `wakeup` is that of the loop.
+nlohmann::json peer_json(const PeerResult& peer, const nlohmann::json& wakeup) {
+    if (!peer.missing.empty()) {
+        return {{"missing", peer.missing}};
+    }
+    nlohmann::json result = {{"command", peer.command}};
+    if (peer.noise) {
+        result["noise"] = noise_json(*peer.noise);
+    } else {
+        result["beyond"] = peer.beyond;
+        result["wakeup_us"] = distribution_us(peer.wakeup);
+        result["ratio"] = ratio_json(wakeup, result.at("wakeup_us"));
+    }
+    if (peer.interrupt.count() > 0) {
+        result["interrupt_us"] = distribution_us(peer.interrupt);
+    }
+    return result;
+}
+
+/// Adds an entry for each tool: null if it was not asked for.
+void add_peers(nlohmann::json& measure, const Measurement& m, const nlohmann::json& wakeup) {
+    for (const PeerTool& tool : peer_tools()) {
+        nlohmann::json& entry = measure[std::string(tool.name)];
+        for (const MeasuredPeer& peer : m.peers) {
+            if (peer.tool == &tool) {
+                entry = peer_json(*peer.result, wakeup);
+            }
+        }
+    }
+    // The first tool, cyclictest, is the one that the others are compared with too.
+    const nlohmann::json& reference = measure.at(std::string(peer_tools().front().name));
+    for (const PeerTool& tool : peer_tools().subspan(1)) {
+        nlohmann::json& entry = measure[std::string(tool.name)];
+        if (has_wakeups(entry) && has_wakeups(reference)) {
+            entry["ratio_to_cyclictest"] = ratio_json(entry.at("wakeup_us"), reference.at("wakeup_us"));
+        }
+    }
 }
 
 nlohmann::json loopback_json(const LoopbackResult& loopback, const ProbesUse& probes) {
@@ -247,16 +346,62 @@ nlohmann::json make_measure_report(const Measurement& m) {
                {"load", m.load.empty() ? nlohmann::json() : nlohmann::json(m.load)},
                {"overruns", overruns_json(m, late)},
                {"kernel", kernel_json(*m.kernel)},
-               {"course",
-                {{"wakeup", history_json(m.log->wakeup(), m.began_ns)},
-                 {"compute", history_json(m.log->compute(), m.began_ns)}}}};
-    measure["cyclictest"] =
-        m.cyclictest == nullptr ? nlohmann::json() : cyclictest_json(*m.cyclictest, latencies.at("wakeup"));
+               {"course", courses_json(*m.course, m.began_ns)}};
+    add_peers(measure, m, latencies.at("wakeup"));
     measure["loopback"] = m.loopback == nullptr ? nlohmann::json() : loopback_json(*m.loopback, m.result->probes);
     measure["latency_us"] = std::move(latencies);
     measure["worst_ticks"] = ticks_json(m, usual, m.log->worst());
     measure["late_ticks"] = std::move(late);
     return report;
+}
+
+std::vector<PeerRow> peer_rows(const nlohmann::json& measure) {
+    std::vector<PeerRow> rows;
+    for (const PeerTool& tool : peer_tools()) {
+        const std::string name(tool.name);
+        if (!measure.contains(name) || !has_wakeups(measure.at(name))) {
+            continue;
+        }
+        const nlohmann::json& peer = measure.at(name);
+        rows.push_back({name + "'s wake-up", &peer.at("wakeup_us"), false});
+        if (peer.contains("interrupt_us")) {
+            rows.push_back({name + "'s interrupt", &peer.at("interrupt_us"), false});
+        }
+        rows.push_back({"rt-core / " + name, &peer.at("ratio"), true});
+        if (peer.contains("ratio_to_cyclictest")) {
+            rows.push_back({name + " / cyclictest", &peer.at("ratio_to_cyclictest"), true});
+        }
+    }
+    return rows;
+}
+
+std::vector<std::string> peer_notes(const nlohmann::json& measure) {
+    std::vector<std::string> notes;
+    for (const PeerTool& tool : peer_tools()) {
+        const std::string name(tool.name);
+        if (!measure.contains(name) || !measure.at(name).is_object()) {
+            continue;
+        }
+        const nlohmann::json& peer = measure.at(name);
+        if (peer.contains("missing")) {
+            notes.push_back(name + " was not run: " + peer.at("missing").get<std::string>());
+        }
+        if (peer.contains("noise")) {
+            const nlohmann::json& noise = peer.at("noise");
+            std::array<char, 320> text{};
+            std::snprintf(text.data(), text.size(),
+                          "%s: a thread of this priority that never sleeps had the processor for %.4f %% of %.1f s; at "
+                          "most %.1f us were taken from it at once, by %llu interrupts, %llu softirqs, %llu threads, "
+                          "%llu NMIs, and %llu times by firmware or a hypervisor",
+                          name.c_str(), noise.at("available_percent").get<double>(),
+                          noise.at("runtime_us").get<double>() * 1e-6, noise.at("max_single_us").get<double>(),
+                          noise.at("interrupts").get<unsigned long long>(),
+                          noise.at("softirqs").get<unsigned long long>(), noise.at("threads").get<unsigned long long>(),
+                          noise.at("nmi").get<unsigned long long>(), noise.at("hardware").get<unsigned long long>());
+            notes.emplace_back(text.data());
+        }
+    }
+    return notes;
 }
 
 nlohmann::json late_tick_json(const TimedTick& tick, const TraceExplanation& explanation) {

@@ -7,10 +7,13 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "haptic/edge_capture.hpp"
 #include "haptic/histogram.hpp"
 #include "measure/kernel_watch.hpp"
+#include "measure/latency_course.hpp"
+#include "measure/peer_tool.hpp"
 #include "measure/run_report.hpp"
 #include "measure/trace_explanation.hpp"
 #include "process/timing_log.hpp"
@@ -18,11 +21,10 @@
 
 namespace haptic::rt {
 
-/// The wake-up latency of cyclictest, measured in the pauses of the loop.
-struct CyclictestResult {
-    std::string command;
-    Histogram wakeup;              // ns
-    std::uint64_t overflowed = 0;  // cycles beyond cyclictest's histogram; counted in `wakeup` with the maximum
+/// A tool that was asked for beside the loop, and what it found in the pauses.
+struct MeasuredPeer {
+    const PeerTool* tool;
+    const PeerResult* result;
 };
 
 /// Edges of the tick's probe with the kernel's time stamps, on the line wired to it; includes the warm-up.
@@ -39,12 +41,13 @@ struct Measurement {
     const Instruments* instruments = nullptr;
     const TimingLog* log = nullptr;
     const KernelWatch* kernel = nullptr;
-    std::int64_t began_ns = 0;                     // CLOCK_MONOTONIC
-    std::int64_t real_minus_monotonic_ns = 0;      // CLOCK_REALTIME minus CLOCK_MONOTONIC
-    std::int64_t period_ns = 1'000'000;            // of the loop
-    std::string load{};                            // command of the load; empty: none
-    const CyclictestResult* cyclictest = nullptr;  // nullptr: not requested
-    const LoopbackResult* loopback = nullptr;      // nullptr: not requested
+    const RunCourse* course = nullptr;
+    std::int64_t began_ns = 0;                 // CLOCK_MONOTONIC
+    std::int64_t real_minus_monotonic_ns = 0;  // CLOCK_REALTIME minus CLOCK_MONOTONIC
+    std::int64_t period_ns = 1'000'000;        // of the loop
+    std::string load{};                        // command of the load; empty: none
+    std::vector<MeasuredPeer> peers{};
+    const LoopbackResult* loopback = nullptr;  // nullptr: not requested
 };
 
 /// A latency's key in the report, its title in text, and its definition.
@@ -67,6 +70,31 @@ inline constexpr std::array<Percentile, 5> kPercentiles = {{{"p50", "p50", 0.5},
                                                             {"p99", "p99", 0.99},
                                                             {"p999", "p99.9", 0.999},
                                                             {"p9999", "p99.99", 0.9999}}};
+
+/// A latency whose course over the run is reported: its key, title, and definition.
+struct CourseName {
+    const LatencyCourse RunCourse::* course;
+    const char* key;
+    const char* title;
+    const char* what;
+};
+inline constexpr std::array<CourseName, 3> kCourses = {
+    {{&RunCourse::wakeup, "wakeup", "wake-up", "from the deadline to the start of the tick"},
+     {&RunCourse::jitter, "jitter", "jitter", "how far the period is off its nominal length"},
+     {&RunCourse::compute, "compute", "compute", "the whole tick, from wake-up to end, including the exchanges"}}};
+/// Percentiles of each interval of a course: keys of kPercentiles, beside "max".
+inline constexpr std::array<const char*, 3> kCoursePercentiles = {"p50", "p99", "p999"};
+
+/// A line about a peer tool in the table of latencies: a distribution, or ratios of two.
+struct PeerRow {
+    std::string title;
+    const nlohmann::json* values;
+    bool is_ratio;
+};
+/// The lines about all peer tools of a report that measured latencies; they refer to `measure`.
+[[nodiscard]] std::vector<PeerRow> peer_rows(const nlohmann::json& measure);
+/// Sentences about the other tools: the noise that one found, and why one was not run.
+[[nodiscard]] std::vector<std::string> peer_notes(const nlohmann::json& measure);
 
 /// The report of a run (make_report()) with the key `measure` added.
 [[nodiscard]] nlohmann::json make_measure_report(const Measurement& measurement);

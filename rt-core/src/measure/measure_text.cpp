@@ -9,6 +9,8 @@ namespace haptic::rt {
 namespace {
 
 constexpr std::size_t kShownTicks = 5;
+constexpr double kHourS = 3600.0;
+constexpr double kLongRunS = 60.0;    // from here on the text shows how latencies changed over the run
 constexpr double kFewTicks = 10'000;  // with fewer ticks, the last percentile is the maximum
 
 std::string cell(double value_us) {
@@ -44,8 +46,8 @@ std::string row(const std::string& title, const nlohmann::json& distribution) {
     return line + "\n";
 }
 
-std::string ratio_row(const nlohmann::json& ratio) {
-    std::string line = "  " + padded("rt-core / cyclictest", 22);
+std::string ratio_row(const std::string& title, const nlohmann::json& ratio) {
+    std::string line = "  " + padded(title, 22);
     const auto add = [&](const char* key) {
         std::array<char, 32> text{};
         std::snprintf(text.data(), text.size(), "%10.2f",
@@ -92,6 +94,22 @@ std::string heading(const nlohmann::json& report) {
         lines += "degraded: " + one.at("what").get<std::string>() + "\n";
     }
     return lines;
+}
+
+/// First and last hour of a run, or its halves, in the columns of the table above; nothing for a short run.
+std::string course_lines(const nlohmann::json& course) {
+    if (!course.contains("last") || course.at("last").at("to_s").get<double>() < kLongRunS) {
+        return "";
+    }
+    const double part_s = course.at("first").at("to_s").get<double>();
+    const std::string part = part_s >= kHourS ? " hour" : " half";
+    std::string text;
+    for (const CourseName& name : kCourses) {
+        for (const char* which : {"first", "last"}) {
+            text += row(std::string(name.title) + ", " + which + part, course.at(which).at(name.key));
+        }
+    }
+    return text;
 }
 
 /// Results of the loopback line, in the columns of the table above.
@@ -167,14 +185,19 @@ std::string percentile_header() {
 std::string measure_text(const nlohmann::json& report) {
     require_measurement(report, "this report");
     const nlohmann::json& measure = report.at("measure");
-    // Table of the latencies, cyclictest below the wake-up.
+    // Table of the latencies, the peer tools below the wake-up; then how they changed over the run.
     std::string text = heading(report) + percentile_header() + "  time, stage: cause\n";
     for (const LatencyName& name : latency_names()) {
         text += row(std::string(name.title), measure.at("latency_us").at(std::string(name.key)));
-        if (name.latency == Latency::Wakeup && measure.at("cyclictest").is_object()) {
-            text += row("cyclictest's wake-up", measure.at("cyclictest").at("wakeup_us"));
-            text += ratio_row(measure.at("cyclictest").at("ratio"));
+        if (name.latency == Latency::Wakeup) {
+            for (const PeerRow& peer : peer_rows(measure)) {
+                text += peer.is_ratio ? ratio_row(peer.title, *peer.values) : row(peer.title, *peer.values);
+            }
         }
+    }
+    text += course_lines(measure.at("course"));
+    for (const std::string& note : peer_notes(measure)) {
+        text += note + "\n";
     }
     if (measure.at("loopback").is_object()) {
         text += loopback_lines(measure.at("loopback"));

@@ -25,29 +25,6 @@ std::int64_t latency_of(const TimedTick& tick, Latency latency) HAPTIC_RT {
     return -1;
 }
 
-void PeakHistory::add(std::int64_t at_ns, std::int64_t value_ns) HAPTIC_RT {
-    if (start_ns_ < 0) {
-        start_ns_ = at_ns;
-    }
-    const std::int64_t since_ns = std::max<std::int64_t>(0, at_ns - start_ns_);
-    while (since_ns / bin_ns_ >= static_cast<std::int64_t>(kBins)) {
-        merge_pairs();
-    }
-    const auto bin = static_cast<std::size_t>(since_ns / bin_ns_);
-    while (used_ <= bin) {
-        peaks_ns_[used_++] = -1;
-    }
-    peaks_ns_[bin] = std::max(peaks_ns_[bin], value_ns);
-}
-
-void PeakHistory::merge_pairs() HAPTIC_RT {
-    for (std::size_t i = 0; i < used_; i += 2) {
-        peaks_ns_[i / 2] = i + 1 < used_ ? std::max(peaks_ns_[i], peaks_ns_[i + 1]) : peaks_ns_[i];
-    }
-    used_ = (used_ + 1) / 2;
-    bin_ns_ *= 2;
-}
-
 void TimingLog::attach() {
     thread_.store(gettid(), std::memory_order_relaxed);
     deadline_ns_.store(-1, std::memory_order_relaxed);
@@ -99,10 +76,12 @@ void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int
     waited_ns_ = waited_ns;
 
     deadline_ns_.store(tick.deadline_ns, std::memory_order_relaxed);
-    // Totals and peak histories; then an event if the tick is one to explain.
+    // Total and queue; then an event if the tick is one to explain.
     missed_ += static_cast<std::uint64_t>(std::max<std::int64_t>(missed, 0));
-    wakeup_.add(tick.now_ns, tick.wakeup_ns());
-    compute_.add(tick.now_ns, tick.compute_ns);
+    if (TickLatencies* const latencies = latencies_.claim(); latencies != nullptr) {
+        *latencies = {tick.now_ns, tick.wakeup_ns(), tick.period_ns, tick.compute_ns};
+        latencies_.commit();
+    }
     if (break_ns_ >= 0 && tick.lateness_ns() > break_ns_ && !is_broken_.load(std::memory_order_relaxed)) {
         broken_ = tick;
         is_broken_.store(true, std::memory_order_release);
@@ -156,6 +135,16 @@ bool TimingLog::take_event(std::int64_t& now_ns) HAPTIC_RT {
     }
     now_ns = *event;
     events_.release();
+    return true;
+}
+
+bool TimingLog::take_latencies(TickLatencies& latencies) HAPTIC_RT {
+    const TickLatencies* const next = latencies_.front();
+    if (next == nullptr) {
+        return false;
+    }
+    latencies = *next;
+    latencies_.release();
     return true;
 }
 

@@ -1,8 +1,8 @@
-// Timing log of a measurement: the worst ticks, with the kernel's counters of the thread, and the peak latencies over
-// the run. Complements the histograms of Instruments.
+// Timing log of a measurement: the worst ticks, with the kernel's counters of the thread, and a queue of the latencies
+// of all ticks. Complements the histograms of Instruments.
 //
 // The loop's thread fills it at the end of each tick, after the motor command, at the cost of two system calls. It is
-// read while no loop runs; only take_event() may be called at any time, by one other thread.
+// read while no loop runs; only take_event() and take_latencies() may be called at any time, by one other thread.
 #pragma once
 
 #include <algorithm>
@@ -25,32 +25,19 @@ inline constexpr std::size_t kLatencies = 6;
 /// A latency of one tick, ns; -1 if the tick has none.
 [[nodiscard]] std::int64_t latency_of(const TimedTick& tick, Latency latency) HAPTIC_RT;
 
-/// Largest value in each time bin of a run of unknown length. When the bins are used up, their width is doubled and
-/// pairs of them are merged.
-class PeakHistory {
-  public:
-    static constexpr std::size_t kBins = 512;
-
-    /// Adds a value; at_ns must not decrease. O(1) amortised, O(kBins) when the bins are merged.
-    void add(std::int64_t at_ns, std::int64_t value_ns) HAPTIC_RT;
-    [[nodiscard]] std::int64_t bin_ns() const HAPTIC_RT { return bin_ns_; }
-    [[nodiscard]] std::int64_t start_ns() const HAPTIC_RT { return start_ns_; }
-    /// Peak of each bin up to the last used one, ns; -1 for an empty bin.
-    [[nodiscard]] std::span<const std::int64_t> peaks_ns() const HAPTIC_RT { return {peaks_ns_.data(), used_}; }
-
-  private:
-    void merge_pairs() HAPTIC_RT;
-
-    std::array<std::int64_t, kBins> peaks_ns_{};
-    std::size_t used_ = 0;
-    std::int64_t bin_ns_ = 20'000'000;
-    std::int64_t start_ns_ = -1;
+/// Latencies of one tick, queued for the course of the run.
+struct TickLatencies {
+    std::int64_t now_ns = 0;  // wake-up, CLOCK_MONOTONIC
+    std::int64_t wakeup_ns = 0;
+    std::int64_t period_ns = 0;  // 0: none, at the first tick
+    std::int64_t compute_ns = 0;
 };
 
 class TimingLog {
   public:
     static constexpr std::size_t kWorst = 20;
     static constexpr std::size_t kLate = 1000;
+    static constexpr std::size_t kQueued = 16384;  // latencies: 2 s at 8 kHz
 
     TimingLog() = default;
     TimingLog(const TimingLog&) = delete;
@@ -88,12 +75,14 @@ class TimingLog {
     /// Ticks by whose end another deadline had passed, and the number of those deadlines.
     [[nodiscard]] std::uint64_t late_ticks() const noexcept { return late_ticks_; }
     [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }
-    [[nodiscard]] const PeakHistory& wakeup() const noexcept { return wakeup_; }
-    [[nodiscard]] const PeakHistory& compute() const noexcept { return compute_; }
 
     /// Takes the wake-up time of the next tick that entered worst(), late() or largest(); false if there is none. For
     /// one other thread.
     [[nodiscard]] bool take_event(std::int64_t& now_ns) HAPTIC_RT;
+    /// Takes the latencies of the next tick; false if there is none. For one other thread.
+    [[nodiscard]] bool take_latencies(TickLatencies& latencies) HAPTIC_RT;
+    /// Ticks whose latencies found the queue full. For any thread, at any time.
+    [[nodiscard]] std::uint64_t lost_latencies() const HAPTIC_RT { return latencies_.dropped(); }
 
   private:
     /// Enters the tick into worst_, late_ and largest_; true if it entered one of them.
@@ -116,9 +105,8 @@ class TimingLog {
     std::array<TimedTick, kLatencies> largest_{};
     std::uint64_t late_ticks_ = 0;
     std::uint64_t missed_ = 0;
-    PeakHistory wakeup_;
-    PeakHistory compute_;
     SpscQueue<std::int64_t> events_{256};
+    SpscQueue<TickLatencies> latencies_{kQueued};
 };
 
 }  // namespace haptic::rt

@@ -33,7 +33,7 @@ std::size_t times(const std::string& text, const std::string& part) {
 
 /// A report of this many ticks; 0 leaves all distributions empty.
 nlohmann::json report_of(int ticks, const std::string& device = "a device",
-                         const std::vector<std::int64_t>& periods_ns = {}) {
+                         const std::vector<std::int64_t>& periods_ns = {}, std::vector<MeasuredPeer> peers = {}) {
     const auto instruments = std::make_unique<Instruments>();
     const auto log = std::make_unique<TimingLog>();
     RunResult result;
@@ -53,20 +53,84 @@ nlohmann::json report_of(int ticks, const std::string& device = "a device",
         instruments->period.record(period_ns);
     }
     const KernelWatch kernel(0, "/nowhere");
-    return make_measure_report(
-        {.result = &result, .instruments = instruments.get(), .log = log.get(), .kernel = &kernel});
+    const auto course = std::make_unique<RunCourse>(1'000'000);
+    course->take(*log);
+    return make_measure_report({.result = &result,
+                                .instruments = instruments.get(),
+                                .log = log.get(),
+                                .kernel = &kernel,
+                                .course = course.get(),
+                                .peers = std::move(peers)});
 }
 
 TEST(MeasurePage, DrawsEachDistributionWithValues) {
     const std::string page = measure_page(report_of(100), kRedraw);
-    EXPECT_EQ(times(page, "<figure class=\"gnuplot\">"), 4U) << "tails, course, wake-up and compute";
+    EXPECT_EQ(times(page, "<figure class=\"gnuplot\">"), 5U) << "tails, two courses, wake-up and compute";
     EXPECT_THAT(page, Not(HasSubstr("<script")));
     if (!has_gnuplot()) {
         GTEST_SKIP() << "there is no gnuplot: package gnuplot-nox";
     }
-    EXPECT_EQ(times(page, "<svg "), 4U);
+    EXPECT_EQ(times(page, "<svg "), 5U);
     EXPECT_EQ(times(page, "<svg "), times(page, "</svg>"));
     EXPECT_THAT(page, Not(HasSubstr(kRedraw)));
+}
+
+TEST(MeasurePage, DrawsThePercentilesOverTheRun) {
+    if (!has_gnuplot()) {
+        GTEST_SKIP() << "there is no gnuplot: package gnuplot-nox";
+    }
+    const nlohmann::json report = report_of(100);
+    std::map<std::string, int> names;
+    for (const PlotLabel& label : plot_labels(measure_page(report, kRedraw))) {
+        ++names[label.text];
+    }
+    for (const char* name : {"p50", "p99", "p99.9", "maximum"}) {
+        EXPECT_GE(names[name], 2) << name << ", of wake-up and compute";
+    }
+    // Reports of versions before have the maxima alone.
+    nlohmann::json older = report;
+    for (const char* latency : {"wakeup", "compute"}) {
+        for (const char* key : {"p50_us", "p99_us", "p999_us", "ticks"}) {
+            older["measure"]["course"][latency].erase(key);
+        }
+    }
+    for (const char* key : {"first", "last", "jitter", "lost_ticks"}) {
+        older["measure"]["course"].erase(key);
+    }
+    older["measure"].erase("timerlat");
+    older["measure"].erase("osnoise");
+    EXPECT_EQ(times(measure_page(older, kRedraw), "<svg "), 5U);
+    EXPECT_THAT(measure_text(older), HasSubstr("wake-up"));
+}
+
+TEST(MeasurePage, ShowsThePeerToolsBesideTheLoop) {
+    PeerResult cyclictest;
+    PeerResult timerlat;
+    PeerResult osnoise;
+    for (int i = 1; i <= 50; ++i) {
+        cyclictest.wakeup.record(std::int64_t{2000} * i);
+        timerlat.wakeup.record(std::int64_t{1500} * i);
+    }
+    osnoise.missing = "<install> it";
+    std::vector<MeasuredPeer> peers;
+    for (const PeerTool& tool : peer_tools()) {
+        peers.push_back({&tool, tool.name == "cyclictest" ? &cyclictest
+                                : tool.name == "timerlat" ? &timerlat
+                                                          : &osnoise});
+    }
+    const std::string page = measure_page(report_of(100, "a device", {}, peers), kRedraw);
+    EXPECT_THAT(page, AllOf(HasSubstr("<td>timerlat&#39;s wake-up</td>"), HasSubstr("<td>timerlat / cyclictest</td>"),
+                            HasSubstr("osnoise was not run: &lt;install&gt; it")));
+    if (!has_gnuplot()) {
+        GTEST_SKIP() << "there is no gnuplot: package gnuplot-nox";
+    }
+    std::map<std::string, int> names;
+    for (const PlotLabel& label : plot_labels(page)) {
+        ++names[label.text];
+    }
+    EXPECT_EQ(names["cyclictest"], 1) << "over the histogram of the wake-up";
+    EXPECT_EQ(names["timerlat"], 1);
+    EXPECT_EQ(names["osnoise"], 0);
 }
 
 TEST(MeasurePage, KeepsAllLabelsWithinThePlots) {
@@ -116,8 +180,8 @@ TEST(MeasurePage, IsCompleteWithoutGnuplotAndSaysHowToDrawThePlots) {
     const std::string drawn = measure_page(report, kRedraw);
     const NoPrograms none;
     const std::string page = measure_page(report, kRedraw);
-    EXPECT_EQ(times(page, "gnuplot is missing"), 4U);
-    EXPECT_EQ(times(page, kRedraw), 4U);
+    EXPECT_EQ(times(page, "gnuplot is missing"), 5U);
+    EXPECT_EQ(times(page, kRedraw), 5U);
     EXPECT_EQ(times(page, "<svg "), 0U);
     EXPECT_EQ(times(page, "<td"), times(drawn, "<td"));
     EXPECT_EQ(times(page, "<figcaption>"), times(drawn, "<figcaption>"));

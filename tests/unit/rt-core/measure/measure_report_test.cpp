@@ -14,6 +14,7 @@
 namespace haptic::rt {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -43,20 +44,32 @@ class MeasureReport : public testing::Test {
         instruments->motion_to_force.record(compute_ns);
         log->add(record, timing, missed);
     }
-    [[nodiscard]] nlohmann::json report() const {
+    [[nodiscard]] nlohmann::json report() {
+        course->take(*log);
         return make_measure_report({.result = &result,
                                     .instruments = instruments.get(),
                                     .log = log.get(),
                                     .kernel = &kernel,
+                                    .course = course.get(),
                                     .real_minus_monotonic_ns = 1'800'000'000'000'000'000,
-                                    .cyclictest = other.get()});
+                                    .peers = peers});
+    }
+    /// A result of the tool of this name.
+    PeerResult& peer(std::string_view name) {
+        const auto tools = peer_tools();
+        const auto tool = std::find_if(tools.begin(), tools.end(), [&](const auto& one) { return one.name == name; });
+        results.push_back(std::make_unique<PeerResult>());
+        peers.push_back({.tool = &*tool, .result = results.back().get()});
+        return *results.back();
     }
 
     RunResult result;
     std::unique_ptr<Instruments> instruments = std::make_unique<Instruments>();
     std::unique_ptr<TimingLog> log = std::make_unique<TimingLog>();
     KernelWatch kernel{0, "/nowhere"};
-    std::unique_ptr<CyclictestResult> other;
+    std::unique_ptr<RunCourse> course = std::make_unique<RunCourse>(1'000'000);
+    std::vector<std::unique_ptr<PeerResult>> results;
+    std::vector<MeasuredPeer> peers;
 };
 
 TEST_F(MeasureReport, HasTheKeysOfARunAndThoseOfAMeasurement) {
@@ -66,7 +79,7 @@ TEST_F(MeasureReport, HasTheKeysOfARunAndThoseOfAMeasurement) {
     EXPECT_TRUE(whole.at("safety").contains("faults"));
     const nlohmann::json& measure = whole.at("measure");
     for (const char* key : {"version", "began", "period_s", "load", "overruns", "kernel", "course", "cyclictest",
-                            "latency_us", "worst_ticks"}) {
+                            "timerlat", "osnoise", "latency_us", "worst_ticks"}) {
         EXPECT_TRUE(measure.contains(key)) << key;
     }
     for (const char* latency : {"wakeup", "period", "compute", "exchange", "device_to_plane", "motion_to_force"}) {
@@ -137,17 +150,88 @@ TEST_F(MeasureReport, ExplainsOverruns) {
     EXPECT_THAT(measure_text(whole), HasSubstr("3 deadlines missed by 2 ticks"));
 }
 
-TEST_F(MeasureReport, DividesTheLoopsWakeUpByThatOfCyclictest) {
+TEST_F(MeasureReport, DividesTheWakeUpsOfLoopAndTools) {
     tick(30'000, 5000);
-    other = std::make_unique<CyclictestResult>();
-    other->wakeup.record(20'000);
-    const nlohmann::json whole = report();
-    for (const char* key : {"p50", "p99", "p999", "p9999", "max"}) {
-        EXPECT_DOUBLE_EQ(whole.at("measure").at("cyclictest").at("ratio").at(key).get<double>(), 1.5) << key;
-    }
-    EXPECT_THAT(measure_text(whole), HasSubstr("rt-core / cyclictest"));
-    other = nullptr;
     EXPECT_THAT(measure_text(report()), Not(HasSubstr("cyclictest")));
+    peer("cyclictest").wakeup.record(20'000);
+    PeerResult& timerlat = peer("timerlat");
+    timerlat.wakeup.record(15'000);
+    timerlat.interrupt.record(2000);
+    const nlohmann::json whole = report();
+    const nlohmann::json& measure = whole.at("measure");
+    for (const char* key : {"p50", "p99", "p999", "p9999", "max"}) {
+        EXPECT_DOUBLE_EQ(measure.at("cyclictest").at("ratio").at(key).get<double>(), 1.5) << key;
+        EXPECT_DOUBLE_EQ(measure.at("timerlat").at("ratio").at(key).get<double>(), 2.0) << key;
+        EXPECT_DOUBLE_EQ(measure.at("timerlat").at("ratio_to_cyclictest").at(key).get<double>(), 0.75) << key;
+    }
+    EXPECT_DOUBLE_EQ(measure.at("timerlat").at("interrupt_us").at("max").get<double>(), 2.0);
+    EXPECT_FALSE(measure.at("cyclictest").contains("interrupt_us"));
+    EXPECT_TRUE(measure.at("osnoise").is_null()) << "it was not asked for";
+    EXPECT_THAT(measure_text(whole), AllOf(HasSubstr("rt-core / cyclictest"), HasSubstr("timerlat's wake-up"),
+                                           HasSubstr("timerlat's interrupt"), HasSubstr("rt-core / timerlat"),
+                                           HasSubstr("timerlat / cyclictest")));
+}
+
+TEST_F(MeasureReport, SaysWhatNoiseWasFoundAndWhyAToolWasNotRun) {
+    tick(30'000, 5000);
+    peer("osnoise").noise = ProcessorNoise{.runtime_us = 2'700'000.0,
+                                           .noise_us = 5.0,
+                                           .available_percent = 99.99981,
+                                           .max_single_us = 4.5,
+                                           .hardware = 11,
+                                           .interrupts = 677};
+    peer("timerlat").missing = "this kernel has no tracer timerlat";
+    const nlohmann::json whole = report();
+    EXPECT_EQ(whole.at("measure").at("osnoise").at("noise").at("hardware"), 11);
+    EXPECT_EQ(whole.at("measure").at("timerlat"), (nlohmann::json{{"missing", "this kernel has no tracer timerlat"}}));
+    EXPECT_THAT(measure_text(whole),
+                AllOf(HasSubstr("timerlat was not run: this kernel has no tracer timerlat"),
+                      HasSubstr("99.9998 % of 2.7 s"), HasSubstr("4.5 us"), HasSubstr("677 interrupts"),
+                      HasSubstr("11 times by firmware"), Not(HasSubstr("osnoise's wake-up"))));
+}
+
+TEST_F(MeasureReport, FollowsThePercentilesOverTheRun) {
+    // 100 s with a tick every 10 ms, the second half ten times as late.
+    for (int i = 0; i < 10'000; ++i) {
+        if (i == 5000) {
+            EXPECT_THAT(measure_text(report()), Not(HasSubstr("first half"))) << "50 s are too short for parts";
+        }
+        instruments->ticks += 9;
+        tick(i < 5000 ? 10'000 : 100'000, 5000);
+    }
+    const nlohmann::json whole = report();
+    const nlohmann::json& parts = whole.at("measure").at("course");
+    const nlohmann::json& wakeup = parts.at("wakeup");
+    for (const char* key : {"ticks", "p50_us", "p99_us", "p999_us"}) {
+        EXPECT_EQ(wakeup.at(key).size(), wakeup.at("max_us").size()) << key;
+    }
+    EXPECT_DOUBLE_EQ(wakeup.at("max_us").front().get<double>(), 10.0);
+    EXPECT_DOUBLE_EQ(wakeup.at("max_us").back().get<double>(), 100.0);
+    EXPECT_NEAR(wakeup.at("p50_us").front().get<double>(), 10.0, 10.0 / 32.0);
+    EXPECT_DOUBLE_EQ(parts.at("first").at("to_s").get<double>(), parts.at("last").at("from_s").get<double>());
+    EXPECT_EQ(
+        parts.at("first").at("wakeup").at("count").get<int>() + parts.at("last").at("wakeup").at("count").get<int>(),
+        10'000);
+    EXPECT_NEAR(parts.at("first").at("wakeup").at("p50").get<double>(), 10.0, 10.0 / 32.0);
+    EXPECT_NEAR(parts.at("last").at("wakeup").at("p50").get<double>(), 100.0, 100.0 / 32.0);
+    EXPECT_EQ(parts.at("lost_ticks"), 0);
+    EXPECT_THAT(measure_text(whole), AllOf(HasSubstr("wake-up, first half"), HasSubstr("compute, last half")));
+}
+
+TEST_F(MeasureReport, ComparesTheFirstAndTheLastHourOfALongRun) {
+    // Three hours, a tick a second.
+    for (int i = 0; i < 3 * 3600; ++i) {
+        instruments->ticks += 999;
+        tick(i < 3600 ? 10'000 : i < 7200 ? 50'000 : 20'000, 5000);
+    }
+    const nlohmann::json whole = report();
+    const nlohmann::json& parts = whole.at("measure").at("course");
+    // By whole intervals, of at most 42 s.
+    EXPECT_NEAR(parts.at("first").at("wakeup").at("count").get<double>(), 3600.0, 42.0);
+    EXPECT_NEAR(parts.at("last").at("wakeup").at("count").get<double>(), 3600.0, 42.0);
+    EXPECT_NEAR(parts.at("first").at("wakeup").at("p50").get<double>(), 10.0, 10.0 / 32.0);
+    EXPECT_NEAR(parts.at("last").at("wakeup").at("p50").get<double>(), 20.0, 20.0 / 32.0);
+    EXPECT_THAT(measure_text(whole), AllOf(HasSubstr("wake-up, first hour"), HasSubstr("wake-up, last hour")));
 }
 
 TEST_F(MeasureReport, IsComparedWithAnother) {

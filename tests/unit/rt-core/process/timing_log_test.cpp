@@ -1,6 +1,5 @@
 #include "process/timing_log.hpp"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <unistd.h>
@@ -125,32 +124,21 @@ TEST(TimingLog, KeepsTheFirstTickAboveALimit) {
     EXPECT_EQ(log->broken()->lateness_ns(), 61'000);
 }
 
-TEST(PeakHistory, KeepsThePeakOfEachBinForRunsOfAnyLength) {
-    std::mt19937 random(2);
-    std::uniform_int_distribution<std::int64_t> duration(0, 100'000);
-    PeakHistory course;
-    std::vector<std::int64_t> values;  // every 10 ms
-    constexpr std::int64_t kStepNs = 10'000'000;
-    for (int i = 0; i < 7000; ++i) {
-        values.push_back(duration(random));
-        course.add(5'000'000'000 + i * kStepNs, values.back());
-    }
-    const std::int64_t steps = course.bin_ns() / kStepNs;
-    ASSERT_LE(course.peaks_ns().size(), PeakHistory::kBins);
-    ASSERT_GT(course.peaks_ns().size(), PeakHistory::kBins / 2 - 1);
-    for (std::size_t i = 0; i < course.peaks_ns().size(); ++i) {
-        const auto begin = values.begin() + static_cast<std::ptrdiff_t>(i) * steps;
-        const auto end = values.end() - begin < steps ? values.end() : begin + steps;
-        ASSERT_EQ(course.peaks_ns()[i], *std::max_element(begin, end)) << i;
-    }
-}
-
-TEST(PeakHistory, MarksEmptyBins) {
-    PeakHistory course;
-    course.add(0, 7);
-    course.add(3 * course.bin_ns(), 9);
-    EXPECT_THAT(std::vector<std::int64_t>(course.peaks_ns().begin(), course.peaks_ns().end()),
-                testing::ElementsAre(7, -1, -1, 9));
+TEST(TimingLog, QueuesTheLatenciesOfEachTickForAnotherThread) {
+    const auto log = std::make_unique<TimingLog>();
+    TickLatencies tick;
+    EXPECT_FALSE(log->take_latencies(tick));
+    log->add(tick_of(1, 20'000, 30'000), {}, 0);
+    log->add(tick_of(2, 25'000, 31'000), {}, 0);
+    ASSERT_TRUE(log->take_latencies(tick));
+    EXPECT_EQ(tick.period_ns, 0) << "the first tick has none";
+    ASSERT_TRUE(log->take_latencies(tick));
+    EXPECT_EQ(tick.now_ns, 2 * kPeriodNs + 25'000);
+    EXPECT_EQ(tick.wakeup_ns, 25'000);
+    EXPECT_EQ(tick.period_ns, kPeriodNs);
+    EXPECT_EQ(tick.compute_ns, 31'000);
+    EXPECT_FALSE(log->take_latencies(tick));
+    EXPECT_EQ(log->lost_latencies(), 0U);
 }
 
 }  // namespace
