@@ -92,6 +92,21 @@ std::array<Vec3, 2> contact_tangents(const Vec3& n) HAPTIC_RT {
     return {Vec3(1.0 - n.x * n.x * a, b, -n.x), Vec3(b, 1.0 - n.y * n.y * a, -n.y)};
 }
 
+void ComplianceMatrix::mirror() HAPTIC_RT {
+    // Tile by tile: both triangles of a tile stay in the cache.
+    constexpr std::size_t kTile = 8;
+    for (std::size_t top = 0; top < rows_; top += kTile) {
+        const std::size_t bottom = std::min(top + kTile, rows_);
+        for (std::size_t left = 0; left <= top; left += kTile) {
+            for (std::size_t s = left; s < left + kTile; ++s) {
+                for (std::size_t r = std::max(top, s + 1); r < bottom; ++r) {
+                    elements_[s * kMaxContactRows + r] = elements_[r * kMaxContactRows + s];
+                }
+            }
+        }
+    }
+}
+
 ContactSolver::ContactSolver(int max_sweeps)
     : max_sweeps_(max_sweeps),
       force_(kMaxContactRows, 0.0),

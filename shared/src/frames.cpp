@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 #include "haptic/numeric.hpp"
@@ -98,6 +99,7 @@ FrameDefect find_defect(const ProxyContact& proxy) HAPTIC_RT {
 /// Row by row: the diagonal is a compliance, and |W_rs| <= sqrt(W_rr W_ss), without which no energy has this matrix.
 FrameDefect find_compliance_defect(const ContactFrame& frame) HAPTIC_RT {
     std::size_t rows = 0;
+    std::array<double, kMaxComplianceRows> diagonals{};
     for (std::uint32_t i = 0; i < frame.proxy_count; ++i) {
         const ProxyContact& proxy = frame.proxies[i];
         const std::size_t end = rows + contact_rows(proxy);
@@ -114,14 +116,16 @@ FrameDefect find_compliance_defect(const ContactFrame& frame) HAPTIC_RT {
             if (diagonal < 0.0 || (diagonal == 0.0 && r < rows + proxy.plane_count)) {
                 return FrameDefect::Compliance;
             }
-            // A NaN fails the comparison too.
-            bool within = true;
+            diagonals[r] = diagonal;
+            // Counted, so that compilers vectorise the loop. A NaN fails the comparison too.
+            const float* const row = &frame.compliance[compliance_index(r, 0)];
+            const double limit = diagonal * (1.0 + kComplianceTolerance);
+            std::int64_t beyond = 0;
             for (std::size_t s = 0; s < r; ++s) {
-                const double element = frame.compliance[compliance_index(r, s)];
-                const double limit = diagonal * frame.compliance[compliance_index(s, s)];
-                within = within && element * element <= limit * (1.0 + kComplianceTolerance);
+                const double element = row[s];
+                beyond += element * element <= limit * diagonals[s] ? 0 : 1;
             }
-            if (!within) {
+            if (beyond > 0) {
                 return FrameDefect::Compliance;
             }
         }

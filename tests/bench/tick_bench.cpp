@@ -57,10 +57,16 @@ class PreparedTransport final : public device::Transport {
     }
     device::ExchangeStatus exchange(device::PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT override {
         benchmark::DoNotOptimize(packets.out[0].data());
-        device::Sh4Packet& packet = packets_[moving ? static_cast<std::size_t>(now_ns / kTickNs % kPackets) : 0];
-        std::copy_n(packets.out[0].begin() + 2, 2 * kStrings, packet.begin());  // echo of the DAC codes
-        std::copy(packet.begin(), packet.end(), packets.in.begin());
-        packets.received = packet.size();
+        // The answer echoes the DAC codes of the last command, in this exchange or in an earlier one.
+        if (!packets.out[0].empty()) {
+            std::copy_n(packets.out[0].begin() + 2, echo_.size(), echo_.begin());
+        }
+        if (!packets.in.empty()) {
+            device::Sh4Packet& packet = packets_[moving ? static_cast<std::size_t>(now_ns / kTickNs % kPackets) : 0];
+            std::copy(echo_.begin(), echo_.end(), packet.begin());
+            std::copy(packet.begin(), packet.end(), packets.in.begin());
+            packets.received = packet.size();
+        }
         return device::ExchangeStatus::Ok;
     }
     void send_last(std::span<const std::byte> /*out*/, std::int64_t /*now_ns*/) HAPTIC_RT override {}
@@ -70,6 +76,7 @@ class PreparedTransport final : public device::Transport {
 
   private:
     std::vector<device::Sh4Packet> packets_;
+    std::array<std::byte, 2 * kStrings> echo_{};
 };
 
 /// Tool of a frame, by what its compliance contains.

@@ -57,7 +57,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         }
         answered = session.output().size();
         const std::size_t messages = size / kShortestMessage + 1;
-        require(answered <= messages * (kMaxAnswered + haptic::device::kBulkPacketBytes), "answers are bounded");
+        require(answered <= messages * (kMaxAnswered + haptic::device::kPieceBytes), "answers are bounded");
         for (const std::int16_t dac_code : device.dac_codes()) {
             require(dac_code >= 0 && dac_code <= haptic::device::kMaxDacCode, "DAC codes have 12 bits");
         }

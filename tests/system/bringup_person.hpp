@@ -13,7 +13,7 @@
 
 #include "emulated/uart_firmware.hpp"
 #include "haptic/device/emulated_device.hpp"
-#include "usbip/tty_server.hpp"
+#include "served/tty_server.hpp"
 
 namespace haptic::test {
 

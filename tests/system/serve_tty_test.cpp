@@ -22,7 +22,7 @@
 #include "haptic/device/emulated_device.hpp"
 #include "process.hpp"
 #include "pty.hpp"
-#include "usbip/tty_server.hpp"
+#include "served/tty_server.hpp"
 
 namespace haptic::test {
 namespace {

@@ -79,6 +79,31 @@ TEST_F(RtCoreUsb, SendsItsForceInTheSameTickByASecondExchange) {
     EXPECT_GE(board.commands(), 2 * result.at("ticks").get<int>());
 }
 
+TEST_F(RtCoreUsb, RefusesAPeriodThatCannotHoldItsExchangesAndSaysWhatWould) {
+    FakeUsbBoard& board = bus.plug({.speed_mbit = 12});
+    std::vector<std::string> words = command({"--duration", "0.3"});
+    words.insert(words.end(), {"--set", "device.exchanges=two", "--set", "loop.period_s=0.001"});
+    Process process(words, log);
+    EXPECT_EQ(process.wait_for(kLong), 2) << process.output();
+    EXPECT_THAT(process.output(),
+                AllOf(HasSubstr("loop.period_s: a period of 1000.0 us cannot hold its two exchanges with USB at 12 "
+                                "Mbit/s, which take 1642.7 us"),
+                      HasSubstr("What would hold: loop.period_s of at least 2050.0 us (487 Hz); or a link of 480")));
+    EXPECT_EQ(board.dac_codes(), kZeros);
+}
+
+TEST_F(RtCoreUsb, PrintsWhereThePeriodGoesAndReportsItBesideWhatWasMeasured) {
+    bus.plug({});
+    Process process(command({"--report", report_file, "--duration", "0.3"}), log);
+    EXPECT_EQ(process.wait_for(kLong), 0) << process.output();
+    EXPECT_THAT(process.output(), AllOf(HasSubstr("a period of 10000.0 us with USB at 480 Mbit/s: holds"),
+                                        HasSubstr("  exchanges       125.0 us  1 of 512 bytes out, 512 in")));
+    const nlohmann::json budget = report().at("period_budget");
+    EXPECT_EQ(budget.at("needs_us").at("exchanges"), 125.0);
+    EXPECT_EQ(budget.at("verdict"), "holds");
+    EXPECT_GT(budget.at("measured_p999_us").at("exchanges"), 0.0);
+}
+
 TEST_F(RtCoreUsb, EndsInANamedFaultWhenTheCableIsPulled) {
     FakeUsbBoard& board = bus.plug({});
     Process process(command({"--report", report_file}), log);

@@ -1,4 +1,4 @@
-// `firmware-host serve --usbip`: independent clients, and how it ends.
+// `firmware-host serve`, over USB/IP and usbredir: independent clients, and how it ends.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -106,6 +106,28 @@ TEST_F(UsbipServe, EndsWithStatusZeroOnEachSignalThatAsksForIt) {
     }
 }
 
+TEST_F(UsbipServe, AtFullSpeedItIsListedWithThatSpeed) {
+    serve({"--speed", "full"});
+    EXPECT_THAT(server->output(), HasSubstr("0cec:0205, full speed, bus id 1-1"));
+    const Finished client = run({PYTHON, CLIENT, "127.0.0.1", port});
+    EXPECT_EQ(client.status, 1);
+    EXPECT_THAT(client.output, HasSubstr("the device is of high speed"));
+}
+
+TEST_F(UsbipServe, OverUsbredirItListensAtASocketAndRemovesItAtTheEnd) {
+    const std::string socket = folder / "board";
+    const std::vector<std::string> command = {FIRMWARE_HOST, "serve", "--usbredir", socket, "--speed", "full"};
+    Process redir(command, folder / "redir.log");
+    ASSERT_TRUE(redir.wait_for_text("0cec:0205, full speed, listening at " + socket, seconds(10))) << redir.output();
+    EXPECT_TRUE(std::filesystem::is_socket(socket));
+    const Finished second = run(command);
+    EXPECT_EQ(second.status, 1);
+    EXPECT_THAT(second.output, AllOf(HasSubstr(socket), HasSubstr("in use")));
+    redir.signal(SIGTERM);
+    EXPECT_EQ(redir.wait_for(seconds(10)), 0) << redir.output();
+    EXPECT_FALSE(std::filesystem::exists(socket));
+}
+
 TEST_F(UsbipServe, APortThatIsTakenIsAFailureThatNamesIt) {
     serve();
     const Finished second = run({FIRMWARE_HOST, "serve", "--usbip", "127.0.0.1:" + port});
@@ -124,6 +146,12 @@ TEST_F(UsbipServe, WrongArgumentsAreRefusedWithTheirName) {
         {{"--usbip", "127.0.0.1:0", "--geometry", "SpidarG6X5R"}, "serial line"},
         {{"--usbip", "127.0.0.1:0", "--hand-delay", "-1"}, "--hand-delay"},
         {{"--usbip", "127.0.0.1:0", "--hand-delay", "nan"}, "--hand-delay"},
+        {{"--usbip", "127.0.0.1:0", "--speed", "low"}, "--speed"},
+        {{"--usbredir", folder / "board", "--usbip", "127.0.0.1:0"}, "excludes"},
+        {{"--usbredir", folder / "board", "--tty"}, "excludes"},
+        {{"--usbredir", folder / "board", "--geometry", "SpidarG6X5R"}, "serial line"},
+        {{"--usbredir", std::string(200, 'x')}, "1 to 107 characters"},
+        {{"--tty", "--geometry", "SpidarG6X5R", "--speed", "full"}, "excludes"},
         {{"--frobnicate"}, "--frobnicate"},
     };
     for (const auto& [arguments, reason] : cases) {

@@ -1,7 +1,9 @@
 // Host driver of the Cyverse "USB2.0 Simple" board (0CEC:0203).
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <span>
 
 #include "codecs/simple_codec.hpp"
 #include "haptic/device/board.hpp"
@@ -21,13 +23,23 @@ class SimpleBoard final : public Board {
     /// Sets the counting directions, then clears the counters.
     void start() override;
     ExchangeStatus exchange(const MotorCommand& command, BoardReading& reading, std::int64_t now_ns) HAPTIC_RT override;
+    ExchangeStatus send(const MotorCommand& command, std::int64_t now_ns) HAPTIC_RT override;
+    [[nodiscard]] bool answer_due() const HAPTIC_RT override { return answer_due_; }
+    ExchangeStatus collect(std::int64_t now_ns) HAPTIC_RT override;
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override;
     [[nodiscard]] ZeroPacket zero_packet() const override;
 
   private:
+    /// Encodes the two packets of a command.
+    void prepare(const MotorCommand& command) HAPTIC_RT;
+    /// Receives and decodes a reply; with packets in `out`, sends those first.
+    ExchangeStatus fetch(const std::array<std::span<const std::byte>, 2>& out, SimpleReply& reply,
+                         std::int64_t now_ns) HAPTIC_RT;
+
     Transport* transport_;
     std::uint8_t phase_;
     bool reply_overdue_ = false;  // the last reply missed its time limit
+    bool answer_due_ = false;     // the reply to the last send() is to be collected
     SimplePacket dac_codes_{};
     SimplePacket latch_{};
     SimplePacket in_{};

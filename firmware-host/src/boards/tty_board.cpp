@@ -41,4 +41,8 @@ std::string TtyBoard::found() const {
     return board_->found();
 }
 
+ExchangePackets TtyBoard::packets() const noexcept {
+    return board_->packets();
+}
+
 }  // namespace haptic::device

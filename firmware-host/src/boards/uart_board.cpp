@@ -7,7 +7,6 @@ namespace {
 
 // Multiples of the transport's time limit that discovery waits for an id.
 constexpr int kQueryAttempts = 5;
-constexpr std::size_t kMinZeros = 5;
 // Zeros after a request for board info, as the published driver sends them.
 constexpr std::size_t kInfoZeros = 26;
 
@@ -26,7 +25,7 @@ void UartBoard::start() {
     discover_boards();
     if (options_.set_lengths) {
         for (const Node& node : nodes_) {
-            std::array<std::byte, kUartLengthsBytes + kMinZeros> out{};
+            std::array<std::byte, kUartLengthsBytes + kUartMinZeros> out{};
             encode_lengths(node.id, uart_lengths(node.info), std::span(out).first(kUartLengthsBytes));
             query(out, {});
         }
@@ -79,7 +78,7 @@ void UartBoard::prepare_packets() {
         const std::size_t reply = uart_current_reply_bytes(node.info);
         node.command = out;
         node.reply = in;
-        out += command + padding(command, reply);
+        out += command + uart_zeros(options_, command, reply);
         in += reply;
         encode_currents(node.id, node.info, {}, std::span(zero_).subspan(zero, command));
         zero += command;
@@ -104,11 +103,6 @@ std::size_t UartBoard::query(std::span<const std::byte> out, std::span<std::byte
         }
     }
     return received;
-}
-
-std::size_t UartBoard::padding(std::size_t command, std::size_t reply) const HAPTIC_RT {
-    const auto wanted = static_cast<std::size_t>(options_.padding) + reply;
-    return std::max(kMinZeros, wanted > command ? wanted - command : 0);
 }
 
 void UartBoard::flush_line(std::int64_t now_ns) HAPTIC_RT {

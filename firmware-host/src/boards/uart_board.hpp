@@ -1,6 +1,7 @@
 // Host driver of the UART motor boards on one serial line.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstddef>
@@ -12,9 +13,19 @@
 #include "codecs/uart_codec.hpp"
 #include "haptic/device/board.hpp"
 #include "haptic/device/board_options.hpp"
+#include "haptic/device/exchange_packets.hpp"
 #include "transport/transport.hpp"
 
 namespace haptic::device {
+
+inline constexpr std::size_t kUartMinZeros = 5;
+
+/// Zeros to send after a command so that its reply is clocked out.
+[[nodiscard]] constexpr std::size_t uart_zeros(const UartOptions& options, std::size_t command,
+                                               std::size_t reply) HAPTIC_RT {
+    const auto wanted = static_cast<std::size_t>(options.padding) + reply;
+    return std::max(kUartMinZeros, wanted > command ? wanted - command : 0);
+}
 
 /// start() detects the boards. Ordered by id, their motors are strings 0 to 7. An exchange sends each board its
 /// currents, followed by the zeros that clock its reply out, and receives all replies. Currents have a sign; counters
@@ -37,6 +48,8 @@ class UartBoard final : public Board {
 
     /// Boards that start() detected, for reports: "id 0: model 5, 4 motors; id 1: ..."
     [[nodiscard]] std::string found() const;
+    /// Bytes of an exchange with them.
+    [[nodiscard]] ExchangePackets packets() const noexcept { return {{out_.size(), 0}, in_.size()}; }
 
   private:
     struct Node {
@@ -53,8 +66,6 @@ class UartBoard final : public Board {
     std::size_t query(std::span<const std::byte> out, std::span<std::byte> in);
     /// Ends any partial command and discards the replies of an exchange that failed.
     void flush_line(std::int64_t now_ns) HAPTIC_RT;
-    /// Zeros to send after a command so that its reply is clocked out.
-    [[nodiscard]] std::size_t padding(std::size_t command, std::size_t reply) const HAPTIC_RT;
     [[nodiscard]] PacketDefect decode_node(const Node& node, BoardReading& reading) const HAPTIC_RT;
 
     Transport* transport_;

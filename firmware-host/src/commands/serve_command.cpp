@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cmath>
 #include <csignal>
@@ -26,8 +27,9 @@
 #include "haptic/device/hand_file.hpp"
 #include "haptic/device/wiring.hpp"
 #include "program/option_checks.hpp"
-#include "usbip/tty_server.hpp"
+#include "served/tty_server.hpp"
 #include "usbip/usbip_server.hpp"
+#include "usbredir/usbredir_server.hpp"
 
 namespace haptic::device {
 namespace {
@@ -77,24 +79,30 @@ DeviceGeometry geometry_of(const std::string& name_or_path) {
     }
 }
 
-/// Address of the USB/IP server. Refuses a device geometry whose board is not on USB.
-NetworkAddress usbip_address(const std::string& text, const DeviceGeometry& geometry) {
-    try {
-        static_cast<void>(usb_identity(geometry.board));
-        return parse_network_address(text);
-    } catch (const std::invalid_argument& error) {
-        throw CLI::ValidationError("--usbip", error.what());
-    }
+/// "SpidarG6X3R as 0cec:0205, high speed".
+std::string device_text(const DeviceGeometry& geometry, UsbSpeed speed) {
+    const UsbIdentity identity = usb_identity(geometry.board);
+    std::array<char, 32> ids{};
+    std::snprintf(ids.data(), ids.size(), " as %04x:%04x, ", identity.vendor, identity.product);
+    return geometry.name + ids.data() + (speed == UsbSpeed::High ? "high speed" : "full speed");
 }
 
-std::unique_ptr<Server> serve_usbip(const NetworkAddress& address, const DeviceGeometry& geometry, Firmware& firmware) {
-    auto server = std::make_unique<UsbipServer>(address, geometry.board, firmware,
+std::unique_ptr<Server> serve_usbip(const NetworkAddress& address, const DeviceGeometry& geometry, Firmware& firmware,
+                                    UsbSpeed speed) {
+    auto server = std::make_unique<UsbipServer>(address, geometry.board, firmware, speed,
                                                 [](std::string_view line) { log_line("usbip: " + std::string(line)); });
-    const UsbIdentity identity = usb_identity(geometry.board);
     const NetworkAddress& real = server->address();
-    std::printf("usbip: %s as %04x:%04x, bus id 1-1, listening on %s:%u\n", geometry.name.c_str(), identity.vendor,
-                identity.product, real.host.c_str(), static_cast<unsigned>(real.port));
-    std::fflush(stdout);
+    log_line("usbip: " + device_text(geometry, speed) + ", bus id 1-1, listening on " + real.host + ":" +
+             std::to_string(real.port));
+    return server;
+}
+
+std::unique_ptr<Server> serve_usbredir(const std::string& path, const DeviceGeometry& geometry, Firmware& firmware,
+                                       UsbSpeed speed) {
+    auto server = std::make_unique<UsbredirServer>(path, geometry.board, firmware, speed, [](std::string_view line) {
+        log_line("usbredir: " + std::string(line));
+    });
+    log_line("usbredir: " + device_text(geometry, speed) + ", listening at " + path);
     return server;
 }
 
@@ -129,6 +137,28 @@ EmulatedDevice::Settings device_settings(const ServeArguments& arguments, const 
     return settings;
 }
 
+/// Refuses a device geometry whose board the chosen server cannot serve, and an address that is none. Returns the
+/// address of a USB/IP server.
+NetworkAddress check_server(const ServeArguments& arguments, const DeviceGeometry& geometry) {
+    if (arguments.tty_option->count() > 0) {
+        if (geometry.board != BoardKind::Uart) {
+            throw CLI::ValidationError("--tty", "the board of " + geometry.name + " has no serial line; use --usbip");
+        }
+        return {};
+    }
+    const bool usbredir = arguments.usbredir_option->count() > 0;
+    try {
+        static_cast<void>(usb_identity(geometry.board));
+        if (usbredir) {
+            check_socket_path(arguments.usbredir);
+            return {};
+        }
+        return parse_network_address(arguments.usbip);
+    } catch (const std::invalid_argument& error) {
+        throw CLI::ValidationError(usbredir ? "--usbredir" : "--usbip", error.what());
+    }
+}
+
 std::unique_ptr<Server> serve_tty(const std::string& link, const DeviceGeometry& geometry, Firmware& firmware) {
     auto server =
         std::make_unique<TtyServer>(firmware, link.empty() ? std::nullopt : std::optional<std::filesystem::path>(link));
@@ -137,37 +167,38 @@ std::unique_ptr<Server> serve_tty(const std::string& link, const DeviceGeometry&
     return server;
 }
 
-/// Time until the earliest server is due; nullptr for never.
-const timespec* time_left(const std::vector<std::unique_ptr<Server>>& servers, timespec& storage) {
-    std::optional<std::int64_t> earliest;
-    for (const auto& server : servers) {
-        if (const auto due = server->due_ns()) {
-            earliest = std::min(earliest.value_or(INT64_MAX), *due);
-        }
+std::unique_ptr<Server> make_server(const ServeArguments& arguments, const NetworkAddress& usbip_address,
+                                    const DeviceGeometry& geometry, Firmware& firmware) {
+    const UsbSpeed speed = arguments.speed == "full" ? UsbSpeed::Full : UsbSpeed::High;
+    if (arguments.tty_option->count() > 0) {
+        return serve_tty(arguments.tty, geometry, firmware);
     }
-    if (!earliest) {
+    if (arguments.usbredir_option->count() > 0) {
+        return serve_usbredir(arguments.usbredir, geometry, firmware, speed);
+    }
+    return serve_usbip(usbip_address, geometry, firmware, speed);
+}
+
+/// Time until the server is due; nullptr for never.
+const timespec* time_left(const Server& server, timespec& storage) {
+    const std::optional<std::int64_t> due_ns = server.due_ns();
+    if (!due_ns) {
         return nullptr;
     }
-    const std::int64_t left_ns = std::max<std::int64_t>(0, *earliest - monotonic_now_ns());
+    const std::int64_t left_ns = std::max<std::int64_t>(0, *due_ns - monotonic_now_ns());
     storage.tv_sec = left_ns / kNanosecondsPerSecond;
     storage.tv_nsec = left_ns % kNanosecondsPerSecond;
     return &storage;
 }
 
-void serve_until_stopped(const std::vector<std::unique_ptr<Server>>& servers, const StopSignals& signals) {
-    std::vector<pollfd> watched{{signals.descriptor(), POLLIN, 0}};
-    for (const auto& server : servers) {
-        watched.push_back({server->descriptor(), POLLIN, 0});
-    }
+void serve_until_stopped(Server& server, const StopSignals& signals) {
+    std::array<pollfd, 2> watched{{{signals.descriptor(), POLLIN, 0}, {server.descriptor(), POLLIN, 0}}};
     while (watched.front().revents == 0) {
         timespec storage{};
-        if (ppoll(watched.data(), watched.size(), time_left(servers, storage), nullptr) < 0 && errno != EINTR) {
+        if (ppoll(watched.data(), watched.size(), time_left(server, storage), nullptr) < 0 && errno != EINTR) {
             fail("cannot wait for clients");
         }
-        const std::int64_t now_ns = monotonic_now_ns();
-        for (const auto& server : servers) {
-            server->step(now_ns);
-        }
+        server.step(monotonic_now_ns());
     }
 }
 
@@ -176,13 +207,19 @@ void serve_until_stopped(const std::vector<std::unique_ptr<Server>>& servers, co
 CLI::App* add_serve(CLI::App& app, ServeArguments& arguments) {
     CLI::App* serve = app.add_subcommand("serve", "Serve an emulated board until a signal arrives");
     arguments.usbip = "127.0.0.1:3240";
-    arguments.usbip_option =
+    arguments.usbip_option = serve
+                                 ->add_option("--usbip", arguments.usbip,
+                                              "USB/IP server: ADDR:PORT to listen on; port 0 selects a free one. "
+                                              "Default unless --usbredir or --tty is given")
+                                 ->expected(0, 1)
+                                 ->capture_default_str();
+    arguments.usbredir_option =
         serve
-            ->add_option(
-                "--usbip", arguments.usbip,
-                "USB/IP server: ADDR:PORT to listen on; port 0 selects a free one. Default unless --tty is given")
-            ->expected(0, 1)
-            ->capture_default_str();
+            ->add_option("--usbredir", arguments.usbredir,
+                         "usbredir server: Unix socket to listen at, for QEMU's device usb-redir: the board is behind "
+                         "the USB controller of a virtual machine")
+            ->type_name("SOCKET")
+            ->excludes(arguments.usbip_option);
     arguments.tty_option =
         serve
             ->add_option(
@@ -190,7 +227,15 @@ CLI::App* add_serve(CLI::App& app, ServeArguments& arguments) {
                 "Serial line: a pseudo terminal for a device geometry with UART boards; LINK becomes a symbolic "
                 "link to it")
             ->type_name("[LINK]")
-            ->expected(0, 1);
+            ->expected(0, 1)
+            ->excludes(arguments.usbip_option)
+            ->excludes(arguments.usbredir_option);
+    serve
+        ->add_option("--speed", arguments.speed,
+                     "USB speed: full (12 Mbit/s, packets of 64 bytes) or high (480 Mbit/s, packets of 512 bytes)")
+        ->check(CLI::IsMember({"full", "high"}))
+        ->capture_default_str()
+        ->excludes(arguments.tty_option);
     const auto geometry = [&](const char* name) {
         return serve->add_option(name, arguments.geometry,
                                  "Device geometry, which also selects the board: a built-in name or a TOML file");
@@ -242,12 +287,7 @@ void run_serve(const ServeArguments& arguments) {
         throw CLI::ValidationError("--hand-delay", "must be 0 to 3600 s");
     }
     const DeviceGeometry geometry = geometry_of(arguments.geometry);
-    const bool tty = arguments.tty_option->count() > 0;
-    const bool usbip = arguments.usbip_option->count() > 0 || !tty;
-    if (tty && geometry.board != BoardKind::Uart) {
-        throw CLI::ValidationError("--tty", "the board of " + geometry.name + " has no serial line; use --usbip");
-    }
-    const NetworkAddress address = usbip ? usbip_address(arguments.usbip, geometry) : NetworkAddress{};
+    const NetworkAddress address = check_server(arguments, geometry);
     const StopSignals signals;
     EmulatedDevice device(device_settings(arguments, geometry));
     const std::unique_ptr<Firmware> board = make_firmware(geometry.board, device);
@@ -259,14 +299,8 @@ void run_serve(const ServeArguments& arguments) {
     }
     Firmware& served = recording ? static_cast<Firmware&>(*recording) : firmware;
 
-    std::vector<std::unique_ptr<Server>> servers;
-    if (usbip) {
-        servers.push_back(serve_usbip(address, geometry, served));
-    }
-    if (tty) {
-        servers.push_back(serve_tty(arguments.tty, geometry, served));
-    }
-    serve_until_stopped(servers, signals);
+    const std::unique_ptr<Server> server = make_server(arguments, address, geometry, served);
+    serve_until_stopped(*server, signals);
     log_line("stopped");
     if (recording) {
         recording->require_complete();

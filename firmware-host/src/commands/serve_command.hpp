@@ -13,7 +13,10 @@ namespace haptic::device {
 struct ServeArguments {
     std::string usbip;  // ADDR:PORT
     CLI::Option* usbip_option = nullptr;
-    std::string tty;  // LINK, empty for none
+    std::string usbredir;  // path of the socket
+    CLI::Option* usbredir_option = nullptr;
+    std::string speed = "high";  // or "full"
+    std::string tty;             // LINK, empty for none
     CLI::Option* tty_option = nullptr;
     std::string geometry = "SpidarG6X3R";
     std::optional<std::filesystem::path> hand;

@@ -17,6 +17,8 @@ struct PacketExchange {
     std::array<std::span<const std::byte>, 2> out;  // empty spans are not sent
     std::span<std::byte> in;                        // buffer for the reply; empty if none is expected
     std::size_t received = 0;                       // bytes of the reply
+    bool reply_later =
+        false;  // another exchange, without packets to send, receives the reply: do not wait; `in` is empty
 };
 
 class Transport {
@@ -24,7 +26,8 @@ class Transport {
     virtual ~Transport() = default;
 
     /// Sends the packets and waits for the reply, at most for the transport's time limit. Without packets to send it
-    /// only waits, for an overdue reply. A reply shorter than the buffer is Ok; the codec checks its length.
+    /// only waits, for a reply that is overdue or was left for later. A reply shorter than the buffer is Ok; the codec
+    /// checks its length.
     virtual ExchangeStatus exchange(PacketExchange& packets, std::int64_t now_ns) HAPTIC_RT = 0;
 
     /// Sends one packet by the shortest path and does not wait for a reply; see Board::zero_motors.

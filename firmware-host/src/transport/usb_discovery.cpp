@@ -23,6 +23,13 @@ std::optional<unsigned> number_in(const std::filesystem::path& file, int base) {
     return number;
 }
 
+std::string first_line(const std::filesystem::path& file) {
+    std::ifstream stream(file);
+    std::string line;
+    std::getline(stream, line);
+    return line;
+}
+
 std::optional<UsbDevice> read_device(const std::filesystem::path& folder) {
     // Device directories have these four files; interface directories do not.
     const auto vendor = number_in(folder / "idVendor", 16);
@@ -34,9 +41,13 @@ std::optional<UsbDevice> read_device(const std::filesystem::path& folder) {
     }
     std::array<char, 64> node{};
     std::snprintf(node.data(), node.size(), "/dev/bus/usb/%03u/%03u", *bus, *number);
+    // The root hub of each bus names its controller.
+    const std::filesystem::path root_hub = folder.parent_path() / ("usb" + std::to_string(*bus));
     return UsbDevice{{static_cast<std::uint16_t>(*vendor), static_cast<std::uint16_t>(*product)},
                      folder.filename().string(),
-                     node.data()};
+                     node.data(),
+                     static_cast<int>(number_in(folder / "speed", 10).value_or(0)),
+                     first_line(root_hub / "product") == kUsbipController};
 }
 
 std::optional<std::uint16_t> four_hex_digits(std::string_view text) {

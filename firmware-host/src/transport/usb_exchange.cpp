@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "haptic/clock.hpp"
 #include "transport/usb_link.hpp"
@@ -95,7 +96,7 @@ void UsbTransport::handle_until(std::int64_t deadline_ns) HAPTIC_RT {
 ExchangeStatus UsbTransport::submit_all(const PacketExchange& packets) HAPTIC_RT {
     Link& link = *link_;
     // IN first. An IN transfer whose reply never came is still submitted and serves this exchange.
-    if (!packets.in.empty() && !link.in.submitted) {
+    if ((!packets.in.empty() || packets.reply_later) && !link.in.submitted) {
         if (const ExchangeStatus status = submit(link.in, kUsbBufferBytes); status != ExchangeStatus::Ok) {
             return status;
         }
@@ -115,6 +116,25 @@ ExchangeStatus UsbTransport::submit_all(const PacketExchange& packets) HAPTIC_RT
         }
     }
     return ExchangeStatus::Ok;
+}
+
+ExchangeStatus UsbTransport::begin(const PacketExchange& packets, std::int64_t deadline_ns) HAPTIC_RT {
+    Link& link = *link_;
+    // Finish the previous exchange: discard a late reply, and wait for OUT transfers in flight, so that no command
+    // overtakes another. An exchange that does not wait for its reply does not wait for those either.
+    usb::reap_transfers(link.context);
+    while ((link.out[0].submitted || link.out[1].submitted) && !packets.reply_later &&
+           monotonic_now_ns() < deadline_ns) {
+        usb::wait_for_transfer(link.node, deadline_ns);
+        usb::reap_transfers(link.context);
+    }
+    if (link.out[0].submitted || link.out[1].submitted) {
+        return ExchangeStatus::Timeout;
+    }
+    reset_result(link.in);
+    reset_result(link.out[0]);
+    reset_result(link.out[1]);
+    return submit_all(packets);
 }
 
 ExchangeStatus UsbTransport::outcome(PacketExchange& packets) HAPTIC_RT {
@@ -157,22 +177,14 @@ ExchangeStatus UsbTransport::exchange(PacketExchange& packets, std::int64_t /*no
         return ExchangeStatus::Stalled;
     }
     const std::int64_t deadline_ns = monotonic_now_ns() + settings_.timeout_ns;
-    // Finish the previous exchange: discard a late reply, and wait for OUT transfers in flight, so that no command
-    // overtakes another.
-    usb::reap_transfers(link.context);
-    while ((link.out[0].submitted || link.out[1].submitted) && monotonic_now_ns() < deadline_ns) {
-        usb::wait_for_transfer(link.node, deadline_ns);
-        usb::reap_transfers(link.context);
+    // The transfers that the last exchange left are finished here. Without a packet to send, theirs is the result.
+    const bool collects = std::exchange(link.reply_later, false) && packets.out[0].empty() && packets.out[1].empty();
+    ExchangeStatus status = collects ? ExchangeStatus::Ok : begin(packets, deadline_ns);
+    if (status == ExchangeStatus::Ok && packets.reply_later) {
+        link.reply_later = true;
+        return ExchangeStatus::Ok;
     }
-    if (link.out[0].submitted || link.out[1].submitted) {
-        return ExchangeStatus::Timeout;
-    }
-
-    // Submit, wait until all transfers have ended or the deadline is reached, and evaluate the results.
-    reset_result(link.in);
-    reset_result(link.out[0]);
-    reset_result(link.out[1]);
-    ExchangeStatus status = submit_all(packets);
+    // Wait until all transfers have ended or the deadline is reached, and evaluate the results.
     if (status == ExchangeStatus::Ok) {
         handle_until(deadline_ns);
         status = outcome(packets);

@@ -35,6 +35,7 @@ struct UsbTransport::Link {
     UsbSlot in;
     std::array<UsbSlot, 2> out;
 
+    bool reply_later = false;           // the transfers of the last exchange are for the next one to finish
     bool lost = false;                  // the kernel reported that the device is gone
     std::atomic<bool> clearing{false};  // set by an exchange, reset by halt_clearer
 

@@ -2,8 +2,9 @@
 //
 // An exchange submits the IN transfer first and then the OUT transfers, so that the host is ready for the reply before
 // the board receives the command. It then handles libusb events until all transfers have ended or the time limit is
-// reached. A transfer that has not ended stays submitted and the next exchange continues with it, because cancelling
-// makes the kernel wait for the host controller without a bound. A late reply is discarded then.
+// reached. An exchange whose reply is for later submits the same transfers and leaves them to the next one, so that the
+// reply arrives while nobody waits. A transfer that has not ended stays submitted and the next exchange continues with
+// it, because cancelling makes the kernel wait for the host controller without a bound. A late reply is discarded then.
 //
 // Transfers and buffers are allocated when the device is opened. libusb still allocates in each submit; the README
 // counts these allocations.
@@ -68,6 +69,8 @@ class UsbTransport final : public Transport {
   private:
     struct Link;
 
+    /// Makes room for a new exchange and submits its transfers.
+    [[nodiscard]] ExchangeStatus begin(const PacketExchange& packets, std::int64_t deadline_ns) HAPTIC_RT;
     [[nodiscard]] ExchangeStatus submit_all(const PacketExchange& packets) HAPTIC_RT;
     [[nodiscard]] ExchangeStatus outcome(PacketExchange& packets) HAPTIC_RT;
     void handle_until(std::int64_t deadline_ns) HAPTIC_RT;

@@ -16,12 +16,11 @@
 #include <system_error>
 #include <utility>
 
+#include "served/socket_io.hpp"
+
 namespace haptic::device {
 namespace {
 
-constexpr std::size_t kReadBytes = 65536;
-// Bytes; a client with more unread output is not read from until it has caught up.
-constexpr std::size_t kMaxUnsent = 262144;
 constexpr int kBacklog = 16;
 constexpr int kEventsAtOnce = 32;
 // s; TCP keep-alive, so that a machine that disappeared without closing loses the device.
@@ -125,10 +124,11 @@ NetworkAddress parse_network_address(std::string_view text) {
     return address;
 }
 
-UsbipServer::UsbipServer(const NetworkAddress& address, BoardKind kind, Firmware& firmware, Report report)
+UsbipServer::UsbipServer(const NetworkAddress& address, BoardKind kind, Firmware& firmware, UsbSpeed speed,
+                         Report report)
     : report_(std::move(report)),
       firmware_(&firmware),
-      exported_(kind, firmware),
+      exported_(kind, firmware, speed),
       address_(address),
       buffer_(kReadBytes) {
     const Addresses list = resolve(address);
@@ -165,7 +165,7 @@ std::optional<std::int64_t> UsbipServer::due_ns() const {
     std::optional<std::int64_t> due;
     for (const Client& client : clients_) {
         if (client.session.waits_for_firmware()) {
-            due = std::min(due.value_or(INT64_MAX), now_ns_ + kReplyPollNs);
+            due = std::min(due.value_or(INT64_MAX), now_ns_ + kUsbPollNs);
         }
         if (!client.imported) {
             due = std::min(due.value_or(INT64_MAX), client.since_ns + kImportTimeoutNs);
@@ -260,23 +260,10 @@ void UsbipServer::read_from(Client& client, std::int64_t now_ns) {
 
 void UsbipServer::write_to(std::list<Client>::iterator client) {
     std::vector<std::byte>& output = client->session.output();
-    std::size_t sent = 0;
-    while (sent < output.size()) {
-        const ssize_t count =
-            send(client->socket, output.data() + sent, output.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
-        if (count < 0) {
-            if (errno == EINTR) {
-                continue;
-            }
-            if (errno != EAGAIN) {
-                close(client, std::generic_category().message(errno));
-                return;
-            }
-            break;
-        }
-        sent += static_cast<std::size_t>(count);
+    if (const int error = send_some(client->socket, output); error != 0) {
+        close(client, std::generic_category().message(error));
+        return;
     }
-    output.erase(output.begin(), output.begin() + static_cast<std::ptrdiff_t>(sent));
     // An ended session is closed once its output is sent; one that owned the device immediately, to release the device.
     if (client->session.ended() && (output.empty() || client->imported)) {
         close(client, client->session.reason());

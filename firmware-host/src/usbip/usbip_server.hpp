@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "usbip/server.hpp"
+#include "served/server.hpp"
 #include "usbip/usbip_session.hpp"
 
 namespace haptic::device {
@@ -34,13 +34,12 @@ class UsbipServer final : public Server {
   public:
     static constexpr std::size_t kMaxClients = 16;
     static constexpr std::int64_t kImportTimeoutNs = 10'000'000'000;  // from connection to import
-    static constexpr std::int64_t kReplyPollNs = 250'000;  // poll interval of a firmware with pending transfers
 
     using Report = std::function<void(std::string_view)>;
 
     /// Starts to listen. The firmware must outlive the server. `report` receives a line about each client. Throws
     /// std::system_error if the address is not available and std::invalid_argument for a board without USB.
-    UsbipServer(const NetworkAddress& address, BoardKind kind, Firmware& firmware, Report report);
+    UsbipServer(const NetworkAddress& address, BoardKind kind, Firmware& firmware, UsbSpeed speed, Report report);
     UsbipServer(const UsbipServer&) = delete;
     UsbipServer& operator=(const UsbipServer&) = delete;
     ~UsbipServer() override;

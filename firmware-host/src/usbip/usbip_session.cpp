@@ -9,23 +9,42 @@ namespace haptic::device {
 namespace {
 
 constexpr const char* kBusId = "1-1";
+// Numbers of the speeds, as in Linux (enum usb_device_speed).
+constexpr std::uint32_t kFullSpeed = 2;
 constexpr std::uint32_t kHighSpeed = 3;
 constexpr std::array<usbip::InterfaceRecord, 1> kInterfaces = {{{kVendorSpecific, 0, 0}}};
 constexpr std::uint8_t kInputFlag = 0x80;
 constexpr std::size_t kImportBytes = usbip::kOperationBytes + usbip::kBusIdBytes;
 
-usbip::DeviceRecord record_of(const UsbIdentity& identity) {
+usbip::DeviceRecord record_of(const UsbDeviceModel& model) {
+    const UsbIdentity& identity = model.identity();
     return {.path = "/sys/devices/haptic/firmware-host/usb1/1-1",
             .bus_id = kBusId,
             .bus = 1,
             .address = 2,
-            .speed = kHighSpeed,
+            .speed = model.speed() == UsbSpeed::High ? kHighSpeed : kFullSpeed,
             .vendor = identity.vendor,
             .product = identity.product,
             .release = identity.release,
             .device_class = kVendorSpecific,
             .configuration = 1,
             .configurations = 1};
+}
+
+std::int32_t status_of(TransferStatus status) noexcept {
+    switch (status) {
+        case TransferStatus::Ok:
+            return usbip::kOk;
+        case TransferStatus::Stalled:
+            return usbip::kStalled;
+        case TransferStatus::Babble:
+            return usbip::kBabble;
+        case TransferStatus::Short:
+            return usbip::kShortTransfer;
+        case TransferStatus::Cancelled:
+            return usbip::kConnectionReset;
+    }
+    return usbip::kStalled;
 }
 
 /// Quotes text from a client; unprintable characters become '?'.
@@ -39,11 +58,16 @@ std::string quoted(const std::string& text) {
 
 }  // namespace
 
-UsbipExport::UsbipExport(BoardKind kind, Firmware& firmware)
-    : firmware_(&firmware), model_(usb_identity(kind)), record_(record_of(model_.identity())) {}
+UsbipExport::UsbipExport(BoardKind kind, Firmware& firmware, UsbSpeed speed)
+    : device_(kind, firmware, speed), record_(record_of(device_.model())) {}
 
 UsbipSession::~UsbipSession() {
+    release_device();
+}
+
+void UsbipSession::release_device() {
     if (owns_device()) {
+        exported_->device_.reconnect();  // discards what is pending
         exported_->owner_ = nullptr;
     }
 }
@@ -51,11 +75,7 @@ UsbipSession::~UsbipSession() {
 void UsbipSession::end(std::string reason) {
     reason_ = std::move(reason);
     ended_ = true;
-    input_.clear();
-    pending_.clear();
-    if (owns_device()) {
-        exported_->owner_ = nullptr;
-    }
+    release_device();
 }
 
 void UsbipSession::drop(std::string reason) {
@@ -64,30 +84,7 @@ void UsbipSession::drop(std::string reason) {
 }
 
 void UsbipSession::receive(std::span<const std::byte> bytes, std::int64_t now_ns) {
-    if (ended_) {
-        return;
-    }
-    // Complete messages are handled in place, without a copy. An incomplete one is kept in input_ until its rest
-    // arrives.
-    const bool joined = !input_.empty();
-    if (joined) {
-        input_.insert(input_.end(), bytes.begin(), bytes.end());
-    }
-    std::vector<std::byte> joined_input;
-    joined_input.swap(input_);
-    std::span<const std::byte> rest = joined ? std::span<const std::byte>(joined_input) : bytes;
-    // Handle message by message. 0 bytes used: the rest is incomplete.
-    while (!rest.empty() && !ended_) {
-        const std::size_t used = handle(rest, now_ns);
-        if (used == 0) {
-            break;
-        }
-        rest = rest.subspan(used);
-    }
-    // Keep the incomplete rest.
-    if (!ended_) {
-        input_.assign(rest.begin(), rest.end());
-    }
+    input_.receive(bytes, [&](std::span<const std::byte> rest) { return ended_ ? rest.size() : handle(rest, now_ns); });
 }
 
 std::size_t UsbipSession::handle(std::span<const std::byte> bytes, std::int64_t now_ns) {
@@ -140,7 +137,7 @@ void UsbipSession::import(const std::string& bus_id) {
     }
     // Grant: the client sees a newly connected device.
     exported_->owner_ = this;
-    exported_->model_.reset();
+    exported_->device_.reconnect();
     usbip::append_import(output_, OperationStatus::Ok, record, kInterfaces.size());
 }
 
@@ -172,7 +169,7 @@ std::size_t UsbipSession::handle_urb(std::span<const std::byte> bytes, std::int6
     // Endpoint 0 is the control endpoint; the others are bulk endpoints.
     const std::span<const std::byte> data = bytes.subspan(usbip::kUrbBytes, total - usbip::kUrbBytes);
     if (submit.endpoint == 0) {
-        submit_control(submit);
+        submit_control(submit, now_ns);
     } else if (submit.in) {
         submit_in(submit, now_ns);
     } else {
@@ -181,11 +178,9 @@ std::size_t UsbipSession::handle_urb(std::span<const std::byte> bytes, std::int6
     return total;
 }
 
-void UsbipSession::submit_control(const usbip::Submit& submit) {
-    // The device model answers; a request that it does not know stalls the endpoint.
-    const SetupPacket setup = decode_setup(submit.setup);
-    UsbDeviceModel& model = exported_->model_;
-    const UsbDeviceModel::ControlResult result = model.control(setup);
+void UsbipSession::submit_control(const usbip::Submit& submit, std::int64_t now_ns) {
+    // The device answers; a request that it does not know stalls the endpoint.
+    const UsbDeviceModel::ControlResult result = exported_->device_.control(decode_setup(submit.setup));
     const std::int32_t status = result.stalled ? usbip::kStalled : usbip::kOk;
     if (submit.in) {
         // A reply is cut to the length that the client asked for.
@@ -194,99 +189,42 @@ void UsbipSession::submit_control(const usbip::Submit& submit) {
     } else {
         usbip::append_out_reply(output_, submit, status, result.stalled ? 0 : submit.length);
     }
-    // A request may have halted IN or deconfigured the device.
-    if (!model.usable(kEndpointIn)) {
-        fail_pending(usbip::kStalled);
-    }
+    complete_pending(now_ns);
 }
 
 void UsbipSession::submit_out(const usbip::Submit& submit, std::span<const std::byte> data, std::int64_t now_ns) {
-    // A halted endpoint stalls.
-    if (!exported_->model_.usable(submit.endpoint)) {
-        usbip::append_out_reply(output_, submit, usbip::kStalled, 0);
-        return;
-    }
-    // As on the bus, the OUT transfer completes before the IN transfers that its packets cause.
-    const bool whole_packets = data.size() % kBulkPacketBytes == 0;
-    usbip::append_out_reply(output_, submit, usbip::kOk, submit.length);
-    // Split into bus packets. A transfer of whole packets ends with an empty one only if kZeroPacket asks for it.
-    for (std::span<const std::byte> rest = data; !rest.empty();) {
-        const std::size_t count = std::min(rest.size(), kBulkPacketBytes);
-        exported_->firmware_->receive(rest.first(count), now_ns);
-        rest = rest.subspan(count);
-    }
-    if (data.empty() || (whole_packets && (submit.flags & usbip::kZeroPacket) != 0)) {
-        exported_->firmware_->receive({}, now_ns);
-    }
+    const TransferStatus status =
+        exported_->device_.send(submit.endpoint, data, (submit.flags & usbip::kZeroPacket) != 0, now_ns);
+    usbip::append_out_reply(output_, submit, status_of(status), status == TransferStatus::Ok ? submit.length : 0);
     // The firmware may have answered: complete the waiting IN transfers.
     complete_pending(now_ns);
 }
 
 void UsbipSession::submit_in(const usbip::Submit& submit, std::int64_t now_ns) {
-    if (!exported_->model_.usable(submit.endpoint | kInputFlag)) {
-        usbip::append_in_reply(output_, submit, usbip::kStalled, {});
-        return;
-    }
-    // Bounds the memory that one client can occupy.
-    if (pending_.size() >= kMaxPending) {
+    const auto reply = [this, submit](TransferStatus status, std::span<const std::byte> data) {
+        usbip::append_in_reply(output_, submit, status_of(status), data);
+    };
+    const bool accepted = exported_->device_.receive(submit.endpoint | kInputFlag,
+                                                     {.id = submit.sequence,
+                                                      .length = submit.length,
+                                                      .short_is_error = (submit.flags & usbip::kShortIsError) != 0,
+                                                      .done = reply},
+                                                     now_ns);
+    if (!accepted) {
         end("left more than " + std::to_string(kMaxPending) + " transfers pending");
-        return;
     }
-    // The transfer waits for data from the firmware, which may be ready already.
-    pending_.push_back({submit, {}});
-    complete_pending(now_ns);
 }
 
 void UsbipSession::unlink(const usbip::Unlink& unlink) {
-    const auto found = std::find_if(pending_.begin(), pending_.end(),
-                                    [&](const PendingIn& pending) { return pending.submit.sequence == unlink.target; });
     // A transfer that is no longer pending has already been replied to; the client reads that reply before this one.
-    usbip::append_unlink_reply(output_, unlink, found == pending_.end() ? usbip::kOk : usbip::kConnectionReset);
-    if (found != pending_.end()) {
-        pending_.erase(found);
-    }
+    const bool cancelled = exported_->device_.cancel(unlink.target);
+    usbip::append_unlink_reply(output_, unlink, cancelled ? usbip::kConnectionReset : usbip::kOk);
 }
 
 void UsbipSession::complete_pending(std::int64_t now_ns) {
-    std::array<std::byte, kBulkPacketBytes> packet{};
-    while (!pending_.empty()) {
-        // Packet by packet to the oldest transfer; a transfer may take several.
-        const std::size_t count = exported_->firmware_->reply(packet, now_ns);
-        if (count == 0) {
-            return;
-        }
-        if (add_packet(std::span<const std::byte>(packet).first(count))) {
-            pending_.pop_front();
-        }
+    if (owns_device()) {
+        exported_->device_.complete_pending(now_ns);
     }
-}
-
-bool UsbipSession::add_packet(std::span<const std::byte> packet) {
-    PendingIn& pending = pending_.front();
-    // Space left in the oldest transfer.
-    const std::size_t room = pending.submit.length - pending.data.size();
-    const std::span<const std::byte> taken = packet.first(std::min(room, packet.size()));
-    pending.data.insert(pending.data.end(), taken.begin(), taken.end());
-    // More data than requested is babble. A transfer ends when it is full or with a packet shorter than the maximum.
-    const bool is_short = pending.data.size() < pending.submit.length;
-    if (packet.size() > room) {
-        usbip::append_in_reply(output_, pending.submit, usbip::kBabble, pending.data);
-        return true;
-    }
-    if (is_short && packet.size() == kBulkPacketBytes) {
-        return false;
-    }
-    // A short transfer is complete, and an error only if the client says so.
-    const bool failed = is_short && (pending.submit.flags & usbip::kShortIsError) != 0;
-    usbip::append_in_reply(output_, pending.submit, failed ? usbip::kShortTransfer : usbip::kOk, pending.data);
-    return true;
-}
-
-void UsbipSession::fail_pending(std::int32_t status) {
-    for (const PendingIn& pending : pending_) {
-        usbip::append_in_reply(output_, pending.submit, status, pending.data);
-    }
-    pending_.clear();
 }
 
 }  // namespace haptic::device

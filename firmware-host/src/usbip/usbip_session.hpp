@@ -1,19 +1,18 @@
 // USB/IP session: one client of the server, without its socket: bytes in, bytes out.
 //
 // A client either requests the device list, after which the session ends, or imports the device, which then belongs to
-// it. An OUT transfer is split into packets of 512 bytes for the firmware. An IN transfer is pending until the
-// firmware's replies fill it or one is shorter than a packet; until then the client may cancel it.
+// it: its transfers are those of ServedUsbDevice.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "emulated/firmware.hpp"
-#include "usbip/usb_device_model.hpp"
+#include "served/message_stream.hpp"
+#include "served/served_usb_device.hpp"
 #include "usbip/usbip_protocol.hpp"
 
 namespace haptic::device {
@@ -24,7 +23,7 @@ class UsbipSession;
 class UsbipExport {
   public:
     /// The firmware must outlive its export. Throws std::invalid_argument for a board without USB.
-    UsbipExport(BoardKind kind, Firmware& firmware);
+    UsbipExport(BoardKind kind, Firmware& firmware, UsbSpeed speed = UsbSpeed::High);
 
     /// Whether the device is connected; otherwise clients see an empty list.
     bool plugged = true;
@@ -34,8 +33,7 @@ class UsbipExport {
 
   private:
     friend class UsbipSession;
-    Firmware* firmware_;
-    UsbDeviceModel model_;
+    ServedUsbDevice device_;
     usbip::DeviceRecord record_;
     const UsbipSession* owner_ = nullptr;
 };
@@ -43,7 +41,7 @@ class UsbipExport {
 class UsbipSession {
   public:
     /// Limit of pending IN transfers; one more ends the session.
-    static constexpr std::size_t kMaxPending = 256;
+    static constexpr std::size_t kMaxPending = ServedUsbDevice::kMaxPending;
 
     /// The export must outlive its sessions.
     explicit UsbipSession(UsbipExport& exported) : exported_(&exported) {}
@@ -63,36 +61,30 @@ class UsbipSession {
     [[nodiscard]] std::vector<std::byte>& output() noexcept { return output_; }
 
     [[nodiscard]] bool owns_device() const noexcept { return exported_->owner_ == this; }
-    [[nodiscard]] bool waits_for_firmware() const noexcept { return !pending_.empty(); }
+    [[nodiscard]] bool waits_for_firmware() const noexcept {
+        return owns_device() && exported_->device_.waits_for_firmware();
+    }
     /// The session reads no more input. Close the connection once the output is sent.
     [[nodiscard]] bool ended() const noexcept { return ended_; }
     /// Why it ended; empty if the client's request was fulfilled.
     [[nodiscard]] const std::string& reason() const noexcept { return reason_; }
 
   private:
-    struct PendingIn {
-        usbip::Submit submit;
-        std::vector<std::byte> data;
-    };
-
     /// Handles the first message of the bytes. Returns its length, or 0 if it is incomplete.
     std::size_t handle(std::span<const std::byte> bytes, std::int64_t now_ns);
     std::size_t handle_operation(std::span<const std::byte> bytes);
     std::size_t handle_urb(std::span<const std::byte> bytes, std::int64_t now_ns);
     void import(const std::string& bus_id);
-    void submit_control(const usbip::Submit& submit);
+    void submit_control(const usbip::Submit& submit, std::int64_t now_ns);
     void submit_out(const usbip::Submit& submit, std::span<const std::byte> data, std::int64_t now_ns);
     void submit_in(const usbip::Submit& submit, std::int64_t now_ns);
     void unlink(const usbip::Unlink& unlink);
-    /// Adds one packet to the oldest pending transfer. Returns true if this completes the transfer.
-    bool add_packet(std::span<const std::byte> packet);
-    void fail_pending(std::int32_t status);
+    void release_device();
     void end(std::string reason);
 
     UsbipExport* exported_;
-    std::vector<std::byte> input_;  // an incomplete message
+    MessageStream input_;
     std::vector<std::byte> output_;
-    std::deque<PendingIn> pending_;
     std::string reason_;
     bool ended_ = false;
 };

@@ -17,7 +17,10 @@ DoctorSettings settings_of(const DoctorOptions& options) {
     DoctorSettings result{.priority = settings.loop.priority,
                           .cpu = settings.loop.cpu,
                           .idle_exit_us = settings.loop.idle_exit_us,
-                          .period_ns = settings.loop.period_ns};
+                          .period_ns = settings.loop.period_ns,
+                          .exchanges = settings.tick.exchanges,
+                          .baud = settings.serial.baud,
+                          .packets = device::exchange_packets(settings.tick.geometry.board, settings.board)};
     // A board without a known USB id is on a serial line, whatever usb.id says.
     const std::optional<device::UsbId> known = device::usb_id_of(settings.tick.geometry.board);
     if (const std::optional<device::UsbId> id = settings.usb.id ? settings.usb.id : known; known && id) {

@@ -69,12 +69,19 @@ class UsbDevice final : public OpenedDevice {
     explicit UsbDevice(const Settings& settings)
         : board_(settings.tick.geometry.board, selection(settings), settings.usb.timeout_ns, settings.board),
           geometry_(settings.tick.geometry.name),
-          timeout_ns_(settings.usb.timeout_ns) {}
+          timeout_ns_(settings.usb.timeout_ns),
+          packets_(device::exchange_packets(settings.tick.geometry.board, settings.board)) {}
 
     [[nodiscard]] device::Board& board() override { return board_; }
     [[nodiscard]] bool is_real() const override { return true; }
     [[nodiscard]] std::string description() const override {
         return "a " + geometry_ + ", " + to_string(board_.device());
+    }
+    [[nodiscard]] PeriodDemand demand() const override {
+        return {.route = board_.device().over_network ? Route::Usbip : Route::Usb,
+                .speed = bus_speed(board_.device().speed_mbit),
+                .awaits_second = false,
+                .packets = packets_};
     }
     [[nodiscard]] std::int64_t exchange_bound_ns() const override { return kMaxTransfers * timeout_ns_; }
     void reopen() override { board_.reopen(); }
@@ -98,6 +105,7 @@ class UsbDevice final : public OpenedDevice {
     device::UsbBoard board_;
     std::string geometry_;
     std::int64_t timeout_ns_;
+    device::ExchangePackets packets_;
 };
 
 }  // namespace

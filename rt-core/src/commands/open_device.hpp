@@ -8,6 +8,7 @@
 #include "commands/run_command.hpp"
 #include "haptic/device/board.hpp"
 #include "haptic/device/emulated_device.hpp"
+#include "process/period_budget.hpp"
 #include "process/settings.hpp"
 #include "tick/tick.hpp"
 
@@ -26,6 +27,8 @@ class OpenedDevice {
     [[nodiscard]] virtual bool is_real() const = 0;
     /// Kind and location, as a noun with its article.
     [[nodiscard]] virtual std::string description() const = 0;
+    /// How it is connected: route, speed and packets. The default is a device in this process.
+    [[nodiscard]] virtual PeriodDemand demand() const { return {}; }
     /// Upper bound (ns) on the wait of one exchange() with the board; 0 if it never waits.
     [[nodiscard]] virtual std::int64_t exchange_bound_ns() const { return 0; }
     /// Makes the device usable again after an exchange fault, with motors at zero. Call only while no loop runs. Throws

@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <utility>
 
 #include "commands/black_box_command.hpp"
@@ -166,6 +167,29 @@ bool wait_for_device(OpenedDevice& device, const StopSignals& signals, std::int6
     }
 }
 
+/// Where the period goes with this device.
+PeriodDemand period_demand(const OpenedDevice& device, const Settings& settings) {
+    PeriodDemand demand = device.demand();
+    demand.exchanges = settings.tick.exchanges;
+    demand.period_ns = settings.loop.period_ns;
+    return demand;
+}
+
+/// Logs the budget of the period. Throws Refusal for a period that cannot hold it.
+void report_period_budget(const PeriodBudget& budget) {
+    if (budget.verdict() == PeriodVerdict::TooShort) {
+        throw Refusal("loop.period_s: " + describe_shortage(budget) +
+                      ". What would hold: " + describe_remedies(budget));
+    }
+    std::istringstream lines(text_of(budget));
+    for (std::string line; std::getline(lines, line);) {
+        spdlog::info("{}", line);
+    }
+    if (budget.verdict() == PeriodVerdict::Tight) {
+        spdlog::warn("{}; it would hold with {}", describe_shortage(budget), describe_remedies(budget));
+    }
+}
+
 TickSettings tick_settings(const Settings& settings, bool real) {
     // Nobody has signed for this device: commissioning mode.
     TickSettings result = real && !settings.protocol.holds() ? commissioning(settings.tick) : settings.tick;
@@ -248,6 +272,10 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
       tick_(tick_settings(settings, device_->is_real()), gate_, frames_, states_, &monotonic_now_ns),
       recorder_(options.record ? settings.queue_ticks : 2, options.record ? settings.queue_frames : 2),
       guard_(gate_) {
+    // A period that cannot hold its exchanges is refused before anything moves.
+    const PeriodBudget period_budget = budget_of(period_demand(*device_, settings));
+    report_period_budget(period_budget);
+    result_.period = period_budget.demand;
     // The region of the walls for the view; one that a killed process left is not this run's.
     std::filesystem::remove(region_path(options.session));
     if (settings.tick.walls.on) {

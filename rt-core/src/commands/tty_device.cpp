@@ -10,6 +10,7 @@ class TtyDevice final : public OpenedDevice {
     TtyDevice(const std::filesystem::path& path, const Settings& settings)
         : board_(path, settings.serial, settings.board.uart),
           geometry_(settings.tick.geometry.name),
+          baud_(settings.serial.baud),
           timeout_ns_(settings.serial.timeout_ns) {
         board_.start();
     }
@@ -20,6 +21,9 @@ class TtyDevice final : public OpenedDevice {
         return "a " + geometry_ + " on " + board_.path().string() + " (" + board_.found() + ")";
     }
 
+    [[nodiscard]] PeriodDemand demand() const override {
+        return {.route = route_of_line(board_.path()), .baud = baud_, .packets = board_.packets()};
+    }
     [[nodiscard]] std::int64_t exchange_bound_ns() const override { return kMaxExchanges * timeout_ns_; }
     void reopen() override { board_.reopen(); }
 
@@ -28,6 +32,7 @@ class TtyDevice final : public OpenedDevice {
   private:
     device::TtyBoard board_;
     std::string geometry_;
+    int baud_;
     std::int64_t timeout_ns_;
 };
 

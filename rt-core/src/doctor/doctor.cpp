@@ -16,7 +16,7 @@ constexpr std::array kChecks{
     &check_governor,    &check_energy_bias,    &check_idle_states,     &check_clock_source, &check_throttling,
     &check_group_limit, &check_huge_pages,     &check_steal,           &check_smi_count,    &check_priority,
     &check_memory_lock, &check_usb_access,     &check_usb_autosuspend, &check_usb_link,     &check_usb_interrupt,
-    &check_usb_thread,  &check_usb_moderation,
+    &check_usb_thread,  &check_usb_moderation, &check_period_budget,
 };
 
 // Column widths of the text, in characters.

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "haptic/device/exchange_packets.hpp"
 #include "haptic/device/usb_discovery.hpp"
 #include "process/machine.hpp"
 
@@ -33,6 +34,9 @@ struct DoctorSettings {
     int idle_exit_us = 0;                          // loop.idle_exit_us
     std::int64_t period_ns = 1'000'000;            // of the loop
     std::optional<device::UsbSelection> usb = {};  // the board; empty for a board on a serial line
+    int exchanges = 2;                             // a tick
+    int baud = 2'000'000;                          // bit/s, of a serial line
+    device::ExchangePackets packets = {{512, 0}, 512};
 };
 
 struct Diagnosis {

@@ -75,6 +75,7 @@ struct CheckContext {
 [[nodiscard]] Finding check_usb_access(const CheckContext& context);
 [[nodiscard]] Finding check_usb_autosuspend(const CheckContext& context);
 [[nodiscard]] Finding check_usb_link(const CheckContext& context);
+[[nodiscard]] Finding check_period_budget(const CheckContext& context);
 
 // USB controller: doctor_usb_controller.cpp
 [[nodiscard]] Finding check_usb_interrupt(const CheckContext& context);

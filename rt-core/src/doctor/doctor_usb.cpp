@@ -5,6 +5,8 @@
 #include <charconv>
 #include <cstdio>
 
+#include "process/period_budget.hpp"
+
 namespace haptic::rt {
 namespace {
 
@@ -151,6 +153,42 @@ Finding check_usb_link(const CheckContext& context) {
                 "USB 2.0 (480 Mbit/s)";
             return finding;
         }
+    }
+    return finding;
+}
+
+Finding check_period_budget(const CheckContext& context) {
+    Finding finding{"period_budget",
+                    Verdict::Unknown,
+                    no_board(context),
+                    "a period that does not hold its exchanges, wake-ups and computation misses deadlines",
+                    {}};
+    const DoctorSettings& settings = context.settings;
+    PeriodDemand demand{.route = Route::Uart,
+                        .baud = settings.baud,
+                        .exchanges = settings.exchanges,
+                        .packets = settings.packets,
+                        .period_ns = settings.period_ns};
+    if (settings.usb) {
+        const std::vector<UsbBoardEntry> found = boards(context);
+        if (found.empty()) {
+            return finding;
+        }
+        // The root hub of the board's bus names its controller.
+        const std::string folder = std::string(kUsbDevices) + found.front().port + "/";
+        const std::int64_t bus = context.machine.number(folder + "busnum").value_or(0);
+        const std::string controller = std::string(kUsbDevices) + "usb" + std::to_string(bus) + "/product";
+        demand.route =
+            context.machine.line(controller).value_or("") == device::kUsbipController ? Route::Usbip : Route::Usb;
+        demand.awaits_second = false;
+        demand.speed = bus_speed(context.machine.number(folder + "speed").value_or(0));
+    }
+    const PeriodBudget budget = budget_of(demand);
+    finding.verdict = budget.verdict() == PeriodVerdict::Holds ? Verdict::Good : Verdict::Bad;
+    finding.found = describe_parts(budget);
+    if (finding.verdict == Verdict::Bad) {
+        finding.why = describe_shortage(budget);
+        finding.remedy = describe_remedies(budget);
     }
     return finding;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "haptic/html.hpp"
+#include "haptic/period_histogram.hpp"
 #include "haptic/plot.hpp"
 #include "measure/measure_report.hpp"
 #include "measure/plot_commands.hpp"
@@ -23,6 +24,8 @@ constexpr double kBelowOne = 0.5;       // lower end of the axes of counts
 constexpr double kMarkRoom = 0.07;      // of the plot's width, for the label of a percentile
 constexpr double kMinBinWidth = 0.016;  // in ln(value): two buckets of Histogram
 constexpr std::size_t kShownInterrupts = 8;
+// us, reach of the fine buckets of a period.
+constexpr double kMaxPeriodReach = static_cast<double>(PeriodHistogram::kReachNs) * 1e-3;
 
 /// "500", "1,500", "2.3 million".
 std::string number_text(double value) {
@@ -181,6 +184,89 @@ PlotCommands histogram_plot(const std::vector<Series>& all) {
     plot.log_axis("y", {kBelowOne, max_count * 1.4});
     mark_percentiles(plot, *all[0].distribution, range);
     return plot;
+}
+
+/// Periods to plot, less the period that the loop was to keep.
+struct PeriodSeries {
+    Series series;
+    double nominal_us;
+};
+
+PeriodSeries period_of(const json& measure, const std::string& name, const char* colour) {
+    return {{&measure.at("latency_us").at("period"), name, colour}, 1e6 * measure.at("period_s").get<double>()};
+}
+
+/// Ticks whose period differs from the nominal one by more than this, us.
+std::uint64_t ticks_beyond(const PeriodSeries& one, double reach_us) {
+    std::uint64_t ticks = 0;
+    for (const json& bucket : one.series.distribution->at("histogram")) {
+        const double middle = 0.5 * (bucket.at(0).get<double>() + bucket.at(1).get<double>()) - one.nominal_us;
+        ticks += std::fabs(middle) > reach_us ? bucket.at(2).get<std::uint64_t>() : 0U;
+    }
+    return ticks;
+}
+
+/// Smallest reach to either side, us, beyond which there is no more than in the whole plot.
+double reach_of(const std::vector<PeriodSeries>& all) {
+    for (const double reach_us : {1.0, 2.0, 5.0, 10.0, 20.0, 50.0}) {
+        if (std::all_of(all.begin(), all.end(), [reach_us](const PeriodSeries& one) {
+                return ticks_beyond(one, reach_us) == ticks_beyond(one, kMaxPeriodReach);
+            })) {
+            return reach_us;
+        }
+    }
+    return kMaxPeriodReach;
+}
+
+/// Histogram of periods in the buckets of PeriodHistogram, around the nominal one: the first as bars, the others as
+/// outlines over it.
+PlotCommands period_plot(const std::vector<PeriodSeries>& all) {
+    const double reach_us = reach_of(all);
+    PlotCommands plot;
+    double max_count = 10.0;
+    for (std::size_t s = 0; s < all.size(); ++s) {
+        std::string rows;
+        double last_us = -reach_us;
+        for (const json& bucket : all[s].series.distribution->at("histogram")) {
+            const double from = bucket.at(0).get<double>() - all[s].nominal_us;
+            const double to = bucket.at(1).get<double>() - all[s].nominal_us;
+            const auto count = bucket.at(2).get<double>();
+            if (std::fabs(0.5 * (from + to)) > reach_us) {
+                continue;
+            }
+            max_count = std::max(max_count, count);
+            if (s == 0) {
+                rows += plot_row(0.5 * (from + to), count, to - from);
+                continue;
+            }
+            // An outline falls to the axis where buckets are empty.
+            rows += plot_row(last_us, kBelowOne) + plot_row(from, kBelowOne);
+            rows += plot_row(from, count) + plot_row(to, count);
+            last_us = to;
+        }
+        const std::string colour = std::string(" linecolor ") + all[s].series.colour;
+        plot.draw(rows.empty() ? plot_row(0.0, kBelowOne, 0.0) : rows,
+                  (s == 0 ? "using 1:2:3 with boxes" : "using 1:2 with lines linewidth 2") + colour,
+                  all.size() > 1 ? all[s].series.name : "");
+    }
+    const std::string end = plot_number(1.05 * reach_us);
+    plot.set("set xlabel 'period less the nominal one, us'\nset ylabel 'ticks'\nset xrange [-" + end + ":" + end + "]");
+    plot.log_axis("y", {kBelowOne, max_count * 1.4});
+    return plot;
+}
+
+/// Caption of a plot of periods: what is plotted, and how much of it is out of sight.
+std::string period_caption(const std::string& what, const std::vector<PeriodSeries>& all) {
+    std::string text = what;
+    for (const PeriodSeries& one : all) {
+        const std::uint64_t beyond = ticks_beyond(one, kMaxPeriodReach);
+        text +=
+            " " + (all.size() > 1 ? one.series.name + ": nominal " : std::string("Nominal ")) +
+            us_text(one.nominal_us) + " us" +
+            (beyond > 0 ? ", " + std::to_string(beyond) + " beyond " + us_text(kMaxPeriodReach) + " us to either side."
+                        : ".");
+    }
+    return text;
 }
 
 /// Tail of a distribution: points (1 / (1 - F), value), with F the fraction of smaller values. 10 is p90, 100 is p99.
@@ -414,6 +500,10 @@ std::string kernel_table(const json& kernel) {
     return text + ".</p>\n";
 }
 
+std::string caption_of(const LatencyName& name) {
+    return std::string(name.title) + ": " + std::string(name.what) + ".";
+}
+
 /// Section about the loop as measured from outside, on the line wired to the tick's probe.
 std::string loopback_section(const json& measure, const json& latencies, PageFigures& figures) {
     const json& loopback = measure.at("loopback");
@@ -422,15 +512,22 @@ std::string loopback_section(const json& measure, const json& latencies, PageFig
                                  loopback.at("rising").dump() + " rising edges of " + loopback.at("ticks").dump() +
                                  " ticks. " + loopback.at("problem").get<std::string>()) +
                        "</p>\n";
-    // Each distribution from outside over its counterpart in the loop.
+    // Each distribution from outside over its counterpart in the loop. The period first, around the nominal one.
+    if (has_values(loopback.at("period_us")) && has_values(latencies.at("period"))) {
+        const double nominal_us = 1e6 * measure.at("period_s").get<double>();
+        const std::vector<PeriodSeries> periods = {{{&loopback.at("period_us"), "outside", "1"}, nominal_us},
+                                                   {{&latencies.at("period"), "inside", "2"}, nominal_us}};
+        text += figures.draw(
+            period_plot(periods),
+            period_caption("Period: between the kernel's time stamps of the edges, and in the loop.", periods));
+    }
     struct Pair {
         const char* outside;
         const char* inside;
         const char* caption;
     };
     for (const Pair& pair :
-         {Pair{"period_us", "period", "Period: between the kernel's time stamps of the edges, and in the loop."},
-          Pair{"lateness_us", "wakeup",
+         {Pair{"lateness_us", "wakeup",
                "Lateness of the edges, and of the wake-ups that caused them. The difference is the time of the output, "
                "the wire and the interrupt that takes the time stamp."},
           Pair{"high_us", "compute", "Time that the line was high, and computation time."}}) {
@@ -505,12 +602,17 @@ std::string measure_page(const json& report, const std::string& redraw) {
         if (!has_values(distribution)) {
             continue;
         }
+        if (name.latency == Latency::Period) {
+            const std::vector<PeriodSeries> periods = {period_of(measure, "rt-core", colour_of(name.latency))};
+            page += figures.draw(period_plot(periods), period_caption(caption_of(name), periods));
+            continue;
+        }
         std::vector<Series> all = {{&distribution, "rt-core", colour_of(name.latency)}};
         if (name.latency == Latency::Wakeup) {
             const std::vector<Series> peers = wakeups_of_peers(measure);
             all.insert(all.end(), peers.begin(), peers.end());
         }
-        page += figures.draw(histogram_plot(all), std::string(name.title) + ": " + std::string(name.what) + ".");
+        page += figures.draw(histogram_plot(all), caption_of(name));
     }
     if (measure.at("loopback").is_object()) {
         page += loopback_section(measure, latencies, figures);
@@ -533,10 +635,16 @@ std::string comparison_page(const json& first, const json& second, const std::st
     for (const LatencyName& name : latency_names()) {
         const json& a = first.at("measure").at("latency_us").at(std::string(name.key));
         const json& b = second.at("measure").at("latency_us").at(std::string(name.key));
-        if (has_values(a) && has_values(b)) {
-            page += figures.draw(histogram_plot({{&a, "first", "1"}, {&b, "second", "2"}}),
-                                 std::string(name.title) + ": " + std::string(name.what) + ".");
+        if (!has_values(a) || !has_values(b)) {
+            continue;
         }
+        if (name.latency == Latency::Period) {
+            const std::vector<PeriodSeries> periods = {period_of(first.at("measure"), "first", "1"),
+                                                       period_of(second.at("measure"), "second", "2")};
+            page += figures.draw(period_plot(periods), period_caption(caption_of(name), periods));
+            continue;
+        }
+        page += figures.draw(histogram_plot({{&a, "first", "1"}, {&b, "second", "2"}}), caption_of(name));
     }
     return page + "</body></html>\n";
 }

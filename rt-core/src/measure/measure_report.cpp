@@ -31,24 +31,6 @@ double us(std::int64_t duration_ns) {
     return static_cast<double>(duration_ns) * 1e-3;
 }
 
-const Histogram& histogram_of(const Instruments& m, Latency latency) {
-    switch (latency) {
-        case Latency::Wakeup:
-            return m.wakeup;
-        case Latency::Period:
-            return m.period;
-        case Latency::Compute:
-            return m.compute;
-        case Latency::Exchange:
-            return m.exchange;
-        case Latency::DeviceToPlane:
-            return m.state_age;
-        case Latency::MotionToForce:
-            break;
-    }
-    return m.motion_to_force;
-}
-
 const Percentile& percentile(std::string_view key) {
     return *std::find_if(kPercentiles.begin(), kPercentiles.end(),
                          [&](const Percentile& one) { return key == one.key; });
@@ -59,7 +41,9 @@ bool has_wakeups(const nlohmann::json& peer) {
     return peer.is_object() && peer.contains("wakeup_us");
 }
 
-nlohmann::json distribution_us(const Histogram& histogram) {
+/// Of a Histogram or a PeriodHistogram.
+template <class AnyHistogram>
+nlohmann::json distribution_us(const AnyHistogram& histogram) {
     nlohmann::json result = {{"count", histogram.count()},
                              {"min", us(histogram.min_ns())},
                              {"mean", histogram.mean_ns() * 1e-3},
@@ -69,6 +53,24 @@ nlohmann::json distribution_us(const Histogram& histogram) {
         result[one.key] = us(histogram.percentile_ns(one.fraction));
     }
     return result;
+}
+
+nlohmann::json distribution_of(const Instruments& m, Latency latency) {
+    switch (latency) {
+        case Latency::Wakeup:
+            return distribution_us(m.wakeup);
+        case Latency::Period:
+            return distribution_us(m.period);
+        case Latency::Compute:
+            return distribution_us(m.compute);
+        case Latency::Exchange:
+            return distribution_us(m.exchange);
+        case Latency::DeviceToPlane:
+            return distribution_us(m.state_age);
+        case Latency::MotionToForce:
+            break;
+    }
+    return distribution_us(m.motion_to_force);
 }
 
 std::int64_t stolen_ms_around(const Measurement& m, std::int64_t at_ns) {
@@ -104,7 +106,7 @@ void add_maximum(nlohmann::json& entry, const Measurement& m, const MedianTimes&
 nlohmann::json latencies_json(const Measurement& m, const MedianTimes& usual) {
     nlohmann::json result = nlohmann::json::object();
     for (const LatencyName& name : kNames) {
-        nlohmann::json entry = distribution_us(histogram_of(*m.instruments, name.latency));
+        nlohmann::json entry = distribution_of(*m.instruments, name.latency);
         entry["what"] = name.what;
         add_maximum(entry, m, usual, name.latency);
         result[std::string(name.key)] = std::move(entry);

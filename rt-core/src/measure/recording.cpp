@@ -101,6 +101,7 @@ constexpr Column kColumns[] = {
     {"overlay_time_ns", kOne, [](R r, int) -> CsvCell { return whole(r.tick.overlay_time_ns); }},
     {"overlay_f#_n", kAxes, [](R r, int i) -> CsvCell { return r.tick.overlay.force[i]; }},  // as received
     {"overlay_t#_nm", kAxes, [](R r, int i) -> CsvCell { return r.tick.overlay.torque[i]; }},
+    {"exchange_collected", kOne, [](R r, int) -> CsvCell { return whole(r.tick.exchange_collected); }},  // -1: none
 };
 
 template <class Visit>

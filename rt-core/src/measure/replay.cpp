@@ -19,6 +19,9 @@ constexpr const char* kInputs[] = {"tick",         "now_ns",  "deadline_ns", "mi
 constexpr const char* kOverlayInputs[] = {"overlay_read", "overlay_time_ns", "overlay_fx_n",  "overlay_fy_n",
                                           "overlay_fz_n", "overlay_tx_nm",   "overlay_ty_nm", "overlay_tz_nm"};
 
+// That of an answer which a later tick collects; older recordings do not have it.
+constexpr const char* kCollected = "exchange_collected";
+
 constexpr auto kLastStatus = static_cast<std::int64_t>(device::ExchangeStatus::Failed);
 
 double as_double(const CsvCell& cell) {
@@ -81,6 +84,9 @@ Replay::Replay(const std::filesystem::path& recording, const TickSettings& setti
             inputs_[name] = required(name);
         }
     }
+    if (recording_.find(kCollected)) {
+        inputs_[kCollected] = required(kCollected);
+    }
     // Columns to compare: all that the recording has, except measured durations.
     for (std::size_t i = 0; i < record_columns().size(); ++i) {
         compared_columns_.push_back(nondeterministic_columns()[i] ? std::nullopt
@@ -119,6 +125,9 @@ Replay::Inputs Replay::read_inputs() const {
     // Answers of the board.
     inputs.answers.in = static_cast<std::int8_t>(bounded("exchange_in", kNoExchange, kLastStatus));
     inputs.answers.out = static_cast<std::int8_t>(bounded("exchange_out", kNoExchange, kLastStatus));
+    if (inputs_.contains(kCollected)) {
+        inputs.answers.collected = static_cast<std::int8_t>(bounded(kCollected, kNoExchange, kLastStatus));
+    }
     device::BoardReading& reading = inputs.answers.reading;
     reading.buttons = static_cast<std::uint32_t>(bounded("buttons", 0, UINT32_MAX));
     reading.rotary = static_cast<std::uint8_t>(bounded("rotary", 0, UINT8_MAX));

@@ -33,6 +33,7 @@ class ReplayBoard final : public device::Board {
     struct Answers {
         std::int8_t in = kNoExchange;  // device::ExchangeStatus
         std::int8_t out = kNoExchange;
+        std::int8_t collected = kNoExchange;
         device::BoardReading reading;
     };
     /// Sets the answers to the exchanges of the next tick.
@@ -45,6 +46,13 @@ class ReplayBoard final : public device::Board {
     /// succeeds.
     device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT override;
+    /// That of the tick before, as this tick's row says.
+    [[nodiscard]] bool answer_due() const HAPTIC_RT override {
+        return answers_.collected != kNoExchange && exchanges_ == 0;
+    }
+    device::ExchangeStatus collect(std::int64_t /*now_ns*/) HAPTIC_RT override {
+        return static_cast<device::ExchangeStatus>(answers_.collected);
+    }
     void zero_motors(std::int64_t /*now_ns*/) HAPTIC_RT override {}
 
   private:

@@ -114,6 +114,34 @@ nlohmann::json peak_json(const RunResult& result, const Instruments& m) {
             {"torque_share", share(m.at_peak_torque)}};
 }
 
+/// ns, p99.9 of each part of a tick as it was measured.
+PeriodParts measured_parts(const Instruments& m) {
+    constexpr double fraction = 0.999;
+    return {.exchanges_ns = m.exchange.percentile_ns(fraction),
+            .wakeups_ns = m.wakeup.percentile_ns(fraction),
+            .compute_ns = m.pose.percentile_ns(fraction) + m.proxy.percentile_ns(fraction) +
+                          m.tension.percentile_ns(fraction) + m.publish.percentile_ns(fraction)};
+}
+
+nlohmann::json parts_json(const PeriodParts& parts, std::int64_t period_ns) {
+    return {{"exchanges", 1e-3 * static_cast<double>(parts.exchanges_ns)},
+            {"wakeups", 1e-3 * static_cast<double>(parts.wakeups_ns)},
+            {"computation", 1e-3 * static_cast<double>(parts.compute_ns)},
+            {"reserve", 1e-3 * static_cast<double>(period_ns - parts.sum_ns())}};
+}
+
+/// The budget that the run began with, beside what was measured. The wake-ups within an exchange are measured with it.
+nlohmann::json period_budget_json(const PeriodDemand& demand, const Instruments& m) {
+    const PeriodBudget budget = budget_of(demand);
+    return {{"period_us", 1e-3 * static_cast<double>(demand.period_ns)},
+            {"route", route_text(demand)},
+            {"exchanges", demand.exchanges},
+            {"wakeups", budget.wakeups},
+            {"verdict", verdict_name(budget.verdict())},
+            {"needs_us", parts_json(budget.needs, demand.period_ns)},
+            {"measured_p999_us", parts_json(measured_parts(m), demand.period_ns)}};
+}
+
 /// Share of the ticks in which each limit acted.
 nlohmann::json budget_json(const RunResult& result, const Instruments& m) {
     nlohmann::json walls = nullptr;
@@ -268,12 +296,25 @@ nlohmann::json probes_json(const ProbesUse& probes, const Instruments& m) {
             {"edge_us", summary_us(m.probe_edge)}};
 }
 
-std::string line_of(const char* name, const Histogram& histogram) {
+template <class AnyHistogram>
+std::string line_of(const char* name, const AnyHistogram& histogram) {
     std::array<char, 160> text{};
     std::snprintf(text.data(), text.size(), "  %-10s p50 %9.1f   p99 %9.1f   max %9.1f us\n", name,
                   static_cast<double>(histogram.percentile_ns(0.5)) * 1e-3,
                   static_cast<double>(histogram.percentile_ns(0.99)) * 1e-3,
                   static_cast<double>(histogram.max_ns()) * 1e-3);
+    return text.data();
+}
+
+/// The measured parts of the period.
+std::string period_line(const PeriodDemand& demand, const Instruments& m) {
+    const PeriodParts parts = measured_parts(m);
+    std::array<char, 200> text{};
+    std::snprintf(text.data(), text.size(),
+                  "of the period, p99.9: wake-up %.1f, exchanges %.1f, computation %.1f, reserve %.1f us\n",
+                  1e-3 * static_cast<double>(parts.wakeups_ns), 1e-3 * static_cast<double>(parts.exchanges_ns),
+                  1e-3 * static_cast<double>(parts.compute_ns),
+                  1e-3 * static_cast<double>(demand.period_ns - parts.sum_ns()));
     return text.data();
 }
 
@@ -381,6 +422,7 @@ nlohmann::json make_report(const RunResult& result, const Instruments& m) {
         {"peak", peak_json(result, m)},
         {"limits", limits_json(m)},
         {"budget", budget_json(result, m)},
+        {"period_budget", period_budget_json(result.period, m)},
         {"motors", {{"peak_load", m.peak_motor_load}, {"derated_ticks", m.derated_ticks}}},
         {"contact_ticks", m.contact_ticks},
         {"passivity", {{"energy_min_j", m.min_energy}, {"active_ticks", m.passivity_ticks}}},
@@ -423,7 +465,7 @@ std::string summary(const RunResult& result, const Instruments& m) {
                       static_cast<unsigned long long>(m.overlay_ticks));
         lines += text.data();
     }
-    lines += force_lines(result, m);
+    lines += period_line(result.period, m) + force_lines(result, m);
     lines += probe_lines(result.probes, m);
     if (result.records_dropped + result.frames_dropped > 0) {
         std::snprintf(text.data(), text.size(),

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "haptic/device/device_geometry.hpp"
+#include "process/period_budget.hpp"
 #include "process/realtime_setup.hpp"
 #include "rendering/limits.hpp"
 #include "rendering/workspace_walls.hpp"
@@ -70,6 +71,7 @@ struct RunResult {
     ProbesUse probes;
     std::string device;                  // description of the device
     device::DeviceGeometry geometry;     // its strings and their tension limits
+    PeriodDemand period;                 // what its ticks ask of the period
     std::int64_t exchange_bound_ns = 0;  // upper bound of the stage `exchange`; 0 for a device that never waits
 
     /// True if there was no fault; a requested stop is none.

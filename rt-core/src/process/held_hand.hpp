@@ -20,9 +20,14 @@ class HeldHandBoard final : public device::Board {
     void start() override { board_->start(); }
     device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT override;
+    device::ExchangeStatus send(const device::MotorCommand& command, std::int64_t now_ns) HAPTIC_RT override;
+    [[nodiscard]] bool answer_due() const HAPTIC_RT override { return board_->answer_due(); }
+    device::ExchangeStatus collect(std::int64_t now_ns) HAPTIC_RT override { return board_->collect(now_ns); }
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }
 
   private:
+    void release_if_running() HAPTIC_RT;
+
     device::EmulatedBoard* board_;
     const Tick* tick_ = nullptr;
 };

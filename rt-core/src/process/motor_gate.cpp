@@ -11,19 +11,31 @@ constexpr long kPollNs = 100'000;
 
 }  // namespace
 
-device::ExchangeStatus MotorGate::exchange(const device::MotorCommand& command, device::BoardReading& reading,
-                                           std::int64_t now_ns) HAPTIC_RT {
+template <class Call>
+device::ExchangeStatus MotorGate::pass(const device::MotorCommand& command, std::int64_t now_ns,
+                                       const Call& call) HAPTIC_RT {
     // Set exchanging_ before reading closed_: either this thread sees the gate closed, or close() sees the exchange.
     exchanging_.store(true);
     const bool was_cut = is_cut();
-    const device::ExchangeStatus status =
-        board_->exchange(closed_.load() || was_cut ? device::MotorCommand{} : command, reading, now_ns);
+    const device::ExchangeStatus status = call(closed_.load() || was_cut ? device::MotorCommand{} : command);
     exchanging_.store(false);
     // The process may have stood still between the look at the flag and the command: then it came after the zeros.
     if (!was_cut && is_cut()) {
         board_->zero_motors(now_ns);
     }
     return status;
+}
+
+device::ExchangeStatus MotorGate::exchange(const device::MotorCommand& command, device::BoardReading& reading,
+                                           std::int64_t now_ns) HAPTIC_RT {
+    return pass(command, now_ns, [&](const device::MotorCommand& passed) HAPTIC_RT {
+        return board_->exchange(passed, reading, now_ns);
+    });
+}
+
+device::ExchangeStatus MotorGate::send(const device::MotorCommand& command, std::int64_t now_ns) HAPTIC_RT {
+    return pass(command, now_ns,
+                [&](const device::MotorCommand& passed) HAPTIC_RT { return board_->send(passed, now_ns); });
 }
 
 void MotorGate::zero_motors(std::int64_t now_ns) HAPTIC_RT {

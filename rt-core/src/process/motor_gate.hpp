@@ -20,6 +20,9 @@ class MotorGate final : public device::Board {
     void start() override { board_->start(); }
     device::ExchangeStatus exchange(const device::MotorCommand& command, device::BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT override;
+    device::ExchangeStatus send(const device::MotorCommand& command, std::int64_t now_ns) HAPTIC_RT override;
+    [[nodiscard]] bool answer_due() const HAPTIC_RT override { return board_->answer_due(); }
+    device::ExchangeStatus collect(std::int64_t now_ns) HAPTIC_RT override { return board_->collect(now_ns); }
     /// Closes the gate and sends zeros once.
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override;
 
@@ -34,6 +37,9 @@ class MotorGate final : public device::Board {
     static constexpr std::int64_t kLongestWaitNs = 5'000'000;  // ns
 
   private:
+    /// Sends the command, or zeros, by this call of the board.
+    template <class Call>
+    device::ExchangeStatus pass(const device::MotorCommand& command, std::int64_t now_ns, const Call& call) HAPTIC_RT;
     [[nodiscard]] bool is_cut() const HAPTIC_RT { return cut_ != nullptr && cut_->load() != 0; }
 
     device::Board* board_;

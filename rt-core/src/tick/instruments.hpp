@@ -8,6 +8,7 @@
 #include "device/kinematics.hpp"
 #include "haptic/device/board.hpp"
 #include "haptic/histogram.hpp"
+#include "haptic/period_histogram.hpp"
 #include "haptic/realtime.hpp"
 #include "haptic/types.hpp"
 #include "tick/safety.hpp"
@@ -21,6 +22,9 @@ struct WrenchAtPose {
 };
 
 struct Instruments {
+    /// ns, the loop's period.
+    explicit Instruments(std::int64_t period_ns = 1'000'000) noexcept : period(period_ns) {}
+
     // Timing stages, ns: both exchanges; counters to velocity; frame, local proxies and wrench; tensions; state to the
     // ring.
     Histogram exchange;
@@ -29,11 +33,11 @@ struct Instruments {
     Histogram tension;
     Histogram publish;
 
-    Histogram wakeup;      // ns, from deadline to wake-up
-    Histogram period;      // ns, between wake-ups
-    Histogram compute;     // ns, the whole tick
-    Histogram frame_age;   // ns, of the rendered frame, every tick that had one
-    Histogram probe_edge;  // ns, every call that sets a probe's line; empty without probes
+    Histogram wakeup;        // ns, from deadline to wake-up
+    PeriodHistogram period;  // ns, between wake-ups
+    Histogram compute;       // ns, the whole tick
+    Histogram frame_age;     // ns, of the rendered frame, every tick that had one
+    Histogram probe_edge;    // ns, every call that sets a probe's line; empty without probes
 
     Histogram
         state_age;  // ns, age of the device state that the planes in use were computed from, every tick that had one
@@ -74,6 +78,12 @@ struct Instruments {
     void count(device::ExchangeStatus status) HAPTIC_RT {
         ++exchange_statuses[static_cast<std::size_t>(status)];
         last_failure = status == device::ExchangeStatus::Ok ? last_failure : status;
+    }
+    /// Counts an exchange with this status that was counted as Ok before its answer was known.
+    void recount(device::ExchangeStatus status) HAPTIC_RT {
+        std::uint64_t& ok = exchange_statuses[static_cast<std::size_t>(device::ExchangeStatus::Ok)];
+        ok -= ok > 0 ? 1u : 0u;  // 0: it was counted before these instruments were cleared
+        count(status);
     }
 };
 

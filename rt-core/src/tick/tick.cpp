@@ -48,12 +48,14 @@ Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<F
       thermal_(thermal_settings(settings)),
       tension_solver_(tension_settings(settings)),
       idle_solver_(tension_settings(settings)),
-      black_box_(static_cast<std::size_t>(settings.black_box_ns / settings.period_ns)) {}
+      black_box_(static_cast<std::size_t>(settings.black_box_ns / settings.period_ns)),
+      instruments_(settings.period_ns) {}
 
 void Tick::run(const TickTime& time) HAPTIC_RT {
     // Measure: the pose, the motion since the last tick, and the faults of this one.
     begin(time);
     exchange_in(time);
+    update_thermal_model();
     measure_pose(time);
     integrate_wrench();
     spend_budget();
@@ -112,7 +114,6 @@ void Tick::begin(const TickTime& time) HAPTIC_RT {
     if (!first_) {
         instruments_.period.record(record_.period_ns);
     }
-    update_thermal_model();
 }
 
 void Tick::update_thermal_model() HAPTIC_RT {
@@ -145,13 +146,52 @@ device::ExchangeStatus Tick::exchange(device::BoardReading& reading, std::int64_
     // touch them again.
     records_.lend();
     const device::ExchangeStatus status = board_->exchange(command_, reading, now_ns);
-    if (!records_.reclaim()) {
-        sleep_for_ever();
-    }
+    take_records_back();
     return status;
 }
 
+device::ExchangeStatus Tick::send(std::int64_t now_ns) HAPTIC_RT {
+    records_.lend();
+    const device::ExchangeStatus status = board_->send(command_, now_ns);
+    take_records_back();
+    return status;
+}
+
+device::ExchangeStatus Tick::collect(std::int64_t now_ns) HAPTIC_RT {
+    records_.lend();
+    const device::ExchangeStatus status = board_->collect(now_ns);
+    take_records_back();
+    return status;
+}
+
+void Tick::take_records_back() HAPTIC_RT {
+    if (!records_.reclaim()) {
+        sleep_for_ever();
+    }
+}
+
+void Tick::collect_answer(const TickTime& time) HAPTIC_RT {
+    answer_lost_ = false;
+    if (!board_->answer_due()) {
+        return;
+    }
+    const device::ExchangeStatus status = collect(time.now_ns);
+    record_.exchange_collected = static_cast<std::int8_t>(status);
+    if (status == device::ExchangeStatus::Ok) {
+        return;
+    }
+    // The command may have arrived or not: as if the exchange of the last tick had failed.
+    answer_lost_ = true;
+    exchange_failed_ = true;
+    instruments_.recount(status);
+    for (std::size_t i = 0; i < kStrings; ++i) {
+        held_[i] = std::max(held_before_[i], held_[i]);
+    }
+    held_command_ = held_before_command_;
+}
+
 void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
+    collect_answer(time);
     // The board answers only to a command, so the last one is sent again; with two exchanges the board already has it.
     const device::ExchangeStatus status = exchange(reading_, time.now_ns);
     in_ok_ = status == device::ExchangeStatus::Ok;
@@ -541,10 +581,11 @@ Wrench Tick::contact_wrench(double scale, const Wrench& overlay) HAPTIC_RT {
 }
 
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
-    // Second exchange: the motors, in this same tick.
+    // Second exchange: the motors, in this same tick. A board that can leaves its answer to the next tick; until then
+    // the command counts as taken.
     bool out_ok = true;
     if (settings_.exchanges == 2) {
-        const device::ExchangeStatus status = exchange(unused_, time.now_ns);
+        const device::ExchangeStatus status = send(time.now_ns);
         out_ok = status == device::ExchangeStatus::Ok;
         instruments_.count(status);
         record_.exchange_out = static_cast<std::int8_t>(status);
@@ -559,8 +600,10 @@ void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
         motion_ns_ = -1;
     }
     exchange_failed_ = !in_ok_ || !out_ok;
-    set_flag(exchange_failed_, HAPTIC_TICK_EXCHANGE_FAILED);
+    set_flag(exchange_failed_ || answer_lost_, HAPTIC_TICK_EXCHANGE_FAILED);
     // Tensions that the motors hold from here on.
+    held_before_ = held_;
+    held_before_command_ = held_command_;
     for (std::size_t i = 0; i < kStrings; ++i) {
         // A command without an answer may have arrived or not: assume the larger tension, for the thermal model.
         held_[i] = out_ok ? record_.tensions[i] : std::max(held_[i], record_.tensions[i]);

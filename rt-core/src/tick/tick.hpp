@@ -133,6 +133,13 @@ class Tick {
          RingWriter<DeviceState>& states, StageClock clock);
     void begin(const TickTime& time) HAPTIC_RT;
     [[nodiscard]] device::ExchangeStatus exchange(device::BoardReading& reading, std::int64_t now_ns) HAPTIC_RT;
+    /// The calls of the board that do not read the encoders; as exchange().
+    [[nodiscard]] device::ExchangeStatus send(std::int64_t now_ns) HAPTIC_RT;
+    [[nodiscard]] device::ExchangeStatus collect(std::int64_t now_ns) HAPTIC_RT;
+    /// After a call that could hang: never returns if the watchdog took the records meanwhile.
+    void take_records_back() HAPTIC_RT;
+    /// Receives the answer to the last tick's motor command, if it is due, and corrects what was assumed of it.
+    void collect_answer(const TickTime& time) HAPTIC_RT;
     void exchange_in(const TickTime& time) HAPTIC_RT;
     void measure_pose(const TickTime& time) HAPTIC_RT;
     void check_health() HAPTIC_RT;
@@ -212,6 +219,7 @@ class Tick {
     WireMatrix wires_{};                    // at that pose
     StringArray sent_{};                    // N, in the last tick
     StringArray held_{};                    // N, held by the motors since the last tick, best knowledge
+    StringArray held_before_{};             // N, before the last command was sent
     std::uint64_t number_ = 0;              // of this tick
     std::uint32_t requests_ = kRequestNew;  // since the last tick
     std::int64_t last_now_ns_ = 0;
@@ -226,6 +234,7 @@ class Tick {
     bool latched_ = false;          // the encoders have accepted a latch
     bool in_ok_ = false;            // first exchange of this tick
     bool exchange_failed_ = false;  // either exchange of the last tick
+    bool answer_lost_ = false;      // that of the last tick's motor command, as this tick found
     bool jump_ = false;
     bool awaits_person_ = false;     // to arm
     bool directions_known_ = false;  // the pose is calibrated, so a wrench can be distributed
@@ -243,15 +252,16 @@ class Tick {
         Wrench contact;          // exerted because of the request of the frame
         Wrench overlay;          // exerted because of the overlay
     };
-    WallPush walls_;               // of the workspace, in this tick
-    Pushes pushes_;                // in this tick
-    bool frame_requests_ = false;  // a wrench in this tick, without the pushes
-    HeldCommand sent_command_;     // sent, or to be sent next
-    HeldCommand held_command_;     // held by the motors
-    PassivityMotion motion_;       // since the last tick, under the held command
-    Wrench held_contact_;          // of the held command since the last tick, exerted because of the frame
-    Wrench held_overlay_;          // of the held command since the last tick, exerted because of the overlay
-    Wrench impulse_;               // N*s and N*m*s, integral of held_contact_ since the process began
+    WallPush walls_;                   // of the workspace, in this tick
+    Pushes pushes_;                    // in this tick
+    bool frame_requests_ = false;      // a wrench in this tick, without the pushes
+    HeldCommand sent_command_;         // sent, or to be sent next
+    HeldCommand held_command_;         // held by the motors
+    HeldCommand held_before_command_;  // before the last command was sent
+    PassivityMotion motion_;           // since the last tick, under the held command
+    Wrench held_contact_;              // of the held command since the last tick, exerted because of the frame
+    Wrench held_overlay_;              // of the held command since the last tick, exerted because of the overlay
+    Wrench impulse_;                   // N*s and N*m*s, integral of held_contact_ since the process began
 };
 
 }  // namespace haptic::rt

@@ -54,11 +54,12 @@ struct TickRecord {
     std::uint32_t faults = 0;
     std::uint32_t flags = 0;  // HAPTIC_TICK_*
     std::uint32_t buttons = 0;
-    std::uint32_t cut = 0;                   // faults for which another thread disarmed the motors (Tick::cut)
-    std::uint32_t requests = 0;              // kRequest*
-    std::int8_t exchange_in = kNoExchange;   // device::ExchangeStatus of the exchange that reads the encoders
-    std::int8_t exchange_out = kNoExchange;  // of the exchange that sends to the motors
-    std::int8_t frame_read = kNoFrame;       // FrameDefect of the frame that was taken
+    std::uint32_t cut = 0;                         // faults for which another thread disarmed the motors (Tick::cut)
+    std::uint32_t requests = 0;                    // kRequest*
+    std::int8_t exchange_in = kNoExchange;         // device::ExchangeStatus of the exchange that reads the encoders
+    std::int8_t exchange_out = kNoExchange;        // of the exchange that sends to the motors
+    std::int8_t exchange_collected = kNoExchange;  // of the last tick's exchange_out, whose answer this tick collected
+    std::int8_t frame_read = kNoFrame;             // FrameDefect of the frame that was taken
     std::int8_t overlay_read = kNoOverlay;
     std::uint8_t rotary = 0;                         // switch, 0..15
     std::array<std::uint32_t, kStrings> counters{};  // last reading

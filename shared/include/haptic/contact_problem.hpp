@@ -23,6 +23,7 @@
 // 1983; contact space: C. Duriez et al., "Realistic haptic rendering of interacting deformable objects", 2006.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -58,6 +59,12 @@ class ComplianceMatrix {
     void set(std::size_t r, std::size_t s, double compliance) HAPTIC_RT {
         elements_[r * kMaxContactRows + s] = elements_[s * kMaxContactRows + r] = compliance;
     }
+    /// Sets elements (r, 0) to (r, r); mirror() then sets those above the diagonal, of all rows.
+    template <class Number>
+    void set_lower_row(std::size_t r, const Number* compliance) HAPTIC_RT {
+        std::copy_n(compliance, r + 1, &elements_[r * kMaxContactRows]);
+    }
+    void mirror() HAPTIC_RT;
     [[nodiscard]] double operator()(std::size_t r, std::size_t s) const HAPTIC_RT {
         return elements_[r * kMaxContactRows + s];
     }

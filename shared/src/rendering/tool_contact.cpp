@@ -123,9 +123,7 @@ void ToolContact::load(const ContactFrame& frame) HAPTIC_RT {
     }
     compliance_.resize(row_count_);
     for (std::size_t r = 0; r < row_count_; ++r) {
-        for (std::size_t s = 0; s <= r; ++s) {
-            compliance_.set(r, s, frame.compliance[compliance_index(r, s)]);
-        }
+        compliance_.set_lower_row(r, &frame.compliance[compliance_index(r, 0)]);
         // The springs that translate the whole tool with the grip are in series with every contact, so that k W_rr is
         // at least 1, and the limits of stiffness rely on it: a simulator that sends W in m/N would bypass them. This
         // bounds each contact by k, not their sum. A larger diagonal leaves W positive. A tangential row of exactly 0
@@ -135,6 +133,7 @@ void ToolContact::load(const ContactFrame& frame) HAPTIC_RT {
             compliance_.set(r, r, std::max(diagonal, kMinRelativeCompliance));
         }
     }
+    compliance_.mirror();
 }
 
 void ToolContact::lay_out_rows(const ContactFrame& frame) HAPTIC_RT {

@@ -525,7 +525,8 @@ FakeUsbBoard& FakeUsbfs::plug(Settings settings) {
     const std::string text = "P: " + board->syspath + "\nN: " + node.data() + "=" + bytes +
                              "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DEVNAME=" + board->node +
                              "\nA: busnum=1\\n\nA: devnum=" + std::to_string(settings.number) +
-                             "\\n\nA: speed=480\\n\nA: bConfigurationValue=1\\n\nA: idVendor=" + vendor.data() +
+                             "\\n\nA: speed=" + std::to_string(settings.speed_mbit) +
+                             "\\n\nA: bConfigurationValue=1\\n\nA: idVendor=" + vendor.data() +
                              "\\n\nA: idProduct=" + product.data() + "\\n\nH: descriptors=" + bytes + "\n";
     GError* error = nullptr;
     const std::string path = board->node;

@@ -80,6 +80,7 @@ class FakeUsbfs {
         device::EmulatedDevice::Settings device{.geometry = device::spidar_g6_x3r()};
         std::string port = "1-1";
         int number = 2;  // device number on its bus
+        int speed_mbit = 480;
         device::UsbId id = kSh4;
         unsigned char endpoint_in = 0x86;
         unsigned char endpoint_attributes = 0x02;  // bulk

@@ -42,9 +42,18 @@ class FaultyBoard final : public device::Board {
         }
         return status;
     }
+    device::ExchangeStatus send(const device::MotorCommand& command, std::int64_t now_ns) HAPTIC_RT override {
+        return failing ? device::ExchangeStatus::Timeout : board_->send(command, now_ns);
+    }
+    [[nodiscard]] bool answer_due() const HAPTIC_RT override { return board_->answer_due(); }
+    device::ExchangeStatus collect(std::int64_t now_ns) HAPTIC_RT override {
+        const device::ExchangeStatus status = board_->collect(now_ns);
+        return failing || losing_answers ? device::ExchangeStatus::Timeout : status;
+    }
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }
 
     bool failing = false;
+    bool losing_answers = false;                  // to motor commands, which arrive
     std::array<std::uint32_t, kStrings> added{};  // offset of each counter
 
   private:

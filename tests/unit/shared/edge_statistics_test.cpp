@@ -48,7 +48,7 @@ EdgeStatistics edge_statistics(std::span<const Edge> edges, const EdgeExpectatio
 TEST(EdgeStatistics, AreThoseOfTheLoopThatMadeTheEdges) {
     const Loop loop = loop_of(5000, 3);
     const EdgeStatistics found = edge_statistics(loop.edges, {.period_ns = kPeriodNs, .deadline_ns = kStartNs});
-    Histogram period;
+    PeriodHistogram period(kPeriodNs);
     Histogram high;
     Histogram lateness;
     for (std::size_t i = 0; i < loop.late_ns.size(); ++i) {
@@ -58,14 +58,16 @@ TEST(EdgeStatistics, AreThoseOfTheLoopThatMadeTheEdges) {
             period.record(kPeriodNs + loop.late_ns[i] - loop.late_ns[i - 1]);
         }
     }
-    for (const auto& [is, expected] :
-         {std::pair(&found.period, &period), std::pair(&found.high, &high), std::pair(&found.lateness, &lateness)}) {
-        EXPECT_EQ(is->count(), expected->count());
-        EXPECT_EQ(is->min_ns(), expected->min_ns());
-        EXPECT_EQ(is->max_ns(), expected->max_ns());
-        EXPECT_EQ(is->percentile_ns(0.99), expected->percentile_ns(0.99));
-        EXPECT_EQ(is->mean_ns(), expected->mean_ns());
-    }
+    const auto expect_same = [](const auto& is, const auto& expected) {
+        EXPECT_EQ(is.count(), expected.count());
+        EXPECT_EQ(is.min_ns(), expected.min_ns());
+        EXPECT_EQ(is.max_ns(), expected.max_ns());
+        EXPECT_EQ(is.percentile_ns(0.99), expected.percentile_ns(0.99));
+        EXPECT_EQ(is.mean_ns(), expected.mean_ns());
+    };
+    expect_same(found.period, period);
+    expect_same(found.high, high);
+    expect_same(found.lateness, lateness);
     EXPECT_EQ(found.rising, 5000u);
     EXPECT_EQ(found.falling, 5000u);
     EXPECT_EQ(found.lost, 0u);

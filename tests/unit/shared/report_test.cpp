@@ -42,6 +42,20 @@ TEST(Report, ListsTheBucketsThatHoldSomething) {
     EXPECT_GT(buckets[1][1].get<double>(), 5000.0);
 }
 
+TEST(Report, GivesAPeriodInTenthsOfAMicrosecond) {
+    PeriodHistogram histogram(1'000'000);
+    histogram.record(1'000'010);
+    histogram.record(999'990);
+    histogram.record(1'000'290);
+    EXPECT_DOUBLE_EQ(summary_us(histogram).at("p50").get<double>(), 1000.0);
+    const nlohmann::json buckets = buckets_us(histogram);
+    ASSERT_EQ(buckets.size(), 2u);
+    EXPECT_DOUBLE_EQ(buckets[0][0].get<double>(), 999.95);
+    EXPECT_DOUBLE_EQ(buckets[0][1].get<double>(), 1000.05);
+    EXPECT_EQ(buckets[0][2].get<int>(), 2);
+    EXPECT_DOUBLE_EQ(buckets[1][0].get<double>(), 1000.25);
+}
+
 TEST(Report, IsReplacedAsAWhole) {
     const TemporaryDirectory directory;
     const auto file = directory.write("r.json", "old");

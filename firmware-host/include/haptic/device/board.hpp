@@ -1,4 +1,5 @@
 // Board: the tick's view of the electronics. One bounded exchange sends DAC codes and returns encoder counters.
+// A tick makes two: exchange() for the encoders, and send() for the motors, whose answer the next tick collects.
 //
 //     Tick -> Board (Sh4Board, ...: codec and sequence) -> Transport (usbfs, serial line, or in process) -> device
 #pragma once
@@ -44,6 +45,19 @@ class Board {
     /// the caller's time: it drives an emulated device and is ignored by a real one.
     virtual ExchangeStatus exchange(const MotorCommand& command, BoardReading& reading,
                                     std::int64_t now_ns) HAPTIC_RT = 0;
+
+    /// Sets the motors as exchange() does, for a caller that does not use the reading. A board that can does not wait
+    /// for the reply: then answer_due() is true, and collect() must be called before the next call. Others wait, as
+    /// exchange() does. Timeout without sending, if the reply could not be told from one that is overdue.
+    virtual ExchangeStatus send(const MotorCommand& command, std::int64_t now_ns) HAPTIC_RT {
+        BoardReading unused;
+        return exchange(command, unused, now_ns);
+    }
+    /// The reply to the last send() has not been collected.
+    [[nodiscard]] virtual bool answer_due() const HAPTIC_RT { return false; }
+    /// Receives the reply to the last send() and checks it as exchange() does: says whether the board took the command.
+    /// Waits for it only if it has not arrived; bounded as exchange(). Ok if none is due.
+    virtual ExchangeStatus collect(std::int64_t /*now_ns*/) HAPTIC_RT { return ExchangeStatus::Ok; }
 
     /// Sends zero to all motors by the shortest path, without waiting for a reply. For crash handlers and watchdogs:
     /// may be called from any thread, even while another is inside exchange().

@@ -29,6 +29,11 @@ class EmulatedBoard final : public Board {
                             std::int64_t now_ns) HAPTIC_RT override {
         return board_->exchange(command, reading, now_ns);
     }
+    ExchangeStatus send(const MotorCommand& command, std::int64_t now_ns) HAPTIC_RT override {
+        return board_->send(command, now_ns);
+    }
+    [[nodiscard]] bool answer_due() const HAPTIC_RT override { return board_->answer_due(); }
+    ExchangeStatus collect(std::int64_t now_ns) HAPTIC_RT override { return board_->collect(now_ns); }
     void zero_motors(std::int64_t now_ns) HAPTIC_RT override { board_->zero_motors(now_ns); }
 
     /// Grip, hand, strings and motors.

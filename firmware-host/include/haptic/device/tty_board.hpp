@@ -8,6 +8,7 @@
 
 #include "haptic/device/board.hpp"
 #include "haptic/device/board_options.hpp"
+#include "haptic/device/exchange_packets.hpp"
 #include "haptic/realtime.hpp"
 
 namespace haptic::device {
@@ -39,6 +40,8 @@ class TtyBoard final : public Board {
     [[nodiscard]] const std::filesystem::path& path() const noexcept;
     /// Boards that start() detected, for reports: "id 0: model 5, 4 motors; id 1: ..."
     [[nodiscard]] std::string found() const;
+    /// Bytes of an exchange with those boards.
+    [[nodiscard]] ExchangePackets packets() const noexcept;
 
   private:
     std::unique_ptr<SerialTransport> transport_;

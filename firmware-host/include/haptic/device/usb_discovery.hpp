@@ -29,10 +29,15 @@ struct UsbId {
 /// USB id of a kind of board; empty if it is not a USB board.
 [[nodiscard]] std::optional<UsbId> usb_id_of(BoardKind kind);
 
+/// `product` of the root hub of a bus of usbip's (drivers/usb/usbip/vhci_hcd.c).
+inline constexpr const char* kUsbipController = "USB/IP Virtual Host Controller";
+
 struct UsbDevice {
     UsbId id;
     std::string port;            // bus and ports, "1-2.4": unchanged when the device is reconnected
     std::filesystem::path node;  // "/dev/bus/usb/001/007": changes when it is reconnected
+    int speed_mbit = 0;          // Mbit/s of its link: 12, 480; 0: unknown
+    bool over_network = false;   // on a bus of usbip's, whose device is on another machine or in another program
 };
 
 /// "0cec:0205 at 1-2.4 (/dev/bus/usb/001/007)"

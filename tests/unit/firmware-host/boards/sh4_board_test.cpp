@@ -257,5 +257,75 @@ TEST_F(Sh4BoardTest, WithoutAnEchoAnOverdueAnswerIsFetchedBeforeTheNextCommand) 
     EXPECT_EQ(cable.exchanges, before + 2);
 }
 
+TEST_F(Sh4BoardTest, SendsWithoutWaitingAndCollectsTheAnswerLater) {
+    EXPECT_EQ(board.collect(now_ns), ExchangeStatus::Ok) << "nothing is due";
+    const int before = cable.exchanges;
+    ASSERT_EQ(board.send({kDacCodes}, now_ns), ExchangeStatus::Ok);
+    EXPECT_EQ(device.dac_codes(), kDacCodes);
+    EXPECT_TRUE(board.answer_due());
+    EXPECT_EQ(board.collect(now_ns + 1'000'000), ExchangeStatus::Ok);
+    EXPECT_FALSE(board.answer_due());
+    EXPECT_EQ(cable.exchanges, before + 2);
+    EXPECT_EQ(exchange(2), ExchangeStatus::Ok);
+    EXPECT_TRUE(fresh());
+}
+
+TEST_F(Sh4BoardTest, FindsTheAnswerToASentCommandLostLateOrWrong) {
+    // Late: a time-out, and the next exchange catches up.
+    cable.answers_held_back = 1;
+    ASSERT_EQ(board.send({kDacCodes}, now_ns), ExchangeStatus::Ok);
+    EXPECT_EQ(board.collect(now_ns), ExchangeStatus::Timeout);
+    EXPECT_EQ(exchange(2), ExchangeStatus::Ok);
+    EXPECT_TRUE(fresh());
+    // Short.
+    ASSERT_EQ(board.send({kDacCodes}, now_ns), ExchangeStatus::Ok);
+    cable.change = [](std::span<std::byte>) { return std::size_t{511}; };
+    EXPECT_EQ(board.collect(now_ns), ExchangeStatus::Short);
+    // With an echo that was never sent.
+    cable.change = [](std::span<std::byte> in) {
+        in[0] ^= std::byte{1};
+        return in.size();
+    };
+    ASSERT_EQ(board.send({kDacCodes}, now_ns), ExchangeStatus::Ok);
+    EXPECT_EQ(board.collect(now_ns), ExchangeStatus::Stale);
+    cable.change = nullptr;
+    // Not even sent.
+    cable.next_status = ExchangeStatus::Stalled;
+    EXPECT_EQ(board.send({kDacCodes}, now_ns), ExchangeStatus::Stalled);
+    EXPECT_FALSE(board.answer_due());
+    cable.next_status = ExchangeStatus::Ok;
+    EXPECT_EQ(exchange(3), ExchangeStatus::Ok);
+    EXPECT_TRUE(fresh());
+}
+
+TEST_F(Sh4BoardTest, AnExchangeAfterASentCommandDoesNotTakeItsAnswer) {
+    for (const bool echo : {true, false}) {
+        Sh4Board other(cable, echo);
+        other.start();
+        ASSERT_EQ(other.send({}, 0), ExchangeStatus::Ok);
+        ASSERT_EQ(other.exchange({}, reading, 500'000'000), ExchangeStatus::Ok);
+        const BoardReading found = reading;
+        ASSERT_EQ(other.exchange({}, reading, 500'000'000), ExchangeStatus::Ok);
+        EXPECT_EQ(found, reading) << echo << ": the counters of the second command, though the codes are the same";
+        // So does a second send: its answer is the one that is collected.
+        ASSERT_EQ(other.send({}, 0), ExchangeStatus::Ok);
+        ASSERT_EQ(other.send({kDacCodes}, 0), ExchangeStatus::Ok);
+        EXPECT_EQ(other.collect(0), ExchangeStatus::Ok);
+        EXPECT_FALSE(other.answer_due());
+    }
+}
+
+TEST_F(Sh4BoardTest, WithoutAnEchoSendsNothingWhileAnAnswerIsOverdue) {
+    Sh4Board trusting(cable, false);
+    cable.answers_held_back = 1;
+    EXPECT_EQ(trusting.exchange({}, reading, 0), ExchangeStatus::Timeout);
+    const int before = cable.exchanges;
+    EXPECT_EQ(trusting.send({kDacCodes}, 0), ExchangeStatus::Timeout);
+    EXPECT_EQ(cable.exchanges, before) << "it does not wait either";
+    EXPECT_EQ(trusting.exchange({kDacCodes}, reading, 500'000'000), ExchangeStatus::Ok);
+    EXPECT_EQ(trusting.send({}, 500'000'000), ExchangeStatus::Ok);
+    EXPECT_EQ(trusting.collect(500'000'000), ExchangeStatus::Ok);
+}
+
 }  // namespace
 }  // namespace haptic::device

@@ -136,6 +136,27 @@ TEST_F(SimpleBoardTest, TakesNoOldAnswerForANewOneAfterATimeOut) {
     EXPECT_EQ(reading.counters[0], static_cast<std::uint32_t>(counts_of_that_step(0)));
 }
 
+TEST_F(SimpleBoardTest, SendsWithoutWaitingAndCollectsTheAnswerLater) {
+    board.start();
+    ASSERT_EQ(board.exchange({}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.send({kDacCodes}, 500'000), ExchangeStatus::Ok);
+    EXPECT_EQ(device.dac_codes(), kDacCodes);
+    EXPECT_TRUE(board.answer_due());
+    EXPECT_EQ(board.collect(1'000'000), ExchangeStatus::Ok);
+    EXPECT_FALSE(board.answer_due());
+    EXPECT_EQ(board.collect(1'000'000), ExchangeStatus::Ok) << "nothing is due";
+    // An exchange that follows a command whose answer was not collected takes its own answer.
+    ASSERT_EQ(board.send({kDacCodes}, 500'000), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({}, reading, 2'000'000), ExchangeStatus::Ok);
+    EXPECT_EQ(reading.counters[0], static_cast<std::uint32_t>(counts_of_that_step(0)));
+    // A late answer is a time-out, and not taken for the next one.
+    cable.answers_held_back = 1;
+    ASSERT_EQ(board.send({kDacCodes}, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(board.collect(0), ExchangeStatus::Timeout);
+    ASSERT_EQ(board.exchange({}, reading, 2'000'000), ExchangeStatus::Ok);
+    EXPECT_EQ(reading.counters[0], static_cast<std::uint32_t>(counts_of_that_step(0)));
+}
+
 TEST_F(SimpleBoardTest, LeavesTheReadingOnAnAnswerOfAnotherLength) {
     board.start();
     ASSERT_EQ(board.exchange({}, reading, 0), ExchangeStatus::Ok);

@@ -166,6 +166,7 @@ TEST(UartBoard, GoldenBytesOfAnExchangeWithTwoBoardsOfFour) {
     UartBoard board(cable);
     board.start();
     EXPECT_EQ(board.found(), "id 2: model 5, 4 motors; id 6: model 5, 4 motors");
+    EXPECT_EQ(board.packets(), exchange_packets(BoardKind::Uart, {}));
     cable.sent.clear();
     BoardReading reading;
     ASSERT_EQ(board.exchange({{1, 2, 3, 4, -1, -2, -3, -4}}, reading, 0), ExchangeStatus::Ok);
@@ -259,6 +260,7 @@ TEST(UartBoard, AsksOnceMoreWhereAnAnswerIsNoBoardInfo) {
     };
     board.start();
     EXPECT_EQ(board.found(), "id 0: model 7, 8 motors");
+    EXPECT_EQ(board.packets(), (ExchangePackets{{61, 0}, 41}));
 }
 
 TEST(UartFirmware, ClocksAByteOutForEachThatFollowsTheCommand) {

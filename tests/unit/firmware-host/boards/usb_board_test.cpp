@@ -4,7 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
+#include <thread>
+#include <utility>
 
 #include "fake_usbfs.hpp"
 #include "haptic/device/dac_codes.hpp"
@@ -52,6 +55,53 @@ TEST(UsbBoard, BringsCountersThatAgreeWithTheGeometry) {
         const auto counts = static_cast<std::int16_t>(reading.counters[i]);
         EXPECT_NEAR(counts * string.metres_per_count, paid_out, 0.5 * std::abs(string.metres_per_count)) << i;
     }
+}
+
+TEST(UsbBoard, SendsWithoutWaitingAndCollectsTheAnswerLater) {
+    test::FakeUsbfs bus;
+    test::FakeUsbBoard& plugged = bus.plug({});
+    UsbBoard board(BoardKind::Sh4, {.id = kSh4}, kPatient);
+    MotorCommand command;
+    BoardReading reading;
+    for (std::int16_t code = 1; code <= 50; ++code) {
+        command.dac_codes.fill(code);
+        ASSERT_EQ(board.send(command, 0), ExchangeStatus::Ok) << code;
+        ASSERT_TRUE(board.answer_due());
+        ASSERT_EQ(board.collect(0), ExchangeStatus::Ok) << code;
+        ASSERT_EQ(plugged.dac_codes(), command.dac_codes);
+        ASSERT_EQ(board.exchange(command, reading, 0), ExchangeStatus::Ok) << code;
+    }
+    EXPECT_EQ(plugged.early_commands(), 0) << "the transfer for the answer comes first";
+}
+
+TEST(UsbBoard, FindsALostAnswerToASentCommandWhenItIsCollected) {
+    test::FakeUsbfs bus;
+    test::FakeUsbBoard& plugged = bus.plug({});
+    UsbBoard board(BoardKind::Sh4, {.id = kSh4}, kHasty);
+    MotorCommand command;
+    BoardReading reading;
+    for (const auto& [fault, expected] :
+         {std::pair(Fault::Silent, ExchangeStatus::Timeout), std::pair(Fault::Short, ExchangeStatus::Short),
+          std::pair(Fault::Protocol, ExchangeStatus::Failed), std::pair(Fault::StallIn, ExchangeStatus::Stalled),
+          std::pair(Fault::Blocked, ExchangeStatus::Timeout)}) {
+        plugged.misbehave(fault);
+        command.dac_codes.fill(static_cast<std::int16_t>(100 + static_cast<int>(fault)));
+        ASSERT_EQ(board.send(command, 0), ExchangeStatus::Ok) << static_cast<int>(fault);
+        EXPECT_EQ(board.collect(0), expected) << static_cast<int>(fault);
+        // The board recovers with the exchanges that follow.
+        plugged.misbehave(Fault::None);
+        plugged.release_answers();
+        ExchangeStatus status = ExchangeStatus::Failed;
+        for (int i = 0; i < 1000 && status != ExchangeStatus::Ok; ++i) {
+            command.dac_codes.fill(static_cast<std::int16_t>(200 + i));
+            status = board.exchange(command, reading, 0);
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));  // a thread clears halts
+        }
+        ASSERT_EQ(status, ExchangeStatus::Ok) << static_cast<int>(fault);
+    }
+    bus.remove(plugged);
+    const ExchangeStatus sent = board.send(command, 0);
+    EXPECT_EQ(sent == ExchangeStatus::Ok ? board.collect(0) : sent, ExchangeStatus::Disconnected);
 }
 
 TEST(UsbBoard, OpensTheOnlyOneThatThereIsAndLeavesItsMotorsAtZero) {

@@ -15,7 +15,7 @@
 #include "haptic/clock.hpp"
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/device/tty_board.hpp"
-#include "usbip/tty_server.hpp"
+#include "served/tty_server.hpp"
 
 namespace haptic::device {
 namespace {

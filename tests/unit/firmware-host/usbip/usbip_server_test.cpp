@@ -149,8 +149,9 @@ class UsbipServerTest : public testing::Test {
     EmulatedDevice device{{.geometry = spidar_g6_x3r()}};
     PluggedFirmware firmware{device};
     std::vector<std::string> reports;
-    UsbipServer server{
-        {"127.0.0.1", 0}, BoardKind::Sh4, firmware, [this](std::string_view line) { reports.emplace_back(line); }};
+    UsbipServer server{{"127.0.0.1", 0}, BoardKind::Sh4, firmware, UsbSpeed::High, [this](std::string_view line) {
+                           reports.emplace_back(line);
+                       }};
 };
 
 Bytes sh4_packet(std::uint16_t dac_code) {
@@ -174,7 +175,7 @@ TEST(NetworkAddress, IsHostAndPort) {
 
 TEST_F(UsbipServerTest, RefusesAnAddressThatIsTakenOrNotOfThisMachine) {
     const auto serve_at = [&](const NetworkAddress& address) {
-        const UsbipServer second(address, BoardKind::Sh4, firmware, [](std::string_view) {});
+        const UsbipServer second(address, BoardKind::Sh4, firmware, UsbSpeed::High, [](std::string_view) {});
     };
     EXPECT_THROW(serve_at(server.address()), std::system_error);
     EXPECT_THROW(serve_at({"192.0.2.1", 0}), std::system_error);
@@ -274,7 +275,7 @@ TEST_F(UsbipServerTest, AWaitingTransferMakesItAskTheFirmwareAgain) {
     import_by(peer);
     peer.send(submit_in(1, 6, 512));
     wait_and_step();
-    EXPECT_EQ(server.due_ns(), now_ns + UsbipServer::kReplyPollNs);
+    EXPECT_EQ(server.due_ns(), now_ns + kUsbPollNs);
     const Bytes packet = sh4_packet(45);
     firmware.receive(packet, now_ns);
     step();

@@ -349,13 +349,44 @@ TEST_F(DoctorTest, NamesABoardThatMayBeSuspended) {
 TEST_F(DoctorTest, NamesAConnectionAtFullSpeed) {
     const std::string device = "/sys/bus/usb/devices/1-2/";
     tree.write(device + "speed", "12");
-    expect_only("usb_link", "none from here: plug it into a port of the machine itself");
+    EXPECT_THAT(that_are(Verdict::Bad), ElementsAre("usb_link", "period_budget"));
+    EXPECT_THAT(finding("usb_link").remedy, HasSubstr("none from here: plug it into a port of the machine itself"));
     tree.write(device + "speed", "480");
     tree.write(device + "1-2:1.0/ep_86/wMaxPacketSize", "0040");
     expect_only("usb_link", "none from here");
     EXPECT_THAT(finding("usb_link").found, HasSubstr("480 Mbit/s, with bulk packets of 64 bytes"));
     tree.remove(device + "1-2:1.0/ep_86");
     EXPECT_THAT(that_are(Verdict::Unknown), ElementsAre("usb_link"));
+}
+
+TEST_F(DoctorTest, NamesAPeriodThatCannotHoldItsExchanges) {
+    EXPECT_THAT(finding("period_budget").found, HasSubstr("exchanges 250.0 us"));
+    // Two exchanges of whole microframes do not fit 4 kHz, one does.
+    settings.period_ns = 250'000;
+    EXPECT_EQ(finding("period_budget").verdict, Verdict::Bad);
+    EXPECT_THAT(finding("period_budget").remedy, HasSubstr("device.exchanges = \"one\""));
+    EXPECT_THAT(finding("period_budget").why, HasSubstr("may not hold its"));
+    settings.exchanges = 1;
+    EXPECT_EQ(finding("period_budget").verdict, Verdict::Good);
+    // A full-speed link holds two neither at 4 kHz nor at 1 kHz.
+    settings.exchanges = 2;
+    settings.period_ns = 1'000'000;
+    tree.write("/sys/bus/usb/devices/1-2/speed", "12");
+    EXPECT_THAT(finding("period_budget").why, HasSubstr("cannot hold its two exchanges with USB at 12 Mbit/s"));
+    EXPECT_THAT(finding("period_budget").remedy, HasSubstr("480 Mbit/s"));
+    // Over a network, that of usbip is added.
+    tree.write("/sys/bus/usb/devices/1-2/speed", "480");
+    tree.write("/sys/bus/usb/devices/usb1/product", "USB/IP Virtual Host Controller");
+    EXPECT_THAT(finding("period_budget").found, HasSubstr("over a network: exchanges 650.0 us"));
+}
+
+TEST_F(DoctorTest, JudgesThePeriodOfASerialLineByItsSpeed) {
+    settings.usb.reset();
+    settings.packets = {{74, 0}, 34};
+    EXPECT_EQ(finding("period_budget").verdict, Verdict::Good);
+    settings.baud = 1'000'000;
+    EXPECT_EQ(finding("period_budget").verdict, Verdict::Bad);
+    EXPECT_THAT(finding("period_budget").why, HasSubstr("a serial line of 1000000 bit/s"));
 }
 
 TEST_F(DoctorTest, ReadsThePacketsOfWhateverConfigurationIsActive) {
@@ -451,6 +482,7 @@ TEST_F(DoctorTest, ExpectsTheUdevRuleWhereNoBoardIsPluggedIn) {
 
 TEST_F(DoctorTest, ReportsNoVerdictOnUsbForABoardOnASerialLine) {
     settings.usb.reset();
+    settings.packets = {{74, 0}, 34};
     EXPECT_THAT(that_are(Verdict::Unknown),
                 ElementsAre("usb_access", "usb_autosuspend", "usb_link", "usb_thread", "usb_moderation"));
     EXPECT_TRUE(diagnosis().good());
@@ -503,7 +535,7 @@ TEST_F(DoctorTest, WritesALineForEachFindingAndTheCommandForTheBadOnes) {
     EXPECT_THAT(text, HasSubstr("good     kernel           6.1.0-38-rt-amd64, PREEMPT_RT\n"));
     EXPECT_THAT(text, HasSubstr("bad      throttling       real-time threads may run for 950000 us of 1000000\n"));
     EXPECT_THAT(text, HasSubstr("fix:  sudo haptic-tune apply throttling --cpu 3\n"));
-    EXPECT_THAT(text, HasSubstr("26 good, 1 bad, 0 unknown\n"));
+    EXPECT_THAT(text, HasSubstr("27 good, 1 bad, 0 unknown\n"));
 }
 
 TEST_F(DoctorTest, WritesEachFindingAsJson) {

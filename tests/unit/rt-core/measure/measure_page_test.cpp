@@ -32,7 +32,8 @@ std::size_t times(const std::string& text, const std::string& part) {
 }
 
 /// A report of this many ticks; 0 leaves all distributions empty.
-nlohmann::json report_of(int ticks, const std::string& device = "a device", std::vector<MeasuredPeer> peers = {}) {
+nlohmann::json report_of(int ticks, const std::string& device = "a device",
+                         const std::vector<std::int64_t>& periods_ns = {}, std::vector<MeasuredPeer> peers = {}) {
     const auto instruments = std::make_unique<Instruments>();
     const auto log = std::make_unique<TimingLog>();
     RunResult result;
@@ -47,6 +48,9 @@ nlohmann::json report_of(int ticks, const std::string& device = "a device", std:
         instruments->wakeup.record(late_ns);
         instruments->compute.record(5000);
         log->add(record, {}, 0);
+    }
+    for (const std::int64_t period_ns : periods_ns) {
+        instruments->period.record(period_ns);
     }
     const KernelWatch kernel(0, "/nowhere");
     const auto course = std::make_unique<RunCourse>(1'000'000);
@@ -114,7 +118,7 @@ TEST(MeasurePage, ShowsThePeerToolsBesideTheLoop) {
                                 : tool.name == "timerlat" ? &timerlat
                                                           : &osnoise});
     }
-    const std::string page = measure_page(report_of(100, "a device", peers), kRedraw);
+    const std::string page = measure_page(report_of(100, "a device", {}, peers), kRedraw);
     EXPECT_THAT(page, AllOf(HasSubstr("<td>timerlat's wake-up</td>"), HasSubstr("<td>timerlat / cyclictest</td>"),
                             HasSubstr("osnoise was not run: &lt;install&gt; it")));
     if (!has_gnuplot()) {
@@ -152,6 +156,23 @@ TEST(MeasurePage, DrawsOneBarPerDistinctValue) {
     EXPECT_EQ(times(one, "<polygon "), 2U) << "one of wake-up, one of compute";
     const std::string two = measure_page(report_of(2), kRedraw);
     EXPECT_EQ(times(two, "<polygon "), 3U);
+}
+
+TEST(MeasurePage, DrawsThePeriodAroundTheNominalOneInTenthsOfAMicrosecond) {
+    if (!has_gnuplot()) {
+        GTEST_SKIP() << "there is no gnuplot: package gnuplot-nox";
+    }
+    // Three periods in the bucket of the nominal one, one in the next, one out of sight.
+    const std::vector<std::int64_t> periods_ns = {1'000'000, 1'000'030, 999'960, 1'000'100, 1'400'000};
+    const std::string page = measure_page(report_of(1, "a device", periods_ns), kRedraw);
+    EXPECT_EQ(times(page, "<polygon "), 4U) << "one of wake-up, one of compute, two of the period";
+    EXPECT_THAT(page, HasSubstr("Nominal 1,000 us, 1 beyond 100 us to either side."));
+    const std::vector<PlotLabel> labels = plot_labels(page);
+    EXPECT_TRUE(std::any_of(labels.begin(), labels.end(),
+                            [](const auto& label) { return label.text == "period less the nominal one, us"; }));
+    const std::string compared =
+        comparison_page(report_of(1, "a device", periods_ns), report_of(1, "a device", {1'000'000}), kRedraw);
+    EXPECT_THAT(compared, HasSubstr("first: nominal 1,000 us, 1 beyond 100 us to either side. second: nominal"));
 }
 
 TEST(MeasurePage, IsCompleteWithoutGnuplotAndSaysHowToDrawThePlots) {

@@ -162,12 +162,12 @@ TEST_F(ReplayTest, ReproducesARunWithAnOverlay) {
     EXPECT_EQ(replay().columns.count("fz_n"), 1u);
 }
 
-TEST_F(ReplayTest, ReproducesARecordingFromBeforeThereWereOverlays) {
+TEST_F(ReplayTest, ReproducesARecordingFromBeforeThereWereOverlaysAndCollectedAnswers) {
     record(1500);
     std::vector<std::string> lines = lines_of(file);
     for (std::string& line : lines) {
-        // The last eight columns.
-        for (int k = 0; k < 8; ++k) {
+        // The last nine columns.
+        for (int k = 0; k < 9; ++k) {
             line.erase(line.rfind(','));
         }
     }
@@ -175,6 +175,15 @@ TEST_F(ReplayTest, ReproducesARecordingFromBeforeThereWereOverlays) {
     write_lines(file, lines);
     settings.overlay.max_force = 1.0;
     EXPECT_TRUE(replay().identical());
+}
+
+TEST_F(ReplayTest, ReproducesARunThatLostAnswersToItsMotors) {
+    record(2500, [](test::TickRig& rig, int i) { rig.faulty.losing_answers = i % 50 < 3; });
+    const ReplayResult result = replay();
+    EXPECT_TRUE(result.identical()) << result.first().first << " in line " << result.first().second.line;
+    // One more lost answer is seen: the row's flags say that there was none.
+    edit(1500, "exchange_collected", "1");
+    EXPECT_FALSE(replay().identical());
 }
 
 TEST_F(ReplayTest, ReproducesARunWithOneExchangePerTick) {

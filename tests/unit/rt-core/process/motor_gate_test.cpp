@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <thread>
 
+#include "haptic/device/emulated_board.hpp"
 #include "shared_board.hpp"
 
 namespace haptic::rt {
@@ -32,6 +33,19 @@ TEST(MotorGate, PassesCommandsUntilClosedAndZerosThereafter) {
     EXPECT_EQ(motors.zeros_sent, 1);
     EXPECT_EQ(gate.exchange(all(100), reading, 1'000'000), device::ExchangeStatus::Ok) << "the encoders are still read";
     EXPECT_EQ(motors.sum(), 0);
+}
+
+TEST(MotorGate, PassesCommandsThatAreOnlySentUntilClosedAndZerosThereafter) {
+    device::EmulatedBoard board({.geometry = device::spidar_g6_x3r()});
+    MotorGate gate(board);
+    EXPECT_EQ(gate.send(all(100), 0), device::ExchangeStatus::Ok);
+    EXPECT_EQ(board.device().dac_codes()[0], 100);
+    EXPECT_TRUE(gate.answer_due());
+    EXPECT_EQ(gate.collect(1'000'000), device::ExchangeStatus::Ok);
+    EXPECT_FALSE(gate.answer_due());
+    gate.close();
+    EXPECT_EQ(gate.send(all(100), 2'000'000), device::ExchangeStatus::Ok);
+    EXPECT_EQ(board.device().dac_codes()[0], 0);
 }
 
 TEST(MotorGate, SendsZerosAgainAfterACommandThatWasUnderWay) {

@@ -194,6 +194,56 @@ TEST(Tick, SendsTheMotorsInTheTickThatReadTheEncoders) {
     EXPECT_NEAR(rig.board.device().wrench().force.y, 0.3, 8 * kDacCodeN);
 }
 
+TEST(Tick, CollectsTheAnswerToItsMotorsInTheNextTick) {
+    TickRig rig;
+    rig.run_up();
+    rig.step();
+    EXPECT_TRUE(rig.board.answer_due()) << "nothing waited for it";
+    EXPECT_EQ(rig.tick.last().exchange_collected, 0) << "that of the tick before";
+    const auto ok = static_cast<std::size_t>(device::ExchangeStatus::Ok);
+    const std::uint64_t before = rig.tick.instruments().exchange_statuses[ok];
+    rig.steps(100);
+    EXPECT_EQ(rig.tick.instruments().exchange_statuses[ok] - before, 200u);
+    // The last exchange of a loop leaves no answer behind.
+    rig.tick.send_zero(rig.now_ns);
+    EXPECT_FALSE(rig.board.answer_due());
+}
+
+TEST(Tick, NoticesALostAnswerToItsMotorsInTheNextTick) {
+    TickRig rig;
+    rig.run_up();
+    rig.steps(100);
+    const auto lost = static_cast<std::size_t>(device::ExchangeStatus::Timeout);
+    const Instruments before = rig.tick.instruments();
+    ASSERT_EQ(before.exchange_statuses[lost], 0u);
+    rig.faulty.losing_answers = true;
+    rig.step();
+    EXPECT_EQ(rig.tick.last().exchange_in, 0);
+    EXPECT_EQ(rig.tick.last().exchange_out, 0);
+    EXPECT_EQ(rig.tick.last().exchange_collected, static_cast<std::int8_t>(device::ExchangeStatus::Timeout));
+    EXPECT_NE(rig.tick.last().flags & HAPTIC_TICK_EXCHANGE_FAILED, 0u);
+    EXPECT_EQ(rig.tick.instruments().last_failure, device::ExchangeStatus::Timeout);
+    rig.faulty.losing_answers = false;
+    rig.step();
+    EXPECT_EQ(rig.tick.last().flags & HAPTIC_TICK_EXCHANGE_FAILED, 0u);
+    // Four exchanges in two ticks, one of them lost: counted once, and not as good.
+    const Instruments& after = rig.tick.instruments();
+    const auto ok = static_cast<std::size_t>(device::ExchangeStatus::Ok);
+    EXPECT_EQ(after.exchange_statuses[lost], 1u);
+    EXPECT_EQ(after.exchange_statuses[ok] - before.exchange_statuses[ok], 3u);
+}
+
+TEST(Tick, FaultsIfTheAnswersToItsMotorsAreLostForGood) {
+    TickRig rig;
+    rig.run_up();
+    rig.steps(100);
+    rig.faulty.losing_answers = true;
+    for (int i = 0; i < 1000 && rig.tick.faults() == 0; ++i) {
+        rig.step();
+    }
+    EXPECT_EQ(rig.tick.faults(), HAPTIC_FAULT_EXCHANGE);
+}
+
 TEST(Tick, WithOneExchangeSendsTheMotorsInTheNextTick) {
     TickSettings one;
     one.exchanges = 1;

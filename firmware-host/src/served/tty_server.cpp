@@ -1,4 +1,4 @@
-#include "usbip/tty_server.hpp"
+#include "served/tty_server.hpp"
 
 #include <fcntl.h>
 #include <stdlib.h>  // NOLINT(modernize-deprecated-headers): posix_openpt and its friends

@@ -1,4 +1,4 @@
-#include "usbip/tty_server.hpp"
+#include "served/tty_server.hpp"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>

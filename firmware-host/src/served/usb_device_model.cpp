@@ -1,4 +1,4 @@
-#include "usbip/usb_device_model.hpp"
+#include "served/usb_device_model.hpp"
 
 #include <algorithm>
 #include <stdexcept>
@@ -33,11 +33,9 @@ constexpr std::uint8_t kQualifier = 6;
 constexpr std::uint8_t kOtherSpeed = 7;
 
 constexpr std::uint16_t kHaltFeature = 0;
-constexpr std::uint8_t kControlPacketBytes = 64;
 constexpr std::uint8_t kSelfPowered = 0xC0;  // the motors need more power than the bus supplies
 constexpr std::uint8_t kHalfMilliamperes = 50;
 constexpr std::uint8_t kBulk = 2;
-constexpr std::uint16_t kFullSpeedPacketBytes = 64;
 constexpr std::size_t kLongestString = 126;
 constexpr std::uint16_t kUsEnglish = 0x0409;
 
@@ -91,8 +89,7 @@ UsbIdentity usb_identity(BoardKind kind) {
         case BoardKind::Uart:
             break;
     }
-    throw std::invalid_argument(
-        "this device geometry's board is on a serial line, not on USB: it cannot be served with --usbip");
+    throw std::invalid_argument("this device geometry's board is on a serial line, not on USB: serve it with --tty");
 }
 
 SetupPacket decode_setup(std::span<const std::uint8_t, 8> bytes) noexcept {
@@ -147,13 +144,13 @@ Bytes UsbDeviceModel::qualifier_descriptor() {
     return bytes;
 }
 
-Bytes UsbDeviceModel::configuration_descriptor(Speed speed) {
-    const bool high = speed == Speed::High;
-    const std::uint16_t packet_bytes = high ? static_cast<std::uint16_t>(kBulkPacketBytes) : kFullSpeedPacketBytes;
+Bytes UsbDeviceModel::configuration_descriptor(Configuration which) const {
+    const bool high = (speed_ == UsbSpeed::High) == (which == Configuration::Current);
+    const std::uint16_t packet_bytes = bulk_packet_bytes(high ? UsbSpeed::High : UsbSpeed::Full);
     // Configuration descriptor, table 9-10. Its total length includes interface and endpoints.
     Bytes bytes;
     put8(bytes, 9);
-    put8(bytes, high ? kConfiguration : kOtherSpeed);
+    put8(bytes, static_cast<unsigned>(which));
     put16(bytes, 9 + 9 + 7 + 7);
     put8(bytes, 1);  // number of interfaces
     put8(bytes, 1);  // value of this configuration
@@ -215,11 +212,11 @@ UsbDeviceModel::ControlResult UsbDeviceModel::descriptor(const SetupPacket& setu
         case kDevice:
             return reply_with(device_descriptor(), setup.length);
         case kConfiguration:
-            return reply_with(configuration_descriptor(Speed::High), setup.length);
+            return reply_with(configuration_descriptor(Configuration::Current), setup.length);
         case kQualifier:
             return reply_with(qualifier_descriptor(), setup.length);
         case kOtherSpeed:
-            return reply_with(configuration_descriptor(Speed::Full), setup.length);
+            return reply_with(configuration_descriptor(Configuration::OtherSpeed), setup.length);
         default:
             return stall();
     }

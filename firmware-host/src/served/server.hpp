@@ -1,5 +1,5 @@
-// Server: makes an emulated board available to other processes, over USB/IP or a pseudo terminal. `firmware-host serve`
-// runs one or more.
+// Server: makes an emulated board available to other processes, over USB/IP, usbredir or a pseudo terminal.
+// `firmware-host serve` runs one or more.
 #pragma once
 
 #include <cstdint>

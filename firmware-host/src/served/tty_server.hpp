@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "emulated/firmware.hpp"
-#include "usbip/server.hpp"
+#include "served/server.hpp"
 
 namespace haptic::device {
 

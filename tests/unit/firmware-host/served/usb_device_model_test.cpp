@@ -1,4 +1,4 @@
-#include "usbip/usb_device_model.hpp"
+#include "served/usb_device_model.hpp"
 
 #include <gtest/gtest.h>
 
@@ -54,6 +54,18 @@ TEST_F(UsbDevice, AtFullSpeedItWouldHavePacketsOf64Bytes) {
                                                      "09 04 00 00 02 ff 00 00 00"
                                                      "07 05 02 02 4000 00"
                                                      "07 05 86 02 4000 00"));
+}
+
+TEST_F(UsbDevice, ConnectedAtFullSpeedItsConfigurationHasPacketsOf64BytesAndTheOtherSpeedsOf512) {
+    UsbDeviceModel full(usb_identity(BoardKind::Sh4), UsbSpeed::Full);
+    EXPECT_EQ(full.control({0x80, 6, 0x0200, 0, 255}).data, hex("09 02 2000 01 01 00 c0 32"
+                                                                "09 04 00 00 02 ff 00 00 00"
+                                                                "07 05 02 02 4000 00"
+                                                                "07 05 86 02 4000 00"));
+    EXPECT_EQ(full.control({0x80, 6, 0x0700, 0, 255}).data, hex("09 07 2000 01 01 00 c0 32"
+                                                                "09 04 00 00 02 ff 00 00 00"
+                                                                "07 05 02 02 0002 00"
+                                                                "07 05 86 02 0002 00"));
 }
 
 TEST_F(UsbDevice, StringsAreUtf16InUsEnglish) {
