@@ -94,11 +94,11 @@ std::array<Vec3, 2> contact_tangents(const Vec3& n) HAPTIC_RT {
 
 void ComplianceMatrix::mirror() HAPTIC_RT {
     // Tile by tile: both triangles of a tile stay in the cache.
-    constexpr std::size_t kTile = 8;
-    for (std::size_t top = 0; top < rows_; top += kTile) {
-        const std::size_t bottom = std::min(top + kTile, rows_);
-        for (std::size_t left = 0; left <= top; left += kTile) {
-            for (std::size_t s = left; s < left + kTile; ++s) {
+    constexpr std::size_t tile = 8;
+    for (std::size_t top = 0; top < rows_; top += tile) {
+        const std::size_t bottom = std::min(top + tile, rows_);
+        for (std::size_t left = 0; left <= top; left += tile) {
+            for (std::size_t s = left; s < left + tile; ++s) {
                 for (std::size_t r = std::max(top, s + 1); r < bottom; ++r) {
                     elements_[s * kMaxContactRows + r] = elements_[r * kMaxContactRows + s];
                 }
