@@ -4,8 +4,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <numeric>
 #include <string_view>
 
@@ -13,17 +11,11 @@
 #include "haptic/device/dac_codes.hpp"
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/device/wrench_closure.hpp"
+#include "require.hpp"
 
 namespace {
 
 using haptic::device::DeviceGeometry;
-
-void require(bool held, const char* what) {
-    if (!held) {
-        std::fprintf(stderr, "broken promise: %s\n", what);
-        std::abort();
-    }
-}
 
 void check(const DeviceGeometry& geometry) {
     require(geometry.minimum_tension >= 0.0 && geometry.maximum_tension > geometry.minimum_tension &&

@@ -12,8 +12,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <span>
@@ -22,6 +20,7 @@
 #include <vector>
 
 #include "haptic/sim/mesh_file.hpp"
+#include "require.hpp"
 
 namespace {
 
@@ -30,13 +29,6 @@ using haptic::sim::CheckedMesh;
 using haptic::sim::MeshFormat;
 using haptic::sim::Triangle;
 using haptic::sim::TriangleMesh;
-
-void require(bool held, const char* what) {
-    if (!held) {
-        std::fprintf(stderr, "broken promise: %s\n", what);
-        std::abort();
-    }
-}
 
 /// Whether each edge is traversed equally often in both directions.
 bool is_balanced(const TriangleMesh& mesh) {

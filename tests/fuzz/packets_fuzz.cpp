@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <span>
 #include <vector>
@@ -18,19 +16,13 @@
 #include "codecs/uart_codec.hpp"
 #include "emulated/make_firmware.hpp"
 #include "haptic/device/emulated_device.hpp"
+#include "require.hpp"
 
 namespace {
 
 using namespace haptic::device;  // NOLINT(google-build-using-namespace): used throughout
 using haptic::kStrings;
 using Bytes = std::span<const std::byte>;
-
-void require(bool held, const char* what) {
-    if (!held) {
-        std::fprintf(stderr, "broken promise: %s\n", what);
-        std::abort();
-    }
-}
 
 /// Packets of USB boards: one decoder and one encoder, fixed length.
 template <typename Value, std::size_t kBytes>

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <stdexcept>
 #include <string_view>
 
@@ -13,6 +11,7 @@
 #include "haptic/numeric.hpp"
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
+#include "require.hpp"
 
 namespace {
 
@@ -23,13 +22,6 @@ using haptic::sim::Scene;
 constexpr std::size_t kSmall = 300;  // triangles
 constexpr double kFewPasses = 1000;  // solver passes per step
 constexpr int kSteps = 3;
-
-void require(bool held, const char* what) {
-    if (!held) {
-        std::fprintf(stderr, "broken promise: %s\n", what);
-        std::abort();
-    }
-}
 
 std::size_t triangles_of(const Scene& scene) {
     std::size_t triangles = haptic::sim::expected_triangles(scene.model);

@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <span>
 
 #include "emulated/make_firmware.hpp"
 #include "haptic/device/dac_codes.hpp"
 #include "haptic/device/emulated_device.hpp"
+#include "require.hpp"
 #include "usbip/usbip_session.hpp"
 
 namespace {
@@ -21,13 +20,6 @@ using haptic::device::UsbipSession;
 // Limit of the reply to one message, without the data of transfers, which the board produces.
 constexpr std::size_t kMaxAnswered = 12 + 312 + 4;
 constexpr std::size_t kShortestMessage = 8;
-
-void require(bool held, const char* what) {
-    if (!held) {
-        std::fprintf(stderr, "broken promise: %s\n", what);
-        std::abort();
-    }
-}
 
 }  // namespace
 

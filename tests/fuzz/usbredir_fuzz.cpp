@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <span>
 
 #include "emulated/make_firmware.hpp"
 #include "haptic/device/dac_codes.hpp"
 #include "haptic/device/emulated_device.hpp"
+#include "require.hpp"
 #include "usbredir/usbredir_session.hpp"
 
 namespace {
@@ -20,13 +19,6 @@ using haptic::device::UsbredirSession;
 // Limit of the answers to one message: the endpoints, the interfaces and a status. The board's data come on top.
 constexpr std::size_t kMaxAnswered = (16 + 160) + (16 + 132) + (16 + 10);
 constexpr std::size_t kShortestMessage = 16;
-
-void require(bool held, const char* what) {
-    if (!held) {
-        std::fprintf(stderr, "broken promise: %s\n", what);
-        std::abort();
-    }
-}
 
 }  // namespace
 

@@ -3,12 +3,11 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <string_view>
 #include <variant>
 
 #include "haptic/types.hpp"
+#include "require.hpp"
 #include "view/command_parser.hpp"
 
 namespace {
@@ -16,13 +15,6 @@ namespace {
 using namespace haptic::sim::view;
 
 constexpr std::size_t kLongestReason = 120;  // fits in a close frame
-
-void require(bool held, const char* what) {
-    if (!held) {
-        std::fprintf(stderr, "broken promise: %s\n", what);
-        std::abort();
-    }
-}
 
 SceneDescription description() {
     SceneDescription scene;
