@@ -13,6 +13,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "cabled_firmware.hpp"
 #include "codecs/sh4_codec.hpp"
 #include "emulated/make_firmware.hpp"
 #include "haptic/device/emulated_device.hpp"
@@ -75,25 +76,6 @@ class Peer {
     int socket_;
 };
 
-/// A board whose cable can be unplugged.
-class PluggedFirmware final : public Firmware {
-  public:
-    explicit PluggedFirmware(EmulatedDevice& device) : board_(make_firmware(BoardKind::Sh4, device)) {}
-
-    void receive(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override {
-        board_->receive(out, now_ns);
-    }
-    std::size_t reply(std::span<std::byte> in, std::int64_t now_ns) HAPTIC_RT override {
-        return board_->reply(in, now_ns);
-    }
-    [[nodiscard]] bool connected(std::int64_t /*now_ns*/) const HAPTIC_RT override { return plugged; }
-
-    bool plugged = true;
-
-  private:
-    std::unique_ptr<Firmware> board_;
-};
-
 class UsbipServerTest : public testing::Test {
   protected:
     /// Steps the server until the peer has received `bytes` or nothing more arrives; returns the bytes. The end of the
@@ -147,7 +129,7 @@ class UsbipServerTest : public testing::Test {
 
     std::int64_t now_ns = 1'000'000'000;
     EmulatedDevice device{{.geometry = spidar_g6_x3r()}};
-    PluggedFirmware firmware{device};
+    CabledFirmware firmware{device};
     std::vector<std::string> reports;
     UsbipServer server{{"127.0.0.1", 0}, BoardKind::Sh4, firmware, UsbSpeed::High, [this](std::string_view line) {
                            reports.emplace_back(line);

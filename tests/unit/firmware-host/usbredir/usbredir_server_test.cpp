@@ -21,6 +21,7 @@
 #include <system_error>
 #include <vector>
 
+#include "cabled_firmware.hpp"
 #include "codecs/sh4_codec.hpp"
 #include "emulated/make_firmware.hpp"
 #include "haptic/device/emulated_device.hpp"
@@ -44,25 +45,6 @@ const std::vector<int> kQemu = {usb_redir_cap_connect_device_version,  usb_redir
                                 usb_redir_cap_ep_info_max_packet_size, usb_redir_cap_64bits_ids,
                                 usb_redir_cap_32bits_bulk_length,      usb_redir_cap_bulk_streams,
                                 usb_redir_cap_device_disconnect_ack,   usb_redir_cap_bulk_receiving};
-
-/// A board whose cable can be unplugged.
-class CabledFirmware final : public Firmware {
-  public:
-    explicit CabledFirmware(EmulatedDevice& device) : board_(make_firmware(BoardKind::Sh4, device)) {}
-
-    void receive(std::span<const std::byte> out, std::int64_t now_ns) HAPTIC_RT override {
-        board_->receive(out, now_ns);
-    }
-    std::size_t reply(std::span<std::byte> in, std::int64_t now_ns) HAPTIC_RT override {
-        return board_->reply(in, now_ns);
-    }
-    [[nodiscard]] bool connected(std::int64_t /*now_ns*/) const HAPTIC_RT override { return plugged; }
-
-    bool plugged = true;
-
-  private:
-    std::unique_ptr<Firmware> board_;
-};
 
 /// Answer to a transfer.
 struct Transfer {
