@@ -1,7 +1,6 @@
 #include "haptic/period_histogram.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace haptic {
 
@@ -45,9 +44,8 @@ std::int64_t PeriodHistogram::percentile_ns(double fraction) const HAPTIC_RT {
     if (count_ == 0) {
         return 0;
     }
-    // Rank of the percentile (nearest-rank method), at least 1; the highest rank is the exact maximum.
-    const double rank = std::ceil(std::clamp(fraction, 0.0, 1.0) * static_cast<double>(count_));
-    const std::uint64_t wanted = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(rank));
+    // The highest rank is the exact maximum.
+    const std::uint64_t wanted = nearest_rank(fraction, count_);
     std::uint64_t seen = 0;
     for (std::size_t i = 0; i < kBuckets && wanted < count_; ++i) {
         const Histogram::Bucket one = bucket(i);

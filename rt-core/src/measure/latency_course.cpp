@@ -1,35 +1,17 @@
 #include "measure/latency_course.hpp"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
 #include <cstdlib>
 
 namespace haptic::rt {
 
-std::size_t CompactHistogram::bucket_of(std::int64_t duration_ns) noexcept {
-    // The position of the highest bit is the magnitude, the next kSubBucketBits bits select the bucket in it.
-    const std::uint64_t units = static_cast<std::uint64_t>(std::max<std::int64_t>(0, duration_ns)) >> kUnitBits;
-    const int magnitude = std::max(0, static_cast<int>(std::bit_width(units)) - kSubBucketBits);
-    if (magnitude == 0) {
-        return static_cast<std::size_t>(units);
-    }
-    const std::uint64_t sub_bucket = (units >> (magnitude - 1)) - kSubBuckets;
-    return std::min(static_cast<std::size_t>(magnitude) * kSubBuckets + static_cast<std::size_t>(sub_bucket),
-                    kBuckets - 1);
-}
-
 std::int64_t CompactHistogram::middle_ns(std::size_t bucket) noexcept {
-    const std::size_t magnitude = bucket / kSubBuckets;
-    const std::size_t sub_bucket = bucket % kSubBuckets;
-    // Inverse of bucket_of(): lower end and width of the bucket, in units.
-    const std::size_t width = magnitude == 0 ? 1 : std::size_t{1} << (magnitude - 1);
-    const std::size_t lower = magnitude == 0 ? sub_bucket : (kSubBuckets + sub_bucket) * width;
-    return static_cast<std::int64_t>(((2 * lower + width) << kUnitBits) / 2);
+    return static_cast<std::int64_t>(((2 * Buckets::lower_of(bucket) + Buckets::width_of(bucket)) << kUnitBits) / 2);
 }
 
 void CompactHistogram::record(std::int64_t duration_ns) noexcept {
-    ++counts_[bucket_of(duration_ns)];
+    const std::uint64_t units = static_cast<std::uint64_t>(std::max<std::int64_t>(0, duration_ns)) >> kUnitBits;
+    ++counts_[std::min(Buckets::index_of(units), kBuckets - 1)];
     ++count_;
     max_ns_ = std::max(max_ns_, duration_ns);
 }
@@ -43,9 +25,8 @@ void CompactHistogram::add(const CompactHistogram& other) noexcept {
 }
 
 std::int64_t CompactHistogram::percentile_ns(double fraction) const noexcept {
-    // First bucket whose cumulative count reaches the rank (nearest-rank method). The last rank is the exact maximum.
-    const auto rank = static_cast<std::uint64_t>(
-        std::max(1.0, std::ceil(std::clamp(fraction, 0.0, 1.0) * static_cast<double>(count_))));
+    // First bucket whose cumulative count reaches the rank. The last rank is the exact maximum.
+    const std::uint64_t rank = nearest_rank(fraction, count_);
     std::uint64_t seen = 0;
     for (std::size_t i = 0; i + 1 < kBuckets && rank < count_; ++i) {
         seen += counts_[i];

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "haptic/histogram.hpp"
 #include "process/timing_log.hpp"
 
 namespace haptic::rt {
@@ -30,12 +31,10 @@ class CompactHistogram {
     [[nodiscard]] std::int64_t percentile_ns(double fraction) const noexcept;
 
   private:
-    static constexpr int kSubBucketBits = 4;
-    static constexpr std::size_t kSubBuckets = std::size_t{1} << kSubBucketBits;
-    static constexpr std::size_t kBuckets = 16 * kSubBuckets;
-    static constexpr int kUnitBits = 6;  // the first kSubBuckets buckets are 64 ns wide
+    using Buckets = LogBuckets<4>;  // of units of 64 ns
+    static constexpr int kUnitBits = 6;
+    static constexpr std::size_t kBuckets = 16 * Buckets::kSubBuckets;
 
-    [[nodiscard]] static std::size_t bucket_of(std::int64_t duration_ns) noexcept;
     /// Middle of a bucket, ns.
     [[nodiscard]] static std::int64_t middle_ns(std::size_t bucket) noexcept;
 
