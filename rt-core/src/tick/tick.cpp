@@ -141,33 +141,28 @@ void Tick::arm() HAPTIC_RT {
     reset_pose();
 }
 
-device::ExchangeStatus Tick::exchange(device::BoardReading& reading, std::int64_t now_ns) HAPTIC_RT {
-    // An exchange can hang, so the records are lent to the watchdog meanwhile. If it took them, this thread must not
-    // touch them again.
+template <class Call>
+device::ExchangeStatus Tick::lend_records(const Call& call) HAPTIC_RT {
+    // A call of the board can hang, so the records are lent to the watchdog meanwhile. If it took them, this thread
+    // must not touch them again.
     records_.lend();
-    const device::ExchangeStatus status = board_->exchange(command_, reading, now_ns);
-    take_records_back();
-    return status;
-}
-
-device::ExchangeStatus Tick::send(std::int64_t now_ns) HAPTIC_RT {
-    records_.lend();
-    const device::ExchangeStatus status = board_->send(command_, now_ns);
-    take_records_back();
-    return status;
-}
-
-device::ExchangeStatus Tick::collect(std::int64_t now_ns) HAPTIC_RT {
-    records_.lend();
-    const device::ExchangeStatus status = board_->collect(now_ns);
-    take_records_back();
-    return status;
-}
-
-void Tick::take_records_back() HAPTIC_RT {
+    const device::ExchangeStatus status = call();
     if (!records_.reclaim()) {
         sleep_for_ever();
     }
+    return status;
+}
+
+device::ExchangeStatus Tick::exchange(device::BoardReading& reading, std::int64_t now_ns) HAPTIC_RT {
+    return lend_records([&]() HAPTIC_RT { return board_->exchange(command_, reading, now_ns); });
+}
+
+device::ExchangeStatus Tick::send(std::int64_t now_ns) HAPTIC_RT {
+    return lend_records([&]() HAPTIC_RT { return board_->send(command_, now_ns); });
+}
+
+device::ExchangeStatus Tick::collect(std::int64_t now_ns) HAPTIC_RT {
+    return lend_records([&]() HAPTIC_RT { return board_->collect(now_ns); });
 }
 
 void Tick::collect_answer(const TickTime& time) HAPTIC_RT {

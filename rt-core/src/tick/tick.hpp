@@ -136,8 +136,9 @@ class Tick {
     /// The calls of the board that do not read the encoders; as exchange().
     [[nodiscard]] device::ExchangeStatus send(std::int64_t now_ns) HAPTIC_RT;
     [[nodiscard]] device::ExchangeStatus collect(std::int64_t now_ns) HAPTIC_RT;
-    /// After a call that could hang: never returns if the watchdog took the records meanwhile.
-    void take_records_back() HAPTIC_RT;
+    /// Makes a call of the board, which may hang: never returns if the watchdog took the records meanwhile.
+    template <class Call>
+    [[nodiscard]] device::ExchangeStatus lend_records(const Call& call) HAPTIC_RT;
     /// Receives the answer to the last tick's motor command, if it is due, and corrects what was assumed of it.
     void collect_answer(const TickTime& time) HAPTIC_RT;
     void exchange_in(const TickTime& time) HAPTIC_RT;
