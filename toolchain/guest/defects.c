@@ -25,7 +25,7 @@ typedef int SleepUntil(clockid_t clock, int flags, const struct timespec* until,
 typedef int ReadClock(clockid_t clock, struct timespec* now);
 
 static SleepUntil* sleep_until; /* the C library's */
-static ReadClock* read_clock;   /* likewise */
+static ReadClock* read_clock;   /* the C library's */
 static volatile char* pages;    /* page-fault: what a tick uses */
 static int inverts;             /* priority-inversion is wanted */
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;

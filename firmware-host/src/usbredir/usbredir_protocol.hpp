@@ -138,7 +138,7 @@ void append_alt_setting_status(std::vector<std::byte>& stream, std::uint64_t id,
 /// Answer to a control transfer: `length` bytes were moved; `data` only if they came from the device.
 void append_control(std::vector<std::byte>& stream, const Control& request, Status status, std::uint16_t length,
                     std::span<const std::byte> data);
-/// Answer to a bulk transfer, likewise.
+/// Answer to a bulk transfer.
 void append_bulk(std::vector<std::byte>& stream, const Bulk& request, Status status, std::uint32_t length,
                  std::span<const std::byte> data);
 

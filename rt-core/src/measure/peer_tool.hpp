@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "haptic/histogram.hpp"
+#include "measure/kernel_trace.hpp"
 #include "process/realtime_setup.hpp"
 
 namespace haptic::rt {
@@ -21,7 +22,7 @@ namespace haptic::rt {
 /// What took a processor from a thread that would use it all the time, as rtla's osnoise reports it.
 struct ProcessorNoise {
     double runtime_us = 0.0;  // observed
-    double noise_us = 0.0;    // of which the thread did not have the processor
+    double noise_us = 0.0;    // as long as the thread did not have the processor
     double available_percent = 0.0;
     double max_period_us = 0.0;  // most noise in one period of the tool
     double max_single_us = 0.0;  // longest single noise
@@ -68,6 +69,6 @@ struct PeerTool {
 
 /// Why the kernel does not let this process use a tracer, and what to do about it; empty if it does.
 [[nodiscard]] std::string missing_tracer(std::string_view tracer,
-                                         const std::filesystem::path& tracefs = "/sys/kernel/tracing");
+                                         const std::filesystem::path& tracefs = KernelTrace::kTracefs);
 
 }  // namespace haptic::rt

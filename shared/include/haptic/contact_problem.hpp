@@ -60,8 +60,7 @@ class ComplianceMatrix {
         elements_[r * kMaxContactRows + s] = elements_[s * kMaxContactRows + r] = compliance;
     }
     /// Sets elements (r, 0) to (r, r); mirror() then sets those above the diagonal, of all rows.
-    template <class Number>
-    void set_lower_row(std::size_t r, const Number* compliance) HAPTIC_RT {
+    void set_lower_row(std::size_t r, const float* compliance) HAPTIC_RT {
         std::copy_n(compliance, r + 1, &elements_[r * kMaxContactRows]);
     }
     void mirror() HAPTIC_RT;
