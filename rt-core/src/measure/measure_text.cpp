@@ -46,7 +46,7 @@ std::string row(const std::string& title, const nlohmann::json& distribution) {
     return line + "\n";
 }
 
-std::string ratio_row(const std::string& title, const nlohmann::json& ratio) {
+std::string ratio_line(const std::string& title, const nlohmann::json& ratio) {
     std::string line = "  " + padded(title, 22);
     const auto add = [&](const char* key) {
         std::array<char, 32> text{};
@@ -191,7 +191,7 @@ std::string measure_text(const nlohmann::json& report) {
         text += row(std::string(name.title), measure.at("latency_us").at(std::string(name.key)));
         if (name.latency == Latency::Wakeup) {
             for (const PeerRow& peer : peer_rows(measure)) {
-                text += peer.is_ratio ? ratio_row(peer.title, *peer.values) : row(peer.title, *peer.values);
+                text += peer.is_ratio ? ratio_line(peer.title, *peer.values) : row(peer.title, *peer.values);
             }
         }
     }
