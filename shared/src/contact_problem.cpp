@@ -34,6 +34,9 @@ constexpr double kFarOutside = 1e100;
 // Steps of Newton's method to the edge of a cone. It converges in one where the pair is isotropic, and in a few else.
 constexpr int kMaxNewtonSteps = 10;
 
+// Rows that leave a factor before it is built anew: each adds a rounding.
+constexpr int kMaxRemovals = 100;
+
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 
 struct Disc {
@@ -93,15 +96,21 @@ std::array<Vec3, 2> contact_tangents(const Vec3& n) HAPTIC_RT {
 }
 
 void ComplianceMatrix::mirror() HAPTIC_RT {
-    // Tile by tile: both triangles of a tile stay in the cache.
+    // Tile by tile: both triangles of a tile stay in the cache, and compilers unroll the loops of a whole one.
     constexpr std::size_t tile = 8;
     for (std::size_t top = 0; top < rows_; top += tile) {
         const std::size_t bottom = std::min(top + tile, rows_);
-        for (std::size_t left = 0; left <= top; left += tile) {
+        for (std::size_t left = 0; left < top && bottom == top + tile; left += tile) {
             for (std::size_t s = left; s < left + tile; ++s) {
-                for (std::size_t r = std::max(top, s + 1); r < bottom; ++r) {
+                for (std::size_t r = top; r < top + tile; ++r) {
                     elements_[s * kMaxContactRows + r] = elements_[r * kMaxContactRows + s];
                 }
+            }
+        }
+        // The last rows, if they fill no tile, and the tile on the diagonal.
+        for (std::size_t s = bottom == top + tile ? top : 0; s < bottom; ++s) {
+            for (std::size_t r = std::max(top, s + 1); r < bottom; ++r) {
+                elements_[s * kMaxContactRows + r] = elements_[r * kMaxContactRows + s];
             }
         }
     }
@@ -124,13 +133,14 @@ ContactSolver::ContactSolver(int max_sweeps)
       share_(kMaxContactRows, 0.0) {}
 
 ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, std::span<const double> depth,
-                                           std::span<FrictionRows> friction) HAPTIC_RT {
+                                           std::span<FrictionRows> friction, Elements elements) HAPTIC_RT {
     const std::size_t rows = std::min({depth.size(), compliance.rows(), kMaxContactRows});
     const bool same_rows = rows == rows_;
+    const bool same_elements = same_rows && elements == Elements::Unchanged;
     rows_ = rows;
     Result result;
-    read_rows(compliance, depth, friction);
-    warm_start(compliance, depth, same_rows);
+    read_rows(compliance, depth, friction, same_elements);
+    warm_start(compliance, depth, same_rows, same_elements);
     result.steps = solve_normals(compliance, kMaxSteps);
     if (!friction.empty()) {
         solve_friction(compliance, friction, result);
@@ -152,11 +162,11 @@ ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, s
 }
 
 void ContactSolver::read_rows(const ComplianceMatrix& compliance, std::span<const double> depth,
-                              std::span<FrictionRows> friction) HAPTIC_RT {
+                              std::span<FrictionRows> friction, bool same_elements) HAPTIC_RT {
     // Diagonal, and the largest depth as the scale of the tolerances.
     scale_ = 0.0;
     for (std::size_t r = 0; r < rows_; ++r) {
-        diagonal_[r] = compliance(r, r);
+        diagonal_[r] = same_elements ? diagonal_[r] : compliance(r, r);
         state_[r] = diagonal_[r] > kMinCompliance ? RowState::Idle : RowState::Excluded;
         scale_ = std::max(scale_, std::abs(depth[r]));
     }
@@ -179,11 +189,31 @@ void ContactSolver::read_rows(const ComplianceMatrix& compliance, std::span<cons
     }
 }
 
-void ContactSolver::warm_start(const ComplianceMatrix& compliance, std::span<const double> depth,
-                               bool same_rows) HAPTIC_RT {
+/// The factor is that of the active rows, to few roundings, and each of them pushes.
+bool ContactSolver::can_keep_factor() const HAPTIC_RT {
+    bool all_push = true;
+    for (std::size_t i = 0; i < factor_.size(); ++i) {
+        all_push = all_push && state_[active_[i]] == RowState::Idle && force_[active_[i]] > 0.0;
+    }
+    return all_push && !owns_compliance_ && removals_ <= kMaxRemovals;
+}
+
+void ContactSolver::warm_start(const ComplianceMatrix& compliance, std::span<const double> depth, bool same_rows,
+                               bool same_elements) HAPTIC_RT {
     // Start from the last forces of the tangential rows, and of the normal rows that pushed and are independent.
-    factor_.clear();
+    if (same_elements && can_keep_factor()) {
+        for (std::size_t i = 0; i < factor_.size(); ++i) {
+            state_[active_[i]] = RowState::Pushes;
+        }
+    } else {
+        factor_.clear();
+        removals_ = 0;
+        owns_compliance_ = false;
+    }
     for (std::size_t r = 0; r < rows_; ++r) {
+        if (state_[r] == RowState::Pushes) {
+            continue;
+        }
         bool keeps = same_rows && state_[r] == RowState::Tangential;
         if (same_rows && state_[r] == RowState::Idle && force_[r] > 0.0) {
             const double pivot = reduce(compliance, r);
@@ -220,7 +250,7 @@ int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_ste
         steps += settled ? settle(compliance, max_steps - steps) : activate(compliance, row, max_steps - steps);
     }
     // The deficits are those of W itself again: own compliances are 0 outside of this function.
-    for (std::size_t r = 0; r < rows_; ++r) {
+    for (std::size_t r = 0; owns_compliance_ && r < rows_; ++r) {
         set_own_compliance(r, 0.0);
     }
     return steps;
@@ -444,6 +474,7 @@ double ContactSolver::reduce(const ComplianceMatrix& compliance, std::size_t row
 void ContactSolver::set_own_compliance(std::size_t row, double own) HAPTIC_RT {
     deficit_[row] -= (own - own_[row]) * force_[row];
     own_[row] = own;
+    owns_compliance_ = owns_compliance_ || own > 0.0;
 }
 
 void ContactSolver::append(std::size_t row, double pivot) HAPTIC_RT {
@@ -460,6 +491,7 @@ void ContactSolver::release(const ComplianceMatrix& compliance, std::size_t posi
     const auto leaving = active_.begin() + static_cast<std::ptrdiff_t>(position);
     std::copy(leaving + 1, end, leaving);
     factor_.remove(position);
+    ++removals_;
 }
 
 void ContactSolver::change_active_forces(const ComplianceMatrix& compliance) HAPTIC_RT {

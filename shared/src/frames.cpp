@@ -1,5 +1,6 @@
 #include "haptic/frames.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -10,8 +11,10 @@
 namespace haptic {
 namespace {
 
-// Relative excess of W_rs^2 over W_rr W_ss that is rounding: the elements are floats.
-constexpr double kComplianceTolerance = 1e-5;
+// W_rs over sqrt(W_rr W_ss) that is rounding: the elements are floats.
+constexpr float kComplianceTolerance = 1.000005F;
+// Square root of the largest float, less what the tolerance adds.
+constexpr float kLargestRoot = 1.8446e19F;
 
 using BitName = std::pair<std::uint32_t, const char*>;
 
@@ -99,7 +102,7 @@ FrameDefect find_defect(const ProxyContact& proxy) HAPTIC_RT {
 /// Row by row: the diagonal is a compliance, and |W_rs| <= sqrt(W_rr W_ss), without which no energy has this matrix.
 FrameDefect find_compliance_defect(const ContactFrame& frame) HAPTIC_RT {
     std::size_t rows = 0;
-    std::array<double, kMaxComplianceRows> diagonals{};
+    std::array<float, kMaxComplianceRows> roots{};  // of the diagonal
     for (std::uint32_t i = 0; i < frame.proxy_count; ++i) {
         const ProxyContact& proxy = frame.proxies[i];
         const std::size_t end = rows + contact_rows(proxy);
@@ -116,14 +119,14 @@ FrameDefect find_compliance_defect(const ContactFrame& frame) HAPTIC_RT {
             if (diagonal < 0.0 || (diagonal == 0.0 && r < rows + proxy.plane_count)) {
                 return FrameDefect::Compliance;
             }
-            diagonals[r] = diagonal;
-            // Counted, so that compilers vectorise the loop. A NaN fails the comparison too.
+            // In single precision and counted, so that compilers vectorise the loop. A NaN fails the comparison too,
+            // and no product of two roots is infinite.
+            roots[r] = std::min(static_cast<float>(std::sqrt(diagonal)), kLargestRoot);
             const float* const row = &frame.compliance[compliance_index(r, 0)];
-            const double limit = diagonal * (1.0 + kComplianceTolerance);
-            std::int64_t beyond = 0;
+            const float limit = roots[r] * kComplianceTolerance;
+            std::int32_t beyond = 0;
             for (std::size_t s = 0; s < r; ++s) {
-                const double element = row[s];
-                beyond += element * element <= limit * diagonals[s] ? 0 : 1;
+                beyond += std::abs(row[s]) <= limit * roots[s] ? 0 : 1;
             }
             if (beyond > 0) {
                 return FrameDefect::Compliance;

@@ -103,13 +103,16 @@ class ContactSolver {
         double stored = 0.0;    // J, V above
     };
 
+    /// Whether the elements of W are those of the last solve().
+    enum class Elements : std::uint8_t { New, Unchanged };
+
     /// Solves the problem; rows that no element of `friction` claims as tangential are normal rows. Starts from the
-    /// last solution if it had the same number of rows. Bounded: at most kMaxSteps active-set steps and max_sweeps
-    /// sweeps. Finite for finite rows, also if W is indefinite by the rounding to single precision or planes contradict
-    /// one another; residual tells what could not be satisfied. The cones hold exactly. The same calls since the
-    /// construction or restart() return the same bits.
+    /// last solution if it had the same number of rows; the factor of its rows is kept where W is unchanged. Bounded:
+    /// at most kMaxSteps active-set steps and max_sweeps sweeps. Finite for finite rows, also if W is indefinite by the
+    /// rounding to single precision or planes contradict one another; residual tells what could not be satisfied. The
+    /// cones hold exactly. The same calls since the construction or restart() return the same bits.
     Result solve(const ComplianceMatrix& compliance, std::span<const double> depth,
-                 std::span<FrictionRows> friction = {}) HAPTIC_RT;
+                 std::span<FrictionRows> friction = {}, Elements elements = Elements::New) HAPTIC_RT;
     /// N, per row, of the last solution.
     [[nodiscard]] std::span<const double> force() const HAPTIC_RT { return std::span(force_).first(rows_); }
     /// Forgets the last solution: the rows mean something else now.
@@ -130,9 +133,11 @@ class ContactSolver {
     };
 
     // solve(), in order.
-    void read_rows(const ComplianceMatrix& compliance, std::span<const double> depth,
-                   std::span<FrictionRows> friction) HAPTIC_RT;
-    void warm_start(const ComplianceMatrix& compliance, std::span<const double> depth, bool same_rows) HAPTIC_RT;
+    void read_rows(const ComplianceMatrix& compliance, std::span<const double> depth, std::span<FrictionRows> friction,
+                   bool same_elements) HAPTIC_RT;
+    void warm_start(const ComplianceMatrix& compliance, std::span<const double> depth, bool same_rows,
+                    bool same_elements) HAPTIC_RT;
+    [[nodiscard]] bool can_keep_factor() const HAPTIC_RT;
     int solve_normals(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT;
     void solve_friction(const ComplianceMatrix& compliance, std::span<FrictionRows> friction, Result& result) HAPTIC_RT;
     void bound_energy(std::span<const double> depth) HAPTIC_RT;
@@ -168,6 +173,8 @@ class ContactSolver {
     std::vector<double> own_;            // m/N, per row: added to W_rr in solve_normals() where it depends on others
     std::vector<RowState> state_;        // per row
     CholeskyFactor factor_;              // of the active rows
+    int removals_ = 0;                   // from the factor since it was built
+    bool owns_compliance_ = false;       // a row had a compliance of its own since then
     std::vector<std::uint16_t> active_;  // normal rows that push, in the order of the factor
     AndersonAcceleration acceleration_;  // of the sweeps
     std::vector<std::uint16_t> pair_;    // per first tangential row: index of its friction pair

@@ -7,11 +7,11 @@
 #include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
 #include <limits>
-#include <numeric>
 #include <span>
 
 #include "haptic/numeric.hpp"
 #include "rendering/local_proxy.hpp"
+#include "vector_kernels.hpp"
 
 namespace haptic {
 namespace {
@@ -112,6 +112,7 @@ ToolContact::ToolContact()
 
 void ToolContact::load(const ContactFrame& frame) HAPTIC_RT {
     lay_out_rows(frame);
+    elements_ = ContactSolver::Elements::New;
     // A limp tool with one stiffness: its proxies are solved one by one, each with a compliance of its own.
     independent_ = frame.compliance_rows == 0 && torque_stiffness_of(frame) == frame.stiffness;
     if (independent_) {
@@ -339,6 +340,7 @@ void ToolContact::Instant::solve_all() HAPTIC_RT {
         }
         if (behind) {
             tool_->fill_compliance(*frame_, tool_->proxies_[i].first, end_of(i));
+            tool_->elements_ = ContactSolver::Elements::New;
             tool_->solver_.restart();
             solve(i, i + 1);
         } else if (keeps_friction_) {
@@ -390,14 +392,15 @@ void ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT {
 void ToolContact::Instant::displace(std::size_t i, std::size_t first_row, std::span<const double> forces) HAPTIC_RT {
     for (std::size_t r = tool_->proxies_[i].first; r < end_of(i); ++r) {
         const double* const compliance = tool_->compliance_.row(r - first_row);
-        tool_->displaced_[r] = std::inner_product(forces.begin(), forces.end(), compliance, 0.0);
+        tool_->displaced_[r] = dot(forces.data(), compliance, forces.size());
     }
 }
 
 /// Forces of the springs. Proxies that static friction cannot hold slide: with the dynamic coefficient they are solved
 /// again. Returns the stored energy.
 double ToolContact::Instant::solve_springs(std::span<const double> depth, std::span<FrictionRows> pairs) HAPTIC_RT {
-    ContactSolver::Result result = tool_->solver_.solve(tool_->compliance_, depth, pairs);
+    ContactSolver::Result result = tool_->solver_.solve(tool_->compliance_, depth, pairs, tool_->elements_);
+    tool_->elements_ = ContactSolver::Elements::Unchanged;
     bool again = false;
     for (FrictionRows& pair : pairs) {
         if (pair.slides && pair.coefficient > dynamic_friction()) {
@@ -406,7 +409,7 @@ double ToolContact::Instant::solve_springs(std::span<const double> depth, std::s
         }
     }
     if (again) {
-        result = tool_->solver_.solve(tool_->compliance_, depth, pairs);
+        result = tool_->solver_.solve(tool_->compliance_, depth, pairs, tool_->elements_);
     }
     note_overflow(result);
     return result.stored;

@@ -115,6 +115,7 @@ class ToolContact {
     bool independent_ = true;      // no proxy yields to a force on another
     ComplianceMatrix compliance_;  // k W of all rows; of those of one proxy if independent
     ContactSolver solver_;
+    ContactSolver::Elements elements_ = ContactSolver::Elements::New;  // of compliance_, since the last solution
     std::array<FrictionState, kMaxProxies> friction_{};
     // Per row, of the latest evaluation.
     std::vector<double> depth_;      // m, b

@@ -403,6 +403,38 @@ TEST(ContactSolver, GivesTheSameForcesWarmAndCold) {
     }
 }
 
+TEST(ContactSolver, GivesTheSameForcesWithAFactorThatItKeeps) {
+    Random random(17);
+    for (int i = 0; i < 30; ++i) {
+        const Tool tool = random_tool(random.integer(3, 40), i % 2 == 0 ? kRigid : 1e3, random);
+        Contacts contacts = random_contacts(tool, {.share = 0.8, .planes = random.integer(1, 3)}, random);
+        const ComplianceMatrix matrix = contacts.matrix();
+        ContactSolver keeping;
+        keeping.solve(matrix, contacts.depth);
+        // Back and forth, so that rows begin and cease to push: a factor is built anew after a hundred that left.
+        const Eigen::Vector3d motion = 2e-3 * random.direction();
+        for (int k = 0; k < 60; ++k) {
+            contacts.move((k / 4 % 2 == 0 ? 1.0 : -1.0) * motion);
+            const ContactSolver::Result result =
+                keeping.solve(matrix, contacts.depth, {}, ContactSolver::Elements::Unchanged);
+            EXPECT_LE(relative_error(vector_of(keeping.force()), cold_forces(contacts)), 1e-9) << i << ' ' << k;
+            EXPECT_LE(result.residual, 1e-12);
+        }
+    }
+}
+
+TEST(ContactSolver, ReadsOtherElementsAgain) {
+    // The same number of rows, but another matrix: what it kept is of no use.
+    Random random(18);
+    const Tool tool = random_tool(20, 1e3, random);
+    ContactSolver solver;
+    for (int i = 0; i < 20; ++i) {
+        Contacts contacts = random_contacts(tool, {.share = 1.0, .planes = 2}, random);
+        solver.solve(contacts.matrix(), contacts.depth);
+        EXPECT_LE(relative_error(vector_of(solver.force()), cold_forces(contacts)), 1e-9);
+    }
+}
+
 TEST(ContactSolver, TakesFewerStepsWarm) {
     Random random(8);
     const Tool tool = random_tool(64, 1e3, random);
