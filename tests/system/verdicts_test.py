@@ -40,11 +40,29 @@ def late(cause: str, thread: str = "") -> dict:
     return {"cause": cause, "thread": thread}
 
 
+def beside_peers(slowest_us: float, peers_us: float) -> dict:
+    """The loop's report, and that of tools which took turns with it."""
+    whole = report("real-time", slowest_us, 0)
+    wakeup = {"p50": peers_us, "p99": peers_us, "p999": peers_us, "max": peers_us}
+    ratio = {key: slowest_us / peers_us for key in wakeup}
+    whole["measure"] |= {name: {"wakeup_us": wakeup, "ratio": ratio} for name in ("cyclictest", "timerlat")}
+    whole["measure"]["osnoise"] = {"noise": {"available_percent": 99.0}}
+    return whole
+
+
+def without(peer: str) -> dict:
+    """As if that tool were not installed."""
+    whole = beside_peers(6, 5)
+    whole["measure"][peer] = {"missing": "no program of this name"}
+    return whole
+
+
 SOUND = {
     "ordinary/load": report("ordinary", 3700, 141),
     "ordinary/doctor": doctor("ordinary"),
     "real-time/load": report("real-time", 7, 0),
     "real-time/doctor": doctor("real-time"),
+    "real-time/peers": beside_peers(6, 5),
     "real-time/none": report("real-time", 11, 0),
     "real-time/page-fault": report("real-time", 11, 2, late("page_fault"), faults=2048),
     "real-time/priority-inversion": report("real-time", 11, 2, late("priority_inversion", "holder-437")),
@@ -84,6 +102,11 @@ fails(["same version", "call the kernel", "no tick is missed", "each wake-up", "
       ordinary__doctor=doctor("real-time"))
 # A PREEMPT_RT kernel that is as bad.
 fails(["no tick is missed", "each wake-up", "slowest wake-up"], real_time__load=report("real-time", 3000, 90))
+# Other tools that find something else, or that do not run.
+fails(["p99.9 of its wake-up and of theirs"], real_time__peers=beside_peers(30, 5))
+fails(["p99.9 of its wake-up and of theirs"], real_time__peers=beside_peers(5, 30))
+fails(["in turns with the loop"], real_time__peers=without("osnoise"))
+fails(["in turns with the loop", "p99.9 of its wake-up and of theirs"], real_time__peers=without("timerlat"))
 # Defects that nobody finds, that take another name, and one where there is none.
 fails(["no tick is late", "page faults are counted", "the trace names page_fault"], real_time__page_fault=report("real-time", 11, 0))
 fails(["the trace names priority_inversion"], real_time__priority_inversion=report("real-time", 11, 2, late("device")))

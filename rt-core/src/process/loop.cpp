@@ -167,6 +167,9 @@ void RealtimeLoop::run_armed(NextDeadline& next) HAPTIC_RT {
     if (log_ != nullptr) {
         log_->begin();
     }
+    // No tick is late by what this took: the next one is due at the first deadline from here.
+    const std::int64_t last_ns = next.deadline_ns - settings_.period_ns;
+    next = {next_deadline(last_ns, settings_.period_ns, monotonic_now_ns()).deadline_ns, 0};
     // Run until the safety machine is disarmed again, that is stopped or faulted, and faded out. relaxed: no other data
     // depends on the flag.
     do {
