@@ -474,7 +474,7 @@ double ContactSolver::reduce(const ComplianceMatrix& compliance, std::size_t row
 void ContactSolver::set_own_compliance(std::size_t row, double own) HAPTIC_RT {
     deficit_[row] -= (own - own_[row]) * force_[row];
     own_[row] = own;
-    owns_compliance_ = owns_compliance_ || own > 0.0;
+    owns_compliance_ = owns_compliance_ || own != 0.0;
 }
 
 void ContactSolver::append(std::size_t row, double pivot) HAPTIC_RT {

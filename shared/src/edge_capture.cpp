@@ -9,6 +9,7 @@ namespace haptic {
 namespace {
 
 constexpr std::int64_t kWaitNs = 20'000'000;               // interval at which the thread checks whether to end
+constexpr std::int64_t kSettleNs = 200'000'000;  // without an edge: what passes the line's edges on may be slow
 constexpr std::size_t kStackBytes = std::size_t{1} << 18;  // small, because mlockall locks all of it
 constexpr std::size_t kBatch = 64;
 
@@ -59,9 +60,9 @@ void EdgeCapture::capture() {
     while (!ending_.load()) {
         take_(std::span(batch).first(line_->read(batch, kWaitNs)));
     }
-    // Read the edges that the kernel still holds.
+    // Read the edges that the kernel still holds, and those that are on their way.
     for (std::size_t count = kBatch; count > 0;) {
-        count = line_->read(batch, kWaitNs);
+        count = line_->read(batch, kSettleNs);
         take_(std::span(batch).first(count));
     }
 }

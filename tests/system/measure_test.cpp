@@ -127,6 +127,28 @@ TEST_F(Measure, RunsThePeerToolsThatAreThereAndSaysWhatIsMissing) {
     EXPECT_THAT(report().at("measure").at("latency_us").at("wakeup").at("count"), report().at("ticks"));
 }
 
+TEST_F(Measure, KeepsWhatAToolFoundUntilItFailed) {
+    // In its first turn it measures, in its second it fails.
+    std::filesystem::create_directory(folder / "bin");
+    const std::filesystem::path tool = folder / "bin" / "cyclictest";
+    std::ofstream(tool)
+        << "#!/bin/sh\n"
+           "for word; do case $word in --json=*) file=${word#--json=} ;; esac; done\n"
+           "[ ! -e \"$0.ran\" ] || { echo no more; exit 3; }\n"
+           ": >\"$0.ran\"\n"
+           "echo '{\"thread\": {\"0\": {\"histogram\": {\"5000\": 10}, \"cycles\": 10, \"max\": 5000}}}' >\"$file\"\n";
+    std::filesystem::permissions(tool, std::filesystem::perms::owner_all);
+    const Finished finished = run({"/usr/bin/env", "PATH=" + (folder / "bin").string() + ":/usr/bin:/bin", RT_CORE,
+                                   "measure", "--session", session, "--duration", "3.5", "--set", "safety.late_share=1",
+                                   "--cyclictest", "--alternate", "1", "--report", folder / "m.json"});
+    ASSERT_EQ(finished.status, 0) << finished.output;
+    const nlohmann::json cyclictest = report().at("measure").at("cyclictest");
+    EXPECT_EQ(cyclictest.at("wakeup_us").at("count"), 10);
+    EXPECT_THAT(cyclictest.at("failure").get<std::string>(), HasSubstr("failed with status 3: no more"));
+    EXPECT_THAT(finished.output, HasSubstr("cyclictest was not run again: "));
+    EXPECT_EQ(report().at("measure").at("latency_us").at("wakeup").at("count"), report().at("ticks"));
+}
+
 TEST_F(Measure, BreaksAtALateTickAndNamesTheThreadThatCausedIt) {
     // The kernel's tracer, in a mount namespace of the test's own. Not every kernel has one.
     const std::vector<std::string> with_tracer = {

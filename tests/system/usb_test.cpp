@@ -101,7 +101,11 @@ TEST_F(RtCoreUsb, PrintsWhereThePeriodGoesAndReportsItBesideWhatWasMeasured) {
     const nlohmann::json budget = report().at("period_budget");
     EXPECT_EQ(budget.at("needs_us").at("exchanges"), 125.0);
     EXPECT_EQ(budget.at("verdict"), "holds");
-    EXPECT_GT(budget.at("measured_p999_us").at("exchanges"), 0.0);
+    const nlohmann::json& measured = budget.at("measured_p999_us");
+    EXPECT_GT(measured.at("exchanges"), 0.0);
+    EXPECT_GE(measured.at("tick"), measured.at("exchanges"));
+    EXPECT_NEAR(measured.at("reserve").get<double>(),
+                10000.0 - measured.at("wakeup").get<double>() - measured.at("tick").get<double>(), 1e-6);
 }
 
 TEST_F(RtCoreUsb, EndsInANamedFaultWhenTheCableIsPulled) {

@@ -111,7 +111,12 @@ PeerRun::PeerRun(const PeerChoice& choice) : tool_(choice.tool) {
 
 void PeerRun::prepare(const RealtimeSetup& setup, std::int64_t period_ns, double duration_s) {
     cpu_ = setup.cpu;
-    duration_s_ = static_cast<int>(std::max(1L, std::lround(duration_s)));
+    if (cpu_ < 0 && !tool_->own_thread && available()) {
+        result_.missing = "the loop is not pinned, and it would measure every processor; see loop.cpu";
+        spdlog::warn("{} is not run: {}", tool_->name, result_.missing);
+        return;
+    }
+    duration_s_ = std::max(tool_->least_s, static_cast<int>(std::lround(duration_s)));
     const std::vector<std::string> words =
         tool_->arguments({.setup = setup, .period_ns = period_ns, .duration_s = duration_s_});
     command_.insert(command_.end(), words.begin(), words.end());
@@ -122,6 +127,17 @@ bool PeerRun::run(const StopSignals& signals) {
     if (!available() || (tool_->once && ran_)) {
         return true;
     }
+    try {
+        return run_turn(signals);
+    } catch (const std::runtime_error& error) {
+        // The loop's own measurement may have run for hours.
+        result_.failure = error.what();
+        spdlog::warn("{}; it is not run again", result_.failure);
+        return true;
+    }
+}
+
+bool PeerRun::run_turn(const StopSignals& signals) {
     spdlog::info("{} for {} s", tool_->name, duration_s_);
     const TemporaryFile printed;
     const TemporaryFile written;

@@ -26,18 +26,21 @@ class PeerRun {
     /// asked for by name.
     explicit PeerRun(const PeerChoice& choice);
 
-    /// False if something is missing.
-    [[nodiscard]] bool available() const noexcept { return result_.missing.empty(); }
+    /// False if something is missing, or a turn has failed.
+    [[nodiscard]] bool available() const noexcept { return result_.missing.empty() && result_.failure.empty(); }
     /// Builds the command: scheduled like the loop's thread, for duration_s, rounded to seconds.
     void prepare(const RealtimeSetup& setup, std::int64_t period_ns, double duration_s);
-    /// Runs a turn, if one is due; returns false if a signal ended it early. Throws std::runtime_error if the tool
-    /// fails.
+    /// Runs a turn, if one is due; returns false if a signal ended it early. After one that fails there are no more:
+    /// the result has what was found until then.
     [[nodiscard]] bool run(const StopSignals& signals);
 
     [[nodiscard]] const PeerTool& tool() const noexcept { return *tool_; }
     [[nodiscard]] const PeerResult& result() const noexcept { return result_; }
 
   private:
+    /// Throws std::runtime_error if the tool fails.
+    [[nodiscard]] bool run_turn(const StopSignals& signals);
+
     const PeerTool* tool_;
     std::vector<std::string> command_;
     int cpu_ = -1;

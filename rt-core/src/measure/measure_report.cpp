@@ -263,9 +263,12 @@ nlohmann::json peer_json(const PeerResult& peer, const nlohmann::json& wakeup) {
         return {{"missing", peer.missing}};
     }
     nlohmann::json result = {{"command", peer.command}};
+    if (!peer.failure.empty()) {
+        result["failure"] = peer.failure;
+    }
     if (peer.noise) {
         result["noise"] = noise_json(*peer.noise);
-    } else {
+    } else if (peer.wakeup.count() > 0) {
         result["beyond"] = peer.beyond;
         result["wakeup_us"] = distribution_us(peer.wakeup);
         result["ratio"] = ratio_json(wakeup, result.at("wakeup_us"));
@@ -385,6 +388,9 @@ std::vector<std::string> peer_notes(const nlohmann::json& measure) {
         const nlohmann::json& peer = measure.at(name);
         if (peer.contains("missing")) {
             notes.push_back(name + " was not run: " + peer.at("missing").get<std::string>());
+        }
+        if (peer.contains("failure")) {
+            notes.push_back(name + " was not run again: " + peer.at("failure").get<std::string>());
         }
         if (peer.contains("noise")) {
             const nlohmann::json& noise = peer.at("noise");

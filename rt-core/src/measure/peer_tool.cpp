@@ -8,6 +8,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "parsed_number.hpp"
+
 namespace haptic::rt {
 namespace {
 
@@ -72,14 +74,10 @@ void add_cyclictest(const std::string& output, PeerResult& result) {
 
 /// Processor and scheduling, as all of rtla's tools take them.
 std::vector<std::string> rtla_arguments(const char* tool, const char* mode, const PeerTurn& turn) {
-    std::vector<std::string> words = {
-        tool,         mode,
-        "--duration", std::to_string(turn.duration_s),
-        "--priority", is_fifo(turn.setup) ? "f:" + std::to_string(turn.setup.priority) : "o:0"};
-    if (turn.setup.cpu >= 0) {
-        words.insert(words.end(), {"--cpus", std::to_string(turn.setup.cpu)});
-    }
-    return words;
+    return {tool,         mode,
+            "--duration", std::to_string(turn.duration_s),
+            "--cpus",     std::to_string(turn.setup.cpu),
+            "--priority", is_fifo(turn.setup) ? "f:" + std::to_string(turn.setup.priority) : "o:0"};
 }
 
 std::vector<std::string> timerlat_arguments(const PeerTurn& turn) {
@@ -89,14 +87,18 @@ std::vector<std::string> timerlat_arguments(const PeerTurn& turn) {
     return words;
 }
 
-/// A column of timerlat's histogram: a processor's interrupt ("IRQ-001") or thread ("Thr-001").
+/// A column of timerlat's histogram: a processor's interrupt ("IRQ-001") or thread ("Thr-001"), or, in newer versions,
+/// when that thread was back in user space ("Usr-001"), which nothing else here measures.
 struct TimerlatColumn {
-    bool thread = false;
+    std::string name;
     std::vector<std::pair<std::int64_t, std::uint64_t>> buckets;  // lower end in ns, count
     std::uint64_t over = 0;
     std::uint64_t count = 0;
     std::int64_t min_ns = 0;
     std::int64_t max_ns = 0;
+
+    [[nodiscard]] bool is_thread() const { return name.starts_with("Thr-"); }
+    [[nodiscard]] bool is_interrupt() const { return name.starts_with("IRQ-"); }
 };
 
 /// Reads the table that timerlat prints: an index and a number for each column in each line.
@@ -109,7 +111,7 @@ std::vector<TimerlatColumn> timerlat_table(const std::string& output) {
         words >> index;
         if (index == "Index") {
             for (std::string name; words >> name;) {
-                columns.emplace_back().thread = name.starts_with("Thr-");
+                columns.emplace_back().name = name;
             }
             continue;
         }
@@ -118,9 +120,11 @@ std::vector<TimerlatColumn> timerlat_table(const std::string& output) {
             break;
         }
         for (TimerlatColumn& column : columns) {
-            std::int64_t number = 0;
-            if (!(words >> number) || number < 0) {
-                break;  // such as '-', a minimum of nothing
+            std::string cell;
+            words >> cell;
+            const std::int64_t number = detail::parsed_number<std::int64_t>(cell).value_or(-1);
+            if (number < 0) {
+                continue;  // such as '-', a minimum of nothing
             }
             if (index == "over:") {
                 column.over = static_cast<std::uint64_t>(number);
@@ -144,6 +148,9 @@ void add_timerlat(const std::string& output, PeerResult& result) {
     }
     bool measured = false;
     for (const TimerlatColumn& column : timerlat_table(output)) {
+        if (!column.is_thread() && !column.is_interrupt()) {
+            continue;
+        }
         std::uint64_t total = column.over;
         for (const auto& [lower_ns, count] : column.buckets) {
             total += count;
@@ -154,7 +161,7 @@ void add_timerlat(const std::string& output, PeerResult& result) {
         }
         // Each at the middle of its bucket, at most 50 ns off, but the largest, and all beyond the last bucket, at the
         // maximum.
-        Histogram& histogram = column.thread ? result.wakeup : result.interrupt;
+        Histogram& histogram = column.is_thread() ? result.wakeup : result.interrupt;
         std::uint64_t seen = 0;
         for (const auto& [lower_ns, count] : column.buckets) {
             seen += count;
@@ -164,8 +171,8 @@ void add_timerlat(const std::string& output, PeerResult& result) {
             record(histogram, column.max_ns, largest);
         }
         record(histogram, column.max_ns, column.over);
-        result.beyond += column.thread ? column.over : 0;
-        measured = measured || (column.thread && column.count > 0);
+        result.beyond += column.is_thread() ? column.over : 0;
+        measured = measured || (column.is_thread() && column.count > 0);
     }
     if (!measured) {
         refuse("timerlat", "it has no wake-ups of a thread");
@@ -196,10 +203,7 @@ void add_osnoise(const std::string& output, PeerResult& result) {
               noise.threads)) {
             refuse("osnoise", "this is not a line of its table: " + line);
         }
-        // Where the loop is not pinned: the processor with the longest noise.
-        if (!result.noise || noise.max_single_us > result.noise->max_single_us) {
-            result.noise = noise;
-        }
+        result.noise = noise;
     }
     if (!result.noise) {
         refuse("osnoise", "it has no line of a processor");
@@ -213,6 +217,7 @@ constexpr std::array<PeerTool, 3> kPeerTools = {{
      .tracer = "",
      .colour = "cyclictest",
      .once = false,
+     .least_s = 1,
      .own_thread = true,
      .result_option = "--json=",
      .arguments = cyclictest_arguments,
@@ -223,6 +228,7 @@ constexpr std::array<PeerTool, 3> kPeerTools = {{
      .tracer = "timerlat",
      .colour = "timerlat",
      .once = false,
+     .least_s = 1,
      .own_thread = false,
      .result_option = "",
      .arguments = timerlat_arguments,
@@ -233,6 +239,7 @@ constexpr std::array<PeerTool, 3> kPeerTools = {{
      .tracer = "osnoise",
      .colour = "",
      .once = true,
+     .least_s = 3,  // it prints what it found after each period of a second
      .own_thread = false,
      .result_option = "",
      .arguments = osnoise_arguments,

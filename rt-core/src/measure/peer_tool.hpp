@@ -37,6 +37,7 @@ struct ProcessorNoise {
 struct PeerResult {
     std::string command;
     std::string missing;                  // why it was not run, and what to do; empty if it was
+    std::string failure;                  // why it was not run again; empty if every turn succeeded
     Histogram wakeup;                     // ns, of its thread, from the expiry of its timer
     Histogram interrupt;                  // ns, of the interrupt of that timer, if the tool measures it
     std::uint64_t beyond = 0;             // wake-ups beyond the tool's histogram; in `wakeup` with its maximum
@@ -51,13 +52,15 @@ struct PeerTurn {
 };
 
 struct PeerTool {
-    std::string_view name;           // on the command line, in the report and in text
-    std::string_view program;        // searched in PATH
-    std::string_view package;        // of Debian, that has it
-    std::string_view tracer;         // of the kernel, that it needs; empty: none
-    std::string_view colour;         // of its curve: a quantity of plot.gp
-    bool once;                       // runs in the first pause only
-    bool own_thread;                 // measures with a thread of its own, which must be allowed on the loop's processor
+    std::string_view name;     // on the command line, in the report and in text
+    std::string_view program;  // searched in PATH
+    std::string_view package;  // of Debian, that has it
+    std::string_view tracer;   // of the kernel, that it needs; empty: none
+    std::string_view colour;   // of its curve: a quantity of plot.gp
+    bool once;                 // runs in the first pause only
+    int least_s;               // of a turn
+    bool own_thread;           // measures with a thread of its own, which must be allowed on the loop's processor;
+                               // otherwise with the kernel's, on every processor unless the loop has one
     std::string_view result_option;  // names the file of its result, such as "--json="; empty: it prints the result
     std::vector<std::string> (*arguments)(const PeerTurn& turn);
     /// Adds the result of one turn. Throws std::runtime_error if it cannot be understood.

@@ -72,7 +72,8 @@ class RunningSceneTrial {
     SceneOutcome run() {
         rig_.arm();
         rig_.release_hand();
-        rig_.tick().set_instruments(Instruments(trial_.tick.period_ns));
+        auto fresh = std::make_unique<Instruments>(trial_.tick.period_ns);
+        rig_.tick().swap_instruments(fresh);
         // host-sim starts with the state of the tick that has just run.
         step_ns_ = latch_ns();
         take_answer();

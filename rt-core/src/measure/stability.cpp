@@ -68,7 +68,8 @@ class RunningTrial {
         std::vector<double> heights;
         heights.reserve(all);
         rig_.release_hand();
-        rig_.tick().set_instruments(Instruments(trial_.tick.period_ns));
+        auto fresh = std::make_unique<Instruments>(trial_.tick.period_ns);
+        rig_.tick().swap_instruments(fresh);
         while (heights.size() < all && rig_.tick().faults() == 0) {
             press();
             heights.push_back(rig_.grip_pose().position.y);

@@ -69,8 +69,10 @@ void explain_wakeup(const TimedTick& tick, std::int64_t stolen_ms, TickExplanati
 void explain_stage(const TimedTick& tick, std::int64_t stolen_ms, TickExplanation& result) {
     // A failed exchange is a cause in itself.
     const bool in_exchange = result.stage == LateStage::Exchange;
-    if (in_exchange && (failed(tick.exchange_in) || failed(tick.exchange_out))) {
-        const std::int8_t status = failed(tick.exchange_in) ? tick.exchange_in : tick.exchange_out;
+    const std::array<std::int8_t, 3> exchanges = {tick.exchange_collected, tick.exchange_in, tick.exchange_out};
+    const auto* const first = std::find_if(exchanges.begin(), exchanges.end(), failed);
+    if (in_exchange && first != exchanges.end()) {
+        const std::int8_t status = *first;
         result.cause = LateCause::Board;
         result.why = "the exchange failed (" + std::string(describe(static_cast<device::ExchangeStatus>(status))) + ")";
     } else if (tick.usage.page_faults > 0) {

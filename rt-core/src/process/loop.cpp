@@ -162,14 +162,11 @@ void RealtimeLoop::cycle() HAPTIC_RT {
 void RealtimeLoop::run_armed(NextDeadline& next) HAPTIC_RT {
     tick_->arm();
     // Everything from here on is measured; what was measured while disarmed is dropped.
-    tick_->set_instruments(*measured_);
+    tick_->swap_instruments(measured_);
     const ThreadUsage before = thread_usage();
     if (log_ != nullptr) {
         log_->begin();
     }
-    // No tick is late by what this took: the next one is due at the first deadline from here.
-    const std::int64_t last_ns = next.deadline_ns - settings_.period_ns;
-    next = {next_deadline(last_ns, settings_.period_ns, monotonic_now_ns()).deadline_ns, 0};
     // Run until the safety machine is disarmed again, that is stopped or faulted, and faded out. relaxed: no other data
     // depends on the flag.
     do {

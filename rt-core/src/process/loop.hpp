@@ -88,8 +88,7 @@ class RealtimeLoop {
     Tick* tick_;
     RealtimeSetup setup_;
     SupervisionPage* page_;
-    std::unique_ptr<const Instruments>
-        measured_;  // instruments of the tick before this loop, restored after the warm-up
+    std::unique_ptr<Instruments> measured_;  // of the tick before this loop, restored after the warm-up
     Recorder* recorder_ = nullptr;
     TimingLog* log_ = nullptr;
     ArmSwitch* person_ = nullptr;  // nullptr: arms by itself

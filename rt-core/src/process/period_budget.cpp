@@ -27,7 +27,7 @@ constexpr std::int64_t kAdapterNs = 1'000'000;
 constexpr std::int64_t kNetworkNs = 200'000;
 // A transfer to the board, and one from it, end in an interrupt each.
 constexpr int kWakeupsPerAnswer = 2;
-// No machine is faster than this, ns: interrupt to running thread, and a tick with one proxy.
+// The least that we have seen, ns: interrupt to running thread, and a tick with one proxy.
 constexpr std::int64_t kLeastWakeupNs = 2'000;
 constexpr std::int64_t kLeastComputeNs = 4'000;
 
@@ -243,13 +243,12 @@ std::string route_text(const PeriodDemand& demand) {
 
 std::string text_of(const PeriodBudget& budget) {
     const PeriodDemand& demand = budget.demand;
-    const char* const source = demand.measured ? "measured" : "assumed";
     std::string text = "a period of " + us_of(demand.period_ns) + " with " + route_text(demand) + ": " +
                        std::string(verdict_name(budget.verdict())) + "\n";
     text += line_of("exchanges", budget.needs.exchanges_ns, exchanges_text(demand));
     text += line_of("wake-ups", budget.needs.wakeups_ns,
-                    std::to_string(budget.wakeups) + " of " + us_of(demand.wakeup_ns) + ", " + source);
-    text += line_of("computation", budget.needs.compute_ns, source);
+                    std::to_string(budget.wakeups) + " of " + us_of(demand.wakeup_ns) + ", assumed");
+    text += line_of("computation", budget.needs.compute_ns, "assumed");
     std::array<char, 32> share{};
     std::snprintf(share.data(), share.size(), "%.0f %%",
                   100.0 * static_cast<double>(budget.reserve_ns()) / static_cast<double>(demand.period_ns));

@@ -2,8 +2,9 @@
 //
 //     period = exchanges on the bus + wake-ups + computation + reserve
 //
-// Two answers for each part: what it takes with certainty or by usual values (needs), and what no machine can undercut
-// (least). A period that is shorter than the sum of the latter cannot be kept.
+// Two answers for each part: what it takes with certainty or by usual values (needs), and the least that it takes: the
+// time on the wire, and for wake-ups and computation the least that we have seen. A period that is shorter than the sum
+// of the latter is refused.
 //
 // USB: a transaction of n bytes takes n plus the overhead of the protocol, of the bytes of a (micro)frame. A host
 // controller may begin a transfer only with the next (micro)frame, so an exchange needs a whole number of them; xHCI
@@ -49,7 +50,6 @@ struct PeriodDemand {
     std::int64_t period_ns = 1'000'000;
     std::int64_t wakeup_ns = 10'000;   // one wake-up: interrupt to running thread
     std::int64_t compute_ns = 20'000;  // a tick without its exchanges, 64 proxies
-    bool measured = false;             // wakeup_ns and compute_ns were, else they are assumed
 };
 
 /// Time of each part, ns.

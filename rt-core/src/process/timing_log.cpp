@@ -66,6 +66,7 @@ void TimingLog::add(const TickRecord& record, const TickTiming& timing, std::int
     tick.safety_state = record.safety_state;
     tick.exchange_in = record.exchange_in;
     tick.exchange_out = record.exchange_out;
+    tick.exchange_collected = record.exchange_collected;
 
     // What the kernel counted of the thread since the end of the previous tick.
     const ThreadUsage usage = thread_usage();

@@ -49,7 +49,7 @@ Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<F
       tension_solver_(tension_settings(settings)),
       idle_solver_(tension_settings(settings)),
       black_box_(static_cast<std::size_t>(settings.black_box_ns / settings.period_ns)),
-      instruments_(settings.period_ns) {}
+      instruments_(std::make_unique<Instruments>(settings.period_ns)) {}
 
 void Tick::run(const TickTime& time) HAPTIC_RT {
     // Measure: the pose, the motion since the last tick, and the faults of this one.
@@ -60,19 +60,19 @@ void Tick::run(const TickTime& time) HAPTIC_RT {
     integrate_wrench();
     spend_budget();
     check_health();
-    mark_stage(instruments_.pose, TickStage::Pose);
+    mark_stage(instruments_->pose, TickStage::Pose);
     // Render: the wrench of the newest contact frame at this pose, within all bounds.
     read_frame(time);
     read_overlay(time);
     render_wrench(time);
-    mark_stage(instruments_.proxy, TickStage::Proxy);
+    mark_stage(instruments_->proxy, TickStage::Proxy);
     // Act: the tensions that make the wrench, sent in this tick if there is a second exchange.
     solve_tensions();
-    mark_stage(instruments_.tension, TickStage::Tension);
+    mark_stage(instruments_->tension, TickStage::Tension);
     exchange_out(time);
     // Report to the simulation and to the records.
     publish(time);
-    mark_stage(instruments_.publish, TickStage::Publish);
+    mark_stage(instruments_->publish, TickStage::Publish);
     finish(time);
 }
 
@@ -108,11 +108,11 @@ void Tick::begin(const TickTime& time) HAPTIC_RT {
     set_flag(probes_ != nullptr && (probes_->tick.off() || probes_->frame.off()), HAPTIC_TICK_PROBE_OFF);
 
     // Wake-up statistics.
-    ++instruments_.ticks;
-    instruments_.overruns += static_cast<std::uint64_t>(std::max<std::int64_t>(time.missed, 0));
-    instruments_.wakeup.record(time.now_ns - time.deadline_ns);
+    ++instruments_->ticks;
+    instruments_->overruns += static_cast<std::uint64_t>(std::max<std::int64_t>(time.missed, 0));
+    instruments_->wakeup.record(time.now_ns - time.deadline_ns);
     if (!first_) {
-        instruments_.period.record(record_.period_ns);
+        instruments_->period.record(record_.period_ns);
     }
 }
 
@@ -172,13 +172,17 @@ void Tick::collect_answer(const TickTime& time) HAPTIC_RT {
     }
     const device::ExchangeStatus status = collect(time.now_ns);
     record_.exchange_collected = static_cast<std::int8_t>(status);
+    const std::int64_t motion_to_force_ns = std::exchange(unanswered_ns_, -1);
     if (status == device::ExchangeStatus::Ok) {
+        if (motion_to_force_ns >= 0) {
+            instruments_->motion_to_force.record(motion_to_force_ns);
+        }
         return;
     }
     // The command may have arrived or not: as if the exchange of the last tick had failed.
     answer_lost_ = true;
     exchange_failed_ = true;
-    instruments_.recount(status);
+    instruments_->recount(status);
     for (std::size_t i = 0; i < kStrings; ++i) {
         held_[i] = std::max(held_before_[i], held_[i]);
     }
@@ -191,7 +195,7 @@ void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
     const device::ExchangeStatus status = exchange(reading_, time.now_ns);
     in_ok_ = status == device::ExchangeStatus::Ok;
     // Count the outcome, and keep the time until the second exchange adds its own.
-    instruments_.count(status);
+    instruments_->count(status);
     record_.exchange_in = static_cast<std::int8_t>(status);
     exchange_ns_ = lap();
     // A latch begins a measurement of motion-to-force; the exchange that sends its command ends it.
@@ -203,7 +207,12 @@ void Tick::exchange_in(const TickTime& time) HAPTIC_RT {
 
 void Tick::record_motion_to_force(std::int64_t latched_ns) HAPTIC_RT {
     timing_.motion_to_force_ns = stage_ns_ - latched_ns;
-    instruments_.motion_to_force.record(timing_.motion_to_force_ns);
+    // A command whose answer is still due counts once that has come: until then it may have been lost.
+    if (board_->answer_due()) {
+        unanswered_ns_ = timing_.motion_to_force_ns;
+    } else {
+        instruments_->motion_to_force.record(timing_.motion_to_force_ns);
+    }
 }
 
 void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
@@ -240,7 +249,7 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     motion_.elapsed_s = seconds(since_latch_ns);
     held_command_ = sent_command_;  // the board took the last command no later than now
     if (safety_.state() != SafetyState::Disarmed) {
-        instruments_.max_latch_gap_ns = std::max(instruments_.max_latch_gap_ns, since_latch_ns);
+        instruments_->max_latch_gap_ns = std::max(instruments_->max_latch_gap_ns, since_latch_ns);
     }
     last_latch_ns_ = time.now_ns;
     latched_ = true;
@@ -359,12 +368,12 @@ void Tick::read_frame(const TickTime& time) HAPTIC_RT {
         recorder_->push(time.now_ns, defect, frame);
     }
     if (defect == FrameDefect::None) {
-        ++instruments_.frames_received;
+        ++instruments_->frames_received;
         if (probes_ != nullptr) {
             set_probe(probes_->frame, !probes_->frame.up());
         }
     } else {
-        ++instruments_.frames_rejected;
+        ++instruments_->frames_rejected;
         set_flag(true, HAPTIC_TICK_FRAME_REJECTED);
     }
 }
@@ -376,13 +385,13 @@ void Tick::read_overlay(const TickTime& time) HAPTIC_RT {
     }
     if (!overlay_.accept(received, time.now_ns)) {
         record_.overlay_read = kOverlayRefused;
-        ++instruments_.overlays_refused;
+        ++instruments_->overlays_refused;
         return;
     }
     record_.overlay_read = kOverlayAccepted;
     record_.overlay_time_ns = received.arrival_time_ns;
     record_.overlay = {to_vec3(received.force), to_vec3(received.torque)};
-    ++instruments_.overlays_received;
+    ++instruments_->overlays_received;
 }
 
 void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
@@ -582,12 +591,12 @@ void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
     if (settings_.exchanges == 2) {
         const device::ExchangeStatus status = send(time.now_ns);
         out_ok = status == device::ExchangeStatus::Ok;
-        instruments_.count(status);
+        instruments_->count(status);
         record_.exchange_out = static_cast<std::int8_t>(status);
     }
     // Timing: both exchanges, and the latency from latch to force.
     timing_.of(TickStage::Exchange) = exchange_ns_ + lap();
-    instruments_.exchange.record(timing_.of(TickStage::Exchange));
+    instruments_->exchange.record(timing_.of(TickStage::Exchange));
     if (settings_.exchanges == 2) {
         if (out_ok && motion_ns_ >= 0) {
             record_motion_to_force(motion_ns_);
@@ -649,7 +658,7 @@ void Tick::publish(const TickTime& time) HAPTIC_RT {
 
 void Tick::finish(const TickTime& time) HAPTIC_RT {
     // Peaks; the report compares them with the strings' reach at the same pose.
-    Instruments& m = instruments_;
+    Instruments& m = *instruments_;
     const double force = glm::length(record_.rendered.force);
     if (force > m.peak_force) {
         m.peak_force = force;
@@ -714,7 +723,7 @@ void Tick::record_link_quality() HAPTIC_RT {
         return;
     }
     const RecentShares now = safety_.shares();
-    RecentShares& worst = instruments_.worst;
+    RecentShares& worst = instruments_->worst;
     worst.exchange = std::max(worst.exchange, now.exchange);
     worst.late = std::max(worst.late, now.late);
     worst.residual = std::max(worst.residual, now.residual);
@@ -734,7 +743,7 @@ void Tick::set_probe(Probe& probe, bool up) HAPTIC_RT {
     }
     const std::int64_t before_ns = clock_();
     probe.set(up);
-    instruments_.probe_edge.record(clock_() - before_ns);
+    instruments_->probe_edge.record(clock_() - before_ns);
 }
 
 bool Tick::abandon() HAPTIC_RT {

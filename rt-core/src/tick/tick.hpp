@@ -1,11 +1,12 @@
 // One tick of the real-time loop. It has no thread and no clock of its own, so that tests can step it in lockstep.
 //
 // run() does, in this order:
-//   1. exchange with the board: sends the last command again, reads the encoders
+//   1. answer to the last tick's motor command, if the board left it to this one; exchange with the board: sends the
+//      last command again, reads the encoders
 //   2. counts to string lengths, pose and velocity; health checks and the safety machine
 //   3. newest contact frame, if any; local proxies against its planes; wrench
 //   4. passivity; newest wrench overlay, if any; safety machine and limits of the wrench; tensions
-//   5. second exchange: sends the motors in this same tick (with `exchanges = 1` the next tick's first one does)
+//   5. sends the motors in this same tick (with `exchanges = 1` the next tick's exchange does)
 //   6. publishes the device state; records
 // A probe, if there is one, is high for the whole tick.
 //
@@ -117,11 +118,11 @@ class Tick {
     [[nodiscard]] const TickRecord& last() const HAPTIC_RT { return record_; }
     /// Stage durations of the last tick.
     [[nodiscard]] const TickTiming& timing() const HAPTIC_RT { return timing_; }
-    [[nodiscard]] const Instruments& instruments() const HAPTIC_RT { return instruments_; }
+    [[nodiscard]] const Instruments& instruments() const HAPTIC_RT { return *instruments_; }
     /// Use of the session's budget. Must not be read while run() may be running in another thread.
     [[nodiscard]] const ForceBudget& budget() const HAPTIC_RT { return budget_; }
-    /// Replaces the measurements, as after the warm-up.
-    void set_instruments(const Instruments& instruments) HAPTIC_RT { instruments_ = instruments; }
+    /// Replaces the measurements, as after the warm-up, and returns those until then. Not nullptr.
+    void swap_instruments(std::unique_ptr<Instruments>& other) HAPTIC_RT { instruments_.swap(other); }
     /// Keeps the black box in this memory, of at least BlackBox::bytes(black_box().capacity()), which must outlive the
     /// tick; before the first run().
     void keep_black_box_in(std::span<std::byte> memory) { black_box_.store_in(memory); }
@@ -210,11 +211,11 @@ class Tick {
 
     device::MotorCommand command_;  // sent last
     device::BoardReading reading_;
-    device::BoardReading unused_;  // reading of the second exchange
+    device::BoardReading unused_;  // reading of send_zero()
     DeviceState state_{};
     TickRecord record_;
     TickTiming timing_;
-    Instruments instruments_;
+    std::unique_ptr<Instruments> instruments_;
 
     PoseEstimate estimate_;
     WireMatrix wires_{};                    // at that pose
@@ -224,13 +225,14 @@ class Tick {
     std::uint64_t number_ = 0;              // of this tick
     std::uint32_t requests_ = kRequestNew;  // since the last tick
     std::int64_t last_now_ns_ = 0;
-    std::int64_t last_latch_ns_ = 0;  // of the counters in use
-    std::int64_t elapsed_ns_ = 0;     // since the last tick, clamped, for rates
-    std::int64_t late_ns_ = 0;        // since the first missed deadline; 0: in time
-    std::int64_t started_ns_ = 0;     // stage clock at the beginning of the tick
-    std::int64_t stage_ns_ = 0;       // stage clock at the end of the last stage
-    std::int64_t exchange_ns_ = 0;    // duration of the first exchange
-    std::int64_t motion_ns_ = -1;     // stage clock at the latch whose force is yet to be sent; -1: none
+    std::int64_t last_latch_ns_ = 0;   // of the counters in use
+    std::int64_t elapsed_ns_ = 0;      // since the last tick, clamped, for rates
+    std::int64_t late_ns_ = 0;         // since the first missed deadline; 0: in time
+    std::int64_t started_ns_ = 0;      // stage clock at the beginning of the tick
+    std::int64_t stage_ns_ = 0;        // stage clock at the end of the last stage
+    std::int64_t exchange_ns_ = 0;     // duration of the first exchange
+    std::int64_t unanswered_ns_ = -1;  // motion to force, of a command whose answer is due; -1: none
+    std::int64_t motion_ns_ = -1;      // stage clock at the latch whose force is yet to be sent; -1: none
     bool first_ = true;
     bool latched_ = false;          // the encoders have accepted a latch
     bool in_ok_ = false;            // first exchange of this tick

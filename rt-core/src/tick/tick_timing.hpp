@@ -43,6 +43,7 @@ struct TimedTick {
     std::uint32_t safety_state = 0;
     std::int8_t exchange_in = kNoExchange;
     std::int8_t exchange_out = kNoExchange;
+    std::int8_t exchange_collected = kNoExchange;  // of the tick before
 
     [[nodiscard]] std::int64_t wakeup_ns() const HAPTIC_RT { return now_ns - deadline_ns; }
     /// ns, from the deadline to the end of the tick.

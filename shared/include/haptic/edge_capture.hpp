@@ -30,7 +30,7 @@ class EdgeCapture {
     EdgeCapture& operator=(const EdgeCapture&) = delete;
     ~EdgeCapture();
 
-    /// Reads the edges that the kernel still holds and ends the thread. Idempotent.
+    /// Reads the edges that still come, until there is none for 0.2 s, and ends the thread. Idempotent.
     void stop();
 
     /// Error that ended the reading early; empty if none. Valid after stop().

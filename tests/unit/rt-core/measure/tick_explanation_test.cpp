@@ -89,6 +89,11 @@ TEST(TickExplanation, AttributesFailedAndSlowExchangesToTheBoard) {
     tick.exchange_in = static_cast<std::int8_t>(device::ExchangeStatus::Timeout);
     EXPECT_EQ(explain(tick, usual(), 0).cause, LateCause::Board);
     EXPECT_THAT(explain(tick, usual(), 0).why, HasSubstr(std::string(describe(device::ExchangeStatus::Timeout))));
+    // The answer to the motor command of the tick before, which did not come.
+    tick = longer(TickStage::Exchange, 2'000'000);
+    tick.usage.page_faults = 1;
+    tick.exchange_collected = static_cast<std::int8_t>(device::ExchangeStatus::Timeout);
+    EXPECT_EQ(explain(tick, usual(), 0).cause, LateCause::Board);
     tick = longer(TickStage::Pose, 2'000'000);
     tick.usage.voluntary_switches = 3;
     EXPECT_EQ(explain(tick, usual(), 0).cause, LateCause::Unseen) << "no board keeps a pose waiting";
