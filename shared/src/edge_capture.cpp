@@ -8,7 +8,7 @@
 namespace haptic {
 namespace {
 
-constexpr std::int64_t kWaitNs = 20'000'000;               // interval at which the thread checks whether to end
+constexpr std::int64_t kWaitNs = 20'000'000;     // interval at which the thread checks whether to end
 constexpr std::int64_t kSettleNs = 200'000'000;  // without an edge: what passes the line's edges on may be slow
 constexpr std::size_t kStackBytes = std::size_t{1} << 18;  // small, because mlockall locks all of it
 constexpr std::size_t kBatch = 64;

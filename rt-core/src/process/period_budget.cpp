@@ -29,7 +29,7 @@ constexpr std::int64_t kNetworkNs = 200'000;
 constexpr int kWakeupsPerAnswer = 2;
 // The least that we have seen, ns: interrupt to running thread, and a tick with one proxy.
 constexpr std::int64_t kLeastWakeupNs = 2'000;
-constexpr std::int64_t kLeastComputeNs = 4'000;
+constexpr std::int64_t kLeastComputeNs = 3'000;
 
 constexpr double kMicro = 1e-3;  // ns to us
 
