@@ -183,9 +183,10 @@ class Guest {
     std::string version;
     int connects = 0;
     int disconnects = 0;
-    usb_redir_device_connect_header device{};
-    usb_redir_interface_info_header interfaces{};
-    usb_redir_ep_info_header endpoints{};
+    // Aligned, which the protocol's packed structures need not be: gtest refers to their numbers.
+    alignas(std::uint32_t) usb_redir_device_connect_header device{};
+    alignas(std::uint32_t) usb_redir_interface_info_header interfaces{};
+    alignas(std::uint32_t) usb_redir_ep_info_header endpoints{};
     bool endpoints_before_device = false;
     std::vector<Transfer> answers;
     std::vector<std::array<int, 3>> configurations;  // id, status, configuration
