@@ -34,7 +34,7 @@ constexpr double kFarOutside = 1e100;
 // Steps of Newton's method to the edge of a cone. It converges in one where the pair is isotropic, and in a few else.
 constexpr int kMaxNewtonSteps = 10;
 
-// Rows that leave a factor before it is built anew: each adds a rounding.
+// Rows that leave a factor before it is built again: each adds a rounding.
 constexpr int kMaxRemovals = 100;
 
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);

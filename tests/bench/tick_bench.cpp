@@ -166,7 +166,7 @@ BENCHMARK(probe_edge);
 /// p99.9 of work that always takes the same instructions, about as long as the median tick, done as often: what the
 /// machine adds to either, interrupts and other guests of its host.
 double machine_tail_us(std::int64_t median_ns, std::int64_t count) {
-    constexpr std::int64_t kBlock = 64;  // divisions, each of which waits for the one before
+    constexpr std::int64_t kBlock = 64;  // divisions; each waits for the one before
     double value = 1.0;
     const auto work = [&value](std::int64_t blocks) {
         for (std::int64_t i = 0; i < kBlock * blocks; ++i) {

@@ -340,7 +340,6 @@ void ToolContact::Instant::solve_all() HAPTIC_RT {
         }
         if (behind) {
             tool_->fill_compliance(*frame_, tool_->proxies_[i].first, end_of(i));
-            tool_->elements_ = ContactSolver::Elements::New;
             tool_->solver_.restart();
             solve(i, i + 1);
         } else if (keeps_friction_) {

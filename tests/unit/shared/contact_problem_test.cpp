@@ -387,11 +387,16 @@ TEST(ContactSolver, SlidesOnAConeOfAnyWidth) {
     }
 }
 
+/// Without friction; of a rigid tool where i is even.
+Contacts rigid_or_soft_contacts(int i, Random& random) {
+    const Tool tool = random_tool(random.integer(3, 40), i % 2 == 0 ? kRigid : 1e3, random);
+    return random_contacts(tool, {.share = 0.8, .planes = random.integer(1, 3)}, random);
+}
+
 TEST(ContactSolver, GivesTheSameForcesWarmAndCold) {
     Random random(7);
     for (int i = 0; i < 100; ++i) {
-        const Tool tool = random_tool(random.integer(3, 40), i % 2 == 0 ? kRigid : 1e3, random);
-        Contacts contacts = random_contacts(tool, {.share = 0.8, .planes = random.integer(1, 3)}, random);
+        Contacts contacts = rigid_or_soft_contacts(i, random);
         const ComplianceMatrix matrix = contacts.matrix();
         const Eigen::Vector3d motion = 5e-4 * random.direction();
         ContactSolver warm;
@@ -406,12 +411,11 @@ TEST(ContactSolver, GivesTheSameForcesWarmAndCold) {
 TEST(ContactSolver, GivesTheSameForcesWithAFactorThatItKeeps) {
     Random random(17);
     for (int i = 0; i < 30; ++i) {
-        const Tool tool = random_tool(random.integer(3, 40), i % 2 == 0 ? kRigid : 1e3, random);
-        Contacts contacts = random_contacts(tool, {.share = 0.8, .planes = random.integer(1, 3)}, random);
+        Contacts contacts = rigid_or_soft_contacts(i, random);
         const ComplianceMatrix matrix = contacts.matrix();
         ContactSolver keeping;
         keeping.solve(matrix, contacts.depth);
-        // Back and forth, so that rows begin and cease to push: a factor is built anew after a hundred that left.
+        // Back and forth, so that rows begin and cease to push: a factor is built again after a hundred that left.
         const Eigen::Vector3d motion = 2e-3 * random.direction();
         for (int k = 0; k < 60; ++k) {
             contacts.move((k / 4 % 2 == 0 ? 1.0 : -1.0) * motion);
