@@ -1,9 +1,10 @@
 #include "measure/kernel_watch.hpp"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <fstream>
+#include <array>
 #include <sstream>
 #include <utility>
 
@@ -17,13 +18,6 @@ constexpr std::size_t kMaxKept = 4096;     // far more than the log has ticks
 constexpr std::uint64_t kMinUnusual = 20;  // interrupts in a window, below which their rate is not unusual
 constexpr int kSteal = 7;                  // field of /proc/stat: user nice system idle iowait irq softirq steal
 constexpr int kQueued = 7;                 // field of /proc/schedstat: run-queue wait, ns
-
-std::string file_text(const std::filesystem::path& file) {
-    const std::ifstream stream(file);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    return text.str();
-}
 
 /// Name of an interrupt from the words after its counts. Device interrupts: the handler, "timer" in "0: 10 12 IO-APIC
 /// 2-edge timer". Architecture interrupts: the description, "Local timer interrupts" in "LOC: 10 12 Local timer
@@ -106,10 +100,29 @@ void add(ProcessorCounts& sum, const ProcessorCounts& more) {
 
 }  // namespace
 
-KernelWatch::KernelWatch(int cpu, std::filesystem::path proc) : cpu_(cpu), proc_(std::move(proc)) {}
+KernelFile::KernelFile(const std::filesystem::path& path) : descriptor_(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {}
+
+KernelFile::~KernelFile() {
+    if (descriptor_ >= 0) {
+        close(descriptor_);
+    }
+}
+
+std::string KernelFile::read() const {
+    std::string text;
+    std::array<char, 8192> part;
+    for (ssize_t size = 0;
+         (size = pread(descriptor_, part.data(), part.size(), static_cast<off_t>(text.size()))) > 0;) {
+        text.append(part.data(), static_cast<std::size_t>(size));
+    }
+    return text;
+}
+
+KernelWatch::KernelWatch(int cpu, const std::filesystem::path& proc)
+    : cpu_(cpu), interrupts_(proc / "interrupts"), stat_(proc / "stat"), schedstat_(proc / "schedstat") {}
 
 void KernelWatch::read_interrupts(ProcessorCounts& counts) {
-    std::istringstream lines(file_text(proc_ / "interrupts"));
+    std::istringstream lines(interrupts_.read());
     std::string line;
     if (!std::getline(lines, line)) {
         return;
@@ -151,9 +164,9 @@ void KernelWatch::read_interrupts(ProcessorCounts& counts) {
 ProcessorCounts KernelWatch::read() {
     ProcessorCounts counts;
     read_interrupts(counts);
-    const std::int64_t jiffies = field_of_cpu(file_text(proc_ / "stat"), cpu_, kSteal);
+    const std::int64_t jiffies = field_of_cpu(stat_.read(), cpu_, kSteal);
     counts.stolen_ms = jiffies < 0 ? -1 : jiffies * 1000 / sysconf(_SC_CLK_TCK);
-    const std::int64_t queued_ns = field_of_cpu(file_text(proc_ / "schedstat"), cpu_, kQueued);
+    const std::int64_t queued_ns = field_of_cpu(schedstat_.read(), cpu_, kQueued);
     counts.queued_us = queued_ns < 0 ? -1 : queued_ns / 1000;
     return counts;
 }

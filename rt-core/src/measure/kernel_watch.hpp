@@ -27,12 +27,28 @@ struct KernelWindow {
     ProcessorCounts counts;
 };
 
+/// A file of the kernel that is read from its start again and again. It stays open: closing a file makes the kernel
+/// free it through RCU, whose grace periods keep the scheduler's tick alive.
+class KernelFile {
+  public:
+    explicit KernelFile(const std::filesystem::path& path);
+    KernelFile(const KernelFile&) = delete;
+    KernelFile& operator=(const KernelFile&) = delete;
+    ~KernelFile();
+
+    /// Its present text; empty if the file is missing.
+    [[nodiscard]] std::string read() const;
+
+  private:
+    int descriptor_;
+};
+
 class KernelWatch {
   public:
     static constexpr std::int64_t kWindowNs = 100'000'000;
 
     /// `proc` is the folder of the files to read: interrupts, stat, schedstat. Any of them may be missing.
-    explicit KernelWatch(int cpu, std::filesystem::path proc = "/proc");
+    explicit KernelWatch(int cpu, const std::filesystem::path& proc = "/proc");
 
     /// Starts a new window, for example after a pause; what was counted since the last poll is dropped.
     void restart(std::int64_t now_ns);
@@ -64,7 +80,9 @@ class KernelWatch {
     void retire_windows(std::size_t still_open);
 
     int cpu_;
-    std::filesystem::path proc_;
+    KernelFile interrupts_;
+    KernelFile stat_;
+    KernelFile schedstat_;
     std::vector<std::string> names_;
     ProcessorCounts last_;
     ProcessorCounts total_;

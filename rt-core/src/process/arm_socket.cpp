@@ -1,5 +1,6 @@
 #include "process/arm_socket.hpp"
 
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/time.h>
@@ -97,7 +98,10 @@ ArmServer::~ArmServer() {
 }
 
 void ArmServer::accept_clients() {
-    while (clients_.size() < kMaxClients) {
+    // accept4() allocates a socket even if no client is waiting, and the kernel frees it through RCU, whose grace
+    // periods keep the scheduler's tick alive; so ask first.
+    pollfd listener{.fd = listener_, .events = POLLIN, .revents = 0};
+    while (clients_.size() < kMaxClients && ::poll(&listener, 1, 0) > 0) {
         const int descriptor = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
         if (descriptor < 0) {
             return;  // none is waiting
