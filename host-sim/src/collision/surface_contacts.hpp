@@ -67,6 +67,7 @@ class SurfaceContacts final : public SolverContacts {
     void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
     void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
+    [[nodiscard]] bool secures() const noexcept override { return true; }
     [[nodiscard]] std::span<const std::uint32_t> secure(const ParticleModel& start, const MovingParticles& now,
                                                         double h) override;
 

@@ -117,7 +117,9 @@ struct ParticleSolver::ProjectionState {
             return;
         }
         elastic.step({model, drag_factor, position.data(), orientation.data()}, beside);
-        round_displacements();
+        if (has_constraints()) {
+            round_displacements();
+        }
         for (const std::uint32_t particle : elastic.turning()) {
             set_orientation(particle, orientation_of(particle));
         }
@@ -146,8 +148,11 @@ struct ParticleSolver::ProjectionState {
         projection.project_groups(groups, forward, rotation_iterations, particles);
     }
 
-    /// After the prediction of a sub-step of length h, s.
+    /// After the prediction of a sub-step of length h, s. Only constraints count displacements within it.
     void begin_substep(double h) {
+        if (!has_constraints()) {
+            return;
+        }
         batches.begin_substep(h);
         for (std::size_t i = 0; i < start.size(); ++i) {
             start[i] = position[i];
@@ -243,6 +248,9 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
         substeps = std::max(substeps, c.substeps(model, settings_.step));
     });
     const double h = settings_.step / substeps;
+    const bool constrained = state_->has_constraints();
+    bool secured = false;
+    for_each([&](const SolverContacts& c) { secured = secured || c.secures(); });
     for (int s = 0; s < substeps; ++s) {
         // v <- v + h (f / m + g), u <- x + h v, orientations rotated by h w.
         predict(model, forces.at(model, s * h, h), h);
@@ -254,15 +262,16 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
                                     [&] { for_each([&](SolverContacts& c) { c.search(state_->moving()); }); });
         // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. One set of contacts
         // of solid elastic bodies has nothing to agree with: finish() is all that it needs.
-        const bool constrained = state_->has_constraints();
         const bool agree = constrained || sets > 1 || !state_->elastic.have_all();
         for (int i = 0; i < settings_.iterations && agree; ++i) {
             if (constrained) {
                 state_->sweep(i % 2 == 0, settings_.rotation_iterations);
             }
-            if (sets > 0) {
+            if (constrained && sets > 0) {
                 state_->apply_displacements();
-                for_each([&](SolverContacts& c) { c.project(model, state_->moving(), h); });
+            }
+            for_each([&](SolverContacts& c) { c.project(model, state_->moving(), h); });
+            if (constrained && sets > 0) {
                 state_->round_displacements();
             }
         }
@@ -275,9 +284,11 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
             state_->apply_displacements();
         }
         // v <- (u - x) / h, w <- rotation / h, with the corrections of momentum; then x <- u, and the damping.
-        find_velocities(model, h, sets > 0);
-        for_each([&](SolverContacts& c) { take_secured(model, c.secure(model, state_->moving(), h), h); });
-        take_positions(model, h);
+        find_velocities(model, h, sets > 0, !secured);
+        if (secured) {
+            for_each([&](SolverContacts& c) { take_secured(model, c.secure(model, state_->moving(), h), h); });
+            workers_->for_each(bodies_.size(), [&](std::size_t b) { take_positions_of(model, bodies_[b], h); });
+        }
     }
 }
 
@@ -323,7 +334,8 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
     state_->rotate_particles(model);
 }
 
-void ParticleSolver::find_velocities(ParticleModel& model, double h, bool pushed) {
+/// `pushed`: contacts have. `at_last`: the positions are final, and taken.
+void ParticleSolver::find_velocities(ParticleModel& model, double h, bool pushed, bool at_last) {
     // w <- rotation / h, from the orientations before and after the projections.
     state_->find_angular_velocities(h);
     workers_->for_each(bodies_.size(), [&](std::size_t b) {
@@ -332,6 +344,9 @@ void ParticleSolver::find_velocities(ParticleModel& model, double h, bool pushed
             predicted_[i] += vector_of(state_->pushed[i]) / h;
         }
         find_velocities_of(model, bodies_[b], h);
+        if (at_last) {
+            take_positions_of(model, bodies_[b], h);
+        }
     });
 }
 
@@ -401,18 +416,16 @@ void ParticleSolver::restore_secured(ParticleModel& model, const ParticleRange& 
     }
 }
 
-void ParticleSolver::take_positions(ParticleModel& model, double h) {
-    workers_->for_each(bodies_.size(), [&](std::size_t b) {
-        const ParticleRange& range = bodies_[b].particles;
-        // x <- u.
-        for (std::size_t i = range.begin; i < range.end; ++i) {
-            model.position[i] = vector_of(state_->position[i]);
-        }
-        // Last: damping keeps the restored momenta, about the final positions.
-        if (settings_.shape_damping > 0.0) {
-            damp_shape(model, range, h);
-        }
-    });
+void ParticleSolver::take_positions_of(ParticleModel& model, const Body& body, double h) {
+    const ParticleRange& range = body.particles;
+    // x <- u.
+    for (std::size_t i = range.begin; i < range.end; ++i) {
+        model.position[i] = vector_of(state_->position[i]);
+    }
+    // Last: damping keeps the restored momenta, about the final positions.
+    if (settings_.shape_damping > 0.0) {
+        damp_shape(model, range, h);
+    }
 }
 
 void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& body, double h) {

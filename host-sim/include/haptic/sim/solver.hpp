@@ -99,7 +99,10 @@ class SolverContacts {
     /// Called once, after the last iteration. May move positions; adds to `now.pushed` each particle's displacement by
     /// these contacts since find().
     virtual void finish(const ParticleModel& start, const MovingParticles& now, double h) = 0;
-    /// Called once, when `now` has the positions that the sub-step would lead to and nobody else moves them any more.
+    /// Whether secure() may move anything.
+    [[nodiscard]] virtual bool secures() const noexcept { return false; }
+    /// Called once if any of the contacts secures(), when `now` has the positions that the sub-step would lead to and
+    /// nobody else moves them any more.
     /// May move them, and returns the particles for which it did, valid until the next call; sets `now.pushed` to
     /// their displacements by what does not belong to their bodies. What else free bodies lose of their momenta returns
     /// to them as velocity. Only one of several contacts may move anything.
@@ -167,10 +170,10 @@ class ParticleSolver {
     };
 
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
-    void find_velocities(ParticleModel& model, double h, bool pushed);
+    void find_velocities(ParticleModel& model, double h, bool pushed, bool at_last);
     void find_velocities_of(ParticleModel& model, const Body& body, double h);
     void take_secured(ParticleModel& model, std::span<const std::uint32_t> moved, double h);
-    void take_positions(ParticleModel& model, double h);
+    void take_positions_of(ParticleModel& model, const Body& body, double h);
     void damp_shape(ParticleModel& model, const ParticleRange& body, double h) const;
     void restore_momenta(ParticleModel& model, const ParticleRange& body, double h);
     void restore_secured(ParticleModel& model, const ParticleRange& body);
