@@ -110,7 +110,7 @@ KernelFile::~KernelFile() {
 
 std::string KernelFile::read() const {
     std::string text;
-    std::array<char, 8192> part;
+    std::array<char, 8192> part{};
     for (ssize_t size = 0;
          (size = pread(descriptor_, part.data(), part.size(), static_cast<off_t>(text.size()))) > 0;) {
         text.append(part.data(), static_cast<std::size_t>(size));
