@@ -117,9 +117,7 @@ struct ParticleSolver::ProjectionState {
             return;
         }
         elastic.step({model, drag_factor, position.data(), orientation.data()}, beside);
-        if (has_constraints()) {
-            round_displacements();
-        }
+        round_displacements();
         for (const std::uint32_t particle : elastic.turning()) {
             set_orientation(particle, orientation_of(particle));
         }
@@ -148,7 +146,7 @@ struct ParticleSolver::ProjectionState {
         projection.project_groups(groups, forward, rotation_iterations, particles);
     }
 
-    /// After the prediction of a sub-step of length h, s. Only constraints count displacements within it.
+    /// After the prediction of a sub-step of length h, s.
     void begin_substep(double h) {
         if (!has_constraints()) {
             return;
@@ -161,10 +159,17 @@ struct ParticleSolver::ProjectionState {
         round_displacements();
         projection.begin_substep(links, groups, position.data());
     }
+    // Only constraints count displacements within a sub-step.
     void round_displacements() {
+        if (!has_constraints()) {
+            return;
+        }
         projection.round_displacements(start.size(), position.data(), start.data(), f32.data());
     }
     void apply_displacements() {
+        if (!has_constraints()) {
+            return;
+        }
         projection.apply_displacements(start.size(), f32.data(), start.data(), position.data());
     }
 
@@ -267,11 +272,9 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
             if (constrained) {
                 state_->sweep(i % 2 == 0, settings_.rotation_iterations);
             }
-            if (constrained && sets > 0) {
+            if (sets > 0) {
                 state_->apply_displacements();
-            }
-            for_each([&](SolverContacts& c) { c.project(model, state_->moving(), h); });
-            if (constrained && sets > 0) {
+                for_each([&](SolverContacts& c) { c.project(model, state_->moving(), h); });
                 state_->round_displacements();
             }
         }
@@ -279,7 +282,7 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
             // Contacts may push further, and change momentum: restore_momenta() must not undo that.
             std::fill_n(state_->pushed.begin(), model.size(), Row{});
             for_each([&](SolverContacts& c) { c.finish(model, state_->moving(), h); });
-        } else if (constrained) {
+        } else {
             // With contacts, each iteration has applied the displacements already.
             state_->apply_displacements();
         }

@@ -21,6 +21,7 @@
 #include "haptic/pose_track.hpp"
 #include "haptic/sim/curl_track.hpp"
 #include "haptic/text_file.hpp"
+#include "late_drop.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
@@ -31,13 +32,6 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
-
-Scene late_drop() {
-    Config config = open_scene("cloth-drop");
-    config.set("model.height=0.5");
-    config.set("model.velocity=[0.0, -13.66, 0.0]");
-    return read_scene(config, "late-drop");
-}
 
 class RunStatisticsTest : public ::testing::Test {
   protected:
@@ -52,7 +46,7 @@ class RunStatisticsTest : public ::testing::Test {
         }
     }
 
-    Simulation simulation_{late_drop()};
+    Simulation simulation_{test::late_drop()};
     RunStatistics statistics_;
     StepRecord record_{{.scene = "late-drop", .assignments = {}, .first_step = 0, .changes = {}}};
     Snapshots snapshots_{simulation_};

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "haptic/config.hpp"
 #include "haptic/sim/simulation.hpp"
+#include "late_drop.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -62,12 +62,7 @@ double strain_of(const Simulation& simulation, const std::vector<Link>& links) {
 class ClothStrain : public testing::TestWithParam<int> {};
 
 TEST_P(ClothStrain, IsThatOfTheMaterialInACatchAndAfterwards) {
-    // cloth-drop, begun shortly before the catch at the speed that it has there.
-    Config config = open_scene("cloth-drop");
-    config.set("model.height=0.5");
-    config.set("model.velocity=[0.0, -13.66, 0.0]");
-    config.set("solver.step=" + std::to_string(1e-3 * GetParam()));
-    Simulation simulation(read_scene(config, "late-drop"));
+    Simulation simulation(test::late_drop(0.0, {"solver.step=" + std::to_string(1e-3 * GetParam())}));
     const std::vector<Link> links = links_of(simulation);
     // Fall until the first contact.
     std::int64_t time_ns = 0;

@@ -11,24 +11,14 @@
 
 #include "haptic/config.hpp"
 #include "haptic/frames.hpp"
+#include "late_drop.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
 namespace {
 
+using test::late_drop;
 using ::testing::HasSubstr;
-
-/// cloth-drop from 0.5 m, at the speed that it has there after a fall from 10 m.
-Scene late_drop(double shift = 0.0, const std::vector<std::string>& more = {}) {
-    Config config = open_scene("cloth-drop");
-    config.set("model.height=0.5");
-    config.set("model.velocity=[0.0, -13.66, 0.0]");
-    config.set("model.shift=" + std::to_string(shift));
-    for (const std::string& assignment : more) {
-        config.set(assignment);
-    }
-    return read_scene(config, "late-drop");
-}
 
 std::int64_t time_of(int step) {
     return 10'000'000 * std::int64_t{step};
@@ -72,12 +62,7 @@ TEST(Simulation, AClothThatMissesTheHandComesToRestOnTheGround) {
 
 TEST(Simulation, HoldsOneOfTwoBodiesAsIfItWereAlone) {
     // The second cloth falls 3 m to the side and is never touched; it must not affect the first.
-    Config config = open_scene("cloth-drop");
-    for (const char* assignment :
-         {"model.height=0.5", "model.velocity=[0.0, -13.66, 0.0]", "collisions.ground=false"}) {
-        config.set(assignment);
-    }
-    Scene alone = read_scene(config, "one cloth");
+    Scene alone = late_drop(0.0, {"collisions.ground=false"});
     Scene with_another = alone;
     with_another.model.copies.push_back({.position = {3.0, 0.0, 0.0}});
     Simulation one(alone);
@@ -128,12 +113,7 @@ TEST(Simulation, VerificationCountsSurfacesThatCrossAndVerticesBelowTheGround) {
 
 TEST(Simulation, AppliesTheForceToTheTouchedBody) {
     // The touched cloth is the second body here: the force must reach its particles.
-    Config config = open_scene("cloth-drop");
-    for (const char* assignment :
-         {"model.height=0.5", "model.velocity=[0.0, -13.66, 0.0]", "collisions.ground=false"}) {
-        config.set(assignment);
-    }
-    Scene scene = read_scene(config, "far cloth first");
+    Scene scene = late_drop(0.0, {"collisions.ground=false"});
     scene.model.copies = {{.position = {3.0, 0.0, 0.0}}, {}};
     Simulation simulation(scene);
     const double mass = 0.12;  // kg, a square metre of cotton
