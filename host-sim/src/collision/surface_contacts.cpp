@@ -4,6 +4,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -278,6 +279,17 @@ void SurfaceContacts::find(const ParticleModel& start, const MovingParticles& /*
     }
 }
 
+/// Whether the state has diverged: rounding exceeds the least gap, and nothing tells sides apart. All pairs would be
+/// near, and take minutes.
+bool SurfaceContacts::are_lost(const Row* position) const noexcept {
+    const Vec3 farthest(least_gap_ / std::numeric_limits<double>::epsilon());
+    bool within = true;
+    for (const std::uint32_t v : features_.vertices()) {
+        within &= glm::all(glm::lessThan(glm::abs(vector_of(position[v])), farthest));
+    }
+    return !within;
+}
+
 bool SurfaceContacts::have_left_boxes(const Row* position) const noexcept {
     // Half a thickness of each box is not for its vertex: features whose boxes part are a thickness apart.
     const Vec3 shift = (since_ + h_) * drift_;
@@ -289,6 +301,18 @@ bool SurfaceContacts::have_left_boxes(const Row* position) const noexcept {
                   glm::all(glm::lessThanEqual(x, box_[v].high - kept)));
     }
     return left;
+}
+
+/// Finds the pairs again if a vertex has left its box. Returns false, and knows none, if the state has diverged.
+bool SurfaceContacts::know_pairs(const Row* position) {
+    if (searched_ && !have_left_boxes(position)) {
+        return true;
+    }
+    searched_ = !are_lost(position);
+    if (searched_) {
+        find_pairs(position, kAhead);
+    }
+    return searched_;
 }
 
 /// Finds the pairs that may come within the thickness while vertices go on as from `start_` to `position`, for `ahead`
@@ -356,8 +380,8 @@ void SurfaceContacts::keep_near(PairKind kind, const std::array<std::vector<std:
 
 void SurfaceContacts::find_contacts(const Row* position) {
     contacts_known_ = true;
-    if (!searched_ || have_left_boxes(position)) {
-        find_pairs(position, kAhead);
+    if (!know_pairs(position)) {
+        return;
     }
     for (Pairs& pairs : pairs_) {
         kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
@@ -685,6 +709,7 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
                                                        double h) {
     const StageClock::Span timed(clock_);
     Row* const position = now.position;
+    moved_.clear();
     for (const std::uint32_t v : features_.vertices()) {
         asked_[v] = wish_[v] = position[v];
         now.pushed[v] = Row{};
@@ -692,8 +717,8 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
         parent_[v] = v;
         grounded_[v] = 0;
     }
-    if (!searched_ || have_left_boxes(position)) {
-        find_pairs(position, kAhead);
+    if (!know_pairs(position)) {
+        return moved_;
     }
     for (int round = 0; find_unsafe(position); ++round) {
         counts_.unsafe += round == 0 ? unsafe_.size() : 0;
@@ -716,7 +741,6 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
         std::swap(pairs.gap, pairs.end_gap);
     }
     since_ += h;
-    moved_.clear();
     for (const std::uint32_t v : features_.vertices()) {
         ended_[v] = position[v];
         if (vector_of(position[v]) == vector_of(asked_[v])) {

@@ -115,7 +115,9 @@ class SurfaceContacts final : public SolverContacts {
                                          const std::array<double, 4>& weight) const noexcept;
     void displace(const PairVertices& vertex, const std::array<double, 4>& weight, const Vec3& impulse,
                   Row* rows) const noexcept;
+    [[nodiscard]] bool are_lost(const Row* position) const noexcept;
     [[nodiscard]] bool have_left_boxes(const Row* position) const noexcept;
+    [[nodiscard]] bool know_pairs(const Row* position);
     void find_pairs(const Row* position, double ahead);
     void keep_near(PairKind kind, const std::array<std::vector<std::uint32_t>, 4>& vertex);
     void find_contacts(const Row* position);

@@ -189,6 +189,18 @@ TEST(SurfaceContacts, LeaveWhatMeetsNothingAsItIs) {
     EXPECT_EQ(guarded.contacts->counts().contacts, 0u);
 }
 
+TEST(SurfaceContacts, SearchNothingOnceTheStateHasDiverged) {
+    // Farther than that, each position is rounded to the same: all pairs would be near.
+    for (const double gravity : {1e20, 1e160, 1e308}) {
+        Sheets sheets({.gravity = {0.0, -gravity, 0.0}});
+        for (int i = 0; i < 3; ++i) {
+            sheets.step();
+        }
+        EXPECT_EQ(sheets.contacts->counts().searches, 0u) << gravity;
+        EXPECT_FALSE(sheets.model.position[0].y > -1e10) << gravity;
+    }
+}
+
 TEST(SurfaceContacts, StayAboveTheGround) {
     // Pressed down on its edge at 20 m/s.
     const double half = std::numbers::sqrt2 / 2.0;
