@@ -107,7 +107,9 @@ void RealtimeLoop::obey_supervisors(std::int64_t now_ns) HAPTIC_RT {
 }
 
 void RealtimeLoop::warm_up(std::int64_t& deadline_ns) HAPTIC_RT {
-    for (int i = 0; i < settings_.warm_up_ticks && !stop_requested_.load(std::memory_order_relaxed); ++i) {
+    // At least one tick, even if it is to stop: what failed in the last loop, and the time since, would be faults of
+    // the first armed one.
+    for (int i = 0; i == 0 || (i < settings_.warm_up_ticks && !stop_requested_.load(std::memory_order_relaxed)); ++i) {
         deadline_ns = next_deadline(deadline_ns, settings_.period_ns, run_one(deadline_ns, 0)).deadline_ns;
     }
 }

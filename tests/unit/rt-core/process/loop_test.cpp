@@ -151,6 +151,25 @@ TEST_F(RealtimeLoopTest, CanBeStoppedBeforeItWasStartedOrArmed) {
     EXPECT_EQ(tick.safety_state(), SafetyState::Disarmed);
 }
 
+TEST_F(RealtimeLoopTest, IsStoppedWithoutAFaultRightAfterALostDeviceIsBack) {
+    {
+        RealtimeLoop loop(loop_settings, tick, {});
+        loop.start();
+        wait_until(loop, [](const RealtimeLoop& l) { return l.safety_state() == SafetyState::Running; });
+        handled.unplugged = true;
+        wait_until(loop, [](const RealtimeLoop& l) { return l.finished(); });
+        ASSERT_NE(tick.faults() & HAPTIC_FAULT_EXCHANGE, 0U);
+    }
+    // Longer than the exchanges of recent time that are judged.
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    handled.unplugged = false;
+    RealtimeLoop loop(loop_settings, tick, {});
+    loop.request_stop();
+    loop.start();
+    wait_until(loop, [](const RealtimeLoop& l) { return l.finished(); });
+    EXPECT_EQ(tick.faults(), static_cast<std::uint32_t>(HAPTIC_FAULT_STOP));
+}
+
 TEST_F(RealtimeLoopTest, StaysDisarmedAndPublishesPosesUntilAPersonActs) {
     ArmSwitch person;
     EXPECT_FALSE(person.press(ArmedBy::Command)) << "too early";
